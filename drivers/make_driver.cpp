@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: MIT
 #include "drivers/make_driver.hpp"
 
-#include "drivers/core/exit_code.hpp"
 #include "drivers/depth/bridge_camera.hpp"
 #include "drivers/depth/openni_camera.hpp"
 #include "drivers/inventory/inventory.hpp"
 #include "drivers/port/hid_port.hpp"
-#include "drivers/port/open_port.hpp"
+#include "drivers/port/loop.hpp"
 #include "drivers/port/raw_tap.hpp"
+#include "drivers/program/exit_code.hpp"
 #include "drivers/radar/radar_driver.hpp"
 #include "drivers/tdc/bridge_tdc.hpp"
 
@@ -42,12 +42,10 @@ void check_depth(const std::string& address) {
     refuse(address, "a depth camera is openni:[URI or file.oni] or bridge:tcp://HOST:PORT");
 }
 
-std::unique_ptr<Driver> make_tdc(boost::asio::io_context& io, const TdcConfig& config,
-                                 const Clock& clock, port::RawKeeper* raw) {
+std::unique_ptr<Driver> make_tdc(port::Loop& loop, const TdcConfig& config, port::RawKeeper* raw) {
   check_tdc(config.address);
   return std::make_unique<tdc::BridgeTdc>(
-      io, config.address, port::tap(port::byte_opener(io, config.address), raw, "tags", ".blocks"),
-      clock);
+      loop, config.address, port::tap(loop.opener(config.address), raw, "tags", ".blocks"));
 }
 
 namespace {
@@ -71,38 +69,35 @@ std::vector<std::string> radar_warnings(const RadarConfig& config) {
 
 }  // namespace
 
-std::unique_ptr<Driver> make_radar(boost::asio::io_context& io, const RadarConfig& config,
-                                   const Clock& clock, port::RawKeeper* raw) {
+std::unique_ptr<Driver> make_radar(port::Loop& loop, const RadarConfig& config,
+                                   port::RawKeeper* raw) {
   check_radar_port(config.cli, config.cli_baud);
   check_radar_port(config.data, config.data_baud);
   return std::make_unique<radar::RadarDriver>(
-      io,
-      radar::RadarSetup{.address = config.cli + " " + config.data,
-                        .cli = port::tap(port::byte_opener(io, config.cli, config.cli_baud), raw,
-                                         "radar-cli", ".txt"),
-                        .data = port::tap(port::byte_opener(io, config.data, config.data_baud), raw,
-                                          "radar", ".dat"),
-                        .cfg_text = config.cfg_text,
-                        .cfg_name = config.cfg_name,
-                        .warnings = radar_warnings(config),
-                        .data_baud = config.data_baud,
-                        .board = radar::board_named(config.board).value_or(radar::Board::isk),
-                        .keep_running = config.keep_running},
-      clock);
+      loop,
+      radar::RadarSetup{
+          .address = config.cli + " " + config.data,
+          .cli = port::tap(loop.opener(config.cli, config.cli_baud), raw, "radar-cli", ".txt"),
+          .data = port::tap(loop.opener(config.data, config.data_baud), raw, "radar", ".dat"),
+          .cfg_text = config.cfg_text,
+          .cfg_name = config.cfg_name,
+          .warnings = radar_warnings(config),
+          .data_baud = config.data_baud,
+          .board = radar::board_named(config.board).value_or(radar::Board::isk),
+          .keep_running = config.keep_running});
 }
 
-std::unique_ptr<Driver> make_depth(boost::asio::io_context& io, const DepthConfig& config,
-                                   const Clock& clock, port::RawKeeper* raw) {
+std::unique_ptr<Driver> make_depth(port::Loop& loop, const DepthConfig& config,
+                                   port::RawKeeper* raw) {
   check_depth(config.address);
   const port::Address address = port::parse_address(config.address);
   if (const auto* openni = std::get_if<port::OpenNiAddress>(&address))
     return std::make_unique<depth::OpenNiCamera>(
-        io, config.address, openni->uri, clock,
+        loop, config.address, openni->uri,
         depth::OpenNiOptions{.width = config.width, .height = config.height, .fps = config.fps},
         raw);
   return std::make_unique<depth::BridgeCamera>(
-      io, config.address, port::tap(port::byte_opener(io, config.address), raw, "depth", ".blocks"),
-      clock);
+      loop, config.address, port::tap(loop.opener(config.address), raw, "depth", ".blocks"));
 }
 
 }  // namespace echofuse

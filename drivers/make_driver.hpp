@@ -16,8 +16,9 @@
 namespace echofuse {
 
 namespace port {
+class Loop;
 class RawKeeper;
-}
+}  // namespace port
 
 struct TdcConfig {
   std::string address;
@@ -43,13 +44,13 @@ void check_tdc(const std::string& address);
 void check_radar_port(const std::string& address, std::uint32_t baud);
 void check_depth(const std::string& address);
 
-// `io`, `clock` and `raw` must outlive the driver. Into `raw`, if any, go the bytes of the device:
+// `loop` and `raw` must outlive the driver. Into `raw`, if any, go the bytes of the device:
 // radar-001.dat and radar-cli-001.txt, tags-001.blocks or tags-001.usb, depth-001.blocks.
-std::unique_ptr<Driver> make_tdc(boost::asio::io_context& io, const TdcConfig& config,
-                                 const Clock& clock, port::RawKeeper* raw = nullptr);
-std::unique_ptr<Driver> make_radar(boost::asio::io_context& io, const RadarConfig& config,
-                                   const Clock& clock, port::RawKeeper* raw = nullptr);
-std::unique_ptr<Driver> make_depth(boost::asio::io_context& io, const DepthConfig& config,
-                                   const Clock& clock, port::RawKeeper* raw = nullptr);
+std::unique_ptr<Driver> make_tdc(port::Loop& loop, const TdcConfig& config,
+                                 port::RawKeeper* raw = nullptr);
+std::unique_ptr<Driver> make_radar(port::Loop& loop, const RadarConfig& config,
+                                   port::RawKeeper* raw = nullptr);
+std::unique_ptr<Driver> make_depth(port::Loop& loop, const DepthConfig& config,
+                                   port::RawKeeper* raw = nullptr);
 
 }  // namespace echofuse

@@ -18,7 +18,7 @@ void put(const std::string& path, const char* level, const std::string& text,
   sqlite3_wal_autocheckpoint(db, 0);  // that is for the recording process
   Inserts(db, path)
       .into("event")
-      .set("utc", iso8601(SystemClock().utc()))
+      .set("utc", iso8601(system_clock.utc()))
       .set("level", level)
       .set("source", who)
       .set("text", text)

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <cstdio>
 
-#include "drivers/core/exit_code.hpp"
+#include "drivers/program/exit_code.hpp"
 
 namespace echofuse::record {
 namespace {

@@ -8,9 +8,9 @@
 #include <utility>
 
 #include "acquire/record/h5.hpp"
-#include "drivers/core/exit_code.hpp"
-#include "drivers/core/printable.hpp"
-#include "drivers/core/staged_file.hpp"
+#include "drivers/program/exit_code.hpp"
+#include "drivers/program/printable.hpp"
+#include "drivers/program/staged_file.hpp"
 
 namespace echofuse::record {
 namespace {

@@ -6,8 +6,8 @@
 #include <utility>
 
 #include "acquire/record/h5_handle.hpp"
-#include "drivers/core/exit_code.hpp"
-#include "drivers/core/printable.hpp"
+#include "drivers/program/exit_code.hpp"
+#include "drivers/program/printable.hpp"
 
 namespace echofuse::record {
 namespace {

@@ -2,7 +2,7 @@
 #include <cmath>
 
 #include "acquire/record/h5_handle.hpp"
-#include "drivers/core/printable.hpp"
+#include "drivers/program/printable.hpp"
 
 namespace echofuse::record {
 bool H5File::has(const std::string& name) const {

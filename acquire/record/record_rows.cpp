@@ -6,7 +6,7 @@
 
 #include "acquire/record/png.hpp"
 #include "acquire/record/radar_array.hpp"
-#include "drivers/core/exit_code.hpp"
+#include "drivers/program/exit_code.hpp"
 
 namespace echofuse::record {
 namespace {

@@ -10,8 +10,7 @@
 #include <memory>
 
 #include "acquire/record/sqlite.hpp"
-#include "drivers/core/atomic_write.hpp"
-#include "drivers/core/clock.hpp"
+#include "drivers/program/atomic_write.hpp"
 
 namespace echofuse::record {
 namespace {
@@ -56,12 +55,12 @@ void remove_copy(const std::string& name) {
 
 }  // namespace
 
-void put_end(sqlite3* db, const std::string& path, const std::string& status) {
+void put_end(sqlite3* db, const std::string& path, const std::string& status, UtcTime ended) {
   Statement(db, path, "UPDATE run SET status = :status, ended_utc = :ended_utc")
       .at("status")
       .bind(status)
       .at("ended_utc")
-      .bind(iso8601(SystemClock().utc()))
+      .bind(iso8601(ended))
       .run();
 }
 
@@ -93,7 +92,7 @@ std::int64_t count_records(sqlite3* db, const std::string& path) {
   return count.integer();
 }
 
-Rescue rescue(sqlite3* db, const std::string& path, const std::string& status,
+Rescue rescue(sqlite3* db, const std::string& path, const std::string& status, UtcTime ended,
               std::int64_t records) {
   std::string name;
   try {
@@ -103,7 +102,7 @@ Rescue rescue(sqlite3* db, const std::string& path, const std::string& status,
     if (const std::string fault = damage(raw, name); !fault.empty())
       return {false, "what can still be read is in " + name + ", which is damaged: " + fault};
     execute(raw, name, "PRAGMA journal_mode=DELETE", "cannot close");
-    put_end(raw, name, status);
+    put_end(raw, name, status, ended);
     const std::int64_t found = count_records(raw, name);
     const std::string of = found == records ? "its " : std::to_string(found) + " of its ";
     return {found == records, of + std::to_string(records) + " records are in " + name};

@@ -7,6 +7,8 @@
 #include <cstdint>
 #include <string>
 
+#include "drivers/core/clock.hpp"
+
 namespace echofuse::record {
 
 struct Rescue {
@@ -16,11 +18,11 @@ struct Rescue {
 
 // Makes NAME.rescued.sqlite (-2, -3 ... if there is one) beside `path`, or in the current folder if
 // that folder is gone, with this status; `records` were committed. Never throws.
-Rescue rescue(sqlite3* db, const std::string& path, const std::string& status,
+Rescue rescue(sqlite3* db, const std::string& path, const std::string& status, UtcTime ended,
               std::int64_t records);
 
-// The run's status and its end, which is now. Throws Error.
-void put_end(sqlite3* db, const std::string& path, const std::string& status);
+// The run's status and its end. Throws Error.
+void put_end(sqlite3* db, const std::string& path, const std::string& status, UtcTime ended);
 
 // An empty name beside `path` made into a copy of what is committed: its name. Throws Error.
 std::string copy_beside(sqlite3* db, const std::string& path);

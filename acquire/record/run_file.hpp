@@ -50,10 +50,11 @@ struct Counted {
 // that its Error names.
 class RunWriter {
  public:
-  // Refuses a path that exists. A run that has no uuid gets one.
-  RunWriter(const std::string& path, const RunInfo& info);
+  // Refuses a path that exists. A run that has no uuid gets one. `clock`, which outlives this,
+  // tells when the run, or its part, began and ended.
+  RunWriter(const std::string& path, const RunInfo& info, const Clock& clock = system_clock);
   // Continues a run that is not being written: complete, stopped or crashed.
-  explicit RunWriter(const std::string& path);
+  explicit RunWriter(const std::string& path, const Clock& clock = system_clock);
   ~RunWriter();  // without close(): status stays "open", which readers show as crashed
   RunWriter(const RunWriter&) = delete;
   RunWriter& operator=(const RunWriter&) = delete;
@@ -115,6 +116,7 @@ class RunWriter {
   void wait_for_others();
   [[noreturn]] void leave(const std::string& status);
   std::string path_;
+  const Clock& clock_;
   std::unique_ptr<WriterLock> lock_;
   std::unique_ptr<sqlite3, int (*)(sqlite3*)> handle_;
   sqlite3* db_ = nullptr;

@@ -7,7 +7,7 @@
 #include <ctime>
 #include <filesystem>
 
-#include "drivers/core/exit_code.hpp"
+#include "drivers/program/exit_code.hpp"
 
 namespace echofuse::record {
 

@@ -6,7 +6,7 @@
 #include <set>
 
 #include "acquire/record/sqlite.hpp"
-#include "drivers/core/printable.hpp"
+#include "drivers/program/printable.hpp"
 
 namespace echofuse::record {
 namespace {

@@ -21,8 +21,8 @@
 #include "acquire/record/sqlite.hpp"
 #include "acquire/record/uuid.hpp"
 #include "acquire/record/writer_lock.hpp"
-#include "drivers/core/atomic_write.hpp"
-#include "drivers/core/program.hpp"
+#include "drivers/program/atomic_write.hpp"
+#include "drivers/program/program.hpp"
 
 namespace echofuse::record {
 namespace {
@@ -73,8 +73,8 @@ std::int64_t now_ns() {
 
 }  // namespace
 
-RunWriter::RunWriter(const std::string& path, const RunInfo& info)
-    : path_(path), handle_(nullptr, sqlite3_close) {
+RunWriter::RunWriter(const std::string& path, const RunInfo& info, const Clock& clock)
+    : path_(path), clock_(clock), handle_(nullptr, sqlite3_close) {
   if (::access(path.c_str(), F_OK) == 0) refuse_existing(path);
   lock();
   create_empty(path);
@@ -92,7 +92,6 @@ RunWriter::RunWriter(const std::string& path, const RunInfo& info)
                                "; PRAGMA user_version=" + std::to_string(format_version) + ";";
   execute(db_, path_, identity.c_str(), "cannot set up");
   execute(db_, path_, schema, "cannot create the tables");
-  const SystemClock clock;
   const auto given_or = [](const std::string& text, const std::string& other) {
     return text.empty() ? other : text;
   };
@@ -118,7 +117,8 @@ RunWriter::RunWriter(const std::string& path, const RunInfo& info)
   ready();
 }
 
-RunWriter::RunWriter(const std::string& path) : path_(path), handle_(nullptr, sqlite3_close) {
+RunWriter::RunWriter(const std::string& path, const Clock& clock)
+    : path_(path), clock_(clock), handle_(nullptr, sqlite3_close) {
   axes_ = RunReader(path).axes();  // and: it is a run file
   lock();
   open();
@@ -149,7 +149,7 @@ void RunWriter::begin_part() {
       .into("part")
       .set("part", part_)
       .set("first_idx", next_index_)
-      .set("started_utc", iso8601(SystemClock().utc()))
+      .set("started_utc", iso8601(clock_.utc()))
       .run();
 }
 
@@ -331,7 +331,7 @@ bool RunWriter::close(const std::string& status) {
   lock_->release();
   wait_for_others();
   try {
-    put_end(db_, path_, status);
+    put_end(db_, path_, status, clock_.utc());
   } catch (const Error&) {
     if (!given_up_) throw;
     throw Error(ExitCode::disk, path_ + ": another program holds it by a write transaction: its " +
@@ -376,7 +376,7 @@ bool RunWriter::fold() {
 void RunWriter::leave(const std::string& status) {
   statements_.reset();
   lock_->release();
-  const Rescue kept = rescue(db_, path_, status, records_);
+  const Rescue kept = rescue(db_, path_, status, clock_.utc(), records_);
   sqlite3_db_config(db_, SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, 1, nullptr);
   handle_.reset();
   db_ = nullptr;

@@ -11,9 +11,9 @@
 #include <string_view>
 
 #include "drivers/core/bytes.hpp"
-#include "drivers/core/exit_code.hpp"
-#include "drivers/core/printable.hpp"
-#include "drivers/core/regular_file.hpp"
+#include "drivers/program/exit_code.hpp"
+#include "drivers/program/printable.hpp"
+#include "drivers/program/regular_file.hpp"
 
 namespace echofuse::record {
 

@@ -10,8 +10,8 @@
 #include <cerrno>
 #include <cstring>
 
-#include "drivers/core/atomic_write.hpp"
-#include "drivers/core/exit_code.hpp"
+#include "drivers/program/atomic_write.hpp"
+#include "drivers/program/exit_code.hpp"
 
 namespace echofuse::record {
 namespace {

@@ -13,8 +13,8 @@ constexpr int timeout_checks = 4;
 
 }  // namespace
 
-BridgeClient::BridgeClient(boost::asio::io_context& io, port::ByteOpener opener, const Clock& clock)
-    : opener_(std::move(opener)), clock_(clock), timer_(io) {}
+BridgeClient::BridgeClient(port::Loop& loop, port::ByteOpener opener)
+    : opener_(std::move(opener)), loop_(loop), timer_(loop) {}
 
 void BridgeClient::start(Handlers handlers) {
   handlers_ = std::move(handlers);
@@ -55,7 +55,7 @@ void BridgeClient::connect() {
                    },
                .bytes =
                    [this](ByteView bytes) {
-                     const HostTime received = clock_.now();
+                     const HostTime received = loop_.now();
                      parser_.feed(bytes, [&](const Block& block) { on_block(block, received); });
                      if (port_ && parser_.broken()) fail(parser_.broken());
                    },

@@ -11,11 +11,11 @@
 #include "drivers/core/driver.hpp"
 #include "drivers/port/backoff.hpp"
 #include "drivers/port/byte_port.hpp"
-#include "drivers/port/timer.hpp"
+#include "drivers/port/loop.hpp"
 
 namespace echofuse::bridge {
 
-// Threading: io thread only. After stop() no handler is called; a handler may call stop().
+// Threading: the loop's thread only. After stop() no handler is called; a handler may call stop().
 class BridgeClient {
  public:
   struct Handlers {
@@ -27,7 +27,7 @@ class BridgeClient {
     std::function<void(Severity, const std::string&)> event;
   };
 
-  BridgeClient(boost::asio::io_context& io, port::ByteOpener opener, const Clock& clock);
+  BridgeClient(port::Loop& loop, port::ByteOpener opener);
   void start(Handlers handlers);
   void stop();
   // Of a delivered block that is not what the driver takes, or whose payload does not fit its kind:
@@ -45,7 +45,7 @@ class BridgeClient {
   void fail(const std::string& why);
 
   port::ByteOpener opener_;
-  const Clock& clock_;
+  port::Loop& loop_;
   port::Timer timer_;
   port::Backoff backoff_;
   Handlers handlers_;

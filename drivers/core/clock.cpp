@@ -7,6 +7,14 @@
 
 namespace echofuse {
 
+namespace {
+
+const SystemClock the_system_clock{};
+
+}  // namespace
+
+const Clock& system_clock = the_system_clock;
+
 HostTime SystemClock::now() const { return std::chrono::steady_clock::now().time_since_epoch(); }
 
 // Not by system_clock, which overflows in 2262: this clock stands still from 2260 on.

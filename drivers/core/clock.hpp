@@ -24,6 +24,9 @@ class SystemClock final : public Clock {
   UtcTime utc() const override;
 };
 
+// For who is given no other clock.
+extern const Clock& system_clock;
+
 // Moves only when told to.
 class ManualClock final : public Clock {
  public:

@@ -44,9 +44,9 @@ class SampleSink {
   virtual void on_event(Sensor sensor, Severity severity, const std::string& text) = 0;
 };
 
-// Threading: built, started, stopped and destroyed on the io thread, and calls its sink there only.
-// A driver with threads of its own copies and posts. It reconnects by itself, with back-off, until
-// stopped. Stop all drivers before you destroy one: a destructor waits.
+// Threading: built, started, stopped and destroyed on the loop's thread, and calls its sink there
+// only. A driver with threads of its own copies and posts. It reconnects by itself, with back-off,
+// until stopped. Stop all drivers before you destroy one: a destructor waits.
 class Driver {
  public:
   virtual ~Driver() = default;
@@ -54,7 +54,7 @@ class Driver {
   // Asks it to end, and does not wait: its destructor does.
   virtual void stop() = 0;
   // After stop(): whether all commands are with the device, and all that had come from it is
-  // with the sink. Until then the io context has to run, for as long as its user likes to wait.
+  // with the sink. Until then the loop has to run, for as long as its user likes to wait.
   virtual bool finished() const { return true; }
   // Counters by cause since start (bytes, short, not_ours, corrupt, resynced, reconnects, ...).
   virtual std::vector<Counter> counters() const = 0;

@@ -11,9 +11,8 @@ constexpr std::uint32_t longest_gap = 1u << 20;
 
 }  // namespace
 
-BridgeCamera::BridgeCamera(boost::asio::io_context& io, std::string address,
-                           port::ByteOpener opener, const Clock& clock)
-    : client_(io, std::move(opener), clock) {
+BridgeCamera::BridgeCamera(port::Loop& loop, std::string address, port::ByteOpener opener)
+    : client_(loop, std::move(opener)) {
   info_.sensor = Sensor::depth;
   info_.address = std::move(address);
 }

@@ -13,8 +13,7 @@ namespace echofuse::depth {
 // when they change.
 class BridgeCamera final : public Driver {
  public:
-  BridgeCamera(boost::asio::io_context& io, std::string address, port::ByteOpener opener,
-               const Clock& clock);
+  BridgeCamera(port::Loop& loop, std::string address, port::ByteOpener opener);
   void start(SampleSink& sink) override;
   void stop() override { client_.stop(); }
   std::vector<Counter> counters() const override;

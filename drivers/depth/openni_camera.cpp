@@ -154,12 +154,12 @@ class OpenNiCamera::Worker {
   std::optional<std::pair<std::chrono::steady_clock::time_point, std::uint64_t>> pace_;
 };
 
-OpenNiCamera::OpenNiCamera(boost::asio::io_context& io, std::string address, std::string uri,
-                           const Clock& clock, OpenNiOptions options, port::RawKeeper* raw)
-    : shared_(std::make_shared<Shared>(io)),
+OpenNiCamera::OpenNiCamera(port::Loop& loop, std::string address, std::string uri,
+                           OpenNiOptions options, port::RawKeeper* raw)
+    : shared_(std::make_shared<Shared>(loop)),
       address_(std::move(address)),
       uri_(std::move(uri)),
-      clock_(clock),
+      loop_(loop),
       options_(options),
       raw_(raw) {
   initialize_openni();
@@ -171,7 +171,7 @@ void OpenNiCamera::start(SampleSink& sink) {
   DeviceInfo info;
   info.sensor = Sensor::depth;
   info.address = address_;
-  const auto worker = std::make_shared<Worker>(shared_, info, uri_, clock_, options_, raw_);
+  const auto worker = std::make_shared<Worker>(shared_, info, uri_, loop_, options_, raw_);
   shared_->start(sink, info, [worker] { worker->run(); });
 }
 

@@ -9,8 +9,9 @@
 #include "drivers/port/backoff.hpp"
 
 namespace echofuse::port {
+class Loop;
 class RawKeeper;
-}
+}  // namespace echofuse::port
 
 namespace echofuse::depth {
 
@@ -31,8 +32,8 @@ struct OpenNiOptions {
 class OpenNiCamera final : public Driver {
  public:
   // Loads OpenNI's modules; throws Error(device) if there are none.
-  OpenNiCamera(boost::asio::io_context& io, std::string address, std::string uri,
-               const Clock& clock, OpenNiOptions options = {}, port::RawKeeper* raw = nullptr);
+  OpenNiCamera(port::Loop& loop, std::string address, std::string uri, OpenNiOptions options = {},
+               port::RawKeeper* raw = nullptr);
   ~OpenNiCamera() override;  // waits for the thread: a tenth of a second
   void start(SampleSink& sink) override;
   void stop() override;
@@ -44,7 +45,7 @@ class OpenNiCamera final : public Driver {
   class Worker;
   std::shared_ptr<Shared> shared_;
   std::string address_, uri_;
-  const Clock& clock_;
+  port::Loop& loop_;
   OpenNiOptions options_;
   port::RawKeeper* raw_;
 };

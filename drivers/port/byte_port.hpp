@@ -27,7 +27,7 @@ struct PortHandlers {
 };
 
 // One connection; to reconnect, make another port.
-// Threading: everything on the io thread. Handlers are called from the io context, never from
+// Threading: everything on the loop's thread. Handlers are called from the loop, never from
 // inside open() or write(). Destroying the port closes it: no handler is called after that, and a
 // handler may destroy its own port.
 class BytePort {

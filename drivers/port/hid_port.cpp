@@ -12,9 +12,9 @@
 #include <string>
 #include <utility>
 
-#include "drivers/core/exit_code.hpp"
 #include "drivers/port/cp2110.hpp"
 #include "drivers/port/thread_port.hpp"
+#include "drivers/program/exit_code.hpp"
 
 namespace echofuse::port {
 namespace {

@@ -17,7 +17,7 @@
 #include <thread>
 #include <utility>
 
-#include "drivers/core/exit_code.hpp"
+#include "drivers/program/exit_code.hpp"
 
 namespace echofuse::port {
 namespace {

@@ -21,7 +21,7 @@
 
 namespace echofuse::port {
 
-// What both threads see; `handlers`, `work`, `open` and `closed` belong to the io thread.
+// What both threads see; `handlers`, `work`, `open` and `closed` belong to the loop's thread.
 struct ThreadLink {
   explicit ThreadLink(boost::asio::io_context& context)
       : io(&context), work(context.get_executor()) {}
@@ -34,7 +34,7 @@ struct ThreadLink {
   std::atomic<bool> stopping{false};
 };
 
-// On the io thread, if the port is still there.
+// On the loop's thread, if the port is still there.
 template <class Link, class Action>
 void post(const std::shared_ptr<Link>& link, Action action) {
   const std::lock_guard lock(link->io_mutex);
@@ -65,8 +65,8 @@ class ThreadPort : public BytePort {
   explicit ThreadPort(boost::asio::io_context& io, const Args&... args)
       : link_(std::make_shared<Link>(io)), worker_(std::make_unique<Worker>(link_, args...)) {}
   ~ThreadPort() override {
-    // Of the io thread: a request to a device in trouble may take seconds, and other devices live
-    // on it.
+    // Of the loop's thread: a request to a device in trouble may take seconds, and other devices
+    // live on it.
     constexpr auto close_timeout = std::chrono::milliseconds(200);
     link_->closed = true;
     link_->work.reset();

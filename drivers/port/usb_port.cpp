@@ -19,7 +19,7 @@ constexpr int turn_ms = 10;  // for so long a closed port may hold the device
 
 struct Link : ThreadLink {
   using ThreadLink::ThreadLink;
-  std::atomic<std::size_t> queued{0};  // bytes on their way to the io thread
+  std::atomic<std::size_t> queued{0};  // bytes on their way to the loop's thread
 };
 
 // The thread that owns the device.

@@ -12,8 +12,8 @@ namespace echofuse::port {
 // Found by its vendor, product and serial number, or the only one if the address has no serial
 // number; opened exclusively. The device takes no bytes. A transfer that fails, and an endpoint
 // that halts, end the port: bytes are missing. Threading: as BytePort. A thread of its own makes
-// all libusb calls; it asks for no more while 64 MiB wait for the io thread, and what the device
-// cannot keep meanwhile is the device's loss.
+// all libusb calls; it asks for no more while 64 MiB wait for the loop's thread, and what the
+// device cannot keep meanwhile is the device's loss.
 std::unique_ptr<BytePort> make_usb_port(boost::asio::io_context& io, const std::string& name,
                                         const UsbAddress& address);
 

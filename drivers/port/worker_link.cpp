@@ -1,31 +1,21 @@
 // SPDX-License-Identifier: MIT
 #include "drivers/port/worker_link.hpp"
 
-#include <boost/asio/executor_work_guard.hpp>
-#include <boost/asio/io_context.hpp>
-#include <boost/asio/post.hpp>
-#include <optional>
 #include <utility>
 
 namespace echofuse::port {
 
-struct WorkerLink::Io {
-  boost::asio::io_context& context;
-  std::optional<boost::asio::executor_work_guard<boost::asio::io_context::executor_type>> work;
-};
-
-WorkerLink::WorkerLink(boost::asio::io_context& io) : io_(new Io{io, std::nullopt}) {}
+WorkerLink::WorkerLink(Loop& loop) : loop_(loop) {}
 WorkerLink::~WorkerLink() = default;
 
 void WorkerLink::start(SampleSink& sink, const DeviceInfo& info, std::function<void()> work) {
   sink_ = &sink;
-  io_->work.emplace(io_->context.get_executor());
   sink.on_state(info.sensor, DeviceState::connecting, info);
   thread_ = std::thread([self = shared_from_this(), work = std::move(work)] {
     work();
-    boost::asio::post(self->io_->context, [self] {
+    self->loop_.post([self] {
       self->finished_ = true;
-      self->leave();
+      self->sink_ = nullptr;
     });
   });
 }
@@ -36,14 +26,9 @@ void WorkerLink::stop() {
   wake_.notify_all();
 }
 
-void WorkerLink::leave() {
-  sink_ = nullptr;
-  io_->work.reset();
-}
-
 void WorkerLink::join() {
   stop();
-  leave();
+  sink_ = nullptr;
   if (thread_.joinable()) thread_.join();
 }
 
@@ -67,7 +52,7 @@ void WorkerLink::report(const DeviceInfo& info, DeviceState state) {
 }
 
 void WorkerLink::post(std::function<void(SampleSink&)> action) {
-  boost::asio::post(io_->context, [self = shared_from_this(), action = std::move(action)] {
+  loop_.post([self = shared_from_this(), action = std::move(action)] {
     if (self->sink_) action(*self->sink_);
   });
 }

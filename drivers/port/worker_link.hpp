@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: MIT
-// A driver's own thread, which has sessions with its device, and what it shares with the io thread;
-// without Asio in the header.
+// A driver's own thread, which has sessions with its device, and what it shares with the loop.
 #pragma once
 #include <atomic>
 #include <chrono>
@@ -13,14 +12,15 @@
 
 #include "drivers/core/driver.hpp"
 #include "drivers/port/backoff.hpp"
+#include "drivers/port/loop.hpp"
 
 namespace echofuse::port {
 
-// Threading: start(), stop(), finished() and join() on the io thread; the others on the worker's.
-// The io context does not run out of work between start() and the worker's end.
+// Threading: start(), stop(), finished() and join() on the loop's thread; the others on the
+// worker's.
 class WorkerLink : public std::enable_shared_from_this<WorkerLink> {
  public:
-  explicit WorkerLink(boost::asio::io_context& io);
+  explicit WorkerLink(Loop& loop);
   ~WorkerLink();
 
   // Reports that the device is looked for, and starts the worker with this.
@@ -36,18 +36,16 @@ class WorkerLink : public std::enable_shared_from_this<WorkerLink> {
   // them. `info`: of the device, as the session has it.
   void run(const DeviceInfo& info, Backoff& backoff, const std::function<std::string()>& session);
   void report(const DeviceInfo& info, DeviceState state);  // once until it changes
-  // On the io thread, with the driver's sink.
+  // On the loop's thread, with the driver's sink.
   void post(std::function<void(SampleSink&)> action);
   bool stopping() const { return stopping_; }
   // False: it is time to end.
   bool pause(std::chrono::nanoseconds time);
 
  private:
-  struct Io;
-  void leave();
-  std::unique_ptr<Io> io_;
-  SampleSink* sink_ = nullptr;  // io thread only
-  bool finished_ = false;       // io thread only
+  Loop& loop_;
+  SampleSink* sink_ = nullptr;  // the loop's thread only
+  bool finished_ = false;       // the loop's thread only
   std::thread thread_;
   DeviceState state_ = DeviceState::connecting;  // worker's thread only
   std::mutex mutex_;

@@ -3,7 +3,7 @@
 
 #include <algorithm>
 
-#include "drivers/core/printable.hpp"
+#include "drivers/program/printable.hpp"
 #include "drivers/radar/sdk.hpp"
 
 namespace echofuse::radar {

@@ -9,8 +9,8 @@
 #include <sstream>
 #include <tuple>
 
-#include "drivers/core/exit_code.hpp"
-#include "drivers/core/printable.hpp"
+#include "drivers/program/exit_code.hpp"
+#include "drivers/program/printable.hpp"
 
 namespace echofuse::radar {
 namespace {

@@ -12,13 +12,13 @@ constexpr std::chrono::seconds cfg_keeps{10};
 constexpr std::chrono::milliseconds quiet{20};
 }  // namespace
 
-RadarDriver::RadarDriver(boost::asio::io_context& io, RadarSetup setup, const Clock& clock)
+RadarDriver::RadarDriver(port::Loop& loop, RadarSetup setup)
     : setup_(std::move(setup)),
-      clock_(clock),
+      loop_(loop),
       profile_(parse_profile(setup_.cfg_text, setup_.cfg_name, setup_.data_baud, setup_.board)),
-      dialogue_timer_(io),
-      watch_timer_(io),
-      quiet_timer_(io),
+      dialogue_timer_(loop),
+      watch_timer_(loop),
+      quiet_timer_(loop),
       backoff_(setup_.backoff) {
   info_.sensor = Sensor::radar;
   info_.address = setup_.address;
@@ -93,12 +93,12 @@ void RadarDriver::connect() {
 void RadarDriver::on_opened() {
   if (++open_ports_ < 2) return;
   ++connections_;
-  const bool kept = unplugged_ && clock_.now() - *unplugged_ < cfg_keeps;
+  const bool kept = unplugged_ && loop_.now() - *unplugged_ < cfg_keeps;
   unplugged_.reset();
   using Send = CommandDialogue::Send;
   dialogue_.emplace(setup_.cfg_text, setup_.cfg_name, setup_.timeouts,
                     kept ? Send::restart : Send::cfg);
-  dialogue_->start(clock_.now());
+  dialogue_->start(loop_.now());
   advance();
 }
 
@@ -113,8 +113,8 @@ void RadarDriver::advance() {
   cli_->write({reinterpret_cast<const std::uint8_t*>(out.data()), out.size()});
   if (dialogue_->state() == CommandDialogue::State::failed) return fail(dialogue_->failure());
   if (const auto deadline = dialogue_->deadline())
-    return dialogue_timer_.after(*deadline - clock_.now(), [this] {
-      dialogue_->tick(clock_.now());
+    return dialogue_timer_.after(*deadline - loop_.now(), [this] {
+      dialogue_->tick(loop_.now());
       advance();
     });
   dialogue_timer_.cancel();
@@ -127,14 +127,14 @@ void RadarDriver::on_cli(ByteView bytes) {
   }
   if (!dialogue_) return;
   const bool before = dialogue_->state() == CommandDialogue::State::done;
-  dialogue_->receive(bytes, clock_.now());
+  dialogue_->receive(bytes, loop_.now());
   const bool after = dialogue_->state() == CommandDialogue::State::done;
   if (after && !before) {
     ++(dialogue_->sent() == CommandDialogue::Send::cfg ? configured_ : restarted_);
     frames_before_ = parser_.counts().frames;
     info_.model = dialogue_->platform();
     info_.firmware = dialogue_->firmware();
-    alive_ = clock_.now();
+    alive_ = loop_.now();
     watch();
   }
   advance();
@@ -143,7 +143,7 @@ void RadarDriver::on_cli(ByteView bytes) {
 void RadarDriver::on_data(ByteView bytes) {
   if (!running_) return;
   const auto take = [this](RadarFrame frame) { on_frame(std::move(frame)); };
-  parser_.feed(bytes, clock_.now(), take);
+  parser_.feed(bytes, loop_.now(), take);
   quiet_timer_.cancel();
   if (data_ && parser_.in_doubt())
     quiet_timer_.after(quiet, [this, take] { parser_.settle(take); });
@@ -157,7 +157,7 @@ void RadarDriver::on_frame(RadarFrame frame) {
     discard(frame);
     return fail("the board was reset: its frame numbers began again");
   }
-  alive_ = clock_.now();
+  alive_ = loop_.now();
   backoff_.alive(alive_);
   if (!std::exchange(streaming_, true)) {
     faulted_ = false;
@@ -203,7 +203,7 @@ bool RadarDriver::board_was_reset() {
 
 void RadarDriver::watch() {
   const auto limit = std::max(from_seconds(2), from_seconds(5 * profile_.frame_period_s));
-  const auto left = alive_ + limit - clock_.now();
+  const auto left = alive_ + limit - loop_.now();
   if (left <= left.zero()) return fail("no frames on the data port");
   watch_timer_.after(left, [this] { watch(); });
 }
@@ -211,7 +211,7 @@ void RadarDriver::watch() {
 void RadarDriver::on_gone(const Failure& failure) {
   const bool worked = streaming_;
   fail(failure.text());
-  if (worked) unplugged_ = clock_.now();
+  if (worked) unplugged_ = loop_.now();
 }
 
 void RadarDriver::stop_timers() {

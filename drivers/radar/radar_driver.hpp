@@ -11,7 +11,7 @@
 #include "drivers/core/driver.hpp"
 #include "drivers/port/backoff.hpp"
 #include "drivers/port/byte_port.hpp"
-#include "drivers/port/timer.hpp"
+#include "drivers/port/loop.hpp"
 #include "drivers/radar/command_dialogue.hpp"
 #include "drivers/radar/frame_parser.hpp"
 #include "drivers/radar/profile.hpp"
@@ -40,7 +40,7 @@ struct RadarSetup {
 class RadarDriver final : public Driver {
  public:
   // Throws Error(config) for a cfg that cannot work.
-  RadarDriver(boost::asio::io_context& io, RadarSetup setup, const Clock& clock);
+  RadarDriver(port::Loop& loop, RadarSetup setup);
   void start(SampleSink& sink) override;
   void stop() override;
   bool finished() const override { return !last_words_ || last_words_->done(); }
@@ -65,7 +65,7 @@ class RadarDriver final : public Driver {
   void drop_data();
 
   RadarSetup setup_;
-  const Clock& clock_;
+  port::Loop& loop_;
   RadarProfile profile_;
   DeviceInfo info_;
   port::Timer dialogue_timer_, watch_timer_, quiet_timer_;

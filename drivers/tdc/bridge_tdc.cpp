@@ -3,9 +3,8 @@
 
 namespace echofuse::tdc {
 
-BridgeTdc::BridgeTdc(boost::asio::io_context& io, std::string address, port::ByteOpener opener,
-                     const Clock& clock)
-    : address_(std::move(address)), client_(io, std::move(opener), clock) {}
+BridgeTdc::BridgeTdc(port::Loop& loop, std::string address, port::ByteOpener opener)
+    : address_(std::move(address)), client_(loop, std::move(opener)) {}
 
 void BridgeTdc::start(SampleSink& sink) {
   sink_ = &sink;

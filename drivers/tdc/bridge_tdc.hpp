@@ -10,8 +10,7 @@ namespace echofuse::tdc {
 
 class BridgeTdc final : public Driver {
  public:
-  BridgeTdc(boost::asio::io_context& io, std::string address, port::ByteOpener opener,
-            const Clock& clock);
+  BridgeTdc(port::Loop& loop, std::string address, port::ByteOpener opener);
   void start(SampleSink& sink) override;
   void stop() override { client_.stop(); }
   std::vector<Counter> counters() const override;

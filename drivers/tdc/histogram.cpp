@@ -8,7 +8,7 @@
 #include <string>
 #include <utility>
 
-#include "drivers/core/exit_code.hpp"
+#include "drivers/program/exit_code.hpp"
 
 namespace echofuse::tdc {
 namespace {

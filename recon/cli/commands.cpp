@@ -9,8 +9,8 @@
 #include <map>
 #include <nlohmann/json.hpp>
 
-#include "drivers/core/console.hpp"
-#include "drivers/core/printable.hpp"
+#include "drivers/program/console.hpp"
+#include "drivers/program/printable.hpp"
 #include "recon/cli/options.hpp"
 #include "recon/numbers/parallel.hpp"
 #include "recon/numbers/text.hpp"

@@ -4,7 +4,7 @@
 #pragma once
 #include <functional>
 
-#include "drivers/core/exit_code.hpp"
+#include "drivers/program/exit_code.hpp"
 
 namespace CLI {
 class App;

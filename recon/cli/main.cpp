@@ -2,7 +2,7 @@
 // echofuse-recon goes from records to a model, to depth maps, to a report.
 #include <CLI/CLI.hpp>
 
-#include "drivers/core/console.hpp"
+#include "drivers/program/console.hpp"
 #include "recon/cli/commands.hpp"
 #include "recon/numbers/blas_kernels.hpp"
 #include "recon/numbers/parallel.hpp"

@@ -5,7 +5,7 @@
 #include <optional>
 #include <string>
 
-#include "drivers/core/job_part.hpp"
+#include "drivers/program/job_part.hpp"
 #include "recon/models/model.hpp"
 
 namespace CLI {

@@ -2,7 +2,7 @@
 #include <CLI/CLI.hpp>
 #include <cstdio>
 
-#include "drivers/core/printable.hpp"
+#include "drivers/program/printable.hpp"
 #include "recon/cli/commands.hpp"
 #include "recon/cli/options.hpp"
 #include "recon/study/pareto.hpp"

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cstdio>
 
-#include "drivers/core/console.hpp"
+#include "drivers/program/console.hpp"
 #include "recon/cli/commands.hpp"
 #include "recon/cli/options.hpp"
 #include "recon/cli/train_settings.hpp"

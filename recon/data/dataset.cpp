@@ -7,7 +7,7 @@
 
 #include "drivers/core/crc32c.hpp"
 #include "drivers/core/log2_codes.hpp"
-#include "drivers/core/printable.hpp"
+#include "drivers/program/printable.hpp"
 #include "recon/data/lags.hpp"
 #include "recon/data/pile_up.hpp"
 #include "recon/data/run_order.hpp"

@@ -10,7 +10,7 @@
 #include "acquire/record/depth_map.hpp"
 #include "acquire/record/run_file.hpp"
 #include "drivers/core/axis.hpp"
-#include "drivers/core/exit_code.hpp"
+#include "drivers/program/exit_code.hpp"
 #include "recon/numbers/matrix.hpp"
 
 namespace echofuse::recon {

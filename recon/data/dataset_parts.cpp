@@ -3,7 +3,7 @@
 
 #include <cmath>
 
-#include "drivers/core/printable.hpp"
+#include "drivers/program/printable.hpp"
 #include "recon/data/dataset.hpp"
 
 namespace echofuse::recon {

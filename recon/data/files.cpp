@@ -4,9 +4,9 @@
 #include <cstdio>
 #include <filesystem>
 
-#include "drivers/core/atomic_write.hpp"
-#include "drivers/core/exit_code.hpp"
-#include "drivers/core/regular_file.hpp"
+#include "drivers/program/atomic_write.hpp"
+#include "drivers/program/exit_code.hpp"
+#include "drivers/program/regular_file.hpp"
 
 namespace echofuse::recon {
 

@@ -6,7 +6,7 @@
 
 #include "acquire/record/data_set_part.hpp"
 #include "acquire/record/run_file.hpp"
-#include "drivers/core/printable.hpp"
+#include "drivers/program/printable.hpp"
 
 namespace echofuse::recon {
 namespace {

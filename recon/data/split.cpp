@@ -4,8 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "drivers/core/exit_code.hpp"
 #include "drivers/core/random.hpp"
+#include "drivers/program/exit_code.hpp"
 
 namespace echofuse::recon {
 namespace {

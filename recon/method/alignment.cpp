@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "drivers/core/exit_code.hpp"
+#include "drivers/program/exit_code.hpp"
 #include "recon/numbers/statistics.hpp"
 
 namespace echofuse::recon {

@@ -4,7 +4,7 @@
 #pragma once
 #include <cstdint>
 
-#include "drivers/core/settings.hpp"
+#include "drivers/program/settings.hpp"
 #include "recon/numbers/tensor_file.hpp"
 
 namespace echofuse::recon {

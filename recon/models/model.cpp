@@ -6,7 +6,7 @@
 #include <cmath>
 #include <sstream>
 
-#include "drivers/core/exit_code.hpp"
+#include "drivers/program/exit_code.hpp"
 
 namespace echofuse::recon {
 

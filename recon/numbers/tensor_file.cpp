@@ -9,8 +9,8 @@
 #include <sstream>
 
 #include "drivers/core/crc32c.hpp"
-#include "drivers/core/exit_code.hpp"
-#include "drivers/core/printable.hpp"
+#include "drivers/program/exit_code.hpp"
+#include "drivers/program/printable.hpp"
 
 namespace echofuse::recon {
 namespace {

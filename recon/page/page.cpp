@@ -5,7 +5,7 @@
 #include <cmath>
 
 #include "drivers/core/bytes.hpp"
-#include "drivers/core/printable.hpp"
+#include "drivers/program/printable.hpp"
 #include "recon/numbers/text.hpp"
 #include "recon/page/page_shell.hpp"
 

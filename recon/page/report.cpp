@@ -7,8 +7,8 @@
 #include <functional>
 #include <utility>
 
-#include "drivers/core/atomic_write.hpp"
-#include "drivers/core/exit_code.hpp"
+#include "drivers/program/atomic_write.hpp"
+#include "drivers/program/exit_code.hpp"
 #include "recon/data/files.hpp"
 #include "recon/numbers/statistics.hpp"
 #include "recon/numbers/text.hpp"

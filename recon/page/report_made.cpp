@@ -7,7 +7,7 @@
 #include <ctime>
 #include <numeric>
 
-#include "drivers/core/console.hpp"
+#include "drivers/program/console.hpp"
 #include "recon/numbers/statistics.hpp"
 #include "recon/numbers/text.hpp"
 #include "recon/page/report_page.hpp"

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <sstream>
 
-#include "drivers/core/console.hpp"
+#include "drivers/program/console.hpp"
 #include "recon/numbers/text.hpp"
 
 namespace echofuse::recon {

@@ -7,11 +7,11 @@
 #include <cmath>
 #include <random>
 
-#include "drivers/core/console.hpp"
-#include "drivers/core/exit_code.hpp"
-#include "drivers/core/program.hpp"
 #include "drivers/core/random.hpp"
-#include "drivers/core/staged_file.hpp"
+#include "drivers/program/console.hpp"
+#include "drivers/program/exit_code.hpp"
+#include "drivers/program/program.hpp"
+#include "drivers/program/staged_file.hpp"
 #include "recon/data/files.hpp"
 #include "recon/numbers/parallel.hpp"
 #include "recon/numbers/text.hpp"

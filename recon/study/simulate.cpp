@@ -8,10 +8,10 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
-#include "drivers/core/atomic_write.hpp"
-#include "drivers/core/console.hpp"
-#include "drivers/core/program.hpp"
-#include "drivers/core/staged_file.hpp"
+#include "drivers/program/atomic_write.hpp"
+#include "drivers/program/console.hpp"
+#include "drivers/program/program.hpp"
+#include "drivers/program/staged_file.hpp"
 #include "recon/data/files.hpp"
 #include "recon/numbers/text.hpp"
 

@@ -9,8 +9,8 @@
 #include <optional>
 #include <set>
 
-#include "drivers/core/console.hpp"
-#include "drivers/core/printable.hpp"
+#include "drivers/program/console.hpp"
+#include "drivers/program/printable.hpp"
 #include "recon/study/simulate.hpp"
 
 namespace echofuse::recon {

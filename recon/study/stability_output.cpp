@@ -4,8 +4,8 @@
 #include <cctype>
 #include <cmath>
 
-#include "drivers/core/atomic_write.hpp"
-#include "drivers/core/console.hpp"
+#include "drivers/program/atomic_write.hpp"
+#include "drivers/program/console.hpp"
 #include "recon/numbers/text.hpp"
 #include "recon/study/stability.hpp"
 #include "recon/study/study_page.hpp"

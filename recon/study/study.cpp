@@ -3,7 +3,7 @@
 
 #include <algorithm>
 
-#include "drivers/core/exit_code.hpp"
+#include "drivers/program/exit_code.hpp"
 #include "recon/train/train.hpp"
 
 namespace echofuse::recon {

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "drivers/core/job_part.hpp"
+#include "drivers/program/job_part.hpp"
 #include "recon/use/evaluate.hpp"
 
 namespace echofuse::recon {

@@ -12,9 +12,9 @@
 #include <filesystem>
 #include <sstream>
 
-#include "drivers/core/console.hpp"
-#include "drivers/core/printable.hpp"
-#include "drivers/core/regular_file.hpp"
+#include "drivers/program/console.hpp"
+#include "drivers/program/printable.hpp"
+#include "drivers/program/regular_file.hpp"
 #include "recon/data/files.hpp"
 
 namespace echofuse::recon {

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <random>
 
-#include "drivers/core/console.hpp"
+#include "drivers/program/console.hpp"
 #include "recon/metrics/metrics.hpp"
 #include "recon/trust/predictors.hpp"
 

@@ -8,8 +8,8 @@
 #include <optional>
 #include <random>
 
-#include "drivers/core/console.hpp"
 #include "drivers/core/random.hpp"
+#include "drivers/program/console.hpp"
 #include "recon/numbers/text.hpp"
 #include "recon/train/crossvalidate.hpp"
 #include "recon/train/fit_uncertainty.hpp"

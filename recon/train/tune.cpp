@@ -6,9 +6,9 @@
 #include <chrono>
 #include <cmath>
 
-#include "drivers/core/console.hpp"
-#include "drivers/core/printable.hpp"
 #include "drivers/core/random.hpp"
+#include "drivers/program/console.hpp"
+#include "drivers/program/printable.hpp"
 #include "recon/numbers/statistics.hpp"
 #include "recon/numbers/text.hpp"
 #include "recon/train/fit_uncertainty.hpp"

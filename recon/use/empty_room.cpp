@@ -6,7 +6,7 @@
 #include <functional>
 #include <numeric>
 
-#include "drivers/core/printable.hpp"
+#include "drivers/program/printable.hpp"
 #include "recon/numbers/statistics.hpp"
 
 namespace echofuse::recon {

@@ -4,7 +4,7 @@
 #include <chrono>
 #include <cmath>
 
-#include "drivers/core/exit_code.hpp"
+#include "drivers/program/exit_code.hpp"
 
 namespace echofuse::recon {
 namespace {

@@ -8,7 +8,7 @@
 #include <limits>
 #include <optional>
 
-#include "drivers/core/exit_code.hpp"
+#include "drivers/program/exit_code.hpp"
 #include "recon/metrics/people.hpp"
 #include "recon/numbers/parallel.hpp"
 

@@ -6,7 +6,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "acquire/record/png.hpp"
-#include "drivers/core/exit_code.hpp"
+#include "drivers/program/exit_code.hpp"
 
 namespace echofuse::recon {
 

@@ -6,7 +6,7 @@
 #include <cstdio>
 #include <filesystem>
 
-#include "drivers/core/console.hpp"
+#include "drivers/program/console.hpp"
 #include "recon/data/files.hpp"
 #include "recon/use/trained_model.hpp"
 

@@ -8,7 +8,7 @@
 #include <cstdlib>
 #include <limits>
 
-#include "drivers/core/exit_code.hpp"
+#include "drivers/program/exit_code.hpp"
 #include "recon/numbers/text.hpp"
 
 namespace echofuse::recon {

@@ -13,8 +13,8 @@
 #include <string>
 #include <vector>
 
-#include "drivers/core/atomic_write.hpp"
 #include "drivers/core/bytes.hpp"
+#include "drivers/program/atomic_write.hpp"
 
 namespace echofuse::recon {
 

@@ -13,10 +13,10 @@
 #include <thread>
 
 #include "acquire/record/run_file.hpp"
-#include "drivers/core/atomic_write.hpp"
-#include "drivers/core/console.hpp"
-#include "drivers/core/csv.hpp"
-#include "drivers/core/printable.hpp"
+#include "drivers/program/atomic_write.hpp"
+#include "drivers/program/console.hpp"
+#include "drivers/program/csv.hpp"
+#include "drivers/program/printable.hpp"
 #include "recon/data/files.hpp"
 #include "recon/numbers/text.hpp"
 #include "recon/use/map_files.hpp"

@@ -8,7 +8,7 @@
 #include <array>
 #include <cctype>
 
-#include "drivers/core/exit_code.hpp"
+#include "drivers/program/exit_code.hpp"
 
 namespace echofuse::view {
 namespace {

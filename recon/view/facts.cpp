@@ -2,8 +2,8 @@
 #include <nlohmann/json.hpp>
 #include <sstream>
 
-#include "drivers/core/exit_code.hpp"
-#include "drivers/core/printable.hpp"
+#include "drivers/program/exit_code.hpp"
+#include "drivers/program/printable.hpp"
 #include "recon/numbers/text.hpp"
 #include "recon/view/show.hpp"
 

@@ -11,8 +11,8 @@
 
 #include "acquire/record/run_names.hpp"
 #include "acquire/record/writer_lock.hpp"
-#include "drivers/core/exit_code.hpp"
-#include "drivers/core/printable.hpp"
+#include "drivers/program/exit_code.hpp"
+#include "drivers/program/printable.hpp"
 
 namespace echofuse::view {
 namespace {

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <filesystem>
 
-#include "drivers/core/printable.hpp"
+#include "drivers/program/printable.hpp"
 #include "recon/metrics/metrics.hpp"
 #include "recon/use/predict.hpp"
 

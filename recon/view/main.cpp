@@ -7,8 +7,8 @@
 #include <csignal>
 #include <cstdio>
 
-#include "drivers/core/console.hpp"
-#include "drivers/core/printable.hpp"
+#include "drivers/program/console.hpp"
+#include "drivers/program/printable.hpp"
 #include "recon/numbers/parallel.hpp"
 #include "recon/view/server.hpp"
 #include "recon/view/text_view.hpp"

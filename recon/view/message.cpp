@@ -3,7 +3,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "drivers/core/printable.hpp"
+#include "drivers/program/printable.hpp"
 
 namespace echofuse::view {
 namespace {

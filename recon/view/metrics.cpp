@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include <cinttypes>
 
-#include "drivers/core/printable.hpp"
+#include "drivers/program/printable.hpp"
 #include "recon/numbers/text.hpp"
 #include "recon/view/show.hpp"
 

@@ -11,9 +11,9 @@
 #include <cstdlib>
 #include <set>
 
-#include "drivers/core/console.hpp"
-#include "drivers/core/printable.hpp"
-#include "drivers/core/program.hpp"
+#include "drivers/program/console.hpp"
+#include "drivers/program/printable.hpp"
+#include "drivers/program/program.hpp"
 #include "recon/view/session.hpp"
 
 namespace echofuse::view {

@@ -4,7 +4,7 @@
 #include <cstdio>
 #include <exception>
 
-#include "drivers/core/printable.hpp"
+#include "drivers/program/printable.hpp"
 
 namespace echofuse::view {
 namespace {

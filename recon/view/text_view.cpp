@@ -13,8 +13,8 @@
 #include <string_view>
 #include <thread>
 
-#include "drivers/core/console.hpp"
-#include "drivers/core/printable.hpp"
+#include "drivers/program/console.hpp"
+#include "drivers/program/printable.hpp"
 #include "recon/numbers/text.hpp"
 #include "recon/view/show.hpp"
 

@@ -7,7 +7,7 @@
 #include <string>
 
 #include "drivers/core/clock.hpp"
-#include "drivers/core/exit_code.hpp"
+#include "drivers/program/exit_code.hpp"
 #include "recon/view/followed_run.hpp"
 
 namespace echofuse::view {

@@ -13,8 +13,8 @@
 #include <optional>
 #include <thread>
 
-#include "drivers/core/console.hpp"
-#include "drivers/core/printable.hpp"
+#include "drivers/program/console.hpp"
+#include "drivers/program/printable.hpp"
 #include "sim/cli/plan_arguments.hpp"
 #include "sim/cli/study_commands.hpp"
 #include "sim/dataset/dataset.hpp"
@@ -162,13 +162,13 @@ ExitCode run_lab(LabArguments& a) {
   }
   if (a.options.schedule.kind == "object") plan.objects = 1, scenes_of(plan);  // checks for a mesh
   a.options.schedule.seed = a.seed.value_or(plan.seed);
-  const SystemClock clock;
-  sim::Lab lab(clock, a.options);
+  port::SystemLoop loop;
+  sim::Lab lab(loop, a.options);
   if (!a.command.empty()) return sim::serve_command(lab, a.command);
   std::cerr << "the laboratory is open; Ctrl-C closes it. To record from it:\n";
   std::cout << lab.daemon_command() << std::endl;
-  const HostTime end = clock.now() + from_seconds(a.duration_s);
-  lab.serve([&] { return interrupted() || (a.duration_s > 0 && clock.now() >= end); });
+  const HostTime end = loop.now() + from_seconds(a.duration_s);
+  lab.serve([&] { return interrupted() || (a.duration_s > 0 && loop.now() >= end); });
   if (a.json)
     std::cout << lab.sent() << "\n";
   else

@@ -6,8 +6,8 @@
 #include <filesystem>
 #include <memory>
 
-#include "drivers/core/console.hpp"
-#include "drivers/core/printable.hpp"
+#include "drivers/program/console.hpp"
+#include "drivers/program/printable.hpp"
 #include "sim/study/bound.hpp"
 #include "sim/study/fidelity.hpp"
 

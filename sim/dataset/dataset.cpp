@@ -13,9 +13,9 @@
 #include "acquire/record/data_set_part.hpp"
 #include "acquire/record/depth_map.hpp"
 #include "acquire/record/run_file.hpp"
-#include "drivers/core/console.hpp"
-#include "drivers/core/program.hpp"
-#include "drivers/core/staged_file.hpp"
+#include "drivers/program/console.hpp"
+#include "drivers/program/program.hpp"
+#include "drivers/program/staged_file.hpp"
 #include "sim/scene/scene_list.hpp"
 #include "sim/sensors/depth_camera.hpp"
 #include "sim/sensors/gaussian.hpp"
@@ -105,7 +105,7 @@ record::RunInfo run_info(const Plan& plan, const DatasetOptions& options) {
   Settings settings;
   bind(settings, copy);
   record::RunInfo info;
-  info.started_utc = iso8601(SystemClock().utc());
+  info.started_utc = iso8601(system_clock.utc());
   info.config_text = options.config_text;
   info.config_resolved = settings.resolved();
   info.version = version();

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "acquire/record/record.hpp"
-#include "drivers/core/job_part.hpp"
+#include "drivers/program/job_part.hpp"
 #include "sim/scene/conditions.hpp"
 #include "sim/scene/scene.hpp"
 #include "sim/sensors/room_alone.hpp"

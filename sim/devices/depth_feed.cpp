@@ -2,7 +2,6 @@
 #include <array>
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/local/stream_protocol.hpp>
-#include <boost/asio/steady_timer.hpp>
 #include <boost/asio/write.hpp>
 #include <cmath>
 #include <deque>
@@ -21,15 +20,15 @@ using ErrorCode = boost::system::error_code;
 
 class DepthFeed final : public Device {
  public:
-  DepthFeed(boost::asio::io_context& io, ScenePlayer& player, const DepthOptions& options)
+  DepthFeed(port::SystemLoop& loop, ScenePlayer& player, const DepthOptions& options)
       : player_(player),
         options_(options),
         columns_(record::depth_x_axis(options.width, options.half_tangent_x)),
         rows_(record::depth_y_axis(options.height, options.half_tangent_y)),
-        acceptor_(io, Local::endpoint(options.socket_path)),
-        timer_(io),
-        next_(std::chrono::steady_clock::now()),
-        injector_(io, player, "depth", options.plan, options.seed, [this] { poll(); }) {
+        acceptor_(loop.io(), Local::endpoint(options.socket_path)),
+        timer_(loop),
+        next_(loop.now()),
+        injector_(loop, player, "depth", options.plan, options.seed, [this] { poll(); }) {
     accept();
     wait();
   }
@@ -110,7 +109,7 @@ class DepthFeed final : public Device {
     if (plugged == acceptor_.is_open()) return;
     ::unlink(options_.socket_path.c_str());
     if (plugged) {
-      acceptor_ = Local::acceptor(timer_.get_executor(), Local::endpoint(options_.socket_path));
+      acceptor_ = Local::acceptor(acceptor_.get_executor(), Local::endpoint(options_.socket_path));
       return accept();
     }
     acceptor_.close();
@@ -118,11 +117,8 @@ class DepthFeed final : public Device {
   }
 
   void wait() {
-    next_ += std::chrono::duration_cast<std::chrono::steady_clock::duration>(
-        std::chrono::duration<double>(1 / options_.fps));
-    timer_.expires_at(next_);
-    timer_.async_wait([this](const ErrorCode& error) {
-      if (error) return;
+    next_ += from_seconds(1 / options_.fps);
+    timer_.at(next_, [this] {
       frame();
       wait();
     });
@@ -199,8 +195,8 @@ class DepthFeed final : public Device {
   DepthOptions options_;
   Axis columns_, rows_;
   Local::acceptor acceptor_;
-  boost::asio::steady_timer timer_;
-  std::chrono::steady_clock::time_point next_;
+  port::Timer timer_;
+  HostTime next_;
   std::list<Viewer> viewers_;
   std::vector<std::uint16_t> pixels_, last_;  // as the scene is, and as it was sent
   std::int64_t pictured_ = -1;
@@ -215,9 +211,9 @@ class DepthFeed final : public Device {
 
 }  // namespace
 
-std::unique_ptr<Device> make_depth_feed(boost::asio::io_context& io, ScenePlayer& player,
+std::unique_ptr<Device> make_depth_feed(port::SystemLoop& loop, ScenePlayer& player,
                                         const DepthOptions& options) {
-  return std::make_unique<DepthFeed>(io, player, options);
+  return std::make_unique<DepthFeed>(loop, player, options);
 }
 
 }  // namespace echofuse::sim

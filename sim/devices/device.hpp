@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// These are the simulated devices of a laboratory. Each lives on one io thread and never blocks it.
+// These are the simulated devices of a laboratory. Each lives in one loop and never blocks it.
 #pragma once
 #include <cstdint>
 #include <memory>
@@ -12,11 +12,14 @@
 #include "sim/devices/photon_source.hpp"
 #include "sim/devices/scene_player.hpp"
 
-namespace boost::asio {
-class io_context;
-}
+namespace echofuse::port {
+class Loop;
+class SystemLoop;
+}  // namespace echofuse::port
 
 namespace echofuse::sim {
+
+class Listener;
 
 // The plan holds the faults of the devices, and a journal of what the devices do, if there is one.
 struct FaultPlan {
@@ -33,23 +36,21 @@ class Device {
   virtual std::vector<std::pair<std::string, std::uint64_t>> sent() const = 0;
 };
 
-// This is a time tagger behind the bridge protocol on 127.0.0.1. It serves one client at a time,
-// with a block every 5 ms. When the client is slow, the oldest tags are kept and new ones are
-// dropped and counted.
-class TdcBridge : public Device {
- public:
-  virtual std::string address() const = 0;  // "bridge:tcp://127.0.0.1:PORT"
-};
+// This is a time tagger behind the bridge protocol. It serves one client at a time, with a block
+// every tick. When the client is slow, the oldest tags are kept and new ones are dropped and
+// counted.
 struct TdcOptions {
   Tagging tagging;
   double window_s = 3;
   std::uint64_t seed = 1;
-  std::uint16_t port = 0;  // 0 takes any free port
   std::size_t send_queue_bytes = 8 << 20;
+  std::chrono::milliseconds tick{5};      // a block is sent as often
+  std::chrono::milliseconds longest{20};  // time of the tags in a block
   FaultPlan plan{};
 };
-std::unique_ptr<TdcBridge> make_tdc_bridge(boost::asio::io_context& io, ScenePlayer& player,
-                                           const TdcOptions& options);
+std::unique_ptr<Device> make_tdc_bridge(port::Loop& loop, ScenePlayer& player,
+                                        const TdcOptions& options,
+                                        std::unique_ptr<Listener> listener);
 
 // The two UARTs of a radar board are pseudo-terminals, published as symbolic links.
 struct RadarOptions {
@@ -58,7 +59,7 @@ struct RadarOptions {
   FaultPlan plan{};
   unsigned sdk = 5;  // the 5 of SDK 3.5
 };
-std::unique_ptr<Device> make_radar_ptys(boost::asio::io_context& io, ScenePlayer& player,
+std::unique_ptr<Device> make_radar_ptys(port::SystemLoop& loop, ScenePlayer& player,
                                         const RadarOptions& options);
 
 // These frames go to the OpenNI2 driver module (depth_module.cpp) on a unix socket.
@@ -70,7 +71,7 @@ struct DepthOptions {
   std::uint64_t seed = 1;                             // for its faults
   FaultPlan plan{};
 };
-std::unique_ptr<Device> make_depth_feed(boost::asio::io_context& io, ScenePlayer& player,
+std::unique_ptr<Device> make_depth_feed(port::SystemLoop& loop, ScenePlayer& player,
                                         const DepthOptions& options);
 
 }  // namespace echofuse::sim

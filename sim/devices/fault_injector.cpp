@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "sim/devices/fault_injector.hpp"
 
+#include <algorithm>
 #include <cmath>
 
 namespace echofuse::sim {
@@ -10,7 +11,7 @@ constexpr auto poll_pause = std::chrono::milliseconds(5);
 
 }  // namespace
 
-FaultInjector::FaultInjector(boost::asio::io_context& io, ScenePlayer& player, const char* device,
+FaultInjector::FaultInjector(port::Loop& loop, ScenePlayer& player, const char* device,
                              const FaultPlan& plan, std::uint64_t seed,
                              std::function<void()> on_poll)
     : player_(player),
@@ -18,15 +19,20 @@ FaultInjector::FaultInjector(boost::asio::io_context& io, ScenePlayer& player, c
       faults_(plan.faults, device),
       journal_(plan.journal),
       rng_(make_rng(seed, 100 + static_cast<std::uint64_t>(device[0]))),
-      timer_(io),
+      timer_(loop),
       on_poll_(std::move(on_poll)) {
   if (!faults_.empty()) wait();
 }
 
 void FaultInjector::wait() {
-  timer_.expires_after(poll_pause);
-  timer_.async_wait([this](const boost::system::error_code& error) {
-    if (error) return;
+  const double now_s = player_.now_s(), next_s = faults_.next_change_s(now_s);
+  constexpr double settling_s = 1;  // what is late goes out
+  if (faults_.any_at(now_s)) settled_s_ = now_s + settling_s;
+  if (std::isinf(next_s) && now_s > settled_s_) return;
+  HostTime at = now() + poll_pause;
+  if (now_s > settled_s_)  // by a microsecond after the change, as times are rounded
+    at = std::max(at, player_.start() + from_seconds(next_s) + std::chrono::microseconds(1));
+  timer_.at(at, [this] {
     log_changes();
     on_poll_();
     wait();
@@ -35,6 +41,7 @@ void FaultInjector::wait() {
 
 void FaultInjector::log_changes() {
   const double now_s = player_.now_s();
+  if (logged_s_ >= 0 && now_s < faults_.next_change_s(logged_s_)) return;
   for (const auto& change : faults_.changes(logged_s_, now_s)) {
     const std::string what =
         std::string(change.begins ? "begin " : "end ") + name_of(change.fault->kind);

@@ -1,25 +1,24 @@
 // SPDX-License-Identifier: MIT
 // This file injects faults into one device, and logs them and what the device sends.
-// Threading: one io thread uses it.
+// Threading: the loop's thread uses it.
 #pragma once
-#include <boost/asio/io_context.hpp>
-#include <boost/asio/steady_timer.hpp>
 #include <functional>
 #include <string>
 #include <utility>
 
 #include "drivers/core/bytes.hpp"
 #include "drivers/core/random.hpp"
+#include "drivers/port/loop.hpp"
 #include "sim/devices/device.hpp"
 
 namespace echofuse::sim {
 
 class FaultInjector {
  public:
-  // `device` is a literal. `on_poll` is called every 5 ms if there are any faults, so that a fault
-  // that begins or ends takes effect.
-  FaultInjector(boost::asio::io_context& io, ScenePlayer& player, const char* device,
-                const FaultPlan& plan, std::uint64_t seed, std::function<void()> on_poll);
+  // `device` is a literal. `on_poll` is called every 5 ms while a fault acts and for a second after
+  // that, so that one that begins or ends takes effect.
+  FaultInjector(port::Loop& loop, ScenePlayer& player, const char* device, const FaultPlan& plan,
+                std::uint64_t seed, std::function<void()> on_poll);
 
   void stop() { timer_.cancel(); }
   bool active(FaultKind kind) const { return amount(kind).has_value(); }
@@ -50,9 +49,9 @@ class FaultInjector {
   Faults faults_;
   Journal* journal_;
   Rng rng_;
-  boost::asio::steady_timer timer_;
+  port::Timer timer_;
   std::function<void()> on_poll_;
-  double logged_s_ = -1;
+  double logged_s_ = -1, settled_s_ = 0;
 };
 
 }  // namespace echofuse::sim

@@ -136,31 +136,38 @@ Faults::Faults(const std::vector<Fault>& all, const std::string& device) {
 }
 
 std::optional<double> Faults::at(FaultKind kind, double time_s) const {
-  for (const Fault& f : faults_) {
-    if (f.kind != kind) continue;
-    const auto p = progress(f, time_s);
-    if (p && p->second < f.for_s) return f.amount;
-  }
-  return {};
+  return segment(time_s).amounts[static_cast<std::size_t>(kind)];
 }
 
+bool Faults::any_at(double time_s) const {
+  const auto& amounts = segment(time_s).amounts;
+  return std::any_of(amounts.begin(), amounts.end(), [](const auto& a) { return a.has_value(); });
+}
+
+double Faults::next_change_s(double time_s) const { return segment(time_s).to_s; }
+
 double Faults::clock_error_s(double time_s) const {
+  const Segment& at = segment(time_s);
+  return at.error_s + at.slope * (time_s - at.from_s);
+}
+
+const Faults::Segment& Faults::segment(double time_s) const {
   if (!(time_s >= segment_.from_s && time_s < segment_.to_s)) segment_ = segment_at(time_s);
-  return segment_.error_s + segment_.slope * (time_s - segment_.from_s);
+  return segment_;
 }
 
 Faults::Segment Faults::segment_at(double time_s) const {
-  Segment out{0, std::numeric_limits<double>::infinity(), 0, 0};
+  Segment out{-1e12, std::numeric_limits<double>::infinity()};
   const auto between = [&](double from_s, double to_s) {
     out.from_s = std::max(out.from_s, from_s), out.to_s = std::min(out.to_s, to_s);
   };
   double drift_to_now_s = 0;
   for (const Fault& f : faults_) {
     const bool drifts = f.kind == FaultKind::clock_drift;
-    if (!drifts && f.kind != FaultKind::clock_offset) continue;
+    const bool shifts = f.kind == FaultKind::clock_offset;
     const auto p = progress(f, time_s);
     if (!p) {
-      between(0, f.at_s);
+      between(out.from_s, f.at_s);
       continue;
     }
     const auto [before, now] = *p;
@@ -170,7 +177,9 @@ Faults::Segment Faults::segment_at(double time_s) const {
       between(start_s, end_s);
     else
       between(end_s, f.every_s > 0 ? start_s + f.every_s : out.to_s);
-    if (acts && !drifts) out.error_s += f.amount;
+    if (auto& amount = out.amounts[static_cast<std::size_t>(f.kind)]; acts && !amount)
+      amount = f.amount;
+    if (acts && shifts) out.error_s += f.amount;
     if (drifts) drift_to_now_s += f.amount * 1e-6 * (before * f.for_s + std::min(now, f.for_s));
     if (drifts && acts) out.slope += f.amount * 1e-6;
   }

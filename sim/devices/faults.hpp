@@ -2,6 +2,7 @@
 // The timetable says what goes wrong in a laboratory, and when; every run of the laboratory repeats
 // it.
 #pragma once
+#include <array>
 #include <cstdint>
 #include <optional>
 #include <string>
@@ -21,6 +22,7 @@ enum class FaultKind : std::uint8_t {
   gain,
   freeze,
 };
+inline constexpr std::size_t fault_kinds = 10;
 const char* name_of(FaultKind kind);
 
 // A fault acts from at_s for for_s seconds of the laboratory's time, and again every every_s if
@@ -38,7 +40,7 @@ struct Fault {
 std::vector<Fault> read_faults(const std::string& text, const std::string& name);
 
 // These are the faults of one device, as functions of the laboratory's time.
-// Threading: one thread may use it, as even the const clock_error_s() keeps a value.
+// Threading: one thread may use it, as even the const members keep a value.
 class Faults {
  public:
   Faults() = default;
@@ -47,6 +49,9 @@ class Faults {
   bool empty() const { return faults_.empty(); }
   // Returns the amount of the fault of this kind that acts at this time.
   std::optional<double> at(FaultKind kind, double time_s) const;
+  bool any_at(double time_s) const;
+  // Returns the time of the next change after time_s; infinity if there is none.
+  double next_change_s(double time_s) const;
   // It says how far the device's clock is ahead. The drift stays after the fault ends.
   double clock_error_s(double time_s) const;
 
@@ -59,10 +64,13 @@ class Faults {
   std::vector<Change> changes(double from_s, double to_s) const;
 
  private:
-  // This is the clock's error between two changes of its faults. It is asked for every tag.
+  // This is what acts between two changes. It is asked for every tag.
   struct Segment {
-    double from_s = 0, to_s = 0, error_s = 0, slope = 0;  // at from_s; none yet: empty
+    double from_s = 0, to_s = 0;    // none yet: empty
+    double error_s = 0, slope = 0;  // of the clock, at from_s
+    std::array<std::optional<double>, fault_kinds> amounts{};
   };
+  const Segment& segment(double time_s) const;
   Segment segment_at(double time_s) const;
 
   std::vector<Fault> faults_;

@@ -9,7 +9,7 @@
 #include <utility>
 
 #include "drivers/core/clock.hpp"
-#include "drivers/core/exit_code.hpp"
+#include "drivers/program/exit_code.hpp"
 
 namespace echofuse::sim {
 

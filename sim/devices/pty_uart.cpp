@@ -9,7 +9,7 @@
 #include <cerrno>
 #include <cstring>
 
-#include "drivers/core/exit_code.hpp"
+#include "drivers/program/exit_code.hpp"
 
 namespace echofuse::sim {
 namespace {
@@ -62,11 +62,11 @@ speed_t speed_of(unsigned baud) {
 
 }  // namespace
 
-PtyUart::PtyUart(boost::asio::io_context& io, std::string link, unsigned baud, Receive receive)
-    : Uart(io, baud, chunk_time),
+PtyUart::PtyUart(port::SystemLoop& loop, std::string link, unsigned baud, Receive receive)
+    : Uart(loop, baud, chunk_time),
       link_(std::move(link)),
       receive_(std::move(receive)),
-      master_(io) {
+      master_(loop.io()) {
   open();
 }
 
@@ -117,6 +117,23 @@ std::size_t PtyUart::deliver(Bytes chunk) {
   boost::system::error_code error;
   const std::size_t n = master_.write_some(boost::asio::buffer(chunk), error);
   return error ? 0 : n;
+}
+
+std::unique_ptr<Device> make_radar_ptys(port::SystemLoop& loop, ScenePlayer& player,
+                                        const RadarOptions& options) {
+  auto ports = std::make_shared<std::vector<PtyUart*>>();  // the board owns them
+  const auto pty = [&](const std::string& link) {
+    return [&loop, ports, link](unsigned baud, Uart::Receive receive) {
+      auto uart = std::make_unique<PtyUart>(loop, link, baud, std::move(receive));
+      ports->push_back(uart.get());
+      return uart;
+    };
+  };
+  const auto plug = [ports](bool in) {
+    for (PtyUart* port : *ports) port->plug(in);
+  };
+  return make_radar_board(loop, player, {options.seed, options.plan, options.sdk, plug},
+                          pty(options.cli_link), pty(options.data_link));
 }
 
 }  // namespace echofuse::sim

@@ -15,7 +15,7 @@ namespace echofuse::sim {
 class PtyUart final : public Uart {
  public:
   // Opens a pty and points the symbolic link at it (replacing a former one). Throws Error(failed).
-  PtyUart(boost::asio::io_context& io, std::string link, unsigned baud, Receive receive);
+  PtyUart(port::SystemLoop& loop, std::string link, unsigned baud, Receive receive);
   ~PtyUart() override;
 
   void close() override;

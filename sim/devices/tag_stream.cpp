@@ -7,7 +7,6 @@
 namespace echofuse::sim {
 namespace {
 
-constexpr double longest_block_s = 0.02;
 // On a busy machine the tags of a tick come later; tags that lag more than the device's memory are
 // lost.
 constexpr double longest_tick_s = 0.1, device_memory_s = 1;
@@ -16,6 +15,7 @@ constexpr double longest_tick_s = 0.1, device_memory_s = 1;
 
 TagStream::TagStream(ScenePlayer& player, const TdcOptions& options)
     : player_(player),
+      longest_block_s_(std::chrono::duration<double>(options.longest).count()),
       source_(player.conditions(), options.tagging, options.window_s, options.seed) {}
 
 void TagStream::start() { next_pulse_ = pulse_at(player_.now_s()); }
@@ -31,7 +31,7 @@ void TagStream::advance(const Emit& emit, const Lose& lose) {
   do {
     const double from_s = time_of(next_pulse_) + 0.5 / source_.laser_rate_hz();
     look(from_s);
-    const double until_s = std::min(from_s + longest_block_s, player_.scene_end_s(from_s));
+    const double until_s = std::min(from_s + longest_block_s_, player_.scene_end_s(from_s));
     const std::int64_t last = std::min(now, std::max(next_pulse_ + 1, pulse_at(until_s)));
     if (last <= next_pulse_) break;
     Bytes payload;

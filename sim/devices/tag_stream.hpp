@@ -17,8 +17,9 @@ class TagStream {
   void set_gain(double gain) { source_.set_gain(gain); }
   // It starts the tags from now on.
   void start();
-  // It emits the pulses up to now, in blocks of one scene and at most 20 ms each. A machine too
-  // busy to make them in time loses those that lag more than the device's memory of a second.
+  // It emits the pulses up to now, in blocks of one scene and the longest block's time each. A
+  // machine too busy to make them in time loses those that lag more than the device's memory of a
+  // second.
   void advance(const Emit& emit, const Lose& lose);
 
  private:
@@ -27,6 +28,7 @@ class TagStream {
   void look(double time_s);
 
   ScenePlayer& player_;
+  double longest_block_s_;
   PhotonSource source_;
   std::int64_t next_pulse_ = 0, seen_ = -1;
 };

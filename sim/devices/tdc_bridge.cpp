@@ -1,53 +1,42 @@
 // SPDX-License-Identifier: MIT
-#include <array>
-#include <boost/asio/io_context.hpp>
-#include <boost/asio/ip/tcp.hpp>
-#include <boost/asio/steady_timer.hpp>
-#include <boost/asio/write.hpp>
 #include <cmath>
 #include <cstring>
 #include <deque>
 
 #include "sim/devices/fault_injector.hpp"
+#include "sim/devices/listener.hpp"
 #include "sim/devices/tag_stream.hpp"
 #include "sim/wire/encode.hpp"
 
 namespace echofuse::sim {
 namespace {
 
-using boost::asio::ip::tcp;
-using ErrorCode = boost::system::error_code;
-
-constexpr auto tick = std::chrono::milliseconds(5);
 constexpr std::size_t tag_time_offset = 8;
 constexpr auto hello_pause = std::chrono::milliseconds(900);
 constexpr char hello[] =
     R"({"model":"simulated time tagger","serial":"SIM-TDC-1","firmware":"1.0"})";
 
-class Bridge final : public TdcBridge {
+class Bridge final : public Device {
  public:
-  Bridge(boost::asio::io_context& io, ScenePlayer& player, const TdcOptions& options)
+  Bridge(port::Loop& loop, ScenePlayer& player, const TdcOptions& options,
+         std::unique_ptr<Listener> listener)
       : options_(options),
         stream_(player, options),
-        acceptor_(io, {boost::asio::ip::address_v4::loopback(), options.port}),
-        endpoint_(acceptor_.local_endpoint()),
-        socket_(io),
-        timer_(io),
-        injector_(io, player, "tdc", options.plan, options.seed, [this] { poll(); }),
+        listener_(std::move(listener)),
+        timer_(loop),
+        injector_(loop, player, "tdc", options.plan, options.seed, [this] { poll(); }),
         zero_(player.start()) {
-    accept();
+    listener_->start(
+        {.connected = [this] { begin(); }, .left = [this] { disconnect("client left"); }});
+    listener_->accept();
     wait();
-  }
-
-  std::string address() const override {
-    return "bridge:tcp://127.0.0.1:" + std::to_string(endpoint_.port());
   }
 
   void stop() override {
     stopping_ = true;
     timer_.cancel();
     injector_.stop();
-    acceptor_.close();
+    if (listener_->plugged()) listener_->plug(false);
     if (connected_) enqueue(BlockKind::bye, {}, 0);
   }
 
@@ -67,48 +56,26 @@ class Bridge final : public TdcBridge {
     std::int64_t damage = -1;  // index of the damaged byte; -1: none
   };
 
-  void accept() {
-    acceptor_.async_accept([this](const ErrorCode& error, tcp::socket socket) {
-      if (error) {
-        if (!stopping_ && acceptor_.is_open()) accept();
-        return;
-      }
-      socket_ = std::move(socket);
-      ErrorCode ignored;
-      socket_.set_option(tcp::no_delay(true), ignored);
-      connected_ = true;
-      ++clients_;
-      injector_.log(injector_.now(), "connected", {});
-      sequence_ = 0;
-      dropped_ = 0;
-      stream_.start();
-      greet();
-      watch();
-    });
+  void begin() {
+    connected_ = true;
+    ++clients_;
+    injector_.log(injector_.now(), "connected", {});
+    sequence_ = 0;
+    dropped_ = 0;
+    stream_.start();
+    greet();
   }
 
   void greet() {
     enqueue(BlockKind::hello, Bytes(std::begin(hello), std::end(hello) - 1), 0);
-    next_hello_ = std::chrono::steady_clock::now() + hello_pause;
-  }
-
-  // A client sends nothing, so this read ends only when the client is gone.
-  void watch() {
-    socket_.async_read_some(boost::asio::buffer(unread_), [this](const ErrorCode& error, auto) {
-      if (error == boost::asio::error::operation_aborted) return;
-      if (error)
-        disconnect("client left");
-      else
-        watch();
-    });
+    next_hello_ = injector_.now() + hello_pause;
   }
 
   void disconnect(const char* why) {
     if (!connected_) return;
     connected_ = false;
     injector_.log(injector_.now(), why, {});
-    ErrorCode ignored;
-    socket_.close(ignored);
+    listener_->hang_up();
     if (!writing_) next_client();
   }
 
@@ -118,37 +85,22 @@ class Bridge final : public TdcBridge {
     for (const Block& block : queue_) log(block, block.begun == HostTime{} ? "unsent" : "cut");
     queue_.clear();
     queued_bytes_ = 0;
-    if (!stopping_ && acceptor_.is_open()) accept();
+    if (!stopping_) listener_->accept();
   }
 
   // When it is unplugged, nobody listens at the port.
   void poll() {
     if (stopping_) return;
-    if (const bool plugged = !injector_.active(FaultKind::unplug); plugged != acceptor_.is_open()) {
-      if (plugged)
-        plug();
-      else
-        unplug();
+    if (const bool in = !injector_.active(FaultKind::unplug); in != listener_->plugged()) {
+      listener_->plug(in);
+      if (!in) disconnect("unplugged");
     }
     if (!queue_.empty() && !writing_ && connected_) write();
   }
-  void plug() {
-    acceptor_.open(endpoint_.protocol());
-    acceptor_.set_option(tcp::acceptor::reuse_address(true));
-    acceptor_.bind(endpoint_);
-    acceptor_.listen();
-    if (!writing_) accept();
-  }
-  void unplug() {
-    acceptor_.close();
-    disconnect("unplugged");
-  }
 
   void wait() {
-    timer_.expires_after(tick);
-    timer_.async_wait([this](const ErrorCode& error) {
-      if (error) return;
-      if (connected_ && std::chrono::steady_clock::now() > next_hello_) greet();
+    timer_.after(options_.tick, [this] {
+      if (connected_ && injector_.now() > next_hello_) greet();
       stream_.set_gain(injector_.gain());
       if (connected_)
         stream_.advance(
@@ -224,17 +176,16 @@ class Bridge final : public TdcBridge {
     if (injector_.active(FaultKind::stall) || injector_.now() < next.due) return;
     next.begun = injector_.now();
     writing_ = true;
-    boost::asio::async_write(socket_, boost::asio::buffer(queue_.front().bytes),
-                             [this](const ErrorCode& error, std::size_t) {
-                               writing_ = false;
-                               written(error);
-                             });
+    listener_->write(next.bytes, [this](bool whole) {
+      writing_ = false;
+      written(whole);
+    });
   }
 
-  void written(const ErrorCode& error) {
-    if (!error) sent();  // the block is whole, also when the connection was closed since
+  void written(bool whole) {
+    if (whole) sent();  // the block is whole, also when the connection was closed since
     if (!connected_) return next_client();
-    if (error) return disconnect("client left");
+    if (!whole) return disconnect("client left");
     if (!queue_.empty())
       write();
     else if (stopping_)
@@ -251,26 +202,24 @@ class Bridge final : public TdcBridge {
 
   TdcOptions options_;
   TagStream stream_;
-  tcp::acceptor acceptor_;
-  tcp::endpoint endpoint_;
-  tcp::socket socket_;
-  boost::asio::steady_timer timer_;
+  std::unique_ptr<Listener> listener_;
+  port::Timer timer_;
   FaultInjector injector_;
   HostTime zero_;  // zero of the tags' clock
-  std::array<std::uint8_t, 256> unread_{};
   std::deque<Block> queue_;
   std::size_t queued_bytes_ = 0;
   bool connected_ = false, writing_ = false, stopping_ = false;
   std::uint32_t sequence_ = 0;
-  std::chrono::steady_clock::time_point next_hello_;
+  HostTime next_hello_{};
   std::uint64_t dropped_ = 0, all_dropped_ = 0, clients_ = 0, blocks_ = 0, tags_ = 0;
 };
 
 }  // namespace
 
-std::unique_ptr<TdcBridge> make_tdc_bridge(boost::asio::io_context& io, ScenePlayer& player,
-                                           const TdcOptions& options) {
-  return std::make_unique<Bridge>(io, player, options);
+std::unique_ptr<Device> make_tdc_bridge(port::Loop& loop, ScenePlayer& player,
+                                        const TdcOptions& options,
+                                        std::unique_ptr<Listener> listener) {
+  return std::make_unique<Bridge>(loop, player, options, std::move(listener));
 }
 
 }  // namespace echofuse::sim

@@ -20,7 +20,7 @@ void Uart::hold(bool still) {
 void Uart::begin() {
   if (pacing_ || still_ || queue_.empty()) return;
   pacing_ = true;
-  due_ = std::chrono::steady_clock::now();
+  due_ = loop_.now();
   pace();
 }
 
@@ -35,11 +35,8 @@ void Uart::pace() {
   const auto fits = static_cast<std::size_t>(
       std::max(1.0, bytes_per_s * std::chrono::duration<double>(chunk_time_).count()));
   const std::size_t n = std::min(fits, queue_.size());
-  due_ += std::chrono::duration_cast<std::chrono::steady_clock::duration>(
-      std::chrono::duration<double>(static_cast<double>(n) / bytes_per_s));
-  timer_.expires_at(due_);
-  timer_.async_wait([this, n](const boost::system::error_code& error) {
-    if (error) return;
+  due_ += from_seconds(static_cast<double>(n) / bytes_per_s);
+  timer_.at(due_, [this, n] {
     const auto end = queue_.begin() + static_cast<std::ptrdiff_t>(n);
     Bytes chunk(queue_.begin(), end);
     queue_.erase(queue_.begin(), end);

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: MIT
 // This is one UART of a board: it sends at its rate, whatever is at the other end of the wires.
 #pragma once
-#include <boost/asio/io_context.hpp>
-#include <boost/asio/steady_timer.hpp>
 #include <chrono>
 #include <cstdint>
 #include <deque>
@@ -10,6 +8,7 @@
 #include <memory>
 
 #include "drivers/core/bytes.hpp"
+#include "drivers/port/loop.hpp"
 #include "sim/devices/device.hpp"
 
 namespace echofuse::sim {
@@ -19,8 +18,8 @@ class Uart {
   using Receive = std::function<void(ByteView)>;
 
   // It sends in chunks of `chunk_time`; the other end sees a chunk at once.
-  Uart(boost::asio::io_context& io, unsigned baud, std::chrono::milliseconds chunk_time)
-      : baud_(baud), chunk_time_(chunk_time), timer_(io) {}
+  Uart(port::Loop& loop, unsigned baud, std::chrono::milliseconds chunk_time)
+      : baud_(baud), chunk_time_(chunk_time), loop_(loop), timer_(loop) {}
   virtual ~Uart() = default;
   Uart(const Uart&) = delete;
   Uart& operator=(const Uart&) = delete;
@@ -49,9 +48,10 @@ class Uart {
 
   unsigned baud_;
   std::chrono::milliseconds chunk_time_;
-  boost::asio::steady_timer timer_;
+  port::Loop& loop_;
+  port::Timer timer_;
   std::deque<std::uint8_t> queue_;
-  std::chrono::steady_clock::time_point due_;
+  HostTime due_{};
   bool pacing_ = false, still_ = false;
   struct Waiting {
     std::uint64_t begin, end;  // in bytes since the start
@@ -70,7 +70,7 @@ struct RadarBoardOptions {
   unsigned sdk = 5;                     // the 5 of SDK 3.5
   std::function<void(bool in)> plug{};  // pulls both ports out, or puts them in; asked often
 };
-std::unique_ptr<Device> make_radar_board(boost::asio::io_context& io, ScenePlayer& player,
+std::unique_ptr<Device> make_radar_board(port::Loop& loop, ScenePlayer& player,
                                          const RadarBoardOptions& options, const MakeUart& make_cli,
                                          const MakeUart& make_data);
 

@@ -7,7 +7,6 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <boost/asio/io_context.hpp>
 #include <cerrno>
 #include <cmath>
 #include <cstring>
@@ -16,9 +15,10 @@
 #include <optional>
 #include <sstream>
 
-#include "drivers/core/atomic_write.hpp"
-#include "drivers/core/program.hpp"
-#include "drivers/core/settings.hpp"
+#include "drivers/program/atomic_write.hpp"
+#include "drivers/program/program.hpp"
+#include "drivers/program/settings.hpp"
+#include "sim/devices/listener.hpp"
 #include "sim/sensors/optics.hpp"
 
 namespace echofuse::sim {
@@ -170,18 +170,21 @@ std::string lab_toml(const LabOptions& o, const fs::path& dir, const std::string
   return out.str();
 }
 
-LabTagger bridged_tagger(boost::asio::io_context& io, ScenePlayer& player,
-                         const TdcOptions& options) {
-  auto bridge = make_tdc_bridge(io, player, options);
-  std::string address = bridge->address();
-  return {std::move(bridge), std::move(address)};
+LabTagger bridged_tagger(port::SystemLoop& loop, ScenePlayer& player, const TdcOptions& options) {
+  auto listener = make_tcp_listener(loop, 0);
+  std::string address = listener->address();
+  return {make_tdc_bridge(loop, player, options, std::move(listener)), std::move(address)};
 }
 
 }  // namespace
 
 struct Lab::Parts {
-  Parts(const Clock& clock, const LabOptions& o)
-      : options(o), dir(make_directory(o.dir)), lock(dir), player(clock, o.conditions, o.schedule) {
+  Parts(port::SystemLoop& l, const LabOptions& o)
+      : options(o),
+        dir(make_directory(o.dir)),
+        lock(dir),
+        loop(l),
+        player(loop, o.conditions, o.schedule) {
     if (!o.faults.empty()) plan.faults = read_faults(read_config_text(o.faults), o.faults);
     if (!o.log.empty()) plan.journal = &journal.emplace(o.log);
   }
@@ -200,16 +203,16 @@ struct Lab::Parts {
     const std::string label = options.schedule.hold_s > 0 ? "" : player.at(0).scene.label;
     const auto seed = static_cast<std::uint64_t>(options.schedule.seed);
     tagger = (options.make_tagger ? options.make_tagger : bridged_tagger)(
-        io, player,
+        loop, player,
         {.tagging = options.tagging, .window_s = options.window_s, .seed = seed, .plan = plan});
-    radar = make_radar_ptys(io, player,
+    radar = make_radar_ptys(loop, player,
                             {.cli_link = (dir / "radar-cli").string(),
                              .data_link = (dir / "radar-data").string(),
                              .seed = seed,
                              .plan = plan,
                              .sdk = static_cast<unsigned>(options.radar_sdk.back() - '0')});
     depth = make_depth_feed(
-        io, player, {.socket_path = (dir / "depth.sock").string(), .seed = seed, .plan = plan});
+        loop, player, {.socket_path = (dir / "depth.sock").string(), .seed = seed, .plan = plan});
     make_openni(dir);
     write_atomically(dir / "radar.cfg", cfg);
     write_atomically(dir / "lab.toml", lab_toml(options, dir, tagger.address, label));
@@ -218,7 +221,7 @@ struct Lab::Parts {
   LabOptions options;
   fs::path dir;
   DirectoryLock lock;
-  boost::asio::io_context io;
+  port::SystemLoop& loop;
   ScenePlayer player;
   FaultPlan plan;
   std::optional<Journal> journal;
@@ -226,8 +229,8 @@ struct Lab::Parts {
   std::unique_ptr<Device> radar, depth;
 };
 
-Lab::Lab(const Clock& clock, const LabOptions& options)
-    : parts_(std::make_unique<Parts>(clock, options)) {
+Lab::Lab(port::SystemLoop& loop, const LabOptions& options)
+    : parts_(std::make_unique<Parts>(loop, options)) {
   parts_->start();
 }
 
@@ -246,12 +249,11 @@ std::vector<std::pair<std::string, std::string>> Lab::environment() const {
 }
 
 void Lab::serve(const std::function<bool()>& done) {
-  constexpr auto step = std::chrono::milliseconds(50);
   constexpr auto patience = std::chrono::seconds(1);
-  while (!done()) parts_->io.run_for(step);
+  parts_->loop.run_until(done);
   for (Device* device : {parts_->tagger.device.get(), parts_->radar.get(), parts_->depth.get()})
     device->stop();
-  parts_->io.run_for(patience);
+  parts_->loop.run_for(patience);
   parts_->remove(std::begin(transient), std::end(transient));
   write_atomically(parts_->dir / "sent.json", sent() + "\n");
   if (parts_->journal) parts_->journal->close();

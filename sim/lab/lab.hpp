@@ -16,6 +16,7 @@
 #include <utility>
 #include <vector>
 
+#include "drivers/port/loop.hpp"
 #include "sim/devices/device.hpp"
 #include "sim/scene/conditions.hpp"
 
@@ -39,14 +40,14 @@ struct LabOptions {
   std::string faults;  // a file of faults; if empty, there are none
   std::string log;     // a file for everything sent; if empty, there is none
   // It makes a time tagger that replaces the one behind the bridge; the maker sets its faults.
-  std::function<LabTagger(boost::asio::io_context&, ScenePlayer&, const TdcOptions&)> make_tagger;
+  std::function<LabTagger(port::SystemLoop&, ScenePlayer&, const TdcOptions&)> make_tagger;
 };
 
 class Lab {
  public:
   // Starts all devices. Throws Error: usage for a directory that is not empty and not a former
   // laboratory, or is in use; failed or config for anything else that keeps it from starting.
-  Lab(const Clock& clock, const LabOptions& options);
+  Lab(port::SystemLoop& loop, const LabOptions& options);
   ~Lab();
   Lab(const Lab&) = delete;
   Lab& operator=(const Lab&) = delete;
@@ -55,7 +56,7 @@ class Lab {
   std::string daemon_command() const;
   // Returns the environment variables that a program needs to use the devices.
   std::vector<std::pair<std::string, std::string>> environment() const;
-  // It serves until `done`, which is asked some 20 times a second. Then it stops all devices,
+  // It serves until `done`, which is asked at least 50 times a second. Then it stops all devices,
   // removes links and sockets and writes sent.json.
   void serve(const std::function<bool()>& done);
   // Returns the counts of what was sent, as a JSON object: device -> {name: count}, and "play" with

@@ -7,8 +7,8 @@
 #include <cstdlib>
 #include <filesystem>
 
-#include "drivers/core/console.hpp"
-#include "drivers/core/program.hpp"
+#include "drivers/program/console.hpp"
+#include "drivers/program/program.hpp"
 
 namespace echofuse::sim {
 namespace {

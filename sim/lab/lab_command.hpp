@@ -3,7 +3,7 @@
 #include <string>
 #include <vector>
 
-#include "drivers/core/exit_code.hpp"
+#include "drivers/program/exit_code.hpp"
 #include "sim/lab/lab.hpp"
 
 namespace echofuse::sim {

@@ -10,7 +10,7 @@
 
 #include "acquire/record/depth_map.hpp"
 #include "drivers/core/axis.hpp"
-#include "drivers/core/settings.hpp"
+#include "drivers/program/settings.hpp"
 #include "sim/scene/radar_axis.hpp"
 
 namespace echofuse::sim {

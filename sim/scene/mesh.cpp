@@ -11,9 +11,9 @@
 #include <mutex>
 #include <string_view>
 
-#include "drivers/core/exit_code.hpp"
-#include "drivers/core/printable.hpp"
-#include "drivers/core/settings.hpp"
+#include "drivers/program/exit_code.hpp"
+#include "drivers/program/printable.hpp"
+#include "drivers/program/settings.hpp"
 
 namespace echofuse::sim {
 namespace {

@@ -8,8 +8,8 @@
 #include <utility>
 #include <vector>
 
-#include "drivers/core/exit_code.hpp"
-#include "drivers/core/settings.hpp"
+#include "drivers/program/exit_code.hpp"
+#include "drivers/program/settings.hpp"
 
 namespace echofuse::sim {
 

@@ -7,7 +7,7 @@
 #include <numbers>
 #include <sstream>
 
-#include "drivers/core/atomic_write.hpp"
+#include "drivers/program/atomic_write.hpp"
 #include "sim/scene/draw.hpp"
 #include "sim/scene/shapes.hpp"
 #include "sim/sensors/optics.hpp"

@@ -8,8 +8,8 @@
 #include <functional>
 #include <sstream>
 
-#include "drivers/core/atomic_write.hpp"
-#include "drivers/core/program.hpp"
+#include "drivers/program/atomic_write.hpp"
+#include "drivers/program/program.hpp"
 #include "sim/scene/room.hpp"
 #include "sim/scene/scene.hpp"
 #include "sim/sensors/gaze.hpp"

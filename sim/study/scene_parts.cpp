@@ -12,10 +12,10 @@
 #include <sstream>
 #include <thread>
 
-#include "drivers/core/console.hpp"
-#include "drivers/core/printable.hpp"
-#include "drivers/core/settings.hpp"
-#include "drivers/core/staged_file.hpp"
+#include "drivers/program/console.hpp"
+#include "drivers/program/printable.hpp"
+#include "drivers/program/settings.hpp"
+#include "drivers/program/staged_file.hpp"
 
 namespace echofuse::sim {
 namespace {

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "drivers/core/job_part.hpp"
+#include "drivers/program/job_part.hpp"
 
 namespace echofuse::sim {
 

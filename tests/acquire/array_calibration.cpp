@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: MIT
 // Gains and phases of the radar's antennas from frames with known ones.
-#include "acquire/array_calibration.hpp"
+#include "acquire/calibrate/array_calibration.hpp"
 
 #include <cmath>
 #include <complex>
 #include <numbers>
 #include <random>
 
-#include "acquire/calibration.hpp"
-#include "acquire/config.hpp"
+#include "acquire/calibrate/calibration.hpp"
+#include "acquire/config/config.hpp"
 #include "testing.hpp"
 
 using namespace echofuse;

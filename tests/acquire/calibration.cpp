@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "acquire/calibration.hpp"
+#include "acquire/calibrate/calibration.hpp"
 
 #include "drivers/radar/firmware_bias.hpp"
 #include "testing.hpp"

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "acquire/clock_fit.hpp"
+#include "acquire/run/clock_fit.hpp"
 
 #include <algorithm>
 #include <catch2/catch.hpp>

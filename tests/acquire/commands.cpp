@@ -10,7 +10,7 @@
 #include <thread>
 
 #include "../paths.hpp"
-#include "drivers/core/program.hpp"
+#include "drivers/program/program.hpp"
 #include "testing.hpp"
 
 using namespace testing;

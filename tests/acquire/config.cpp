@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "acquire/config.hpp"
+#include "acquire/config/config.hpp"
 
 #include "../paths.hpp"
 #include "testing.hpp"

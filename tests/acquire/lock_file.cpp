@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
 // Who uses a device, as other programs see it.
-#include "acquire/lock_file.hpp"
+#include "acquire/devices/lock_file.hpp"
 
 #include <sys/stat.h>
 #include <unistd.h>
@@ -14,8 +14,8 @@
 #include <thread>
 #include <vector>
 
-#include "acquire/device_locks.hpp"
-#include "drivers/core/exit_code.hpp"
+#include "acquire/devices/device_locks.hpp"
+#include "drivers/program/exit_code.hpp"
 
 using namespace echofuse;
 using namespace echofuse::acquire;

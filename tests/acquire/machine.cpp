@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
 // The doctor's checks of the machine, on a tree with the kernel's and udev's layout.
-#include "acquire/machine.hpp"
+#include "acquire/doctor/machine.hpp"
 
 #include <unistd.h>
 

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <numeric>
 
-#include "acquire/window.hpp"
+#include "acquire/run/window.hpp"
 #include "drivers/core/random.hpp"
 
 using namespace echofuse;
@@ -117,7 +117,6 @@ struct Laboratory {
     if (device.reconnected()) {
       ++reconnections[sensor];
       clocks.reset(sensor);
-      if (i == 0) windows.tag_gap();
     }
     i == 0   ? put_tags(device, lost_before)
     : i == 1 ? put_radar(device, lost_before)

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "acquire/peak.hpp"
+#include "acquire/calibrate/peak.hpp"
 
 #include <catch2/catch.hpp>
 #include <cmath>

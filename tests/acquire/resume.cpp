@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: MIT
-#include "acquire/resume.hpp"
+#include "acquire/run/resume.hpp"
 
 #include <sqlite3.h>
 
-#include "acquire/disk_estimate.hpp"
-#include "acquire/info.hpp"
+#include "acquire/commands/info.hpp"
+#include "acquire/run/disk_estimate.hpp"
 #include "testing.hpp"
 
 using namespace echofuse;
@@ -168,7 +168,7 @@ TEST_CASE("the counters of a part come all or not at all") {
 TEST_CASE("a run goes on with its last label, also one that a mark gave it") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
-  const auto last = [&] { return reopen_run(path, UtcTime(0)).label.value_or("none"); };
+  const auto last = [&] { return reopen_run(path, ManualClock()).label.value_or("none"); };
   write_run(path, 0);
   CHECK(last() == "none");
   {
@@ -186,7 +186,7 @@ TEST_CASE("a run goes on with its last label, also one that a mark gave it") {
   {
     record::RunWriter again(path);
     auto later = small_record(1);
-    later.slot_utc = SystemClock().utc() + std::chrono::seconds(1);
+    later.slot_utc = system_clock.utc() + std::chrono::seconds(1);
     later.label = "chair";
     again.append(later);
     again.close("complete");

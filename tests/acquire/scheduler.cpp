@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: MIT
-#include "acquire/scheduler.hpp"
+#include "acquire/run/scheduler.hpp"
 
 #include <catch2/catch.hpp>
 #include <vector>
 
-#include "acquire/backlog.hpp"
+#include "acquire/run/backlog.hpp"
 #include "drivers/core/random.hpp"
 
 using namespace echofuse;

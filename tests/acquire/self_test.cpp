@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: MIT
 // The doctor's verdicts on devices and disks, from samples and figures made by hand.
-#include "acquire/self_test.hpp"
+#include "acquire/doctor/self_test.hpp"
 
 #include "../paths.hpp"
-#include "acquire/disk.hpp"
+#include "acquire/doctor/disk.hpp"
 #include "testing.hpp"
 
 using namespace echofuse;

@@ -6,8 +6,8 @@
 #include <nlohmann/json.hpp>
 
 #include "acquire/record/run_names.hpp"
-#include "acquire/resume.hpp"
-#include "drivers/core/program.hpp"
+#include "acquire/run/resume.hpp"
+#include "drivers/program/program.hpp"
 #include "testing.hpp"
 
 using namespace testing;
@@ -94,7 +94,8 @@ TEST_CASE("who is logged in has made the run, unless the configuration names ano
   const Folder folder;
   echofuse::acquire::Config config;
   const auto operator_of = [&](const std::string& name) {
-    echofuse::acquire::make_run(config, folder / name, {})->close("complete");
+    echofuse::acquire::make_run(config, folder / name, {}, "", echofuse::system_clock)
+        ->close("complete");
     return record::RunReader(folder / name).info().operator_name;
   };
   CHECK(operator_of("a.sqlite") == echofuse::login_name());

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "acquire/signal_check.hpp"
+#include "acquire/run/signal_check.hpp"
 
 #include <catch2/catch.hpp>
 #include <cmath>

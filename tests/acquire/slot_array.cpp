@@ -2,14 +2,14 @@
 // The radar's heat maps on their way from frames to records, and what is told of them.
 #include <cmath>
 
-#include "acquire/disk_estimate.hpp"
-#include "acquire/info.hpp"
+#include "acquire/commands/info.hpp"
+#include "acquire/doctor/self_test.hpp"
 #include "acquire/record/export.hpp"
 #include "acquire/record/h5.hpp"
-#include "acquire/resume.hpp"
-#include "acquire/self_test.hpp"
-#include "acquire/window.hpp"
-#include "drivers/core/settings.hpp"
+#include "acquire/run/disk_estimate.hpp"
+#include "acquire/run/resume.hpp"
+#include "acquire/run/window.hpp"
+#include "drivers/program/settings.hpp"
 #include "testing.hpp"
 
 using namespace echofuse;

@@ -3,8 +3,8 @@
 #include <cmath>
 #include <limits>
 
-#include "acquire/annotate.hpp"
-#include "acquire/journal.hpp"
+#include "acquire/commands/annotate.hpp"
+#include "acquire/run/journal.hpp"
 #include "testing.hpp"
 
 using namespace echofuse;
@@ -39,7 +39,8 @@ TEST_CASE(
   const std::string path = folder / "run.sqlite";
   SetClock clock;
   const auto before = clock.offset;
-  Writer writer(std::make_unique<record::RunWriter>(path, record::RunInfo{}));
+  Writer writer(std::make_unique<record::RunWriter>(path, record::RunInfo{}),
+                port::SystemLoop().make_worker());
   RunLog log(clock);
   log.attach(writer);
   Journal journal(writer, clock, {});

@@ -6,7 +6,7 @@
 #include <random>
 
 #include "acquire/record/run_file.hpp"
-#include "acquire/window.hpp"
+#include "acquire/run/window.hpp"
 #include "drivers/core/log2_codes.hpp"
 #include "drivers/core/random.hpp"
 #include "testing.hpp"

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "acquire/start_gaps.hpp"
+#include "acquire/run/start_gaps.hpp"
 
 #include <algorithm>
 #include <catch2/catch.hpp>

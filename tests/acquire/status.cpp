@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "acquire/status.hpp"
+#include "acquire/run/status.hpp"
 
 #include <catch2/catch.hpp>
 

@@ -5,7 +5,7 @@
 #include <map>
 #include <sstream>
 
-#include "acquire/window.hpp"
+#include "acquire/run/window.hpp"
 
 using namespace echofuse;
 using namespace echofuse::acquire;

@@ -16,7 +16,7 @@
 #include "../folder.hpp"
 #include "../paths.hpp"
 #include "acquire/record/run_file.hpp"
-#include "drivers/core/exit_code.hpp"
+#include "drivers/program/exit_code.hpp"
 
 namespace testing {
 

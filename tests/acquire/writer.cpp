@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "acquire/writer.hpp"
+#include "acquire/run/writer.hpp"
 
 #include <future>
 
@@ -22,7 +22,7 @@ std::unique_ptr<record::RunWriter> open_run(const std::string& path) {
 
 TEST_CASE("jobs are done in order, and all of them before the run is closed") {
   const Folder folder;
-  Writer writer(open_run(folder / "a.sqlite"));
+  Writer writer(open_run(folder / "a.sqlite"), port::SystemLoop().make_worker());
   for (std::int64_t i = 0; i < 30; ++i) {
     CHECK(writer.put(small_record(i)));
     writer.put([i](record::RunWriter& run) {
@@ -39,7 +39,7 @@ TEST_CASE("jobs are done in order, and all of them before the run is closed") {
 
 TEST_CASE("a slow disk costs data, never a row, a disk that stands still ends the run") {
   const Folder folder;
-  Writer writer(open_run(folder / "a.sqlite"), 2);
+  Writer writer(open_run(folder / "a.sqlite"), port::SystemLoop().make_worker(), 2);
   std::promise<void> disk;
   writer.put([wait = disk.get_future().share()](record::RunWriter&) { wait.wait(); });
   // Waiting behind the first job, or, before the thread has taken it, with it.
@@ -71,7 +71,7 @@ TEST_CASE("a slow disk costs data, never a row, a disk that stands still ends th
 
 TEST_CASE("the first failed job ends the writing") {
   const Folder folder;
-  Writer writer(open_run(folder / "a.sqlite"));
+  Writer writer(open_run(folder / "a.sqlite"), port::SystemLoop().make_worker());
   writer.put(small_record(0));
   writer.put([](record::RunWriter&) { throw Error(ExitCode::disk, "no space left"); });
   while (!writer.failed()) std::this_thread::yield();
@@ -84,7 +84,7 @@ TEST_CASE("the first failed job ends the writing") {
 
 TEST_CASE("not every failure is the disk's") {
   const Folder folder;
-  Writer writer(open_run(folder / "a.sqlite"));
+  Writer writer(open_run(folder / "a.sqlite"), port::SystemLoop().make_worker());
   writer.put([](record::RunWriter&) { throw Error(ExitCode::failed, "not a number"); });
   CHECK(error_of([&] { writer.finish("complete"); }) ==
         std::pair(ExitCode::failed, std::string("not a number")));
@@ -95,14 +95,14 @@ TEST_CASE("a label begins with the slot that is running when it is given") {
   const Folder folder;
   auto run = open_run(folder / "a.sqlite");
   record::put_label(folder / "a.sqlite", "door", "me");
-  Writer writer(std::move(run));
+  Writer writer(std::move(run), port::SystemLoop().make_worker());
   const auto put = [&](std::int64_t index, UtcTime slot_end) {
     record::FusedRecord r = small_record(index);
     r.label = "before";
     r.slot_utc = slot_end - (r.slot_end - r.slot_start);
     writer.put(r);
   };
-  const UtcTime now = SystemClock().utc();
+  const UtcTime now = system_clock.utc();
   put(0, now - std::chrono::seconds(1));
   put(1, now + std::chrono::seconds(1));
   put(2, now + std::chrono::seconds(2));
@@ -116,7 +116,7 @@ TEST_CASE("a label begins with the slot that is running when it is given") {
 TEST_CASE("without finish a run looks crashed, with all that was put") {
   const Folder folder;
   {
-    Writer writer(open_run(folder / "a.sqlite"));
+    Writer writer(open_run(folder / "a.sqlite"), port::SystemLoop().make_worker());
     writer.put(small_record(0));
   }
   const record::RunReader run(folder / "a.sqlite");
@@ -134,7 +134,7 @@ TEST_CASE("a depth image that cannot be encoded costs its sensor, not the run") 
     if (axis.name == "depth_y") axis.count = 1;
     file->put_axis(axis);
   }
-  Writer writer(std::move(file));
+  Writer writer(std::move(file), port::SystemLoop().make_worker());
   for (int i = 0; i < 2; ++i) {
     auto record = small_record(i);
     record.depth_mm.assign(width, 1000);

@@ -5,8 +5,8 @@
 
 #include "drivers/core/axis.hpp"
 #include "drivers/core/clock.hpp"
-#include "drivers/core/console.hpp"
 #include "drivers/core/random.hpp"
+#include "drivers/program/console.hpp"
 
 using namespace echofuse;
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
 // Parts of a work, and files that appear when they are whole.
-#include "drivers/core/job_part.hpp"
+#include "drivers/program/job_part.hpp"
 
 #include <algorithm>
 #include <catch2/catch.hpp>
@@ -10,8 +10,8 @@
 #include <numeric>
 
 #include "../folder.hpp"
-#include "drivers/core/exit_code.hpp"
-#include "drivers/core/staged_file.hpp"
+#include "drivers/program/exit_code.hpp"
+#include "drivers/program/staged_file.hpp"
 
 using namespace echofuse;
 using Catch::Contains;

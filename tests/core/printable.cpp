@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: MIT
-#include "drivers/core/printable.hpp"
+#include "drivers/program/printable.hpp"
 
 #include <catch2/catch.hpp>
 
-#include "drivers/core/csv.hpp"
+#include "drivers/program/csv.hpp"
 
 using namespace echofuse;
 

@@ -13,11 +13,11 @@
 #include <thread>
 
 #include "../full_disk.hpp"
-#include "drivers/core/atomic_write.hpp"
 #include "drivers/core/bytes.hpp"
-#include "drivers/core/exit_code.hpp"
-#include "drivers/core/program.hpp"
-#include "drivers/core/regular_file.hpp"
+#include "drivers/program/atomic_write.hpp"
+#include "drivers/program/exit_code.hpp"
+#include "drivers/program/program.hpp"
+#include "drivers/program/regular_file.hpp"
 
 using namespace echofuse;
 namespace fs = std::filesystem;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "drivers/core/settings.hpp"
+#include "drivers/program/settings.hpp"
 
 #include <algorithm>
 #include <catch2/catch.hpp>

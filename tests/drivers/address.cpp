@@ -3,8 +3,8 @@
 
 #include <catch2/catch.hpp>
 
-#include "drivers/core/exit_code.hpp"
 #include "drivers/port/backoff.hpp"
+#include "drivers/program/exit_code.hpp"
 
 using namespace echofuse;
 using namespace echofuse::port;

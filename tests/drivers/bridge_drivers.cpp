@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: MIT
 // The two bridge drivers over real TCP connections.
-#include <boost/asio/io_context.hpp>
 #include <boost/asio/ip/tcp.hpp>
 #include <boost/asio/write.hpp>
 #include <catch2/catch.hpp>
@@ -12,15 +11,14 @@
 
 using namespace echofuse;
 using boost::asio::ip::tcp;
-using test::run_for;
 using test::run_until;
 
 namespace {
 
 // One connection at a time; the driver is its only client.
 struct Server {
-  explicit Server(boost::asio::io_context& context, std::uint16_t port = 0)
-      : io(context), acceptor(context, {boost::asio::ip::address_v4::loopback(), port}) {}
+  explicit Server(port::SystemLoop& context, std::uint16_t port = 0)
+      : loop(context), acceptor(context.io(), {boost::asio::ip::address_v4::loopback(), port}) {}
   std::string address() const {
     return "bridge:tcp://127.0.0.1:" + std::to_string(acceptor.local_endpoint().port());
   }
@@ -29,18 +27,17 @@ struct Server {
     acceptor.async_accept([this](const boost::system::error_code& error, tcp::socket socket) {
       if (!error) client.emplace(std::move(socket));
     });
-    return run_until(io, [this] { return client.has_value(); });
+    return run_until(loop, [this] { return client.has_value(); });
   }
   void send(const Bytes& bytes) { boost::asio::write(*client, boost::asio::buffer(bytes)); }
 
-  boost::asio::io_context& io;
+  port::SystemLoop& loop;
   tcp::acceptor acceptor;
   std::optional<tcp::socket> client;
 };
 
 struct Bench {
-  boost::asio::io_context io;
-  SystemClock clock;
+  port::SystemLoop loop;
   test::KeepingSink sink;
   std::vector<Bytes> golden = test::read_golden("bridge.hex");
 };
@@ -49,37 +46,37 @@ struct Bench {
 
 TEST_CASE("tags come through a bridge, and every connection is told") {
   Bench b;
-  Server server(b.io);
-  const auto driver = make_tdc(b.io, {server.address()}, b.clock);
+  Server server(b.loop);
+  const auto driver = make_tdc(b.loop, {server.address()});
   driver->start(b.sink);
   CHECK(b.sink.state() == DeviceState::connecting);
   REQUIRE(server.accept());
-  const HostTime before = b.clock.now();
+  const HostTime before = b.loop.now();
   server.send(test::join({b.golden[0], b.golden[1]}));
-  REQUIRE(run_until(b.io, [&] { return b.sink.tags.size() == 4; }));
+  REQUIRE(run_until(b.loop, [&] { return b.sink.tags.size() == 4; }));
   CHECK(b.sink.state() == DeviceState::streaming);
   CHECK(b.sink.info.model == "Time Tagger Ultra");
   CHECK(b.sink.info.serial == "1808000BBV");
   CHECK(b.sink.info.address == server.address());
   CHECK(b.sink.blocks[0].lost_blocks == 0);
   CHECK(b.sink.blocks[0].received >= before);
-  CHECK(b.sink.blocks[0].received <= b.clock.now());
+  CHECK(b.sink.blocks[0].received <= b.loop.now());
   CHECK(b.sink.tags[1].time_ps == 1'013'443);
 
   SECTION("a depth block is none of ours") {
     server.send(b.golden[2]);
-    REQUIRE(run_until(b.io, [&] { return test::counter(*driver, "bad_payloads") == 1; }));
+    REQUIRE(run_until(b.loop, [&] { return test::counter(*driver, "bad_payloads") == 1; }));
     server.send(test::tags_block(3));
-    REQUIRE(run_until(b.io, [&] { return b.sink.blocks.size() == 2; }));
+    REQUIRE(run_until(b.loop, [&] { return b.sink.blocks.size() == 2; }));
     CHECK(b.sink.blocks[1].lost_blocks == 1);  // the refused one
   }
   SECTION("a lost connection is made again, with one block lost at least") {
     server.client.reset();
-    REQUIRE(run_until(b.io, [&] { return b.sink.state() == DeviceState::faulted; }));
+    REQUIRE(run_until(b.loop, [&] { return b.sink.state() == DeviceState::faulted; }));
     CHECK(b.sink.events.size() == 1);
     REQUIRE(server.accept());
     server.send(test::join({b.golden[0], b.golden[1], test::tags_block(4)}));
-    REQUIRE(run_until(b.io, [&] { return b.sink.blocks.size() == 3; }));
+    REQUIRE(run_until(b.loop, [&] { return b.sink.blocks.size() == 3; }));
     CHECK(b.sink.state() == DeviceState::streaming);
     CHECK(b.sink.blocks[1].lost_blocks == 1);
     CHECK(b.sink.blocks[2].lost_blocks == 2);
@@ -87,7 +84,7 @@ TEST_CASE("tags come through a bridge, and every connection is told") {
   }
   SECTION("goodbye ends the connection") {
     server.send(b.golden[3]);
-    REQUIRE(run_until(b.io, [&] { return b.sink.state() == DeviceState::faulted; }));
+    REQUIRE(run_until(b.loop, [&] { return b.sink.state() == DeviceState::faulted; }));
     CHECK(b.sink.events ==
           std::vector<std::string>{
               "the bridge said goodbye: its device is gone, or it serves another client"});
@@ -96,19 +93,19 @@ TEST_CASE("tags come through a bridge, and every connection is told") {
     server.send(b.golden[1]);
     driver->stop();
     const std::size_t calls = b.sink.calls();
-    run_for(b.io, std::chrono::milliseconds(100));
+    b.loop.run_for(std::chrono::milliseconds(100));
     CHECK(b.sink.calls() == calls);
   }
 }
 
 TEST_CASE("blocks and items that are missing reach the sink") {
   Bench b;
-  Server server(b.io);
-  const auto driver = make_tdc(b.io, {server.address()}, b.clock);
+  Server server(b.loop);
+  const auto driver = make_tdc(b.loop, {server.address()});
   driver->start(b.sink);
   REQUIRE(server.accept());
   server.send(test::join({b.golden[0], b.golden[2]}));  // the block between them is missing
-  REQUIRE(run_until(b.io, [&] { return test::counter(*driver, "bad_payloads") == 1; }));
+  REQUIRE(run_until(b.loop, [&] { return test::counter(*driver, "bad_payloads") == 1; }));
   CHECK(test::counter(*driver, "lost_blocks") == 1);
   CHECK(b.sink.blocks.empty());
   CHECK(b.sink.events ==
@@ -120,25 +117,25 @@ TEST_CASE("a bridge that is not there is asked for again, and told once") {
   Bench b;
   std::uint16_t port = 0;
   {
-    const Server gone(b.io);
+    const Server gone(b.loop);
     port = gone.acceptor.local_endpoint().port();
   }
-  const auto driver = make_tdc(b.io, {"bridge:tcp://127.0.0.1:" + std::to_string(port)}, b.clock);
+  const auto driver = make_tdc(b.loop, {"bridge:tcp://127.0.0.1:" + std::to_string(port)});
   driver->start(b.sink);
-  run_for(b.io, std::chrono::milliseconds(400));
+  b.loop.run_for(std::chrono::milliseconds(400));
   CHECK(b.sink.state() == DeviceState::faulted);
   REQUIRE(b.sink.events.size() == 1);
   CHECK_THAT(b.sink.events[0], Catch::Contains("127.0.0.1:" + std::to_string(port) + ": connect"));
-  Server server(b.io, port);
+  Server server(b.loop, port);
   REQUIRE(server.accept());
   server.send(b.golden[0]);
-  CHECK(run_until(b.io, [&] { return b.sink.state() == DeviceState::streaming; }));
+  CHECK(run_until(b.loop, [&] { return b.sink.state() == DeviceState::streaming; }));
 }
 
 TEST_CASE("what is no bridge is refused, and told once") {
   Bench b;
-  Server server(b.io);
-  const auto driver = make_tdc(b.io, {server.address()}, b.clock);
+  Server server(b.loop);
+  const auto driver = make_tdc(b.loop, {server.address()});
   driver->start(b.sink);
   const auto [bytes, text] = GENERATE_COPY(
       std::pair(Bytes{'S', 'S', 'H', '-', '2', '.', '0', '\r', '\n'},
@@ -148,7 +145,7 @@ TEST_CASE("what is no bridge is refused, and told once") {
   for (std::uint64_t round = 1; round <= 2; ++round) {
     REQUIRE(server.accept());
     server.send(bytes);
-    REQUIRE(run_until(b.io, [&] { return b.sink.state() == DeviceState::faulted; }));
+    REQUIRE(run_until(b.loop, [&] { return b.sink.state() == DeviceState::faulted; }));
     CHECK(b.sink.events == std::vector<std::string>{text});
   }
   CHECK(b.sink.states == std::vector<DeviceState>{DeviceState::connecting, DeviceState::faulted});
@@ -156,31 +153,31 @@ TEST_CASE("what is no bridge is refused, and told once") {
 
 TEST_CASE("a driver may be destroyed at any moment") {
   Bench b;
-  Server server(b.io);
+  Server server(b.loop);
   for (int steps = 0; steps < 12; ++steps) {
-    auto driver = make_tdc(b.io, {server.address()}, b.clock);
+    auto driver = make_tdc(b.loop, {server.address()});
     driver->start(b.sink);
-    b.io.restart();
-    for (int i = 0; i < steps; ++i) b.io.run_one_for(std::chrono::milliseconds(1));
+    int left = steps;  // and each ends after a millisecond
+    b.loop.run_until([&] { return left-- == 0; }, b.loop.now() + std::chrono::milliseconds(steps));
     driver.reset();
-    run_for(b.io, std::chrono::milliseconds(5));
+    b.loop.run_for(std::chrono::milliseconds(5));
   }
 }
 
 TEST_CASE("depth frames come through a bridge with their axes") {
   Bench b;
-  Server server(b.io);
-  const auto driver = make_depth(b.io, {server.address()}, b.clock);
+  Server server(b.loop);
+  const auto driver = make_depth(b.loop, {server.address()});
   driver->start(b.sink);
   REQUIRE(server.accept());
   server.send(b.golden[0]);
-  run_for(b.io, std::chrono::milliseconds(30));
+  b.loop.run_for(std::chrono::milliseconds(30));
   CHECK(b.sink.state() == DeviceState::connecting);  // until it shows a frame
   const Bytes depth = b.golden[2];
   const Bytes next =
       test::make_block(bridge::BlockKind::depth, 3, ByteView(depth).subspan(bridge::header_bytes));
   server.send(test::join({depth, next}));
-  REQUIRE(run_until(b.io, [&] { return b.sink.depth.size() == 2; }));
+  REQUIRE(run_until(b.loop, [&] { return b.sink.depth.size() == 2; }));
   CHECK(b.sink.states == std::vector<DeviceState>{DeviceState::connecting, DeviceState::streaming});
   REQUIRE(b.sink.info.axes.size() == 2);
   CHECK(b.sink.info.axes[0].name == "depth_x");
@@ -190,13 +187,13 @@ TEST_CASE("depth frames come through a bridge with their axes") {
   CHECK(b.sink.depth[0].lost_before == 6);  // 5 dropped, block 1 missing
   CHECK(test::counter(*driver, "frames") == 2);
   server.send(b.golden[1]);
-  CHECK(run_until(b.io, [&] { return test::counter(*driver, "bad_payloads") == 1; }));
+  CHECK(run_until(b.loop, [&] { return test::counter(*driver, "bad_payloads") == 1; }));
 }
 
 TEST_CASE("a camera's gaps are exact, by its own numbers, also over a reconnection") {
   Bench b;
-  Server server(b.io);
-  const auto driver = make_depth(b.io, {server.address()}, b.clock);
+  Server server(b.loop);
+  const auto driver = make_depth(b.loop, {server.address()});
   driver->start(b.sink);
   const auto frame = [](std::uint32_t sequence, std::uint32_t index) {
     Bytes payload = test::depth_block(index);
@@ -205,15 +202,15 @@ TEST_CASE("a camera's gaps are exact, by its own numbers, also over a reconnecti
   };
   REQUIRE(server.accept());
   server.send(test::join({b.golden[0], frame(1, 7), frame(2, 10)}));  // 8 and 9 before the bridge
-  REQUIRE(run_until(b.io, [&] { return b.sink.depth.size() == 2; }));
+  REQUIRE(run_until(b.loop, [&] { return b.sink.depth.size() == 2; }));
   server.client.reset();
   REQUIRE(server.accept());
   server.send(test::join({b.golden[0], frame(1, 40), frame(4, 43)}));
-  REQUIRE(run_until(b.io, [&] { return b.sink.depth.size() == 4; }));
+  REQUIRE(run_until(b.loop, [&] { return b.sink.depth.size() == 4; }));
   server.client.reset();
   REQUIRE(server.accept());
   server.send(test::join({b.golden[0], frame(1, 1)}));  // numbered anew: one at least
-  REQUIRE(run_until(b.io, [&] { return b.sink.depth.size() == 5; }));
+  REQUIRE(run_until(b.loop, [&] { return b.sink.depth.size() == 5; }));
   const std::uint32_t lost[] = {0, 2, 29, 2, 1};
   for (std::size_t i = 0; i < 5; ++i) CHECK(b.sink.depth[i].lost_before == lost[i]);
   CHECK(test::counter(*driver, "lost_frames") == 34);

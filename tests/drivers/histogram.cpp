@@ -6,8 +6,8 @@
 #include <numeric>
 #include <optional>
 
-#include "drivers/core/exit_code.hpp"
 #include "drivers/core/random.hpp"
+#include "drivers/program/exit_code.hpp"
 #include "drivers/tdc/tag_filter.hpp"
 
 using namespace echofuse;

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: MIT
 #include "drivers/make_driver.hpp"
 
-#include <boost/asio/io_context.hpp>
 #include <catch2/catch.hpp>
 
-#include "drivers/core/exit_code.hpp"
+#include "drivers/port/loop.hpp"
+#include "drivers/program/exit_code.hpp"
 
 using namespace echofuse;
 
@@ -24,12 +24,11 @@ std::string refusal(Make make) {
 }  // namespace
 
 TEST_CASE("addresses that a device cannot have are refused at start-up") {
-  boost::asio::io_context io;
-  const SystemClock clock;
-  const auto tdc = [&](const char* a) { return refusal([&] { make_tdc(io, {a}, clock); }); };
-  const auto depth = [&](const char* a) { return refusal([&] { make_depth(io, {a}, clock); }); };
+  port::SystemLoop loop;
+  const auto tdc = [&](const char* a) { return refusal([&] { make_tdc(loop, {a}); }); };
+  const auto depth = [&](const char* a) { return refusal([&] { make_depth(loop, {a}); }); };
   const auto radar = [&](const char* cli, const char* data) {
-    return refusal([&] { make_radar(io, {cli, data, "", "x.cfg"}, clock); });
+    return refusal([&] { make_radar(loop, {cli, data, "", "x.cfg"}); });
   };
   CHECK_THAT(tdc("usb:04b4"), Catch::Contains("usb:VVVV:PPPP"));
   CHECK_THAT(tdc("serial:/dev/ttyUSB0"), Catch::Contains("a time tagger is"));
@@ -37,7 +36,7 @@ TEST_CASE("addresses that a device cannot have are refused at start-up") {
   CHECK_THAT(depth("usb:2bc5:0670"), Catch::Contains("a depth camera is"));
   CHECK_THAT(radar("hid:10c4:ea80:A", "hid:10c4:ea80:B"), Catch::Contains("has no profileCfg"));
   CHECK_THAT(refusal([&] {
-               make_radar(io, {"hid:10c4:ea80", "serial:/dev/x", "", "x.cfg", 3'000'000}, clock);
+               make_radar(loop, {"hid:10c4:ea80", "serial:/dev/x", "", "x.cfg", 3'000'000});
              }),
              Catch::Contains("a CP2110 does 300 to 1000000"));
   CHECK_THAT(radar("serial:/dev/x", "bridge:tcp://a:1"), Catch::Contains("a radar port is"));

@@ -6,7 +6,6 @@
 #include <dlfcn.h>
 #include <unistd.h>
 
-#include <boost/asio/io_context.hpp>
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <filesystem>
@@ -19,7 +18,6 @@ using namespace echofuse;
 using namespace echofuse::depth;
 using namespace std::chrono_literals;
 using test::counter;
-using test::run_for;
 using test::run_until;
 
 // The library and the modules that it has unloaded leak a little, once; no suppression can name
@@ -42,13 +40,13 @@ void camera(const char* command) {
 
 struct Bench {
   explicit Bench(const std::string& uri = "", OpenNiOptions options = {})
-      : driver(io, "openni:" + uri, uri, clock, options) {}
+      : driver(loop, "openni:" + uri, uri, options) {}
   void start() { driver.start(sink); }
   bool frames(std::size_t count) {
-    return run_until(io, [&] { return sink.depth.size() >= count; });
+    return run_until(loop, [&] { return sink.depth.size() >= count; });
   }
   bool reaches(DeviceState state) {
-    return run_until(io, [&] { return sink.state() == state; });
+    return run_until(loop, [&] { return sink.state() == state; });
   }
   // 1000 + 100 y + 10 x + index % 10, in the camera's unit
   void check_pixels(std::uint32_t per_mm = 1) const {
@@ -61,8 +59,7 @@ struct Bench {
     }
   }
 
-  boost::asio::io_context io;
-  SystemClock clock;
+  port::SystemLoop loop;
   test::KeepingSink sink;
   OpenNiCamera driver;
 };
@@ -108,7 +105,7 @@ struct Recording {
 
 TEST_CASE("a live camera: frames, axes, names") {
   Bench b;
-  const HostTime begin = b.clock.now();
+  const HostTime begin = b.loop.now();
   b.start();
   CHECK(b.sink.state() == DeviceState::connecting);
   REQUIRE(b.frames(20));
@@ -120,7 +117,7 @@ TEST_CASE("a live camera: frames, axes, names") {
   for (const DepthFrame& f : b.sink.depth) {
     CHECK(f.device_time_us == f.frame_index * 10'000);
     CHECK(f.received > begin);
-    CHECK(f.received <= b.clock.now());
+    CHECK(f.received <= b.loop.now());
   }
   // The outer edges of the outer pixels are at the field of view's tangents.
   REQUIRE(b.sink.info.axes.size() == 2);
@@ -169,7 +166,7 @@ TEST_CASE("a camera that is unplugged is told, and found again") {
   camera("unplug");
   REQUIRE(b.reaches(DeviceState::faulted));
   CHECK(b.sink.events.at(0) == "the camera is gone");
-  run_for(b.io, 350ms);
+  b.loop.run_for(350ms);
   camera("plug");
   REQUIRE(b.reaches(DeviceState::streaming));
   const std::size_t before = b.sink.depth.size();
@@ -274,10 +271,10 @@ TEST_CASE("unplugged a hundred times, the camera is found again each time") {
     camera("unplug");
     REQUIRE(b.reaches(DeviceState::faulted));
     const std::size_t before = b.sink.depth.size();
-    const HostTime from = b.clock.now();
+    const HostTime from = b.loop.now();
     camera("plug");
     REQUIRE(b.frames(before + 1));
-    longest_s = std::max(longest_s, seconds(b.clock.now() - from));
+    longest_s = std::max(longest_s, seconds(b.loop.now() - from));
   }
   WARN("100 times unplugged: at most " << longest_s << " s from the plug to a frame");
   CHECK(longest_s < 10);
@@ -289,10 +286,10 @@ TEST_CASE("a camera that dies after one frame is tried ever more rarely") {
   b.start();
   for (int i = 0; i < 5; ++i) {
     const std::size_t before = b.sink.depth.size();
-    const HostTime from = b.clock.now();
+    const HostTime from = b.loop.now();
     REQUIRE(b.frames(before + 1));
     // Heard of a little later than it began.
-    if (i > 0) CHECK(seconds(b.clock.now() - from) > 0.04 * (1 << i));
+    if (i > 0) CHECK(seconds(b.loop.now() - from) > 0.04 * (1 << i));
     camera("unplug");
     REQUIRE(b.reaches(DeviceState::faulted));
     camera("plug");
@@ -320,11 +317,11 @@ TEST_CASE(
   REQUIRE(b.frames(3));
   const auto begin = std::chrono::steady_clock::now();
   b.driver.stop();
-  REQUIRE(run_until(b.io, [&] { return b.driver.finished(); }));
+  REQUIRE(run_until(b.loop, [&] { return b.driver.finished(); }));
   CHECK(std::chrono::steady_clock::now() - begin < 1s);
   CHECK(test::counter(b.driver, "frames") == b.sink.depth.size());
   const std::size_t calls = b.sink.calls();
-  run_for(b.io, 50ms);
+  b.loop.run_for(50ms);
   CHECK(b.sink.calls() == calls);
 }
 
@@ -362,7 +359,7 @@ TEST_CASE("a recording that is not there is told once, and tried again") {
   b.start();
   REQUIRE(b.reaches(DeviceState::faulted));
   CHECK_THAT(b.sink.events.at(0), Catch::StartsWith("open:"));
-  run_for(b.io, 350ms);
+  b.loop.run_for(350ms);
   CHECK(b.sink.events.size() == 1);
   CHECK(b.sink.states.size() == 2);
 }

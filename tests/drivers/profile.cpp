@@ -6,8 +6,8 @@
 #include <fstream>
 
 #include "../paths.hpp"
-#include "drivers/core/exit_code.hpp"
 #include "drivers/core/log2_codes.hpp"
+#include "drivers/program/exit_code.hpp"
 
 using namespace echofuse;
 using namespace echofuse::radar;

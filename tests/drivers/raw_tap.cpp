@@ -10,7 +10,7 @@
 #include <thread>
 
 #include "drivers/bridge/bridge_writer.hpp"
-#include "drivers/core/exit_code.hpp"
+#include "drivers/program/exit_code.hpp"
 #include "hex.hpp"
 
 using namespace echofuse;

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: MIT
 #pragma once
-#include <boost/asio/io_context.hpp>
 #include <chrono>
 #include <string>
 #include <vector>
 
 #include "drivers/core/driver.hpp"
+#include "drivers/port/loop.hpp"
 
 namespace echofuse::test {
 
@@ -40,22 +40,12 @@ struct KeepingSink : SampleSink {
   DeviceInfo info;
 };
 
-// Runs the io context until the condition holds; false after `limit`.
+// Runs the loop until the condition holds; false after `limit`.
 template <class Condition>
-bool run_until(boost::asio::io_context& io, Condition condition,
+bool run_until(port::Loop& loop, Condition condition,
                std::chrono::milliseconds limit = std::chrono::seconds(10)) {
-  const auto end = std::chrono::steady_clock::now() + limit;
-  while (!condition()) {
-    if (std::chrono::steady_clock::now() > end) return false;
-    io.restart();
-    io.run_one_for(std::chrono::milliseconds(20));
-  }
-  return true;
-}
-
-inline void run_for(boost::asio::io_context& io, std::chrono::milliseconds time) {
-  run_until(
-      io, [] { return false; }, time);
+  loop.run_until(condition, loop.now() + limit);
+  return condition();
 }
 
 inline std::uint64_t counter(const Driver& driver, const std::string& name) {

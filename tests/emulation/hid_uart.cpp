@@ -5,13 +5,13 @@
 
 namespace echofuse::sim {
 
-HidUart::HidUart(boost::asio::io_context& io, UsbBed& bed, HidOptions options, unsigned baud,
+HidUart::HidUart(port::SystemLoop& loop, UsbBed& bed, HidOptions options, unsigned baud,
                  Receive receive)
-    : Uart(io, baud, std::chrono::milliseconds(1)),
+    : Uart(loop, baud, std::chrono::milliseconds(1)),
       receive_(std::make_shared<Receive>(std::move(receive))),
       bridge_(std::make_unique<HidCp2110>(
-          bed, std::move(options), [&io, to = receive_](ByteView bytes) {
-            boost::asio::post(io, [to, copy = Bytes(bytes.begin(), bytes.end())] {
+          bed, std::move(options), [&loop, to = receive_](ByteView bytes) {
+            loop.post([to, copy = Bytes(bytes.begin(), bytes.end())] {
               if (*to) (*to)(copy);
             });
           })) {}

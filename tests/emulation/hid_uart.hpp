@@ -4,6 +4,7 @@
 #include <memory>
 #include <utility>
 
+#include "drivers/port/loop.hpp"
 #include "sim/devices/uart.hpp"
 #include "tests/emulation/hid_cp2110.hpp"
 
@@ -11,8 +12,7 @@ namespace echofuse::sim {
 
 class HidUart final : public Uart {
  public:
-  HidUart(boost::asio::io_context& io, UsbBed& bed, HidOptions options, unsigned baud,
-          Receive receive);
+  HidUart(port::SystemLoop& loop, UsbBed& bed, HidOptions options, unsigned baud, Receive receive);
   ~HidUart() override;
   HidCp2110& bridge() { return *bridge_; }
 

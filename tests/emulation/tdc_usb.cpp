@@ -2,11 +2,11 @@
 #include "tests/emulation/tdc_usb.hpp"
 
 #include <atomic>
-#include <boost/asio/io_context.hpp>
 #include <boost/asio/post.hpp>
 #include <boost/asio/steady_timer.hpp>
 #include <utility>
 
+#include "drivers/port/loop.hpp"
 #include "sim/devices/tag_stream.hpp"
 #include "sim/wire/encode.hpp"
 
@@ -20,10 +20,11 @@ constexpr char hello[] =
 
 class Tagger final : public TdcUsb {
  public:
-  Tagger(boost::asio::io_context& io, ScenePlayer& player, UsbBed& bed, const TdcOptions& options)
+  Tagger(port::SystemLoop& loop, ScenePlayer& player, UsbBed& bed, const TdcOptions& options)
       : fifo_bytes_(options.send_queue_bytes),
         stream_(player, options),
-        timer_(io),
+        loop_(loop),
+        timer_(loop),
         usb_(bed,
              {.vendor = vendor,
               .product = product,
@@ -60,9 +61,7 @@ class Tagger final : public TdcUsb {
   }
 
   void wait() {
-    timer_.expires_after(tick);
-    timer_.async_wait([this](const boost::system::error_code& error) {
-      if (error) return;
+    timer_.after(tick, [this] {
       if (wanted_) run();
       wait();
     });
@@ -77,8 +76,8 @@ class Tagger final : public TdcUsb {
       ++starts_;
     }
     Bytes run;
-    if (std::chrono::steady_clock::now() >= next_hello_) {
-      next_hello_ = std::chrono::steady_clock::now() + hello_pause;
+    if (loop_.now() >= next_hello_) {
+      next_hello_ = loop_.now() + hello_pause;
       put_block(run, BlockKind::hello, Bytes(std::begin(hello), std::end(hello) - 1));
     }
     const auto lose = [this](std::uint64_t tags) {
@@ -102,9 +101,10 @@ class Tagger final : public TdcUsb {
 
   std::size_t fifo_bytes_;
   TagStream stream_;
-  boost::asio::steady_timer timer_;
+  port::Loop& loop_;
+  port::Timer timer_;
   std::uint32_t sequence_ = 0;
-  std::chrono::steady_clock::time_point next_hello_;
+  HostTime next_hello_{};
   std::uint64_t starts_ = 0, tags_ = 0, lost_ = 0, dropped_ = 0;
   std::atomic<bool> wanted_{false}, restart_{false};  // set by the control handler
   UsbDevice usb_;                                     // last: its thread uses the rest
@@ -112,9 +112,9 @@ class Tagger final : public TdcUsb {
 
 }  // namespace
 
-std::unique_ptr<TdcUsb> make_tdc_usb(boost::asio::io_context& io, ScenePlayer& player, UsbBed& bed,
+std::unique_ptr<TdcUsb> make_tdc_usb(port::SystemLoop& loop, ScenePlayer& player, UsbBed& bed,
                                      const TdcOptions& options) {
-  return std::make_unique<Tagger>(io, player, bed, options);
+  return std::make_unique<Tagger>(loop, player, bed, options);
 }
 
 }  // namespace echofuse::sim

@@ -3,6 +3,7 @@
 #pragma once
 #include <memory>
 
+#include "drivers/port/loop.hpp"
 #include "sim/devices/device.hpp"
 #include "tests/emulation/usb_device.hpp"
 
@@ -17,7 +18,7 @@ class TdcUsb : public Device {
   virtual std::string address() const = 0;  // "usb:1209:0001:SERIAL"
   virtual UsbDevice& usb() = 0;             // to plug, unplug, halt
 };
-std::unique_ptr<TdcUsb> make_tdc_usb(boost::asio::io_context& io, ScenePlayer& player, UsbBed& bed,
+std::unique_ptr<TdcUsb> make_tdc_usb(port::SystemLoop& loop, ScenePlayer& player, UsbBed& bed,
                                      const TdcOptions& options);
 
 }  // namespace echofuse::sim

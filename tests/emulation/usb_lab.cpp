@@ -3,7 +3,8 @@
 // laboratory whose time tagger is an emulated USB device.
 #include <CLI/CLI.hpp>
 
-#include "drivers/core/console.hpp"
+#include "drivers/port/loop.hpp"
+#include "drivers/program/console.hpp"
 #include "sim/lab/lab_command.hpp"
 #include "tests/emulation/tdc_usb.hpp"
 #include "tests/emulation/usb_bed.hpp"
@@ -30,13 +31,13 @@ ExitCode run(int argc, char** argv) {
   }
   options.conditions.depth_noise_m = 0.0005;  // two frames of a real camera are never the same
   sim::UsbBed bed;
-  options.make_tagger = [&](auto& io, auto& player, const auto& wanted) {
-    auto tagger = sim::make_tdc_usb(io, player, bed, wanted);
+  options.make_tagger = [&](auto& loop, auto& player, const auto& wanted) {
+    auto tagger = sim::make_tdc_usb(loop, player, bed, wanted);
     std::string address = tagger->address();
     return sim::LabTagger{std::move(tagger), std::move(address), bed.environment()};
   };
-  const SystemClock clock;
-  sim::Lab lab(clock, options);
+  port::SystemLoop loop;
+  sim::Lab lab(loop, options);
   return sim::serve_command(lab, command);
 }
 

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <optional>
 
-#include "drivers/core/exit_code.hpp"
+#include "drivers/program/exit_code.hpp"
 #include "drivers/radar/profile.hpp"
 #include "fuzz.hpp"
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
 // Input: a first byte '=' for a key=value of the command line, another for a file; then its text.
-#include "drivers/core/settings.hpp"
+#include "drivers/program/settings.hpp"
 
 #include "fuzz.hpp"
 

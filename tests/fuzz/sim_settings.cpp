@@ -3,8 +3,8 @@
 // settings of the simulated world; then the text of the file.
 #include <cmath>
 
-#include "drivers/core/exit_code.hpp"
-#include "drivers/core/settings.hpp"
+#include "drivers/program/exit_code.hpp"
+#include "drivers/program/settings.hpp"
 #include "fuzz.hpp"
 #include "sim/dataset/dataset.hpp"
 #include "sim/devices/faults.hpp"

@@ -4,7 +4,7 @@
 // arithmetic, tag by tag; and the filter's counts.
 #include <hwy/highway.h>
 
-#include "drivers/core/exit_code.hpp"
+#include "drivers/program/exit_code.hpp"
 #include "drivers/tdc/histogram.hpp"
 #include "fuzz.hpp"
 

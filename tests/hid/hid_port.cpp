@@ -6,7 +6,6 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include <boost/asio/io_context.hpp>
 #include <catch2/catch.hpp>
 #include <chrono>
 #include <cstdio>
@@ -17,11 +16,11 @@
 #include "../paths.hpp"
 #include "bed.hpp"
 #include "drivers/inventory/inventory.hpp"
+#include "drivers/port/loop.hpp"
 #include "tests/emulation/hid_cp2110.hpp"
 
 using namespace echofuse;
 using namespace std::chrono_literals;
-using Clock = std::chrono::steady_clock;
 
 namespace {
 
@@ -56,7 +55,7 @@ class Bridge {
 struct Host {
   void open(const std::string& serial = "", std::uint32_t baud = 115200) {
     opened = gone = 0;
-    port = port::make_hid_port(io, {0x10c4, 0xea80, serial}, baud);
+    port = port::make_hid_port(loop.io(), {0x10c4, 0xea80, serial}, baud);
     port->open(
         {[this] { ++opened; },
          [this](ByteView bytes) { received.insert(received.end(), bytes.begin(), bytes.end()); },
@@ -71,13 +70,8 @@ struct Host {
   }
   template <class Condition>
   bool until(Condition condition, std::chrono::milliseconds limit = 10s) {
-    const auto end = Clock::now() + limit;
-    while (!condition()) {
-      if (Clock::now() > end) return false;
-      io.restart();
-      io.run_one_for(5ms);
-    }
-    return true;
+    loop.run_until(condition, loop.now() + limit);
+    return condition();
   }
   void opens(const std::string& serial = "", std::uint32_t baud = 115200) {
     open(serial, baud);
@@ -89,7 +83,7 @@ struct Host {
     REQUIRE(until([this] { return gone > 0; }));
   }
 
-  boost::asio::io_context io;
+  port::SystemLoop loop;
   std::unique_ptr<port::BytePort> port;
   int opened = 0, gone = 0;
   Bytes received;
@@ -215,7 +209,7 @@ TEST_CASE("unplugged: gone, once, then the address is not there") {
 TEST_CASE("unplugged and replugged 100 times") {
   Bridge bridge;
   Host host;
-  const auto start = Clock::now();
+  const auto start = std::chrono::steady_clock::now();
   for (std::uint8_t i = 0; i < 100; ++i) {
     host.opens("A");
     host.received.clear();
@@ -227,7 +221,8 @@ TEST_CASE("unplugged and replugged 100 times") {
     CHECK(host.gone == 1);
     bridge.device.plug();
   }
-  WARN("100 cycles in " << std::chrono::duration<double>(Clock::now() - start).count() << " s");
+  WARN("100 cycles in "
+       << std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count() << " s");
 }
 
 TEST_CASE("another serial number: told which ones are there") {
@@ -338,28 +333,27 @@ TEST_CASE("throughput and latency", "[.measure]") {
   Bridge bridge;
   Host host;
   host.opens();
-  const auto start = Clock::now();
+  const auto start = std::chrono::steady_clock::now();
   std::size_t given = 0;
-  while (Clock::now() - start < 3s) {
+  while (std::chrono::steady_clock::now() - start < 3s) {
     given += bridge.device.receive(pattern(480));
-    host.io.restart();
-    host.io.run_one_for(1ms);
+    host.loop.run_for(1ms);
   }
   host.until([&] { return host.received.size() >= given; }, 2s);
-  const double s = std::chrono::duration<double>(Clock::now() - start).count();
+  const double s = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   WARN("to the host: " << double(host.received.size()) / s << " bytes/s of " << given
                        << ", dropped " << bridge.device.host_dropped());
   std::vector<double> down, up;
   for (int i = 0; i < 200; ++i) {
     const auto sent = bridge.sent().size();
     const auto got = host.received.size();
-    const auto t0 = Clock::now();
+    const auto t0 = std::chrono::steady_clock::now();
     host.port->write(Bytes{1});
     while (bridge.sent().size() == sent) std::this_thread::yield();
-    const auto t1 = Clock::now();
+    const auto t1 = std::chrono::steady_clock::now();
     bridge.device.receive(Bytes{1});
     host.until([&] { return host.received.size() > got; });
-    const auto t2 = Clock::now();
+    const auto t2 = std::chrono::steady_clock::now();
     down.push_back(std::chrono::duration<double, std::milli>(t1 - t0).count());
     up.push_back(std::chrono::duration<double, std::milli>(t2 - t1).count());
   }

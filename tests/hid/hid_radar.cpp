@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: MIT
 // The simulated radar board behind two CP2110, the unmodified driver above.
 #include <algorithm>
-#include <boost/asio/io_context.hpp>
 #include <catch2/catch.hpp>
 #include <fstream>
 #include <sstream>
@@ -23,27 +22,25 @@ struct Bench {
   Bench() {
     const auto uart = [this](unsigned number, const char* serial, sim::HidUart*& made) {
       return [this, number, serial, &made](unsigned baud, sim::Uart::Receive receive) {
-        auto out = std::make_unique<sim::HidUart>(io, test::bed(), sim::HidOptions{number, serial},
-                                                  baud, std::move(receive));
+        auto out = std::make_unique<sim::HidUart>(
+            loop, test::bed(), sim::HidOptions{number, serial}, baud, std::move(receive));
         made = out.get();
         return out;
       };
     };
-    board = sim::make_radar_board(io, player, {}, uart(0, "CLI", cli), uart(1, "DATA", data));
+    board = sim::make_radar_board(loop, player, {}, uart(0, "CLI", cli), uart(1, "DATA", data));
     std::ifstream cfg(echofuse::test::source_dir + "/config/radar/xwr68xx_paper_50cm.cfg");
     std::ostringstream text;
     text << cfg.rdbuf();
-    driver =
-        make_radar(io, {"hid:10c4:ea80:CLI", "hid:10c4:ea80:DATA", text.str(), "paper.cfg"}, clock);
+    driver = make_radar(loop, {"hid:10c4:ea80:CLI", "hid:10c4:ea80:DATA", text.str(), "paper.cfg"});
   }
   auto told(const std::string& start) const {
     return std::count_if(sink.events.begin(), sink.events.end(),
                          [&](const std::string& text) { return text.starts_with(start); });
   }
 
-  boost::asio::io_context io;
-  SystemClock clock;
-  sim::ScenePlayer player{clock, {}, {}};
+  port::SystemLoop loop;
+  sim::ScenePlayer player{loop, {}, {}};
   sim::HidUart *cli = nullptr, *data = nullptr;
   std::unique_ptr<sim::Device> board;
   std::unique_ptr<Driver> driver;
@@ -56,7 +53,7 @@ TEST_CASE("dialogue and frames over two HID ports, unplug and back") {
   Bench b;
   b.driver->start(b.sink);
   REQUIRE(run_until(
-      b.io, [&] { return b.sink.radar.size() >= 20; }, std::chrono::seconds(20)));
+      b.loop, [&] { return b.sink.radar.size() >= 20; }, std::chrono::seconds(20)));
   CHECK(b.data->bridge().baud() == 921600);
   CHECK(b.sink.state() == DeviceState::streaming);
   CHECK(b.sink.radar[0].frame_number + 19 == b.sink.radar[19].frame_number);
@@ -67,12 +64,12 @@ TEST_CASE("dialogue and frames over two HID ports, unplug and back") {
   CHECK(b.told("hid:") == 1);
 
   b.data->bridge().unplug();
-  REQUIRE(run_until(b.io, [&] { return b.sink.state() == DeviceState::faulted; }));
+  REQUIRE(run_until(b.loop, [&] { return b.sink.state() == DeviceState::faulted; }));
   const std::size_t before = b.sink.radar.size();
   b.data->bridge().plug();
   const auto start = std::chrono::steady_clock::now();
   REQUIRE(run_until(
-      b.io, [&] { return b.sink.radar.size() >= before + 20; }, std::chrono::seconds(20)));
+      b.loop, [&] { return b.sink.radar.size() >= before + 20; }, std::chrono::seconds(20)));
   WARN("20 frames after "
        << std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count() << " s");
   CHECK(b.sink.state() == DeviceState::streaming);
@@ -85,12 +82,12 @@ TEST_CASE("an overrun becomes an event and a count") {
   Bench b;
   b.driver->start(b.sink);
   REQUIRE(run_until(
-      b.io, [&] { return b.sink.radar.size() >= 2; }, std::chrono::seconds(20)));
+      b.loop, [&] { return b.sink.radar.size() >= 2; }, std::chrono::seconds(20)));
   b.data->bridge().receive(Bytes(900, 0x55));
-  REQUIRE(run_until(b.io, [&] { return test::counter(*b.driver, "port_losses") > 0; }));
+  REQUIRE(run_until(b.loop, [&] { return test::counter(*b.driver, "port_losses") > 0; }));
   CHECK(b.told("hid:10c4:ea80:DATA: overrun: the bridge lost bytes") == 1);
   const std::size_t before = b.sink.radar.size();
-  REQUIRE(run_until(b.io, [&] { return b.sink.radar.size() >= before + 20; }));
+  REQUIRE(run_until(b.loop, [&] { return b.sink.radar.size() >= before + 20; }));
   CHECK(test::counter(*b.driver, "connections") == 1);
   b.driver->stop();
   b.board->stop();
@@ -100,7 +97,7 @@ TEST_CASE("garbage and cut frames between good ones") {
   Bench b;
   b.driver->start(b.sink);
   REQUIRE(run_until(
-      b.io, [&] { return b.sink.radar.size() >= 5; }, std::chrono::seconds(20)));
+      b.loop, [&] { return b.sink.radar.size() >= 5; }, std::chrono::seconds(20)));
   Rng rng(1);
   Bytes noise(200);
   for (auto& byte : noise) byte = static_cast<std::uint8_t>(rng());
@@ -112,7 +109,7 @@ TEST_CASE("garbage and cut frames between good ones") {
     cut[20] = static_cast<std::uint8_t>(b.sink.radar.back().frame_number);
     const Bytes& damage = whole_noise ? noise : cut;
     b.data->bridge().receive(damage);
-    REQUIRE(run_until(b.io, [&] { return b.sink.radar.size() >= before + 5; }));
+    REQUIRE(run_until(b.loop, [&] { return b.sink.radar.size() >= before + 5; }));
   }
   CHECK(test::counter(*b.driver, "connections") == 1);
   const auto first = b.sink.radar.front().frame_number, last = b.sink.radar.back().frame_number;
@@ -130,16 +127,16 @@ TEST_CASE("the command port unplugged in mid-dialogue, again and again") {
   Bench b;
   b.driver->start(b.sink);
   for (std::uint64_t i = 1; i <= 3; ++i) {
-    REQUIRE(run_until(b.io, [&] { return test::counter(*b.driver, "connections") == i; }));
+    REQUIRE(run_until(b.loop, [&] { return test::counter(*b.driver, "connections") == i; }));
     const auto reports = b.cli->bridge().output_reports();
-    REQUIRE(run_until(b.io, [&] { return b.cli->bridge().output_reports() >= reports + 2; }));
+    REQUIRE(run_until(b.loop, [&] { return b.cli->bridge().output_reports() >= reports + 2; }));
     CHECK(test::counter(*b.driver, "configured") == 0);
     b.cli->bridge().unplug();
-    REQUIRE(run_until(b.io, [&] { return b.sink.state() == DeviceState::faulted; }));
+    REQUIRE(run_until(b.loop, [&] { return b.sink.state() == DeviceState::faulted; }));
     b.cli->bridge().plug();
   }
   REQUIRE(run_until(
-      b.io, [&] { return b.sink.radar.size() >= 10; }, std::chrono::seconds(20)));
+      b.loop, [&] { return b.sink.radar.size() >= 10; }, std::chrono::seconds(20)));
   CHECK(b.sink.state() == DeviceState::streaming);
   b.driver->stop();
   b.board->stop();

@@ -2,7 +2,7 @@
 // The method's steps and numbers, each alone.
 #include "recon/method/method.hpp"
 
-#include "drivers/core/settings.hpp"
+#include "drivers/program/settings.hpp"
 #include "recon/method/bin_sums.hpp"
 #include "recon/train/train.hpp"
 #include "world.hpp"

@@ -144,7 +144,7 @@ TEST_CASE("a run is followed while it is recorded, until it is closed") {
   Rng rng = make_rng(4, 4);
   const auto record = [&](std::int64_t index) {
     record::FusedRecord r = plate_record(index, 0.3, 3.5, rng);
-    r.slot_end = SystemClock().now();
+    r.slot_end = system_clock.now();
     return r;
   };
   // The radar is still missing, and so is its axis.

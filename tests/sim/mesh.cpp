@@ -7,7 +7,7 @@
 #include <fstream>
 
 #include "acquire/record/depth_map.hpp"
-#include "drivers/core/exit_code.hpp"
+#include "drivers/program/exit_code.hpp"
 #include "scenes.hpp"
 #include "sim/sensors/optics.hpp"
 

@@ -3,7 +3,7 @@
 
 #include <catch2/catch.hpp>
 
-#include "drivers/core/exit_code.hpp"
+#include "drivers/program/exit_code.hpp"
 #include "lab_thread.hpp"
 
 using namespace echofuse;
@@ -107,12 +107,12 @@ TEST_CASE("a device's clock: an offset goes, a drift stays") {
 TEST_CASE("a laboratory refuses a bad faults file and a log that cannot be") {
   test::TemporaryDirectory place;
   std::ofstream(place / "f.toml") << "[[fault]]\n";
-  const SystemClock clock;
+  port::SystemLoop loop;
   LabOptions options;
   options.dir = place / "lab";
   options.faults = place / "f.toml";
-  CHECK_THROWS_AS(Lab(clock, options), Error);
+  CHECK_THROWS_AS(Lab(loop, options), Error);
   options.faults = "";
   options.log = place / "nowhere/log";
-  CHECK_THROWS_AS(Lab(clock, options), Error);
+  CHECK_THROWS_AS(Lab(loop, options), Error);
 }

@@ -6,7 +6,7 @@
 #include <set>
 
 #include "../paths.hpp"
-#include "drivers/core/exit_code.hpp"
+#include "drivers/program/exit_code.hpp"
 #include "lab_thread.hpp"
 
 using namespace echofuse;
@@ -23,8 +23,8 @@ std::set<std::string> names_in(const std::string& dir) {
 
 std::string refusal(const sim::LabOptions& options, ExitCode code) {
   try {
-    const SystemClock clock;
-    sim::Lab lab(clock, options);
+    port::SystemLoop loop;
+    sim::Lab lab(loop, options);
   } catch (const Error& e) {
     CHECK(e.code() == code);
     return e.what();

@@ -33,7 +33,7 @@ class TemporaryDirectory {
 class LabThread {
  public:
   explicit LabThread(const sim::LabOptions& options)
-      : lab_(clock_, options), thread_([this] { lab_.serve([this] { return stop_.load(); }); }) {}
+      : lab_(loop_, options), thread_([this] { lab_.serve([this] { return stop_.load(); }); }) {}
   ~LabThread() { stop(); }
   LabThread(const LabThread&) = delete;
   LabThread& operator=(const LabThread&) = delete;
@@ -45,7 +45,7 @@ class LabThread {
   sim::Lab& lab() { return lab_; }
 
  private:
-  SystemClock clock_;
+  port::SystemLoop loop_;
   sim::Lab lab_;
   std::atomic<bool> stop_{false};
   std::thread thread_;

@@ -6,8 +6,8 @@
 #include <cmath>
 #include <functional>
 
-#include "drivers/core/exit_code.hpp"
 #include "drivers/core/sample.hpp"
+#include "drivers/program/exit_code.hpp"
 #include "drivers/tdc/histogram.hpp"
 #include "sim/scene/scene.hpp"
 #include "sim/sensors/optics.hpp"

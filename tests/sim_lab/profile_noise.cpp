@@ -56,7 +56,7 @@ TEST_CASE("a slot of the laboratory's radar is as noisy as a record of a data se
   for (std::int64_t i = 0; i < generator.records(); ++i) {
     const auto record = generator.make(i).radar;
     of_dataset.push_back(peak_over_scatter({record.begin(), record.end()}));
-    // Averaged as the daemon does (acquire/window.hpp).
+    // Averaged as the daemon does (acquire/run/window.hpp).
     const auto echoes = radar_power(radar_returns(generator.scene(i), c), axis);
     std::vector<double> slot(echoes.size());
     for (std::int64_t f = 0; f < frames; ++f) {

@@ -5,9 +5,9 @@
 #include <termios.h>
 #include <unistd.h>
 
-#include <boost/asio/io_context.hpp>
 #include <catch2/catch.hpp>
 
+#include "drivers/port/loop.hpp"
 #include "lab_thread.hpp"
 
 using namespace echofuse;
@@ -38,9 +38,9 @@ Bytes pattern(std::size_t size) {
 
 TEST_CASE("a UART sends at its rate, and loses what nobody fetches") {
   const TemporaryDirectory dir;
-  boost::asio::io_context io;
+  port::SystemLoop loop;
   const std::string link = dir / "port";
-  sim::PtyUart uart(io, link, baud, [](ByteView) {});
+  sim::PtyUart uart(loop, link, baud, [](ByteView) {});
   const int host = open_raw(link, B921600);
   const Bytes all = pattern(40'000);
   Bytes heard;
@@ -50,7 +50,7 @@ TEST_CASE("a UART sends at its rate, and loses what nobody fetches") {
   const auto start = std::chrono::steady_clock::now();
   uart.send(all);
   while (!uart.idle()) {
-    io.run_one();
+    loop.run_for(std::chrono::milliseconds(1));
     std::uint8_t chunk[4096];
     const ssize_t n = listens ? ::read(host, chunk, sizeof chunk) : 0;
     if (n > 0) heard.insert(heard.end(), chunk, chunk + n);
@@ -70,8 +70,8 @@ TEST_CASE("a UART sends at its rate, and loses what nobody fetches") {
 
 TEST_CASE("closing removes the link") {
   const TemporaryDirectory dir;
-  boost::asio::io_context io;
-  sim::PtyUart uart(io, dir / "port", baud, [](ByteView) {});
+  port::SystemLoop loop;
+  sim::PtyUart uart(loop, dir / "port", baud, [](ByteView) {});
   CHECK(std::filesystem::is_symlink(dir / "port"));
   uart.close();
   CHECK_FALSE(std::filesystem::is_symlink(dir / "port"));

@@ -6,6 +6,7 @@
 
 #include "../drivers/sink.hpp"
 #include "../paths.hpp"
+#include "drivers/port/virtual_loop.hpp"
 #include "lab_thread.hpp"
 #include "radar_bench.hpp"
 
@@ -25,7 +26,7 @@ const std::string calibration = "compRangeBiasAndRxChanPhase 0.0123456" + [] {
 }();
 
 struct Bench {
-  explicit Bench(radar::RadarSetup with = {}) : board(io), setup(std::move(with)) {
+  explicit Bench(radar::RadarSetup with = {}) : board(loop), setup(std::move(with)) {
     setup.address = "test";
     setup.cli = board.cli.opener();
     setup.data = board.data.opener();
@@ -33,7 +34,7 @@ struct Bench {
     setup.cfg_name = "x.cfg";
     for (const auto& line : radar::command_lines(setup.cfg_text)) whole_cfg.push_back(line.text);
     whole_cfg.insert(whole_cfg.begin(), "version");
-    driver.emplace(io, setup, clock);
+    driver.emplace(loop, setup);
   }
   std::uint64_t count(const std::string& name) const { return counter(*driver, name); }
   std::size_t frames() const { return sink.radar.size(); }
@@ -41,11 +42,11 @@ struct Bench {
   // A frame every 10 ms while the sensor runs, until the condition holds.
   template <class Condition>
   bool until(Condition condition, std::chrono::milliseconds limit = 10s) {
-    const auto end = std::chrono::steady_clock::now() + limit;
+    const auto end = loop.now() + limit;
     while (!condition()) {
-      if (std::chrono::steady_clock::now() > end) return false;
+      if (loop.now() > end) return false;
       if (board.running()) board.data.send(board.frame());
-      run_until(io, condition, 10ms);
+      run_until(loop, condition, 10ms);
     }
     return true;
   }
@@ -61,9 +62,9 @@ struct Bench {
   // From now to the next frame.
   double seconds_to_frame() {
     const std::size_t before = frames();
-    const HostTime from = clock.now();
+    const HostTime from = loop.now();
     REQUIRE(until([&] { return frames() > before; }));
-    return seconds(clock.now() - from);
+    return seconds(loop.now() - from);
   }
   bool faulted() {
     return until([&] { return state() == DeviceState::faulted; });
@@ -79,8 +80,7 @@ struct Bench {
     CHECK(sink.radar.front().frame_number + frames() - 1 + lost == sink.radar.back().frame_number);
   }
 
-  boost::asio::io_context io;
-  SystemClock clock;
+  port::VirtualLoop loop;
   RadarBoard board;
   radar::RadarSetup setup;
   KeepingSink sink;
@@ -269,7 +269,7 @@ TEST_CASE("damaged data: at most one frame is lost beyond the damaged ones, and 
     }
     b.board.data.send(b.board.frame());
     good.insert(b.board.number);
-    REQUIRE(run_until(b.io, [&] { return b.sink.radar.back().frame_number == b.board.number; }));
+    REQUIRE(run_until(b.loop, [&] { return b.sink.radar.back().frame_number == b.board.number; }));
     std::size_t delivered = 0, twice = 0;
     std::set<std::uint32_t> seen;
     for (const RadarFrame& f : b.sink.radar) {
@@ -296,14 +296,14 @@ TEST_CASE("damaged data: at most one frame is lost beyond the damaged ones, and 
 TEST_CASE("silence and a byte now and then on the data port: configured again") {
   Bench b;
   b.start();
-  const HostTime from = b.clock.now();
-  REQUIRE(run_until(b.io, [&] {
+  const HostTime from = b.loop.now();
+  REQUIRE(run_until(b.loop, [&] {
     b.board.data.send(std::string("\x02"));
-    run_for(b.io, 100ms);
+    b.loop.run_for(100ms);
     return b.state() == DeviceState::faulted;
   }));
   CHECK(b.sink.events.back() == "no frames on the data port");
-  const double noticed_s = seconds(b.clock.now() - from), took_s = b.seconds_to_frame();
+  const double noticed_s = seconds(b.loop.now() - from), took_s = b.seconds_to_frame();
   WARN("silence: noticed after " << noticed_s << " s, then " << took_s << " s to a frame");
   CHECK(noticed_s < 10);
   CHECK(took_s < 10);
@@ -332,20 +332,19 @@ TEST_CASE("one of the two ports stays away") {
   CHECK(b.seconds_to_frame() < 10);
 }
 
-TEST_CASE("unplugged a hundred times, at every player of the dialogue") {
+TEST_CASE("unplugged a hundred times, at every step of the dialogue") {
   Bench b(hasty());
   b.start();
   Rng rng = make_rng(3, 3);
   for (int i = 0; i < 100; ++i) {
     b.plug(false);
     REQUIRE(b.faulted());
-    b.io.restart();
-    b.io.poll();
+    b.loop.run_for(1ms);
     b.board.heard();
     if (rng() % 2) b.board.power_up();
     b.plug(true);
-    const std::size_t player = 1 + rng() % 40, before = b.frames();
-    REQUIRE(b.until([&] { return b.board.lines_heard() >= player || b.frames() > before; }));
+    const std::size_t step = 1 + rng() % 40, before = b.frames();
+    REQUIRE(b.until([&] { return b.board.lines_heard() >= step || b.frames() > before; }));
   }
   CHECK(b.seconds_to_frame() < 10);
   CHECK(b.count("connections") == 101);

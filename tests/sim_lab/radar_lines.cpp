@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: MIT
 // The radar driver on the pseudo-terminals of a laboratory, which run at the speed of their UARTs.
-#include <boost/asio/io_context.hpp>
 #include <catch2/catch.hpp>
 #include <optional>
 
@@ -19,41 +18,21 @@ namespace {
 struct Lines {
   explicit Lines(const sim::LabOptions& options) {
     radar::RadarSetup setup;
-    setup.cli = port::byte_opener(io, "serial:" + options.dir + "/radar-cli", 115200);
-    setup.data = port::byte_opener(io, "serial:" + options.dir + "/radar-data", 921600);
+    setup.cli = loop.opener("serial:" + options.dir + "/radar-cli", 115200);
+    setup.data = loop.opener("serial:" + options.dir + "/radar-data", 921600);
     setup.cfg_text = read_text(options.dir + "/radar.cfg");
-    driver.emplace(io, setup, clock);
+    driver.emplace(loop, setup);
     driver->start(sink);
   }
   bool frames(std::size_t count) {
-    return run_until(io, [&] { return sink.radar.size() >= count; });
+    return run_until(loop, [&] { return sink.radar.size() >= count; });
   }
-  boost::asio::io_context io;
-  SystemClock clock;
+  port::SystemLoop loop;
   KeepingSink sink;
   std::optional<radar::RadarDriver> driver;
 };
 
 }  // namespace
-
-TEST_CASE("a laboratory that closes and opens again is configured anew") {
-  const TemporaryDirectory dir;
-  sim::LabOptions options;
-  options.dir = dir / "lab";
-  auto lab = std::make_unique<LabThread>(options);
-  Lines lines(options);
-  REQUIRE(lines.frames(3));
-  lab.reset();
-  REQUIRE(run_until(lines.io, [&] { return lines.sink.state() == DeviceState::faulted; }));
-  run_for(lines.io, 1s);
-  lab = std::make_unique<LabThread>(options);
-  const HostTime from = lines.clock.now();
-  REQUIRE(lines.frames(lines.sink.radar.size() + 1));
-  const double took_s = seconds(lines.clock.now() - from);
-  WARN("back on lines of 115200 baud: " << took_s << " s to the first frame");
-  CHECK(took_s < 10);
-  CHECK(counter(*lines.driver, "configured") == 2);
-}
 
 TEST_CASE("a consumer that stands still costs frames of a real line, and they are counted") {
   const TemporaryDirectory dir;
@@ -68,7 +47,7 @@ TEST_CASE("a consumer that stands still costs frames of a real line, and they ar
   REQUIRE(lines.frames(3));
   std::this_thread::sleep_for(3s);  // 192 kB, of which the kernel keeps a part
   // Of the 300 frames of that time at least half are gone; a busy machine may skip some more.
-  REQUIRE(run_until(lines.io, [&] { return counter(*lines.driver, "lost_frames") > 150; }));
+  REQUIRE(run_until(lines.loop, [&] { return counter(*lines.driver, "lost_frames") > 150; }));
   const std::uint32_t first = lines.sink.radar.front().frame_number;
   const std::uint32_t last = lines.sink.radar.back().frame_number;
   WARN("3 s of standstill: " << counter(*lines.driver, "lost_frames") << " frames lost");

@@ -150,24 +150,6 @@ class Live(unittest.TestCase):
         self.assertFalse(pathlib.Path(f"{self.run}-wal").exists())  # `info` has folded it back
         self.assertEqual([tuple(r) for r in self.rows()], [tuple(r) for r in rows])
 
-    def test_laboratory_closes(self):
-        """All devices go away in mid-run: the rows go on, and say so. Every tag sent has arrived."""
-        daemon = self.record("--count", "12")
-        wait_for("records", lambda: self.committed() >= 4)
-        sent = self.close_lab()
-        log = self.finish(daemon)
-        self.assertEqual(daemon.returncode, 0, log)
-        rows = self.rows()
-        if "stood still" not in log:  # else the laboratory gave up what nobody took
-            self.assertIn(f"arrived: {sent['tdc']['tags']} tags", log)
-        self.check_slots(rows)
-        self.assertEqual(len(rows), 12)
-        self.assertIn(7, [row["valid"] for row in rows])
-        self.assertEqual(rows[-1]["valid"], 0)
-        self.assertEqual([rows[-1][s + "_verdict"] for s in ("spd", "radar", "depth")],
-                         ["no tags", "no frames", "no frames"])
-        self.assertGreater(self.info()["events"]["warning"], 0)
-
     def test_stop_and_continue(self):
         """The daemon stands still for many slots: all their rows are there. Those whose tags waited to be read, whole,
         are valid; the others say why they are not."""
@@ -346,34 +328,6 @@ class Live(unittest.TestCase):
         self.assertEqual(tool(acquire, "annotate", self.run, "well done").returncode, 0)
         late = tool(acquire, "annotate", self.run, "--label", "too late")
         self.assertEqual((late.returncode, "nobody is recording" in late.stdout), (1, True))
-
-    def test_part_of_the_devices(self):
-        """A sensor that is not configured, and one that is not there."""
-        daemon = self.record("--count", "4", "--set", "depth.address=", "--set", "run.connect_timeout_s=1.5", "--set",
-                             f"radar.cli=serial:{self.dir}/no-such-port")
-        log = self.finish(daemon)
-        self.assertEqual(daemon.returncode, 0, log)
-        rows = self.rows()
-        self.assertEqual([row["valid"] for row in rows], [1] * 4, log)
-        self.assertEqual(rows[0]["depth_verdict"], "not configured")
-        self.assertEqual(rows[0]["radar_verdict"], "no frames")
-        self.assertIn("starting without radar", log)
-
-    def test_required(self):
-        """Records without a required sensor are written, marked and counted."""
-        daemon = self.record("--count", "12", "--set", "radar.policy=required")
-        wait_for("records", lambda: self.committed() >= 4)
-        self.close_lab()
-        log = self.finish(daemon)
-        self.assertEqual(daemon.returncode, 0, log)
-        rows = self.rows()
-        self.check_slots(rows)
-        without = [row["idx"] for row in rows if not row["valid"] & 2]
-        self.assertGreater(len(without), 0)
-        info = self.info()
-        self.assertEqual(info["policy"], {"spd": "optional", "radar": "required", "depth": "optional"})
-        self.assertEqual(info["incomplete"], len(without))
-        self.assertIn(f"{len(without)} incomplete, without a required device", log)
 
     def test_devices(self):
         env = os.environ | {"LD_LIBRARY_PATH": str(self.dir / "lab/openni")}

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: MIT
 // A time tagger on USB: the unmodified driver and libusb, the device emulated below usbfs.
-#include <boost/asio/io_context.hpp>
 #include <catch2/catch.hpp>
 
 #include "../drivers/blocks.hpp"
@@ -41,17 +40,17 @@ struct Bench {
   }
 
   void connect() {
-    driver = make_tdc(io, {address}, clock);
+    driver = make_tdc(loop, {address});
     driver->start(sink);
     greet();
   }
   // Its next start is answered with a hello.
   void greet() {
-    REQUIRE(run_until(io, [&] { return starts > greeted; }));
+    REQUIRE(run_until(loop, [&] { return starts > greeted; }));
     greeted = starts;
     sequence = 0;
     device.send(hello_block(sequence++));
-    REQUIRE(run_until(io, [&] { return sink.state() == DeviceState::streaming; }));
+    REQUIRE(run_until(loop, [&] { return sink.state() == DeviceState::streaming; }));
   }
   // A block of tags 1, 2, 3 ... the k-th with time k.
   Bytes tags(std::size_t count) {
@@ -60,10 +59,10 @@ struct Bench {
     return test::make_block(bridge::BlockKind::tags, sequence++, payload);
   }
   bool arrived(std::size_t count) {
-    return run_until(io, [&] { return sink.tags.size() >= count; });
+    return run_until(loop, [&] { return sink.tags.size() >= count; });
   }
   bool faulted() {
-    return run_until(io, [&] { return sink.state() == DeviceState::faulted; });
+    return run_until(loop, [&] { return sink.state() == DeviceState::faulted; });
   }
   // All tags that came have these times, in order.
   void check_times(std::vector<std::pair<std::int64_t, std::int64_t>> ranges) const {
@@ -84,8 +83,7 @@ struct Bench {
   sim::UsbBed bed;
   std::atomic<int> starts{0}, stops{0};
   sim::UsbDevice device;
-  const SystemClock clock;
-  boost::asio::io_context io;
+  port::SystemLoop loop;
   KeepingSink sink;
   std::int64_t sent = 0;
   std::uint32_t sequence = 0;
@@ -98,17 +96,16 @@ struct Simulated {
   explicit Simulated(std::size_t fifo_bytes = sim::TdcOptions{}.send_queue_bytes) {
     options.window_s = 0.5;
     options.send_queue_bytes = fifo_bytes;
-    tagger = sim::make_tdc_usb(io, player, bed, options);
-    driver = make_tdc(io, {tagger->address()}, clock);
+    tagger = sim::make_tdc_usb(loop, player, bed, options);
+    driver = make_tdc(loop, {tagger->address()});
     driver->start(sink);
   }
   std::uint64_t sent(std::size_t what) const { return tagger->sent().at(what).second; }
 
   sim::UsbBed bed;
-  const SystemClock clock;
-  boost::asio::io_context io;
+  port::SystemLoop loop;
   sim::Conditions conditions;
-  sim::ScenePlayer player{clock, conditions, {}};
+  sim::ScenePlayer player{loop, conditions, {}};
   sim::TdcOptions options;
   std::unique_ptr<sim::TdcUsb> tagger;
   KeepingSink sink;
@@ -128,7 +125,7 @@ TEST_CASE("a USB tagger is found, started, read and stopped") {
   CHECK(b.lost_blocks() == 0);
   CHECK(b.count("tags") == 10);
   b.driver.reset();
-  CHECK(run_until(b.io, [&] { return b.stops == 1 && !b.device.claimed(); }));
+  CHECK(run_until(b.loop, [&] { return b.stops == 1 && !b.device.claimed(); }));
 }
 
 TEST_CASE("the listing finds a USB tagger by its interface") {
@@ -142,9 +139,9 @@ TEST_CASE("the listing finds a USB tagger by its interface") {
 
 TEST_CASE("all tags of the simulated device arrive") {
   Simulated s;
-  REQUIRE(run_until(s.io, [&] { return s.sent(0) > 500'000; }));
+  REQUIRE(run_until(s.loop, [&] { return s.sent(0) > 500'000; }));
   s.tagger->stop();
-  CHECK(run_until(s.io, [&] { return s.sink.tags.size() == s.sent(0); }));
+  CHECK(run_until(s.loop, [&] { return s.sink.tags.size() == s.sent(0); }));
   CHECK(s.sink.info.serial == "SIM-USB-1");
   CHECK(counter(*s.driver, "junk_bytes") == 0);
   CHECK(std::is_sorted(s.sink.tags.begin(), s.sink.tags.end(),
@@ -153,7 +150,7 @@ TEST_CASE("all tags of the simulated device arrive") {
 
 TEST_CASE("a device whose memory is full says what it lost") {
   Simulated s(22'000);  // about what it makes between two transfers
-  CHECK(run_until(s.io, [&] { return s.sent(1) > 0 && counter(*s.driver, "lost_items") > 0; }));
+  CHECK(run_until(s.loop, [&] { return s.sent(1) > 0 && counter(*s.driver, "lost_items") > 0; }));
   CHECK(counter(*s.driver, "lost_items") <= s.sent(1));
   CHECK(s.sink.state() == DeviceState::streaming);
 }
@@ -245,7 +242,7 @@ TEST_CASE("what a slow consumer does not take waits in the device") {
 
 TEST_CASE("what keeps a tagger from being used is said in one line") {
   const auto refusal = [](Bench& b, const char* at) {
-    b.driver = make_tdc(b.io, {at}, b.clock);
+    b.driver = make_tdc(b.loop, {at});
     b.driver->start(b.sink);
     REQUIRE(b.faulted());
     b.driver->stop();
@@ -291,10 +288,10 @@ TEST_CASE("what keeps a tagger from being used is said in one line") {
   SECTION("in use") {
     Bench b;
     b.connect();
-    auto second = make_tdc(b.io, {address}, b.clock);
+    auto second = make_tdc(b.loop, {address});
     KeepingSink sink;
     second->start(sink);
-    REQUIRE(run_until(b.io, [&] { return sink.state() == DeviceState::faulted; }));
+    REQUIRE(run_until(b.loop, [&] { return sink.state() == DeviceState::faulted; }));
     CHECK_THAT(sink.events.at(0), Catch::Contains("another program uses it"));
     second->stop();
     b.device.send(b.tags(1));

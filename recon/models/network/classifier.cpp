@@ -5,8 +5,8 @@
 #include <cmath>
 #include <random>
 
-#include "drivers/core/console.hpp"
 #include "drivers/core/random.hpp"
+#include "drivers/program/console.hpp"
 #include "recon/models/network/adam.hpp"
 #include "recon/numbers/statistics.hpp"
 

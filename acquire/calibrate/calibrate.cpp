@@ -1,0 +1,392 @@
+// SPDX-License-Identifier: MIT
+#include "acquire/calibrate/calibrate.hpp"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <cstdio>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <utility>
+#include <vector>
+
+#include "acquire/calibrate/array_calibration.hpp"
+#include "acquire/calibrate/calibration.hpp"
+#include "acquire/calibrate/repeats.hpp"
+#include "acquire/devices/devices.hpp"
+#include "acquire/run/start_gaps.hpp"
+#include "drivers/core/log2_codes.hpp"
+#include "drivers/program/console.hpp"
+#include "drivers/program/printable.hpp"
+
+namespace echofuse::acquire {
+namespace {
+
+constexpr double spd_reach_m = 15;  // beyond the reflector: cables delay by metres
+constexpr std::int64_t spd_bin_ps = 10;
+
+// From the laser's sync on: a click counts from the last sync before it.
+tdc::HistogramSettings fine_axis(const Config& config, const Search& search) {
+  tdc::HistogramSettings s = config.histogram;
+  s.bin_width_ps = spd_bin_ps;
+  s.first_bin_ps = 0;
+  s.bins = static_cast<std::uint32_t>((search.distance_m + spd_reach_m) * ps_per_m / spd_bin_ps);
+  return s;
+}
+
+// What arrives while a repeat lasts.
+class Gatherer final : public SampleSink {
+ public:
+  Gatherer(const Config& config, const Search& search)
+      : starts(config.histogram.start_channel), histogram_(fine_axis(config, search)) {}
+
+  void on_tags(const TagBlock& block) override {
+    if (block.lost_blocks + block.lost_items > 0) forget_start();
+    histogram_.add(block.tags);
+    starts.add(block.tags);
+  }
+  void on_radar(RadarFrame frame) override {
+    if (!running) return;
+    if (!frame.range_profile.empty()) frames.push_back(std::move(frame.range_profile));
+    if (!frame.array.empty()) arrays.push_back(std::move(frame.array));
+  }
+  void on_depth(DepthFrame) override {}
+  void on_state(Sensor sensor, DeviceState, const DeviceInfo&) override {
+    if (sensor == Sensor::spd) forget_start();
+  }
+  void on_firmware_bias(const FirmwareBias& bias) override { firmware.push_back(bias); }
+  void on_event(Sensor, Severity, const std::string&) override {}
+
+  // Counts since the last call.
+  std::vector<std::uint32_t> take() {
+    counts = histogram_.tag_counts();
+    return histogram_.take();
+  }
+  const tdc::HistogramSettings& settings() const { return histogram_.settings(); }
+
+  bool running = false;
+  TagCounts counts;
+  StartGaps starts;
+  std::vector<std::vector<std::uint16_t>> frames;
+  ArrayFrames arrays;  // of this repeat
+  std::vector<FirmwareBias> firmware;
+
+ private:
+  void forget_start() {
+    histogram_.forget_start();
+    starts.forget_start();
+  }
+  tdc::Histogram histogram_;
+};
+
+struct Result {
+  Sensor sensor{};
+  Peak peak;            // of all repeats together
+  double spread_m = 0;  // standard deviation of the repeats
+  std::string method;
+};
+
+class Measurement {
+ public:
+  Measurement(const Config& config, const CalibrateOptions& options, port::Loop& loop)
+      : config_(config),
+        options_(options),
+        loop_(loop),
+        gatherer_(config, options.search),
+        devices_(loop, config, gatherer_) {}
+
+  void run() {
+    devices_.take("calibrate");
+    devices_.start();
+    devices_.wait(config_.connect_timeout_s);
+    Progress progress("calibrate", static_cast<std::size_t>(options_.repeats));
+    gatherer_.running = true;
+    gatherer_.take();
+    for (std::int64_t k = 0; k < options_.repeats; ++k) {
+      listen();
+      if (interrupted())
+        throw Error(ExitCode::interrupted, "interrupted; no calibration was written");
+      end_repeat();
+      progress.update(static_cast<std::size_t>(k + 1));
+    }
+    devices_.stop();
+  }
+  std::vector<Result> results() const {
+    std::vector<Result> out;
+    if (config_.configured().contains(Sensor::spd)) out.push_back(spd());
+    if (config_.configured().contains(Sensor::radar)) out.push_back(radar());
+    return out;
+  }
+  // None if the cfg asks for no heat map. Known by the range that the profile has of the reflector.
+  std::optional<AntennaFit> antennas() const {
+    if (config_.antennas.empty()) return std::nullopt;
+    const Peak peak = radar().peak;
+    AntennaFit all{.gains = {}, .snr_db = 0, .refusal = "the range profile has no such peak"};
+    if (!peak.refusal.empty()) return all;
+    const auto fit = [&](const ArrayFrames& frames) {
+      return fit_antennas(frames, config_.antennas.size(), bin_of(peak.range_m));
+    };
+    ArrayFrames together;
+    for (const ArrayFrames& repeat : arrays_)
+      together.insert(together.end(), repeat.begin(), repeat.end());
+    all = fit(together);
+    std::vector<AntennaGains> repeats;
+    for (const ArrayFrames& repeat : arrays_)
+      if (const AntennaFit one = fit(repeat); one.refusal.empty()) repeats.push_back(one.gains);
+    widen(all.gains, repeats);
+    return all;
+  }
+  std::optional<FirmwareBias> firmware() const {
+    const auto& all = gatherer_.firmware;
+    if (all.empty()) return std::nullopt;
+    FirmwareBias mean = all[0];
+    for (std::size_t i = 1; i < all.size(); ++i) {
+      if (all[i].re_im.size() != mean.re_im.size()) return std::nullopt;
+      mean.range_bias_m += all[i].range_bias_m;
+      for (std::size_t k = 0; k < mean.re_im.size(); ++k) mean.re_im[k] += all[i].re_im[k];
+    }
+    const auto n = static_cast<double>(all.size());
+    mean.range_bias_m /= n;
+    for (double& v : mean.re_im) v /= n;
+    mean.lines = static_cast<std::int64_t>(all.size());
+    return mean;
+  }
+
+ private:
+  void listen() { loop_.run_until(interrupted, loop_.now() + from_seconds(options_.time_s)); }
+  Peak photons(std::span<const std::uint32_t> counts) const {
+    const auto& s = gatherer_.settings();
+    return fit_photons(counts, static_cast<double>(s.first_bin_ps),
+                       static_cast<double>(s.bin_width_ps), options_.search);
+  }
+  Peak echo(const std::vector<std::vector<std::uint16_t>>& frames) const {
+    const radar::RadarProfile profile = parse_profile(config_.radar);
+    std::vector<std::vector<std::uint16_t>> whole;
+    std::copy_if(frames.begin(), frames.end(), std::back_inserter(whole),
+                 [&](const auto& f) { return f.size() == profile.bins; });
+    // step = 3e8 fs / (2 slope FFT size): the sampled sweep is adc_samples of the FFT's points.
+    const double resolution_m = profile.range_step_m * std::bit_ceil(profile.adc_samples) /
+                                profile.adc_samples * speed_of_light_m_s / 3.0e8;
+    return fit_echo(whole,
+                    {.step_m = profile.range_step_m,
+                     .resolution_m = resolution_m,
+                     .log2_power_step = log2_power_step(profile.antennas)},
+                    options_.search);
+  }
+  std::size_t bin_of(double range_m) const {
+    return static_cast<std::size_t>(
+        std::lround(std::max(0.0, range_m / parse_profile(config_.radar).range_step_m)));
+  }
+  void end_repeat() {
+    arrays_.push_back(std::exchange(gatherer_.arrays, {}));
+    const auto counts = gatherer_.take();
+    starts_ += gatherer_.counts.starts;
+    clicks_ += gatherer_.counts.in_range;
+    all_counts_.resize(counts.size());
+    for (std::size_t i = 0; i < counts.size(); ++i) all_counts_[i] += counts[i];
+    const Peak spd = photons(counts);
+    if (spd.refusal.empty()) spd_ranges_.push_back(spd.range_m);
+    const auto now = gatherer_.frames.size();
+    const std::vector<std::vector<std::uint16_t>> fresh(
+        gatherer_.frames.begin() + static_cast<std::ptrdiff_t>(frames_before_),
+        gatherer_.frames.end());
+    frames_before_ = now;
+    if (!config_.configured().contains(Sensor::radar)) return;
+    const Peak radar = echo(fresh);
+    if (radar.refusal.empty()) radar_ranges_.push_back(radar.range_m);
+  }
+  Result spd() const {
+    Result r{Sensor::spd, photons(all_counts_), spread_of(spd_ranges_),
+             "Gaussian by maximum likelihood"};
+    const double a_pulse = gatherer_.starts.clicks_a_pulse(clicks_, starts_).value_or(0);
+    if (r.peak.refusal.empty() && a_pulse > record::most_clicks_a_pulse)
+      r.peak.refusal = "saturated: more than one click in 20 laser pulses; attenuate the light";
+    if (!devices_[Sensor::spd].delivers()) r.peak.refusal = devices_.describe(Sensor::spd);
+    r.peak.standard_error_m = honest_error(r.peak.standard_error_m, spd_ranges_);
+    return r;
+  }
+  Result radar() const {
+    Result r{Sensor::radar, echo(gatherer_.frames), spread_of(radar_ranges_),
+             "Blackman lobe by least squares of logarithms"};
+    if (!devices_[Sensor::radar].delivers()) r.peak.refusal = devices_.describe(Sensor::radar);
+    r.peak.standard_error_m = honest_error(r.peak.standard_error_m, radar_ranges_);
+    return r;
+  }
+
+  const Config& config_;
+  const CalibrateOptions& options_;
+  port::Loop& loop_;
+  Gatherer gatherer_;
+  Devices devices_;
+  std::vector<std::uint32_t> all_counts_;
+  std::uint64_t starts_ = 0, clicks_ = 0;
+  std::size_t frames_before_ = 0;
+  std::vector<double> spd_ranges_, radar_ranges_;
+  std::vector<ArrayFrames> arrays_;  // by repeat
+};
+
+nlohmann::ordered_json json_of(const Result& r, const Search& search) {
+  nlohmann::ordered_json out{{"sensor", name_of(r.sensor)}};
+  if (!r.peak.refusal.empty()) {
+    out["refusal"] = r.peak.refusal;
+    return out;
+  }
+  out["range_m"] = r.peak.range_m;
+  out["offset_m"] = r.peak.range_m - search.distance_m;
+  out["standard_error_m"] = r.peak.standard_error_m;
+  out["spread_m"] = r.spread_m;
+  out["snr_db"] = r.peak.snr_db;
+  return out;
+}
+
+void say(const Result& r, const Search& search) {
+  const Peak& p = r.peak;
+  if (!p.refusal.empty())
+    std::printf("%-6s refused: %s\n", name_of(r.sensor), printable(p.refusal).c_str());
+  else
+    std::printf(
+        "%-6s %.4f m, offset %+.2f mm +- %.2f mm; spread of the repeats %.2f mm, SNR %.0f dB\n",
+        name_of(r.sensor), p.range_m, 1e3 * (p.range_m - search.distance_m),
+        1e3 * p.standard_error_m, 1e3 * r.spread_m, p.snr_db);
+}
+
+nlohmann::ordered_json json_of(const AntennaFit& fit) {
+  if (!fit.refusal.empty()) return {{"refusal", fit.refusal}};
+  const AntennaGains& g = fit.gains;
+  return {{"snr_db", fit.snr_db},
+          {"gain", g.gain},
+          {"phase_rad", g.phase_rad},
+          {"standard_error", g.standard_error}};
+}
+
+Calibration to_calibration(const std::vector<Result>& results,
+                           const std::optional<AntennaFit>& antennas,
+                           const CalibrateOptions& options,
+                           const std::optional<FirmwareBias>& firmware, const Clock& clock) {
+  Calibration out;
+  for (const Result& r : results)
+    if (r.peak.refusal.empty())
+      out.entries.push_back({.sensor = r.sensor,
+                             .date_utc = iso8601(clock.utc()),
+                             .method = r.method,
+                             .distance_m = options.search.distance_m,
+                             .offset_m = r.peak.range_m - options.search.distance_m,
+                             .standard_error_m = r.peak.standard_error_m});
+  out.firmware = firmware;
+  if (!antennas || !antennas->refusal.empty()) return out;
+  out.antennas = antennas->gains;
+  out.antennas.date_utc = iso8601(clock.utc());
+  out.antennas.distance_m = options.search.distance_m;
+  return out;
+}
+
+// One of many antennas is four standard errors off more seldom than one range is three.
+bool compare_antennas(const AntennaGains& now, const AntennaGains& then,
+                      nlohmann::ordered_json& json, bool quiet) {
+  if (now.empty()) return true;
+  const bool same = now.gain.size() == then.gain.size();
+  const double worst = largest_residual(now, then);
+  const bool holds = same && worst <= 4;
+  json["array_residual"] = {{"standard_errors", worst}, {"holds", holds}};
+  if (!quiet && !same)
+    std::printf("array  the calibration has %zu antennas; calibrate anew\n", then.gain.size());
+  else if (!quiet)
+    std::printf("array  differs by at most %.1f standard errors: the calibration of %s %s\n", worst,
+                then.date_utc.c_str(), holds ? "holds" : "has slipped; calibrate anew");
+  return holds;
+}
+
+// Residuals against the stored calibration. False: one is more than three of its standard errors.
+bool compare(const Calibration& fresh, const Calibration& stored, nlohmann::ordered_json& json,
+             bool quiet) {
+  bool well = true;
+  for (const auto& now : fresh.entries) {
+    const auto* then = stored.find(now.sensor);
+    if (!then) continue;
+    const double residual = now.offset_m - then->offset_m;
+    const double error = std::hypot(now.standard_error_m, then->standard_error_m);
+    const bool holds = std::abs(residual) <= 3 * error;
+    well = well && holds;
+    json["residuals"].push_back({{"sensor", name_of(now.sensor)},
+                                 {"residual_m", residual},
+                                 {"standard_error_m", error},
+                                 {"holds", holds}});
+    if (!quiet)
+      std::printf("%-6s residual %+.2f mm +- %.2f mm: the calibration of %s %s\n",
+                  name_of(now.sensor), 1e3 * residual, 1e3 * error, then->date_utc.c_str(),
+                  holds ? "holds" : "has slipped; calibrate anew");
+  }
+  return compare_antennas(fresh.antennas, stored.antennas, json, quiet) && well;
+}
+
+// What the file to be written holds already; never overwritten unread.
+Calibration stored_in(const std::string& path) {
+  std::error_code none;
+  if (!std::filesystem::exists(path, none)) return {};
+  try {
+    return read_calibration(path);
+  } catch (const Error& e) {
+    throw Error(
+        e.code(),
+        std::string(e.what()) + "\n" + path +
+            " is not overwritten; to begin anew, remove it or name another run.calibration");
+  }
+}
+
+void store(const Calibration& fresh, const Calibration& stored, const std::string& path,
+           nlohmann::ordered_json& json, bool quiet) {
+  write_calibration(path, fresh.over(stored));
+  json["file"] = path;
+  for (const auto& e : stored.entries) {
+    if (fresh.find(e.sensor)) continue;
+    json["kept"].push_back(
+        {{"sensor", name_of(e.sensor)}, {"offset_m", e.offset_m}, {"date_utc", e.date_utc}});
+    if (!quiet)
+      std::printf("%-6s kept: offset %+.2f mm of %s\n", name_of(e.sensor), 1e3 * e.offset_m,
+                  e.date_utc.c_str());
+  }
+  if (!quiet) std::printf("written to %s\n", printable(path).c_str());
+}
+
+}  // namespace
+
+ExitCode calibrate(const Config& config, const CalibrateOptions& options, port::Loop& loop) {
+  if ((config.configured() - SensorSet{Sensor::depth}).empty())
+    throw Error(ExitCode::config,
+                "neither tdc.address nor radar.cli is given: nothing to calibrate");
+  if (options.check && config.calibration.entries.empty())
+    throw Error(ExitCode::config, "--check: run.calibration names no calibration to compare with");
+  const Calibration stored =
+      options.check ? config.calibration : stored_in(config.calibration_path);
+  Measurement measurement(config, options, loop);
+  measurement.run();
+  const auto results = measurement.results();
+  nlohmann::ordered_json json{{"distance_m", options.search.distance_m},
+                              {"repeats", options.repeats}};
+  bool refused = false;
+  for (const Result& r : results) {
+    json["sensors"].push_back(json_of(r, options.search));
+    if (!options.json) say(r, options.search);
+    refused = refused || !r.peak.refusal.empty();
+  }
+  const auto antennas = measurement.antennas();
+  if (antennas) {
+    json["array"] = json_of(*antennas);
+    if (!options.json) std::printf("%s", to_text(*antennas).c_str());
+    refused = refused || !antennas->refusal.empty();
+  }
+  const Calibration fresh =
+      to_calibration(results, antennas, options, measurement.firmware(), loop);
+  bool well = true;
+  if (options.check) {
+    well = compare(fresh, stored, json, options.json);
+  } else if (!fresh.entries.empty()) {
+    store(fresh, stored, config.calibration_path, json, options.json);
+  }
+  if (options.json)
+    std::printf("%s\n", json.dump(-1, ' ', true, decltype(json)::error_handler_t::replace).c_str());
+  return refused ? ExitCode::device : well ? ExitCode::ok : ExitCode::failed;
+}
+
+}  // namespace echofuse::acquire

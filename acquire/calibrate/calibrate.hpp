@@ -1,0 +1,28 @@
+// SPDX-License-Identifier: MIT
+// The `calibrate` command: a reflector at a known distance, seen through the same drivers as a run.
+#pragma once
+#include <cstdint>
+#include <string>
+
+#include "acquire/calibrate/peak.hpp"
+#include "acquire/config/config.hpp"
+#include "drivers/port/loop.hpp"
+#include "drivers/program/exit_code.hpp"
+
+namespace echofuse::acquire {
+
+struct CalibrateOptions {
+  Search search;
+  std::int64_t repeats = 20;
+  double time_s = 1;   // of each repeat
+  bool check = false;  // measure, and compare with what run.calibration says
+  bool json = false;
+};
+
+// Writes the sensors that could be measured into config.calibration_path, and keeps what the file
+// says of the others; device code if one could not. With `check`: failed if a sensor is off by more
+// than three standard errors of the difference. Throws Error(config) before it measures: the file
+// is there and cannot be read.
+ExitCode calibrate(const Config& config, const CalibrateOptions& options, port::Loop& loop);
+
+}  // namespace echofuse::acquire

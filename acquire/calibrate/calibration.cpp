@@ -1,0 +1,141 @@
+// SPDX-License-Identifier: MIT
+#include "acquire/calibrate/calibration.hpp"
+
+#include <array>
+#include <cstdio>
+#include <sstream>
+
+#include "acquire/record/radar_array.hpp"
+#include "drivers/program/atomic_write.hpp"
+#include "drivers/program/exit_code.hpp"
+#include "drivers/program/settings.hpp"
+#include "drivers/radar/firmware_bias.hpp"
+
+namespace echofuse::acquire {
+namespace {
+
+constexpr Sensor ranging[] = {Sensor::spd, Sensor::radar};
+
+void bind(Settings& s, const std::string& section, record::CalibrationEntry& e) {
+  constexpr double most_m = 1000;
+  s.add(section + ".date_utc", e.date_utc, "when it was measured");
+  s.add(section + ".method", e.method, "estimator");
+  s.add(section + ".distance_m", e.distance_m, 0, most_m, "true distance of the reflector");
+  s.add(section + ".offset_m", e.offset_m, -most_m, most_m, "measured minus true range");
+  s.add(section + ".standard_error_m", e.standard_error_m, 0, most_m, "of the offset");
+}
+
+// Lists are texts of numbers: settings are single values.
+struct AntennaTexts {
+  std::string gain, phase_rad, standard_error;
+};
+
+void bind(Settings& s, AntennaGains& a, AntennaTexts& t) {
+  s.add("antennas.date_utc", a.date_utc, "when they were measured");
+  s.add("antennas.distance_m", a.distance_m, 0, 1000, "true distance of the reflector");
+  s.add("antennas.gain", t.gain, "of each antenna of the heat map, antenna 0 is 1");
+  s.add("antennas.phase_rad", t.phase_rad, "by which its samples are ahead of antenna 0's");
+  s.add("antennas.standard_error", t.standard_error, "of the phase, and of the gain as a share");
+}
+
+std::string text_of(const std::vector<double>& values) {
+  std::string out;
+  char text[32];
+  for (const double v : values) {
+    std::snprintf(text, sizeof text, "%s%.6g", out.empty() ? "" : " ", v);
+    out += text;
+  }
+  return out;
+}
+
+// Nothing unless all of it is 1 to 12 numbers from `least` to `most`.
+std::vector<double> values_of(const std::string& text, double least, double most) {
+  std::vector<double> out;
+  std::istringstream words(text);
+  words.imbue(std::locale::classic());
+  for (double v = 0; words >> v; out.push_back(v))
+    if (!(v >= least && v <= most)) return {};
+  return words.eof() && out.size() <= record::most_antennas ? out : std::vector<double>{};
+}
+
+void take_antennas(const std::string& path, const AntennaTexts& texts, AntennaGains& out) {
+  out.gain = values_of(texts.gain, 1e-3, 1e3);
+  out.phase_rad = values_of(texts.phase_rad, -100, 100);
+  out.standard_error = values_of(texts.standard_error, 0, 100);
+  if (out.gain.empty() || out.gain.size() != out.phase_rad.size() ||
+      out.gain.size() != out.standard_error.size())
+    throw Error(ExitCode::config,
+                path +
+                    ": antennas.gain, antennas.phase_rad and antennas.standard_error are not "
+                    "lists of as many numbers, one for each of 1 to 12 antennas");
+}
+
+}  // namespace
+
+const record::CalibrationEntry* Calibration::find(Sensor sensor) const {
+  for (const auto& e : entries)
+    if (e.sensor == sensor) return &e;
+  return nullptr;
+}
+
+Calibration Calibration::over(const Calibration& older) const {
+  Calibration out;
+  for (const Sensor sensor : ranging)
+    if (const auto* e = find(sensor) ? find(sensor) : older.find(sensor)) out.entries.push_back(*e);
+  out.firmware = firmware ? firmware : older.firmware;
+  out.antennas = antennas.empty() ? older.antennas : antennas;
+  return out;
+}
+
+Calibration read_calibration(const std::string& path) {
+  std::array<record::CalibrationEntry, 2> entries;
+  FirmwareBias firmware;
+  std::string line;
+  Settings settings;
+  for (std::size_t i = 0; i < entries.size(); ++i) {
+    entries[i].sensor = ranging[i];
+    bind(settings, name_of(ranging[i]), entries[i]);
+  }
+  settings.add("firmware.line", line, "mean of the radar's own compRangeBiasAndRxChanPhase lines");
+  settings.add("firmware.lines", firmware.lines, 0, 1'000'000'000, "how many came");
+  Calibration out;
+  AntennaTexts texts;
+  bind(settings, out.antennas, texts);
+  settings.read_file(path);
+  if (settings.given("antennas.gain") || settings.given("antennas.phase_rad"))
+    take_antennas(path, texts, out.antennas);
+  for (std::size_t i = 0; i < entries.size(); ++i)
+    if (settings.given(name_of(ranging[i]) + std::string(".offset_m")))
+      out.entries.push_back(entries[i]);
+  if (out.entries.empty())
+    throw Error(ExitCode::config, path + ": no offset; expected spd.offset_m or radar.offset_m");
+  if (line.empty()) return out;
+  out.firmware = radar::parse_firmware_bias(line);
+  if (!out.firmware)
+    throw Error(ExitCode::config,
+                path + ": firmware.line is not a compRangeBiasAndRxChanPhase command");
+  out.firmware->lines = firmware.lines;
+  return out;
+}
+
+void write_calibration(const std::string& path, const Calibration& calibration) {
+  auto entries = calibration.entries;
+  Settings settings;
+  for (auto& e : entries) bind(settings, name_of(e.sensor), e);
+  std::string line;
+  std::int64_t lines = 0;
+  if (const auto& f = calibration.firmware) {
+    line = radar::to_line(*f);
+    lines = f->lines;
+    settings.add("firmware.line", line,
+                 "mean of the radar's own compRangeBiasAndRxChanPhase lines");
+    settings.add("firmware.lines", lines, 0, 1'000'000'000, "how many came");
+  }
+  AntennaGains antennas = calibration.antennas;
+  AntennaTexts texts{text_of(antennas.gain), text_of(antennas.phase_rad),
+                     text_of(antennas.standard_error)};
+  if (!antennas.empty()) bind(settings, antennas, texts);
+  write_atomically(path, settings.resolved(true));
+}
+
+}  // namespace echofuse::acquire

@@ -1,0 +1,30 @@
+// SPDX-License-Identifier: MIT
+// The calibration file (TOML, one section a ranging sensor), written by `calibrate` and named by
+// run.calibration: by how much each sensor's ranges are too long, and what each of the radar's
+// antennas adds to its samples (section antennas; files of before are without it).
+#pragma once
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "acquire/calibrate/array_calibration.hpp"
+#include "acquire/record/record.hpp"
+
+namespace echofuse::acquire {
+
+struct Calibration {
+  std::vector<record::CalibrationEntry> entries;  // of one or both ranging sensors
+  std::optional<FirmwareBias> firmware;
+  AntennaGains antennas;
+
+  const record::CalibrationEntry* find(Sensor sensor) const;  // null: none
+  // All that this one has, and of `older` the rest.
+  Calibration over(const Calibration& older) const;
+};
+
+// Throws Error(config) with all faults, file:line each.
+Calibration read_calibration(const std::string& path);
+// Replaces the file as a whole. Throws Error(disk).
+void write_calibration(const std::string& path, const Calibration& calibration);
+
+}  // namespace echofuse::acquire

@@ -1,0 +1,382 @@
+// SPDX-License-Identifier: MIT
+#include "acquire/calibrate/peak.hpp"
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <numbers>
+#include <numeric>
+
+#include "drivers/core/axis.hpp"
+
+namespace echofuse::acquire {
+namespace {
+
+constexpr double pi = std::numbers::pi;
+constexpr double least_photon_snr = 10;  // amplitude over its standard error
+constexpr double least_echo_db = 10;
+constexpr std::size_t least_frames = 8;
+
+std::string at(const char* text, double range_m) {
+  char line[160];
+  std::snprintf(line, sizeof line, text, range_m);
+  return line;
+}
+
+bool inside(const Search& search, double range_m) {
+  return std::abs(range_m - search.distance_m) <= search.window_m / 2;
+}
+
+std::string outside_text(double range_m) {
+  return at("no peak in the window; the strongest is at %.3f m (a larger --window reaches it)",
+            range_m);
+}
+
+// ---- SPD
+
+struct Gaussian {
+  double centre = 0, sigma = 1, photons = 0, floor = 0;  // bins, photons, counts a bin
+};
+
+double normal(double u) { return 0.5 * std::erfc(-u / std::numbers::sqrt2); }
+double density(double u) { return std::exp(-u * u / 2) / std::sqrt(2 * pi); }
+
+// Expected counts of bin i, and their derivatives by centre, ln sigma, photons, floor.
+double expected(const Gaussian& g, double i, Eigen::Vector4d& slope) {
+  const double a = (i - g.centre) / g.sigma, b = (i + 1 - g.centre) / g.sigma;
+  const double share = normal(b) - normal(a);
+  slope = {g.photons * (density(a) - density(b)) / g.sigma,
+           g.photons * (a * density(a) - b * density(b)), share, 1};
+  return g.photons * share + g.floor;
+}
+
+// Bins [from, to) of a histogram.
+struct Span {
+  std::size_t from = 0, to = 0;
+};
+
+// Moments of what stands out around the highest of the counts within `where`, smoothed over `wide`
+// bins.
+Gaussian first_guess(std::span<const std::uint32_t> counts, std::size_t wide, Span where) {
+  std::vector<double> sums(counts.size() + 1);
+  for (std::size_t i = 0; i < counts.size(); ++i) sums[i + 1] = sums[i] + counts[i];
+  std::size_t best = where.from;
+  for (std::size_t i = where.from; i + wide <= where.to; ++i)
+    if (sums[i + wide] - sums[i] > sums[best + wide] - sums[best]) best = i;
+  const std::size_t from = best - std::min(best, wide),
+                    to = std::min(best + 2 * wide, counts.size());
+  const std::size_t around_from = best - std::min(best, 8 * wide),
+                    around_to = std::min(best + 9 * wide, counts.size());
+  std::vector<std::uint32_t> sorted(counts.begin() + static_cast<std::ptrdiff_t>(around_from),
+                                    counts.begin() + static_cast<std::ptrdiff_t>(around_to));
+  std::nth_element(sorted.begin(), sorted.begin() + static_cast<std::ptrdiff_t>(sorted.size() / 2),
+                   sorted.end());
+  Gaussian g;
+  g.floor = std::max<double>(sorted[sorted.size() / 2], 1e-3);
+  double sum = 0, first = 0, second = 0;
+  for (std::size_t i = from; i < to; ++i) {
+    const double w = std::max(0.0, counts[i] - g.floor), x = static_cast<double>(i) + 0.5;
+    sum += w;
+    first += w * x;
+    second += w * x * x;
+  }
+  g.photons = sum;
+  g.centre = sum > 0 ? first / sum : static_cast<double>(best);
+  g.sigma = sum > 0 ? std::sqrt(std::max(0.25, second / sum - g.centre * g.centre)) : 1;
+  return g;
+}
+
+// One step of Fisher scoring over the bins [from, to); returns the information.
+Eigen::Matrix4d score(std::span<const std::uint32_t> counts, std::size_t from, std::size_t to,
+                      const Gaussian& g, Eigen::Vector4d& gradient) {
+  Eigen::Matrix4d information = Eigen::Matrix4d::Zero();
+  gradient.setZero();
+  Eigen::Vector4d slope;
+  for (std::size_t i = from; i < to; ++i) {
+    const double mean = expected(g, static_cast<double>(i), slope);
+    gradient += (counts[i] / mean - 1) * slope;
+    information += slope * slope.transpose() / mean;
+  }
+  return information;
+}
+
+struct Fit {
+  Gaussian peak;
+  double centre_error = 0;  // bins
+  double snr = 0;           // photons over their standard error; 0: no fit
+};
+
+Fit fit_around(std::span<const std::uint32_t> counts, std::size_t wide, Span where) {
+  Fit fit;
+  Gaussian& g = fit.peak;
+  g = first_guess(counts, wide, where);
+  const double reach = std::max(3.0 * static_cast<double>(wide), 12 * g.sigma);
+  const auto border = [&](double x) {
+    return static_cast<std::size_t>(std::clamp(x, 0.0, static_cast<double>(counts.size())));
+  };
+  const std::size_t from = border(g.centre - reach), to = border(g.centre + reach);
+  Eigen::Vector4d gradient;
+  Eigen::Matrix4d information;
+  for (int step = 0; step < 60; ++step) {
+    information = score(counts, from, to, g, gradient);
+    const Eigen::Vector4d move = information.ldlt().solve(gradient);
+    if (!move.allFinite()) return fit;
+    g.centre += std::clamp(move[0], -g.sigma, g.sigma);
+    g.sigma *= std::exp(std::clamp(move[1], -0.5, 0.5));
+    g.photons = std::max(g.photons / 2, g.photons + move[2]);
+    g.floor = std::max({g.floor / 2, g.floor + move[3], 1e-9});
+    if (move.head<2>().norm() < 1e-6) break;
+  }
+  const Eigen::Matrix4d covariance = information.inverse();
+  if (!covariance.allFinite() || !(covariance(0, 0) > 0) || !(covariance(2, 2) > 0)) return fit;
+  fit.centre_error = std::sqrt(covariance(0, 0));
+  fit.snr = g.photons / std::sqrt(covariance(2, 2));
+  return fit;
+}
+
+struct Bump {
+  double photons = 0, bin = 0;
+};
+
+// The strongest other bump of the fitted width within `where`.
+Bump other_bump(std::span<const std::uint32_t> counts, const Gaussian& g, Span where) {
+  const auto wide = static_cast<std::size_t>(std::max(1.0, 2 * g.sigma));
+  Bump best;
+  Eigen::Vector4d unused;
+  for (std::size_t i = where.from; i + wide <= where.to; i += std::max<std::size_t>(1, wide / 2)) {
+    if (std::abs(static_cast<double>(i + wide / 2) - g.centre) < 4 * g.sigma) continue;
+    double seen = 0, mean = 0;
+    for (std::size_t k = i; k < i + wide; ++k) {
+      seen += counts[k];
+      mean += expected(g, static_cast<double>(k), unused);
+    }
+    if (seen - mean > best.photons) best = {seen - mean, static_cast<double>(i + wide / 2)};
+  }
+  return best;
+}
+
+// ---- radar
+
+// The Blackman window's transform, 1 at u = 0; u in cells of c / 2B.
+double blackman(double u) {
+  const auto sinc = [](double v) { return std::abs(v) < 1e-9 ? 1.0 : std::sin(pi * v) / (pi * v); };
+  return sinc(u) + (0.25 * (sinc(u - 1) + sinc(u + 1)) + 0.04 * (sinc(u - 2) + sinc(u + 2))) / 0.42;
+}
+
+// log2 of the lobe's power, 0 at its top.
+double lobe(double u) { return 2 * std::log2(std::max(1e-6, std::abs(blackman(u)))); }
+
+constexpr std::size_t near = 5;  // bins of a lobe that are fitted
+using Near = Eigen::Matrix<double, near, 1>;
+
+struct Lobe {
+  double top = 0;     // bins from the middle one
+  Near model, power;  // expected log2 of the power; the power over the noise
+  Near share;         // of each bin's value in `top`
+};
+
+// Gauss-Newton of amplitude and place, each bin weighted with its power. The mean of the logarithm
+// of a signal P in noise N is that of P plus E1(P / N).
+Lobe fit_lobe(const Near& mean, double log2_noise, double cells_per_bin) {
+  Lobe fit;
+  double amplitude = mean.maxCoeff();
+  for (int step = 0; step < 50; ++step) {
+    Eigen::Matrix<double, near, 2> slope;
+    for (Eigen::Index i = 0; i < fit.model.size(); ++i) {
+      const double u = (static_cast<double>(i) - 2 - fit.top) * cells_per_bin, d = 1e-5;
+      const double signal = amplitude + lobe(u);
+      const double over = std::max(std::exp2(signal - log2_noise), 1e-9);
+      const double rising = -std::expm1(-over);  // of the mean with the logarithm of P
+      fit.power[i] = over;
+      fit.model[i] =
+          std::log2(over) + log2_noise + (over < 50 ? -std::expint(-over) / std::numbers::ln2 : 0);
+      slope(i, 0) = rising * (lobe(u - d) - lobe(u + d)) / (2 * d) * cells_per_bin;
+      slope(i, 1) = rising;
+    }
+    const auto weighted = (slope.transpose() * fit.power.asDiagonal()).eval();
+    const auto solver = (weighted * slope).ldlt();
+    const Eigen::Vector2d move = solver.solve(weighted * (mean - fit.model));
+    fit.share = solver.solve(weighted).row(0).transpose();
+    fit.top = std::clamp(fit.top + std::clamp(move[0], -0.3, 0.3), -1.5, 1.5);
+    amplitude += move[1];
+    if (move.norm() < 1e-9) break;
+  }
+  return fit;
+}
+
+// What is known of each bin: mean over the frames, and their standard deviation.
+struct Profile {
+  std::vector<double> mean, deviation;  // log2 of the power
+  double floor = 0;                     // median of the means
+};
+
+Profile profile_of(const std::vector<std::vector<std::uint16_t>>& frames, double log2_power_step) {
+  const auto n = static_cast<double>(frames.size());
+  const std::size_t bins = frames[0].size();
+  Profile p{std::vector<double>(bins), std::vector<double>(bins), 0};
+  for (const auto& frame : frames)
+    for (std::size_t i = 0; i < bins; ++i) p.mean[i] += frame[i] * log2_power_step / n;
+  for (const auto& frame : frames)
+    for (std::size_t i = 0; i < bins; ++i)
+      p.deviation[i] += std::pow(frame[i] * log2_power_step - p.mean[i], 2) / (n - 1);
+  for (double& d : p.deviation) d = std::sqrt(d);
+  auto sorted = p.mean;
+  const auto middle = sorted.begin() + static_cast<std::ptrdiff_t>(bins / 2);
+  std::nth_element(sorted.begin(), middle, sorted.end());
+  p.floor = *middle;
+  return p;
+}
+
+// The standard error of the place, in bins, from the frames' own scatter; and from the codes'
+// steps, as far as the noise does not make them even out.
+double place_error(const std::vector<std::vector<std::uint16_t>>& frames, const Profile& profile,
+                   const Lobe& fit, std::size_t first, double log2_power_step) {
+  const auto n = static_cast<double>(frames.size());
+  double squares = 0, steps = 0;
+  for (const auto& frame : frames) {
+    double off = 0;
+    for (std::size_t i = 0; i < near; ++i)
+      off += fit.share[static_cast<Eigen::Index>(i)] *
+             (frame[first + i] * log2_power_step - profile.mean[first + i]);
+    squares += off * off;
+  }
+  for (std::size_t i = 0; i < near; ++i) {
+    const double share = fit.share[static_cast<Eigen::Index>(i)] * log2_power_step;
+    const double dither = 2 * pi * profile.deviation[first + i] / log2_power_step;
+    steps += share * share / 12 * std::exp(-dither * dither);
+  }
+  return std::sqrt(squares / (n - 1) / n + steps);
+}
+
+// Two reflectors within each other's lobes show in its shape.
+std::string unlike_one_echo(const Profile& profile, const Lobe& fit, std::size_t top,
+                            std::size_t frames) {
+  constexpr double allowed = 0.66;       // 2 dB in log2 of the power
+  constexpr double weakest = 1 / 316.0;  // 25 dB below the top, where skirts begin
+  for (std::size_t i = 0; i < near; ++i) {
+    const auto k = static_cast<Eigen::Index>(i);
+    const double off = profile.mean[top - 2 + i] - fit.model[k];
+    const double chance = 4 * profile.deviation[top - 2 + i] / std::sqrt(frames);
+    if (fit.power[k] > weakest * fit.power.maxCoeff() && std::abs(off) > allowed + chance)
+      return at("two peaks: the echo differs by %.1f dB from that of one reflector",
+                10 * std::log10(2.0) * std::abs(off));
+  }
+  return {};
+}
+
+// Another top among the bins [low, high], outside this one's lobe (3 cells to its first null) and
+// within 6 dB of it; 0: none.
+std::size_t other_top(const std::vector<double>& mean, std::size_t low, std::size_t high,
+                      std::size_t top, double cells_per_bin) {
+  const auto width = static_cast<std::size_t>(std::ceil(3 / cells_per_bin));
+  for (std::size_t i = low; i <= high; ++i)
+    if ((i + width < top || i > top + width) && mean[i] > mean[i - 1] && mean[i] > mean[i + 1] &&
+        mean[i] > mean[top] - 2)
+      return i;
+  return 0;
+}
+
+}  // namespace
+
+Peak fit_photons(std::span<const std::uint32_t> counts, double start_ps, double step_ps,
+                 const Search& search) {
+  Peak peak;
+  const auto range_of = [&](double bin) { return (start_ps + bin * step_ps) / ps_per_m; };
+  const auto bin_of = [&](double range_m) {
+    return static_cast<std::size_t>(std::clamp((range_m * ps_per_m - start_ps) / step_ps, 0.0,
+                                               static_cast<double>(counts.size())));
+  };
+  if (std::accumulate(counts.begin(), counts.end(), 0ull) < 100) {
+    peak.refusal = "no peak: fewer than 100 photons came";
+    return peak;
+  }
+  const auto wide = static_cast<std::size_t>(std::max(1.0, 200 / step_ps));
+  const Span all{0, counts.size()};
+  // Half a pulse more on both sides: what stands at the window's border is fitted as a whole.
+  Span window{bin_of(search.distance_m - search.window_m / 2),
+              bin_of(search.distance_m + search.window_m / 2)};
+  window = {window.from - std::min(window.from, wide / 2),
+            std::min(window.to + wide / 2, counts.size())};
+  const Fit fit = fit_around(counts, wide, window);
+  peak.range_m = range_of(fit.peak.centre);
+  peak.standard_error_m = fit.centre_error * step_ps / ps_per_m;
+  peak.snr_db = 20 * std::log10(std::max(fit.snr, 1e-3));
+  const Bump bump = other_bump(counts, fit.peak, window);
+  if (fit.snr < least_photon_snr) {
+    const Fit strongest = fit_around(counts, wide, all);
+    peak.refusal = strongest.snr < least_photon_snr
+                       ? at("SNR too low: the strongest peak stands at %.3f m",
+                            range_of(strongest.peak.centre))
+                       : outside_text(range_of(strongest.peak.centre));
+  } else if (!inside(search, peak.range_m)) {
+    peak.refusal = outside_text(peak.range_m);
+  } else if (bump.photons > 0.2 * fit.peak.photons &&
+             bump.photons > 5 * std::sqrt(fit.peak.photons)) {
+    peak.refusal = at("two peaks: another one at %.3f m", range_of(bump.bin));
+  }
+  return peak;
+}
+
+Peak fit_echo(const std::vector<std::vector<std::uint16_t>>& frames, const EchoAxis& axis,
+              const Search& search) {
+  Peak peak;
+  if (frames.size() < least_frames) {
+    peak.refusal = "no peak: fewer than 8 frames came";
+    return peak;
+  }
+  const Profile profile = profile_of(frames, axis.log2_power_step);
+  const auto& mean = profile.mean;
+  const std::size_t last = mean.size() - 3;
+  const auto bin = [&](double range_m) {
+    return static_cast<std::size_t>(
+        std::clamp(std::round(range_m / axis.step_m), 2.0, static_cast<double>(last)));
+  };
+  const auto highest = [&](std::size_t from, std::size_t to) {
+    const auto begin = mean.begin();
+    return static_cast<std::size_t>(std::max_element(begin + static_cast<std::ptrdiff_t>(from),
+                                                     begin + static_cast<std::ptrdiff_t>(to) + 1) -
+                                    begin);
+  };
+  const auto db_over_floor = [&](std::size_t i) {
+    return 10 * std::log10(2.0) * (mean[i] - profile.floor);
+  };
+  const std::size_t low = bin(search.distance_m - search.window_m / 2),
+                    high = bin(search.distance_m + search.window_m / 2);
+  std::size_t top = highest(low, high);
+  while (top > 2 && mean[top - 1] > mean[top]) --top;  // the window cuts its lobe
+  while (top < last && mean[top + 1] > mean[top]) ++top;
+  peak.snr_db = db_over_floor(top);
+  peak.range_m = static_cast<double>(top) * axis.step_m;
+  // A lobe whose top is cut off: two bins of one code, the same in every frame.
+  const bool flat = std::all_of(frames.begin(), frames.end(), [&](const auto& f) {
+    return f[top] == frames[0][top] && (f[top] == f[top - 1] || f[top] == f[top + 1]);
+  });
+  if (flat) {
+    peak.refusal = "saturated: lower the receiver's gain in profileCfg, or move the reflector away";
+    return peak;
+  }
+  if (peak.snr_db < least_echo_db) {
+    const std::size_t strongest = highest(2, last);
+    peak.refusal = db_over_floor(strongest) < least_echo_db
+                       ? at("SNR too low: %.1f dB over the median, 10 needed", peak.snr_db)
+                       : outside_text(static_cast<double>(strongest) * axis.step_m);
+    return peak;
+  }
+  const double cells_per_bin = axis.step_m / axis.resolution_m;
+  Near values;
+  for (std::size_t i = 0; i < near; ++i) values[static_cast<Eigen::Index>(i)] = mean[top - 2 + i];
+  // Of noise alone the mean of the logarithm is Euler's constant below the logarithm of the mean.
+  const double log2_noise = profile.floor + std::numbers::egamma / std::numbers::ln2;
+  const Lobe fit = fit_lobe(values, log2_noise, cells_per_bin);
+  peak.range_m = (static_cast<double>(top) + fit.top) * axis.step_m;
+  peak.standard_error_m =
+      axis.step_m * place_error(frames, profile, fit, top - 2, axis.log2_power_step);
+  peak.refusal = unlike_one_echo(profile, fit, top, frames.size());
+  if (const std::size_t other = other_top(mean, low, high, top, cells_per_bin))
+    peak.refusal = at("two peaks: another one at %.3f m", static_cast<double>(other) * axis.step_m);
+  if (!inside(search, peak.range_m)) peak.refusal = outside_text(peak.range_m);
+  return peak;
+}
+
+}  // namespace echofuse::acquire

@@ -1,0 +1,206 @@
+// SPDX-License-Identifier: MIT
+#include "acquire/commands/info.hpp"
+
+#include <algorithm>
+#include <cstdio>
+#include <nlohmann/json.hpp>
+
+#include "acquire/record/run_file.hpp"
+#include "drivers/program/printable.hpp"
+
+namespace echofuse::acquire {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+Json by_sensor(const PerSensor<std::int64_t>& values) {
+  return {{"spd", values[Sensor::spd]},
+          {"radar", values[Sensor::radar]},
+          {"depth", values[Sensor::depth]}};
+}
+
+// {"part": 0, "spd": {"tags": 123, ...}, ...}
+Json parts_of(const record::RunReader& run) {
+  Json parts = Json::array();
+  for (const record::Counted& c : run.counters()) {
+    if (parts.empty() || parts.back()["part"] != c.part) parts.push_back({{"part", c.part}});
+    parts.back()[c.source][c.name] = c.value;
+  }
+  return parts;
+}
+
+// Empty for a run without it.
+Json array_of(const record::RunReader& run, const record::RunSummary& sum) {
+  const auto axis = run.axis("array");
+  if (!axis) return Json::object();
+  Json antennas = Json::array();
+  bool calibrated = false;
+  for (const record::Antenna& a : run.antennas()) {
+    calibrated |= a.gain != 1 || a.phase_rad != 0;
+    antennas.push_back({{"x", a.x}, {"y", a.y}, {"gain", a.gain}, {"phase_rad", a.phase_rad}});
+  }
+  const auto records = static_cast<double>(std::max<std::int64_t>(sum.arrays, 1));
+  return {{"antennas", record::antennas_of(*axis)},
+          {"bins", axis->count},
+          {"end_m", axis->at(axis->count - 1.0)},
+          {"records", sum.arrays},
+          {"frames_a_record", static_cast<double>(sum.array_frames) / records},
+          {"bytes_a_record", record::array_bytes(*axis)},
+          {"calibrated", calibrated},
+          {"places", antennas}};
+}
+
+Json to_json(const record::RunReader& run) {
+  const record::RunInfo info = run.info();
+  const record::RunSummary sum = run.summary();
+  Json axes = Json::array(), devices = Json::array();
+  for (const Axis& a : run.axes())
+    axes.push_back({{"name", a.name},
+                    {"quantity", a.quantity},
+                    {"unit", a.unit},
+                    {"count", a.count},
+                    {"start", a.start},
+                    {"step", a.step},
+                    {"scale", a.scale}});
+  Json clocks = Json::object();
+  for (const Sensor s : all_sensors)
+    if (const auto& c = sum.clocks[s])
+      clocks[name_of(s)] = {{"offset_s", c->offset_s},
+                            {"drift_ppm", c->drift_ppm},
+                            {"residual_s", c->residual_s},
+                            {"samples", c->samples}};
+  Json verdicts = Json::object();
+  for (const Sensor s : all_sensors) verdicts[name_of(s)] = sum.verdicts[s];
+  Json meta = Json::object(), marks = Json::array();
+  for (const auto& [key, value] : info.meta) meta[key] = value;
+  for (const record::Event& e : run.events())
+    if (e.level == "mark" || e.level == "label" || e.level == "note")
+      marks.push_back({{"utc", e.utc}, {"kind", e.level}, {"source", e.source}, {"text", e.text}});
+  Json calibrations = Json::array();
+  for (const auto& c : run.calibrations())
+    calibrations.push_back({{"sensor", name_of(c.sensor)},
+                            {"offset_m", c.offset_m},
+                            {"standard_error_m", c.standard_error_m},
+                            {"distance_m", c.distance_m},
+                            {"date_utc", c.date_utc},
+                            {"method", c.method}});
+  for (const DeviceInfo& d : run.devices())
+    devices.push_back({{"sensor", name_of(d.sensor)},
+                       {"address", d.address},
+                       {"model", d.model},
+                       {"serial", d.serial},
+                       {"firmware", d.firmware}});
+  return {{"file", run.path()},
+          {"uuid", info.uuid},
+          {"status", info.status},
+          {"records", sum.records},
+          {"all_valid", sum.all_valid},
+          {"incomplete", sum.incomplete},
+          {"policy", sum.policies},
+          {"clocks", clocks},
+          {"valid", by_sensor(sum.valid)},
+          {"verdicts", verdicts},
+          {"lost", by_sensor(sum.lost)},
+          {"tags", sum.tags},
+          {"labels", sum.labels},
+          {"events", sum.events},
+          {"window_s", info.window_s},
+          {"started_utc", info.started_utc},
+          {"ended_utc", info.ended_utc},
+          {"first_slot_utc", sum.records > 0 ? iso8601(sum.first_utc) : ""},
+          {"last_slot_end_utc", sum.records > 0 ? iso8601(sum.last_utc) : ""},
+          {"version", info.version},
+          {"host", info.host},
+          {"operator", info.operator_name},
+          {"notes", info.notes},
+          {"meta", meta},
+          {"marks", marks},
+          {"counters", parts_of(run)},
+          {"axes", axes},
+          {"array", array_of(run, sum)},
+          {"calibrations", calibrations},
+          {"devices", devices}};
+}
+
+std::string word(const Json& value) {
+  if (value.is_string()) return value.get<std::string>();
+  if (!value.is_number_float()) return value.dump(-1, ' ', true, Json::error_handler_t::replace);
+  char text[32];
+  std::snprintf(text, sizeof text, "%.6g", value.get<double>());
+  return text;
+}
+
+// {"a": 1, "b": 2} -> "a 1, b 2"
+std::string list(const Json& object) {
+  std::string text;
+  for (const auto& [key, value] : object.items())
+    text += (text.empty() ? "" : ", ") + (key.empty() ? std::string("(none)") : key) + " " +
+            word(value);
+  return text;
+}
+
+Json without_zeros(Json object) {
+  for (auto item = object.begin(); item != object.end();)
+    item = item.value() == 0 ? object.erase(item) : std::next(item);
+  return object;
+}
+
+std::string to_text(const Json& j) {
+  constexpr std::size_t longest = 2000;  // of a line; --json holds all
+  std::string out = printable(word(j["file"])) + ": " + word(j["records"]) + " records, " +
+                    printable(word(j["status"]), 40) + "\n";
+  const auto line = [&](const char* name, const std::string& value) {
+    if (!value.empty())
+      out += "  " + std::string(name) + std::string(10 - std::string(name).size(), ' ') +
+             printable(value, longest) + "\n";
+  };
+  if (j["records"] > 0)
+    line("slots", word(j["first_slot_utc"]) + " to " + word(j["last_slot_end_utc"]) + ", " +
+                      word(j["window_s"]) + " s each");
+  line("valid", list(j["valid"]) + "; all three " + word(j["all_valid"]));
+  for (const auto& [sensor, counts] : j["verdicts"].items())
+    line("verdicts", counts.empty() ? "" : sensor + ": " + list(counts));
+  if (!j["policy"].empty())
+    line("policy", list(j["policy"]) + "; incomplete " + word(j["incomplete"]));
+  for (const auto& [sensor, clock] : j["clocks"].items())
+    line("clock", sensor + ": " + list(clock));
+  line("lost", list(j["lost"]) + "; tags " + word(j["tags"]));
+  for (const auto& part : j["counters"])
+    for (const Sensor s : all_sensors)
+      if (part.contains(name_of(s)))
+        line("counted", "part " + word(part["part"]) + " " + name_of(s) + ": " +
+                            list(without_zeros(part[name_of(s)])));
+  line("labels", list(j["labels"]));
+  line("events", list(j["events"]));
+  for (const auto& a : j["axes"])
+    line("axis", word(a["name"]) + ": " + word(a["count"]) + " x " + word(a["step"]) + " " +
+                     word(a["unit"]) + " from " + word(a["start"]) + ", " + word(a["quantity"]));
+  if (const Json& a = j["array"]; !a.empty())
+    line("array", word(a["antennas"]) + " antennas, " + word(a["bins"]) + " bins to " +
+                      word(a["end_m"]) + " m, in " + word(a["records"]) + " records of " +
+                      word(a["frames_a_record"]) + " frames and " + word(a["bytes_a_record"]) +
+                      " bytes, " + (a["calibrated"] ? "calibrated" : "not calibrated"));
+  for (const auto& c : j["calibrations"])
+    line("offset", word(c["sensor"]) + ": " + word(c["offset_m"]) + " m +- " +
+                       word(c["standard_error_m"]) + " m, of " + word(c["date_utc"]));
+  for (const auto& d : j["devices"])
+    line("device", word(d["sensor"]) + ": " + word(d["model"]) + " " + word(d["serial"]) + " at " +
+                       word(d["address"]));
+  line("made by", "echofuse " + word(j["version"]) + " on " + word(j["host"]) +
+                      (word(j["operator"]).empty() ? "" : " by " + word(j["operator"])));
+  line("notes", word(j["notes"]));
+  for (const auto& [key, value] : j["meta"].items()) line("meta", key + " = " + word(value));
+  for (const auto& m : j["marks"])
+    line(word(m["kind"]).c_str(), word(m["utc"]) + " " + word(m["text"]));
+  return out;
+}
+
+}  // namespace
+
+std::string describe_run(const std::string& path, bool json) {
+  const Json description = to_json(record::RunReader(path));
+  return json ? description.dump(2, ' ', true, Json::error_handler_t::replace) + "\n"
+              : to_text(description);
+}
+
+}  // namespace echofuse::acquire

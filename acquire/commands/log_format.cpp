@@ -1,0 +1,52 @@
+// SPDX-License-Identifier: MIT
+#include "acquire/commands/log_format.hpp"
+
+#include <spdlog/pattern_formatter.h>
+#include <unistd.h>
+
+#include <ctime>
+
+#include "drivers/program/console.hpp"
+#include "drivers/program/printable.hpp"
+
+namespace echofuse::acquire {
+namespace {
+
+// %N: the level as the journal takes it, "<4>" for a warning.
+class Priority final : public spdlog::custom_flag_formatter {
+  void format(const spdlog::details::log_msg& message, const std::tm&,
+              spdlog::memory_buf_t& out) override {
+    constexpr char priorities[] = {'7', '7', '6', '4', '3', '2'};  // trace to critical
+    out.push_back('<');
+    out.push_back(priorities[static_cast<std::size_t>(message.level)]);
+    out.push_back('>');
+  }
+  std::unique_ptr<custom_flag_formatter> clone() const override {
+    return std::make_unique<Priority>();
+  }
+};
+
+// %Q: the message, in which nothing moves the cursor, whoever sent the text.
+class Message final : public spdlog::custom_flag_formatter {
+  void format(const spdlog::details::log_msg& message, const std::tm&,
+              spdlog::memory_buf_t& out) override {
+    const std::string text = printable_lines({message.payload.data(), message.payload.size()});
+    out.append(text.data(), text.data() + text.size());
+  }
+  std::unique_ptr<custom_flag_formatter> clone() const override {
+    return std::make_unique<Message>();
+  }
+};
+
+}  // namespace
+
+std::unique_ptr<spdlog::formatter> log_format() {
+  const char* pattern = stderr_is_journal()     ? "%N%Q"
+                        : isatty(STDERR_FILENO) ? "\r\033[K%H:%M:%S %^%l%$ %Q"
+                                                : "%Y-%m-%dT%H:%M:%S.%e %l %Q";
+  auto format = std::make_unique<spdlog::pattern_formatter>();
+  format->add_flag<Priority>('N').add_flag<Message>('Q').set_pattern(pattern);
+  return format;
+}
+
+}  // namespace echofuse::acquire

@@ -1,0 +1,240 @@
+// SPDX-License-Identifier: MIT
+#include <malloc.h>
+#include <spdlog/sinks/stdout_color_sinks.h>
+#include <spdlog/spdlog.h>
+#include <unistd.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <filesystem>
+
+#include "acquire/calibrate/calibrate.hpp"
+#include "acquire/commands/annotate.hpp"
+#include "acquire/commands/catalogue.hpp"
+#include "acquire/commands/info.hpp"
+#include "acquire/commands/log_format.hpp"
+#include "acquire/commands/options.hpp"
+#include "acquire/commands/replay.hpp"
+#include "acquire/config/config.hpp"
+#include "acquire/config/find_config.hpp"
+#include "acquire/devices/devices.hpp"
+#include "acquire/doctor/doctor.hpp"
+#include "acquire/record/export.hpp"
+#include "acquire/record/run_file.hpp"
+#include "acquire/record/run_names.hpp"
+#include "acquire/run/viewer.hpp"
+#include "drivers/program/console.hpp"
+#include "drivers/program/printable.hpp"
+#include "drivers/program/program.hpp"
+
+namespace echofuse::acquire {
+namespace {
+
+constexpr const char* program = "echofuse-acquire";
+
+void set_up_log(const Options& o) {
+  auto log = spdlog::stderr_color_mt(program);
+  log->set_formatter(log_format());
+  log->set_level(o.quiet     ? spdlog::level::err
+                 : o.verbose ? spdlog::level::debug
+                             : spdlog::level::info);
+  spdlog::set_default_logger(log);
+}
+
+// --config, or where it is found.
+ConfigPlace place_of(const Options& o) {
+  return o.config.empty() ? require_config() : ConfigPlace{o.config, "--config"};
+}
+
+Config load(const Options& o) {
+  const ConfigPlace place = place_of(o);
+  if (place.name != "--config" && place.name != "./lab.toml")
+    spdlog::info("configuration: {}", place.path);
+  return load_config(place.path, o.assignments);
+}
+
+void plan_count(Options& o, const Config& config) {
+  if (o.duration_s > 0)
+    o.run.count = static_cast<std::int64_t>(std::ceil(o.duration_s / config.window_s - 1e-9));
+}
+
+std::string out_of(const Options& o, const Config& config) {
+  return o.run.out.empty() ? record::next_run(config.run_folder) : record::new_run(o.run.out);
+}
+
+ExitCode run(Options& o) {
+  std::optional<TemporaryFolder> thrown_away;
+  if (o.align) {
+    o.assignments.push_back("run.window_s=0.1");
+    o.run.out = thrown_away.emplace().path() + "/align";
+    o.view = true;
+  }
+  const Config config = load(o);
+  o.run.label_given = std::any_of(o.assignments.begin(), o.assignments.end(),
+                                  [](auto& a) { return a.starts_with("run.label"); });
+  for (const auto& pair : o.meta) {
+    const auto equals = pair.find('=');
+    if (equals == 0 || equals == std::string::npos)
+      throw Error(ExitCode::usage, "--meta " + pair + ": expected key=value");
+    const std::string key = pair.substr(0, equals);
+    for (const auto& [before, value] : o.run.meta)
+      if (before == key) throw Error(ExitCode::usage, "--meta " + key + ": given twice");
+    o.run.meta.emplace_back(key, pair.substr(equals + 1));
+  }
+  plan_count(o, config);
+  o.run.resume = !o.resume.empty();
+  o.run.out = o.run.resume ? std::filesystem::absolute(record::old_run(o.resume)).string()
+                           : out_of(o, config);
+  o.run.quiet = o.quiet;
+  if (!o.run.keep_raw.empty()) o.run.keep_raw = std::filesystem::absolute(o.run.keep_raw).string();
+  catch_interrupts();
+  // The allocator would keep what a burst of samples took, and more with each larger burst.
+  mallopt(M_TRIM_THRESHOLD, 256 << 10);
+  std::optional<Viewer> viewer;
+  if (o.view) viewer.emplace(o.run.out, o.run.count);
+  port::SystemLoop loop;
+  const ExitCode code = record_run(config, o.run, loop);
+  if (viewer) viewer->leave();
+  return code;
+}
+
+// Of commands that do without: none if there is no file and none was asked for.
+std::optional<Config> load_if_any(const Options& o) {
+  if (o.config.empty() && o.assignments.empty() && !find_config()) return std::nullopt;
+  return load(o);
+}
+
+ExitCode list_devices(const Options& o) {
+  catch_interrupts();
+  port::SystemLoop loop;
+  return check_devices(load_if_any(o), loop, o.json);
+}
+
+ExitCode doctor(Options& o) {
+  catch_interrupts();
+  const auto config = load_if_any(o);
+  if (config) plan_count(o, *config);
+  port::SystemLoop loop;
+  return examine(config, {.count = o.run.count, .json = o.json}, loop);
+}
+
+ExitCode show_config(const Options& o) {
+  const ConfigPlace place = place_of(o);
+  const Config config = load_config(place.path, o.assignments);
+  const std::string head = "# " + printable(place.path) + " (" + place.name + ")\n";
+  std::fputs((head + config.shown).c_str(), stdout);
+  return ExitCode::ok;
+}
+
+ExitCode check_config(const Options& o) {
+  const ConfigPlace place = place_of(o);
+  load_config(place.path, o.assignments);
+  std::printf("%s: ok\n", printable(place.path).c_str());
+  return ExitCode::ok;
+}
+
+ExitCode info(const Options& o) {
+  std::fputs(describe_run(o.file, o.json).c_str(), stdout);
+  return ExitCode::ok;
+}
+
+ExitCode calibrate_sensors(Options& o) {
+  const Config config = load_config(place_of(o).path, o.assignments, o.calibrate.check);
+  o.calibrate.json = o.json;
+  catch_interrupts();
+  port::SystemLoop loop;
+  return calibrate(config, o.calibrate, loop);
+}
+
+ExitCode annotate(const Options& o) {
+  if (o.text.has_value() == o.label.has_value())
+    throw Error(ExitCode::usage, "expected either a text or --label TEXT");
+  std::printf("%s\n", printable_lines(annotate_run(o.file, o.text, o.label)).c_str());
+  return ExitCode::ok;
+}
+
+// Without a folder: that of the configuration, or this one, and what is live elsewhere.
+ExitCode list(const Options& o) {
+  std::string folder = o.folder;
+  if (folder.empty()) {
+    const auto config = load_if_any(o);
+    folder = config && !config->run_folder.empty() ? config->run_folder : ".";
+  }
+  const Catalogue found = list_runs(folder, o.folder.empty(), system_clock, o.json);
+  std::fputs(found.text.c_str(), stdout);
+  if (!found.left_out.empty()) spdlog::warn("left out: {}", found.left_out);
+  return ExitCode::ok;
+}
+
+ExitCode replay(const Options& o) {
+  const Replayed result = !o.radar.empty() ? replay_radar(o.radar, o.json)
+                          : !o.tdc.empty() ? replay_tdc(o.tdc, o.json)
+                                           : replay_depth(o.depth, o.json);
+  std::fputs(result.text.c_str(), stdout);
+  if (!result.any)
+    throw Error(ExitCode::failed, std::string("no ") + (o.tdc.empty() ? "frame" : "tag") +
+                                      " in it: is it a recording of another device?");
+  return ExitCode::ok;
+}
+
+ExitCode export_run(const Options& o) {
+  catch_interrupts();
+  const record::RunReader reader(o.file);
+  const std::string kind = std::filesystem::path(o.to).extension().string();
+  if (kind == ".csv" && o.record) {
+    record::export_csv(reader, *o.record, o.to);
+    return ExitCode::ok;
+  }
+  if (kind != ".h5" || o.record)
+    throw Error(ExitCode::usage,
+                "--to " + o.to + ": expected NAME.h5, or NAME.csv with --record N");
+  Progress progress("export", static_cast<std::size_t>(reader.count()), !isatty(STDERR_FILENO));
+  const auto bad = record::export_h5(reader, o.to, [&](std::int64_t done, std::int64_t) {
+    if (interrupted()) throw Error(ExitCode::interrupted, "interrupted; nothing is exported");
+    progress.update(static_cast<std::size_t>(done));
+  });
+  if (bad == 0) return ExitCode::ok;
+  spdlog::error("{} records could not be read; they are marked in {}", bad, o.to);
+  return ExitCode::partial;
+}
+
+ExitCode dispatch(const std::string& command, Options& o) {
+  set_up_log(o);
+  if (!o.file.empty()) {
+    o.file = record::old_run(o.file);
+    record::recover(o.file);
+  }
+  if (command == "run") return run(o);
+  if (command == "devices") return list_devices(o);
+  if (command == "doctor") return doctor(o);
+  if (command == "config check") return check_config(o);
+  if (command == "config show") return show_config(o);
+  if (command == "info") return info(o);
+  if (command == "export") return export_run(o);
+  if (command == "calibrate") return calibrate_sensors(o);
+  if (command == "annotate") return annotate(o);
+  if (command == "list") return list(o);
+  return replay(o);
+}
+
+int main(int argc, char** argv) {
+  Options options;
+  CLI::App app("Records a single-photon detector, a radar and a depth camera into one run file.",
+               program);
+  app.set_version_flag("--version", std::string(program) + " " + version());
+  add_commands(app, options);
+  try {
+    app.parse(argc, argv);
+    if (app.get_subcommands().empty()) throw CLI::RequiredError("a command");
+  } catch (const CLI::ParseError& e) {
+    return run_main(program, [&] { return app.exit(e) == 0 ? ExitCode::ok : ExitCode::usage; });
+  }
+  return run_main(program, [&] { return dispatch(command_of(app), options); });
+}
+
+}  // namespace
+}  // namespace echofuse::acquire
+
+int main(int argc, char** argv) { return echofuse::acquire::main(argc, argv); }

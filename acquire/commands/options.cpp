@@ -1,0 +1,156 @@
+// SPDX-License-Identifier: MIT
+#include "acquire/commands/options.hpp"
+
+#include <map>
+
+namespace echofuse::acquire {
+namespace {
+
+constexpr const char* footer =
+    "exit codes: 0 ok, 1 failed, 2 usage, 3 config, 4 device, 5 partial (some records "
+    "unreadable;\n"
+    "            run --strict: of some a sensor was not ok),\n"
+    "            6 disk, 130 interrupted (second Ctrl-C, or before the first slot)";
+
+constexpr const char* out_help =
+    "run file to make; .sqlite is appended if it has no extension, and %Y%m%d-%H%M%S is the time "
+    "(UTC; strftime's fields); default: DATE-NNN in run.folder";
+
+void add_config_options(CLI::App& command, Options& o) {
+  command.add_option("--config", o.config,
+                     "configuration (TOML); default: $ECHOFUSE_CONFIG, ./lab.toml, "
+                     "~/.config/echofuse/lab.toml or /etc/echofuse/lab.toml, whichever is first");
+  command.add_option("--set", o.assignments, "key=value, overrides the file; may be repeated")
+      ->allow_extra_args(false);
+}
+
+CLI::Option* add_duration(CLI::App& command, Options& o, const char* help) {
+  const std::map<std::string, double> units{{"h", 3600}, {"m", 60}, {"min", 60}, {"s", 1}};
+  return command.add_option("--duration", o.duration_s, help)
+      ->transform(CLI::AsNumberWithUnit(units, CLI::AsNumberWithUnit::UNIT_REQUIRED))
+      ->check(CLI::PositiveNumber);
+}
+
+void add_run(CLI::App& app, Options& o) {
+  auto* c = app.add_subcommand("run", "record fused records, one a slot, until Ctrl-C");
+  add_config_options(*c, o);
+  c->add_flag("-q,--quiet", o.quiet, "print errors only");
+  c->add_flag("-v,--verbose", o.verbose, "one line for every record on stderr");
+  auto* target = c->add_option_group("target");
+  target->add_option("--out", o.run.out, out_help);
+  auto* resume = target->add_option("--resume", o.resume,
+                                    "run to continue, with the configuration it was begun with");
+  target->add_flag("--align", o.align,
+                   "slots of 0.1 s in a run that is thrown away, and its view: to point laser and "
+                   "sensors");
+  target->require_option(0, 1);
+  auto* count = c->add_option("--count", o.run.count, "stop after this many slots")
+                    ->check(CLI::PositiveNumber);
+  add_duration(*c, o, "stop after this time: 2h, 30m, 10s")->excludes(count);
+  c->add_option("--keep-raw", o.run.keep_raw,
+                "new folder for the devices' bytes as they came, for `replay`");
+  c->add_flag("--view", o.view, "start echofuse-view beside, which prints its address");
+  c->add_flag("--strict", o.run.strict, "exit code 5 if any record has a sensor that is not ok");
+  c->add_option("--meta", o.meta, "key=value, kept in the run; may be repeated")
+      ->allow_extra_args(false)
+      ->excludes(resume);
+}
+
+void add_calibrate(CLI::App& app, Options& o) {
+  auto* c = app.add_subcommand(
+      "calibrate", "measure a reflector at a known distance: by how much each range is too long");
+  add_config_options(*c, o);
+  auto& k = o.calibrate;
+  c->add_option("--distance", k.search.distance_m, "of the reflector from each sensor, m")
+      ->check(CLI::Range(0.1, 100.0))
+      ->capture_default_str();
+  c->add_option("--window", k.search.window_m, "where its echo may lie, m, centred on the distance")
+      ->check(CLI::Range(0.01, 30.0))
+      ->capture_default_str();
+  c->add_option("--repeat", k.repeats, "how often to measure")
+      ->check(CLI::Range(std::int64_t{1}, std::int64_t{100'000}))
+      ->capture_default_str();
+  c->add_option("--time", k.time_s, "s of each measurement")
+      ->check(CLI::Range(0.1, 3600.0))
+      ->capture_default_str();
+  c->add_flag("--check", k.check, "measure and compare with run.calibration; write nothing");
+  c->add_flag("--json", o.json);
+}
+
+void add_file_commands(CLI::App& app, Options& o) {
+  auto* info = app.add_subcommand("info", "what is in a run file");
+  info->add_option("FILE", o.file)->required();
+  info->add_flag("--json", o.json);
+
+  auto* exporter = app.add_subcommand("export", "a run as HDF5, or one record as CSV");
+  exporter->add_option("FILE", o.file)->required();
+  exporter->add_option("--to", o.to, "NAME.h5, or NAME.csv with --record")->required();
+  exporter->add_option("--record", o.record, "index of the record for CSV");
+
+  auto* annotate =
+      app.add_subcommand("annotate", "a note into a run, live or not, or a live one's next label");
+  annotate->add_option("FILE", o.file)->required();
+  annotate->add_option("TEXT", o.text, "kept with the time and who wrote it");
+  annotate->add_option("--label", o.label, "label of the records from the running slot on");
+
+  auto* list = app.add_subcommand("list", "the runs of a folder, and which of them are live");
+  list->add_option("FOLDER", o.folder,
+                   "default: run.folder of the configuration, or this folder, and the live runs of "
+                   "this machine wherever they are");
+  list->add_flag("--json", o.json, "all of it; the table shortens long texts");
+
+  auto* replay = app.add_subcommand("replay", "recorded device bytes through the live parser");
+  auto* kind = replay->add_option_group("device");
+  kind->add_option("--radar", o.radar, "recordings of the radar's data port");
+  kind->add_option("--tdc", o.tdc, "blocks of a time tagger");
+  kind->add_option("--depth", o.depth, "blocks of a depth camera");
+  kind->require_option(1);
+  replay->add_flag("--json", o.json);
+}
+
+void add_doctor(CLI::App& app, Options& o) {
+  auto* c = app.add_subcommand("doctor", "would a run go well? Checks machine, disk and devices");
+  add_config_options(*c, o);
+  add_duration(*c, o, "of the run to come: 2h, 30m, 10s");
+  c->add_flag("--json", o.json);
+  c->footer(
+      "exit codes: 0 ok or warnings only, 3 configuration, 4 a configured device fails,\n"
+      "            6 the disk is too slow or too full (4 if both), 130 interrupted");
+}
+
+void add_config_commands(CLI::App& app, Options& o) {
+  auto* config = app.add_subcommand("config", "look at the configuration");
+  config->require_subcommand(1);
+  add_config_options(*config->add_subcommand("check", "print all faults, or that there are none"),
+                     o);
+  add_config_options(
+      *config->add_subcommand("show", "check it and print every key with value and origin"), o);
+}
+
+void add_devices(CLI::App& app, Options& o) {
+  auto* c =
+      app.add_subcommand("devices", "what is attached, and which of the configured devices answer");
+  add_config_options(*c, o);
+  c->add_flag("--json", o.json);
+}
+
+}  // namespace
+
+void add_commands(CLI::App& app, Options& o) {
+  app.require_subcommand(0, 1);
+  app.footer(footer);
+  add_run(app, o);
+  add_calibrate(app, o);
+  add_devices(app, o);
+  add_doctor(app, o);
+  add_config_commands(app, o);
+  add_file_commands(app, o);
+}
+
+std::string command_of(const CLI::App& app) {
+  const auto* command = app.get_subcommands()[0];
+  const auto below = command->get_subcommands();
+  return command->get_name() + (below.empty() ? "" : " " + below[0]->get_name());
+}
+
+}  // namespace echofuse::acquire

@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: MIT
+// The commands of echofuse-acquire and their options.
+#pragma once
+#include <CLI/CLI.hpp>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "acquire/calibrate/calibrate.hpp"
+#include "acquire/run/daemon.hpp"
+
+namespace echofuse::acquire {
+
+struct Options {
+  std::string config;  // empty: the first that is found
+  std::vector<std::string> assignments;
+  RunOptions run;
+  CalibrateOptions calibrate;
+  std::optional<std::string> label, text;
+  std::vector<std::string> meta;
+  std::string resume;
+  double duration_s = 0;
+  std::string file, to, folder;
+  std::vector<std::string> radar, tdc, depth;
+  std::optional<std::int64_t> record;
+  bool json = false, quiet = false, verbose = false, view = false, align = false;
+};
+
+// Describes all commands; what is parsed goes into the options, which must outlive the app.
+void add_commands(CLI::App& app, Options& options);
+
+// What was chosen: "run", "config show".
+std::string command_of(const CLI::App& app);
+
+}  // namespace echofuse::acquire

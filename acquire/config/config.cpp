@@ -1,0 +1,281 @@
+// SPDX-License-Identifier: MIT
+#include "acquire/config/config.hpp"
+
+#include <filesystem>
+#include <initializer_list>
+#include <limits>
+#include <sstream>
+#include <utility>
+
+#include "drivers/program/program.hpp"
+#include "drivers/program/settings.hpp"
+
+namespace echofuse::acquire {
+namespace {
+
+// As the file spells it; whole numbers are 64 bits wide there.
+struct Keys {
+  std::int64_t start_channel, click_channel, bins;
+  std::int64_t cli_baud, data_baud, width, height, fps, map_size;
+  std::string folder, cfg, calibration;
+  bool first_photon_only;
+};
+
+Keys defaults_of(const Config& c) {
+  return {c.histogram.start_channel,
+          c.histogram.click_channel,
+          c.histogram.bins,
+          c.radar.cli_baud,
+          c.radar.data_baud,
+          c.depth.width,
+          c.depth.height,
+          c.depth.fps,
+          c.map.size,
+          "",
+          "",
+          "",
+          false};
+}
+
+void bind_policy(Settings& s, Config& c, const std::string& section, Sensor sensor) {
+  s.add(section + ".policy", c.policy[sensor],
+        "required: no start without it, and records without it are marked incomplete",
+        {"optional", "required"});
+}
+
+void bind_limits(Settings& s, SignalLimits& l) {
+  s.add(
+      "signal.weak_share", l.weak_share, 0, 1,
+      "a sensor whose signal is below this share of the median of the run's first minute is weak; "
+      "0: none");
+  s.add("signal.spd_clicks", l.spd_clicks, 0, 1e12,
+        "fewer clicks of a record above the background are weak; 0: none");
+  s.add("signal.clicks_a_pulse", l.clicks_a_pulse, 0, 1e3,
+        "more clicks a laser pulse are saturated; 0: none");
+  s.add("signal.radar_snr_db", l.radar_snr_db, 0, 200,
+        "a highest bin less above the median bin is no peak; 0: none");
+  s.add("signal.depth_share", l.depth_share, 0, 1,
+        "fewer of the pixels with a return are weak; 0: none");
+}
+
+void bind(Settings& s, Config& c, Keys& k) {
+  constexpr std::int64_t channel_max = std::numeric_limits<std::int32_t>::max();
+  s.add("run.window_s", c.window_s, 0.05, 3600, "length of a slot; every slot gives one record");
+  s.add("run.connect_timeout_s", c.connect_timeout_s, 0.1, 3600,
+        "how long to wait for all devices before starting with those that are there");
+  s.add("run.label", c.label, "label of every record, e.g. what is in front of the sensors");
+  s.add("run.operator", c.operator_name, "who records; empty: who is logged in");
+  s.add("run.folder", k.folder,
+        "where runs without --out go, as DATE-NNN; relative to this file's folder; empty: the "
+        "working directory");
+  s.add("run.calibration", k.calibration,
+        "file that `calibrate` wrote, applied on reading; relative to this file's folder");
+  s.add("tdc.address", c.tdc.address,
+        "bridge:tcp://HOST:PORT or usb:VVVV:PPPP[:serial]; empty: none");
+  bind_policy(s, c, "tdc", Sensor::spd);
+  s.add("tdc.start_channel", k.start_channel, -channel_max, channel_max,
+        "laser sync; negative for falling edges");
+  s.add("tdc.click_channel", k.click_channel, -channel_max, channel_max, "detector");
+  s.add("tdc.bin_width_ps", c.histogram.bin_width_ps, 1, 1'000'000'000, "two-way time");
+  s.add("tdc.first_bin_ps", c.histogram.first_bin_ps, -1'000'000'000'000, 1'000'000'000'000,
+        "start of bin 0 after the laser sync, two-way time");
+  s.add("tdc.bins", k.bins, 1, 1 << 24, "number of bins");
+  constexpr std::int64_t delay_max = 1'000'000'000;
+  s.add("tdc.start_delay_ps", c.histogram.start_delay_ps, -delay_max, delay_max,
+        "added to the start channel's times, for a tagger that cannot delay by itself");
+  s.add("tdc.click_delay_ps", c.histogram.click_delay_ps, -delay_max, delay_max,
+        "added to the click channel's times");
+  s.add("tdc.dead_time_ps", c.histogram.dead_time_ps, 0, delay_max,
+        "a tag so soon after the last one of its channel is removed; 0: none");
+  s.add(
+      "tdc.detector_dead_time_ps", c.detector.dead_time_ps, 0, 1e9,
+      "of the detector after a click, as its data sheet says; 0: not known, and its pile-up is not "
+      "corrected on reading");
+  s.add("tdc.first_photon_only", k.first_photon_only,
+        "the detector is armed once a laser pulse, and sees its first photon only");
+  s.add("radar.cli", c.radar.cli,
+        "command port: serial:/dev/... or hid:VVVV:PPPP[:serial]; empty: none");
+  bind_policy(s, c, "radar", Sensor::radar);
+  s.add("radar.data", c.radar.data, "data port: serial:/dev/... or hid:VVVV:PPPP[:serial]");
+  s.add("radar.cfg", k.cfg,
+        "TI mmWave .cfg file, sent verbatim; relative to this file's folder, or one of those that "
+        "are installed");
+  s.add("radar.board", c.radar.board, "whose antennas a heat map in the cfg is of",
+        radar::board_names());
+  s.add("radar.cli_baud", k.cli_baud, 1200, 4'000'000, "of the command port");
+  s.add("radar.data_baud", k.data_baud, 1200, 4'000'000, "of the data port");
+  s.add("radar.keep_running", c.radar.keep_running,
+        "leave the sensor radiating at the end; else it is sent sensorStop");
+  s.add("depth.address", c.depth.address,
+        "openni:[URI or file.oni] or bridge:tcp://HOST:PORT; empty: none");
+  bind_policy(s, c, "depth", Sensor::depth);
+  s.add("depth.width", k.width, 0, 1 << 14, "pixels of an OpenNI2 camera; 0: its own choice");
+  s.add("depth.height", k.height, 0, 1 << 14, "pixels of an OpenNI2 camera; 0: its own choice");
+  s.add("depth.fps", k.fps, 0, 1000, "frames a second of an OpenNI2 camera; 0: its own choice");
+  s.add("depth.map_size", k.map_size, record::least_map_size, record::most_map_size,
+        "pixels of the depth map, both ways, that the camera's images are brought to on reading");
+  s.add("depth.map_half_tangent", c.map.half_tangent, record::least_map_half_tangent,
+        record::most_map_half_tangent, "the map's field of view: x/z and y/z at its edges");
+  bind_limits(s, c.signal);
+}
+
+void take_numbers(Config& c, const Keys& k) {
+  c.histogram.start_channel = static_cast<std::int32_t>(k.start_channel);
+  c.histogram.click_channel = static_cast<std::int32_t>(k.click_channel);
+  c.histogram.bins = static_cast<std::uint32_t>(k.bins);
+  c.radar.cli_baud = static_cast<std::uint32_t>(k.cli_baud);
+  c.radar.data_baud = static_cast<std::uint32_t>(k.data_baud);
+  c.depth.width = static_cast<std::uint32_t>(k.width);
+  c.depth.height = static_cast<std::uint32_t>(k.height);
+  c.depth.fps = static_cast<std::uint32_t>(k.fps);
+  c.map.size = static_cast<std::uint32_t>(k.map_size);
+  if (k.first_photon_only) c.detector.dead_time_ps = std::numeric_limits<double>::infinity();
+}
+
+// What the type and range of a single key do not show.
+class Judge {
+ public:
+  Judge(const Settings& settings, std::string name, std::vector<std::string>& faults)
+      : settings_(settings), name_(std::move(name)), faults_(faults) {}
+
+  // At the first of `keys` that is given.
+  void complain(std::initializer_list<const char*> keys, const std::string& what) {
+    for (const char* key : keys) {
+      const std::string origin = settings_.origin(key);
+      if (origin.empty()) continue;
+      const bool names_key = origin.starts_with("--set ");
+      return faults_.push_back(origin + ": " + (names_key ? "" : key + std::string(": ")) + what);
+    }
+    faults_.push_back(name_ + ": " + what);
+  }
+  template <class Body>
+  void attempt(std::initializer_list<const char*> keys, Body body) {
+    try {
+      body();
+    } catch (const Error& e) {  // one fault a line
+      std::istringstream lines(e.what());
+      for (std::string line; std::getline(lines, line);) complain(keys, line);
+    }
+  }
+
+ private:
+  const Settings& settings_;
+  std::string name_;
+  std::vector<std::string>& faults_;
+};
+
+void judge_radar(Judge& judge, Config& c, const std::string& cfg,
+                 const std::filesystem::path& folder) {
+  RadarConfig& radar = c.radar;
+  if (radar.cli.empty() != radar.data.empty())
+    judge.complain({"radar.cli", "radar.data"},
+                   "radar.cli and radar.data belong together; one of them is empty");
+  if (!radar.cli.empty() && radar.cli == radar.data)
+    judge.complain({"radar.data", "radar.cli"},
+                   "radar.cli and radar.data are the same port; the radar has two");
+  if (!radar.cli.empty())
+    judge.attempt({"radar.cli"}, [&] { check_radar_port(radar.cli, radar.cli_baud); });
+  if (!radar.data.empty())
+    judge.attempt({"radar.data"}, [&] { check_radar_port(radar.data, radar.data_baud); });
+  if (radar.cli.empty()) return;
+  if (cfg.empty())
+    return judge.complain({"radar.cfg", "radar.cli"},
+                          "radar.cfg is empty; expected a TI mmWave .cfg file");
+  judge.attempt({"radar.cfg"}, [&] {
+    std::error_code none;
+    auto path = folder / cfg;
+    if (!std::filesystem::exists(path, none) && std::filesystem::exists(data_folder() / cfg, none))
+      path = data_folder() / cfg;
+    radar.cfg_name = path.string();
+    radar.cfg_text = read_config_text(path);
+    for (const auto& place : parse_profile(radar).array)
+      c.antennas.push_back({.x = static_cast<double>(place.x), .y = static_cast<double>(place.y)});
+  });
+}
+
+// What the file says of the antennas; it may be of a cfg that sent another heat map.
+void calibrate_antennas(Config& c) {
+  const AntennaGains& gains = c.calibration.antennas;
+  if (gains.empty() || c.antennas.empty()) return;
+  if (gains.gain.size() != c.antennas.size())
+    throw Error(ExitCode::config, c.calibration_path + ": has gains of " +
+                                      std::to_string(gains.gain.size()) +
+                                      " antennas, the heat map of radar.cfg and radar.board has " +
+                                      std::to_string(c.antennas.size()) + ": calibrate again");
+  for (std::size_t m = 0; m < c.antennas.size(); ++m) {
+    c.antennas[m].gain = gains.gain[m];
+    c.antennas[m].phase_rad = gains.phase_rad[m];
+  }
+}
+
+void judge(Judge judge, Config& c, const Keys& k, const std::filesystem::path& folder,
+           bool with_calibration) {
+  if (c.configured().empty())
+    judge.complain({"tdc.address", "radar.cli", "depth.address"},
+                   "no device; expected at least one of tdc.address, radar.cli, depth.address");
+  struct PolicyKeys {
+    const char *policy, *address;
+  };
+  constexpr PerSensor<PolicyKeys> keys{PolicyKeys{"tdc.policy", "tdc.address"},
+                                       {"radar.policy", "radar.cli"},
+                                       {"depth.policy", "depth.address"}};
+  for (const Sensor s : all_sensors)
+    if ((c.required() - c.configured()).contains(s))
+      judge.complain({keys[s].policy}, std::string("a required sensor needs its address, ") +
+                                           keys[s].address + " is empty");
+  if (!c.tdc.address.empty()) judge.attempt({"tdc.address"}, [&] { check_tdc(c.tdc.address); });
+  judge.attempt({"tdc.click_channel", "tdc.start_channel", "tdc.bins", "tdc.bin_width_ps"},
+                [&] { const tdc::Histogram check(c.histogram); });
+  judge_radar(judge, c, k.cfg, folder);
+  if (!k.folder.empty()) c.run_folder = (folder / k.folder).string();
+  c.calibration_path =
+      (folder / (k.calibration.empty() ? "calibration.toml" : k.calibration)).string();
+  if (with_calibration && !k.calibration.empty())
+    judge.attempt({"run.calibration"}, [&] {
+      c.calibration = read_calibration(c.calibration_path);
+      calibrate_antennas(c);
+    });
+  if (!c.depth.address.empty())
+    judge.attempt({"depth.address"}, [&] { check_depth(c.depth.address); });
+}
+
+}  // namespace
+
+radar::RadarProfile parse_profile(const RadarConfig& radar) {
+  return radar::parse_profile(radar.cfg_text, radar.cfg_name, radar.data_baud,
+                              radar::board_named(radar.board).value_or(radar::Board::isk));
+}
+
+SensorSet Config::configured() const {
+  SensorSet set;
+  if (!tdc.address.empty()) set.insert(Sensor::spd);
+  if (!radar.cli.empty()) set.insert(Sensor::radar);
+  if (!depth.address.empty()) set.insert(Sensor::depth);
+  return set;
+}
+
+SensorSet Config::required() const {
+  SensorSet set;
+  for (const Sensor s : all_sensors)
+    if (policy[s] == "required") set.insert(s);
+  return set;
+}
+
+Config load_config(const std::string& path, const std::vector<std::string>& assignments,
+                   bool with_calibration) {
+  Config config;
+  Keys keys = defaults_of(config);
+  Settings settings;
+  bind(settings, config, keys);
+  config.text = read_config_text(path);
+  std::vector<std::string> faults = settings.read(config.text, path, assignments);
+  take_numbers(config, keys);
+  judge(Judge(settings, path, faults), config, keys, std::filesystem::path(path).parent_path(),
+        with_calibration);
+  if (!faults.empty()) refuse(faults);
+  config.resolved = settings.resolved(true);
+  config.shown = settings.with_origins();
+  return config;
+}
+
+}  // namespace echofuse::acquire

@@ -1,0 +1,245 @@
+// SPDX-License-Identifier: MIT
+#include "acquire/devices/devices.hpp"
+
+#include <algorithm>
+#include <cinttypes>
+#include <cstdio>
+#include <nlohmann/json.hpp>
+#include <utility>
+
+#include "acquire/devices/attached.hpp"
+#include "acquire/devices/live_run.hpp"
+#include "drivers/program/console.hpp"
+#include "drivers/program/printable.hpp"
+
+namespace echofuse::acquire {
+namespace {
+
+constexpr auto stop_timeout = std::chrono::milliseconds(300);  // of all drivers to their devices
+
+// For whoever only wants to know what answers.
+class NullSink final : public SampleSink {
+  void on_tags(const TagBlock&) override {}
+  void on_radar(RadarFrame) override {}
+  void on_depth(DepthFrame) override {}
+  void on_state(Sensor, DeviceState, const DeviceInfo&) override {}
+  void on_event(Sensor, Severity, const std::string&) override {}
+};
+
+std::string address_of(const Config& config, Sensor s) {
+  if (s == Sensor::spd) return config.tdc.address;
+  return s == Sensor::radar ? config.radar.cli : config.depth.address;
+}
+
+nlohmann::ordered_json to_json(Sensor s, const Devices::Status& status,
+                               const std::optional<LiveDevice>& live) {
+  return {{"sensor", name_of(s)},
+          {"address", status.info.address},
+          {"state", live ? "in use" : name_of(status.state)},
+          {"answers", live ? live->delivers : status.delivers()},
+          {"model", status.info.model},
+          {"serial", status.info.serial},
+          {"firmware", status.info.firmware},
+          {"samples", status.samples},
+          {"last_event", live ? live->text : status.last_event},
+          {"run", status.holder ? status.holder->run : ""}};
+}
+
+void print_device(Sensor s, const Devices::Status& status, const std::string& description,
+                  const std::optional<LiveDevice>& live) {
+  if (live) {
+    std::printf("%s %s: %s\n", name_of(s), printable(status.info.address).c_str(),
+                live->text.c_str());
+    return;
+  }
+  if (!status.delivers()) {
+    std::printf("%s\n", description.c_str());
+    return;
+  }
+  std::printf("%s %s: answers; model %s, serial %s, firmware %s, %" PRIu64 " %s so far\n",
+              name_of(s), printable(status.info.address).c_str(),
+              printable(status.info.model).c_str(), printable(status.info.serial).c_str(),
+              printable(status.info.firmware).c_str(), status.samples,
+              s == Sensor::spd ? "tags" : "frames");
+}
+
+}  // namespace
+
+Devices::Devices(port::Loop& loop, const Config& config, SampleSink& next, port::RawKeeper* raw)
+    : loop_(loop), config_(config), next_(&next) {
+  for (const Sensor s : all_sensors) {
+    status(s).configured = config.configured().contains(s);
+    status(s).info.address = address_of(config, s);
+  }
+  if (status(Sensor::spd).configured) drivers_[Sensor::spd] = make_tdc(loop, config.tdc, raw);
+  if (status(Sensor::radar).configured)
+    drivers_[Sensor::radar] = make_radar(loop, config.radar, raw);
+  if (status(Sensor::depth).configured)
+    drivers_[Sensor::depth] = make_depth(loop, config.depth, raw);
+}
+
+Devices::~Devices() { abandon(); }  // whoever listened may be gone
+
+void Devices::take_free(const std::string& command) {
+  locks_.emplace(config_, command);
+  for (const Sensor s : all_sensors) status(s).holder = locks_->other(s);
+}
+
+void Devices::take(const std::string& command, const std::string& run) {
+  locks_.emplace(config_, command, run);
+  std::string taken;
+  for (const Sensor s : all_sensors) {
+    status(s).holder = locks_->other(s);
+    if (!status(s).holder) continue;
+    if (!taken.empty()) taken += '\n';
+    taken += describe(s);
+  }
+  if (!taken.empty()) throw Error(ExitCode::device, taken);
+}
+
+void Devices::start() {
+  for (const Sensor s : all_sensors)
+    if (auto& driver = drivers_[s]; driver && !status(s).holder) driver->start(*this);
+}
+
+void Devices::stop() {
+  for (const Sensor s : halt())
+    next_->on_event(s, Severity::warning, "did not confirm that it stopped: is it still sending?");
+}
+
+// Those that did not confirm it.
+std::vector<Sensor> Devices::halt() {
+  for (auto& driver : drivers_)
+    if (driver) driver->stop();
+  const auto ends = [](const auto& driver) { return !driver || driver->finished(); };
+  loop_.run_until([&] { return std::all_of(drivers_.begin(), drivers_.end(), ends); },
+                  loop_.now() + stop_timeout);
+  std::vector<Sensor> unfinished;
+  for (const Sensor s : all_sensors) {
+    auto& driver = drivers_[s];
+    if (!driver) continue;
+    if (!driver->finished()) unfinished.push_back(s);
+    last_counters_[s] = driver->counters();
+    driver.reset();
+  }
+  return unfinished;
+}
+
+void Devices::wait(double timeout_s) {
+  const auto settled = [](const Status& device) { return device.holder || device.delivers(); };
+  loop_.run_until([&] { return all(settled) || interrupted(); },
+                  loop_.now() + from_seconds(timeout_s));
+}
+
+std::vector<Counter> Devices::counters(Sensor s) const {
+  const auto& driver = drivers_[s];
+  return driver ? driver->counters() : last_counters_[s];
+}
+
+bool Devices::all(const std::function<bool(const Status&)>& predicate) const {
+  for (const auto& device : status_)
+    if (device.configured && !predicate(device)) return false;
+  return true;
+}
+
+std::string Devices::describe(Sensor s) const {
+  const Status& device = (*this)[s];
+  std::string text = std::string(name_of(s)) + " " + printable(device.info.address) + ": ";
+  if (device.holder) return text + "in use by " + printable(device.holder->who);
+  if (device.state == DeviceState::streaming && device.samples == 0)
+    return text + "answers, but sends no " + (s == Sensor::spd ? "tags" : "frames");
+  text += name_of(device.state);
+  return device.last_event.empty() ? text : text + ": " + printable(device.last_event, 500);
+}
+
+void Devices::on_tags(const TagBlock& block) {
+  status(Sensor::spd).samples += block.tags.size();
+  next_->on_tags(block);
+}
+
+void Devices::on_radar(RadarFrame frame) {
+  ++status(Sensor::radar).samples;
+  next_->on_radar(std::move(frame));
+}
+
+void Devices::on_depth(DepthFrame frame) {
+  ++status(Sensor::depth).samples;
+  next_->on_depth(std::move(frame));
+}
+
+void Devices::on_state(Sensor sensor, DeviceState state, const DeviceInfo& info) {
+  Status& device = status(sensor);
+  device.state = state;
+  follow_lock(sensor);
+  if (state == DeviceState::streaming) device.info = info;
+  next_->on_state(sensor, state, info);
+}
+
+// It goes on without the lock: its port is opened exclusively as well.
+void Devices::follow_lock(Sensor sensor) {
+  if (!locks_) return;
+  std::string trouble;
+  try {
+    const auto before = locks_->other(sensor);
+    locks_->follow(sensor);
+    if (const auto& other = locks_->other(sensor); other && !before)
+      trouble = "is in use by " + printable(other->who) + " as well";
+  } catch (const Error& error) {
+    trouble = error.what();
+  }
+  if (!trouble.empty()) on_event(sensor, Severity::warning, trouble);
+}
+
+void Devices::abandon() {
+  static NullSink nobody;
+  next_ = &nobody;
+  halt();
+}
+
+void Devices::on_event(Sensor sensor, Severity severity, const std::string& text) {
+  if (severity != Severity::info) status(sensor).last_event = text;
+  next_->on_event(sensor, severity, text);
+}
+
+namespace {
+
+// Asks the configured devices; prints them, or puts them into `list`.
+bool all_answer(const Config& config, port::Loop& loop, nlohmann::ordered_json* list) {
+  NullSink nothing;
+  Devices devices(loop, config, nothing);
+  devices.take_free("devices");
+  devices.start();
+  devices.wait(config.connect_timeout_s);
+  bool all = true;
+  for (const Sensor s : all_sensors) {
+    const Devices::Status& status = devices[s];
+    if (!status.configured) continue;
+    std::optional<LiveDevice> live;
+    if (status.holder) live = inspect_holder(*status.holder, s, loop);
+    all = all && (live ? live->delivers : status.delivers());
+    if (list)
+      list->push_back(to_json(s, status, live));
+    else
+      print_device(s, status, devices.describe(s), live);
+  }
+  return all;
+}
+
+}  // namespace
+
+ExitCode check_devices(const std::optional<Config>& config, port::Loop& loop, bool json) {
+  const AttachedList attached = find_attached();
+  if (!json) std::printf("%s", to_text(attached).c_str());
+  std::fflush(stdout);
+  auto configured = nlohmann::ordered_json::array();
+  const bool ok = !config || all_answer(*config, loop, json ? &configured : nullptr);
+  if (json) {
+    nlohmann::ordered_json all{{"configured", configured}};
+    all["attached"] = nlohmann::ordered_json::parse(to_json(attached));
+    std::printf("%s\n",
+                all.dump(2, ' ', true, nlohmann::ordered_json::error_handler_t::replace).c_str());
+  }
+  return ok ? ExitCode::ok : ExitCode::device;
+}
+
+}  // namespace echofuse::acquire

@@ -1,0 +1,157 @@
+// SPDX-License-Identifier: MIT
+#include "acquire/doctor/disk.hpp"
+
+#include <fcntl.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <chrono>
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+
+#include "drivers/core/random.hpp"
+#include "drivers/program/console.hpp"
+
+namespace echofuse::acquire {
+namespace {
+
+constexpr double journal_factor = 2;  // every byte goes into the WAL and then into the database
+
+[[noreturn]] void fail(const std::string& folder, const char* doing) {
+  throw Error(ExitCode::disk, folder + ": " + doing + ": " + std::strerror(errno));
+}
+
+class NamelessFile {
+ public:
+  explicit NamelessFile(const std::string& folder) : folder_(folder) {
+    std::string name = folder + "/.echofuse-doctor-XXXXXX";
+    fd_ = ::mkostemp(name.data(), O_CLOEXEC);
+    if (fd_ < 0) fail(folder_, "cannot create a file");
+    ::unlink(name.c_str());
+  }
+  ~NamelessFile() { ::close(fd_); }
+  NamelessFile(const NamelessFile&) = delete;
+  NamelessFile& operator=(const NamelessFile&) = delete;
+
+  void commit(const std::vector<char>& block, off_t at) {
+    for (std::size_t done = 0; done < block.size();) {
+      const ssize_t n =
+          ::pwrite(fd_, block.data() + done, block.size() - done, at + static_cast<off_t>(done));
+      if (n < 0 && errno == EINTR) continue;
+      if (n < 0) fail(folder_, "cannot write");
+      done += static_cast<std::size_t>(n);
+    }
+    if (::fdatasync(fd_) != 0) fail(folder_, "cannot write to the disk");
+  }
+
+ private:
+  std::string folder_;
+  int fd_;
+};
+
+std::vector<char> incompressible(std::size_t size) {
+  std::vector<char> block(size);
+  Rng rng = make_rng(1, 1);
+  for (char& c : block) c = static_cast<char>(rng());
+  return block;
+}
+
+}  // namespace
+
+DiskSpeed measure_disk(const std::string& folder, std::size_t commit_bytes) {
+  using Clock = std::chrono::steady_clock;
+  constexpr auto time_limit = std::chrono::seconds(1);
+  constexpr std::size_t file_limit = 64u << 20, min_commits = 5;
+  NamelessFile file(folder);
+  const std::vector<char> block = incompressible(commit_bytes);
+  const std::size_t places = std::max<std::size_t>(1, file_limit / commit_bytes);
+  std::vector<double> times;
+  const auto start = Clock::now();
+  while (times.size() < min_commits || Clock::now() - start < time_limit) {
+    const auto before = Clock::now();
+    file.commit(block, static_cast<off_t>(times.size() % places * commit_bytes));
+    times.push_back(std::chrono::duration<double>(Clock::now() - before).count());
+  }
+  const double total = std::chrono::duration<double>(Clock::now() - start).count();
+  DiskSpeed speed{.bytes_per_s = static_cast<double>(times.size() * commit_bytes) / total,
+                  .commit_bytes = commit_bytes};
+  std::sort(times.begin(), times.end());
+  speed.commit_median_s = times[times.size() / 2];
+  speed.commit_longest_s = times.back();
+  return speed;
+}
+
+Finding judge_speed(const DiskSpeed& speed, const PlannedRun& plan) {
+  const bool known = plan.record_bytes > 0;
+  const double needed =
+      known ? journal_factor * estimate_disk(plan, 0).record_bytes / plan.window_s : 0;
+  constexpr double reserve = 4;
+  Grade grade = Grade::ok;
+  if (known && (speed.bytes_per_s < reserve * needed || speed.commit_longest_s > plan.window_s))
+    grade = Grade::warning;
+  if (known && (speed.bytes_per_s < needed || speed.commit_median_s > plan.window_s))
+    grade = Grade::problem;
+  char commits[120];
+  std::snprintf(commits, sizeof commits, "/s in commits of %s (median %.3g ms, longest %.3g ms)",
+                size_text(static_cast<double>(speed.commit_bytes)).c_str(),
+                1e3 * speed.commit_median_s, 1e3 * speed.commit_longest_s);
+  return {"disk rate",
+          grade,
+          plan.folder + ": " + size_text(speed.bytes_per_s) + commits +
+              (known ? "; the run needs " + size_text(needed) + "/s" : ""),
+          grade == Grade::ok ? "" : "record to another disk, or make run.window_s longer",
+          {{"bytes_per_s", speed.bytes_per_s},
+           {"needed_bytes_per_s", needed},
+           {"commit_bytes", static_cast<double>(speed.commit_bytes)},
+           {"commit_median_s", speed.commit_median_s},
+           {"commit_longest_s", speed.commit_longest_s}},
+          ExitCode::disk};
+}
+
+Finding judge_space(double free_bytes, const PlannedRun& plan) {
+  Finding out{.check = "disk space",
+              .found = plan.folder + ": " + size_text(free_bytes) + " free",
+              .facts = {{"free_bytes", free_bytes}},
+              .failure = ExitCode::disk};
+  if (plan.record_bytes <= 0) return out;
+  constexpr double short_s = 3600;
+  const DiskEstimate estimate = estimate_disk(plan, free_bytes);
+  out.facts.emplace_back("record_bytes", estimate.record_bytes);
+  out.facts.emplace_back("lasts_s", estimate.lasts_s);
+  const std::string of_size = " of " + size_text(estimate.record_bytes) + " each";
+  if (plan.count) {
+    out.facts.emplace_back("needed_bytes", estimate.needed_bytes);
+    out.found += "; " + std::to_string(*plan.count) + " records" + of_size + " take " +
+                 size_text(estimate.needed_bytes);
+    if (estimate.needed_bytes > free_bytes) out.grade = Grade::problem;
+  } else {
+    out.found += ": enough for " + human_duration(estimate.lasts_s) + " of records" + of_size;
+    if (estimate.lasts_s < short_s) out.grade = Grade::warning;
+  }
+  if (out.grade != Grade::ok) out.advice = "free some space, or record to another disk";
+  return out;
+}
+
+std::vector<Finding> check_disk(const PlannedRun& plan) {
+  constexpr double unknown_bytes = 256 << 10;
+  const double size = plan.record_bytes > 0 ? estimate_disk(plan, 0).record_bytes : unknown_bytes;
+  std::vector<Finding> out;
+  try {
+    const auto free = free_bytes(plan.folder);
+    if (!free) fail(plan.folder, "cannot be a run's folder");
+    out.push_back(judge_speed(measure_disk(plan.folder, static_cast<std::size_t>(size)), plan));
+    out.push_back(judge_space(static_cast<double>(*free), plan));
+  } catch (const Error& e) {
+    out.push_back({"disk",
+                   Grade::problem,
+                   e.what(),
+                   "give --out in a folder of a local disk that this user may write to",
+                   {},
+                   ExitCode::disk});
+  }
+  return out;
+}
+
+}  // namespace echofuse::acquire

@@ -1,0 +1,211 @@
+// SPDX-License-Identifier: MIT
+#include "acquire/doctor/machine.hpp"
+
+#include <sys/timex.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstdio>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+
+#include "drivers/port/usb_port.hpp"
+
+namespace echofuse::acquire {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr const char* rules = "70-echofuse.rules";
+constexpr const char* install_rules =
+    "install config/70-echofuse.rules as its first lines say, and join the groups dialout, plugdev "
+    "and video";
+constexpr const char* check_groups =
+    "plug it in again; is this user in the groups dialout, plugdev and video?";
+constexpr const char* check_plug =
+    "is it plugged in, and is this its name? `devices` lists what is attached";
+
+std::string text_of(const fs::path& file) {
+  std::ifstream in(file);
+  return {std::istreambuf_iterator<char>(in), {}};
+}
+
+std::vector<fs::path> entries(const fs::path& folder) {
+  std::vector<fs::path> out;
+  std::error_code error;
+  for (fs::directory_iterator it(folder, error), end; !error && it != end; it.increment(error))
+    out.push_back(it->path());
+  return out;
+}
+
+// The device node behind an address; empty if it has none of its own.
+std::string serial_path(const std::string& address) {
+  constexpr std::string_view kind = "serial:";
+  if (!address.starts_with(kind)) return {};
+  std::error_code error;
+  const fs::path path = address.substr(kind.size());
+  const fs::path real = fs::canonical(path, error);
+  return (error ? path : real).string();
+}
+
+std::vector<std::string> configured_addresses(const std::optional<Config>& config) {
+  if (!config) return {};
+  return {config->tdc.address, config->radar.cli, config->radar.data, config->depth.address};
+}
+
+struct Port {
+  std::string path, missing;
+  bool configured = false;
+  bool denied = false;  // it is there, but not for this user
+};
+
+bool is_denied(const std::string& path) {
+  return ::access(path.c_str(), R_OK | W_OK) != 0 && (errno == EACCES || errno == EPERM);
+}
+
+// All device nodes that matter: those of attached devices, and configured serial ports of others.
+std::vector<Port> ports(const std::optional<Config>& config, const MachineRoots& roots) {
+  std::vector<std::string> wanted;  // addresses and nodes
+  std::vector<Port> out;
+  for (const auto& address : configured_addresses(config)) {
+    wanted.push_back(address);
+    const std::string path = serial_path(address);
+    if (path.empty()) continue;
+    const bool usable = ::access(path.c_str(), R_OK | W_OK) == 0;
+    out.push_back({path, usable ? "" : path + ": " + std::strerror(errno), true, is_denied(path)});
+  }
+  const auto is_wanted = [&](const inventory::Node& node) {
+    return !node.address.empty() &&
+           std::find(wanted.begin(), wanted.end(), node.address) != wanted.end();
+  };
+  for (const auto& device : inventory::list_attached(roots.devices))
+    for (const auto& node : device.nodes) {
+      const auto known =
+          std::find_if(out.begin(), out.end(), [&](auto& p) { return p.path == node.path; });
+      if (known == out.end())
+        out.push_back({node.path, node.missing, is_wanted(node), is_denied(node.path)});
+      else
+        known->missing = node.missing;
+    }
+  return out;
+}
+
+bool rules_installed(const MachineRoots& roots) {
+  std::error_code error;
+  return fs::exists(fs::path(roots.etc) / "udev/rules.d" / rules, error) ||
+         fs::exists(fs::path(roots.lib) / "udev/rules.d" / rules, error);
+}
+
+bool modem_manager_runs(const MachineRoots& roots) {
+  for (const auto& process : entries(roots.proc))
+    if (text_of(process / "comm") == "ModemManager\n") return true;
+  return false;
+}
+
+// As udev's database has it for /dev/NAME.
+bool ignored_by_modem_manager(const std::string& name, const MachineRoots& roots) {
+  std::string numbers = text_of(fs::path(roots.devices.sys) / "class/tty" / name / "dev");
+  std::erase(numbers, '\n');
+  const std::string entry = text_of(fs::path(roots.run) / "udev/data" / ("c" + numbers));
+  return entry.find("E:ID_MM_DEVICE_IGNORE=1\n") != entry.npos;
+}
+
+}  // namespace
+
+std::vector<Finding> check_permissions(const std::optional<Config>& config,
+                                       const MachineRoots& roots) {
+  constexpr const char* check = "permissions";
+  std::vector<Finding> out;
+  const auto all = ports(config, roots);
+  for (const Port& port : all)
+    if (!port.missing.empty())
+      out.push_back({check, port.configured ? Grade::problem : Grade::warning, port.missing,
+                     port.path.empty()        ? ""
+                     : !port.denied           ? check_plug
+                     : rules_installed(roots) ? check_groups
+                                              : install_rules});
+  const double count = static_cast<double>(all.size());
+  if (out.empty())
+    out.push_back({check,
+                   Grade::ok,
+                   all.empty() ? "no device node to look at"
+                               : std::to_string(all.size()) + " device nodes can be opened",
+                   "",
+                   {{"nodes", count}}});
+  const bool installed = rules_installed(roots);
+  const bool fine = installed || inventory::list_attached(roots.devices).empty();
+  out.push_back({"udev rules", fine ? Grade::ok : Grade::warning,
+                 std::string(rules) + (installed ? " is installed"
+                                       : fine    ? " is not installed, and no device here needs it"
+                                                 : " is not installed"),
+                 fine ? "" : install_rules});
+  return out;
+}
+
+Finding check_modem_manager(const std::optional<Config>& config, const MachineRoots& roots) {
+  constexpr const char* check = "ModemManager";
+  if (!modem_manager_runs(roots)) return {check, Grade::ok, "does not run"};
+  std::string grabbed;
+  for (const Port& port : ports(config, roots)) {
+    const std::string name = fs::path(port.path).filename().string();
+    if (name.starts_with("ttyACM") || name.starts_with("ttyUSB"))
+      if (!ignored_by_modem_manager(name, roots)) grabbed += " " + port.path;
+  }
+  if (grabbed.empty()) return {check, Grade::ok, "runs, and leaves our serial ports alone"};
+  return {check, Grade::warning, "runs, and probes" + grabbed + " when the device is plugged in",
+          install_rules};
+}
+
+Finding check_usb_memory(const std::optional<Config>& config, const MachineRoots& roots) {
+  constexpr const char* check = "USB memory";
+  constexpr const char* file = "module/usbcore/parameters/usbfs_memory_mb";
+  const bool ring = config && config->tdc.address.starts_with("usb:");
+  const double needed = ring ? static_cast<double>(port::usb_ring_bytes) / (1 << 20) : 0;
+  const std::string text = text_of(fs::path(roots.devices.sys) / file);
+  double limit = 0;
+  if (std::sscanf(text.c_str(), "%lf", &limit) != 1) {
+    if (!ring) return {check, Grade::ok, "no USB time tagger is configured"};
+    return {check, Grade::warning, "the kernel does not tell its limit",
+            "is the module usbcore loaded?"};
+  }
+  char found[160];
+  std::snprintf(found, sizeof found, "usbfs_memory_mb is %g%s; the time tagger's ring takes %g MiB",
+                limit, limit == 0 ? " (no limit)" : "", needed);
+  const bool enough = limit == 0 || limit >= needed;
+  return {check,
+          enough ? Grade::ok : Grade::problem,
+          found,
+          enough ? "" : "as root: echo 16 > /sys/module/usbcore/parameters/usbfs_memory_mb",
+          {{"limit_mib", limit}, {"needed_mib", needed}}};
+}
+
+ClockState read_clock() {
+  timex state{};
+  const int answer = ::adjtimex(&state);  // modes 0: reads only
+  return {answer >= 0, answer >= 0 && answer != TIME_ERROR && !(state.status & STA_UNSYNC),
+          static_cast<double>(state.maxerror) * 1e-6};
+}
+
+Finding check_clock(const ClockState& clock) {
+  constexpr const char* check = "clock";
+  constexpr double enough_s = 0.1;
+  if (!clock.readable)
+    return {check, Grade::warning, "the kernel does not tell whether it is synchronised", ""};
+  char found[160];
+  std::snprintf(found, sizeof found, "%s, maximal error %.4g s",
+                clock.synchronised ? "synchronised" : "not synchronised", clock.maximal_error_s);
+  const bool good = clock.synchronised && clock.maximal_error_s <= enough_s;
+  return {check,
+          good ? Grade::ok : Grade::warning,
+          found,
+          good ? ""
+               : "run chrony or systemd-timesyncd; slots keep their length without it, but the UTC "
+                 "times of the records are this far off",
+          {{"synchronised", clock.synchronised ? 1.0 : 0.0},
+           {"maximal_error_s", clock.maximal_error_s}}};
+}
+
+}  // namespace echofuse::acquire

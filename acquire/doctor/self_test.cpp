@@ -1,0 +1,278 @@
+// SPDX-License-Identifier: MIT
+#include "acquire/doctor/self_test.hpp"
+
+#include <algorithm>
+#include <cinttypes>
+#include <cmath>
+#include <cstdio>
+#include <utility>
+
+#include "acquire/devices/live_run.hpp"
+#include "acquire/record/png.hpp"
+#include "drivers/core/log2_codes.hpp"
+#include "drivers/program/console.hpp"
+
+namespace echofuse::acquire {
+namespace {
+
+constexpr double capture_s = 2;
+constexpr double slow = 0.9;  // of the nominal rate
+
+template <class... Values>
+std::string format(const char* pattern, Values... values) {
+  char text[240];
+  std::snprintf(text, sizeof text, pattern, values...);
+  return text;
+}
+
+double rate(std::uint64_t count, double time_s) { return static_cast<double>(count) / time_s; }
+
+std::string hertz(double value) {
+  constexpr const char* units[] = {"Hz", "kHz", "MHz"};
+  std::size_t unit = 0;
+  for (; value >= 1000 && unit + 1 < std::size(units); ++unit) value /= 1000;
+  return format("%.4g %s", value, units[unit]);
+}
+
+double share(std::uint64_t part, std::uint64_t whole) {
+  return whole ? static_cast<double>(part) / static_cast<double>(whole) : 0;
+}
+
+// The first fault is the one told; a later one says only how bad it is.
+void mark(Finding& finding, Grade grade, const std::string& advice) {
+  if (finding.advice.empty()) finding.advice = advice;
+  finding.grade = std::max(finding.grade, grade);
+}
+
+// Of frames: the first and the last second are cut anywhere, hence one more or less.
+void judge_rate(Finding& finding, std::uint64_t frames, double nominal_hz, double time_s) {
+  const double expected = nominal_hz * time_s, got = static_cast<double>(frames);
+  if (got + 1 < slow * expected)
+    mark(finding, Grade::problem, "it sends less than it is set to: look at its cable and port");
+  else if (got - 1 > expected / slow)
+    mark(finding, Grade::warning, "it sends more than it is set to: was its setting refused?");
+}
+
+std::string channel_list(const Capture& capture, double time_s) {
+  std::string text;
+  for (const auto& [channel, count] : capture.channels)
+    text +=
+        format("%s%d (%s)", text.empty() ? "" : ", ", channel, hertz(rate(count, time_s)).c_str());
+  return text.empty() ? "no channel has any tags" : "the channels with tags are " + text;
+}
+
+}  // namespace
+
+void Capture::end() {
+  histogram_.flush();
+  tags = histogram_.tag_counts();
+  running_ = false;
+}
+
+void Capture::on_tags(const TagBlock& block) {
+  if (!running_) return;
+  if (block.lost_blocks) histogram_.forget_start();
+  histogram_.add(block.tags);
+  lost_blocks += block.lost_blocks;
+  lost_tags += block.lost_items;
+  for (const Tag& tag : block.tags)
+    if (tag.type == TagType::time_tag) ++channels[tag.channel];
+}
+
+void Capture::on_radar(RadarFrame frame) {
+  if (!running_) return;
+  ++radar_frames;
+  radar_lost += frame.lost_before;
+  arrays += !frame.array.empty();
+  if (frame.range_profile.empty()) return;
+  ++profiles;
+  profile = std::move(frame.range_profile);
+}
+
+void Capture::on_depth(DepthFrame frame) {
+  if (!running_) return;
+  ++depth_frames;
+  depth_lost += frame.lost_before;
+  pixels += frame.depth_mm.size();
+  for (const std::uint16_t z : frame.depth_mm) valid_pixels += z != 0 ? 1u : 0u;
+  depth = std::move(frame);
+}
+
+void Capture::on_event(Sensor sensor, Severity severity, const std::string& text) {
+  auto& list = complaints[sensor];
+  if (severity != Severity::info && std::find(list.begin(), list.end(), text) == list.end())
+    list.push_back(text);
+}
+
+Finding judge_spd(const Capture& capture, const Config& config, double time_s) {
+  const TagCounts& n = capture.tags;
+  const std::uint64_t clicks = n.in_range + n.out_of_range + n.without_start;
+  const std::uint64_t lost = capture.lost_tags + n.missed;
+  Finding out{
+      .check = "spd",
+      .found = format("starts %s, clicks %s, %.0f %% of them in the histogram, "
+                      "%" PRIu64 " tags and %" PRIu64 " blocks lost",
+                      hertz(rate(n.starts, time_s)).c_str(), hertz(rate(clicks, time_s)).c_str(),
+                      100 * share(n.in_range, clicks), lost, capture.lost_blocks),
+      .facts = {{"starts_per_s", rate(n.starts, time_s)},
+                {"clicks_per_s", rate(clicks, time_s)},
+                {"share_in_range", share(n.in_range, clicks)},
+                {"lost_tags", static_cast<double>(lost)},
+                {"lost_blocks", static_cast<double>(capture.lost_blocks)}}};
+  if (n.starts == 0)
+    mark(out, Grade::problem,
+         "no starts on tdc.start_channel = " + std::to_string(config.histogram.start_channel) +
+             ": is the laser on? " + channel_list(capture, time_s));
+  if (clicks == 0)
+    mark(out, Grade::problem,
+         "no clicks on tdc.click_channel = " + std::to_string(config.histogram.click_channel) +
+             ", not even dark counts: is the detector on? " + channel_list(capture, time_s));
+  if (clicks > 0 && n.in_range == 0)
+    mark(out, Grade::warning,
+         "no click lies in the histogram: look at tdc.first_bin_ps, tdc.bins and the cables' "
+         "delays");
+  if (lost + capture.lost_blocks + n.overflows > 0)
+    mark(out, Grade::warning, "the tagger or the way to here is too slow for these rates");
+  if (n.errors + n.bad_tags + n.backwards > 0)
+    mark(out, Grade::warning, "the tagger reports errors or sends tags that cannot be");
+  return out;
+}
+
+Finding judge_radar(const Capture& capture, const Config& config, double time_s) {
+  const radar::RadarProfile cfg = parse_profile(config.radar);
+  const double nominal_hz = 1 / cfg.frame_period_s;
+  const double fps = rate(capture.radar_frames, time_s);
+  Finding out{.check = "radar",
+              .found = format("%.4g frames/s of %.4g, %" PRIu64 " lost", fps, nominal_hz,
+                              capture.radar_lost),
+              .facts = {{"frames_per_s", fps},
+                        {"nominal_frames_per_s", nominal_hz},
+                        {"lost_frames", static_cast<double>(capture.radar_lost)},
+                        {"bins", static_cast<double>(capture.profile.size())}}};
+  judge_rate(out, capture.radar_frames, nominal_hz, time_s);
+  if (capture.radar_lost > 0)
+    mark(out, Grade::warning, "look at radar.data_baud against the .cfg, and at the cable");
+  if (capture.profiles == 0) {
+    mark(out, Grade::problem, "no frame has a range profile: guiMonitor's third number must be 1");
+    return out;
+  }
+  if (capture.profile.size() != cfg.bins) {
+    mark(
+        out, Grade::problem,
+        format("the profiles have %zu bins, those of the .cfg %" PRIu32 ": is another one running?",
+               capture.profile.size(), cfg.bins));
+    return out;
+  }
+  auto sorted = capture.profile;
+  std::sort(sorted.begin(), sorted.end());
+  const auto peak = std::max_element(capture.profile.begin(), capture.profile.end());
+  const double over_median_db = 10 * std::log10(2.0) * log2_power_step(cfg.antennas) *
+                                (sorted.back() - sorted[sorted.size() / 2]);
+  const double peak_m = static_cast<double>(peak - capture.profile.begin()) * cfg.range_step_m;
+  out.found += format("; %" PRIu32 " bins, the strongest at %.2f m, %.0f dB over the median",
+                      cfg.bins, peak_m, over_median_db);
+  out.facts.emplace_back("peak_m", peak_m);
+  out.facts.emplace_back("peak_over_median_db", over_median_db);
+  if (!cfg.array.empty()) {
+    out.found += format(", heat map of %zu antennas in %" PRIu64 " frames", cfg.array.size(),
+                        capture.arrays);
+    out.facts.emplace_back("antennas", static_cast<double>(cfg.array.size()));
+    out.facts.emplace_back("heat_maps", static_cast<double>(capture.arrays));
+    if (capture.arrays == 0)
+      mark(out, Grade::problem,
+           "no frame has the heat map of the .cfg: is radar.board the right one?");
+  }
+  if (sorted.front() == sorted.back())
+    mark(out, Grade::problem, "all bins are alike: the board sends no measurement");
+  return out;
+}
+
+Finding judge_depth(const Capture& capture, const Config& config, double time_s) {
+  const double fps = rate(capture.depth_frames, time_s);
+  const double valid = share(capture.valid_pixels, capture.pixels);
+  Finding out{.check = "depth",
+              .found = format("%.4g frames/s", fps),
+              .facts = {{"frames_per_s", fps},
+                        {"nominal_frames_per_s", static_cast<double>(config.depth.fps)},
+                        {"lost_frames", static_cast<double>(capture.depth_lost)},
+                        {"valid_share", valid}}};
+  if (config.depth.fps > 0) {
+    out.found += format(" of %" PRIu32, config.depth.fps);
+    judge_rate(out, capture.depth_frames, config.depth.fps, time_s);
+  }
+  out.found += format(", %" PRIu64 " lost", capture.depth_lost);
+  if (!capture.depth) {
+    mark(out, Grade::problem, "no frame came");
+    return out;
+  }
+  out.found += format("; %" PRIu32 " x %" PRIu32 " pixels, %.0f %% of them valid",
+                      capture.depth->width, capture.depth->height, 100 * valid);
+  if (capture.depth_lost > 0)
+    mark(out, Grade::warning, "the USB port or this machine is too slow for it");
+  if (valid < config.signal.depth_share)
+    mark(out, Grade::warning, "it sees next to nothing: is it covered?");
+  return out;
+}
+
+double estimate_record_bytes(const Capture& capture, const Config& config) {
+  constexpr std::uint32_t usual_width = 640, usual_height = 480;
+  const SensorSet sensors = config.configured();
+  double bytes = 0;
+  if (sensors.contains(Sensor::spd)) bytes += 4.0 * config.histogram.bins;
+  if (sensors.contains(Sensor::radar)) {
+    const radar::RadarProfile cfg = parse_profile(config.radar);
+    bytes += 4.0 * cfg.bins;
+    if (!cfg.array.empty())
+      bytes += record::array_bytes(record::array_axis(radar_axis(cfg), cfg.array.size()));
+  }
+  if (!sensors.contains(Sensor::depth)) return bytes;
+  if (const auto& d = capture.depth)
+    return bytes +
+           static_cast<double>(record::encode_png16(d->depth_mm, d->width, d->height).size());
+  return bytes + 2.0 * (config.depth.width ? config.depth.width : usual_width) *
+                     (config.depth.height ? config.depth.height : usual_height);
+}
+
+namespace {
+
+Finding judge_in_use(Sensor s, const LiveDevice& live) {
+  return {name_of(s), live.delivers ? Grade::warning : Grade::problem, live.text,
+          "not touched; another run needs that one to end"};
+}
+
+}  // namespace
+
+SelfTest test_devices(const Config& config, port::Loop& loop) {
+  Capture capture(config.histogram);
+  Devices devices(loop, config, capture);
+  devices.take_free("doctor");
+  devices.start();
+  devices.wait(config.connect_timeout_s);
+  capture.begin();
+  const bool none_is_ours =
+      devices.all([](const auto& device) { return device.holder.has_value(); });
+  const HostTime begin = loop.now();
+  loop.run_until(interrupted, begin + from_seconds(none_is_ours ? 0 : capture_s));
+  const double time_s = seconds(loop.now() - begin);
+  capture.end();
+  if (interrupted()) throw Error(ExitCode::interrupted, "interrupted; nothing was judged");
+  constexpr PerSensor<decltype(&judge_spd)> judges{judge_spd, judge_radar, judge_depth};
+  SelfTest out{{}, estimate_record_bytes(capture, config)};
+  for (const Sensor s : all_sensors) {
+    if (!devices[s].configured) continue;
+    if (devices[s].holder) {
+      out.findings.push_back(judge_in_use(s, inspect_holder(*devices[s].holder, s, loop)));
+    } else if (devices[s].delivers()) {
+      out.findings.push_back(judges[s](capture, config, time_s));
+    } else {
+      out.findings.push_back({name_of(s), Grade::problem, devices.describe(s),
+                              "is it on, plugged in, and its address right? See `devices`"});
+      continue;  // the description holds the last complaint
+    }
+    for (const auto& complaint : capture.complaints[s])
+      out.findings.push_back({name_of(s), Grade::warning, complaint, ""});
+  }
+  return out;
+}
+
+}  // namespace echofuse::acquire

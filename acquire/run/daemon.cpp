@@ -1,0 +1,367 @@
+// SPDX-License-Identifier: MIT
+#include "acquire/run/daemon.hpp"
+
+#include <spdlog/spdlog.h>
+
+#include <algorithm>
+#include <array>
+#include <filesystem>
+#include <utility>
+#include <vector>
+
+#include "acquire/devices/devices.hpp"
+#include "acquire/run/backlog.hpp"
+#include "acquire/run/disk_estimate.hpp"
+#include "acquire/run/journal.hpp"
+#include "acquire/run/notify.hpp"
+#include "acquire/run/resume.hpp"
+#include "acquire/run/run_log.hpp"
+#include "acquire/run/scheduler.hpp"
+#include "acquire/run/signal_check.hpp"
+#include "acquire/run/status.hpp"
+#include "acquire/run/window.hpp"
+#include "acquire/run/writer.hpp"
+#include "drivers/port/raw_tap.hpp"
+#include "drivers/program/console.hpp"
+
+namespace echofuse::acquire {
+namespace {
+
+constexpr auto tick_pause = std::chrono::milliseconds(50);
+// What the devices sent while the file was being made is read before the first slot starts.
+constexpr auto settle_time = std::chrono::milliseconds(100);
+
+// Leaves a second for the devices and the disk: SIGTERM closes a run within 5 s.
+constexpr auto close_limit = std::chrono::seconds(4);
+
+// scripts/audit_run.py looks for the third.
+std::string event_text(DeviceState state, const std::string& address) {
+  if (state == DeviceState::connecting) return "connecting to " + address;
+  if (state == DeviceState::streaming) return "connected to " + address;
+  if (state == DeviceState::faulted) return "not connected to " + address + ", trying again";
+  return address + " has ended";
+}
+
+// Threading: everything runs on the loop's thread, which calls run(); drivers and the writer may
+// have threads of their own behind their interfaces.
+class Daemon final : private SampleSink {
+ public:
+  Daemon(const Config& config, const RunOptions& options, port::Loop& loop)
+      : config_(config),
+        options_(options),
+        loop_(loop),
+        label_(config.label),
+        log_(loop),
+        devices_(loop, config, *this, keep_raw(options)) {}
+
+  // After an exception the devices still end in the loop, where no slot is to be closed any more.
+  ~Daemon() override {
+    timer_.cancel();
+    devices_.abandon();
+  }
+
+  ExitCode run();
+
+ private:
+  struct Recording {  // exists from the first slot on
+    Recording(const SlotGrid& grid, const Config& config, const RunOptions& options,
+              const SensorClocks& clocks, port::Loop& loop, const std::vector<Axis>& begun_axes,
+              std::unique_ptr<record::RunWriter> file)
+        : scheduler(grid, options.count),
+          windows(grid, config.histogram, clocks, config.configured(), config.required()),
+          signal(config.signal, config.window_s),
+          writer(std::move(file), loop.make_worker()),
+          journal(writer, loop, begun_axes),
+          status(grid.first, config.window_s, options.count, options.quiet) {}
+    Scheduler scheduler;
+    Windows windows;
+    SignalCheck signal;
+    Writer writer;
+    Journal journal;
+    Backlog due;
+    StatusLine status;
+  };
+
+  void on_tags(const TagBlock& block) override;
+  void on_radar(RadarFrame frame) override;
+  void on_depth(DepthFrame frame) override;
+  void on_state(Sensor sensor, DeviceState state, const DeviceInfo& info) override;
+  void on_event(Sensor sensor, Severity severity, const std::string& text) override;
+
+  port::RawKeeper* keep_raw(const RunOptions& options);
+  void report_raw_trouble();
+  void require_devices() const;
+  void begin();
+  std::unique_ptr<record::RunWriter> open_file();
+  void interrupt(HostTime now);
+  void warn_of_full_disk();
+  void announce(Sensor sensor);
+  void log(Severity severity, const std::string& source, const std::string& text) {
+    log_.put(severity, source, text);
+  }
+  void arm();
+  void tick();
+  bool is_early(Sensor sensor, std::uint64_t amount) {
+    if (!recording_) early_[sensor] += amount;
+    return !recording_;
+  }
+  void close_due(HostTime now);
+  void close_slot(const DueSlot& due, std::chrono::nanoseconds late);
+  void end();
+
+  const Config& config_;
+  const RunOptions& options_;
+  port::Loop& loop_;
+  port::Timer timer_{loop_};
+  std::string label_;
+  RunLog log_;
+  std::optional<port::RawKeeper> raw_;
+  Devices devices_;
+  SensorClocks clocks_;  // observe what comes before the first slot as well
+  std::optional<Recording> recording_;
+  RunTotals totals_;
+  PerSensor<std::uint64_t> early_{};  // samples from before there were slots
+  Resumption resumption_;
+  bool ending_ = false;  // interrupted
+  bool done_ = false;    // there is no slot to be closed any more
+  std::string status_ = "complete";
+};
+
+ExitCode Daemon::run() {
+  refuse_late_clock(loop_.utc());
+  if (options_.resume)
+    refuse_resuming(record::RunReader(options_.out), config_);
+  else
+    refuse_bad_target(options_.out);
+  devices_.take("run", options_.out);
+  devices_.start();
+  devices_.wait(config_.connect_timeout_s);
+  require_devices();
+  begin();
+  arm();
+  loop_.run_until([this] { return done_; });
+  end();
+  return options_.strict && totals_.not_ok > 0 ? ExitCode::partial : ExitCode::ok;
+}
+
+// Starts with what is there, and says what is not; with nothing, or without a sensor that the
+// configuration requires, there is nothing to start.
+void Daemon::require_devices() const {
+  if (interrupted())
+    throw Error(ExitCode::interrupted, "interrupted before the first slot; nothing was recorded");
+  std::string missing, required;
+  bool any = false;
+  for (const Sensor s : all_sensors) {
+    any = any || devices_[s].delivers();
+    if (!devices_[s].configured || devices_[s].delivers()) continue;
+    std::string& list = config_.required().contains(s) ? required : missing;
+    list += (list.empty() ? "" : "\n") + devices_.describe(s);
+  }
+  if (!required.empty())
+    throw Error(ExitCode::device, "a required device does not deliver after " +
+                                      human_duration(config_.connect_timeout_s) + "\n" + required);
+  if (!any)
+    throw Error(ExitCode::device, "no device delivers after " +
+                                      human_duration(config_.connect_timeout_s) + "\n" + missing);
+  if (!missing.empty()) spdlog::warn("starting without {}", missing);
+}
+
+// The index goes on; so does time, by UTC: the monotonic clock may have begun again.
+std::unique_ptr<record::RunWriter> Daemon::open_file() {
+  if (!options_.resume) return make_run(config_, options_.out, options_.meta, options_.uuid, loop_);
+  const std::vector<Axis> begun = record::RunReader(options_.out).axes();
+  for (const Sensor s : all_sensors) refuse_other_axes(begun, devices_[s].info);
+  resumption_ = reopen_run(options_.out, loop_);
+  if (resumption_.label && !options_.label_given) label_ = *resumption_.label;
+  return std::move(resumption_.file);
+}
+
+port::RawKeeper* Daemon::keep_raw(const RunOptions& options) {
+  return options.keep_raw.empty() ? nullptr : &raw_.emplace(options.keep_raw);
+}
+
+void Daemon::report_raw_trouble() {
+  if (!raw_) return;
+  if (const std::string trouble = raw_->take_trouble(); !trouble.empty())
+    log(Severity::error, "raw", trouble);
+}
+
+void Daemon::begin() {
+  auto file = open_file();
+  const auto length = from_seconds(config_.window_s);
+  const SlotGrid grid{first_slot(loop_.now() + settle_time, length), length};
+  recording_.emplace(grid, config_, options_, clocks_, loop_, resumption_.axes, std::move(file));
+  recording_->journal.put_config(config_, options_.resume);
+  if (!resumption_.gap.empty()) log(Severity::warning, "run", resumption_.gap);
+  log_.attach(recording_->writer);
+  for (const Sensor s : all_sensors)
+    if (devices_[s].state == DeviceState::streaming)
+      announce(s);
+    else if (devices_[s].configured)
+      log(Severity::warning, name_of(s), "not there at the start: " + devices_.describe(s));
+  warn_of_full_disk();
+  spdlog::info("recording into {}, slots of {} s", options_.out, config_.window_s);
+  notify_ready(config_.window_s);
+}
+
+void Daemon::warn_of_full_disk() {
+  const PlannedRun plan{.folder = std::filesystem::path(options_.out).parent_path(),
+                        .record_bytes = record_bytes(recording_->windows.axes()),
+                        .window_s = config_.window_s,
+                        .count = options_.count};
+  const auto free = free_bytes(plan.folder);
+  const std::string warning = free ? disk_warning(plan, static_cast<double>(*free)) : "";
+  if (!warning.empty()) log(Severity::warning, "disk", warning);
+}
+
+// A device answers: its identity and axes go into the run.
+void Daemon::announce(Sensor sensor) {
+  const DeviceInfo& info = devices_[sensor].info;
+  recording_->journal.put_device(info);
+  if (!recording_->windows.announce(info))
+    log(Severity::error, name_of(sensor), "came back with another axis; its samples are not used");
+  recording_->journal.put_axes(recording_->windows.axes());
+}
+
+void Daemon::on_tags(const TagBlock& block) {
+  clocks_.observe(block);
+  if (is_early(Sensor::spd, block.tags.size())) return;
+  totals_.tags += block.tags.size();
+  recording_->windows.add(block);
+}
+
+void Daemon::on_radar(RadarFrame frame) {
+  clocks_.observe(frame);
+  if (is_early(Sensor::radar, 1)) return;
+  ++totals_.radar_frames;
+  recording_->windows.add(frame);
+}
+
+void Daemon::on_depth(DepthFrame frame) {
+  clocks_.observe(frame);
+  if (is_early(Sensor::depth, 1)) return;
+  ++totals_.depth_frames;
+  recording_->windows.add(std::move(frame));
+}
+
+void Daemon::on_state(Sensor sensor, DeviceState state, const DeviceInfo& info) {
+  log(state == DeviceState::faulted ? Severity::warning : Severity::info, name_of(sensor),
+      event_text(state, info.address));
+  // What a sender kept and sends now stands where the clock that it had places it. A clock that
+  // began anew shows by itself, but not one that wraps after seconds.
+  if (state != DeviceState::streaming && sensor == Sensor::radar) clocks_.reset(sensor);
+  if (!recording_) return;
+  if (state == DeviceState::streaming) announce(sensor);
+}
+
+void Daemon::on_event(Sensor sensor, Severity severity, const std::string& text) {
+  log(severity, name_of(sensor), text);
+}
+
+void Daemon::arm() {
+  HostTime next = loop_.now() + tick_pause;
+  if (!recording_->scheduler.done()) next = std::min(next, recording_->scheduler.next_deadline());
+  timer_.at(next, [this] { tick(); });
+}
+
+void Daemon::tick() {
+  Recording& r = *recording_;
+  const HostTime now = loop_.now();
+  if (interrupted() && !std::exchange(ending_, true)) interrupt(now);
+  close_due(now);
+  r.journal.refresh_anchor(log_);
+  report_raw_trouble();
+  devices_.release_absent_ports();
+  const std::int64_t written = r.writer.written();
+  if (std::exchange(totals_.written, written) != written) notify_advance(written);
+  totals_.label = r.writer.label().value_or(label_);
+  totals_.free_bytes = r.writer.free_bytes();
+  r.status.update(now, totals_);
+  done_ = (r.scheduler.done() && r.due.empty()) || r.writer.failed();
+  if (!done_) arm();
+}
+
+void Daemon::close_due(HostTime now) {
+  Recording& r = *recording_;
+  r.due.put(r.scheduler.tick(now));
+  while (const auto due = r.due.next(r.writer.crowded()))
+    close_slot(*due, r.scheduler.lateness(due->index, now));
+}
+
+// The run ends with the slot that is running, or with the one before if that takes too long; before
+// the first slot it ends at once.
+void Daemon::interrupt(HostTime now) {
+  Scheduler& scheduler = recording_->scheduler;
+  const SlotGrid& grid = scheduler.grid();
+  const bool too_long = now < grid.first || grid.end(grid.slot_of(now)) - now > close_limit;
+  const double left_s = seconds(std::max(grid.first, grid.end(grid.slot_of(now)) + grace) - now);
+  if (too_long)
+    spdlog::info("giving up the slot, which would take {:.0f} s", left_s);
+  else
+    spdlog::info("finishing the slot, {:.1f} s; a second Ctrl-C ends at once", left_s);
+  if (too_long) status_ = "stopped:interrupted";
+  scheduler.finish(too_long ? now - grid.length : now);
+}
+
+void Daemon::close_slot(const DueSlot& due, std::chrono::nanoseconds late) {
+  record::FusedRecord record = recording_->windows.close(due);
+  recording_->signal.judge(record, recording_->windows.axes());
+  record.index += resumption_.first_index;
+  record.statistics.closed_late_s = seconds(late);
+  record.slot_utc = recording_->journal.utc_of(record.slot_start);
+  record.label = label_;
+  totals_.take(record, config_.configured(), [&](Sensor sensor, Severity severity) {
+    log(severity, name_of(sensor),
+        "record " + std::to_string(record.index) + ": " + record.sync[sensor].verdict);
+  });
+  spdlog::debug("record {}: valid {}, {} clicks, {} radar frames, {} depth frames", record.index,
+                record.valid.bits(), record.sync[Sensor::spd].used, record.sync[Sensor::radar].used,
+                record.sync[Sensor::depth].used);
+  if (!recording_->writer.put(std::move(record)))
+    log(Severity::error, "run file",
+        "record " + std::to_string(due.index + resumption_.first_index) +
+            ": its data are given up, the disk is too slow");
+  recording_->journal.put_late(resumption_.first_index, recording_->windows.take_late());
+}
+
+void Daemon::end() {
+  Recording& r = *recording_;
+  notify_stopping();
+  devices_.stop();
+  PerSensor<std::vector<Counter>> counters;
+  for (const Sensor s : all_sensors) counters[s] = devices_.counters(s);
+  if (raw_) {
+    const port::RawKeeper::Counts bytes = raw_->finish();
+    report_raw_trouble();
+    log(bytes.dropped > 0 ? Severity::error : Severity::info, "raw",
+        std::to_string(bytes.kept) + " bytes recorded in " + options_.keep_raw + ", " +
+            std::to_string(bytes.dropped) + " not recorded");
+    if (!std::filesystem::exists(options_.keep_raw))
+      log(Severity::error, "raw", options_.keep_raw + " was moved or removed during the run");
+  }
+  r.windows.finish();
+  r.journal.put_late(resumption_.first_index, r.windows.take_late());
+  UnassignedSamples unassigned = r.windows.unassigned();
+  for (const Sensor s : all_sensors) unassigned.early[s] += early_[s];
+  r.journal.put_counters(std::move(counters), unassigned);
+  report_unassigned(log_, unassigned);
+  if (!r.writer.finish(status_))
+    spdlog::warn(
+        "{}: another program reads it; its last records stay in {}-wal until "
+        "`echofuse-acquire info` or the next --resume",
+        options_.out, options_.out);
+  totals_.written = r.writer.written();
+  r.status.finish(loop_.now(), totals_);
+  spdlog::info("{}: {}, {}{}; arrived: {} tags, {} radar frames, {} depth frames", options_.out,
+               count_text(totals_.written, options_.count, resumption_.records_before), status_,
+               totals_.doubts(), devices_[Sensor::spd].samples, devices_[Sensor::radar].samples,
+               devices_[Sensor::depth].samples);
+}
+
+}  // namespace
+
+ExitCode record_run(const Config& config, const RunOptions& options, port::Loop& loop) {
+  return Daemon(config, options, loop).run();
+}
+
+}  // namespace echofuse::acquire

@@ -1,0 +1,34 @@
+// SPDX-License-Identifier: MIT
+// The `run` command: devices -> windows -> run file, in real time.
+#pragma once
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "acquire/config/config.hpp"
+#include "drivers/port/loop.hpp"
+#include "drivers/program/exit_code.hpp"
+
+namespace echofuse::acquire {
+
+struct RunOptions {
+  std::string out;                    // the run file to make
+  std::optional<std::int64_t> count;  // slots; none: until interrupted
+  std::vector<std::pair<std::string, std::string>> meta;
+  std::string uuid;          // of the run; empty: a new one
+  bool resume = false;       // continue `out`, which exists
+  bool label_given = false;  // by the command line: a resumed run does not keep its last one
+  bool quiet = false;
+  bool strict = false;   // the code partial if a record has a sensor that is not ok
+  std::string keep_raw;  // folder for the devices' bytes; empty: not kept
+};
+
+// Returns when the run is closed: after `count` slots, or with the slot that was running when
+// SIGINT or SIGTERM came (a slot that would take longer than close_limit is given up, and the run
+// ends as stopped:interrupted); partial only if that is asked for. Throws Error: the file exists,
+// no device answers, the disk fails.
+ExitCode record_run(const Config& config, const RunOptions& options, port::Loop& loop);
+
+}  // namespace echofuse::acquire

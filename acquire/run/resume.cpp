@@ -1,0 +1,205 @@
+// SPDX-License-Identifier: MIT
+#include "acquire/run/resume.hpp"
+
+#include <toml++/toml.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstdio>
+#include <cstring>
+#include <map>
+#include <set>
+#include <sstream>
+
+#include "acquire/run/window.hpp"
+#include "drivers/program/console.hpp"
+#include "drivers/program/exit_code.hpp"
+#include "drivers/program/printable.hpp"
+#include "drivers/program/program.hpp"
+
+namespace echofuse::acquire {
+namespace {
+
+const std::set<std::string> free_keys{
+    "run.label",          "run.operator",    "run.folder", "run.connect_timeout_s",
+    "radar.cli_baud",     "radar.data_baud", "radar.cfg",  "run.calibration",
+    "radar.keep_running", "radar.board"};  // by its antennas
+const std::set<std::string> places{"tdc.address", "radar.cli", "radar.data", "depth.address"};
+
+std::string text_of(const std::string& key, const toml::node& value) {
+  if (places.contains(key)) return value.value_or(std::string()).empty() ? "none" : "a device";
+  std::ostringstream text;
+  value.visit([&](const auto& v) { text << v; });
+  return text.str();
+}
+
+// By key, of a configuration as it was resolved; without the keys that may differ.
+std::map<std::string, std::string> values_of(const std::string& resolved) {
+  std::map<std::string, std::string> values;
+  try {
+    const toml::table config = toml::parse(resolved);
+    for (const auto& [section, content] : config) {
+      if (!content.is_table() || section == "signal") continue;
+      for (const auto& [name, value] : *content.as_table()) {
+        const std::string key = std::string(section.str()) + '.' + std::string(name.str());
+        if (!free_keys.contains(key)) values[key] = text_of(key, value);
+      }
+    }
+  } catch (const toml::parse_error& e) {
+    throw Error(ExitCode::config,
+                "its configuration cannot be read: " + printable(e.description(), 200));
+  }
+  return values;
+}
+
+std::string text_or(const std::map<std::string, std::string>& values, const std::string& key) {
+  const auto found = values.find(key);
+  return found == values.end() ? "not set" : found->second;
+}
+
+std::string text_of(const record::CalibrationEntry* entry) {
+  if (!entry) return "none";
+  char text[80];
+  std::snprintf(text, sizeof text, "%+.3f mm +- %.3f mm of ", 1e3 * entry->offset_m,
+                1e3 * entry->standard_error_m);
+  return std::string(text).append(printable(entry->date_utc, 40));
+}
+
+std::string other_calibration(const Calibration& before, const Calibration& now) {
+  std::string differing;
+  for (const Sensor sensor : {Sensor::spd, Sensor::radar}) {
+    const auto *a = before.find(sensor), *b = now.find(sensor);
+    if (a && b ? *a == *b : a == b) continue;
+    differing += std::string("\nrun.calibration: the offset of ") + name_of(sensor) + " was " +
+                 text_of(a) + ", now " + text_of(b);
+  }
+  return differing;
+}
+
+void refuse_read_only(const std::filesystem::path& run, const std::filesystem::path& place,
+                      const std::string& what) {
+  if (::access(place.c_str(), W_OK) == 0) return;
+  throw Error(ExitCode::disk,
+              run.string() + ": " +
+                  (errno == EROFS ? what + " is on a read-only file system"
+                                  : what + " is read-only: " + std::strerror(errno)));
+}
+
+}  // namespace
+
+void refuse_other_antennas(const record::Antennas& begun, const Config& config) {
+  if (begun == config.antennas) return;
+  const bool same_places =
+      std::ranges::equal(begun, config.antennas,
+                         [](const auto& a, const auto& b) { return a.x == b.x && a.y == b.y; });
+  throw Error(
+      ExitCode::config,
+      std::string("a run is resumed with its own configuration only:\n") +
+          (begun.empty() ? "it was recorded without the radar's antennas, which radar.cfg "
+                           "asks for; begin a new run"
+           : same_places ? "run.calibration has other gains or phases of the radar's antennas"
+                         : "radar.board or radar.cfg make another array of antennas"));
+}
+
+void refuse_other_config(const record::RunInfo& begun,
+                         const std::vector<record::CalibrationEntry>& calibrated,
+                         const Config& config) {
+  const auto before = values_of(begun.config_resolved), now = values_of(config.resolved);
+  std::set<std::string> keys;
+  for (const auto* values : {&before, &now})
+    for (const auto& [key, value] : *values) keys.insert(key);
+  std::string differing;
+  for (const auto& key : keys)
+    if (text_or(before, key) != text_or(now, key))
+      differing.append("\n").append(printable(key, 80) + " was " +
+                                    printable(text_or(before, key), 200) + ", now " +
+                                    text_or(now, key));
+  if (begun.radar_cfg != config.radar.cfg_text) differing += "\nradar.cfg has another text";
+  differing += other_calibration({.entries = calibrated, .firmware = {}, .antennas = {}},
+                                 config.calibration);
+  if (!differing.empty())
+    throw Error(ExitCode::config, "a run is resumed with its own configuration only:" + differing);
+}
+
+void refuse_other_axes(const std::vector<Axis>& begun, const DeviceInfo& device) {
+  for (const Axis& axis : device.axes)
+    for (const Axis& old : begun)
+      if (old.name == axis.name && !same_axis(old, kept_axis(axis)))
+        throw Error(ExitCode::config, std::string(name_of(device.sensor)) + ": its axis " +
+                                          axis.name +
+                                          " is not the one that the run was begun with");
+}
+
+void refuse_bad_target(const std::filesystem::path& out) {
+  if (std::filesystem::exists(out))
+    throw Error(ExitCode::failed, out.string() +
+                                      ": exists already; runs are never overwritten, choose "
+                                      "another name");
+  if (!std::filesystem::is_directory(out.parent_path()))
+    throw Error(ExitCode::disk, out.string() + ": its folder does not exist");
+  refuse_read_only(out, out.parent_path(), "its folder");
+}
+
+void refuse_late_clock(UtcTime now) {
+  constexpr UtcTime last = UtcTime::max() - std::chrono::years(3);
+  if (now > last)
+    throw Error(ExitCode::failed, "the machine's clock is at " + iso8601(now) +
+                                      " or later; a run begins before " + iso8601(last) +
+                                      ": set the clock");
+}
+
+void refuse_resuming(const record::RunReader& begun, const Config& config) {
+  const record::RunInfo info = begun.info();
+  if (info.status == "open")
+    throw Error(ExitCode::failed, begun.path() + ": is being recorded by another process");
+  const std::filesystem::path file = begun.path();
+  refuse_read_only(file, file, "it");
+  refuse_read_only(file, file.parent_path(), "its folder");
+  refuse_other_config(info, begun.calibrations(), config);
+  refuse_other_antennas(begun.antennas(), config);
+  static_cast<void>(begun.axes());
+  // What is damaged is read with care, but cannot be written to.
+  if (const std::string fault = begun.check(); !fault.empty())
+    throw Error(ExitCode::failed, printable(begun.path()) + ": damaged: " + printable(fault, 200));
+  if (const auto last = begun.summary().last_index; last >= record::max_resumed_index)
+    throw Error(ExitCode::failed, printable(begun.path()) + ": its last record has the index " +
+                                      std::to_string(last) +
+                                      "; there is no room for more, begin another run");
+}
+
+std::unique_ptr<record::RunWriter> make_run(
+    const Config& config, const std::string& out,
+    const std::vector<std::pair<std::string, std::string>>& meta, const std::string& uuid,
+    const Clock& clock) {
+  record::RunInfo info;
+  info.uuid = uuid;
+  info.config_text = config.text;
+  info.config_resolved = config.resolved;
+  info.radar_cfg = config.radar.cfg_text;
+  info.version = version();
+  info.operator_name = config.operator_name.empty() ? login_name() : config.operator_name;
+  info.window_s = config.window_s;
+  info.meta = meta;
+  if (config.detector.known()) info.meta.push_back(config.detector.meta());
+  return std::make_unique<record::RunWriter>(out, info, clock);
+}
+
+Resumption reopen_run(const std::string& out, const Clock& clock) {
+  const record::RunReader begun(out);
+  Resumption resumed;
+  resumed.axes = begun.axes();
+  const std::string status = begun.info().status;
+  const record::RunSummary sum = begun.summary();
+  resumed.label = begun.last_label();
+  resumed.file = std::make_unique<record::RunWriter>(out, clock);
+  resumed.first_index = resumed.file->next_index();
+  resumed.records_before = resumed.file->records();
+  resumed.gap = "resumed at record " + std::to_string(resumed.first_index) + ", was " + status;
+  if (sum.records > 0)
+    resumed.gap += ", " + human_duration(seconds(clock.utc()) - seconds(sum.last_utc)) +
+                   " after the last slot";
+  return resumed;
+}
+
+}  // namespace echofuse::acquire

@@ -1,0 +1,170 @@
+// SPDX-License-Identifier: MIT
+#include "acquire/run/signal_check.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <numeric>
+#include <utility>
+
+#include "drivers/core/log2_codes.hpp"
+
+namespace echofuse::acquire {
+namespace {
+
+constexpr double reference_s = 60;
+constexpr std::size_t least_records = 5;
+constexpr std::size_t leakage_bins = 2;  // of the radar's transmitter into its receivers
+
+template <class... Values>
+std::string format(const char* pattern, Values... values) {
+  char text[160];
+  std::snprintf(text, sizeof text, pattern, values...);
+  return text;
+}
+
+template <class T>
+T median(std::vector<T> values) {
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+// No 5 bins hold more than chance puts there: five deviations, and five clicks for their tail.
+bool is_even(const std::vector<std::uint32_t>& counts) {
+  constexpr std::size_t bins = 5;
+  if (counts.size() <= bins) return false;
+  const double mean = std::accumulate(counts.begin(), counts.end(), 0.0) * bins /
+                      static_cast<double>(counts.size());
+  const double chance = mean + 5 * std::sqrt(mean) + 5;
+  double sum = 0;
+  for (std::size_t i = 0; i < counts.size(); ++i) {
+    sum += counts[i];
+    if (i >= bins) sum -= counts[i - bins];
+    if (sum > chance) return false;
+  }
+  return true;
+}
+
+// Averaged codes that differ by less are one profile, averaged over another number of frames.
+bool same_profile(const std::vector<float>& a, const std::vector<float>& b) {
+  constexpr float rounding = 0.01F;
+  return std::equal(a.begin(), a.end(), b.begin(), b.end(),
+                    [](float x, float y) { return std::abs(x - y) <= rounding; });
+}
+
+constexpr const char* still = "stands still: the same as in the record before, to the last ";
+
+}  // namespace
+
+SignalCheck::SignalCheck(const SignalLimits& limits, double window_s)
+    : limits_(limits),
+      reference_records_(
+          std::max(least_records, static_cast<std::size_t>(std::ceil(reference_s / window_s)))) {}
+
+std::optional<double> SignalCheck::Reference::add(double strength, std::size_t at_most) {
+  if (values_.size() < at_most) {
+    values_.push_back(strength);
+    if (values_.size() >= least_records) median_ = median(values_);
+  }
+  return median_;
+}
+
+std::string SignalCheck::beside_reference(Sensor sensor, double strength, const char* what) {
+  const auto usual = references_[sensor].add(strength, reference_records_);
+  if (!usual || strength >= limits_.weak_share * *usual) return {};
+  return format("weak: %s is %.2g of the run's first minute's", what, strength / *usual);
+}
+
+std::string SignalCheck::judge_spd(record::FusedRecord& r, const Axis& axis) {
+  const double background = median(r.spd);
+  double clicks = 0;
+  for (const std::uint32_t n : r.spd) clicks += n - background;
+  clicks = std::max(0.0, clicks);
+  const auto top = std::max_element(r.spd.begin(), r.spd.end()) - r.spd.begin();
+  r.signal.spd_clicks = clicks;
+  const bool even = is_even(r.spd);
+  if (!even)
+    r.signal.spd_peak_m = (axis.start + (static_cast<double>(top) + 0.5) * axis.step) / ps_per_m;
+  const std::string beside = beside_reference(Sensor::spd, clicks, "the light");
+  const bool repeats = r.spd == last_spd_ && r.spd_counts.in_range > 0;
+  last_spd_ = r.spd;
+  if (repeats) return still + std::string("click");
+  const double a_pulse = r.signal.clicks_a_pulse.value_or(0);
+  if (limits_.clicks_a_pulse > 0 && a_pulse > limits_.clicks_a_pulse)
+    return format("saturated: %.3g clicks a laser pulse, %.3g wanted at most", a_pulse,
+                  limits_.clicks_a_pulse);
+  if (even) return "no peak: no bins stand out of the mean";
+  if (clicks < limits_.spd_clicks)
+    return format("weak: %.0f clicks above the background, %.0f wanted", clicks,
+                  limits_.spd_clicks);
+  return beside;
+}
+
+std::string SignalCheck::judge_radar(record::FusedRecord& r, const Axis& axis) {
+  std::vector<double> power;
+  for (const float v : r.radar)
+    power.push_back(axis.quantity == "log2_q8" ? power_from_code(double{v}, axis.scale)
+                                               : double{v});
+  if (power.size() <= leakage_bins + 2) return {};
+  const double floor = median(power);
+  const auto first = power.begin() + leakage_bins;
+  const auto top = static_cast<std::size_t>(std::max_element(first, power.end()) - power.begin());
+  const double snr_db = 10 * std::log10(power[top] / floor);
+  double strength = 0;
+  for (auto p = first; p != power.end(); ++p) strength += std::max(0.0, *p - floor);
+  r.signal.radar_snr_db = snr_db;
+  r.signal.radar_peak_m = axis.start + static_cast<double>(top) * axis.step;
+  const std::string beside = beside_reference(Sensor::radar, strength, "the echo");
+  const bool repeats = same_profile(r.radar, last_radar_);
+  last_radar_ = r.radar;
+  if (repeats) return still + std::string("bit");
+  if (snr_db < limits_.radar_snr_db)
+    return format("no peak: %.1f dB over the median bin, %.1f wanted", snr_db,
+                  limits_.radar_snr_db);
+  // Of a mean over frames, two bins are alike only where every frame is cut off, or where a radar
+  // begins to repeat one frame whose bins are alike by chance: the next record tells which.
+  const bool averaged = r.sync[Sensor::radar].used > 1;
+  const bool flat = averaged && (r.radar[top] == r.radar[top - 1] ||
+                                 (top + 1 < r.radar.size() && r.radar[top] == r.radar[top + 1]));
+  if (std::exchange(radar_was_flat_, flat) && flat)
+    return format("saturated: the lobe at %.2f m is cut off", *r.signal.radar_peak_m);
+  return beside;
+}
+
+std::string SignalCheck::judge_depth(record::FusedRecord& r) {
+  const auto& mm = r.depth_mm;
+  const double share =
+      1 - static_cast<double>(std::count(mm.begin(), mm.end(), 0)) / static_cast<double>(mm.size());
+  r.signal.depth_share = share;
+  const std::string beside = beside_reference(Sensor::depth, share, "the pixels with a return");
+  const bool repeats = mm == last_depth_ && share > 0;
+  last_depth_ = mm;
+  if (repeats) return still + std::string("pixel");
+  if (share < limits_.depth_share)
+    return format("weak: %.2f %% of the pixels have a return, %.2g %% wanted", 100 * share,
+                  100 * limits_.depth_share);
+  return beside;
+}
+
+void SignalCheck::judge(record::FusedRecord& record, std::span<const Axis> axes) {
+  const auto axis = [&](const char* name) {
+    return std::find_if(axes.begin(), axes.end(), [&](const Axis& a) { return a.name == name; });
+  };
+  PerSensor<std::string> found;
+  if (const auto a = axis("spd"); record.has(Sensor::spd) && a != axes.end())
+    found[Sensor::spd] = judge_spd(record, *a);
+  if (const auto a = axis("radar"); record.has(Sensor::radar) && a != axes.end())
+    found[Sensor::radar] = judge_radar(record, *a);
+  if (record.has(Sensor::depth)) found[Sensor::depth] = judge_depth(record);
+  for (const Sensor s : all_sensors)
+    if (!found[s].empty()) record.sync[s].verdict = found[s];
+}
+
+std::string kind_of(const record::FusedRecord& record, Sensor sensor) {
+  if (!record.has(sensor)) return "missing";
+  const std::string& verdict = record.sync[sensor].verdict;
+  return verdict.substr(0, verdict.find(':'));
+}
+
+}  // namespace echofuse::acquire

@@ -1,0 +1,238 @@
+// SPDX-License-Identifier: MIT
+#include "acquire/run/status.hpp"
+
+#include <sys/ioctl.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cinttypes>
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+#include <utility>
+
+#include "acquire/run/signal_check.hpp"
+#include "drivers/program/printable.hpp"
+
+namespace echofuse::acquire {
+namespace {
+
+constexpr std::chrono::nanoseconds terminal_pause = std::chrono::seconds(1);
+constexpr std::chrono::nanoseconds log_pause = std::chrono::seconds(10);
+constexpr std::size_t usual_columns = 80;
+constexpr const char* gap = "  ";
+constexpr PerSensor<char> letter_of{'S', 'R', 'D'};
+
+template <class... Values>
+std::string format(const char* pattern, Values... values) {
+  char text[120];
+  std::snprintf(text, sizeof text, pattern, values...);
+  return text;
+}
+
+std::string rate_text(double tags_per_s) {
+  return tags_per_s >= 1e6 ? format("%.2f Mtag/s", tags_per_s / 1e6)
+                           : format("%.1f ktag/s", tags_per_s / 1e3);
+}
+
+// 0:07, 12:34, 1:02:03
+std::string clock_text(double time_s) {
+  const auto s = static_cast<std::int64_t>(std::max(0.0, time_s));
+  return s < 3600 ? format("%" PRId64 ":%02" PRId64, s / 60, s % 60)
+                  : format("%" PRId64 ":%02" PRId64 ":%02" PRId64, s / 3600, s / 60 % 60, s % 60);
+}
+
+std::string lost_text(const PerSensor<std::uint64_t>& lost) {
+  std::string text;
+  for (const Sensor s : all_sensors)
+    if (lost[s] > 0) text += format(" %c %" PRIu64, letter_of[s], lost[s]);
+  return "lost" + (text.empty() ? " 0" : text);
+}
+
+std::string sensor_letters(const RunTotals& now) {
+  constexpr PerSensor<char> small{'s', 'r', 'd'};
+  std::string letters;
+  for (const Sensor s : all_sensors)
+    if (!now.valid.contains(s))
+      letters += '-';
+    else if (now.doubtful.contains(s))
+      letters += small[s];
+    else
+      letters += letter_of[s];
+  return letters;
+}
+
+// At most this many bytes, no character cut in two.
+std::string shortened(std::string text, std::size_t bytes) {
+  if (text.size() <= bytes) return text;
+  while (bytes > 0 && (static_cast<unsigned char>(text[bytes]) & 0xc0U) == 0x80U) --bytes;
+  return text.substr(0, bytes);
+}
+
+bool given(const char* variable) {
+  const char* value = std::getenv(variable);
+  return value && *value;
+}
+
+bool is_terminal() {
+  const char* kind = std::getenv("TERM");
+  return isatty(STDERR_FILENO) && kind && *kind && std::strcmp(kind, "dumb") != 0;
+}
+
+std::size_t columns_of_terminal() {
+  winsize size{};
+  const bool known = ::ioctl(STDERR_FILENO, TIOCGWINSZ, &size) == 0 && size.ws_col > 0;
+  return known ? size.ws_col : usual_columns;
+}
+
+}  // namespace
+
+void RunTotals::take(const record::FusedRecord& record, SensorSet configured,
+                     const std::function<void(Sensor, Severity)>& changed) {
+  ++records;
+  valid = record.valid;
+  signal = record.signal;
+  doubtful = {};
+  trouble.clear();
+  for (const Sensor s : all_sensors) {
+    lost[s] += record.sync[s].lost;
+    if (!configured.contains(s)) continue;
+    const std::string kind = kind_of(record, s);
+    if (kind != "ok") {
+      doubtful.insert(s);
+      if (trouble.empty()) trouble = name_of(s) + (" " + kind);
+    }
+    if (std::exchange(kinds[s], kind) != kind)
+      changed(s, kind == "ok" ? Severity::info : Severity::warning);
+  }
+  not_ok += !doubtful.empty();
+  incomplete += !record.missing.empty();
+}
+
+std::string RunTotals::doubts() const {
+  std::string text;
+  if (incomplete > 0)
+    text += format("; %" PRId64 " incomplete, without a required device", incomplete);
+  if (not_ok > 0) text += format("; %" PRId64 " with a sensor not ok", not_ok);
+  return text;
+}
+
+std::string count_text(std::int64_t written, std::optional<std::int64_t> planned,
+                       std::optional<std::int64_t> before) {
+  std::string text = std::to_string(written);
+  if (planned) text += " of " + std::to_string(*planned);
+  text += " records";
+  if (before) text += ", " + std::to_string(*before + written) + " in all";
+  return text;
+}
+
+std::vector<StatusField> status_fields(const RunTotals& now, const RunTotals& before,
+                                       const StatusTimes& times) {
+  constexpr std::size_t longest_label = 24;
+  const auto rate = [&](std::uint64_t a, std::uint64_t b) {
+    return times.interval_s > 0 ? static_cast<double>(a - b) / times.interval_s : 0.0;
+  };
+  std::vector<StatusField> out;
+  const auto put = [&](int rank, std::string text, bool bad = false) {
+    if (!text.empty()) out.push_back({std::move(text), rank, bad});
+  };
+  const bool bad = !now.doubtful.empty();
+  std::string count = "record " + std::to_string(now.records);
+  if (times.records) count.append("/").append(std::to_string(*times.records));
+  put(0, std::move(count));
+  put(0, sensor_letters(now), bad);
+  put(1, now.trouble, bad);
+  std::string time = clock_text(times.elapsed_s);
+  if (times.remaining_s) time.append(", ").append(clock_text(*times.remaining_s)).append(" left");
+  put(2, std::move(time));
+  put(4, rate_text(rate(now.tags, before.tags)));
+  if (now.signal.spd_peak_m) put(6, format("peak %.2f m", *now.signal.spd_peak_m));
+  put(5, format("radar %.1f fps", rate(now.radar_frames, before.radar_frames)) +
+             (now.signal.radar_snr_db ? format(" %.0f dB", *now.signal.radar_snr_db) : ""));
+  put(7, format("depth %.1f fps", rate(now.depth_frames, before.depth_frames)));
+  put(3, lost_text(now.lost));
+  put(8, shortened(printable(now.label), longest_label));
+  if (now.free_bytes) {
+    const double gb = static_cast<double>(*now.free_bytes) / 1e9;
+    put(9, format(gb < 10 ? "%.1f GB free" : "%.0f GB free", gb));
+  }
+  put(10, "on disk " + std::to_string(now.written));
+  return out;
+}
+
+std::string status_line(const std::vector<StatusField>& fields, std::optional<std::size_t> columns,
+                        bool colours) {
+  std::vector<const StatusField*> by_rank;
+  for (const auto& f : fields) by_rank.push_back(&f);
+  std::stable_sort(by_rank.begin(), by_rank.end(),
+                   [](const auto* a, const auto* b) { return a->rank < b->rank; });
+  std::size_t used = 0;
+  std::vector<const StatusField*> shown;
+  for (const auto* f : by_rank) {
+    const std::size_t wanted = f->text.size() + (used > 0 ? std::strlen(gap) : 0);
+    if (columns && used + wanted > *columns) continue;
+    used += wanted;
+    shown.push_back(f);
+  }
+  std::string line;
+  for (const auto& f : fields) {
+    if (std::find(shown.begin(), shown.end(), &f) == shown.end()) continue;
+    if (!line.empty()) line += gap;
+    line += f.bad && colours ? "\033[31m" + f.text + "\033[0m" : f.text;
+  }
+  return line;
+}
+
+StatusLine::StatusLine(HostTime start, double window_s, std::optional<std::int64_t> total,
+                       bool quiet)
+    : total_(total),
+      window_s_(window_s),
+      quiet_(quiet),
+      terminal_(is_terminal()),
+      colours_(terminal_ && !given("NO_COLOR")),
+      start_(start),
+      shown_(start) {}
+
+StatusLine::~StatusLine() { end_line(); }
+
+void StatusLine::end_line() {
+  if (std::exchange(drawn_, false) && terminal_) std::fputc('\n', stderr);
+}
+
+void StatusLine::update(HostTime now, const RunTotals& totals) {
+  const bool worse = !(totals.doubtful - before_.doubtful).empty();
+  if (worse && terminal_ && !quiet_) std::fputc('\a', stderr);
+  if (now - shown_ >= (terminal_ ? terminal_pause : log_pause) || (worse && terminal_))
+    show(now, totals);
+}
+
+void StatusLine::finish(HostTime now, const RunTotals& totals) {
+  before_ = {};
+  shown_ = start_;
+  show(now, totals);
+  end_line();
+}
+
+void StatusLine::show(HostTime now, const RunTotals& totals) {
+  if (!quiet_) {
+    StatusTimes times{.interval_s = seconds(now - shown_),
+                      .elapsed_s = seconds(now - start_),
+                      .remaining_s = {},
+                      .records = total_};
+    if (total_)
+      times.remaining_s = std::max(0.0, static_cast<double>(*total_) * window_s_ - times.elapsed_s);
+    const auto fields = status_fields(totals, before_, times);
+    if (terminal_)  // one column stays free: what ends in the last one wraps on some terminals
+      std::fprintf(stderr, "\r\033[K%s",
+                   status_line(fields, columns_of_terminal() - 1, colours_).c_str());
+    else
+      std::fprintf(stderr, "%s\n", status_line(fields, std::nullopt, false).c_str());
+    std::fflush(stderr);
+    drawn_ = true;
+  }
+  before_ = totals;
+  shown_ = now;
+}
+
+}  // namespace echofuse::acquire

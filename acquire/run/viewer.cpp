@@ -1,0 +1,48 @@
+// SPDX-License-Identifier: MIT
+#include "acquire/run/viewer.hpp"
+
+#include <signal.h>
+#include <spdlog/spdlog.h>
+
+#include <cerrno>
+#include <cstdlib>
+#include <cstring>
+#include <filesystem>
+#include <vector>
+
+#include "drivers/program/exit_code.hpp"
+#include "drivers/program/program.hpp"
+
+namespace echofuse::acquire {
+
+namespace fs = std::filesystem;
+
+Viewer::Viewer(const std::string& run, std::optional<std::int64_t> planned) {
+  std::vector<std::string> words{program_beside("echofuse-view"), run, "--until-closed"};
+  if (planned) words.insert(words.end(), {"--planned", std::to_string(*planned)});
+  const auto started = start_program(words);
+  if (started)
+    program_ = *started;
+  else
+    spdlog::warn("no view: {}", started.failure().text());
+}
+
+Viewer::~Viewer() {
+  if (!program_) return;
+  ::kill(*program_, SIGTERM);
+  wait_for_program(*program_);
+}
+
+TemporaryFolder::TemporaryFolder() {
+  std::error_code none;
+  path_ = (fs::temp_directory_path(none) / "echofuse-align-XXXXXX").string();
+  if (!::mkdtemp(path_.data()))
+    throw Error(ExitCode::disk, path_ + ": cannot be made: " + std::strerror(errno));
+}
+
+TemporaryFolder::~TemporaryFolder() {
+  std::error_code none;
+  fs::remove_all(path_, none);
+}
+
+}  // namespace echofuse::acquire

@@ -1,0 +1,345 @@
+// SPDX-License-Identifier: MIT
+#include "acquire/run/window.hpp"
+
+#include <algorithm>
+#include <complex>
+#include <functional>
+#include <utility>
+
+#include "drivers/core/log2_codes.hpp"
+
+namespace echofuse::acquire {
+namespace {
+
+constexpr std::size_t most_late_slots = 256;
+constexpr const char* stood_still = "the program stood still";
+constexpr const char* axis_changed = "axis differs from the one at the start of the run";
+
+// Adds counts of the same slot, taken at different times.
+void merge(std::vector<std::uint32_t>& sum, std::vector<std::uint32_t> more) {
+  if (sum.empty()) {
+    sum = std::move(more);
+    return;
+  }
+  for (std::size_t i = 0; i < sum.size(); ++i) sum[i] += more[i];
+}
+
+std::string size_of(std::uint32_t width, std::uint32_t height) {
+  return std::to_string(width) + " x " + std::to_string(height);
+}
+
+}  // namespace
+
+Axis kept_axis(const Axis& axis) {
+  return axis.name == "array" ? record::array_axis(axis, record::antennas_of(axis)) : axis;
+}
+
+void Windows::Times::add(HostTime from, HostTime to, HostTime centre, double tags) {
+  if (count == 0 || from < first) first = from;
+  if (count == 0 || to > last) last = to;
+  from_centre_s += tags * (seconds(from - centre) + seconds(to - centre)) / 2;
+  weight += tags;
+  ++count;
+}
+
+void Windows::Times::describe(record::SensorSync& sync) const {
+  if (count == 0) return;
+  sync.offset_s = from_centre_s / weight;
+  sync.span_s = seconds(last - first);
+}
+
+Windows::Numbers::Order Windows::Numbers::put(std::uint32_t number, std::uint64_t device_time) {
+  const auto known = last_.begin() + static_cast<std::ptrdiff_t>(std::min(count_, last_.size()));
+  if (std::find(last_.begin(), known, std::pair(number, device_time)) != known)
+    return Order::repeated;
+  const std::uint32_t before = count_ > 0 ? last_[(count_ - 1) % last_.size()].first : number;
+  last_[count_++ % last_.size()] = {number, device_time};
+  return static_cast<std::int32_t>(number - before) < 0 ? Order::back : Order::next;
+}
+
+Windows::Windows(const SlotGrid& grid, const tdc::HistogramSettings& tdc,
+                 const SensorClocks& clocks, SensorSet configured, SensorSet required)
+    : grid_(grid), clocks_(clocks), configured_(configured), required_(required), histogram_(tdc) {}
+
+bool Windows::announce(const DeviceInfo& info) {
+  bool fits = true;
+  for (const auto& sent : info.axes) {
+    const Axis axis = kept_axis(sent);
+    const auto [known, is_new] = axes_.try_emplace(axis.name, axis);
+    fits = fits && (is_new || same_axis(known->second, axis));
+  }
+  refused_[info.sensor] = !fits;
+  return fits;
+}
+
+std::vector<Axis> Windows::axes() const {
+  std::vector<Axis> all;
+  if (configured_.contains(Sensor::spd)) all.push_back(histogram_.axis());
+  for (const auto& [name, axis] : axes_) all.push_back(axis);
+  return all;
+}
+
+// The open slot of a sample, or nothing if the sample is a stray of this many tags or frames.
+Windows::Slot* Windows::find(Sensor sensor, HostTime taken, std::uint64_t amount) {
+  const std::int64_t k = grid_.slot_of(taken);
+  if (k >= next_) return &open_[k];
+  (k < 0 ? unassigned_.early : unassigned_.late)[sensor] += amount;
+  if (k >= 0 && (late_.size() < most_late_slots || late_.contains(k))) late_[k][sensor] += amount;
+  return nullptr;
+}
+
+void Windows::add_lost(std::uint64_t Slot::*lost, HostTime taken, std::uint64_t amount) {
+  const std::int64_t k = grid_.slot_of(taken);
+  if (amount > 0 && k >= 0) open_[std::max(k, next_)].*lost += amount;
+}
+
+bool Windows::repeated(Sensor sensor, Numbers::Order order) {
+  unassigned_.duplicate[sensor] += order == Numbers::Order::repeated;
+  unassigned_.out_of_order[sensor] += order == Numbers::Order::back;
+  return order == Numbers::Order::repeated;
+}
+
+void Windows::settle_tags() {
+  histogram_.flush();
+  const auto slot = open_.find(tag_slot_);
+  if (slot == open_.end()) return;
+  slot->second.tags += histogram_.tag_counts();
+  merge(slot->second.spd, histogram_.take());
+}
+
+void Windows::tag_gap() {
+  histogram_.forget_start();
+  for (auto& [k, slot] : open_)
+    if (slot.starts) slot.starts->forget_start();
+}
+
+void Windows::add(const TagBlock& block) {
+  if (block.lost_blocks > 0 || block.lost_items > 0) tag_gap();
+  const ClockFit& clock = clocks_[Sensor::spd];
+  const Tag* const end = block.tags.data() + block.tags.size();
+  const auto taken = [&](const Tag& first) {
+    const Tag* const event = std::find_if(&first, end, std::mem_fn(&Tag::is_time_tag));
+    return event == end ? block.received
+                        : clock.taken(static_cast<std::uint64_t>(event->time_ps), block.received);
+  };
+  add_lost(&Slot::spd_lost, block.tags.empty() ? block.received : taken(block.tags.front()),
+           block.lost_blocks + block.lost_items);
+  for (auto rest = block.tags; !rest.empty();) {
+    const HostTime from = taken(rest.front());
+    const std::int64_t k = grid_.slot_of(from);
+    const auto border = std::partition_point(
+        rest.begin(), rest.end(), [&](const Tag& t) { return grid_.slot_of(taken(t)) <= k; });
+    const auto part = rest.first(static_cast<std::size_t>(border - rest.begin()));
+    add_part(part, from, std::max(from, std::min(taken(part.back()), grid_.end(k))));
+    rest = rest.subspan(part.size());
+  }
+}
+
+// Tags of one slot, the first and the last of which were taken at these times.
+void Windows::add_part(std::span<const Tag> tags, HostTime from, HostTime to) {
+  Slot* slot = find(Sensor::spd, from, tags.size());
+  if (!slot) return tag_gap();
+  const std::int64_t k = grid_.slot_of(from);
+  if (k != tag_slot_) {
+    settle_tags();
+    tag_slot_ = k;
+  }
+  histogram_.add(tags);
+  if (!slot->starts) slot->starts.emplace(histogram_.settings().start_channel);
+  slot->starts->add(tags);
+  slot->spd_times.add(from, to, grid_.centre(k), static_cast<double>(tags.size()));
+}
+
+void Windows::add(const RadarFrame& frame) {
+  const HostTime taken = clocks_[Sensor::radar].taken(frame.time_cpu_cycles, frame.received);
+  add_lost(&Slot::radar_lost, taken, frame.lost_before);
+  if (repeated(Sensor::radar, radar_numbers_.put(frame.frame_number, frame.time_cpu_cycles)))
+    return;
+  Slot* slot = find(Sensor::radar, taken, 1);
+  if (!slot) return;
+  ++slot->radar_frames;
+  slot->radar_last = frame.frame_number;
+  if (frame.stats) slot->stats = frame.stats;
+  if (frame.temperature) slot->temperature = frame.temperature;
+  take_profile(*slot, frame, taken);
+}
+
+void Windows::take_profile(Slot& slot, const RadarFrame& frame, HostTime taken) {
+  const auto axis = axes_.find("radar");
+  const std::size_t bins = frame.range_profile.size();
+  if (bins == 0) {
+    slot.radar_fault = "frames without a range profile";
+  } else if (refused_[Sensor::radar]) {
+    slot.radar_fault = axis_changed;
+  } else if (axis == axes_.end() || axis->second.count != bins) {
+    slot.radar_fault = "frames of " + std::to_string(bins) + " bins do not fit the axis";
+  } else {
+    slot.power.resize(bins);
+    std::vector<float> power(bins);
+    for (std::size_t i = 0; i < bins; ++i) {
+      const double p = power_from_code(frame.range_profile[i], axis->second.scale);
+      slot.power[i] += p, power[i] = static_cast<float>(p);
+    }
+    if (!slot.speckle) slot.speckle.emplace(frame.subframes);
+    if (frame.subframe < frame.subframes)
+      slot.speckle->add(frame.frame_number, frame.subframe, seconds(taken), power);
+    if (slot.radar_times.count == 0) slot.first_codes = frame.range_profile;
+    take_array(slot, frame);
+    slot.radar_times.add(taken, taken, grid_.centre(grid_.slot_of(taken)));
+  }
+}
+
+void Windows::take_array(Slot& slot, const RadarFrame& frame) const {
+  const auto axis = axes_.find("array");
+  if (axis == axes_.end()) return;
+  const std::size_t antennas = record::antennas_of(axis->second), bins = axis->second.count;
+  if (frame.array.size() < 2 * bins * antennas) return;
+  std::vector<std::complex<float>> samples(bins * antennas);
+  for (std::size_t i = 0; i < samples.size(); ++i)
+    samples[i] = {static_cast<float>(frame.array[2 * i + 1]),
+                  static_cast<float>(frame.array[2 * i])};
+  if (!slot.array) slot.array.emplace(bins, antennas);
+  if (frame.subframes > 1 || frame.frame_number != slot.array_last + 1) slot.array->skip();
+  slot.array->add(samples);
+  slot.array_last = frame.frame_number;
+}
+
+void Windows::add(DepthFrame frame) {
+  const HostTime taken = clocks_[Sensor::depth].taken(frame.device_time_us, frame.received);
+  add_lost(&Slot::depth_lost, taken, frame.lost_before);
+  if (repeated(Sensor::depth, depth_numbers_.put(frame.frame_index, frame.device_time_us))) return;
+  Slot* slot = find(Sensor::depth, taken, 1);
+  if (!slot) return;
+  ++slot->depth_frames;
+  slot->depth_last = frame.frame_index;
+  const auto x = axes_.find("depth_x"), y = axes_.find("depth_y");
+  if (refused_[Sensor::depth]) {
+    slot->depth_fault = axis_changed;
+  } else if (x == axes_.end() || y == axes_.end() || x->second.count != frame.width ||
+             y->second.count != frame.height ||
+             frame.depth_mm.size() != std::size_t{frame.width} * frame.height) {
+    slot->depth_fault = "frames of " + size_of(frame.width, frame.height) + " do not fit the axes";
+  } else {
+    const HostTime centre = grid_.centre(grid_.slot_of(taken));
+    if (slot->depth && abs(slot->depth_taken - centre) <= abs(taken - centre)) return;
+    slot->depth = std::move(frame);
+    slot->depth_taken = taken;
+  }
+}
+
+std::string Windows::spd_fault(const Slot& slot) const {
+  if (slot.tags.tags == 0) return "no tags";
+  if (slot.tags.starts == 0)
+    return "no start tags on channel " + std::to_string(histogram_.settings().start_channel);
+  const auto span = slot.spd_times.last - slot.spd_times.first;
+  if (span < grid_.length / 2)
+    return "tags for only " + std::to_string(100 * span / grid_.length) + " % of the slot";
+  return {};
+}
+
+std::string Windows::radar_fault(const Slot& slot) const {
+  if (slot.radar_times.count > 0) return {};
+  return slot.radar_frames > 0 ? slot.radar_fault : "no frames";
+}
+
+std::string Windows::depth_fault(const Slot& slot) const {
+  if (slot.depth) return {};
+  return slot.depth_frames > 0 ? slot.depth_fault : "no frames";
+}
+
+void Windows::fill_spd(Slot& slot, record::FusedRecord& record) const {
+  const TagCounts& c = slot.tags;
+  record.spd_counts = c;
+  record::SensorSync& sync = record.sync[Sensor::spd];
+  slot.spd_times.describe(sync);
+  sync.used = c.in_range;
+  sync.lost = std::max(c.missed, c.overflows + c.errors) + slot.spd_lost;
+  if (slot.starts)
+    record.signal.clicks_a_pulse =
+        slot.starts->clicks_a_pulse(c.in_range + c.out_of_range, c.starts);
+  if (record.has(Sensor::spd)) record.spd = std::move(slot.spd);
+}
+
+void Windows::fill_radar(Slot& slot, record::FusedRecord& record) const {
+  const auto frames = slot.radar_times.count;
+  record::SensorSync& sync = record.sync[Sensor::radar];
+  slot.radar_times.describe(sync);
+  sync.used = static_cast<std::uint64_t>(frames);
+  sync.lost = slot.radar_lost;
+  record.radar_stats = slot.stats;
+  record.radar_temperature = slot.temperature;
+  if (!record.has(Sensor::radar)) return;
+  if (slot.array) {
+    record.array_frames = slot.array->frames();
+    record.array = slot.array->take();
+  }
+  if (slot.speckle) record.speckle = slot.speckle->take();
+  if (frames == 1) {
+    record.radar.assign(slot.first_codes.begin(), slot.first_codes.end());
+    return;
+  }
+  const double antennas = axes_.at("radar").scale;
+  for (const double sum : slot.power)
+    record.radar.push_back(
+        static_cast<float>(code_from_power(sum / static_cast<double>(frames), antennas)));
+}
+
+void Windows::fill_depth(Slot& slot, record::FusedRecord& record) const {
+  record::SensorSync& sync = record.sync[Sensor::depth];
+  sync.lost = slot.depth_lost;
+  if (!slot.depth) return;
+  sync.used = 1;
+  sync.offset_s = seconds(slot.depth_taken - grid_.centre(record.index));
+  if (record.has(Sensor::depth)) record.depth_mm = std::move(slot.depth->depth_mm);
+}
+
+record::FusedRecord Windows::close(const DueSlot& due) {
+  if (due.index == tag_slot_) settle_tags();
+  Slot slot;
+  if (auto node = open_.extract(due.index)) slot = std::move(node.mapped());
+  next_ = due.index + 1;
+
+  record::FusedRecord record;
+  record.index = due.index;
+  record.slot_start = grid_.start(due.index);
+  record.slot_end = grid_.end(due.index);
+  record.statistics = {.radar_frames = slot.radar_frames,
+                       .depth_frames = slot.depth_frames,
+                       .radar_last = slot.radar_last,
+                       .depth_last = slot.depth_last};
+  const auto span = slot.spd_times.last - slot.spd_times.first;
+  const PerSensor<std::string> faults{spd_fault(slot), radar_fault(slot), depth_fault(slot)};
+  for (const Sensor s : all_sensors) {
+    std::string& verdict = record.sync[s].verdict;
+    // What was lost meanwhile is told of by a later sample.
+    const bool cut = s == Sensor::spd && span < grid_.length * 9 / 10;
+    if (!configured_.contains(s)) {
+      verdict = "not configured";
+    } else if (due.stalled && (!faults[s].empty() || !clocks_[s].sound() || cut)) {
+      verdict = stood_still;
+    } else if (!faults[s].empty()) {
+      verdict = faults[s];
+    } else {
+      verdict = "ok";
+      record.valid.insert(s);
+    }
+  }
+  record.missing = required_ - record.valid;
+  for (const Sensor s : all_sensors) record.clocks[s] = clocks_[s].state(grid_.centre(due.index));
+  fill_spd(slot, record);
+  fill_radar(slot, record);
+  fill_depth(slot, record);
+  return record;
+}
+
+void Windows::finish() {
+  settle_tags();
+  for (const auto& [k, slot] : open_) {
+    unassigned_.outside[Sensor::spd] += slot.tags.tags;
+    unassigned_.outside[Sensor::radar] += slot.radar_frames;
+    unassigned_.outside[Sensor::depth] += slot.depth_frames;
+  }
+  open_.clear();
+}
+
+}  // namespace echofuse::acquire

@@ -1,0 +1,155 @@
+// SPDX-License-Identifier: MIT
+// Samples -> one fused record a slot. Pure: no clock, no device, no file.
+//
+// When a sample was taken: what its device's clock says, as ClockFit maps it to the host's; its
+// receipt while that is not known well enough. Never after its receipt.
+// Which slot it belongs to: the one whose [start, end) holds that time, whenever it arrives, as
+// long as that slot is open. Nothing else moves it.
+//   early         before slot 0: counted as `early`, used nowhere
+//   outside       after the run's last slot: counted as `outside`, used nowhere
+//   late          its slot was closed already: counted as `late`, and of that slot's record; used
+//                 nowhere, moves nothing
+//   duplicate     a frame with the number and the device time of one of the eight before it:
+//                 counted as `duplicate`, used nowhere
+//   out of order  a frame with a lower number than the one before it: used as any other, counted as
+//                 `out_of_order`; tags: `backwards` of the record
+// A block of tags is cut where its times cross a border, found by bisection: a tag out of order may
+// stay with its neighbours. A marker goes with the event that follows it in its block.
+// Losses belong to the slot of the sample that reports them or, if that is closed, to the next one.
+// Every tag that arrives is in the counts of exactly one record, or early, late or outside.
+//
+// What a record holds
+//   spd    every click of the slot's tags against the last start before it; a start survives the
+//          border between slots, but no gap in the tags. Valid if there was a start and the tags
+//          span half of the slot (counts are not rates: a short stream cannot be compared).
+//   radar  mean over the frames of linear power, in log2_q8 codes again; a single frame is kept as
+//          it came. Valid with one usable frame.
+//   array  of the same frames, as far as they have a heat map (record/radar_array.hpp). Two frames
+//          are neighbours if their numbers are.
+//   depth  the frame nearest the slot's centre. Valid with one usable frame.
+#pragma once
+#include <array>
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <span>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "acquire/record/radar_array.hpp"
+#include "acquire/record/record.hpp"
+#include "acquire/run/clock_fit.hpp"
+#include "acquire/run/scheduler.hpp"
+#include "acquire/run/start_gaps.hpp"
+#include "drivers/tdc/histogram.hpp"
+
+namespace echofuse::acquire {
+
+// Samples that are in no record: tags for the SPD, frames for the others.
+struct UnassignedSamples {
+  PerSensor<std::uint64_t> early{}, late{}, outside{}, duplicate{}, out_of_order{};
+};
+
+// Of an axis of a device, what records have of it.
+Axis kept_axis(const Axis& axis);
+
+class Windows {
+ public:
+  // `clocks` outlives this and observes every sample before it is added here.
+  Windows(const SlotGrid& grid, const tdc::HistogramSettings& tdc, const SensorClocks& clocks,
+          SensorSet configured, SensorSet required = {});
+
+  // What a device's samples mean. The first announcement of an axis holds for the run; a device
+  // that comes back with another one is not used (false) until it fits again.
+  bool announce(const DeviceInfo& info);
+  // The axes known so far.
+  std::vector<Axis> axes() const;
+  void add(const TagBlock& block);
+  void add(const RadarFrame& frame);
+  void add(DepthFrame frame);
+
+  // In order, each once. Label and UTC are left to the caller.
+  record::FusedRecord close(const DueSlot& slot);
+  // The run is over: what was gathered for later slots becomes `outside`.
+  void finish();
+  const UnassignedSamples& unassigned() const { return unassigned_; }
+  // Since the last call, for the 256 slots at most that came first; all of them are in
+  // unassigned().
+  record::LateCounts take_late() { return std::exchange(late_, {}); }
+
+ private:
+  struct Times {  // when what was used was taken
+    HostTime first{}, last{};
+    double from_centre_s = 0, weight = 0;
+    std::int64_t count = 0;
+    void add(HostTime from, HostTime to, HostTime centre, double tags = 1);
+    void describe(record::SensorSync& sync) const;
+  };
+  struct Slot {
+    std::vector<std::uint32_t> spd;
+    TagCounts tags;
+    std::uint64_t spd_lost = 0;
+    Times spd_times;
+    std::optional<StartGaps> starts;
+
+    std::vector<double> power;
+    std::vector<std::uint16_t> first_codes;
+    std::uint64_t radar_frames = 0, radar_lost = 0;
+    Times radar_times;
+    std::optional<record::ArrayStatistics> array;
+    std::uint32_t array_last = 0;  // number of its last frame
+    std::optional<record::SpeckleStatistics> speckle;
+    std::string radar_fault;
+    std::optional<RadarStats> stats;
+    std::optional<RadarTemperature> temperature;
+
+    std::optional<DepthFrame> depth;
+    HostTime depth_taken{};
+    std::uint64_t depth_frames = 0, depth_lost = 0;
+    std::optional<std::uint32_t> radar_last, depth_last;
+    std::string depth_fault;
+  };
+
+  // Of the last frames, to know one that comes again.
+  class Numbers {
+   public:
+    enum class Order { next, repeated, back };
+    Order put(std::uint32_t number, std::uint64_t device_time);
+
+   private:
+    std::array<std::pair<std::uint32_t, std::uint64_t>, 8> last_{};
+    std::size_t count_ = 0;
+  };
+
+  Slot* find(Sensor sensor, HostTime taken, std::uint64_t amount);
+  void add_lost(std::uint64_t Slot::*lost, HostTime taken, std::uint64_t amount);
+  bool repeated(Sensor sensor, Numbers::Order order);
+  void add_part(std::span<const Tag> tags, HostTime from, HostTime to);
+  void take_profile(Slot& slot, const RadarFrame& frame, HostTime taken);
+  void take_array(Slot& slot, const RadarFrame& frame) const;
+  void settle_tags();
+  // Tags are missing: no click refers to a start before this.
+  void tag_gap();
+  std::string spd_fault(const Slot& slot) const;
+  std::string radar_fault(const Slot& slot) const;
+  std::string depth_fault(const Slot& slot) const;
+  void fill_spd(Slot& slot, record::FusedRecord& record) const;
+  void fill_radar(Slot& slot, record::FusedRecord& record) const;
+  void fill_depth(Slot& slot, record::FusedRecord& record) const;
+
+  SlotGrid grid_;
+  const SensorClocks& clocks_;
+  SensorSet configured_, required_;
+  tdc::Histogram histogram_;  // of the slot tag_slot_, in the order of arrival
+  std::int64_t tag_slot_ = 0;
+  std::map<std::string, Axis> axes_;  // array, depth_x, depth_y, radar
+  PerSensor<bool> refused_{};
+  std::map<std::int64_t, Slot> open_;
+  std::int64_t next_ = 0;  // first slot that is not closed
+  Numbers radar_numbers_, depth_numbers_;
+  UnassignedSamples unassigned_;
+  record::LateCounts late_;
+};
+
+}  // namespace echofuse::acquire

@@ -1,0 +1,122 @@
+// SPDX-License-Identifier: MIT
+#include "drivers/port/loop.hpp"
+
+#include <algorithm>
+#include <boost/asio/executor_work_guard.hpp>
+#include <boost/asio/io_context.hpp>
+#include <boost/asio/post.hpp>
+#include <condition_variable>
+#include <deque>
+#include <mutex>
+#include <thread>
+#include <utility>
+
+#include "drivers/port/open_port.hpp"
+
+namespace echofuse::port {
+
+// What has come is taken before a timer that is due: it may be what the timer waits for. A flood
+// does not keep a timer waiting.
+void Loop::run_until(const std::function<bool()>& done, HostTime until) {
+  constexpr int most_before_a_timer = 32;
+  for (int before = 0; !done() && now() < until;) {
+    const HostTime next = alarms_.empty() ? until : std::min(until, alarms_.begin()->first);
+    if (next > now()) {
+      wait(next);
+    } else if (before == most_before_a_timer || !poll()) {
+      before = 0;
+      const auto alarm = alarms_.extract(alarms_.begin());
+      alarm.mapped()();
+    } else {
+      ++before;
+    }
+  }
+}
+
+void Loop::run_for(std::chrono::nanoseconds time) {
+  run_until([] { return false; }, now() + time);
+}
+
+void Timer::at(HostTime time, Action action) {
+  cancel();
+  alarm_ = loop_.alarms_.emplace(time, [this, action = std::move(action)] {
+    alarm_.reset();
+    action();  // may destroy this timer
+  });
+}
+
+void Timer::cancel() {
+  if (alarm_) loop_.alarms_.erase(*alarm_);
+  alarm_.reset();
+}
+
+namespace {
+
+class Thread final : public Worker {
+ public:
+  Thread() : thread_([this] { work(); }) {}
+  ~Thread() override {
+    {
+      const std::lock_guard lock(mutex_);
+      ending_ = true;
+    }
+    wake_.notify_one();
+    thread_.join();
+  }
+  void put(Action job) override {
+    const std::lock_guard lock(mutex_);
+    jobs_.push_back(std::move(job));
+    wake_.notify_one();
+  }
+
+ private:
+  void work() {
+    std::unique_lock lock(mutex_);
+    while (true) {
+      wake_.wait(lock, [this] { return ending_ || !jobs_.empty(); });
+      if (jobs_.empty()) return;
+      const Action job = std::move(jobs_.front());
+      jobs_.pop_front();
+      lock.unlock();
+      job();
+      lock.lock();
+    }
+  }
+
+  std::mutex mutex_;
+  std::condition_variable wake_;
+  std::deque<Action> jobs_;
+  bool ending_ = false;
+  std::thread thread_;
+};
+
+}  // namespace
+
+struct SystemLoop::Parts {
+  boost::asio::io_context io;
+  boost::asio::executor_work_guard<boost::asio::io_context::executor_type> work{
+      io.get_executor()};  // it waits also while it has nothing to do
+};
+
+SystemLoop::SystemLoop() : parts_(std::make_unique<Parts>()) {}
+SystemLoop::~SystemLoop() = default;
+
+HostTime SystemLoop::now() const { return system_clock.now(); }
+UtcTime SystemLoop::utc() const { return system_clock.utc(); }
+void SystemLoop::post(Action action) { boost::asio::post(parts_->io, std::move(action)); }
+std::unique_ptr<Worker> SystemLoop::make_worker() { return std::make_unique<Thread>(); }
+ByteOpener SystemLoop::opener(const std::string& address, std::uint32_t baud) {
+  return byte_opener(parts_->io, address, baud);
+}
+boost::asio::io_context& SystemLoop::io() { return parts_->io; }
+
+bool SystemLoop::poll() { return parts_->io.poll_one() > 0; }
+
+void SystemLoop::wait(HostTime until) {
+  // The user's signals are seen by whoever asks for them, so that it is asked for now and then.
+  constexpr std::chrono::milliseconds longest{20};
+  const HostTime end = std::min(until, now() + longest);
+  parts_->io.run_one_until(std::chrono::steady_clock::time_point(end));
+}
+
+}  // namespace echofuse::port

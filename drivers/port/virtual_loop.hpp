@@ -1,0 +1,92 @@
+// SPDX-License-Identifier: MIT
+// A loop whose time stands while there is something to do, and then jumps to the next timer: what
+// a recording, or a simulated laboratory, does in a day takes seconds, and happens in one order.
+#pragma once
+#include <algorithm>
+#include <deque>
+#include <map>
+#include <memory>
+#include <string>
+#include <system_error>
+#include <utility>
+
+#include "drivers/port/loop.hpp"
+
+namespace echofuse::port {
+
+// Threading: one thread has it; there is no other.
+class VirtualLoop final : public Loop {
+ public:
+  explicit VirtualLoop(UtcTime utc = {}) : utc_offset_(utc) {}
+
+  HostTime now() const override { return now_; }
+  UtcTime utc() const override { return utc_offset_ + now_; }
+  // Somebody sets the machine's clock.
+  void step_utc(std::chrono::nanoseconds by) { utc_offset_ += by; }
+
+  void post(Action action) override { posted_.push_back(std::move(action)); }
+  std::unique_ptr<Worker> make_worker() override { return std::make_unique<Queue>(*this); }
+  ByteOpener opener(const std::string& address, std::uint32_t) override {
+    return [this, address]() -> std::unique_ptr<BytePort> {
+      const auto port = ports.find(address);
+      if (port == ports.end()) return std::make_unique<NoPort>(*this, address);
+      return port->second();
+    };
+  }
+
+  std::map<std::string, ByteOpener> ports;  // what is attached, by its address
+
+ private:
+  struct NoPort final : BytePort {
+    NoPort(VirtualLoop& l, std::string a) : loop(l), address(std::move(a)) {}
+    void open(PortHandlers handlers) override {
+      loop.post([alive = std::weak_ptr(alive), text = address, gone = std::move(handlers.gone)] {
+        if (!alive.expired()) gone({std::make_error_code(std::errc::no_such_device), text});
+      });
+    }
+    void write(ByteView) override {}
+    VirtualLoop& loop;
+    std::string address;
+    std::shared_ptr<int> alive = std::make_shared<int>();
+  };
+  // Its jobs are done in the loop, one at a time.
+  class Queue final : public Worker {
+   public:
+    explicit Queue(VirtualLoop& loop) : loop_(loop) {}
+    ~Queue() override {
+      while (!jobs_->empty()) step(*jobs_);
+    }
+    void put(Action job) override {
+      jobs_->push_back(std::move(job));
+      loop_.post([jobs = jobs_] {
+        if (!jobs->empty()) step(*jobs);
+      });
+    }
+
+   private:
+    static void step(std::deque<Action>& jobs) {
+      const Action job = std::move(jobs.front());
+      jobs.pop_front();
+      job();
+    }
+    VirtualLoop& loop_;
+    std::shared_ptr<std::deque<Action>> jobs_ = std::make_shared<std::deque<Action>>();
+  };
+
+  void wait(HostTime until) override {
+    if (!poll()) now_ = std::max(now_, until);
+  }
+  bool poll() override {
+    if (posted_.empty()) return false;
+    const Action action = std::move(posted_.front());
+    posted_.pop_front();
+    action();
+    return true;
+  }
+
+  HostTime now_{std::chrono::seconds(1)};  // no time of a sample is 0
+  std::chrono::nanoseconds utc_offset_;
+  std::deque<Action> posted_;
+};
+
+}  // namespace echofuse::port

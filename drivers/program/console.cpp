@@ -1,0 +1,140 @@
+// SPDX-License-Identifier: MIT
+#include "drivers/program/console.hpp"
+
+#include <signal.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <csignal>
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+#include <exception>
+#include <utility>
+
+#include "drivers/program/printable.hpp"
+
+namespace echofuse {
+namespace {
+
+volatile sig_atomic_t signals_seen = 0;
+
+void on_signal(int number) {
+  if (signals_seen && number == SIGINT) _exit(static_cast<int>(ExitCode::interrupted));
+  signals_seen = 1;
+}
+
+}  // namespace
+
+int run_main(const std::string& program, const std::function<ExitCode()>& body) {
+  const auto complain = [&](const char* what, ExitCode code) {
+    std::string text = program + ": " + printable_lines(what);
+    if (stderr_is_journal()) {  // each line is an entry of its own
+      constexpr const char* error = "<3>";
+      for (std::size_t at = 0; at != text.npos; at = text.find('\n', at + 1))
+        text.insert(at == 0 ? 0 : at + 1, error);
+    }
+    std::fprintf(stderr, "%s\n", text.c_str());
+    return static_cast<int>(code);
+  };
+  const auto deliver = [&](ExitCode code) {
+    const bool failed = std::ferror(stdout) != 0;
+    errno = 0;
+    if (std::fflush(stdout) == 0 && !failed) return static_cast<int>(code);
+    if (errno == 0) {  // a long text failed before: once more, for the reason
+      std::clearerr(stdout);
+      std::fputc('\n', stdout);
+      std::fflush(stdout);
+    }
+    const std::string why = errno != 0 ? std::string(": ") + std::strerror(errno) : "";
+    return complain(("stdout: cannot be written" + why).c_str(),
+                    code == ExitCode::ok ? ExitCode::failed : code);
+  };
+  std::signal(SIGXFSZ, SIG_IGN);
+  try {
+    return deliver(body());
+  } catch (const Error& e) {
+    return complain(e.what(), e.code());
+  } catch (const std::exception& e) {
+    return complain(e.what(), ExitCode::failed);
+  }
+}
+
+// As sd_journal's documentation has it: the variable alone may be inherited by a process whose
+// stderr goes elsewhere.
+bool stderr_is_journal() {
+  const char* stream = std::getenv("JOURNAL_STREAM");
+  struct stat is {};
+  if (!stream || ::fstat(STDERR_FILENO, &is) != 0) return false;
+  return std::to_string(is.st_dev) + ":" + std::to_string(is.st_ino) == stream;
+}
+
+void catch_interrupts() {
+  struct sigaction action {};
+  action.sa_handler = on_signal;
+  sigemptyset(&action.sa_mask);
+  sigaction(SIGINT, &action, nullptr);
+  sigaction(SIGTERM, &action, nullptr);
+}
+
+bool interrupted() { return signals_seen != 0; }
+
+Progress::Progress(std::string title, std::size_t total, bool quiet)
+    : title_(std::move(title)),
+      total_(total),
+      quiet_(quiet),
+      terminal_(isatty(STDERR_FILENO) != 0),
+      start_(Clock::now()),
+      last_(start_) {}
+
+Progress::~Progress() {
+  if (drawn_ && terminal_) std::fputc('\n', stderr);
+}
+
+void Progress::update(std::size_t done, const std::string& note) {
+  if (quiet_) return;
+  const auto now = Clock::now();
+  const bool last = done >= total_;
+  const auto pause = terminal_ ? std::chrono::milliseconds(100) : std::chrono::milliseconds(10'000);
+  if (!last && now - last_ < pause) return;
+  last_ = now;
+  const double spent = std::chrono::duration<double>(now - start_).count();
+  const double share = total_ ? static_cast<double>(done) / static_cast<double>(total_) : 1.0;
+  const std::string time =
+      last ? human_duration(spent) : "ETA " + human_duration(share > 0 ? spent / share - spent : 0);
+  if (terminal_) {
+    constexpr int width = 30;
+    const int full = static_cast<int>(share * width);
+    std::string bar(static_cast<std::size_t>(full), '#');
+    bar.resize(width, '.');
+    std::fprintf(stderr, "\r\033[K%s [%s] %zu/%zu  %s  %s", title_.c_str(), bar.c_str(), done,
+                 total_, time.c_str(), note.c_str());
+  } else {
+    std::fprintf(stderr, "%s %zu/%zu  %s  %s\n", title_.c_str(), done, total_, time.c_str(),
+                 note.c_str());
+  }
+  std::fflush(stderr);
+  drawn_ = true;
+}
+
+std::string human_duration(double seconds) {
+  char text[32];
+  if (seconds < 10) {
+    std::snprintf(text, sizeof text, "%.1f s", seconds);
+    return text;
+  }
+  const long whole = static_cast<long>(seconds + 0.5);
+  if (whole < 60) {
+    std::snprintf(text, sizeof text, "%ld s", whole);
+  } else if (whole < 3600) {
+    std::snprintf(text, sizeof text, "%ld min %ld s", whole / 60, whole % 60);
+  } else {
+    std::snprintf(text, sizeof text, "%ld h %ld min", whole / 3600, whole / 60 % 60);
+  }
+  return text;
+}
+
+const char* version() { return ECHOFUSE_VERSION; }
+
+}  // namespace echofuse

@@ -1,0 +1,50 @@
+// SPDX-License-Identifier: MIT
+// What the three programs share at the terminal: one-line errors, signals, progress.
+#pragma once
+#include <chrono>
+#include <cstddef>
+#include <functional>
+#include <string>
+
+#include "drivers/program/exit_code.hpp"
+
+namespace echofuse {
+
+// Runs body and returns its exit code; an exception becomes one line "PROGRAM: text" on stderr, and
+// so does stdout that cannot be written (code failed). A limit on the size of files is an error of
+// the file, not the end of the process.
+int run_main(const std::string& program, const std::function<ExitCode()>& body);
+
+// Whether stderr goes to systemd's journal, which keeps the time by itself and takes "<N>" in front
+// of a line as its priority (syslog's numbers).
+bool stderr_is_journal();
+
+// SIGINT and SIGTERM set a flag; a second SIGINT ends the process at once (exit code 130).
+void catch_interrupts();
+bool interrupted();
+
+// A bar with ETA on a terminal, a plain line every 10 s elsewhere; nothing when quiet.
+class Progress {
+ public:
+  Progress(std::string title, std::size_t total, bool quiet = false);
+  ~Progress();
+  Progress(const Progress&) = delete;
+  Progress& operator=(const Progress&) = delete;
+  // `note` is shown behind the bar ("loss 0.123").
+  void update(std::size_t done, const std::string& note = {});
+
+ private:
+  using Clock = std::chrono::steady_clock;
+  std::string title_;
+  std::size_t total_;
+  bool quiet_, terminal_, drawn_ = false;
+  Clock::time_point start_, last_;
+};
+
+// 75.3 -> "1 min 15 s"
+std::string human_duration(double seconds);
+
+// The program's version, as in CMakeLists.txt.
+const char* version();
+
+}  // namespace echofuse

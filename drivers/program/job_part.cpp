@@ -1,0 +1,94 @@
+// SPDX-License-Identifier: MIT
+#include "drivers/program/job_part.hpp"
+
+#include <algorithm>
+#include <charconv>
+#include <cstdlib>
+#include <filesystem>
+#include <numeric>
+#include <optional>
+#include <regex>
+
+#include "drivers/program/exit_code.hpp"
+#include "drivers/program/printable.hpp"
+
+namespace echofuse {
+namespace {
+
+constexpr std::int64_t most_parts = 100'000;
+
+std::optional<std::int64_t> number_of(std::string_view text) {
+  std::int64_t out = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), out);
+  if (error != std::errc{} || end != text.data() + text.size()) return std::nullopt;
+  return out;
+}
+
+std::int64_t from_slurm(const char* name) {
+  const char* const text = std::getenv(name);
+  const auto found = text ? number_of(text) : std::nullopt;
+  if (!found)
+    throw Error(ExitCode::usage, std::string("--part auto: ") + name + " is " +
+                                     (text ? "\"" + printable(text, 40) + "\"" : "not set") +
+                                     "; expected a task of `sbatch --array=1-N`");
+  return *found;
+}
+
+}  // namespace
+
+JobPart JobPart::of(const std::string& text) {
+  std::optional<std::int64_t> number, count;
+  if (text == "auto") {
+    number = from_slurm("SLURM_ARRAY_TASK_ID") - from_slurm("SLURM_ARRAY_TASK_MIN") + 1;
+    count = from_slurm("SLURM_ARRAY_TASK_COUNT");
+    if (*number < 1 || *number > *count)
+      throw Error(ExitCode::usage,
+                  "--part auto: the indices of the array do not follow each other; "
+                  "expected `sbatch --array=1-N`");
+  } else if (const auto slash = text.find('/'); slash != text.npos) {
+    number = number_of(std::string_view(text).substr(0, slash));
+    count = number_of(std::string_view(text).substr(slash + 1));
+  }
+  if (!number || !count || *number < 1 || *number > *count || *count > most_parts)
+    throw Error(ExitCode::usage, "--part " + printable(text, 40) +
+                                     ": expected K/N with 1 <= K <= N <= 100000, or auto");
+  return {*number, *count};
+}
+
+std::string JobPart::name() const {
+  return "part-" + std::to_string(number_) + "-of-" + std::to_string(count_);
+}
+
+JobPart::Range JobPart::range(std::int64_t pieces) const {
+  return {pieces * (number_ - 1) / count_, pieces * number_ / count_};
+}
+
+std::vector<bool> JobPart::share(const std::vector<double>& work) const {
+  const double all = std::accumulate(work.begin(), work.end(), 0.);
+  std::vector<bool> out;
+  double before = 0;
+  for (const double piece : work) {
+    const double middle = all > 0 ? (before + piece / 2) / all : 0;
+    const auto owner = static_cast<std::int64_t>(middle * static_cast<double>(count_));
+    out.push_back(std::min(owner, count_ - 1) == number_ - 1);
+    before += piece;
+  }
+  return out;
+}
+
+std::vector<std::string> part_files(const std::string& folder, const std::string& stem,
+                                    const std::string& extension) {
+  const std::regex rest("part-[0-9]+-of-[0-9]+" +
+                        std::regex_replace(extension, std::regex("\\."), "\\."));
+  std::vector<std::string> out;
+  std::error_code none;
+  for (const auto& entry : std::filesystem::directory_iterator(folder, none)) {
+    const std::string name = entry.path().filename().string();
+    if (name.starts_with(stem) && std::regex_match(name.substr(stem.size()), rest))
+      out.push_back(entry.path().string());
+  }
+  std::sort(out.begin(), out.end());
+  return out;
+}
+
+}  // namespace echofuse

@@ -1,0 +1,81 @@
+// SPDX-License-Identifier: MIT
+#include "drivers/program/printable.hpp"
+
+#include <algorithm>
+#include <cstdint>
+#include <cstdio>
+
+namespace echofuse {
+namespace {
+
+struct Character {
+  std::size_t bytes = 1;
+  std::uint32_t code = 0;
+  bool valid = false;
+};
+
+// The character that the text begins with (RFC 3629: no overlong forms, no surrogates).
+Character first_of(std::string_view text) {
+  const auto byte = [&](std::size_t i) { return static_cast<unsigned char>(text[i]); };
+  const std::uint32_t lead = byte(0);
+  if (lead < 0x80) return {1, lead, true};
+  const std::size_t bytes = lead >= 0xf0 ? 4 : lead >= 0xe0 ? 3 : 2;
+  if (lead < 0xc2 || lead > 0xf4 || text.size() < bytes) return {};
+  std::uint32_t code = lead & (0xffu >> (bytes + 1));
+  for (std::size_t i = 1; i < bytes; ++i) {
+    if ((byte(i) & 0xc0u) != 0x80) return {};
+    code = code << 6 | (byte(i) & 0x3fu);
+  }
+  constexpr std::uint32_t smallest[] = {0, 0, 0x80, 0x800, 0x10000};
+  const bool surrogate = code >= 0xd800 && code <= 0xdfff;
+  if (code < smallest[bytes] || code > 0x10ffff || surrogate) return {};
+  return {bytes, code, true};
+}
+
+// Control characters (C0, delete, C1), and those that end a line or turn its direction.
+bool is_obeyed(std::uint32_t c) {
+  return c < 0x20 || (c >= 0x7f && c < 0xa0) || c == 0x61c || (c >= 0x200e && c <= 0x200f) ||
+         (c >= 0x2028 && c <= 0x202e) || (c >= 0x2066 && c <= 0x2069) || c == 0xfeff;
+}
+
+void put_written_out(std::string& out, std::string_view bytes, const Character& c) {
+  char text[12];
+  if (c.valid && c.code == '\n') {
+    out += "\\n";
+  } else if (c.valid && c.code == '\t') {
+    out += "\\t";
+  } else if (c.valid && c.code >= 0x80) {
+    std::snprintf(text, sizeof text, "\\u%04x", static_cast<unsigned>(c.code));
+    out += text;
+  } else {
+    std::snprintf(text, sizeof text, "\\x%02x", static_cast<unsigned char>(bytes[0]));
+    out += text;
+  }
+}
+
+std::string escaped(std::string_view text, std::size_t longest, bool keep_lines) {
+  std::string out;
+  out.reserve(std::min(text.size(), longest));
+  while (!text.empty()) {
+    if (out.size() >= longest) return out + "...";
+    const Character c = first_of(text);
+    if (c.valid && (!is_obeyed(c.code) || (keep_lines && c.code == '\n')))
+      out += text.substr(0, c.bytes);
+    else
+      put_written_out(out, text, c);
+    text.remove_prefix(c.bytes);
+  }
+  return out;
+}
+
+}  // namespace
+
+std::string printable(std::string_view text, std::size_t longest) {
+  return escaped(text, longest, false);
+}
+
+std::string printable_lines(std::string_view text) {
+  return escaped(text, std::string_view::npos, true);
+}
+
+}  // namespace echofuse

@@ -1,0 +1,66 @@
+// SPDX-License-Identifier: MIT
+#include "drivers/program/program.hpp"
+
+#include <pwd.h>
+#include <spawn.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstdlib>
+
+namespace echofuse {
+
+std::filesystem::path program_folder() {
+  std::error_code none;
+  return std::filesystem::read_symlink("/proc/self/exe", none).parent_path();
+}
+
+std::filesystem::path data_folder() { return program_folder().parent_path() / "share/echofuse"; }
+
+std::string machine_name() {
+  char name[256] = {};
+  gethostname(name, sizeof name - 1);
+  return name;
+}
+
+std::string login_name() {
+  const char* caller = ::getuid() == 0 ? std::getenv("SUDO_USER") : nullptr;
+  if (caller && *caller) return caller;
+  const passwd* user = ::getpwuid(::geteuid());
+  return user ? user->pw_name : std::to_string(::geteuid());
+}
+
+std::string program_beside(const std::string& name) {
+  std::error_code none;
+  const auto beside = program_folder() / name;
+  return std::filesystem::exists(beside, none) ? beside.string() : name;
+}
+
+Result<pid_t> start_program(const std::vector<std::string>& words, const ProgramOptions& options) {
+  std::vector<char*> arguments;
+  for (const auto& word : words) arguments.push_back(const_cast<char*>(word.c_str()));
+  arguments.push_back(nullptr);
+  posix_spawn_file_actions_t actions;
+  ::posix_spawn_file_actions_init(&actions);
+  if (options.output != STDOUT_FILENO)
+    ::posix_spawn_file_actions_adddup2(&actions, options.output, STDOUT_FILENO);
+  ::posix_spawn_file_actions_addclosefrom_np(&actions, STDERR_FILENO + 1);
+  if (!options.folder.empty())
+    ::posix_spawn_file_actions_addchdir_np(&actions, options.folder.c_str());
+  pid_t program = 0;
+  const int error =
+      ::posix_spawnp(&program, arguments[0], &actions, nullptr, arguments.data(), environ);
+  ::posix_spawn_file_actions_destroy(&actions);
+  if (error != 0) return Failure{{error, std::generic_category()}, words[0] + ": cannot start"};
+  return program;
+}
+
+int wait_for_program(pid_t program) {
+  int status = 0;
+  while (::waitpid(program, &status, 0) < 0)
+    if (errno != EINTR) return -1;
+  return WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
+}
+
+}  // namespace echofuse

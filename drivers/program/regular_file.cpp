@@ -1,0 +1,74 @@
+// SPDX-License-Identifier: MIT
+#include "drivers/program/regular_file.hpp"
+
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstring>
+
+#include "drivers/program/printable.hpp"
+
+namespace echofuse {
+namespace {
+
+[[noreturn]] void cannot_read(const std::string& path, ExitCode code) {
+  throw Error(code, printable(path) + ": cannot read: " + std::strerror(errno));
+}
+
+// `failed`: what stat() or fstat() returned.
+void judge(int failed, const struct stat& file, const std::string& path, ExitCode code) {
+  if (failed) cannot_read(path, code);
+  if (S_ISREG(file.st_mode)) return;
+  const char* const kind = S_ISDIR(file.st_mode)    ? "a folder"
+                           : S_ISFIFO(file.st_mode) ? "a FIFO"
+                           : S_ISSOCK(file.st_mode) ? "a socket"
+                                                    : "a device";
+  throw Error(code, printable(path) + ": is " + kind + "; expected a regular file");
+}
+
+}  // namespace
+
+void require_regular(const std::string& path, ExitCode code) {
+  struct stat file {};
+  const int failed = ::stat(path.c_str(), &file);
+  judge(failed, file, path, code);
+}
+
+// Asked before, as some devices do something when they are opened; and after, as another file may
+// be there by then.
+RegularFile::RegularFile(const std::string& path, ExitCode code) : path_(path), code_(code) {
+  require_regular(path, code);
+  fd_ = ::open(path.c_str(), O_RDONLY | O_NONBLOCK | O_NOCTTY | O_CLOEXEC);
+  if (fd_ < 0) cannot_read(path, code);
+  struct stat file {};
+  try {
+    const int failed = ::fstat(fd_, &file);
+    judge(failed, file, path, code);
+  } catch (...) {
+    ::close(fd_);
+    throw;
+  }
+}
+
+RegularFile::~RegularFile() { ::close(fd_); }
+
+std::size_t RegularFile::size() const {
+  struct stat file {};
+  return ::fstat(fd_, &file) == 0 ? static_cast<std::size_t>(file.st_size) : 0;
+}
+
+std::size_t RegularFile::read(std::span<std::uint8_t> out) const {
+  std::size_t done = 0;
+  while (done < out.size()) {
+    const ssize_t n = ::read(fd_, out.data() + done, out.size() - done);
+    if (n < 0 && errno == EINTR) continue;
+    if (n < 0) cannot_read(path_, code_);
+    if (n == 0) break;
+    done += static_cast<std::size_t>(n);
+  }
+  return done;
+}
+
+}  // namespace echofuse

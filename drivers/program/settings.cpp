@@ -1,0 +1,368 @@
+// SPDX-License-Identifier: MIT
+#include "drivers/program/settings.hpp"
+
+#include <toml++/toml.h>
+
+#include <algorithm>
+#include <cassert>
+#include <cmath>
+#include <sstream>
+
+#include "drivers/program/printable.hpp"
+#include "drivers/program/regular_file.hpp"
+
+namespace echofuse {
+namespace {
+
+constexpr std::size_t enough_faults = 20;  // in what is not TOML; probably not meant to be
+
+std::string text_of(double v) {
+  std::ostringstream out;
+  out.precision(15);
+  out << v;
+  return out.str();
+}
+
+std::string literal(double v) {
+  const std::string text = text_of(v);
+  return text.find_first_of(".en") == std::string::npos ? text + ".0" : text;
+}
+
+// On one line, with escapes: the library's own printer writes some texts with line ends so that it
+// does not read them back.
+std::string quoted(const std::string& text) {
+  constexpr char digits[] = "0123456789abcdef";
+  std::string out = "\"";
+  for (const char c : text) {
+    const auto code = static_cast<unsigned char>(c);
+    if (code < 0x20 || code == 0x7f)
+      out.append("\\u00") += {digits[code >> 4], digits[code & 15]};
+    else
+      out.append(c == '"' || c == '\\' ? "\\" : "") += c;
+  }
+  return out + '"';
+}
+
+// A bare word is a text. Throws toml::parse_error for one that is not UTF-8.
+toml::table parse_value(const std::string& value) {
+  try {
+    return toml::parse("v = " + value);
+  } catch (const toml::parse_error&) {
+    std::string comment = "#" + value;  // checks the encoding
+    std::replace_if(
+        comment.begin(), comment.end(), [](unsigned char c) { return c < 0x20 || c == 0x7f; }, '?');
+    static_cast<void>(toml::parse(comment));
+    return toml::table{{"v", value}};
+  }
+}
+
+std::size_t edit_distance(const std::string& a, const std::string& b) {
+  std::vector<std::size_t> row(b.size() + 1);
+  for (std::size_t j = 0; j <= b.size(); ++j) row[j] = j;
+  for (std::size_t i = 1; i <= a.size(); ++i) {
+    std::size_t diagonal = row[0];
+    row[0] = i;
+    for (std::size_t j = 1; j <= b.size(); ++j) {
+      const std::size_t above = row[j];
+      row[j] = std::min({above + 1, row[j - 1] + 1, diagonal + (a[i - 1] != b[j - 1] ? 1u : 0u)});
+      diagonal = above;
+    }
+  }
+  return row.back();
+}
+
+std::string section_of(const std::string& key) {
+  const auto dot = key.rfind('.');
+  return dot == std::string::npos ? "" : key.substr(0, dot);
+}
+
+std::string nearest(const std::vector<std::string>& known, const std::string& key) {
+  const auto it = std::min_element(known.begin(), known.end(), [&](auto& a, auto& b) {
+    return edit_distance(a, key) < edit_distance(b, key);
+  });
+  return it == known.end() ? "" : *it;
+}
+
+std::string place(const std::string& name, const toml::source_position& where) {
+  return name + ":" + std::to_string(where.line) + ":" + std::to_string(where.column);
+}
+
+// Empties a line that cannot be read; false if what follows depends on it: a section's name, or
+// the open end of a text.
+bool blank_out(std::string& text, std::size_t line) {
+  std::size_t begin = 0;
+  for (std::size_t n = 1; n < line && begin != text.npos; ++n) {
+    begin = text.find('\n', begin);
+    if (begin != text.npos) ++begin;
+  }
+  if (begin == text.npos || begin >= text.size()) return false;
+  const std::size_t end = std::min(text.find('\n', begin), text.size());
+  const std::size_t first = text.find_first_not_of(" \t\r", begin);
+  if (first >= end || text[first] == '[') return false;
+  text.erase(begin, end - begin);
+  return true;
+}
+
+}  // namespace
+
+void refuse(const std::vector<std::string>& faults) {
+  std::string all;
+  for (const auto& f : faults) all.append(all.empty() ? "" : "\n") += printable(f);
+  throw Error(ExitCode::config, all);
+}
+
+std::string read_config_text(const std::string& path) {
+  constexpr std::size_t longest = 64u << 20;
+  auto text = RegularFile(path, ExitCode::config).rest<std::string>(longest);
+  if (text.size() > longest)
+    throw Error(ExitCode::config, printable(path) + ": has more than 64 MiB; expected a text file");
+  return text;
+}
+
+void Settings::add(std::string key, double& value, double min, double max, std::string doc) {
+  check_new(key);
+  entries_.push_back({std::move(key), std::move(doc), Real{&value, min, max}});
+}
+void Settings::add(std::string key, std::int64_t& value, std::int64_t min, std::int64_t max,
+                   std::string doc) {
+  check_new(key);
+  entries_.push_back({std::move(key), std::move(doc), Integer{&value, min, max}});
+}
+void Settings::add(std::string key, bool& value, std::string doc) {
+  check_new(key);
+  entries_.push_back({std::move(key), std::move(doc), &value});
+}
+void Settings::add(std::string key, std::string& value, std::string doc,
+                   std::vector<std::string> allowed) {
+  check_new(key);
+  entries_.push_back({std::move(key), std::move(doc), Text{&value, std::move(allowed)}});
+}
+
+void Settings::check_new([[maybe_unused]] const std::string& key) const {
+  assert(
+      std::none_of(entries_.begin(), entries_.end(), [&](const Entry& e) { return e.key == key; }));
+}
+
+Settings::Entry* Settings::find(const std::string& key) {
+  const auto it =
+      std::find_if(entries_.begin(), entries_.end(), [&](const Entry& e) { return e.key == key; });
+  return it == entries_.end() ? nullptr : &*it;
+}
+
+std::string Settings::origin(const std::string& key) const {
+  const auto* entry = const_cast<Settings*>(this)->find(key);
+  return entry ? entry->origin : "";
+}
+
+bool Settings::is_section(const std::string& key) const {
+  return std::any_of(entries_.begin(), entries_.end(),
+                     [&](const Entry& e) { return e.key.rfind(key + ".", 0) == 0; });
+}
+
+std::vector<std::string> Settings::keys() const {
+  std::vector<std::string> out;
+  for (const auto& e : entries_) out.push_back(e.key);
+  return out;
+}
+
+std::string Settings::expectation(const Entry& entry) {
+  if (const auto* r = std::get_if<Real>(&entry.target))
+    return "a number from " + text_of(r->min) + " to " + text_of(r->max);
+  if (const auto* i = std::get_if<Integer>(&entry.target))
+    return "a whole number from " + std::to_string(i->min) + " to " + std::to_string(i->max);
+  if (std::holds_alternative<bool*>(entry.target)) return "true or false";
+  const auto& allowed = std::get<Text>(entry.target).allowed;
+  if (allowed.empty()) return "a text in quotes";
+  std::string list = "one of";
+  for (const auto& a : allowed) list += " \"" + a + "\"";
+  return list;
+}
+
+// Sets the entry from a TOML node; returns what was expected if it does not fit.
+template <class Node>
+std::string Settings::assign(Entry& entry, const Node& node, const std::string& origin) {
+  bool fits = false;
+  if (auto* r = std::get_if<Real>(&entry.target)) {
+    if (node.is_number()) {
+      const double v = *node.template value<double>();
+      fits = std::isfinite(v) && v >= r->min && v <= r->max;
+      if (fits) *r->value = v;
+    }
+  } else if (auto* i = std::get_if<Integer>(&entry.target)) {
+    if (node.is_integer()) {
+      const auto v = *node.template value<std::int64_t>();
+      fits = v >= i->min && v <= i->max;
+      if (fits) *i->value = v;
+    }
+  } else if (auto* b = std::get_if<bool*>(&entry.target)) {
+    fits = node.is_boolean();
+    if (fits) **b = *node.template value<bool>();
+  } else {
+    auto& t = std::get<Text>(entry.target);
+    if (node.is_string()) {
+      const auto v = *node.template value<std::string>();
+      fits =
+          t.allowed.empty() || std::find(t.allowed.begin(), t.allowed.end(), v) != t.allowed.end();
+      if (fits) *t.value = v;
+    }
+  }
+  if (fits) entry.origin = origin;
+  return fits ? "" : expectation(entry);
+}
+
+// What is wrong with a key that is none of ours.
+template <class Node>
+std::string Settings::unknown(const std::string& key, const Node& node) const {
+  if (is_section(key)) return key + " is a section; expected [" + key + "] and its keys below";
+  std::vector<std::string> known = keys();
+  if (node.is_table())
+    for (auto& name : known) name = section_of(name);
+  std::erase(known, "");
+  return "unknown " + std::string(node.is_table() ? "section" : "key") + " \"" + key +
+         "\"; the nearest known one is \"" + nearest(known.empty() ? keys() : known, key) + "\"";
+}
+
+template <class Table>
+void Settings::read_table(const Table& table, const std::string& prefix, const std::string& name,
+                          Faults& faults) {
+  std::vector<typename Table::const_iterator> order;  // the table has its keys by name
+  for (auto it = table.cbegin(); it != table.cend(); ++it) order.push_back(it);
+  std::sort(order.begin(), order.end(), [](const auto& a, const auto& b) {
+    return a->first.source().begin < b->first.source().begin;
+  });
+  for (const auto& it : order) {
+    const auto& node = it->second;
+    const std::string key = prefix + std::string(it->first.str());
+    const std::string here = place(name, it->first.source().begin);
+    Entry* entry = find(key);
+    if (!entry && node.is_table() && is_section(key)) {
+      read_table(*node.as_table(), key + ".", name, faults);
+    } else if (!entry) {
+      faults.push_back(here + ": " + unknown(key, node));
+    } else if (const std::string expected = assign(*entry, node, here); !expected.empty()) {
+      std::ostringstream got;
+      node.visit([&](const auto& n) {
+        if constexpr (requires { got << n; }) got << n;
+      });
+      faults.push_back(here + ": " + key + " = " + got.str() + " does not fit; expected " +
+                       expected);
+    }
+  }
+}
+
+void Settings::parse(std::string text, const std::string& name, Faults& faults) {
+  for (std::size_t last = 0;;) {
+    try {
+      return read_table(toml::parse(text, name), "", name, faults);
+    } catch (const toml::parse_error& e) {
+      const auto where = e.source().begin;
+      faults.push_back(place(name, where) + ": not TOML: " + std::string(e.description()));
+      if (where.line <= last || faults.size() >= enough_faults || !blank_out(text, where.line))
+        return;
+      last = where.line;
+    }
+  }
+}
+
+void Settings::take(const std::string& assignment, Faults& faults) {
+  const std::string origin = "--set " + assignment;
+  const auto complain = [&](const std::string& what) { faults.push_back(origin + ": " + what); };
+  const auto equals = assignment.find('=');
+  if (equals == std::string::npos) return complain("expected key=value");
+  const std::string key = assignment.substr(0, equals);
+  Entry* entry = find(key);
+  if (!entry)
+    return complain("unknown key; the nearest known one is \"" + nearest(keys(), key) + "\"");
+  try {
+    const toml::table table = parse_value(assignment.substr(equals + 1));
+    const std::string expected =
+        table.size() == 1 ? assign(*entry, *table.get("v"), origin) : expectation(*entry);
+    if (!expected.empty()) complain("expected " + expected);
+  } catch (const toml::parse_error&) {
+    complain("expected UTF-8");
+  }
+}
+
+std::vector<std::string> Settings::read(const std::string& text, const std::string& name,
+                                        const std::vector<std::string>& assignments) {
+  Faults faults;
+  parse(text, name, faults);
+  for (const auto& assignment : assignments) take(assignment, faults);
+  return faults;
+}
+
+void Settings::read_text(const std::string& text, const std::string& name) {
+  if (const Faults faults = read(text, name, {}); !faults.empty()) refuse(faults);
+}
+
+void Settings::read_file(const std::string& path) { read_text(read_config_text(path), path); }
+
+void Settings::set(const std::string& assignment) {
+  Faults faults;
+  take(assignment, faults);
+  if (!faults.empty()) refuse(faults);
+}
+
+std::string Settings::value_of(const Entry& entry) {
+  if (const auto* r = std::get_if<Real>(&entry.target)) return literal(*r->value);
+  if (const auto* i = std::get_if<Integer>(&entry.target)) return std::to_string(*i->value);
+  if (const auto* b = std::get_if<bool*>(&entry.target)) return **b ? "true" : "false";
+  return quoted(*std::get<Text>(entry.target).value);
+}
+
+// Keys without a section first, then the sections as they were bound, each once: TOML takes no
+// section twice.
+std::vector<const Settings::Entry*> Settings::by_section() const {
+  std::vector<std::string> sections{""};
+  std::vector<const Entry*> out;
+  for (const auto& e : entries_) {
+    out.push_back(&e);
+    const std::string section = section_of(e.key);
+    if (std::find(sections.begin(), sections.end(), section) == sections.end())
+      sections.push_back(section);
+  }
+  const auto rank = [&](const Entry* e) {
+    return std::find(sections.begin(), sections.end(), section_of(e->key));
+  };
+  std::stable_sort(out.begin(), out.end(), [&](auto* a, auto* b) { return rank(a) < rank(b); });
+  return out;
+}
+
+std::string Settings::print(bool with_docs, bool with_origin) const {
+  std::string out, current;
+  for (const auto* e : by_section()) {
+    if (section_of(e->key) != current) out += "\n[" + (current = section_of(e->key)) + "]\n";
+    if (with_docs) out += "# " + e->doc + " (" + expectation(*e) + ")\n";
+    out += e->key.substr(current.empty() ? 0 : current.size() + 1) + " = " + value_of(*e);
+    if (with_origin) out += "  # " + (e->origin.empty() ? "default" : printable(e->origin));
+    out += "\n";
+  }
+  return out;
+}
+
+std::string Settings::resolved(bool with_docs) const { return print(with_docs, false); }
+
+std::string Settings::with_origins() const { return print(true, true); }
+
+// Numbers, texts and booleans of ours are the same in TOML and JSON.
+std::string Settings::json() const {
+  std::string out;
+  for (const Entry& e : entries_) {
+    out += (out.empty() ? "{\n  " : ",\n  ") + quoted(e.key) + ": {\"value\": " + value_of(e);
+    const auto bounds = [&](const auto& target, const auto& text) {
+      out += ", \"min\": " + text(target.min) + ", \"max\": " + text(target.max);
+    };
+    if (const auto* r = std::get_if<Real>(&e.target)) bounds(*r, text_of);
+    if (const auto* i = std::get_if<Integer>(&e.target))
+      bounds(*i, [](std::int64_t v) { return std::to_string(v); });
+    if (const auto* t = std::get_if<Text>(&e.target); t && !t->allowed.empty()) {
+      out += ", \"allowed\": ";
+      for (const auto& a : t->allowed) out += (&a == t->allowed.data() ? "[" : ", ") + quoted(a);
+      out += "]";
+    }
+    out += ", \"help\": " + quoted(e.doc) + "}";
+  }
+  return out + "\n}\n";
+}
+
+}  // namespace echofuse

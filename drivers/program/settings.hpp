@@ -1,0 +1,95 @@
+// SPDX-License-Identifier: MIT
+// Strict settings: plain structs bound to TOML keys. An unknown key, a wrong type or a value out of
+// range is reported with file:line:column, what was expected and the nearest known key, and all
+// faults of a file at once. The struct's own initialisers are the defaults.
+#pragma once
+#include <cstdint>
+#include <string>
+#include <variant>
+#include <vector>
+
+#include "drivers/program/exit_code.hpp"
+
+namespace echofuse {
+
+// A whole configuration file, as it is; throws Error(config) if it cannot be read.
+std::string read_config_text(const std::string& path);
+
+// Throws Error(config) that lists these faults, one a line.
+[[noreturn]] void refuse(const std::vector<std::string>& faults);
+
+class Settings {
+ public:
+  // Binding. Keys are dotted ("tdc.bins"); the reference must outlive this object.
+  void add(std::string key, double& value, double min, double max, std::string doc);
+  void add(std::string key, std::int64_t& value, std::int64_t min, std::int64_t max,
+           std::string doc);
+  void add(std::string key, bool& value, std::string doc);
+  // Any text, or one of `allowed` if that is not empty.
+  void add(std::string key, std::string& value, std::string doc,
+           std::vector<std::string> allowed = {});
+
+  // Reading: takes what fits and returns every fault, one line each. The text comes first, so that
+  // an assignment ("key=value" from a command line; a bare word is a text) wins over it. After a
+  // line that is not TOML the lines below it are looked at too, unless it begins a section.
+  std::vector<std::string> read(const std::string& text, const std::string& name,
+                                const std::vector<std::string>& assignments);
+  // The same parts; each throws Error(ExitCode::config) that lists every fault.
+  void read_file(const std::string& path);
+  void read_text(const std::string& text, const std::string& name);
+  void set(const std::string& assignment);
+
+  bool given(const std::string& key) const { return !origin(key).empty(); }
+  // Where a key's value comes from: "FILE:line:column", "--set key=value", or empty for the
+  // default.
+  std::string origin(const std::string& key) const;
+  // The settings as TOML with all values, which read_text takes back; with each key's meaning and
+  // range as a comment if asked.
+  std::string resolved(bool with_docs = false) const;
+  // The same with both, and the origin of each value behind it.
+  std::string with_origins() const;
+  // One JSON object: {KEY: {"value", "help", and "min", "max" of a number, "allowed" of a text that
+  // has but some values}, ...}.
+  std::string json() const;
+
+ private:
+  struct Real {
+    double* value;
+    double min, max;
+  };
+  struct Integer {
+    std::int64_t* value;
+    std::int64_t min, max;
+  };
+  struct Text {
+    std::string* value;
+    std::vector<std::string> allowed;
+  };
+  struct Entry {
+    std::string key, doc;
+    std::variant<Real, Integer, bool*, Text> target;
+    std::string origin{};
+  };
+  using Faults = std::vector<std::string>;
+  template <class Node>
+  static std::string assign(Entry& entry, const Node& node, const std::string& origin);
+  template <class Table>
+  void read_table(const Table& table, const std::string& prefix, const std::string& name,
+                  Faults& faults);
+  template <class Node>
+  std::string unknown(const std::string& key, const Node& node) const;
+  void parse(std::string text, const std::string& name, Faults& faults);
+  void take(const std::string& assignment, Faults& faults);
+  void check_new(const std::string& key) const;
+  Entry* find(const std::string& key);
+  bool is_section(const std::string& key) const;
+  std::vector<std::string> keys() const;
+  static std::string expectation(const Entry& entry);
+  static std::string value_of(const Entry& entry);
+  std::vector<const Entry*> by_section() const;
+  std::string print(bool with_docs, bool with_origin) const;
+
+  std::vector<Entry> entries_;
+};
+
+}  // namespace echofuse

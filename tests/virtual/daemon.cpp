@@ -1,0 +1,261 @@
+// SPDX-License-Identifier: MIT
+// What a run does when devices come, go and fail, told once and exactly, on virtual time.
+#include <spdlog/spdlog.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <catch2/catch.hpp>
+#include <map>
+#include <numeric>
+#include <set>
+
+#include "../folder.hpp"
+#include "acquire/record/run_file.hpp"
+#include "drivers/program/exit_code.hpp"
+#include "laboratory.hpp"
+
+using namespace echofuse;
+using sim::FaultKind;
+using test::Laboratory;
+using test::LaboratoryOptions;
+using namespace std::chrono_literals;
+
+namespace {
+
+using Strings = std::vector<std::string>;
+
+struct Bench {
+  explicit Bench(LaboratoryOptions with = {}) {
+    spdlog::set_level(spdlog::level::off);
+    with.folder = std::string(folder / "");
+    with.name = std::to_string(::getpid());
+    if (!with.log.empty()) with.log = folder / with.log;
+    lab.emplace(with);
+  }
+  void unplug_radar() {
+    lab->loop.ports.erase("serial:/virtual/" + std::to_string(::getpid()) + "/cli");
+  }
+  acquire::RunOptions run(std::int64_t count) const {
+    acquire::RunOptions options;
+    options.out = folder / "run.sqlite";
+    options.count = count;
+    return options;
+  }
+  record::RunReader reader() const { return record::RunReader(folder / "run.sqlite"); }
+  std::vector<record::FusedRecord> records() const {
+    std::vector<record::FusedRecord> all;
+    const record::RunReader reading = reader();
+    for (std::int64_t i = 0; i < reading.count(); ++i) all.push_back(reading.read(i));
+    return all;
+  }
+  Strings verdicts(Sensor sensor) const {
+    Strings all;
+    for (const auto& r : records()) {
+      const std::string& verdict = r.sync[sensor].verdict;
+      all.push_back(verdict.substr(0, verdict.find(':')));
+    }
+    return all;
+  }
+  Strings events(const std::string& source) const {
+    Strings all;
+    for (const auto& e : reader().events())
+      if (e.source == source) all.push_back(e.text);
+    return all;
+  }
+  void check_slots(std::chrono::nanoseconds window) const {
+    const auto all = records();
+    for (std::size_t k = 0; k < all.size(); ++k) {
+      CHECK(all[k].index == static_cast<std::int64_t>(k));
+      CHECK(all[k].slot_start == all[0].slot_start + static_cast<std::int64_t>(k) * window);
+      CHECK(all[k].slot_end == all[k].slot_start + window);
+      CHECK(std::accumulate(all[k].spd.begin(), all[k].spd.end(), 0u) ==
+            (all[k].has(Sensor::spd) ? all[k].spd_counts.in_range : 0));
+    }
+  }
+
+  test::Folder folder;
+  std::optional<Laboratory> lab;
+};
+
+sim::Fault fault(const char* device, FaultKind kind, double at_s, double for_s, double amount = 0) {
+  return {.device = device, .kind = kind, .at_s = at_s, .for_s = for_s, .amount = amount};
+}
+
+bool has(const Strings& all, const std::string& beginning) {
+  return std::any_of(all.begin(), all.end(), [&](auto& t) { return t.starts_with(beginning); });
+}
+
+}  // namespace
+
+TEST_CASE("without faults every slot has a whole record, and nothing is lost, late or doubtful") {
+  Bench b;
+  CHECK(b.lab->record(b.run(40)) == ExitCode::ok);
+  const auto all = b.records();
+  REQUIRE(all.size() == 40);
+  b.check_slots(3s);
+  std::set<std::vector<float>> profiles;
+  for (const auto& r : all) {
+    CHECK(r.valid.bits() == 7);
+    for (const Sensor s : all_sensors) {
+      CHECK(r.sync[s].verdict == "ok");
+      CHECK(r.sync[s].lost == 0);
+    }
+    CHECK(r.sync[Sensor::radar].used == 12);
+    profiles.insert(r.radar);
+  }
+  CHECK(profiles.size() == 40);
+  CHECK(b.reader().events().empty());
+  CHECK(b.reader().info().status == "complete");
+}
+
+TEST_CASE(
+    "all devices go in mid-run: the records go on and say so, and are whole once they are back") {
+  Bench b({.faults = {fault("tdc", FaultKind::unplug, 30, 30),
+                      fault("radar", FaultKind::unplug, 30, 30),
+                      fault("depth", FaultKind::unplug, 30, 30)}});
+  CHECK(b.lab->record(b.run(40)) == ExitCode::ok);
+  b.check_slots(3s);
+  const auto all = b.records();
+  REQUIRE(all.size() == 40);
+  const auto silent =
+      std::count_if(all.begin(), all.end(), [](auto& r) { return r.valid.empty(); });
+  CHECK(silent >= 8);  // of the ten slots, those that it takes wholly
+  CHECK(silent <= 9);
+  for (const auto& r : all)
+    if (r.valid.empty()) {
+      CHECK(r.sync[Sensor::spd].verdict == "no tags");
+      CHECK(r.sync[Sensor::radar].verdict == "no frames");
+      CHECK(r.sync[Sensor::depth].verdict == "no frames");
+    }
+  CHECK(all.front().valid.bits() == 7);
+  CHECK(all.back().valid.bits() == 7);
+  for (const char* sensor : {"spd", "radar", "depth"}) {
+    CHECK(has(b.events(sensor), "not connected to"));
+    CHECK(b.events(sensor).size() <= 6);  // however often it was tried again
+  }
+}
+
+TEST_CASE("a device that is not there, and one that is not configured") {
+  Bench b;
+  b.unplug_radar();
+  CHECK(b.lab->record(b.run(4)) == ExitCode::ok);
+  for (const auto& r : b.records()) {
+    CHECK(r.valid.bits() == 5);
+    CHECK(r.sync[Sensor::radar].verdict == "no frames");
+  }
+  CHECK(has(b.events("radar"), "not there at the start"));
+}
+
+TEST_CASE("without a required device there is no run, and records without it are incomplete") {
+  SECTION("at the start") {
+    Bench b({.radar_required = true});
+    b.unplug_radar();
+    CHECK_THROWS_WITH(b.lab->record(b.run(4)),
+                      Catch::Contains("a required device does not deliver"));
+  }
+  SECTION("in mid-run") {
+    Bench b({.faults = {fault("radar", FaultKind::unplug, 30, 15)}, .radar_required = true});
+    CHECK(b.lab->record(b.run(20)) == ExitCode::ok);
+    const auto all = b.records();
+    const auto incomplete =
+        std::count_if(all.begin(), all.end(), [](auto& r) { return !r.has(Sensor::radar); });
+    CHECK(incomplete >= 4);
+    CHECK(b.reader().summary().incomplete == incomplete);
+  }
+}
+
+TEST_CASE("a laser too weak is told once, and counted in every record") {
+  Bench b({.signal_photons = 100});
+  auto run = b.run(6);
+  run.strict = true;
+  CHECK(b.lab->record(run) == ExitCode::partial);
+  CHECK(b.verdicts(Sensor::spd) == Strings(6, "weak"));
+  CHECK(b.verdicts(Sensor::radar) == Strings(6, "ok"));
+  CHECK(b.events("spd").size() == 1);
+}
+
+TEST_CASE(
+    "a laser that fades, a camera and a radar that freeze: each is told as it begins and ends") {
+  Bench b({.faults = {fault("tdc", FaultKind::gain, 60, 15, 0.03),
+                      fault("depth", FaultKind::freeze, 90, 15),
+                      fault("radar", FaultKind::freeze, 120, 15)},
+           .assignments = "[signal]\nspd_clicks = 0\nclicks_a_pulse = 0\n"});
+  CHECK(b.lab->record(b.run(60)) == ExitCode::ok);
+  const std::map<Sensor, std::string> kinds = {
+      {Sensor::spd, "weak"}, {Sensor::depth, "stands still"}, {Sensor::radar, "stands still"}};
+  for (const auto& [sensor, kind] : kinds) {
+    const Strings all = b.verdicts(sensor);
+    CAPTURE(name_of(sensor));
+    CHECK(std::count(all.begin(), all.end(), kind) >= 3);  // of the slots that it takes wholly
+    CHECK(std::count(all.begin(), all.end(), kind) <= 5);
+    CHECK(std::count(all.begin(), all.end(), "ok") + std::count(all.begin(), all.end(), kind) ==
+          60);
+    const Strings events = b.events(name_of(sensor));
+    REQUIRE(events.size() == 1);  // its end is no warning
+    CHECK(events[0].find(kind + ": ") != std::string::npos);
+  }
+}
+
+TEST_CASE("a laboratory's scenes keep to the slots: no record sees two") {
+  Bench b({.window_s = 1,
+           .hold_s = 1,
+           .scenes = "[[scene]]\nkind = \"person\"\nx_m = 0.0\nz_m = 3.0\nyaw_deg = 0.0\n"
+                     "[[scene]]\nkind = \"person\"\nx_m = 0.0\nz_m = 4.0\nyaw_deg = 0.0\n"});
+  CHECK(b.lab->record(b.run(30)) == ExitCode::ok);
+  const auto border = static_cast<std::size_t>((3.5 * 2 / 0.299792458e-3 - 13343) / 100);
+  std::vector<double> near;
+  for (const auto& r : b.records()) {
+    const auto sum = [](auto from, auto to) { return std::accumulate(from, to, 0.0); };
+    near.push_back(sum(r.spd.begin(), r.spd.begin() + static_cast<std::ptrdiff_t>(border)) /
+                   sum(r.spd.begin(), r.spd.end()));
+  }
+  for (std::size_t i = 5; i + 1 < near.size(); ++i) {  // by then the clock is known
+    CHECK(std::min(near[i], 1 - near[i]) < 0.15);      // of the background
+    CHECK((near[i] > 0.5) != (near[i + 1] > 0.5));
+  }
+}
+
+TEST_CASE(
+    "the machine's clock goes a day forward and two back: slots keep their length, and say when") {
+  constexpr auto day = 24h;
+  Bench b;
+  port::Timer forward(b.lab->loop), back(b.lab->loop);
+  forward.after(30s, [&] { b.lab->loop.step_utc(day); });
+  back.after(60s, [&] { b.lab->loop.step_utc(-2 * day); });
+  CHECK(b.lab->record(b.run(40)) == ExitCode::ok);
+  b.check_slots(3s);
+  const Strings told = b.events("clock");
+  REQUIRE(told.size() == 2);
+  for (const auto& text : told) CHECK(text.starts_with("the machine's clock was set"));
+  std::vector<double> steps;
+  const auto all = b.records();
+  for (std::size_t k = 0; k + 1 < all.size(); ++k)
+    if (const auto step = all[k + 1].slot_utc - all[k].slot_utc - 3s; std::chrono::abs(step) > 1s)
+      steps.push_back(seconds(step));
+  CHECK(steps == std::vector<double>{seconds(day), seconds(-2 * day)});
+}
+
+TEST_CASE("no run begins when UTC no longer fits its type") {
+  Bench b;
+  b.lab->loop.step_utc(24h * 365 * 237);
+  CHECK_THROWS_WITH(b.lab->record(b.run(1)), Catch::Contains("the machine's clock is at 226"));
+}
+
+TEST_CASE("a run is resumed: the index goes on, another configuration is refused") {
+  Bench b;
+  auto run = b.run(4);
+  run.meta = {{"room", "2"}};
+  CHECK(b.lab->record(run) == ExitCode::ok);
+  const auto before = b.records();
+  b.lab->loop.run_for(100s);
+  run.resume = true;
+  CHECK(b.lab->record(run) == ExitCode::ok);
+  const auto all = b.records();
+  REQUIRE(all.size() == 8);
+  for (std::size_t k = 0; k < all.size(); ++k) CHECK(all[k].index == static_cast<std::int64_t>(k));
+  for (std::size_t k = 0; k < before.size(); ++k) CHECK(all[k].spd == before[k].spd);
+  CHECK(all[4].slot_utc - all[3].slot_utc > 100s);
+  CHECK(has(b.events("run"), "resumed at record 4, was complete, 1 min 4"));
+  b.lab->set("tdc.bins=99");
+  CHECK_THROWS_WITH(b.lab->record(run), Catch::Contains("tdc.bins was"));
+}

@@ -1,0 +1,335 @@
+// SPDX-License-Identifier: MIT
+#include "laboratory.hpp"
+
+#include <cmath>
+#include <deque>
+#include <fstream>
+#include <memory>
+#include <sstream>
+#include <utility>
+
+#include "acquire/config/config.hpp"
+#include "sim/devices/fault_injector.hpp"
+#include "sim/devices/uart.hpp"
+#include "sim/scene/scene_list.hpp"
+#include "sim/sensors/depth_camera.hpp"
+#include "sim/wire/encode.hpp"
+
+namespace echofuse::test {
+namespace {
+
+using namespace std::chrono_literals;
+using sim::FaultKind;
+
+// Whoever runs beside this has devices of other names, as all are locked.
+struct Addresses {
+  explicit Addresses(const LaboratoryOptions& o)
+      : tagger("bridge:tcp://tagger-" + o.name + ":1"),
+        camera("bridge:tcp://camera-" + o.name + ":1"),
+        cli("serial:/virtual/" + o.name + "/cli"),
+        data("serial:/virtual/" + o.name + "/data") {}
+  std::string tagger, camera, cli, data;
+};
+
+// The paper's profile, at four frames a second.
+constexpr char radar_cfg[] =
+    "sensorStop\n"
+    "flushCfg\n"
+    "dfeDataOutputMode 1\n"
+    "channelCfg 15 7 0\n"
+    "adcCfg 2 1\n"
+    "adcbufCfg -1 0 1 1 1\n"
+    "lowPower 0 0\n"
+    "profileCfg 0 60 7 6 40 0 0 18.75 1 60 2000 0 0 30\n"
+    "chirpCfg 0 0 0 0 0 0 0 1\n"
+    "chirpCfg 1 1 0 0 0 0 0 2\n"
+    "chirpCfg 2 2 0 0 0 0 0 4\n"
+    "frameCfg 0 2 32 0 250 1 0\n"
+    "guiMonitor -1 0 1 0 0 0 1\n"
+    "cfarCfg -1 0 2 8 4 3 0 15.0 0\n"
+    "cfarCfg -1 1 0 4 2 3 1 15.0 0\n"
+    "multiObjBeamForming -1 1 0.5\n"
+    "calibDcRangeSig -1 0 -5 8 256\n"
+    "clutterRemoval -1 0\n"
+    "compRangeBiasAndRxChanPhase 0.0 1 0 1 0 1 0 1 0 1 0 1 0 1 0 1 0 1 0 1 0 1 0 1 0\n"
+    "measureRangeBiasAndRxChanPhase 0 1.0 0.2\n"
+    "aoaFovCfg -1 -90 90 -90 90\n"
+    "cfarFovCfg -1 0 0 14.00\n"
+    "cfarFovCfg -1 1 -1 1.00\n"
+    "extendedMaxVelocity -1 0\n"
+    "CQRxSatMonitor 0 3 4 29 0\n"
+    "CQSigImgMonitor 0 29 2\n"
+    "analogMonitor 0 0\n"
+    "lvdsStreamCfg -1 0 0 0\n"
+    "bpmCfg -1 0 0 1\n"
+    "calibData 0 0 0\n"
+    "sensorStart\n";
+
+class WireUart final : public sim::Uart {
+ public:
+  WireUart(port::Loop& loop, Wire& wire, unsigned baud) : Uart(loop, baud, 4ms), wire_(wire) {}
+
+ private:
+  std::size_t deliver(Bytes chunk) override {
+    if (!wire_.connected()) return 0;
+    wire_.send(chunk);
+    return chunk.size();
+  }
+  Wire& wire_;
+};
+
+// A depth camera behind the bridge protocol.
+class Camera final : public sim::Device {
+ public:
+  Camera(port::Loop& loop, sim::ScenePlayer& player, MemoryListener& listener,
+         const sim::FaultPlan& plan, std::uint64_t seed)
+      : player_(player),
+        listener_(listener),
+        columns_(record::depth_x_axis(40, 0.8)),
+        rows_(record::depth_y_axis(30, 0.6)),
+        timer_(loop),
+        next_(loop.now()),
+        injector_(loop, player, "depth", plan, seed, [this] { poll(); }) {
+    listener_.start({.connected = [this] { begin(); }, .left = [this] { end(); }});
+    listener_.accept();
+    wait();
+  }
+  void stop() override {
+    timer_.cancel();
+    injector_.stop();
+  }
+  std::vector<std::pair<std::string, std::uint64_t>> sent() const override {
+    return {{"frames", frames_}};
+  }
+
+ private:
+  struct Block {
+    Bytes bytes;
+    const char* what;
+    std::uint32_t frame;
+    HostTime due, begun{};
+  };
+
+  void begin() {
+    connected_ = true;
+    sequence_ = 0;
+    enqueue({.bytes = sim::bridge_block(sim::BlockKind::hello, sequence_++, 0, hello()),
+             .what = "greeted",
+             .frame = 0,
+             .due = injector_.now()});
+  }
+  void end() {
+    connected_ = false;
+    for (const Block& block : queue_) log(block, "cut");
+    queue_.clear();
+    writing_ = false;
+    listener_.accept();
+  }
+  static ByteView hello() {
+    static constexpr char text[] =
+        R"({"model":"simulated camera","serial":"SIM-CAM-1","firmware":"1.0"})";
+    return {reinterpret_cast<const std::uint8_t*>(text), sizeof text - 1};
+  }
+
+  void wait() {
+    next_ += 500ms;
+    timer_.at(next_, [this] {
+      frame();
+      wait();
+    });
+  }
+
+  void frame() {
+    ++index_;
+    if (!connected_) return put_log("unseen");
+    if (injector_.triggers(FaultKind::drop)) return put_log("dropped");
+    if (injector_.active(FaultKind::stall)) return put_log("stalled");
+    const double now_s = player_.now_s();
+    Bytes payload;
+    put(payload, columns_.count);
+    put(payload, rows_.count);
+    put(payload,
+        static_cast<std::uint64_t>(std::max(0.0, 1e6 * (now_s + injector_.clock_error_s(now_s)))));
+    put(payload, index_);
+    for (const double axis : {columns_.start, columns_.step, rows_.start, rows_.step})
+      put(payload, static_cast<float>(axis));
+    if (last_.empty() || !injector_.active(FaultKind::freeze)) last_ = picture(now_s);
+    const ByteView raw = as_bytes(last_);
+    payload.insert(payload.end(), raw.begin(), raw.end());
+    Block block{.bytes = sim::bridge_block(sim::BlockKind::depth, sequence_++, 0, payload),
+                .what = "sent",
+                .frame = index_,
+                .due = injector_.due()};
+    if (injector_.triggers(FaultKind::corrupt)) {
+      injector_.corrupt(block.bytes);
+      block.what = "corrupt";
+    }
+    enqueue(std::move(block));
+  }
+
+  // No two frames of a camera are alike.
+  std::vector<std::uint16_t> picture(double time_s) {
+    const sim::RenderedScene& rendered = player_.at(time_s);
+    if (std::exchange(pictured_, rendered.index) != rendered.index)
+      pixels_ = sim::render_depth_mm(rendered.scene, columns_, rows_);
+    auto pixels = pixels_;
+    for (auto& mm : pixels) mm = static_cast<std::uint16_t>(mm + (mm > 0 ? index_ % 7 : 0));
+    return pixels;
+  }
+
+  void enqueue(Block block) {
+    queue_.push_back(std::move(block));
+    send_due();
+  }
+  void send_due() {
+    if (writing_ || !connected_ || queue_.empty() || queue_.front().due > injector_.now()) return;
+    writing_ = true;
+    queue_.front().begun = injector_.now();
+    listener_.write(queue_.front().bytes, [this, number = queue_.front().frame](bool whole) {
+      if (!whole || queue_.empty() || queue_.front().frame != number) return;
+      log(queue_.front(), queue_.front().what);
+      frames_ += number > 0;
+      queue_.pop_front();
+      writing_ = false;
+      send_due();
+    });
+  }
+  void poll() {
+    send_due();
+    const bool in = !injector_.active(FaultKind::unplug);
+    if (in == listener_.plugged()) return;
+    listener_.plug(in);
+    if (in || !connected_) return;
+    listener_.hang_up();
+    end();
+  }
+  void log(const Block& block, const char* what) {
+    const HostTime begun = block.begun == HostTime{} ? injector_.now() : block.begun;
+    if (block.frame > 0) injector_.log(begun, what, {{"frame", block.frame}});
+  }
+  void put_log(const char* what) { injector_.log(injector_.now(), what, {{"frame", index_}}); }
+
+  sim::ScenePlayer& player_;
+  MemoryListener& listener_;
+  Axis columns_, rows_;
+  port::Timer timer_;
+  HostTime next_;
+  std::vector<std::uint16_t> pixels_, last_;  // as the scene is, and as it was sent
+  std::int64_t pictured_ = -1;
+  std::uint32_t index_ = 0, sequence_ = 0;
+  std::uint64_t frames_ = 0;
+  std::deque<Block> queue_;
+  bool connected_ = false, writing_ = false;
+  sim::FaultInjector injector_;
+};
+
+std::string lab_toml(const LaboratoryOptions& o, const sim::Conditions& c) {
+  const Addresses at(o);
+  std::ostringstream out;
+  out << "[run]\nwindow_s = " << o.window_s << "\n[tdc]\naddress = \"" << at.tagger
+      << "\"\nfirst_bin_ps = " << std::lround(c.first_bin_ps) << "\nbins = " << c.bins
+      << "\n[radar]\ncli = \"" << at.cli << "\"\ndata = \"" << at.data
+      << "\"\ncfg = \"radar.cfg\"\n"
+      << (o.radar_required ? "policy = \"required\"\n" : "") << "[depth]\naddress = \"" << at.camera
+      << "\"\nmap_size = 32\n"
+      << o.assignments;
+  return out.str();
+}
+
+sim::Conditions conditions_of(const LaboratoryOptions& o) {
+  sim::Conditions c;
+  c.signal_photons = o.signal_photons;
+  c.background_counts = 30;
+  c.spd_rays = 64;
+  return c;
+}
+
+sim::SceneSchedule schedule_of(const LaboratoryOptions& o) {
+  sim::SceneSchedule s{"mixed", static_cast<std::int64_t>(o.seed), o.hold_s};
+  if (!o.scenes.empty()) s.list = sim::read_scene_list(o.scenes, "scenes");
+  return s;
+}
+
+}  // namespace
+
+struct Laboratory::Parts {
+  Parts(port::VirtualLoop& loop, const LaboratoryOptions& o)
+      : options(o),
+        player(loop, conditions_of(o), schedule_of(o)),
+        camera_wire(loop),
+        cli(loop,
+            [this](ByteView bytes) {
+              if (receive) receive(bytes);
+            }),
+        data(loop, [](ByteView) {}) {
+    plan.faults = o.faults;
+    if (!o.log.empty()) plan.journal = &journal.emplace(o.log);
+    auto listener = std::make_unique<MemoryListener>(loop);
+    const Addresses at(o);
+    loop.ports = {{at.tagger, listener->opener()},
+                  {at.camera, camera_wire.opener()},
+                  {at.cli, cli.opener()},
+                  {at.data, data.opener()}};
+    tagger = sim::make_tdc_bridge(loop, player,
+                                  {.tagging = {.laser_rate_hz = 4e6},
+                                   .window_s = 3,
+                                   .seed = o.seed,
+                                   .tick = 100ms,
+                                   .longest = 100ms,
+                                   .plan = plan},
+                                  std::move(listener));
+    radar = sim::make_radar_board(
+        loop, player,
+        {.seed = o.seed, .plan = plan, .plug = [this](bool in) { cli.plug(in), data.plug(in); }},
+        [&](unsigned baud, sim::Uart::Receive to_board) {
+          receive = std::move(to_board);
+          return std::make_unique<WireUart>(loop, cli, baud);
+        },
+        [&](unsigned baud, const sim::Uart::Receive&) {
+          return std::make_unique<WireUart>(loop, data, baud);
+        });
+    camera = std::make_unique<Camera>(loop, player, camera_wire, plan, o.seed);
+    std::ofstream(o.folder + "/radar.cfg") << radar_cfg;
+    configure();
+  }
+
+  void configure() {
+    const std::string path = options.folder + "/lab.toml";
+    std::ofstream(path) << lab_toml(options, player.conditions());
+    config = acquire::load_config(path);
+    config.operator_name = "nobody";
+  }
+
+  LaboratoryOptions options;
+  sim::ScenePlayer player;
+  sim::FaultPlan plan;
+  std::optional<sim::Journal> journal;
+  MemoryListener camera_wire;
+  sim::Uart::Receive receive;
+  Wire cli, data;
+  std::unique_ptr<sim::Device> tagger, radar, camera;
+  acquire::Config config;
+};
+
+Laboratory::Laboratory(const LaboratoryOptions& options)
+    : parts_(std::make_unique<Parts>(loop, options)) {}
+Laboratory::~Laboratory() = default;
+
+void Laboratory::set(const std::string& assignment) {
+  parts_->config = acquire::load_config(parts_->options.folder + "/lab.toml", {assignment});
+}
+
+ExitCode Laboratory::record(acquire::RunOptions run) {
+  run.quiet = true;
+  if (run.uuid.empty()) run.uuid = "00000000-0000-4000-8000-000000000001";
+  return acquire::record_run(parts_->config, run, loop);
+}
+
+void Laboratory::close() {
+  for (sim::Device* device : {parts_->tagger.get(), parts_->radar.get(), parts_->camera.get()})
+    device->stop();
+  loop.run_for(1s);
+  if (parts_->journal) parts_->journal->close();
+}
+
+}  // namespace echofuse::test

@@ -1,0 +1,87 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: MIT
+"""tests/virtual/soak.py VIRTUAL_RUN [--hours H] [--seed N] [--keep DIR]: a run on virtual time whose devices fail at
+random and at the same time. Every slot has a record, every loss is accounted for (scripts/audit_run.py), no slot is
+late, and a second run of the first hour has the same bytes. Exit code 1 if not."""
+import argparse
+import hashlib
+import importlib.machinery
+import importlib.util
+import os
+import pathlib
+import sqlite3
+import subprocess
+import sys
+import tempfile
+
+scripts = pathlib.Path(__file__).resolve().parents[2] / "scripts"
+WINDOW_S = 3
+folder_in_memory = "/dev/shm" if os.path.isdir("/dev/shm") else None  # a disk is no part of this
+PAUSE_S = 40  # mean time from the beginning of a device's fault to that of its next
+
+
+def load(name):
+    loader = importlib.machinery.SourceFileLoader(name, str(scripts / name))
+    module = importlib.util.module_from_spec(importlib.util.spec_from_loader(name, loader))
+    loader.exec_module(module)
+    return module
+
+
+def faults(seconds, seed):
+    """As scripts/soak draws them, but rarer."""
+    soak = load("soak")
+    soak.PAUSE_S = PAUSE_S
+    soak.TROUBLE["depth"] = [trouble for trouble in soak.TROUBLE["depth"] if trouble[0] != "garbage"]
+    return soak.fault_text(soak.random_faults(seconds, seed))
+
+
+def record(program, folder, fault_text, slots, seed):
+    """The processor's seconds."""
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "faults.toml").write_text(fault_text)
+    done = subprocess.run([program, "--out", folder / "run.sqlite", "--slots", str(slots), "--window", str(WINDOW_S), "--seed",
+                           str(seed), "--name", str(os.getpid()), "--faults", folder / "faults.toml", "--log", folder / "log.jsonl"], check=True,
+                          stdout=subprocess.PIPE, text=True)
+    return float(done.stdout)
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("program")
+    parser.add_argument("--hours", type=float, default=24)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--keep", type=pathlib.Path)
+    args = parser.parse_args()
+    slots = round(3600 * args.hours / WINDOW_S)
+    fault_text = faults(slots * WINDOW_S, args.seed)
+    wrong = []
+    with tempfile.TemporaryDirectory(prefix="echofuse-", dir=folder_in_memory) as name:
+        folder = args.keep or pathlib.Path(name)
+        cpu_s = record(args.program, folder / "whole", fault_text, slots, args.seed)
+        db = sqlite3.connect(folder / "whole/run.sqlite")
+        status, = db.execute("SELECT status FROM run").fetchone()
+        records, = db.execute("SELECT count(*) FROM record").fetchone()
+        late_s, = db.execute("SELECT max(closed_late_s) FROM slot").fetchone()
+        events, = db.execute("SELECT count(*) FROM event").fetchone()
+        print(f"{records} records of {slots}, {status}, {events} events, latest slot {1e3 * late_s:.3f} ms late, "
+              f"{cpu_s:.1f} s of processor time")
+        if (status, records, late_s) != ("complete", slots, 0):
+            wrong.append("the run is not whole")
+        audit = subprocess.run([sys.executable, scripts / "audit_run.py", folder / "whole/run.sqlite",
+                                folder / "whole/log.jsonl"], stdout=subprocess.PIPE, text=True)
+        print(audit.stdout, end="")
+        if audit.returncode != 0:
+            wrong.append("the audit finds what has no explanation")
+        hour = min(slots, 3600 // WINDOW_S)
+        for part in ("first", "second"):
+            record(args.program, folder / part, fault_text, hour, args.seed)
+        first, second = (hashlib.sha256((folder / part / "run.sqlite").read_bytes()).hexdigest() for part in ("first", "second"))
+        print("two runs of an hour:", first[:16], second[:16])
+        if first != second:
+            wrong.append("two runs of one seed differ")
+    print("\n".join(wrong or ["all is well"]))
+    return 1 if wrong else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
