@@ -298,12 +298,13 @@ export const clock = s => {
 };
 const times = {incrs: [1, 2, 5, 10, 20, 30, ...[1, 2, 5, 10, 20, 30, 60, 120, 180, 360, 720, 1440].map(min => 60 * min)], space: 70,
                values: (_, at) => at.map(clock)};
-// What one sensor saw over the run: a column a record, brighter where there is more; nothing where it saw nothing.
+// What one sensor saw, by range and time (or direction): brighter where there is more; nothing where it saw nothing.
 export class Waterfall extends Chart {
-  constructor(sensor) {
-    super(`waterfall-${sensor}`, 150);
+  constructor(id, height = 150, x = {...times}, label = '') {
+    super(id, height);
+    Object.assign(this, {x, label});
   }
-  // image: records side by side, the farthest range above; the time of the first one, and of the end of the last.
+  // image: columns side by side, the farthest range above; where the first one begins and the last one ends.
   show(image, span, farthest) {
     Object.assign(this, {image, span, farthest});
     this.set([span, [null, null]]);
@@ -312,7 +313,7 @@ export class Waterfall extends Chart {
     return {
       cursor: {show: false}, padding: [6, 28, 4, 0],
       scales: {x: {time: false, range: () => this.span}, y: {range: () => [0, this.farthest]}},
-      axes: [axis('', {...times, grid: {show: false}}), axis('m', {values: short, size: 52, grid: {show: false}})], series: [{}, {points: {show: false}}],
+      axes: [axis(this.label, {...this.x, grid: {show: false}}), axis('m', {values: short, size: 52, grid: {show: false}})], series: [{}, {points: {show: false}}],
     };
   }
   under(u) {

@@ -72,8 +72,6 @@ struct ShownRecord {
   std::vector<ShownMap> maps;
 };
 
-// Whether less of it is better.
-bool less_is_better(Metric metric);
 // Two models on the same records: how much better the second is. Plus is better, also of an error.
 double gain(Metric metric, double first, double second);
 struct PairedDifference {

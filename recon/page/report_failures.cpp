@@ -108,25 +108,6 @@ Json stated_table(const Report& report) {
                rows);
 }
 
-const char* words_of(Metric metric) {
-  switch (metric) {
-    case metric_iou:
-      return "IoU";
-    case metric_lateral_m:
-      return "lateral error (m)";
-    case metric_depth_mae_m:
-      return "depth error (m)";
-    case metric_ssim_fg:
-      return "SSIM near the body";
-    case metric_ssim_hard:
-      return "SSIM, hard map";
-    case metric_rmse_m:
-      return "RMSE (m)";
-    default:
-      return metric_names[metric];
-  }
-}
-
 // Share of the records below each gain.
 Json differences_charts(const Report& report) {
   std::vector<Json> out;
@@ -171,12 +152,17 @@ Json failures(const Report& report) {
 Json comparison(const Report& report) {
   Json rows = Json::array();
   if (report.differences.empty()) return rows;
-  for (const PairedDifference& d : report.differences)
-    rows.push_back({words_of(d.metric), std::to_string(d.records), formatted("%.3f", d.first),
-                    formatted("%.3f", d.second), formatted("%+.3f", d.mean),
-                    formatted("%+.3f to %+.3f", d.low, d.high),
+  for (const PairedDifference& d : report.differences) {
+    const MetricWords& words = words_of(d.metric);
+    const auto signed_text = [&](double v) {
+      return formatted("%s%s", v < 0 ? "" : "+", words.text(v, 1).c_str());
+    };
+    rows.push_back({words.title(), std::to_string(d.records), words.text(d.first, 1),
+                    words.text(d.second, 1), signed_text(d.mean),
+                    signed_text(d.low) + " to " + signed_text(d.high),
                     d.low <= 0 && d.high >= 0 ? Json("not told apart")
                                               : cell(d.mean > 0 ? "second" : "first", "", "good")});
+  }
   return Json::array(
       {paragraph("First: " + title_of(report.modes[0]) + ". Second: " + title_of(report.modes[1]) +
                  "."),

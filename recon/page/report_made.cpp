@@ -61,13 +61,10 @@ std::string split_of(const ModelFacts& m) {
 
 }  // namespace
 
-bool less_is_better(Metric metric) {
-  return metric == metric_lateral_m || metric == metric_depth_mae_m || metric == metric_rmse_m ||
-         metric == metric_ghost;
-}
-
 double gain(Metric metric, double first, double second) {
-  return less_is_better(metric) ? first - second : second - first;
+  const bool less = metric == metric_lateral_m || metric == metric_depth_mae_m ||
+                    metric == metric_rmse_m || metric == metric_ghost;
+  return less ? first - second : second - first;
 }
 
 std::vector<PairedDifference> paired_differences(const std::vector<MapScores>& first,

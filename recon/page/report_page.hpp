@@ -14,6 +14,19 @@ std::string title_of(const ModeResult& mode);  // "both sensors, factorised"
 std::string name_for_charts(const ModeResult& mode);
 const char* colour_of(const Report& report, std::size_t mode);  // of its series
 
+// How the page names a metric, in what unit it gives it, and what is better.
+enum class Best { more, less, zero };
+struct MetricWords {
+  Metric metric;
+  const char *name, *unit;  // "lateral error", " cm"
+  double scale;             // from the metric's own unit
+  int decimals;
+  Best best;
+  std::string title() const;  // "lateral error (cm)"
+  std::string text(double value, int more_decimals = 0) const;
+};
+const MetricWords& words_of(Metric metric);
+
 // What the page says first: how good, against what, and in what it is worse.
 std::string verdict(const Report& report);
 // What fails, in sentences, the gravest first: of the scored run, of the letters, of the live run.

@@ -4,38 +4,27 @@
 #include <array>
 #include <cmath>
 #include <map>
+#include <span>
 
+#include "recon/numbers/statistics.hpp"
 #include "recon/numbers/text.hpp"
 #include "recon/page/report_page.hpp"
 
 namespace echofuse::recon {
 namespace {
 
-enum class Best { more, less, zero };
-struct Column {
-  Metric metric;
-  const char *title, *format;
-  double unit;
-  Best best;
-  bool count = false;  // of records of which it is true
+constexpr MetricWords metric_words[] = {
+    {metric_iou, "IoU", "", 1, 2, Best::more},
+    {metric_lateral_m, "lateral error", " cm", 100, 1, Best::less},
+    {metric_depth_mae_m, "depth error", " cm", 100, 1, Best::less},
+    {metric_ghost, "ghost", "", 1, 2, Best::zero},
+    {metric_left_right, "on the true side", "", 1, 2, Best::more},
+    {metric_rmse_m, "RMSE", " m", 1, 2, Best::less},
+    {metric_ssim, "SSIM", "", 1, 2, Best::more},
+    {metric_ssim_hard, "SSIM, hard map", "", 1, 2, Best::more},
+    {metric_ssim_fg, "SSIM near the body", "", 1, 2, Best::more},
 };
-// Of the first screen.
-constexpr Column first_columns[] = {
-    {metric_iou, "IoU", "%.2f", 1, Best::more},
-    {metric_lateral_m, "lateral error (cm)", "%.1f", 100, Best::less},
-    {metric_depth_mae_m, "depth error (cm)", "%.1f", 100, Best::less},
-};
-constexpr Column all_columns[] = {
-    {metric_iou, "IoU", "%.2f", 1, Best::more},
-    {metric_lateral_m, "lateral error (cm)", "%.1f", 100, Best::less},
-    {metric_depth_mae_m, "depth error, where both show a body (cm)", "%.1f", 100, Best::less},
-    {metric_ghost, "ghost", "%.2f", 1, Best::zero},
-    {metric_left_right, "on the true side", "%.2f", 1, Best::more, true},
-    {metric_rmse_m, "RMSE (m)", "%.2f", 1, Best::less},
-    {metric_ssim, "SSIM", "%.2f", 1, Best::more},
-    {metric_ssim_hard, "SSIM, hard map", "%.2f", 1, Best::more},
-    {metric_ssim_fg, "SSIM near the body", "%.2f", 1, Best::more},
-};
+constexpr std::size_t of_first_screen = 3;
 
 struct NamedScores {
   std::string name;
@@ -54,18 +43,12 @@ std::vector<NamedScores> scored(const Report& report) {
   return out;
 }
 
-const char* words_of(Best best) {
-  return best == Best::more   ? "more is better"
-         : best == Best::less ? "less is better"
-                              : "0 is best";
-}
-
 // Less is better.
-double loss(const Column& c, double value) {
+double loss(const MetricWords& c, double value) {
   return c.best == Best::more ? -value : c.best == Best::zero ? std::abs(value) : value;
 }
 
-bool same(const NamedScores& a, const NamedScores& b, const Column& c) {
+bool same(const NamedScores& a, const NamedScores& b, const MetricWords& c) {
   const Summary &x = (*a.metrics)[c.metric], &y = (*b.metrics)[c.metric];
   const double apart = std::abs(loss(c, x.mean) - loss(c, y.mean));
   if (a.evaluation && b.evaluation && a.evaluation->rows == b.evaluation->rows) {
@@ -74,18 +57,15 @@ bool same(const NamedScores& a, const NamedScores& b, const Column& c) {
       if (const double d = a.evaluation->scores[i][c.metric] - b.evaluation->scores[i][c.metric];
           !std::isnan(d))
         differences.push_back(d);
-    double mean = 0, squares = 0;
     const auto n = static_cast<double>(differences.size());
-    for (const double d : differences) mean += d / n;
-    for (const double d : differences) squares += (d - mean) * (d - mean);
-    if (n > 4) return apart <= 1.96 * std::sqrt(squares / (n - 1) / n);
+    if (n > 4) return apart <= 1.96 * standard_deviation(differences) / std::sqrt(n - 1);
   }
   const auto square = [](double se) { return std::isnan(se) ? 0 : se * se; };
   return apart <= 1.96 * std::sqrt(square(x.se) + square(y.se));
 }
 
 // The best and all that cannot be told apart from it.
-std::vector<bool> best_of(const std::vector<NamedScores>& rows, const Column& c) {
+std::vector<bool> best_of(const std::vector<NamedScores>& rows, const MetricWords& c) {
   std::vector<bool> out(rows.size());
   std::size_t best = rows.size();
   const auto mean = [&](std::size_t i) { return (*rows[i].metrics)[c.metric].mean; };
@@ -97,29 +77,31 @@ std::vector<bool> best_of(const std::vector<NamedScores>& rows, const Column& c)
   return out;
 }
 
-Json value(const NamedScores& row, const Column& c, bool best) {
+Json value(const NamedScores& row, const MetricWords& c, bool best) {
   const Summary& s = (*row.metrics)[c.metric];
   if (std::isnan(s.mean))
     return cell("", c.metric == metric_depth_mae_m || c.metric == metric_lateral_m ? "no body found"
                                                                                    : "not defined");
-  const double v = c.unit * s.mean;
-  std::string mean = std::abs(v) < 1e-12 ? "0" : formatted(c.format, v);
-  std::string error;
-  if (c.count && (row.baseline || row.evaluation))
+  std::string mean = std::abs(s.mean) < 1e-14 ? "0" : c.text(s.mean), error;
+  if (c.metric == metric_left_right && (row.baseline || row.evaluation))
     mean = formatted("%.0f of %zu", s.mean * static_cast<double>(s.maps), s.maps);
   else if (!std::isnan(s.se) && s.maps > 2 && s.se > 0)
-    error = "\u00b1" + formatted(c.format, c.unit * s.se);
+    error = "\u00b1" + c.text(s.se);
   return cell(mean, error, best ? "best" : "");
 }
 
-Json head_of(const Column& c) { return cell(c.title, words_of(c.best)); }
+Json head_of(const MetricWords& c) {
+  return cell(c.title(), c.best == Best::more   ? "more is better"
+                         : c.best == Best::less ? "less is better"
+                                                : "0 is best");
+}
 
 Json table_of(const std::vector<NamedScores>& rows, const std::string& caption) {
   Json head{"made from"}, out = Json::array();
   std::size_t baselines = 0;
   for (const NamedScores& row : rows)
     out.push_back(Json::array({row.name})), baselines += row.baseline;
-  for (const Column& c : first_columns) {
+  for (const MetricWords& c : std::span(metric_words).first(of_first_screen)) {
     head.push_back(head_of(c));
     const auto best = best_of(rows, c);
     for (std::size_t i = 0; i < rows.size(); ++i) out[i].push_back(value(rows[i], c, best[i]));
@@ -135,10 +117,12 @@ std::string n_of_depth(const NamedScores& row) {
              : "";
 }
 
-Json summary(const Summary& s, double unit, const char* format) {
+Json summary(const Summaries& all, Metric metric, int more_decimals = 0) {
+  const Summary& s = all[metric];
+  const MetricWords& words = words_of(metric);
   if (std::isnan(s.mean)) return "\u2013";
-  return cell(formatted(format, unit * s.mean),
-              !std::isnan(s.se) && s.maps > 4 ? "\u00b1" + formatted(format, unit * s.se) : "");
+  return cell(words.text(s.mean, more_decimals),
+              !std::isnan(s.se) && s.maps > 4 ? "\u00b1" + words.text(s.se, more_decimals) : "");
 }
 
 std::string counted(const std::vector<MapScores>& scores, Metric metric) {
@@ -147,6 +131,17 @@ std::string counted(const std::vector<MapScores>& scores, Metric metric) {
 }
 
 }  // namespace
+
+std::string MetricWords::title() const {
+  return *unit == 0 ? name : std::string(name) + " (" + (unit + 1) + ")";
+}
+std::string MetricWords::text(double value, int more_decimals) const {
+  return formatted("%.*f", decimals + more_decimals, scale * value);
+}
+
+const MetricWords& words_of(Metric metric) {
+  return *std::ranges::find(metric_words, metric, &MetricWords::metric);
+}
 
 Json first_table(const Report& report) {
   const auto rows = scored(report);
@@ -172,7 +167,7 @@ Json all_table(const Report& report) {
   const auto rows = scored(report);
   Json head{"metric"}, out = Json::array();
   for (const NamedScores& row : rows) head.push_back(row.name);
-  for (const Column& c : all_columns) {
+  for (const MetricWords& c : metric_words) {
     const auto best = best_of(rows, c);
     Json line = Json::array({head_of(c)});
     for (std::size_t i = 0; i < rows.size(); ++i) line.push_back(value(rows[i], c, best[i]));
@@ -185,7 +180,7 @@ Json beside_paper(const Report& report) {
   Json rows = Json::array();
   for (const ModeResult& mode : report.modes)
     if (mode.paper_ssim > 0 && mode.models.front().papers)
-      rows.push_back({title_of(mode), summary(mode.metrics[metric_ssim], 1, "%.3f"),
+      rows.push_back({title_of(mode), summary(mode.metrics, metric_ssim, 1),
                       formatted("%.4f", mode.paper_ssim)});
   if (rows.empty()) return rows;
   return Json::array(
@@ -227,8 +222,8 @@ Json labels_table(const ModeResult& mode) {
   for (const auto& [label, scores] : by_label) {
     const Summaries s = summarise(scores);
     rows.push_back({label.empty() ? "(none)" : label, std::to_string(scores.size()),
-                    summary(s[metric_iou], 1, "%.2f"), summary(s[metric_lateral_m], 100, "%.1f"),
-                    summary(s[metric_depth_mae_m], 100, "%.1f"), counted(scores, metric_left_right),
+                    summary(s, metric_iou), summary(s, metric_lateral_m),
+                    summary(s, metric_depth_mae_m), counted(scores, metric_left_right),
                     counted(scores, metric_letter_top1)});
   }
   return Json::array(

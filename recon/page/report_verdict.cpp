@@ -11,10 +11,11 @@
 namespace echofuse::recon {
 namespace {
 
-std::string plus_minus(const Summary& s, double unit, int decimals) {
-  std::string out = formatted("%.*f", decimals, unit * s.mean);
-  if (!std::isnan(s.se) && s.maps > 4) out += formatted(" \u00b1 %.*f", decimals, unit * s.se);
-  return out;
+std::string plus_minus(const Summaries& all, Metric metric) {
+  const Summary& s = all[metric];
+  const MetricWords& words = words_of(metric);
+  return words.text(s.mean) +
+         (!std::isnan(s.se) && s.maps > 4 ? " \u00b1 " + words.text(s.se) : "") + words.unit;
 }
 
 const ModeResult* papers_network(const Report& report) {
@@ -31,19 +32,11 @@ std::string against_baselines(const Report& report) {
     if (iou(row) > 0.01 && (best == nullptr || iou(row) > iou(*best))) best = &row;
   if (best == nullptr) return "none of the baselines scored here draws a body";
   return std::string("the best baseline that draws a body, ") + baseline_title(best->name) + ": " +
-         plus_minus(best->metrics[metric_iou], 1, 2);
+         plus_minus(best->metrics, metric_iou);
 }
 
-struct Judged {
-  Metric metric;
-  const char* name;
-  double unit;
-  const char* of_unit;
-};
-constexpr std::array judged{
-    Judged{metric_iou, "IoU", 1, ""}, Judged{metric_lateral_m, "lateral error", 100, " cm"},
-    Judged{metric_depth_mae_m, "depth error", 100, " cm"}, Judged{metric_rmse_m, "RMSE", 1, " m"},
-    Judged{metric_ssim_hard, "SSIM of the hard map", 1, ""}};
+constexpr Metric judged[] = {metric_iou, metric_lateral_m, metric_depth_mae_m, metric_rmse_m,
+                             metric_ssim_hard};
 
 // In which metrics the other one is better, beyond chance.
 std::string worse_than(const ModeResult& own, const ModeResult& other) {
@@ -51,10 +44,10 @@ std::string worse_than(const ModeResult& own, const ModeResult& other) {
   if (a.rows != b.rows) return {};
   std::string out;
   for (const PairedDifference& d : paired_differences(a.scores, b.scores))
-    for (const Judged& j : judged) {
-      if (j.metric != d.metric || d.low <= 0) continue;
-      out += formatted("%s%s (%.2f against %.2f%s)", out.empty() ? "" : ", ", j.name,
-                       j.unit * d.first, j.unit * d.second, j.of_unit);
+    if (std::ranges::count(judged, d.metric) > 0 && d.low > 0) {
+      const MetricWords& words = words_of(d.metric);
+      out += std::string(out.empty() ? "" : ", ") + words.name + " (" + words.text(d.first) +
+             " against " + words.text(d.second) + words.unit + ")";
     }
   return out;
 }
@@ -67,17 +60,16 @@ std::string of_models(const Report& report) {
                                     report.simulated ? "simulated" : "recorded",
                                     report.new_run ? " of a new run" : " that training held out");
   out[0] = static_cast<char>(std::toupper(static_cast<unsigned char>(out[0])));
-  out += "IoU " + plus_minus(own[metric_iou], 1, 2);
+  out += "IoU " + plus_minus(own, metric_iou);
   const ModeResult* paper = papers_network(report);
   if (paper != nullptr)
-    out += " (the paper's network: " + plus_minus(paper->metrics[metric_iou], 1, 2) + "; ";
+    out += " (the paper's network: " + plus_minus(paper->metrics, metric_iou) + "; ";
   else
     out += " (";
   out += against_baselines(report) + ")";
-  if (!std::isnan(own[metric_lateral_m].mean))
-    out += ", lateral error " + plus_minus(own[metric_lateral_m], 100, 1) + " cm";
-  if (!std::isnan(own[metric_depth_mae_m].mean))
-    out += ", depth error " + plus_minus(own[metric_depth_mae_m], 100, 1) + " cm";
+  for (const Metric metric : {metric_lateral_m, metric_depth_mae_m})
+    if (!std::isnan(own[metric].mean))
+      out += std::string(", ") + words_of(metric).name + " " + plus_minus(own, metric);
   out += ".";
   for (const ModeResult& mode : report.modes)
     if (&mode != &subject)

@@ -9,7 +9,8 @@ import {Sheet} from './sheet.js';
 const $ = id => document.getElementById(id);
 const sensors = ['spd', 'radar', 'depth'];
 const histogram = new Histogram(), profile = new Profile(), strips = new Strips(), cloud = new Cloud();
-const waterfalls = {spd: new Waterfall('spd'), radar: new Waterfall('radar')};
+const waterfalls = {spd: new Waterfall('waterfall-spd'), radar: new Waterfall('waterfall-radar')};
+const antennas = new Waterfall('beams', 230, {}, 'sine of the azimuth, right: above 0');
 histogram.partner = profile, profile.partner = histogram;
 const views = {map: new MapView('map'), camera: new MapView('camera'), reconstruction: new MapView('reconstruction'),
                deviation: new MapView('deviation', 'sure')};
@@ -150,6 +151,12 @@ function drawRecord() {
       : [nobody && 'the reconstruction has no body', made.note, state?.doubt].filter(Boolean).join('; '));
     $('said').className = made.fault || made.note || state?.doubt ? 'look' : '';
     drawMapsLamp();
+  }
+  const [bins, beams] = a.beams?.shape ?? [0, 0], most = a.beams ? a.beams.reduce((top, v) => v > top ? v : top, -Infinity) : 0;
+  $('card-beams').hidden = !(most > -Infinity && bins);
+  if (!$('card-beams').hidden) {
+    const turned = Float32Array.from(a.beams, (_, i) => a.beams[(bins - 1 - Math.floor(i / beams)) * beams + i % beams]), {array} = run.axes;
+    antennas.show(picture(turned, bins, beams, [most - 30, most], tables.level, 1, true), [-1, 1], array.start + array.count * array.step);
   }
   const points = cloudOf === 'reconstruction' && a.reconstruction ? a.reconstruction : a.map;
   if (points || !live) cloud.set(points, cloudOf === 'reconstruction' && made ? made.half_tangent : grid, span);
@@ -323,6 +330,7 @@ function redraw() {
   histogram.renew();
   profile.renew();
   strips.renew();
+  for (const chart of [antennas, ...Object.values(waterfalls)]) if (chart.data) chart.renew();
   drawWaterfalls();
   drawRecord();
   sheet.draw(span);

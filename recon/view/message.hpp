@@ -17,7 +17,8 @@
 //              lost, late, missing (records without it), residual_s}}; with a model doubt: why the
 //              newest maps as a whole are not to be trusted, or null; doubts: the verdict over the
 //              whole run
-//   record     index, utc, label, live, sensors, and spd (counts), radar (dB), camera (mm), map (m,
+//   record     index, utc, label, live, sensors, and spd (counts), radar (dB), beams (dB by range
+//              and sine of the azimuth, of a radar with antennas), camera (mm), map (m,
 //              what the camera sees on the grid of the maps); with a model reconstruction (m) and
 //              deviation (m), or the reason why there is none, how far to trust it, whether the
 //              model was trained on this record (seen), and how well it meets what the camera sees

@@ -51,6 +51,20 @@ Picture thinned(const std::vector<std::uint16_t>& mm, std::size_t height, std::s
   return out;
 }
 
+// dB by range and direction; NaN without the radar's antennas.
+std::vector<float> beams_of(const record::FusedRecord& r, const record::Antennas& antennas,
+                            std::size_t bins) {
+  std::vector<float> out(bins * record::beams, std::nanf(""));
+  if (!r.has(Sensor::radar) || r.array.empty() || antennas.empty()) return out;
+  for (std::size_t i = 0; i < out.size(); ++i) {
+    const double power =
+        record::beam_power(record::bin_of(r.array, antennas.size(), i / record::beams), antennas,
+                           record::beam_cosine(i % record::beams));
+    out[i] = static_cast<float>(10 * std::log10(std::max(power, 1e-12)));
+  }
+  return out;
+}
+
 // A column of the waterfall: neighbours as their highest, so that none has more than 256.
 constexpr std::size_t most_column_bins = 256;
 std::size_t column_step(std::size_t bins) {
@@ -215,6 +229,9 @@ Message Show::make_record(std::int64_t index, bool live) const {
     if (r.has(Sensor::spd)) out.add("spd", r.spd);
     const Axis* radar = find(axes, "radar");
     if (r.has(Sensor::radar) && radar) out.add("radar", to_db(r.radar, *radar));
+    if (const Axis* array = find(axes, "array"))
+      out.add<float>("beams", beams_of(r, run.antennas(), array->count),
+                     {array->count, record::beams});
     const Axis *x = find(axes, "depth_x"), *y = find(axes, "depth_y");
     if (r.has(Sensor::depth) && x && y) {
       const record::MapGrid grid = record::map_grid_of(axes);

@@ -75,6 +75,8 @@ class Server(unittest.TestCase):
         state = client.until("state")
         self.assertEqual((state["status"], state["records"], state["last_index"]), ("complete", RECORDS, RECORDS - 1))
         self.assertEqual(state["sensors"]["spd"]["verdict"], "ok")
+        self.assertEqual(state["doubts"], "")
+        self.assertIn("seed", [name for name, _ in run["facts"]])
         self.assertEqual(len(client.until("strip")["arrays"]["first"]), RECORDS)
         newest = client.until("record")
         self.assertTrue(newest["live"])
@@ -93,10 +95,35 @@ class Server(unittest.TestCase):
         sheet = client.until("sheet")
         self.assertEqual(sheet["index"], list(range(RECORDS)))
         self.assertEqual(len(sheet["arrays"]["maps"]), RECORDS * 32 * 32)
+        # A column of the waterfall has the highest of neighbouring bins.
+        arrays, bins = sheet["arrays"], run["axes"]["spd"]["count"]
+        columns, by = len(arrays["spd"]) // RECORDS, -(-bins // 256)
+        self.assertEqual(columns, -(-bins // by))
+        clicks = struct.unpack(f"<{bins}I", spd)
+        self.assertEqual(arrays["spd"][3 * columns:4 * columns], tuple(float(max(clicks[i:i + by])) for i in range(0, bins, by)))
+        self.assertEqual(arrays["time_s"][3], 3 * run["window_s"])
         client.ask({"mark": "a finished run is not marked"})
         self.assertIn("nobody is recording", client.until("answer")["text"])
         client.ask({"show": 10 ** 6})
         self.assertIn("no record 1000000", client.until("trouble")["text"])
+
+    def test_trained_on_this_record(self):
+        model = pathlib.Path(self.folder.name) / "model.safetensors"
+        subprocess.run([bin_dir / "echofuse-recon", "train", self.run_file, "--model", "mean", "--out", model, "-q"], check=True,
+                       stderr=subprocess.DEVNULL)
+        process, address = self.start(self.run_file, "--model", model, "--listen", "127.0.0.1:0")
+        try:
+            client = Client(address)
+            self.assertFalse(client.until("run")["calibrated"])
+            seen = 0
+            for index in range(RECORDS):
+                client.ask({"show": index})
+                seen += client.until("record", lambda record: record["index"] == index)["reconstruction"]["seen"]
+            self.assertTrue(0 < RECORDS - seen <= 0.2 * RECORDS, seen)  # those that were held out
+        finally:
+            process.terminate()
+            process.wait()
+            process.stdout.close()
 
     def test_refused(self):
         url = urllib.parse.urlsplit(self.address)
