@@ -85,13 +85,13 @@ std::optional<std::string> Writer::label() const {
 }
 
 void Writer::put(Job job) {
-  if (failed_) return;
+  if (failed_ || !worker_) return;
   if (waiting_ >= hard_limit * capacity_)
     return fail(std::make_exception_ptr(Error(ExitCode::disk, too_slow)));
   ++waiting_;
   worker_->put([this, job = std::move(job)] {
-    work(job);
     --waiting_;
+    work(job);
   });
 }
 

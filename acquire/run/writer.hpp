@@ -56,7 +56,7 @@ class Writer {
   std::unique_ptr<record::RunWriter> run_;
   const std::size_t capacity_;
   mutable std::mutex mutex_;
-  std::atomic<std::size_t> waiting_ = 0;  // jobs that are not done
+  std::atomic<std::size_t> waiting_ = 0;  // jobs that have not begun
   std::atomic<bool> failed_ = false, moved_ = false;
   bool reported_ = false;  // that another program holds the file
   std::atomic<std::int64_t> written_ = 0;

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Time as every sample carries it. Clocks are injected: nothing but main makes a SystemClock.
+// Time as every sample carries it. Clocks are injected: what does not run in a loop is given
+// `system_clock`.
 #pragma once
 #include <chrono>
 #include <string>
@@ -24,7 +25,6 @@ class SystemClock final : public Clock {
   UtcTime utc() const override;
 };
 
-// For who is given no other clock.
 extern const Clock& system_clock;
 
 // Moves only when told to.

@@ -5,9 +5,11 @@
 #include <boost/asio/executor_work_guard.hpp>
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/post.hpp>
+#include <boost/asio/steady_timer.hpp>
 #include <condition_variable>
 #include <deque>
 #include <mutex>
+#include <optional>
 #include <thread>
 #include <utility>
 
@@ -19,10 +21,12 @@ namespace echofuse::port {
 // does not keep a timer waiting.
 void Loop::run_until(const std::function<bool()>& done, HostTime until) {
   constexpr int most_before_a_timer = 32;
-  for (int before = 0; !done() && now() < until;) {
-    const HostTime next = alarms_.empty() ? until : std::min(until, alarms_.begin()->first);
-    if (next > now()) {
-      wait(next);
+  for (int before = 0; !done();) {
+    const HostTime time = now();
+    if (time >= until) return;
+    const bool due = !alarms_.empty() && alarms_.begin()->first <= time;
+    if (!due) {
+      wait(alarms_.empty() ? until : std::min(until, alarms_.begin()->first));
     } else if (before == most_before_a_timer || !poll()) {
       before = 0;
       const auto alarm = alarms_.extract(alarms_.begin());
@@ -75,10 +79,11 @@ class Thread final : public Worker {
     while (true) {
       wake_.wait(lock, [this] { return ending_ || !jobs_.empty(); });
       if (jobs_.empty()) return;
-      const Action job = std::move(jobs_.front());
+      Action job = std::move(jobs_.front());
       jobs_.pop_front();
       lock.unlock();
       job();
+      job = nullptr;  // what it holds is freed here, not while the loop waits
       lock.lock();
     }
   }
@@ -96,6 +101,8 @@ struct SystemLoop::Parts {
   boost::asio::io_context io;
   boost::asio::executor_work_guard<boost::asio::io_context::executor_type> work{
       io.get_executor()};  // it waits also while it has nothing to do
+  boost::asio::steady_timer timer{io};
+  std::optional<HostTime> armed;  // when the timer ends the waiting
 };
 
 SystemLoop::SystemLoop() : parts_(std::make_unique<Parts>()) {}
@@ -116,7 +123,15 @@ void SystemLoop::wait(HostTime until) {
   // The user's signals are seen by whoever asks for them, so that it is asked for now and then.
   constexpr std::chrono::milliseconds longest{20};
   const HostTime end = std::min(until, now() + longest);
-  parts_->io.run_one_until(std::chrono::steady_clock::time_point(end));
+  // Not by run_one_until, which waits for whole milliseconds.
+  if (Parts& p = *parts_; !p.armed || end < *p.armed) {
+    p.armed = end;
+    p.timer.expires_at(std::chrono::steady_clock::time_point(end));
+    p.timer.async_wait([&p](const boost::system::error_code& error) {
+      if (!error) p.armed.reset();
+    });
+  }
+  parts_->io.run_one();
 }
 
 }  // namespace echofuse::port

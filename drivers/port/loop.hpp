@@ -19,11 +19,12 @@ using Action = std::function<void()>;
 // Runs jobs one after the other, beside the loop.
 class Worker {
  public:
-  virtual ~Worker() = default;  // returns once the jobs that it has are done
-  virtual void put(Action job) = 0;
+  virtual ~Worker() = default;       // returns once the jobs that it has are done
+  virtual void put(Action job) = 0;  // it does not throw
 };
 
-// Threading: one thread has the loop, but post() may be called from any thread.
+// Threading: one thread has the loop, but post() may be called from any thread. What an action
+// throws leaves run_until(), which can be called again.
 class Loop : public Clock {
  public:
   // The action runs in the loop, never inside post().

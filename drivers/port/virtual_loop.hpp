@@ -6,6 +6,7 @@
 #include <deque>
 #include <map>
 #include <memory>
+#include <stdexcept>
 #include <string>
 #include <system_error>
 #include <utility>
@@ -74,7 +75,9 @@ class VirtualLoop final : public Loop {
   };
 
   void wait(HostTime until) override {
-    if (!poll()) now_ = std::max(now_, until);
+    if (poll()) return;
+    if (until == HostTime::max()) throw std::logic_error("nothing can happen any more");
+    now_ = std::max(now_, until);
   }
   bool poll() override {
     if (posted_.empty()) return false;

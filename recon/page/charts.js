@@ -132,10 +132,11 @@ class Bench extends Chart {
     let top = -1;
     for (let i = 0; i < x.length; ++i) if (x[i] >= from && x[i] <= to && y[i] != null && (top < 0 || y[i] > y[top])) top = i;
     if (top < 0) return null;
+    if (this.difference) return {top, width: null};  // it has no height to halve
     const half = this.half(y[top], y);
     const end = by => {
       let i = top;
-      while (y[i] > half) i += by;
+      while (y[i] != null && y[i] > half) i += by;
       return y[i] == null ? NaN : x[i] + (half - y[i]) / (y[i - by] - y[i]) * (x[i - by] - x[i]);
     };
     const width = end(1) - end(-1);

@@ -24,9 +24,12 @@ class TcpListener final : public Listener {
 
   void accept() override {
     wanted_ = true;
+    if (accepting_ || !acceptor_.is_open()) return;
+    accepting_ = true;
     acceptor_.async_accept([this](const ErrorCode& error, tcp::socket socket) {
+      accepting_ = false;
       if (error) {
-        if (acceptor_.is_open() && wanted_) accept();
+        if (wanted_) accept();
         return;
       }
       wanted_ = false;
@@ -83,7 +86,7 @@ class TcpListener final : public Listener {
   tcp::socket socket_;
   Handlers handlers_;
   std::array<std::uint8_t, 256> unread_{};
-  bool wanted_ = false;  // the next client
+  bool wanted_ = false, accepting_ = false;  // the next client; the acceptor has been asked
 };
 
 }  // namespace

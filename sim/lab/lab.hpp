@@ -45,8 +45,9 @@ struct LabOptions {
 
 class Lab {
  public:
-  // Starts all devices. Throws Error: usage for a directory that is not empty and not a former
-  // laboratory, or is in use; failed or config for anything else that keeps it from starting.
+  // Starts all devices. The loop does not run any more once this is gone. Throws Error: usage for a
+  // directory that is not empty and not a former laboratory, or is in use; failed or config for
+  // anything else that keeps it from starting.
   Lab(port::SystemLoop& loop, const LabOptions& options);
   ~Lab();
   Lab(const Lab&) = delete;

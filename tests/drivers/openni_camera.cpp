@@ -296,7 +296,7 @@ TEST_CASE("a camera that dies after one frame is tried ever more rarely") {
   }
 }
 
-TEST_CASE("a busy io thread costs frames, and every one is counted") {
+TEST_CASE("a busy loop costs frames, and every one is counted") {
   Bench b;
   b.start();
   REQUIRE(b.frames(3));

@@ -10,7 +10,7 @@
 namespace echofuse::sim {
 
 // The device ends a transfer every 5 ms. What the host does not fetch waits in its FIFO; of tags
-// that have no room there the next block says how many they are. Threading: one io thread.
+// that have no room there the next block says how many they are. Threading: the loop's thread.
 class TdcUsb : public Device {
  public:
   static constexpr std::uint16_t vendor = 0x1209, product = 0x0001;  // pid.codes: private tests

@@ -17,7 +17,7 @@ using test::run_until;
 
 namespace {
 
-// Board and driver share one io thread.
+// Board and driver share one loop.
 struct Bench {
   Bench() {
     const auto uart = [this](unsigned number, const char* serial, sim::HidUart*& made) {

@@ -228,7 +228,7 @@ TEST_CASE("what a slow consumer does not take waits in the device") {
   b.connect();
   constexpr std::size_t runs = 90, per_run = 65'536;  // 90 MiB: more than may be on its way
   for (std::size_t i = 0; i < runs; ++i) b.device.send(b.tags(per_run));
-  std::uint64_t fetched = 1, before = 0;  // the io thread stands still meanwhile
+  std::uint64_t fetched = 1, before = 0;  // the loop stands still meanwhile
   for (; fetched != before; fetched = b.device.fetched()) {
     before = fetched;
     std::this_thread::sleep_for(500ms);

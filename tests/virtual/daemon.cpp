@@ -138,10 +138,12 @@ TEST_CASE(
 TEST_CASE("a device that is not there, and one that is not configured") {
   Bench b;
   b.unplug_radar();
+  b.lab->set("depth.address=");
   CHECK(b.lab->record(b.run(4)) == ExitCode::ok);
   for (const auto& r : b.records()) {
-    CHECK(r.valid.bits() == 5);
+    CHECK(r.valid.bits() == 1);
     CHECK(r.sync[Sensor::radar].verdict == "no frames");
+    CHECK(r.sync[Sensor::depth].verdict == "not configured");
   }
   CHECK(has(b.events("radar"), "not there at the start"));
 }
@@ -161,6 +163,7 @@ TEST_CASE("without a required device there is no run, and records without it are
         std::count_if(all.begin(), all.end(), [](auto& r) { return !r.has(Sensor::radar); });
     CHECK(incomplete >= 4);
     CHECK(b.reader().summary().incomplete == incomplete);
+    CHECK(b.reader().summary().policies.at("radar") == "required");
   }
 }
 
@@ -174,8 +177,7 @@ TEST_CASE("a laser too weak is told once, and counted in every record") {
   CHECK(b.events("spd").size() == 1);
 }
 
-TEST_CASE(
-    "a laser that fades, a camera and a radar that freeze: each is told as it begins and ends") {
+TEST_CASE("a laser that fades, a camera and a radar that freeze: each is told once") {
   Bench b({.faults = {fault("tdc", FaultKind::gain, 60, 15, 0.03),
                       fault("depth", FaultKind::freeze, 90, 15),
                       fault("radar", FaultKind::freeze, 120, 15)},
@@ -258,4 +260,32 @@ TEST_CASE("a run is resumed: the index goes on, another configuration is refused
   CHECK(has(b.events("run"), "resumed at record 4, was complete, 1 min 4"));
   b.lab->set("tdc.bins=99");
   CHECK_THROWS_WITH(b.lab->record(run), Catch::Contains("tdc.bins was"));
+}
+
+TEST_CASE("a device that is away stays ours: another run does not begin") {
+  Bench b({.faults = {fault("radar", FaultKind::unplug, 20, 30)}});
+  std::string refused;
+  port::Timer other(b.lab->loop);
+  other.after(40s, [&] {
+    acquire::RunOptions second = b.run(1);
+    second.out = b.folder / "second.sqlite";
+    try {
+      b.lab->record(second);
+    } catch (const Error& error) {
+      refused = error.what();
+    }
+  });
+  CHECK(b.lab->record(b.run(20)) == ExitCode::ok);
+  CHECK(refused.find("radar serial:") != std::string::npos);
+  CHECK(refused.find("in use by echofuse-acquire run") != std::string::npos);
+}
+
+TEST_CASE("a camera that comes back with another axis is not used, and others are") {
+  Bench b({.faults = {fault("depth", FaultKind::unplug, 20, 6)}});
+  port::Timer meanwhile(b.lab->loop);
+  meanwhile.after(23s, [&] { b.lab->turn_camera(); });
+  CHECK(b.lab->record(b.run(20)) == ExitCode::ok);
+  CHECK(b.records().front().valid.bits() == 7);
+  CHECK(b.records().back().valid.bits() == 3);
+  CHECK(has(b.events("depth"), "came back with another axis"));
 }

@@ -98,6 +98,7 @@ class Camera final : public sim::Device {
     timer_.cancel();
     injector_.stop();
   }
+  void turn() { columns_.start += 0.1; }
   std::vector<std::pair<std::string, std::uint64_t>> sent() const override {
     return {{"frames", frames_}};
   }
@@ -307,7 +308,8 @@ struct Laboratory::Parts {
   MemoryListener camera_wire;
   sim::Uart::Receive receive;
   Wire cli, data;
-  std::unique_ptr<sim::Device> tagger, radar, camera;
+  std::unique_ptr<sim::Device> tagger, radar;
+  std::unique_ptr<Camera> camera;
   acquire::Config config;
 };
 
@@ -319,6 +321,8 @@ void Laboratory::set(const std::string& assignment) {
   parts_->config = acquire::load_config(parts_->options.folder + "/lab.toml", {assignment});
 }
 
+void Laboratory::turn_camera() { parts_->camera->turn(); }
+
 ExitCode Laboratory::record(acquire::RunOptions run) {
   run.quiet = true;
   if (run.uuid.empty()) run.uuid = "00000000-0000-4000-8000-000000000001";
@@ -326,8 +330,9 @@ ExitCode Laboratory::record(acquire::RunOptions run) {
 }
 
 void Laboratory::close() {
-  for (sim::Device* device : {parts_->tagger.get(), parts_->radar.get(), parts_->camera.get()})
-    device->stop();
+  parts_->tagger->stop();
+  parts_->radar->stop();
+  parts_->camera->stop();
   loop.run_for(1s);
   if (parts_->journal) parts_->journal->close();
 }

@@ -38,6 +38,8 @@ class Laboratory {
   port::VirtualLoop loop{std::chrono::seconds(1'700'000'000)};
   // Another value of the configuration: "tdc.bins=99".
   void set(const std::string& assignment);
+  // From now on the camera's pixels look elsewhere.
+  void turn_camera();
   // Records so many slots, or until interrupted. Throws as record_run does.
   ExitCode record(acquire::RunOptions run);
   // The devices end, and what they did is in the log.
