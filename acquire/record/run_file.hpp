@@ -164,9 +164,10 @@ struct RunSummary {
 
 // "28 of 75 doubtful: radar missing 11, weak 10; camera frozen 7"; empty if none is.
 std::string doubts_of(const RunSummary& sum);
-// A verdict without the figures behind its colon; whether it speaks against the record.
+// A verdict without the figures behind its colon.
 std::string verdict_kind(const std::string& verdict);
-bool is_doubt(const std::string& kind);
+// Counts one record's verdicts in `verdicts` and `doubtful`.
+void count_verdicts(RunSummary& sum, const PerSensor<std::string>& verdicts);
 
 // A record without what its sensors saw: for those who follow a run.
 struct RecordOutline {

@@ -19,14 +19,25 @@ void read_slot(Statement& row, const std::string& shown_path, RecordOutline& r) 
   r.length = end - start;
 }
 
+// Whether it speaks against the record.
+bool is_doubt(const std::string& kind) {
+  return kind != "ok" && kind != "not configured" && !kind.empty();
+}
+
 }  // namespace
 
 std::string verdict_kind(const std::string& verdict) {
   return verdict.substr(0, verdict.find(':'));
 }
 
-bool is_doubt(const std::string& kind) {
-  return kind != "ok" && kind != "not configured" && !kind.empty();
+void count_verdicts(RunSummary& sum, const PerSensor<std::string>& verdicts) {
+  bool doubt = false;
+  for (const Sensor s : all_sensors) {
+    const std::string kind = verdict_kind(verdicts[s]);
+    ++sum.verdicts[s][kind];
+    doubt |= is_doubt(kind);
+  }
+  sum.doubtful += doubt;
 }
 
 std::string doubts_of(const RunSummary& sum) {
@@ -86,13 +97,9 @@ RunSummary RunReader::summary() const {
   count_by("SELECT level FROM event", sum.events);
   Statement verdicts = ask("SELECT spd_verdict, radar_verdict, depth_verdict FROM record");
   while (verdicts.step()) {
-    bool doubt = false;
-    for (const Sensor s : all_sensors) {
-      const std::string kind = verdict_kind(verdicts.text());
-      ++sum.verdicts[s][kind];
-      doubt |= is_doubt(kind);
-    }
-    sum.doubtful += doubt;
+    PerSensor<std::string> of_record;
+    for (std::string& verdict : of_record) verdict = verdicts.text();
+    count_verdicts(sum, of_record);
   }
   if (has_table("clock_fit")) summarise_sync(sum);
   if (has_table("radar_array")) {

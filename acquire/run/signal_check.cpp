@@ -7,6 +7,7 @@
 #include <numeric>
 #include <utility>
 
+#include "acquire/record/run_file.hpp"
 #include "drivers/core/log2_codes.hpp"
 
 namespace echofuse::acquire {
@@ -163,8 +164,7 @@ void SignalCheck::judge(record::FusedRecord& record, std::span<const Axis> axes)
 
 std::string kind_of(const record::FusedRecord& record, Sensor sensor) {
   if (!record.has(sensor)) return "missing";
-  const std::string& verdict = record.sync[sensor].verdict;
-  return verdict.substr(0, verdict.find(':'));
+  return record::verdict_kind(record.sync[sensor].verdict);
 }
 
 }  // namespace echofuse::acquire

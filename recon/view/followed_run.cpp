@@ -109,13 +109,10 @@ void FollowedRun::take(const record::RecordOutline& o) {
   Outline& out = outlines_.emplace_back();
   out.index = o.index, out.start = o.slot_utc, out.end = o.slot_utc + o.length, out.valid = o.valid;
   label_ = o.label;
-  bool doubt = false;
+  PerSensor<std::string> verdicts;
   for (const Sensor s : all_sensors) {
     SensorState& sensor = sensors_[s];
-    sensor.verdict = o.sync[s].verdict;
-    const std::string kind = record::verdict_kind(sensor.verdict);
-    ++verdicts_.verdicts[s][kind];
-    doubt |= record::is_doubt(kind);
+    sensor.verdict = verdicts[s] = o.sync[s].verdict;
     sensor.configured = sensor.verdict != "not configured";
     sensor.valid = o.valid.contains(s);
     if (sensor.valid) sensor.last_valid = out.end;
@@ -131,7 +128,8 @@ void FollowedRun::take(const record::RecordOutline& o) {
     out.residual_s[s] =
         static_cast<float>(residual_s.value_or(std::numeric_limits<double>::quiet_NaN()));
   }
-  ++verdicts_.records, verdicts_.doubtful += doubt;
+  ++verdicts_.records;
+  record::count_verdicts(verdicts_, verdicts);
 }
 
 std::optional<std::int64_t> FollowedRun::last() const {
