@@ -14,7 +14,8 @@ namespace echofuse::acquire {
 
 // The lock's name of an address of the configuration. Who writes the address of a serial, USB or
 // HID device in another way does not see the lock, and finds the device opened exclusively. Empty:
-// a recording, which everybody may read.
+// a recording, which everybody may read, or an OpenNI2 camera without a URI that is not the only
+// one.
 std::string lock_name(const std::string& address);
 
 // Held as long as this lives, also while a device is away or being opened again: nobody else may

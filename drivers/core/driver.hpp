@@ -7,10 +7,6 @@
 
 #include "drivers/core/sample.hpp"
 
-namespace boost::asio {
-class io_context;
-}
-
 namespace echofuse {
 
 enum class DeviceState : std::uint8_t { connecting, streaming, faulted, ended };

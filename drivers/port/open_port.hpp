@@ -11,7 +11,6 @@ namespace echofuse::port {
 
 // Throws Error(config) for an address that carries no byte stream, or a baud rate that a HID bridge
 // cannot do.
-ByteOpener byte_opener(boost::asio::io_context& io, const std::string& address,
-                       std::uint32_t baud = 115200);
+ByteOpener byte_opener(boost::asio::io_context& io, const std::string& address, std::uint32_t baud);
 
 }  // namespace echofuse::port

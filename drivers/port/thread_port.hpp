@@ -3,7 +3,6 @@
 // folder only: it pulls in Asio.
 #pragma once
 #include <atomic>
-#include <boost/asio/executor_work_guard.hpp>
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/post.hpp>
 #include <chrono>
@@ -21,14 +20,13 @@
 
 namespace echofuse::port {
 
-// What both threads see; `handlers`, `work`, `open` and `closed` belong to the loop's thread.
+// What both threads see; `handlers`, `open` and `closed` belong to the loop's thread, which waits
+// for what is posted as long as it runs.
 struct ThreadLink {
-  explicit ThreadLink(boost::asio::io_context& context)
-      : io(&context), work(context.get_executor()) {}
+  explicit ThreadLink(boost::asio::io_context& context) : io(&context) {}
 
   std::mutex io_mutex;
   boost::asio::io_context* io;  // null once the port is gone
-  std::optional<boost::asio::executor_work_guard<boost::asio::io_context::executor_type>> work;
   PortHandlers handlers;
   bool open = false, closed = false;
   std::atomic<bool> stopping{false};
@@ -69,7 +67,6 @@ class ThreadPort : public BytePort {
     // live on it.
     constexpr auto close_timeout = std::chrono::milliseconds(200);
     link_->closed = true;
-    link_->work.reset();
     link_->stopping = true;
     if (!thread_.joinable()) return;
     if (ended_.wait_for(close_timeout) == std::future_status::ready) {
@@ -97,7 +94,6 @@ class ThreadPort : public BytePort {
             post(link, [wrong](Link& gone) {
               gone.closed = true;
               gone.open = false;
-              gone.work.reset();
               gone.handlers.gone(*wrong);
             });
           end.set_value();
