@@ -29,7 +29,6 @@ struct Bench {
     spdlog::set_level(spdlog::level::off);
     with.folder = std::string(folder / "");
     with.name = std::to_string(::getpid());
-    if (!with.log.empty()) with.log = folder / with.log;
     lab.emplace(with);
   }
   void unplug_radar() {

@@ -8,7 +8,9 @@
 #include <sstream>
 #include <utility>
 
+#include "../paths.hpp"
 #include "acquire/config/config.hpp"
+#include "drivers/program/settings.hpp"
 #include "sim/devices/fault_injector.hpp"
 #include "sim/devices/uart.hpp"
 #include "sim/scene/scene_list.hpp"
@@ -32,38 +34,11 @@ struct Addresses {
 };
 
 // The paper's profile, at four frames a second.
-constexpr char radar_cfg[] =
-    "sensorStop\n"
-    "flushCfg\n"
-    "dfeDataOutputMode 1\n"
-    "channelCfg 15 7 0\n"
-    "adcCfg 2 1\n"
-    "adcbufCfg -1 0 1 1 1\n"
-    "lowPower 0 0\n"
-    "profileCfg 0 60 7 6 40 0 0 18.75 1 60 2000 0 0 30\n"
-    "chirpCfg 0 0 0 0 0 0 0 1\n"
-    "chirpCfg 1 1 0 0 0 0 0 2\n"
-    "chirpCfg 2 2 0 0 0 0 0 4\n"
-    "frameCfg 0 2 32 0 250 1 0\n"
-    "guiMonitor -1 0 1 0 0 0 1\n"
-    "cfarCfg -1 0 2 8 4 3 0 15.0 0\n"
-    "cfarCfg -1 1 0 4 2 3 1 15.0 0\n"
-    "multiObjBeamForming -1 1 0.5\n"
-    "calibDcRangeSig -1 0 -5 8 256\n"
-    "clutterRemoval -1 0\n"
-    "compRangeBiasAndRxChanPhase 0.0 1 0 1 0 1 0 1 0 1 0 1 0 1 0 1 0 1 0 1 0 1 0 1 0\n"
-    "measureRangeBiasAndRxChanPhase 0 1.0 0.2\n"
-    "aoaFovCfg -1 -90 90 -90 90\n"
-    "cfarFovCfg -1 0 0 14.00\n"
-    "cfarFovCfg -1 1 -1 1.00\n"
-    "extendedMaxVelocity -1 0\n"
-    "CQRxSatMonitor 0 3 4 29 0\n"
-    "CQSigImgMonitor 0 29 2\n"
-    "analogMonitor 0 0\n"
-    "lvdsStreamCfg -1 0 0 0\n"
-    "bpmCfg -1 0 0 1\n"
-    "calibData 0 0 0\n"
-    "sensorStart\n";
+std::string radar_cfg() {
+  std::string cfg = read_config_text(source_dir + "/config/radar/xwr68xx_paper_50cm.cfg");
+  const std::string period = "frameCfg 0 2 32 0 50 ";
+  return cfg.replace(cfg.find(period), period.size(), "frameCfg 0 2 32 0 250 ");
+}
 
 class WireUart final : public sim::Uart {
  public:
@@ -290,7 +265,7 @@ struct Laboratory::Parts {
           return std::make_unique<WireUart>(loop, data, baud);
         });
     camera = std::make_unique<Camera>(loop, player, camera_wire, plan, o.seed);
-    std::ofstream(o.folder + "/radar.cfg") << radar_cfg;
+    std::ofstream(o.folder + "/radar.cfg") << radar_cfg();
     configure();
   }
 
