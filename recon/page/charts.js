@@ -132,7 +132,6 @@ class Bench extends Chart {
     let top = -1;
     for (let i = 0; i < x.length; ++i) if (x[i] >= from && x[i] <= to && y[i] != null && (top < 0 || y[i] > y[top])) top = i;
     if (top < 0) return null;
-    if (this.difference) return {top, width: null};  // it has no height to halve
     const half = this.half(y[top], y);
     const end = by => {
       let i = top;
@@ -209,8 +208,9 @@ export class Histogram extends Bench {
   words(range, clicks) {
     return `${range.toFixed(2)} m, ${siNumber(clicks)} clicks`;
   }
-  // Between the peak and the middle one of all bins: what is always there.
+  // Between the peak and the middle one of all bins: what is always there. A difference has no height to halve.
   half(peak, y) {
+    if (this.difference) return NaN;
     const sorted = y.filter(v => v != null).sort((a, b) => a - b);
     return (peak + sorted[sorted.length >> 1]) / 2;
   }
