@@ -1,20 +1,12 @@
 # SPDX-License-Identifier: MIT
-"""The Python package (recon/python) on simulated runs. ECHOFUSE_BIN is the folder of the programs."""
-import os
-import pathlib
+"""The Python package (recon/python) on simulated runs."""
 import sqlite3
-import subprocess
 
 import numpy as np
 import pytest
 
 import echofuse
-
-BIN = pathlib.Path(os.environ["ECHOFUSE_BIN"])
-
-
-def program(name, *words):
-    subprocess.run([BIN / name, *map(str, words)], check=True, stdout=subprocess.DEVNULL)
+from programs import program
 
 
 @pytest.fixture(scope="session")

@@ -1,17 +1,14 @@
 # SPDX-License-Identifier: MIT
 """The method in Python (recon/python/echofuse/method.py) makes the maps of the program: the same pixels show a body, and
-their depths agree to 0.1 mm. ECHOFUSE_BIN is the folder of the programs."""
-import os
-import pathlib
+their depths agree to 0.1 mm."""
 import sqlite3
-import subprocess
 
 import numpy as np
 import pytest
 
 import echofuse
+from programs import program
 
-BIN = pathlib.Path(os.environ["ECHOFUSE_BIN"])
 # Name of the run: what makes it.
 RUNS = {
     "50cm": [],
@@ -31,10 +28,6 @@ KINDS = {
     "piled-up": [["factorised-8"]],
     "calibrated": [["factorised-8"]],
 }
-
-
-def program(name, *words):
-    subprocess.run([BIN / name, *map(str, words)], check=True, stdout=subprocess.DEVNULL)
 
 
 @pytest.fixture(scope="module")

@@ -1,20 +1,12 @@
 # SPDX-License-Identifier: MIT
-"""echofuse.plot on simulated runs and on tables of studies. ECHOFUSE_BIN is the folder of the programs."""
-import os
-import pathlib
-import subprocess
+"""echofuse.plot on simulated runs and on tables of studies."""
 
 import pytest
 
 pytest.importorskip("matplotlib")
 import echofuse
 from echofuse import plot
-
-BIN = pathlib.Path(os.environ["ECHOFUSE_BIN"])
-
-
-def program(name, *words):
-    subprocess.run([BIN / name, *map(str, words)], check=True, stdout=subprocess.DEVNULL)
+from programs import program
 
 
 @pytest.fixture(scope="session")

@@ -27,7 +27,6 @@ from . import run as runs
 COLOURS = {"spd": "#0b5cad", "radar": "#a64200", "depth": "#00695c", "both": "#16191d", "papers": "#5b0f75",
            "grey": "#6a7078", "bad": "#b3201a"}
 NO_RETURN = "#e8eaed"
-METRES_PER_PS = 299_792_458 / 2e12
 Path = str | pathlib.Path
 
 
@@ -139,7 +138,7 @@ def record(run: runs.Run | Path, index: int) -> Figure:
     else:
         camera.set_title("no depth in this record", fontsize=10)
     if "spd" in run.axes and run.valid["spd"][row]:
-        spd.step(run.axes["spd"].values * METRES_PER_PS, run.spd[row], where="post", color=COLOURS["spd"], lw=0.9)
+        spd.step(run.axes["spd"].values / runs.PS_PER_M, run.spd[row], where="post", color=COLOURS["spd"], lw=0.9)
     spd.set(xlabel="range (m)", ylabel="clicks")
     spd.set_title("SPD", fontsize=10)
     if "radar" in run.axes and run.valid["radar"][row]:

@@ -1,0 +1,11 @@
+# SPDX-License-Identifier: MIT
+"""The programs below test, in the folder ECHOFUSE_BIN."""
+import os
+import pathlib
+import subprocess
+
+BIN = pathlib.Path(os.environ["ECHOFUSE_BIN"])
+
+
+def program(name, *words):
+    subprocess.run([BIN / name, *map(str, words)], check=True, stdout=subprocess.DEVNULL)
