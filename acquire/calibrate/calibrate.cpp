@@ -12,8 +12,10 @@
 #include <vector>
 
 #include "acquire/calibrate/array_calibration.hpp"
+#include "acquire/calibrate/calibrate_output.hpp"
 #include "acquire/calibrate/calibration.hpp"
 #include "acquire/calibrate/repeats.hpp"
+#include "acquire/calibrate/response_fit.hpp"
 #include "acquire/devices/devices.hpp"
 #include "acquire/run/start_gaps.hpp"
 #include "drivers/core/log2_codes.hpp"
@@ -80,13 +82,6 @@ class Gatherer final : public SampleSink {
   tdc::Histogram histogram_;
 };
 
-struct Result {
-  Sensor sensor{};
-  Peak peak;            // of all repeats together
-  double spread_m = 0;  // standard deviation of the repeats
-  std::string method;
-};
-
 class Measurement {
  public:
   Measurement(const Config& config, const CalibrateOptions& options, port::Loop& loop)
@@ -137,6 +132,23 @@ class Measurement {
     widen(all.gains, repeats);
     return all;
   }
+  // How the instruments respond to the reflector, as far as a fit tells it.
+  record::Response response() const {
+    record::Response out;
+    const auto& s = gatherer_.settings();
+    if (config_.configured().contains(Sensor::spd))
+      if (const Peak peak = spd().peak; peak.refusal.empty())
+        fit_impulse_response(all_counts_, static_cast<double>(s.first_bin_ps),
+                             static_cast<double>(s.bin_width_ps),
+                             {peak.range_m, options_.search.window_m}, out);
+    if (!config_.configured().contains(Sensor::radar)) return out;
+    const Peak peak = radar().peak;
+    if (!peak.refusal.empty()) return out;
+    const auto frames = whole(gatherer_.frames);
+    fit_radar_response(frames, echo_axis(), peak.range_m, out);
+    fit_noise_exponent(frames, echo_axis().log2_power_step, out);
+    return out;
+  }
   std::optional<FirmwareBias> firmware() const {
     const auto& all = gatherer_.firmware;
     if (all.empty()) return std::nullopt;
@@ -160,19 +172,25 @@ class Measurement {
     return fit_photons(counts, static_cast<double>(s.first_bin_ps),
                        static_cast<double>(s.bin_width_ps), options_.search);
   }
-  Peak echo(const std::vector<std::vector<std::uint16_t>>& frames) const {
+  using Frames = std::vector<std::vector<std::uint16_t>>;
+  Frames whole(const Frames& frames) const {
+    Frames out;
+    std::copy_if(
+        frames.begin(), frames.end(), std::back_inserter(out),
+        [bins = parse_profile(config_.radar).bins](const auto& f) { return f.size() == bins; });
+    return out;
+  }
+  EchoAxis echo_axis() const {
     const radar::RadarProfile profile = parse_profile(config_.radar);
-    std::vector<std::vector<std::uint16_t>> whole;
-    std::copy_if(frames.begin(), frames.end(), std::back_inserter(whole),
-                 [&](const auto& f) { return f.size() == profile.bins; });
     // step = 3e8 fs / (2 slope FFT size): the sampled sweep is adc_samples of the FFT's points.
     const double resolution_m = profile.range_step_m * std::bit_ceil(profile.adc_samples) /
                                 profile.adc_samples * speed_of_light_m_s / 3.0e8;
-    return fit_echo(whole,
-                    {.step_m = profile.range_step_m,
-                     .resolution_m = resolution_m,
-                     .log2_power_step = log2_power_step(profile.antennas)},
-                    options_.search);
+    return {.step_m = profile.range_step_m,
+            .resolution_m = resolution_m,
+            .log2_power_step = log2_power_step(profile.antennas)};
+  }
+  Peak echo(const Frames& frames) const {
+    return fit_echo(whole(frames), echo_axis(), options_.search);
   }
   std::size_t bin_of(double range_m) const {
     return static_cast<std::size_t>(
@@ -226,43 +244,9 @@ class Measurement {
   std::vector<ArrayFrames> arrays_;  // by repeat
 };
 
-nlohmann::ordered_json json_of(const Result& r, const Search& search) {
-  nlohmann::ordered_json out{{"sensor", name_of(r.sensor)}};
-  if (!r.peak.refusal.empty()) {
-    out["refusal"] = r.peak.refusal;
-    return out;
-  }
-  out["range_m"] = r.peak.range_m;
-  out["offset_m"] = r.peak.range_m - search.distance_m;
-  out["standard_error_m"] = r.peak.standard_error_m;
-  out["spread_m"] = r.spread_m;
-  out["snr_db"] = r.peak.snr_db;
-  return out;
-}
-
-void say(const Result& r, const Search& search) {
-  const Peak& p = r.peak;
-  if (!p.refusal.empty())
-    std::printf("%-6s refused: %s\n", name_of(r.sensor), printable(p.refusal).c_str());
-  else
-    std::printf(
-        "%-6s %.4f m, offset %+.2f mm +- %.2f mm; spread of the repeats %.2f mm, SNR %.0f dB\n",
-        name_of(r.sensor), p.range_m, 1e3 * (p.range_m - search.distance_m),
-        1e3 * p.standard_error_m, 1e3 * r.spread_m, p.snr_db);
-}
-
-nlohmann::ordered_json json_of(const AntennaFit& fit) {
-  if (!fit.refusal.empty()) return {{"refusal", fit.refusal}};
-  const AntennaGains& g = fit.gains;
-  return {{"snr_db", fit.snr_db},
-          {"gain", g.gain},
-          {"phase_rad", g.phase_rad},
-          {"standard_error", g.standard_error}};
-}
-
 Calibration to_calibration(const std::vector<Result>& results,
                            const std::optional<AntennaFit>& antennas,
-                           const CalibrateOptions& options,
+                           const record::Response& response, const CalibrateOptions& options,
                            const std::optional<FirmwareBias>& firmware, const Clock& clock) {
   Calibration out;
   for (const Result& r : results)
@@ -274,6 +258,7 @@ Calibration to_calibration(const std::vector<Result>& results,
                              .offset_m = r.peak.range_m - options.search.distance_m,
                              .standard_error_m = r.peak.standard_error_m});
   out.firmware = firmware;
+  out.response = response;
   if (!antennas || !antennas->refusal.empty()) return out;
   out.antennas = antennas->gains;
   out.antennas.date_utc = iso8601(clock.utc());
@@ -376,8 +361,11 @@ ExitCode calibrate(const Config& config, const CalibrateOptions& options, port::
     if (!options.json) std::printf("%s", to_text(*antennas).c_str());
     refused = refused || !antennas->refusal.empty();
   }
+  const record::Response response = measurement.response();
+  for (const auto& [key, text] : response.meta()) json["response"][key] = text;
+  if (!options.json) say(response);
   const Calibration fresh =
-      to_calibration(results, antennas, options, measurement.firmware(), loop);
+      to_calibration(results, antennas, response, options, measurement.firmware(), loop);
   bool well = true;
   if (options.check) {
     well = compare(fresh, stored, json, options.json);

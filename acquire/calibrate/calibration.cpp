@@ -38,6 +38,23 @@ void bind(Settings& s, AntennaGains& a, AntennaTexts& t) {
   s.add("antennas.standard_error", t.standard_error, "of the phase, and of the gain as a share");
 }
 
+// The response has the texts that a run's table meta has.
+struct ResponseTexts {
+  std::string irf_fwhm_ps, irf_tail_ps, irf_tail_share, radar_cell_m, radar_taps,
+      radar_noise_exponent;
+
+  std::vector<std::pair<const char*, std::string*>> all() {
+    return {{"irf_fwhm_ps", &irf_fwhm_ps},       {"irf_tail_ps", &irf_tail_ps},
+            {"irf_tail_share", &irf_tail_share}, {"radar_cell_m", &radar_cell_m},
+            {"radar_taps", &radar_taps},         {"radar_noise_exponent", &radar_noise_exponent}};
+  }
+};
+
+void bind(Settings& s, ResponseTexts& t) {
+  for (const auto& [key, text] : t.all())
+    s.add(std::string("response.") + key, *text, "number +- standard error; see a run's meta");
+}
+
 std::string text_of(const std::vector<double>& values) {
   std::string out;
   char text[32];
@@ -84,6 +101,10 @@ Calibration Calibration::over(const Calibration& older) const {
     if (const auto* e = find(sensor) ? find(sensor) : older.find(sensor)) out.entries.push_back(*e);
   out.firmware = firmware ? firmware : older.firmware;
   out.antennas = antennas.empty() ? older.antennas : antennas;
+  const record::Response &spd = response.irf_fwhm_ps.value > 0 ? response : older.response,
+                         &radar = response.radar.known() ? response : older.response;
+  out.response = {spd.irf_fwhm_ps, spd.irf_tail_ps,           spd.irf_tail_share,
+                  radar.radar,     radar.taps_standard_error, radar.radar_noise_exponent};
   return out;
 }
 
@@ -101,7 +122,17 @@ Calibration read_calibration(const std::string& path) {
   Calibration out;
   AntennaTexts texts;
   bind(settings, out.antennas, texts);
+  ResponseTexts response;
+  bind(settings, response);
   settings.read_file(path);
+  std::vector<std::pair<std::string, std::string>> stated;
+  for (const auto& [key, text] : response.all())
+    if (!text->empty()) stated.emplace_back(key, *text);
+  out.response = record::response_of(stated);
+  if (out.response.meta().size() != stated.size())
+    throw Error(ExitCode::config, path +
+                                      ": section response: expected numbers, as calibrate "
+                                      "writes them (radar_taps: 3 to 64, the first one 1)");
   if (settings.given("antennas.gain") || settings.given("antennas.phase_rad"))
     take_antennas(path, texts, out.antennas);
   for (std::size_t i = 0; i < entries.size(); ++i)
@@ -135,6 +166,10 @@ void write_calibration(const std::string& path, const Calibration& calibration) 
   AntennaTexts texts{text_of(antennas.gain), text_of(antennas.phase_rad),
                      text_of(antennas.standard_error)};
   if (!antennas.empty()) bind(settings, antennas, texts);
+  ResponseTexts response;
+  for (const auto& [key, text] : calibration.response.meta())
+    for (const auto& [name, to] : response.all())
+      if (key == name) *to = text, settings.add("response." + key, *to, "number +- standard error");
   write_atomically(path, settings.resolved(true));
 }
 

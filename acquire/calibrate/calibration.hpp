@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: MIT
 // The calibration file (TOML, one section a ranging sensor), written by `calibrate` and named by
-// run.calibration: by how much each sensor's ranges are too long, and what each of the radar's
-// antennas adds to its samples (section antennas; files of before are without it).
+// run.calibration: by how much each sensor's ranges are too long, what each of the radar's antennas
+// adds to its samples (section antennas), and how the sensors respond to a point (section response,
+// acquire/record/response.hpp); files of before are without the last two.
 #pragma once
 #include <optional>
 #include <string>
@@ -9,6 +10,7 @@
 
 #include "acquire/calibrate/array_calibration.hpp"
 #include "acquire/record/record.hpp"
+#include "acquire/record/response.hpp"
 
 namespace echofuse::acquire {
 
@@ -16,6 +18,7 @@ struct Calibration {
   std::vector<record::CalibrationEntry> entries;  // of one or both ranging sensors
   std::optional<FirmwareBias> firmware;
   AntennaGains antennas;
+  record::Response response;
 
   const record::CalibrationEntry* find(Sensor sensor) const;  // null: none
   // All that this one has, and of `older` the rest.

@@ -116,8 +116,8 @@ void refuse_other_config(const record::RunInfo& begun,
                                     printable(text_or(before, key), 200) + ", now " +
                                     text_or(now, key));
   if (begun.radar_cfg != config.radar.cfg_text) differing += "\nradar.cfg has another text";
-  differing += other_calibration({.entries = calibrated, .firmware = {}, .antennas = {}},
-                                 config.calibration);
+  differing += other_calibration(
+      {.entries = calibrated, .firmware = {}, .antennas = {}, .response = {}}, config.calibration);
   if (!differing.empty())
     throw Error(ExitCode::config, "a run is resumed with its own configuration only:" + differing);
 }
@@ -182,6 +182,9 @@ std::unique_ptr<record::RunWriter> make_run(
   info.window_s = config.window_s;
   info.meta = meta;
   if (config.detector.known()) info.meta.push_back(config.detector.meta());
+  for (const auto& pair : config.calibration.response.meta())
+    if (std::ranges::none_of(meta, [&](const auto& given) { return given.first == pair.first; }))
+      info.meta.push_back(pair);
   return std::make_unique<record::RunWriter>(out, info, clock);
 }
 

@@ -6,6 +6,7 @@
 #include "drivers/program/console.hpp"
 #include "recon/cli/commands.hpp"
 #include "recon/cli/train_settings.hpp"
+#include "recon/data/response.hpp"
 #include "recon/train/crossvalidate.hpp"
 #include "recon/train/train.hpp"
 #include "recon/train/tune.hpp"
@@ -65,6 +66,7 @@ Dataset load_to_train(Arguments& a, double radar_bin_m) {
   Dataset data = load(a.runs);
   if (!a.empty.empty() && radar_bin_m > 0)
     throw Error(ExitCode::usage, "--empty does not go with radar_bin_m: give runs of such bins");
+  bring_to_response(data, widest_response(data));
   if (!a.empty.empty()) state_empty_room(data, a.empty);
   if (a.validate_on.empty()) a.validate_on = {data.sources.size() - 1};
   if (radar_bin_m > 0) rebin_radar(data, radar_bins(radar_bin_m));

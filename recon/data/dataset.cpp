@@ -41,8 +41,7 @@ bool agree(const Axis& a, const Axis& b) {
   return a.count == b.count && (!a.count || same_axis(a, b));
 }
 
-// It appends one run to a Dataset.
-class Appender {
+class Appender {  // appends one run to a Dataset
  public:
   Appender(Dataset& data, const record::RunReader& run, SensorSet sensors)
       : data_(data), path_(run.path()), sensors_(sensors) {
@@ -69,7 +68,8 @@ class Appender {
     }
     const record::RunInfo info = run.info();
     if (goes_on(data, path_, info)) return;
-    data.sources.push_back({path_, info.uuid, data.size(), 0, radar_offset_m});
+    const auto response = record::response_of(info.meta).radar;
+    data.sources.push_back({path_, info.uuid, data.size(), 0, radar_offset_m, response});
   }
 
   // It reserves memory: a growing table would be there twice. Many runs do not each allocate anew.

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "acquire/record/depth_map.hpp"
+#include "acquire/record/response.hpp"
 #include "acquire/record/run_file.hpp"
 #include "drivers/core/axis.hpp"
 #include "drivers/program/exit_code.hpp"
@@ -29,6 +30,7 @@ struct Source {
   std::string path, uuid;
   std::size_t first = 0, count = 0;
   double radar_offset_m = 0;  // its profiles are still too long by this (subtract_range_offset)
+  record::RadarResponse radar_response = {};  // as stated, or brought to (data/response.hpp)
 };
 
 // A sensor that a record lacks has zeros in its row; `has` tells. A sensor that the run lacks, or

@@ -193,6 +193,7 @@ std::vector<std::string> remarks_of(const Evaluation& e) {
   std::vector<std::string> out;
   if (e.domain_shift.tested() && !e.domain_shift.found()) out.push_back(e.domain_shift.text());
   if (!e.antennas.empty()) out.push_back(e.antennas);
+  if (!e.response.empty()) out.push_back(e.response);
   return out;
 }
 

@@ -10,6 +10,7 @@
 
 #include "drivers/core/random.hpp"
 #include "drivers/program/console.hpp"
+#include "recon/data/response.hpp"
 #include "recon/numbers/text.hpp"
 #include "recon/train/crossvalidate.hpp"
 #include "recon/train/fit_uncertainty.hpp"
@@ -228,6 +229,7 @@ TrainedModel train_split(const Dataset& data, const Split& split, const std::str
   model.split = options.split;
   model.seen = seen_records(data, split);
   model.data_hash = data.hash;
+  model.radar_response = widest_response(data);
   for (const Wanted& wanted : wanted_of(data, name, options)) {
     if (!model.estimators.empty() && interrupted()) break;
     const bool of_spd = wanted.inputs == Inputs::spd && !model.estimators.empty();

@@ -9,6 +9,7 @@
 #include "drivers/core/random.hpp"
 #include "drivers/program/console.hpp"
 #include "drivers/program/printable.hpp"
+#include "recon/data/response.hpp"
 #include "recon/numbers/statistics.hpp"
 #include "recon/numbers/text.hpp"
 #include "recon/train/fit_uncertainty.hpp"
@@ -288,6 +289,7 @@ void match_for_tuning(const TrainedModel& from, const std::string& path, Dataset
   match(data.spd_axis, data.spd, layout.spd, "spd", 1);
   match(data.radar_axis, data.radar, layout.radar, "radar", 1);
   match(data.array_axis, data.array, layout.array, "array", layout.lag_values());
+  bring_to_response(data, from.radar_response);
   const Layout own{data.spd_axis, layout.radar.count > 0 ? data.radar_axis : Axis{},
                    data.array_axis};
   if (wants_alignment(from->name) &&
@@ -318,6 +320,7 @@ TunedModel tune(const TrainedModel& from, const Dataset& data, const TuneOptions
   model->fit.seed = options.tuning.seed;
   model.seen = both(from.seen, seen_records(data, split));
   model.data_hash = data.hash;
+  model.radar_response = from.radar_response;
   finish(model.first(), data, split, choice.judged(chosen), options.tuning.seed);
   for (std::size_t k = 1; k < from.estimators.size(); ++k)
     model.estimators.push_back(tune_other(from.estimators[k], data, split, options.tuning));

@@ -7,6 +7,7 @@
 #include <numeric>
 
 #include "drivers/program/printable.hpp"
+#include "recon/data/response.hpp"
 #include "recon/numbers/statistics.hpp"
 
 namespace echofuse::recon {
@@ -92,7 +93,8 @@ EmptyRoom empty_room_of(const Dataset& empty, const std::string& path) {
 }
 
 void state_empty_room(Dataset& data, const std::string& path) {
-  const Dataset empty = load({path});
+  Dataset empty = load({path});
+  bring_to_response(empty, widest_response(data));
   const auto same = [](const Axis& a, const Axis& b) {
     return a.count == b.count && (a.count == 0 || same_axis(a, b));
   };

@@ -52,6 +52,7 @@ struct Evaluation {
   std::map<std::string, std::size_t> fallbacks;  // records for each TrainedModel::note_of
   std::size_t left_out = 0;  // records of a fresh run with depth, of which no map can be made
   std::string antennas;      // a note about them (Records)
+  std::string response;      // a note about it (Records)
   DomainShift domain_shift;  // over all records of the run
   Summaries metrics;
   std::vector<ScoredRow> baselines;  // empty room, mean map, nearest neighbour

@@ -42,6 +42,7 @@ json to_json(const Evaluation& e) {
               {"left_out", e.left_out},
               {"fallback_records", fallback_records},
               {"antennas", e.antennas},
+              {"response", e.response},
               {"metrics", metrics_json(e.metrics)},
               {"trivial", baselines},
               {"cost",
@@ -108,6 +109,7 @@ std::string to_text(const TwoPeopleSeen& two) {
 std::string notes(const Evaluation& e) {
   std::string out = e.domain_shift.tested() ? e.domain_shift.text() + '\n' : "";
   if (!e.antennas.empty()) out += e.antennas + '\n';
+  if (!e.response.empty()) out += e.response + '\n';
   for (const auto& [note, records] : e.fallbacks)
     out += formatted("%zu records: %s\n", records, note.c_str());
   if (e.left_out > 0)

@@ -2,6 +2,7 @@
 #include <fcntl.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <cstdio>
 #include <filesystem>
@@ -13,7 +14,7 @@
 namespace echofuse::recon {
 namespace {
 
-constexpr std::int64_t format_version = 10;
+constexpr std::int64_t format_version = 11;
 constexpr std::size_t most_estimators = 3;
 
 void archive_seen(Archive archive, SeenRecords& seen) {
@@ -72,6 +73,16 @@ void check_format(Archive archive) {
                       (found > format_version ? ": use a newer echofuse" : ": train it again"));
 }
 
+void archive_response(Archive archive, record::RadarResponse& response) {
+  if (!archive.part("known", response.known())) return;
+  archive.number("cell_m", response.cell_m, 1e-3, 10);
+  archive.values("taps", response.taps, Archive::any);
+  archive.require(response.taps.size() >= 3 &&
+                      response.taps.size() <= record::RadarResponse::most_taps &&
+                      std::ranges::all_of(response.taps, [](double v) { return v >= 0 && v <= 2; }),
+                  "taps", "expected 3 to 64 powers over the peak's");
+}
+
 void archive(Archive archive, TrainedModel& model) {
   check_format(archive);
   std::string by = version();
@@ -80,6 +91,7 @@ void archive(Archive archive, TrainedModel& model) {
   archive.count("estimators", estimators, 1, most_estimators);
   model.estimators.resize(estimators);
   archive.count("data_crc32c", model.data_hash, 0, std::numeric_limits<std::uint32_t>::max());
+  archive_response(archive.in("response"), model.radar_response);
   archive_split(archive.in("split"), model.split);
   archive_seen(archive.in("split"), model.seen);
   for (std::size_t k = 0; k < estimators; ++k)

@@ -114,12 +114,16 @@ void require_finite(const Matrix& maps) {
 
 Records prepare_records(const TrainedModel& model, Dataset recorded, double range_offset_m) {
   const Estimator& by = model.for_run(recorded);
-  Records out{std::move(recorded), {}, {}};
+  Records out{std::move(recorded), {}, {}, {}};
   Dataset& data = out.data;
   if (&by != &model.first())
     out.antennas = std::string(data.array_axis.count == 0 ? "no samples of the radar's antennas"
                                                           : "other antennas than in training") +
                    ": of the radar, the range profile alone";
+  const bool stated = std::ranges::all_of(
+      data.sources, [](const Source& run) { return run.radar_response.known(); });
+  if (model.radar_response.known() && data.radar_axis.count > 0 && !stated)
+    out.response = "the run does not state its radar's response: it is taken as the training's";
   subtract_range_offset(data, range_offset_m);
   model.match(data);
   if (model.room_change) exchange_room(*model.room_change, data);

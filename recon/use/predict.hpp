@@ -15,6 +15,7 @@ struct Records {
   Dataset data;          // on the model's axes
   Matrix views;          // views of every record, by TrainedModel::for_run
   std::string antennas;  // a note about a run without the model's antennas, or empty
+  std::string response;  // a note about a run that does not state its radar's response, or empty
 };
 
 // It says whether the records as a whole are unlike the model's training records.

@@ -139,6 +139,7 @@ void Reconstruction::take_all(const record::RunReader& run) {
   };
   for (std::size_t i = 0; i < ahead; ++i) start();
   tell_run(records.antennas);
+  if (!options_.quiet) tell_run(records.response);
   const DomainShift shift = domain_shift_of(model_, records);
   if (shift.tested() && (shift.found() || !options_.quiet)) tell_run(shift.text());
   for (; !next.empty() && !interrupted(); next.pop_front()) {
@@ -166,7 +167,7 @@ Records Reconstruction::prepare_new(Dataset data) {
   // A sensor's axis may come after the first records of a run that is being recorded.
   if (std::none_of(all.begin(), all.end(),
                    [&](std::size_t row) { return model_.fault_of(data, row).empty(); }))
-    return {std::move(data), {}, {}};
+    return {std::move(data), {}, {}, {}};
   Records out = prepare_records(model_, std::move(data), options_.range_offset_m);
   if (out.antennas != antennas_) tell_run(antennas_ = out.antennas);
   return out;

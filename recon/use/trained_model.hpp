@@ -6,9 +6,10 @@
 //
 //   facts    format "echofuse model", format_version, version, estimators, data_crc32c,
 //            split/kind, split/gap, split/seed, split/test_share, split/validation_share,
-//            split/run/R (uuid of run R); N/model, N/inputs, N/scaling, N/axes/SENSOR/...,
-//            N/scene/map_size and others, N/alignment/config/KEY, N/training/...
-//   tensors  split/run, split/index, split/part (0 train, 1 validation, 2 test): a record each
+//            split/run/R (uuid of run R), response/cell_m; N/model, N/inputs, N/scaling,
+//            N/axes/SENSOR/..., N/scene/map_size and others, N/alignment/config/KEY, N/training/...
+//   tensors  response/taps; split/run, split/index, split/part (0 train, 1 validation, 2 test): a
+//   record each
 //            N/scene/background_m and mean_map_m; N/alignment/counts, power and lags, what is
 //            always there; N/model/..., what the model learnt; N/domain/..., N/uncertainty/...
 #pragma once
@@ -35,6 +36,7 @@ struct TrainedModel {
   SplitOptions split;
   SeenRecords seen;
   std::uint32_t data_hash = 0;
+  record::RadarResponse radar_response;  // of its training's profiles; not known if none was stated
   // If the model was taken to another room, this is added to its records' radar.
   std::optional<EmptyRoom> room_change;
 

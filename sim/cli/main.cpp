@@ -118,6 +118,8 @@ void add_dataset(CLI::App& app, Command& command) {
   sub->add_option("--seed", a->seed, "the same seed makes the same records")
       ->check(CLI::NonNegativeNumber);
   add_plan_options(*sub, *a);
+  sub->add_option("--like", a->like,
+                  "calibration FILE: simulate the instruments whose response it states");
   add_twin_options(*sub, *a);
   sub->add_option("--laboratories", a->laboratories,
                   "record i is of the twin's laboratory i modulo this")

@@ -1,7 +1,32 @@
 // SPDX-License-Identifier: MIT
 #include "sim/cli/plan_arguments.hpp"
 
+#include <toml++/toml.h>
+
+#include "acquire/record/response.hpp"
+
 namespace echofuse::sim {
+
+std::vector<std::string> settings_like(const std::string& path) try {
+  std::vector<std::pair<std::string, std::string>> stated;
+  const toml::table file = toml::parse(read_config_text(path), path);
+  if (const toml::table* section = file["response"].as_table())
+    for (const auto& [key, value] : *section)
+      stated.emplace_back(std::string(key.str()), value.value<std::string>().value_or(""));
+  const record::Response response = record::response_of(stated);
+  std::vector<std::string> out;
+  for (const auto& [key, text] : response.meta()) {
+    const std::string number = text.substr(0, text.find(" +-"));
+    if (key.starts_with("irf_")) out.push_back(key + "=" + number);
+    if (key == "radar_cell_m") out.push_back("radar_resolution_m=" + number);
+    if (key == "radar_taps") out.push_back(key + "=" + number);
+  }
+  if (!out.empty()) return out;
+  throw Error(ExitCode::config,
+              path + ": states no response; expected a file of echofuse-acquire calibrate");
+} catch (const toml::parse_error& e) {
+  throw Error(ExitCode::config, path + ": not TOML: " + std::string(e.description()));
+}
 
 void add_plan_options(CLI::App& app, PlanArguments& a) {
   app.add_option("--config", a.config, "TOML file of settings");

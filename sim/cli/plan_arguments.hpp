@@ -13,15 +13,20 @@ namespace echofuse::sim {
 
 using Command = std::function<ExitCode()>;
 
+// It returns the settings of the instruments whose response this calibration file states
+// (acquire/record/response.hpp). Throws Error(config) if it states none.
+std::vector<std::string> settings_like(const std::string& path);
+
 // These arguments describe a plan on the command line.
 struct PlanArguments {
-  std::string config;
+  std::string config, like;
   std::vector<std::string> settings;
   std::string twin;
   std::optional<std::int64_t> laboratory, laboratories;
 
   std::vector<std::string> assignments() const {
-    std::vector<std::string> all = settings;
+    std::vector<std::string> all = like.empty() ? std::vector<std::string>{} : settings_like(like);
+    all.insert(all.end(), settings.begin(), settings.end());
     if (!twin.empty()) all.push_back("twin=" + twin);
     if (laboratory) all.push_back("laboratory=" + std::to_string(*laboratory));
     if (laboratories) all.push_back("laboratories=" + std::to_string(*laboratories));

@@ -100,6 +100,16 @@ std::string one_line(std::string lines) {
   return out.substr(0, out.size() - std::min<std::size_t>(2, out.size()));
 }
 
+// Laboratories that differ in their radars' windows have no response in common.
+std::optional<record::Response> stated_response(const Plan& plan) {
+  const auto all = laboratories_of(plan);
+  record::Response out = stated_response(all.front());
+  for (const Conditions& c : all)
+    if (!(stated_response(c).radar == out.radar)) return std::nullopt;
+  if (all.size() > 1) out.irf_fwhm_ps = {};
+  return out;
+}
+
 record::RunInfo run_info(const Plan& plan, const DatasetOptions& options) {
   Plan copy = plan;
   Settings settings;
@@ -119,6 +129,8 @@ record::RunInfo run_info(const Plan& plan, const DatasetOptions& options) {
                   one_line(draws_of(twin_named(plan.twin), plan.laboratory));
   if (const auto detector = stated_detector(plan.conditions); detector.known())
     info.meta.push_back(detector.meta());
+  if (const auto stated = stated_response(plan))
+    for (const auto& pair : stated->meta()) info.meta.push_back(pair);
   info.window_s = plan.conditions.window_s;
   return info;
 }

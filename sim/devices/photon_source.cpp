@@ -92,7 +92,8 @@ double PhotonSource::signal_delay_ps() {
   const auto k = std::min<std::ptrdiff_t>(it - cumulative_.begin(),
                                           static_cast<std::ptrdiff_t>(cumulative_.size()) - 1);
   double delay = delay_ps_[static_cast<std::size_t>(k)] + jitter_(rng_);
-  if (conditions_.irf_tail_ps > 0)
+  if (conditions_.irf_tail_ps > 0 &&
+      std::uniform_real_distribution<double>()(rng_) < conditions_.irf_tail_share)
     delay += std::exponential_distribution<double>(1 / conditions_.irf_tail_ps)(rng_);
   return delay;
 }

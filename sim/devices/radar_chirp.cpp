@@ -31,7 +31,7 @@ RadarAxis Chirp::axis() const {
   axis.count = antennas == 12 && bins == 1024 ? 1022 : bins;
   axis.step_m = 3.0e8 * rate_hz / (2 * slope_hz_s * bins);
   axis.resolution_m = speed_of_light_m_s / (2 * slope_hz_s * samples / rate_hz);
-  axis.psf = Psf::blackman;
+  axis.psf = Psf::blackman();
   return axis;
 }
 

@@ -99,7 +99,11 @@ void bind_radar(Settings& s, Conditions& c) {
   s.add("radar_bins", c.radar_bins, 1, 65'536, "points");
   s.add("radar_snr_db", c.radar_snr_db, -40, 200, "against the mean scene's peak power");
   s.add("radar_bias_m", c.radar_bias_m, -10, 10, "by which its ranges are too long");
-  s.add("radar_psf", c.radar_psf, "range response", {"sinc", "blackman"});
+  s.add("radar_psf", c.radar_psf, "range response: window over the sweep, sinc is none",
+        {"sinc", "hann", "hamming", "blackman"});
+  s.add("radar_taper", c.radar_taper, 0, 1,
+        "window from hardly any to Blackman's (1); 0: radar_psf's");
+  s.add("radar_taps", c.radar_taps, "power of the response at 0, 1/4, 2/4 ... cells, from 1 on");
   s.add("radar_sum", c.radar_sum, "of scatterers", {"incoherent", "coherent"});
   s.add("radar_leakage", c.radar_leakage, 0, 1e6,
         "power of the transmitter's own echo at range 0, in mean scenes");
@@ -135,6 +139,17 @@ void bind_depth(Settings& s, Conditions& c) {
   s.add("depth_noise_m", c.depth_noise_m, 0, 1, "sigma at 1 m, grows with the distance's square");
   s.add("depth_dropout", c.depth_dropout, 0, 1, "share of the pixels at edges without return");
   s.add("depth_offset_m", c.depth_offset_m, -1, 1, "by which it reads too far");
+}
+
+Psf range_response(const Conditions& c) {
+  Psf out = c.radar_psf == "hann"       ? Psf::hann()
+            : c.radar_psf == "hamming"  ? Psf::hamming()
+            : c.radar_psf == "blackman" ? Psf::blackman()
+                                        : Psf::sinc();
+  if (c.radar_taper > 0) out = Psf::tapered(c.radar_taper);
+  if (!c.radar_taps.empty())
+    out.measured = record::response_of({{"radar_cell_m", "1"}, {"radar_taps", c.radar_taps}}).radar;
+  return out;
 }
 
 // Returns the band that a sweep of c / 2 resolution leaves free.
@@ -186,6 +201,9 @@ void validate(const Conditions& c) {
     throw Error(ExitCode::config, "height_min_m is greater than height_max_m");
   if (c.albedo_min > c.albedo_max)
     throw Error(ExitCode::config, "albedo_min is greater than albedo_max");
+  if (!c.radar_taps.empty() && !range_response(c).measured.known())
+    throw Error(ExitCode::config,
+                "radar_taps: expected 3 to 64 numbers from 0 to 1.05, the first one 1");
   if (!c.object.empty()) mesh_of(c.object);
 }
 
@@ -203,10 +221,21 @@ Axis radar_axis(const Conditions& c) {
   return {"radar", "power", "m", static_cast<std::uint32_t>(c.radar_bins), 0, c.radar_step_m};
 }
 
+record::Response stated_response(const Conditions& c) {
+  constexpr double farthest_cells = 6, step_cells = 1. / record::RadarResponse::taps_a_cell;
+  const Psf psf = range_response(c);
+  record::Response out;
+  out.irf_fwhm_ps.value = c.irf_fwhm_ps;
+  out.irf_tail_ps.value = c.irf_tail_ps, out.irf_tail_share.value = c.irf_tail_share;
+  out.radar.cell_m = c.radar_resolution_m;
+  for (double u = 0; u < farthest_cells; u += step_cells)
+    out.radar.taps.push_back(psf.at(u) * psf.at(u));
+  return out;
+}
+
 RadarAxis radar_response(const Conditions& c) {
   return {0, c.radar_step_m, static_cast<std::uint32_t>(c.radar_bins),
-          c.radar_resolution_m * c.radar_psf_width,
-          c.radar_psf == "sinc" ? Psf::sinc : Psf::blackman};
+          c.radar_resolution_m * c.radar_psf_width, range_response(c)};
 }
 
 std::vector<double> carriers_hz(const Conditions& c) {

@@ -105,7 +105,12 @@ struct Conditions {
   std::int64_t radar_bins = 29;
   double radar_snr_db = 20;        // below the mean scene's peak power
   double radar_bias_m = 0;         // its ranges are too long by this; the daemon does not know it
-  std::string radar_psf = "sinc";  // sinc, blackman
+  std::string radar_psf = "sinc";  // sinc, hann, hamming, blackman: the window over its sweep
+  // From nearly none to Blackman's (1) a window in place of radar_psf's; with 0 that one stays.
+  double radar_taper = 0;
+  // The power of the range response at the quarters of a cell (acquire/record/response.hpp), in
+  // place of a window's; empty: as the window says.
+  std::string radar_taps;
   std::string radar_sum = "incoherent";  // incoherent, coherent
   double radar_leakage = 0;  // power from transmitter to receiver at range 0, as radar_power
   // This is the share of the power that a wall mirrors (multipath_order). 0.15 is upright concrete
@@ -163,6 +168,8 @@ Axis spd_axis(const Conditions& conditions);
 record::MapGrid map_grid(const Conditions& conditions);
 Axis radar_axis(const Conditions& conditions);
 RadarAxis radar_response(const Conditions& conditions);
+// It is what a run states of the instruments: what they are meant to be, without radar_psf_width.
+record::Response stated_response(const Conditions& conditions);
 // It says by how much each carrier is above the first one. The carriers are as far apart as their
 // sweeps allow within 4 GHz, which is the width of the band of 60 to 64 GHz.
 std::vector<double> carriers_hz(const Conditions& conditions);

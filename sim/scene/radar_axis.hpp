@@ -1,10 +1,45 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 #include <cstdint>
+#include <vector>
+
+#include "acquire/record/response.hpp"
 
 namespace echofuse::sim {
 
-enum class Psf : std::uint8_t { sinc, blackman };
+// This is the radar's range response to a point: the amplitude, 1 at the middle. It is the
+// transform of the window 1 + first cos(2 pi t) + second cos(4 pi t) over the sweep, -1/2 < t < 1/2
+// (Harris, Proc. IEEE 66, 1978). If it was measured, it is as measured: the root of the power, all
+// of one sign.
+struct Psf {
+  double first = 0, second = 0;
+  record::RadarResponse measured = {};
+
+  static Psf sinc() { return {}; }
+  static Psf hann() { return {1, 0}; }
+  static Psf hamming() { return {0.46 / 0.54, 0}; }
+  static Psf blackman() { return {0.5 / 0.42, 0.08 / 0.42}; }
+  // These windows lead from none (0) to Blackman's (1).
+  static Psf tapered(double t) { return {t * 0.5 / 0.42, t * t * 0.08 / 0.42}; }
+  double at(double cells) const;  // the amplitude at a distance in resolution cells
+
+  // With the window the response is
+  //   sinc(u) + first [sinc(u-1) + sinc(u+1)]/2 + second [sinc(u-2) + sinc(u+2)]/2
+  //     = sinc(u) [4 + (4 first - second - 5) u^2 + (1 - first + second) u^4] / [(1 - u^2) (4 -
+  //     u^2)].
+  // This is the factor of sinc(u), which takes the square of u.
+  struct Windowed {
+    double square, fourth;
+    double operator()(double u2) const {
+      return (4 + u2 * (square + u2 * fourth)) / ((1 - u2) * (4 - u2));
+    }
+  };
+  Windowed windowed() const { return {4 * first - second - 5, 1 - first + second}; }
+  // Nearer than this to u = 0, 1 and 2 the factor divides by zero, and the limit is taken.
+  static constexpr double nearest = 1e-7;
+  // It is the amplitude of a window, given sin(pi u) as well.
+  double at_sine(double u, double sine) const;
+};
 
 // The points lie at start + i*step, and the response to one scatterer at R is psf((R_i - R) /
 // resolution).
@@ -13,7 +48,7 @@ struct RadarAxis {
   double step_m = 0.25;
   std::uint32_t count = 29;
   double resolution_m = 0.5;  // c / 2B: the sinc's first null
-  Psf psf = Psf::sinc;
+  Psf psf;
 };
 
 }  // namespace echofuse::sim

@@ -18,26 +18,7 @@ constexpr double pi = std::numbers::pi;
 
 constexpr int many_frames = 60;
 
-constexpr double nearest = 1e-7;  // distance from a removable singularity: too near to divide
-
-// It is psf_amplitude, given sin(pi u) as well.
-double psf_from_sine(Psf psf, double u, double sine) {
-  const double whole = std::round(u);
-  if (std::abs(u - whole) < nearest) {  // the limit
-    if (whole == 0) return 1;
-    if (psf == Psf::sinc) return 0;
-    const double order = std::abs(whole);
-    return order == 1 ? 0.25 / 0.42 : order == 2 ? 0.04 / 0.42 : 0;
-  }
-  const double sinc = sine / (pi * u);
-  if (psf == Psf::sinc) return sinc;
-  // 0.42 W(u) = 0.42 sinc(u) + 0.25 [sinc(u-1) + sinc(u+1)] + 0.04 [sinc(u-2) + sinc(u+2)] is
-  // summed over a common denominator.
-  const double u2 = u * u;
-  return sinc * (4 - u2 * 0.18 / 0.42) / ((1 - u2) * (4 - u2));
-}
-
-// It does the same for many points at u = cells[i] - cell; sines and cosines are those of pi u's
+// sinc(u) at many points u = cells[i] - cell; sines and cosines are those of pi u's
 // parts.
 ECHOFUSE_CLONES void sincs(const double* cells, const double* sines, const double* cosines,
                            double cell, double sine, double cosine, double* __restrict out,
@@ -45,11 +26,11 @@ ECHOFUSE_CLONES void sincs(const double* cells, const double* sines, const doubl
   for (std::size_t i = 0; i < count; ++i)
     out[i] = (sines[i] * cosine - cosines[i] * sine) / (pi * (cells[i] - cell));
 }
-ECHOFUSE_CLONES void to_blackman(const double* cells, double cell, double* __restrict out,
-                                 std::size_t count) {
+ECHOFUSE_CLONES void to_windowed(const double* cells, double cell, const Psf::Windowed& windowed,
+                                 double* __restrict out, std::size_t count) {
   for (std::size_t i = 0; i < count; ++i) {
-    const double u = cells[i] - cell, u2 = u * u;
-    out[i] = out[i] * (4 - u2 * 0.18 / 0.42) / ((1 - u2) * (4 - u2));
+    const double u = cells[i] - cell;
+    out[i] *= windowed(u * u);
   }
 }
 
@@ -99,8 +80,6 @@ class FineEcho {
 
 }  // namespace
 
-double psf_amplitude(Psf psf, double u) { return psf_from_sine(psf, u, std::sin(pi * u)); }
-
 RangeResponse::RangeResponse(const RadarAxis& axis)
     : psf_(axis.psf), cells_per_point_(axis.step_m / axis.resolution_m) {
   for (std::uint32_t i = 0; i < axis.count; ++i) {
@@ -113,19 +92,23 @@ RangeResponse::RangeResponse(const RadarAxis& axis)
 void RangeResponse::at(double cell, std::vector<double>& psf) const {
   psf.resize(cells_.size());
   if (psf.empty()) return;
+  if (psf_.measured.known()) {
+    for (std::size_t i = 0; i < psf.size(); ++i) psf[i] = psf_.at(cells_[i] - cell);
+    return;
+  }
   // sin(pi (u_i - u)) comes from the angles' own sines: a sine for each would take most of the
   // time.
   const double sine = std::sin(pi * cell), cosine = std::cos(pi * cell);
   sincs(cells_.data(), sines_.data(), cosines_.data(), cell, sine, cosine, psf.data(), psf.size());
-  if (psf_ == Psf::blackman) to_blackman(cells_.data(), cell, psf.data(), psf.size());
+  if (psf_.first != 0) to_windowed(cells_.data(), cell, psf_.windowed(), psf.data(), psf.size());
   // These are the points where it is 0 / 0.
   for (int order = -2; order <= 2; ++order) {
     const double point = std::round((cell + order - cells_[0]) / cells_per_point_);
     if (!(point >= 0 && point < static_cast<double>(psf.size()))) continue;
     const auto i = static_cast<std::size_t>(point);
     const double u = cells_[i] - cell;
-    if (std::abs(u - order) < nearest)
-      psf[i] = psf_from_sine(psf_, u, sines_[i] * cosine - cosines_[i] * sine);
+    if (std::abs(u - order) < Psf::nearest)
+      psf[i] = psf_.at_sine(u, sines_[i] * cosine - cosines_[i] * sine);
   }
 }
 

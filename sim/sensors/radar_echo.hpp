@@ -12,11 +12,7 @@ namespace echofuse::sim {
 struct Conditions;
 struct Returns;
 
-// This is the amplitude, 1 at u = 0: sin(pi u)/(pi u), or the transform of a Blackman window (-3 dB
-// width 1.64, side lobes below -58 dB; Harris, Proc. IEEE 66, 1978). u is in resolution cells.
-double psf_amplitude(Psf psf, double u);
-
-// It computes psf_amplitude at every point of an axis, for echoes from one range after the other.
+// It computes Psf::at at every point of an axis, for echoes from one range after the other.
 class RangeResponse {
  public:
   explicit RangeResponse(const RadarAxis& axis);

@@ -77,6 +77,7 @@ slot_sway_m = [0, 0.008]
 # degrees: exp(-2) at the tangent 1.2.
 radar_snr_db = [17, 23]
 radar_psf_width = [0.96, 1.05, "log"]
+radar_taper = [0, 1]  # the window over the sweep, from none to Blackman's
 radar_leakage = [0, 0.2]
 radar_falloff = [0, 1.5]
 

@@ -14,8 +14,10 @@ TEST_CASE("a calibration file reads back as it was written") {
   Calibration c;
   c.entries = {{Sensor::radar, "2026-11-21T10:00:00Z", "some method", 1.5, -0.0375, 2e-4}};
   c.firmware = FirmwareBias{0.0123456, {1, 0, -0.5, 0.25}, 7};
+  c.response.irf_fwhm_ps = {203.5, 1.5}, c.response.radar = {0.05, {1, 0.75, 0.25}};
   write_calibration(path, c);
   const Calibration back = read_calibration(path);
+  CHECK(back.response == c.response);
   REQUIRE(back.entries.size() == 1);
   const auto& e = back.entries[0];
   CHECK(e.sensor == Sensor::radar);
@@ -56,6 +58,9 @@ TEST_CASE("calibration files that cannot be are refused with their place") {
   CHECK(has(refusal(""), path + ": no offset; expected spd.offset_m or radar.offset_m"));
   CHECK(has(refusal("[spd]\noffset_m = 5000\n"), path + ":2:1: spd.offset_m = 5000 does not fit"));
   CHECK(has(refusal("[spd]\noffset_cm = 5\n"), path + ":2:1: unknown key"));
+  CHECK(has(
+      refusal("[spd]\noffset_m = 0.1\n[response]\nradar_cell_m = \"0.5\"\nradar_taps = \"2 1\"\n"),
+      "section response: expected numbers"));
   CHECK(has(refusal("[spd]\noffset_m = 0.1\n[firmware]\nline = \"x\"\n"), "firmware.line is not"));
   CHECK(error_of([&] { write_calibration(folder / "no/c.toml", {}); }).first == ExitCode::disk);
 }

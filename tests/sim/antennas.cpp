@@ -63,7 +63,7 @@ TEST_CASE("one point's wave has its steering phases, by the channels' errors off
           for (std::size_t m = 0; m < array.size(); ++m) {
             const double u = (static_cast<double>(i) - 14.2) * axis.step_m / axis.resolution_m;
             const auto seen = samples[i * array.size() + m];
-            check_near(seen, 2 * psf_amplitude(axis.psf, u) * wave(array[m], 0.25, -0.125), 1e-4);
+            check_near(seen, 2 * axis.psf.at(u) * wave(array[m], 0.25, -0.125), 1e-4);
           }
       }
       CHECK(stated_antennas(array, c) == array);
@@ -99,7 +99,7 @@ TEST_CASE("incoherent covariance is that of the sources, over any successive fra
     const auto bin = record::bin_of(kept, 8, i);
     const double at = static_cast<double>(i) * axis.step_m;
     const auto power = [&](double range, double w) {
-      return w * std::pow(psf_amplitude(axis.psf, (at - range) / axis.resolution_m), 2);
+      return w * std::pow(axis.psf.at((at - range) / axis.resolution_m), 2);
     };
     const double first = power(3.5, 1), second = power(4.1, 0.5);
     for (std::size_t m = 0; m < 8; ++m)
@@ -173,7 +173,7 @@ TEST_CASE("speckle is exponential about the incoherent sum, at each antenna and 
   for (std::size_t k = 0; k < person.range_m.size(); ++k) {
     const double u =
         (static_cast<double>(peak) * axis.step_m - person.range_m[k]) / axis.resolution_m;
-    const double w = person.weight[k] * std::pow(psf_amplitude(axis.psf, u), 2);
+    const double w = person.weight[k] * std::pow(axis.psf.at(u), 2);
     power += w;
     ends += std::polar(w, pi * 7 * person.place[k].x);
   }
@@ -203,7 +203,7 @@ TEST_CASE("cells lose their phases as the patches in them do") {
     auto turns = BodyMotion::range_per_mode(x, y, height, 0, 3.5, 1);
     for (float& t : turns) t *= static_cast<float>(turns_per_m);
     const double u = (3.5 - range) / axis.resolution_m;
-    return Part{weight * std::pow(psf_amplitude(axis.psf, u), 2), turns};
+    return Part{weight * std::pow(axis.psf.at(u), 2), turns};
   };
   const Returns person = a_person(c, 1);
   std::vector<Part> patches, cells;

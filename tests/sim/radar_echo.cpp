@@ -47,27 +47,27 @@ TEST_CASE("the sinc's nulls lie at multiples of c / 2B") {
 
 TEST_CASE("the Blackman response is the window's transform") {
   for (const double u : {0.0, 0.3, 0.8, 0.99999, 1.0, 1.5, 2.0, 2.0000001, 2.5, 3.0, 3.4, 7.7})
-    CHECK(psf_amplitude(Psf::blackman, u) == Approx(blackman_by_sum(u)).margin(1e-7));
+    CHECK(Psf::blackman().at(u) == Approx(blackman_by_sum(u)).margin(1e-7));
   double half = 0;
-  while (decibel(psf_amplitude(Psf::blackman, half)) > 10 * std::log10(0.5)) half += 1e-5;
+  while (decibel(Psf::blackman().at(half)) > 10 * std::log10(0.5)) half += 1e-5;
   CHECK(std::abs(decibel(blackman_by_sum(half)) - 10 * std::log10(0.5)) < 1e-3);
   CHECK(std::lround(200 * half) == 164);  // Harris: 1.64 bins
   double highest = -INFINITY;
   for (double u = 3.0001; u < 50; u += 1e-3)
-    highest = std::max(highest, decibel(psf_amplitude(Psf::blackman, u)));
+    highest = std::max(highest, decibel(Psf::blackman().at(u)));
   CHECK(highest < -58);
   CHECK(highest > -59);
 }
 
 TEST_CASE("profiles equal the sum over scatterers, point by point") {
   const Returns returns{{2.9, 3.33, 3.47, 5.0}, {0.5, 1.0, 0.3, 0.2}};
-  for (const Psf psf : {Psf::sinc, Psf::blackman}) {
+  for (const Psf& psf : {Psf::sinc(), Psf::blackman(), Psf::hann()}) {
     const RadarAxis axis{0.1, 0.25, 29, 0.5, psf};
     const auto power = radar_power(returns, axis);
     for (std::uint32_t i = 0; i < axis.count; ++i) {
       double expected = 0;
       for (std::size_t k = 0; k < returns.weight.size(); ++k) {
-        const double a = psf_amplitude(psf, (0.1 + 0.25 * i - returns.range_m[k]) / 0.5);
+        const double a = psf.at((0.1 + 0.25 * i - returns.range_m[k]) / 0.5);
         expected += returns.weight[k] * a * a;
       }
       CHECK(power[i] == Approx(expected).epsilon(0).margin(2e-4));
@@ -81,7 +81,7 @@ TEST_CASE("leakage is an echo at range 0") {
   const RadarAxis axis = radar_response(c);
   const auto power = radar_power(radar_returns({}, c), axis);
   for (std::uint32_t i = 0; i < axis.count; ++i)
-    CHECK(power[i] == Approx(3 * std::pow(psf_amplitude(Psf::sinc, i * 0.5), 2)).margin(1e-20));
+    CHECK(power[i] == Approx(3 * std::pow(Psf::sinc().at(i * 0.5), 2)).margin(1e-20));
 }
 
 TEST_CASE("the radar ranges from its own place") {

@@ -1,0 +1,60 @@
+// SPDX-License-Identifier: MIT
+#include "acquire/calibrate/calibrate_output.hpp"
+
+#include <cstdio>
+
+#include "drivers/program/printable.hpp"
+
+namespace echofuse::acquire {
+
+nlohmann::ordered_json json_of(const Result& r, const Search& search) {
+  nlohmann::ordered_json out{{"sensor", name_of(r.sensor)}};
+  if (!r.peak.refusal.empty()) {
+    out["refusal"] = r.peak.refusal;
+    return out;
+  }
+  out["range_m"] = r.peak.range_m;
+  out["offset_m"] = r.peak.range_m - search.distance_m;
+  out["standard_error_m"] = r.peak.standard_error_m;
+  out["spread_m"] = r.spread_m;
+  out["snr_db"] = r.peak.snr_db;
+  return out;
+}
+
+void say(const Result& r, const Search& search) {
+  const Peak& p = r.peak;
+  if (!p.refusal.empty())
+    std::printf("%-6s refused: %s\n", name_of(r.sensor), printable(p.refusal).c_str());
+  else
+    std::printf(
+        "%-6s %.4f m, offset %+.2f mm +- %.2f mm; spread of the repeats %.2f mm, SNR %.0f dB\n",
+        name_of(r.sensor), p.range_m, 1e3 * (p.range_m - search.distance_m),
+        1e3 * p.standard_error_m, 1e3 * r.spread_m, p.snr_db);
+}
+
+nlohmann::ordered_json json_of(const AntennaFit& fit) {
+  if (!fit.refusal.empty()) return {{"refusal", fit.refusal}};
+  const AntennaGains& g = fit.gains;
+  return {{"snr_db", fit.snr_db},
+          {"gain", g.gain},
+          {"phase_rad", g.phase_rad},
+          {"standard_error", g.standard_error}};
+}
+
+void say(const record::Response& r) {
+  if (r.irf_fwhm_ps.value > 0)
+    std::printf("spd    impulse response %.1f +- %.1f ps wide at half", r.irf_fwhm_ps.value,
+                r.irf_fwhm_ps.standard_error);
+  if (r.irf_fwhm_ps.value > 0 && r.irf_tail_share.value > 0)
+    std::printf(", %.0f %% of the photons with a tail of %.0f +- %.0f ps",
+                100 * r.irf_tail_share.value, r.irf_tail_ps.value, r.irf_tail_ps.standard_error);
+  if (r.irf_fwhm_ps.value > 0) std::printf("\n");
+  if (r.radar.known())
+    std::printf("radar  response %.2f cells of %.3f m wide at half, each tap +- %.3f\n",
+                r.radar.width_m() / r.radar.cell_m, r.radar.cell_m, r.taps_standard_error);
+  if (const auto& e = r.radar_noise_exponent; e.value < 0)
+    std::printf("radar  noise of the mean of n frames falls as n^%.2f +- %.2f\n", e.value,
+                e.standard_error);
+}
+
+}  // namespace echofuse::acquire

@@ -1,0 +1,123 @@
+// SPDX-License-Identifier: MIT
+#include "acquire/record/response.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <locale>
+#include <sstream>
+
+namespace echofuse::record {
+namespace {
+
+struct Range {
+  double least, most;
+};
+constexpr Range widths_ps{0.1, 100'000}, tails_ps{0, 100'000}, shares{0, 1}, cells_m{1e-3, 10},
+    exponents{-2, 0}, powers{0, 1.05};
+
+// It reads numbers, and perhaps "+- ERROR" behind them. It returns none if the text is anything
+// else or a number is out of range.
+std::vector<double> numbers_of(const std::string& text, const Range& range, double& error) {
+  const auto plus = text.find("+-");
+  const auto read = [](const std::string& part) {
+    std::istringstream words(part);
+    words.imbue(std::locale::classic());
+    std::vector<double> out;
+    for (double v = 0; words >> v;) out.push_back(v);
+    return words.eof() ? out : std::vector<double>{};
+  };
+  const std::vector<double> out = read(text.substr(0, plus));
+  error = 0;
+  if (plus != std::string::npos) {
+    const auto errors = read(text.substr(plus + 2));
+    if (errors.size() != 1 || !(errors[0] >= 0)) return {};
+    error = errors[0];
+  }
+  const auto possible = [&](double v) { return v >= range.least && v <= range.most; };
+  return std::all_of(out.begin(), out.end(), possible) ? out : std::vector<double>{};
+}
+
+void take(const std::string& text, const Range& range, Measured& out) {
+  double error = 0;
+  if (const auto found = numbers_of(text, range, error); found.size() == 1) out = {found[0], error};
+}
+
+std::string number_text(double v) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.6g", v);
+  return text;
+}
+
+}  // namespace
+
+std::string to_text(const Measured& m) {
+  return number_text(m.value) +
+         (m.standard_error > 0 ? " +- " + number_text(m.standard_error) : std::string());
+}
+
+// Catmull and Rom's cubic; the response is symmetric about 0.
+double RadarResponse::amplitude(double cells) const {
+  const double place = std::abs(cells) * taps_a_cell, whole = std::floor(place), t = place - whole;
+  if (!(place < static_cast<double>(taps.size()))) return 0;
+  const auto value = [&](double i) {
+    const auto k = static_cast<std::size_t>(std::abs(i));
+    return k < taps.size() ? std::sqrt(taps[k]) : 0;
+  };
+  const double a = value(whole - 1), b = value(whole), c = value(whole + 1), d = value(whole + 2);
+  return b + t / 2 * (c - a + t * (2 * a - 5 * b + 4 * c - d + t * (3 * (b - c) + d - a)));
+}
+
+double RadarResponse::power(double distance_m) const {
+  const double a = amplitude(distance_m / cell_m);
+  return a * a;
+}
+
+double RadarResponse::width_m() const {
+  const double step_m = cell_m / taps_a_cell / 64;
+  double half_m = 0;
+  while (power(half_m) > 0.5) half_m += step_m;
+  return 2 * half_m;
+}
+
+std::vector<std::pair<std::string, std::string>> Response::meta() const {
+  std::vector<std::pair<std::string, std::string>> out;
+  if (irf_fwhm_ps.value > 0) {
+    out.emplace_back("irf_fwhm_ps", to_text(irf_fwhm_ps));
+    out.emplace_back("irf_tail_ps", to_text(irf_tail_ps));
+    out.emplace_back("irf_tail_share", to_text(irf_tail_share));
+  }
+  if (radar.known()) {
+    std::string taps;
+    for (const double tap : radar.taps)
+      taps.append(taps.empty() ? 0 : 1, ' ').append(number_text(tap));
+    if (taps_standard_error > 0) taps.append(" +- ").append(number_text(taps_standard_error));
+    out.emplace_back("radar_cell_m", number_text(radar.cell_m));
+    out.emplace_back("radar_taps", taps);
+  }
+  if (radar_noise_exponent.value < 0)
+    out.emplace_back("radar_noise_exponent", to_text(radar_noise_exponent));
+  return out;
+}
+
+Response response_of(const std::vector<std::pair<std::string, std::string>>& meta) {
+  Response out;
+  Measured cell;
+  for (const auto& [key, text] : meta) {
+    if (key == "irf_fwhm_ps") take(text, widths_ps, out.irf_fwhm_ps);
+    if (key == "irf_tail_ps") take(text, tails_ps, out.irf_tail_ps);
+    if (key == "irf_tail_share") take(text, shares, out.irf_tail_share);
+    if (key == "radar_noise_exponent") take(text, exponents, out.radar_noise_exponent);
+    if (key == "radar_cell_m") take(text, cells_m, cell);
+    if (key != "radar_taps") continue;
+    out.radar.taps = numbers_of(text, powers, out.taps_standard_error);
+    if (out.radar.taps.size() < 3 || out.radar.taps.size() > RadarResponse::most_taps ||
+        std::abs(out.radar.taps[0] - 1) > 1e-3)
+      out.radar.taps.clear();
+  }
+  out.radar.cell_m = cell.value;
+  if (!out.radar.known()) out.radar = {}, out.taps_standard_error = 0;
+  return out;
+}
+
+}  // namespace echofuse::record

@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: MIT
+// A run states in its table meta how its instruments respond to a point, as `calibrate` has
+// measured it or as somebody has written it by hand (`run --meta`):
+//   irf_fwhm_ps, irf_tail_ps, irf_tail_share   the SPD's impulse response: a Gaussian, and the
+//                        time constant of the exponential tail that a share of the photons has
+//   radar_cell_m         c / 2B of the radar
+//   radar_taps           the power of its range response at 0, 1/4, 2/4 ... of that, over its peak
+//   radar_noise_exponent the power of the number of frames with which the noise of their mean goes
+// A value may have its standard error behind it, "203 +- 2"; the one behind the taps is of each.
+#pragma once
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace echofuse::record {
+
+struct Measured {
+  double value = 0, standard_error = 0;  // the error is 0 if it is not known
+
+  bool operator==(const Measured&) const = default;
+};
+std::string to_text(const Measured& measured);
+
+struct RadarResponse {
+  static constexpr std::size_t taps_a_cell = 4, most_taps = 64;
+  double cell_m = 0;
+  std::vector<double> taps;  // from 1 on; empty if it is not known
+
+  bool known() const { return cell_m > 0 && !taps.empty(); }
+  // It is the amplitude at a distance in cells, over the peak's: the root of the power, which a
+  // cubic interpolates. It is 0 beyond the taps.
+  double amplitude(double cells) const;
+  double power(double distance_m) const;
+  double width_m() const;  // the full width at half of the peak
+  bool operator==(const RadarResponse&) const = default;
+};
+
+struct Response {
+  Measured irf_fwhm_ps, irf_tail_ps, irf_tail_share;  // not known if the width is 0
+  RadarResponse radar;
+  double taps_standard_error = 0;
+  Measured radar_noise_exponent;  // -1/2 of independent frames; 0 if it is not known
+
+  std::vector<std::pair<std::string, std::string>> meta() const;  // of what is known
+  bool operator==(const Response&) const = default;
+};
+
+// What the run does not state, or states as what cannot be, is not known.
+Response response_of(const std::vector<std::pair<std::string, std::string>>& meta);
+
+}  // namespace echofuse::record

@@ -1,0 +1,88 @@
+// SPDX-License-Identifier: MIT
+#include "recon/data/response.hpp"
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+
+#include "recon/data/lags.hpp"
+#include "recon/numbers/parallel.hpp"
+#include "recon/numbers/statistics.hpp"
+
+namespace echofuse::recon {
+namespace {
+
+constexpr double reach_cells = 3;
+constexpr std::ptrdiff_t most_reach = 48;  // points
+constexpr int parts = 8;                   // of a step, at which the responses are compared
+constexpr double noise_to_signal = 1e-3;   // energy of the noise in eight points, of the peak's
+
+// It filters every `stride`-th value.
+void filter(std::span<float> row, std::size_t stride, const std::vector<double>& weights) {
+  const auto reach = std::ssize(weights) / 2,
+             count = std::ssize(row) / static_cast<std::ptrdiff_t>(stride);
+  std::vector<float> before(static_cast<std::size_t>(count));
+  for (std::size_t k = 0; k < stride; ++k) {
+    for (std::size_t i = 0; i < before.size(); ++i) before[i] = row[i * stride + k];
+    for (std::ptrdiff_t i = 0; i < count; ++i) {
+      double sum = 0;
+      const auto from = std::max<std::ptrdiff_t>(-reach, -i), to = std::min(reach, count - 1 - i);
+      for (auto j = from; j <= to; ++j)
+        sum += weights[static_cast<std::size_t>(j + reach)] *
+               double{before[static_cast<std::size_t>(i + j)]};
+      row[static_cast<std::size_t>(i) * stride + k] = static_cast<float>(sum);
+    }
+  }
+}
+
+}  // namespace
+
+std::vector<double> response_filter(const record::RadarResponse& own,
+                                    const record::RadarResponse& wanted, double step_m) {
+  using Eigen::Index, Eigen::MatrixXd, Eigen::VectorXd;
+  const double cell_m = std::max(own.cell_m, wanted.cell_m);
+  const auto reach = std::clamp<std::ptrdiff_t>(
+      static_cast<std::ptrdiff_t>(std::ceil(reach_cells * cell_m / step_m)), 1, most_reach);
+  const Index count = 2 * reach + 1, places = 2 * parts * 2 * reach + 1;
+  MatrixXd responses(places, count);
+  VectorXd target(places);
+  for (Index i = 0; i < places; ++i) {
+    const double at_m = static_cast<double>(i - places / 2) / parts * step_m;
+    target[i] = wanted.power(at_m);
+    for (Index j = 0; j < count; ++j)
+      responses(i, j) = own.power(at_m - static_cast<double>(j - reach) * step_m);
+  }
+  const MatrixXd square = responses.transpose() * responses / parts +
+                          noise_to_signal * MatrixXd::Identity(count, count);
+  const VectorXd out = square.ldlt().solve(responses.transpose() * target / parts);
+  return {out.begin(), out.end()};
+}
+
+record::RadarResponse widest_response(const Dataset& data) {
+  record::RadarResponse out;
+  double widest_m = 0;
+  for (const Source& source : data.sources) {
+    if (!source.radar_response.known()) continue;
+    if (const double width_m = source.radar_response.width_m(); width_m > widest_m)
+      widest_m = width_m, out = source.radar_response;
+  }
+  return out;
+}
+
+void bring_to_response(Dataset& data, const record::RadarResponse& wanted) {
+  if (!wanted.known() || data.radar_axis.quantity != "power" || data.radar_axis.unit != "m") return;
+  for (Source& source : data.sources) {
+    if (!source.radar_response.known() || source.radar_response == wanted) continue;
+    const auto weights = response_filter(source.radar_response, wanted, data.radar_axis.step);
+    const std::size_t lags =
+        data.array_axis.count > 0 ? lag_values(longest_lag(data.array_axis)) : 0;
+    for_each_part(source.count, [&](std::size_t i) {
+      const std::size_t row = source.first + i;
+      if (!all_same(data.radar.row(row))) filter(data.radar.row(row), 1, weights);
+      if (lags > 0) filter(data.array.row(row), lags, weights);
+    });
+    source.radar_response = wanted;
+  }
+}
+
+}  // namespace echofuse::recon

@@ -1,0 +1,93 @@
+// SPDX-License-Identifier: MIT
+#include "recon/data/response.hpp"
+
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <numbers>
+
+using namespace echofuse;
+using namespace echofuse::recon;
+
+namespace {
+
+// The response to a window 1 + a cos(2 pi t) + b cos(4 pi t) over the sweep, in cells of 0.5 m.
+record::RadarResponse windowed(double a, double b) {
+  const auto sinc = [](double u) {
+    return std::abs(u) < 1e-9 ? 1.0 : std::sin(std::numbers::pi * u) / (std::numbers::pi * u);
+  };
+  record::RadarResponse out{0.5, {}};
+  for (double u = 0; u < 6; u += 0.25)
+    out.taps.push_back(std::pow(
+        sinc(u) + a / 2 * (sinc(u - 1) + sinc(u + 1)) + b / 2 * (sinc(u - 2) + sinc(u + 2)), 2));
+  return out;
+}
+const record::RadarResponse sinc = windowed(0, 0), hann = windowed(1, 0),
+                            blackman = windowed(0.5 / 0.42, 0.08 / 0.42);
+
+// Samples of the response to points at 2.1 and 2.6 m.
+std::vector<float> profile(const record::RadarResponse& response) {
+  std::vector<float> out;
+  for (int i = 0; i < 29; ++i)
+    out.push_back(
+        static_cast<float>(response.power(0.25 * i - 2.1) + 0.5 * response.power(0.25 * i - 2.6)));
+  return out;
+}
+
+Dataset run_of(const record::RadarResponse& response, const std::vector<float>& row) {
+  Dataset data;
+  data.radar_axis = {"radar", "power", "m", 29, 0, 0.25};
+  data.radar = Matrix(0, row.size());
+  data.radar.add_row(row), data.radar.add_row(std::vector<float>(row.size()));
+  data.valid = {7, 7};
+  data.sources = {{"run", "", 0, 2, 0, response}};
+  return data;
+}
+
+double greatest_difference(std::span<const float> a, std::span<const float> b) {
+  double out = 0;
+  for (std::size_t i = 0; i < a.size(); ++i)
+    out = std::max(out, std::abs(double{a[i]} - double{b[i]}));
+  return out;
+}
+
+}  // namespace
+
+TEST_CASE("a profile is brought from a narrow response to a wide one") {
+  for (const auto& [own, wanted] : {std::pair{sinc, hann}, {sinc, blackman}, {hann, blackman}}) {
+    Dataset data = run_of(own, profile(own));
+    bring_to_response(data, wanted);
+    CHECK(greatest_difference(data.radar.row(0), profile(wanted)) < 0.02);
+    CHECK(greatest_difference(data.radar.row(1), std::vector<float>(29)) == 0);  // a dead sensor
+    CHECK(data.sources[0].radar_response == wanted);
+    Dataset again = data;
+    bring_to_response(again, wanted);
+    CHECK(again.radar.values == data.radar.values);
+  }
+}
+
+TEST_CASE("a filter to a narrower response is bounded by the noise") {
+  const auto widening = response_filter(sinc, blackman, 0.25),
+             narrowing = response_filter(blackman, sinc, 0.25);
+  const auto noise = [](const std::vector<double>& weights) {
+    double sum = 0;
+    for (const double w : weights) sum += w * w;
+    return std::sqrt(sum);
+  };
+  CHECK(noise(widening) < 1);
+  CHECK(noise(narrowing) > 1);
+  CHECK(noise(narrowing) < 6);
+  for (std::size_t i = 0; i < widening.size(); ++i)
+    CHECK(widening[i] == Approx(widening[widening.size() - 1 - i]).margin(1e-9));
+}
+
+TEST_CASE("runs that state no response, and binned power, stay as they are") {
+  Dataset unstated = run_of({}, profile(sinc)), binned = run_of(sinc, profile(sinc));
+  binned.radar_axis.quantity = "binned_power";
+  for (Dataset* data : {&unstated, &binned}) {
+    bring_to_response(*data, blackman);
+    CHECK(greatest_difference(data->radar.row(0), profile(sinc)) == 0);
+  }
+  CHECK_FALSE(widest_response(unstated).known());
+  binned.sources.push_back({"other", "", 2, 0, 0, hann});
+  CHECK(widest_response(binned) == hann);
+}
