@@ -75,6 +75,15 @@ TEST_CASE("a few records take a model to another room") {
   }
 }
 
+TEST_CASE("ten records move the mean body and the places, not the networks") {
+  const Dataset few = plates(10, 5, true), fresh = plates(150, 6, true);
+  const TunedModel tuned = tune(old_model("factorised"), few, all_records());
+  REQUIRE(tuned.chosen + 1 == tuned.table.size());
+  CHECK(tuned.table.back().name == "mean body, offset and scale learnt");
+  for (const auto& row : tuned.table) CHECK(row.name.find("pull") == std::string::npos);
+  CHECK(iou(tuned.model, fresh) > iou(old_model("factorised"), fresh));
+}
+
 TEST_CASE("in its own room a tuned model is no worse than it was, and states its uncertainty") {
   const TrainedModel& old = old_model("factorised");
   const Dataset fresh = plates(100, 9, false);

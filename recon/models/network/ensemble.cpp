@@ -15,6 +15,10 @@ TrainingLog Ensemble::fit(const Examples& train, const Examples& validation, Spr
   return log;
 }
 
+void Ensemble::correct(const Examples& train) {
+  for (Regression& network : networks_) network.correct(train);
+}
+
 void Ensemble::tune(const Examples& train, Training training, const std::string& title) {
   for (Regression& network : networks_) {
     network.tune(train, training, title);

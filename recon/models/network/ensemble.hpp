@@ -16,7 +16,8 @@ class Ensemble {
   // is that of the last one.
   TrainingLog fit(const Examples& train, const Examples& validation, Spread spread,
                   Training training, std::size_t networks, const std::string& title);
-  // This is Regression::tune for each network.
+  // These are Regression::correct and Regression::tune for each network.
+  void correct(const Examples& train);
   void tune(const Examples& train, Training training, const std::string& title);
   // Row i of `inputs` gives row i of the answer, which has as many columns as the targets had.
   Matrix predict(const Matrix& inputs) const;

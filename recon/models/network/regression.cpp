@@ -148,6 +148,29 @@ void Regression::tune(const Examples& train, const Training& training, const std
   if (!interrupted()) parameters_ = std::move(s.parameters);
 }
 
+void Regression::correct(const Examples& train) {
+  constexpr double least_scale = 0.5, most_scale = 2;
+  const Matrix found = predict(take_rows(train.inputs, train.rows));
+  for (std::size_t c = 0; c < centre_.size(); ++c) {
+    std::vector<double> answers, targets;
+    for (std::size_t i = 0; i < found.rows; ++i) {
+      answers.push_back(double{found.row(i)[c]});
+      targets.push_back(double{train.targets.row(train.rows[i])[c]});
+    }
+    const double answer = mean_of(answers), target = mean_of(targets);
+    double both = 0, squares = 0;
+    for (std::size_t i = 0; i < answers.size(); ++i)
+      both += (answers[i] - answer) * (targets[i] - target),
+          squares += (answers[i] - answer) * (answers[i] - answer);
+    if (!(squares > 0)) continue;
+    const double slope = std::clamp(both / squares, least_scale, most_scale);
+    const double scale = 1 + Tuning::belief(found.rows) * (slope - 1);
+    spread_[c] *= static_cast<float>(scale);
+    centre_[c] += static_cast<float>((1 - scale) * (answer - double{centre_[c]}));
+  }
+  move_centre(train);
+}
+
 void Regression::move_centre(const Examples& train) {
   const Matrix found = predict(take_rows(train.inputs, train.rows));
   std::vector<double> sum(centre_.size());

@@ -65,9 +65,11 @@ class Regression {
   // `unit` are for the progress line. Throws Error(failed) if training diverges.
   TrainingLog fit(const Examples& train, const Examples& validation, Spread spread,
                   const Training& training, const std::string& title, const std::string& unit);
+  // It moves the answers by part of their mean error, and brings their scatter to that of the
+  // targets by part (Tuning::belief).
+  void correct(const Examples& train);
   // It goes on from the present weights, with their scaling. It trains for all epochs; at an
-  // interrupt it stops there. First it moves the answers by part of their mean error
-  // (Tuning::belief).
+  // interrupt it stops there. First it moves the answers by part of their mean error.
   void tune(const Examples& train, const Training& training, const std::string& title);
   Matrix predict(const Matrix& inputs) const;
   Cost cost() const { return {network_.weights, network_.parameters}; }

@@ -36,6 +36,9 @@ struct Tuning {
   // This is the weight of the mean squared distance from the model's first weights, times the
   // number of records. With INFINITY the networks stay as they are.
   double pull = 1;
+  // With networks that stay, a model that places a body still learns by how much and in what scale
+  // its places are off, and its mean body.
+  bool correct = false;
   // Models that place a body turn the bodies (method/turned.hpp). With few records that does harm.
   bool turn = false;
   std::size_t steps = 200, batch = 64;  // a step takes at most so many records
