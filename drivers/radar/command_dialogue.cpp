@@ -183,7 +183,7 @@ void CommandDialogue::next_command(HostTime now) {
 }
 
 // "mmWave SDK Version      : 03.04.00.03", "Platform                : xWR68xx", and the banner
-// "xWR68xx MMW Demo 03.04.00.03" of a board that has just started.
+// "xWR68xx MMW Demo 03.04.00.03" (or xWR64xx) of a board that has just started.
 void CommandDialogue::read_version(const std::string& line) {
   const std::size_t colon = line.find(':'), demo = line.find(" MMW Demo ");
   if (is_banner(line)) {

@@ -273,7 +273,7 @@ std::string milliseconds(double s) {
   return text.str();
 }
 
-void warn_of_rates(const Cfg& cfg, RadarProfile& profile, std::uint32_t data_baud) {
+void check_rates(const Cfg& cfg, RadarProfile& profile, std::uint32_t data_baud) {
   constexpr std::uint32_t firmware_baud = 921600;  // until configDataPort
   const bool given = cfg.has("configDataPort");
   const std::uint32_t baud =
@@ -287,10 +287,16 @@ void warn_of_rates(const Cfg& cfg, RadarProfile& profile, std::uint32_t data_bau
   const double transmit_s = profile.frame_bytes * 10.0 / baud;
   if (transmit_s < profile.frame_period_s) return;
   const std::string command = cfg.advanced() ? "subFrameCfg" : "frameCfg";
-  profile.warnings.push_back(cfg.where(cfg.last(command).line) + command + " wants a frame every " +
-                             milliseconds(profile.frame_period_s) + ", but one of " +
-                             std::to_string(profile.frame_bytes) + " bytes takes " +
-                             milliseconds(transmit_s) + " at " + std::to_string(baud) + " baud");
+  const std::string what = "wants a frame every " + milliseconds(profile.frame_period_s) +
+                           ", but one of " + std::to_string(profile.frame_bytes) + " bytes takes " +
+                           milliseconds(transmit_s) + " at " + std::to_string(baud) + " baud";
+  // With a heat map behind its time the demo stops sending anything at all.
+  const Command& gui = cfg.last("guiMonitor");
+  if (cfg.number(gui, 5) != 0 || cfg.number(gui, 6) != 0)
+    cfg.fail(cfg.last(command), what +
+                                    "; with a heat map the firmware then sends nothing: "
+                                    "expected a longer period, fewer bins or no heat map");
+  profile.warnings.push_back(cfg.where(cfg.last(command).line) + command + ' ' + what);
 }
 
 void read_warnings(const Cfg& cfg, RadarProfile& profile, std::uint32_t data_baud) {
@@ -304,7 +310,7 @@ void read_warnings(const Cfg& cfg, RadarProfile& profile, std::uint32_t data_bau
     profile.warnings.push_back(cfg.where(cfg.last("profileCfg").line) +
                                "profileCfg makes 1024 bins for 12 antennas: more than the firmware "
                                "has room for, it sends 1022");
-  warn_of_rates(cfg, profile, data_baud);
+  check_rates(cfg, profile, data_baud);
 }
 
 }  // namespace
@@ -359,7 +365,8 @@ RadarProfile parse_profile(std::string_view cfg_text, const std::string& name,
   profile.range_step_m =
       firmware_speed_of_light_m_s * sampling.rate_hz / (2 * sampling.slope_hz_per_s * fft);
   profile.frame_bytes = frame_bytes(cfg, profile, frames.front().loops(cfg));
-  read_warnings(cfg, profile, data_baud);
+  cfg.attempt([&] { read_warnings(cfg, profile, data_baud); });
+  cfg.stop_if_faulty();
   return profile;
 }
 

@@ -78,6 +78,7 @@ std::vector<Counter> RadarDriver::counters() const {
 void RadarDriver::connect() {
   open_ports_ = 0;
   dialogue_.reset();
+  silence_.reset();
   cli_ = setup_.cli();
   data_ = setup_.data();
   const auto opened = [this] { on_opened(); };
@@ -125,6 +126,10 @@ void RadarDriver::on_cli(ByteView bytes) {
     last_words_->receive(bytes);
     return advance_last_words();
   }
+  if (silence_) {
+    silence_->receive_cli(bytes);
+    return advance_silence();
+  }
   if (!dialogue_) return;
   const bool before = dialogue_->state() == CommandDialogue::State::done;
   dialogue_->receive(bytes, loop_.now());
@@ -132,6 +137,7 @@ void RadarDriver::on_cli(ByteView bytes) {
   if (after && !before) {
     ++(dialogue_->sent() == CommandDialogue::Send::cfg ? configured_ : restarted_);
     frames_before_ = parser_.counts().frames;
+    bytes_before_ = parser_.counts().bytes;
     info_.model = dialogue_->platform();
     info_.firmware = dialogue_->firmware();
     alive_ = loop_.now();
@@ -142,6 +148,7 @@ void RadarDriver::on_cli(ByteView bytes) {
 
 void RadarDriver::on_data(ByteView bytes) {
   if (!running_) return;
+  if (silence_) silence_->receive_data(bytes);
   const auto take = [this](RadarFrame frame) { on_frame(std::move(frame)); };
   parser_.feed(bytes, loop_.now(), take);
   quiet_timer_.cancel();
@@ -204,8 +211,20 @@ bool RadarDriver::board_was_reset() {
 void RadarDriver::watch() {
   const auto limit = std::max(from_seconds(2), from_seconds(5 * profile_.frame_period_s));
   const auto left = alive_ + limit - loop_.now();
-  if (left <= left.zero()) return fail("no frames on the data port");
+  if (left <= left.zero()) return streaming_ ? fail("no frames on the data port") : ask_why();
   watch_timer_.after(left, [this] { watch(); });
+}
+
+void RadarDriver::ask_why() {
+  silence_.emplace(setup_.data_baud, parser_.counts().bytes - bytes_before_);
+  advance_silence();
+  watch_timer_.after(Silence::time,
+                     [this] { fail("no frames on the data port: " + silence_->verdict()); });
+}
+
+void RadarDriver::advance_silence() {
+  const std::string out = silence_->take_output();
+  cli_->write({reinterpret_cast<const std::uint8_t*>(out.data()), out.size()});
 }
 
 void RadarDriver::on_gone(const Failure& failure) {

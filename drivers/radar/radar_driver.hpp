@@ -15,6 +15,7 @@
 #include "drivers/radar/command_dialogue.hpp"
 #include "drivers/radar/frame_parser.hpp"
 #include "drivers/radar/profile.hpp"
+#include "drivers/radar/silence.hpp"
 #include "drivers/radar/stop_dialogue.hpp"
 
 namespace echofuse::radar {
@@ -33,10 +34,11 @@ struct RadarSetup {
 
 // Each connection opens both ports and sends the whole cfg; or restarts the sensor with the cfg
 // that it has, if a port was away for less than 10 s and nothing else was wrong. It is `streaming`
-// from the first frame on. Silence of the data port, an end of either port, a refused command, or a
-// board that was reset (its banner, or frame numbers that begin again) makes it `faulted`, and it
-// starts over. At the end it is told to stop: finished() when it says that it has. A frame whose
-// heat map is not that of the cfg and the board is delivered without it, and counted.
+// from the first frame on. If none comes, the firmware is asked why (silence.hpp). Silence of the
+// data port, an end of either port, a refused command, or a board that was reset (its banner, or
+// frame numbers that begin again) makes it `faulted`, and it starts over. At the end it is told to
+// stop: finished() when it says that it has. A frame whose heat map is not that of the cfg and the
+// board is delivered without it, and counted.
 class RadarDriver final : public Driver {
  public:
   // Throws Error(config) for a cfg that cannot work.
@@ -56,6 +58,8 @@ class RadarDriver final : public Driver {
   void discard(const RadarFrame& frame);
   void check_array(RadarFrame& frame);
   void watch();
+  void ask_why();
+  void advance_silence();
   bool board_was_reset();
   void advance_last_words();
   void on_gone(const Failure& failure);
@@ -72,11 +76,12 @@ class RadarDriver final : public Driver {
   port::Backoff backoff_;
   FrameParser parser_;
   std::optional<CommandDialogue> dialogue_;
+  std::optional<Silence> silence_;  // while the firmware is asked why no frame has come
   std::optional<StopDialogue> last_words_;
   SampleSink* sink_ = nullptr;
   std::set<std::string> reported_;     // warnings of the ports: each once
   std::optional<HostTime> unplugged_;  // since then, with our cfg in the firmware
-  std::uint64_t restarts_seen_ = 0, frames_before_ = 0;
+  std::uint64_t restarts_seen_ = 0, frames_before_ = 0, bytes_before_ = 0;
   int open_ports_ = 0;
   bool running_ = false, faulted_ = false, streaming_ = false, array_told_ = false;
   HostTime alive_{};             // the last frame, or the start

@@ -16,11 +16,28 @@ std::string first_word(const std::string& line) {
   return word;
 }
 
+constexpr std::string_view dsp_command = "bpmCfg";
+
+bool has_command(const std::vector<CfgLine>& cfg, std::string_view command) {
+  return std::any_of(cfg.begin(), cfg.end(),
+                     [&](const CfgLine& line) { return first_word(line.text) == command; });
+}
+
 // The file of config/radar that does what this one does, as far as its name tells.
 std::string other_file(std::string_view cfg_name, bool for_old_sdk) {
   const bool fine = cfg_name.find("44mm") != cfg_name.npos;
-  return std::string("config/radar/xwr68xx_") + (fine ? "44mm" : "paper_50cm") +
-         (for_old_sdk ? "_sdk3.4.cfg" : ".cfg");
+  const std::string end = for_old_sdk ? "_sdk3.4.cfg" : ".cfg";
+  for (const char* board : {"aop", "ods"})
+    if (cfg_name.find(board) != cfg_name.npos)
+      return std::string("config/radar/xwr64xx_") + board + (fine ? "_44mm" : "_50cm") + end;
+  return std::string("config/radar/xwr68xx_") + (fine ? "44mm" : "paper_50cm") + end;
+}
+
+// The same for a board with the other demo.
+std::string of_accelerator(std::string_view cfg_name, bool old_sdk) {
+  const std::string end = std::string(cfg_name.find("44mm") != cfg_name.npos ? "_44mm" : "_50cm") +
+                          (old_sdk ? "_sdk3.4.cfg" : ".cfg");
+  return "config/radar/xwr64xx_aop" + end + " or xwr64xx_ods" + end;
 }
 
 std::string radar_has(std::string_view firmware) {
@@ -41,6 +58,15 @@ std::optional<std::pair<int, int>> sdk_of(std::string_view firmware) {
 
 std::string advice_for_unknown(const std::string& command, std::string_view firmware,
                                std::string_view cfg_name) {
+  const auto sdk = sdk_of(firmware);
+  if (first_word(command) == dsp_command)
+    return "; this is a cfg of the DSP demo (ISK); the board runs the hardware-accelerator demo "
+           "(AOP, ODS): use " +
+           of_accelerator(cfg_name, sdk && *sdk < new_sdk);
+  if (first_word(command) == "dfeDataOutputMode")
+    return "; is it an xWRL6432 or xWRL6844? Their demo takes other commands, and this program "
+           "does "
+           "not speak them";
   if (first_word(command) != new_command)
     return firmware.empty() ? "" : "; " + radar_has(firmware) + ": is the cfg for another demo?";
   return "; SDK 3.5 and 3.6 know this command, " + radar_has(firmware) +
@@ -50,12 +76,15 @@ std::string advice_for_unknown(const std::string& command, std::string_view firm
 std::string advice_for_start(const std::vector<CfgLine>& cfg, std::string_view firmware,
                              std::string_view cfg_name) {
   const auto sdk = sdk_of(firmware);
-  const bool has_it = std::any_of(cfg.begin(), cfg.end(), [](const CfgLine& line) {
-    return first_word(line.text) == new_command;
-  });
-  if (has_it || !sdk || *sdk < new_sdk) return {};
-  return "; the cfg is for SDK 3.4, as it has no calibData, and " + radar_has(firmware) +
-         ": use a cfg for SDK 3.5, " + other_file(cfg_name, false);
+  if (sdk && *sdk >= new_sdk && !has_command(cfg, new_command))
+    return "; the cfg is for SDK 3.4, as it has no calibData, and " + radar_has(firmware) +
+           ": use a cfg for SDK 3.5, " + other_file(cfg_name, false);
+  if (!has_command(cfg, dsp_command) && has_command(cfg, "aoaFovCfg"))
+    return "; this is a cfg of the hardware-accelerator demo (AOP, ODS), as it has no bpmCfg; does "
+           "the board run the DSP demo (ISK)? Then use " +
+           other_file(cfg_name.find("44mm") == cfg_name.npos ? "50cm" : "44mm",
+                      sdk && *sdk < new_sdk);
+  return {};
 }
 
 }  // namespace echofuse::radar

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: MIT
 // Which release of TI's mmWave SDK a cfg and a firmware are of. From 3.5 on the demo wants a
-// `calibData` line before the first start; 3.4 does not know the command. Both kinds of cfg are in
-// config/radar.
+// `calibData` line before the first start; 3.4 does not know the command. The ISK runs the demo of
+// the signal processor, which wants a `bpmCfg` line; AOP and ODS run that of the hardware
+// accelerator, which does not know it. All kinds of cfg are in config/radar.
 #pragma once
 #include <optional>
 #include <string>
@@ -17,8 +18,8 @@ namespace echofuse::radar {
 std::optional<std::pair<int, int>> sdk_of(std::string_view firmware);
 
 // What to add to the message that the firmware does not know `command`, or refuses to start with
-// what the lines of `cfg` gave it: whose SDK is which, and the file to send instead. Empty if the
-// SDK is not the reason. `firmware`: what it says of itself; may be empty.
+// what the lines of `cfg` gave it: whose SDK or demo is which, and the file to send instead. Empty
+// if neither is the reason. `firmware`: what it says of itself; may be empty.
 std::string advice_for_unknown(const std::string& command, std::string_view firmware,
                                std::string_view cfg_name);
 std::string advice_for_start(const std::vector<CfgLine>& cfg, std::string_view firmware,

@@ -203,6 +203,9 @@ void add_lab(CLI::App& app, Command& command) {
   sub->add_flag("!--all-syncs", o.tagging.conditional_filter,
                 "send every laser sync, not only those before a photon");
   sub->add_option("--radar-cfg", o.radar_cfg, "TI .cfg file (the paper's 50 cm profile)");
+  sub->add_option("--radar-board", o.radar_board, "which of TI's boards it is")
+      ->check(CLI::IsMember({"isk", "aop", "ods"}))
+      ->capture_default_str();
   sub->add_option("--radar-sdk", o.radar_sdk, "the mmWave SDK of its firmware")
       ->check(CLI::IsMember({"3.4", "3.5", "3.6"}))
       ->capture_default_str();

@@ -57,7 +57,8 @@ struct RadarOptions {
   std::string cli_link, data_link;
   std::uint64_t seed = 1;
   FaultPlan plan{};
-  unsigned sdk = 5;  // the 5 of SDK 3.5
+  unsigned sdk = 5;           // the 5 of SDK 3.5
+  std::string board = "isk";  // isk, aop, ods
 };
 std::unique_ptr<Device> make_radar_ptys(port::SystemLoop& loop, ScenePlayer& player,
                                         const RadarOptions& options);

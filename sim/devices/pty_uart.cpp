@@ -132,7 +132,8 @@ std::unique_ptr<Device> make_radar_ptys(port::SystemLoop& loop, ScenePlayer& pla
   const auto plug = [ports](bool in) {
     for (PtyUart* port : *ports) port->plug(in);
   };
-  return make_radar_board(loop, player, {options.seed, options.plan, options.sdk, plug},
+  return make_radar_board(loop, player,
+                          {options.seed, options.plan, options.sdk, options.board, plug},
                           pty(options.cli_link), pty(options.data_link));
 }
 

@@ -23,16 +23,20 @@ Conditions with_all_antennas(Conditions c) {
 
 }  // namespace
 
-RadarAntennas::RadarAntennas(const Conditions& conditions, std::uint64_t seed)
+RadarAntennas::RadarAntennas(const Conditions& conditions, std::uint64_t seed,
+                             const std::string& board)
     : conditions_(conditions),
       seed_(seed),
-      planar_(conditions.radar_antennas == 12),
+      planar_(conditions.radar_antennas == 12 || board != "isk"),
       channels_(simulated_antennas(with_all_antennas(conditions), seed)) {
-  if (planar_) return;
-  constexpr std::array<std::array<double, 2>, transmitters> isk{{{0, 0}, {2, -1}, {4, 0}}};
+  using Places = std::array<std::array<double, 2>, transmitters + receivers>;
+  constexpr Places isk{{{0, 0}, {2, -1}, {4, 0}, {0, 0}, {1, 0}, {2, 0}, {3, 0}}},
+      ods{{{0, 0}, {2, 0}, {2, 2}, {0, 0}, {0, 1}, {1, 1}, {1, 0}}};
+  if (planar_ && board != "ods") return;  // the AOP's
+  const Places& places = planar_ ? ods : isk;
   for (std::size_t m = 0; m < channels_.size(); ++m) {
-    channels_[m].x = isk[m / receivers][0] + static_cast<double>(m % receivers);
-    channels_[m].y = isk[m / receivers][1];
+    const auto &tx = places[m / receivers], &rx = places[transmitters + m % receivers];
+    channels_[m].x = tx[0] + rx[0], channels_[m].y = tx[1] + rx[1];
   }
 }
 

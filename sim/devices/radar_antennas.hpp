@@ -21,7 +21,7 @@ namespace echofuse::sim {
 
 class RadarAntennas {
  public:
-  RadarAntennas(const Conditions& conditions, std::uint64_t seed);
+  RadarAntennas(const Conditions& conditions, std::uint64_t seed, const std::string& board = "isk");
 
   // The board starts with these chirps, one for each subframe, which differ in their start
   // frequency alone. The noise is that of range_profile_codes.

@@ -35,11 +35,12 @@ class RadarBoard final : public Device {
         cli_(make_cli(cli_baud, [this](ByteView bytes) { on_command_bytes(bytes); })),
         data_(make_data(data_baud, [](ByteView) {})),
         firmware_([this](const std::string& text) { cli_->send(bytes_of(text)); },
-                  [this](const std::string& raw) { data_->send(bytes_of(raw)); }, options.sdk),
+                  [this](const std::string& raw) { data_->send(bytes_of(raw)); }, options.sdk,
+                  options.board == "isk" ? RadarDemo::dsp : RadarDemo::accelerator),
         frame_timer_(loop),
         output_timer_(loop),
         rng_(make_rng(options.seed, 2)),
-        antennas_(player.conditions(), options.seed),
+        antennas_(player.conditions(), options.seed, options.board),
         plug_(options.plug),
         injector_(loop, player, "radar", options.plan, options.seed, [this] { poll(); }) {
     firmware_.boot();

@@ -79,19 +79,21 @@ std::vector<std::string> split(const std::string& line) {
 
 }  // namespace
 
-RadarFirmware::RadarFirmware(Write cli, Write data, unsigned sdk)
-    : cli_(std::move(cli)), data_(std::move(data)), sdk_(sdk) {}
+RadarFirmware::RadarFirmware(Write cli, Write data, unsigned sdk, RadarDemo demo)
+    : cli_(std::move(cli)), data_(std::move(data)), sdk_(sdk), demo_(demo) {}
 
 std::string RadarFirmware::version() const {
   return sdk_ == 4 ? "03.04.00.03" : sdk_ == 5 ? "03.05.00.04" : "03.06.00.00";
 }
 
 bool RadarFirmware::knows(const std::string& command) const {
-  return configuring.count(command) > 0 && (command != "calibData" || sdk_ >= 5);
+  return configuring.count(command) > 0 && (command != "calibData" || sdk_ >= 5) &&
+         (command != "bpmCfg" || demo_ == RadarDemo::dsp);
 }
 
 void RadarFirmware::boot() {
-  say(banner_line + ("xWR68xx MMW Demo " + version() + '\n') + banner_line);
+  const std::string chip = demo_ == RadarDemo::dsp ? "xWR68xx" : "xWR64xx";
+  say(banner_line + (chip + " MMW Demo " + version() + '\n') + banner_line);
   prompt();
 }
 

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT
-// This is the command line of TI's xWR68xx out-of-box demo, SDK 3.4 to 3.6, as its sources have it
-// (utils/cli, demo/xwr68xx/mmw/mss/mmw_cli.c, uartsci.c): echo, prompt, "Done", "Error -1",
-// "Ignored: ...", what has to be configured before a start, and what may not change after the first
-// one. It knows no ports and no time.
+// This is the command line of TI's out-of-box demos, SDK 3.4 to 3.6, as their sources have it
+// (utils/cli, demo/xwr68xx/mmw/mss/mmw_cli.c, demo/xwr64xx/mmw/mmw_cli.c, uartsci.c): echo, prompt,
+// "Done", "Error -1", "Ignored: ...", what has to be configured before a start, and what may not
+// change after the first one. It knows no ports and no time.
 #pragma once
 #include <cstdint>
 #include <functional>
@@ -24,12 +24,16 @@ struct RadarOutputs {
   double target_m = 0, search_m = 0;
 };
 
+// The ISK runs the demo of the signal processor (xWR68xx). AOP and ODS run that of the hardware
+// accelerator (xWR64xx), which knows no bpmCfg.
+enum class RadarDemo : bool { dsp, accelerator };
+
 class RadarFirmware {
  public:
   using Write = std::function<void(const std::string&)>;
   // `cli` gets the firmware's text on its command port, `data` raw bytes for the data port. `sdk`
   // is the 5 of SDK 3.5; before it there is no calibData.
-  RadarFirmware(Write cli, Write data, unsigned sdk = 5);
+  RadarFirmware(Write cli, Write data, unsigned sdk = 5, RadarDemo demo = RadarDemo::dsp);
 
   // At power-up it sends banner and prompt.
   void boot();
@@ -78,6 +82,7 @@ class RadarFirmware {
 
   Write cli_, data_;
   unsigned sdk_;
+  RadarDemo demo_;
   std::string line_;
   State state_ = State::init;
   bool stopping_ = false, dead_ = false;

@@ -68,6 +68,7 @@ struct RadarBoardOptions {
   std::uint64_t seed = 1;
   FaultPlan plan{};
   unsigned sdk = 5;                     // the 5 of SDK 3.5
+  std::string board = "isk";            // isk, aop, ods
   std::function<void(bool in)> plug{};  // pulls both ports out, or puts them in; asked often
 };
 std::unique_ptr<Device> make_radar_board(port::Loop& loop, ScenePlayer& player,

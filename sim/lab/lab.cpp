@@ -28,7 +28,6 @@ namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
 
 constexpr char first_line[] = "# echofuse-sim lab";
-constexpr char default_radar_cfg[] = "radar/xwr68xx_paper_50cm";
 constexpr char module_name[] = "libechofuse_sim_depth.so";
 // A laboratory puts these files into its directory; a closed one leaves only the lasting ones
 // behind.
@@ -96,8 +95,10 @@ class DirectoryLock {
 
 fs::path find_radar_cfg(const LabOptions& options) {
   if (!options.radar_cfg.empty()) return options.radar_cfg;
-  return data_folder() /
-         (default_radar_cfg + std::string(options.radar_sdk == "3.4" ? "_sdk3.4.cfg" : ".cfg"));
+  const std::string name = options.radar_board == "isk"
+                               ? "xwr68xx_paper_50cm"
+                               : "xwr64xx_" + options.radar_board + "_50cm";
+  return data_folder() / ("radar/" + name + (options.radar_sdk == "3.4" ? "_sdk3.4.cfg" : ".cfg"));
 }
 
 // OpenNI2 is installed here, as the build found it.
@@ -165,7 +166,8 @@ std::string lab_toml(const LabOptions& o, const fs::path& dir, const std::string
       << "\nbins = " << o.conditions.bins << detector_lines(o.conditions)
       << "\n\n[radar]\ncli = " << toml_text("serial:" + (dir / "radar-cli").string())
       << "\ndata = " << toml_text("serial:" + (dir / "radar-data").string())
-      << "\ncfg = \"radar.cfg\"\n\n[depth]\naddress = \"openni:\"\nmap_size = " << map.size
+      << "\ncfg = \"radar.cfg\"\nboard = " << toml_text(o.radar_board)
+      << "\n\n[depth]\naddress = \"openni:\"\nmap_size = " << map.size
       << "\nmap_half_tangent = " << Json(map.half_tangent).dump() << "\n";
   return out.str();
 }
@@ -210,7 +212,8 @@ struct Lab::Parts {
                              .data_link = (dir / "radar-data").string(),
                              .seed = seed,
                              .plan = plan,
-                             .sdk = static_cast<unsigned>(options.radar_sdk.back() - '0')});
+                             .sdk = static_cast<unsigned>(options.radar_sdk.back() - '0'),
+                             .board = options.radar_board});
     depth = make_depth_feed(
         loop, player, {.socket_path = (dir / "depth.sock").string(), .seed = seed, .plan = plan});
     make_openni(dir);

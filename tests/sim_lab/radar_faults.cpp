@@ -364,3 +364,29 @@ TEST_CASE("a board that sends one frame and dies is tried ever more rarely") {
   // 0.1, 0.2, 0.4, 0.8 and 1.6 s of pause
   for (std::size_t i = 0; i < pauses.size(); ++i) CHECK(pauses[i] > 0.1 * (1 << i));
 }
+
+TEST_CASE("what keeps the first frame away is told with its cure") {
+  const auto told = [](const std::function<void(RadarBoard&)>& fault) {
+    Bench b;
+    b.driver->start(b.sink);
+    // The cfg is through, and no frame comes.
+    REQUIRE(run_until(b.loop, [&] { return b.board.running(); }));
+    b.loop.run_for(1s);
+    fault(b.board);
+    REQUIRE(run_until(b.loop, [&] { return b.state() == DeviceState::faulted; }));
+    const std::string text = b.sink.events.back();
+    CHECK(text.starts_with("no frames on the data port: "));
+    return text;
+  };
+  CHECK_THAT(told([](RadarBoard&) {}), Catch::Contains("the image is for another board"));
+  CHECK_THAT(
+      told([](RadarBoard& board) { board.data.cut = true; }),
+      Catch::Contains("nothing arrives there") && Catch::Contains("radar.data is another port"));
+  CHECK_THAT(told([](RadarBoard& board) { board.cli.cut = true; }),
+             Catch::Contains("its processor has stopped"));
+  CHECK_THAT(told([](RadarBoard& board) {
+               board.data.noise(std::string(500, 'x'));
+               board.data.cut = true;
+             }),
+             Catch::Contains("500 bytes came that are no frames"));
+}

@@ -3,11 +3,13 @@
 #include "sim/devices/radar_firmware.hpp"
 
 #include <catch2/catch.hpp>
+#include <filesystem>
 #include <fstream>
 #include <sstream>
 
 #include "../paths.hpp"
 #include "drivers/core/log2_codes.hpp"
+#include "drivers/radar/command_dialogue.hpp"
 
 using namespace echofuse;
 using namespace echofuse::sim;
@@ -16,9 +18,9 @@ namespace {
 
 class Console {
  public:
-  explicit Console(unsigned sdk = 5)
+  explicit Console(unsigned sdk = 5, RadarDemo demo = RadarDemo::dsp)
       : firmware_([this](const std::string& text) { said_ += text; },
-                  [this](const std::string& raw) { data_ += raw; }, sdk) {}
+                  [this](const std::string& raw) { data_ += raw; }, sdk, demo) {}
 
   RadarFirmware& firmware() { return firmware_; }
   // All that the firmware says to these bytes.
@@ -264,4 +266,66 @@ TEST_CASE("range bias from a parabola through the peak") {
   for (const int i : {9, 10, 11})
     power[static_cast<std::size_t>(i)] = std::pow(5 - std::pow(i - 10.3, 2), 2);
   CHECK(measured_range_bias_m(power, axis, 1.0, 0.2) == Approx(0.03).margin(1e-9));
+}
+
+namespace {
+
+// The dialogue with a firmware that answers at once: empty if the cfg was taken, else its failure.
+std::string failure_of(const std::string& name, unsigned sdk, RadarDemo demo) {
+  std::ifstream file(echofuse::test::source_dir + "/config/radar/" + name);
+  const std::string text{std::istreambuf_iterator<char>(file), {}};
+  radar::CommandDialogue dialogue(text, name);
+  Console board(sdk, demo);
+  board.firmware().boot();
+  HostTime now{};
+  dialogue.start(now);
+  const auto tell = [&](const std::string& said) {
+    dialogue.receive({reinterpret_cast<const std::uint8_t*>(said.data()), said.size()}, now);
+  };
+  tell(board.said());
+  while (dialogue.deadline()) {
+    const std::string out = dialogue.take_output();
+    if (out.empty())
+      now = *dialogue.deadline(), dialogue.tick(now);
+    else
+      tell(board.send(out));
+  }
+  return dialogue.failure();
+}
+
+}  // namespace
+
+TEST_CASE("each board takes the cfgs that are made for it, and says which one to use instead") {
+  std::size_t files = 0;
+  for (const auto& entry :
+       std::filesystem::directory_iterator(echofuse::test::source_dir + "/config/radar")) {
+    const std::string name = entry.path().filename();
+    ++files;
+    for (const unsigned sdk : {4u, 5u, 6u})
+      for (const RadarDemo demo : {RadarDemo::dsp, RadarDemo::accelerator}) {
+        const bool for_old = name.find("sdk3.4") != name.npos, of_isk = name.starts_with("xwr68xx");
+        const std::string failure = failure_of(name, sdk, demo);
+        CAPTURE(name, sdk, demo == RadarDemo::dsp, failure);
+        const bool right_demo = of_isk == (demo == RadarDemo::dsp),
+                   right_sdk = for_old == (sdk == 4);
+        CHECK(failure.empty() == (right_demo && right_sdk));
+        if (!right_demo && of_isk)
+          CHECK_THAT(
+              failure,
+              Catch::Contains("bpmCfg") &&
+                  Catch::Contains("the board runs the hardware-accelerator demo (AOP, ODS): use "
+                                  "config/radar/xwr64xx_aop"));
+        else if (!right_demo && right_sdk)
+          CHECK_THAT(failure, Catch::Contains("cfg of the hardware-accelerator demo") &&
+                                  Catch::Contains("Then use config/radar/xwr68xx_"));
+        else if (!right_sdk && right_demo)
+          CHECK_THAT(failure, Catch::Contains("use a cfg for SDK 3."));
+        // What it names is there.
+        if (const auto at = failure.find("config/radar/"); at != failure.npos) {
+          const std::string other = failure.substr(at, failure.find_first_of(" ,;", at) - at);
+          CHECK(std::filesystem::exists(echofuse::test::source_dir + "/" + other));
+        }
+      }
+  }
+  CHECK(files == 21);
 }

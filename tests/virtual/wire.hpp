@@ -24,6 +24,13 @@ class Wire {
   }
   // To the host, in one read; lost if it does not listen.
   void send(ByteView bytes) {
+    if (!cut) deliver(bytes);
+  }
+  // These come in any case, as from another board on this wire.
+  void noise(const std::string& text) {
+    deliver(ByteView{reinterpret_cast<const std::uint8_t*>(text.data()), text.size()});
+  }
+  void deliver(ByteView bytes) {
     if (choked && !bytes.empty()) bytes = bytes.first(1);
     later([bytes = Bytes(bytes.begin(), bytes.end())](Link& link) {
       if (link.open) link.handlers.bytes(bytes);
@@ -37,6 +44,7 @@ class Wire {
     if (std::exchange(plugged_, in) == in) return;
     if (!in) later([](Link& link) { link.fail("read"); });
   }
+  bool cut = false;     // nothing of the board comes through
   bool choked = false;  // only the first byte of each piece comes through
 
  private:
