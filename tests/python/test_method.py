@@ -35,7 +35,7 @@ def runs(tmp_path_factory):
     folder = tmp_path_factory.mktemp("method")
     for name, settings in RUNS.items():
         words = [word for setting in settings for word in ("--set", setting)]
-        program("echofuse-sim", "dataset", "-q", "--out", folder / f"{name}.sqlite", "--records", 120, *words)
+        program("echofuse-sim", "dataset", "-q", "--out", folder / f"{name}.sqlite", "--records", 60, *words)
     with sqlite3.connect(folder / "calibrated.sqlite") as db:
         columns = [row[1] for row in db.execute("PRAGMA table_info(calibration)")]
         for sensor, offset_m in (("spd", 0.031), ("radar", 0.087)):
@@ -48,7 +48,7 @@ def runs(tmp_path_factory):
 @pytest.mark.parametrize(("name", "kind"), [(name, kind) for name, kinds in KINDS.items() for kind in kinds])
 def test_maps_are_those_of_the_program(runs, tmp_path, name, kind):
     model, run = tmp_path / "model", runs / f"{name}.sqlite"
-    epochs = ["--epochs", 3] if kind[0].rstrip("-0123456789") in ("factorised", "silhouette", "mlp", "pca-mlp") else []
+    epochs = ["--epochs", 1] if kind[0].rstrip("-0123456789") in ("factorised", "silhouette", "mlp", "pca-mlp") else []
     program("echofuse-recon", "train", "-q", run, "--model", *kind, *epochs, "--set", "fallback=false", "--out", model)
     program("echofuse-recon", "reconstruct", "-q", model, run, "--out", tmp_path / "maps", "--format", "npz")
     program_made = np.load(next((tmp_path / "maps").rglob("*.npz")))
@@ -57,7 +57,7 @@ def test_maps_are_those_of_the_program(runs, tmp_path, name, kind):
     background = loaded.estimators[0].t["scene/background_m"].reshape(loaded.estimators[0].size, -1)
     shown, shown_by_program = found.depth_m != background, program_made["depth_m"] != background
     other = shown != shown_by_program
-    assert found.index.tolist() == program_made["index"].tolist() and len(found.index) == 120
+    assert found.index.tolist() == program_made["index"].tolist() and len(found.index) == 60
     assert shown_by_program.any()
     assert other.sum() <= 3  # exactly at the threshold
     assert np.abs(found.depth_m - program_made["depth_m"])[~other].max() < 1e-4

@@ -72,7 +72,7 @@ TEST_CASE("the cheapest model within one standard error of the best is chosen") 
 
 TEST_CASE("train --model auto keeps what does best for its cost, and says why") {
   const Folder dir;
-  write_run(dir / "run", 400);
+  write_run(dir / "run", 160);
   const Outcome o =
       recon_program("train --model auto --set candidates=empty,mean,silhouette,nearest --out " +
                     (dir / "m.h5") + " " + (dir / "run"));

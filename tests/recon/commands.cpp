@@ -96,8 +96,9 @@ TEST_CASE("too few records, a bad record, other axes") {
   refuses("train " + (dir / "bad") + " --out " + (dir / "m"), 1, "record 6");
   CHECK_FALSE(std::filesystem::exists(dir / "m"));
   write_run(dir / "run", 40);
-  REQUIRE(recon_program("train -q --model ridge " + (dir / "run") + " --out " + (dir / "m")).code ==
-          0);
+  REQUIRE(recon_program("train -q --set fallback=false --model ridge " + (dir / "run") + " --out " +
+                        (dir / "m"))
+              .code == 0);
   write_run(dir / "other", 4, 1, {}, {"radar", "power", "m", 24, 0, 0.3, 1});
   refuses("evaluate " + (dir / "m") + " " + (dir / "other"), 1, "radar axis");
   refuses("reconstruct " + (dir / "m") + " " + (dir / "other") + " --out " + (dir / "o"), 1,
@@ -138,8 +139,9 @@ TEST_CASE("train and evaluate: the JSON object") {
 TEST_CASE("a bad record does not stop a reconstruction") {
   const Folder dir;
   write_run(dir / "run", 60);
-  REQUIRE(recon_program("train -q --model ridge " + (dir / "run") + " --out " + (dir / "m")).code ==
-          0);
+  REQUIRE(recon_program("train -q --set fallback=false --model ridge " + (dir / "run") + " --out " +
+                        (dir / "m"))
+              .code == 0);
   write_run(dir / "mixed", 6, 2, [](record::FusedRecord& r) {
     if (r.index == 1) r.radar[5] = std::numeric_limits<float>::quiet_NaN();
     if (r.index == 3) r.valid.erase(Sensor::spd), r.spd.clear();
@@ -271,7 +273,7 @@ TEST_CASE("a report takes models on other radar axes beside each other") {
 
 TEST_CASE("the nearest neighbour depends on the records, not on the model that is judged") {
   const Folder dir;
-  write_run(dir / "run", 200);
+  write_run(dir / "run", 100);
   const auto nearest = [&](const std::string& how) {
     std::filesystem::remove(dir / "m");
     REQUIRE(recon_program("train -q --set fallback=false " + (dir / "run") + " --out " +
@@ -288,7 +290,7 @@ TEST_CASE("the nearest neighbour depends on the records, not on the model that i
 
 TEST_CASE("the report takes what evaluate takes, and says what it did about it") {
   const Folder dir;
-  write_run(dir / "run", 400);
+  write_run(dir / "run", 160);
   std::string models;
   for (const std::string inputs : {"fused", "spd", "radar"}) {
     REQUIRE(recon_program("train -q --model ridge --inputs " + inputs + " " + (dir / "run") +

@@ -223,7 +223,8 @@ TEST_CASE("a model of binned power takes runs as they were recorded") {
     INFO(outcome.text);
     CHECK(outcome.code == 0);
   };
-  done("train -q --model ridge --set radar_bin_m=0.5 " + (dir / "run") + " --out " + model);
+  done("train -q --model ridge --set fallback=false --set radar_bin_m=0.5 " + (dir / "run") +
+       " --out " + model);
   done("evaluate " + model + " " + (dir / "run"));
   done("reconstruct -q " + model + " " + (dir / "run") + " --out " + (dir / "maps"));
   write_run(dir / "near", 4);  // to 5.9 m only

@@ -17,7 +17,7 @@ using echofuse::testing::write_run;
 namespace {
 
 const Dataset& plates() {
-  static const Dataset data = testing::load_plates(300);
+  static const Dataset data = testing::load_plates(160);
   return data;
 }
 
@@ -26,7 +26,7 @@ TrainedModel trained_with(const std::string& model) {
   options.model = model;
   options.fallback = true;
   options.fit.quiet = true;
-  options.fit.epochs = 20;
+  options.fit.epochs = 8;
   return train(plates(), options);
 }
 
@@ -87,7 +87,7 @@ TEST_CASE("the fallback lives in the model's file, and a model may do without") 
 
 TEST_CASE("reconstruct and evaluate say which maps the SPD made alone") {
   const Folder dir;
-  write_run(dir / "run", 200);
+  write_run(dir / "run", 100);
   REQUIRE(
       recon_program("train -q --model ridge --epochs 10 " + (dir / "run") + " --out " + (dir / "m"))
           .code == 0);

@@ -21,7 +21,8 @@ void refuses(const std::string& arguments, const std::string& saying, int code =
 }
 
 std::string trained(const Folder& dir, const std::string& model, const std::string& options = "") {
-  return "train -q --model ridge " + (dir / "run") + " --out " + (dir / model) + options;
+  return "train -q --set fallback=false --model ridge " + (dir / "run") + " --out " +
+         (dir / model) + options;
 }
 
 }  // namespace
@@ -106,8 +107,9 @@ TEST_CASE("a study leaves files that bear its name, and are not its own, alone")
 TEST_CASE("a FIFO in place of a run or a model is refused, and nobody waits for its writer") {
   const Folder dir;
   write_run(dir / "run", 60);
-  REQUIRE(recon_program("train -q --model ridge " + (dir / "run") + " --out " + (dir / "m")).code ==
-          0);
+  REQUIRE(recon_program("train -q --set fallback=false --model ridge " + (dir / "run") + " --out " +
+                        (dir / "m"))
+              .code == 0);
   REQUIRE(::mkfifo((dir / "f").c_str(), 0666) == 0);
   for (const std::string& command :
        {"evaluate " + (dir / "m") + " " + (dir / "f"),
@@ -121,8 +123,9 @@ TEST_CASE("a FIFO in place of a run or a model is refused, and nobody waits for 
 TEST_CASE("a full disk leaves no half picture, and no planted link is followed") {
   const Folder dir;
   write_run(dir / "run", 60);
-  REQUIRE(recon_program("train -q --model ridge " + (dir / "run") + " --out " + (dir / "m")).code ==
-          0);
+  REQUIRE(recon_program("train -q --set fallback=false --model ridge " + (dir / "run") + " --out " +
+                        (dir / "m"))
+              .code == 0);
   const std::string command =
       "reconstruct -q " + (dir / "m") + " " + (dir / "run") + " --out " + (dir / "maps");
   std::filesystem::create_directory(dir / "maps");

@@ -72,7 +72,7 @@ TEST_CASE("a dead radar is seen in a calibrated run, after a correction and in w
 
 TEST_CASE("evaluate and reconstruct take off how much too long the radar's ranges are said to be") {
   const Folder dir;
-  write_run(dir / "train", 400);
+  write_run(dir / "train", 200);
   write_run(dir / "fresh", 100, 2);
   write_run(dir / "long", 100, 2, longer_by(0.06));
   REQUIRE(recon_program("train " + dir / "train" + " --out " + dir / "m" +

@@ -78,7 +78,7 @@ TEST_CASE("NumPy reads the arrays that were written row by row") {
 
 TEST_CASE("points, arrays and pictures show the same map") {
   const Folder dir;
-  write_run(dir / "run", 400);
+  write_run(dir / "run", 240);
   REQUIRE(recon_program("train -q --model mlp --set hidden=48,24 --epochs 25 --set batch=16 " +
                         (dir / "run") + " --out " + (dir / "m"))
               .code == 0);

@@ -81,7 +81,7 @@ with tempfile.TemporaryDirectory() as folder:
     folder = pathlib.Path(folder)
     run("echofuse-sim", "dataset", "-q", "--out", folder / "run.sqlite", "--records", 240)
     for inputs in ("fused", "spd"):
-        run("echofuse-recon", "train", "-q", folder / "run.sqlite", "--model", "ridge", "--inputs", inputs, "--out",
+        run("echofuse-recon", "train", "-q", folder / "run.sqlite", "--model", "ridge", "--set", "fallback=false", "--inputs", inputs, "--out",
             folder / f"{inputs}.h5")
     run("echofuse-recon", "report", folder / "page", "--run", folder / "run.sqlite", "--fused", folder / "fused.h5",
         "--spd", folder / "spd.h5", "--live", folder / "run.sqlite")

@@ -78,6 +78,14 @@ TEST_CASE("a FIFO in place of a file is refused, and nobody waits for its writer
   }
 }
 
+TEST_CASE("lab ends with the exit code of its command") {
+  const Folder folder;
+  CHECK(sim("lab --dir " + folder / "lab" + " -- sh -c 'exit 7'").code == 7);
+  const Outcome o = sim("lab --dir " + folder / "lab" + " -- no-such-program");
+  CHECK(o.code == 1);
+  CHECK(has(o.text, "no-such-program: cannot start"));
+}
+
 TEST_CASE("dataset writes a run and says so") {
   const Folder folder;
   const Outcome o = sim("dataset --out " + folder / "a.sqlite" + " --records 9 --seed 4 -q --json");

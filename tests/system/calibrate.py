@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""tests/system/calibrate.py BIN_DIR: offsets that only the simulated laboratory knows are measured with its reflector,
-stored, named by a run, and found again."""
+"""tests/system/calibrate.py BIN_DIR TEST: what only the simulated laboratory knows is measured with its reflector and goes
+with a run; without that it spoils what a model makes of the run."""
 import json
 import pathlib
 import sqlite3
@@ -22,17 +22,17 @@ class Calibrate(unittest.TestCase):
         self.addCleanup(folder.cleanup)
         self.dir = pathlib.Path(folder.name)
 
-    def lab(self, *command, scene="reflector", delay_ps=SPD_PS, cfg="xwr68xx_44mm.cfg", lab=()):
-        return subprocess.run([bin_dir / "echofuse-sim", "lab", "--dir", self.dir / "lab", "--scene", scene, "--window", "1",
-                               "--laser-rate-hz", "4e6", "--radar-cfg", config / cfg, "--set", f"spd_delay_ps={delay_ps}", "--set",
-                               f"radar_bias_m={RADAR_M}", *lab, "--", bin_dir / "echofuse-acquire", *command], text=True,
+    def lab(self, *command):
+        return subprocess.run([bin_dir / "echofuse-sim", "lab", "--dir", self.dir / "lab", "--scene", "reflector", "--window", "1",
+                               "--laser-rate-hz", "4e6", "--radar-cfg", config / "xwr68xx_44mm.cfg", "--set", f"spd_delay_ps={SPD_PS}", "--set",
+                               f"radar_bias_m={RADAR_M}", "--", bin_dir / "echofuse-acquire", *command], text=True,
                               stdout=subprocess.PIPE, stderr=subprocess.PIPE, timeout=60)
 
-    def calibrate(self, *options, repeat=6, **lab):
-        return self.lab("calibrate", "--config", self.dir / "lab/lab.toml", "--json", "--repeat", str(repeat), "--time",
-                        "0.4", "--window", "0.3", *options, **lab)
+    def calibrate(self, *options):
+        return self.lab("calibrate", "--config", self.dir / "lab/lab.toml", "--json", "--repeat", "6", "--time",
+                        "0.4", "--window", "0.3", *options)
 
-    def test_measured_stored_used_checked(self):
+    def test_measured_and_used(self):
         stored = self.dir / "calibration.toml"
         uses = ("--set", f"run.calibration={stored}")
         done = self.calibrate(*uses)
@@ -44,17 +44,6 @@ class Calibrate(unittest.TestCase):
             self.assertLess(sensor["standard_error_m"], 3e-4)
             self.assertGreater(sensor["snr_db"], 10)
         self.assertNotIn("kept", json.loads(done.stdout.splitlines()[-1]))
-        # One sensor again: the other one's entry stays as it is.
-        before = stored.read_text()
-        again = self.calibrate("--set", "radar.cli=", "--set", "radar.data=", *uses)
-        self.assertEqual(again.returncode, 0, again.stderr)
-        [kept] = json.loads(again.stdout.splitlines()[-1])["kept"]
-        self.assertEqual((kept["sensor"], kept["date_utc"] in before), ("radar", True))
-        def of_radar(text):
-            return [line for line in text.partition("[radar]")[2].splitlines() if not line.startswith("irf_")]
-        self.assertEqual(of_radar(stored.read_text()), of_radar(before))
-        self.assertNotEqual(stored.read_text(), before)
-        stored.write_text(before)
         run = self.lab("run", "--config", self.dir / "lab/lab.toml", "--out", self.dir / "run", "--count", "1", *uses)
         self.assertEqual(run.returncode, 0, run.stderr)
         info = json.loads(subprocess.run([bin_dir / "echofuse-acquire", "info", "--json", self.dir / "run.sqlite"],
@@ -78,31 +67,6 @@ class Calibrate(unittest.TestCase):
         self.assertEqual(made["irf_fwhm_ps"], response["irf_fwhm_ps"].partition(" +- ")[0])
         for kept, measured in zip(info["calibrations"], (spd, radar)):
             self.assertAlmostEqual(kept["offset_m"], measured["offset_m"], 12)
-
-        self.assertEqual(self.calibrate("--check", *uses).returncode, 0)
-        slipped = self.calibrate("--check", *uses, delay_ps=SPD_PS + 200)
-        self.assertEqual(slipped.returncode, 1, slipped.stderr)
-        residuals = {r["sensor"]: r for r in json.loads(slipped.stdout.splitlines()[-1])["residuals"]}
-        self.assertFalse(residuals["spd"]["holds"])
-        self.assertLess(abs(residuals["spd"]["residual_m"] - 200 * 299792458 / 2e12), 1e-3)
-        self.assertTrue(residuals["radar"]["holds"])
-
-    def test_refused(self):
-        into = ("--set", f"run.calibration={self.dir}/c.toml")
-        nothing = self.calibrate(*into, scene="empty")
-        self.assertEqual(nothing.returncode, 4, nothing.stderr)
-        self.assertTrue(all("refusal" in s for s in json.loads(nothing.stdout.splitlines()[-1])["sensors"]))
-        self.assertFalse((self.dir / "c.toml").exists())
-        # A detector that clicks at 19 pulses of 20, whether the tagger sends all starts or only those with a click.
-        for syncs in (), ("--all-syncs",):
-            bright = self.calibrate(*into, "--set", "radar.cli=", "--set", "radar.data=", repeat=1,
-                                    lab=("--set", "pulses_per_window=10000", *syncs))
-            self.assertEqual(bright.returncode, 4, bright.stderr)
-            self.assertIn("saturated: more than one click in 20", bright.stdout)
-        self.assertFalse((self.dir / "c.toml").exists())
-        unknown = self.calibrate("--check")
-        self.assertEqual(unknown.returncode, 3)
-        self.assertIn("run.calibration names no calibration", unknown.stderr)
 
     def test_reconstruction(self):
         """Ranges that are too long spoil what a model makes of a run; the run's calibration brings all of it back."""
@@ -131,4 +95,4 @@ class Calibrate(unittest.TestCase):
 
 
 if __name__ == "__main__":
-    unittest.main(argv=[sys.argv[0], *sys.argv[2:]])
+    unittest.main(argv=[sys.argv[0], *(f"Calibrate.{name}" for name in sys.argv[2:])])

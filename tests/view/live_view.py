@@ -112,23 +112,8 @@ class LiveView(live.Live):
         self.assertEqual(client.until("state", lambda m: m["status"] != "open")["status"], "complete")
         client.close()
 
-    def test_run_view(self):
-        """`run --view` prints an address; the viewer ends by itself when the run is over and nobody looks."""
-        daemon = self.record("--count", "8", "--view", stdout=subprocess.PIPE)
-        address = daemon.stdout.readline().strip()
-        self.assertRegex(address, r"^http://127.0.0.1:\d+/\?token=\w+$")
-        client = Browser(address)
-        state = client.until("state")
-        self.assertEqual(state["planned"], 8)
-        client.until("state", lambda m: m["status"] == "complete")
-        log = self.finish(daemon)
-        self.assertEqual(daemon.returncode, 0, log)
-        self.assertEqual(len(viewers_of(self.dir)), 1)
-        client.close()
-        wait_for("end of the viewer", lambda: not viewers_of(self.dir), 15)
-
     def test_align(self):
-        """Slots of 0.1 s in a run that is gone at the end, and its view."""
+        """Slots of 0.1 s in a run that is gone at the end, and its view, which ends by itself when nobody looks."""
         daemon = self.start([bin_dir / "echofuse-acquire", "run", "--align", "--config", self.dir / "lab/lab.toml"],
                             env=os.environ | {"LD_LIBRARY_PATH": str(self.dir / "lab/openni")}, stdout=subprocess.PIPE,
                             stderr=subprocess.PIPE, text=True)

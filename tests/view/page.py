@@ -59,7 +59,7 @@ class Page(live_view.LiveView):
         scenes = self.dir / "scenes.sqlite"
         subprocess.run([bin_dir / "echofuse-sim", "dataset", "--out", scenes, "--records", "80"], check=True,
                        stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
-        subprocess.run([bin_dir / "echofuse-recon", "train", scenes, "--model", "ridge", "--out", model, "-q"], check=True,
+        subprocess.run([bin_dir / "echofuse-recon", "train", scenes, "--model", "ridge", "--set", "fallback=false", "--out", model, "-q"], check=True,
                        stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
         address = self.view("--model", model)
         daemon = self.record("--set", "run.label=empty")

@@ -1,90 +1,17 @@
 // SPDX-License-Identifier: MIT
 // What a run does when devices come, go and fail, told once and exactly, on virtual time.
-#include <spdlog/spdlog.h>
-#include <unistd.h>
-
-#include <algorithm>
-#include <catch2/catch.hpp>
 #include <map>
-#include <numeric>
 #include <set>
 
-#include "../folder.hpp"
-#include "acquire/record/run_file.hpp"
-#include "drivers/program/exit_code.hpp"
-#include "laboratory.hpp"
+#include "bench.hpp"
 
 using namespace echofuse;
 using sim::FaultKind;
-using test::Laboratory;
-using test::LaboratoryOptions;
+using test::Bench;
+using test::fault;
+using test::has;
+using test::Strings;
 using namespace std::chrono_literals;
-
-namespace {
-
-using Strings = std::vector<std::string>;
-
-struct Bench {
-  explicit Bench(LaboratoryOptions with = {}) {
-    spdlog::set_level(spdlog::level::off);
-    with.folder = std::string(folder / "");
-    with.name = std::to_string(::getpid());
-    lab.emplace(with);
-  }
-  void unplug_radar() {
-    lab->loop.ports.erase("serial:/virtual/" + std::to_string(::getpid()) + "/cli");
-  }
-  acquire::RunOptions run(std::int64_t count) const {
-    acquire::RunOptions options;
-    options.out = folder / "run.sqlite";
-    options.count = count;
-    return options;
-  }
-  record::RunReader reader() const { return record::RunReader(folder / "run.sqlite"); }
-  std::vector<record::FusedRecord> records() const {
-    std::vector<record::FusedRecord> all;
-    const record::RunReader reading = reader();
-    for (std::int64_t i = 0; i < reading.count(); ++i) all.push_back(reading.read(i));
-    return all;
-  }
-  Strings verdicts(Sensor sensor) const {
-    Strings all;
-    for (const auto& r : records()) {
-      const std::string& verdict = r.sync[sensor].verdict;
-      all.push_back(verdict.substr(0, verdict.find(':')));
-    }
-    return all;
-  }
-  Strings events(const std::string& source) const {
-    Strings all;
-    for (const auto& e : reader().events())
-      if (e.source == source) all.push_back(e.text);
-    return all;
-  }
-  void check_slots(std::chrono::nanoseconds window) const {
-    const auto all = records();
-    for (std::size_t k = 0; k < all.size(); ++k) {
-      CHECK(all[k].index == static_cast<std::int64_t>(k));
-      CHECK(all[k].slot_start == all[0].slot_start + static_cast<std::int64_t>(k) * window);
-      CHECK(all[k].slot_end == all[k].slot_start + window);
-      CHECK(std::accumulate(all[k].spd.begin(), all[k].spd.end(), 0u) ==
-            (all[k].has(Sensor::spd) ? all[k].spd_counts.in_range : 0));
-    }
-  }
-
-  test::Folder folder;
-  std::optional<Laboratory> lab;
-};
-
-sim::Fault fault(const char* device, FaultKind kind, double at_s, double for_s, double amount = 0) {
-  return {.device = device, .kind = kind, .at_s = at_s, .for_s = for_s, .amount = amount};
-}
-
-bool has(const Strings& all, const std::string& beginning) {
-  return std::any_of(all.begin(), all.end(), [&](auto& t) { return t.starts_with(beginning); });
-}
-
-}  // namespace
 
 TEST_CASE("without faults every slot has a whole record, and nothing is lost, late or doubtful") {
   Bench b;
@@ -137,7 +64,7 @@ TEST_CASE(
 TEST_CASE("a device that is not there, and one that is not configured") {
   Bench b;
   b.unplug_radar();
-  b.lab->set("depth.address=");
+  b.lab->set({"depth.address="});
   CHECK(b.lab->record(b.run(4)) == ExitCode::ok);
   for (const auto& r : b.records()) {
     CHECK(r.valid.bits() == 1);
@@ -257,7 +184,7 @@ TEST_CASE("a run is resumed: the index goes on, another configuration is refused
   for (std::size_t k = 0; k < before.size(); ++k) CHECK(all[k].spd == before[k].spd);
   CHECK(all[4].slot_utc - all[3].slot_utc > 100s);
   CHECK(has(b.events("run"), "resumed at record 4, was complete, 1 min 4"));
-  b.lab->set("tdc.bins=99");
+  b.lab->set({"tdc.bins=99"});
   CHECK_THROWS_WITH(b.lab->record(run), Catch::Contains("tdc.bins was"));
 }
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "laboratory.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <deque>
 #include <fstream>
@@ -33,8 +34,8 @@ struct Addresses {
   std::string tagger, camera, cli, data;
 };
 
-// The paper's profile, at four frames a second.
-std::string radar_cfg() {
+std::string radar_cfg(const std::string& name) {
+  if (!name.empty()) return read_config_text(source_dir + "/config/radar/" + name);
   std::string cfg = read_config_text(source_dir + "/config/radar/xwr68xx_paper_50cm.cfg");
   const std::string period = "frameCfg 0 2 32 0 50 ";
   return cfg.replace(cfg.find(period), period.size(), "frameCfg 0 2 32 0 250 ");
@@ -217,11 +218,12 @@ sim::Conditions conditions_of(const LaboratoryOptions& o) {
   c.signal_photons = o.signal_photons;
   c.background_counts = 30;
   c.spd_rays = 64;
+  if (o.change) o.change(c);
   return c;
 }
 
 sim::SceneSchedule schedule_of(const LaboratoryOptions& o) {
-  sim::SceneSchedule s{"mixed", static_cast<std::int64_t>(o.seed), o.hold_s};
+  sim::SceneSchedule s{o.scene, static_cast<std::int64_t>(o.seed), o.hold_s};
   if (!o.scenes.empty()) s.list = sim::read_scene_list(o.scenes, "scenes");
   return s;
 }
@@ -247,7 +249,7 @@ struct Laboratory::Parts {
                   {at.cli, cli.opener()},
                   {at.data, data.opener()}};
     tagger = sim::make_tdc_bridge(loop, player,
-                                  {.tagging = {.laser_rate_hz = 4e6},
+                                  {.tagging = {.laser_rate_hz = o.laser_rate_hz},
                                    .window_s = 3,
                                    .seed = o.seed,
                                    .tick = 100ms,
@@ -256,7 +258,10 @@ struct Laboratory::Parts {
                                   std::move(listener));
     radar = sim::make_radar_board(
         loop, player,
-        {.seed = o.seed, .plan = plan, .plug = [this](bool in) { cli.plug(in), data.plug(in); }},
+        {.seed = o.seed,
+         .plan = plan,
+         .sdk = o.radar_sdk,
+         .plug = [this](bool in) { cli.plug(in), data.plug(in); }},
         [&](unsigned baud, sim::Uart::Receive to_board) {
           receive = std::move(to_board);
           return std::make_unique<WireUart>(loop, cli, baud);
@@ -265,7 +270,7 @@ struct Laboratory::Parts {
           return std::make_unique<WireUart>(loop, data, baud);
         });
     camera = std::make_unique<Camera>(loop, player, camera_wire, plan, o.seed);
-    std::ofstream(o.folder + "/radar.cfg") << radar_cfg();
+    std::ofstream(o.folder + "/radar.cfg") << radar_cfg(o.radar_cfg);
     configure();
   }
 
@@ -286,14 +291,27 @@ struct Laboratory::Parts {
   std::unique_ptr<sim::Device> tagger, radar;
   std::unique_ptr<Camera> camera;
   acquire::Config config;
+  std::vector<std::string> assignments;
 };
 
 Laboratory::Laboratory(const LaboratoryOptions& options)
     : parts_(std::make_unique<Parts>(loop, options)) {}
 Laboratory::~Laboratory() = default;
 
-void Laboratory::set(const std::string& assignment) {
-  parts_->config = acquire::load_config(parts_->options.folder + "/lab.toml", {assignment});
+void Laboratory::set(std::initializer_list<std::string> assignments, bool with_calibration) {
+  parts_->assignments.insert(parts_->assignments.end(), assignments);
+  parts_->config = acquire::load_config(parts_->options.folder + "/lab.toml", parts_->assignments,
+                                        with_calibration);
+}
+
+void Laboratory::choke_radar(bool choked) { parts_->cli.choked = choked; }
+
+const acquire::Config& Laboratory::config() const { return parts_->config; }
+
+bool Laboratory::radar_radiates() const {
+  const auto sent = parts_->radar->sent();
+  return std::any_of(sent.begin(), sent.end(),
+                     [](auto& count) { return count.first == "radiates" && count.second > 0; });
 }
 
 void Laboratory::turn_camera() { parts_->camera->turn(); }

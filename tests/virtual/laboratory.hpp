@@ -3,6 +3,7 @@
 // on wires in memory. With the same options the same bytes are written.
 #pragma once
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
@@ -26,6 +27,11 @@ struct LaboratoryOptions {
   std::string scenes{};  // a list of scenes in place of mixed ones
   bool radar_required = false;
   std::string assignments{};  // lines more of lab.toml
+  std::string scene = "mixed";
+  std::string radar_cfg{};  // one of config/radar; empty: the paper's, at four frames a second
+  unsigned radar_sdk = 5;   // the 5 of SDK 3.5
+  double laser_rate_hz = 4e6;
+  std::function<void(sim::Conditions&)> change{};
 };
 
 class Laboratory {
@@ -36,8 +42,12 @@ class Laboratory {
   Laboratory& operator=(const Laboratory&) = delete;
 
   port::VirtualLoop loop{std::chrono::seconds(1'700'000'000)};
-  // Another value of the configuration: "tdc.bins=99".
-  void set(const std::string& assignment);
+  // Other values of the configuration: "tdc.bins=99".
+  void set(std::initializer_list<std::string> assignments, bool with_calibration = true);
+  const acquire::Config& config() const;
+  bool radar_radiates() const;
+  // Only the first byte of what it answers comes through.
+  void choke_radar(bool choked);
   // From now on the camera's pixels look elsewhere.
   void turn_camera();
   // Records so many slots, or until interrupted. Throws as record_run does.

@@ -1,0 +1,84 @@
+// SPDX-License-Identifier: MIT
+// A laboratory on virtual time with a folder of its own, and what is asked of its run.
+#pragma once
+#include <spdlog/spdlog.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <catch2/catch.hpp>
+#include <numeric>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "../folder.hpp"
+#include "acquire/record/run_file.hpp"
+#include "drivers/program/exit_code.hpp"
+#include "laboratory.hpp"
+
+namespace echofuse::test {
+
+using Strings = std::vector<std::string>;
+
+struct Bench {
+  explicit Bench(LaboratoryOptions with = {}) {
+    spdlog::set_level(spdlog::level::off);
+    with.folder = std::string(folder / "");
+    with.name = std::to_string(::getpid());
+    lab.emplace(with);
+  }
+  void unplug_radar() {
+    lab->loop.ports.erase("serial:/virtual/" + std::to_string(::getpid()) + "/cli");
+  }
+  acquire::RunOptions run(std::int64_t count) const {
+    acquire::RunOptions options;
+    options.out = folder / "run.sqlite";
+    options.count = count;
+    return options;
+  }
+  record::RunReader reader() const { return record::RunReader(folder / "run.sqlite"); }
+  std::vector<record::FusedRecord> records() const {
+    std::vector<record::FusedRecord> all;
+    const record::RunReader reading = reader();
+    for (std::int64_t i = 0; i < reading.count(); ++i) all.push_back(reading.read(i));
+    return all;
+  }
+  Strings verdicts(Sensor sensor) const {
+    Strings all;
+    for (const auto& r : records()) {
+      const std::string& verdict = r.sync[sensor].verdict;
+      all.push_back(verdict.substr(0, verdict.find(':')));
+    }
+    return all;
+  }
+  Strings events(const std::string& source) const {
+    Strings all;
+    for (const auto& e : reader().events())
+      if (e.source == source) all.push_back(e.text);
+    return all;
+  }
+  void check_slots(std::chrono::nanoseconds window) const {
+    const auto all = records();
+    for (std::size_t k = 0; k < all.size(); ++k) {
+      CHECK(all[k].index == static_cast<std::int64_t>(k));
+      CHECK(all[k].slot_start == all[0].slot_start + static_cast<std::int64_t>(k) * window);
+      CHECK(all[k].slot_end == all[k].slot_start + window);
+      CHECK(std::accumulate(all[k].spd.begin(), all[k].spd.end(), 0u) ==
+            (all[k].has(Sensor::spd) ? all[k].spd_counts.in_range : 0));
+    }
+  }
+
+  Folder folder;
+  std::optional<Laboratory> lab;
+};
+
+inline sim::Fault fault(const char* device, sim::FaultKind kind, double at_s, double for_s,
+                        double amount = 0) {
+  return {.device = device, .kind = kind, .at_s = at_s, .for_s = for_s, .amount = amount};
+}
+
+inline bool has(const Strings& all, const std::string& beginning) {
+  return std::any_of(all.begin(), all.end(), [&](auto& t) { return t.starts_with(beginning); });
+}
+
+}  // namespace echofuse::test

@@ -1,0 +1,247 @@
+// SPDX-License-Identifier: MIT
+// What the commands do with the devices: stop them, tell their firmware, keep what comes late,
+// calibrate and examine them. On virtual time.
+#include <deque>
+#include <filesystem>
+#include <utility>
+
+#include "acquire/calibrate/calibrate.hpp"
+#include "acquire/calibrate/calibration.hpp"
+#include "acquire/doctor/doctor.hpp"
+#include "bench.hpp"
+#include "drivers/bridge/bridge_protocol.hpp"
+#include "sim/wire/encode.hpp"
+
+using namespace echofuse;
+using test::Bench;
+using test::has;
+using test::Laboratory;
+using test::LaboratoryOptions;
+using namespace std::chrono_literals;
+
+namespace {
+
+// Between the tagger and the daemon: for a while it lets nobody in and keeps what comes, and on the
+// next connection sends that first.
+class Keeper {
+ public:
+  Keeper(port::Loop& loop, port::ByteOpener& place) : loop_(loop), down_(loop), up_(place()) {
+    down_.start({.connected = [this] { begin(); }, .left = [this] { leave(); }});
+    down_.accept();
+    place = down_.opener();
+    up_->open(
+        {.opened = [] {},
+         .bytes = [this](ByteView bytes) { parser_.feed(bytes, [this](auto& b) { take(b); }); },
+         .gone = [](auto&) {}});
+  }
+  void away(bool now) {
+    down_.plug(!now);
+    if (!now) return;
+    down_.hang_up();
+    leave();
+  }
+  std::size_t kept = 0;  // blocks of tags
+
+ private:
+  void begin() {
+    connected_ = true;
+    number_ = 0;
+    send(sim::BlockKind::hello, hello_);
+    for (const Bytes& tags : std::exchange(waiting_, {})) send(sim::BlockKind::tags, tags);
+  }
+  void leave() {
+    connected_ = false;
+    down_.accept();
+  }
+  void take(const bridge::Block& block) {
+    Bytes payload(block.payload.begin(), block.payload.end());
+    if (block.kind == bridge::BlockKind::hello) hello_ = payload;
+    if (block.kind != bridge::BlockKind::tags) return;
+    if (connected_) return send(sim::BlockKind::tags, payload);
+    waiting_.push_back(std::move(payload));
+    ++kept;
+  }
+  void send(sim::BlockKind kind, const Bytes& payload) {
+    sent_.push_back(sim::bridge_block(kind, number_++, 0, payload));
+    down_.write(sent_.back(), [](bool) {});
+  }
+
+  port::Loop& loop_;
+  test::MemoryListener down_;
+  std::unique_ptr<port::BytePort> up_;
+  bridge::BlockParser parser_;
+  Bytes hello_;
+  std::vector<Bytes> waiting_;
+  std::deque<Bytes> sent_;
+  std::uint32_t number_ = 0;
+  bool connected_ = false;
+};
+
+constexpr double spd_m = 437 * speed_of_light_m_s / 2e12, radar_m = 0.037;
+
+// A plate at 1 m, and offsets that only the laboratory knows.
+LaboratoryOptions reflector(double more_ps = 0) {
+  return {.signal_photons = 4e5,
+          .scene = "reflector",
+          .radar_cfg = "xwr68xx_44mm.cfg",
+          .change = [=](sim::Conditions& c) {
+            c.first_bin_ps = 1000, c.spd_rays = sim::Conditions{}.spd_rays,
+            c.spd_delay_ps = 437 + more_ps, c.radar_bias_m = radar_m;
+          }};
+}
+
+ExitCode calibrate(Laboratory& lab, bool check = false) {
+  acquire::CalibrateOptions options;
+  options.check = check;
+  options.repeats = 6, options.time_s = 0.4;
+  options.search.window_m = 0.3;
+  options.json = true;
+  return acquire::calibrate(lab.config(), options, lab.loop);
+}
+
+}  // namespace
+
+TEST_CASE("the radar is stopped after a run, also one that did not begin, unless it is to go on") {
+  Bench b;
+  SECTION("after a run") {
+    CHECK(b.lab->record(b.run(2)) == ExitCode::ok);
+    CHECK_FALSE(b.lab->radar_radiates());
+  }
+  SECTION("to go on") {
+    b.lab->set({"radar.keep_running=true"});
+    CHECK(b.lab->record(b.run(2)) == ExitCode::ok);
+    CHECK(b.lab->radar_radiates());
+  }
+  SECTION("did not begin") {
+    b.lab->loop.ports.erase(b.lab->config().tdc.address);
+    b.lab->set({"tdc.policy=required"});
+    CHECK_THROWS_WITH(b.lab->record(b.run(2)), Catch::Contains("a required device"));
+    b.lab->loop.run_for(1s);
+    CHECK_FALSE(b.lab->radar_radiates());
+  }
+}
+
+TEST_CASE("a radar that does not answer sensorStop costs little, and is warned of") {
+  Bench b;
+  port::Timer choke(b.lab->loop);
+  choke.after(10s, [&] { b.lab->choke_radar(true); });
+  CHECK(b.lab->record(b.run(6)) == ExitCode::ok);
+  CHECK(has(b.events("radar"), "did not confirm that it stopped"));
+}
+
+TEST_CASE(
+    "each SDK's firmware takes its own cfg, and that of another is told with the one to use") {
+  const auto [sdk, cfg, told] = GENERATE(table<unsigned, const char*, const char*>(
+      {{4, "xwr68xx_44mm_sdk3.4.cfg", ""},
+       {5, "xwr68xx_44mm.cfg", ""},
+       {6, "xwr68xx_44mm.cfg", ""},
+       {4, "xwr68xx_44mm.cfg", "use a cfg for SDK 3.4, config/radar/"},
+       {5, "xwr68xx_44mm_sdk3.4.cfg", "use a cfg for SDK 3.5, config/radar/"}}));
+  CAPTURE(sdk, cfg);
+  Bench b({.radar_cfg = cfg, .radar_sdk = sdk});
+  CHECK(b.lab->record(b.run(1)) == ExitCode::ok);
+  CHECK(b.records().at(0).has(Sensor::radar) == std::string(told).empty());
+  if (*told)
+    CHECK_THAT(b.events("radar").at(0), Catch::Contains(told));
+  else
+    CHECK_THAT(b.reader().devices().at(1).firmware,
+               Catch::StartsWith("mmWave SDK 03.0" + std::to_string(sdk)));
+}
+
+TEST_CASE(
+    "tags that a bridge kept go where their times say, or are late of the record they are of") {
+  Bench b({.window_s = 0.5});
+  Keeper keeper(b.lab->loop, b.lab->loop.ports.at(b.lab->config().tdc.address));
+  port::Timer away(b.lab->loop), back(b.lab->loop);
+  away.after(10s, [&] { keeper.away(true); });
+  back.after(12s, [&] { keeper.away(false); });
+  CHECK(b.lab->record(b.run(40)) == ExitCode::ok);
+  CHECK(keeper.kept >= 19);
+  const auto all = b.records();
+  std::vector<std::uint64_t> tags;
+  for (const auto& r : all) tags.push_back(r.spd_counts.tags);
+  std::sort(tags.begin(), tags.end());
+  const double usual = static_cast<double>(tags[tags.size() / 2]);
+  for (const auto& r : all) CHECK(static_cast<double>(r.spd_counts.tags) < 1.5 * usual);
+  const auto late = static_cast<double>(b.reader().late()[Sensor::spd]);
+  CHECK(late > 2 * usual);  // of 2 s those that no open slot takes
+  CHECK(late < 6 * usual);
+  CHECK(std::count_if(all.begin(), all.end(), [](auto& r) { return !r.has(Sensor::spd); }) >= 2);
+}
+
+TEST_CASE("offsets are measured, stored, named by a run, and found again") {
+  Bench b(reflector());
+  const std::string stored = b.folder / "calibration.toml";
+  b.lab->set({"run.calibration=" + stored}, false);
+  REQUIRE(calibrate(*b.lab) == ExitCode::ok);
+  const acquire::Calibration measured = acquire::read_calibration(stored);
+  b.lab->set({"run.calibration=" + stored});
+  for (const auto& [sensor, true_m] : {std::pair{Sensor::spd, spd_m}, {Sensor::radar, radar_m}}) {
+    const record::CalibrationEntry* entry = measured.find(sensor);
+    REQUIRE(entry);
+    // The plate's edges are farther than its middle: by less than 0.02 mm on average.
+    CHECK(std::abs(entry->offset_m - true_m) < 5 * entry->standard_error_m + 2e-5);
+    CHECK(entry->standard_error_m < 3e-4);
+  }
+  CHECK(calibrate(*b.lab, true) == ExitCode::ok);
+  CHECK(b.lab->record(b.run(1)) == ExitCode::ok);
+  const auto named = b.reader().calibrations();
+  REQUIRE(named.size() == 2);
+  CHECK(named[0].offset_m == measured.entries[0].offset_m);
+  // One sensor again: the other one's entry stays as it is.
+  b.lab->set({"radar.cli=", "radar.data="});
+  b.lab->loop.run_for(100s);
+  REQUIRE(calibrate(*b.lab) == ExitCode::ok);
+  const acquire::Calibration again = acquire::read_calibration(stored);
+  CHECK(again.find(Sensor::radar)->offset_m == measured.find(Sensor::radar)->offset_m);
+  CHECK(again.find(Sensor::spd)->offset_m != measured.find(Sensor::spd)->offset_m);
+  Bench slipped(reflector(200));
+  slipped.lab->set({"run.calibration=" + stored});
+  CHECK(calibrate(*slipped.lab, true) == ExitCode::failed);
+}
+
+TEST_CASE("what cannot be measured is not stored") {
+  SECTION("nothing is there") {
+    LaboratoryOptions empty = reflector();
+    empty.scene = "empty";
+    Bench b(empty);
+    b.lab->set({"run.calibration=" + b.folder / "c.toml"}, false);
+    CHECK(calibrate(*b.lab) == ExitCode::device);
+    CHECK_FALSE(std::filesystem::exists(b.folder / "c.toml"));
+  }
+  SECTION("a detector that clicks at nearly every pulse") {
+    LaboratoryOptions bright = reflector();
+    bright.laser_rate_hz = 1e4;
+    Bench b(bright);
+    b.lab->set({"radar.cli=", "radar.data="});
+    b.lab->set({"run.calibration=" + b.folder / "c.toml"}, false);
+    CHECK(calibrate(*b.lab) == ExitCode::device);
+    CHECK_FALSE(std::filesystem::exists(b.folder / "c.toml"));
+  }
+  SECTION("against what is not known") {
+    Bench b(reflector());
+    CHECK_THROWS_WITH(calibrate(*b.lab, true),
+                      Catch::Contains("run.calibration names no calibration"));
+  }
+}
+
+TEST_CASE("doctor: the exit code is that of the first problem, of a device before the disk's") {
+  Bench b;
+  const auto examine = [&](std::optional<std::int64_t> count) {
+    acquire::DoctorOptions options;
+    options.count = count;
+    return acquire::examine(b.lab->config(), options, b.lab->loop);
+  };
+  b.lab->set({"run.folder=" + b.folder / ""});
+  SECTION("well") {
+    b.lab->set({"radar.cli=", "radar.data="});
+    CHECK(examine(40) == ExitCode::ok);
+    CHECK(examine(1'000'000'000'000) == ExitCode::disk);
+    b.lab->set({"tdc.start_channel=7"});
+    CHECK(examine(1'000'000'000'000) == ExitCode::device);
+  }
+  SECTION("the radar is not there") {
+    b.unplug_radar();
+    CHECK(examine(1'000'000'000'000) == ExitCode::device);
+  }
+}
