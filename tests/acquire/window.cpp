@@ -3,6 +3,7 @@
 
 #include <catch2/catch.hpp>
 #include <cmath>
+#include <functional>
 
 using namespace echofuse;
 using namespace echofuse::acquire;
@@ -225,8 +226,8 @@ TEST_CASE("a sensor without usable data is not valid, and the row says why") {
   }
   SECTION("the stream covers too little of the slot") {
     feed(windows, 10s, {start_at(0)});
-    feed(windows, 10s + 300ms, {start_at(1)});
-    spd = "tags for only 30 % of the slot";
+    feed(windows, 10s + 499ms, {start_at(1)});
+    spd = "tags for only 49 % of the slot";
   }
   SECTION("frames of the wrong size") {
     windows.add(radar_frame(10s, 1, {1, 2, 3}));
@@ -252,6 +253,39 @@ TEST_CASE("a sensor without usable data is not valid, and the row says why") {
   CHECK(sync(r, Sensor::spd).verdict == spd);
   CHECK(sync(r, Sensor::radar).verdict == radar);
   CHECK(sync(r, Sensor::depth).verdict == depth);
+}
+
+TEST_CASE("no click refers to a start before tags that are of no open slot") {
+  Windows windows = make_windows({Sensor::spd});
+  windows.close({0, false});
+  feed(windows, 11s, {start_at(0)});
+  feed(windows, 10s, {start_at(1)});
+  feed(windows, 11s + 900ms, {click_at(2)});
+  CHECK(windows.close({1, false}).spd_counts.without_start == 1);
+}
+
+TEST_CASE("after a standstill a slot is whole if its tags span nine tenths of it") {
+  SensorClocks clocks;
+  std::vector<Tag> tag(1);
+  const auto at = [&](HostTime time, const std::function<void(const TagBlock&)>& use) {
+    tag[0] = start_at(1000 * time.count());
+    use(TagBlock{.received = time, .tags = tag});
+  };
+  for (HostTime t = 0s; t < 10s; t += 50ms) at(t, [&](auto& block) { clocks.observe(block); });
+  REQUIRE(clocks[Sensor::spd].sound());
+  const auto [span, verdict] = GENERATE(table<HostTime, const char*>(
+      {{499ms, "the program stood still"}, {890ms, "the program stood still"}, {900ms, "ok"}}));
+  Windows windows(grid, tdc_settings, clocks, {Sensor::spd});
+  for (const HostTime t : {HostTime(10s), 10s + span})
+    at(t, [&](auto& block) { windows.add(block); });
+  CHECK(sync(windows.close({0, true}), Sensor::spd).verdict == verdict);
+}
+
+TEST_CASE("tags of half a slot are enough") {
+  Windows windows = make_windows({Sensor::spd});
+  feed(windows, 10s, {start_at(0)});
+  feed(windows, 10s + 500ms, {start_at(1)});
+  CHECK(windows.close({0, false}).has(Sensor::spd));
 }
 
 TEST_CASE("sensors that take no part and slots in which the program stood still") {

@@ -4,6 +4,8 @@
 #include <future>
 
 #include "acquire/record/png.hpp"
+#include "acquire/run/run_log.hpp"
+#include "drivers/port/virtual_loop.hpp"
 #include "testing.hpp"
 
 using namespace echofuse;
@@ -146,4 +148,24 @@ TEST_CASE("a depth image that cannot be encoded costs its sensor, not the run") 
   CHECK(run.read(1).valid == SensorSet::from_bits(3));
   CHECK(run.read(1).sync[Sensor::depth].verdict == "cannot be encoded as PNG");
   CHECK(run.read(1).radar == small_record(1).radar);
+}
+
+TEST_CASE("a source has 100 lines in 10 s, and the next one says how many there were more") {
+  const Folder folder;
+  Writer writer(open_run(folder / "a.sqlite"), port::SystemLoop().make_worker());
+  port::VirtualLoop loop;
+  RunLog log(loop);
+  log.attach(writer);
+  for (int i = 0; i < 250; ++i) log.put(Severity::warning, "radar", "again");
+  log.put(Severity::warning, "spd", "once");
+  loop.run_for(std::chrono::seconds(11));
+  log.put(Severity::warning, "radar", "later");
+  writer.finish("complete");
+  std::vector<std::string> radar;
+  for (const auto& event : record::RunReader(folder / "a.sqlite").events())
+    if (event.source == "radar") radar.push_back(event.text);
+  REQUIRE(radar.size() == 102);
+  CHECK(radar[99] == "again");
+  CHECK(radar[100] == "150 lines were left out");
+  CHECK(radar[101] == "later");
 }

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: MIT
 #include "recon/trust/domain_shift.hpp"
 
+#include <map>
+
 #include "recon/train/train.hpp"
 #include "recon/use/predict.hpp"
 #include "world.hpp"
@@ -17,10 +19,15 @@ Dataset plates(std::int64_t count, std::uint64_t seed, const Change& change = {}
   return load({dir / "run"});
 }
 
-TrainedModel trained(const std::string& name, const std::string& inputs) {
-  TrainOptions options;
-  options.model = name, options.inputs = inputs, options.fit.quiet = true;
-  return train(plates(400, 1), options);
+const TrainedModel& trained(const std::string& name, const std::string& inputs) {
+  static std::map<std::string, TrainedModel> made;
+  const auto [known, is_new] = made.try_emplace(name + inputs);
+  if (is_new) {
+    TrainOptions options;
+    options.model = name, options.inputs = inputs, options.fit.quiet = true;
+    known->second = train(plates(400, 1), options);
+  }
+  return known->second;
 }
 
 DomainShift shift_of(const TrainedModel& model, const Dataset& data) {
@@ -39,7 +46,7 @@ const Change blurred = [](record::FusedRecord& r) { blur(r.radar); };
 TEST_CASE("a run of another world is told from those of the own world") {
   for (const auto& [name, inputs] : {std::pair{"silhouette", "fused"}, {"ridge", "radar"}}) {
     CAPTURE(inputs);
-    const TrainedModel model = trained(name, inputs);
+    const TrainedModel& model = trained(name, inputs);
     double most_own = 0, least_other = 1e9;
     int alarms = 0;
     for (std::uint64_t seed = 10; seed < 14; ++seed) {
@@ -58,7 +65,7 @@ TEST_CASE("a run of another world is told from those of the own world") {
 
 TEST_CASE(
     "gains are no other world, and few records and many of one pose are not tested too hard") {
-  const TrainedModel model = trained("silhouette", "fused");
+  const TrainedModel& model = trained("silhouette", "fused");
   CHECK_FALSE(shift_of(model, plates(100, 10,
                                      [](record::FusedRecord& r) {
                                        for (float& v : r.radar) v *= 5;
@@ -70,7 +77,7 @@ TEST_CASE(
 }
 
 TEST_CASE("radar power before the body is what is nearer than half of its range") {
-  const TrainedModel model = trained("ridge", "radar");
+  const TrainedModel& model = trained("ridge", "radar");
   // The plates stand in the bins from 12 on.
   const auto said = [&](std::size_t from, std::size_t to) {
     const DomainShift shift = shift_of(model, plates(100, 10, [=](record::FusedRecord& r) {
@@ -86,7 +93,7 @@ TEST_CASE("radar power before the body is what is nearer than half of its range"
 
 TEST_CASE("what the training was like stays in its file") {
   const Folder dir;
-  const TrainedModel model = trained("silhouette", "fused");
+  const TrainedModel& model = trained("silhouette", "fused");
   save_model(model, dir / "m");
   const Dataset data = plates(60, 12, blurred);
   const DomainShift a = shift_of(model, data), b = shift_of(load_model(dir / "m"), data);
@@ -100,7 +107,7 @@ TEST_CASE("what the training was like stays in its file") {
 }
 
 TEST_CASE("a radar whose ranges are too long is named with its error and what to do") {
-  const TrainedModel model = trained("silhouette", "fused");
+  const TrainedModel& model = trained("silhouette", "fused");
   const auto farther = [](record::FusedRecord& r) {  // a bin of 25 cm
     std::rotate(r.radar.begin(), r.radar.end() - 1, r.radar.end());
   };

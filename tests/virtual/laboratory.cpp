@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <deque>
 #include <fstream>
 #include <memory>
 #include <sstream>
@@ -12,11 +11,10 @@
 #include "../paths.hpp"
 #include "acquire/config/config.hpp"
 #include "drivers/program/settings.hpp"
-#include "sim/devices/fault_injector.hpp"
+#include "sim/devices/block_server.hpp"
 #include "sim/devices/uart.hpp"
 #include "sim/scene/scene_list.hpp"
 #include "sim/sensors/depth_camera.hpp"
-#include "sim/wire/encode.hpp"
 
 namespace echofuse::test {
 namespace {
@@ -60,54 +58,29 @@ class Camera final : public sim::Device {
   Camera(port::Loop& loop, sim::ScenePlayer& player, MemoryListener& listener,
          const sim::FaultPlan& plan, std::uint64_t seed)
       : player_(player),
-        listener_(listener),
         columns_(record::depth_x_axis(40, 0.8)),
         rows_(record::depth_y_axis(30, 0.6)),
         timer_(loop),
         next_(loop.now()),
-        injector_(loop, player, "depth", plan, seed, [this] { poll(); }) {
-    listener_.start({.connected = [this] { begin(); }, .left = [this] { end(); }});
-    listener_.accept();
+        injector_(loop, player, "depth", plan, seed, [this] { server_.poll(); }),
+        server_(listener, injector_,
+                R"({"model":"simulated camera","serial":"SIM-CAM-1","firmware":"1.0"})", 1 << 20,
+                {.connected = [] {},
+                 .log =
+                     [this](HostTime time, const char* what, const auto* block) {
+                       if (block && block->items > 0) put_log(time, what, block->items);
+                     }}) {
     wait();
   }
   void stop() override {
     timer_.cancel();
     injector_.stop();
+    server_.stop();
   }
   void turn() { columns_.start += 0.1; }
-  std::vector<std::pair<std::string, std::uint64_t>> sent() const override {
-    return {{"frames", frames_}};
-  }
+  std::vector<std::pair<std::string, std::uint64_t>> sent() const override { return {}; }
 
  private:
-  struct Block {
-    Bytes bytes;
-    const char* what;
-    std::uint32_t frame;
-    HostTime due, begun{};
-  };
-
-  void begin() {
-    connected_ = true;
-    sequence_ = 0;
-    enqueue({.bytes = sim::bridge_block(sim::BlockKind::hello, sequence_++, 0, hello()),
-             .what = "greeted",
-             .frame = 0,
-             .due = injector_.now()});
-  }
-  void end() {
-    connected_ = false;
-    for (const Block& block : queue_) log(block, "cut");
-    queue_.clear();
-    writing_ = false;
-    listener_.accept();
-  }
-  static ByteView hello() {
-    static constexpr char text[] =
-        R"({"model":"simulated camera","serial":"SIM-CAM-1","firmware":"1.0"})";
-    return {reinterpret_cast<const std::uint8_t*>(text), sizeof text - 1};
-  }
-
   void wait() {
     next_ += 500ms;
     timer_.at(next_, [this] {
@@ -118,9 +91,8 @@ class Camera final : public sim::Device {
 
   void frame() {
     ++index_;
-    if (!connected_) return put_log("unseen");
-    if (injector_.triggers(FaultKind::drop)) return put_log("dropped");
-    if (injector_.active(FaultKind::stall)) return put_log("stalled");
+    if (!server_.connected()) return put_log(injector_.now(), "unseen", index_);
+    if (injector_.active(FaultKind::stall)) return put_log(injector_.now(), "stalled", index_);
     const double now_s = player_.now_s();
     Bytes payload;
     put(payload, columns_.count);
@@ -133,15 +105,7 @@ class Camera final : public sim::Device {
     if (last_.empty() || !injector_.active(FaultKind::freeze)) last_ = picture(now_s);
     const ByteView raw = as_bytes(last_);
     payload.insert(payload.end(), raw.begin(), raw.end());
-    Block block{.bytes = sim::bridge_block(sim::BlockKind::depth, sequence_++, 0, payload),
-                .what = "sent",
-                .frame = index_,
-                .due = injector_.due()};
-    if (injector_.triggers(FaultKind::corrupt)) {
-      injector_.corrupt(block.bytes);
-      block.what = "corrupt";
-    }
-    enqueue(std::move(block));
+    server_.put({.kind = sim::BlockKind::depth, .bytes = std::move(payload), .items = index_});
   }
 
   // No two frames of a camera are alike.
@@ -154,50 +118,19 @@ class Camera final : public sim::Device {
     return pixels;
   }
 
-  void enqueue(Block block) {
-    queue_.push_back(std::move(block));
-    send_due();
+  void put_log(HostTime time, const char* what, std::uint64_t frame) {
+    injector_.log(time, what, {{"frame", static_cast<std::int64_t>(frame)}});
   }
-  void send_due() {
-    if (writing_ || !connected_ || queue_.empty() || queue_.front().due > injector_.now()) return;
-    writing_ = true;
-    queue_.front().begun = injector_.now();
-    listener_.write(queue_.front().bytes, [this, number = queue_.front().frame](bool whole) {
-      if (!whole || queue_.empty() || queue_.front().frame != number) return;
-      log(queue_.front(), queue_.front().what);
-      frames_ += number > 0;
-      queue_.pop_front();
-      writing_ = false;
-      send_due();
-    });
-  }
-  void poll() {
-    send_due();
-    const bool in = !injector_.active(FaultKind::unplug);
-    if (in == listener_.plugged()) return;
-    listener_.plug(in);
-    if (in || !connected_) return;
-    listener_.hang_up();
-    end();
-  }
-  void log(const Block& block, const char* what) {
-    const HostTime begun = block.begun == HostTime{} ? injector_.now() : block.begun;
-    if (block.frame > 0) injector_.log(begun, what, {{"frame", block.frame}});
-  }
-  void put_log(const char* what) { injector_.log(injector_.now(), what, {{"frame", index_}}); }
 
   sim::ScenePlayer& player_;
-  MemoryListener& listener_;
   Axis columns_, rows_;
   port::Timer timer_;
   HostTime next_;
   std::vector<std::uint16_t> pixels_, last_;  // as the scene is, and as it was sent
   std::int64_t pictured_ = -1;
-  std::uint32_t index_ = 0, sequence_ = 0;
-  std::uint64_t frames_ = 0;
-  std::deque<Block> queue_;
-  bool connected_ = false, writing_ = false;
+  std::uint32_t index_ = 0;
   sim::FaultInjector injector_;
+  sim::BlockServer server_;
 };
 
 std::string lab_toml(const LaboratoryOptions& o, const sim::Conditions& c) {

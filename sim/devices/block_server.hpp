@@ -1,0 +1,76 @@
+// SPDX-License-Identifier: MIT
+// This is a bridge's end of the block protocol: it serves one client at a time, greets it, and
+// sends the blocks of a device in order, with the faults of that device.
+#pragma once
+#include <cstdint>
+#include <deque>
+#include <functional>
+#include <string>
+
+#include "sim/devices/fault_injector.hpp"
+#include "sim/devices/listener.hpp"
+#include "sim/wire/encode.hpp"
+
+namespace echofuse::sim {
+
+// Threading: the loop's thread. Device, injector and listener outlive it; the device passes the
+// injector's polls on to poll().
+class BlockServer {
+ public:
+  struct Block {
+    BlockKind kind{};
+    Bytes bytes;               // the payload; on the wire with its header
+    std::uint64_t items = 0;   // tags, or the number of a frame
+    HostTime first{}, last{};  // host times of its tags
+    // These are the server's own.
+    std::uint32_t sequence = 0;
+    const char* what = "sent";  // fate of the block, if all goes well from here on
+    HostTime due{}, begun{};
+    std::int64_t damage = -1;  // index of the damaged byte; -1: none
+  };
+  struct Handlers {
+    port::Action connected;  // before the client is greeted
+    // What became of a block, and of a connection: its numbers are those of `block`, or none.
+    std::function<void(HostTime time, const char* what, const Block* block)> log;
+  };
+
+  BlockServer(Listener& listener, FaultInjector& injector, std::string hello,
+              std::size_t queue_bytes, Handlers handlers);
+
+  bool connected() const { return connected_; }
+  // Greets the client again where the last block of this kind is 0.9 s old.
+  void greet_again();
+  // False if no more may wait: the block is lost.
+  bool put(Block block);
+  // Items that are lost before the next block.
+  void lose(std::uint64_t items) { lost_ += items; }
+  void poll();
+  // Says goodbye to the client, and takes no other.
+  void stop();
+
+  std::uint64_t clients() const { return clients_; }
+  std::uint64_t sent_blocks() const { return blocks_; }
+  std::uint64_t sent_items() const { return items_; }
+
+ private:
+  void begin();
+  void greet();
+  void disconnect(const char* why);
+  void next_client();
+  void write();
+  void written(bool whole);
+  void log(const Block& block, const char* what);
+
+  Listener& listener_;
+  FaultInjector& injector_;
+  std::string hello_;
+  std::size_t queue_bytes_, queued_bytes_ = 0;
+  Handlers handlers_;
+  std::deque<Block> queue_;
+  bool connected_ = false, writing_ = false, stopping_ = false;
+  std::uint32_t sequence_ = 0;
+  HostTime next_hello_{};
+  std::uint64_t lost_ = 0, clients_ = 0, blocks_ = 0, items_ = 0;
+};
+
+}  // namespace echofuse::sim
