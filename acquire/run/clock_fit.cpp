@@ -27,15 +27,11 @@ constexpr double farthest_s = 1e9;
 
 }  // namespace
 
-void ClockFit::reset() {
+void ClockFit::begin(const Receipt& receipt) {
   history_.clear();
   samples_ = 0;
   suspect_.reset();
   late_.reset();
-}
-
-void ClockFit::begin(const Receipt& receipt) {
-  reset();
   last_ = receipt;
   last_ticks_ = 0;
   first_s_ = static_cast<double>(static_cast<std::int64_t>(receipt.ticks)) * tick_s_;

@@ -37,7 +37,6 @@ class ClockFit {
 
   // In the order of receipt.
   void add(std::uint64_t ticks, HostTime received);
-  void reset();
 
   // Enough samples (32, over at least 0.5 s), and the latest is not a doubtful one.
   bool sound() const;
@@ -98,7 +97,6 @@ class SensorClocks {
   void observe(const TagBlock& block);
   void observe(const RadarFrame& frame);
   void observe(const DepthFrame& frame);
-  void reset(Sensor s) { of(s).reset(); }
   const ClockFit& operator[](Sensor s) const { return fits_[s]; }
 
  private:

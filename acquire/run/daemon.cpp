@@ -247,11 +247,9 @@ void Daemon::on_depth(DepthFrame frame) {
 void Daemon::on_state(Sensor sensor, DeviceState state, const DeviceInfo& info) {
   log(state == DeviceState::faulted ? Severity::warning : Severity::info, name_of(sensor),
       event_text(state, info.address));
-  // What a sender kept and sends now stands where the clock that it had places it. A clock that
-  // began anew shows by itself, but not one that wraps after seconds.
-  if (state != DeviceState::streaming && sensor == Sensor::radar) clocks_.reset(sensor);
-  if (!recording_) return;
-  if (state == DeviceState::streaming) announce(sensor);
+  // The clock's fit stays: what a sender kept and sends now stands where the clock that it had
+  // places it, and a clock that began anew shows by itself.
+  if (recording_ && state == DeviceState::streaming) announce(sensor);
 }
 
 void Daemon::on_event(Sensor sensor, Severity severity, const std::string& text) {

@@ -114,10 +114,7 @@ struct Laboratory {
   void deliver(std::size_t i, std::uint32_t lost_before) {
     const Device& device = devices[i];
     const auto sensor = static_cast<Sensor>(i);
-    if (device.reconnected()) {
-      ++reconnections[sensor];
-      clocks.reset(sensor);
-    }
+    if (device.reconnected()) ++reconnections[sensor];
     i == 0   ? put_tags(device, lost_before)
     : i == 1 ? put_radar(device, lost_before)
              : put_depth(device, lost_before);

@@ -128,10 +128,7 @@ class Bench {
       clocks.observe(depth(e.taken[0], e.read, e.number));
       windows.add(depth(e.taken[0], e.read, e.number));
     } else {
-      if (device == "radar+") {
-        clocks.reset(Sensor::radar);
-        chirps.offset_s = -106;
-      }
+      if (device == "radar+") chirps.offset_s = -106;
       auto frame = radar(e.taken[0], e.read, e.number);
       frame.lost_before = static_cast<std::uint32_t>(e.lost);
       clocks.observe(frame);

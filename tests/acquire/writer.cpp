@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: MIT
 #include "acquire/run/writer.hpp"
 
+#include <spdlog/spdlog.h>
+
 #include <future>
 
 #include "acquire/record/png.hpp"
@@ -75,9 +77,15 @@ TEST_CASE("the first failed job ends the writing") {
   const Folder folder;
   Writer writer(open_run(folder / "a.sqlite"), port::SystemLoop().make_worker());
   writer.put(small_record(0));
-  writer.put([](record::RunWriter&) { throw Error(ExitCode::disk, "no space left"); });
-  while (!writer.failed()) std::this_thread::yield();
+  std::promise<void> disk;
+  writer.put([wait = disk.get_future().share()](record::RunWriter&) {
+    wait.wait();
+    throw Error(ExitCode::disk, "no space left");
+  });
   writer.put(small_record(1));
+  disk.set_value();
+  while (!writer.failed()) std::this_thread::yield();
+  writer.put(small_record(2));
   CHECK(error_of([&] { writer.finish("complete"); }).second == "no space left");
   const record::RunReader run(folder / "a.sqlite");
   CHECK(run.count() == 1);
@@ -156,10 +164,12 @@ TEST_CASE("a source has 100 lines in 10 s, and the next one says how many there 
   port::VirtualLoop loop;
   RunLog log(loop);
   log.attach(writer);
+  spdlog::set_level(spdlog::level::off);
   for (int i = 0; i < 250; ++i) log.put(Severity::warning, "radar", "again");
   log.put(Severity::warning, "spd", "once");
   loop.run_for(std::chrono::seconds(11));
   log.put(Severity::warning, "radar", "later");
+  spdlog::set_level(spdlog::level::info);
   writer.finish("complete");
   std::vector<std::string> radar;
   for (const auto& event : record::RunReader(folder / "a.sqlite").events())

@@ -215,3 +215,14 @@ TEST_CASE("a camera that comes back with another axis is not used, and others ar
   CHECK(b.records().back().valid.bits() == 3);
   CHECK(has(b.events("depth"), "came back with another axis"));
 }
+
+TEST_CASE("a radar that comes back with another clock is placed by that one") {
+  const double by_s = GENERATE(-10.0, -0.4, 2.0, 10.0);
+  CAPTURE(by_s);
+  Bench b({.faults = {fault("radar", FaultKind::unplug, 20, 10),
+                      fault("radar", FaultKind::clock_offset, 25, 1000, by_s)}});
+  CHECK(b.lab->record(b.run(20)) == ExitCode::ok);
+  CHECK(b.reader().late()[Sensor::radar] == 0);
+  for (const auto& r : b.records())
+    if (r.index > 10) CHECK(r.sync[Sensor::radar].used == 12);
+}
