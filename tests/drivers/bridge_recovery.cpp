@@ -163,3 +163,15 @@ TEST_CASE("unplugged and plugged in a hundred times") {
   CHECK(pair.clients == 101);
   CHECK(counter(*pair.driver, "connections") == 101);
 }
+
+TEST_CASE("tags that a bridge dropped are told with the block behind them, and counted") {
+  port::VirtualLoop loop;
+  Pair pair(loop, Sensor::spd);
+  REQUIRE(run_until(loop, [&] { return pair.connected; }));
+  Bytes tag;
+  put(tag, Tag{.channel = 1, .time_ps = 1});
+  pair.send(test::join({hello_block(), test::make_block(bridge::BlockKind::tags, 1, tag, 7)}));
+  REQUIRE(run_until(loop, [&] { return pair.has(1); }));
+  CHECK(pair.sink.blocks.at(0).lost_items == 7);
+  CHECK(counter(*pair.driver, "lost_items") == 7);
+}
