@@ -4,13 +4,12 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <filesystem>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <vector>
 
 #include "acquire/devices/lock_file.hpp"
-#include "acquire/record/run_file.hpp"
+#include "acquire/record/catalogue.hpp"
 #include "drivers/core/clock.hpp"
 #include "drivers/program/console.hpp"
 #include "drivers/program/printable.hpp"
@@ -18,18 +17,11 @@
 namespace echofuse::acquire {
 namespace {
 
-namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
 
 struct Entry {
-  std::string path;
-  record::RunInfo info;
-  record::RunSummary sum;
-  std::vector<std::string> notes;
+  record::RunEntry run;
   Json live;  // null: it is not
-
-  std::string name() const { return fs::path(path).stem().string(); }
-  double length_s() const { return seconds(sum.last_utc) - seconds(sum.first_utc); }
 };
 
 using Holders = std::map<std::string, std::string>;  // who writes it, by the run's path
@@ -60,49 +52,9 @@ Json live_state(const record::RunReader& run, const record::RunSummary& sum, con
 
 Entry read_entry(const std::string& path, const std::string& who, const Clock& clock) {
   const record::RunReader run(path);
-  Entry e{.path = path, .info = run.info(), .sum = run.summary(), .notes = {}, .live = {}};
-  if (e.info.status == "open") e.live = live_state(run, e.sum, who, clock);
-  if (!e.info.notes.empty()) e.notes.push_back(e.info.notes);
-  for (const record::Event& event : run.events())
-    if (event.level == "note") e.notes.push_back(event.text);
+  Entry e{.run = record::entry_of(run), .live = {}};
+  if (e.run.info.status == "open") e.live = live_state(run, e.run.sum, who, clock);
   return e;
-}
-
-// Without "." and links in it, as in the lock of who writes it.
-std::string place_of(const fs::path& path) {
-  std::error_code error;
-  const fs::path place = fs::weakly_canonical(path, error);
-  return error ? path.string() : place.string();
-}
-
-// The path by place.
-std::map<std::string, std::string> run_files(const std::string& folder) {
-  std::error_code error;
-  std::map<std::string, std::string> paths;
-  for (const auto& entry : fs::directory_iterator(folder, error))
-    if (entry.path().extension() == ".sqlite" && entry.is_regular_file(error))
-      paths[place_of(entry.path())] = entry.path().string();
-  if (error) throw Error(ExitCode::failed, printable(folder) + ": " + error.message());
-  return paths;
-}
-
-Json to_json(const Entry& e) {
-  Json valid = Json::object();
-  for (const Sensor s : all_sensors) valid[name_of(s)] = e.sum.valid[s];
-  return {{"name", e.name()},
-          {"path", e.path},
-          {"started_utc", e.info.started_utc},
-          {"length_s", e.length_s()},
-          {"records", e.sum.records},
-          {"status", e.info.status},
-          {"valid", valid},
-          {"doubtful", e.sum.doubtful},
-          {"verdict", record::doubts_of(e.sum)},
-          {"labels", e.sum.labels},
-          {"operator", e.info.operator_name},
-          {"notes", e.notes},
-          {"window_s", e.info.window_s},
-          {"live", e.live}};
 }
 
 std::string percent(std::int64_t part, std::int64_t whole) {
@@ -119,22 +71,22 @@ Row row_of(const Entry& e) {
   constexpr std::size_t longest = 40;  // of a text; --json holds all
   const auto short_text = [](const std::string& text) { return printable(text, longest); };
   std::string labels, notes;
-  for (const auto& [label, count] : e.sum.labels)
+  for (const auto& [label, count] : e.run.sum.labels)
     if (!label.empty()) labels.append(labels.empty() ? "" : ", ") += label;
-  for (const auto& note : e.notes) notes.append(notes.empty() ? "" : "; ") += note;
+  for (const auto& note : e.run.notes) notes.append(notes.empty() ? "" : "; ") += note;
   std::string valid;
   for (const Sensor s : all_sensors)
-    valid.append(valid.empty() ? "" : " ") += percent(e.sum.valid[s], e.sum.records);
-  return {short_text(e.name()),
-          short_text(e.info.started_utc.substr(0, 16)),
-          human_duration(std::max(0.0, e.length_s())),
-          std::to_string(e.sum.records),
+    valid.append(valid.empty() ? "" : " ") += percent(e.run.sum.valid[s], e.run.sum.records);
+  return {short_text(e.run.name()),
+          short_text(e.run.info.started_utc.substr(0, 16)),
+          human_duration(std::max(0.0, e.run.length_s())),
+          std::to_string(e.run.sum.records),
           valid,
-          e.live.is_null() ? short_text(e.info.status) : "live",
+          e.live.is_null() ? short_text(e.run.info.status) : "live",
           short_text(labels),
-          short_text(e.info.operator_name),
+          short_text(e.run.info.operator_name),
           short_text(notes),
-          printable(record::doubts_of(e.sum), 2 * longest)};
+          printable(record::doubts_of(e.run.sum), 2 * longest)};
 }
 
 std::string table_of(const std::vector<Row>& rows) {
@@ -154,7 +106,7 @@ std::string table_of(const std::vector<Row>& rows) {
 
 std::string live_text(const Entry& e) {
   std::string out = "\n";
-  out += printable(e.path) + " is live";
+  out += printable(e.run.path) + " is live";
   if (!e.live["age_s"].is_null())
     out += ", its last record " + human_duration(e.live["age_s"].get<double>()) + " old";
   if (const std::string who = e.live["who"]; !who.empty()) out.append("; ") += printable(who);
@@ -173,10 +125,10 @@ std::string live_text(const Entry& e) {
 Catalogue list_runs(const std::string& folder, bool elsewhere, const Clock& clock, bool json) {
   Catalogue out;
   Holders who;
-  auto paths = run_files(folder);
+  auto paths = record::run_files(folder);
   for (const auto& [run, holder] : holders()) {
-    who[place_of(run)] = holder;
-    if (elsewhere) paths.try_emplace(place_of(run), run);
+    who[record::place_of(run)] = holder;
+    if (elsewhere) paths.try_emplace(record::place_of(run), run);
   }
   std::vector<Entry> entries;
   for (const auto& [place, path] : paths) {
@@ -188,11 +140,14 @@ Catalogue list_runs(const std::string& folder, bool elsewhere, const Clock& cloc
     }
   }
   std::stable_sort(entries.begin(), entries.end(), [](const Entry& a, const Entry& b) {
-    return a.info.started_utc < b.info.started_utc;
+    return a.run.info.started_utc < b.run.info.started_utc;
   });
   if (json) {
     Json all = Json::array();
-    for (const Entry& e : entries) all.push_back(to_json(e));
+    for (const Entry& e : entries) {
+      all.push_back(record::to_json(e.run));
+      all.back()["live"] = e.live;
+    }
     out.text = all.dump(2, ' ', true, Json::error_handler_t::replace) + "\n";
     return out;
   }

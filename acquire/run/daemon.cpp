@@ -96,8 +96,9 @@ class Daemon final : private SampleSink {
   void interrupt(HostTime now);
   void warn_of_full_disk();
   void announce(Sensor sensor);
-  void log(Severity severity, const std::string& source, const std::string& text) {
-    log_.put(severity, source, text);
+  void log(Severity severity, const std::string& source, const std::string& text,
+           bool recovery = false) {
+    log_.put(severity, source, text, recovery);
   }
   void arm();
   void tick();
@@ -226,27 +227,24 @@ void Daemon::announce(Sensor sensor) {
 void Daemon::on_tags(const TagBlock& block) {
   clocks_.observe(block);
   if (is_early(Sensor::spd, block.tags.size())) return;
-  totals_.tags += block.tags.size();
   recording_->windows.add(block);
 }
 
 void Daemon::on_radar(RadarFrame frame) {
   clocks_.observe(frame);
   if (is_early(Sensor::radar, 1)) return;
-  ++totals_.radar_frames;
   recording_->windows.add(frame);
 }
 
 void Daemon::on_depth(DepthFrame frame) {
   clocks_.observe(frame);
   if (is_early(Sensor::depth, 1)) return;
-  ++totals_.depth_frames;
   recording_->windows.add(std::move(frame));
 }
 
 void Daemon::on_state(Sensor sensor, DeviceState state, const DeviceInfo& info) {
   log(state == DeviceState::faulted ? Severity::warning : Severity::info, name_of(sensor),
-      event_text(state, info.address));
+      event_text(state, info.address), recording_ && state == DeviceState::streaming);
   // The clock's fit stays: what a sender kept and sends now stands where the clock that it had
   // places it, and a clock that began anew shows by itself.
   if (recording_ && state == DeviceState::streaming) announce(sensor);
@@ -309,7 +307,7 @@ void Daemon::close_slot(const DueSlot& due, std::chrono::nanoseconds late) {
   record.label = label_;
   totals_.take(record, config_.configured(), [&](Sensor sensor, Severity severity) {
     log(severity, name_of(sensor),
-        "record " + std::to_string(record.index) + ": " + record.sync[sensor].verdict);
+        "record " + std::to_string(record.index) + ": " + record.sync[sensor].verdict, true);
   });
   spdlog::debug("record {}: valid {}, {} clicks, {} radar frames, {} depth frames", record.index,
                 record.valid.bits(), record.sync[Sensor::spd].used, record.sync[Sensor::radar].used,

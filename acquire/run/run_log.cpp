@@ -21,23 +21,25 @@ spdlog::level::level_enum level_of(Severity s) {
 
 }  // namespace
 
-void RunLog::put(Severity severity, const std::string& source, const std::string& text) {
+void RunLog::put(Severity severity, const std::string& source, const std::string& text,
+                 bool recovery) {
   Source& of = sources_[source];
   if (const HostTime now = clock_.now(); of.lines == 0 || now - of.since >= stretch) {
     const unsigned left_out = of.left_out;
     of = {.since = now};
     if (left_out > 0)
-      write(Severity::warning, source, std::to_string(left_out) + " lines were left out");
+      write(Severity::warning, source, std::to_string(left_out) + " lines were left out", true);
   }
   if (++of.lines <= most_lines)
-    write(severity, source, text);
+    write(severity, source, text, recovery || severity != Severity::info);
   else
     ++of.left_out;
 }
 
-void RunLog::write(Severity severity, const std::string& source, const std::string& text) {
+void RunLog::write(Severity severity, const std::string& source, const std::string& text,
+                   bool kept) {
   spdlog::log(level_of(severity), "{}: {}", source, printable(text));
-  if (severity == Severity::info) return;
+  if (!kept) return;
   Writer::Job job = [=, utc = clock_.utc()](record::RunWriter& run) {
     run.put_event(utc, severity, source, text);
   };

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
-// What happens during a run: to the terminal, and warnings and errors into the run as well. A
-// source has 100 lines in 10 s; of those beyond, the next line after that says how many there were:
-// no device can fill the disk, or the writer's queue, with what it does.
+// What happens during a run: to the terminal; warnings, errors and recoveries into the run as well.
+// A source has 100 lines in 10 s; of those beyond, the next line after that says how many there
+// were: no device can fill the disk, or the writer's queue, with what it does.
 #pragma once
 #include <map>
 #include <string>
@@ -17,7 +17,9 @@ namespace echofuse::acquire {
 class RunLog {
  public:
   explicit RunLog(const Clock& clock) : clock_(clock) {}
-  void put(Severity severity, const std::string& source, const std::string& text);
+  // A `recovery` goes into the run as well, though it is no warning.
+  void put(Severity severity, const std::string& source, const std::string& text,
+           bool recovery = false);
   // What was put before goes into the run first. `writer` must outlive this.
   void attach(Writer& writer);
 
@@ -26,7 +28,7 @@ class RunLog {
     HostTime since{};
     unsigned lines = 0, left_out = 0;
   };
-  void write(Severity severity, const std::string& source, const std::string& text);
+  void write(Severity severity, const std::string& source, const std::string& text, bool kept);
 
   const Clock& clock_;
   std::map<std::string, Source> sources_;

@@ -63,6 +63,14 @@ std::string sensor_letters(const RunTotals& now) {
   return letters;
 }
 
+// Of what arrived in slots of this length together.
+PerSensor<double> rates(std::uint64_t tags, std::uint64_t radar, std::uint64_t depth,
+                        double slots_s) {
+  if (slots_s <= 0) return {};
+  return {static_cast<double>(tags) / slots_s, static_cast<double>(radar) / slots_s,
+          static_cast<double>(depth) / slots_s};
+}
+
 // At most this many bytes, no character cut in two.
 std::string shortened(std::string text, std::size_t bytes) {
   if (text.size() <= bytes) return text;
@@ -91,6 +99,11 @@ std::size_t columns_of_terminal() {
 void RunTotals::take(const record::FusedRecord& record, SensorSet configured,
                      const std::function<void(Sensor, Severity)>& changed) {
   ++records;
+  const double slot_s = seconds(record.slot_end - record.slot_start);
+  const auto& in = record.statistics;
+  tags += record.spd_counts.tags, radar_frames += in.radar_frames, depth_frames += in.depth_frames;
+  slots_s += slot_s;
+  rate_hz = rates(record.spd_counts.tags, in.radar_frames, in.depth_frames, slot_s);
   valid = record.valid;
   signal = record.signal;
   doubtful = {};
@@ -127,12 +140,8 @@ std::string count_text(std::int64_t written, std::optional<std::int64_t> planned
   return text;
 }
 
-std::vector<StatusField> status_fields(const RunTotals& now, const RunTotals& before,
-                                       const StatusTimes& times) {
+std::vector<StatusField> status_fields(const RunTotals& now, const StatusTimes& times) {
   constexpr std::size_t longest_label = 24;
-  const auto rate = [&](std::uint64_t a, std::uint64_t b) {
-    return times.interval_s > 0 ? static_cast<double>(a - b) / times.interval_s : 0.0;
-  };
   std::vector<StatusField> out;
   const auto put = [&](int rank, std::string text, bool bad = false) {
     if (!text.empty()) out.push_back({std::move(text), rank, bad});
@@ -146,11 +155,11 @@ std::vector<StatusField> status_fields(const RunTotals& now, const RunTotals& be
   std::string time = clock_text(times.elapsed_s);
   if (times.remaining_s) time.append(", ").append(clock_text(*times.remaining_s)).append(" left");
   put(2, std::move(time));
-  put(4, rate_text(rate(now.tags, before.tags)));
+  put(4, rate_text(now.rate_hz[Sensor::spd]));
   if (now.signal.spd_peak_m) put(6, format("peak %.2f m", *now.signal.spd_peak_m));
-  put(5, format("radar %.1f fps", rate(now.radar_frames, before.radar_frames)) +
+  put(5, format("radar %.1f fps", now.rate_hz[Sensor::radar]) +
              (now.signal.radar_snr_db ? format(" %.0f dB", *now.signal.radar_snr_db) : ""));
-  put(7, format("depth %.1f fps", rate(now.depth_frames, before.depth_frames)));
+  put(7, format("depth %.1f fps", now.rate_hz[Sensor::depth]));
   put(3, lost_text(now.lost));
   put(8, shortened(printable(now.label), longest_label));
   if (now.free_bytes) {
@@ -208,21 +217,18 @@ void StatusLine::update(HostTime now, const RunTotals& totals) {
 }
 
 void StatusLine::finish(HostTime now, const RunTotals& totals) {
-  before_ = {};
-  shown_ = start_;
-  show(now, totals);
+  RunTotals mean = totals;
+  mean.rate_hz = rates(totals.tags, totals.radar_frames, totals.depth_frames, totals.slots_s);
+  show(now, mean);
   end_line();
 }
 
 void StatusLine::show(HostTime now, const RunTotals& totals) {
   if (!quiet_) {
-    StatusTimes times{.interval_s = seconds(now - shown_),
-                      .elapsed_s = seconds(now - start_),
-                      .remaining_s = {},
-                      .records = total_};
+    StatusTimes times{.elapsed_s = seconds(now - start_), .remaining_s = {}, .records = total_};
     if (total_)
       times.remaining_s = std::max(0.0, static_cast<double>(*total_) * window_s_ - times.elapsed_s);
-    const auto fields = status_fields(totals, before_, times);
+    const auto fields = status_fields(totals, times);
     if (terminal_)  // one column stays free: what ends in the last one wraps on some terminals
       std::fprintf(stderr, "\r\033[K%s",
                    status_line(fields, columns_of_terminal() - 1, colours_).c_str());

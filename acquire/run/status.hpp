@@ -17,11 +17,14 @@ struct RunTotals {
   std::int64_t records = 0, written = 0;
   std::int64_t incomplete = 0;  // records without a required sensor
   std::int64_t not_ok = 0;      // records of which a configured sensor's verdict is not "ok"
+  // Of all slots: what arrived in them, and their length together.
   std::uint64_t tags = 0, radar_frames = 0, depth_frames = 0;
+  double slots_s = 0;
   PerSensor<std::uint64_t> lost{};  // tags, radar frames, depth frames
   // Of the last record.
-  SensorSet valid, doubtful;  // doubtful: configured, and the verdict is not "ok"
-  std::string trouble;        // of the first of these: "radar weak"
+  PerSensor<double> rate_hz{};  // tags, frames that arrived in its slot
+  SensorSet valid, doubtful;    // doubtful: configured, and the verdict is not "ok"
+  std::string trouble;          // of the first of these: "radar weak"
   std::string label;
   record::Signal signal;
   std::optional<std::uint64_t> free_bytes;         // of the disk
@@ -46,14 +49,12 @@ struct StatusField {
   bool bad = false;  // in red, where there are colours
 };
 struct StatusTimes {
-  double interval_s = 0;                // since `before`: rates are over this time
   double elapsed_s = 0;                 // since the first slot's start
   std::optional<double> remaining_s;    // if the run's end is known
   std::optional<std::int64_t> records;  // of the whole run, likewise
 };
 // A sensor's letter (S, R, D) is a small one if it is doubtful, and a dash if it is not valid.
-std::vector<StatusField> status_fields(const RunTotals& now, const RunTotals& before,
-                                       const StatusTimes& times);
+std::vector<StatusField> status_fields(const RunTotals& now, const StatusTimes& times);
 
 // The fields that fit together into `columns`, two blanks between them; none: all. A text has at
 // most as many columns as bytes.

@@ -25,7 +25,7 @@ export class Link {
     this.open();
   }
   open() {
-    this.socket = new WebSocket(`ws://${location.host}/live${location.search}`);
+    this.socket = new WebSocket(`ws://${location.host}${location.pathname.replace(/[^/]*$/, '')}live${location.search}`);
     this.socket.binaryType = 'arraybuffer';
     this.socket.onopen = () => {
       this.pause = 250;

@@ -381,6 +381,8 @@ setInterval(() => {
   say('elapsed', clock(state.elapsed_s + running));
 }, 200);
 
+$('runs').hidden = !/^\/(run|newest)\//.test(location.pathname);
+$('runs').href = `/${location.search}`;
 const link = new Link(message => take[message.kind]?.(message), open => {
   connected = open;
   if (open && !live) link.ask({show: here()});

@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <array>
 #include <cctype>
+#include <charconv>
 
 #include "drivers/program/exit_code.hpp"
 
@@ -81,6 +82,19 @@ Target target_of(std::string_view target) {
     const std::size_t end = std::min(rest.find('&'), rest.size());
     if (rest.starts_with(name)) out.token = rest.substr(name.size(), end - name.size());
     rest.remove_prefix(std::min(end + 1, rest.size()));
+  }
+  return out;
+}
+
+std::string decoded(std::string_view part) {
+  std::string out;
+  for (std::size_t i = 0; i < part.size(); ++i) {
+    unsigned value = 0;
+    const char* digits = part.data() + i + 1;
+    const bool coded = part[i] == '%' && i + 2 < part.size() &&
+                       std::from_chars(digits, digits + 2, value, 16).ptr == digits + 2;
+    out += coded ? static_cast<char>(value) : part[i];
+    i += coded ? 2 : 0;
   }
   return out;
 }

@@ -14,6 +14,7 @@ struct Access {
   std::string token;         // of this server's start
   bool token_asked = false;  // to look; to write it is asked always
   bool loopback = true;      // it listens to this machine only
+  bool many = false;         // runs of a folder, of which one is chosen
   std::string host_name;     // of this machine
 
   // "127.0.0.1:8410", "[::1]", "localhost": another machine's name is refused.
@@ -35,5 +36,8 @@ struct Target {
   std::string_view path, token;
 };
 Target target_of(std::string_view target);
+
+// "a%20b" -> "a b"; what is no such number stays as it is.
+std::string decoded(std::string_view part);
 
 }  // namespace echofuse::view

@@ -26,8 +26,8 @@ std::int64_t changed_ns(const struct stat& file) {
 
 }  // namespace
 
-FollowedRun::Stamp FollowedRun::stamp_of(const std::string& path) {
-  Stamp out;
+FileStamp stamp_of(const std::string& path) {
+  FileStamp out;
   for (const char* suffix : {"", "-wal"}) {
     struct stat file {};
     if (::stat((path + suffix).c_str(), &file) != 0) continue;
@@ -35,6 +35,7 @@ FollowedRun::Stamp FollowedRun::stamp_of(const std::string& path) {
     out.bytes += static_cast<std::uint64_t>(file.st_size);
     out.changed_ns = std::max(out.changed_ns, changed_ns(file));
   }
+  out.written = out.inode != 0 && record::WriterLock::someone_writes(path);
   return out;
 }
 
@@ -59,13 +60,11 @@ std::string FollowedRun::find() const {
 
 bool FollowedRun::refresh() {
   const std::string path = find();
-  const Stamp stamp = stamp_of(path);
-  // A crash changes nothing but the lock.
-  const bool written = !path.empty() && record::WriterLock::someone_writes(path);
-  if (path == path_ && stamp == stamp_ && written == written_ && !path.empty()) return false;
+  const FileStamp stamp = stamp_of(path);
+  if (path == path_ && stamp == stamp_ && !path.empty()) return false;
   if (path != path_ || stamp.inode != stamp_.inode) forget();
   const std::string before = std::exchange(trouble_, {});
-  path_ = path, stamp_ = stamp, written_ = written;
+  path_ = path, stamp_ = stamp;
   try {
     if (path.empty())
       trouble_ = printable(target_) + ": no run yet";

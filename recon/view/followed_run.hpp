@@ -33,6 +33,15 @@ struct SensorState {
   std::optional<double> residual_s;
 };
 
+// It changes whenever a run does.
+struct FileStamp {
+  std::uint64_t inode = 0, bytes = 0;  // bytes: with the WAL
+  std::int64_t changed_ns = 0;
+  bool written = false;  // by a process that lives: a crash changes nothing but this
+  bool operator==(const FileStamp&) const = default;
+};
+FileStamp stamp_of(const std::string& path);
+
 class FollowedRun {
  public:
   // A run file, or a folder: its newest run. Neither has to be there yet.
@@ -64,20 +73,13 @@ class FollowedRun {
   void with_reader(const std::function<void(const record::RunReader&)>& look) const;
 
  private:
-  struct Stamp {
-    std::uint64_t inode = 0, bytes = 0;
-    std::int64_t changed_ns = 0;
-    bool operator==(const Stamp&) const = default;
-  };
   std::string find() const;
-  static Stamp stamp_of(const std::string& path);
   void read();
   void forget();
   void take(const record::RecordOutline& outline);
 
   std::string target_, path_, trouble_, label_;
-  Stamp stamp_;
-  bool written_ = false;  // by a process that lives
+  FileStamp stamp_;
   int edition_ = 0;
   record::RunInfo info_;
   std::vector<Axis> axes_;

@@ -31,6 +31,23 @@ HttpResponse make(const HttpRequest& request, http::status status, std::string_v
   return out;
 }
 
+// "/run/NAME/live" and "/newest/live" -> "/live".
+void choose(Caller& caller) {
+  constexpr std::string_view newest = "/newest/", run = "/run/";
+  const std::string asked = caller.path;
+  const std::size_t end = asked.starts_with(newest) ? newest.size() - 1
+                          : asked.starts_with(run)  ? asked.find('/', run.size())
+                                                    : asked.npos;
+  if (end == asked.npos || end == run.size()) return;
+  caller.page = true, caller.path = asked.substr(end);
+  if (asked.starts_with(run)) caller.run = decoded(asked.substr(run.size(), end - run.size()));
+}
+
+const PageFile* part_of(const Caller& caller) {
+  if (caller.path == "/") return page_file(caller.page ? "index.html" : "runs.html");
+  return page_file(caller.path.substr(1));
+}
+
 }  // namespace
 
 Caller caller_of(const HttpRequest& request, const Access& access, bool socket) {
@@ -39,6 +56,8 @@ Caller caller_of(const HttpRequest& request, const Access& access, bool socket) 
   const Target asked = target_of({target.data(), target.size()});
   Caller out;
   out.path = asked.path, out.may_write = access.may_write(asked.token);
+  out.page = !access.many;
+  if (access.many) choose(out);
   const auto refuse = [&](http::status status, const char* why) {
     out.refusal = status, out.why = why;
     return out;
@@ -53,26 +72,28 @@ Caller caller_of(const HttpRequest& request, const Access& access, bool socket) 
     return refuse(http::status::forbidden, "not for pages of others");
   if (!out.path.starts_with('/'))
     return refuse(http::status::bad_request, "expected a path that begins with /");
-  const PageFile* part = page_file(out.path == "/" ? "index.html" : out.path.substr(1));
+  const PageFile* part = part_of(out);
   const bool open = part && out.path != "/";  // programs that everybody may have
   if (!open && !access.may_look(asked.token))
     return refuse(http::status::unauthorized,
                   "expected the token: open the whole address that the program printed");
-  if (!part && out.path != "/live" && out.path != "/metrics")
+  const bool list = out.path == "/runs" && !out.page;
+  const bool metrics = out.path == "/metrics" && out.run.empty();
+  if (!part && !list && !metrics && out.path != "/live")
     return refuse(http::status::not_found, "nothing here");
   if ((out.path == "/live") != socket)
     return refuse(http::status::upgrade_required, "/live is a WebSocket");
   return out;
 }
 
-HttpResponse respond(const HttpRequest& request, const Access& access,
-                     const std::function<std::string()>& metrics) {
-  const Caller caller = caller_of(request, access, false);
+HttpResponse respond(const HttpRequest& request, const Caller& caller,
+                     const std::function<std::string()>& text) {
   if (caller.refusal != http::status::ok)
     return make(request, caller.refusal, "text/plain; charset=utf-8", caller.why + "\n");
   if (caller.path == "/metrics")
-    return make(request, http::status::ok, "text/plain; version=0.0.4; charset=utf-8", metrics());
-  const PageFile& part = *page_file(caller.path == "/" ? "index.html" : caller.path.substr(1));
+    return make(request, http::status::ok, "text/plain; version=0.0.4; charset=utf-8", text());
+  if (caller.path == "/runs") return make(request, http::status::ok, "application/json", text());
+  const PageFile& part = *part_of(caller);
   HttpResponse out = make(request, http::status::ok, part.type, std::string(part.contents));
   out.set("Content-Security-Policy", policy(field(request, http::field::host)));
   return out;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// A request that is no WebSocket gets the page, its parts, the metrics, or a refusal.
+// A request that is no WebSocket gets a page, its parts, the metrics, the runs, or a refusal.
 #pragma once
 #include <utility>  // std::exchange, which Boost 1.74's asio/awaitable.hpp uses without it
 // clang-format off: the header above comes first
@@ -18,18 +18,23 @@ using HttpRequest = http::request<http::empty_body>;
 using HttpResponse = http::response<http::string_body>;
 inline constexpr std::uint32_t most_header_bytes = 8192;
 
-// It says who sent a request, and what it wants. If `refusal` is not ok, it is the answer.
+// It says who sent a request, and what it wants. If `refusal` is not ok, it is the answer. Of a
+// folder /run/NAME/ is the page of a run, whether there is one of that name or not, and /newest/
+// that of the newest.
 struct Caller {
   http::status refusal = http::status::ok;
   std::string why;
-  std::string path;
+  std::string path;   // below that of the run
+  std::string run;    // its name; empty: the only one, or the newest of the folder
+  bool page = false;  // of a run: else / is where one is chosen
   bool may_write = false;
 };
 // `socket`: it wants to become a WebSocket, whose Origin is checked as well.
 Caller caller_of(const HttpRequest& request, const Access& access, bool socket);
 
-HttpResponse respond(const HttpRequest& request, const Access& access,
-                     const std::function<std::string()>& metrics);
+// `text` makes what is no part of the page: /metrics, and /runs of a folder.
+HttpResponse respond(const HttpRequest& request, const Caller& caller,
+                     const std::function<std::string()>& text);
 
 // A part of the page, as the build has put it into the program.
 struct PageFile {

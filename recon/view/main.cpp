@@ -18,8 +18,8 @@ using namespace echofuse;
 using namespace echofuse::view;
 
 struct Options {
-  std::string run, model;
-  std::optional<std::int64_t> planned, record;
+  std::string model;
+  std::optional<std::int64_t> record;
   ServerOptions server;
   bool text = false;
 };
@@ -36,17 +36,16 @@ ExitCode show(const Options& o) {
   catch_interrupts();
   recon::set_threads(1);
   const SystemClock clock;
-  FollowedRun run(o.run);
-  if (o.text) return text_view(run, o.planned, clock);
+  if (o.text) {
+    FollowedRun run(o.server.run);
+    return text_view(run, o.server.planned, clock);
+  }
   std::optional<LiveModel> model;
   if (!o.model.empty()) model.emplace(o.model);
-  Show shown(run, model ? &*model : nullptr, o.planned, clock);
-  Server server(shown, o.server, clock);
-  run.refresh();
-  if (!run.trouble().empty() && !o.server.until_closed)
-    std::fprintf(stderr, "echofuse-view: %s\n", printable(run.trouble()).c_str());
-  const std::string part = o.record ? "#" + std::to_string(*o.record) : "";
-  std::printf("%s%s\n", server.address().c_str(), part.c_str());
+  Server server(o.server, model ? &*model : nullptr, clock);
+  if (const std::string why = server.missing(); !why.empty() && !o.server.until_closed)
+    std::fprintf(stderr, "echofuse-view: %s\n", printable(why).c_str());
+  std::printf("%s\n", server.address(o.record).c_str());
   std::fflush(stdout);
   if (o.server.until_closed) leave_terminal();
   server.run();
@@ -55,20 +54,27 @@ ExitCode show(const Options& o) {
 
 int run(int argc, char** argv) {
   Options o;
-  CLI::App app("Shows a run in a browser, or in a terminal: live, finished or crashed.",
-               "echofuse-view");
+  CLI::App app(
+      "Shows a run in a browser, or in a terminal: live, finished or crashed. Of a folder the "
+      "browser chooses the run.",
+      "echofuse-view");
   app.set_version_flag("--version", std::string("echofuse-view ") + version());
-  app.add_option("RUN", o.run, "run file, or a folder: its newest run")->required();
+  app.add_option("RUN", o.server.run,
+                 "run file, or a folder: its runs to choose from; with --text its newest")
+      ->required();
   app.add_option("--model", o.model, "model whose reconstructions are shown");
   auto* text = app.add_flag("--text", o.text, "block characters in the terminal, no server");
-  app.add_option("--record", o.record, "index of the record that the printed address opens")
+  app.add_option(
+         "--record", o.record,
+         "index of the record that the printed address opens; of a folder in its newest run")
       ->check(CLI::NonNegativeNumber)
       ->excludes(text);
   app.add_option("--listen", o.server.listen,
                  "ADDRESS:PORT; by default 127.0.0.1:8410, or another free port. Another address "
                  "than this machine's own asks everybody for the token")
       ->excludes(text);
-  app.add_option("--planned", o.planned, "records that the run shall have: shows what remains")
+  app.add_option("--planned", o.server.planned,
+                 "records that the run shall have: shows what remains")
       ->check(CLI::PositiveNumber);
   app.add_flag("--until-closed", o.server.until_closed,
                "end by itself when the run is over and nobody looks")

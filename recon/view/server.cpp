@@ -9,11 +9,14 @@
 #include <boost/asio/ip/tcp.hpp>
 #include <boost/asio/steady_timer.hpp>
 #include <cstdlib>
+#include <filesystem>
+#include <map>
 #include <set>
 
 #include "drivers/program/console.hpp"
 #include "drivers/program/printable.hpp"
 #include "drivers/program/program.hpp"
+#include "recon/view/chooser.hpp"
 #include "recon/view/session.hpp"
 
 namespace echofuse::view {
@@ -49,26 +52,51 @@ tcp::endpoint endpoint_of(const std::string& text) {
   return {address, static_cast<unsigned short>(number)};
 }
 
+// A run that somebody looks at, and who does.
+struct Shown {
+  Shown(const std::string& target, const LiveModel* model, std::optional<std::int64_t> planned,
+        const Clock& clock)
+      : run(target), show(run, model, planned, clock) {}
+  FollowedRun run;
+  Show show;
+  std::set<std::shared_ptr<Session>> sessions;
+  bool has_reference = false;
+  int edition = 0;
+  HostTime state{}, strip{};
+};
+
 }  // namespace
 
 class Server::Loop final : public SessionOwner {
  public:
-  Loop(Show& show, const ServerOptions& options, const Clock& clock)
-      : show_(show), options_(options), clock_(clock) {
+  Loop(const ServerOptions& options, const LiveModel* model, const Clock& clock)
+      : options_(options),
+        model_(model),
+        clock_(clock),
+        home_(options.run, model, options.planned, clock),
+        chooser_(options.run, clock) {
     access_.token = make_token();
+    access_.many = std::filesystem::is_directory(options.run);
     listen();
     access_.loopback = acceptor_.local_endpoint().address().is_loopback();
     access_.token_asked = !access_.loopback;
     access_.host_name = machine_name();
   }
 
-  std::string address() const {
+  std::string missing() {
+    home_.run.refresh();
+    return access_.many ? "" : home_.run.trouble();
+  }
+
+  std::string address(std::optional<std::int64_t> record) const {
     const auto at = acceptor_.local_endpoint();
     const bool any = at.address().is_unspecified();
     const std::string host = any                    ? access_.host_name
                              : at.address().is_v6() ? "[" + at.address().to_string() + "]"
                                                     : at.address().to_string();
-    return "http://" + host + ":" + std::to_string(at.port()) + "/?token=" + access_.token;
+    return "http://" + host + ":" + std::to_string(at.port()) +
+           (access_.many && record ? "/newest/" : "/") + "?token=" + access_.token +
+           (record ? "#" + std::to_string(*record) : "");
   }
 
   void run() {
@@ -80,12 +108,16 @@ class Server::Loop final : public SessionOwner {
 
  private:
   const Access& access() const override { return access_; }
-  std::string metrics() override {
-    show_.run().refresh();
-    return show_.metrics();
+  bool has_run(const std::string& name) override {
+    return name.empty() || !chooser_.path_of(name).empty();
+  }
+  std::string text_of(const Caller& caller) override {
+    if (caller.path == "/runs") return chooser_.runs();
+    home_.run.refresh();
+    return home_.show.metrics();
   }
   void opened(const std::shared_ptr<Session>& session) override;
-  void closed(const std::shared_ptr<Session>& session) override { sessions_.erase(session); }
+  void closed(const std::shared_ptr<Session>& session) override;
   Message answer_to(Session& session, const Request& request) override;
   Message mark(const Session& session, const Mark& mark);
 
@@ -94,10 +126,14 @@ class Server::Loop final : public SessionOwner {
   void pulse();
   bool over();
   void arm();
-  void look();
-  void tell_all(bool news);
-  void greet(Session& session);
-  Message newest();
+  void look(Shown& shown);
+  void tell_all(Shown& shown, bool news);
+  void greet(Shown& shown, Session& session);
+  Message newest(Shown& shown);
+  Shown& shown_to(const Session& session);
+  // Calls look(shown) for each run that somebody looks at.
+  template <class Look>
+  void each(Look look);
   template <class Make>
   Message attempt(Make make);
 
@@ -105,14 +141,15 @@ class Server::Loop final : public SessionOwner {
   net::io_context io_;  // destroyed last of what uses it
   tcp::acceptor acceptor_{io_};
   net::steady_timer pulse_{io_}, look_{io_}, retry_{io_};
-  Show& show_;
   const ServerOptions options_;
+  const LiveModel* model_;
   const Clock& clock_;
   Access access_;
-  std::set<std::shared_ptr<Session>> sessions_;
-  bool armed_ = false, has_reference_ = false;
-  int edition_ = 0;
-  HostTime begun_{}, seen_live_{}, state_{}, strip_{};
+  Shown home_;  // the only run, or the newest of the folder
+  Chooser chooser_;
+  std::map<std::string, Shown> chosen_;  // by name
+  bool armed_ = false;
+  HostTime begun_{}, seen_live_{};
 };
 
 // The first free port of ten, else any, unless somebody says which.
@@ -163,19 +200,42 @@ void Server::Loop::pulse() {
 bool Server::Loop::over() {
   if (!options_.until_closed) return false;
   const HostTime now = clock_.now();
-  if (sessions_.empty()) show_.run().refresh();
-  if (show_.run().live() && show_.run().trouble().empty()) seen_live_ = now;
-  if (!sessions_.empty()) return false;
+  if (home_.sessions.empty()) home_.run.refresh();
+  if (home_.run.live() && home_.run.trouble().empty()) seen_live_ = now;
+  bool looked_at = false;
+  each([&](Shown&) { looked_at = true; });
+  if (looked_at) return false;
   return seen_live_.count() == 0 ? seconds(now - begun_) > first_look_s
                                  : seconds(now - seen_live_) > last_look_s;
 }
 
 void Server::Loop::opened(const std::shared_ptr<Session>& session) {
-  sessions_.insert(session);
-  show_.run().refresh();
-  if (sessions_.size() == 1) edition_ = show_.run().edition();
-  greet(*session);
+  if (const std::string& name = session->run(); !name.empty() && !chosen_.contains(name))
+    chosen_.try_emplace(name, chooser_.path_of(name), model_, std::nullopt, clock_);
+  Shown& shown = shown_to(*session);
+  shown.sessions.insert(session);
+  shown.run.refresh();
+  if (shown.sessions.size() == 1) shown.edition = shown.run.edition();
+  greet(shown, *session);
   if (!armed_) arm();
+}
+
+// Nothing is kept of a run at which nobody looks any more.
+void Server::Loop::closed(const std::shared_ptr<Session>& session) {
+  if (!session->run().empty() && !chosen_.contains(session->run())) return;
+  Shown& shown = shown_to(*session);
+  shown.sessions.erase(session);
+  if (shown.sessions.empty()) chosen_.erase(session->run());
+}
+
+Shown& Server::Loop::shown_to(const Session& session) {
+  return session.run().empty() ? home_ : chosen_.at(session.run());
+}
+
+template <class Look>
+void Server::Loop::each(Look look) {
+  if (!home_.sessions.empty()) look(home_);
+  for (auto& [name, shown] : chosen_) look(shown);
 }
 
 template <class Make>
@@ -187,84 +247,89 @@ Message Server::Loop::attempt(Make make) {
   }
 }
 
-Message Server::Loop::newest() {
-  const auto last = show_.run().last();
-  return last ? attempt([&] { return show_.record(*last, true); }) : nullptr;
+Message Server::Loop::newest(Shown& shown) {
+  const auto last = shown.run.last();
+  return last ? attempt([&] { return shown.show.record(*last, true); }) : nullptr;
 }
 
-void Server::Loop::greet(Session& session) {
-  if (const std::string& why = show_.run().trouble(); !why.empty())
+void Server::Loop::greet(Shown& shown, Session& session) {
+  if (const std::string& why = shown.run.trouble(); !why.empty())
     return session.send(Kind::trouble, trouble(why));
-  session.send(Kind::run, attempt([&] { return show_.about_run(session.may_write()); }));
-  session.send(Kind::state, attempt([&] { return show_.state(); }));
-  session.send(Kind::reference, attempt([&] { return show_.reference(); }));
-  session.send(Kind::strip, attempt([&] { return show_.strip(); }));
-  if (session.live) session.send(Kind::record, newest());
+  session.send(Kind::run, attempt([&] { return shown.show.about_run(session.may_write()); }));
+  session.send(Kind::state, attempt([&] { return shown.show.state(); }));
+  session.send(Kind::reference, attempt([&] { return shown.show.reference(); }));
+  session.send(Kind::strip, attempt([&] { return shown.show.strip(); }));
+  if (session.live) session.send(Kind::record, newest(shown));
 }
 
 void Server::Loop::arm() {
   armed_ = true;
-  const auto quarter = from_seconds(show_.run().info().window_s / 4);
-  look_.expires_after(std::clamp<std::chrono::nanoseconds>(quarter, shortest_pause, longest_pause));
+  std::chrono::nanoseconds pause = longest_pause;
+  each([&](Shown& shown) { pause = std::min(pause, from_seconds(shown.run.info().window_s / 4)); });
+  look_.expires_after(std::max<std::chrono::nanoseconds>(pause, shortest_pause));
   look_.async_wait([this](Error_code) {
     armed_ = false;
-    if (sessions_.empty()) return;
-    guarded([this] { look(); });
-    arm();
+    bool looked_at = false;
+    each([&](Shown& shown) {
+      looked_at = true;
+      guarded([&] { look(shown); });
+    });
+    if (looked_at) arm();
   });
 }
 
-void Server::Loop::look() {
-  const bool news = show_.run().refresh();
-  const std::string& why = show_.run().trouble();
+void Server::Loop::look(Shown& shown) {
+  const bool news = shown.run.refresh();
+  const std::string& why = shown.run.trouble();
   if (!why.empty()) {
     if (news)
-      for (const auto& s : sessions_) s->send(Kind::trouble, trouble(why));
+      for (const auto& s : shown.sessions) s->send(Kind::trouble, trouble(why));
     return;
   }
-  if (std::exchange(edition_, show_.run().edition()) != show_.run().edition()) {
-    has_reference_ = false;
-    for (const auto& s : sessions_) greet(*s);
+  if (std::exchange(shown.edition, shown.run.edition()) != shown.run.edition()) {
+    shown.has_reference = false;
+    for (const auto& s : shown.sessions) greet(shown, *s);
     return;
   }
-  tell_all(news);
+  tell_all(shown, news);
 }
 
-void Server::Loop::tell_all(bool news) {
+void Server::Loop::tell_all(Shown& shown, bool news) {
   const HostTime now = clock_.now();
   const auto due = [&](HostTime& last, double pause_s) {
     const bool is = seconds(now - last) >= pause_s;
     if (is) last = now;
     return is;
   };
-  if (due(state_, state_pause_s) || news) {
-    const Message state = attempt([&] { return show_.state(); });
-    for (const auto& s : sessions_) s->send(Kind::state, state);
+  if (due(shown.state, state_pause_s) || news) {
+    const Message state = attempt([&] { return shown.show.state(); });
+    for (const auto& s : shown.sessions) s->send(Kind::state, state);
   }
   if (!news) return;
   const bool wanted =
-      std::any_of(sessions_.begin(), sessions_.end(), [](auto& s) { return s->live; });
-  if (const Message record = wanted ? newest() : nullptr)
-    for (const auto& s : sessions_)
+      std::any_of(shown.sessions.begin(), shown.sessions.end(), [](auto& s) { return s->live; });
+  if (const Message record = wanted ? newest(shown) : nullptr)
+    for (const auto& s : shown.sessions)
       if (s->live) s->send(Kind::record, record);
-  if (!due(strip_, strip_pause_s)) return;
-  const Message strip = attempt([&] { return show_.strip(); });
-  for (const auto& s : sessions_) s->send(Kind::strip, strip);
-  if (has_reference_) return;
-  const Message reference = attempt([&] { return show_.reference(); });
-  has_reference_ = reference != nullptr;
-  for (const auto& s : sessions_) s->send(Kind::reference, reference);
+  if (!due(shown.strip, strip_pause_s)) return;
+  const Message strip = attempt([&] { return shown.show.strip(); });
+  for (const auto& s : shown.sessions) s->send(Kind::strip, strip);
+  if (shown.has_reference) return;
+  const Message reference = attempt([&] { return shown.show.reference(); });
+  shown.has_reference = reference != nullptr;
+  for (const auto& s : shown.sessions) s->send(Kind::reference, reference);
 }
 
 Message Server::Loop::answer_to(Session& session, const Request& request) {
   if (const auto* bad = std::get_if<BadRequest>(&request)) return answer(false, bad->why);
   if (const auto* m = std::get_if<Mark>(&request)) return mark(session, *m);
+  Shown& shown = shown_to(session);
   return attempt([&]() -> Message {
     if (const auto* asked = std::get_if<ShowSheet>(&request))
-      return show_.sheet(asked->first, asked->last);
+      return shown.show.sheet(asked->first, asked->last);
     const auto* asked = std::get_if<ShowRecord>(&request);
     session.live = !asked;
-    return asked ? show_.record(asked->index, false) : newest();
+    return asked ? shown.show.record(asked->index, false) : newest(shown);
   });
 }
 
@@ -272,13 +337,14 @@ Message Server::Loop::mark(const Session& session, const Mark& mark) {
   if (!session.may_write())
     return answer(false,
                   "marking needs the token: open the whole address that the program printed");
-  const std::string& run = show_.run().path();
+  Shown& shown = shown_to(session);
+  const std::string& run = shown.run.path();
   try {
     if (mark.label) {
       record::put_label(run, mark.text, "view");
       return answer(true, "label set: " + mark.text);
     }
-    if (!show_.run().live())
+    if (!shown.run.live())
       return answer(false, "nobody is recording this run; only a live one is marked");
     record::put_note(run, mark.text, "view");
     return answer(true, "marked: " + mark.text);
@@ -287,10 +353,13 @@ Message Server::Loop::mark(const Session& session, const Mark& mark) {
   }
 }
 
-Server::Server(Show& show, const ServerOptions& options, const Clock& clock)
-    : loop_(std::make_unique<Loop>(show, options, clock)) {}
+Server::Server(const ServerOptions& options, const LiveModel* model, const Clock& clock)
+    : loop_(std::make_unique<Loop>(options, model, clock)) {}
 Server::~Server() = default;
-std::string Server::address() const { return loop_->address(); }
+std::string Server::address(std::optional<std::int64_t> record) const {
+  return loop_->address(record);
+}
+std::string Server::missing() { return loop_->missing(); }
 void Server::run() { loop_->run(); }
 
 }  // namespace echofuse::view

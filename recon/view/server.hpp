@@ -4,6 +4,7 @@
 #pragma once
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <string>
 
 #include "drivers/core/clock.hpp"
@@ -15,6 +16,10 @@ namespace echofuse::view {
 inline constexpr int most_connections = 64;
 
 struct ServerOptions {
+  // A run file, or a folder: the page at / lists its runs, each has its page below /run/NAME/, and
+  // /newest/ goes with the newest. Neither has to be there yet: what is not there is a file.
+  std::string run;
+  std::optional<std::int64_t> planned;  // records that the run (of a folder: the newest) shall have
   std::string listen;         // "127.0.0.1:8410"; empty: this machine, the first free port of ten
   bool until_closed = false;  // ends once the run is over and nobody looks
 };
@@ -24,10 +29,13 @@ struct ServerOptions {
 class Server {
  public:
   // Throws Error(usage) for an address that is none, Error(failed) if it cannot listen there.
-  Server(Show& show, const ServerOptions& options, const Clock& clock);
+  // `model` may be null; it outlives this.
+  Server(const ServerOptions& options, const LiveModel* model, const Clock& clock);
   ~Server();
-  std::string address() const;  // for a browser, with the token
-  void run();                   // until interrupted()
+  // For a browser, with the token; of a folder with a record its newest run.
+  std::string address(std::optional<std::int64_t> record = {}) const;
+  std::string missing();  // why there is no run to see yet; or empty
+  void run();             // until interrupted()
 
  private:
   class Loop;

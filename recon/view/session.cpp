@@ -44,12 +44,13 @@ void Session::start() {
 
 void Session::on_request() {
   request_ = parser_->release();
-  if (websocket::is_upgrade(request_)) {
-    const Caller caller = caller_of(request_, owner_.access(), true);
-    may_write_ = caller.may_write;
-    if (caller.refusal == http::status::ok) return upgrade();
-  }
-  response_ = respond(request_, owner_.access(), [this] { return owner_.metrics(); });
+  const bool socket = websocket::is_upgrade(request_);
+  caller_ = caller_of(request_, owner_.access(), socket);
+  const bool program = caller_.path.size() > 1 && page_file(caller_.path.substr(1));
+  if (caller_.refusal == http::status::ok && !program && !owner_.has_run(caller_.run))
+    caller_.refusal = http::status::not_found, caller_.why = "no such run in the folder";
+  if (socket && caller_.refusal == http::status::ok) return upgrade();
+  response_ = respond(request_, caller_, [this] { return owner_.text_of(caller_); });
   http::async_write(stream_.next_layer(), response_,
                     [self = shared_from_this()](beast::error_code, std::size_t) {
                       beast::error_code none;

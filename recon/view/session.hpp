@@ -26,7 +26,8 @@ class SessionOwner {
  public:
   virtual ~SessionOwner() = default;
   virtual const Access& access() const = 0;
-  virtual std::string metrics() = 0;
+  virtual bool has_run(const std::string& name) = 0;
+  virtual std::string text_of(const Caller& caller) = 0;             // its metrics, or the runs
   virtual void opened(const std::shared_ptr<Session>& session) = 0;  // as a WebSocket
   virtual void closed(const std::shared_ptr<Session>& session) = 0;
   virtual Message answer_to(Session& session, const Request& request) = 0;  // null: none
@@ -50,7 +51,8 @@ class Session : public std::enable_shared_from_this<Session> {
   void start();
   // Instead of what of this kind has not been sent yet.
   void send(Kind kind, Message message);
-  bool may_write() const { return may_write_; }
+  bool may_write() const { return caller_.may_write; }
+  const std::string& run() const { return caller_.run; }
 
   bool live = true;  // shown the newest record
 
@@ -71,7 +73,8 @@ class Session : public std::enable_shared_from_this<Session> {
   HttpResponse response_;
   SessionOwner& owner_;
   int& open_;
-  bool may_write_ = false, over_ = false;
+  Caller caller_;
+  bool over_ = false;
   Message writing_;
   std::array<Message, kinds> waiting_;
   std::optional<Request> record_, sheet_;  // asked, and not answered yet

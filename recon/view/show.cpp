@@ -7,9 +7,9 @@
 #include <limits>
 #include <nlohmann/json.hpp>
 
-#include "drivers/core/log2_codes.hpp"
 #include "drivers/program/exit_code.hpp"
 #include "drivers/program/printable.hpp"
+#include "recon/view/pictures.hpp"
 
 namespace echofuse::view {
 namespace {
@@ -30,77 +30,7 @@ Json axis_json(const Axis& a) {
           {"step", a.step}};
 }
 
-const Axis* find(const std::vector<Axis>& axes, const char* name) {
-  for (const Axis& a : axes)
-    if (a.name == name) return &a;
-  return nullptr;
-}
-
-// Every k-th row and column of a picture, so that no side is longer than this.
-struct Picture {
-  std::vector<std::uint16_t> mm;
-  std::size_t height = 0, width = 0;
-};
-Picture thinned(const std::vector<std::uint16_t>& mm, std::size_t height, std::size_t width) {
-  constexpr std::size_t longest = 320;
-  const std::size_t k = (std::max(height, width) + longest - 1) / longest;
-  Picture out;
-  for (std::size_t y = k / 2; y < height; y += k, ++out.height)
-    for (std::size_t x = k / 2; x < width; x += k) out.mm.push_back(mm[y * width + x]);
-  out.width = out.height > 0 ? out.mm.size() / out.height : 0;
-  return out;
-}
-
-// dB by range and direction; NaN without the radar's antennas.
-std::vector<float> beams_of(const record::FusedRecord& r, const record::Antennas& antennas,
-                            std::size_t bins) {
-  std::vector<float> out(bins * record::beams, std::nanf(""));
-  if (!r.has(Sensor::radar) || r.array.empty() || antennas.empty()) return out;
-  for (std::size_t i = 0; i < out.size(); ++i) {
-    const double power =
-        record::beam_power(record::bin_of(r.array, antennas.size(), i / record::beams), antennas,
-                           record::beam_cosine(i % record::beams));
-    out[i] = static_cast<float>(10 * std::log10(std::max(power, 1e-12)));
-  }
-  return out;
-}
-
-// A column of the waterfall: neighbours as their highest, so that none has more than 256.
-constexpr std::size_t most_column_bins = 256;
-std::size_t column_step(std::size_t bins) {
-  return (bins + most_column_bins - 1) / most_column_bins;
-}
-std::size_t column_bins(std::size_t bins) {
-  return bins == 0 ? 0 : (bins + column_step(bins) - 1) / column_step(bins);
-}
-std::vector<float> column_of(const std::vector<float>& values) {
-  std::vector<float> out(column_bins(values.size()), -std::numeric_limits<float>::infinity());
-  for (std::size_t i = 0; i < values.size(); ++i) {
-    float& highest = out[i / column_step(values.size())];
-    highest = std::max(highest, values[i]);
-  }
-  return out;
-}
-
-std::vector<float> map_of(const record::FusedRecord& r, const std::vector<Axis>& axes,
-                          const record::MapGrid& grid) {
-  const Axis *x = find(axes, "depth_x"), *y = find(axes, "depth_y");
-  if (!r.has(Sensor::depth) || !x || !y) return {};
-  return record::to_target(r.depth_mm, *x, *y, grid.x(), grid.y());
-}
-
 }  // namespace
-
-std::vector<float> to_db(std::span<const float> profile, const Axis& axis) {
-  std::vector<float> out;
-  out.reserve(profile.size());
-  for (const float v : profile) {
-    const double power =
-        axis.quantity == "log2_q8" ? power_from_code(double{v}, axis.scale) : double{v};
-    out.push_back(static_cast<float>(10 * std::log10(std::max(power, 1e-12))));
-  }
-  return out;
-}
 
 Message answer(bool ok, const std::string& text) {
   return MessageWriter().finish({{"kind", "answer"}, {"ok", ok}, {"text", text}});

@@ -55,7 +55,4 @@ class Show {
 Message answer(bool ok, const std::string& text);
 Message trouble(const std::string& text);
 
-// A profile in dB: of power, or of the firmware's codes (drivers/core/axis.hpp).
-std::vector<float> to_db(std::span<const float> profile, const Axis& axis);
-
 }  // namespace echofuse::view

@@ -16,7 +16,7 @@
 #include "drivers/program/console.hpp"
 #include "drivers/program/printable.hpp"
 #include "recon/numbers/text.hpp"
-#include "recon/view/show.hpp"
+#include "recon/view/pictures.hpp"
 
 namespace echofuse::view {
 namespace {

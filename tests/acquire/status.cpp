@@ -10,26 +10,23 @@ namespace {
 
 struct Moment {
   Moment() {
-    before.tags = 1000;
     now.records = 7;
     now.written = 6;
     now.valid = SensorSet::from_bits(5);
     now.doubtful = SensorSet::from_bits(3);
     now.trouble = "spd weak";
-    now.tags = 2'401'000;
-    now.radar_frames = 40;
-    now.depth_frames = 59;
+    now.rate_hz = {1.2e6, 20, 29.5};
     now.lost = {12, 0, 3};
     now.label = "person";
     now.signal.spd_peak_m = 3.456;
     now.signal.radar_snr_db = 21.4;
     now.free_bytes = 12'345'678'901;
-    times = {.interval_s = 2, .elapsed_s = 21.9, .remaining_s = 3761, .records = 20};
+    times = {.elapsed_s = 21.9, .remaining_s = 3761, .records = 20};
   }
   std::string line(std::optional<std::size_t> columns, bool colours = false) const {
-    return status_line(status_fields(now, before, times), columns, colours);
+    return status_line(status_fields(now, times), columns, colours);
   }
-  RunTotals before, now;
+  RunTotals now;
   StatusTimes times;
 };
 

@@ -22,7 +22,7 @@ void take_text(std::string_view text) {
     require(sheet->first >= 0 && sheet->first <= sheet->last, "a sheet has an order");
 }
 
-void take_http(std::string_view bytes, bool everybody) {
+void take_http(std::string_view bytes, bool everybody, bool many) {
   http::request_parser<http::empty_body> parser;
   parser.header_limit(most_header_bytes);
   parser.body_limit(std::uint64_t{0});
@@ -32,11 +32,11 @@ void take_http(std::string_view bytes, bool everybody) {
   if (error || !parser.is_done()) return;
   Access access;
   access.token = "0123456789abcdef0123456789abcdef";
-  access.loopback = !everybody, access.token_asked = everybody;
+  access.loopback = !everybody, access.token_asked = everybody, access.many = many;
   const HttpRequest request = parser.release();
   const bool knows = bytes.find(access.token) != bytes.npos;
   bool asked = false;
-  const HttpResponse response = respond(request, access, [&] {
+  const HttpResponse response = respond(request, caller_of(request, access, false), [&] {
     asked = true;
     return std::string("x 1\n");
   });
@@ -60,5 +60,5 @@ void fuzz::run(ByteView input) {
   if (input[0] % 4 == 0)
     take_text(text);
   else
-    take_http(text, input[0] % 2 == 0);
+    take_http(text, input[0] % 2 == 0, input[0] % 8 < 4);
 }

@@ -61,6 +61,7 @@ class Page(live_view.LiveView):
                        stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
         subprocess.run([bin_dir / "echofuse-recon", "train", scenes, "--model", "ridge", "--set", "fallback=false", "--out", model, "-q"], check=True,
                        stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
+        self.chooser(scenes)
         address = self.view("--model", model)
         daemon = self.record("--set", "run.label=empty")
         self.size(1280, 800)
@@ -121,7 +122,7 @@ class Page(live_view.LiveView):
         self.wait("crash on the page", lambda: self.text("status") == "crashed")
 
         # The viewer goes away, and the page says so.
-        viewer = self.processes[1]
+        viewer = self.processes[2]
         self.assertIn("echofuse-view", viewer.args[0])
         viewer.terminate()
         self.assertEqual(viewer.wait(10), 0)
@@ -157,6 +158,28 @@ class Page(live_view.LiveView):
         self.assertEqual(faults, [])
         asked = self.js("return performance.getEntriesByType('resource').map(e => new URL(e.name).host)")
         self.assertEqual(set(asked), {address.split("/")[2]})
+
+    def chooser(self, scenes):
+        """A click on a run of the folder opens it, and a link leads back."""
+        process = self.start([bin_dir / "echofuse-view", self.dir, "--listen", "127.0.0.1:0"], stdout=subprocess.PIPE, text=True)
+        self.browser.get(process.stdout.readline().strip())
+        cards = "return [...document.querySelectorAll('.run h2')].map(at => at.textContent)"
+        self.wait("run in the list", lambda: self.js(cards) == [scenes.stem])
+        words = self.js("return document.querySelector('.run').textContent")
+        for part in "complete", "80 records", "0:04:00", "person 20":
+            self.assertIn(part, words)
+        for width, scheme in ((390, "light"), (1280, "dark")):
+            self.size(width, 800)
+            self.browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": [{"name": "prefers-color-scheme", "value": scheme}]})
+            self.assertLessEqual(self.js("return document.documentElement.scrollWidth"), width)
+            self.assertEqual(self.contrast_faults(), [], (width, scheme))
+        self.browser.find_element("css selector", ".run").click()
+        self.wait("page of the run", lambda: self.js("return document.getElementById('file')?.textContent") == scenes.name)
+        self.wait("its record", lambda: self.js("return window.framesSeen") > 0)
+        self.browser.find_element("id", "runs").click()
+        self.wait("list again", lambda: self.js(cards) == [scenes.stem])
+        process.terminate()
+        process.wait(10)
 
     def looks(self):
         """What the keys do to the histogram, the points and the type."""

@@ -4,10 +4,12 @@
 import base64
 import hashlib
 import http.client
+import json
 import os
 import pathlib
 import random as random_numbers
 import re
+import shutil
 import socket
 import sqlite3
 import struct
@@ -285,14 +287,19 @@ class Server(unittest.TestCase):
             self.assertRegex(line, r'^(# (HELP|TYPE) \w+ .+|\w+(\{\w+="\w+"(,\w+="\w+")*\})? -?[0-9.e+-]+)$')
 
     def test_page_asks_nobody(self):
-        answer, page = self.get("/")
+        for path in "/", "/newest/":
+            self.page_asks_nobody(path, hashes=2 if path == "/newest/" else 0)
+
+    def page_asks_nobody(self, path, hashes):
+        answer, page = self.get(path)
         policy = answer.getheader("Content-Security-Policy")
         self.assertIn("default-src 'none'", policy)
         self.assertNotIn("unsafe", policy)
         self.assertNotIn(b" style=", page)
         self.assertNotRegex(page.decode(), r"<script(?![^>]* src=)| on\w+=")
         parts = re.findall(r'(?:src|href)="([\w.]+)"(?: integrity="sha384-([^"]+)")?', page.decode())
-        self.assertEqual(len([hashed for _, hashed in parts if hashed]), 2)
+        self.assertGreaterEqual(len(parts), 2)
+        self.assertEqual(len([hashed for _, hashed in parts if hashed]), hashes)
         for name, hashed in parts:
             got, body = self.get("/" + name, token=False)
             self.assertEqual(got.status, 200, name)
@@ -300,6 +307,50 @@ class Server(unittest.TestCase):
                 self.assertEqual(base64.b64encode(hashlib.sha384(body).digest()).decode(), hashed)
             self.assertNotRegex(body.decode().replace("http://www.w3.org", ""), r"\b(https?|wss?):(?!//\$\{location)" if not hashed
                                 else r"wss?://")
+
+    def test_runs(self):
+        """A folder's runs are listed, and each has its page and its socket: never a file of another folder."""
+        with tempfile.TemporaryDirectory(dir=self.folder.name) as folder:
+            for name in "one.sqlite", "zwei & drei.sqlite":
+                shutil.copy(self.run_file, pathlib.Path(folder, name))
+            pathlib.Path(folder, "none.sqlite").write_text("no run")
+            process, address = self.start(folder, "--record", "7")
+            try:
+                here = address.replace("/newest/?", "/?")
+                self.assertRegex(address, r"^http://[\d.:]+/newest/\?token=\w+#7$")
+                def get(path):
+                    url = urllib.parse.urlsplit(here)
+                    connection = http.client.HTTPConnection(url.hostname, url.port, timeout=20)
+                    connection.request("GET", f"{path}?{url.query}")
+                    answer = connection.getresponse()
+                    return answer.status, answer.read()
+                runs = {run["name"]: run for run in json.loads(get("/runs")[1])}
+                self.assertEqual(set(runs), {"one", "zwei & drei", "none"})
+                self.assertIn("not an echofuse run file", runs["none"]["fault"])
+                listed = json.loads(subprocess.run([bin_dir / "echofuse-acquire", "list", "--json", folder], check=True,
+                                                   stdout=subprocess.PIPE, stderr=subprocess.DEVNULL).stdout)
+                for run in listed:
+                    for what in "length_s", "labels", "verdict", "records", "status":
+                        self.assertEqual(runs[run["name"]][what], run[what])
+                    self.assertEqual(len(runs[run["name"]]["map"]), 32 * 32)
+                for path, status in (("/run/one/", 200), ("/run/zwei%20%26%20drei/", 200), ("/run/one/view.js", 200),
+                                     ("/run/two/", 404), ("/run/one", 404), ("/run//", 404), ("/run/one/metrics", 404),
+                                     ("/run/..%2fscenes/", 404), ("/run/../scenes/", 404), ("/run/one/runs", 404),
+                                     (f"/run/{urllib.parse.quote(folder, safe='')}%2fone/", 404), ("/metrics", 200)):
+                    self.assertEqual(get(path)[0], status, path)
+                # Two runs at a time, and each client hears of its own.
+                clients = {name: Client(here, path=f"/run/{urllib.parse.quote(name)}/live") for name in ("one", "zwei & drei")}
+                for name, client in clients.items():
+                    self.assertEqual(client.until("run")["file"], f"{name}.sqlite")
+                clients["one"].socket.close()
+                clients["zwei & drei"].ask({"show": 3})
+                self.assertEqual(clients["zwei & drei"].until("record", lambda m: not m["live"])["index"], 3)
+                with self.assertRaises(Refused):
+                    Client(here, path="/run/two/live")
+            finally:
+                process.terminate()
+                process.wait(10)
+                process.stdout.close()
 
     def test_text(self):
         out = subprocess.run([bin_dir / "echofuse-view", "--text", self.folder.name], check=True, capture_output=True,

@@ -30,7 +30,8 @@ std::string frame(std::string_view text) {
 // The sessions' owner, with a client of raw bytes for each of them. All of it is one thread.
 struct Owner final : SessionOwner {
   const Access& access() const override { return access_; }
-  std::string metrics() override { throw std::out_of_range("metrics"); }
+  bool has_run(const std::string&) override { return true; }
+  std::string text_of(const Caller&) override { throw std::out_of_range("metrics"); }
   void opened(const std::shared_ptr<Session>& session) override {
     ++openings;
     if (greeting) session->send(Kind::sheet, greeting);

@@ -1,0 +1,69 @@
+// SPDX-License-Identifier: MIT
+// The runs of a folder: what each is like, and the way to its page.
+import {clock, colour, siNumber} from './charts.js';
+import {outline, picture, spanOf, tables} from './maps.js';
+
+const $ = id => document.getElementById(id);
+const side = 112, pause = {all: 5000, more: 100};
+let told = '';
+
+function thumbnail(run, span) {
+  const canvas = document.createElement('canvas'), c = canvas.getContext('2d'), high = side * devicePixelRatio;
+  canvas.width = canvas.height = high;
+  canvas.role = 'img', canvas.ariaLabel = run.map ? 'depth map of its middle' : run.histogram ? 'histogram of its middle' : 'no record';
+  if (run.map) {
+    const rows = Math.sqrt(run.map.length), image = picture(run.map, rows, rows, span, tables.near, 0.01);
+    c.imageSmoothingEnabled = false;
+    c.drawImage(image, 0, 0, high, high);
+    outline(c, image, 0, 0, high, high);
+  } else if (run.histogram) {
+    const most = Math.max(1, ...run.histogram), width = high / run.histogram.length;
+    c.fillStyle = colour('--spd');
+    run.histogram.forEach((v, i) => c.fillRect(i * width, high * (1 - v / most), width, high * v / most));
+  }
+  return canvas;
+}
+const labelsOf = ({labels}) => Object.entries(labels).filter(([name]) => name).sort((a, b) => b[1] - a[1])
+  .map(([name, count]) => `${name} ${siNumber(count)}`);
+
+function card(run, span) {
+  const at = document.createElement('a'), words = document.createElement('div');
+  const add = (kind, text, look = '') => text && words.append(Object.assign(document.createElement(kind), {textContent: text, className: look}));
+  at.className = 'card run', at.href = `/run/${encodeURIComponent(run.name)}/${location.search}`;
+  add('h2', run.name);
+  if (run.waits || run.fault) {
+    add('p', run.fault ?? 'is being read', run.fault ? 'doubts' : 'quiet');
+  } else {
+    const labels = labelsOf(run), shown = labels.slice(0, 4).join(', ');
+    add('p', run.status === 'open' ? 'recording' : run.status, 'status');
+    words.lastChild.dataset.status = run.status.split(':')[0];
+    add('p', `${run.started_utc.slice(0, 16).replace('T', ' ')} UTC, ${clock(run.length_s)}, ${run.records} records`, 'quiet');
+    add('p', shown + (labels.length > 4 ? ` and ${labels.length - 4} more` : ''));
+    add('p', run.verdict, 'doubts');
+  }
+  at.append(thumbnail(run, span), words);
+  return at;
+}
+function draw() {
+  const runs = JSON.parse(told), span = spanOf(runs.flatMap(run => run.map ?? []).map(cm => cm / 100));
+  $('about').textContent = runs.length ? `${runs.length}, the newest first` : 'none in this folder yet';
+  $('runs-list').replaceChildren(...runs.map(run => card(run, span)));
+}
+// Asks anew, at once while some are not read yet; draws only what is new, so that nobody clicks into nothing.
+async function look() {
+  let wait = pause.all;
+  try {
+    const answer = document.hidden ? null : await fetch(`/runs${location.search}`), text = await answer?.text();
+    if (answer && !answer.ok) throw Error(text);
+    if (text?.includes('"waits":true')) wait = pause.more;
+    if (text && text !== told) told = text, draw();
+    $('trouble').hidden = true;
+  } catch (error) {
+    $('trouble').textContent = error instanceof TypeError ? 'no connection to the viewer' : error.message;
+    $('trouble').hidden = false;
+  }
+  setTimeout(look, wait);
+}
+$('newest').href = `/newest/${location.search}`;
+matchMedia('(prefers-color-scheme: dark)').addEventListener('change', () => told && draw());
+look();
