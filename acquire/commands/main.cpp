@@ -25,6 +25,7 @@
 #include "acquire/record/run_file.hpp"
 #include "acquire/record/run_names.hpp"
 #include "acquire/run/viewer.hpp"
+#include "drivers/program/command_line.hpp"
 #include "drivers/program/console.hpp"
 #include "drivers/program/printable.hpp"
 #include "drivers/program/program.hpp"
@@ -226,7 +227,7 @@ int main(int argc, char** argv) {
   app.set_version_flag("--version", std::string(program) + " " + version());
   add_commands(app, options);
   try {
-    app.parse(argc, argv);
+    parse_command_line(app, argc, argv);
     if (app.get_subcommands().empty()) throw CLI::RequiredError("a command");
   } catch (const CLI::ParseError& e) {
     return run_main(program, [&] { return app.exit(e) == 0 ? ExitCode::ok : ExitCode::usage; });

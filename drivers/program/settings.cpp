@@ -76,13 +76,6 @@ std::string section_of(const std::string& key) {
   return dot == std::string::npos ? "" : key.substr(0, dot);
 }
 
-std::string nearest(const std::vector<std::string>& known, const std::string& key) {
-  const auto it = std::min_element(known.begin(), known.end(), [&](auto& a, auto& b) {
-    return edit_distance(a, key) < edit_distance(b, key);
-  });
-  return it == known.end() ? "" : *it;
-}
-
 std::string place(const std::string& name, const toml::source_position& where) {
   return name + ":" + std::to_string(where.line) + ":" + std::to_string(where.column);
 }
@@ -104,6 +97,13 @@ bool blank_out(std::string& text, std::size_t line) {
 }
 
 }  // namespace
+
+std::string nearest(const std::vector<std::string>& known, const std::string& key) {
+  const auto it = std::min_element(known.begin(), known.end(), [&](auto& a, auto& b) {
+    return edit_distance(a, key) < edit_distance(b, key);
+  });
+  return it == known.end() ? "" : *it;
+}
 
 void refuse(const std::vector<std::string>& faults) {
   std::string all;

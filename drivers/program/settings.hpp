@@ -18,6 +18,10 @@ std::string read_config_text(const std::string& path);
 // Throws Error(config) that lists these faults, one a line.
 [[noreturn]] void refuse(const std::vector<std::string>& faults);
 
+// Of the known words the one that needs the fewest changes to become this one; empty if none is
+// known.
+std::string nearest(const std::vector<std::string>& known, const std::string& word);
+
 class Settings {
  public:
   // Binding. Keys are dotted ("tdc.bins"); the reference must outlive this object.

@@ -2,6 +2,7 @@
 // echofuse-recon goes from records to a model, to depth maps, to a report.
 #include <CLI/CLI.hpp>
 
+#include "drivers/program/command_line.hpp"
 #include "drivers/program/console.hpp"
 #include "recon/cli/commands.hpp"
 #include "recon/numbers/blas_kernels.hpp"
@@ -36,7 +37,7 @@ int run(int argc, char** argv) {
       add_report);
   add("study", "accuracy against cost, or stability: tables and charts", add_study);
   try {
-    app.parse(argc, argv);
+    parse_command_line(app, argc, argv);
   } catch (const CLI::ParseError& e) {
     return run_main("echofuse-recon",
                     [&] { return app.exit(e) == 0 ? ExitCode::ok : ExitCode::usage; });

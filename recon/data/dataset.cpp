@@ -16,7 +16,6 @@
 #include "recon/numbers/statistics.hpp"
 
 namespace echofuse::recon {
-namespace {
 
 std::string describe(const Axis& a) {
   if (a.count == 0) return "none";
@@ -31,14 +30,16 @@ Error axis_error(const std::string& path, const Axis& found, const Axis& wanted,
                                 ", " + whose + " is " + describe(wanted)};
 }
 
+bool agree(const Axis& a, const Axis& b) {
+  return a.count == b.count && (!a.count || same_axis(a, b));
+}
+
+namespace {
+
 Error map_error(const std::string& path, const record::MapGrid& found,
                 const record::MapGrid& wanted, const std::string& whose) {
   return {ExitCode::failed, printable(path) + ": its depth map is " + found.text() + ", " +
                                 printable(whose) + " has " + wanted.text()};
-}
-
-bool agree(const Axis& a, const Axis& b) {
-  return a.count == b.count && (!a.count || same_axis(a, b));
 }
 
 class Appender {  // appends one run to a Dataset
@@ -360,41 +361,6 @@ void require_map(const Dataset& data, const record::MapGrid& grid, const std::st
     if (data.has(row, Sensor::depth))
       throw map_error(data.sources.empty() ? "run" : data.sources.front().path, data.map, grid,
                       whose);
-}
-
-bool covers(const Axis& found, const Axis& wanted) {
-  Axis cropped = found;
-  cropped.count = std::min(found.count, wanted.count);
-  return agree(cropped, wanted);
-}
-
-void match_axes(Dataset& data, const Axis& spd, const Axis& radar, Inputs inputs) {
-  const std::string path = data.sources.empty() ? "run" : data.sources.front().path;
-  if (inputs != Inputs::radar && !agree(data.spd_axis, spd))
-    throw axis_error(path, data.spd_axis, spd, "the model's");
-  if (inputs == Inputs::spd) return;
-  if (radar.quantity == "binned_power" && data.radar_axis.quantity == "power")
-    rebin_radar(data, radar);
-  if (!covers(data.radar_axis, radar))
-    throw axis_error(path, data.radar_axis, radar, "the model's");
-  if (data.radar_axis.count == radar.count) return;
-  data.radar = first_columns(data.radar, radar.count);
-  data.radar_axis.count = radar.count;
-}
-
-void match_array(Dataset& data, const Axis& array) {
-  if (array.count == 0) return drop_array(data);
-  const std::string path = data.sources.empty() ? "run" : data.sources.front().path;
-  if (data.array_axis.count == 0)
-    throw Error(ExitCode::failed,
-                printable(path) +
-                    ": has no samples of the radar's antennas, which the model needs; for such "
-                    "runs train one with --inputs fused-profile");
-  if (!covers(data.array_axis, array))
-    throw axis_error(path, data.array_axis, array, "the model's");
-  if (data.array_axis.count == array.count) return;
-  data.array = first_columns(data.array, lag_columns(array));
-  data.array_axis.count = array.count;
 }
 
 }  // namespace echofuse::recon

@@ -116,6 +116,17 @@ void rebin_radar(Dataset& data, const Axis& bins);
 // It leaves the radar with one antenna.
 void drop_array(Dataset& data);
 
+// These name an axis in messages, and say that one does not fit; `whose` names the owner of the
+// wanted one.
+std::string describe(const Axis& axis);
+Error axis_error(const std::string& path, const Axis& found, const Axis& wanted,
+                 const std::string& whose);
+
+// It is true if both axes are the same, or both are empty.
+bool agree(const Axis& a, const Axis& b);
+// It is true if the axis lies nowhere farther than a bin from the wanted one; the last values may
+// be left out.
+bool is_near(const Axis& found, const Axis& wanted);
 // It is true if values on this axis are values on the wanted one; the last values may be left out.
 bool covers(const Axis& found, const Axis& wanted);
 
@@ -124,7 +135,8 @@ bool covers(const Axis& found, const Axis& wanted);
 void require_map(const Dataset& data, const record::MapGrid& grid, const std::string& whose);
 
 // Brings the tables onto the axes of a model. A radar axis with the same start and step but more
-// bins is cropped. For a model with binned power the radar is rebinned. Throws Error(failed) if the
+// bins is cropped; values on an axis within a bin of the model's are interpolated. For a model with
+// binned power the radar is rebinned. Throws Error(failed) if the
 // axes that `inputs` needs differ otherwise.
 void match_axes(Dataset& data, const Axis& spd, const Axis& radar, Inputs inputs);
 // It does the same for the radar's antennas. They are dropped for a model that does not take them

@@ -40,22 +40,11 @@ bool can_be_tuned(const std::string& kind) {
   return wants_alignment(kind) || kind_of(kind).size == ModelKind::Size::hidden;
 }
 
-bool is_near(const Axis& found, const Axis& wanted) {
-  const auto off = [&](std::uint32_t i) { return std::abs(found.at(i) - wanted.at(i)); };
-  return found.quantity == wanted.quantity && found.unit == wanted.unit &&
-         found.scale == wanted.scale && found.count >= wanted.count &&
-         off(0) <= std::abs(wanted.step) && off(wanted.count) <= std::abs(wanted.step);
-}
-
 // The axis becomes the model's own if only its name differs.
 void adopt(Axis& found, Matrix& table, const Axis& wanted, std::size_t values_a_bin) {
   if (found.count > wanted.count) table = first_columns(table, wanted.count * values_a_bin);
   found.count = wanted.count;
   if (same_axis(found, wanted)) found = wanted;
-}
-
-std::string describe(const Axis& axis) {
-  return formatted("%u x %g %s from %g", axis.count, axis.step, axis.unit.c_str(), axis.start);
 }
 
 bool axes_are(const Estimator& model, const Dataset& data) {

@@ -7,6 +7,7 @@
 #include <csignal>
 #include <cstdio>
 
+#include "drivers/program/command_line.hpp"
 #include "drivers/program/console.hpp"
 #include "drivers/program/printable.hpp"
 #include "recon/numbers/parallel.hpp"
@@ -80,7 +81,7 @@ int run(int argc, char** argv) {
                "end by itself when the run is over and nobody looks")
       ->excludes(text);
   try {
-    app.parse(argc, argv);
+    parse_command_line(app, argc, argv);
   } catch (const CLI::ParseError& e) {
     return run_main("echofuse-view",
                     [&] { return app.exit(e) == 0 ? ExitCode::ok : ExitCode::usage; });

@@ -13,6 +13,7 @@
 #include <optional>
 #include <thread>
 
+#include "drivers/program/command_line.hpp"
 #include "drivers/program/console.hpp"
 #include "drivers/program/printable.hpp"
 #include "sim/cli/plan_arguments.hpp"
@@ -257,7 +258,7 @@ ExitCode run(int argc, char** argv) {
   sim::add_study(app, command);
   add_config(app, command);
   try {
-    app.parse(argc, argv);
+    parse_command_line(app, argc, argv);
   } catch (const CLI::ParseError& e) {
     return app.exit(e) == 0 ? ExitCode::ok : ExitCode::usage;
   }

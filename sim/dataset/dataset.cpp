@@ -245,6 +245,8 @@ std::vector<double> Generator::radar_profile(std::int64_t index, const Scene& sc
   if (room) radar.room = room->echo;
   if (coherent || keeps_array_) {
     auto seen = profile_of_antennas(index, returns, radar, r);
+    // As of codes, which are read less their median, the noise's mean is not part of a profile.
+    for (double& p : seen) p -= radar_noise_power(c, mean_peak_);
     if (coherent) return seen;
   }
   auto power = radar_power(returns, radar.axis);

@@ -147,11 +147,33 @@ TEST_CASE("a longer radar axis is cropped to the model's, any other difference r
   };
   const Axis spd = before.spd_axis;
   CHECK_THAT(refused(spd, radar_axis(50), Inputs::fused), Catch::Contains("radar axis is 40"));
-  CHECK_THAT(refused(spd, {"radar", "power", "m", 24, 0.1, 0.25, 1}, Inputs::radar),
+  CHECK_THAT(refused(spd, {"radar", "power", "m", 24, 0.3, 0.25, 1}, Inputs::radar),
              Catch::Contains("radar axis"));
   CHECK_THAT(refused({"spd", "counts", "ps", 30, 16000, 500, 1}, radar_axis(40), Inputs::spd),
              Catch::Contains("spd axis"));
   CHECK(refused(spd, radar_axis(50), Inputs::spd) == "no error");  // it does not look at the radar
+}
+
+TEST_CASE("values within a bin of the model's axis are interpolated") {
+  Dataset data;
+  data.spd_axis = {"spd", "counts", "ps", 5, 100, 10, 1};
+  data.radar_axis = {"radar", "power", "m", 4, 0, 0.5, 1};
+  data.spd = Matrix(0, 5), data.radar = Matrix(0, 4);
+  data.spd.add_row(std::vector<float>{0, 10, 20, 40, 0});
+  data.radar.add_row(std::vector<float>{1, 2, 4, 8});
+  data.valid = {7};
+  const Axis spd{"spd", "counts", "ps", 5, 104, 10, 1},
+      radar{"radar", "power", "m", 4, -0.25, 0.5, 1};
+  Dataset moved = data;
+  match_axes(moved, spd, radar, Inputs::fused_profile);
+  CHECK(moved.spd.values == std::vector<float>{4, 14, 28, 24, 0});
+  CHECK(moved.radar.values == std::vector<float>{1, 1.5, 3, 6});
+  CHECK(same_axis(moved.spd_axis, spd));
+  CHECK(same_axis(moved.radar_axis, radar));
+  CHECK_THAT(error_of([&] {
+               match_axes(data, {"spd", "counts", "ps", 5, 111, 10, 1}, radar, Inputs::spd);
+             }),
+             Catch::Contains("spd axis is 5"));
 }
 
 TEST_CASE("power is added up in wider bins, and none is lost") {

@@ -1,0 +1,99 @@
+// SPDX-License-Identifier: MIT
+#include "drivers/program/command_line.hpp"
+
+#include <algorithm>
+#include <string>
+#include <vector>
+
+#include "drivers/program/settings.hpp"
+
+namespace echofuse {
+namespace {
+
+// Of this command and those above it.
+const CLI::Option* option_named(const CLI::App* app, const std::string& name) {
+  for (; app != nullptr; app = app->get_parent())
+    if (const CLI::Option* option = app->get_option_no_throw(name)) return option;
+  return nullptr;
+}
+
+std::vector<std::string> options_of(const CLI::App* app) {
+  std::vector<std::string> out;
+  for (; app != nullptr; app = app->get_parent())
+    for (const CLI::Option* option : app->get_options())
+      for (const std::string& name : option->get_lnames()) out.push_back("--" + name);
+  return out;
+}
+
+std::vector<std::string> commands_of(const CLI::App* app) {
+  std::vector<std::string> out;
+  for (const CLI::App* sub : app->get_subcommands({})) out.push_back(sub->get_name());
+  return out;
+}
+
+// Refuses the first word that is no command where one is needed, and the first unknown option.
+void check_names(CLI::App& app, const std::vector<std::string>& words) {
+  CLI::App* command = &app;
+  for (std::size_t i = 0; i < words.size(); ++i) {
+    const std::string& word = words[i];
+    if (word == "--") return;
+    if (word.starts_with("--")) {
+      const auto equals = word.find('=');
+      const std::string name = word.substr(0, equals);
+      const CLI::Option* option = option_named(command, name);
+      if (option == nullptr)
+        throw CLI::ExtrasError(
+            name + ": no such option; the nearest is " + nearest(options_of(command), name),
+            CLI::ExitCodes::ExtrasError);
+      if (equals == word.npos && option->get_expected_max() > 0) ++i;
+      continue;
+    }
+    if (word.starts_with("-")) {
+      const CLI::Option* option = option_named(command, word.substr(0, 2));
+      if (option != nullptr && word.size() == 2 && option->get_expected_max() > 0) ++i;
+      continue;
+    }
+    const auto commands = commands_of(command);
+    if (commands.empty()) continue;
+    if (std::ranges::find(commands, word) == commands.end())
+      throw CLI::ExtrasError(word + ": no such command; the nearest is " + nearest(commands, word),
+                             CLI::ExitCodes::ExtrasError);
+    command = command->get_subcommand(word);
+  }
+}
+
+// CLI11 writes the ends of a range of numbers with all their digits.
+std::string readable(std::string text) {
+  const std::string endless = " not in range 0.000000 to 17976931348623157";
+  if (const auto at = text.find(endless); at != text.npos)
+    text = text.substr(0, at) + ": expected a positive number";
+  for (auto at = text.find(".000000"); at != text.npos; at = text.find(".000000"))
+    text.erase(at, 7);
+  const std::string cannot = "Could not convert: ";
+  if (text.starts_with(cannot)) text = text.substr(cannot.size()) + ": expected a number";
+  return text;
+}
+
+}  // namespace
+
+void parse_command_line(CLI::App& app, int argc, const char* const* argv) {
+  std::vector<std::string> words(argv + std::min(argc, 1), argv + argc);
+  if (!words.empty() && words[0] == "help") {
+    words.erase(words.begin());
+    words.emplace_back("--help");
+  }
+  check_names(app, words);
+  std::vector<std::string> reversed(words.rbegin(), words.rend());
+  try {
+    app.name(app.get_name().empty() ? argv[0] : app.get_name());
+    app.parse(reversed);
+  } catch (const CLI::Success&) {
+    throw;
+  } catch (const CLI::ParseError& e) {
+    const std::string text = readable(e.what());
+    if (text == e.what()) throw;
+    throw CLI::ExtrasError(text, CLI::ExitCodes::ValidationError);
+  }
+}
+
+}  // namespace echofuse

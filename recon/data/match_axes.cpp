@@ -1,0 +1,85 @@
+// SPDX-License-Identifier: MIT
+#include <algorithm>
+#include <cmath>
+
+#include "drivers/program/printable.hpp"
+#include "recon/data/dataset.hpp"
+#include "recon/data/lags.hpp"
+
+namespace echofuse::recon {
+namespace {
+
+// It reads the rows, of so many values a bin, at the places of the wanted axis, by lines between
+// the bins. Beyond the ends the last bin counts.
+void resample(Matrix& table, const Axis& found, const Axis& wanted, std::size_t values_a_bin) {
+  Matrix out(table.rows, wanted.count * values_a_bin);
+  for (std::uint32_t j = 0; j < wanted.count; ++j) {
+    const double place = std::clamp((wanted.at(j) - found.start) / found.step, 0.0,
+                                    static_cast<double>(found.count - 1));
+    const auto i = static_cast<std::size_t>(place);
+    const std::size_t next = std::min<std::size_t>(i + 1, found.count - 1);
+    const auto part = static_cast<float>(place - static_cast<double>(i));
+    for (std::size_t row = 0; row < table.rows; ++row)
+      for (std::size_t k = 0; k < values_a_bin; ++k)
+        out.row(row)[j * values_a_bin + k] = (1 - part) * table.row(row)[i * values_a_bin + k] +
+                                             part * table.row(row)[next * values_a_bin + k];
+  }
+  table = std::move(out);
+}
+
+}  // namespace
+
+bool is_near(const Axis& found, const Axis& wanted) {
+  const auto off = [&](std::uint32_t i) { return std::abs(found.at(i) - wanted.at(i)); };
+  return found.quantity == wanted.quantity && found.unit == wanted.unit &&
+         found.scale == wanted.scale && found.count >= wanted.count &&
+         off(0) <= std::abs(wanted.step) && off(wanted.count) <= std::abs(wanted.step);
+}
+
+bool covers(const Axis& found, const Axis& wanted) {
+  Axis cropped = found;
+  cropped.count = std::min(found.count, wanted.count);
+  return agree(cropped, wanted);
+}
+
+void match_axes(Dataset& data, const Axis& spd, const Axis& radar, Inputs inputs) {
+  const std::string path = data.sources.empty() ? "run" : data.sources.front().path;
+  if (inputs != Inputs::radar && !agree(data.spd_axis, spd)) {
+    if (!is_near(data.spd_axis, spd)) throw axis_error(path, data.spd_axis, spd, "the model's");
+    resample(data.spd, data.spd_axis, spd, 1);
+    data.spd_axis = spd;
+  }
+  if (inputs == Inputs::spd) return;
+  if (radar.quantity == "binned_power" && data.radar_axis.quantity == "power")
+    rebin_radar(data, radar);
+  if (!covers(data.radar_axis, radar)) {
+    if (!is_near(data.radar_axis, radar))
+      throw axis_error(path, data.radar_axis, radar, "the model's");
+    resample(data.radar, data.radar_axis, radar, 1);
+    data.radar_axis = radar;
+  }
+  if (data.radar_axis.count == radar.count) return;
+  data.radar = first_columns(data.radar, radar.count);
+  data.radar_axis.count = radar.count;
+}
+
+void match_array(Dataset& data, const Axis& array) {
+  if (array.count == 0) return drop_array(data);
+  const std::string path = data.sources.empty() ? "run" : data.sources.front().path;
+  if (data.array_axis.count == 0)
+    throw Error(ExitCode::failed,
+                printable(path) +
+                    ": has no samples of the radar's antennas, which the model needs; for such "
+                    "runs train one with --inputs fused-profile");
+  if (!covers(data.array_axis, array)) {
+    if (!is_near(data.array_axis, array))
+      throw axis_error(path, data.array_axis, array, "the model's");
+    resample(data.array, data.array_axis, array, lag_values(longest_lag(array)));
+    data.array_axis = array;
+  }
+  if (data.array_axis.count == array.count) return;
+  data.array = first_columns(data.array, lag_columns(array));
+  data.array_axis.count = array.count;
+}
+
+}  // namespace echofuse::recon
