@@ -121,19 +121,19 @@ class Choice {
         std::chrono::duration<double>(std::chrono::steady_clock::now() - started).count() / folds;
   }
 
-  // Returns the best of the models that are better than the usual one beyond the chance of these
-  // few records, or else the usual one.
-  std::size_t best(const std::string& usual) const {
+  // Returns the best of the models that are better than the usual one by this many standard errors,
+  // or else the usual one.
+  std::size_t best(const std::string& usual, double errors = 1) const {
     const auto named = std::find_if(entries_.begin(), entries_.end(),
                                     [&](const Entry& e) { return e.row.name == usual; });
     const Entry& compared = named == entries_.end() ? entries_.front() : *named;
     auto out = static_cast<std::size_t>(&compared - entries_.data());
     double most = 0;
     for (std::size_t i = 0; i < entries_.size(); ++i)
-      if (const double gain = gain_of(entries_[i], compared); gain > most) out = i, most = gain;
+      if (const double gain = gain_of(entries_[i], compared, errors); gain > most)
+        out = i, most = gain;
     return out;
   }
-  std::size_t table_size() const { return entries_.size(); }
   Estimator fit(std::size_t i) const { return entries_[i].fit(split_.train); }
   std::vector<CrossvalidatedRow> table() const {
     std::vector<CrossvalidatedRow> out;
@@ -154,9 +154,9 @@ class Choice {
     std::vector<Estimator> models;
     std::vector<double> score = {};  // IoU and lateral error of each record
   };
-  // The gain is 0 if it is less than a standard error of the records' paired
-  // differences.
-  static double gain_of(const Entry& entry, const Entry& than) {
+  // The gain is 0 if it is less than so many standard errors of the records'
+  // paired differences.
+  static double gain_of(const Entry& entry, const Entry& than, double errors) {
     std::vector<double> gains;
     for (std::size_t i = 0; i < entry.score.size(); ++i)
       if (const double gain = entry.score[i] - than.score[i]; !std::isnan(gain))
@@ -164,7 +164,7 @@ class Choice {
     if (gains.size() < 2) return 0;
     const double error =
         standard_deviation(gains) / std::sqrt(static_cast<double>(gains.size() - 1));
-    return mean_of(gains) > error ? mean_of(gains) : 0;
+    return mean_of(gains) > errors * error ? mean_of(gains) : 0;
   }
   const Dataset& data_;
   const Split& split_;
@@ -210,7 +210,6 @@ void try_all(Choice& choice, const Estimator& from, const Dataset& data, const S
       tuning.correct = true;
       return adapt(from, data, rows, room, tuning);
     });
-  if (aligned && !many) return;
   const auto add_tuned = [&](double pull, bool turn) {
     Tuning tuning = options.tuning;
     tuning.pull = pull, tuning.turn = turn;
@@ -317,10 +316,12 @@ TunedModel tune(const TrainedModel& from, const Dataset& data, const TuneOptions
   const Split split = make_split(rows, options.split);
   Choice choice(from.first(), data, split, options);
   try_all(choice, from.first(), data, split, options);
-  // So few records do not show which is best; the networks stay then, which does no harm.
+  // So few records hardly show which is best. The networks stay then, which does no harm, unless it
+  // is plain that they must move.
+  constexpr double plainly = 2;
   const bool few = split.train.size() < TuneOptions::least_alone && wants_alignment(from->name);
   const std::size_t chosen =
-      few ? choice.table_size() - 1 : choice.best(tuned_name(usual_pull, false));
+      few ? choice.best(corrected, plainly) : choice.best(tuned_name(usual_pull, false));
   TunedModel out{{}, choice.table(), chosen};
   TrainedModel& model = out.model;
   model.estimators.push_back(choice.fit(chosen));

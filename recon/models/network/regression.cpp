@@ -52,11 +52,6 @@ bool sound(const std::vector<float>& values) {
                      [](float v) { return std::abs(v) <= static_cast<float>(most); });
 }
 
-// Of a deviation with this standard error the share that is believed (James and Stein, 1961).
-double believed(double deviation, double standard_error) {
-  return std::max(0., 1 - std::pow(standard_error / deviation, 2));
-}
-
 }  // namespace
 
 Training training_of(const FitOptions& o) {
@@ -153,33 +148,28 @@ void Regression::tune(const Examples& train, const Training& training, const std
   if (!interrupted()) parameters_ = std::move(s.parameters);
 }
 
+// Medians do not follow the few bodies that stand where the other side would be as likely: the
+// slope is the median of those between any two records (Theil, Indagationes Math. 12, 85, 1950).
 void Regression::correct(const Examples& train) {
   constexpr double least_scale = 0.5, most_scale = 2;
   const Matrix found = predict(take_rows(train.inputs, train.rows));
-  const auto n = static_cast<double>(found.rows);
+  const double share = Tuning::belief(found.rows);
   for (std::size_t c = 0; c < centre_.size() && found.rows > 2; ++c) {
-    std::vector<double> answers, targets;
+    const auto answer = [&](std::size_t i) { return found.row(i)[c]; };
+    const auto target = [&](std::size_t i) { return train.targets.row(train.rows[i])[c]; };
+    std::vector<float> slopes, offsets, answers;
     for (std::size_t i = 0; i < found.rows; ++i) {
-      answers.push_back(double{found.row(i)[c]});
-      targets.push_back(double{train.targets.row(train.rows[i])[c]});
+      offsets.push_back(target(i) - answer(i)), answers.push_back(answer(i));
+      for (std::size_t j = 0; j < i; ++j)
+        if (answer(i) != answer(j))
+          slopes.push_back((target(i) - target(j)) / (answer(i) - answer(j)));
     }
-    const double answer = mean_of(answers), target = mean_of(targets);
-    double both = 0, squares = 0, left = 0;
-    for (std::size_t i = 0; i < answers.size(); ++i)
-      both += (answers[i] - answer) * (targets[i] - target),
-          squares += (answers[i] - answer) * (answers[i] - answer);
-    if (!(squares > 0)) continue;
-    const double slope = both / squares;
-    for (std::size_t i = 0; i < answers.size(); ++i)
-      left += std::pow(targets[i] - target - slope * (answers[i] - answer), 2);
-    const double deviation = std::sqrt(left / (n - 2));
-    const double scale =
-        std::clamp(1 + (slope - 1) * believed(slope - 1, deviation / std::sqrt(squares)),
-                   least_scale, most_scale);
-    const double offset = target - answer;
+    if (slopes.empty()) continue;
+    const double slope = std::clamp(double{quantile(slopes, 0.5)}, least_scale, most_scale);
+    const double scale = 1 + share * (slope - 1);
     spread_[c] *= static_cast<float>(scale);
-    centre_[c] += static_cast<float>((1 - scale) * (answer - double{centre_[c]}) +
-                                     offset * believed(offset, deviation / std::sqrt(n)));
+    centre_[c] += static_cast<float>((1 - scale) * double{quantile(answers, 0.5) - centre_[c]} +
+                                     share * double{quantile(offsets, 0.5)});
   }
 }
 
