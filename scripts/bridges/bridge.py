@@ -3,8 +3,12 @@
 with its one client, and the loop around a device that comes and goes."""
 import argparse
 import collections
+import importlib
+import importlib.metadata
 import json
+import os
 import pathlib
+import re
 import selectors
 import signal
 import socket
@@ -43,6 +47,46 @@ def require_packages():
              "(Debian: python3-numpy python3-crc32c)" + (f"; {pack.why_not}" if pack.why_not else ""))
     if pack.why_not:
         say(f"{pack.why_not}: checksums by the Python package crc32c, at a lower rate")
+
+
+def use_python():
+    """Goes on in the interpreter ECHOFUSE_BRIDGE_PYTHON, if it is set: that of a virtual environment."""
+    python = os.environ.pop("ECHOFUSE_BRIDGE_PYTHON", "")
+    if not python:
+        return
+    try:
+        os.execv(python, [python, *sys.argv])
+    except OSError as error:
+        fail(f"ECHOFUSE_BRIDGE_PYTHON={python}: {error.strerror}", USAGE)
+
+
+def vendor_library(modules, package):
+    """The first of these modules that is there; the package has it."""
+    faults = []
+    for name in modules:
+        try:
+            return importlib.import_module(name)
+        except ImportError as error:
+            faults.append(str(error))
+    fail(f"{'; '.join(dict.fromkeys(faults))}; install it for this Python, {sys.executable}, or in a virtual environment: "
+         f"python3 -m venv --system-site-packages ~/bridges && ~/bridges/bin/pip install {package} && "
+         "export ECHOFUSE_BRIDGE_PYTHON=~/bridges/bin/python3")
+
+
+def version_of_package(name):
+    """As pip installed it; empty where it did not."""
+    try:
+        return importlib.metadata.version(name)
+    except importlib.metadata.PackageNotFoundError:
+        return ""
+
+
+def check_version(package, found, least):
+    """Ends the program if numpy is of version 2 and the package is older than the first one for it."""
+    numbers = [[int(n) for n in re.findall(r"\d+", text)[:3]] for text in (found, least, np.__version__)]
+    if found and numbers[0] < numbers[1] and numbers[2][0] >= 2:
+        fail(f"{package} {found} does not work with numpy {np.__version__}, versions from {least} on do: "
+             f"{sys.executable} -m pip install --upgrade {package}")
 
 
 def block(kind, sequence, payload, dropped=0, crc=None):
@@ -296,6 +340,10 @@ def send_away(client):
             pass
 
 
+class Finished(Exception):
+    """A recording is at its end."""
+
+
 class Stop:
     """True after the first SIGINT or SIGTERM; a second one ends the program at once. Not an Event:
     its lock may be held by the very thread that the signal interrupts."""
@@ -344,6 +392,10 @@ def run(address, open_device, items):
                 told = True
             while not stop.wait(device.poll(server)):
                 server.check()
+        except Finished as end:
+            say(str(end))
+            close_quietly(device)
+            break
         except Exception as error:
             say(f"{text_of(error)}; trying again")
             server.offline()
