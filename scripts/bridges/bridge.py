@@ -3,12 +3,8 @@
 with its one client, and the loop around a device that comes and goes."""
 import argparse
 import collections
-import importlib
-import importlib.metadata
 import json
-import os
 import pathlib
-import re
 import selectors
 import signal
 import socket
@@ -47,46 +43,6 @@ def require_packages():
              "(Debian: python3-numpy python3-crc32c)" + (f"; {pack.why_not}" if pack.why_not else ""))
     if pack.why_not:
         say(f"{pack.why_not}: checksums by the Python package crc32c, at a lower rate")
-
-
-def use_python():
-    """Goes on in the interpreter ECHOFUSE_BRIDGE_PYTHON, if it is set: that of a virtual environment."""
-    python = os.environ.pop("ECHOFUSE_BRIDGE_PYTHON", "")
-    if not python:
-        return
-    try:
-        os.execv(python, [python, *sys.argv])
-    except OSError as error:
-        fail(f"ECHOFUSE_BRIDGE_PYTHON={python}: {error.strerror}", USAGE)
-
-
-def vendor_library(modules, package):
-    """The first of these modules that is there; the package has it."""
-    faults = []
-    for name in modules:
-        try:
-            return importlib.import_module(name)
-        except ImportError as error:
-            faults.append(str(error))
-    fail(f"{'; '.join(dict.fromkeys(faults))}; install it for this Python, {sys.executable}, or in a virtual environment: "
-         f"python3 -m venv --system-site-packages ~/bridges && ~/bridges/bin/pip install {package} && "
-         "export ECHOFUSE_BRIDGE_PYTHON=~/bridges/bin/python3")
-
-
-def version_of_package(name):
-    """As pip installed it; empty where it did not."""
-    try:
-        return importlib.metadata.version(name)
-    except importlib.metadata.PackageNotFoundError:
-        return ""
-
-
-def check_version(package, found, least):
-    """Ends the program if numpy is of version 2 and the package is older than the first one for it."""
-    numbers = [[int(n) for n in re.findall(r"\d+", text)[:3]] for text in (found, least, np.__version__)]
-    if found and numbers[0] < numbers[1] and numbers[2][0] >= 2:
-        fail(f"{package} {found} does not work with numpy {np.__version__}, versions from {least} on do: "
-             f"{sys.executable} -m pip install --upgrade {package}")
 
 
 def block(kind, sequence, payload, dropped=0, crc=None):

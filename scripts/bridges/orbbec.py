@@ -7,6 +7,7 @@ import sys
 
 import bridge
 import camera
+import vendor
 from pack import np
 
 EPILOG = """\
@@ -104,11 +105,11 @@ def distortion_px(lens, d):
 
 
 def main():
-    bridge.use_python()
+    vendor.use_python()
     options = parse_arguments(sys.argv[1:])
     bridge.require_packages()
-    sdk = bridge.vendor_library(["pyorbbecsdk"], "pyorbbecsdk2")
-    bridge.check_version("pyorbbecsdk2", bridge.version_of_package("pyorbbecsdk2"), "2.0.18")
+    sdk = vendor.library(["pyorbbecsdk"], "pyorbbecsdk2")
+    vendor.check_version("pyorbbecsdk2", vendor.version_of_package("pyorbbecsdk2"), "2.0.18")
     return bridge.run(options.listen, lambda: Camera(sdk, options), "frames")
 
 

@@ -6,6 +6,7 @@ import sys
 
 import bridge
 import camera
+import vendor
 from pack import np
 
 EPILOG = """\
@@ -69,10 +70,10 @@ class Camera(camera.Camera):
 
 
 def main():
-    bridge.use_python()
+    vendor.use_python()
     options = parse_arguments(sys.argv[1:])
     bridge.require_packages()
-    sdk = bridge.vendor_library(["pyrealsense2"], "pyrealsense2")
+    sdk = vendor.library(["pyrealsense2"], "pyrealsense2")
     return bridge.run(options.listen, lambda: Camera(sdk, options), "frames")
 
 

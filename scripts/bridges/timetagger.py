@@ -10,6 +10,7 @@ import time
 
 import bridge
 import pack
+import vendor
 from pack import np
 
 MOST_EVENTS = (1 << 28) - 1  # the library's limit
@@ -370,12 +371,12 @@ def plateau(found):
 
 
 def main():
-    bridge.use_python()
+    vendor.use_python()
     options = parse_arguments(sys.argv[1:])
     bridge.require_packages()
     pack.keep_freed_memory()
-    library = bridge.vendor_library(["Swabian.TimeTagger", "TimeTagger"], "Swabian-TimeTagger")  # newer, older
-    bridge.check_version("Swabian-TimeTagger", library.getVersion(), "2.17.4")
+    library = vendor.library(["Swabian.TimeTagger", "TimeTagger"], "Swabian-TimeTagger")  # newer, older
+    vendor.check_version("Swabian-TimeTagger", library.getVersion(), "2.17.4")
     if options.scan is not None:
         try:
             return scan(library, options)

@@ -20,6 +20,7 @@ import bridge
 import pack
 import recorder
 import TimeTagger as library
+import vendor
 from timetagger_bridge import open_tagger, options
 
 
@@ -111,12 +112,12 @@ class Python(unittest.TestCase):
             for found, fails in (("2.17.3", True), ("2.9.0", True), ("2.17.4", False), ("2.22", False), ("", False)):
                 with contextlib.redirect_stderr(io.StringIO()) as said:
                     try:
-                        bridge.check_version("Swabian-TimeTagger", found, "2.17.4")
+                        vendor.check_version("Swabian-TimeTagger", found, "2.17.4")
                         self.assertFalse(fails, found)
                     except SystemExit:
                         self.assertTrue(fails, found)
                         self.assertIn("-m pip install --upgrade Swabian-TimeTagger", said.getvalue())
-        bridge.check_version("Swabian-TimeTagger", "2.9.0", "2.17.4")  # numpy 1 takes it
+        vendor.check_version("Swabian-TimeTagger", "2.9.0", "2.17.4")  # numpy 1 takes it
 
 
 def scan(*words, **env):
