@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "acquire/record/h5.hpp"
+#include "drivers/core/log2_codes.hpp"
 #include "drivers/program/exit_code.hpp"
 #include "drivers/program/printable.hpp"
 #include "drivers/program/staged_file.hpp"
@@ -68,13 +69,20 @@ void write_head(H5File& out, const RunReader& run) {
   }
 }
 
-// By the end of a column's name; "1" is a count or a flag.
+// As xarray and netCDF read an epoch.
+constexpr auto since_1970 = "nanoseconds since 1970-01-01T00:00:00Z";
+constexpr auto of_the_machine = "nanoseconds since the start of the machine (CLOCK_MONOTONIC)";
+
+// By the end of a column's name; "1" is a count, a flag or a ratio.
 std::string units_of(const std::string& table, const std::string& column) {
+  if (table == "speckle") return "1";  // over_150_ms as well
   if (table == "antenna" && (column == "x" || column == "y")) return "half wavelengths";
   if (table == "axis" && (column == "start" || column == "step")) return "as the row's unit says";
+  if (column.ends_with("utc_ns")) return since_1970;
+  if (column == "mono_ns" || (table == "record" && column.ends_with("_ns"))) return of_the_machine;
   constexpr std::pair<const char*, const char*> units[] = {
-      {"_ns", "ns"},   {"_us", "us"},    {"_ms", "ms"},     {"_s", "s"},   {"_m", "m"},
-      {"_rad", "rad"}, {"_ppm", "1e-6"}, {"_percent", "%"}, {"_c", "degC"}};
+      {"_db", "dB"}, {"_ns", "ns"},   {"_us", "us"},    {"_ms", "ms"},     {"_s", "s"},
+      {"_m", "m"},   {"_rad", "rad"}, {"_ppm", "1e-6"}, {"_percent", "%"}, {"_c", "degC"}};
   for (const auto& [end, unit] : units)
     if (column.ends_with(end)) return unit;
   return "1";
@@ -129,9 +137,16 @@ class Arrays {
     if (const auto radar = run.axis("radar"); radar && radar->count > 0) {
       no_radar_.assign(radar->count, std::numeric_limits<float>::quiet_NaN());
       out.allocate<float>(data + "radar", {n, radar->count});
-      out.set(data + "radar", "units", radar->quantity == "log2_q8" ? "log2_q8" : "1");
+      const bool codes = radar->quantity == "log2_q8";
+      out.set(data + "radar", "units", codes ? "log2_q8" : "1");
       out.set(data + "radar", "long_name", meaning_of(*radar));
       write_axis(out, "radar_range", *radar);
+      if (codes) {
+        codes_of_antennas_ = radar->scale;
+        out.allocate<float>(data + "radar_power", {n, radar->count});
+        out.set(data + "radar_power", "units", "1");
+        out.set(data + "radar_power", "long_name", "linear power on an arbitrary scale");
+      }
     }
     if (const auto array = run.axis("array"); array && array->count > 0) {
       const std::size_t values = values_of_bin(antennas_of(*array));
@@ -146,9 +161,10 @@ class Arrays {
     }
     const auto x = run.axis("depth_x"), y = run.axis("depth_y");
     if (x && y && x->count > 0 && y->count > 0) {
-      out.allocate<std::uint16_t>(data + "depth", {n, y->count, x->count});
+      no_depth_.assign(std::size_t{y->count} * x->count, std::numeric_limits<float>::quiet_NaN());
+      out.allocate<float>(data + "depth", {n, y->count, x->count});
       out.set(data + "depth", "units", "mm");
-      out.set(data + "depth", "long_name", "z of each pixel, 0: no return");
+      out.set(data + "depth", "long_name", "z of each pixel, NaN: no return");
       write_axis(out, "depth_x", *x);
       write_axis(out, "depth_y", *y);
     }
@@ -159,12 +175,47 @@ class Arrays {
       out_.write_rows<float>(data + "radar", row, r.has(Sensor::radar) ? r.radar : no_radar_);
     if (!no_array_.empty())
       out_.write_rows<float>(data + "array", row, r.array.empty() ? no_array_ : r.array);
-    if (r.has(Sensor::depth)) out_.write_rows<std::uint16_t>(data + "depth", row, r.depth_mm);
+    if (!no_depth_.empty()) {
+      std::vector<float> depth = no_depth_;
+      for (std::size_t p = 0; r.has(Sensor::depth) && p < depth.size(); ++p)
+        if (r.depth_mm[p] > 0) depth[p] = r.depth_mm[p];
+      out_.write_rows<float>(data + "depth", row, depth);
+    }
+    if (codes_of_antennas_ > 0) {
+      std::vector<float> power = no_radar_;
+      for (std::size_t b = 0; r.has(Sensor::radar) && b < power.size(); ++b)
+        power[b] = static_cast<float>(power_from_code(double{r.radar[b]}, codes_of_antennas_));
+      out_.write_rows<float>(data + "radar_power", row, power);
+    }
+  }
+  // What stands along each dimension, as dimension scales and, of one signal a group, as NXdata.
+  void name_dimensions() {
+    const std::pair<const char*, std::vector<std::string>> signals[] = {
+        {"spd", {"index", "spd_time"}},
+        {"radar", {"index", "radar_range"}},
+        {"radar_power", {"index", "radar_range"}},
+        {"array", {"index", "array_range"}},
+        {"depth", {"index", "depth_y", "depth_x"}}};
+    for (const auto& [signal, axes] : signals) {
+      if (!out_.has(data + signal)) continue;
+      for (unsigned d = 0; d < axes.size(); ++d) out_.put_scale(data + signal, d, data + axes[d]);
+      const std::string group = std::string("/entry/") + signal;
+      out_.make_group(group);
+      for (const auto& name : axes) out_.link(group + "/" + name, data + name);
+      out_.link(group + "/" + signal, data + signal);
+      std::vector<std::string> along = axes;
+      if (signal == std::string("array")) along.push_back(".");
+      out_.set(group, "NX_class", "NXdata");
+      out_.set(group, "signal", signal);
+      out_.set(group, "axes", along);
+    }
+    if (out_.has(data + "spd")) out_.set("/entry/data", "axes", signals[0].second);
   }
 
  private:
   H5File& out_;
-  std::vector<float> no_radar_, no_array_;
+  std::vector<float> no_radar_, no_array_, no_depth_;
+  double codes_of_antennas_ = 0;  // 0: the radar gives powers
 };
 
 // Everything of a record but the sensors' data, gathered in memory.
@@ -189,9 +240,9 @@ class Columns {
   void write(H5File& out) const {
     put(out, data + "valid", valid_, "1");
     put(out, data + "index", index_, "1");
-    put(out, data + "slot_start", start_, "ns");
-    put(out, data + "slot_end", end_, "ns");
-    put(out, data + "slot_utc", utc_, "ns");
+    put(out, data + "slot_start", start_, of_the_machine);
+    put(out, data + "slot_end", end_, of_the_machine);
+    put(out, data + "slot_utc", utc_, since_1970);
     out.write_texts(data + "label", label_);
     if (out.has(data + "array")) put(out, data + "array_frames", array_frames_, "1");
     for (const Sensor s : all_sensors) {
@@ -249,6 +300,7 @@ std::int64_t write_h5(H5File& out, const RunReader& run,
                  add(r);
                });
   columns.write(out);
+  arrays.name_dimensions();
   write_tables(out, run);
   out.close();
   return bad;

@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: MIT
 #include "acquire/record/h5.hpp"
 
+#include <hdf5_hl.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <utility>
 
 #include "acquire/record/h5_handle.hpp"
@@ -39,6 +41,16 @@ Handle make_space(const H5Shape& shape) {
           H5Sclose};
 }
 
+// Texts one behind the other, all as long as the longest, with zeros behind them.
+struct FixedTexts {
+  explicit FixedTexts(const std::vector<std::string>& texts) {
+    for (const auto& t : texts) length = std::max(length, t.size());
+    for (const auto& t : texts) (bytes += t).append(length - t.size(), '\0');
+  }
+  std::size_t length = 1;
+  std::string bytes;
+};
+
 }  // namespace
 
 H5File H5File::create(const std::string& path) {
@@ -72,11 +84,12 @@ void H5File::close() {
   if (H5Fclose(file) < 0) fail("", "cannot finish writing", true);
 }
 
-// The variable-length text that h5py and MATLAB read as a string.
-std::int64_t H5File::text_type() const {
+// Of fixed length (zeros behind it), or H5T_VARIABLE.
+std::int64_t H5File::text_type(std::size_t length) const {
   const hid_t type = H5Tcopy(H5T_C_S1);
-  H5Tset_size(type, H5T_VARIABLE);
+  H5Tset_size(type, length);
   H5Tset_cset(type, H5T_CSET_UTF8);
+  if (length != H5T_VARIABLE) H5Tset_strpad(type, H5T_STR_NULLPAD);
   return type;
 }
 
@@ -155,12 +168,11 @@ void H5File::write_texts(const std::string& name, const std::vector<std::string>
 
 void H5File::write_strings(const std::string& name, const std::vector<std::string>& texts,
                            const H5Shape& shape) {
-  const Handle type(text_type(), H5Tclose);
+  const FixedTexts fixed(texts);
+  const Handle type(text_type(fixed.length), H5Tclose);
   const Handle set(make_dataset(name, type.get(), shape), H5Dclose);
   if (texts.empty()) return;
-  std::vector<const char*> pointers;
-  for (const auto& t : texts) pointers.push_back(t.c_str());
-  if (H5Dwrite(set.get(), type.get(), H5S_ALL, H5S_ALL, H5P_DEFAULT, pointers.data()) < 0)
+  if (H5Dwrite(set.get(), type.get(), H5S_ALL, H5S_ALL, H5P_DEFAULT, fixed.bytes.data()) < 0)
     fail(name, "cannot write", true);
 }
 
@@ -172,17 +184,34 @@ void H5File::make_group(const std::string& name) {
   if (!group.ok()) fail(name, "cannot create the group", true);
 }
 
+void H5File::link(const std::string& name, const std::string& dataset) {
+  const Handle links(H5Pcreate(H5P_LINK_CREATE), H5Pclose);
+  H5Pset_create_intermediate_group(links.get(), 1);
+  if (H5Lcreate_hard(file_, dataset.c_str(), file_, name.c_str(), links.get(), H5P_DEFAULT) < 0)
+    fail(name, "cannot link", true);
+}
+
+void H5File::put_scale(const std::string& name, unsigned dimension, const std::string& scale) {
+  const Handle set(dataset(name), H5Dclose), along(dataset(scale), H5Dclose);
+  const std::string label = scale.substr(scale.rfind('/') + 1);
+  if ((H5DSis_scale(along.get()) <= 0 && H5DSset_scale(along.get(), label.c_str()) < 0) ||
+      H5DSattach_scale(set.get(), along.get(), dimension) < 0 ||
+      H5DSset_label(set.get(), dimension, label.c_str()) < 0)
+    fail(name, "cannot attach the scale of a dimension", true);
+}
+
 void H5File::set(const std::string& object, const std::string& attribute, const H5Value& value) {
   const auto* text = std::get_if<std::string>(&value);
-  const char* characters = text ? text->c_str() : "";
-  const Handle type(text                                    ? text_type()
+  const auto* texts = std::get_if<std::vector<std::string>>(&value);
+  const FixedTexts fixed(texts ? *texts : std::vector<std::string>{text ? *text : ""});
+  const Handle type(text || texts                           ? text_type(fixed.length)
                     : std::holds_alternative<double>(value) ? H5Tcopy(H5T_NATIVE_DOUBLE)
                                                             : H5Tcopy(H5T_NATIVE_INT64),
                     H5Tclose);
-  const void* raw = &characters;
+  const void* raw = fixed.bytes.data();
   if (const auto* number = std::get_if<double>(&value)) raw = number;
   if (const auto* number = std::get_if<std::int64_t>(&value)) raw = number;
-  const Handle space = make_space({});
+  const Handle space = make_space(texts ? H5Shape{texts->size()} : H5Shape{});
   const Handle made(H5Acreate_by_name(file_, object.c_str(), attribute.c_str(), type.get(),
                                       space.get(), H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT),
                     H5Aclose);

@@ -3,7 +3,8 @@
 //   H5File out = H5File::create("a.h5");
 //   out.write<float>("weights/0", values, {rows, columns});   // groups come by themselves
 //   out.set("weights/0", "units", "1");
-// Element types: float, double, (u)int8, uint16, uint32, int32, int64, uint64. Texts are UTF-8.
+// Element types: float, double, (u)int8, uint16, uint32, int32, int64, uint64. Texts are UTF-8,
+// written with a fixed length, as not every reader takes others.
 #pragma once
 #include <cstdint>
 #include <optional>
@@ -17,7 +18,7 @@
 namespace echofuse::record {
 
 using H5Shape = std::vector<std::size_t>;
-using H5Value = std::variant<std::string, double, std::int64_t>;
+using H5Value = std::variant<std::string, double, std::int64_t, std::vector<std::string>>;
 
 // Threading: HDF5 is not thread-safe; all files of a process belong to one thread at a time. Every
 // member throws Error naming the file and the dataset (disk if a write failed, failed otherwise).
@@ -46,6 +47,9 @@ class H5File {
   void write_text(const std::string& name, const std::string& text);
   void write_texts(const std::string& name, const std::vector<std::string>& texts);
   void make_group(const std::string& name);
+  // Another name of a dataset. What stands along one of its dimensions is its scale there.
+  void link(const std::string& name, const std::string& dataset);
+  void put_scale(const std::string& name, unsigned dimension, const std::string& scale);
   // An attribute of a dataset or group; "." is the file itself.
   void set(const std::string& object, const std::string& attribute, const H5Value& value);
 
@@ -67,7 +71,7 @@ class H5File {
   std::int64_t open_attribute(const std::string& object, const std::string& attribute,
                               int wanted) const;
   std::string checked(const std::string& name, std::string text) const;
-  std::int64_t text_type() const;
+  std::int64_t text_type(std::size_t length) const;
   void write_strings(const std::string& name, const std::vector<std::string>& texts,
                      const H5Shape& shape);
   [[noreturn]] void fail(const std::string& name, const char* what, bool writing) const;

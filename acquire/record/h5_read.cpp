@@ -43,7 +43,7 @@ std::vector<std::string> H5File::read_texts(const std::string& name) const {
   if (count == 0) return texts;
   if (H5Tis_variable_str(type.get()) > 0) {
     std::vector<char*> raw(count, nullptr);
-    const Handle memory(text_type(), H5Tclose);
+    const Handle memory(text_type(H5T_VARIABLE), H5Tclose);
     if (H5Dread(set.get(), memory.get(), H5S_ALL, H5S_ALL, H5P_DEFAULT, raw.data()) < 0)
       fail(name, "cannot read as texts", false);
     for (char* t : raw) {
@@ -85,7 +85,7 @@ std::string H5File::get(const std::string& object, const std::string& attribute)
   const Handle found(open_attribute(object, attribute, H5T_STRING), H5Aclose);
   const Handle type(H5Aget_type(found.get()), H5Tclose);
   if (H5Tis_variable_str(type.get()) > 0) {
-    const Handle memory(text_type(), H5Tclose);
+    const Handle memory(text_type(H5T_VARIABLE), H5Tclose);
     char* raw = nullptr;
     if (H5Aread(found.get(), memory.get(), &raw) < 0) fail(place, "cannot read as a text", false);
     std::string text = raw ? raw : "";

@@ -8,13 +8,31 @@
 
 using namespace echofuse;
 
-std::uint32_t echofuse_bridge_pack_version() { return 1; }
+namespace {
+
+// Moves the tags of these channels, and the marks of all, to the front; how many.
+std::size_t keep(std::uint8_t* tags, std::size_t count, std::int32_t start, std::int32_t click) {
+  std::size_t kept = 0;
+  for (std::size_t i = 0; i < count; ++i) {
+    Tag tag;
+    std::memcpy(&tag, tags + i * sizeof tag, sizeof tag);
+    const bool mark = tag.type != TagType::time_tag && tag.type < TagType::missed_events;
+    std::memcpy(tags + kept * sizeof tag, &tag, sizeof tag);
+    kept += mark || tag.channel == start || tag.channel == click;
+  }
+  return kept;
+}
+
+}  // namespace
+
+std::uint32_t echofuse_bridge_pack_version() { return 2; }
 
 void echofuse_pack_tags(const void* from, void* to, std::size_t count, std::int32_t start_channel,
-                        EchofusePacked* packed) {
+                        std::int32_t click_channel, EchofusePacked* packed) {
   // So many that the CRC finds them in the first cache.
   constexpr std::size_t piece = 1536;
   using Words [[gnu::vector_size(sizeof(Tag))]] = std::int32_t;
+  const Words click{0, click_channel, 0, 0};
   const Words sought{static_cast<std::int32_t>(TagType::overflow_begin), start_channel};
   *packed = {};
   const auto* in = static_cast<const std::uint8_t*>(from);
@@ -22,19 +40,23 @@ void echofuse_pack_tags(const void* from, void* to, std::size_t count, std::int3
   while (count > 0) {
     const std::size_t n = std::min(count, piece);
     // Of a tag's four words the first has type and reserved byte, the second is the channel.
-    Words found{};
+    Words found{}, clicks{};
     for (std::size_t i = 0; i < n; ++i) {
       Words tag;
       std::memcpy(&tag, in + i * sizeof tag, sizeof tag);
       found -= (tag & Words{0xff, -1, -1, -1}) == sought;  // true is -1
+      clicks -= tag == click;
       tag &= Words{~0xff00, -1, -1, -1};
       std::memcpy(out + i * sizeof tag, &tag, sizeof tag);
     }
+    const auto ours = static_cast<std::size_t>(found[1]) + static_cast<std::size_t>(clicks[1]);
+    const std::size_t kept = ours == n ? n : keep(out, n, start_channel, click_channel);
     packed->overflows += static_cast<std::uint32_t>(found[0]);
     packed->starts += static_cast<std::uint32_t>(found[1]);
-    packed->crc = crc32c({out, n * sizeof(Tag)}, packed->crc);
+    packed->kept += kept;
+    packed->crc = crc32c({out, kept * sizeof(Tag)}, packed->crc);
     in += n * sizeof(Tag);
-    out += n * sizeof(Tag);
+    out += kept * sizeof(Tag);
     count -= n;
   }
 }

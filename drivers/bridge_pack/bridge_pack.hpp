@@ -10,18 +10,21 @@
 extern "C" {
 
 // Of this file; callers refuse another.
-ECHOFUSE_EXPORT std::uint32_t echofuse_bridge_pack_version();  // 1
+ECHOFUSE_EXPORT std::uint32_t echofuse_bridge_pack_version();  // 2
 
 struct EchofusePacked {
   std::uint32_t crc;        // CRC-32C of the packed tags
   std::uint32_t overflows;  // tags at which an overflow begins
   std::uint64_t starts;     // tags of the start channel
+  std::uint64_t kept;       // tags that were packed
 };
 
-// Copies 16-byte tags (drivers/core/sample.hpp), their reserved byte as 0, and says what they are,
-// in one pass. The two places do not overlap.
+// Copies the 16-byte tags (drivers/core/sample.hpp) of two channels, and errors and overflows of
+// any, their reserved byte as 0, and says what they are, in one pass. `to` has room for all; the
+// two places do not overlap.
 ECHOFUSE_EXPORT void echofuse_pack_tags(const void* from, void* to, std::size_t count,
-                                        std::int32_t start_channel, EchofusePacked* packed);
+                                        std::int32_t start_channel, std::int32_t click_channel,
+                                        EchofusePacked* packed);
 
 // CRC-32C of bytes that follow those with this CRC (0: of none).
 ECHOFUSE_EXPORT std::uint32_t echofuse_crc32c(const void* bytes, std::size_t count,

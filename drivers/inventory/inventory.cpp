@@ -33,10 +33,10 @@ constexpr Kind kinds[] = {
     {0x10c4, 0xea70, "CP2105 (radar board)", Access::serial, 1, ""},
     {0x10c4, 0xea80, "CP2110 HID serial bridge", Access::hid, 0, ""},
     {0x151f, 0, "Opal Kelly FPGA (Swabian Time Tagger)", Access::usb, 0,
-     "it speaks to the vendor's library only: tdc.address = \"bridge:tcp://HOST:PORT\""},
+     "start echofuse-bridge-timetagger: tdc.address = \"bridge:tcp://127.0.0.1:41110\""},
     {0x2bc5, 0, "Orbbec camera", Access::usb, 0,
-     "an OpenNI2 camera is listed below with its URI; any other one needs "
-     "depth.address = \"bridge:tcp://HOST:PORT\""},
+     "start echofuse-bridge-orbbec: depth.address = \"bridge:tcp://127.0.0.1:41111\"; one that "
+     "OpenNI2 sees is listed below with its URI"},
 };
 
 // Known by its interface, whoever made it (drivers/README.md, "Over USB").

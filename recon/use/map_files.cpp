@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <utility>
 
 #include "acquire/record/png.hpp"
@@ -22,21 +23,36 @@ Bytes millimetre_picture(std::span<const float> map, std::uint32_t size) {
   return record::encode_png16(mm, size, size);
 }
 
-Bytes point_cloud(std::span<const float> map, const record::MapGrid& grid) {
+Bytes point_cloud(std::span<const float> map, const record::MapGrid& grid, const DepthSpan& span) {
   const Axis x = grid.x(), y = grid.y();
   const auto points = std::count_if(map.begin(), map.end(), [](float z) { return z > 0; });
   const std::string head = formatted(
-      "ply\nformat binary_little_endian 1.0\nelement vertex %lld\nproperty float x\n"
-      "property float y\nproperty float z\nend_header\n",
+      "ply\nformat binary_little_endian 1.0\ncomment origin at the detector, x right, y up, z away "
+      "from it; metres\nelement vertex %lld\nproperty float x\nproperty float y\nproperty float z\n"
+      "property uchar red\nproperty uchar green\nproperty uchar blue\nend_header\n",
       static_cast<long long>(points));
   Bytes out(head.begin(), head.end());
+  const Bytes colours = depth_colours(map, span);
   for (std::size_t p = 0; p < map.size(); ++p) {
     if (!(map[p] > 0)) continue;
     put(out, static_cast<float>(x.at(static_cast<double>(p % x.count)) * double{map[p]}));
     put(out, static_cast<float>(y.at(static_cast<double>(p / x.count)) * double{map[p]}));
     put(out, map[p]);
+    out.insert(out.end(), colours.begin() + static_cast<std::ptrdiff_t>(3 * p),
+               colours.begin() + static_cast<std::ptrdiff_t>(3 * p + 3));
   }
   return out;
+}
+
+// Of the pinhole camera whose images the maps are, as Open3D reads it (intrinsic_matrix, by
+// columns) and ROS has it.
+std::string camera_json(const record::MapGrid& grid) {
+  const double f = 1 / grid.step(), c = (grid.size - 1) / 2.0;
+  const auto n = static_cast<unsigned>(grid.size);
+  return formatted(
+      "{\"width\": %u, \"height\": %u, \"fx\": %.9g, \"fy\": %.9g, \"cx\": %g, \"cy\": %g,\n"
+      " \"depth_scale\": 1000, \"intrinsic_matrix\": [%.9g, 0, 0, 0, %.9g, 0, %g, %g, 1]}\n",
+      n, n, f, f, c, c, f, f, c, c);
 }
 
 std::vector<double> values_of(const Axis& axis) {
@@ -77,6 +93,8 @@ MapFiles::MapFiles(std::string folder, const std::vector<std::string>& formats, 
       scene_(scene),
       span_(span_of(scene)),
       calibrated_(calibrated) {
+  const std::string camera = camera_json(scene.grid);
+  write_file(folder_ + "/camera.json", Bytes(camera.begin(), camera.end()));
   if (!wants("npz")) return;
   const std::size_t size = scene.grid.size;
   arrays_.emplace(folder_ + "/maps.npz");
@@ -99,12 +117,15 @@ void MapFiles::write(std::int64_t index, std::span<const float> prediction,
   // Only colours and points show it.
   std::vector<float> there;
   if (wants("ply") || wants("colour")) there = hard_map(map, scene_);
-  if (wants("ply")) picture(".ply", point_cloud(there, scene_.grid));
+  if (wants("ply")) picture(".ply", point_cloud(there, scene_.grid, span_));
   if (wants("colour")) picture(".png", depth_picture(there, span_, picture_zoom));
   if (wants("mm")) picture("_mm.png", millimetre_picture(map, scene_.grid.size));
   if (wants("uncertainty")) picture("_sd.png", millimetre_picture(deviation, scene_.grid.size));
   if (!arrays_) return;
-  arrays_->append(map);
+  std::vector<float> depths = map;
+  for (float& z : depths)
+    if (!(z > 0)) z = std::numeric_limits<float>::quiet_NaN();
+  arrays_->append(depths);
   indices_.push_back(index);
   if (deviations_) deviations_->append(deviation);
 }

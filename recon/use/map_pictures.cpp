@@ -18,16 +18,32 @@ DepthSpan span_of(const Scene& scene) {
   return {near, std::clamp(far, near + 1, std::max(near + 1, record::max_depth_m))};
 }
 
+namespace {
+
+cv::Mat coloured(const cv::Mat1f& depths, const DepthSpan& span) {
+  cv::Mat share, colours;
+  depths.convertTo(share, CV_8U, -255 / (span.far - span.near),
+                   255 * span.far / (span.far - span.near));
+  cv::applyColorMap(share, colours, cv::COLORMAP_VIRIDIS);
+  cv::cvtColor(colours, colours, cv::COLOR_BGR2RGB);
+  return colours;
+}
+
+}  // namespace
+
+Bytes depth_colours(std::span<const float> map, const DepthSpan& span) {
+  cv::Mat1f depths(1, static_cast<int>(map.size()));
+  std::copy(map.begin(), map.end(), depths.begin());
+  const cv::Mat colours = coloured(depths, span);
+  return {colours.data, colours.data + 3 * colours.total()};
+}
+
 Bytes depth_picture(std::span<const float> map, const DepthSpan& span, int zoom) {
   const cv::Scalar no_return(232, 234, 237), line(60, 65, 72);
   const int side = static_cast<int>(std::lround(std::sqrt(static_cast<double>(map.size()))));
   cv::Mat1f depths(side, side);
   std::copy(map.begin(), map.end(), depths.begin());
-  cv::Mat there = depths > 0, share, colours;
-  depths.convertTo(share, CV_8U, -255 / (span.far - span.near),
-                   255 * span.far / (span.far - span.near));
-  cv::applyColorMap(share, colours, cv::COLORMAP_VIRIDIS);
-  cv::cvtColor(colours, colours, cv::COLOR_BGR2RGB);
+  cv::Mat there = depths > 0, colours = coloured(depths, span);
   colours.setTo(no_return, ~there);
   cv::resize(colours, colours, {}, zoom, zoom, cv::INTER_NEAREST);
   if (zoom >= 3) {

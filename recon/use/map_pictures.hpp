@@ -14,6 +14,9 @@ struct DepthSpan {
 // What the training maps lie in, with room about it: one scale for all maps of a model.
 DepthSpan span_of(const Scene& scene);
 
+// Red, green and blue of each value of a map.
+Bytes depth_colours(std::span<const float> map, const DepthSpan& span);
+
 // A square map, row-major, metres; each pixel `zoom` x `zoom`, from 3 on with a line about what is
 // there. PNG; throws Error(failed) if it cannot be encoded.
 Bytes depth_picture(std::span<const float> map, const DepthSpan& span, int zoom);

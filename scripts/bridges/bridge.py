@@ -296,6 +296,10 @@ def send_away(client):
             pass
 
 
+class Finished(Exception):
+    """A recording is at its end."""
+
+
 class Stop:
     """True after the first SIGINT or SIGTERM; a second one ends the program at once. Not an Event:
     its lock may be held by the very thread that the signal interrupts."""
@@ -344,6 +348,10 @@ def run(address, open_device, items):
                 told = True
             while not stop.wait(device.poll(server)):
                 server.check()
+        except Finished as end:
+            say(str(end))
+            close_quietly(device)
+            break
         except Exception as error:
             say(f"{text_of(error)}; trying again")
             server.offline()

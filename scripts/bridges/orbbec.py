@@ -3,16 +3,12 @@
 """Serves the depth frames of an Orbbec Gemini 2 (or another camera of its SDK) over the echofuse
 bridge protocol, through the vendor's pyorbbecsdk. echofuse connects with
 depth.address = "bridge:tcp://HOST:PORT"."""
-import argparse
-import struct
 import sys
-import time
 
 import bridge
+import camera
+import vendor
 from pack import np
-
-WAIT_MS = 100    # also how long a signal waits
-SILENCE_S = 3.0  # then the pipeline is restarted, and at the second time the device opened again
 
 EPILOG = """\
 The SDK is known to stop delivering after about a day of streaming until its pipeline is restarted;
@@ -21,23 +17,15 @@ SDK's intrinsics; lens distortion is not corrected, its size in the corners is p
 
 
 def parse_arguments(arguments):
-    parser = argparse.ArgumentParser(description=__doc__, epilog=EPILOG,
-                                     formatter_class=argparse.RawDescriptionHelpFormatter)
-    add, number = parser.add_argument, bridge.number
-    add("--listen", metavar="HOST:PORT", type=bridge.listen_address, default=("127.0.0.1", 41111),
-        help="where echofuse connects (127.0.0.1:41111); there is no password: keep it in the laboratory")
-    add("--serial", default="", help="of the camera; without it, the first one")
-    add("--width", type=number(int, 1, 4096), default=640, help="of the depth image (640)")
-    add("--height", type=number(int, 1, 2048), default=400, help="(400)")
-    add("--fps", type=number(int, 1, 120), default=15, help="frames a second (15)")
-    return parser.parse_args(arguments)
+    return camera.parse_arguments(arguments, __doc__, EPILOG, height=400)
 
 
-class Camera:
+class Camera(camera.Camera):
     """An open camera that streams depth."""
 
     def __init__(self, sdk, options):
-        self._sdk, self._options = sdk, options
+        super().__init__(options)
+        self._sdk = sdk
         self._context = sdk.Context()  # the devices live in it
         device = self._find()
         info = device.get_device_info()
@@ -48,15 +36,18 @@ class Camera:
         self._config = sdk.Config()
         profile = self._profile()
         self._config.enable_stream(profile)
-        self._pipeline.start(self._config)
+        self.start()
         try:
-            self._axes = self._read_axes(profile)
+            self._read_lens(profile)
         except Exception:
             self.close()
             raise
-        self._restarted = False
-        self._last_index = None
-        self._last_frame_s = time.monotonic()
+
+    def start(self):
+        self._pipeline.start(self._config)
+
+    def stop(self):
+        self._pipeline.stop()
 
     def _find(self):
         devices = self._context.query_devices()
@@ -79,75 +70,27 @@ class Camera:
         except Exception as error:
             raise RuntimeError(f"no depth mode {o.width} x {o.height} at {o.fps} frames/s: {error}") from None
 
-    def _read_axes(self, profile):
-        """Tangents: columns to the right, rows upwards, of the pixel centres. From the profile:
-        Pipeline.get_camera_param() is all zeros in releases of version 2 unless colour runs as well
-        (orbbec/pyorbbecsdk, issues 56 and 103)."""
+    def _read_lens(self, profile):
+        """From the profile: Pipeline.get_camera_param() is all zeros in releases of version 2 unless colour
+        runs as well (orbbec/pyorbbecsdk, issues 56 and 103)."""
         if not hasattr(profile, "get_intrinsic"):
-            raise RuntimeError("this pyorbbecsdk does not tell the intrinsics of a stream: version 2 is needed")
+            raise RuntimeError("this pyorbbecsdk does not tell the intrinsics of a stream: version 2 is needed, whose "
+                               "package is pyorbbecsdk2")
         try:
             lens, distortion = profile.get_intrinsic(), profile.get_distortion()
         except Exception as error:
             raise RuntimeError(f"the camera does not tell the intrinsics of its depth mode: {error}") from None
-        size, asked = (lens.width, lens.height), (self._options.width, self._options.height)
-        mode = f"{asked[0]} x {asked[1]} pixels"
-        if not (lens.fx > 0 and lens.fy > 0 and np.isfinite([lens.fx, lens.fy, lens.cx, lens.cy]).all()):
-            raise RuntimeError(f"the SDK tells no intrinsics of the depth mode of {mode}: fx {lens.fx:g}, fy {lens.fy:g}; "
-                               "without them no pixel has a direction; choose another --width and --height, or update "
-                               "pyorbbecsdk and the camera's firmware")
-        if size != asked:
-            raise RuntimeError(f"the intrinsics are those of {size[0]} x {size[1]} pixels, not {mode}")
+        self.began(lens)
         bridge.say(f"lens distortion, not corrected: up to {distortion_px(lens, distortion):.2f} pixel")
-        return -lens.cx / lens.fx, 1 / lens.fx, lens.cy / lens.fy, -1 / lens.fy
 
     def hello(self):
         return self._hello
 
-    def poll(self, server):
-        frames = self._pipeline.wait_for_frames(WAIT_MS)
+    def wait(self, timeout_ms):
+        frames = self._pipeline.wait_for_frames(timeout_ms)
         frame = frames.get_depth_frame() if frames is not None else None
-        if frame is None:
-            self._watch(server)
-            return 0
-        self._last_frame_s = time.monotonic()
-        self._restarted = False
-        self._count_missing(frame.get_index(), server)
-        server.send(bridge.DEPTH, self._payload(frame), 1)
-        return 0
-
-    def _watch(self, server):
-        if time.monotonic() - self._last_frame_s < SILENCE_S:
-            return
-        if self._restarted:
-            raise RuntimeError("no frames in spite of a restart")
-        bridge.say(f"no frame for {SILENCE_S:g} s: restarting the pipeline")
-        self._pipeline.stop()
-        self._pipeline.start(self._config)
-        server.lose(1)  # at least; its frame numbers start again
-        self._restarted = True
-        self._last_index = None
-        self._last_frame_s = time.monotonic()
-
-    def _count_missing(self, index, server):
-        if self._last_index is not None and index > self._last_index + 1:
-            server.lose(index - self._last_index - 1)
-        self._last_index = index
-
-    def _payload(self, frame):
-        width, height, data = frame.get_width(), frame.get_height(), frame.get_data()
-        if (width, height) != (self._options.width, self._options.height) or data.nbytes != 2 * width * height:
-            raise RuntimeError(f"a frame of {width} x {height} pixels and {data.nbytes} bytes is not what was asked for")
-        z_mm = np.frombuffer(data, "<u2")
-        scale = frame.get_depth_scale()  # millimetres per step
-        if scale != 1:
-            exact = np.rint(z_mm * float(scale))
-            z_mm = np.where(exact <= 65535, exact, 0).astype("<u2")
-        head = struct.pack("<IIQI4f", width, height, frame.get_timestamp_us(), frame.get_index() & 0xFFFFFFFF,
-                           *self._axes)
-        return head + z_mm.tobytes()
-
-    def close(self):
-        self._pipeline.stop()
+        return frame and camera.Frame(frame.get_index(), frame.get_timestamp_us(), frame.get_width(), frame.get_height(),
+                                      np.frombuffer(frame.get_data(), "<u2"), frame.get_depth_scale())
 
 
 def distortion_px(lens, d):
@@ -162,13 +105,12 @@ def distortion_px(lens, d):
 
 
 def main():
+    vendor.use_python()
     options = parse_arguments(sys.argv[1:])
     bridge.require_packages()
-    try:
-        import pyorbbecsdk
-    except ImportError as error:
-        bridge.fail(f"{error}; install Orbbec's pyorbbecsdk (version 2) for this Python")
-    return bridge.run(options.listen, lambda: Camera(pyorbbecsdk, options), "frames")
+    sdk = vendor.library(["pyorbbecsdk"], "pyorbbecsdk2")
+    vendor.check_version("pyorbbecsdk2", vendor.version_of_package("pyorbbecsdk2"), "2.0.18")
+    return bridge.run(options.listen, lambda: Camera(sdk, options), "frames")
 
 
 if __name__ == "__main__":

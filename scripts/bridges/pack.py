@@ -13,18 +13,20 @@ except ImportError as error:  # bridge.require_packages() tells
 else:
     MISSING = None
 
-NAME, VERSION = "libechofuse_bridge_pack.so", 1
+NAME, VERSION = "libechofuse_bridge_pack.so", 2
 RECORD = {"names": ["type", "missed_events", "channel", "time"], "formats": ["u1", "<u2", "<i4", "<i8"],
           "offsets": [0, 2, 4, 8], "itemsize": 16}
 BLOCK_TAGS = 32768  # 512 KiB, which stay in a processor's second cache
 OVERFLOW_BEGIN = 2  # type of the tag at which a device starts to lose events
+MISSED = 4          # the first type of marks that belong to a channel, as tags (0) do
 
 # The tags of a block: its payload with its CRC (None: not known yet), and what Losses wants to know.
 Packed = collections.namedtuple("Packed", "payload items crc starts overflows")
 
 
 class Result(ctypes.Structure):
-    _fields_ = [("crc", ctypes.c_uint32), ("overflows", ctypes.c_uint32), ("starts", ctypes.c_uint64)]
+    _fields_ = [("crc", ctypes.c_uint32), ("overflows", ctypes.c_uint32), ("starts", ctypes.c_uint64),
+                ("kept", ctypes.c_uint64)]
 
 
 def open_library():
@@ -42,7 +44,7 @@ def open_library():
         if found.echofuse_bridge_pack_version() != VERSION:
             return None, f"{path} is of another version"
         for name, result, arguments in (
-                ("echofuse_pack_tags", None, "pointer pointer size int32 pointer"),
+                ("echofuse_pack_tags", None, "pointer pointer size int32 int32 pointer"),
                 ("echofuse_crc32c", ctypes.c_uint32, "pointer size uint32"),
                 ("echofuse_crc32c_join", ctypes.c_uint32, "uint32 uint32 uint64")):
             function = getattr(found, name)
@@ -91,19 +93,25 @@ def crc_of_block(header, payload, payload_crc=None):
     return library.echofuse_crc32c_join(crc, payload_crc, len(payload))
 
 
-def pack(tags, start_channel):
-    """The blocks of a structured array of tags, which may change afterwards."""
+def pack(tags, channels):
+    """The blocks of a structured array of tags, which may change afterwards: those of the start and the click
+    channel, and marks of all channels. A measurement gets the tags that others asked the device for, too."""
     tags = np.ascontiguousarray(tags) if library and is_record(tags.dtype) else records(tags)
-    return [pack_block(tags[first:first + BLOCK_TAGS], start_channel) for first in range(0, len(tags), BLOCK_TAGS)]
+    blocks = (pack_block(tags[first:first + BLOCK_TAGS], *channels) for first in range(0, len(tags), BLOCK_TAGS))
+    return [packed for packed in blocks if packed.items]
 
 
-def pack_block(tags, start_channel):
+def pack_block(tags, start_channel, click_channel):
     if library is None:
+        channel, kind = tags["channel"], tags["type"]
+        ours = (channel == start_channel) | (channel == click_channel) | ((kind > 0) & (kind < MISSED))
+        tags = tags.view(np.uint8).reshape(-1, 16)[ours].reshape(-1).view(tags.dtype)  # the reserved byte as well
         return Packed(tags.view(np.uint8).data, len(tags), None, np.count_nonzero(tags["channel"] == start_channel),
                       np.count_nonzero(tags["type"] == OVERFLOW_BEGIN))
     payload, result = np.empty(tags.nbytes, np.uint8), Result()
-    library.echofuse_pack_tags(tags.ctypes.data, payload.ctypes.data, len(tags), start_channel, ctypes.addressof(result))
-    return Packed(payload.data, len(tags), result.crc, result.starts, result.overflows)
+    library.echofuse_pack_tags(tags.ctypes.data, payload.ctypes.data, len(tags), start_channel, click_channel,
+                               ctypes.addressof(result))
+    return Packed(payload[:16 * result.kept].data, result.kept, result.crc, result.starts, result.overflows)
 
 
 def is_record(kind):

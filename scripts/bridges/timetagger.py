@@ -3,12 +3,14 @@
 """Serves the tags of a Swabian Instruments Time Tagger over the echofuse bridge protocol, through the
 vendor's own Python library. echofuse connects with tdc.address = "bridge:tcp://HOST:PORT"."""
 import argparse
-import importlib
+import pathlib
+import statistics
 import sys
 import time
 
 import bridge
 import pack
+import vendor
 from pack import np
 
 MOST_EVENTS = (1 << 28) - 1  # the library's limit
@@ -27,7 +29,14 @@ it: the pulse that made the photon passes, and the tags keep their true times. P
 the longest time of flight of interest and shorter than the laser's period; 7 m and 20 MHz: 48000.
 A device without hardware delays (Time Tagger 20) needs a cable of that delay in the sync line
 instead: --conditional-filter 0 --input-delay START=-PS. While the filter is on, every --input-delay is
-made in software, behind it. Never use --event-divider on the sync together with it."""
+made in software, behind it. Never use --event-divider on the sync together with it.
+
+A Time Tagger is often held by a server of the laboratory (startServer in Python, or Time Tagger Lab):
+--network HOST shares its tags. What you do not set stays as the server has it, and --input-delay is made
+on this side. Anything else can be set only if the server gives AccessMode.Control.
+--scan CH prints the rate over the trigger level and the plateau, whose middle is a good level."""
+RESOLUTIONS = ("Standard", "HighResA", "HighResB", "HighResC")
+HARDWARE = ("trigger_level", "dead_time", "event_divider", "conditional_filter", "test_signal")  # what is set there
 
 
 def setting(kind, low, high):
@@ -51,6 +60,10 @@ def parse_arguments(arguments):
     add("--listen", metavar="HOST:PORT", type=bridge.listen_address, default=("127.0.0.1", 41110),
         help="where echofuse connects (127.0.0.1:41110); there is no password: keep it in the laboratory")
     add("--serial", default="", help="of the device; without it, the first one")
+    add("--network", metavar="HOST[:PORT]", help="a Time Tagger server in place of a device here (port 41101)")
+    add("--file", metavar="X.ttbin", type=pathlib.Path, help="a recording, in real time from the first client on")
+    add("--resolution", choices=RESOLUTIONS, help="of the device; a finer one has fewer channels")
+    add("--scan", metavar="CH", type=number(int, -99, 99), help="measure the rate over the trigger level, and end")
     add("--start-channel", metavar="CH", type=number(int, -99, 99), default=1,
         help="laser sync (1); negative for the falling edge")
     add("--click-channel", metavar="CH", type=number(int, -99, 99), default=2, help="detector (2)")
@@ -68,6 +81,13 @@ def parse_arguments(arguments):
         help="buffer of the library (16777216); more within --block-ms are lost, and counted as one")
     add("--block-ms", metavar="MS", type=number(float, 1, 500), default=20.0, help="how often tags are sent (20)")
     options = parser.parse_args(arguments)
+    given = ["--" + name.replace("_", "-") for name in ("serial", "network", "file", "resolution", "scan", *HARDWARE)
+             if getattr(options, name) not in (None, "", [], False)]
+    for place, others in (("--file", given), ("--network", [name for name in given if name in ("--serial", "--resolution")])):
+        if place in given and set(others) - {place}:
+            parser.error(f"{place} does not go with {', '.join(sorted(set(others) - {place}))}")
+    if options.network and ":" not in options.network:
+        options.network += ":41101"
     used = {abs(options.start_channel), abs(options.click_channel)}
     if options.start_channel == options.click_channel or 0 in used:
         parser.error("--start-channel and --click-channel must be two channels other than 0")
@@ -91,7 +111,8 @@ class Tagger:
         self._losses = Losses(options)
         self._stream = None
         self._told_dark = False
-        self._tagger = library.createTimeTagger(*filter(None, [options.serial]))
+        self._tagger = open_tagger(library, options)
+        self._replay = Replay(library, self._tagger, options.file) if options.file else None
         try:
             self._configure()
             open_stream = custom_stream if hasattr(library, "CustomMeasurement") else BufferStream
@@ -103,20 +124,29 @@ class Tagger:
 
     def _configure(self):
         tagger, options = self._tagger, self._options
-        for channel in (options.start_channel, options.click_channel):
-            tagger.setTestSignal(channel, options.test_signal)
-        for channel, volts in options.trigger_level:
-            tagger.setTriggerLevel(channel, volts)
-        self._set_delays()
-        for channel, asked_ps in options.dead_time:
-            bridge.say(f"dead time of channel {channel}: {tagger.setDeadtime(channel, asked_ps)} ps "
-                       f"(asked for {asked_ps})")
-        filtered = options.conditional_filter is not None
-        tagger.setConditionalFilter([options.click_channel] if filtered else [],
-                                    [options.start_channel] if filtered else [])
-        for channel, divider in options.event_divider:
-            tagger.setEventDivider(channel, divider)
-        tagger.sync()  # what comes from here on was taken with these settings
+        shared = options.network or options.file  # what was not asked for is as others want it
+        try:
+            for channel in () if shared and not options.test_signal else self._channels:
+                tagger.setTestSignal(channel, options.test_signal)
+            for channel, volts in options.trigger_level:
+                tagger.setTriggerLevel(channel, volts)
+            self._set_delays()
+            for channel, asked_ps in options.dead_time:
+                bridge.say(f"dead time of channel {channel}: {tagger.setDeadtime(channel, asked_ps)} ps "
+                           f"(asked for {asked_ps})")
+            filtered = options.conditional_filter is not None
+            if filtered or not shared:
+                tagger.setConditionalFilter([options.click_channel] if filtered else [],
+                                            [options.start_channel] if filtered else [])
+            for channel, divider in options.event_divider:
+                tagger.setEventDivider(channel, divider)
+        except Exception as error:
+            if not options.network:
+                raise
+            raise RuntimeError(f"{bridge.text_of(error)}; a server that gives AccessMode.Listen lets nothing be set: "
+                               "start it with AccessMode.Control, or leave the settings to it") from None
+        if not options.file:
+            tagger.sync()  # what comes from here on was taken with these settings
 
     def _set_delays(self):
         tagger, start = self._tagger, self._options.start_channel
@@ -124,7 +154,7 @@ class Tagger:
         ahead_ps = self._options.conditional_filter
         if ahead_ps is None:
             for channel, delay_ps in delays.items():
-                tagger.setInputDelay(channel, delay_ps)
+                (tagger.setDelayClient if self._options.network else tagger.setInputDelay)(channel, delay_ps)
             return
         if ahead_ps > 0:
             tagger.setDelayHardware(start, ahead_ps)
@@ -134,10 +164,13 @@ class Tagger:
 
     def hello(self):
         tagger = self._tagger
+        if self._replay:
+            return {"model": "Time Tagger recording", "serial": self._options.file.name, "firmware": ""}
         firmware = tagger.getFirmwareVersion() if hasattr(tagger, "getFirmwareVersion") else ""
         return {"model": tagger.getModel(), "serial": tagger.getSerial(), "firmware": " ".join(firmware.split())}
 
     def poll(self, server):
+        ended = self._replay and self._replay.step(server.clients > 0)
         if not self._stream.isRunning():
             raise RuntimeError("the tag stream has stopped")
         blocks, lost = self._stream.take()
@@ -146,7 +179,10 @@ class Tagger:
         if lost:
             server.lose(lost)
         self._losses.look(blocks, lost, server.dropped)
-        self._watch(bool(blocks))
+        if ended and not blocks:
+            raise bridge.Finished(f"{self._options.file} has ended")
+        if not self._replay:
+            self._watch(bool(blocks))
         return 0 if lost else self._options.block_ms * 1e-3
 
     def _watch(self, tags_came):
@@ -155,6 +191,8 @@ class Tagger:
         now = time.monotonic()
         if tags_came:
             self._last_tags_s, self._told_dark = now, False
+        if self._options.network and not self._tagger.isConnected():
+            raise RuntimeError(f"the server {self._options.network} is gone")
         if now - self._last_tags_s < SILENCE_S:
             return
         if not self._tagger.sync(ANSWER_MS):
@@ -172,12 +210,46 @@ class Tagger:
         self._library.freeTimeTagger(self._tagger)
 
 
+def open_tagger(library, options):
+    if options.network:
+        return library.createTimeTaggerNetwork(options.network)
+    if options.file:
+        if not options.file.is_file():
+            raise RuntimeError(f"{options.file}: no such file")
+        new = hasattr(library.TimeTaggerVirtual, "run")
+        return library.createTimeTaggerVirtual(*[str(options.file)] * new)
+    if options.resolution:
+        return library.createTimeTagger(options.serial, getattr(library.Resolution, options.resolution))
+    return library.createTimeTagger(*filter(None, [options.serial]))
+
+
+class Replay:
+    """Of a virtual tagger: run() of newer libraries, setReplaySpeed() and replay() of older ones."""
+
+    def __init__(self, library, tagger, path):
+        self._tagger, self._path, self._began = tagger, path, False
+
+    def step(self, wanted):
+        """Begins when it is wanted; whether it has ended."""
+        tagger = self._tagger
+        if self._began:
+            return tagger.waitForCompletion(timeout=0)
+        if wanted:
+            self._began = True
+            if hasattr(tagger, "run"):
+                tagger.run(speed=1.0)
+            else:
+                tagger.setReplaySpeed(1.0)
+                tagger.replay(str(self._path))
+        return False
+
+
 class BufferStream:
     """The library's TimeTagStream, which hands over four columns: for libraries without CustomMeasurement."""
 
     def __init__(self, library, tagger, channels, most):
         self._stream, self._most = library.TimeTagStream(tagger, most, channels), most
-        self._start_channel = channels[0]
+        self._channels = channels
         self.isRunning, self.stop = self._stream.isRunning, self._stream.stop
 
     def take(self):
@@ -187,7 +259,7 @@ class BufferStream:
         for name, column in (("type", data.getEventTypes()), ("missed_events", data.getMissedEvents()),
                              ("channel", data.getChannels()), ("time", data.getTimestamps())):
             tags[name] = column
-        return pack.pack(tags, self._start_channel), int(data.size >= self._most)  # how many more it does not say
+        return pack.pack(tags, self._channels), int(data.size >= self._most)  # how many more it does not say
 
 
 def custom_stream(library, tagger, channels, most):
@@ -208,8 +280,9 @@ def custom_stream(library, tagger, channels, most):
             if self._held + len(incoming_tags) > most:
                 self._lost += len(incoming_tags)
                 return
-            self._blocks += pack.pack(incoming_tags, channels[0])
-            self._held += len(incoming_tags)
+            blocks = pack.pack(incoming_tags, channels)
+            self._blocks += blocks
+            self._held += sum(packed.items for packed in blocks)
 
         def take(self):
             with self.mutex:
@@ -257,23 +330,58 @@ class Losses:
         bridge.say(text)
 
 
-def import_library():
-    """Newer versions come as Swabian.TimeTagger, older ones as TimeTagger."""
-    faults = []
-    for name in ("Swabian.TimeTagger", "TimeTagger"):
-        try:
-            return importlib.import_module(name)
-        except ImportError as error:
-            faults.append(str(error))
-    bridge.fail(f"{'; '.join(dict.fromkeys(faults))}; install the Time Tagger software of Swabian Instruments for this "
-                "Python")
+def scan(library, options):
+    """Prints the rate of a channel over its trigger level, and the plateau; the level is set back."""
+    tagger, channel, steps, step_ps = open_tagger(library, options), options.scan, 51, 10**11
+    try:
+        before = tagger.getTriggerLevel(channel)
+        low, high = tagger.getDACRange()
+        counter, found = library.Countrate(tagger, [channel]), []
+        for step in range(steps):
+            volts = round(low + (high - low) * step / (steps - 1), 3)
+            tagger.setTriggerLevel(channel, volts)
+            tagger.sync()
+            counter.startFor(step_ps)
+            counter.waitUntilFinished()
+            found.append((volts, float(counter.getData()[0])))
+        tagger.setTriggerLevel(channel, before)
+    finally:
+        library.freeTimeTagger(tagger)
+    most = max(rate for _, rate in found) or 1
+    for volts, rate in found:
+        print(f"{volts:7.3f} V {rate:12.0f} /s  {'#' * round(40 * rate / most)}")
+    best = plateau(found)
+    if len(best) < 3:
+        bridge.say(f"channel {channel} has no plateau: are there pulses, is its sign that of their edge?")
+        return 5
+    middle = round((best[0][0] + best[-1][0]) / 2, 3)
+    print(f"plateau from {best[0][0]} to {best[-1][0]} V, {statistics.median(rate for _, rate in best):.0f} /s: "
+          f"--trigger-level={channel}={middle}")
+    return 0
+
+
+def plateau(found):
+    """The longest row of levels whose rates are above 0 and within a tenth of the row's first."""
+    best = row = []
+    for each in found:
+        same = row and abs(each[1] - row[0][1]) <= 0.1 * row[0][1]
+        row = [*row, each] if same else [each] * (each[1] > 0)
+        best = max(best, row, key=len)
+    return best
 
 
 def main():
+    vendor.use_python()
     options = parse_arguments(sys.argv[1:])
     bridge.require_packages()
     pack.keep_freed_memory()
-    library = import_library()
+    library = vendor.library(["Swabian.TimeTagger", "TimeTagger"], "Swabian-TimeTagger")  # newer, older
+    vendor.check_version("Swabian-TimeTagger", library.getVersion(), "2.17.4")
+    if options.scan is not None:
+        try:
+            return scan(library, options)
+        except Exception as error:
+            bridge.fail(bridge.text_of(error))
     return bridge.run(options.listen, lambda: Tagger(library, options), "tags")
 
 

@@ -39,7 +39,7 @@ TEST_CASE("what is exported to HDF5 is the run") {
   CHECK(in.shape(data + "depth") == H5Shape{20, 2, 3});
   const auto spd = in.read<std::uint32_t>(data + "spd");
   const auto radar = in.read<float>(data + "radar");
-  const auto depth = in.read<std::uint16_t>(data + "depth");
+  const auto depth = in.read<float>(data + "depth");
   const auto valid = in.read<std::uint8_t>(data + "valid");
   const auto index = in.read<std::int64_t>(data + "index");
   const auto start = in.read<std::int64_t>(data + "slot_start");
@@ -50,7 +50,11 @@ TEST_CASE("what is exported to HDF5 is the run") {
     const bool bad = i == 7 || i == 9;
     REQUIRE(valid[i] == (bad ? 0 : 7));
     for (std::size_t b = 0; b < 8; ++b) REQUIRE(spd[i * 8 + b] == (bad ? 0 : r.spd[b]));
-    for (std::size_t p = 0; p < 6; ++p) REQUIRE(depth[i * 6 + p] == (bad ? 0 : r.depth_mm[p]));
+    for (std::size_t p = 0; p < 6; ++p)
+      if (bad || r.depth_mm[p] == 0)
+        REQUIRE(std::isnan(depth[i * 6 + p]));
+      else
+        REQUIRE(depth[i * 6 + p] == r.depth_mm[p]);
     if (bad)
       REQUIRE(std::isnan(radar[i * 4 + 3]));
     else
@@ -168,6 +172,10 @@ TEST_CASE("every table of a run is in its export, with units") {
   CHECK(in.read_texts(all + "event/text").back() == "door open");
   CHECK(in.read_texts(all + "meta/value") == std::vector<std::string>{"blue", "5 mW, \xc2\xb5"});
   CHECK(in.get<std::string>(all + "slot/closed_late_s", "units") == "s");
+  CHECK(in.get<std::string>(all + "speckle/over_150_ms", "units") == "1");
+  CHECK(in.get<std::string>(all + "signal/radar_snr_db", "units") == "dB");
+  CHECK(in.get<std::string>(all + "record/slot_utc_ns", "units") ==
+        "nanoseconds since 1970-01-01T00:00:00Z");
   CHECK(in.get<std::string>(all + "radar_status/rx0_c", "units") == "degC");
   CHECK(in.get<std::string>(all + "clock_fit/radar_drift_ppm", "units") == "1e-6");
   CHECK(in.get<std::string>(all + "radar_status/transmit_us", "units") == "us");

@@ -14,6 +14,7 @@ import testing
 from testing import Client, Program, connect, golden, np
 
 import bridge
+import camera as shared
 import orbbec
 import pyorbbecsdk as sdk
 import recorder
@@ -89,10 +90,8 @@ class Frames(CameraCase):
         lens = types.SimpleNamespace(width=3, height=2, fx=2, fy=2, cx=1, cy=0.5)
         profile = types.SimpleNamespace(get_intrinsic=lambda: lens, get_distortion=lambda: sdk.distortion)
         with contextlib.redirect_stderr(io.StringIO()):
-            camera._axes = camera._read_axes(profile)
-        frame = mock.Mock(**{"get_width.return_value": 3, "get_height.return_value": 2, "get_index.return_value": 42,
-                             "get_depth_scale.return_value": 1.0, "get_timestamp_us.return_value": 123_456_789_012,
-                             "get_data.return_value": np.array([0, 1000, 2000, 3000, 4000, 65535], "<u2").view("u1")})
+            camera._read_lens(profile)
+        frame = shared.Frame(42, 123_456_789_012, 3, 2, np.array([0, 1000, 2000, 3000, 4000, 65535], "<u2"), 1.0)
         self.assertEqual(camera._payload(frame), golden()[2][32:])
 
     def test_scale(self):
@@ -119,7 +118,7 @@ class Frames(CameraCase):
     def test_silence_restarts_the_pipeline_and_then_the_device(self):
         camera = self.open()
         camera.poll(self.outlet)
-        with mock.patch.object(orbbec, "SILENCE_S", 0.1), contextlib.redirect_stderr(io.StringIO()):
+        with mock.patch.object(shared, "SILENCE_S", 0.1), contextlib.redirect_stderr(io.StringIO()):
             sdk.silent = True
             while recorder.calls[-1] != ("start",) or recorder.calls[-2] != ("stop",):
                 camera.poll(self.outlet)
@@ -134,8 +133,7 @@ class Frames(CameraCase):
 
     def test_wrong_frames_are_refused(self):
         camera = self.open()
-        frame = mock.Mock(**{"get_width.return_value": 64, "get_height.return_value": 32,
-                             "get_data.return_value": np.zeros(4096, "u1")})
+        frame = shared.Frame(1, 0, 64, 32, np.zeros(2048, "<u2"), 1.0)
         self.assertRaisesRegex(RuntimeError, "64 x 32 pixels", camera._payload, frame)
 
 

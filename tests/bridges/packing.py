@@ -42,8 +42,8 @@ def some_tags(size, kind=None):
 class Packing(unittest.TestCase):
     def both(self, tags):
         with without_library():
-            slow = pack.pack(tags, 2)
-        fast = pack.pack(tags, 2)
+            slow = pack.pack(tags, (2, 3))
+        fast = pack.pack(tags, (2, 3))
         self.assertEqual([bytes(b.payload) for b in fast], [bytes(b.payload) for b in slow])
         self.assertEqual([b[1::2] for b in fast], [b[1::2] for b in slow])  # items, starts
         self.assertEqual([b.overflows for b in fast], [b.overflows for b in slow])
@@ -58,8 +58,8 @@ class Packing(unittest.TestCase):
         for size in (0, 1, 2, 1535, 1536, 1537, pack.BLOCK_TAGS, pack.BLOCK_TAGS + 1, 150_000):
             tags = some_tags(size)
             blocks = self.both(tags)
-            self.assertEqual([b.items for b in blocks],
-                             [min(pack.BLOCK_TAGS, size - first) for first in range(0, size, pack.BLOCK_TAGS)])
+            tags = tags[np.isin(tags["channel"], (2, 3)) | np.isin(tags["type"], (1, 2, 3))]  # what is not ours is dropped
+            self.assertEqual(sum(b.items for b in blocks), len(tags))
             packed = np.frombuffer(b"".join(b.payload for b in blocks), pack.RECORD)
             for name in packed.dtype.names:
                 np.testing.assert_array_equal(packed[name], tags[name])
@@ -79,7 +79,7 @@ class Packing(unittest.TestCase):
         for scope in (contextlib.nullcontext(), without_library()):
             with scope:
                 tags = some_tags(100)
-                block, = pack.pack(tags, 1)
+                block, = pack.pack(tags, (1, 2))
                 before = bytes(block.payload)
                 tags.view("u1")[:] = 0xEE
                 self.assertEqual(bytes(block.payload), before)

@@ -11,7 +11,10 @@ finalize_init; TimeTagStream(tagger, n_max_events, channels)).
 
 Orbbec, orbbec/pyorbbecsdk: stubs/pyorbbecsdk.pyi at commit 9fcf324, whose arguments have no names
 (arg0, arg1, ...), hence their number; VideoStreamProfile.get_intrinsic() and get_distortion() came with
-version 2 and are in its bindings (src/pyorbbecsdk/stream_profile.cpp)."""
+version 2 and are in its bindings (src/pyorbbecsdk/stream_profile.cpp).
+
+RealSense, IntelRealSense/librealsense: wrappers/python/pyrs_pipeline.cpp at commit 09696f9 and pyrs_frame.cpp at
+005e21b. The network and virtual taggers are those of TimeTagger.h 2.16.2; run() came later."""
 import ast
 import inspect
 import unittest
@@ -19,11 +22,27 @@ import unittest
 import testing
 
 import pyorbbecsdk
+import pyrealsense2
 import TimeTagger
 
 SWABIAN = {
     "createTimeTagger": ["serial", "resolution"],
+    "createTimeTaggerNetwork": ["address"],
+    "createTimeTaggerVirtual": ["filename", "begin", "duration"],
+    "getVersion": [],
     "freeTimeTagger": ["tagger"],
+    "TimeTagger.getTriggerLevel": ["channel"],
+    "TimeTagger.getDACRange": [],
+    "TimeTaggerNetwork.isConnected": [],
+    "TimeTaggerNetwork.setDelayClient": ["channel", "time"],
+    "TimeTaggerVirtual.run": ["speed"],
+    "setReplaySpeed": ["self", "speed"],
+    "replay": ["self", "file", "begin", "duration", "queue"],
+    "TimeTaggerVirtual.waitForCompletion": ["ID", "timeout"],
+    "Countrate.__init__": ["tagger", "channels"],
+    "Countrate.startFor": ["capture_duration", "clear"],
+    "Countrate.waitUntilFinished": ["timeout"],
+    "Countrate.getData": [],
     "TimeTagger.getModel": [],
     "TimeTagger.getSerial": [],
     "TimeTagger.getFirmwareVersion": [],
@@ -83,6 +102,28 @@ ORBBEC = {
     "DepthFrame.get_data": 0,
 }
 
+REALSENSE = {
+    "context.query_devices": 0,
+    "device.get_info": 1,
+    "device.first_depth_sensor": 0,
+    "depth_sensor.get_depth_scale": 0,
+    "config.enable_device": 1,
+    "config.enable_stream": 5,
+    "pipeline.start": 1,
+    "pipeline.stop": 0,
+    "pipeline.try_wait_for_frames": 1,
+    "pipeline_profile.get_device": 0,
+    "pipeline_profile.get_stream": 2,
+    "stream_profile.as_video_stream_profile": 0,
+    "video_stream_profile.get_intrinsics": 0,
+    "composite_frame.get_depth_frame": 0,
+    "depth_frame.get_frame_number": 0,
+    "depth_frame.get_timestamp": 0,
+    "depth_frame.get_width": 0,
+    "depth_frame.get_height": 0,
+    "depth_frame.get_data": 0,
+}
+
 
 def arguments(module, name):
     """Of a function or, without self, of a method."""
@@ -118,8 +159,12 @@ class Signatures(unittest.TestCase):
         for name, expected in ORBBEC.items():
             self.assertEqual(len(arguments(pyorbbecsdk, name)), expected, name)
 
+    def test_realsense(self):
+        for name, expected in REALSENSE.items():
+            self.assertEqual(len(arguments(pyrealsense2, name)), expected, name)
+
     def test_the_bridges_call_nothing_else(self):
-        known = {name.split(".")[-1] for name in SWABIAN} | {"TimeTagStream", "take"}
+        known = {name.split(".")[-1] for name in SWABIAN} | {"TimeTagStream", "take", "Replay", "Countrate"}
         called = calls("timetagger.py", {"library", "_library", "tagger", "_tagger", "_stream", "data"})
         self.assertEqual(called - known, set())
         self.assertGreater(len(called), 15)
@@ -128,6 +173,10 @@ class Signatures(unittest.TestCase):
                                      "profiles", "profile", "frames", "frame"})
         self.assertEqual(called - known, set())
         self.assertGreater(len(called), 15)
+        known = {name.split(".")[-1] for name in REALSENSE} | {"context", "config", "pipeline"}
+        called = calls("realsense.py", {"sdk", "_pipeline", "_config", "device", "profile", "frames", "frame"})
+        self.assertEqual(called - known, set())
+        self.assertGreater(len(called), 12)
 
 
 if __name__ == "__main__":

@@ -255,7 +255,8 @@ class Process(unittest.TestCase):
                 (pathlib.Path(folder) / f"{name}.py").write_text("raise ImportError('no vendor library')\n")
             with Program("timetagger.py", path=folder) as program:
                 self.assertEqual(program.process.wait(10), 4)
-                self.assertRegex(program.said(), r"\Atimetagger: no vendor library; install [^\n]*\n\Z")
+                self.assertRegex(program.said(), r"\Atimetagger: no vendor library; install [^\n]*python3 -m venv --system-site-packages "
+                                               r"[^\n]*pip install Swabian-TimeTagger && export ECHOFUSE_BRIDGE_PYTHON[^\n]*\n\Z")
 
     def test_no_device(self):
         with Program("timetagger.py", STAND_IN_FAULTS="createTimeTagger:1") as program:

@@ -69,6 +69,8 @@ class Installed(unittest.TestCase):
     def test_unit_names_the_program(self):
         unit = (self.prefix / "lib/systemd/system/echofuse-acquire.service").read_text()
         self.assertIn(f"\nExecStart={self.prefix}/bin/echofuse-acquire run ", unit)
+        unit = (self.prefix / "lib/systemd/user/echofuse-bridge@.service").read_text()
+        self.assertIn(f"\nExecStart={self.prefix}/bin/echofuse-bridge-%i $OPTIONS\n", unit)
 
     def test_manual_pages(self):
         pages = {path.name for path in (self.prefix / "share/man/man1").iterdir()}

@@ -5,7 +5,7 @@
 >>> run = echofuse.open("monday")
 >>> run.spd.shape, run.axes["spd"].unit
 >>> maps = echofuse.load_model("fused.safetensors").predict(run)
->>> maps.depth_m.shape  # metres; 0: nothing returned
+>>> maps.depth_m.shape  # metres; NaN: nothing returned
 """
 from .model import Estimator, Maps, Model, load_model
 from .run import Axis, Run, open  # noqa: A004 (the name that is wanted)

@@ -61,7 +61,7 @@ class Estimator:
 
 @dataclass(frozen=True)
 class Maps:
-    depth_m: NDArray[np.float32]  # [n, N, N]; 0: nothing returned
+    depth_m: NDArray[np.float32]  # [n, N, N]; NaN: nothing returned
     index: NDArray[np.int64]  # of the records that have a map
     depth_x: NDArray[np.float64]  # tangents of the pixel centres
     depth_y: NDArray[np.float64]
@@ -104,7 +104,8 @@ class Model:
         seen = np.flatnonzero(by >= 0)
         half = first.f["scene/map_half_tangent"]
         pixel = half * ((2 * np.arange(first.size) + 1) / first.size - 1)
-        return Maps(np.clip(maps[seen], 0, 6), run.index[seen], pixel, -pixel,
+        depth_m = np.minimum(np.where(maps[seen] > 0, maps[seen], np.float32(np.nan)), np.float32(6))
+        return Maps(depth_m, run.index[seen], pixel, -pixel,
                     [self.estimators[k].inputs for k in by[seen]])
 
 

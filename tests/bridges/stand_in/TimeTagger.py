@@ -11,6 +11,13 @@ Iterators.h; signatures.py compares them. What can go wrong, by environment:
   STAND_IN_UNPLUGGED=n  the n-th batch of tags (20 ms each) and all after it do not come and sync()
                         times out, while isRunning() stays true; the next opening cures it
   STAND_IN_DARK=n       the same, but sync() passes: the laser is off
+  STAND_IN_VERSION=x    getVersion()
+  STAND_IN_FOREIGN=1    the stream has tags of channels that others asked for
+  STAND_IN_LISTEN=1     a server that lets nothing be set
+  STAND_IN_SERVER=n     the server goes away with the n-th look at the connection
+  STAND_IN_OLD_FILE=1   a virtual tagger with setReplaySpeed() and replay()
+A recording has three patterns. Its channels' rate is 1e5/s between trigger levels of 0.3 and 1.2 V, and
+STAND_IN_PLATEAU=none leaves no pulses there;
 and STAND_IN_CPU=file: there, at the end, the processor time of making the tags, in seconds."""
 import os
 import threading
@@ -30,9 +37,27 @@ unplugged = int(os.environ.get("STAND_IN_UNPLUGGED", "0"))
 dark = int(os.environ.get("STAND_IN_DARK", "0"))
 
 
+class Resolution:
+    Standard, HighResA, HighResB, HighResC = range(4)
+
+
+def getVersion():
+    return os.environ.get("STAND_IN_VERSION", "2.22.0")
+
+
 def createTimeTagger(serial="", resolution=0):
-    called("createTimeTagger", serial)
+    called("createTimeTagger", serial, *[resolution] * bool(resolution))
     return TimeTagger()
+
+
+def createTimeTaggerNetwork(address="localhost:41101"):
+    called("createTimeTaggerNetwork", address)
+    return TimeTaggerNetwork()
+
+
+def createTimeTaggerVirtual(filename="", begin=0, duration=-1):
+    called("createTimeTaggerVirtual", filename)
+    return TimeTaggerVirtual()
 
 
 def freeTimeTagger(tagger):
@@ -44,7 +69,8 @@ def freeTimeTagger(tagger):
 
 class TimeTagger:
     def __init__(self):
-        self.batches = 0
+        self.batches, self.levels = 0, {}
+        self.most = float("inf")  # patterns to come
 
     @property
     def silent(self):
@@ -65,6 +91,13 @@ class TimeTagger:
 
     def setTriggerLevel(self, channel, voltage):
         called("setTriggerLevel", channel, voltage)
+        self.levels[channel] = voltage
+
+    def getTriggerLevel(self, channel):
+        return self.levels.get(channel, 0.5)
+
+    def getDACRange(self):
+        return [-2.5, 2.5]
 
     def setInputDelay(self, channel, delay):
         called("setInputDelay", channel, delay)
@@ -92,6 +125,71 @@ class TimeTagger:
         assert timeout >= 0, "this would wait for ever"
         time.sleep(1e-3 * timeout)
         return False
+
+
+class TimeTaggerNetwork(TimeTagger):
+    def isConnected(self):
+        happen_at = os.environ.get("STAND_IN_SERVER")
+        self.looks = getattr(self, "looks", 0) + 1
+        return not happen_at or self.looks < int(happen_at)
+
+    def setDelayClient(self, channel, time):
+        called("setDelayClient", channel, time)
+
+
+if os.environ.get("STAND_IN_LISTEN"):
+    def refuse(self, *_):
+        raise RuntimeError("The server does not allow to modify settings (AccessMode.Listen).")
+    for name in [name for name in vars(TimeTagger) if name.startswith("set")]:
+        setattr(TimeTaggerNetwork, name, refuse)
+
+
+class TimeTaggerVirtual:
+    """Only what the vendor's has: no model, no serial number, no hardware to set."""
+
+    def __init__(self):
+        self.batches, self.silent, self.most = 0, False, 0
+
+    def setInputDelay(self, channel, delay):
+        called("setInputDelay", channel, delay)
+
+    def waitForCompletion(self, ID=0, timeout=-1):
+        return self.most == 0
+
+
+def run(self, speed=-1.0):
+    called("run", speed)
+    self.most = 3
+
+
+def setReplaySpeed(self, speed):
+    called("setReplaySpeed", speed)
+
+
+def replay(self, file, begin=0, duration=-1, queue=True):
+    called("replay", file)
+    self.most = 3
+
+
+for call in [setReplaySpeed, replay] if os.environ.get("STAND_IN_OLD_FILE") else [run]:
+    setattr(TimeTaggerVirtual, call.__name__, call)
+
+
+class Countrate:
+    def __init__(self, tagger, channels):
+        called("Countrate", channels)
+        self._tagger, self._channel = tagger, channels[0]
+
+    def startFor(self, capture_duration, clear=True):
+        pass
+
+    def waitUntilFinished(self, timeout=-1):
+        return True
+
+    def getData(self):
+        level = self._tagger.levels[self._channel]
+        rate = 1e5 if 0.3 <= level <= 1.2 else 3e7 * (abs(level) < 0.05)  # noise at 0 V
+        return np.array([rate if os.environ.get("STAND_IN_PLATEAU") != "none" else 0.0])
 
 
 class TimeTagStreamBuffer:
@@ -148,8 +246,9 @@ class Source:
             return 0, 0
         if RATE == float("inf"):
             return self._most, 0
-        due = min(self.patterns_due(), self._most // PATTERN_TAGS)
+        due = min(self.patterns_due(), self._most // PATTERN_TAGS, self._tagger.most)
         self._done += due
+        self._tagger.most -= due
         return due * PATTERN_TAGS, (self._done - due) * PULSES * self._period_ps
 
     def patterns_due(self):
@@ -225,6 +324,9 @@ class CustomMeasurement:
         buffer, in_process = np.empty(BLOCK_TAGS, TAG), 0.0
         while not self._standin_end.wait(0 if source.is_behind() else BLOCK_S):
             tags = buffer[:source.write(buffer)]
+            if os.environ.get("STAND_IN_FOREIGN"):
+                tags = np.repeat(tags, 2)
+                tags["channel"][1::2], tags["type"][1::2] = 7, np.where(tags["type"][1::2] == 4, 4, 0)
             if len(tags):
                 began = time.thread_time()
                 with self.mutex:

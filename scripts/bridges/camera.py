@@ -1,0 +1,90 @@
+# SPDX-License-Identifier: MIT
+"""What the bridges of depth cameras share: their arguments, the payload of a frame, the numbers of missing
+frames, and the restart of a stream that has fallen silent."""
+import argparse
+import collections
+import struct
+import time
+
+import bridge
+from pack import np
+
+WAIT_MS = 100    # also how long a signal waits
+SILENCE_S = 3.0  # then the stream is restarted, and at the second time the device opened again
+
+# Of the SDK: frame number, device time (us), size, unsigned 16-bit steps of so many millimetres.
+Frame = collections.namedtuple("Frame", "index time_us width height steps mm_per_step")
+# Focal lengths and optical axis of an image of this size, in pixels.
+Lens = collections.namedtuple("Lens", "width height fx fy cx cy")
+
+
+def parse_arguments(arguments, text, epilog, height):
+    parser = argparse.ArgumentParser(description=text, epilog=epilog,
+                                     formatter_class=argparse.RawDescriptionHelpFormatter)
+    add, number = parser.add_argument, bridge.number
+    add("--listen", metavar="HOST:PORT", type=bridge.listen_address, default=("127.0.0.1", 41111),
+        help="where echofuse connects (127.0.0.1:41111); there is no password: keep it in the laboratory")
+    add("--serial", default="", help="of the camera; without it, the first one")
+    add("--width", type=number(int, 1, 4096), default=640, help="of the depth image (640)")
+    add("--height", type=number(int, 1, 2048), default=height, help=f"({height})")
+    add("--fps", type=number(int, 1, 120), default=15, help="frames a second (15)")
+    return parser.parse_args(arguments)
+
+
+class Camera:
+    """An open camera. Of a vendor's: start() begins the stream, wait() gives its next Frame or None,
+    stop() ends it; at its beginning it calls began(lens)."""
+
+    def __init__(self, options):
+        self._options = options
+        self._restarted, self._last_index, self._last_frame_s = False, None, time.monotonic()
+
+    def began(self, lens):
+        """Tangents: columns to the right, rows upwards, of the pixel centres."""
+        size, asked = (lens.width, lens.height), (self._options.width, self._options.height)
+        mode = f"{asked[0]} x {asked[1]} pixels"
+        if not (lens.fx > 0 and lens.fy > 0 and np.isfinite([lens.fx, lens.fy, lens.cx, lens.cy]).all()):
+            raise RuntimeError(f"the SDK tells no intrinsics of the depth mode of {mode}: fx {lens.fx:g}, fy {lens.fy:g}; "
+                               "without them no pixel has a direction; choose another --width and --height, or update "
+                               "the SDK and the camera's firmware")
+        if size != asked:
+            raise RuntimeError(f"the intrinsics are those of {size[0]} x {size[1]} pixels, not {mode}")
+        self._axes = -lens.cx / lens.fx, 1 / lens.fx, lens.cy / lens.fy, -1 / lens.fy
+
+    def poll(self, server):
+        frame = self.wait(WAIT_MS)
+        if frame is None:
+            self._watch(server)
+            return 0
+        self._last_frame_s = time.monotonic()
+        self._restarted = False
+        if self._last_index is not None and frame.index > self._last_index + 1:
+            server.lose(frame.index - self._last_index - 1)
+        self._last_index = frame.index
+        server.send(bridge.DEPTH, self._payload(frame), 1)
+        return 0
+
+    def _watch(self, server):
+        if time.monotonic() - self._last_frame_s < SILENCE_S:
+            return
+        if self._restarted:
+            raise RuntimeError("no frames in spite of a restart")
+        bridge.say(f"no frame for {SILENCE_S:g} s: restarting the stream")
+        self.stop()
+        self.start()
+        server.lose(1)  # at least; its frame numbers start again
+        self._restarted, self._last_index, self._last_frame_s = True, None, time.monotonic()
+
+    def _payload(self, frame):
+        size, asked = (frame.width, frame.height), (self._options.width, self._options.height)
+        if size != asked or frame.steps.nbytes != 2 * size[0] * size[1]:
+            raise RuntimeError(f"a frame of {size[0]} x {size[1]} pixels and {frame.steps.nbytes} bytes is not what was "
+                               "asked for")
+        z_mm = frame.steps
+        if frame.mm_per_step != 1:
+            exact = np.rint(z_mm * float(frame.mm_per_step))
+            z_mm = np.where(exact <= 65535, exact, 0).astype("<u2")
+        return struct.pack("<IIQI4f", *size, frame.time_us, frame.index & 0xFFFFFFFF, *self._axes) + z_mm.tobytes()
+
+    def close(self):
+        self.stop()

@@ -1,0 +1,81 @@
+#!/usr/bin/python3
+# SPDX-License-Identifier: MIT
+"""Serves the depth frames of a RealSense camera over the echofuse bridge protocol, through the vendor's
+pyrealsense2. echofuse connects with depth.address = "bridge:tcp://HOST:PORT"."""
+import sys
+
+import bridge
+import camera
+import vendor
+from pack import np
+
+EPILOG = """\
+After 3 s without a frame the stream is restarted. Pixel positions are those of a pinhole camera with the
+SDK's intrinsics; the depth image of a D400 camera is rectified, so no distortion is left in it. On USB 2
+a camera has fewer modes: try --fps 6."""
+
+
+def parse_arguments(arguments):
+    return camera.parse_arguments(arguments, __doc__, EPILOG, height=480)
+
+
+class Camera(camera.Camera):
+    """An open camera that streams depth."""
+
+    def __init__(self, sdk, options):
+        super().__init__(options)
+        self._sdk = sdk
+        found = [device.get_info(sdk.camera_info.serial_number) for device in sdk.context().query_devices()]
+        if not found:
+            raise RuntimeError("no RealSense camera is connected")
+        if options.serial and options.serial not in found:
+            raise RuntimeError(f"no camera with the serial number {options.serial}; there is {', '.join(found)}")
+        self._pipeline, self._config = sdk.pipeline(), sdk.config()
+        self._config.enable_device(options.serial or found[0])
+        self._config.enable_stream(sdk.stream.depth, options.width, options.height, sdk.format.z16, options.fps)
+        self.start()
+
+    def start(self):
+        o, sdk = self._options, self._sdk
+        try:
+            profile = self._pipeline.start(self._config)
+        except Exception as error:
+            raise RuntimeError(f"no depth of {o.width} x {o.height} pixels at {o.fps} frames/s: {error}") from None
+        try:
+            device = profile.get_device()
+            self._hello = {"model": device.get_info(sdk.camera_info.name),
+                           "serial": device.get_info(sdk.camera_info.serial_number),
+                           "firmware": device.get_info(sdk.camera_info.firmware_version)}
+            self._mm_per_step = round(1000 * device.first_depth_sensor().get_depth_scale(), 6)  # the SDK has a float
+            lens = profile.get_stream(sdk.stream.depth).as_video_stream_profile().get_intrinsics()
+            self.began(camera.Lens(lens.width, lens.height, lens.fx, lens.fy, lens.ppx, lens.ppy))
+            if any(lens.coeffs):
+                bridge.say("the depth image is distorted, which is not corrected: coefficients "
+                           + ", ".join(f"{value:g}" for value in lens.coeffs))
+        except Exception:
+            self.stop()
+            raise
+
+    def stop(self):
+        self._pipeline.stop()
+
+    def hello(self):
+        return self._hello
+
+    def wait(self, timeout_ms):
+        came, frames = self._pipeline.try_wait_for_frames(timeout_ms)
+        frame = frames.get_depth_frame() if came else None
+        return camera.Frame(frame.get_frame_number(), round(1000 * frame.get_timestamp()), frame.get_width(),
+                            frame.get_height(), np.asarray(frame.get_data(), "<u2"), self._mm_per_step) if frame else None
+
+
+def main():
+    vendor.use_python()
+    options = parse_arguments(sys.argv[1:])
+    bridge.require_packages()
+    sdk = vendor.library(["pyrealsense2"], "pyrealsense2")
+    return bridge.run(options.listen, lambda: Camera(sdk, options), "frames")
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,57 @@
+#!/usr/bin/python3
+# SPDX-License-Identifier: MIT
+"""scripts/bridges/realsense.py against the stand-in of the vendor's SDK."""
+import struct
+import unittest
+
+import testing
+from testing import Client, Program, np
+
+import bridge
+import pyrealsense2 as sdk
+
+SIZE = ("--width", "64", "--height", "48", "--fps", "30")
+
+
+class Process(unittest.TestCase):
+    def frame(self, *arguments, **env):
+        with Program("realsense.py", *SIZE, *arguments, **env) as program, Client(program.address) as client:
+            payload = client.until(bridge.DEPTH)[-1].payload
+            self.assertEqual(program.stop(), 0)
+            self.assertEqual(program.calls()[-1], ("stop",))
+            self.calls = program.calls()
+        return struct.unpack_from("<IIQI4f", payload), np.frombuffer(payload[36:], "<u2")
+
+    def test_a_frame(self):
+        (width, height, time_us, index, *axes), z = self.frame("--serial", "STAND-IN-3")
+        self.assertEqual((width, height, time_us), (64, 48, 1_000_000 + 66_667 * index))
+        np.testing.assert_allclose(axes, [-31.5 / 50, 1 / 50, 23.5 / 50, -1 / 50], rtol=1e-6)
+        np.testing.assert_array_equal(z, sdk.values(index, 64 * 48))
+        self.assertEqual(self.calls[:4], [("query_devices",), ("enable_device", "STAND-IN-3"),
+                                          ("enable_stream", "depth", 64, 48, "z16", 30), ("start",)])
+
+    def test_tenths_of_a_millimetre(self):
+        head, z = self.frame(STAND_IN_SCALE="0.0001")
+        np.testing.assert_array_equal(z, np.rint(sdk.values(head[3], 64 * 48) * 0.1))
+
+    def test_what_is_refused(self):
+        for words, env, why in (([], {"STAND_IN_CAMERAS": "0"}, "no RealSense camera is connected"),
+                                (["--serial", "1"], {}, "no camera with the serial number 1; there is STAND-IN-3"),
+                                (["--width", "65"], {}, "no depth of 65 x 48 pixels at 30 frames/s: Couldn't resolve"),
+                                ([], {"STAND_IN_INTRINSICS": "zero"}, "the SDK tells no intrinsics")):
+            with self.subTest(why), Program("realsense.py", *SIZE, *words, **env) as program:
+                self.assertEqual(program.process.wait(10), 4)
+                self.assertIn(why, program.said())
+
+    def test_silence_and_an_unplugged_camera(self):
+        with Program("realsense.py", *SIZE, STAND_IN_SILENT="5", STAND_IN_FAULTS="try_wait_for_frames:180,query_devices:2") as program:
+            with Client(program.address) as client:
+                blocks = client.until(bridge.BYE)
+            self.assertIn("no frame for 3 s: restarting the stream", program.said())
+            self.assertEqual(sum(b.dropped for b in blocks), 1)
+            testing.wait_for("camera", lambda: program.calls().count(("start",)) == 3)
+            self.assertEqual(program.stop(), 0)
+
+
+if __name__ == "__main__":
+    testing.main()

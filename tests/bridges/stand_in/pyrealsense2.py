@@ -1,0 +1,119 @@
+# SPDX-License-Identifier: MIT
+"""The calls of RealSense's Python SDK that the bridge makes, with the names and arguments of its bindings
+(IntelRealSense/librealsense, wrappers/python/pyrs_pipeline.cpp and pyrs_frame.cpp at 09696f9 and 005e21b);
+signatures.py compares them. Frame n has the values 500 + (7 n + 3 i) % 5000 in its pixels i. What can go wrong:
+STAND_IN_CAMERAS=n cameras (1), STAND_IN_SCALE=m a step, in metres (.001), STAND_IN_SILENT=n no frame after the
+n-th until the stream is started again, STAND_IN_INTRINSICS=zero."""
+import os
+import time
+import types
+
+import numpy as np
+from recorder import called, happen
+
+stream = types.SimpleNamespace(depth="depth")
+format = types.SimpleNamespace(z16="z16")
+camera_info = types.SimpleNamespace(name="name", serial_number="serial", firmware_version="firmware")
+WIDTH, HEIGHT = 64, 48
+
+
+def values(index, pixels):
+    return (500 + (7 * index + 3 * np.arange(pixels)) % 5000).astype("<u2")
+
+
+class device:
+    def get_info(self, info):
+        return {"name": "Intel RealSense D435", "serial": "STAND-IN-3", "firmware": "5.16.0.1"}[info]
+
+    def first_depth_sensor(self):
+        return depth_sensor()
+
+
+class depth_sensor:
+    def get_depth_scale(self):
+        return float(np.float32(os.environ.get("STAND_IN_SCALE", "0.001")))
+
+
+class context:
+    def query_devices(self):
+        called("query_devices")
+        return [device() for _ in range(int(os.environ.get("STAND_IN_CAMERAS", "1")))]
+
+
+class config:
+    def enable_device(self, serial):
+        called("enable_device", serial)
+
+    def enable_stream(self, stream_type, width, height, format, framerate):
+        called("enable_stream", stream_type, width, height, format, framerate)
+        self.size = width, height
+
+
+class stream_profile:
+    def as_video_stream_profile(self):
+        return video_stream_profile()
+
+
+class video_stream_profile:
+    def get_intrinsics(self):
+        f = 0.0 if os.environ.get("STAND_IN_INTRINSICS") == "zero" else 50.0
+        return types.SimpleNamespace(width=WIDTH, height=HEIGHT, fx=f, fy=f, ppx=31.5, ppy=23.5, coeffs=[0.0] * 5)
+
+
+class pipeline_profile:
+    def get_device(self):
+        return device()
+
+    def get_stream(self, stream_type, stream_index=-1):
+        return stream_profile()
+
+
+class pipeline:
+    def start(self, config):
+        called("start")
+        if config.size != (WIDTH, HEIGHT):
+            raise RuntimeError("Couldn't resolve requests")
+        self._index = 0
+        return pipeline_profile()
+
+    def stop(self):
+        called("stop")
+
+    def try_wait_for_frames(self, timeout_ms=5000):
+        happen("try_wait_for_frames")
+        time.sleep(0.02)
+        if self._index == int(os.environ.get("STAND_IN_SILENT", "0")) > 0:
+            os.environ["STAND_IN_SILENT"] = "0"
+            self._index = None
+        if self._index is None:
+            return False, None
+        self._index += 1
+        return True, composite_frame(self._index)
+
+
+class composite_frame:
+    def __init__(self, index):
+        self._index = index
+
+    def get_depth_frame(self):
+        return depth_frame(self._index)
+
+
+class depth_frame:
+    def __init__(self, index):
+        self._index = index
+
+    def get_frame_number(self):
+        return self._index
+
+    def get_timestamp(self):
+        return 1000.0 + 66.667 * self._index
+
+    def get_width(self):
+        return WIDTH
+
+    def get_height(self):
+        return HEIGHT
+
+    def get_data(self):
+        return values(self._index, WIDTH * HEIGHT).reshape(HEIGHT, WIDTH)

@@ -1,0 +1,129 @@
+#!/usr/bin/python3
+# SPDX-License-Identifier: MIT
+"""scripts/bridges/timetagger.py where a server or a recording stands for the device, its scan of trigger levels, and
+the interpreter and the versions that a bridge asks for; against the stand-in of the vendor's library."""
+import contextlib
+import io
+import os
+import pathlib
+import subprocess
+import sys
+import tempfile
+import time
+import unittest
+from unittest import mock
+
+import testing
+from testing import Client, Program, connect, np
+
+import bridge
+import pack
+import recorder
+import TimeTagger as library
+import vendor
+from timetagger_bridge import open_tagger, options
+
+
+class Shared(unittest.TestCase):
+    """A server has the device, or there is a recording only."""
+
+    def test_a_server_keeps_its_settings(self):
+        tagger, _ = open_tagger("--network", "lab", "--input-delay", "2=-1500")
+        tagger.close()
+        self.assertEqual(recorder.calls, [
+            ("createTimeTaggerNetwork", "lab:41101"), ("setDelayClient", 2, -1500), ("sync",), ("CustomMeasurement",),
+            ("register_channel", 1), ("register_channel", 2), ("finalize_init",), ("stop",), ("freeTimeTagger",)])
+
+    def test_what_a_server_refuses_is_told_with_the_cure(self):
+        with Program("timetagger.py", "--network", "lab:4444", "--trigger-level", "2=0.5", STAND_IN_LISTEN="1") as program:
+            self.assertEqual(program.process.wait(10), 4)
+            self.assertIn("start it with AccessMode.Control", program.said())
+        with Program("timetagger.py", "--network", "lab:4444", STAND_IN_LISTEN="1") as program:
+            with Client(program.address) as client:
+                client.until(bridge.TAGS)
+            self.assertEqual(program.stop(), 0)
+
+    def test_a_server_that_goes_is_found_again(self):
+        with Program("timetagger.py", "--network", "lab", STAND_IN_SERVER="20") as program:
+            with Client(program.address) as client:
+                client.until(bridge.BYE)
+            with connect(program.address) as client:
+                client.until(bridge.TAGS)
+            self.assertIn("the server lab:41101 is gone; trying again", program.said())
+
+    def test_a_recording_begins_with_the_first_client_and_ends(self):
+        with tempfile.NamedTemporaryFile(suffix=".ttbin") as file:
+            for env, calls in (({}, [("createTimeTaggerVirtual", file.name), ("run", 1.0)]),
+                               ({"STAND_IN_OLD_FILE": "1"}, [("createTimeTaggerVirtual", ""), ("setReplaySpeed", 1.0),
+                                                             ("replay", file.name)])):
+                with Program("timetagger.py", "--file", file.name, **env) as program:
+                    address = program.address
+                    time.sleep(0.3)
+                    self.assertNotIn(calls[-1], program.calls())
+                    with Client(address) as client:
+                        blocks = client.until(bridge.BYE)
+                    self.assertEqual(sum(len(b.payload) // 16 for b in blocks if b.kind == bridge.TAGS), 3 * library.PATTERN_TAGS)
+                    self.assertEqual(program.process.wait(10), 0)
+                    self.assertIn("has ended", program.said())
+                    self.assertEqual([call for call in program.calls() if call in calls], calls)
+
+    def test_tags_of_other_channels_are_left_out(self):
+        with Program("timetagger.py", STAND_IN_FOREIGN="1") as program, Client(program.address) as client:
+            tags = np.frombuffer(client.until(bridge.TAGS)[-1].payload, pack.RECORD)
+            self.assertEqual(set(tags["channel"][tags["type"] == 0]), {1, 2})
+
+    def test_resolution(self):
+        open_tagger("--resolution", "HighResB")
+        self.assertEqual(recorder.calls[0], ("createTimeTagger", "", 2))
+
+    def test_scan_finds_the_plateau(self):
+        said = scan("2")
+        self.assertEqual(said.returncode, 0, said.stderr)
+        self.assertIn("plateau from 0.3 to 1.2 V, 100000 /s: --trigger-level=2=0.75\n", said.stdout)
+        self.assertEqual(said.stdout.count(" V "), 51)
+        self.assertEqual(scan("2", STAND_IN_PLATEAU="none").returncode, 5)
+        said = scan("2", "--network", "lab", STAND_IN_LISTEN="1")
+        self.assertEqual((said.returncode, "AccessMode.Listen" in said.stderr), (4, True))
+
+    def test_what_does_not_go_together(self):
+        for bad in (["--file", "a.ttbin", "--network", "lab"], ["--file", "a.ttbin", "--trigger-level", "1=0.5"],
+                    ["--network", "lab", "--resolution", "HighResA"], ["--network", "lab", "--serial", "1"]):
+            with self.subTest(bad), contextlib.redirect_stderr(io.StringIO()), self.assertRaises(SystemExit) as ended:
+                options(*bad)
+            self.assertEqual(ended.exception.code, 2)
+
+
+class Python(unittest.TestCase):
+    def test_another_interpreter(self):
+        """That of a virtual environment, where the vendor's package is."""
+        with tempfile.TemporaryDirectory() as folder:
+            python = pathlib.Path(folder) / "python3"
+            python.write_text(f"#!/bin/sh\necho through >&2\nexec {sys.executable} \"$@\"\n")
+            python.chmod(0o755)
+            with Program("timetagger.py", ECHOFUSE_BRIDGE_PYTHON=str(python)) as program:
+                program.address
+                self.assertEqual(program.said().count("through"), 1)
+        with Program("timetagger.py", ECHOFUSE_BRIDGE_PYTHON="/nowhere/python3") as program:
+            self.assertEqual(program.process.wait(10), 2)
+            self.assertIn("ECHOFUSE_BRIDGE_PYTHON=/nowhere/python3: No such file", program.said())
+
+    def test_versions(self):
+        with mock.patch.object(np, "__version__", "2.1.0"):
+            for found, fails in (("2.17.3", True), ("2.9.0", True), ("2.17.4", False), ("2.22", False), ("", False)):
+                with contextlib.redirect_stderr(io.StringIO()) as said:
+                    try:
+                        vendor.check_version("Swabian-TimeTagger", found, "2.17.4")
+                        self.assertFalse(fails, found)
+                    except SystemExit:
+                        self.assertTrue(fails, found)
+                        self.assertIn("-m pip install --upgrade Swabian-TimeTagger", said.getvalue())
+        vendor.check_version("Swabian-TimeTagger", "2.9.0", "2.17.4")  # numpy 1 takes it
+
+
+def scan(*words, **env):
+    return subprocess.run([sys.executable, testing.root / "scripts/bridges/timetagger.py", "--scan", *words],
+                          env=os.environ | {"PYTHONPATH": str(testing.here / "stand_in")} | env, text=True, capture_output=True)
+
+
+if __name__ == "__main__":
+    testing.main()
