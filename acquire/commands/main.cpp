@@ -9,6 +9,7 @@
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
+#include <nlohmann/json.hpp>
 
 #include "acquire/calibrate/calibrate.hpp"
 #include "acquire/commands/annotate.hpp"
@@ -65,6 +66,12 @@ std::string out_of(const Options& o, const Config& config) {
   return o.run.out.empty() ? record::next_run(config.run_folder) : record::new_run(o.run.out);
 }
 
+// An event of `run --json`: one object a line, for a program that reads while the run goes on.
+void put_event(const nlohmann::ordered_json& event) {
+  std::puts(event.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace).c_str());
+  std::fflush(stdout);
+}
+
 ExitCode run(Options& o) {
   std::optional<TemporaryFolder> thrown_away;
   if (o.align) {
@@ -96,7 +103,16 @@ ExitCode run(Options& o) {
   std::optional<Viewer> viewer;
   if (o.view) viewer.emplace(o.run.out, o.run.count);
   port::SystemLoop loop;
+  std::int64_t on_disk = -1;
+  if (o.json) {
+    put_event({{"event", "run"}, {"file", o.run.out}, {"window_s", config.window_s}});
+    o.run.progress = [&on_disk](std::int64_t records) {
+      if (std::exchange(on_disk, records) != records)
+        put_event({{"event", "records"}, {"on_disk", records}});
+    };
+  }
   const ExitCode code = record_run(config, o.run, loop);
+  if (o.json) put_event({{"event", "end"}, {"on_disk", on_disk}, {"code", static_cast<int>(code)}});
   if (viewer) viewer->leave();
   return code;
 }

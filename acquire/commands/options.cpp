@@ -36,6 +36,7 @@ void add_run(CLI::App& app, Options& o) {
   add_config_options(*c, o);
   c->add_flag("-q,--quiet", o.quiet, "print errors only");
   c->add_flag("-v,--verbose", o.verbose, "one line for every record on stderr");
+  c->add_flag("--json", o.json, "what happens, on stdout: one object a line (README)");
   auto* target = c->add_option_group("target");
   target->add_option("--out", o.run.out, out_help);
   auto* resume = target->add_option("--resume", o.resume,

@@ -268,7 +268,10 @@ void Daemon::tick() {
   r.journal.refresh_anchor(log_);
   report_raw_trouble();
   const std::int64_t written = r.writer.written();
-  if (std::exchange(totals_.written, written) != written) notify_advance(written);
+  if (std::exchange(totals_.written, written) != written) {
+    notify_advance(written);
+    if (options_.progress) options_.progress(written);
+  }
   totals_.label = r.writer.label().value_or(label_);
   totals_.free_bytes = r.writer.free_bytes();
   r.status.update(now, totals_);
@@ -346,6 +349,7 @@ void Daemon::end() {
         "`echofuse-acquire info` or the next --resume",
         options_.out, options_.out);
   totals_.written = r.writer.written();
+  if (options_.progress) options_.progress(totals_.written);
   r.status.finish(loop_.now(), totals_);
   spdlog::info("{}: {}, {}{}; arrived: {} tags, {} radar frames, {} depth frames", options_.out,
                count_text(totals_.written, options_.count, resumption_.records_before), status_,

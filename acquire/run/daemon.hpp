@@ -2,6 +2,7 @@
 // The `run` command: devices -> windows -> run file, in real time.
 #pragma once
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <string>
 #include <utility>
@@ -23,6 +24,7 @@ struct RunOptions {
   bool quiet = false;
   bool strict = false;   // the code partial if a record has a sensor that is not ok
   std::string keep_raw;  // folder for the devices' bytes; empty: not kept
+  std::function<void(std::int64_t)> progress;  // told how many records are on disk, as they come
 };
 
 // Returns when the run is closed: after `count` slots, or with the slot that was running when

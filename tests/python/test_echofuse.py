@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: MIT
 """The Python package (recon/python) on simulated runs."""
 import sqlite3
+import subprocess
 
 import numpy as np
 import pytest
 
 import echofuse
-from programs import program
+from programs import BIN, program
 
 
 @pytest.fixture(scope="session")
@@ -76,9 +77,48 @@ def test_what_is_no_run_or_model_is_refused(folder, tmp_path):
             echofuse.load_model(tmp_path / "m")
 
 
+def test_a_run_that_grows_is_followed(folder, tmp_path):
+    whole, path = folder / "monday.sqlite", tmp_path / "live.sqlite"
+    path.write_bytes(whole.read_bytes())
+    with sqlite3.connect(path) as db:
+        db.execute("UPDATE run SET status = 'open'")
+        db.execute("DELETE FROM record WHERE idx >= 3")
+    run = echofuse.open(path)
+    assert len(run) == len(run.spd) == 3
+    rows = run.follow(pause_s=0.01)
+    assert [next(rows) for _ in range(3)] == [0, 1, 2]
+    with sqlite3.connect(path) as db:
+        db.execute("ATTACH ? AS whole", (str(whole),))
+        db.execute("INSERT INTO record SELECT * FROM whole.record WHERE idx IN (3, 4)")
+    assert next(rows) == 3 and len(run.spd) == 5
+    with sqlite3.connect(path) as db:
+        db.execute("UPDATE run SET status = 'complete'")
+    assert list(rows) == [4]
+    assert "5 of 5" in run._repr_html_() and "<script" not in run._repr_html_()
+
+
+def test_recording_from_python(tmp_path, monkeypatch):
+    laboratory = ["echofuse-sim", "lab", "--dir", tmp_path / "lab", "--scene", "person", "--hold", "0.2", "--window", "0.2", "--"]
+    code = """if True:
+        import echofuse
+        run = echofuse.record("%s/lab/lab.toml", count=2, label="here", out="%s/two")
+        print(len(run), run.labels, run.info["status"])
+        try:
+            echofuse.record("%s/lab/lab.toml", out="%s/two")
+        except RuntimeError as error:
+            print(error)""" % (4 * (tmp_path,))
+    monkeypatch.setenv("ECHOFUSE_ACQUIRE", str(BIN / "echofuse-acquire"))
+    said = subprocess.run([BIN / laboratory[0], *map(str, laboratory[1:]), "/usr/bin/python3", "-c", code],
+                          text=True, capture_output=True, timeout=60)
+    assert "2 ['here', 'here'] complete" in said.stdout, said.stderr
+    assert "two" in said.stdout.splitlines()[-1] and "exist" in said.stdout.splitlines()[-1]
+
+
 def test_xarray(folder):
     pytest.importorskip("xarray")
     data = echofuse.open(folder / "monday").to_xarray()
     assert data.spd.dims == ("record", "spd_bin") and data.spd_bin.attrs["units"] == "ps"
     assert data.depth.sizes["depth_y"] == 64
+    assert data.spd_range.attrs["units"] == data.depth.attrs["units"] == "m" and data.spd_range[0] == pytest.approx(2, abs=0.01)
+    assert set(data.spd_verdict.values) == {"ok"} and "over_frames" in str(data.data_vars)
     assert int((data.label == "person").sum()) == 15

@@ -4,10 +4,12 @@
 >>> import echofuse
 >>> run = echofuse.open("monday")
 >>> run.spd.shape, run.axes["spd"].unit
+>>> one = echofuse.record("lab.toml", count=1, label="empty")  # as echofuse-acquire run
 >>> maps = echofuse.load_model("fused.safetensors").predict(run)
 >>> maps.depth_m.shape  # metres; NaN: nothing returned
 """
+from .acquire import record
 from .model import Estimator, Maps, Model, load_model
 from .run import Axis, Run, open  # noqa: A004 (the name that is wanted)
 
-__all__ = ["Axis", "Estimator", "Maps", "Model", "Run", "load_model", "open"]
+__all__ = ["Axis", "Estimator", "Maps", "Model", "Run", "load_model", "open", "record"]

@@ -2,13 +2,15 @@
 """A run file (acquire/README.md) as arrays: sqlite3 and numpy, nothing else."""
 from __future__ import annotations
 
+import html
 import pathlib
 import sqlite3
 import struct
+import time
 import zlib
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, Iterator
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,10 +56,33 @@ def open(path: str | pathlib.Path) -> "Run":  # noqa: A001 (the name that is wan
 
 class Run:
     """Values as recorded, a row a record. Of a sensor that a record lacks the row is 0 (counts) or NaN; `valid`
-    tells. The records are those of the moment of opening."""
+    tells. The records are those of the moment of opening or of the last refresh()."""
 
     def __init__(self, path: pathlib.Path) -> None:
         self.path = path
+        self._read()
+
+    def refresh(self) -> "Run":
+        """Takes the records that came since; of use while the run is recorded."""
+        for name in ("spd", "radar", "depth", "lags_axis", "_pairs"):
+            self.__dict__.pop(name, None)
+        self._read()
+        return self
+
+    def follow(self, *, pause_s: float = 0.2) -> Iterator[int]:
+        """The rows of the records, those that are there and then each one that comes, until the run is closed. The arrays
+        hold the row when it is given: for row in run.follow(): run.spd[row]."""
+        row = 0
+        while True:
+            ended = self.refresh().info["status"] != "open"
+            yield from range(row, len(self))
+            row = len(self)
+            if ended:
+                return
+            time.sleep(pause_s)
+
+    def _read(self) -> None:
+        path = self.path
         with sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", uri=True) as db:
             try:
                 identity = db.execute("PRAGMA application_id").fetchone()[0]
@@ -92,6 +117,14 @@ class Run:
 
     def __repr__(self) -> str:
         return f"<echofuse run {self.path}: {len(self)} records, {self.info['status']}>"
+
+    def _repr_html_(self) -> str:
+        """For notebooks: what the run holds, a line a sensor."""
+        cells = "".join(f"<tr><td>{name}</td><td>{mask.sum()} of {len(self)}</td><td>{axis.count} x {axis.step:.4g} "
+                        f"{html.escape(axis.unit)} from {axis.start:.4g}</td></tr>" for name, mask in self.valid.items()
+                        if (axis := self.axes.get("depth_x" if name == "depth" else name)))
+        title = html.escape(f"{self.path.name}: {len(self)} records of {self.info['window_s']:g} s, {self.info['status']}")
+        return f"<b>{title}</b><table><tr><th>sensor</th><th>valid</th><th>axis</th></tr>{cells}</table>"
 
     @cached_property
     def spd(self) -> NDArray[np.uint32]:
@@ -221,25 +254,49 @@ class Run:
         return (-pulses * np.log1p(-counts / ready)).astype(np.float32)
 
     def to_xarray(self) -> Any:
-        """The same as an xarray.Dataset (python3-xarray) with named axes."""
+        """The same as an xarray.Dataset (python3-xarray) with named axes and units. spd_range and radar_range are metres
+        as measured; attrs has the offsets to take off. The radar's power is linear, whatever it sent."""
         import xarray
 
-        def coordinate(name: str) -> tuple[str, NDArray[np.float64], dict[str, str]]:
-            axis = self.axes[name]
-            return (name, axis.values, {"units": axis.unit})
-
-        shapes = {"spd": ("spd_bin",), "radar": ("radar_bin",), "depth": ("depth_y", "depth_x")}
+        columns = ("verdict", "used", "lost")
+        with self._connect() as db:
+            rows = db.execute("SELECT " + ", ".join(f"{s}_{c}" for s in SENSORS for c in columns)
+                              + " FROM record ORDER BY idx").fetchall()[:len(self)]
+            known = {name for (name,) in db.execute("SELECT name FROM sqlite_master")}
+            speckle = dict((row[0], row[1:]) for row in db.execute(
+                "SELECT idx, over_frames, over_carriers FROM speckle")) if "speckle" in known else {}
+            events = db.execute("SELECT utc, level, source, text FROM event ORDER BY id").fetchall()
+        coords: dict[str, Any] = {"record": self.index, "time": ("record", self.time), "label": ("record", self.labels)}
+        data: dict[str, Any] = {}
+        told = {"spd": ("spd_bin",), "radar": ("radar_bin",), "depth": ("depth_y", "depth_x")}
         axes = {"spd_bin": "spd", "radar_bin": "radar", "depth_y": "depth_y", "depth_x": "depth_x"}
-        data, coords = {}, {"record": self.index, "time": ("record", self.time), "label": ("record", self.labels)}
-        for sensor, dims in shapes.items():
+        unit = {"spd": "counts", "radar": "1", "depth": "m"}
+        for place, (sensor, dims) in enumerate(told.items()):
             if not all(axes[dim] in self.axes for dim in dims):
                 continue
-            data[sensor] = (("record", *dims), getattr(self, sensor))
+            data[sensor] = (("record", *dims), getattr(self, sensor), {"units": unit[sensor]})
             coords[f"{sensor}_valid"] = ("record", self.valid[sensor])
+            for at, column in enumerate(columns):
+                coords[f"{sensor}_{column}"] = ("record", [row[3 * place + at] for row in rows])
             for dim in dims:
-                _, values, attributes = coordinate(axes[dim])
-                coords[dim] = (dim, values, attributes)
-        return xarray.Dataset(data, coords, {key: str(value) for key, value in self.info.items()})
+                axis = self.axes[axes[dim]]
+                coords[dim] = (dim, axis.values, {"units": axis.unit})
+        if "spd" in data:
+            coords["spd_range"] = ("spd_bin", self.axes["spd"].values / PS_PER_M, {"units": "m"})
+        if "radar" in data:
+            coords["radar_range"] = ("radar_bin", self.axes["radar"].values, {"units": "m"})
+        for at, name in enumerate(("over_frames", "over_carriers")):
+            if speckle:
+                found = [speckle.get(index, (None, None))[at] for index in self.index.tolist()]
+                data[f"speckle_{name}"] = ("record", np.array(found, float), {"units": "1"})
+        if events:
+            data["event"] = ("event_row", [" ".join(map(str, row[1:])) for row in events])
+            coords["event_utc"] = ("event_row", [row[0] for row in events])
+        if self.antennas:
+            data["antenna"] = (("antenna_row", "antenna_column"), np.array(self.antennas, float))
+            coords["antenna_column"] = ["x_half_wavelengths", "y_half_wavelengths", "gain", "phase_rad"]
+        attributes = {key: str(value) for key, value in self.info.items()} | self.meta
+        return xarray.Dataset(data, coords, attributes | {f"{s}_offset_m": m for s, m in self.offset_m.items()})
 
     def _connect(self) -> sqlite3.Connection:
         return sqlite3.connect(f"{self.path.resolve().as_uri()}?mode=ro", uri=True)
