@@ -174,6 +174,8 @@ void RadarDriver::on_frame(RadarFrame frame) {
   check_array(frame);
   if (!running_) return;
   frame.subframes = profile_.subframes;
+  // It was taken before it began to be sent: a heat map is on the line for 25 to 96 ms.
+  frame.received -= from_seconds(profile_.frame_bytes * 10.0 / setup_.data_baud);
   frame.lost_before += std::exchange(discarded_, 0);
   sink_->on_radar(std::move(frame));
 }

@@ -241,8 +241,8 @@ TEST_CASE("a heat map that cannot be used or sent in time is told") {
 TEST_CASE("the cfgs that come with it can be sent in time") {
   for (const char* name :
        {"xwr68xx_azimuth_50cm", "xwr68xx_azimuth_44mm", "xwr68xx_44mm", "xwr68xx_paper_50cm",
-        "xwr64xx_aop_50cm", "xwr64xx_aop_44mm", "xwr64xx_aop_azimuth_44mm", "xwr64xx_ods_50cm",
-        "xwr64xx_ods_44mm", "xwr64xx_ods_azimuth_44mm"})
+        "xwr64xx_aop_50cm", "xwr64xx_aop_44mm", "xwr64xx_aop_azimuth_88mm", "xwr64xx_ods_50cm",
+        "xwr64xx_ods_44mm", "xwr64xx_ods_azimuth_88mm"})
     for (const char* sdk : {".cfg", "_sdk3.4.cfg"}) {
       std::ifstream file(test::source_dir + "/config/radar/" + name + sdk);
       const std::string text{std::istreambuf_iterator<char>(file), {}};

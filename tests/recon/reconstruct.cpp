@@ -107,11 +107,10 @@ TEST_CASE("points, arrays and pictures show the same map") {
   CHECK(y.step < 0);  // the first row is the highest: y of a point goes up
 
   const std::string peak = std::to_string(*std::max_element(mm.begin(), mm.end()));
-  CHECK(
-      numpy("a = n.load('" + (dir / "o/maps.npz") +
-            "'); print(a['index'].tolist(), a['depth_m'].shape, "
-            "round(float(n.nanmax(a['depth_m'][2])) * 1000), a['depth_x'][0] == -a['depth_x'][63])") ==
-      "[0, 1, 2] (3, 64, 64) " + peak + " True\n");
+  CHECK(numpy("a = n.load('" + (dir / "o/maps.npz") +
+              "'); print(a['index'].tolist(), a['depth_m'].shape, "
+              "round(float(n.nanmax(a['depth_m'][2])) * 1000), a['depth_x'][0] == "
+              "-a['depth_x'][63])") == "[0, 1, 2] (3, 64, 64) " + peak + " True\n");
 }
 
 TEST_CASE("a dead sensor's records are left out by number") {

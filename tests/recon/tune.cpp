@@ -75,7 +75,7 @@ TEST_CASE("a few records take a model to another room") {
   }
 }
 
-TEST_CASE("ten records move the mean body and the places; the networks only where it is plain") {
+TEST_CASE("ten records move the mean body and the places, the networks only where it is plain") {
   const std::string corrected = "mean body, offset and scale learnt";
   const auto chosen_for = [](bool other) {
     const TunedModel tuned = tune(old_model("factorised"), plates(10, 5, other), all_records());
