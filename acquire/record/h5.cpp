@@ -46,9 +46,11 @@ struct FixedTexts {
   explicit FixedTexts(const std::vector<std::string>& texts) {
     for (const auto& t : texts) length = std::max(length, t.size());
     for (const auto& t : texts) (bytes += t).append(length - t.size(), '\0');
+    ascii = std::ranges::all_of(bytes, [](char c) { return c >= 0; });
   }
   std::size_t length = 1;
   std::string bytes;
+  bool ascii = true;
 };
 
 }  // namespace
@@ -84,11 +86,11 @@ void H5File::close() {
   if (H5Fclose(file) < 0) fail("", "cannot finish writing", true);
 }
 
-// Of fixed length (zeros behind it), or H5T_VARIABLE.
-std::int64_t H5File::text_type(std::size_t length) const {
+// Of fixed length (zeros behind it), or H5T_VARIABLE. Octave reads ASCII only, if it is said to be.
+std::int64_t H5File::text_type(std::size_t length, bool ascii) const {
   const hid_t type = H5Tcopy(H5T_C_S1);
   H5Tset_size(type, length);
-  H5Tset_cset(type, H5T_CSET_UTF8);
+  H5Tset_cset(type, ascii ? H5T_CSET_ASCII : H5T_CSET_UTF8);
   if (length != H5T_VARIABLE) H5Tset_strpad(type, H5T_STR_NULLPAD);
   return type;
 }
@@ -169,7 +171,7 @@ void H5File::write_texts(const std::string& name, const std::vector<std::string>
 void H5File::write_strings(const std::string& name, const std::vector<std::string>& texts,
                            const H5Shape& shape) {
   const FixedTexts fixed(texts);
-  const Handle type(text_type(fixed.length), H5Tclose);
+  const Handle type(text_type(fixed.length, fixed.ascii), H5Tclose);
   const Handle set(make_dataset(name, type.get(), shape), H5Dclose);
   if (texts.empty()) return;
   if (H5Dwrite(set.get(), type.get(), H5S_ALL, H5S_ALL, H5P_DEFAULT, fixed.bytes.data()) < 0)
@@ -203,12 +205,15 @@ void H5File::put_scale(const std::string& name, unsigned dimension, const std::s
 void H5File::set(const std::string& object, const std::string& attribute, const H5Value& value) {
   const auto* text = std::get_if<std::string>(&value);
   const auto* texts = std::get_if<std::vector<std::string>>(&value);
-  const FixedTexts fixed(texts ? *texts : std::vector<std::string>{text ? *text : ""});
-  const Handle type(text || texts                           ? text_type(fixed.length)
+  std::vector<const char*> characters;
+  if (text) characters.push_back(text->c_str());
+  if (texts)
+    for (const auto& each : *texts) characters.push_back(each.c_str());
+  const Handle type(text || texts                           ? text_type(H5T_VARIABLE)
                     : std::holds_alternative<double>(value) ? H5Tcopy(H5T_NATIVE_DOUBLE)
                                                             : H5Tcopy(H5T_NATIVE_INT64),
                     H5Tclose);
-  const void* raw = fixed.bytes.data();
+  const void* raw = characters.data();
   if (const auto* number = std::get_if<double>(&value)) raw = number;
   if (const auto* number = std::get_if<std::int64_t>(&value)) raw = number;
   const Handle space = make_space(texts ? H5Shape{texts->size()} : H5Shape{});

@@ -71,7 +71,7 @@ class H5File {
   std::int64_t open_attribute(const std::string& object, const std::string& attribute,
                               int wanted) const;
   std::string checked(const std::string& name, std::string text) const;
-  std::int64_t text_type(std::size_t length) const;
+  std::int64_t text_type(std::size_t length, bool ascii = false) const;
   void write_strings(const std::string& name, const std::vector<std::string>& texts,
                      const H5Shape& shape);
   [[noreturn]] void fail(const std::string& name, const char* what, bool writing) const;

@@ -39,9 +39,13 @@ std::vector<float> points_of(const std::string& ply) {
   CHECK_THAT(ply, Catch::StartsWith("ply\nformat binary_little_endian 1.0\n"));
   const Bytes raw(ply.begin() + static_cast<std::ptrdiff_t>(at + last.size()), ply.end());
   CHECK_THAT(ply,
-             Catch::Contains("element vertex " + std::to_string(raw.size() / 12) + "\nproperty"));
-  CHECK(raw.size() % 12 == 0);
-  return to_values<float>(raw);
+             Catch::Contains("element vertex " + std::to_string(raw.size() / 15) + "\nproperty"));
+  CHECK_THAT(ply, Catch::Contains("x right, y up, z away"));
+  CHECK(raw.size() % 15 == 0);
+  Bytes places;  // without their three colours
+  for (std::size_t i = 0; i < raw.size(); ++i)
+    if (i % 15 < 12) places.push_back(raw[i]);
+  return to_values<float>(places);
 }
 
 template <class Condition>
@@ -104,6 +108,9 @@ TEST_CASE("points, arrays and pictures show the same map") {
     strangers += mm[static_cast<std::size_t>(row * 64 + column)] != std::lround(z * 1000);
   }
   CHECK(strangers == 0);
+  const std::string camera = contents(dir / "o/camera.json");
+  CHECK_THAT(camera, Catch::Contains("\"width\": 64, \"height\": 64, \"fx\": 58.18181"));
+  CHECK_THAT(camera, Catch::Contains("\"cx\": 31.5, \"cy\": 31.5"));
   CHECK(y.step < 0);  // the first row is the highest: y of a point goes up
 
   const std::string peak = std::to_string(*std::max_element(mm.begin(), mm.end()));
