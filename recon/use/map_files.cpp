@@ -26,11 +26,13 @@ Bytes millimetre_picture(std::span<const float> map, std::uint32_t size) {
 Bytes point_cloud(std::span<const float> map, const record::MapGrid& grid, const DepthSpan& span) {
   const Axis x = grid.x(), y = grid.y();
   const auto points = std::count_if(map.begin(), map.end(), [](float z) { return z > 0; });
-  const std::string head = formatted(
-      "ply\nformat binary_little_endian 1.0\ncomment origin at the detector, x right, y up, z away "
-      "from it; metres\nelement vertex %lld\nproperty float x\nproperty float y\nproperty float z\n"
-      "property uchar red\nproperty uchar green\nproperty uchar blue\nend_header\n",
-      static_cast<long long>(points));
+  const std::string head =
+      "ply\nformat binary_little_endian 1.0\n"
+      "comment origin at the detector, x right, y up, z away from it; metres\n"
+      "element vertex " +
+      std::to_string(points) +
+      "\nproperty float x\nproperty float y\nproperty float z\n"
+      "property uchar red\nproperty uchar green\nproperty uchar blue\nend_header\n";
   Bytes out(head.begin(), head.end());
   const Bytes colours = depth_colours(map, span);
   for (std::size_t p = 0; p < map.size(); ++p) {

@@ -111,6 +111,7 @@ TEST_CASE("points, arrays and pictures show the same map") {
   const std::string camera = contents(dir / "o/camera.json");
   CHECK_THAT(camera, Catch::Contains("\"width\": 64, \"height\": 64, \"fx\": 58.18181"));
   CHECK_THAT(camera, Catch::Contains("\"cx\": 31.5, \"cy\": 31.5"));
+  CHECK_THAT(camera, Catch::EndsWith("31.5, 31.5, 1]}\n"));
   CHECK(y.step < 0);  // the first row is the highest: y of a point goes up
 
   const std::string peak = std::to_string(*std::max_element(mm.begin(), mm.end()));
