@@ -99,13 +99,14 @@ std::optional<UtcTime> TaggedFile::time(const std::string& name, std::int32_t in
   constexpr double day_of_1970 = 25569, day_of_2250 = 127'839, day_s = 86400;
   const auto days = number(name, index);
   if (!days || *days < day_of_1970 || *days > day_of_2250) return std::nullopt;
-  const double since = (*days - day_of_1970) * day_s;
-  const auto whole_s = static_cast<std::time_t>(since);
+  // A day as a double is known to less than 10 us.
+  const double since_s = std::round((*days - day_of_1970) * day_s * 1e3) / 1e3;
+  const auto whole_s = static_cast<std::time_t>(since_s);
   std::tm local{};
   gmtime_r(&whole_s, &local);
   local.tm_isdst = -1;
   return std::chrono::seconds(std::mktime(&local)) +
-         from_seconds(since - static_cast<double>(whole_s));
+         std::chrono::milliseconds(std::lround(1e3 * (since_s - static_cast<double>(whole_s))));
 }
 
 }  // namespace echofuse::acquire
