@@ -48,6 +48,9 @@ void add_run(CLI::App& app, Options& o) {
   auto* count = c->add_option("--count", o.run.count, "stop after this many slots")
                     ->check(CLI::PositiveNumber);
   add_duration(*c, o, "stop after this time: 2h, 30m, 10s")->excludes(count);
+  c->add_option("--countdown", o.run.countdown_s,
+                "s between the devices' answer and the first slot, told one by one")
+      ->check(CLI::Range(std::int64_t{1}, std::int64_t{3600}));
   c->add_option("--keep-raw", o.run.keep_raw,
                 "new folder for the devices' bytes as they came, for `replay`");
   c->add_flag("--view", o.view, "start echofuse-view beside, which prints its address");
