@@ -22,6 +22,7 @@
 #include "acquire/config/find_config.hpp"
 #include "acquire/devices/devices.hpp"
 #include "acquire/doctor/doctor.hpp"
+#include "acquire/import/import.hpp"
 #include "acquire/record/export.hpp"
 #include "acquire/record/run_file.hpp"
 #include "acquire/record/run_names.hpp"
@@ -196,6 +197,20 @@ ExitCode replay(const Options& o) {
   return ExitCode::ok;
 }
 
+// Without a configuration: the one that is installed.
+ExitCode import_files(Options& o) {
+  const std::string installed = (data_folder() / "lab.toml").string();
+  const auto found = o.config.empty() ? find_config() : std::nullopt;
+  const Config config = load_config(!o.config.empty() ? o.config
+                                    : found           ? found->path
+                                                      : installed,
+                                    o.assignments);
+  o.import.out = out_of(o, config);
+  catch_interrupts();
+  spdlog::info("{}", import_recordings(config, o.import));
+  return ExitCode::ok;
+}
+
 ExitCode export_run(const Options& o) {
   catch_interrupts();
   const record::RunReader reader(o.file);
@@ -233,6 +248,7 @@ ExitCode dispatch(const std::string& command, Options& o) {
   if (command == "calibrate") return calibrate_sensors(o);
   if (command == "annotate") return annotate(o);
   if (command == "list") return list(o);
+  if (command == "import") return import_files(o);
   return replay(o);
 }
 

@@ -48,6 +48,9 @@ void add_run(CLI::App& app, Options& o) {
   auto* count = c->add_option("--count", o.run.count, "stop after this many slots")
                     ->check(CLI::PositiveNumber);
   add_duration(*c, o, "stop after this time: 2h, 30m, 10s")->excludes(count);
+  c->add_option("--countdown", o.run.countdown_s,
+                "s between the devices' answer and the first slot, told one by one")
+      ->check(CLI::Range(std::int64_t{1}, std::int64_t{3600}));
   c->add_option("--keep-raw", o.run.keep_raw,
                 "new folder for the devices' bytes as they came, for `replay`");
   c->add_flag("--view", o.view, "start echofuse-view beside, which prints its address");
@@ -109,6 +112,26 @@ void add_file_commands(CLI::App& app, Options& o) {
   replay->add_flag("--json", o.json);
 }
 
+void add_import(CLI::App& app, Options& o) {
+  auto* c = app.add_subcommand("import", "recordings of other programs become a run");
+  add_config_options(*c, o);
+  auto& i = o.import;
+  c->add_option("FILE", i.files,
+                "NAME.dat of a radar's data port, NAME.ptu or NAME.phu of PicoQuant; one a sensor")
+      ->required();
+  c->add_option(
+      "--cfg", i.cfg,
+      "what the radar was configured by; default: NAME.cfg beside NAME.dat, else radar.cfg");
+  c->add_option("--out", o.run.out, out_help);
+  c->add_option("--began", i.began, "UTC, 2024-02-07T12:34:56Z; default: as the files have it");
+  c->add_option("--start", i.start, "input of the laser's pulses in a .ptu; 0 is the sync")
+      ->check(CLI::Range(0, 64))
+      ->capture_default_str();
+  c->add_option("--click", i.click, "input of the detector in a .ptu")
+      ->check(CLI::Range(0, 64))
+      ->capture_default_str();
+}
+
 void add_doctor(CLI::App& app, Options& o) {
   auto* c = app.add_subcommand("doctor", "would a run go well? Checks machine, disk and devices");
   add_config_options(*c, o);
@@ -146,6 +169,7 @@ void add_commands(CLI::App& app, Options& o) {
   add_doctor(app, o);
   add_config_commands(app, o);
   add_file_commands(app, o);
+  add_import(app, o);
 }
 
 std::string command_of(const CLI::App& app) {

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "acquire/calibrate/calibrate.hpp"
+#include "acquire/import/import.hpp"
 #include "acquire/run/daemon.hpp"
 
 namespace echofuse::acquire {
@@ -17,6 +18,7 @@ struct Options {
   std::vector<std::string> assignments;
   RunOptions run;
   CalibrateOptions calibrate;
+  ImportOptions import;
   std::optional<std::string> label, text;
   std::vector<std::string> meta;
   std::string resume;

@@ -91,6 +91,7 @@ class Daemon final : private SampleSink {
   port::RawKeeper* keep_raw(const RunOptions& options);
   void report_raw_trouble();
   void require_devices() const;
+  void count_down();
   void begin();
   std::unique_ptr<record::RunWriter> open_file();
   void interrupt(HostTime now);
@@ -138,6 +139,7 @@ ExitCode Daemon::run() {
   devices_.start();
   devices_.wait(config_.connect_timeout_s);
   require_devices();
+  if (options_.countdown_s > 0) count_down();
   begin();
   arm();
   loop_.run_until([this] { return done_; });
@@ -165,6 +167,15 @@ void Daemon::require_devices() const {
     throw Error(ExitCode::device, "no device delivers after " +
                                       human_duration(config_.connect_timeout_s) + "\n" + missing);
   if (!missing.empty()) spdlog::warn("starting without {}", missing);
+}
+
+// Whoever is to be recorded goes to their place. The devices run meanwhile.
+void Daemon::count_down() {
+  for (std::int64_t left_s = options_.countdown_s; left_s > 0 && !interrupted(); --left_s) {
+    spdlog::info("the first slot begins in {} s", left_s);
+    loop_.run_until(interrupted, loop_.now() + std::chrono::seconds(1));
+  }
+  require_devices();
 }
 
 // The index goes on; so does time, by UTC: the monotonic clock may have begun again.

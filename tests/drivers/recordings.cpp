@@ -9,7 +9,10 @@
 #include <iostream>
 #include <iterator>
 
+#include "../folder.hpp"
 #include "../paths.hpp"
+#include "acquire/import/import.hpp"
+#include "acquire/record/run_file.hpp"
 #include "drivers/radar/frame_parser.hpp"
 
 using namespace echofuse;
@@ -65,6 +68,35 @@ TEST_CASE("automated doors: 101 frames, nothing lost, whatever the pieces") {
               c.lost_frames ==
           0);
   }
+}
+
+TEST_CASE("automated doors: imported, each frame is in the record of its time") {
+  const test::Folder folder;
+  const std::string config = folder / "lab.toml";
+  std::ofstream(config) << "[tdc]\naddress = \"bridge:tcp://127.0.0.1:9\"\n[run]\nwindow_s = 1.0\n";
+  acquire::import_recordings(acquire::load_config(config),
+                             {.files = {(data_folder() / automated_doors).string()},
+                              .cfg = test::source_dir + "/config/radar/xwr68xx_44mm.cfg",
+                              .began = "2024-02-07T12:00:00Z",
+                              .out = folder / "doors.sqlite"});
+  const record::RunReader run(folder / "doors.sqlite");
+  REQUIRE(run.count() == 10);
+  std::uint64_t frames = 0;
+  run.for_each([&](const record::FusedRecord& r) {
+    CHECK(r.has(Sensor::radar));
+    CHECK(r.radar.size() == 256);
+    CHECK(r.sync[Sensor::radar].span_s ==
+          Approx(r.sync[Sensor::radar].used == 11 ? 1.0 : 0.9).margin(0.01));
+    CHECK(r.sync[Sensor::radar].lost == 0);
+    frames += r.sync[Sensor::radar].used;
+    return true;
+  });
+  CHECK(frames == 101);
+  CHECK(run.info().started_utc == "2024-02-07T12:00:00.000Z");
+  CHECK(run.info().ended_utc == "2024-02-07T12:00:10.000Z");
+  // The cfg is not that of the recording, whose frames come ten times a second.
+  CHECK(run.events().at(0).text.find("a frame came every 100.0 ms, the cfg says 50.0 ms") !=
+        std::string::npos);
 }
 
 int main(int argc, char** argv) {

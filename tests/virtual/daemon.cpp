@@ -93,6 +93,18 @@ TEST_CASE("without a required device there is no run, and records without it are
   }
 }
 
+TEST_CASE("a countdown: the first slot begins so much later") {
+  const auto first = [](std::int64_t countdown_s) {
+    Bench b({.window_s = 1});
+    auto run = b.run(2);
+    run.countdown_s = countdown_s;
+    CHECK(b.lab->record(run) == ExitCode::ok);
+    CHECK(b.verdicts(Sensor::spd) == Strings(2, "ok"));
+    return b.records().at(0).slot_start;
+  };
+  CHECK(first(5) - first(0) == std::chrono::seconds(5));
+}
+
 TEST_CASE("a laser too weak is told once, and counted in every record") {
   Bench b({.signal_photons = 100});
   auto run = b.run(6);

@@ -1,0 +1,37 @@
+// SPDX-License-Identifier: MIT
+// The `import` command: recordings of other programs become a run.
+//   .dat        the radar's data port, with the .cfg that the board had
+//   .ptu .phu   PicoQuant's time tags and histograms
+// A record is made of the samples of its slot as in a live run, by the times of the recording; slot
+// 0 begins with it. A .phu gives one record a curve, of the curve's length. Two recordings, one of
+// each sensor, are taken to begin at the same time.
+#pragma once
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "acquire/config/config.hpp"
+#include "drivers/core/clock.hpp"
+
+namespace echofuse::acquire {
+
+struct ImportOptions {
+  std::vector<std::string> files{};
+  std::string cfg{};       // of the radar; empty: beside its recording, or the configuration's
+  std::string began{};     // UTC, ISO 8601; empty: as the files have it
+  std::int32_t start = 0;  // input of the laser's pulses; 0 is the sync
+  std::int32_t click = 1;  // input of the detector
+  std::string out{};       // the run to make
+};
+
+// "2024-02-07T12:34:56Z", with or without "Z", a fraction, or the time. Throws Error(usage).
+UtcTime parse_utc(const std::string& text);
+
+// Makes the run and returns what is in it, and what is missing or taken for granted, a line each;
+// the run has these lines as events. `config` says how a record is made: slots, histogram, board,
+// calibration. Its addresses are not used. Throws Error: a file cannot be read or is none of these
+// (failed), the run exists (failed) or cannot be written (disk).
+std::string import_recordings(Config config, const ImportOptions& options);
+
+}  // namespace echofuse::acquire

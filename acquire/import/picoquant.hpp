@@ -1,0 +1,94 @@
+// SPDX-License-Identifier: MIT
+// PicoQuant's time tags (.ptu) as the tags of a tagger, and its histograms (.phu).
+// Source: Read_PTU.py and Read_PHU.py of PicoQuant's demos. A record is a u32:
+//   HydraHarp, TimeHarp 260, MultiHarp, generic
+//     T2  31 special, 30:25 channel, 24:0 time    special 63: overflow of 33,554,432, as often as
+//                                                 `time` says (0: once; version 1: once, of
+//                                                 33,552,000), 0: sync, 1 to 15: marker
+//     T3  31 special, 30:25 channel, 24:10 dtime, 9:0 nsync    special 63: overflow of 1024, as
+//                                                 often as `nsync` says, 1 to 15: marker
+//   PicoHarp
+//     T2  31:28 channel, 27:0 time                channel 15: marker, or overflow of 210,698,240
+//                                                 if its last four bits are 0
+//     T3  31:28 channel, 27:16 dtime, 15:0 nsync  channel 15: marker, or overflow of 65536 if dtime
+//                                                 is 0
+// T2 times are in units of MeasDesc_GlobalResolution; of T3 that is the period of the sync, and
+// MeasDesc_Resolution the unit of dtime.
+#pragma once
+#include <array>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "acquire/import/recording.hpp"
+#include "acquire/record/record.hpp"
+
+namespace echofuse::acquire {
+
+// The sync has this channel, input n the channel n.
+inline constexpr std::int32_t sync_channel = 0;
+
+// Pure.
+class PicoquantRecords {
+ public:
+  // Throws Error(failed): no known type, no resolution above 0.
+  PicoquantRecords(std::uint32_t type, double global_resolution_s, double resolution_s);
+  bool is_t3() const { return t3_; }
+  // Appends what the record is: nothing, a tag, or of T3 the pulse's start and its click. Of T3 the
+  // pulses without a click are not in the file, as behind a conditional filter. False: its time is
+  // beyond 2^63 ps.
+  bool add(std::uint32_t record, std::vector<Tag>& out);
+  std::uint64_t markers() const { return markers_; }
+
+ private:
+  bool put(std::int32_t channel, std::uint64_t unit, std::uint64_t dtime, std::vector<Tag>& out);
+  bool pico_harp_ = false, t3_ = false, once_ = false;
+  std::uint64_t wrap_ = 0, base_ = 0, markers_ = 0;
+  std::uint64_t pulse_ = ~std::uint64_t{0};  // of the last start
+  long double unit_ps_, dtime_ps_;
+};
+
+// Blocks of at most 10 ms. Throws Error(failed) if it is no .ptu of known records.
+class PicoquantTags final : public Recording {
+ public:
+  explicit PicoquantTags(const std::string& path);
+  ~PicoquantTags() override;
+  DeviceInfo device() const override;
+  bool next(SampleSink& sink) override;
+  HostTime at() const override { return at_; }
+  std::vector<Counter> counters() const override;
+  std::vector<std::string> doubts() const override;
+  std::optional<UtcTime> began() const;  // as the file has it, in local time
+
+ private:
+  struct File;
+  bool read_record();
+  std::unique_ptr<File> file_;
+  PicoquantRecords records_;
+  std::vector<Tag> tags_;  // of the block, and those of the record behind its end
+  std::vector<std::uint32_t> chunk_;
+  std::size_t in_chunk_ = 0;
+  HostTime at_{};
+  std::uint64_t count_ = 0, bytes_cut_ = 0;
+  std::array<std::uint64_t, 65> by_channel_{};
+  bool beyond_ = false;
+};
+
+// The histograms of a .phu.
+struct PicoquantCurve {
+  std::optional<UtcTime> recorded;
+  double length_s = 0;
+  std::optional<double> sync_hz;
+  std::vector<std::uint32_t> counts;  // to the last bin of any curve that is not 0
+};
+struct PicoquantHistograms {
+  DeviceInfo device;  // with the axis
+  std::vector<PicoquantCurve> curves;
+};
+// Throws Error(failed): it is no .phu, its curves have no common axis or are not in the file.
+PicoquantHistograms read_histograms(const std::string& path);
+
+}  // namespace echofuse::acquire

@@ -1,0 +1,50 @@
+// SPDX-License-Identifier: MIT
+// PicoQuant's tagged files, .ptu and .phu. Source: PicoQuant's demos for these files
+// (PicoQuant-Time-Tagged-File-Format-Demos, Read_PTU.py, Read_PHU.py). Little-endian:
+//   u8[8] "PQTTTR" or "PQHISTO", u8[8] version, then tags up to the one named Header_End:
+//   char[32] name, i32 index (-1: none), u32 type, 8 bytes of value; of the types with ffff at
+//   their end the value is the number of bytes that follow. After the tags: records or histograms.
+#pragma once
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <string>
+#include <utility>
+
+#include "drivers/core/clock.hpp"
+#include "drivers/program/regular_file.hpp"
+
+namespace echofuse::acquire {
+
+class TaggedFile {
+ public:
+  // Reads the tags. Throws Error(failed): it is no such file, or its tags are damaged.
+  TaggedFile(const std::string& path, const std::string& magic);
+
+  // None if there is no such tag, or none with a number.
+  std::optional<double> number(const std::string& name, std::int32_t index = -1) const;
+  // The same; throws Error(failed) that names the tag.
+  double require(const std::string& name, std::int32_t index = -1) const;
+  // A whole number from `least` to `most`; else throws as well.
+  std::int64_t whole(const std::string& name, std::int64_t least, std::int64_t most,
+                     std::int32_t index = -1) const;
+  std::string text(const std::string& name) const;  // empty if there is none
+  // Of a time, which these files have as local days since 1899-12-30: as the time zone of this
+  // machine has it. None if there is no such tag, or its time is not between 1970 and 2250.
+  std::optional<UtcTime> time(const std::string& name, std::int32_t index = -1) const;
+  const std::string& path() const { return path_; }
+  const RegularFile& file() const { return file_; }  // where the tags end
+  std::size_t tag_bytes() const { return tag_bytes_; }
+
+ private:
+  using Key = std::pair<std::string, std::int32_t>;
+  void read_tags();
+  void take(void* to, std::size_t bytes);
+  std::string path_;
+  RegularFile file_;
+  std::size_t tag_bytes_ = 0;
+  std::map<Key, double> numbers_;
+  std::map<Key, std::string> texts_;
+};
+
+}  // namespace echofuse::acquire

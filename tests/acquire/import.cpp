@@ -1,0 +1,220 @@
+// SPDX-License-Identifier: MIT
+// Recordings of other programs become runs: bytes as PicoQuant's demos read them, frames as TI's.
+#include "acquire/import/import.hpp"
+
+#include <bit>
+
+#include "acquire/config/config.hpp"
+#include "acquire/import/picoquant.hpp"
+#include "drivers/core/bytes.hpp"
+#include "testing.hpp"
+
+using namespace echofuse;
+using testing::error_of, testing::Folder, testing::has, testing::write_file;
+
+namespace {
+
+// Tags of a header, little-endian.
+class Tagged {
+ public:
+  explicit Tagged(const std::string& magic) { text(magic, 8), text("1.0.00", 8); }
+  Tagged& tag(const std::string& name, std::uint32_t type, std::int64_t value, int index = -1) {
+    text(name, 32);
+    put(bytes_, std::int32_t{index});
+    put(bytes_, type);
+    put(bytes_, value);
+    return *this;
+  }
+  Tagged& whole(const std::string& name, std::int64_t value, int index = -1) {
+    return tag(name, 0x10000008, value, index);
+  }
+  Tagged& real(const std::string& name, double value, int index = -1) {
+    return tag(name, 0x20000008, std::bit_cast<std::int64_t>(value), index);
+  }
+  Tagged& string(const std::string& name, const std::string& value) {
+    tag(name, 0x4001ffff, static_cast<std::int64_t>(value.size()));
+    text(value, value.size());
+    return *this;
+  }
+  Tagged& end() { return tag("Header_End", 0xffff0008, 0); }
+  template <class T>
+  Tagged& data(const std::vector<T>& values) {
+    for (const T& v : values) put(bytes_, v);
+    return *this;
+  }
+  void write(const std::string& path) const { write_file(path, {bytes_.begin(), bytes_.end()}); }
+  std::size_t size() const { return bytes_.size(); }
+
+ private:
+  void text(std::string value, std::size_t size) {
+    value.resize(size, '\0');
+    bytes_.insert(bytes_.end(), value.begin(), value.end());
+  }
+  Bytes bytes_;
+};
+
+Tagged ptu(std::uint32_t type, double global_s, double dtime_s, std::size_t records) {
+  Tagged file("PQTTTR");
+  file.string("HW_Type", "HydraHarp 400").whole("TTResultFormat_TTTRRecType", type);
+  file.real("MeasDesc_GlobalResolution", global_s).real("MeasDesc_Resolution", dtime_s);
+  return file.whole("TTResult_NumberOfRecords", static_cast<std::int64_t>(records)).end();
+}
+
+// HydraHarp, version 2.
+std::uint32_t t2(std::uint32_t channel, std::uint32_t time) { return channel << 25 | time; }
+std::uint32_t t3(std::uint32_t channel, std::uint32_t dtime, std::uint32_t nsync) {
+  return channel << 25 | dtime << 10 | nsync;
+}
+constexpr std::uint32_t special = 1u << 31;
+
+std::vector<std::pair<std::int32_t, std::int64_t>> tags_of(
+    acquire::PicoquantRecords records, const std::vector<std::uint32_t>& words) {
+  std::vector<Tag> tags;
+  for (const auto word : words) REQUIRE(records.add(word, tags));
+  std::vector<std::pair<std::int32_t, std::int64_t>> out;
+  for (const Tag& t : tags) out.emplace_back(t.channel, t.time_ps);
+  return out;
+}
+
+acquire::Config config_of(const Folder& folder, double window_s = 0.5) {
+  write_file(folder / "lab.toml",
+             "[tdc]\naddress = \"bridge:tcp://127.0.0.1:9\"\nbins = 100\n"
+             "first_bin_ps = 0\n[run]\nwindow_s = " +
+                 std::to_string(window_s) + "\n");
+  return acquire::load_config(folder / "lab.toml");
+}
+
+}  // namespace
+
+TEST_CASE("import: the records of each of PicoQuant's devices") {
+  using Tags = std::vector<std::pair<std::int32_t, std::int64_t>>;
+  // HydraHarp 2: sync, input 1, an overflow of three, a marker, input 3
+  CHECK(tags_of({0x01010204, 1e-12, 0}, {special | t2(0, 7), t2(0, 9), special | t2(63, 3),
+                                         special | t2(1, 5), t2(2, 1)}) ==
+        Tags{{0, 7}, {1, 9}, {3, 3 * 33'554'432 + 1}});
+  // its version 1 counts an overflow once, of another length
+  CHECK(tags_of({0x00010204, 1e-12, 0}, {special | t2(63, 3), t2(0, 1)}) == Tags{{1, 33'552'001}});
+  // MultiHarp T3: two clicks of one pulse, then one of a later pulse
+  CHECK(
+      tags_of({0x00010307, 1e-7, 5e-12},
+              {t3(0, 20, 4), t3(1, 30, 4), special | t3(63, 0, 2), t3(0, 1, 0)}) ==
+      Tags{{0, 400'000}, {1, 400'100}, {2, 400'150}, {0, 2048 * 100'000}, {1, 2048 * 100'000 + 5}});
+  // PicoHarp T2, 4 ps: sync, overflow, marker, input 1
+  CHECK(tags_of({0x00010203, 4e-12, 0}, {5, 15u << 28, 15u << 28 | 1, 1u << 28 | 6}) ==
+        Tags{{0, 20}, {1, 4 * (210'698'240 + 6)}});
+  // and T3
+  CHECK(tags_of({0x00010303, 1e-7, 4e-12},
+                {1u << 28 | 10u << 16 | 3, 15u << 28, 2u << 28 | 1u << 16}) ==
+        Tags{{0, 300'000}, {1, 300'040}, {0, 65536LL * 100'000}, {2, 65536LL * 100'000 + 4}});
+  CHECK(error_of([] { acquire::PicoquantRecords(0x00010408, 1e-12, 0); }).first ==
+        ExitCode::failed);
+  CHECK(error_of([] { acquire::PicoquantRecords(0x00010304, 1e-7, 0); }).first == ExitCode::failed);
+}
+
+TEST_CASE("import: T2 and T3 of the same light give the same records") {
+  const Folder folder;
+  // 1 s of a laser at 10 kHz, a click 5 ns after each 50th pulse.
+  std::vector<std::uint32_t> as_t2, as_t3;
+  std::uint64_t wraps = 0, sync_wraps = 0;
+  const auto at = [&](std::uint64_t ps, std::uint32_t word) {
+    for (; ps >> 25 > wraps; ++wraps) as_t2.push_back(special | t2(63, 1));
+    as_t2.push_back(word | static_cast<std::uint32_t>(ps & 0x1ffffff));
+  };
+  for (std::uint64_t pulse = 0; pulse < 10'000; ++pulse) {
+    at(pulse * 100'000'000, special);
+    if (pulse % 50 != 0) continue;
+    at(pulse * 100'000'000 + 5000, 0);
+    for (; pulse / 1024 > sync_wraps; ++sync_wraps) as_t3.push_back(special | t3(63, 0, 1));
+    as_t3.push_back(t3(0, 5, static_cast<std::uint32_t>(pulse % 1024)));
+  }
+  ptu(0x01010204, 1e-12, 0, as_t2.size()).data(as_t2).write(folder / "a.ptu");
+  ptu(0x01010304, 1e-4, 1e-9, as_t3.size() + 9).data(as_t3).write(folder / "b.ptu");
+  const acquire::Config config = config_of(folder);
+  acquire::import_recordings(
+      config,
+      {.files = {folder / "a.ptu"}, .began = "2024-02-07T12:34:56.5Z", .out = folder / "a.sqlite"});
+  const std::string said =
+      acquire::import_recordings(config, {.files = {folder / "b.ptu"}, .out = folder / "b.sqlite"});
+  CHECK(has(said, "its header tells of 218 records, it has 209"));
+  CHECK(has(said, "when it began is not known"));
+  const record::RunReader a(folder / "a.sqlite"), b(folder / "b.sqlite");
+  CHECK(a.info().started_utc == "2024-02-07T12:34:56.500Z");
+  CHECK(a.devices().at(0).model == "HydraHarp 400");
+  for (const record::RunReader* run : {&a, &b}) {
+    REQUIRE(run->count() == 2);
+    for (const std::int64_t i : {0, 1}) {
+      const record::FusedRecord r = run->read(i);
+      CHECK(r.has(Sensor::spd));
+      CHECK(r.spd.at(50) == 100);
+      CHECK(r.spd_counts.in_range == 100);
+      CHECK(r.spd_counts.starts == (run == &a ? 5000u : 100u));
+      CHECK(r.slot_end - r.slot_start == from_seconds(0.5));
+      CHECK(r.slot_utc - run->read(0).slot_utc == r.slot_start);
+      CHECK(r.sync[Sensor::radar].verdict == "not configured");
+    }
+  }
+}
+
+TEST_CASE("import: histograms keep their axis and their times") {
+  const Folder folder;
+  constexpr double day_2024_02_07 = 45329;  // since 1899-12-30
+  const auto header = [&](std::int64_t place) {
+    Tagged file("PQHISTO");
+    file.whole("HistoResult_NumberOfCurves", 2).whole("MeasDesc_AcquisitionTime", 2000);
+    for (const int i : {0, 1}) {
+      file.whole("HistResDscr_DataOffset", place + 40 * i, i);
+      file.whole("HistResDscr_HistogramBins", 10, i).real("HistResDscr_MDescResolution", 4e-12, i);
+      file.tag("HistResDscr_TimeofRecording", 0x21000008,
+               std::bit_cast<std::int64_t>(day_2024_02_07 + i / 24.0), i);
+      file.whole("HistResDscr_SyncRate", 1000, i);
+    }
+    return file.end();
+  };
+  std::vector<std::uint32_t> counts(20);
+  counts[3] = 40, counts[17] = 30;
+  header(static_cast<std::int64_t>(header(0).size())).data(counts).write(folder / "a.phu");
+  const acquire::Config config = config_of(folder);
+  acquire::import_recordings(config, {.files = {folder / "a.phu"}, .out = folder / "a.sqlite"});
+  const record::RunReader run(folder / "a.sqlite");
+  REQUIRE(run.count() == 2);
+  const Axis axis = run.axis("spd").value();
+  CHECK((axis.count == 8 && axis.start == 0 && axis.step == 4));
+  CHECK(run.read(0).spd == std::vector<std::uint32_t>{0, 0, 0, 40, 0, 0, 0, 0});
+  CHECK(run.read(1).spd_counts.in_range == 30);
+  CHECK(run.read(1).slot_utc - run.read(0).slot_utc == std::chrono::hours(1));
+  CHECK(run.read(1).slot_end - run.read(1).slot_start == from_seconds(2));
+  // 40 clicks of 2000 pulses are 2 %
+  CHECK(run.read(0).signal.clicks_a_pulse == Approx(0.02));
+  header(1 << 20).data(counts).write(folder / "b.phu");
+  CHECK(has(error_of([&] {
+              acquire::import_recordings(config,
+                                         {.files = {folder / "b.phu"}, .out = folder / "b.sqlite"});
+            }).second,
+            "curve 0 lies outside the file"));
+  CHECK_FALSE(testing::fs::exists(folder / "b.sqlite"));
+}
+
+TEST_CASE("import: what is refused, in one line") {
+  const Folder folder;
+  write_file(folder / "a.ptu", "PQTTTR");
+  write_file(folder / "b.ptu", std::string("PQTTTR\0\0"
+                                           "1.0.00\0\0",
+                                           16) +
+                                   std::string(20, 'x'));
+  write_file(folder / "a.dat", "nothing");
+  write_file(folder / "a.ttbin", "");
+  config_of(folder);
+  const auto refuses = [&](const std::string& file, int code, const std::string& saying) {
+    const testing::Outcome o = testing::acquire("import --config " + folder / "lab.toml" +
+                                                " --out " + folder / "run" + " " + folder / file);
+    CAPTURE(o.text);
+    CHECK(o.code == code);
+    CHECK(has(o.text, saying));
+    CHECK_FALSE(testing::fs::exists(folder / "run.sqlite"));
+  };
+  refuses("a.ptu", 1, "does not begin with PQTTTR");
+  refuses("b.ptu", 1, "its header has no end");
+  refuses("a.dat", 3, "without the .cfg that the board had");
+  refuses("a.ttbin", 2, "only the Time Tagger's library reads .ttbin");
+  refuses("lab.toml", 2, "expected NAME.dat (radar), NAME.ptu or NAME.phu");
+}
