@@ -15,7 +15,8 @@ namespace {
 constexpr double time_s = 2;
 
 Config lab() {
-  return load_config(echofuse::test::source_dir + "/config/lab.toml", {"depth.fps=10", "radar.cfg=radar/xwr68xx_paper_50cm.cfg"});
+  return load_config(echofuse::test::source_dir + "/config/lab.toml",
+                     {"depth.fps=10", "radar.cfg=radar/xwr68xx_paper_50cm.cfg"});
 }
 
 // A start and, after `delay_ps`, a click; a thousand times.

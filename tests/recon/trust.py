@@ -96,9 +96,8 @@ def runs():
     """Like runs are called unlike in 1 % at most, those of other laboratories in 95 % at least.
 
     Ten runs share a reference, as the share of a single one would tell of its draw alone. Runs of
-    --records hold a quarter people exactly, and then letters, so that their means differ less than
-    those of blocks do: their p is larger than chance alone would give. Runs of people alone have no
-    such order, and for these p is a probability."""
+    --records hold a quarter people exactly, so that their means differ less than those of chance
+    draws do: their p is larger. For runs of people alone p is a probability."""
     references = 4 if arguments.quick else 20
     for kind in ("--people", "--records"):
         for reference in (200, 3600):
