@@ -99,7 +99,7 @@ TEST_CASE("a countdown: the first slot begins so much later") {
     auto run = b.run(2);
     run.countdown_s = countdown_s;
     CHECK(b.lab->record(run) == ExitCode::ok);
-    CHECK(b.verdicts(Sensor::spd) == Strings(2, "ok"));
+    CHECK(b.verdicts(Sensor::radar) == Strings(2, "ok"));
     return b.records().at(0).slot_start;
   };
   CHECK(first(5) - first(0) == std::chrono::seconds(5));
