@@ -19,7 +19,7 @@ namespace {
 
 constexpr std::size_t folds = 4;
 constexpr std::array pulls{100., 30., 10., 3., 1.};
-constexpr double usual_pull = 30, turned_pull = 30;
+constexpr double usual_pull = 30, turned_pull = 30, least_pull_of_few = 10;
 // A centimetre of lateral error counts as much as this IoU. By quarters of the lateral error (0.5
 // to 7.3 cm) the maps of one model have an IoU of .671 to .510.
 constexpr double iou_a_metre = 2.4;
@@ -217,7 +217,8 @@ void try_all(Choice& choice, const Estimator& from, const Dataset& data, const S
       return adapt(from, data, rows, room, tuning);
     });
   };
-  for (const double pull : pulls) add_tuned(pull, false);
+  for (const double pull : pulls)
+    if (many || !aligned || pull >= least_pull_of_few) add_tuned(pull, false);
   if (many && aligned) add_tuned(turned_pull, true);
   if (many)
     choice.add(alone, [&](const Rows& rows) { return fit_alone(from, data, rows, options); });
@@ -245,11 +246,11 @@ void finish(Estimator& model, const Dataset& data, const Split& split,
 }
 
 // It tunes the estimators for the range profile and the SPD alone. Their pull is not tested: they
-// are seldom needed.
-Estimator tune_other(const Estimator& from, const Dataset& data, const Split& split,
-                     Tuning tuning) {
+// are seldom needed. With few records they learn no more than the first estimator does.
+Estimator tune_other(const Estimator& from, const Dataset& data, const Split& split, Tuning tuning,
+                     bool learns) {
   const bool few = split.train.size() < TuneOptions::least_alone && wants_alignment(from.name);
-  tuning.pull = few ? INFINITY : usual_pull, tuning.correct = few;
+  tuning.pull = few ? INFINITY : usual_pull, tuning.correct = few && learns;
   const auto fit = [&](const Rows& rows) { return adapt(from, data, rows, Room::kept, tuning); };
   Estimator out = fit(split.train);
   const std::array halves{make_fold(split.train, 0, 2, 0), make_fold(split.train, 1, 2, 0)};
@@ -316,12 +317,12 @@ TunedModel tune(const TrainedModel& from, const Dataset& data, const TuneOptions
   const Split split = make_split(rows, options.split);
   Choice choice(from.first(), data, split, options);
   try_all(choice, from.first(), data, split, options);
-  // So few records hardly show which is best. The networks stay then, which does no harm, unless it
-  // is plain that they must move.
+  // So few records hardly show which is best. The model stays as it was then, which does no harm,
+  // unless it is plain that another is better.
   constexpr double plainly = 2;
   const bool few = split.train.size() < TuneOptions::least_alone && wants_alignment(from->name);
   const std::size_t chosen =
-      few ? choice.best(corrected, plainly) : choice.best(tuned_name(usual_pull, false));
+      few ? choice.best(as_it_was, plainly) : choice.best(tuned_name(usual_pull, false));
   TunedModel out{{}, choice.table(), chosen};
   TrainedModel& model = out.model;
   model.estimators.push_back(choice.fit(chosen));
@@ -331,8 +332,11 @@ TunedModel tune(const TrainedModel& from, const Dataset& data, const TuneOptions
   model.data_hash = data.hash;
   model.radar_response = from.radar_response;
   finish(model.first(), data, split, choice.judged(chosen), options.tuning.seed);
+  const bool stayed = few && out.table[chosen].name == as_it_was;
+  if (stayed) model->uncertainty = from->uncertainty, model->domain = from->domain;
   for (std::size_t k = 1; k < from.estimators.size(); ++k)
-    model.estimators.push_back(tune_other(from.estimators[k], data, split, options.tuning));
+    model.estimators.push_back(
+        tune_other(from.estimators[k], data, split, options.tuning, !stayed));
   model->train_s =
       std::chrono::duration<double>(std::chrono::steady_clock::now() - started).count();
   return out;
