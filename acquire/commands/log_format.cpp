@@ -42,9 +42,9 @@ class Message final : public spdlog::custom_flag_formatter {
 
 std::unique_ptr<spdlog::formatter> log_format() {
   const char* pattern = stderr_is_journal()     ? "%N%Q"
-                        : isatty(STDERR_FILENO) ? "\r\033[K%H:%M:%S %^%l%$ %Q"
-                                                : "%Y-%m-%dT%H:%M:%S.%e %l %Q";
-  auto format = std::make_unique<spdlog::pattern_formatter>();
+                        : isatty(STDERR_FILENO) ? "\r\033[K%H:%M:%SZ %^%l%$ %Q"
+                                                : "%Y-%m-%dT%H:%M:%S.%eZ %l %Q";
+  auto format = std::make_unique<spdlog::pattern_formatter>(spdlog::pattern_time_type::utc);
   format->add_flag<Priority>('N').add_flag<Message>('Q').set_pattern(pattern);
   return format;
 }

@@ -27,7 +27,8 @@ std::vector<std::string> options_of(const CLI::App* app) {
 
 std::vector<std::string> commands_of(const CLI::App* app) {
   std::vector<std::string> out;
-  for (const CLI::App* sub : app->get_subcommands({})) out.push_back(sub->get_name());
+  for (const CLI::App* sub : app->get_subcommands({}))
+    if (!sub->get_name().empty()) out.push_back(sub->get_name());  // a group of options has none
   return out;
 }
 
