@@ -291,11 +291,12 @@ class Strip extends Chart {
     };
   }
 }
-// Seconds as h:mm:ss, at round times.
+// Seconds as m:ss or h:mm:ss, as on the terminal, at round times.
 export const clock = s => {
   if (s == null) return '–';
   const whole = Math.max(0, Math.floor(s)), two = n => String(n).padStart(2, '0');
-  return `${Math.floor(whole / 3600)}:${two(Math.floor(whole / 60) % 60)}:${two(whole % 60)}`;
+  const minutes = Math.floor(whole / 60) % 60;
+  return whole < 3600 ? `${minutes}:${two(whole % 60)}` : `${Math.floor(whole / 3600)}:${two(minutes)}:${two(whole % 60)}`;
 };
 const times = {incrs: [1, 2, 5, 10, 20, 30, ...[1, 2, 5, 10, 20, 30, 60, 120, 180, 360, 720, 1440].map(min => 60 * min)], space: 70,
                values: (_, at) => at.map(clock)};

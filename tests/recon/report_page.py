@@ -57,17 +57,14 @@ return p.filter((v, i) => i % 4 == 3 && v > 0).length"""
 
 
 def look(browser, page):
-    """Whether all fits, light and dark, wide and narrow."""
+    """Whether all fits, light and dark, wide and narrow, and on paper."""
     for width in (1280, 390):
         for scheme in ("light", "dark"):
             chromium.resize(browser, width, 900)
             browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {
                 "features": [{"name": "prefers-color-scheme", "value": scheme}]})
             name = f"{page}, {width} px, {scheme}"
-            for what, script in (("out of the page", OUTSIDE), ("one over the other", OVERLAPS), ("empty", EMPTY),
-                                 ("tables cut without a sign", SCROLLED), ("names out of their chart", NAMES_OUT)):
-                found = browser.execute_script(script)
-                check(f"{name}: {what}: {found[:3]}", not found)
+            fits(browser, name)
             check(f"{name}: it is wider than the window",
                   browser.execute_script("return document.documentElement.scrollWidth") <= width)
             asked = browser.execute_script("return performance.getEntriesByType('resource').map(e => e.name)"
@@ -75,6 +72,19 @@ def look(browser, page):
             check(f"{name}: asks for {asked}", not asked)
             paper = browser.execute_script("return getComputedStyle(document.body).backgroundColor")
             check(f"{name}: {paper}", (max(map(int, paper[4:-1].split(","))) < 60) == (scheme == "dark"))
+    chromium.resize(browser, 1280, 900)
+    browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "print", "features": []})
+    browser.execute_script("dispatchEvent(new Event('beforeprint'))")
+    fits(browser, f"{page}, on paper")
+    browser.execute_script("dispatchEvent(new Event('afterprint'))")
+    browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "", "features": []})
+
+
+def fits(browser, name):
+    for what, script in (("out of the page", OUTSIDE), ("one over the other", OVERLAPS), ("empty", EMPTY),
+                         ("tables cut without a sign", SCROLLED), ("names out of their chart", NAMES_OUT)):
+        found = browser.execute_script(script)
+        check(f"{name}: {what}: {found[:3]}", not found)
 
 
 with tempfile.TemporaryDirectory() as folder:

@@ -166,7 +166,7 @@ class Page(live_view.LiveView):
         cards = "return [...document.querySelectorAll('.run h2')].map(at => at.textContent)"
         self.wait("run in the list", lambda: self.js(cards) == [scenes.stem])
         words = self.js("return document.querySelector('.run').textContent")
-        for part in "complete", "80 records", "0:04:00", "person 20":
+        for part in "complete", "80 records", ", 4:00,", "person 20":
             self.assertIn(part, words)
         for width, scheme in ((390, "light"), (1280, "dark")):
             self.size(width, 800)
