@@ -48,7 +48,7 @@ Rows rows_of_both(const TrainedModel& model, const Dataset& data) {
   return rows;
 }
 
-// Where the true map has what stands out from the background.
+// This is where the true map has what stands out from the background.
 RecordFacts facts_of(const Dataset& data, std::size_t row, const Scene& scene) {
   const Axis x = scene.grid.x();
   const auto map = data.depth.row(row);
@@ -116,8 +116,8 @@ double quality(const MapScores& scores) {
   return std::isnan(scores[metric_iou]) ? 0 : scores[metric_iou];
 }
 
-// Of the subject's records those that `wanted` takes, by quality, the worst first: row of the data
-// each.
+// It returns those of the subject's records that `wanted` takes, the worst by quality first: a row
+// of the data each.
 Rows by_quality(const ModeResult& subject, const std::function<bool(std::size_t)>& wanted) {
   const Evaluation& e = subject.evaluations.front();
   std::vector<std::pair<double, std::size_t>> order;

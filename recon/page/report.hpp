@@ -26,7 +26,7 @@ struct ReportOptions {
   bool force = false;                // also over a report of another run
 };
 
-// What the page says of a model.
+// This is what the page says of a model.
 struct ModelFacts {
   std::string file, name;
   std::uint64_t seed = 0, split_seed = 0;
@@ -36,7 +36,7 @@ struct ModelFacts {
   bool papers = false;  // the network that the paper's values are of
 };
 
-// Where the true map of a record has its body.
+// This is where the true map of a record has its body.
 struct RecordFacts {
   std::int64_t index = 0;
   std::string label;
@@ -115,7 +115,7 @@ ShownRecord show_record(const std::vector<const TrainedModel*>& models,
 // Gains in what both define, with intervals by resampled blocks of neighbours.
 std::vector<PairedDifference> paired_differences(const std::vector<MapScores>& first,
                                                  const std::vector<MapScores>& second);
-// How a page was made: program, host, run and models.
+// This is how a page was made: program, host, run and models.
 std::vector<std::pair<std::string, std::string>> how_made(const ReportOptions& options,
                                                           const Report& report,
                                                           const Dataset* data);

@@ -64,7 +64,7 @@ Json error_chart(const Report& report, const std::string& title, const std::stri
   return out;
 }
 
-// Which share of the records is below a value.
+// It says which share of the records is below a value.
 Json distribution(const Report& report, Metric metric, const std::string& title,
                   const std::string& x, double unit) {
   Json out = chart(title, x, "records below (%)");

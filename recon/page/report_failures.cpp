@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// What fails, and which records these are; two models record by record.
+// This is what fails, and which records these are; two models record by record.
 #include <algorithm>
 #include <cmath>
 #include <map>

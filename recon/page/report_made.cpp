@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// What a report was made of, and by what; and paired differences.
+// This is what a report was made of, and by what; and paired differences.
 #include <sys/utsname.h>
 
 #include <algorithm>

@@ -41,7 +41,7 @@ std::string origin(const Report& report) {
   return out + " Command: " + shortened(command, 160);
 }
 
-// What the numbers of this very table say about whole-map SSIM.
+// This is what the numbers of this very table say about whole-map SSIM.
 Json ssim_note(const Report& report) {
   const Summaries& own = report.modes.front().metrics;
   const double raw = own[metric_ssim].mean, hard = own[metric_ssim_hard].mean;
@@ -203,7 +203,7 @@ void add_models(Json& page, const Report& report) {
 
 }  // namespace
 
-// Of compared models the file's name without its folder.
+// Of compared models it is the file's name without its folder.
 std::string short_name(const ModeResult& mode) {
   return mode.name.substr(mode.name.rfind('/') + 1);
 }

@@ -14,7 +14,7 @@ std::string title_of(const ModeResult& mode);  // "both sensors, factorised"
 std::string name_for_charts(const ModeResult& mode);
 const char* colour_of(const Report& report, std::size_t mode);  // of its series
 
-// How the page names a metric, in what unit it gives it, and what is better.
+// This is how the page names a metric, in what unit it gives it, and what is better.
 enum class Best { more, less, zero };
 struct MetricWords {
   Metric metric;
@@ -27,15 +27,16 @@ struct MetricWords {
 };
 const MetricWords& words_of(Metric metric);
 
-// What the page says first: how good, against what, and in what it is worse.
+// This is what the page says first: how good, against what, and in what it is worse.
 std::string verdict(const Report& report);
-// What fails, in sentences, the gravest first: of the scored run, of the letters, of the live run.
+// This is what fails, in sentences, the gravest first: of the scored run, of the letters, of the
+// live run.
 struct Problem {
   std::string text;
   bool live = false;
 };
 std::vector<Problem> problems_of(const Report& report);
-// What there is to say that is no failure: a run like the training, corrections.
+// This is what there is to say that is no failure: a run like the training, corrections.
 std::vector<std::string> remarks_of(const Evaluation& evaluation);
 
 struct CountOf {
@@ -43,12 +44,12 @@ struct CountOf {
   std::string text() const;                    // "5 of 40"
   std::pair<double, double> interval() const;  // of 95 % (Wilson 1927)
 };
-// Of the records that define the metric, those of which it is true.
+// These are the records of which it is true, among those that define the metric.
 CountOf count_of(const std::vector<MapScores>& scores, Metric metric);
 CountOf kept_intervals(const Evaluation& evaluation);  // bodies within what was stated
 
 using Pairs = std::vector<std::pair<double, double>>;
-// Of at most 200 of the values: which share of all, in per cent, is not above it.
+// It gives for at most 200 of the values which share of all, in per cent, is not above it.
 Pairs shares_below(std::vector<double> values);
 
 // Lists of blocks, empty where there is nothing to say.
@@ -66,7 +67,7 @@ Json losses(const Report& report);  // while training
 // A record of the page's list: titles, what was measured, truth and maps. Depths are in millimetres
 // of 16 bits, deviations in centimetres and shares in 1/200 of 8.
 Json json_of(const ShownRecord& shown);
-// What the model says of its map; `named`: one of several models.
+// This is what the model says of its map; `named`: one of several models.
 std::string words_of(const ShownMap& map, bool named);
 // Everything that the page says and shows.
 Json page_of(const Report& report);

@@ -11,7 +11,7 @@
 namespace echofuse::recon {
 namespace {
 
-// Where the camera sees the body.
+// This is where the camera sees the body.
 double body_range_m(std::span<const float> truth, const Scene& scene) {
   double range = 0, pixels = 0;
   for (std::size_t p = 0; p < truth.size(); ++p)

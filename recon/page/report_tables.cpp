@@ -109,7 +109,7 @@ Json table_of(const std::vector<NamedScores>& rows, const std::string& caption) 
   return Json::array({table(caption, head, out, baselines)});
 }
 
-// Of the subject; the others' follow from it.
+// It is of the subject; the others' follow from it.
 std::string n_of_depth(const NamedScores& row) {
   const Summary& depth = (*row.metrics)[metric_depth_mae_m];
   return row.evaluation

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// What a report says in sentences: how good, against what, and what fails.
+// This is what a report says in sentences: how good, against what, and what fails.
 #include <algorithm>
 #include <cctype>
 #include <cmath>
@@ -78,7 +78,7 @@ std::string of_models(const Report& report) {
   return out;
 }
 
-// Of the records whose body is farther off than stated the one that is so most.
+// Of the records whose body is farther off than stated it is the one that is so most.
 std::string worst_interval(const Report& report) {
   const ModeResult& subject = report.modes.front();
   const Evaluation& e = subject.evaluations.front();

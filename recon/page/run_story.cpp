@@ -83,7 +83,7 @@ Json curve(const RunStory& story, bool sum, const Value& value) {
   return out;
 }
 
-// What the live page's strips take (recon/page/charts.js), and where a sensor is missing.
+// This is what the live page's strips take (recon/page/charts.js), and where a sensor is missing.
 Json strips(const RunStory& story) {
   constexpr double none = std::numeric_limits<double>::quiet_NaN();
   const Clock clock(story.outlines);

@@ -20,7 +20,7 @@ struct RunStory {
 RunStory story_of(const std::string& path);  // throws as RunReader
 // "complete: 20 records, of which 19 have all three sensors".
 std::string verdict_of(const RunStory& story);
-// Which sensors are missing for good, or in many records: a sentence each.
+// It says which sensors are missing for good, or in many records: a sentence each.
 std::vector<std::string> gone_sensors(const RunStory& story);
 // Blocks of a page: tables, and strips over the run; `between`: blocks after the verdict.
 Json story_blocks(const RunStory& story, const Json& between);

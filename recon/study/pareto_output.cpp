@@ -34,7 +34,7 @@ Json models_chart(const Models& rows, Json out, Metric metric, double unit,
   return out;
 }
 
-// What no model is both faster and better than, from fast to slow.
+// This is what no model is both faster and better than, from fast to slow.
 Models front_of(const Models& rows) {
   Models front;
   std::copy_if(rows.begin(), rows.end(), std::back_inserter(front),

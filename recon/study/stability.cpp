@@ -91,9 +91,9 @@ class Study {
             ignores_inputs(model.candidate) ? "-" : model.inputs, seed};
   }
 
-  // What one process measures: a model and a seed with all shifted conditions, so that the model of
-  // the base condition is trained once; of matched ones each by itself. The constant models, for
-  // which alone nobody should make records, go with the first other one.
+  // This is what one process measures: a model and a seed with all shifted conditions, so that the
+  // model of the base condition is trained once; of matched ones each by itself. The constant
+  // models, for which alone nobody should make records, go with the first other one.
   std::vector<bool> my_rows() const {
     std::map<std::string, std::size_t> numbers;  // of the pieces, in the order of their first rows
     std::vector<std::size_t> piece_of;           // the rows

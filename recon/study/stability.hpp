@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Where models fail: each of a list under conditions from easy to broken, trained under the
+// This is where models fail: each of a list under conditions from easy to broken, trained under the
 // condition itself (matched) or at the base condition only (shifted).
 //
 // A model *fails* at a value if its map is no better than no map: its hard SSIM is not above that
@@ -35,7 +35,7 @@ inline constexpr std::array stability_metrics = {
     metric_ghost, metric_depth_mae_m, metric_rmse_m,    metric_left_right};
 // The models that every other must beat; they look at no sensor.
 inline const std::vector<std::string> constant_models = {"empty", "mean"};
-// Of a study that has it: the baseline that draws a body where empty room and mean map do not.
+// If the study has it, this is the baseline that draws a body where empty room and mean map do not.
 inline constexpr const char* nearest_baseline = "nearest";
 
 // With defaults filled in, and the base condition as the simulator tells it. Throws Error(usage)

@@ -46,7 +46,7 @@ ToWorld setting(const std::string& key, double factor = 1) {
   return [=](double v) { return World{.set = {assignment(key, v * factor)}}; };
 }
 
-// Of a setting in units of `unit`.
+// It is of a setting in units of `unit`.
 StabilityAxis numbers(const BaseCondition& base, bool trained_there, const std::string& name,
                       const std::string& title, const std::string& key, const Numbers& values,
                       const Numbers& quick, double unit = 1) {

@@ -15,10 +15,10 @@ namespace echofuse::recon {
 
 // The simulator's settings that are numbers, by key; of those that are words, KEY=WORD is 1.
 using BaseCondition = std::map<std::string, double>;
-// How many antennas the radar has there.
+// This is how many antennas the radar has there.
 double antennas_of(const BaseCondition& base);
 
-// What happens to records after they were measured.
+// This is what happens to records after they were measured.
 enum class Damage : std::uint8_t { none, spd_zero, radar_zero, spd_missing, radar_missing };
 
 // A world, as far as it differs from the simulator's base condition.

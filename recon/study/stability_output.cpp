@@ -104,7 +104,7 @@ Json panel_of(const StabilityResult& result) {
   return out;
 }
 
-// What the first model, by which all is sorted, does not survive.
+// This is what the first model, by which all is sorted, does not survive.
 std::string verdict_of(const std::vector<StabilityResult>& results) {
   std::vector<std::string> below;
   for (const auto& [axis, curves, baselines] : results)

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
-// What the studies have in common: models by name, trained on one run and judged on another.
+// This is what the studies have in common: models by name, trained on one run and judged on
+// another.
 #pragma once
 #include <cstdint>
 #include <optional>

@@ -44,7 +44,7 @@ class StudyFile {
   StudyFile(const StudyOptions& options, const StudySettings& settings,
             std::vector<std::string> metrics, ExitCode refusal);
 
-  // Whether it is measured, here or in another file; `timed`: with times.
+  // It says whether it is measured, here or in another file; `timed`: with times.
   bool has(const Measurement& measurement, bool timed = false) const;
   // The same; a row that only a part of the study has is copied.
   bool take(const Measurement& measurement, bool timed = false);

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
-// What the pages of the studies have in common: colours and names of models, as in a report.
+// This is what the pages of the studies have in common: colours and names of models, as in a
+// report.
 #pragma once
 #include <set>
 #include <string>

@@ -46,7 +46,7 @@ Bytes point_cloud(std::span<const float> map, const record::MapGrid& grid, const
   return out;
 }
 
-// Of the pinhole camera whose images the maps are, as Open3D reads it (intrinsic_matrix, by
+// It is of the pinhole camera whose images the maps are, as Open3D reads it (intrinsic_matrix, by
 // columns) and ROS has it.
 std::string camera_json(const record::MapGrid& grid) {
   const double f = 1 / grid.step(), c = (grid.size - 1) / 2.0;

@@ -11,7 +11,7 @@ namespace echofuse::recon {
 struct DepthSpan {
   double near = 2.5, far = 5;  // m
 };
-// What the training maps lie in, with room about it: one scale for all maps of a model.
+// This is what the training maps lie in, with room about it: one scale for all maps of a model.
 DepthSpan span_of(const Scene& scene);
 
 // Red, green and blue of each value of a map.

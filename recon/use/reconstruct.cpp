@@ -67,7 +67,7 @@ class StatusTable {
   std::ofstream out_;
 };
 
-// Of a run, from records to files.
+// It is of a run, from records to files.
 class Reconstruction {
  public:
   Reconstruction(const TrainedModel& model, const ReconstructOptions& options)
@@ -77,10 +77,10 @@ class Reconstruction {
         table_(options.out + "/records.csv"),
         started_(clock_.now()) {}
 
-  // Of a run as it is now. All its records are read before the first map, as what is said of the
-  // run is of all of them.
+  // It is of a run as it is now. All its records are read before the first map, as what is said of
+  // the run is of all of them.
   void take_all(const record::RunReader& run);
-  // What has come since the last call; true if there was any record.
+  // This is what has come since the last call; true if there was any record.
   bool take_new(const record::RunReader& run);
   void close() { files_.close(); }
 

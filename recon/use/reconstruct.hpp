@@ -14,9 +14,10 @@ struct RecordStatus {
   std::int64_t index = 0;
   std::string fault;  // empty: reconstructed
   std::string note;   // of a map: what the model had to do without
-  // Of a record that came while following: from its slot's end, and from its reading, to its map.
+  // It is of a record that came while following: from its slot's end, and from its reading, to its
+  // map.
   std::optional<double> after_slot_s, after_reading_s;
-  // Of a reconstructed record, if the model states any.
+  // It is of a reconstructed record, if the model states any.
   std::optional<PredictionUncertainty> uncertainty;
 };
 
@@ -27,8 +28,8 @@ struct ReconstructOptions {
   bool force = false;         // also into a folder that holds maps of another run
   bool quiet = false;         // no progress bar, and of the run only what is unusual
   double range_offset_m = 0;  // by how much the radar's ranges are too long (prepare_records)
-  // What there is to say of the run: of its antennas (Records), and of a whole run, whether it is
-  // unlike the training (DomainShift::text).
+  // This is what there is to say of the run: of its antennas (Records), and of a whole run, whether
+  // it is unlike the training (DomainShift::text).
   std::function<void(const std::string&)> on_run;
   std::function<void(const RecordStatus&)> on_record;  // in the order of the records
 };

@@ -9,7 +9,7 @@
 
 namespace echofuse::view {
 
-// How the run was made: [name, text] each.
+// This is how the run was made: [name, text] each.
 nlohmann::json Show::facts() const {
   const record::RunInfo& info = run_.info();
   nlohmann::json out = nlohmann::json::array();

@@ -58,11 +58,11 @@ class FollowedRun {
   const std::vector<Axis>& axes() const { return axes_; }
   const std::vector<record::Event>& events() const { return events_; }  // the last of them
   const std::vector<Outline>& outlines() const { return outlines_; }
-  // Of the radar's chip, by place, as the last record has them.
+  // It is of the radar's chip, by place, as the last record has them.
   const std::vector<std::pair<std::string, int>>& temperatures() const { return temperatures_; }
   const std::string& label() const { return label_; }
   const PerSensor<SensorState>& sensors() const { return sensors_; }
-  // Of all records: their number, how many are doubtful, and verdicts by sensor.
+  // It is of all records: their number, how many are doubtful, and verdicts by sensor.
   const record::RunSummary& verdicts() const { return verdicts_; }
   std::optional<std::int64_t> last() const;  // index
   bool live() const { return info_.status == "open"; }
@@ -90,7 +90,7 @@ class FollowedRun {
   std::vector<std::pair<std::string, int>> temperatures_;
 };
 
-// How long ago a sensor's last valid slot ended; none if it had none.
+// This is how long ago a sensor's last valid slot ended; none if it had none.
 std::optional<double> age_s(const SensorState& sensor, UtcTime now);
 // Two slots without a valid one: as a lamp shows it in red.
 bool is_stale(const SensorState& sensor, double window_s, UtcTime now);

@@ -27,11 +27,11 @@ class LiveModel {
   explicit LiveModel(const std::string& path);  // throws as recon::load_model
   const std::string& name() const { return name_; }
   bool calibrated() const { return model_->uncertainty.has_value(); }
-  // Whether the training looked at this record of the run.
+  // It says whether the training looked at this record of the run.
   bool saw(const std::string& run_uuid, std::int64_t index) const;
   // Never throws for what a record or a run is like: that is a fault.
   Reconstruction reconstruct(const record::RunReader& run, std::int64_t index) const;
-  // How well it meets what the camera sees, if that is on the same grid.
+  // This is how well it meets what the camera sees, if that is on the same grid.
   void compare(Reconstruction& made, std::span<const float> camera_map_m) const;
   // Why maps of these records are not to be trusted as a whole (recon::DomainShift); empty if
   // nothing speaks against it, or too few records tell.

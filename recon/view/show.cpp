@@ -84,7 +84,7 @@ Json Show::sensors() const {
   return out;
 }
 
-// How long the disk lasts: by what the records so far took.
+// This is how long the disk lasts: by what the records so far took.
 Json Show::disk() const {
   const auto free = run_.free_bytes();
   if (!free) return nullptr;
