@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "acquire/calibrate/calibration.hpp"
 
+#include <algorithm>
 #include <array>
 #include <cstdio>
 #include <sstream>
@@ -129,7 +130,11 @@ Calibration read_calibration(const std::string& path) {
   for (const auto& [key, text] : response.all())
     if (!text->empty()) stated.emplace_back(key, *text);
   out.response = record::response_of(stated);
-  if (out.response.meta().size() != stated.size())
+  const auto kept = out.response.meta();
+  const auto is_kept = [&](const auto& pair) {
+    return std::ranges::any_of(kept, [&](const auto& k) { return k.first == pair.first; });
+  };
+  if (!std::ranges::all_of(stated, is_kept))
     throw Error(ExitCode::config, path +
                                       ": section response: expected numbers, as calibrate "
                                       "writes them (radar_taps: 3 to 64, the first one 1)");

@@ -222,14 +222,15 @@ void fit_radar_response(const std::vector<std::vector<std::uint16_t>>& frames, c
     return (problem.measured - values).cwiseAbs2().cwiseQuotient(variance).sum();
   };
   problem.least = VectorXd(4), problem.most = VectorXd(4);
-  problem.least << middle - 1, mean.maxCoeff() - 3, -0.1, -0.1;
-  problem.most << middle + 1, mean.maxCoeff() + 3, 1.5, 0.5;
+  problem.least << middle - 1, problem.measured.maxCoeff() - 3, -0.1, -0.1;
+  problem.most << middle + 1, problem.measured.maxCoeff() + 3, 1.5, 0.5;
   Fitted best;
   for (const auto& [a, b] : {std::pair{0., 0.}, {0.85, 0.}, {1., 0.}, {0.5 / 0.42, 0.08 / 0.42}}) {
     VectorXd start(4);
-    start << middle, mean.maxCoeff(), a, b;
+    start << middle, problem.measured.maxCoeff(), a, b;
     if (Fitted f = minimise(problem, start); f.chi2 < best.chi2) best = std::move(f);
   }
+  if (!best.standard_errors.allFinite()) return;
   const VectorXd off = problem.measured - problem.model(best.parameters);
   for (Index i = 0; i < count; ++i)
     if (std::abs(off[i]) > most_off + 4 * std::sqrt(variance[i])) return;

@@ -19,6 +19,7 @@
 #include "acquire/run/window.hpp"
 #include "drivers/program/console.hpp"
 #include "drivers/program/printable.hpp"
+#include "drivers/program/program.hpp"
 #include "drivers/program/regular_file.hpp"
 #include "drivers/program/staged_file.hpp"
 
@@ -139,8 +140,10 @@ class Slots final : public Nobody {
   Windows& windows() { return windows_; }
   // All that ended by then, and with `last` the slot that runs.
   void close(HostTime now, bool last, const std::function<void(record::FusedRecord)>& take) {
-    for (; grid_.end(next_) <= now || (last && grid_.start(next_) <= now); ++next_)
+    for (; grid_.end(next_) <= now || (last && grid_.start(next_) <= now); ++next_) {
+      if (interrupted()) throw Error(ExitCode::interrupted, "interrupted; nothing was written");
       take(windows_.close({next_, false}));
+    }
   }
 
  private:
@@ -154,6 +157,10 @@ void take_cfg(Config& config, const std::string& recording, const std::string& c
   const std::string beside = fs::path(recording).replace_extension(".cfg").string();
   std::string path = cfg;
   if (path.empty() && fs::exists(beside)) path = beside;
+  // A name that is not here may be one of the installed ones.
+  if (!path.empty() && !fs::exists(path) && fs::exists(data_folder() / path))
+    path = (data_folder() / path).string();
+  if (path.empty()) config.radar.cfg_text.clear();  // the board's own is needed, not any
   if (!path.empty()) {
     config.radar.cfg_name = path;
     config.radar.cfg_text = RegularFile(path, ExitCode::config).rest<std::string>(1 << 20);
@@ -213,7 +220,7 @@ std::string import_streams(const Config& config, const ImportOptions& options,
 std::string import_histograms(Config config, const ImportOptions& options,
                               const PicoquantHistograms& histograms, const Beginning& began) {
   const double length_s = histograms.curves.front().length_s;
-  if (!(length_s > 0 && length_s < 1e7))
+  if (!(length_s >= 1e-3 && length_s * static_cast<double>(histograms.curves.size()) < 1e9))
     throw Error(ExitCode::failed, printable(options.files[0]) + ": its acquisition time cannot be");
   config.window_s = length_s;
   Import import(config, options, began);

@@ -147,7 +147,9 @@ bool PicoquantTags::next(SampleSink& sink) {
   std::size_t known = tags_.size();  // 0, or what the last block left
   const auto block_of = [](const Tag& tag) { return tag.time_ps / block_ps; };
   bool more = true;
-  while (more && (known == 0 || block_of(tags_.back()) <= block_of(tags_.front()))) {
+  constexpr std::size_t most_tags = std::size_t{1} << 20;  // in a block
+  while (more && known < most_tags &&
+         (known == 0 || block_of(tags_.back()) <= block_of(tags_.front()))) {
     known = tags_.size();
     more = read_record();
   }
@@ -201,7 +203,7 @@ PicoquantHistograms read_histograms(const std::string& path) {
   const auto curves =
       static_cast<std::int32_t>(file.whole("HistoResult_NumberOfCurves", 1, most_curves));
   const double step_s = file.require("HistResDscr_MDescResolution", 0);
-  if (!(step_s > 0)) refuse("no resolution above 0");
+  if (!(step_s >= 1e-15 && step_s <= 1)) refuse("its resolution is not between 1 fs and 1 s");
   std::size_t used = 1;
   for (std::int32_t i = 0; i < curves; ++i) {
     const auto bins =
@@ -222,6 +224,8 @@ PicoquantHistograms read_histograms(const std::string& path) {
     used = std::max(used, curve.counts.size());
     out.curves.push_back(std::move(curve));
   }
+  constexpr std::size_t most_counts = std::size_t{1} << 28;
+  if (used * out.curves.size() > most_counts) refuse("its curves together are too long");
   for (PicoquantCurve& curve : out.curves) curve.counts.resize(used);
   out.device.axes.push_back({.name = "spd",
                              .quantity = "counts",

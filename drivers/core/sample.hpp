@@ -55,7 +55,7 @@ struct RadarTemperature {
 };
 
 struct RadarFrame {
-  HostTime received{};                       // less the time that it was on the line
+  HostTime received{};                       // less the known time since its first chirp
   std::uint32_t frame_number = 0;            // since power-up
   std::uint32_t time_cpu_cycles = 0;         // 200 MHz, wraps every 21.47 s
   std::uint32_t lost_before = 0;             // frame numbers missing before this one

@@ -17,11 +17,16 @@ const CLI::Option* option_named(const CLI::App* app, const std::string& name) {
   return nullptr;
 }
 
+void add_options(const CLI::App* app, std::vector<std::string>& out) {
+  for (const CLI::Option* option : app->get_options())
+    for (const std::string& name : option->get_lnames()) out.push_back("--" + name);
+  for (const CLI::App* sub : app->get_subcommands({}))
+    if (sub->get_name().empty()) add_options(sub, out);  // a group of options
+}
+
 std::vector<std::string> options_of(const CLI::App* app) {
   std::vector<std::string> out;
-  for (; app != nullptr; app = app->get_parent())
-    for (const CLI::Option* option : app->get_options())
-      for (const std::string& name : option->get_lnames()) out.push_back("--" + name);
+  for (; app != nullptr; app = app->get_parent()) add_options(app, out);
   return out;
 }
 
@@ -68,7 +73,8 @@ std::string readable(std::string text) {
   const std::string endless = " not in range 0.000000 to 17976931348623157";
   if (const auto at = text.find(endless); at != text.npos)
     text = text.substr(0, at) + ": expected a positive number";
-  for (auto at = text.find(".000000"); at != text.npos; at = text.find(".000000"))
+  const bool range = text.find(" not in range ") != text.npos;
+  for (auto at = text.find(".000000"); range && at != text.npos; at = text.find(".000000"))
     text.erase(at, 7);
   const std::string cannot = "Could not convert: ";
   if (text.starts_with(cannot)) text = text.substr(cannot.size()) + ": expected a number";

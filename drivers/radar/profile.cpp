@@ -201,6 +201,13 @@ Sampling read_sampling(const Cfg& cfg, const Frame& frame) {
   return out;
 }
 
+// Idle time and ramp of all chirps of a frame.
+double active_s(const Cfg& cfg, const Frame& frame) {
+  const Command& chirp = profile_of(cfg, frame);
+  const double chirps = frame.last_chirp(cfg) - frame.first_chirp(cfg) + 1.0;
+  return 1e-6 * chirps * frame.loops(cfg) * (cfg.number(chirp, 3) + cfg.number(chirp, 5));
+}
+
 // A record is the mean over them.
 void require_alike(const Cfg& cfg, const std::vector<Frame>& frames) {
   const auto of = [&](const Frame& f) {
@@ -364,6 +371,7 @@ RadarProfile parse_profile(std::string_view cfg_text, const std::string& name,
   profile.bins = fft == 1024 && profile.antennas == 12 ? 1022 : fft;
   profile.range_step_m =
       firmware_speed_of_light_m_s * sampling.rate_hz / (2 * sampling.slope_hz_per_s * fft);
+  profile.active_s = active_s(cfg, frames.front());
   profile.frame_bytes = frame_bytes(cfg, profile, frames.front().loops(cfg));
   cfg.attempt([&] { read_warnings(cfg, profile, data_baud); });
   cfg.stop_if_faulty();

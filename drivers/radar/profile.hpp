@@ -31,6 +31,7 @@ struct RadarProfile {
   std::uint32_t subframes = 1;
   double frame_period_s = 0;  // of a subframe, the shortest
   // What guiMonitor asks for, without the points that the firmware detects; rounded up to 32.
+  double active_s = 0;  // of a frame's chirps
   std::uint32_t frame_bytes = 0;
   bool range_profile_on = false;  // guiMonitor sends TLV 2
   // Of the heat map (TLV 4, on planar boards 8), in its order; empty: guiMonitor does not send it.

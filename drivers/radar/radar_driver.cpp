@@ -174,8 +174,11 @@ void RadarDriver::on_frame(RadarFrame frame) {
   check_array(frame);
   if (!running_) return;
   frame.subframes = profile_.subframes;
-  // It was taken before it began to be sent: a heat map is on the line for 25 to 96 ms.
-  frame.received -= from_seconds(profile_.frame_bytes * 10.0 / setup_.data_baud);
+  // It is dated at its first chirp: behind it are the chirps, the firmware's work, and the way over
+  // the line, which a heat map takes for 25 to 96 ms.
+  const double work_s = frame.stats ? 1e-6 * frame.stats->inter_frame_processing_us : 0;
+  frame.received -= from_seconds(profile_.active_s + std::min(work_s, profile_.frame_period_s) +
+                                 profile_.frame_bytes * 10.0 / setup_.data_baud);
   frame.lost_before += std::exchange(discarded_, 0);
   sink_->on_radar(std::move(frame));
 }

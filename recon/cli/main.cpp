@@ -43,7 +43,9 @@ int run(int argc, char** argv) {
                     [&] { return app.exit(e) == 0 ? ExitCode::ok : ExitCode::usage; });
   }
   return run_main("echofuse-recon", [&] {
-    catch_interrupts();
+    // These only read, and write one file at the end: the first Ctrl-C ends them at once.
+    const bool only_reads = app.got_subcommand("evaluate") || app.got_subcommand("report");
+    if (!only_reads) catch_interrupts();
     set_threads(common.threads);
     return chosen();
   });

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <cmath>
 #include <cstdio>
 #include <filesystem>
 
@@ -79,8 +80,9 @@ void archive_response(Archive archive, record::RadarResponse& response) {
   archive.values("taps", response.taps, Archive::any);
   archive.require(response.taps.size() >= 3 &&
                       response.taps.size() <= record::RadarResponse::most_taps &&
+                      std::abs(response.taps[0] - 1) < 1e-3 &&
                       std::ranges::all_of(response.taps, [](double v) { return v >= 0 && v <= 2; }),
-                  "taps", "expected 3 to 64 powers over the peak's");
+                  "taps", "expected 3 to 64 powers over the peak's, the first one 1");
 }
 
 void archive(Archive archive, TrainedModel& model) {

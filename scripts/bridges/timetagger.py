@@ -333,8 +333,8 @@ class Losses:
 def scan(library, options):
     """Prints the rate of a channel over its trigger level, and the plateau; the level is set back."""
     tagger, channel, steps, step_ps = open_tagger(library, options), options.scan, 51, 10**11
+    before = tagger.getTriggerLevel(channel)
     try:
-        before = tagger.getTriggerLevel(channel)
         low, high = tagger.getDACRange()
         counter, found = library.Countrate(tagger, [channel]), []
         for step in range(steps):
@@ -344,8 +344,8 @@ def scan(library, options):
             counter.startFor(step_ps)
             counter.waitUntilFinished()
             found.append((volts, float(counter.getData()[0])))
-        tagger.setTriggerLevel(channel, before)
     finally:
+        tagger.setTriggerLevel(channel, before)
         library.freeTimeTagger(tagger)
     most = max(rate for _, rate in found) or 1
     for volts, rate in found:

@@ -51,6 +51,7 @@ std::vector<std::vector<std::uint16_t>> frames(double a, double b, double noise_
           (1 + a * std::cos(x) + b * std::cos(2 * x)) * std::polar(1.0 / samples, x * cells);
     }
   }
+  clean[0] += 30, clean[1] += 10;  // the transmitter's own leakage
   std::normal_distribution<double> noise(0, std::pow(10, noise_db / 20) / std::sqrt(2));
   std::vector<std::vector<std::uint16_t>> out(100);
   for (auto& frame : out)

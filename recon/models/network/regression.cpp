@@ -154,13 +154,15 @@ void Regression::correct(const Examples& train) {
   constexpr double least_scale = 0.5, most_scale = 2;
   const Matrix found = predict(take_rows(train.inputs, train.rows));
   const double share = Tuning::belief(found.rows);
+  constexpr std::size_t most_paired = 500;  // more records do not change a median
+  const std::size_t step = found.rows / most_paired + 1;
   for (std::size_t c = 0; c < centre_.size() && found.rows > 2; ++c) {
     const auto answer = [&](std::size_t i) { return found.row(i)[c]; };
     const auto target = [&](std::size_t i) { return train.targets.row(train.rows[i])[c]; };
     std::vector<float> slopes, offsets, answers;
     for (std::size_t i = 0; i < found.rows; ++i) {
       offsets.push_back(target(i) - answer(i)), answers.push_back(answer(i));
-      for (std::size_t j = 0; j < i; ++j)
+      for (std::size_t j = 0; i % step == 0 && j < i; j += step)
         if (answer(i) != answer(j))
           slopes.push_back((target(i) - target(j)) / (answer(i) - answer(j)));
     }

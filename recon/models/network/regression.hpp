@@ -65,8 +65,8 @@ class Regression {
   // `unit` are for the progress line. Throws Error(failed) if training diverges.
   TrainingLog fit(const Examples& train, const Examples& validation, Spread spread,
                   const Training& training, const std::string& title, const std::string& unit);
-  // It moves the answers by their mean error, and scales them about their mean, as far as the
-  // targets say so beyond chance.
+  // It moves the answers by part of their median error, and scales them by part of the median slope
+  // (Tuning::belief).
   void correct(const Examples& train);
   // It goes on from the present weights, with their scaling. It trains for all epochs; at an
   // interrupt it stops there. First it moves the answers by part of their mean error.

@@ -7,6 +7,7 @@ import os
 import pathlib
 import signal
 import subprocess
+import tempfile
 from typing import Any, Iterator
 
 from . import run as runs
@@ -24,13 +25,19 @@ def record(config: str | pathlib.Path | None = None, count: int = 1, *, label: s
         for value in values:
             words += [option, os.fspath(value)] if value is not None else []
     path = None
-    with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as child:
+    # A session of its own: Ctrl-C at the terminal comes here alone, and goes on once.
+    with tempfile.TemporaryFile("w+") as errors, subprocess.Popen(
+            words, stdout=subprocess.PIPE, stderr=errors, text=True, start_new_session=True) as child:
         try:
             path = file_of(map(json.loads, child.stdout))
-            said = child.stderr.read()
         except KeyboardInterrupt:
             child.send_signal(signal.SIGINT)
+            child.stdout.read()
             raise
+        finally:
+            child.wait()
+            errors.seek(0)
+            said = errors.read()
     if child.returncode or path is None:
         raise RuntimeError(said.strip() or f"echofuse-acquire ended with exit code {child.returncode}")
     return runs.open(path)
