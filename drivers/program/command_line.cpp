@@ -2,6 +2,8 @@
 #include "drivers/program/command_line.hpp"
 
 #include <algorithm>
+#include <memory>
+#include <regex>
 #include <string>
 #include <vector>
 
@@ -81,9 +83,33 @@ std::string readable(std::string text) {
   return text;
 }
 
+// --help without the words of the library's validators: "(0.05 to 3600)".
+class Readable final : public CLI::Formatter {
+  std::string make_option_name(const CLI::Option* option, bool positional) const override {
+    std::string name = Formatter::make_option_name(option, positional);
+    if (const auto at = name.find("{false}"); at != name.npos) name.erase(at, 7);
+    return name;
+  }
+  std::string make_option_opts(const CLI::Option* option) const override {
+    static const std::regex none_or(R"(:\(\w+ in \[0 - 0\]\) OR \(\w+ in \[(\S+) - (\S+)\]\))"),
+        range(R"(:\w+ in \[(\S+) - (\S+)\])"), not_below(":NONNEGATIVE"), above(":POSITIVE");
+    std::string text = Formatter::make_option_opts(option);
+    text = std::regex_replace(text, none_or, " (0, or $1 to $2)");
+    text = std::regex_replace(text, range, " ($1 to $2)");
+    text = std::regex_replace(text, not_below, " (at least 0)");
+    return std::regex_replace(text, above, " (above 0)");
+  }
+};
+
+void format_all(CLI::App& app, const std::shared_ptr<CLI::FormatterBase>& formatter) {
+  app.formatter(formatter);
+  for (CLI::App* sub : app.get_subcommands({})) format_all(*sub, formatter);
+}
+
 }  // namespace
 
 void parse_command_line(CLI::App& app, int argc, const char* const* argv) {
+  format_all(app, std::make_shared<Readable>());
   std::vector<std::string> words(argv + std::min(argc, 1), argv + argc);
   if (!words.empty() && words[0] == "help") {
     words.erase(words.begin());
