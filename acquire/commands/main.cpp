@@ -148,7 +148,14 @@ ExitCode show_config(const Options& o) {
 
 ExitCode check_config(const Options& o) {
   const ConfigPlace place = place_of(o);
-  load_config(place.path, o.assignments);
+  const Config config = load_config(place.path, o.assignments);
+  for (const auto& [key, port] :
+       {std::pair{"radar.cli", config.radar.cli}, {"radar.data", config.radar.data}})
+    if (port.find("XXXXXXXX") != std::string::npos)
+      throw Error(ExitCode::config,
+                  printable(place.path) + ": " + key +
+                      " still has the template's XXXXXXXX; echofuse-acquire devices "
+                      "prints the lines of what is attached");
   std::printf("%s: ok\n", printable(place.path).c_str());
   return ExitCode::ok;
 }

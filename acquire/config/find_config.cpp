@@ -5,6 +5,7 @@
 #include <filesystem>
 
 #include "drivers/program/exit_code.hpp"
+#include "drivers/program/program.hpp"
 
 namespace echofuse::acquire {
 namespace {
@@ -42,8 +43,9 @@ ConfigPlace require_config() {
   std::string names;
   for (const ConfigPlace& place : config_places())
     names.append(names.empty() ? "" : ", ") += place.name;
-  throw Error(ExitCode::config, "no configuration: there is none of " + names +
-                                    "; name one by --config or $ECHOFUSE_CONFIG");
+  throw Error(ExitCode::config, "no configuration: there is none of " + names + "; copy " +
+                                    (data_folder() / "lab.toml").string() +
+                                    ", or name one by --config or $ECHOFUSE_CONFIG");
 }
 
 }  // namespace echofuse::acquire

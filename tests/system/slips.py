@@ -23,6 +23,7 @@ acquire run --uot x | 2 | --uot: no such option; the nearest is --out
 acquire run --count 0 | 2 | --count: Value 0: expected a positive number
 acquire run --count 1e30 | 2 | --count = 1e30: expected a number
 acquire run --meta x | 3 | no configuration
+acquire config check --config TEMPLATE | 3 | radar.cli still has the template's XXXXXXXX; echofuse-acquire devices prints
 acquire | 2 | a command is required
 acquire lst | 2 | lst: no such command; the nearest is list
 acquire info nofile | 1 | nofile
@@ -40,7 +41,8 @@ faults = []
 with tempfile.TemporaryDirectory() as folder:
     for line in TABLE.strip().splitlines():
         words, code, says = (part.strip() for part in line.split(" | "))
-        program, *rest = words.split()
+        template = bin_dir.parent / "share/echofuse/lab.toml"
+        program, *rest = words.replace("TEMPLATE", str(template)).split()
         done = subprocess.run([bin_dir / f"echofuse-{program}", *rest], cwd=folder, capture_output=True, text=True, timeout=30,
                               env={"HOME": folder, "PATH": "/usr/bin:/bin"})
         said = done.stdout + done.stderr
