@@ -390,3 +390,15 @@ TEST_CASE("what keeps the first frame away is told with its cure") {
              }),
              Catch::Contains("500 bytes came that are no frames"));
 }
+
+TEST_CASE("a frame is dated at its first chirp") {
+  Bench b;
+  b.start();
+  const std::size_t before = b.frames();
+  const HostTime sent = b.loop.now();
+  b.board.data.send(b.board.frame());
+  REQUIRE(run_until(b.loop, [&] { return b.frames() > before; }));
+  // 96 chirps of 47 us, and 256 bytes of ten bits at 921600 baud.
+  CHECK(seconds(sent - b.sink.radar.back().received) ==
+        Approx(96 * 47e-6 + 2560 / 921600.).margin(1e-4));
+}
