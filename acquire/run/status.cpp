@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: MIT
 #include "acquire/run/status.hpp"
 
-#include <sys/ioctl.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -13,6 +12,7 @@
 #include <utility>
 
 #include "acquire/run/signal_check.hpp"
+#include "drivers/program/console.hpp"
 #include "drivers/program/printable.hpp"
 
 namespace echofuse::acquire {
@@ -20,7 +20,6 @@ namespace {
 
 constexpr std::chrono::nanoseconds terminal_pause = std::chrono::seconds(1);
 constexpr std::chrono::nanoseconds log_pause = std::chrono::seconds(10);
-constexpr std::size_t usual_columns = 80;
 constexpr const char* gap = "  ";
 constexpr PerSensor<char> letter_of{'S', 'R', 'D'};
 
@@ -86,12 +85,6 @@ bool given(const char* variable) {
 bool is_terminal() {
   const char* kind = std::getenv("TERM");
   return isatty(STDERR_FILENO) && kind && *kind && std::strcmp(kind, "dumb") != 0;
-}
-
-std::size_t columns_of_terminal() {
-  winsize size{};
-  const bool known = ::ioctl(STDERR_FILENO, TIOCGWINSZ, &size) == 0 && size.ws_col > 0;
-  return known ? size.ws_col : usual_columns;
 }
 
 }  // namespace

@@ -2,9 +2,11 @@
 #include "drivers/program/console.hpp"
 
 #include <signal.h>
+#include <sys/ioctl.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <csignal>
 #include <cstdio>
@@ -92,6 +94,30 @@ Progress::~Progress() {
   if (drawn_ && terminal_) std::fputc('\n', stderr);
 }
 
+std::string progress_line(const std::string& title, double share, const std::string& counts,
+                          const std::string& text, std::size_t columns) {
+  constexpr std::size_t widest = 30, narrowest = 5, brackets = 4;  // and the spaces beside them
+  const auto room = [&](const std::string& behind) {
+    const std::size_t taken = title.size() + brackets + behind.size();
+    return columns > taken ? std::min(columns - taken, widest) : 0;
+  };
+  const std::string& behind = room(text) >= narrowest ? text : counts;
+  std::string out = title + ' ';
+  if (const std::size_t width = room(behind); width >= narrowest) {
+    std::string bar(static_cast<std::size_t>(share * static_cast<double>(width)), '#');
+    bar.resize(width, '.');
+    out += '[' + bar + "] ";
+  }
+  return (out + behind).substr(0, columns);
+}
+
+std::size_t columns_of_terminal() {
+  winsize size{};
+  constexpr std::size_t usual = 80;
+  const bool known = ::ioctl(STDERR_FILENO, TIOCGWINSZ, &size) == 0 && size.ws_col > 0;
+  return known ? size.ws_col : usual;
+}
+
 void Progress::update(std::size_t done, const std::string& note) {
   if (quiet_) return;
   const auto now = Clock::now();
@@ -103,17 +129,13 @@ void Progress::update(std::size_t done, const std::string& note) {
   const double share = total_ ? static_cast<double>(done) / static_cast<double>(total_) : 1.0;
   const std::string time =
       last ? human_duration(spent) : "ETA " + human_duration(share > 0 ? spent / share - spent : 0);
-  if (terminal_) {
-    constexpr int width = 30;
-    const int full = static_cast<int>(share * width);
-    std::string bar(static_cast<std::size_t>(full), '#');
-    bar.resize(width, '.');
-    std::fprintf(stderr, "\r\033[K%s [%s] %zu/%zu  %s  %s", title_.c_str(), bar.c_str(), done,
-                 total_, time.c_str(), note.c_str());
-  } else {
-    std::fprintf(stderr, "%s %zu/%zu  %s  %s\n", title_.c_str(), done, total_, time.c_str(),
-                 note.c_str());
-  }
+  const std::string counts = std::to_string(done) + '/' + std::to_string(total_) + "  " + time;
+  const std::string text = counts + (note.empty() ? "" : "  " + note);
+  if (terminal_)
+    std::fprintf(stderr, "\r\033[K%s",
+                 progress_line(title_, share, counts, text, columns_of_terminal() - 1).c_str());
+  else
+    std::fprintf(stderr, "%s %s\n", title_.c_str(), text.c_str());
   std::fflush(stderr);
   drawn_ = true;
 }

@@ -3,6 +3,7 @@
 
 #include <catch2/catch.hpp>
 
+#include "drivers/program/console.hpp"
 #include "drivers/program/csv.hpp"
 
 using namespace echofuse;
@@ -30,4 +31,18 @@ TEST_CASE("a text in a table begins neither another cell nor a formula") {
   CHECK(csv_text("=1+1") == "\"'=1+1\"");
   CHECK(csv_text("@SUM(1)") == "\"'@SUM(1)\"");
   CHECK(csv_text("-1 m") == "\"'-1 m\"");
+}
+
+TEST_CASE("a progress line fits its terminal") {
+  const std::string title = "training", counts = "7/60  ETA 3 s",
+                    text = counts + "  validation 0.065 of the spread";
+  const auto line = [&](std::size_t columns) {
+    return progress_line(title, 0.5, counts, text, columns);
+  };
+  CHECK(line(200) == title + " [" + std::string(15, '#') + std::string(15, '.') + "] " + text);
+  for (std::size_t columns = 1; columns < 120; ++columns) CHECK(line(columns).size() <= columns);
+  CHECK(line(70).find(text) != std::string::npos);
+  CHECK(line(60).find(text) == std::string::npos);
+  CHECK(line(40) == title + " [#######........] 7/60  ETA 3 s");
+  CHECK(line(24) == title + " " + counts);
 }
