@@ -369,21 +369,19 @@ TEST_CASE("what keeps the first frame away is told with its cure") {
   const auto told = [](const std::function<void(RadarBoard&)>& fault) {
     Bench b;
     b.driver->start(b.sink);
-    // The cfg is through, and no frame comes.
     REQUIRE(run_until(b.loop, [&] { return b.board.running(); }));
     b.loop.run_for(1s);
     fault(b.board);
     REQUIRE(run_until(b.loop, [&] { return b.state() == DeviceState::faulted; }));
-    const std::string text = b.sink.events.back();
-    CHECK(text.starts_with("no frames on the data port: "));
-    return text;
+    CHECK(b.sink.events.back().starts_with("no frames on the data port: "));
+    return b.sink.events.back();
   };
-  CHECK_THAT(told([](RadarBoard&) {}), Catch::Contains("the image is for another board"));
+  CHECK_THAT(told([](RadarBoard&) {}), Catch::Contains("image is for another board"));
   CHECK_THAT(
       told([](RadarBoard& board) { board.data.cut = true; }),
       Catch::Contains("nothing arrives there") && Catch::Contains("radar.data is another port"));
-  CHECK_THAT(told([](RadarBoard& board) { board.cli.cut = true; }),
-             Catch::Contains("its processor has stopped"));
+  CHECK_THAT(told([](RadarBoard& b) { b.cli.cut = true; }),
+             Catch::Contains("processor has stopped"));
   CHECK_THAT(told([](RadarBoard& board) {
                board.data.noise(std::string(500, 'x'));
                board.data.cut = true;
@@ -394,11 +392,10 @@ TEST_CASE("what keeps the first frame away is told with its cure") {
 TEST_CASE("a frame is dated at its first chirp") {
   Bench b;
   b.start();
-  const std::size_t before = b.frames();
   const HostTime sent = b.loop.now();
   b.board.data.send(b.board.frame());
-  REQUIRE(run_until(b.loop, [&] { return b.frames() > before; }));
-  // 96 chirps of 47 us, and 256 bytes of ten bits at 921600 baud.
+  REQUIRE(run_until(b.loop, [&, before = b.frames()] { return b.frames() > before; }));
+  // 96 chirps of 47 us, and 256 bytes at 921600 baud.
   CHECK(seconds(sent - b.sink.radar.back().received) ==
         Approx(96 * 47e-6 + 2560 / 921600.).margin(1e-4));
 }
