@@ -383,8 +383,7 @@ TEST_CASE("what keeps the first frame away is told with its cure") {
   CHECK_THAT(told([](RadarBoard& b) { b.cli.cut = true; }),
              Catch::Contains("processor has stopped"));
   CHECK_THAT(told([](RadarBoard& board) {
-               board.data.noise(std::string(500, 'x'));
-               board.data.cut = true;
+               board.data.noise(std::string(500, 'x')), board.data.cut = true;
              }),
              Catch::Contains("500 bytes came that are no frames"));
 }
