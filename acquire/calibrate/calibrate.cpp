@@ -133,20 +133,21 @@ class Measurement {
     return all;
   }
   // How the instruments respond to the reflector, as far as a fit tells it.
-  record::Response response() const {
+  record::Response response(const std::vector<Result>& results) const {
     record::Response out;
     const auto& s = gatherer_.settings();
-    if (config_.configured().contains(Sensor::spd))
-      if (const Peak peak = spd().peak; peak.refusal.empty())
+    for (const Result& r : results) {
+      if (!r.peak.refusal.empty()) continue;
+      if (r.sensor == Sensor::spd) {
         fit_impulse_response(all_counts_, static_cast<double>(s.first_bin_ps),
                              static_cast<double>(s.bin_width_ps),
-                             {peak.range_m, options_.search.window_m}, out);
-    if (!config_.configured().contains(Sensor::radar)) return out;
-    const Peak peak = radar().peak;
-    if (!peak.refusal.empty()) return out;
-    const auto frames = whole(gatherer_.frames);
-    fit_radar_response(frames, echo_axis(), peak.range_m, out);
-    fit_noise_exponent(frames, echo_axis().log2_power_step, out);
+                             {r.peak.range_m, options_.search.window_m}, out);
+        continue;
+      }
+      const auto frames = whole(gatherer_.frames);
+      fit_radar_response(frames, echo_axis(), r.peak.range_m, out);
+      fit_noise_exponent(frames, echo_axis().log2_power_step, out);
+    }
     return out;
   }
   std::optional<FirmwareBias> firmware() const {
@@ -361,7 +362,7 @@ ExitCode calibrate(const Config& config, const CalibrateOptions& options, port::
     if (!options.json) std::printf("%s", to_text(*antennas).c_str());
     refused = refused || !antennas->refusal.empty();
   }
-  const record::Response response = measurement.response();
+  const record::Response response = measurement.response(results);
   for (const auto& [key, text] : response.meta()) json["response"][key] = text;
   if (!options.json) say(response);
   const Calibration fresh =

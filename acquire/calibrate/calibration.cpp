@@ -40,20 +40,11 @@ void bind(Settings& s, AntennaGains& a, AntennaTexts& t) {
 }
 
 // The response has the texts that a run's table meta has.
-struct ResponseTexts {
-  std::string irf_fwhm_ps, irf_tail_ps, irf_tail_share, radar_cell_m, radar_taps,
-      radar_noise_exponent;
+using Texts = std::vector<std::pair<std::string, std::string>>;
 
-  std::vector<std::pair<const char*, std::string*>> all() {
-    return {{"irf_fwhm_ps", &irf_fwhm_ps},       {"irf_tail_ps", &irf_tail_ps},
-            {"irf_tail_share", &irf_tail_share}, {"radar_cell_m", &radar_cell_m},
-            {"radar_taps", &radar_taps},         {"radar_noise_exponent", &radar_noise_exponent}};
-  }
-};
-
-void bind(Settings& s, ResponseTexts& t) {
-  for (const auto& [key, text] : t.all())
-    s.add(std::string("response.") + key, *text, "number +- standard error; see a run's meta");
+void bind(Settings& s, Texts& response) {
+  for (auto& [key, text] : response)
+    s.add("response." + key, text, "number +- standard error; see a run's meta");
 }
 
 std::string text_of(const std::vector<double>& values) {
@@ -123,12 +114,11 @@ Calibration read_calibration(const std::string& path) {
   Calibration out;
   AntennaTexts texts;
   bind(settings, out.antennas, texts);
-  ResponseTexts response;
-  bind(settings, response);
+  Texts stated;
+  for (const char* key : record::response_keys) stated.emplace_back(key, "");
+  bind(settings, stated);
   settings.read_file(path);
-  std::vector<std::pair<std::string, std::string>> stated;
-  for (const auto& [key, text] : response.all())
-    if (!text->empty()) stated.emplace_back(key, *text);
+  std::erase_if(stated, [](const auto& pair) { return pair.second.empty(); });
   out.response = record::response_of(stated);
   const auto kept = out.response.meta();
   const auto is_kept = [&](const auto& pair) {
@@ -171,10 +161,9 @@ void write_calibration(const std::string& path, const Calibration& calibration) 
   AntennaTexts texts{text_of(antennas.gain), text_of(antennas.phase_rad),
                      text_of(antennas.standard_error)};
   if (!antennas.empty()) bind(settings, antennas, texts);
-  ResponseTexts response;
-  for (const auto& [key, text] : calibration.response.meta())
-    for (const auto& [name, to] : response.all())
-      if (key == name) *to = text, settings.add("response." + key, *to, "number +- standard error");
+  Texts response = calibration.response.meta();
+  for (auto& [key, text] : response)
+    settings.add("response." + key, text, "number +- standard error");
   write_atomically(path, settings.resolved(true));
 }
 

@@ -8,6 +8,7 @@
 #include <numbers>
 #include <numeric>
 
+#include "acquire/calibrate/echo_model.hpp"
 #include "drivers/core/axis.hpp"
 
 namespace echofuse::acquire {
@@ -158,14 +159,10 @@ Bump other_bump(std::span<const std::uint32_t> counts, const Gaussian& g, Span w
 
 // ---- radar
 
-// The Blackman window's transform, 1 at u = 0; u in cells of c / 2B.
-double blackman(double u) {
-  const auto sinc = [](double v) { return std::abs(v) < 1e-9 ? 1.0 : std::sin(pi * v) / (pi * v); };
-  return sinc(u) + (0.25 * (sinc(u - 1) + sinc(u + 1)) + 0.04 * (sinc(u - 2) + sinc(u + 2))) / 0.42;
-}
-
 // log2 of the lobe's power, 0 at its top.
-double lobe(double u) { return 2 * std::log2(std::max(1e-6, std::abs(blackman(u)))); }
+double lobe(double u) {
+  return 2 * std::log2(std::max(1e-6, std::abs(window_amplitude(u, blackman_a, blackman_b))));
+}
 
 constexpr std::size_t near = 5;  // bins of a lobe that are fitted
 using Near = Eigen::Matrix<double, near, 1>;
@@ -176,8 +173,7 @@ struct Lobe {
   Near share;         // of each bin's value in `top`
 };
 
-// Gauss-Newton of amplitude and place, each bin weighted with its power. The mean of the logarithm
-// of a signal P in noise N is that of P plus E1(P / N).
+// Gauss-Newton of amplitude and place, each bin weighted with its power.
 Lobe fit_lobe(const Near& mean, double log2_noise, double cells_per_bin) {
   Lobe fit;
   double amplitude = mean.maxCoeff();
@@ -185,12 +181,10 @@ Lobe fit_lobe(const Near& mean, double log2_noise, double cells_per_bin) {
     Eigen::Matrix<double, near, 2> slope;
     for (Eigen::Index i = 0; i < fit.model.size(); ++i) {
       const double u = (static_cast<double>(i) - 2 - fit.top) * cells_per_bin, d = 1e-5;
-      const double signal = amplitude + lobe(u);
-      const double over = std::max(std::exp2(signal - log2_noise), 1e-9);
+      const double over = power_over_noise(amplitude + lobe(u), log2_noise);
       const double rising = -std::expm1(-over);  // of the mean with the logarithm of P
       fit.power[i] = over;
-      fit.model[i] =
-          std::log2(over) + log2_noise + (over < 50 ? -std::expint(-over) / std::numbers::ln2 : 0);
+      fit.model[i] = mean_log2_power(over, log2_noise);
       slope(i, 0) = rising * (lobe(u - d) - lobe(u + d)) / (2 * d) * cells_per_bin;
       slope(i, 1) = rising;
     }
@@ -366,9 +360,7 @@ Peak fit_echo(const std::vector<std::vector<std::uint16_t>>& frames, const EchoA
   const double cells_per_bin = axis.step_m / axis.resolution_m;
   Near values;
   for (std::size_t i = 0; i < near; ++i) values[static_cast<Eigen::Index>(i)] = mean[top - 2 + i];
-  // Of noise alone the mean of the logarithm is Euler's constant below the logarithm of the mean.
-  const double log2_noise = profile.floor + std::numbers::egamma / std::numbers::ln2;
-  const Lobe fit = fit_lobe(values, log2_noise, cells_per_bin);
+  const Lobe fit = fit_lobe(values, log2_noise_of(profile.floor), cells_per_bin);
   peak.range_m = (static_cast<double>(top) + fit.top) * axis.step_m;
   peak.standard_error_m =
       axis.step_m * place_error(frames, profile, fit, top - 2, axis.log2_power_step);

@@ -8,6 +8,7 @@
 #include <numbers>
 #include <numeric>
 
+#include "acquire/calibrate/echo_model.hpp"
 #include "drivers/core/axis.hpp"
 
 namespace echofuse::acquire {
@@ -126,13 +127,6 @@ Fitted fit_counts(const VectorXd& counts, VectorXd start) {
   return minimise(problem, std::move(start));
 }
 
-// ---- radar
-
-double window_amplitude(double u, double a, double b) {
-  const auto sinc = [](double v) { return std::abs(v) < 1e-9 ? 1.0 : std::sin(pi * v) / (pi * v); };
-  return sinc(u) + a / 2 * (sinc(u - 1) + sinc(u + 1)) + b / 2 * (sinc(u - 2) + sinc(u + 2));
-}
-
 }  // namespace
 
 void fit_impulse_response(std::span<const std::uint32_t> counts, double start_ps, double step_ps,
@@ -197,23 +191,20 @@ void fit_radar_response(const std::vector<std::vector<std::uint16_t>>& frames, c
     }
   std::vector<double> sorted(mean.begin(), mean.end());
   std::nth_element(sorted.begin(), sorted.begin() + std::ssize(sorted) / 2, sorted.end());
-  const double log2_noise = sorted[sorted.size() / 2] + std::numbers::egamma / std::numbers::ln2;
+  const double log2_noise = log2_noise_of(sorted[sorted.size() / 2]);
   const VectorXd variance =
       ((squares - mean.cwiseProduct(mean)).cwiseMax(0).segment(first, count) / n).array() +
       model_error * model_error;
   Problem problem;
   problem.measured = mean.segment(first, count);
-  // Place (bins) | amplitude (log2 of the power) | the window's two terms. The mean of the
-  // logarithm of a signal P in noise N is ln P + E1(P / N).
+  // Place (bins) | amplitude (log2 of the power) | the window's two terms.
   problem.model = [&](const VectorXd& p) {
     VectorXd values(count);
     for (Index i = 0; i < count; ++i) {
       const double u = (static_cast<double>(first + i) - p[0]) * cells_per_bin;
       const double signal =
           p[1] + 2 * std::log2(std::max(std::abs(window_amplitude(u, p[2], p[3])), 1e-6));
-      const double over = std::max(std::exp2(signal - log2_noise), 1e-9);
-      values[i] =
-          std::log2(over) + log2_noise + (over < 50 ? -std::expint(-over) / std::numbers::ln2 : 0);
+      values[i] = mean_log2_power(power_over_noise(signal, log2_noise), log2_noise);
     }
     return values;
   };
@@ -225,7 +216,7 @@ void fit_radar_response(const std::vector<std::vector<std::uint16_t>>& frames, c
   problem.least << middle - 1, problem.measured.maxCoeff() - 3, -0.1, -0.1;
   problem.most << middle + 1, problem.measured.maxCoeff() + 3, 1.5, 0.5;
   Fitted best;
-  for (const auto& [a, b] : {std::pair{0., 0.}, {0.85, 0.}, {1., 0.}, {0.5 / 0.42, 0.08 / 0.42}}) {
+  for (const auto& [a, b] : {std::pair{0., 0.}, {0.85, 0.}, {1., 0.}, {blackman_a, blackman_b}}) {
     VectorXd start(4);
     start << middle, problem.measured.maxCoeff(), a, b;
     if (Fitted f = minimise(problem, start); f.chi2 < best.chi2) best = std::move(f);

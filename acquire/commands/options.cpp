@@ -119,9 +119,8 @@ void add_import(CLI::App& app, Options& o) {
   c->add_option("FILE", i.files,
                 "NAME.dat of a radar's data port, NAME.ptu or NAME.phu of PicoQuant; one a sensor")
       ->required();
-  c->add_option(
-      "--cfg", i.cfg,
-      "what the radar was configured by; default: NAME.cfg beside NAME.dat, else radar.cfg");
+  c->add_option("--cfg", i.cfg,
+                "what the radar was configured by; default: NAME.cfg beside NAME.dat");
   c->add_option("--out", o.run.out, out_help);
   c->add_option("--began", i.began, "UTC, 2024-02-07T12:34:56Z; default: as the files have it");
   c->add_option("--start", i.start, "input of the laser's pulses in a .ptu; 0 is the sync")

@@ -160,8 +160,9 @@ void take_cfg(Config& config, const std::string& recording, const std::string& c
   // A name that is not here may be one of the installed ones.
   if (!path.empty() && !fs::exists(path) && fs::exists(data_folder() / path))
     path = (data_folder() / path).string();
-  if (path.empty()) config.radar.cfg_text.clear();  // the board's own is needed, not any
-  if (!path.empty()) {
+  if (path.empty()) {
+    config.radar.cfg_text.clear();  // the board's own is needed, not any
+  } else {
     config.radar.cfg_name = path;
     config.radar.cfg_text = RegularFile(path, ExitCode::config).rest<std::string>(1 << 20);
   }

@@ -14,6 +14,10 @@
 
 namespace echofuse::record {
 
+inline constexpr const char* response_keys[] = {"irf_fwhm_ps",    "irf_tail_ps",
+                                                "irf_tail_share", "radar_cell_m",
+                                                "radar_taps",     "radar_noise_exponent"};
+
 struct Measured {
   double value = 0, standard_error = 0;  // the error is 0 if it is not known
 
