@@ -39,27 +39,16 @@ Json to_json(const radar::FrameCounts& c, const Contents& contents) {
   Json types = Json::object();
   for (const auto& [type, count] : c.tlvs) types[std::to_string(type)] = count;
   const auto number = [](const std::optional<std::uint32_t>& n) { return n ? Json(*n) : Json(); };
-  return {{"bytes", c.bytes},
-          {"frames", c.frames},
-          {"frame_bytes", c.frame_bytes},
-          {"range_profiles", c.range_profiles},
-          {"range_profiles_by_bins", bins},
-          {"arrays", c.arrays},
-          {"arrays_by_samples", samples},
-          {"stats", contents.stats},
-          {"temperatures", contents.temperatures},
-          {"tlvs_by_type", types},
-          {"other_tlvs", c.other_tlvs},
-          {"junk_bytes", c.junk_bytes},
-          {"truncated_frames", c.truncated_frames},
-          {"truncated_bytes", c.truncated_bytes},
-          {"bad_headers", c.bad_headers},
-          {"bad_tlvs", c.bad_tlvs},
-          {"resyncs", c.resyncs},
-          {"lost_frames", c.lost_frames},
-          {"restarts", c.restarts},
-          {"first_frame_number", number(c.first_frame_number)},
-          {"last_frame_number", number(c.last_frame_number)}};
+  Json all;
+  for (const Counter& counter : radar::counters_of(c)) all[counter.name] = counter.value;
+  all.update({{"range_profiles_by_bins", bins},
+              {"arrays_by_samples", samples},
+              {"stats", contents.stats},
+              {"temperatures", contents.temperatures},
+              {"tlvs_by_type", types},
+              {"first_frame_number", number(c.first_frame_number)},
+              {"last_frame_number", number(c.last_frame_number)}});
+  return all;
 }
 
 std::string to_text(const Json& json) {

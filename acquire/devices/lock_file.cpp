@@ -13,6 +13,7 @@
 #include <thread>
 #include <utility>
 
+#include "acquire/record/file_lock.hpp"
 #include "drivers/program/exit_code.hpp"
 #include "drivers/program/printable.hpp"
 
@@ -21,7 +22,6 @@ namespace {
 
 constexpr std::string_view head = "echofuse device lock\n";
 constexpr int flags = O_RDWR | O_NOFOLLOW | O_NONBLOCK | O_NOCTTY | O_CLOEXEC;
-constexpr int most_tries = 10;
 constexpr auto write_time = std::chrono::milliseconds(20);  // between a lock and its holder's name
 
 [[noreturn]] void refuse(const std::string& path, const std::string& why) {
@@ -56,39 +56,23 @@ std::string lock_folder() {
   return shared ? usual : "/tmp";
 }
 
-// A file that was removed between opening and locking it is nobody's lock.
 LockFile::LockFile(const std::string& folder, const std::string& name, const Holder& me)
     : path_(folder + "/" + name) {
-  for (int tries = 0; tries < most_tries; ++tries) {
-    open_file();
-    struct flock all {};
-    all.l_type = F_WRLCK;
-    const int error = ::fcntl(fd_, F_OFD_SETLK, &all) == 0 ? 0 : errno;
-    const bool named = is_named();
-    if (error == 0 && named) {
-      write(me);
-      return;
-    }
-    if (error != 0 && named) other_ = read(fd_);
-    ::close(std::exchange(fd_, -1));
-    if (error != 0 && error != EAGAIN && error != EACCES) refuse(path_, std::strerror(error));
-    if (other_) return;
+  open_file();
+  const int error = record::take_lock(fd_);
+  if (error == 0) {
+    write(me);
+    return;
   }
-  refuse(path_, "others remove it all the time");
+  if (error == EAGAIN) other_ = read(fd_);
+  ::close(std::exchange(fd_, -1));
+  if (!other_) refuse(path_, std::strerror(error));
 }
 
 LockFile::~LockFile() {
   if (fd_ < 0) return;
   [[maybe_unused]] const int emptied = ::ftruncate(fd_, 0);
-  ::unlink(path_.c_str());  // while we hold it; another user's file may have to stay
   ::close(fd_);
-}
-
-bool LockFile::is_named() const {
-  struct stat here {
-  }, there{};
-  return ::fstat(fd_, &here) == 0 && ::lstat(path_.c_str(), &there) == 0 &&
-         here.st_ino == there.st_ino && here.st_dev == there.st_dev;
 }
 
 // Without O_CREAT first: the kernel may refuse it for another user's file in a shared folder.
@@ -128,9 +112,7 @@ std::vector<Holder> holders_in(const std::string& folder) {
     if (!name.starts_with("echofuse-") || !name.ends_with(".lock")) continue;
     const int fd = ::open(entry.path().c_str(), O_RDONLY | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC);
     if (fd < 0) continue;
-    struct flock all {};
-    all.l_type = F_WRLCK;
-    if (::fcntl(fd, F_OFD_GETLK, &all) == 0 && all.l_type != F_UNLCK) out.push_back(read(fd));
+    if (record::somebody_has_lock(fd)) out.push_back(read(fd));
     ::close(fd);
   }
   return out;

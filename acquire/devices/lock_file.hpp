@@ -18,7 +18,7 @@ std::string lock_folder();
 // The holders of all locks in it. Takes none.
 std::vector<Holder> holders_in(const std::string& folder);
 
-// An open file description's lock on FOLDER/NAME: it ends with this object, or with the process.
+// A lock on FOLDER/NAME: it ends with this object, or with the process. The file stays, empty.
 class LockFile {
  public:
   // Takes the lock if it is free. Throws Error(device) if the file can neither be made nor opened,
@@ -33,7 +33,6 @@ class LockFile {
 
  private:
   void open_file();
-  bool is_named() const;  // the open file is still the one that has the name
   void write(const Holder& me) const;
 
   std::string path_;

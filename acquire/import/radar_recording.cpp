@@ -63,15 +63,7 @@ bool RadarRecording::next(SampleSink& sink) {
 }
 
 std::vector<Counter> RadarRecording::counters() const {
-  const radar::FrameCounts& c = parser_.counts();
-  return {{"bytes", c.bytes},
-          {"frames", c.frames},
-          {"junk_bytes", c.junk_bytes},
-          {"truncated_frames", c.truncated_frames},
-          {"bad_headers", c.bad_headers},
-          {"bad_tlvs", c.bad_tlvs},
-          {"lost_frames", c.lost_frames},
-          {"restarts", c.restarts}};
+  return radar::counters_of(parser_.counts());
 }
 
 std::vector<std::string> RadarRecording::doubts() const {

@@ -7,7 +7,7 @@
 #include <limits>
 #include <utility>
 
-#include "acquire/record/h5.hpp"
+#include "acquire/record/h5_out.hpp"
 #include "drivers/core/log2_codes.hpp"
 #include "drivers/program/exit_code.hpp"
 #include "drivers/program/printable.hpp"
@@ -24,14 +24,14 @@ std::vector<double> points(const Axis& axis) {
   return all;
 }
 
-void write_axis(H5File& out, const std::string& name, const Axis& axis) {
+void write_axis(H5Out& out, const std::string& name, const Axis& axis) {
   out.write(data + name, points(axis), {axis.count});
   out.set(data + name, "units", axis.unit);
   out.set(data + name, "quantity", axis.quantity);
   out.set(data + name, "scale", axis.scale);
 }
 
-void write_head(H5File& out, const RunReader& run) {
+void write_head(H5Out& out, const RunReader& run) {
   const RunInfo info = run.info();
   out.make_group("/entry");
   out.set("/", "default", "entry");
@@ -89,7 +89,7 @@ std::string units_of(const std::string& table, const std::string& column) {
 }
 
 // All of the run but the sensors' data, as its tables have it.
-void write_tables(H5File& out, const RunReader& run) {
+void write_tables(H5Out& out, const RunReader& run) {
   for (const std::string& table : run.table_names()) {
     const std::string group = "/entry/tables/" + table;
     out.make_group(group);
@@ -124,7 +124,7 @@ std::string meaning_of(const Axis& radar) {
 // The arrays of one sensor each, made for n records.
 class Arrays {
  public:
-  Arrays(H5File& out, const RunReader& run, std::size_t n) : out_(out) {
+  Arrays(H5Out& out, const RunReader& run, std::size_t n) : out_(out) {
     out.make_group("/entry/data");
     out.set("/entry/data", "NX_class", "NXdata");
     out.set("/entry/data", "signal", "spd");
@@ -170,22 +170,22 @@ class Arrays {
     }
   }
   void write(std::size_t row, const FusedRecord& r) {
-    if (r.has(Sensor::spd)) out_.write_rows<std::uint32_t>(data + "spd", row, r.spd);
+    if (r.has(Sensor::spd)) out_.write_row<std::uint32_t>(data + "spd", row, r.spd);
     if (!no_radar_.empty())
-      out_.write_rows<float>(data + "radar", row, r.has(Sensor::radar) ? r.radar : no_radar_);
+      out_.write_row<float>(data + "radar", row, r.has(Sensor::radar) ? r.radar : no_radar_);
     if (!no_array_.empty())
-      out_.write_rows<float>(data + "array", row, r.array.empty() ? no_array_ : r.array);
+      out_.write_row<float>(data + "array", row, r.array.empty() ? no_array_ : r.array);
     if (!no_depth_.empty()) {
       std::vector<float> depth = no_depth_;
       for (std::size_t p = 0; r.has(Sensor::depth) && p < depth.size(); ++p)
         if (r.depth_mm[p] > 0) depth[p] = r.depth_mm[p];
-      out_.write_rows<float>(data + "depth", row, depth);
+      out_.write_row<float>(data + "depth", row, depth);
     }
     if (codes_of_antennas_ > 0) {
       std::vector<float> power = no_radar_;
       for (std::size_t b = 0; r.has(Sensor::radar) && b < power.size(); ++b)
         power[b] = static_cast<float>(power_from_code(double{r.radar[b]}, codes_of_antennas_));
-      out_.write_rows<float>(data + "radar_power", row, power);
+      out_.write_row<float>(data + "radar_power", row, power);
     }
   }
   // What stands along each dimension, as dimension scales and, of one signal a group, as NXdata.
@@ -213,7 +213,7 @@ class Arrays {
   }
 
  private:
-  H5File& out_;
+  H5Out& out_;
   std::vector<float> no_radar_, no_array_, no_depth_;
   double codes_of_antennas_ = 0;  // 0: the radar gives powers
 };
@@ -237,7 +237,7 @@ class Columns {
       sync_[s].verdict.push_back(r.sync[s].verdict);
     }
   }
-  void write(H5File& out) const {
+  void write(H5Out& out) const {
     put(out, data + "valid", valid_, "1");
     put(out, data + "index", index_, "1");
     put(out, data + "slot_start", start_, of_the_machine);
@@ -263,7 +263,7 @@ class Columns {
     std::vector<std::string> verdict;
   };
   template <class T>
-  static void put(H5File& out, const std::string& name, const std::vector<T>& values,
+  static void put(H5Out& out, const std::string& name, const std::vector<T>& values,
                   const std::string& units) {
     out.write(name, values, {values.size()});
     out.set(name, "units", units);
@@ -276,7 +276,7 @@ class Columns {
   PerSensor<Sync> sync_;
 };
 
-std::int64_t write_h5(H5File& out, const RunReader& run,
+std::int64_t write_h5(H5Out& out, const RunReader& run,
                       const std::function<void(std::int64_t, std::int64_t)>& progress) {
   const std::int64_t total = run.count();  // a live run may grow meanwhile
   std::int64_t done = 0, bad = 0;
@@ -317,7 +317,7 @@ std::int64_t export_h5(const RunReader& run, const std::string& path,
                        const std::function<void(std::int64_t, std::int64_t)>& progress) {
   refuse_existing(path);
   StagedFile staged(path);
-  H5File out = H5File::create(staged.path());
+  H5Out out(staged.path());
   const std::int64_t bad = write_h5(out, run, progress);
   staged.publish();
   return bad;

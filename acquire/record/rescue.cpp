@@ -35,16 +35,12 @@ std::string make_beside(const fs::path& path) {
   }
 }
 
-void copy_into(sqlite3* copy, const std::string& name, sqlite3* db) {
-  sqlite3_backup* const backup = sqlite3_backup_init(copy, "main", db, "main");
-  if (!backup) sqlite_fail(copy, name, "cannot copy");
-  sqlite3_backup_step(backup, -1);
-  if (sqlite3_backup_finish(backup) != SQLITE_OK) sqlite_fail(copy, name, "cannot copy");
-}
-
 DatabaseHandle open_copy(sqlite3* db, const std::string& name) {
   DatabaseHandle copy = open_database(name, "cannot open");
-  copy_into(copy.get(), name, db);
+  sqlite3_backup* const backup = sqlite3_backup_init(copy.get(), "main", db, "main");
+  if (!backup) sqlite_fail(copy.get(), name, "cannot copy");
+  sqlite3_backup_step(backup, -1);
+  if (sqlite3_backup_finish(backup) != SQLITE_OK) sqlite_fail(copy.get(), name, "cannot copy");
   return copy;
 }
 
@@ -62,17 +58,6 @@ void put_end(sqlite3* db, const std::string& path, const std::string& status, Ut
       .at("ended_utc")
       .bind(iso8601(ended))
       .run();
-}
-
-std::string copy_beside(sqlite3* db, const std::string& path) {
-  const std::string name = make_beside(path);
-  try {
-    execute(open_copy(db, name).get(), name, "PRAGMA journal_mode=DELETE", "cannot close");
-    return name;
-  } catch (...) {
-    remove_copy(name);
-    throw;
-  }
 }
 
 std::string damage(sqlite3* db, const std::string& path) {

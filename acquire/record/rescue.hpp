@@ -24,9 +24,6 @@ Rescue rescue(sqlite3* db, const std::string& path, const std::string& status, U
 // The run's status and its end. Throws Error.
 void put_end(sqlite3* db, const std::string& path, const std::string& status, UtcTime ended);
 
-// An empty name beside `path` made into a copy of what is committed: its name. Throws Error.
-std::string copy_beside(sqlite3* db, const std::string& path);
-
 // What SQLite's quick check says of the database as it is on disk now; empty if sound.
 std::string damage(sqlite3* db, const std::string& path);
 

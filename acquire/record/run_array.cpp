@@ -2,7 +2,8 @@
 // The radar's virtual antennas in a run file.
 #include <cmath>
 
-#include "acquire/record/run_statements.hpp"
+#include "acquire/record/insert.hpp"
+#include "acquire/record/run_file.hpp"
 
 namespace echofuse::record {
 
@@ -10,7 +11,7 @@ void RunWriter::put_antennas(const Antennas& antennas) {
   in_transaction([&] {
     execute(db_, path_, "DELETE FROM antenna", "cannot store the antennas");
     for (std::size_t i = 0; i < antennas.size(); ++i)
-      statements_->rows.into("antenna")
+      rows_->into("antenna")
           .set("antenna", static_cast<std::int64_t>(i))
           .set("x", antennas[i].x)
           .set("y", antennas[i].y)

@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: MIT
 // The rows of a run beside its records.
-#include "acquire/record/run_statements.hpp"
+#include "acquire/record/insert.hpp"
+#include "acquire/record/run_file.hpp"
 
 namespace echofuse::record {
 
 void RunWriter::put_axis(const Axis& axis) {
-  into("axis")
+  rows()
+      .into("axis")
       .set("name", axis.name)
       .set("quantity", axis.quantity)
       .set("unit", axis.unit)
@@ -18,7 +20,8 @@ void RunWriter::put_axis(const Axis& axis) {
 }
 
 void RunWriter::put_device(const DeviceInfo& device) {
-  into("device")
+  rows()
+      .into("device")
       .set("sensor", name_of(device.sensor))
       .set("address", device.address)
       .set("model", device.model)
@@ -28,7 +31,8 @@ void RunWriter::put_device(const DeviceInfo& device) {
 }
 
 void RunWriter::put_calibration(const CalibrationEntry& entry) {
-  into("calibration")
+  rows()
+      .into("calibration")
       .set("sensor", name_of(entry.sensor))
       .set("date_utc", entry.date_utc)
       .set("method", entry.method)
@@ -39,7 +43,8 @@ void RunWriter::put_calibration(const CalibrationEntry& entry) {
 }
 
 void RunWriter::put_policy(Sensor sensor, const std::string& policy) {
-  into("policy", "ON CONFLICT (sensor) DO UPDATE SET policy = excluded.policy")
+  rows()
+      .into("policy", "ON CONFLICT (sensor) DO UPDATE SET policy = excluded.policy")
       .set("sensor", name_of(sensor))
       .set("policy", policy)
       .run();
@@ -48,7 +53,7 @@ void RunWriter::put_policy(Sensor sensor, const std::string& policy) {
 void RunWriter::put_counters(std::span<const Counted> counters) {
   in_transaction([&] {
     for (const Counted& c : counters)
-      statements_->rows.into("counter")
+      rows_->into("counter")
           .set("source", c.source)
           .set("name", c.name)
           .set("value", c.value)
@@ -59,10 +64,10 @@ void RunWriter::put_counters(std::span<const Counted> counters) {
 
 void RunWriter::put_late(std::int64_t first, const LateCounts& late) {
   in_transaction([&] {
-    Insert& row = statements_->rows.into(
-        "late",
-        "ON CONFLICT (idx) DO UPDATE SET spd = spd + excluded.spd, radar = radar + "
-        "excluded.radar, depth = depth + excluded.depth");
+    Insert& row =
+        rows_->into("late",
+                    "ON CONFLICT (idx) DO UPDATE SET spd = spd + excluded.spd, radar = radar + "
+                    "excluded.radar, depth = depth + excluded.depth");
     for (const auto& [slot, counts] : late) {
       for (const Sensor s : all_sensors) row.set(name_of(s), counts[s]);
       row.set("idx", first + slot).run();
@@ -71,7 +76,8 @@ void RunWriter::put_late(std::int64_t first, const LateCounts& late) {
 }
 
 void RunWriter::put_anchor(HostTime mono, UtcTime utc) {
-  into("anchor")
+  rows()
+      .into("anchor")
       .set("mono_ns", std::int64_t{mono.count()})
       .set("utc_ns", std::int64_t{utc.count()})
       .run();
@@ -80,7 +86,8 @@ void RunWriter::put_anchor(HostTime mono, UtcTime utc) {
 void RunWriter::put_event(UtcTime utc, Severity severity, const std::string& source,
                           const std::string& text) {
   constexpr const char* levels[] = {"info", "warning", "error"};
-  into("event")
+  rows()
+      .into("event")
       .set("utc", iso8601(utc))
       .set("level", levels[static_cast<std::size_t>(severity)])
       .set("source", source)

@@ -26,7 +26,7 @@ struct sqlite3;
 namespace echofuse::record {
 
 class FileWatch;
-class Insert;
+class Inserts;
 class Statement;
 class WriterLock;
 struct Budget;
@@ -87,19 +87,14 @@ class RunWriter {
 
   // Another program may hold the file by a write transaction. A call waits for its end, for 30 s,
   // or for any time if the writer is patient, until give_up_waiting() plus this time: then it
-  // throws. move_if_held(), called after that, copies what is committed to NAME.rescued.sqlite and
-  // goes on there: the call can be repeated, and close() throws an Error(disk) that names the copy.
-  // Threading: give_up_waiting() and waits() from any thread.
+  // throws Error(disk). Threading: give_up_waiting() from any thread.
   void be_patient() { patient_ = true; }
   void give_up_waiting(std::chrono::nanoseconds after);
-  bool waits() const;
-  bool move_if_held();  // false: that was not the reason, or it has moved before
   const std::string& path() const { return path_; }
   std::int64_t records() const { return records_; }
   std::int64_t next_index() const { return next_index_; }  // at opening: 0, or after the last
 
  private:
-  struct Statements;
   void lock();
   void open();
   void use_wal();
@@ -110,9 +105,9 @@ class RunWriter {
   void require_sound();
   void require_whole();
   void throw_harm() const;
-  Insert& into(const std::string& table, const std::string& conflict = {});
+  Inserts& rows();  // for rows by themselves, each a transaction
   bool fold();
-  bool wait_on(int tries);
+  bool waits_on(int tries);
   void wait_for_others();
   [[noreturn]] void leave(const std::string& status);
   std::string path_;
@@ -120,13 +115,11 @@ class RunWriter {
   std::unique_ptr<WriterLock> lock_;
   std::unique_ptr<sqlite3, int (*)(sqlite3*)> handle_;
   sqlite3* db_ = nullptr;
-  std::unique_ptr<Statements> statements_;
+  std::unique_ptr<Inserts> rows_;
   std::unique_ptr<FileWatch> watch_;
-  bool touched_ = false;   // by somebody else, before a checkpoint of ours
-  std::string harm_;       // what was done to the file
-  std::string held_path_;  // of the file that another program holds; path_ is the copy
-  bool patient_ = false, given_up_ = false;
-  std::atomic<std::int64_t> last_wait_ns_ = 0;
+  bool touched_ = false;  // by somebody else, before a checkpoint of ours
+  std::string harm_;      // what was done to the file
+  bool patient_ = false;
   std::atomic<std::int64_t> give_up_ns_ = std::numeric_limits<std::int64_t>::max();
   std::int64_t waits_since_ns_ = 0;
   std::vector<Axis> axes_;

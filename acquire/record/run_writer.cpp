@@ -11,11 +11,11 @@
 #include <utility>
 
 #include "acquire/record/file_watch.hpp"
+#include "acquire/record/insert.hpp"
 #include "acquire/record/network.hpp"
 #include "acquire/record/record_rows.hpp"
 #include "acquire/record/rescue.hpp"
 #include "acquire/record/run_file.hpp"
-#include "acquire/record/run_statements.hpp"
 #include "acquire/record/run_tables.hpp"
 #include "acquire/record/schema.hpp"
 #include "acquire/record/sqlite.hpp"
@@ -54,7 +54,6 @@ void create_empty(const std::string& path) {
 // Other processes may write marks.
 constexpr std::int64_t longest_wait_ns = 30'000'000'000;
 constexpr auto retry_pause = std::chrono::milliseconds(10);
-constexpr std::int64_t between_waits_ns = 1'000'000'000;  // at most, on a busy machine
 // SQLite's memory for pages, which a run fills in its first minutes. It holds all pages of the WAL,
 // so that there is a second copy of what is not in the database yet.
 constexpr const char* page_cache = "PRAGMA cache_size=-2000";  // KiB
@@ -169,39 +168,21 @@ void RunWriter::open() {
 
 void RunWriter::wait_for_others() {
   const auto handler = [](void* self, int tries) {
-    return static_cast<RunWriter*>(self)->wait_on(tries) ? 1 : 0;
+    return static_cast<RunWriter*>(self)->waits_on(tries) ? 1 : 0;
   };
   sqlite3_busy_handler(db_, handler, this);
 }
 
-bool RunWriter::wait_on(int tries) {
+bool RunWriter::waits_on(int tries) {
   const std::int64_t now = now_ns();
   if (tries == 0) waits_since_ns_ = now;
-  given_up_ = now >= give_up_ns_ || (!patient_ && now - waits_since_ns_ > longest_wait_ns);
-  last_wait_ns_ = given_up_ ? 0 : now;
-  if (!given_up_) std::this_thread::sleep_for(retry_pause);
-  return !given_up_;
+  if (now >= give_up_ns_ || (!patient_ && now - waits_since_ns_ > longest_wait_ns)) return false;
+  std::this_thread::sleep_for(retry_pause);
+  return true;
 }
-
-bool RunWriter::waits() const { return now_ns() - last_wait_ns_ < between_waits_ns; }
 
 void RunWriter::give_up_waiting(std::chrono::nanoseconds after) {
   give_up_ns_ = std::min(give_up_ns_.load(), now_ns() + std::int64_t{after.count()});
-}
-
-bool RunWriter::move_if_held() {
-  if (!std::exchange(given_up_, false) || !held_path_.empty()) return false;
-  const std::string copy = copy_beside(db_, path_);
-  statements_.reset();
-  lock_->release();
-  sqlite3_db_config(db_, SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, 1, nullptr);
-  held_path_ = std::exchange(path_, copy);
-  open();
-  use_wal();
-  execute(db_, path_, "UPDATE run SET status = 'open'", "cannot go on");  // makes the WAL
-  give_up_ns_ = std::numeric_limits<std::int64_t>::max();
-  ready();
-  return true;
 }
 
 void RunWriter::use_wal() {
@@ -220,7 +201,7 @@ void RunWriter::use_wal() {
 
 // After the first write, which makes the WAL.
 void RunWriter::ready() {
-  statements_ = std::make_unique<Statements>(db_, path_);
+  rows_ = std::make_unique<Inserts>(db_, path_);
   watch_ = std::make_unique<FileWatch>(path_);
   const auto hook = [](void* self, sqlite3*, const char*, int pages) {
     static_cast<RunWriter*>(self)->watch_->note_commit();
@@ -238,25 +219,24 @@ void RunWriter::checkpoint() {
   if (taken_over != in_wal) watch_->note_commit();
 }
 
-// A row by itself.
-Insert& RunWriter::into(const std::string& table, const std::string& conflict) {
+Inserts& RunWriter::rows() {
   require_sound();
-  return statements_->rows.into(table, conflict);
+  return *rows_;
 }
 
 RunWriter::~RunWriter() = default;
 
 void RunWriter::in_transaction(const std::function<void()>& body) {
   require_sound();
-  statements_->begin.run();
+  execute(db_, path_, "BEGIN IMMEDIATE", "cannot write");
   try {
     body();
-    statements_->commit.run();
+    execute(db_, path_, "COMMIT", "cannot write");
   } catch (...) {
     const int code = sqlite3_errcode(db_);
     if (code == SQLITE_CORRUPT || code == SQLITE_NOTADB)
       harm_ = std::string("was damaged during the run: ") + sqlite3_errstr(code);
-    statements_->rows.clear();
+    rows_->clear();
     // A full disk may have rolled back already.
     if (!sqlite3_get_autocommit(db_)) sqlite3_exec(db_, "ROLLBACK", nullptr, nullptr, nullptr);
     throw;
@@ -267,7 +247,7 @@ void RunWriter::append(const FusedRecord& record) { append(std::span(&record, 1)
 
 void RunWriter::append(std::span<const FusedRecord> batch) {
   in_transaction([&] {
-    for (const auto& r : batch) insert_record(statements_->rows, path_, r, axes_);
+    for (const auto& r : batch) insert_record(*rows_, path_, r, axes_);
   });
   records_ += static_cast<std::int64_t>(batch.size());
 }
@@ -330,27 +310,17 @@ bool RunWriter::close(const std::string& status) {
   watch_->note();
   lock_->release();
   wait_for_others();
-  try {
-    put_end(db_, path_, status, clock_.utc());
-  } catch (const Error&) {
-    if (!given_up_) throw;
-    throw Error(ExitCode::disk, path_ + ": another program holds it by a write transaction: its " +
-                                    std::to_string(records_) +
-                                    " records are whole, but its end is not noted");
-  }
+  put_end(db_, path_, status, clock_.utc());
   try {
     require_sound();
   } catch (const Error&) {
     leave(status);
   }
-  statements_.reset();
+  rows_.reset();
   const bool folded = fold();
   handle_.reset();
   db_ = nullptr;
   lock_.reset();
-  if (!held_path_.empty())
-    throw Error(ExitCode::disk, held_path_ + ": another program held it by a write transaction; " +
-                                    "all " + std::to_string(records_) + " records are in " + path_);
   return folded;
 }
 
@@ -374,7 +344,7 @@ bool RunWriter::fold() {
 
 // What bears the file's name is not touched any more: it may belong to somebody else by now.
 void RunWriter::leave(const std::string& status) {
-  statements_.reset();
+  rows_.reset();
   lock_->release();
   const Rescue kept = rescue(db_, path_, status, clock_.utc(), records_);
   sqlite3_db_config(db_, SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, 1, nullptr);

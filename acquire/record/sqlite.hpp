@@ -26,10 +26,13 @@ inline Error damaged(const std::string& path) {
 [[noreturn]] inline void sqlite_fail(sqlite3* db, const std::string& path, const char* doing) {
   const int code = sqlite3_errcode(db);
   if (code == SQLITE_INTERRUPT) throw damaged(path);
-  const bool disk = code == SQLITE_FULL || code == SQLITE_IOERR || code == SQLITE_READONLY ||
-                    code == SQLITE_CANTOPEN;
+  const bool held = code == SQLITE_BUSY;
+  const bool disk = held || code == SQLITE_FULL || code == SQLITE_IOERR ||
+                    code == SQLITE_READONLY || code == SQLITE_CANTOPEN;
   throw Error(disk ? ExitCode::disk : ExitCode::failed,
-              printable(path) + ": " + doing + ": " + printable(sqlite3_errmsg(db)));
+              printable(path) + ": " + doing + ": " +
+                  (held ? "another program holds it by a write transaction"
+                        : printable(sqlite3_errmsg(db))));
 }
 
 // Of all that SQLite opens for the database of this name.

@@ -10,18 +10,12 @@
 #include <cerrno>
 #include <cstring>
 
+#include "acquire/record/file_lock.hpp"
 #include "drivers/program/atomic_write.hpp"
 #include "drivers/program/exit_code.hpp"
 
 namespace echofuse::record {
 namespace {
-
-struct flock whole_file() {
-  struct flock lock {};  // an open file description's lock wants 0 as its process
-  lock.l_type = F_WRLCK;
-  lock.l_whence = SEEK_SET;
-  return lock;
-}
 
 // An empty file, or the zeros that reserve() put into it: nothing that could be lost.
 bool is_ours(int fd) {
@@ -57,12 +51,11 @@ WriterLock::WriterLock(const std::string& run_path) {
     refuse(path);
   }
   let_group_read(fd_);  // who may read the run sees whether it is live
-  const struct flock lock = whole_file();
-  held_ = ::fcntl(fd_, F_OFD_SETLK, &lock) == 0;
-  if (held_ || errno == EAGAIN || errno == EACCES) return;
-  const std::string reason = std::strerror(errno);
+  const int error = take_lock(fd_);
+  held_ = error == 0;
+  if (held_ || error == EAGAIN) return;
   ::close(fd_);
-  throw Error(ExitCode::disk, path + ": this file system does not lock: " + reason);
+  throw Error(ExitCode::disk, path + ": this file system does not lock: " + std::strerror(error));
 }
 
 WriterLock::~WriterLock() {
@@ -82,8 +75,7 @@ bool WriterLock::someone_writes(const std::string& run_path) {
   const int fd =
       ::open((run_path + "-lock").c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK);
   if (fd < 0) return false;
-  struct flock lock = whole_file();
-  const bool busy = ::fcntl(fd, F_OFD_GETLK, &lock) == 0 && lock.l_type != F_UNLCK;
+  const bool busy = somebody_has_lock(fd);
   ::close(fd);
   return busy;
 }

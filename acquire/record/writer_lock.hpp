@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT
-// Who is writing a run: the writer holds a lock (of its open file description) on RUN-lock for as
-// long as it lives, so that a reader can tell a live run from one that a crash left behind. A
-// separate file, because closing any descriptor of the database itself would drop SQLite's own
-// locks. It is never removed, because a second writer may have it open already; it stays, empty.
+// Who is writing a run: the writer holds a lock (file_lock.hpp) on RUN-lock for as long as it
+// lives, so that a reader can tell a live run from one that a crash left behind. A separate file,
+// because closing any descriptor of the database itself would drop SQLite's own locks. It stays,
+// empty.
 #pragma once
 #include <sys/types.h>
 

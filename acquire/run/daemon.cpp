@@ -20,7 +20,6 @@
 #include "acquire/run/signal_check.hpp"
 #include "acquire/run/status.hpp"
 #include "acquire/run/window.hpp"
-#include "acquire/run/writer.hpp"
 #include "drivers/port/raw_tap.hpp"
 #include "drivers/program/console.hpp"
 
@@ -70,13 +69,11 @@ class Daemon final : private SampleSink {
         : scheduler(grid, options.count),
           windows(grid, config.histogram, clocks, config.configured(), config.required()),
           signal(config.signal, config.window_s),
-          writer(std::move(file), loop.make_worker()),
-          journal(writer, loop, begun_axes),
+          journal(std::move(file), loop.make_worker(), loop, begun_axes),
           status(grid.first, config.window_s, options.count, options.quiet) {}
     Scheduler scheduler;
     Windows windows;
     SignalCheck signal;
-    Writer writer;
     Journal journal;
     Backlog due;
     StatusLine status;
@@ -205,7 +202,7 @@ void Daemon::begin() {
   recording_.emplace(grid, config_, options_, clocks_, loop_, resumption_.axes, std::move(file));
   recording_->journal.put_config(config_, options_.resume);
   if (!resumption_.gap.empty()) log(Severity::warning, "run", resumption_.gap);
-  log_.attach(recording_->writer);
+  log_.attach(recording_->journal);
   for (const Sensor s : all_sensors)
     if (devices_[s].state == DeviceState::streaming)
       announce(s);
@@ -278,22 +275,22 @@ void Daemon::tick() {
   close_due(now);
   r.journal.refresh_anchor(log_);
   report_raw_trouble();
-  const std::int64_t written = r.writer.written();
+  const std::int64_t written = r.journal.written();
   if (std::exchange(totals_.written, written) != written) {
     notify_advance(written);
     if (options_.progress) options_.progress(written);
   }
-  totals_.label = r.writer.label().value_or(label_);
-  totals_.free_bytes = r.writer.free_bytes();
+  totals_.label = r.journal.label().value_or(label_);
+  totals_.free_bytes = r.journal.free_bytes();
   r.status.update(now, totals_);
-  done_ = (r.scheduler.done() && r.due.empty()) || r.writer.failed();
+  done_ = (r.scheduler.done() && r.due.empty()) || r.journal.failed();
   if (!done_) arm();
 }
 
 void Daemon::close_due(HostTime now) {
   Recording& r = *recording_;
   r.due.put(r.scheduler.tick(now));
-  while (const auto due = r.due.next(r.writer.crowded()))
+  while (const auto due = r.due.next(r.journal.crowded()))
     close_slot(*due, r.scheduler.lateness(due->index, now));
 }
 
@@ -326,7 +323,7 @@ void Daemon::close_slot(const DueSlot& due, std::chrono::nanoseconds late) {
   spdlog::debug("record {}: valid {}, {} clicks, {} radar frames, {} depth frames", record.index,
                 record.valid.bits(), record.sync[Sensor::spd].used, record.sync[Sensor::radar].used,
                 record.sync[Sensor::depth].used);
-  if (!recording_->writer.put(std::move(record)))
+  if (!recording_->journal.put(std::move(record)))
     log(Severity::error, "run file",
         "record " + std::to_string(due.index + resumption_.first_index) +
             ": its data are given up, the disk is too slow");
@@ -354,12 +351,12 @@ void Daemon::end() {
   for (const Sensor s : all_sensors) unassigned.early[s] += early_[s];
   r.journal.put_counters(std::move(counters), unassigned);
   report_unassigned(log_, unassigned);
-  if (!r.writer.finish(status_))
+  if (!r.journal.finish(status_))
     spdlog::warn(
         "{}: another program reads it; its last records stay in {}-wal until "
         "`echofuse-acquire info` or the next --resume",
         options_.out, options_.out);
-  totals_.written = r.writer.written();
+  totals_.written = r.journal.written();
   if (options_.progress) options_.progress(totals_.written);
   r.status.finish(loop_.now(), totals_);
   spdlog::info("{}: {}, {}{}; arrived: {} tags, {} radar frames, {} depth frames", options_.out,

@@ -1,7 +1,14 @@
 // SPDX-License-Identifier: MIT
 #include "acquire/run/journal.hpp"
 
+#include <spdlog/spdlog.h>
+
+#include <filesystem>
 #include <utility>
+
+#include "acquire/run/disk_estimate.hpp"
+#include "acquire/run/run_log.hpp"
+#include "drivers/program/exit_code.hpp"
 
 namespace echofuse::acquire {
 namespace {
@@ -10,49 +17,124 @@ constexpr auto anchor_pause = std::chrono::minutes(1);
 // What a program that sets the clock sets it by; the program itself may stand still for less
 // between asking for both times.
 constexpr auto least_step = std::chrono::milliseconds(500);
+constexpr std::size_t hard_limit = 10;        // times the capacity
+constexpr std::chrono::seconds last_wait{2};  // at the end, for who holds the file
+constexpr const char* too_slow = "dropped: the disk does not keep up";
+
+void give_up_data(record::FusedRecord& record) {
+  for (const Sensor s : all_sensors)
+    if (record.has(s)) record.sync[s].verdict = too_slow;
+  record.valid = {};
+  record.spd = {};
+  record.radar = {};
+  record.array = {};
+  record.array_frames = 0;
+  record.depth_mm = {};
+}
 
 }  // namespace
 
-Journal::Journal(Writer& writer, const Clock& clock, const std::vector<Axis>& begun_axes)
-    : writer_(writer), clock_(clock) {
+Journal::Journal(std::unique_ptr<record::RunWriter> run, std::unique_ptr<port::Worker> worker,
+                 const Clock& clock, const std::vector<Axis>& begun_axes, std::size_t capacity)
+    : run_(std::move(run)), capacity_(capacity), clock_(clock), worker_(std::move(worker)) {
+  run_->be_patient();
   for (const Axis& axis : begun_axes) axes_.insert(axis.name);
   anchors_.push_back(put_anchor());
+}
+
+Journal::~Journal() { stop(); }
+
+bool Journal::put(record::FusedRecord record) {
+  const bool room = waiting_ < capacity_;
+  if (!room) give_up_data(record);
+  ++put_;
+  put([this, r = std::move(record)](record::RunWriter& run) mutable { write(run, r); });
+  return room;
+}
+
+// On the worker.
+void Journal::write(record::RunWriter& run, record::FusedRecord& record) {
+  const UtcTime slot_end = record.slot_utc + (record.slot_end - record.slot_start);
+  if (auto label = run.new_label(slot_end)) {
+    const std::lock_guard lock(mutex_);
+    label_ = std::move(label);
+  }
+  if (label_) record.label = *label_;
+  run.append(record);
+  spdlog::debug("record {}: committed", record.index);  // what scripts/kill_test relies on
+  const auto free = acquire::free_bytes(std::filesystem::path(run.path()).parent_path().string());
+  const std::lock_guard lock(mutex_);
+  free_ = free;
+  ++written_;
+}
+
+void Journal::put(Job job) {
+  if (failed_ || !worker_) return;
+  if (waiting_ >= hard_limit * capacity_)
+    return fail(std::make_exception_ptr(Error(ExitCode::disk, too_slow)));
+  ++waiting_;
+  worker_->put([this, job = std::move(job)] {
+    --waiting_;
+    if (failed_) return;
+    try {
+      job(*run_);
+    } catch (...) {
+      fail(std::current_exception());
+    }
+  });
 }
 
 void Journal::put_config(const Config& config, bool resumed) {
   for (const Sensor s : all_sensors)
     if (config.configured().contains(s))
-      writer_.put(
-          [s, policy = config.policy[s]](record::RunWriter& run) { run.put_policy(s, policy); });
+      put([s, policy = config.policy[s]](record::RunWriter& run) { run.put_policy(s, policy); });
   if (config.configured().contains(Sensor::depth)) {
     const auto map = config.map.axes();
     put_axes({map.begin(), map.end()});
   }
   if (resumed) return;
   if (!config.antennas.empty())
-    writer_.put(
-        [antennas = config.antennas](record::RunWriter& run) { run.put_antennas(antennas); });
+    put([antennas = config.antennas](record::RunWriter& run) { run.put_antennas(antennas); });
   for (const auto& entry : config.calibration.entries)
-    writer_.put([entry](record::RunWriter& run) { run.put_calibration(entry); });
+    put([entry](record::RunWriter& run) { run.put_calibration(entry); });
 }
 
 void Journal::put_device(const DeviceInfo& device) {
   const std::string identity =
       device.address + '\n' + device.model + '\n' + device.serial + '\n' + device.firmware;
   if (std::exchange(identities_[device.sensor], identity) != identity)
-    writer_.put([device](record::RunWriter& run) { run.put_device(device); });
+    put([device](record::RunWriter& run) { run.put_device(device); });
 }
 
 void Journal::put_axes(const std::vector<Axis>& axes) {
   for (const Axis& axis : axes)
-    if (axes_.insert(axis.name).second)
-      writer_.put([axis](record::RunWriter& run) { run.put_axis(axis); });
+    if (axes_.insert(axis.name).second) put([axis](record::RunWriter& run) { run.put_axis(axis); });
+}
+
+void Journal::put_late(std::int64_t first, record::LateCounts late) {
+  if (late.empty()) return;
+  put([first, late = std::move(late)](record::RunWriter& run) { run.put_late(first, late); });
+}
+
+void Journal::put_counters(PerSensor<std::vector<Counter>> counters,
+                           const UnassignedSamples& unassigned) {
+  for (const Sensor s : all_sensors) {
+    counters[s].push_back({"early", unassigned.early[s]});
+    counters[s].push_back({"late", unassigned.late[s]});
+    counters[s].push_back({"outside", unassigned.outside[s]});
+    counters[s].push_back({"duplicate", unassigned.duplicate[s]});
+    counters[s].push_back({"out_of_order", unassigned.out_of_order[s]});
+  }
+  std::vector<record::Counted> rows;
+  for (const Sensor s : all_sensors)
+    for (const Counter& c : counters[s]) rows.push_back({name_of(s), c.name, c.value});
+  put([rows = std::move(rows)](record::RunWriter& run) { run.put_counters(rows); });
 }
 
 Journal::Anchor Journal::put_anchor() {
   const HostTime mono = clock_.now();
   const UtcTime utc = clock_.utc();
-  writer_.put([mono, utc](record::RunWriter& run) { run.put_anchor(mono, utc); });
+  put([mono, utc](record::RunWriter& run) { run.put_anchor(mono, utc); });
   return {mono, utc - mono, mono};
 }
 
@@ -77,25 +159,48 @@ UtcTime Journal::utc_of(HostTime slot_start) {
   return slot_start + anchors_.front().utc_offset;
 }
 
-void Journal::put_late(std::int64_t first, record::LateCounts late) {
-  if (late.empty()) return;
-  writer_.put(
-      [first, late = std::move(late)](record::RunWriter& run) { run.put_late(first, late); });
+std::optional<std::uint64_t> Journal::free_bytes() const {
+  const std::lock_guard lock(mutex_);
+  return free_;
 }
 
-void Journal::put_counters(PerSensor<std::vector<Counter>> counters,
-                           const UnassignedSamples& unassigned) {
-  for (const Sensor s : all_sensors) {
-    counters[s].push_back({"early", unassigned.early[s]});
-    counters[s].push_back({"late", unassigned.late[s]});
-    counters[s].push_back({"outside", unassigned.outside[s]});
-    counters[s].push_back({"duplicate", unassigned.duplicate[s]});
-    counters[s].push_back({"out_of_order", unassigned.out_of_order[s]});
+std::optional<std::string> Journal::label() const {
+  const std::lock_guard lock(mutex_);
+  return label_;
+}
+
+void Journal::fail(const std::exception_ptr& why) {
+  const std::lock_guard lock(mutex_);
+  if (!failure_) failure_ = why;
+  failed_ = true;
+}
+
+void Journal::stop() {
+  run_->give_up_waiting(last_wait);
+  worker_.reset();
+}
+
+bool Journal::finish(const std::string& status) {
+  stop();
+  if (!failed_) return run_->close(status);
+  ExitCode code = ExitCode::failed;
+  std::string why;
+  try {
+    std::rethrow_exception(failure_);
+  } catch (const Error& error) {
+    code = error.code();
+    why = error.what();
+  } catch (const std::exception& error) {
+    why = error.what();
   }
-  std::vector<record::Counted> rows;
-  for (const Sensor s : all_sensors)
-    for (const Counter& c : counters[s]) rows.push_back({name_of(s), c.name, c.value});
-  writer_.put([rows = std::move(rows)](record::RunWriter& run) { run.put_counters(rows); });
+  if (const std::int64_t missing = put_ - written_; missing > 0)
+    why += "; its last " + std::to_string(missing) + " records are not written";
+  try {
+    run_->close(code == ExitCode::disk ? "stopped:disk" : "stopped:failed");
+  } catch (const Error&) {  // the first reason is the one to tell, unless this says what is left
+    if (run_->lost()) throw;
+  }
+  throw Error(code, why);
 }
 
 void report_unassigned(RunLog& log, const UnassignedSamples& unassigned) {

@@ -1,41 +1,79 @@
 // SPDX-License-Identifier: MIT
-// What a run file holds beside its records: devices, axes, clock anchors, policies, calibration,
-// late samples and counters.
+// The way of a run to its disk: records, and what a run file holds beside them, in order. The run
+// file has its own worker, so that a slow disk never blocks the devices.
 #pragma once
+#include <atomic>
 #include <chrono>
 #include <cstdint>
 #include <deque>
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <optional>
 #include <set>
 #include <string>
 #include <vector>
 
 #include "acquire/config/config.hpp"
-#include "acquire/run/run_log.hpp"
+#include "acquire/record/run_file.hpp"
 #include "acquire/run/window.hpp"
-#include "acquire/run/writer.hpp"
+#include "drivers/port/loop.hpp"
 
 namespace echofuse::acquire {
 
-// Threading: the loop's thread only; the writer's thread does the work.
+class RunLog;
+
+// Threading: all members are for one thread. The worker alone touches the RunWriter. No job is done
+// after the first that failed, and finish() tells why. While another program holds the run file by
+// a write transaction, jobs wait.
 class Journal {
  public:
-  // Both must outlive this. `begun_axes`: those that the file of a resumed run has. Puts an anchor.
-  Journal(Writer& writer, const Clock& clock, const std::vector<Axis>& begun_axes);
+  using Job = std::function<void(record::RunWriter&)>;
+  static constexpr std::size_t default_capacity = 64;
 
+  // `clock` must outlive this. `begun_axes`: those that the file of a resumed run has. Puts an
+  // anchor.
+  Journal(std::unique_ptr<record::RunWriter> run, std::unique_ptr<port::Worker> worker,
+          const Clock& clock, const std::vector<Axis>& begun_axes = {},
+          std::size_t capacity = default_capacity);
+  ~Journal();  // without finish(): the run stays as a crash would leave it
+  Journal(const Journal&) = delete;
+  Journal& operator=(const Journal&) = delete;
+
+  // False if `capacity` jobs are waiting: then the record's data are given up, but its row is still
+  // written, with that verdict. Ten times as many jobs fail the journal.
+  bool put(record::FusedRecord record);
+  void put(Job job);
   // Once, of a run that begins; a resumed run keeps the calibration that it was begun with.
   void put_config(const Config& config, bool resumed);
   void put_device(const DeviceInfo& device);     // one row a device, not one a reconnection
   void put_axes(const std::vector<Axis>& axes);  // those that the file does not have
-  // A new one once a minute, and at once, with a warning, when the machine's clock was set or the
-  // machine slept.
-  void refresh_anchor(RunLog& log);
-  // For slots in their order. Those that began before the clock was set keep the time of before.
-  UtcTime utc_of(HostTime slot_start);
   // `first`: the record of slot 0.
   void put_late(std::int64_t first, record::LateCounts late);
   // At the run's end: the drivers' counters and the samples that are in no record, all of them or
   // none.
   void put_counters(PerSensor<std::vector<Counter>> counters, const UnassignedSamples& unassigned);
+
+  // A new anchor once a minute, and at once, with a warning, when the machine's clock was set or
+  // the machine slept.
+  void refresh_anchor(RunLog& log);
+  // For slots in their order. Those that began before the clock was set keep the time of before.
+  UtcTime utc_of(HostTime slot_start);
+
+  // Half of `capacity` jobs are waiting: who has many records at once gives the disk its time.
+  bool crowded() const { return waiting_ >= capacity_ / 2; }
+  bool failed() const { return failed_; }
+  std::int64_t written() const { return written_; }
+  // That a mark gave to the records written last; none if none did.
+  std::optional<std::string> label() const;
+  // Of the run's disk after the last record; none if it does not tell.
+  std::optional<std::uint64_t> free_bytes() const;
+
+  // Writes what is waiting and closes the run with this status, or, if a job failed, with
+  // "stopped:disk" or (for another reason) "stopped:failed"; then throws that job's Error, which
+  // says how many records are not in the file. False if a reader keeps the run from being one file
+  // (RunWriter::close).
+  bool finish(const std::string& status);
 
  private:
   struct Anchor {
@@ -44,12 +82,26 @@ class Journal {
     HostTime from{};                        // the first slot start that it stands for
   };
   Anchor put_anchor();
+  void write(record::RunWriter& run, record::FusedRecord& record);
+  void fail(const std::exception_ptr& why);
+  void stop();
 
-  Writer& writer_;
+  std::unique_ptr<record::RunWriter> run_;
+  const std::size_t capacity_;
   const Clock& clock_;
   std::set<std::string> axes_;         // by name
   PerSensor<std::string> identities_;  // of the devices written
   std::deque<Anchor> anchors_;  // the last one, and before it those that open slots began with
+  std::int64_t put_ = 0;        // records
+
+  mutable std::mutex mutex_;
+  std::atomic<std::size_t> waiting_ = 0;  // jobs that have not begun
+  std::atomic<bool> failed_ = false;
+  std::atomic<std::int64_t> written_ = 0;
+  std::optional<std::string> label_;   // set by a mark, by the worker; guarded by mutex_
+  std::optional<std::uint64_t> free_;  // on its disk; guarded by mutex_
+  std::exception_ptr failure_;         // set once, before failed_
+  std::unique_ptr<port::Worker> worker_;
 };
 
 // A warning for each kind of unassigned samples that matters.

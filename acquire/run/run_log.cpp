@@ -40,18 +40,18 @@ void RunLog::write(Severity severity, const std::string& source, const std::stri
                    bool kept) {
   spdlog::log(level_of(severity), "{}: {}", source, printable(text));
   if (!kept) return;
-  Writer::Job job = [=, utc = clock_.utc()](record::RunWriter& run) {
+  Journal::Job job = [=, utc = clock_.utc()](record::RunWriter& run) {
     run.put_event(utc, severity, source, text);
   };
-  if (writer_)
-    writer_->put(std::move(job));
+  if (journal_)
+    journal_->put(std::move(job));
   else
     waiting_.push_back(std::move(job));
 }
 
-void RunLog::attach(Writer& writer) {
-  writer_ = &writer;
-  for (auto& job : std::exchange(waiting_, {})) writer.put(std::move(job));
+void RunLog::attach(Journal& journal) {
+  journal_ = &journal;
+  for (auto& job : std::exchange(waiting_, {})) journal.put(std::move(job));
 }
 
 }  // namespace echofuse::acquire

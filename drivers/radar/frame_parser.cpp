@@ -252,4 +252,21 @@ void FrameParser::forget_progress() {
   complete_.reset();
 }
 
+std::vector<Counter> counters_of(const FrameCounts& c) {
+  return {{"bytes", c.bytes},
+          {"frames", c.frames},
+          {"frame_bytes", c.frame_bytes},
+          {"range_profiles", c.range_profiles},
+          {"arrays", c.arrays},
+          {"other_tlvs", c.other_tlvs},
+          {"junk_bytes", c.junk_bytes},
+          {"truncated_frames", c.truncated_frames},
+          {"truncated_bytes", c.truncated_bytes},
+          {"bad_headers", c.bad_headers},
+          {"bad_tlvs", c.bad_tlvs},
+          {"resyncs", c.resyncs},
+          {"lost_frames", c.lost_frames},
+          {"restarts", c.restarts}};
+}
+
 }  // namespace echofuse::radar

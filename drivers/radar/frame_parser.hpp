@@ -41,8 +41,10 @@
 #include <functional>
 #include <map>
 #include <optional>
+#include <vector>
 
 #include "drivers/core/bytes.hpp"
+#include "drivers/core/driver.hpp"
 #include "drivers/core/frame_buffer.hpp"
 #include "drivers/core/sample.hpp"
 
@@ -68,6 +70,9 @@ struct FrameCounts {
   // Well-formed TLVs by type; only the first 64 types that turn up are told apart.
   std::map<std::uint32_t, std::uint64_t> tlvs;
 };
+
+// All of its numbers but the frame numbers and the TLVs by type.
+std::vector<Counter> counters_of(const FrameCounts& counts);
 
 class FrameParser {
  public:

@@ -54,25 +54,14 @@ void RadarDriver::advance_last_words() {
 }
 
 std::vector<Counter> RadarDriver::counters() const {
-  const FrameCounts& c = parser_.counts();
-  return {{"bytes", c.bytes},
-          {"frames", c.frames},
-          {"range_profiles", c.range_profiles},
-          {"arrays", c.arrays},
-          {"bad_arrays", bad_arrays_},
-          {"junk_bytes", c.junk_bytes},
-          {"truncated_frames", c.truncated_frames},
-          {"bad_headers", c.bad_headers},
-          {"bad_tlvs", c.bad_tlvs},
-          {"other_tlvs", c.other_tlvs},
-          {"resyncs", c.resyncs},
-          {"lost_frames", c.lost_frames},
-          {"port_losses", port_losses_},
-          {"early_frames", early_frames_},
-          {"restarts", c.restarts},
-          {"connections", connections_},
-          {"configured", configured_},
-          {"restarted", restarted_}};
+  std::vector<Counter> all = counters_of(parser_.counts());
+  all.insert(all.end(), {{"bad_arrays", bad_arrays_},
+                         {"port_losses", port_losses_},
+                         {"early_frames", early_frames_},
+                         {"connections", connections_},
+                         {"configured", configured_},
+                         {"restarted", restarted_}});
+  return all;
 }
 
 void RadarDriver::connect() {

@@ -7,7 +7,8 @@
 #include <functional>
 #include <sstream>
 
-#include "acquire/record/h5.hpp"
+#include "acquire/record/h5_out.hpp"
+#include "h5_reader.hpp"
 #include "testing.hpp"
 
 using namespace echofuse;
@@ -32,7 +33,7 @@ TEST_CASE("what is exported to HDF5 is the run") {
   const RunReader run(path);
   CHECK(export_h5(run, folder / "a.h5") == 1);
 
-  const H5File in = H5File::open(folder / "a.h5");
+  const H5Reader in(folder / "a.h5");
   const std::string data = "/entry/data/";
   CHECK(in.shape(data + "spd") == H5Shape{20, 8});
   CHECK(in.shape(data + "radar") == H5Shape{20, 4});
@@ -65,9 +66,9 @@ TEST_CASE("what is exported to HDF5 is the run") {
   CHECK(in.read_texts("/entry/sync/radar/verdict")[9] ==
         "unreadable: radar bin 1 is not a finite number");
   CHECK(in.read<double>(data + "spd_time")[3] == 13343 + 300);
-  CHECK(in.get<std::string>(data + "spd_time", "units") == "ps");
-  CHECK(in.get<std::string>(data + "depth", "units") == "mm");
-  CHECK(in.get<std::string>("/entry", "NX_class") == "NXentry");
+  CHECK(in.text_of(data + "spd_time", "units") == "ps");
+  CHECK(in.text_of(data + "depth", "units") == "mm");
+  CHECK(in.text_of("/entry", "NX_class") == "NXentry");
   CHECK(in.read_text("/entry/entry_identifier") == run.info().uuid);
   CHECK(in.read_text("/entry/instrument/spd/model") == "TT");
 }
@@ -124,7 +125,7 @@ std::string text_of(sqlite3_stmt* s, int column) {
 }
 
 // The exported values of one column against the database's own.
-void check_column(sqlite3* db, const H5File& in, const std::string& table,
+void check_column(sqlite3* db, const H5Reader& in, const std::string& table,
                   const std::string& column, const std::string& type) {
   const std::string name = "/entry/tables/" + table + "/" + column;
   CAPTURE(name);
@@ -133,7 +134,7 @@ void check_column(sqlite3* db, const H5File& in, const std::string& table,
   const auto whole = type == "INTEGER" ? in.read<std::int64_t>(name) : std::vector<std::int64_t>{};
   const auto real = type == "REAL" ? in.read<double>(name) : std::vector<double>{};
   const auto texts = type == "TEXT" ? in.read_texts(name) : std::vector<std::string>{};
-  if (type != "TEXT") CHECK_FALSE(in.get<std::string>(name, "units").empty());
+  if (type != "TEXT") CHECK_FALSE(in.text_of(name, "units").empty());
   each_row(db, "SELECT " + column + " FROM " + table + " ORDER BY rowid", [&](sqlite3_stmt* s) {
     const bool null = sqlite3_column_type(s, 0) == SQLITE_NULL;
     if (type == "INTEGER")
@@ -156,7 +157,7 @@ TEST_CASE("every table of a run is in its export, with units") {
   const Folder folder;
   write_full_run(folder / "a.sqlite");
   CHECK(export_h5(RunReader(folder / "a.sqlite"), folder / "a.h5") == 0);
-  const H5File in = H5File::open(folder / "a.h5");
+  const H5Reader in(folder / "a.h5");
   sqlite3* db = nullptr;
   REQUIRE(sqlite3_open((folder / "a.sqlite").c_str(), &db) == SQLITE_OK);
   std::vector<std::string> tables;
@@ -171,14 +172,14 @@ TEST_CASE("every table of a run is in its export, with units") {
   const std::string all = "/entry/tables/";
   CHECK(in.read_texts(all + "event/text").back() == "door open");
   CHECK(in.read_texts(all + "meta/value") == std::vector<std::string>{"blue", "5 mW, \xc2\xb5"});
-  CHECK(in.get<std::string>(all + "slot/closed_late_s", "units") == "s");
-  CHECK(in.get<std::string>(all + "speckle/over_150_ms", "units") == "1");
-  CHECK(in.get<std::string>(all + "signal/radar_snr_db", "units") == "dB");
-  CHECK(in.get<std::string>(all + "record/slot_utc_ns", "units") ==
+  CHECK(in.text_of(all + "slot/closed_late_s", "units") == "s");
+  CHECK(in.text_of(all + "speckle/over_150_ms", "units") == "1");
+  CHECK(in.text_of(all + "signal/radar_snr_db", "units") == "dB");
+  CHECK(in.text_of(all + "record/slot_utc_ns", "units") ==
         "nanoseconds since 1970-01-01T00:00:00Z");
-  CHECK(in.get<std::string>(all + "radar_status/rx0_c", "units") == "degC");
-  CHECK(in.get<std::string>(all + "clock_fit/radar_drift_ppm", "units") == "1e-6");
-  CHECK(in.get<std::string>(all + "radar_status/transmit_us", "units") == "us");
+  CHECK(in.text_of(all + "radar_status/rx0_c", "units") == "degC");
+  CHECK(in.text_of(all + "clock_fit/radar_drift_ppm", "units") == "1e-6");
+  CHECK(in.text_of(all + "radar_status/transmit_us", "units") == "us");
 }
 
 TEST_CASE("an export never overwrites, and leaves nothing behind if it fails") {
@@ -200,7 +201,7 @@ TEST_CASE("a run without records or axes can be exported") {
   const Folder folder;
   RunWriter(folder / "a.sqlite", {}).close("complete");
   CHECK(export_h5(RunReader(folder / "a.sqlite"), folder / "a.h5") == 0);
-  CHECK(H5File::open(folder / "a.h5").shape("/entry/data/index") == H5Shape{0});
+  CHECK(H5Reader(folder / "a.h5").shape("/entry/data/index") == H5Shape{0});
 }
 
 TEST_CASE("one record as CSV") {
@@ -221,30 +222,35 @@ TEST_CASE("HDF5 errors name the file and the dataset, and print nothing else") {
   const Folder folder;
   const std::string path = folder / "m.h5";
   {
-    H5File out = H5File::create(path);
+    H5Out out(path);
     out.write<double>("layer/0/weights", {1, 2, 3, 4, 5, 6}, {2, 3});
     out.set("layer/0/weights", "loss", 0.5);
     out.set("/", "epochs", std::int64_t{7});
     out.write_text("name", "µ-Netz");
-    CHECK(has(error_of([&] { out.write<float>("a", std::vector<float>(3), {2}); }).second,
+    CHECK(has(error_of([&] {
+                out.write<float>("a", {1, 2, 3}, {2});
+              }).second,
               path + ": a: shape and number of values differ"));
     out.allocate<float>("rows", {3, 2});
-    CHECK(has(error_of([&] { out.write_rows<float>("rows", 2, std::vector<float>(4)); }).second,
-              "rows do not fit"));
+    const std::vector<float> row{1, 2, 3};
+    const auto write = [&](std::size_t at, std::size_t values) {
+      return error_of([&] { out.write_row<float>("rows", at, std::span(row).first(values)); });
+    };
+    CHECK(has(write(3, 2).second, "the row does not fit"));
+    CHECK(has(write(2, 3).second, "the row does not fit"));
+    out.write_row<float>("rows", 2, std::span(row).first(2));
+    CHECK(has(error_of([&] { out.link("b", "layer/9"); }).second, path + ": b: cannot link ("));
+    CHECK(has(error_of([&] { out.put_scale("layer/9", 0, "rows"); }).second,
+              path + ": layer/9: no such dataset"));
+    CHECK(out.has("layer/0/weights"));
+    CHECK_FALSE(out.has("layer/1/weights"));
     out.close();
   }
-  const H5File in = H5File::open(path);
+  CHECK(has(error_of([&] { H5Out out(path); }).second, path + ": exists already"));
+  const H5Reader in(path);
   CHECK(in.read<float>("layer/0/weights") == std::vector<float>{1, 2, 3, 4, 5, 6});
-  CHECK(in.get<double>("layer/0/weights", "loss") == 0.5);
-  CHECK(in.get<std::int64_t>("/", "epochs") == 7);
+  CHECK(in.read<float>("rows") == std::vector<float>{0, 0, 0, 0, 1, 2});
+  CHECK(in.number_of("layer/0/weights", "loss") == 0.5);
+  CHECK(in.number_of("/", "epochs") == 7);
   CHECK(in.read_text("name") == "µ-Netz");
-  CHECK(in.has("layer/0/weights"));
-  CHECK_FALSE(in.has("layer/1/weights"));
-  CHECK_FALSE(in.has_attribute("layer/1", "x"));
-  CHECK(has(error_of([&] { in.read<float>("layer/9"); }).second,
-            path + ": layer/9: no such dataset"));
-  CHECK(has(error_of([&] { in.read<float>("name"); }).second, "name: cannot read as numbers"));
-  CHECK(has(error_of([&] { in.get<double>("name", "x"); }).second, "name@x: no such attribute"));
-  write_file(folder / "no.h5", "not HDF5");
-  CHECK(has(error_of([&] { H5File::open(folder / "no.h5"); }).second, "not a readable HDF5 file"));
 }

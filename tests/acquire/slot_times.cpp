@@ -5,6 +5,7 @@
 
 #include "acquire/commands/annotate.hpp"
 #include "acquire/run/journal.hpp"
+#include "acquire/run/run_log.hpp"
 #include "testing.hpp"
 
 using namespace echofuse;
@@ -39,11 +40,10 @@ TEST_CASE(
   const std::string path = folder / "run.sqlite";
   SetClock clock;
   const auto before = clock.offset;
-  Writer writer(std::make_unique<record::RunWriter>(path, record::RunInfo{}),
-                port::SystemLoop().make_worker());
+  Journal journal(std::make_unique<record::RunWriter>(path, record::RunInfo{}),
+                  port::SystemLoop().make_worker(), clock);
   RunLog log(clock);
-  log.attach(writer);
-  Journal journal(writer, clock, {});
+  log.attach(journal);
   for (int second = 0; second < 60; ++second, clock.mono += 1s) journal.refresh_anchor(log);
   clock.offset += 10ms;  // is no event; the next anchor has it
   journal.refresh_anchor(log);
@@ -59,7 +59,7 @@ TEST_CASE(
   clock.offset = before + step + 20ms;
   journal.refresh_anchor(log);
   CHECK(journal.utc_of(1140s) == 1140s + before + step + 20ms);
-  writer.finish("complete");
+  journal.finish("complete");
 
   const std::string day = step > 0h ? "2023-11-15" : "2023-11-13";
   CHECK(events_of(path) ==

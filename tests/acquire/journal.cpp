@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "acquire/run/writer.hpp"
+#include "acquire/run/journal.hpp"
 
 #include <spdlog/spdlog.h>
 
@@ -26,15 +26,15 @@ std::unique_ptr<record::RunWriter> open_run(const std::string& path) {
 
 TEST_CASE("jobs are done in order, and all of them before the run is closed") {
   const Folder folder;
-  Writer writer(open_run(folder / "a.sqlite"), port::SystemLoop().make_worker());
+  Journal journal(open_run(folder / "a.sqlite"), port::SystemLoop().make_worker(), system_clock);
   for (std::int64_t i = 0; i < 30; ++i) {
-    CHECK(writer.put(small_record(i)));
-    writer.put([i](record::RunWriter& run) {
+    CHECK(journal.put(small_record(i)));
+    journal.put([i](record::RunWriter& run) {
       run.put_event(UtcTime(0), Severity::warning, "test", std::to_string(run.records() == i + 1));
     });
   }
-  writer.finish("complete");
-  CHECK(writer.written() == 30);
+  journal.finish("complete");
+  CHECK(journal.written() == 30);
   const record::RunReader run(folder / "a.sqlite");
   CHECK(run.info().status == "complete");
   CHECK(run.count() == 30);
@@ -43,18 +43,18 @@ TEST_CASE("jobs are done in order, and all of them before the run is closed") {
 
 TEST_CASE("a slow disk costs data, never a row, a disk that stands still ends the run") {
   const Folder folder;
-  Writer writer(open_run(folder / "a.sqlite"), port::SystemLoop().make_worker(), 2);
-  std::promise<void> disk;
-  writer.put([wait = disk.get_future().share()](record::RunWriter&) { wait.wait(); });
-  // Waiting behind the first job, or, before the thread has taken it, with it.
-  const bool in_time[] = {writer.put(small_record(0)), writer.put(small_record(1)),
-                          writer.put(small_record(2)), writer.put(small_record(3))};
-  CHECK(in_time[0]);
-  CHECK_FALSE(in_time[2]);
-  CHECK_FALSE(in_time[3]);
+  Journal journal(open_run(folder / "a.sqlite"), port::SystemLoop().make_worker(), system_clock, {},
+                  2);
+  std::promise<void> begun, disk;
+  journal.put([&begun, wait = disk.get_future().share()](record::RunWriter&) {
+    begun.set_value();
+    wait.wait();
+  });
+  begun.get_future().wait();
+  for (std::int64_t i = 0; i < 4; ++i) CHECK(journal.put(small_record(i)) == (i < 2));
   SECTION("slow") {
     disk.set_value();
-    writer.finish("complete");
+    journal.finish("complete");
     const record::RunReader run(folder / "a.sqlite");
     REQUIRE(run.count() == 4);
     CHECK(run.read(0).valid == SensorSet::from_bits(7));
@@ -63,30 +63,31 @@ TEST_CASE("a slow disk costs data, never a row, a disk that stands still ends th
     CHECK(run.read(3).spd_counts.tags == small_record(3).spd_counts.tags);
   }
   SECTION("stands still") {
-    for (std::int64_t i = 4; i < 30; ++i) writer.put(small_record(i));
-    CHECK(writer.failed());
+    for (std::int64_t i = 4; i < 30; ++i) journal.put(small_record(i));
+    CHECK(journal.failed());
     disk.set_value();
-    const auto [code, text] = error_of([&] { writer.finish("complete"); });
+    const auto [code, text] = error_of([&] { journal.finish("complete"); });
     CHECK(code == ExitCode::disk);
-    CHECK(has(text, "the disk does not keep up"));
+    CHECK(has(text, "the disk does not keep up; its last "));
     CHECK(record::RunReader(folder / "a.sqlite").info().status == "stopped:disk");
   }
 }
 
 TEST_CASE("the first failed job ends the writing") {
   const Folder folder;
-  Writer writer(open_run(folder / "a.sqlite"), port::SystemLoop().make_worker());
-  writer.put(small_record(0));
+  Journal journal(open_run(folder / "a.sqlite"), port::SystemLoop().make_worker(), system_clock);
+  journal.put(small_record(0));
   std::promise<void> disk;
-  writer.put([wait = disk.get_future().share()](record::RunWriter&) {
+  journal.put([wait = disk.get_future().share()](record::RunWriter&) {
     wait.wait();
     throw Error(ExitCode::disk, "no space left");
   });
-  writer.put(small_record(1));
+  journal.put(small_record(1));
   disk.set_value();
-  while (!writer.failed()) std::this_thread::yield();
-  writer.put(small_record(2));
-  CHECK(error_of([&] { writer.finish("complete"); }).second == "no space left");
+  while (!journal.failed()) std::this_thread::yield();
+  journal.put(small_record(2));
+  CHECK(error_of([&] { journal.finish("complete"); }).second ==
+        "no space left; its last 2 records are not written");
   const record::RunReader run(folder / "a.sqlite");
   CHECK(run.count() == 1);
   CHECK(run.info().status == "stopped:disk");
@@ -94,9 +95,9 @@ TEST_CASE("the first failed job ends the writing") {
 
 TEST_CASE("not every failure is the disk's") {
   const Folder folder;
-  Writer writer(open_run(folder / "a.sqlite"), port::SystemLoop().make_worker());
-  writer.put([](record::RunWriter&) { throw Error(ExitCode::failed, "not a number"); });
-  CHECK(error_of([&] { writer.finish("complete"); }) ==
+  Journal journal(open_run(folder / "a.sqlite"), port::SystemLoop().make_worker(), system_clock);
+  journal.put([](record::RunWriter&) { throw Error(ExitCode::failed, "not a number"); });
+  CHECK(error_of([&] { journal.finish("complete"); }) ==
         std::pair(ExitCode::failed, std::string("not a number")));
   CHECK(record::RunReader(folder / "a.sqlite").info().status == "stopped:failed");
 }
@@ -105,18 +106,18 @@ TEST_CASE("a label begins with the slot that is running when it is given") {
   const Folder folder;
   auto run = open_run(folder / "a.sqlite");
   record::put_label(folder / "a.sqlite", "door", "me");
-  Writer writer(std::move(run), port::SystemLoop().make_worker());
+  Journal journal(std::move(run), port::SystemLoop().make_worker(), system_clock);
   const auto put = [&](std::int64_t index, UtcTime slot_end) {
     record::FusedRecord r = small_record(index);
     r.label = "before";
     r.slot_utc = slot_end - (r.slot_end - r.slot_start);
-    writer.put(r);
+    journal.put(r);
   };
   const UtcTime now = system_clock.utc();
   put(0, now - std::chrono::seconds(1));
   put(1, now + std::chrono::seconds(1));
   put(2, now + std::chrono::seconds(2));
-  writer.finish("complete");
+  journal.finish("complete");
   const record::RunReader reader(folder / "a.sqlite");
   CHECK(reader.read(0).label == "before");
   CHECK(reader.read(1).label == "door");
@@ -126,8 +127,8 @@ TEST_CASE("a label begins with the slot that is running when it is given") {
 TEST_CASE("without finish a run looks crashed, with all that was put") {
   const Folder folder;
   {
-    Writer writer(open_run(folder / "a.sqlite"), port::SystemLoop().make_worker());
-    writer.put(small_record(0));
+    Journal journal(open_run(folder / "a.sqlite"), port::SystemLoop().make_worker(), system_clock);
+    journal.put(small_record(0));
   }
   const record::RunReader run(folder / "a.sqlite");
   CHECK(run.count() == 1);
@@ -144,13 +145,13 @@ TEST_CASE("a depth image that cannot be encoded costs its sensor, not the run") 
     if (axis.name == "depth_y") axis.count = 1;
     file->put_axis(axis);
   }
-  Writer writer(std::move(file), port::SystemLoop().make_worker());
+  Journal journal(std::move(file), port::SystemLoop().make_worker(), system_clock);
   for (int i = 0; i < 2; ++i) {
     auto record = small_record(i);
     record.depth_mm.assign(width, 1000);
-    CHECK(writer.put(std::move(record)));
+    CHECK(journal.put(std::move(record)));
   }
-  writer.finish("complete");
+  journal.finish("complete");
   const record::RunReader run(path);
   REQUIRE(run.count() == 2);
   CHECK(run.read(1).valid == SensorSet::from_bits(3));
@@ -160,17 +161,17 @@ TEST_CASE("a depth image that cannot be encoded costs its sensor, not the run") 
 
 TEST_CASE("a source has 100 lines in 10 s, and the next one says how many there were more") {
   const Folder folder;
-  Writer writer(open_run(folder / "a.sqlite"), port::SystemLoop().make_worker());
+  Journal journal(open_run(folder / "a.sqlite"), port::SystemLoop().make_worker(), system_clock);
   port::VirtualLoop loop;
   RunLog log(loop);
-  log.attach(writer);
+  log.attach(journal);
   spdlog::set_level(spdlog::level::off);
   for (int i = 0; i < 250; ++i) log.put(Severity::warning, "radar", "again");
   log.put(Severity::warning, "spd", "once");
   loop.run_for(std::chrono::seconds(11));
   log.put(Severity::warning, "radar", "later");
   spdlog::set_level(spdlog::level::info);
-  writer.finish("complete");
+  journal.finish("complete");
   std::vector<std::string> radar;
   for (const auto& event : record::RunReader(folder / "a.sqlite").events())
     if (event.source == "radar") radar.push_back(event.text);

@@ -1,0 +1,89 @@
+// SPDX-License-Identifier: MIT
+// Recorded and damaged bytes with what a parser makes of them beside: tests/fuzz/corpus holds the
+// bytes, recorded/NAME.txt a line for each file. A parser that reads one of them in another way
+// fails here; who changes it on purpose checks the line that is printed and puts it into the table.
+#include <algorithm>
+#include <catch2/catch.hpp>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <map>
+#include <sstream>
+
+#include "drivers/bridge/bridge_protocol.hpp"
+#include "drivers/radar/frame_parser.hpp"
+#include "hex.hpp"
+
+using namespace echofuse;
+
+namespace {
+
+// The first byte says how the fuzzer cuts the stream.
+Bytes stream_of(const std::filesystem::path& path) {
+  std::ifstream in(path, std::ios::binary);
+  in.get();
+  return {std::istreambuf_iterator<char>(in), {}};
+}
+
+std::string line_of(const std::vector<Counter>& counters, const std::string& delivered) {
+  std::ostringstream line;
+  for (const Counter& c : counters)
+    if (c.value > 0) line << c.name << ' ' << c.value << ", ";
+  line << "delivered:" << delivered;
+  return line.str();
+}
+
+std::string radar_frames(const Bytes& stream) {
+  radar::FrameParser parser;
+  std::ostringstream delivered;
+  const auto keep = [&](const RadarFrame& f) {
+    delivered << ' ' << f.frame_number << '/' << f.range_profile.size() << '/' << f.array.size();
+  };
+  parser.feed(stream, HostTime{}, keep);
+  parser.finish(keep);
+  return line_of(counters_of(parser.counts()), delivered.str());
+}
+
+std::string bridge_blocks(const Bytes& stream) {
+  bridge::BlockParser parser;
+  std::ostringstream delivered;
+  const auto keep = [&](const bridge::Block& b) {
+    delivered << ' ' << static_cast<int>(b.kind) << '#' << b.sequence << '/' << b.payload.size();
+  };
+  parser.feed(stream, keep);
+  const bridge::BlockCounts& c = parser.counts();
+  return line_of({{"bytes", c.bytes},
+                  {"blocks", c.blocks},
+                  {"junk_bytes", c.junk_bytes},
+                  {"bad_headers", c.bad_headers},
+                  {"bad_crcs", c.bad_crcs},
+                  {"gaps", c.gaps},
+                  {"lost_blocks", c.lost_blocks}},
+                 delivered.str());
+}
+
+using Table = std::map<std::string, std::string>;  // by file
+
+Table expected(const std::string& name) {
+  std::ifstream in(test::source_dir + "/tests/drivers/recorded/" + name + ".txt");
+  Table table;
+  for (std::string file, line; in >> file && std::getline(in >> std::ws, line);) table[file] = line;
+  return table;
+}
+
+}  // namespace
+
+TEST_CASE("recorded bytes are what the table beside them says") {
+  const auto [name, parse] = GENERATE(table<std::string, std::string (*)(const Bytes&)>(
+      {{"radar_frames", radar_frames}, {"bridge_blocks", bridge_blocks}}));
+  const Table table = expected(name);
+  std::size_t files = 0;
+  for (const auto& entry :
+       std::filesystem::directory_iterator(test::source_dir + "/tests/fuzz/corpus/" + name)) {
+    const std::string file = entry.path().filename().string();
+    CAPTURE(name, file);
+    CHECK(parse(stream_of(entry.path())) == (table.contains(file) ? table.at(file) : "no line"));
+    ++files;
+  }
+  CHECK(files == table.size());
+}
