@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
 """House rules that a script can check: one SPDX line a file, files of at most 400 lines (one of 800), layout by
-clang-format 14 where it is installed; every command and option that a text names exists;
+clang-format 14 where it is installed; every command, option and file that a text names exists;
 one type a name."""
 import pathlib
 import re
@@ -65,6 +65,10 @@ if formatter:
 texts = [root / "README.md"] + [path for path in tracked() if path.suffix == ".md"]
 if len((root / "README.md").read_text(encoding="utf-8").splitlines()) > 150:
     faults.append("README.md: over 150 lines")
+for path in texts:
+    for target in re.findall(r"\]\(([^)#:]+)(?:#[^)]*)?\)", path.read_text(encoding="utf-8")):
+        if not (path.parent / target).exists():
+            faults.append(f"{path.relative_to(root)}: links to {target}, which is not there")
 
 # What a text tells to type: fenced blocks and `code`, a program's commands with the options that are there.
 if len(sys.argv) > 1:  # the folder of the built programs
