@@ -2,8 +2,11 @@
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cstdio>
+#include <deque>
+#include <filesystem>
 
 #include "drivers/program/console.hpp"
+#include "drivers/program/printable.hpp"
 #include "recon/cli/commands.hpp"
 #include "recon/cli/train_settings.hpp"
 #include "recon/data/response.hpp"
@@ -16,8 +19,8 @@ namespace echofuse::recon {
 namespace {
 
 struct Arguments : TrainOptions {
-  std::vector<std::string> runs, assignments;
-  std::string out, from, empty;
+  std::vector<std::string> runs, assignments, from;
+  std::string out, empty;
 };
 
 // For CLI11 the answer is empty if the text names a model, else it says what is wrong.
@@ -43,19 +46,25 @@ void check_from(const CLI::App& app, const std::vector<std::string>& assignments
 }
 
 TrainedModel tune_model(const Arguments& a, bool test_share_given) {
-  const TrainedModel from = load_model(a.from);
-  Dataset data = load(a.runs);
-  match_for_tuning(from, a.from, data);
+  std::deque<TrainedModel> models;
+  std::deque<Dataset> tables;
+  std::vector<Start> starts;
+  for (const std::string& path : a.from) {
+    const TrainedModel& model = models.emplace_back(load_model(path));
+    Dataset& data = tables.emplace_back(load(a.runs));
+    match_for_tuning(model, path, data);
+    starts.push_back({model, data, std::filesystem::path(path).stem()});
+  }
   TuneOptions options;
   options.split = a.split;
   // With so few records all are needed, and the table that chooses is a test already.
   options.split.validation_share = 0;
   if (!test_share_given) options.split.test_share = 0;
   options.tuning.seed = a.fit.seed;
-  TunedModel tuned = tune(from, data, options);
+  TunedModel tuned = tune(starts, options);
   if (!a.fit.quiet)
     std::fprintf(
-        stderr, "%s%s", to_text(tuned).c_str(),
+        stderr, "%s%s", printable_lines(to_text(tuned)).c_str(),
         tuned.model->uncertainty
             ? ""
             : "not calibrated: fewer than 50 records do not say how far off the maps are\n");
@@ -90,7 +99,9 @@ Command add_train(CLI::App& app, const Common& common) {
       ->check([](const std::string& text) { return text == "auto" ? "" : is_candidate(text); });
   app.add_option("--from", a->from,
                  "a model file, of another room: tune it to these records (10 and more), as far "
-                 "as a cross-validation among them says");
+                 "as a cross-validation among them says; of several the first, unless another "
+                 "one is plainly better")
+      ->allow_extra_args(false);
   app.add_option("--empty", a->empty,
                  "a run of nobody in the same room: models that look at the body take its mean as "
                  "what stands still, and can be taken to other rooms (reconstruct --empty)");

@@ -5,6 +5,7 @@
 #include <array>
 #include <chrono>
 #include <cmath>
+#include <iterator>
 
 #include "drivers/core/random.hpp"
 #include "drivers/program/console.hpp"
@@ -12,18 +13,14 @@
 #include "recon/data/response.hpp"
 #include "recon/numbers/statistics.hpp"
 #include "recon/numbers/text.hpp"
+#include "recon/train/choice.hpp"
 #include "recon/train/fit_uncertainty.hpp"
 
 namespace echofuse::recon {
 namespace {
 
-constexpr std::size_t folds = 4;
 constexpr std::array pulls{100., 30., 10., 3., 1.};
 constexpr double usual_pull = 30, turned_pull = 30, least_pull_of_few = 10;
-// A centimetre of lateral error counts as much as this IoU. By quarters of the lateral error (0.5
-// to 7.3 cm) the maps of one model have an IoU of .671 to .510.
-constexpr double iou_a_metre = 2.4;
-constexpr std::uint64_t fold_stream = 0x74756e65;  // "tune"
 // This is a share of the pixels of the median map. People alone fill less of it, where they stand
 // in half of few records.
 constexpr double changed_share = 0.2;
@@ -91,89 +88,6 @@ Estimator adapt(const Estimator& from, const Dataset& data, const Rows& rows, Ro
   return out;
 }
 
-class Choice {
- public:
-  Choice(const Estimator& from, const Dataset& data, const Split& split, const TuneOptions& options)
-      : data_(data),
-        split_(split),
-        judged_by_(scene_for(from, data, split.train)),
-        sequence_(options.split.kind == "blocked"),
-        folds_(make_folds(split.train, folds, options.split, fold_stream)) {}
-
-  using Fit = std::function<Estimator(const Rows& rows)>;
-  // It fits one model a fold, and scores it on the rest.
-  void add(const std::string& name, Fit fit) {
-    Entry& entry = entries_.emplace_back(Entry{{{name, {}}, {}, 0, {}}, std::move(fit), {}});
-    Folds scores;
-    const auto started = std::chrono::steady_clock::now();
-    for (const Split& fold : folds_) {
-      entry.models.push_back(entry.fit(fold.train));
-      const Estimator& model = entry.models.back();
-      scores.push_back(score_maps(model.maps(data_, fold.test), data_, fold.test, judged_by_));
-      if (interrupted()) throw Error(ExitCode::interrupted, "interrupted while choosing");
-    }
-    entry.row.metrics = summarise(scores, sequence_);
-    for (const auto& fold : scores)
-      for (const MapScores& map : fold)
-        entry.score.push_back(map[metric_iou] - iou_a_metre * map[metric_lateral_m]);
-    entry.row.cost = entry.models.front().cost();
-    entry.row.train_s =
-        std::chrono::duration<double>(std::chrono::steady_clock::now() - started).count() / folds;
-  }
-
-  // Returns the best of the models that are better than the usual one by this many standard errors,
-  // or else the usual one.
-  std::size_t best(const std::string& usual, double errors = 1) const {
-    const auto named = std::find_if(entries_.begin(), entries_.end(),
-                                    [&](const Entry& e) { return e.row.name == usual; });
-    const Entry& compared = named == entries_.end() ? entries_.front() : *named;
-    auto out = static_cast<std::size_t>(&compared - entries_.data());
-    double most = 0;
-    for (std::size_t i = 0; i < entries_.size(); ++i)
-      if (const double gain = gain_of(entries_[i], compared, errors); gain > most)
-        out = i, most = gain;
-    return out;
-  }
-  Estimator fit(std::size_t i) const { return entries_[i].fit(split_.train); }
-  std::vector<CrossvalidatedRow> table() const {
-    std::vector<CrossvalidatedRow> out;
-    for (const Entry& e : entries_) out.push_back(e.row);
-    return out;
-  }
-  // Returns each fold's model of this kind, and the rows that it has not seen.
-  std::vector<Judged> judged(std::size_t i) const {
-    std::vector<Judged> out;
-    for (std::size_t k = 0; k < folds; ++k) out.push_back({entries_[i].models[k], folds_[k].test});
-    return out;
-  }
-
- private:
-  struct Entry {
-    CrossvalidatedRow row;
-    Fit fit;
-    std::vector<Estimator> models;
-    std::vector<double> score = {};  // IoU and lateral error of each record
-  };
-  // The gain is 0 if it is less than so many standard errors of the records'
-  // paired differences.
-  static double gain_of(const Entry& entry, const Entry& than, double errors) {
-    std::vector<double> gains;
-    for (std::size_t i = 0; i < entry.score.size(); ++i)
-      if (const double gain = entry.score[i] - than.score[i]; !std::isnan(gain))
-        gains.push_back(gain);
-    if (gains.size() < 2) return 0;
-    const double error =
-        standard_deviation(gains) / std::sqrt(static_cast<double>(gains.size() - 1));
-    return mean_of(gains) > errors * error ? mean_of(gains) : 0;
-  }
-  const Dataset& data_;
-  const Split& split_;
-  Scene judged_by_;
-  bool sequence_;
-  std::vector<Split> folds_;
-  std::vector<Entry> entries_;
-};
-
 Estimator fit_alone(const Estimator& from, const Dataset& data, const Rows& rows,
                     const TuneOptions& options) {
   const Inputs inputs = from.features.inputs;
@@ -187,8 +101,17 @@ Estimator fit_alone(const Estimator& from, const Dataset& data, const Rows& rows
   return fit_model(data, {rows, {}, {}}, preprocessing, from.name, inputs, scaling, fit);
 }
 
+bool are_few(const Estimator& from, const Split& split) {
+  return split.train.size() < TuneOptions::least_alone && wants_alignment(from.name);
+}
+
+// Returns the errors by which a model has to be better than the usual one. So few records hardly
+// show which is best.
+double plainly(bool few) { return few ? 2 : 1; }
+
+// A model of these records alone is the same from any start.
 void try_all(Choice& choice, const Estimator& from, const Dataset& data, const Split& split,
-             const TuneOptions& options) {
+             const TuneOptions& options, bool with_alone) {
   Tuning untouched = options.tuning;
   untouched.pull = INFINITY;
   const bool own_axes = axes_are(from, data), aligned = wants_alignment(from.name);
@@ -201,7 +124,8 @@ void try_all(Choice& choice, const Estimator& from, const Dataset& data, const S
     choice.add(room_learnt, [&, untouched](const Rows& rows) {
       return adapt(from, data, rows, Room::learnt, untouched);
     });
-    if (choice.best(as_it_was) > 0) room = Room::learnt;
+    choice.choose(as_it_was, 1);
+    if (choice.is(room_learnt)) room = Room::learnt;
   }
   const bool many = split.train.size() >= TuneOptions::least_alone;
   if (aligned)
@@ -220,8 +144,28 @@ void try_all(Choice& choice, const Estimator& from, const Dataset& data, const S
   for (const double pull : pulls)
     if (many || !aligned || pull >= least_pull_of_few) add_tuned(pull, false);
   if (many && aligned) add_tuned(turned_pull, true);
-  if (many)
+  if (many && with_alone)
     choice.add(alone, [&](const Rows& rows) { return fit_alone(from, data, rows, options); });
+  // A model of few records stays as it was, which does no harm, unless it is plain that another is
+  // better.
+  const bool few = are_few(from, split);
+  choice.choose(few ? as_it_was : tuned_name(usual_pull, false), plainly(few));
+}
+
+// Returns the rows that every start can learn from.
+Rows rows_of(const std::vector<Start>& starts) {
+  Rows out;
+  for (const Start& start : starts) {
+    if (!can_be_tuned(start.model->name))
+      throw Error(ExitCode::failed,
+                  "a model of kind " + start.model->name +
+                      " cannot be tuned; silhouette, factorised, mlp and pca-mlp can");
+    const Rows rows = rows_to_train(start.data, start.model->features.inputs);
+    Rows both;
+    std::ranges::set_intersection(out, rows, std::back_inserter(both));
+    out = &start == &starts.front() ? rows : both;
+  }
+  return out;
 }
 
 // It adds to the model of the chosen kind what belongs beside it. With too few records there is no
@@ -249,7 +193,7 @@ void finish(Estimator& model, const Dataset& data, const Split& split,
 // are seldom needed. With few records they learn no more than the first estimator does.
 Estimator tune_other(const Estimator& from, const Dataset& data, const Split& split, Tuning tuning,
                      bool learns) {
-  const bool few = split.train.size() < TuneOptions::least_alone && wants_alignment(from.name);
+  const bool few = are_few(from, split);
   tuning.pull = few ? INFINITY : usual_pull, tuning.correct = few && learns;
   const auto fit = [&](const Rows& rows) { return adapt(from, data, rows, Room::kept, tuning); };
   Estimator out = fit(split.train);
@@ -304,35 +248,47 @@ void match_for_tuning(const TrainedModel& from, const std::string& path, Dataset
                                       " m make other inputs than those of " + printable(path));
 }
 
-TunedModel tune(const TrainedModel& from, const Dataset& data, const TuneOptions& options) {
+TunedModel tune(const std::vector<Start>& starts, const TuneOptions& options) {
   const auto started = std::chrono::steady_clock::now();
-  if (!can_be_tuned(from->name))
-    throw Error(ExitCode::failed,
-                "a model of kind " + from->name +
-                    " cannot be tuned; silhouette, factorised, mlp and pca-mlp can");
-  const Rows rows = rows_to_train(data, from->features.inputs);
+  const Rows rows = rows_of(starts);
   if (rows.size() < TuneOptions::least_records)
     throw Error(ExitCode::failed, std::to_string(rows.size()) +
                                       " usable records; at least 10 are needed to tune a model");
   const Split split = make_split(rows, options.split);
-  Choice choice(from.first(), data, split, options);
-  try_all(choice, from.first(), data, split, options);
-  // So few records hardly show which is best. The model stays as it was then, which does no harm,
-  // unless it is plain that another is better.
-  constexpr double plainly = 2;
-  const bool few = split.train.size() < TuneOptions::least_alone && wants_alignment(from->name);
-  const std::size_t chosen =
-      few ? choice.best(as_it_was, plainly) : choice.best(tuned_name(usual_pull, false));
-  TunedModel out{{}, choice.table(), chosen};
+  const Scene judged_by = scene_for(starts.front().model.first(), starts.front().data, split.train);
+  std::vector<Choice> choices;
+  choices.reserve(starts.size());  // what is tried refers to them
+  for (const Start& start : starts) {
+    choices.emplace_back(start.data, judged_by, split, options.split);
+    try_all(choices.back(), start.model.first(), start.data, split, options, choices.size() == 1);
+  }
+  std::size_t best = 0;
+  double most = 0;
+  for (std::size_t k = 1; k < choices.size(); ++k)
+    if (const double gain =
+            choices[k].gain_over(choices[0], plainly(are_few(starts[k].model.first(), split)));
+        gain > most)
+      best = k, most = gain;
+  TunedModel out;
+  for (std::size_t k = 0; k < choices.size(); ++k) {
+    if (k == best) out.chosen = out.table.size() + choices[k].chosen();
+    for (CrossvalidatedRow& row : choices[k].table()) {
+      if (choices.size() > 1) row.name = starts[k].name + ": " + row.name;
+      out.table.push_back(std::move(row));
+    }
+  }
+  const Choice& choice = choices[best];
+  const TrainedModel& from = starts[best].model;
+  const Dataset& data = starts[best].data;
   TrainedModel& model = out.model;
-  model.estimators.push_back(choice.fit(chosen));
+  model.estimators.push_back(choice.fit());
   model.split = options.split;
   model->fit.seed = options.tuning.seed;
   model.seen = both(from.seen, seen_records(data, split));
   model.data_hash = data.hash;
   model.radar_response = from.radar_response;
-  finish(model.first(), data, split, choice.judged(chosen), options.tuning.seed);
-  const bool stayed = few && out.table[chosen].name == as_it_was;
+  finish(model.first(), data, split, choice.judged(), options.tuning.seed);
+  const bool stayed = are_few(from.first(), split) && choice.is(as_it_was);
   if (stayed) model->uncertainty = from->uncertainty, model->domain = from->domain;
   for (std::size_t k = 1; k < from.estimators.size(); ++k)
     model.estimators.push_back(
@@ -343,10 +299,10 @@ TunedModel tune(const TrainedModel& from, const Dataset& data, const TuneOptions
 }
 
 std::string to_text(const TunedModel& tuned) {
-  std::string out = formatted("%-34s %15s %15s %8s\n", "model", "IoU", "lateral m", "train s");
+  std::string out = formatted("%-44s %15s %15s %8s\n", "model", "IoU", "lateral m", "train s");
   for (std::size_t i = 0; i < tuned.table.size(); ++i) {
     const auto& m = tuned.table[i].metrics;
-    out += formatted("%-34s %15s %15s %8.2f%s\n", tuned.table[i].name.c_str(),
+    out += formatted("%-44s %15s %15s %8.2f%s\n", tuned.table[i].name.c_str(),
                      formatted(m[metric_iou], " +-").c_str(),
                      formatted(m[metric_lateral_m], " +-").c_str(), tuned.table[i].train_s,
                      i == tuned.chosen ? "  <- chosen" : "");

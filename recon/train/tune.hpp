@@ -2,7 +2,7 @@
 // Tuning makes a model of another room from a model and a few records of that room.
 // Cross-validation within the records finds how far the old model is to be trusted. It compares the
 // model as it was, the model tuned with a stronger or weaker pull to its old weights, and a model
-// of these records alone.
+// of these records alone. Of several old models it finds the one to start from.
 #pragma once
 #include <string>
 #include <vector>
@@ -19,6 +19,13 @@ struct TuneOptions {
   Tuning tuning;                                  // its pull is chosen
 };
 
+// This is a model to start from, and the records as match_for_tuning has made them for it.
+struct Start {
+  const TrainedModel& model;
+  const Dataset& data;
+  std::string name = {};  // in the table, if there are several
+};
+
 struct TunedModel {
   TrainedModel model;
   std::vector<CrossvalidatedRow> table;  // the models that were tried
@@ -30,9 +37,10 @@ struct TunedModel {
 // what does not fit.
 void match_for_tuning(const TrainedModel& from, const std::string& path, Dataset& data);
 
-// The data must have passed match_for_tuning. Throws Error(failed) unless `from` is of a kind that
-// can be tuned, and for fewer than least_records records.
-TunedModel tune(const TrainedModel& from, const Dataset& data, const TuneOptions& options);
+// All starts have the same records. The first start is kept unless another one is plainly better.
+// Throws Error(failed) unless each is of a kind that can be tuned, and for fewer than least_records
+// records.
+TunedModel tune(const std::vector<Start>& starts, const TuneOptions& options);
 
 // The text has one line for each row of the table: accuracy, and which is chosen.
 std::string to_text(const TunedModel& tuned);

@@ -38,6 +38,10 @@ const TrainedModel& old_model(const std::string& kind) {
   return models.at(kind);
 }
 
+TunedModel tune(const TrainedModel& from, const Dataset& data, const TuneOptions& options) {
+  return recon::tune({{from, data}}, options);
+}
+
 TuneOptions all_records() {
   TuneOptions out;
   out.split.test_share = out.split.validation_share = 0;
@@ -97,6 +101,30 @@ TEST_CASE("in its own room a tuned model is no worse than it was, and states its
   CHECK(tuned.model.knows(fresh) == false);
 }
 
+TEST_CASE("of two models the first is the start, unless the other one is plainly better") {
+  const TrainedModel& old = old_model("factorised");
+  TrainOptions options;
+  options.model = "factorised", options.inputs = "fused", options.uncertainty = false;
+  options.fit.quiet = true, options.fit.epochs = 30, options.fit.basis = 4, options.fit.seed = 2;
+  const TrainedModel there = train(plates(300, 2, true), options);
+  for (const std::int64_t records : {10, 60}) {
+    const Dataset data = plates(records, 5, true), fresh = plates(100, 9, true);
+    const auto tuned = [&](const std::vector<Start>& starts) {
+      return recon::tune(starts, all_records());
+    };
+    const auto row = [](const TunedModel& m) { return m.table[m.chosen].name; };
+    const TunedModel far_first = tuned({{old, data, "far"}, {there, data, "there"}});
+    CAPTURE(to_text(far_first));
+    CHECK_THAT(row(far_first), Catch::StartsWith("there: "));
+    CHECK(iou(far_first.model, fresh) > iou(tune(old, data, all_records()).model, fresh));
+    CHECK_THAT(row(tuned({{there, data, "there"}, {old, data, "far"}})),
+               Catch::StartsWith("there: "));
+    // Alike models are not told apart.
+    CHECK_THAT(row(tuned({{there, data, "first"}, {there, data, "same"}})),
+               Catch::StartsWith("first: "));
+  }
+}
+
 TEST_CASE("tuning again gives the same model, bit by bit") {
   const Dataset data = plates(20, 5, true);
   const TrainedModel& old = old_model("factorised");
@@ -141,6 +169,7 @@ TEST_CASE("what cannot be tuned is refused in one line") {
     CHECK(std::count(o.text.begin(), o.text.end(), '\n') == 1);
   };
   says(old + run("few"), 1, "9 usable records; at least 10");
+  says(old + " --from " + old + run("few"), 1, "9 usable records; at least 10");
   says(old + " --model mlp" + run("run"), 2, "--model does not go with --from");
   says(old + run("blind"), 1, "");
   says((dir / "run") + run("run"), 1, "");
