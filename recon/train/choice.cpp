@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: MIT
 #include "recon/train/choice.hpp"
 
-#include <algorithm>
 #include <chrono>
 #include <cmath>
 
@@ -46,14 +45,11 @@ void Choice::add(const std::string& name, Fit fit) {
       std::chrono::duration<double>(std::chrono::steady_clock::now() - started).count() / folds;
 }
 
-void Choice::choose(const std::string& usual, double errors) {
-  const auto named = std::find_if(entries_.begin(), entries_.end(),
-                                  [&](const Entry& e) { return e.row.name == usual; });
-  const Entry& compared = named == entries_.end() ? entries_.front() : *named;
-  chosen_ = static_cast<std::size_t>(&compared - entries_.data());
+void Choice::choose(double errors) {
+  chosen_ = 0;
   double most = 0;
-  for (std::size_t i = 0; i < entries_.size(); ++i)
-    if (const double gain = gain_of(entries_[i], compared, errors); gain > most)
+  for (std::size_t i = 1; i < entries_.size(); ++i)
+    if (const double gain = gain_of(entries_[i], entries_.front(), errors); gain > most)
       chosen_ = i, most = gain;
 }
 

@@ -19,9 +19,9 @@ class Choice {
   using Fit = std::function<Estimator(const Rows& rows)>;
   // It fits one model a fold, and scores it on the rest. Throws Error(interrupted).
   void add(const std::string& name, Fit fit);
-  // It chooses the best of the models that are better than the usual one by this many standard
-  // errors, or else the usual one (the first one, if the usual one was not tried).
-  void choose(const std::string& usual, double errors);
+  // It chooses the best of the models that are better than the first one by this many standard
+  // errors, or else the first one.
+  void choose(double errors);
 
   std::size_t chosen() const { return chosen_; }  // in the order of the tries
   bool is(const std::string& name) const { return entries_[chosen_].row.name == name; }

@@ -105,9 +105,10 @@ bool are_few(const Estimator& from, const Split& split) {
   return split.train.size() < TuneOptions::least_alone && wants_alignment(from.name);
 }
 
-// Returns the errors by which a model has to be better than the usual one. So few records hardly
-// show which is best.
-double plainly(bool few) { return few ? 2 : 1; }
+// Returns the standard errors by which something has to be better than what comes first: the model
+// as it was, and the first start. So few records hardly show which is best, and what stays does no
+// harm. More records choose the best.
+double plainly(bool few) { return few ? 2 : 0; }
 
 // A model of these records alone is the same from any start.
 void try_all(Choice& choice, const Estimator& from, const Dataset& data, const Split& split,
@@ -124,7 +125,7 @@ void try_all(Choice& choice, const Estimator& from, const Dataset& data, const S
     choice.add(room_learnt, [&, untouched](const Rows& rows) {
       return adapt(from, data, rows, Room::learnt, untouched);
     });
-    choice.choose(as_it_was, 1);
+    choice.choose(1);
     if (choice.is(room_learnt)) room = Room::learnt;
   }
   const bool many = split.train.size() >= TuneOptions::least_alone;
@@ -146,10 +147,7 @@ void try_all(Choice& choice, const Estimator& from, const Dataset& data, const S
   if (many && aligned) add_tuned(turned_pull, true);
   if (many && with_alone)
     choice.add(alone, [&](const Rows& rows) { return fit_alone(from, data, rows, options); });
-  // A model of few records stays as it was, which does no harm, unless it is plain that another is
-  // better.
-  const bool few = are_few(from, split);
-  choice.choose(few ? as_it_was : tuned_name(usual_pull, false), plainly(few));
+  choice.choose(plainly(are_few(from, split)));
 }
 
 // Returns the rows that every start can learn from.
