@@ -3,11 +3,17 @@
 
 #include <unistd.h>
 
+#include <algorithm>
+#include <cmath>
 #include <cstdio>
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <numbers>
+#include <random>
 
+#include "drivers/core/random.hpp"
 #include "drivers/program/atomic_write.hpp"
 #include "drivers/program/console.hpp"
 #include "drivers/program/program.hpp"
@@ -25,6 +31,41 @@ std::string scene_list(double x_m, std::size_t records) {
     out += formatted("[[scene]]\nkind = \"%s\"\nx_m = %.9g\n", i % 8 < 2 ? "person" : "letter",
                      i % 2 ? x_m : -x_m);
   return out;
+}
+
+// The same people as in every list of this seed, so far along their ways from the middle.
+std::string walk_list(const BaseCondition& base, double way_m, std::size_t records,
+                      std::uint64_t seed) {
+  Rng rng = make_rng(seed, 0x77616c6b);  // "walk"
+  const auto any = [&](double low, double high) {
+    return std::uniform_real_distribution<double>(low, high)(rng);
+  };
+  const double side_m = base.at("target_x_m");
+  std::string out;
+  for (std::size_t i = 0; i < records; ++i) {
+    const double x = any(-side_m, side_m), turn = any(0, 2 * std::numbers::pi);
+    const double z = any(base.at("target_z_min_m"), base.at("target_z_max_m"));
+    out += formatted("[[scene]]\nkind = \"%s\"\nx_m = %.9g\nz_m = %.9g\n",
+                     i % 4 == 0 ? "person" : "letter", x + way_m * std::cos(turn),
+                     z + way_m * std::sin(turn));
+  }
+  return out;
+}
+
+void add(Matrix& sum, const Matrix& more) {
+  std::ranges::transform(sum.values, more.values, sum.values.begin(), std::plus());
+}
+
+std::vector<std::string> assignments(const std::vector<std::string>& set) {
+  std::vector<std::string> out;
+  for (const auto& assignment : set) out.insert(out.end(), {"--set", assignment});
+  return out;
+}
+
+std::vector<std::string> joined(std::vector<std::string> words,
+                                const std::vector<std::string>& more) {
+  words.insert(words.end(), more.begin(), more.end());
+  return words;
 }
 
 void run(const std::vector<std::string>& words, int output = STDOUT_FILENO) {
@@ -53,9 +94,7 @@ Simulator::Simulator(std::string program, std::string folder, int threads,
 BaseCondition Simulator::base_condition() const {
   const std::unique_ptr<std::FILE, int (*)(std::FILE*)> text(std::tmpfile(), std::fclose);
   if (!text) throw Error(ExitCode::disk, "no temporary file for the simulator's settings");
-  std::vector<std::string> words = {program_, "config", "--json"};
-  for (const auto& assignment : set_) words.insert(words.end(), {"--set", assignment});
-  run(words, ::fileno(text.get()));
+  run(joined({program_, "config", "--json"}, assignments(set_)), ::fileno(text.get()));
   std::rewind(text.get());
   const auto settings = nlohmann::json::parse(text.get(), nullptr, false);
   if (!settings.is_object())
@@ -70,24 +109,59 @@ BaseCondition Simulator::base_condition() const {
 }
 
 Dataset Simulator::make(const World& world, std::size_t records, std::uint64_t seed) const {
+  Dataset data;
+  if (world.walks_m > 0)
+    data = walkers(world, records, seed);
+  else if (world.at_x_m)
+    data = simulate(assignments(world.set), scene_list(*world.at_x_m, records), seed);
+  else
+    data = simulate(joined(assignments(world.set), {"--" + world.scenes, std::to_string(records)}),
+                    "", seed);
+  apply(world, data);
+  return data;
+}
+
+// A walk is a sum of short records in which the same people stand, a step further in each. Their
+// photons add up, and the radar's power is the mean over all frames.
+Dataset Simulator::walkers(const World& world, std::size_t records, std::uint64_t seed) const {
+  constexpr int steps = 5;
+  const BaseCondition base = base_condition();
+  const auto share = [&](const char* key) {
+    return formatted("%s=%.9g", key, std::max(1., std::round(base.at(key) / steps)));
+  };
+  std::vector<std::string> set = world.set;
+  for (const char* key : {"signal_photons", "background_counts", "radar_frames"})
+    if (base.at(key) > 0) set.push_back(share(key));
+  Dataset out;
+  for (const int step : {0, -2, -1, 1, 2}) {
+    const double way_m = world.walks_m * step / steps;
+    const Dataset part = simulate(assignments(set), walk_list(base, way_m, records, seed), seed);
+    if (step == 0) {
+      out = part;
+    } else {
+      add(out.spd, part.spd), add(out.radar, part.radar), add(out.array, part.array);
+    }
+  }
+  for (Matrix* table : {&out.radar, &out.array})
+    for (float& value : table->values) value /= steps;
+  return out;
+}
+
+Dataset Simulator::simulate(const std::vector<std::string>& more, const std::string& scenes,
+                            std::uint64_t seed) const {
   const std::string stem =
       scratch_folder(folder_) + "/.simulated-" + machine_name() + "-" + std::to_string(::getpid());
   const TemporaryFile run_file{stem + ".sqlite"}, list{stem + ".toml"};
   std::vector<std::string> words = {program_, "dataset",           "-q", "--out", run_file.path,
                                     "--seed", std::to_string(seed)};
   if (threads_ > 0) words.insert(words.end(), {"--threads", std::to_string(threads_)});
-  for (const auto* set : {&set_, &world.set})
-    for (const auto& assignment : *set) words.insert(words.end(), {"--set", assignment});
-  if (world.at_x_m) {
-    write_atomically(list.path, scene_list(*world.at_x_m, records));
+  words = joined(joined(std::move(words), assignments(set_)), more);
+  if (!scenes.empty()) {
+    write_atomically(list.path, scenes);
     words.insert(words.end(), {"--set", "scenes=" + list.path});
-  } else {
-    words.insert(words.end(), {"--" + world.scenes, std::to_string(records)});
   }
   run(words);
-  Dataset data = load({run_file.path});
-  apply(world, data);
-  return data;
+  return load({run_file.path});
 }
 
 }  // namespace echofuse::recon

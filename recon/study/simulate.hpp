@@ -21,6 +21,10 @@ class Simulator {
   Dataset make(const World& world, std::size_t records, std::uint64_t seed) const;
 
  private:
+  Dataset walkers(const World& world, std::size_t records, std::uint64_t seed) const;
+  // It makes what the words say, with the list of scenes if there is one.
+  Dataset simulate(const std::vector<std::string>& words, const std::string& scenes,
+                   std::uint64_t seed) const;
   std::string program_, folder_;
   int threads_;
   std::vector<std::string> set_;

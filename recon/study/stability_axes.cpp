@@ -237,6 +237,28 @@ void add_weather(Axes& all, const BaseCondition& base) {
 // People before walls, and with echoes by these. RF and sound: one sensor as in Turpin et al., PRL
 // 126, 174301 (2021), whose walls mirror and scatter little; direct: without these echoes. In the
 // corridor people stand nearer to the middle.
+// A shorter slot has fewer photons and radar frames. Antennas need more frames than there are of
+// them. People who walk stand in the training; the true map is that of the slot's middle.
+void add_slots(Axes& all, const BaseCondition& base) {
+  const double slot_s = value_of(base, "window_s"), frames = value_of(base, "radar_frames");
+  Numbers slots = {slot_s};
+  for (const double s : {3., 2., 1., 0.5, 0.25, 0.1, 0.05})
+    if (s != slot_s && (!has_array(base) || frames * s / slot_s > antennas_of(base)))
+      slots.push_back(s);
+  std::ranges::sort(slots, std::greater());
+  all.push_back(
+      numbers(matched, "slot", "length of a record (s)", slot_s, slots, {0.5, 1}, [=](double s) {
+        World world{.set = {assignment("window_s", s)}};
+        for (const char* key : {"signal_photons", "background_counts"})
+          world.set.push_back(assignment(key, value_of(base, key) * s / slot_s));
+        world.set.push_back(
+            assignment("radar_frames", std::max(1.0, std::round(frames * s / slot_s))));
+        return world;
+      }));
+  all.push_back(numbers(shifted, "walk", "people who walk (m/s)", 0, {0, 0.25, 0.5, 1}, {0.5},
+                        [=](double v) { return World{.walks_m = v * slot_s}; }));
+}
+
 void add_rooms(Axes& all, const BaseCondition& base) {
   StabilityAxis axis{"rooms", "rooms, and echoes by their walls", matched, {{"open", {}}}};
   const Words echoes{"multipath_order=2"};
@@ -320,7 +342,7 @@ std::size_t StabilityAxis::base() const {
 
 std::vector<StabilityAxis> stability_axes(const BaseCondition& base, bool quick) {
   Axes all;
-  add_sensors(all, base), add_scenes(all, base), add_rooms(all, base);
+  add_sensors(all, base), add_scenes(all, base), add_slots(all, base), add_rooms(all, base);
   add_shifted_conditions(all, base), add_weather(all, base), add_surprises(all, base);
   for (auto& axis : all)
     if (quick) std::erase_if(axis.values, [](const AxisValue& v) { return !v.quick; });

@@ -26,6 +26,7 @@ struct World {
   std::vector<std::string> set = {};  // KEY=VALUE of `echofuse-sim dataset --set`
   std::string scenes = "records";     // or people, letters, two-people, empty
   std::optional<double> at_x_m = {};  // all stand at x or -x, one half each
+  double walks_m = 0;                 // way of people through a record, in a random direction
   double records = 1;                 // training records, as a factor
   double radar_gain = 1;              // of all that the radar says, noise and all
   Damage damage = Damage::none;
@@ -33,7 +34,9 @@ struct World {
   bool base() const {
     return measured_at_base() && records == 1 && radar_gain == 1 && damage == Damage::none;
   }
-  bool measured_at_base() const { return set.empty() && scenes == "records" && !at_x_m; }
+  bool measured_at_base() const {
+    return set.empty() && scenes == "records" && !at_x_m && walks_m == 0;
+  }
 };
 
 struct AxisValue {

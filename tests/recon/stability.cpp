@@ -131,6 +131,11 @@ TEST_CASE("the axes follow the simulator's base condition") {
   CHECK(values("matched-photons").at(2).world.base());
   CHECK(values("shifted-spd_gain").at(0).world.set ==
         std::vector<std::string>{"signal_photons=2500"});
+  CHECK(values("matched-slot").back().world.set ==
+        std::vector<std::string>{"window_s=0.05", "signal_photons=166.666667",
+                                 "background_counts=0", "radar_frames=1"});
+  base.at("radar_antennas") = 8;
+  CHECK(values("matched-slot").back().label == "0.5");  // 9 frames are in 0.45 s
   base.at("irf_fwhm_ps") = 123;
   CHECK_THROWS_WITH(stability_axes(base, true),
                     "axis matched-irf has no value for the simulator's "
