@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: MIT
 // Recordings of real devices, made by others: they are not part of the repository. Without them
 // this program exits with 77, which ctest shows as skipped.
-#define CATCH_CONFIG_RUNNER
 #include <catch2/catch.hpp>
 #include <cstdlib>
 #include <filesystem>
@@ -9,6 +8,7 @@
 #include <iostream>
 #include <iterator>
 
+#include "../catch.hpp"
 #include "../folder.hpp"
 #include "../paths.hpp"
 #include "acquire/import/import.hpp"
@@ -105,5 +105,5 @@ int main(int argc, char** argv) {
               << " (set ECHOFUSE_DATA)\n";
     return 77;
   }
-  return Catch::Session().run(argc, argv);
+  return echofuse::test::run_catch(argc, argv);
 }

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: MIT
-#define CATCH_CONFIG_RUNNER
 #include <umockdev.h>
 
 #include <catch2/catch.hpp>
 #include <cstdio>
 
+#include "../catch.hpp"
 #include "bed.hpp"
 
 namespace {
@@ -21,5 +21,5 @@ int main(int argc, char** argv) {
     return 77;
   }
   the_bed = &bed;
-  return Catch::Session().run(argc, argv);
+  return echofuse::test::run_catch(argc, argv);
 }

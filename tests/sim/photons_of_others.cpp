@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: MIT
 // The renderer against histograms of others: a TMF8820's and those of another group's simulator (Mu
 // et al., CVPR 2024). Skipped where there are none (ECHOFUSE_DATA).
-#define CATCH_CONFIG_RUNNER
 #include <zlib.h>
 
 #include <algorithm>
@@ -17,6 +16,7 @@
 #include <nlohmann/json.hpp>
 #include <numeric>
 
+#include "../catch.hpp"
 #include "../paths.hpp"
 #include "sim/scene/mesh.hpp"
 #include "sim/sensors/optics.hpp"
@@ -330,5 +330,5 @@ int main(int argc, char** argv) {
               << " (set ECHOFUSE_DATA)\n";
     return 77;
   }
-  return Catch::Session().run(argc, argv);
+  return echofuse::test::run_catch(argc, argv);
 }
