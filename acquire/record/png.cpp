@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: MIT
 #include "acquire/record/png.hpp"
 
+#include <libdeflate.h>
 #include <spng.h>
 
 #include <algorithm>
-#include <cstdlib>
 #include <iterator>
 #include <memory>
 
@@ -13,23 +13,41 @@ namespace {
 
 using Context = std::unique_ptr<spng_ctx, decltype([](spng_ctx* c) { spng_ctx_free(c); })>;
 
-Bytes encode(const void* pixels, std::size_t bytes, const spng_ihdr& header) {
-  const Context context(spng_ctx_new(SPNG_CTX_ENCODER));
-  spng_ihdr described = header;
-  spng_set_option(context.get(), SPNG_ENCODE_TO_BUFFER, 1);
-  // Level 1 without filters: on depth maps more costs time and saves nothing.
-  spng_set_option(context.get(), SPNG_IMG_COMPRESSION_LEVEL, 1);
-  spng_set_option(context.get(), SPNG_FILTER_CHOICE, SPNG_FILTER_CHOICE_NONE);
-  if (spng_set_ihdr(context.get(), &described) != 0 ||
-      spng_encode_image(context.get(), pixels, bytes, SPNG_FMT_PNG, SPNG_ENCODE_FINALIZE) != 0)
-    return {};
-  std::size_t size = 0;
-  int error = 0;
-  const std::unique_ptr<void, decltype(&std::free)> png(
-      spng_get_png_buffer(context.get(), &size, &error), &std::free);
-  if (!png) return {};
-  const auto* const first = static_cast<const std::uint8_t*>(png.get());
-  return {first, first + size};
+void put_big_endian(Bytes& out, std::uint32_t v) {
+  for (int shift = 24; shift >= 0; shift -= 8) out.push_back(static_cast<std::uint8_t>(v >> shift));
+}
+
+// `contents` begins with the chunk's name.
+void put_chunk(Bytes& out, ByteView contents) {
+  put_big_endian(out, static_cast<std::uint32_t>(contents.size() - 4));
+  out.insert(out.end(), contents.begin(), contents.end());
+  put_big_endian(out, ::libdeflate_crc32(0, contents.data(), contents.size()));
+}
+
+constexpr std::uint8_t signature[] = {0x89, 'P', 'N', 'G', '\r', '\n', 0x1a, '\n'};
+enum Colours : std::uint8_t { grey = 0, rgb = 2 };
+
+// `rows`: each begins with its filter, 0: on depth maps others cost time and save nothing, as does
+// a level above 1.
+Bytes encode(ByteView rows, std::uint32_t width, std::uint32_t height, std::uint8_t bits,
+             Colours colours) {
+  using Compressor =
+      std::unique_ptr<libdeflate_compressor,
+                      decltype([](libdeflate_compressor* c) { libdeflate_free_compressor(c); })>;
+  thread_local const Compressor compressor(libdeflate_alloc_compressor(1));
+  if (!compressor) return {};
+  Bytes head = {'I', 'H', 'D', 'R'}, data = {'I', 'D', 'A', 'T'};
+  put_big_endian(head, width);
+  put_big_endian(head, height);
+  head.insert(head.end(), {bits, colours, 0, 0, 0});
+  data.resize(4 + libdeflate_zlib_compress_bound(compressor.get(), rows.size()));
+  data.resize(4 + libdeflate_zlib_compress(compressor.get(), rows.data(), rows.size(),
+                                           data.data() + 4, data.size() - 4));
+  Bytes out(std::begin(signature), std::end(signature));
+  put_chunk(out, head);
+  put_chunk(out, data);
+  put_chunk(out, Bytes{'I', 'E', 'N', 'D'});
+  return out;
 }
 
 std::uint32_t big_endian(ByteView bytes, std::size_t at) {
@@ -40,11 +58,12 @@ std::uint32_t big_endian(ByteView bytes, std::size_t at) {
 // Whether the bytes are laid out as encode_png16 does it: signature, IHDR of this size (16 bits,
 // grey, not interlaced), IDATs, IEND. Of other chunks a decoder would make what they ask for.
 bool is_laid_out(ByteView png, std::uint32_t width, std::uint32_t height) {
-  constexpr std::uint8_t begin[] = {0x89, 'P', 'N', 'G', '\r', '\n', 0x1a, '\n',  //
-                                    0,    0,   0,   13,  'I',  'H',  'D',  'R'};
+  constexpr std::uint8_t begin[] = {0, 0, 0, 13, 'I', 'H', 'D', 'R'};
   constexpr std::uint8_t kind[] = {16, 0, 0, 0, 0};
   constexpr std::size_t first_chunk = 33, around_data = 12;  // length, name, CRC
-  if (png.size() < first_chunk || !std::equal(std::begin(begin), std::end(begin), png.begin()) ||
+  if (png.size() < first_chunk ||
+      !std::equal(std::begin(signature), std::end(signature), png.begin()) ||
+      !std::equal(std::begin(begin), std::end(begin), png.begin() + sizeof signature) ||
       big_endian(png, 16) != width || big_endian(png, 20) != height ||
       !std::equal(std::begin(kind), std::end(kind), png.begin() + 24))
     return false;
@@ -69,15 +88,32 @@ bool is_laid_out(ByteView png, std::uint32_t width, std::uint32_t height) {
 
 Bytes encode_png16(std::span<const std::uint16_t> pixels, std::uint32_t width,
                    std::uint32_t height) {
-  if (std::uint64_t{width} * height > max_png_pixels) return {};
-  return encode(pixels.data(), pixels.size_bytes(),
-                {width, height, 16, SPNG_COLOR_TYPE_GRAYSCALE, 0, 0, 0});
+  const std::uint64_t size = std::uint64_t{width} * height;
+  if (size == 0 || size > max_png_pixels || size != pixels.size()) return {};
+  Bytes rows;
+  rows.reserve(std::size_t{height} * (2 * std::size_t{width} + 1));
+  for (std::size_t y = 0; y < height; ++y) {
+    rows.push_back(0);
+    for (const std::uint16_t v : pixels.subspan(y * width, width)) {
+      rows.push_back(static_cast<std::uint8_t>(v >> 8));
+      rows.push_back(static_cast<std::uint8_t>(v));
+    }
+  }
+  return encode(rows, width, height, 16, grey);
 }
 
 Bytes encode_png_rgb(std::span<const std::uint8_t> pixels, std::uint32_t width,
                      std::uint32_t height) {
-  return encode(pixels.data(), pixels.size_bytes(),
-                {width, height, 8, SPNG_COLOR_TYPE_TRUECOLOR, 0, 0, 0});
+  const std::size_t row = 3 * std::size_t{width};
+  if (pixels.empty() || row * height != pixels.size()) return {};
+  Bytes rows;
+  rows.reserve(height * (row + 1));
+  for (std::size_t y = 0; y < height; ++y) {
+    const auto from = pixels.subspan(y * row, row);
+    rows.push_back(0);
+    rows.insert(rows.end(), from.begin(), from.end());
+  }
+  return encode(rows, width, height, 8, rgb);
 }
 
 std::vector<std::uint16_t> decode_png16(ByteView png, std::uint32_t width, std::uint32_t height) {

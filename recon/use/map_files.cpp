@@ -110,11 +110,13 @@ bool MapFiles::wants(const char* format) const {
   return std::find(formats_.begin(), formats_.end(), format) != formats_.end();
 }
 
-void MapFiles::write(std::int64_t index, std::span<const float> prediction,
-                     std::span<const float> deviation) {
+MapFiles::Ready MapFiles::prepare(std::int64_t index, std::span<const float> prediction,
+                                  std::span<const float> deviation) const {
   const std::vector<float> map = within_span(prediction);
-  const auto picture = [&](const char* end, const Bytes& contents) {
-    write_file(folder_ + formatted("/%06lld", static_cast<long long>(index)) + end, contents);
+  Ready out{index, {}, {}, {}};
+  const auto picture = [&](const char* end, Bytes contents) {
+    out.pictures.push_back(
+        {folder_ + formatted("/%06lld", static_cast<long long>(index)) + end, std::move(contents)});
   };
   // Only colours and points show it.
   std::vector<float> there;
@@ -123,13 +125,20 @@ void MapFiles::write(std::int64_t index, std::span<const float> prediction,
   if (wants("colour")) picture(".png", depth_picture(there, span_, picture_zoom));
   if (wants("mm")) picture("_mm.png", millimetre_picture(map, scene_.grid.size));
   if (wants("uncertainty")) picture("_sd.png", millimetre_picture(deviation, scene_.grid.size));
-  if (!arrays_) return;
-  std::vector<float> depths = map;
-  for (float& z : depths)
+  if (!arrays_) return out;
+  out.depths = map;
+  for (float& z : out.depths)
     if (!(z > 0)) z = std::numeric_limits<float>::quiet_NaN();
-  arrays_->append(depths);
-  indices_.push_back(index);
-  if (deviations_) deviations_->append(deviation);
+  if (deviations_) out.deviation.assign(deviation.begin(), deviation.end());
+  return out;
+}
+
+void MapFiles::write(const Ready& ready) {
+  for (const File& file : ready.pictures) write_file(file.path, file.contents);
+  if (!arrays_) return;
+  arrays_->append(ready.depths);
+  indices_.push_back(ready.index);
+  if (deviations_) deviations_->append(ready.deviation);
 }
 
 void MapFiles::close() {

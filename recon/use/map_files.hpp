@@ -13,7 +13,7 @@
 namespace echofuse::recon {
 
 // Maps of N x N pixels, as the model's. To add one: a row in map_files.cpp, and its branch in
-// MapFiles::write.
+// MapFiles::prepare.
 //   colour  NNNNNN.png: for the eye, where the map says that something is there
 //   mm      NNNNNN_mm.png: 16-bit grey, z in millimetres, 0 = no return
 //   ply     NNNNNN.ply: points x (right), y (up), z (away) in metres, with the picture's colours,
@@ -35,9 +35,20 @@ class MapFiles {
   // `calibrated`: whether the model states its uncertainty.
   MapFiles(std::string folder, const std::vector<std::string>& formats, const Scene& scene,
            bool calibrated);
-  // `deviation`: of every pixel; may be empty unless uncertainty is wanted.
-  void write(std::int64_t index, std::span<const float> prediction,
-             std::span<const float> deviation);
+  // The files of one map, ready to be written. `deviation`: of every pixel; may be empty unless
+  // uncertainty is wanted. Any thread may call it.
+  struct File {
+    std::string path;
+    Bytes contents;
+  };
+  struct Ready {
+    std::int64_t index;
+    std::vector<File> pictures;
+    std::vector<float> depths, deviation;  // what npz holds
+  };
+  Ready prepare(std::int64_t index, std::span<const float> prediction,
+                std::span<const float> deviation) const;
+  void write(const Ready& ready);
   void close();  // finishes what holds all maps
 
  private:

@@ -93,6 +93,7 @@ class Reconstruction {
     std::vector<RecordStatus> statuses;
     Rows rows;
     Prediction made;
+    std::vector<MapFiles::Ready> files;  // of each map
   };
   Part make(const Records& records, std::size_t first, std::size_t count) const;
   void write(const Records& records, Part part);
@@ -127,8 +128,9 @@ void Reconstruction::take_all(const record::RunReader& run) {
   Progress progress("reconstructing", count, options_.quiet);
   const Records records = prepare_records(model_, read(run, count), options_.range_offset_m);
   const std::size_t last = records.data.size();
-  // While this thread judges the run, and then writes a part, others make the maps of the next.
-  constexpr std::size_t ahead = 2;
+  // While this thread judges the run, and then writes a part, others make the maps of the next and
+  // their pictures.
+  const std::size_t ahead = std::max(2u, std::thread::hardware_concurrency());
   std::deque<std::future<Part>> next;
   auto start = [&, first = std::size_t{0}, end = last]() mutable {
     if (first >= end) return;
@@ -180,7 +182,7 @@ void Reconstruction::tell_run(const std::string& text) const {
 Reconstruction::Part Reconstruction::make(const Records& records, std::size_t first,
                                           std::size_t count) const {
   const Dataset& data = records.data;
-  Part out{first, {}, {}, {}};
+  Part out{first, {}, {}, {}, {}};
   for (std::size_t row = first; row < first + count; ++row) {
     out.statuses.push_back(
         {data.index[row], model_.fault_of(data, row), model_.note_of(data, row), {}, {}, {}});
@@ -189,6 +191,10 @@ Reconstruction::Part Reconstruction::make(const Records& records, std::size_t fi
   out.made = predict(
       model_, records, out.rows,
       wants_uncertainty(options_) ? PredictionDetail::pixels : PredictionDetail::uncertainty);
+  for (std::size_t i = 0; i < out.rows.size(); ++i)
+    out.files.push_back(files_.prepare(
+        data.index[out.rows[i]], out.made.maps.row(i),
+        wants_uncertainty(options_) ? out.made.deviation.row(i) : std::span<const float>{}));
   return out;
 }
 
@@ -197,8 +203,7 @@ void Reconstruction::write(const Records& records, Part part) {
   for (std::size_t i = 0; i < part.rows.size(); ++i) {
     RecordStatus& status = part.statuses[part.rows[i] - part.first];
     if (!made.uncertainties.empty()) status.uncertainty = made.uncertainties[i];
-    files_.write(status.index, made.maps.row(i),
-                 wants_uncertainty(options_) ? made.deviation.row(i) : std::span<const float>{});
+    files_.write(part.files[i]);
     time(status, records.data.slot_end[part.rows[i]]);
   }
   for (const RecordStatus& status : part.statuses) tell_bad(status.index), tell(status);
