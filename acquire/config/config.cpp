@@ -182,10 +182,7 @@ void judge_radar(Judge& judge, Config& c, const std::string& cfg,
     return judge.complain({"radar.cfg", "radar.cli"},
                           "radar.cfg is empty; expected a TI mmWave .cfg file");
   judge.attempt({"radar.cfg"}, [&] {
-    std::error_code none;
-    auto path = folder / cfg;
-    if (!std::filesystem::exists(path, none) && std::filesystem::exists(data_folder() / cfg, none))
-      path = data_folder() / cfg;
+    const auto path = here_or_installed(cfg, folder);
     radar.cfg_name = path.string();
     radar.cfg_text = read_config_text(path);
     for (const auto& place : parse_profile(radar).array)

@@ -155,11 +155,8 @@ class Slots final : public Nobody {
 
 void take_cfg(Config& config, const std::string& recording, const std::string& cfg) {
   const std::string beside = fs::path(recording).replace_extension(".cfg").string();
-  std::string path = cfg;
-  if (path.empty() && fs::exists(beside)) path = beside;
-  // A name that is not here may be one of the installed ones.
-  if (!path.empty() && !fs::exists(path) && fs::exists(data_folder() / path))
-    path = (data_folder() / path).string();
+  const std::string path =
+      cfg.empty() && fs::exists(beside) ? beside : here_or_installed(cfg).string();
   if (path.empty()) {
     config.radar.cfg_text.clear();  // the board's own is needed, not any
   } else {

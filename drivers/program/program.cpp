@@ -18,6 +18,15 @@ std::filesystem::path program_folder() {
 
 std::filesystem::path data_folder() { return program_folder().parent_path() / "share/echofuse"; }
 
+std::filesystem::path here_or_installed(const std::filesystem::path& name,
+                                        const std::filesystem::path& folder) {
+  std::error_code none;
+  if (!name.empty() && !std::filesystem::exists(folder / name, none))
+    for (const auto& installed : {data_folder(), data_folder() / "radar"})
+      if (std::filesystem::exists(installed / name, none)) return installed / name;
+  return folder / name;
+}
+
 std::string machine_name() {
   char name[256] = {};
   gethostname(name, sizeof name - 1);

@@ -20,6 +20,10 @@ struct ProgramOptions {
 std::filesystem::path program_folder();
 // What is installed with the programs: radar/*.cfg, lab.toml. A build folder has links to them.
 std::filesystem::path data_folder();
+// FOLDER/NAME, or what is installed with the programs by this name if nothing is there: a .cfg by
+// its name alone, too.
+std::filesystem::path here_or_installed(const std::filesystem::path& name,
+                                        const std::filesystem::path& folder = {});
 // Who is logged in: the name of the effective user, under sudo that of who called it.
 std::string login_name();
 // This machine's name on the network.

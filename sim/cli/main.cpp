@@ -126,7 +126,8 @@ void add_dataset(CLI::App& app, Command& command) {
                   "record i is of the twin's laboratory i modulo this")
       ->check(CLI::Range(std::int64_t{1}, std::int64_t{1'000'000}));
   sub->add_option("--part", a->part, part_help);
-  sub->add_option("--threads", a->options.threads)->check(CLI::Range(1, 256));
+  sub->add_option("--threads", a->options.threads, "default: one per core")
+      ->check(CLI::Range(1, 256));
   sub->add_flag("-q,--quiet", a->options.quiet, "no progress, no summary");
   sub->add_flag("--json", a->json, "summary as one JSON object");
   sub->callback([&command, a] { command = [a] { return run_dataset(*a); }; });
@@ -203,7 +204,8 @@ void add_lab(CLI::App& app, Command& command) {
       ->capture_default_str();
   sub->add_flag("!--all-syncs", o.tagging.conditional_filter,
                 "send every laser sync, not only those before a photon");
-  sub->add_option("--radar-cfg", o.radar_cfg, "TI .cfg file (the paper's 50 cm profile)");
+  sub->add_option("--radar-cfg", o.radar_cfg,
+                  "TI .cfg file, or the name of an installed one (the paper's 50 cm profile)");
   sub->add_option("--radar-board", o.radar_board, "which of TI's boards it is")
       ->check(CLI::IsMember({"isk", "aop", "ods"}))
       ->capture_default_str();
@@ -249,7 +251,8 @@ void add_config(CLI::App& app, Command& command) {
 }
 
 ExitCode run(int argc, char** argv) {
-  CLI::App app{"The simulated world: data sets and a laboratory of simulated devices."};
+  CLI::App app("The simulated world: data sets and a laboratory of simulated devices.",
+               "echofuse-sim");
   app.set_version_flag("--version", std::string("echofuse-sim ") + version());
   app.require_subcommand(1);
   Command command;

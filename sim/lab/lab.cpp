@@ -94,7 +94,7 @@ class DirectoryLock {
 };
 
 fs::path find_radar_cfg(const LabOptions& options) {
-  if (!options.radar_cfg.empty()) return options.radar_cfg;
+  if (!options.radar_cfg.empty()) return here_or_installed(options.radar_cfg);
   const std::string name = options.radar_board == "isk"
                                ? "xwr68xx_paper_50cm"
                                : "xwr64xx_" + options.radar_board + "_50cm";

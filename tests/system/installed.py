@@ -5,6 +5,7 @@ a live run, a data set, the bridges, manual pages and completion. Nothing instal
 source tree, which are hidden from the programs where this process may do so (root, unshare)."""
 import os
 import pathlib
+import re
 import shutil
 import subprocess
 import sys
@@ -65,6 +66,23 @@ class Installed(unittest.TestCase):
         self.assertIn("--conditional-filter", said)
         self.assertIn('"records": 3', (self.dir / "info.json").read_text())
         self.assertTrue((self.dir / "mean.h5").stat().st_size > 0)
+
+    def test_a_cfg_by_its_name(self):
+        run(f"{self.prefix}/bin/echofuse-sim", "lab", "--radar-cfg", "xwr68xx_44mm.cfg", "--", "true", cwd=self.dir)
+        self.assertEqual((self.dir / "lab/radar.cfg").read_bytes(), (source / "config/radar/xwr68xx_44mm.cfg").read_bytes())
+
+    def test_python(self):
+        module, = self.prefix.glob("lib/python3*/dist-packages/echofuse")
+        said = run("/usr/bin/python3", "-c", "import echofuse; print(echofuse.__file__)", cwd=self.dir,
+                   env=os.environ | {"PYTHONPATH": module.parent, "PYTHONDONTWRITEBYTECODE": "1"})
+        self.assertEqual(said.strip(), str(module / "__init__.py"))
+
+    def test_manual_has_no_dead_link(self):
+        texts = list((self.prefix / "share/doc/echofuse").rglob("*.md"))
+        self.assertGreater(len(texts), 7)
+        for text in texts:
+            for link in re.findall(r"\]\(([^)#\s]+)[^)]*\)", text.read_text()):
+                self.assertTrue("://" in link or (text.parent / link).exists(), f"{text}: {link}")
 
     def test_unit_names_the_program(self):
         unit = (self.prefix / "lib/systemd/system/echofuse-acquire.service").read_text()
