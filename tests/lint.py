@@ -78,6 +78,8 @@ if len(sys.argv) > 1:  # the folder of the built programs
         help_text = subprocess.run([pathlib.Path(sys.argv[1]) / words[0], *words[1:], "--help"], capture_output=True,
                                    text=True).stdout
         head, *commands = help_text.split("Subcommands:")
+        for option in re.findall(r"^ +(?:-\w,)?(--[\w-]+)(?:\([^)]*\)|[^a-z\n(])*\n(?! {20})", head, re.M):
+            faults.append(f"{' '.join(words)}: {option} has no text")
         options[tuple(words)] = inherited | set(re.findall(r"^ +(?:-\w,)?(--[\w-]+)", head, re.M))
         for command in re.findall(r"^  ([a-z]+) ", commands[0], re.M) if commands else ():
             read_help([*words, command], options[tuple(words)])

@@ -78,13 +78,13 @@ void add_calibrate(CLI::App& app, Options& o) {
       ->check(CLI::Range(0.1, 3600.0))
       ->capture_default_str();
   c->add_flag("--check", k.check, "measure and compare with run.calibration; write nothing");
-  c->add_flag("--json", o.json);
+  c->add_flag("--json", o.json, "the same as JSON, with the numbers by name");
 }
 
 void add_file_commands(CLI::App& app, Options& o) {
   auto* info = app.add_subcommand("info", "what is in a run file");
   info->add_option("FILE", o.file)->required();
-  info->add_flag("--json", o.json);
+  info->add_flag("--json", o.json, "the same as JSON, with the numbers by name");
 
   auto* exporter = app.add_subcommand("export", "a run as HDF5, or one record as CSV");
   exporter->add_option("FILE", o.file)->required();
@@ -109,7 +109,7 @@ void add_file_commands(CLI::App& app, Options& o) {
   kind->add_option("--tdc", o.tdc, "blocks of a time tagger");
   kind->add_option("--depth", o.depth, "blocks of a depth camera");
   kind->require_option(1);
-  replay->add_flag("--json", o.json);
+  replay->add_flag("--json", o.json, "the same as JSON, with the numbers by name");
 }
 
 void add_import(CLI::App& app, Options& o) {
@@ -135,7 +135,7 @@ void add_doctor(CLI::App& app, Options& o) {
   auto* c = app.add_subcommand("doctor", "would a run go well? Checks machine, disk and devices");
   add_config_options(*c, o);
   add_duration(*c, o, "of the run to come: 2h, 30m, 10s");
-  c->add_flag("--json", o.json);
+  c->add_flag("--json", o.json, "the same as JSON, with the numbers by name");
   c->footer(
       "exit codes: 0 ok or warnings only, 3 configuration, 4 a configured device fails,\n"
       "            6 the disk is too slow or too full (4 if both), 130 interrupted");
@@ -154,7 +154,7 @@ void add_devices(CLI::App& app, Options& o) {
   auto* c =
       app.add_subcommand("devices", "what is attached, and which of the configured devices answer");
   add_config_options(*c, o);
-  c->add_flag("--json", o.json);
+  c->add_flag("--json", o.json, "the same as JSON, with the numbers by name");
 }
 
 }  // namespace

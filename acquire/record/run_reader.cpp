@@ -3,7 +3,9 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <cerrno>
 #include <cstdio>
+#include <cstring>
 #include <utility>
 
 #include "acquire/record/half_read.hpp"
@@ -54,7 +56,7 @@ RunReader::RunReader(const std::string& path) : RunReader(path, network_of(path)
 RunReader::RunReader(const std::string& path, const std::string& network)
     : path_(path), shown_(printable(path)), budget_(std::make_unique<Budget>()) {
   if (::access(path.c_str(), R_OK) != 0)
-    throw Error(ExitCode::failed, shown_ + ": no such file, or not readable; expected a run file");
+    throw Error(ExitCode::failed, shown_ + ": " + std::strerror(errno) + "; expected a run file");
   require_regular_files(path);
   bytes_ = bytes_of(path) + bytes_of(path + "-wal");
   *budget_ = Budget::of_file(bytes_);

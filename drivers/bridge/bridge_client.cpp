@@ -59,7 +59,14 @@ void BridgeClient::connect() {
                      parser_.feed(bytes, [&](const Block& block) { on_block(block, received); });
                      if (port_ && parser_.broken()) fail(parser_.broken());
                    },
-               .gone = [this](const Failure& failure) { fail(failure.text()); }});
+               .gone =
+                   [this](const Failure& failure) {
+                     const bool refused = failure.code == std::errc::connection_refused;
+                     fail(failure.text() +
+                          (refused ? "; is the bridge started? echofuse-bridge-timetagger, "
+                                     "-orbbec or -realsense"
+                                   : ""));
+                   }});
   watch();
 }
 

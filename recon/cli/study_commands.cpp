@@ -29,7 +29,9 @@ std::optional<JobPart> part_of(const std::string& text) {
 }
 
 void add_common(CLI::App& app, StudyOptions& options) {
-  app.add_option("--seeds", options.seeds)->check(CLI::Range(1, 1000))->capture_default_str();
+  app.add_option("--seeds", options.seeds, "trainings of each model")
+      ->check(CLI::Range(1, 1000))
+      ->capture_default_str();
 }
 
 Command add_pareto(CLI::App& app, const Common& common) {

@@ -6,6 +6,7 @@
 #include <cerrno>
 #include <cmath>
 #include <cstdio>
+#include <cstring>
 #include <filesystem>
 
 #include "drivers/program/console.hpp"
@@ -144,7 +145,7 @@ TrainedModel load_model(const std::string& name, ByteView contents) {
 
 TrainedModel load_model(const std::string& path) {
   if (::access(path.c_str(), R_OK) != 0)
-    throw Error(ExitCode::failed, path + ": no such file, or not readable; expected a model file");
+    throw Error(ExitCode::failed, path + ": " + std::strerror(errno) + "; expected a model file");
   return load_model(path, read_file(path));
 }
 

@@ -67,7 +67,7 @@ bool FollowedRun::refresh() {
   path_ = path, stamp_ = stamp;
   try {
     if (path.empty())
-      trouble_ = printable(target_) + ": no run yet";
+      trouble_ = printable(target_) + ": no run yet; it is waited for";
     else
       read();
   } catch (const std::exception& e) {

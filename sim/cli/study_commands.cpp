@@ -97,7 +97,7 @@ void add_study(CLI::App& app, Command& command) {
   study->add_option("--out", a->out, "folder for the study's table")->required();
   study->add_option("--scenes", a->scenes, "default: 40 of fidelity, 100 of bound")
       ->check(CLI::Range(std::int64_t{2}, std::int64_t{10'000}));
-  study->add_option("--seed", a->seed)->capture_default_str();
+  study->add_option("--seed", a->seed, "of the scenes and the noise")->capture_default_str();
   study->add_option("--part", a->part, part_help);
   add_plan_options(*study, *a);
   study->add_flag("-q,--quiet", a->quiet, "no progress");

@@ -75,7 +75,7 @@ TEST_CASE("files that are not there or not runs") {
   const Folder folder;
   write_file(folder / "text.sqlite", "no database");
   for (const char* command : {"info ", "export --to x.h5 "}) {
-    refuses(command + folder / "none.sqlite", 1, "none.sqlite: no such file");
+    refuses(command + folder / "none.sqlite", 1, "none.sqlite: No such file");
     refuses(command + folder / "text.sqlite", 1, "text.sqlite: not an echofuse run file");
   }
   for (const char* device : {"--radar ", "--tdc ", "--depth "})

@@ -293,7 +293,7 @@ TEST_CASE("files that are not to be read or written") {
   const auto refusal = [&] { return error_of([&] { RunReader run(path); }); };
   SECTION("missing") {
     CHECK(refusal().first == ExitCode::failed);
-    CHECK(has(refusal().second, path + ": no such file"));
+    CHECK(has(refusal().second, path + ": No such file"));
   }
   SECTION("not a database") {
     write_file(path, "hello, world\n");

@@ -60,9 +60,9 @@ TEST_CASE("what is not a run or a model is refused in one line") {
   const Folder dir;
   std::ofstream(dir / "text") << "hello";
   write_run(dir / "run", 3);
-  refuses("train " + (dir / "none") + " --out " + (dir / "m"), 1, "no such file");
+  refuses("train " + (dir / "none") + " --out " + (dir / "m"), 1, "No such file");
   refuses("train " + (dir / "text") + " --out " + (dir / "m"), 1, "not an echofuse run file");
-  refuses("evaluate " + (dir / "none") + " " + (dir / "run"), 1, "no such file");
+  refuses("evaluate " + (dir / "none") + " " + (dir / "run"), 1, "No such file");
   refuses("evaluate " + (dir / "text") + " " + (dir / "run"), 1, dir / "text");
   refuses("evaluate " + (dir / "run") + " " + (dir / "run"), 1, dir / "run");
   refuses("train " + (dir / "run") + " --out " + (dir / "no/such/m"), 6, "no/such/m");

@@ -13,8 +13,8 @@ recon trian | 2 | trian: no such command; the nearest is train
 recon help train | 0 | fit a model to runs
 recon --help | 0 | evaluate
 recon train x --otu y | 2 | --otu: no such option; the nearest is --out
-recon train nofile --out m | 1 | nofile: no such file, or not readable; expected a run file
-recon evaluate nomodel norun | 1 | nomodel: no such file, or not readable; expected a model file
+recon train nofile --out m | 1 | nofile: No such file or directory; expected a run file
+recon evaluate nomodel norun | 1 | nomodel: No such file or directory; expected a model file
 recon train x --out m --model factorisd | 2 | factorisd
 recon train x --out m --set epoch=3 | 3 | nearest
 recon study paretto | 2 | paretto: no such command; the nearest is pareto
@@ -35,10 +35,16 @@ sim lab --bogus -- ls --foo | 2 | --bogus: no such option; the nearest is
 sim dataset --out x --like nofile | 3 | nofile
 view --recrod 3 x | 2 | --recrod: no such option; the nearest is --record
 view | 2 | RUN is required
+view --text nofile | 1 | nofile: no run yet
+acquire config check --config three.toml | 3 | three.toml:2:13: not TOML
+acquire devices --config closed.toml | 4 | Connection refused; is the bridge started? echofuse-bridge-timetagger
 """
 
 faults = []
 with tempfile.TemporaryDirectory() as folder:
+    written = pathlib.Path(folder)
+    (written / "three.toml").write_text("[run]\nwindow_s = three\n")
+    (written / "closed.toml").write_text('[tdc]\naddress = "bridge:tcp://127.0.0.1:9"\n')
     for line in TABLE.strip().splitlines():
         words, code, says = (part.strip() for part in line.split(" | "))
         template = bin_dir.parent / "share/echofuse/lab.toml"
