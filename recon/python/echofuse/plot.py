@@ -218,35 +218,54 @@ def over_seeds(rows: Sequence[dict[str, Any]], metric: str) -> tuple[float, floa
     return float(values.mean()), float(values.std(ddof=1)) if len(values) > 1 else 0.0
 
 
-def place_names(ax: Axes, points: Sequence[tuple[float, float, float, str, str]]) -> None:
-    """Names (x, y, half a bar, name, colour) beside their points, over no other name, point and bar; a far one has a
-    line to its point."""
-    ax.figure.canvas.draw()
+def place_names(ax: Axes, points: Sequence[tuple[float, float, float, str, str]],
+                steps: Sequence[tuple[float, float]] = ()) -> None:
+    """Names (x, y, half a bar, name, colour) beside their points, over no other name, point, bar and step of a line, and
+    nearer to no other point; a far one has a line to its point. The figure's layout must be final."""
     renderer = ax.figure.canvas.get_renderer()
     at, share = ax.transData.transform([point[:2] for point in points]), ax.figure.transFigure.inverted().transform
     ends = [ax.transData.transform([(x, max(y - bar, 1e-9)), (x, y + bar)])[:, 1] for x, y, bar, *_ in points]
     frame = ax.get_window_extent()
-    taken = [(x - 5, min(y, low) - 5, x + 5, max(y, high) + 5) for (x, y), (low, high) in zip(at, ends)]
-    for (x, y), (*_, name, colour) in sorted(zip(at.tolist(), points), key=lambda p: -p[0][1]):
-        text = ax.text(0, 0, name, fontsize=8, color=colour, ha="center", va="center", transform=ax.figure.transFigure)
-        box = text.get_window_extent(renderer)
-        wide, high = box.width + 4, box.height + 2
+    bars = [(x - 5, min(y, low) - 5, x + 5, max(y, high) + 5) for (x, y), (low, high) in zip(at, ends)]
+    corners = ax.transData.transform(steps).tolist() if steps else []
+    bars += [(x, y - 2, end, y + 2) for (x, y), (end, _) in zip(corners, corners[1:])]
+    texts = [ax.text(0, 0, name, fontsize=8, color=colour, ha="center", va="center", transform=ax.figure.transFigure)
+             for *_, name, colour in points]
+    sizes = [(box.width + 4, box.height + 2) for box in (text.get_window_extent(renderer) for text in texts)]
 
-        def cost(px: float, py: float) -> float:
-            here = (px - wide / 2, py - high / 2, px + wide / 2, py + high / 2)
-            over = sum(max(0, min(here[2], b[2]) - max(here[0], b[0])) * max(0, min(here[3], b[3]) - max(here[1], b[1])) for b in taken)
-            out = max(0, frame.x0 - here[0]) + max(0, here[2] - frame.x1) + max(0, frame.y0 - here[1]) + max(0, here[3] - frame.y1)
-            return over + 1e4 * out
+    def box_of(k: int, px: float, py: float) -> tuple[float, float, float, float]:
+        (wide, high) = sizes[k]
+        return px - wide / 2, py - high / 2, px + wide / 2, py + high / 2
 
-        places = [(x + np.cos(t) * (away + wide / 2), y + np.sin(t) * (away + high / 2))
-                  for away in 8 * 1.35 ** np.arange(11) for t in np.arange(16) * np.pi / 8]
-        px, py = min(places, key=lambda p: cost(*p))
-        text.set_position(share((px, py)))
-        taken.append((px - wide / 2, py - high / 2, px + wide / 2, py + high / 2))
-        end = np.clip(x, px - wide / 2, px + wide / 2), np.clip(y, py - high / 2, py + high / 2)
+    def placed(order: Sequence[int]) -> tuple[float, dict[int, tuple[float, float]]]:
+        taken, total, out = list(bars), 0.0, {}
+        for k in order:
+            x, y = at[k]
+
+            def cost(px: float, py: float) -> float:
+                here = box_of(k, px, py)
+                over = sum(max(0, min(here[2], b[2]) - max(here[0], b[0])) * max(0, min(here[3], b[3]) - max(here[1], b[1]))
+                           for b in taken)
+                out = max(0, frame.x0 - here[0]) + max(0, here[2] - frame.x1) + max(0, frame.y0 - here[1]) + max(0, here[3] - frame.y1)
+                strays = sum(np.hypot(px - qx, py - qy) < np.hypot(px - x, py - y) for qx, qy in at if (qx, qy) != (x, y))
+                away = np.hypot(max(abs(px - x) - sizes[k][0] / 2, 0), max(abs(py - y) - sizes[k][1] / 2, 0))
+                return over + 1e4 * out + 30 * strays + max(away - 12, 0)
+
+            out[k] = min(((x + np.cos(t) * (away + sizes[k][0] / 2), y + np.sin(t) * (away + sizes[k][1] / 2))
+                          for away in 8 * 1.35 ** np.arange(11) for t in np.arange(16) * np.pi / 8), key=lambda p: cost(*p))
+            total += cost(*out[k])
+            taken.append(box_of(k, *out[k]))
+        return total, out
+
+    orders = [np.argsort(sign * at[:, side]).tolist() for side in (0, 1) for sign in (-1, 1)]
+    for k, (px, py) in min((placed(order) for order in orders), key=lambda one: one[0])[1].items():
+        texts[k].set_position(share((px, py)))
+        left, low, right, high = box_of(k, px, py)
+        x, y = at[k]
+        end = np.clip(x, left, right), np.clip(y, low, high)
         if np.hypot(end[0] - x, end[1] - y) > 12:
             ax.annotate("", share(end), share((x, y)), "figure fraction", "figure fraction",
-                        arrowprops={"arrowstyle": "-", "lw": 0.6, "color": colour})
+                        arrowprops={"arrowstyle": "-", "lw": 0.6, "color": points[k][4]})
 
 
 def pareto(path: Path, *, bound_m: float | None = None) -> Figure:
@@ -260,6 +279,7 @@ def pareto(path: Path, *, bound_m: float | None = None) -> Figure:
     made, axes = figure(2, 1 + (len(sweeps) + 1) // 2, wide=5.4, high=4.0)
     shown = {name: same for (axis, _, name), same in by_model.items() if axis == "model" and over_seeds(same, "iou")[0] >= 0.01}
     front: list[tuple[float, float]] = []
+    named: list[list[tuple[float, float, float, str, str]]] = []
     for ax, cost, metric, unit in ((axes[0], "infer_us_median", "iou", 1), (axes[1], "multiply_adds", "lateral_m", 100)):
         points = []
         for name, same in shown.items():
@@ -284,8 +304,7 @@ def pareto(path: Path, *, bound_m: float | None = None) -> Figure:
                         va="bottom", fontsize=8)
             ax.set(xlabel="multiply-adds of one map", ylabel="lateral error (cm)")
         ax.margins(0.12)
-        made.canvas.draw()
-        place_names(ax, points)
+        named.append(points)
     for ax, sweep in zip(axes[2:], sweeps):
         taken: list[str] = []
         for name in dict.fromkeys(key[2] for key in by_model if key[0] == sweep):
@@ -299,6 +318,10 @@ def pareto(path: Path, *, bound_m: float | None = None) -> Figure:
         ax.legend(fontsize=8, frameon=False)
     for ax in axes[2 + len(sweeps):]:
         ax.remove()
+    made.canvas.draw()
+    made.set_layout_engine("none")
+    place_names(axes[0], named[0], front)
+    place_names(axes[1], named[1])
     return made
 
 
@@ -320,7 +343,7 @@ def stability(path: Path, axis: str, *, base: str | None = None, title: str = ""
         by[name] = [over_seeds(same, "iou") if same else (float("nan"), 0.0) for same in at]
     baselines = {name for name in by if name in ("empty", "mean", "nearest")}
     best = np.nanmax([[point[0] for point in by[name]] for name in baselines] or [[np.nan] * len(values)], axis=0)
-    made, (ax, *_) = figure(wide=6.0, high=3.8)
+    made, (ax, *_) = figure(wide=7.2, high=3.8)
     at = np.arange(len(values))
     ax.fill_between(at, 0, best, color="#fdf0d2", zorder=0)
     ax.plot(at, best, "--", color=COLOURS["grey"], label="best baseline")
@@ -335,7 +358,7 @@ def stability(path: Path, axis: str, *, base: str | None = None, title: str = ""
     ax.set_xticks(at, values, rotation=30 if max(len(v) for v in values) > 5 else 0, ha="right" if max(len(v) for v in values) > 5 else "center")
     ax.set(xlabel=title or axis, ylabel="IoU")
     ax.set_ylim(bottom=0)
-    ax.legend(fontsize=8, frameon=False)
+    ax.legend(fontsize=8, frameon=False, loc="upper left", bbox_to_anchor=(1, 1))
     return made
 
 
