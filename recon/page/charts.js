@@ -23,7 +23,6 @@ export class Chart {
     this.height = height;
     this.data = null;
     this.gaps = [], this.rules = [];  // stretches of x, and {at, name}: lines across
-    this.readout = document.getElementById(`${id}-readout`);
     new ResizeObserver(() => this.plot?.setSize(this.size())).observe(this.at);
   }
   size() {
@@ -31,8 +30,8 @@ export class Chart {
   }
   renew() {
     this.plot?.destroy();
-    const hooks = {drawClear: [u => this.under(u)], ...this.readout && {setCursor: [u => this.tell(u.cursor.idx)]}};
-    this.plot = new uPlot({...this.size(), legend: {show: false}, cursor: {y: false}, hooks, ...this.options()},
+    this.plot = new uPlot({...this.size(), legend: {show: false}, cursor: {y: false},
+                           hooks: {drawClear: [u => this.under(u)]}, ...this.options()},
                           this.data ?? [[]], this.at);
   }
   // What lies under the curves.
@@ -60,22 +59,6 @@ export class Chart {
     this.data = data;
     if (this.plot) this.plot.setData(data);
     else this.renew();
-    if (this.readout) this.tell(this.plot.cursor.idx);
-  }
-  // What the newest record lacks stays as it was, dimmed; of a record that is held nothing is shown.
-  lack(why, live) {
-    this.lacks = why;
-    this.at.classList.toggle('old', !!why && live);
-    return why && live && this.data;
-  }
-  // What stands under the cursor; without one, the highest.
-  tell(index) {
-    if (this.lacks) return void (this.readout.textContent = this.lacks);
-    const [x, y] = this.data ?? [[], []];
-    let at = index ?? 0;
-    if (index == null) for (let i = 1; i < x.length; ++i) if (y[i] > y[at]) at = i;
-    const words = y[at] == null ? 'no data' : `${index == null ? 'peak ' : ''}${this.words(x[at], y[at])}`;
-    if (this.readout.textContent !== words) this.readout.textContent = words;
   }
 }
 
@@ -92,13 +75,24 @@ class Bench extends Chart {
   constructor(id, height) {
     super(id, height);
     this.zoom = null, this.marks = [], this.partner = null;
+    this.readout = document.getElementById(`${id}-readout`);
+  }
+  set(data) {
+    super.set(data);
+    this.tell(this.plot.cursor.idx);
+  }
+  // What the newest record lacks stays as it was, dimmed; of a record that is held nothing is shown.
+  lack(why, live) {
+    this.lacks = why;
+    this.at.classList.toggle('old', !!why && live);
+    return why && live && this.data;
   }
   get range() {
     return {time: false, range: () => this.zoom ?? [0, this.farthest ?? 1]};
   }
   get hooks() {
     return {
-      drawClear: [u => this.under(u)], setCursor: [u => this.readout && this.tell(u.cursor.idx)],
+      drawClear: [u => this.under(u)], setCursor: [u => this.tell(u.cursor.idx)],
       setSelect: [u => u.select.width > 3 && this.show_part([0, u.select.width].map(by => u.posToVal(u.select.left + by, 'x')))],
     };
   }
@@ -141,6 +135,7 @@ class Bench extends Chart {
     const width = end(1) - end(-1);
     return {top, width: width > 0 ? width : null};
   }
+  // What stands under the cursor; without one, the highest.
   tell(index) {
     if (this.lacks) return void (this.readout.textContent = this.lacks);
     const [x, y] = this.data ?? [[], []], found = this.peak(), cm = v => `${+(100 * v).toPrecision(3)} cm`;

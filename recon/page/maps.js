@@ -50,7 +50,7 @@ export function picture(values, rows, columns, span, map, scale = 1, zero = fals
 }
 
 // A line about all that returns, in a picture whose pixels are this wide and high on the canvas.
-export function outline(c, image, left, top, width, height) {
+function outline(c, image, left, top, width, height) {
   if (!image.returns || width < image.width) return;
   const {width: columns, height: rows, returns} = image, dx = width / columns, dy = height / rows;
   const there = (x, y) => x >= 0 && y >= 0 && x < columns && y < rows && returns[y * columns + x];
@@ -64,6 +64,14 @@ export function outline(c, image, left, top, width, height) {
   c.strokeStyle = colour('--ink');
   c.lineWidth = 1;
   c.stroke();
+}
+
+// The picture fills a small canvas.
+export function fill(canvas, image) {
+  const c = canvas.getContext('2d'), {width, height} = canvas;
+  c.imageSmoothingEnabled = false;
+  c.drawImage(image, 0, 0, width, height);
+  outline(c, image, 0, 0, width, height);
 }
 
 // Map minus truth where both return; the rest is marked.

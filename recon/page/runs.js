@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 // The runs of a folder: what each is like, and the way to its page.
 import {clock, colour, siNumber} from './charts.js';
-import {outline, picture, spanOf, tables} from './maps.js';
+import {fill, picture, spanOf, tables} from './maps.js';
 
 const $ = id => document.getElementById(id);
 const side = 112, pause = {all: 5000, more: 100};
@@ -12,10 +12,8 @@ function thumbnail(run, span) {
   canvas.width = canvas.height = high;
   canvas.role = 'img', canvas.ariaLabel = run.map ? 'depth map of its middle' : run.histogram ? 'histogram of its middle' : 'no record';
   if (run.map) {
-    const rows = Math.sqrt(run.map.length), image = picture(run.map, rows, rows, span, tables.near, 0.01);
-    c.imageSmoothingEnabled = false;
-    c.drawImage(image, 0, 0, high, high);
-    outline(c, image, 0, 0, high, high);
+    const rows = Math.sqrt(run.map.length);
+    fill(canvas, picture(run.map, rows, rows, span, tables.near, 0.01));
   } else if (run.histogram) {
     const most = Math.max(1, ...run.histogram), width = high / run.histogram.length;
     c.fillStyle = colour('--spd');

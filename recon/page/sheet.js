@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 // The contact sheet: small maps of records spread over the run; a click shows the record.
 import {colour} from './charts.js';
-import {outline, picture, tables} from './maps.js';
+import {fill, picture, tables} from './maps.js';
 
 export class Sheet {
   constructor(choose) {
@@ -22,11 +22,9 @@ export class Sheet {
       const words = document.createElement('span');
       button.type = 'button', button.dataset.index = at;
       canvas.width = canvas.height = shown;
-      const c = canvas.getContext('2d'), image = picture(maps.subarray(i * side * side, (i + 1) * side * side), side, side, span, tables.near);
-      c.imageSmoothingEnabled = false;
-      c.drawImage(image, 0, 0, shown, shown);
-      outline(c, image, 0, 0, shown, shown);
+      fill(canvas, picture(maps.subarray(i * side * side, (i + 1) * side * side), side, side, span, tables.near));
       if (lacks[i]) {
+        const c = canvas.getContext('2d');
         c.strokeStyle = colour('--bad'), c.lineWidth = 3;
         c.beginPath(), c.moveTo(0, 0), c.lineTo(shown, shown), c.moveTo(shown, 0), c.lineTo(0, shown), c.stroke();
       }

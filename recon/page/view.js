@@ -61,8 +61,8 @@ function drawLamps() {
           !sensor.configured ? '' : shown ? `in record ${record.index}` : over ? 'run is over' : sensor.age_s == null ? 'never any data' : `last data ${age(sensor.age_s + old)}`);
   }
   drawStatus(over || !live ? [] : lost, over || !live ? [] : look);
-  say('doubts', state.doubts);
-  $('doubts').hidden = !state.doubts;
+  say('doubts', state.doubts || 'no record is doubtful');
+  $('doubts').hidden = false, $('doubts').dataset.none = !state.doubts;
   drawMapsLamp();
 }
 // The worst of the run and its sensors.
@@ -95,6 +95,7 @@ function drawNumbers() {
   const lasts = s.disk?.lasts_s;
   say('disk', !s.disk ? '–' : `${bytes(s.disk.free_bytes)}` + (lasts == null || s.status !== 'open' ? '' : lasts > 172800 ? ` (${Math.round(lasts / 86400)} days)` : ` (${clock(lasts)})`));
   say('label', s.label || '–');
+  $('label').title = s.label;
   document.title = `${s.status === 'open' ? '● ' : ''}${run?.file ?? ''} ${s.records} – echofuse`;
   $('losses').replaceChildren(...sensors.map(name => {
     const row = document.createElement('tr'), x = s.sensors[name];

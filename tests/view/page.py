@@ -19,6 +19,18 @@ from live import WINDOW_S, bin_dir, wait_for
 PATIENCE_S = 60  # a busy machine draws slowly
 
 
+# By how much numbers and lamps move when status and label get their longest words.
+header_jumps = """
+  const at = () => ['numbers', 'lamps', 'transport'].map(id => document.getElementById(id).getBoundingClientRect()).flatMap(r => [r.left, r.top]);
+  const say = (status, label) => {
+    document.getElementById('status').textContent = status, document.getElementById('label').textContent = label;
+    return at();
+  };
+  const short = say('complete', '–'), long = say('recording; look at SPD, radar, depth camera', 'a person who holds the letter C');
+  return Math.max(...short.map((v, i) => Math.abs(v - long[i])));
+"""
+
+
 class Page(live_view.LiveView):
     def setUp(self):
         super().setUp()
@@ -70,6 +82,10 @@ class Page(live_view.LiveView):
         before = int(self.text("records"))
         self.wait("next record", lambda: int(self.text("records")) > before)
         self.assertRegex(self.text("status"), "^recording")
+        for width in 1400, 1000, 400:
+            self.size(width, 800)
+            self.assertEqual(self.js(header_jumps), 0, width)
+        self.size(1280, 800)
         for canvas in ("map", "camera"):
             self.wait(f"drawing in {canvas}", lambda: self.canvas_is_drawn(canvas))
         self.assertFalse(self.js("return document.getElementById('box-reconstruction').hidden"))
@@ -210,7 +226,7 @@ class Page(live_view.LiveView):
         for at in (-50, 50):
             ActionChains(self.browser).move_to_element_with_offset(over, at, 0).click().pause(0.6).perform()
         self.assertRegex(self.text("histogram-readout"), r"^A to B [\d.]+ cm; peak ")
-        ActionChains(self.browser).double_click(over).move_to_element_with_offset(over, 0, 400).perform()
+        ActionChains(self.browser).double_click(over).move_to_element_with_offset(over, 0, 300).perform()
         self.assertNotIn("A to B", self.text("histogram-readout"))
         picture = "return document.getElementById('cloud').toDataURL()"
         for key in "ArrowLeft", "+":
