@@ -21,7 +21,7 @@ std::optional<std::int64_t> running_record(const record::RunReader& run, UtcTime
   for (const record::Event& e : run.events())
     if (e.source == "run" && e.text.starts_with("resumed") && e.utc > last) return std::nullopt;
   const double since = seconds(now - sum.last_utc) / window_s;
-  return sum.records + static_cast<std::int64_t>(std::clamp(since, 0.0, 1e15));
+  return sum.last_index + 1 + static_cast<std::int64_t>(std::clamp(since, 0.0, 1e15));
 }
 
 }  // namespace

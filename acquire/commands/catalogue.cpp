@@ -10,6 +10,7 @@
 
 #include "acquire/devices/lock_file.hpp"
 #include "acquire/record/catalogue.hpp"
+#include "acquire/record/run_parts.hpp"
 #include "drivers/core/clock.hpp"
 #include "drivers/program/console.hpp"
 #include "drivers/program/printable.hpp"
@@ -55,6 +56,20 @@ Entry read_entry(const std::string& path, const std::string& who, const Clock& c
   Entry e{.run = record::entry_of(run), .live = {}};
   if (e.run.info.status == "open") e.live = live_state(run, e.run.sum, who, clock);
   return e;
+}
+
+// In the order in which they began, as parts follow one another.
+std::vector<Entry> of_wholes(std::vector<Entry> entries) {
+  std::vector<Entry> out;
+  for (Entry& e : entries) {
+    const auto whole = std::ranges::find_if(
+        out, [&](Entry& before) { return record::join_part(before.run, e.run); });
+    if (whole == out.end())
+      out.push_back(std::move(e));
+    else
+      whole->live = std::move(e.live);
+  }
+  return out;
 }
 
 std::string percent(std::int64_t part, std::int64_t whole) {
@@ -127,8 +142,10 @@ Catalogue list_runs(const std::string& folder, bool elsewhere, const Clock& cloc
   Holders who;
   auto paths = record::run_files(folder);
   for (const auto& [run, holder] : holders()) {
-    who[record::place_of(run)] = holder;
-    if (elsewhere) paths.try_emplace(record::place_of(run), run);
+    for (const auto& file : record::parts_beside(run)) {
+      who[record::place_of(file)] = holder;
+      if (elsewhere) paths.try_emplace(record::place_of(file), file);
+    }
   }
   std::vector<Entry> entries;
   for (const auto& [place, path] : paths) {
@@ -142,6 +159,7 @@ Catalogue list_runs(const std::string& folder, bool elsewhere, const Clock& cloc
   std::stable_sort(entries.begin(), entries.end(), [](const Entry& a, const Entry& b) {
     return a.run.info.started_utc < b.run.info.started_utc;
   });
+  entries = of_wholes(std::move(entries));
   if (json) {
     Json all = Json::array();
     for (const Entry& e : entries) {

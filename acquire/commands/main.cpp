@@ -26,6 +26,7 @@
 #include "acquire/record/export.hpp"
 #include "acquire/record/run_file.hpp"
 #include "acquire/record/run_names.hpp"
+#include "acquire/record/run_parts.hpp"
 #include "acquire/run/viewer.hpp"
 #include "drivers/program/command_line.hpp"
 #include "drivers/program/console.hpp"
@@ -59,12 +60,35 @@ Config load(const Options& o) {
 }
 
 void plan_count(Options& o, const Config& config) {
-  if (o.duration_s > 0)
-    o.run.count = static_cast<std::int64_t>(std::ceil(o.duration_s / config.window_s - 1e-9));
+  const auto slots = [&](double time_s) {
+    return static_cast<std::int64_t>(std::ceil(time_s / config.window_s - 1e-9));
+  };
+  if (o.duration_s > 0) o.run.count = slots(o.duration_s);
+  if (o.every_s > 0) o.run.part_records = slots(o.every_s);
+}
+
+// The first part of a new run. Of the run's name nothing may be there.
+std::string first_part(const std::string& whole) {
+  const auto like = record::named_like_parts(whole);
+  const std::string taken = !like.empty() ? like.begin()->second : whole;
+  if (!like.empty() || std::filesystem::exists(whole))
+    throw Error(ExitCode::failed, printable(taken) +
+                                      ": exists already; parts of a run stand under "
+                                      "its name, choose another");
+  return record::part_path(whole, 1);
 }
 
 std::string out_of(const Options& o, const Config& config) {
   return o.run.out.empty() ? record::next_run(config.run_folder) : record::new_run(o.run.out);
+}
+
+// Of a run in parts a note goes into the last one; other commands take one at a time.
+std::string file_of(const std::string& name, bool last) {
+  const auto files = record::files_of(name);
+  if (files.size() > 1 && !last)
+    throw Error(ExitCode::usage, printable(name) + ": a run in parts; name one of " +
+                                     printable(files.front()) + " to " + printable(files.back()));
+  return files.back() == name ? record::old_run(name) : files.back();
 }
 
 // An event of `run --json`: one object a line, for a program that reads while the run goes on.
@@ -94,15 +118,17 @@ ExitCode run(Options& o) {
   }
   plan_count(o, config);
   o.run.resume = !o.resume.empty();
-  o.run.out = o.run.resume ? std::filesystem::absolute(record::old_run(o.resume)).string()
+  o.run.out = o.run.resume ? std::filesystem::absolute(file_of(o.resume, true)).string()
                            : out_of(o, config);
+  const std::string whole = o.run.out;
+  if (o.run.part_records > 0) o.run.out = first_part(whole);
   o.run.quiet = o.quiet;
   if (!o.run.keep_raw.empty()) o.run.keep_raw = std::filesystem::absolute(o.run.keep_raw).string();
   catch_interrupts();
   // The allocator would keep what a burst of samples took, and more with each larger burst.
   mallopt(M_TRIM_THRESHOLD, 256 << 10);
   std::optional<Viewer> viewer;
-  if (o.view) viewer.emplace(o.run.out, o.run.count);
+  if (o.view) viewer.emplace(whole, o.run.count);
   port::SystemLoop loop;
   std::int64_t on_disk = -1;
   if (o.json) {
@@ -242,7 +268,7 @@ ExitCode export_run(const Options& o) {
 ExitCode dispatch(const std::string& command, Options& o) {
   set_up_log(o);
   if (!o.file.empty()) {
-    o.file = record::old_run(o.file);
+    o.file = file_of(o.file, command == "annotate");
     record::recover(o.file);
   }
   if (command == "run") return run(o);

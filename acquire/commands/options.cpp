@@ -24,9 +24,9 @@ void add_config_options(CLI::App& command, Options& o) {
       ->allow_extra_args(false);
 }
 
-CLI::Option* add_duration(CLI::App& command, Options& o, const char* help) {
+CLI::Option* add_time(CLI::App& command, const char* name, double& into_s, const char* help) {
   const std::map<std::string, double> units{{"h", 3600}, {"m", 60}, {"min", 60}, {"s", 1}};
-  return command.add_option("--duration", o.duration_s, help)
+  return command.add_option(name, into_s, help)
       ->transform(CLI::AsNumberWithUnit(units, CLI::AsNumberWithUnit::UNIT_REQUIRED))
       ->check(CLI::PositiveNumber);
 }
@@ -47,7 +47,14 @@ void add_run(CLI::App& app, Options& o) {
   target->require_option(0, 1);
   auto* count = c->add_option("--count", o.run.count, "stop after this many slots")
                     ->check(CLI::PositiveNumber);
-  add_duration(*c, o, "stop after this time: 2h, 30m, 10s")->excludes(count);
+  add_time(*c, "--duration", o.duration_s, "stop after this time: 2h, 30m, 10s")->excludes(count);
+  auto* every = add_time(*c, "--every", o.every_s,
+                         "a new part of the run after this time: NAME-001, NAME-002 ...")
+                    ->excludes(resume);
+  c->add_option("--records", o.run.part_records, "the same after so many records")
+      ->check(CLI::PositiveNumber)
+      ->excludes(every)
+      ->excludes(resume);
   c->add_option("--countdown", o.run.countdown_s,
                 "s between the devices' answer and the first slot, told one by one")
       ->check(CLI::Range(std::int64_t{1}, std::int64_t{3600}));
@@ -134,7 +141,7 @@ void add_import(CLI::App& app, Options& o) {
 void add_doctor(CLI::App& app, Options& o) {
   auto* c = app.add_subcommand("doctor", "would a run go well? Checks machine, disk and devices");
   add_config_options(*c, o);
-  add_duration(*c, o, "of the run to come: 2h, 30m, 10s");
+  add_time(*c, "--duration", o.duration_s, "of the run to come: 2h, 30m, 10s");
   c->add_flag("--json", o.json, "the same as JSON, with the numbers by name");
   c->footer(
       "exit codes: 0 ok or warnings only, 3 configuration, 4 a configured device fails,\n"

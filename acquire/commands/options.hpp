@@ -22,7 +22,7 @@ struct Options {
   std::optional<std::string> label, text;
   std::vector<std::string> meta;
   std::string resume;
-  double duration_s = 0;
+  double duration_s = 0, every_s = 0;
   std::string file, to, folder;
   std::vector<std::string> radar, tdc, depth;
   std::optional<std::int64_t> record;

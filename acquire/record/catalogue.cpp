@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
+#include "acquire/record/run_parts.hpp"
 #include "drivers/core/clock.hpp"
 #include "drivers/program/exit_code.hpp"
 #include "drivers/program/printable.hpp"
@@ -22,6 +23,17 @@ RunEntry entry_of(const RunReader& run) {
   for (const Event& event : run.events())
     if (event.level == "note") e.notes.push_back(event.text);
   return e;
+}
+
+bool join_part(RunEntry& entry, const RunEntry& next) {
+  if (part_of(next.info).number == 0 || entry.info.uuid != next.info.uuid) return false;
+  const std::string started = entry.info.started_utc;
+  entry.path = whole_of(next.path);
+  entry.info = next.info;
+  entry.info.started_utc = started;
+  add_part(entry.sum, next.sum);
+  entry.notes.insert(entry.notes.end(), next.notes.begin(), next.notes.end());
+  return true;
 }
 
 Json to_json(const RunEntry& e) {

@@ -21,6 +21,9 @@ struct RunEntry {
 };
 
 RunEntry entry_of(const RunReader& run);
+// Where the next entry is a later part of the same run, its numbers join this one, which becomes
+// that of the whole: true.
+bool join_part(RunEntry& entry, const RunEntry& next);
 
 // An object with name, path, started_utc, length_s, records, status, valid, doubtful, verdict,
 // labels, operator, notes, window_s.

@@ -155,6 +155,8 @@ struct RunSummary {
   PerSensor<std::optional<ClockState>> clocks;  // of the last record that has them
 };
 
+// Of a run in parts: this one's numbers and those of the part after it.
+void add_part(RunSummary& sum, const RunSummary& next);
 // "28 of 75 doubtful: radar missing 11, weak 10; camera frozen 7"; empty if none is.
 std::string doubts_of(const RunSummary& sum);
 // A verdict without the figures behind its colon.

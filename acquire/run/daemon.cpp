@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "acquire/devices/devices.hpp"
+#include "acquire/record/run_parts.hpp"
 #include "acquire/run/backlog.hpp"
 #include "acquire/run/disk_estimate.hpp"
 #include "acquire/run/journal.hpp"
@@ -106,6 +107,7 @@ class Daemon final : private SampleSink {
   }
   void close_due(HostTime now);
   void close_slot(const DueSlot& due, std::chrono::nanoseconds late);
+  void end_part(std::int64_t next_index);
   void end();
 
   const Config& config_;
@@ -177,7 +179,13 @@ void Daemon::count_down() {
 
 // The index goes on; so does time, by UTC: the monotonic clock may have begun again.
 std::unique_ptr<record::RunWriter> Daemon::open_file() {
-  if (!options_.resume) return make_run(config_, options_.out, options_.meta, options_.uuid, loop_);
+  resumption_.part_records = resumption_.part_end = options_.part_records;
+  if (!options_.resume) {
+    auto meta = options_.meta;
+    if (options_.part_records > 0)
+      for (auto& pair : record::meta_of({1, options_.part_records})) meta.push_back(pair);
+    return make_run(config_, options_.out, meta, options_.uuid, loop_);
+  }
   const std::vector<Axis> begun = record::RunReader(options_.out).axes();
   for (const Sensor s : all_sensors) refuse_other_axes(begun, devices_[s].info);
   resumption_ = reopen_run(options_.out, loop_);
@@ -201,6 +209,7 @@ void Daemon::begin() {
   const SlotGrid grid{first_slot(loop_.now() + settle_time, length), length};
   recording_.emplace(grid, config_, options_, clocks_, loop_, resumption_.axes, std::move(file));
   recording_->journal.put_config(config_, options_.resume);
+  end_part(resumption_.first_index);
   if (!resumption_.gap.empty()) log(Severity::warning, "run", resumption_.gap);
   log_.attach(recording_->journal);
   for (const Sensor s : all_sensors)
@@ -328,6 +337,14 @@ void Daemon::close_slot(const DueSlot& due, std::chrono::nanoseconds late) {
         "record " + std::to_string(due.index + resumption_.first_index) +
             ": its data are given up, the disk is too slow");
   recording_->journal.put_late(resumption_.first_index, recording_->windows.take_late());
+  if (!recording_->scheduler.done()) end_part(resumption_.first_index + due.index + 1);
+}
+
+// With the last record of a part, so that the next one is there when its first slot is due.
+void Daemon::end_part(std::int64_t next_index) {
+  if (resumption_.part_records == 0 || next_index < resumption_.part_end) return;
+  resumption_.part_end = next_index + resumption_.part_records;
+  recording_->journal.begin_part();
 }
 
 void Daemon::end() {
@@ -355,7 +372,7 @@ void Daemon::end() {
     spdlog::warn(
         "{}: another program reads it; its last records stay in {}-wal until "
         "`echofuse-acquire info` or the next --resume",
-        options_.out, options_.out);
+        r.journal.path(), r.journal.path());
   totals_.written = r.journal.written();
   if (options_.progress) options_.progress(totals_.written);
   r.status.finish(loop_.now(), totals_);

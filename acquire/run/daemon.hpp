@@ -18,10 +18,11 @@ struct RunOptions {
   std::string out;                    // the run file to make
   std::optional<std::int64_t> count;  // slots; none: until interrupted
   std::vector<std::pair<std::string, std::string>> meta;
-  std::string uuid;              // of the run; empty: a new one
-  bool resume = false;           // continue `out`, which exists
-  bool label_given = false;      // by the command line: a resumed run does not keep its last one
-  std::int64_t countdown_s = 0;  // between the devices' answer and the first slot
+  std::string uuid;               // of the run; empty: a new one
+  std::int64_t part_records = 0;  // of a run in parts, of which `out` is the first; 0: in one file
+  bool resume = false;            // continue `out`, which exists
+  bool label_given = false;       // by the command line: a resumed run does not keep its last one
+  std::int64_t countdown_s = 0;   // between the devices' answer and the first slot
   bool quiet = false;
   bool strict = false;   // the code partial if a record has a sensor that is not ok
   std::string keep_raw;  // folder for the devices' bytes; empty: not kept

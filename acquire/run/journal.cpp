@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <utility>
 
+#include "acquire/record/run_parts.hpp"
 #include "acquire/run/disk_estimate.hpp"
 #include "acquire/run/run_log.hpp"
 #include "drivers/program/exit_code.hpp"
@@ -82,6 +83,27 @@ void Journal::put(Job job) {
       fail(std::current_exception());
     }
   });
+}
+
+// The next part is there before this one is closed, so that who follows the run finds it. A label
+// that was noted since the last record is of the next one.
+void Journal::begin_part() {
+  put([this](record::RunWriter& run) {
+    auto next = record::next_part(run.path(), clock_);
+    next->be_patient();
+    auto label = run.new_label(UtcTime::max());
+    std::unique_lock lock(mutex_);
+    if (label) label_ = std::move(label);
+    run_.swap(next);
+    lock.unlock();
+    if (!next->close("complete"))
+      spdlog::warn("{}: another program reads it; its last records stay in its -wal", next->path());
+  });
+}
+
+std::string Journal::path() const {
+  const std::lock_guard lock(mutex_);
+  return run_->path();
 }
 
 void Journal::put_config(const Config& config, bool resumed) {
@@ -176,7 +198,10 @@ void Journal::fail(const std::exception_ptr& why) {
 }
 
 void Journal::stop() {
-  run_->give_up_waiting(last_wait);
+  {
+    const std::lock_guard lock(mutex_);
+    run_->give_up_waiting(last_wait);
+  }
   worker_.reset();
 }
 

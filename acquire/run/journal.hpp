@@ -44,6 +44,8 @@ class Journal {
   // written, with that verdict. Ten times as many jobs fail the journal.
   bool put(record::FusedRecord record);
   void put(Job job);
+  // What is put from now on goes into the next part of the run (record/run_parts.hpp).
+  void begin_part();
   // Once, of a run that begins; a resumed run keeps the calibration that it was begun with.
   void put_config(const Config& config, bool resumed);
   void put_device(const DeviceInfo& device);     // one row a device, not one a reconnection
@@ -64,6 +66,7 @@ class Journal {
   bool crowded() const { return waiting_ >= capacity_ / 2; }
   bool failed() const { return failed_; }
   std::int64_t written() const { return written_; }
+  std::string path() const;  // of the file that is being written
   // That a mark gave to the records written last; none if none did.
   std::optional<std::string> label() const;
   // Of the run's disk after the last record; none if it does not tell.
@@ -86,7 +89,7 @@ class Journal {
   void fail(const std::exception_ptr& why);
   void stop();
 
-  std::unique_ptr<record::RunWriter> run_;
+  std::unique_ptr<record::RunWriter> run_;  // replaced by the worker; guarded by mutex_
   const std::size_t capacity_;
   const Clock& clock_;
   std::set<std::string> axes_;         // by name

@@ -12,6 +12,8 @@
 #include <set>
 #include <sstream>
 
+#include "acquire/record/data_set_part.hpp"
+#include "acquire/record/run_parts.hpp"
 #include "acquire/run/window.hpp"
 #include "drivers/program/console.hpp"
 #include "drivers/program/exit_code.hpp"
@@ -154,6 +156,11 @@ void refuse_resuming(const record::RunReader& begun, const Config& config) {
   if (info.status == "open")
     throw Error(ExitCode::failed, begun.path() + ": is being recorded by another process");
   const std::filesystem::path file = begun.path();
+  if (const auto part = record::part_of(info); part.number > 0)
+    if (std::filesystem::exists(record::part_path(record::whole_of(file), part.number + 1)))
+      throw Error(ExitCode::failed,
+                  printable(begun.path()) + ": is not the last part of its run; resume " +
+                      printable(std::filesystem::path(record::whole_of(file)).stem().string()));
   refuse_read_only(file, file, "it");
   refuse_read_only(file, file.parent_path(), "its folder");
   refuse_other_config(info, begun.calibrations(), config);
@@ -192,11 +199,14 @@ Resumption reopen_run(const std::string& out, const Clock& clock) {
   const record::RunReader begun(out);
   Resumption resumed;
   resumed.axes = begun.axes();
-  const std::string status = begun.info().status;
+  const record::RunInfo info = begun.info();
+  const std::string status = info.status;
   const record::RunSummary sum = begun.summary();
   resumed.label = begun.last_label();
   resumed.file = std::make_unique<record::RunWriter>(out, clock);
   resumed.first_index = resumed.file->next_index();
+  resumed.part_records = record::part_of(info).records;
+  resumed.part_end = record::first_index(begun) + resumed.part_records;
   resumed.records_before = resumed.file->records();
   resumed.gap = "resumed at record " + std::to_string(resumed.first_index) + ", was " + status;
   if (sum.records > 0)

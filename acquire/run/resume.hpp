@@ -46,8 +46,9 @@ std::unique_ptr<record::RunWriter> make_run(
 // What a resumed run continues; of a new run, nothing.
 struct Resumption {
   std::unique_ptr<record::RunWriter> file;
-  std::vector<Axis> axes;        // that the run was begun with
-  std::int64_t first_index = 0;  // of the next record: slots are counted from here
+  std::vector<Axis> axes;                       // that the run was begun with
+  std::int64_t first_index = 0;                 // of the next record: slots are counted from here
+  std::int64_t part_records = 0, part_end = 0;  // of a run in parts: the next part's first record
   std::optional<std::int64_t> records_before;
   std::string gap;                   // the event that notes the resumption
   std::optional<std::string> label;  // its last one

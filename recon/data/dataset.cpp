@@ -5,6 +5,7 @@
 #include <cmath>
 #include <optional>
 
+#include "acquire/record/run_parts.hpp"
 #include "drivers/core/crc32c.hpp"
 #include "drivers/core/log2_codes.hpp"
 #include "drivers/program/printable.hpp"
@@ -266,9 +267,12 @@ SensorSet sensors_of(Inputs inputs) {
 }
 
 Dataset load_recorded(const std::vector<std::string>& paths, const OnBadRecord& on_bad) {
-  require_memory(paths);
+  std::vector<std::string> files;
+  for (const auto& path : paths)
+    for (auto& file : record::files_of(path)) files.push_back(std::move(file));
+  require_memory(files);
   Dataset data;
-  for (const auto& path : in_order_of_records(paths)) {
+  for (const auto& path : in_order_of_records(files)) {
     const record::RunReader run(path);
     append(data, run, 0, static_cast<std::size_t>(run.count()),
            {Sensor::spd, Sensor::radar, Sensor::depth}, on_bad, for_each_part);

@@ -6,10 +6,15 @@
 
 #include "acquire/record/data_set_part.hpp"
 #include "acquire/record/run_file.hpp"
+#include "acquire/record/run_parts.hpp"
 #include "drivers/program/printable.hpp"
 
 namespace echofuse::recon {
 namespace {
+
+bool is_part(const record::RunInfo& info) {
+  return record::part_of_records(info) || record::part_of(info).number > 0;
+}
 
 struct Run {
   std::string path, data_set;  // data_set is its uuid; it is empty if the run is no part
@@ -22,7 +27,7 @@ Run look_at(const std::string& path, std::size_t place) {
   const record::RunReader run(path);
   const record::RunInfo info = run.info();
   Run out{path, {}, place};
-  if (!record::part_of_records(info)) return out;
+  if (!is_part(info)) return out;
   out.data_set = info.uuid;
   out.first = record::first_index(run);
   out.end = out.first + run.count();
@@ -64,7 +69,7 @@ std::vector<std::string> in_order_of_records(const std::vector<std::string>& pat
 bool goes_on(const Dataset& data, const std::string& path, const record::RunInfo& info) {
   for (const auto& source : data.sources) {
     if (source.uuid != info.uuid) continue;
-    if (&source == &data.sources.back() && record::part_of_records(info)) return true;
+    if (&source == &data.sources.back() && is_part(info)) return true;
     throw Error(ExitCode::failed, printable(path) + ": the same run as " + printable(source.path) +
                                       "; give each run once, or its records leak into the test");
   }

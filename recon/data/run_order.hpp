@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// The parts of a simulated data set (acquire/record/data_set_part.hpp) are one run: a training on
-// the parts equals one on the whole data set.
+// The parts of a simulated data set (acquire/record/data_set_part.hpp), and of a long run
+// (run_parts.hpp), are one run: a training on the parts equals one on the whole.
 #pragma once
 #include <string>
 #include <vector>

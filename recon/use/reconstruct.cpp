@@ -13,6 +13,7 @@
 #include <thread>
 
 #include "acquire/record/run_file.hpp"
+#include "acquire/record/run_parts.hpp"
 #include "drivers/program/atomic_write.hpp"
 #include "drivers/program/console.hpp"
 #include "drivers/program/csv.hpp"
@@ -253,22 +254,25 @@ void require_folder(const ReconstructOptions& options, const std::string& uuid) 
 void reconstruct(const TrainedModel& model, const std::string& path,
                  const ReconstructOptions& options) {
   if (wants_uncertainty(options)) require_uncertainty(model);
-  const std::string uuid = record::RunReader(path).info().uuid;
+  std::vector<std::string> files = record::files_of(path);
+  const std::string uuid = record::RunReader(files.front()).info().uuid;
   require_folder(options, uuid);  // refused before it changes
   make_folder(options.out);
   write_atomically(options.out + "/run.txt", marker_of(path, uuid, model, options.range_offset_m));
   Reconstruction work(model, options);
-  if (!options.follow) work.take_all(record::RunReader(path));
-  while (options.follow && !interrupted()) {
+  for (const auto& file : files)
+    if (!options.follow && !interrupted()) work.take_all(record::RunReader(file));
+  for (std::size_t at = 0; options.follow && !interrupted();) {
     // Opened anew for each look: a run's writer leaves one single file only if nobody holds it.
     bool open = false;
     {
-      const record::RunReader run(path);
+      const record::RunReader run(files[at]);
       open = run.info().status == "open";  // asked first: what comes before the end is seen
       if (work.take_new(run)) continue;
     }
-    if (!open) break;
-    std::this_thread::sleep_for(pause_between_looks);
+    if (!open) files = record::files_of(path);  // the next part is there before this one closes
+    if (!open && ++at == files.size()) break;
+    if (open) std::this_thread::sleep_for(pause_between_looks);
   }
   work.close();
 }

@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "acquire/record/catalogue.hpp"
+#include "acquire/record/run_parts.hpp"
 #include "drivers/program/printable.hpp"
 #include "recon/view/pictures.hpp"
 
@@ -43,24 +44,38 @@ void add_picture(Json& told, const record::RunReader& run, std::int64_t first) {
       first, [](std::int64_t, const std::string&) {}, {Sensor::spd, Sensor::depth});
 }
 
-Json told_of(const std::string& path) {
-  try {
-    const record::RunReader run(path);
-    const record::RunEntry entry = record::entry_of(run);
-    Json told = record::to_json(entry);
-    told.erase("path");
-    add_picture(told, run, entry.sum.last_index / 2);
-    return told;
-  } catch (const std::exception& e) {
-    return {{"name", name_of_run(path)}, {"fault", printable(e.what(), 300)}};
-  }
-}
-
 }  // namespace
+
+// A run, or a part of one; `more`: its picture, or why it cannot be read.
+struct Chooser::Told {
+  std::optional<record::RunEntry> entry;
+  Json more = Json::object();
+
+  explicit Told(const std::string& path) {
+    try {
+      const record::RunReader run(path);
+      entry = record::entry_of(run);
+      const std::int64_t records = entry->sum.records;
+      add_picture(more, run, entry->sum.last_index - records + 1 + records / 2);
+    } catch (const std::exception& e) {
+      more["fault"] = printable(e.what(), 300);
+    }
+  }
+  Json json(const std::string& path) const {
+    Json out{{"name", name_of_run(path)}};
+    if (entry) out = record::to_json(*entry), out.erase("path");
+    out.update(more);
+    return out;
+  }
+};
 
 std::string Chooser::path_of(const std::string& name) const {
   for (const auto& [place, path] : record::run_files(folder_))
     if (name_of_run(path) == name) return path;
+  for (const auto& [place, path] : record::run_files(folder_))
+    if (const std::string whole = record::whole_of(path);
+        name_of_run(whole) == name && fs::exists(record::files_of(whole).front()))
+      return whole;
   return {};
 }
 
@@ -68,6 +83,7 @@ std::string Chooser::runs() {
   const HostTime begun = clock_.now();
   std::map<std::string, Known> known;
   std::vector<Json> all;
+  std::vector<std::pair<std::string, Told>> told;
   for (const auto& [place, path] : record::run_files(folder_)) {
     const FileStamp stamp = stamp_of(path);
     const HostTime now = clock_.now();
@@ -75,10 +91,18 @@ std::string Chooser::runs() {
     const bool fresh = run.stamp == stamp || (stamp.written && run.stamp.written &&
                                               seconds(now - run.read) < live_pause_s);
     if ((!run.told || !fresh) && seconds(now - begun) < longest_look_s)
-      run = {stamp, now, std::make_shared<Json>(told_of(path))};
-    all.push_back(run.told ? *run.told : Json{{"name", name_of_run(path)}, {"waits", true}});
+      run = {stamp, now, std::make_shared<Told>(path)};
+    const auto joins = [&](auto& before) {
+      return run.told->entry && before.second.entry &&
+             record::join_part(*before.second.entry, *run.told->entry);
+    };
+    if (!run.told)
+      all.push_back({{"name", name_of_run(path)}, {"waits", true}});
+    else if (std::ranges::none_of(told, joins))
+      told.emplace_back(path, *run.told);
   }
   known_ = std::move(known);
+  for (const auto& [path, run] : told) all.push_back(run.json(path));
   std::stable_sort(all.begin(), all.end(), [](const Json& a, const Json& b) {
     return a.value("started_utc", "") > b.value("started_utc", "");
   });

@@ -25,10 +25,11 @@ class Chooser {
   std::string runs();
 
  private:
+  struct Told;
   struct Known {
     FileStamp stamp;
     HostTime read{};
-    std::shared_ptr<nlohmann::ordered_json> told;
+    std::shared_ptr<Told> told;
   };
   std::string folder_;
   const Clock& clock_;

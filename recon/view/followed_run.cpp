@@ -9,7 +9,7 @@
 #include <limits>
 #include <utility>
 
-#include "acquire/record/run_names.hpp"
+#include "acquire/record/run_parts.hpp"
 #include "acquire/record/writer_lock.hpp"
 #include "drivers/program/exit_code.hpp"
 #include "drivers/program/printable.hpp"
@@ -44,8 +44,9 @@ std::string FollowedRun::find() const {
   std::error_code none;
   if (!fs::is_directory(target_, none)) {
     if (fs::exists(target_, none)) return target_;
-    const std::string longer = record::with_run_extension(target_);
-    return fs::exists(longer, none) ? longer : "";
+    if (!path_.empty() && fs::exists(path_, none)) return path_;
+    const std::string first = record::files_of(target_).front();
+    return fs::exists(first, none) ? first : "";
   }
   std::string newest;
   std::int64_t newest_ns = 0;
@@ -58,10 +59,19 @@ std::string FollowedRun::find() const {
   return newest;
 }
 
+// The part after this one; empty: there is none.
+std::string FollowedRun::next() const {
+  std::error_code none;
+  const auto part = record::part_of(info_);
+  if (part.number == 0 || fs::exists(target_, none)) return {};
+  const std::string path = record::part_path(record::whole_of(path_), part.number + 1);
+  return fs::exists(path, none) ? path : "";
+}
+
 bool FollowedRun::refresh() {
   const std::string path = find();
   const FileStamp stamp = stamp_of(path);
-  if (path == path_ && stamp == stamp_ && !path.empty()) return false;
+  if (path == path_ && stamp == stamp_ && !path.empty() && next().empty()) return false;
   if (path != path_ || stamp.inode != stamp_.inode) forget();
   const std::string before = std::exchange(trouble_, {});
   path_ = path, stamp_ = stamp;
@@ -78,12 +88,23 @@ bool FollowedRun::refresh() {
 
 void FollowedRun::forget() {
   info_ = {};
+  before_.clear();
   axes_.clear(), events_.clear(), outlines_.clear(), label_.clear();
   sensors_ = {}, verdicts_ = {};
   ++edition_;
 }
 
+// One part is closed when the next one is there.
 void FollowedRun::read() {
+  read_part();
+  for (std::string path; !live() && !(path = next()).empty(); read_part()) {
+    Part& part = before_.emplace_back(path_, last().value_or(-1) + 1, stamp_.bytes);
+    for (const Sensor s : all_sensors) part.late[s] = sensors_[s].late;
+    path_ = path, stamp_ = stamp_of(path);
+  }
+}
+
+void FollowedRun::read_part() {
   const record::RunReader run(path_);
   const record::RunInfo info = run.info();
   std::vector<Axis> axes = run.axes();
@@ -101,7 +122,8 @@ void FollowedRun::read() {
   for (const Sensor s : all_sensors) sensors_[s].arrived = frames[s];
   const auto late = run.late();
   for (const Sensor s : all_sensors)
-    sensors_[s].late = static_cast<std::uint64_t>(std::max<std::int64_t>(late[s], 0));
+    sensors_[s].late = (before_.empty() ? 0 : before_.back().late[s]) +
+                       static_cast<std::uint64_t>(std::max<std::int64_t>(late[s], 0));
 }
 
 void FollowedRun::take(const record::RecordOutline& o) {
@@ -143,9 +165,17 @@ std::optional<std::uint64_t> FollowedRun::free_bytes() const {
   return space.available;
 }
 
-void FollowedRun::with_reader(const std::function<void(const record::RunReader&)>& look) const {
+std::uint64_t FollowedRun::bytes() const {
+  std::uint64_t out = stamp_.bytes;
+  for (const Part& part : before_) out += part.bytes;
+  return out;
+}
+
+void FollowedRun::with_reader(std::optional<std::int64_t> record, const Look& look) const {
   if (!trouble_.empty() || path_.empty()) throw Error(ExitCode::failed, trouble_);
-  look(record::RunReader(path_));
+  const auto part =
+      std::ranges::find_if(before_, [&](const Part& p) { return record && *record < p.end; });
+  look(record::RunReader(part == before_.end() ? path_ : part->path));
 }
 
 std::optional<double> age_s(const SensorState& sensor, UtcTime now) {

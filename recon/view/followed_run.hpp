@@ -45,6 +45,7 @@ FileStamp stamp_of(const std::string& path);
 class FollowedRun {
  public:
   // A run file, or a folder: its newest run. Neither has to be there yet.
+  // Of a run in parts, by its name, all of them: path(), info() and axes() are of the last one.
   explicit FollowedRun(std::string target) : target_(std::move(target)) {}
 
   // Looks whether anything is new, which costs next to nothing if not. Returns whether there was.
@@ -66,20 +67,32 @@ class FollowedRun {
   const record::RunSummary& verdicts() const { return verdicts_; }
   std::optional<std::int64_t> last() const;  // index
   bool live() const { return info_.status == "open"; }
-  std::uint64_t bytes() const { return stamp_.bytes; }  // of the file
-  std::optional<std::uint64_t> free_bytes() const;      // of its disk
+  std::uint64_t bytes() const;                      // of its files
+  std::optional<std::uint64_t> free_bytes() const;  // of its disk
 
-  // Opens the run for one look. Throws Error.
-  void with_reader(const std::function<void(const record::RunReader&)>& look) const;
+  // Opens the run for one look; of a run in parts, that with this record, or the last one. Throws
+  // Error.
+  using Look = std::function<void(const record::RunReader&)>;
+  void with_reader(std::optional<std::int64_t> record, const Look& look) const;
+  void with_reader(const Look& look) const { with_reader(std::nullopt, look); }
 
  private:
+  struct Part {  // that others follow
+    std::string path;
+    std::int64_t end = 0;  // index of the first record after it
+    std::uint64_t bytes = 0;
+    PerSensor<std::uint64_t> late{};
+  };
   std::string find() const;
+  std::string next() const;
   void read();
+  void read_part();
   void forget();
   void take(const record::RecordOutline& outline);
 
   std::string target_, path_, trouble_, label_;
   FileStamp stamp_;
+  std::vector<Part> before_;  // path_ are the parts before it
   int edition_ = 0;
   record::RunInfo info_;
   std::vector<Axis> axes_;

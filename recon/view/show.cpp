@@ -145,7 +145,7 @@ Message Show::record(std::int64_t index, bool live) {
 Message Show::make_record(std::int64_t index, bool live) const {
   MessageWriter out;
   Json head{{"kind", "record"}, {"index", index}, {"live", live}};
-  run_.with_reader([&](const record::RunReader& run) {
+  run_.with_reader(index, [&](const record::RunReader& run) {
     const record::FusedRecord r = run.read(index);
     const std::vector<Axis> axes = run.axes();
     head["utc"] = iso8601(r.slot_utc);
@@ -250,41 +250,39 @@ Message Show::sheet(std::int64_t first, std::int64_t last) const {
     const Axis* axis = find(run_.axes(), sensor);
     return axis ? column_bins(axis->count) : 0;
   };
-  if (count > 0)
-    run_.with_reader([&](const record::RunReader& run) {
-      const std::vector<Axis> axes = run.axes();
-      record::MapGrid small = record::map_grid_of(axes);
-      small.size = sheet_side;
-      for (std::size_t k = 0; k < count; ++k) {
-        const std::int64_t index = within[count > 1 ? k * (within.size() - 1) / (count - 1) : 0];
-        std::vector<float> map;
-        std::string label;
-        bool has_map = false;
-        std::vector<float> clicks, power;
-        double at_s = 0;
-        run.for_each(
-            [&](const record::FusedRecord& r) {
-              if (r.index != index) return false;
-              map = map_of(r, axes, small), label = r.label;
-              at_s = seconds(r.slot_utc - run_.outlines().front().start);
-              if (r.has(Sensor::spd)) clicks = column_of({r.spd.begin(), r.spd.end()});
-              const Axis* radar_axis = find(axes, "radar");
-              if (r.has(Sensor::radar) && radar_axis)
-                power = column_of(to_db(r.radar, *radar_axis));
-              has_map = !map.empty();
-              return false;
-            },
-            index, [](std::int64_t, const std::string&) {},
-            {Sensor::spd, Sensor::radar, Sensor::depth});
-        clicks.resize(bins("spd"), std::nanf("")), power.resize(bins("radar"), std::nanf(""));
-        spd.insert(spd.end(), clicks.begin(), clicks.end());
-        radar.insert(radar.end(), power.begin(), power.end());
-        time_s.push_back(at_s);
-        map.resize(small.pixels());
-        maps.insert(maps.end(), map.begin(), map.end());
-        indices.push_back(index), labels.push_back(label), lacks.push_back(!has_map);
-      }
+  const std::vector<Axis>& axes = run_.axes();
+  record::MapGrid small = record::map_grid_of(axes);
+  small.size = sheet_side;
+  for (std::size_t k = 0; k < count; ++k) {
+    const std::int64_t index = within[count > 1 ? k * (within.size() - 1) / (count - 1) : 0];
+    run_.with_reader(index, [&](const record::RunReader& run) {
+      std::vector<float> map;
+      std::string label;
+      bool has_map = false;
+      std::vector<float> clicks, power;
+      double at_s = 0;
+      run.for_each(
+          [&](const record::FusedRecord& r) {
+            if (r.index != index) return false;
+            map = map_of(r, axes, small), label = r.label;
+            at_s = seconds(r.slot_utc - run_.outlines().front().start);
+            if (r.has(Sensor::spd)) clicks = column_of({r.spd.begin(), r.spd.end()});
+            const Axis* radar_axis = find(axes, "radar");
+            if (r.has(Sensor::radar) && radar_axis) power = column_of(to_db(r.radar, *radar_axis));
+            has_map = !map.empty();
+            return false;
+          },
+          index, [](std::int64_t, const std::string&) {},
+          {Sensor::spd, Sensor::radar, Sensor::depth});
+      clicks.resize(bins("spd"), std::nanf("")), power.resize(bins("radar"), std::nanf(""));
+      spd.insert(spd.end(), clicks.begin(), clicks.end());
+      radar.insert(radar.end(), power.begin(), power.end());
+      time_s.push_back(at_s);
+      map.resize(small.pixels());
+      maps.insert(maps.end(), map.begin(), map.end());
+      indices.push_back(index), labels.push_back(label), lacks.push_back(!has_map);
     });
+  }
   out.add<float>("maps", maps, {indices.size(), sheet_side, sheet_side});
   out.add<float>("spd", spd, {indices.size(), bins("spd")});
   out.add<float>("radar", radar, {indices.size(), bins("radar")});
@@ -300,7 +298,7 @@ Message Show::reference() {
   if (run_.live() && all.back().end < end) return nullptr;
   std::vector<double> sum;
   double records = 0;
-  run_.with_reader([&](const record::RunReader& run) {
+  run_.with_reader(all.front().index, [&](const record::RunReader& run) {
     run.for_each(
         [&](const record::FusedRecord& r) {
           if (r.slot_utc >= end || records >= most_reference_records) return false;
