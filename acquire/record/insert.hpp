@@ -53,7 +53,6 @@ class Inserts {
   Insert& into(const std::string& table, const std::string& conflict = {}) {
     return tables_.try_emplace(table, db_, path_, table, conflict).first->second;
   }
-  void clear() { tables_.clear(); }  // with the values of rows that were not written
 
  private:
   sqlite3* db_;

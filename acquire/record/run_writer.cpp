@@ -236,7 +236,6 @@ void RunWriter::in_transaction(const std::function<void()>& body) {
     const int code = sqlite3_errcode(db_);
     if (code == SQLITE_CORRUPT || code == SQLITE_NOTADB)
       harm_ = std::string("was damaged during the run: ") + sqlite3_errstr(code);
-    rows_->clear();
     // A full disk may have rolled back already.
     if (!sqlite3_get_autocommit(db_)) sqlite3_exec(db_, "ROLLBACK", nullptr, nullptr, nullptr);
     throw;
