@@ -112,6 +112,8 @@ ExitCode run(Options& o) {
     if (equals == 0 || equals == std::string::npos)
       throw Error(ExitCode::usage, "--meta " + pair + ": expected key=value");
     const std::string key = pair.substr(0, equals);
+    if (record::is_key_of_part(key))
+      throw Error(ExitCode::usage, "--meta " + key + ": is what parts of a run have; another key");
     for (const auto& [before, value] : o.run.meta)
       if (before == key) throw Error(ExitCode::usage, "--meta " + key + ": given twice");
     o.run.meta.emplace_back(key, pair.substr(equals + 1));

@@ -26,9 +26,14 @@ RunEntry entry_of(const RunReader& run) {
 }
 
 bool join_part(RunEntry& entry, const RunEntry& next) {
-  if (part_of(next.info).number == 0 || entry.info.uuid != next.info.uuid) return false;
+  const std::string whole = whole_of(next.path);
+  const auto is_part = [&](const RunEntry& e) {  // a copy under another name is a run by itself
+    return e.path == part_path(whole, part_of(e.info).number) || e.path == whole;
+  };
+  if (entry.info.uuid != next.info.uuid || !is_part(entry) || !is_part(next) || next.path == whole)
+    return false;
   const std::string started = entry.info.started_utc;
-  entry.path = whole_of(next.path);
+  entry.path = whole;
   entry.info = next.info;
   entry.info.started_utc = started;
   add_part(entry.sum, next.sum);

@@ -86,10 +86,9 @@ class RunWriter {
   bool lost() const { return !harm_.empty(); }        // as the last call found
 
   // Another program may hold the file by a write transaction. A call waits for its end, for 30 s,
-  // or for any time if the writer is patient, until give_up_waiting() plus this time: then it
-  // throws Error(disk). Threading: give_up_waiting() from any thread.
-  void be_patient() { patient_ = true; }
-  void give_up_waiting(std::chrono::nanoseconds after);
+  // or, with this, until this time (of the steady clock, ns), which may change meanwhile and outlives
+  // the writer. Then it throws Error(disk).
+  void wait_until(const std::atomic<std::int64_t>& give_up_ns) { give_up_ns_ = &give_up_ns; }
   const std::string& path() const { return path_; }
   std::int64_t records() const { return records_; }
   std::int64_t next_index() const { return next_index_; }  // at opening: 0, or after the last
@@ -119,8 +118,7 @@ class RunWriter {
   std::unique_ptr<FileWatch> watch_;
   bool touched_ = false;  // by somebody else, before a checkpoint of ours
   std::string harm_;      // what was done to the file
-  bool patient_ = false;
-  std::atomic<std::int64_t> give_up_ns_ = std::numeric_limits<std::int64_t>::max();
+  const std::atomic<std::int64_t>* give_up_ns_ = nullptr;
   std::int64_t waits_since_ns_ = 0;
   std::vector<Axis> axes_;
   std::int64_t records_ = 0, next_index_ = 0, last_event_ = 0, part_ = 0;

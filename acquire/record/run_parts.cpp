@@ -14,8 +14,8 @@ namespace echofuse::record {
 namespace {
 
 namespace fs = std::filesystem;
-constexpr const char *number_key = "part", *records_key = "part_records";
-constexpr std::size_t least_digits = 3, most_digits = 9;
+constexpr const char *number_key = "part", *records_key = "part_records", *first_key = "part_first";
+constexpr std::size_t least_digits = 3, most_digits = 16;
 
 bool all_digits(const std::string& text) {
   return std::ranges::all_of(text, [](char c) { return c >= '0' && c <= '9'; });
@@ -30,18 +30,25 @@ std::int64_t number_of(const std::string& stem) {
 
 }  // namespace
 
+bool is_key_of_part(const std::string& key) {
+  return key == number_key || key == records_key || key == first_key;
+}
+
 Part part_of(const RunInfo& info) {
   Part out;
   for (const auto& [key, value] : info.meta)
     if (!value.empty() && value.size() <= most_digits && all_digits(value)) {
       if (key == number_key) out.number = std::stoll(value);
       if (key == records_key) out.records = std::stoll(value);
+      if (key == first_key) out.first = std::stoll(value);
     }
   return out.number > 0 && out.records > 0 ? out : Part{};
 }
 
 std::vector<std::pair<std::string, std::string>> meta_of(const Part& part) {
-  return {{number_key, std::to_string(part.number)}, {records_key, std::to_string(part.records)}};
+  return {{number_key, std::to_string(part.number)},
+          {records_key, std::to_string(part.records)},
+          {first_key, std::to_string(part.first)}};
 }
 
 std::string part_path(const std::string& whole, std::int64_t number) {
@@ -104,9 +111,8 @@ std::unique_ptr<RunWriter> next_part(const std::string& part, const Clock& clock
   RunInfo info = begun.info();
   Part next = part_of(info);
   ++next.number;
-  std::erase_if(info.meta, [](const auto& pair) {
-    return pair.first == number_key || pair.first == records_key;
-  });
+  next.first = std::max(next.first, begun.summary().last_index + 1);
+  std::erase_if(info.meta, [](const auto& pair) { return is_key_of_part(pair.first); });
   for (const auto& pair : meta_of(next)) info.meta.push_back(pair);
   info.started_utc.clear();
   auto out = std::make_unique<RunWriter>(part_path(whole_of(part), next.number), info, clock);

@@ -15,8 +15,11 @@ namespace echofuse::record {
 
 struct Part {
   std::int64_t number = 0, records = 0;  // 1, 2 ... or 0: no part; of a full one
+  std::int64_t first = 0;                // the index of its first record
 };
 Part part_of(const RunInfo& info);
+// Of the metadata that meta_of() makes.
+bool is_key_of_part(const std::string& key);
 std::vector<std::pair<std::string, std::string>> meta_of(const Part& part);
 
 // NAME.sqlite and 2 make NAME-002.sqlite.

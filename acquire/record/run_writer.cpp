@@ -176,13 +176,9 @@ void RunWriter::wait_for_others() {
 bool RunWriter::waits_on(int tries) {
   const std::int64_t now = now_ns();
   if (tries == 0) waits_since_ns_ = now;
-  if (now >= give_up_ns_ || (!patient_ && now - waits_since_ns_ > longest_wait_ns)) return false;
+  if (now >= (give_up_ns_ ? give_up_ns_->load() : waits_since_ns_ + longest_wait_ns)) return false;
   std::this_thread::sleep_for(retry_pause);
   return true;
-}
-
-void RunWriter::give_up_waiting(std::chrono::nanoseconds after) {
-  give_up_ns_ = std::min(give_up_ns_.load(), now_ns() + std::int64_t{after.count()});
 }
 
 void RunWriter::use_wal() {

@@ -38,7 +38,7 @@ void give_up_data(record::FusedRecord& record) {
 Journal::Journal(std::unique_ptr<record::RunWriter> run, std::unique_ptr<port::Worker> worker,
                  const Clock& clock, const std::vector<Axis>& begun_axes, std::size_t capacity)
     : run_(std::move(run)), capacity_(capacity), clock_(clock), worker_(std::move(worker)) {
-  run_->be_patient();
+  run_->wait_until(give_up_ns_);
   for (const Axis& axis : begun_axes) axes_.insert(axis.name);
   anchors_.push_back(put_anchor());
 }
@@ -90,7 +90,7 @@ void Journal::put(Job job) {
 void Journal::begin_part() {
   put([this](record::RunWriter& run) {
     auto next = record::next_part(run.path(), clock_);
-    next->be_patient();
+    next->wait_until(give_up_ns_);
     auto label = run.new_label(UtcTime::max());
     std::unique_lock lock(mutex_);
     if (label) label_ = std::move(label);
@@ -198,10 +198,9 @@ void Journal::fail(const std::exception_ptr& why) {
 }
 
 void Journal::stop() {
-  {
-    const std::lock_guard lock(mutex_);
-    run_->give_up_waiting(last_wait);
-  }
+  const auto now = std::chrono::steady_clock::now().time_since_epoch();
+  give_up_ns_ =
+      std::min(give_up_ns_.load(), std::int64_t{std::chrono::nanoseconds(now + last_wait).count()});
   worker_.reset();
 }
 

@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <deque>
 #include <functional>
+#include <limits>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -23,7 +24,8 @@ namespace echofuse::acquire {
 
 class RunLog;
 
-// Threading: all members are for one thread. The worker alone touches the RunWriter. No job is done
+// Threading: all members are for one thread. The worker alone writes with the RunWriter, and
+// replaces it where a part begins. No job is done
 // after the first that failed, and finish() tells why. While another program holds the run file by
 // a write transaction, jobs wait.
 class Journal {
@@ -89,6 +91,8 @@ class Journal {
   void fail(const std::exception_ptr& why);
   void stop();
 
+  // When to give up waiting for who holds a file: of all its writers.
+  std::atomic<std::int64_t> give_up_ns_ = std::numeric_limits<std::int64_t>::max();
   std::unique_ptr<record::RunWriter> run_;  // replaced by the worker; guarded by mutex_
   const std::size_t capacity_;
   const Clock& clock_;

@@ -204,9 +204,11 @@ Resumption reopen_run(const std::string& out, const Clock& clock) {
   const record::RunSummary sum = begun.summary();
   resumed.label = begun.last_label();
   resumed.file = std::make_unique<record::RunWriter>(out, clock);
-  resumed.first_index = resumed.file->next_index();
-  resumed.part_records = record::part_of(info).records;
-  resumed.part_end = record::first_index(begun) + resumed.part_records;
+  // The part that a crash left may have no record yet.
+  const record::Part part = record::part_of(info);
+  resumed.first_index = std::max(resumed.file->next_index(), part.first);
+  resumed.part_records = part.records;
+  resumed.part_end = part.first + part.records;
   resumed.records_before = resumed.file->records();
   resumed.gap = "resumed at record " + std::to_string(resumed.first_index) + ", was " + status;
   if (sum.records > 0)

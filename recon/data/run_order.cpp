@@ -29,7 +29,8 @@ Run look_at(const std::string& path, std::size_t place) {
   Run out{path, {}, place};
   if (!is_part(info)) return out;
   out.data_set = info.uuid;
-  out.first = record::first_index(run);
+  const record::Part part = record::part_of(info);
+  out.first = part.number > 0 ? part.first : record::first_index(run);
   out.end = out.first + run.count();
   out.corrections.emplace(run);
   return out;

@@ -2,10 +2,12 @@
 #include "acquire/run/journal.hpp"
 
 #include <spdlog/spdlog.h>
+#include <sqlite3.h>
 
 #include <future>
 
 #include "acquire/record/png.hpp"
+#include "acquire/record/run_parts.hpp"
 #include "acquire/run/run_log.hpp"
 #include "drivers/port/virtual_loop.hpp"
 #include "testing.hpp"
@@ -91,6 +93,27 @@ TEST_CASE("the first failed job ends the writing") {
   const record::RunReader run(folder / "a.sqlite");
   CHECK(run.count() == 1);
   CHECK(run.info().status == "stopped:disk");
+}
+
+TEST_CASE("who holds a part by a write transaction keeps the run's end for two seconds only") {
+  const Folder folder;
+  const std::string path = folder / "a-001.sqlite";
+  record::RunInfo info;
+  info.meta = record::meta_of({1, 1, 0});
+  Journal journal(std::make_unique<record::RunWriter>(path, info), port::SystemLoop().make_worker(),
+                  system_clock);
+  std::promise<void> written;
+  journal.put([&](record::RunWriter&) { written.set_value(); });
+  written.get_future().wait();
+  sqlite3* holder = nullptr;
+  REQUIRE(sqlite3_open(path.c_str(), &holder) == SQLITE_OK);
+  REQUIRE(sqlite3_exec(holder, "BEGIN IMMEDIATE", nullptr, nullptr, nullptr) == SQLITE_OK);
+  journal.begin_part();
+  while (!fs::exists(folder / "a-002.sqlite")) std::this_thread::yield();
+  const auto [code, text] = error_of([&] { journal.finish("complete"); });
+  CHECK(code == ExitCode::disk);
+  CHECK(has(text, "another program holds it by a write transaction"));
+  sqlite3_close(holder);
 }
 
 TEST_CASE("not every failure is the disk's") {
