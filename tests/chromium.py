@@ -27,3 +27,9 @@ def start():
 def resize(browser, width, height):
     browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", {
         "width": width, "height": height, "deviceScaleFactor": 1, "mobile": width < 600})
+    drawn(browser)
+
+
+def drawn(browser):
+    """Two frames later what follows a size is drawn."""
+    browser.execute_async_script("const done = arguments[0]; requestAnimationFrame(() => requestAnimationFrame(done))")

@@ -86,8 +86,8 @@ class RunWriter {
   bool lost() const { return !harm_.empty(); }        // as the last call found
 
   // Another program may hold the file by a write transaction. A call waits for its end, for 30 s,
-  // or, with this, until this time (of the steady clock, ns), which may change meanwhile and outlives
-  // the writer. Then it throws Error(disk).
+  // or, with this, until this time (of the steady clock, ns), which may change meanwhile and
+  // outlives the writer. Then it throws Error(disk).
   void wait_until(const std::atomic<std::int64_t>& give_up_ns) { give_up_ns_ = &give_up_ns; }
   const std::string& path() const { return path_; }
   std::int64_t records() const { return records_; }

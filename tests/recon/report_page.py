@@ -63,6 +63,7 @@ def look(browser, page):
             chromium.resize(browser, width, 900)
             browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {
                 "features": [{"name": "prefers-color-scheme", "value": scheme}]})
+            chromium.drawn(browser)
             name = f"{page}, {width} px, {scheme}"
             fits(browser, name)
             check(f"{name}: it is wider than the window",
@@ -105,6 +106,7 @@ with tempfile.TemporaryDirectory() as folder:
         browser.set_page_load_timeout(90)
         browser.get((folder / "page/report.html").as_uri())
         look(browser, "report")
+        chromium.drawn(browser)
         check("no points in space", browser.execute_script(DRAWN) != 0)
         chromium.resize(browser, 1280, 900)
         headings = browser.execute_script("return [...document.querySelectorAll('h2')].map(h => h.id)")

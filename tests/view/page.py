@@ -189,7 +189,7 @@ class Page(live_view.LiveView):
             self.browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": [{"name": "prefers-color-scheme", "value": scheme}]})
             self.assertLessEqual(self.js("return document.documentElement.scrollWidth"), width)
             self.assertEqual(self.contrast_faults(), [], (width, scheme))
-        self.browser.find_element("css selector", ".run").click()
+        self.js("document.querySelector('.run').click()")  # the list may be drawn anew at any moment
         self.wait("page of the run", lambda: self.js("return document.getElementById('file')?.textContent") == scenes.name)
         self.wait("its record", lambda: self.js("return window.framesSeen") > 0)
         self.browser.find_element("id", "runs").click()
