@@ -111,6 +111,7 @@ class Page(live_view.LiveView):
         self.wait("live record", lambda: int(self.text("shown").split()[1].rstrip(",")) > 1)
         self.wait("contact sheet", lambda: self.js("return document.querySelectorAll('#sheet button').length") > 0)
         self.key("m")
+        self.wait("question", lambda: self.js("return document.getElementById('ask-text').checkVisibility()"))
         self.js("document.getElementById('ask-text').value = 'door opened'; document.getElementById('ask-ok').click()")
         self.wait("mark", lambda: "door opened" in self.text("events"))
         self.key("l")
