@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <cstdio>
-#include <cstdlib>
 #include <filesystem>
 
 #include "acquire/record/run_names.hpp"
@@ -108,10 +107,11 @@ std::vector<std::string> parts_beside(const std::string& file) {
 
 std::unique_ptr<RunWriter> next_part(const std::string& part, const Clock& clock) {
   const RunReader begun(part);
+  const RunSummary sum = begun.summary();
   RunInfo info = begun.info();
   Part next = part_of(info);
   ++next.number;
-  next.first = std::max(next.first, begun.summary().last_index + 1);
+  next.first = std::max(next.first, sum.last_index + 1);
   std::erase_if(info.meta, [](const auto& pair) { return is_key_of_part(pair.first); });
   for (const auto& pair : meta_of(next)) info.meta.push_back(pair);
   info.started_utc.clear();
@@ -120,7 +120,7 @@ std::unique_ptr<RunWriter> next_part(const std::string& part, const Clock& clock
   for (const DeviceInfo& device : begun.devices()) out->put_device(device);
   for (const CalibrationEntry& entry : begun.calibrations()) out->put_calibration(entry);
   if (const Antennas antennas = begun.antennas(); !antennas.empty()) out->put_antennas(antennas);
-  for (const auto& [sensor, policy] : begun.summary().policies)
+  for (const auto& [sensor, policy] : sum.policies)
     for (const Sensor s : all_sensors)
       if (sensor == name_of(s)) out->put_policy(s, policy);
   const auto anchors = begun.table("anchor");

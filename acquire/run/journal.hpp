@@ -25,9 +25,8 @@ namespace echofuse::acquire {
 class RunLog;
 
 // Threading: all members are for one thread. The worker alone writes with the RunWriter, and
-// replaces it where a part begins. No job is done
-// after the first that failed, and finish() tells why. While another program holds the run file by
-// a write transaction, jobs wait.
+// replaces it where a part begins. No job is done after the first that failed, and finish() tells
+// why. While another program holds the run file by a write transaction, jobs wait.
 class Journal {
  public:
   using Job = std::function<void(record::RunWriter&)>;

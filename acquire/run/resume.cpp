@@ -12,7 +12,6 @@
 #include <set>
 #include <sstream>
 
-#include "acquire/record/data_set_part.hpp"
 #include "acquire/record/run_parts.hpp"
 #include "acquire/run/window.hpp"
 #include "drivers/program/console.hpp"

@@ -30,16 +30,9 @@ void BridgeClient::stop() {
 }
 
 std::vector<Counter> BridgeClient::counters() const {
-  const BlockCounts& c = parser_.counts();
-  return {{"bytes", c.bytes},
-          {"blocks", c.blocks},
-          {"junk_bytes", c.junk_bytes},
-          {"bad_headers", c.bad_headers},
-          {"bad_crcs", c.bad_crcs},
-          {"gaps", c.gaps},
-          {"lost_blocks", c.lost_blocks},
-          {"bad_payloads", bad_payloads_},
-          {"connections", connections_}};
+  std::vector<Counter> all = counters_of(parser_.counts());
+  all.insert(all.end(), {{"bad_payloads", bad_payloads_}, {"connections", connections_}});
+  return all;
 }
 
 void BridgeClient::connect() {

@@ -150,4 +150,14 @@ std::optional<DepthPayload> read_depth(ByteView payload) {
   return out;
 }
 
+std::vector<Counter> counters_of(const BlockCounts& c) {
+  return {{"bytes", c.bytes},
+          {"blocks", c.blocks},
+          {"junk_bytes", c.junk_bytes},
+          {"bad_headers", c.bad_headers},
+          {"bad_crcs", c.bad_crcs},
+          {"gaps", c.gaps},
+          {"lost_blocks", c.lost_blocks}};
+}
+
 }  // namespace echofuse::bridge

@@ -33,6 +33,7 @@
 #include <vector>
 
 #include "drivers/core/bytes.hpp"
+#include "drivers/core/driver.hpp"
 #include "drivers/core/frame_buffer.hpp"
 #include "drivers/core/sample.hpp"
 
@@ -64,6 +65,8 @@ struct BlockCounts {
   std::uint64_t gaps = 0;         // places where blocks are missing
   std::uint64_t lost_blocks = 0;  // how many are
 };
+
+std::vector<Counter> counters_of(const BlockCounts& counts);
 
 // Bytes -> sound blocks, up to the first that is not sound. The connection neither loses nor
 // reorders bytes: a damaged block says that its sender is broken, and where the next block

@@ -47,11 +47,15 @@ void check_from(const CLI::App& app, const std::vector<std::string>& assignments
 
 TrainedModel tune_model(const Arguments& a, bool test_share_given) {
   std::deque<TrainedModel> models;
+  for (const std::string& path : a.from) models.push_back(load_model(path));
+  // Each model has the records as it wants them; the last one needs no copy.
+  Dataset loaded = load(a.runs);
   std::deque<Dataset> tables;
   std::vector<Start> starts;
   for (const std::string& path : a.from) {
-    const TrainedModel& model = models.emplace_back(load_model(path));
-    Dataset& data = tables.emplace_back(load(a.runs));
+    const TrainedModel& model = models[starts.size()];
+    const bool last = starts.size() + 1 == models.size();
+    Dataset& data = tables.emplace_back(last ? std::move(loaded) : loaded);
     match_for_tuning(model, path, data);
     starts.push_back({model, data, std::filesystem::path(path).stem()});
   }

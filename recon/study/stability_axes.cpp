@@ -234,9 +234,6 @@ void add_weather(Axes& all, const BaseCondition& base) {
   }
 }
 
-// People before walls, and with echoes by these. RF and sound: one sensor as in Turpin et al., PRL
-// 126, 174301 (2021), whose walls mirror and scatter little; direct: without these echoes. In the
-// corridor people stand nearer to the middle.
 // A shorter slot has fewer photons and radar frames. Antennas need more frames than there are of
 // them. People who walk stand in the training; the true map is that of the slot's middle.
 void add_slots(Axes& all, const BaseCondition& base) {
@@ -259,6 +256,9 @@ void add_slots(Axes& all, const BaseCondition& base) {
                         [=](double v) { return World{.walks_m = v * slot_s}; }));
 }
 
+// People before walls, and with echoes by these. RF and sound: one sensor as in Turpin et al., PRL
+// 126, 174301 (2021), whose walls mirror and scatter little; direct: without these echoes. In the
+// corridor people stand nearer to the middle.
 void add_rooms(Axes& all, const BaseCondition& base) {
   StabilityAxis axis{"rooms", "rooms, and echoes by their walls", matched, {{"open", {}}}};
   const Words echoes{"multipath_order=2"};

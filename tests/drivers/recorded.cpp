@@ -51,15 +51,7 @@ std::string bridge_blocks(const Bytes& stream) {
     delivered << ' ' << static_cast<int>(b.kind) << '#' << b.sequence << '/' << b.payload.size();
   };
   parser.feed(stream, keep);
-  const bridge::BlockCounts& c = parser.counts();
-  return line_of({{"bytes", c.bytes},
-                  {"blocks", c.blocks},
-                  {"junk_bytes", c.junk_bytes},
-                  {"bad_headers", c.bad_headers},
-                  {"bad_crcs", c.bad_crcs},
-                  {"gaps", c.gaps},
-                  {"lost_blocks", c.lost_blocks}},
-                 delivered.str());
+  return line_of(counters_of(parser.counts()), delivered.str());
 }
 
 using Table = std::map<std::string, std::string>;  // by file
