@@ -222,6 +222,8 @@ ExitCode list(const Options& o) {
 }
 
 ExitCode replay(const Options& o) {
+  if (o.radar.empty() && o.tdc.empty() && o.depth.empty())
+    throw Error(ExitCode::usage, "expected one of --radar, --tdc and --depth");
   const Replayed result = !o.radar.empty() ? replay_radar(o.radar, o.json)
                           : !o.tdc.empty() ? replay_tdc(o.tdc, o.json)
                                            : replay_depth(o.depth, o.json);

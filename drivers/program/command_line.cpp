@@ -1,9 +1,14 @@
 // SPDX-License-Identifier: MIT
 #include "drivers/program/command_line.hpp"
 
+#include <sys/ioctl.h>
+#include <unistd.h>
+
 #include <algorithm>
+#include <cstdlib>
 #include <memory>
 #include <regex>
+#include <sstream>
 #include <string>
 #include <vector>
 
@@ -19,23 +24,17 @@ const CLI::Option* option_named(const CLI::App* app, const std::string& name) {
   return nullptr;
 }
 
-void add_options(const CLI::App* app, std::vector<std::string>& out) {
-  for (const CLI::Option* option : app->get_options())
-    for (const std::string& name : option->get_lnames()) out.push_back("--" + name);
-  for (const CLI::App* sub : app->get_subcommands({}))
-    if (sub->get_name().empty()) add_options(sub, out);  // a group of options
-}
-
 std::vector<std::string> options_of(const CLI::App* app) {
   std::vector<std::string> out;
-  for (; app != nullptr; app = app->get_parent()) add_options(app, out);
+  for (; app != nullptr; app = app->get_parent())
+    for (const CLI::Option* option : app->get_options())
+      for (const std::string& name : option->get_lnames()) out.push_back("--" + name);
   return out;
 }
 
 std::vector<std::string> commands_of(const CLI::App* app) {
   std::vector<std::string> out;
-  for (const CLI::App* sub : app->get_subcommands({}))
-    if (!sub->get_name().empty()) out.push_back(sub->get_name());  // a group of options has none
+  for (const CLI::App* sub : app->get_subcommands({})) out.push_back(sub->get_name());
   return out;
 }
 
@@ -83,8 +82,44 @@ std::string readable(std::string text) {
   return text;
 }
 
-// --help without the words of the library's validators: "(0.05 to 3600)".
+// Of the terminal at stdout, or $COLUMNS.
+std::size_t columns_of_help() {
+  const char* stated = std::getenv("COLUMNS");
+  winsize size{};
+  if (stated != nullptr && std::atoi(stated) > 0)
+    return static_cast<std::size_t>(std::atoi(stated));
+  const bool terminal = ::ioctl(STDOUT_FILENO, TIOCGWINSZ, &size) == 0 && size.ws_col > 0;
+  return terminal ? size.ws_col : 100;
+}
+
+// A line that is too long goes on below its text, which begins at column `indent` if the line
+// begins with a space.
+std::string wrapped(const std::string& line, std::size_t columns, std::size_t indent) {
+  indent = line.starts_with(" ") ? indent : 0;
+  if (line.size() <= columns || columns <= indent + 20) return line;
+  const auto at = line.rfind(' ', columns);
+  if (at == line.npos || at <= indent) return line;
+  return line.substr(0, at) + "\n" +
+         wrapped(std::string(indent, ' ') + line.substr(at + 1), columns, indent);
+}
+
+// --help as a person reads it: "(0.05 to 3600)" in place of the library's words for its
+// validators, options that do not go together in a sentence, lines that fit the terminal.
 class Readable final : public CLI::Formatter {
+  std::string make_help(const CLI::App* app, std::string name,
+                        CLI::AppFormatMode mode) const override {
+    std::istringstream lines(Formatter::make_help(app, name, mode));
+    std::string out, line;
+    for (bool examples = false; std::getline(lines, line);) {
+      if (line.empty() && out.ends_with("\n\n")) continue;  // one blank line is enough
+      examples = examples ? !line.empty() : line == "Examples:";
+      out += (examples ? line : wrapped(line, columns_of_help(), get_column_width())) + '\n';
+    }
+    return out;
+  }
+  std::string make_description(const CLI::App* app) const override {
+    return app->get_description() + "\n";
+  }
   std::string make_option_name(const CLI::Option* option, bool positional) const override {
     std::string name = Formatter::make_option_name(option, positional);
     if (const auto at = name.find("{false}"); at != name.npos) name.erase(at, 7);
@@ -92,12 +127,22 @@ class Readable final : public CLI::Formatter {
   }
   std::string make_option_opts(const CLI::Option* option) const override {
     static const std::regex none_or(R"(:\(\w+ in \[0 - 0\]\) OR \(\w+ in \[(\S+) - (\S+)\]\))"),
-        range(R"(:\w+ in \[(\S+) - (\S+)\])"), not_below(":NONNEGATIVE"), above(":POSITIVE");
+        range(R"(:\w+ in \[(\S+) - (\S+)\])"), not_below(":NONNEGATIVE"), above(":POSITIVE"),
+        excluded(" Excludes:.*"), unsigned_number("UINT"), unit(":FLOAT UNIT");
     std::string text = Formatter::make_option_opts(option);
     text = std::regex_replace(text, none_or, " (0, or $1 to $2)");
     text = std::regex_replace(text, range, " ($1 to $2)");
     text = std::regex_replace(text, not_below, " (at least 0)");
+    text = std::regex_replace(text, excluded, "");
+    text = std::regex_replace(text, unsigned_number, "INT");
+    text = std::regex_replace(text, unit, "");
     return std::regex_replace(text, above, " (above 0)");
+  }
+  std::string make_option_desc(const CLI::Option* option) const override {
+    std::string others;
+    for (const CLI::Option* other : option->get_excludes())
+      others += (others.empty() ? "; not with " : " or ") + other->get_name();
+    return option->get_description() + others;
   }
 };
 
@@ -127,6 +172,16 @@ void parse_command_line(CLI::App& app, int argc, const char* const* argv) {
     if (text == e.what()) throw;
     throw CLI::ExtrasError(text, CLI::ExitCodes::ValidationError);
   }
+}
+
+void more_options(CLI::App& command, std::initializer_list<const char*> names) {
+  for (const char* name : names) command.get_option(name)->group("More options");
+}
+
+void add_examples(CLI::App& command, std::initializer_list<const char*> lines) {
+  std::string text = "Examples:\n";
+  for (const char* line : lines) text.append("  ").append(line).append("\n");
+  command.footer(text + (command.get_footer().empty() ? "" : "\n" + command.get_footer()));
 }
 
 }  // namespace echofuse

@@ -9,6 +9,7 @@
 #include <map>
 #include <nlohmann/json.hpp>
 
+#include "drivers/program/command_line.hpp"
 #include "drivers/program/console.hpp"
 #include "drivers/program/printable.hpp"
 #include "recon/numbers/parallel.hpp"
@@ -44,7 +45,13 @@ std::string command_line() {
 
 void add_empty_option(CLI::App& app, std::string& path) {
   app.add_option("--empty", path,
-                 "a run of nobody in the room of this run, if it is another one than in training");
+                 "a run of nobody in the room of this run, if it is another one than in training")
+      ->type_name("RUN");
+}
+
+void add_model_and_run(CLI::App& app, std::string& model, std::string& run) {
+  app.add_option("model", model, "model file")->type_name("MODEL")->required();
+  app.add_option("run", run, "run file")->type_name("RUN")->required();
 }
 
 TrainedModel model_for_room(const std::string& path, const std::string& empty,
@@ -130,14 +137,16 @@ Command add_evaluate(CLI::App& app, const Common&) {
     bool all = false, json = false;
   };
   const auto a = std::make_shared<Arguments>();
-  app.add_option("model", a->model, "model file")->required();
-  app.add_option("run", a->run, "run file")->required();
+  add_model_and_run(app, a->model, a->run);
   app.add_flag("--all", a->all, "also score records that the model was trained on");
   app.add_option("--train", a->train,
-                 "the runs the model was trained on, for the nearest-neighbour row of a fresh run");
+                 "the runs the model was trained on, for the nearest-neighbour row of a fresh run")
+      ->type_name("RUN");
   add_empty_option(app, a->empty);
   add_range_offset_option(app, a->range_offset_m);
   app.add_flag("--json", a->json, "one JSON object instead of text");
+  more_options(app, {"--train", "--empty", "--range-offset", "--json"});
+  add_examples(app, {"echofuse-recon evaluate fused.safetensors scenes.sqlite"});
   return [a] {
     const TrainedModel model = model_for_room(a->model, a->empty, a->range_offset_m);
     Dataset data = load_recorded({a->run}), other;
@@ -170,9 +179,8 @@ Command add_reconstruct(CLI::App& app, const Common& common) {
     std::string model, run, empty;
   };
   const auto a = std::make_shared<Arguments>();
-  app.add_option("model", a->model, "model file")->required();
-  app.add_option("run", a->run, "run file")->required();
-  app.add_option("--out", a->out, "folder for the maps")->required();
+  add_model_and_run(app, a->model, a->run);
+  app.add_option("--out", a->out, "folder for the maps")->type_name("FOLDER")->required();
   app.add_option("--format", a->formats, "any of " + map_format_help())
       ->delimiter(',')
       ->allow_extra_args(false)
@@ -183,6 +191,10 @@ Command add_reconstruct(CLI::App& app, const Common& common) {
   app.add_flag("--follow", a->follow,
                "of a run that is being recorded: new records as they come, until it is closed");
   app.add_flag("--force", a->force, "write into a folder that holds maps of another run");
+  more_options(app, {"--empty", "--range-offset", "--force"});
+  add_examples(app,
+               {"echofuse-recon reconstruct fused.safetensors monday.sqlite --out maps",
+                "echofuse-recon reconstruct fused.safetensors monday.sqlite --follow --out maps"});
   return [a, &common] {
     a->quiet = common.quiet;
     ReconstructReport talk(a->run, a->follow, common.quiet);
@@ -203,7 +215,7 @@ Command add_reconstruct(CLI::App& app, const Common& common) {
 
 Command add_report(CLI::App& app, const Common&) {
   const auto a = std::make_shared<ReportOptions>();
-  app.add_option("dir", a->dir, "folder for report.html")->required();
+  app.add_option("dir", a->dir, "folder for report.html")->type_name("FOLDER")->required();
   app.add_option("--run", a->run, "run file; its held-out records are scored");
   app.add_option("--fused", a->fused, "model file of both sensors; several are seeds of one");
   app.add_option("--spd", a->spd, "model file, for a row below; several are seeds of one");
@@ -216,6 +228,15 @@ Command add_report(CLI::App& app, const Common&) {
                  "a recorded run: its story, also without any model; with --fused also its maps");
   add_empty_option(app, a->empty);
   app.add_flag("--force", a->force, "write over a report of another run");
+  for (const char* option : {"--fused", "--spd", "--radar", "--paper", "--compare"})
+    app.get_option(option)->type_name("MODEL");
+  for (const char* option : {"--run", "--live"}) app.get_option(option)->type_name("RUN");
+  more_options(app, {"--paper", "--empty", "--force"});
+  add_examples(
+      app,
+      {"echofuse-recon report page --run scenes.sqlite --fused fused.safetensors",
+       "echofuse-recon report page --live monday.sqlite --fused fused.safetensors",
+       "echofuse-recon report page --run scenes.sqlite --compare a.safetensors b.safetensors"});
   return [a] {
     a->command = command_line();
     check_report(*a);

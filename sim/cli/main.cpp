@@ -130,6 +130,11 @@ void add_dataset(CLI::App& app, Command& command) {
       ->check(CLI::Range(1, 256));
   sub->add_flag("-q,--quiet", a->options.quiet, "no progress, no summary");
   sub->add_flag("--json", a->json, "summary as one JSON object");
+  more_options(*sub, {"--config", "--like", "--twin", "--laboratory", "--laboratories", "--part",
+                      "--threads", "--quiet", "--json"});
+  add_examples(*sub,
+               {"echofuse-sim dataset --out scenes.sqlite --records 1000",
+                "echofuse-sim dataset --out empty.sqlite --empty 20 --set background_counts=200"});
   sub->callback([&command, a] { command = [a] { return run_dataset(*a); }; });
 }
 
@@ -221,6 +226,10 @@ void add_lab(CLI::App& app, Command& command) {
   sub->add_flag("--json", a->json, "what was sent as one JSON object");
   sub->add_option("command", a->command, "run this in the laboratory, and close it afterwards")
       ->option_text("-- COMMAND ...");
+  more_options(*sub, {"--config", "--laser-rate-hz", "--all-syncs", "--radar-cfg", "--radar-board",
+                      "--radar-sdk", "--faults", "--log", "--twin", "--laboratory", "--json"});
+  add_examples(*sub, {"echofuse-sim lab --scene mixed --hold 3",
+                      "echofuse-sim lab --dir . --scene reflector -- bash"});
   sub->callback([&command, a] { command = [a] { return run_lab(*a); }; });
 }
 
@@ -234,6 +243,7 @@ void add_config(CLI::App& app, Command& command) {
   add_twin_options(*sub, *a)->description(
       "print the ranges of this FILE or default; with --laboratory the settings as drawn");
   sub->add_flag("--json", a->json, "as one JSON object: value, range and meaning of every key");
+  add_examples(*sub, {"echofuse-sim config", "echofuse-sim config --twin default --laboratory 3"});
   sub->callback([&command, a] {
     command = [a] {
       sim::Plan plan;
