@@ -28,7 +28,7 @@ std::vector<std::string> options_of(const CLI::App* app) {
   std::vector<std::string> out;
   for (; app != nullptr; app = app->get_parent())
     for (const CLI::Option* option : app->get_options())
-      for (const std::string& name : option->get_lnames()) out.push_back("--" + name);
+      for (const std::string& name : option->get_lnames()) out.push_back(name);
   return out;
 }
 
@@ -36,6 +36,15 @@ std::vector<std::string> commands_of(const CLI::App* app) {
   std::vector<std::string> out;
   for (const CLI::App* sub : app->get_subcommands({})) out.push_back(sub->get_name());
   return out;
+}
+
+[[noreturn]] void refuse_name(const std::string& name, const std::string& what,
+                              const std::vector<std::string>& known, const std::string& dashes) {
+  const std::string like = nearest(known, name);
+  throw CLI::ExtrasError(
+      dashes + name + ": no such " + what +
+          (like.empty() ? "; --help lists them" : "; the nearest is " + dashes + like),
+      CLI::ExitCodes::ExtrasError);
 }
 
 // Refuses the first word that is no command where one is needed, and the first unknown option.
@@ -48,10 +57,7 @@ void check_names(CLI::App& app, const std::vector<std::string>& words) {
       const auto equals = word.find('=');
       const std::string name = word.substr(0, equals);
       const CLI::Option* option = option_named(command, name);
-      if (option == nullptr)
-        throw CLI::ExtrasError(
-            name + ": no such option; the nearest is " + nearest(options_of(command), name),
-            CLI::ExitCodes::ExtrasError);
+      if (option == nullptr) refuse_name(name.substr(2), "option", options_of(command), "--");
       if (equals == word.npos && option->get_expected_max() > 0) ++i;
       continue;
     }
@@ -63,8 +69,7 @@ void check_names(CLI::App& app, const std::vector<std::string>& words) {
     const auto commands = commands_of(command);
     if (commands.empty()) continue;
     if (std::ranges::find(commands, word) == commands.end())
-      throw CLI::ExtrasError(word + ": no such command; the nearest is " + nearest(commands, word),
-                             CLI::ExitCodes::ExtrasError);
+      refuse_name(word, "command", commands, "");
     command = command->get_subcommand(word);
   }
 }

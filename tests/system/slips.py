@@ -16,7 +16,7 @@ recon train x --otu y | 2 | --otu: no such option; the nearest is --out
 recon train nofile --out m | 1 | nofile: No such file or directory; expected a run file
 recon evaluate nomodel norun | 1 | nomodel: No such file or directory; expected a model file
 recon train x --out m --model factorisd | 2 | factorisd
-recon train x --out m --set epoch=3 | 3 | nearest
+recon train x --out m --set epoch=3 | 3 | --set epoch=3: unknown key, and none is like it
 recon study paretto | 2 | paretto: no such command; the nearest is pareto
 acquire run --cont 3 | 2 | --cont: no such option; the nearest is --count
 acquire run --uot x | 2 | --uot: no such option; the nearest is --out
@@ -29,9 +29,10 @@ acquire lst | 2 | lst: no such command; the nearest is list
 acquire info nofile | 1 | nofile
 sim dataset --otu x | 2 | --otu: no such option; the nearest is --out
 sim dataset --records 1e30 --out x | 2 | --records: Value 1e30 not in range 0 to 10000000
-sim dataset --out x --set spd_bins=3 | 3 | nearest
+sim dataset --out x --set spd_bins=3 | 3 | unknown key; the nearest known one is "bins"
+sim dataset --out x --set reflector=3 | 3 | unknown key, and none is like it
 sim lab --duration -1 | 2 | --duration: Value -1: expected a positive number
-sim lab --bogus -- ls --foo | 2 | --bogus: no such option; the nearest is
+sim lab --bogus -- ls --foo | 2 | --bogus: no such option; --help lists them
 sim dataset --out x --like nofile | 3 | nofile
 view --recrod 3 x | 2 | --recrod: no such option; the nearest is --record
 view | 2 | RUN is required
