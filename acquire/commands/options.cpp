@@ -33,7 +33,11 @@ CLI::Option* add_time(CLI::App& command, const char* name, double& into_s, const
   return command.add_option(name, into_s, help)
       ->type_name("TIME")
       ->transform(CLI::AsNumberWithUnit(units, CLI::AsNumberWithUnit::UNIT_REQUIRED))
-      ->check(CLI::PositiveNumber);
+      ->check(CLI::PositiveNumber)
+      ->check([](const std::string& seconds) {
+        constexpr double ten_years_s = 87'660.0 * 3600;
+        return std::stod(seconds) <= ten_years_s ? "" : "expected at most 87660h, ten years";
+      });
 }
 
 void add_run(CLI::App& app, Options& o) {
@@ -68,6 +72,9 @@ void add_run(CLI::App& app, Options& o) {
                 "new folder for the devices' bytes as they came, for `replay`")
       ->type_name("FOLDER");
   c->add_flag("--view", o.view, "start echofuse-view beside, which prints its address");
+  c->add_option("--model", o.model, "of the maps that the view shows")
+      ->type_name("MODEL")
+      ->needs("--view");
   add_config_options(*c, o);
   c->add_flag("--strict", o.run.strict, "exit code 5 if any record has a sensor that is not ok");
   c->add_option("--meta", o.meta, "kept in the run; may be repeated")
@@ -77,7 +84,8 @@ void add_run(CLI::App& app, Options& o) {
   more_options(*c, {"--config", "--quiet", "--verbose", "--json", "--countdown", "--keep-raw",
                     "--strict", "--meta"});
   add_examples(*c, {"echofuse-acquire run --out monday --set run.label=person",
-                    "echofuse-acquire run --out monday --duration 2h --every 30m --view",
+                    "echofuse-acquire run --out monday --duration 2h --every 30m",
+                    "echofuse-acquire run --out monday --view --model fused.safetensors",
                     "echofuse-acquire run --resume monday.sqlite"});
 }
 

@@ -80,8 +80,8 @@ std::string readable(std::string text) {
   if (const auto at = text.find(endless); at != text.npos)
     text = text.substr(0, at) + ": expected a positive number";
   const bool range = text.find(" not in range ") != text.npos;
-  for (auto at = text.find(".000000"); range && at != text.npos; at = text.find(".000000"))
-    text.erase(at, 7);
+  static const std::regex zeros(R"((\.\d*?)0+\b)"), point(R"(\.( |$))");
+  if (range) text = std::regex_replace(std::regex_replace(text, zeros, "$1"), point, "$1");
   const std::string cannot = "Could not convert: ";
   if (text.starts_with(cannot)) text = text.substr(cannot.size()) + ": expected a number";
   return text;
@@ -133,12 +133,12 @@ class Readable final : public CLI::Formatter {
   std::string make_option_opts(const CLI::Option* option) const override {
     static const std::regex none_or(R"(:\(\w+ in \[0 - 0\]\) OR \(\w+ in \[(\S+) - (\S+)\]\))"),
         range(R"(:\w+ in \[(\S+) - (\S+)\])"), not_below(":NONNEGATIVE"), above(":POSITIVE"),
-        excluded(" Excludes:.*"), unsigned_number("UINT"), unit(":FLOAT UNIT");
+        others(" (Needs|Excludes):.*"), unsigned_number("UINT"), unit(":FLOAT UNIT");
     std::string text = Formatter::make_option_opts(option);
     text = std::regex_replace(text, none_or, " (0, or $1 to $2)");
     text = std::regex_replace(text, range, " ($1 to $2)");
     text = std::regex_replace(text, not_below, " (at least 0)");
-    text = std::regex_replace(text, excluded, "");
+    text = std::regex_replace(text, others, "");
     text = std::regex_replace(text, unsigned_number, "INT");
     text = std::regex_replace(text, unit, "");
     return std::regex_replace(text, above, " (above 0)");
@@ -147,6 +147,7 @@ class Readable final : public CLI::Formatter {
     std::string others;
     for (const CLI::Option* other : option->get_excludes())
       others += (others.empty() ? "; not with " : " or ") + other->get_name();
+    for (const CLI::Option* other : option->get_needs()) others += "; with " + other->get_name();
     return option->get_description() + others;
   }
 };

@@ -129,7 +129,7 @@ class ReconstructReport {
 
 }  // namespace
 
-Command add_evaluate(CLI::App& app, const Common&) {
+Command add_evaluate(CLI::App& app, const Common& common) {
   struct Arguments {
     std::string model, run, empty;
     double range_offset_m = 0;
@@ -147,7 +147,8 @@ Command add_evaluate(CLI::App& app, const Common&) {
   app.add_flag("--json", a->json, "one JSON object instead of text");
   more_options(app, {"--train", "--empty", "--range-offset", "--json"});
   add_examples(app, {"echofuse-recon evaluate fused.safetensors scenes.sqlite"});
-  return [a] {
+  return [a, &common] {
+    const auto title = [&](const char* text) { return common.quiet ? "" : text; };
     const TrainedModel model = model_for_room(a->model, a->empty, a->range_offset_m);
     Dataset data = load_recorded({a->run}), other;
     const Records records = prepare_records(model, data, a->range_offset_m);
@@ -162,9 +163,10 @@ Command add_evaluate(CLI::App& app, const Common&) {
     }
     const Dataset& trained_on = a->train.empty() ? data : other;
     const Rows rows = rows_to_evaluate(model, records.data, a->all);
-    Evaluation e = evaluate(model, records, rows);
-    e.baselines = score_baselines(data, rows, model->scene, trained_on,
-                                  model.rows_of(trained_on, Part::train));
+    Evaluation e = evaluate(model, records, rows, title("scoring"));
+    e.baselines =
+        score_baselines(data, rows, model->scene, trained_on,
+                        model.rows_of(trained_on, Part::train), title("scoring baselines"));
     set_threads(1);
     e.cost = measure_cost(model, records.data, rows, a->model);
     std::puts(a->json
@@ -205,15 +207,15 @@ Command add_reconstruct(CLI::App& app, const Common& common) {
     const TrainedModel model = model_for_room(a->model, a->empty, a->range_offset_m);
     reconstruct(model, a->run, *a);
     if (!model->uncertainty && !common.quiet)
-      std::fprintf(stderr, "%s: %s: too few training records to say how far off the maps are\n",
-                   printable(a->model).c_str(), calibration_of(model));
+      std::fprintf(stderr, "%s: %s: %s\n", printable(a->model).c_str(), calibration_of(model),
+                   why_not_calibrated);
     talk.finish(a->out);
     if (interrupted()) return ExitCode::interrupted;
     return talk.all_well() ? ExitCode::ok : ExitCode::partial;
   };
 }
 
-Command add_report(CLI::App& app, const Common&) {
+Command add_report(CLI::App& app, const Common& common) {
   const auto a = std::make_shared<ReportOptions>();
   app.add_option("dir", a->dir, "folder for report.html")->type_name("FOLDER")->required();
   app.add_option("--run", a->run, "run file; its held-out records are scored");
@@ -235,10 +237,11 @@ Command add_report(CLI::App& app, const Common&) {
   add_examples(
       app,
       {"echofuse-recon report page --run scenes.sqlite --fused fused.safetensors",
-       "echofuse-recon report page --live monday.sqlite --fused fused.safetensors",
+       "echofuse-recon report page --live monday.sqlite",
        "echofuse-recon report page --run scenes.sqlite --compare a.safetensors b.safetensors"});
-  return [a] {
+  return [a, &common] {
     a->command = command_line();
+    a->quiet = common.quiet;
     check_report(*a);
     set_threads(1);  // the latencies in the table are those of one thread
     const Report report = make_report(*a);
