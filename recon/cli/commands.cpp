@@ -148,7 +148,7 @@ Command add_evaluate(CLI::App& app, const Common& common) {
   more_options(app, {"--train", "--empty", "--range-offset", "--json"});
   add_examples(app, {"echofuse-recon evaluate fused.safetensors scenes.sqlite"});
   return [a, &common] {
-    const auto title = [&](const char* text) { return common.quiet ? "" : text; };
+    const auto title = [&](const char* text) { return common.quiet || a->json ? "" : text; };
     const TrainedModel model = model_for_room(a->model, a->empty, a->range_offset_m);
     Dataset data = load_recorded({a->run}), other;
     const Records records = prepare_records(model, data, a->range_offset_m);
