@@ -10,7 +10,7 @@ namespace {
 
 constexpr const char* footer =
     "exit codes: 0 ok, 1 failed, 2 usage, 3 config, 4 device,\n"
-    "            5 partial (some records unreadable; --strict: a sensor was not ok),\n"
+    "            5 partial (some records unreadable; run --strict: a sensor not ok),\n"
     "            6 disk, 130 interrupted (second Ctrl-C, or before the first slot)";
 
 constexpr const char* out_help =
@@ -165,9 +165,11 @@ void add_import(CLI::App& app, Options& o) {
                 "NAME.dat of a radar's data port, NAME.ptu or NAME.phu of PicoQuant; one a sensor")
       ->required();
   c->add_option("--cfg", i.cfg,
-                "what the radar was configured by; default: NAME.cfg beside NAME.dat");
-  c->add_option("--out", o.run.out, out_help);
-  c->add_option("--began", i.began, "UTC, 2024-02-07T12:34:56Z; default: as the files have it");
+                "what the radar was configured by; default: NAME.cfg beside NAME.dat")
+      ->type_name("FILE");
+  c->add_option("--out", o.run.out, out_help)->type_name("RUN");
+  c->add_option("--began", i.began, "UTC, 2024-02-07T12:34:56Z; default: as the files have it")
+      ->type_name("TIME");
   c->add_option("--start", i.start, "input of the laser's pulses in a .ptu; 0 is the sync")
       ->check(CLI::Range(0, 64))
       ->capture_default_str();

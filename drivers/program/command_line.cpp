@@ -5,6 +5,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <cctype>
 #include <cstdlib>
 #include <memory>
 #include <regex>
@@ -135,6 +136,8 @@ class Readable final : public CLI::Formatter {
         range(R"(:\w+ in \[(\S+) - (\S+)\])"), not_below(":NONNEGATIVE"), above(":POSITIVE"),
         others(" (Needs|Excludes):.*"), unsigned_number("UINT"), unit(":FLOAT UNIT");
     std::string text = Formatter::make_option_opts(option);
+    if (option->get_positional() && std::isupper(option->get_name(true).front()) != 0)
+      text.erase(0, text.find(' ', 1));  // its name says what it is
     text = std::regex_replace(text, none_or, " (0, or $1 to $2)");
     text = std::regex_replace(text, range, " ($1 to $2)");
     text = std::regex_replace(text, not_below, " (at least 0)");

@@ -41,6 +41,7 @@ Command add_pareto(CLI::App& app, const Common& common) {
   app.add_option("train", a->train, "run file to train on")->type_name("RUN")->required();
   app.add_option("test", a->test, "run file to judge by")->type_name("RUN")->required();
   app.add_option("--out", a->out, "folder for pareto.csv and pareto.html; goes on there")
+      ->type_name("FOLDER")
       ->required();
   app.add_option("--models", a->models,
                  "as train --model; \":spd\", \":radar\" or \":fused-profile\" behind one")
@@ -86,6 +87,7 @@ Command add_stability(CLI::App& app, const Common& common) {
   const auto a = std::make_shared<StabilityOptions>();
   const auto part = add_part_option(app);
   app.add_option("--out", a->out, "folder for stability.csv and stability.html; goes on there")
+      ->type_name("FOLDER")
       ->required();
   app.add_flag("--quick", a->quick,
                "fewer values of each axis, 1000 training and 300 test records, a narrower network");

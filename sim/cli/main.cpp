@@ -106,7 +106,9 @@ void add_dataset(CLI::App& app, Command& command) {
   auto a = std::make_shared<DatasetArguments>();
   a->options.threads = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
   const auto count = CLI::Range(std::int64_t{0}, std::int64_t{10'000'000});
-  sub->add_option("--out", a->options.out, "run file to make (never overwritten)")->required();
+  sub->add_option("--out", a->options.out, "run file to make (never overwritten)")
+      ->type_name("RUN")
+      ->required();
   sub->add_option("--records", a->records, "a quarter people, the rest letters")->check(count);
   sub->add_option("--people", a->people, "records of one person")->check(count);
   sub->add_option("--letters", a->letters, "records of a person holding a letter")->check(count);
@@ -120,7 +122,8 @@ void add_dataset(CLI::App& app, Command& command) {
       ->check(CLI::NonNegativeNumber);
   add_plan_options(*sub, *a);
   sub->add_option("--like", a->like,
-                  "calibration FILE: simulate the instruments whose response it states");
+                  "calibration: simulate the instruments whose response it states")
+      ->type_name("FILE");
   add_twin_options(*sub, *a);
   sub->add_option("--laboratories", a->laboratories,
                   "record i is of the twin's laboratory i modulo this")
@@ -189,6 +192,7 @@ void add_lab(CLI::App& app, Command& command) {
   auto a = std::make_shared<LabArguments>();
   auto& o = a->options;
   sub->add_option("--dir", o.dir, "where lab.toml and the devices' links go")
+      ->type_name("FOLDER")
       ->capture_default_str();
   sub->add_option("--scene", o.schedule.kind, "what the devices see")
       ->check(CLI::IsMember(
@@ -217,8 +221,10 @@ void add_lab(CLI::App& app, Command& command) {
   sub->add_option("--radar-sdk", o.radar_sdk, "the mmWave SDK of its firmware")
       ->check(CLI::IsMember({"3.4", "3.5", "3.6"}))
       ->capture_default_str();
-  sub->add_option("--faults", o.faults, "TOML file of what goes wrong, and when");
-  sub->add_option("--log", o.log, "write down everything that was sent, a JSON object a line");
+  sub->add_option("--faults", o.faults, "TOML file of what goes wrong, and when")
+      ->type_name("FILE");
+  sub->add_option("--log", o.log, "write down everything that was sent, a JSON object a line")
+      ->type_name("FILE");
   sub->add_option("--duration", a->duration_s, "close by itself after so many seconds")
       ->check(CLI::NonNegativeNumber);
   add_plan_options(*sub, *a);

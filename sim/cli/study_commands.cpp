@@ -96,7 +96,9 @@ void add_study(CLI::App& app, Command& command) {
   auto* study = app.add_subcommand("study", "how much detail a scene needs, and what it tells");
   study->require_subcommand(1);
   const auto a = std::make_shared<StudyArguments>();
-  study->add_option("--out", a->out, "folder for the study's table")->required();
+  study->add_option("--out", a->out, "folder for the study's table")
+      ->type_name("FOLDER")
+      ->required();
   study->add_option("--scenes", a->scenes, "default: 40 of fidelity, 100 of bound")
       ->check(CLI::Range(std::int64_t{2}, std::int64_t{10'000}));
   study->add_option("--seed", a->seed, "of the scenes and the noise")->capture_default_str();
