@@ -10,7 +10,6 @@
 
 #include "acquire/devices/lock_file.hpp"
 #include "acquire/record/catalogue.hpp"
-#include "acquire/record/run_parts.hpp"
 #include "drivers/core/clock.hpp"
 #include "drivers/program/console.hpp"
 #include "drivers/program/printable.hpp"
@@ -48,27 +47,6 @@ Json live_state(const record::RunReader& run, const record::RunSummary& sum, con
                                   {"valid", last.valid.contains(s)},
                                   {"used", last.sync[s].used},
                                   {"lost", sum.lost[s]}};
-  return out;
-}
-
-Entry read_entry(const std::string& path, const std::string& who, const Clock& clock) {
-  const record::RunReader run(path);
-  Entry e{.run = record::entry_of(run), .live = {}};
-  if (e.run.info.status == "open") e.live = live_state(run, e.run.sum, who, clock);
-  return e;
-}
-
-// In the order in which they began, as parts follow one another.
-std::vector<Entry> of_wholes(std::vector<Entry> entries) {
-  std::vector<Entry> out;
-  for (Entry& e : entries) {
-    const auto whole = std::ranges::find_if(
-        out, [&](Entry& before) { return record::join_part(before.run, e.run); });
-    if (whole == out.end())
-      out.push_back(std::move(e));
-    else
-      whole->live = std::move(e.live);
-  }
   return out;
 }
 
@@ -139,27 +117,42 @@ std::string live_text(const Entry& e) {
 
 Catalogue list_runs(const std::string& folder, bool elsewhere, const Clock& clock, bool json) {
   Catalogue out;
-  Holders who;
+  std::map<record::Place, std::string> who;
   auto paths = record::run_files(folder);
   for (const auto& [run, holder] : holders()) {
-    for (const auto& file : record::parts_beside(run)) {
+    auto named = record::named_like(run);
+    if (named.empty()) named[0] = run;  // not there yet
+    for (const auto& [number, file] : named) {
       who[record::place_of(file)] = holder;
       if (elsewhere) paths.try_emplace(record::place_of(file), file);
+      if (number == 0) break;  // parts of another run
+    }
+  }
+  const auto leave_out = [&](const std::string& text) {
+    if (!text.empty()) out.left_out.append(out.left_out.empty() ? "" : "\n") += text;
+  };
+  std::vector<record::RunEntry> files;
+  std::map<std::string, Json> live;  // by file
+  for (const auto& [place, path] : paths) {
+    try {
+      const record::RunReader run(path);
+      record::RunEntry e = record::entry_of(run);
+      if (e.info.status == "open") live[path] = live_state(run, e.sum, who[place], clock);
+      files.push_back(std::move(e));
+    } catch (const Error& e) {
+      leave_out(e.what());
+      if (!who[place].empty()) out.left_out.append("; ") += printable(who[place]);
     }
   }
   std::vector<Entry> entries;
-  for (const auto& [place, path] : paths) {
-    try {
-      entries.push_back(read_entry(path, who[place], clock));
-    } catch (const Error& e) {
-      out.left_out.append(out.left_out.empty() ? "" : "\n") += e.what();
-      if (!who[place].empty()) out.left_out.append("; ") += printable(who[place]);
-    }
+  for (record::RunEntry& run : record::runs_of(std::move(files))) {
+    leave_out(run.missing);
+    Json state = std::move(live[run.files.back()]);
+    entries.push_back({std::move(run), std::move(state)});
   }
   std::stable_sort(entries.begin(), entries.end(), [](const Entry& a, const Entry& b) {
     return a.run.info.started_utc < b.run.info.started_utc;
   });
-  entries = of_wholes(std::move(entries));
   if (json) {
     Json all = Json::array();
     for (const Entry& e : entries) {

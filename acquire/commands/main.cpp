@@ -69,10 +69,8 @@ void plan_count(Options& o, const Config& config) {
 
 // The first part of a new run. Of the run's name nothing may be there.
 std::string first_part(const std::string& whole) {
-  const auto like = record::named_like_parts(whole);
-  const std::string taken = !like.empty() ? like.begin()->second : whole;
-  if (!like.empty() || std::filesystem::exists(whole))
-    throw Error(ExitCode::failed, printable(taken) +
+  if (const auto like = record::named_like(whole); !like.empty())
+    throw Error(ExitCode::failed, printable(like.begin()->second) +
                                       ": exists already; parts of a run stand under "
                                       "its name, choose another");
   return record::part_path(whole, 1);
@@ -84,7 +82,8 @@ std::string out_of(const Options& o, const Config& config) {
 
 // Of a run in parts a note goes into the last one; other commands take one at a time.
 std::string file_of(const std::string& name, bool last) {
-  const auto files = record::files_of(name);
+  const auto [files, missing] = record::files_of(name);
+  if (!missing.empty()) spdlog::warn("{}", missing);
   if (files.size() > 1 && !last)
     throw Error(ExitCode::usage, printable(name) + ": a run in parts; name one of " +
                                      printable(files.front()) + " to " + printable(files.back()));
@@ -124,7 +123,7 @@ ExitCode run(Options& o) {
   o.run.resume = !o.resume.empty();
   o.run.out = o.run.resume ? std::filesystem::absolute(file_of(o.resume, true)).string()
                            : out_of(o, config);
-  const std::string whole = o.run.out;
+  const std::string whole = o.run.resume ? record::run_of(o.run.out) : o.run.out;
   if (o.run.part_records > 0) o.run.out = first_part(whole);
   o.run.quiet = o.quiet;
   if (!o.run.keep_raw.empty()) o.run.keep_raw = std::filesystem::absolute(o.run.keep_raw).string();
@@ -136,14 +135,19 @@ ExitCode run(Options& o) {
   port::SystemLoop loop;
   std::int64_t on_disk = -1;
   if (o.json) {
-    put_event({{"event", "run"}, {"file", o.run.out}, {"window_s", config.window_s}});
+    put_event({{"event", "run"}, {"file", whole}, {"window_s", config.window_s}});
     o.run.progress = [&on_disk](std::int64_t records) {
       if (std::exchange(on_disk, records) != records)
         put_event({{"event", "records"}, {"on_disk", records}});
     };
   }
   const ExitCode code = record_run(config, o.run, loop);
-  if (o.json) put_event({{"event", "end"}, {"on_disk", on_disk}, {"code", static_cast<int>(code)}});
+  if (o.json) {
+    nlohmann::ordered_json end{
+        {"event", "end"}, {"on_disk", on_disk}, {"code", static_cast<int>(code)}};
+    if (whole != o.run.out) end["parts"] = record::files_of(whole).paths.size();
+    put_event(end);
+  }
   if (viewer) viewer->leave();
   return code;
 }

@@ -4,7 +4,7 @@
 #include <chrono>
 #include <filesystem>
 
-#include "acquire/record/run_file.hpp"
+#include "acquire/record/run_parts.hpp"
 #include "drivers/program/console.hpp"
 #include "drivers/program/exit_code.hpp"
 #include "drivers/program/printable.hpp"
@@ -12,13 +12,13 @@
 namespace echofuse::acquire {
 namespace {
 
-LiveDevice last_record(const std::string& run, Sensor sensor, const Clock& clock) {
-  const record::RunReader reader(run);
+LiveDevice last_record(const std::string& file, Sensor sensor, const Clock& clock) {
+  const record::RunReader reader(file);
   const std::string status = reader.info().status;
   if (status != "open") return {"its run is " + status};
-  const std::int64_t count = reader.count();
-  if (count == 0) return {"its run has no record yet"};
-  const record::FusedRecord r = reader.read(count - 1);
+  const std::int64_t last = reader.summary().last_index;
+  if (last < 0) return {"its run has no record yet"};
+  const record::FusedRecord r = reader.read(last);
   const auto& sync = r.sync[sensor];
   const double age_s = std::chrono::duration<double>(clock.utc() - r.slot_utc).count() -
                        seconds(r.slot_end - r.slot_start);
@@ -34,9 +34,10 @@ LiveDevice last_record(const std::string& run, Sensor sensor, const Clock& clock
 LiveDevice inspect_holder(const Holder& holder, Sensor sensor, const Clock& clock) {
   LiveDevice found;
   std::error_code none;
-  if (std::filesystem::is_regular_file(holder.run, none)) {
+  const std::string file = record::files_of(holder.run).paths.back();
+  if (std::filesystem::is_regular_file(file, none)) {
     try {
-      found = last_record(holder.run, sensor, clock);
+      found = last_record(file, sensor, clock);
     } catch (const Error& e) {
       found.text = e.what();
     }

@@ -75,8 +75,6 @@ class Import {
     run_ = make_run(config, file_.path(), {{"imported_from", names}}, "", clock_);
     for (const Sensor s : all_sensors)
       if (config.configured().contains(s)) run_->put_policy(s, "optional");
-    if (!config.antennas.empty()) run_->put_antennas(config.antennas);
-    for (const auto& entry : config.calibration.entries) run_->put_calibration(entry);
     run_->put_anchor({}, began.utc);
     if (!began.doubt.empty()) doubt(began.doubt);
   }

@@ -9,13 +9,22 @@ namespace {
 
 constexpr int timeout_ms = 30'000;  // the recording process commits in milliseconds
 
-void put(const std::string& path, const char* level, const std::string& text,
+[[noreturn]] void refuse_closed(const std::string& path) {
+  throw Error(ExitCode::failed,
+              path + ": nobody is recording this run; only a live one gets another label");
+}
+
+void put(const std::string& path, const std::string& level, const std::string& text,
          const std::string& who) {
   const DatabaseHandle file = open_database(path, "cannot open for writing");
   sqlite3* const db = file.get();
   harden(db);
   sqlite3_busy_timeout(db, timeout_ms);
   sqlite3_wal_autocheckpoint(db, 0);  // that is for the recording process
+  execute(db, path, "BEGIN IMMEDIATE", "cannot write");
+  // Whoever closes the run reads the labels that came before.
+  if (level == "label" && !Statement(db, path, "SELECT 1 FROM run WHERE status = 'open'").step())
+    refuse_closed(path);
   Inserts(db, path)
       .into("event")
       .set("utc", iso8601(system_clock.utc()))
@@ -23,6 +32,7 @@ void put(const std::string& path, const char* level, const std::string& text,
       .set("source", who)
       .set("text", text)
       .run();
+  execute(db, path, "COMMIT", "cannot write");
 }
 
 }  // namespace
@@ -33,9 +43,7 @@ void put_note(const std::string& path, const std::string& text, const std::strin
 }
 
 void put_label(const std::string& path, const std::string& label, const std::string& who) {
-  if (RunReader(path).info().status != "open")
-    throw Error(ExitCode::failed,
-                path + ": nobody is recording this run; only a live one gets another label");
+  if (RunReader(path).info().status != "open") refuse_closed(path);
   put(path, "label", label, who);
 }
 

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: MIT
 #include "acquire/record/catalogue.hpp"
 
+#include <algorithm>
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
-#include "acquire/record/run_parts.hpp"
 #include "drivers/core/clock.hpp"
 #include "drivers/program/exit_code.hpp"
 #include "drivers/program/printable.hpp"
@@ -18,27 +18,40 @@ std::string RunEntry::name() const { return fs::path(path).stem().string(); }
 double RunEntry::length_s() const { return seconds(sum.last_utc) - seconds(sum.first_utc); }
 
 RunEntry entry_of(const RunReader& run) {
-  RunEntry e{.path = run.path(), .info = run.info(), .sum = run.summary(), .notes = {}};
+  RunEntry e{.path = run.path(),
+             .files = {run.path()},
+             .part = {},
+             .missing = {},
+             .info = run.info(),
+             .sum = run.summary(),
+             .notes = {}};
+  e.part = part_of(e.path, e.info);
   if (!e.info.notes.empty()) e.notes.push_back(e.info.notes);
   for (const Event& event : run.events())
     if (event.level == "note") e.notes.push_back(event.text);
   return e;
 }
 
-bool join_part(RunEntry& entry, const RunEntry& next) {
-  const std::string whole = whole_of(next.path);
-  const auto is_part = [&](const RunEntry& e) {  // a copy under another name is a run by itself
-    return e.path == part_path(whole, part_of(e.info).number) || e.path == whole;
-  };
-  if (entry.info.uuid != next.info.uuid || !is_part(entry) || !is_part(next) || next.path == whole)
-    return false;
-  const std::string started = entry.info.started_utc;
-  entry.path = whole;
-  entry.info = next.info;
-  entry.info.started_utc = started;
-  add_part(entry.sum, next.sum);
-  entry.notes.insert(entry.notes.end(), next.notes.begin(), next.notes.end());
-  return true;
+std::vector<RunEntry> runs_of(std::vector<RunEntry> files) {
+  std::vector<RunEntry> out;
+  for (RunEntry& e : files) {
+    const std::string whole = e.part.number > 0 ? whole_and_number(e.path).first : e.path;
+    const auto run = std::ranges::find(out, whole, &RunEntry::path);
+    const bool begins = run == out.end();
+    if (begins || run->info.uuid != e.info.uuid) {
+      if (begins) e.path = whole, e.missing = missing_between(whole, {}, e.part);
+      out.push_back(std::move(e));
+      continue;
+    }
+    if (const std::string gap = missing_between(whole, run->part, e.part); !gap.empty())
+      run->missing.append(run->missing.empty() ? "" : "\n") += gap;
+    e.info.started_utc = run->info.started_utc;
+    run->info = e.info, run->part = e.part;
+    run->files.push_back(e.files.front());
+    add_part(run->sum, e.sum);
+    run->notes.insert(run->notes.end(), e.notes.begin(), e.notes.end());
+  }
+  return out;
 }
 
 Json to_json(const RunEntry& e) {
@@ -59,15 +72,15 @@ Json to_json(const RunEntry& e) {
           {"window_s", e.info.window_s}};
 }
 
-std::string place_of(const std::string& path) {
+Place place_of(const std::string& path) {
   std::error_code error;
   const fs::path place = fs::weakly_canonical(path, error);
-  return error ? path : place.string();
+  return whole_and_number(error ? path : place.string());
 }
 
-std::map<std::string, std::string> run_files(const std::string& folder) {
+std::map<Place, std::string> run_files(const std::string& folder) {
   std::error_code error;
-  std::map<std::string, std::string> paths;
+  std::map<Place, std::string> paths;
   for (fs::directory_iterator it(folder, error), end; !error && it != end; it.increment(error)) {
     std::error_code none;
     if (it->path().extension() == ".sqlite" && it->is_regular_file(none))

@@ -6,12 +6,15 @@
 #include <string>
 #include <vector>
 
-#include "acquire/record/run_file.hpp"
+#include "acquire/record/run_parts.hpp"
 
 namespace echofuse::record {
 
 struct RunEntry {
-  std::string path;
+  std::string path;                // of a run in parts, NAME.sqlite
+  std::vector<std::string> files;  // of which it is made
+  Part part;                       // the last one
+  std::string missing;             // parts that are not there, a line for each gap
   RunInfo info;
   RunSummary sum;
   std::vector<std::string> notes;
@@ -20,18 +23,19 @@ struct RunEntry {
   double length_s() const;   // from the first slot's start to the last one's end
 };
 
-RunEntry entry_of(const RunReader& run);
-// Where the next entry is a later part of the same run, its numbers join this one, which becomes
-// that of the whole: true.
-bool join_part(RunEntry& entry, const RunEntry& next);
+RunEntry entry_of(const RunReader& run);  // of its file alone
+// The runs of these files, which stand as in run_files(): the parts of one join, and what is named
+// like a part of another run stays by itself.
+std::vector<RunEntry> runs_of(std::vector<RunEntry> files);
 
 // An object with name, path, started_utc, length_s, records, status, valid, doubtful, verdict,
 // labels, operator, notes, window_s.
 nlohmann::ordered_json to_json(const RunEntry& entry);
 
-// The run files (*.sqlite) of a folder, by their place: the path without "." and links in it.
-// Throws Error(failed) if the folder cannot be read.
-std::map<std::string, std::string> run_files(const std::string& folder);
-std::string place_of(const std::string& path);
+// Where a file is, without "." and links; parts of a run stand together, by their number.
+using Place = std::pair<std::string, std::int64_t>;
+Place place_of(const std::string& path);
+// The run files (*.sqlite) of a folder. Throws Error(failed) if the folder cannot be read.
+std::map<Place, std::string> run_files(const std::string& folder);
 
 }  // namespace echofuse::record

@@ -43,6 +43,14 @@ struct Counted {
   std::int64_t part = 0;  // 0, or that of a resumed run
 };
 
+// Of a run's writers with a file that another program holds. Times of the steady clock. Threading:
+// any thread.
+struct Patience {
+  std::atomic<std::int64_t> give_up_ns = std::numeric_limits<std::int64_t>::max();
+  std::atomic<std::int64_t> waited_ns = 0;  // the last time that one had to
+  bool tried() const;                       // one waits just now
+};
+
 // Threading: one thread at a time. Every member throws Error (disk for a full disk or a failed
 // write, failed for anything else); after a failed append the file is as it was before it. Every
 // member first looks whether the file is still there, the same and sound; close() reads all of it
@@ -51,8 +59,11 @@ struct Counted {
 class RunWriter {
  public:
   // Refuses a path that exists. A run that has no uuid gets one. `clock`, which outlives this,
-  // tells when the run, or its part, began and ended.
-  RunWriter(const std::string& path, const RunInfo& info, const Clock& clock = system_clock);
+  // tells when the run, or its part, began and ended. The file appears when it is whole, with what
+  // `begin` puts: kill -9 before leaves PATH-new, which the next writer removes.
+  using Begin = std::function<void(RunWriter&)>;
+  RunWriter(const std::string& path, const RunInfo& info, const Clock& clock = system_clock,
+            const Begin& begin = {});
   // Continues a run that is not being written: complete, stopped or crashed.
   explicit RunWriter(const std::string& path, const Clock& clock = system_clock);
   ~RunWriter();  // without close(): status stays "open", which readers show as crashed
@@ -75,7 +86,7 @@ class RunWriter {
                  const std::string& text);
   void append(const FusedRecord& record);
   // The last label that put_label() left in this file since the last call and before this time;
-  // none if there is none.
+  // none if there is none. After close(): the last one that came until then.
   std::optional<std::string> new_label(UtcTime before);
   void append(std::span<const FusedRecord> batch);  // one transaction: for the generator
   // Folds the WAL back, so that one single file is left. False if another program reads the run
@@ -86,19 +97,20 @@ class RunWriter {
   bool lost() const { return !harm_.empty(); }        // as the last call found
 
   // Another program may hold the file by a write transaction. A call waits for its end, for 30 s,
-  // or, with this, until this time (of the steady clock, ns), which may change meanwhile and
-  // outlives the writer. Then it throws Error(disk).
-  void wait_until(const std::atomic<std::int64_t>& give_up_ns) { give_up_ns_ = &give_up_ns; }
+  // or, with this, which outlives the writer, until it says. Then it throws Error(disk).
+  void wait_with(Patience& patience) { patience_ = &patience; }
   const std::string& path() const { return path_; }
   std::int64_t records() const { return records_; }
-  std::int64_t next_index() const { return next_index_; }  // at opening: 0, or after the last
+  std::int64_t next_index() const { return next_index_; }  // at opening: of the record to come
 
  private:
   void lock();
-  void open();
+  void open(const std::string& path);
+  void make(const RunInfo& info, const Begin& begin);
+  void go_on(bool resumed);
   void use_wal();
   void ready();
-  void begin_part();
+  void begin_part(std::int64_t part, std::int64_t first_index);
   void in_transaction(const std::function<void()>& body);
   void checkpoint();
   void require_sound();
@@ -118,8 +130,9 @@ class RunWriter {
   std::unique_ptr<FileWatch> watch_;
   bool touched_ = false;  // by somebody else, before a checkpoint of ours
   std::string harm_;      // what was done to the file
-  const std::atomic<std::int64_t>* give_up_ns_ = nullptr;
+  Patience* patience_ = nullptr;
   std::int64_t waits_since_ns_ = 0;
+  std::optional<std::string> left_label_;  // at the end
   std::vector<Axis> axes_;
   std::int64_t records_ = 0, next_index_ = 0, last_event_ = 0, part_ = 0;
 };

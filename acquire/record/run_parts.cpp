@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cstdio>
 #include <filesystem>
+#include <optional>
 
 #include "acquire/record/run_names.hpp"
 #include "drivers/program/exit_code.hpp"
@@ -13,7 +14,7 @@ namespace echofuse::record {
 namespace {
 
 namespace fs = std::filesystem;
-constexpr const char *number_key = "part", *records_key = "part_records", *first_key = "part_first";
+constexpr const char *number_key = "part", *records_key = "part_records";
 constexpr std::size_t least_digits = 3, most_digits = 16;
 
 bool all_digits(const std::string& text) {
@@ -27,27 +28,37 @@ std::int64_t number_of(const std::string& stem) {
   return digits.size() < stem.size() && fits && all_digits(digits) ? std::stoll(digits) : 0;
 }
 
-}  // namespace
-
-bool is_key_of_part(const std::string& key) {
-  return key == number_key || key == records_key || key == first_key;
+// Of a file that is named like a part; none if it is not what it is named.
+std::optional<RunInfo> read_part(const std::string& path) {
+  try {
+    const RunInfo info = RunReader(path).info();
+    if (part_of(path, info).number > 0) return info;
+  } catch (const Error&) {  // whatever it is, it cannot be read
+  }
+  return std::nullopt;
 }
 
+}  // namespace
+
+bool is_key_of_part(const std::string& key) { return key == number_key || key == records_key; }
+
 Part part_of(const RunInfo& info) {
-  Part out;
+  Part out{.first = info.first_index};
   for (const auto& [key, value] : info.meta)
     if (!value.empty() && value.size() <= most_digits && all_digits(value)) {
       if (key == number_key) out.number = std::stoll(value);
       if (key == records_key) out.records = std::stoll(value);
-      if (key == first_key) out.first = std::stoll(value);
     }
   return out.number > 0 && out.records > 0 ? out : Part{};
 }
 
+Part part_of(const std::string& path, const RunInfo& info) {
+  const Part part = part_of(info);
+  return part.number == whole_and_number(path).second ? part : Part{};
+}
+
 std::vector<std::pair<std::string, std::string>> meta_of(const Part& part) {
-  return {{number_key, std::to_string(part.number)},
-          {records_key, std::to_string(part.records)},
-          {first_key, std::to_string(part.first)}};
+  return {{number_key, std::to_string(part.number)}, {records_key, std::to_string(part.records)}};
 }
 
 std::string part_path(const std::string& whole, std::int64_t number) {
@@ -57,18 +68,20 @@ std::string part_path(const std::string& whole, std::int64_t number) {
   return (path.parent_path() / (path.stem().string() + text + path.extension().string())).string();
 }
 
-std::string whole_of(const std::string& part) {
-  const fs::path path = part;
+std::pair<std::string, std::int64_t> whole_and_number(const std::string& file) {
+  const fs::path path = file;
   const std::string stem = path.stem().string();
-  if (number_of(stem) == 0) return part;
+  const std::int64_t number = number_of(stem);
   const std::string name = stem.substr(0, stem.rfind('-')) + path.extension().string();
-  return (path.parent_path() / name).string();
+  if (part_path(name, number) != path.filename()) return {file, 0};
+  return {(path.parent_path() / name).string(), number};
 }
 
-std::map<std::int64_t, std::string> named_like_parts(const std::string& whole) {
+std::map<std::int64_t, std::string> named_like(const std::string& whole) {
   const fs::path folder = fs::path(whole).parent_path();
   std::map<std::int64_t, std::string> out;
   std::error_code error;
+  if (fs::exists(whole, error)) out[0] = whole;
   for (fs::directory_iterator it(folder.empty() ? "." : folder, error), end; !error && it != end;
        it.increment(error)) {
     const std::string path = (folder / it->path().filename()).string();
@@ -78,31 +91,42 @@ std::map<std::int64_t, std::string> named_like_parts(const std::string& whole) {
   return out;
 }
 
-std::vector<std::string> files_of(const std::string& name) {
-  const std::string whole = old_run(name);
-  if (fs::exists(whole)) return {whole};
-  std::vector<std::string> out;
-  std::string uuid;
-  for (const auto& [number, path] : named_like_parts(whole)) {
-    RunInfo info;
-    try {
-      info = RunReader(path).info();
-    } catch (const Error&) {  // whatever it is, it cannot be read
-      continue;
-    }
-    if (part_of(info).number != number) continue;
-    if (!uuid.empty() && info.uuid != uuid)
-      throw Error(ExitCode::failed, printable(path) + ": a part of another run than " +
-                                        printable(out.front()) + "; name the parts one by one");
-    uuid = info.uuid;
-    out.push_back(path);
-  }
-  return out.empty() ? std::vector{name} : out;
+std::string run_of(const std::string& file) {
+  return read_part(file) ? whole_and_number(file).first : file;
 }
 
-std::vector<std::string> parts_beside(const std::string& file) {
-  const auto files = files_of(whole_of(file));
-  return std::ranges::count(files, file) > 0 ? files : std::vector{file};
+std::string missing_between(const std::string& whole, const Part& before, const Part& next) {
+  const std::int64_t from = before.number + 1, to = next.number - 1;
+  if (from > to) return {};
+  return printable(part_path(whole, from)) +
+         (from < to ? " to " + printable(part_path(whole, to)) : "") + ": no such part of the run" +
+         (next.records == 0 ? ""
+                            : "; records " + std::to_string(before.first + before.records) +
+                                  " to " + std::to_string(next.first - 1) + " are missing");
+}
+
+RunFiles files_of(const std::string& name) {
+  const std::string whole = old_run(name);
+  RunFiles out;
+  std::string uuid;
+  Part before;
+  const auto go_to = [&](const Part& part) {
+    if (const std::string gap = missing_between(whole, before, part); !gap.empty())
+      out.missing.append(out.missing.empty() ? "" : "\n") += gap;
+    before = part;
+  };
+  const auto named = named_like(whole);
+  for (const auto& [number, path] : named) {
+    if (number == 0) return {{path}, {}};
+    const auto info = read_part(path);
+    if (!info || (!uuid.empty() && info->uuid != uuid)) continue;
+    uuid = info->uuid;
+    go_to(part_of(*info));
+    out.paths.push_back(path);
+  }
+  if (out.paths.empty()) return {{name}, {}};
+  go_to({.number = named.rbegin()->first + 1});
+  return out;
 }
 
 std::unique_ptr<RunWriter> next_part(const std::string& part, const Clock& clock) {
@@ -111,23 +135,24 @@ std::unique_ptr<RunWriter> next_part(const std::string& part, const Clock& clock
   RunInfo info = begun.info();
   Part next = part_of(info);
   ++next.number;
-  next.first = std::max(next.first, sum.last_index + 1);
+  info.first_index = std::max(info.first_index, sum.last_index + 1);
   std::erase_if(info.meta, [](const auto& pair) { return is_key_of_part(pair.first); });
   for (const auto& pair : meta_of(next)) info.meta.push_back(pair);
   info.started_utc.clear();
-  auto out = std::make_unique<RunWriter>(part_path(whole_of(part), next.number), info, clock);
-  for (const Axis& axis : begun.axes()) out->put_axis(axis);
-  for (const DeviceInfo& device : begun.devices()) out->put_device(device);
-  for (const CalibrationEntry& entry : begun.calibrations()) out->put_calibration(entry);
-  if (const Antennas antennas = begun.antennas(); !antennas.empty()) out->put_antennas(antennas);
-  for (const auto& [sensor, policy] : sum.policies)
-    for (const Sensor s : all_sensors)
-      if (sensor == name_of(s)) out->put_policy(s, policy);
-  const auto anchors = begun.table("anchor");
-  const auto& mono = std::get<std::vector<std::int64_t>>(anchors.at(0).values);
-  const auto& utc = std::get<std::vector<std::int64_t>>(anchors.at(1).values);
-  if (!mono.empty()) out->put_anchor(HostTime(mono.back()), UtcTime(utc.back()));
-  return out;
+  const std::string path = part_path(whole_and_number(part).first, next.number);
+  return std::make_unique<RunWriter>(path, info, clock, [&](RunWriter& out) {
+    for (const Axis& axis : begun.axes()) out.put_axis(axis);
+    for (const DeviceInfo& device : begun.devices()) out.put_device(device);
+    for (const CalibrationEntry& entry : begun.calibrations()) out.put_calibration(entry);
+    if (const Antennas antennas = begun.antennas(); !antennas.empty()) out.put_antennas(antennas);
+    for (const auto& [sensor, policy] : sum.policies)
+      for (const Sensor s : all_sensors)
+        if (sensor == name_of(s)) out.put_policy(s, policy);
+    const auto anchors = begun.table("anchor");
+    const auto& mono = std::get<std::vector<std::int64_t>>(anchors.at(0).values);
+    const auto& utc = std::get<std::vector<std::int64_t>>(anchors.at(1).values);
+    if (!mono.empty()) out.put_anchor(HostTime(mono.back()), UtcTime(utc.back()));
+  });
 }
 
 }  // namespace echofuse::record

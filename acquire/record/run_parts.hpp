@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: MIT
 // A long run in parts: NAME-001.sqlite, NAME-002.sqlite and so on, each a run file. They have one
 // uuid, their records one numbering, and their metadata the number of the part and the records that
-// a full one has.
+// a full one has. A part is what its name and its metadata say alike: a copy under another name is
+// a run by itself.
 #pragma once
 #include <cstdint>
 #include <map>
@@ -17,27 +18,36 @@ struct Part {
   std::int64_t number = 0, records = 0;  // 1, 2 ... or 0: no part; of a full one
   std::int64_t first = 0;                // the index of its first record
 };
-Part part_of(const RunInfo& info);
+Part part_of(const RunInfo& info);  // by its metadata alone
+Part part_of(const std::string& path, const RunInfo& info);
 // Of the metadata that meta_of() makes.
 bool is_key_of_part(const std::string& key);
 std::vector<std::pair<std::string, std::string>> meta_of(const Part& part);
 
 // NAME.sqlite and 2 make NAME-002.sqlite.
 std::string part_path(const std::string& whole, std::int64_t number);
-// Of a part's path, that of the whole. Any other path stays.
-std::string whole_of(const std::string& part);
-// What is named like a part of this run, by its number.
-std::map<std::int64_t, std::string> named_like_parts(const std::string& whole);
+// Of what is named like a part, the whole's path and its number; of any other path, it and 0.
+std::pair<std::string, std::int64_t> whole_and_number(const std::string& path);
+// What this run has by its name: its one file, as number 0, and what is named like a part of it.
+std::map<std::int64_t, std::string> named_like(const std::string& whole);
 
-// The files of a run by its name: one, or its parts in order; the name alone if there is none.
-// Throws Error(failed) for parts of two runs.
-std::vector<std::string> files_of(const std::string& name);
+// Of a part's file, the path of the whole; of any other file, it.
+std::string run_of(const std::string& file);
 
-// Of a part, all files of its run; of any other file, it alone.
-std::vector<std::string> parts_beside(const std::string& file);
+// In one line, which parts are missing between two; empty: none is. Before the first stands
+// Part{}; behind the last one without records, and then the line tells of none.
+std::string missing_between(const std::string& whole, const Part& before, const Part& next);
 
-// The part that follows this one, with all that the run has beside its records and events. Throws
-// as RunWriter.
+// The files of a run by its name: one, or its parts in order; the name alone if there is none. What
+// is named like a part and cannot be read, or is of another run than the first one, is missing.
+struct RunFiles {
+  std::vector<std::string> paths;
+  std::string missing;  // a line for each gap
+};
+RunFiles files_of(const std::string& name);
+
+// The part that is begun after this one, with all that the run has beside its records and events.
+// Throws as RunWriter.
 std::unique_ptr<RunWriter> next_part(const std::string& part, const Clock& clock);
 
 }  // namespace echofuse::record

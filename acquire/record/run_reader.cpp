@@ -150,6 +150,11 @@ RunInfo RunReader::info() const {
       info.meta.emplace_back(key, rows.text());
     }
   }
+  if (has_table("part")) {
+    Statement first = ask("SELECT first_idx FROM part WHERE part = 0");
+    if (first.step())
+      info.first_index = std::clamp<std::int64_t>(first.integer(), 0, max_resumed_index);
+  }
   if (info.status == "open" && !WriterLock::someone_writes(path_)) info.status = "crashed";
   return info;
 }

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cerrno>
 #include <chrono>
+#include <cstdio>
 #include <cstring>
 #include <random>
 #include <thread>
@@ -34,21 +35,21 @@ std::string make_uuid() {
   return uuid_text(words, 4);
 }
 
-[[noreturn]] void refuse_existing(const std::string& path) {
+void refuse_existing(const std::string& path) {
+  if (::access(path.c_str(), F_OK) != 0) return;
   throw Error(ExitCode::failed,
               path + ": exists already; runs are never overwritten, choose another name");
 }
 
-// Reserves the path, so that two writers cannot take the same one.
-void create_empty(const std::string& path) {
-  const int fd = ::open(path.c_str(), O_CREAT | O_EXCL | O_WRONLY | O_CLOEXEC, 0644);
-  if (fd >= 0) {
-    let_group_read(fd);  // -wal and -shm take its permissions
-    ::close(fd);
-    return;
-  }
-  if (errno == EEXIST) refuse_existing(path);
+[[noreturn]] void refuse_to_create(const std::string& path) {
   throw Error(ExitCode::disk, path + ": cannot create the run file: " + std::strerror(errno));
+}
+
+void create_empty(const std::string& name, const std::string& path) {
+  const int fd = ::open(name.c_str(), O_CREAT | O_EXCL | O_WRONLY | O_CLOEXEC, 0644);
+  if (fd < 0) refuse_to_create(path);
+  let_group_read(fd);  // -wal and -shm take its permissions
+  ::close(fd);
 }
 
 // Other processes may write marks.
@@ -72,20 +73,37 @@ std::int64_t now_ns() {
 
 }  // namespace
 
-RunWriter::RunWriter(const std::string& path, const RunInfo& info, const Clock& clock)
+RunWriter::RunWriter(const std::string& path, const RunInfo& info, const Clock& clock,
+                     const Begin& begin)
     : path_(path), clock_(clock), handle_(nullptr, sqlite3_close) {
-  if (::access(path.c_str(), F_OK) == 0) refuse_existing(path);
+  refuse_existing(path);
   lock();
-  create_empty(path);
+  refuse_existing(path);  // from now on we alone make it
+  std::string made = path + "-new";
+  const auto remove = [&] {
+    rows_.reset();
+    handle_.reset();
+    ::unlink(made.c_str());
+    for (const std::string& name : {made, path})  // what is left there would be taken for ours
+      for (const char* beside : {"-journal", "-wal", "-shm"}) ::unlink((name + beside).c_str());
+  };
+  remove();  // of one that was killed
   try {
-    open();
-    lock_->reserve(reserve_bytes);
-    use_wal();
+    create_empty(made, path);
+    open(made);
+    make(info, begin);
+    rows_.reset();
+    handle_.reset();
+    if (std::rename(made.c_str(), path.c_str()) != 0) refuse_to_create(path);
+    made = path;
+    go_on(false);
   } catch (...) {
-    ::unlink(path.c_str());  // empty, and of our making
+    remove();  // without a record, and of our making
     throw;
   }
-  // In one transaction: a crash leaves a run or an empty file.
+}
+
+void RunWriter::make(const RunInfo& info, const Begin& begin) {
   execute(db_, path_, "BEGIN", "cannot set up");
   const std::string identity = "PRAGMA application_id=" + std::to_string(application_id) +
                                "; PRAGMA user_version=" + std::to_string(format_version) + ";";
@@ -94,10 +112,10 @@ RunWriter::RunWriter(const std::string& path, const RunInfo& info, const Clock& 
   const auto given_or = [](const std::string& text, const std::string& other) {
     return text.empty() ? other : text;
   };
-  Inserts rows(db_, path_);
-  rows.into("run")
+  rows_ = std::make_unique<Inserts>(db_, path_);
+  rows_->into("run")
       .set("uuid", given_or(info.uuid, make_uuid()))
-      .set("started_utc", given_or(info.started_utc, iso8601(clock.utc())))
+      .set("started_utc", given_or(info.started_utc, iso8601(clock_.utc())))
       .set("ended_utc", "")
       .set("status", "open")
       .set("window_s", info.window_s)
@@ -110,17 +128,22 @@ RunWriter::RunWriter(const std::string& path, const RunInfo& info, const Clock& 
       .set("notes", info.notes)
       .run();
   for (const auto& [key, value] : info.meta)
-    rows.into("meta").set("key", key).set("value", value).run();
-  execute(db_, path_, "INSERT INTO part SELECT 0, 0, started_utc FROM run; COMMIT",
-          "cannot create the tables");
-  ready();
+    rows_->into("meta").set("key", key).set("value", value).run();
+  begin_part(0, info.first_index);
+  if (begin) begin(*this);
+  execute(db_, path_, "COMMIT", "cannot create the run file");
+  use_wal();  // while nobody reads it
 }
 
 RunWriter::RunWriter(const std::string& path, const Clock& clock)
     : path_(path), clock_(clock), handle_(nullptr, sqlite3_close) {
   axes_ = RunReader(path).axes();  // and: it is a run file
   lock();
-  open();
+  go_on(true);
+}
+
+void RunWriter::go_on(bool resumed) {
+  open(path_);
   lock_->reserve(reserve_bytes);
   use_wal();
   execute(db_, path_, "BEGIN IMMEDIATE", "cannot reopen");
@@ -128,26 +151,26 @@ RunWriter::RunWriter(const std::string& path, const Clock& clock)
   add_columns(db_, path_);
   execute(db_, path_, "UPDATE run SET status = 'open', ended_utc = ''", "cannot reopen");
   Statement state(db_, path_,
-                  "SELECT count(*), ifnull(max(idx) + 1, 0), (SELECT ifnull(max(id), 0) FROM "
-                  "event) FROM record");
+                  "SELECT count(*), coalesce(max(idx) + 1, (SELECT first_idx FROM part WHERE part "
+                  "= 0), 0), (SELECT ifnull(max(id), 0) FROM event) FROM record");
   state.step();
   for (std::int64_t* v : {&records_, &next_index_, &last_event_}) *v = state.integer();
-  begin_part();
-  execute(db_, path_, "COMMIT", "cannot reopen");
-  ready();
-}
-
-// An older file is one part, whatever was resumed before.
-void RunWriter::begin_part() {
+  // An older file is one part, whatever was resumed before.
   execute(db_, path_, "INSERT OR IGNORE INTO part SELECT 0, 0, started_utc FROM run",
           "cannot begin a part");
   Statement last(db_, path_, "SELECT max(part) FROM part");
   last.step();
-  part_ = last.integer() + 1;
+  if (resumed) begin_part(last.integer() + 1, next_index_);
+  execute(db_, path_, "COMMIT", "cannot reopen");
+  ready();
+}
+
+void RunWriter::begin_part(std::int64_t part, std::int64_t first_index) {
+  part_ = part;
   Inserts(db_, path_)
       .into("part")
-      .set("part", part_)
-      .set("first_idx", next_index_)
+      .set("part", part)
+      .set("first_idx", first_index)
       .set("started_utc", iso8601(clock_.utc()))
       .run();
 }
@@ -158,12 +181,12 @@ void RunWriter::lock() {
     throw Error(ExitCode::failed, path_ + ": is being written by another process");
 }
 
-void RunWriter::open() {
-  handle_ = open_database(path_, "cannot open");
+void RunWriter::open(const std::string& path) {
+  handle_ = open_database(path, "cannot open");
   db_ = handle_.get();
   harden(db_);
-  execute(db_, path_, page_cache, "cannot set up");
   wait_for_others();
+  execute(db_, path_, page_cache, "cannot set up");
 }
 
 void RunWriter::wait_for_others() {
@@ -176,9 +199,15 @@ void RunWriter::wait_for_others() {
 bool RunWriter::waits_on(int tries) {
   const std::int64_t now = now_ns();
   if (tries == 0) waits_since_ns_ = now;
-  if (now >= (give_up_ns_ ? give_up_ns_->load() : waits_since_ns_ + longest_wait_ns)) return false;
+  if (patience_) patience_->waited_ns = now;
+  if (now >= (patience_ ? patience_->give_up_ns.load() : waits_since_ns_ + longest_wait_ns))
+    return false;
   std::this_thread::sleep_for(retry_pause);
   return true;
+}
+
+bool Patience::tried() const {
+  return now_ns() - waited_ns < std::chrono::nanoseconds(10 * retry_pause).count();
 }
 
 void RunWriter::use_wal() {
@@ -223,6 +252,7 @@ Inserts& RunWriter::rows() {
 RunWriter::~RunWriter() = default;
 
 void RunWriter::in_transaction(const std::function<void()>& body) {
+  if (!watch_) return body();  // of the one that makes the file
   require_sound();
   execute(db_, path_, "BEGIN IMMEDIATE", "cannot write");
   try {
@@ -248,6 +278,7 @@ void RunWriter::append(std::span<const FusedRecord> batch) {
 }
 
 std::optional<std::string> RunWriter::new_label(UtcTime before) {
+  if (!db_) return std::exchange(left_label_, {});
   require_sound();
   Statement s(db_, path_, "SELECT id, level, utc, text FROM event WHERE id > ? ORDER BY id");
   s.bind(last_event_);
@@ -266,6 +297,7 @@ std::optional<std::string> RunWriter::new_label(UtcTime before) {
 // Whoever writes into the file beside us may do so (a checkpoint of another program's own), as long
 // as it stays a database.
 void RunWriter::require_sound() {
+  if (!watch_) return;  // the file is being made, nobody knows it
   watch_->restore_index();
   if (harm_.empty()) harm_ = watch_->lost();
   const bool touched = std::exchange(touched_, false) || watch_->touched();
@@ -311,6 +343,7 @@ bool RunWriter::close(const std::string& status) {
   } catch (const Error&) {
     leave(status);
   }
+  left_label_ = new_label(UtcTime::max());
   rows_.reset();
   const bool folded = fold();
   handle_.reset();

@@ -114,6 +114,7 @@ class Daemon final : private SampleSink {
   const RunOptions& options_;
   port::Loop& loop_;
   port::Timer timer_{loop_};
+  std::string name_;  // of the run: of one in parts not the file's
   std::string label_;
   RunLog log_;
   std::optional<port::RawKeeper> raw_;
@@ -134,7 +135,9 @@ ExitCode Daemon::run() {
     refuse_resuming(record::RunReader(options_.out), config_);
   else
     refuse_bad_target(options_.out);
-  devices_.take("run", options_.out);
+  name_ = options_.part_records > 0 ? record::whole_and_number(options_.out).first
+                                    : record::run_of(options_.out);
+  devices_.take("run", name_);
   devices_.start();
   devices_.wait(config_.connect_timeout_s);
   require_devices();
@@ -208,7 +211,7 @@ void Daemon::begin() {
   const auto length = from_seconds(config_.window_s);
   const SlotGrid grid{first_slot(loop_.now() + settle_time, length), length};
   recording_.emplace(grid, config_, options_, clocks_, loop_, resumption_.axes, std::move(file));
-  recording_->journal.put_config(config_, options_.resume);
+  recording_->journal.put_config(config_);
   end_part(resumption_.first_index);
   if (!resumption_.gap.empty()) log(Severity::warning, "run", resumption_.gap);
   log_.attach(recording_->journal);
@@ -335,7 +338,7 @@ void Daemon::close_slot(const DueSlot& due, std::chrono::nanoseconds late) {
   if (!recording_->journal.put(std::move(record)))
     log(Severity::error, "run file",
         "record " + std::to_string(due.index + resumption_.first_index) +
-            ": its data are given up, the disk is too slow");
+            ": its data are given up, " + recording_->journal.why_late());
   recording_->journal.put_late(resumption_.first_index, recording_->windows.take_late());
   if (!recording_->scheduler.done()) end_part(resumption_.first_index + due.index + 1);
 }
@@ -376,10 +379,14 @@ void Daemon::end() {
   totals_.written = r.journal.written();
   if (options_.progress) options_.progress(totals_.written);
   r.status.finish(loop_.now(), totals_);
-  spdlog::info("{}: {}, {}{}; arrived: {} tags, {} radar frames, {} depth frames", options_.out,
-               count_text(totals_.written, options_.count, resumption_.records_before), status_,
-               totals_.doubts(), devices_[Sensor::spd].samples, devices_[Sensor::radar].samples,
-               devices_[Sensor::depth].samples);
+  const auto part = record::whole_and_number(r.journal.path()).second;
+  spdlog::info("{}: {}{}, {}{}; arrived: {} tags, {} radar frames, {} depth frames", name_,
+               count_text(totals_.written, options_.count, resumption_.records_before),
+               resumption_.part_records > 0
+                   ? ", in " + std::to_string(part) + (part == 1 ? " part" : " parts")
+                   : "",
+               status_, totals_.doubts(), devices_[Sensor::spd].samples,
+               devices_[Sensor::radar].samples, devices_[Sensor::depth].samples);
 }
 
 }  // namespace

@@ -20,11 +20,10 @@ constexpr auto anchor_pause = std::chrono::minutes(1);
 constexpr auto least_step = std::chrono::milliseconds(500);
 constexpr std::size_t hard_limit = 10;        // times the capacity
 constexpr std::chrono::seconds last_wait{2};  // at the end, for who holds the file
-constexpr const char* too_slow = "dropped: the disk does not keep up";
 
-void give_up_data(record::FusedRecord& record) {
+void give_up_data(record::FusedRecord& record, const std::string& why) {
   for (const Sensor s : all_sensors)
-    if (record.has(s)) record.sync[s].verdict = too_slow;
+    if (record.has(s)) record.sync[s].verdict = why;
   record.valid = {};
   record.spd = {};
   record.radar = {};
@@ -38,7 +37,7 @@ void give_up_data(record::FusedRecord& record) {
 Journal::Journal(std::unique_ptr<record::RunWriter> run, std::unique_ptr<port::Worker> worker,
                  const Clock& clock, const std::vector<Axis>& begun_axes, std::size_t capacity)
     : run_(std::move(run)), capacity_(capacity), clock_(clock), worker_(std::move(worker)) {
-  run_->wait_until(give_up_ns_);
+  run_->wait_with(patience_);
   for (const Axis& axis : begun_axes) axes_.insert(axis.name);
   anchors_.push_back(put_anchor());
 }
@@ -47,7 +46,7 @@ Journal::~Journal() { stop(); }
 
 bool Journal::put(record::FusedRecord record) {
   const bool room = waiting_ < capacity_;
-  if (!room) give_up_data(record);
+  if (!room) give_up_data(record, "dropped: " + why_late());
   ++put_;
   put([this, r = std::move(record)](record::RunWriter& run) mutable { write(run, r); });
   return room;
@@ -70,9 +69,11 @@ void Journal::write(record::RunWriter& run, record::FusedRecord& record) {
 }
 
 void Journal::put(Job job) {
-  if (failed_ || !worker_) return;
-  if (waiting_ >= hard_limit * capacity_)
-    return fail(std::make_exception_ptr(Error(ExitCode::disk, too_slow)));
+  if (failed() || !worker_) return;
+  if (waiting_ >= hard_limit * capacity_) {
+    overflow_ = why_late();
+    return;
+  }
   ++waiting_;
   worker_->put([this, job = std::move(job)] {
     --waiting_;
@@ -85,19 +86,26 @@ void Journal::put(Job job) {
   });
 }
 
+std::string Journal::why_late() const {
+  return patience_.tried() ? "another program holds the run file" : "the disk does not keep up";
+}
+
 // The next part is there before this one is closed, so that who follows the run finds it. A label
-// that was noted since the last record is of the next one.
+// that this one got until its end is of the next one.
 void Journal::begin_part() {
   put([this](record::RunWriter& run) {
     auto next = record::next_part(run.path(), clock_);
-    next->wait_until(give_up_ns_);
-    auto label = run.new_label(UtcTime::max());
-    std::unique_lock lock(mutex_);
-    if (label) label_ = std::move(label);
-    run_.swap(next);
-    lock.unlock();
+    next->wait_with(patience_);
+    {
+      const std::lock_guard lock(mutex_);
+      run_.swap(next);
+    }
     if (!next->close("complete"))
       spdlog::warn("{}: another program reads it; its last records stay in its -wal", next->path());
+    if (auto label = next->new_label(UtcTime::max())) {
+      const std::lock_guard lock(mutex_);
+      label_ = std::move(label);
+    }
   });
 }
 
@@ -106,7 +114,7 @@ std::string Journal::path() const {
   return run_->path();
 }
 
-void Journal::put_config(const Config& config, bool resumed) {
+void Journal::put_config(const Config& config) {
   for (const Sensor s : all_sensors)
     if (config.configured().contains(s))
       put([s, policy = config.policy[s]](record::RunWriter& run) { run.put_policy(s, policy); });
@@ -114,11 +122,6 @@ void Journal::put_config(const Config& config, bool resumed) {
     const auto map = config.map.axes();
     put_axes({map.begin(), map.end()});
   }
-  if (resumed) return;
-  if (!config.antennas.empty())
-    put([antennas = config.antennas](record::RunWriter& run) { run.put_antennas(antennas); });
-  for (const auto& entry : config.calibration.entries)
-    put([entry](record::RunWriter& run) { run.put_calibration(entry); });
 }
 
 void Journal::put_device(const DeviceInfo& device) {
@@ -199,13 +202,14 @@ void Journal::fail(const std::exception_ptr& why) {
 
 void Journal::stop() {
   const auto now = std::chrono::steady_clock::now().time_since_epoch();
-  give_up_ns_ =
-      std::min(give_up_ns_.load(), std::int64_t{std::chrono::nanoseconds(now + last_wait).count()});
+  patience_.give_up_ns = std::min(patience_.give_up_ns.load(),
+                                  std::int64_t{std::chrono::nanoseconds(now + last_wait).count()});
   worker_.reset();
 }
 
 bool Journal::finish(const std::string& status) {
   stop();
+  if (!overflow_.empty()) fail(std::make_exception_ptr(Error(ExitCode::disk, overflow_)));
   if (!failed_) return run_->close(status);
   ExitCode code = ExitCode::failed;
   std::string why;

@@ -42,13 +42,13 @@ class Journal {
   Journal& operator=(const Journal&) = delete;
 
   // False if `capacity` jobs are waiting: then the record's data are given up, but its row is still
-  // written, with that verdict. Ten times as many jobs fail the journal.
+  // written, and its verdict tells whether the disk or another program is why. At ten times as many
+  // the journal has failed for that reason and takes no more, but does what is waiting.
   bool put(record::FusedRecord record);
   void put(Job job);
   // What is put from now on goes into the next part of the run (record/run_parts.hpp).
   void begin_part();
-  // Once, of a run that begins; a resumed run keeps the calibration that it was begun with.
-  void put_config(const Config& config, bool resumed);
+  void put_config(const Config& config);
   void put_device(const DeviceInfo& device);     // one row a device, not one a reconnection
   void put_axes(const std::vector<Axis>& axes);  // those that the file does not have
   // `first`: the record of slot 0.
@@ -65,7 +65,8 @@ class Journal {
 
   // Half of `capacity` jobs are waiting: who has many records at once gives the disk its time.
   bool crowded() const { return waiting_ >= capacity_ / 2; }
-  bool failed() const { return failed_; }
+  bool failed() const { return failed_ || !overflow_.empty(); }
+  std::string why_late() const;  // if it is: the disk, or who holds the file
   std::int64_t written() const { return written_; }
   std::string path() const;  // of the file that is being written
   // That a mark gave to the records written last; none if none did.
@@ -90,8 +91,7 @@ class Journal {
   void fail(const std::exception_ptr& why);
   void stop();
 
-  // When to give up waiting for who holds a file: of all its writers.
-  std::atomic<std::int64_t> give_up_ns_ = std::numeric_limits<std::int64_t>::max();
+  record::Patience patience_;               // of all its writers
   std::unique_ptr<record::RunWriter> run_;  // replaced by the worker; guarded by mutex_
   const std::size_t capacity_;
   const Clock& clock_;
@@ -99,6 +99,7 @@ class Journal {
   PerSensor<std::string> identities_;  // of the devices written
   std::deque<Anchor> anchors_;  // the last one, and before it those that open slots began with
   std::int64_t put_ = 0;        // records
+  std::string overflow_;        // why more jobs wait than may
 
   mutable std::mutex mutex_;
   std::atomic<std::size_t> waiting_ = 0;  // jobs that have not begun

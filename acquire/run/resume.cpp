@@ -155,11 +155,13 @@ void refuse_resuming(const record::RunReader& begun, const Config& config) {
   if (info.status == "open")
     throw Error(ExitCode::failed, begun.path() + ": is being recorded by another process");
   const std::filesystem::path file = begun.path();
-  if (const auto part = record::part_of(info); part.number > 0)
-    if (std::filesystem::exists(record::part_path(record::whole_of(file), part.number + 1)))
-      throw Error(ExitCode::failed,
-                  printable(begun.path()) + ": is not the last part of its run; resume " +
-                      printable(std::filesystem::path(record::whole_of(file)).stem().string()));
+  if (const auto part = record::part_of(file, info); part.number > 0)
+    if (const auto last = *record::named_like(record::whole_and_number(file).first).rbegin();
+        last.first > part.number)
+      throw Error(ExitCode::failed, printable(begun.path()) +
+                                        ": is not the last part of its run, behind it stands " +
+                                        printable(last.second) +
+                                        "; resume that, or move it away if it is of another run");
   refuse_read_only(file, file, "it");
   refuse_read_only(file, file.parent_path(), "its folder");
   refuse_other_config(info, begun.calibrations(), config);
@@ -168,7 +170,8 @@ void refuse_resuming(const record::RunReader& begun, const Config& config) {
   // What is damaged is read with care, but cannot be written to.
   if (const std::string fault = begun.check(); !fault.empty())
     throw Error(ExitCode::failed, printable(begun.path()) + ": damaged: " + printable(fault, 200));
-  if (const auto last = begun.summary().last_index; last >= record::max_resumed_index)
+  if (const auto last = std::max(begun.summary().last_index, info.first_index);
+      last >= record::max_resumed_index)
     throw Error(ExitCode::failed, printable(begun.path()) + ": its last record has the index " +
                                       std::to_string(last) +
                                       "; there is no room for more, begin another run");
@@ -191,7 +194,10 @@ std::unique_ptr<record::RunWriter> make_run(
   for (const auto& pair : config.calibration.response.meta())
     if (std::ranges::none_of(meta, [&](const auto& given) { return given.first == pair.first; }))
       info.meta.push_back(pair);
-  return std::make_unique<record::RunWriter>(out, info, clock);
+  return std::make_unique<record::RunWriter>(out, info, clock, [&](record::RunWriter& run) {
+    if (!config.antennas.empty()) run.put_antennas(config.antennas);
+    for (const auto& entry : config.calibration.entries) run.put_calibration(entry);
+  });
 }
 
 Resumption reopen_run(const std::string& out, const Clock& clock) {
@@ -203,12 +209,11 @@ Resumption reopen_run(const std::string& out, const Clock& clock) {
   const record::RunSummary sum = begun.summary();
   resumed.label = begun.last_label();
   resumed.file = std::make_unique<record::RunWriter>(out, clock);
-  // The part that a crash left may have no record yet.
-  const record::Part part = record::part_of(info);
-  resumed.first_index = std::max(resumed.file->next_index(), part.first);
+  const record::Part part = record::part_of(out, info);
+  resumed.first_index = resumed.file->next_index();
   resumed.part_records = part.records;
   resumed.part_end = part.first + part.records;
-  resumed.records_before = resumed.file->records();
+  resumed.records_before = part.number > 0 ? resumed.first_index : resumed.file->records();
   resumed.gap = "resumed at record " + std::to_string(resumed.first_index) + ", was " + status;
   if (sum.records > 0)
     resumed.gap += ", " + human_duration(seconds(clock.utc()) - seconds(sum.last_utc)) +

@@ -37,7 +37,8 @@ void refuse_late_clock(UtcTime now);
 // or refuse_other_antennas does.
 void refuse_resuming(const record::RunReader& begun, const Config& config);
 
-// `clock` outlives the writer. An empty uuid: a new one.
+// With what is not to change when it is resumed: calibration and antennas. `clock` outlives the
+// writer. An empty uuid: a new one.
 std::unique_ptr<record::RunWriter> make_run(
     const Config& config, const std::string& out,
     const std::vector<std::pair<std::string, std::string>>& meta, const std::string& uuid,

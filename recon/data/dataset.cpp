@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <optional>
 
 #include "acquire/record/run_parts.hpp"
@@ -268,8 +269,11 @@ SensorSet sensors_of(Inputs inputs) {
 
 Dataset load_recorded(const std::vector<std::string>& paths, const OnBadRecord& on_bad) {
   std::vector<std::string> files;
-  for (const auto& path : paths)
-    for (auto& file : record::files_of(path)) files.push_back(std::move(file));
+  for (const auto& path : paths) {
+    const record::RunFiles run = record::files_of(path);
+    files.insert(files.end(), run.paths.begin(), run.paths.end());
+    if (!run.missing.empty()) std::fprintf(stderr, "%s\n", run.missing.c_str());
+  }
   require_memory(files);
   Dataset data;
   for (const auto& path : in_order_of_records(files)) {

@@ -29,8 +29,7 @@ Run look_at(const std::string& path, std::size_t place) {
   Run out{path, {}, place};
   if (!is_part(info)) return out;
   out.data_set = info.uuid;
-  const record::Part part = record::part_of(info);
-  out.first = part.number > 0 ? part.first : record::first_index(run);
+  out.first = record::part_of(info).number > 0 ? info.first_index : record::first_index(run);
   out.end = out.first + run.count();
   out.corrections.emplace(run);
   return out;

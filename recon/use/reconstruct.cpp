@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cerrno>
 #include <cmath>
+#include <cstdio>
 #include <cstring>
 #include <deque>
 #include <filesystem>
@@ -254,7 +255,8 @@ void require_folder(const ReconstructOptions& options, const std::string& uuid) 
 void reconstruct(const TrainedModel& model, const std::string& path,
                  const ReconstructOptions& options) {
   if (wants_uncertainty(options)) require_uncertainty(model);
-  std::vector<std::string> files = record::files_of(path);
+  auto [files, missing] = record::files_of(path);
+  if (!missing.empty()) std::fprintf(stderr, "%s\n", missing.c_str());
   const std::string uuid = record::RunReader(files.front()).info().uuid;
   require_folder(options, uuid);  // refused before it changes
   make_folder(options.out);
@@ -270,7 +272,8 @@ void reconstruct(const TrainedModel& model, const std::string& path,
       open = run.info().status == "open";  // asked first: what comes before the end is seen
       if (work.take_new(run)) continue;
     }
-    if (!open) files = record::files_of(path);  // the next part is there before this one closes
+    if (!open)
+      files = record::files_of(path).paths;  // the next part is there before this one closes
     if (!open && ++at == files.size()) break;
     if (open) std::this_thread::sleep_for(pause_between_looks);
   }

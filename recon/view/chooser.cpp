@@ -61,20 +61,14 @@ struct Chooser::Told {
       more["fault"] = printable(e.what(), 300);
     }
   }
-  Json json(const std::string& path) const {
-    Json out{{"name", name_of_run(path)}};
-    if (entry) out = record::to_json(*entry), out.erase("path");
-    out.update(more);
-    return out;
-  }
 };
 
 std::string Chooser::path_of(const std::string& name) const {
   for (const auto& [place, path] : record::run_files(folder_))
     if (name_of_run(path) == name) return path;
   for (const auto& [place, path] : record::run_files(folder_))
-    if (const std::string whole = record::whole_of(path);
-        name_of_run(whole) == name && fs::exists(record::files_of(whole).front()))
+    if (const auto [whole, number] = record::whole_and_number(path);
+        name_of_run(whole) == name && fs::exists(record::files_of(whole).paths.front()))
       return whole;
   return {};
 }
@@ -83,7 +77,11 @@ std::string Chooser::runs() {
   const HostTime begun = clock_.now();
   std::map<std::string, Known> known;
   std::vector<Json> all;
-  std::vector<std::pair<std::string, Told>> told;
+  std::vector<record::RunEntry> files;
+  const auto add = [&](Json run, const Json& more) {
+    run.update(more);
+    all.push_back(std::move(run));
+  };
   for (const auto& [place, path] : record::run_files(folder_)) {
     const FileStamp stamp = stamp_of(path);
     const HostTime now = clock_.now();
@@ -92,17 +90,16 @@ std::string Chooser::runs() {
                                               seconds(now - run.read) < live_pause_s);
     if ((!run.told || !fresh) && seconds(now - begun) < longest_look_s)
       run = {stamp, now, std::make_shared<Told>(path)};
-    const auto joins = [&](auto& before) {
-      return run.told->entry && before.second.entry &&
-             record::join_part(*before.second.entry, *run.told->entry);
-    };
-    if (!run.told)
-      all.push_back({{"name", name_of_run(path)}, {"waits", true}});
-    else if (std::ranges::none_of(told, joins))
-      told.emplace_back(path, *run.told);
+    if (run.told && run.told->entry)
+      files.push_back(*run.told->entry);
+    else
+      add({{"name", name_of_run(path)}}, run.told ? run.told->more : Json{{"waits", true}});
   }
   known_ = std::move(known);
-  for (const auto& [path, run] : told) all.push_back(run.json(path));
+  for (const record::RunEntry& run : record::runs_of(std::move(files))) {
+    add(record::to_json(run), known_.at(run.files.front()).told->more);
+    all.back().erase("path");
+  }
   std::stable_sort(all.begin(), all.end(), [](const Json& a, const Json& b) {
     return a.value("started_utc", "") > b.value("started_utc", "");
   });

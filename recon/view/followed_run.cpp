@@ -9,6 +9,7 @@
 #include <limits>
 #include <utility>
 
+#include "acquire/record/run_names.hpp"
 #include "acquire/record/run_parts.hpp"
 #include "acquire/record/writer_lock.hpp"
 #include "drivers/program/exit_code.hpp"
@@ -22,6 +23,20 @@ constexpr std::size_t most_events = 40;
 
 std::int64_t changed_ns(const struct stat& file) {
   return file.st_mtim.tv_sec * std::int64_t{1'000'000'000} + file.st_mtim.tv_nsec;
+}
+
+// Empty: none.
+std::string newest_file(const std::string& folder) {
+  std::error_code none;
+  std::string newest;
+  std::int64_t newest_ns = 0;
+  for (fs::directory_iterator it(folder, none), end; it != end; it.increment(none)) {
+    const fs::path& path = it->path();
+    if (path.extension() != ".sqlite" || !it->is_regular_file(none)) continue;
+    const std::int64_t ns = stamp_of(path.string()).changed_ns;
+    if (ns > newest_ns) newest = path.string(), newest_ns = ns;
+  }
+  return newest;
 }
 
 }  // namespace
@@ -39,33 +54,27 @@ FileStamp stamp_of(const std::string& path) {
   return out;
 }
 
-// Empty: none.
-std::string FollowedRun::find() const {
+// The file of the run, or the part of it that is known or the first; empty: none.
+std::string FollowedRun::find() {
   std::error_code none;
-  if (!fs::is_directory(target_, none)) {
-    if (fs::exists(target_, none)) return target_;
-    if (!path_.empty() && fs::exists(path_, none)) return path_;
-    const std::string first = record::files_of(target_).front();
-    return fs::exists(first, none) ? first : "";
+  std::string run = record::old_run(target_);
+  if (fs::is_directory(target_, none)) {
+    const std::string newest = newest_file(target_);
+    if (newest.empty()) return {};
+    run = newest == std::exchange(newest_, newest) ? run_ : record::run_of(newest);
   }
-  std::string newest;
-  std::int64_t newest_ns = 0;
-  for (fs::directory_iterator it(target_, none), end; it != end; it.increment(none)) {
-    const fs::path& path = it->path();
-    if (path.extension() != ".sqlite" || !it->is_regular_file(none)) continue;
-    const std::int64_t ns = stamp_of(path.string()).changed_ns;
-    if (ns > newest_ns) newest = path.string(), newest_ns = ns;
-  }
-  return newest;
+  if (std::exchange(run_, run) == run && !path_.empty() && fs::exists(path_, none)) return path_;
+  const std::string first = record::files_of(run).paths.front();
+  return fs::exists(first, none) ? first : "";
 }
 
 // The part after this one; empty: there is none.
 std::string FollowedRun::next() const {
-  std::error_code none;
-  const auto part = record::part_of(info_);
-  if (part.number == 0 || fs::exists(target_, none)) return {};
-  const std::string path = record::part_path(record::whole_of(path_), part.number + 1);
-  return fs::exists(path, none) ? path : "";
+  const auto named = record::named_like(run_);
+  if (live() || path_ == run_ || named.empty() || named.rbegin()->second == path_) return {};
+  const auto parts = record::files_of(run_).paths;
+  const auto part = std::ranges::find(parts, path_);
+  return part == parts.end() || part + 1 == parts.end() ? "" : *(part + 1);
 }
 
 bool FollowedRun::refresh() {

@@ -44,8 +44,8 @@ FileStamp stamp_of(const std::string& path);
 
 class FollowedRun {
  public:
-  // A run file, or a folder: its newest run. Neither has to be there yet.
-  // Of a run in parts, by its name, all of them: path(), info() and axes() are of the last one.
+  // A run file, or a folder: its newest run. Neither has to be there yet. Of a run in parts, by its
+  // name or as the newest, all of them: path(), info() and axes() are of the last one.
   explicit FollowedRun(std::string target) : target_(std::move(target)) {}
 
   // Looks whether anything is new, which costs next to nothing if not. Returns whether there was.
@@ -83,14 +83,14 @@ class FollowedRun {
     std::uint64_t bytes = 0;
     PerSensor<std::uint64_t> late{};
   };
-  std::string find() const;
+  std::string find();
   std::string next() const;
   void read();
   void read_part();
   void forget();
   void take(const record::RecordOutline& outline);
 
-  std::string target_, path_, trouble_, label_;
+  std::string target_, newest_, run_, path_, trouble_, label_;  // newest_: file of a folder
   FileStamp stamp_;
   std::vector<Part> before_;  // path_ are the parts before it
   int edition_ = 0;

@@ -7,6 +7,7 @@
 #include <csignal>
 #include <cstdio>
 
+#include "acquire/record/run_parts.hpp"
 #include "drivers/program/command_line.hpp"
 #include "drivers/program/console.hpp"
 #include "drivers/program/printable.hpp"
@@ -37,6 +38,8 @@ ExitCode show(const Options& o) {
   catch_interrupts();
   recon::set_threads(1);
   const SystemClock clock;
+  if (const std::string missing = record::files_of(o.server.run).missing; !missing.empty())
+    std::fprintf(stderr, "%s\n", missing.c_str());
   if (o.text) {
     FollowedRun run(o.server.run);
     return text_view(run, o.server.planned, clock);

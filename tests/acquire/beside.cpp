@@ -139,11 +139,9 @@ TEST_CASE("a damaged file ends a run, one that is only touched does not") {
     ends("nothing could be kept: ");
     CHECK_FALSE(fs::exists(folder / "a.rescued.sqlite"));
   }
-  SECTION("emptied while all of it is in the WAL") {
+  SECTION("emptied while its records are in the WAL") {
     fs::resize_file(path, 0);
-    run->append(small_record(20));
-    CHECK(run->close("complete"));
-    check_whole(path, 21, "complete");
+    ends("what can still be read is in " + folder / "a.rescued.sqlite");
   }
   SECTION("touched, marked and checkpointed") {
     fs::last_write_time(path, fs::file_time_type::clock::now() + std::chrono::hours(1));

@@ -6,6 +6,7 @@
 
 #include <future>
 
+#include "../full_disk.hpp"
 #include "acquire/record/png.hpp"
 #include "acquire/record/run_parts.hpp"
 #include "acquire/run/run_log.hpp"
@@ -18,11 +19,34 @@ using namespace testing;
 
 namespace {
 
-std::unique_ptr<record::RunWriter> open_run(const std::string& path) {
-  auto run = std::make_unique<record::RunWriter>(path, record::RunInfo{});
+std::unique_ptr<record::RunWriter> open_run(const std::string& path,
+                                            const record::RunInfo& info = {}) {
+  auto run = std::make_unique<record::RunWriter>(path, info);
   for (const auto& axis : small_axes()) run->put_axis(axis);
   return run;
 }
+
+// Another program, in a write transaction.
+class Holder {
+ public:
+  explicit Holder(const std::string& path) {
+    REQUIRE(sqlite3_open(path.c_str(), &db_) == SQLITE_OK);
+    ask("BEGIN IMMEDIATE");
+  }
+  ~Holder() { sqlite3_close(db_); }
+  Holder(const Holder&) = delete;
+  Holder& operator=(const Holder&) = delete;
+  void ask(const char* statement) {
+    REQUIRE(sqlite3_exec(db_, statement, nullptr, nullptr, nullptr) == SQLITE_OK);
+  }
+  void let_go() {
+    ask("COMMIT");
+    sqlite3_close(std::exchange(db_, nullptr));
+  }
+
+ private:
+  sqlite3* db_ = nullptr;
+};
 
 }  // namespace
 
@@ -75,6 +99,35 @@ TEST_CASE("a slow disk costs data, never a row, a disk that stands still ends th
   }
 }
 
+TEST_CASE("who holds the file is named, and what waits is written when they let go") {
+  const Folder folder;
+  const std::string path = folder / "a.sqlite";
+  Journal journal(open_run(path), port::SystemLoop().make_worker(), system_clock, {}, 2);
+  std::promise<void> written;
+  journal.put([&](record::RunWriter&) { written.set_value(); });
+  written.get_future().wait();
+  Holder holder(path);
+  CHECK(journal.put(small_record(0)));
+  while (journal.why_late() != "another program holds the run file") std::this_thread::yield();
+  for (std::int64_t i = 1; i < 5; ++i) CHECK(journal.put(small_record(i)) == (i < 3));
+  SECTION("in time") {
+    holder.let_go();
+    journal.finish("complete");
+    const record::RunReader run(path);
+    REQUIRE(run.count() == 5);
+    CHECK(run.read(4).sync[Sensor::spd].verdict == "dropped: another program holds the run file");
+  }
+  SECTION("after too many") {
+    for (std::int64_t i = 5; i < 30; ++i) journal.put(small_record(i));
+    CHECK(journal.failed());
+    holder.let_go();
+    const auto [code, text] = error_of([&] { journal.finish("complete"); });
+    CHECK(code == ExitCode::disk);
+    CHECK(text == "another program holds the run file; its last 9 records are not written");
+    CHECK(record::RunReader(path).count() == 21);
+  }
+}
+
 TEST_CASE("the first failed job ends the writing") {
   const Folder folder;
   Journal journal(open_run(folder / "a.sqlite"), port::SystemLoop().make_worker(), system_clock);
@@ -99,21 +152,50 @@ TEST_CASE("who holds a part by a write transaction keeps the run's end for two s
   const Folder folder;
   const std::string path = folder / "a-001.sqlite";
   record::RunInfo info;
-  info.meta = record::meta_of({1, 1, 0});
-  Journal journal(std::make_unique<record::RunWriter>(path, info), port::SystemLoop().make_worker(),
-                  system_clock);
+  info.meta = record::meta_of({1, 1});
+  Journal journal(open_run(path, info), port::SystemLoop().make_worker(), system_clock);
   std::promise<void> written;
   journal.put([&](record::RunWriter&) { written.set_value(); });
   written.get_future().wait();
-  sqlite3* holder = nullptr;
-  REQUIRE(sqlite3_open(path.c_str(), &holder) == SQLITE_OK);
-  REQUIRE(sqlite3_exec(holder, "BEGIN IMMEDIATE", nullptr, nullptr, nullptr) == SQLITE_OK);
+  Holder holder(path);
   journal.begin_part();
   while (!fs::exists(folder / "a-002.sqlite")) std::this_thread::yield();
-  const auto [code, text] = error_of([&] { journal.finish("complete"); });
-  CHECK(code == ExitCode::disk);
-  CHECK(has(text, "another program holds it by a write transaction"));
-  sqlite3_close(holder);
+  SECTION("until then") {
+    const auto [code, text] = error_of([&] { journal.finish("complete"); });
+    CHECK(code == ExitCode::disk);
+    CHECK(has(text, "another program holds it by a write transaction"));
+  }
+  SECTION("a label that comes while the part is closed is the next one's") {
+    while (journal.why_late() != "another program holds the run file") std::this_thread::yield();
+    holder.ask("INSERT INTO event (level, utc, text) VALUES ('label', '2026', 'door')");
+    holder.let_go();
+    journal.put(small_record(1));
+    journal.finish("complete");
+    CHECK(record::RunReader(folder / "a-002.sqlite").read(1).label == "door");
+    CHECK_THROWS_WITH(record::put_label(path, "late", "me"),
+                      Catch::Contains("nobody is recording"));
+  }
+}
+
+TEST_CASE("a disk that is full where a part begins leaves the parts before it, to be resumed") {
+  const Folder folder;
+  const std::string path = folder / "a-001.sqlite";
+  record::RunInfo info;
+  info.meta = record::meta_of({1, 1});
+  Journal journal(open_run(path, info), port::SystemLoop().make_worker(), system_clock);
+  journal.put(small_record(0));
+  while (journal.written() == 0) std::this_thread::yield();
+  {
+    const echofuse::test::FullDisk disk(50'000);
+    journal.begin_part();
+    while (!journal.failed()) std::this_thread::yield();
+  }
+  CHECK(error_of([&] { journal.finish("complete"); }).first == ExitCode::disk);
+  CHECK(record::RunReader(path).info().status == "stopped:disk");
+  CHECK(record::RunReader(path).count() == 1);
+  for (const char* beside : {"", "-new", "-new-journal"})
+    CHECK_FALSE(fs::exists(folder / "a-002.sqlite" + beside));
+  CHECK(record::next_part(path, system_clock)->next_index() == 1);
 }
 
 TEST_CASE("not every failure is the disk's") {

@@ -2,10 +2,13 @@
 // A measuring PC that several people share: where configurations and runs are, who may read them,
 // what the catalogue says.
 #include <sys/stat.h>
+#include <unistd.h>
 
 #include <nlohmann/json.hpp>
 
+#include "acquire/devices/lock_file.hpp"
 #include "acquire/record/run_names.hpp"
+#include "acquire/record/run_parts.hpp"
 #include "acquire/run/resume.hpp"
 #include "drivers/program/program.hpp"
 #include "testing.hpp"
@@ -152,4 +155,33 @@ TEST_CASE("the catalogue of a folder, with notes from during a run and after it"
   CHECK(acquire("list " + folder / "none").code == 1);
   // A note leaves one file, as the run's end did.
   CHECK_FALSE(fs::exists(folder / "monday.sqlite-wal"));
+}
+
+TEST_CASE("a run in parts that is live elsewhere is listed once, with what is only named like it") {
+  const Folder folder, elsewhere;
+  const auto part = [&](std::int64_t number, const std::string& uuid) {
+    record::RunInfo info;
+    info.uuid = uuid;
+    info.meta = record::meta_of({number, 2});
+    info.first_index = 2 * (number - 1);
+    record::RunWriter run(record::part_path(folder / "a.sqlite", number), info);
+    for (const auto& axis : small_axes()) run.put_axis(axis);
+    run.append(small_record(info.first_index));
+    run.close("complete");
+  };
+  part(1, "one"), part(2, "other"), part(3, "one");
+  write_file(folder / "a-004.sqlite", "no database");
+  const std::string name = "echofuse-test-" + std::to_string(::getpid()) + ".lock";
+  const echofuse::acquire::LockFile lock(echofuse::acquire::lock_folder(), name,
+                                         {"me", folder / "a.sqlite"});
+  REQUIRE_FALSE(lock.other());
+  const Outcome told = at_home(elsewhere, "", "list");
+  CAPTURE(told.text);
+  CHECK(told.code == 0);
+  CHECK(has(told.text, "\na      "));
+  CHECK(has(told.text, "\na-002  "));
+  for (const char* joined : {"\na-001", "\na-003"}) CHECK_FALSE(has(told.text, joined));
+  CHECK(has(told.text, "a-002.sqlite: no such part of the run; records 2 to 3 are missing"));
+  CHECK(has(told.text, "a-004.sqlite: not an echofuse run file; me"));
+  fs::remove(echofuse::acquire::lock_folder() + "/" + name);
 }

@@ -59,15 +59,27 @@ class LiveView(live.Live):
                               stderr=subprocess.DEVNULL)
         wait_for("lab.toml", (self.dir / "lab/lab.toml").exists)
 
-    def go_on(self):
+    def go_on(self, *options, **how):
         """Resumes the run."""
-        return self.start([bin_dir / "echofuse-acquire", "run", "--config", self.dir / "lab/lab.toml", "--resume", self.run],
-                          env=os.environ | {"LD_LIBRARY_PATH": str(self.dir / "lab/openni")}, stderr=subprocess.PIPE,
-                          text=True)
+        return self.start([bin_dir / "echofuse-acquire", "run", "--config", self.dir / "lab/lab.toml", "--resume", self.run,
+                           *options], env=os.environ | {"LD_LIBRARY_PATH": str(self.dir / "lab/openni")},
+                          stderr=subprocess.PIPE, text=True, **how)
 
     def status(self):
         return json.loads(subprocess.run([bin_dir / "echofuse-acquire", "list", "--json", self.dir], check=True,
                                          stdout=subprocess.PIPE).stdout)
+
+    def test_parts(self):
+        """What a run in parts says names the whole, and a view of its resumption shows the whole."""
+        daemon = self.record("--records", "3", "--count", "5", "--json", stdout=subprocess.PIPE)
+        told, log = daemon.communicate(timeout=30)
+        first, *_, last = map(json.loads, told.splitlines())
+        self.assertEqual((first["file"], last["parts"], last["on_disk"]), (str(self.run), 2, 5), log)
+        self.assertIn(f"{self.run}: 5 of 5 records, in 2 parts, complete", log)
+        again = self.go_on("--view", "--count", "2", stdout=subprocess.PIPE)
+        client = Browser(again.stdout.readline().strip())
+        client.until("state", lambda m: m["status"] == "complete" and m["records"] == 7)
+        self.assertIn(f"{self.run}: 2 of 2 records, 7 in all, in 3 parts, complete", self.finish(again))
 
     def test_life(self):
         """Waits for the run, moves with it, marks it, shows lost devices, the daemon's end and a resumed run."""

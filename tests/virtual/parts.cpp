@@ -43,7 +43,7 @@ TEST_CASE("a run in parts has the records of one in one file, and each part what
   Bench whole, b;
   CHECK(whole.lab->record(whole.run(10)) == ExitCode::ok);
   CHECK(b.lab->record(in_parts(b, 10, 4)) == ExitCode::ok);
-  const auto files = record::files_of(b.folder / "run");
+  const auto files = record::files_of(b.folder / "run").paths;
   REQUIRE(sizes_of(files) == std::vector<std::int64_t>{4, 4, 2});
   const auto expected = whole.records(), found = records_of(files);
   REQUIRE(found.size() == 10);
@@ -74,7 +74,7 @@ TEST_CASE("a run in parts has the records of one in one file, and each part what
 TEST_CASE("a run whose last part is full has no empty one behind it") {
   Bench b;
   CHECK(b.lab->record(in_parts(b, 8, 4)) == ExitCode::ok);
-  CHECK(sizes_of(record::files_of(b.folder / "run")) == std::vector<std::int64_t>{4, 4});
+  CHECK(sizes_of(record::files_of(b.folder / "run").paths) == std::vector<std::int64_t>{4, 4});
 }
 
 TEST_CASE("a run in parts is resumed in its last part, which fills before the next one begins") {
@@ -86,12 +86,20 @@ TEST_CASE("a run in parts is resumed in its last part, which fills before the ne
     run.resume = true;
     return b.lab->record(run);
   };
-  auto files = record::files_of(b.folder / "run");
-  CHECK_THROWS_WITH(go_on(files[0], 1), Catch::Contains("is not the last part of its run; resume"));
+  auto files = record::files_of(b.folder / "run").paths;
+  CHECK_THROWS_WITH(go_on(files[0], 1), Catch::Contains("is not the last part of its run"));
   CHECK(go_on(files[1], 2) == ExitCode::ok);  // full
   CHECK(go_on(files[1], 5) == ExitCode::ok);
-  files = record::files_of(b.folder / "run");
+  files = record::files_of(b.folder / "run").paths;
   CHECK(sizes_of(files) == std::vector<std::int64_t>{4, 4, 4, 1});
+  const auto gaps = [&](const std::string& file) {
+    std::string all;
+    for (const auto& e : record::RunReader(file).events())
+      if (e.text.starts_with("resumed")) all += e.text.substr(0, e.text.find(',')) + '\n';
+    return all;
+  };
+  CHECK(gaps(files[1]) == "resumed at record 6\n");  // full then: the next gap is of the next part
+  CHECK(gaps(files[2]) == "resumed at record 8\n");
   const auto all = records_of(files);
   for (std::size_t k = 0; k < all.size(); ++k) CHECK(all[k].index == static_cast<std::int64_t>(k));
 }
@@ -99,13 +107,15 @@ TEST_CASE("a run in parts is resumed in its last part, which fills before the ne
 TEST_CASE("a part that was killed before its first record goes on where the run was") {
   Bench b;
   CHECK(b.lab->record(in_parts(b, 8, 4)) == ExitCode::ok);
-  const auto before = record::files_of(b.folder / "run");
+  const auto before = record::files_of(b.folder / "run").paths;
   static_cast<void>(record::next_part(before.back(), system_clock));  // never closed
+  CHECK(record::RunReader(before.back()).calibrations() ==
+        record::RunReader(before.front()).calibrations());
   acquire::RunOptions run = b.run(6);
-  run.out = record::files_of(b.folder / "run").back();
+  run.out = record::files_of(b.folder / "run").paths.back();
   run.resume = true;
   CHECK(b.lab->record(run) == ExitCode::ok);
-  const auto files = record::files_of(b.folder / "run");
+  const auto files = record::files_of(b.folder / "run").paths;
   CHECK(sizes_of(files) == std::vector<std::int64_t>{4, 4, 4, 2});
   const auto all = records_of(files);
   REQUIRE(all.size() == 14);
@@ -127,6 +137,7 @@ TEST_CASE("the programs take the parts of a run as one") {
   CAPTURE(view.text);
   CHECK(testing::has(view.text, "60 records"));
   CHECK(testing::has(view.text, "record 59"));
+  CHECK(program("echofuse-view --text " + b.folder / "").text == view.text);
   const auto trained =
       program("echofuse-recon train --model silhouette " + run + " --out " + model);
   CAPTURE(trained.text);
@@ -147,9 +158,19 @@ TEST_CASE("the programs take the parts of a run as one") {
   CHECK(program("echofuse-acquire info " + run + "-002").code == 0);
   CHECK(program("echofuse-acquire annotate " + run + " note").code == 0);
   CHECK(record::RunReader(run + "-003.sqlite").events().back().text == "note");
+  std::filesystem::remove(run + "-002.sqlite");
+  for (const std::string& command :
+       {"echofuse-view --text " + run, "echofuse-recon evaluate --all " + model + " " + run,
+        "echofuse-recon reconstruct --force " + model + " " + run + " --out " + b.folder / "maps",
+        "echofuse-acquire annotate " + run + " note", "echofuse-acquire list " + b.folder / ""}) {
+    const auto gap = program(command);
+    CAPTURE(gap.text);
+    CHECK(gap.code == 0);
+    CHECK(testing::has(gap.text, run + "-002.sqlite: no such part of the run; records 25 to 49"));
+  }
   std::filesystem::remove(run + "-001.sqlite");
   CHECK(testing::has(program("echofuse-acquire run --config " + b.folder / "lab.toml" +
                              " --records 9 --out " + run)
                          .text,
-                     "run-002.sqlite: exists already; parts of a run stand under its name"));
+                     "run-003.sqlite: exists already; parts of a run stand under its name"));
 }
