@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <memory>
-#include <regex>
 #include <string>
 #include <vector>
 
@@ -90,14 +89,25 @@ class Readable final : public CLI::Formatter {
     if (const auto at = name.find("{false}"); at != name.npos) name.erase(at, 7);
     return name;
   }
+  // Of ":INT in [1 - 9]" or ":(INT in [0 - 0]) OR (INT in [1 - 9])" it makes " (1 to 9)" or " (0,
+  // or 1 to 9)".
   std::string make_option_opts(const CLI::Option* option) const override {
-    static const std::regex none_or(R"(:\(\w+ in \[0 - 0\]\) OR \(\w+ in \[(\S+) - (\S+)\]\))"),
-        range(R"(:\w+ in \[(\S+) - (\S+)\])"), not_below(":NONNEGATIVE"), above(":POSITIVE");
-    std::string text = Formatter::make_option_opts(option);
-    text = std::regex_replace(text, none_or, " (0, or $1 to $2)");
-    text = std::regex_replace(text, range, " ($1 to $2)");
-    text = std::regex_replace(text, not_below, " (at least 0)");
-    return std::regex_replace(text, above, " (above 0)");
+    const std::string text = Formatter::make_option_opts(option);
+    const std::string above = ":POSITIVE", not_below = ":NONNEGATIVE", in = " in [",
+                      zero = " in [0 - 0]) OR (";
+    if (const auto at = text.find(above); at != text.npos)
+      return std::string(text).replace(at, above.size(), " (above 0)");
+    if (const auto at = text.find(not_below); at != text.npos)
+      return std::string(text).replace(at, not_below.size(), " (at least 0)");
+    const auto first = text.find(in);
+    if (first == text.npos) return text;
+    const bool or_zero = text.compare(first, zero.size(), zero) == 0;
+    const auto low = text.find(in, first + (or_zero ? zero.size() : 0)) + in.size();
+    const auto dash = text.find(" - ", low), high = text.find(']', low);
+    std::string out = text.substr(0, text.rfind(':', first));
+    out += or_zero ? " (0, or " : " (";
+    out += text.substr(low, dash - low) + " to " + text.substr(dash + 3, high - dash - 3) + ")";
+    return out + text.substr(high + (or_zero ? 2 : 1));
   }
 };
 
