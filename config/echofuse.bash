@@ -1,18 +1,28 @@
 # SPDX-License-Identifier: MIT
 # Completion of the echofuse programs for bash: asks the program's own --help.
 _echofuse() {
-  local current=${COMP_WORDS[COMP_CWORD]} asked=("${COMP_WORDS[0]}") help word options
+  local current=${COMP_WORDS[COMP_CWORD]} before=${COMP_WORDS[COMP_CWORD - 1]} asked=("${COMP_WORDS[0]}")
+  local help word options line
   help=$("${asked[@]}" --help 2>/dev/null) options=$help
   for word in "${COMP_WORDS[@]:1:COMP_CWORD-1}"; do  # the subcommands before the cursor
     sed -n '/^Subcommands:/,$p' <<<"$help" | grep -q "^  $word " || break
     asked+=("$word")
     help=$("${asked[@]}" --help 2>/dev/null) options+=$'\n'$help  # a command takes its parents' options
   done
+  # What stands here: an option, the value of the option before, or else a command or an argument.
+  line=$(grep -E "^ {2,4}(-[a-z],)?$before [A-Z]" <<<"$options" | head -n 1)
+  [[ $before == -* ]] || line=$(sed -n '/^Positionals:/,/^$/p' <<<"$help")
   if [[ $current == -* ]]; then
-    word=$(grep -oE '^ +(-[a-z],)?--[a-z][a-z-]*' <<<"$options" | grep -o -- '--.*' | sort -u)
+    word=$(grep -oE '^ {2,4}(-[a-z],)?--[a-z][a-z-]*' <<<"$options" | grep -o -- '--.*' | sort -u)
+  elif [[ $line =~ \{([a-z0-9_.,-]+)\} ]]; then
+    word=${BASH_REMATCH[1]//,/ }
   else
     word=$(sed -n '/^Subcommands:/,$p' <<<"$help" | grep -oE '^  [a-z]+')
+    word+=" $(compgen -d -- "$current")"
+    [[ $line == *' RUN'* ]] && word+=" $(compgen -f -X '!*.sqlite' -- "$current")"
+    [[ $line == *' MODEL'* ]] && word+=" $(compgen -f -X '!*.safetensors' -- "$current")"
+    [[ $line =~ ' 'RUN|' 'MODEL|' 'FOLDER ]] || word+=" $(compgen -f -- "$current" | grep -vE -- '-(lock|wal|shm)$')"
   fi
-  mapfile -t COMPREPLY < <(compgen -W "$word" -- "$current"; [[ $current == -* ]] || compgen -f -- "$current")
+  mapfile -t COMPREPLY < <(compgen -W "$word" -- "$current" | sort -u)
 }
 complete -o filenames -F _echofuse echofuse-acquire echofuse-recon echofuse-sim echofuse-view

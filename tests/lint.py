@@ -72,15 +72,20 @@ for path in texts:
 
 # What a text tells to type: fenced blocks and `code`, a program's commands with the options that are there.
 if len(sys.argv) > 1:  # the folder of the built programs
+    typed = []  # (where, a line that somebody might type)
     options = {}  # of "program", "program command", ...: what its help lists, and that of the words before
 
     def read_help(words, inherited=frozenset()):
         help_text = subprocess.run([pathlib.Path(sys.argv[1]) / words[0], *words[1:], "--help"], capture_output=True,
                                    text=True).stdout
         head, *commands = help_text.split("Subcommands:")
-        for option in re.findall(r"^ +(?:-\w,)?(--[\w-]+)(?:\([^)]*\)|[^a-z\n(])*\n(?! {20})", head, re.M):
+        for option in re.findall(r"^ {2,4}(?:-\w,)?(--[\w-]+)(?:\([^)]*\)|[^a-z\n(])*\n(?! {20})", head, re.M):
             faults.append(f"{' '.join(words)}: {option} has no text")
-        options[tuple(words)] = inherited | set(re.findall(r"^ +(?:-\w,)?(--[\w-]+)", head, re.M))
+        options[tuple(words)] = inherited | set(re.findall(r"^ {2,4}(?:-\w,)?(--[\w-]+)", head, re.M))
+        examples = head.partition("Examples:\n")[2].partition("\n\n")[0].splitlines()
+        typed.extend((" ".join(words) + " --help", line.strip()) for line in examples)
+        if len(words) > 1 and not commands and not examples:
+            faults.append(f"{' '.join(words)} --help: no examples")
         for command in re.findall(r"^  ([a-z]+) ", commands[0], re.M) if commands else ():
             read_help([*words, command], options[tuple(words)])
 
@@ -114,6 +119,8 @@ if len(sys.argv) > 1:  # the folder of the built programs
             known = anywhere
         faults.extend(f"{name}: {o} of `{code}` does not exist" for o in named if o not in known)
 
+    for name, line in typed:
+        check_command(name, line.partition(" -- ")[0])
     for path in texts:
         name, text = path.relative_to(root), path.read_text(encoding="utf-8")
         fenced = re.findall(r"^```(\w*)\n(.*?)^```$", text, re.M | re.S)

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: MIT
 #include "acquire/calibrate/calibrate.hpp"
 
+#include <spdlog/spdlog.h>
+
 #include <algorithm>
 #include <bit>
 #include <cmath>
@@ -58,7 +60,10 @@ class Gatherer final : public SampleSink {
     if (sensor == Sensor::spd) forget_start();
   }
   void on_firmware_bias(const FirmwareBias& bias) override { firmware.push_back(bias); }
-  void on_event(Sensor, Severity, const std::string&) override {}
+  // Whoever waits for the devices sees at once why one does not answer.
+  void on_event(Sensor sensor, Severity severity, const std::string& text) override {
+    if (severity != Severity::info && !running) spdlog::warn("{}: {}", name_of(sensor), text);
+  }
 
   // Counts since the last call.
   std::vector<std::uint32_t> take() {
@@ -95,6 +100,11 @@ class Measurement {
     devices_.take("calibrate");
     devices_.start();
     devices_.wait(config_.connect_timeout_s);
+    if (interrupted())
+      throw Error(ExitCode::interrupted, "interrupted; no calibration was written");
+    if (!devices_[Sensor::spd].delivers() && !devices_[Sensor::radar].delivers())
+      throw Error(ExitCode::device, "no device to calibrate delivers after " +
+                                        human_duration(config_.connect_timeout_s));
     Progress progress("calibrate", static_cast<std::size_t>(options_.repeats));
     gatherer_.running = true;
     gatherer_.take();
@@ -345,6 +355,12 @@ ExitCode calibrate(const Config& config, const CalibrateOptions& options, port::
     throw Error(ExitCode::config, "--check: run.calibration names no calibration to compare with");
   const Calibration stored =
       options.check ? config.calibration : stored_in(config.calibration_path);
+  if (!options.json)
+    std::printf(
+        "reflector taken to be %.3f m from each sensor, its echo sought from %.3f to %.3f m\n",
+        options.search.distance_m, options.search.distance_m - options.search.window_m / 2,
+        options.search.distance_m + options.search.window_m / 2);
+  std::fflush(stdout);
   Measurement measurement(config, options, loop);
   measurement.run();
   const auto results = measurement.results();

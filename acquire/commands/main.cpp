@@ -104,6 +104,8 @@ ExitCode run(Options& o) {
     o.run.out = thrown_away.emplace().path() + "/align";
     o.view = true;
   }
+  if (!o.model.empty() && !std::filesystem::exists(o.model))
+    throw Error(ExitCode::usage, "--model " + o.model + ": there is no such file");
   const Config config = load(o);
   o.run.label_given = std::any_of(o.assignments.begin(), o.assignments.end(),
                                   [](auto& a) { return a.starts_with("run.label"); });
@@ -130,7 +132,7 @@ ExitCode run(Options& o) {
   // The allocator would keep what a burst of samples took, and more with each larger burst.
   mallopt(M_TRIM_THRESHOLD, 256 << 10);
   std::optional<Viewer> viewer;
-  if (o.view) viewer.emplace(whole, o.run.count);
+  if (o.view) viewer.emplace(whole, o.run.count, o.model);
   port::SystemLoop loop;
   std::int64_t on_disk = -1;
   if (o.json) {
@@ -222,6 +224,8 @@ ExitCode list(const Options& o) {
 }
 
 ExitCode replay(const Options& o) {
+  if (o.radar.empty() && o.tdc.empty() && o.depth.empty())
+    throw Error(ExitCode::usage, "expected one of --radar, --tdc and --depth");
   const Replayed result = !o.radar.empty() ? replay_radar(o.radar, o.json)
                           : !o.tdc.empty() ? replay_tdc(o.tdc, o.json)
                                            : replay_depth(o.depth, o.json);

@@ -3,13 +3,14 @@
 
 #include <map>
 
+#include "drivers/program/command_line.hpp"
+
 namespace echofuse::acquire {
 namespace {
 
 constexpr const char* footer =
-    "exit codes: 0 ok, 1 failed, 2 usage, 3 config, 4 device, 5 partial (some records "
-    "unreadable;\n"
-    "            run --strict: of some a sensor was not ok),\n"
+    "exit codes: 0 ok, 1 failed, 2 usage, 3 config, 4 device,\n"
+    "            5 partial (some records unreadable; run --strict: a sensor not ok),\n"
     "            6 disk, 130 interrupted (second Ctrl-C, or before the first slot)";
 
 constexpr const char* out_help =
@@ -17,34 +18,43 @@ constexpr const char* out_help =
     "(UTC; strftime's fields); default: DATE-NNN in run.folder";
 
 void add_config_options(CLI::App& command, Options& o) {
-  command.add_option("--config", o.config,
-                     "configuration (TOML); default: $ECHOFUSE_CONFIG, ./lab.toml, "
-                     "~/.config/echofuse/lab.toml or /etc/echofuse/lab.toml, whichever is first");
-  command.add_option("--set", o.assignments, "key=value, overrides the file; may be repeated")
+  command
+      .add_option("--config", o.config,
+                  "configuration (TOML); default: $ECHOFUSE_CONFIG, ./lab.toml, "
+                  "~/.config/echofuse/lab.toml or /etc/echofuse/lab.toml, whichever is first")
+      ->type_name("FILE");
+  command.add_option("--set", o.assignments, "overrides the file; may be repeated")
+      ->type_name("KEY=VALUE")
       ->allow_extra_args(false);
 }
 
 CLI::Option* add_time(CLI::App& command, const char* name, double& into_s, const char* help) {
   const std::map<std::string, double> units{{"h", 3600}, {"m", 60}, {"min", 60}, {"s", 1}};
   return command.add_option(name, into_s, help)
+      ->type_name("TIME")
       ->transform(CLI::AsNumberWithUnit(units, CLI::AsNumberWithUnit::UNIT_REQUIRED))
-      ->check(CLI::PositiveNumber);
+      ->check(CLI::PositiveNumber)
+      ->check([](const std::string& seconds) {
+        constexpr double ten_years_s = 87'660.0 * 3600;
+        return std::stod(seconds) <= ten_years_s ? "" : "expected at most 87660h, ten years";
+      });
 }
 
 void add_run(CLI::App& app, Options& o) {
   auto* c = app.add_subcommand("run", "record fused records, one a slot, until Ctrl-C");
-  add_config_options(*c, o);
   c->add_flag("-q,--quiet", o.quiet, "print errors only");
   c->add_flag("-v,--verbose", o.verbose, "one line for every record on stderr");
   c->add_flag("--json", o.json, "what happens, on stdout: one object a line (README)");
-  auto* target = c->add_option_group("target");
-  target->add_option("--out", o.run.out, out_help);
-  auto* resume = target->add_option("--resume", o.resume,
-                                    "run to continue, with the configuration it was begun with");
-  target->add_flag("--align", o.align,
-                   "slots of 0.1 s in a run that is thrown away, and its view: to point laser and "
-                   "sensors");
-  target->require_option(0, 1);
+  auto* out = c->add_option("--out", o.run.out, out_help)->type_name("RUN");
+  auto* resume = c->add_option("--resume", o.resume,
+                               "run to continue, with the configuration it was begun with")
+                     ->type_name("RUN")
+                     ->excludes(out);
+  c->add_flag("--align", o.align,
+              "slots of 0.1 s in a run that is thrown away, and its view: to point laser and "
+              "sensors")
+      ->excludes(out)
+      ->excludes(resume);
   auto* count = c->add_option("--count", o.run.count, "stop after this many slots")
                     ->check(CLI::PositiveNumber);
   add_time(*c, "--duration", o.duration_s, "stop after this time: 2h, 30m, 10s")->excludes(count);
@@ -59,12 +69,24 @@ void add_run(CLI::App& app, Options& o) {
                 "s between the devices' answer and the first slot, told one by one")
       ->check(CLI::Range(std::int64_t{1}, std::int64_t{3600}));
   c->add_option("--keep-raw", o.run.keep_raw,
-                "new folder for the devices' bytes as they came, for `replay`");
+                "new folder for the devices' bytes as they came, for `replay`")
+      ->type_name("FOLDER");
   c->add_flag("--view", o.view, "start echofuse-view beside, which prints its address");
+  c->add_option("--model", o.model, "of the maps that the view shows")
+      ->type_name("MODEL")
+      ->needs("--view");
+  add_config_options(*c, o);
   c->add_flag("--strict", o.run.strict, "exit code 5 if any record has a sensor that is not ok");
-  c->add_option("--meta", o.meta, "key=value, kept in the run; may be repeated")
+  c->add_option("--meta", o.meta, "kept in the run; may be repeated")
+      ->type_name("KEY=VALUE")
       ->allow_extra_args(false)
       ->excludes(resume);
+  more_options(*c, {"--config", "--quiet", "--verbose", "--json", "--countdown", "--keep-raw",
+                    "--strict", "--meta"});
+  add_examples(*c, {"echofuse-acquire run --out monday --set run.label=person",
+                    "echofuse-acquire run --out monday --duration 2h --every 30m",
+                    "echofuse-acquire run --out monday --view --model fused.safetensors",
+                    "echofuse-acquire run --resume monday.sqlite"});
 }
 
 void add_calibrate(CLI::App& app, Options& o) {
@@ -86,37 +108,53 @@ void add_calibrate(CLI::App& app, Options& o) {
       ->capture_default_str();
   c->add_flag("--check", k.check, "measure and compare with run.calibration; write nothing");
   c->add_flag("--json", o.json, "the same as JSON, with the numbers by name");
+  more_options(*c, {"--config", "--set", "--window", "--time", "--json"});
+  add_examples(*c, {"echofuse-acquire calibrate --distance 1.0 --repeat 5",
+                    "echofuse-acquire calibrate --distance 1.0 --check"});
+}
+
+void add_file(CLI::App& command, Options& o) {
+  command.add_option("RUN", o.file, "a run file")->type_name("RUN")->required();
 }
 
 void add_file_commands(CLI::App& app, Options& o) {
   auto* info = app.add_subcommand("info", "what is in a run file");
-  info->add_option("FILE", o.file)->required();
+  add_file(*info, o);
   info->add_flag("--json", o.json, "the same as JSON, with the numbers by name");
+  add_examples(*info, {"echofuse-acquire info monday.sqlite"});
 
   auto* exporter = app.add_subcommand("export", "a run as HDF5, or one record as CSV");
-  exporter->add_option("FILE", o.file)->required();
-  exporter->add_option("--to", o.to, "NAME.h5, or NAME.csv with --record")->required();
+  add_file(*exporter, o);
+  exporter->add_option("--to", o.to, "NAME.h5, or NAME.csv with --record")
+      ->type_name("FILE")
+      ->required();
   exporter->add_option("--record", o.record, "index of the record for CSV");
+  add_examples(*exporter, {"echofuse-acquire export monday.sqlite --to monday.h5",
+                           "echofuse-acquire export monday.sqlite --record 0 --to first.csv"});
 
   auto* annotate =
       app.add_subcommand("annotate", "a note into a run, live or not, or a live one's next label");
-  annotate->add_option("FILE", o.file)->required();
+  add_file(*annotate, o);
   annotate->add_option("TEXT", o.text, "kept with the time and who wrote it");
   annotate->add_option("--label", o.label, "label of the records from the running slot on");
+  add_examples(*annotate, {"echofuse-acquire annotate monday.sqlite \"the lamp is on\"",
+                           "echofuse-acquire annotate monday.sqlite --label person"});
 
   auto* list = app.add_subcommand("list", "the runs of a folder, and which of them are live");
   list->add_option("FOLDER", o.folder,
                    "default: run.folder of the configuration, or this folder, and the live runs of "
                    "this machine wherever they are");
   list->add_flag("--json", o.json, "all of it; the table shortens long texts");
+  add_examples(*list, {"echofuse-acquire list"});
 
   auto* replay = app.add_subcommand("replay", "recorded device bytes through the live parser");
-  auto* kind = replay->add_option_group("device");
-  kind->add_option("--radar", o.radar, "recordings of the radar's data port");
-  kind->add_option("--tdc", o.tdc, "blocks of a time tagger");
-  kind->add_option("--depth", o.depth, "blocks of a depth camera");
-  kind->require_option(1);
+  auto* radar = replay->add_option("--radar", o.radar, "recordings of the radar's data port");
+  auto* tdc = replay->add_option("--tdc", o.tdc, "blocks of a time tagger")->excludes(radar);
+  auto* depth = replay->add_option("--depth", o.depth, "blocks of a depth camera");
+  depth->excludes(radar)->excludes(tdc);
+  for (auto* kind : {radar, tdc, depth}) kind->type_name("FILE");
   replay->add_flag("--json", o.json, "the same as JSON, with the numbers by name");
+  add_examples(*replay, {"echofuse-acquire replay --radar raw/radar-001.dat"});
 }
 
 void add_import(CLI::App& app, Options& o) {
@@ -127,15 +165,19 @@ void add_import(CLI::App& app, Options& o) {
                 "NAME.dat of a radar's data port, NAME.ptu or NAME.phu of PicoQuant; one a sensor")
       ->required();
   c->add_option("--cfg", i.cfg,
-                "what the radar was configured by; default: NAME.cfg beside NAME.dat");
-  c->add_option("--out", o.run.out, out_help);
-  c->add_option("--began", i.began, "UTC, 2024-02-07T12:34:56Z; default: as the files have it");
+                "what the radar was configured by; default: NAME.cfg beside NAME.dat")
+      ->type_name("FILE");
+  c->add_option("--out", o.run.out, out_help)->type_name("RUN");
+  c->add_option("--began", i.began, "UTC, 2024-02-07T12:34:56Z; default: as the files have it")
+      ->type_name("TIME");
   c->add_option("--start", i.start, "input of the laser's pulses in a .ptu; 0 is the sync")
       ->check(CLI::Range(0, 64))
       ->capture_default_str();
   c->add_option("--click", i.click, "input of the detector in a .ptu")
       ->check(CLI::Range(0, 64))
       ->capture_default_str();
+  more_options(*c, {"--config", "--set", "--began", "--start", "--click"});
+  add_examples(*c, {"echofuse-acquire import capture.dat photons.ptu --out monday"});
 }
 
 void add_doctor(CLI::App& app, Options& o) {
@@ -146,15 +188,18 @@ void add_doctor(CLI::App& app, Options& o) {
   c->footer(
       "exit codes: 0 ok or warnings only, 3 configuration, 4 a configured device fails,\n"
       "            6 the disk is too slow or too full (4 if both), 130 interrupted");
+  add_examples(*c, {"echofuse-acquire doctor --duration 2h"});
 }
 
 void add_config_commands(CLI::App& app, Options& o) {
   auto* config = app.add_subcommand("config", "look at the configuration");
   config->require_subcommand(1);
-  add_config_options(*config->add_subcommand("check", "print all faults, or that there are none"),
-                     o);
-  add_config_options(
-      *config->add_subcommand("show", "check it and print every key with value and origin"), o);
+  auto* check = config->add_subcommand("check", "print all faults, or that there are none");
+  add_config_options(*check, o);
+  add_examples(*check, {"echofuse-acquire config check"});
+  auto* show = config->add_subcommand("show", "check it and print every key with value and origin");
+  add_config_options(*show, o);
+  add_examples(*show, {"echofuse-acquire config show --set run.window_s=1"});
 }
 
 void add_devices(CLI::App& app, Options& o) {
@@ -162,6 +207,7 @@ void add_devices(CLI::App& app, Options& o) {
       app.add_subcommand("devices", "what is attached, and which of the configured devices answer");
   add_config_options(*c, o);
   c->add_flag("--json", o.json, "the same as JSON, with the numbers by name");
+  add_examples(*c, {"echofuse-acquire devices"});
 }
 
 }  // namespace

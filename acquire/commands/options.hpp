@@ -21,7 +21,7 @@ struct Options {
   ImportOptions import;
   std::optional<std::string> label, text;
   std::vector<std::string> meta;
-  std::string resume;
+  std::string resume, model;
   double duration_s = 0, every_s = 0;
   std::string file, to, folder;
   std::vector<std::string> radar, tdc, depth;

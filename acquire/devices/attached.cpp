@@ -55,11 +55,20 @@ AttachedList find_attached() {
   return list;
 }
 
+std::string names_of(const std::string& model, const std::string& serial,
+                     const std::string& firmware) {
+  std::string text;
+  for (const auto& [what, name] :
+       {std::pair{"model ", model}, {"serial ", serial}, {"firmware ", firmware}})
+    if (!name.empty()) text += (text.empty() ? "" : ", ") + std::string(what) + printable(name);
+  return text;
+}
+
 std::string to_text(const AttachedList& list) {
   std::string text;
   for (const auto& device : list.usb) {
-    text += device.kind + ' ' + ids(device) + ": model " + printable(device.model) + ", serial " +
-            printable(device.serial) + ", firmware " + printable(device.firmware) + '\n';
+    text += device.kind + ' ' + ids(device) + ": " +
+            names_of(device.model, device.serial, device.firmware) + '\n';
     if (!device.advice.empty()) text += "  " + printable(device.advice) + '\n';
     for (const auto& node : device.nodes) text += node_text(node);
   }

@@ -17,6 +17,9 @@ struct AttachedList {
 
 AttachedList find_attached();
 
+// "model A, serial B, firmware C", of those that are known.
+std::string names_of(const std::string& model, const std::string& serial,
+                     const std::string& firmware);
 // For people, with the lines to write into lab.toml.
 std::string to_text(const AttachedList& list);
 // {"usb": [...], "openni": [...]}

@@ -56,11 +56,10 @@ void print_device(Sensor s, const Devices::Status& status, const std::string& de
     std::printf("%s\n", description.c_str());
     return;
   }
-  std::printf("%s %s: answers; model %s, serial %s, firmware %s, %" PRIu64 " %s so far\n",
-              name_of(s), printable(status.info.address).c_str(),
-              printable(status.info.model).c_str(), printable(status.info.serial).c_str(),
-              printable(status.info.firmware).c_str(), status.samples,
-              s == Sensor::spd ? "tags" : "frames");
+  std::printf("%s %s: answers; %s, %" PRIu64 " %s so far\n", name_of(s),
+              printable(status.info.address).c_str(),
+              names_of(status.info.model, status.info.serial, status.info.firmware).c_str(),
+              status.samples, s == Sensor::spd ? "tags" : "frames");
 }
 
 }  // namespace

@@ -123,8 +123,8 @@ Finding judge_space(double free_bytes, const PlannedRun& plan) {
   const std::string of_size = " of " + size_text(estimate.record_bytes) + " each";
   if (plan.count) {
     out.facts.emplace_back("needed_bytes", estimate.needed_bytes);
-    out.found += "; " + std::to_string(*plan.count) + " records" + of_size + " take " +
-                 size_text(estimate.needed_bytes);
+    out.found += "; " + std::to_string(*plan.count) + " records" + of_size +
+                 ", with the journal beside them, take " + size_text(estimate.needed_bytes);
     if (estimate.needed_bytes > free_bytes) out.grade = Grade::problem;
   } else {
     out.found += ": enough for " + human_duration(estimate.lasts_s) + " of records" + of_size;

@@ -96,8 +96,9 @@ std::vector<float> to_target(std::span<const std::uint16_t> depth_mm, const Axis
   constexpr auto limit_mm = static_cast<std::uint16_t>(max_depth_m * 1000);
   std::vector<float> out(std::size_t{target_x.count} * target_y.count);
   if (same_axis(x, target_x) && same_axis(y, target_y)) {
+    // A choice of numbers, not of divisions, becomes vector instructions.
     std::transform(depth_mm.begin(), depth_mm.end(), out.begin(), [](std::uint16_t mm) {
-      return mm <= limit_mm ? static_cast<float>(mm) / 1000.0f : 0.f;
+      return static_cast<float>(mm <= limit_mm ? mm : 0) / 1000.0f;
     });
     return out;
   }

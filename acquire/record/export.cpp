@@ -3,6 +3,7 @@
 
 #include <unistd.h>
 
+#include <algorithm>
 #include <fstream>
 #include <limits>
 #include <utility>
@@ -135,7 +136,6 @@ class Arrays {
       write_axis(out, "spd_time", *spd);
     }
     if (const auto radar = run.axis("radar"); radar && radar->count > 0) {
-      no_radar_.assign(radar->count, std::numeric_limits<float>::quiet_NaN());
       out.allocate<float>(data + "radar", {n, radar->count});
       const bool codes = radar->quantity == "log2_q8";
       out.set(data + "radar", "units", codes ? "log2_q8" : "1");
@@ -150,7 +150,6 @@ class Arrays {
     }
     if (const auto array = run.axis("array"); array && array->count > 0) {
       const std::size_t values = values_of_bin(antennas_of(*array));
-      no_array_.assign(array->count * values, std::numeric_limits<float>::quiet_NaN());
       out.allocate<float>(data + "array", {n, array->count, values});
       out.set(data + "array", "units", "the firmware's integers, squared where it is a power");
       out.set(data + "array", "long_name",
@@ -161,7 +160,6 @@ class Arrays {
     }
     const auto x = run.axis("depth_x"), y = run.axis("depth_y");
     if (x && y && x->count > 0 && y->count > 0) {
-      no_depth_.assign(std::size_t{y->count} * x->count, std::numeric_limits<float>::quiet_NaN());
       out.allocate<float>(data + "depth", {n, y->count, x->count});
       out.set(data + "depth", "units", "mm");
       out.set(data + "depth", "long_name", "z of each pixel, NaN: no return");
@@ -171,20 +169,17 @@ class Arrays {
   }
   void write(std::size_t row, const FusedRecord& r) {
     if (r.has(Sensor::spd)) out_.write_row<std::uint32_t>(data + "spd", row, r.spd);
-    if (!no_radar_.empty())
-      out_.write_row<float>(data + "radar", row, r.has(Sensor::radar) ? r.radar : no_radar_);
-    if (!no_array_.empty())
-      out_.write_row<float>(data + "array", row, r.array.empty() ? no_array_ : r.array);
-    if (!no_depth_.empty()) {
-      std::vector<float> depth = no_depth_;
-      for (std::size_t p = 0; r.has(Sensor::depth) && p < depth.size(); ++p)
-        if (r.depth_mm[p] > 0) depth[p] = r.depth_mm[p];
+    if (r.has(Sensor::radar)) out_.write_row<float>(data + "radar", row, r.radar);
+    if (!r.array.empty()) out_.write_row<float>(data + "array", row, r.array);
+    if (r.has(Sensor::depth)) {
+      std::vector<float> depth(r.depth_mm.begin(), r.depth_mm.end());
+      std::ranges::replace(depth, 0.F, std::numeric_limits<float>::quiet_NaN());
       out_.write_row<float>(data + "depth", row, depth);
     }
-    if (codes_of_antennas_ > 0) {
-      std::vector<float> power = no_radar_;
-      for (std::size_t b = 0; r.has(Sensor::radar) && b < power.size(); ++b)
-        power[b] = static_cast<float>(power_from_code(double{r.radar[b]}, codes_of_antennas_));
+    if (r.has(Sensor::radar) && codes_of_antennas_ > 0) {
+      std::vector<float> power;
+      for (const float code : r.radar)
+        power.push_back(static_cast<float>(power_from_code(double{code}, codes_of_antennas_)));
       out_.write_row<float>(data + "radar_power", row, power);
     }
   }
@@ -214,7 +209,6 @@ class Arrays {
 
  private:
   H5Out& out_;
-  std::vector<float> no_radar_, no_array_, no_depth_;
   double codes_of_antennas_ = 0;  // 0: the radar gives powers
 };
 

@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <functional>
+#include <limits>
 #include <numeric>
 #include <type_traits>
 #include <utility>
@@ -20,7 +21,8 @@ namespace {
 static_assert(std::is_same_v<hid_t, std::int64_t>);
 
 constexpr std::size_t smallest_compressed_row =
-    64;  // bytes; a filter costs more than it saves below
+    64;                                          // bytes; a filter costs more than it saves below
+constexpr std::size_t largest_chunk = 16 << 20;  // bytes; one is compressed in memory
 
 // A handle of HDF5 and the call that gives it back.
 class Handle {
@@ -157,10 +159,15 @@ std::int64_t H5Out::make_dataset(const std::string& name, std::int64_t type, con
       values / shape[0] * H5Tget_size(type) >= smallest_compressed_row) {
     std::vector<hsize_t> chunk(shape.begin(), shape.end());
     chunk[0] = 1;
+    const std::size_t line = values / shape[0] / shape[1] * H5Tget_size(type);
+    chunk[1] = std::clamp<hsize_t>(largest_chunk / line, 1, shape[1]);
     H5Pset_chunk(layout.get(), static_cast<int>(chunk.size()), chunk.data());
     H5Pset_shuffle(layout.get());
     H5Pset_deflate(layout.get(), 1);
   }
+  const float none = std::numeric_limits<float>::quiet_NaN();
+  if (H5Tequal(type, H5T_NATIVE_FLOAT) > 0)
+    H5Pset_fill_value(layout.get(), H5T_NATIVE_FLOAT, &none);  // rows that are not written
   const hid_t made =
       H5Dcreate2(file_, name.c_str(), type, space.get(), links.get(), layout.get(), H5P_DEFAULT);
   if (made < 0) fail(name, "cannot create the dataset");

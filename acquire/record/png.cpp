@@ -2,16 +2,15 @@
 #include "acquire/record/png.hpp"
 
 #include <libdeflate.h>
-#include <spng.h>
 
 #include <algorithm>
+#include <cstdlib>
 #include <iterator>
 #include <memory>
+#include <optional>
 
 namespace echofuse::record {
 namespace {
-
-using Context = std::unique_ptr<spng_ctx, decltype([](spng_ctx* c) { spng_ctx_free(c); })>;
 
 void put_big_endian(Bytes& out, std::uint32_t v) {
   for (int shift = 24; shift >= 0; shift -= 8) out.push_back(static_cast<std::uint8_t>(v >> shift));
@@ -55,9 +54,10 @@ std::uint32_t big_endian(ByteView bytes, std::size_t at) {
          std::uint32_t{bytes[at + 2]} << 8 | std::uint32_t{bytes[at + 3]};
 }
 
-// Whether the bytes are laid out as encode_png16 does it: signature, IHDR of this size (16 bits,
-// grey, not interlaced), IDATs, IEND. Of other chunks a decoder would make what they ask for.
-bool is_laid_out(ByteView png, std::uint32_t width, std::uint32_t height) {
+// The compressed rows of a PNG that is laid out as encode_png16 does it: signature, IHDR of this
+// size (16 bits, grey, not interlaced), IDATs, IEND. Of other chunks a decoder would make what they
+// ask for. The rows have a checksum of their own.
+std::optional<Bytes> compressed_rows(ByteView png, std::uint32_t width, std::uint32_t height) {
   constexpr std::uint8_t begin[] = {0, 0, 0, 13, 'I', 'H', 'D', 'R'};
   constexpr std::uint8_t kind[] = {16, 0, 0, 0, 0};
   constexpr std::size_t first_chunk = 33, around_data = 12;  // length, name, CRC
@@ -65,23 +65,51 @@ bool is_laid_out(ByteView png, std::uint32_t width, std::uint32_t height) {
       !std::equal(std::begin(signature), std::end(signature), png.begin()) ||
       !std::equal(std::begin(begin), std::end(begin), png.begin() + sizeof signature) ||
       big_endian(png, 16) != width || big_endian(png, 20) != height ||
-      !std::equal(std::begin(kind), std::end(kind), png.begin() + 24))
-    return false;
-  std::size_t data = 0;
+      !std::equal(std::begin(kind), std::end(kind), png.begin() + 24) ||
+      ::libdeflate_crc32(0, png.data() + 12, 17) != big_endian(png, 29))
+    return std::nullopt;
+  Bytes data;
   for (ByteView rest = png.subspan(first_chunk); rest.size() >= around_data;) {
     const std::uint32_t length = big_endian(rest, 0), name = big_endian(rest, 4);
     constexpr std::uint32_t idat = 0x49444154, iend = 0x49454e44;
-    if (length > rest.size() - around_data) return false;
-    if (name == iend) {
-      // Deflate makes at most 1032 bytes of one (zlib, "maximum compression factor").
-      const std::uint64_t pixel_bytes = std::uint64_t{height} * (2 * std::uint64_t{width} + 1);
-      return rest.size() == around_data && pixel_bytes <= 1032 * std::uint64_t{data};
-    }
-    if (name != idat) return false;
-    data += length;
+    if (length > rest.size() - around_data) return std::nullopt;
+    if (name == iend && rest.size() == around_data) return data;
+    if (name != idat) return std::nullopt;
+    data.insert(data.end(), rest.begin() + 8, rest.begin() + 8 + length);
     rest = rest.subspan(around_data + length);
   }
-  return false;
+  return std::nullopt;
+}
+
+// Empty if they are not of this size.
+Bytes inflated(ByteView data, std::size_t size) {
+  // Deflate makes at most 1032 bytes of one (zlib, "maximum compression factor").
+  if (size > 1032 * std::uint64_t{data.size()}) return {};
+  using Decompressor =
+      std::unique_ptr<libdeflate_decompressor, decltype([](libdeflate_decompressor* d) {
+                        libdeflate_free_decompressor(d);
+                      })>;
+  thread_local const Decompressor decompressor(libdeflate_alloc_decompressor());
+  Bytes out(size);
+  if (!decompressor || libdeflate_zlib_decompress(decompressor.get(), data.data(), data.size(),
+                                                  out.data(), size, nullptr) != LIBDEFLATE_SUCCESS)
+    return {};
+  return out;
+}
+
+// Takes the filter off a row of 16-bit pixels (PNG, 9.2); `above`: the row before, or zeros.
+bool unfilter(std::uint8_t filter, std::span<std::uint8_t> row, ByteView above) {
+  enum Filter : std::uint8_t { none, sub, up, average, paeth };
+  if (filter > paeth) return false;
+  if (filter == none) return true;
+  for (std::size_t i = 0; i < row.size(); ++i) {
+    const int a = i < 2 ? 0 : row[i - 2], b = above[i], c = i < 2 ? 0 : above[i - 2];
+    const int to_a = std::abs(b - c), to_b = std::abs(a - c), to_c = std::abs(a + b - 2 * c);
+    const int nearest = to_a <= to_b && to_a <= to_c ? a : to_b <= to_c ? b : c;
+    const int guesses[] = {0, a, b, (a + b) / 2, nearest};
+    row[i] = static_cast<std::uint8_t>(row[i] + guesses[filter]);
+  }
+  return true;
 }
 
 }  // namespace
@@ -117,13 +145,23 @@ Bytes encode_png_rgb(std::span<const std::uint8_t> pixels, std::uint32_t width,
 }
 
 std::vector<std::uint16_t> decode_png16(ByteView png, std::uint32_t width, std::uint32_t height) {
-  if (std::uint64_t{width} * height > max_png_pixels || !is_laid_out(png, width, height)) return {};
-  const Context context(spng_ctx_new(0));
+  const std::size_t pixel_bytes = 2 * std::size_t{width};
+  if (std::uint64_t{width} * height > max_png_pixels) return {};
+  const auto data = compressed_rows(png, width, height);
+  if (!data) return {};
+  Bytes rows = inflated(*data, height * (pixel_bytes + 1));
+  if (rows.empty()) return {};
   std::vector<std::uint16_t> pixels(std::size_t{width} * height);
-  if (spng_set_png_buffer(context.get(), png.data(), png.size()) != 0 ||
-      spng_decode_image(context.get(), pixels.data(), pixels.size() * sizeof pixels[0],
-                        SPNG_FMT_PNG, 0) != 0)
-    return {};
+  const Bytes zeros(pixel_bytes);
+  ByteView above = zeros;
+  for (std::size_t y = 0; y < height; ++y) {
+    const auto row = std::span(rows).subspan(y * (pixel_bytes + 1) + 1, pixel_bytes);
+    if (!unfilter(rows[y * (pixel_bytes + 1)], row, above)) return {};
+    above = row;
+    std::uint16_t* const out = pixels.data() + y * width;
+    for (std::size_t x = 0; x < width; ++x)
+      out[x] = static_cast<std::uint16_t>(row[2 * x] << 8 | row[2 * x + 1]);
+  }
   return pixels;
 }
 

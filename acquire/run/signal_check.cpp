@@ -95,6 +95,15 @@ std::string SignalCheck::judge_spd(record::FusedRecord& r, const Axis& axis) {
   if (limits_.clicks_a_pulse > 0 && a_pulse > limits_.clicks_a_pulse)
     return format("saturated: %.3g clicks a laser pulse, %.3g wanted at most", a_pulse,
                   limits_.clicks_a_pulse);
+  const TagCounts& c = r.spd_counts;
+  if (even && c.out_of_range > c.in_range)
+    return format(
+        "no peak: no bins stand out of the mean, and %.0f %% of the clicks lie outside "
+        "the histogram's %.2f to %.2f m",
+        100.0 * static_cast<double>(c.out_of_range) /
+            static_cast<double>(c.in_range + c.out_of_range),
+        axis.start / ps_per_m,
+        (axis.start + axis.step * static_cast<double>(r.spd.size())) / ps_per_m);
   if (even) return "no peak: no bins stand out of the mean";
   if (clicks < limits_.spd_clicks)
     return format("weak: %.0f clicks above the background, %.0f wanted", clicks,

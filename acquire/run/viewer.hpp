@@ -12,8 +12,9 @@ namespace echofuse::acquire {
 // Prints its address by itself. One that cannot be started is a warning: the run counts more.
 class Viewer {
  public:
-  // The run file need not be there yet; `planned`: the records that it shall have.
-  Viewer(const std::string& run, std::optional<std::int64_t> planned);
+  // The run file need not be there yet; `planned`: the records that it shall have; `model`: of the
+  // maps to be shown, or empty.
+  Viewer(const std::string& run, std::optional<std::int64_t> planned, const std::string& model);
   ~Viewer();  // ends it, unless it is left
   Viewer(const Viewer&) = delete;
   Viewer& operator=(const Viewer&) = delete;

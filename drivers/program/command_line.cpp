@@ -1,9 +1,16 @@
 // SPDX-License-Identifier: MIT
 #include "drivers/program/command_line.hpp"
 
+#include <sys/ioctl.h>
+#include <unistd.h>
+
 #include <algorithm>
+#include <cctype>
+#include <cstdlib>
 #include <memory>
+#include <sstream>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "drivers/program/settings.hpp"
@@ -18,24 +25,27 @@ const CLI::Option* option_named(const CLI::App* app, const std::string& name) {
   return nullptr;
 }
 
-void add_options(const CLI::App* app, std::vector<std::string>& out) {
-  for (const CLI::Option* option : app->get_options())
-    for (const std::string& name : option->get_lnames()) out.push_back("--" + name);
-  for (const CLI::App* sub : app->get_subcommands({}))
-    if (sub->get_name().empty()) add_options(sub, out);  // a group of options
-}
-
 std::vector<std::string> options_of(const CLI::App* app) {
   std::vector<std::string> out;
-  for (; app != nullptr; app = app->get_parent()) add_options(app, out);
+  for (; app != nullptr; app = app->get_parent())
+    for (const CLI::Option* option : app->get_options())
+      for (const std::string& name : option->get_lnames()) out.push_back(name);
   return out;
 }
 
 std::vector<std::string> commands_of(const CLI::App* app) {
   std::vector<std::string> out;
-  for (const CLI::App* sub : app->get_subcommands({}))
-    if (!sub->get_name().empty()) out.push_back(sub->get_name());  // a group of options has none
+  for (const CLI::App* sub : app->get_subcommands({})) out.push_back(sub->get_name());
   return out;
+}
+
+[[noreturn]] void refuse_name(const std::string& name, const std::string& what,
+                              const std::vector<std::string>& known, const std::string& dashes) {
+  const std::string like = nearest(known, name);
+  throw CLI::ExtrasError(
+      dashes + name + ": no such " + what +
+          (like.empty() ? "; --help lists them" : "; the nearest is " + dashes + like),
+      CLI::ExitCodes::ExtrasError);
 }
 
 // Refuses the first word that is no command where one is needed, and the first unknown option.
@@ -48,10 +58,7 @@ void check_names(CLI::App& app, const std::vector<std::string>& words) {
       const auto equals = word.find('=');
       const std::string name = word.substr(0, equals);
       const CLI::Option* option = option_named(command, name);
-      if (option == nullptr)
-        throw CLI::ExtrasError(
-            name + ": no such option; the nearest is " + nearest(options_of(command), name),
-            CLI::ExitCodes::ExtrasError);
+      if (option == nullptr) refuse_name(name.substr(2), "option", options_of(command), "--");
       if (equals == word.npos && option->get_expected_max() > 0) ++i;
       continue;
     }
@@ -63,8 +70,7 @@ void check_names(CLI::App& app, const std::vector<std::string>& words) {
     const auto commands = commands_of(command);
     if (commands.empty()) continue;
     if (std::ranges::find(commands, word) == commands.end())
-      throw CLI::ExtrasError(word + ": no such command; the nearest is " + nearest(commands, word),
-                             CLI::ExitCodes::ExtrasError);
+      refuse_name(word, "command", commands, "");
     command = command->get_subcommand(word);
   }
 }
@@ -74,40 +80,99 @@ std::string readable(std::string text) {
   const std::string endless = " not in range 0.000000 to 17976931348623157";
   if (const auto at = text.find(endless); at != text.npos)
     text = text.substr(0, at) + ": expected a positive number";
-  const bool range = text.find(" not in range ") != text.npos;
-  for (auto at = text.find(".000000"); range && at != text.npos; at = text.find(".000000"))
-    text.erase(at, 7);
+  auto dot = text.find('.', text.find(" not in range "));
+  for (; dot < text.size(); dot = text.find('.', dot + 1)) {
+    const auto end = std::min(text.find_first_not_of("0123456789", dot + 1), text.size());
+    const auto last = text.find_last_not_of('0', end - 1);
+    const auto zeros = last == dot ? dot : last + 1;  // a dot without digits goes as well
+    if (end > dot + 1) text.erase(zeros, end - zeros);
+  }
   const std::string cannot = "Could not convert: ";
   if (text.starts_with(cannot)) text = text.substr(cannot.size()) + ": expected a number";
   return text;
 }
 
-// --help without the words of the library's validators: "(0.05 to 3600)".
+// Of the terminal at stdout, or $COLUMNS.
+std::size_t columns_of_help() {
+  const char* stated = std::getenv("COLUMNS");
+  winsize size{};
+  if (stated != nullptr && std::atoi(stated) > 0)
+    return static_cast<std::size_t>(std::atoi(stated));
+  const bool terminal = ::ioctl(STDOUT_FILENO, TIOCGWINSZ, &size) == 0 && size.ws_col > 0;
+  return terminal ? size.ws_col : 100;
+}
+
+// A line that is too long goes on below its text, which begins at column `indent` if the line
+// begins with a space.
+std::string wrapped(const std::string& line, std::size_t columns, std::size_t indent) {
+  indent = line.starts_with(" ") ? indent : 0;
+  if (line.size() <= columns || columns <= indent + 20) return line;
+  const auto at = line.rfind(' ', columns);
+  if (at == line.npos || at <= indent) return line;
+  return line.substr(0, at) + "\n" +
+         wrapped(std::string(indent, ' ') + line.substr(at + 1), columns, indent);
+}
+
+void replace(std::string& text, std::string_view was, std::string_view now) {
+  for (auto at = text.find(was); at != text.npos; at = text.find(was, at + now.size()))
+    text.replace(at, was.size(), now);
+}
+
+// ":INT in [1 - 9]" becomes " (1 to 9)", and ":(INT in [0 - 0]) OR (INT in [1 - 9])" becomes
+// " (0, or 1 to 9)".
+void say_range(std::string& text) {
+  const std::string_view in = " in [", zero = " in [0 - 0]) OR (";
+  const auto first = text.find(in);
+  if (first == text.npos) return;
+  const bool or_zero = text.compare(first, zero.size(), zero) == 0;
+  const auto low = text.find(in, first + (or_zero ? zero.size() : 0)) + in.size();
+  const auto dash = text.find(" - ", low), high = text.find(']', low);
+  const auto begin = text.rfind(':', first);
+  std::string words = or_zero ? " (0, or " : " (";
+  words += text.substr(low, dash - low) + " to " + text.substr(dash + 3, high - dash - 3) + ")";
+  text.replace(begin, high + (or_zero ? 2 : 1) - begin, words);
+}
+
+// --help as a person reads it: "(0.05 to 3600)" in place of the library's words for its
+// validators, options that do not go together in a sentence, lines that fit the terminal.
 class Readable final : public CLI::Formatter {
+  std::string make_help(const CLI::App* app, std::string name,
+                        CLI::AppFormatMode mode) const override {
+    std::istringstream lines(Formatter::make_help(app, name, mode));
+    std::string out, line;
+    for (bool examples = false; std::getline(lines, line);) {
+      if (line.empty() && out.ends_with("\n\n")) continue;  // one blank line is enough
+      examples = examples ? !line.empty() : line == "Examples:";
+      out += (examples ? line : wrapped(line, columns_of_help(), get_column_width())) + '\n';
+    }
+    return out;
+  }
+  std::string make_description(const CLI::App* app) const override {
+    return app->get_description() + "\n";
+  }
   std::string make_option_name(const CLI::Option* option, bool positional) const override {
     std::string name = Formatter::make_option_name(option, positional);
     if (const auto at = name.find("{false}"); at != name.npos) name.erase(at, 7);
     return name;
   }
-  // Of ":INT in [1 - 9]" or ":(INT in [0 - 0]) OR (INT in [1 - 9])" it makes " (1 to 9)" or " (0,
-  // or 1 to 9)".
   std::string make_option_opts(const CLI::Option* option) const override {
-    const std::string text = Formatter::make_option_opts(option);
-    const std::string above = ":POSITIVE", not_below = ":NONNEGATIVE", in = " in [",
-                      zero = " in [0 - 0]) OR (";
-    if (const auto at = text.find(above); at != text.npos)
-      return std::string(text).replace(at, above.size(), " (above 0)");
-    if (const auto at = text.find(not_below); at != text.npos)
-      return std::string(text).replace(at, not_below.size(), " (at least 0)");
-    const auto first = text.find(in);
-    if (first == text.npos) return text;
-    const bool or_zero = text.compare(first, zero.size(), zero) == 0;
-    const auto low = text.find(in, first + (or_zero ? zero.size() : 0)) + in.size();
-    const auto dash = text.find(" - ", low), high = text.find(']', low);
-    std::string out = text.substr(0, text.rfind(':', first));
-    out += or_zero ? " (0, or " : " (";
-    out += text.substr(low, dash - low) + " to " + text.substr(dash + 3, high - dash - 3) + ")";
-    return out + text.substr(high + (or_zero ? 2 : 1));
+    std::string text = Formatter::make_option_opts(option);
+    if (option->get_positional() && std::isupper(option->get_name(true).front()) != 0)
+      text.erase(0, text.find(' ', 1));  // its name says what it is
+    say_range(text);
+    text = text.substr(0, std::min(text.find(" Needs:"), text.find(" Excludes:")));
+    replace(text, ":NONNEGATIVE", " (at least 0)");
+    replace(text, "UINT", "INT");
+    replace(text, ":FLOAT UNIT", "");
+    replace(text, ":POSITIVE", " (above 0)");
+    return text;
+  }
+  std::string make_option_desc(const CLI::Option* option) const override {
+    std::string others;
+    for (const CLI::Option* other : option->get_excludes())
+      others += (others.empty() ? "; not with " : " or ") + other->get_name();
+    for (const CLI::Option* other : option->get_needs()) others += "; with " + other->get_name();
+    return option->get_description() + others;
   }
 };
 
@@ -137,6 +202,16 @@ void parse_command_line(CLI::App& app, int argc, const char* const* argv) {
     if (text == e.what()) throw;
     throw CLI::ExtrasError(text, CLI::ExitCodes::ValidationError);
   }
+}
+
+void more_options(CLI::App& command, std::initializer_list<const char*> names) {
+  for (const char* name : names) command.get_option(name)->group("More options");
+}
+
+void add_examples(CLI::App& command, std::initializer_list<const char*> lines) {
+  std::string text = "Examples:\n";
+  for (const char* line : lines) text.append("  ").append(line).append("\n");
+  command.footer(text + (command.get_footer().empty() ? "" : "\n" + command.get_footer()));
 }
 
 }  // namespace echofuse

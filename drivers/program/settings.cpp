@@ -73,6 +73,11 @@ std::size_t edit_distance(const std::string& a, const std::string& b) {
   return at[a.size()][b.size()];
 }
 
+std::string or_nearest(const std::vector<std::string>& known, const std::string& key) {
+  const std::string name = nearest(known, key);
+  return name.empty() ? ", and none is like it" : "; the nearest known one is \"" + name + "\"";
+}
+
 std::string section_of(const std::string& key) {
   const auto dot = key.rfind('.');
   return dot == std::string::npos ? "" : key.substr(0, dot);
@@ -101,10 +106,13 @@ bool blank_out(std::string& text, std::size_t line) {
 }  // namespace
 
 std::string nearest(const std::vector<std::string>& known, const std::string& key) {
-  const auto it = std::min_element(known.begin(), known.end(), [&](auto& a, auto& b) {
-    return edit_distance(a, key) < edit_distance(b, key);
-  });
-  return it == known.end() ? "" : *it;
+  const auto changes = [&](const std::string& name) {
+    const bool part = key.find(name) != key.npos || name.find(key) != name.npos;
+    return edit_distance(name, key) * (part ? 1 : 2);
+  };
+  const auto it = std::min_element(known.begin(), known.end(),
+                                   [&](auto& a, auto& b) { return changes(a) < changes(b); });
+  return it == known.end() || changes(*it) > key.size() ? "" : *it;
 }
 
 void refuse(const std::vector<std::string>& faults) {
@@ -220,8 +228,8 @@ std::string Settings::unknown(const std::string& key, const Node& node) const {
   if (node.is_table())
     for (auto& name : known) name = section_of(name);
   std::erase(known, "");
-  return "unknown " + std::string(node.is_table() ? "section" : "key") + " \"" + key +
-         "\"; the nearest known one is \"" + nearest(known.empty() ? keys() : known, key) + "\"";
+  return "unknown " + std::string(node.is_table() ? "section" : "key") + " \"" + key + "\"" +
+         or_nearest(known.empty() ? keys() : known, key);
 }
 
 template <class Table>
@@ -273,8 +281,7 @@ void Settings::take(const std::string& assignment, Faults& faults) {
   if (equals == std::string::npos) return complain("expected key=value");
   const std::string key = assignment.substr(0, equals);
   Entry* entry = find(key);
-  if (!entry)
-    return complain("unknown key; the nearest known one is \"" + nearest(keys(), key) + "\"");
+  if (!entry) return complain("unknown key" + or_nearest(keys(), key));
   try {
     const std::string value = assignment.substr(equals + 1);
     toml::table table = parse_value(value);

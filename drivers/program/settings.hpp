@@ -18,8 +18,8 @@ std::string read_config_text(const std::string& path);
 // Throws Error(config) that lists these faults, one a line.
 [[noreturn]] void refuse(const std::vector<std::string>& faults);
 
-// Of the known words the one that needs the fewest changes to become this one; empty if none is
-// known.
+// Of the known words the one that needs the fewest changes to become this one, half as many where
+// one is a part of the other; empty if that is more than half of its letters.
 std::string nearest(const std::vector<std::string>& known, const std::string& word);
 
 class Settings {

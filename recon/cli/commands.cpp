@@ -9,6 +9,7 @@
 #include <map>
 #include <nlohmann/json.hpp>
 
+#include "drivers/program/command_line.hpp"
 #include "drivers/program/console.hpp"
 #include "drivers/program/printable.hpp"
 #include "recon/numbers/parallel.hpp"
@@ -44,7 +45,13 @@ std::string command_line() {
 
 void add_empty_option(CLI::App& app, std::string& path) {
   app.add_option("--empty", path,
-                 "a run of nobody in the room of this run, if it is another one than in training");
+                 "a run of nobody in the room of this run, if it is another one than in training")
+      ->type_name("RUN");
+}
+
+void add_model_and_run(CLI::App& app, std::string& model, std::string& run) {
+  app.add_option("model", model, "model file")->type_name("MODEL")->required();
+  app.add_option("run", run, "run file")->type_name("RUN")->required();
 }
 
 TrainedModel model_for_room(const std::string& path, const std::string& empty,
@@ -122,7 +129,7 @@ class ReconstructReport {
 
 }  // namespace
 
-Command add_evaluate(CLI::App& app, const Common&) {
+Command add_evaluate(CLI::App& app, const Common& common) {
   struct Arguments {
     std::string model, run, empty;
     double range_offset_m = 0;
@@ -130,15 +137,18 @@ Command add_evaluate(CLI::App& app, const Common&) {
     bool all = false, json = false;
   };
   const auto a = std::make_shared<Arguments>();
-  app.add_option("model", a->model, "model file")->required();
-  app.add_option("run", a->run, "run file")->required();
+  add_model_and_run(app, a->model, a->run);
   app.add_flag("--all", a->all, "also score records that the model was trained on");
   app.add_option("--train", a->train,
-                 "the runs the model was trained on, for the nearest-neighbour row of a fresh run");
+                 "the runs the model was trained on, for the nearest-neighbour row of a fresh run")
+      ->type_name("RUN");
   add_empty_option(app, a->empty);
   add_range_offset_option(app, a->range_offset_m);
   app.add_flag("--json", a->json, "one JSON object instead of text");
-  return [a] {
+  more_options(app, {"--train", "--empty", "--range-offset", "--json"});
+  add_examples(app, {"echofuse-recon evaluate fused.safetensors scenes.sqlite"});
+  return [a, &common] {
+    const auto title = [&](const char* text) { return common.quiet || a->json ? "" : text; };
     const TrainedModel model = model_for_room(a->model, a->empty, a->range_offset_m);
     Dataset data = load_recorded({a->run}), other;
     const Records records = prepare_records(model, data, a->range_offset_m);
@@ -153,9 +163,10 @@ Command add_evaluate(CLI::App& app, const Common&) {
     }
     const Dataset& trained_on = a->train.empty() ? data : other;
     const Rows rows = rows_to_evaluate(model, records.data, a->all);
-    Evaluation e = evaluate(model, records, rows);
-    e.baselines = score_baselines(data, rows, model->scene, trained_on,
-                                  model.rows_of(trained_on, Part::train));
+    Evaluation e = evaluate(model, records, rows, title("scoring"));
+    e.baselines =
+        score_baselines(data, rows, model->scene, trained_on,
+                        model.rows_of(trained_on, Part::train), title("scoring baselines"));
     set_threads(1);
     e.cost = measure_cost(model, records.data, rows, a->model);
     std::puts(a->json
@@ -170,9 +181,8 @@ Command add_reconstruct(CLI::App& app, const Common& common) {
     std::string model, run, empty;
   };
   const auto a = std::make_shared<Arguments>();
-  app.add_option("model", a->model, "model file")->required();
-  app.add_option("run", a->run, "run file")->required();
-  app.add_option("--out", a->out, "folder for the maps")->required();
+  add_model_and_run(app, a->model, a->run);
+  app.add_option("--out", a->out, "folder for the maps")->type_name("FOLDER")->required();
   app.add_option("--format", a->formats, "any of " + map_format_help())
       ->delimiter(',')
       ->allow_extra_args(false)
@@ -183,6 +193,10 @@ Command add_reconstruct(CLI::App& app, const Common& common) {
   app.add_flag("--follow", a->follow,
                "of a run that is being recorded: new records as they come, until it is closed");
   app.add_flag("--force", a->force, "write into a folder that holds maps of another run");
+  more_options(app, {"--empty", "--range-offset", "--force"});
+  add_examples(app,
+               {"echofuse-recon reconstruct fused.safetensors monday.sqlite --out maps",
+                "echofuse-recon reconstruct fused.safetensors monday.sqlite --follow --out maps"});
   return [a, &common] {
     a->quiet = common.quiet;
     ReconstructReport talk(a->run, a->follow, common.quiet);
@@ -193,17 +207,17 @@ Command add_reconstruct(CLI::App& app, const Common& common) {
     const TrainedModel model = model_for_room(a->model, a->empty, a->range_offset_m);
     reconstruct(model, a->run, *a);
     if (!model->uncertainty && !common.quiet)
-      std::fprintf(stderr, "%s: %s: too few training records to say how far off the maps are\n",
-                   printable(a->model).c_str(), calibration_of(model));
+      std::fprintf(stderr, "%s: %s: %s\n", printable(a->model).c_str(), calibration_of(model),
+                   why_not_calibrated);
     talk.finish(a->out);
     if (interrupted()) return ExitCode::interrupted;
     return talk.all_well() ? ExitCode::ok : ExitCode::partial;
   };
 }
 
-Command add_report(CLI::App& app, const Common&) {
+Command add_report(CLI::App& app, const Common& common) {
   const auto a = std::make_shared<ReportOptions>();
-  app.add_option("dir", a->dir, "folder for report.html")->required();
+  app.add_option("dir", a->dir, "folder for report.html")->type_name("FOLDER")->required();
   app.add_option("--run", a->run, "run file; its held-out records are scored");
   app.add_option("--fused", a->fused, "model file of both sensors; several are seeds of one");
   app.add_option("--spd", a->spd, "model file, for a row below; several are seeds of one");
@@ -216,8 +230,18 @@ Command add_report(CLI::App& app, const Common&) {
                  "a recorded run: its story, also without any model; with --fused also its maps");
   add_empty_option(app, a->empty);
   app.add_flag("--force", a->force, "write over a report of another run");
-  return [a] {
+  for (const char* option : {"--fused", "--spd", "--radar", "--paper", "--compare"})
+    app.get_option(option)->type_name("MODEL");
+  for (const char* option : {"--run", "--live"}) app.get_option(option)->type_name("RUN");
+  more_options(app, {"--paper", "--empty", "--force"});
+  add_examples(
+      app,
+      {"echofuse-recon report page --run scenes.sqlite --fused fused.safetensors",
+       "echofuse-recon report page --live monday.sqlite",
+       "echofuse-recon report page --run scenes.sqlite --compare a.safetensors b.safetensors"});
+  return [a, &common] {
     a->command = command_line();
+    a->quiet = common.quiet;
     check_report(*a);
     set_threads(1);  // the latencies in the table are those of one thread
     const Report report = make_report(*a);

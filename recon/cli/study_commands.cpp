@@ -2,6 +2,7 @@
 #include <CLI/CLI.hpp>
 #include <cstdio>
 
+#include "drivers/program/command_line.hpp"
 #include "drivers/program/printable.hpp"
 #include "recon/cli/commands.hpp"
 #include "recon/study/pareto.hpp"
@@ -37,9 +38,10 @@ void add_common(CLI::App& app, StudyOptions& options) {
 Command add_pareto(CLI::App& app, const Common& common) {
   const auto a = std::make_shared<ParetoOptions>();
   const auto part = add_part_option(app);
-  app.add_option("train", a->train, "run file to train on")->required();
-  app.add_option("test", a->test, "run file to judge by")->required();
+  app.add_option("train", a->train, "run file to train on")->type_name("RUN")->required();
+  app.add_option("test", a->test, "run file to judge by")->type_name("RUN")->required();
   app.add_option("--out", a->out, "folder for pareto.csv and pareto.html; goes on there")
+      ->type_name("FOLDER")
       ->required();
   app.add_option("--models", a->models,
                  "as train --model; \":spd\", \":radar\" or \":fused-profile\" behind one")
@@ -67,6 +69,8 @@ Command add_pareto(CLI::App& app, const Common& common) {
       ->delimiter(',')
       ->expected(2)
       ->check(CLI::PositiveNumber);
+  more_options(app, {"--sweep-models", "--photons", "--records", "--bound", "--part"});
+  add_examples(app, {"echofuse-recon study pareto scenes.sqlite fresh.sqlite --out pareto"});
   return [a, bound, part, &common] {
     a->part = part_of(*part);
     a->quiet = common.quiet;
@@ -83,6 +87,7 @@ Command add_stability(CLI::App& app, const Common& common) {
   const auto a = std::make_shared<StabilityOptions>();
   const auto part = add_part_option(app);
   app.add_option("--out", a->out, "folder for stability.csv and stability.html; goes on there")
+      ->type_name("FOLDER")
       ->required();
   app.add_flag("--quick", a->quick,
                "fewer values of each axis, 1000 training and 300 test records, a narrower network");
@@ -103,6 +108,8 @@ Command add_stability(CLI::App& app, const Common& common) {
   app.add_option("--set", a->set, "key=value of the simulator, of the base condition")
       ->allow_extra_args(false);
   app.add_option("--sim", a->sim, "the simulator; default: echofuse-sim beside this program");
+  more_options(app, {"--records", "--test-records", "--set", "--sim", "--part"});
+  add_examples(app, {"echofuse-recon study stability --quick --out stability"});
   return [a, part, &common] {
     a->part = part_of(*part);
     StabilityOptions options = complete(*a);

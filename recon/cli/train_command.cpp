@@ -5,6 +5,7 @@
 #include <deque>
 #include <filesystem>
 
+#include "drivers/program/command_line.hpp"
 #include "drivers/program/console.hpp"
 #include "drivers/program/printable.hpp"
 #include "recon/cli/commands.hpp"
@@ -93,8 +94,8 @@ constexpr std::ptrdiff_t least_records = 100;
 Command add_train(CLI::App& app, const Common& common) {
   const auto a = std::make_shared<Arguments>();
   a->model.clear();
-  app.add_option("run", a->runs, "run files whose axes agree")->required();
-  app.add_option("--out", a->out, "model file to write")->required();
+  app.add_option("run", a->runs, "run files whose axes agree")->type_name("RUN")->required();
+  app.add_option("--out", a->out, "model file to write")->type_name("MODEL")->required();
   app.add_option("--model", a->model,
                  model_help() +
                      ", or auto: the cheapest within one standard error of the best; default: " +
@@ -105,10 +106,12 @@ Command add_train(CLI::App& app, const Common& common) {
                  "a model file, of another room: tune it to these records (10 and more), as far "
                  "as a cross-validation among them says; of several the first, unless another "
                  "one is plainly better")
+      ->type_name("MODEL")
       ->allow_extra_args(false);
   app.add_option("--empty", a->empty,
                  "a run of nobody in the same room: models that look at the body take its mean as "
-                 "what stands still, and can be taken to other rooms (reconstruct --empty)");
+                 "what stands still, and can be taken to other rooms (reconstruct --empty)")
+      ->type_name("RUN");
   app.add_option("--inputs", a->inputs,
                  "fused, spd, radar, or fused-profile: without the radar's antennas")
       ->check(CLI::IsMember(inputs_names))
@@ -130,6 +133,12 @@ Command add_train(CLI::App& app, const Common& common) {
         throw CLI::Success();
       },
       "print every setting with its meaning, range and default");
+  more_options(app, {"--empty", "--inputs", "--epochs", "--seed", "--set", "--settings"});
+  add_examples(
+      app,
+      {"echofuse-recon train scenes.sqlite --out fused.safetensors",
+       "echofuse-recon train monday.sqlite --split blocked --out fused.safetensors",
+       "echofuse-recon train tuesday.sqlite --from fused.safetensors --out tuned.safetensors"});
   a->fallback = true;
   return [a, &app, &common] {
     a->split.seed = a->fit.seed;

@@ -98,7 +98,7 @@ LoadedMode score_mode(const std::string& name, Inputs inputs, double paper_ssim,
                   path + ": was trained on " + name_of(f.inputs) + " inputs, given as --" + name);
     const Records records = prepare_records(model, data);
     const Rows rows = rows_of_both(model, records.data);
-    Evaluation e = evaluate(model, records, rows);
+    Evaluation e = evaluate(model, records, rows, options.quiet ? "" : "scoring " + name);
     e.left_out += rows_to_evaluate(model, records.data, false).size() - rows.size();
     e.cost = measure_cost(model, records.data, rows, path);
     if (mode.models.empty())
@@ -238,8 +238,9 @@ void add_models(Report& report, const ReportOptions& options, const Dataset& dat
     report.modes.push_back(std::move(mode.result));
   }
   const TrainedModel& subject = *first.front();
-  report.baselines = score_baselines(data, rows_of_both(subject, data), subject->scene, data,
-                                     subject.rows_of(data, Part::train));
+  report.baselines =
+      score_baselines(data, rows_of_both(subject, data), subject->scene, data,
+                      subject.rows_of(data, Part::train), options.quiet ? "" : "scoring baselines");
   report.records = report.modes.front().evaluations.front().records;
   report.span = span_of(subject->scene), report.new_run = !subject.knows(data);
   add_records(report, first, names, data);

@@ -24,6 +24,7 @@ struct ReportOptions {
   std::string empty;                 // a run of nobody in the room of these runs; may be left out
   std::string command;               // as it was typed; for the page
   bool force = false;                // also over a report of another run
+  bool quiet = true;                 // no progress lines
 };
 
 // This is what the page says of a model.

@@ -76,7 +76,7 @@ ShownRecord show_record(const std::vector<const TrainedModel*>& models,
       map.deviation.assign(deviation.begin(), deviation.end());
       state(map, made.uncertainties.front());
     } else {
-      map.stated = "no uncertainty (too few training records)";
+      map.stated = std::string("no uncertainty: ") + why_not_calibrated;
     }
     out.maps.push_back(std::move(map));
   }

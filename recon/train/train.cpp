@@ -92,6 +92,11 @@ Rows in_order(Rows rows) {
 
 Rows rows_to_train(const Dataset& data, Inputs inputs) {
   const Rows rows = data.usable(inputs);
+  if (rows.empty() && !data.usable(inputs, false).empty())
+    throw Error(ExitCode::failed,
+                data.sources.front().path +
+                    ": no record has a depth map: a model learns from the camera's truth; record "
+                    "with depth.address, or reconstruct this run with a model of another");
   for (const std::size_t row : rows) {
     const std::string fault = data.fault_of(row, inputs);
     if (fault.empty()) continue;

@@ -8,6 +8,7 @@
 #include <limits>
 #include <optional>
 
+#include "drivers/program/console.hpp"
 #include "drivers/program/exit_code.hpp"
 #include "recon/metrics/people.hpp"
 #include "recon/numbers/parallel.hpp"
@@ -67,7 +68,8 @@ struct StatedUncertainty {
 
 // It computes metrics and calibration in parts, which bounds the memory.
 void score_predictions(const TrainedModel& model, const Records& records, const Rows& rows,
-                       Evaluation& out) {
+                       const std::string& title, Evaluation& out) {
+  Progress progress(title, rows.size(), title.empty());
   constexpr std::size_t at_once = 512;
   const PredictionDetail detail =
       model->uncertainty ? PredictionDetail::pixels : PredictionDetail::maps;
@@ -83,6 +85,7 @@ void score_predictions(const TrainedModel& model, const Records& records, const 
     const Plates plates = find_plates(records.data, part, model->scene);
     const auto some = score_maps(one.maps, records.data, part, model->scene, plates);
     scores.insert(scores.end(), some.begin(), some.end());
+    progress.update(scores.size());
   }
   out.metrics = summarise(scores);
   if (model->uncertainty) out.calibration = uncertainty.mean();
@@ -140,7 +143,8 @@ TwoPeopleSeen count_two_people(const Evaluation& e, const Dataset& data) {
 
 }  // namespace
 
-Evaluation evaluate(const TrainedModel& model, const Records& records, const Rows& rows) {
+Evaluation evaluate(const TrainedModel& model, const Records& records, const Rows& rows,
+                    const std::string& title) {
   const Dataset& data = records.data;
   Evaluation out;
   out.model = model->name;
@@ -153,23 +157,29 @@ Evaluation evaluate(const TrainedModel& model, const Records& records, const Row
   if (!model.knows(data))
     for (const std::size_t row : with_depth(data))
       out.left_out += !model.fault_of(data, row).empty();
-  score_predictions(model, records, rows, out);
+  score_predictions(model, records, rows, title, out);
   out.two_people = count_two_people(out, data);
   return out;
 }
 
 std::vector<ScoredRow> score_baselines(const Dataset& data, const Rows& rows, const Scene& scene,
-                                       const Dataset& neighbours_data, const Rows& neighbours) {
+                                       const Dataset& neighbours_data, const Rows& neighbours,
+                                       const std::string& title) {
+  const auto inputs = common_inputs(data, neighbours_data);
+  const bool with_nearest = !neighbours.empty() && inputs;
+  Progress progress(title, with_nearest ? 3 : 2, title.empty());
   const Plates plates = find_plates(data, rows, scene);
   const auto scored = [&](const Matrix& maps) {
     return summarise(score_maps(maps, data, rows, scene, plates));
   };
-  std::vector<ScoredRow> out = {{"empty", scored(repeated_row(scene.background, rows.size()))},
-                                {"mean", scored(repeated_row(scene.mean_map, rows.size()))}};
-  const auto inputs = common_inputs(data, neighbours_data);
-  if (!neighbours.empty() && inputs)
-    out.push_back(
-        {"nearest", scored(nearest_maps(data, rows, neighbours_data, neighbours, *inputs))});
+  std::vector<ScoredRow> out;
+  const auto add = [&](const char* name, const Matrix& maps) {
+    out.push_back({name, scored(maps)});
+    progress.update(out.size());
+  };
+  add("empty", repeated_row(scene.background, rows.size()));
+  add("mean", repeated_row(scene.mean_map, rows.size()));
+  if (with_nearest) add("nearest", nearest_maps(data, rows, neighbours_data, neighbours, *inputs));
   return out;
 }
 

@@ -76,14 +76,16 @@ Plates find_plates(const Dataset& data, const Rows& rows, const Scene& scene);
 std::vector<MapScores> score_maps(const Matrix& maps, const Dataset& data, const Rows& rows,
                                   const Scene& scene, const Plates& plates = {});
 
-// The result lacks the baselines and the cost.
-Evaluation evaluate(const TrainedModel& model, const Records& records, const Rows& rows);
+// The result lacks the baselines and the cost. A title is that of a progress line on stderr.
+Evaluation evaluate(const TrainedModel& model, const Records& records, const Rows& rows,
+                    const std::string& title = {});
 
 // These rows need no model: the empty room, the mean map, and the map of the nearest of the
 // neighbours. The nearest one is found by the sensors that both data sets have on the same axes, in
-// a fixed scaling ("record"). It is left out if there are no neighbours.
+// a fixed scaling ("record"). It is left out if there are no neighbours. A title as above.
 std::vector<ScoredRow> score_baselines(const Dataset& data, const Rows& rows, const Scene& scene,
-                                       const Dataset& neighbours_data, const Rows& neighbours);
+                                       const Dataset& neighbours_data, const Rows& neighbours,
+                                       const std::string& title = {});
 
 RunningCost measure_cost(const TrainedModel& model, const Dataset& data, const Rows& rows,
                          const std::string& model_path);

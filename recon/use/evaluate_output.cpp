@@ -87,7 +87,7 @@ std::string to_table(const std::vector<ScoredRow>& rows) {
 }
 
 std::string to_text(const std::optional<UncertaintyCalibration>& c) {
-  if (!c) return "not calibrated: too few training records to say how far off the maps are\n";
+  if (!c) return std::string("not calibrated: ") + why_not_calibrated + "\n";
   const std::string lateral =
       std::isnan(c->within_90)
           ? ""

@@ -152,11 +152,8 @@ Matrix TrainedModel::predict(const Dataset& data, const Rows& rows) const {
 
 void require_uncertainty(const TrainedModel& model) {
   if (!model->uncertainty)
-    throw Error(
-        ExitCode::usage,
-        "the model does not know how sure it is: it was trained on too few records (less than "
-        "50), its training was interrupted, or an older version trained it; train it "
-        "anew");
+    throw Error(ExitCode::usage, std::string("the model does not know how sure it is: ") +
+                                     why_not_calibrated + "; train it anew");
 }
 
 }  // namespace echofuse::recon

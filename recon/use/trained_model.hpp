@@ -76,6 +76,10 @@ inline const char* calibration_name(bool calibrated) {
 inline const char* calibration_of(const TrainedModel& model) {
   return calibration_name(model->uncertainty.has_value());
 }
+// Why a model that is not calibrated cannot say how far off its maps are.
+constexpr const char* why_not_calibrated =
+    "fewer than 50 records of training, or a training that was interrupted, do not say how far off "
+    "the maps are";
 
 SeenRecords seen_records(const Dataset& data, const Split& split);
 

@@ -62,8 +62,9 @@ int run(int argc, char** argv) {
   app.set_version_flag("--version", std::string("echofuse-view ") + version());
   app.add_option("RUN", o.server.run,
                  "run file, or a folder: its runs to choose from; with --text its newest")
+      ->type_name("RUN")
       ->required();
-  app.add_option("--model", o.model, "model whose reconstructions are shown");
+  app.add_option("--model", o.model, "model whose reconstructions are shown")->type_name("MODEL");
   auto* text = app.add_flag("--text", o.text, "block characters in the terminal, no server");
   app.add_option(
          "--record", o.record,
@@ -80,6 +81,9 @@ int run(int argc, char** argv) {
   app.add_flag("--until-closed", o.server.until_closed,
                "end by itself when the run is over and nobody looks")
       ->excludes(text);
+  more_options(app, {"--planned", "--until-closed"});
+  add_examples(app, {"echofuse-view monday.sqlite", "echofuse-view . --model fused.safetensors",
+                     "echofuse-view --text monday.sqlite"});
   try {
     parse_command_line(app, argc, argv);
   } catch (const CLI::ParseError& e) {

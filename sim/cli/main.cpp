@@ -106,7 +106,9 @@ void add_dataset(CLI::App& app, Command& command) {
   auto a = std::make_shared<DatasetArguments>();
   a->options.threads = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
   const auto count = CLI::Range(std::int64_t{0}, std::int64_t{10'000'000});
-  sub->add_option("--out", a->options.out, "run file to make (never overwritten)")->required();
+  sub->add_option("--out", a->options.out, "run file to make (never overwritten)")
+      ->type_name("RUN")
+      ->required();
   sub->add_option("--records", a->records, "a quarter people, the rest letters")->check(count);
   sub->add_option("--people", a->people, "records of one person")->check(count);
   sub->add_option("--letters", a->letters, "records of a person holding a letter")->check(count);
@@ -120,7 +122,8 @@ void add_dataset(CLI::App& app, Command& command) {
       ->check(CLI::NonNegativeNumber);
   add_plan_options(*sub, *a);
   sub->add_option("--like", a->like,
-                  "calibration FILE: simulate the instruments whose response it states");
+                  "calibration: simulate the instruments whose response it states")
+      ->type_name("FILE");
   add_twin_options(*sub, *a);
   sub->add_option("--laboratories", a->laboratories,
                   "record i is of the twin's laboratory i modulo this")
@@ -130,6 +133,11 @@ void add_dataset(CLI::App& app, Command& command) {
       ->check(CLI::Range(1, 256));
   sub->add_flag("-q,--quiet", a->options.quiet, "no progress, no summary");
   sub->add_flag("--json", a->json, "summary as one JSON object");
+  more_options(*sub, {"--config", "--like", "--twin", "--laboratory", "--laboratories", "--part",
+                      "--threads", "--quiet", "--json"});
+  add_examples(*sub,
+               {"echofuse-sim dataset --out scenes.sqlite --records 1000",
+                "echofuse-sim dataset --out empty.sqlite --empty 20 --set background_counts=200"});
   sub->callback([&command, a] { command = [a] { return run_dataset(*a); }; });
 }
 
@@ -184,6 +192,7 @@ void add_lab(CLI::App& app, Command& command) {
   auto a = std::make_shared<LabArguments>();
   auto& o = a->options;
   sub->add_option("--dir", o.dir, "where lab.toml and the devices' links go")
+      ->type_name("FOLDER")
       ->capture_default_str();
   sub->add_option("--scene", o.schedule.kind, "what the devices see")
       ->check(CLI::IsMember(
@@ -212,8 +221,10 @@ void add_lab(CLI::App& app, Command& command) {
   sub->add_option("--radar-sdk", o.radar_sdk, "the mmWave SDK of its firmware")
       ->check(CLI::IsMember({"3.4", "3.5", "3.6"}))
       ->capture_default_str();
-  sub->add_option("--faults", o.faults, "TOML file of what goes wrong, and when");
-  sub->add_option("--log", o.log, "write down everything that was sent, a JSON object a line");
+  sub->add_option("--faults", o.faults, "TOML file of what goes wrong, and when")
+      ->type_name("FILE");
+  sub->add_option("--log", o.log, "write down everything that was sent, a JSON object a line")
+      ->type_name("FILE");
   sub->add_option("--duration", a->duration_s, "close by itself after so many seconds")
       ->check(CLI::NonNegativeNumber);
   add_plan_options(*sub, *a);
@@ -221,6 +232,10 @@ void add_lab(CLI::App& app, Command& command) {
   sub->add_flag("--json", a->json, "what was sent as one JSON object");
   sub->add_option("command", a->command, "run this in the laboratory, and close it afterwards")
       ->option_text("-- COMMAND ...");
+  more_options(*sub, {"--config", "--laser-rate-hz", "--all-syncs", "--radar-cfg", "--radar-board",
+                      "--radar-sdk", "--faults", "--log", "--twin", "--laboratory", "--json"});
+  add_examples(*sub, {"echofuse-sim lab --scene mixed --hold 3",
+                      "echofuse-sim lab --dir . --scene reflector -- bash"});
   sub->callback([&command, a] { command = [a] { return run_lab(*a); }; });
 }
 
@@ -234,6 +249,7 @@ void add_config(CLI::App& app, Command& command) {
   add_twin_options(*sub, *a)->description(
       "print the ranges of this FILE or default; with --laboratory the settings as drawn");
   sub->add_flag("--json", a->json, "as one JSON object: value, range and meaning of every key");
+  add_examples(*sub, {"echofuse-sim config", "echofuse-sim config --twin default --laboratory 3"});
   sub->callback([&command, a] {
     command = [a] {
       sim::Plan plan;

@@ -29,14 +29,17 @@ std::vector<std::string> settings_like(const std::string& path) try {
 }
 
 void add_plan_options(CLI::App& app, PlanArguments& a) {
-  app.add_option("--config", a.config, "TOML file of settings");
-  app.add_option("--set", a.settings, "key=value, over the file's")->allow_extra_args(false);
+  app.add_option("--config", a.config, "TOML file of settings")->type_name("FILE");
+  app.add_option("--set", a.settings, "over the file's")
+      ->type_name("KEY=VALUE")
+      ->allow_extra_args(false);
 }
 
 CLI::Option* add_twin_options(CLI::App& app, PlanArguments& a) {
   app.add_option("--laboratory", a.laboratory, "which of the twin's laboratories")
       ->check(CLI::NonNegativeNumber);
-  return app.add_option("--twin", a.twin, "FILE of ranges that laboratories draw from, or default");
+  return app.add_option("--twin", a.twin, "FILE of ranges that laboratories draw from, or default")
+      ->type_name("FILE");
 }
 
 void read_plan(const PlanArguments& a, Plan& plan, Settings& settings) {

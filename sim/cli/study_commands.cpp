@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <memory>
 
+#include "drivers/program/command_line.hpp"
 #include "drivers/program/console.hpp"
 #include "drivers/program/printable.hpp"
 #include "sim/cli/plan_arguments.hpp"
@@ -56,10 +57,11 @@ ExitCode run_bound(const BoundOptions& options) {
 
 template <class Options>
 void add_one_study(CLI::App& study, Command& command, const std::string& name,
-                   const std::string& what, const std::shared_ptr<StudyArguments>& a,
-                   ExitCode (*run)(const Options&)) {
+                   const std::string& what, const std::string& example,
+                   const std::shared_ptr<StudyArguments>& a, ExitCode (*run)(const Options&)) {
   CLI::App* sub = study.add_subcommand(name, what);
   sub->fallthrough()->footer("options: see echofuse-sim study --help");
+  add_examples(*sub, {example.c_str()});
   sub->callback([&command, a, run] {
     command = [a, run] {
       catch_interrupts();
@@ -94,7 +96,9 @@ void add_study(CLI::App& app, Command& command) {
   auto* study = app.add_subcommand("study", "how much detail a scene needs, and what it tells");
   study->require_subcommand(1);
   const auto a = std::make_shared<StudyArguments>();
-  study->add_option("--out", a->out, "folder for the study's table")->required();
+  study->add_option("--out", a->out, "folder for the study's table")
+      ->type_name("FOLDER")
+      ->required();
   study->add_option("--scenes", a->scenes, "default: 40 of fidelity, 100 of bound")
       ->check(CLI::Range(std::int64_t{2}, std::int64_t{10'000}));
   study->add_option("--seed", a->seed, "of the scenes and the noise")->capture_default_str();
@@ -102,10 +106,10 @@ void add_study(CLI::App& app, Command& command) {
   add_plan_options(*study, *a);
   study->add_flag("-q,--quiet", a->quiet, "no progress");
   add_one_study(*study, command, "fidelity",
-                "each approximation against a finer one, in units of noise, beside its time", a,
-                run_fidelity);
+                "each approximation against a finer one, in units of noise, beside its time",
+                "echofuse-sim study fidelity --out fidelity", a, run_fidelity);
   add_one_study(*study, command, "bound", "the least error of a lateral position that noise allows",
-                a, run_bound);
+                "echofuse-sim study bound --out bound", a, run_bound);
 }
 
 }  // namespace echofuse::sim

@@ -2,8 +2,10 @@
 #include "sim/lab/lab_command.hpp"
 
 #include <sys/wait.h>
+#include <unistd.h>
 
 #include <csignal>
+#include <cstdio>
 #include <cstdlib>
 #include <filesystem>
 
@@ -26,12 +28,19 @@ ExitCode serve_command(Lab& lab, const std::vector<std::string>& command) {
   const auto started = start_program(command);
   if (!started) throw Error(ExitCode::failed, started.failure().text());
   const pid_t child = *started;
+  if (::isatty(STDERR_FILENO) != 0)
+    std::fprintf(stderr,
+                 "the laboratory is open: lab.toml names its devices, and `%s` runs in it; leaving "
+                 "that (exit) closes it\n",
+                 command.front().c_str());
   int status = 0;
   bool told = false;
   lab.serve([&] {
     if (interrupted() && !std::exchange(told, true)) ::kill(child, SIGTERM);
     return ::waitpid(child, &status, WNOHANG) != 0;
   });
+  if (::isatty(STDERR_FILENO) != 0)
+    std::fputs("the laboratory is closed; nothing of its lab.toml answers any more\n", stderr);
   return static_cast<ExitCode>(WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status));
 }
 

@@ -8,6 +8,7 @@
 #include <sstream>
 
 #include "drivers/program/atomic_write.hpp"
+#include "drivers/program/console.hpp"
 #include "sim/scene/draw.hpp"
 #include "sim/scene/shapes.hpp"
 #include "sim/sensors/optics.hpp"
@@ -182,6 +183,8 @@ class SceneBounds {
     }
     const double z = seen_by_spd(truth, options.conditions, options.rays).z_m;
     const auto model = [&](const Values& at) {
+      if (interrupted())  // a scene takes seconds
+        throw Error(ExitCode::interrupted, "interrupted; nothing was written");
       Values moves(ranges_.size());
       for (std::size_t i = 0; i < drawn_.size(); ++i) moves[drawn_[i]] = at[i] * ranges_[drawn_[i]];
       SceneSampler moved(rng, moves);

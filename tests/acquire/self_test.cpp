@@ -182,7 +182,7 @@ TEST_CASE("a disk has space for the planned run, or for hours, or not") {
   const Finding full = judge_space(3.9e9, plan);
   CHECK(full.grade == Grade::problem);
   CHECK(full.failure == ExitCode::disk);
-  CHECK(has(full.found, "4000 records of 1.0 MB each take 4.0 GB"));
+  CHECK(has(full.found, "4000 records of 1.0 MB each, with the journal beside them, take 4.0 GB"));
   plan.count.reset();
   CHECK(judge_space(3.9e9, plan).grade == Grade::ok);
   CHECK(has(judge_space(3.9e9, plan).found, "enough for 3 h"));

@@ -97,7 +97,8 @@ class Installed(unittest.TestCase):
             self.assertIn(f"echofuse-{name}.1", pages)
         run_page = (self.prefix / "share/man/man1/echofuse-acquire-run.1").read_text()
         self.assertIn(".SH NAME\nechofuse\\-acquire\\-run \\- record fused records", run_page)
-        self.assertIn(".TP\n\\fB\\-\\-out\\fR \\fITEXT\\fR\nrun file to make", run_page)
+        self.assertIn(".TP\n\\fB\\-\\-out\\fR \\fIRUN\\fR\nrun file to make", run_page)
+        self.assertIn(".SH EXAMPLES\n.nf\nechofuse\\-acquire run \\-\\-out monday", run_page)
         self.assertIn(".SH EXIT STATUS\n0 ok, 1 failed, 2 usage", run_page)
 
     def test_completion(self):
@@ -108,6 +109,17 @@ class Installed(unittest.TestCase):
                        env=os.environ | {"PATH": f"{self.prefix}/bin:{os.environ['PATH']}"}).split()
         self.assertEqual(offered("echofuse-acquire", "re"), ["replay"])
         self.assertEqual(offered("echofuse-acquire", "config", "s"), ["show", "systemd", "sysusers.d"])
+        self.assertEqual(offered("echofuse-sim", "lab", "--scene", "re"), ["reflector"])
+        self.assertEqual(offered("echofuse-recon", "train", "x", "--split", ""), ["blocked", "random"])
+        with tempfile.TemporaryDirectory() as folder:
+            for name in ("a.sqlite", "a.sqlite-lock", "a.sqlite-wal", "a.safetensors", "a.toml", "a.csv"):
+                (pathlib.Path(folder) / name).touch()
+            a = f"{folder}/a"
+            self.assertEqual(offered("echofuse-acquire", "info", a), [f"{a}.sqlite"])
+            self.assertEqual(offered("echofuse-recon", "train", "--from", a), [f"{a}.safetensors"])
+            self.assertEqual(offered("echofuse-recon", "evaluate", a), [f"{a}.safetensors", f"{a}.sqlite"])
+            self.assertEqual(offered("echofuse-acquire", "run", "--config", a),
+                             [f"{a}.{end}" for end in ("csv", "safetensors", "sqlite", "toml")])
         self.assertEqual(offered("echofuse-sim", "lab", "--lase"), ["--laser-rate-hz"])
         self.assertEqual(offered("echofuse-recon", "study", "--q"), ["--quiet"])
         self.assertEqual(offered("echofuse-view", "--mod"), ["--model"])

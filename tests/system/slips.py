@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: MIT
 """tests/system/slips.py BIN_DIR: slips of the finger at the command line: each is answered by its text and exit code."""
 import pathlib
+import sqlite3
 import subprocess
 import sys
 import tempfile
@@ -16,7 +17,7 @@ recon train x --otu y | 2 | --otu: no such option; the nearest is --out
 recon train nofile --out m | 1 | nofile: No such file or directory; expected a run file
 recon evaluate nomodel norun | 1 | nomodel: No such file or directory; expected a model file
 recon train x --out m --model factorisd | 2 | factorisd
-recon train x --out m --set epoch=3 | 3 | nearest
+recon train x --out m --set epoch=3 | 3 | --set epoch=3: unknown key, and none is like it
 recon study paretto | 2 | paretto: no such command; the nearest is pareto
 acquire run --cont 3 | 2 | --cont: no such option; the nearest is --count
 acquire run --uot x | 2 | --uot: no such option; the nearest is --out
@@ -29,14 +30,40 @@ acquire lst | 2 | lst: no such command; the nearest is list
 acquire info nofile | 1 | nofile
 sim dataset --otu x | 2 | --otu: no such option; the nearest is --out
 sim dataset --records 1e30 --out x | 2 | --records: Value 1e30 not in range 0 to 10000000
-sim dataset --out x --set spd_bins=3 | 3 | nearest
+sim dataset --out x --set spd_bins=3 | 3 | unknown key; the nearest known one is "bins"
+sim dataset --out x --set reflector=3 | 3 | unknown key, and none is like it
 sim lab --duration -1 | 2 | --duration: Value -1: expected a positive number
-sim lab --bogus -- ls --foo | 2 | --bogus: no such option; the nearest is
+sim lab --bogus -- ls --foo | 2 | --bogus: no such option; --help lists them
 sim dataset --out x --like nofile | 3 | nofile
 view --recrod 3 x | 2 | --recrod: no such option; the nearest is --record
 view | 2 | RUN is required
 view --text nofile | 1 | nofile: no run yet
 acquire config check --config three.toml | 3 | three.toml:2:13: not TOML
+recon train dark.sqlite --out m | 1 | dark.sqlite: no record has a depth map: a model learns from the camera's truth
+recon train seen.sqlite --out m.safetensors --from nomodel | 1 | nomodel: No such file or directory; expected a model file
+recon train seen.sqlite --out seen.sqlite | 2 | seen.sqlite
+recon train seen.sqlite --out m --set scaling=log | 3 | expected
+recon reconstruct seen.sqlite seen.sqlite --out maps | 1 | seen.sqlite: is no model file, or is cut off; expected a safetensors file
+recon reconstruct nomodel seen.sqlite --out maps --format gif | 2 | --format: gif not in {colour,mm,ply,npz,uncertainty}
+recon report page | 2 | nothing to report on: give --run with models, or --live
+recon report page --fused x | 2 | models need --run
+recon study pareto seen.sqlite | 2 | test is required
+recon --threads many train x --out m | 2 | --threads
+sim dataset --out seen.sqlite --records 4 | 1 | seen.sqlite: exists
+sim dataset --out x --records 4 --people 1 | 2 | --records 4 differs from the 1 records asked for by kind
+sim lab --scene preson | 2 | --scene: preson not in {person,letter,mixed,
+sim lab --dir . | 2 | holds files that no laboratory wrote
+sim lab --dir new --hold 3s | 2 | --hold
+acquire run --model nomodel | 2 | --model requires --view
+acquire run --view --model nomodel | 2 | --model nomodel: there is no such file
+acquire run --duration 5 | 2 | --duration
+acquire run --duration 99999999999h | 2 | --duration: expected at most 87660h, ten years
+acquire calibrate --distance -1 | 2 | --distance: Value -1 not in range 0.1 to 100
+acquire export seen.sqlite --to x.txt | 2 | --to x.txt: expected NAME.h5, or NAME.csv with --record N
+acquire info dark.toml | 1 | dark.toml
+acquire annotate seen.sqlite | 2 | expected either a text or --label TEXT
+acquire replay | 2 | expected one of --radar, --tdc and --depth
+acquire list nofolder | 1 | nofolder
 acquire devices --config closed.toml | 4 | Connection refused; is the bridge started? echofuse-bridge-timetagger
 """
 
@@ -45,6 +72,11 @@ with tempfile.TemporaryDirectory() as folder:
     written = pathlib.Path(folder)
     (written / "three.toml").write_text("[run]\nwindow_s = three\n")
     (written / "closed.toml").write_text('[tdc]\naddress = "bridge:tcp://127.0.0.1:9"\n')
+    (written / "dark.toml").write_text("")
+    for name in ("seen.sqlite", "dark.sqlite"):
+        subprocess.run([bin_dir / "echofuse-sim", "dataset", "-q", "--out", written / name, "--records", "12"], check=True)
+    with sqlite3.connect(written / "dark.sqlite") as file:
+        file.execute("UPDATE record SET valid = valid & 3")  # no camera
     for line in TABLE.strip().splitlines():
         words, code, says = (part.strip() for part in line.split(" | "))
         template = bin_dir.parent / "share/echofuse/lab.toml"

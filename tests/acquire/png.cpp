@@ -1,0 +1,114 @@
+// SPDX-License-Identifier: MIT
+// Depth blobs as other programs make them, and damaged ones.
+#include "acquire/record/png.hpp"
+
+#include <zlib.h>
+
+#include <algorithm>
+#include <catch2/catch.hpp>
+#include <cstdlib>
+#include <random>
+
+using namespace echofuse;
+
+namespace {
+
+constexpr std::uint32_t width = 19, height = 15;
+constexpr std::size_t row_bytes = std::size_t{2} * width;
+constexpr int filters = 5;
+
+std::vector<std::uint16_t> some_pixels() {
+  std::mt19937 random(1);
+  std::vector<std::uint16_t> out(std::size_t{width} * height);
+  for (auto& v : out) v = static_cast<std::uint16_t>(random() % 3 ? 2000 + random() % 500 : 0);
+  return out;
+}
+
+void put(Bytes& out, std::uint32_t v) {
+  for (const int shift : {24, 16, 8, 0}) out.push_back(static_cast<std::uint8_t>(v >> shift));
+}
+
+void put_chunk(Bytes& out, const std::string& name, ByteView data) {
+  put(out, static_cast<std::uint32_t>(data.size()));
+  Bytes named(name.begin(), name.end());
+  named.insert(named.end(), data.begin(), data.end());
+  out.insert(out.end(), named.begin(), named.end());
+  put(out, static_cast<std::uint32_t>(crc32(0, named.data(), static_cast<uInt>(named.size()))));
+}
+
+// What the standard (PNG, 9.4) calls the Paeth predictor.
+int paeth(int a, int b, int c) {
+  const int p = a + b - c, pa = std::abs(p - a), pb = std::abs(p - b), pc = std::abs(p - c);
+  if (pa <= pb && pa <= pc) return a;
+  return pb <= pc ? b : c;
+}
+
+// Row y has the filter (first + y) % 5; a filter of 5 is none of PNG's.
+Bytes filtered(const std::vector<std::uint16_t>& pixels, int first) {
+  Bytes out, above(row_bytes), row(row_bytes);
+  for (std::size_t y = 0; y < height; ++y, above = row) {
+    for (std::size_t x = 0; x < width; ++x) {
+      row[2 * x] = static_cast<std::uint8_t>(pixels[y * width + x] >> 8);
+      row[2 * x + 1] = static_cast<std::uint8_t>(pixels[y * width + x]);
+    }
+    const int filter = first == filters ? first : (first + static_cast<int>(y)) % filters;
+    out.push_back(static_cast<std::uint8_t>(filter));
+    for (std::size_t i = 0; i < row_bytes; ++i) {
+      const int a = i < 2 ? 0 : row[i - 2], b = above[i], c = i < 2 ? 0 : above[i - 2];
+      const int guess[] = {0, a, b, (a + b) / 2, paeth(a, b, c), 0};
+      out.push_back(static_cast<std::uint8_t>(row[i] - guess[filter]));
+    }
+  }
+  return out;
+}
+
+// `parts`: how many chunks the compressed rows are in.
+Bytes png_of(const Bytes& rows, std::size_t parts) {
+  Bytes packed(compressBound(rows.size()));
+  uLongf size = packed.size();
+  REQUIRE(compress(packed.data(), &size, rows.data(), rows.size()) == Z_OK);
+  packed.resize(size);
+  Bytes out = {0x89, 'P', 'N', 'G', '\r', '\n', 0x1a, '\n'}, head;
+  put(head, width), put(head, height);
+  head.insert(head.end(), {16, 0, 0, 0, 0});
+  put_chunk(out, "IHDR", head);
+  for (std::size_t k = 0; k < parts; ++k) {
+    const std::size_t from = k * size / parts, to = (k + 1) * size / parts;
+    put_chunk(out, "IDAT", ByteView(packed).subspan(from, to - from));
+  }
+  put_chunk(out, "IEND", {});
+  return out;
+}
+
+}  // namespace
+
+TEST_CASE("png: every filter, in one chunk or several") {
+  const auto pixels = some_pixels();
+  for (int first = 0; first < filters; ++first)
+    for (const std::size_t parts : {1, 3})
+      CHECK(record::decode_png16(png_of(filtered(pixels, first), parts), width, height) == pixels);
+  CHECK(record::decode_png16(png_of(filtered(pixels, filters), 1), width, height).empty());
+}
+
+TEST_CASE("png: rows too few or too many are refused") {
+  Bytes rows = filtered(some_pixels(), 0);
+  rows.push_back(0);
+  CHECK(record::decode_png16(png_of(rows, 1), width, height).empty());
+  rows.resize(rows.size() - 2);
+  CHECK(record::decode_png16(png_of(rows, 1), width, height).empty());
+}
+
+TEST_CASE("png: a bit that is flipped makes no other map") {
+  const auto pixels = some_pixels();
+  const Bytes png = record::encode_png16(pixels, width, height);
+  REQUIRE(record::decode_png16(png, width, height) == pixels);
+  std::size_t refused = 0;
+  for (std::size_t bit = 0; bit < 8 * png.size(); ++bit) {
+    Bytes damaged = png;
+    damaged[bit / 8] = static_cast<std::uint8_t>(damaged[bit / 8] ^ 1 << bit % 8);
+    const auto found = record::decode_png16(damaged, width, height);
+    if (!found.empty() && found != pixels) FAIL("bit " << bit << " makes another map");
+    refused += found.empty();
+  }
+  CHECK(refused > 7 * png.size());
+}
