@@ -8,9 +8,9 @@
 #include <cctype>
 #include <cstdlib>
 #include <memory>
-#include <regex>
 #include <sstream>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "drivers/program/settings.hpp"
@@ -80,9 +80,13 @@ std::string readable(std::string text) {
   const std::string endless = " not in range 0.000000 to 17976931348623157";
   if (const auto at = text.find(endless); at != text.npos)
     text = text.substr(0, at) + ": expected a positive number";
-  const bool range = text.find(" not in range ") != text.npos;
-  static const std::regex zeros(R"((\.\d*?)0+\b)"), point(R"(\.( |$))");
-  if (range) text = std::regex_replace(std::regex_replace(text, zeros, "$1"), point, "$1");
+  auto dot = text.find('.', text.find(" not in range "));
+  for (; dot < text.size(); dot = text.find('.', dot + 1)) {
+    const auto end = std::min(text.find_first_not_of("0123456789", dot + 1), text.size());
+    const auto last = text.find_last_not_of('0', end - 1);
+    const auto zeros = last == dot ? dot : last + 1;  // a dot without digits goes as well
+    if (end > dot + 1) text.erase(zeros, end - zeros);
+  }
   const std::string cannot = "Could not convert: ";
   if (text.starts_with(cannot)) text = text.substr(cannot.size()) + ": expected a number";
   return text;
@@ -109,6 +113,26 @@ std::string wrapped(const std::string& line, std::size_t columns, std::size_t in
          wrapped(std::string(indent, ' ') + line.substr(at + 1), columns, indent);
 }
 
+void replace(std::string& text, std::string_view was, std::string_view now) {
+  for (auto at = text.find(was); at != text.npos; at = text.find(was, at + now.size()))
+    text.replace(at, was.size(), now);
+}
+
+// ":INT in [1 - 9]" becomes " (1 to 9)", and ":(INT in [0 - 0]) OR (INT in [1 - 9])" becomes
+// " (0, or 1 to 9)".
+void say_range(std::string& text) {
+  const std::string_view in = " in [", zero = " in [0 - 0]) OR (";
+  const auto first = text.find(in);
+  if (first == text.npos) return;
+  const bool or_zero = text.compare(first, zero.size(), zero) == 0;
+  const auto low = text.find(in, first + (or_zero ? zero.size() : 0)) + in.size();
+  const auto dash = text.find(" - ", low), high = text.find(']', low);
+  const auto begin = text.rfind(':', first);
+  std::string words = or_zero ? " (0, or " : " (";
+  words += text.substr(low, dash - low) + " to " + text.substr(dash + 3, high - dash - 3) + ")";
+  text.replace(begin, high + (or_zero ? 2 : 1) - begin, words);
+}
+
 // --help as a person reads it: "(0.05 to 3600)" in place of the library's words for its
 // validators, options that do not go together in a sentence, lines that fit the terminal.
 class Readable final : public CLI::Formatter {
@@ -132,19 +156,16 @@ class Readable final : public CLI::Formatter {
     return name;
   }
   std::string make_option_opts(const CLI::Option* option) const override {
-    static const std::regex none_or(R"(:\(\w+ in \[0 - 0\]\) OR \(\w+ in \[(\S+) - (\S+)\]\))"),
-        range(R"(:\w+ in \[(\S+) - (\S+)\])"), not_below(":NONNEGATIVE"), above(":POSITIVE"),
-        others(" (Needs|Excludes):.*"), unsigned_number("UINT"), unit(":FLOAT UNIT");
     std::string text = Formatter::make_option_opts(option);
     if (option->get_positional() && std::isupper(option->get_name(true).front()) != 0)
       text.erase(0, text.find(' ', 1));  // its name says what it is
-    text = std::regex_replace(text, none_or, " (0, or $1 to $2)");
-    text = std::regex_replace(text, range, " ($1 to $2)");
-    text = std::regex_replace(text, not_below, " (at least 0)");
-    text = std::regex_replace(text, others, "");
-    text = std::regex_replace(text, unsigned_number, "INT");
-    text = std::regex_replace(text, unit, "");
-    return std::regex_replace(text, above, " (above 0)");
+    say_range(text);
+    text = text.substr(0, std::min(text.find(" Needs:"), text.find(" Excludes:")));
+    replace(text, ":NONNEGATIVE", " (at least 0)");
+    replace(text, "UINT", "INT");
+    replace(text, ":FLOAT UNIT", "");
+    replace(text, ":POSITIVE", " (above 0)");
+    return text;
   }
   std::string make_option_desc(const CLI::Option* option) const override {
     std::string others;

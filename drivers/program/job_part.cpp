@@ -7,7 +7,6 @@
 #include <filesystem>
 #include <numeric>
 #include <optional>
-#include <regex>
 
 #include "drivers/program/printable.hpp"
 
@@ -21,6 +20,19 @@ std::optional<std::int64_t> number_of(std::string_view text) {
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), out);
   if (error != std::errc{} || end != text.data() + text.size()) return std::nullopt;
   return out;
+}
+
+// Whether it is "part-K-of-N" and an extension of so many letters.
+bool is_part(std::string_view name, std::size_t extension) {
+  constexpr std::string_view part = "part-", of = "-of-";
+  const auto digits = [](std::string_view text) {
+    return !text.empty() && text.find_first_not_of("0123456789") == text.npos;
+  };
+  if (!name.starts_with(part) || name.size() < part.size() + extension) return false;
+  name = name.substr(part.size(), name.size() - part.size() - extension);
+  const auto between = name.find(of);
+  return between != name.npos && digits(name.substr(0, between)) &&
+         digits(name.substr(between + of.size()));
 }
 
 std::int64_t from_slurm(const char* name) {
@@ -84,13 +96,12 @@ void refuse_part(ExitCode code, const std::string& path, const std::string& line
 
 std::vector<std::string> part_files(const std::string& folder, const std::string& stem,
                                     const std::string& extension) {
-  const std::regex rest("part-[0-9]+-of-[0-9]+" +
-                        std::regex_replace(extension, std::regex("\\."), "\\."));
   std::vector<std::string> out;
   std::error_code none;
   for (const auto& entry : std::filesystem::directory_iterator(folder, none)) {
     const std::string name = entry.path().filename().string();
-    if (name.starts_with(stem) && std::regex_match(name.substr(stem.size()), rest))
+    if (name.starts_with(stem) && name.ends_with(extension) &&
+        is_part(std::string_view(name).substr(stem.size()), extension.size()))
       out.push_back(entry.path().string());
   }
   std::sort(out.begin(), out.end());

@@ -1,10 +1,9 @@
 // SPDX-License-Identifier: MIT
 // The model is a ridge regression from the scaled inputs to the map. It is solved through the
-// singular values of the inputs (QR first), never through their normal equations, so that
+// singular values of the inputs, never through their normal equations, so that
 // neighbouring, nearly equal bins do no harm. The penalty is chosen by generalised cross-validation
 // (Golub, Heath and Wahba, Technometrics 21, 215, 1979).
-#include <Eigen/QR>
-#include <Eigen/SVD>
+#include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -17,26 +16,6 @@ namespace {
 
 using InFloat = Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
-
-// This is the thin decomposition X = U S V'.
-struct Decomposition {
-  Eigen::MatrixXd u, v;
-  Eigen::VectorXd s;
-};
-
-Decomposition decompose(const Eigen::MatrixXd& x) {
-  if (x.rows() < 2 * x.cols()) {
-    const Eigen::BDCSVD<Eigen::MatrixXd> svd(x, Eigen::ComputeThinU | Eigen::ComputeThinV);
-    return {svd.matrixU(), svd.matrixV(), svd.singularValues()};
-  }
-  const Eigen::HouseholderQR<Eigen::MatrixXd> qr(x);
-  const Eigen::MatrixXd r = qr.matrixQR().topRows(x.cols()).triangularView<Eigen::Upper>();
-  const Eigen::BDCSVD<Eigen::MatrixXd> svd(r, Eigen::ComputeFullU | Eigen::ComputeFullV);
-  Eigen::MatrixXd u = Eigen::MatrixXd::Zero(x.rows(), x.cols());
-  u.topRows(x.cols()) = svd.matrixU();
-  u.applyOnTheLeft(qr.householderQ());
-  return {std::move(u), svd.matrixV(), svd.singularValues()};
-}
 
 // This is the penalty with the least generalised cross-validation score, relative to the largest
 // singular value squared. projected = |U'Y|^2 per singular vector, total = |Y|^2.
@@ -95,19 +74,22 @@ TrainingLog Ridge::fit(const Samples& train, const Samples&, const FitOptions&) 
   const Eigen::RowVectorXd mean = y.colwise().mean();
   y.rowwise() -= mean;
 
-  const Decomposition svd = decompose(x);
-  const RowMajor u = svd.u;
-  const auto rank = static_cast<std::size_t>(svd.s.size());
-  RowMajor uty(svd.s.size(), ep);
+  const Eigen::Index er = std::min(en, ed);
+  const auto rank = static_cast<std::size_t>(er);
+  Eigen::VectorXd s(er);
+  Eigen::MatrixXd by_columns(en, er), vt(er, ed);
+  decompose(n, d, x.data(), s.data(), by_columns.data(), vt.data());
+  const RowMajor u = by_columns;
+  RowMajor uty(er, ep);
   multiply(Product<double>{rank, pixels, n, Transpose::yes}, u.data(), y.data(), uty.data());
   const Eigen::VectorXd projected = uty.rowwise().squaredNorm();
-  penalty_ = best_penalty(svd.s, projected, y.squaredNorm(), static_cast<double>(n));
+  penalty_ = best_penalty(s, projected, y.squaredNorm(), static_cast<double>(n));
 
   // W = V diag(s / (s^2 + penalty)) U'Y; directions without signal get no weight.
-  const Eigen::ArrayXd s = svd.s.array();
   const double tiny = 1e-12 * std::max(s(0), 1e-300);
-  const Eigen::VectorXd shrink = (s > tiny).select(s / (s.square() + penalty_).max(1e-300), 0);
-  const RowMajor v = svd.v * shrink.asDiagonal();
+  const Eigen::VectorXd shrink =
+      (s.array() > tiny).select(s.array() / (s.array().square() + penalty_).max(1e-300), 0);
+  const RowMajor v = vt.transpose() * shrink.asDiagonal();
   RowMajor w(ed, ep);
   multiply(Product<double>{d, pixels, rank}, v.data(), uty.data(), w.data());
   const Eigen::RowVectorXd offset = mean - input_mean * w;

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "drivers/core/clones.hpp"
+#include "drivers/program/exit_code.hpp"
 #include "recon/numbers/blas_kernels.hpp"
 #include "recon/numbers/parallel.hpp"
 
@@ -19,6 +20,9 @@ extern "C" void sgeqrf_(const int* m, const int* n, float* a, const int* lda, fl
                         float* work, const int* work_size, int* info);
 extern "C" void sorgqr_(const int* m, const int* n, const int* k, float* a, const int* lda,
                         const float* tau, float* work, const int* work_size, int* info);
+extern "C" void dgesdd_(const char* job, const int* m, const int* n, double* a, const int* lda,
+                        double* s, double* u, const int* ldu, double* vt, const int* ldvt,
+                        double* work, const int* work_size, int* iwork, int* info);
 
 namespace echofuse::recon {
 namespace {
@@ -140,6 +144,22 @@ void orthonormalise_rows(std::size_t rows, std::size_t cols, float* values) {
   sgeqrf_(&m, &n, values, &m, scales.data(), work.data(), &work_size, &info);
   sorgqr_(&m, &n, &n, values, &m, scales.data(), work.data(), &work_size, &info);
   assert(info == 0);  // else an argument is wrong
+}
+
+void decompose(std::size_t m, std::size_t n, double* x, double* s, double* u, double* vt) {
+  choose_kernels();
+  const int rows = static_cast<int>(m), cols = static_cast<int>(n), rank = std::min(rows, cols);
+  std::vector<int> places(8 * static_cast<std::size_t>(rank));
+  std::vector<double> work(1);
+  int info = 0;
+  const auto call = [&](int room) {
+    dgesdd_("S", &rows, &cols, x, &rows, s, u, &rows, vt, &rank, work.data(), &room, places.data(),
+            &info);
+  };
+  call(-1);  // says how much room it needs
+  work.resize(static_cast<std::size_t>(work[0]));
+  call(static_cast<int>(work.size()));
+  if (info != 0) throw Error(ExitCode::failed, "singular values: the inputs are not numbers");
 }
 
 }  // namespace echofuse::recon

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: MIT
-// The matrix product comes from the machine's BLAS, and QR from its LAPACK. OpenBLAS's kernels are
-// chosen at run time (blas_kernels.hpp), so a portable build still uses AVX2 or AVX-512 (compiled
-// for plain x86-64, Eigen's own product is 5 x slower). Each call of it uses one thread. Large
-// products are cut into parts (parallel.hpp) by their shape, as OpenBLAS's own threads add up in
-// another order than one does.
+// The matrix product comes from the machine's BLAS, QR and singular values from its LAPACK.
+// OpenBLAS's kernels are chosen at run time (blas_kernels.hpp), so a portable build still uses AVX2
+// or AVX-512 (compiled for plain x86-64, Eigen's own product is 5 x slower). Each call of it uses
+// one thread. Large products are cut into parts (parallel.hpp) by their shape, as OpenBLAS's own
+// threads add up in another order than one does.
 #pragma once
 #include <cstddef>
 
@@ -24,5 +24,8 @@ void multiply(const Product<double>& p, const double* a, const double* b, double
 // It replaces the rows by rows that span the same space, at right angles and of length 1 (QR); 1 <=
 // rows <= cols.
 void orthonormalise_rows(std::size_t rows, std::size_t cols, float* values);
+// It computes the thin decomposition X = U S V' of an m x n table that is stored by columns, as are
+// U and V'. X is overwritten. k = min(m, n): U is m x k, V' k x n.
+void decompose(std::size_t m, std::size_t n, double* x, double* s, double* u, double* vt);
 
 }  // namespace echofuse::recon

@@ -1,11 +1,8 @@
 // SPDX-License-Identifier: MIT
-#include <Eigen/SVD>
-
 #include "crafted.hpp"
 #include "recon/data/files.hpp"
 #include "recon/method/body_frame.hpp"
 #include "recon/method/method.hpp"
-#include "recon/numbers/components.hpp"
 #include "recon/train/train.hpp"
 #include "recon/use/evaluate.hpp"
 #include "world.hpp"
@@ -135,37 +132,6 @@ TEST_CASE("what is cut out of a map is drawn back to where it was") {
     }
     CHECK(both > 0.85 * any);  // a plate of 24 x 12 pixels, half a pixel at its edges
   }
-}
-
-TEST_CASE("principal components are the singular vectors") {
-  Rng rng = make_rng(5, 0);
-  std::normal_distribution<float> normal;
-  Matrix table(60, 40);
-  for (std::size_t i = 0; i < table.rows; ++i) {
-    const float a = 9 * normal(rng), b = 5 * normal(rng), c = 3 * normal(rng);
-    for (std::size_t k = 0; k < table.cols; ++k) {
-      const auto at = static_cast<float>(k);
-      table.row(i)[k] =
-          2 + a * std::sin(at) + b * std::cos(2 * at) + c * std::sin(3 * at) + 0.1f * normal(rng);
-    }
-  }
-  const Components found = principal_components(table, 3, 1);
-  Eigen::MatrixXd dense(60, 40);
-  for (Eigen::Index i = 0; i < 60; ++i)
-    for (Eigen::Index k = 0; k < 40; ++k)
-      dense(i, k) = double{table.row(static_cast<std::size_t>(i))[static_cast<std::size_t>(k)]};
-  dense.rowwise() -= Eigen::RowVectorXd(dense.colwise().mean());
-  const Eigen::JacobiSVD<Eigen::MatrixXd> svd(dense, Eigen::ComputeThinV);
-  for (Eigen::Index j = 0; j < 3; ++j) {
-    double along = 0;
-    for (Eigen::Index k = 0; k < 40; ++k)
-      along += svd.matrixV()(k, j) *
-               double{found.basis.row(static_cast<std::size_t>(j))[static_cast<std::size_t>(k)]};
-    CHECK(std::abs(along) == Approx(1).margin(1e-4));
-    CHECK(double{found.deviation[static_cast<std::size_t>(j)]} ==
-          Approx(svd.singularValues()(j) / std::sqrt(60.0)).epsilon(1e-4));
-  }
-  CHECK(coordinates(found, table).cols == 3);
 }
 
 TEST_CASE("the factorised model places bodies, on the right side, whatever the gains") {

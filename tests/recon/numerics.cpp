@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: MIT
 // Numbers that stay numbers: whatever the seed and the learning rate, a model makes finite maps or
 // is refused; single precision is enough; ridge bears what is nearly singular.
-#include <Eigen/QR>
 #include <Eigen/SVD>
 #include <cstdlib>
 
@@ -244,6 +243,37 @@ TEST_CASE("single precision places and shapes a body as double precision does") 
   CHECK(off("0/model/shape/0") < 1e-4);
 }
 
+TEST_CASE("principal components are the singular vectors") {
+  Rng rng = make_rng(5, 0);
+  std::normal_distribution<float> normal;
+  Matrix table(60, 40);
+  for (std::size_t i = 0; i < table.rows; ++i) {
+    const float a = 9 * normal(rng), b = 5 * normal(rng), c = 3 * normal(rng);
+    for (std::size_t k = 0; k < table.cols; ++k) {
+      const auto at = static_cast<float>(k);
+      table.row(i)[k] =
+          2 + a * std::sin(at) + b * std::cos(2 * at) + c * std::sin(3 * at) + 0.1f * normal(rng);
+    }
+  }
+  const Components found = principal_components(table, 3, 1);
+  Eigen::MatrixXd dense(60, 40);
+  for (Eigen::Index i = 0; i < 60; ++i)
+    for (Eigen::Index k = 0; k < 40; ++k)
+      dense(i, k) = double{table.row(static_cast<std::size_t>(i))[static_cast<std::size_t>(k)]};
+  dense.rowwise() -= Eigen::RowVectorXd(dense.colwise().mean());
+  const Eigen::JacobiSVD<Eigen::MatrixXd> svd(dense, Eigen::ComputeThinV);
+  for (Eigen::Index j = 0; j < 3; ++j) {
+    double along = 0;
+    for (Eigen::Index k = 0; k < 40; ++k)
+      along += svd.matrixV()(k, j) *
+               double{found.basis.row(static_cast<std::size_t>(j))[static_cast<std::size_t>(k)]};
+    CHECK(std::abs(along) == Approx(1).margin(1e-4));
+    CHECK(double{found.deviation[static_cast<std::size_t>(j)]} ==
+          Approx(svd.singularValues()(j) / std::sqrt(60.0)).epsilon(1e-4));
+  }
+  CHECK(coordinates(found, table).cols == 3);
+}
+
 TEST_CASE("ridge of nearly and wholly collinear inputs is the singular value solution") {
   constexpr Eigen::Index n = 60, d = 12, pixels = 40;
   Rng rng = make_rng(9, 0);
@@ -251,9 +281,9 @@ TEST_CASE("ridge of nearly and wholly collinear inputs is the singular value sol
   const auto random = [&](Eigen::Index rows, Eigen::Index cols) {
     return Eigen::MatrixXd(Eigen::MatrixXd::NullaryExpr(rows, cols, [&] { return normal(rng); }));
   };
-  const auto orthogonal = [&](Eigen::Index rows, Eigen::Index cols) {
-    const Eigen::HouseholderQR<Eigen::MatrixXd> qr(random(rows, cols));
-    return Eigen::MatrixXd(qr.householderQ() * Eigen::MatrixXd::Identity(rows, cols));
+  const auto orthogonal = [&](Eigen::Index rows, Eigen::Index cols) -> Eigen::MatrixXd {
+    const Eigen::JacobiSVD<Eigen::MatrixXd> svd(random(rows, cols), Eigen::ComputeThinU);
+    return svd.matrixU();
   };
   // Condition 1e4 to 1e14 (single precision keeps 1e-7 of that), then rank 5 of 12; more records
   // than inputs and fewer; with noise and without.
