@@ -10,6 +10,7 @@
 
 using namespace echofuse;
 using namespace echofuse::acquire;
+using Catch::EndsWith;
 using Catch::StartsWith;
 
 namespace {
@@ -143,6 +144,11 @@ TEST_CASE("background alone has no peak, noise alone no echo") {
       CHECK_THAT(v[1], StartsWith("no peak: "));
     }
   }
+  record::FusedRecord far = lab.record();
+  far.spd_counts = {.in_range = 100, .out_of_range = 900};
+  SignalCheck checked({}, 3);
+  CHECK_THAT(verdicts(checked, far)[0],
+             EndsWith("90 % of the clicks lie outside the histogram's 2.00 to 7.04 m"));
   lab.photons = 3e4, lab.radar_snr_db = 20, lab.background = 1e6;
   SignalCheck check({}, 3);
   CHECK(verdicts(check, lab.record()) == all_ok);
