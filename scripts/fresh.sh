@@ -44,7 +44,7 @@ fresh_ccache() {
   [ -n "${CCACHE_DIR:-}" ] || return 0
   mkdir -p "$CCACHE_DIR" "$root/ccache"
   mount --bind "$CCACHE_DIR" "$root/ccache"
-  cached="CCACHE_DIR=/ccache CMAKE_CXX_COMPILER_LAUNCHER=ccache"
+  cached="CCACHE_DIR=/ccache CCACHE_SLOPPINESS=pch_defines,time_macros CMAKE_CXX_COMPILER_LAUNCHER=ccache"
 }
 
 # in_root COMMAND: a shell command in there.

@@ -30,7 +30,7 @@ std::string literal(double v) {
 
 // On one line, with escapes: the library's own printer writes some texts with line ends so that it
 // does not read them back.
-std::string quoted(const std::string& text) {
+std::string in_quotes(const std::string& text) {
   constexpr char digits[] = "0123456789abcdef";
   std::string out = "\"";
   for (const char c : text) {
@@ -321,7 +321,7 @@ std::string Settings::value_of(const Entry& entry) {
   if (const auto* r = std::get_if<Real>(&entry.target)) return literal(*r->value);
   if (const auto* i = std::get_if<Integer>(&entry.target)) return std::to_string(*i->value);
   if (const auto* b = std::get_if<bool*>(&entry.target)) return **b ? "true" : "false";
-  return quoted(*std::get<Text>(entry.target).value);
+  return in_quotes(*std::get<Text>(entry.target).value);
 }
 
 // Keys without a section first, then the sections as they were bound, each once: TOML takes no
@@ -362,7 +362,7 @@ std::string Settings::with_origins() const { return print(true, true); }
 std::string Settings::json() const {
   std::string out;
   for (const Entry& e : entries_) {
-    out += (out.empty() ? "{\n  " : ",\n  ") + quoted(e.key) + ": {\"value\": " + value_of(e);
+    out += (out.empty() ? "{\n  " : ",\n  ") + in_quotes(e.key) + ": {\"value\": " + value_of(e);
     const auto bounds = [&](const auto& target, const auto& text) {
       out += ", \"min\": " + text(target.min) + ", \"max\": " + text(target.max);
     };
@@ -371,10 +371,10 @@ std::string Settings::json() const {
       bounds(*i, [](std::int64_t v) { return std::to_string(v); });
     if (const auto* t = std::get_if<Text>(&e.target); t && !t->allowed.empty()) {
       out += ", \"allowed\": ";
-      for (const auto& a : t->allowed) out += (&a == t->allowed.data() ? "[" : ", ") + quoted(a);
+      for (const auto& a : t->allowed) out += (&a == t->allowed.data() ? "[" : ", ") + in_quotes(a);
       out += "]";
     }
-    out += ", \"help\": " + quoted(e.doc) + "}";
+    out += ", \"help\": " + in_quotes(e.doc) + "}";
   }
   return out + "\n}\n";
 }

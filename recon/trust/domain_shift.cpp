@@ -178,8 +178,10 @@ DomainShift DomainReference::judge(const Alignment& alignment, const Dataset& da
     // A number that this run does not have is not compared; a run with one carrier only differs.
     for (const Index c : {Index(k), count + Index(k)})
       before.col(c).setZero(), now.col(c).setZero();
-    if (k == first_power_variation + 1)
-      out.differences.push_back({"one carrier of the radar, several in training", INFINITY});
+    if (k != first_power_variation + 1) continue;
+    DomainShift::Difference& one = out.differences.emplace_back();
+    one.text = "one carrier of the radar, several in training";
+    one.standard_errors = INFINITY;
   }
   const double least_error = 0.7 * std::sqrt(1. / static_cast<double>(found.rows) +
                                              1. / static_cast<double>(numbers_.rows));
