@@ -10,19 +10,25 @@ _echofuse() {
     help=$("${asked[@]}" --help 2>/dev/null) options+=$'\n'$help  # a command takes its parents' options
   done
   # What stands here: an option, the value of the option before, or else a command or an argument.
-  line=$(grep -E "^ {2,4}(-[a-z],)?$before [A-Z]" <<<"$options" | head -n 1)
-  [[ $before == -* ]] || line=$(sed -n '/^Positionals:/,/^$/p' <<<"$help")
+  case $before in
+    -*) line=$(grep -E -- "^ {2,4}(-[a-z],)?$before [A-Z]" <<<"$options" 2>/dev/null | head -n 1) ;;
+    *) line=$(sed -n '/^Positionals:/,/^$/p' <<<"$help") ;;
+  esac
   if [[ $current == -* ]]; then
     word=$(grep -oE '^ {2,4}(-[a-z],)?--[a-z][a-z-]*' <<<"$options" | grep -o -- '--.*' | sort -u)
   elif [[ $line =~ \{([a-z0-9_.,-]+)\} ]]; then
     word=${BASH_REMATCH[1]//,/ }
   else
     word=$(sed -n '/^Subcommands:/,$p' <<<"$help" | grep -oE '^  [a-z]+')
-    word+=" $(compgen -d -- "$current")"
-    [[ $line == *' RUN'* ]] && word+=" $(compgen -f -X '!*.sqlite' -- "$current")"
-    [[ $line == *' MODEL'* ]] && word+=" $(compgen -f -X '!*.safetensors' -- "$current")"
-    [[ $line =~ ' 'RUN|' 'MODEL|' 'FOLDER ]] || word+=" $(compgen -f -- "$current" | grep -vE -- '-(lock|wal|shm)$')"
   fi
-  mapfile -t COMPREPLY < <(compgen -W "$word" -- "$current" | sort -u)
+  mapfile -t COMPREPLY < <({
+    compgen -W "$word" -- "$current"  # words of --help alone: the shell would run what a file's name says
+    if [[ $current != -* && ! $line =~ \{ ]]; then
+      compgen -d -- "$current"
+      [[ $line == *' RUN'* ]] && compgen -f -X '!*.sqlite' -- "$current"
+      [[ $line == *' MODEL'* ]] && compgen -f -X '!*.safetensors' -- "$current"
+      [[ $line =~ ' 'RUN|' 'MODEL|' 'FOLDER ]] || compgen -f -- "$current" | grep -vE -- '-(lock|wal|shm)$'
+    fi
+  } | sort -u)
 }
 complete -o filenames -F _echofuse echofuse-acquire echofuse-recon echofuse-sim echofuse-view

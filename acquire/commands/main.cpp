@@ -103,6 +103,7 @@ ExitCode run(Options& o) {
     o.run.out = thrown_away.emplace().path() + "/align";
     o.view = true;
   }
+  if (!o.model.empty() && !o.view) throw Error(ExitCode::usage, "--model is for --view");
   if (!o.model.empty() && !std::filesystem::exists(o.model))
     throw Error(ExitCode::usage, "--model " + o.model + ": there is no such file");
   const Config config = load(o);
@@ -210,8 +211,16 @@ ExitCode calibrate_sensors(Options& o) {
 ExitCode annotate(const Options& o) {
   if (o.text.has_value() == o.label.has_value())
     throw Error(ExitCode::usage, "expected either a text or --label TEXT");
-  std::printf("%s\n", printable_lines(annotate_run(o.file, o.text, o.label)).c_str());
-  return ExitCode::ok;
+  for (;;) {
+    const std::string file = file_of(o.file, true);
+    record::recover(file);
+    try {
+      std::printf("%s\n", printable_lines(annotate_run(file, o.text, o.label)).c_str());
+      return ExitCode::ok;
+    } catch (const Error&) {
+      if (file_of(o.file, true) == file) throw;  // else it went on in the next part meanwhile
+    }
+  }
 }
 
 // Without a folder: that of the configuration, or this one, and what is live elsewhere.
@@ -277,8 +286,8 @@ ExitCode export_run(const Options& o) {
 
 ExitCode dispatch(const std::string& command, Options& o) {
   set_up_log(o);
-  if (!o.file.empty()) {
-    o.file = file_of(o.file, command == "annotate");
+  if (!o.file.empty() && command != "annotate") {
+    o.file = file_of(o.file, false);
     record::recover(o.file);
   }
   if (command == "run") return run(o);

@@ -72,9 +72,7 @@ void add_run(CLI::App& app, Options& o) {
                 "new folder for the devices' bytes as they came, for `replay`")
       ->type_name("FOLDER");
   c->add_flag("--view", o.view, "start echofuse-view beside, which prints its address");
-  c->add_option("--model", o.model, "of the maps that the view shows")
-      ->type_name("MODEL")
-      ->needs("--view");
+  c->add_option("--model", o.model, "of the maps that --view shows")->type_name("MODEL");
   add_config_options(*c, o);
   c->add_flag("--strict", o.run.strict, "exit code 5 if any record has a sensor that is not ok");
   c->add_option("--meta", o.meta, "kept in the run; may be repeated")

@@ -12,13 +12,15 @@
 namespace echofuse::acquire {
 namespace {
 
-LiveDevice last_record(const std::string& file, Sensor sensor, const Clock& clock) {
-  const record::RunReader reader(file);
-  const std::string status = reader.info().status;
+// The last part of a run may have no record yet.
+LiveDevice last_record(std::vector<std::string> files, Sensor sensor, const Clock& clock) {
+  const std::string status = record::RunReader(files.back()).info().status;
   if (status != "open") return {"its run is " + status};
-  const std::int64_t last = reader.summary().last_index;
+  const auto last_of = [&] { return record::RunReader(files.back()).summary().last_index; };
+  while (files.size() > 1 && last_of() < 0) files.pop_back();
+  const std::int64_t last = last_of();
   if (last < 0) return {"its run has no record yet"};
-  const record::FusedRecord r = reader.read(last);
+  const record::FusedRecord r = record::RunReader(files.back()).read(last);
   const auto& sync = r.sync[sensor];
   const double age_s = std::chrono::duration<double>(clock.utc() - r.slot_utc).count() -
                        seconds(r.slot_end - r.slot_start);
@@ -34,10 +36,10 @@ LiveDevice last_record(const std::string& file, Sensor sensor, const Clock& cloc
 LiveDevice inspect_holder(const Holder& holder, Sensor sensor, const Clock& clock) {
   LiveDevice found;
   std::error_code none;
-  const std::string file = record::files_of(holder.run).paths.back();
-  if (std::filesystem::is_regular_file(file, none)) {
+  const auto files = record::files_of(holder.run).paths;
+  if (std::filesystem::is_regular_file(files.back(), none)) {
     try {
-      found = last_record(file, sensor, clock);
+      found = last_record(files, sensor, clock);
     } catch (const Error& e) {
       found.text = e.what();
     }

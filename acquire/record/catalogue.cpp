@@ -34,13 +34,17 @@ RunEntry entry_of(const RunReader& run) {
 
 std::vector<RunEntry> runs_of(std::vector<RunEntry> files) {
   std::vector<RunEntry> out;
+  std::vector<std::string> places;  // of the wholes in `out`
   for (RunEntry& e : files) {
-    const std::string whole = e.part.number > 0 ? whole_and_number(e.path).first : e.path;
-    const auto run = std::ranges::find(out, whole, &RunEntry::path);
+    const bool part = e.part.number > 0;
+    const std::string whole = part ? whole_and_number(e.path).first : e.path;
+    const std::string place = part ? place_of(e.path).first : e.path;
+    const auto run = out.begin() + (std::ranges::find(places, place) - places.begin());
     const bool begins = run == out.end();
-    if (begins || run->info.uuid != e.info.uuid) {
+    if (begins || run->part.number == 0 || run->info.uuid != e.info.uuid) {
       if (begins) e.path = whole, e.missing = missing_between(whole, {}, e.part);
       out.push_back(std::move(e));
+      places.push_back(place);
       continue;
     }
     if (const std::string gap = missing_between(whole, run->part, e.part); !gap.empty())

@@ -28,16 +28,6 @@ std::int64_t number_of(const std::string& stem) {
   return digits.size() < stem.size() && fits && all_digits(digits) ? std::stoll(digits) : 0;
 }
 
-// Of a file that is named like a part; none if it is not what it is named.
-std::optional<RunInfo> read_part(const std::string& path) {
-  try {
-    const RunInfo info = RunReader(path).info();
-    if (part_of(path, info).number > 0) return info;
-  } catch (const Error&) {  // whatever it is, it cannot be read
-  }
-  return std::nullopt;
-}
-
 }  // namespace
 
 bool is_key_of_part(const std::string& key) { return key == number_key || key == records_key; }
@@ -91,6 +81,15 @@ std::map<std::int64_t, std::string> named_like(const std::string& whole) {
   return out;
 }
 
+std::optional<RunInfo> read_part(const std::string& path) {
+  try {
+    const RunInfo info = RunReader(path).info();
+    if (part_of(path, info).number > 0) return info;
+  } catch (const Error&) {  // whatever it is, it cannot be read
+  }
+  return std::nullopt;
+}
+
 std::string run_of(const std::string& file) {
   return read_part(file) ? whole_and_number(file).first : file;
 }
@@ -99,7 +98,8 @@ std::string missing_between(const std::string& whole, const Part& before, const 
   const std::int64_t from = before.number + 1, to = next.number - 1;
   if (from > to) return {};
   return printable(part_path(whole, from)) +
-         (from < to ? " to " + printable(part_path(whole, to)) : "") + ": no such part of the run" +
+         (from < to ? " to " + printable(part_path(whole, to)) : "") +
+         ": not there, or not of this run" +
          (next.records == 0 ? ""
                             : "; records " + std::to_string(before.first + before.records) +
                                   " to " + std::to_string(next.first - 1) + " are missing");

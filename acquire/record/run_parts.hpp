@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <map>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -31,6 +32,8 @@ std::pair<std::string, std::int64_t> whole_and_number(const std::string& path);
 // What this run has by its name: its one file, as number 0, and what is named like a part of it.
 std::map<std::int64_t, std::string> named_like(const std::string& whole);
 
+// Of a file that is named like a part; none if it is not what it is named, or cannot be read.
+std::optional<RunInfo> read_part(const std::string& path);
 // Of a part's file, the path of the whole; of any other file, it.
 std::string run_of(const std::string& file);
 

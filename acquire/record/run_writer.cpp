@@ -94,7 +94,11 @@ RunWriter::RunWriter(const std::string& path, const RunInfo& info, const Clock& 
     make(info, begin);
     rows_.reset();
     handle_.reset();
-    if (std::rename(made.c_str(), path.c_str()) != 0) refuse_to_create(path);
+    if (::renameat2(AT_FDCWD, made.c_str(), AT_FDCWD, path.c_str(), RENAME_NOREPLACE) != 0) {
+      refuse_existing(path);  // another program's
+      // Not every file system can do it.
+      if (errno != EINVAL || std::rename(made.c_str(), path.c_str()) != 0) refuse_to_create(path);
+    }
     made = path;
     go_on(false);
   } catch (...) {

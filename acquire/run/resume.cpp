@@ -155,13 +155,14 @@ void refuse_resuming(const record::RunReader& begun, const Config& config) {
   if (info.status == "open")
     throw Error(ExitCode::failed, begun.path() + ": is being recorded by another process");
   const std::filesystem::path file = begun.path();
-  if (const auto part = record::part_of(file, info); part.number > 0)
-    if (const auto last = *record::named_like(record::whole_and_number(file).first).rbegin();
-        last.first > part.number)
+  if (const auto part = record::part_of(file, info); part.number > 0) {
+    const auto named = record::named_like(record::whole_and_number(file).first);
+    if (const auto behind = named.upper_bound(part.number); behind != named.end())
       throw Error(ExitCode::failed, printable(begun.path()) +
                                         ": is not the last part of its run, behind it stands " +
-                                        printable(last.second) +
+                                        printable(named.rbegin()->second) +
                                         "; resume that, or move it away if it is of another run");
+  }
   refuse_read_only(file, file, "it");
   refuse_read_only(file, file.parent_path(), "its folder");
   refuse_other_config(info, begun.calibrations(), config);
@@ -211,6 +212,11 @@ Resumption reopen_run(const std::string& out, const Clock& clock) {
   resumed.file = std::make_unique<record::RunWriter>(out, clock);
   const record::Part part = record::part_of(out, info);
   resumed.first_index = resumed.file->next_index();
+  if (!resumed.label && part.number > 1) {  // it was made for records that did not come
+    const std::string before =
+        record::part_path(record::whole_and_number(out).first, part.number - 1);
+    if (record::read_part(before)) resumed.label = record::RunReader(before).last_label();
+  }
   resumed.part_records = part.records;
   resumed.part_end = part.first + part.records;
   resumed.records_before = part.number > 0 ? resumed.first_index : resumed.file->records();

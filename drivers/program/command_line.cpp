@@ -75,6 +75,11 @@ void check_names(CLI::App& app, const std::vector<std::string>& words) {
   }
 }
 
+void replace(std::string& text, std::string_view was, std::string_view now) {
+  for (auto at = text.find(was); at != text.npos; at = text.find(was, at + now.size()))
+    text.replace(at, was.size(), now);
+}
+
 // CLI11 writes the ends of a range of numbers with all their digits.
 std::string readable(std::string text) {
   const std::string endless = " not in range 0.000000 to 17976931348623157";
@@ -87,6 +92,8 @@ std::string readable(std::string text) {
     const auto zeros = last == dot ? dot : last + 1;  // a dot without digits goes as well
     if (end > dot + 1) text.erase(zeros, end - zeros);
   }
+  replace(text, " excludes ", " does not go with ");
+  replace(text, "Missing mandatory unit", "expected a number with its unit, as 2h, 30m or 10s");
   const std::string cannot = "Could not convert: ";
   if (text.starts_with(cannot)) text = text.substr(cannot.size()) + ": expected a number";
   return text;
@@ -102,20 +109,15 @@ std::size_t columns_of_help() {
   return terminal ? size.ws_col : 100;
 }
 
-// A line that is too long goes on below its text, which begins at column `indent` if the line
-// begins with a space.
-std::string wrapped(const std::string& line, std::size_t columns, std::size_t indent) {
-  indent = line.starts_with(" ") ? indent : 0;
+// A line that is too long goes on below its text: that of an option begins at column `column`.
+std::string wrapped(const std::string& line, std::size_t columns, std::size_t column) {
+  const auto begin = line.find_first_not_of(' ');
+  const std::size_t indent = begin == 2 ? column : begin == line.npos ? 0 : begin;
   if (line.size() <= columns || columns <= indent + 20) return line;
   const auto at = line.rfind(' ', columns);
   if (at == line.npos || at <= indent) return line;
   return line.substr(0, at) + "\n" +
-         wrapped(std::string(indent, ' ') + line.substr(at + 1), columns, indent);
-}
-
-void replace(std::string& text, std::string_view was, std::string_view now) {
-  for (auto at = text.find(was); at != text.npos; at = text.find(was, at + now.size()))
-    text.replace(at, was.size(), now);
+         wrapped(std::string(indent, ' ') + line.substr(at + 1), columns, column);
 }
 
 // ":INT in [1 - 9]" becomes " (1 to 9)", and ":(INT in [0 - 0]) OR (INT in [1 - 9])" becomes

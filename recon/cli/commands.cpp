@@ -234,11 +234,10 @@ Command add_report(CLI::App& app, const Common& common) {
     app.get_option(option)->type_name("MODEL");
   for (const char* option : {"--run", "--live"}) app.get_option(option)->type_name("RUN");
   more_options(app, {"--paper", "--empty", "--force"});
-  add_examples(
-      app,
-      {"echofuse-recon report page --run scenes.sqlite --fused fused.safetensors",
-       "echofuse-recon report page --live monday.sqlite",
-       "echofuse-recon report page --run scenes.sqlite --compare a.safetensors b.safetensors"});
+  add_examples(app,
+               {"echofuse-recon report page --run scenes.sqlite --fused fused.safetensors",
+                "echofuse-recon report page --live monday.sqlite",
+                "echofuse-recon report page --run s.sqlite --compare a.safetensors b.safetensors"});
   return [a, &common] {
     a->command = command_line();
     a->quiet = common.quiet;

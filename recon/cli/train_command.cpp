@@ -134,11 +134,10 @@ Command add_train(CLI::App& app, const Common& common) {
       },
       "print every setting with its meaning, range and default");
   more_options(app, {"--empty", "--inputs", "--epochs", "--seed", "--set", "--settings"});
-  add_examples(
-      app,
-      {"echofuse-recon train scenes.sqlite --out fused.safetensors",
-       "echofuse-recon train monday.sqlite --split blocked --out fused.safetensors",
-       "echofuse-recon train tuesday.sqlite --from fused.safetensors --out tuned.safetensors"});
+  add_examples(app,
+               {"echofuse-recon train scenes.sqlite --out fused.safetensors",
+                "echofuse-recon train monday.sqlite --split blocked --out fused.safetensors",
+                "echofuse-recon train new.sqlite --from old.safetensors --out new.safetensors"});
   a->fallback = true;
   return [a, &app, &common] {
     a->split.seed = a->fit.seed;

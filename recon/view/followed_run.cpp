@@ -12,6 +12,7 @@
 #include "acquire/record/run_names.hpp"
 #include "acquire/record/run_parts.hpp"
 #include "acquire/record/writer_lock.hpp"
+#include "drivers/program/console.hpp"
 #include "drivers/program/exit_code.hpp"
 #include "drivers/program/printable.hpp"
 
@@ -68,13 +69,18 @@ std::string FollowedRun::find() {
   return fs::exists(first, none) ? first : "";
 }
 
-// The part after this one; empty: there is none.
-std::string FollowedRun::next() const {
+std::string FollowedRun::next() {
+  if (live() || path_ == run_) return {};
   const auto named = record::named_like(run_);
-  if (live() || path_ == run_ || named.empty() || named.rbegin()->second == path_) return {};
-  const auto parts = record::files_of(run_).paths;
-  const auto part = std::ranges::find(parts, path_);
-  return part == parts.end() || part + 1 == parts.end() ? "" : *(part + 1);
+  const auto behind = named.upper_bound(record::whole_and_number(path_).second);
+  for (auto it = behind; it != named.end(); ++it) {
+    std::uint64_t& inode = rejected_[it->second];
+    if (inode != 0 && inode == stamp_of(it->second).inode) continue;
+    const auto info = record::read_part(it->second);
+    if (info && info->uuid == info_.uuid) return it->second;
+    inode = stamp_of(it->second).inode;
+  }
+  return {};
 }
 
 bool FollowedRun::refresh() {
@@ -106,7 +112,7 @@ void FollowedRun::forget() {
 // One part is closed when the next one is there.
 void FollowedRun::read() {
   read_part();
-  for (std::string path; !live() && !(path = next()).empty(); read_part()) {
+  for (std::string path; !interrupted() && !(path = next()).empty(); read_part()) {
     Part& part = before_.emplace_back(path_, last().value_or(-1) + 1, stamp_.bytes);
     for (const Sensor s : all_sensors) part.late[s] = sensors_[s].late;
     path_ = path, stamp_ = stamp_of(path);

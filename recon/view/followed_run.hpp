@@ -4,6 +4,7 @@
 #pragma once
 #include <cstdint>
 #include <functional>
+#include <map>
 #include <optional>
 #include <string>
 #include <vector>
@@ -84,7 +85,7 @@ class FollowedRun {
     PerSensor<std::uint64_t> late{};
   };
   std::string find();
-  std::string next() const;
+  std::string next();  // the part after path_; empty: there is none
   void read();
   void read_part();
   void forget();
@@ -92,7 +93,8 @@ class FollowedRun {
 
   std::string target_, newest_, run_, path_, trouble_, label_;  // newest_: file of a folder
   FileStamp stamp_;
-  std::vector<Part> before_;  // path_ are the parts before it
+  std::vector<Part> before_;                       // path_ are the parts before it
+  std::map<std::string, std::uint64_t> rejected_;  // named like a part, but of another run: inodes
   int edition_ = 0;
   record::RunInfo info_;
   std::vector<Axis> axes_;

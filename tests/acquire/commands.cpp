@@ -66,7 +66,7 @@ TEST_CASE("help, version and usage errors") {
   refuses("fly", 2, "fly");
   refuses("run --out a --resume b", 2, "--resume");
   refuses("run --out a --count 0", 2, "--count");
-  refuses("run --out a --count 3 --duration 2h", 2, "excludes");
+  refuses("run --out a --count 3 --duration 2h", 2, "does not go with --duration");
   refuses("run --out a --duration 10", 2, "--duration");
   refuses("info --no-such-option x", 2, "--no-such-option");
 }

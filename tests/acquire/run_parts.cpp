@@ -120,7 +120,7 @@ TEST_CASE("a part that is missing, damaged or of another run is named with its r
   const auto files = [&] { return record::files_of(parts.folder / "a"); };
   CHECK(files().paths.size() == 4);
   CHECK(files().missing.empty());
-  const std::string none = ": no such part of the run";
+  const std::string none = ": not there, or not of this run";
   SECTION("in the middle") {
     fs::remove(parts.path(2));
     SECTION("not there") {}

@@ -181,7 +181,12 @@ TEST_CASE("a run in parts that is live elsewhere is listed once, with what is on
   CHECK(has(told.text, "\na      "));
   CHECK(has(told.text, "\na-002  "));
   for (const char* joined : {"\na-001", "\na-003"}) CHECK_FALSE(has(told.text, joined));
-  CHECK(has(told.text, "a-002.sqlite: no such part of the run; records 2 to 3 are missing"));
+  CHECK(has(told.text, "a-002.sqlite: not there, or not of this run; records 2 to 3 are missing"));
   CHECK(has(told.text, "a-004.sqlite: not an echofuse run file; me"));
+  // A copy that bears the run's name is a run by itself.
+  fs::copy_file(folder / "a-001.sqlite", folder / "a.sqlite");
+  const Json copied = Json::parse(at_home(folder, "", "list --json | cat").text);
+  CHECK(copied.size() == 4);
+  for (const Json& run : copied) CHECK(run["records"] == 1);
   fs::remove(echofuse::acquire::lock_folder() + "/" + name);
 }

@@ -118,6 +118,12 @@ class Installed(unittest.TestCase):
             self.assertEqual(offered("echofuse-acquire", "info", a), [f"{a}.sqlite"])
             self.assertEqual(offered("echofuse-recon", "train", "--from", a), [f"{a}.safetensors"])
             self.assertEqual(offered("echofuse-recon", "evaluate", a), [f"{a}.safetensors", f"{a}.sqlite"])
+            for name in ("b$(touch made).sqlite", "c d.sqlite"):
+                (pathlib.Path(folder) / name).touch()
+            self.assertEqual(" ".join(offered("echofuse-acquire", "info", f"{folder}/b")), f"{folder}/b$(touch made).sqlite")
+            self.assertEqual(" ".join(offered("echofuse-acquire", "info", f"{folder}/c")), f"{folder}/c d.sqlite")
+            self.assertFalse((self.prefix / "lib/made").exists())
+            self.assertEqual(offered("echofuse-acquire", "annotate", "x", "(lamp", ""), offered("echofuse-acquire", "annotate", ""))
             self.assertEqual(offered("echofuse-acquire", "run", "--config", a),
                              [f"{a}.{end}" for end in ("csv", "safetensors", "sqlite", "toml")])
         self.assertEqual(offered("echofuse-sim", "lab", "--lase"), ["--laser-rate-hz"])

@@ -54,9 +54,10 @@ sim dataset --out x --records 4 --people 1 | 2 | --records 4 differs from the 1 
 sim lab --scene preson | 2 | --scene: preson not in {person,letter,mixed,
 sim lab --dir . | 2 | holds files that no laboratory wrote
 sim lab --dir new --hold 3s | 2 | --hold
-acquire run --model nomodel | 2 | --model requires --view
+acquire run --model nomodel | 2 | --model is for --view
 acquire run --view --model nomodel | 2 | --model nomodel: there is no such file
-acquire run --duration 5 | 2 | --duration
+acquire run --duration 5 | 2 | --duration: expected a number with its unit, as 2h
+acquire run --count 3 --duration 5s | 2 | --count does not go with --duration
 acquire run --duration 99999999999h | 2 | --duration: expected at most 87660h, ten years
 acquire calibrate --distance -1 | 2 | --distance: Value -1 not in range 0.1 to 100
 acquire export seen.sqlite --to x.txt | 2 | --to x.txt: expected NAME.h5, or NAME.csv with --record N

@@ -106,7 +106,9 @@ TEST_CASE("a run in parts is resumed in its last part, which fills before the ne
 
 TEST_CASE("a part that was killed before its first record goes on where the run was") {
   Bench b;
+  b.lab->set({"run.label=lamp on"});
   CHECK(b.lab->record(in_parts(b, 8, 4)) == ExitCode::ok);
+  b.lab->set({"run.label=lamp off"});
   const auto before = record::files_of(b.folder / "run").paths;
   static_cast<void>(record::next_part(before.back(), system_clock));  // never closed
   CHECK(record::RunReader(before.back()).calibrations() ==
@@ -120,6 +122,7 @@ TEST_CASE("a part that was killed before its first record goes on where the run 
   const auto all = records_of(files);
   REQUIRE(all.size() == 14);
   for (std::size_t k = 0; k < all.size(); ++k) CHECK(all[k].index == static_cast<std::int64_t>(k));
+  for (const auto& r : all) CHECK(r.label == "lamp on");
 }
 
 TEST_CASE("the programs take the parts of a run as one") {
@@ -166,7 +169,8 @@ TEST_CASE("the programs take the parts of a run as one") {
     const auto gap = program(command);
     CAPTURE(gap.text);
     CHECK(gap.code == 0);
-    CHECK(testing::has(gap.text, run + "-002.sqlite: no such part of the run; records 25 to 49"));
+    CHECK(testing::has(gap.text,
+                       run + "-002.sqlite: not there, or not of this run; records 25 to 49"));
   }
   std::filesystem::remove(run + "-001.sqlite");
   CHECK(testing::has(program("echofuse-acquire run --config " + b.folder / "lab.toml" +
