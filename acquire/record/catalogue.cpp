@@ -38,7 +38,8 @@ std::vector<RunEntry> runs_of(std::vector<RunEntry> files) {
   for (RunEntry& e : files) {
     const bool part = e.part.number > 0;
     const std::string whole = part ? whole_and_number(e.path).first : e.path;
-    const std::string place = part ? place_of(e.path).first : e.path;
+    const auto [of_whole, number] = place_of(e.path);
+    const std::string place = part || number == 0 ? of_whole : e.path;
     const auto run = out.begin() + (std::ranges::find(places, place) - places.begin());
     const bool begins = run == out.end();
     if (begins || run->part.number == 0 || run->info.uuid != e.info.uuid) {
