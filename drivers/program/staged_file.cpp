@@ -60,7 +60,7 @@ StagedFile::StagedFile(const std::string& place)
                 .string()) {
   const std::string lock = path_ + ".lock";
   lock_ = ::open(lock.c_str(), O_CREAT | O_RDWR | O_CLOEXEC | O_NOFOLLOW, 0600);
-  if (lock_ < 0) fail(lock, std::strerror(errno));
+  if (lock_ < 0) fail(place, fs::path(lock).parent_path().string() + ": " + std::strerror(errno));
   if (::flock(lock_, LOCK_EX | LOCK_NB) != 0) {
     ::close(lock_);
     throw Error(ExitCode::failed, printable(place_) + ": another process is making it");
