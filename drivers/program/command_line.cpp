@@ -135,6 +135,9 @@ void say_range(std::string& text) {
   text.replace(begin, high + (or_zero ? 2 : 1) - begin, words);
 }
 
+// A default that does not stand behind the option's name.
+bool is_long(const std::string& usual) { return usual.size() > 40; }
+
 // --help as a person reads it: "(0.05 to 3600)" in place of the library's words for its
 // validators, options that do not go together in a sentence, lines that fit the terminal.
 class Readable final : public CLI::Formatter {
@@ -162,6 +165,8 @@ class Readable final : public CLI::Formatter {
     if (option->get_positional() && std::isupper(option->get_name(true).front()) != 0)
       text.erase(0, text.find(' ', 1));  // its name says what it is
     say_range(text);
+    if (const std::string& usual = option->get_default_str(); is_long(usual))
+      replace(text, "=" + usual, "");
     text = text.substr(0, std::min(text.find(" Needs:"), text.find(" Excludes:")));
     replace(text, ":NONNEGATIVE", " (at least 0)");
     replace(text, "UINT", "INT");
@@ -174,7 +179,10 @@ class Readable final : public CLI::Formatter {
     for (const CLI::Option* other : option->get_excludes())
       others += (others.empty() ? "; not with " : " or ") + other->get_name();
     for (const CLI::Option* other : option->get_needs()) others += "; with " + other->get_name();
-    return option->get_description() + others;
+    std::string usual = option->get_default_str();
+    if (!is_long(usual)) return option->get_description() + others;
+    replace(usual, ",", ", ");
+    return option->get_description() + others + "; default: " + usual;
   }
 };
 

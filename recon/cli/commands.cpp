@@ -237,7 +237,7 @@ Command add_report(CLI::App& app, const Common& common) {
   add_examples(app,
                {"echofuse-recon report page --run scenes.sqlite --fused fused.safetensors",
                 "echofuse-recon report page --live monday.sqlite",
-                "echofuse-recon report page --run s.sqlite --compare a.safetensors b.safetensors"});
+                "echofuse-recon report p --run s.sqlite --compare a.safetensors b.safetensors"});
   return [a, &common] {
     a->command = command_line();
     a->quiet = common.quiet;
