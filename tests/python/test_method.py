@@ -28,6 +28,24 @@ KINDS = {
     "piled-up": [["factorised-8"]],
     "calibrated": [["factorised-8"]],
 }
+CODES_SCALE = 12  # log2 of the power in steps of 2 / CODES_SCALE / 16, as TI's profile of one transmitter has it
+
+
+def stated(path, taps, cell_m=0.3):
+    with sqlite3.connect(path) as db:
+        for key, value in (("radar_cell_m", cell_m), ("radar_taps", " ".join(f"{v:.6g}" for v in taps) + " +- 0.01")):
+            db.execute("INSERT OR REPLACE INTO meta VALUES (?, ?)", (key, str(value)))
+
+
+def as_the_daemon_writes(path):
+    """Codes of the logarithm in place of powers, and points that the model does not take."""
+    run = echofuse.open(path)
+    codes = np.round(np.log2(np.maximum(run.radar, 1e-3) * 1e6) * 256 * CODES_SCALE / 32)
+    codes = np.pad(codes, ((0, 0), (0, 5)), mode="edge").astype("<f4")
+    with sqlite3.connect(path) as db:
+        db.execute("UPDATE axis SET quantity = 'log2_q8', scale = ?, count = count + 5 WHERE name = 'radar'", (CODES_SCALE,))
+        for index, row in zip(run.index.tolist(), codes):
+            db.execute("UPDATE record SET radar = ? WHERE idx = ?", (row.tobytes(), index))
 
 
 @pytest.fixture(scope="module")
@@ -45,13 +63,34 @@ def runs(tmp_path_factory):
     return folder
 
 
+@pytest.mark.parametrize("name", ["50cm", "antennas"])
+@pytest.mark.parametrize("change", ["codes", "response"])
+def test_a_run_unlike_the_training(runs, tmp_path, name, change):
+    """Of other units, or with another response of the radar: Python and program bring it to the model's."""
+    trained, run, model = tmp_path / "trained.sqlite", tmp_path / "run.sqlite", tmp_path / "model"
+    for copy in (trained, run):
+        copy.write_bytes((runs / f"{name}.sqlite").read_bytes())
+    stated(trained, np.exp(-np.arange(8) ** 2 / 14))
+    if change == "response":
+        stated(run, np.exp(-np.arange(8) ** 2 / 5))
+    elif name == "50cm":
+        as_the_daemon_writes(run)
+    program("echofuse-recon", "train", "-q", trained, "--model", "factorised-8", "--epochs", 1, "--out", model)
+    program("echofuse-recon", "reconstruct", "-q", model, run, "--out", tmp_path / "maps", "--format", "npz")
+    compare(model, run, tmp_path / "maps")
+
+
 @pytest.mark.parametrize(("name", "kind"), [(name, kind) for name, kinds in KINDS.items() for kind in kinds])
 def test_maps_are_those_of_the_program(runs, tmp_path, name, kind):
     model, run = tmp_path / "model", runs / f"{name}.sqlite"
     epochs = ["--epochs", 1] if kind[0].rstrip("-0123456789") in ("factorised", "silhouette", "mlp", "pca-mlp") else []
     program("echofuse-recon", "train", "-q", run, "--model", *kind, *epochs, "--set", "fallback=false", "--out", model)
     program("echofuse-recon", "reconstruct", "-q", model, run, "--out", tmp_path / "maps", "--format", "npz")
-    program_made = np.load(next((tmp_path / "maps").rglob("*.npz")))
+    compare(model, run, tmp_path / "maps")
+
+
+def compare(model, run, maps):
+    program_made = np.load(next(maps.rglob("*.npz")))
     loaded = echofuse.load_model(model)
     found = loaded.predict(run)
     background = loaded.estimators[0].t["scene/background_m"].reshape(loaded.estimators[0].size, -1)

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from . import baselines
 from . import run as runs
 from .method import Method
+from .response import Response, filter_between, filtered, stated_in
 
 
 def read_safetensors(path: str | pathlib.Path) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
@@ -72,6 +73,9 @@ class Model:
     def __init__(self, path: str | pathlib.Path) -> None:
         tensors, facts = read_safetensors(path)
         self.path, self.facts = pathlib.Path(path), facts
+        #: of the radar, in training; None if it was not stated
+        self.response = (Response(facts["response/cell_m"], tuple(tensors["response/taps"].ravel().tolist()))
+                         if facts.get("response/known") else None)
         self.estimators = [Estimator(tensors, facts, f"{k}/") for k in range(facts["estimators"])]
 
     def predict(self, run: runs.Run | str | pathlib.Path, *, range_offset_m: float = 0) -> Maps:
@@ -79,6 +83,9 @@ class Model:
         ValueError for a run on other axes."""
         run = run if isinstance(run, runs.Run) else runs.open(run)
         counts, power, lags = run.photons(), run.power(range_offset_m), run.lags(range_offset_m)
+        stated = stated_in(run.meta)
+        weights = (filter_between(stated, self.response, run.power_axis.step)
+                   if stated and self.response and stated != self.response and run.power_axis.unit == "m" else None)
         spd = run.valid["spd"] & ~same(counts)
         radar = run.valid["radar"] & ~same(power)
         first = self.estimators[0]
@@ -94,13 +101,15 @@ class Model:
             rows = np.flatnonzero(able & (by < 0))
             if len(rows) == 0:
                 continue
-            for name in ("spd", "radar"):
-                if name in estimator.axes and not run.axes[name].covers(estimator.axes[name]):
-                    raise ValueError(f"{run.path}: its {name} axis is {run.axes[name]}; {self.path} takes "
-                                     f"{estimator.axes[name]}")
+            for name, axis in (("spd", run.axes.get("spd")), ("radar", run.power_axis)):
+                if name in estimator.axes and not axis.covers(estimator.axes[name]):
+                    raise ValueError(f"{run.path}: its {name} axis is {axis}; {self.path} takes {estimator.axes[name]}")
             by[rows] = k
-            maps[rows] = estimator.predict(*(estimator.matched(name, table[rows])
-                                             for name, table in (("spd", counts), ("radar", power), ("array", lags))))
+            seen = [estimator.matched(name, table[rows]) for name, table in
+                    (("spd", counts), ("radar", power), ("array", lags))]
+            if weights is not None:
+                seen[1:] = (filtered(table, weights) for table in seen[1:])
+            maps[rows] = estimator.predict(*seen)
         seen = np.flatnonzero(by >= 0)
         half = first.f["scene/map_half_tangent"]
         pixel = half * ((2 * np.arange(first.size) + 1) / first.size - 1)

@@ -8,7 +8,7 @@ import sqlite3
 import struct
 import time
 import zlib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Iterator
 
@@ -169,6 +169,12 @@ class Run:
             power = power - np.sort(power, axis=1)[:, power.shape[1] // 2, None]
         by_m = range_offset_m + self.offset_m.get("radar", 0)
         return shifted(power, by_m / self.axes["radar"].step)
+
+    @property
+    def power_axis(self) -> Axis | None:
+        """Of power(): TI's codes are power there."""
+        axis = self.axes.get("radar")
+        return replace(axis, quantity="power", scale=1.0) if axis and axis.quantity == "log2_q8" else axis
 
     @cached_property
     def lags_axis(self) -> Axis | None:
