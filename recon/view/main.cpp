@@ -45,7 +45,13 @@ ExitCode show(const Options& o) {
     return text_view(run, o.server.planned, clock);
   }
   std::optional<LiveModel> model;
-  if (!o.model.empty()) model.emplace(o.model);
+  try {
+    if (!o.model.empty()) model.emplace(o.model);
+  } catch (const Error& e) {
+    if (!o.server.until_closed) throw;
+    // Beside a run the page counts more than its maps.
+    std::fprintf(stderr, "echofuse-view: %s; no maps are shown\n", printable(e.what()).c_str());
+  }
   Server server(o.server, model ? &*model : nullptr, clock);
   if (const std::string why = server.missing(); !why.empty() && !o.server.until_closed)
     std::fprintf(stderr, "echofuse-view: %s\n", printable(why).c_str());

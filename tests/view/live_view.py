@@ -70,16 +70,19 @@ class LiveView(live.Live):
                                          stdout=subprocess.PIPE).stdout)
 
     def test_parts(self):
-        """What a run in parts says names the whole, and a view of its resumption shows the whole."""
+        """What a run in parts says names the whole, and a view of its resumption shows the whole, without maps if the
+        model is none."""
         daemon = self.record("--records", "3", "--count", "5", "--json", stdout=subprocess.PIPE)
         told, log = daemon.communicate(timeout=30)
         first, *_, last = map(json.loads, told.splitlines())
         self.assertEqual((first["file"], last["parts"], last["on_disk"]), (str(self.run), 2, 5), log)
         self.assertIn(f"{self.run}: 5 of 5 records, in 2 parts, complete", log)
-        again = self.go_on("--view", "--count", "2", stdout=subprocess.PIPE)
+        again = self.go_on("--view", "--model", self.dir / "lab/lab.toml", "--count", "2", stdout=subprocess.PIPE)
         client = Browser(again.stdout.readline().strip())
         client.until("state", lambda m: m["status"] == "complete" and m["records"] == 7)
-        self.assertIn(f"{self.run}: 2 of 2 records, 7 in all, in 3 parts, complete", self.finish(again))
+        said = self.finish(again)
+        self.assertIn(f"{self.run}: 2 of 2 records, 7 in all, in 3 parts, complete", said)
+        self.assertIn("is no model file, or is cut off; expected a safetensors file; no maps are shown", said)
 
     def test_life(self):
         """Waits for the run, moves with it, marks it, shows lost devices, the daemon's end and a resumed run."""
