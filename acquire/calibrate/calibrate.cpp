@@ -100,8 +100,7 @@ class Measurement {
     devices_.take("calibrate");
     devices_.start();
     devices_.wait(config_.connect_timeout_s);
-    if (interrupted())
-      throw Error(ExitCode::interrupted, "interrupted; no calibration was written");
+    refuse_interrupted();
     if (!devices_[Sensor::spd].delivers() && !devices_[Sensor::radar].delivers())
       throw Error(ExitCode::device, "no device to calibrate delivers after " +
                                         human_duration(config_.connect_timeout_s));
@@ -110,8 +109,7 @@ class Measurement {
     gatherer_.take();
     for (std::int64_t k = 0; k < options_.repeats; ++k) {
       listen();
-      if (interrupted())
-        throw Error(ExitCode::interrupted, "interrupted; no calibration was written");
+      refuse_interrupted();
       end_repeat();
       progress.update(static_cast<std::size_t>(k + 1));
     }
@@ -177,6 +175,10 @@ class Measurement {
   }
 
  private:
+  static void refuse_interrupted() {
+    if (interrupted())
+      throw Error(ExitCode::interrupted, "interrupted; no calibration was written");
+  }
   void listen() { loop_.run_until(interrupted, loop_.now() + from_seconds(options_.time_s)); }
   Peak photons(std::span<const std::uint32_t> counts) const {
     const auto& s = gatherer_.settings();

@@ -12,15 +12,7 @@
 namespace echofuse::acquire {
 namespace {
 
-// The last part of a run may have no record yet.
-LiveDevice last_record(std::vector<std::string> files, Sensor sensor, const Clock& clock) {
-  const std::string status = record::RunReader(files.back()).info().status;
-  if (status != "open") return {"its run is " + status};
-  const auto last_of = [&] { return record::RunReader(files.back()).summary().last_index; };
-  while (files.size() > 1 && last_of() < 0) files.pop_back();
-  const std::int64_t last = last_of();
-  if (last < 0) return {"its run has no record yet"};
-  const record::FusedRecord r = record::RunReader(files.back()).read(last);
+LiveDevice told_of(const record::FusedRecord& r, Sensor sensor, const Clock& clock) {
   const auto& sync = r.sync[sensor];
   const double age_s = std::chrono::duration<double>(clock.utc() - r.slot_utc).count() -
                        seconds(r.slot_end - r.slot_start);
@@ -29,6 +21,18 @@ LiveDevice last_record(std::vector<std::string> files, Sensor sensor, const Cloc
               (sensor == Sensor::spd ? " clicks" : " frames") + " used, " +
               std::to_string(sync.lost) + " lost",
           r.has(sensor)};
+}
+
+// The last part of a run may have no record yet.
+LiveDevice last_record(const std::vector<std::string>& files, Sensor sensor, const Clock& clock) {
+  for (auto file = files.rbegin(); file != files.rend(); ++file) {
+    const record::RunReader run(*file);
+    const std::string status = run.info().status;
+    if (file == files.rbegin() && status != "open") return {"its run is " + status};
+    const std::int64_t last = run.summary().last_index;
+    if (last >= 0) return told_of(run.read(last), sensor, clock);
+  }
+  return {"its run has no record yet"};
 }
 
 }  // namespace

@@ -177,9 +177,8 @@ class Arrays {
       out_.write_row<float>(data + "depth", row, depth);
     }
     if (r.has(Sensor::radar) && codes_of_antennas_ > 0) {
-      std::vector<float> power;
-      for (const float code : r.radar)
-        power.push_back(static_cast<float>(power_from_code(double{code}, codes_of_antennas_)));
+      std::vector<float> power = r.radar;
+      for (float& v : power) v = static_cast<float>(power_from_code(double{v}, codes_of_antennas_));
       out_.write_row<float>(data + "radar_power", row, power);
     }
   }

@@ -52,6 +52,12 @@ void create_empty(const std::string& name, const std::string& path) {
   ::close(fd);
 }
 
+// Replaces nothing, where the file system can do that. False: errno tells why.
+bool rename_beside_others(const std::string& from, const std::string& to) {
+  return ::renameat2(AT_FDCWD, from.c_str(), AT_FDCWD, to.c_str(), RENAME_NOREPLACE) == 0 ||
+         (errno == EINVAL && std::rename(from.c_str(), to.c_str()) == 0);
+}
+
 // Other processes may write marks.
 constexpr std::int64_t longest_wait_ns = 30'000'000'000;
 constexpr auto retry_pause = std::chrono::milliseconds(10);
@@ -94,10 +100,9 @@ RunWriter::RunWriter(const std::string& path, const RunInfo& info, const Clock& 
     make(info, begin);
     rows_.reset();
     handle_.reset();
-    if (::renameat2(AT_FDCWD, made.c_str(), AT_FDCWD, path.c_str(), RENAME_NOREPLACE) != 0) {
-      refuse_existing(path);  // another program's
-      // Not every file system can do it.
-      if (errno != EINVAL || std::rename(made.c_str(), path.c_str()) != 0) refuse_to_create(path);
+    if (!rename_beside_others(made, path)) {
+      if (errno == EEXIST) refuse_existing(path);  // another program's
+      refuse_to_create(path);
     }
     made = path;
     go_on(false);

@@ -144,11 +144,12 @@ class Readable final : public CLI::Formatter {
   std::string make_help(const CLI::App* app, std::string name,
                         CLI::AppFormatMode mode) const override {
     std::istringstream lines(Formatter::make_help(app, name, mode));
+    const std::size_t columns = columns_of_help();
     std::string out, line;
     for (bool examples = false; std::getline(lines, line);) {
       if (line.empty() && out.ends_with("\n\n")) continue;  // one blank line is enough
       examples = examples ? !line.empty() : line == "Examples:";
-      out += (examples ? line : wrapped(line, columns_of_help(), get_column_width())) + '\n';
+      out += (examples ? line : wrapped(line, columns, get_column_width())) + '\n';
     }
     return out;
   }

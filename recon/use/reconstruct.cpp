@@ -272,10 +272,12 @@ void reconstruct(const TrainedModel& model, const std::string& path,
       open = run.info().status == "open";  // asked first: what comes before the end is seen
       if (work.take_new(run)) continue;
     }
-    if (!open)
-      files = record::files_of(path).paths;  // the next part is there before this one closes
-    if (!open && ++at == files.size()) break;
-    if (open) std::this_thread::sleep_for(pause_between_looks);
+    if (open) {
+      std::this_thread::sleep_for(pause_between_looks);
+      continue;
+    }
+    files = record::files_of(path).paths;  // the next part is there before this one closes
+    if (++at == files.size()) break;
   }
   work.close();
 }

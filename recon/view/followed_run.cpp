@@ -74,11 +74,12 @@ std::string FollowedRun::next() {
   const auto named = record::named_like(run_);
   const auto behind = named.upper_bound(record::whole_and_number(path_).second);
   for (auto it = behind; it != named.end(); ++it) {
-    std::uint64_t& inode = rejected_[it->second];
-    if (inode != 0 && inode == stamp_of(it->second).inode) continue;
+    const std::uint64_t inode = stamp_of(it->second).inode;
+    const auto known = rejected_.find(it->second);
+    if (known != rejected_.end() && known->second == inode) continue;
     const auto info = record::read_part(it->second);
     if (info && info->uuid == info_.uuid) return it->second;
-    inode = stamp_of(it->second).inode;
+    rejected_[it->second] = inode;
   }
   return {};
 }

@@ -105,11 +105,11 @@ class Model:
                 if name in estimator.axes and not axis.covers(estimator.axes[name]):
                     raise ValueError(f"{run.path}: its {name} axis is {axis}; {self.path} takes {estimator.axes[name]}")
             by[rows] = k
-            seen = [estimator.matched(name, table[rows]) for name, table in
-                    (("spd", counts), ("radar", power), ("array", lags))]
+            spd_part, *of_radar = (estimator.matched(name, table[rows]) for name, table in
+                                   (("spd", counts), ("radar", power), ("array", lags)))
             if weights is not None:
-                seen[1:] = (filtered(table, weights) for table in seen[1:])
-            maps[rows] = estimator.predict(*seen)
+                of_radar = [filtered(table, weights) for table in of_radar]
+            maps[rows] = estimator.predict(spd_part, *of_radar)
         seen = np.flatnonzero(by >= 0)
         half = first.f["scene/map_half_tangent"]
         pixel = half * ((2 * np.arange(first.size) + 1) / first.size - 1)
