@@ -11,6 +11,7 @@
 #include <memory>
 #include <utility>
 
+#include "acquire/import/arrays.hpp"
 #include "acquire/import/picoquant.hpp"
 #include "acquire/import/radar_recording.hpp"
 #include "acquire/record/run_file.hpp"
@@ -268,6 +269,9 @@ std::string import_recordings(Config config, const ImportOptions& options) {
                    [](unsigned char c) { return std::tolower(c); });
     return kind;
   };
+  if (options.files.size() == 1 && fs::is_directory(options.files[0]))
+    return import_arrays(options.files[0], options.out,
+                         options.began.empty() ? UtcTime{} : parse_utc(options.began));
   config.tdc.address = config.radar.cli = config.radar.data = config.depth.address = "";
   config.policy = {"optional", "optional", "optional"};
   std::vector<std::unique_ptr<Recording>> recordings;

@@ -148,6 +148,11 @@ void Settings::add(std::string key, std::string& value, std::string doc,
   entries_.push_back({std::move(key), std::move(doc), Text{&value, std::move(allowed)}});
 }
 
+void Settings::add(std::string key, std::vector<std::string>& value, std::string doc) {
+  check_new(key);
+  entries_.push_back({std::move(key), std::move(doc), &value});
+}
+
 void Settings::check_new([[maybe_unused]] const std::string& key) const {
   assert(
       std::none_of(entries_.begin(), entries_.end(), [&](const Entry& e) { return e.key == key; }));
@@ -181,6 +186,8 @@ std::string Settings::expectation(const Entry& entry) {
   if (const auto* i = std::get_if<Integer>(&entry.target))
     return "a whole number from " + std::to_string(i->min) + " to " + std::to_string(i->max);
   if (std::holds_alternative<bool*>(entry.target)) return "true or false";
+  if (std::holds_alternative<std::vector<std::string>*>(entry.target))
+    return "a list of texts in quotes";
   const auto& allowed = std::get<Text>(entry.target).allowed;
   if (allowed.empty()) return "a text in quotes";
   std::string list = "one of";
@@ -207,6 +214,13 @@ std::string Settings::assign(Entry& entry, const Node& node, const std::string& 
   } else if (auto* b = std::get_if<bool*>(&entry.target)) {
     fits = node.is_boolean();
     if (fits) **b = *node.template value<bool>();
+  } else if (auto* list = std::get_if<std::vector<std::string>*>(&entry.target)) {
+    std::vector<std::string> texts;
+    if (const auto* array = node.as_array())
+      for (const auto& item : *array)
+        if (const auto text = item.template value<std::string>()) texts.push_back(*text);
+    fits = node.is_array() && texts.size() == node.as_array()->size();
+    if (fits) **list = texts;
   } else {
     auto& t = std::get<Text>(entry.target);
     if (node.is_string()) {
@@ -321,6 +335,11 @@ std::string Settings::value_of(const Entry& entry) {
   if (const auto* r = std::get_if<Real>(&entry.target)) return literal(*r->value);
   if (const auto* i = std::get_if<Integer>(&entry.target)) return std::to_string(*i->value);
   if (const auto* b = std::get_if<bool*>(&entry.target)) return **b ? "true" : "false";
+  if (const auto* list = std::get_if<std::vector<std::string>*>(&entry.target)) {
+    std::string out;
+    for (const auto& text : **list) out += (out.empty() ? "[" : ", ") + in_quotes(text);
+    return out.empty() ? "[]" : out + "]";
+  }
   return in_quotes(*std::get<Text>(entry.target).value);
 }
 

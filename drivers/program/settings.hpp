@@ -32,6 +32,7 @@ class Settings {
   // Any text, or one of `allowed` if that is not empty.
   void add(std::string key, std::string& value, std::string doc,
            std::vector<std::string> allowed = {});
+  void add(std::string key, std::vector<std::string>& value, std::string doc);  // a list of texts
 
   // Reading: takes what fits and returns every fault, one line each. The text comes first, so that
   // an assignment ("key=value" from a command line; a bare word is a text) wins over it. After a
@@ -71,7 +72,7 @@ class Settings {
   };
   struct Entry {
     std::string key, doc;
-    std::variant<Real, Integer, bool*, Text> target;
+    std::variant<Real, Integer, bool*, Text, std::vector<std::string>*> target;
     std::string origin{};
   };
   using Faults = std::vector<std::string>;

@@ -8,8 +8,8 @@
 >>> maps = echofuse.load_model("fused.safetensors").predict(run)
 >>> maps.depth_m.shape  # metres; NaN: nothing returned
 """
-from .acquire import record
+from .acquire import record, write_run
 from .model import Estimator, Maps, Model, load_model
 from .run import Axis, Run, open  # noqa: A004 (the name that is wanted)
 
-__all__ = ["Axis", "Estimator", "Maps", "Model", "Run", "load_model", "open", "record"]
+__all__ = ["Axis", "Estimator", "Maps", "Model", "Run", "load_model", "open", "record", "write_run"]

@@ -1,0 +1,129 @@
+// SPDX-License-Identifier: MIT
+#include "drivers/program/npy.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cstring>
+#include <limits>
+
+#include "drivers/core/bytes.hpp"
+#include "drivers/program/printable.hpp"
+
+namespace echofuse {
+namespace {
+
+// Value of a key of the header, up to the comma or bracket that ends it; empty if there is none.
+std::string value_of(const std::string& header, const std::string& key) {
+  const auto at = header.find("'" + key + "':");
+  if (at == std::string::npos) return "";
+  const auto begin = header.find_first_not_of(' ', at + key.size() + 3);
+  if (begin == std::string::npos) return "";
+  const auto end = header.find(header[begin] == '(' ? ")" : ",", begin);
+  return header.substr(begin, end - begin);
+}
+
+template <class T>
+void convert(ByteView raw, std::vector<double>& out) {
+  const auto values = to_values<T>(raw);
+  out.assign(values.begin(), values.end());
+}
+
+}  // namespace
+
+NpyFile::NpyFile(const std::string& path) : path_(path), file_(path, ExitCode::failed) {
+  read_header();
+}
+
+void NpyFile::refuse(const std::string& what) const {
+  throw Error(ExitCode::failed, printable(path_) + ": " + what);
+}
+
+void NpyFile::read_header() {
+  std::array<std::uint8_t, 12> head{};
+  const std::size_t version_bytes =
+      file_.read({head.data(), 10}) == 10 && std::memcmp(head.data(), "\x93NUMPY", 6) == 0
+          ? head[6]
+          : std::size_t{0};
+  if (version_bytes < 1 || version_bytes > 3) refuse("no .npy file of NumPy");
+  const bool wide = head[6] > 1;
+  if (wide && file_.read({head.data() + 10, 2}) != 2) refuse("its header is cut");
+  ByteReader sizes({head.data() + 8, std::size_t{wide ? 4U : 2U}});
+  const std::size_t length = wide ? sizes.get<std::uint32_t>() : sizes.get<std::uint16_t>();
+  if (length > 65536) refuse("its header is longer than 64 KiB");
+  std::string header(length, ' ');
+  if (file_.read({reinterpret_cast<std::uint8_t*>(header.data()), length}) != length)
+    refuse("its header is cut");
+
+  const std::string type = value_of(header, "descr");
+  const bool known = type.size() == 5 && std::strchr("<|", type[1]) &&
+                     std::strchr("biuf", type[2]) && std::strchr("1248", type[3]) &&
+                     !(type[2] == 'f' && type[3] < '4') && !(type[2] == 'b' && type[3] != '1');
+  if (!known) refuse("its type is " + printable(type) + "; expected little-endian numbers");
+  kind_ = type[2], item_bytes_ = static_cast<std::size_t>(type[3] - '0');
+  if (value_of(header, "fortran_order") != "False")
+    refuse("is in Fortran's order; expected C order (numpy.ascontiguousarray)");
+
+  const std::string shape = value_of(header, "shape");
+  std::size_t values = 1;
+  for (std::size_t at = 0; (at = shape.find_first_of("0123456789", at)) != std::string::npos;) {
+    std::size_t used = 0;
+    const std::uint64_t n = std::stoull(shape.substr(at, 19), &used);
+    at += used;
+    if (n != 0 && values > (std::size_t{1} << 48) / n) refuse("its shape is too large");
+    values *= n;
+    if (!shape_.empty()) row_size_ *= n;
+    shape_.push_back(n);
+  }
+  if (shape_.empty()) refuse("has no dimension; expected a row for each record");
+  const std::size_t begin = 8 + (wide ? 4U : 2U) + length;
+  if (file_.size() != begin + values * item_bytes_)
+    refuse("has " + std::to_string(file_.size() - std::min(begin, file_.size())) +
+           " bytes of values; its shape " + shape_text() + " asks for " +
+           std::to_string(values * item_bytes_));
+}
+
+std::string NpyFile::shape_text() const {
+  std::string out;
+  for (const std::size_t n : shape_) out += (out.empty() ? "[" : ", ") + std::to_string(n);
+  return out + "]";
+}
+
+std::vector<double> NpyFile::next_row() {
+  Bytes raw(row_size_ * item_bytes_);
+  if (file_.read(raw) != raw.size()) refuse("ends before its last row");
+  std::vector<double> out;
+  const bool is_signed = kind_ == 'i';
+  switch (item_bytes_) {
+    case 1:
+      is_signed ? convert<std::int8_t>(raw, out) : convert<std::uint8_t>(raw, out);
+      break;
+    case 2:
+      is_signed ? convert<std::int16_t>(raw, out) : convert<std::uint16_t>(raw, out);
+      break;
+    case 4:
+      if (kind_ == 'f')
+        convert<float>(raw, out);
+      else
+        is_signed ? convert<std::int32_t>(raw, out) : convert<std::uint32_t>(raw, out);
+      break;
+    default:
+      if (kind_ == 'f')
+        convert<double>(raw, out);
+      else
+        is_signed ? convert<std::int64_t>(raw, out) : convert<std::uint64_t>(raw, out);
+  }
+  return out;
+}
+
+std::string npy_header(const std::string& type, std::uint64_t rows,
+                       const std::vector<std::size_t>& row_shape) {
+  std::string shape = std::to_string(rows) + ",";
+  for (const std::size_t n : row_shape) shape += " " + std::to_string(n) + ",";
+  // Version 1.0, and the length of the rest: 118 bytes.
+  std::string out("\x93NUMPY\x01\x00\x76\x00", 10);
+  out += "{'descr': '" + type + "', 'fortran_order': False, 'shape': (" + shape + "), }";
+  out.resize(127, ' ');
+  return out + '\n';
+}
+
+}  // namespace echofuse

@@ -1,0 +1,133 @@
+# SPDX-License-Identifier: MIT
+"""Copies of a run with changed records: fewer photons or records, background light, noise, lost sensors. The copy is a
+run of its own (another uuid), so that no program takes it for the first one.
+
+>>> from echofuse import derive
+>>> derive.copy("monday.sqlite", "dim.sqlite", derive.thinned(0.1, seed=1))
+"""
+from __future__ import annotations
+
+import contextlib
+import pathlib
+import sqlite3
+import uuid
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import run as runs
+
+
+@dataclass
+class Records:
+    """What may change: rows that stay, counts [n, bins], linear or coded profiles [n, points] as stored, valid bits [n]."""
+
+    run: runs.Run
+    keep: NDArray[np.bool_] = field(init=False)
+    spd: NDArray[np.uint32] = field(init=False)
+    radar: NDArray[np.float32] = field(init=False)
+    lost: dict[str, NDArray[np.bool_]] = field(init=False)
+    range_offset_m: float = 0
+
+    def __post_init__(self) -> None:
+        self.keep = np.ones(len(self.run), bool)
+        self.spd, self.radar = self.run.spd.copy(), self.run.stored_radar()
+        self.lost = {name: ~valid for name, valid in self.run.valid.items()}
+
+
+Change = Callable[[Records], None]
+
+
+def copy(path: str | pathlib.Path, out: str | pathlib.Path, *changes: Change) -> pathlib.Path:
+    """Writes the run `out` with these changes, one after the other. Raises FileExistsError."""
+    out = pathlib.Path(out)
+    if out.exists():
+        raise FileExistsError(f"{out}: exists already")
+    with runs.open(path) as run:
+        records = Records(run)
+        for change in changes:
+            change(records)
+        with contextlib.closing(sqlite3.connect(out)) as db:
+            with contextlib.closing(run.connect()) as source:
+                source.backup(db)
+            _write(db, run, records)
+    return out
+
+
+def _write(db: sqlite3.Connection, run: runs.Run, records: Records) -> None:
+    bits = sum(np.where(records.lost[name], 0, bit) for name, bit in runs.SENSORS.items())
+    rows = zip(run.index.tolist(), records.keep.tolist(), np.asarray(bits).tolist(), records.spd, records.radar)
+    with db:
+        db.execute("PRAGMA journal_mode = DELETE")
+        db.execute("UPDATE run SET uuid = ?", (str(uuid.uuid4()),))
+        for index, stays, valid, spd, radar in rows:
+            if not stays:
+                db.execute("DELETE FROM record WHERE idx = ?", (index,))
+                continue
+            db.execute("UPDATE record SET valid = ?, spd = CASE WHEN ? & 1 THEN ? END, radar = CASE WHEN ? & 2 THEN ? END"
+                       " WHERE idx = ?", (valid, valid, spd.astype("<u4").tobytes(), valid, run.pack_radar(radar), index))
+        if records.range_offset_m:
+            db.execute("UPDATE axis SET start = start + ? WHERE name IN ('radar', 'array')", (records.range_offset_m,))
+
+
+def thinned(share: float, seed: int) -> Change:
+    """A shorter exposure: each photon stays with this chance (binomial)."""
+    def change(records: Records) -> None:
+        records.spd = np.random.default_rng(seed).binomial(records.spd.astype(np.int64), share).astype(np.uint32)
+    return change
+
+
+def background(counts: float, seed: int) -> Change:
+    """Room light: so many counts more a record, spread over all bins (Poisson)."""
+    def change(records: Records) -> None:
+        rate = counts / max(records.spd.shape[1], 1)
+        records.spd = records.spd + np.random.default_rng(seed).poisson(rate, records.spd.shape).astype(np.uint32)
+    return change
+
+
+def fewer(share: float, seed: int) -> Change:
+    """A share of the records, drawn at random; at least one."""
+    def change(records: Records) -> None:
+        kept = np.random.default_rng(seed).permutation(len(records.keep))[:max(1, int(np.ceil(share * len(records.keep))))]
+        records.keep &= np.isin(np.arange(len(records.keep)), kept)
+    return change
+
+
+def noise(snr_db: float, seed: int) -> Change:
+    """White noise of power on each profile, so that its highest point is so many dB above the noise (linear axes)."""
+    def change(records: Records) -> None:
+        if records.run.axes["radar"].quantity not in ("power", "binned_power"):
+            raise ValueError(f"{records.run.path}: noise is added to linear power alone")
+        peak = np.nanmax(records.radar, axis=1, keepdims=True)
+        draws = np.random.default_rng(seed).normal(size=records.radar.shape)
+        records.radar = (records.radar + peak * 10 ** (-snr_db / 10) * draws).astype(np.float32)
+    return change
+
+
+def range_offset(metres: float) -> Change:
+    """A radar that says so many metres too much (after its calibration)."""
+    def change(records: Records) -> None:
+        records.range_offset_m += metres
+    return change
+
+
+def lost(sensor: str) -> Change:
+    """No record of this sensor: "spd", "radar"."""
+    def change(records: Records) -> None:
+        records.lost[sensor] = np.ones(len(records.keep), bool)
+    return change
+
+
+def gain(factor: float) -> Change:
+    """The radar's power times a factor (linear axes)."""
+    def change(records: Records) -> None:
+        records.radar = (records.radar * np.float32(factor)).astype(np.float32)
+    return change
+
+
+def read(path: str | pathlib.Path) -> Records:
+    """The records of a run as changes see them."""
+    with runs.open(path) as run:
+        return Records(run)

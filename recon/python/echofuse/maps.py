@@ -1,0 +1,31 @@
+# SPDX-License-Identifier: MIT
+"""Maps as files that `echofuse-recon evaluate --maps` reads: FOLDER/maps.npy and FOLDER/records.csv."""
+from __future__ import annotations
+
+import csv
+import pathlib
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+
+def save_maps(folder: str | pathlib.Path, depth_m: ArrayLike, index: ArrayLike) -> None:
+    """Writes maps [n, N, N] (metres, NaN: no return) of the records with these indices [n]."""
+    folder = pathlib.Path(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    np.save(folder / "maps.npy", np.ascontiguousarray(depth_m, "<f4"))
+    with open(folder / "records.csv", "w", newline="") as file:
+        out = csv.writer(file, lineterminator="\n")
+        out.writerow(("index", "status"))
+        out.writerows((int(i), "ok") for i in np.asarray(index).tolist())
+
+
+def load_maps(folder: str | pathlib.Path) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
+    """Maps [n, N, N] and the indices [n] of their records, as written by save_maps or `reconstruct --format npy`."""
+    folder = pathlib.Path(folder)
+    with open(folder / "records.csv", newline="") as file:
+        index = [int(row["index"]) for row in csv.DictReader(file) if row["status"].startswith(("ok", "radar", "antennas"))]
+    maps = np.load(folder / "maps.npy")
+    if len(maps) != len(index):
+        raise ValueError(f"{folder}: maps.npy has {len(maps)} maps, records.csv {len(index)} records with one")
+    return maps, np.array(index, np.int64)

@@ -1,0 +1,51 @@
+# SPDX-License-Identifier: MIT
+"""A network of one's own beside those of echofuse (Debian's python3-torch):
+
+    PYTHONPATH=. echofuse-bench pareto train.sqlite test.sqlite --out mine.csv --markdown --methods nearest torch_network:Network
+"""
+import numpy as np
+import torch
+from torch import nn
+
+
+class Network:
+    """Histogram and profile -> 256 -> 256 -> 128 components of a mask and of depths."""
+
+    def __init__(self, seed: int = 1, epochs: int = 40) -> None:
+        torch.manual_seed(seed)
+        self.epochs = epochs
+
+    def inputs(self, run) -> torch.Tensor:
+        """[n, bins + points], each sensor scaled by itself, record by record."""
+        parts = [np.sqrt(run.photons())] + ([np.sqrt(np.maximum(run.power(), 0))] if "radar" in run.axes else [])
+        return torch.tensor(np.hstack([part / (np.linalg.norm(part, axis=1, keepdims=True) + 1e-9) for part in parts]))
+
+    def fit(self, run, rows: np.ndarray) -> None:
+        x, maps = self.inputs(run)[rows], run.maps()[rows]
+        self.size = maps.shape[1]
+        there = torch.tensor(np.isfinite(maps).reshape(len(maps), -1), dtype=torch.float32)
+        depth = torch.tensor(np.nan_to_num(maps).reshape(len(maps), -1))
+        self.mean, self.scale = x.mean(0), x.std(0) + 0.05 * x.std(0).median() + 1e-9
+        self.depth_mean = float(depth[there > 0].mean())
+        pixels = self.size ** 2
+        self.net = nn.Sequential(nn.Linear(x.shape[1], 256), nn.ReLU(), nn.Linear(256, 256), nn.ReLU(),
+                                 nn.Linear(256, 128), nn.Linear(128, 2 * pixels))
+        steps = torch.optim.AdamW(self.net.parameters(), 1e-3, weight_decay=1e-2)
+        rate = torch.optim.lr_scheduler.CosineAnnealingLR(steps, self.epochs)
+        for _ in range(self.epochs):
+            for batch in torch.randperm(len(x)).split(64):
+                mask, off = self.net((x[batch] - self.mean) / self.scale).split(pixels, 1)
+                seen = there[batch]
+                error = ((off + self.depth_mean - depth[batch]) * seen).abs().sum() / seen.sum().clamp(min=1)
+                loss = nn.functional.binary_cross_entropy_with_logits(mask, seen) + 0.3 * error
+                steps.zero_grad()
+                loss.backward()
+                steps.step()
+            rate.step()
+
+    @torch.no_grad()
+    def predict(self, run) -> np.ndarray:
+        """[n, N, N] in metres, NaN: no return."""
+        mask, off = self.net((self.inputs(run) - self.mean) / self.scale).split(self.size ** 2, 1)
+        maps = np.where(mask > 0, off + self.depth_mean, np.nan)
+        return maps.reshape(-1, self.size, self.size).astype(np.float32)
