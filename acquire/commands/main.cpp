@@ -80,14 +80,12 @@ std::string out_of(const Options& o, const Config& config) {
   return o.run.out.empty() ? record::next_run(config.run_folder) : record::new_run(o.run.out);
 }
 
-// Of a run in parts a note goes into the last one; other commands take one at a time.
-std::string file_of(const std::string& name, bool last) {
-  const auto [files, missing] = record::files_of(name);
+// One, or the parts of the run; what is missing is named.
+std::vector<std::string> files_of(const std::string& name) {
+  auto [files, missing] = record::files_of(name);
   if (!missing.empty()) spdlog::warn("{}", missing);
-  if (files.size() > 1 && !last)
-    throw Error(ExitCode::usage, printable(name) + ": a run in parts; name one of " +
-                                     printable(files.front()) + " to " + printable(files.back()));
-  return files.back() == name ? record::old_run(name) : files.back();
+  if (files.back() == name) return {record::old_run(name)};
+  return files;
 }
 
 // An event of `run --json`: one object a line, for a program that reads while the run goes on.
@@ -122,7 +120,7 @@ ExitCode run(Options& o) {
   }
   plan_count(o, config);
   o.run.resume = !o.resume.empty();
-  o.run.out = o.run.resume ? std::filesystem::absolute(file_of(o.resume, true)).string()
+  o.run.out = o.run.resume ? std::filesystem::absolute(files_of(o.resume).back()).string()
                            : out_of(o, config);
   const std::string whole = o.run.resume ? record::run_of(o.run.out) : o.run.out;
   if (o.run.part_records > 0) o.run.out = first_part(whole);
@@ -195,8 +193,14 @@ ExitCode check_config(const Options& o) {
   return ExitCode::ok;
 }
 
+std::vector<std::string> files_to_read(const std::string& name) {
+  auto files = files_of(name);
+  for (const std::string& file : files) record::recover(file);
+  return files;
+}
+
 ExitCode info(const Options& o) {
-  std::fputs(describe_run(o.file, o.json).c_str(), stdout);
+  std::fputs(describe_run(files_to_read(o.file), o.json).c_str(), stdout);
   return ExitCode::ok;
 }
 
@@ -211,16 +215,22 @@ ExitCode calibrate_sensors(Options& o) {
 ExitCode annotate(const Options& o) {
   if (o.text.has_value() == o.label.has_value())
     throw Error(ExitCode::usage, "expected either a text or --label TEXT");
-  for (;;) {
-    const std::string file = file_of(o.file, true);
+  constexpr int most_tries = 5;
+  for (int tries = 0; tries < most_tries; ++tries) {
+    const std::string file = record::last_file_of(o.file);
     record::recover(file);
     try {
       std::printf("%s\n", printable_lines(annotate_run(file, o.text, o.label)).c_str());
+      static_cast<void>(files_of(o.file));  // names what is missing
       return ExitCode::ok;
     } catch (const Error&) {
-      if (file_of(o.file, true) == file) throw;  // else it went on in the next part meanwhile
+      if (record::last_file_of(o.file) == file)
+        throw;  // else it went on in the next part meanwhile
     }
   }
+  throw Error(ExitCode::failed, printable(o.file) + ": " + std::to_string(most_tries) +
+                                    " times it went on in a new part before anything could be "
+                                    "written; try again");
 }
 
 // Without a folder: that of the configuration, or this one, and what is live elsewhere.
@@ -263,21 +273,31 @@ ExitCode import_files(Options& o) {
   return ExitCode::ok;
 }
 
+// The part that would have this record; the first for one before it.
+std::string file_with(std::int64_t record, const std::vector<std::string>& files) {
+  const auto is_behind = [&](const std::string& file) {
+    return record::RunReader(file).info().first_index > record;
+  };
+  return *std::prev(std::find_if(files.begin() + 1, files.end(), is_behind));
+}
+
 ExitCode export_run(const Options& o) {
   catch_interrupts();
-  const record::RunReader reader(o.file);
+  const auto files = files_to_read(o.file);
   const std::string kind = std::filesystem::path(o.to).extension().string();
   if (kind == ".csv" && o.record) {
-    record::export_csv(reader, *o.record, o.to);
+    record::export_csv(record::RunReader(file_with(*o.record, files)), *o.record, o.to);
     return ExitCode::ok;
   }
   if (kind != ".h5" || o.record)
     throw Error(ExitCode::usage,
                 "--to " + o.to + ": expected NAME.h5, or NAME.csv with --record N");
-  Progress progress("export", static_cast<std::size_t>(reader.count()), !isatty(STDERR_FILENO));
-  const auto bad = record::export_h5(reader, o.to, [&](std::int64_t done, std::int64_t) {
+  std::optional<Progress> progress;
+  const auto bad = record::export_h5(files, o.to, [&](std::int64_t done, std::int64_t total) {
     if (interrupted()) throw Error(ExitCode::interrupted, "interrupted; nothing is exported");
-    progress.update(static_cast<std::size_t>(done));
+    if (!progress)
+      progress.emplace("export", static_cast<std::size_t>(total), !isatty(STDERR_FILENO));
+    progress->update(static_cast<std::size_t>(done));
   });
   if (bad == 0) return ExitCode::ok;
   spdlog::error("{} records could not be read; they are marked in {}", bad, o.to);
@@ -286,10 +306,6 @@ ExitCode export_run(const Options& o) {
 
 ExitCode dispatch(const std::string& command, Options& o) {
   set_up_log(o);
-  if (!o.file.empty() && command != "annotate") {
-    o.file = file_of(o.file, false);
-    record::recover(o.file);
-  }
   if (command == "run") return run(o);
   if (command == "devices") return list_devices(o);
   if (command == "doctor") return doctor(o);

@@ -14,8 +14,8 @@ constexpr const char* footer =
     "            6 disk, 130 interrupted (second Ctrl-C, or before the first slot)";
 
 constexpr const char* out_help =
-    "run file to make; .sqlite is appended if it has no extension, and %Y%m%d-%H%M%S is the time "
-    "(UTC; strftime's fields); default: DATE-NNN in run.folder";
+    "run file to make; .sqlite is appended if it does not end so, and %Y%m%d-%H%M%S is the time "
+    "(UTC; %% is a percent sign); default: DATE-NNN in run.folder";
 
 void add_config_options(CLI::App& command, Options& o) {
   command

@@ -232,6 +232,7 @@ std::string import_histograms(Config config, const ImportOptions& options,
     r.slot_utc =
         curve.recorded && options.began.empty() ? *curve.recorded : import.utc_of(r.slot_start);
     r.spd = curve.counts;
+    for (const Sensor s : all_sensors) r.sync[s].verdict = "not configured";
     for (const std::uint32_t n : curve.counts) r.spd_counts.in_range += n;
     const std::uint64_t clicks = r.spd_counts.tags = r.spd_counts.in_range;
     r.valid.insert(Sensor::spd);

@@ -186,11 +186,16 @@ struct RecordOutline {
   PerSensor<std::optional<double>> clock_residual_s;  // none: its clock was not fitted
 };
 
+// The status of a copy of a run that was not closed, without the RUN-wal that has its last records.
+// A run that was killed as it began looks the same.
+inline constexpr const char* crashed_without_wal = "crashed, no -wal";
+
 // Reads closed, live and crashed runs alike. Threading: one thread at a time.
 class RunReader {
  public:
-  // Throws Error(failed): not there, not a run file, written by a newer version, damaged, or with
-  // anything in it but the tables of a run. What a file may cost is bounded by its size.
+  // Throws Error(failed): not there, not a run file, written by a newer version, damaged, closed
+  // with a -wal of another run beside it, or with anything in it but the tables of a run. What a
+  // file may cost is bounded by its size.
   // On a network file system only a closed run is read, which nobody changes.
   explicit RunReader(const std::string& path);
   RunReader(const std::string& path, const std::string& network);  // as network_of(path) says
@@ -199,7 +204,8 @@ class RunReader {
   RunReader& operator=(const RunReader&) = delete;
 
   const std::string& path() const { return path_; }
-  RunInfo info() const;  // status "crashed" if it is "open" and no writer holds the file
+  // status "crashed", or crashed_without_wal, if it is "open" and no writer holds the file
+  RunInfo info() const;
   std::vector<DeviceInfo> devices() const;
   std::vector<CalibrationEntry> calibrations() const;
   Antennas antennas() const;  // empty if the radar sent no samples of them
@@ -244,6 +250,7 @@ class RunReader {
   Statement ask(const char* sql) const;  // with the whole budget
   std::string path_, shown_;             // shown_: printable
   sqlite3* db_ = nullptr;
+  bool lacks_wal_ = false;   // it says that it has one, there is none, and nobody writes it
   std::uint64_t bytes_ = 0;  // when it was opened
   std::unique_ptr<Budget> budget_;
 };

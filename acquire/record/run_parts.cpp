@@ -129,6 +129,18 @@ RunFiles files_of(const std::string& name) {
   return out;
 }
 
+std::string last_file_of(const std::string& name) {
+  const std::string whole = old_run(name);
+  const auto named = named_like(whole);
+  if (named.contains(0)) return whole;
+  const auto read = [](const auto& part) { return read_part(part.second); };
+  std::optional<RunInfo> first;
+  for (auto it = named.begin(); !first && it != named.end(); ++it) first = read(*it);
+  for (auto it = named.rbegin(); first && it != named.rend(); ++it)
+    if (const auto info = read(*it); info && info->uuid == first->uuid) return it->second;
+  return whole;
+}
+
 std::unique_ptr<RunWriter> next_part(const std::string& part, const Clock& clock) {
   const RunReader begun(part);
   const RunSummary sum = begun.summary();

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <map>
+#include <mutex>
 #include <set>
 
 #include "acquire/record/sqlite.hpp"
@@ -27,17 +28,31 @@ Columns columns_of(sqlite3* db, const std::string& path, const std::string& tabl
   return out;
 }
 
-std::map<std::string, Columns> tables_of(const std::string& schema) {
+struct Table {
+  std::string sql;  // that makes it, as SQLite keeps it
+  Columns columns;
+};
+
+std::map<std::string, Table> tables_of(const std::string& schema) {
   const std::string name = ":memory:";
   const DatabaseHandle db = open_database(name, "cannot open", SQLITE_OPEN_MEMORY);
   execute(db.get(), name, schema.c_str(), "cannot create the tables");
-  std::map<std::string, Columns> out;
-  Statement tables(db.get(), name, "SELECT name FROM sqlite_schema WHERE type = 'table'");
+  std::map<std::string, Table> out;
+  Statement tables(db.get(), name, "SELECT name, sql FROM sqlite_schema WHERE type = 'table'");
   while (tables.step()) {
     const std::string table = tables.text();
-    out[table] = columns_of(db.get(), name, table);
+    out[table] = {tables.text(), columns_of(db.get(), name, table)};
   }
   return out;
+}
+
+// Made once for each schema: a folder may have a thousand runs.
+const std::map<std::string, Table>& known_tables(const std::string& schema) {
+  static std::mutex mutex;
+  static std::map<std::string, std::map<std::string, Table>> known;
+  const std::lock_guard lock(mutex);
+  const auto found = known.find(schema);
+  return found != known.end() ? found->second : known[schema] = tables_of(schema);
 }
 
 int spend(void* budget) { return --static_cast<Budget*>(budget)->left < 0; }
@@ -73,22 +88,22 @@ void limit(sqlite3* db, Budget& budget) {
 // First the names: SQLite would run what a view or a virtual table is made of to tell its columns.
 void check_tables(sqlite3* db, const std::string& path, const std::string& schema,
                   const std::string& of) {
-  const auto known = tables_of(schema);
-  std::set<std::string> found;
-  Statement entries(db, path, "SELECT type, name, sql IS NULL, rootpage FROM sqlite_schema");
+  const auto& known = known_tables(schema);
+  std::set<std::string> other;  // made by other words than ours, as those of older versions are
+  Statement entries(db, path, "SELECT type, name, ifnull(sql, ''), rootpage FROM sqlite_schema");
   while (entries.step()) {
-    const std::string type = entries.text(), name = entries.text();
-    const bool of_a_key = entries.integer() != 0 && type == "index", stored = entries.integer() > 0;
+    const std::string type = entries.text(), name = entries.text(), sql = entries.text();
+    const bool of_a_key = sql.empty() && type == "index", stored = entries.integer() > 0;
     if (of_a_key && name.starts_with("sqlite_autoindex_")) continue;
     if (type != "table" || !stored || !known.contains(name))
       throw Error(ExitCode::failed, printable(path) + ": holds the " + printable(type, 20) + " \"" +
                                         printable(name, 40) + "\"; expected the tables of " + of +
                                         " only");
-    found.insert(name);
+    if (sql != known.at(name).sql) other.insert(name);
   }
-  for (const std::string& name : found)
+  for (const std::string& name : other)
     for (const std::string& column : columns_of(db, path, name))
-      if (!known.at(name).contains(column))
+      if (!known.at(name).columns.contains(column))
         throw Error(ExitCode::failed, printable(path) + ": its table " + name +
                                           " has the column \"" + printable(column, 60) +
                                           "\", which that of " + of + " has not");

@@ -24,6 +24,7 @@
 #include "acquire/record/writer_lock.hpp"
 #include "drivers/program/atomic_write.hpp"
 #include "drivers/program/program.hpp"
+#include "drivers/program/staged_file.hpp"
 
 namespace echofuse::record {
 namespace {
@@ -90,8 +91,7 @@ RunWriter::RunWriter(const std::string& path, const RunInfo& info, const Clock& 
     rows_.reset();
     handle_.reset();
     ::unlink(made.c_str());
-    for (const std::string& name : {made, path})  // what is left there would be taken for ours
-      for (const char* beside : {"-journal", "-wal", "-shm"}) ::unlink((name + beside).c_str());
+    for (const std::string& name : {made, path}) remove_side_files(name);
   };
   remove();  // of one that was killed
   try {
@@ -258,7 +258,10 @@ Inserts& RunWriter::rows() {
   return *rows_;
 }
 
-RunWriter::~RunWriter() = default;
+// As a kill leaves it: with its -wal, which a run that was not closed is known by.
+RunWriter::~RunWriter() {
+  if (db_) sqlite3_db_config(db_, SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, 1, nullptr);
+}
 
 void RunWriter::in_transaction(const std::function<void()>& body) {
   if (!watch_) return body();  // of the one that makes the file

@@ -53,8 +53,9 @@ ExitCode show(const Options& o) {
     std::fprintf(stderr, "echofuse-view: %s; no maps are shown\n", printable(e.what()).c_str());
   }
   Server server(o.server, model ? &*model : nullptr, clock);
-  if (const std::string why = server.missing(); !why.empty() && !o.server.until_closed)
-    std::fprintf(stderr, "echofuse-view: %s\n", printable(why).c_str());
+  if (!o.server.until_closed)
+    if (const std::string why = server.missing(); !why.empty())
+      std::fprintf(stderr, "echofuse-view: %s\n", printable(why).c_str());
   std::printf("%s\n", server.address(o.record).c_str());
   std::fflush(stdout);
   if (o.server.until_closed) leave_terminal();

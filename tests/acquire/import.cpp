@@ -183,6 +183,8 @@ TEST_CASE("import: histograms keep their axis and their times") {
   CHECK(run.read(1).spd_counts.in_range == 30);
   CHECK(run.read(1).slot_utc - run.read(0).slot_utc == std::chrono::hours(1));
   CHECK(run.read(1).slot_end - run.read(1).slot_start == from_seconds(2));
+  for (const Sensor s : {Sensor::radar, Sensor::depth})
+    CHECK(run.read(1).sync[s].verdict == "not configured");
   // 40 clicks of 2000 pulses are 2 %
   CHECK(run.read(0).signal.clicks_a_pulse == Approx(0.02));
   header(1 << 20).data(counts).write(folder / "b.phu");

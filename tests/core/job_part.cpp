@@ -114,6 +114,8 @@ TEST_CASE("a staged file appears when it is whole, and debris is begun anew") {
       StagedFile file(place);
       left = file.path();
       std::ofstream(left) << "new";
+      for (const char* beside : {"-wal", "-shm", "-journal"})
+        std::ofstream(place + beside) << "of another database that had this name";
       CHECK(fs::path(left).parent_path() == (elsewhere ? scratch.path : dir.path));
       file.publish();
     }

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: MIT
 """tests/view/server.py BIN_DIR [TEST]: echofuse-view over real sockets, beside a finished run."""
 import base64
+import contextlib
 import hashlib
 import http.client
 import json
@@ -371,6 +372,22 @@ class Server(unittest.TestCase):
             self.assertIn("newest.sqlite: is a FIFO; expected a regular file", refused.stderr)
         finally:
             fifo.unlink()
+        # Which began last is the newest, not which was written last; a file that is no run is none.
+        earlier, junk = (pathlib.Path(self.folder.name, f"{name}.sqlite") for name in ("earlier", "junk"))
+        shutil.copy(self.run_file, earlier)
+        with contextlib.closing(sqlite3.connect(earlier)) as db, db:
+            db.execute("UPDATE run SET started_utc = '2001-01-01T00:00:00.000Z'")
+        junk.write_text("no database")
+        try:
+            self.assertRegex(subprocess.run([bin_dir / "echofuse-view", "--text", self.folder.name], check=True,
+                                            capture_output=True, text=True).stdout, "^scenes.sqlite")
+            self.assertIn(f"\nechofuse_records_total {RECORDS}\n", self.get("/metrics")[1].decode())
+            refused = subprocess.run([bin_dir / "echofuse-view", junk], capture_output=True, text=True, timeout=20)
+            self.assertEqual((refused.returncode, refused.stdout), (1, ""))
+            self.assertIn("junk.sqlite: not an echofuse run file", refused.stderr)
+        finally:
+            earlier.unlink()
+            junk.unlink()
         nothing = subprocess.run([bin_dir / "echofuse-view", "--text", self.folder.name + "/none"], capture_output=True,
                                  text=True)
         self.assertEqual(nothing.returncode, 1)
