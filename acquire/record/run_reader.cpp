@@ -65,7 +65,7 @@ RunReader::RunReader(const std::string& path, const std::string& network)
   try {
     open(network);
     check_identity();
-    check_tables(db_, path_, schema, "a run");
+    check_tables(db_, path_);
   } catch (...) {
     sqlite3_close(db_);
     throw;
@@ -79,7 +79,7 @@ void RunReader::open(const std::string& network) {
     const int code = sqlite3_open_v2(name.c_str(), &db_, flags | SQLITE_OPEN_NOMUTEX, nullptr);
     if (code != SQLITE_OK) return code;
     refuse_foreign_wal(db_, path_);
-    lacks_wal_ = journal_mode(db_) == JournalMode::wal && !is_there(path_ + "-wal") &&
+    lacks_wal_ = journal_version(db_) == 2 && !is_there(path_ + "-wal") &&
                  bytes_of(path_ + "-journal") == 0 && !WriterLock::someone_writes(path_);
     harden(db_);
     limit(db_, *budget_);

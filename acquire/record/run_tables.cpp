@@ -3,10 +3,9 @@
 
 #include <algorithm>
 #include <map>
-#include <mutex>
 #include <set>
 
-#include "acquire/record/sqlite.hpp"
+#include "acquire/record/schema.hpp"
 #include "drivers/program/printable.hpp"
 
 namespace echofuse::record {
@@ -33,10 +32,10 @@ struct Table {
   Columns columns;
 };
 
-std::map<std::string, Table> tables_of(const std::string& schema) {
+std::map<std::string, Table> tables_of_a_run() {
   const std::string name = ":memory:";
   const DatabaseHandle db = open_database(name, "cannot open", SQLITE_OPEN_MEMORY);
-  execute(db.get(), name, schema.c_str(), "cannot create the tables");
+  execute(db.get(), name, schema, "cannot create the tables");
   std::map<std::string, Table> out;
   Statement tables(db.get(), name, "SELECT name, sql FROM sqlite_schema WHERE type = 'table'");
   while (tables.step()) {
@@ -44,15 +43,6 @@ std::map<std::string, Table> tables_of(const std::string& schema) {
     out[table] = {tables.text(), columns_of(db.get(), name, table)};
   }
   return out;
-}
-
-// Made once for each schema: a folder may have a thousand runs.
-const std::map<std::string, Table>& known_tables(const std::string& schema) {
-  static std::mutex mutex;
-  static std::map<std::string, std::map<std::string, Table>> known;
-  const std::lock_guard lock(mutex);
-  const auto found = known.find(schema);
-  return found != known.end() ? found->second : known[schema] = tables_of(schema);
 }
 
 int spend(void* budget) { return --static_cast<Budget*>(budget)->left < 0; }
@@ -86,9 +76,8 @@ void limit(sqlite3* db, Budget& budget) {
 }
 
 // First the names: SQLite would run what a view or a virtual table is made of to tell its columns.
-void check_tables(sqlite3* db, const std::string& path, const std::string& schema,
-                  const std::string& of) {
-  const auto& known = known_tables(schema);
+void check_tables(sqlite3* db, const std::string& path) {
+  static const auto known = tables_of_a_run();  // once: a folder may have a thousand runs
   std::set<std::string> other;  // made by other words than ours, as those of older versions are
   Statement entries(db, path, "SELECT type, name, ifnull(sql, ''), rootpage FROM sqlite_schema");
   while (entries.step()) {
@@ -97,8 +86,8 @@ void check_tables(sqlite3* db, const std::string& path, const std::string& schem
     if (of_a_key && name.starts_with("sqlite_autoindex_")) continue;
     if (type != "table" || !stored || !known.contains(name))
       throw Error(ExitCode::failed, printable(path) + ": holds the " + printable(type, 20) + " \"" +
-                                        printable(name, 40) + "\"; expected the tables of " + of +
-                                        " only");
+                                        printable(name, 40) +
+                                        "\"; expected the tables of a run only");
     if (sql != known.at(name).sql) other.insert(name);
   }
   for (const std::string& name : other)
@@ -106,7 +95,7 @@ void check_tables(sqlite3* db, const std::string& path, const std::string& schem
       if (!known.at(name).columns.contains(column))
         throw Error(ExitCode::failed, printable(path) + ": its table " + name +
                                           " has the column \"" + printable(column, 60) +
-                                          "\", which that of " + of + " has not");
+                                          "\", which that of a run has not");
 }
 
 }  // namespace echofuse::record

@@ -44,30 +44,23 @@ inline void require_regular_files(const std::string& path) {
 
 using DatabaseHandle = std::unique_ptr<sqlite3, int (*)(sqlite3*)>;
 
-enum class JournalMode { unknown, rollback, wal };
-// As the header of an open database says it. Read by SQLite's own descriptor: to close another one
-// ends its locks.
-inline JournalMode journal_mode(sqlite3* db) {
-  constexpr int place = 18;
+// Byte 18 of the header, where 19 is the same: 1 of a closed run, 2 of one with a WAL; else 0. Read
+// by SQLite's own descriptor: to close another one ends its locks.
+inline int journal_version(sqlite3* db) {
   sqlite3_file* file = nullptr;
   std::uint8_t versions[2] = {};
-  if (sqlite3_file_control(db, "main", SQLITE_FCNTL_FILE_POINTER, static_cast<void*>(&file)) !=
-          SQLITE_OK ||
-      !file || !file->pMethods ||
-      file->pMethods->xRead(file, versions, sizeof versions, place) != SQLITE_OK)
-    return JournalMode::unknown;
-  return versions[0] == 1 && versions[1] == 1   ? JournalMode::rollback
-         : versions[0] == 2 && versions[1] == 2 ? JournalMode::wal
-                                                : JournalMode::unknown;
+  sqlite3_file_control(db, "main", SQLITE_FCNTL_FILE_POINTER, static_cast<void*>(&file));
+  if (file && file->pMethods) file->pMethods->xRead(file, versions, sizeof versions, 18);
+  return versions[0] == versions[1] ? versions[0] : 0;
 }
 
-// Before the first statement: SQLite takes any -wal of the database's name for its own, and one
-// that is closed has none. Throws Error(failed).
+// Before the first statement: SQLite takes any -wal of the database's name for its own. Throws
+// Error(failed).
 inline void refuse_foreign_wal(sqlite3* db, const std::string& path) {
   const std::string wal = path + "-wal";
   const auto is_there = [&] { return ::access(wal.c_str(), F_OK) == 0; };
   // Asked again, as a run may be closed between.
-  if (is_there() && journal_mode(db) == JournalMode::rollback && is_there())
+  if (is_there() && journal_version(db) == 1 && is_there())
     throw Error(ExitCode::failed, printable(path) + ": is closed, and " + printable(wal) +
                                       " beside it is of another run that had this name; move " +
                                       "that away, and its -shm");
