@@ -140,6 +140,8 @@ class Judge {
 
   // At the first of `keys` that is given.
   void complain(std::initializer_list<const char*> keys, const std::string& what) {
+    for (const char* key : keys)
+      if (settings_.refused(key)) return;  // its own fault is told
     for (const char* key : keys) {
       const std::string origin = settings_.origin(key);
       if (origin.empty()) continue;
@@ -267,8 +269,9 @@ Config load_config(const std::string& path, const std::vector<std::string>& assi
   config.text = read_config_text(path);
   std::vector<std::string> faults = settings.read(config.text, path, assignments);
   take_numbers(config, keys);
-  judge(Judge(settings, path, faults), config, keys, std::filesystem::path(path).parent_path(),
-        with_calibration);
+  if (settings.whole())
+    judge(Judge(settings, path, faults), config, keys, std::filesystem::path(path).parent_path(),
+          with_calibration);
   if (!faults.empty()) refuse(faults);
   config.resolved = settings.resolved(true);
   config.shown = settings.with_origins();

@@ -119,6 +119,16 @@ TEST_CASE("what one key alone cannot show") {
         "--set radar.policy=required: a required sensor needs its address, radar.cli is empty"));
     CHECK(has(refusal(path, {"tdc.policy=must"}).second, "\"optional\" \"required\""));
   }
+  SECTION("a fault is not told again by what it leads to") {
+    for (const char* text :
+         {"[tdc]\naddress = bridge:tcp://h:1\n", "[tdc]\naddress = 5\n", "[tdc\naddress = \"x\"\n",
+          "[tdc]\naddress = \"bridge:tcp://h:1\"\nstart_channel = 07\nclick_channel = 1\n",
+          "[radar]\ncli = \"serial:/a\"\ndata = serial:/b\ncfg = \"r.cfg\"\n"}) {
+      write_file(path, text);
+      CAPTURE(text, refusal(path).second);
+      CHECK_FALSE(has(refusal(path).second, "\n"));
+    }
+  }
   SECTION("a bad --set") {
     write_file(path, "[depth]\naddress = \"openni:\"\n");
     CHECK(has(refusal(path, {"tdc.bin=3"}).second, "nearest known one is \"tdc.bins\""));
