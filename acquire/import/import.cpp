@@ -109,6 +109,7 @@ class Import {
         counts.append(", ").append(name_of(s)).append(" in ").append(std::to_string(valid_[s]));
     return printable(file_.place()) + ": " + records + " records" + counts + lines_;
   }
+  bool has_data() const { return valid_ != PerSensor<std::int64_t>{}; }
   UtcTime utc_of(HostTime t) const { return clock_.utc() - clock_.now() + t; }
 
  private:
@@ -131,10 +132,7 @@ class Slots final : public Nobody {
     clocks_.observe(block);
     windows_.add(block);
   }
-  void on_radar(RadarFrame frame) override {
-    clocks_.observe(frame);
-    windows_.add(frame);
-  }
+  void on_radar(RadarFrame frame) override { windows_.add(frame); }  // dated by its clock already
   Windows& windows() { return windows_; }
   // All that ended by then, and with `last` the slot that runs.
   void close(HostTime now, bool last, const std::function<void(record::FusedRecord)>& take) {
@@ -203,11 +201,17 @@ std::string import_streams(const Config& config, const ImportOptions& options,
   for (const auto& r : recordings) end = std::max(end, r->at());
   slots.close(end, true, take);
   slots.windows().finish();
+  std::string causes;
   for (const auto& r : recordings) {
     const Sensor sensor = r->device().sensor;
     import.put_counters(sensor, r->counters());
-    for (const auto& text : r->doubts()) import.doubt(std::string(name_of(sensor)) + ": " + text);
+    for (const auto& text : r->doubts()) {
+      import.doubt(std::string(name_of(sensor)) + ": " + text);
+      causes += (causes.empty() ? "" : "; ") + text;
+    }
   }
+  if (!import.has_data())
+    throw Error(ExitCode::failed, printable(options.files[0] + ": nothing to import: " + causes));
   if (recordings.size() > 1)
     import.doubt("that the recordings begin at the same time is taken for granted");
   return import.finish();
