@@ -32,6 +32,7 @@
 #include "drivers/program/console.hpp"
 #include "drivers/program/printable.hpp"
 #include "drivers/program/program.hpp"
+#include "drivers/program/settings.hpp"
 
 namespace echofuse::acquire {
 namespace {
@@ -182,13 +183,10 @@ ExitCode show_config(const Options& o) {
 ExitCode check_config(const Options& o) {
   const ConfigPlace place = place_of(o);
   const Config config = load_config(place.path, o.assignments);
-  for (const auto& [key, port] :
-       {std::pair{"radar.cli", config.radar.cli}, {"radar.data", config.radar.data}})
-    if (port.find("XXXXXXXX") != std::string::npos)
-      throw Error(ExitCode::config,
-                  printable(place.path) + ": " + key +
-                      " still has the template's XXXXXXXX; echofuse-acquire devices "
-                      "prints the lines of what is attached");
+  if (!config.unfinished.empty()) refuse(config.unfinished);
+  if (!config.radar.cli.empty())
+    for (const auto& warning : parse_profile(config.radar).warnings)
+      spdlog::warn("{}", printable(warning));
   std::printf("%s: ok\n", printable(place.path).c_str());
   return ExitCode::ok;
 }

@@ -187,8 +187,10 @@ void judge_radar(Judge& judge, Config& c, const std::string& cfg,
     const auto path = here_or_installed(cfg, folder);
     radar.cfg_name = path.string();
     radar.cfg_text = read_config_text(path);
-    for (const auto& place : parse_profile(radar).array)
+    const radar::RadarProfile profile = parse_profile(radar);
+    for (const auto& place : profile.array)
       c.antennas.push_back({.x = static_cast<double>(place.x), .y = static_cast<double>(place.y)});
+    for (const auto& refusal : profile.refusals) judge.complain({"radar.cfg"}, refusal);
   });
 }
 
@@ -273,6 +275,13 @@ Config load_config(const std::string& path, const std::vector<std::string>& assi
     judge(Judge(settings, path, faults), config, keys, std::filesystem::path(path).parent_path(),
           with_calibration);
   if (!faults.empty()) refuse(faults);
+  Judge unfinished(settings, path, config.unfinished);
+  for (const auto& [key, port] :
+       {std::pair{"radar.cli", config.radar.cli}, {"radar.data", config.radar.data}})
+    if (port.find("XXXXXXXX") != port.npos)
+      unfinished.complain({key},
+                          "still has the template's XXXXXXXX; echofuse-acquire devices "
+                          "prints the lines of what is attached");
   config.resolved = settings.resolved(true);
   config.shown = settings.with_origins();
   return config;

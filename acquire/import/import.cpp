@@ -157,10 +157,7 @@ class Slots final : public Nobody {
     clocks_.observe(block);
     windows_.add(block);
   }
-  void on_radar(RadarFrame frame) override {
-    clocks_.observe(frame);
-    windows_.add(frame);
-  }
+  void on_radar(RadarFrame frame) override { windows_.add(frame); }  // dated by its clock already
   Windows& windows() { return windows_; }
   // All that ended by then, and with `last` the slot that runs.
   void close(HostTime now, bool last, const std::function<void(record::FusedRecord)>& take) {
