@@ -94,8 +94,8 @@ with tempfile.TemporaryDirectory() as folder:
     for inputs in ("fused", "spd"):
         run("echofuse-recon", "train", "-q", folder / "run.sqlite", "--model", "ridge", "--set", "fallback=false", "--inputs", inputs, "--out",
             folder / f"{inputs}.h5")
-    run("echofuse-recon", "report", folder / "page", "--run", folder / "run.sqlite", "--fused", folder / "fused.h5",
-        "--spd", folder / "spd.h5", "--live", folder / "run.sqlite")
+    run("echofuse-recon", "report", folder / "page", "--run", folder / "run.sqlite", "--model", folder / "fused.h5",
+        "--model", folder / "spd.h5", "--live", folder / "run.sqlite")
     run("echofuse-sim", "dataset", "-q", "--out", folder / "test.sqlite", "--records", 30, "--seed", 7)
     run("echofuse-recon", "study", "pareto", "-q", folder / "run.sqlite", folder / "test.sqlite", "--out", folder / "pareto", "--seeds", 2,
         "--models", "mean,nearest,nearest-4,nearest-16,silhouette,factorised-4", "--sweep-models", "silhouette", "--bound", ".014,.01")
