@@ -256,7 +256,7 @@ export class Profile extends Bench {
     if (db?.length !== n) return this.set([this.x, new Array(n).fill(null)]);
     const median = Float32Array.from(db).sort()[n >> 1];
     const values = Array.from(db, v => v - median);
-    this.top = calmTop(this.top, values, 30), this.low = -calmTop(-(this.low ?? 0), values.map(v => Math.min(-v, 60)), 10);
+    this.top = calmTop(this.top, values, 30), this.low = -calmTop(-(this.low ?? 0), values.map(v => Math.min(-v, 20)), 10);
     this.set([this.x, values]);
   }
 }
