@@ -322,7 +322,7 @@ int main(int argc, char** argv) {
   Options options;
   CLI::App app("Records a single-photon detector, a radar and a depth camera into one run file.",
                program);
-  app.set_version_flag("--version", std::string(program) + " " + version());
+  app.set_version_flag("--version", version_line(program));
   add_commands(app, options);
   try {
     parse_command_line(app, argc, argv);

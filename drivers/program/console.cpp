@@ -158,5 +158,8 @@ std::string human_duration(double seconds) {
 }
 
 const char* version() { return ECHOFUSE_VERSION; }
+std::string version_line(const std::string& program) {
+  return program + " " + version() + " (" + commit() + ")";
+}
 
 }  // namespace echofuse

@@ -219,26 +219,31 @@ Command add_report(CLI::App& app, const Common& common) {
   const auto a = std::make_shared<ReportOptions>();
   app.add_option("dir", a->dir, "folder for report.html")->type_name("FOLDER")->required();
   app.add_option("--run", a->run, "run file; its held-out records are scored");
-  app.add_option("--fused", a->fused, "model file of both sensors; several are seeds of one");
-  app.add_option("--spd", a->spd, "model file, for a row below; several are seeds of one");
-  app.add_option("--radar", a->radar, "model file, for a row below; several are seeds of one");
-  app.add_option("--paper", a->paper,
-                 "model file: the paper's network on both sensors, for a row below the fused one");
+  app.add_option("--model", a->models,
+                 "model files, FILE or NAME=FILE; the first is the one that the report is about, "
+                 "several of a name are seeds of one");
+  const auto old = std::make_shared<std::vector<std::string>>();
+  for (const char* option : {"--fused", "--spd", "--radar", "--paper"})
+    app.add_option(option, *old)->group("");
   app.add_option("--compare", a->compare, "two model files: their differences record by record")
       ->expected(2);
   app.add_option("--live", a->live,
-                 "a recorded run: its story, also without any model; with --fused also its maps");
+                 "a recorded run: its story, also without any model; with --model also its maps");
   add_empty_option(app, a->empty);
   app.add_flag("--force", a->force, "write over a report of another run");
-  for (const char* option : {"--fused", "--spd", "--radar", "--paper", "--compare"})
-    app.get_option(option)->type_name("MODEL");
+  for (const char* option : {"--model", "--compare"}) app.get_option(option)->type_name("MODEL");
   for (const char* option : {"--run", "--live"}) app.get_option(option)->type_name("RUN");
-  more_options(app, {"--paper", "--empty", "--force"});
+  more_options(app, {"--empty", "--force"});
   add_examples(app,
-               {"echofuse-recon report page --run scenes.sqlite --fused fused.safetensors",
+               {"echofuse-recon report page --run scenes.sqlite --model fused.safetensors",
                 "echofuse-recon report page --live monday.sqlite",
                 "echofuse-recon report p --run s.sqlite --compare a.safetensors b.safetensors"});
-  return [a, &common] {
+  return [a, old, &common] {
+    if (!old->empty())
+      throw Error(ExitCode::usage,
+                  "--fused, --spd, --radar and --paper are now --model NAME=FILE, "
+                  "once for each model: --model NAME=" +
+                      old->front());
     a->command = command_line();
     a->quiet = common.quiet;
     check_report(*a);

@@ -9,8 +9,10 @@
 #include <sstream>
 
 #include "drivers/core/crc32c.hpp"
+#include "drivers/program/console.hpp"
 #include "drivers/program/exit_code.hpp"
 #include "drivers/program/printable.hpp"
+#include "recon/numbers/blas_kernels.hpp"
 
 namespace echofuse::recon {
 namespace {
@@ -160,22 +162,27 @@ Bytes TensorFile::to_bytes() const {
   json said = json::object(), head = json::object();
   for (const auto& [name, fact] : facts)
     std::visit([&, key = name](const auto& value) { said[key] = value; }, fact);
-  head["__metadata__"] = {{"crc32c", no_crc}, {"facts", said.dump()}};
+  head["__metadata__"] = {
+      {"crc32c", no_crc}, {"facts", said.dump()}, {"kernel", blas_kernels()}, {"commit", commit()}};
   std::size_t at = 0;
-  for (const auto& [name, tensor] : tensors_) {
-    head[name] = {{"dtype", tensor.type},
-                  {"shape", tensor.shape},
-                  {"data_offsets", {at, at + tensor.values.size()}}};
-    at += tensor.values.size();
-  }
+  std::vector<const Tensor*> order;
+  for (const std::size_t width : {8, 4, 1})
+    for (const auto& [name, tensor] : tensors_) {
+      if (bytes_of(tensor.type) != width) continue;
+      head[name] = {{"dtype", tensor.type},
+                    {"shape", tensor.shape},
+                    {"data_offsets", {at, at + tensor.values.size()}}};
+      at += tensor.values.size();
+      order.push_back(&tensor);
+    }
   std::string header = head.dump();
   header.resize((header.size() + 7) / 8 * 8, ' ');
   Bytes out;
   out.reserve(8 + header.size() + at);
   put(out, std::uint64_t{header.size()});
   out.insert(out.end(), header.begin(), header.end());
-  for (const auto& [name, tensor] : tensors_)
-    out.insert(out.end(), tensor.values.begin(), tensor.values.end());
+  for (const Tensor* tensor : order)
+    out.insert(out.end(), tensor->values.begin(), tensor->values.end());
   const std::string crc = hex(crc32c(out));
   std::copy(crc.begin(), crc.end(),
             out.begin() + 8 + std::ssize("\"crc32c\":\"") - 1 +

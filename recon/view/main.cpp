@@ -69,7 +69,7 @@ int run(int argc, char** argv) {
       "Shows a run in a browser, or in a terminal: live, finished or crashed. Of a folder the "
       "browser chooses the run.",
       "echofuse-view");
-  app.set_version_flag("--version", std::string("echofuse-view ") + version());
+  app.set_version_flag("--version", version_line("echofuse-view"));
   app.add_option("RUN", o.server.run,
                  "run file, or a folder: its runs to choose from; with --text its newest")
       ->type_name("RUN")

@@ -269,7 +269,7 @@ void add_config(CLI::App& app, Command& command) {
 ExitCode run(int argc, char** argv) {
   CLI::App app("The simulated world: data sets and a laboratory of simulated devices.",
                "echofuse-sim");
-  app.set_version_flag("--version", std::string("echofuse-sim ") + version());
+  app.set_version_flag("--version", version_line("echofuse-sim"));
   app.require_subcommand(1);
   Command command;
   add_dataset(app, command);

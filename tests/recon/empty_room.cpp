@@ -85,7 +85,7 @@ TEST_CASE("a model that knows its empty room keeps its accuracy in another one, 
   CHECK(error == (dir / "there") +
                      ": its histograms differ by more than photons do: people are in it? expected "
                      "a run of the empty room");
-  const std::string there = " --run " + (dir / "there") + " --fused " + (dir / "model");
+  const std::string there = " --run " + (dir / "there") + " --model " + (dir / "model");
   CHECK(reported_iou(dir / "without", there) < 0.5 * at_home);
   CHECK(reported_iou(dir / "report", there + " --empty '" + (dir / "there empty") + "'") >
         0.9 * at_home);

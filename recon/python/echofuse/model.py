@@ -67,6 +67,7 @@ class Maps:
     depth_x: NDArray[np.float64]  # tangents of the pixel centres
     depth_y: NDArray[np.float64]
     inputs: list[str]  # of the estimator that answered, a record each
+    half_tangent: float  # of the edges of the field
 
 
 class Model:
@@ -115,7 +116,7 @@ class Model:
         pixel = half * ((2 * np.arange(first.size) + 1) / first.size - 1)
         depth_m = np.minimum(np.where(maps[seen] > 0, maps[seen], np.float32(np.nan)), np.float32(6))
         return Maps(depth_m, run.index[seen], pixel, -pixel,
-                    [self.estimators[k].inputs for k in by[seen]])
+                    [self.estimators[k].inputs for k in by[seen]], half)
 
 
 def same(table: NDArray[np.float32]) -> NDArray[np.bool_]:
