@@ -7,6 +7,7 @@
 #include <iomanip>
 #include <nlohmann/json.hpp>
 #include <sstream>
+#include <tuple>
 
 #include "drivers/core/crc32c.hpp"
 #include "drivers/program/console.hpp"
@@ -112,7 +113,7 @@ TensorFile::TensorFile(std::string path, ByteView contents) : path_(std::move(pa
 
 // No exception of the JSON library gets out: its faults are told in our words.
 void TensorFile::parse(const std::string& header, ByteView values) try {
-  std::vector<std::pair<std::size_t, std::size_t>> places;
+  std::vector<std::tuple<std::size_t, std::size_t, Bytes*>> places;
   const json head = json::parse(header);
   for (const auto& [name, entry] : head.items()) {
     if (name == "__metadata__") continue;
@@ -131,18 +132,20 @@ void TensorFile::parse(const std::string& header, ByteView values) try {
     if (begin > end || end > values.size()) refuse(name, "lies beyond the end of the file");
     if (count > values.size() || count * width != end - begin)
       refuse(name, "its size is not that of its shape " + to_text(tensor.shape));
-    const ByteView own = values.subspan(begin, end - begin);
-    tensor.values.assign(own.begin(), own.end());
-    places.emplace_back(begin, end);
-    tensors_.emplace(name, std::move(tensor));
+    const auto taken = tensors_.emplace(name, std::move(tensor)).first;
+    places.emplace_back(begin, end, &taken->second.values);
   }
   std::sort(places.begin(), places.end());
   std::size_t at = 0;
-  for (const auto& [begin, end] : places) {
+  for (const auto& [begin, end, own] : places) {
     if (begin != at) refuse("data_offsets", "tensors overlap or leave a gap");
     at = end;
   }
   if (at != values.size()) refuse("data_offsets", "bytes that belong to no tensor");
+  // Copies once no two share their bytes: all together are no larger than the file.
+  for (const auto& [begin, end, own] : places)
+    own->assign(values.begin() + static_cast<std::ptrdiff_t>(begin),
+                values.begin() + static_cast<std::ptrdiff_t>(end));
   const json said = json::parse(head.at("__metadata__").at("facts").get<std::string>());
   for (const auto& [name, fact] : said.items()) {
     if (fact.is_string())

@@ -127,7 +127,7 @@ void FollowedRun::forget() {
 void FollowedRun::read() {
   read_part();
   for (std::string path; !interrupted() && !(path = next()).empty(); read_part()) {
-    Part& part = before_.emplace_back(path_, last().value_or(-1) + 1, stamp_.bytes);
+    Part& part = before_.emplace_back(Part{path_, last().value_or(-1) + 1, stamp_.bytes});
     for (const Sensor s : all_sensors) part.late[s] = sensors_[s].late;
     path_ = path, stamp_ = stamp_of(path);
   }

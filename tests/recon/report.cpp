@@ -175,8 +175,9 @@ TEST_CASE("maps are packed in whole numbers, and a page's text cannot end its sc
   CHECK(packed8(values, 0.01) == "AHsA/wA=");           // 0, 123, 0, 255, 0
   CHECK(short_number(std::nan("")).is_null());
   CHECK(short_number(0.123456789) == 0.12346);
-  const std::string html = html_of(new_page("a <b>", "</script>\u202e", ""));
-  CHECK_THAT(html, Catch::Contains(R"("verdict":"<\/script>\\u202e")"));
+  const std::string html = html_of(new_page("<!--<script>", "</script>\u202e", ""));
+  CHECK_THAT(html, Catch::Contains(R"("title":"\u003c!--\u003cscript>")"));
+  CHECK_THAT(html, Catch::Contains(R"("verdict":"\u003c/script>\\u202e")"));
 }
 
 TEST_CASE("a shown record says what was measured, and where a sensor was missing") {

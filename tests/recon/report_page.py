@@ -1,9 +1,10 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
 """tests/recon/report_page.py BIN_DIR: a report and the pages of studies in Chromium: nothing overflows or lies over something else, nothing is
-asked of others, all is drawn, light and dark, wide and narrow; maps and charts answer the pointer; paper. Exit code 77
-without Chromium."""
+asked of others, all is drawn, light and dark, wide and narrow; maps and charts answer the pointer; paper; a text that
+came from outside neither hides nor runs. Exit code 77 without Chromium."""
 import pathlib
+import sqlite3
 import subprocess
 import sys
 import tempfile
@@ -100,6 +101,8 @@ def fits(browser, name):
 with tempfile.TemporaryDirectory() as folder:
     folder = pathlib.Path(folder)
     run("echofuse-sim", "dataset", "-q", "--out", folder / "run.sqlite", "--records", 240)
+    with sqlite3.connect(folder / "run.sqlite") as records:
+        records.execute("UPDATE record SET label = '<!--<script>' WHERE label = 'person'")
     for inputs in ("fused", "spd"):
         run("echofuse-recon", "train", "-q", folder / "run.sqlite", "--model", "ridge", "--set", "fallback=false", "--inputs", inputs, "--out",
             folder / f"{inputs}.h5")
@@ -124,6 +127,8 @@ with tempfile.TemporaryDirectory() as folder:
         headings = browser.execute_script("return [...document.querySelectorAll('h2')].map(h => h.id)")
         check(f"sections: {headings}", headings == ["failures", "gallery", "errors", "labels", "metrics", "cost", "records",
                                                     "space", "live", "made", "terms"])
+        labels = browser.execute_script("return document.getElementById('labels').parentElement.textContent")
+        check(f"the label of a stranger is shown as {labels}", "<!--<script>" in labels)
         # The pointer on one map tells of all, a drag shows a part, a double click the whole.
         maps = browser.find_elements("css selector", ".maps")[0].find_elements("css selector", "canvas")
         browser.execute_script("arguments[0].scrollIntoView({block: 'center'})", maps[0])
@@ -161,6 +166,11 @@ with tempfile.TemporaryDirectory() as folder:
         shown = browser.execute_script("return [...document.querySelectorAll('.named')].map(n => n.textContent)")
         check(f"the front names {shown}", sorted(shown) == sorted(2 * ["nearest", "nearest-4", "nearest-16", "silhouette", "factorised-4"]))
         check("the browser complains", not [m for m in browser.get_log("browser") if m["level"] == "SEVERE"])
+        ran = browser.execute_script("""const text = "document.title = 'ran'", script = document.createElement('script');
+            script.textContent = text, document.body.append(script);
+            document.body.insertAdjacentHTML('beforeend', `<img src="data:," onerror="${text}">`);
+            return new Promise(done => setTimeout(() => done(document.title), 200))""")
+        check(f"a script of strangers runs: {ran}", ran != "ran")
     finally:
         browser.quit()
 print("\n".join(faults) or "the report fits")
