@@ -21,6 +21,7 @@ import time
 import unittest
 import urllib.parse
 
+import proxy
 from websocket import Client, Refused
 
 bin_dir = pathlib.Path(sys.argv[1]).resolve()
@@ -132,10 +133,6 @@ class Server(unittest.TestCase):
         url = urllib.parse.urlsplit(self.address)
         for headers, status in (([], 101), ([f"Origin: http://{url.netloc}"], 101), (["Origin: http://evil.example"], 403),
                                 (["Origin: null"], 403), ([f"Origin: https://{url.netloc}"], 101),
-                                # Behind a proxy the page is of the host that the proxy says.
-                                (["X-Forwarded-Host: lab.example.org", "Origin: https://lab.example.org"], 101),
-                                (["X-Forwarded-Host: lab.example.org", f"Origin: http://{url.netloc}"], 403),
-                                (["X-Forwarded-Host: lab.example.org", "Host: lab.example.org"], 421),
                                 (["Host: evil.example"], 421), ([f"Host: evil.example:{url.port}"], 421),
                                 (["Host: 10.0.0.1"], 421), (["Host: localhost"], 101), (["Host: "], 421)):
             try:
@@ -146,10 +143,7 @@ class Server(unittest.TestCase):
         for path, method, status in (("/", "GET", 200), ("/", "HEAD", 200), ("/", "POST", 405), ("/../etc/passwd", "GET", 404),
                                      ("/live", "GET", 426), ("/nothing", "GET", 404), ("/index.html/", "GET", 404)):
             self.assertEqual(self.get(path, method=method)[0].status, status, path)
-        self.assertIn(b"X-Forwarded-Host, Upgrade and Connection", self.get("/live")[1])
-        for forwarded, named in ((url.netloc, url.netloc), ("lab.example.org", "lab.example.org"), ("a; script-src *", "a")):
-            policy = self.get("/", **{"X-Forwarded-Host": forwarded})[0].getheader("Content-Security-Policy")
-            self.assertIn(f"connect-src 'self' ws://{named} wss://{named};", policy)
+        proxy.check_requests(self)
         # A target that is no path is refused, and nobody else notices.
         for target in (b"?", b"?token=1", b"live", b"http://localhost/", b"*"):
             self.assertIn(b" 400 ", self.raw(b"GET " + target + b" HTTP/1.1\r\nHost: localhost\r\n\r\n")[:40], target)
@@ -396,8 +390,7 @@ class Server(unittest.TestCase):
         finally:
             earlier.unlink()
             junk.unlink()
-        nothing = subprocess.run([bin_dir / "echofuse-view", "--text", self.folder.name + "/none"], capture_output=True,
-                                 text=True)
+        nothing = subprocess.run([bin_dir / "echofuse-view", "--text", self.folder.name + "/none"], capture_output=True, text=True)
         self.assertEqual(nothing.returncode, 1)
         self.assertIn("no run yet", nothing.stderr)
 
