@@ -93,7 +93,7 @@ class Import {
       valid_[s] += record.has(s);
       if (!record.has(s)) verdict_[s] = record.sync[s].verdict;
     }
-    counted_tags_ += record.spd_counts;
+    tags_ += record.spd_counts;
     values_ += record.spd.size() + record.radar.size() + record.array.size();
     batch_.push_back(std::move(record));
     if (constexpr std::size_t most = 256, most_values = 1 << 20;
@@ -107,15 +107,17 @@ class Import {
   void put_counters(Sensor sensor, const std::vector<Counter>& counters) {
     for (const Counter& c : counters) counted_.push_back({name_of(sensor), c.name, c.value});
   }
-  // Why no record has anything of this sensor; empty if one has.
-  std::string nothing(Sensor s) const {
-    if (valid_[s] == 0) return verdict_[s];
-    const bool clicks = counted_tags_.in_range + counted_tags_.out_of_range > 0;
-    return s == Sensor::spd && !clicks ? "no click" : "";
+  // Whether any record has anything of this sensor, and why the last one without it has not.
+  bool has(Sensor s) const {
+    return s == Sensor::spd ? tags_.in_range + tags_.out_of_range > 0 : valid_[s] > 0;
   }
-  const TagCounts& tags() const { return counted_tags_; }
+  const std::string& verdict(Sensor s) const { return verdict_[s]; }
   std::string finish() {
     flush();
+    if (tags_.out_of_range > 0 && tags_.in_range == 0)
+      doubt("spd: no click lies within tdc.first_bin_ps and tdc.bins");
+    if (has(Sensor::spd) && valid_[Sensor::spd] == 0)
+      doubt("spd: no record is valid: " + verdict_[Sensor::spd]);
     run_->put_counters(counted_);
     const std::string records = std::to_string(run_->records());
     run_->close_as_one_file("complete");
@@ -141,7 +143,7 @@ class Import {
   std::vector<Axis> axes_;
   std::vector<record::Counted> counted_;
   PerSensor<std::int64_t> valid_{};
-  TagCounts counted_tags_;
+  TagCounts tags_;
   PerSensor<std::string> verdict_{};        // of the last record that is without
   std::vector<record::FusedRecord> batch_;  // not yet written
   std::size_t values_ = 0;                  // in it
@@ -243,16 +245,14 @@ std::string import_streams(const Config& config, const ImportOptions& options,
     std::string causes;
     for (const auto& text : r->doubts()) {
       import.doubt(std::string(name_of(device.sensor)) + ": " + text);
-      causes += text + "; ";
+      causes += (causes.empty() ? "" : "; ") + text;
     }
-    const std::string why = import.nothing(device.sensor);
-    if (why.empty()) continue;
+    if (import.has(device.sensor)) continue;
     ++empty;
-    nothing += (nothing.empty() ? "" : "\n") + printable(device.address) +
-               ": nothing to import: " + printable(causes + why);
+    const std::string& verdict = import.verdict(device.sensor);
+    nothing += (nothing.empty() ? "" : "\n") + printable(device.address) + ": nothing to import: " +
+               printable(causes + (causes.empty() || verdict.empty() ? "" : "; ") + verdict);
   }
-  if (import.tags().out_of_range > 0 && import.tags().in_range == 0)
-    import.doubt("spd: no click lies within tdc.first_bin_ps and tdc.bins");
   if (empty == recordings.size()) throw Error(ExitCode::failed, nothing);
   if (recordings.size() > 1)
     import.doubt("that the recordings begin at the same time is taken for granted");

@@ -286,16 +286,19 @@ PicoquantHistograms read_histograms(const std::string& path) {
       static_cast<std::int32_t>(file.whole("HistoResult_NumberOfCurves", 1, most_curves));
   const double step_s = file.require("HistResDscr_MDescResolution", 0);
   if (!(step_s >= 1e-15 && step_s <= 1)) refuse("its resolution is not between 1 fs and 1 s");
+  const auto bins_of = [&](std::int32_t i) {
+    return static_cast<std::size_t>(file.whole("HistResDscr_HistogramBins", 1, most_bins, i));
+  };
   std::size_t used = 1, all_bins = 0;
+  for (std::int32_t i = 0; i < curves; ++i) all_bins += bins_of(i);
+  if (all_bins > most_counts) refuse("its curves together are too long");
   for (std::int32_t i = 0; i < curves; ++i) {
-    const auto bins =
-        static_cast<std::size_t>(file.whole("HistResDscr_HistogramBins", 1, most_bins, i));
+    const std::size_t bins = bins_of(i);
     const auto place =
         static_cast<std::size_t>(file.whole("HistResDscr_DataOffset", 0, std::int64_t{1} << 52, i));
     if (place < file.tag_bytes() || place - file.tag_bytes() > data.size() ||
         data.size() - (place - file.tag_bytes()) < 4 * bins)
       refuse("curve " + std::to_string(i) + " lies outside the file");
-    if ((all_bins += bins) > most_counts) refuse("its curves together are too long");
     if (std::abs(file.require("HistResDscr_MDescResolution", i) - step_s) > 1e-9 * step_s)
       refuse("curve " + std::to_string(i) + " has another resolution than the first one");
     PicoquantCurve curve{.recorded = file.time("HistResDscr_TimeofRecording", i),
