@@ -103,8 +103,10 @@ Json to_json(const std::vector<std::string>& files) {
                        {"serial", d.serial},
                        {"firmware", d.firmware}});
   const std::string whole = record::whole_and_number(run.path()).first;
-  return {{"file", files.size() > 1 ? whole : run.path()},
-          {"files", files},
+  auto names = Json::array();
+  for (const auto& file : files) names.push_back(utf8_text(file));
+  return {{"file", utf8_text(files.size() > 1 ? whole : run.path())},
+          {"files", names},
           {"uuid", info.uuid},
           {"status", info.status},
           {"records", sum.records},

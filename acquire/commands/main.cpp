@@ -1,13 +1,16 @@
 // SPDX-License-Identifier: MIT
 #include <malloc.h>
-#include <spdlog/sinks/stdout_color_sinks.h>
+#include <spdlog/details/os.h>
+#include <spdlog/sinks/ansicolor_sink.h>
 #include <spdlog/spdlog.h>
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <cerrno>
 #include <cmath>
 #include <cstdio>
+#include <cstring>
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
@@ -30,6 +33,7 @@
 #include "acquire/run/viewer.hpp"
 #include "drivers/program/command_line.hpp"
 #include "drivers/program/console.hpp"
+#include "drivers/program/output_queue.hpp"
 #include "drivers/program/printable.hpp"
 #include "drivers/program/program.hpp"
 #include "drivers/program/settings.hpp"
@@ -39,8 +43,13 @@ namespace {
 
 constexpr const char* program = "echofuse-acquire";
 
-void set_up_log(const Options& o) {
-  auto log = spdlog::stderr_color_mt(program);
+// `messages` outlives what is logged.
+void set_up_log(const Options& o, const OutputQueue& messages) {
+  using Sink = spdlog::sinks::ansicolor_sink<spdlog::details::console_mutex>;
+  const bool colours = isatty(STDERR_FILENO) && spdlog::details::os::is_color_terminal();
+  auto log = std::make_shared<spdlog::logger>(
+      program, std::make_shared<Sink>(messages.stream(), colours ? spdlog::color_mode::always
+                                                                 : spdlog::color_mode::never));
   log->set_formatter(log_format());
   log->set_level(o.quiet     ? spdlog::level::err
                  : o.verbose ? spdlog::level::debug
@@ -78,6 +87,8 @@ std::string first_part(const std::string& whole) {
 }
 
 std::string out_of(const Options& o, const Config& config) {
+  if (utf8_text(o.run.out) != o.run.out)
+    throw Error(ExitCode::usage, "--out " + printable(o.run.out) + ": expected UTF-8");
   return o.run.out.empty() ? record::next_run(config.run_folder) : record::new_run(o.run.out);
 }
 
@@ -89,11 +100,31 @@ std::vector<std::string> files_of(const std::string& name) {
   return files;
 }
 
-// An event of `run --json`: one object a line, for a program that reads while the run goes on.
-void put_event(const nlohmann::ordered_json& event) {
-  std::puts(event.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace).c_str());
-  std::fflush(stdout);
-}
+// What `run --json` says: one object a line, for a program that reads while the run goes on.
+class Events {
+ public:
+  void begin() { out_.emplace(STDOUT_FILENO, left_out); }
+  void put(const nlohmann::ordered_json& event) {
+    if (!out_ || out_->put(line_of(event)) || std::exchange(told_, true)) return;
+    spdlog::warn("--json: nobody reads it; what is oldest is left out");
+  }
+  // A reader that is gone wanted no more.
+  void end() {
+    if (const int error = out_ ? out_->close() : 0; error != 0 && error != EPIPE)
+      throw Error(ExitCode::failed,
+                  std::string("stdout: cannot be written: ") + std::strerror(error));
+  }
+
+ private:
+  static std::string line_of(const nlohmann::ordered_json& event) {
+    return event.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
+  }
+  static std::string left_out(std::size_t count) {
+    return line_of({{"event", "left out"}, {"events", count}});
+  }
+  std::optional<OutputQueue> out_;
+  bool told_ = false;
+};
 
 ExitCode run(Options& o) {
   std::optional<TemporaryFolder> thrown_away;
@@ -134,21 +165,20 @@ ExitCode run(Options& o) {
   if (o.view) viewer.emplace(whole, o.run.count, o.model);
   port::SystemLoop loop;
   std::int64_t on_disk = -1;
-  if (o.json) {
-    put_event({{"event", "run"}, {"file", whole}, {"window_s", config.window_s}});
-    o.run.progress = [&on_disk](std::int64_t records) {
-      if (std::exchange(on_disk, records) != records)
-        put_event({{"event", "records"}, {"on_disk", records}});
-    };
-  }
+  Events events;
+  if (o.json) events.begin();
+  events.put({{"event", "run"}, {"file", utf8_text(whole)}, {"window_s", config.window_s}});
+  o.run.progress = [&](std::int64_t records) {
+    if (std::exchange(on_disk, records) != records)
+      events.put({{"event", "records"}, {"on_disk", records}});
+  };
   const ExitCode code = record_run(config, o.run, loop);
-  if (o.json) {
-    nlohmann::ordered_json end{
-        {"event", "end"}, {"on_disk", on_disk}, {"code", static_cast<int>(code)}};
-    if (whole != o.run.out) end["parts"] = record::files_of(whole).paths.size();
-    put_event(end);
-  }
+  nlohmann::ordered_json end{
+      {"event", "end"}, {"on_disk", on_disk}, {"code", static_cast<int>(code)}};
+  if (o.json && whole != o.run.out) end["parts"] = record::files_of(whole).paths.size();
+  events.put(end);
   if (viewer) viewer->leave();
+  events.end();
   return code;
 }
 
@@ -294,7 +324,8 @@ ExitCode export_run(const Options& o) {
   const auto bad = record::export_h5(files, o.to, [&](std::int64_t done, std::int64_t total) {
     if (interrupted()) throw Error(ExitCode::interrupted, "interrupted; nothing is exported");
     if (!progress)
-      progress.emplace("export", static_cast<std::size_t>(total), !isatty(STDERR_FILENO));
+      progress.emplace("export", static_cast<std::size_t>(total),
+                       o.quiet || !isatty(STDERR_FILENO));
     progress->update(static_cast<std::size_t>(done));
   });
   if (bad == 0) return ExitCode::ok;
@@ -303,7 +334,12 @@ ExitCode export_run(const Options& o) {
 }
 
 ExitCode dispatch(const std::string& command, Options& o) {
-  set_up_log(o);
+  OutputQueue messages(STDERR_FILENO, [](std::size_t count) {
+    return (isatty(STDERR_FILENO) ? "\r\033[K" : "") + std::to_string(count) +
+           " lines were left out, nobody took them\n";
+  });
+  set_up_log(o, messages);
+  o.run.show_status = [&messages](std::string line) { messages.put(std::move(line), true); };
   if (command == "run") return run(o);
   if (command == "devices") return list_devices(o);
   if (command == "doctor") return doctor(o);

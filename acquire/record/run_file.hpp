@@ -26,6 +26,7 @@ struct sqlite3;
 namespace echofuse::record {
 
 class FileWatch;
+class RunReader;
 class Inserts;
 class Statement;
 class WriterLock;
@@ -64,8 +65,11 @@ class RunWriter {
   using Begin = std::function<void(RunWriter&)>;
   RunWriter(const std::string& path, const RunInfo& info, const Clock& clock = system_clock,
             const Begin& begin = {});
-  // Continues a run that is not being written: complete, stopped or crashed.
-  explicit RunWriter(const std::string& path, const Clock& clock = system_clock);
+  // Continues a run that is not being written: complete, stopped or crashed. `look` sees it before
+  // anything is written, when nobody else can write any more; what it throws leaves the run alone.
+  using Look = std::function<void(const RunReader&)>;
+  explicit RunWriter(const std::string& path, const Clock& clock = system_clock,
+                     const Look& look = {});
   ~RunWriter();  // without close(): status stays "open", which readers show as crashed
   RunWriter(const RunWriter&) = delete;
   RunWriter& operator=(const RunWriter&) = delete;
@@ -95,13 +99,15 @@ class RunWriter {
   bool close(const std::string& status);
   void close_as_one_file(const std::string& status);  // throws Error(failed) instead
   bool lost() const { return !harm_.empty(); }        // as the last call found
+  // Takes the room for the status on a full disk, which was not there when the run was opened.
+  void reserve() const;
 
   // Another program may hold the file by a write transaction. A call waits for its end, for 30 s,
   // or, with this, which outlives the writer, until it says. Then it throws Error(disk).
   void wait_with(Patience& patience) { patience_ = &patience; }
   const std::string& path() const { return path_; }
   std::int64_t records() const { return records_; }
-  std::int64_t next_index() const { return next_index_; }  // at opening: of the record to come
+  std::int64_t next_index() const { return next_index_; }  // of the record to come
 
  private:
   void lock();

@@ -144,16 +144,21 @@ void RunWriter::make(const RunInfo& info, const Begin& begin) {
   use_wal();  // while nobody reads it
 }
 
-RunWriter::RunWriter(const std::string& path, const Clock& clock)
+RunWriter::RunWriter(const std::string& path, const Clock& clock, const Look& look)
     : path_(path), clock_(clock), handle_(nullptr, sqlite3_close) {
-  axes_ = RunReader(path).axes();  // and: it is a run file
+  static_cast<void>(RunReader(path).axes());  // a run file, or no lock file is made beside it
   lock();
+  {
+    const RunReader begun(path);
+    if (look) look(begun);
+    axes_ = begun.axes();
+  }
   go_on(true);
 }
 
 void RunWriter::go_on(bool resumed) {
   open(path_);
-  lock_->reserve(reserve_bytes);
+  reserve();
   use_wal();
   execute(db_, path_, "BEGIN IMMEDIATE", "cannot reopen");
   execute(db_, path_, schema, "cannot add the tables of this version");
@@ -173,6 +178,8 @@ void RunWriter::go_on(bool resumed) {
   execute(db_, path_, "COMMIT", "cannot reopen");
   ready();
 }
+
+void RunWriter::reserve() const { lock_->reserve(reserve_bytes); }
 
 void RunWriter::begin_part(std::int64_t part, std::int64_t first_index) {
   part_ = part;
@@ -286,6 +293,7 @@ void RunWriter::append(std::span<const FusedRecord> batch) {
   in_transaction([&] {
     for (const auto& r : batch) insert_record(*rows_, path_, r, axes_);
   });
+  for (const auto& r : batch) next_index_ = std::max(next_index_, r.index + 1);
   records_ += static_cast<std::int64_t>(batch.size());
 }
 

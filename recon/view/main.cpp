@@ -23,7 +23,7 @@ struct Options {
   std::string model;
   std::optional<std::int64_t> record;
   ServerOptions server;
-  bool text = false;
+  bool text = false, quiet = false;
 };
 
 // Whoever started us may wait for the end of these streams.
@@ -38,7 +38,8 @@ ExitCode show(const Options& o) {
   catch_interrupts();
   recon::set_threads(1);
   const SystemClock clock;
-  if (const std::string missing = record::files_of(o.server.run).missing; !missing.empty())
+  if (const std::string missing = record::files_of(o.server.run).missing;
+      !o.quiet && !missing.empty())
     std::fprintf(stderr, "%s\n", missing.c_str());
   if (o.text) {
     FollowedRun run(o.server.run);
@@ -91,7 +92,8 @@ int run(int argc, char** argv) {
   app.add_flag("--until-closed", o.server.until_closed,
                "end by itself when the run is over and nobody looks")
       ->excludes(text);
-  more_options(app, {"--planned", "--until-closed"});
+  app.add_flag("-q,--quiet", o.quiet, "no messages but errors");
+  more_options(app, {"--planned", "--until-closed", "--quiet"});
   add_examples(app, {"echofuse-view monday.sqlite", "echofuse-view . --model fused.safetensors",
                      "echofuse-view --text monday.sqlite"});
   try {

@@ -145,7 +145,7 @@ struct LabArguments : PlanArguments {
   sim::LabOptions options;
   std::optional<std::int64_t> seed;
   double duration_s = 0;
-  bool json = false;
+  bool json = false, quiet = false;
   std::vector<std::string> command;  // the command to run in the laboratory
 };
 
@@ -175,8 +175,8 @@ ExitCode run_lab(LabArguments& a) {
   a.options.schedule.seed = a.seed.value_or(plan.seed);
   port::SystemLoop loop;
   sim::Lab lab(loop, a.options);
-  if (!a.command.empty()) return sim::serve_command(lab, a.command);
-  std::cerr << "the laboratory is open; Ctrl-C closes it. To record from it:\n";
+  if (!a.command.empty()) return sim::serve_command(lab, a.command, a.quiet);
+  if (!a.quiet) std::cerr << "the laboratory is open; Ctrl-C closes it. To record from it:\n";
   std::cout << lab.daemon_command() << std::endl;
   const HostTime end = loop.now() + from_seconds(a.duration_s);
   lab.serve([&] { return interrupted() || (a.duration_s > 0 && loop.now() >= end); });
@@ -230,10 +230,12 @@ void add_lab(CLI::App& app, Command& command) {
   add_plan_options(*sub, *a);
   add_twin_options(*sub, *a);
   sub->add_flag("--json", a->json, "what was sent as one JSON object");
+  sub->add_flag("-q,--quiet", a->quiet, "no messages but errors");
   sub->add_option("command", a->command, "run this in the laboratory, and close it afterwards")
       ->option_text("-- COMMAND ...");
-  more_options(*sub, {"--config", "--laser-rate-hz", "--all-syncs", "--radar-cfg", "--radar-board",
-                      "--radar-sdk", "--faults", "--log", "--twin", "--laboratory", "--json"});
+  more_options(*sub,
+               {"--config", "--laser-rate-hz", "--all-syncs", "--radar-cfg", "--radar-board",
+                "--radar-sdk", "--faults", "--log", "--twin", "--laboratory", "--json", "--quiet"});
   add_examples(*sub, {"echofuse-sim lab --scene mixed --hold 3",
                       "echofuse-sim lab --dir . --scene reflector -- bash"});
   sub->callback([&command, a] { command = [a] { return run_lab(*a); }; });

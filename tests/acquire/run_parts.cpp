@@ -47,12 +47,14 @@ struct Parts {
                                              }));
   }
   static void fill(std::unique_ptr<record::RunWriter> run) {
-    for (int i = 0; i < 3; ++i) run->append(small_record(run->next_index() + i));
+    for (int i = 0; i < 3; ++i) run->append(small_record(run->next_index()));
     run->close("complete");
   }
-  void go_on(std::int64_t number, const std::string& name = "a") const {
-    fill(record::next_part(path(number, name), system_clock));
+  std::unique_ptr<record::RunWriter> next(std::int64_t number,
+                                          const std::string& name = "a") const {
+    return record::next_part(path(number, name), number + 1, 3 * number, system_clock);
   }
+  void go_on(std::int64_t number, const std::string& name = "a") const { fill(next(number, name)); }
   std::vector<record::RunEntry> runs() const {
     std::vector<record::RunEntry> files;
     for (const auto& [place, file] : record::run_files(folder / ""))
@@ -90,7 +92,7 @@ TEST_CASE("a part whose making is killed is there whole or not at all, and is ma
     const pid_t child = fork();
     REQUIRE(child >= 0);
     if (child == 0) {
-      const auto run = record::next_part(parts.path(1), system_clock);
+      const auto run = parts.next(1);
       ::pause();
       ::_exit(0);
     }
@@ -155,6 +157,23 @@ TEST_CASE("a part that is missing, damaged or of another run is named with its r
     CHECK(code == ExitCode::failed);
     CHECK(has(text, "is not the last part of its run, behind it stands " + parts.path(5)));
   }
+}
+
+TEST_CASE("a part that another program continued meanwhile is not resumed, and stays as it is") {
+  const Parts parts;
+  parts.begin();
+  static_cast<void>(acquire::reopen_run(parts.path(1), system_clock, [](const auto& begun) {
+    CHECK(record::WriterLock::someone_writes(begun.path()));  // nobody else can, from now on
+  }));
+  record::recover(parts.path(1));
+  parts.go_on(1);
+  const auto size = fs::file_size(parts.path(1));
+  const auto [code, text] =
+      error_of([&] { static_cast<void>(acquire::reopen_run(parts.path(1), system_clock)); });
+  CHECK(code == ExitCode::failed);
+  CHECK(has(text, "is not the last part of its run, behind it stands " + parts.path(2)));
+  CHECK(record::RunReader(parts.path(1)).info().status == "crashed");  // as recover() left it
+  CHECK(fs::file_size(parts.path(1)) == size);
 }
 
 TEST_CASE(

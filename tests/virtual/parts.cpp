@@ -110,7 +110,7 @@ TEST_CASE("a part that was killed before its first record goes on where the run 
   CHECK(b.lab->record(in_parts(b, 8, 4)) == ExitCode::ok);
   b.lab->set({"run.label=lamp off"});
   const auto before = record::files_of(b.folder / "run").paths;
-  static_cast<void>(record::next_part(before.back(), system_clock));  // never closed
+  static_cast<void>(record::next_part(before.back(), 3, 8, system_clock));  // never closed
   CHECK(record::RunReader(before.back()).calibrations() ==
         record::RunReader(before.front()).calibrations());
   acquire::RunOptions run = b.run(6);

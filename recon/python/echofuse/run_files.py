@@ -63,8 +63,9 @@ def files_of(whole: pathlib.Path) -> tuple[list[pathlib.Path], list[str]]:
             continue
         if meta.get("part") != str(number) or own != (uuid or own):
             continue
-        if number > before + 1:
-            missing.append(f"{absent(before + 1, number - 1)}; records {end} to {first - 1} are missing")
+        behind = number - int(meta.get("part_skipped", 0))  # the numbers between were never the run's
+        if behind > before + 1:
+            missing.append(f"{absent(before + 1, behind - 1)}; records {end} to {first - 1} are missing")
         files.append(path)
         before, uuid, end = number, own, first + int(meta["part_records"])
     if parts and before < max(parts):
