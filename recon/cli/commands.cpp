@@ -89,7 +89,15 @@ class ReconstructReport {
   }
 
   void finish(const std::string& out) {
-    for (const auto& r : faults_) report(r);
+    std::map<std::string, std::vector<const RecordStatus*>> alike;
+    for (const auto& r : faults_) alike[r.fault.empty() ? r.note : r.fault].push_back(&r);
+    for (const auto& r : faults_)
+      if (alike.at(r.fault.empty() ? r.note : r.fault).size() < many_alike) report(r);
+    for (const auto& [text, of] : alike)
+      if (of.size() >= many_alike)
+        std::fprintf(stderr, "%s: %zu records from %lld to %lld: %s\n", printable(run_).c_str(),
+                     of.size(), static_cast<long long>(of.front()->index),
+                     static_cast<long long>(of.back()->index), printable(text).c_str());
     if (quiet_) return;
     std::fprintf(stderr, "%s: %zu records reconstructed, %zu left out", printable(out).c_str(),
                  good_, left_out_);
@@ -119,6 +127,7 @@ class ReconstructReport {
                  static_cast<long long>(r.index),
                  printable(r.fault.empty() ? r.note : r.fault).c_str());
   }
+  static constexpr std::size_t many_alike = 10;  // then a count stands for the lines
   std::string run_;
   bool follow_, quiet_;
   std::size_t good_ = 0, left_out_ = 0;

@@ -140,6 +140,15 @@ double foreground_tangent(std::span<const float> prediction, const Scene& scene)
   return centroid_tangent(foreground_share(prediction, scene), scene.grid);
 }
 
+BodyPlace body_place(std::span<const float> prediction, const Scene& scene) {
+  const auto share = foreground_share(prediction, scene);
+  Mean z;
+  for (std::size_t p = 0; p < share.size(); ++p)
+    if (share[p] > 0.5f) z.add(prediction[p]);
+  const double z_m = z.value(least_mass);
+  return {centroid_tangent(share, scene.grid) * z_m, z_m};
+}
+
 double lateral_error(std::span<const float> prediction, std::span<const float> truth,
                      const Scene& scene) {
   MapScores out;

@@ -49,6 +49,12 @@ MapScores score(std::span<const float> prediction, std::span<const float> truth,
 // This is x/z of the centroid of a prediction's foreground, or NaN if there is none.
 double foreground_tangent(std::span<const float> prediction, const Scene& scene);
 
+// Where a prediction shows a body, in metres: x to the right, z away. NaN if it shows none.
+struct BodyPlace {
+  double x_m, z_m;
+};
+BodyPlace body_place(std::span<const float> prediction, const Scene& scene);
+
 // It computes metric_lateral_m alone.
 double lateral_error(std::span<const float> prediction, std::span<const float> truth,
                      const Scene& scene);

@@ -71,7 +71,7 @@ ShownRecord show_record(const std::vector<const TrainedModel*>& models,
                  score(made.maps.row(0), truth, model->scene),
                  {},
                  {}};
-    if (model->uncertainty) {
+    if (!made.uncertainties.empty()) {
       const auto deviation = std::as_const(made.deviation).row(0);
       map.deviation.assign(deviation.begin(), deviation.end());
       state(map, made.uncertainties.front());

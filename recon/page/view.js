@@ -83,7 +83,8 @@ function drawMapsLamp() {
     (made.lateral_error_m == null ? '' : `, ${(made.lateral_error_m * 100).toFixed(0)} cm off`);
   const why = faultOf(made) || made.note || (state?.doubt ? 'run unlike the training' : '');
   light('maps', made.fault ? ['bad', 'NONE'] : made.seen ? ['look', 'TRAINED ON THIS RECORD'] : !run.calibrated ? ['look', 'NOT CALIBRATED'] : why ? ['look', 'DOUBT'] : ['ok', 'OK'],
-        why || (made.lateral_interval_90_m == null ? '' : `±${(made.lateral_interval_90_m * 100).toFixed(0)} cm sideways (90 %)`), met);
+        [why, made.x_m == null ? '' : `body at x ${made.x_m.toFixed(2)} m` + (made.lateral_interval_90_m == null ? '' :
+          ` ±${(made.lateral_interval_90_m * 100).toFixed(0)} cm (90 %)`) + `, z ${made.z_m.toFixed(2)} m`].filter(Boolean).join('; '), met);
 }
 
 function drawNumbers() {

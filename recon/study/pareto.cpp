@@ -115,6 +115,9 @@ class Study {
       if (run.uuid == train_.sources.front().uuid)
         throw Error(ExitCode::usage,
                     run.path + ": the models are trained on this run; judge them by another");
+    if (const std::size_t copies = leave_out_copies(test_, train_); copies > 0)
+      std::fprintf(stderr, "%s: %zu of %zu records are copies of training records: left out\n",
+                   options.test.c_str(), copies, test_.size());
     match_axes(test_, train_.spd_axis, train_.radar_axis, Inputs::fused);
     match_array(test_, train_.array_axis);
     for (const Job& job : jobs_) {

@@ -51,6 +51,12 @@ struct Evaluation {
   std::vector<PredictionUncertainty> uncertainties;
   std::map<std::string, std::size_t> fallbacks;  // records for each TrainedModel::note_of
   std::size_t left_out = 0;  // records of a fresh run with depth, of which no map can be made
+  // Records of a fresh run that the model was trained on as those of another run, of so many; they
+  // are left out unless all are judged.
+  std::size_t trained_on = 0, of = 0;
+  // Records left out because of a verdict (Dataset::doubt_of), by it, and all scores with them.
+  std::map<std::string, std::size_t> doubtful;
+  Summaries with_doubtful = {};
   std::string antennas;      // a note about them (Records)
   std::string response;      // a note about it (Records)
   DomainShift domain_shift;  // over all records of the run
@@ -62,9 +68,9 @@ struct Evaluation {
   std::optional<UncertaintyCalibration> calibration;
 };
 
-// Returns the rows to judge a model by: the held-out ones of a run it was trained on, else all with
-// depth that the model has a map of.
-// Throws Error(failed) if there are none.
+// Returns the rows to judge a model by: the held-out ones of a run it was trained on, else those
+// with depth that the model has a map of and, unless `all`, was not trained on. Doubtful ones are
+// left out unless all are. Throws Error(failed) if there are none.
 Rows rows_to_evaluate(const TrainedModel& model, const Dataset& data, bool all);
 
 // For each row whose label names a letter, it says where the true map shows the letter.

@@ -19,7 +19,8 @@ constexpr int picture_zoom = 4;
 Bytes millimetre_picture(std::span<const float> map, std::uint32_t size) {
   std::vector<std::uint16_t> mm(map.size());
   for (std::size_t p = 0; p < map.size(); ++p)
-    mm[p] = static_cast<std::uint16_t>(std::lround(std::clamp(map[p] * 1000, 0.f, 65535.f)));
+    if (map[p] > 0)
+      mm[p] = static_cast<std::uint16_t>(std::lround(std::min(map[p] * 1000, 65535.f)));
   return record::encode_png16(mm, size, size);
 }
 

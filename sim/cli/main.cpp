@@ -11,11 +11,11 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
-#include <thread>
 
 #include "drivers/program/command_line.hpp"
 #include "drivers/program/console.hpp"
 #include "drivers/program/printable.hpp"
+#include "drivers/program/program.hpp"
 #include "sim/cli/plan_arguments.hpp"
 #include "sim/dataset/dataset.hpp"
 #include "sim/lab/lab.hpp"
@@ -104,7 +104,7 @@ ExitCode run_dataset(DatasetArguments& a) {
 void add_dataset(CLI::App& app, Command& command) {
   auto* sub = app.add_subcommand("dataset", "make a run file of simulated records");
   auto a = std::make_shared<DatasetArguments>();
-  a->options.threads = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
+  a->options.threads = static_cast<int>(usable_cores());
   const auto count = CLI::Range(std::int64_t{0}, std::int64_t{10'000'000});
   sub->add_option("--out", a->options.out, "run file to make (never overwritten)")
       ->type_name("RUN")

@@ -119,7 +119,7 @@ TEST_CASE("cross-validation of held poses does not call each record a new one") 
   const Folder dir;
   write_run(dir / "run", 120);
   Dataset data = load({dir / "run"});
-  const Rows once = rows_to_train(data, Inputs::fused);
+  const Rows once = rows_to_train(data, Inputs::fused).rows;
   Rows held;  // every record five times in a row
   for (std::size_t i = 0; i < 24; ++i) held.insert(held.end(), 5, once[i]);
   TrainOptions options;

@@ -108,7 +108,8 @@ TEST_CASE("too few records, a bad record, other axes") {
   refuses("reconstruct " + (dir / "m") + " " + (dir / "other") + " --out " + (dir / "o"), 1,
           "radar axis");
   refuses("evaluate " + (dir / "m") + " " + (dir / "bad"), 1, "record 6");
-  CHECK(recon_program("evaluate " + (dir / "m") + " " + (dir / "one")).code == 0);
+  write_run(dir / "one more", 1, 2);
+  CHECK(recon_program("evaluate " + (dir / "m") + " '" + (dir / "one more") + "'").code == 0);
 }
 
 TEST_CASE("train and evaluate: the JSON object") {

@@ -105,17 +105,15 @@ TEST_CASE("records that lack a sensor keep their row and are not trained on") {
   CHECK(data.usable(Inputs::fused, false) == Rows{0, 1, 4, 5, 6, 7});
 }
 
-TEST_CASE("a record that is not a number is refused with its number, or handed over") {
+TEST_CASE("a run within a bin of the first one's axes is brought to them") {
   const Folder dir;
-  write_run(dir / "a", 6, 1, [](record::FusedRecord& r) {
-    if (r.index == 4) r.radar[3] = std::numeric_limits<float>::quiet_NaN();
-  });
-  CHECK_THAT(error_of([&] { load({dir / "a"}); }), Catch::Contains("record 4"));
-  std::vector<std::int64_t> bad;
-  const Dataset data =
-      load({dir / "a"}, [&](std::int64_t index, const std::string&) { bad.push_back(index); });
-  CHECK(bad == std::vector<std::int64_t>{4});
-  CHECK(data.index == std::vector<std::int64_t>{0, 1, 2, 3, 5});
+  Axis near = radar_axis();
+  near.start += 0.1;
+  write_run(dir / "a", 2, 1), write_run(dir / "b", 2, 1, {}, near);
+  const Dataset data = load({dir / "a", dir / "b"});
+  CHECK(same_axis(data.radar_axis, radar_axis()));
+  const auto first = data.radar.row(0), moved = data.radar.row(2);
+  CHECK(moved[10] == Approx(0.4 * first[9] + 0.6 * first[10]));
 }
 
 TEST_CASE("TI codes become linear power above the noise") {
@@ -127,7 +125,8 @@ TEST_CASE("TI codes become linear power above the noise") {
             },
             {"radar", "log2_q8", "m", 24, 0, 0.25, 8});
   CHECK_THAT(error_of([&] { load({dir / "a"}); }), Catch::Contains("record 1"));
-  const Dataset data = load({dir / "a"}, [](std::int64_t, const std::string&) {});
+  const Dataset data = load_part(record::RunReader(dir / "a"), 0, 2, sensors_of(Inputs::radar),
+                                 [](std::int64_t, const std::string&) {});
   CHECK(data.radar_axis.quantity == "power");
   CHECK(data.radar.row(0)[7] == Approx(15));
   CHECK(data.radar.row(0)[8] == 0);

@@ -138,6 +138,30 @@ TEST_CASE("a dead sensor's records are left out by number") {
                          Catch::Contains("record 4: radar is the same in every bin"));
 }
 
+TEST_CASE("records.csv says where the body is, and ten lines alike are a count") {
+  const Folder dir;
+  write_run(dir / "run", 120);
+  REQUIRE(recon_program("train -q --set fallback=false --model silhouette " + (dir / "run") +
+                        " --out " + (dir / "m"))
+              .code == 0);
+  write_run(dir / "fresh", 16, 2, [](record::FusedRecord& r) {
+    Rng rng = make_rng(2, static_cast<std::uint64_t>(r.index));
+    if (r.index == 0) r = testing::plate_record(0, 0.5, 3.5, rng);
+    if (r.index >= 4) std::ranges::fill(r.spd, 0u);
+  });
+  const Outcome o =
+      recon_program("reconstruct " + (dir / "m") + " " + (dir / "fresh") + " --out " + (dir / "o"));
+  CHECK_THAT(o.text, Catch::Contains("12 records from 4 to 15: spd is the same in every bin\n"));
+  CHECK_FALSE(o.text.find("record 4:") != std::string::npos);
+  double x_m = 0, z_m = 0;
+  const std::string table = contents(dir / "o/records.csv");
+  const auto first = table.find("\n0,\"ok\",,");
+  REQUIRE(first != std::string::npos);
+  REQUIRE(std::sscanf(table.c_str() + first, "\n0,\"ok\",,%lf,%lf,", &x_m, &z_m) == 2);
+  CHECK(x_m == Approx(0.5).margin(0.1));
+  CHECK(z_m == Approx(3.5).margin(0.2));
+}
+
 TEST_CASE("a run is followed while it is recorded, until it is closed") {
   const Folder dir;
   write_run(dir / "run", 60);

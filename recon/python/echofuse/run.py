@@ -38,11 +38,24 @@ class Axis:
     def values(self) -> NDArray[np.float64]:
         return self.start + self.step * np.arange(self.count)
 
-    def covers(self, wanted: dict[str, Any]) -> bool:
-        """Whether values along this axis are values along the wanted one, perhaps with more behind them."""
-        near = abs(self.start - wanted["start"]) + abs(self.step - wanted["step"]) * wanted["count"]
+    def is_near(self, wanted: dict[str, Any]) -> bool:
+        """Whether this axis lies nowhere farther than a bin from the wanted one; it may have more bins."""
+        start = self.start - wanted["start"]
+        end = start + (self.step - wanted["step"]) * wanted["count"]
         return (self.quantity == wanted["quantity"] and self.scale == wanted["scale"] and self.count >= wanted["count"]
-                and near <= 1e-3 * abs(wanted["step"]))
+                and max(abs(start), abs(end)) <= abs(wanted["step"]))
+
+    def resampled(self, table: NDArray[np.float32], wanted: dict[str, Any]) -> NDArray[np.float32]:
+        """Values [n, bins, ...] at the places of the wanted axis, by lines between the bins."""
+        count = wanted["count"]
+        start = self.start - wanted["start"]
+        end = start + (self.step - wanted["step"]) * count
+        if max(abs(start), abs(end)) <= 1e-3 * abs(wanted["step"]):
+            return table[:, :count]
+        place = ((wanted["start"] - self.start + wanted["step"] * np.arange(count)) / self.step).clip(0, self.count - 1)
+        first = place.astype(int)
+        part = (place - first).astype(np.float32).reshape(-1, *[1] * (table.ndim - 2))
+        return (1 - part) * table[:, first] + part * table[:, np.minimum(first + 1, self.count - 1)]
 
 
 def open(path: str | pathlib.Path) -> "Run":  # noqa: A001 (the name that is wanted)
