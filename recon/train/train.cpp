@@ -144,9 +144,9 @@ std::vector<double> weights_of(const Dataset& data, const Split& split, Inputs i
   for (const std::size_t run : options.validate_on) weights[run] = times;
   if (!options.fit.quiet)
     std::fprintf(stderr,
-                 "the runs that stand for the use are unlike the others (domain shift %.1f): each "
-                 "of their records counts %.1f times; --set weights= says otherwise\n",
-                 shift.distance, times);
+                 "the runs that stand for the use are unlike the others (%s): each of their "
+                 "records counts %.1f times; --set weights= says otherwise\n",
+                 shift.p_text().c_str(), times);
   return weights;
 }
 

@@ -55,8 +55,7 @@ json to_json(const Evaluation& e) {
   if (const TwoPeopleSeen& two = e.two_people; two.records > 0)
     out["two_people"] = {{"records", two.records}, {"flagged", two.flagged}};
   if (e.domain_shift.tested())
-    out["domain_shift"] = {{"distance", e.domain_shift.distance},
-                           {"p", e.domain_shift.p},
+    out["domain_shift"] = {{"p", e.domain_shift.p},
                            {"records", e.domain_shift.records},
                            {"text", e.domain_shift.text()}};
   out["calibrated"] = e.calibration.has_value();
