@@ -84,7 +84,8 @@ void require_memory(const std::vector<std::string>& paths);
 
 // Reads runs whose axes and map grids agree into one table, with true ranges. Throws Error(failed)
 // that names the file. For a bad record (wrong size, not a finite number) it also names the
-// record's number, unless on_bad takes it. Throws as require_memory.
+// record's number, unless on_bad takes it. Throws as require_memory, and for depths in another unit
+// (depths_seen.hpp).
 Dataset load(const std::vector<std::string>& paths, const OnBadRecord& on_bad = {});
 // It does the same with the radar's profiles as they were recorded. subtract_range_offset() then
 // takes off the offsets of the calibration and of the operator in one interpolation.

@@ -230,6 +230,7 @@ TrainedModel train_split(const Dataset& data, const Split& split, const std::str
   };
   const Material material{fit_split, used, with_others}, plain{split, used, with_others};
   const Scene scene = learn_scene(data.depth, fit_split.train, data.map);
+  if (!scene.has_body() && !options.fit.quiet) std::fprintf(stderr, "%s\n", no_body);
   TrainedModel model;
   model.split = options.split;
   model.seen = seen_records(data, split);

@@ -107,6 +107,8 @@ std::string to_text(const TwoPeopleSeen& two) {
 
 std::string notes(const Evaluation& e) {
   std::string out = e.domain_shift.tested() ? e.domain_shift.text() + '\n' : "";
+  if (!e.judge.note.empty()) out += e.judge.note + '\n';
+  if (!e.judge.scene.has_body()) out += std::string(no_body) + '\n';
   if (!e.antennas.empty()) out += e.antennas + '\n';
   if (!e.response.empty()) out += e.response + '\n';
   for (const auto& [note, records] : e.fallbacks)
