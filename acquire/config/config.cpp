@@ -116,6 +116,8 @@ void bind(Settings& s, Config& c, Keys& k) {
         "pixels of the depth map, both ways, that the camera's images are brought to on reading");
   s.add("depth.map_half_tangent", c.map.half_tangent, record::least_map_half_tangent,
         record::most_map_half_tangent, "the map's field of view: x/z and y/z at its edges");
+  s.add("depth.map_z_max_m", c.map.far_m, record::least_map_far_m, record::most_map_far_m,
+        "depths of the map: from 0 to this; what is farther is no return");
   bind_limits(s, c.signal);
 }
 

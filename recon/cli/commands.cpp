@@ -149,7 +149,8 @@ Command add_evaluate(CLI::App& app, const Common& common) {
   add_model_and_run(app, a->model, a->run);
   app.add_flag("--all", a->all, "also score records that the model was trained on");
   app.add_option("--train", a->train,
-                 "the runs the model was trained on, for the nearest-neighbour row of a fresh run")
+                 "the training runs of a fresh run: they say what is foreground and background, "
+                 "and have the nearest neighbours")
       ->type_name("RUN");
   add_empty_option(app, a->empty);
   add_range_offset_option(app, a->range_offset_m);
@@ -165,17 +166,16 @@ Command add_evaluate(CLI::App& app, const Common& common) {
     if (!a->train.empty()) {
       other = load(a->train);
       require_map(other, model->scene.grid, "the model");
-      if (!model.knows(other))
-        throw Error(ExitCode::failed, a->train.front() + ": " + a->model +
-                                          " was not trained on it; give the training run, or "
-                                          "leave --train out");
     }
     const Dataset& trained_on = a->train.empty() ? data : other;
     const Rows rows = rows_to_evaluate(model, records.data, a->all);
-    Evaluation e = evaluate(model, records, rows, title("scoring"));
-    e.baselines =
-        score_baselines(data, rows, model->scene, trained_on,
-                        model.rows_of(trained_on, Part::train), title("scoring baselines"));
+    const Judge judge = a->train.empty() ? judge_of(model, records.data) : judge_of(other);
+    Evaluation e = evaluate(model, records, rows, title("scoring"), judge);
+    const Rows neighbours = model.knows(trained_on) || a->train.empty()
+                                ? model.rows_of(trained_on, Part::train)
+                                : trained_on.usable(model->features.inputs);
+    e.baselines = score_baselines(data, rows, judge.scene, trained_on, neighbours,
+                                  title("scoring baselines"));
     set_threads(1);
     e.cost = measure_cost(model, records.data, rows, a->model);
     std::puts(a->json

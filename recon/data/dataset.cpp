@@ -6,12 +6,14 @@
 #include <cmath>
 #include <cstdio>
 #include <limits>
+#include <memory>
 #include <optional>
 
 #include "acquire/record/run_parts.hpp"
 #include "drivers/core/crc32c.hpp"
 #include "drivers/core/log2_codes.hpp"
 #include "drivers/program/printable.hpp"
+#include "recon/data/depths_seen.hpp"
 #include "recon/data/lags.hpp"
 #include "recon/data/pile_up.hpp"
 #include "recon/data/run_order.hpp"
@@ -49,8 +51,8 @@ Error map_error(const std::string& path, const record::MapGrid& found,
 
 class Appender {  // appends one run to a Dataset
  public:
-  Appender(Dataset& data, const record::RunReader& run, SensorSet sensors)
-      : data_(data), path_(run.path()), sensors_(sensors) {
+  Appender(Dataset& data, const record::RunReader& run, SensorSet sensors, DepthsSeen* depths)
+      : data_(data), path_(run.path()), sensors_(sensors), depths_(depths) {
     for (const Axis& axis : run.axes()) {
       if (axis.name == "spd" && sensors_.contains(Sensor::spd)) spd_ = axis;
       if (axis.name == "radar" && sensors_.contains(Sensor::radar)) raw_radar_ = axis;
@@ -108,7 +110,8 @@ class Appender {  // appends one run to a Dataset
     if (!std::ranges::all_of(radar, is_power) || !std::ranges::all_of(lags, is_power))
       return "a radar code is too large for a power";
     to_common(spd, spd_, data_.spd_axis, 1), to_common(radar, radar_, data_.radar_axis, 1);
-    if (r.has(Sensor::depth)) depth = record::to_target(r.depth_mm, x_, y_, map_x_, map_y_);
+    if (r.has(Sensor::depth)) depth = record::to_target(r.depth_mm, x_, y_, data_.map);
+    if (depths_ && r.has(Sensor::depth)) depths_->add(r.depth_mm, data_.map.far_m);
     add_row(data_.spd, spd, data_.spd_axis.count);
     add_row(data_.radar, radar, data_.radar_axis.count);
     add_row(data_.array, lags, lag_columns(data_.array_axis));
@@ -199,7 +202,6 @@ class Appender {  // appends one run to a Dataset
     }
     if (data_.sources.empty()) data_.map = found;
     if (!(found == data_.map)) throw map_error(path_, found, data_.map, data_.sources.front().path);
-    map_x_ = data_.map.x(), map_y_ = data_.map.y();
   }
   // The row gets zeros if the sensor is not there.
   static void add_row(Matrix& table, std::vector<float>& row, std::size_t cols) {
@@ -229,21 +231,21 @@ class Appender {  // appends one run to a Dataset
   Dataset& data_;
   std::string path_;
   SensorSet sensors_;
+  DepthsSeen* depths_;  // may be null
   Axis spd_, raw_radar_, radar_, x_, y_, array_, own_lags_;
   SpatialLags lags_;
   PileUp pile_up_;
   std::optional<Shift> spd_shift_;  // set for a calibrated run
-  Axis map_x_, map_y_;              // axes of the depth table
 };
 
 void append(Dataset& data, const record::RunReader& run, std::int64_t first, std::size_t at_most,
             SensorSet sensors, const OnBadRecord& on_bad,
-            const record::RunReader::InParallel& in_parallel = {}) {
+            const record::RunReader::InParallel& in_parallel = {}, DepthsSeen* depths = nullptr) {
   // It is made while reading: a run that is being recorded may get an axis with its next record.
   std::optional<Appender> appender;
   const auto to = [&]() -> Appender& {
     if (appender) return *appender;
-    appender.emplace(data, run, sensors);
+    appender.emplace(data, run, sensors, depths);
     appender->make_room(at_most);
     return *appender;
   };
@@ -272,6 +274,7 @@ Dataset load_recorded(const std::vector<std::string>& paths) {
   }
   require_memory(files);
   Dataset data;
+  const auto depths = std::make_unique<DepthsSeen>();
   for (const auto& path : in_order_of_records(files)) {
     const record::RunReader run(path);
     const auto note = [&](std::int64_t index, const std::string& fault) {
@@ -280,8 +283,10 @@ Dataset load_recorded(const std::vector<std::string>& paths) {
             printable(path) + ": record " + std::to_string(index) + ": " + printable(fault);
     };
     append(data, run, 0, static_cast<std::size_t>(run.count()),
-           {Sensor::spd, Sensor::radar, Sensor::depth}, note, for_each_part);
+           {Sensor::spd, Sensor::radar, Sensor::depth}, note, for_each_part, depths.get());
   }
+  if (const std::string said = depths->text(paths.front(), data.spd_axis); !said.empty())
+    std::fprintf(stderr, "%s\n", said.c_str());
   const std::size_t all = data.size() + data.damaged;
   if (static_cast<double>(data.damaged) > most_damaged * static_cast<double>(all))
     throw Error(ExitCode::failed, data.first_damaged + "; so are " + std::to_string(data.damaged) +

@@ -97,7 +97,8 @@ void require_memory(const std::vector<std::string>& paths);
 // Reads runs into one table, with true ranges, on the axes of the first one (is_near). Their map
 // grids agree. Damaged records (wrong size, not a finite number, more clicks than a tagger gives)
 // are counted. Throws Error(failed) that names the file, or the first damaged record if those are
-// more than most_damaged of all. Throws as require_memory.
+// more than most_damaged of all. Throws as require_memory, and for depths in another unit
+// (depths_seen.hpp).
 Dataset load(const std::vector<std::string>& paths);
 // It does the same with the radar's profiles as they were recorded. subtract_range_offset() then
 // takes off the offsets of the calibration and of the operator in one interpolation.

@@ -137,17 +137,20 @@ std::optional<Inputs> asked_by(const std::vector<LoadedMode>& modes) {
 }
 
 // Each model brings a copy of the data onto its own axes.
-void score(LoadedMode& mode, const Dataset& data, std::optional<Inputs> asked, bool quiet) {
+void score(LoadedMode& mode, const Dataset& data, std::optional<Inputs> asked, bool quiet,
+           std::optional<Judge>& judge) {
   for (const TrainedModel& model : mode.models) {
     const Records records = prepare_records(model, data);
     const Rows rows = comparable_rows(model, records.data, asked);
-    Evaluation e = evaluate(model, records, rows, quiet ? "" : "scoring " + mode.result.name);
+    Evaluation e =
+        evaluate(model, records, rows, quiet ? "" : "scoring " + mode.result.name, judge);
+    judge = e.judge;
     e.left_out += rows_to_evaluate(model, records.data, false).size() - rows.size();
     const std::size_t k = mode.result.evaluations.size();
     e.cost = measure_cost(model, records.data, rows, mode.result.models[k].file);
     if (k == 0)
       for (const std::size_t row : rows)
-        mode.result.records.push_back(facts_of(records.data, row, model->scene));
+        mode.result.records.push_back(facts_of(records.data, row, e.judge.scene));
     mode.result.evaluations.push_back(std::move(e));
   }
   mode.result.metrics = over_models(mode.result.evaluations);
@@ -207,7 +210,7 @@ void add_records(Report& report, const std::vector<const TrainedModel*>& models,
     };
     const auto row = middle_row(report, wanted);
     if (!row) continue;
-    ShownRecord shown = show_record(models, names, data, *row);
+    ShownRecord shown = show_record(models, names, data, *row, report.judge->scene);
     shown.caption = formatted(
         "Of all %zu records of this kind the one nearest to the median IoU of each model "
         "with these inputs.",
@@ -218,7 +221,8 @@ void add_records(Report& report, const std::vector<const TrainedModel*>& models,
   const std::vector<const TrainedModel*> first{models.front()};
   for (const auto& [what, share] : {std::pair{"Worst", 0.0}, {"Median", 0.5}, {"Best", 1.0}}) {
     const auto at = static_cast<std::size_t>(share * static_cast<double>(rows.size() - 1));
-    report.gallery.push_back(show_record(first, {names.front()}, data, rows[at]));
+    report.gallery.push_back(
+        show_record(first, {names.front()}, data, rows[at], report.judge->scene));
     report.gallery.back().title.insert(0, std::string(what) + ": ");
   }
 }
@@ -230,9 +234,10 @@ void add_live(Report& report, const TrainedModel& model, const std::string& name
   const Rows rows = rows_to_evaluate(model, records.data, false);
   ModeResult live{"live", model->features.inputs, {}, {evaluate(model, records, rows)}, {}, {}, {}};
   report.live = live.evaluations.front();
-  report.live->baselines = score_baselines(data, rows, model->scene, data, {});
+  report.live->baselines = score_baselines(data, rows, report.live->judge.scene, data, {});
   const Rows order = by_quality(live, [](std::size_t) { return true; });
-  ShownRecord shown = show_record({&model}, {name}, data, order[order.size() / 2]);
+  ShownRecord shown =
+      show_record({&model}, {name}, data, order[order.size() / 2], report.live->judge.scene);
   shown.caption = "Of the records that the daemon recorded, the one whose map has the median IoU.";
   report.main.push_back(std::move(shown));
 }
@@ -257,7 +262,10 @@ void add_models(Report& report, const ReportOptions& options, const Dataset& dat
   for (const auto* given : {&options.models, &options.compare})
     for (const std::string& model : *given) add_model(modes, model, options, report);
   const std::optional<Inputs> asked = asked_by(modes);
-  for (LoadedMode& mode : modes) score(mode, data, asked, options.quiet);
+  for (const LoadedMode& mode : modes)
+    for (const TrainedModel& model : mode.models)
+      if (!report.judge && model.knows(data)) report.judge = judge_of(model, data);
+  for (LoadedMode& mode : modes) score(mode, data, asked, options.quiet, report.judge);
   std::vector<const TrainedModel*> first;
   std::vector<std::string> names;
   for (auto& mode : modes) {
@@ -267,7 +275,7 @@ void add_models(Report& report, const ReportOptions& options, const Dataset& dat
   }
   const TrainedModel& subject = *first.front();
   report.baselines =
-      score_baselines(data, comparable_rows(subject, data, asked), subject->scene, data,
+      score_baselines(data, comparable_rows(subject, data, asked), report.judge->scene, data,
                       subject.rows_of(data, Part::train), options.quiet ? "" : "scoring baselines");
   report.records = report.modes.front().evaluations.front().records;
   report.span = span_of(subject->scene), report.new_run = !subject.knows(data);

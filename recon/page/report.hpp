@@ -89,6 +89,7 @@ struct Report {
   std::vector<std::pair<std::string, std::string>> made;  // how: name and value
   std::string room;                                       // what was done about another room
   std::vector<ModeResult> modes;  // the subject first; those of equal inputs together
+  std::optional<Judge> judge;     // of all modes
   std::vector<ScoredRow> baselines;
   std::size_t records = 0;
   std::vector<ShownRecord> main;     // person, letter: by all modes
@@ -110,8 +111,8 @@ std::string write_report(const Report& report, const std::string& dir);
 
 // Parts of make_report, by what they need.
 ShownRecord show_record(const std::vector<const TrainedModel*>& models,
-                        const std::vector<std::string>& names, const Dataset& data,
-                        std::size_t row);
+                        const std::vector<std::string>& names, const Dataset& data, std::size_t row,
+                        const Scene& judge);
 // Gains in what both define, with intervals by resampled blocks of neighbours.
 std::vector<PairedDifference> paired_differences(const std::vector<MapScores>& first,
                                                  const std::vector<MapScores>& second);

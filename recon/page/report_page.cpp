@@ -78,8 +78,9 @@ Json terms() {
       {"on the true side", "of the bodies more than 0.3 m off the axis."},
       {"hard map",
        "what is nearer to the background than to the mean body is set to the background."},
-      {"domain shift",
-       "how far a run as a whole is from runs like the training; above 1 is unusual."},
+      {"p",
+       "of a run as a whole: how probably a run like the training is as far from it; below 0.001 "
+       "the run is unlike the training."},
       {"flagged", "a single record that is unlike the training records."},
       {"SSIM, RMSE",
        "similarity of structure; root of the mean squared depth error, over the map."}};

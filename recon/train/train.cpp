@@ -122,9 +122,9 @@ std::vector<double> weights_of(const Dataset& data, const Split& split, Inputs i
   for (const std::size_t run : options.validate_on) weights[run] = times;
   if (!options.fit.quiet)
     std::fprintf(stderr,
-                 "the runs that stand for the use are unlike the others (domain shift %.1f): each "
-                 "of their records counts %.1f times; --set weights= says otherwise\n",
-                 shift.distance, times);
+                 "the runs that stand for the use are unlike the others (%s): each of their "
+                 "records counts %.1f times; --set weights= says otherwise\n",
+                 shift.p_text().c_str(), times);
   return weights;
 }
 
@@ -217,6 +217,7 @@ TrainedModel train_split(const Dataset& data, const Split& split, const std::str
   };
   const Material material{fit_split, used, with_others}, plain{split, used, with_others};
   const Scene scene = learn_scene(data.depth, fit_split.train, data.map);
+  if (!scene.has_body() && !options.fit.quiet) std::fprintf(stderr, "%s\n", no_body);
   TrainedModel model;
   model.split = options.split;
   model.seen = seen_records(data, split);

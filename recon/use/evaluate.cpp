@@ -17,6 +17,8 @@
 namespace echofuse::recon {
 namespace {
 
+constexpr std::size_t least_of_room = 20;  // records that show what stands still in a room
+
 // Returns the inputs that both hold on the same axes; there may be none.
 std::optional<Inputs> common_inputs(const Dataset& data, const Dataset& other) {
   const bool spd = other.spd_axis.count > 0 && is_near(data.spd_axis, other.spd_axis);
@@ -91,6 +93,7 @@ struct StatedUncertainty {
 // It computes metrics and calibration in parts, which bounds the memory.
 void score_predictions(const TrainedModel& model, const Records& records, const Rows& rows,
                        const std::string& title, Evaluation& out) {
+  const Scene& judge = out.judge.scene;
   Progress progress(title, rows.size(), title.empty());
   constexpr std::size_t at_once = 512;
   const PredictionDetail detail =
@@ -102,12 +105,12 @@ void score_predictions(const TrainedModel& model, const Records& records, const 
     const Rows part(begin, begin + std::min<std::ptrdiff_t>(at_once, rows.end() - begin));
     Prediction one = predict(model, records, part, detail);
     if (!one.uncertainties.empty() && model->uncertainty)
-      uncertainty.add(one, records.data, part, model->scene);
+      uncertainty.add(one, records.data, part, judge);
     if (one.uncertainties.empty() && model->uncertainty) one.uncertainties.resize(part.size());
     out.uncertainties.insert(out.uncertainties.end(), one.uncertainties.begin(),
                              one.uncertainties.end());
-    const Plates plates = find_plates(records.data, part, model->scene);
-    const auto some = score_maps(one.maps, records.data, part, model->scene, plates);
+    const Plates plates = find_plates(records.data, part, judge);
+    const auto some = score_maps(one.maps, records.data, part, judge, plates);
     scores.insert(scores.end(), some.begin(), some.end());
     progress.update(scores.size());
   }
@@ -139,10 +142,30 @@ Rows rows_to_evaluate(const TrainedModel& model, const Dataset& data, bool all) 
                              name_of(model->features.inputs) + "\" model");
 }
 
+Judge judge_of(const Dataset& training) {
+  const Rows seen = with_depth(training);
+  if (seen.empty())
+    throw Error(ExitCode::failed, training.sources.front().path + ": no record has a depth map");
+  return {learn_scene(training.depth, seen, training.map), {}};
+}
+
+Judge judge_of(const TrainedModel& model, const Dataset& data) {
+  const Rows seen = with_depth(data);
+  if (model.knows(data) || seen.size() < least_of_room) return {model->scene, {}};
+  Scene own = learn_scene(data.depth, seen, data.map);
+  std::size_t moved = 0;
+  for (std::size_t p = 0; p < own.background.size(); ++p)
+    moved += std::abs(own.background[p] - model->scene.background[p]) > 0.1f;
+  if (2 * moved < own.background.size()) return {model->scene, {}};
+  return {std::move(own),
+          "another room than in training: foreground and background are those of this run's own "
+          "maps; --train RUN names others"};
+}
+
 Plates find_plates(const Dataset& data, const Rows& rows, const Scene& scene) {
   Plates out(rows.size());
   for_each_part(rows.size(), [&](std::size_t i) {
-    if (const auto letter = letter_of(data.label[rows[i]]))
+    if (const auto letter = letter_of(data.label[rows[i]]); letter && scene.has_body())
       out[i] = find_plate(data.depth.row(rows[i]), scene, *letter);
   });
   return out;
@@ -155,7 +178,7 @@ std::vector<MapScores> score_maps(const Matrix& maps, const Dataset& data, const
     out[i] = score(maps.row(i), data.depth.row(rows[i]), scene);
     if (!plates.empty() && plates[i])
       out[i][metric_letter_top1] = read_letter(maps.row(i), scene, *plates[i]);
-    if (data.label[rows[i]] != two_people_label) return;
+    if (data.label[rows[i]] != two_people_label || !scene.has_body()) return;
     if (const auto people = find_people(data.depth.row(rows[i]), scene))
       out[i][metric_iou_person] = iou_per_person(maps.row(i), *people, scene);
   });
@@ -192,9 +215,10 @@ TwoPeopleSeen count_two_people(const Evaluation& e, const Dataset& data) {
 }  // namespace
 
 Evaluation evaluate(const TrainedModel& model, const Records& records, const Rows& rows,
-                    const std::string& title) {
+                    const std::string& title, const std::optional<Judge>& judge) {
   const Dataset& data = records.data;
   Evaluation out;
+  out.judge = judge ? *judge : judge_of(model, data);
   out.model = model->name;
   out.inputs = model.for_run(data).features.inputs;
   out.records = rows.size(), out.rows = rows;

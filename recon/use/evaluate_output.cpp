@@ -58,8 +58,7 @@ json to_json(const Evaluation& e) {
   if (const TwoPeopleSeen& two = e.two_people; two.records > 0)
     out["two_people"] = {{"records", two.records}, {"flagged", two.flagged}};
   if (e.domain_shift.tested())
-    out["domain_shift"] = {{"distance", e.domain_shift.distance},
-                           {"p", e.domain_shift.p},
+    out["domain_shift"] = {{"p", e.domain_shift.p},
                            {"records", e.domain_shift.records},
                            {"text", e.domain_shift.text()}};
   out["calibrated"] = e.calibration.has_value();
@@ -111,6 +110,8 @@ std::string to_text(const TwoPeopleSeen& two) {
 
 std::string notes(const Evaluation& e) {
   std::string out = e.domain_shift.tested() ? e.domain_shift.text() + '\n' : "";
+  if (!e.judge.note.empty()) out += e.judge.note + '\n';
+  if (!e.judge.scene.has_body()) out += std::string(no_body) + '\n';
   if (!e.antennas.empty()) out += e.antennas + '\n';
   if (!e.response.empty()) out += e.response + '\n';
   for (const auto& [note, records] : e.fallbacks)

@@ -122,7 +122,7 @@ void add_dataset(CLI::App& app, Command& command) {
       ->check(CLI::NonNegativeNumber);
   add_plan_options(*sub, *a);
   sub->add_option("--like", a->like,
-                  "calibration: simulate the instruments whose response it states")
+                  "calibration: simulate the instruments whose response and axes it states")
       ->type_name("FILE");
   add_twin_options(*sub, *a);
   sub->add_option("--laboratories", a->laboratories,

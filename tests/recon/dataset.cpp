@@ -116,6 +116,38 @@ TEST_CASE("a run within a bin of the first one's axes is brought to them") {
   CHECK(moved[10] == Approx(0.4 * first[9] + 0.6 * first[10]));
 }
 
+TEST_CASE("depths beyond the map and in another unit are said in one line") {
+  const Folder dir;
+  const auto scaled = [](double by, std::int64_t every) {
+    return [by, every](record::FusedRecord& r) {
+      for (auto& mm : r.depth_mm)
+        if (r.index % every == 0) mm = static_cast<std::uint16_t>(std::lround(mm * by));
+    };
+  };
+  const auto said = [&](const std::string& name, const Change& change) {
+    write_run(dir / name, 40, 1, change);
+    return recon_program("train --model ridge --out " + (dir / name) + "-m " + (dir / name));
+  };
+  CHECK_THAT(said("good", {}).text, !Catch::Contains("median"));
+  const Outcome far = said("far", scaled(3, 2));
+  CHECK(far.code == 0);
+  CHECK_THAT(far.text, Catch::Contains("far: 20 of 40 records have depths beyond 6 m, taken as no "
+                                       "return (") &&
+                           Catch::Contains("map_z_max_m"));
+  sql(dir / "far", "INSERT INTO axis VALUES ('map_z', 'depth', 'm', 1, 0, 14, 1)");
+  CHECK(load({dir / "far"}).map.far_m == 14);
+  CHECK(load({dir / "far"}).depth.row(0)[32 * 64 + 32] < 14);
+  const Outcome millimetres = said("mm", scaled(1e-3, 1));
+  CHECK(millimetres.code == 1);
+  CHECK_THAT(millimetres.text,
+             Catch::Contains("mm: the median depth is 3 mm: metres are expected") ||
+                 Catch::Contains("mm: the median depth is 4 mm: metres are"));
+  CHECK_THAT(
+      said("cm", scaled(0.1, 1)).text,
+      Catch::Contains("cm: the median depth is 0.3") &&
+          Catch::Contains(" m, where the histogram spans 2.4 to 4.2 m: metres are expected"));
+}
+
 TEST_CASE("TI codes become linear power above the noise") {
   const Folder dir;
   write_run(dir / "a", 2, 1,

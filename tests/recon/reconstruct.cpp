@@ -4,6 +4,7 @@
 #include <unistd.h>
 
 #include <fstream>
+#include <nlohmann/json.hpp>
 #include <sstream>
 #include <thread>
 
@@ -40,7 +41,7 @@ std::vector<float> points_of(const std::string& ply) {
   const Bytes raw(ply.begin() + static_cast<std::ptrdiff_t>(at + last.size()), ply.end());
   CHECK_THAT(ply,
              Catch::Contains("element vertex " + std::to_string(raw.size() / 15) + "\nproperty"));
-  CHECK_THAT(ply, Catch::Contains("x right, y up, z away"));
+  CHECK_THAT(ply, Catch::Contains("x right, y down, z away"));
   CHECK(raw.size() % 15 == 0);
   Bytes places;  // without their three colours
   for (std::size_t i = 0; i < raw.size(); ++i)
@@ -98,21 +99,23 @@ TEST_CASE("points, arrays and pictures show the same map") {
   const auto points = points_of(contents(dir / "o/000002.ply"));
   REQUIRE(points.size() > 3 * 50);  // the plate: about 24 rows of 10 pixels
   REQUIRE(points.size() < 3 * 800);
-  const Axis x = record::MapGrid{}.x(), y = record::MapGrid{}.y();
+  // The picture's points in the pinhole camera's frame, as OpenCV and Open3D make them.
+  const auto pinhole = nlohmann::json::parse(contents(dir / "o/camera.json"));
+  const double fx = pinhole["fx"], fy = pinhole["fy"], cx = pinhole["cx"], cy = pinhole["cy"];
   std::size_t strangers = 0;
   for (std::size_t i = 0; i < points.size(); i += 3) {
-    const double z = double{points[i + 2]};
-    const auto column = std::lround((points[i] / z - x.start) / x.step);
-    const auto row = std::lround((points[i + 1] / z - y.start) / y.step);
+    const double x = double{points[i]}, y = double{points[i + 1]}, z = double{points[i + 2]};
+    const auto column = std::lround(cx + fx * x / z), row = std::lround(cy + fy * y / z);
     REQUIRE((column >= 0 && column < 64 && row >= 0 && row < 64));
-    strangers += mm[static_cast<std::size_t>(row * 64 + column)] != std::lround(z * 1000);
+    const double seen = mm[static_cast<std::size_t>(row * 64 + column)] * 1e-3;
+    strangers += std::hypot((static_cast<double>(column) - cx) / fx * seen - x,
+                            (static_cast<double>(row) - cy) / fy * seen - y, seen - z) > 1e-3;
   }
   CHECK(strangers == 0);
   const std::string camera = contents(dir / "o/camera.json");
   CHECK_THAT(camera, Catch::Contains("\"width\": 64, \"height\": 64, \"fx\": 58.18181"));
   CHECK_THAT(camera, Catch::Contains("\"cx\": 31.5, \"cy\": 31.5"));
   CHECK_THAT(camera, Catch::EndsWith("31.5, 31.5, 1]}\n"));
-  CHECK(y.step < 0);  // the first row is the highest: y of a point goes up
 
   const std::string peak = std::to_string(*std::max_element(mm.begin(), mm.end()));
   CHECK(numpy("a = n.load('" + (dir / "o/maps.npz") +

@@ -69,7 +69,7 @@ TEST_CASE("what fails stands first, of the live run before all") {
         "Letters cannot be read: 1 of 20 right, by chance 2.0.");
   report.live = evaluation_of("factorised", 0.6, 0.46);
   for (auto& u : report.live->uncertainties) u.lateral_interval_90_m = 0.01;
-  report.live->domain_shift.records = 20, report.live->domain_shift.distance = 30;
+  report.live->domain_shift.records = 20;
   report.live->domain_shift.p = 1e-4;
   report.live->domain_shift.differences = {{"range +30.0 +- 2.0 cm", 15}};
   report.story.emplace(), report.story->info.window_s = 0.2, report.window_s = 3;

@@ -115,7 +115,7 @@ class Model:
         seen = np.flatnonzero(by >= 0)
         half = first.f["scene/map_half_tangent"]
         pixel = half * ((2 * np.arange(first.size) + 1) / first.size - 1)
-        depth_m = np.minimum(np.where(maps[seen] > 0, maps[seen], np.float32(np.nan)), np.float32(6))
+        depth_m = np.minimum(np.where(maps[seen] > 0, maps[seen], np.float32(np.nan)), np.float32(first.f["scene/map_z_max_m"]))
         return Maps(depth_m, run.index[seen], pixel, -pixel,
                     [self.estimators[k].inputs for k in by[seen]], half)
 
