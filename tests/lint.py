@@ -1,8 +1,11 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
 """House rules that a script can check: one SPDX line a file, files of at most 400 lines (one of 800), layout by
-clang-format 14 where it is installed; every command, option and file that a text names exists;
-one type a name."""
+clang-format 14 where it is installed; every command, option and file that a text names exists, and every case that
+CTest is told; one type a name; uPlot as its hashes say."""
+import base64
+import fnmatch
+import hashlib
 import pathlib
 import re
 import shutil
@@ -21,6 +24,7 @@ def tracked():
 
 
 sources = []
+cases = []  # of Catch
 types = {}  # their full name, and the files that define one
 for path in tracked():
     name = path.relative_to(root)
@@ -49,12 +53,28 @@ for path in tracked():
                     types.setdefault("::".join([*namespaces, defined[1]]), set()).add(str(name))
         if namespaces:
             faults.append(f"{name}: no `}}  // namespace` ends {namespaces[-1]}")
+    cases += ["".join(re.findall(r'"(.*?)"', name))
+              for name in re.findall(r'TEST_CASE\(\s*((?:"[^"]*"\s*)+)', "\n".join(lines))]
     # CMake splits a list there, and Catch takes it for an option.
     for case in re.findall(r'TEST_CASE\(\s*"(-|[^"]*;)', "\n".join(lines)):
         faults.append(f"{name}: a test case's name has a ; or begins with -, and CTest cannot call it")
 
 # The linker merges the functions of both, and one type's are called with the other's memory.
 faults += [f"{name} is defined in {' and '.join(sorted(files))}" for name, files in types.items() if len(files) > 1]
+
+# Where only the slow tests would notice.
+for path in (root / "tests").rglob("CMakeLists.txt"):
+    for names in re.findall(r'--warn NoTests "([^-"][^"]*)"', path.read_text(encoding="utf-8")):
+        faults += [f"{path.relative_to(root)}: no test case is named {name}" for name in names.split(",")
+                   if not fnmatch.filter(cases, name)]
+
+# The browsers check the files of others that the live page names, but not those within a report.
+page = root / "recon/page"
+hashes = re.findall(r'"(uPlot[\w.]+)" integrity="sha384-([^"]+)"', (page / "index.html").read_text(encoding="utf-8"))
+faults += [f"recon/page/{name}: is not the file of that hash (index.html)" for name, stated in hashes
+           if base64.b64encode(hashlib.sha384((page / name).read_bytes()).digest()).decode() != stated]
+if len(hashes) != 2:
+    faults.append("recon/page/index.html: expected the hashes of two files of uPlot")
 
 formatter = shutil.which("clang-format-14")
 if formatter:

@@ -383,8 +383,9 @@ ExitCode calibrate(const Config& config, const CalibrateOptions& options, port::
   const record::Response response = measurement.response(results);
   for (const auto& [key, text] : response.meta()) json["response"][key] = text;
   if (!options.json) say(response);
-  const Calibration fresh =
+  Calibration fresh =
       to_calibration(results, antennas, response, options, measurement.firmware(), loop);
+  fresh.axes = axes_of(config, fresh);
   bool well = true;
   if (options.check) {
     well = compare(fresh, stored, json, options.json);

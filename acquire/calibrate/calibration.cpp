@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <sstream>
 
+#include "acquire/config/config.hpp"
 #include "acquire/record/radar_array.hpp"
 #include "drivers/program/atomic_write.hpp"
 #include "drivers/program/exit_code.hpp"
@@ -45,6 +46,19 @@ using Texts = std::vector<std::pair<std::string, std::string>>;
 void bind(Settings& s, Texts& response) {
   for (auto& [key, text] : response)
     s.add("response." + key, text, "number +- standard error; see a run's meta");
+}
+
+// Only those of a sensor that has bins.
+void bind(Settings& s, CalibratedAxes& a, bool spd, bool radar) {
+  if (spd) {
+    s.add("axes.bin_width_ps", a.bin_width_ps, 0, 1e9, "of the histogram");
+    s.add("axes.first_bin_ps", a.first_bin_ps, -1e12, 1e12, "of the histogram");
+    s.add("axes.bins", a.bins, 0, 1 << 24, "of the histogram");
+  }
+  if (radar) {
+    s.add("axes.radar_step_m", a.radar_step_m, 0, 1000, "between points of the profile");
+    s.add("axes.radar_bins", a.radar_bins, 0, 1 << 24, "points of the profile");
+  }
 }
 
 std::string text_of(const std::vector<double>& values) {
@@ -97,6 +111,23 @@ Calibration Calibration::over(const Calibration& older) const {
                          &radar = response.radar.known() ? response : older.response;
   out.response = {spd.irf_fwhm_ps, spd.irf_tail_ps,           spd.irf_tail_share,
                   radar.radar,     radar.taps_standard_error, radar.radar_noise_exponent};
+  const CalibratedAxes &of_spd = axes.bins > 0 ? axes : older.axes,
+                       &of_radar = axes.radar_bins > 0 ? axes : older.axes;
+  out.axes = {of_spd.bin_width_ps, of_spd.first_bin_ps, of_radar.radar_step_m, of_spd.bins,
+              of_radar.radar_bins};
+  return out;
+}
+
+CalibratedAxes axes_of(const Config& config, const Calibration& calibration) {
+  CalibratedAxes out;
+  if (calibration.find(Sensor::spd)) {
+    out.bin_width_ps = static_cast<double>(config.histogram.bin_width_ps);
+    out.first_bin_ps = static_cast<double>(config.histogram.first_bin_ps);
+    out.bins = config.histogram.bins;
+  }
+  if (!calibration.find(Sensor::radar)) return out;
+  const radar::RadarProfile profile = parse_profile(config.radar);
+  out.radar_step_m = profile.range_step_m, out.radar_bins = profile.bins;
   return out;
 }
 
@@ -114,6 +145,7 @@ Calibration read_calibration(const std::string& path) {
   Calibration out;
   AntennaTexts texts;
   bind(settings, out.antennas, texts);
+  bind(settings, out.axes, true, true);
   Texts stated;
   for (const char* key : record::response_keys) stated.emplace_back(key, "");
   bind(settings, stated);
@@ -161,6 +193,8 @@ void write_calibration(const std::string& path, const Calibration& calibration) 
   AntennaTexts texts{text_of(antennas.gain), text_of(antennas.phase_rad),
                      text_of(antennas.standard_error)};
   if (!antennas.empty()) bind(settings, antennas, texts);
+  CalibratedAxes axes = calibration.axes;
+  bind(settings, axes, axes.bins > 0, axes.radar_bins > 0);
   Texts response = calibration.response.meta();
   for (auto& [key, text] : response)
     settings.add("response." + key, text, "number +- standard error");

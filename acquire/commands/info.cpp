@@ -5,7 +5,7 @@
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
-#include "acquire/record/run_file.hpp"
+#include "acquire/record/run_parts.hpp"
 #include "drivers/program/printable.hpp"
 
 namespace echofuse::acquire {
@@ -20,13 +20,11 @@ Json by_sensor(const PerSensor<std::int64_t>& values) {
 }
 
 // {"part": 0, "spd": {"tags": 123, ...}, ...}
-Json parts_of(const record::RunReader& run) {
-  Json parts = Json::array();
+void add_counters(Json& parts, const record::RunReader& run) {
   for (const record::Counted& c : run.counters()) {
     if (parts.empty() || parts.back()["part"] != c.part) parts.push_back({{"part", c.part}});
     parts.back()[c.source][c.name] = c.value;
   }
-  return parts;
 }
 
 // Empty for a run without it.
@@ -50,9 +48,26 @@ Json array_of(const record::RunReader& run, const record::RunSummary& sum) {
           {"places", antennas}};
 }
 
-Json to_json(const record::RunReader& run) {
+// Numbers are of all its parts; the rest is of the last one, which has what the others had.
+Json to_json(const std::vector<std::string>& files) {
+  std::optional<record::RunSummary> joined;
+  std::string started;
+  Json marks = Json::array(), counters = Json::array();
+  for (const std::string& file : files) {
+    const record::RunReader part(file);
+    if (joined)
+      record::add_part(*joined, part.summary());
+    else
+      joined = part.summary(), started = part.info().started_utc;
+    add_counters(counters, part);
+    for (const record::Event& e : part.events())
+      if (e.level == "mark" || e.level == "label" || e.level == "note")
+        marks.push_back(
+            {{"utc", e.utc}, {"kind", e.level}, {"source", e.source}, {"text", e.text}});
+  }
+  const record::RunReader run(files.back());
   const record::RunInfo info = run.info();
-  const record::RunSummary sum = run.summary();
+  const record::RunSummary& sum = *joined;
   Json axes = Json::array(), devices = Json::array();
   for (const Axis& a : run.axes())
     axes.push_back({{"name", a.name},
@@ -71,11 +86,8 @@ Json to_json(const record::RunReader& run) {
                             {"samples", c->samples}};
   Json verdicts = Json::object();
   for (const Sensor s : all_sensors) verdicts[name_of(s)] = sum.verdicts[s];
-  Json meta = Json::object(), marks = Json::array();
+  Json meta = Json::object();
   for (const auto& [key, value] : info.meta) meta[key] = value;
-  for (const record::Event& e : run.events())
-    if (e.level == "mark" || e.level == "label" || e.level == "note")
-      marks.push_back({{"utc", e.utc}, {"kind", e.level}, {"source", e.source}, {"text", e.text}});
   Json calibrations = Json::array();
   for (const auto& c : run.calibrations())
     calibrations.push_back({{"sensor", name_of(c.sensor)},
@@ -90,7 +102,11 @@ Json to_json(const record::RunReader& run) {
                        {"model", d.model},
                        {"serial", d.serial},
                        {"firmware", d.firmware}});
-  return {{"file", run.path()},
+  const std::string whole = record::whole_and_number(run.path()).first;
+  auto names = Json::array();
+  for (const auto& file : files) names.push_back(utf8_text(file));
+  return {{"file", utf8_text(files.size() > 1 ? whole : run.path())},
+          {"files", names},
           {"uuid", info.uuid},
           {"status", info.status},
           {"records", sum.records},
@@ -105,7 +121,7 @@ Json to_json(const record::RunReader& run) {
           {"labels", sum.labels},
           {"events", sum.events},
           {"window_s", info.window_s},
-          {"started_utc", info.started_utc},
+          {"started_utc", started},
           {"ended_utc", info.ended_utc},
           {"first_slot_utc", sum.records > 0 ? iso8601(sum.first_utc) : ""},
           {"last_slot_end_utc", sum.records > 0 ? iso8601(sum.last_utc) : ""},
@@ -115,7 +131,7 @@ Json to_json(const record::RunReader& run) {
           {"notes", info.notes},
           {"meta", meta},
           {"marks", marks},
-          {"counters", parts_of(run)},
+          {"counters", counters},
           {"axes", axes},
           {"array", array_of(run, sum)},
           {"calibrations", calibrations},
@@ -154,6 +170,12 @@ std::string to_text(const Json& j) {
       out += "  " + std::string(name) + std::string(10 - std::string(name).size(), ' ') +
              printable(value, longest) + "\n";
   };
+  if (j["status"] == record::crashed_without_wal)
+    line("missing", "its last records are in " + word(j["files"].back()) +
+                        "-wal, which is not here, if this is a copy of a run that was not closed");
+  if (j["files"].size() > 1)
+    line("parts", std::to_string(j["files"].size()) + ", " + word(j["files"].front()) + " to " +
+                      word(j["files"].back()));
   if (j["records"] > 0)
     line("slots", word(j["first_slot_utc"]) + " to " + word(j["last_slot_end_utc"]) + ", " +
                       word(j["window_s"]) + " s each");
@@ -197,8 +219,8 @@ std::string to_text(const Json& j) {
 
 }  // namespace
 
-std::string describe_run(const std::string& path, bool json) {
-  const Json description = to_json(record::RunReader(path));
+std::string describe_run(const std::vector<std::string>& files, bool json) {
+  const Json description = to_json(files);
   return json ? description.dump(2, ' ', true, Json::error_handler_t::replace) + "\n"
               : to_text(description);
 }

@@ -1,13 +1,16 @@
 // SPDX-License-Identifier: MIT
 #include <malloc.h>
-#include <spdlog/sinks/stdout_color_sinks.h>
+#include <spdlog/details/os.h>
+#include <spdlog/sinks/ansicolor_sink.h>
 #include <spdlog/spdlog.h>
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <cerrno>
 #include <cmath>
 #include <cstdio>
+#include <cstring>
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
@@ -30,16 +33,23 @@
 #include "acquire/run/viewer.hpp"
 #include "drivers/program/command_line.hpp"
 #include "drivers/program/console.hpp"
+#include "drivers/program/output_queue.hpp"
 #include "drivers/program/printable.hpp"
 #include "drivers/program/program.hpp"
+#include "drivers/program/settings.hpp"
 
 namespace echofuse::acquire {
 namespace {
 
 constexpr const char* program = "echofuse-acquire";
 
-void set_up_log(const Options& o) {
-  auto log = spdlog::stderr_color_mt(program);
+// `messages` outlives what is logged.
+void set_up_log(const Options& o, const OutputQueue& messages) {
+  using Sink = spdlog::sinks::ansicolor_sink<spdlog::details::console_mutex>;
+  const bool colours = isatty(STDERR_FILENO) && spdlog::details::os::is_color_terminal();
+  auto log = std::make_shared<spdlog::logger>(
+      program, std::make_shared<Sink>(messages.stream(), colours ? spdlog::color_mode::always
+                                                                 : spdlog::color_mode::never));
   log->set_formatter(log_format());
   log->set_level(o.quiet     ? spdlog::level::err
                  : o.verbose ? spdlog::level::debug
@@ -77,24 +87,44 @@ std::string first_part(const std::string& whole) {
 }
 
 std::string out_of(const Options& o, const Config& config) {
+  if (utf8_text(o.run.out) != o.run.out)
+    throw Error(ExitCode::usage, "--out " + printable(o.run.out) + ": expected UTF-8");
   return o.run.out.empty() ? record::next_run(config.run_folder) : record::new_run(o.run.out);
 }
 
-// Of a run in parts a note goes into the last one; other commands take one at a time.
-std::string file_of(const std::string& name, bool last) {
-  const auto [files, missing] = record::files_of(name);
+// One, or the parts of the run; what is missing is named.
+std::vector<std::string> files_of(const std::string& name) {
+  auto [files, missing] = record::files_of(name);
   if (!missing.empty()) spdlog::warn("{}", missing);
-  if (files.size() > 1 && !last)
-    throw Error(ExitCode::usage, printable(name) + ": a run in parts; name one of " +
-                                     printable(files.front()) + " to " + printable(files.back()));
-  return files.back() == name ? record::old_run(name) : files.back();
+  if (files.back() == name) return {record::old_run(name)};
+  return files;
 }
 
-// An event of `run --json`: one object a line, for a program that reads while the run goes on.
-void put_event(const nlohmann::ordered_json& event) {
-  std::puts(event.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace).c_str());
-  std::fflush(stdout);
-}
+// What `run --json` says: one object a line, for a program that reads while the run goes on.
+class Events {
+ public:
+  void begin() { out_.emplace(STDOUT_FILENO, left_out); }
+  void put(const nlohmann::ordered_json& event) {
+    if (!out_ || out_->put(line_of(event)) || std::exchange(told_, true)) return;
+    spdlog::warn("--json: nobody reads it; what is oldest is left out");
+  }
+  // A reader that is gone wanted no more.
+  void end() {
+    if (const int error = out_ ? out_->close() : 0; error != 0 && error != EPIPE)
+      throw Error(ExitCode::failed,
+                  std::string("stdout: cannot be written: ") + std::strerror(error));
+  }
+
+ private:
+  static std::string line_of(const nlohmann::ordered_json& event) {
+    return event.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
+  }
+  static std::string left_out(std::size_t count) {
+    return line_of({{"event", "left out"}, {"events", count}});
+  }
+  std::optional<OutputQueue> out_;
+  bool told_ = false;
+};
 
 ExitCode run(Options& o) {
   std::optional<TemporaryFolder> thrown_away;
@@ -122,7 +152,7 @@ ExitCode run(Options& o) {
   }
   plan_count(o, config);
   o.run.resume = !o.resume.empty();
-  o.run.out = o.run.resume ? std::filesystem::absolute(file_of(o.resume, true)).string()
+  o.run.out = o.run.resume ? std::filesystem::absolute(files_of(o.resume).back()).string()
                            : out_of(o, config);
   const std::string whole = o.run.resume ? record::run_of(o.run.out) : o.run.out;
   if (o.run.part_records > 0) o.run.out = first_part(whole);
@@ -135,21 +165,20 @@ ExitCode run(Options& o) {
   if (o.view) viewer.emplace(whole, o.run.count, o.model);
   port::SystemLoop loop;
   std::int64_t on_disk = -1;
-  if (o.json) {
-    put_event({{"event", "run"}, {"file", whole}, {"window_s", config.window_s}});
-    o.run.progress = [&on_disk](std::int64_t records) {
-      if (std::exchange(on_disk, records) != records)
-        put_event({{"event", "records"}, {"on_disk", records}});
-    };
-  }
+  Events events;
+  if (o.json) events.begin();
+  events.put({{"event", "run"}, {"file", utf8_text(whole)}, {"window_s", config.window_s}});
+  o.run.progress = [&](std::int64_t records) {
+    if (std::exchange(on_disk, records) != records)
+      events.put({{"event", "records"}, {"on_disk", records}});
+  };
   const ExitCode code = record_run(config, o.run, loop);
-  if (o.json) {
-    nlohmann::ordered_json end{
-        {"event", "end"}, {"on_disk", on_disk}, {"code", static_cast<int>(code)}};
-    if (whole != o.run.out) end["parts"] = record::files_of(whole).paths.size();
-    put_event(end);
-  }
+  nlohmann::ordered_json end{
+      {"event", "end"}, {"on_disk", on_disk}, {"code", static_cast<int>(code)}};
+  if (o.json && whole != o.run.out) end["parts"] = record::files_of(whole).paths.size();
+  events.put(end);
   if (viewer) viewer->leave();
+  events.end();
   return code;
 }
 
@@ -184,19 +213,22 @@ ExitCode show_config(const Options& o) {
 ExitCode check_config(const Options& o) {
   const ConfigPlace place = place_of(o);
   const Config config = load_config(place.path, o.assignments);
-  for (const auto& [key, port] :
-       {std::pair{"radar.cli", config.radar.cli}, {"radar.data", config.radar.data}})
-    if (port.find("XXXXXXXX") != std::string::npos)
-      throw Error(ExitCode::config,
-                  printable(place.path) + ": " + key +
-                      " still has the template's XXXXXXXX; echofuse-acquire devices "
-                      "prints the lines of what is attached");
+  if (!config.unfinished.empty()) refuse(config.unfinished);
+  if (!config.radar.cli.empty())
+    for (const auto& warning : parse_profile(config.radar).warnings)
+      spdlog::warn("{}", printable(warning));
   std::printf("%s: ok\n", printable(place.path).c_str());
   return ExitCode::ok;
 }
 
+std::vector<std::string> files_to_read(const std::string& name) {
+  auto files = files_of(name);
+  for (const std::string& file : files) record::recover(file);
+  return files;
+}
+
 ExitCode info(const Options& o) {
-  std::fputs(describe_run(o.file, o.json).c_str(), stdout);
+  std::fputs(describe_run(files_to_read(o.file), o.json).c_str(), stdout);
   return ExitCode::ok;
 }
 
@@ -211,16 +243,22 @@ ExitCode calibrate_sensors(Options& o) {
 ExitCode annotate(const Options& o) {
   if (o.text.has_value() == o.label.has_value())
     throw Error(ExitCode::usage, "expected either a text or --label TEXT");
-  for (;;) {
-    const std::string file = file_of(o.file, true);
+  constexpr int most_tries = 5;
+  for (int tries = 0; tries < most_tries; ++tries) {
+    const std::string file = record::last_file_of(o.file);
     record::recover(file);
     try {
       std::printf("%s\n", printable_lines(annotate_run(file, o.text, o.label)).c_str());
+      static_cast<void>(files_of(o.file));  // names what is missing
       return ExitCode::ok;
     } catch (const Error&) {
-      if (file_of(o.file, true) == file) throw;  // else it went on in the next part meanwhile
+      if (record::last_file_of(o.file) == file)
+        throw;  // else it went on in the next part meanwhile
     }
   }
+  throw Error(ExitCode::failed, printable(o.file) + ": " + std::to_string(most_tries) +
+                                    " times it went on in a new part before anything could be "
+                                    "written; try again");
 }
 
 // Without a folder: that of the configuration, or this one, and what is live elsewhere.
@@ -263,21 +301,32 @@ ExitCode import_files(Options& o) {
   return ExitCode::ok;
 }
 
+// The part that would have this record; the first for one before it.
+std::string file_with(std::int64_t record, const std::vector<std::string>& files) {
+  const auto is_behind = [&](const std::string& file) {
+    return record::RunReader(file).info().first_index > record;
+  };
+  return *std::prev(std::find_if(files.begin() + 1, files.end(), is_behind));
+}
+
 ExitCode export_run(const Options& o) {
   catch_interrupts();
-  const record::RunReader reader(o.file);
+  const auto files = files_to_read(o.file);
   const std::string kind = std::filesystem::path(o.to).extension().string();
   if (kind == ".csv" && o.record) {
-    record::export_csv(reader, *o.record, o.to);
+    record::export_csv(record::RunReader(file_with(*o.record, files)), *o.record, o.to);
     return ExitCode::ok;
   }
   if (kind != ".h5" || o.record)
     throw Error(ExitCode::usage,
                 "--to " + o.to + ": expected NAME.h5, or NAME.csv with --record N");
-  Progress progress("export", static_cast<std::size_t>(reader.count()), !isatty(STDERR_FILENO));
-  const auto bad = record::export_h5(reader, o.to, [&](std::int64_t done, std::int64_t) {
+  std::optional<Progress> progress;
+  const auto bad = record::export_h5(files, o.to, [&](std::int64_t done, std::int64_t total) {
     if (interrupted()) throw Error(ExitCode::interrupted, "interrupted; nothing is exported");
-    progress.update(static_cast<std::size_t>(done));
+    if (!progress)
+      progress.emplace("export", static_cast<std::size_t>(total),
+                       o.quiet || !isatty(STDERR_FILENO));
+    progress->update(static_cast<std::size_t>(done));
   });
   if (bad == 0) return ExitCode::ok;
   spdlog::error("{} records could not be read; they are marked in {}", bad, o.to);
@@ -285,11 +334,12 @@ ExitCode export_run(const Options& o) {
 }
 
 ExitCode dispatch(const std::string& command, Options& o) {
-  set_up_log(o);
-  if (!o.file.empty() && command != "annotate") {
-    o.file = file_of(o.file, false);
-    record::recover(o.file);
-  }
+  OutputQueue messages(STDERR_FILENO, [](std::size_t count) {
+    return (isatty(STDERR_FILENO) ? "\r\033[K" : "") + std::to_string(count) +
+           " lines were left out, nobody took them\n";
+  });
+  set_up_log(o, messages);
+  o.run.show_status = [&messages](std::string line) { messages.put(std::move(line), true); };
   if (command == "run") return run(o);
   if (command == "devices") return list_devices(o);
   if (command == "doctor") return doctor(o);
@@ -308,7 +358,7 @@ int main(int argc, char** argv) {
   Options options;
   CLI::App app("Records a single-photon detector, a radar and a depth camera into one run file.",
                program);
-  app.set_version_flag("--version", std::string(program) + " " + version());
+  app.set_version_flag("--version", version_line(program));
   add_commands(app, options);
   try {
     parse_command_line(app, argc, argv);

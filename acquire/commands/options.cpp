@@ -1,7 +1,11 @@
 // SPDX-License-Identifier: MIT
 #include "acquire/commands/options.hpp"
 
+#include <cctype>
+#include <iomanip>
+#include <limits>
 #include <map>
+#include <sstream>
 
 #include "drivers/program/command_line.hpp"
 
@@ -14,8 +18,8 @@ constexpr const char* footer =
     "            6 disk, 130 interrupted (second Ctrl-C, or before the first slot)";
 
 constexpr const char* out_help =
-    "run file to make; .sqlite is appended if it has no extension, and %Y%m%d-%H%M%S is the time "
-    "(UTC; strftime's fields); default: DATE-NNN in run.folder";
+    "run file to make; .sqlite is appended if it does not end so, and %Y%m%d-%H%M%S is the time "
+    "(UTC; %% is a percent sign); default: DATE-NNN in run.folder";
 
 void add_config_options(CLI::App& command, Options& o) {
   command
@@ -28,11 +32,32 @@ void add_config_options(CLI::App& command, Options& o) {
       ->allow_extra_args(false);
 }
 
-CLI::Option* add_time(CLI::App& command, const char* name, double& into_s, const char* help) {
+// Makes "2h30m" 9000: numbers, each with its unit, the longer unit first. Returns what is wrong.
+std::string to_seconds(std::string& text) {
   const std::map<std::string, double> units{{"h", 3600}, {"m", 60}, {"min", 60}, {"s", 1}};
+  std::istringstream in(text);
+  double sum_s = 0, unit_before_s = std::numeric_limits<double>::infinity();
+  do {
+    double number = 0;
+    std::string name;
+    in >> number >> std::ws;
+    while (std::isalpha(in.peek()) != 0) name += static_cast<char>(in.get());
+    const auto unit = units.find(name);
+    if (unit == units.end() || unit->second >= unit_before_s || (number < 0 && sum_s > 0))
+      return "expected a number with its unit, as 2h, 30m, 10s or 2h30m";
+    unit_before_s = unit->second;
+    sum_s += number * unit_before_s;
+  } while (!(in >> std::ws).eof());
+  std::ostringstream out;
+  out << std::setprecision(17) << sum_s;
+  text = out.str();
+  return {};
+}
+
+CLI::Option* add_time(CLI::App& command, const char* name, double& into_s, const char* help) {
   return command.add_option(name, into_s, help)
       ->type_name("TIME")
-      ->transform(CLI::AsNumberWithUnit(units, CLI::AsNumberWithUnit::UNIT_REQUIRED))
+      ->transform(CLI::Validator(to_seconds, ""))
       ->check(CLI::PositiveNumber)
       ->check([](const std::string& seconds) {
         constexpr double ten_years_s = 87'660.0 * 3600;
@@ -42,7 +67,6 @@ CLI::Option* add_time(CLI::App& command, const char* name, double& into_s, const
 
 void add_run(CLI::App& app, Options& o) {
   auto* c = app.add_subcommand("run", "record fused records, one a slot, until Ctrl-C");
-  c->add_flag("-q,--quiet", o.quiet, "print errors only");
   c->add_flag("-v,--verbose", o.verbose, "one line for every record on stderr");
   c->add_flag("--json", o.json, "what happens, on stdout: one object a line (README)");
   auto* out = c->add_option("--out", o.run.out, out_help)->type_name("RUN");
@@ -57,7 +81,8 @@ void add_run(CLI::App& app, Options& o) {
       ->excludes(resume);
   auto* count = c->add_option("--count", o.run.count, "stop after this many slots")
                     ->check(CLI::PositiveNumber);
-  add_time(*c, "--duration", o.duration_s, "stop after this time: 2h, 30m, 10s")->excludes(count);
+  add_time(*c, "--duration", o.duration_s, "stop after this time: 2h, 30m, 10s, 2h30m")
+      ->excludes(count);
   auto* every = add_time(*c, "--every", o.every_s,
                          "a new part of the run after this time: NAME-001, NAME-002 ...")
                     ->excludes(resume);
@@ -79,8 +104,8 @@ void add_run(CLI::App& app, Options& o) {
       ->type_name("KEY=VALUE")
       ->allow_extra_args(false)
       ->excludes(resume);
-  more_options(*c, {"--config", "--quiet", "--verbose", "--json", "--countdown", "--keep-raw",
-                    "--strict", "--meta"});
+  more_options(
+      *c, {"--config", "--verbose", "--json", "--countdown", "--keep-raw", "--strict", "--meta"});
   add_examples(*c, {"echofuse-acquire run --out monday --set run.label=person",
                     "echofuse-acquire run --out monday --duration 2h --every 30m",
                     "echofuse-acquire run --out monday --view --model fused.safetensors",
@@ -209,6 +234,14 @@ void add_devices(CLI::App& app, Options& o) {
   add_examples(*c, {"echofuse-acquire devices"});
 }
 
+// To each command that has none below it.
+void add_quiet(CLI::App& app, Options& o) {
+  const auto below = app.get_subcommands({});
+  for (CLI::App* command : below) add_quiet(*command, o);
+  if (below.empty())
+    app.add_flag("-q,--quiet", o.quiet, "no messages but errors")->group("More options");
+}
+
 }  // namespace
 
 void add_commands(CLI::App& app, Options& o) {
@@ -221,6 +254,7 @@ void add_commands(CLI::App& app, Options& o) {
   add_config_commands(app, o);
   add_file_commands(app, o);
   add_import(app, o);
+  add_quiet(app, o);
 }
 
 std::string command_of(const CLI::App& app) {

@@ -67,7 +67,7 @@ std::string to_text(const Json& json) {
 Replayed replay_result(const std::vector<std::string>& paths, const Json& counts,
                        const char* samples, bool json) {
   std::string names;
-  for (const std::string& path : paths) names += (names.empty() ? "" : " ") + path;
+  for (const std::string& path : paths) names += (names.empty() ? "" : " ") + utf8_text(path);
   Json all{{"file", names}};
   all.update(counts);
   return {json ? all.dump(2, ' ', true, Json::error_handler_t::replace) + "\n" : to_text(all),

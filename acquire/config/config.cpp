@@ -116,6 +116,8 @@ void bind(Settings& s, Config& c, Keys& k) {
         "pixels of the depth map, both ways, that the camera's images are brought to on reading");
   s.add("depth.map_half_tangent", c.map.half_tangent, record::least_map_half_tangent,
         record::most_map_half_tangent, "the map's field of view: x/z and y/z at its edges");
+  s.add("depth.map_z_max_m", c.map.far_m, record::least_map_far_m, record::most_map_far_m,
+        "depths of the map: from 0 to this; what is farther is no return");
   bind_limits(s, c.signal);
 }
 
@@ -140,6 +142,8 @@ class Judge {
 
   // At the first of `keys` that is given.
   void complain(std::initializer_list<const char*> keys, const std::string& what) {
+    for (const char* key : keys)
+      if (settings_.refused(key)) return;  // its own fault is told
     for (const char* key : keys) {
       const std::string origin = settings_.origin(key);
       if (origin.empty()) continue;
@@ -185,8 +189,10 @@ void judge_radar(Judge& judge, Config& c, const std::string& cfg,
     const auto path = here_or_installed(cfg, folder);
     radar.cfg_name = path.string();
     radar.cfg_text = read_config_text(path);
-    for (const auto& place : parse_profile(radar).array)
+    const radar::RadarProfile profile = parse_profile(radar);
+    for (const auto& place : profile.array)
       c.antennas.push_back({.x = static_cast<double>(place.x), .y = static_cast<double>(place.y)});
+    for (const auto& refusal : profile.refusals) judge.complain({"radar.cfg"}, refusal);
   });
 }
 
@@ -267,9 +273,17 @@ Config load_config(const std::string& path, const std::vector<std::string>& assi
   config.text = read_config_text(path);
   std::vector<std::string> faults = settings.read(config.text, path, assignments);
   take_numbers(config, keys);
-  judge(Judge(settings, path, faults), config, keys, std::filesystem::path(path).parent_path(),
-        with_calibration);
+  if (settings.whole())
+    judge(Judge(settings, path, faults), config, keys, std::filesystem::path(path).parent_path(),
+          with_calibration);
   if (!faults.empty()) refuse(faults);
+  Judge unfinished(settings, path, config.unfinished);
+  for (const auto& [key, port] :
+       {std::pair{"radar.cli", config.radar.cli}, {"radar.data", config.radar.data}})
+    if (port.find("XXXXXXXX") != port.npos)
+      unfinished.complain({key},
+                          "still has the template's XXXXXXXX; echofuse-acquire devices "
+                          "prints the lines of what is attached");
   config.resolved = settings.resolved(true);
   config.shown = settings.with_origins();
   return config;

@@ -33,9 +33,10 @@ struct Config {
   std::string calibration_path;  // that file, or where one would stand
   PerSensor<std::string> policy{"optional", "optional", "optional"};
 
-  std::string text;      // of the file, verbatim
-  std::string resolved;  // every key with its value and meaning, as TOML
-  std::string shown;     // the same, with the origin of each value
+  std::vector<std::string> unfinished;  // what still has the template's XXXXXXXX, with its place
+  std::string text;                     // of the file, verbatim
+  std::string resolved;                 // every key with its value and meaning, as TOML
+  std::string shown;                    // the same, with the origin of each value
 
   SensorSet configured() const;  // the sensors that have an address
   SensorSet required() const;    // those that the run does not start without

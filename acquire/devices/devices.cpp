@@ -169,7 +169,7 @@ void Devices::on_depth(DepthFrame frame) {
 void Devices::on_state(Sensor sensor, DeviceState state, const DeviceInfo& info) {
   Status& device = status(sensor);
   device.state = state;
-  if (state == DeviceState::streaming) device.info = info;
+  if (state == DeviceState::streaming || !info.firmware.empty()) device.info = info;
   next_->on_state(sensor, state, info);
 }
 

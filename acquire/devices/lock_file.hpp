@@ -12,7 +12,8 @@ struct Holder {
   std::string run;  // the run file that it writes; empty: none
 };
 
-// A folder that all users share, so that they see each other's locks.
+// A folder that all users share, so that they see each other's locks; $ECHOFUSE_LOCKS, if it is
+// set.
 std::string lock_folder();
 
 // The holders of all locks in it. Takes none.

@@ -122,7 +122,8 @@ std::vector<Finding> check_permissions(const std::optional<Config>& config,
   const auto all = ports(config, roots);
   for (const Port& port : all)
     if (!port.missing.empty())
-      out.push_back({check, port.configured ? Grade::problem : Grade::warning, port.missing,
+      out.push_back({check, port.configured ? Grade::problem : Grade::warning,
+                     port.denied ? "no read/write permission on " + port.path : port.missing,
                      port.path.empty()        ? ""
                      : !port.denied           ? check_plug
                      : rules_installed(roots) ? check_groups
@@ -136,6 +137,8 @@ std::vector<Finding> check_permissions(const std::optional<Config>& config,
                    "",
                    {{"nodes", count}}});
   const bool installed = rules_installed(roots);
+  for (const Finding& finding : out)
+    if (finding.advice == install_rules) return out;  // says all of it
   const bool fine = installed || inventory::list_attached(roots.devices).empty();
   out.push_back({"udev rules", fine ? Grade::ok : Grade::warning,
                  std::string(rules) + (installed ? " is installed"

@@ -265,8 +265,10 @@ SelfTest test_devices(const Config& config, port::Loop& loop) {
     } else if (devices[s].delivers()) {
       out.findings.push_back(judges[s](capture, config, time_s));
     } else {
-      out.findings.push_back({name_of(s), Grade::problem, devices.describe(s),
-                              "is it on, plugged in, and its address right? See `devices`"});
+      const bool answered = !devices[s].info.firmware.empty();  // then it says itself what is wrong
+      out.findings.push_back(
+          {name_of(s), Grade::problem, devices.describe(s),
+           answered ? "" : "is it on, plugged in, and its address right? See `devices`"});
       continue;  // the description holds the last complaint
     }
     for (const auto& complaint : capture.complaints[s])

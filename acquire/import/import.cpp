@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cctype>
+#include <cmath>
 #include <ctime>
 #include <filesystem>
 #include <functional>
@@ -89,8 +90,16 @@ class Import {
     signal_.judge(record, axes_);
     record.label = label;
     clock_.set(std::max(clock_.now(), record.slot_end));
-    run_->append(record);
-    for (const Sensor s : all_sensors) valid_[s] += record.has(s);
+    for (const Sensor s : all_sensors) {
+      valid_[s] += record.has(s);
+      if (!record.has(s)) verdict_[s] = record.sync[s].verdict;
+    }
+    tags_ += record.spd_counts;
+    values_ += record.spd.size() + record.radar.size() + record.array.size();
+    batch_.push_back(std::move(record));
+    if (constexpr std::size_t most = 256, most_values = 1 << 20;
+        batch_.size() == most || values_ > most_values)
+      flush();
   }
   void doubt(const std::string& text) {
     run_->put_event(clock_.utc(), Severity::warning, "import", text);
@@ -99,7 +108,17 @@ class Import {
   void put_counters(Sensor sensor, const std::vector<Counter>& counters) {
     for (const Counter& c : counters) counted_.push_back({name_of(sensor), c.name, c.value});
   }
+  // Whether any record has anything of this sensor, and why the last one without it has not.
+  bool has(Sensor s) const {
+    return s == Sensor::spd ? tags_.in_range + tags_.out_of_range > 0 : valid_[s] > 0;
+  }
+  const std::string& verdict(Sensor s) const { return verdict_[s]; }
   std::string finish() {
+    flush();
+    if (tags_.out_of_range > 0 && tags_.in_range == 0)
+      doubt("spd: no click lies within tdc.first_bin_ps and tdc.bins");
+    if (has(Sensor::spd) && valid_[Sensor::spd] == 0)
+      doubt("spd: no record is valid: " + verdict_[Sensor::spd]);
     run_->put_counters(counted_);
     const std::string records = std::to_string(run_->records());
     run_->close_as_one_file("complete");
@@ -113,6 +132,11 @@ class Import {
   UtcTime utc_of(HostTime t) const { return clock_.utc() - clock_.now() + t; }
 
  private:
+  void flush() {  // in one transaction: each waits for the disk
+    run_->append(batch_);
+    batch_.clear(), values_ = 0;
+  }
+
   StagedFile file_;
   RecordingClock clock_;
   SignalCheck signal_;
@@ -120,6 +144,10 @@ class Import {
   std::vector<Axis> axes_;
   std::vector<record::Counted> counted_;
   PerSensor<std::int64_t> valid_{};
+  TagCounts tags_;
+  PerSensor<std::string> verdict_{};        // of the last record that is without
+  std::vector<record::FusedRecord> batch_;  // not yet written
+  std::size_t values_ = 0;                  // in it
   std::string lines_;
 };
 
@@ -132,10 +160,7 @@ class Slots final : public Nobody {
     clocks_.observe(block);
     windows_.add(block);
   }
-  void on_radar(RadarFrame frame) override {
-    clocks_.observe(frame);
-    windows_.add(frame);
-  }
+  void on_radar(RadarFrame frame) override { windows_.add(frame); }  // dated by its clock already
   Windows& windows() { return windows_; }
   // All that ended by then, and with `last` the slot that runs.
   void close(HostTime now, bool last, const std::function<void(record::FusedRecord)>& take) {
@@ -178,6 +203,9 @@ std::string import_streams(const Config& config, const ImportOptions& options,
                            const std::vector<std::unique_ptr<Recording>>& recordings) {
   Import import(config, options, began);
   Slots slots(config, {HostTime{}, from_seconds(config.window_s)});
+  double longest_s = 1000 * config.window_s;  // and a slot a byte, of which no recorder writes less
+  for (const auto& file : options.files)
+    longest_s += static_cast<double>(fs::file_size(file)) * config.window_s;
   for (const auto& r : recordings) {
     import.put_device(r->device());
     slots.windows().announce(r->device());
@@ -194,24 +222,44 @@ std::string import_streams(const Config& config, const ImportOptions& options,
     const auto behind = std::min_element(running.begin(), running.end(),
                                          [](auto* a, auto* b) { return a->at() < b->at(); });
     const HostTime now = (*behind)->at();
-    if (!(*behind)->next(slots)) {
+    const bool more = (*behind)->next(slots);
+    if (seconds((*behind)->at()) > longest_s)
+      throw Error(ExitCode::failed,
+                  printable((*behind)->device().address) + ": its times reach " +
+                      std::to_string(std::llround(seconds((*behind)->at()))) +
+                      " s, more slots than it has bytes: is one damaged? A longer slot (--set "
+                      "run.window_s) makes fewer");
+    if (more)
+      slots.close(now, false, take);
+    else
       running.erase(behind);
-      continue;
-    }
-    slots.close(now, false, take);
   }
   HostTime end{};
   for (const auto& r : recordings) end = std::max(end, r->at());
   slots.close(end, true, take);
   slots.windows().finish();
+  std::string nothing;  // what recordings say that no record has anything of
+  std::size_t empty = 0;
   for (const auto& r : recordings) {
-    const Sensor sensor = r->device().sensor;
-    import.put_counters(sensor, r->counters());
-    for (const auto& text : r->doubts()) import.doubt(std::string(name_of(sensor)) + ": " + text);
+    const DeviceInfo device = r->device();
+    import.put_counters(device.sensor, r->counters());
+    std::string causes;
+    for (const auto& text : r->doubts()) {
+      import.doubt(std::string(name_of(device.sensor)) + ": " + text);
+      causes += (causes.empty() ? "" : "; ") + text;
+    }
+    if (import.has(device.sensor)) continue;
+    ++empty;
+    const std::string& verdict = import.verdict(device.sensor);
+    nothing += (nothing.empty() ? "" : "\n") + printable(device.address) + ": nothing to import: " +
+               printable(causes + (causes.empty() || verdict.empty() ? "" : "; ") + verdict);
   }
+  if (empty == recordings.size()) throw Error(ExitCode::failed, nothing);
   if (recordings.size() > 1)
     import.doubt("that the recordings begin at the same time is taken for granted");
-  return import.finish();
+  const std::string made = import.finish();
+  if (empty > 0) throw Error(ExitCode::partial, made + "\n" + nothing);
+  return made;
 }
 
 std::string import_histograms(Config config, const ImportOptions& options,
@@ -233,6 +281,8 @@ std::string import_histograms(Config config, const ImportOptions& options,
     r.slot_utc =
         curve.recorded && options.began.empty() ? *curve.recorded : import.utc_of(r.slot_start);
     r.spd = curve.counts;
+    r.spd.resize(histograms.device.axes[0].count);
+    for (const Sensor s : all_sensors) r.sync[s].verdict = "not configured";
     for (const std::uint32_t n : curve.counts) r.spd_counts.in_range += n;
     const std::uint64_t clicks = r.spd_counts.tags = r.spd_counts.in_range;
     r.valid.insert(Sensor::spd);
@@ -306,7 +356,7 @@ std::string import_recordings(Config config, const ImportOptions& options) {
       }
       config.histogram.start_channel = options.start;
       config.histogram.click_channel = options.click;
-      auto tags = std::make_unique<PicoquantTags>(path);
+      auto tags = std::make_unique<PicoquantTags>(path, config.histogram);
       begins(tags->began(), local_time);
       recordings.push_back(std::move(tags));
     } else {

@@ -31,8 +31,9 @@ UtcTime parse_utc(const std::string& text);
 
 // Makes the run and returns what is in it, and what is missing or taken for granted, a line each;
 // the run has these lines as events. `config` says how a record is made: slots, histogram, board,
-// calibration. Its addresses are not used. Throws Error: a file cannot be read or is none of these
-// (failed), the run exists (failed) or cannot be written (disk).
+// calibration. Its addresses are not used. Throws Error: a file cannot be read, is none of these or
+// gives no record anything (failed), the run exists (failed) or cannot be written (disk); the run
+// is made, but one of its files gives it nothing (partial).
 std::string import_recordings(Config config, const ImportOptions& options);
 
 }  // namespace echofuse::acquire

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <limits>
 #include <utility>
 
@@ -16,6 +17,12 @@ namespace {
 constexpr std::size_t chunk_records = 16384;
 constexpr std::int64_t block_ps = 10'000'000'000;  // divides every slot's length in ms
 constexpr std::int64_t all = std::numeric_limits<std::uint32_t>::max();
+constexpr long double longest_ps = 9.1e18L;  // below 2^63
+constexpr long double ps_per_s = 1e12L;
+constexpr double rate_share = 0.05;  // of a pulse rate, that may differ
+
+// By more than two clocks differ.
+bool later(long double a_s, long double b_s) { return a_s > 1.01L * b_s + 0.1L; }
 
 DeviceInfo device_of(const TaggedFile& file) {
   return {.sensor = Sensor::spd,
@@ -24,6 +31,12 @@ DeviceInfo device_of(const TaggedFile& file) {
           .serial = file.text("HW_SerialNo"),
           .firmware = file.text("HW_FirmwareVersion"),
           .axes = {}};
+}
+
+std::string number_text(long double value) {
+  char text[40];
+  std::snprintf(text, sizeof text, "%.5Lg", value);
+  return text;
 }
 
 }  // namespace
@@ -46,8 +59,7 @@ PicoquantRecords::PicoquantRecords(std::uint32_t type, double global_resolution_
           : t3_      ? 1024u
           : once_    ? 33'552'000u
                      : 33'554'432u;
-  constexpr long double longest_ps = 1e12L;
-  const auto possible = [](long double ps) { return ps > 0 && ps <= longest_ps; };
+  const auto possible = [](long double ps) { return ps > 0 && ps <= ps_per_s; };
   if (!possible(unit_ps_) || (t3_ && !possible(dtime_ps_)))
     throw Error(ExitCode::failed, "no resolution between 0 and 1 s");
   // Written as 1e-12 or 4e-12, a double is not quite whole picoseconds.
@@ -77,7 +89,7 @@ bool PicoquantRecords::add(std::uint32_t record, std::vector<Tag>& out) {
   }
   if (overflow) {
     base_ += wrap_ * (once_ ? 1 : std::max(unit, 1u));
-    return true;
+    return base_ >> 62 == 0 && overflowed_ps() <= longest_ps;
   }
   if (special) {
     ++markers_;
@@ -89,7 +101,7 @@ bool PicoquantRecords::add(std::uint32_t record, std::vector<Tag>& out) {
 bool PicoquantRecords::put(std::int32_t channel, std::uint64_t unit, std::uint64_t dtime,
                            std::vector<Tag>& out) {
   const long double start_ps = static_cast<long double>(unit) * unit_ps_;
-  if (!(start_ps <= 9.1e18L)) return false;
+  if (!(start_ps <= longest_ps)) return false;
   Tag tag;
   tag.time_ps = std::llround(start_ps);
   if (t3_) {
@@ -106,8 +118,9 @@ struct PicoquantTags::File : TaggedFile {
   using TaggedFile::TaggedFile;
 };
 
-PicoquantTags::PicoquantTags(const std::string& path)
-    : file_(std::make_unique<File>(path, "PQTTTR")), records_([&] {
+PicoquantTags::PicoquantTags(const std::string& path, const tdc::HistogramSettings& use)
+    : file_(std::make_unique<File>(path, "PQTTTR")),
+      records_([&] {
         try {
           return PicoquantRecords(
               static_cast<std::uint32_t>(file_->whole("TTResultFormat_TTTRRecType", 0, all)),
@@ -116,7 +129,21 @@ PicoquantTags::PicoquantTags(const std::string& path)
         } catch (const Error& e) {
           throw Error(e.code(), printable(path) + ": " + e.what());
         }
-      }()) {}
+      }()),
+      use_(use) {
+  constexpr double t2 = 2, t3 = 3;
+  const double mode = file_->number("Measurement_Mode").value_or(0);
+  if (mode == (records_.is_t3() ? t2 : t3))
+    throw Error(ExitCode::failed,
+                printable(path) + ": its header contradicts itself: Measurement_Mode is T" +
+                    number_text(mode) + ", TTResultFormat_TTTRRecType says records of T" +
+                    number_text(records_.is_t3() ? t3 : t2));
+  const auto length_s = [&](const char* name) {
+    return std::clamp(file_->number(name).value_or(0) / 1e3, 0.0, 1e9);
+  };
+  stopped_s_ = length_s("TTResult_StopAfter");
+  header_s_ = std::max(stopped_s_, length_s("MeasDesc_AcquisitionTime"));
+}
 
 PicoquantTags::~PicoquantTags() = default;
 
@@ -130,7 +157,7 @@ bool PicoquantTags::read_record() {
     chunk_.resize(chunk_records);
     const std::size_t bytes = file_->file().read(
         {reinterpret_cast<std::uint8_t*>(chunk_.data()), chunk_records * sizeof chunk_[0]});
-    bytes_cut_ = bytes % sizeof chunk_[0];
+    bytes_cut_ += bytes % sizeof chunk_[0];
     chunk_.resize(bytes / sizeof chunk_[0]);
     in_chunk_ = 0;
     if (chunk_.empty()) return false;
@@ -140,6 +167,10 @@ bool PicoquantTags::read_record() {
   ++count_;
   for (std::size_t i = before; i < tags_.size(); ++i)
     ++by_channel_[static_cast<std::size_t>(tags_[i].channel)];
+  if (before < tags_.size()) {
+    last_ps_ = std::max(last_ps_, static_cast<long double>(tags_.back().time_ps));
+    if (header_s_ > 0 && later(last_ps_ / ps_per_s, header_s_)) tags_.resize(before);
+  }
   return !beyond_;
 }
 
@@ -154,7 +185,14 @@ bool PicoquantTags::next(SampleSink& sink) {
     more = read_record();
   }
   if (!more) known = tags_.size();
-  if (known == 0) return false;
+  if (known == 0) {
+    if (beyond_) return false;
+    // The dark end: overflows alone.
+    const auto end_s = static_cast<double>(end_ps() / ps_per_s);
+    at_ = std::max(at_, from_seconds(header_s_ > 0 ? std::min(end_s, header_s_) : end_s) -
+                            std::chrono::nanoseconds(1));
+    return false;
+  }
   std::int64_t last_ps = 0;
   for (std::size_t i = 0; i < known; ++i) last_ps = std::max(last_ps, tags_[i].time_ps);
   // Never back: a tag out of order stays with its neighbours.
@@ -171,16 +209,59 @@ std::vector<Counter> PicoquantTags::counters() const {
   return {{"records", count_}, {"markers", records_.markers()}};
 }
 
+// An input that is used and has no event, with those that have.
+std::string PicoquantTags::missing_input() const {
+  const auto has = [&](std::int32_t c) {
+    return c >= 0 && c < std::ssize(by_channel_) && by_channel_[static_cast<std::size_t>(c)] > 0;
+  };
+  if (has(use_.start_channel) && has(use_.click_channel)) return "";
+  std::vector<std::string> there;
+  for (std::int32_t c = 0; c < std::ssize(by_channel_); ++c)
+    if (has(c)) there.push_back(std::to_string(c));
+  std::string text =
+      "no event on " + (has(use_.start_channel) ? "--click " + std::to_string(use_.click_channel)
+                                                : "--start " + std::to_string(use_.start_channel));
+  for (const auto& c : there) text += (&c == there.data() ? "; there are inputs " : ", ") + c;
+  return there.size() < 2 ? text : text + ": --start " + there[0] + " --click " + there[1] + "?";
+}
+
 std::vector<std::string> PicoquantTags::doubts() const {
   std::vector<std::string> out;
+  if (const std::string text = missing_input(); !text.empty()) out.push_back(text);
+  const auto end_s = static_cast<double>(end_ps() / ps_per_s);
+  const bool behind = header_s_ > 0 && later(end_s, header_s_);
+  const double told_s = stopped_s_ > 0 ? stopped_s_ : header_s_;
+  if (behind || (stopped_s_ > 0 && (later(end_s, stopped_s_) ||
+                                    later(stopped_s_, end_s + records_.wrap_ps() / ps_per_s))))
+    out.push_back(number_text(told_s) + " s by its header, " + number_text(end_s) +
+                  " s by its records" +
+                  (behind ? ": what lies behind its end by the header is left out; is a record "
+                            "damaged?"
+                          : ""));
+  const double rate_hz = file_->number("TTResult_SyncRate").value_or(0);
+  const auto unit_s = static_cast<double>(records_.unit_ps() / ps_per_s);
+  const double divider = std::max(1.0, file_->number("HWSync_Divider").value_or(1));
+  const double share = rate_hz * unit_s;  // of a pulse's period; 1 in T3
+  const auto alike = [&](double wanted) { return std::abs(share / wanted - 1) <= rate_share; };
+  if (rate_hz > 0 &&
+      (records_.is_t3() ? !alike(1) && !alike(divider) && !alike(1 / divider) : share > rate_share))
+    out.push_back("pulses of " + number_text(rate_hz) +
+                  " Hz by TTResult_SyncRate, but its times are in steps of " + number_text(unit_s) +
+                  " s by MeasDesc_GlobalResolution");
+  // Bins of few steps are uneven: some have one step more than their neighbours.
+  const long double steps = static_cast<long double>(use_.bin_width_ps) / records_.step_ps();
+  if (constexpr long double few = 20;
+      steps < few && std::abs(steps - std::round(steps)) > 1e-6L * steps)
+    out.push_back("its tags are in steps of " + number_text(records_.step_ps()) + " ps: bins of " +
+                  std::to_string(use_.bin_width_ps) + " ps become a comb; --set tdc.bin_width_ps=" +
+                  number_text(std::max(1.0L, std::round(steps)) * records_.step_ps()) + " fits");
   const double told = file_->number("TTResult_NumberOfRecords").value_or(0);
   if (told > 0 && told != static_cast<double>(count_))
     out.push_back("its header tells of " + std::to_string(std::llround(told)) +
                   " records, it has " + std::to_string(count_));
   if (bytes_cut_ > 0) out.push_back("its last record is cut");
   if (beyond_) out.push_back("a time beyond 106 days: what follows is left out");
-  if (const double divider = file_->number("HWSync_Divider").value_or(1);
-      divider > 1 && !records_.is_t3())
+  if (divider > 1 && !records_.is_t3())
     out.push_back("its sync was divided by " + std::to_string(std::llround(divider)) +
                   ": only so many of the laser's pulses are in it");
   std::string inputs;
@@ -199,15 +280,20 @@ PicoquantHistograms read_histograms(const std::string& path) {
     throw Error(ExitCode::failed, printable(path) + ": " + why);
   };
   constexpr std::int64_t most_curves = 100'000, most_bins = 1 << 24;
+  constexpr std::size_t most_counts = std::size_t{1} << 26;
   PicoquantHistograms out{.device = device_of(file), .curves = {}};
   const auto curves =
       static_cast<std::int32_t>(file.whole("HistoResult_NumberOfCurves", 1, most_curves));
   const double step_s = file.require("HistResDscr_MDescResolution", 0);
   if (!(step_s >= 1e-15 && step_s <= 1)) refuse("its resolution is not between 1 fs and 1 s");
-  std::size_t used = 1;
+  const auto bins_of = [&](std::int32_t i) {
+    return static_cast<std::size_t>(file.whole("HistResDscr_HistogramBins", 1, most_bins, i));
+  };
+  std::size_t used = 1, all_bins = 0;
+  for (std::int32_t i = 0; i < curves; ++i) all_bins += bins_of(i);
+  if (all_bins > most_counts) refuse("its curves together are too long");
   for (std::int32_t i = 0; i < curves; ++i) {
-    const auto bins =
-        static_cast<std::size_t>(file.whole("HistResDscr_HistogramBins", 1, most_bins, i));
+    const std::size_t bins = bins_of(i);
     const auto place =
         static_cast<std::size_t>(file.whole("HistResDscr_DataOffset", 0, std::int64_t{1} << 52, i));
     if (place < file.tag_bytes() || place - file.tag_bytes() > data.size() ||
@@ -224,9 +310,8 @@ PicoquantHistograms read_histograms(const std::string& path) {
     used = std::max(used, curve.counts.size());
     out.curves.push_back(std::move(curve));
   }
-  constexpr std::size_t most_counts = std::size_t{1} << 28;
+  // The run has all of them at the longest one's length.
   if (used * out.curves.size() > most_counts) refuse("its curves together are too long");
-  for (PicoquantCurve& curve : out.curves) curve.counts.resize(used);
   out.device.axes.push_back({.name = "spd",
                              .quantity = "counts",
                              .unit = "ps",

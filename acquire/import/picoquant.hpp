@@ -15,6 +15,7 @@
 // T2 times are in units of MeasDesc_GlobalResolution; of T3 that is the period of the sync, and
 // MeasDesc_Resolution the unit of dtime.
 #pragma once
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <memory>
@@ -24,7 +25,7 @@
 #include <vector>
 
 #include "acquire/import/recording.hpp"
-#include "acquire/record/record.hpp"
+#include "drivers/tdc/histogram.hpp"
 
 namespace echofuse::acquire {
 
@@ -42,6 +43,12 @@ class PicoquantRecords {
   // beyond 2^63 ps.
   bool add(std::uint32_t record, std::vector<Tag>& out);
   std::uint64_t markers() const { return markers_; }
+  // Time of the last overflow, and the time between two, ps.
+  long double overflowed_ps() const { return static_cast<long double>(base_) * unit_ps_; }
+  long double wrap_ps() const { return static_cast<long double>(wrap_) * unit_ps_; }
+  // Unit of the times, and the step of a click's distance from its start, ps.
+  long double unit_ps() const { return unit_ps_; }
+  long double step_ps() const { return t3_ ? dtime_ps_ : unit_ps_; }
 
  private:
   bool put(std::int32_t channel, std::uint64_t unit, std::uint64_t dtime, std::vector<Tag>& out);
@@ -51,10 +58,12 @@ class PicoquantRecords {
   long double unit_ps_, dtime_ps_;
 };
 
-// Blocks of at most 10 ms. Throws Error(failed) if it is no .ptu of known records.
+// Blocks of at most 10 ms. `use` tells the inputs and the bins that the tags are for. What lies
+// behind the end that the header states is left out: one damaged overflow may move it by days.
+// Throws Error(failed): no .ptu of known records, or a header of the other mode.
 class PicoquantTags final : public Recording {
  public:
-  explicit PicoquantTags(const std::string& path);
+  PicoquantTags(const std::string& path, const tdc::HistogramSettings& use);
   ~PicoquantTags() override;
   DeviceInfo device() const override;
   bool next(SampleSink& sink) override;
@@ -66,9 +75,14 @@ class PicoquantTags final : public Recording {
  private:
   struct File;
   bool read_record();
+  long double end_ps() const { return std::max(last_ps_, records_.overflowed_ps()); }
+  std::string missing_input() const;
   std::unique_ptr<File> file_;
   PicoquantRecords records_;
-  std::vector<Tag> tags_;  // of the block, and those of the record behind its end
+  tdc::HistogramSettings use_;
+  double stopped_s_ = 0, header_s_ = 0;  // length by the header, s: measured, longest; 0: not known
+  long double last_ps_ = 0;              // of a tag
+  std::vector<Tag> tags_;                // of the block, and those of the record behind its end
   std::vector<std::uint32_t> chunk_;
   std::size_t in_chunk_ = 0;
   HostTime at_{};
@@ -82,13 +96,14 @@ struct PicoquantCurve {
   std::optional<UtcTime> recorded;
   double length_s = 0;
   std::optional<double> sync_hz;
-  std::vector<std::uint32_t> counts;  // to the last bin of any curve that is not 0
+  std::vector<std::uint32_t> counts;  // to its last bin that is not 0
 };
 struct PicoquantHistograms {
   DeviceInfo device;  // with the axis
   std::vector<PicoquantCurve> curves;
 };
-// Throws Error(failed): it is no .phu, its curves have no common axis or are not in the file.
+// Throws Error(failed): it is no .phu, its curves have no common axis, are not in the file, or have
+// more than 2^26 bins together.
 PicoquantHistograms read_histograms(const std::string& path);
 
 }  // namespace echofuse::acquire

@@ -7,11 +7,19 @@
 #include <cstdio>
 #include <utility>
 
+#include "acquire/run/clock_fit.hpp"
+
 namespace echofuse::acquire {
 namespace {
 
 constexpr double tick_s = 5e-9, wrap_s = 4294967296.0 * tick_s;
-constexpr std::size_t chunk_bytes = 4096;
+constexpr std::size_t chunk_bytes = 4096, most_looked_at = 32 << 10;
+
+std::string fixed(double value) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.2f", value);
+  return text;
+}
 
 }  // namespace
 
@@ -28,25 +36,75 @@ DeviceInfo RadarRecording::device() const {
   return info;
 }
 
-// A frame after a restart of the board comes a period after the one before: how long the board was
-// away its counter does not tell.
-void RadarRecording::take(RadarFrame frame, SampleSink& sink) {
-  const double period_s = profile_.frame_period_s * profile_.subframes;
-  if (std::exchange(restarts_, parser_.counts().restarts) != parser_.counts().restarts) {
-    at_ += from_seconds(period_s);
-  } else if (cycles_) {
-    const double since_s = tick_s * (frame.time_cpu_cycles - *cycles_);
-    const double expected_s = period_s * (1.0 + frame.lost_before);
-    const double wraps = std::max(0.0, std::round((expected_s - since_s) / wrap_s));
-    const HostTime step = from_seconds(since_s + wraps * wrap_s);
-    at_ += step;
-    if (frame.subframe == 0) steps_ += 1 + frame.lost_before;
-    stepped_ += step;
+void RadarRecording::Oddity::add(const std::string& place) {
+  constexpr std::uint64_t most = 5;
+  if (++count <= most + 1) places += (count == 1 ? "" : ", ") + (count <= most ? place : "...");
+}
+
+RadarRecording::Reading RadarRecording::read(const RadarFrame& frame) const {
+  return {frame.frame_number * profile_.subframes + frame.subframe, frame.frame_number,
+          frame.time_cpu_cycles};
+}
+
+// A frame after a restart of the board comes a period later: how long the board was away its
+// counter does not tell. A number that the next one does not follow is damaged.
+void RadarRecording::step(Reading now, const Reading* next) {
+  const std::uint32_t usual = 101 * profile_.subframes, most = profile_.subframes << 20;
+  const std::uint32_t to_now = now.position - last_->position;
+  const std::uint32_t to_next = next ? next->position - now.position : 0, both = to_now + to_next;
+  const bool damaged = next && both <= usual && to_now > both;
+  if (damaged) now.position = last_->position + 1;
+  const double n = to_now < most && !damaged ? to_now : 1;
+  const double more = damaged ? both - 1.0 : to_next <= usual ? to_next : 1;
+
+  const double period_s = profile_.frame_period_s;
+  const auto passed_s = [&](const Reading& from, const Reading& to, double periods) {
+    const double expected = periods * period_s / tick_s;
+    return tick_s * static_cast<double>(ticks_passed(from.cycles, to.cycles, expected, 32));
+  };
+  const auto fits = [&](double s, double periods) {
+    return s >= 0 && std::abs(s - periods * period_s) < 0.1 + period_s / 2;
+  };
+  double step_s = passed_s(*last_, now, n);
+  const double more_s = next ? passed_s(now, *next, more) : 0;
+  const double both_s = next ? passed_s(*last_, *next, n + more) : 0;
+  const bool right = fits(step_s, n), goes_on = next && fits(more_s, more);
+  const bool goes_on_without = next && fits(both_s, n + more);
+  const bool even = next && step_s > 0 && std::abs(more_s * n - step_s * more) < 0.05 * step_s;
+
+  const std::string frame = std::to_string(now.frame_number), at = fixed(seconds(last_at_)) + " s";
+  const std::string between = "frames " + std::to_string(last_->frame_number) + " and " + frame;
+  bool believed = true;
+  if (next && !damaged && to_now >= most && to_next <= usual) {
+    step_s = period_s * profile_.subframes;
+    began_anew_.add("between " + between + " at " + at);
+  } else if (goes_on_without ? right && goes_on : right || even) {
+    steps_ += n, stepped_s_ += step_s;
+  } else if (goes_on && !goes_on_without) {
+    if (step_s < 0) step_s += wrap_s;
+    paused_.add("between " + between + " at " + at + " by " + fixed(step_s) + " s + n x 21.47 s");
+  } else {
+    believed = false;
+    step_s = goes_on_without ? both_s * n / std::max(1.0, n + more) : n * period_s;
+    if (next) impossible_.add("frame " + frame + " behind " + at);
   }
-  cycles_ = frame.time_cpu_cycles;
-  frame.received = at_;
-  frame.subframes = profile_.subframes;
-  sink.on_radar(std::move(frame));
+  at_ = std::max(at_, last_at_ + from_seconds(step_s));
+  if (believed) last_ = now, last_at_ = at_;
+}
+
+void RadarRecording::take(std::optional<RadarFrame> next, SampleSink& sink) {
+  std::optional<RadarFrame> frame = std::exchange(held_, std::move(next));
+  if (!frame) return;
+  const Reading now = read(*frame), following = held_ ? read(*held_) : now;
+  if (last_)
+    step(now, held_ ? &following : nullptr);
+  else
+    last_ = now;
+  const std::size_t bins = frame->range_profile.size();
+  if (bins > 0 && bins != profile_.bins) ++others_, other_bins_ = bins;
+  frame->received = at_;
+  frame->subframes = profile_.subframes;
+  sink.on_radar(std::move(*frame));
 }
 
 bool RadarRecording::next(SampleSink& sink) {
@@ -54,11 +112,14 @@ bool RadarRecording::next(SampleSink& sink) {
   const auto on_frame = [&](RadarFrame frame) { take(std::move(frame), sink); };
   std::array<std::uint8_t, chunk_bytes> chunk;
   const std::size_t count = file_.read(chunk);
-  if (count > 0)
-    parser_.feed(ByteView(chunk.data(), count), HostTime{}, on_frame);
-  else
-    parser_.finish(on_frame);
+  const ByteView bytes(chunk.data(), count);
+  if (beginning_.size() < most_looked_at)
+    beginning_.insert(beginning_.end(), bytes.begin(), bytes.end());
   ended_ = count == 0;
+  if (!ended_)
+    parser_.feed(bytes, HostTime{}, on_frame);
+  else
+    parser_.finish(on_frame), take({}, sink);
   return true;
 }
 
@@ -69,16 +130,31 @@ std::vector<Counter> RadarRecording::counters() const {
 std::vector<std::string> RadarRecording::doubts() const {
   std::vector<std::string> out;
   const radar::FrameCounts& c = parser_.counts();
-  if (c.restarts > 0)
-    out.push_back("the board began anew " + std::to_string(c.restarts) +
-                  " times; how long it was away is not known and left out");
+  const auto tell = [&](const Oddity& oddity, const std::string& what, const std::string& then) {
+    if (oddity.count > 0)
+      out.push_back(std::to_string(oddity.count) + what + " (" + oddity.places + ")" + then);
+  };
+  if (c.frames == 0)
+    out.push_back("holds no frame of TI's demo: " + radar::why_no_frames(beginning_));
+  else if (c.range_profiles == 0)
+    out.emplace_back("no frame has a range profile: guiMonitor's third number was 0 on the board");
+  if (others_ > 0)
+    out.push_back(std::to_string(others_) + " frames are of " + std::to_string(other_bins_) +
+                  " bins, the cfg says " + std::to_string(profile_.bins) +
+                  (other_bins_ == profile_.bins + 4
+                       ? ": the lengths of its TLVs include their headers, as in SDK 1"
+                       : ": is it the recording's cfg?"));
+  tell(began_anew_, " times the board began anew",
+       "; how long it was away is not known and left out");
+  tell(paused_, " times the board's clock ran on alone", "; the times behind are not known");
+  tell(impossible_, " frames bear a time that cannot be", "; their numbers tell it");
   if (c.lost_frames > 0) out.push_back(std::to_string(c.lost_frames) + " frames are missing");
   const std::uint64_t broken = c.truncated_frames + c.bad_headers + c.bad_tlvs;
   if (broken > 0 || c.junk_bytes > 0)
     out.push_back(std::to_string(broken) + " frames are broken, " + std::to_string(c.junk_bytes) +
                   " bytes are of none");
   const double expected_s = profile_.frame_period_s * profile_.subframes;
-  const double period_s = steps_ > 0 ? seconds(stepped_) / static_cast<double>(steps_) : expected_s;
+  const double period_s = steps_ > 0 ? profile_.subframes * stepped_s_ / steps_ : expected_s;
   if (std::abs(period_s - expected_s) > 0.05 * expected_s) {
     char text[120];
     std::snprintf(text, sizeof text,

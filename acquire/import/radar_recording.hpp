@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 // What a radar's data port sent, as TI's Visualizer records it (.dat) and `run --keep-raw` does.
-// The times are those of the board: its cycle counter wraps every 21.47 s, so that a longer gap is
-// told by the frame numbers and the cfg's frame period.
+// The times are those of the board, whose cycle counter wraps every 21.47 s: a step of it is one
+// that frame number and cfg, or the next frame's, confirm. Else frame number and cfg make the step.
 #pragma once
 #include <cstdint>
 #include <optional>
@@ -25,17 +25,30 @@ class RadarRecording final : public Recording {
   std::vector<std::string> doubts() const override;
 
  private:
-  void take(RadarFrame frame, SampleSink& sink);
+  struct Reading {
+    std::uint32_t position, frame_number, cycles;  // position: of the subframe, from frame 0 on
+  };
+  struct Oddity {
+    std::uint64_t count = 0;
+    std::string places;  // of the first five
+    void add(const std::string& place);
+  };
+  Reading read(const RadarFrame& frame) const;
+  void step(Reading now, const Reading* next);
+  void take(std::optional<RadarFrame> next, SampleSink& sink);  // hands on the one before
   std::string path_;
   RegularFile file_;
   radar::RadarProfile profile_;
   radar::FrameParser parser_;
   bool ended_ = false;
-  std::optional<std::uint32_t> cycles_;  // of the last frame
-  std::uint64_t restarts_ = 0;           // at the last frame
-  HostTime at_{};
-  std::uint64_t steps_ = 0;  // frame numbers that passed
-  HostTime stepped_{};       // in this time
+  Bytes beginning_;                 // of the file
+  std::optional<RadarFrame> held_;  // until the next one tells whether its time can be
+  std::optional<Reading> last_;     // that was believed
+  HostTime last_at_{}, at_{};
+  Oddity began_anew_, paused_, impossible_;
+  std::uint64_t others_ = 0;          // frames of another number of bins
+  std::size_t other_bins_ = 0;        // the last of these numbers
+  double steps_ = 0, stepped_s_ = 0;  // periods by the frame numbers, and their time by the clock
 };
 
 }  // namespace echofuse::acquire

@@ -62,8 +62,8 @@ std::vector<RunEntry> runs_of(std::vector<RunEntry> files) {
 Json to_json(const RunEntry& e) {
   Json valid = Json::object();
   for (const Sensor s : all_sensors) valid[name_of(s)] = e.sum.valid[s];
-  return {{"name", e.name()},
-          {"path", e.path},
+  return {{"name", utf8_text(e.name())},
+          {"path", utf8_text(e.path)},
           {"started_utc", e.info.started_utc},
           {"length_s", e.length_s()},
           {"records", e.sum.records},

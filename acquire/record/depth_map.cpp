@@ -49,39 +49,44 @@ const Axis* find_axis(std::span<const Axis> axes, const char* name) {
 Axis MapGrid::x() const { return depth_x_axis(size, half_tangent); }
 Axis MapGrid::y() const { return depth_y_axis(size, half_tangent); }
 
-std::array<Axis, 2> MapGrid::axes() const {
+std::array<Axis, 3> MapGrid::axes() const {
   return {tangent_axis("map_x", size, half_tangent, 1),
-          tangent_axis("map_y", size, half_tangent, -1)};
+          tangent_axis("map_y", size, half_tangent, -1),
+          {"map_z", "depth", "m", 1, 0, far_m}};
 }
 
-std::array<Axis, 4> MapGrid::run_axes() const {
+std::array<Axis, 5> MapGrid::run_axes() const {
   const auto map = axes();
-  return {x(), y(), map[0], map[1]};
+  return {x(), y(), map[0], map[1], map[2]};
 }
 
 std::string MapGrid::text() const {
-  char out[80];
-  std::snprintf(out, sizeof out, "%u x %u over tangents of +-%.4g", size, size, half_tangent);
+  char out[100];
+  std::snprintf(out, sizeof out, "%u x %u over tangents of +-%.4g, up to %.4g m", size, size,
+                half_tangent, far_m);
   return out;
 }
 
 bool MapGrid::operator==(const MapGrid& other) const {
-  return size == other.size && std::abs(half_tangent - other.half_tangent) < 1e-3 * step();
+  return size == other.size && std::abs(half_tangent - other.half_tangent) < 1e-3 * step() &&
+         std::abs(far_m - other.far_m) < 1e-3 * far_m;
 }
 
 MapGrid map_grid_of(std::span<const Axis> axes) {
-  const Axis *x = find_axis(axes, "map_x"), *y = find_axis(axes, "map_y");
-  if (!x && !y) return {};
+  const Axis *x = find_axis(axes, "map_x"), *y = find_axis(axes, "map_y"),
+             *z = find_axis(axes, "map_z");
+  if (!x && !y && !z) return {};
   if (x && y && x->count >= least_map_size && x->count <= most_map_size) {
-    const MapGrid grid{x->count, x->step * x->count / 2};
+    const MapGrid grid{x->count, x->step * x->count / 2, z ? z->step : MapGrid{}.far_m};
     const auto wanted = grid.axes();
     if (grid.half_tangent >= least_map_half_tangent && grid.half_tangent <= most_map_half_tangent &&
-        same_axis(*x, wanted[0]) && same_axis(*y, wanted[1]))
+        same_axis(*x, wanted[0]) && same_axis(*y, wanted[1]) && grid.far_m >= least_map_far_m &&
+        grid.far_m <= most_map_far_m && (!z || same_axis(*z, wanted[2])))
       return grid;
   }
   throw Error(ExitCode::failed,
-              "axes map_x and map_y: expected 16 to 256 pixels both ways over tangents of +-0.02 "
-              "to +-3");
+              "axes map_x, map_y and map_z: expected 16 to 256 pixels both ways over tangents of "
+              "+-0.02 to +-3, and one bin from 0 to a depth of 0.1 to 65 m");
 }
 
 Axis depth_x_axis(std::uint32_t size, double half_tangent) {
@@ -92,12 +97,13 @@ Axis depth_y_axis(std::uint32_t size, double half_tangent) {
 }
 
 std::vector<float> to_target(std::span<const std::uint16_t> depth_mm, const Axis& x, const Axis& y,
-                             const Axis& target_x, const Axis& target_y) {
-  constexpr auto limit_mm = static_cast<std::uint16_t>(max_depth_m * 1000);
+                             const MapGrid& target) {
+  const Axis target_x = target.x(), target_y = target.y();
+  const auto limit_mm = static_cast<std::uint16_t>(std::lround(target.far_m * 1000));
   std::vector<float> out(std::size_t{target_x.count} * target_y.count);
   if (same_axis(x, target_x) && same_axis(y, target_y)) {
     // A choice of numbers, not of divisions, becomes vector instructions.
-    std::transform(depth_mm.begin(), depth_mm.end(), out.begin(), [](std::uint16_t mm) {
+    std::transform(depth_mm.begin(), depth_mm.end(), out.begin(), [limit_mm](std::uint16_t mm) {
       return static_cast<float>(mm <= limit_mm ? mm : 0) / 1000.0f;
     });
     return out;

@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "acquire/record/h5_out.hpp"
+#include "acquire/record/run_parts.hpp"
 #include "drivers/core/log2_codes.hpp"
 #include "drivers/program/exit_code.hpp"
 #include "drivers/program/printable.hpp"
@@ -32,7 +33,7 @@ void write_axis(H5Out& out, const std::string& name, const Axis& axis) {
   out.set(data + name, "scale", axis.scale);
 }
 
-void write_head(H5Out& out, const RunReader& run) {
+void write_head(H5Out& out, const RunReader& run, const std::string& started) {
   const RunInfo info = run.info();
   out.make_group("/entry");
   out.set("/", "default", "entry");
@@ -40,7 +41,7 @@ void write_head(H5Out& out, const RunReader& run) {
   out.set("/entry", "default", "data");
   const std::pair<const char*, std::string> texts[] = {{"title", info.notes},
                                                        {"entry_identifier", info.uuid},
-                                                       {"start_time", info.started_utc},
+                                                       {"start_time", started},
                                                        {"end_time", info.ended_utc},
                                                        {"status", info.status},
                                                        {"program_name", "echofuse " + info.version},
@@ -90,11 +91,11 @@ std::string units_of(const std::string& table, const std::string& column) {
 }
 
 // All of the run but the sensors' data, as its tables have it.
-void write_tables(H5Out& out, const RunReader& run) {
-  for (const std::string& table : run.table_names()) {
+void write_tables(H5Out& out, const std::vector<std::string>& files) {
+  for (const auto& [table, columns] : joined_tables(files)) {
     const std::string group = "/entry/tables/" + table;
     out.make_group(group);
-    for (const Column& column : run.table(table)) {
+    for (const Column& column : columns) {
       const std::string name = group + "/" + column.name;
       if (const auto* texts = std::get_if<std::vector<std::string>>(&column.values)) {
         out.write_texts(name, *texts);
@@ -269,11 +270,13 @@ class Columns {
   PerSensor<Sync> sync_;
 };
 
-std::int64_t write_h5(H5Out& out, const RunReader& run,
+std::int64_t write_h5(H5Out& out, const std::vector<std::string>& files,
                       const std::function<void(std::int64_t, std::int64_t)>& progress) {
-  const std::int64_t total = run.count();  // a live run may grow meanwhile
+  std::int64_t total = 0;  // a live run may grow meanwhile
+  for (const std::string& file : files) total += RunReader(file).count();
   std::int64_t done = 0, bad = 0;
-  write_head(out, run);
+  const RunReader run(files.back());
+  write_head(out, run, RunReader(files.front()).info().started_utc);
   Arrays arrays(out, run, static_cast<std::size_t>(total));
   Columns columns;
   const auto add = [&](const FusedRecord& r) {
@@ -284,17 +287,18 @@ std::int64_t write_h5(H5Out& out, const RunReader& run,
     if (progress) progress(done, total);
     return done < total;
   };
-  run.for_each(add, std::numeric_limits<std::int64_t>::min(),
-               [&](std::int64_t index, const std::string& fault) {
-                 FusedRecord r;
-                 r.index = index;
-                 for (auto& sync : r.sync) sync.verdict = "unreadable: " + fault;
-                 bad += done < total;
-                 add(r);
-               });
+  for (const std::string& file : files)
+    RunReader(file).for_each(add, std::numeric_limits<std::int64_t>::min(),
+                             [&](std::int64_t index, const std::string& fault) {
+                               FusedRecord r;
+                               r.index = index;
+                               for (auto& sync : r.sync) sync.verdict = "unreadable: " + fault;
+                               bad += done < total;
+                               add(r);
+                             });
   columns.write(out);
   arrays.name_dimensions();
-  write_tables(out, run);
+  write_tables(out, files);
   out.close();
   return bad;
 }
@@ -306,12 +310,12 @@ void refuse_existing(const std::string& path) {
 
 }  // namespace
 
-std::int64_t export_h5(const RunReader& run, const std::string& path,
+std::int64_t export_h5(const std::vector<std::string>& files, const std::string& path,
                        const std::function<void(std::int64_t, std::int64_t)>& progress) {
   refuse_existing(path);
   StagedFile staged(path);
   H5Out out(staged.path());
-  const std::int64_t bad = write_h5(out, run, progress);
+  const std::int64_t bad = write_h5(out, files, progress);
   staged.publish();
   return bad;
 }

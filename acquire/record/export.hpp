@@ -26,11 +26,12 @@
 
 namespace echofuse::record {
 
-// Both refuse a path that exists; the file is there when it is whole, and not if they fail. A
-// record that cannot be read is exported without valid sensors, with the reason as its verdicts;
-// returns how many there were.
+// Both refuse a path that exists; the file is there when it is whole, and not if they fail. Of a
+// run in parts, `files` are all of them, and n counts the records of all. A record that cannot be
+// read is exported without valid sensors, with the reason as its verdicts; returns how many there
+// were.
 std::int64_t export_h5(
-    const RunReader& run, const std::string& path,
+    const std::vector<std::string>& files, const std::string& path,
     const std::function<void(std::int64_t done, std::int64_t total)>& progress = {});
 
 // One record, without the array, as lines "sensor,x,y,value" under a "#" header that names the

@@ -11,6 +11,7 @@
 
 #include "acquire/record/sqlite.hpp"
 #include "drivers/program/atomic_write.hpp"
+#include "drivers/program/staged_file.hpp"
 
 namespace echofuse::record {
 namespace {
@@ -29,6 +30,7 @@ std::string make_beside(const fs::path& path) {
     if (fd >= 0) {
       let_group_read(fd);
       ::close(fd);
+      remove_side_files(name);
       return name;
     }
     if (errno != EEXIST) throw Error(ExitCode::disk, name + ": " + std::strerror(errno));
@@ -45,8 +47,9 @@ DatabaseHandle open_copy(sqlite3* db, const std::string& name) {
 }
 
 void remove_copy(const std::string& name) {
-  for (const char* beside : {"", "-journal", "-wal", "-shm"})
-    if (!name.empty()) ::unlink((name + beside).c_str());
+  if (name.empty()) return;
+  ::unlink(name.c_str());
+  remove_side_files(name);
 }
 
 }  // namespace

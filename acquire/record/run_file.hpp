@@ -26,6 +26,7 @@ struct sqlite3;
 namespace echofuse::record {
 
 class FileWatch;
+class RunReader;
 class Inserts;
 class Statement;
 class WriterLock;
@@ -64,8 +65,11 @@ class RunWriter {
   using Begin = std::function<void(RunWriter&)>;
   RunWriter(const std::string& path, const RunInfo& info, const Clock& clock = system_clock,
             const Begin& begin = {});
-  // Continues a run that is not being written: complete, stopped or crashed.
-  explicit RunWriter(const std::string& path, const Clock& clock = system_clock);
+  // Continues a run that is not being written: complete, stopped or crashed. `look` sees it before
+  // anything is written, when nobody else can write any more; what it throws leaves the run alone.
+  using Look = std::function<void(const RunReader&)>;
+  explicit RunWriter(const std::string& path, const Clock& clock = system_clock,
+                     const Look& look = {});
   ~RunWriter();  // without close(): status stays "open", which readers show as crashed
   RunWriter(const RunWriter&) = delete;
   RunWriter& operator=(const RunWriter&) = delete;
@@ -95,13 +99,15 @@ class RunWriter {
   bool close(const std::string& status);
   void close_as_one_file(const std::string& status);  // throws Error(failed) instead
   bool lost() const { return !harm_.empty(); }        // as the last call found
+  // Takes the room for the status on a full disk, which was not there when the run was opened.
+  void reserve() const;
 
   // Another program may hold the file by a write transaction. A call waits for its end, for 30 s,
   // or, with this, which outlives the writer, until it says. Then it throws Error(disk).
   void wait_with(Patience& patience) { patience_ = &patience; }
   const std::string& path() const { return path_; }
   std::int64_t records() const { return records_; }
-  std::int64_t next_index() const { return next_index_; }  // at opening: of the record to come
+  std::int64_t next_index() const { return next_index_; }  // of the record to come
 
  private:
   void lock();
@@ -186,11 +192,16 @@ struct RecordOutline {
   PerSensor<std::optional<double>> clock_residual_s;  // none: its clock was not fitted
 };
 
+// The status of a copy of a run that was not closed, without the RUN-wal that has its last records.
+// A run that was killed as it began looks the same.
+inline constexpr const char* crashed_without_wal = "crashed, no -wal";
+
 // Reads closed, live and crashed runs alike. Threading: one thread at a time.
 class RunReader {
  public:
-  // Throws Error(failed): not there, not a run file, written by a newer version, damaged, or with
-  // anything in it but the tables of a run. What a file may cost is bounded by its size.
+  // Throws Error(failed): not there, not a run file, written by a newer version, damaged, closed
+  // with a -wal of another run beside it, or with anything in it but the tables of a run. What a
+  // file may cost is bounded by its size.
   // On a network file system only a closed run is read, which nobody changes.
   explicit RunReader(const std::string& path);
   RunReader(const std::string& path, const std::string& network);  // as network_of(path) says
@@ -199,7 +210,8 @@ class RunReader {
   RunReader& operator=(const RunReader&) = delete;
 
   const std::string& path() const { return path_; }
-  RunInfo info() const;  // status "crashed" if it is "open" and no writer holds the file
+  // status "crashed", or crashed_without_wal, if it is "open" and no writer holds the file
+  RunInfo info() const;
   std::vector<DeviceInfo> devices() const;
   std::vector<CalibrationEntry> calibrations() const;
   Antennas antennas() const;  // empty if the radar sent no samples of them
@@ -244,6 +256,7 @@ class RunReader {
   Statement ask(const char* sql) const;  // with the whole budget
   std::string path_, shown_;             // shown_: printable
   sqlite3* db_ = nullptr;
+  bool lacks_wal_ = false;   // it says that it has one, there is none, and nobody writes it
   std::uint64_t bytes_ = 0;  // when it was opened
   std::unique_ptr<Budget> budget_;
 };

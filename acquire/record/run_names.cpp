@@ -6,12 +6,28 @@
 #include <cstdlib>
 #include <ctime>
 #include <filesystem>
+#include <string_view>
 
 #include "drivers/program/exit_code.hpp"
+#include "drivers/program/printable.hpp"
 
 namespace echofuse::record {
 
 namespace {
+
+constexpr const char* extension = ".sqlite";
+// Of strftime's; %% is a percent sign.
+constexpr std::string_view fields = "YmdHMSyjFT%";
+
+// Empty, or what is wrong: a percent sign that begins no field is not one of the name's letters.
+std::string bad_field(const std::string& pattern) {
+  for (std::size_t at = 0; (at = pattern.find('%', at)) != pattern.npos; at += 2)
+    if (at + 1 == pattern.size() || fields.find(pattern[at + 1]) == fields.npos)
+      return printable(pattern.substr(at, 2)) +
+             " is no field of the time; expected %Y, %m, %d, %H, %M, %S, %y, %j, %F or %T, or %% "
+             "for a percent sign";
+  return {};
+}
 
 std::string with_date(const std::string& pattern) {
   const std::time_t now = std::time(nullptr);
@@ -25,7 +41,7 @@ std::string with_date(const std::string& pattern) {
 }  // namespace
 
 std::string with_run_extension(const std::string& name) {
-  return std::filesystem::path(name).has_extension() ? name : name + ".sqlite";
+  return std::filesystem::path(name).extension() == extension ? name : name + extension;
 }
 
 std::string old_run(const std::string& name) {
@@ -35,6 +51,8 @@ std::string old_run(const std::string& name) {
 }
 
 std::string new_run(const std::string& out) {
+  if (const std::string fault = bad_field(out); !fault.empty())
+    throw Error(ExitCode::usage, "--out " + printable(out) + ": " + fault);
   const std::string name = with_date(out);
   if (name.empty()) throw Error(ExitCode::usage, "--out " + out + ": not a name");
   return std::filesystem::absolute(with_run_extension(name)).string();
@@ -52,7 +70,7 @@ std::string next_run(const std::string& folder) {
   if (error) throw Error(ExitCode::disk, "run.folder: " + place.string() + ": " + error.message());
   char number[16];
   std::snprintf(number, sizeof number, "%03d", last + 1);
-  return (place / (day + number + ".sqlite")).lexically_normal().string();
+  return (place / (day + number + extension)).lexically_normal().string();
 }
 
 }  // namespace echofuse::record

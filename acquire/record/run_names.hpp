@@ -5,12 +5,13 @@
 
 namespace echofuse::record {
 
-// A name without an extension is that of NAME.sqlite.
+// NAME, or NAME.sqlite where it does not end so: "gain1.5" has no extension of a run.
 std::string with_run_extension(const std::string& name);
 // A run that is there, by its file or by the name that --out gave it.
 std::string old_run(const std::string& name);
-// --out as a file: strftime's fields are those of now (UTC), so that a service names each run anew.
-// Throws Error(usage).
+// --out as a file: its fields of the time (strftime's %Y %m %d %H %M %S %y %j %F %T) are those of
+// now (UTC), so that a service names each run anew. Throws Error(usage), also for another % than
+// %%.
 std::string new_run(const std::string& out);
 // FOLDER/DATE-NNN.sqlite, DATE of now (UTC), NNN one above the highest there. Throws Error(disk) if
 // the folder is not there.

@@ -14,7 +14,8 @@ namespace echofuse::record {
 namespace {
 
 namespace fs = std::filesystem;
-constexpr const char *number_key = "part", *records_key = "part_records";
+constexpr const char *number_key = "part", *records_key = "part_records",
+                     *skipped_key = "part_skipped";
 constexpr std::size_t least_digits = 3, most_digits = 16;
 
 bool all_digits(const std::string& text) {
@@ -30,7 +31,9 @@ std::int64_t number_of(const std::string& stem) {
 
 }  // namespace
 
-bool is_key_of_part(const std::string& key) { return key == number_key || key == records_key; }
+bool is_key_of_part(const std::string& key) {
+  return key == number_key || key == records_key || key == skipped_key;
+}
 
 Part part_of(const RunInfo& info) {
   Part out{.first = info.first_index};
@@ -38,6 +41,7 @@ Part part_of(const RunInfo& info) {
     if (!value.empty() && value.size() <= most_digits && all_digits(value)) {
       if (key == number_key) out.number = std::stoll(value);
       if (key == records_key) out.records = std::stoll(value);
+      if (key == skipped_key) out.skipped = std::stoll(value);
     }
   return out.number > 0 && out.records > 0 ? out : Part{};
 }
@@ -48,7 +52,10 @@ Part part_of(const std::string& path, const RunInfo& info) {
 }
 
 std::vector<std::pair<std::string, std::string>> meta_of(const Part& part) {
-  return {{number_key, std::to_string(part.number)}, {records_key, std::to_string(part.records)}};
+  std::vector<std::pair<std::string, std::string>> out{{number_key, std::to_string(part.number)},
+                                                       {records_key, std::to_string(part.records)}};
+  if (part.skipped > 0) out.emplace_back(skipped_key, std::to_string(part.skipped));
+  return out;
 }
 
 std::string part_path(const std::string& whole, std::int64_t number) {
@@ -95,7 +102,7 @@ std::string run_of(const std::string& file) {
 }
 
 std::string missing_between(const std::string& whole, const Part& before, const Part& next) {
-  const std::int64_t from = before.number + 1, to = next.number - 1;
+  const std::int64_t from = before.number + 1, to = next.number - next.skipped - 1;
   if (from > to) return {};
   return printable(part_path(whole, from)) +
          (from < to ? " to " + printable(part_path(whole, to)) : "") +
@@ -129,13 +136,26 @@ RunFiles files_of(const std::string& name) {
   return out;
 }
 
-std::unique_ptr<RunWriter> next_part(const std::string& part, const Clock& clock) {
+std::string last_file_of(const std::string& name) {
+  const std::string whole = old_run(name);
+  const auto named = named_like(whole);
+  if (named.contains(0)) return whole;
+  const auto read = [](const auto& part) { return read_part(part.second); };
+  std::optional<RunInfo> first;
+  for (auto it = named.begin(); !first && it != named.end(); ++it) first = read(*it);
+  for (auto it = named.rbegin(); first && it != named.rend(); ++it)
+    if (const auto info = read(*it); info && info->uuid == first->uuid) return it->second;
+  return whole;
+}
+
+std::unique_ptr<RunWriter> next_part(const std::string& part, std::int64_t number,
+                                     std::int64_t first_index, const Clock& clock) {
   const RunReader begun(part);
-  const RunSummary sum = begun.summary();
   RunInfo info = begun.info();
   Part next = part_of(info);
-  ++next.number;
-  info.first_index = std::max(info.first_index, sum.last_index + 1);
+  next.skipped = number - next.number - 1;
+  next.number = number;
+  info.first_index = first_index;
   std::erase_if(info.meta, [](const auto& pair) { return is_key_of_part(pair.first); });
   for (const auto& pair : meta_of(next)) info.meta.push_back(pair);
   info.started_utc.clear();
@@ -145,9 +165,12 @@ std::unique_ptr<RunWriter> next_part(const std::string& part, const Clock& clock
     for (const DeviceInfo& device : begun.devices()) out.put_device(device);
     for (const CalibrationEntry& entry : begun.calibrations()) out.put_calibration(entry);
     if (const Antennas antennas = begun.antennas(); !antennas.empty()) out.put_antennas(antennas);
-    for (const auto& [sensor, policy] : sum.policies)
+    const auto policies = begun.table("policy");
+    const auto& sensors = std::get<std::vector<std::string>>(policies.at(0).values);
+    for (std::size_t i = 0; i < sensors.size(); ++i)
       for (const Sensor s : all_sensors)
-        if (sensor == name_of(s)) out.put_policy(s, policy);
+        if (sensors[i] == name_of(s))
+          out.put_policy(s, std::get<std::vector<std::string>>(policies.at(1).values)[i]);
     const auto anchors = begun.table("anchor");
     const auto& mono = std::get<std::vector<std::int64_t>>(anchors.at(0).values);
     const auto& utc = std::get<std::vector<std::int64_t>>(anchors.at(1).values);

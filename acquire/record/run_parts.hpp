@@ -18,6 +18,7 @@ namespace echofuse::record {
 struct Part {
   std::int64_t number = 0, records = 0;  // 1, 2 ... or 0: no part; of a full one
   std::int64_t first = 0;                // the index of its first record
+  std::int64_t skipped = 0;              // numbers below its own that files of others had
 };
 Part part_of(const RunInfo& info);  // by its metadata alone
 Part part_of(const std::string& path, const RunInfo& info);
@@ -49,8 +50,17 @@ struct RunFiles {
 };
 RunFiles files_of(const std::string& name);
 
-// The part that is begun after this one, with all that the run has beside its records and events.
-// Throws as RunWriter.
-std::unique_ptr<RunWriter> next_part(const std::string& part, const Clock& clock);
+// The file into which the run of this name went on last: its one file, or its last part that can be
+// read. However many there are, two or three are opened.
+std::string last_file_of(const std::string& name);
+
+// The tables of a run of these files, by name, without the blobs. What each part has from the one
+// before it is that of the last. Throws Error(failed), also if parts are of other versions.
+std::map<std::string, std::vector<Column>> joined_tables(const std::vector<std::string>& files);
+
+// The part of this number, which is begun after `part` with the record `first_index`: with all that
+// the run has beside its records and events. Throws as RunWriter.
+std::unique_ptr<RunWriter> next_part(const std::string& part, std::int64_t number,
+                                     std::int64_t first_index, const Clock& clock);
 
 }  // namespace echofuse::record

@@ -45,6 +45,8 @@ std::uint64_t bytes_of(const std::string& path) {
   return ::stat(path.c_str(), &file) == 0 ? static_cast<std::uint64_t>(file.st_size) : 0;
 }
 
+bool is_there(const std::string& path) { return ::access(path.c_str(), F_OK) == 0; }
+
 int look(sqlite3* db) {
   return sqlite3_exec(db, "SELECT 1 FROM sqlite_schema", nullptr, nullptr, nullptr);
 }
@@ -63,7 +65,7 @@ RunReader::RunReader(const std::string& path, const std::string& network)
   try {
     open(network);
     check_identity();
-    check_tables(db_, path_, schema, "a run");
+    check_tables(db_, path_);
   } catch (...) {
     sqlite3_close(db_);
     throw;
@@ -76,9 +78,12 @@ void RunReader::open(const std::string& network) {
     db_ = nullptr;
     const int code = sqlite3_open_v2(name.c_str(), &db_, flags | SQLITE_OPEN_NOMUTEX, nullptr);
     if (code != SQLITE_OK) return code;
+    refuse_foreign_wal(db_, path_);
+    lacks_wal_ = journal_version(db_) == 2 && !is_there(path_ + "-wal") &&
+                 bytes_of(path_ + "-journal") == 0 && !WriterLock::someone_writes(path_);
     harden(db_);
     limit(db_, *budget_);
-    return look(db_);
+    return lacks_wal_ && flags == SQLITE_OPEN_READONLY ? SQLITE_CANTOPEN : look(db_);
   };
   const auto unchanging = [&] {
     std::string uri = "file:";
@@ -91,16 +96,18 @@ void RunReader::open(const std::string& network) {
     require_closed(path_, network);
     return unchanging();
   }
-  // Read-only, but a WAL left by a live or crashed writer needs its shared-memory file beside it;
-  // on a read-only medium there is no writer, and `immutable` reads without one.
-  int first = try_to_open(path_, SQLITE_OPEN_READONLY);
+  // Read-only, but a WAL left by a live or crashed writer needs its shared-memory file beside it.
+  // Without a WAL or on a read-only medium there is no writer, and `immutable` reads without one.
+  int code = try_to_open(path_, SQLITE_OPEN_READONLY);
   // Killed as it began or closed, with one page half written: a writer has to undo that.
-  if (first == SQLITE_READONLY) first = try_to_open(path_, SQLITE_OPEN_READWRITE);
-  if (first == SQLITE_CANTOPEN) {
-    // There it would hide the records in a WAL.
-    if (bytes_of(path_ + "-wal") > 0)
-      throw Error(ExitCode::failed, shown_ + ": was not closed, and its last records are in " +
-                                        shown_ + "-wal; copy both to a folder that can be written");
+  if (code == SQLITE_READONLY) code = try_to_open(path_, SQLITE_OPEN_READWRITE);
+  if (code == SQLITE_CANTOPEN || code == SQLITE_READONLY) {
+    // There it would hide the records in a WAL, and what undoes a half written page.
+    for (const char* beside : {"-wal", "-journal"})
+      if (bytes_of(path_ + beside) > 0)
+        throw Error(ExitCode::failed, shown_ + ": was not closed, and its last records are in " +
+                                          shown_ + beside +
+                                          "; copy both to a folder that can be written");
     unchanging();
   }
   sqlite3_busy_timeout(db_, 5000);
@@ -155,7 +162,8 @@ RunInfo RunReader::info() const {
     if (first.step())
       info.first_index = std::clamp<std::int64_t>(first.integer(), 0, max_resumed_index);
   }
-  if (info.status == "open" && !WriterLock::someone_writes(path_)) info.status = "crashed";
+  if (info.status == "open" && !WriterLock::someone_writes(path_))
+    info.status = lacks_wal_ ? crashed_without_wal : "crashed";
   return info;
 }
 

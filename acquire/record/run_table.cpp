@@ -1,6 +1,10 @@
 // SPDX-License-Identifier: MIT
 // The tables of a run as they are, for exports.
-#include "acquire/record/run_file.hpp"
+#include <algorithm>
+#include <set>
+#include <type_traits>
+
+#include "acquire/record/run_parts.hpp"
 #include "acquire/record/sqlite.hpp"
 
 namespace echofuse::record {
@@ -27,6 +31,21 @@ void take(Statement& row, Column& column) {
   } else {
     std::get<std::vector<std::string>>(column.values).push_back(row.text());
   }
+}
+
+// The rows of the later part go behind those of the earlier one.
+void add_rows(std::vector<Column>& rows, const std::vector<Column>& later,
+              const std::string& table) {
+  if (!std::ranges::equal(rows, later, {}, &Column::name, &Column::name))
+    throw Error(ExitCode::failed, "its parts have other columns of the table " + table +
+                                      ", as of another version; export them one by one");
+  for (std::size_t c = 0; c < rows.size(); ++c)
+    std::visit(
+        [&](auto& values) {
+          const auto& more = std::get<std::remove_reference_t<decltype(values)>>(later[c].values);
+          values.insert(values.end(), more.begin(), more.end());
+        },
+        rows[c].values);
 }
 
 }  // namespace
@@ -59,6 +78,20 @@ std::vector<Column> RunReader::table(const std::string& name) const {
   while (rows.step())
     for (Column& column : columns) take(rows, column);
   return columns;
+}
+
+std::map<std::string, std::vector<Column>> joined_tables(const std::vector<std::string>& files) {
+  const std::set<std::string> copied{"antenna", "axis", "calibration", "device", "meta", "policy"};
+  std::map<std::string, std::vector<Column>> out;
+  for (const std::string& file : files) {
+    const RunReader run(file);
+    for (const std::string& name : run.table_names())
+      if (const auto [table, first] = out.try_emplace(name); first || copied.contains(name))
+        table->second = run.table(name);
+      else
+        add_rows(table->second, run.table(name), name);
+  }
+  return out;
 }
 
 }  // namespace echofuse::record

@@ -5,7 +5,7 @@
 #include <map>
 #include <set>
 
-#include "acquire/record/sqlite.hpp"
+#include "acquire/record/schema.hpp"
 #include "drivers/program/printable.hpp"
 
 namespace echofuse::record {
@@ -27,15 +27,20 @@ Columns columns_of(sqlite3* db, const std::string& path, const std::string& tabl
   return out;
 }
 
-std::map<std::string, Columns> tables_of(const std::string& schema) {
+struct Table {
+  std::string sql;  // that makes it, as SQLite keeps it
+  Columns columns;
+};
+
+std::map<std::string, Table> tables_of_a_run() {
   const std::string name = ":memory:";
   const DatabaseHandle db = open_database(name, "cannot open", SQLITE_OPEN_MEMORY);
-  execute(db.get(), name, schema.c_str(), "cannot create the tables");
-  std::map<std::string, Columns> out;
-  Statement tables(db.get(), name, "SELECT name FROM sqlite_schema WHERE type = 'table'");
+  execute(db.get(), name, schema, "cannot create the tables");
+  std::map<std::string, Table> out;
+  Statement tables(db.get(), name, "SELECT name, sql FROM sqlite_schema WHERE type = 'table'");
   while (tables.step()) {
     const std::string table = tables.text();
-    out[table] = columns_of(db.get(), name, table);
+    out[table] = {tables.text(), columns_of(db.get(), name, table)};
   }
   return out;
 }
@@ -71,27 +76,26 @@ void limit(sqlite3* db, Budget& budget) {
 }
 
 // First the names: SQLite would run what a view or a virtual table is made of to tell its columns.
-void check_tables(sqlite3* db, const std::string& path, const std::string& schema,
-                  const std::string& of) {
-  const auto known = tables_of(schema);
-  std::set<std::string> found;
-  Statement entries(db, path, "SELECT type, name, sql IS NULL, rootpage FROM sqlite_schema");
+void check_tables(sqlite3* db, const std::string& path) {
+  static const auto known = tables_of_a_run();  // once: a folder may have a thousand runs
+  std::set<std::string> other;  // made by other words than ours, as those of older versions are
+  Statement entries(db, path, "SELECT type, name, ifnull(sql, ''), rootpage FROM sqlite_schema");
   while (entries.step()) {
-    const std::string type = entries.text(), name = entries.text();
-    const bool of_a_key = entries.integer() != 0 && type == "index", stored = entries.integer() > 0;
+    const std::string type = entries.text(), name = entries.text(), sql = entries.text();
+    const bool of_a_key = sql.empty() && type == "index", stored = entries.integer() > 0;
     if (of_a_key && name.starts_with("sqlite_autoindex_")) continue;
     if (type != "table" || !stored || !known.contains(name))
       throw Error(ExitCode::failed, printable(path) + ": holds the " + printable(type, 20) + " \"" +
-                                        printable(name, 40) + "\"; expected the tables of " + of +
-                                        " only");
-    found.insert(name);
+                                        printable(name, 40) +
+                                        "\"; expected the tables of a run only");
+    if (sql != known.at(name).sql) other.insert(name);
   }
-  for (const std::string& name : found)
+  for (const std::string& name : other)
     for (const std::string& column : columns_of(db, path, name))
-      if (!known.at(name).contains(column))
+      if (!known.at(name).columns.contains(column))
         throw Error(ExitCode::failed, printable(path) + ": its table " + name +
                                           " has the column \"" + printable(column, 60) +
-                                          "\", which that of " + of + " has not");
+                                          "\", which that of a run has not");
 }
 
 }  // namespace echofuse::record

@@ -26,11 +26,9 @@ void harden(sqlite3* db);
 // A statement that spends the steps ends with SQLITE_INTERRUPT. The budget outlives the database.
 void limit(sqlite3* db, Budget& budget);
 
-// Throws Error(failed) unless the file holds only tables of `schema` (SQL that makes them), with
-// columns of theirs, as SQLite itself tells: no views, triggers, indices of its own, virtual
-// tables, computed columns. CHECKs are never asked (harden). `of`: whose tables they are, as "a
-// run".
-void check_tables(sqlite3* db, const std::string& path, const std::string& schema,
-                  const std::string& of);
+// Throws Error(failed) unless the file holds only tables of a run (schema.hpp), with columns of
+// theirs, as SQLite itself tells: no views, triggers, indices of its own, virtual tables, computed
+// columns. CHECKs are never asked (harden).
+void check_tables(sqlite3* db, const std::string& path);
 
 }  // namespace echofuse::record

@@ -24,6 +24,7 @@
 #include "acquire/record/writer_lock.hpp"
 #include "drivers/program/atomic_write.hpp"
 #include "drivers/program/program.hpp"
+#include "drivers/program/staged_file.hpp"
 
 namespace echofuse::record {
 namespace {
@@ -90,8 +91,7 @@ RunWriter::RunWriter(const std::string& path, const RunInfo& info, const Clock& 
     rows_.reset();
     handle_.reset();
     ::unlink(made.c_str());
-    for (const std::string& name : {made, path})  // what is left there would be taken for ours
-      for (const char* beside : {"-journal", "-wal", "-shm"}) ::unlink((name + beside).c_str());
+    for (const std::string& name : {made, path}) remove_side_files(name);
   };
   remove();  // of one that was killed
   try {
@@ -144,16 +144,21 @@ void RunWriter::make(const RunInfo& info, const Begin& begin) {
   use_wal();  // while nobody reads it
 }
 
-RunWriter::RunWriter(const std::string& path, const Clock& clock)
+RunWriter::RunWriter(const std::string& path, const Clock& clock, const Look& look)
     : path_(path), clock_(clock), handle_(nullptr, sqlite3_close) {
-  axes_ = RunReader(path).axes();  // and: it is a run file
+  static_cast<void>(RunReader(path).axes());  // a run file, or no lock file is made beside it
   lock();
+  {
+    const RunReader begun(path);
+    if (look) look(begun);
+    axes_ = begun.axes();
+  }
   go_on(true);
 }
 
 void RunWriter::go_on(bool resumed) {
   open(path_);
-  lock_->reserve(reserve_bytes);
+  reserve();
   use_wal();
   execute(db_, path_, "BEGIN IMMEDIATE", "cannot reopen");
   execute(db_, path_, schema, "cannot add the tables of this version");
@@ -173,6 +178,8 @@ void RunWriter::go_on(bool resumed) {
   execute(db_, path_, "COMMIT", "cannot reopen");
   ready();
 }
+
+void RunWriter::reserve() const { lock_->reserve(reserve_bytes); }
 
 void RunWriter::begin_part(std::int64_t part, std::int64_t first_index) {
   part_ = part;
@@ -258,7 +265,10 @@ Inserts& RunWriter::rows() {
   return *rows_;
 }
 
-RunWriter::~RunWriter() = default;
+// As a kill leaves it: with its -wal, which a run that was not closed is known by.
+RunWriter::~RunWriter() {
+  if (db_) sqlite3_db_config(db_, SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, 1, nullptr);
+}
 
 void RunWriter::in_transaction(const std::function<void()>& body) {
   if (!watch_) return body();  // of the one that makes the file
@@ -283,6 +293,7 @@ void RunWriter::append(std::span<const FusedRecord> batch) {
   in_transaction([&] {
     for (const auto& r : batch) insert_record(*rows_, path_, r, axes_);
   });
+  for (const auto& r : batch) next_index_ = std::max(next_index_, r.index + 1);
   records_ += static_cast<std::int64_t>(batch.size());
 }
 

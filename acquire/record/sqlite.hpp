@@ -44,13 +44,37 @@ inline void require_regular_files(const std::string& path) {
 
 using DatabaseHandle = std::unique_ptr<sqlite3, int (*)(sqlite3*)>;
 
-// To read and write a file that exists; `flags`: more of SQLITE_OPEN_*. Throws as sqlite_fail().
+// Byte 18 of the header, where 19 is the same: 1 of a closed run, 2 of one with a WAL; else 0. Read
+// by SQLite's own descriptor: to close another one ends its locks.
+inline int journal_version(sqlite3* db) {
+  sqlite3_file* file = nullptr;
+  std::uint8_t versions[2] = {};
+  sqlite3_file_control(db, "main", SQLITE_FCNTL_FILE_POINTER, static_cast<void*>(&file));
+  if (file && file->pMethods) file->pMethods->xRead(file, versions, sizeof versions, 18);
+  return versions[0] == versions[1] ? versions[0] : 0;
+}
+
+// Before the first statement: SQLite takes any -wal of the database's name for its own. Throws
+// Error(failed).
+inline void refuse_foreign_wal(sqlite3* db, const std::string& path) {
+  const std::string wal = path + "-wal";
+  const auto is_there = [&] { return ::access(wal.c_str(), F_OK) == 0; };
+  // Asked again, as a run may be closed between.
+  if (is_there() && journal_version(db) == 1 && is_there())
+    throw Error(ExitCode::failed, printable(path) + ": is closed, and " + printable(wal) +
+                                      " beside it is of another run that had this name; move " +
+                                      "that away, and its -shm");
+}
+
+// To read and write a file that exists; `flags`: more of SQLITE_OPEN_*. Throws as sqlite_fail(),
+// and as refuse_foreign_wal().
 inline DatabaseHandle open_database(const std::string& path, const char* doing, int flags = 0) {
   require_regular_files(path);
   sqlite3* db = nullptr;
   const int code = sqlite3_open_v2(path.c_str(), &db, SQLITE_OPEN_READWRITE | flags, nullptr);
   DatabaseHandle out(db, sqlite3_close);
   if (code != SQLITE_OK) sqlite_fail(db, path, doing);
+  refuse_foreign_wal(db, path);
   return out;
 }
 

@@ -27,6 +27,13 @@ constexpr double farthest_s = 1e9;
 
 }  // namespace
 
+std::int64_t ticks_passed(std::uint64_t from, std::uint64_t to, double expected,
+                          unsigned spare_bits) {
+  const auto near = static_cast<std::uint64_t>(std::llround(expected));
+  const auto off = static_cast<std::int64_t>((to - from - near) << spare_bits) >> spare_bits;
+  return static_cast<std::int64_t>(near + static_cast<std::uint64_t>(off));
+}
+
 void ClockFit::begin(const Receipt& receipt) {
   history_.clear();
   samples_ = 0;
@@ -40,13 +47,9 @@ void ClockFit::begin(const Receipt& receipt) {
   take({0, 0});
 }
 
-// Ticks from one sample to the other; of all that the counter allows those nearest to the host's.
 std::int64_t ClockFit::advance(const Receipt& from, const Receipt& to) const {
-  const auto expected =
-      static_cast<std::uint64_t>(std::llround(seconds(to.received - from.received) / tick_s_));
-  const std::uint64_t off = (to.ticks - from.ticks - expected) << spare_bits_;
-  const auto least = static_cast<std::int64_t>(off) >> spare_bits_;
-  return static_cast<std::int64_t>(expected + static_cast<std::uint64_t>(least));
+  return ticks_passed(from.ticks, to.ticks, seconds(to.received - from.received) / tick_s_,
+                      spare_bits_);
 }
 
 ClockFit::Sample ClockFit::sample_of(const Receipt& receipt) const {

@@ -30,6 +30,11 @@
 
 namespace echofuse::acquire {
 
+// Ticks from one reading of a device's counter to the other; of all that 64 less `spare_bits` bits
+// allow, those nearest to the expected.
+std::int64_t ticks_passed(std::uint64_t from, std::uint64_t to, double expected,
+                          unsigned spare_bits);
+
 class ClockFit {
  public:
   // The device counts ticks of this length in a counter of this many bits.

@@ -70,8 +70,8 @@ class Daemon final : private SampleSink {
         : scheduler(grid, options.count),
           windows(grid, config.histogram, clocks, config.configured(), config.required()),
           signal(config.signal, config.window_s),
-          journal(std::move(file), loop.make_worker(), loop, begun_axes),
-          status(grid.first, config.window_s, options.count, options.quiet) {}
+          journal(std::move(file), loop, begun_axes),
+          status(grid.first, config.window_s, options.count, options.quiet, options.show_status) {}
     Scheduler scheduler;
     Windows windows;
     SignalCheck signal;
@@ -189,9 +189,9 @@ std::unique_ptr<record::RunWriter> Daemon::open_file() {
       for (auto& pair : record::meta_of({1, options_.part_records})) meta.push_back(pair);
     return make_run(config_, options_.out, meta, options_.uuid, loop_);
   }
-  const std::vector<Axis> begun = record::RunReader(options_.out).axes();
-  for (const Sensor s : all_sensors) refuse_other_axes(begun, devices_[s].info);
-  resumption_ = reopen_run(options_.out, loop_);
+  resumption_ = reopen_run(options_.out, loop_, [this](const record::RunReader& begun) {
+    for (const Sensor s : all_sensors) refuse_other_axes(begun.axes(), devices_[s].info);
+  });
   if (resumption_.label && !options_.label_given) label_ = *resumption_.label;
   return std::move(resumption_.file);
 }
@@ -379,12 +379,13 @@ void Daemon::end() {
   totals_.written = r.journal.written();
   if (options_.progress) options_.progress(totals_.written);
   r.status.finish(loop_.now(), totals_);
-  const auto part = record::whole_and_number(r.journal.path()).second;
+  std::string parts;
+  if (resumption_.part_records > 0) {
+    const std::size_t count = record::files_of(name_).paths.size();
+    parts = ", in " + std::to_string(count) + (count == 1 ? " part" : " parts");
+  }
   spdlog::info("{}: {}{}, {}{}; arrived: {} tags, {} radar frames, {} depth frames", name_,
-               count_text(totals_.written, options_.count, resumption_.records_before),
-               resumption_.part_records > 0
-                   ? ", in " + std::to_string(part) + (part == 1 ? " part" : " parts")
-                   : "",
+               count_text(totals_.written, options_.count, resumption_.records_before), parts,
                status_, totals_.doubts(), devices_[Sensor::spd].samples,
                devices_[Sensor::radar].samples, devices_[Sensor::depth].samples);
 }

@@ -3,6 +3,7 @@
 
 #include <spdlog/spdlog.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <utility>
 
@@ -10,6 +11,7 @@
 #include "acquire/run/disk_estimate.hpp"
 #include "acquire/run/run_log.hpp"
 #include "drivers/program/exit_code.hpp"
+#include "drivers/program/printable.hpp"
 
 namespace echofuse::acquire {
 namespace {
@@ -34,9 +36,13 @@ void give_up_data(record::FusedRecord& record, const std::string& why) {
 
 }  // namespace
 
-Journal::Journal(std::unique_ptr<record::RunWriter> run, std::unique_ptr<port::Worker> worker,
-                 const Clock& clock, const std::vector<Axis>& begun_axes, std::size_t capacity)
-    : run_(std::move(run)), capacity_(capacity), clock_(clock), worker_(std::move(worker)) {
+Journal::Journal(std::unique_ptr<record::RunWriter> run, port::Loop& loop,
+                 const std::vector<Axis>& begun_axes, std::size_t capacity)
+    : run_(std::move(run)),
+      capacity_(capacity),
+      clock_(loop),
+      closer_(loop.make_worker()),
+      worker_(loop.make_worker()) {
   run_->wait_with(patience_);
   for (const Axis& axis : begun_axes) axes_.insert(axis.name);
   anchors_.push_back(put_anchor());
@@ -55,11 +61,8 @@ bool Journal::put(record::FusedRecord record) {
 // On the worker.
 void Journal::write(record::RunWriter& run, record::FusedRecord& record) {
   const UtcTime slot_end = record.slot_utc + (record.slot_end - record.slot_start);
-  if (auto label = run.new_label(slot_end)) {
-    const std::lock_guard lock(mutex_);
-    label_ = std::move(label);
-  }
-  if (label_) record.label = *label_;
+  take_label(run.new_label(slot_end));
+  if (const auto label = this->label()) record.label = *label;
   run.append(record);
   spdlog::debug("record {}: committed", record.index);  // what scripts/kill_test relies on
   const auto free = acquire::free_bytes(std::filesystem::path(run.path()).parent_path().string());
@@ -90,23 +93,54 @@ std::string Journal::why_late() const {
   return patience_.tried() ? "another program holds the run file" : "the disk does not keep up";
 }
 
-// The next part is there before this one is closed, so that who follows the run finds it. A label
-// that this one got until its end is of the next one.
+// The next part is there before this one is closed, so that who follows the run finds it, and no
+// record waits while this one is checked.
 void Journal::begin_part() {
   put([this](record::RunWriter& run) {
-    auto next = record::next_part(run.path(), clock_);
-    next->wait_with(patience_);
-    {
+    std::shared_ptr<record::RunWriter> before;
+    const auto [whole, number] = record::whole_and_number(run.path());
+    const bool again = part_ > number;  // the last one was not begun
+    part_ = std::max(part_, number) + 1;
+    while (again && std::filesystem::exists(record::part_path(whole, part_))) ++part_;
+    try {
+      auto next = record::next_part(run.path(), part_, run.next_index(), clock_);
+      next->wait_with(patience_);
       const std::lock_guard lock(mutex_);
       run_.swap(next);
+      before = std::move(next);
+    } catch (const Error& e) {
+      const std::string text =
+          std::string("this part goes on, the next one cannot begin: ") + e.what();
+      spdlog::warn("run file: {}", printable(text));
+      return run.put_event(clock_.utc(), Severity::warning, "run file", text);
     }
-    if (!next->close("complete"))
-      spdlog::warn("{}: another program reads it; its last records stay in its -wal", next->path());
-    if (auto label = next->new_label(UtcTime::max())) {
-      const std::lock_guard lock(mutex_);
-      label_ = std::move(label);
-    }
+    constexpr int most_closing = 4;
+    if (closing_ >= most_closing) return close_part(*before);
+    ++closing_;
+    closer_->put([this, before] {
+      try {
+        close_part(*before);
+      } catch (...) {
+        fail(std::current_exception());
+      }
+      --closing_;
+    });
   });
+}
+
+// A label that the part got until its end is of the next one.
+void Journal::close_part(record::RunWriter& part) {
+  if (!part.close("complete"))
+    spdlog::warn("{}: another program reads it; its last records stay in its -wal", part.path());
+  take_label(part.new_label(UtcTime::max()));
+  const std::lock_guard lock(mutex_);
+  run_->reserve();  // of what this part gave back
+}
+
+void Journal::take_label(std::optional<std::string> label) {
+  if (!label) return;
+  const std::lock_guard lock(mutex_);
+  label_ = std::move(label);
 }
 
 std::string Journal::path() const {
@@ -204,7 +238,8 @@ void Journal::stop() {
   const auto now = std::chrono::steady_clock::now().time_since_epoch();
   patience_.give_up_ns = std::min(patience_.give_up_ns.load(),
                                   std::int64_t{std::chrono::nanoseconds(now + last_wait).count()});
-  worker_.reset();
+  worker_.reset();  // uses the closer
+  closer_.reset();
 }
 
 bool Journal::finish(const std::string& status) {

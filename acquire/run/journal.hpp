@@ -25,18 +25,18 @@ namespace echofuse::acquire {
 class RunLog;
 
 // Threading: all members are for one thread. The worker alone writes with the RunWriter, and
-// replaces it where a part begins. No job is done after the first that failed, and finish() tells
-// why. While another program holds the run file by a write transaction, jobs wait.
+// replaces it where a part begins; a second worker closes the part before. No job is done after the
+// first that failed, and finish() tells why. While another program holds the run file by a write
+// transaction, jobs wait.
 class Journal {
  public:
   using Job = std::function<void(record::RunWriter&)>;
   static constexpr std::size_t default_capacity = 64;
 
-  // `clock` must outlive this. `begun_axes`: those that the file of a resumed run has. Puts an
-  // anchor.
-  Journal(std::unique_ptr<record::RunWriter> run, std::unique_ptr<port::Worker> worker,
-          const Clock& clock, const std::vector<Axis>& begun_axes = {},
-          std::size_t capacity = default_capacity);
+  // `loop`, which outlives this, is its clock and makes its workers. `begun_axes`: those that the
+  // file of a resumed run has. Puts an anchor.
+  Journal(std::unique_ptr<record::RunWriter> run, port::Loop& loop,
+          const std::vector<Axis>& begun_axes = {}, std::size_t capacity = default_capacity);
   ~Journal();  // without finish(): the run stays as a crash would leave it
   Journal(const Journal&) = delete;
   Journal& operator=(const Journal&) = delete;
@@ -46,7 +46,9 @@ class Journal {
   // the journal has failed for that reason and takes no more, but does what is waiting.
   bool put(record::FusedRecord record);
   void put(Job job);
-  // What is put from now on goes into the next part of the run (record/run_parts.hpp).
+  // What is put from now on goes into the next part of the run (record/run_parts.hpp). If that
+  // cannot be begun, as a file of its name is there, a warning and an event say so, the open part
+  // goes on, and the next call takes the number behind.
   void begin_part();
   void put_config(const Config& config);
   void put_device(const DeviceInfo& device);     // one row a device, not one a reconnection
@@ -88,6 +90,8 @@ class Journal {
   };
   Anchor put_anchor();
   void write(record::RunWriter& run, record::FusedRecord& record);
+  void close_part(record::RunWriter& part);
+  void take_label(std::optional<std::string> label);
   void fail(const std::exception_ptr& why);
   void stop();
 
@@ -105,10 +109,12 @@ class Journal {
   std::atomic<std::size_t> waiting_ = 0;  // jobs that have not begun
   std::atomic<bool> failed_ = false;
   std::atomic<std::int64_t> written_ = 0;
-  std::optional<std::string> label_;   // set by a mark, by the worker; guarded by mutex_
+  std::optional<std::string> label_;   // set by a mark, by the workers; guarded by mutex_
   std::optional<std::uint64_t> free_;  // on its disk; guarded by mutex_
   std::exception_ptr failure_;         // set once, before failed_
-  std::unique_ptr<port::Worker> worker_;
+  std::int64_t part_ = 0;              // number of the last part that was to be begun; the worker's
+  std::atomic<int> closing_ = 0;       // parts
+  std::unique_ptr<port::Worker> closer_, worker_;
 };
 
 // A warning for each kind of unassigned samples that matters.

@@ -87,6 +87,16 @@ void refuse_read_only(const std::filesystem::path& run, const std::filesystem::p
                                   : what + " is read-only: " + std::strerror(errno)));
 }
 
+void refuse_earlier_part(const std::string& file, const record::Part& part) {
+  if (part.number == 0) return;
+  const auto named = record::named_like(record::whole_and_number(file).first);
+  if (const auto behind = named.upper_bound(part.number); behind != named.end())
+    throw Error(ExitCode::failed, printable(file) +
+                                      ": is not the last part of its run, behind it stands " +
+                                      printable(named.rbegin()->second) +
+                                      "; resume that, or move it away if it is of another run");
+}
+
 }  // namespace
 
 void refuse_other_antennas(const record::Antennas& begun, const Config& config) {
@@ -155,14 +165,7 @@ void refuse_resuming(const record::RunReader& begun, const Config& config) {
   if (info.status == "open")
     throw Error(ExitCode::failed, begun.path() + ": is being recorded by another process");
   const std::filesystem::path file = begun.path();
-  if (const auto part = record::part_of(file, info); part.number > 0) {
-    const auto named = record::named_like(record::whole_and_number(file).first);
-    if (const auto behind = named.upper_bound(part.number); behind != named.end())
-      throw Error(ExitCode::failed, printable(begun.path()) +
-                                        ": is not the last part of its run, behind it stands " +
-                                        printable(named.rbegin()->second) +
-                                        "; resume that, or move it away if it is of another run");
-  }
+  refuse_earlier_part(begun.path(), record::part_of(begun.path(), info));
   refuse_read_only(file, file, "it");
   refuse_read_only(file, file.parent_path(), "its folder");
   refuse_other_config(info, begun.calibrations(), config);
@@ -201,26 +204,33 @@ std::unique_ptr<record::RunWriter> make_run(
   });
 }
 
-Resumption reopen_run(const std::string& out, const Clock& clock) {
-  const record::RunReader begun(out);
+Resumption reopen_run(const std::string& out, const Clock& clock,
+                      const record::RunWriter::Look& look) {
   Resumption resumed;
-  resumed.axes = begun.axes();
-  const record::RunInfo info = begun.info();
-  const std::string status = info.status;
-  const record::RunSummary sum = begun.summary();
-  resumed.label = begun.last_label();
-  resumed.file = std::make_unique<record::RunWriter>(out, clock);
-  const record::Part part = record::part_of(out, info);
+  record::RunInfo info;
+  record::RunSummary sum;
+  record::Part part;
+  resumed.file = std::make_unique<record::RunWriter>(out, clock, [&](const auto& begun) {
+    info = begun.info();
+    part = record::part_of(out, info);
+    refuse_earlier_part(out, part);
+    if (look) look(begun);
+    sum = begun.summary();
+    resumed.axes = begun.axes();
+    resumed.label = begun.last_label();
+  });
   resumed.first_index = resumed.file->next_index();
   if (!resumed.label && part.number > 1) {  // it was made for records that did not come
     const std::string before =
-        record::part_path(record::whole_and_number(out).first, part.number - 1);
+        record::part_path(record::whole_and_number(out).first, part.number - part.skipped - 1);
     if (record::read_part(before)) resumed.label = record::RunReader(before).last_label();
   }
   resumed.part_records = part.records;
   resumed.part_end = part.first + part.records;
   resumed.records_before = part.number > 0 ? resumed.first_index : resumed.file->records();
-  resumed.gap = "resumed at record " + std::to_string(resumed.first_index) + ", was " + status;
+  // Nobody else has it open.
+  resumed.gap = "resumed at record " + std::to_string(resumed.first_index) + ", was " +
+                (info.status == "open" ? "crashed" : info.status);
   if (sum.records > 0)
     resumed.gap += ", " + human_duration(seconds(clock.utc()) - seconds(sum.last_utc)) +
                    " after the last slot";

@@ -54,6 +54,8 @@ struct Resumption {
   std::string gap;                   // the event that notes the resumption
   std::optional<std::string> label;  // its last one
 };
-Resumption reopen_run(const std::string& out, const Clock& clock);
+// Throws Error(failed) if another one continued it meanwhile, or as RunWriter or `look` does.
+Resumption reopen_run(const std::string& out, const Clock& clock,
+                      const record::RunWriter::Look& look = {});
 
 }  // namespace echofuse::acquire

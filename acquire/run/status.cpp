@@ -187,8 +187,12 @@ std::string status_line(const std::vector<StatusField>& fields, std::optional<st
 }
 
 StatusLine::StatusLine(HostTime start, double window_s, std::optional<std::int64_t> total,
-                       bool quiet)
-    : total_(total),
+                       bool quiet, Show show)
+    : show_(show ? std::move(show) : [](const std::string& text) {
+        std::fputs(text.c_str(), stderr);
+        std::fflush(stderr);
+      }),
+      total_(total),
       window_s_(window_s),
       quiet_(quiet),
       terminal_(is_terminal()),
@@ -196,38 +200,35 @@ StatusLine::StatusLine(HostTime start, double window_s, std::optional<std::int64
       start_(start),
       shown_(start) {}
 
-StatusLine::~StatusLine() { end_line(); }
-
-void StatusLine::end_line() {
-  if (std::exchange(drawn_, false) && terminal_) std::fputc('\n', stderr);
+StatusLine::~StatusLine() {
+  if (drawn_ && terminal_) show_("\n");
 }
 
 void StatusLine::update(HostTime now, const RunTotals& totals) {
-  const bool worse = !(totals.doubtful - before_.doubtful).empty();
-  if (worse && terminal_ && !quiet_) std::fputc('\a', stderr);
-  if (now - shown_ >= (terminal_ ? terminal_pause : log_pause) || (worse && terminal_))
-    show(now, totals);
+  const bool worse = terminal_ && !(totals.doubtful - before_.doubtful).empty();
+  if (worse || now - shown_ >= (terminal_ ? terminal_pause : log_pause))
+    show(now, totals, worse ? "\a" : "");
 }
 
 void StatusLine::finish(HostTime now, const RunTotals& totals) {
   RunTotals mean = totals;
   mean.rate_hz = rates(totals.tags, totals.radar_frames, totals.depth_frames, totals.slots_s);
-  show(now, mean);
-  end_line();
+  show(now, mean, "", terminal_ ? "\n" : "");
+  drawn_ = false;
 }
 
-void StatusLine::show(HostTime now, const RunTotals& totals) {
+void StatusLine::show(HostTime now, const RunTotals& totals, const char* before,
+                      const char* after) {
   if (!quiet_) {
     StatusTimes times{.elapsed_s = seconds(now - start_), .remaining_s = {}, .records = total_};
     if (total_)
       times.remaining_s = std::max(0.0, static_cast<double>(*total_) * window_s_ - times.elapsed_s);
     const auto fields = status_fields(totals, times);
-    if (terminal_)  // one column stays free: what ends in the last one wraps on some terminals
-      std::fprintf(stderr, "\r\033[K%s",
-                   status_line(fields, columns_of_terminal() - 1, colours_).c_str());
-    else
-      std::fprintf(stderr, "%s\n", status_line(fields, std::nullopt, false).c_str());
-    std::fflush(stderr);
+    // One column stays free: what ends in the last one wraps on some terminals.
+    const std::string line =
+        terminal_ ? "\r\033[K" + status_line(fields, columns_of_terminal() - 1, colours_)
+                  : status_line(fields, std::nullopt, false) + "\n";
+    show_(before + line + after);
     drawn_ = true;
   }
   before_ = totals;

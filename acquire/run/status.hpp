@@ -66,7 +66,10 @@ std::string status_line(const std::vector<StatusField>& fields, std::optional<st
 // bad.
 class StatusLine {
  public:
-  StatusLine(HostTime start, double window_s, std::optional<std::int64_t> total, bool quiet);
+  using Show = std::function<void(std::string)>;
+  // `show` gets each line with what draws it; none: they go to stderr.
+  StatusLine(HostTime start, double window_s, std::optional<std::int64_t> total, bool quiet,
+             Show show);
   ~StatusLine();  // ends the line
   StatusLine(const StatusLine&) = delete;
   StatusLine& operator=(const StatusLine&) = delete;
@@ -75,8 +78,8 @@ class StatusLine {
   void finish(HostTime now, const RunTotals& totals);
 
  private:
-  void end_line();
-  void show(HostTime now, const RunTotals& totals);
+  void show(HostTime now, const RunTotals& totals, const char* before = "", const char* after = "");
+  Show show_;
   std::optional<std::int64_t> total_;
   double window_s_;
   bool quiet_, terminal_, colours_, drawn_ = false;

@@ -72,6 +72,9 @@ void BridgeClient::check_liveness() {
   const bool alive =
       std::exchange(blocks_seen_, parser_.counts().blocks) != parser_.counts().blocks && greeted_;
   quiet_checks_ = alive ? 0 : quiet_checks_ + 1;
+  constexpr std::uint64_t heartbeats_bytes = 1 << 20;
+  const std::uint64_t bytes = parser_.counts().bytes;
+  if (bytes - std::exchange(bytes_seen_, bytes) < heartbeats_bytes) parser_.give_back();
   if (quiet_checks_ == timeout_checks)
     return fail(greeted_      ? "no block came for 4 s"
                 : !connected_ ? "no connection within 4 s"

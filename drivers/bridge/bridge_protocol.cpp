@@ -77,6 +77,8 @@ Step BlockParser::next(ByteView bytes, const OnBlock& on_block) {
     return refuse("it sent bytes that begin no block: is it an echofuse bridge?",
                   static_cast<std::size_t>(differs - bytes.begin()) + 1);
   }
+  // Byte by byte until the magic is whole: a wrong one is told wherever the stream is cut.
+  if (bytes.size() < magic.size()) return {0, bytes.size() + 1};
   if (bytes.size() < header_bytes) return {0, header_bytes};
   const Header header = read_header(bytes);
   if (!header.plausible()) {

@@ -80,6 +80,9 @@ class BlockParser {
   const char* broken() const { return broken_; }
   // A new connection: what waits is junk, and the sequence starts at 0. Not from inside on_block.
   void reset();
+  // Gives back the memory of the largest block so far, after a pause; it is kept for the next one.
+  void give_back() { buffer_.give_back(); }
+  std::size_t kept_bytes() const { return buffer_.kept_bytes(); }
   const BlockCounts& counts() const { return counts_; }
 
  private:
@@ -88,7 +91,7 @@ class BlockParser {
   void discard(std::size_t bytes);
   std::uint64_t missing_before(std::uint32_t sequence);
 
-  FrameBuffer buffer_;
+  FrameBuffer buffer_{2 * (header_bytes + max_payload_bytes)};  // a vector doubles
   const char* broken_ = nullptr;
   BlockCounts counts_;
   std::uint32_t expected_ = 0;

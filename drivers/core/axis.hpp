@@ -24,6 +24,7 @@ inline constexpr double ps_per_m = 2e12 / speed_of_light_m_s;  // there and back
 //   depth_y   tangent                 1     y/z of a pixel row, y up (step is negative)
 //   map_x     tangent                 1     of the depth map that the depth images are brought to
 //   map_y     tangent                 1     (acquire/record/depth_map.hpp)
+//   map_z     depth                   m     its range: one bin, from 0 on
 struct Axis {
   std::string name;
   std::string quantity;

@@ -17,6 +17,8 @@ struct Step {
 
 class FrameBuffer {
  public:
+  // Keeps the memory of frames up to so many bytes, until clear() or give_back().
+  explicit FrameBuffer(std::size_t most_kept = 1 << 20) : most_kept_(most_kept) {}
   // Shows consume(view) the unused bytes, in order and contiguous, until it wants more than there
   // are. consume must return {0, wanted} at the latest when its view is empty.
   template <class Consume>
@@ -37,14 +39,16 @@ class FrameBuffer {
   }
   ByteView held() const { return ByteView(held_).subspan(used_); }
   void clear() {
-    held_.clear();
+    Bytes().swap(held_);
     used_ = wanted_ = 0;
+  }
+  std::size_t kept_bytes() const { return held_.capacity(); }
+  // Between two frames.
+  void give_back() {
+    if (held_.empty()) clear();
   }
 
  private:
-  // Bytes. A damaged length may have asked for more than any frame needs.
-  static constexpr std::size_t most_kept = 1 << 20;
-
   // Shows it what is held once more.
   template <class Consume>
   void again(const Consume& consume) {
@@ -53,7 +57,7 @@ class FrameBuffer {
     // not move all that waits behind it.
     if (used_ == held_.size()) {
       held_.clear();
-      if (held_.capacity() > most_kept) held_.shrink_to_fit();
+      if (held_.capacity() > most_kept_) held_.shrink_to_fit();
     } else if (used_ >= held_.size() / 4) {
       held_.erase(held_.begin(), held_.begin() + static_cast<std::ptrdiff_t>(used_));
     } else {
@@ -74,6 +78,7 @@ class FrameBuffer {
     }
   }
 
+  std::size_t most_kept_;
   Bytes held_;
   std::size_t used_ = 0;  // of held_, from its beginning
   std::size_t wanted_ = 0;

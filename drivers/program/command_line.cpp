@@ -93,7 +93,6 @@ std::string readable(std::string text) {
     if (end > dot + 1) text.erase(zeros, end - zeros);
   }
   replace(text, " excludes ", " does not go with ");
-  replace(text, "Missing mandatory unit", "expected a number with its unit, as 2h, 30m or 10s");
   const std::string cannot = "Could not convert: ";
   if (text.starts_with(cannot)) text = text.substr(cannot.size()) + ": expected a number";
   return text;
@@ -171,7 +170,6 @@ class Readable final : public CLI::Formatter {
     text = text.substr(0, std::min(text.find(" Needs:"), text.find(" Excludes:")));
     replace(text, ":NONNEGATIVE", " (at least 0)");
     replace(text, "UINT", "INT");
-    replace(text, ":FLOAT UNIT", "");
     replace(text, ":POSITIVE", " (above 0)");
     return text;
   }

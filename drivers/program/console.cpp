@@ -49,6 +49,7 @@ int run_main(const std::string& program, const std::function<ExitCode()>& body) 
       std::fputc('\n', stdout);
       std::fflush(stdout);
     }
+    if (errno == EPIPE) return static_cast<int>(code);
     const std::string why = errno != 0 ? std::string(": ") + std::strerror(errno) : "";
     return complain(("stdout: cannot be written" + why).c_str(),
                     code == ExitCode::ok ? ExitCode::failed : code);
@@ -78,6 +79,11 @@ void catch_interrupts() {
   sigemptyset(&action.sa_mask);
   sigaction(SIGINT, &action, nullptr);
   sigaction(SIGTERM, &action, nullptr);
+  struct sigaction hangup {};
+  sigaction(SIGHUP, nullptr, &hangup);
+  if (hangup.sa_handler != SIG_IGN) sigaction(SIGHUP, &action, nullptr);
+  action.sa_handler = [](int) {};  // programs that this one starts do not inherit it
+  sigaction(SIGPIPE, &action, nullptr);
 }
 
 bool interrupted() { return signals_seen != 0; }
@@ -158,5 +164,8 @@ std::string human_duration(double seconds) {
 }
 
 const char* version() { return ECHOFUSE_VERSION; }
+std::string version_line(const std::string& program) {
+  return program + " " + version() + " (" + commit() + ")";
+}
 
 }  // namespace echofuse

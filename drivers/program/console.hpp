@@ -11,15 +11,16 @@
 namespace echofuse {
 
 // Runs body and returns its exit code; an exception becomes one line "PROGRAM: text" on stderr, and
-// so does stdout that cannot be written (code failed). A limit on the size of files is an error of
-// the file, not the end of the process.
+// so does stdout that cannot be written (code failed), unless its reader is gone. A limit on the
+// size of files is an error of the file, not the end of the process.
 int run_main(const std::string& program, const std::function<ExitCode()>& body);
 
 // Whether stderr goes to systemd's journal, which keeps the time by itself and takes "<N>" in front
 // of a line as its priority (syslog's numbers).
 bool stderr_is_journal();
 
-// SIGINT and SIGTERM set a flag; a second SIGINT ends the process at once (exit code 130).
+// SIGINT, SIGTERM and SIGHUP set a flag; a second SIGINT ends the process at once (exit code 130).
+// SIGHUP stays ignored where nohup ignores it. A reader that goes away costs the output only.
 void catch_interrupts();
 bool interrupted();
 
@@ -53,5 +54,9 @@ std::string human_duration(double seconds);
 
 // The program's version, as in CMakeLists.txt.
 const char* version();
+// The commit of the sources, "d8b7bc3f0"; with "+" if they were changed since (commit.cmake).
+const char* commit();
+// What --version prints: "echofuse-sim 0.1.0 (d8b7bc3f0)".
+std::string version_line(const std::string& program);
 
 }  // namespace echofuse

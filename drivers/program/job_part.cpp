@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <charconv>
-#include <cstdlib>
 #include <filesystem>
 #include <numeric>
 #include <optional>
@@ -35,34 +34,18 @@ bool is_part(std::string_view name, std::size_t extension) {
          digits(name.substr(between + of.size()));
 }
 
-std::int64_t from_slurm(const char* name) {
-  const char* const text = std::getenv(name);
-  const auto found = text ? number_of(text) : std::nullopt;
-  if (!found)
-    throw Error(ExitCode::usage, std::string("--part auto: ") + name + " is " +
-                                     (text ? "\"" + printable(text, 40) + "\"" : "not set") +
-                                     "; expected a task of `sbatch --array=1-N`");
-  return *found;
-}
-
 }  // namespace
 
 JobPart JobPart::of(const std::string& text) {
   std::optional<std::int64_t> number, count;
-  if (text == "auto") {
-    number = from_slurm("SLURM_ARRAY_TASK_ID") - from_slurm("SLURM_ARRAY_TASK_MIN") + 1;
-    count = from_slurm("SLURM_ARRAY_TASK_COUNT");
-    if (*number < 1 || *number > *count)
-      throw Error(ExitCode::usage,
-                  "--part auto: the indices of the array do not follow each other; "
-                  "expected `sbatch --array=1-N`");
-  } else if (const auto slash = text.find('/'); slash != text.npos) {
+  if (const auto slash = text.find('/'); slash != text.npos) {
     number = number_of(std::string_view(text).substr(0, slash));
     count = number_of(std::string_view(text).substr(slash + 1));
   }
   if (!number || !count || *number < 1 || *number > *count || *count > most_parts)
     throw Error(ExitCode::usage, "--part " + printable(text, 40) +
-                                     ": expected K/N with 1 <= K <= N <= 100000, or auto");
+                                     ": expected K/N with 1 <= K <= N <= 100000, as " +
+                                     "$SLURM_ARRAY_TASK_ID/16 in a job array of Slurm");
   return {*number, *count};
 }
 

@@ -13,8 +13,7 @@ namespace echofuse {
 
 class JobPart {
  public:
-  // "K/N", 1 <= K <= N <= 100000, or "auto": the task of a Slurm array that this process is, from
-  // SLURM_ARRAY_TASK_ID, _COUNT and _MIN; its indices follow each other. Throws Error(usage).
+  // "K/N", 1 <= K <= N <= 100000. Throws Error(usage).
   static JobPart of(const std::string& text);
 
   std::string name() const;  // "part-2-of-4", of files
@@ -37,7 +36,7 @@ class JobPart {
 
 // Of the option --part.
 inline constexpr const char* part_help =
-    "K/N: only the K-th of N parts of the work; auto: that of this task of a Slurm array";
+    "K/N: only the K-th of N parts of the work; in a Slurm array $SLURM_ARRAY_TASK_ID/N";
 
 // Throws Error(code): this line of the head of a part's file is not the expected one.
 [[noreturn]] void refuse_part(ExitCode code, const std::string& path, const std::string& line,

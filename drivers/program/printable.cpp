@@ -53,13 +53,16 @@ void put_written_out(std::string& out, std::string_view bytes, const Character& 
   }
 }
 
-std::string escaped(std::string_view text, std::size_t longest, bool keep_lines) {
+enum class Kept { printed, lines, all };  // of what is UTF-8
+
+std::string escaped(std::string_view text, std::size_t longest, Kept kept) {
   std::string out;
   out.reserve(std::min(text.size(), longest));
   while (!text.empty()) {
     if (out.size() >= longest) return out + "...";
     const Character c = first_of(text);
-    if (c.valid && (!is_obeyed(c.code) || (keep_lines && c.code == '\n')))
+    if (c.valid &&
+        (kept == Kept::all || !is_obeyed(c.code) || (kept == Kept::lines && c.code == '\n')))
       out += text.substr(0, c.bytes);
     else
       put_written_out(out, text, c);
@@ -71,11 +74,15 @@ std::string escaped(std::string_view text, std::size_t longest, bool keep_lines)
 }  // namespace
 
 std::string printable(std::string_view text, std::size_t longest) {
-  return escaped(text, longest, false);
+  return escaped(text, longest, Kept::printed);
 }
 
 std::string printable_lines(std::string_view text) {
-  return escaped(text, std::string_view::npos, true);
+  return escaped(text, std::string_view::npos, Kept::lines);
+}
+
+std::string utf8_text(std::string_view text) {
+  return escaped(text, std::string_view::npos, Kept::all);
 }
 
 }  // namespace echofuse

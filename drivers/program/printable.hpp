@@ -15,4 +15,7 @@ std::string printable(std::string_view text, std::size_t longest = std::string_v
 // The same, but lines stay lines: for messages of several lines, as the faults of a configuration.
 std::string printable_lines(std::string_view text);
 
+// A name for JSON: only what is not UTF-8 is written out (\xff).
+std::string utf8_text(std::string_view text);
+
 }  // namespace echofuse

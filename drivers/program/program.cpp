@@ -2,12 +2,15 @@
 #include "drivers/program/program.hpp"
 
 #include <pwd.h>
+#include <sched.h>
 #include <spawn.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <cstdlib>
+#include <thread>
 
 namespace echofuse {
 
@@ -25,6 +28,13 @@ std::filesystem::path here_or_installed(const std::filesystem::path& name,
     for (const auto& installed : {data_folder(), data_folder() / "radar"})
       if (std::filesystem::exists(installed / name, none)) return installed / name;
   return folder / name;
+}
+
+unsigned usable_cores() {
+  cpu_set_t cores;
+  if (::sched_getaffinity(0, sizeof cores, &cores) != 0)
+    return std::max(1u, std::thread::hardware_concurrency());
+  return static_cast<unsigned>(CPU_COUNT(&cores));
 }
 
 std::string machine_name() {

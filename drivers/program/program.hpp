@@ -26,6 +26,8 @@ std::filesystem::path here_or_installed(const std::filesystem::path& name,
                                         const std::filesystem::path& folder = {});
 // Who is logged in: the name of the effective user, under sudo that of who called it.
 std::string login_name();
+// The cores that this program may use (taskset, cgroups' cpusets); at least 1.
+unsigned usable_cores();
 // This machine's name on the network.
 std::string machine_name();
 // One of our programs as the first word to start it by: beside this one, else as PATH has it.

@@ -87,19 +87,19 @@ std::string place(const std::string& name, const toml::source_position& where) {
   return name + ":" + std::to_string(where.line) + ":" + std::to_string(where.column);
 }
 
+// Line n, from 1; empty behind the end.
+std::string_view line_of(std::string_view text, std::size_t n) {
+  while (--n > 0) text.remove_prefix(std::min(text.find('\n'), text.size() - 1) + 1);
+  return text.substr(0, text.find('\n'));
+}
+
 // Empties a line that cannot be read; false if what follows depends on it: a section's name, or
 // the open end of a text.
-bool blank_out(std::string& text, std::size_t line) {
-  std::size_t begin = 0;
-  for (std::size_t n = 1; n < line && begin != text.npos; ++n) {
-    begin = text.find('\n', begin);
-    if (begin != text.npos) ++begin;
-  }
-  if (begin == text.npos || begin >= text.size()) return false;
-  const std::size_t end = std::min(text.find('\n', begin), text.size());
-  const std::size_t first = text.find_first_not_of(" \t\r", begin);
-  if (first >= end || text[first] == '[') return false;
-  text.erase(begin, end - begin);
+bool blank_out(std::string& text, std::size_t n) {
+  const std::string_view line = line_of(text, n);
+  const std::size_t first = line.find_first_not_of(" \t\r");
+  if (first == line.npos || line[first] == '[') return false;
+  text.erase(static_cast<std::size_t>(line.data() - text.data()), line.size());
   return true;
 }
 
@@ -169,6 +169,11 @@ std::string Settings::origin(const std::string& key) const {
   return entry ? entry->origin : "";
 }
 
+bool Settings::refused(const std::string& key) const {
+  const auto* entry = const_cast<Settings*>(this)->find(key);
+  return entry && entry->refused;
+}
+
 bool Settings::is_section(const std::string& key) const {
   return std::any_of(entries_.begin(), entries_.end(),
                      [&](const Entry& e) { return e.key.rfind(key + ".", 0) == 0; });
@@ -231,6 +236,7 @@ std::string Settings::assign(Entry& entry, const Node& node, const std::string& 
     }
   }
   if (fits) entry.origin = origin;
+  entry.refused = !fits;
   return fits ? "" : expectation(entry);
 }
 
@@ -275,14 +281,18 @@ void Settings::read_table(const Table& table, const std::string& prefix, const s
 }
 
 void Settings::parse(std::string text, const std::string& name, Faults& faults) {
-  for (std::size_t last = 0;;) {
+  std::size_t last = 0;
+  for (std::size_t rounds = 0; rounds < enough_faults; ++rounds) {
     try {
       return read_table(toml::parse(text, name), "", name, faults);
     } catch (const toml::parse_error& e) {
+      whole_ = false;
       const auto where = e.source().begin;
-      faults.push_back(place(name, where) + ": not TOML: " + std::string(e.description()));
-      if (where.line <= last || faults.size() >= enough_faults || !blank_out(text, where.line))
-        return;
+      if (where.line <= last) return;
+      // The rest of a value whose first line is lost is no fault of its own.
+      if (last == 0 || line_of(text, where.line).find('=') != std::string_view::npos)
+        faults.push_back(place(name, where) + ": not TOML: " + std::string(e.description()));
+      if (!blank_out(text, where.line)) return;
       last = where.line;
     }
   }

@@ -48,6 +48,10 @@ class Settings {
   // Where a key's value comes from: "FILE:line:column", "--set key=value", or empty for the
   // default.
   std::string origin(const std::string& key) const;
+  // Grounds to judge no settings together: the key's value does not fit; or lines of the text are
+  // lost, because they are not TOML.
+  bool refused(const std::string& key) const;
+  bool whole() const { return whole_; }
   // The settings as TOML with all values, which read_text takes back; with each key's meaning and
   // range as a comment if asked.
   std::string resolved(bool with_docs = false) const;
@@ -74,6 +78,7 @@ class Settings {
     std::string key, doc;
     std::variant<Real, Integer, bool*, Text, std::vector<std::string>*> target;
     std::string origin{};
+    bool refused = false;
   };
   using Faults = std::vector<std::string>;
   template <class Node>
@@ -95,6 +100,7 @@ class Settings {
   std::string print(bool with_docs, bool with_origin) const;
 
   std::vector<Entry> entries_;
+  bool whole_ = true;
 };
 
 }  // namespace echofuse

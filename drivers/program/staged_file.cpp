@@ -48,6 +48,10 @@ void to_disk(const std::string& path) {
 
 }  // namespace
 
+void remove_side_files(const std::string& database) {
+  for (const char* beside : {"-journal", "-wal", "-shm"}) ::unlink((database + beside).c_str());
+}
+
 std::string scratch_folder(const std::string& beside) {
   const char* const given = std::getenv("TMPDIR");
   if (given && *given) return given;
@@ -75,7 +79,8 @@ StagedFile::~StagedFile() {
 }
 
 void StagedFile::remove() const {
-  for (const char* end : {"", "-wal", "-shm", "-journal", "-lock"}) ::unlink((path_ + end).c_str());
+  for (const char* end : {"", "-lock"}) ::unlink((path_ + end).c_str());
+  remove_side_files(path_);
 }
 
 void StagedFile::publish() {
@@ -87,6 +92,7 @@ void StagedFile::publish() {
     if (error) fail(beside, error.message());
   }
   to_disk(beside);
+  remove_side_files(place_);
   if (std::rename(beside.c_str(), place_.c_str()) != 0) fail(place_, std::strerror(errno));
 }
 

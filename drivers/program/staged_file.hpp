@@ -19,8 +19,8 @@ class StagedFile {
 
   const std::string& path() const { return path_; }  // where it grows; nothing is there yet
   const std::string& place() const { return place_; }
-  // Moves the file, which nobody holds open any more, to its place, over what is there. Throws
-  // Error(disk).
+  // Moves the file, which nobody holds open any more, to its place, over what is there, whose side
+  // files it removes. Throws Error(disk).
   void publish();
 
  private:
@@ -28,6 +28,10 @@ class StagedFile {
   std::string place_, path_;
   int lock_ = -1;
 };
+
+// What SQLite keeps beside a database of this name. Left there by another one, it would be taken
+// for the new one's.
+void remove_side_files(const std::string& database);
 
 // Where files that are soon removed belong: $TMPDIR, else this folder.
 std::string scratch_folder(const std::string& beside);

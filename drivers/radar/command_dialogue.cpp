@@ -61,6 +61,7 @@ void CommandDialogue::send_whole_cfg() {
 void CommandDialogue::start(HostTime now) { send_bare_line(now); }
 
 void CommandDialogue::receive(ByteView bytes, HostTime now) {
+  heard_ = heard_ || !bytes.empty();
   if (drain_end_ && !bytes.empty()) deadline_ = std::min(*drain_end_, now + timeouts_.quiet);
   for (const std::uint8_t byte : bytes) {
     if (byte == '\r' || byte == 0) continue;
@@ -87,9 +88,16 @@ void CommandDialogue::tick(HostTime now) {
   } else if (state_ == State::draining && tries_ < max_tries) {
     send_bare_line(now);
   } else if (state_ == State::draining) {
-    fail("no prompt: is this the radar's command port, is it powered, is the baud rate right?");
+    fail(heard_ ? "no prompt, but other bytes: is radar.cli_baud right, is the board's jumper set "
+                  "for flashing?"
+                : "no prompt: is this the radar's command port, is it powered, is the baud rate "
+                  "right, has its firmware stopped (reset the board)?");
   } else {
-    fail("no answer");
+    if (!trimmed(line_).empty()) answer_.push_back(trimmed(line_));
+    std::string said;
+    for (const std::string& line : answer_) said += (said.empty() ? " behind '" : "; ") + line;
+    fail("no answer" + (said.empty() ? "" : shown(said) + "'") +
+         ": the firmware has stopped, reset the board");
   }
 }
 
@@ -99,8 +107,10 @@ void CommandDialogue::on_line() {
   const bool commanding = state_ == State::commanding;
   // Once per frame while measureRangeBiasAndRxChanPhase is on; it may cut into an echo.
   const std::size_t calibration = line.find("compRangeBiasAndRxChanPhase ");
-  if (line.starts_with("Exception:")) {
-    fail(shown(line) + " (the firmware has stopped: reset the board)");
+  if (line.find("Exception:") != line.npos) {
+    const bool starts = commanding && commands_[next_].text.find("sensorStart") != line.npos;
+    fail(shown(line) + " (the firmware has stopped: reset the board" +
+         (starts ? "; channelCfg, adcCfg and lowPower cannot change without)" : ")"));
   } else if (is_banner(line) && state_ != State::draining) {
     fail("the board was reset");
   } else if (commanding && line == trimmed(commands_[next_].text)) {
@@ -125,6 +135,7 @@ void CommandDialogue::on_prompt(HostTime now) {
   if (state_ == State::commanding) {
     judge_answer(now);
   } else if (state_ == State::draining && !drain_end_) {
+    answered_ = true;
     drain_end_ = now + timeouts_.prompt;
     deadline_ = now + timeouts_.quiet;
   }
@@ -139,6 +150,8 @@ void CommandDialogue::judge_answer(HostTime now) {
     for (const std::string& line : answer_)
       if (line.starts_with("Ignored") || line.starts_with("Error"))
         report(stop ? Severity::info : Severity::warning, command + ": " + line);
+      else if (line.starts_with("Debug"))
+        remark_ = shown(line);
     next_command(now);
   } else if (refused && is_probe() && tries_ < 2) {
     send_command(now);
@@ -150,15 +163,15 @@ void CommandDialogue::judge_answer(HostTime now) {
     next_ = 0;
     next_command(now);
   } else if (!why.empty()) {
-    fail(shown(why) + advice(refused));
+    fail(shown(why) + advice(refused, why.starts_with("Error -")));
   }
 }
 
-std::string CommandDialogue::advice(bool unknown) const {
+std::string CommandDialogue::advice(bool unknown, bool without_reason) const {
   const std::string& command = commands_[next_].text;
   if (unknown) return advice_for_unknown(command, firmware_, cfg_name_);
   const bool starts = command.find("sensorStart") != command.npos;
-  return starts ? advice_for_start(cfg_, firmware_, cfg_name_) : "";
+  return starts ? advice_for_start(cfg_, firmware_, cfg_name_, without_reason) : "";
 }
 
 void CommandDialogue::send_bare_line(HostTime now) {

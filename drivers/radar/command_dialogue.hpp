@@ -9,9 +9,10 @@
 //               Done                                         good
 //               Ignored: ... / Done                          good, told
 //               Skipped                                      good (a comment)
-//               Error -1 (often an explaining line before)   failed
+//               Error -1 (often an explaining line before)   failed; bare: the front end's limits
 //               'LINE' is not recognized as a CLI command    failed; sdk.hpp says why
-//               Exception: FILE, line N.                     failed: the firmware has stopped
+//               ... Exception: FILE, line N.                 failed: the firmware has stopped
+//               nothing, or lines without a verdict          failed, with these lines
 //             "mmwDemo:/>"                                   before which nothing more is sent: the
 //                                                            firmware's receiver has no buffer
 // Lines that come unasked (calibration results) are told as they are. The firmware's banner where
@@ -64,12 +65,14 @@ class CommandDialogue {
   State state() const { return state_; }
   // How it is or was done: Send::cfg also after a restart that was refused.
   Send sent() const { return send_; }
+  bool answered() const { return answered_; }              // with a prompt, at least
   const std::string& failure() const { return failure_; }  // one line, with the cfg line's number
   // What is to be written, and told, since the last call.
   std::string take_output() { return std::exchange(output_, {}); }
   std::vector<Event> take_events() { return std::exchange(events_, {}); }
   // What the board's own calibration answered since the last call.
   std::vector<FirmwareBias> take_biases() { return std::exchange(biases_, {}); }
+  const std::string& remark() const { return remark_; }  // "Debug: ...", of a command that worked
   // From the answer to `version`: "xWR68xx" and "mmWave SDK 03.04.00.03"; empty if it gave none.
   const std::string& platform() const { return platform_; }
   const std::string& firmware() const { return firmware_; }
@@ -78,7 +81,7 @@ class CommandDialogue {
   void on_line();
   void on_prompt(HostTime now);
   void judge_answer(HostTime now);
-  std::string advice(bool unknown) const;
+  std::string advice(bool unknown, bool without_reason) const;
   void send_bare_line(HostTime now);
   void send_command(HostTime now);
   void next_command(HostTime now);
@@ -95,10 +98,11 @@ class CommandDialogue {
   std::size_t next_ = 0;  // the command that is being answered
   int tries_ = 0;
   State state_ = State::draining;
+  bool heard_ = false, answered_ = false;
   std::optional<HostTime> deadline_, drain_end_;  // drain_end_: set by the first prompt
   std::string line_;                              // since the last line end or prompt
   std::vector<std::string> answer_;               // the lines since it was sent
-  std::string failure_, output_, platform_, firmware_;
+  std::string failure_, remark_, output_, platform_, firmware_;
   std::vector<Event> events_;
   std::vector<FirmwareBias> biases_;
 };

@@ -65,7 +65,42 @@ bool read_tlv(std::uint32_t type, ByteView payload, RadarFrame& frame) {
   return false;
 }
 
+// Whether TLVs fill a packet behind a header of this length, if their lengths are so much too long.
+bool fill(ByteView packet, std::size_t header, std::size_t extra) {
+  std::size_t at = header;
+  while (packet.size() >= at + padding_limit) {
+    ByteReader in(packet.subspan(at));
+    const auto type = in.get<std::uint32_t>(), length = in.get<std::uint32_t>();
+    if (type == 0 || length < extra || length > packet.size()) return false;
+    at += tlv_header_bytes + length - extra;
+  }
+  return at > header && at <= packet.size();
+}
+
 }  // namespace
+
+std::string why_no_frames(ByteView bytes) {
+  if (bytes.empty()) return "it is empty";
+  const std::size_t first = find_magic(bytes, 0);
+  const std::size_t end = find_magic(bytes, std::min(first + 1, bytes.size()));
+  if (first == bytes.size()) {
+    const std::string text(bytes.begin(), bytes.end());
+    if (text.find(":/>") != text.npos)
+      return "it is text of the command port; expected the data port's bytes";
+    const bool plain = std::ranges::all_of(text, [](char c) { return c >= '\t' && c <= '~'; });
+    return plain ? "it is text; expected the data port's bytes"
+                 : "no frame begins in it: was it recorded at the data port's baud rate?";
+  }
+  const ByteView packet = bytes.subspan(first, end - first);
+  if (fill(packet, 36, 0)) return "its frames are of SDK 1 or 2.0 (header of 36 bytes)";
+  for (const std::size_t header : {36u, 40u})
+    if (fill(packet, header, tlv_header_bytes))
+      return "the lengths of its TLVs include their headers, as in SDK 1";
+  for (const std::size_t header : {44u, 48u, 52u, 56u})
+    if (fill(packet, header, 0) || fill(packet, header, tlv_header_bytes))
+      return "its frames are of another demo (header of " + std::to_string(header) + " bytes)";
+  return end == bytes.size() ? "it has only a part of a frame" : "its frames are of another demo";
+}
 
 // The fields in wire order.
 struct FrameParser::Header {

@@ -41,6 +41,7 @@
 #include <functional>
 #include <map>
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "drivers/core/bytes.hpp"
@@ -70,6 +71,9 @@ struct FrameCounts {
   // Well-formed TLVs by type; only the first 64 types that turn up are told apart.
   std::map<std::uint32_t, std::uint64_t> tlvs;
 };
+
+// Of a stream in which no frame was found, by its beginning: what it is instead.
+std::string why_no_frames(ByteView beginning);
 
 // All of its numbers but the frame numbers and the TLVs by type.
 std::vector<Counter> counters_of(const FrameCounts& counts);

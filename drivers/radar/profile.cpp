@@ -3,113 +3,27 @@
 
 #include <algorithm>
 #include <bit>
-#include <charconv>
 #include <cmath>
-#include <map>
 #include <sstream>
 #include <tuple>
 
 #include "drivers/program/exit_code.hpp"
-#include "drivers/program/printable.hpp"
+#include "drivers/radar/cfg.hpp"
 
 namespace echofuse::radar {
 namespace {
 
 constexpr double firmware_speed_of_light_m_s = 3.0e8;
-constexpr std::size_t max_line = 255, max_words = 40;  // SDK, utils/cli and UART text mode
 
-struct Command {
-  int line = 0;
-  std::vector<std::string_view> words;  // the name first
-};
+// The front end of xWR6x43.
+constexpr double band_start_ghz = 60, band_end_ghz = 64;
+constexpr double shortest_period_ms = 0.3, longest_period_ms = 1342;
 
-std::string quoted(std::string_view word) { return std::string(1, '\'').append(word) += '\''; }
-
-// One cfg file, split into commands, with errors that name its lines.
-class Cfg {
- public:
-  Cfg(const std::vector<CfgLine>& lines, std::string name) : name_(std::move(name)) {
-    for (const CfgLine& line : lines) attempt([&] { add(line); });
-  }
-  // Faults come together: those of one attempt do not hide the next one's.
-  template <class Body>
-  void attempt(Body body) const {
-    try {
-      body();
-    } catch (const Error& e) {
-      faults_ += (faults_.empty() ? "" : "\n") + std::string(e.what());
-    }
-  }
-  void stop_if_faulty() const {
-    if (!faults_.empty()) throw Error(ExitCode::config, faults_);
-  }
-  // All commands of a name; at least one, or an error.
-  const std::vector<Command>& all(const std::string& command) const {
-    const auto it = commands_.find(command);
-    if (it == commands_.end()) throw Error(ExitCode::config, name_ + ": has no " + command);
-    return it->second;
-  }
-  // The last one counts, as in the firmware.
-  const Command& last(const std::string& command) const { return all(command).back(); }
-  bool has(const std::string& command) const { return commands_.count(command) != 0; }
-  // Frames of subframes (advFrameCfg), as dfeDataOutputMode says.
-  bool advanced() const {
-    return has("dfeDataOutputMode") && number(last("dfeDataOutputMode"), 1) == 3;
-  }
-
-  // The i-th argument, from 1.
-  double number(const Command& c, std::size_t i) const {
-    if (i >= c.words.size())
-      fail(c, "needs at least " + std::to_string(i) + " numbers, has " +
-                  std::to_string(c.words.size() - 1));
-    const std::string_view word = c.words[i];
-    double value = 0;
-    const auto [end, error] = std::from_chars(word.data(), word.data() + word.size(), value);
-    if (error != std::errc{} || end != word.data() + word.size() || !std::isfinite(value))
-      fail(c, quoted(word) + " is not a number");
-    return value;
-  }
-  // Wider than any board's, and narrow enough for the range axis to be finite.
-  double positive(const Command& c, std::size_t i, const char* meaning) const {
-    const double value = number(c, i);
-    if (value < 1e-6 || value > 1e9) fail(c, std::string(meaning) + " must be from 1e-6 to 1e9");
-    return value;
-  }
-  std::uint32_t integer(const Command& c, std::size_t i, double min, double max) const {
-    const double value = number(c, i);
-    if (value != std::floor(value) || value < min || value > max)
-      fail(c, quoted(c.words[i]) + " should be a whole number from " +
-                  std::to_string(static_cast<int>(min)) + " to " +
-                  std::to_string(static_cast<int>(max)));
-    return static_cast<std::uint32_t>(value);
-  }
-  [[noreturn]] void fail(const Command& c, const std::string& what) const {
-    throw Error(
-        ExitCode::config,
-        printable(where(c.line) + std::string(c.words.empty() ? "" : c.words[0]) + " " + what));
-  }
-  const std::string& name() const { return name_; }
-  std::string where(int line) const { return name_ + ":" + std::to_string(line) + ": "; }
-
- private:
-  void add(const CfgLine& line) {
-    Command c{line.number, {}};
-    const std::string_view text = line.text;
-    for (std::size_t at = 0; (at = text.find_first_not_of(" \t", at)) != text.npos;) {
-      const std::size_t end = std::min(text.find_first_of(" \t", at), text.size());
-      c.words.push_back(text.substr(at, end - at));
-      at = end;
-    }
-    if (text.size() > max_line)
-      fail(c, "line has " + std::to_string(text.size()) + " characters; the firmware takes 255");
-    if (c.words.size() > max_words) fail(c, "line has more than the 40 words the firmware takes");
-    commands_[std::string(c.words[0])].push_back(c);
-  }
-
-  std::string name_;
-  mutable std::string faults_;
-  std::map<std::string, std::vector<Command>> commands_;
-};
+std::string digits(double value) {
+  std::ostringstream text;
+  text << std::round(value * 1e3) / 1e3;
+  return text.str();
+}
 
 struct Antennas {
   std::uint32_t receivers = 0;              // enabled: a mask
@@ -133,6 +47,9 @@ struct Frame {
                : cfg.integer(line, 2, 0, 511);
   }
   std::uint32_t loops(const Cfg& cfg) const { return cfg.integer(line, sub ? 5 : 3, 1, 1 << 15); }
+  double chirps(const Cfg& cfg) const {
+    return (last_chirp(cfg) - first_chirp(cfg) + 1.0) * loops(cfg);
+  }
   double period_s(const Cfg& cfg) const {
     return cfg.positive(line, sub ? 10 : 5, sub ? "the subframe's period" : "the frame period") *
            1e-3;
@@ -192,8 +109,7 @@ const Command& profile_of(const Cfg& cfg, const Frame& frame) {
   return *found;
 }
 
-Sampling read_sampling(const Cfg& cfg, const Frame& frame) {
-  const Command& chirp = profile_of(cfg, frame);
+Sampling sampling_of(const Cfg& cfg, const Command& chirp) {
   Sampling out;
   cfg.attempt([&] { out.samples = cfg.integer(chirp, 10, 2, 2048); });
   cfg.attempt([&] { out.slope_hz_per_s = cfg.positive(chirp, 8, "the frequency slope") * 1e12; });
@@ -204,15 +120,39 @@ Sampling read_sampling(const Cfg& cfg, const Frame& frame) {
 // Idle time and ramp of all chirps of a frame.
 double active_s(const Cfg& cfg, const Frame& frame) {
   const Command& chirp = profile_of(cfg, frame);
-  const double chirps = frame.last_chirp(cfg) - frame.first_chirp(cfg) + 1.0;
-  return 1e-6 * chirps * frame.loops(cfg) * (cfg.number(chirp, 3) + cfg.number(chirp, 5));
+  return 1e-6 * frame.chirps(cfg) * (cfg.number(chirp, 3) + cfg.number(chirp, 5));
+}
+
+void check_front_end(const Cfg& cfg, const Frame& frame) {
+  const Command& used = profile_of(cfg, frame);
+  const auto n = [&](std::size_t i) { return cfg.number(used, i); };
+  const double period_ms = 1e3 * frame.period_s(cfg), chirps = frame.chirps(cfg);
+  for (const auto& [of_frame, words] :
+       refusals_of({n(2), n(3), n(4), n(5), n(8), n(10), n(11), chirps, period_ms}))
+    cfg.refuse(cfg.complaint(of_frame ? frame.line : used, words));
+}
+
+// The firmware takes one profile for the range axis, whichever the other chirps have.
+void require_one_axis(const Cfg& cfg, const Frame& frame) {
+  const Command& used = profile_of(cfg, frame);
+  for (const Command& chirp : cfg.all("chirpCfg")) {
+    if (cfg.integer(chirp, 1, 0, 511) > frame.last_chirp(cfg) ||
+        cfg.integer(chirp, 2, 0, 511) < frame.first_chirp(cfg))
+      continue;
+    for (const Command& c : cfg.all("profileCfg"))
+      if (cfg.number(c, 1) == cfg.number(chirp, 3) && sampling_of(cfg, c) != sampling_of(cfg, used))
+        cfg.fail(chirp, "takes profileCfg " + std::string(c.words[1]) +
+                            ", other chirps of the frame " + std::string(used.words[1]) +
+                            ": these have two range axes");
+  }
 }
 
 // A record is the mean over them.
 void require_alike(const Cfg& cfg, const std::vector<Frame>& frames) {
   const auto of = [&](const Frame& f) {
     const Antennas antennas = read_antennas(cfg, f);
-    return std::tuple(read_sampling(cfg, f), antennas.receivers, antennas.transmitters);
+    return std::tuple(sampling_of(cfg, profile_of(cfg, f)), antennas.receivers,
+                      antennas.transmitters);
   };
   for (const Frame& f : frames)
     if (of(f) != of(frames.front()))
@@ -307,6 +247,15 @@ void check_rates(const Cfg& cfg, RadarProfile& profile, std::uint32_t data_baud)
 }
 
 void read_warnings(const Cfg& cfg, RadarProfile& profile, std::uint32_t data_baud) {
+  const Command& frame = cfg.last(cfg.advanced() ? "advFrameCfg" : "frameCfg");
+  const std::size_t count = cfg.advanced() ? 3 : 4, trigger = cfg.advanced() ? 4 : 6;
+  const std::string where = cfg.where(frame.line) + std::string(frame.words[0]);
+  if (cfg.number(frame, count) != 0)
+    profile.warnings.push_back(where + " ends after " + std::string(frame.words[count]) +
+                               " frames; 0 goes on without end");
+  if (cfg.number(frame, trigger) != 1)
+    profile.warnings.push_back(where + " trigger " + std::string(frame.words[trigger]) +
+                               " waits for a pulse at the board's pin for each frame; 1 does not");
   if (cfg.has("clutterRemoval")) {
     const Command& c = cfg.last("clutterRemoval");
     if (cfg.number(c, 2) != 0)
@@ -322,38 +271,45 @@ void read_warnings(const Cfg& cfg, RadarProfile& profile, std::uint32_t data_bau
 
 }  // namespace
 
-std::vector<CfgLine> command_lines(std::string_view cfg_text) {
-  std::vector<CfgLine> lines;
-  int number = 0;
-  while (!cfg_text.empty()) {
-    const std::size_t end = std::min(cfg_text.find('\n'), cfg_text.size());
-    std::string text(cfg_text.substr(0, end));
-    cfg_text.remove_prefix(std::min(end + 1, cfg_text.size()));
-    ++number;
-    std::erase(text, '\r');
-    const std::size_t first = text.find_first_not_of(" \t");
-    if (first != text.npos && text[first] != '%') lines.push_back({number, std::move(text)});
-  }
-  return lines;
+std::vector<std::pair<bool, std::string>> refusals_of(const ChirpTiming& c) {
+  std::vector<std::pair<bool, std::string>> out;
+  const double end_ghz = c.start_ghz + 1e-3 * c.slope_mhz_us * c.ramp_end_us;
+  const double sampled_us = c.adc_start_us + 1e3 * c.samples / c.rate_ksps;
+  const double active_ms = 1e-3 * c.chirps * (c.idle_us + c.ramp_end_us);
+  if (c.start_ghz < band_start_ghz || end_ghz > band_end_ghz + 1e-6)
+    out.emplace_back(false, "sweeps " + digits(c.start_ghz) + " to " + digits(end_ghz) +
+                                " GHz; the chip has 60 to 64 GHz" +
+                                (c.start_ghz > 75 ? ": a cfg for xWR14xx, 16xx or 18xx?" : ""));
+  if (sampled_us > c.ramp_end_us + 1e-6)
+    out.emplace_back(false, "samples from " + digits(c.adc_start_us) + " to " + digits(sampled_us) +
+                                " us, but the ramp ends at " + digits(c.ramp_end_us) + " us");
+  if (c.frame_period_ms < shortest_period_ms || c.frame_period_ms > longest_period_ms)
+    out.emplace_back(true, "has a period of " + digits(c.frame_period_ms) +
+                               " ms; the chip takes 0.3 to 1342 ms");
+  else if (active_ms >= c.frame_period_ms)
+    out.emplace_back(true, "has " + digits(c.chirps) + " chirps, which take " + digits(active_ms) +
+                               " ms, in a period of " + digits(c.frame_period_ms) + " ms");
+  return out;
 }
 
 RadarProfile parse_profile(std::string_view cfg_text, const std::string& name,
                            std::uint32_t data_baud, Board board) {
+  require_plain_text(cfg_text, name);
   const auto lines = command_lines(cfg_text);
-  Cfg cfg(lines, name);
+  RadarProfile profile;
+  Cfg cfg(lines, name, profile);
   std::vector<const char*> needed = {"profileCfg", "frameCfg",   "channelCfg",
                                      "chirpCfg",   "guiMonitor", "sensorStart"};
   if (cfg.advanced()) needed[1] = "advFrameCfg", needed.push_back("subFrameCfg");
   for (const char* command : needed) cfg.attempt([&] { cfg.all(command); });
   cfg.stop_if_faulty();
-  RadarProfile profile;
   std::vector<Frame> frames;
   Antennas antennas;
   cfg.attempt([&] { frames = read_frames(cfg); });
   cfg.stop_if_faulty();
   cfg.attempt([&] { antennas = read_antennas(cfg, frames.front()); });
   Sampling sampling;
-  cfg.attempt([&] { sampling = read_sampling(cfg, frames.front()); });
+  cfg.attempt([&] { sampling = sampling_of(cfg, profile_of(cfg, frames.front())); });
   cfg.attempt([&] {
     profile.frame_period_s = frames.front().period_s(cfg);
     for (const Frame& f : frames)
@@ -362,6 +318,10 @@ RadarProfile parse_profile(std::string_view cfg_text, const std::string& name,
   cfg.attempt([&] { read_gui_monitor(cfg, profile); });
   cfg.stop_if_faulty();
   cfg.attempt([&] { require_alike(cfg, frames); });
+  for (const Frame& f : frames) {
+    cfg.attempt([&] { require_one_axis(cfg, f); });
+    cfg.attempt([&] { check_front_end(cfg, f); });
+  }
   cfg.stop_if_faulty();
   profile.subframes = static_cast<std::uint32_t>(frames.size());
   read_heat_map(cfg, antennas, board, profile);

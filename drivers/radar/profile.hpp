@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "drivers/core/axis.hpp"
@@ -12,12 +13,27 @@
 
 namespace echofuse::radar {
 
-// A line to send: CR stripped, leading spaces kept; blank lines and % comments are not among them.
+// A line to send: a mark of UTF-8 and the CR at the end stripped, leading spaces kept; blank lines
+// and % comments are not among them.
 struct CfgLine {
   int number = 0;  // in the file, from 1
   std::string text;
 };
 std::vector<CfgLine> command_lines(std::string_view cfg_text);
+
+// What a cfg asks of the chip's front end.
+struct ChirpTiming {
+  double start_ghz = 0, idle_us = 0, adc_start_us = 0, ramp_end_us = 0, slope_mhz_us = 0;
+  double samples = 0, rate_ksps = 0;
+  double chirps = 0;  // of a frame
+  double frame_period_ms = 0;
+};
+// The limits that it is beyond, with the numbers; true: of the frame, false: of the profile. The
+// board answers sensorStart with a bare "Error -1" then.
+std::vector<std::pair<bool, std::string>> refusals_of(const ChirpTiming& chirp);
+constexpr const char* front_end_limits =
+    "sweeps within 60 to 64 GHz, samples within the ramp, chirps within the frame's period, and "
+    "this from 0.3 to 1342 ms";
 
 struct RadarProfile {
   std::uint32_t adc_samples = 0;
@@ -38,11 +54,15 @@ struct RadarProfile {
   std::vector<AntennaPlace> array;
   bool planar = false;  // it is TLV 8
   std::vector<std::string> warnings;
+  // Why a board will not take it, a line "NAME:LINE: ..." each. A recording of another board, or of
+  // another SDK, has its axis all the same.
+  std::vector<std::string> refusals;
 };
 
 // Throws Error(config) with a line "NAME:LINE: ..." for each fault: a command with too few numbers,
-// one that is missing, a line longer than the firmware's buffer (255 characters, 40 words),
-// subframes whose profiles do not have the same range axis and antennas.
+// one that is missing, a line longer than the firmware's buffer (255 characters, 40 words), one of
+// another demo, profiles of a frame or its subframes without the same range axis and antennas, a
+// text in UTF-16 or with other line ends than LF and CR LF.
 // `data_baud` is the rate at which the data port will be read: the warnings need it. The board says
 // which antennas a heat map has: the same cfg runs on all of them.
 RadarProfile parse_profile(std::string_view cfg_text, const std::string& name,

@@ -101,7 +101,17 @@ void RadarDriver::advance() {
   for (const auto& bias : dialogue_->take_biases()) sink_->on_firmware_bias(bias);
   const std::string out = dialogue_->take_output();
   cli_->write({reinterpret_cast<const std::uint8_t*>(out.data()), out.size()});
-  if (dialogue_->state() == CommandDialogue::State::failed) return fail(dialogue_->failure());
+  if (dialogue_->state() == CommandDialogue::State::failed) {
+    const bool answered = dialogue_->answered();
+    const std::string& failure = dialogue_->failure();
+    if (answered) {
+      said_ = failure;
+      info_.model = dialogue_->platform();
+      info_.firmware = dialogue_->firmware();
+    }
+    const bool before = std::exchange(answered_, answered_ || answered);
+    return fail(before && !answered ? "it answers no more: reset the board" : failure);
+  }
   if (const auto deadline = dialogue_->deadline())
     return dialogue_timer_.after(*deadline - loop_.now(), [this] {
       dialogue_->tick(loop_.now());
@@ -154,6 +164,7 @@ void RadarDriver::on_frame(RadarFrame frame) {
     return fail("the board was reset: its frame numbers began again");
   }
   alive_ = loop_.now();
+  said_.clear();
   backoff_.alive(alive_);
   if (!std::exchange(streaming_, true)) {
     faulted_ = false;
@@ -212,8 +223,11 @@ void RadarDriver::watch() {
 void RadarDriver::ask_why() {
   silence_.emplace(setup_.data_baud, parser_.counts().bytes - bytes_before_);
   advance_silence();
-  watch_timer_.after(Silence::time,
-                     [this] { fail("no frames on the data port: " + silence_->verdict()); });
+  watch_timer_.after(Silence::time, [this] {
+    const std::string& remark = dialogue_->remark();
+    fail(said_ = "no frames on the data port: " + silence_->verdict() +
+                 (remark.empty() ? "" : "; at its start it said: " + remark));
+  });
 }
 
 void RadarDriver::advance_silence() {
@@ -245,9 +259,10 @@ void RadarDriver::drop_data() {
   parser_.finish([this](const RadarFrame& frame) { discard(frame); });
 }
 
-void RadarDriver::fail(const std::string& why) {
+void RadarDriver::fail(const std::string& reason) {
   if (!running_) return;
   disconnect();
+  const std::string why = said_.empty() || said_ == reason ? reason : said_ + "; then: " + reason;
   if (backoff_.is_news(why)) sink_->on_event(Sensor::radar, Severity::warning, why);
   if (!running_) return;
   if (!std::exchange(faulted_, true)) sink_->on_state(Sensor::radar, DeviceState::faulted, info_);

@@ -63,7 +63,7 @@ class RadarDriver final : public Driver {
   bool board_was_reset();
   void advance_last_words();
   void on_gone(const Failure& failure);
-  void fail(const std::string& why);
+  void fail(const std::string& reason);
   void stop_timers();
   void disconnect();
   void drop_data();
@@ -79,6 +79,8 @@ class RadarDriver final : public Driver {
   std::optional<Silence> silence_;  // while the firmware is asked why no frame has come
   std::optional<StopDialogue> last_words_;
   SampleSink* sink_ = nullptr;
+  bool answered_ = false;  // ever
+  std::string said_;       // what it last failed with since a frame: no later failure hides it
   std::set<std::string> reported_;     // warnings of the ports: each once
   std::optional<HostTime> unplugged_;  // since then, with our cfg in the firmware
   std::uint64_t restarts_seen_ = 0, frames_before_ = 0, bytes_before_ = 0;

@@ -89,7 +89,15 @@ class ReconstructReport {
   }
 
   void finish(const std::string& out) {
-    for (const auto& r : faults_) report(r);
+    std::map<std::string, std::vector<const RecordStatus*>> alike;
+    for (const auto& r : faults_) alike[r.fault.empty() ? r.note : r.fault].push_back(&r);
+    for (const auto& r : faults_)
+      if (alike.at(r.fault.empty() ? r.note : r.fault).size() < many_alike) report(r);
+    for (const auto& [text, of] : alike)
+      if (of.size() >= many_alike)
+        std::fprintf(stderr, "%s: %zu records from %lld to %lld: %s\n", printable(run_).c_str(),
+                     of.size(), static_cast<long long>(of.front()->index),
+                     static_cast<long long>(of.back()->index), printable(text).c_str());
     if (quiet_) return;
     std::fprintf(stderr, "%s: %zu records reconstructed, %zu left out", printable(out).c_str(),
                  good_, left_out_);
@@ -119,6 +127,7 @@ class ReconstructReport {
                  static_cast<long long>(r.index),
                  printable(r.fault.empty() ? r.note : r.fault).c_str());
   }
+  static constexpr std::size_t many_alike = 10;  // then a count stands for the lines
   std::string run_;
   bool follow_, quiet_;
   std::size_t good_ = 0, left_out_ = 0;
@@ -140,7 +149,8 @@ Command add_evaluate(CLI::App& app, const Common& common) {
   add_model_and_run(app, a->model, a->run);
   app.add_flag("--all", a->all, "also score records that the model was trained on");
   app.add_option("--train", a->train,
-                 "the runs the model was trained on, for the nearest-neighbour row of a fresh run")
+                 "the training runs of a fresh run: they say what is foreground and background, "
+                 "and have the nearest neighbours")
       ->type_name("RUN");
   add_empty_option(app, a->empty);
   add_range_offset_option(app, a->range_offset_m);
@@ -156,17 +166,16 @@ Command add_evaluate(CLI::App& app, const Common& common) {
     if (!a->train.empty()) {
       other = load(a->train);
       require_map(other, model->scene.grid, "the model");
-      if (!model.knows(other))
-        throw Error(ExitCode::failed, a->train.front() + ": " + a->model +
-                                          " was not trained on it; give the training run, or "
-                                          "leave --train out");
     }
     const Dataset& trained_on = a->train.empty() ? data : other;
     const Rows rows = rows_to_evaluate(model, records.data, a->all);
-    Evaluation e = evaluate(model, records, rows, title("scoring"));
-    e.baselines =
-        score_baselines(data, rows, model->scene, trained_on,
-                        model.rows_of(trained_on, Part::train), title("scoring baselines"));
+    const Judge judge = a->train.empty() ? judge_of(model, records.data) : judge_of(other);
+    Evaluation e = evaluate(model, records, rows, title("scoring"), judge);
+    const Rows neighbours = model.knows(trained_on) || a->train.empty()
+                                ? model.rows_of(trained_on, Part::train)
+                                : trained_on.usable(model->features.inputs);
+    e.baselines = score_baselines(data, rows, judge.scene, trained_on, neighbours,
+                                  title("scoring baselines"));
     set_threads(1);
     e.cost = measure_cost(model, records.data, rows, a->model);
     std::puts(a->json
@@ -219,26 +228,31 @@ Command add_report(CLI::App& app, const Common& common) {
   const auto a = std::make_shared<ReportOptions>();
   app.add_option("dir", a->dir, "folder for report.html")->type_name("FOLDER")->required();
   app.add_option("--run", a->run, "run file; its held-out records are scored");
-  app.add_option("--fused", a->fused, "model file of both sensors; several are seeds of one");
-  app.add_option("--spd", a->spd, "model file, for a row below; several are seeds of one");
-  app.add_option("--radar", a->radar, "model file, for a row below; several are seeds of one");
-  app.add_option("--paper", a->paper,
-                 "model file: the paper's network on both sensors, for a row below the fused one");
+  app.add_option("--model", a->models,
+                 "model files, FILE or NAME=FILE; the first is the one that the report is about, "
+                 "several of a name are seeds of one");
+  const auto old = std::make_shared<std::vector<std::string>>();
+  for (const char* option : {"--fused", "--spd", "--radar", "--paper"})
+    app.add_option(option, *old)->group("");
   app.add_option("--compare", a->compare, "two model files: their differences record by record")
       ->expected(2);
   app.add_option("--live", a->live,
-                 "a recorded run: its story, also without any model; with --fused also its maps");
+                 "a recorded run: its story, also without any model; with --model also its maps");
   add_empty_option(app, a->empty);
   app.add_flag("--force", a->force, "write over a report of another run");
-  for (const char* option : {"--fused", "--spd", "--radar", "--paper", "--compare"})
-    app.get_option(option)->type_name("MODEL");
+  for (const char* option : {"--model", "--compare"}) app.get_option(option)->type_name("MODEL");
   for (const char* option : {"--run", "--live"}) app.get_option(option)->type_name("RUN");
-  more_options(app, {"--paper", "--empty", "--force"});
+  more_options(app, {"--empty", "--force"});
   add_examples(app,
-               {"echofuse-recon report page --run scenes.sqlite --fused fused.safetensors",
+               {"echofuse-recon report page --run scenes.sqlite --model fused.safetensors",
                 "echofuse-recon report page --live monday.sqlite",
                 "echofuse-recon report p --run s.sqlite --compare a.safetensors b.safetensors"});
-  return [a, &common] {
+  return [a, old, &common] {
+    if (!old->empty())
+      throw Error(ExitCode::usage,
+                  "--fused, --spd, --radar and --paper are now --model NAME=FILE, "
+                  "once for each model: --model NAME=" +
+                      old->front());
     a->command = command_line();
     a->quiet = common.quiet;
     check_report(*a);

@@ -14,9 +14,8 @@ using namespace echofuse::recon;
 
 int run(int argc, char** argv) {
   CLI::App app("records to model to depth maps", "echofuse-recon");
-  app.set_version_flag("--version", std::string("echofuse-recon ") + version() +
-                                        ", matrix kernels " + blas_kernels() + " (" +
-                                        blas_instructions() + ")");
+  app.set_version_flag("--version", version_line("echofuse-recon") + ", matrix kernels " +
+                                        blas_kernels() + " (" + blas_instructions() + ")");
   app.require_subcommand(1);
   Common common;
   Command chosen;

@@ -5,6 +5,7 @@
 #include <deque>
 #include <filesystem>
 
+#include "acquire/record/run_parts.hpp"
 #include "drivers/program/command_line.hpp"
 #include "drivers/program/console.hpp"
 #include "drivers/program/printable.hpp"
@@ -15,6 +16,7 @@
 #include "recon/train/train.hpp"
 #include "recon/train/tune.hpp"
 #include "recon/use/empty_room.hpp"
+#include "recon/use/predict.hpp"
 
 namespace echofuse::recon {
 namespace {
@@ -43,14 +45,22 @@ void check_from(const CLI::App& app, const std::vector<std::string>& assignments
   for (const char* option : {"--model", "--inputs", "--empty", "--epochs"})
     if (app.get_option(option)->count() > 0) refuse(option);
   for (const std::string& text : assignments)
-    if (!text.starts_with("test_share=") && !text.starts_with("gap=")) refuse("--set " + text);
+    if (!text.starts_with("test_share=") && !text.starts_with("gap=") &&
+        !text.starts_with("doubtful="))
+      refuse("--set " + text);
+}
+
+Dataset load_runs(const Arguments& a) {
+  Dataset data = load(a.runs);
+  if (a.doubtful == "take") data.doubt.clear();
+  return data;
 }
 
 TrainedModel tune_model(const Arguments& a, bool test_share_given) {
   std::deque<TrainedModel> models;
   for (const std::string& path : a.from) models.push_back(load_model(path));
   // Each model has the records as it wants them; the last one needs no copy.
-  Dataset loaded = load(a.runs);
+  Dataset loaded = load_runs(a);
   std::deque<Dataset> tables;
   std::vector<Start> starts;
   for (const std::string& path : a.from) {
@@ -65,11 +75,12 @@ TrainedModel tune_model(const Arguments& a, bool test_share_given) {
   // With so few records all are needed, and the table that chooses is a test already.
   options.split.validation_share = 0;
   if (!test_share_given) options.split.test_share = 0;
-  options.tuning.seed = a.fit.seed;
+  options.tuning.seed = a.fit.seed, options.quiet = a.fit.quiet;
   TunedModel tuned = tune(starts, options);
   if (!a.fit.quiet)
     std::fprintf(
-        stderr, "%s%s", printable_lines(to_text(tuned)).c_str(),
+        stderr, "%s%s%s%s", tuned.left_out.c_str(), tuned.left_out.empty() ? "" : "\n",
+        printable_lines(to_text(tuned)).c_str(),
         tuned.model->uncertainty
             ? ""
             : "not calibrated: fewer than 50 records do not say how far off the maps are\n");
@@ -77,7 +88,7 @@ TrainedModel tune_model(const Arguments& a, bool test_share_given) {
 }
 
 Dataset load_to_train(Arguments& a, double radar_bin_m) {
-  Dataset data = load(a.runs);
+  Dataset data = load_runs(a);
   if (!a.empty.empty() && radar_bin_m > 0)
     throw Error(ExitCode::usage, "--empty does not go with radar_bin_m: give runs of such bins");
   bring_to_response(data, widest_response(data));
@@ -85,6 +96,21 @@ Dataset load_to_train(Arguments& a, double radar_bin_m) {
   if (a.validate_on.empty()) a.validate_on = {data.sources.size() - 1};
   if (radar_bin_m > 0) rebin_radar(data, radar_bins(radar_bin_m));
   return data;
+}
+
+// Makes a map of one record that the model was trained on, as reconstruct does.
+void predict_one(const TrainedModel& model, const std::vector<std::string>& runs) {
+  for (const std::string& run : runs)
+    for (const std::string& path : record::files_of(run).paths) {
+      const record::RunReader file(path);
+      if (file.info().uuid != model.seen.runs[model.seen.run.front()]) continue;
+      const std::int64_t index = model.seen.index.front();
+      Dataset one = load_part(file, index, 1, sensors_of(model->features.inputs),
+                              [](std::int64_t, const std::string&) {});
+      if (one.size() == 0 || one.index[0] != index) continue;
+      predict(model, prepare_records(model, std::move(one)), {0}, PredictionDetail::uncertainty);
+      return;
+    }
 }
 
 constexpr std::ptrdiff_t least_records = 100;
@@ -159,7 +185,7 @@ Command add_train(CLI::App& app, const Common& common) {
     check_can_save(a->out);
     const TrainedModel model = tuning ? tune_model(*a, settings.test_share_given)
                                       : train(load_to_train(*a, settings.radar_bin_m), *a);
-    save_model(model, a->out);
+    save_model(model, a->out, [&](const TrainedModel& written) { predict_one(written, a->runs); });
     const auto trained =
         std::ranges::count(model.seen.part, static_cast<std::uint8_t>(Part::train));
     if (!tuning && trained < least_records)

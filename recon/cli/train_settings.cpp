@@ -58,6 +58,11 @@ void bind(Settings& settings, TrainSettings& s) {
                "errors are theirs; \"\": the last");
   settings.add("fallback", o.fallback,
                "beside a model of both sensors train those for records without antennas or radar");
+  settings.add(
+      "doubtful", o.doubtful,
+      "records with a sensor that the run says is weak, saturated or stands still, or with a "
+      "doubtful camera: leave them out, or take them",
+      {"leave", "take"});
   settings.add("candidates", s.candidates,
                "of the model auto, as mean,ridge; \"\": the usual ones");
   bind(settings, o.config);

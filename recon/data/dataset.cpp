@@ -2,14 +2,18 @@
 #include "recon/data/dataset.hpp"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <cstdio>
+#include <limits>
+#include <memory>
 #include <optional>
 
 #include "acquire/record/run_parts.hpp"
 #include "drivers/core/crc32c.hpp"
 #include "drivers/core/log2_codes.hpp"
 #include "drivers/program/printable.hpp"
+#include "recon/data/depths_seen.hpp"
 #include "recon/data/lags.hpp"
 #include "recon/data/pile_up.hpp"
 #include "recon/data/run_order.hpp"
@@ -29,7 +33,8 @@ std::string describe(const Axis& a) {
 Error axis_error(const std::string& path, const Axis& found, const Axis& wanted,
                  const std::string& whose) {
   return {ExitCode::failed, printable(path) + ": " + wanted.name + " axis is " + describe(found) +
-                                ", " + whose + " is " + describe(wanted)};
+                                ", " + whose + " is " + describe(wanted) +
+                                ": they lie further apart than a bin"};
 }
 
 bool agree(const Axis& a, const Axis& b) {
@@ -46,8 +51,8 @@ Error map_error(const std::string& path, const record::MapGrid& found,
 
 class Appender {  // appends one run to a Dataset
  public:
-  Appender(Dataset& data, const record::RunReader& run, SensorSet sensors)
-      : data_(data), path_(run.path()), sensors_(sensors) {
+  Appender(Dataset& data, const record::RunReader& run, SensorSet sensors, DepthsSeen* depths)
+      : data_(data), path_(run.path()), sensors_(sensors), depths_(depths) {
     for (const Axis& axis : run.axes()) {
       if (axis.name == "spd" && sensors_.contains(Sensor::spd)) spd_ = axis;
       if (axis.name == "radar" && sensors_.contains(Sensor::radar)) raw_radar_ = axis;
@@ -55,18 +60,19 @@ class Appender {  // appends one run to a Dataset
       if (axis.name == "depth_x") x_ = axis;
       if (axis.name == "depth_y") y_ = axis;
     }
-    Axis radar = raw_radar_;
-    if (radar.quantity == "log2_q8") radar.quantity = "power", radar.scale = 1;
+    radar_ = raw_radar_;
+    if (radar_.quantity == "log2_q8") radar_.quantity = "power", radar_.scale = 1;
     adopt(data.spd_axis, spd_, "spd");
     pile_up_ = PileUp(run, spd_);
-    adopt(data.radar_axis, radar, "radar");
+    adopt(data.radar_axis, radar_, "radar");
     if (array_.count > 0) lags_ = SpatialLags(run.antennas());
-    adopt_array(array_.count > 0 ? lags_axis(array_, lags_) : Axis{});
+    own_lags_ = array_.count > 0 ? lags_axis(array_, lags_) : Axis{};
+    adopt_array(own_lags_);
     adopt_map(run.axes());
     double radar_offset_m = 0;
     for (const auto& c : run.calibrations()) {
       if (c.sensor == Sensor::spd && data.spd_axis.unit == "ps")
-        spd_shift_.emplace(c.offset_m * ps_per_m / data.spd_axis.step);
+        spd_shift_.emplace(c.offset_m * ps_per_m / spd_.step);
       if (c.sensor == Sensor::radar && data.radar_axis.unit == "m") radar_offset_m = c.offset_m;
     }
     const record::RunInfo info = run.info();
@@ -89,6 +95,7 @@ class Appender {  // appends one run to a Dataset
 
   // Returns what is wrong with the record, or nothing.
   std::string add(const record::FusedRecord& r) {
+    if (const std::string fault = absurd_counts(r); !fault.empty()) return fault;
     std::vector<float> spd, radar, depth;
     if (r.has(Sensor::spd)) spd.assign(r.spd.begin(), r.spd.end());
     double a_pulse = clicks_a_pulse(r);
@@ -102,12 +109,16 @@ class Appender {  // appends one run to a Dataset
     std::vector<float> lags = lags_of(r);
     if (!std::ranges::all_of(radar, is_power) || !std::ranges::all_of(lags, is_power))
       return "a radar code is too large for a power";
-    if (r.has(Sensor::depth)) depth = record::to_target(r.depth_mm, x_, y_, map_x_, map_y_);
+    to_common(spd, spd_, data_.spd_axis, 1), to_common(radar, radar_, data_.radar_axis, 1);
+    if (r.has(Sensor::depth)) depth = record::to_target(r.depth_mm, x_, y_, data_.map);
+    if (depths_ && r.has(Sensor::depth)) depths_->add(r.depth_mm, data_.map.far_m);
     add_row(data_.spd, spd, data_.spd_axis.count);
     add_row(data_.radar, radar, data_.radar_axis.count);
     add_row(data_.array, lags, lag_columns(data_.array_axis));
     add_row(data_.depth, depth, depth_columns());
     data_.valid.push_back(r.valid.bits());
+    data_.doubt.push_back(doubts_of(r));
+    data_.content.push_back(hash_of(r));
     data_.index.push_back(r.index);
     data_.slot_end.push_back(r.slot_end);
     data_.speckle.push_back(r.speckle);
@@ -121,6 +132,37 @@ class Appender {  // appends one run to a Dataset
   std::size_t depth_columns() const {
     return sensors_.contains(Sensor::depth) ? data_.map.pixels() : 0;
   }
+  static std::string absurd_counts(const record::FusedRecord& r) {
+    constexpr double most_a_second = 1e8;  // of any detector and tagger
+    const double slot_s = seconds(r.slot_end - r.slot_start);
+    for (std::size_t i = 0; i < r.spd.size(); ++i)
+      if (r.spd[i] == std::numeric_limits<std::uint32_t>::max() ||
+          (slot_s > 0 && r.spd[i] > most_a_second * slot_s))
+        return "spd bin " + std::to_string(i) + " holds " + std::to_string(r.spd[i]) +
+               " clicks, more than a time tagger gives";
+    return {};
+  }
+  static PerSensor<std::string> doubts_of(const record::FusedRecord& r) {
+    PerSensor<std::string> out;
+    for (const Sensor s : all_sensors)
+      if (r.has(s)) out[s] = record::verdict_kind(r.sync[s].verdict);
+    for (std::string& kind : out) {
+      if (kind == "ok") kind.clear();
+      if (kind == "stands still") kind = "frozen";
+    }
+    return out;
+  }
+  // FNV-1a over words instead of bytes.
+  static std::int64_t hash_of(const record::FusedRecord& r) {
+    std::uint64_t hash = 0xcbf29ce484222325;
+    const auto add = [&](std::uint32_t word) {
+      hash = (hash ^ word) * 0x100000001b3;
+      hash ^= hash >> 32;
+    };
+    for (const std::uint32_t count : r.spd) add(count);
+    for (const float power : r.radar) add(std::bit_cast<std::uint32_t>(power));
+    return r.spd.empty() && r.radar.empty() ? 0 : static_cast<std::int64_t>(hash);
+  }
   // The limit leaves room for what an interpolation adds.
   static bool is_power(float v) { return std::abs(v) < 1e38f; }
   // Runs from before the table `signal` have only counts. With as many clicks as starts only starts
@@ -132,18 +174,22 @@ class Appender {  // appends one run to a Dataset
     const auto starts = static_cast<double>(r.spd_counts.starts);
     return clicks < filtered * starts ? clicks / starts : 0;
   }
-  // The first run sets the axes, the others must agree.
-  void adopt(Axis& common, Axis found, const char* name) {
+  // The first run sets the axes; the others are brought to them.
+  static void to_common(std::vector<float>& row, const Axis& found, const Axis& common,
+                        std::size_t values_a_bin) {
+    if (!row.empty() && !agree(found, common)) row = resampled(row, found, common, values_a_bin);
+  }
+  void adopt(Axis& common, Axis& found, const char* name) {
     found.name = name;
     if (data_.sources.empty()) {
       common = found;
-    } else if (!agree(found, common)) {
+    } else if (!agree(found, common) && !(common.count > 0 && is_near(found, common))) {
       throw axis_error(path_, found, common, data_.sources.front().path);
     }
   }
   void adopt_array(const Axis& found) {
     if (data_.sources.empty()) data_.array_axis = found;
-    data_.arrays_differ = data_.arrays_differ || !agree(found, data_.array_axis);
+    data_.arrays_differ = data_.arrays_differ || !is_near(found, data_.array_axis);
     if (data_.arrays_differ) drop_array(data_);
   }
   void adopt_map(const std::vector<Axis>& axes) {
@@ -156,7 +202,6 @@ class Appender {  // appends one run to a Dataset
     }
     if (data_.sources.empty()) data_.map = found;
     if (!(found == data_.map)) throw map_error(path_, found, data_.map, data_.sources.front().path);
-    map_x_ = data_.map.x(), map_y_ = data_.map.y();
   }
   // The row gets zeros if the sensor is not there.
   static void add_row(Matrix& table, std::vector<float>& row, std::size_t cols) {
@@ -177,29 +222,30 @@ class Appender {  // appends one run to a Dataset
     const Axis& axis = data_.array_axis;
     std::vector<float> out;
     if (axis.count == 0 || r.array.empty() || !r.has(Sensor::radar)) return out;
-    out.resize(lag_columns(axis));
+    out.resize(lag_columns(own_lags_));
     lags_(r.array, record::antennas_of(array_), out);
+    to_common(out, own_lags_, axis, lag_values(longest_lag(axis)));
     return out;
   }
 
   Dataset& data_;
   std::string path_;
   SensorSet sensors_;
-  Axis spd_, raw_radar_, x_, y_, array_;
+  DepthsSeen* depths_;  // may be null
+  Axis spd_, raw_radar_, radar_, x_, y_, array_, own_lags_;
   SpatialLags lags_;
   PileUp pile_up_;
   std::optional<Shift> spd_shift_;  // set for a calibrated run
-  Axis map_x_, map_y_;              // axes of the depth table
 };
 
 void append(Dataset& data, const record::RunReader& run, std::int64_t first, std::size_t at_most,
             SensorSet sensors, const OnBadRecord& on_bad,
-            const record::RunReader::InParallel& in_parallel = {}) {
+            const record::RunReader::InParallel& in_parallel = {}, DepthsSeen* depths = nullptr) {
   // It is made while reading: a run that is being recorded may get an axis with its next record.
   std::optional<Appender> appender;
   const auto to = [&]() -> Appender& {
     if (appender) return *appender;
-    appender.emplace(data, run, sensors);
+    appender.emplace(data, run, sensors, depths);
     appender->make_room(at_most);
     return *appender;
   };
@@ -219,55 +265,7 @@ void append(Dataset& data, const record::RunReader& run, std::int64_t first, std
 
 }  // namespace
 
-Inputs inputs_of(const std::string& name) {
-  const auto found = std::find(inputs_names.begin(), inputs_names.end(), name);
-  if (found == inputs_names.end())
-    throw Error(ExitCode::usage,
-                "inputs \"" + name + "\": expected fused, spd, radar or fused-profile");
-  return static_cast<Inputs>(found - inputs_names.begin());
-}
-
-bool Dataset::has_inputs(std::size_t row, Inputs inputs) const {
-  return (inputs == Inputs::radar || has(row, Sensor::spd)) &&
-         (inputs == Inputs::spd || has(row, Sensor::radar)) &&
-         !(inputs == Inputs::fused && lacks_array(row));
-}
-
-Rows Dataset::usable(Inputs inputs, bool with_depth) const {
-  Rows rows;
-  for (std::size_t i = 0; i < size(); ++i)
-    if (has_inputs(i, inputs) && (!with_depth || has(i, Sensor::depth))) rows.push_back(i);
-  return rows;
-}
-
-std::size_t Dataset::source_of(std::size_t row) const {
-  std::size_t run = 0;
-  while (row >= sources[run].first + sources[run].count) ++run;
-  return run;
-}
-
-std::string Dataset::fault_of(std::size_t row, Inputs inputs) const {
-  if (inputs == Inputs::fused && has_inputs(row, Inputs::fused_profile) && lacks_array(row))
-    return "lacks the samples of the radar's antennas, which the model needs";
-  std::string missing;
-  const SensorSet needed = sensors_of(inputs);
-  for (const Sensor s : all_sensors)
-    if (needed.contains(s) && !has(row, s))
-      missing += (missing.empty() ? "" : " and ") + std::string(name_of(s));
-  if (!missing.empty()) return "lacks " + missing + ", which the model needs";
-  if (inputs != Inputs::radar && spd.cols > 1 && all_same(spd.row(row)))
-    return "spd is the same in every bin";
-  if (inputs != Inputs::spd && radar.cols > 1 && all_same(radar.row(row)))
-    return "radar is the same in every bin";
-  return {};
-}
-
-SensorSet sensors_of(Inputs inputs) {
-  if (both_sensors(inputs)) return {Sensor::spd, Sensor::radar};
-  return {inputs == Inputs::spd ? Sensor::spd : Sensor::radar};
-}
-
-Dataset load_recorded(const std::vector<std::string>& paths, const OnBadRecord& on_bad) {
+Dataset load_recorded(const std::vector<std::string>& paths) {
   std::vector<std::string> files;
   for (const auto& path : paths) {
     const record::RunFiles run = record::files_of(path);
@@ -276,16 +274,29 @@ Dataset load_recorded(const std::vector<std::string>& paths, const OnBadRecord& 
   }
   require_memory(files);
   Dataset data;
+  const auto depths = std::make_unique<DepthsSeen>();
   for (const auto& path : in_order_of_records(files)) {
     const record::RunReader run(path);
+    const auto note = [&](std::int64_t index, const std::string& fault) {
+      if (data.damaged++ == 0)
+        data.first_damaged =
+            printable(path) + ": record " + std::to_string(index) + ": " + printable(fault);
+    };
     append(data, run, 0, static_cast<std::size_t>(run.count()),
-           {Sensor::spd, Sensor::radar, Sensor::depth}, on_bad, for_each_part);
+           {Sensor::spd, Sensor::radar, Sensor::depth}, note, for_each_part, depths.get());
   }
+  if (const std::string said = depths->text(paths.front(), data.spd_axis); !said.empty())
+    std::fprintf(stderr, "%s\n", said.c_str());
+  const std::size_t all = data.size() + data.damaged;
+  if (static_cast<double>(data.damaged) > most_damaged * static_cast<double>(all))
+    throw Error(ExitCode::failed, data.first_damaged + "; so are " + std::to_string(data.damaged) +
+                                      " of " + std::to_string(all) +
+                                      " records: more than a tenth is no run to go by");
   return data;
 }
 
-Dataset load(const std::vector<std::string>& paths, const OnBadRecord& on_bad) {
-  Dataset data = load_recorded(paths, on_bad);
+Dataset load(const std::vector<std::string>& paths) {
+  Dataset data = load_recorded(paths);
   subtract_range_offset(data, 0);
   for (const Matrix* table : {&data.spd, &data.radar, &data.depth, &data.array})
     data.hash = crc32c({reinterpret_cast<const std::uint8_t*>(table->values.data()),

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <functional>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -52,14 +53,20 @@ struct Dataset {
   Matrix spd, radar, depth;          // photons | linear power | maps in metres, 0 = no return
   Matrix array;                      // the spatial lags of each bin
   std::vector<std::uint32_t> valid;  // bit 0 SPD, 1 radar, 2 depth
-  std::vector<std::int64_t> index;   // the record's number in its run
+  // Verdicts of valid sensors without their figures; "" if ok. No entries: nothing is doubted.
+  std::vector<PerSensor<std::string>> doubt;
+  // Hash of what the detector and the radar recorded; 0 or no entries: not known.
+  std::vector<std::int64_t> content;
+  std::vector<std::int64_t> index;  // the record's number in its run
   std::vector<HostTime> slot_end;
   std::vector<std::optional<record::Speckle>> speckle;  // not known for older runs
   std::vector<double> clicks_a_pulse;                   // 0: not known, or pile-up is corrected
   std::vector<std::string> label;
   std::vector<Source> sources;
-  EmptyRoom empty_room;    // the room of these records; empty if not known
-  std::uint32_t hash = 0;  // CRC-32C of the tables
+  std::size_t damaged = 0;    // records of the runs that cannot be read, and have no row
+  std::string first_damaged;  // "RUN: record 3: REASON"
+  EmptyRoom empty_room;       // the room of these records; empty if not known
+  std::uint32_t hash = 0;     // CRC-32C of the tables
 
   std::size_t size() const { return valid.size(); }
   bool has(std::size_t row, Sensor s) const { return SensorSet::from_bits(valid[row]).contains(s); }
@@ -69,7 +76,12 @@ struct Dataset {
   // It says why a model with these inputs cannot use the record; it is empty if the model can. A
   // sensor that says the same in every bin is dead: no scaling makes it tell something.
   std::string fault_of(std::size_t row, Inputs inputs) const;
-  // Returns the rows that have the model's sensors and, if asked, a depth map to compare with.
+  // Returns why the record is no example for a model with these inputs although it has all sensors,
+  // as "camera frozen" or "SPD weak"; empty if it is one. A sensor that sees nobody ("no peak") is
+  // no doubt; any verdict of the depth is.
+  std::string doubt_of(std::size_t row, Inputs inputs) const;
+  // Returns the rows that have the model's sensors and, if asked, a depth map to compare with and
+  // no doubt.
   Rows usable(Inputs inputs, bool with_depth = true) const;
 };
 
@@ -82,13 +94,16 @@ SensorSet sensors_of(Inputs inputs);
 // maps of 64 x 64 takes 25 kB a record.
 void require_memory(const std::vector<std::string>& paths);
 
-// Reads runs whose axes and map grids agree into one table, with true ranges. Throws Error(failed)
-// that names the file. For a bad record (wrong size, not a finite number) it also names the
-// record's number, unless on_bad takes it. Throws as require_memory.
-Dataset load(const std::vector<std::string>& paths, const OnBadRecord& on_bad = {});
+// Reads runs into one table, with true ranges, on the axes of the first one (is_near). Their map
+// grids agree. Damaged records (wrong size, not a finite number, more clicks than a tagger gives)
+// are counted. Throws Error(failed) that names the file, or the first damaged record if those are
+// more than most_damaged of all. Throws as require_memory, and for depths in another unit
+// (depths_seen.hpp).
+Dataset load(const std::vector<std::string>& paths);
 // It does the same with the radar's profiles as they were recorded. subtract_range_offset() then
 // takes off the offsets of the calibration and of the operator in one interpolation.
-Dataset load_recorded(const std::vector<std::string>& paths, const OnBadRecord& on_bad = {});
+Dataset load_recorded(const std::vector<std::string>& paths);
+inline constexpr double most_damaged = 0.1;
 
 // It reads a part of a run, as recorded: the records from number `first` on, at most `at_most` of
 // them beside those that on_bad takes. Sensors that are not asked for stay empty. It leaves `hash`
@@ -99,6 +114,9 @@ Dataset load_part(const record::RunReader& run, std::int64_t first, std::size_t 
 // Moves the radar's values, on the axis that the data have, to ranges shorter by this offset and by
 // what their calibration still asks for.
 void subtract_range_offset(Dataset& data, double offset_m);
+
+// Takes the records out of `data` that `of` has too, whatever their runs' uuids; returns how many.
+std::size_t leave_out_copies(Dataset& data, const Dataset& of);
 
 // Returns the rows of a data set as a data set of their own; it belongs to no source.
 Dataset part_of(const Dataset& data, const Rows& rows);
@@ -124,9 +142,13 @@ Error axis_error(const std::string& path, const Axis& found, const Axis& wanted,
 
 // It is true if both axes are the same, or both are empty.
 bool agree(const Axis& a, const Axis& b);
-// It is true if the axis lies nowhere farther than a bin from the wanted one; the last values may
-// be left out.
+// The rule by which records of one axis serve on another, everywhere: it lies nowhere farther than
+// a bin from the wanted one, and its last values may be left out. Values are then interpolated.
 bool is_near(const Axis& found, const Axis& wanted);
+// Returns a row, of so many values a bin, at the places of the wanted axis, by lines between the
+// bins. Beyond the ends the last bin counts.
+std::vector<float> resampled(std::span<const float> row, const Axis& found, const Axis& wanted,
+                             std::size_t values_a_bin);
 // It is true if values on this axis are values on the wanted one; the last values may be left out.
 bool covers(const Axis& found, const Axis& wanted);
 
@@ -136,9 +158,10 @@ void require_map(const Dataset& data, const record::MapGrid& grid, const std::st
 
 // Brings the tables onto the axes of a model. A radar axis with the same start and step but more
 // bins is cropped; values on an axis within a bin of the model's are interpolated. For a model with
-// binned power the radar is rebinned. Throws Error(failed) if the
-// axes that `inputs` needs differ otherwise.
-void match_axes(Dataset& data, const Axis& spd, const Axis& radar, Inputs inputs);
+// binned power the radar is rebinned. Throws Error(failed) if the axes that `inputs` needs differ
+// otherwise; `whose` names the owner of the wanted ones.
+void match_axes(Dataset& data, const Axis& spd, const Axis& radar, Inputs inputs,
+                const std::string& whose = "the model's");
 // It does the same for the radar's antennas. They are dropped for a model that does not take them
 // (an axis of count 0).
 void match_array(Dataset& data, const Axis& array);

@@ -3,11 +3,74 @@
 
 #include <algorithm>
 #include <cmath>
+#include <set>
 
 #include "drivers/program/printable.hpp"
 #include "recon/data/dataset.hpp"
+#include "recon/numbers/statistics.hpp"
 
 namespace echofuse::recon {
+
+Inputs inputs_of(const std::string& name) {
+  const auto found = std::find(inputs_names.begin(), inputs_names.end(), name);
+  if (found == inputs_names.end())
+    throw Error(ExitCode::usage,
+                "inputs \"" + name + "\": expected fused, spd, radar or fused-profile");
+  return static_cast<Inputs>(found - inputs_names.begin());
+}
+
+bool Dataset::has_inputs(std::size_t row, Inputs inputs) const {
+  return (inputs == Inputs::radar || has(row, Sensor::spd)) &&
+         (inputs == Inputs::spd || has(row, Sensor::radar)) &&
+         !(inputs == Inputs::fused && lacks_array(row));
+}
+
+Rows Dataset::usable(Inputs inputs, bool with_depth) const {
+  Rows rows;
+  for (std::size_t i = 0; i < size(); ++i)
+    if (has_inputs(i, inputs) &&
+        (!with_depth || (has(i, Sensor::depth) && doubt_of(i, inputs).empty())))
+      rows.push_back(i);
+  return rows;
+}
+
+std::string Dataset::doubt_of(std::size_t row, Inputs inputs) const {
+  if (row >= doubt.size()) return {};
+  constexpr PerSensor<const char*> names{"SPD ", "radar ", "camera "};
+  const SensorSet needed = sensors_of(inputs);
+  for (const Sensor s : {Sensor::depth, Sensor::spd, Sensor::radar})
+    if (const std::string& kind = doubt[row][s];
+        !kind.empty() && (s == Sensor::depth || (needed.contains(s) && kind != "no peak")))
+      return names[s] + kind;
+  return {};
+}
+
+std::size_t Dataset::source_of(std::size_t row) const {
+  std::size_t run = 0;
+  while (row >= sources[run].first + sources[run].count) ++run;
+  return run;
+}
+
+std::string Dataset::fault_of(std::size_t row, Inputs inputs) const {
+  if (inputs == Inputs::fused && has_inputs(row, Inputs::fused_profile) && lacks_array(row))
+    return "lacks the samples of the radar's antennas, which the model needs";
+  std::string missing;
+  const SensorSet needed = sensors_of(inputs);
+  for (const Sensor s : all_sensors)
+    if (needed.contains(s) && !has(row, s))
+      missing += (missing.empty() ? "" : " and ") + std::string(name_of(s));
+  if (!missing.empty()) return "lacks " + missing + ", which the model needs";
+  if (inputs != Inputs::radar && spd.cols > 1 && all_same(spd.row(row)))
+    return "spd is the same in every bin";
+  if (inputs != Inputs::spd && radar.cols > 1 && all_same(radar.row(row)))
+    return "radar is the same in every bin";
+  return {};
+}
+
+SensorSet sensors_of(Inputs inputs) {
+  if (both_sensors(inputs)) return {Sensor::spd, Sensor::radar};
+  return {inputs == Inputs::spd ? Sensor::spd : Sensor::radar};
+}
 
 bool Dataset::lacks_array(std::size_t row) const {
   const auto values = array.row(row);
@@ -20,6 +83,15 @@ void drop_array(Dataset& data) {
   data.array = Matrix(data.size(), 0);
 }
 
+std::size_t leave_out_copies(Dataset& data, const Dataset& of) {
+  const std::set<std::int64_t> known(of.content.begin(), of.content.end());
+  std::size_t out = 0;
+  for (std::size_t row = 0; row < data.content.size(); ++row)
+    if (data.valid[row] != 0 && data.content[row] != 0 && known.contains(data.content[row]))
+      data.valid[row] = 0, ++out;
+  return out;
+}
+
 Dataset part_of(const Dataset& data, const Rows& rows) {
   Dataset out;
   out.spd_axis = data.spd_axis, out.radar_axis = data.radar_axis, out.map = data.map;
@@ -30,6 +102,8 @@ Dataset part_of(const Dataset& data, const Rows& rows) {
   out.depth = take_rows(data.depth, rows);
   for (const std::size_t row : rows) {
     out.valid.push_back(data.valid[row]);
+    if (!data.doubt.empty()) out.doubt.push_back(data.doubt[row]);
+    if (!data.content.empty()) out.content.push_back(data.content[row]);
     out.index.push_back(data.index[row]);
     out.slot_end.push_back(data.slot_end[row]);
     out.speckle.push_back(data.speckle[row]);

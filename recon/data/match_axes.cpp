@@ -9,25 +9,30 @@
 namespace echofuse::recon {
 namespace {
 
-// It reads the rows, of so many values a bin, at the places of the wanted axis, by lines between
-// the bins. Beyond the ends the last bin counts.
 void resample(Matrix& table, const Axis& found, const Axis& wanted, std::size_t values_a_bin) {
-  Matrix out(table.rows, wanted.count * values_a_bin);
+  Matrix out(0, wanted.count * values_a_bin);
+  for (std::size_t row = 0; row < table.rows; ++row)
+    out.add_row(resampled(table.row(row), found, wanted, values_a_bin));
+  table = std::move(out);
+}
+
+}  // namespace
+
+std::vector<float> resampled(std::span<const float> row, const Axis& found, const Axis& wanted,
+                             std::size_t values_a_bin) {
+  std::vector<float> out(wanted.count * values_a_bin);
   for (std::uint32_t j = 0; j < wanted.count; ++j) {
     const double place = std::clamp((wanted.at(j) - found.start) / found.step, 0.0,
                                     static_cast<double>(found.count - 1));
     const auto i = static_cast<std::size_t>(place);
     const std::size_t next = std::min<std::size_t>(i + 1, found.count - 1);
     const auto part = static_cast<float>(place - static_cast<double>(i));
-    for (std::size_t row = 0; row < table.rows; ++row)
-      for (std::size_t k = 0; k < values_a_bin; ++k)
-        out.row(row)[j * values_a_bin + k] = (1 - part) * table.row(row)[i * values_a_bin + k] +
-                                             part * table.row(row)[next * values_a_bin + k];
+    for (std::size_t k = 0; k < values_a_bin; ++k)
+      out[j * values_a_bin + k] =
+          (1 - part) * row[i * values_a_bin + k] + part * row[next * values_a_bin + k];
   }
-  table = std::move(out);
+  return out;
 }
-
-}  // namespace
 
 bool is_near(const Axis& found, const Axis& wanted) {
   const auto off = [&](std::uint32_t i) { return std::abs(found.at(i) - wanted.at(i)); };
@@ -42,10 +47,11 @@ bool covers(const Axis& found, const Axis& wanted) {
   return agree(cropped, wanted);
 }
 
-void match_axes(Dataset& data, const Axis& spd, const Axis& radar, Inputs inputs) {
+void match_axes(Dataset& data, const Axis& spd, const Axis& radar, Inputs inputs,
+                const std::string& whose) {
   const std::string path = data.sources.empty() ? "run" : data.sources.front().path;
   if (inputs != Inputs::radar && !agree(data.spd_axis, spd)) {
-    if (!is_near(data.spd_axis, spd)) throw axis_error(path, data.spd_axis, spd, "the model's");
+    if (!is_near(data.spd_axis, spd)) throw axis_error(path, data.spd_axis, spd, whose);
     resample(data.spd, data.spd_axis, spd, 1);
     data.spd_axis = spd;
   }
@@ -53,8 +59,7 @@ void match_axes(Dataset& data, const Axis& spd, const Axis& radar, Inputs inputs
   if (radar.quantity == "binned_power" && data.radar_axis.quantity == "power")
     rebin_radar(data, radar);
   if (!covers(data.radar_axis, radar)) {
-    if (!is_near(data.radar_axis, radar))
-      throw axis_error(path, data.radar_axis, radar, "the model's");
+    if (!is_near(data.radar_axis, radar)) throw axis_error(path, data.radar_axis, radar, whose);
     resample(data.radar, data.radar_axis, radar, 1);
     data.radar_axis = radar;
   }

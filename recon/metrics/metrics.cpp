@@ -29,7 +29,7 @@ struct Mean {
 Mask true_mask(std::span<const float> truth, const Scene& scene) {
   Mask mask(truth.size());
   for (std::size_t p = 0; p < mask.size(); ++p)
-    mask[p] = true_foreground(truth[p], scene.background[p]);
+    mask[p] = scene.has_body() && true_foreground(truth[p], scene.background[p]);
   return mask;
 }
 
@@ -37,13 +37,18 @@ std::size_t mirrored(std::size_t pixel, std::size_t size) {
   return pixel - pixel % size + (size - 1 - pixel % size);
 }
 
-// This is x/z of the foreground's centroid; `mass` gives the mass of each pixel.
-template <class Masses>
-double centroid_tangent(const Masses& mass, const record::MapGrid& grid) {
+Mask found_mask(const std::vector<float>& share) {
+  Mask mask(share.size());
+  for (std::size_t p = 0; p < mask.size(); ++p) mask[p] = share[p] > 0.5f;
+  return mask;
+}
+
+// This is x/z of the foreground's centroid.
+double centroid_tangent(const Mask& mask, const record::MapGrid& grid) {
   const Axis x = grid.x();
   std::vector<double> of_column(x.count);
-  for (std::size_t first = 0; first < mass.size(); first += x.count)
-    for (std::size_t c = 0; c < x.count; ++c) of_column[c] += static_cast<double>(mass[first + c]);
+  for (std::size_t first = 0; first < mask.size(); first += x.count)
+    for (std::size_t c = 0; c < x.count; ++c) of_column[c] += mask[first + c];
   Mean tangent;
   for (std::size_t c = 0; c < x.count; ++c) tangent.add(x.at(static_cast<double>(c)), of_column[c]);
   return tangent.value(least_mass);
@@ -71,19 +76,19 @@ double ssim_near(const std::vector<double>& map, const Mask& mask, std::size_t s
 void score_similarity(MapScores& out, std::span<const float> raw, std::span<const float> truth,
                       const Scene& scene, const Mask& mask) {
   const std::size_t size = scene.grid.size;
-  const auto map = ssim_map(raw, truth, size, record::max_depth_m);
+  const auto map = ssim_map(raw, truth, size, scene.grid.far_m);
   out[metric_ssim] = out[metric_ssim_hard] = mean_of(map);
   out[metric_ssim_fg] = ssim_near(map, mask, size);
   if (const auto hard = hard_map(raw, scene); !std::ranges::equal(hard, raw))
-    out[metric_ssim_hard] = mean_of(ssim_map(hard, truth, size, record::max_depth_m));
+    out[metric_ssim_hard] = mean_of(ssim_map(hard, truth, size, scene.grid.far_m));
 }
 
 void score_pixels(MapScores& out, std::span<const float> raw, std::span<const float> truth,
-                  const Mask& mask, const std::vector<float>& share) {
+                  const Mask& mask, const Mask& found) {
   Mean all, foreground, common, relative, close, overlap;
   for (std::size_t p = 0; p < truth.size(); ++p) {
     const double v = raw[p], d = truth[p], error = v - d;
-    const bool predicted = share[p] > 0.5f;
+    const bool predicted = found[p];
     all.add(error * error);
     if (mask[p]) foreground.add(error * error);
     if (mask[p] && predicted) common.add(std::abs(error));
@@ -100,20 +105,17 @@ void score_pixels(MapScores& out, std::span<const float> raw, std::span<const fl
   out[metric_delta_125] = close.value();
 }
 
-// The mass of a pixel is its signed share. The ripple of a least-squares map goes both ways about
-// the background, so it cancels over many pixels.
 void score_position(MapScores& out, std::span<const float> truth, const Mask& mask,
-                    const std::vector<float>& share, const record::MapGrid& grid) {
-  std::vector<double> mass(share.size());
+                    const std::vector<float>& share, const Mask& found,
+                    const record::MapGrid& grid) {
   Mean range, ghost;
   for (std::size_t p = 0; p < truth.size(); ++p) {
-    mass[p] = double{share[p]};
     const bool here = mask[p], there = mask[mirrored(p, grid.size)];
     if (here) range.add(truth[p]);
-    if (here != there) ghost.add(there, mass[p]);
+    if (here != there) ghost.add(there, double{share[p]});
   }
   const double true_tangent = centroid_tangent(mask, grid);
-  const double tangent = centroid_tangent(mass, grid);
+  const double tangent = centroid_tangent(found, grid);
   const bool to_a_side = std::abs(true_tangent) * range.value() > side_threshold_m;
   const bool right_side = (tangent > 0) == (true_tangent > 0);
   out[metric_lateral_m] = std::abs(tangent - true_tangent) * range.value();
@@ -128,23 +130,34 @@ MapScores score(std::span<const float> prediction, std::span<const float> truth,
   MapScores out;
   out.fill(undefined);
   const Mask mask = true_mask(truth, scene);
-  const auto share = foreground_share(prediction, scene);
-  const auto raw = within_span(prediction);
+  const auto raw = within_span(prediction, scene);
+  const auto share = foreground_share(raw, scene);
+  const Mask found = found_mask(share);
   score_similarity(out, raw, truth, scene, mask);
-  score_pixels(out, raw, truth, mask, share);
-  score_position(out, truth, mask, share, scene.grid);
+  score_pixels(out, raw, truth, mask, found);
+  score_position(out, truth, mask, share, found, scene.grid);
   return out;
 }
 
 double foreground_tangent(std::span<const float> prediction, const Scene& scene) {
-  return centroid_tangent(foreground_share(prediction, scene), scene.grid);
+  return centroid_tangent(found_mask(foreground_share(within_span(prediction, scene), scene)),
+                          scene.grid);
+}
+
+BodyPlace body_place(std::span<const float> prediction, const Scene& scene) {
+  const auto share = foreground_share(prediction, scene);
+  Mean z;
+  for (std::size_t p = 0; p < share.size(); ++p)
+    if (share[p] > 0.5f) z.add(prediction[p]);
+  const double z_m = z.value(least_mass);
+  return {centroid_tangent(share, scene.grid) * z_m, z_m};
 }
 
 double lateral_error(std::span<const float> prediction, std::span<const float> truth,
                      const Scene& scene) {
   MapScores out;
-  score_position(out, truth, true_mask(truth, scene), foreground_share(prediction, scene),
-                 scene.grid);
+  const auto share = foreground_share(within_span(prediction, scene), scene);
+  score_position(out, truth, true_mask(truth, scene), share, found_mask(share), scene.grid);
   return out[metric_lateral_m];
 }
 

@@ -11,12 +11,13 @@
 
 namespace echofuse::recon {
 
-// "raw" is the prediction clipped to the depth span, "hard" the map of scene.hpp; the three metrics
-// of position take the prediction unclipped. A metric that a map does not define (the depth error
-// of an empty mask, say) is NaN there and left out of the mean.
+// "raw" is the prediction clipped to the grid's depths, as it is written; "hard" is the map of
+// scene.hpp. A metric that a map does not define (the depth error of an empty mask, say) is NaN
+// there and left out of the mean. Without a body that stands out only those of raw maps are
+// defined.
 enum Metric : std::size_t {
   metric_iou,          // foreground masks; undefined if both are empty
-  metric_ssim,         // raw, whole map, data range 6 m
+  metric_ssim,         // raw, whole map, data range of the grid
   metric_ssim_hard,    // hard, whole map
   metric_ssim_fg,      // raw, mean over the true foreground dilated by 11 x 11
   metric_rmse_m,       // raw
@@ -27,8 +28,8 @@ enum Metric : std::size_t {
   metric_lateral_m,    // |x/z| between the centroids of both foregrounds, times the true mean z (m)
   // The next two are only for maps with |x| > 0.3 m; nearer to the axis a body is its own mirror
   // image.
-  metric_ghost,       // 0: at the truth only; 0.5: as much on either side; 1: mirror image only
-  metric_left_right,  // 1 if the centroid is on the true side
+  metric_ghost,       // raw; 0: at the truth only; 0.5: as much on either side; 1: mirror image
+  metric_left_right,  // 1 if the foreground's centroid is on the true side
   // It is for records whose label names a letter (letters.hpp); score() leaves it undefined.
   metric_letter_top1,  // 1 if the letter is read
   // It is for records whose label says two people (people.hpp); score() leaves it undefined.
@@ -48,6 +49,12 @@ MapScores score(std::span<const float> prediction, std::span<const float> truth,
 
 // This is x/z of the centroid of a prediction's foreground, or NaN if there is none.
 double foreground_tangent(std::span<const float> prediction, const Scene& scene);
+
+// Where a prediction shows a body, in metres: x to the right, z away. NaN if it shows none.
+struct BodyPlace {
+  double x_m, z_m;
+};
+BodyPlace body_place(std::span<const float> prediction, const Scene& scene);
 
 // It computes metric_lateral_m alone.
 double lateral_error(std::span<const float> prediction, std::span<const float> truth,

@@ -13,6 +13,7 @@ namespace echofuse::recon {
 namespace {
 
 constexpr float foreground_step_m = 0.1f;
+constexpr double most_behind = 0.25;  // share of the metres off the background
 
 std::vector<float> median_map(const Matrix& depth, const Rows& rows) {
   // A thousand maps place the median as well as all of them would.
@@ -40,20 +41,23 @@ bool true_foreground(float depth_m, float background_m) {
 Scene learn_scene(const Matrix& depth, const Rows& rows, const record::MapGrid& grid) {
   Scene scene{median_map(depth, rows), std::vector<float>(depth.cols), 0, grid};
   std::vector<double> sum(depth.cols);
-  double foreground_sum = 0;
+  double foreground_sum = 0, off_m = 0, behind_m = 0;
   std::size_t foreground_count = 0;
   for (const std::size_t row : rows) {
     const auto map = depth.row(row);
     for (std::size_t p = 0; p < map.size(); ++p) {
       sum[p] += map[p];
       if (!true_foreground(map[p], scene.background[p])) continue;
+      const float before_m = scene.background[p] - map[p];
+      off_m += std::abs(before_m);
+      if (scene.background[p] > 0) behind_m -= std::min(before_m, 0.f);
       foreground_sum += map[p];
       ++foreground_count;
     }
   }
   for (std::size_t p = 0; p < sum.size(); ++p)
     scene.mean_map[p] = static_cast<float>(sum[p] / static_cast<double>(rows.size()));
-  if (foreground_count > 0)
+  if (foreground_count > 0 && behind_m < most_behind * off_m)
     scene.foreground_depth_m =
         static_cast<float>(foreground_sum / static_cast<double>(foreground_count));
   return scene;
@@ -64,6 +68,7 @@ void archive(Archive archive, Scene& scene) {
   archive.count("map_size", scene.grid.size, record::least_map_size, record::most_map_size);
   archive.number("map_half_tangent", scene.grid.half_tangent, record::least_map_half_tangent,
                  record::most_map_half_tangent);
+  archive.number("map_z_max_m", scene.grid.far_m, record::least_map_far_m, record::most_map_far_m);
   archive.number("foreground_depth_m", scene.foreground_depth_m, 0, double{farthest_m});
   for (auto& [name, map] :
        {std::pair<const char*, std::vector<float>&>{"background_m", scene.background},
@@ -91,19 +96,20 @@ ECHOFUSE_CLONES void share_of(const float* prediction, const float* background, 
 
 std::vector<float> foreground_share(std::span<const float> prediction, const Scene& scene) {
   std::vector<float> out(prediction.size());
+  if (!scene.has_body()) return out;
   share_of(prediction.data(), scene.background.data(), scene.foreground_depth_m, out.size(),
            out.data());
   return out;
 }
 
-std::vector<float> within_span(std::span<const float> prediction) {
-  constexpr auto farthest = static_cast<float>(record::max_depth_m);
+std::vector<float> within_span(std::span<const float> prediction, const Scene& scene) {
   std::vector<float> out(prediction.size());
-  clamp(prediction.data(), farthest, out.data(), out.size());
+  clamp(prediction.data(), static_cast<float>(scene.grid.far_m), out.data(), out.size());
   return out;
 }
 
 std::vector<float> hard_map(std::span<const float> prediction, const Scene& scene) {
+  if (!scene.has_body()) return {prediction.begin(), prediction.end()};
   std::vector<float> out = scene.background;
   const auto share = foreground_share(prediction, scene);
   for (std::size_t p = 0; p < out.size(); ++p)

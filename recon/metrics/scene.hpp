@@ -5,6 +5,8 @@
 // A pixel of a true map is foreground if |d - b| > 0.1 m and d > 0, where b is the background map.
 // A pixel of a prediction v is foreground if it lies nearer to m, the mean depth of the training
 // foreground, than to b. In the open room b = 0 and m is about 3.5 m, so the rule reads v > 1.75 m.
+// No body stands out if a quarter of what is off the background lies behind it, as when a wall is
+// moved to and fro. Then nothing is foreground, and the hard map is the raw one.
 #pragma once
 #include <cstdint>
 #include <span>
@@ -19,9 +21,14 @@ namespace echofuse::recon {
 struct Scene {
   std::vector<float> background;  // b: per-pixel median of the training maps, metres
   std::vector<float> mean_map;    // metres
-  float foreground_depth_m = 0;   // m
+  float foreground_depth_m = 0;   // m; 0: no body stands out
   record::MapGrid grid;           // grid of these and of all maps beside them
+
+  bool has_body() const { return foreground_depth_m > 0; }
 };
+
+inline constexpr const char* no_body =
+    "no body stands out from the background: IoU and lateral error are not defined, RMSE judges";
 
 // There is one row a record. It holds how probably a body is at each pixel if the body is where the
 // model puts it, and how far away (metres) the body is there in that case.
@@ -45,8 +52,9 @@ bool true_foreground(float depth_m, float background_m);
 // probability that something stands there, give or take its ripple, which may leave 0..1.
 std::vector<float> foreground_share(std::span<const float> prediction, const Scene& scene);
 
-// This is the prediction as it is shown, stored and compared: clipped to the depth span, 0..6 m.
-std::vector<float> within_span(std::span<const float> prediction);
+// This is the prediction as it is shown, stored and compared: clipped to the grid's depths,
+// 0..far_m.
+std::vector<float> within_span(std::span<const float> prediction, const Scene& scene);
 
 // The hard map is the prediction where it is foreground, and the background elsewhere.
 std::vector<float> hard_map(std::span<const float> prediction, const Scene& scene);

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 // The paper's plain network has concatenated inputs, two hidden layers, a linear output and a
 // squared loss. It predicts the difference to the mean map, in units of the maps' spread.
+#include "drivers/program/console.hpp"
 #include "recon/models/model.hpp"
 #include "recon/models/network/regression.hpp"
 
@@ -11,10 +12,17 @@ class Mlp final : public Model {
  public:
   TrainingLog fit(const Samples& train, const Samples& validation,
                   const FitOptions& options) override {
-    Training training = training_of(options);
-    return regression_.fit({train.inputs, train.maps, train.rows},
-                           {validation.inputs, validation.maps, validation.rows}, Spread::common,
-                           training, "training", " m");
+    const Training training = training_of(options);
+    Progress progress("depth map", training.epochs, training.quiet);
+    const TrainingLog log =
+        regression_.fit({train.inputs, train.maps, train.rows},
+                        {validation.inputs, validation.maps, validation.rows}, Spread::common,
+                        training, "training", [&](std::size_t epochs, double loss) {
+                          progress.update(epochs, "validation loss " + std::to_string(loss));
+                        });
+    if (!log.interrupted)
+      progress.update(training.epochs, "best epoch " + std::to_string(log.best_epoch));
+    return log;
   }
   std::unique_ptr<Model> tuned(const Samples& train, const Tuning& tuning) const override {
     auto out = std::make_unique<Mlp>(*this);

@@ -9,6 +9,8 @@
 #include <thread>
 #include <vector>
 
+#include "drivers/program/program.hpp"
+
 namespace echofuse::recon {
 namespace {
 
@@ -84,14 +86,14 @@ class Pool {
 };
 
 std::unique_ptr<Pool>& pool() {
-  static auto it = std::make_unique<Pool>(static_cast<int>(std::thread::hardware_concurrency()));
+  static auto it = std::make_unique<Pool>(static_cast<int>(usable_cores()));
   return it;
 }
 
 }  // namespace
 
 void set_threads(int count) {
-  if (count <= 0) count = static_cast<int>(std::thread::hardware_concurrency());
+  if (count <= 0) count = static_cast<int>(usable_cores());
   pool() = std::make_unique<Pool>(count);
 }
 

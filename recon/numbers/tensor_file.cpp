@@ -7,10 +7,13 @@
 #include <iomanip>
 #include <nlohmann/json.hpp>
 #include <sstream>
+#include <tuple>
 
 #include "drivers/core/crc32c.hpp"
+#include "drivers/program/console.hpp"
 #include "drivers/program/exit_code.hpp"
 #include "drivers/program/printable.hpp"
+#include "recon/numbers/blas_kernels.hpp"
 
 namespace echofuse::recon {
 namespace {
@@ -110,7 +113,7 @@ TensorFile::TensorFile(std::string path, ByteView contents) : path_(std::move(pa
 
 // No exception of the JSON library gets out: its faults are told in our words.
 void TensorFile::parse(const std::string& header, ByteView values) try {
-  std::vector<std::pair<std::size_t, std::size_t>> places;
+  std::vector<std::tuple<std::size_t, std::size_t, Bytes*>> places;
   const json head = json::parse(header);
   for (const auto& [name, entry] : head.items()) {
     if (name == "__metadata__") continue;
@@ -129,18 +132,20 @@ void TensorFile::parse(const std::string& header, ByteView values) try {
     if (begin > end || end > values.size()) refuse(name, "lies beyond the end of the file");
     if (count > values.size() || count * width != end - begin)
       refuse(name, "its size is not that of its shape " + to_text(tensor.shape));
-    const ByteView own = values.subspan(begin, end - begin);
-    tensor.values.assign(own.begin(), own.end());
-    places.emplace_back(begin, end);
-    tensors_.emplace(name, std::move(tensor));
+    const auto taken = tensors_.emplace(name, std::move(tensor)).first;
+    places.emplace_back(begin, end, &taken->second.values);
   }
   std::sort(places.begin(), places.end());
   std::size_t at = 0;
-  for (const auto& [begin, end] : places) {
+  for (const auto& [begin, end, own] : places) {
     if (begin != at) refuse("data_offsets", "tensors overlap or leave a gap");
     at = end;
   }
   if (at != values.size()) refuse("data_offsets", "bytes that belong to no tensor");
+  // Copies once no two share their bytes: all together are no larger than the file.
+  for (const auto& [begin, end, own] : places)
+    own->assign(values.begin() + static_cast<std::ptrdiff_t>(begin),
+                values.begin() + static_cast<std::ptrdiff_t>(end));
   const json said = json::parse(head.at("__metadata__").at("facts").get<std::string>());
   for (const auto& [name, fact] : said.items()) {
     if (fact.is_string())
@@ -160,22 +165,27 @@ Bytes TensorFile::to_bytes() const {
   json said = json::object(), head = json::object();
   for (const auto& [name, fact] : facts)
     std::visit([&, key = name](const auto& value) { said[key] = value; }, fact);
-  head["__metadata__"] = {{"crc32c", no_crc}, {"facts", said.dump()}};
+  head["__metadata__"] = {
+      {"crc32c", no_crc}, {"facts", said.dump()}, {"kernel", blas_kernels()}, {"commit", commit()}};
   std::size_t at = 0;
-  for (const auto& [name, tensor] : tensors_) {
-    head[name] = {{"dtype", tensor.type},
-                  {"shape", tensor.shape},
-                  {"data_offsets", {at, at + tensor.values.size()}}};
-    at += tensor.values.size();
-  }
+  std::vector<const Tensor*> order;
+  for (const std::size_t width : {8, 4, 1})
+    for (const auto& [name, tensor] : tensors_) {
+      if (bytes_of(tensor.type) != width) continue;
+      head[name] = {{"dtype", tensor.type},
+                    {"shape", tensor.shape},
+                    {"data_offsets", {at, at + tensor.values.size()}}};
+      at += tensor.values.size();
+      order.push_back(&tensor);
+    }
   std::string header = head.dump();
   header.resize((header.size() + 7) / 8 * 8, ' ');
   Bytes out;
   out.reserve(8 + header.size() + at);
   put(out, std::uint64_t{header.size()});
   out.insert(out.end(), header.begin(), header.end());
-  for (const auto& [name, tensor] : tensors_)
-    out.insert(out.end(), tensor.values.begin(), tensor.values.end());
+  for (const Tensor* tensor : order)
+    out.insert(out.end(), tensor->values.begin(), tensor->values.end());
   const std::string crc = hex(crc32c(out));
   std::copy(crc.begin(), crc.end(),
             out.begin() + 8 + std::ssize("\"crc32c\":\"") - 1 +

@@ -4,13 +4,16 @@
 // twenty lines of NumPy.
 //
 //   off 0  u64 N: length of the header, at most 1 MiB
-//   off 8  u8[N]: JSON, {"__metadata__": {"crc32c": "89abcdef", "facts": "TEXT"},
+//   off 8  u8[N]: JSON, {"__metadata__": {"crc32c": "89abcdef", "facts": "TEXT", "kernel",
+//   "commit"},
 //                        NAME: {"dtype": "F32", "shape": [64, 48], "data_offsets": [0, 12288]},
 //                        ...}
-//   then   the tensors: row-major, little-endian, one behind the other without a gap
+//   then   the tensors: row-major, little-endian, one behind the other without a gap; those of
+//          8 bytes a value first, then of 4, then of 1, so that each is aligned
 //
 // TEXT is a JSON object of numbers and texts by name, as the format takes only texts there. crc32c
-// is the CRC-32C of the whole file, in which these eight digits are zeros.
+// is the CRC-32C of the whole file, in which these eight digits are zeros. kernel (of the matrix
+// product) and commit are of the program that wrote the file; nothing reads them.
 #pragma once
 #include <cstdint>
 #include <limits>

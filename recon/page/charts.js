@@ -238,7 +238,7 @@ export class Profile extends Bench {
   options() {
     return {
       hooks: this.hooks, cursor: {y: false, drag: {setScale: false}},
-      scales: {x: this.range, y: {range: () => [-10, this.top ?? 30]}},
+      scales: {x: this.range, y: {range: () => [this.low ?? -10, this.top ?? 30]}},
       axes: [axis('range, m'), axis('dB over the median', {size: 4 * textSize()})],
       series: [{}, {stroke: colour('--radar'), width: 2, points: {show: false}}],
     };
@@ -256,7 +256,7 @@ export class Profile extends Bench {
     if (db?.length !== n) return this.set([this.x, new Array(n).fill(null)]);
     const median = Float32Array.from(db).sort()[n >> 1];
     const values = Array.from(db, v => v - median);
-    this.top = calmTop(this.top, values, 30);
+    this.top = calmTop(this.top, values, 30), this.low = -calmTop(-(this.low ?? 0), values.map(v => Math.min(-v, 20)), 10);
     this.set([this.x, values]);
   }
 }

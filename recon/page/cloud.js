@@ -35,6 +35,9 @@ function viewOf(turn, tilt, away, middle, aspect) {
   return out;
 }
 
+// Of a point: x, y and w of the picture.
+const placed = (view, x, y, z) => [0, 1, 3].map(i => view[i] * x + view[4 + i] * y + view[8 + i] * z + view[12 + i]);
+
 export class Cloud {
   constructor() {
     this.canvas = document.getElementById('cloud');
@@ -44,7 +47,7 @@ export class Cloud {
       this.box.textContent = 'This browser has no WebGL: no points.';
       return;
     }
-    this.turn = -0.6, this.tilt = 0.3, this.away = 5.4, this.middle = 3.5, this.count = 0;
+    this.turn = -0.6, this.tilt = 0.3, this.away = null, this.middle = 3.5;  // away: null until somebody zooms, the whole floor
     this.program = program(this.gl);
     this.labels = [2, 3, 4, 5].map(z => {
       const at = document.createElement('span');
@@ -61,7 +64,7 @@ export class Cloud {
       this.draw();
     };
     const zoomBy = factor => {
-      this.away = Math.min(Math.max(this.away * factor, 0.5), 20);
+      this.away = Math.min(Math.max((this.away ?? this.whole) * factor, 0.5), 20);
       this.draw();
     };
     const fingers = new Map();
@@ -132,13 +135,17 @@ export class Cloud {
     gl.clearColor(0, 0, 0, 0);
     gl.enable(gl.DEPTH_TEST);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
-    const view = viewOf(this.turn, this.tilt, this.away, this.middle, width / height);
+    const seen = away => viewOf(this.turn, this.tilt, away, this.middle, width / height);
+    const within = ([x, y, w]) => w > 0 && Math.abs(x / w) < 0.97 && Math.abs(y / w) < 0.97;
+    this.whole = 4;
+    while (this.whole < 20 && ![[-2, 1.5], [2, 1.5], [-2, 5.5], [2, 5.5]].every(([x, z]) => within(placed(seen(this.whole), x, -1.3, z)))) this.whole *= 1.05;
+    const view = seen(this.away ?? this.whole);
     gl.uniformMatrix4fv(gl.getUniformLocation(this.program, 'view'), false, view);
     gl.uniform1f(gl.getUniformLocation(this.program, 'size'), this.canvas.height * 0.055);
     gl.drawArrays(gl.LINES, this.points, this.lines);
     gl.drawArrays(gl.POINTS, 0, this.points);
     for (const {at, z} of this.labels) {
-      const [x, y, w] = [0, 1, 3].map(i => view[i] * -2.1 + view[4 + i] * -1.3 + view[8 + i] * z + view[12 + i]);
+      const [x, y, w] = placed(view, -2.1, -1.3, z);
       at.hidden = w <= 0 || Math.abs(x / w) > 0.95 || Math.abs(y / w) > 0.95;
       at.style.left = `${(x / w + 1) / 2 * width}px`, at.style.top = `${(1 - y / w) / 2 * height}px`;
     }

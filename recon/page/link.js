@@ -15,8 +15,12 @@ export function decode(buffer) {
   return message;
 }
 
-// take(message) gets each message; changed(open) hears of the connection. Tries again for ever, at
-// most every 5 s.
+// Why an answer is none of the viewer: its own line, or what a web server between says of itself.
+export const refusal = async answer => answer.headers.get('content-type')?.startsWith('text/plain')
+  ? (await answer.text()).trim() : `${answer.status} ${answer.statusText}, from a web server before the viewer`;
+
+// take(message) gets each message; changed(open, why) hears of the connection, and why there is none. Tries again for
+// ever, at most every 5 s.
 export class Link {
   constructor(take, changed) {
     this.take = take;
@@ -25,15 +29,18 @@ export class Link {
     this.open();
   }
   open() {
-    this.socket = new WebSocket(`ws://${location.host}${location.pathname.replace(/[^/]*$/, '')}live${location.search}`);
+    const at = new URL(`live${location.search}`, location), asked = at.href;
+    at.protocol = at.protocol.replace('http', 'ws');
+    let opened = false;
+    this.socket = new WebSocket(at);
     this.socket.binaryType = 'arraybuffer';
     this.socket.onopen = () => {
-      this.pause = 250;
+      this.pause = 250, opened = true;
       this.changed(true);
     };
     this.socket.onmessage = event => this.take(decode(event.data));
-    this.socket.onclose = () => {
-      this.changed(false);
+    this.socket.onclose = async () => {
+      this.changed(false, opened ? '' : await fetch(asked, {cache: 'no-store'}).then(refusal, () => ''));
       setTimeout(() => this.open(), this.pause);
       this.pause = Math.min(this.pause * 2, 5000);
     };

@@ -160,7 +160,7 @@ export class MapView {
   }
   ticks(c, inner, high, left, size) {
     const [x0, x1, y0, y1] = this.tangents;
-    const step = [10, 20].find(s => Math.tan(s * Math.PI / 180) / (x1 - x0) * inner > 3.2 * size) ?? 40;
+    const step = [1, 2, 5, 10, 20].find(s => Math.tan(s * Math.PI / 180) / (x1 - x0) * inner > 3.2 * size) ?? (x1 < 0.85 ? 20 : 40);
     c.strokeStyle = colour('--ink');
     c.textAlign = 'center';
     for (let degrees = -80; degrees <= 80; degrees += step) {

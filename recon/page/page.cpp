@@ -147,10 +147,10 @@ std::string html_of(Json page) {
   make_printable(page);
   const std::string shell(page_shell());
   const std::string place = "{{data}}";
-  // Within a script no "</" may stand.
+  // A "<" could end the script, or begin a comment that hides its end.
   std::string data = page.dump();
-  for (std::size_t at = 0; (at = data.find("</", at)) != std::string::npos; at += 3)
-    data.insert(at + 1, 1, '\\');
+  for (std::size_t at = 0; (at = data.find('<', at)) != std::string::npos;)
+    data.replace(at, 1, "\\u003c");
   const std::size_t at = shell.find(place);
   return shell.substr(0, at) + data + shell.substr(at + place.size());
 }

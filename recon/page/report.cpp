@@ -37,14 +37,14 @@ Summaries over_models(const std::vector<Evaluation>& evaluations) {
   return summarise(means);
 }
 
-// Those with both sensors alive, on which all modes can be compared.
-Rows rows_of_both(const TrainedModel& model, const Dataset& data) {
+// Those with the sensors alive that the models ask, on which all can be compared.
+Rows comparable_rows(const TrainedModel& model, const Dataset& data, std::optional<Inputs> asked) {
   Rows rows = rows_to_evaluate(model, data, false);
-  std::erase_if(rows, [&](auto row) { return !data.fault_of(row, Inputs::fused).empty(); });
+  std::erase_if(rows, [&](auto row) { return asked && !data.fault_of(row, *asked).empty(); });
   if (rows.empty())
     throw Error(ExitCode::failed, data.sources.front().path +
-                                      ": no record with depth has both sensors, which the three "
-                                      "modes are compared on");
+                                      ": no record with depth has all sensors of these models, " +
+                                      "which they are compared on");
   return rows;
 }
 
@@ -85,31 +85,75 @@ TrainedModel model_for(const std::string& path, const ReportOptions& options, Re
   return model;
 }
 
+std::string takes(const TrainedModel& model) {
+  if (is_constant(model)) return "no sensor";
+  const Features& f = model->features;
+  if (!both_sensors(f.inputs)) return f.inputs == Inputs::spd ? "SPD alone" : "radar alone";
+  if (f.array_count() == 0) return "SPD + radar profile";
+  // Of a row without gaps the number of antennas is known.
+  return f.array_axis.quantity == "lags" ? formatted("SPD + %.0f antennas", f.array_axis.scale + 1)
+                                         : "SPD + antennas";
+}
+
+// Takes FILE or NAME=FILE: a seed of the mode of that name, or a mode behind the last of equal
+// inputs. Compared models stay as they are given.
+void add_model(std::vector<LoadedMode>& modes, const std::string& given,
+               const ReportOptions& options, Report& report) {
+  const bool compared = !options.compare.empty();
+  const auto equals = given.find('=');
+  const bool named = !compared && equals < given.find('/');
+  const std::string path = named ? given.substr(equals + 1) : given;
+  const std::string name = compared ? given
+                           : named  ? given.substr(0, equals)
+                                    : std::filesystem::path(given).stem().string();
+  TrainedModel model = model_for(path, options, report);
+  const std::string own = takes(model);
+  auto at = std::ranges::find_if(
+      modes, [&](const LoadedMode& m) { return !compared && m.result.name == name; });
+  if (at == modes.end()) {
+    const auto like = std::find_if(modes.rbegin(), modes.rend(), [&](const LoadedMode& m) {
+      return compared || m.result.takes == own;
+    });
+    at = modes.insert(like == modes.rend() ? modes.end() : like.base(),
+                      LoadedMode{{name, model->features.inputs, own, {}, {}, {}, {}}, {}});
+  } else if (at->result.takes != own) {
+    throw Error(ExitCode::failed, path + ": takes " + own + ", and " +
+                                      at->result.models.front().file + " of the same name " +
+                                      at->result.takes + "; expected --model NAME=" + path);
+  }
+  at->result.models.push_back(model_facts(path, model));
+  at->models.push_back(std::move(model));
+}
+
+// The sensors that these models ask together; none of constant maps.
+std::optional<Inputs> asked_by(const std::vector<LoadedMode>& modes) {
+  std::optional<Inputs> out;
+  for (const LoadedMode& mode : modes) {
+    if (is_constant(mode.models.front())) continue;
+    const Inputs own = mode.result.inputs;
+    out = out && *out != own ? Inputs::fused : own;
+  }
+  return out;
+}
+
 // Each model brings a copy of the data onto its own axes.
-LoadedMode score_mode(const std::string& name, Inputs inputs, double paper_ssim,
-                      const std::vector<std::string>& paths, const Dataset& data,
-                      const ReportOptions& options, Report& report) {
-  LoadedMode mode{{name, inputs, paper_ssim, {}, {}, {}, {}}, {}};
-  for (const auto& path : paths) {
-    TrainedModel model = model_for(path, options, report);
-    const Features& f = model->features;
-    if (f.inputs != inputs && !(both_sensors(f.inputs) && both_sensors(inputs)))
-      throw Error(ExitCode::failed,
-                  path + ": was trained on " + name_of(f.inputs) + " inputs, given as --" + name);
+void score(LoadedMode& mode, const Dataset& data, std::optional<Inputs> asked, bool quiet,
+           std::optional<Judge>& judge) {
+  for (const TrainedModel& model : mode.models) {
     const Records records = prepare_records(model, data);
-    const Rows rows = rows_of_both(model, records.data);
-    Evaluation e = evaluate(model, records, rows, options.quiet ? "" : "scoring " + name);
+    const Rows rows = comparable_rows(model, records.data, asked);
+    Evaluation e =
+        evaluate(model, records, rows, quiet ? "" : "scoring " + mode.result.name, judge);
+    judge = e.judge;
     e.left_out += rows_to_evaluate(model, records.data, false).size() - rows.size();
-    e.cost = measure_cost(model, records.data, rows, path);
-    if (mode.models.empty())
+    const std::size_t k = mode.result.evaluations.size();
+    e.cost = measure_cost(model, records.data, rows, mode.result.models[k].file);
+    if (k == 0)
       for (const std::size_t row : rows)
-        mode.result.records.push_back(facts_of(records.data, row, model->scene));
-    mode.result.models.push_back(model_facts(path, model));
+        mode.result.records.push_back(facts_of(records.data, row, e.judge.scene));
     mode.result.evaluations.push_back(std::move(e));
-    mode.models.push_back(std::move(model));
   }
   mode.result.metrics = over_models(mode.result.evaluations);
-  return mode;
 }
 
 double quality(const MapScores& scores) {
@@ -129,13 +173,13 @@ Rows by_quality(const ModeResult& subject, const std::function<bool(std::size_t)
   return out;
 }
 
-// The record that is nearest to the middle of the order of each model of both sensors; none of
-// none.
+// The record that is nearest to the middle of the order of each model with the subject's inputs;
+// none of none.
 std::optional<std::size_t> middle_row(const Report& report,
                                       const std::function<bool(std::size_t)>& wanted) {
   std::map<std::size_t, std::size_t> off;  // at most so many places from a middle, by row
   for (const ModeResult& mode : report.modes) {
-    if (!both_sensors(mode.inputs) && &mode != &report.modes.front()) continue;
+    if (mode.takes != report.modes.front().takes) continue;
     const Rows rows = by_quality(mode, wanted);
     for (std::size_t i = 0; i < rows.size(); ++i) {
       const std::size_t middle = rows.size() / 2;
@@ -166,10 +210,10 @@ void add_records(Report& report, const std::vector<const TrainedModel*>& models,
     };
     const auto row = middle_row(report, wanted);
     if (!row) continue;
-    ShownRecord shown = show_record(models, names, data, *row);
+    ShownRecord shown = show_record(models, names, data, *row, report.judge->scene);
     shown.caption = formatted(
         "Of all %zu records of this kind the one nearest to the median IoU of each model "
-        "of both sensors.",
+        "with these inputs.",
         by_quality(subject, wanted).size());
     report.main.push_back(std::move(shown));
   }
@@ -177,7 +221,8 @@ void add_records(Report& report, const std::vector<const TrainedModel*>& models,
   const std::vector<const TrainedModel*> first{models.front()};
   for (const auto& [what, share] : {std::pair{"Worst", 0.0}, {"Median", 0.5}, {"Best", 1.0}}) {
     const auto at = static_cast<std::size_t>(share * static_cast<double>(rows.size() - 1));
-    report.gallery.push_back(show_record(first, {names.front()}, data, rows[at]));
+    report.gallery.push_back(
+        show_record(first, {names.front()}, data, rows[at], report.judge->scene));
     report.gallery.back().title.insert(0, std::string(what) + ": ");
   }
 }
@@ -187,11 +232,12 @@ void add_live(Report& report, const TrainedModel& model, const std::string& name
   const Dataset data = load({path});
   const Records records = prepare_records(model, data);
   const Rows rows = rows_to_evaluate(model, records.data, false);
-  ModeResult live{"live", model->features.inputs, 0, {evaluate(model, records, rows)}, {}, {}, {}};
+  ModeResult live{"live", model->features.inputs, {}, {evaluate(model, records, rows)}, {}, {}, {}};
   report.live = live.evaluations.front();
-  report.live->baselines = score_baselines(data, rows, model->scene, data, {});
+  report.live->baselines = score_baselines(data, rows, report.live->judge.scene, data, {});
   const Rows order = by_quality(live, [](std::size_t) { return true; });
-  ShownRecord shown = show_record({&model}, {name}, data, order[order.size() / 2]);
+  ShownRecord shown =
+      show_record({&model}, {name}, data, order[order.size() / 2], report.live->judge.scene);
   shown.caption = "Of the records that the daemon recorded, the one whose map has the median IoU.";
   report.main.push_back(std::move(shown));
 }
@@ -213,23 +259,13 @@ void add_comparison(Report& report) {
 
 void add_models(Report& report, const ReportOptions& options, const Dataset& data) {
   std::vector<LoadedMode> modes;
-  const auto add = [&](const std::string& name, Inputs inputs, double paper,
-                       std::vector<std::string> paths) {
-    if (name == "spd" || name == "radar")  // they would stand for a sensor that they do not ask
-      std::erase_if(paths, [&](const std::string& path) {
-        if (!is_constant(load_model(path))) return false;
-        report.constants.push_back(path);
-        return true;
-      });
-    if (!paths.empty())
-      modes.push_back(score_mode(name, inputs, paper, paths, data, options, report));
-  };
-  add("fused", Inputs::fused, 0.6576, options.fused);
-  add("paper", Inputs::fused, 0.6576, options.paper);
-  add("spd", Inputs::spd, 0.6389, options.spd);
-  add("radar", Inputs::radar, 0.5266, options.radar);
-  for (const std::string& path : options.compare)
-    add(path, load_model(path)->features.inputs, 0, {path});
+  for (const auto* given : {&options.models, &options.compare})
+    for (const std::string& model : *given) add_model(modes, model, options, report);
+  const std::optional<Inputs> asked = asked_by(modes);
+  for (const LoadedMode& mode : modes)
+    for (const TrainedModel& model : mode.models)
+      if (!report.judge && model.knows(data)) report.judge = judge_of(model, data);
+  for (LoadedMode& mode : modes) score(mode, data, asked, options.quiet, report.judge);
   std::vector<const TrainedModel*> first;
   std::vector<std::string> names;
   for (auto& mode : modes) {
@@ -239,7 +275,7 @@ void add_models(Report& report, const ReportOptions& options, const Dataset& dat
   }
   const TrainedModel& subject = *first.front();
   report.baselines =
-      score_baselines(data, rows_of_both(subject, data), subject->scene, data,
+      score_baselines(data, comparable_rows(subject, data, asked), report.judge->scene, data,
                       subject.rows_of(data, Part::train), options.quiet ? "" : "scoring baselines");
   report.records = report.modes.front().evaluations.front().records;
   report.span = span_of(subject->scene), report.new_run = !subject.knows(data);
@@ -255,13 +291,12 @@ std::string run_of(const ReportOptions& options) {
 }  // namespace
 
 void check_report(const ReportOptions& o) {
-  const bool models = !o.fused.empty() || !o.spd.empty() || !o.radar.empty() || !o.paper.empty();
+  const bool models = !o.models.empty();
   std::string fault;
   if (run_of(o).empty()) fault = "nothing to report on: give --run with models, or --live";
-  if (!o.run.empty() && !models && o.compare.empty()) fault = "--run needs --fused or --compare";
+  if (!o.run.empty() && !models && o.compare.empty()) fault = "--run needs --model or --compare";
   if (o.run.empty() && (models || !o.compare.empty())) fault = "models need --run";
   if (models && !o.compare.empty()) fault = "--compare takes the place of the other models";
-  if (models && o.fused.empty()) fault = "--fused is missing: the model that the report is about";
   if (!o.compare.empty() && o.compare.size() != 2) fault = "--compare takes two models";
   if (!o.empty.empty() && o.run.empty()) fault = "--empty is for the models of --run";
   if (!fault.empty()) throw Error(ExitCode::usage, fault);

@@ -15,12 +15,12 @@ namespace echofuse::recon {
 
 struct ReportOptions {
   std::string dir;
-  // Model files; several of a mode are its seeds. The fused one is the subject, others may be left
-  // out; `paper` is fused as well.
-  std::vector<std::string> fused, spd, radar, paper;
-  std::string run;                   // its held-out records with both sensors are scored
+  // FILE or NAME=FILE; by default the name is the file's without folder and ending. The first is
+  // the subject; several of a name are its seeds.
+  std::vector<std::string> models;
+  std::string run;                   // its held-out records with all the models' sensors are scored
   std::vector<std::string> compare;  // two model files, in place of those above
-  std::string live;                  // a recorded run: its story, and its maps by the fused model
+  std::string live;                  // a recorded run: its story, and its maps by the subject
   std::string empty;                 // a run of nobody in the room of these runs; may be left out
   std::string command;               // as it was typed; for the page
   bool force = false;                // also over a report of another run
@@ -47,7 +47,7 @@ struct RecordFacts {
 struct ModeResult {
   std::string name;
   Inputs inputs{};
-  double paper_ssim = 0;  // of these inputs: Lai et al., Chin. Opt. Lett. 22, 022701 (2024)
+  std::string takes;  // "SPD + 8 antennas", "SPD alone"; "no sensor" of a constant map
   std::vector<Evaluation> evaluations;  // one a model
   Summaries metrics;  // of a single model: as evaluated; of several: mean and SE over the models
   std::vector<ModelFacts> models;
@@ -87,9 +87,9 @@ struct Report {
   double window_s = 0;                                    // of a record; 0: not stated
   DepthSpan span;                                         // of all its maps
   std::vector<std::pair<std::string, std::string>> made;  // how: name and value
-  std::vector<std::string> constants;  // model files that were left out as they ask no sensor
-  std::string room;                    // what was done about another room
-  std::vector<ModeResult> modes;       // the first is the subject
+  std::string room;                                       // what was done about another room
+  std::vector<ModeResult> modes;  // the subject first; those of equal inputs together
+  std::optional<Judge> judge;     // of all modes
   std::vector<ScoredRow> baselines;
   std::size_t records = 0;
   std::vector<ShownRecord> main;     // person, letter: by all modes
@@ -111,8 +111,8 @@ std::string write_report(const Report& report, const std::string& dir);
 
 // Parts of make_report, by what they need.
 ShownRecord show_record(const std::vector<const TrainedModel*>& models,
-                        const std::vector<std::string>& names, const Dataset& data,
-                        std::size_t row);
+                        const std::vector<std::string>& names, const Dataset& data, std::size_t row,
+                        const Scene& judge);
 // Gains in what both define, with intervals by resampled blocks of neighbours.
 std::vector<PairedDifference> paired_differences(const std::vector<MapScores>& first,
                                                  const std::vector<MapScores>& second);

@@ -24,7 +24,7 @@ const add = (parent, blocks) => blocks.forEach(block => kinds[block.kind](parent
 class Plot extends Chart {
   constructor(parent, block) {
     const id = newId('chart');
-    make(parent, 'div', {id, className: 'chart'});
+    make(parent, 'div', {id, className: 'chart', role: 'group', ariaLabel: block.title});
     super(id, block.height ?? 300);
     Object.assign(this, {block, rules: block.rules});
     const points = block.series.flatMap((s, k) => s.x.map((x, i) => [x, k, s.y[i]])).sort((a, b) => a[0] - b[0]);
@@ -155,9 +155,10 @@ class Pictures {
   }
   measured(box, what) {
     const {r} = this, axes = r[what], id = newId(what), values = what === 'spd' ? axes.clicks : axes.db;
-    make(box, 'h3', {textContent: what === 'spd' ? 'SPD histogram' : 'Radar range profile'});
+    const ariaLabel = what === 'spd' ? 'SPD histogram' : 'Radar range profile';
+    make(box, 'h3', {textContent: ariaLabel});
     make(box, 'p', {id: `${id}-readout`, className: 'readout'});
-    make(box, 'div', {id, className: 'chart'});
+    make(box, 'div', {id, className: 'chart', role: 'img', ariaLabel});
     if (!values) return void (box.lastChild.textContent = 'no data in this record');
     const chart = what === 'spd' ? new Histogram(id) : new Profile(id);
     chart.farthest = r.spd.clicks ? (r.spd.start + r.spd.count * r.spd.step) * metresPerPs : r.radar.start + r.radar.count * r.radar.step;
@@ -303,14 +304,14 @@ const kinds = {
       const head = make(box, 'h3', {textContent: `${key[sensor]} `}), small = make(head, 'small', {textContent: unit[sensor]});
       make(small, 'span', {id: `lost-${sensor}`, className: 'lost'});
       if (block.gaps[sensor].length) make(small, 'span', {className: 'lost', textContent: '; no data where red'});
-      make(box, 'div', {id: `strip-${sensor}`, className: 'strip'});
+      make(box, 'div', {id: `strip-${sensor}`, className: 'strip', role: 'img', ariaLabel: `${key[sensor]} over the run`});
     }
     const head = make(make(box, 'h3', {textContent: 'residual of the clocks '}), 'small', {textContent: 'µs: '});
     for (const sensor in key) {
       make(make(head, 'span'), 'i', {className: `key ${sensor}`});
       head.lastChild.append(` ${key[sensor]} `);
     }
-    make(box, 'div', {id: 'strip-clock', className: 'strip'});
+    make(box, 'div', {id: 'strip-clock', className: 'strip', role: 'img', ariaLabel: 'residuals of the clocks over the run'});
     const strips = new Strips(`time, ${block.unit}`);
     for (const strip of strips.rates) strip.gaps = block.gaps[strip.sensor];
     strips.take(block.arrays, block.window_s);
@@ -321,7 +322,7 @@ const kinds = {
     make(parent, 'p', {textContent: `${r.title}: drag to turn, wheel or two fingers to zoom, arrow keys.`});
     const buttons = make(parent, 'div', {className: 'tools'});
     const maps = [...r.maps.map(m => [m.name, m.map]), ['truth', r.truth]];
-    make(make(parent, 'div', {id: 'cloud-box'}), 'canvas', {id: 'cloud', tabIndex: 0, ariaLabel: 'points of the map in space'});
+    make(make(parent, 'div', {id: 'cloud-box'}), 'canvas', {id: 'cloud', tabIndex: 0, role: 'img', ariaLabel: 'points of the map in space'});
     const cloud = new Cloud();
     let shown = 0;
     const show = i => {

@@ -53,8 +53,7 @@ Json error_chart(const Report& report, const std::string& title, const std::stri
     const Pairs medians = medians_of(lateral_errors(report.modes[m], place));
     groups = std::max(groups, medians.size());
     if (!medians.empty())
-      add_series(out, name_for_charts(report.modes[m]), colour_of(report, m), Look::marked,
-                 medians);
+      add_series(out, short_name(report.modes[m]), colour_of(report, m), Look::marked, medians);
   }
   out["note"] =
       formatted("Dots: %zu records of %s. ", own.size(), title_of(report.modes.front()).c_str()) +
@@ -73,9 +72,9 @@ Json distribution(const Report& report, Metric metric, const std::string& title,
     std::vector<double> values;
     for (const MapScores& s : report.modes[m].evaluations.front().scores)
       if (!std::isnan(s[metric])) values.push_back(unit * s[metric]);
-    add_series(out, name_for_charts(report.modes[m]), colour_of(report, m), Look::line,
+    add_series(out, short_name(report.modes[m]), colour_of(report, m), Look::line,
                shares_below(values));
-    numbers += (numbers.empty() ? "" : "; ") + name_for_charts(report.modes[m]) + ": " +
+    numbers += (numbers.empty() ? "" : "; ") + short_name(report.modes[m]) + ": " +
                std::to_string(values.size()) + " records";
   }
   out["span"] = {0, 100}, out["note"] = numbers + ".";
@@ -97,8 +96,14 @@ Pairs shares_below(std::vector<double> values) {
 const char* colour_of(const Report& report, std::size_t mode) {
   const ModeResult& m = report.modes[mode];
   if (!report.differences.empty()) return mode == 0 ? "grey" : "both";
-  if (m.name == "paper") return "papers";
-  return both_sensors(m.inputs) ? "both" : m.inputs == Inputs::spd ? "spd" : "radar";
+  constexpr const char* of_both[] = {"both", "papers", "depth", "grey"};
+  const auto like = [&](const ModeResult& other) {
+    return other.inputs == m.inputs || (both_sensors(other.inputs) && both_sensors(m.inputs));
+  };
+  const auto at = report.modes.begin() + static_cast<std::ptrdiff_t>(mode);
+  const auto before = static_cast<std::size_t>(std::count_if(report.modes.begin(), at, like));
+  if (both_sensors(m.inputs) || before > 0) return of_both[std::min<std::size_t>(before, 3)];
+  return m.inputs == Inputs::spd ? "spd" : "radar";
 }
 
 Json errors(const Report& report) {

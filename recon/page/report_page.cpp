@@ -78,8 +78,9 @@ Json terms() {
       {"on the true side", "of the bodies more than 0.3 m off the axis."},
       {"hard map",
        "what is nearer to the background than to the mean body is set to the background."},
-      {"domain shift",
-       "how far a run as a whole is from runs like the training; above 1 is unusual."},
+      {"p",
+       "of a run as a whole: how probably a run like the training is as far from it; below 0.001 "
+       "the run is unlike the training."},
       {"flagged", "a single record that is unlike the training records."},
       {"SSIM, RMSE",
        "similarity of structure; root of the mean squared depth error, over the map."}};
@@ -132,11 +133,13 @@ Json first_pictures(const Report& report) {
 
 Json record_blocks(const Report& report) {
   const bool one_sensor = std::any_of(report.modes.begin(), report.modes.end(),
-                                      [](const auto& m) { return !both_sensors(m.inputs); });
+                                      [](const auto& m) { return m.takes.ends_with("alone"); });
   Json out = Json::array();
   for (std::size_t i = 0; i < report.main.size(); ++i) {
     const ShownRecord& shown = report.main[i];
-    std::vector<std::string> show{"truth", "spd", "radar"}, shares{"truth"};
+    std::vector<std::string> show{"truth"}, shares{"truth"};
+    if (shown.spd_axis.count > 0) show.emplace_back("spd");
+    if (shown.radar_axis.count > 0) show.emplace_back("radar");
     std::string said = shown.caption + " ";
     for (std::size_t m = 0; m < shown.maps.size(); ++m) {
       for (const char* what : {"map", "error"}) show.push_back(of_model(what, m));
@@ -177,13 +180,6 @@ void add_models(Json& page, const Report& report) {
   Json& first = page["first"];
   if (!report.main.empty()) first.push_back(first_pictures(report));
   for (const Json& block : first_table(report)) first.push_back(block);
-  if (!report.constants.empty()) {
-    std::string files;
-    for (const std::string& path : report.constants) files += (files.empty() ? "" : ", ") + path;
-    first.push_back(note("Left out: " + files +
-                         ". Such a model asks no sensor; its answer is always the mean of the "
-                         "training maps, which is among the baselines."));
-  }
   for (const auto* list : {&report.main, &report.gallery})
     for (const ShownRecord& shown : *list) page["records"].push_back(json_of(shown));
   add_section(page, "failures", "What fails", failures(report));
@@ -208,24 +204,15 @@ std::string short_name(const ModeResult& mode) {
   return mode.name.substr(mode.name.rfind('/') + 1);
 }
 
-std::string name_for_charts(const ModeResult& mode) {
-  if (mode.name == "fused") return "both sensors";
-  if (mode.name == "paper") return "the paper's network";
-  if (mode.name == "spd") return "SPD alone";
-  if (mode.name == "radar") return "radar alone";
-  return short_name(mode);
-}
-
 std::string title_of(const ModeResult& mode) {
-  std::string model = mode.evaluations.empty() ? "" : mode.evaluations.front().model;
-  if (!mode.models.empty() && mode.models.front().papers) model = "the paper's network";
-  if (model == "mean") model = "mean of the training maps";
+  const std::string kind = !mode.models.empty() && mode.models.front().papers
+                               ? "the paper's network"
+                           : mode.evaluations.empty() ? ""
+                                                      : mode.evaluations.front().model;
   const std::string seeds =
-      mode.evaluations.size() > 1 ? formatted(" (%zu trainings)", mode.evaluations.size()) : "";
-  const std::string name = name_for_charts(mode);
-  if (mode.name == "paper") return "both sensors, the paper's network" + seeds;
-  if (name == short_name(mode)) return name + " (" + model + ")" + seeds;
-  return name + ", " + model + seeds;
+      mode.evaluations.size() > 1 ? formatted("; %zu trainings", mode.evaluations.size()) : "";
+  const std::string name = short_name(mode);
+  return name + " (" + (kind == name ? "" : kind + ", ") + mode.takes + seeds + ")";
 }
 
 Json page_of(const Report& report) {
@@ -254,23 +241,23 @@ std::string to_text(const Report& report) {
   std::string out = verdict(report) + "\n";
   for (const Problem& p : problems_of(report)) out += p.text + "\n";
   if (report.modes.empty()) return out;
-  for (const std::string& path : report.constants)
-    out += path + ": left out, its answer is always the mean of the training maps\n";
-  out += formatted("%-10s %10s %16s %16s %16s %16s %16s\n", "mode", "paper SSIM", "SSIM", "IoU",
-                   "lateral (m)", "ghost", "left/right");
+  std::size_t widest = 10;
+  for (const auto& mode : report.modes) widest = std::max(widest, title_of(mode).size());
+  const int wide = static_cast<int>(widest);
+  out += formatted("%-*s %10s %16s %16s %16s %16s %16s\n", wide, "model", "paper SSIM", "SSIM",
+                   "IoU", "lateral (m)", "ghost", "left/right");
   const auto line = [&](const std::string& name, const std::string& paper,
                         const Summaries& metrics) {
-    out += formatted("%-10s %10s", name.c_str(), paper.c_str());
+    out += formatted("%-*s %10s", wide, name.c_str(), paper.c_str());
     for (const Metric m :
          {metric_ssim, metric_iou, metric_lateral_m, metric_ghost, metric_left_right})
       out += formatted(" %16s", formatted(metrics[m], " +-").c_str());
     out += '\n';
   };
-  for (const auto& mode : report.modes)
-    line(
-        short_name(mode),
-        mode.paper_ssim > 0 && mode.models.front().papers ? formatted("%.4f", mode.paper_ssim) : "",
-        mode.metrics);
+  for (const auto& mode : report.modes) {
+    const double paper = paper_ssim(mode);
+    line(title_of(mode), paper > 0 ? formatted("%.4f", paper) : "", mode.metrics);
+  }
   for (const auto& row : report.baselines) line(row.name, "", row.metrics);
   for (const std::string& text : remarks_of(report.modes.front().evaluations.front()))
     out += text + "\n";

@@ -10,8 +10,10 @@
 namespace echofuse::recon {
 
 std::string short_name(const ModeResult& mode);
-std::string title_of(const ModeResult& mode);  // "both sensors, factorised"
-std::string name_for_charts(const ModeResult& mode);
+std::string title_of(const ModeResult& mode);  // "ours (factorised, SPD + 8 antennas)"
+// SSIM that Lai et al., Chin. Opt. Lett. 22, 022701 (2024), state of their network on these inputs;
+// 0 of any other model.
+double paper_ssim(const ModeResult& mode);
 const char* colour_of(const Report& report, std::size_t mode);  // of its series
 
 // This is how the page names a metric, in what unit it gives it, and what is better.

@@ -40,8 +40,8 @@ void state(ShownMap& out, const PredictionUncertainty& stated) {
 }  // namespace
 
 ShownRecord show_record(const std::vector<const TrainedModel*>& models,
-                        const std::vector<std::string>& names, const Dataset& data,
-                        std::size_t row) {
+                        const std::vector<std::string>& names, const Dataset& data, std::size_t row,
+                        const Scene& judge) {
   ShownRecord out;
   const auto truth = data.depth.row(row);
   out.truth.assign(truth.begin(), truth.end());
@@ -58,20 +58,20 @@ ShownRecord show_record(const std::vector<const TrainedModel*>& models,
     const auto power = data.radar.row(row);
     out.power.assign(power.begin(), power.end());
   }
-  out.body_m = body_range_m(truth, models.front()->first().scene);
+  out.body_m = body_range_m(truth, judge);
   for (std::size_t i = 0; i < models.size(); ++i) {
     const TrainedModel& model = *models[i];
     const Records seen = prepare_records(model, part_of(data, {row}));
     const Prediction made = predict(
         model, seen, {0}, model->uncertainty ? PredictionDetail::pixels : PredictionDetail::maps);
     ShownMap map{names[i],
-                 hard_map(within_span(made.maps.row(0)), model->scene),
+                 hard_map(within_span(made.maps.row(0), judge), judge),
                  {},
-                 foreground_share(made.maps.row(0), model->scene),
-                 score(made.maps.row(0), truth, model->scene),
+                 foreground_share(made.maps.row(0), judge),
+                 score(made.maps.row(0), truth, judge),
                  {},
                  {}};
-    if (model->uncertainty) {
+    if (!made.uncertainties.empty()) {
       const auto deviation = std::as_const(made.deviation).row(0);
       map.deviation.assign(deviation.begin(), deviation.end());
       state(map, made.uncertainties.front());

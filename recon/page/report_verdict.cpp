@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: MIT
 // This is what a report says in sentences: how good, against what, and what fails.
 #include <algorithm>
-#include <cctype>
 #include <cmath>
 #include <sstream>
 
@@ -16,12 +15,6 @@ std::string plus_minus(const Summaries& all, Metric metric) {
   const MetricWords& words = words_of(metric);
   return words.text(s.mean) +
          (!std::isnan(s.se) && s.maps > 4 ? " \u00b1 " + words.text(s.se) : "") + words.unit;
-}
-
-const ModeResult* papers_network(const Report& report) {
-  for (const ModeResult& mode : report.modes)
-    if (mode.name == "paper") return &mode;
-  return nullptr;
 }
 
 // One with IoU 0 draws nobody: no opponent.
@@ -59,13 +52,12 @@ std::string of_models(const Report& report) {
       title_of(subject) + formatted(", on %zu %s records%s: ", report.records,
                                     report.simulated ? "simulated" : "recorded",
                                     report.new_run ? " of a new run" : " that training held out");
-  out[0] = static_cast<char>(std::toupper(static_cast<unsigned char>(out[0])));
   out += "IoU " + plus_minus(own, metric_iou);
-  const ModeResult* paper = papers_network(report);
-  if (paper != nullptr)
-    out += " (the paper's network: " + plus_minus(paper->metrics, metric_iou) + "; ";
-  else
-    out += " (";
+  out += " (";
+  for (const ModeResult& mode : report.modes)
+    if (&mode != &subject && mode.takes == subject.takes)
+      out +=
+          short_name(mode) + ", of the same inputs: " + plus_minus(mode.metrics, metric_iou) + "; ";
   out += against_baselines(report) + ")";
   for (const Metric metric : {metric_lateral_m, metric_depth_mae_m})
     if (!std::isnan(own[metric].mean))
@@ -74,7 +66,7 @@ std::string of_models(const Report& report) {
   for (const ModeResult& mode : report.modes)
     if (&mode != &subject)
       if (const std::string worse = worse_than(subject, mode); !worse.empty())
-        out += " Worse than " + name_for_charts(mode) + " in " + worse + ".";
+        out += " Worse than " + title_of(mode) + " in " + worse + ".";
   return out;
 }
 

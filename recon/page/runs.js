@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 // The runs of a folder: what each is like, and the way to its page.
 import {clock, colour, siNumber} from './charts.js';
+import {refusal} from './link.js';
 import {fill, picture, spanOf, tables} from './maps.js';
 
 const $ = id => document.getElementById(id);
@@ -27,7 +28,7 @@ const labelsOf = ({labels}) => Object.entries(labels).filter(([name]) => name).s
 function card(run, span) {
   const at = document.createElement('a'), words = document.createElement('div');
   const add = (kind, text, look = '') => text && words.append(Object.assign(document.createElement(kind), {textContent: text, className: look}));
-  at.className = 'card run', at.href = `/run/${encodeURIComponent(run.name)}/${location.search}`;
+  at.className = 'card run', at.href = `run/${encodeURIComponent(run.name)}/${location.search}`;
   add('h2', run.name);
   if (run.waits || run.fault) {
     add('p', run.fault ?? 'is being read', run.fault ? 'doubts' : 'quiet');
@@ -51,8 +52,9 @@ function draw() {
 async function look() {
   let wait = pause.all;
   try {
-    const answer = document.hidden ? null : await fetch(`/runs${location.search}`), text = await answer?.text();
-    if (answer && !answer.ok) throw Error(text);
+    const answer = document.hidden ? null : await fetch(`runs${location.search}`);
+    if (answer && !answer.ok) throw Error(await refusal(answer));
+    const text = await answer?.text();
     if (text?.includes('"waits":true')) wait = pause.more;
     if (text && text !== told) told = text, draw();
     $('trouble').hidden = true;
@@ -62,6 +64,6 @@ async function look() {
   }
   setTimeout(look, wait);
 }
-$('newest').href = `/newest/${location.search}`;
+$('newest').href = `newest/${location.search}`;
 matchMedia('(prefers-color-scheme: dark)').addEventListener('change', () => told && draw());
 look();

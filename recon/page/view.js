@@ -83,7 +83,8 @@ function drawMapsLamp() {
     (made.lateral_error_m == null ? '' : `, ${(made.lateral_error_m * 100).toFixed(0)} cm off`);
   const why = faultOf(made) || made.note || (state?.doubt ? 'run unlike the training' : '');
   light('maps', made.fault ? ['bad', 'NONE'] : made.seen ? ['look', 'TRAINED ON THIS RECORD'] : !run.calibrated ? ['look', 'NOT CALIBRATED'] : why ? ['look', 'DOUBT'] : ['ok', 'OK'],
-        why || (made.lateral_interval_90_m == null ? '' : `±${(made.lateral_interval_90_m * 100).toFixed(0)} cm sideways (90 %)`), met);
+        [why, made.x_m == null ? '' : `body at x ${made.x_m.toFixed(2)} m` + (made.lateral_interval_90_m == null ? '' :
+          ` ±${(made.lateral_interval_90_m * 100).toFixed(0)} cm (90 %)`) + `, z ${made.z_m.toFixed(2)} m`].filter(Boolean).join('; '), met);
 }
 
 function drawNumbers() {
@@ -164,7 +165,7 @@ function drawRecord() {
   const words = sensors.filter(name => record.sensors[name].verdict !== 'ok' && record.sensors[name].verdict !== 'not configured')
     .map(name => `${names[name]}: ${record.sensors[name].verdict}`);
   // Of the newest record the lamps tell the verdicts.
-  say('shown', [`record ${record.index}${live ? ' (newest)' : ''}`, `${record.utc.slice(11, 21)} UTC`, record.label, ...(live ? [] : ['held', ...words])].filter(Boolean).join(', '));
+  say('shown', $('shown').title = [`record ${record.index}${live ? ' (newest)' : ''}`, `${record.utc.slice(11, 21)} UTC`, record.label, ...(live ? [] : ['held', ...words])].filter(Boolean).join(', '));
   sheet.point(record.index);
 }
 
@@ -382,10 +383,12 @@ setInterval(() => {
   say('elapsed', clock(state.elapsed_s + running));
 }, 200);
 
-$('runs').hidden = !/^\/(run|newest)\//.test(location.pathname);
-$('runs').href = `/${location.search}`;
-const link = new Link(message => take[message.kind]?.(message), open => {
+const chosen = location.pathname.match(/\/(?:run\/[^/]+|newest)\/[^/]*$/);
+$('runs').hidden = !chosen;
+$('runs').href = `${chosen?.[0].startsWith('/run/') ? '../../' : '../'}${location.search}`;
+const link = new Link(message => take[message.kind]?.(message), (open, why) => {
   connected = open;
+  if (why) trouble(why);
   if (open && !live) link.ask({show: here()});
   if (state) drawNumbers(), drawLamps();
   else say('status', open ? 'connected' : 'no connection to the viewer');

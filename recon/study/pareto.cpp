@@ -115,6 +115,9 @@ class Study {
       if (run.uuid == train_.sources.front().uuid)
         throw Error(ExitCode::usage,
                     run.path + ": the models are trained on this run; judge them by another");
+    if (const std::size_t copies = leave_out_copies(test_, train_); copies > 0)
+      std::fprintf(stderr, "%s: %zu of %zu records are copies of training records: left out\n",
+                   options.test.c_str(), copies, test_.size());
     match_axes(test_, train_.spd_axis, train_.radar_axis, Inputs::fused);
     match_array(test_, train_.array_axis);
     for (const Job& job : jobs_) {
@@ -178,7 +181,7 @@ class Study {
     const TrainedModel model = train_on_all(train_data, job.model, seed);
     const Rows rows = test_data.usable(model->features.inputs);
     const MapScores scores =
-        mean_scores(model.predict(test_data, rows), test_data, rows, model->scene);
+        mean_scores(model.predict(test_data, rows), test_data, rows, judge_.scene);
     for (std::size_t i = 0; i < metric_count; ++i) m.metrics[metric_names[i]] = scores[i];
     m.metrics["multiply_adds"] = static_cast<double>(model->cost().multiply_adds);
     if (!options_.part) measure_times(model, test_data, rows, m);
@@ -200,6 +203,7 @@ class Study {
   }
 
   Dataset train_, test_;
+  const Judge judge_ = judge_of(train_);
   const ParetoOptions options_;
   const std::vector<Job> jobs_;
   Progress progress_;

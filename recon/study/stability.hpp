@@ -53,8 +53,7 @@ std::vector<Measurement> study_stability(const StabilityOptions& options);
 struct StabilityPoint {
   std::array<double, metric_count> mean{}, spread{};  // spread: standard deviation over the seeds
   bool fails = false;                                 // as above
-  bool below = false;   // the same by IoU alone: below the best baseline that draws a body
-  bool halved = false;  // its IoU is below half of that at the base
+  bool halved = false;                                // its IoU is below half of that at the base
 };
 
 struct StabilityCurve {
@@ -62,7 +61,7 @@ struct StabilityCurve {
   std::vector<StabilityPoint> points;  // one a value of the axis
   // The first values with that, going from the base to each end; that of the base alone if it
   // begins there.
-  std::vector<std::string> fails_at, below_at, halved_at;
+  std::vector<std::string> fails_at, halved_at;
   double worst = 0;  // least IoU, as a share of that at the base; NaN if it fails there already
 };
 

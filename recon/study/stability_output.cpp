@@ -79,7 +79,7 @@ StabilityCurve best_baseline(const StabilityResult& result) {
 }
 
 std::string told(const StabilityCurve& curve) {
-  return curve.below_at.empty() ? "holds" : "below at " + joined(curve.below_at, ", ");
+  return curve.fails_at.empty() ? "holds" : "fails at " + joined(curve.fails_at, ", ");
 }
 
 Json panel_of(const StabilityResult& result) {
@@ -98,7 +98,7 @@ Json panel_of(const StabilityResult& result) {
                           colours.of(curve.name), Look::marked, curve);
     for (const StabilityPoint& point : curve.points) {
       line["bars"].push_back(bar_of(point.mean[metric_iou], point.spread[metric_iou]));
-      line["crossed"].push_back(point.below);
+      line["crossed"].push_back(point.fails);
     }
   }
   return out;
@@ -106,18 +106,17 @@ Json panel_of(const StabilityResult& result) {
 
 // This is what the first model, by which all is sorted, does not survive.
 std::string verdict_of(const std::vector<StabilityResult>& results) {
-  std::vector<std::string> below;
+  std::vector<std::string> fails;
   for (const auto& [axis, curves, baselines] : results)
-    if (!curves.front().below_at.empty())
-      below.push_back(axis.title + ", " + axis.kind() + " (" +
-                      joined(curves.front().below_at, ", ") + ")");
+    if (!curves.front().fails_at.empty())
+      fails.push_back(axis.title + ", " + axis.kind() + " (" +
+                      joined(curves.front().fails_at, ", ") + ")");
   const std::string name = name_in_charts(results.front().curves.front().name);
-  if (below.empty())
-    return name + " stays above the best baseline under all conditions that were tried.";
+  if (fails.empty()) return name + " fails under none of the conditions that were tried.";
   constexpr std::size_t most = 5;
-  const std::size_t more = below.size() > most ? below.size() - most : 0;
-  below.resize(below.size() - more);
-  return name + " falls below the best baseline with " + joined(below, "; ") +
+  const std::size_t more = fails.size() > most ? fails.size() - most : 0;
+  fails.resize(fails.size() - more);
+  return name + " fails with " + joined(fails, "; ") +
          (more > 0 ? formatted("; and with %zu others", more) : "") + ".";
 }
 
@@ -134,11 +133,10 @@ void write_stability_page(const StabilityOptions& o, const std::vector<Stability
   Json block = charts(panels);
   block["panels"] = true;
   add_section(
-      page, "axes", "Where each model falls below the best baseline",
+      page, "axes", "Where each model fails",
       Json::array(
-          {paragraph("A cross: there the model's IoU is not above that of the best "
-                     "baseline that draws a body (shaded), by more than the spread over "
-                     "seeds, or it gives no map. Matched: trained and tested under the condition. "
+          {paragraph("A cross: there the model fails, which the table defines; shaded: below the "
+                     "best baseline by IoU. Matched: trained and tested under the condition. "
                      "Shifted: trained at the base condition, tested under this one. "
                      "Sorted by what breaks the first model most."),
            block}));

@@ -55,22 +55,13 @@ std::vector<double> advantage(const Seeds& model, const std::vector<const Seeds*
   return out;
 }
 
-struct Judged {
-  bool fails = false, below = false;
-};
-
 // Written so that NaN, no map, fails.
-Judged judged(const Seeds& model, const Seeds& empty, const Seeds& mean, const Seeds& nearest) {
+bool fails(const Seeds& model, const Seeds& empty, const Seeds& mean) {
   const auto iou = advantage(model, {&empty, &mean}, metric_iou);
   const Moments by_iou = moments(iou),
                 by_ssim = moments(advantage(model, {&empty}, metric_ssim_hard));
-  if (iou.empty()) {
-    const bool somebody = !(by_ssim.mean + by_ssim.spread >= 0);
-    return {somebody, somebody};
-  }
-  const Moments by_best = moments(advantage(model, {&empty, &mean, &nearest}, metric_iou));
-  return {!(by_iou.mean > by_iou.spread && by_ssim.mean > by_ssim.spread),
-          !(by_best.mean > by_best.spread)};
+  if (iou.empty()) return !(by_ssim.mean + by_ssim.spread >= 0);  // somebody is shown
+  return !(by_iou.mean > by_iou.spread && by_ssim.mean > by_ssim.spread);
 }
 
 StabilityPoint point_of(const Seeds& seeds) {
@@ -111,16 +102,12 @@ double share(const StabilityPoint& point, const StabilityPoint& base, const Stab
 StabilityCurve curve_of(const StabilityAxis& axis, const std::vector<Measurement>& rows,
                         const std::string& name, const std::string& model,
                         const std::string& inputs) {
-  StabilityCurve curve{name, {}, {}, {}, {}, nan};
+  StabilityCurve curve{name, {}, {}, {}, nan};
   for (const AxisValue& value : axis.values) {
     const Seeds seeds = seeds_at(rows, axis, value, model, inputs);
-    const Judged how =
-        judged(seeds, seeds_at(rows, axis, value, constant_models[0], "-"),
-               seeds_at(rows, axis, value, constant_models[1], "-"),
-               name == nearest_baseline ? Seeds{}
-                                        : seeds_at(rows, axis, value, nearest_baseline, "fused"));
-    StabilityPoint& point = curve.points.emplace_back(point_of(seeds));
-    point.fails = how.fails, point.below = how.below;
+    curve.points.emplace_back(point_of(seeds)).fails =
+        fails(seeds, seeds_at(rows, axis, value, constant_models[0], "-"),
+              seeds_at(rows, axis, value, constant_models[1], "-"));
   }
   const StabilityPoint base = curve.points[axis.base()];
   for (std::size_t i = 0; i < curve.points.size(); ++i) {
@@ -130,7 +117,6 @@ StabilityCurve curve_of(const StabilityAxis& axis, const std::vector<Measurement
     point.halved = now < 0.5;
     if (!base.fails) curve.worst = std::fmin(curve.worst, now);
   }
-  curve.below_at = first_on_the_way(axis, curve.points, &StabilityPoint::below);
   curve.fails_at = first_on_the_way(axis, curve.points, &StabilityPoint::fails);
   if (!base.fails) curve.halved_at = first_on_the_way(axis, curve.points, &StabilityPoint::halved);
   return curve;

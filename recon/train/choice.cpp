@@ -39,7 +39,9 @@ void Choice::add(const std::string& name, Fit fit) {
   entry.row.metrics = summarise(scores, sequence_);
   for (const auto& fold : scores)
     for (const MapScores& map : fold)
-      entry.score.push_back(map[metric_iou] - iou_a_metre * map[metric_lateral_m]);
+      entry.score.push_back(judged_by_.has_body()
+                                ? map[metric_iou] - iou_a_metre * map[metric_lateral_m]
+                                : -map[metric_rmse_m]);
   entry.row.cost = entry.models.front().cost();
   entry.row.train_s =
       std::chrono::duration<double>(std::chrono::steady_clock::now() - started).count() / folds;

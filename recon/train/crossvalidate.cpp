@@ -45,6 +45,7 @@ std::vector<CrossvalidatedRow> crossvalidate(const Dataset& data, const Rows& ro
   std::vector<CrossvalidatedRow> out;
   for (const auto& name : names) out.push_back({{name, {}}, {}, 0, {}});
   std::vector<Folds> scores(names.size());
+  const Scene judge = learn_scene(data.depth, rows, data.map);
   Progress progress("cross-validation", folds * names.size(), options.fit.quiet);
   for (std::size_t fold = 0; fold < folds; ++fold) {
     const Split split = make_fold(rows, fold, folds, sequence ? options.split.gap : 0);
@@ -55,8 +56,7 @@ std::vector<CrossvalidatedRow> crossvalidate(const Dataset& data, const Rows& ro
       if (out[m].fault.empty()) try {
           const Estimator model =
               fit_model(data, split, preprocessing, names[m], inputs, options.scaling, fit);
-          scores[m].push_back(
-              score_maps(model.maps(data, split.test), data, split.test, model.scene));
+          scores[m].push_back(score_maps(model.maps(data, split.test), data, split.test, judge));
           out[m].cost = model.cost(), out[m].train_s += model.train_s / folds;
         } catch (const Error& error) {
           if (error.code() != ExitCode::failed) throw;
@@ -87,18 +87,20 @@ std::string usual_model(Inputs inputs) {
 
 std::size_t cheapest_within_one_se(const std::vector<CrossvalidatedRow>& rows) {
   std::size_t best = rows.size();
-  const auto iou = [&](std::size_t i) { return rows[i].metrics[metric_iou]; };
+  const bool by_iou = std::ranges::any_of(
+      rows, [](const auto& row) { return !std::isnan(row.metrics[metric_iou].mean); });
+  const auto quality = [&](std::size_t i) {
+    const auto& m = rows[i].metrics;
+    return by_iou ? m[metric_iou].mean : -m[metric_rmse_m].mean;
+  };
   for (std::size_t i = 0; i < rows.size(); ++i)
-    if (!std::isnan(iou(i).mean) && (best == rows.size() || iou(i).mean > iou(best).mean)) best = i;
+    if (!std::isnan(quality(i)) && (best == rows.size() || quality(i) > quality(best))) best = i;
   if (best == rows.size())
-    throw Error(ExitCode::failed,
-                "no model can be judged: " + (rows.front().fault.empty()
-                                                  ? "the maps show nothing before the background"
-                                                  : rows.front().fault));
-  const double enough = iou(best).mean - iou(best).se;
+    throw Error(ExitCode::failed, "no model can be judged: " + rows.front().fault);
+  const double enough = quality(best) - rows[best].metrics[by_iou ? metric_iou : metric_rmse_m].se;
   std::size_t chosen = best;
   for (std::size_t i = 0; i < rows.size(); ++i)
-    if (iou(i).mean >= enough && rows[i].cost.multiply_adds < rows[chosen].cost.multiply_adds)
+    if (quality(i) >= enough && rows[i].cost.multiply_adds < rows[chosen].cost.multiply_adds)
       chosen = i;
   return chosen;
 }
@@ -107,10 +109,13 @@ std::string to_choice_table(const std::vector<CrossvalidatedRow>& rows, std::siz
   std::string out = formatted("%-18s %15s %8s %8s %9s %8s %12s %8s\n", "model", "IoU", "SSIM_fg",
                               "SSIM", "lateral m", "RMSE m", "multiply-adds", "train s");
   for (std::size_t i = 0; i < rows.size(); ++i) {
-    const auto& m = rows[i].metrics;
-    out += formatted("%-18s %15s %8.3f %8.3f %9.3f %8.3f %12zu %8.1f %s\n", rows[i].name.c_str(),
-                     formatted(m[metric_iou], " +-").c_str(), m[metric_ssim_fg].mean,
-                     m[metric_ssim].mean, m[metric_lateral_m].mean, m[metric_rmse_m].mean,
+    const auto mean = [&](Metric metric) {
+      return formatted(Summary{rows[i].metrics[metric].mean, std::nan(""), 0}, "");
+    };
+    out += formatted("%-18s %15s %8s %8s %9s %8s %12zu %8.1f %s\n", rows[i].name.c_str(),
+                     formatted(rows[i].metrics[metric_iou], " +-").c_str(),
+                     mean(metric_ssim_fg).c_str(), mean(metric_ssim).c_str(),
+                     mean(metric_lateral_m).c_str(), mean(metric_rmse_m).c_str(),
                      rows[i].cost.multiply_adds, rows[i].train_s,
                      i == chosen ? " <- chosen" : rows[i].fault.c_str());
   }

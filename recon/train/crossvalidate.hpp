@@ -34,8 +34,8 @@ std::vector<std::string> candidates(Inputs inputs);
 std::string usual_model(Inputs inputs);
 
 // Returns the cheapest model (multiply-adds) whose IoU is within one standard error of the best
-// one's (Breiman et al., Classification and Regression Trees, 1984, 3.4.3). Throws Error(failed) if
-// none has an IoU.
+// one's (Breiman et al., Classification and Regression Trees, 1984, 3.4.3). If none has an IoU, as
+// no body stands out, RMSE takes its place. Throws Error(failed) if none has that.
 std::size_t cheapest_within_one_se(const std::vector<CrossvalidatedRow>& rows);
 
 // It has one line a model: accuracy, cost, and which is chosen.

@@ -88,28 +88,6 @@ Rows in_order(Rows rows) {
   return rows;
 }
 
-}  // namespace
-
-Rows rows_to_train(const Dataset& data, Inputs inputs) {
-  const Rows rows = data.usable(inputs);
-  if (rows.empty() && !data.usable(inputs, false).empty())
-    throw Error(ExitCode::failed,
-                data.sources.front().path +
-                    ": no record has a depth map: a model learns from the camera's truth; record "
-                    "with depth.address, or reconstruct this run with a model of another");
-  for (const std::size_t row : rows) {
-    const std::string fault = data.fault_of(row, inputs);
-    if (fault.empty()) continue;
-    throw Error(ExitCode::failed,
-                data.sources[data.source_of(row)].path + ": record " +
-                    std::to_string(data.index[row]) + ": " + fault +
-                    ": a dead sensor, or nobody and no light: nothing can be learned of it");
-  }
-  return rows;
-}
-
-namespace {
-
 bool looks_at_body(const std::string& candidate, const TrainOptions& options) {
   return wants_alignment(candidate_of(candidate, options.fit).model);
 }
@@ -144,10 +122,14 @@ std::vector<double> weights_of(const Dataset& data, const Split& split, Inputs i
   for (const std::size_t run : options.validate_on) weights[run] = times;
   if (!options.fit.quiet)
     std::fprintf(stderr,
-                 "the runs that stand for the use are unlike the others (domain shift %.1f): each "
-                 "of their records counts %.1f times; --set weights= says otherwise\n",
-                 shift.distance, times);
+                 "the runs that stand for the use are unlike the others (%s): each of their "
+                 "records counts %.1f times; --set weights= says otherwise\n",
+                 shift.p_text().c_str(), times);
   return weights;
+}
+
+void say(const TrainOptions& options, const std::string& text) {
+  if (!options.fit.quiet) std::fprintf(stderr, "%s\n", text.c_str());
 }
 
 // It describes one of the estimators of a model.
@@ -194,6 +176,8 @@ Estimator train_one(const Wanted& wanted, const Dataset& data, const Material& m
   const auto& [name, inputs, scaling, fit, enough_validation] = wanted;
   const bool aligned = wants_alignment(candidate_of(name, fit).model);
   const bool uncertainties = options.uncertainty && has_enough_records(material.used);
+  const std::string which = name + " on " + name_of(inputs);
+  say(options, which + ": aligning " + std::to_string(data.size()) + " records, then learning");
   const Preprocessing preprocessing(data, material.fit.train,
                                     aligned ? inputs : without_antennas(inputs), scene,
                                     uncertainties || aligned, options.config);
@@ -203,11 +187,14 @@ Estimator train_one(const Wanted& wanted, const Dataset& data, const Material& m
   if (inputs != Inputs::spd || options.inputs == name_of(Inputs::spd))
     out.domain = DomainReference(preprocessing.alignment, data, preprocessing.views,
                                  in_order(material.used.train), inputs);
+  say(options, which + ": how far off its maps are, by records that it has not seen");
   FitOptions quiet = fit;
   quiet.quiet = true;
+  std::size_t models = 0;
   out.uncertainty = fit_uncertainty(
       out, data, preprocessing.views, material.used, options.split,
       [&](const Split& part) {
+        say(options, "  model " + std::to_string(++models) + " of a part of the records");
         return fit_model(data, material.with_others(part), preprocessing, wanted.name,
                          wanted.inputs, wanted.scaling, quiet);
       },
@@ -230,6 +217,7 @@ TrainedModel train_split(const Dataset& data, const Split& split, const std::str
   };
   const Material material{fit_split, used, with_others}, plain{split, used, with_others};
   const Scene scene = learn_scene(data.depth, fit_split.train, data.map);
+  if (!scene.has_body() && !options.fit.quiet) std::fprintf(stderr, "%s\n", no_body);
   TrainedModel model;
   model.split = options.split;
   model.seen = seen_records(data, split);
@@ -252,10 +240,14 @@ Split split_of(const Dataset& data, const TrainOptions& options) {
   const bool one_antenna = options.model != "auto" && !looks_at_body(options.model, options);
   SplitOptions how = options.split;
   if (data.sources.size() > 1) how.validate_on = of_use(data, options);
-  if (inputs == Inputs::fused && !one_antenna && data.arrays_differ && !options.fit.quiet)
-    std::fputs("the runs differ in the radar's antennas: of the radar, the profile is taken\n",
-               stderr);
-  return make_split(rows_to_train(data, one_antenna ? without_antennas(inputs) : inputs), how);
+  if (inputs == Inputs::fused && !one_antenna && data.arrays_differ)
+    say(options, "the runs differ in the radar's antennas: of the radar, the profile is taken");
+  const TrainingRows rows = rows_to_train(data, one_antenna ? without_antennas(inputs) : inputs);
+  if (!rows.left_out.empty()) say(options, rows.left_out);
+  if (how.kind == "random" && how.test_share > 0)
+    if (const std::string text = alike_neighbours(data, rows.rows); !text.empty())
+      say(options, text);
+  return make_split(rows.rows, how);
 }
 
 }  // namespace

@@ -6,12 +6,12 @@
 #include <chrono>
 #include <cmath>
 #include <iterator>
+#include <tuple>
 
 #include "drivers/core/random.hpp"
 #include "drivers/program/console.hpp"
 #include "drivers/program/printable.hpp"
 #include "recon/data/response.hpp"
-#include "recon/numbers/statistics.hpp"
 #include "recon/numbers/text.hpp"
 #include "recon/train/choice.hpp"
 #include "recon/train/fit_uncertainty.hpp"
@@ -37,20 +37,6 @@ bool can_be_tuned(const std::string& kind) {
   return wants_alignment(kind) || kind_of(kind).size == ModelKind::Size::hidden;
 }
 
-// The axis becomes the model's own if only its name differs.
-void adopt(Axis& found, Matrix& table, const Axis& wanted, std::size_t values_a_bin) {
-  if (found.count > wanted.count) table = first_columns(table, wanted.count * values_a_bin);
-  found.count = wanted.count;
-  if (same_axis(found, wanted)) found = wanted;
-}
-
-bool axes_are(const Estimator& model, const Dataset& data) {
-  const auto same = [](const Axis& a, const Axis& b) { return a.count == 0 || same_axis(a, b); };
-  const Layout layout = model.features.layout();
-  return same(layout.spd, data.spd_axis) && same(layout.radar, data.radar_axis) &&
-         same(layout.array, data.array_axis);
-}
-
 // The scene is what the maps show behind people: the new place, if it differs from the one that the
 // model knows.
 Scene scene_for(const Estimator& from, const Dataset& data, const Rows& rows) {
@@ -72,8 +58,7 @@ Estimator adapt(const Estimator& from, const Dataset& data, const Rows& rows, Ro
   Estimator out;
   out.name = from.name;
   out.features = from.features;
-  out.features.spd_axis = data.spd_axis, out.features.radar_axis = data.radar_axis;
-  if (from.features.array_axis.count > 0) out.features.array_axis = data.array_axis;
+  out.knows_empty_room = from.knows_empty_room && room == Room::kept;
   out.scene = with_scene ? scene_for(from, data, rows) : from.scene;
   const Rows all = all_rows(data.size());
   out.alignment = wants_alignment(from.name) && room == Room::learnt
@@ -115,22 +100,26 @@ void try_all(Choice& choice, const Estimator& from, const Dataset& data, const S
              const TuneOptions& options, bool with_alone) {
   Tuning untouched = options.tuning;
   untouched.pull = INFINITY;
-  const bool own_axes = axes_are(from, data), aligned = wants_alignment(from.name);
-  Room room = aligned && !own_axes ? Room::learnt : Room::kept;
-  if (own_axes || !aligned)
-    choice.add(as_it_was, [&, untouched](const Rows& rows) {
-      return adapt(from, data, rows, Room::kept, untouched, false);
-    });
+  const bool aligned = wants_alignment(from.name);
+  Room room = Room::kept;
+  const auto add = [&](const std::string& name, Choice::Fit fit) {
+    if (!options.only.empty() && options.only != name) return;
+    if (!options.quiet) std::fprintf(stderr, "cross-validation: %s\n", name.c_str());
+    choice.add(name, std::move(fit));
+  };
+  add(as_it_was, [&, untouched](const Rows& rows) {
+    return adapt(from, data, rows, Room::kept, untouched, false);
+  });
   if (aligned) {
-    choice.add(room_learnt, [&, untouched](const Rows& rows) {
+    add(room_learnt, [&, untouched](const Rows& rows) {
       return adapt(from, data, rows, Room::learnt, untouched);
     });
-    choice.choose(1);
-    if (choice.is(room_learnt)) room = Room::learnt;
+    if (options.only.empty()) choice.choose(1);
+    if (options.only.empty() && choice.is(room_learnt)) room = Room::learnt;
   }
   const bool many = split.train.size() >= TuneOptions::least_alone;
   if (aligned)
-    choice.add(corrected, [&, untouched, room](const Rows& rows) {
+    add(corrected, [&, untouched, room](const Rows& rows) {
       Tuning tuning = untouched;
       tuning.correct = true;
       return adapt(from, data, rows, room, tuning);
@@ -138,30 +127,32 @@ void try_all(Choice& choice, const Estimator& from, const Dataset& data, const S
   const auto add_tuned = [&](double pull, bool turn) {
     Tuning tuning = options.tuning;
     tuning.pull = pull, tuning.turn = turn;
-    choice.add(tuned_name(pull, turn), [&, tuning, room](const Rows& rows) {
-      return adapt(from, data, rows, room, tuning);
-    });
+    add(tuned_name(pull, turn),
+        [&, tuning, room](const Rows& rows) { return adapt(from, data, rows, room, tuning); });
   };
   for (const double pull : pulls)
     if (many || !aligned || pull >= least_pull_of_few) add_tuned(pull, false);
   if (many && aligned) add_tuned(turned_pull, true);
   if (many && with_alone)
-    choice.add(alone, [&](const Rows& rows) { return fit_alone(from, data, rows, options); });
+    add(alone, [&](const Rows& rows) { return fit_alone(from, data, rows, options); });
   choice.choose(plainly(are_few(from, split)));
 }
 
 // Returns the rows that every start can learn from.
-Rows rows_of(const std::vector<Start>& starts) {
-  Rows out;
+TrainingRows rows_of(const std::vector<Start>& starts) {
+  TrainingRows out;
   for (const Start& start : starts) {
     if (!can_be_tuned(start.model->name))
       throw Error(ExitCode::failed,
                   "a model of kind " + start.model->name +
                       " cannot be tuned; silhouette, factorised, mlp and pca-mlp can");
-    const Rows rows = rows_to_train(start.data, start.model->features.inputs);
+    const TrainingRows found = rows_to_train(start.data, start.model->features.inputs);
     Rows both;
-    std::ranges::set_intersection(out, rows, std::back_inserter(both));
-    out = &start == &starts.front() ? rows : both;
+    std::ranges::set_intersection(out.rows, found.rows, std::back_inserter(both));
+    if (&start == &starts.front())
+      out = found;
+    else
+      out.rows = both;
   }
   return out;
 }
@@ -187,6 +178,11 @@ void finish(Estimator& model, const Dataset& data, const Split& split,
     model.uncertainty = fit_uncertainty(model, data, views, split.train, judged, seed);
 }
 
+// Few records say nothing of an estimator that stays as it was; its own training did.
+void keep_statements(Estimator& model, const Estimator& from) {
+  model.uncertainty = from.uncertainty, model.domain = from.domain;
+}
+
 // It tunes the estimators for the range profile and the SPD alone. Their pull is not tested: they
 // are seldom needed. With few records they learn no more than the first estimator does.
 Estimator tune_other(const Estimator& from, const Dataset& data, const Split& split, Tuning tuning,
@@ -195,6 +191,10 @@ Estimator tune_other(const Estimator& from, const Dataset& data, const Split& sp
   tuning.pull = few ? INFINITY : usual_pull, tuning.correct = few && learns;
   const auto fit = [&](const Rows& rows) { return adapt(from, data, rows, Room::kept, tuning); };
   Estimator out = fit(split.train);
+  if (tuning.networks_stay() && !tuning.correct) {
+    keep_statements(out, from);
+    return out;
+  }
   const std::array halves{make_fold(split.train, 0, 2, 0), make_fold(split.train, 1, 2, 0)};
   const std::array models{fit(halves[0].train), fit(halves[1].train)};
   finish(out, data, split, {{models[0], halves[0].test}, {models[1], halves[1].test}}, tuning.seed);
@@ -208,6 +208,7 @@ SeenRecords both(const SeenRecords& old, SeenRecords seen) {
   for (const std::uint32_t run : old.run) seen.run.push_back(first + run);
   seen.index.insert(seen.index.end(), old.index.begin(), old.index.end());
   seen.part.insert(seen.part.end(), old.part.begin(), old.part.end());
+  seen.hash.insert(seen.hash.end(), old.hash.begin(), old.hash.end());
   return seen;
 }
 
@@ -215,40 +216,22 @@ SeenRecords both(const SeenRecords& old, SeenRecords seen) {
 
 void match_for_tuning(const TrainedModel& from, const std::string& path, Dataset& data) {
   require_map(data, from->scene.grid, "the model");
-  const std::string run = data.sources.empty() ? "run" : printable(data.sources.front().path);
   const Features& f = from->features;
-  if (f.array_count() == 0) drop_array(data);
-  if (f.radar_axis.quantity == "binned_power" && data.radar_axis.quantity == "power")
-    rebin_radar(data, f.radar_axis);
-  const auto match = [&](Axis& found, Matrix& table, const Axis& wanted, const char* what,
-                         std::size_t values_a_bin) {
-    if (wanted.count == 0) return;
-    if (found.count == 0)
+  const std::string run = data.sources.empty() ? "run" : printable(data.sources.front().path);
+  for (const auto& [found, wanted, what] : {std::tuple{data.spd_axis, f.layout().spd, "spd"},
+                                            {data.radar_axis, f.layout().radar, "radar"},
+                                            {data.array_axis, f.layout().array, "array"}})
+    if (wanted.count > 0 && found.count == 0)
       throw Error(ExitCode::failed, run + ": has no " + what + ", which " + printable(path) +
                                         " takes (" + name_of(f.inputs) + ")");
-    if (!is_near(found, wanted))
-      throw Error(ExitCode::failed, run + ": " + what + " axis is " + describe(found) +
-                                        "; that of " + printable(path) + " is " + describe(wanted) +
-                                        ": they lie further apart than a bin");
-    adopt(found, table, wanted, values_a_bin);
-  };
-  const Layout layout = f.layout();
-  match(data.spd_axis, data.spd, layout.spd, "spd", 1);
-  match(data.radar_axis, data.radar, layout.radar, "radar", 1);
-  match(data.array_axis, data.array, layout.array, "array", layout.lag_values());
+  match_axes(data, f.spd_axis, f.radar_axis, f.inputs);
+  match_array(data, f.array_axis);
   bring_to_response(data, from.radar_response);
-  const Layout own{data.spd_axis, layout.radar.count > 0 ? data.radar_axis : Axis{},
-                   data.array_axis};
-  if (wants_alignment(from->name) &&
-      Alignment(own, Matrix(1, own.inputs()), {0}, from->alignment.config()).inputs() !=
-          from->alignment.inputs())
-    throw Error(ExitCode::failed, run + ": radar steps of " + formatted("%g", own.radar.step) +
-                                      " m make other inputs than those of " + printable(path));
 }
 
 TunedModel tune(const std::vector<Start>& starts, const TuneOptions& options) {
   const auto started = std::chrono::steady_clock::now();
-  const Rows rows = rows_of(starts);
+  const auto [rows, left_out] = rows_of(starts);
   if (rows.size() < TuneOptions::least_records)
     throw Error(ExitCode::failed, std::to_string(rows.size()) +
                                       " usable records; at least 10 are needed to tune a model");
@@ -260,6 +243,8 @@ TunedModel tune(const std::vector<Start>& starts, const TuneOptions& options) {
     choices.emplace_back(start.data, judged_by, split, options.split);
     try_all(choices.back(), start.model.first(), start.data, split, options, choices.size() == 1);
   }
+  if (choices.front().table().empty())
+    throw Error(ExitCode::usage, options.only + ": nothing of this name is tried here");
   std::size_t best = 0;
   double most = 0;
   for (std::size_t k = 1; k < choices.size(); ++k)
@@ -268,6 +253,7 @@ TunedModel tune(const std::vector<Start>& starts, const TuneOptions& options) {
         gain > most)
       best = k, most = gain;
   TunedModel out;
+  out.left_out = left_out;
   for (std::size_t k = 0; k < choices.size(); ++k) {
     if (k == best) out.chosen = out.table.size() + choices[k].chosen();
     for (CrossvalidatedRow& row : choices[k].table()) {
@@ -285,9 +271,11 @@ TunedModel tune(const std::vector<Start>& starts, const TuneOptions& options) {
   model.seen = both(from.seen, seen_records(data, split));
   model.data_hash = data.hash;
   model.radar_response = from.radar_response;
-  finish(model.first(), data, split, choice.judged(), options.tuning.seed);
-  const bool stayed = are_few(from.first(), split) && choice.is(as_it_was);
-  if (stayed) model->uncertainty = from->uncertainty, model->domain = from->domain;
+  const bool stayed = split.train.size() < least_cross_fitted && choice.is(as_it_was);
+  if (stayed)
+    keep_statements(model.first(), from.first());
+  else
+    finish(model.first(), data, split, choice.judged(), options.tuning.seed);
   for (std::size_t k = 1; k < from.estimators.size(); ++k)
     model.estimators.push_back(
         tune_other(from.estimators[k], data, split, options.tuning, !stayed));

@@ -17,6 +17,8 @@ struct TuneOptions {
   static constexpr std::size_t least_alone = 50;  // fewer records make no model of their own
   SplitOptions split;                             // no validation records, which nothing uses
   Tuning tuning;                                  // its pull is chosen
+  bool quiet = true;                              // else it says on stderr what it tries
+  std::string only = {};  // the one row of the table that is tried; empty: all are
 };
 
 // This is a model to start from, and the records as match_for_tuning has made them for it.
@@ -30,11 +32,11 @@ struct TunedModel {
   TrainedModel model;
   std::vector<CrossvalidatedRow> table;  // the models that were tried
   std::size_t chosen = 0;                // row of the table
+  std::string left_out;                  // as of TrainingRows, by the first start
 };
 
-// Brings the data onto axes that the tuned model can have: the model's own, or other ones that
-// nowhere lie further than a bin from them. `path` is the model's. Throws Error(failed) that names
-// what does not fit.
+// Brings the data onto the model's axes and to its response. `path` is the model's. Throws
+// Error(failed) that names what does not fit.
 void match_for_tuning(const TrainedModel& from, const std::string& path, Dataset& data);
 
 // All starts have the same records. The first start is kept unless another one is plainly better.

@@ -26,7 +26,6 @@ constexpr double clearly = 4;                             // standard errors
 // do not matter.
 constexpr double least_mean = 0.1, least_square = 0.3;
 constexpr double most_square = 16;  // one stray record does not make another world
-constexpr double usual = 0.95;
 
 // It gives the numbers as deviations from the training's means, and the squares of these: [m x 2
 // numbers]. A number that is not known counts as the mean.
@@ -91,14 +90,10 @@ MatrixXd permuted(const MatrixXd& blocks, Index drawn) {
   return out;
 }
 
-struct Tested {
-  double distance, p;
-};
-
-// It tests the number whose difference of means is the greatest, in units of what permutations
-// give, against the greatest of each permutation (Westfall and Young, Resampling-Based Multiple
-// Testing, 1993).
-Tested test(const VectorXd& difference, const MatrixXd& chance, double least_error) {
+// It returns p. It tests the number whose difference of means is the greatest, in units of what
+// permutations give, against the greatest of each permutation (Westfall and Young, Resampling-Based
+// Multiple Testing, 1993).
+double p_of(const VectorXd& difference, const MatrixXd& chance, double least_error) {
   const ArrayXd error = chance.array().square().colwise().mean().sqrt().max(least_error);
   const auto greatest = [&](const VectorXd& v) { return (v.array() / error).abs().maxCoeff(); };
   const double found = greatest(difference);
@@ -106,9 +101,7 @@ Tested test(const VectorXd& difference, const MatrixXd& chance, double least_err
   for (Index k = 0; k < chance.rows(); ++k) by_chance.push_back(greatest(chance.row(k)));
   std::sort(by_chance.begin(), by_chance.end());
   const auto above = by_chance.end() - std::lower_bound(by_chance.begin(), by_chance.end(), found);
-  const double limit =
-      by_chance[static_cast<std::size_t>(usual * static_cast<double>(by_chance.size()))];
-  return {found / limit, static_cast<double>(above + 1) / (permutations + 1)};
+  return static_cast<double>(above + 1) / (permutations + 1);
 }
 
 // Returns the standard errors of the difference of two means, from the scatter of the blocks about
@@ -142,16 +135,19 @@ std::string range_advice(double difference_m, double error_m) {
 
 }  // namespace
 
+std::string DomainShift::p_text() const {
+  return p < most_p ? formatted("p < %g", most_p) : formatted("p = %.3f", p);
+}
+
 std::string DomainShift::text() const {
   if (!tested()) return {};
-  const std::string number = formatted("domain shift %.1f (above 1: unusual), p %s", distance,
-                                       p < 1e-3 ? "< 0.001" : formatted("= %.3f", p).c_str());
   if (!found())
     return std::string("this run is like the training") +
-           (p < most_p ? " (what surely differs is too little to matter): " : ": ") + number;
+           (p < most_p ? " (what surely differs is too little to matter): " : ": ") + p_text();
   std::string all;
   for (const Difference& d : differences) all += (all.empty() ? ": " : ", ") + d.text;
-  return "this run is unlike the training: " + number + all + (advice.empty() ? "" : "; " + advice);
+  return "this run is unlike the training: " + p_text() + all +
+         (advice.empty() ? "" : "; " + advice);
 }
 
 DomainReference::DomainReference(const Alignment& alignment, const Dataset& data,
@@ -172,7 +168,7 @@ DomainShift DomainReference::judge(const Alignment& alignment, const Dataset& da
   if (found.rows < least_records || !known()) return {};
   const Standard standard(numbers_), own(found);
   MatrixXd before = block_means(standard(numbers_)), now = block_means(standard(found));
-  DomainShift out{found.rows, 0, 1, {}, {}};
+  DomainShift out{found.rows, 1, {}, {}};
   for (std::size_t k = 0; k < record_number_count; ++k) {
     if (!standard.known(k) || own.known(k)) continue;
     // A number that this run does not have is not compared; a run with one carrier only differs.
@@ -188,8 +184,7 @@ DomainShift DomainReference::judge(const Alignment& alignment, const Dataset& da
   const VectorXd difference = now.colwise().mean() - before.colwise().mean();
   MatrixXd both(before.rows() + now.rows(), before.cols());
   both << before, now;
-  const Tested t = test(difference, permuted(both, now.rows()), least_error);
-  out.distance = t.distance, out.p = out.differences.empty() ? t.p : 0;
+  out.p = out.differences.empty() ? p_of(difference, permuted(both, now.rows()), least_error) : 0;
   const ArrayXd error = standard_errors(before, now, least_error);
   for (std::size_t k = 0; k < record_number_count; ++k) {
     const RecordNumber& number = record_numbers[k];
@@ -208,8 +203,6 @@ DomainShift DomainReference::judge(const Alignment& alignment, const Dataset& da
            squares});
     }
   }
-  // Another room or other people differ in more than one number.
-  if (out.differences.size() > 1) out.advice.clear();
   std::sort(out.differences.begin(), out.differences.end(),
             [](const auto& a, const auto& b) { return a.standard_errors > b.standard_errors; });
   return out;

@@ -26,14 +26,14 @@ struct DomainShift {
     double standard_errors = 0;  // clarity of the difference
   };
   std::size_t records = 0;  // records that show a body; with too few the run is not tested
-  double distance = 0;      // in units of the value below which 95 % of runs like the training stay
   double p = 1;             // probability that a run like the training is as far off
   std::vector<Difference> differences;  // the differences that stand out, the clearest first
   std::string advice;                   // the possible cause and what to do; may be empty
   bool tested() const { return records > 0; }
   // A sure difference does not count if it is less than a tenth of the records' own differences.
   bool found() const { return tested() && p < most_p && !differences.empty(); }
-  std::string text() const;  // for the user; empty if not tested
+  std::string p_text() const;  // "p = 0.452"
+  std::string text() const;    // for the user; empty if not tested
 };
 
 // It holds the numbers of the training records.

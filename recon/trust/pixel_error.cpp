@@ -26,8 +26,10 @@ SoftMaps probabilities_of(const Matrix& maps, const Scene& scene) {
   SoftMaps out{Matrix(0, maps.cols), Matrix(maps.rows, maps.cols)};
   for (std::size_t i = 0; i < maps.rows; ++i)
     out.foreground_probability.add_row(foreground_share(maps.row(i), scene));
-  for (float& v : out.foreground_probability.values) v = std::clamp(v, 0.f, 1.f);
+  for (float& v : out.foreground_probability.values)
+    v = scene.has_body() ? std::clamp(v, 0.f, 1.f) : 1;
   std::fill(out.depth.values.begin(), out.depth.values.end(), scene.foreground_depth_m);
+  if (!scene.has_body()) out.depth = maps;  // all of it counts as the body
   return out;
 }
 
@@ -51,7 +53,8 @@ void blur(SoftMaps& maps, const record::MapGrid& grid, const std::vector<double>
 SoftMaps soft_of(SoftMaps own, const Matrix& maps, const Scene& scene,
                  const std::vector<double>& lateral_interval_90_m) {
   constexpr double deviations_90 = 1.645;
-  if (own.foreground_probability.rows == 0) return probabilities_of(maps, scene);
+  if (own.foreground_probability.rows == 0 || !scene.has_body())
+    return probabilities_of(maps, scene);
   std::vector<double> deviation_m = lateral_interval_90_m;
   for (double& d : deviation_m) d /= deviations_90;
   blur(own, scene.grid, deviation_m);
@@ -66,7 +69,7 @@ void PixelError::fit(const SoftMaps& soft, const Matrix& truth, const Scene& sce
                map = truth.row(i);
     for (std::size_t p = 0; p < map.size(); ++p) {
       const Between at = node_of(double{share[p]}, curve_.size());
-      const bool is_body = true_foreground(map[p], scene.background[p]);
+      const bool is_body = !scene.has_body() || true_foreground(map[p], scene.background[p]);
       weight[at.low] += 1 - at.part, weight[at.low + 1] += at.part;
       body[at.low] += is_body * (1 - at.part), body[at.low + 1] += is_body * at.part;
       if (!is_body || share[p] < 0.5f) continue;
@@ -102,7 +105,7 @@ void PixelError::archive(Archive archive) {
       std::all_of(curve.begin(), curve.end(), [](double s) { return s >= 0 && s <= 1; }), "curve",
       "expected shares, from 0 to 1");
   std::copy(curve.begin(), curve.end(), curve_.begin());
-  archive.number("depth_deviation_m", depth_deviation_m_, 0, record::max_depth_m);
+  archive.number("depth_deviation_m", depth_deviation_m_, 0, record::most_map_far_m);
 }
 
 }  // namespace echofuse::recon

@@ -118,8 +118,8 @@ std::vector<PredictionUncertainty> UncertaintyModel::trust(const Matrix& views, 
   for (OutOfDistributionScore& score : detector.judge(views, data, rows)) {
     const double interval_m = lateral(predictors.row(out.size()));
     const bool like_training = score.reason.empty();
-    out.push_back(
-        {like_training ? interval_m : std::numeric_limits<double>::quiet_NaN(), std::move(score)});
+    out.push_back({like_training ? interval_m : std::numeric_limits<double>::quiet_NaN(),
+                   std::move(score), true});
   }
   return out;
 }

@@ -3,6 +3,7 @@
 // the record is one that it can know anything about. This is learnt after the training
 // (fit_uncertainty.hpp) and is part of a prediction (predict.hpp). It serves any kind of model.
 #pragma once
+#include <limits>
 #include <string>
 #include <vector>
 
@@ -47,8 +48,9 @@ class LateralError {
 struct PredictionUncertainty {
   // The body is at most this far (metres) from where it is shown in 90 % of the records like the
   // training ones. It is NaN if the record is unlike them, or shows nobody.
-  double lateral_interval_90_m = 0;
-  OutOfDistributionScore out_of_distribution;
+  double lateral_interval_90_m = std::numeric_limits<double>::quiet_NaN();
+  OutOfDistributionScore out_of_distribution = {};
+  bool stated = false;  // false if the estimator that answered states no uncertainty
 };
 
 struct UncertaintyModel {

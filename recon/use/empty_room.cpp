@@ -95,13 +95,11 @@ EmptyRoom empty_room_of(const Dataset& empty, const std::string& path) {
 void state_empty_room(Dataset& data, const std::string& path) {
   Dataset empty = load({path});
   bring_to_response(empty, widest_response(data));
-  const auto same = [](const Axis& a, const Axis& b) {
-    return a.count == b.count && (a.count == 0 || same_axis(a, b));
-  };
-  if (!same(empty.spd_axis, data.spd_axis) || !same(empty.radar_axis, data.radar_axis) ||
-      !same(empty.array_axis, data.array_axis))
-    throw Error(ExitCode::failed,
-                printable(path) + ": its axes are not those of the training runs");
+  const Inputs sensors = data.radar_axis.count == 0 ? Inputs::spd
+                         : data.spd_axis.count == 0 ? Inputs::radar
+                                                    : Inputs::fused;
+  match_axes(empty, data.spd_axis, data.radar_axis, sensors, "the training runs'");
+  match_array(empty, data.array_axis);
   data.empty_room = empty_room_of(empty, path);
 }
 

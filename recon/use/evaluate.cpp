@@ -5,6 +5,7 @@
 #include <chrono>
 #include <cmath>
 #include <filesystem>
+#include <iterator>
 #include <limits>
 #include <optional>
 
@@ -16,10 +17,12 @@
 namespace echofuse::recon {
 namespace {
 
+constexpr std::size_t least_of_room = 20;  // records that show what stands still in a room
+
 // Returns the inputs that both hold on the same axes; there may be none.
 std::optional<Inputs> common_inputs(const Dataset& data, const Dataset& other) {
-  const bool spd = other.spd_axis.count > 0 && covers(data.spd_axis, other.spd_axis);
-  const bool radar = other.radar_axis.count > 0 && covers(data.radar_axis, other.radar_axis);
+  const bool spd = other.spd_axis.count > 0 && is_near(data.spd_axis, other.spd_axis);
+  const bool radar = other.radar_axis.count > 0 && is_near(data.radar_axis, other.radar_axis);
   if (spd && radar) return Inputs::fused;
   if (!spd && !radar) return std::nullopt;
   return spd ? Inputs::spd : Inputs::radar;
@@ -32,13 +35,33 @@ Matrix nearest_maps(const Dataset& data, const Rows& rows, const Dataset& neighb
   const Matrix maps = take_rows(neighbours_data.depth, neighbours);
   const auto model = make_nearest();
   model->fit({known, maps, all_rows(neighbours.size())}, {known, maps, {}}, {});
-  return model->predict(features.apply(data, rows));
+  Dataset judged = part_of(data, rows);
+  match_axes(judged, neighbours_data.spd_axis, neighbours_data.radar_axis, inputs);
+  return model->predict(features.apply(judged, all_rows(rows.size())));
 }
 
 Rows with_depth(const Dataset& data) {
   Rows rows = all_rows(data.size());
   std::erase_if(rows, [&](std::size_t row) { return !data.has(row, Sensor::depth); });
   return rows;
+}
+
+Rows with_map_and_depth(const TrainedModel& model, const Dataset& data) {
+  Rows rows = with_depth(data);
+  std::erase_if(rows, [&](std::size_t row) { return !model.fault_of(data, row).empty(); });
+  return rows;
+}
+
+std::string doubt_of(const TrainedModel& model, const Dataset& data, std::size_t row) {
+  const Estimator* by = model.answering(data, row);
+  return by ? data.doubt_of(row, by->features.inputs) : "";
+}
+
+// Both lists are in order.
+Rows without(const Rows& rows, const Rows& unwanted) {
+  Rows out;
+  std::ranges::set_difference(rows, unwanted, std::back_inserter(out));
+  return out;
 }
 
 // It adds up the sums of an UncertaintyCalibration.
@@ -49,6 +72,7 @@ struct StatedUncertainty {
   void add(const Prediction& own, const Dataset& data, const Rows& rows, const Scene& scene) {
     for (std::size_t i = 0; i < rows.size(); ++i) {
       const auto truth = data.depth.row(rows[i]);
+      if (!own.uncertainties[i].stated) continue;
       flagged += !own.uncertainties[i].out_of_distribution.reason.empty(), ++records;
       for (std::size_t p = 0; p < truth.size(); ++p, ++pixels) {
         squares += std::pow(double{own.mean.row(i)[p]} - double{truth[p]}, 2);
@@ -69,6 +93,7 @@ struct StatedUncertainty {
 // It computes metrics and calibration in parts, which bounds the memory.
 void score_predictions(const TrainedModel& model, const Records& records, const Rows& rows,
                        const std::string& title, Evaluation& out) {
+  const Scene& judge = out.judge.scene;
   Progress progress(title, rows.size(), title.empty());
   constexpr std::size_t at_once = 512;
   const PredictionDetail detail =
@@ -78,12 +103,14 @@ void score_predictions(const TrainedModel& model, const Records& records, const 
   for (std::size_t first = 0; first < rows.size(); first += at_once) {
     const auto begin = rows.begin() + static_cast<std::ptrdiff_t>(first);
     const Rows part(begin, begin + std::min<std::ptrdiff_t>(at_once, rows.end() - begin));
-    const Prediction one = predict(model, records, part, detail);
-    if (model->uncertainty) uncertainty.add(one, records.data, part, model->scene);
+    Prediction one = predict(model, records, part, detail);
+    if (!one.uncertainties.empty() && model->uncertainty)
+      uncertainty.add(one, records.data, part, judge);
+    if (one.uncertainties.empty() && model->uncertainty) one.uncertainties.resize(part.size());
     out.uncertainties.insert(out.uncertainties.end(), one.uncertainties.begin(),
                              one.uncertainties.end());
-    const Plates plates = find_plates(records.data, part, model->scene);
-    const auto some = score_maps(one.maps, records.data, part, model->scene, plates);
+    const Plates plates = find_plates(records.data, part, judge);
+    const auto some = score_maps(one.maps, records.data, part, judge, plates);
     scores.insert(scores.end(), some.begin(), some.end());
     progress.update(scores.size());
   }
@@ -95,8 +122,16 @@ void score_predictions(const TrainedModel& model, const Records& records, const 
 
 Rows rows_to_evaluate(const TrainedModel& model, const Dataset& data, bool all) {
   const bool held_out = !all && model.knows(data);
-  Rows rows = held_out ? model.rows_of(data, Part::test) : with_depth(data);
-  if (!held_out) std::erase_if(rows, [&](auto row) { return !model.fault_of(data, row).empty(); });
+  Rows rows = held_out ? model.rows_of(data, Part::test) : with_map_and_depth(model, data);
+  const bool any = !rows.empty();
+  if (!all && !held_out) rows = without(rows, model.rows_trained_on(data));
+  if (any && rows.empty())
+    throw Error(ExitCode::failed, (data.sources.empty() ? "run" : data.sources.front().path) +
+                                      ": the model was trained on all of its records, as those of "
+                                      "another run; use --all to score it on what it has seen");
+  Rows sound = rows;
+  std::erase_if(sound, [&](auto row) { return !doubt_of(model, data, row).empty(); });
+  if (!sound.empty()) return sound;
   if (!rows.empty()) return rows;
   const std::string path = data.sources.empty() ? "run" : data.sources.front().path;
   throw Error(ExitCode::failed,
@@ -107,10 +142,30 @@ Rows rows_to_evaluate(const TrainedModel& model, const Dataset& data, bool all) 
                              name_of(model->features.inputs) + "\" model");
 }
 
+Judge judge_of(const Dataset& training) {
+  const Rows seen = with_depth(training);
+  if (seen.empty())
+    throw Error(ExitCode::failed, training.sources.front().path + ": no record has a depth map");
+  return {learn_scene(training.depth, seen, training.map), {}};
+}
+
+Judge judge_of(const TrainedModel& model, const Dataset& data) {
+  const Rows seen = with_depth(data);
+  if (model.knows(data) || seen.size() < least_of_room) return {model->scene, {}};
+  Scene own = learn_scene(data.depth, seen, data.map);
+  std::size_t moved = 0;
+  for (std::size_t p = 0; p < own.background.size(); ++p)
+    moved += std::abs(own.background[p] - model->scene.background[p]) > 0.1f;
+  if (2 * moved < own.background.size()) return {model->scene, {}};
+  return {std::move(own),
+          "another room than in training: foreground and background are those of this run's own "
+          "maps; --train RUN names others"};
+}
+
 Plates find_plates(const Dataset& data, const Rows& rows, const Scene& scene) {
   Plates out(rows.size());
   for_each_part(rows.size(), [&](std::size_t i) {
-    if (const auto letter = letter_of(data.label[rows[i]]))
+    if (const auto letter = letter_of(data.label[rows[i]]); letter && scene.has_body())
       out[i] = find_plate(data.depth.row(rows[i]), scene, *letter);
   });
   return out;
@@ -123,7 +178,7 @@ std::vector<MapScores> score_maps(const Matrix& maps, const Dataset& data, const
     out[i] = score(maps.row(i), data.depth.row(rows[i]), scene);
     if (!plates.empty() && plates[i])
       out[i][metric_letter_top1] = read_letter(maps.row(i), scene, *plates[i]);
-    if (data.label[rows[i]] != two_people_label) return;
+    if (data.label[rows[i]] != two_people_label || !scene.has_body()) return;
     if (const auto people = find_people(data.depth.row(rows[i]), scene))
       out[i][metric_iou_person] = iou_per_person(maps.row(i), *people, scene);
   });
@@ -131,6 +186,22 @@ std::vector<MapScores> score_maps(const Matrix& maps, const Dataset& data, const
 }
 
 namespace {
+
+// Scores the doubtful records, which were left out, together with the others.
+void add_doubtful(const TrainedModel& model, const Records& records, Evaluation& out) {
+  const Dataset& data = records.data;
+  Rows rest = without(with_map_and_depth(model, data), model.rows_trained_on(data)), doubtful;
+  Rows judged = out.rows;
+  std::sort(judged.begin(), judged.end());
+  for (const std::size_t row : without(rest, judged))
+    if (const std::string doubt = doubt_of(model, data, row); !doubt.empty())
+      doubtful.push_back(row), ++out.doubtful[doubt];
+  if (doubtful.empty()) return;
+  const Matrix maps = predict(model, records, doubtful, PredictionDetail::maps).maps;
+  std::vector<MapScores> all = score_maps(maps, data, doubtful, model->scene);
+  all.insert(all.end(), out.scores.begin(), out.scores.end());
+  out.with_doubtful = summarise(all);
+}
 
 TwoPeopleSeen count_two_people(const Evaluation& e, const Dataset& data) {
   TwoPeopleSeen out;
@@ -144,9 +215,10 @@ TwoPeopleSeen count_two_people(const Evaluation& e, const Dataset& data) {
 }  // namespace
 
 Evaluation evaluate(const TrainedModel& model, const Records& records, const Rows& rows,
-                    const std::string& title) {
+                    const std::string& title, const std::optional<Judge>& judge) {
   const Dataset& data = records.data;
   Evaluation out;
+  out.judge = judge ? *judge : judge_of(model, data);
   out.model = model->name;
   out.inputs = model.for_run(data).features.inputs;
   out.records = rows.size(), out.rows = rows;
@@ -154,10 +226,15 @@ Evaluation evaluate(const TrainedModel& model, const Records& records, const Row
   out.domain_shift = domain_shift_of(model, records);
   for (const std::size_t row : rows)
     if (const std::string note = model.note_of(data, row); !note.empty()) ++out.fallbacks[note];
-  if (!model.knows(data))
+  out.left_out = data.damaged;
+  if (!model.knows(data)) {
     for (const std::size_t row : with_depth(data))
       out.left_out += !model.fault_of(data, row).empty();
+    out.trained_on = model.rows_trained_on(data).size();
+    out.of = data.size();
+  }
   score_predictions(model, records, rows, title, out);
+  add_doubtful(model, records, out);
   out.two_people = count_two_people(out, data);
   return out;
 }

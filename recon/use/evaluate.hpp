@@ -40,6 +40,19 @@ struct TwoPeopleSeen {
   std::size_t records = 0, flagged = 0;
 };
 
+// Foreground and background of a run belong to the run, whichever model is judged: all rows of a
+// table have one judge.
+struct Judge {
+  Scene scene;
+  std::string note;  // where they are from, if not from a training; or empty
+};
+// Learns the judge of other runs from all depth maps of these training runs (at least one).
+Judge judge_of(const Dataset& training);
+// Without such runs it is the model's scene, if the model was trained on this run or in this room.
+// In another room, where more than half of the map's background is elsewhere, the run's own maps
+// say what stands still.
+Judge judge_of(const TrainedModel& model, const Dataset& data);
+
 struct Evaluation {
   std::string model;
   Inputs inputs{};
@@ -51,6 +64,13 @@ struct Evaluation {
   std::vector<PredictionUncertainty> uncertainties;
   std::map<std::string, std::size_t> fallbacks;  // records for each TrainedModel::note_of
   std::size_t left_out = 0;  // records of a fresh run with depth, of which no map can be made
+  // Records of a fresh run that the model was trained on as those of another run, of so many; they
+  // are left out unless all are judged.
+  std::size_t trained_on = 0, of = 0;
+  // Records left out because of a verdict (Dataset::doubt_of), by it, and all scores with them.
+  std::map<std::string, std::size_t> doubtful;
+  Summaries with_doubtful = {};
+  Judge judge;
   std::string antennas;      // a note about them (Records)
   std::string response;      // a note about it (Records)
   DomainShift domain_shift;  // over all records of the run
@@ -62,9 +82,9 @@ struct Evaluation {
   std::optional<UncertaintyCalibration> calibration;
 };
 
-// Returns the rows to judge a model by: the held-out ones of a run it was trained on, else all with
-// depth that the model has a map of.
-// Throws Error(failed) if there are none.
+// Returns the rows to judge a model by: the held-out ones of a run it was trained on, else those
+// with depth that the model has a map of and, unless `all`, was not trained on. Doubtful ones are
+// left out unless all are. Throws Error(failed) if there are none.
 Rows rows_to_evaluate(const TrainedModel& model, const Dataset& data, bool all);
 
 // For each row whose label names a letter, it says where the true map shows the letter.
@@ -77,8 +97,9 @@ std::vector<MapScores> score_maps(const Matrix& maps, const Dataset& data, const
                                   const Scene& scene, const Plates& plates = {});
 
 // The result lacks the baselines and the cost. A title is that of a progress line on stderr.
+// Without a judge it is that of the model and the run.
 Evaluation evaluate(const TrainedModel& model, const Records& records, const Rows& rows,
-                    const std::string& title = {});
+                    const std::string& title = {}, const std::optional<Judge>& judge = {});
 
 // These rows need no model: the empty room, the mean map, and the map of the nearest of the
 // neighbours. The nearest one is found by the sensors that both data sets have on the same axes, in

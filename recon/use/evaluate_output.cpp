@@ -40,6 +40,7 @@ json to_json(const Evaluation& e) {
               {"inputs", name_of(e.inputs)},
               {"records", e.records},
               {"left_out", e.left_out},
+              {"trained_on", e.trained_on},
               {"fallback_records", fallback_records},
               {"antennas", e.antennas},
               {"response", e.response},
@@ -52,11 +53,12 @@ json to_json(const Evaluation& e) {
                 {"infer_us_p99", e.cost.infer_us_p99},
                 {"train_s", e.cost.train_s},
                 {"model_bytes", e.cost.model_bytes}}}};
+  if (!e.doubtful.empty())
+    out["doubtful"] = {{"records", e.doubtful}, {"metrics", metrics_json(e.with_doubtful)}};
   if (const TwoPeopleSeen& two = e.two_people; two.records > 0)
     out["two_people"] = {{"records", two.records}, {"flagged", two.flagged}};
   if (e.domain_shift.tested())
-    out["domain_shift"] = {{"distance", e.domain_shift.distance},
-                           {"p", e.domain_shift.p},
+    out["domain_shift"] = {{"p", e.domain_shift.p},
                            {"records", e.domain_shift.records},
                            {"text", e.domain_shift.text()}};
   out["calibrated"] = e.calibration.has_value();
@@ -108,12 +110,31 @@ std::string to_text(const TwoPeopleSeen& two) {
 
 std::string notes(const Evaluation& e) {
   std::string out = e.domain_shift.tested() ? e.domain_shift.text() + '\n' : "";
+  if (!e.judge.note.empty()) out += e.judge.note + '\n';
+  if (!e.judge.scene.has_body()) out += std::string(no_body) + '\n';
   if (!e.antennas.empty()) out += e.antennas + '\n';
   if (!e.response.empty()) out += e.response + '\n';
   for (const auto& [note, records] : e.fallbacks)
     out += formatted("%zu records: %s\n", records, note.c_str());
   if (e.left_out > 0)
-    out += formatted("%zu records with depth left out: a sensor missing or dead\n", e.left_out);
+    out += formatted("%zu records with depth left out: damaged, or a sensor missing or dead\n",
+                     e.left_out);
+  if (e.trained_on > 0)
+    out += formatted("%zu of %zu records are copies of records that the model was trained on%s\n",
+                     e.trained_on, e.of,
+                     e.records + e.trained_on <= e.of ? ": left out" : ", and are judged");
+  if (e.doubtful.empty()) return out;
+  std::string reasons;
+  for (const auto& [reason, records] : e.doubtful)
+    reasons += formatted("%s%s %zu", reasons.empty() ? "" : ", ", reason.c_str(), records);
+  std::string differ;
+  for (const auto& [m, name] : {std::pair{metric_iou, "IoU"}, {metric_lateral_m, "lateral_m"}})
+    if (const std::string with = formatted(e.with_doubtful[m], " +-"),
+        own = formatted(e.metrics[m], " +-");
+        with != own)
+      differ += formatted("%s %s %s instead of %s", differ.empty() ? "; with them" : ",", name,
+                          with.c_str(), own.c_str());
+  out += "doubtful records left out: " + reasons + differ + '\n';
   return out;
 }
 

@@ -19,7 +19,8 @@ constexpr int picture_zoom = 4;
 Bytes millimetre_picture(std::span<const float> map, std::uint32_t size) {
   std::vector<std::uint16_t> mm(map.size());
   for (std::size_t p = 0; p < map.size(); ++p)
-    mm[p] = static_cast<std::uint16_t>(std::lround(std::clamp(map[p] * 1000, 0.f, 65535.f)));
+    if (map[p] > 0)
+      mm[p] = static_cast<std::uint16_t>(std::lround(std::min(map[p] * 1000, 65535.f)));
   return record::encode_png16(mm, size, size);
 }
 
@@ -28,7 +29,7 @@ Bytes point_cloud(std::span<const float> map, const record::MapGrid& grid, const
   const auto points = std::count_if(map.begin(), map.end(), [](float z) { return z > 0; });
   const std::string head =
       "ply\nformat binary_little_endian 1.0\n"
-      "comment origin at the detector, x right, y up, z away from it; metres\n"
+      "comment camera frame: origin at the detector, x right, y down, z away from it; metres\n"
       "element vertex " +
       std::to_string(points) +
       "\nproperty float x\nproperty float y\nproperty float z\n"
@@ -38,7 +39,7 @@ Bytes point_cloud(std::span<const float> map, const record::MapGrid& grid, const
   for (std::size_t p = 0; p < map.size(); ++p) {
     if (!(map[p] > 0)) continue;
     put(out, static_cast<float>(x.at(static_cast<double>(p % x.count)) * double{map[p]}));
-    put(out, static_cast<float>(y.at(static_cast<double>(p / x.count)) * double{map[p]}));
+    put(out, static_cast<float>(-y.at(static_cast<double>(p / x.count)) * double{map[p]}));
     put(out, map[p]);
     out.insert(out.end(), colours.begin() + static_cast<std::ptrdiff_t>(3 * p),
                colours.begin() + static_cast<std::ptrdiff_t>(3 * p + 3));
@@ -112,7 +113,7 @@ bool MapFiles::wants(const char* format) const {
 
 MapFiles::Ready MapFiles::prepare(std::int64_t index, std::span<const float> prediction,
                                   std::span<const float> deviation) const {
-  const std::vector<float> map = within_span(prediction);
+  const std::vector<float> map = within_span(prediction, scene_);
   Ready out{index, {}, {}, {}};
   const auto picture = [&](const char* end, Bytes contents) {
     out.pictures.push_back(

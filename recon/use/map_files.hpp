@@ -16,14 +16,15 @@ namespace echofuse::recon {
 // MapFiles::prepare.
 //   colour  NNNNNN.png: for the eye, where the map says that something is there
 //   mm      NNNNNN_mm.png: 16-bit grey, z in millimetres, 0 = no return
-//   ply     NNNNNN.ply: points x (right), y (up), z (away) in metres, with the picture's colours,
-//   of
-//           the hard map (scene.hpp), as the ripple of a least-squares map would be a fog of points
+//   ply     NNNNNN.ply: points x (right), y (down), z (away) in metres, the right-handed frame of
+//           camera.json, with the picture's colours, of the hard map (scene.hpp), as the ripple of
+//           a least-squares map would be a fog of points
 //   npz     maps.npz for all: index i64 [n], depth_m f32 [n, N, N], NaN where nothing returned,
 //           depth_x and depth_y f64 [N], the tangents of the pixel centres; calibrated u8 [1]: 0
 //           where the model cannot say how far off its maps are
-//   uncertainty  NNNNNN_sd.png: 16-bit grey, the standard deviation of z in millimetres; beside npz
-//           also uncertainty.npz: deviation_m f32 [n, N, N]
+//   uncertainty  NNNNNN_sd.png: 16-bit grey, the standard deviation of z in millimetres, 0 if the
+//           estimator that answered states none; beside npz also uncertainty.npz: deviation_m f32
+//           [n, N, N], NaN there
 // Beside all of them camera.json: the pinhole camera whose images they are, in pixels, and the
 // steps of a metre in NNNNNN_mm.png.
 std::vector<std::string> map_format_names();

@@ -15,7 +15,7 @@ DepthSpan span_of(const Scene& scene) {
   const double wall = double{*std::max_element(scene.background.begin(), scene.background.end())};
   const double near = std::max(0.0, std::floor(2 * (body - 1)) / 2);
   const double far = std::ceil(2 * std::max(body + 1, wall)) / 2;
-  return {near, std::clamp(far, near + 1, std::max(near + 1, record::max_depth_m))};
+  return {near, std::clamp(far, near + 1, std::max(near + 1, scene.grid.far_m))};
 }
 
 namespace {

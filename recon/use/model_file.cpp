@@ -16,7 +16,7 @@
 namespace echofuse::recon {
 namespace {
 
-constexpr std::int64_t format_version = 11;
+constexpr std::int64_t format_version = 12;
 constexpr std::size_t most_estimators = 3;
 
 void archive_seen(Archive archive, SeenRecords& seen) {
@@ -27,6 +27,7 @@ void archive_seen(Archive archive, SeenRecords& seen) {
   archive.values("run", seen.run, Archive::any);
   archive.values("index", seen.index, seen.run.size());
   archive.values("part", seen.part, seen.run.size());
+  archive.values("hash", seen.hash, seen.run.size());
   for (const std::uint32_t run : seen.run)
     archive.require(run < runs, "run", "expected numbers of its runs");
   for (const std::uint8_t part : seen.part)
@@ -60,8 +61,6 @@ void check_list(const Archive& archive, const TrainedModel& model) {
                     name + "/axes", "expected those of the first estimator");
     archive.require(model.estimators[k].scene.grid == model->scene.grid, name + "/scene/map_size",
                     "expected that of the first estimator");
-    archive.require(model.estimators[k].uncertainty.has_value() == model->uncertainty.has_value(),
-                    name + "/calibrated", "expected that of the first estimator");
   }
 }
 
@@ -120,13 +119,16 @@ void check_can_save(const std::string& path) {
   std::remove(unfinished.c_str());
 }
 
-void save_model(const TrainedModel& model, const std::string& path) {
+void save_model(const TrainedModel& model, const std::string& path,
+                const std::function<void(const TrainedModel&)>& check) {
   TensorFile file;
   // Writing changes nothing in the model.
   archive({file, Archive::Direction::write}, const_cast<TrainedModel&>(model));
   const std::string unfinished = path + ".part";
   std::remove(unfinished.c_str());
   write_file(unfinished, file.to_bytes());
+  const TrainedModel written = load_model(unfinished);
+  if (check) check(written);
   if (rename_to_new(unfinished, path)) return;
   const bool there = errno == EEXIST;
   throw Error(there ? ExitCode::failed : ExitCode::disk,

@@ -5,6 +5,7 @@
 #include <bit>
 #include <cmath>
 #include <cstdint>
+#include <limits>
 
 #include "drivers/core/clones.hpp"
 #include "recon/use/empty_room.hpp"
@@ -30,6 +31,10 @@ Prediction predict_by(const Estimator& by, const Dataset& data, const Rows& rows
   SoftMaps soft;
   out.maps = by.maps(data, rows, views, detail == PredictionDetail::pixels ? &soft : nullptr);
   require_finite(out.maps);
+  if (detail == PredictionDetail::pixels && !by.uncertainty) {
+    out.mean = out.deviation = out.maps;
+    std::ranges::fill(out.deviation.values, std::numeric_limits<float>::quiet_NaN());
+  }
   if (detail == PredictionDetail::maps || !by.uncertainty) return out;
   const UncertaintyModel& uncertainty = *by.uncertainty;
   out.uncertainties = uncertainty.trust(views, out.maps, by.scene, data, rows, by.features.inputs);

@@ -34,9 +34,12 @@ void require_finite(const Matrix& maps);
 enum class PredictionDetail : std::uint8_t { maps, uncertainty, pixels };
 
 struct Prediction {
-  Matrix maps;                                       // metres
-  std::vector<PredictionUncertainty> uncertainties;  // empty if the model states none
-  Matrix mean, deviation;                            // metres; no rows unless pixels are asked for
+  Matrix maps;  // metres
+  std::vector<PredictionUncertainty>
+      uncertainties;  // empty if no estimator that answers states any
+  // Metres; no rows unless pixels are asked for. The deviation is NaN of an estimator that states
+  // none.
+  Matrix mean, deviation;
 };
 
 // Where the model falls back, its fallbacks predict. Throws Error(usage) if the model has no

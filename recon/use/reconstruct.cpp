@@ -19,6 +19,7 @@
 #include "drivers/program/console.hpp"
 #include "drivers/program/csv.hpp"
 #include "drivers/program/printable.hpp"
+#include "drivers/program/program.hpp"
 #include "recon/data/files.hpp"
 #include "recon/numbers/text.hpp"
 #include "recon/use/map_files.hpp"
@@ -39,14 +40,15 @@ class StatusTable {
  public:
   explicit StatusTable(const std::string& path) : path_(path) {
     write_atomically(path,
-                     "record,status,after_slot_s,lateral_interval_90_m,distance,two_bodies,"
+                     "record,status,after_slot_s,x_m,z_m,lateral_interval_90_m,distance,two_bodies,"
                      "out_of_distribution,uncertainty\n");
     out_.open(path, std::ios::binary | std::ios::app);
   }
   void add(const RecordStatus& r) {
     const std::string status = !r.fault.empty() ? r.fault : !r.note.empty() ? r.note : "ok";
     out_ << r.index << "," << csv_text(status) << ","
-         << (r.after_slot_s ? formatted("%.4f", *r.after_slot_s) : "") << ",";
+         << (r.after_slot_s ? formatted("%.4f", *r.after_slot_s) : "")
+         << (r.body ? formatted(",%.3f,%.3f,", r.body->x_m, r.body->z_m) : ",,,");
     if (r.uncertainty) add(*r.uncertainty);
     out_ << (r.uncertainty ? "," : ",,,,")
          << (r.fault.empty() ? calibration_name(r.uncertainty.has_value()) : "") << "\n";
@@ -119,7 +121,7 @@ class Reconstruction {
 Dataset Reconstruction::read(const record::RunReader& run, std::size_t at_most) {
   Dataset out = load_part(run, next_, at_most, sensors_of(model_->features.inputs),
                           [&](std::int64_t index, const std::string& fault) {
-                            bad_.push_back({index, fault, {}, {}, {}, {}});
+                            bad_.push_back({index, fault, {}});
                           });
   read_ = clock_.now();
   return out;
@@ -132,7 +134,7 @@ void Reconstruction::take_all(const record::RunReader& run) {
   const std::size_t last = records.data.size();
   // While this thread judges the run, and then writes a part, others make the maps of the next and
   // their pictures.
-  const std::size_t ahead = std::max(2u, std::thread::hardware_concurrency());
+  const std::size_t ahead = std::max(2u, usable_cores());
   std::deque<std::future<Part>> next;
   auto start = [&, first = std::size_t{0}, end = last]() mutable {
     if (first >= end) return;
@@ -187,7 +189,7 @@ Reconstruction::Part Reconstruction::make(const Records& records, std::size_t fi
   Part out{first, {}, {}, {}, {}};
   for (std::size_t row = first; row < first + count; ++row) {
     out.statuses.push_back(
-        {data.index[row], model_.fault_of(data, row), model_.note_of(data, row), {}, {}, {}});
+        {data.index[row], model_.fault_of(data, row), model_.note_of(data, row)});
     if (out.statuses.back().fault.empty()) out.rows.push_back(row);
   }
   out.made = predict(
@@ -204,7 +206,10 @@ void Reconstruction::write(const Records& records, Part part) {
   const Prediction& made = part.made;
   for (std::size_t i = 0; i < part.rows.size(); ++i) {
     RecordStatus& status = part.statuses[part.rows[i] - part.first];
-    if (!made.uncertainties.empty()) status.uncertainty = made.uncertainties[i];
+    if (const BodyPlace at = body_place(made.maps.row(i), model_->scene); !std::isnan(at.x_m))
+      status.body = at;
+    if (!made.uncertainties.empty() && made.uncertainties[i].stated)
+      status.uncertainty = made.uncertainties[i];
     files_.write(part.files[i]);
     time(status, records.data.slot_end[part.rows[i]]);
   }

@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "recon/metrics/metrics.hpp"
 #include "recon/use/trained_model.hpp"
 
 namespace echofuse::recon {
@@ -16,9 +17,11 @@ struct RecordStatus {
   std::string note;   // of a map: what the model had to do without
   // It is of a record that came while following: from its slot's end, and from its reading, to its
   // map.
-  std::optional<double> after_slot_s, after_reading_s;
+  std::optional<double> after_slot_s = {}, after_reading_s = {};
+  // It is of a reconstructed record whose map shows a body.
+  std::optional<BodyPlace> body = {};
   // It is of a reconstructed record, if the model states any.
-  std::optional<PredictionUncertainty> uncertainty;
+  std::optional<PredictionUncertainty> uncertainty = {};
 };
 
 struct ReconstructOptions {

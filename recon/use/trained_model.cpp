@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <map>
+#include <set>
 
 #include "recon/data/response.hpp"
 
@@ -29,6 +30,7 @@ SeenRecords seen_records(const Dataset& data, const Split& split) {
       seen.run.push_back(static_cast<std::uint32_t>(data.source_of(row)));
       seen.index.push_back(data.index[row]);
       seen.part.push_back(static_cast<std::uint8_t>(part));
+      seen.hash.push_back(data.content.empty() ? 0 : data.content[row]);
     }
   };
   add(split.train, Part::train);
@@ -50,7 +52,7 @@ bool has_radar(const Dataset& data) { return data.radar_axis.count > 0; }
 // It is true if the antennas of the run, if it has a radar at all, are those of the estimator.
 bool has_antennas(const Dataset& data, const Estimator& e) {
   return !has_radar(data) || e.features.array_axis.count == 0 ||
-         covers(data.array_axis, e.features.array_axis);
+         is_near(data.array_axis, e.features.array_axis);
 }
 
 }  // namespace
@@ -94,6 +96,17 @@ std::string TrainedModel::fault_of(const Dataset& data, std::size_t row) const {
 bool TrainedModel::knows(const Dataset& data) const {
   const auto runs = known_runs(seen, data);
   return std::any_of(runs.begin(), runs.end(), [](std::int64_t run) { return run >= 0; });
+}
+
+Rows TrainedModel::rows_trained_on(const Dataset& data) const {
+  std::set<std::int64_t> known;
+  for (std::size_t i = 0; i < seen.hash.size(); ++i)
+    if (seen.part[i] != static_cast<std::uint8_t>(Part::test)) known.insert(seen.hash[i]);
+  known.erase(0);
+  Rows rows;
+  for (std::size_t row = 0; row < data.content.size(); ++row)
+    if (known.contains(data.content[row])) rows.push_back(row);
+  return rows;
 }
 
 Rows TrainedModel::rows_of(const Dataset& data, Part part) const {

@@ -8,12 +8,13 @@
 //            split/kind, split/gap, split/seed, split/test_share, split/validation_share,
 //            split/run/R (uuid of run R), response/cell_m; N/model, N/inputs, N/scaling,
 //            N/axes/SENSOR/..., N/scene/map_size and others, N/alignment/config/KEY, N/training/...
-//   tensors  response/taps; split/run, split/index, split/part (0 train, 1 validation, 2 test): a
-//   record each
+//   tensors  response/taps; of each record split/run, split/index, split/part (0 train, 1
+//            validation, 2 test), and split/hash of what its sensors hold (Dataset::content)
 //            N/scene/background_m and mean_map_m; N/alignment/counts, power and lags, what is
 //            always there; N/model/..., what the model learnt; N/domain/..., N/uncertainty/...
 #pragma once
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
@@ -29,10 +30,11 @@ struct SeenRecords {
   std::vector<std::uint32_t> run;   // per record: index into runs
   std::vector<std::int64_t> index;  // per record: its number in the run
   std::vector<std::uint8_t> part;   // per record: Part
+  std::vector<std::int64_t> hash;   // per record: Dataset::content
 };
 
 struct TrainedModel {
-  std::vector<Estimator> estimators;  // at least one
+  std::vector<Estimator> estimators;  // at least one; each states its own uncertainty, or none
   SplitOptions split;
   SeenRecords seen;
   std::uint32_t data_hash = 0;
@@ -64,6 +66,8 @@ struct TrainedModel {
   Matrix predict(const Dataset& data, const Rows& rows) const;
   // It is true if the data set holds a run that the model was trained on.
   bool knows(const Dataset& data) const;
+  // Returns the rows that trained or validated the model, whatever their run's uuid.
+  Rows rows_trained_on(const Dataset& data) const;
   // Returns the rows of the data set that were in this part of the model's training.
   Rows rows_of(const Dataset& data, Part part) const;
 };
@@ -86,9 +90,11 @@ SeenRecords seen_records(const Dataset& data, const Split& split);
 // Throws Error(disk) if no file can be made there, and Error(usage) if there is one; it is called
 // before a long training.
 void check_can_save(const std::string& path);
-// Writes PATH.part and renames it. Throws Error(disk), and Error(failed) if there is a file of this
+// Writes PATH.part, reads it back, has the model that was read checked, and renames the file.
+// Throws Error(disk), Error(failed) as load_model, and Error(failed) if there is a file of this
 // name: it stays, and so does PATH.part.
-void save_model(const TrainedModel& model, const std::string& path);
+void save_model(const TrainedModel& model, const std::string& path,
+                const std::function<void(const TrainedModel&)>& check = {});
 // Throws Error(failed) that names the file, the object, what is wrong and what would be right: the
 // file is missing, no model, damaged, written by another version, or its parts do not fit together.
 TrainedModel load_model(const std::string& path);

@@ -49,9 +49,10 @@ bool Access::takes_host(std::string_view host) const {
 }
 
 bool Access::takes_origin(std::string_view origin, std::string_view host) const {
-  constexpr std::string_view scheme = "http://";
   if (origin.empty()) return true;
-  return origin.starts_with(scheme) && same_name(origin.substr(scheme.size()), host);
+  for (const std::string_view scheme : {"http://", "https://"})
+    if (origin.starts_with(scheme)) return same_name(origin.substr(scheme.size()), host);
+  return false;
 }
 
 // In a time that does not tell how much of it was right.

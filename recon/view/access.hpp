@@ -3,7 +3,8 @@
 //
 // A page of anybody's can make a browser ask 127.0.0.1, so what it names is checked: the Host is
 // this machine by a name that no foreign DNS entry can be (against rebinding), and the Origin of a
-// WebSocket is the page of this very server.
+// WebSocket is the page of this very server. A proxy's X-Forwarded-Host may name that page: no
+// browser lets a page set it for a WebSocket, nor for another Host without asking first.
 #pragma once
 #include <string>
 #include <string_view>
@@ -19,7 +20,7 @@ struct Access {
 
   // "127.0.0.1:8410", "[::1]", "localhost": another machine's name is refused.
   bool takes_host(std::string_view host) const;
-  // Empty: not from a page.
+  // Empty: not from a page. `host`: as the browser asked for it, which a proxy says.
   bool takes_origin(std::string_view origin, std::string_view host) const;
   bool may_look(std::string_view given) const { return !token_asked || is_token(given); }
   bool may_write(std::string_view given) const { return is_token(given); }

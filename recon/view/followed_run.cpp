@@ -26,18 +26,13 @@ std::int64_t changed_ns(const struct stat& file) {
   return file.st_mtim.tv_sec * std::int64_t{1'000'000'000} + file.st_mtim.tv_nsec;
 }
 
-// Empty: none.
-std::string newest_file(const std::string& folder) {
-  std::error_code none;
-  std::string newest;
-  std::int64_t newest_ns = 0;
-  for (fs::directory_iterator it(folder, none), end; it != end; it.increment(none)) {
-    const fs::path& path = it->path();
-    if (path.extension() != ".sqlite" || !it->is_regular_file(none)) continue;
-    const std::int64_t ns = stamp_of(path.string()).changed_ns;
-    if (ns > newest_ns) newest = path.string(), newest_ns = ns;
+// Empty: none can be read.
+std::string start_of(const std::string& path) {
+  try {
+    return record::RunReader(path).info().started_utc;
+  } catch (const Error&) {
+    return {};
   }
-  return newest;
 }
 
 }  // namespace
@@ -55,12 +50,30 @@ FileStamp stamp_of(const std::string& path) {
   return out;
 }
 
+// Empty: none. A file is read again when it changed, a live run's once.
+std::string FollowedRun::newest_file() {
+  std::error_code none;
+  std::map<std::string, Begun> begun;
+  std::pair<std::string, std::string> newest;  // its start, its path
+  for (fs::directory_iterator it(target_, none), end; it != end; it.increment(none)) {
+    const std::string path = it->path().string();
+    if (it->path().extension() != ".sqlite" || !it->is_regular_file(none)) continue;
+    const FileStamp stamp = stamp_of(path);
+    Begun& file = begun[path] = begun_[path];
+    const bool live = file.stamp.written && stamp.written && file.stamp.inode == stamp.inode;
+    if (file.stamp != stamp && (file.utc.empty() || !live)) file = {stamp, start_of(path)};
+    if (!file.utc.empty()) newest = std::max(newest, std::pair(file.utc, path));
+  }
+  begun_ = std::move(begun);
+  return newest.second;
+}
+
 // The file of the run, or the part of it that is known or the first; empty: none.
 std::string FollowedRun::find() {
   std::error_code none;
   std::string run = record::old_run(target_);
   if (fs::is_directory(target_, none)) {
-    const std::string newest = newest_file(target_);
+    const std::string newest = newest_file();
     if (newest.empty()) return {};
     run = newest == std::exchange(newest_, newest) ? run_ : record::run_of(newest);
   }
@@ -114,7 +127,7 @@ void FollowedRun::forget() {
 void FollowedRun::read() {
   read_part();
   for (std::string path; !interrupted() && !(path = next()).empty(); read_part()) {
-    Part& part = before_.emplace_back(path_, last().value_or(-1) + 1, stamp_.bytes);
+    Part& part = before_.emplace_back(Part{path_, last().value_or(-1) + 1, stamp_.bytes});
     for (const Sensor s : all_sensors) part.late[s] = sensors_[s].late;
     path_ = path, stamp_ = stamp_of(path);
   }

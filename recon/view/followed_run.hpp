@@ -45,8 +45,9 @@ FileStamp stamp_of(const std::string& path);
 
 class FollowedRun {
  public:
-  // A run file, or a folder: its newest run. Neither has to be there yet. Of a run in parts, by its
-  // name or as the newest, all of them: path(), info() and axes() are of the last one.
+  // A run file, or a folder: its newest run, which is the one that began last. Neither has to be
+  // there yet. Of a run in parts, by its name or as the newest, all of them: path(), info() and
+  // axes() are of the last one.
   explicit FollowedRun(std::string target) : target_(std::move(target)) {}
 
   // Looks whether anything is new, which costs next to nothing if not. Returns whether there was.
@@ -84,6 +85,11 @@ class FollowedRun {
     std::uint64_t bytes = 0;
     PerSensor<std::uint64_t> late{};
   };
+  struct Begun {  // a file of the folder
+    FileStamp stamp;
+    std::string utc;  // empty: it is no run
+  };
+  std::string newest_file();
   std::string find();
   std::string next();  // the part after path_; empty: there is none
   void read();
@@ -92,6 +98,7 @@ class FollowedRun {
   void take(const record::RecordOutline& outline);
 
   std::string target_, newest_, run_, path_, trouble_, label_;  // newest_: file of a folder
+  std::map<std::string, Begun> begun_;                          // by path
   FileStamp stamp_;
   std::vector<Part> before_;                       // path_ are the parts before it
   std::map<std::string, std::uint64_t> rejected_;  // named like a part, but of another run: inodes

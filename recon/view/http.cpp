@@ -4,16 +4,25 @@
 namespace echofuse::view {
 namespace {
 
-std::string_view field(const HttpRequest& request, http::field name) {
+template <class Name>
+std::string_view field(const HttpRequest& request, Name name) {
   const auto value = request[name];
   return {value.data(), value.size()};
 }
 
-// connect-src names the socket's address: not every browser takes 'self' for ws:.
+// The host in the browser's address, which a proxy says if it asks for another one.
+std::string_view host_of(const HttpRequest& request) {
+  const std::string_view forwarded = field(request, "X-Forwarded-Host");
+  return forwarded.empty() ? field(request, http::field::host)
+                           : forwarded.substr(0, forwarded.find(','));
+}
+
+// connect-src names the socket's address: not every browser takes 'self' for ws: and wss:.
 std::string policy(std::string_view host) {
+  const std::string name(host.substr(0, host.find_first_of(";, \t")));
   return "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; "
          "connect-src 'self' ws://" +
-         std::string(host) + "; base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
+         name + " wss://" + name + "; base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
 }
 
 HttpResponse make(const HttpRequest& request, http::status status, std::string_view type,
@@ -65,15 +74,16 @@ Caller caller_of(const HttpRequest& request, const Access& access, bool socket) 
   if (request.count(http::field::host) != 1 || request.count(http::field::origin) > 1)
     return refuse(http::status::bad_request, "expected one Host");
   if (!access.takes_host(host))
-    return refuse(http::status::misdirected_request, "this is not the server of that name");
+    return refuse(http::status::misdirected_request,
+                  "this is not the server of that name; a proxy names itself in X-Forwarded-Host");
   if (request.method() != http::verb::get && request.method() != http::verb::head)
     return refuse(http::status::method_not_allowed, "expected GET");
-  if (!access.takes_origin(field(request, http::field::origin), host))
-    return refuse(http::status::forbidden, "not for pages of others");
   if (!out.path.starts_with('/'))
     return refuse(http::status::bad_request, "expected a path that begins with /");
   const PageFile* part = part_of(out);
   const bool open = part && out.path != "/";  // programs that everybody may have
+  if (!open && !access.takes_origin(field(request, http::field::origin), host_of(request)))
+    return refuse(http::status::forbidden, "not for pages of others");
   if (!open && !access.may_look(asked.token))
     return refuse(http::status::unauthorized,
                   "expected the token: open the whole address that the program printed");
@@ -82,7 +92,9 @@ Caller caller_of(const HttpRequest& request, const Access& access, bool socket) 
   if (!part && !list && !metrics && out.path != "/live")
     return refuse(http::status::not_found, "nothing here");
   if ((out.path == "/live") != socket)
-    return refuse(http::status::upgrade_required, "/live is a WebSocket");
+    return refuse(http::status::upgrade_required,
+                  "no WebSocket comes through: a proxy before the viewer has to pass on "
+                  "X-Forwarded-Host, Upgrade and Connection");
   return out;
 }
 
@@ -95,7 +107,7 @@ HttpResponse respond(const HttpRequest& request, const Caller& caller,
   if (caller.path == "/runs") return make(request, http::status::ok, "application/json", text());
   const PageFile& part = *part_of(caller);
   HttpResponse out = make(request, http::status::ok, part.type, std::string(part.contents));
-  out.set("Content-Security-Policy", policy(field(request, http::field::host)));
+  out.set("Content-Security-Policy", policy(host_of(request)));
   return out;
 }
 

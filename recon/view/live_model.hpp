@@ -18,6 +18,7 @@ struct Reconstruction {
   record::MapGrid grid;
   std::string fault;  // why there is none; or empty
   std::string note;   // what the model had to do without, or what is odd about the record
+  std::optional<double> x_m, z_m;  // of the body, if the map shows one
   std::optional<double> lateral_interval_90_m;
   std::optional<double> iou, lateral_error_m;  // against the depth camera
 };

@@ -23,7 +23,7 @@ struct Options {
   std::string model;
   std::optional<std::int64_t> record;
   ServerOptions server;
-  bool text = false;
+  bool text = false, quiet = false;
 };
 
 // Whoever started us may wait for the end of these streams.
@@ -38,7 +38,8 @@ ExitCode show(const Options& o) {
   catch_interrupts();
   recon::set_threads(1);
   const SystemClock clock;
-  if (const std::string missing = record::files_of(o.server.run).missing; !missing.empty())
+  if (const std::string missing = record::files_of(o.server.run).missing;
+      !o.quiet && !missing.empty())
     std::fprintf(stderr, "%s\n", missing.c_str());
   if (o.text) {
     FollowedRun run(o.server.run);
@@ -53,8 +54,9 @@ ExitCode show(const Options& o) {
     std::fprintf(stderr, "echofuse-view: %s; no maps are shown\n", printable(e.what()).c_str());
   }
   Server server(o.server, model ? &*model : nullptr, clock);
-  if (const std::string why = server.missing(); !why.empty() && !o.server.until_closed)
-    std::fprintf(stderr, "echofuse-view: %s\n", printable(why).c_str());
+  if (!o.server.until_closed)
+    if (const std::string why = server.missing(); !why.empty())
+      std::fprintf(stderr, "echofuse-view: %s\n", printable(why).c_str());
   std::printf("%s\n", server.address(o.record).c_str());
   std::fflush(stdout);
   if (o.server.until_closed) leave_terminal();
@@ -68,7 +70,7 @@ int run(int argc, char** argv) {
       "Shows a run in a browser, or in a terminal: live, finished or crashed. Of a folder the "
       "browser chooses the run.",
       "echofuse-view");
-  app.set_version_flag("--version", std::string("echofuse-view ") + version());
+  app.set_version_flag("--version", version_line("echofuse-view"));
   app.add_option("RUN", o.server.run,
                  "run file, or a folder: its runs to choose from; with --text its newest")
       ->type_name("RUN")
@@ -90,7 +92,8 @@ int run(int argc, char** argv) {
   app.add_flag("--until-closed", o.server.until_closed,
                "end by itself when the run is over and nobody looks")
       ->excludes(text);
-  more_options(app, {"--planned", "--until-closed"});
+  app.add_flag("-q,--quiet", o.quiet, "no messages but errors");
+  more_options(app, {"--planned", "--until-closed", "--quiet"});
   add_examples(app, {"echofuse-view monday.sqlite", "echofuse-view . --model fused.safetensors",
                      "echofuse-view --text monday.sqlite"});
   try {

@@ -20,7 +20,8 @@
 //   record     index, utc, label, live, sensors, and spd (counts), radar (dB), beams (dB by range
 //              and sine of the azimuth, of a radar with antennas), camera (mm), map (m,
 //              what the camera sees on the grid of the maps); with a model reconstruction (m) and
-//              deviation (m), or the reason why there is none, how far to trust it, whether the
+//              deviation (m), or the reason why there is none, where the body is (x_m, z_m), how
+//              far to trust it, whether the
 //              model was trained on this record (seen), and how well it meets what the camera sees
 //              (iou, lateral_error_m)
 //   reference  spd: mean histogram of the first minute

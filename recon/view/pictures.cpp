@@ -64,7 +64,7 @@ std::vector<float> map_of(const record::FusedRecord& r, const std::vector<Axis>&
                           const record::MapGrid& grid) {
   const Axis *x = find(axes, "depth_x"), *y = find(axes, "depth_y");
   if (!r.has(Sensor::depth) || !x || !y) return {};
-  return record::to_target(r.depth_mm, *x, *y, grid.x(), grid.y());
+  return record::to_target(r.depth_mm, *x, *y, grid);
 }
 
 std::vector<float> to_db(std::span<const float> profile, const Axis& axis) {

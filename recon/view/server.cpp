@@ -84,8 +84,11 @@ class Server::Loop final : public SessionOwner {
   }
 
   std::string missing() {
+    if (access_.many) return {};
     home_.run.refresh();
-    return access_.many ? "" : home_.run.trouble();
+    const std::string& why = home_.run.trouble();
+    if (!why.empty() && !home_.run.path().empty()) throw Error(ExitCode::failed, why);
+    return why;
   }
 
   std::string address(std::optional<std::int64_t> record) const {

@@ -34,8 +34,9 @@ class Server {
   ~Server();
   // For a browser, with the token; of a folder with a record its newest run.
   std::string address(std::optional<std::int64_t> record = {}) const;
-  std::string missing();  // why there is no run to see yet; or empty
-  void run();             // until interrupted()
+  // Why there is no run to see yet; or empty. Throws Error(failed) if something else is there.
+  std::string missing();
+  void run();  // until interrupted()
 
  private:
   class Loop;

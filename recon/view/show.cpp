@@ -177,6 +177,8 @@ Message Show::make_record(std::int64_t index, bool live) const {
                               {"note", made.note},
                               {"seen", model_->saw(run.info().uuid, index)},
                               {"half_tangent", made.grid.half_tangent},
+                              {"x_m", given(made.x_m)},
+                              {"z_m", given(made.z_m)},
                               {"lateral_interval_90_m", given(made.lateral_interval_90_m)},
                               {"iou", given(made.iou)},
                               {"lateral_error_m", given(made.lateral_error_m)}};

@@ -12,6 +12,8 @@ from pack import np
 WAIT_MS = 100    # also how long a signal waits
 SILENCE_S = 3.0  # then the stream is restarted, and at the second time the device opened again
 
+MOST_LOST = 1 << 20  # frames; of a number that jumps further nobody knows how many are lost
+
 # Of the SDK: frame number, device time (us), size, unsigned 16-bit steps of so many millimetres.
 Frame = collections.namedtuple("Frame", "index time_us width height steps mm_per_step")
 # Focal lengths and optical axis of an image of this size, in pixels.
@@ -38,6 +40,7 @@ class Camera:
     def __init__(self, options):
         self._options = options
         self._restarted, self._last_index, self._last_frame_s = False, None, time.monotonic()
+        self._told, self._odd = set(), 0  # frames that are left out: what is said of them, since the last good one
 
     def began(self, lens):
         """Tangents: columns to the right, rows upwards, of the pixel centres."""
@@ -53,16 +56,34 @@ class Camera:
 
     def poll(self, server):
         frame = self.wait(WAIT_MS)
-        if frame is None:
+        fault = frame and self._fault(frame)
+        if fault:  # as if it had not come
+            server.lose(1)
+            self._odd += 1
+            if fault[0] not in self._told:
+                self._told.add(fault[0])
+                bridge.say(f"a frame whose {fault[0]} is {fault[1]} is left out, as are more of the kind")
+        if fault or frame is None:
             self._watch(server)
             return 0
         self._last_frame_s = time.monotonic()
         self._restarted = False
-        if self._last_index is not None and frame.index > self._last_index + 1:
-            server.lose(frame.index - self._last_index - 1)
-        self._last_index = frame.index
+        ahead = 0 if self._last_index is None else frame.index - self._last_index - 1 - self._odd
+        if ahead > 0:
+            server.lose(ahead if ahead <= MOST_LOST else 1)
+        self._last_index, self._odd = frame.index, 0
         server.send(bridge.DEPTH, self._payload(frame), 1)
         return 0
+
+    def _fault(self, frame):
+        """Returns what of a frame cannot be, and its value. NaN compares false."""
+        size, asked = (frame.width, frame.height), (self._options.width, self._options.height)
+        if size != asked or frame.steps.nbytes != 2 * size[0] * size[1]:
+            return "size", f"{size[0]} x {size[1]} pixels and {frame.steps.nbytes} bytes"
+        for name, value, least in (("number", frame.index, 0), ("time (us)", frame.time_us, 0), ("step (mm)", frame.mm_per_step, 1e-6)):
+            if not least <= value < 1 << 64:
+                return name, f"{value:g}"
+        return None
 
     def _watch(self, server):
         if time.monotonic() - self._last_frame_s < SILENCE_S:
@@ -73,18 +94,14 @@ class Camera:
         self.stop()
         self.start()
         server.lose(1)  # at least; its frame numbers start again
-        self._restarted, self._last_index, self._last_frame_s = True, None, time.monotonic()
+        self._restarted, self._last_index, self._last_frame_s, self._odd = True, None, time.monotonic(), 0
 
     def _payload(self, frame):
-        size, asked = (frame.width, frame.height), (self._options.width, self._options.height)
-        if size != asked or frame.steps.nbytes != 2 * size[0] * size[1]:
-            raise RuntimeError(f"a frame of {size[0]} x {size[1]} pixels and {frame.steps.nbytes} bytes is not what was "
-                               "asked for")
         z_mm = frame.steps
         if frame.mm_per_step != 1:
             exact = np.rint(z_mm * float(frame.mm_per_step))
             z_mm = np.where(exact <= 65535, exact, 0).astype("<u2")
-        return struct.pack("<IIQI4f", *size, frame.time_us, frame.index & 0xFFFFFFFF, *self._axes) + z_mm.tobytes()
+        return struct.pack("<IIQI4f", frame.width, frame.height, round(frame.time_us), frame.index & 0xFFFFFFFF, *self._axes) + z_mm.tobytes()
 
     def close(self):
         self.stop()

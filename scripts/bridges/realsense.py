@@ -46,7 +46,6 @@ class Camera(camera.Camera):
             self._hello = {"model": device.get_info(sdk.camera_info.name),
                            "serial": device.get_info(sdk.camera_info.serial_number),
                            "firmware": device.get_info(sdk.camera_info.firmware_version)}
-            self._mm_per_step = round(1000 * device.first_depth_sensor().get_depth_scale(), 6)  # the SDK has a float
             lens = profile.get_stream(sdk.stream.depth).as_video_stream_profile().get_intrinsics()
             self.began(camera.Lens(lens.width, lens.height, lens.fx, lens.fy, lens.ppx, lens.ppy))
             if any(lens.coeffs):
@@ -65,8 +64,9 @@ class Camera(camera.Camera):
     def wait(self, timeout_ms):
         came, frames = self._pipeline.try_wait_for_frames(timeout_ms)
         frame = frames.get_depth_frame() if came else None
-        return camera.Frame(frame.get_frame_number(), round(1000 * frame.get_timestamp()), frame.get_width(),
-                            frame.get_height(), np.asarray(frame.get_data(), "<u2"), self._mm_per_step) if frame else None
+        return camera.Frame(frame.get_frame_number(), 1000 * frame.get_timestamp(), frame.get_width(),
+                            frame.get_height(), np.asarray(frame.get_data(), "<u2"),
+                            round(1000 * frame.get_units(), 6)) if frame else None  # the SDK has a float
 
 
 def main():

@@ -65,7 +65,7 @@ def parse_arguments(arguments):
     add("--resolution", choices=RESOLUTIONS, help="of the device; a finer one has fewer channels")
     add("--scan", metavar="CH", type=number(int, -99, 99), help="measure the rate over the trigger level, and end")
     add("--start-channel", metavar="CH", type=number(int, -99, 99), default=1,
-        help="laser sync (1); negative for the falling edge")
+        help="laser sync (1); negative for the falling edge. Of an old device with inputs 0 to 7: 8 more")
     add("--click-channel", metavar="CH", type=number(int, -99, 99), default=2, help="detector (2)")
     per_channel = dict(action="append", default=[])
     add("--trigger-level", metavar="CH=V", type=setting(float, -5, 5), **per_channel,
@@ -89,8 +89,8 @@ def parse_arguments(arguments):
     if options.network and ":" not in options.network:
         options.network += ":41101"
     used = {abs(options.start_channel), abs(options.click_channel)}
-    if options.start_channel == options.click_channel or 0 in used:
-        parser.error("--start-channel and --click-channel must be two channels other than 0")
+    if options.start_channel == options.click_channel:
+        parser.error("--start-channel and --click-channel must be two channels")
     for name in ("trigger_level", "input_delay", "dead_time", "event_divider"):
         for channel, _ in getattr(options, name):
             if abs(channel) not in used:

@@ -11,11 +11,11 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
-#include <thread>
 
 #include "drivers/program/command_line.hpp"
 #include "drivers/program/console.hpp"
 #include "drivers/program/printable.hpp"
+#include "drivers/program/program.hpp"
 #include "sim/cli/plan_arguments.hpp"
 #include "sim/dataset/dataset.hpp"
 #include "sim/lab/lab.hpp"
@@ -104,7 +104,7 @@ ExitCode run_dataset(DatasetArguments& a) {
 void add_dataset(CLI::App& app, Command& command) {
   auto* sub = app.add_subcommand("dataset", "make a run file of simulated records");
   auto a = std::make_shared<DatasetArguments>();
-  a->options.threads = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
+  a->options.threads = static_cast<int>(usable_cores());
   const auto count = CLI::Range(std::int64_t{0}, std::int64_t{10'000'000});
   sub->add_option("--out", a->options.out, "run file to make (never overwritten)")
       ->type_name("RUN")
@@ -122,7 +122,7 @@ void add_dataset(CLI::App& app, Command& command) {
       ->check(CLI::NonNegativeNumber);
   add_plan_options(*sub, *a);
   sub->add_option("--like", a->like,
-                  "calibration: simulate the instruments whose response it states")
+                  "calibration: simulate the instruments whose response and axes it states")
       ->type_name("FILE");
   add_twin_options(*sub, *a);
   sub->add_option("--laboratories", a->laboratories,
@@ -145,7 +145,7 @@ struct LabArguments : PlanArguments {
   sim::LabOptions options;
   std::optional<std::int64_t> seed;
   double duration_s = 0;
-  bool json = false;
+  bool json = false, quiet = false;
   std::vector<std::string> command;  // the command to run in the laboratory
 };
 
@@ -175,8 +175,8 @@ ExitCode run_lab(LabArguments& a) {
   a.options.schedule.seed = a.seed.value_or(plan.seed);
   port::SystemLoop loop;
   sim::Lab lab(loop, a.options);
-  if (!a.command.empty()) return sim::serve_command(lab, a.command);
-  std::cerr << "the laboratory is open; Ctrl-C closes it. To record from it:\n";
+  if (!a.command.empty()) return sim::serve_command(lab, a.command, a.quiet);
+  if (!a.quiet) std::cerr << "the laboratory is open; Ctrl-C closes it. To record from it:\n";
   std::cout << lab.daemon_command() << std::endl;
   const HostTime end = loop.now() + from_seconds(a.duration_s);
   lab.serve([&] { return interrupted() || (a.duration_s > 0 && loop.now() >= end); });
@@ -230,10 +230,12 @@ void add_lab(CLI::App& app, Command& command) {
   add_plan_options(*sub, *a);
   add_twin_options(*sub, *a);
   sub->add_flag("--json", a->json, "what was sent as one JSON object");
+  sub->add_flag("-q,--quiet", a->quiet, "no messages but errors");
   sub->add_option("command", a->command, "run this in the laboratory, and close it afterwards")
       ->option_text("-- COMMAND ...");
-  more_options(*sub, {"--config", "--laser-rate-hz", "--all-syncs", "--radar-cfg", "--radar-board",
-                      "--radar-sdk", "--faults", "--log", "--twin", "--laboratory", "--json"});
+  more_options(*sub,
+               {"--config", "--laser-rate-hz", "--all-syncs", "--radar-cfg", "--radar-board",
+                "--radar-sdk", "--faults", "--log", "--twin", "--laboratory", "--json", "--quiet"});
   add_examples(*sub, {"echofuse-sim lab --scene mixed --hold 3",
                       "echofuse-sim lab --dir . --scene reflector -- bash"});
   sub->callback([&command, a] { command = [a] { return run_lab(*a); }; });
@@ -269,7 +271,7 @@ void add_config(CLI::App& app, Command& command) {
 ExitCode run(int argc, char** argv) {
   CLI::App app("The simulated world: data sets and a laboratory of simulated devices.",
                "echofuse-sim");
-  app.set_version_flag("--version", std::string("echofuse-sim ") + version());
+  app.set_version_flag("--version", version_line("echofuse-sim"));
   app.require_subcommand(1);
   Command command;
   add_dataset(app, command);

@@ -3,6 +3,8 @@
 
 #include <toml++/toml.h>
 
+#include <cstdio>
+
 #include "acquire/record/response.hpp"
 
 namespace echofuse::sim {
@@ -21,9 +23,16 @@ std::vector<std::string> settings_like(const std::string& path) try {
     if (key == "radar_cell_m") out.push_back("radar_resolution_m=" + number);
     if (key == "radar_taps") out.push_back(key + "=" + number);
   }
-  if (!out.empty()) return out;
-  throw Error(ExitCode::config,
-              path + ": states no response; expected a file of echofuse-acquire calibrate");
+  if (out.empty())
+    throw Error(ExitCode::config,
+                path + ": states no response; expected a file of echofuse-acquire calibrate");
+  if (const toml::table* axes = file["axes"].as_table())
+    for (const auto& [key, value] : *axes) {
+      char number[40];
+      std::snprintf(number, sizeof number, "=%.17g", value.value_or(0.0));
+      out.push_back(std::string(key.str()) + number);
+    }
+  return out;
 } catch (const toml::parse_error& e) {
   throw Error(ExitCode::config, path + ": not TOML: " + std::string(e.description()));
 }

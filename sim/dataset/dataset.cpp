@@ -186,8 +186,6 @@ Generator::Generator(Plan plan)
     : plan_(std::move(plan)),
       laboratories_(laboratories_of(plan_)),
       scenes_(scenes_of(plan_)),
-      x_(map_grid(plan_.conditions).x()),
-      y_(map_grid(plan_.conditions).y()),
       mean_peak_(mean_peak_power(radar_response(plan_.conditions), plan_.conditions)),
       antennas_(simulated_antennas(conditions(0), seed_of(plan_, Stream::antennas))) {
   keeps_array_ = !antennas_.empty();
@@ -219,7 +217,7 @@ record::FusedRecord Generator::make(std::int64_t index) const {
   r.radar.resize(power.size());
   std::transform(power.begin(), power.end(), r.radar.begin(),
                  [](double p) { return static_cast<float>(p); });
-  r.depth_mm = depth_map_mm(world, x_, y_, c, depth_rng);
+  r.depth_mm = depth_map_mm(world, map_grid(plan_.conditions), c, depth_rng);
   return r;
 }
 

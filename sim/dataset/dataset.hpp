@@ -73,7 +73,6 @@ class Generator {
   Plan plan_;
   std::vector<Conditions> laboratories_;
   std::vector<SceneSpec> scenes_;
-  Axis x_, y_;
   double mean_peak_ = 0;
   record::Antennas antennas_;  // includes their errors; one antenna, if their samples are not kept
   bool keeps_array_ = false;

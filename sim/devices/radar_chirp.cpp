@@ -5,23 +5,19 @@
 #include <bit>
 #include <cmath>
 
+#include "drivers/radar/profile.hpp"
 #include "sim/wire/encode.hpp"
 
 namespace echofuse::sim {
-namespace {
-
-constexpr double band_start_ghz = 60, band_end_ghz = 64;
-
-}  // namespace
-
 double Chirp::active_us() const { return chirps_per_frame * (idle_us + ramp_end_us); }
 
 bool Chirp::possible() const {
   return samples > 0 && sample_rate_ksps > 0 && slope_mhz_us > 0 && antennas > 0 &&
-         adc_start_us + 1e3 * samples / sample_rate_ksps <= ramp_end_us &&
-         start_ghz >= band_start_ghz &&
-         start_ghz + 1e-3 * slope_mhz_us * ramp_end_us <= band_end_ghz && chirps_per_frame > 0 &&
-         active_us() < 1e3 * frame_period_ms;
+         chirps_per_frame > 0 &&
+         radar::refusals_of({start_ghz, idle_us, adc_start_us, ramp_end_us, slope_mhz_us,
+                             static_cast<double>(samples), sample_rate_ksps,
+                             static_cast<double>(chirps_per_frame), frame_period_ms})
+             .empty();
 }
 
 RadarAxis Chirp::axis() const {

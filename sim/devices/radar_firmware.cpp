@@ -7,6 +7,8 @@
 #include <sstream>
 #include <utility>
 
+#include "drivers/radar/sdk.hpp"
+
 namespace echofuse::sim {
 namespace {
 
@@ -16,39 +18,38 @@ constexpr char banner_line[] = "******************************************\n";
 constexpr char prompt_text[] = "mmwDemo:/>";
 
 struct Command {
-  std::size_t words;  // number of words with the command's own; 0: any
   bool needed;        // needed before a start
   bool when_started;  // may come while the sensor runs
   bool by_direction;  // its third word makes two settings of it: 0 range, 1 Doppler
 };
 const std::map<std::string, Command> configuring = {
-    {"flushCfg", {1, false, true, false}},
-    {"dfeDataOutputMode", {2, false, true, false}},
-    {"channelCfg", {4, false, true, false}},
-    {"adcCfg", {3, false, true, false}},
-    {"adcbufCfg", {6, true, false, false}},
-    {"lowPower", {3, false, true, false}},
-    {"profileCfg", {15, false, true, false}},
-    {"chirpCfg", {9, false, true, false}},
-    {"frameCfg", {8, false, true, false}},
-    {"advFrameCfg", {6, false, true, false}},
-    {"subFrameCfg", {11, false, true, false}},
-    {"guiMonitor", {8, true, true, false}},
-    {"cfarCfg", {10, true, true, true}},
-    {"multiObjBeamForming", {4, true, true, false}},
-    {"calibDcRangeSig", {6, true, true, false}},
-    {"clutterRemoval", {3, true, true, false}},
-    {"compRangeBiasAndRxChanPhase", {26, true, true, false}},
-    {"measureRangeBiasAndRxChanPhase", {4, true, true, false}},
-    {"aoaFovCfg", {6, true, true, false}},
-    {"cfarFovCfg", {5, true, true, true}},
-    {"extendedMaxVelocity", {3, true, true, false}},
-    {"CQRxSatMonitor", {6, false, false, false}},
-    {"CQSigImgMonitor", {4, false, false, false}},
-    {"analogMonitor", {3, true, false, false}},
-    {"lvdsStreamCfg", {5, true, false, false}},
-    {"bpmCfg", {5, true, false, false}},
-    {"calibData", {4, true, true, false}},
+    {"flushCfg", {false, true, false}},
+    {"dfeDataOutputMode", {false, true, false}},
+    {"channelCfg", {false, true, false}},
+    {"adcCfg", {false, true, false}},
+    {"adcbufCfg", {true, false, false}},
+    {"lowPower", {false, true, false}},
+    {"profileCfg", {false, true, false}},
+    {"chirpCfg", {false, true, false}},
+    {"frameCfg", {false, true, false}},
+    {"advFrameCfg", {false, true, false}},
+    {"subFrameCfg", {false, true, false}},
+    {"guiMonitor", {true, true, false}},
+    {"cfarCfg", {true, true, true}},
+    {"multiObjBeamForming", {true, true, false}},
+    {"calibDcRangeSig", {true, true, false}},
+    {"clutterRemoval", {true, true, false}},
+    {"compRangeBiasAndRxChanPhase", {true, true, false}},
+    {"measureRangeBiasAndRxChanPhase", {true, true, false}},
+    {"aoaFovCfg", {true, true, false}},
+    {"cfarFovCfg", {true, true, true}},
+    {"extendedMaxVelocity", {true, true, false}},
+    {"CQRxSatMonitor", {false, false, false}},
+    {"CQSigImgMonitor", {false, false, false}},
+    {"analogMonitor", {true, false, false}},
+    {"lvdsStreamCfg", {true, false, false}},
+    {"bpmCfg", {true, false, false}},
+    {"calibData", {true, true, false}},
 };
 const char* const latched_commands[] = {"channelCfg", "adcCfg", "lowPower"};
 
@@ -70,10 +71,12 @@ void add_transmitters(unsigned mask, std::vector<unsigned>& transmitters) {
       transmitters.push_back(t);
 }
 
+// It splits at spaces and line ends only: a tab is a part of a word.
 std::vector<std::string> split(const std::string& line) {
   std::vector<std::string> words;
-  std::istringstream in(line);
-  for (std::string word; words.size() < most_words && in >> word;) words.push_back(word);
+  std::istringstream in(line.substr(0, line.find_last_not_of('\n') + 1));
+  for (std::string word; words.size() < most_words && std::getline(in, word, ' ');)
+    if (!word.empty()) words.push_back(word);
   return words;
 }
 
@@ -154,7 +157,7 @@ std::optional<int> RadarFirmware::execute(const Arguments& words) {
     say("Ignored: This command is not allowed after sensor has started\n");
     return 0;
   }
-  if (words.size() != command.words) {
+  if (words.size() != 1 + radar::numbers_of(name).value_or(0)) {
     say("Error: Invalid usage of the CLI command\n");
     return -1;
   }

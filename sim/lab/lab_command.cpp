@@ -23,12 +23,13 @@ void put_environment(const Lab& lab) {
 
 }  // namespace
 
-ExitCode serve_command(Lab& lab, const std::vector<std::string>& command) {
+ExitCode serve_command(Lab& lab, const std::vector<std::string>& command, bool quiet) {
+  const bool talks = !quiet && ::isatty(STDERR_FILENO) != 0;
   put_environment(lab);
   const auto started = start_program(command);
   if (!started) throw Error(ExitCode::failed, started.failure().text());
   const pid_t child = *started;
-  if (::isatty(STDERR_FILENO) != 0)
+  if (talks)
     std::fprintf(stderr,
                  "the laboratory is open: lab.toml names its devices, and `%s` runs in it; leaving "
                  "that (exit) closes it\n",
@@ -39,7 +40,7 @@ ExitCode serve_command(Lab& lab, const std::vector<std::string>& command) {
     if (interrupted() && !std::exchange(told, true)) ::kill(child, SIGTERM);
     return ::waitpid(child, &status, WNOHANG) != 0;
   });
-  if (::isatty(STDERR_FILENO) != 0)
+  if (talks)
     std::fputs("the laboratory is closed; nothing of its lab.toml answers any more\n", stderr);
   return static_cast<ExitCode>(WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status));
 }

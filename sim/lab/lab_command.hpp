@@ -12,6 +12,6 @@ namespace echofuse::sim {
 // programs beside this one are on its path. SIGTERM and the first SIGINT go on to it. It returns
 // the command's exit code, or 128 + N if signal N ended it. Throws Error(failed) if the command
 // cannot be started.
-ExitCode serve_command(Lab& lab, const std::vector<std::string>& command);
+ExitCode serve_command(Lab& lab, const std::vector<std::string>& command, bool quiet = false);
 
 }  // namespace echofuse::sim

@@ -23,7 +23,8 @@ void bind_scene(Settings& s, Conditions& c) {
   s.add("letter_yaw_deg", c.letter_yaw_deg, 0, 80, "letters turn up to this much");
   s.add("object", c.object, "OBJ or PLY file of the mesh that stands in object scenes");
   s.add("object_scale", c.object_scale, 1e-6, 1e6, "metres to one unit of the mesh");
-  s.add("object_up", c.object_up, "which of the mesh's axes points up", {"y", "z"});
+  s.add("object_up", c.object_up, "the mesh's axis that points up; -y: in a camera's frame",
+        {"y", "z", "-y"});
   s.add("background", c.background, "what stands behind", room_names());
   s.add("multipath_order", c.multipath_order, 0, 2, "reflections by the room's walls on a way");
 }
@@ -136,6 +137,8 @@ void bind_depth(Settings& s, Conditions& c) {
         "pixels of the depth maps, both ways");
   s.add("map_half_tangent", c.map_half_tangent, 0, record::most_map_half_tangent,
         "x/z and y/z at the depth maps' edges; 0: half_tangent");
+  s.add("map_z_max_m", c.map_z_max_m, record::least_map_far_m, record::most_map_far_m,
+        "depths of the maps: from 0 to this; what is farther is no return");
   s.add("depth_noise_m", c.depth_noise_m, 0, 1, "sigma at 1 m, grows with the distance's square");
   s.add("depth_dropout", c.depth_dropout, 0, 1, "share of the pixels at edges without return");
   s.add("depth_offset_m", c.depth_offset_m, -1, 1, "by which it reads too far");
@@ -214,7 +217,7 @@ Axis spd_axis(const Conditions& c) {
 
 record::MapGrid map_grid(const Conditions& c) {
   return {static_cast<std::uint32_t>(c.map_size),
-          c.map_half_tangent > 0 ? c.map_half_tangent : c.half_tangent};
+          c.map_half_tangent > 0 ? c.map_half_tangent : c.half_tangent, c.map_z_max_m};
 }
 
 Axis radar_axis(const Conditions& c) {

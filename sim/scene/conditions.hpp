@@ -33,7 +33,7 @@ struct Conditions {
   std::int64_t multipath_order = 0;
   std::string object;           // file of a triangle mesh (sim/scene/mesh.hpp) for object scenes
   double object_scale = 1;      // metres to one of its units
-  std::string object_up = "y";  // y, z
+  std::string object_up = "y";  // y, z, -y
 
   // These values describe people (sim/scene/person.hpp). Factors refer to the base body.
   double height_min_m = 1.55, height_max_m = 1.90;
@@ -142,6 +142,7 @@ struct Conditions {
   // These values describe the depth camera.
   std::int64_t map_size = 64;   // pixels of a data set's depth maps, both ways
   double map_half_tangent = 0;  // at their edges; 0: half_tangent
+  double map_z_max_m = 6;       // what is farther is no return of the maps
   double depth_noise_m = 0;     // sigma at 1 m; grows as z^2
   double depth_dropout = 0;     // share of the pixels at edges without return
   double depth_offset_m = 0;    // it reads too far by this

@@ -62,7 +62,12 @@ constexpr double object_albedo = 0.5;
 
 void add_object(Scene& scene, const Conditions& c, const Stand& stand) {
   const Mesh& mesh = mesh_of(c.object);
-  const auto upright = [&](Vec3 p) { return c.object_up == "z" ? Vec3{p.x, p.z, -p.y} : p; };
+  // Files are right-handed; the world, with y up and z away, is left-handed.
+  const auto upright = [&](Vec3 p) {
+    return c.object_up == "z"    ? Vec3{p.x, p.z, p.y}
+           : c.object_up == "-y" ? Vec3{p.x, -p.y, p.z}
+                                 : Vec3{p.x, p.y, -p.z};
+  };
   Vec3 low{INFINITY, INFINITY, INFINITY}, high = -1 * low;
   for (const auto& corners : mesh.triangles)
     for (const auto corner : corners) {
@@ -74,7 +79,7 @@ void add_object(Scene& scene, const Conditions& c, const Stand& stand) {
   const double cosine = std::cos(stand.yaw_rad), sine = std::sin(stand.yaw_rad);
   const auto world = [&](std::uint32_t corner) {
     const Vec3 p = c.object_scale * (upright(mesh.points[corner]) - foot);
-    // It turns as a person does: it faces its own -z, and turns to +x.
+    // It turns as a person does: it faces the sensors, and turns to +x.
     return Vec3{stand.x_m + cosine * p.x - sine * p.z, p.y - c.camera_height_m,
                 stand.z_m + sine * p.x + cosine * p.z};
   };

@@ -49,15 +49,16 @@ void disturb_depth(std::vector<std::uint16_t>& mm, std::uint32_t width, const Co
   }
 }
 
-std::vector<std::uint16_t> depth_map_mm(const Scene& scene, const Axis& x, const Axis& y,
+std::vector<std::uint16_t> depth_map_mm(const Scene& scene, record::MapGrid grid,
                                         const Conditions& c, Rng& rng) {
-  if (!disturbs(c)) return render_depth_mm(scene, x, y);
+  if (!disturbs(c)) return render_depth_mm(scene, grid.x(), grid.y());
   constexpr std::uint32_t width = 320, height = 240;
   const Axis columns = record::depth_x_axis(width, c.half_tangent * 16 / 11);
   const Axis rows = record::depth_y_axis(height, c.half_tangent * 12 / 11);
   auto frame = render_depth_mm(scene, columns, rows);
   disturb_depth(frame, width, c, rng);
-  const auto map = record::to_target(frame, columns, rows, x, y);
+  grid.far_m = record::most_map_far_m;
+  const auto map = record::to_target(frame, columns, rows, grid);
   std::vector<std::uint16_t> mm(map.size());
   std::transform(map.begin(), map.end(), mm.begin(),
                  [](float z_m) { return static_cast<std::uint16_t>(std::lround(1000 * z_m)); });

@@ -14,6 +14,7 @@
 
 #include "drivers/program/console.hpp"
 #include "drivers/program/printable.hpp"
+#include "drivers/program/program.hpp"
 #include "drivers/program/settings.hpp"
 #include "drivers/program/staged_file.hpp"
 
@@ -91,7 +92,7 @@ std::vector<SceneRow> each_of(const std::string& title, const std::vector<std::s
       found[i] = work(scenes[i]);
   };
   std::vector<std::future<void>> workers;
-  for (unsigned t = 0; t < std::max(1u, std::thread::hardware_concurrency()); ++t)
+  for (unsigned t = 0; t < usable_cores(); ++t)
     workers.push_back(std::async(std::launch::async, run));
   Progress progress(title, found.size(), quiet);
   for (auto& worker : workers)

@@ -17,8 +17,9 @@ namespace echofuse::sim {
 namespace {
 
 // The run file states these values itself.
-constexpr std::array stated{"bin_width_ps", "first_bin_ps",       "radar_step_m",    "half_tangent",
-                            "baseline_m",   "radar_resolution_m", "map_half_tangent"};
+constexpr std::array stated{"bin_width_ps",     "first_bin_ps", "radar_step_m",
+                            "half_tangent",     "baseline_m",   "radar_resolution_m",
+                            "map_half_tangent", "map_z_max_m"};
 
 std::string number_text(double value) {
   char out[40];

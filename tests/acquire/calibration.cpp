@@ -14,10 +14,12 @@ TEST_CASE("a calibration file reads back as it was written") {
   Calibration c;
   c.entries = {{Sensor::radar, "2026-11-21T10:00:00Z", "some method", 1.5, -0.0375, 2e-4}};
   c.firmware = FirmwareBias{0.0123456, {1, 0, -0.5, 0.25}, 7};
+  c.axes = {100, 13343, 0.234375, 336, 64};
   c.response.irf_fwhm_ps = {203.5, 1.5}, c.response.radar = {0.05, {1, 0.75, 0.25}};
   write_calibration(path, c);
   const Calibration back = read_calibration(path);
   CHECK(back.response == c.response);
+  CHECK(back.axes == c.axes);
   REQUIRE(back.entries.size() == 1);
   const auto& e = back.entries[0];
   CHECK(e.sensor == Sensor::radar);

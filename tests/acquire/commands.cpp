@@ -54,11 +54,15 @@ TEST_CASE("no run without a required device") {
 }
 
 TEST_CASE("help, version and usage errors") {
-  for (const char* command : {"", "run", "devices", "doctor", "config", "config check",
-                              "config show", "info", "export", "replay", "annotate", "list"}) {
+  for (const char* command :
+       {"", "run", "devices", "doctor", "config", "config check", "config show", "info", "export",
+        "replay", "annotate", "list", "calibrate", "import"}) {
     const Outcome o = acquire(std::string(command) + " --help");
+    CAPTURE(command, o.text);
     CHECK(o.code == 0);
     CHECK(has(o.text, "exit codes"));
+    const std::string name = command;
+    CHECK(has(o.text, "-q,--quiet") == (!name.empty() && name != "config"));
   }
   CHECK(has(acquire("--version").text, "echofuse-acquire "));
   refuses("", 2, "command is required");
@@ -67,7 +71,13 @@ TEST_CASE("help, version and usage errors") {
   refuses("run --out a --resume b", 2, "--resume");
   refuses("run --out a --count 0", 2, "--count");
   refuses("run --out a --count 3 --duration 2h", 2, "does not go with --duration");
-  refuses("run --out a --duration 10", 2, "--duration");
+  for (const char* no_time : {"10", "2h30", "30m2h", "2h2h", "h", "''", "2h-30m", "2x", "nans"})
+    refuses(std::string("run --out a --duration ") + no_time, 2, "a number with its unit");
+  for (const char* time :
+       {"2h30m", "'1h 30m 10s'", "90min", "1.5h"})  // read; then there is no file
+    refuses(std::string("doctor --config no.toml --duration ") + time, 3, "no.toml");
+  refuses("run --out a --duration -1h", 2, "positive");
+  refuses("run --out a --duration 87660h1s", 2, "at most 87660h");
   refuses("info --no-such-option x", 2, "--no-such-option");
 }
 
@@ -337,6 +347,17 @@ TEST_CASE("a run goes by its file and by the name that --out gave it") {
   refuses("run --config " + folder / "lab.toml" + " --resume " + folder / "m1", 3,
           "a run is resumed with its own configuration only");
   refuses("annotate " + folder / "m2" + " door", 1, "m2.sqlite: ");
+}
+
+TEST_CASE("a name that is not UTF-8 is written out in JSON, and not made") {
+  const Folder folder;
+  const std::string name = folder / "m\xff.sqlite";
+  write_run(name, 1);
+  write_file(folder / "lab.toml", tdc_nowhere);
+  const std::string shown = folder / "m\\xff.sqlite";
+  CHECK(json_of("info --json " + name)["file"] == shown);
+  CHECK(json_of("list --json " + folder / "")[0]["path"] == shown);
+  refuses("run --config " + folder / "lab.toml --out n\xff", 2, "--out n\\xff: expected UTF-8");
 }
 
 TEST_CASE("replay counts a recording's frames") {

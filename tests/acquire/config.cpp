@@ -26,6 +26,9 @@ TEST_CASE("the shipped configuration loads, with the radar cfg beside it") {
   CHECK(has(config.radar.cfg_text, "sensorStart"));
   CHECK(has(config.text, "# The daemon's configuration"));
   CHECK(has(config.resolved, "window_s = 0.5"));
+  REQUIRE(config.unfinished.size() == 2);  // the template's serial numbers
+  CHECK(has(config.unfinished[0], "config/lab.toml:39:1: radar.cli: still has the template's XXX"));
+  CHECK(has(config.unfinished[1], "config/lab.toml:40:1: radar.data: still has"));
 }
 
 TEST_CASE("what was resolved loads again") {
@@ -92,6 +95,10 @@ TEST_CASE("what one key alone cannot show") {
   SECTION("a cfg that is not there, or cannot work") {
     write_file(path, "[radar]\ncli = \"serial:/a\"\ndata = \"serial:/b\"\ncfg = \"r.cfg\"\n");
     CHECK(has(refusal(path).second, folder / "r.cfg: cannot read"));
+    std::string far =
+        shell("cat " + echofuse::test::source_dir + "/config/radar/xwr68xx_44mm.cfg").text;
+    write_file(folder / "r.cfg", far.replace(far.find("profileCfg 0 6"), 14, "profileCfg 0 7"));
+    CHECK(has(refusal(path).second, "GHz; the chip has 60 to 64 GHz"));
     write_file(folder / "r.cfg", "sensorStop\nprofileCfg 0 60\n");
     CHECK(
         has(refusal(path).second, path + ":4:1: radar.cfg: " + folder / "r.cfg: has no frameCfg"));
@@ -118,6 +125,16 @@ TEST_CASE("what one key alone cannot show") {
         refusal(path, {"radar.policy=required"}).second,
         "--set radar.policy=required: a required sensor needs its address, radar.cli is empty"));
     CHECK(has(refusal(path, {"tdc.policy=must"}).second, "\"optional\" \"required\""));
+  }
+  SECTION("a fault is not told again by what it leads to") {
+    for (const char* text :
+         {"[tdc]\naddress = bridge:tcp://h:1\n", "[tdc]\naddress = 5\n", "[tdc\naddress = \"x\"\n",
+          "[tdc]\naddress = \"bridge:tcp://h:1\"\nstart_channel = 07\nclick_channel = 1\n",
+          "[radar]\ncli = \"serial:/a\"\ndata = serial:/b\ncfg = \"r.cfg\"\n"}) {
+      write_file(path, text);
+      CAPTURE(text, refusal(path).second);
+      CHECK_FALSE(has(refusal(path).second, "\n"));
+    }
   }
   SECTION("a bad --set") {
     write_file(path, "[depth]\naddress = \"openni:\"\n");

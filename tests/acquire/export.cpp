@@ -31,7 +31,7 @@ TEST_CASE("what is exported to HDF5 is the run") {
     run.close("complete");
   }
   const RunReader run(path);
-  CHECK(export_h5(run, folder / "a.h5") == 1);
+  CHECK(export_h5({folder / "a.sqlite"}, folder / "a.h5") == 1);
 
   const H5Reader in(folder / "a.h5");
   const std::string data = "/entry/data/";
@@ -156,7 +156,7 @@ void check_column(sqlite3* db, const H5Reader& in, const std::string& table,
 TEST_CASE("every table of a run is in its export, with units") {
   const Folder folder;
   write_full_run(folder / "a.sqlite");
-  CHECK(export_h5(RunReader(folder / "a.sqlite"), folder / "a.h5") == 0);
+  CHECK(export_h5({folder / "a.sqlite"}, folder / "a.h5") == 0);
   const H5Reader in(folder / "a.h5");
   sqlite3* db = nullptr;
   REQUIRE(sqlite3_open((folder / "a.sqlite").c_str(), &db) == SQLITE_OK);
@@ -187,20 +187,22 @@ TEST_CASE("an export never overwrites, and leaves nothing behind if it fails") {
   write_run(folder / "a.sqlite", 2);
   const RunReader run(folder / "a.sqlite");
   write_file(folder / "a.h5", "precious");
-  CHECK(has(error_of([&] { export_h5(run, folder / "a.h5"); }).second, "exists already"));
+  CHECK(has(error_of([&] { export_h5({folder / "a.sqlite"}, folder / "a.h5"); }).second,
+            "exists already"));
   CHECK(fs::file_size(folder / "a.h5") == 8);
   const auto stop = [&](std::int64_t, std::int64_t) {
     CHECK_FALSE(fs::exists(folder / "b.h5"));  // as a killed process leaves it
     throw Error(ExitCode::failed, "stop");
   };
-  CHECK(error_of([&] { export_h5(run, folder / "b.h5", stop); }).second == "stop");
+  CHECK(error_of([&] { export_h5({folder / "a.sqlite"}, folder / "b.h5", stop); }).second ==
+        "stop");
   CHECK_FALSE(fs::exists(folder / "b.h5"));
 }
 
 TEST_CASE("a run without records or axes can be exported") {
   const Folder folder;
   RunWriter(folder / "a.sqlite", {}).close("complete");
-  CHECK(export_h5(RunReader(folder / "a.sqlite"), folder / "a.h5") == 0);
+  CHECK(export_h5({folder / "a.sqlite"}, folder / "a.h5") == 0);
   CHECK(H5Reader(folder / "a.h5").shape("/entry/data/index") == H5Shape{0});
 }
 

@@ -155,15 +155,117 @@ TEST_CASE("import: T2 and T3 of the same light give the same records") {
   }
 }
 
+TEST_CASE("import: the header of a .ptu is compared with its records") {
+  const Folder folder;
+  const acquire::Config config = config_of(folder);
+  // T2: 1 s of a laser at 1 kHz with a click 5 ns after each pulse, then the dark.
+  const auto words = [](std::uint64_t dark_ps, std::uint32_t start, std::uint32_t click) {
+    std::vector<std::uint32_t> out;
+    std::uint64_t wraps = 0;
+    const auto reach = [&](std::uint64_t ps) {
+      for (; ps >> 25 > wraps; ++wraps) out.push_back(special | t2(63, 1));
+    };
+    for (std::uint64_t ps = 0; ps < 1'000'000'000'000; ps += 1'000'000'000)
+      for (const auto& [word, time] : {std::pair{start, ps}, {click, ps + 5000}}) {
+        reach(time);
+        out.push_back(word | static_cast<std::uint32_t>(time & 0x1ffffff));
+      }
+    reach(dark_ps);
+    return out;
+  };
+  const auto light = words(0, special, 0);
+  const auto header = [](std::uint32_t type, double global_s, double dtime_s) {
+    Tagged file("PQTTTR");
+    file.whole("TTResultFormat_TTTRRecType", type).real("MeasDesc_GlobalResolution", global_s);
+    return file.real("MeasDesc_Resolution", dtime_s);
+  };
+  constexpr std::uint32_t is_t2 = 0x01010204, is_t3 = 0x01010304;
+  int n = 0;
+  const auto import = [&](const Tagged& file, const std::string& more = "") {
+    const std::string name = folder / ("t" + std::to_string(++n));
+    file.write(name + ".ptu");
+    std::vector<std::string> files{name + ".ptu"};
+    if (!more.empty()) files.push_back(more);
+    const auto [code, text] = error_of([&] {
+      const std::string said = acquire::import_recordings(
+          config, {.files = files,
+                   .cfg = test::source_dir + "/config/radar/xwr68xx_44mm.cfg",
+                   .out = name + ".sqlite"});
+      throw Error(ExitCode::ok, said);
+    });
+    CAPTURE(text);
+    CHECK(testing::fs::exists(name + ".sqlite") ==
+          (code == ExitCode::ok || code == ExitCode::partial));
+    return std::pair{code, text};
+  };
+  const auto says = [&](const Tagged& file, ExitCode code, const std::string& expected) {
+    const auto said = import(file);
+    CAPTURE(said.second, expected);
+    CHECK((said.first == code && has(said.second, expected)));
+  };
+  const auto said = import(header(is_t2, 1e-12, 0).end().data(light));
+  CHECK((said.first == ExitCode::ok && has(said.second, "2 records, spd in 2\n")));
+
+  says(header(is_t2, 1e-12, 0).whole("Measurement_Mode", 3).end().data(light), ExitCode::failed,
+       "Measurement_Mode is T3, TTResultFormat_TTTRRecType says records of T2");
+  says(header(is_t3, 1e-4, 1e-12).whole("Measurement_Mode", 2).end().data(light), ExitCode::failed,
+       "Measurement_Mode is T2");
+  // the dark end is as long as its overflows say
+  const auto dark = words(3'000'000'000'000, special, 0);
+  const auto ended =
+      import(header(is_t2, 1e-12, 0).whole("TTResult_StopAfter", 3000).end().data(dark));
+  CHECK((has(ended.second, "6 records, spd in 2\n") && !has(ended.second, "by its header")));
+  says(header(is_t2, 1e-12, 0).whole("TTResult_StopAfter", 5000).end().data(dark), ExitCode::ok,
+       "spd: 5 s by its header, 3 s by its records\n");
+  // an overflow of 1126 s
+  auto jumps = light;
+  jumps.insert(jumps.begin() + std::ssize(jumps) * 3 / 4, special | t2(63, 0x1ffffff));
+  says(header(is_t2, 1e-12, 0).whole("MeasDesc_AcquisitionTime", 1000).end().data(jumps),
+       ExitCode::ok, "2 records, spd in 1\n");
+  says(header(is_t2, 1e-12, 0).whole("MeasDesc_AcquisitionTime", 1000).end().data(jumps),
+       ExitCode::ok, "spd: 1 s by its header, 1126.9 s by its records: what lies behind");
+  jumps.assign({special, 5000, special | t2(63, 0x1ffffff), special, 5000});
+  says(header(is_t2, 1e-12, 0).end().data(jumps), ExitCode::failed,
+       "its times reach 1126 s, more slots than it has bytes");
+
+  says(header(is_t2, 1e-12, 0).end().data(words(0, t2(0, 0), t2(1, 0))), ExitCode::failed,
+       "no event on --start 0; there are inputs 1, 2: --start 1 --click 2?");
+  says(header(is_t2, 1e-12, 0).end().data(words(0, special, t2(2, 0))), ExitCode::failed,
+       "no event on --click 1; there are inputs 0, 3: --start 0 --click 3?");
+  says(header(is_t2, 1e-12, 0).end(), ExitCode::failed,
+       "no event on --start 0; events by input: none");
+  says(header(is_t2, 1e-12, 0).end().data(light).data(std::vector<std::uint8_t>{1, 2, 3}),
+       ExitCode::ok, "its last record is cut");
+  for (const char* why : {"its tags are in steps of 250 ps: bins of 100 ps become a comb; --set "
+                          "tdc.bin_width_ps=250 fits",
+                          "no click lies within tdc.first_bin_ps and tdc.bins"})
+    says(header(is_t2, 250e-12, 0).end().data(light), ExitCode::ok, why);
+  std::vector<std::uint32_t> pulses;
+  for (std::uint32_t k = 0; k < 1000; ++k) pulses.push_back(t3(0, 200, k));
+  for (const double rate_hz : {1e3, 1e6})
+    CHECK(has(import(
+                  header(is_t3, 1e-3, 25e-12).real("TTResult_SyncRate", rate_hz).end().data(pulses))
+                  .second,
+              "by TTResult_SyncRate") == (rate_hz == 1e6));
+
+  // one of two recordings has nothing: the run is there, and the exit says so
+  write_file(folder / "a.dat", "nothing");
+  const auto both = import(header(is_t2, 1e-12, 0).end().data(light), folder / "a.dat");
+  CAPTURE(both.second);
+  CHECK((both.first == ExitCode::partial && has(both.second, "spd in 2") &&
+         has(both.second, "a.dat: nothing to import")));
+}
+
 TEST_CASE("import: histograms keep their axis and their times") {
   const Folder folder;
   constexpr double day_2024_02_07 = 45329;  // since 1899-12-30
-  const auto header = [&](std::int64_t place) {
+  const auto header = [&](std::int64_t place, int curves = 2, std::int64_t bins = 10) {
     Tagged file("PQHISTO");
-    file.whole("HistoResult_NumberOfCurves", 2).whole("MeasDesc_AcquisitionTime", 2000);
-    for (const int i : {0, 1}) {
-      file.whole("HistResDscr_DataOffset", place + 40 * i, i);
-      file.whole("HistResDscr_HistogramBins", 10, i).real("HistResDscr_MDescResolution", 4e-12, i);
+    file.whole("HistoResult_NumberOfCurves", curves).whole("MeasDesc_AcquisitionTime", 2000);
+    for (int i = 0; i < curves; ++i) {
+      file.whole("HistResDscr_DataOffset", place + (curves == 2 ? 40 * i : 0), i);
+      file.whole("HistResDscr_HistogramBins", bins, i)
+          .real("HistResDscr_MDescResolution", 4e-12, i);
       file.tag("HistResDscr_TimeofRecording", 0x21000008,
                std::bit_cast<std::int64_t>(day_2024_02_07 + i / 24.0), i);
       file.whole("HistResDscr_SyncRate", 1000, i);
@@ -183,14 +285,23 @@ TEST_CASE("import: histograms keep their axis and their times") {
   CHECK(run.read(1).spd_counts.in_range == 30);
   CHECK(run.read(1).slot_utc - run.read(0).slot_utc == std::chrono::hours(1));
   CHECK(run.read(1).slot_end - run.read(1).slot_start == from_seconds(2));
+  for (const Sensor s : {Sensor::radar, Sensor::depth})
+    CHECK(run.read(1).sync[s].verdict == "not configured");
   // 40 clicks of 2000 pulses are 2 %
   CHECK(run.read(0).signal.clicks_a_pulse == Approx(0.02));
-  header(1 << 20).data(counts).write(folder / "b.phu");
-  CHECK(has(error_of([&] {
-              acquire::import_recordings(config,
-                                         {.files = {folder / "b.phu"}, .out = folder / "b.sqlite"});
-            }).second,
-            "curve 0 lies outside the file"));
+  // 65 curves over the same 2^20 bins
+  const auto place = static_cast<std::int64_t>(header(0, 65).size());
+  const std::vector<std::uint32_t> shared(1 << 20);
+  for (const auto& [file, why] :
+       {std::pair{header(1 << 23), "curve 0 lies outside the file"},
+        {header(place, 65, 1 << 20), "its curves together are too long"}}) {
+    Tagged(file).data(shared).write(folder / "b.phu");
+    CHECK(has(error_of([&] {
+                acquire::import_recordings(
+                    config, {.files = {folder / "b.phu"}, .out = folder / "b.sqlite"});
+              }).second,
+              why));
+  }
   CHECK_FALSE(testing::fs::exists(folder / "b.sqlite"));
 }
 

@@ -7,8 +7,10 @@
 #include <future>
 
 #include "../full_disk.hpp"
+#include "acquire/record/catalogue.hpp"
 #include "acquire/record/png.hpp"
 #include "acquire/record/run_parts.hpp"
+#include "acquire/run/resume.hpp"
 #include "acquire/run/run_log.hpp"
 #include "drivers/port/virtual_loop.hpp"
 #include "testing.hpp"
@@ -25,6 +27,8 @@ std::unique_ptr<record::RunWriter> open_run(const std::string& path,
   for (const auto& axis : small_axes()) run->put_axis(axis);
   return run;
 }
+
+port::SystemLoop loop;  // its clock and its workers
 
 // Another program, in a write transaction.
 class Holder {
@@ -52,7 +56,7 @@ class Holder {
 
 TEST_CASE("jobs are done in order, and all of them before the run is closed") {
   const Folder folder;
-  Journal journal(open_run(folder / "a.sqlite"), port::SystemLoop().make_worker(), system_clock);
+  Journal journal(open_run(folder / "a.sqlite"), loop);
   for (std::int64_t i = 0; i < 30; ++i) {
     CHECK(journal.put(small_record(i)));
     journal.put([i](record::RunWriter& run) {
@@ -69,8 +73,7 @@ TEST_CASE("jobs are done in order, and all of them before the run is closed") {
 
 TEST_CASE("a slow disk costs data, never a row, a disk that stands still ends the run") {
   const Folder folder;
-  Journal journal(open_run(folder / "a.sqlite"), port::SystemLoop().make_worker(), system_clock, {},
-                  2);
+  Journal journal(open_run(folder / "a.sqlite"), loop, {}, 2);
   std::promise<void> begun, disk;
   journal.put([&begun, wait = disk.get_future().share()](record::RunWriter&) {
     begun.set_value();
@@ -102,7 +105,7 @@ TEST_CASE("a slow disk costs data, never a row, a disk that stands still ends th
 TEST_CASE("who holds the file is named, and what waits is written when they let go") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
-  Journal journal(open_run(path), port::SystemLoop().make_worker(), system_clock, {}, 2);
+  Journal journal(open_run(path), loop, {}, 2);
   std::promise<void> written;
   journal.put([&](record::RunWriter&) { written.set_value(); });
   written.get_future().wait();
@@ -130,7 +133,7 @@ TEST_CASE("who holds the file is named, and what waits is written when they let 
 
 TEST_CASE("the first failed job ends the writing") {
   const Folder folder;
-  Journal journal(open_run(folder / "a.sqlite"), port::SystemLoop().make_worker(), system_clock);
+  Journal journal(open_run(folder / "a.sqlite"), loop);
   journal.put(small_record(0));
   std::promise<void> disk;
   journal.put([wait = disk.get_future().share()](record::RunWriter&) {
@@ -153,7 +156,7 @@ TEST_CASE("who holds a part by a write transaction keeps the run's end for two s
   const std::string path = folder / "a-001.sqlite";
   record::RunInfo info;
   info.meta = record::meta_of({1, 1});
-  Journal journal(open_run(path, info), port::SystemLoop().make_worker(), system_clock);
+  Journal journal(open_run(path, info), loop);
   std::promise<void> written;
   journal.put([&](record::RunWriter&) { written.set_value(); });
   written.get_future().wait();
@@ -168,13 +171,56 @@ TEST_CASE("who holds a part by a write transaction keeps the run's end for two s
   SECTION("a label that comes while the part is closed is the next one's") {
     while (journal.why_late() != "another program holds the run file") std::this_thread::yield();
     holder.ask("INSERT INTO event (level, utc, text) VALUES ('label', '2026', 'door')");
-    holder.let_go();
     journal.put(small_record(1));
+    while (journal.written() == 0) std::this_thread::yield();  // does not wait for the old part
+    holder.let_go();
+    while (!journal.label()) std::this_thread::yield();
+    journal.put(small_record(2));
     journal.finish("complete");
-    CHECK(record::RunReader(folder / "a-002.sqlite").read(1).label == "door");
+    const record::RunReader part(folder / "a-002.sqlite");
+    CHECK(part.read(1).valid == SensorSet::from_bits(7));
+    CHECK(part.read(1).label != "door");
+    CHECK(part.read(2).label == "door");
     CHECK_THROWS_WITH(record::put_label(path, "late", "me"),
                       Catch::Contains("nobody is recording"));
   }
+}
+
+TEST_CASE("what bears the next part's name is told of, and the part after next goes on") {
+  const Folder folder;
+  record::RunInfo info;
+  info.meta = record::meta_of({1, 2});
+  const auto path = [&](int number) { return record::part_path(folder / "a.sqlite", number); };
+  const std::string saying = GENERATE("exists already", "not a lock file of echofuse");
+  {
+    Journal journal(open_run(path(1), info), loop);
+    for (int part = 0; part < 4; ++part) {
+      if (part == 1) write_file(path(3) + (saying == "exists already" ? "" : "-lock"), "others'");
+      if (part == 1 && saying == "exists already") write_file(path(4), "");
+      for (int i = 0; i < 2; ++i) journal.put(small_record(2 * part + i));
+      if (part < 3) journal.begin_part();
+    }
+    journal.finish("complete");
+  }
+  const int last = saying == "exists already" ? 5 : 4;
+  const auto [files, missing] = record::files_of(folder / "a");
+  CHECK(files == std::vector{path(1), path(2), path(last)});
+  CHECK(missing.empty());
+  std::vector<std::int64_t> indices;
+  for (const auto& file : files)
+    for (const auto& r : record::RunReader(file).outlines(0)) indices.push_back(r.index);
+  CHECK(indices == std::vector<std::int64_t>{0, 1, 2, 3, 4, 5, 6, 7});
+  const auto events = record::RunReader(path(2)).events();
+  REQUIRE(events.size() == 1);
+  CHECK(events[0].level == "warning");
+  CHECK(has(events[0].text, "this part goes on, the next one cannot begin: " + path(3)));
+  CHECK(has(events[0].text, saying));
+  CHECK(record::RunReader(path(last)).info().first_index == 6);
+  for (const auto& run : record::runs_of({record::entry_of(record::RunReader(path(1))),
+                                          record::entry_of(record::RunReader(path(2))),
+                                          record::entry_of(record::RunReader(path(last)))}))
+    CHECK(run.missing.empty());
+  CHECK(reopen_run(path(last), system_clock).part_end == 8);
 }
 
 TEST_CASE("a disk that is full where a part begins leaves the parts before it, to be resumed") {
@@ -182,25 +228,31 @@ TEST_CASE("a disk that is full where a part begins leaves the parts before it, t
   const std::string path = folder / "a-001.sqlite";
   record::RunInfo info;
   info.meta = record::meta_of({1, 1});
-  Journal journal(open_run(path, info), port::SystemLoop().make_worker(), system_clock);
-  journal.put(small_record(0));
-  while (journal.written() == 0) std::this_thread::yield();
+  Journal journal(open_run(path, info), loop);
+  std::int64_t records = 0;
+  const auto put = [&] {
+    auto record = small_record(records++);
+    record.label.assign(5000, 'a');
+    journal.put(std::move(record));
+    while (journal.written() < records && !journal.failed()) std::this_thread::yield();
+  };
+  put();
   {
     const echofuse::test::FullDisk disk(50'000);
     journal.begin_part();
-    while (!journal.failed()) std::this_thread::yield();
+    while (!journal.failed()) put();  // into the part that is open
   }
   CHECK(error_of([&] { journal.finish("complete"); }).first == ExitCode::disk);
   CHECK(record::RunReader(path).info().status == "stopped:disk");
-  CHECK(record::RunReader(path).count() == 1);
+  CHECK(record::RunReader(path).count() == journal.written());
   for (const char* beside : {"", "-new", "-new-journal"})
     CHECK_FALSE(fs::exists(folder / "a-002.sqlite" + beside));
-  CHECK(record::next_part(path, system_clock)->next_index() == 1);
+  CHECK(record::next_part(path, 2, 7, system_clock)->next_index() == 7);
 }
 
 TEST_CASE("not every failure is the disk's") {
   const Folder folder;
-  Journal journal(open_run(folder / "a.sqlite"), port::SystemLoop().make_worker(), system_clock);
+  Journal journal(open_run(folder / "a.sqlite"), loop);
   journal.put([](record::RunWriter&) { throw Error(ExitCode::failed, "not a number"); });
   CHECK(error_of([&] { journal.finish("complete"); }) ==
         std::pair(ExitCode::failed, std::string("not a number")));
@@ -211,7 +263,7 @@ TEST_CASE("a label begins with the slot that is running when it is given") {
   const Folder folder;
   auto run = open_run(folder / "a.sqlite");
   record::put_label(folder / "a.sqlite", "door", "me");
-  Journal journal(std::move(run), port::SystemLoop().make_worker(), system_clock);
+  Journal journal(std::move(run), loop);
   const auto put = [&](std::int64_t index, UtcTime slot_end) {
     record::FusedRecord r = small_record(index);
     r.label = "before";
@@ -232,7 +284,7 @@ TEST_CASE("a label begins with the slot that is running when it is given") {
 TEST_CASE("without finish a run looks crashed, with all that was put") {
   const Folder folder;
   {
-    Journal journal(open_run(folder / "a.sqlite"), port::SystemLoop().make_worker(), system_clock);
+    Journal journal(open_run(folder / "a.sqlite"), loop);
     journal.put(small_record(0));
   }
   const record::RunReader run(folder / "a.sqlite");
@@ -250,7 +302,7 @@ TEST_CASE("a depth image that cannot be encoded costs its sensor, not the run") 
     if (axis.name == "depth_y") axis.count = 1;
     file->put_axis(axis);
   }
-  Journal journal(std::move(file), port::SystemLoop().make_worker(), system_clock);
+  Journal journal(std::move(file), loop);
   for (int i = 0; i < 2; ++i) {
     auto record = small_record(i);
     record.depth_mm.assign(width, 1000);
@@ -266,7 +318,7 @@ TEST_CASE("a depth image that cannot be encoded costs its sensor, not the run") 
 
 TEST_CASE("a source has 100 lines in 10 s, and the next one says how many there were more") {
   const Folder folder;
-  Journal journal(open_run(folder / "a.sqlite"), port::SystemLoop().make_worker(), system_clock);
+  Journal journal(open_run(folder / "a.sqlite"), loop);
   port::VirtualLoop loop;
   RunLog log(loop);
   log.attach(journal);

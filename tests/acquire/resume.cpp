@@ -151,7 +151,7 @@ TEST_CASE("each part of a resumed run has its own counters, an older run is one 
   }
   CHECK(texts() == first + "1 spd tags 7\n1 radar late 2\n2 spd tags 7\n2 radar late 2\n");
   CHECK(sql("SELECT part, first_idx FROM part") == "0|0\n1|3\n2|4\n");
-  CHECK(has(describe_run(path, false), "counted   part 2 radar: late 2\n"));
+  CHECK(has(describe_run({path}, false), "counted   part 2 radar: late 2\n"));
 }
 
 TEST_CASE("the counters of a part come all or not at all") {

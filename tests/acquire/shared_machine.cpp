@@ -2,7 +2,6 @@
 // A measuring PC that several people share: where configurations and runs are, who may read them,
 // what the catalogue says.
 #include <sys/stat.h>
-#include <unistd.h>
 
 #include <nlohmann/json.hpp>
 
@@ -158,7 +157,7 @@ TEST_CASE("the catalogue of a folder, with notes from during a run and after it"
 }
 
 TEST_CASE("a run in parts that is live elsewhere is listed once, with what is only named like it") {
-  const Folder folder, elsewhere;
+  const Folder folder, elsewhere, locks;
   const auto part = [&](std::int64_t number, const std::string& uuid) {
     record::RunInfo info;
     info.uuid = uuid;
@@ -171,11 +170,11 @@ TEST_CASE("a run in parts that is live elsewhere is listed once, with what is on
   };
   part(1, "one"), part(2, "other"), part(3, "one");
   write_file(folder / "a-004.sqlite", "no database");
-  const std::string name = "echofuse-test-" + std::to_string(::getpid()) + ".lock";
-  const echofuse::acquire::LockFile lock(echofuse::acquire::lock_folder(), name,
+  const echofuse::acquire::LockFile lock(locks / "", "echofuse-test.lock",
                                          {"me", folder / "a.sqlite"});
   REQUIRE_FALSE(lock.other());
-  const Outcome told = at_home(elsewhere, "", "list");
+  const std::string own_locks = "ECHOFUSE_LOCKS=" + locks / "";
+  const Outcome told = at_home(elsewhere, own_locks, "list");
   CAPTURE(told.text);
   CHECK(told.code == 0);
   CHECK(has(told.text, "\na      "));
@@ -185,8 +184,7 @@ TEST_CASE("a run in parts that is live elsewhere is listed once, with what is on
   CHECK(has(told.text, "a-004.sqlite: not an echofuse run file; me"));
   // A copy that bears the run's name is a run by itself.
   fs::copy_file(folder / "a-001.sqlite", folder / "a.sqlite");
-  const Json copied = Json::parse(at_home(folder, "", "list --json | cat").text);
+  const Json copied = Json::parse(at_home(folder, own_locks, "list --json | cat").text);
   CHECK(copied.size() == 4);
   for (const Json& run : copied) CHECK(run["records"] == 1);
-  fs::remove(echofuse::acquire::lock_folder() + "/" + name);
 }

@@ -148,10 +148,10 @@ TEST_CASE("array: info and HDF5 show it") {
   const double bytes = record::array_bytes(windows.axes().front());
   CHECK(bytes == kept_bins * (4 + 2 * 82));
   CHECK(record_bytes(windows.axes()) == bytes + 4 * sent_bins);
-  CHECK(has(describe_run(path, false),
+  CHECK(has(describe_run({path}, false),
             "array     8 antennas, 32 bins to 7.75 m, in 2 records of 2 frames and 5376 bytes"));
-  CHECK(has(describe_run(path, true), "\"phase_rad\": -0.25"));
-  record::export_h5(record::RunReader(path), folder / "a.h5");
+  CHECK(has(describe_run({path}, true), "\"phase_rad\": -0.25"));
+  record::export_h5({path}, folder / "a.h5");
   const H5Reader in(folder / "a.h5");
   const std::string data = "/entry/data/";
   const std::size_t values = record::values_of_bin(antennas);

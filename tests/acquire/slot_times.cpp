@@ -6,6 +6,7 @@
 #include "acquire/commands/annotate.hpp"
 #include "acquire/run/journal.hpp"
 #include "acquire/run/run_log.hpp"
+#include "drivers/port/virtual_loop.hpp"
 #include "testing.hpp"
 
 using namespace echofuse;
@@ -14,15 +15,6 @@ using namespace std::chrono_literals;
 using namespace testing;
 
 namespace {
-
-// Its UTC can be set.
-class SetClock final : public Clock {
- public:
-  HostTime now() const override { return mono; }
-  UtcTime utc() const override { return mono + offset; }
-  HostTime mono = 1000s;
-  std::chrono::nanoseconds offset = 1'700'000'000s;
-};
 
 std::vector<std::string> events_of(const std::string& path) {
   std::vector<std::string> out;
@@ -38,25 +30,25 @@ TEST_CASE(
   const auto step = GENERATE(24h, -24h);
   const Folder folder;
   const std::string path = folder / "run.sqlite";
-  SetClock clock;
-  const auto before = clock.offset;
-  Journal journal(std::make_unique<record::RunWriter>(path, record::RunInfo{}),
-                  port::SystemLoop().make_worker(), clock);
-  RunLog log(clock);
+  const std::chrono::nanoseconds before = 1'700'000'000s;
+  port::VirtualLoop loop(before);
+  loop.run_for(1000s - loop.now());
+  Journal journal(std::make_unique<record::RunWriter>(path, record::RunInfo{}), loop);
+  RunLog log(loop);
   log.attach(journal);
-  for (int second = 0; second < 60; ++second, clock.mono += 1s) journal.refresh_anchor(log);
-  clock.offset += 10ms;  // is no event; the next anchor has it
+  for (int second = 0; second < 60; ++second, loop.run_for(1s)) journal.refresh_anchor(log);
+  loop.step_utc(10ms);  // is no event; the next anchor has it
   journal.refresh_anchor(log);
   CHECK(journal.utc_of(1050s) == 1050s + before + 10ms);
-  clock.mono = 1070s + 200ms;
-  clock.offset = before + step;
+  loop.run_for(10s + 200ms);
+  loop.step_utc(step - 10ms);
   journal.refresh_anchor(log);
   journal.refresh_anchor(log);
   CHECK(journal.utc_of(1069s) == 1069s + before + 10ms);
   CHECK(journal.utc_of(1070s) == 1070s + before + 10ms);  // it had begun
   CHECK(journal.utc_of(1071s) == 1071s + before + step);
-  clock.mono = 1140s;
-  clock.offset = before + step + 20ms;
+  loop.run_for(69s + 800ms);
+  loop.step_utc(20ms);
   journal.refresh_anchor(log);
   CHECK(journal.utc_of(1140s) == 1140s + before + step + 20ms);
   journal.finish("complete");

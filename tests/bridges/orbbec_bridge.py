@@ -131,10 +131,19 @@ class Frames(CameraCase):
                 while True:
                     camera.poll(self.outlet)
 
-    def test_wrong_frames_are_refused(self):
+    def test_a_wrong_frame_costs_itself_alone(self):
         camera = self.open()
-        frame = shared.Frame(1, 0, 64, 32, np.zeros(2048, "<u2"), 1.0)
-        self.assertRaisesRegex(RuntimeError, "64 x 32 pixels", camera._payload, frame)
+        good = shared.Frame(1, 0, 64, 64, np.zeros(4096, "<u2"), 1.0)
+        wrong = {"size is 64 x 32 pixels": dict(height=32, steps=np.zeros(2048, "<u2")), "size": dict(steps=np.zeros(5, "<u2")),
+                 "time (us) is -1": dict(time_us=-1), "number is -2": dict(index=-2), "step (mm) is nan": dict(mm_per_step=float("nan"))}
+        for n, (why, fields) in enumerate(wrong.items()):
+            frames = [good._replace(index=2 * n), good._replace(**{"index": 2 * n + 1} | fields), good._replace(index=2 * n + 2)]
+            with self.subTest(why), contextlib.redirect_stderr(io.StringIO()) as said, \
+                    mock.patch.object(camera, "wait", side_effect=frames):
+                for _ in frames:
+                    camera.poll(self.outlet)
+                self.assertEqual((self.outlet.lost, len(self.outlet.blocks)), (n + 1, 2 * n + 2))
+                self.assertIn(why if why != "size" else "", said.getvalue())
 
 
 class Process(unittest.TestCase):

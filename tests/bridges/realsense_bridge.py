@@ -34,6 +34,24 @@ class Process(unittest.TestCase):
         head, z = self.frame(STAND_IN_SCALE="0.0001")
         np.testing.assert_array_equal(z, np.rint(sdk.values(head[3], 64 * 48) * 0.1))
 
+    def test_an_odd_frame_costs_itself_alone(self):
+        with Program("realsense.py", *SIZE, STAND_IN_TIMES="150:-3,151:nan,153:inf,154:1e20", STAND_IN_FINER="156") as program:
+            with Client(program.address) as client:
+                seen, lost = {}, 0
+                while 158 not in seen:
+                    block = client.until(bridge.DEPTH)[-1]
+                    index = struct.unpack_from("<IIQI", block.payload)[3]
+                    lost += block.dropped
+                    seen[index] = np.frombuffer(block.payload[36:], "<u2")
+            self.assertEqual(set(range(149, 159)) - set(seen), {150, 151, 153, 154})
+            self.assertEqual(lost, 4)
+            for index, z in seen.items():
+                z_mm = sdk.values(index, 64 * 48) * (0.1 if index >= 156 else 1)
+                np.testing.assert_array_equal(z, np.rint(z_mm))
+            self.assertEqual(program.said().count("left out"), 1)
+            self.assertEqual(program.stop(), 0)
+            self.assertEqual(program.calls().count(("start",)), 1)
+
     def test_what_is_refused(self):
         for words, env, why in (([], {"STAND_IN_CAMERAS": "0"}, "no RealSense camera is connected"),
                                 (["--serial", "1"], {}, "no camera with the serial number 1; there is STAND-IN-3"),

@@ -105,8 +105,6 @@ ORBBEC = {
 REALSENSE = {
     "context.query_devices": 0,
     "device.get_info": 1,
-    "device.first_depth_sensor": 0,
-    "depth_sensor.get_depth_scale": 0,
     "config.enable_device": 1,
     "config.enable_stream": 5,
     "pipeline.start": 1,
@@ -119,6 +117,7 @@ REALSENSE = {
     "composite_frame.get_depth_frame": 0,
     "depth_frame.get_frame_number": 0,
     "depth_frame.get_timestamp": 0,
+    "depth_frame.get_units": 0,
     "depth_frame.get_width": 0,
     "depth_frame.get_height": 0,
     "depth_frame.get_data": 0,

@@ -61,8 +61,12 @@ class Arguments(unittest.TestCase):
         self.assertEqual((o.listen, o.serial, o.start_channel, o.click_channel), (("127.0.0.1", 41110), "", 1, 2))
         self.assertEqual((o.conditional_filter, o.test_signal, o.max_events, o.block_ms), (None, False, 1 << 24, 20.0))
 
+    def test_inputs_from_0(self):
+        o = options("--start-channel", "0", "--click-channel", "1", "--trigger-level", "0=0.5")
+        self.assertEqual((o.start_channel, o.click_channel, o.trigger_level), (0, 1, [(0, 0.5)]))
+
     def test_refused(self):
-        for bad in (["--listen", "41110"], ["--listen", "h:99999"], ["--click-channel", "1"], ["--start-channel", "0"],
+        for bad in (["--listen", "41110"], ["--listen", "h:99999"], ["--click-channel", "1"],
                     ["--trigger-level", "2"], ["--trigger-level", "2=x"], ["--trigger-level", "2=nan"],
                     ["--trigger-level", "3=0.1"], ["--input-delay", "1=0.5"], ["--dead-time", "2=-1"],
                     ["--event-divider", "1=65536"], ["--max-events", "0"], ["--block-ms", "0"],

@@ -19,27 +19,30 @@ TEST_CASE("a map on the target's own axes comes back as it was") {
   CHECK(x.at(63) == Approx(-x.at(0)));
   Image image(64 * 64);
   for (std::size_t i = 0; i < image.size(); ++i) image[i] = static_cast<std::uint16_t>(i);
-  const auto map = to_target(image, x, y, x, y);
+  const auto map = to_target(image, x, y, {64, 0.55, 65});
   for (std::size_t i = 0; i < image.size(); ++i) REQUIRE(map[i] == static_cast<float>(i) / 1000.0f);
 }
 
-TEST_CASE("a run states its map as two axes, or has the default") {
-  const MapGrid grid{100, 0.3};
+TEST_CASE("a run states its map as three axes, or has the default") {
+  const MapGrid grid{100, 0.3, 23};
   const auto axes = grid.axes();
   CHECK(map_grid_of(axes) == grid);
   CHECK(axes[0].at(0) == Approx(grid.x().at(0)));
   CHECK(axes[1].at(99) == Approx(grid.y().at(99)));
-  CHECK(map_grid_of({}) == MapGrid{64, 0.55});
-  CHECK_FALSE(grid == MapGrid{100, 0.301});
-  CHECK_FALSE(grid == MapGrid{99, 0.3});
+  CHECK(axes[2].at(1) == 23);
+  CHECK(map_grid_of(std::span(axes).first(2)) == MapGrid{100, 0.3, 6});  // an older run
+  CHECK(map_grid_of({}) == MapGrid{64, 0.55, 6});
+  CHECK_FALSE(grid == MapGrid{100, 0.301, 23});
+  CHECK_FALSE(grid == MapGrid{99, 0.3, 23});
+  CHECK_FALSE(grid == MapGrid{100, 0.3, 24});
   CHECK_THROWS_AS(map_grid_of(std::span(axes).first(1)), Error);
   CHECK_THROWS_AS(map_grid_of(MapGrid{300, 0.3}.axes()), Error);
   CHECK_THROWS_AS(map_grid_of(MapGrid{64, 4}.axes()), Error);
+  CHECK_THROWS_AS(map_grid_of(MapGrid{64, 0.3, 66}.axes()), Error);
 }
 
 TEST_CASE("every source pixel falls into exactly one target pixel, and invalid ones never mix in") {
   const Axis x = depth_x_axis(256, 0.55), y = depth_y_axis(256, 0.55);
-  const Axis target_x = MapGrid{}.x(), target_y = MapGrid{}.y();
   Image image(256 * 256, 3000);
   for (std::size_t j = 0; j < 256; ++j)
     for (std::size_t i = 0; i < 256; ++i) {
@@ -47,17 +50,18 @@ TEST_CASE("every source pixel falls into exactly one target pixel, and invalid o
       if (j < 4) image[j * 256 + i] = i % 4 < 3 ? 0 : 2500;  // three quarters missing: no return
       if (j >= 252) image[j * 256 + i] = 6001;               // beyond the depth span
     }
-  const auto map = to_target(image, x, y, target_x, target_y);
+  const auto map = to_target(image, x, y, {});
   CHECK(map[10] == 0.0f);
   CHECK(map[64 * 63 + 10] == 0.0f);
   for (std::size_t i = 64; i < 64 * 63; ++i) REQUIRE(map[i] == 3.0f);
+  CHECK(to_target(image, x, y, {64, 0.55, 7})[64 * 63 + 10] == 6.001f);
 }
 
 TEST_CASE("a camera that sees less than the target leaves the rest empty, up is up") {
   const Axis x = depth_x_axis(64, 0.275), y = depth_y_axis(64, 0.275);
   Image image(64 * 64, 2000);
   for (std::size_t i = 0; i < 64 * 32; ++i) image[i] = 4000;  // upper half
-  const auto map = to_target(image, x, y, MapGrid{}.x(), MapGrid{}.y());
+  const auto map = to_target(image, x, y, {});
   CHECK(map[32 * 64 + 15] == 0.0f);
   CHECK(map[31 * 64 + 16] == 4.0f);
   CHECK(map[32 * 64 + 16] == 2.0f);

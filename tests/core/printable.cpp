@@ -22,6 +22,7 @@ TEST_CASE("a printable text is valid UTF-8 in one line that moves no cursor") {
   CHECK(printable(std::string(100, 'x'), 10) == "xxxxxxxxxx...");
   CHECK(printable("xx\xe2\x82\xac", 3) == "xx\xe2\x82\xac");
   CHECK(printable_lines("a\n\x1b") == "a\n\\x1b");
+  CHECK(utf8_text("a\n\x1b\xff \xc3\xa9") == "a\n\x1b\\xff \xc3\xa9");
 }
 
 TEST_CASE("a text in a table begins neither another cell nor a formula") {

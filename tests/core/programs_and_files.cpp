@@ -15,6 +15,7 @@
 #include "../full_disk.hpp"
 #include "drivers/core/bytes.hpp"
 #include "drivers/program/atomic_write.hpp"
+#include "drivers/program/console.hpp"
 #include "drivers/program/exit_code.hpp"
 #include "drivers/program/program.hpp"
 #include "drivers/program/regular_file.hpp"
@@ -144,6 +145,8 @@ TEST_CASE("a program is started in its folder with no other file of ours") {
   CHECK(text_of(folder.path / "out") == folder.path.string() + "\n");
   CHECK(text_of(folder.path / "fds") == "0\n1\n2\n3\n");  // 3: ls reads the folder
   CHECK(wait_for_program(*start_program({"sh", "-c", "kill -9 $$"})) == 128 + 9);
+  catch_interrupts();  // are not the program's business
+  CHECK(wait_for_program(*start_program({"sh", "-c", "kill -PIPE $$"})) == 128 + SIGPIPE);
   CHECK(start_program({"echofuse-no-such-program"}).failure().text() ==
         "echofuse-no-such-program: cannot start: No such file or directory");
 }

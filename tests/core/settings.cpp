@@ -127,6 +127,14 @@ TEST_CASE("lines that are not TOML, and keys given twice, do not hide the faults
     places.push_back(faults.substr(at, std::string("lab.toml:N").size()));
   CHECK(places == std::vector<std::string>{"lab.toml:1", "lab.toml:3", "lab.toml:5", "lab.toml:6",
                                            "lab.toml:8"});
+  // One fault that spans lines is told once.
+  for (const char* text :
+       {"[tdc]\naddress = \"\"\"open\nbins = 3\n", "[tdc]\nbins =\n3\nfilter = true\n",
+        "window_s = [1 2,\n3\n]\n[tdc]\nbins = 3\n"}) {
+    CAPTURE(text);
+    CHECK(faults_of(text).find('\n') == std::string::npos);
+    CHECK(faults_of(text).find("not TOML") != std::string::npos);
+  }
   // The section's name is lost: what is below would be judged wrongly.
   CHECK(faults_of("[tdc\nbins = 0\n").find('\n') == std::string::npos);
   CHECK(faults_of("[tdc]\nbins = 3\n[tdc]\n").find("lab.toml:3:") == 0);

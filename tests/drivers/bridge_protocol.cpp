@@ -219,6 +219,44 @@ TEST_CASE("damage is graded") {
   CHECK(damaged(2, 1).junk_bytes == 3);
 }
 
+TEST_CASE("a stream that ends in a wrong magic is broken, wherever it is cut") {
+  for (const std::string end : {"X", "EX", "EFX", "EFBX", "EFB", "EFBR", "EFBRXX"}) {
+    Bytes bytes = tag_block(0, 1);
+    bytes.insert(bytes.end(), end.begin(), end.end());
+    for (std::size_t cut = 1; cut <= bytes.size(); ++cut) {
+      BlockParser parser;
+      std::size_t next = cut;
+      feed(parser, bytes, [&] { return std::exchange(next, bytes.size()); });
+      CAPTURE(end, cut);
+      CHECK(static_cast<bool>(parser.broken()) == (end.find('X') < 4));
+      CHECK(parser.counts().bad_headers == (end.find('X') < 4));
+    }
+  }
+}
+
+TEST_CASE("the memory of a large block serves the next one until it is given back") {
+  const Bytes large = tag_block(0, 1 << 17);  // 2 MiB
+  BlockParser parser;
+  std::vector<const std::uint8_t*> places;
+  const auto feed_one = [&] {
+    for (std::size_t at = 0; at < large.size(); at += 1 << 18)
+      parser.feed(ByteView(large).subspan(at, std::min<std::size_t>(1 << 18, large.size() - at)),
+                  [&](const Block& b) { places.push_back(b.payload.data()); });
+  };
+  for (int k = 0; k < 3; ++k) feed_one();
+  REQUIRE(places.size() == 3);
+  CHECK((places[1] == places[0] && places[2] == places[0]));
+  CHECK(parser.kept_bytes() >= large.size());
+  parser.feed(ByteView(large).first(100), [](const Block&) {});
+  parser.give_back();  // not in the middle of one
+  CHECK(parser.kept_bytes() >= large.size());
+  parser.reset();
+  CHECK(parser.kept_bytes() == 0);
+  feed_one();
+  parser.give_back();
+  CHECK(parser.kept_bytes() == 0);
+}
+
 TEST_CASE("a magic inside a payload is not a block") {
   Bytes evil = tag_block(0, 2);
   const Bytes inner = tag_block(9, 0);

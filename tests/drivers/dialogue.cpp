@@ -147,6 +147,9 @@ TEST_CASE("a cfg of another SDK is told with the SDKs and the file to use") {
       "x.cfg:2: sensorStart: Error: Full configuration must be provided; Error -1; the cfg is for "
       "SDK 3.4, as it has no calibData, and this radar has mmWave SDK 03.05.00.04: use a cfg for "
       "SDK 3.5, config/radar/xwr68xx_paper_50cm.cfg");
+  CHECK_THAT(refusal("flushCfg\nsensorStart\n", "03.04.00.03", "Error -1\n"),
+             Catch::StartsWith("x.cfg:2: sensorStart: Error -1; the chip's front end refuses") &&
+                 Catch::Contains("60 to 64 GHz"));
   // Not the SDK's fault:
   CHECK_THAT(refusal("flushCfg\nsensorStart\n", "03.04.00.03", partial),
              Catch::EndsWith("Error -1"));
@@ -179,8 +182,22 @@ TEST_CASE("a refused line fails with its place and the firmware's words") {
     s.wait(1900ms);
     CHECK(s.d.state() == State::commanding);
     s.wait(100ms);
-    CHECK(s.d.failure() == "x.cfg:4:   flushCfg: no answer");
+    CHECK(s.d.failure() ==
+          "x.cfg:4:   flushCfg: no answer: the firmware has stopped, reset the board");
   }
+  SECTION("silence behind half an answer") {
+    s.say("flushCfg\r\nDebug: Init Calibration Status = 0xffe\n\rErro");
+    s.wait(2s);
+    CHECK(
+        s.d.failure() ==
+        "x.cfg:4:   flushCfg: no answer behind 'Debug: Init Calibration Status = 0xffe; Erro': the "
+        "firmware has stopped, reset the board");
+  }
+  SECTION("an exception of another demo") {
+    s.say("flushCfg\r\nMSS Exception: ../mss/mss_main.c, line 635.\n\r");
+    CHECK_THAT(s.d.failure(), Catch::Contains("flushCfg: MSS Exception: ../mss/mss_main.c, line"));
+  }
+  CHECK(s.d.answered());
   CHECK(s.d.state() == State::failed);
   CHECK_FALSE(s.d.deadline());
 }
@@ -192,7 +209,12 @@ TEST_CASE("no prompt at all: three tries, then it says what to check") {
     s.wait(1s);
   }
   CHECK(s.d.state() == State::failed);
-  CHECK_THAT(s.d.failure(), Catch::StartsWith("no prompt"));
+  CHECK_THAT(s.d.failure(), Catch::StartsWith("no prompt: is this the radar's command port"));
+  CHECK_FALSE(s.d.answered());
+  Session deaf;
+  deaf.say("\n");
+  for (int i = 0; i < 3; ++i) deaf.wait(1s);
+  CHECK_THAT(deaf.d.failure(), Catch::StartsWith("no prompt, but other bytes: is radar.cli_baud"));
 }
 
 TEST_CASE("endless output before the first command does not hold it up for ever") {

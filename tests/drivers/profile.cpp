@@ -7,45 +7,11 @@
 
 #include "../paths.hpp"
 #include "drivers/core/log2_codes.hpp"
-#include "drivers/program/exit_code.hpp"
+#include "stock_cfg.hpp"
 
 using namespace echofuse;
 using namespace echofuse::radar;
-
-namespace {
-
-// TI's stock xwr68xx profile, the lines that matter.
-const std::string stock =
-    "% a comment\r\n"
-    "sensorStop\r\n"
-    "\r\n"
-    "channelCfg 15 7 0\r\n"
-    "profileCfg 0 60 7 3 24 0 0 166 1 256 12500 0 0 30\r\n"
-    "chirpCfg 0 0 0 0 0 0 0 1\r\n"
-    "chirpCfg 1 1 0 0 0 0 0 4\r\n"
-    "chirpCfg 2 2 0 0 0 0 0 2\r\n"
-    "frameCfg 0 2 32 0 100 1 0\r\n"
-    "guiMonitor -1 1 1 0 0 0 1\r\n"
-    "sensorStart";
-
-std::string with(const std::string& from, const std::string& to) {
-  std::string text = stock;
-  const std::size_t at = text.find(from);
-  REQUIRE(at != text.npos);
-  return text.replace(at, from.size(), to);
-}
-
-std::string refusal(const std::string& text) {
-  try {
-    parse_profile(text, "x.cfg");
-  } catch (const Error& error) {
-    CHECK(error.code() == ExitCode::config);
-    return error.what();
-  }
-  return "accepted";
-}
-
-}  // namespace
+using namespace echofuse::test;
 
 TEST_CASE("TI's stock profile has 256 bins of 4.4 cm and 12 antennas") {
   const RadarProfile p = parse_profile(stock, "x.cfg");
@@ -87,7 +53,7 @@ TEST_CASE("errors name the line of the cfg") {
   CHECK(refusal(with("sensorStart", "")) == "x.cfg: has no sensorStart");
   CHECK(refusal(with("guiMonitor -1 1 1 0 0 0 1\r\n", "")) == "x.cfg: has no guiMonitor");
   CHECK(refusal(with("1 256 12500 0 0 30", "1 256")) ==
-        "x.cfg:5: profileCfg needs at least 11 numbers, has 10");
+        "x.cfg:5: profileCfg has 10 numbers, SDK 3.4 to 3.6 take 14 (SDK 1 and 2 others)");
   CHECK(refusal(with("1 256 12500", "1 256 fast")) == "x.cfg:5: profileCfg 'fast' is not a number");
   CHECK(refusal(with("166 1 256", "0 1 256")) ==
         "x.cfg:5: profileCfg the frequency slope must be from 1e-6 to 1e9");
@@ -106,12 +72,12 @@ TEST_CASE("all faults of a cfg come at once") {
       "channelCfg 15 9 0\nprofileCfg 0 60 7 3 24 0 0 fast 1 1 0 0 0 30\nchirpCfg 0 0 0 0 0 0 0 1\n"
       "frameCfg 0 0 16 0 -1 1 0\nguiMonitor -1 0\nsensorStart\n");
   CHECK(bad ==
+        "x.cfg:2: profileCfg 'fast' is not a number\n"
+        "x.cfg:5: guiMonitor has 2 numbers, SDK 3.4 to 3.6 take 7 (SDK 1 and 2 others)\n"
         "x.cfg:1: channelCfg '9' should be a whole number from 1 to 7\n"
         "x.cfg:2: profileCfg '1' should be a whole number from 2 to 2048\n"
-        "x.cfg:2: profileCfg 'fast' is not a number\n"
         "x.cfg:2: profileCfg the sample rate must be from 1e-6 to 1e9\n"
-        "x.cfg:4: frameCfg the frame period must be from 1e-6 to 1e9\n"
-        "x.cfg:5: guiMonitor needs at least 3 numbers, has 2");
+        "x.cfg:4: frameCfg the frame period must be from 1e-6 to 1e9");
 }
 
 TEST_CASE("what will disappoint is told") {
@@ -125,6 +91,12 @@ TEST_CASE("what will disappoint is told") {
              Catch::Contains("flags other than 0 and 1"));
   CHECK_THAT(warnings(with("sensorStart", "clutterRemoval -1 1\nsensorStart")).at(0),
              Catch::StartsWith("x.cfg:11: clutterRemoval"));
+  CHECK(warnings(with("0 100 1 0", "30 100 2 0")) ==
+        std::vector<std::string>{"x.cfg:9: frameCfg ends after 30 frames; 0 goes on without end",
+                                 "x.cfg:9: frameCfg trigger 2 waits for a pulse at the board's pin "
+                                 "for each frame; 1 does not"});
+  CHECK(warnings(with("sensorStart", "myCfg 1\nsensorStart")) ==
+        std::vector<std::string>{"x.cfg:11: myCfg is no command of the demo of SDK 3.4 to 3.6"});
   CHECK_THAT(warnings(with("1 256 12500", "1 1024 12500")).at(0),
              Catch::StartsWith("x.cfg:5: profileCfg makes 1024 bins for 12 antennas") &&
                  Catch::EndsWith("it sends 1022"));
@@ -291,7 +263,7 @@ TEST_CASE("subframes at other carriers have the axis of one, and a packet each")
 
 TEST_CASE("subframes that differ in more than their start are refused, with the line") {
   for (const auto& [from, to] : std::vector<std::pair<std::string, std::string>>{
-           {"0 0 18.75 1 60 2000 0 0 30\nchirp", "0 0 20 1 60 2000 0 0 30\nchirp"},  // slope
+           {"0 0 18.75 1 60 2000 0 0 30\nchirp", "0 0 15 1 60 2000 0 0 30\nchirp"},  // slope
            {"1 60 2000 0 0 30\nchirp", "1 64 2000 0 0 30\nchirp"},                   // samples
            {"subFrameCfg 3 0 9 3", "subFrameCfg 3 0 9 2"}})                          // antennas
     CHECK(refusal(hopping_with(from, to)) ==

@@ -105,6 +105,7 @@ class Editor {
     if (names.empty()) return;
     const std::string name = one_of(names, byte());
     if (!model_.head[name].contains("data_offsets")) return;
+    if (kind >= 0xf0) return again(name);
     if (kind / 2 % 4 == 0) return array(name);
     if (kind / 2 % 4 == 1) return value(name);
     if (kind / 2 % 4 == 2) return entry(name);
@@ -191,6 +192,12 @@ class Editor {
     nlohmann::json list = nlohmann::json::array();
     for (int n = byte() % 4; n > 0; --n) list.push_back(any_json());
     model_.head[name][key] = byte() % 4 == 0 ? any_json() : list;
+  }
+
+  // More tensors over the same bytes: up to 8192.
+  void again(const std::string& name) {
+    const nlohmann::json same = model_.head[name];
+    for (int n = 1 << byte() % 14; n > 0; --n) model_.head["z" + std::to_string(n)] = same;
   }
 
   // Whether the tensor's place can still be reckoned with.

@@ -49,8 +49,9 @@ void check(const RadarProfile& p) {
   require(std::isfinite(p.frame_period_s) && p.frame_period_s > 0, "time passes between frames");
   require(p.frame_bytes >= 64 && p.frame_bytes % 32 == 0, "a frame is a multiple of 32 bytes");
   require(p.array.size() <= p.antennas, "a heat map has no more antennas than there are");
-  for (const std::string& warning : p.warnings)
-    require(warning.starts_with("x.cfg:") && fuzz::is_printable(warning), "a warning is one line");
+  for (const auto& lines : {p.warnings, p.refusals})
+    for (const std::string& line : lines)
+      require(line.starts_with("x.cfg:") && fuzz::is_printable(line), "a warning is one line");
 }
 
 void check_faults(std::string_view faults) {

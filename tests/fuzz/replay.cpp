@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: MIT
 // fuzz_TARGET DIR: runs the target on every file of DIR, in a build without a fuzzer.
+#include <sys/resource.h>
+
 #include <filesystem>
 #include <fstream>
 #include <iterator>
@@ -17,4 +19,7 @@ int main(int argc, char** argv) {
     ++files;
   }
   echofuse::fuzz::require(files > 0, "there are inputs");
+  rusage used{};
+  ::getrusage(RUSAGE_SELF, &used);
+  echofuse::fuzz::require(used.ru_maxrss < 2 << 20, "2 GiB are enough, as to libFuzzer");
 }

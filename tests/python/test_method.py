@@ -64,14 +64,18 @@ def runs(tmp_path_factory):
 
 
 @pytest.mark.parametrize("name", ["50cm", "antennas"])
-@pytest.mark.parametrize("change", ["codes", "response"])
+@pytest.mark.parametrize("change", ["codes", "response", "axes"])
 def test_a_run_unlike_the_training(runs, tmp_path, name, change):
-    """Of other units, or with another response of the radar: Python and program bring it to the model's."""
+    """Of other units, another response of the radar, or axes within a bin: Python and program bring it to the model's."""
     trained, run, model = tmp_path / "trained.sqlite", tmp_path / "run.sqlite", tmp_path / "model"
     for copy in (trained, run):
         copy.write_bytes((runs / f"{name}.sqlite").read_bytes())
     stated(trained, np.exp(-np.arange(8) ** 2 / 14))
-    if change == "response":
+    if change == "axes":
+        with sqlite3.connect(run) as db:
+            db.execute("UPDATE axis SET start = start + 0.3 * step WHERE name = 'spd'")
+            db.execute("UPDATE axis SET start = start - 0.4 * step WHERE name IN ('radar', 'array')")
+    elif change == "response":
         stated(run, np.exp(-np.arange(8) ** 2 / 5))
     elif name == "50cm":
         as_the_daemon_writes(run)

@@ -36,7 +36,12 @@ def test_a_record(folder, run, panels):
 def test_run_map_and_learning_curve(folder):
     assert b"<svg" in written(plot.timeline(folder / "test.sqlite"), folder / "run.svg")
     maps = echofuse.load_model(folder / "mlp.safetensors").predict(folder / "test.sqlite")
-    plot.map(maps.depth_m[0], title="a map").savefig(folder / "map.svg")
+    figure = plot.map(maps.depth_m[0], maps.half_tangent, title="a map")
+    figure.savefig(folder / "map.svg")
+    half = echofuse.open(folder / "test.sqlite").axes["map_x"]
+    assert figure.axes[0].get_xlim() == pytest.approx((half.start - half.step / 2, -half.start + half.step / 2))
+    with pytest.raises(TypeError, match="half_tangent"):
+        plot.map(maps.depth_m[0])
     assert len(plot.learning_curve(folder / "mlp.safetensors").axes[0].lines) == 2
 
 

@@ -237,8 +237,7 @@ TEST_CASE("without its antennas the radar's range profile answers, without the r
       REQUIRE(maps.row(row)[p] == Approx(alone->row(0)[p]).margin(1e-4));
   // Each estimator takes less than the one before.
   model.estimators[1] = std::move(load_model(dir / "model.h5").first());
-  save_model(model, dir / "chain.h5");
-  CHECK_THAT(testing::error_of([&] { load_model(dir / "chain.h5"); }),
+  CHECK_THAT(testing::error_of([&] { save_model(model, dir / "chain.h5"); }),
              Catch::Contains("1/inputs") && Catch::Contains("fewer sensors"));
 }
 
@@ -259,6 +258,11 @@ TEST_CASE("the program with runs that have antennas, runs without them or with o
   train("-q " + (dir / "new") + " --out " + (dir / "a.h5"));
   CHECK(testing::recon_program("evaluate --json " + (dir / "a.h5") + " " + (dir / "fresh")).code ==
         0);
+  const testing::Outcome report = testing::recon_program(
+      "report " + (dir / "page") + " --run " + (dir / "fresh") + " --model " + (dir / "a.h5"));
+  CHECK(report.code == 0);
+  CHECK_THAT(report.text,
+             Catch::Contains("a (factorised, SPD + " + std::to_string(line.size()) + " antennas)"));
   for (const auto& [run, why] : {std::pair{"old", "no samples of the radar's antennas"},
                                  std::pair{"four", "other antennas than in training"}}) {
     const std::string files = (dir / "a.h5") + " " + (dir / run);

@@ -86,6 +86,18 @@ TEST_CASE("train --model auto keeps what does best for its cost, and says why") 
   CHECK_THAT(bad.text, Catch::Contains("oracle"));
 }
 
+TEST_CASE("where no body stands out the RMSE chooses") {
+  const auto of_rmse = [](const std::string& name, double rmse_m, std::size_t multiply_adds) {
+    CrossvalidatedRow out = row(name, std::nan(""), std::nan(""), multiply_adds);
+    out.metrics[metric_rmse_m] = {rmse_m, 0.001, 100};
+    return out;
+  };
+  const std::vector rows{of_rmse("mean", .678, 0), of_rmse("wide", .001, 900),
+                         of_rmse("ridge", .0015, 500)};
+  CHECK(chosen(rows) == "ridge");
+  CHECK_THAT(to_choice_table(rows, 2), !Catch::Contains("nan"));
+}
+
 TEST_CASE("the standard error of a sequence is that of its folds") {
   const auto fold = [](std::initializer_list<double> ious) {
     std::vector<MapScores> out;
@@ -119,7 +131,7 @@ TEST_CASE("cross-validation of held poses does not call each record a new one") 
   const Folder dir;
   write_run(dir / "run", 120);
   Dataset data = load({dir / "run"});
-  const Rows once = rows_to_train(data, Inputs::fused);
+  const Rows once = rows_to_train(data, Inputs::fused).rows;
   Rows held;  // every record five times in a row
   for (std::size_t i = 0; i < 24; ++i) held.insert(held.end(), 5, once[i]);
   TrainOptions options;

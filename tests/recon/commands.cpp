@@ -41,7 +41,11 @@ constexpr const char* quick = " -q --model mlp --set hidden=32,16 --epochs 8 --s
 }  // namespace
 
 TEST_CASE("help and version") {
-  CHECK(recon_program("--version").code == 0);
+  const Outcome version = recon_program("--version");
+  CHECK(version.code == 0);
+  CHECK_THAT(version.text,
+             Catch::Matches(
+                 "echofuse-recon [0-9.]+ \\(([0-9a-f]+\\+?|commit unknown)\\), matrix (.|\n)*"));
   const Outcome help = recon_program("--help");
   CHECK(help.code == 0);
   for (const char* command : {"train", "evaluate", "reconstruct", "report", "study"})
@@ -104,7 +108,8 @@ TEST_CASE("too few records, a bad record, other axes") {
   refuses("reconstruct " + (dir / "m") + " " + (dir / "other") + " --out " + (dir / "o"), 1,
           "radar axis");
   refuses("evaluate " + (dir / "m") + " " + (dir / "bad"), 1, "record 6");
-  CHECK(recon_program("evaluate " + (dir / "m") + " " + (dir / "one")).code == 0);
+  write_run(dir / "one more", 1, 2);
+  CHECK(recon_program("evaluate " + (dir / "m") + " '" + (dir / "one more") + "'").code == 0);
 }
 
 TEST_CASE("train and evaluate: the JSON object") {
@@ -175,8 +180,8 @@ TEST_CASE("the report holds everything in one page") {
                           " --out " + (dir / inputs))
                 .code == 0);
   write_run(dir / "live", 5, 8, {}, radar_axis(40));
-  const std::string models = " --fused " + (dir / "fused") + " --spd " + (dir / "spd") +
-                             " --radar " + (dir / "radar") + " --run " + (dir / "run");
+  const std::string models = " --model " + (dir / "fused") + " --model " + (dir / "spd") +
+                             " --model r=" + (dir / "radar") + " --run " + (dir / "run");
   const Outcome o = recon_program("report " + (dir / "out") + models + " --live " + (dir / "live"));
   REQUIRE(o.code == 0);
   CHECK_THAT(o.text, Catch::Contains("report.html"));
@@ -199,9 +204,15 @@ TEST_CASE("the report holds everything in one page") {
                               Catch::Contains("\"mark\":\"best\"") &&
                               Catch::Contains("[\"command\",\"echofuse-recon report ") &&
                               Catch::Contains("data CRC-32C"));
-  refuses("report " + (dir / "out") + " --fused " + (dir / "spd") + " --spd " + (dir / "spd") +
-              " --radar " + (dir / "radar") + " --run " + (dir / "run"),
-          1, "was trained on spd inputs");
+  CHECK_THAT(page["first"].dump(), Catch::Contains("fused (ridge, SPD + radar profile)") &&
+                                       Catch::Contains("spd (ridge, SPD alone)") &&
+                                       Catch::Contains("r (ridge, radar alone)"));
+  refuses("report " + (dir / "out") + " --run " + (dir / "run") + " --model a=" + (dir / "spd") +
+              " --model a=" + (dir / "radar"),
+          1, "takes radar alone, and " + (dir / "spd") + " of the same name SPD alone");
+  for (const std::string old : {"--fused", "--spd", "--radar", "--paper"})
+    refuses("report " + (dir / "out") + " --run " + (dir / "run") + " " + old + " m", 2,
+            "are now --model NAME=FILE, once for each model: --model NAME=m");
 }
 
 TEST_CASE("a report of a run alone, and of two models record by record") {
@@ -248,9 +259,9 @@ TEST_CASE("a report of a run alone, and of two models record by record") {
   CHECK_THAT(same.text, Catch::Contains("cannot be told apart") &&
                             Catch::Contains("difference +0.0000 (95 %: +0.0000 to +0.0000)"));
   refuses("report " + (dir / "no") + " --run " + (dir / "fresh"), 2,
-          "--run needs --fused or --compare");
-  refuses("report " + (dir / "no") + " --fused " + (dir / "ridge"), 2, "models need --run");
-  refuses("report " + (dir / "no") + " --live " + (dir / "fresh") + " --fused " + (dir / "ridge"),
+          "--run needs --model or --compare");
+  refuses("report " + (dir / "no") + " --model " + (dir / "ridge"), 2, "models need --run");
+  refuses("report " + (dir / "no") + " --live " + (dir / "fresh") + " --model " + (dir / "ridge"),
           2, "models need --run");
 }
 
@@ -261,7 +272,7 @@ TEST_CASE("a report takes models on other radar axes beside each other") {
     REQUIRE(recon_program("train -q --model ridge --set fallback=false " + (dir / "run") +
                           " --out " + (dir / name) + rest)
                 .code == 0);
-    return " --" + name + " " + (dir / name);
+    return " --model " + (dir / name);
   };
   const Outcome o =
       recon_program("report " + (dir / "out") + " --run " + (dir / "run") +
@@ -296,7 +307,7 @@ TEST_CASE("the report takes what evaluate takes, and says what it did about it")
     REQUIRE(recon_program("train -q --model ridge --inputs " + inputs + " " + (dir / "run") +
                           " --out " + (dir / inputs))
                 .code == 0);
-    models += " --" + inputs + " " + (dir / inputs);
+    models += " --model " + (dir / inputs);
   }
   // A fresh run: all modes are scored on the records that have both sensors.
   write_run(dir / "fresh", 60, 8, [](record::FusedRecord& r) {

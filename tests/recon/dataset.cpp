@@ -105,17 +105,47 @@ TEST_CASE("records that lack a sensor keep their row and are not trained on") {
   CHECK(data.usable(Inputs::fused, false) == Rows{0, 1, 4, 5, 6, 7});
 }
 
-TEST_CASE("a record that is not a number is refused with its number, or handed over") {
+TEST_CASE("a run within a bin of the first one's axes is brought to them") {
   const Folder dir;
-  write_run(dir / "a", 6, 1, [](record::FusedRecord& r) {
-    if (r.index == 4) r.radar[3] = std::numeric_limits<float>::quiet_NaN();
-  });
-  CHECK_THAT(error_of([&] { load({dir / "a"}); }), Catch::Contains("record 4"));
-  std::vector<std::int64_t> bad;
-  const Dataset data =
-      load({dir / "a"}, [&](std::int64_t index, const std::string&) { bad.push_back(index); });
-  CHECK(bad == std::vector<std::int64_t>{4});
-  CHECK(data.index == std::vector<std::int64_t>{0, 1, 2, 3, 5});
+  Axis near = radar_axis();
+  near.start += 0.1;
+  write_run(dir / "a", 2, 1), write_run(dir / "b", 2, 1, {}, near);
+  const Dataset data = load({dir / "a", dir / "b"});
+  CHECK(same_axis(data.radar_axis, radar_axis()));
+  const auto first = data.radar.row(0), moved = data.radar.row(2);
+  CHECK(moved[10] == Approx(0.4 * first[9] + 0.6 * first[10]));
+}
+
+TEST_CASE("depths beyond the map and in another unit are said in one line") {
+  const Folder dir;
+  const auto scaled = [](double by, std::int64_t every) {
+    return [by, every](record::FusedRecord& r) {
+      for (auto& mm : r.depth_mm)
+        if (r.index % every == 0) mm = static_cast<std::uint16_t>(std::lround(mm * by));
+    };
+  };
+  const auto said = [&](const std::string& name, const Change& change) {
+    write_run(dir / name, 40, 1, change);
+    return recon_program("train --model ridge --out " + (dir / name) + "-m " + (dir / name));
+  };
+  CHECK_THAT(said("good", {}).text, !Catch::Contains("median"));
+  const Outcome far = said("far", scaled(3, 2));
+  CHECK(far.code == 0);
+  CHECK_THAT(far.text, Catch::Contains("far: 20 of 40 records have depths beyond 6 m, taken as no "
+                                       "return (") &&
+                           Catch::Contains("map_z_max_m"));
+  sql(dir / "far", "INSERT INTO axis VALUES ('map_z', 'depth', 'm', 1, 0, 14, 1)");
+  CHECK(load({dir / "far"}).map.far_m == 14);
+  CHECK(load({dir / "far"}).depth.row(0)[32 * 64 + 32] < 14);
+  const Outcome millimetres = said("mm", scaled(1e-3, 1));
+  CHECK(millimetres.code == 1);
+  CHECK_THAT(millimetres.text,
+             Catch::Contains("mm: the median depth is 3 mm: metres are expected") ||
+                 Catch::Contains("mm: the median depth is 4 mm: metres are"));
+  CHECK_THAT(
+      said("cm", scaled(0.1, 1)).text,
+      Catch::Contains("cm: the median depth is 0.3") &&
+          Catch::Contains(" m, where the histogram spans 2.4 to 4.2 m: metres are expected"));
 }
 
 TEST_CASE("TI codes become linear power above the noise") {
@@ -127,7 +157,8 @@ TEST_CASE("TI codes become linear power above the noise") {
             },
             {"radar", "log2_q8", "m", 24, 0, 0.25, 8});
   CHECK_THAT(error_of([&] { load({dir / "a"}); }), Catch::Contains("record 1"));
-  const Dataset data = load({dir / "a"}, [](std::int64_t, const std::string&) {});
+  const Dataset data = load_part(record::RunReader(dir / "a"), 0, 2, sensors_of(Inputs::radar),
+                                 [](std::int64_t, const std::string&) {});
   CHECK(data.radar_axis.quantity == "power");
   CHECK(data.radar.row(0)[7] == Approx(15));
   CHECK(data.radar.row(0)[8] == 0);

@@ -17,8 +17,8 @@ void put_map(const std::string& path, const record::MapGrid& grid) {
   for (const Axis& a : grid.axes()) {
     char row[200];
     std::snprintf(row, sizeof row,
-                  "INSERT INTO axis VALUES ('%s', 'tangent', '1', %u, %.17g, %.17g, 1)",
-                  a.name.c_str(), a.count, a.start, a.step);
+                  "INSERT INTO axis VALUES ('%s', '%s', '%s', %u, %.17g, %.17g, 1)", a.name.c_str(),
+                  a.quantity.c_str(), a.unit.c_str(), a.count, a.start, a.step);
     sql(path, row);
   }
 }
@@ -51,8 +51,8 @@ TEST_CASE("runs with other maps are told apart, and what is no map is refused") 
   write_mapped(dir / "b", 2, {32, 0.55}, 2);
   CHECK(error_of([&] {
           load({dir / "a", dir / "b"});
-        }) == dir / "b" + ": its depth map is 32 x 32 over tangents of +-0.55, " + dir / "a" +
-                  " has 64 x 64 over tangents of +-0.55");
+        }) == dir / "b" + ": its depth map is 32 x 32 over tangents of +-0.55, up to 6 m, " +
+                  dir / "a" + " has 64 x 64 over tangents of +-0.55, up to 6 m");
   write_mapped(dir / "same", 2, {}, 3);
   CHECK(load({dir / "a", dir / "same"}).size() == 4);
   const auto refused = [&](const std::string& statement) {
@@ -60,9 +60,10 @@ TEST_CASE("runs with other maps are told apart, and what is no map is refused") 
                                std::filesystem::copy_options::overwrite_existing);
     sql(dir / "bad", statement);
     CHECK_THAT(error_of([&] { load({dir / "bad"}); }),
-               Catch::Contains("bad: axes map_x and map_y: expected 16 to 256 pixels"));
+               Catch::Contains("bad: axes map_x, map_y and map_z: expected 16 to 256 pixels"));
   };
   refused("UPDATE axis SET count = 8 WHERE name LIKE 'map__'");
+  refused("UPDATE axis SET step = 70 WHERE name = 'map_z'");
   refused("UPDATE axis SET count = 300 WHERE name LIKE 'map__'");
   refused("DELETE FROM axis WHERE name = 'map_y'");
   refused("UPDATE axis SET step = -step WHERE name = 'map_y'");
@@ -90,8 +91,9 @@ TEST_CASE("a model has the map of its training, and judges no other") {
     CHECK(json["metrics"]["iou"]["mean"].get<double>() > 0.2);
     const Outcome judged = recon_program("evaluate " + m + " " + (dir / "other"));
     CHECK(judged.code == 1);
-    CHECK_THAT(judged.text, Catch::Contains("its depth map is 64 x 64 over tangents of +-0.55, the "
-                                            "model has 24 x 24 over tangents of +-0.55"));
+    CHECK_THAT(judged.text,
+               Catch::Contains("its depth map is 64 x 64 over tangents of +-0.55, up to 6 m, "
+                               "the model has 24 x 24 over tangents of +-0.55, up to 6 m"));
     const Outcome drawn = recon_program("reconstruct -q " + m + " " + (dir / "other") + out);
     CAPTURE(drawn.text);
     CHECK(drawn.code == 0);

@@ -2,8 +2,12 @@
 // The method's steps and numbers, each alone.
 #include "recon/method/method.hpp"
 
+#include <nlohmann/json.hpp>
+
+#include "drivers/program/console.hpp"
 #include "drivers/program/settings.hpp"
 #include "recon/method/bin_sums.hpp"
+#include "recon/numbers/blas_kernels.hpp"
 #include "recon/train/train.hpp"
 #include "world.hpp"
 
@@ -129,6 +133,34 @@ TEST_CASE("a file keeps every number of the method that may be set") {
   }
   file.facts.erase("directions");
   CHECK_THROWS_WITH(archive({file, Archive::Direction::read}, read), Catch::Contains("directions"));
+}
+
+TEST_CASE(
+    "each tensor of a file stands at a multiple of its type's size, and the file says what wrote "
+    "it") {
+  TensorFile file;
+  const auto write = [&](const std::string& name, auto value) {
+    const std::vector<decltype(value)> three(3, value);
+    file.write<decltype(value)>(name, three, {3});
+  };
+  write("a", std::uint8_t{7});
+  write("b", 1.5F);
+  write("c", 2.5);
+  write("d", std::uint32_t{8});
+  write("e", std::int64_t{9});
+  const Bytes bytes = file.to_bytes();
+  ByteReader in(bytes);
+  const ByteView text = in.take(in.get<std::uint64_t>());
+  const auto head = nlohmann::json::parse(text.begin(), text.end());
+  for (const auto& [name, width] : {std::pair{"a", 1}, {"b", 4}, {"c", 8}, {"d", 4}, {"e", 8}}) {
+    CAPTURE(name);
+    CHECK((8 + text.size() + head[name]["data_offsets"][0].get<std::size_t>()) % width == 0);
+  }
+  CHECK(head["__metadata__"]["commit"] == commit());
+  CHECK(head["__metadata__"]["kernel"] == blas_kernels());
+  const TensorFile again("a model", bytes);
+  CHECK(again.read<double>("c", {3}) == std::vector<double>(3, 2.5));
+  CHECK(again.read<std::uint8_t>("a", {3}) == std::vector<std::uint8_t>(3, 7));
 }
 
 TEST_CASE("another window of the histogram makes views of another size, and a model keeps it") {

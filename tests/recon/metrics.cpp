@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "acquire/record/depth_map.hpp"
+#include "drivers/core/random.hpp"
 
 using namespace echofuse;
 using namespace echofuse::recon;
@@ -62,7 +63,23 @@ TEST_CASE("the mirror image instead of the truth, and both at once") {
   CHECK(wrong[metric_lateral_m] == Approx(2 * std::abs(tangent) * 3.5).epsilon(1e-9));
   const MapScores both = score(average(truth, ghost), truth, room());
   CHECK(both[metric_ghost] == Approx(0.5).epsilon(1e-12));
-  CHECK(both[metric_lateral_m] == Approx(std::abs(tangent) * 3.5).epsilon(1e-9));
+  CHECK(std::isnan(both[metric_lateral_m]));  // half a body on either side is no foreground
+}
+
+TEST_CASE("the place is that of the foreground of the map as it is written") {
+  const Map truth = plate(6, 3.5f);
+  Map ripple = truth;
+  for (std::size_t p = 40; p < 60; ++p) ripple[p] = -30;             // clipped to 0
+  for (std::size_t p = 64 * 60; p < 64 * 64; ++p) ripple[p] = 1.7f;  // no foreground
+  const MapScores s = score(ripple, truth, room());
+  CHECK(s[metric_lateral_m] == Approx(0).margin(1e-12));
+  CHECK(s[metric_ghost] == 0);
+  CHECK(lateral_error(ripple, truth, room()) == s[metric_lateral_m]);
+  // Beyond the map's depths a pixel counts as at its end.
+  Scene far = room();
+  far.grid.far_m = 10;
+  CHECK(score(plate(6, 30), truth, far)[metric_depth_mae_m] == Approx(6.5));
+  CHECK(score(plate(6, 30), truth, room())[metric_depth_mae_m] == Approx(2.5));
 }
 
 TEST_CASE("near the axis there is no left, right or ghost") {
@@ -117,6 +134,35 @@ TEST_CASE("learning the scene from its maps") {
   CHECK(scene.background == Map(size * size, 5.0f));
   CHECK(scene.foreground_depth_m == Approx(3.2f));
   CHECK(scene.mean_map[30 * size + 2] == Approx((3.2 + 5 + 5) / 3));
+}
+
+TEST_CASE(
+    "of a surface that is moved to and fro no body stands out, and only raw maps are judged") {
+  Rng rng = make_rng(3, 3);
+  for (const float nearest : {0.5f, 1.8f}) {  // also where most stand far away
+    Matrix walls(0, size * size);
+    std::uniform_real_distribution<float> z(nearest, 3);
+    for (int i = 0; i < 160; ++i) walls.add_row(Map(size * size, i % 3 ? z(rng) : 2.9f));
+    const Scene scene = learn_scene(walls, all_rows(160), {});
+    CHECK_FALSE(scene.has_body());
+    const Map truth(size * size, 1.5f), off(size * size, 1.62f);
+    const MapScores s = score(off, truth, scene);
+    for (const Metric none : {metric_iou, metric_ssim_fg, metric_rmse_fg_m, metric_depth_mae_m,
+                              metric_lateral_m, metric_ghost, metric_left_right})
+      CHECK(std::isnan(s[none]));
+    CHECK(s[metric_rmse_m] == Approx(0.12));
+    CHECK(s[metric_ssim] == s[metric_ssim_hard]);
+    CHECK(hard_map(off, scene) == off);
+  }
+  // A door leaf: it covers half of the view, and swings.
+  Matrix leaf(0, size * size);
+  for (int i = 0; i < 60; ++i) {
+    Map map(size * size, 4.f);
+    for (std::size_t p = 0; p < map.size(); ++p)
+      if (p % size < 32) map[p] = 2 + 0.03f * float(i) * (1 + float(p % size) / 32);
+    leaf.add_row(map);
+  }
+  CHECK_FALSE(learn_scene(leaf, all_rows(60), {}).has_body());
 }
 
 TEST_CASE("mean and standard error leave undefined maps out") {

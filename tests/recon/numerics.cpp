@@ -186,7 +186,7 @@ TEST_CASE("a training that never does better than the mean keeps the mean") {
   Training training = training_of(candidate_of("mlp", {}).fit);
   training.hidden = {16}, training.quiet = true;
   const TrainingLog log =
-      regression.fit({x, y, rows}, {x, opposite, rows}, Spread::each, training, "", "");
+      regression.fit({x, y, rows}, {x, opposite, rows}, Spread::each, training, "");
   CHECK(log.best_epoch == 0);
   CHECK(log.loss.size() == training.patience);
   for (const float v : regression.predict(x).values) REQUIRE(v == Approx(7).margin(0.5));

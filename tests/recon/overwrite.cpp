@@ -81,8 +81,8 @@ TEST_CASE("a report is written over one of the same run only, unless told to") {
   for (const std::string inputs : {"fused", "spd", "radar"})
     REQUIRE(recon_program(trained(dir, inputs, " --inputs " + inputs)).code == 0);
   const auto report = [&](const std::string& run) {
-    return "report " + (dir / "out") + " --fused " + (dir / "fused") + " --spd " + (dir / "spd") +
-           " --radar " + (dir / "radar") + " --run " + (dir / run);
+    return "report " + (dir / "out") + " --model " + (dir / "fused") + " --model " + (dir / "spd") +
+           " --model " + (dir / "radar") + " --run " + (dir / run);
   };
   REQUIRE(recon_program(report("run")).code == 0);
   CHECK(recon_program(report("run")).code == 0);

@@ -4,6 +4,7 @@
 #include <unistd.h>
 
 #include <fstream>
+#include <nlohmann/json.hpp>
 #include <sstream>
 #include <thread>
 
@@ -40,7 +41,7 @@ std::vector<float> points_of(const std::string& ply) {
   const Bytes raw(ply.begin() + static_cast<std::ptrdiff_t>(at + last.size()), ply.end());
   CHECK_THAT(ply,
              Catch::Contains("element vertex " + std::to_string(raw.size() / 15) + "\nproperty"));
-  CHECK_THAT(ply, Catch::Contains("x right, y up, z away"));
+  CHECK_THAT(ply, Catch::Contains("x right, y down, z away"));
   CHECK(raw.size() % 15 == 0);
   Bytes places;  // without their three colours
   for (std::size_t i = 0; i < raw.size(); ++i)
@@ -98,21 +99,23 @@ TEST_CASE("points, arrays and pictures show the same map") {
   const auto points = points_of(contents(dir / "o/000002.ply"));
   REQUIRE(points.size() > 3 * 50);  // the plate: about 24 rows of 10 pixels
   REQUIRE(points.size() < 3 * 800);
-  const Axis x = record::MapGrid{}.x(), y = record::MapGrid{}.y();
+  // The picture's points in the pinhole camera's frame, as OpenCV and Open3D make them.
+  const auto pinhole = nlohmann::json::parse(contents(dir / "o/camera.json"));
+  const double fx = pinhole["fx"], fy = pinhole["fy"], cx = pinhole["cx"], cy = pinhole["cy"];
   std::size_t strangers = 0;
   for (std::size_t i = 0; i < points.size(); i += 3) {
-    const double z = double{points[i + 2]};
-    const auto column = std::lround((points[i] / z - x.start) / x.step);
-    const auto row = std::lround((points[i + 1] / z - y.start) / y.step);
+    const double x = double{points[i]}, y = double{points[i + 1]}, z = double{points[i + 2]};
+    const auto column = std::lround(cx + fx * x / z), row = std::lround(cy + fy * y / z);
     REQUIRE((column >= 0 && column < 64 && row >= 0 && row < 64));
-    strangers += mm[static_cast<std::size_t>(row * 64 + column)] != std::lround(z * 1000);
+    const double seen = mm[static_cast<std::size_t>(row * 64 + column)] * 1e-3;
+    strangers += std::hypot((static_cast<double>(column) - cx) / fx * seen - x,
+                            (static_cast<double>(row) - cy) / fy * seen - y, seen - z) > 1e-3;
   }
   CHECK(strangers == 0);
   const std::string camera = contents(dir / "o/camera.json");
   CHECK_THAT(camera, Catch::Contains("\"width\": 64, \"height\": 64, \"fx\": 58.18181"));
   CHECK_THAT(camera, Catch::Contains("\"cx\": 31.5, \"cy\": 31.5"));
   CHECK_THAT(camera, Catch::EndsWith("31.5, 31.5, 1]}\n"));
-  CHECK(y.step < 0);  // the first row is the highest: y of a point goes up
 
   const std::string peak = std::to_string(*std::max_element(mm.begin(), mm.end()));
   CHECK(numpy("a = n.load('" + (dir / "o/maps.npz") +
@@ -136,6 +139,30 @@ TEST_CASE("a dead sensor's records are left out by number") {
   CHECK(o.code == 5);
   CHECK_THAT(o.text, Catch::Contains("record 2: spd is the same in every bin") &&
                          Catch::Contains("record 4: radar is the same in every bin"));
+}
+
+TEST_CASE("records.csv says where the body is, and ten lines alike are a count") {
+  const Folder dir;
+  write_run(dir / "run", 120);
+  REQUIRE(recon_program("train -q --set fallback=false --model silhouette " + (dir / "run") +
+                        " --out " + (dir / "m"))
+              .code == 0);
+  write_run(dir / "fresh", 16, 2, [](record::FusedRecord& r) {
+    Rng rng = make_rng(2, static_cast<std::uint64_t>(r.index));
+    if (r.index == 0) r = testing::plate_record(0, 0.5, 3.5, rng);
+    if (r.index >= 4) std::ranges::fill(r.spd, 0u);
+  });
+  const Outcome o =
+      recon_program("reconstruct " + (dir / "m") + " " + (dir / "fresh") + " --out " + (dir / "o"));
+  CHECK_THAT(o.text, Catch::Contains("12 records from 4 to 15: spd is the same in every bin\n"));
+  CHECK_FALSE(o.text.find("record 4:") != std::string::npos);
+  double x_m = 0, z_m = 0;
+  const std::string table = contents(dir / "o/records.csv");
+  const auto first = table.find("\n0,\"ok\",,");
+  REQUIRE(first != std::string::npos);
+  REQUIRE(std::sscanf(table.c_str() + first, "\n0,\"ok\",,%lf,%lf,", &x_m, &z_m) == 2);
+  CHECK(x_m == Approx(0.5).margin(0.1));
+  CHECK(z_m == Approx(3.5).margin(0.2));
 }
 
 TEST_CASE("a run is followed while it is recorded, until it is closed") {

@@ -32,7 +32,7 @@ Report report_of(const std::vector<std::pair<std::string, Evaluation>>& modes) {
   out.records = 20, out.simulated = out.new_run = true;
   for (const auto& [name, e] : modes) {
     ModeResult mode;
-    mode.name = name, mode.evaluations = {e}, mode.metrics = e.metrics;
+    mode.name = name, mode.evaluations = {e}, mode.metrics = e.metrics, mode.takes = "SPD alone";
     mode.models.emplace_back();
     for (std::size_t i = 0; i < e.records; ++i)
       mode.records.push_back({static_cast<std::int64_t>(i), "letter:A", 3, 0.1});
@@ -45,15 +45,17 @@ Report report_of(const std::vector<std::pair<std::string, Evaluation>>& modes) {
 }  // namespace
 
 TEST_CASE("the verdict names an opponent that draws a body, and what is worse") {
-  Report report = report_of({{"fused", evaluation_of("factorised", 0.6, 0.46)},
-                             {"paper", evaluation_of("mlp", 0.5, 0.42)}});
+  Report report = report_of({{"ours", evaluation_of("factorised", 0.6, 0.46)},
+                             {"theirs", evaluation_of("mlp", 0.5, 0.42)}});
   const std::string alone = verdict(report);
-  CHECK_THAT(alone, Catch::Contains("IoU 0.60 \u00b1 0.00 (the paper's network: 0.50") &&
+  CHECK_THAT(alone, Catch::Contains("IoU 0.60 \u00b1 0.00 (theirs, of the same inputs: 0.50") &&
                         Catch::Contains("none of the baselines scored here draws a body") &&
                         Catch::Contains("20 simulated records of a new run") &&
                         Catch::Contains("lateral error 3.1") && !Catch::Contains("empty room"));
   CHECK_THAT(alone,
-             Catch::Contains("Worse than the paper's network in RMSE (0.46 against 0.42 m)"));
+             Catch::Contains("Worse than theirs (mlp, SPD alone) in RMSE (0.46 against 0.42 m)"));
+  report.modes[1].takes = "SPD + 8 antennas";
+  CHECK_THAT(verdict(report), !Catch::Contains("same inputs"));
   report.baselines.push_back({"nearest", evaluation_of("nearest", 0.3, 0.5).metrics});
   report.simulated = report.new_run = false;
   CHECK_THAT(verdict(report), Catch::Contains("nearest training record: 0.30") &&
@@ -67,7 +69,7 @@ TEST_CASE("what fails stands first, of the live run before all") {
         "Letters cannot be read: 1 of 20 right, by chance 2.0.");
   report.live = evaluation_of("factorised", 0.6, 0.46);
   for (auto& u : report.live->uncertainties) u.lateral_interval_90_m = 0.01;
-  report.live->domain_shift.records = 20, report.live->domain_shift.distance = 30;
+  report.live->domain_shift.records = 20;
   report.live->domain_shift.p = 1e-4;
   report.live->domain_shift.differences = {{"range +30.0 +- 2.0 cm", 15}};
   report.story.emplace(), report.story->info.window_s = 0.2, report.window_s = 3;
@@ -109,12 +111,11 @@ TEST_CASE("a model that asks no sensor does not stand for one") {
     REQUIRE(recon_program("train -q --set fallback=false --model " + how + " " + (dir / "run") +
                           " --out " + (dir / how.substr(0, how.find(' '))))
                 .code == 0);
-  const std::string report = "report " + (dir / "out") + " --run " + (dir / "run") + " --fused " +
-                             (dir / "ridge") + " --spd " + (dir / "mean");
+  const std::string report = "report " + (dir / "out") + " --run " + (dir / "run") + " --model " +
+                             (dir / "ridge") + " --model " + (dir / "mean");
   const Outcome o = recon_program(report);
   REQUIRE(o.code == 0);
-  CHECK_THAT(o.text,
-             Catch::Contains("left out, its answer is always the mean of the training maps"));
+  CHECK_THAT(o.text, Catch::Contains("mean (no sensor)"));
   const std::string page = page_data(dir / "out/report.html").dump();
   for (const char* claim : {"0.6389", "A sensor alone leaves open", "SPD alone"})
     CHECK(page.find(claim) == std::string::npos);
@@ -125,14 +126,58 @@ TEST_CASE("a model that asks no sensor does not stand for one") {
              Catch::Contains("ridge does not place a body: it cannot be taken to another room"));
 }
 
+TEST_CASE("rows of equal inputs stand together, each model by its own name") {
+  const Folder dir;
+  write_run(dir / "run", 120);
+  for (const std::string how :
+       {"ridge", "ridge-spd --inputs spd", "mlp-256-128 --epochs 2", "mlp-512-256 --epochs 2"}) {
+    const std::string name = how.substr(0, how.find(' '));
+    REQUIRE(recon_program("train -q --set fallback=false --model " +
+                          (name == "ridge-spd" ? "ridge --inputs spd" : how) + " " + (dir / "run") +
+                          " --out " + (dir / name))
+                .code == 0);
+  }
+  const Outcome o = recon_program(
+      "report " + (dir / "out") + " --run " + (dir / "run") + " --model " + (dir / "ridge") +
+      " --model " + (dir / "ridge-spd") + " --model small=" + (dir / "mlp-256-128") + " --model " +
+      (dir / "mlp-512-256") + " --model " + (dir / "ridge"));
+  REQUIRE(o.code == 0);
+  const Json rows = page_data(dir / "out/report.html")["first"][1]["rows"];
+  std::vector<std::string> names;
+  for (const Json& row : rows) names.push_back(row[0]);
+  REQUIRE(names.size() > 4);
+  names.resize(4);
+  CHECK(names == std::vector<std::string>{"ridge (SPD + radar profile; 2 trainings)",
+                                          "small (mlp, SPD + radar profile)",
+                                          "mlp-512-256 (the paper's network, SPD + radar profile)",
+                                          "ridge-spd (ridge, SPD alone)"});
+}
+
+TEST_CASE("a report of models of the SPD alone needs no radar") {
+  const Folder dir;
+  write_run(dir / "run", 120, 1, [](record::FusedRecord& r) {
+    r.radar.clear();
+    r.valid.erase(Sensor::radar);
+  });
+  REQUIRE(recon_program("train -q --model ridge --inputs spd " + (dir / "run") + " --out " +
+                        (dir / "spd"))
+              .code == 0);
+  const Outcome o = recon_program("report " + (dir / "out") + " --run " + (dir / "run") +
+                                  " --model " + (dir / "spd") + " --live " + (dir / "run"));
+  CAPTURE(o.text);
+  REQUIRE(o.code == 0);
+  CHECK_THAT(o.text, Catch::Contains("spd (ridge, SPD alone), on "));
+}
+
 TEST_CASE("maps are packed in whole numbers, and a page's text cannot end its script") {
   const std::vector<float> values{0, 1.2345f, -1, 99, std::nanf("")};
   CHECK(packed16(values, 1e-3) == "AADTBAAA//8AAA==");  // 0, 1235 (0x04d3), 0, 65535, 0
   CHECK(packed8(values, 0.01) == "AHsA/wA=");           // 0, 123, 0, 255, 0
   CHECK(short_number(std::nan("")).is_null());
   CHECK(short_number(0.123456789) == 0.12346);
-  const std::string html = html_of(new_page("a <b>", "</script>\u202e", ""));
-  CHECK_THAT(html, Catch::Contains(R"("verdict":"<\/script>\\u202e")"));
+  const std::string html = html_of(new_page("<!--<script>", "</script>\u202e", ""));
+  CHECK_THAT(html, Catch::Contains(R"("title":"\u003c!--\u003cscript>")"));
+  CHECK_THAT(html, Catch::Contains(R"("verdict":"\u003c/script>\\u202e")"));
 }
 
 TEST_CASE("a shown record says what was measured, and where a sensor was missing") {

@@ -1,9 +1,10 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
 """tests/recon/report_page.py BIN_DIR: a report and the pages of studies in Chromium: nothing overflows or lies over something else, nothing is
-asked of others, all is drawn, light and dark, wide and narrow; maps and charts answer the pointer; paper. Exit code 77
-without Chromium."""
+asked of others, all is drawn, light and dark, wide and narrow; maps and charts answer the pointer; paper; a text that
+came from outside neither hides nor runs. Exit code 77 without Chromium."""
 import pathlib
+import sqlite3
 import subprocess
 import sys
 import tempfile
@@ -56,6 +57,15 @@ gl.readPixels(0, 0, gl.drawingBufferWidth, gl.drawingBufferHeight, gl.RGBA, gl.U
 return p.filter((v, i) => i % 4 == 3 && v > 0).length"""
 
 
+# Legends that tell nothing: values, and what is the x axis, while no pointer is there.
+LEGENDS = """return [...document.querySelectorAll('.u-live .u-value')].filter(v => getComputedStyle(v).visibility === 'visible').length"""
+# Corners of the floor below the points that are outside of their picture.
+FLOOR = """const c = document.getElementById('cloud'), gl = c.getContext('webgl'), wide = gl.drawingBufferWidth, high = gl.drawingBufferHeight;
+const row = (x, y, w, h) => { const p = new Uint8Array(4 * w * h); gl.readPixels(x, y, w, h, gl.RGBA, gl.UNSIGNED_BYTE, p); return p.some((v, i) => i % 4 === 3 && v > 0); };
+return row(0, 0, wide, 1) || row(0, 0, 1, high) || row(wide - 1, 0, 1, high)"""
+UNNAMED = """return [...document.querySelectorAll('.chart, .strip, main canvas[id]')].filter(at => !at.closest('[aria-label]')).map(at => at.id)"""
+
+
 def look(browser, page):
     """Whether all fits, light and dark, wide and narrow, and on paper."""
     for width in (1280, 390):
@@ -91,11 +101,13 @@ def fits(browser, name):
 with tempfile.TemporaryDirectory() as folder:
     folder = pathlib.Path(folder)
     run("echofuse-sim", "dataset", "-q", "--out", folder / "run.sqlite", "--records", 240)
+    with sqlite3.connect(folder / "run.sqlite") as records:
+        records.execute("UPDATE record SET label = '<!--<script>' WHERE label = 'person'")
     for inputs in ("fused", "spd"):
         run("echofuse-recon", "train", "-q", folder / "run.sqlite", "--model", "ridge", "--set", "fallback=false", "--inputs", inputs, "--out",
             folder / f"{inputs}.h5")
-    run("echofuse-recon", "report", folder / "page", "--run", folder / "run.sqlite", "--fused", folder / "fused.h5",
-        "--spd", folder / "spd.h5", "--live", folder / "run.sqlite")
+    run("echofuse-recon", "report", folder / "page", "--run", folder / "run.sqlite", "--model", folder / "fused.h5",
+        "--model", folder / "spd.h5", "--live", folder / "run.sqlite")
     run("echofuse-sim", "dataset", "-q", "--out", folder / "test.sqlite", "--records", 30, "--seed", 7)
     run("echofuse-recon", "study", "pareto", "-q", folder / "run.sqlite", folder / "test.sqlite", "--out", folder / "pareto", "--seeds", 2,
         "--models", "mean,nearest,nearest-4,nearest-16,silhouette,factorised-4", "--sweep-models", "silhouette", "--bound", ".014,.01")
@@ -108,10 +120,15 @@ with tempfile.TemporaryDirectory() as folder:
         look(browser, "report")
         chromium.drawn(browser)
         check("no points in space", browser.execute_script(DRAWN) != 0)
+        check("the floor is cut", not browser.execute_script(FLOOR))
+        check(f"charts without a name: {browser.execute_script(UNNAMED)}", not browser.execute_script(UNNAMED))
+        check("legends that tell nothing", browser.execute_script(LEGENDS) == 0)
         chromium.resize(browser, 1280, 900)
         headings = browser.execute_script("return [...document.querySelectorAll('h2')].map(h => h.id)")
         check(f"sections: {headings}", headings == ["failures", "gallery", "errors", "labels", "metrics", "cost", "records",
                                                     "space", "live", "made", "terms"])
+        labels = browser.execute_script("return document.getElementById('labels').parentElement.textContent")
+        check(f"the label of a stranger is shown as {labels}", "<!--<script>" in labels)
         # The pointer on one map tells of all, a drag shows a part, a double click the whole.
         maps = browser.find_elements("css selector", ".maps")[0].find_elements("css selector", "canvas")
         browser.execute_script("arguments[0].scrollIntoView({block: 'center'})", maps[0])
@@ -149,6 +166,11 @@ with tempfile.TemporaryDirectory() as folder:
         shown = browser.execute_script("return [...document.querySelectorAll('.named')].map(n => n.textContent)")
         check(f"the front names {shown}", sorted(shown) == sorted(2 * ["nearest", "nearest-4", "nearest-16", "silhouette", "factorised-4"]))
         check("the browser complains", not [m for m in browser.get_log("browser") if m["level"] == "SEVERE"])
+        ran = browser.execute_script("""const text = "document.title = 'ran'", script = document.createElement('script');
+            script.textContent = text, document.body.append(script);
+            document.body.insertAdjacentHTML('beforeend', `<img src="data:," onerror="${text}">`);
+            return new Promise(done => setTimeout(() => done(document.title), 200))""")
+        check(f"a script of strangers runs: {ran}", ran != "ran")
     finally:
         browser.quit()
 print("\n".join(faults) or "the report fits")

@@ -269,7 +269,7 @@ TEST_CASE("study stability: a small one, cut and continued, and refused with oth
   CHECK(iou_of(lines, "shifted-radar_offset,0.2,silhouette,fused,-,") < 0.3 * base);
   CHECK_THAT(first.text, Contains("shifted-radar_offset       silhouette"));
   const std::string page = text_of(out + "/stability.html");
-  CHECK_THAT(page, Contains("What fails first") && Contains("silhouette: below at ") &&
+  CHECK_THAT(page, Contains("What fails first") && Contains("silhouette: fails at ") &&
                        Contains("half at 0.05") &&
                        Contains("best baseline: nearest training record"));
   CHECK(page.find(", shifted\"") < page.find(", matched\""));

@@ -330,8 +330,9 @@ TEST_CASE("reconstruct and evaluate say how sure the model is") {
   CHECK_THAT(o.text, Catch::Contains("of 40 records are out of distribution: ") &&
                          Catch::Contains("1 empty"));
   const std::string table = contents(dir / "o/records.csv");
-  CHECK_THAT(table, Catch::StartsWith("record,status,after_slot_s,lateral_interval_90_m,distance,"
-                                      "two_bodies,out_of_distribution,uncertainty\n"));
+  CHECK_THAT(table,
+             Catch::StartsWith("record,status,after_slot_s,x_m,z_m,lateral_interval_90_m,distance,"
+                               "two_bodies,out_of_distribution,uncertainty\n"));
   CHECK_THAT(table, Catch::Contains("\n5,\"ok\",,,") && Catch::Contains(",\"empty\",calibrated\n"));
   const std::string png = contents(dir / "o/000007_sd.png");
   const auto mm = record::decode_png16(Bytes(png.begin(), png.end()), 64, 64);

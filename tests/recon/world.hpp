@@ -68,7 +68,7 @@ inline record::FusedRecord plate_record(std::int64_t index, double x, double z, 
     for (std::size_t c = 0; c < 64; ++c)
       if (std::abs(tangent.at(static_cast<double>(c)) - x / z) < 0.09)
         r.depth_mm[row * 64 + c] = static_cast<std::uint16_t>(std::lround(z * 1000));
-  for (const Sensor s : all_sensors) r.valid.insert(s);
+  for (const Sensor s : all_sensors) r.valid.insert(s), r.sync[s].verdict = "ok";
   return r;
 }
 

@@ -59,17 +59,17 @@ TEST_CASE("dropouts are at edges only, and as many as said") {
 TEST_CASE("a record's map is exact, or made of a frame as the product makes it") {
   Conditions c;
   const Scene scene = some_scene(c, 4);
-  const Axis x = record::MapGrid{}.x(), y = record::MapGrid{}.y();
+  const record::MapGrid grid;
   Rng rng = make_rng(3, 3), same = make_rng(3, 3);
-  CHECK(depth_map_mm(scene, x, y, c, rng) == render_depth_mm(scene, x, y));
+  CHECK(depth_map_mm(scene, grid, c, rng) == render_depth_mm(scene, grid.x(), grid.y()));
   CHECK(rng == same);
   c.depth_noise_m = 0.001;
   c.depth_dropout = 0.5;
-  const auto seen = depth_map_mm(scene, x, y, c, rng);
+  const auto seen = depth_map_mm(scene, grid, c, rng);
   const Axis columns = record::depth_x_axis(320, 0.8), rows = record::depth_y_axis(240, 0.6);
   auto frame = render_depth_mm(scene, columns, rows);
   disturb_depth(frame, 320, c, same);
-  const auto map = record::to_target(frame, columns, rows, x, y);
+  const auto map = record::to_target(frame, columns, rows, grid);
   for (std::size_t i = 0; i < map.size(); ++i)
     CHECK(seen[i] == static_cast<std::uint16_t>(std::lround(1000 * map[i])));
 }

@@ -176,6 +176,79 @@ TEST_CASE("an object stands on the floor at its place, turned and scaled") {
   std::filesystem::remove(path);
 }
 
+namespace {
+
+// Boxes that make a letter which no mirror leaves as it is, with a bump on its front at the top
+// left: x right, y up, z to who looks at it.
+using Bar = std::array<double, 6>;  // x, y and z, from and to
+const std::vector<Bar> letter_l{{0, .3, 0, 1.5, -.1, .1}, {.3, 1, 0, .4, -.1, .1}},
+    letter_f{{0, .3, 0, 1.5, -.1, .1}, {.3, 1, 1.2, 1.5, -.1, .1}, {.3, .8, .6, .8, -.1, .1}};
+constexpr Bar bump{0, .3, 1.1, 1.5, .1, .4};
+
+std::string letter_obj(std::vector<Bar> bars, Vec3 (*in_file)(Vec3)) {
+  bars.push_back(bump);
+  std::ostringstream out;
+  for (const Bar& b : bars)
+    for (int k = 0; k < 8; ++k) {
+      const auto at = [&](std::size_t axis, int bit) { return b[2 * axis + ((k >> bit) & 1)]; };
+      const Vec3 p = in_file({at(0, 0), at(1, 1), at(2, 2)});
+      out << "v " << p.x << ' ' << p.y << ' ' << p.z << '\n';
+    }
+  for (std::size_t n = 0; n < bars.size(); ++n)
+    for (const auto& f : {std::array{1, 2, 4, 3},
+                          {5, 6, 8, 7},
+                          {1, 2, 6, 5},
+                          {3, 4, 8, 7},
+                          {1, 3, 7, 5},
+                          {2, 4, 8, 6}}) {
+      out << 'f';
+      for (const int corner : f) out << ' ' << corner + 8 * static_cast<int>(n);
+      out << '\n';
+    }
+  return out.str();
+}
+
+}  // namespace
+
+TEST_CASE("an L and an F of a right-handed file are no mirror images, whichever axis is up") {
+  const auto path = std::filesystem::temp_directory_path() /
+                    ("echofuse-letter-" + std::to_string(getpid()) + ".obj");
+  struct File {
+    const char* up;
+    Vec3 (*in_file)(Vec3);
+  };
+  SceneSpec spec{SceneKind::object};
+  spec.x_m = 0, spec.z_m = 3.2, spec.yaw_deg = 0;
+  for (const bool is_l : {true, false})
+    for (const auto& [up, in_file] : {File{"y", [](Vec3 p) { return p; }},
+                                      {"z",
+                                       [](Vec3 p) {
+                                         return Vec3{p.x, -p.z, p.y};
+                                       }},
+                                      {"-y", [](Vec3 p) {
+                                         return Vec3{p.x, -p.y, -p.z};
+                                       }}}) {
+      CAPTURE(is_l, up);
+      const auto file = path.string() + up + (is_l ? "L" : "F");
+      std::ofstream(file) << letter_obj(is_l ? letter_l : letter_f, in_file);
+      Conditions c;
+      c.object = file, c.object_up = up, c.camera_height_m = 0.75;
+      const Scene scene = make_scene(c, spec, 1, 0);
+      const auto depth_m = [&](double x_m, double y_m) {
+        const double z = 3.2;
+        const Axis x{"x", "tangent", "1", 1, x_m / z, 1e-3},
+            y{"y", "tangent", "1", 1, y_m / z, 1e-3};
+        return double{cast(scene, 0, x, y)[0].z_m};
+      };
+      // The middle of the plan is at x = 0.5 and 0.15 m behind the front of the bump.
+      CHECK(depth_m(-0.35, 0.5) == Approx(2.95).margin(1e-3));   // the bump, towards the sensors
+      CHECK(depth_m(-0.35, -0.1) == Approx(3.25).margin(1e-3));  // the stem
+      CHECK((depth_m(0.3, -0.6) > 0) == is_l);                   // the foot
+      CHECK((depth_m(0.3, 0.55) > 0) == !is_l);                  // the upper arm
+      std::filesystem::remove(file);
+    }
+}
+
 TEST_CASE("damaged meshes are refused with their place") {
   const auto has = [](const std::string& part) { return Catch::Contains(part); };
   CHECK_THAT(refusal("v 0 0 zero\n"), has("a.mesh:1: found \"zero\"; expected a coordinate"));

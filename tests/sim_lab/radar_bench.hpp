@@ -2,15 +2,20 @@
 // The radar driver on two wires in memory, with the simulated firmware at their other end: every
 // byte is where the test put it, and nothing is lost but what the test takes away.
 #pragma once
+#include <algorithm>
+#include <catch2/catch.hpp>
 #include <chrono>
 #include <memory>
 #include <optional>
 #include <string>
 #include <vector>
 
+#include "../drivers/sink.hpp"
+#include "../paths.hpp"
 #include "../virtual/wire.hpp"
 #include "drivers/core/clock.hpp"
 #include "drivers/port/loop.hpp"
+#include "drivers/port/virtual_loop.hpp"
 #include "drivers/radar/radar_driver.hpp"
 #include "sim/devices/radar_firmware.hpp"
 #include "sim/wire/encode.hpp"
@@ -68,6 +73,69 @@ class RadarBoard {
   std::string line_;
   std::vector<std::string> lines_;
   Rng rng_ = make_rng(1, 1);
+};
+
+struct RadarBench {
+  explicit RadarBench(radar::RadarSetup with = {}) : board(loop), setup(std::move(with)) {
+    setup.address = "test";
+    setup.cli = board.cli.opener();
+    setup.data = board.data.opener();
+    setup.cfg_text = read_text(echofuse::test::source_dir + "/config/radar/xwr68xx_paper_50cm.cfg");
+    setup.cfg_name = "x.cfg";
+    for (const auto& line : radar::command_lines(setup.cfg_text)) whole_cfg.push_back(line.text);
+    whole_cfg.insert(whole_cfg.begin(), "version");
+    driver.emplace(loop, setup);
+  }
+  std::uint64_t count(const std::string& name) const { return counter(*driver, name); }
+  std::size_t frames() const { return sink.radar.size(); }
+  DeviceState state() const { return sink.state(); }
+  // A frame every 10 ms while the sensor runs, until the condition holds.
+  template <class Condition>
+  bool until(Condition condition, std::chrono::milliseconds limit = std::chrono::seconds(10)) {
+    const auto end = loop.now() + limit;
+    while (!condition()) {
+      if (loop.now() > end) return false;
+      if (board.running()) board.data.send(board.frame());
+      run_until(loop, condition, std::chrono::milliseconds(10));
+    }
+    return true;
+  }
+  void start() {
+    driver->start(sink);
+    REQUIRE(until([&] { return frames() >= 3; }));
+    CHECK(board.heard() == whole_cfg);
+  }
+  void plug(bool in) {
+    board.cli.plug(in);
+    board.data.plug(in);
+  }
+  // From now to the next frame.
+  double seconds_to_frame() {
+    const std::size_t before = frames();
+    const HostTime from = loop.now();
+    REQUIRE(until([&] { return frames() > before; }));
+    return seconds(loop.now() - from);
+  }
+  bool faulted() {
+    return until([&] { return state() == DeviceState::faulted; });
+  }
+  bool told(const std::string& beginning) const {
+    return std::any_of(sink.events.begin(), sink.events.end(),
+                       [&](const std::string& event) { return event.starts_with(beginning); });
+  }
+  // Nothing before the first frame was sent, and nothing is without a trace.
+  void check_all_accounted_for() const {
+    std::uint32_t lost = 0;
+    for (const RadarFrame& f : sink.radar) lost += f.lost_before;
+    CHECK(sink.radar.front().frame_number + frames() - 1 + lost == sink.radar.back().frame_number);
+  }
+
+  port::VirtualLoop loop;
+  RadarBoard board;
+  radar::RadarSetup setup;
+  KeepingSink sink;
+  std::vector<std::string> whole_cfg;
+  std::optional<radar::RadarDriver> driver;
 };
 
 }  // namespace echofuse::test

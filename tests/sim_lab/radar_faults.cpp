@@ -4,9 +4,6 @@
 #include <catch2/catch.hpp>
 #include <set>
 
-#include "../drivers/sink.hpp"
-#include "../paths.hpp"
-#include "drivers/port/virtual_loop.hpp"
 #include "lab_thread.hpp"
 #include "radar_bench.hpp"
 
@@ -16,6 +13,7 @@ using namespace std::chrono_literals;
 
 namespace {
 
+using Bench = RadarBench;
 using Strings = std::vector<std::string>;
 
 const Strings restart{"version", "sensorStop", "sensorStart 0"};
@@ -24,69 +22,6 @@ const std::string calibration = "compRangeBiasAndRxChanPhase 0.0123456" + [] {
   for (int i = 0; i < 12; ++i) text += " -1.23456 0.12345";
   return text;
 }();
-
-struct Bench {
-  explicit Bench(radar::RadarSetup with = {}) : board(loop), setup(std::move(with)) {
-    setup.address = "test";
-    setup.cli = board.cli.opener();
-    setup.data = board.data.opener();
-    setup.cfg_text = read_text(echofuse::test::source_dir + "/config/radar/xwr68xx_paper_50cm.cfg");
-    setup.cfg_name = "x.cfg";
-    for (const auto& line : radar::command_lines(setup.cfg_text)) whole_cfg.push_back(line.text);
-    whole_cfg.insert(whole_cfg.begin(), "version");
-    driver.emplace(loop, setup);
-  }
-  std::uint64_t count(const std::string& name) const { return counter(*driver, name); }
-  std::size_t frames() const { return sink.radar.size(); }
-  DeviceState state() const { return sink.state(); }
-  // A frame every 10 ms while the sensor runs, until the condition holds.
-  template <class Condition>
-  bool until(Condition condition, std::chrono::milliseconds limit = 10s) {
-    const auto end = loop.now() + limit;
-    while (!condition()) {
-      if (loop.now() > end) return false;
-      if (board.running()) board.data.send(board.frame());
-      run_until(loop, condition, 10ms);
-    }
-    return true;
-  }
-  void start() {
-    driver->start(sink);
-    REQUIRE(until([&] { return frames() >= 3; }));
-    CHECK(board.heard() == whole_cfg);
-  }
-  void plug(bool in) {
-    board.cli.plug(in);
-    board.data.plug(in);
-  }
-  // From now to the next frame.
-  double seconds_to_frame() {
-    const std::size_t before = frames();
-    const HostTime from = loop.now();
-    REQUIRE(until([&] { return frames() > before; }));
-    return seconds(loop.now() - from);
-  }
-  bool faulted() {
-    return until([&] { return state() == DeviceState::faulted; });
-  }
-  bool told(const std::string& beginning) const {
-    return std::any_of(sink.events.begin(), sink.events.end(),
-                       [&](const std::string& event) { return event.starts_with(beginning); });
-  }
-  // Nothing before the first frame was sent, and nothing is without a trace.
-  void check_all_accounted_for() const {
-    std::uint32_t lost = 0;
-    for (const RadarFrame& f : sink.radar) lost += f.lost_before;
-    CHECK(sink.radar.front().frame_number + frames() - 1 + lost == sink.radar.back().frame_number);
-  }
-
-  port::VirtualLoop loop;
-  RadarBoard board;
-  radar::RadarSetup setup;
-  KeepingSink sink;
-  Strings whole_cfg;
-  std::optional<radar::RadarDriver> driver;
-};
 
 radar::RadarSetup hasty() {
   radar::RadarSetup setup;
@@ -214,6 +149,24 @@ TEST_CASE("the firmware's exception is a failure with its words, whenever it com
   CHECK(b.sink.events.back() ==
         "Exception: ../mss_main.c, line 1234. (the firmware has stopped: reset the board)");
   CHECK(b.seconds_to_frame() < 10);
+}
+
+TEST_CASE("what the board said last is not hidden by its silence, until a frame comes") {
+  Bench b(hasty());
+  b.start();
+  b.board.say("Exception: mmw_cli.c, line 263.\n");
+  b.board.cli.cut = true;
+  REQUIRE(
+      b.until([&] { return b.told("Exception: mmw_cli.c, line 263. (the firmware has stopped"); }));
+  const std::string then = "; then: it answers no more: reset the board";
+  REQUIRE(b.until([&] { return b.sink.events.back().ends_with(then); }));
+  CHECK(b.sink.events.back().starts_with("Exception: mmw_cli.c, line 263."));
+  b.board.power_up();
+  b.board.cli.cut = false;
+  b.seconds_to_frame();
+  b.plug(false);
+  REQUIRE(b.faulted());
+  CHECK(b.sink.events.back().find("Exception") == std::string::npos);
 }
 
 TEST_CASE("damaged data: at most one frame is lost beyond the damaged ones, and all are counted") {

@@ -90,6 +90,12 @@ TEST_CASE("echo, answers and prompt") {
         "queryDemoStatus\nSensor State: 0\n\rData port baud rate: 921600\n\rDone\n\rmmwDemo:/>");
 }
 
+TEST_CASE("a tab parts no words") {
+  Console console;
+  CHECK_THAT(console.send("\tsensorStop\n"), Catch::Contains("'\tsensorStop' is not recognized"));
+  CHECK_THAT(console.send("frameCfg\t0 2 32 0 50 1 0\n"), Catch::Contains("is not recognized"));
+}
+
 TEST_CASE("a line of more than 255 characters is cut there") {
   Console console;
   const std::string long_line = "% " + std::string(300, 'x') + "\n";

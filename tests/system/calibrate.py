@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: MIT
 """tests/system/calibrate.py BIN_DIR TEST: what only the simulated laboratory knows is measured with its reflector and goes
 with a run; without that it spoils what a model makes of the run."""
+import contextlib
 import json
 import pathlib
 import sqlite3
@@ -65,6 +66,14 @@ class Calibrate(unittest.TestCase):
                                          stdout=subprocess.PIPE).stdout)["meta"]
         self.assertEqual(made["radar_taps"].split()[:16], response["radar_taps"].split()[:16])
         self.assertEqual(made["irf_fwhm_ps"], response["irf_fwhm_ps"].partition(" +- ")[0])
+        # Both runs train together: their axes are the same.
+        axes = []
+        for path in self.dir / "run.sqlite", like:
+            with contextlib.closing(sqlite3.connect(path)) as db:
+                axes.append(db.execute("SELECT name, unit, count, start, step FROM axis WHERE name IN "
+                                       "('spd', 'radar', 'map_x', 'map_y', 'map_z') ORDER BY name").fetchall())
+        self.assertEqual(len(axes[0]), 5)
+        self.assertEqual(*axes)
         for kept, measured in zip(info["calibrations"], (spd, radar)):
             self.assertAlmostEqual(kept["offset_m"], measured["offset_m"], 12)
 

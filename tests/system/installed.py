@@ -89,6 +89,8 @@ class Installed(unittest.TestCase):
         self.assertIn(f"\nExecStart={self.prefix}/bin/echofuse-acquire run ", unit)
         unit = (self.prefix / "lib/systemd/user/echofuse-bridge@.service").read_text()
         self.assertIn(f"\nExecStart={self.prefix}/bin/echofuse-bridge-%i $OPTIONS\n", unit)
+        for line in ("NoNewPrivileges=yes", "PrivateTmp=yes", "ProtectSystem=strict", "WorkingDirectory=%C/echofuse"):
+            self.assertIn(f"\n{line}\n", unit)
 
     def test_manual_pages(self):
         pages = {path.name for path in (self.prefix / "share/man/man1").iterdir()}

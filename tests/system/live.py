@@ -2,9 +2,11 @@
 # SPDX-License-Identifier: MIT
 """tests/system/live.py BIN_DIR [TEST]: the real daemon records from the real simulated laboratory,
 through TCP, two ptys and the stock OpenNI2 library."""
+import fcntl
 import json
 import os
 import pathlib
+import pty
 import re
 import signal
 import sqlite3
@@ -12,6 +14,7 @@ import struct
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 import unittest
 
@@ -31,9 +34,10 @@ class Live(unittest.TestCase):
         self.dir = pathlib.Path(self.folder.name)
         self.run = self.dir / "run.sqlite"
         self.processes = []
+        sent = ("--log", self.dir / "sent.jsonl") if self._testMethodName == "test_hangup" else ()
         with open(self.dir / "lab.log", "w") as log:
             self.lab = self.start([bin_dir / "echofuse-sim", "lab", "--dir", self.dir / "lab", "--scene", "mixed",
-                                   "--window", str(WINDOW_S), *self.lab_options], stdout=log, stderr=log)
+                                   "--window", str(WINDOW_S), *self.lab_options, *sent], stdout=log, stderr=log)
         wait_for("lab.toml", lambda: (self.dir / "lab/lab.toml").exists() or self.lab.poll() is not None)
         self.assertIsNone(self.lab.poll(), (self.dir / "lab.log").read_text())
 
@@ -164,6 +168,83 @@ class Live(unittest.TestCase):
         self.assertLess(time.monotonic() - sent, 5)
         self.assertEqual(daemon.returncode, 0, log)
         self.assertEqual((self.info()["status"], self.info()["records"]), ("stopped:interrupted", 0))
+
+    def test_hangup(self):
+        """A terminal that is gone ends each command as SIGTERM does, and stops the radar."""
+        env = os.environ | {"LD_LIBRARY_PATH": str(self.dir / "lab/openni")}
+        config = ("--config", self.dir / "lab/lab.toml")
+        commands = {"run": ("run", *config, "--out", self.run.with_suffix(""), "--count", "1000"),
+                    "calibrate": ("calibrate", *config, "--time", "50"), "doctor": ("doctor", *config)}
+        for name, words in commands.items():
+            sent = self.frames()
+            program = self.start([bin_dir / "echofuse-acquire", *words], env=env, stdout=subprocess.PIPE,
+                                 stderr=subprocess.PIPE, text=True)
+            wait_for("frames of the radar", lambda: self.frames() > sent + 4)
+            program.send_signal(signal.SIGHUP)
+            said = program.communicate(timeout=20)[1]
+            self.assertEqual(program.returncode, 0 if name == "run" else 130, (name, said))
+            sent = self.frames()
+            time.sleep(0.5)
+            self.assertEqual(self.frames(), sent, name)
+        self.assertEqual(self.info()["status"], "complete")
+        self.assertEqual(self.info()["records"], len(self.rows()))
+        ignoring = self.start(["nohup", bin_dir / "echofuse-acquire", *commands["run"][:4], self.dir / "kept", "--count", "8"],
+                              env=env, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        wait_for("its file", (self.dir / "kept.sqlite").exists)
+        ignoring.send_signal(signal.SIGHUP)
+        self.assertEqual(ignoring.wait(30), 0)
+        self.run = self.dir / "kept.sqlite"
+        self.assertEqual(self.info()["records"], 8)
+
+    def frames(self):
+        return (self.dir / "sent.jsonl").read_text().count('"radar"')
+
+    def test_output_held(self):
+        """Neither a terminal that is held nor a pipe that nobody reads stops a run, nor a reader that goes away."""
+        for what in "released", "held", "gone":
+            master, slave = pty.openpty()
+            reader, writer = os.pipe()
+            fcntl.fcntl(writer, fcntl.F_SETPIPE_SZ, 4096)
+            if what == "gone":
+                os.close(reader)
+                os.close(master)
+            else:
+                os.write(writer, b"\n" * 4096)
+                os.write(master, b"\x13")  # Ctrl-S
+            self.run = self.dir / f"{what}.sqlite"
+            env = os.environ | {"LD_LIBRARY_PATH": str(self.dir / "lab/openni"), "TERM": "xterm"}
+            daemon = self.start([bin_dir / "echofuse-acquire", "run", "--json", "-v", "--config", self.dir / "lab/lab.toml",
+                                 "--out", self.run, "--count", "22"], env=env, stdout=writer, stderr=slave)
+            os.close(writer)
+            os.close(slave)
+            wait_for("records", lambda: self.committed() >= 14)
+            said = {}
+            if what == "released":
+                os.write(master, b"\x11")
+                readers = [threading.Thread(target=self.read, args=(said, end)) for end in (master, reader)]
+                for each in readers:
+                    each.start()
+                for each in readers:
+                    each.join(30)
+            self.assertEqual(daemon.wait(30), 0, what)
+            self.assertEqual((self.info()["status"], self.info()["records"]), ("complete", 22), what)
+            self.check_slots(self.rows())
+            if what == "released":
+                events = [json.loads(line) for line in said[reader].split()]
+                self.assertEqual([events[0]["event"], events[-1]], ["run", {"event": "end", "on_disk": 22, "code": 0}])
+                self.assertEqual([e["on_disk"] for e in events[1:-1]], list(range(1, 23)))
+                self.assertIn("record 21: committed", said[master])
+                self.assertIn("22 of 22 records, complete", said[master])
+                self.assertRegex(said[master], r"\d+ lines were left out, nobody took them")  # status lines
+
+    @staticmethod
+    def read(said, end):
+        said[end] = ""
+        try:
+            while data := os.read(end, 4096):
+                said[end] += data.decode()
+        except OSError:  # a terminal without programs
+            pass
 
     def test_annotate(self):
         """Another process remarks, labels, reads and exports while the run is written."""

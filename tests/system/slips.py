@@ -24,7 +24,7 @@ acquire run --uot x | 2 | --uot: no such option; the nearest is --out
 acquire run --count 0 | 2 | --count: Value 0: expected a positive number
 acquire run --count 1e30 | 2 | --count = 1e30: expected a number
 acquire run --meta x | 3 | no configuration
-acquire config check --config TEMPLATE | 3 | radar.cli still has the template's XXXXXXXX; echofuse-acquire devices prints
+acquire config check --config TEMPLATE | 3 | lab.toml:39:1: radar.cli: still has the template's XXXXXXXX; echofuse-acquire devices prints
 acquire | 2 | a command is required
 acquire lst | 2 | lst: no such command; the nearest is list
 acquire info nofile | 1 | nofile
@@ -46,7 +46,7 @@ recon train seen.sqlite --out m --set scaling=log | 3 | expected
 recon reconstruct seen.sqlite seen.sqlite --out maps | 1 | seen.sqlite: is no model file, or is cut off; expected a safetensors file
 recon reconstruct nomodel seen.sqlite --out maps --format gif | 2 | --format: gif not in {colour,mm,ply,npz,uncertainty}
 recon report page | 2 | nothing to report on: give --run with models, or --live
-recon report page --fused x | 2 | models need --run
+recon report page --model x | 2 | models need --run
 recon study pareto seen.sqlite | 2 | test is required
 recon --threads many train x --out m | 2 | --threads
 sim dataset --out seen.sqlite --records 4 | 1 | seen.sqlite: exists

@@ -184,7 +184,31 @@ class Slurm(unittest.TestCase):
         self.assertEqual(len(list((self.dir / "work/spread").glob("stability-part-*-of-4.csv"))), 4)
 
 
-if os.geteuid() != 0 or not all(shutil.which(name) for name in NEEDED):
+class Resubmitted(unittest.TestCase):
+    """Tasks of an array that is submitted again in part: by the scripts alone, without Slurm."""
+
+    def task(self, folder, script, *words):
+        return subprocess.run([scripts / script, *words], cwd=folder, text=True, capture_output=True,
+                              env={**os.environ, "PATH": f"{bin_dir}:{os.environ['PATH']}", "SLURM_JOB_ID": "9",
+                                   "SLURM_ARRAY_TASK_ID": "3", "SLURM_ARRAY_TASK_COUNT": "2", "SLURM_ARRAY_TASK_MIN": "3"})
+
+    def test_a_task_makes_its_own_part(self):
+        with tempfile.TemporaryDirectory() as folder:
+            done = self.task(folder, "dataset.sbatch", "8", ".", "--records", "16")
+            self.assertEqual(done.returncode, 0, done.stderr)
+            with contextlib.closing(sqlite3.connect(f"{folder}/part-3.sqlite")) as db:
+                self.assertEqual(db.execute("SELECT idx FROM record ORDER BY idx").fetchall(), [(4,), (5,)])
+            said = self.task(folder, "study.sbatch", "8", "echo", "a study").stdout
+            self.assertEqual(said, "a study --part 3/8\n")
+
+    def test_a_refused_part_leaves_no_file(self):
+        with tempfile.TemporaryDirectory() as folder:
+            for words in (["2", "."], ["none", "."]):
+                done = self.task(folder, "dataset.sbatch", *words)
+                self.assertEqual((done.returncode, os.listdir(folder)), (2, []), done.stderr)
+
+
+if "Resubmitted" not in sys.argv and (os.geteuid() != 0 or not all(shutil.which(name) for name in NEEDED)):
     print("skipped: needs root, and", ", ".join(NEEDED))
     sys.exit(77)
 unittest.main()

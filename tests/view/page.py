@@ -14,6 +14,7 @@ import chromium
 from selenium.webdriver.common.action_chains import ActionChains
 
 import live_view
+import proxy
 from live import WINDOW_S, bin_dir, wait_for
 
 PATIENCE_S = 60  # a busy machine draws slowly
@@ -21,12 +22,15 @@ PATIENCE_S = 60  # a busy machine draws slowly
 
 # By how much numbers and lamps move when status and label get their longest words.
 header_jumps = """
-  const at = () => ['numbers', 'lamps', 'transport'].map(id => document.getElementById(id).getBoundingClientRect()).flatMap(r => [r.left, r.top]);
-  const say = (status, label) => {
-    document.getElementById('status').textContent = status, document.getElementById('label').textContent = label;
+  const at = () => ['numbers', 'lamps', 'transport', 'card-histogram', 'card-maps'].map(id => document.getElementById(id).getBoundingClientRect()).flatMap(r => [r.left, r.top]);
+  const say = words => {
+    for (const id in words) document.getElementById(id).textContent = words[id];
     return at();
   };
-  const short = say('complete', '–'), long = say('recording; look at SPD, radar, depth camera', 'a person who holds the letter C');
+  const label = 'a person who holds the letter C and walks from the wall on the left to the window and back again, slowly, '.repeat(2);
+  const short = say({status: 'complete', label: '–', shown: '–', records: '1', elapsed: '0:01', disk: '1 GB', about: 'records of 3 s'}),
+    long = say({status: 'recording; look at SPD, radar, depth camera', label, shown: `record 7, ${label}`, records: '123456 / 200000',
+                elapsed: '123:45:06', disk: '81.5 GB (123:45:06)', about: `records of 3 s on a-long-name.${'department.'.repeat(9)}example.org by ${label}`});
   return Math.max(...short.map((v, i) => Math.abs(v - long[i])));
 """
 
@@ -176,6 +180,33 @@ class Page(live_view.LiveView):
         asked = self.js("return performance.getEntriesByType('resource').map(e => new URL(e.name).host)")
         self.assertEqual(set(asked), {address.split("/")[2]})
 
+    def test_proxy(self):
+        """Behind a web server all works below a path; one that passes too little on is named as the reason."""
+        scenes = self.dir / "scenes.sqlite"
+        subprocess.run([bin_dir / "echofuse-sim", "dataset", "-q", "--out", scenes, "--records", "8"], check=True)
+        process = self.start([bin_dir / "echofuse-view", self.dir, "--listen", "127.0.0.1:0"], stdout=subprocess.PIPE, text=True)
+        before = proxy.Proxy(process.stdout.readline().strip())
+        self.addCleanup(before.close)
+        self.browser.get(f"{before.address}/lab/")
+        card = "return document.querySelector('.run h2')?.textContent"
+        self.wait("run in the list", lambda: self.js(card) == scenes.stem)
+        self.js("document.querySelector('.run').click()")
+        self.wait("its record", lambda: self.js("return window.framesSeen") > 0)
+        self.assertEqual(self.js("return location.pathname"), "/lab/run/scenes/")
+        named = "return [...document.querySelectorAll('.chart, .strip')].filter(at => at.role !== 'img' || !at.ariaLabel).map(at => at.id)"
+        self.assertEqual(self.js(named), [])
+        self.browser.find_element("id", "runs").click()
+        self.wait("list again", lambda: self.js(card) == scenes.stem)
+        self.browser.find_element("id", "newest").click()
+        self.wait("the newest run", lambda: self.js("return window.framesSeen") > 0)
+        self.browser.find_element("id", "runs").click()
+        self.wait("list once more", lambda: self.js(card) == scenes.stem)
+        self.browser.get(f"{before.address}/plain/newest/")
+        self.wait("reason", lambda: "no WebSocket comes through" in self.text("trouble"))
+        self.assertEqual(self.text("status"), "no connection to the viewer")
+        process.terminate()
+        process.wait(10)
+
     def chooser(self, scenes):
         """A click on a run of the folder opens it, and a link leads back."""
         process = self.start([bin_dir / "echofuse-view", self.dir, "--listen", "127.0.0.1:0"], stdout=subprocess.PIPE, text=True)
@@ -270,4 +301,4 @@ class Page(live_view.LiveView):
 
 
 if __name__ == "__main__":
-    unittest.main(argv=[sys.argv[0], "Page.test_page"])
+    unittest.main(argv=[sys.argv[0], "Page.test_page", "Page.test_proxy"])

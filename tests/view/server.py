@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: MIT
 """tests/view/server.py BIN_DIR [TEST]: echofuse-view over real sockets, beside a finished run."""
 import base64
+import contextlib
 import hashlib
 import http.client
 import json
@@ -20,6 +21,7 @@ import time
 import unittest
 import urllib.parse
 
+import proxy
 from websocket import Client, Refused
 
 bin_dir = pathlib.Path(sys.argv[1]).resolve()
@@ -130,7 +132,7 @@ class Server(unittest.TestCase):
     def test_refused(self):
         url = urllib.parse.urlsplit(self.address)
         for headers, status in (([], 101), ([f"Origin: http://{url.netloc}"], 101), (["Origin: http://evil.example"], 403),
-                                (["Origin: null"], 403), ([f"Origin: https://{url.netloc}"], 403),
+                                (["Origin: null"], 403), ([f"Origin: https://{url.netloc}"], 101),
                                 (["Host: evil.example"], 421), ([f"Host: evil.example:{url.port}"], 421),
                                 (["Host: 10.0.0.1"], 421), (["Host: localhost"], 101), (["Host: "], 421)):
             try:
@@ -141,6 +143,7 @@ class Server(unittest.TestCase):
         for path, method, status in (("/", "GET", 200), ("/", "HEAD", 200), ("/", "POST", 405), ("/../etc/passwd", "GET", 404),
                                      ("/live", "GET", 426), ("/nothing", "GET", 404), ("/index.html/", "GET", 404)):
             self.assertEqual(self.get(path, method=method)[0].status, status, path)
+        proxy.check_requests(self)
         # A target that is no path is refused, and nobody else notices.
         for target in (b"?", b"?token=1", b"live", b"http://localhost/", b"*"):
             self.assertIn(b" 400 ", self.raw(b"GET " + target + b" HTTP/1.1\r\nHost: localhost\r\n\r\n")[:40], target)
@@ -371,8 +374,23 @@ class Server(unittest.TestCase):
             self.assertIn("newest.sqlite: is a FIFO; expected a regular file", refused.stderr)
         finally:
             fifo.unlink()
-        nothing = subprocess.run([bin_dir / "echofuse-view", "--text", self.folder.name + "/none"], capture_output=True,
-                                 text=True)
+        # Which began last is the newest, not which was written last; a file that is no run is none.
+        earlier, junk = (pathlib.Path(self.folder.name, f"{name}.sqlite") for name in ("earlier", "junk"))
+        shutil.copy(self.run_file, earlier)
+        with contextlib.closing(sqlite3.connect(earlier)) as db, db:
+            db.execute("UPDATE run SET started_utc = '2001-01-01T00:00:00.000Z'")
+        junk.write_text("no database")
+        try:
+            self.assertRegex(subprocess.run([bin_dir / "echofuse-view", "--text", self.folder.name], check=True,
+                                            capture_output=True, text=True).stdout, "^scenes.sqlite")
+            self.assertIn(f"\nechofuse_records_total {RECORDS}\n", self.get("/metrics")[1].decode())
+            refused = subprocess.run([bin_dir / "echofuse-view", junk], capture_output=True, text=True, timeout=20)
+            self.assertEqual((refused.returncode, refused.stdout), (1, ""))
+            self.assertIn("junk.sqlite: not an echofuse run file", refused.stderr)
+        finally:
+            earlier.unlink()
+            junk.unlink()
+        nothing = subprocess.run([bin_dir / "echofuse-view", "--text", self.folder.name + "/none"], capture_output=True, text=True)
         self.assertEqual(nothing.returncode, 1)
         self.assertIn("no run yet", nothing.stderr)
 

@@ -31,6 +31,7 @@ TEST_CASE("a page of another origin opens no WebSocket") {
   const Access access;
   CHECK(access.takes_origin("", "127.0.0.1:8410"));
   CHECK(access.takes_origin("http://127.0.0.1:8410", "127.0.0.1:8410"));
+  CHECK(access.takes_origin("https://127.0.0.1:8410", "127.0.0.1:8410"));
   for (const char* origin : {"null", "http://127.0.0.1", "http://127.0.0.1:8411", "file://",
                              "http://evil.example", "http://127.0.0.1:8410.evil.example"})
     CHECK_FALSE(access.takes_origin(origin, "127.0.0.1:8410"));

@@ -1,17 +1,28 @@
 // SPDX-License-Identifier: MIT
 #include "recon/models/network/ensemble.hpp"
 
+#include "drivers/program/console.hpp"
+
 namespace echofuse::recon {
 
 TrainingLog Ensemble::fit(const Examples& train, const Examples& validation, Spread spread,
                           Training training, std::size_t networks, const std::string& title) {
   TrainingLog log;
   networks_.clear();
+  const std::size_t all = networks * training.epochs;
+  Progress progress(title + " of the body", all, training.quiet);
   while (networks_.size() < networks && !log.interrupted) {
-    log =
-        networks_.emplace_back().fit(train, validation, spread, training, title, " of the spread");
+    const std::size_t before = networks_.size() * training.epochs;
+    const std::string which =
+        "network " + std::to_string(networks_.size() + 1) + " of " + std::to_string(networks);
+    log = networks_.emplace_back().fit(
+        train, validation, spread, training, title, [&](std::size_t epochs, double loss) {
+          if (before + epochs < all)
+            progress.update(before + epochs, which + ", validation loss " + std::to_string(loss));
+        });
     training.seed = mix(training.seed);
   }
+  if (!log.interrupted) progress.update(all, std::to_string(networks) + " networks");
   return log;
 }
 

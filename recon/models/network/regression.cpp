@@ -97,8 +97,7 @@ void Regression::standardise(const Examples& train, Spread spread,
 }
 
 TrainingLog Regression::fit(const Examples& train, const Examples& validation, Spread spread,
-                            const Training& training, const std::string& title,
-                            const std::string& unit) {
+                            const Training& training, const std::string& title, const Told& told) {
   standardise(train, spread, training.weights);
   std::vector<std::size_t> widths{train.inputs.cols};
   widths.insert(widths.end(), training.hidden.begin(), training.hidden.end());
@@ -116,13 +115,12 @@ TrainingLog Regression::fit(const Examples& train, const Examples& validation, S
   s.best = s.parameters;
   // Weights that never do better than the mean of the targets are not kept.
   if (!validation.rows.empty()) s.least = rms_error(validation, s.parameters);
-  Progress progress(title, training.epochs, training.quiet);
   while (s.epoch < training.epochs && s.epoch - s.log.best_epoch < training.patience) {
     train_epoch(train, training, s);
     const bool broken = interrupted();
     if (s.row == 0) break;
     judge(validation, s, title);
-    progress.update(s.epoch, "validation " + std::to_string(s.log.validation_loss.back()) + unit);
+    if (told) told(s.epoch, s.log.validation_loss.back());
     if (broken) break;
   }
   s.log.interrupted = interrupted();

@@ -61,10 +61,12 @@ struct TrainingState {
 
 class Regression {
  public:
-  // The log is in units of the targets (common) or of their standard deviations (each). `title` and
-  // `unit` are for the progress line. Throws Error(failed) if training diverges.
+  // The log is in units of the targets (common) or of their standard deviations (each). `told`
+  // takes the epochs that are done and the validation loss. Throws Error(failed), which begins with
+  // the title, if training diverges.
+  using Told = std::function<void(std::size_t epochs, double validation_loss)>;
   TrainingLog fit(const Examples& train, const Examples& validation, Spread spread,
-                  const Training& training, const std::string& title, const std::string& unit);
+                  const Training& training, const std::string& title, const Told& told = {});
   // It moves the answers by part of their median error, and scales them by part of the median slope
   // (Tuning::belief).
   void correct(const Examples& train);

@@ -47,9 +47,9 @@ class Estimator:
         self.axes = {name: {key: self.f[f"axes/{name}/{key}"] for key in keys}
                      for name, taken in takes.items() if taken and self.f.get(f"axes/{name}/count", 0)}
 
-    def matched(self, name: str, table: np.ndarray) -> np.ndarray:
-        """As many values as the estimator takes of the sensor; none if it does without."""
-        return table[:, :self.axes[name]["count"] if name in self.axes else 0]
+    def matched(self, name: str, axis: runs.Axis | None, table: np.ndarray) -> np.ndarray:
+        """Values on the axis that the estimator takes of the sensor; none if it does without."""
+        return table[:, :0] if axis is None or name not in self.axes else axis.resampled(table, self.axes[name])
 
     def predict(self, counts: np.ndarray, power: np.ndarray, lags: np.ndarray) -> np.ndarray:
         """counts [n, bins], power [n, points], lags [n, points, 2 D + 1] or [n, 0, 1]: maps [n, N, N] in metres."""
@@ -67,6 +67,7 @@ class Maps:
     depth_x: NDArray[np.float64]  # tangents of the pixel centres
     depth_y: NDArray[np.float64]
     inputs: list[str]  # of the estimator that answered, a record each
+    half_tangent: float  # of the edges of the field
 
 
 class Model:
@@ -93,7 +94,7 @@ class Model:
         by = np.full(len(run), -1)
         for k, estimator in enumerate(self.estimators):
             antennas = estimator.axes.get("array")
-            if antennas is not None and (run.lags_axis is None or not run.lags_axis.covers(antennas)):
+            if antennas is not None and (run.lags_axis is None or not run.lags_axis.is_near(antennas)):
                 continue
             able = {"fused": spd & radar, "fused-profile": spd & radar, "spd": spd, "radar": radar}[estimator.inputs]
             if antennas is not None:
@@ -101,11 +102,12 @@ class Model:
             rows = np.flatnonzero(able & (by < 0))
             if len(rows) == 0:
                 continue
-            for name, axis in (("spd", run.axes.get("spd")), ("radar", run.power_axis)):
-                if name in estimator.axes and not axis.covers(estimator.axes[name]):
+            axes = {"spd": run.axes.get("spd"), "radar": run.power_axis, "array": run.lags_axis}
+            for name, axis in axes.items():
+                if name in estimator.axes and not axis.is_near(estimator.axes[name]):
                     raise ValueError(f"{run.path}: its {name} axis is {axis}; {self.path} takes {estimator.axes[name]}")
             by[rows] = k
-            spd_part, *of_radar = (estimator.matched(name, table[rows]) for name, table in
+            spd_part, *of_radar = (estimator.matched(name, axes[name], table[rows]) for name, table in
                                    (("spd", counts), ("radar", power), ("array", lags)))
             if weights is not None:
                 of_radar = [filtered(table, weights) for table in of_radar]
@@ -113,9 +115,9 @@ class Model:
         seen = np.flatnonzero(by >= 0)
         half = first.f["scene/map_half_tangent"]
         pixel = half * ((2 * np.arange(first.size) + 1) / first.size - 1)
-        depth_m = np.minimum(np.where(maps[seen] > 0, maps[seen], np.float32(np.nan)), np.float32(6))
+        depth_m = np.minimum(np.where(maps[seen] > 0, maps[seen], np.float32(np.nan)), np.float32(first.f["scene/map_z_max_m"]))
         return Maps(depth_m, run.index[seen], pixel, -pixel,
-                    [self.estimators[k].inputs for k in by[seen]])
+                    [self.estimators[k].inputs for k in by[seen]], half)
 
 
 def same(table: NDArray[np.float32]) -> NDArray[np.bool_]:

@@ -10,9 +10,7 @@ from __future__ import annotations
 
 import csv
 import pathlib
-import sqlite3
 from collections.abc import Iterable, Sequence
-from contextlib import closing
 from typing import Any
 
 import numpy as np
@@ -78,19 +76,19 @@ def draw_map(ax: Axes, depth_m: ArrayLike, x: ArrayLike, y: ArrayLike, span: tup
         ax.figure.colorbar(image, ax=ax, label="m" if span else "", shrink=0.85)
 
 
-def map(depth_m: ArrayLike, half_tangent: float = 1.0, *, span: tuple[float, float] | None = None,  # noqa: A001
+def map(depth_m: ArrayLike, half_tangent: float, *, span: tuple[float, float] | None = None,  # noqa: A001
         title: str = "") -> Figure:
-    """One map of a model [N, N]; half_tangent: of the edges of its field (a model's "scene/map_half_tangent")."""
+    """One map of a model [N, N]; half_tangent: of the edges of its field (Maps.half_tangent)."""
     return maps({title: depth_m}, half_tangent, span=span)
 
 
-def maps(named: dict[str, ArrayLike], half_tangent: float = 1.0, *, span: tuple[float, float] | None = None) -> Figure:
+def maps(named: dict[str, ArrayLike], half_tangent: float, *, span: tuple[float, float] | None = None) -> Figure:
     """Maps of the same record side by side, over the same span."""
     span = span or span_of(np.concatenate([np.ravel(values) for values in named.values()]))
     return side_by_side(named, half_tangent, [span] * len(named))
 
 
-def shares(named: dict[str, ArrayLike], half_tangent: float = 1.0) -> Figure:
+def shares(named: dict[str, ArrayLike], half_tangent: float) -> Figure:
     """The truth, and how far each pixel of the maps has come from the room (0) to a body (1)."""
     truth, *_ = named.values()
     return side_by_side(named, half_tangent, [span_of(truth)] + [None] * (len(named) - 1))
@@ -160,10 +158,9 @@ def timeline(run: runs.Run | Path) -> Figure:
     """Rates of the sensors over the run, red where a record has no data; residuals of the clocks."""
     run = opened(run)
     window = float(run.info["window_s"])
-    with closing(sqlite3.connect(f"{run.path.resolve().as_uri()}?mode=ro", uri=True)) as db:
-        used = np.array(db.execute("SELECT spd_used, radar_used, depth_used FROM record ORDER BY idx").fetchall(), float)
-        clocks = np.array(db.execute("SELECT idx, spd_residual_s, radar_residual_s, depth_residual_s FROM clock_fit "
-                                     "ORDER BY idx").fetchall(), float)
+    used = np.array(run.select("SELECT spd_used, radar_used, depth_used FROM record ORDER BY idx"), float)
+    clocks = np.array(run.select("SELECT idx, spd_residual_s, radar_residual_s, depth_residual_s FROM clock_fit "
+                                 "ORDER BY idx"), float)
     names = {"spd": "SPD (clicks/s)", "radar": "radar (frames/s)", "depth": "camera (frames/s used)"}
     made, axes = figure(1, 4, wide=6.4, high=1.25)
     minutes = (run.time - run.time[0]) / np.timedelta64(1, "s") / 60 if len(run) else np.zeros(0)

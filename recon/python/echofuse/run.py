@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import html
 import pathlib
-import sqlite3
 import struct
 import time
+import warnings
 import zlib
+from contextlib import closing
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Iterator
@@ -15,8 +16,9 @@ from typing import Any, Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from .run_files import connect, files_of, parts_of
+
 SENSORS = {"spd": 1, "radar": 2, "depth": 4}  # bits of record.valid
-APPLICATION_ID, FORMAT_VERSION = 0x4543464D, 1
 PS_PER_M = 2e12 / 299_792_458.0  # there and back
 
 
@@ -36,27 +38,44 @@ class Axis:
     def values(self) -> NDArray[np.float64]:
         return self.start + self.step * np.arange(self.count)
 
-    def covers(self, wanted: dict[str, Any]) -> bool:
-        """Whether values along this axis are values along the wanted one, perhaps with more behind them."""
-        near = abs(self.start - wanted["start"]) + abs(self.step - wanted["step"]) * wanted["count"]
+    def is_near(self, wanted: dict[str, Any]) -> bool:
+        """Whether this axis lies nowhere farther than a bin from the wanted one; it may have more bins."""
+        start = self.start - wanted["start"]
+        end = start + (self.step - wanted["step"]) * wanted["count"]
         return (self.quantity == wanted["quantity"] and self.scale == wanted["scale"] and self.count >= wanted["count"]
-                and near <= 1e-3 * abs(wanted["step"]))
+                and max(abs(start), abs(end)) <= abs(wanted["step"]))
+
+    def resampled(self, table: NDArray[np.float32], wanted: dict[str, Any]) -> NDArray[np.float32]:
+        """Values [n, bins, ...] at the places of the wanted axis, by lines between the bins."""
+        count = wanted["count"]
+        start = self.start - wanted["start"]
+        end = start + (self.step - wanted["step"]) * count
+        if max(abs(start), abs(end)) <= 1e-3 * abs(wanted["step"]):
+            return table[:, :count]
+        place = ((wanted["start"] - self.start + wanted["step"] * np.arange(count)) / self.step).clip(0, self.count - 1)
+        first = place.astype(int)
+        part = (place - first).astype(np.float32).reshape(-1, *[1] * (table.ndim - 2))
+        return (1 - part) * table[:, first] + part * table[:, np.minimum(first + 1, self.count - 1)]
 
 
 def open(path: str | pathlib.Path) -> "Run":  # noqa: A001 (the name that is wanted)
-    """The run of this file, or of the name that `echofuse-acquire run --out` got. Raises FileNotFoundError, or
-    ValueError for a file that is no run."""
+    """The run of this file, or of the name that `echofuse-acquire run --out` got; then all of its parts, with a warning
+    that names those that are missing. Raises FileNotFoundError, or ValueError for a file that is no run."""
     found = pathlib.Path(path)
     if not found.is_file() and not found.suffix:
         found = found.with_name(found.name + ".sqlite")
-    if not found.is_file():
+    if not found.is_file() and not parts_of(found):
         raise FileNotFoundError(f"{path}: no such run")
-    return Run(found)
+    run = Run(found)
+    if run.missing:
+        warnings.warn("\n".join(run.missing), stacklevel=2)
+    return run
 
 
 class Run:
     """Values as recorded, a row a record. Of a sensor that a record lacks the row is 0 (counts) or NaN; `valid`
-    tells. The records are those of the moment of opening or of the last refresh()."""
+    tells. The records are those of the moment of opening or of the last refresh(). A run in parts is one run: `files`
+    are its parts, `missing` says in a line each which are not there."""
 
     def __init__(self, path: pathlib.Path) -> None:
         self.path = path
@@ -82,20 +101,12 @@ class Run:
             time.sleep(pause_s)
 
     def _read(self) -> None:
-        path = self.path
-        with sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", uri=True) as db:
-            try:
-                identity = db.execute("PRAGMA application_id").fetchone()[0]
-                version = db.execute("PRAGMA user_version").fetchone()[0]
-            except sqlite3.DatabaseError as error:
-                raise ValueError(f"{path}: not a run of echofuse: {error}") from None
-            if identity != APPLICATION_ID or version > FORMAT_VERSION:
-                raise ValueError(f"{path}: not a run of echofuse, or of a newer version")
+        self.files, self.missing = files_of(self.path)
+        with closing(connect(self.files[0])) as db:
             self.axes: dict[str, Axis] = {row[0]: Axis(*row) for row in db.execute(
                 "SELECT name, quantity, unit, count, start, step, scale FROM axis")}
             cursor = db.execute("SELECT * FROM run")
             self.info: dict[str, Any] = dict(zip((column[0] for column in cursor.description), cursor.fetchone()))
-            rows = db.execute("SELECT idx, valid, label, slot_utc_ns FROM record ORDER BY idx").fetchall()
             known = {name for (name,) in db.execute("SELECT name FROM sqlite_master")}
             #: what a run says of itself beside its settings
             self.meta: dict[str, str] = dict(db.execute("SELECT key, value FROM meta")) if "meta" in known else {}
@@ -104,6 +115,9 @@ class Run:
             #: x, y (half wavelengths), gain, phase (rad) of the radar's virtual antennas
             self.antennas: list[tuple[float, ...]] = db.execute(
                 "SELECT x, y, gain, phase_rad FROM antenna ORDER BY antenna").fetchall() if "antenna" in known else []
+        self._tables = known
+        self.info["status"], self.info["ended_utc"] = self.select("SELECT status, ended_utc FROM run")[-1]
+        rows = self.select("SELECT idx, valid, label, slot_utc_ns FROM record ORDER BY idx")
         index, bits, labels, utc = zip(*rows) if rows else ((), (), (), ())
         self.index: NDArray[np.int64] = np.array(index, np.int64)
         self.labels: list[str] = list(labels)
@@ -111,6 +125,14 @@ class Run:
         self.time: NDArray[np.datetime64] = np.array(utc, "datetime64[ns]")
         mask = np.array(bits, np.int64)
         self.valid: dict[str, NDArray[np.bool_]] = {name: (mask & bit) != 0 for name, bit in SENSORS.items()}
+
+    def select(self, sql: str, *values: Any) -> list[Any]:
+        """Rows of this query, of all files in order."""
+        out = []
+        for path in self.files:
+            with closing(connect(path)) as db:
+                out += db.execute(sql, values).fetchall()
+        return out
 
     def __len__(self) -> int:
         return len(self.index)
@@ -199,8 +221,7 @@ class Run:
         stored = np.dtype([("power", "<f4"), ("values", "<i2", antennas * (antennas + 2) + 2)])
         first, last = np.triu_indices(antennas, 1)
         response = np.array([gain * np.exp(1j * phase) for *_, gain, phase in self.antennas])
-        with self._connect() as db:
-            blobs = dict(db.execute("SELECT idx, array FROM radar_array"))
+        blobs = dict(self.select("SELECT idx, array FROM radar_array"))
         out = np.zeros((len(self), axis.count, 1 + 2 * int(axis.scale)))
         for row, index in enumerate(self.index.tolist()):
             if not blobs.get(index) or not self.valid["radar"][row]:
@@ -235,9 +256,8 @@ class Run:
 
     def _clicks(self) -> list[tuple[float, float]]:
         """Clicks of each record, and clicks a laser pulse (0: not known)."""
-        with self._connect() as db:
-            known = dict(db.execute("SELECT idx, clicks_a_pulse FROM signal"))
-            rows = db.execute("SELECT idx, in_range + out_of_range, starts FROM record ORDER BY idx").fetchall()
+        known = dict(self.select("SELECT idx, clicks_a_pulse FROM signal"))
+        rows = self.select("SELECT idx, in_range + out_of_range, starts FROM record ORDER BY idx")
         return [(clicks, known.get(index) or (clicks / starts if clicks < 0.95 * starts else 0.0))
                 for index, clicks, starts in rows]
 
@@ -265,13 +285,11 @@ class Run:
         import xarray
 
         columns = ("verdict", "used", "lost")
-        with self._connect() as db:
-            rows = db.execute("SELECT " + ", ".join(f"{s}_{c}" for s in SENSORS for c in columns)
-                              + " FROM record ORDER BY idx").fetchall()[:len(self)]
-            known = {name for (name,) in db.execute("SELECT name FROM sqlite_master")}
-            speckle = dict((row[0], row[1:]) for row in db.execute(
-                "SELECT idx, over_frames, over_carriers FROM speckle")) if "speckle" in known else {}
-            events = db.execute("SELECT utc, level, source, text FROM event ORDER BY id").fetchall()
+        rows = self.select("SELECT " + ", ".join(f"{s}_{c}" for s in SENSORS for c in columns)
+                           + " FROM record ORDER BY idx")[:len(self)]
+        speckle = {row[0]: row[1:] for row in self.select(
+            "SELECT idx, over_frames, over_carriers FROM speckle")} if "speckle" in self._tables else {}
+        events = self.select("SELECT utc, level, source, text FROM event ORDER BY id")
         coords: dict[str, Any] = {"record": self.index, "time": ("record", self.time), "label": ("record", self.labels)}
         data: dict[str, Any] = {}
         told = {"spd": ("spd_bin",), "radar": ("radar_bin",), "depth": ("depth_y", "depth_x")}
@@ -304,13 +322,9 @@ class Run:
         attributes = {key: str(value) for key, value in self.info.items()} | self.meta
         return xarray.Dataset(data, coords, attributes | {f"{s}_offset_m": m for s, m in self.offset_m.items()})
 
-    def _connect(self) -> sqlite3.Connection:
-        return sqlite3.connect(f"{self.path.resolve().as_uri()}?mode=ro", uri=True)
-
     def _blobs(self, sensor: str) -> list[tuple[int, bytes]]:
-        with self._connect() as db:
-            rows = db.execute(f"SELECT idx, {sensor} FROM record WHERE valid & ?", (SENSORS[sensor],))
-            blobs = {index: blob or b"" for index, blob in rows}
+        rows = self.select(f"SELECT idx, {sensor} FROM record WHERE valid & ?", SENSORS[sensor])
+        blobs = {index: blob or b"" for index, blob in rows}
         return [(row, blobs[index]) for row, index in enumerate(self.index.tolist()) if index in blobs]
 
     def _table(self, sensor: str, kind: str, missing: float) -> NDArray[Any]:

@@ -2,8 +2,9 @@
 """The calls of RealSense's Python SDK that the bridge makes, with the names and arguments of its bindings
 (IntelRealSense/librealsense, wrappers/python/pyrs_pipeline.cpp and pyrs_frame.cpp at 09696f9 and 005e21b);
 signatures.py compares them. Frame n has the values 500 + (7 n + 3 i) % 5000 in its pixels i. What can go wrong:
-STAND_IN_CAMERAS=n cameras (1), STAND_IN_SCALE=m a step, in metres (.001), STAND_IN_SILENT=n no frame after the
-n-th until the stream is started again, STAND_IN_INTRINSICS=zero."""
+STAND_IN_CAMERAS=n cameras (1), STAND_IN_SCALE=m a step, in metres (.001), which is a tenth from frame STAND_IN_FINER
+on, STAND_IN_SILENT=n no frame after the n-th until the stream is started again, STAND_IN_INTRINSICS=zero,
+STAND_IN_TIMES=n:ms,... the times of these frames."""
 import os
 import time
 import types
@@ -24,14 +25,6 @@ def values(index, pixels):
 class device:
     def get_info(self, info):
         return {"name": "Intel RealSense D435", "serial": "STAND-IN-3", "firmware": "5.16.0.1"}[info]
-
-    def first_depth_sensor(self):
-        return depth_sensor()
-
-
-class depth_sensor:
-    def get_depth_scale(self):
-        return float(np.float32(os.environ.get("STAND_IN_SCALE", "0.001")))
 
 
 class context:
@@ -107,7 +100,12 @@ class depth_frame:
         return self._index
 
     def get_timestamp(self):
-        return 1000.0 + 66.667 * self._index
+        odd = dict(item.split(":") for item in os.environ.get("STAND_IN_TIMES", "").split(",") if item)
+        return float(odd.get(str(self._index), 1000.0 + 66.667 * self._index))
+
+    def get_units(self):
+        finer = self._index >= int(os.environ.get("STAND_IN_FINER", "1000000"))
+        return float(np.float32(os.environ.get("STAND_IN_SCALE", "0.001"))) * (0.1 if finer else 1)
 
     def get_width(self):
         return WIDTH

@@ -1,0 +1,165 @@
+// SPDX-License-Identifier: MIT
+#include "drivers/radar/cfg.hpp"
+
+#include <algorithm>
+#include <cctype>
+#include <charconv>
+#include <cmath>
+#include <optional>
+#include <utility>
+
+#include "drivers/program/printable.hpp"
+#include "drivers/program/settings.hpp"
+#include "drivers/radar/sdk.hpp"
+
+namespace echofuse::radar {
+namespace {
+
+constexpr std::size_t max_line = 255, max_words = 40;  // SDK, utils/cli and UART text mode
+
+std::string quoted(std::string_view word) { return std::string(1, '\'').append(word) += '\''; }
+
+std::optional<double> to_number(std::string_view word) {
+  double value = 0;
+  const auto [end, error] = std::from_chars(word.data(), word.data() + word.size(), value);
+  const bool whole = error == std::errc{} && end == word.data() + word.size();
+  return whole && std::isfinite(value) ? std::optional(value) : std::nullopt;
+}
+
+std::string miscounted(const Command& c) {
+  const std::size_t expected = numbers_of(c.words[0]).value_or(0);
+  return "has " + std::to_string(c.words.size() - 1) + " numbers, SDK 3.4 to 3.6 take " +
+         std::to_string(expected) + " (SDK 1 and 2 others)";
+}
+
+}  // namespace
+
+// What an editor may have made of the text.
+void require_plain_text(std::string_view text, const std::string& name) {
+  const auto fail = [&](const std::string& what) {
+    throw Error(ExitCode::config, printable(name + ":" + what));
+  };
+  if (text.find('\0') != text.npos)
+    fail(" is in UTF-16, or no text; expected UTF-8 or ASCII: save it anew");
+  for (std::size_t at = 0; (at = text.find('\r', at)) != text.npos; ++at)
+    if (at + 1 < text.size() && text[at + 1] != '\n' && text[at + 1] != '\r')
+      fail(std::to_string(1 + std::ranges::count(text.substr(0, at), '\n')) +
+           ": has a carriage return without a line feed; expected lines that end in LF or CR LF");
+}
+
+std::vector<CfgLine> command_lines(std::string_view cfg_text) {
+  std::vector<CfgLine> lines;
+  int number = 0;
+  if (cfg_text.starts_with("\xef\xbb\xbf")) cfg_text.remove_prefix(3);
+  while (!cfg_text.empty()) {
+    const std::size_t end = std::min(cfg_text.find('\n'), cfg_text.size());
+    std::string text(cfg_text.substr(0, end));
+    cfg_text.remove_prefix(std::min(end + 1, cfg_text.size()));
+    ++number;
+    std::erase(text, '\r');
+    const std::size_t first = text.find_first_not_of(" \t");
+    if (first != text.npos && text[first] != '%') lines.push_back({number, std::move(text)});
+  }
+  return lines;
+}
+
+Cfg::Cfg(const std::vector<CfgLine>& lines, std::string name, RadarProfile& profile)
+    : name_(std::move(name)), profile_(profile) {
+  for (const CfgLine& line : lines) attempt([&] { add(line); });
+  for (const auto& [command, lines_of] : commands_)
+    if (const auto whose = other_demo_of(command); !whose.empty())
+      fail(lines_of.front(), "is a command of " + std::string(whose) +
+                                 "; expected a cfg of the out-of-box demo of SDK 3.4 to 3.6 for "
+                                 "xWR68xx or xWR64xx, as in config/radar");
+}
+
+void Cfg::stop_if_faulty() const {
+  if (faulty_) echofuse::refuse(profile_.refusals);
+}
+
+void Cfg::refuse(const std::string& line) const {
+  if (std::ranges::count(profile_.refusals, line) == 0) profile_.refusals.push_back(line);
+}
+
+std::string Cfg::complaint(const Command& c, const std::string& what) const {
+  return printable(where(c.line) + std::string(c.words.empty() ? "" : c.words[0]) + " " + what);
+}
+
+void Cfg::fail(const Command& c, const std::string& what) const {
+  throw Error(ExitCode::config, complaint(c, what));
+}
+
+const std::vector<Command>& Cfg::all(const std::string& command) const {
+  const auto it = commands_.find(command);
+  if (it == commands_.end()) throw Error(ExitCode::config, name_ + ": has no " + command);
+  return it->second;
+}
+
+double Cfg::number(const Command& c, std::size_t i) const {
+  if (i >= c.words.size()) fail(c, miscounted(c));
+  if (const auto value = to_number(c.words[i])) return *value;
+  fail(c, quoted(c.words[i]) + " is not a number");
+}
+
+double Cfg::positive(const Command& c, std::size_t i, const char* meaning) const {
+  const double value = number(c, i);
+  if (value < 1e-6 || value > 1e9) fail(c, std::string(meaning) + " must be from 1e-6 to 1e9");
+  return value;
+}
+
+std::uint32_t Cfg::integer(const Command& c, std::size_t i, double min, double max) const {
+  const double value = number(c, i);
+  if (value != std::floor(value) || value < min || value > max)
+    fail(c, quoted(c.words[i]) + " should be a whole number from " +
+                std::to_string(static_cast<int>(min)) + " to " +
+                std::to_string(static_cast<int>(max)));
+  return static_cast<std::uint32_t>(value);
+}
+
+// The firmware parts words at spaces only; what an editor puts in their place is named, and read as
+// a space.
+void Cfg::add(const CfgLine& line) {
+  Command c{line.number, {}};
+  const std::string_view text = line.text;
+  const auto plain = [](char byte) { return byte > ' ' && byte <= '~'; };
+  for (auto at = text.begin(); (at = std::find_if(at, text.end(), plain)) != text.end();) {
+    const auto end = std::find_if_not(at, text.end(), plain);
+    c.words.push_back(text.substr(static_cast<std::size_t>(at - text.begin()),
+                                  static_cast<std::size_t>(end - at)));
+    at = end;
+  }
+  const auto odd = std::ranges::find_if(text, [&](char b) { return b != ' ' && !plain(b); });
+  const std::string_view from = text.substr(static_cast<std::size_t>(odd - text.begin()));
+  if (!from.empty())
+    refuse(where(line.number) + "column " + std::to_string(odd - text.begin() + 1) + " has a " +
+           (from[0] == '\t'                                            ? "tab"
+            : from.starts_with("\xc2\xa0") || from.starts_with("\xa0") ? "no-break space"
+                                                                       : "character beyond ASCII") +
+           "; the firmware parts words at spaces only");
+  if (text.size() > max_line)
+    fail(c, "line has " + std::to_string(text.size()) + " characters; the firmware takes 255");
+  if (c.words.size() > max_words) fail(c, "line has more than the 40 words the firmware takes");
+  if (c.words.empty()) return;
+  check_words(c);
+  commands_[std::string(c.words[0])].push_back(c);
+}
+
+void Cfg::check_words(const Command& c) const {
+  const std::string_view name = c.words[0];
+  if (!std::isalpha(static_cast<unsigned char>(name[0])))
+    return refuse(complaint(c, "begins no command, and a comment begins with %"));
+  const auto expected = numbers_of(name);
+  if (name == "peakGrouping") return refuse(complaint(c, "is a command of SDK 1 or 2"));
+  if (!expected)
+    profile_.warnings.push_back(complaint(c, "is no command of the demo of SDK 3.4 to 3.6"));
+  for (std::size_t i = 1; i < c.words.size(); ++i)
+    if (!to_number(c.words[i]))
+      return refuse(complaint(
+          c, quoted(c.words[i]) + (i == expected.value_or(0) + 1
+                                       ? " stands behind its numbers; a comment has its own line"
+                                       : " is not a number")));
+  if (expected && *expected + 1 != c.words.size() && !name.starts_with("sensorSt"))
+    refuse(complaint(c, miscounted(c)));
+}
+
+}  // namespace echofuse::radar

@@ -1,0 +1,123 @@
+// SPDX-License-Identifier: MIT
+#include <algorithm>
+#include <cmath>
+#include <map>
+
+#include "drivers/program/printable.hpp"
+#include "recon/numbers/text.hpp"
+#include "recon/train/train.hpp"
+
+namespace echofuse::recon {
+namespace {
+
+constexpr const char* dead = "the same in every bin";
+
+std::string path_of(const Dataset& data, std::size_t row) {
+  return data.sources.empty() ? "run" : printable(data.sources[data.source_of(row)].path);
+}
+
+void require_sensors(const Dataset& data, Inputs inputs) {
+  struct Needed {
+    Sensor sensor;
+    const char *name, *cure;
+  };
+  for (const auto& [sensor, name, cure] :
+       {Needed{Sensor::spd, "spd", "--inputs radar"},
+        Needed{Sensor::radar, "radar", "--inputs spd"},
+        Needed{Sensor::depth, "a depth map",
+               "a model learns from the camera's truth; record with depth.address, or reconstruct "
+               "this run with a model of another"}}) {
+    if (sensor != Sensor::depth && !sensors_of(inputs).contains(sensor)) continue;
+    bool found = false;
+    for (std::size_t row = 0; row < data.size(); ++row) found |= data.has(row, sensor);
+    if (!found)
+      throw Error(ExitCode::failed,
+                  formatted("%s: no record has %s: %s", path_of(data, 0).c_str(), name, cure));
+  }
+}
+
+// Returns why the record does not train; empty if it does. A copy within one run is none of this.
+std::string reason_of(const Dataset& data, std::size_t row, Inputs inputs,
+                      std::map<std::int64_t, std::size_t>& first_of_content) {
+  constexpr PerSensor<const char*> missing{"SPD missing", "radar missing", "camera missing"};
+  for (const Sensor s : all_sensors)
+    if ((s == Sensor::depth || sensors_of(inputs).contains(s)) && !data.has(row, s))
+      return missing[s];
+  if (!data.has_inputs(row, inputs)) return "antennas missing";
+  if (const std::string doubt = data.doubt_of(row, inputs); !doubt.empty()) return doubt;
+  if (!data.fault_of(row, inputs).empty()) return dead;
+  const std::int64_t content = data.content.empty() ? 0 : data.content[row];
+  const std::size_t first = first_of_content.try_emplace(content, row).first->second;
+  if (content == 0 || data.sources.size() < 2 || data.source_of(first) == data.source_of(row))
+    return {};
+  return "also in " + path_of(data, first);
+}
+
+}  // namespace
+
+TrainingRows rows_to_train(const Dataset& data, Inputs inputs) {
+  if (data.size() > 0) require_sensors(data, inputs);
+  std::map<std::int64_t, std::size_t> first_of_content;
+  std::map<std::string, std::size_t> reasons;
+  std::string first_fault = data.first_damaged;
+  bool doubtful = false;
+  TrainingRows out;
+  for (std::size_t row = 0; row < data.size(); ++row) {
+    const std::string why = reason_of(data, row, inputs, first_of_content);
+    if (why.empty()) {
+      out.rows.push_back(row);
+      continue;
+    }
+    ++reasons[why];
+    doubtful |= why == data.doubt_of(row, inputs);
+    if (why == dead && first_fault.empty())
+      first_fault =
+          formatted("%s: record %lld: %s", path_of(data, row).c_str(),
+                    static_cast<long long>(data.index[row]), data.fault_of(row, inputs).c_str());
+  }
+  const std::size_t all = data.size() + data.damaged, none = reasons[dead] + data.damaged;
+  if (static_cast<double>(none) > most_damaged * static_cast<double>(all))
+    throw Error(
+        ExitCode::failed,
+        first_fault + formatted(": a dead sensor, or nobody and no light; so are %zu of %zu "
+                                "records: of more than a tenth nothing can be learned",
+                                none, all));
+  reasons["damaged"] = data.damaged;
+  std::string text;
+  for (const auto& [why, count] : reasons)
+    if (count > 0) text += formatted("%s%s %zu", text.empty() ? "" : ", ", why.c_str(), count);
+  if (text.empty()) return out;
+  out.left_out = formatted("%zu of %zu records left out: ", all - out.rows.size(), all) + text +
+                 (first_fault.empty() ? "" : " (" + first_fault + ")") +
+                 (doubtful ? "; --set doubtful=take trains with what is doubtful" : "");
+  if (out.rows.empty()) throw Error(ExitCode::failed, path_of(data, 0) + ": " + out.left_out);
+  return out;
+}
+
+std::string alike_neighbours(const Dataset& data, const Rows& rows) {
+  constexpr std::size_t sample = 200, others = 50, pixel_step = 7;
+  constexpr double most_share = 0.3;  // of independent scenes 2 of 52
+  if (rows.size() < others) return {};
+  const auto distance = [&](std::size_t i, std::size_t k) {
+    const auto a = data.depth.row(rows[i]), b = data.depth.row(rows[k]);
+    double sum = 0;
+    for (std::size_t p = 0; p < a.size(); p += pixel_step) sum += std::abs(double{a[p]} - b[p]);
+    return sum;
+  };
+  std::size_t judged = 0, alike = 0;
+  for (std::size_t i = 1; i + 1 < rows.size(); i += rows.size() / sample + 1, ++judged) {
+    const double near = std::min(distance(i, i - 1), distance(i, i + 1));
+    bool nearest = true;
+    for (std::size_t k = 0; k < others && nearest; ++k)  // an eighth of the records away, or more
+      nearest = near <
+                distance(i, (i + rows.size() / 8 + k * rows.size() * 3 / 4 / others) % rows.size());
+    alike += nearest;
+  }
+  if (static_cast<double>(alike) <= most_share * static_cast<double>(judged)) return {};
+  return formatted(
+      "neighbours in time are alike: of %zu of %zu records a neighbour's depth map is nearer than "
+      "those of %zu records far away; a random split flatters the scores, --split blocked does not",
+      alike, judged, others);
+}
+
+}  // namespace echofuse::recon

@@ -1,0 +1,141 @@
+// SPDX-License-Identifier: MIT
+// Recordings of a radar's data port become runs.
+#include <algorithm>
+#include <cmath>
+
+#include "acquire/config/config.hpp"
+#include "acquire/import/import.hpp"
+#include "drivers/core/bytes.hpp"
+#include "testing.hpp"
+
+using namespace echofuse;
+using testing::Folder, testing::has, testing::write_file;
+
+namespace {
+
+acquire::Config config_of(const Folder& folder) {
+  write_file(folder / "lab.toml",
+             "[tdc]\naddress = \"bridge:tcp://127.0.0.1:9\"\n[run]\nwindow_s = 1\n");
+  return acquire::load_config(folder / "lab.toml");
+}
+
+// A radar's data port: frames of 64 bins, the board's clock of 200 MHz, and a period by which no
+// frame stands on the edge of a slot.
+struct RadarFile {
+  std::uint32_t header = 40, bins = 64, tlv = 2, length_error = 0;
+  double period_s = 0.0499;
+  Bytes bytes{};
+
+  RadarFile& frame(std::uint32_t number, double at_s) {
+    const std::uint32_t size = (header + 8 + 2 * bins + 31) / 32 * 32;
+    const std::size_t begin = bytes.size();
+    const auto cycles = static_cast<std::uint32_t>(std::llround(2e8 * at_s));
+    for (const int b : {2, 1, 4, 3, 6, 5, 8, 7}) put(bytes, static_cast<std::uint8_t>(b));
+    for (const std::uint32_t v : {0x03050004u, size, 0xa6843u, number, cycles, 0u, 1u})
+      put(bytes, v);
+    bytes.resize(begin + header);
+    put(bytes, tlv);
+    put(bytes, 2 * bins + length_error);
+    for (std::uint32_t i = 0; i < bins; ++i) put(bytes, std::uint16_t{4000});
+    bytes.resize(begin + size, 15);
+    return *this;
+  }
+  RadarFile& frames(std::uint32_t first, std::uint32_t last, double off_s = 0) {
+    for (std::uint64_t n = first; n <= last; ++n)
+      frame(static_cast<std::uint32_t>(n), off_s + static_cast<double>(n) * period_s);
+    return *this;
+  }
+};
+
+struct RadarImport {
+  std::vector<std::uint64_t> used;  // frames of each record of 1 s
+  std::string said;
+};
+
+RadarImport import_radar(const Bytes& bytes, const std::string& cfg = "xwr68xx_paper_50cm.cfg") {
+  const Folder folder;
+  write_file(folder / "a.dat", {bytes.begin(), bytes.end()});
+  RadarImport out;
+  try {
+    out.said = acquire::import_recordings(
+        config_of(folder), {.files = {folder / "a.dat"},
+                            .cfg = echofuse::test::source_dir + "/config/radar/" + cfg,
+                            .out = folder / "a.sqlite"});
+  } catch (const Error& e) {
+    CHECK(e.code() == ExitCode::failed);
+    CHECK_FALSE(testing::fs::exists(folder / "a.sqlite"));
+    return {{}, e.what()};
+  }
+  const record::RunReader run(folder / "a.sqlite");
+  for (std::int64_t i = 0; i < run.count(); ++i)
+    out.used.push_back(run.read(i).sync[Sensor::radar].used);
+  return out;
+}
+
+}  // namespace
+
+TEST_CASE("import: a radar's times are its clock's, as far as the frame numbers let them be") {
+  using Used = std::vector<std::uint64_t>;
+  const auto check = [](const RadarFile& file, const Used& used, const std::string& saying) {
+    const RadarImport i = import_radar(file.bytes);
+    CAPTURE(i.said);
+    CHECK(i.used == used);
+    CHECK(has(i.said, saying));
+    if (saying.empty()) CHECK(std::ranges::count(i.said, '\n') == 1);  // when it began
+  };
+  constexpr double wrap_s = 0x1p32 * 5e-9;
+  const Used even{21, 20, 19};
+  check(RadarFile().frames(1, 60), even, "");
+  check(RadarFile().frames(1, 60, 20.5), even, "");  // the counter wraps
+  check(RadarFile().frames(0xffffffe0, 0xffffffff, -0x1p32 * 0.0499).frames(0, 27), even, "");
+  check(RadarFile().frames(1, 20).frames(31, 60), {20, 11, 19}, "10 frames are missing");
+  Used with_gap(37);
+  with_gap[0] = 20, with_gap[35] = 2, with_gap[36] = 18;
+  check(RadarFile().frames(1, 20).frames(721, 740), with_gap, "700 frames are missing");
+  for (const double off_s :
+       {std::ldexp(5e-9, 31), std::ldexp(5e-9, 27), std::ldexp(5e-9, 25), -0.2})
+    check(RadarFile().frames(1, 19).frame(20, 20 * 0.0499 + off_s).frames(21, 60), even,
+          "1 frames bear a time that cannot be (frame 20 behind 0.90 s); their numbers tell it");
+  check(RadarFile().frames(1, 19).frame(20, 9).frame(21, 3).frames(22, 60), even,
+        "2 frames bear a time");
+  check(RadarFile().frames(1, 59).frame(60, 9), even, "");
+  for (const std::uint32_t number : {36u, 1044u, 0x80000014u})  // a flipped bit
+    check(RadarFile().frames(1, 19).frame(number, 20 * 0.0499).frames(21, 60), even,
+          number == 36 ? "16 frames are missing" : "");
+  check(RadarFile().frames(1, 20).frames(1, 20).frames(1, 20, 7), even,
+        "2 times the board began anew (between frames 20 and 1 at 0.95 s, between frames 20 and 1 "
+        "at 1.95 s); how long it was away is not known");
+  check(RadarFile().frames(1, 40).frames(41, 60, wrap_s + 1), {21, 19, 1, 19},
+        "1 times the board's clock ran on alone (between frames 40 and 41 at 1.95 s by 1.05 s + n "
+        "x 21.47 s); the times behind are not known");
+  const std::string other = " ms, the cfg says 50.0 ms: is it the recording's cfg?";
+  check(RadarFile{.period_s = 0.0998}.frames(1, 20), {11, 9}, "a frame came every 99.8" + other);
+  check(RadarFile{.period_s = 0.499}.frames(1, 20), {3, 2, 2, 2, 2, 2, 2, 2, 2, 1},
+        "a frame came every 499.0" + other);
+}
+
+TEST_CASE("import: a radar recording without a profile is refused with its cause") {
+  const auto refuses = [](const Bytes& bytes, const std::string& saying) {
+    const RadarImport i = import_radar(bytes);
+    CHECK(i.used.empty());
+    CHECK_THAT(i.said, Catch::Contains("a.dat: nothing to import: ") && Catch::Contains(saying));
+    CHECK(std::ranges::count(i.said, '\n') == 0);
+  };
+  const auto text = [](const std::string& t) { return Bytes(t.begin(), t.end()); };
+  refuses({}, "it is empty");
+  refuses(text("{\"frame\": 1}\n"), "it is text; expected the data port's bytes");
+  refuses(text("sensorStart\r\nDone\r\nmmwDemo:/>"), "it is text of the command port");
+  refuses(Bytes(5000, 0xf3), "was it recorded at the data port's baud rate?");
+  refuses(RadarFile{.header = 36}.frames(1, 20).bytes, "of SDK 1 or 2.0 (header of 36 bytes)");
+  refuses(RadarFile{.header = 48}.frames(1, 20).bytes, "of another demo (header of 48 bytes)");
+  refuses(RadarFile{.header = 52}.frames(1, 20).bytes, "of another demo (header of 52 bytes)");
+  refuses(RadarFile{.length_error = 8}.frames(1, 20).bytes,
+          "the lengths of its TLVs include their headers");
+  refuses(RadarFile{.tlv = 1}.frames(1, 20).bytes,
+          "no frame has a range profile: guiMonitor's third");
+  refuses(RadarFile{.bins = 256}.frames(1, 20).bytes,
+          "20 frames are of 256 bins, the cfg says 64: is it");
+  Bytes part = RadarFile().frames(1, 1).bytes;
+  part.resize(100);
+  refuses(part, "it has only a part of a frame");
+}

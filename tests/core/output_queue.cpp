@@ -1,0 +1,100 @@
+// SPDX-License-Identifier: MIT
+// Output to what stands still or goes away never keeps its writer waiting.
+#include "drivers/program/output_queue.hpp"
+
+#include <fcntl.h>
+#include <unistd.h>
+
+#include <catch2/catch.hpp>
+#include <cerrno>
+#include <chrono>
+#include <csignal>
+#include <string>
+#include <thread>
+#include <utility>
+
+using namespace echofuse;
+
+namespace {
+
+struct Pipe {
+  Pipe() { REQUIRE(::pipe2(ends, O_CLOEXEC) == 0); }
+  ~Pipe() {
+    for (const int end : ends) ::close(end);
+  }
+  Pipe(const Pipe&) = delete;
+  Pipe& operator=(const Pipe&) = delete;
+  std::string read() const {
+    std::string text(1 << 21, '\0');
+    const ssize_t n = ::read(ends[0], text.data(), text.size());
+    text.resize(n > 0 ? static_cast<std::size_t>(n) : 0);
+    return text;
+  }
+  int ends[2] = {-1, -1};
+};
+
+std::string left_out(std::size_t count) { return "<" + std::to_string(count) + ">"; }
+
+}  // namespace
+
+TEST_CASE("texts come in order, and all before the queue is closed") {
+  const Pipe pipe;
+  OutputQueue queue(pipe.ends[1], left_out);
+  for (int i = 0; i < 1000; ++i) CHECK(queue.put(std::to_string(i) + ' '));
+  CHECK(queue.close() == 0);
+  const std::string text = pipe.read();
+  CHECK(text.starts_with("0 1 2 "));
+  CHECK(text.ends_with(" 998 999 "));
+}
+
+TEST_CASE("of what a reader that stands still does not take the newest is kept") {
+  const Pipe pipe;
+  OutputQueue queue(pipe.ends[1], left_out);
+  const std::string filling(1 << 18, '.');  // more than a pipe holds twice
+  queue.put(filling);
+  while (pipe.read().empty()) std::this_thread::yield();  // its write has begun
+  const std::string half(OutputQueue::most_bytes / 2, 'a');
+  CHECK(queue.put("first"));
+  CHECK(queue.put(half));
+  CHECK_FALSE(queue.put(half));
+  for (const char* state : {"state 1", "state 2", "state 3"}) queue.put(state, true);
+  std::string text;
+  std::thread reader([&] {
+    while (!text.ends_with("state 3")) text += pipe.read();
+  });
+  reader.join();
+  CHECK(text.find("first") == std::string::npos);
+  CHECK(text.find("state 1") == std::string::npos);
+  CHECK(text.ends_with("<4>" + half + "state 3"));  // "first", a half, two states
+  CHECK(queue.close() == 0);
+}
+
+TEST_CASE("the end waits a second for a reader that takes nothing, and not for one that is gone") {
+  std::signal(SIGPIPE, SIG_IGN);
+  const auto begin = std::chrono::steady_clock::now();
+  const auto waited = [&] { return std::chrono::steady_clock::now() - begin; };
+  SECTION("stands still") {
+    Pipe pipe;
+    OutputQueue queue(pipe.ends[1], left_out);
+    queue.put(std::string(1 << 18, '.'));
+    queue.put("last");
+    CHECK(queue.close() == 0);
+    CHECK(waited() >= std::chrono::seconds(1));
+    CHECK(waited() < std::chrono::seconds(20));
+    std::exchange(pipe.ends[1], -1);  // stays open for the write that stands still
+  }
+  SECTION("gone") {
+    Pipe pipe;
+    ::close(std::exchange(pipe.ends[0], -1));
+    OutputQueue queue(pipe.ends[1], left_out);
+    for (int i = 0; i < 100; ++i) CHECK(queue.put("line\n"));
+    CHECK(queue.close() == EPIPE);
+  }
+  SECTION("a full disk") {
+    const int full = ::open("/dev/full", O_WRONLY | O_CLOEXEC);
+    OutputQueue queue(full, left_out);
+    queue.put("line\n");
+    CHECK(queue.close() == ENOSPC);
+    ::close(full);
+  }
+}

@@ -1,0 +1,12 @@
+#!/bin/sh
+# SPDX-License-Identifier: MIT
+# clang.sh HEADERS SOURCES FLAGS...: clang-14 reads the file HEADERS once, then behind it each source that the file
+# SOURCES lists; by itself, where a name of another's header is in its way. Exit code 77 without clang-14.
+command -v clang++-14 > /dev/null || exit 77
+headers=$1 sources=$2
+shift 2
+read=$(mktemp)
+trap 'rm "$read"' EXIT
+clang++-14 "$@" -x c++-header -fpch-instantiate-templates "$headers" -o "$read" || exit 1
+xargs -I {} -P 2 sh -c 'clang++-14 -fsyntax-only -include-pch "$@" 2> /dev/null || { shift; clang++-14 -fsyntax-only "$@"; }' \
+  sh "$read" "$@" {} < "$sources"

@@ -1,0 +1,62 @@
+// SPDX-License-Identifier: MIT
+// What a run is judged by: its own foreground and background, and the RMSE where there is none.
+#include <nlohmann/json.hpp>
+
+#include "world.hpp"
+
+using namespace echofuse;
+using namespace echofuse::testing;
+
+TEST_CASE("foreground and background are the run's, whichever model is judged") {
+  const Folder dir;
+  const Change wall = [](record::FusedRecord& r) {
+    for (auto& mm : r.depth_mm) mm = mm > 0 ? mm : 5000;
+  };
+  write_run(dir / "open", 160);
+  write_run(dir / "room", 160, 2, wall);
+  write_run(dir / "fresh", 60, 3, wall);
+  const auto judged = [&](const std::string& trained_on, const std::string& options) {
+    const std::string model = dir / ("of-" + trained_on);
+    if (!std::filesystem::exists(model))
+      REQUIRE(
+          recon_program("train -q --model ridge " + (dir / trained_on) + " --out " + model).code ==
+          0);
+    const Outcome o = recon_program("evaluate --json " + model + " " + (dir / "fresh") + options);
+    CAPTURE(o.text);
+    REQUIRE(o.code == 0);
+    return nlohmann::json::parse(o.text)["trivial"];
+  };
+  const std::string train = " --train " + (dir / "room");
+  CHECK(judged("open", train) == judged("room", train));
+  const auto open = judged("open", "")["empty"]["ssim"]["mean"],
+             home = judged("room", "")["empty"]["ssim"]["mean"];
+  CHECK(open.get<double>() == Approx(home.get<double>()).margin(0.01));
+  CHECK(home.get<double>() > 0.5);
+  CHECK_THAT(recon_program("evaluate " + (dir / "of-open") + " " + (dir / "fresh")).text,
+             Catch::Contains("another room than in training: foreground and background are"));
+  CHECK_THAT(recon_program("evaluate " + (dir / "of-room") + " " + (dir / "fresh")).text,
+             !Catch::Contains("another room"));
+}
+
+TEST_CASE("a wall moved to and fro: said, judged by RMSE, and its uncertainty stated") {
+  const Folder dir;
+  write_run(dir / "run", 200, 1, [](record::FusedRecord& r) {
+    Rng rng = make_rng(9, static_cast<std::uint64_t>(r.index));
+    const double z = std::uniform_real_distribution<double>(2.6, 4)(rng);
+    r = testing::plate_record(r.index, 0, z, rng);
+    std::fill(r.depth_mm.begin(), r.depth_mm.end(), static_cast<std::uint16_t>(1000 * z));
+  });
+  const Outcome train =
+      recon_program("train --model auto --inputs spd --set candidates=empty,mean,ridge " +
+                    (dir / "run") + " --out " + (dir / "m"));
+  CAPTURE(train.text);
+  CHECK(train.code == 0);
+  CHECK_THAT(train.text, Catch::Contains("no body stands out from the background"));
+  const auto json = nlohmann::json::parse(
+      recon_program("evaluate --json " + (dir / "m") + " " + (dir / "run")).text);
+  CHECK(json["model"] == "ridge");
+  CHECK(json["metrics"]["iou"]["mean"].is_null());
+  const double error_m = json["metrics"]["rmse_m"]["mean"];
+  CHECK(error_m < 0.1);
+  CHECK(json["calibration"]["pixel_deviation_m"].get<double>() == Approx(error_m).epsilon(0.5));
+}

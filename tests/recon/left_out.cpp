@@ -1,0 +1,175 @@
+// SPDX-License-Identifier: MIT
+// Records that are no examples: damaged, dead, doubtful, or copies of others.
+#include <limits>
+
+#include "recon/data/dataset.hpp"
+#include "world.hpp"
+
+using namespace echofuse;
+using namespace echofuse::recon;
+using namespace echofuse::testing;
+
+namespace {
+
+void refuses(const std::string& arguments, int code, const std::string& saying) {
+  const Outcome o = recon_program(arguments);
+  CAPTURE(arguments);
+  CHECK(o.code == code);
+  CHECK_THAT(o.text, Catch::Contains(saying));
+  CHECK(std::count(o.text.begin(), o.text.end(), '\n') <= (code == 2 ? 3 : 1));
+}
+
+}  // namespace
+
+TEST_CASE("damaged records are counted, of more than a tenth there is no going on") {
+  const Folder dir;
+  const auto spoil = [&](const std::string& name, std::int64_t from) {
+    write_run(dir / name, 20, 1, [&](record::FusedRecord& r) {
+      r.slot_end = r.slot_start + std::chrono::seconds(3);
+      if (r.index >= from) r.radar[3] = std::numeric_limits<float>::quiet_NaN();
+      if (r.index == 4) r.spd[7] = 4'294'967'295u;
+    });
+  };
+  spoil("a", 19);
+  const Dataset data = load({dir / "a"});
+  CHECK(data.size() == 18);
+  CHECK(data.damaged == 2);
+  CHECK_THAT(data.first_damaged,
+             Catch::Contains("record 4: spd bin 7 holds 4294967295 clicks, more than"));
+  spoil("b", 18);
+  CHECK_THAT(error_of([&] { load({dir / "b"}); }),
+             Catch::Contains("record 4: ") && Catch::Contains("so are 3 of 20 records"));
+  std::vector<std::int64_t> bad;
+  load_part(record::RunReader(dir / "a"), 0, 20, sensors_of(Inputs::fused),
+            [&](std::int64_t index, const std::string&) { bad.push_back(index); });
+  CHECK(bad == std::vector<std::int64_t>{4, 19});
+  // 100 million clicks a second are more than a detector gives.
+  write_run(dir / "c", 20, 1, [](record::FusedRecord& r) {
+    r.slot_end = r.slot_start + std::chrono::seconds(3);
+    if (r.index == 4) r.spd[7] = 300'000'001;
+  });
+  CHECK(load({dir / "c"}).damaged == 1);
+}
+
+TEST_CASE("doubtful records are no examples") {
+  const Folder dir;
+  write_run(dir / "a", 8, 1, [](record::FusedRecord& r) {
+    if (r.index == 1) r.sync[Sensor::depth].verdict = "stands still: the same as before";
+    if (r.index == 2) r.sync[Sensor::radar].verdict = "weak: the echo is 0.05 of the usual";
+    if (r.index == 3) r.sync[Sensor::spd].verdict = "no peak: no bins stand out of the mean";
+    if (r.index == 4) r.sync[Sensor::spd].verdict = "saturated: 0.2 clicks a laser pulse";
+  });
+  const Dataset data = load({dir / "a"});
+  CHECK(data.doubt_of(0, Inputs::fused).empty());
+  CHECK(data.doubt_of(1, Inputs::fused) == "camera frozen");
+  CHECK(data.doubt_of(2, Inputs::fused) == "radar weak");
+  CHECK(data.doubt_of(2, Inputs::spd).empty());
+  CHECK(data.doubt_of(4, Inputs::spd) == "SPD saturated");
+  CHECK(data.usable(Inputs::fused) == Rows{0, 3, 5, 6, 7});
+  CHECK(data.usable(Inputs::fused, false) == all_rows(8));
+}
+
+TEST_CASE("a copy of a record has its hash, whatever its run") {
+  const Folder dir;
+  write_run(dir / "a", 6, 1), write_run(dir / "b", 3, 1), write_run(dir / "c", 3, 2);
+  const Dataset a = load({dir / "a"});
+  Dataset b = load({dir / "b"}), c = load({dir / "c"});
+  CHECK(b.content == std::vector<std::int64_t>(a.content.begin(), a.content.begin() + 3));
+  CHECK(leave_out_copies(b, a) == 3);
+  CHECK(b.usable(Inputs::fused, false).empty());
+  CHECK(leave_out_copies(c, a) == 0);
+}
+
+TEST_CASE("train and evaluate say which records they leave out, and why") {
+  const Folder dir;
+  const auto doubtful = [](record::FusedRecord& r) {
+    if (r.index < 8)
+      r.sync[Sensor::depth].verdict = "stands still: the same as in the record before";
+    if (r.index < 8) std::ranges::rotate(r.depth_mm, r.depth_mm.begin() + 12);  // another place
+    if (r.index == 8) r.sync[Sensor::spd].verdict = "weak: 12 clicks above the background";
+    if (r.index == 9) std::ranges::fill(r.spd, 0u);
+    if (r.index == 10) r.spd[5] = 4'294'967'295u;
+    if (r.index == 11) r.valid.erase(Sensor::radar);
+  };
+  write_run(dir / "run", 60, 1, doubtful);
+  const std::string train = "train --model ridge --set fallback=false " + (dir / "run") + " --out ";
+  const Outcome left = recon_program(train + (dir / "m"));
+  CHECK(left.code == 0);
+  CHECK_THAT(left.text, Catch::Contains("12 of 60 records left out: SPD weak 1, camera frozen 8, "
+                                        "damaged 1, radar missing 1, the same in every bin 1 (") &&
+                            Catch::Contains("record 10: spd bin 5 holds 4294967295 clicks"));
+  const Outcome taken = recon_program(train + (dir / "all") + " --set doubtful=take");
+  CHECK_THAT(taken.text, Catch::Contains("3 of 60 records left out: damaged 1, radar missing 1, "));
+  write_run(dir / "fresh", 30, 2, [&](record::FusedRecord& r) {
+    if (r.index < 8) doubtful(r);
+  });
+  const Outcome judged = recon_program("evaluate -q " + (dir / "m") + " " + (dir / "fresh"));
+  CHECK_THAT(judged.text, Catch::StartsWith("22 records; ") &&
+                              Catch::Contains("doubtful records left out: camera frozen 8; with "
+                                              "them IoU 0."));
+  write_run(dir / "all frozen", 4, 2, doubtful);
+  CHECK_THAT(recon_program("evaluate -q " + (dir / "m") + " '" + (dir / "all frozen") + "'").text,
+             Catch::StartsWith("4 records; "));
+  write_run(dir / "dead", 60, 1, [](record::FusedRecord& r) {
+    if (r.index % 8 == 3) std::ranges::fill(r.radar, 1.f);
+  });
+  refuses("train -q " + (dir / "dead") + " --out " + (dir / "no"), 1,
+          "record 3: radar is the same in every bin: a dead sensor, or nobody and no light; so are "
+          "8 of 60 records");
+}
+
+TEST_CASE("copies of records under another name neither train twice nor judge") {
+  const Folder dir;
+  write_run(dir / "a", 60, 1), write_run(dir / "b", 20, 1), write_run(dir / "c", 20, 2);
+  write_run(dir / "more", 70, 1);
+  const std::string train = "train --model ridge --set fallback=false --set test_share=0 ";
+  CHECK_THAT(recon_program(train + (dir / "a") + " " + (dir / "b") + " " + (dir / "c") + " --out " +
+                           (dir / "abc"))
+                 .text,
+             Catch::Contains("20 of 100 records left out: also in " + (dir / "a") + " 20\n"));
+  REQUIRE(recon_program(train + (dir / "a") + " --out " + (dir / "m")).code == 0);
+  const std::string evaluate = "evaluate -q " + (dir / "m") + " ";
+  refuses(evaluate + (dir / "b"), 1,
+          "the model was trained on all of its records, as those of another");
+  CHECK_THAT(
+      recon_program(evaluate + (dir / "more")).text,
+      Catch::StartsWith("10 records; ") &&
+          Catch::Contains("60 of 70 records are copies of records that the model was trained "
+                          "on: left out\n"));
+  CHECK_THAT(recon_program(evaluate + (dir / "more") + " --all").text,
+             Catch::StartsWith("70 records; ") && Catch::Contains("trained on, and are judged\n"));
+  const Outcome study = recon_program("study pareto " + (dir / "a") + " " + (dir / "more") +
+                                      " -q --seeds 1 --models mean --sweep-models mean --photons 1 "
+                                      "--records 1 --out " +
+                                      (dir / "p"));
+  CHECK_THAT(study.text, Catch::Contains("60 of 70 records are copies of training records"));
+}
+
+TEST_CASE("a sensor that no record has is named, and a split of a held sequence") {
+  const Folder dir;
+  const auto run = [&](const std::string& name, Sensor lost) {
+    write_run(dir / name, 12, 1, [&](record::FusedRecord& r) { r.valid.erase(lost); });
+    return "train " + (dir / name) + " --out " + (dir / "m");
+  };
+  refuses(run("blind", Sensor::radar), 1, "no record has radar: --inputs spd");
+  refuses(run("dark", Sensor::spd), 1, "no record has spd: --inputs radar");
+  refuses(run("untold", Sensor::depth), 1, "no record has a depth map");
+  const auto held = [](record::FusedRecord& r) {
+    Rng rng = make_rng(1, static_cast<std::uint64_t>(r.index) / 12);
+    std::uniform_real_distribution<double> x(-1, 1), z(3, 4);
+    const double at_x = x(rng), at_z = z(rng);
+    Rng of_record = make_rng(2, static_cast<std::uint64_t>(r.index));
+    r = testing::plate_record(r.index, at_x, at_z, of_record);
+  };
+  write_run(dir / "held", 240, 1, held), write_run(dir / "free", 240, 1);
+  const auto says = [&](const std::string& name, const std::string& more) {
+    std::filesystem::remove(dir / "m");
+    return recon_program("train --model mean --set fallback=false " + (dir / name) + " --out " +
+                         (dir / "m") + more)
+        .text;
+  };
+  CHECK_THAT(says("held", ""), Catch::Contains("neighbours in time are alike") &&
+                                   Catch::Contains("--split blocked does not"));
+  CHECK_THAT(says("held", " --split blocked"), !Catch::Contains("alike"));
+  CHECK_THAT(says("free", ""), !Catch::Contains("alike"));
+}

@@ -1,0 +1,29 @@
+// SPDX-License-Identifier: MIT
+#include "recon/numbers/tensor_file.hpp"
+
+#include <sys/resource.h>
+
+#include <catch2/catch.hpp>
+
+#include "crafted.hpp"
+
+using namespace echofuse;
+
+TEST_CASE("tensors that share their bytes are refused before they are copied") {
+  const std::size_t size = 1 << 20;
+  nlohmann::json head;
+  head["__metadata__"] = {{"crc32c", "00000000"}, {"facts", "{}"}};
+  for (int i = 0; i < 3000; ++i)
+    head["t" + std::to_string(i)] = {
+        {"dtype", "U8"}, {"shape", {size}}, {"data_offsets", {0, size}}};
+  const Bytes file = crafted::sealed(head.dump(), Bytes(size));
+  const auto peak_kib = [] {
+    rusage used{};
+    ::getrusage(RUSAGE_SELF, &used);
+    return used.ru_maxrss;
+  };
+  const auto before = peak_kib();
+  CHECK_THROWS_WITH(recon::TensorFile("crafted", file),
+                    Catch::Contains("data_offsets: tensors overlap or leave a gap"));
+  CHECK(peak_kib() - before < 256 << 10);  // copies take 3 GB
+}
