@@ -23,7 +23,6 @@
 #include "recon/use/reconstruct.hpp"
 
 namespace echofuse::recon {
-namespace {
 
 void add_range_offset_option(CLI::App& app, double& offset_m) {
   app.add_option("--range-offset", offset_m,
@@ -32,6 +31,22 @@ void add_range_offset_option(CLI::App& app, double& offset_m) {
       ->check(CLI::Range(-10.0, 10.0))
       ->capture_default_str();
 }
+
+void add_empty_option(CLI::App& app, std::string& path) {
+  app.add_option("--empty", path,
+                 "a run of nobody in the room of this run, if it is another one than in training")
+      ->type_name("RUN");
+}
+
+TrainedModel model_for_room(const std::string& path, const std::string& empty,
+                            double range_offset_m) {
+  TrainedModel model = load_model(path);
+  const std::string text = empty.empty() ? "" : take_to_room(model, empty, range_offset_m);
+  if (!text.empty()) std::fprintf(stderr, "%s\n", text.c_str());
+  return model;
+}
+
+namespace {
 
 // Returns the command line that started this program.
 std::string command_line() {
@@ -43,23 +58,9 @@ std::string command_line() {
   return first == std::string::npos ? words : words.substr(first + 1);
 }
 
-void add_empty_option(CLI::App& app, std::string& path) {
-  app.add_option("--empty", path,
-                 "a run of nobody in the room of this run, if it is another one than in training")
-      ->type_name("RUN");
-}
-
 void add_model_and_run(CLI::App& app, std::string& model, std::string& run) {
   app.add_option("model", model, "model file")->type_name("MODEL")->required();
   app.add_option("run", run, "run file")->type_name("RUN")->required();
-}
-
-TrainedModel model_for_room(const std::string& path, const std::string& empty,
-                            double range_offset_m) {
-  TrainedModel model = load_model(path);
-  const std::string text = empty.empty() ? "" : take_to_room(model, empty, range_offset_m);
-  if (!text.empty()) std::fprintf(stderr, "%s\n", text.c_str());
-  return model;
 }
 
 // It says on stderr what reconstruct notes about its records: at once while following, or else at
@@ -137,53 +138,6 @@ class ReconstructReport {
 };
 
 }  // namespace
-
-Command add_evaluate(CLI::App& app, const Common& common) {
-  struct Arguments {
-    std::string model, run, empty;
-    double range_offset_m = 0;
-    std::vector<std::string> train;
-    bool all = false, json = false;
-  };
-  const auto a = std::make_shared<Arguments>();
-  add_model_and_run(app, a->model, a->run);
-  app.add_flag("--all", a->all, "also score records that the model was trained on");
-  app.add_option("--train", a->train,
-                 "the training runs of a fresh run: they say what is foreground and background, "
-                 "and have the nearest neighbours")
-      ->type_name("RUN");
-  add_empty_option(app, a->empty);
-  add_range_offset_option(app, a->range_offset_m);
-  app.add_flag("--json", a->json, "one JSON object instead of text");
-  more_options(app, {"--train", "--empty", "--range-offset", "--json"});
-  add_examples(app, {"echofuse-recon evaluate fused.safetensors scenes.sqlite"});
-  return [a, &common] {
-    const auto title = [&](const char* text) { return common.quiet || a->json ? "" : text; };
-    const TrainedModel model = model_for_room(a->model, a->empty, a->range_offset_m);
-    Dataset data = load_recorded({a->run}), other;
-    const Records records = prepare_records(model, data, a->range_offset_m);
-    subtract_range_offset(data, a->range_offset_m);
-    if (!a->train.empty()) {
-      other = load(a->train);
-      require_map(other, model->scene.grid, "the model");
-    }
-    const Dataset& trained_on = a->train.empty() ? data : other;
-    const Rows rows = rows_to_evaluate(model, records.data, a->all);
-    const Judge judge = a->train.empty() ? judge_of(model, records.data) : judge_of(other);
-    Evaluation e = evaluate(model, records, rows, title("scoring"), judge);
-    const Rows neighbours = model.knows(trained_on) || a->train.empty()
-                                ? model.rows_of(trained_on, Part::train)
-                                : trained_on.usable(model->features.inputs);
-    e.baselines = score_baselines(data, rows, judge.scene, trained_on, neighbours,
-                                  title("scoring baselines"));
-    set_threads(1);
-    e.cost = measure_cost(model, records.data, rows, a->model);
-    std::puts(a->json
-                  ? to_json(e).dump(2, ' ', true, nlohmann::json::error_handler_t::replace).c_str()
-                  : printable_lines(to_text(e)).c_str());
-    return ExitCode::ok;
-  };
-}
 
 Command add_reconstruct(CLI::App& app, const Common& common) {
   struct Arguments : ReconstructOptions {

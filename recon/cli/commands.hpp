@@ -3,8 +3,10 @@
 // function to call once they are read.
 #pragma once
 #include <functional>
+#include <string>
 
 #include "drivers/program/exit_code.hpp"
+#include "recon/use/trained_model.hpp"
 
 namespace CLI {
 class App;
@@ -24,5 +26,12 @@ Command add_evaluate(CLI::App& app, const Common& common);
 Command add_reconstruct(CLI::App& app, const Common& common);
 Command add_report(CLI::App& app, const Common& common);
 Command add_study(CLI::App& app, const Common& common);
+
+// Options that several commands have.
+void add_range_offset_option(CLI::App& app, double& offset_m);
+void add_empty_option(CLI::App& app, std::string& path);
+// Reads a model and takes it to the room of the run of nobody, if there is one; says so on stderr.
+TrainedModel model_for_room(const std::string& path, const std::string& empty,
+                            double range_offset_m);
 
 }  // namespace echofuse::recon

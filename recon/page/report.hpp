@@ -10,6 +10,7 @@
 #include "recon/page/run_story.hpp"
 #include "recon/use/evaluate.hpp"
 #include "recon/use/map_pictures.hpp"
+#include "recon/use/paired.hpp"
 
 namespace echofuse::recon {
 
@@ -73,12 +74,8 @@ struct ShownRecord {
   std::vector<ShownMap> maps;
 };
 
-// Two models on the same records: how much better the second is. Plus is better, also of an error.
-double gain(Metric metric, double first, double second);
-struct PairedDifference {
-  Metric metric{};
-  std::size_t records = 0;                                    // that define it in both
-  double first = 0, second = 0, mean = 0, low = 0, high = 0;  // of the gain; low, high: of 95 %
+std::size_t records = 0;                                    // that define it in both
+double first = 0, second = 0, mean = 0, low = 0, high = 0;  // of the gain; low, high: of 95 %
 };
 
 struct Report {
@@ -113,9 +110,6 @@ std::string write_report(const Report& report, const std::string& dir);
 ShownRecord show_record(const std::vector<const TrainedModel*>& models,
                         const std::vector<std::string>& names, const Dataset& data, std::size_t row,
                         const Scene& judge);
-// Gains in what both define, with intervals by resampled blocks of neighbours.
-std::vector<PairedDifference> paired_differences(const std::vector<MapScores>& first,
-                                                 const std::vector<MapScores>& second);
 // This is how a page was made: program, host, run and models.
 std::vector<std::pair<std::string, std::string>> how_made(const ReportOptions& options,
                                                           const Report& report,

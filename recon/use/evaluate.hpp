@@ -112,6 +112,10 @@ RunningCost measure_cost(const TrainedModel& model, const Dataset& data, const R
                          const std::string& model_path);
 
 nlohmann::json to_json(const Evaluation& evaluation);
+// Rows of maps and models judged together: {"records", "note", "rows": [{"model", "metrics"}, ...],
+// "trivial"}; "model" and "metrics" of the first row stand beside these, as of a single model.
+nlohmann::json to_json(const std::vector<ScoredRow>& rows, const std::vector<ScoredRow>& baselines,
+                       std::size_t records, const std::string& note);
 // The text shows rows of metrics, aligned; lengths are in metres.
 std::string to_table(const std::vector<ScoredRow>& rows);
 std::string to_text(const Evaluation& evaluation);

@@ -71,6 +71,17 @@ json to_json(const Evaluation& e) {
   return out;
 }
 
+json to_json(const std::vector<ScoredRow>& rows, const std::vector<ScoredRow>& baselines,
+             std::size_t records, const std::string& note) {
+  json all = json::array(), trivial = json::object();
+  for (const ScoredRow& row : rows)
+    all.push_back({{"model", row.name}, {"metrics", metrics_json(row.metrics)}});
+  for (const ScoredRow& row : baselines) trivial[row.name] = metrics_json(row.metrics);
+  json out = all.at(0);
+  out.update({{"records", records}, {"note", note}, {"rows", all}, {"trivial", trivial}});
+  return out;
+}
+
 std::string to_table(const std::vector<ScoredRow>& rows) {
   std::string out = formatted("%-12s", "metric");
   for (const auto& row : rows) out += formatted(" %15s", row.name.c_str());

@@ -58,12 +58,6 @@ std::string camera_json(const record::MapGrid& grid) {
       n, n, f, f, c, c, f, f, c, c);
 }
 
-std::vector<double> values_of(const Axis& axis) {
-  std::vector<double> out;
-  for (std::uint32_t i = 0; i < axis.count; ++i) out.push_back(axis.at(i));
-  return out;
-}
-
 struct MapFormat {
   const char *name, *what;
 };
@@ -71,8 +65,8 @@ constexpr std::array<MapFormat, 5> map_formats = {
     {{"colour", "PNG"},
      {"mm", "PNG of 16-bit millimetres"},
      {"ply", "points"},
-     {"npz", "all maps in one file"},
-     {"uncertainty", "standard deviations, as mm and npz"}}};
+     {"npy", "all maps in one array"},
+     {"uncertainty", "standard deviations, as mm and npy"}}};
 
 }  // namespace
 
@@ -89,22 +83,15 @@ std::string map_format_help() {
   return out;
 }
 
-MapFiles::MapFiles(std::string folder, const std::vector<std::string>& formats, const Scene& scene,
-                   bool calibrated)
-    : folder_(std::move(folder)),
-      formats_(formats),
-      scene_(scene),
-      span_(span_of(scene)),
-      calibrated_(calibrated) {
+MapFiles::MapFiles(std::string folder, const std::vector<std::string>& formats, const Scene& scene)
+    : folder_(std::move(folder)), formats_(formats), scene_(scene), span_(span_of(scene)) {
   const std::string camera = camera_json(scene.grid);
   write_file(folder_ + "/camera.json", Bytes(camera.begin(), camera.end()));
-  if (!wants("npz")) return;
   const std::size_t size = scene.grid.size;
-  arrays_.emplace(folder_ + "/maps.npz");
-  arrays_->begin("depth_m", "<f4", {size, size});
-  if (!wants("uncertainty")) return;
-  deviations_.emplace(folder_ + "/uncertainty.npz");
-  deviations_->begin("deviation_m", "<f4", {size, size});
+  if (!wants("npy")) return;
+  maps_.emplace(folder_ + "/maps.npy", std::vector{size, size});
+  if (wants("uncertainty"))
+    deviations_.emplace(folder_ + "/deviation.npy", std::vector{size, size});
 }
 
 bool MapFiles::wants(const char* format) const {
@@ -126,7 +113,7 @@ MapFiles::Ready MapFiles::prepare(std::int64_t index, std::span<const float> pre
   if (wants("colour")) picture(".png", depth_picture(there, span_, picture_zoom));
   if (wants("mm")) picture("_mm.png", millimetre_picture(map, scene_.grid.size));
   if (wants("uncertainty")) picture("_sd.png", millimetre_picture(deviation, scene_.grid.size));
-  if (!arrays_) return out;
+  if (!maps_) return out;
   out.depths = map;
   for (float& z : out.depths)
     if (!(z > 0)) z = std::numeric_limits<float>::quiet_NaN();
@@ -136,24 +123,13 @@ MapFiles::Ready MapFiles::prepare(std::int64_t index, std::span<const float> pre
 
 void MapFiles::write(const Ready& ready) {
   for (const File& file : ready.pictures) write_file(file.path, file.contents);
-  if (!arrays_) return;
-  arrays_->append(ready.depths);
-  indices_.push_back(ready.index);
+  if (!maps_) return;
+  maps_->append(ready.depths);
   if (deviations_) deviations_->append(ready.deviation);
 }
 
 void MapFiles::close() {
-  if (!arrays_) return;
-  arrays_->begin("index", "<i8", {});
-  arrays_->append(indices_);
-  for (const auto& [name, axis] :
-       {std::pair("depth_x", scene_.grid.x()), {"depth_y", scene_.grid.y()}}) {
-    arrays_->begin(name, "<f8", {});
-    arrays_->append(values_of(axis));
-  }
-  arrays_->begin("calibrated", "|u1", {});
-  arrays_->append(std::vector<std::uint8_t>{calibrated_});
-  arrays_->close();
+  if (maps_) maps_->close();
   if (deviations_) deviations_->close();
 }
 

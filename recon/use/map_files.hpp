@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "recon/use/map_pictures.hpp"
-#include "recon/use/npz.hpp"
+#include "recon/use/written_maps.hpp"
 
 namespace echofuse::recon {
 
@@ -19,12 +19,11 @@ namespace echofuse::recon {
 //   ply     NNNNNN.ply: points x (right), y (down), z (away) in metres, the right-handed frame of
 //           camera.json, with the picture's colours, of the hard map (scene.hpp), as the ripple of
 //           a least-squares map would be a fog of points
-//   npz     maps.npz for all: index i64 [n], depth_m f32 [n, N, N], NaN where nothing returned,
-//           depth_x and depth_y f64 [N], the tangents of the pixel centres; calibrated u8 [1]: 0
-//           where the model cannot say how far off its maps are
+//   npy     maps.npy for all: float32 [n, N, N], metres, NaN where nothing returned; records.csv
+//   says
+//           of which records. `evaluate --maps` reads both.
 //   uncertainty  NNNNNN_sd.png: 16-bit grey, the standard deviation of z in millimetres, 0 if the
-//           estimator that answered states none; beside npz also uncertainty.npz: deviation_m f32
-//           [n, N, N], NaN there
+//           estimator that answered states none; beside npy also deviation.npy, NaN there
 // Beside all of them camera.json: the pinhole camera whose images they are, in pixels, and the
 // steps of a metre in NNNNNN_mm.png.
 std::vector<std::string> map_format_names();
@@ -33,9 +32,7 @@ std::string map_format_help();  // each with what it is
 // Writes into an existing folder; every member throws Error(disk).
 class MapFiles {
  public:
-  // `calibrated`: whether the model states its uncertainty.
-  MapFiles(std::string folder, const std::vector<std::string>& formats, const Scene& scene,
-           bool calibrated);
+  MapFiles(std::string folder, const std::vector<std::string>& formats, const Scene& scene);
   // The files of one map, ready to be written. `deviation`: of every pixel; may be empty unless
   // uncertainty is wanted. Any thread may call it.
   struct File {
@@ -45,7 +42,7 @@ class MapFiles {
   struct Ready {
     std::int64_t index;
     std::vector<File> pictures;
-    std::vector<float> depths, deviation;  // what npz holds
+    std::vector<float> depths, deviation;  // what npy holds
   };
   Ready prepare(std::int64_t index, std::span<const float> prediction,
                 std::span<const float> deviation) const;
@@ -58,10 +55,7 @@ class MapFiles {
   std::vector<std::string> formats_;
   const Scene& scene_;
   DepthSpan span_;
-  bool calibrated_;
-  std::optional<NpzFile> arrays_;
-  std::vector<std::int64_t> indices_;
-  std::optional<NpzFile> deviations_;
+  std::optional<NpyWriter> maps_, deviations_;
 };
 
 }  // namespace echofuse::recon

@@ -77,7 +77,7 @@ class Reconstruction {
   Reconstruction(const TrainedModel& model, const ReconstructOptions& options)
       : model_(model),
         options_(options),
-        files_(options.out, options.formats, model->scene, model->uncertainty.has_value()),
+        files_(options.out, options.formats, model->scene),
         table_(options.out + "/records.csv"),
         started_(clock_.now()) {}
 

@@ -16,7 +16,7 @@ def save_maps(folder: str | pathlib.Path, depth_m: ArrayLike, index: ArrayLike) 
     np.save(folder / "maps.npy", np.ascontiguousarray(depth_m, "<f4"))
     with open(folder / "records.csv", "w", newline="") as file:
         out = csv.writer(file, lineterminator="\n")
-        out.writerow(("index", "status"))
+        out.writerow(("record", "status"))
         out.writerows((int(i), "ok") for i in np.asarray(index).tolist())
 
 
@@ -24,7 +24,7 @@ def load_maps(folder: str | pathlib.Path) -> tuple[NDArray[np.float32], NDArray[
     """Maps [n, N, N] and the indices [n] of their records, as written by save_maps or `reconstruct --format npy`."""
     folder = pathlib.Path(folder)
     with open(folder / "records.csv", newline="") as file:
-        index = [int(row["index"]) for row in csv.DictReader(file) if row["status"].startswith(("ok", "radar", "antennas"))]
+        index = [int(row["record"]) for row in csv.DictReader(file) if row["status"].startswith(("ok", "radar", "antennas"))]
     maps = np.load(folder / "maps.npy")
     if len(maps) != len(index):
         raise ValueError(f"{folder}: maps.npy has {len(maps)} maps, records.csv {len(index)} records with one")
