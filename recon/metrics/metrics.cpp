@@ -145,12 +145,13 @@ double foreground_tangent(std::span<const float> prediction, const Scene& scene)
 }
 
 BodyPlace body_place(std::span<const float> prediction, const Scene& scene) {
-  const auto share = foreground_share(prediction, scene);
+  const auto map = within_span(prediction, scene);
+  const Mask found = found_mask(foreground_share(map, scene));
   Mean z;
-  for (std::size_t p = 0; p < share.size(); ++p)
-    if (share[p] > 0.5f) z.add(prediction[p]);
+  for (std::size_t p = 0; p < found.size(); ++p)
+    if (found[p]) z.add(map[p]);
   const double z_m = z.value(least_mass);
-  return {centroid_tangent(share, scene.grid) * z_m, z_m};
+  return {centroid_tangent(found, scene.grid) * z_m, z_m};
 }
 
 double lateral_error(std::span<const float> prediction, std::span<const float> truth,
