@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import run as runs
+from .run_files import connect
 
 
 @dataclass
@@ -49,8 +50,10 @@ def copy(path: str | pathlib.Path, out: str | pathlib.Path, *changes: Change) ->
         records = Records(run)
         for change in changes:
             change(records)
+        if len(run.files) > 1:
+            raise ValueError(f"{path}: a run in parts; expected one file")
         with contextlib.closing(sqlite3.connect(out)) as db:
-            with contextlib.closing(run.connect()) as source:
+            with contextlib.closing(connect(run.files[0])) as source:
                 source.backup(db)
             _write(db, run, records)
     return out
@@ -67,7 +70,7 @@ def _write(db: sqlite3.Connection, run: runs.Run, records: Records) -> None:
                 db.execute("DELETE FROM record WHERE idx = ?", (index,))
                 continue
             db.execute("UPDATE record SET valid = ?, spd = CASE WHEN ? & 1 THEN ? END, radar = CASE WHEN ? & 2 THEN ? END"
-                       " WHERE idx = ?", (valid, valid, spd.astype("<u4").tobytes(), valid, run.pack_radar(radar), index))
+                       " WHERE idx = ?", (valid, valid, spd.astype("<u4").tobytes(), valid, radar.astype("<f4").tobytes(), index))
         if records.range_offset_m:
             db.execute("UPDATE axis SET start = start + ? WHERE name IN ('radar', 'array')", (records.range_offset_m,))
 

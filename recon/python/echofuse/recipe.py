@@ -10,8 +10,6 @@ import sys
 import tomllib
 from typing import Any
 
-import numpy as np
-
 from . import bench, tmf8820
 from . import run as runs
 
@@ -23,7 +21,7 @@ def checksum(path: str | pathlib.Path) -> str:
         total.update(run.spd.astype("<u4").tobytes())
         total.update(run.stored_radar().astype("<f4").tobytes())
         for row in range(len(run)):
-            total.update(np.nan_to_num(1000 * run.depth[row]).round().astype("<u2").tobytes())
+            total.update(run.depth_mm(row).astype("<u2").tobytes())
     return total.hexdigest()
 
 

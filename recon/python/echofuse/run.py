@@ -11,11 +11,12 @@ import zlib
 from contextlib import closing
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Iterator
+from typing import Any, Iterator, overload
 
 import numpy as np
 from numpy.typing import NDArray
 
+from . import grid
 from .run_files import connect, files_of, parts_of
 
 SENSORS = {"spd": 1, "radar": 2, "depth": 4}  # bits of record.valid
@@ -72,6 +73,46 @@ def open(path: str | pathlib.Path) -> "Run":  # noqa: A001 (the name that is wan
     return run
 
 
+@dataclass(frozen=True)
+class Record:
+    """One record of a run: run[3]. Its depth image is read when it is asked for."""
+
+    run: "Run"
+    row: int
+
+    @property
+    def index(self) -> int:
+        return int(self.run.index[self.row])
+
+    @property
+    def label(self) -> str:
+        return self.run.labels[self.row]
+
+    @property
+    def time(self) -> np.datetime64:
+        return self.run.time[self.row]
+
+    @property
+    def spd(self) -> NDArray[np.uint32]:
+        """Counts [bins]."""
+        return self.run.spd[self.row]
+
+    @property
+    def radar(self) -> NDArray[np.float32]:
+        """Linear power [points]."""
+        return self.run.radar[self.row]
+
+    @property
+    def depth(self) -> NDArray[np.float32]:
+        """z in metres [rows, columns] of the camera's image, NaN: no return."""
+        image = self.run.depth_mm(self.row)
+        return np.where(image > 0, image / np.float32(1000), np.float32(np.nan))
+
+    def __repr__(self) -> str:
+        valid = ", ".join(name for name, mask in self.run.valid.items() if mask[self.row]) or "no sensor"
+        return f"<record {self.index} of {self.run.path.name}: {valid}; {self.label or 'no label'}>"
+
+
 class Run:
     """Values as recorded, a row a record. Of a sensor that a record lacks the row is 0 (counts) or NaN; `valid`
     tells. The records are those of the moment of opening or of the last refresh(). A run in parts is one run: `files`
@@ -80,6 +121,28 @@ class Run:
     def __init__(self, path: pathlib.Path) -> None:
         self.path = path
         self._read()
+
+    def __enter__(self) -> "Run":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Lets the arrays go; no file stays open between two calls."""
+        for name in ("spd", "radar", "depth", "lags_axis", "_pairs"):
+            self.__dict__.pop(name, None)
+
+    def __iter__(self) -> Iterator[Record]:
+        return (Record(self, row) for row in range(len(self)))
+
+    @overload
+    def __getitem__(self, row: int) -> Record: ...
+
+    @overload
+    def __getitem__(self, row: slice) -> list[Record]: ...
+
+    def __getitem__(self, row: int | slice) -> Record | list[Record]:
+        """run[3], run[-1]: a record; run[10:20]: a list of them. Rows count from 0, whatever the records' indices."""
+        found = range(len(self))[row]
+        return Record(self, found) if isinstance(found, int) else [Record(self, one) for one in found]
 
     def refresh(self) -> "Run":
         """Takes the records that came since; of use while the run is recorded."""
@@ -156,7 +219,7 @@ class Run:
     @cached_property
     def radar(self) -> NDArray[np.float32]:
         """Linear power [n, bins], in an arbitrary unit."""
-        table = self._table("radar", "<f4", np.nan)
+        table = self.stored_radar()
         axis = self.axes.get("radar")
         if axis is not None and axis.quantity == "log2_q8":  # TI's codes (drivers/core/log2_codes.hpp)
             antennas = max(1, int(axis.scale))
@@ -172,6 +235,33 @@ class Run:
             image = decode_png16(png, size)
             out[row] = np.where(image > 0, image / np.float32(1000), np.float32(np.nan))
         return out
+
+    def depth_mm(self, row: int) -> NDArray[np.uint16]:
+        """The camera's image of one record as recorded [rows, columns], millimetres, 0: no return."""
+        size = tuple(self.axes[name].count if name in self.axes else 0 for name in ("depth_y", "depth_x"))
+        blob = self.select("SELECT depth FROM record WHERE idx = ? AND valid & 4", int(self.index[row]))
+        return decode_png16(blob[0][0] or b"", (size[0], size[1])) if blob else np.zeros(size, np.uint16)
+
+    def maps(self) -> NDArray[np.float32]:
+        """The truth [n, N, N] on the grid of the maps, in metres, as training and judge have it; NaN: no return, and of a
+        record without depth. Images are read one by one."""
+        x, y = (self.axes.get(name) for name in ("depth_x", "depth_y"))
+        to_x, to_y, to_z = (self.axes.get(name) for name in ("map_x", "map_y", "map_z"))
+        if x is None or y is None:
+            raise ValueError(f"{self.path}: has no depth camera")
+        half = 0.55 if to_x is None else to_x.step * to_x.count / 2
+        size = 64 if to_x is None else to_x.count
+        to_x = to_x or Axis("map_x", "tangent", "1", size, half / size - half, 2 * half / size, 1)
+        to_y = to_y or Axis("map_y", "tangent", "1", size, half - half / size, -2 * half / size, 1)
+        columns, rows = grid.cells(x, to_x), grid.cells(y, to_y)
+        out = np.full((len(self), size, size), np.nan, np.float32)
+        for row in np.flatnonzero(self.valid["depth"]):
+            out[row] = grid.to_map(self.depth_mm(int(row)), columns, rows, to_z.step if to_z else 6.0)
+        return out
+
+    def stored_radar(self) -> NDArray[np.float32]:
+        """The profiles [n, points] as recorded: linear power, or TI's codes (axes["radar"].quantity)."""
+        return self._table("radar", "<f4", np.nan)
 
     # What the method takes (recon/README.md, "the way of a record"): at true ranges, pile-up corrected.
     def photons(self) -> NDArray[np.float32]:
