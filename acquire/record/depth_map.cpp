@@ -75,15 +75,16 @@ bool MapGrid::operator==(const MapGrid& other) const {
 MapGrid map_grid_of(std::span<const Axis> axes) {
   const Axis *x = find_axis(axes, "map_x"), *y = find_axis(axes, "map_y"),
              *z = find_axis(axes, "map_z");
-  if (!x && !y && !z) return {};
-  if (x && y && x->count >= least_map_size && x->count <= most_map_size) {
-    const MapGrid grid{x->count, x->step * x->count / 2, z ? z->step : MapGrid{}.far_m};
-    const auto wanted = grid.axes();
-    if (grid.half_tangent >= least_map_half_tangent && grid.half_tangent <= most_map_half_tangent &&
-        same_axis(*x, wanted[0]) && same_axis(*y, wanted[1]) && grid.far_m >= least_map_far_m &&
-        grid.far_m <= most_map_far_m && (!z || same_axis(*z, wanted[2])))
-      return grid;
-  }
+  MapGrid grid;
+  if (x && x->count >= least_map_size && x->count <= most_map_size)
+    grid.size = x->count, grid.half_tangent = x->step * x->count / 2;
+  if (z) grid.far_m = z->step;
+  const auto wanted = grid.axes();
+  if (grid.half_tangent >= least_map_half_tangent && grid.half_tangent <= most_map_half_tangent &&
+      !x == !y && (!x || (same_axis(*x, wanted[0]) && same_axis(*y, wanted[1]))) &&
+      grid.far_m >= least_map_far_m && grid.far_m <= most_map_far_m &&
+      (!z || same_axis(*z, wanted[2])))
+    return grid;
   throw Error(ExitCode::failed,
               "axes map_x, map_y and map_z: expected 16 to 256 pixels both ways over tangents of "
               "+-0.02 to +-3, and one bin from 0 to a depth of 0.1 to 65 m");

@@ -2,8 +2,12 @@
 // The rows of a run beside its records.
 #include "acquire/record/insert.hpp"
 #include "acquire/record/run_file.hpp"
+#include "acquire/record/writer_lock.hpp"
 
 namespace echofuse::record {
+
+// Room for the row of the run, configuration included, and the index file of a reader.
+void RunWriter::reserve() const { lock_->reserve(128 << 10); }
 
 void RunWriter::put_axis(const Axis& axis) {
   rows()

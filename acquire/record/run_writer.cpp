@@ -66,8 +66,6 @@ constexpr auto retry_pause = std::chrono::milliseconds(10);
 // so that there is a second copy of what is not in the database yet.
 constexpr const char* page_cache = "PRAGMA cache_size=-2000";  // KiB
 constexpr int checkpoint_pages = 400;                          // of 4 KiB
-// The status rewrites the row of the run, configuration included, and readers need an index file.
-constexpr int reserve_bytes = 128 << 10;
 
 std::string damage_during_the_run(sqlite3* db, const std::string& path) {
   const std::string fault = damage(db, path);
@@ -148,11 +146,9 @@ RunWriter::RunWriter(const std::string& path, const Clock& clock, const Look& lo
     : path_(path), clock_(clock), handle_(nullptr, sqlite3_close) {
   static_cast<void>(RunReader(path).axes());  // a run file, or no lock file is made beside it
   lock();
-  {
-    const RunReader begun(path);
-    if (look) look(begun);
-    axes_ = begun.axes();
-  }
+  const RunReader begun(path);
+  if (look) look(begun);
+  axes_ = begun.axes();
   go_on(true);
 }
 
@@ -178,8 +174,6 @@ void RunWriter::go_on(bool resumed) {
   execute(db_, path_, "COMMIT", "cannot reopen");
   ready();
 }
-
-void RunWriter::reserve() const { lock_->reserve(reserve_bytes); }
 
 void RunWriter::begin_part(std::int64_t part, std::int64_t first_index) {
   part_ = part;

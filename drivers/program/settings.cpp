@@ -16,11 +16,12 @@ namespace {
 
 constexpr std::size_t enough_faults = 20;  // in what is not TOML; probably not meant to be
 
+// With as many digits as the same number needs to be read again.
 std::string text_of(double v) {
-  std::ostringstream out;
-  out.precision(15);
-  out << v;
-  return out.str();
+  char text[32];
+  std::snprintf(text, sizeof text, "%.15g", v);
+  if (std::strtod(text, nullptr) != v) std::snprintf(text, sizeof text, "%.17g", v);
+  return text;
 }
 
 std::string literal(double v) {

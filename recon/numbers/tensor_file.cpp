@@ -169,7 +169,7 @@ Bytes TensorFile::to_bytes() const {
       {"crc32c", no_crc}, {"facts", said.dump()}, {"kernel", blas_kernels()}, {"commit", commit()}};
   std::size_t at = 0;
   std::vector<const Tensor*> order;
-  for (const std::size_t width : {8, 4, 1})
+  for (const std::size_t width : {8U, 4U, 1U})
     for (const auto& [name, tensor] : tensors_) {
       if (bytes_of(tensor.type) != width) continue;
       head[name] = {{"dtype", tensor.type},

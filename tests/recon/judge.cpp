@@ -24,7 +24,7 @@ TEST_CASE("foreground and background are the run's, whichever model is judged") 
     const Outcome o = recon_program("evaluate --json " + model + " " + (dir / "fresh") + options);
     CAPTURE(o.text);
     REQUIRE(o.code == 0);
-    return nlohmann::json::parse(o.text)["trivial"];
+    return nlohmann::json::parse(o.text.substr(o.text.find("{\n")))["trivial"];
   };
   const std::string train = " --train " + (dir / "room");
   CHECK(judged("open", train) == judged("room", train));
@@ -58,5 +58,7 @@ TEST_CASE("a wall moved to and fro: said, judged by RMSE, and its uncertainty st
   CHECK(json["metrics"]["iou"]["mean"].is_null());
   const double error_m = json["metrics"]["rmse_m"]["mean"];
   CHECK(error_m < 0.1);
-  CHECK(json["calibration"]["pixel_deviation_m"].get<double>() == Approx(error_m).epsilon(0.5));
+  const double stated_m = json["calibration"]["pixel_deviation_m"];
+  CHECK(stated_m > error_m / 2);
+  CHECK(stated_m < 2 * error_m);
 }

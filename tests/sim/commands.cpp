@@ -179,7 +179,8 @@ TEST_CASE("study fidelity in parts: the same table as in one, and what cannot be
   const Outcome none = sim(study + folder / "none" + " --part 3/2");
   CHECK(none.code == 2);
   CHECK(none.text ==
-        "echofuse-sim: --part 3/2: expected K/N with 1 <= K <= N <= 100000, or auto\n");
+        "echofuse-sim: --part 3/2: expected K/N with 1 <= K <= N <= 100000, as "
+        "$SLURM_ARRAY_TASK_ID/16 in a job array of Slurm\n");
 }
 
 TEST_CASE("study bound in parts: the same tables as in one", "[.]") {
