@@ -23,6 +23,16 @@ std::vector<float> median_map(const Matrix& depth, const Rows& rows) {
   return column_quantile(depth, some, 0.5);
 }
 
+// Nothing stands behind a pixel that has no return in at least a fifth of the maps, even if bodies
+// are there in most of them. A camera loses fewer.
+void clear_behind_bodies(std::vector<float>& background, const Matrix& depth, const Rows& rows) {
+  std::vector<std::size_t> empty(depth.cols);
+  for (const std::size_t row : rows)
+    for (std::size_t p = 0; p < empty.size(); ++p) empty[p] += !(depth.row(row)[p] > 0);
+  for (std::size_t p = 0; p < empty.size(); ++p)
+    if (5 * empty[p] >= rows.size()) background[p] = 0;
+}
+
 // It clamps the values to [0, most].
 ECHOFUSE_CLONES void clamp(const float* values, float most, float* __restrict out,
                            std::size_t count) {
@@ -35,11 +45,12 @@ ECHOFUSE_CLONES void clamp(const float* values, float most, float* __restrict ou
 }  // namespace
 
 bool true_foreground(float depth_m, float background_m) {
-  return depth_m > 0 && std::abs(depth_m - background_m) > foreground_step_m;
+  return depth_m > 0 && (background_m <= 0 || std::abs(depth_m - background_m) > foreground_step_m);
 }
 
 Scene learn_scene(const Matrix& depth, const Rows& rows, const record::MapGrid& grid) {
   Scene scene{median_map(depth, rows), std::vector<float>(depth.cols), 0, grid};
+  clear_behind_bodies(scene.background, depth, rows);
   std::vector<double> sum(depth.cols);
   double foreground_sum = 0, off_m = 0, behind_m = 0;
   std::size_t foreground_count = 0;

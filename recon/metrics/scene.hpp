@@ -2,7 +2,8 @@
 // A scene holds what the training maps say of the place itself, and defines what stands out from
 // it.
 //
-// A pixel of a true map is foreground if |d - b| > 0.1 m and d > 0, where b is the background map.
+// A pixel of a true map is foreground if d > 0 and b = 0 or |d - b| > 0.1 m, where b is the
+// background map: the median of the training maps, 0 where a fifth of them has no return.
 // A pixel of a prediction v is foreground if it lies nearer to m, the mean depth of the training
 // foreground, than to b. In the open room b = 0 and m is about 3.5 m, so the rule reads v > 1.75 m.
 // No body stands out if a quarter of what is off the background lies behind it, as when a wall is

@@ -74,10 +74,6 @@ struct ShownRecord {
   std::vector<ShownMap> maps;
 };
 
-std::size_t records = 0;                                    // that define it in both
-double first = 0, second = 0, mean = 0, low = 0, high = 0;  // of the gain; low, high: of 95 %
-};
-
 struct Report {
   std::string run, run_uuid;
   bool simulated = false, new_run = false;                // new: no model was trained on it

@@ -7,14 +7,15 @@
 
 namespace echofuse::recon {
 
+// By how much the second is better; plus is better, also of an error.
 struct PairedDifference {
   Metric metric{};
-
-  // Two models on the same records: how much better the second is. Plus is better, also of an
-  // error.
-  double gain(Metric metric, double first, double second);
-  // Gains in what both define, with intervals by resampled blocks of neighbours.
-  std::vector<PairedDifference> paired_differences(const std::vector<MapScores>& first,
-                                                   const std::vector<MapScores>& second);
+  std::size_t records = 0;                                    // that define it in both
+  double first = 0, second = 0, mean = 0, low = 0, high = 0;  // of the gain; low, high: of 95 %
+};
+double gain(Metric metric, double first, double second);
+// Gains in what both define, with intervals by resampled blocks of neighbours.
+std::vector<PairedDifference> paired_differences(const std::vector<MapScores>& first,
+                                                 const std::vector<MapScores>& second);
 
 }  // namespace echofuse::recon

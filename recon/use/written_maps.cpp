@@ -81,7 +81,7 @@ void read_table(const std::string& path, const Visit& visit) {
   const auto head = fields_of(line);
   const auto column = [&](const char* name) {
     const auto at = std::ranges::find(head, name);
-    if (at == head.end()) refuse(path, "has no column \"" + std::string(name) + "\"");
+    if (at == head.end()) refuse(path, formatted("has no column \"%s\"", name));
     return static_cast<std::size_t>(at - head.begin());
   };
   const std::size_t index = column("record"), status = column("status");
@@ -92,7 +92,7 @@ void read_table(const std::string& path, const Visit& visit) {
     const std::string& word = fields[index];
     const auto read = std::from_chars(word.data(), word.data() + word.size(), number);
     if (read.ec != std::errc{} || read.ptr != word.data() + word.size())
-      refuse(path, "\"" + printable(word) + "\" is no record's index");
+      refuse(path, formatted("\"%s\" is no record's index", printable(word).c_str()));
     visit(number, has_map(fields[status]));
   }
 }
@@ -132,7 +132,7 @@ void read_pictures(const std::string& folder, const record::MapGrid& grid, Writt
     const std::string name = entry.path().filename().string();
     std::int64_t index = 0;
     const auto read = std::from_chars(name.data(), name.data() + name.size(), index);
-    const std::string rest(read.ptr, name.data() + name.size());
+    const std::string rest = name.substr(static_cast<std::size_t>(read.ptr - name.data()));
     if (read.ec != std::errc{} || (rest != ".png" && rest != "_mm.png")) continue;
     if (rest == "_mm.png" || !pictures.contains(index)) pictures[index] = entry.path().string();
   }
