@@ -171,9 +171,8 @@ Command add_evaluate(CLI::App& app, const Common& common) {
     const Rows rows = rows_to_evaluate(model, records.data, a->all);
     const Judge judge = a->train.empty() ? judge_of(model, records.data) : judge_of(other);
     Evaluation e = evaluate(model, records, rows, title("scoring"), judge);
-    const Rows neighbours = model.knows(trained_on) || a->train.empty()
-                                ? model.rows_of(trained_on, Part::train)
-                                : trained_on.usable(model->features.inputs);
+    const Rows neighbours = a->train.empty() ? model.rows_of(trained_on, Part::train)
+                                             : trained_on.usable(model->features.inputs);
     e.baselines = score_baselines(data, rows, judge.scene, trained_on, neighbours,
                                   title("scoring baselines"));
     set_threads(1);
