@@ -113,11 +113,9 @@ int OutputQueue::close() {
   std::unique_lock lock(s.mutex);
   s.ending = true;
   s.changed.notify_all();
-  const auto taken = [&s, before = s.written]() mutable {
-    return s.done || std::exchange(before, s.written) != s.written;
-  };
-  while (!s.done && s.changed.wait_for(lock, patience, taken)) {
-  }
+  // The writer has a second for each text.
+  for (std::size_t before = s.written; !s.done; before = s.written)
+    if (!s.changed.wait_for(lock, patience, [&] { return s.done || s.written != before; })) break;
   const auto [done, error] = std::pair(s.done, s.error);
   if (!done) s.texts.clear();
   lock.unlock();

@@ -9,6 +9,7 @@
 
 #include "drivers/program/command_line.hpp"
 #include "drivers/program/console.hpp"
+#include "drivers/program/csv.hpp"
 #include "drivers/program/printable.hpp"
 #include "recon/cli/commands.hpp"
 #include "recon/data/files.hpp"
@@ -82,9 +83,8 @@ ExitCode evaluate_model(const Arguments& a, const Common& common) {
   const Rows rows = rows_to_evaluate(model, records.data, a.all);
   const Judge judge = a.train.empty() ? judge_of(model, records.data) : judge_of(other);
   Evaluation e = evaluate(model, records, rows, title("scoring"), judge);
-  const Rows neighbours = model.knows(trained_on) || a.train.empty()
-                              ? model.rows_of(trained_on, Part::train)
-                              : trained_on.usable(model->features.inputs);
+  const Rows neighbours = a.train.empty() ? model.rows_of(trained_on, Part::train)
+                                          : trained_on.usable(model->features.inputs);
   e.baselines =
       score_baselines(data, rows, judge.scene, trained_on, neighbours, title("scoring baselines"));
   set_threads(1);

@@ -28,7 +28,7 @@ class Installed(unittest.TestCase):
         cls.folder = tempfile.TemporaryDirectory(prefix="echofuse-installed-")
         cls.dir = pathlib.Path(cls.folder.name)
         # First elsewhere, as packages are made, then moved there.
-        run("cmake", "--install", build, "--prefix", cls.dir / "opt", env={k: v for k, v in os.environ.items() if k != "ECHOFUSE_LOCKS"} | {"DESTDIR": str(cls.dir / "stage")})
+        run("cmake", "--install", build, "--prefix", cls.dir / "opt", env={k: v for k, v in os.environ.items() if k not in ("ECHOFUSE_LOCKS", "XDG_CONFIG_HOME")} | {"DESTDIR": str(cls.dir / "stage")})
         shutil.move(str(cls.dir / "stage") + str(cls.dir / "opt"), cls.dir)
         cls.prefix = cls.dir / "opt"
 
@@ -61,7 +61,7 @@ class Installed(unittest.TestCase):
             HOME=$PWD/home echofuse-acquire config check
             echofuse-bridge-timetagger --help"""
         words = ["unshare", "--mount", "sh", "-c", script] if hide else ["sh", "-c", script]
-        said = run(*words, cwd=self.dir, env={k: v for k, v in os.environ.items() if k != "ECHOFUSE_LOCKS"} | {"PATH": f"{self.prefix}/bin:{os.environ['PATH']}"})
+        said = run(*words, cwd=self.dir, env={k: v for k, v in os.environ.items() if k not in ("ECHOFUSE_LOCKS", "XDG_CONFIG_HOME")} | {"PATH": f"{self.prefix}/bin:{os.environ['PATH']}"})
         self.assertIn("home/.config/echofuse/lab.toml: ok", said)
         self.assertIn("--conditional-filter", said)
         self.assertIn('"records": 3', (self.dir / "info.json").read_text())
@@ -74,7 +74,7 @@ class Installed(unittest.TestCase):
     def test_python(self):
         module, = self.prefix.glob("lib/python3*/dist-packages/echofuse")
         said = run("/usr/bin/python3", "-c", "import echofuse; print(echofuse.__file__)", cwd=self.dir,
-                   env={k: v for k, v in os.environ.items() if k != "ECHOFUSE_LOCKS"} | {"PYTHONPATH": module.parent, "PYTHONDONTWRITEBYTECODE": "1"})
+                   env={k: v for k, v in os.environ.items() if k not in ("ECHOFUSE_LOCKS", "XDG_CONFIG_HOME")} | {"PYTHONPATH": module.parent, "PYTHONDONTWRITEBYTECODE": "1"})
         self.assertEqual(said.strip(), str(module / "__init__.py"))
 
     def test_manual_has_no_dead_link(self):
@@ -108,7 +108,7 @@ class Installed(unittest.TestCase):
             script = f""". {self.prefix}/share/bash-completion/completions/{words[0]}
                 COMP_WORDS=("$@") COMP_CWORD=$(($# - 1)); _echofuse; echo "${{COMPREPLY[@]}}" """
             return run("bash", "-c", script, "bash", *words, cwd=self.prefix / "lib",
-                       env={k: v for k, v in os.environ.items() if k != "ECHOFUSE_LOCKS"} | {"PATH": f"{self.prefix}/bin:{os.environ['PATH']}"}).split()
+                       env={k: v for k, v in os.environ.items() if k not in ("ECHOFUSE_LOCKS", "XDG_CONFIG_HOME")} | {"PATH": f"{self.prefix}/bin:{os.environ['PATH']}"}).split()
         self.assertEqual(offered("echofuse-acquire", "re"), ["replay"])
         self.assertEqual(offered("echofuse-acquire", "config", "s"), ["show", "systemd", "sysusers.d"])
         self.assertEqual(offered("echofuse-sim", "lab", "--scene", "re"), ["reflector"])
