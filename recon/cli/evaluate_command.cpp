@@ -168,15 +168,13 @@ Command add_evaluate(CLI::App& app, const Common& common) {
          "folders of maps of any program: maps.npy [n, N, N] in metres with records.csv, or "
          "16-bit PNGs with camera.json; each --maps one folder")
       ->type_name("FOLDER")
-      ->expected(1)
-      ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
+      ->allow_extra_args(false);
   app.add_flag("--all", a->all, "also score records that the model was trained on");
   app.add_option("--train", a->train,
                  "the training runs of a fresh run: they say what is foreground and background, "
                  "and have the nearest neighbours")
       ->type_name("RUN")
-      ->expected(1)
-      ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
+      ->allow_extra_args(false);
   app.add_option("--records", a->records, "table of the scores of each record to write")
       ->type_name("FILE");
   add_empty_option(app, a->empty);
