@@ -80,7 +80,7 @@ def test_a_run_unlike_the_training(runs, tmp_path, name, change):
     elif name == "50cm":
         as_the_daemon_writes(run)
     program("echofuse-recon", "train", "-q", trained, "--model", "factorised-8", "--epochs", 1, "--out", model)
-    program("echofuse-recon", "reconstruct", "-q", model, run, "--out", tmp_path / "maps", "--format", "npz")
+    program("echofuse-recon", "reconstruct", "-q", model, run, "--out", tmp_path / "maps", "--format", "npy")
     compare(model, run, tmp_path / "maps")
 
 
@@ -89,19 +89,19 @@ def test_maps_are_those_of_the_program(runs, tmp_path, name, kind):
     model, run = tmp_path / "model", runs / f"{name}.sqlite"
     epochs = ["--epochs", 1] if kind[0].rstrip("-0123456789") in ("factorised", "silhouette", "mlp", "pca-mlp") else []
     program("echofuse-recon", "train", "-q", run, "--model", *kind, *epochs, "--set", "fallback=false", "--out", model)
-    program("echofuse-recon", "reconstruct", "-q", model, run, "--out", tmp_path / "maps", "--format", "npz")
+    program("echofuse-recon", "reconstruct", "-q", model, run, "--out", tmp_path / "maps", "--format", "npy")
     compare(model, run, tmp_path / "maps")
 
 
 def compare(model, run, maps):
-    program_made = np.load(next(maps.rglob("*.npz")))
+    program_made, index = echofuse.load_maps(maps)
     loaded = echofuse.load_model(model)
     found = loaded.predict(run)
     background = loaded.estimators[0].t["scene/background_m"].reshape(loaded.estimators[0].size, -1)
-    depth_m, by_program_m = np.nan_to_num(found.depth_m), np.nan_to_num(program_made["depth_m"])
+    depth_m, by_program_m = np.nan_to_num(found.depth_m), np.nan_to_num(program_made)
     shown, shown_by_program = depth_m != background, by_program_m != background
     other = shown != shown_by_program
-    assert found.index.tolist() == program_made["index"].tolist() and len(found.index) == 60
+    assert found.index.tolist() == index.tolist() and len(found.index) == 60
     assert shown_by_program.any()
     assert other.sum() <= 3  # exactly at the threshold
     assert np.abs(depth_m - by_program_m)[~other].max() < 1e-4

@@ -75,7 +75,7 @@ TEST_CASE("a model has the map of its training, and judges no other") {
   const record::MapGrid grid{24, 0.55};
   write_mapped(dir / "run", 200, grid);
   write_run(dir / "other", 8, 2);
-  const std::string out = " --out " + (dir / "maps") + " --format mm,npz,ply,uncertainty --force ";
+  const std::string out = " --out " + (dir / "maps") + " --format mm,npy,ply,uncertainty --force ";
   for (const std::string kind : {"ridge", "factorised-4"}) {
     CAPTURE(kind);
     const std::string m = dir / kind;

@@ -12,7 +12,7 @@
 #include "acquire/record/png.hpp"
 #include "drivers/core/clock.hpp"
 #include "recon/use/map_files.hpp"
-#include "recon/use/npz.hpp"
+#include "recon/use/written_maps.hpp"
 #include "world.hpp"
 
 using namespace echofuse;
@@ -59,26 +59,57 @@ void wait_for(const std::string& what, const Condition& condition) {
 
 }  // namespace
 
-TEST_CASE("NumPy reads the arrays that were written row by row") {
+TEST_CASE("NumPy reads the array that was written row by row") {
   const Folder dir;
-  recon::NpzFile out(dir / "a.npz");
-  out.begin("map", "<f4", {2, 3});
+  NpyWriter out(dir / "a.npy", {2, 3});
   for (int i = 0; i < 3; ++i) {
     std::vector<float> row(6);
     for (std::size_t c = 0; c < 6; ++c) row[c] = static_cast<float>(i) + static_cast<float>(c) / 8;
     out.append(row);
   }
-  out.begin("none", "<f4", {64, 64});
-  out.begin("index", "<i8", {});
-  out.append(std::vector<std::int64_t>{-1, 1ll << 40});
-  CHECK_FALSE(std::filesystem::exists(dir / "a.npz"));
+  CHECK_FALSE(std::filesystem::exists(dir / "a.npy"));
   out.close();
   CHECK(std::distance(std::filesystem::directory_iterator(dir.path), {}) == 1);
-  CHECK(numpy("a = n.load('" + (dir / "a.npz") +
-              "'); print(a.files, a['map'].shape, a['map'].dtype, a['map'][2, 1, 2], "
-              "a['none'].shape, a['index'].tolist(), a.zip.testzip())") ==
-        "['map', 'none', 'index'] (3, 2, 3) float32 2.625 (0, 64, 64) [-1, 1099511627776] None\n");
-  CHECK_THROWS_WITH(recon::NpzFile(dir / "no/such.npz"), Catch::Contains("no/such.npz"));
+  CHECK(numpy("a = n.load('" + (dir / "a.npy") + "'); print(a.shape, a.dtype, a[2, 1, 2])") ==
+        "(3, 2, 3) float32 2.625\n");
+  CHECK_THROWS_WITH(NpyWriter(dir / "no/such.npy", {2}), Catch::Contains("no/such.npy"));
+}
+
+TEST_CASE("maps as they are written have the scores of the model that made them") {
+  const Folder dir;
+  write_run(dir / "run", 120);
+  write_run(dir / "fresh", 20, 2);
+  REQUIRE(recon_program("train -q --model ridge " + (dir / "run") + " --out " + (dir / "m")).code ==
+          0);
+  REQUIRE(recon_program("reconstruct -q --format npy,mm " + (dir / "m") + " " + (dir / "fresh") +
+                        " --out " + (dir / "o"))
+              .code == 0);
+  const auto judged = [&](const std::string& what) {
+    const Outcome o = recon_program("-q evaluate --json " + what + " " + (dir / "fresh") +
+                                    " --train " + (dir / "run"));
+    CAPTURE(o.text);
+    REQUIRE(o.code == 0);
+    const auto json = nlohmann::json::parse(o.text.substr(o.text.find("{\n")));
+    return std::pair(json["metrics"], json["trivial"]);
+  };
+  const auto model = judged(dir / "m"), maps = judged("--maps " + (dir / "o"));
+  CHECK(model == maps);
+  const auto refused = [&](const std::string& script, const std::string& said) {
+    std::filesystem::remove_all(dir / "bad");
+    std::filesystem::copy(dir / "o", dir / "bad");
+    numpy("import os; d = '" + (dir / "bad") + "'; m = n.load(d + '/maps.npy'); " + script);
+    const Outcome o = recon_program("evaluate --maps " + (dir / "bad") + " " + (dir / "fresh"));
+    CAPTURE(script, o.text);
+    CHECK(o.code == 1);
+    CHECK_THAT(o.text, Catch::Contains(said) && Catch::EndsWith("\n"));
+  };
+  refused("n.save(d + '/maps.npy', m * 1000)", "metres are expected, not millimetres");
+  refused("n.save(d + '/maps.npy', m[:, ::2, ::2].copy())",
+          "maps of 32 x 32; the run's are 64 x 64");
+  refused("n.save(d + '/maps.npy', m[1:])", "has 19 maps; records.csv has 20 records with one");
+  refused("n.save(d + '/maps.npy', n.asfortranarray(m))", "expected C order");
+  refused("os.remove(d + '/maps.npy'); os.remove(d + '/000007_mm.png')", "none of record 7");
+  refused("os.remove(d + '/maps.npy'); os.remove(d + '/camera.json')", "has neither maps.npy");
 }
 
 TEST_CASE("points, arrays and pictures show the same map") {
@@ -88,7 +119,7 @@ TEST_CASE("points, arrays and pictures show the same map") {
                         (dir / "run") + " --out " + (dir / "m"))
               .code == 0);
   write_run(dir / "live", 3, 2);
-  REQUIRE(recon_program("reconstruct -q --format mm,ply,npz " + (dir / "m") + " " + (dir / "live") +
+  REQUIRE(recon_program("reconstruct -q --format mm,ply,npy " + (dir / "m") + " " + (dir / "live") +
                         " --out " + (dir / "o"))
               .code == 0);
   CHECK_FALSE(std::filesystem::exists(dir / "o/000000.png"));
@@ -118,10 +149,9 @@ TEST_CASE("points, arrays and pictures show the same map") {
   CHECK_THAT(camera, Catch::EndsWith("31.5, 31.5, 1]}\n"));
 
   const std::string peak = std::to_string(*std::max_element(mm.begin(), mm.end()));
-  CHECK(numpy("a = n.load('" + (dir / "o/maps.npz") +
-              "'); print(a['index'].tolist(), a['depth_m'].shape, "
-              "round(float(n.nanmax(a['depth_m'][2])) * 1000), a['depth_x'][0] == "
-              "-a['depth_x'][63])") == "[0, 1, 2] (3, 64, 64) " + peak + " True\n");
+  CHECK(numpy("a = n.load('" + (dir / "o/maps.npy") +
+              "'); print(a.shape, round(float(n.nanmax(a[2])) * 1000))") ==
+        "(3, 64, 64) " + peak + "\n");
 }
 
 TEST_CASE("a dead sensor's records are left out by number") {
@@ -191,7 +221,7 @@ TEST_CASE("a run is followed while it is recorded, until it is closed") {
   if (child == 0) {
     if (!std::freopen(log.c_str(), "w", stderr)) _exit(126);
     execl((echofuse::test::bin_dir + "/echofuse-recon").c_str(), "echofuse-recon", "reconstruct",
-          model.c_str(), live.c_str(), "--out", out.c_str(), "--follow", "--format", "mm,npz",
+          model.c_str(), live.c_str(), "--out", out.c_str(), "--follow", "--format", "mm,npy",
           nullptr);
     _exit(127);
   }
@@ -213,5 +243,5 @@ TEST_CASE("a run is followed while it is recorded, until it is closed") {
   CHECK_THAT(text, Catch::Contains("record 0: lacks radar, which the model needs") &&
                        Catch::Contains("record 3: map 0.") &&
                        Catch::Contains("3 records reconstructed, 1 left out; maps 0."));
-  CHECK(numpy("print(n.load('" + out + "/maps.npz')['index'].tolist())") == "[1, 2, 3]\n");
+  CHECK(numpy("print(n.load('" + out + "/maps.npy').shape)") == "(3, 64, 64)\n");
 }

@@ -128,7 +128,7 @@ def two_bodies():
         model = train(dataset(4000, *settings))
         def scores(run):
             out = folder / "maps"
-            program("recon", "reconstruct", "-q", "--force", model, run, "--out", out, "--format", "npz")
+            program("recon", "reconstruct", "-q", "--force", model, run, "--out", out, "--format", "npy")
             with open(out / "records.csv", newline="") as table:
                 return np.array([float(row["two_bodies"]) for row in csv.DictReader(table)])
         one, two = scores(dataset(1000, *settings)), scores(dataset(1000, *settings, kind="--two-people"))

@@ -177,7 +177,7 @@ TEST_CASE("reconstruct and evaluate say which records show two bodies") {
   save_model(trained(), dir / "m");
   write_mixed(dir / "run", 20, false);
   const auto o = recon_program("reconstruct " + (dir / "m") + " " + (dir / "run") + " --out " +
-                               (dir / "o") + " --format npz");
+                               (dir / "o") + " --format npy");
   CHECK(o.code == 0);
   CHECK_THAT(o.text, Catch::Contains("of 20 records are out of distribution: "));
   const std::string table = contents(dir / "o/records.csv");

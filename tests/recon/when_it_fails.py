@@ -47,7 +47,7 @@ class WhenItFails(unittest.TestCase):
         row = next(cell for cause, cell in rows.items() if cause.startswith(beginning))
         run = dataset(self.folder / f"{len(list(self.folder.iterdir()))}.sqlite", 2, *settings, **how)
         maps = run.with_suffix(".maps")
-        said = program("recon", "reconstruct", self.models[model], run, "--format", "npz", "--out", maps)
+        said = program("recon", "reconstruct", self.models[model], run, "--format", "npy", "--out", maps)
         with open(maps / "records.csv", newline="", encoding="utf-8") as table:
             reasons = collections.Counter(record["out_of_distribution"] for record in csv.DictReader(table))
         return re.findall(r"`([^`]+)`", row), said, reasons
