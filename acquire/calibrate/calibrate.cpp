@@ -234,8 +234,7 @@ class Measurement {
     return r;
   }
   Result radar() const {
-    Result r{Sensor::radar, echo(frames_), spread_of(radar_ranges_),
-             "lobe of the window by least squares of logarithms"};
+    Result r{Sensor::radar, echo(frames_), spread_of(radar_ranges_), "least squares of the lobe"};
     if (!devices_[Sensor::radar].delivers()) r.peak.refusal = devices_.describe(Sensor::radar);
     r.peak.standard_error_m = honest_error(r.peak.standard_error_m, radar_ranges_);
     return r;

@@ -216,6 +216,7 @@ WindowFit fit_radar_response(const std::vector<std::vector<std::uint16_t>>& fram
   constexpr double least_gain = 9, most_misfit = 2;
   constexpr std::size_t taps = 16, least_frames = 8;
   constexpr Index most_terms = 6, least_bins = 2;
+  constexpr const char* advice = "put it alone, away from the radar (with cells of 50 cm at 3 m)";
   enum : Index { place, log2_peak, adding, terms };
   if (frames.size() < least_frames) return {{}, "fewer than 8 frames came"};
   const Profile profile = profile_of(frames, axis.log2_power_step);
@@ -235,9 +236,7 @@ WindowFit fit_radar_response(const std::vector<std::vector<std::uint16_t>>& fram
   };
   const Index first = top - free_of(-1), count = top + free_of(1) + 1 - first;
   if (std::min(top - first, first + count - 1 - top) < least_bins)
-    return {{},
-            "another echo, perhaps the transmitter's own, reaches the reflector's; put it farther "
-            "away (with cells of 50 cm at 3 m)"};
+    return {{}, std::string("another echo reaches the reflector's; ") + advice};
   // Behind the bins stands what is known besides: noise interferes (0) or adds (1), and a window
   // has no faults.
   Problem problem;
@@ -295,7 +294,7 @@ WindowFit fit_radar_response(const std::vector<std::vector<std::uint16_t>>& fram
   }
   const VectorXd off = (problem.measured - problem.model(best.parameters)).cwiseAbs() - 4 * errors;
   if (!(off.head(count).maxCoeff() < most_off))
-    return {{}, "the echo is not that of one point; put the reflector alone"};
+    return {{}, std::string("the echo is not that of one point; ") + advice};
   const Window window = window_of(best.parameters);
   const double misfit =
       std::max(1., best.chi2 / static_cast<double>(count + 3 - best.parameters.size()));
