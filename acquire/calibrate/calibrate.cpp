@@ -43,7 +43,9 @@ tdc::HistogramSettings fine_axis(const Config& config, const Search& search) {
 class Gatherer final : public SampleSink {
  public:
   Gatherer(const Config& config, const Search& search)
-      : starts(config.histogram.start_channel), histogram_(fine_axis(config, search)) {}
+      : starts(config.histogram.start_channel),
+        bins_(config.configured().contains(Sensor::radar) ? parse_profile(config.radar).bins : 0),
+        histogram_(fine_axis(config, search)) {}
 
   void on_tags(const TagBlock& block) override {
     if (block.lost_blocks + block.lost_items > 0) forget_start();
@@ -52,7 +54,7 @@ class Gatherer final : public SampleSink {
   }
   void on_radar(RadarFrame frame) override {
     if (!running) return;
-    if (!frame.range_profile.empty()) frames.push_back(std::move(frame.range_profile));
+    if (frame.range_profile.size() == bins_) frames.push_back(std::move(frame.range_profile));
     if (!frame.array.empty()) arrays.push_back(std::move(frame.array));
   }
   void on_depth(DepthFrame) override {}
@@ -84,6 +86,7 @@ class Gatherer final : public SampleSink {
     histogram_.forget_start();
     starts.forget_start();
   }
+  std::size_t bins_;  // of a whole profile
   tdc::Histogram histogram_;
 };
 
@@ -114,6 +117,7 @@ class Measurement {
       progress.update(static_cast<std::size_t>(k + 1));
     }
     devices_.stop();
+    if (config_.configured().contains(Sensor::radar)) fit_window();
   }
   std::vector<Result> results() const {
     std::vector<Result> out;
@@ -128,7 +132,8 @@ class Measurement {
     AntennaFit all{.gains = {}, .snr_db = 0, .refusal = "the range profile has no such peak"};
     if (!peak.refusal.empty()) return all;
     const auto fit = [&](const ArrayFrames& frames) {
-      return fit_antennas(frames, config_.antennas.size(), bin_of(peak.range_m));
+      return fit_antennas(frames, config_.antennas.size(),
+                          static_cast<std::size_t>(peak.range_m / echo_axis().step_m + 0.5));
     };
     ArrayFrames together;
     for (const ArrayFrames& repeat : arrays_)
@@ -140,22 +145,24 @@ class Measurement {
     widen(all.gains, repeats);
     return all;
   }
-  // How the instruments respond to the reflector, as far as a fit tells it.
-  record::Response response(const std::vector<Result>& results) const {
+  // How the instruments respond to the reflector, or why that is not stated.
+  record::Response response(const std::vector<Result>& results, Unstated& unstated) const {
     record::Response out;
     const auto& s = gatherer_.settings();
     for (const Result& r : results) {
       if (!r.peak.refusal.empty()) continue;
       if (r.sensor == Sensor::spd) {
-        fit_impulse_response(all_counts_, static_cast<double>(s.first_bin_ps),
-                             static_cast<double>(s.bin_width_ps),
-                             {r.peak.range_m, options_.search.window_m}, out);
+        unstated["irf_fwhm_ps"] = fit_impulse_response(
+            all_counts_, static_cast<double>(s.first_bin_ps), static_cast<double>(s.bin_width_ps),
+            {r.peak.range_m, options_.search.window_m}, out);
         continue;
       }
-      const auto frames = whole(gatherer_.frames);
-      fit_radar_response(frames, echo_axis(), r.peak.range_m, out);
-      fit_noise_exponent(frames, echo_axis().log2_power_step, out);
+      out.radar = radar_.radar, out.taps_standard_error = radar_.taps_standard_error;
+      unstated["radar_taps"] = window_.refusal;
+      unstated["radar_noise_exponent"] =
+          fit_noise_exponent(frames_, echo_axis().log2_power_step, out);
     }
+    std::erase_if(unstated, [](const auto& one) { return one.second.empty(); });
     return out;
   }
   std::optional<FirmwareBias> firmware() const {
@@ -186,13 +193,6 @@ class Measurement {
                        static_cast<double>(s.bin_width_ps), options_.search);
   }
   using Frames = std::vector<std::vector<std::uint16_t>>;
-  Frames whole(const Frames& frames) const {
-    Frames out;
-    std::copy_if(
-        frames.begin(), frames.end(), std::back_inserter(out),
-        [bins = parse_profile(config_.radar).bins](const auto& f) { return f.size() == bins; });
-    return out;
-  }
   EchoAxis echo_axis() const {
     const radar::RadarProfile profile = parse_profile(config_.radar);
     // step = 3e8 fs / (2 slope FFT size): the sampled sweep is adc_samples of the FFT's points.
@@ -203,11 +203,14 @@ class Measurement {
             .log2_power_step = log2_power_step(profile.antennas)};
   }
   Peak echo(const Frames& frames) const {
-    return fit_echo(whole(frames), echo_axis(), options_.search);
+    return fit_echo(frames, echo_axis(), options_.search, window_.window);
   }
-  std::size_t bin_of(double range_m) const {
-    return static_cast<std::size_t>(
-        std::lround(std::max(0.0, range_m / parse_profile(config_.radar).range_step_m)));
+  // Places every echo by the window that the reflector shows; by Blackman's if it shows none.
+  void fit_window() {
+    for (const Frames& some : repeats_) frames_.insert(frames_.end(), some.begin(), some.end());
+    window_ = fit_radar_response(frames_, echo_axis(), echo(frames_).range_m, radar_);
+    for (const Frames& some : repeats_)
+      if (const Peak one = echo(some); one.refusal.empty()) radar_ranges_.push_back(one.range_m);
   }
   void end_repeat() {
     arrays_.push_back(std::exchange(gatherer_.arrays, {}));
@@ -218,14 +221,7 @@ class Measurement {
     for (std::size_t i = 0; i < counts.size(); ++i) all_counts_[i] += counts[i];
     const Peak spd = photons(counts);
     if (spd.refusal.empty()) spd_ranges_.push_back(spd.range_m);
-    const auto now = gatherer_.frames.size();
-    const std::vector<std::vector<std::uint16_t>> fresh(
-        gatherer_.frames.begin() + static_cast<std::ptrdiff_t>(frames_before_),
-        gatherer_.frames.end());
-    frames_before_ = now;
-    if (!config_.configured().contains(Sensor::radar)) return;
-    const Peak radar = echo(fresh);
-    if (radar.refusal.empty()) radar_ranges_.push_back(radar.range_m);
+    repeats_.push_back(std::exchange(gatherer_.frames, {}));
   }
   Result spd() const {
     Result r{Sensor::spd, photons(all_counts_), spread_of(spd_ranges_),
@@ -238,8 +234,7 @@ class Measurement {
     return r;
   }
   Result radar() const {
-    Result r{Sensor::radar, echo(gatherer_.frames), spread_of(radar_ranges_),
-             "Blackman lobe by least squares of logarithms"};
+    Result r{Sensor::radar, echo(frames_), spread_of(radar_ranges_), "least squares of the lobe"};
     if (!devices_[Sensor::radar].delivers()) r.peak.refusal = devices_.describe(Sensor::radar);
     r.peak.standard_error_m = honest_error(r.peak.standard_error_m, radar_ranges_);
     return r;
@@ -252,7 +247,10 @@ class Measurement {
   Devices devices_;
   std::vector<std::uint32_t> all_counts_;
   std::uint64_t starts_ = 0, clicks_ = 0;
-  std::size_t frames_before_ = 0;
+  std::vector<Frames> repeats_;
+  Frames frames_;  // of all repeats
+  WindowFit window_;
+  record::Response radar_;
   std::vector<double> spd_ranges_, radar_ranges_;
   std::vector<ArrayFrames> arrays_;  // by repeat
 };
@@ -380,9 +378,11 @@ ExitCode calibrate(const Config& config, const CalibrateOptions& options, port::
     if (!options.json) std::printf("%s", to_text(*antennas).c_str());
     refused = refused || !antennas->refusal.empty();
   }
-  const record::Response response = measurement.response(results);
+  Unstated unstated;
+  const record::Response response = measurement.response(results, unstated);
+  for (const auto& [key, why] : unstated) json["unstated"][key] = why;
   for (const auto& [key, text] : response.meta()) json["response"][key] = text;
-  if (!options.json) say(response);
+  if (!options.json) say(response, unstated);
   Calibration fresh =
       to_calibration(results, antennas, response, options, measurement.firmware(), loop);
   fresh.axes = axes_of(config, fresh);

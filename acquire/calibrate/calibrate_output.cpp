@@ -41,7 +41,7 @@ nlohmann::ordered_json json_of(const AntennaFit& fit) {
           {"standard_error", g.standard_error}};
 }
 
-void say(const record::Response& r) {
+void say(const record::Response& r, const Unstated& unstated) {
   if (r.irf_fwhm_ps.value > 0)
     std::printf("spd    impulse response %.1f +- %.1f ps wide at half", r.irf_fwhm_ps.value,
                 r.irf_fwhm_ps.standard_error);
@@ -55,6 +55,8 @@ void say(const record::Response& r) {
   if (const auto& e = r.radar_noise_exponent; e.value < 0)
     std::printf("radar  noise of the mean of n frames falls as n^%.2f +- %.2f\n", e.value,
                 e.standard_error);
+  for (const auto& [key, why] : unstated)
+    std::printf("%s is not stated: %s\n", key.c_str(), why.c_str());
 }
 
 }  // namespace echofuse::acquire

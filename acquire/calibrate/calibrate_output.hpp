@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 // This file says what `calibrate` has measured, to people and as JSON.
 #pragma once
+#include <map>
 #include <nlohmann/json.hpp>
 #include <string>
 
@@ -18,9 +19,12 @@ struct Result {
   std::string method;
 };
 
+// What a run would state of the response, and why it cannot.
+using Unstated = std::map<std::string, std::string>;
+
 nlohmann::ordered_json json_of(const Result& result, const Search& search);
 nlohmann::ordered_json json_of(const AntennaFit& fit);
 void say(const Result& result, const Search& search);
-void say(const record::Response& response);
+void say(const record::Response& response, const Unstated& unstated);
 
 }  // namespace echofuse::acquire

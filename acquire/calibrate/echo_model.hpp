@@ -2,34 +2,55 @@
 // What a radar shows of one reflector: the two fits of its echo share this model. Pure.
 #pragma once
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numbers>
+#include <span>
+#include <vector>
 
 namespace echofuse::acquire {
 
-// The transform of the window 1 + a cos x + b cos 2x over the sweep, 1 at u = 0; u in cells of
-// c / 2B (Harris, Proc. IEEE 66, 1978).
-inline double window_amplitude(double u, double a, double b) {
+// The transform of cos k x over the sweep; u in cells of c / 2B (Harris, Proc. IEEE 66, 1978).
+inline double term_amplitude(double u, double k) {
   const auto sinc = [](double v) {
     const double x = std::numbers::pi * v;
     return std::abs(v) < 1e-9 ? 1.0 : std::sin(x) / x;
   };
-  return sinc(u) + a / 2 * (sinc(u - 1) + sinc(u + 1)) + b / 2 * (sinc(u - 2) + sinc(u + 2));
+  return (sinc(u - k) + sinc(u + k)) / 2;
+}
+
+// That of the window 1 + a cos x + b cos 2x + ... of the terms a, b, ..., 1 at u = 0.
+inline double window_amplitude(double u, std::span<const double> terms) {
+  double sum = term_amplitude(u, 0), k = 0;
+  for (const double term : terms) sum += term * term_amplitude(u, ++k);
+  return sum;
 }
 
 // The terms of the firmware's Blackman window (SDK 3.x, mmwDemo_genWindow).
-inline constexpr double blackman_a = 0.5 / 0.42, blackman_b = 0.08 / 0.42;
+inline constexpr std::array blackman{0.5 / 0.42, 0.08 / 0.42};
+
+// By what echoes are placed.
+struct Window {
+  std::vector<double> terms{blackman.begin(), blackman.end()};
+  double adding = 0;  // from 0 to 1: noise interferes with the echo, or its power adds
+
+  // log2 of the lobe's power, 0 at its top.
+  double lobe(double u) const {
+    return 2 * std::log2(std::max(1e-6, std::abs(window_amplitude(u, terms))));
+  }
+};
 
 // The power of a signal over the noise; the arguments are log2 of powers.
 inline double power_over_noise(double log2_signal, double log2_noise) {
   return std::max(std::exp2(log2_signal - log2_noise), 1e-9);
 }
 
-// The mean of log2 of the power of a signal in noise: that of the signal, and E1 of the signal's
-// power over the noise.
-inline double mean_log2_power(double over_noise, double log2_noise) {
-  return std::log2(over_noise) + log2_noise +
-         (over_noise < 50 ? -std::expint(-over_noise) / std::numbers::ln2 : 0);
+// The mean of log2 of the power of a signal in noise: that of the signal, and E1(x) of its power x
+// over the noise's, which interferes with it. Of noise whose power adds to it: exp(x) E1(x).
+inline double mean_log2_power(double over_noise, double log2_noise, double adding = 0) {
+  const double x = over_noise, e1 = x < 50 ? -std::expint(-x) : 0,
+               more = x < 50 ? std::exp(x) * e1 : 1 / x;
+  return std::log2(x) + log2_noise + ((1 - adding) * e1 + adding * more) / std::numbers::ln2;
 }
 
 // Of noise alone the mean of the logarithm is Euler's constant below the logarithm of the mean.

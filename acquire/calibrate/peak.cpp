@@ -159,11 +159,6 @@ Bump other_bump(std::span<const std::uint32_t> counts, const Gaussian& g, Span w
 
 // ---- radar
 
-// log2 of the lobe's power, 0 at its top.
-double lobe(double u) {
-  return 2 * std::log2(std::max(1e-6, std::abs(window_amplitude(u, blackman_a, blackman_b))));
-}
-
 constexpr std::size_t near = 5;  // bins of a lobe that are fitted
 using Near = Eigen::Matrix<double, near, 1>;
 
@@ -174,52 +169,31 @@ struct Lobe {
 };
 
 // Gauss-Newton of amplitude and place, each bin weighted with its power.
-Lobe fit_lobe(const Near& mean, double log2_noise, double cells_per_bin) {
+Lobe fit_lobe(const Near& mean, double log2_noise, double cells_per_bin, const Window& window) {
   Lobe fit;
-  double amplitude = mean.maxCoeff();
+  fit.top = (mean[1] - mean[3]) / 2 / (mean[1] - 2 * mean[2] + mean[3] - 1e-9);  // a parabola's
+  double peak = mean.maxCoeff();
   for (int step = 0; step < 50; ++step) {
     Eigen::Matrix<double, near, 2> slope;
     for (Eigen::Index i = 0; i < fit.model.size(); ++i) {
       const double u = (static_cast<double>(i) - 2 - fit.top) * cells_per_bin, d = 1e-5;
-      const double over = power_over_noise(amplitude + lobe(u), log2_noise);
-      const double rising = -std::expm1(-over);  // of the mean with the logarithm of P
-      fit.power[i] = over;
-      fit.model[i] = mean_log2_power(over, log2_noise);
-      slope(i, 0) = rising * (lobe(u - d) - lobe(u + d)) / (2 * d) * cells_per_bin;
-      slope(i, 1) = rising;
+      const auto expected = [&](double log2_peak, double cells) {
+        fit.power[i] = power_over_noise(log2_peak + window.lobe(cells), log2_noise);
+        return mean_log2_power(fit.power[i], log2_noise, window.adding);
+      };
+      slope(i, 0) = (expected(peak, u - d) - expected(peak, u + d)) / (2 * d) * cells_per_bin;
+      slope(i, 1) = (expected(peak + d, u) - expected(peak - d, u)) / (2 * d);
+      fit.model[i] = expected(peak, u);
     }
     const auto weighted = (slope.transpose() * fit.power.asDiagonal()).eval();
     const auto solver = (weighted * slope).ldlt();
     const Eigen::Vector2d move = solver.solve(weighted * (mean - fit.model));
     fit.share = solver.solve(weighted).row(0).transpose();
     fit.top = std::clamp(fit.top + std::clamp(move[0], -0.3, 0.3), -1.5, 1.5);
-    amplitude += move[1];
+    peak += move[1];
     if (move.norm() < 1e-9) break;
   }
   return fit;
-}
-
-// What is known of each bin: mean over the frames, and their standard deviation.
-struct Profile {
-  std::vector<double> mean, deviation;  // log2 of the power
-  double floor = 0;                     // median of the means
-};
-
-Profile profile_of(const std::vector<std::vector<std::uint16_t>>& frames, double log2_power_step) {
-  const auto n = static_cast<double>(frames.size());
-  const std::size_t bins = frames[0].size();
-  Profile p{std::vector<double>(bins), std::vector<double>(bins), 0};
-  for (const auto& frame : frames)
-    for (std::size_t i = 0; i < bins; ++i) p.mean[i] += frame[i] * log2_power_step / n;
-  for (const auto& frame : frames)
-    for (std::size_t i = 0; i < bins; ++i)
-      p.deviation[i] += std::pow(frame[i] * log2_power_step - p.mean[i], 2) / (n - 1);
-  for (double& d : p.deviation) d = std::sqrt(d);
-  auto sorted = p.mean;
-  const auto middle = sorted.begin() + static_cast<std::ptrdiff_t>(bins / 2);
-  std::nth_element(sorted.begin(), middle, sorted.end());
-  p.floor = *middle;
-  return p;
 }
 
 // The standard error of the place, in bins, from the frames' own scatter; and from the codes'
@@ -246,13 +220,15 @@ double place_error(const std::vector<std::vector<std::uint16_t>>& frames, const 
 // Two reflectors within each other's lobes show in its shape.
 std::string unlike_one_echo(const Profile& profile, const Lobe& fit, std::size_t top,
                             std::size_t frames) {
-  constexpr double allowed = 0.66;       // 2 dB in log2 of the power
-  constexpr double weakest = 1 / 316.0;  // 25 dB below the top, where skirts begin
+  constexpr double allowed = 0.66;        // 2 dB in log2 of the power
+  constexpr double weakest = 1 / 316.0;   // 25 dB below the top, where skirts begin
+  constexpr double least_over_noise = 4;  // below, the mean depends on how the noise adds
   for (std::size_t i = 0; i < near; ++i) {
     const auto k = static_cast<Eigen::Index>(i);
     const double off = profile.mean[top - 2 + i] - fit.model[k];
     const double chance = 4 * profile.deviation[top - 2 + i] / std::sqrt(frames);
-    if (fit.power[k] > weakest * fit.power.maxCoeff() && std::abs(off) > allowed + chance)
+    if (fit.power[k] > std::max(weakest * fit.power.maxCoeff(), least_over_noise) &&
+        std::abs(off) > allowed + chance)
       return at("two peaks: the echo differs by %.1f dB from that of one reflector",
                 10 * std::log10(2.0) * std::abs(off));
   }
@@ -272,6 +248,23 @@ std::size_t other_top(const std::vector<double>& mean, std::size_t low, std::siz
 }
 
 }  // namespace
+
+Profile profile_of(const std::vector<std::vector<std::uint16_t>>& frames, double log2_power_step) {
+  const auto n = static_cast<double>(frames.size());
+  const std::size_t bins = frames[0].size();
+  Profile p{std::vector<double>(bins), std::vector<double>(bins), 0};
+  for (const auto& frame : frames)
+    for (std::size_t i = 0; i < bins; ++i) p.mean[i] += frame[i] * log2_power_step / n;
+  for (const auto& frame : frames)
+    for (std::size_t i = 0; i < bins; ++i)
+      p.deviation[i] += std::pow(frame[i] * log2_power_step - p.mean[i], 2) / (n - 1);
+  for (double& d : p.deviation) d = std::sqrt(d);
+  auto sorted = p.mean;
+  const auto middle = sorted.begin() + static_cast<std::ptrdiff_t>(bins / 2);
+  std::nth_element(sorted.begin(), middle, sorted.end());
+  p.floor = *middle;
+  return p;
+}
 
 Peak fit_photons(std::span<const std::uint32_t> counts, double start_ps, double step_ps,
                  const Search& search) {
@@ -313,7 +306,7 @@ Peak fit_photons(std::span<const std::uint32_t> counts, double start_ps, double 
 }
 
 Peak fit_echo(const std::vector<std::vector<std::uint16_t>>& frames, const EchoAxis& axis,
-              const Search& search) {
+              const Search& search, const Window& window) {
   Peak peak;
   if (frames.size() < least_frames) {
     peak.refusal = "no peak: fewer than 8 frames came";
@@ -360,7 +353,7 @@ Peak fit_echo(const std::vector<std::vector<std::uint16_t>>& frames, const EchoA
   const double cells_per_bin = axis.step_m / axis.resolution_m;
   Near values;
   for (std::size_t i = 0; i < near; ++i) values[static_cast<Eigen::Index>(i)] = mean[top - 2 + i];
-  const Lobe fit = fit_lobe(values, log2_noise_of(profile.floor), cells_per_bin);
+  const Lobe fit = fit_lobe(values, log2_noise_of(profile.floor), cells_per_bin, window);
   peak.range_m = (static_cast<double>(top) + fit.top) * axis.step_m;
   peak.standard_error_m =
       axis.step_m * place_error(frames, profile, fit, top - 2, axis.log2_power_step);

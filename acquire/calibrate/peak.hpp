@@ -6,6 +6,8 @@
 #include <string>
 #include <vector>
 
+#include "acquire/calibrate/echo_model.hpp"
+
 namespace echofuse::acquire {
 
 // Where the reflector is to be looked for: true distance and the full width of the window, metres.
@@ -32,13 +34,22 @@ struct EchoAxis {
   double step_m = 0, resolution_m = 0;  // between bins; c / 2B
   double log2_power_step = 0;           // per code (drivers/core/log2_codes.hpp)
 };
+// What is known of each bin: mean over the frames, and their standard deviation.
+struct Profile {
+  std::vector<double> mean, deviation;  // log2 of the power
+  double floor = 0;                     // median of the means
+};
+
+Profile profile_of(const std::vector<std::vector<std::uint16_t>>& frames, double log2_power_step);
+
 // Radar: range profiles in log2_q8 codes, one a frame. Least squares of the transform of the
-// firmware's Blackman window (SDK 3.x, mmwDemo_genWindow; Harris, Proc. IEEE 66, 1978) to the means
-// over the frames, at least 8, of the strongest bin and its two neighbours on either side,
-// amplitude free, weighted with the power. The mean of a logarithm is that of a signal P in noise
-// N, which is ln P + E1(P / N), N from the profile's median. The standard error is that of the
-// frames' scatter, and of the codes' steps where the noise does not even them out.
+// window, the firmware's Blackman if no other is given (SDK 3.x, mmwDemo_genWindow; Harris, Proc.
+// IEEE 66, 1978), to the means over the frames, at least 8, of the strongest bin and its two
+// neighbours on either side, amplitude free, weighted with the power. The mean of a logarithm is
+// that of a signal P in noise N, which is ln P + E1(P / N), N from the profile's median. The
+// standard error is that of the frames' scatter, and of the codes' steps where the noise does not
+// even them out.
 Peak fit_echo(const std::vector<std::vector<std::uint16_t>>& frames, const EchoAxis& axis,
-              const Search& search);
+              const Search& search, const Window& window = {});
 
 }  // namespace echofuse::acquire

@@ -9,6 +9,7 @@
 #include <numeric>
 
 #include "acquire/calibrate/echo_model.hpp"
+#include "acquire/calibrate/repeats.hpp"
 #include "drivers/core/axis.hpp"
 
 namespace echofuse::acquire {
@@ -19,8 +20,11 @@ constexpr double pi = std::numbers::pi;
 const double fwhm_of_sigma = std::sqrt(8 * std::numbers::ln2);
 
 struct Fitted {
-  VectorXd parameters, standard_errors;
+  VectorXd parameters;
+  MatrixXd covariance;
   double chi2 = INFINITY;
+
+  double error(Index k) const { return std::sqrt(std::max(covariance(k, k), 0.)); }
 };
 
 // Minimises sum w (y - f)^2 by Levenberg and Marquardt's steps with derivatives by differences. The
@@ -39,7 +43,7 @@ Fitted minimise(const Problem& problem, VectorXd at) {
   };
   at = clamped(at);
   VectorXd value = problem.model(at);
-  Fitted out{at, VectorXd::Constant(at.size(), INFINITY), problem.chi2(value)};
+  Fitted out{at, {}, problem.chi2(value)};
   double damping = 1e-3;
   MatrixXd information;
   for (int step = 0; step < steps && damping < 1e9; ++step) {
@@ -51,8 +55,13 @@ Fitted minimise(const Problem& problem, VectorXd at) {
       slope.col(k) = (problem.model(moved) - value) / d;
     }
     const VectorXd weights = problem.weights(value);
+    const VectorXd pull = weights.cwiseProduct(problem.measured - value);
+    for (Index k = 0; k < at.size(); ++k)  // what would leave its bounds stays
+      if (const double g = slope.col(k).dot(pull);
+          (g < 0 && at[k] <= problem.least[k]) || (g > 0 && at[k] >= problem.most[k]))
+        slope.col(k).setZero();
     information = slope.transpose() * weights.asDiagonal() * slope;
-    const VectorXd gradient = slope.transpose() * weights.cwiseProduct(problem.measured - value);
+    const VectorXd gradient = slope.transpose() * pull;
     MatrixXd damped = information;
     damped.diagonal() *= 1 + damping;
     damped.diagonal().array() += 1e-12;
@@ -69,8 +78,7 @@ Fitted minimise(const Problem& problem, VectorXd at) {
   }
   out.parameters = at;
   // A value that nothing depends on, as an even background of no counts, has no error.
-  const MatrixXd covariance = information.completeOrthogonalDecomposition().pseudoInverse();
-  out.standard_errors = covariance.diagonal().cwiseMax(0).cwiseSqrt();
+  out.covariance = information.completeOrthogonalDecomposition().pseudoInverse();
   return out;
 }
 
@@ -129,8 +137,8 @@ Fitted fit_counts(const VectorXd& counts, VectorXd start) {
 
 }  // namespace
 
-void fit_impulse_response(std::span<const std::uint32_t> counts, double start_ps, double step_ps,
-                          const Search& search, record::Response& out) {
+std::string fit_impulse_response(std::span<const std::uint32_t> counts, double start_ps,
+                                 double step_ps, const Search& search, record::Response& out) {
   constexpr double least_photons = 1000, least_gain = 9;
   const auto bin_of = [&](double range_m) {
     return static_cast<std::size_t>(std::clamp((range_m * ps_per_m - start_ps) / step_ps, 0.0,
@@ -138,7 +146,7 @@ void fit_impulse_response(std::span<const std::uint32_t> counts, double start_ps
   };
   const std::size_t from = bin_of(search.distance_m - search.window_m / 2),
                     to = bin_of(search.distance_m + search.window_m / 2);
-  if (to < from + 12) return;
+  if (to < from + 12) return "the window has fewer than 12 bins";
   VectorXd window(static_cast<Index>(to - from));
   for (Index i = 0; i < window.size(); ++i) window[i] = counts[from + static_cast<std::size_t>(i)];
   std::vector<double> sorted(window.begin(), window.end());
@@ -146,7 +154,7 @@ void fit_impulse_response(std::span<const std::uint32_t> counts, double start_ps
   const double floor = std::max(sorted[sorted.size() / 4], 1e-3);
   const VectorXd above = (window.array() - floor).cwiseMax(0);
   const double photons = above.sum();
-  if (photons < least_photons) return;
+  if (photons < least_photons) return "fewer than 1000 photons came";
   Index top = 0;
   const double highest = above.maxCoeff(&top);
   VectorXd start(4);
@@ -161,88 +169,154 @@ void fit_impulse_response(std::span<const std::uint32_t> counts, double start_ps
       best = std::move(f);
   }
   const double sigma_ps = std::exp(best.parameters[log_sigma]) * step_ps;
-  if (!best.standard_errors.allFinite()) return;
-  out.irf_fwhm_ps = {fwhm_of_sigma * sigma_ps,
-                     fwhm_of_sigma * sigma_ps * best.standard_errors[log_sigma]};
+  if (!best.covariance.allFinite()) return "no pulse fits the photons";
+  out.irf_fwhm_ps = {fwhm_of_sigma * sigma_ps, fwhm_of_sigma * sigma_ps * best.error(log_sigma)};
   out.irf_tail_ps = {}, out.irf_tail_share = {};
-  if (best.parameters.size() == 4) return;
+  if (best.parameters.size() == 4) return {};
   const double tail_ps = std::exp(best.parameters[log_tail]) * step_ps;
-  out.irf_tail_ps = {tail_ps, tail_ps * best.standard_errors[log_tail]};
-  out.irf_tail_share = {best.parameters[share], best.standard_errors[share]};
+  out.irf_tail_ps = {tail_ps, tail_ps * best.error(log_tail)};
+  out.irf_tail_share = {best.parameters[share], best.error(share)};
+  return {};
 }
 
-void fit_radar_response(const std::vector<std::vector<std::uint16_t>>& frames, const EchoAxis& axis,
-                        double range_m, record::Response& out) {
-  constexpr double reach_cells = 3, most_off = 0.33;  // 1 dB in log2 of the power
-  constexpr double model_error = 0.02;                // log2: the firmware's arithmetic
-  constexpr std::size_t taps = 16;
-  const auto bins = static_cast<Index>(frames.at(0).size());
-  const auto n = static_cast<double>(frames.size());
-  const double cells_per_bin = axis.step_m / axis.resolution_m, middle = range_m / axis.step_m;
-  const auto reach = static_cast<Index>(std::ceil(reach_cells / cells_per_bin));
-  const Index first = std::max<Index>(static_cast<Index>(std::lround(middle)) - reach, 0);
-  const Index count = std::min(bins, static_cast<Index>(std::lround(middle)) + reach + 1) - first;
-  if (count < 6) return;
-  VectorXd mean = VectorXd::Zero(bins), squares = VectorXd::Zero(bins);
-  for (const auto& frame : frames)
-    for (Index i = 0; i < bins; ++i) {
-      const double v = frame[static_cast<std::size_t>(i)] * axis.log2_power_step;
-      mean[i] += v / n, squares[i] += v * v / n;
-    }
-  std::vector<double> sorted(mean.begin(), mean.end());
-  std::nth_element(sorted.begin(), sorted.begin() + std::ssize(sorted) / 2, sorted.end());
-  const double log2_noise = log2_noise_of(sorted[sorted.size() / 2]);
-  const VectorXd variance =
-      ((squares - mean.cwiseProduct(mean)).cwiseMax(0).segment(first, count) / n).array() +
-      model_error * model_error;
+namespace {
+
+// How far the window falls below 0, or rises 12 % above its middle; of the value there.
+double fault_of(std::span<const double> terms) {
+  const auto window = [&](double x) {
+    double value = 1, k = 0;
+    for (const double term : terms) value += term * std::cos(++k * x);
+    return value;
+  };
+  double fault = 0;
+  for (double x = 0; x < pi; x += 0.1)
+    fault = std::max({fault, -window(x) / window(0), window(x) / window(0) - 1.12});
+  return fault;
+}
+
+// How many bins of a flank, which goes down (-1) or up (1) from `top`, no other echo reaches: the
+// response is symmetric and falls. Powers are over the peak's.
+Index free_bins(const VectorXd& power, Index top, Index side, Index reach, double noise) {
+  const auto at = [&](Index i) { return i >= 0 && i < power.size() ? power[i] : -1; };
+  for (Index k = 1; k <= reach; ++k) {
+    double most = 0;
+    for (Index i = k - 1; i <= reach; ++i) most = std::max(most, at(top - side * i));
+    const double here = at(top + side * k);
+    if (here < 0 || here > 2 * most + 4 * noise) return k - 1;
+  }
+  return reach;
+}
+
+}  // namespace
+
+WindowFit fit_radar_response(const std::vector<std::vector<std::uint16_t>>& frames,
+                             const EchoAxis& axis, double range_m, record::Response& out) {
+  constexpr double reach_cells = 5, least_error = 1e-3, most_off = 0.05;  // powers of the peak's
+  constexpr double model_error = 0.02;  // log2: the firmware's arithmetic
+  constexpr double least_gain = 9, most_misfit = 2;
+  constexpr std::size_t taps = 16, least_frames = 8;
+  constexpr Index most_terms = 6, least_bins = 2;
+  constexpr const char* advice = "put it alone, away from the radar (with cells of 50 cm at 3 m)";
+  enum : Index { place, log2_peak, adding, terms };
+  if (frames.size() < least_frames) return {{}, "fewer than 8 frames came"};
+  const Profile profile = profile_of(frames, axis.log2_power_step);
+  const auto mean =
+      Eigen::Map<const VectorXd>(profile.mean.data(), static_cast<Index>(profile.mean.size()));
+  const double log2_noise = log2_noise_of(profile.floor), root = std::sqrt(frames.size()),
+               cells_per_bin = axis.step_m / axis.resolution_m;
+  Index top = std::clamp<Index>(std::lround(range_m / axis.step_m), 1, mean.size() - 2),
+        nearest = 0;
+  const double highest = mean.segment(top - 1, 3).maxCoeff(&nearest);
+  top += nearest - 1;
+  const double noise = std::exp2(log2_noise - highest);  // over the peak, as all powers here
+  const VectorXd power = (mean.array() - highest).unaryExpr([](double v) { return std::exp2(v); });
+  const auto free_of = [&](Index side) {
+    return free_bins(power, top, side, std::lround(std::ceil(reach_cells / cells_per_bin)),
+                     least_error + noise);
+  };
+  const Index first = top - free_of(-1), count = top + free_of(1) + 1 - first;
+  if (std::min(top - first, first + count - 1 - top) < least_bins)
+    return {{}, std::string("another echo reaches the reflector's; ") + advice};
+  // Behind the bins stands what is known besides: noise interferes (0) or adds (1), and a window
+  // has no faults.
   Problem problem;
-  problem.measured = mean.segment(first, count);
-  // Place (bins) | amplitude (log2 of the power) | the window's two terms.
+  problem.measured = VectorXd(count + 3);
+  problem.measured << power.segment(first, count), 0.5, 0, 0;
+  VectorXd errors(count + 3);
+  for (Index i = first; i < first + count; ++i)
+    errors[i - first] = std::hypot(
+        least_error + noise / 10,
+        std::numbers::ln2 * power[i] *
+            std::hypot(model_error, profile.deviation[static_cast<std::size_t>(i)] / root));
+  errors.tail(3) << 0.5, 0.05, 0.15;
+  const auto window_of = [](const VectorXd& p) {
+    return Window{{p.begin() + terms, p.end()}, p[adding]};
+  };
   problem.model = [&](const VectorXd& p) {
-    VectorXd values(count);
+    const Window window = window_of(p);
+    VectorXd values(count + 3);
     for (Index i = 0; i < count; ++i) {
-      const double u = (static_cast<double>(first + i) - p[0]) * cells_per_bin;
-      const double signal =
-          p[1] + 2 * std::log2(std::max(std::abs(window_amplitude(u, p[2], p[3])), 1e-6));
-      values[i] = mean_log2_power(power_over_noise(signal, log2_noise), log2_noise);
+      const double u = (static_cast<double>(first + i) - p[place]) * cells_per_bin,
+                   over = power_over_noise(p[log2_peak] + window.lobe(u), log2_noise);
+      values[i] = std::exp2(mean_log2_power(over, log2_noise, window.adding) - highest);
     }
+    values.tail(3) << window.adding, fault_of(window.terms),
+        window.terms[1] - 1.3 * std::max(window.terms[0] - 1, 0.);
     return values;
   };
-  problem.weights = [&](const VectorXd&) { return VectorXd(variance.cwiseInverse()); };
+  problem.weights = [&](const VectorXd&) { return VectorXd(errors.cwiseAbs2().cwiseInverse()); };
   problem.chi2 = [&](const VectorXd& values) {
-    return (problem.measured - values).cwiseAbs2().cwiseQuotient(variance).sum();
+    return (problem.measured - values).cwiseQuotient(errors).squaredNorm();
   };
-  problem.least = VectorXd(4), problem.most = VectorXd(4);
-  problem.least << middle - 1, problem.measured.maxCoeff() - 3, -0.1, -0.1;
-  problem.most << middle + 1, problem.measured.maxCoeff() + 3, 1.5, 0.5;
+  const auto fit = [&](VectorXd start) {
+    problem.least = VectorXd::Constant(start.size(), -0.5);
+    problem.most = VectorXd::Constant(start.size(), 2.2);
+    problem.least.head(terms) << static_cast<double>(top) - 1, highest - 3, 0;
+    problem.most.head(terms) << static_cast<double>(top) + 1, highest + 3, 1;
+    return minimise(problem, std::move(start));
+  };
   Fitted best;
-  for (const auto& [a, b] : {std::pair{0., 0.}, {0.85, 0.}, {1., 0.}, {blackman_a, blackman_b}}) {
-    VectorXd start(4);
-    start << middle, problem.measured.maxCoeff(), a, b;
-    if (Fitted f = minimise(problem, start); f.chi2 < best.chi2) best = std::move(f);
+  for (const auto& [a, b] :
+       {std::pair{0., 0.}, {0.6, -0.3}, {1., 0.}, {blackman[0], blackman[1]}, {1.9, 1.3}})
+    for (const double off : {-0.3, 0., 0.3}) {
+      VectorXd start(terms + 2);
+      start << static_cast<double>(top) + off, highest, 0.5, a, b;
+      if (Fitted f = fit(start); f.chi2 < best.chi2) best = std::move(f);
+    }
+  for (Fitted last; best.chi2 < last.chi2 - least_gain;) {
+    last = best;
+    for (const double term : {0., 0.3}) {
+      VectorXd start(last.parameters.size() + 1);
+      start << last.parameters, term;
+      if (start.size() > std::min(terms + most_terms, count - 2)) break;
+      if (Fitted f = fit(start); f.chi2 < best.chi2 - least_gain) best = std::move(f);
+    }
   }
-  if (!best.standard_errors.allFinite()) return;
-  const VectorXd off = problem.measured - problem.model(best.parameters);
-  for (Index i = 0; i < count; ++i)
-    if (std::abs(off[i]) > most_off + 4 * std::sqrt(variance[i])) return;
+  const VectorXd off = (problem.measured - problem.model(best.parameters)).cwiseAbs() - 4 * errors;
+  if (!(off.head(count).maxCoeff() < most_off))
+    return {{}, std::string("the echo is not that of one point; ") + advice};
+  const Window window = window_of(best.parameters);
+  const double misfit =
+      std::max(1., best.chi2 / static_cast<double>(count + 3 - best.parameters.size()));
   out.radar = {axis.resolution_m, {}};
-  const double a = best.parameters[2], b = best.parameters[3], d = 1e-4;
   double greatest = 0;
   for (std::size_t k = 0; k < taps; ++k) {
-    const double u = static_cast<double>(k) / record::RadarResponse::taps_a_cell;
-    const auto power = [u](double x, double y) { return std::pow(window_amplitude(u, x, y), 2); };
-    out.radar.taps.push_back(power(a, b));
-    greatest = std::max(greatest,
-                        std::hypot((power(a + d, b) - power(a, b)) / d * best.standard_errors[2],
-                                   (power(a, b + d) - power(a, b)) / d * best.standard_errors[3]));
+    const double u = static_cast<double>(k) / record::RadarResponse::taps_a_cell,
+                 amplitude = window_amplitude(u, window.terms);
+    out.radar.taps.push_back(amplitude * amplitude);
+    VectorXd slope = VectorXd::Zero(best.parameters.size());
+    for (Index j = terms; j < slope.size(); ++j)
+      slope[j] = 2 * amplitude * term_amplitude(u, static_cast<double>(j - terms + 1));
+    greatest = std::max(greatest, slope.dot(best.covariance * slope));
   }
-  out.taps_standard_error = greatest;
+  out.taps_standard_error = std::sqrt(greatest * misfit);
+  return {misfit < most_misfit ? window : Window{}, {}};
 }
 
-void fit_noise_exponent(const std::vector<std::vector<std::uint16_t>>& frames,
-                        double log2_power_step, record::Response& out) {
+std::string fit_noise_exponent(const std::vector<std::vector<std::uint16_t>>& frames,
+                               double log2_power_step, record::Response& out) {
   constexpr std::size_t least_frames = 40, least_means = 8;
-  if (frames.size() < least_frames) return;
+  if (frames.size() < least_frames) return "fewer than 40 frames came";
   const std::size_t bins = frames[0].size();
   std::vector<double> level(bins);
   for (const auto& frame : frames)
@@ -257,18 +331,11 @@ void fit_noise_exponent(const std::vector<std::vector<std::uint16_t>>& frames,
     std::vector<double> powers, x, y;
     for (const auto& frame : frames) powers.push_back(std::exp2(frame[bin] * log2_power_step));
     for (std::size_t length = 1; frames.size() / length >= least_means; length *= 2) {
-      double sum = 0, squares = 0;
-      const std::size_t means = frames.size() / length;
-      for (std::size_t k = 0; k < means; ++k) {
-        double mean = 0;
-        for (std::size_t i = 0; i < length; ++i)
-          mean += powers[k * length + i] / static_cast<double>(length);
-        sum += mean, squares += mean * mean;
-      }
-      const auto n = static_cast<double>(means);
-      const double variance = (squares - sum * sum / n) / (n - 1);
-      if (variance > 0)
-        x.push_back(std::log(static_cast<double>(length))), y.push_back(std::log(variance) / 2);
+      std::vector<double> means(frames.size() / length);
+      for (std::size_t i = 0; i < means.size() * length; ++i)
+        means[i / length] += powers[i] / static_cast<double>(length);
+      if (const double noise = spread_of(means); noise > 0)
+        x.push_back(std::log(static_cast<double>(length))), y.push_back(std::log(noise));
     }
     if (x.size() < 3) continue;
     const auto n = static_cast<double>(x.size());
@@ -279,12 +346,11 @@ void fit_noise_exponent(const std::vector<std::vector<std::uint16_t>>& frames,
       xy += (x[i] - mx) * (y[i] - my), xx += (x[i] - mx) * (x[i] - mx);
     exponents.push_back(xy / xx);
   }
-  if (exponents.size() < 3) return;
+  if (exponents.size() < 3) return "the frames are all alike";
   const auto n = static_cast<double>(exponents.size());
   const double mean = std::accumulate(exponents.begin(), exponents.end(), 0.0) / n;
-  double squares = 0;
-  for (const double e : exponents) squares += (e - mean) * (e - mean);
-  out.radar_noise_exponent = {std::min(mean, -1e-3), std::sqrt(squares / (n - 1) / n)};
+  out.radar_noise_exponent = {std::min(mean, -1e-3), spread_of(exponents) / std::sqrt(n)};
+  return {};
 }
 
 }  // namespace echofuse::acquire

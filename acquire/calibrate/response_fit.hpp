@@ -11,24 +11,32 @@
 
 namespace echofuse::acquire {
 
+// Each says why it sets nothing; an empty text: it has.
+
 // It fits a Gaussian, of which a share of the photons has an exponential tail, on an even
 // background to the counts of the search window, by maximum likelihood of Poisson counts (Levenberg
 // and Marquardt's steps). The tail stays away unless the likelihood asks for it (9 in the
-// deviance). Sets irf_fwhm_ps, irf_tail_ps and irf_tail_share with their Cramer-Rao errors. Without
-// a fit nothing is set.
-void fit_impulse_response(std::span<const std::uint32_t> counts, double start_ps, double step_ps,
-                          const Search& search, record::Response& out);
+// deviance). Sets irf_fwhm_ps, irf_tail_ps and irf_tail_share with their Cramer-Rao errors.
+std::string fit_impulse_response(std::span<const std::uint32_t> counts, double start_ps,
+                                 double step_ps, const Search& search, record::Response& out);
 
-// It fits the transform of a window 1 + a cos(2 pi t) + b cos(4 pi t) over the sweep (Harris, Proc.
-// IEEE 66, 1978) to the means of the frames' codes about the peak: place, amplitude, a and b, by
-// least squares of logarithms. Sets the radar's cell, its taps and their standard error. Sets
-// nothing if what is left differs from such a response by more than 1 dB.
-void fit_radar_response(const std::vector<std::vector<std::uint16_t>>& frames, const EchoAxis& axis,
-                        double range_m, record::Response& out);
+struct WindowFit {
+  Window window{};  // Blackman's if the fit is too bad to place echoes by
+  std::string refusal{};
+};
+
+// It fits the transform of a window 1 + a cos(2 pi t) + b cos(4 pi t) + ... over the sweep (Harris,
+// Proc. IEEE 66, 1978) to the powers about the peak, by least squares; up to six terms, as many as
+// are worth 9 in chi2. These are the amplitudes at whole cells, so any window has them. The errors
+// are those of ten repeats, and of the firmware's arithmetic; a misfit widens them. Bins that
+// another echo reaches stay out: a flank there is higher than the other. Sets the radar's cell, its
+// taps and their standard error, unless a bin is off by 5 % of the peak.
+WindowFit fit_radar_response(const std::vector<std::vector<std::uint16_t>>& frames,
+                             const EchoAxis& axis, double range_m, record::Response& out);
 
 // It fits a line to the logarithm of the noise of the mean of 1, 2, 4 ... frames over that of their
-// number, in the weaker half of the bins. At least 40 frames are needed, or nothing is set.
-void fit_noise_exponent(const std::vector<std::vector<std::uint16_t>>& frames,
-                        double log2_power_step, record::Response& out);
+// number, in the weaker half of the bins. At least 40 frames are needed.
+std::string fit_noise_exponent(const std::vector<std::vector<std::uint16_t>>& frames,
+                               double log2_power_step, record::Response& out);
 
 }  // namespace echofuse::acquire

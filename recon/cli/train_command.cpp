@@ -128,10 +128,11 @@ Command add_train(CLI::App& app, const Common& common) {
                      usual_model(Inputs::fused) + " of both sensors, " + usual_model(Inputs::spd) +
                      " of one")
       ->check([](const std::string& text) { return text == "auto" ? "" : is_candidate(text); });
-  app.add_option("--from", a->from,
-                 "a model file, of another room: tune it to these records (10 and more), as far "
-                 "as a cross-validation among them says; of several the first, unless another "
-                 "one is plainly better")
+  app.add_option(
+         "--from", a->from,
+         "a model file, of another room: tune it to these records (10 and more), as far "
+         "as a cross-validation among them says; of several the one from which it comes out "
+         "best")
       ->type_name("MODEL")
       ->allow_extra_args(false);
   app.add_option("--empty", a->empty,

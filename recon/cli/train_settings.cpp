@@ -33,7 +33,7 @@ void bind(Settings& settings, TrainSettings& s) {
   settings.add("scaling", o.scaling, "of each sensor's values in a record", scaling_names);
   settings.add("hidden", s.hidden, "mlp: widths of the hidden layers, as 512,256; \"\": its own");
   settings.add("basis", s.basis, 0, 1024,
-               "factorised: body shapes; pca-mlp: components of the map; nearest: records; 0: 32, "
+               "factorised: body shapes; pca-mlp: components of the map; nearest: records; 0: 16, "
                "128, 1");
   settings.add("batch", s.batch, 0, 65'536,
                "records a step; 0: 64, of mlp and pca-mlp 128 from 3000 records on");

@@ -36,7 +36,7 @@ const FitOptions network{.hidden = {{512, 256}},
 // From this number of records on the batch is doubled. The maps are as good, and the network is
 // fitted in three quarters of the time. Fewer records need the smaller steps.
 constexpr std::size_t many_records = 3000;
-const FitOptions placed{.basis = 32,
+const FitOptions placed{.basis = 16,
                         .epochs = 100,
                         .learning_rate = 3e-3,
                         .weight_decay = 0.3,

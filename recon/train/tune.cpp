@@ -90,9 +90,8 @@ bool are_few(const Estimator& from, const Split& split) {
   return split.train.size() < TuneOptions::least_alone && wants_alignment(from.name);
 }
 
-// Returns the standard errors by which something has to be better than what comes first: the model
-// as it was, and the first start. So few records hardly show which is best, and what stays does no
-// harm. More records choose the best.
+// Returns the standard errors by which something has to be better than the model as it was. So few
+// records hardly show which is best, and what stays does no harm. More records choose the best.
 double plainly(bool few) { return few ? 2 : 0; }
 
 // A model of these records alone is the same from any start.
@@ -248,10 +247,7 @@ TunedModel tune(const std::vector<Start>& starts, const TuneOptions& options) {
   std::size_t best = 0;
   double most = 0;
   for (std::size_t k = 1; k < choices.size(); ++k)
-    if (const double gain =
-            choices[k].gain_over(choices[0], plainly(are_few(starts[k].model.first(), split)));
-        gain > most)
-      best = k, most = gain;
+    if (const double gain = choices[k].gain_over(choices[0]); gain > most) best = k, most = gain;
   TunedModel out;
   out.left_out = left_out;
   for (std::size_t k = 0; k < choices.size(); ++k) {

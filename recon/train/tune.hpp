@@ -39,7 +39,8 @@ struct TunedModel {
 // Error(failed) that names what does not fit.
 void match_for_tuning(const TrainedModel& from, const std::string& path, Dataset& data);
 
-// All starts have the same records. The first start is kept unless another one is plainly better.
+// All starts have the same records. The start whose outcome has the best score is taken; of few
+// records an outcome other than the model as it was has to be plainly better within its start.
 // Throws Error(failed) unless each is of a kind that can be tuned, and for fewer than least_records
 // records.
 TunedModel tune(const std::vector<Start>& starts, const TuneOptions& options);

@@ -166,6 +166,7 @@ ExitCode run_lab(LabArguments& a) {
   // Two frames of a real camera are never the same.
   if (!settings.given("depth_noise_m") && plan.conditions.depth_noise_m == 0)
     plan.conditions.depth_noise_m = 0.0005;
+  if (!settings.given("radar_psf")) plan.conditions.radar_psf = a.options.conditions.radar_psf;
   a.options.conditions = plan.conditions;
   if (!plan.scenes.empty()) {
     a.options.schedule.list = scenes_of(plan);

@@ -44,7 +44,7 @@ void RadarAntennas::start(const std::vector<Chirp>& subframes, double mean_peak)
   const Chirp& chirp = subframes.front();
   carriers_hz_.clear();
   for (const Chirp& c : subframes) carriers_hz_.push_back(1e9 * (c.start_ghz - chirp.start_ghz));
-  axis_ = chirp.axis();
+  axis_ = chirp.axis(conditions_);
   noise_power_ = radar_noise_power(conditions_, mean_peak);
   used_.clear();
   numbers_.clear();

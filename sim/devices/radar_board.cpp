@@ -76,7 +76,7 @@ class RadarBoard final : public Device {
   void begin() {
     framing_ = true;
     frames_of_start_ = 0;
-    axis_ = chirp().axis();
+    axis_ = chirp().axis(player_.conditions());
     mean_peak_ = mean_peak_power(axis_, player_.conditions());
     antennas_.start(firmware_.subframes(), mean_peak_);
     subframe_ = 0;

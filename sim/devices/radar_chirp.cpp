@@ -20,14 +20,13 @@ bool Chirp::possible() const {
              .empty();
 }
 
-RadarAxis Chirp::axis() const {
+RadarAxis Chirp::axis(const Conditions& c) const {
   const double rate_hz = sample_rate_ksps * 1e3, slope_hz_s = slope_mhz_us * 1e12;
   const unsigned bins = std::bit_ceil(samples);
-  RadarAxis axis;
+  RadarAxis axis = radar_response(c);  // its window
   axis.count = antennas == 12 && bins == 1024 ? 1022 : bins;
   axis.step_m = 3.0e8 * rate_hz / (2 * slope_hz_s * bins);
   axis.resolution_m = speed_of_light_m_s / (2 * slope_hz_s * samples / rate_hz);
-  axis.psf = Psf::blackman();
   return axis;
 }
 

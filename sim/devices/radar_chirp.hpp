@@ -31,7 +31,8 @@ struct Chirp {
   double active_us() const;  // active time of a frame
   // bins = samples rounded up to a power of two (1022 for 1024 bins and 12 antennas),
   // step = 3e8 fs / (2 slope bins), resolution = c / 2B with B = slope samples / fs
-  RadarAxis axis() const;
+  // The response is that of the conditions, over these cells.
+  RadarAxis axis(const Conditions& conditions) const;
 };
 
 // One frame's TLV 2 has code = log2_q8(sum_a log2 |x_a|), |x_a| >= 1, over the virtual antennas a.

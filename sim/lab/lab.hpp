@@ -29,10 +29,16 @@ struct LabTagger {
   std::vector<std::pair<std::string, std::string>> environment{};
 };
 
+// The window of TI's demos; any other is to be asked for.
+inline Conditions with_firmware_window(Conditions c = {}) {
+  c.radar_psf = "blackman";
+  return c;
+}
+
 struct LabOptions {
   std::string dir = "lab";
   SceneSchedule schedule;
-  Conditions conditions;
+  Conditions conditions = with_firmware_window();
   Tagging tagging{.laser_rate_hz = 4e6};  // the brightest scenes click less than once in 20 pulses
   double window_s = 3;    // window of the daemon; signal and background counts are per window
   std::string radar_cfg;  // if empty, the paper's 50 cm profile

@@ -4,6 +4,7 @@
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <complex>
+#include <functional>
 #include <numbers>
 #include <random>
 
@@ -35,30 +36,102 @@ std::vector<std::uint32_t> photons(int count, double fwhm_ps, double tail_ps, do
 }
 
 constexpr unsigned antennas = 12;
-const EchoAxis axis{
-    .step_m = 0.044, .resolution_m = 0.0469, .log2_power_step = log2_power_step(antennas)};
+using Amplitude = std::complex<double>;
 
-// Frames of a reflector at 1.01 m through the window 1 + a cos + b cos, by the sum over its
-// samples.
-std::vector<std::vector<std::uint16_t>> frames(double a, double b, double noise_db, Rng& rng) {
-  constexpr unsigned samples = 120;
-  std::vector<std::complex<double>> clean(64);
-  for (std::size_t i = 0; i < clean.size(); ++i) {
-    const double cells = (static_cast<double>(i) * axis.step_m - 1.01) / axis.resolution_m;
-    for (unsigned k = 0; k < samples; ++k) {
-      const double x = 2 * pi * (k + 0.5) / samples - pi;
-      clean[i] +=
-          (1 + a * std::cos(x) + b * std::cos(2 * x)) * std::polar(1.0 / samples, x * cells);
-    }
+// What a cell is and where the reflector stands.
+struct Place {
+  double step_m, cell_m, range_m;
+  EchoAxis axis() const {
+    return {.step_m = step_m, .resolution_m = cell_m, .log2_power_step = log2_power_step(antennas)};
   }
-  clean[0] += 30, clean[1] += 10;  // the transmitter's own leakage
-  std::normal_distribution<double> noise(0, std::pow(10, noise_db / 20) / std::sqrt(2));
+};
+constexpr Place fine{0.044, 0.0469, 1.01};
+
+struct NamedWindow {
+  const char* name;
+  std::function<double(double)> at;  // over the sweep, from -1/2 to 1/2
+};
+double cosines(double t, std::initializer_list<double> terms) {
+  double sum = 0, k = 0;
+  for (const double term : terms) sum += term * std::cos(2 * pi * k++ * t);
+  return sum;
+}
+NamedWindow kaiser(const char* name, double b) {
+  return {name, [b](double t) {
+            return std::cyl_bessel_i(0, b * std::sqrt(std::max(0., 1 - 4 * t * t)));
+          }};
+}
+const NamedWindow windows[] = {
+    {"none", [](double) { return 1; }},
+    {"Hann",
+     [](double t) {
+       return cosines(t, {1, 1});
+     }},
+    {"Blackman",
+     [](double t) {
+       return cosines(t, {.42, .5, .08});
+     }},
+    kaiser("Kaiser 2.5", 2.5),
+    kaiser("Kaiser 6", 6),
+    kaiser("Kaiser 12", 12),
+    {"Taylor, 35 dB",  // 5 sidelobes
+     [](double t) {
+       return cosines(t, {1, .6887, -.03039, .008557, -.001469});
+     }},
+    {"Tukey",
+     [](double t) {
+       return std::abs(t) < .25 ? 1 : .5 + .5 * std::cos(4 * pi * (std::abs(t) - .25));
+     }},
+    {"Gauss", [](double t) { return std::exp(-t * t / .08); }},
+    {"Blackman-Harris",
+     [](double t) {
+       return cosines(t, {.35875, .48829, .14128, .01168});
+     }},
+    {"flat top",
+     [](double t) {
+       return cosines(t, {.21557895, .41663158, .277263158, .083578947, .006947368});
+     }},
+};
+
+// The response by its definition: a sum over the samples of the sweep.
+Amplitude response(const NamedWindow& window, double cells) {
+  constexpr unsigned samples = 120;
+  Amplitude sum = 0;
+  double all = 0;
+  for (unsigned k = 0; k < samples; ++k) {
+    const double t = (k + 0.5) / samples - 0.5;
+    sum += window.at(t) * std::polar(1.0, 2 * pi * t * cells);
+    all += window.at(t);
+  }
+  return sum / all;
+}
+
+struct Echo {
+  double beyond_m = 0;  // the reflector's range
+  Amplitude amplitude = 1;
+};
+// Frames of a reflector, and of what else stands beyond it. Noise interferes, or its power adds.
+std::vector<std::vector<std::uint16_t>> frames(const NamedWindow& window, const Place& place,
+                                               double noise_db, Rng& rng, bool adds = false,
+                                               const std::vector<Echo>& echoes = {{}}) {
+  std::vector<Amplitude> clean(64);
+  for (std::size_t i = 0; i < clean.size(); ++i)
+    for (const Echo& e : echoes)
+      clean[i] +=
+          e.amplitude *
+          response(window, (static_cast<double>(i) * place.step_m - place.range_m - e.beyond_m) /
+                               place.cell_m);
+  clean[0] += 3;  // the transmitter's own leakage
+  const double power = std::pow(10, noise_db / 10);
+  std::normal_distribution<double> noise(0, std::sqrt(power / 2));
+  std::exponential_distribution<double> more(1 / power);
   std::vector<std::vector<std::uint16_t>> out(100);
   for (auto& frame : out)
     for (const auto& c : clean) {
-      double sum = 0;
-      for (unsigned n = 0; n < antennas; ++n)
-        sum += std::log2(1e6 * std::abs(c + std::complex(noise(rng), noise(rng))));
+      double sum = antennas * std::log2(1e6 * std::sqrt(std::norm(c) + more(rng)));
+      if (!adds) sum = 0;
+      for (unsigned n = 0; n < antennas && !adds; ++n)
+        sum += std::log2(1e6 * std::abs(c + Amplitude(noise(rng), noise(rng))));
       frame.push_back(static_cast<std::uint16_t>(std::lround(256 * sum / 16)));
     }
   return out;
@@ -82,36 +155,81 @@ TEST_CASE("an impulse response is found with its tail, within its errors") {
     CHECK(std::abs(tailed.irf_tail_share.value - 0.4) < 4 * tailed.irf_tail_share.standard_error);
   }
   record::Response none;
-  fit_impulse_response(photons(500, 200, 0, 0, rng), 0, step_ps, search, none);
+  CHECK(fit_impulse_response(photons(500, 200, 0, 0, rng), 0, step_ps, search, none) ==
+        "fewer than 1000 photons came");
   CHECK(none == record::Response{});
 }
 
-TEST_CASE("the radar's response is that of the window over its sweep") {
+TEST_CASE("the radar's response is that of the window over its sweep, whichever it is") {
   Rng rng = make_rng(2, 1);
-  struct Case {
-    double a, b, width_cells;  // full width of the power at half (Harris)
-  };
-  for (const auto& [a, b, width] :
-       {Case{0, 0, 0.89}, {0.46 / 0.54, 0, 1.30}, {1, 0, 1.44}, {0.5 / 0.42, 0.08 / 0.42, 1.64}}) {
+  // Behind bins of 50 cm the leakage stands within the lobe.
+  for (const Place& place : {fine, Place{0.25, 0.27, 1.01}, Place{0.25, 0.27, 3}})
+    for (const auto& [noise_db, adds] : {std::pair{-35., false}, {-20., false}, {-16., true}})
+      for (const NamedWindow& window : windows) {
+        CAPTURE(place.range_m, noise_db, window.name);
+        record::Response found;
+        const WindowFit fit = fit_radar_response(frames(window, place, noise_db, rng, adds),
+                                                 place.axis(), place.range_m, found);
+        REQUIRE(fit.refusal == "");
+        REQUIRE(found.radar.known());
+        CHECK(found.radar.taps[0] == 1);
+        CHECK(found.radar.cell_m == place.cell_m);
+        CHECK(found.taps_standard_error < (noise_db < -30 ? 0.02 : 0.04));
+        for (std::size_t k = 0; k < found.radar.taps.size(); ++k) {
+          const double tap = std::norm(response(window, static_cast<double>(k) / 4));
+          CAPTURE(k, tap, found.radar.taps[k], found.taps_standard_error);
+          CHECK(std::abs(found.radar.taps[k] - tap) < 4 * found.taps_standard_error);
+        }
+      }
+}
+
+TEST_CASE("echoes are placed by the window that the radar has") {
+  Rng rng = make_rng(4, 1);
+  for (const NamedWindow& window : windows)
+    for (const double range_m : {1., 1.01, 1.022, 1.03}) {
+      const Place place{fine.step_m, fine.cell_m, range_m};
+      const auto all = frames(window, place, -30, rng);
+      record::Response unused;
+      const WindowFit fit = fit_radar_response(all, place.axis(), range_m, unused);
+      const Peak peak = fit_echo(all, place.axis(), {}, fit.window);
+      CAPTURE(window.name, range_m, peak.range_m);
+      CHECK(peak.refusal == "");
+      CHECK(peak.range_m == Approx(range_m).margin(1e-3));
+    }
+}
+
+TEST_CASE("a response that is not one point's is not stated, and why") {
+  Rng rng = make_rng(5, 1);
+  const NamedWindow& blackman_window = windows[2];
+  const auto refusal = [&](const Place& place, const std::vector<Echo>& echoes) {
     record::Response found;
-    fit_radar_response(frames(a, b, -35, rng), axis, 1.01, found);
-    REQUIRE(found.radar.known());
-    CHECK(found.radar.width_m() / found.radar.cell_m == Approx(width).margin(0.02));
-    CHECK(found.taps_standard_error < 0.01);
-    CHECK(found.radar.taps[0] == 1);
-    CHECK(found.radar.cell_m == axis.resolution_m);
-  }
+    const auto fit = fit_radar_response(frames(blackman_window, place, -35, rng, false, echoes),
+                                        place.axis(), place.range_m, found);
+    CHECK(found == record::Response{});
+    return fit.refusal;
+  };
+  const Amplitude turned = std::polar(0.5, 1.);
+  CHECK_THAT(refusal(fine, {{}, {0.08, turned}}), Catch::Contains("not that of one point"));
+  CHECK_THAT(refusal({0.25, 0.27, 0.5}, {{}}), Catch::Contains("with cells of 50 cm at 3 m"));
+  record::Response found;
+  CHECK(fit_radar_response({}, fine.axis(), 1, found).refusal == "fewer than 8 frames came");
+  // A wall behind the reflector stays out.
+  CHECK(fit_radar_response(frames(blackman_window, fine, -35, rng, false, {{}, {0.2, 5}}),
+                           fine.axis(), fine.range_m, found)
+            .refusal == "");
+  CHECK(found.radar.width_m() / found.radar.cell_m == Approx(1.64).margin(0.05));
 }
 
 TEST_CASE("the noise of independent frames falls with the root of their number") {
   Rng rng = make_rng(3, 1);
   record::Response found;
-  fit_noise_exponent(frames(0, 0, -20, rng), axis.log2_power_step, found);
+  fit_noise_exponent(frames(windows[0], fine, -20, rng), fine.axis().log2_power_step, found);
   CHECK(std::abs(found.radar_noise_exponent.value + 0.5) <
         5 * found.radar_noise_exponent.standard_error);
   CHECK(found.radar_noise_exponent.standard_error < 0.05);
   record::Response few;
-  fit_noise_exponent(std::vector(20, std::vector<std::uint16_t>(64, 7)), axis.log2_power_step, few);
+  CHECK(fit_noise_exponent(std::vector(20, std::vector<std::uint16_t>(64, 7)), 1, few) ==
+        "fewer than 40 frames came");
   CHECK(few == record::Response{});
 }
 

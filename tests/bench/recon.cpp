@@ -78,5 +78,5 @@ int main(int argc, char** argv) {
             1e6 * static_cast<double>(std::filesystem::file_size(argv[1])) / read_per_s / records,
             "reading the file");
   training(data, most_per_s);
-  for (const char* name : {"mlp-512-256", "factorised", "factorised-16"}) one_map(data, name);
+  for (const char* name : {"mlp-512-256", "factorised-32", "factorised-16"}) one_map(data, name);
 }

@@ -35,7 +35,7 @@ TEST_CASE("a model's name may carry its size, and options fill the rest") {
   CHECK(wide.fit.patience.value() == 15);
   CHECK(candidate_of("mlp", {}).fit.hidden.value() == std::vector<std::size_t>{512, 256});
   CHECK(candidate_of("factorised-8", {}).fit.basis.value() == 8);
-  CHECK(candidate_of("factorised", {}).fit.basis.value() == 32);
+  CHECK(candidate_of(usual_model(Inputs::fused), {}).fit.basis.value() == 16);
   CHECK(candidate_of("paper", {}).name == "mlp-512-256");
   CHECK(candidate_of("factorised-64", {}).fit.basis.value() == 64);
   CHECK(candidate_of("pca-mlp-32-16", {}).fit.basis.value() == 128);

@@ -102,12 +102,14 @@ TEST_CASE("in its own room a tuned model is no worse than it was, and states its
   CHECK(tuned.model.knows(fresh) == false);
 }
 
-TEST_CASE("of two models the first is the start, unless the other one is plainly better") {
+TEST_CASE("of two models the one that comes out better is the start, in either order") {
   const TrainedModel& old = old_model("factorised");
   TrainOptions options;
   options.model = "factorised", options.inputs = "fused", options.uncertainty = false;
   options.fit.quiet = true, options.fit.epochs = 30, options.fit.basis = 4, options.fit.seed = 2;
   const TrainedModel there = train(plates(300, 2, true), options);
+  options.fit.seed = 3;
+  const TrainedModel twice = train(plates(300, 3, true), options);
   for (const std::int64_t records : {10, 60}) {
     const Dataset data = plates(records, 5, true), fresh = plates(100, 9, true);
     const auto tuned = [&](const std::vector<Start>& starts) {
@@ -120,7 +122,12 @@ TEST_CASE("of two models the first is the start, unless the other one is plainly
     CHECK(iou(far_first.model, fresh) > iou(tune(old, data, all_records()).model, fresh));
     CHECK_THAT(row(tuned({{there, data, "there"}, {old, data, "far"}})),
                Catch::StartsWith("there: "));
-    // Alike models are not told apart.
+    // Of ten records a small gain is enough: only leaving a model as it was asks for two errors.
+    const auto a = tuned({{there, data, "there"}, {twice, data, "twice"}}),
+               b = tuned({{twice, data, "twice"}, {there, data, "there"}});
+    CAPTURE(to_text(a), to_text(b));
+    CHECK(row(a) == row(b));
+    // The first of equal models stays.
     CHECK_THAT(row(tuned({{there, data, "first"}, {there, data, "same"}})),
                Catch::StartsWith("first: "));
   }

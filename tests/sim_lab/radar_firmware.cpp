@@ -115,7 +115,7 @@ TEST_CASE("subframes start one after the other, each with its own profile") {
     CHECK(subframes[k].start_ghz == Approx(60 + 1.08 * static_cast<double>(k)));
     CHECK(subframes[k].antennas == 12);
     CHECK(subframes[k].frame_period_ms == 12.5);
-    CHECK(subframes[k].axis().step_m == 0.25);
+    CHECK(subframes[k].axis({}).step_m == 0.25);
   }
   Console other;
   configure(other, "subFrameCfg 3", "xwr68xx_hopping_50cm.cfg");
@@ -127,7 +127,7 @@ TEST_CASE("a complete configuration starts, and gives the axis") {
   SECTION("50 cm") {
     configure(console);
     CHECK(console.send("sensorStart\n") == "sensorStart\nDone\n\rmmwDemo:/>");
-    const RadarAxis axis = console.firmware().running().value().axis();
+    const RadarAxis axis = console.firmware().running().value().axis({});
     CHECK(axis.count == 64);
     CHECK(axis.step_m == 0.25);
     CHECK(axis.resolution_m == Approx(299'792'458.0 / (2 * 562.5e6)).epsilon(1e-12));
@@ -139,7 +139,7 @@ TEST_CASE("a complete configuration starts, and gives the axis") {
   SECTION("4.4 cm") {
     configure(console, "none", "xwr68xx_44mm.cfg");
     CHECK(console.send("sensorStart\n") == "sensorStart\nDone\n\rmmwDemo:/>");
-    const RadarAxis axis = console.firmware().running().value().axis();
+    const RadarAxis axis = console.firmware().running().value().axis({});
     CHECK(axis.count == 256);
     CHECK(axis.step_m == Approx(3e8 * 12.5e6 / (2 * 166e12 * 256)).epsilon(1e-12));
   }

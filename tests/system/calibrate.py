@@ -4,6 +4,7 @@
 with a run; without that it spoils what a model makes of the run."""
 import contextlib
 import json
+import math
 import pathlib
 import sqlite3
 import subprocess
@@ -23,10 +24,10 @@ class Calibrate(unittest.TestCase):
         self.addCleanup(folder.cleanup)
         self.dir = pathlib.Path(folder.name)
 
-    def lab(self, *command):
+    def lab(self, *command, cfg=config / "xwr68xx_44mm.cfg", sets=("--set", f"radar_bias_m={RADAR_M}")):
         return subprocess.run([bin_dir / "echofuse-sim", "lab", "--dir", self.dir / "lab", "--scene", "reflector", "--window", "1",
-                               "--laser-rate-hz", "4e6", "--radar-cfg", config / "xwr68xx_44mm.cfg", "--set", f"spd_delay_ps={SPD_PS}", "--set",
-                               f"radar_bias_m={RADAR_M}", "--", bin_dir / "echofuse-acquire", *command], text=True,
+                               "--laser-rate-hz", "4e6", "--radar-cfg", cfg, "--set", f"spd_delay_ps={SPD_PS}", *sets,
+                               "--", bin_dir / "echofuse-acquire", *command], text=True,
                               stdout=subprocess.PIPE, stderr=subprocess.PIPE, timeout=60)
 
     def calibrate(self, *options):
@@ -76,6 +77,26 @@ class Calibrate(unittest.TestCase):
         self.assertEqual(*axes)
         for kept, measured in zip(info["calibrations"], (spd, radar)):
             self.assertAlmostEqual(kept["offset_m"], measured["offset_m"], 12)
+
+    def test_windows(self):
+        """A radar with cells of 50 cm and another window states its response at 3 m, and nearer than its cells why not."""
+        hann = " ".join(str(((1, .25)[int(u)] if u in (0, 1) else (math.sin(math.pi * u) / (math.pi * u * (1 - u * u))) ** 2))
+                        for u in (k / 4 for k in range(24)))
+        for farther_m in 2, -.4:
+            delay_ps = farther_m * 2e12 / 299792458
+            sets = [f"radar_bias_m={farther_m}", "radar_leakage=1", f"radar_taps={hann}", f"spd_delay_ps={delay_ps}"]
+            done = self.lab("calibrate", "--config", self.dir / "lab/lab.toml", "--json", "--repeat", "4", "--distance", str(1 + farther_m),
+                            "--window", "0.6", "--set", f"run.calibration={self.dir / 'windows.toml'}",
+                            cfg=config / "xwr68xx_paper_50cm.cfg", sets=[word for one in sets for word in ("--set", one)])
+            said = json.loads(done.stdout.splitlines()[-1])
+            self.assertEqual(farther_m > 0, "radar_taps" in said["response"], said)
+            if farther_m < 0:
+                self.assertIn("with cells of 50 cm at 3 m", said["unstated"]["radar_taps"])
+                continue
+            taps, _, error = said["response"]["radar_taps"].partition(" +- ")
+            for tap, true in zip(taps.split(), hann.split()):
+                self.assertLess(abs(float(tap) - float(true)), 4 * float(error), said)
+            self.assertLess(float(error), .04)
 
     def test_reconstruction(self):
         """Ranges that are too long spoil what a model makes of a run; the run's calibration brings all of it back."""
