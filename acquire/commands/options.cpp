@@ -184,9 +184,10 @@ void add_import(CLI::App& app, Options& o) {
   auto* c = app.add_subcommand("import", "recordings of other programs become a run");
   add_config_options(*c, o);
   auto& i = o.import;
-  c->add_option("FILE", i.files,
-                "NAME.dat of a radar's data port, NAME.ptu or NAME.phu of PicoQuant, one a sensor; or "
-                "a folder of NumPy arrays: spd.npy, radar.npy, depth.npy, run.toml")
+  c->add_option(
+       "FILE", i.files,
+       "NAME.dat of a radar's data port, NAME.ptu or NAME.phu of PicoQuant, one a sensor; or "
+       "a folder of NumPy arrays: spd.npy, radar.npy, depth.npy, run.toml")
       ->required();
   c->add_option("--cfg", i.cfg,
                 "what the radar was configured by; default: NAME.cfg beside NAME.dat")

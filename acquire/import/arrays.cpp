@@ -179,7 +179,8 @@ class Arrays {
       if (*middle < 20)
         throw Error(ExitCode::failed,
                     printable(depth_->path()) + ": row " + std::to_string(r.index) +
-                        ": its median is " + std::to_string(std::lround(*middle)) + " mm; expected " +
+                        ": its median is " + std::to_string(std::lround(*middle)) +
+                        " mm; expected " +
                         (millimetres_ ? "millimetres (of metres: depth.unit = \"m\")" : "metres"));
     }
     mark(r, Sensor::depth, 1);

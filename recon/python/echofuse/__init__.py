@@ -11,7 +11,8 @@
 from .acquire import record, write_run
 from .model import Estimator, Maps, Model, load_model
 from .maps import load_maps, save_maps
-from .run import Axis, Record, Run, open  # noqa: A004 (the name that is wanted)
+from .record import Record
+from .run import Axis, Run, open  # noqa: A004 (the name that is wanted)
 from .splits import Split, split_rows
 
 __version__ = "0.1.0"

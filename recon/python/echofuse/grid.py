@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: MIT
-"""The truth on the maps' grid, as acquire/record/depth_map.cpp makes it."""
+"""Depth images as they are stored, the truth on the maps' grid (acquire/record/depth_map.cpp), and tables that are moved."""
 from __future__ import annotations
 
+import struct
+import zlib
 from typing import Any
 
 import numpy as np
@@ -38,3 +40,37 @@ def to_map(depth_mm: NDArray[np.uint16], columns: list[tuple[int, int]], rows: l
             if valid.size and 2 * valid.size >= cell.size:
                 out[r, c] = np.partition(valid, valid.size // 2)[valid.size // 2] / np.float32(1000)
     return out
+
+
+def shifted(table: NDArray[np.float32], steps: float) -> NDArray[np.float32]:
+    """[n, points], so many steps towards the start (Lanczos' interpolation over eight points, as
+    recon/data/shift.hpp). A row that is the same throughout, of a dead sensor, stays."""
+    if steps == 0 or table.shape[1] == 0:
+        return table
+    whole, x = int(np.floor(steps)), np.arange(8) - 3 - (steps - np.floor(steps))
+    weights = np.sinc(x) * np.sinc(x / 4)
+    padded = np.pad(table, ((0, 0), (abs(whole) + 8, abs(whole) + 8)))
+    first = abs(whole) + 8 + whole - 3
+    out = sum(w * padded[:, first + k:first + k + table.shape[1]] for k, w in enumerate(weights / weights.sum()))
+    return np.where((table == table[:, :1]).all(1, keepdims=True), table, out).astype(np.float32)
+
+
+def decode_png16(png: bytes, size: tuple[int, int]) -> NDArray[np.uint16]:
+    """A PNG as run files have it: 16 bits, grey, without filters (acquire/record/png.cpp). Raises ValueError."""
+    fault = ValueError(f"a depth image is not a 16-bit grey PNG of {size[1]} x {size[0]}")
+    if png[:8] != b"\x89PNG\r\n\x1a\n" or png[16:29] != struct.pack(">II", size[1], size[0]) + b"\x10\0\0\0\0":
+        raise fault
+    at, data = 33, b""
+    while at + 12 <= len(png):
+        length, name = struct.unpack(">I4s", png[at:at + 8])
+        data += png[at + 8:at + 8 + length] if name == b"IDAT" else b""
+        at += 12 + length
+    stride = 2 * size[1] + 1
+    try:
+        packed = zlib.decompressobj().decompress(data, size[0] * stride)
+        lines = np.frombuffer(packed, np.uint8).reshape(size[0], stride)
+    except (zlib.error, ValueError):
+        raise fault from None
+    if lines[:, 0].any():
+        raise fault
+    return np.ascontiguousarray(lines[:, 1:]).view(">u2").astype(np.uint16)

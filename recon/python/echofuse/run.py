@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import html
 import pathlib
-import struct
 import time
 import warnings
-import zlib
 from contextlib import closing
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -17,6 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import grid
+from .grid import decode_png16, shifted
+from .record import Record
 from .run_files import connect, files_of, parts_of
 
 SENSORS = {"spd": 1, "radar": 2, "depth": 4}  # bits of record.valid
@@ -71,46 +71,6 @@ def open(path: str | pathlib.Path) -> "Run":  # noqa: A001 (the name that is wan
     if run.missing:
         warnings.warn("\n".join(run.missing), stacklevel=2)
     return run
-
-
-@dataclass(frozen=True)
-class Record:
-    """One record of a run: run[3]. Its depth image is read when it is asked for."""
-
-    run: "Run"
-    row: int
-
-    @property
-    def index(self) -> int:
-        return int(self.run.index[self.row])
-
-    @property
-    def label(self) -> str:
-        return self.run.labels[self.row]
-
-    @property
-    def time(self) -> np.datetime64:
-        return self.run.time[self.row]
-
-    @property
-    def spd(self) -> NDArray[np.uint32]:
-        """Counts [bins]."""
-        return self.run.spd[self.row]
-
-    @property
-    def radar(self) -> NDArray[np.float32]:
-        """Linear power [points]."""
-        return self.run.radar[self.row]
-
-    @property
-    def depth(self) -> NDArray[np.float32]:
-        """z in metres [rows, columns] of the camera's image, NaN: no return."""
-        image = self.run.depth_mm(self.row)
-        return np.where(image > 0, image / np.float32(1000), np.float32(np.nan))
-
-    def __repr__(self) -> str:
-        valid = ", ".join(name for name, mask in self.run.valid.items() if mask[self.row]) or "no sensor"
-        return f"<record {self.index} of {self.run.path.name}: {valid}; {self.label or 'no label'}>"
 
 
 class Run:
@@ -426,37 +386,3 @@ class Run:
                                  f"its axis asks for {count * out.itemsize}")
             out[row] = np.frombuffer(blob, kind)
         return out
-
-
-def shifted(table: NDArray[np.float32], steps: float) -> NDArray[np.float32]:
-    """[n, points], so many steps towards the start (Lanczos' interpolation over eight points, as
-    recon/data/shift.hpp). A row that is the same throughout, of a dead sensor, stays."""
-    if steps == 0 or table.shape[1] == 0:
-        return table
-    whole, x = int(np.floor(steps)), np.arange(8) - 3 - (steps - np.floor(steps))
-    weights = np.sinc(x) * np.sinc(x / 4)
-    padded = np.pad(table, ((0, 0), (abs(whole) + 8, abs(whole) + 8)))
-    first = abs(whole) + 8 + whole - 3
-    out = sum(w * padded[:, first + k:first + k + table.shape[1]] for k, w in enumerate(weights / weights.sum()))
-    return np.where((table == table[:, :1]).all(1, keepdims=True), table, out).astype(np.float32)
-
-
-def decode_png16(png: bytes, size: tuple[int, int]) -> NDArray[np.uint16]:
-    """A PNG as run files have it: 16 bits, grey, without filters (acquire/record/png.cpp). Raises ValueError."""
-    fault = ValueError(f"a depth image is not a 16-bit grey PNG of {size[1]} x {size[0]}")
-    if png[:8] != b"\x89PNG\r\n\x1a\n" or png[16:29] != struct.pack(">II", size[1], size[0]) + b"\x10\0\0\0\0":
-        raise fault
-    at, data = 33, b""
-    while at + 12 <= len(png):
-        length, name = struct.unpack(">I4s", png[at:at + 8])
-        data += png[at + 8:at + 8 + length] if name == b"IDAT" else b""
-        at += 12 + length
-    stride = 2 * size[1] + 1
-    try:
-        packed = zlib.decompressobj().decompress(data, size[0] * stride)
-        lines = np.frombuffer(packed, np.uint8).reshape(size[0], stride)
-    except (zlib.error, ValueError):
-        raise fault from None
-    if lines[:, 0].any():
-        raise fault
-    return np.ascontiguousarray(lines[:, 1:]).view(">u2").astype(np.uint16)

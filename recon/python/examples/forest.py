@@ -2,7 +2,7 @@
 """A regressor of scikit-learn as a method (Debian's python3-sklearn): extremely randomised trees from histogram and
 profile to 64 components of the map.
 
-    PYTHONPATH=. echofuse-bench pareto train.sqlite test.sqlite --out mine.csv --markdown --methods nearest forest:Forest
+    PYTHONPATH=. python3 -m echofuse.bench pareto train.sqlite test.sqlite --out mine.csv --markdown --methods nearest forest:Forest
 """
 import numpy as np
 from sklearn.decomposition import PCA

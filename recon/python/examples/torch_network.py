@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
 """A network of one's own beside those of echofuse (Debian's python3-torch):
 
-    PYTHONPATH=. echofuse-bench pareto train.sqlite test.sqlite --out mine.csv --markdown --methods nearest torch_network:Network
+    PYTHONPATH=. python3 -m echofuse.bench pareto train.sqlite test.sqlite --out mine.csv --markdown --methods nearest torch_network:Network
 """
 import numpy as np
 import torch
