@@ -59,16 +59,17 @@ Dataset load_runs(const Arguments& a) {
 TrainedModel tune_model(const Arguments& a, bool test_share_given) {
   std::deque<TrainedModel> models;
   for (const std::string& path : a.from) models.push_back(load_model(path));
-  // Each model has the records as it wants them; the last one needs no copy.
-  Dataset loaded = load_runs(a);
+  // Each model has the records as it wants them.
+  const Dataset loaded = load_runs(a);
+  Dataset own = loaded;
+  bring_to_response(own, widest_response(own));
   std::deque<Dataset> tables;
   std::vector<Start> starts;
   for (const std::string& path : a.from) {
     const TrainedModel& model = models[starts.size()];
-    const bool last = starts.size() + 1 == models.size();
-    Dataset& data = tables.emplace_back(last ? std::move(loaded) : loaded);
+    Dataset& data = tables.emplace_back(loaded);
     match_for_tuning(model, path, data);
-    starts.push_back({model, data, std::filesystem::path(path).stem()});
+    starts.push_back({model, data, own, std::filesystem::path(path).stem()});
   }
   TuneOptions options;
   options.split = a.split;

@@ -58,6 +58,9 @@ void bind(Settings& settings, TrainSettings& s) {
                "errors are theirs; \"\": the last");
   settings.add("fallback", o.fallback,
                "beside a model of both sensors train those for records without antennas or radar");
+  settings.add("any_response", o.any_response,
+               "the runs that state no response of the radar have various ones, as a twin's have: "
+               "much narrower runs are taken as they are");
   settings.add(
       "doubtful", o.doubtful,
       "records with a sensor that the run says is weak, saturated or stands still, or with a "

@@ -14,8 +14,11 @@ namespace {
 
 constexpr double reach_cells = 3;
 constexpr std::ptrdiff_t most_reach = 48;  // points
-constexpr int parts = 8;                   // of a step, at which the responses are compared
-constexpr double noise_to_signal = 1e-3;   // energy of the noise in eight points, of the peak's
+// A twin of any window has .49 IoU at .67 of Blackman's width as it is and .45 brought, at .8 .44
+// and .45.
+constexpr double much_narrower = 0.75;
+constexpr int parts = 8;                  // of a step, at which the responses are compared
+constexpr double noise_to_signal = 1e-3;  // energy of the noise in eight points, of the peak's
 
 // It filters every `stride`-th value.
 void filter(std::span<float> row, std::size_t stride, const std::vector<double>& weights) {
@@ -69,10 +72,11 @@ record::RadarResponse widest_response(const Dataset& data) {
   return out;
 }
 
-void bring_to_response(Dataset& data, const record::RadarResponse& wanted) {
+void bring_to_response(Dataset& data, const record::RadarResponse& wanted, bool knows_any) {
   if (!wanted.known() || data.radar_axis.quantity != "power" || data.radar_axis.unit != "m") return;
   for (Source& source : data.sources) {
     if (!source.radar_response.known() || source.radar_response == wanted) continue;
+    if (knows_any && source.radar_response.width_m() < much_narrower * wanted.width_m()) continue;
     const auto weights = response_filter(source.radar_response, wanted, data.radar_axis.step);
     const std::size_t lags =
         data.array_axis.count > 0 ? lag_values(longest_lag(data.array_axis)) : 0;

@@ -22,7 +22,8 @@ record::RadarResponse widest_response(const Dataset& data);
 
 // It filters the radar's profiles and lags of each run that states a response, and writes the
 // wanted one into the data's sources. Runs that state none stay as they are, and so do data of
-// binned power. A dead sensor's row stays dead.
-void bring_to_response(Dataset& data, const record::RadarResponse& wanted);
+// binned power. A dead sensor's row stays dead. If the model knows any response, a run much
+// narrower than the wanted one stays, too: bringing it there would cost more than it gains.
+void bring_to_response(Dataset& data, const record::RadarResponse& wanted, bool knows_any = false);
 
 }  // namespace echofuse::recon

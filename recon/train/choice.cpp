@@ -18,22 +18,20 @@ constexpr std::uint64_t fold_stream = 0x74756e65;  // "tune"
 
 }  // namespace
 
-Choice::Choice(const Dataset& data, const Scene& judged_by, const Split& split,
-               const SplitOptions& options)
-    : data_(data),
-      judged_by_(judged_by),
+Choice::Choice(const Scene& judged_by, const Split& split, const SplitOptions& options)
+    : judged_by_(judged_by),
       split_(split),
       sequence_(options.kind == "blocked"),
       folds_(make_folds(split.train, folds, options, fold_stream)) {}
 
-void Choice::add(const std::string& name, Fit fit) {
+void Choice::add(const std::string& name, const Dataset& data, Fit fit) {
   Entry& entry = entries_.emplace_back(Entry{{{name, {}}, {}, 0, {}}, std::move(fit)});
   Folds scores;
   const auto started = std::chrono::steady_clock::now();
   for (const Split& fold : folds_) {
     entry.models.push_back(entry.fit(fold.train));
     const Estimator& model = entry.models.back();
-    scores.push_back(score_maps(model.maps(data_, fold.test), data_, fold.test, judged_by_));
+    scores.push_back(score_maps(model.maps(data, fold.test), data, fold.test, judged_by_));
     if (interrupted()) throw Error(ExitCode::interrupted, "interrupted while choosing");
   }
   entry.row.metrics = summarise(scores, sequence_);

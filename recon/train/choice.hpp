@@ -10,15 +10,15 @@
 
 namespace echofuse::recon {
 
-// The object keeps references to its arguments. It judges the maps in this scene.
+// The object keeps references to its arguments. It judges the maps in this scene. All data hold the
+// same records.
 class Choice {
  public:
-  Choice(const Dataset& data, const Scene& judged_by, const Split& split,
-         const SplitOptions& options);
+  Choice(const Scene& judged_by, const Split& split, const SplitOptions& options);
 
   using Fit = std::function<Estimator(const Rows& rows)>;
   // It fits one model a fold, and scores it on the rest. Throws Error(interrupted).
-  void add(const std::string& name, Fit fit);
+  void add(const std::string& name, const Dataset& data, Fit fit);
   // It chooses the best of the models that are better than the first one by this many standard
   // errors, or else the first one.
   void choose(double errors);
@@ -43,7 +43,6 @@ class Choice {
   };
   static double gain_of(const Entry& entry, const Entry& than, double errors);
 
-  const Dataset& data_;
   const Scene& judged_by_;
   const Split& split_;
   bool sequence_;

@@ -223,6 +223,7 @@ TrainedModel train_split(const Dataset& data, const Split& split, const std::str
   model.seen = seen_records(data, split);
   model.data_hash = data.hash;
   model.radar_response = widest_response(data);
+  model.any_response = options.any_response;
   for (const Wanted& wanted : wanted_of(data, name, options)) {
     if (!model.estimators.empty() && interrupted()) break;
     const bool of_spd = wanted.inputs == Inputs::spd && !model.estimators.empty();

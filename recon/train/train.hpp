@@ -26,6 +26,8 @@ struct TrainOptions {
   // (TrainedModel) to a fused one that uses its inputs; `uncertainty` adds the uncertainty to any
   // model.
   bool fallback = false, uncertainty = true;
+  // True: the runs that state no response have various ones, as those of a twin.
+  bool any_response = false;
   std::string doubtful = "leave";  // or take: records whose verdict is not ok (Dataset::doubt_of)
 };
 

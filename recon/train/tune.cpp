@@ -95,8 +95,10 @@ bool are_few(const Estimator& from, const Split& split) {
 double plainly(bool few) { return few ? 2 : 0; }
 
 // A model of these records alone is the same from any start.
-void try_all(Choice& choice, const Estimator& from, const Dataset& data, const Split& split,
-             const TuneOptions& options, bool with_alone) {
+void try_all(Choice& choice, const Start& start, const Split& split, const TuneOptions& options,
+             bool with_alone) {
+  const Estimator& from = start.model.first();
+  const Dataset& data = start.data;
   Tuning untouched = options.tuning;
   untouched.pull = INFINITY;
   const bool aligned = wants_alignment(from.name);
@@ -104,7 +106,7 @@ void try_all(Choice& choice, const Estimator& from, const Dataset& data, const S
   const auto add = [&](const std::string& name, Choice::Fit fit) {
     if (!options.only.empty() && options.only != name) return;
     if (!options.quiet) std::fprintf(stderr, "cross-validation: %s\n", name.c_str());
-    choice.add(name, std::move(fit));
+    choice.add(name, name == alone ? start.own : data, std::move(fit));
   };
   add(as_it_was, [&, untouched](const Rows& rows) {
     return adapt(from, data, rows, Room::kept, untouched, false);
@@ -133,7 +135,7 @@ void try_all(Choice& choice, const Estimator& from, const Dataset& data, const S
     if (many || !aligned || pull >= least_pull_of_few) add_tuned(pull, false);
   if (many && aligned) add_tuned(turned_pull, true);
   if (many && with_alone)
-    add(alone, [&](const Rows& rows) { return fit_alone(from, data, rows, options); });
+    add(alone, [&](const Rows& rows) { return fit_alone(from, start.own, rows, options); });
   choice.choose(plainly(are_few(from, split)));
 }
 
@@ -182,15 +184,20 @@ void keep_statements(Estimator& model, const Estimator& from) {
   model.uncertainty = from.uncertainty, model.domain = from.domain;
 }
 
-// It tunes the estimators for the range profile and the SPD alone. Their pull is not tested: they
-// are seldom needed. With few records they learn no more than the first estimator does.
-Estimator tune_other(const Estimator& from, const Dataset& data, const Split& split, Tuning tuning,
-                     bool learns) {
+// It tunes the estimators for the range profile and the SPD alone, or fits them alone as the first
+// one. Their pull is not tested: they are seldom needed. With few records they learn no more than
+// the first estimator does.
+Estimator tune_other(const Estimator& from, const Dataset& data, const Split& split,
+                     const TuneOptions& options, bool learns, bool by_alone) {
   const bool few = are_few(from, split);
+  Tuning tuning = options.tuning;
   tuning.pull = few ? INFINITY : usual_pull, tuning.correct = few && learns;
-  const auto fit = [&](const Rows& rows) { return adapt(from, data, rows, Room::kept, tuning); };
+  const auto fit = [&](const Rows& rows) {
+    return by_alone ? fit_alone(from, data, rows, options)
+                    : adapt(from, data, rows, Room::kept, tuning);
+  };
   Estimator out = fit(split.train);
-  if (tuning.networks_stay() && !tuning.correct) {
+  if (!by_alone && tuning.networks_stay() && !tuning.correct) {
     keep_statements(out, from);
     return out;
   }
@@ -225,7 +232,7 @@ void match_for_tuning(const TrainedModel& from, const std::string& path, Dataset
                                         " takes (" + name_of(f.inputs) + ")");
   match_axes(data, f.spd_axis, f.radar_axis, f.inputs);
   match_array(data, f.array_axis);
-  bring_to_response(data, from.radar_response);
+  bring_to_response(data, from.radar_response, from.any_response);
 }
 
 TunedModel tune(const std::vector<Start>& starts, const TuneOptions& options) {
@@ -239,8 +246,8 @@ TunedModel tune(const std::vector<Start>& starts, const TuneOptions& options) {
   std::vector<Choice> choices;
   choices.reserve(starts.size());  // what is tried refers to them
   for (const Start& start : starts) {
-    choices.emplace_back(start.data, judged_by, split, options.split);
-    try_all(choices.back(), start.model.first(), start.data, split, options, choices.size() == 1);
+    choices.emplace_back(judged_by, split, options.split);
+    try_all(choices.back(), start, split, options, choices.size() == 1);
   }
   if (choices.front().table().empty())
     throw Error(ExitCode::usage, options.only + ": nothing of this name is tried here");
@@ -259,14 +266,16 @@ TunedModel tune(const std::vector<Start>& starts, const TuneOptions& options) {
   }
   const Choice& choice = choices[best];
   const TrainedModel& from = starts[best].model;
-  const Dataset& data = starts[best].data;
+  const bool by_alone = choice.is(alone);
+  const Dataset& data = by_alone ? starts[best].own : starts[best].data;
   TrainedModel& model = out.model;
   model.estimators.push_back(choice.fit());
   model.split = options.split;
   model->fit.seed = options.tuning.seed;
   model.seen = both(from.seen, seen_records(data, split));
   model.data_hash = data.hash;
-  model.radar_response = from.radar_response;
+  model.radar_response = by_alone ? widest_response(data) : from.radar_response;
+  model.any_response = !by_alone && from.any_response;
   const bool stayed = split.train.size() < least_cross_fitted && choice.is(as_it_was);
   if (stayed)
     keep_statements(model.first(), from.first());
@@ -274,7 +283,7 @@ TunedModel tune(const std::vector<Start>& starts, const TuneOptions& options) {
     finish(model.first(), data, split, choice.judged(), options.tuning.seed);
   for (std::size_t k = 1; k < from.estimators.size(); ++k)
     model.estimators.push_back(
-        tune_other(from.estimators[k], data, split, options.tuning, !stayed));
+        tune_other(from.estimators[k], data, split, options, !stayed, by_alone));
   model->train_s =
       std::chrono::duration<double>(std::chrono::steady_clock::now() - started).count();
   return out;

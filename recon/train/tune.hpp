@@ -21,10 +21,12 @@ struct TuneOptions {
   std::string only = {};  // the one row of the table that is tried; empty: all are
 };
 
-// This is a model to start from, and the records as match_for_tuning has made them for it.
+// This is a model to start from, the records as match_for_tuning has made them for it, and the same
+// records on their own axes, brought to one response. A model of these records alone learns those.
 struct Start {
   const TrainedModel& model;
   const Dataset& data;
+  const Dataset& own;
   std::string name = {};  // in the table, if there are several
 };
 

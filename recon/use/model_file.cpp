@@ -16,7 +16,7 @@
 namespace echofuse::recon {
 namespace {
 
-constexpr std::int64_t format_version = 12;
+constexpr std::int64_t format_version = 13;
 constexpr std::size_t most_estimators = 3;
 
 void archive_seen(Archive archive, SeenRecords& seen) {
@@ -74,7 +74,8 @@ void check_format(Archive archive) {
                       (found > format_version ? ": use a newer echofuse" : ": train it again"));
 }
 
-void archive_response(Archive archive, record::RadarResponse& response) {
+void archive_response(Archive archive, record::RadarResponse& response, bool& any) {
+  archive.count("any", any, 0, 1);
   if (!archive.part("known", response.known())) return;
   archive.number("cell_m", response.cell_m, 1e-3, 10);
   archive.values("taps", response.taps, Archive::any);
@@ -93,7 +94,7 @@ void archive(Archive archive, TrainedModel& model) {
   archive.count("estimators", estimators, 1, most_estimators);
   model.estimators.resize(estimators);
   archive.count("data_crc32c", model.data_hash, 0, std::numeric_limits<std::uint32_t>::max());
-  archive_response(archive.in("response"), model.radar_response);
+  archive_response(archive.in("response"), model.radar_response, model.any_response);
   archive_split(archive.in("split"), model.split);
   archive_seen(archive.in("split"), model.seen);
   for (std::size_t k = 0; k < estimators; ++k)

@@ -6,7 +6,7 @@
 //
 //   facts    format "echofuse model", format_version, version, estimators, data_crc32c,
 //            split/kind, split/gap, split/seed, split/test_share, split/validation_share,
-//            split/run/R (uuid of run R), response/cell_m; N/model, N/inputs, N/scaling,
+//            split/run/R (uuid of run R), response/cell_m and any; N/model, N/inputs, N/scaling,
 //            N/axes/SENSOR/..., N/scene/map_size and others, N/alignment/config/KEY, N/training/...
 //   tensors  response/taps; of each record split/run, split/index, split/part (0 train, 1
 //            validation, 2 test), and split/hash of what its sensors hold (Dataset::content)
@@ -39,6 +39,7 @@ struct TrainedModel {
   SeenRecords seen;
   std::uint32_t data_hash = 0;
   record::RadarResponse radar_response;  // of its training's profiles; not known if none was stated
+  bool any_response = false;             // TrainOptions
   // If the model was taken to another room, this is added to its records' radar.
   std::optional<EmptyRoom> room_change;
 

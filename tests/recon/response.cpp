@@ -80,6 +80,15 @@ TEST_CASE("a filter to a narrower response is bounded by the noise") {
     CHECK(widening[i] == Approx(widening[widening.size() - 1 - i]).margin(1e-9));
 }
 
+TEST_CASE("a model that knows any response takes a much narrower run as it is") {
+  for (const auto& [own, stays] : {std::pair{sinc, true}, {hann, false}, {blackman, true}}) {
+    Dataset data = run_of(own, profile(own));
+    bring_to_response(data, blackman, true);
+    CHECK((data.sources[0].radar_response == own) == stays);
+    CHECK((greatest_difference(data.radar.row(0), profile(own)) == 0) == stays);
+  }
+}
+
 TEST_CASE("runs that state no response, and binned power, stay as they are") {
   Dataset unstated = run_of({}, profile(sinc)), binned = run_of(sinc, profile(sinc));
   binned.radar_axis.quantity = "binned_power";

@@ -40,7 +40,7 @@ const TrainedModel& old_model(const std::string& kind) {
 }
 
 TunedModel tune(const TrainedModel& from, const Dataset& data, const TuneOptions& options) {
-  return recon::tune({{from, data}}, options);
+  return recon::tune({{from, data, data}}, options);
 }
 
 TuneOptions all_records() {
@@ -116,19 +116,19 @@ TEST_CASE("of two models the one that comes out better is the start, in either o
       return recon::tune(starts, all_records());
     };
     const auto row = [](const TunedModel& m) { return m.table[m.chosen].name; };
-    const TunedModel far_first = tuned({{old, data, "far"}, {there, data, "there"}});
+    const TunedModel far_first = tuned({{old, data, data, "far"}, {there, data, data, "there"}});
     CAPTURE(to_text(far_first));
     CHECK_THAT(row(far_first), Catch::StartsWith("there: "));
     CHECK(iou(far_first.model, fresh) > iou(tune(old, data, all_records()).model, fresh));
-    CHECK_THAT(row(tuned({{there, data, "there"}, {old, data, "far"}})),
+    CHECK_THAT(row(tuned({{there, data, data, "there"}, {old, data, data, "far"}})),
                Catch::StartsWith("there: "));
     // Of ten records a small gain is enough: only leaving a model as it was asks for two errors.
-    const auto a = tuned({{there, data, "there"}, {twice, data, "twice"}}),
-               b = tuned({{twice, data, "twice"}, {there, data, "there"}});
+    const auto a = tuned({{there, data, data, "there"}, {twice, data, data, "twice"}}),
+               b = tuned({{twice, data, data, "twice"}, {there, data, data, "there"}});
     CAPTURE(to_text(a), to_text(b));
     CHECK(row(a) == row(b));
     // The first of equal models stays.
-    CHECK_THAT(row(tuned({{there, data, "first"}, {there, data, "same"}})),
+    CHECK_THAT(row(tuned({{there, data, data, "first"}, {there, data, data, "same"}})),
                Catch::StartsWith("first: "));
   }
 }
@@ -206,6 +206,38 @@ TEST_CASE("every outcome of a tuning is written, read back, and judged") {
         CHECK((p.uncertainties.empty() || !p.uncertainties[0].stated) == (records < 50));
       }
     }
+  }
+}
+
+TEST_CASE("a model of these records alone has their own axes and response, for every estimator") {
+  const record::RadarResponse narrow{0.5, {1, 0.8, 0.4, 0.1, 0}},
+      wide{0.5, {1, 0.94, 0.77, 0.54, 0.3, 0.1, 0}};
+  TrainOptions options;
+  options.model = "factorised-4", options.inputs = "fused", options.fallback = true;
+  options.fit.quiet = true, options.fit.epochs = 2;
+  TrainedModel old = train(plates(60, 1, false), options);
+  old.radar_response = wide;
+  Dataset own = plates(60, 5, false);
+  own.radar_axis.start += 0.05;
+  for (Source& source : own.sources) source.radar_response = narrow;
+  Dataset matched = own;
+  match_for_tuning(old, "m", matched);
+  REQUIRE(matched.radar.values != own.radar.values);
+  for (const char* only : {"as it was", "these records alone"}) {
+    TuneOptions how = all_records();
+    how.only = only;
+    const TrainedModel model = recon::tune({{old, matched, own}}, how).model;
+    const bool by_alone = how.only == "these records alone";
+    CAPTURE(only);
+    CHECK(model.radar_response == (by_alone ? narrow : wide));
+    CHECK(same_axis(model->features.radar_axis, own.radar_axis) == by_alone);
+    // The use brings a run to where it was learnt from.
+    Dataset used = own;
+    model.match(used);
+    CHECK((used.radar.values == own.radar.values) == by_alone);
+    REQUIRE(model.estimators.size() == old.estimators.size());
+    CHECK((model.estimators.back().features.spd_axis.count > 0));
+    CHECK(iou(model, used) > 0);
   }
 }
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from . import baselines
 from . import run as runs
 from .method import Method
-from .response import Response, filter_between, filtered, stated_in
+from .response import MUCH_NARROWER, Response, filter_between, filtered, stated_in
 
 
 def read_safetensors(path: str | pathlib.Path) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
@@ -77,6 +77,7 @@ class Model:
         #: of the radar, in training; None if it was not stated
         self.response = (Response(facts["response/cell_m"], tuple(tensors["response/taps"].ravel().tolist()))
                          if facts.get("response/known") else None)
+        self.any_response = bool(facts["response/any"])  #: much narrower runs are taken as they are
         self.estimators = [Estimator(tensors, facts, f"{k}/") for k in range(facts["estimators"])]
 
     def predict(self, run: runs.Run | str | pathlib.Path, *, range_offset_m: float = 0) -> Maps:
@@ -85,8 +86,9 @@ class Model:
         run = run if isinstance(run, runs.Run) else runs.open(run)
         counts, power, lags = run.photons(), run.power(range_offset_m), run.lags(range_offset_m)
         stated = stated_in(run.meta)
-        weights = (filter_between(stated, self.response, run.power_axis.step)
-                   if stated and self.response and stated != self.response and run.power_axis.unit == "m" else None)
+        brought = (stated and self.response and stated != self.response and run.power_axis.unit == "m" and
+                   not (self.any_response and stated.width_m() < MUCH_NARROWER * self.response.width_m()))
+        weights = filter_between(stated, self.response, run.power_axis.step) if brought else None
         spd = run.valid["spd"] & ~same(counts)
         radar = run.valid["radar"] & ~same(power)
         first = self.estimators[0]

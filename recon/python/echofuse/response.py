@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 TAPS_A_CELL = 4  # acquire/record/response.hpp
-REACH_CELLS, MOST_REACH, PARTS, NOISE_TO_SIGNAL = 3, 48, 8, 1e-3  # recon/data/response.cpp
+REACH_CELLS, MOST_REACH, PARTS, NOISE_TO_SIGNAL, MUCH_NARROWER = 3, 48, 8, 1e-3, .75  # recon/data/response.cpp
 
 
 @dataclass(frozen=True)
@@ -26,6 +26,11 @@ class Response:
         a, b, c, d = (root[np.minimum(abs(whole + k), len(self.taps))] for k in (-1, 0, 1, 2))
         amplitude = b + t / 2 * (c - a + t * (2 * a - 5 * b + 4 * c - d + t * (3 * (b - c) + d - a)))
         return np.where(place < len(self.taps), amplitude, 0) ** 2
+
+    def width_m(self) -> float:
+        """The full width at half of the peak."""
+        step_m = self.cell_m / TAPS_A_CELL / 64
+        return float(2 * step_m * np.argmax(self.power(step_m * np.arange(64 * (len(self.taps) + 1))) <= .5))
 
 
 def stated_in(meta: Mapping[str, str]) -> Response | None:
