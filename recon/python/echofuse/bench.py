@@ -43,7 +43,7 @@ Path = str | pathlib.Path
 Row = dict[str, Any]
 
 
-class BenchError(Exception):
+class BenchError(RuntimeError):
     """What a program or a method said when it failed, in one line."""
 
 
@@ -330,7 +330,7 @@ def main() -> None:
     args = parser.parse_args()
     try:
         args.run(args)
-    except (BenchError, ValueError, OSError) as error:
+    except (RuntimeError, ValueError, OSError) as error:
         sys.exit(f"echofuse-bench: {error}")
     except KeyboardInterrupt:
         sys.exit(130)
