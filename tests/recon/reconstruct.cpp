@@ -61,7 +61,7 @@ void wait_for(const std::string& what, const Condition& condition) {
 
 TEST_CASE("NumPy reads the array that was written row by row") {
   const Folder dir;
-  NpyWriter out(dir / "a.npy", {2, 3});
+  recon::NpyWriter out(dir / "a.npy", {2, 3});
   for (int i = 0; i < 3; ++i) {
     std::vector<float> row(6);
     for (std::size_t c = 0; c < 6; ++c) row[c] = static_cast<float>(i) + static_cast<float>(c) / 8;
@@ -72,7 +72,7 @@ TEST_CASE("NumPy reads the array that was written row by row") {
   CHECK(std::distance(std::filesystem::directory_iterator(dir.path), {}) == 1);
   CHECK(numpy("a = n.load('" + (dir / "a.npy") + "'); print(a.shape, a.dtype, a[2, 1, 2])") ==
         "(3, 2, 3) float32 2.625\n");
-  CHECK_THROWS_WITH(NpyWriter(dir / "no/such.npy", {2}), Catch::Contains("no/such.npy"));
+  CHECK_THROWS_WITH(recon::NpyWriter(dir / "no/such.npy", {2}), Catch::Contains("no/such.npy"));
 }
 
 TEST_CASE("maps as they are written have the scores of the model that made them") {
