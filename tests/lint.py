@@ -113,7 +113,8 @@ if len(sys.argv) > 1:  # the folder of the built programs
         read_help([program])
     scripts = {path.name: path.read_text(encoding="utf-8")
                for path in (root / "scripts").rglob("*") if path.is_file() and path.suffix != ".pyc"}
-    anywhere = set().union(*options.values(), *(re.findall(r"--[\w-]+", text) for text in scripts.values()))
+    modules = [path.read_text(encoding="utf-8") for path in (root / "recon/python/echofuse").glob("*.py")]
+    anywhere = set().union(*options.values(), *(re.findall(r"--[\w-]+", text) for text in [*scripts.values(), *modules]))
 
     def check_command(name, code):
         words = code.split()
