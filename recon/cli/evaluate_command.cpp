@@ -160,8 +160,9 @@ ExitCode evaluate_maps(const Arguments& a, const Common& common) {
 
 Command add_evaluate(CLI::App& app, const Common& common) {
   const auto a = std::make_shared<Arguments>();
-  app.add_option("FILE", a->files,
+  app.add_option("files", a->files,
                  "a model file, and last the run file; with --maps any number of models")
+      ->type_name("MODEL ... RUN")
       ->required();
   app.add_option(
          "--maps", a->maps,
