@@ -25,9 +25,10 @@ class Choice {
 
   std::size_t chosen() const { return chosen_; }  // in the order of the tries
   bool is(const std::string& name) const { return entries_[chosen_].row.name == name; }
-  // Returns by how much this choice is better than another one of the same records, or 0.
-  double gain_over(const Choice& other) const {
-    return gain_of(entries_[chosen_], other.entries_[other.chosen_], 0);
+  // Returns by how much this choice is better than another one of the same records, or 0 if by
+  // less than so many standard errors.
+  double gain_over(const Choice& other, double errors) const {
+    return gain_of(entries_[chosen_], other.entries_[other.chosen_], errors);
   }
   Estimator fit() const { return entries_[chosen_].fit(split_.train); }
   std::vector<CrossvalidatedRow> table() const;
