@@ -25,9 +25,11 @@ namespace {
 
 namespace fs = std::filesystem;
 
+constexpr std::uint32_t most_points = 1u << 24;  // of a record's histogram or profile
+
 struct Description {
   double window_s = 3, first_bin_ps = 0, bin_width_ps = 100, first_m = 0, step_m = 0.25,
-         half_tangent = 0.55, irf_fwhm_ps = 0, radar_cell_m = 0;
+         half_tangent = 0.55, far_m = record::MapGrid{}.far_m, irf_fwhm_ps = 0, radar_cell_m = 0;
   std::string label, notes, depth_unit, radar_taps;
   std::int64_t map_size = 0;
   std::vector<std::string> labels;
@@ -47,7 +49,10 @@ void bind(Settings& settings, Description& d) {
   settings.add("radar.taps", d.radar_taps, "power at 0, 1/4, 2/4 ... of a cell, over its peak");
   settings.add("depth.unit", d.depth_unit, "default: mm of whole numbers, m of others",
                {"", "mm", "m"});
-  settings.add("depth.half_tangent", d.half_tangent, 1e-3, 10, "x/z at the left and right edge");
+  settings.add("depth.half_tangent", d.half_tangent, record::least_map_half_tangent,
+               record::most_map_half_tangent, "x/z at the left and right edge");
+  settings.add("depth.map_z_max_m", d.far_m, record::least_map_far_m, record::most_map_far_m,
+               "what lies beyond is no return");
   settings.add("depth.map_size", d.map_size, 0, record::most_map_size,
                "pixels of the maps both ways; 0: as the images, or 64");
 }
@@ -79,6 +84,9 @@ class Arrays {
       throw Error(ExitCode::config, printable(folder) +
                                         "/run.toml: " + std::to_string(d_.labels.size()) +
                                         " labels for " + std::to_string(rows_) + " records");
+    if (d_.map_size > 0 && d_.map_size < record::least_map_size)
+      throw Error(ExitCode::config, printable(folder) + "/run.toml: depth.map_size = " +
+                                        std::to_string(d_.map_size) + "; expected 0 or 16 to 256");
     if (depth_) millimetres_ = d_.depth_unit.empty() ? depth_->is_integer() : d_.depth_unit == "mm";
   }
 
@@ -92,6 +100,11 @@ class Arrays {
     if (spd_)
       out.push_back({"spd", "counts", "ps", count(*spd_, 1), d_.first_bin_ps, d_.bin_width_ps, 1});
     if (radar_) out.push_back({"radar", "power", "m", count(*radar_, 1), d_.first_m, d_.step_m, 1});
+    for (const Axis& axis : out)
+      if (axis.count > most_points)
+        throw Error(ExitCode::failed, printable(*first_) + ": has " + std::to_string(axis.count) +
+                                          " values a record; expected at most " +
+                                          std::to_string(most_points));
     if (!depth_) return out;
     const auto height = count(*depth_, 1), width = count(*depth_, 2);
     const double up = d_.half_tangent * height / width;
@@ -100,7 +113,7 @@ class Arrays {
     const bool fits =
         height == width && width >= record::least_map_size && width <= record::most_map_size;
     record::MapGrid grid;
-    grid.half_tangent = d_.half_tangent;
+    grid.half_tangent = d_.half_tangent, grid.far_m = d_.far_m;
     if (d_.map_size > 0 || fits)
       grid.size = d_.map_size > 0 ? static_cast<std::uint32_t>(d_.map_size) : width;
     for (const Axis& axis : grid.axes()) out.push_back(axis);

@@ -114,12 +114,16 @@ void Journal::begin_part() {
       spdlog::warn("run file: {}", printable(text));
       return run.put_event(clock_.utc(), Severity::warning, "run file", text);
     }
+    // A label of the old part is of the next record; one that comes while it is closed is older
+    // than any that the new part had meanwhile.
+    take_label(before->new_label(UtcTime::max()));
+    const std::uint64_t labels = labels_;
     constexpr int most_closing = 4;
-    if (closing_ >= most_closing) return close_part(*before);
+    if (closing_ >= most_closing) return close_part(*before, labels);
     ++closing_;
-    closer_->put([this, before] {
+    closer_->put([this, before, labels] {
       try {
-        close_part(*before);
+        close_part(*before, labels);
       } catch (...) {
         fail(std::current_exception());
       }
@@ -129,10 +133,10 @@ void Journal::begin_part() {
 }
 
 // A label that the part got until its end is of the next one.
-void Journal::close_part(record::RunWriter& part) {
+void Journal::close_part(record::RunWriter& part, std::uint64_t labels) {
   if (!part.close("complete"))
     spdlog::warn("{}: another program reads it; its last records stay in its -wal", part.path());
-  take_label(part.new_label(UtcTime::max()));
+  if (auto left = part.new_label(UtcTime::max()); labels_ == labels) take_label(std::move(left));
   const std::lock_guard lock(mutex_);
   run_->reserve();  // of what this part gave back
 }
@@ -141,6 +145,7 @@ void Journal::take_label(std::optional<std::string> label) {
   if (!label) return;
   const std::lock_guard lock(mutex_);
   label_ = std::move(label);
+  ++labels_;
 }
 
 std::string Journal::path() const {

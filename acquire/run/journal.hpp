@@ -90,7 +90,7 @@ class Journal {
   };
   Anchor put_anchor();
   void write(record::RunWriter& run, record::FusedRecord& record);
-  void close_part(record::RunWriter& part);
+  void close_part(record::RunWriter& part, std::uint64_t labels);
   void take_label(std::optional<std::string> label);
   void fail(const std::exception_ptr& why);
   void stop();
@@ -109,11 +109,12 @@ class Journal {
   std::atomic<std::size_t> waiting_ = 0;  // jobs that have not begun
   std::atomic<bool> failed_ = false;
   std::atomic<std::int64_t> written_ = 0;
-  std::optional<std::string> label_;   // set by a mark, by the workers; guarded by mutex_
-  std::optional<std::uint64_t> free_;  // on its disk; guarded by mutex_
-  std::exception_ptr failure_;         // set once, before failed_
-  std::int64_t part_ = 0;              // number of the last part that was to be begun; the worker's
-  std::atomic<int> closing_ = 0;       // parts
+  std::atomic<std::uint64_t> labels_ = 0;  // taken so far
+  std::optional<std::string> label_;       // set by a mark, by the workers; guarded by mutex_
+  std::optional<std::uint64_t> free_;      // on its disk; guarded by mutex_
+  std::exception_ptr failure_;             // set once, before failed_
+  std::int64_t part_ = 0;         // number of the last part that was to be begun; the worker's
+  std::atomic<int> closing_ = 0;  // parts
   std::unique_ptr<port::Worker> closer_, worker_;
 };
 

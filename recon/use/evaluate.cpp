@@ -198,7 +198,9 @@ void add_doubtful(const TrainedModel& model, const Records& records, Evaluation&
       doubtful.push_back(row), ++out.doubtful[doubt];
   if (doubtful.empty()) return;
   const Matrix maps = predict(model, records, doubtful, PredictionDetail::maps).maps;
-  std::vector<MapScores> all = score_maps(maps, data, doubtful, model->scene);
+  const Scene& scene = out.judge.scene;
+  std::vector<MapScores> all =
+      score_maps(maps, data, doubtful, scene, find_plates(data, doubtful, scene));
   all.insert(all.end(), out.scores.begin(), out.scores.end());
   out.with_doubtful = summarise(all);
 }

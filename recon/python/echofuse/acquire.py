@@ -57,17 +57,18 @@ def file_of(events: Iterator[dict[str, Any]]) -> str | None:
 
 def write_run(path: str | pathlib.Path, *, spd: ArrayLike | None = None, first_bin_ps: float = 0, bin_width_ps: float = 100,
               irf_fwhm_ps: float = 0, radar: ArrayLike | None = None, first_m: float = 0, step_m: float = 0.25,
-              depth_m: ArrayLike | None = None, half_tangent: float = 0.55, window_s: float = 3, label: str = "",
+              depth_m: ArrayLike | None = None, half_tangent: float = 0.55, far_m: float = 6, window_s: float = 3, label: str = "",
               labels: Iterable[str] = (), notes: str = "", program: str | None = None) -> runs.Run:
     """Makes a run of arrays, by `echofuse-acquire import`, and opens it. spd: counts [n, bins] from first_bin_ps on (two-way
     time); radar: linear power [n, points] from first_m on; a row of NaN is a record without that sensor. depth_m: z in metres
-    [n, rows, columns], from the top left, NaN or 0: no return; its width spans tangents of +-half_tangent. Raises
+    [n, rows, columns], from the top left, NaN or 0: no return; its width spans tangents of +-half_tangent,
+    and what lies beyond far_m is no return. Raises
     RuntimeError with the program's own line."""
     sections = {
         "": {"window_s": float(window_s), "label": label, "labels": list(labels), "notes": notes},
         "spd": {"first_bin_ps": float(first_bin_ps), "bin_width_ps": float(bin_width_ps), "irf_fwhm_ps": float(irf_fwhm_ps)},
         "radar": {"first_m": float(first_m), "step_m": float(step_m)},
-        "depth": {"half_tangent": float(half_tangent)},
+        "depth": {"half_tangent": float(half_tangent), "map_z_max_m": float(far_m)},
     }
     text = "".join((f"[{name}]\n" if name else "") + "".join(f"{key} = {json.dumps(value)}\n" for key, value in keys.items())
                    for name, keys in sections.items())
@@ -76,7 +77,8 @@ def write_run(path: str | pathlib.Path, *, spd: ArrayLike | None = None, first_b
         for name, values in (("spd", spd), ("radar", radar), ("depth", depth_m)):
             if values is not None:
                 array = np.asarray(values)
-                np.save(pathlib.Path(folder, f"{name}.npy"), np.ascontiguousarray(array, "<f4") if array.dtype.kind == "f" else array)
+                kind = "<f4" if array.dtype.kind == "f" else array.dtype.newbyteorder("<")
+                np.save(pathlib.Path(folder, f"{name}.npy"), np.ascontiguousarray(array, kind))
         words = [program or os.environ.get("ECHOFUSE_ACQUIRE", "echofuse-acquire"), "import", folder, "--out", os.fspath(path)]
         done = subprocess.run(words, capture_output=True, text=True, check=False)
     if done.returncode:

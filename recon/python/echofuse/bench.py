@@ -167,7 +167,17 @@ class Table:
                 self.path.write_text(whole)
             for row in csv.DictReader(whole.splitlines()):
                 if row["axis"] != "axis":
-                    self.rows[self.key(row)] = row
+                    self.rows[self.key(row)] = row | {name: str(row[name]) for name in COLUMNS[:5]}
+
+    def require_of(self, train: Path, test: Path) -> None:
+        """Notes beside the table which runs it is of. Raises BenchError if it is of others."""
+        now = " ".join(str(runs.open(path).info["uuid"]) for path in (train, test))
+        note = self.path.with_name(self.path.name + ".runs")
+        before = note.read_text().strip() if note.exists() else now
+        if before != now:
+            raise BenchError(f"{self.path}: is of other runs ({note}); name another --out")
+        self.path.parent.mkdir(parents=True, exist_ok=True)
+        note.write_text(now + "\n")
 
     @staticmethod
     def key(row: Row) -> tuple[str, ...]:
@@ -209,8 +219,9 @@ def fill(table: Table, cells: Sequence[Cell], *, jobs: int = 1, part: tuple[int,
             folder = pathlib.Path(scratch)
             try:
                 return cell.head | measure(cell.how, cell.train(folder), cell.test(folder), cell.seed), ""
-            except BenchError as error:
-                return cell.head | dict.fromkeys(METRICS + COSTS, float("nan")), str(error)
+            except Exception as error:  # noqa: BLE001 (a method of anybody's)
+                reason = str(error) or type(error).__name__
+                return cell.head | dict.fromkeys(METRICS + COSTS, float("nan")), reason
 
     with concurrent.futures.ThreadPoolExecutor(jobs) as pool:
         started = time.monotonic()
@@ -308,7 +319,7 @@ def main() -> None:
     def command(name: str, text: str, run: Callable[[argparse.Namespace], None]) -> argparse.ArgumentParser:
         one = commands.add_parser(name, help=text, description=text)
         one.add_argument("--out", required=True, metavar="CSV", help="table to write; rows that are there are not measured again")
-        one.add_argument("--seeds", type=int, default=3, help="trainings of each method (default 3)")
+        one.add_argument("--seeds", type=int, help="trainings of each method (default: 3, or the recipe's)")
         one.add_argument("--jobs", type=int, default=1, help="cells at a time (default 1)")
         one.add_argument("--part", type=part_of, default=(1, 1), metavar="K/N", help="only the K-th of N parts, as of a Slurm array")
         one.add_argument("--markdown", action="store_true", help="print the table for a README")
@@ -338,7 +349,8 @@ def main() -> None:
 
 def _pareto(args: argparse.Namespace) -> None:
     table = Table(args.out)
-    fill(table, pareto_cells(args.train, args.test, args.methods, seeds=args.seeds, photons=args.photons if args.sweep else (),
+    table.require_of(args.train, args.test)
+    fill(table, pareto_cells(args.train, args.test, args.methods, seeds=args.seeds or 3, photons=args.photons if args.sweep else (),
                              records=args.records if args.sweep else (), sweep=args.sweep),
          jobs=args.jobs, part=args.part, quiet=args.quiet)
     finish(table, args, lambda plot: plot.pareto(args.out))

@@ -71,8 +71,11 @@ def _write(db: sqlite3.Connection, run: runs.Run, records: Records) -> None:
                 continue
             db.execute("UPDATE record SET valid = ?, spd = CASE WHEN ? & 1 THEN ? END, radar = CASE WHEN ? & 2 THEN ? END"
                        " WHERE idx = ?", (valid, valid, spd.astype("<u4").tobytes(), valid, radar.astype("<f4").tobytes(), index))
-        if records.range_offset_m:
-            db.execute("UPDATE axis SET start = start + ? WHERE name IN ('radar', 'array')", (records.range_offset_m,))
+        if records.range_offset_m:  # as a calibration that is wrong by it: the axes stay
+            by = -records.range_offset_m
+            if not db.execute("UPDATE calibration SET offset_m = offset_m + ? WHERE sensor = 'radar'", (by,)).rowcount:
+                db.execute("INSERT INTO calibration (sensor, date_utc, method, distance_m, offset_m, standard_error_m)"
+                           " VALUES ('radar', '', 'derived', 0, ?, 0)", (by,))
 
 
 def thinned(share: float, seed: int) -> Change:
@@ -101,8 +104,7 @@ def fewer(share: float, seed: int) -> Change:
 def noise(snr_db: float, seed: int) -> Change:
     """White noise of power on each profile, so that its highest point is so many dB above the noise (linear axes)."""
     def change(records: Records) -> None:
-        if records.run.axes["radar"].quantity not in ("power", "binned_power"):
-            raise ValueError(f"{records.run.path}: noise is added to linear power alone")
+        require_linear(records)
         peak = np.nanmax(records.radar, axis=1, keepdims=True)
         draws = np.random.default_rng(seed).normal(size=records.radar.shape)
         records.radar = (records.radar + peak * 10 ** (-snr_db / 10) * draws).astype(np.float32)
@@ -126,8 +128,16 @@ def lost(sensor: str) -> Change:
 def gain(factor: float) -> Change:
     """The radar's power times a factor (linear axes)."""
     def change(records: Records) -> None:
+        require_linear(records)
         records.radar = (records.radar * np.float32(factor)).astype(np.float32)
     return change
+
+
+def require_linear(records: Records) -> None:
+    """Raises ValueError unless the radar's profile is linear power, and nothing else holds it."""
+    axis = records.run.axes.get("radar")
+    if axis is None or axis.quantity not in ("power", "binned_power") or "array" in records.run.axes:
+        raise ValueError(f"{records.run.path}: only a profile of linear power can be changed, without antennas beside it")
 
 
 def read(path: str | pathlib.Path) -> Records:

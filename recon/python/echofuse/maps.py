@@ -24,7 +24,7 @@ def load_maps(folder: str | pathlib.Path) -> tuple[NDArray[np.float32], NDArray[
     """Maps [n, N, N] and the indices [n] of their records, as written by save_maps or `reconstruct --format npy`."""
     folder = pathlib.Path(folder)
     with open(folder / "records.csv", newline="") as file:
-        index = [int(row["record"]) for row in csv.DictReader(file) if row["status"].startswith(("ok", "radar", "antennas"))]
+        index = [int(row["record"]) for row in csv.DictReader(file) if row["status"].startswith(("ok", "radar lost", "antennas lost"))]
     maps = np.load(folder / "maps.npy")
     if len(maps) != len(index):
         raise ValueError(f"{folder}: maps.npy has {len(maps)} maps, records.csv {len(index)} records with one")

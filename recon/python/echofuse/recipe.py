@@ -80,7 +80,7 @@ def run(args: argparse.Namespace) -> None:
             continue
         titles[track["name"]] = track["title"]
         methods = [bench.method(name) for name in (*track.get("methods", recipe["methods"]), *args.methods)]
-        for cell in bench.pareto_cells(pair[0], pair[1], methods, seeds=recipe["seeds"]):
+        for cell in bench.pareto_cells(pair[0], pair[1], methods, seeds=args.seeds or recipe["seeds"]):
             cells.append(bench.Cell(track["name"], "1", cell.how, cell.seed, cell.train, cell.test))
     bench.fill(table, cells, jobs=args.jobs, part=args.part, quiet=args.quiet)
     if args.markdown:

@@ -358,7 +358,7 @@ def run(args: argparse.Namespace) -> None:
     axes = [known[name] for name in args.axes or known]
     names = [*CONSTANT, *(name for name in args.methods if name not in CONSTANT)]
     table = bench.Table(args.out)
-    bench.fill(table, cells(source, axes, [bench.method(name) for name in names], seeds=args.seeds, quick=args.quick),
+    bench.fill(table, cells(source, axes, [bench.method(name) for name in names], seeds=args.seeds or 3, quick=args.quick),
                jobs=args.jobs, part=args.part, quiet=args.quiet)
     rows = list(table.rows.values())
     if args.markdown:
