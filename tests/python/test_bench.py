@@ -1,0 +1,114 @@
+# SPDX-License-Identifier: MIT
+"""Splits, the truth on the grid, derived runs, and the table of the bench."""
+import os
+import sqlite3
+
+import numpy as np
+import pytest
+
+import echofuse
+from echofuse import bench, derive, stability, tmf8820
+from echofuse.model import read_safetensors
+from programs import BIN, program
+
+os.environ["ECHOFUSE_BIN"] = str(BIN)
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    made = tmp_path_factory.mktemp("bench") / "run.sqlite"
+    program("echofuse-sim", "dataset", "-q", "--out", made, "--records", 61)
+    return echofuse.open(made)
+
+
+@pytest.mark.parametrize(("kind", "seed", "gap"), [("random", 1, 0), ("random", 7, 0), ("blocked", 1, 3)])
+def test_the_split_is_the_programs(run, tmp_path, kind, seed, gap):
+    model = tmp_path / "model"
+    program("echofuse-recon", "-q", "train", run.path, "--model", "mean", "--split", kind, "--seed", seed, "--set", f"gap={gap}",
+            "--out", model)
+    tensors, _ = read_safetensors(model)
+    index, part = tensors["split/index"].ravel(), tensors["split/part"].ravel()
+    split = echofuse.split(run, kind, seed, gap=gap)
+    for number, rows in enumerate((split.train, split.validation, split.test)):
+        assert sorted(index[part == number].tolist()) == run.index[rows].tolist()
+
+
+def test_the_truth_on_the_grid_is_the_programs(run, tmp_path):
+    """A nearest record's map of a record that it knows is that record's truth; also on a coarser grid."""
+    for name, pixels in (("same", []), ("coarse", [(24, 0.5), (17, 0.6)])):
+        for size, half in pixels or [(64, 0.55)]:
+            path = tmp_path / f"{name}{size}.sqlite"
+            program("echofuse-sim", "dataset", "-q", "--out", path, "--records", 20, "--set", "map_size=64", "--set", "depth_noise_m=0.03")
+            if name == "coarse":
+                with sqlite3.connect(path) as db:
+                    db.execute("UPDATE axis SET count = ?, start = ?, step = ? WHERE name = 'map_x'", (size, half / size - half, 2 * half / size))
+                    db.execute("UPDATE axis SET count = ?, start = ?, step = ? WHERE name = 'map_y'", (size, half - half / size, -2 * half / size))
+                db.close()
+            model, maps = tmp_path / f"{name}{size}.model", tmp_path / f"{name}{size}.maps"
+            program("echofuse-recon", "-q", "train", path, "--model", "nearest", "--set", "test_share=0", "--set", "validation_share=0",
+                    "--out", model)
+            program("echofuse-recon", "-q", "reconstruct", model, path, "--out", maps, "--format", "npy")
+            with echofuse.open(path) as one:
+                found, index = echofuse.load_maps(maps)
+                assert index.tolist() == one.index.tolist()
+                assert np.array_equal(found, one.maps(), equal_nan=True)
+
+
+def test_a_derived_run_is_another_one_with_these_changes(run, tmp_path):
+    with echofuse.open(derive.copy(run.path, tmp_path / "dim.sqlite", derive.thinned(0.1, 1), derive.fewer(0.5, 2))) as dim:
+        assert len(dim) == 31 and dim.info["uuid"] != run.info["uuid"]
+        assert dim.spd.sum() == pytest.approx(0.1 * run.spd[np.isin(run.index, dim.index)].sum(), rel=0.01)
+    with echofuse.open(derive.copy(run.path, tmp_path / "lost.sqlite", derive.lost("radar"))) as lost:
+        assert not lost.valid["radar"].any() and lost.valid["spd"].all() and np.array_equal(lost.spd, run.spd)
+    with echofuse.open(derive.copy(run.path, tmp_path / "off.sqlite", derive.range_offset(0.1))) as off:
+        assert np.allclose(off.power(), run.power(-0.1), atol=1e-4 * run.power().max())
+
+
+class Constant:
+    """Shows the first map that it was given."""
+
+    def fit(self, known, rows):
+        self.map = known.maps()[rows[0]]
+
+    def predict(self, fresh):
+        return np.repeat(self.map[None], len(fresh), 0)
+
+
+class Broken(Constant):
+    def predict(self, fresh):
+        raise KeyError("no idea")
+
+
+def test_a_bench_judges_anybodys_method_and_goes_on_where_it_stopped(run, tmp_path, capsys):
+    table = bench.Table(tmp_path / "b.csv")
+    methods = [bench.method("nearest"), bench.python_method("constant", Constant), bench.python_method("broken", Broken)]
+    fresh = tmp_path / "fresh.sqlite"
+    program("echofuse-sim", "dataset", "-q", "--out", fresh, "--records", 20, "--seed", 2)
+    cells = bench.pareto_cells(run.path, fresh, methods, seeds=1)
+    bench.fill(table, cells, quiet=True)
+    rows = {row["model"]: row for row in table.rows.values()}
+    assert float(rows["nearest"]["multiply_adds"]) > 0 and float(rows["constant"]["iou"]) > 0
+    assert np.isnan(float(rows["broken"]["iou"])) and "no idea" in capsys.readouterr().err
+    again = bench.Table(tmp_path / "b.csv")
+    before = (tmp_path / "b.csv").read_text()
+    bench.fill(again, cells, quiet=True)
+    assert (tmp_path / "b.csv").read_text() == before and again.rows.keys() == table.rows.keys()
+    assert "`constant`" in bench.markdown(bench.means(again))
+
+
+def test_axes_have_one_base(run):
+    for axis in stability.Simulated([], 10, 10).axes() + stability.recorded_axes():
+        assert sum(world == stability.BASE for world in axis.values.values()) == 1, axis.id
+
+
+def test_rendered_photons_lie_at_the_range_of_the_object():
+    reference = np.zeros(128)
+    reference[14] = 1e5
+    triangles = tmf8820.box(0.05, 0.05, 0.1)
+    pose = np.zeros((4, 4))
+    pose[:3, 0], pose[:3, 1], pose[:3, 2], pose[:3, 3] = (1, 0, 0), (0, -1, 0), (0, 0, -1), (0, 0, 0.3)
+    depth, cosine, height = tmf8820.cast(pose, triangles)
+    truth = tmf8820.truth_of(depth, height, 0)
+    assert np.nanmin(truth) == pytest.approx(0.2) and 30 < np.isfinite(truth).sum() < 400
+    counts = tmf8820.histogram(depth, cosine, np.ones(len(depth)), reference)
+    assert counts.argmax() in (26, 27)  # 0.2 m, and a little more for rays aside: 26.5 bins
