@@ -19,7 +19,7 @@ struct Result {
   std::string method;
 };
 
-// What a run would state of the response, and why it cannot.
+// Response as a run would state it, or the reason why it cannot.
 using Unstated = std::map<std::string, std::string>;
 
 nlohmann::ordered_json json_of(const Result& result, const Search& search);

@@ -15,7 +15,7 @@
 
 namespace echofuse::acquire {
 
-// Of a sensor that is not calibrated all numbers are 0.
+// All numbers are 0 for a sensor that is not calibrated.
 struct CalibratedAxes {
   double bin_width_ps = 0, first_bin_ps = 0, radar_step_m = 0;
   std::int64_t bins = 0, radar_bins = 0;

@@ -34,7 +34,7 @@ struct EchoAxis {
   double step_m = 0, resolution_m = 0;  // between bins; c / 2B
   double log2_power_step = 0;           // per code (drivers/core/log2_codes.hpp)
 };
-// What is known of each bin: mean over the frames, and their standard deviation.
+// Each bin: mean over the frames, and their standard deviation.
 struct Profile {
   std::vector<double> mean, deviation;  // log2 of the power
   double floor = 0;                     // median of the means

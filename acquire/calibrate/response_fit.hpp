@@ -25,7 +25,7 @@ struct WindowFit {
   std::string refusal{};
 };
 
-// It fits the transform of a window 1 + a cos(2 pi t) + b cos(4 pi t) + ... over the sweep (Harris,
+// Fits the transform of a window 1 + a cos(2 pi t) + b cos(4 pi t) + ... over the sweep (Harris,
 // Proc. IEEE 66, 1978) to the powers about the peak, by least squares; up to six terms, as many as
 // are worth 9 in chi2. These are the amplitudes at whole cells, so any window has them. The errors
 // are those of ten repeats, and of the firmware's arithmetic; a misfit widens them. Bins that

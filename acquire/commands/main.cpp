@@ -100,7 +100,7 @@ std::vector<std::string> files_of(const std::string& name) {
   return files;
 }
 
-// What `run --json` says: one object a line, for a program that reads while the run goes on.
+// Lines of `run --json`: one object each, for a program that reads while the run goes on.
 class Events {
  public:
   void begin() { out_.emplace(STDOUT_FILENO, left_out); }

@@ -34,7 +34,8 @@ inline constexpr std::uint32_t least_map_size = 16, most_map_size = 256;
 inline constexpr double least_map_half_tangent = 0.02, most_map_half_tangent = 3;
 inline constexpr double least_map_far_m = 0.1, most_map_far_m = 65;  // depth images end at 65.5 m
 
-// Of a run's axes. Throws Error(failed) if map_x, map_y and map_z are no such grid.
+// Reads the grid from a run's axes. Throws Error(failed) if map_x, map_y and map_z are no such
+// grid.
 MapGrid map_grid_of(std::span<const Axis> axes);
 
 // The axes of a depth map of `size` pixels over +-half_tangent, pixel centres inside the edges.

@@ -16,7 +16,7 @@ namespace echofuse::record {
 namespace {
 
 constexpr const char* extension = ".sqlite";
-// Of strftime's; %% is a percent sign.
+// Fields of strftime; %% is a percent sign.
 constexpr std::string_view fields = "YmdHMSyjFT%";
 
 // Empty, or what is wrong: a percent sign that begins no field is not one of the name's letters.

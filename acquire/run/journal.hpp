@@ -46,7 +46,7 @@ class Journal {
   // the journal has failed for that reason and takes no more, but does what is waiting.
   bool put(record::FusedRecord record);
   void put(Job job);
-  // What is put from now on goes into the next part of the run (record/run_parts.hpp). If that
+  // Sends what is put from now on into the next part of the run (record/run_parts.hpp). If that
   // cannot be begun, as a file of its name is there, a warning and an event say so, the open part
   // goes on, and the next call takes the number behind.
   void begin_part();

@@ -56,7 +56,7 @@ std::string human_duration(double seconds);
 const char* version();
 // The commit of the sources, "d8b7bc3f0"; with "+" if they were changed since (commit.cmake).
 const char* commit();
-// What --version prints: "echofuse-sim 0.1.0 (d8b7bc3f0)".
+// Line that --version prints: "echofuse-sim 0.1.0 (d8b7bc3f0)".
 std::string version_line(const std::string& program);
 
 }  // namespace echofuse

@@ -25,7 +25,7 @@ class OutputQueue {
   // False if older texts are left out for this one. A `state` replaces the one before if that still
   // waits.
   bool put(std::string text, bool state = false);
-  // What is flushed here is put. Closed with the queue.
+  // Stream whose flushed text is put. Closed with the queue.
   std::FILE* stream() const { return stream_; }
   // Waits until all is written, or nothing was taken for a second; nothing is put after it. Returns
   // the errno of the last text that could not be written, or 0.

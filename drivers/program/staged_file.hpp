@@ -29,8 +29,8 @@ class StagedFile {
   int lock_ = -1;
 };
 
-// What SQLite keeps beside a database of this name. Left there by another one, it would be taken
-// for the new one's.
+// Removes what SQLite keeps beside a database of this name. Left there by another one, it would be
+// taken for the new one's.
 void remove_side_files(const std::string& database);
 
 // Where files that are soon removed belong: $TMPDIR, else this folder.

@@ -34,7 +34,7 @@ std::string miscounted(const Command& c) {
 
 }  // namespace
 
-// What an editor may have made of the text.
+// Faults that an editor may have put into the text.
 void require_plain_text(std::string_view text, const std::string& name) {
   const auto fail = [&](const std::string& what) {
     throw Error(ExitCode::config, printable(name + ":" + what));

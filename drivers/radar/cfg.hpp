@@ -21,8 +21,8 @@ struct Command {
 
 class Cfg {
  public:
-  // What the board will refuse, and what the demo does not know, goes to the profile, which has to
-  // outlive it. Throws Error(config) for a cfg of another demo.
+  // Everything that the board will refuse, or the demo does not know, goes to the profile, which
+  // has to outlive it. Throws Error(config) for a cfg of another demo.
   Cfg(const std::vector<CfgLine>& lines, std::string name, RadarProfile& profile);
 
   // Faults come together: those of one attempt do not hide the next one's.

@@ -72,7 +72,7 @@ struct FrameCounts {
   std::map<std::uint32_t, std::uint64_t> tlvs;
 };
 
-// Of a stream in which no frame was found, by its beginning: what it is instead.
+// Names what a stream without any frame is instead, by its beginning.
 std::string why_no_frames(ByteView beginning);
 
 // All of its numbers but the frame numbers and the TLVs by type.

@@ -21,7 +21,7 @@ struct CfgLine {
 };
 std::vector<CfgLine> command_lines(std::string_view cfg_text);
 
-// What a cfg asks of the chip's front end.
+// Demands of a cfg on the chip's front end.
 struct ChirpTiming {
   double start_ghz = 0, idle_us = 0, adc_start_us = 0, ramp_end_us = 0, slope_mhz_us = 0;
   double samples = 0, rate_ksps = 0;

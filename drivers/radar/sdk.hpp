@@ -19,7 +19,7 @@ std::optional<std::pair<int, int>> sdk_of(std::string_view firmware);
 
 // How many numbers stand behind a command of the demo, SDK 3.4 to 3.6; none: it knows no such one.
 std::optional<std::size_t> numbers_of(std::string_view command);
-// Whose command it is, if that tells another demo for sure; else empty.
+// Names the demo whose command it is, if that tells another demo for sure; else empty.
 std::string_view other_demo_of(std::string_view command);
 
 // What to add to the message that the firmware does not know `command`, or refuses to start with
@@ -27,7 +27,7 @@ std::string_view other_demo_of(std::string_view command);
 // if neither is the reason. `firmware`: what it says of itself; may be empty.
 std::string advice_for_unknown(const std::string& command, std::string_view firmware,
                                std::string_view cfg_name);
-// Of a start that gave no reason: the limits of the front end.
+// Explains a start that gave no reason: the limits of the front end.
 std::string advice_for_start(const std::vector<CfgLine>& cfg, std::string_view firmware,
                              std::string_view cfg_name, bool without_reason);
 

@@ -29,7 +29,7 @@ struct Arguments {
   bool all = false, json = false;
 };
 
-// What one way to make maps has scored, on the rows of all.
+// Scores of one way to make maps, on the rows of all.
 struct Judged {
   std::string name;
   std::vector<MapScores> scores;

@@ -43,7 +43,7 @@ Mask found_mask(const std::vector<float>& share) {
   return mask;
 }
 
-// This is x/z of the foreground's centroid.
+// Returns x/z of the foreground's centroid.
 double centroid_tangent(const Mask& mask, const record::MapGrid& grid) {
   const Axis x = grid.x();
   std::vector<double> of_column(x.count);

@@ -50,7 +50,7 @@ MapScores score(std::span<const float> prediction, std::span<const float> truth,
 // This is x/z of the centroid of a prediction's foreground, or NaN if there is none.
 double foreground_tangent(std::span<const float> prediction, const Scene& scene);
 
-// Where a prediction shows a body, in metres: x to the right, z away. NaN if it shows none.
+// Place of a body in a prediction, in metres: x to the right, z away. NaN if it shows none.
 struct BodyPlace {
   double x_m, z_m;
 };

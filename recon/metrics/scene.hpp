@@ -53,7 +53,7 @@ bool true_foreground(float depth_m, float background_m);
 // probability that something stands there, give or take its ripple, which may leave 0..1.
 std::vector<float> foreground_share(std::span<const float> prediction, const Scene& scene);
 
-// This is the prediction as it is shown, stored and compared: clipped to the grid's depths,
+// Returns the prediction as it is shown, stored and compared: clipped to the grid's depths,
 // 0..far_m.
 std::vector<float> within_span(std::span<const float> prediction, const Scene& scene);
 

@@ -90,7 +90,7 @@ std::string takes(const TrainedModel& model) {
   const Features& f = model->features;
   if (!both_sensors(f.inputs)) return f.inputs == Inputs::spd ? "SPD alone" : "radar alone";
   if (f.array_count() == 0) return "SPD + radar profile";
-  // Of a row without gaps the number of antennas is known.
+  // A row without gaps tells the number of antennas.
   return f.array_axis.quantity == "lags" ? formatted("SPD + %.0f antennas", f.array_axis.scale + 1)
                                          : "SPD + antennas";
 }

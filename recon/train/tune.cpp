@@ -184,7 +184,7 @@ void keep_statements(Estimator& model, const Estimator& from) {
   model.uncertainty = from.uncertainty, model.domain = from.domain;
 }
 
-// It tunes the estimators for the range profile and the SPD alone, or fits them alone as the first
+// Tunes the estimators for the range profile and the SPD alone, or fits them alone as the first
 // one. Their pull is not tested: they are seldom needed. With few records they learn no more than
 // the first estimator does.
 Estimator tune_other(const Estimator& from, const Dataset& data, const Split& split,

@@ -21,7 +21,7 @@ struct TuneOptions {
   std::string only = {};  // the one row of the table that is tried; empty: all are
 };
 
-// This is a model to start from, the records as match_for_tuning has made them for it, and the same
+// A model to start from, the records as match_for_tuning has made them for it, and the same
 // records on their own axes, brought to one response. A model of these records alone learns those.
 struct Start {
   const TrainedModel& model;

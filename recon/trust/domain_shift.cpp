@@ -90,7 +90,7 @@ MatrixXd permuted(const MatrixXd& blocks, Index drawn) {
   return out;
 }
 
-// It returns p. It tests the number whose difference of means is the greatest, in units of what
+// Returns p. It tests the number whose difference of means is the greatest, in units of what
 // permutations give, against the greatest of each permutation (Westfall and Young, Resampling-Based
 // Multiple Testing, 1993).
 double p_of(const VectorXd& difference, const MatrixXd& chance, double least_error) {

@@ -18,7 +18,7 @@ struct RecordStatus {
   // It is of a record that came while following: from its slot's end, and from its reading, to its
   // map.
   std::optional<double> after_slot_s = {}, after_reading_s = {};
-  // It is of a reconstructed record whose map shows a body.
+  // Set for a reconstructed record whose map shows a body.
   std::optional<BodyPlace> body = {};
   // It is of a reconstructed record, if the model states any.
   std::optional<PredictionUncertainty> uncertainty = {};

@@ -13,7 +13,7 @@ namespace echofuse::sim {
 
 using Command = std::function<ExitCode()>;
 
-// It returns the settings of the instruments whose response (acquire/record/response.hpp) and axes
+// Returns the settings of the instruments whose response (acquire/record/response.hpp) and axes
 // this calibration file states. Throws Error(config) if it states no response.
 std::vector<std::string> settings_like(const std::string& path);
 

@@ -26,7 +26,7 @@ struct Chirp {
 
   bool operator==(const Chirp&) const = default;
 
-  // It is true if the front end takes it (radar::refusals_of).
+  // True if the front end takes it (radar::refusals_of).
   bool possible() const;
   double active_us() const;  // active time of a frame
   // bins = samples rounded up to a power of two (1022 for 1024 bins and 12 antennas),

@@ -71,7 +71,7 @@ void add_transmitters(unsigned mask, std::vector<unsigned>& transmitters) {
       transmitters.push_back(t);
 }
 
-// It splits at spaces and line ends only: a tab is a part of a word.
+// Splits at spaces and line ends only: a tab is a part of a word.
 std::vector<std::string> split(const std::string& line) {
   std::vector<std::string> words;
   std::istringstream in(line.substr(0, line.find_last_not_of('\n') + 1));

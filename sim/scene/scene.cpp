@@ -79,7 +79,7 @@ void add_object(Scene& scene, const Conditions& c, const Stand& stand) {
   const double cosine = std::cos(stand.yaw_rad), sine = std::sin(stand.yaw_rad);
   const auto world = [&](std::uint32_t corner) {
     const Vec3 p = c.object_scale * (upright(mesh.points[corner]) - foot);
-    // It turns as a person does: it faces the sensors, and turns to +x.
+    // Turns as a person does: it faces the sensors, and turns to +x.
     return Vec3{stand.x_m + cosine * p.x - sine * p.z, p.y - c.camera_height_m,
                 stand.z_m + sine * p.x + cosine * p.z};
   };

@@ -18,7 +18,7 @@ namespace echofuse::sim {
 void disturb_depth(std::vector<std::uint16_t>& mm, std::uint32_t width,
                    const Conditions& conditions, Rng& rng);
 
-// This is the depth image of a record, on this grid. It is exact, or, if anything disturbs, it is
+// Depth image of a record, on this grid. It is exact, or, if anything disturbs, it is
 // made by the product from a disturbed frame of 320 x 240 pixels, the simulated camera's. What is
 // beyond the grid's range stays: readers leave it out.
 std::vector<std::uint16_t> depth_map_mm(const Scene& scene, record::MapGrid grid,

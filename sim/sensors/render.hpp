@@ -27,7 +27,7 @@ enum class Sampling : std::uint8_t { centres, staggered };
 std::vector<Hit> cast(const Scene& scene, double sensor_x_m, const Axis& x, const Axis& y,
                       Sampling sampling = Sampling::centres);
 
-// It gives z in millimetres as seen from the origin, row-major; 0 means nothing within 65.535 m.
+// Returns z in millimetres as seen from the origin, row-major; 0 means nothing within 65.535 m.
 std::vector<std::uint16_t> render_depth_mm(const Scene& scene, const Axis& x, const Axis& y);
 
 // These are the surface patches that one sensor sees. weight = albedo cos(theta) dOmega / R^2

@@ -38,7 +38,7 @@ std::vector<std::uint32_t> photons(int count, double fwhm_ps, double tail_ps, do
 constexpr unsigned antennas = 12;
 using Amplitude = std::complex<double>;
 
-// What a cell is and where the reflector stands.
+// Cell, and place of the reflector.
 struct Place {
   double step_m, cell_m, range_m;
   EchoAxis axis() const {

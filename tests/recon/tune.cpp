@@ -122,7 +122,7 @@ TEST_CASE("of two models the one that comes out better is the start, in either o
     CHECK(iou(far_first.model, fresh) > iou(tune(old, data, all_records()).model, fresh));
     CHECK_THAT(row(tuned({{there, data, data, "there"}, {old, data, data, "far"}})),
                Catch::StartsWith("there: "));
-    // Of ten records a gain between models that are alike is no gain.
+    // With ten records a gain between models that are alike is no gain.
     const auto a = tuned({{there, data, data, "there"}, {twice, data, data, "twice"}}),
                b = tuned({{twice, data, data, "twice"}, {there, data, data, "there"}});
     CAPTURE(to_text(a), to_text(b));
