@@ -7,7 +7,7 @@
 
 #include "acquire/calibrate/array_calibration.hpp"
 #include "acquire/calibrate/peak.hpp"
-#include "acquire/record/response.hpp"
+#include "acquire/measurement/response.hpp"
 #include "drivers/core/sample.hpp"
 
 namespace echofuse::acquire {

@@ -7,7 +7,7 @@
 #include <sstream>
 
 #include "acquire/config/config.hpp"
-#include "acquire/record/radar_array.hpp"
+#include "acquire/measurement/radar_array.hpp"
 #include "drivers/program/atomic_write.hpp"
 #include "drivers/program/exit_code.hpp"
 #include "drivers/program/settings.hpp"

@@ -2,16 +2,16 @@
 // The calibration file (TOML, one section a ranging sensor), written by `calibrate` and named by
 // run.calibration: by how much each sensor's ranges are too long, what each of the radar's antennas
 // adds to its samples (section antennas), how the sensors respond to a point (section response,
-// acquire/record/response.hpp), and on which axes they record (section axes, whose keys are those
-// of echofuse-sim); files of before are without the last three.
+// acquire/measurement/response.hpp), and on which axes they record (section axes, whose keys are
+// those of echofuse-sim); files of before are without the last three.
 #pragma once
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "acquire/calibrate/array_calibration.hpp"
+#include "acquire/measurement/response.hpp"
 #include "acquire/record/record.hpp"
-#include "acquire/record/response.hpp"
 
 namespace echofuse::acquire {
 

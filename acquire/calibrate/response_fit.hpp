@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "acquire/calibrate/peak.hpp"
-#include "acquire/record/response.hpp"
+#include "acquire/measurement/response.hpp"
 
 namespace echofuse::acquire {
 

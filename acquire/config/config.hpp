@@ -6,9 +6,9 @@
 #include <vector>
 
 #include "acquire/calibrate/calibration.hpp"
-#include "acquire/record/depth_map.hpp"
-#include "acquire/record/detector.hpp"
-#include "acquire/record/radar_array.hpp"
+#include "acquire/measurement/depth_map.hpp"
+#include "acquire/measurement/detector.hpp"
+#include "acquire/measurement/radar_array.hpp"
 #include "acquire/run/signal_check.hpp"
 #include "drivers/make_driver.hpp"
 #include "drivers/radar/profile.hpp"

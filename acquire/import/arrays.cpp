@@ -9,8 +9,8 @@
 #include <optional>
 #include <vector>
 
-#include "acquire/record/depth_map.hpp"
-#include "acquire/record/response.hpp"
+#include "acquire/measurement/depth_map.hpp"
+#include "acquire/measurement/response.hpp"
 #include "acquire/record/run_file.hpp"
 #include "acquire/run/resume.hpp"
 #include "drivers/program/console.hpp"

@@ -5,11 +5,11 @@
 //   /entry               title, entry_identifier, start_time, end_time, configuration, radar_cfg
 //   /entry/data          spd u32 [n, bins]  radar f32 [n, bins]  depth u16 [n, rows, columns] mm
 //                        array f32 [n, bins, values] of a radar that sends its antennas' samples,
-//                        the values of each bin as record/radar_array.hpp has them, array_frames
-//                        u64 [n]; and their axes spd_time (ps, start of each bin), radar_range (m),
-//                        array_range (m), depth_x, depth_y (tangents); valid u8 [n] (bit 0 SPD, 1
-//                        radar, 2 depth) index, slot_start, slot_end, slot_utc i64 [n] (ns), label
-//                        text [n]
+//                        the values of each bin as measurement/radar_array.hpp has them,
+//                        array_frames u64 [n]; and their axes spd_time (ps, start of each bin),
+//                        radar_range (m), array_range (m), depth_x, depth_y (tangents); valid u8
+//                        [n] (bit 0 SPD, 1 radar, 2 depth) index, slot_start, slot_end, slot_utc
+//                        i64 [n] (ns), label text [n]
 //   /entry/sync/SENSOR   offset, span (s), used, lost, verdict, each [n]
 //   /entry/instrument/SENSOR   address, model, serial, firmware
 //   /entry/tables/TABLE/COLUMN   all else that the run file holds (acquire/record/schema.hpp):

@@ -8,7 +8,7 @@
 #include <utility>
 #include <vector>
 
-#include "acquire/record/speckle.hpp"
+#include "acquire/measurement/speckle.hpp"
 #include "drivers/core/driver.hpp"
 #include "drivers/core/sample.hpp"
 #include "drivers/core/tag_counts.hpp"

@@ -4,8 +4,8 @@
 #include <algorithm>
 #include <iterator>
 
+#include "acquire/measurement/radar_array.hpp"
 #include "acquire/record/png.hpp"
-#include "acquire/record/radar_array.hpp"
 #include "drivers/program/exit_code.hpp"
 
 namespace echofuse::record {

@@ -18,7 +18,7 @@
 #include <variant>
 #include <vector>
 
-#include "acquire/record/radar_array.hpp"
+#include "acquire/measurement/radar_array.hpp"
 #include "acquire/record/record.hpp"
 
 struct sqlite3;

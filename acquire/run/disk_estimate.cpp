@@ -7,7 +7,7 @@
 #include <cstdio>
 #include <iterator>
 
-#include "acquire/record/radar_array.hpp"
+#include "acquire/measurement/radar_array.hpp"
 #include "drivers/program/console.hpp"
 
 namespace echofuse::acquire {

@@ -24,7 +24,8 @@
 //          span half of the slot (counts are not rates: a short stream cannot be compared).
 //   radar  mean over the frames of linear power, in log2_q8 codes again; a single frame is kept as
 //          it came. Valid with one usable frame.
-//   array  of the same frames, as far as they have a heat map (record/radar_array.hpp). Two frames
+//   array  of the same frames, as far as they have a heat map (measurement/radar_array.hpp). Two
+//   frames
 //          are neighbours if their numbers are.
 //   depth  the frame nearest the slot's centre. Valid with one usable frame.
 #pragma once
@@ -37,7 +38,7 @@
 #include <utility>
 #include <vector>
 
-#include "acquire/record/radar_array.hpp"
+#include "acquire/measurement/radar_array.hpp"
 #include "acquire/record/record.hpp"
 #include "acquire/run/clock_fit.hpp"
 #include "acquire/run/scheduler.hpp"

@@ -19,11 +19,11 @@ inline constexpr double ps_per_m = 2e12 / speed_of_light_m_s;  // there and back
 //   radar     log2_q8                 m     256*log2(magnitude), summed over `scale` virtual
 //                                   antennas, divided by the next power of two (TI SDK 3.x TLV 2)
 //   array     covariance            m     of the radar's `scale` virtual antennas
-//                                   (acquire/record/radar_array.hpp)
+//                                   (acquire/measurement/radar_array.hpp)
 //   depth_x   tangent                 1     x/z of a pixel column, x to the right
 //   depth_y   tangent                 1     y/z of a pixel row, y up (step is negative)
 //   map_x     tangent                 1     of the depth map that the depth images are brought to
-//   map_y     tangent                 1     (acquire/record/depth_map.hpp)
+//   map_y     tangent                 1     (acquire/measurement/depth_map.hpp)
 //   map_z     depth                   m     its range: one bin, from 0 on
 struct Axis {
   std::string name;

@@ -8,8 +8,8 @@
 #include <string>
 #include <vector>
 
-#include "acquire/record/depth_map.hpp"
-#include "acquire/record/response.hpp"
+#include "acquire/measurement/depth_map.hpp"
+#include "acquire/measurement/response.hpp"
 #include "acquire/record/run_file.hpp"
 #include "drivers/core/axis.hpp"
 #include "drivers/program/exit_code.hpp"

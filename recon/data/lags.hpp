@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
 // The estimator takes the radar's antennas as lags. A record keeps the covariance of the antennas
-// (acquire/record/radar_array.hpp); an azimuth shows only in the spatial correlation
+// (acquire/measurement/radar_array.hpp); an azimuth shows only in the spatial correlation
 //
 //   c_d = mean of R_mn / (g_m g_n exp(i (p_m - p_n))) over m, n side by side with x_m - x_n = d
 //
@@ -16,7 +16,7 @@
 #include <string>
 #include <vector>
 
-#include "acquire/record/radar_array.hpp"
+#include "acquire/measurement/radar_array.hpp"
 #include "drivers/core/axis.hpp"
 #include "recon/data/shift.hpp"
 #include "recon/numbers/layout.hpp"

@@ -5,13 +5,13 @@
 #include <cmath>
 #include <vector>
 
-#include "acquire/record/detector.hpp"
+#include "acquire/measurement/detector.hpp"
 
 namespace echofuse::recon {
 
 PileUp::PileUp(const record::RunReader& run, const Axis& spd) {
   const record::RunInfo info = run.info();
-  const auto detector = record::detector_of(info);
+  const auto detector = record::detector_of(info.meta);
   if (!detector || spd.unit != "ps") return;
   *this = PileUp(detector->dead_time_ps, info.window_s, spd.step);
 }

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: MIT
-// A run states its radar's range response to a point (acquire/record/response.hpp). This file
+// A run states its radar's range response to a point (acquire/measurement/response.hpp). This file
 // brings the profiles of a run to the response of a model's training. In power, echoes that do not
 // interfere add up, so one linear filter does it; of echoes that interfere it is right on average.
 #pragma once
 #include <vector>
 
-#include "acquire/record/response.hpp"
+#include "acquire/measurement/response.hpp"
 #include "recon/data/dataset.hpp"
 
 namespace echofuse::recon {

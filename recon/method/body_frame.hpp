@@ -7,7 +7,7 @@
 #include <span>
 #include <vector>
 
-#include "acquire/record/depth_map.hpp"
+#include "acquire/measurement/depth_map.hpp"
 #include "recon/numbers/matrix.hpp"
 #include "recon/numbers/tensor_file.hpp"
 

@@ -7,7 +7,7 @@
 #include <optional>
 #include <span>
 
-#include "acquire/record/letter.hpp"
+#include "acquire/measurement/letter.hpp"
 #include "recon/metrics/scene.hpp"
 
 namespace echofuse::recon {

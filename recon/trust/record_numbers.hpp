@@ -31,8 +31,8 @@ Matrix record_numbers_of(const Alignment& alignment, const Dataset& data, const 
                          const Rows& rows, Inputs inputs);
 
 // These numbers say how the radar's power varies within a record, as logarithms
-// (acquire/record/speckle.hpp): from frame to frame, from carrier to carrier, within 150 ms. NaN
-// means not known, as in older runs.
+// (acquire/measurement/speckle.hpp): from frame to frame, from carrier to carrier, within 150 ms.
+// NaN means not known, as in older runs.
 std::array<double, power_variations> log_power_variations(const std::optional<record::Speckle>&);
 
 // Returns a profile's peak over the scatter of its weaker half.

@@ -13,7 +13,7 @@
 #include <string>
 #include <vector>
 
-#include "acquire/record/depth_map.hpp"
+#include "acquire/measurement/depth_map.hpp"
 #include "drivers/program/atomic_write.hpp"
 #include "recon/data/dataset.hpp"
 

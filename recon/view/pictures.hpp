@@ -5,7 +5,7 @@
 #include <span>
 #include <vector>
 
-#include "acquire/record/depth_map.hpp"
+#include "acquire/measurement/depth_map.hpp"
 #include "acquire/record/run_file.hpp"
 
 namespace echofuse::view {

@@ -5,7 +5,7 @@
 
 #include <cstdio>
 
-#include "acquire/record/response.hpp"
+#include "acquire/measurement/response.hpp"
 
 namespace echofuse::sim {
 

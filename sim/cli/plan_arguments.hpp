@@ -13,8 +13,8 @@ namespace echofuse::sim {
 
 using Command = std::function<ExitCode()>;
 
-// Returns the settings of the instruments whose response (acquire/record/response.hpp) and axes
-// this calibration file states. Throws Error(config) if it states no response.
+// Returns the settings of the instruments whose response (acquire/measurement/response.hpp) and
+// axes this calibration file states. Throws Error(config) if it states no response.
 std::vector<std::string> settings_like(const std::string& path);
 
 // These arguments describe a plan on the command line.

@@ -10,8 +10,8 @@
 #include <thread>
 #include <utility>
 
+#include "acquire/measurement/depth_map.hpp"
 #include "acquire/record/data_set_part.hpp"
-#include "acquire/record/depth_map.hpp"
 #include "acquire/record/run_file.hpp"
 #include "drivers/program/console.hpp"
 #include "drivers/program/program.hpp"

@@ -7,7 +7,7 @@
 #include <deque>
 #include <list>
 
-#include "acquire/record/depth_map.hpp"
+#include "acquire/measurement/depth_map.hpp"
 #include "sim/devices/depth_wire.hpp"
 #include "sim/devices/fault_injector.hpp"
 #include "sim/sensors/depth_camera.hpp"

@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "acquire/record/depth_map.hpp"
+#include "acquire/measurement/depth_map.hpp"
 #include "drivers/core/axis.hpp"
 #include "drivers/program/settings.hpp"
 #include "sim/scene/radar_axis.hpp"
@@ -108,8 +108,8 @@ struct Conditions {
   std::string radar_psf = "sinc";  // sinc, hann, hamming, blackman: the window over its sweep
   // From nearly none to Blackman's (1) a window in place of radar_psf's; with 0 that one stays.
   double radar_taper = 0;
-  // The power of the range response at the quarters of a cell (acquire/record/response.hpp), in
-  // place of a window's; empty: as the window says.
+  // The power of the range response at the quarters of a cell (acquire/measurement/response.hpp),
+  // in place of a window's; empty: as the window says.
   std::string radar_taps;
   std::string radar_sum = "incoherent";  // incoherent, coherent
   double radar_leakage = 0;  // power from transmitter to receiver at range 0, as radar_power

@@ -22,8 +22,8 @@ void add_person(Scene& scene, const Conditions& conditions, const Stand& stand,
                 SceneSampler& sampler);
 
 // It does the same with a flat letter held in both hands at arm's length, facing where the person
-// faces. The letter has either size (acquire/record/letter.hpp) times letter_scale. Returns the
-// letter.
+// faces. The letter has either size (acquire/measurement/letter.hpp) times letter_scale. Returns
+// the letter.
 char add_letter_person(Scene& scene, const Conditions& conditions, const Stand& stand,
                        SceneSampler& sampler);
 

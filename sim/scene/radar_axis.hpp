@@ -3,7 +3,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "acquire/record/response.hpp"
+#include "acquire/measurement/response.hpp"
 
 namespace echofuse::sim {
 

@@ -8,7 +8,7 @@
 #include <string_view>
 #include <vector>
 
-#include "acquire/record/letter.hpp"
+#include "acquire/measurement/letter.hpp"
 #include "sim/scene/conditions.hpp"
 #include "sim/scene/vec3.hpp"
 

@@ -28,8 +28,8 @@
 #include <span>
 #include <vector>
 
-#include "acquire/record/radar_array.hpp"
-#include "acquire/record/speckle.hpp"
+#include "acquire/measurement/radar_array.hpp"
+#include "acquire/measurement/speckle.hpp"
 #include "drivers/core/random.hpp"
 #include "sim/scene/conditions.hpp"
 #include "sim/scene/radar_axis.hpp"

@@ -6,7 +6,7 @@
 #include <cstddef>
 #include <random>
 
-#include "acquire/record/depth_map.hpp"
+#include "acquire/measurement/depth_map.hpp"
 #include "sim/scene/draw.hpp"
 #include "sim/sensors/render.hpp"
 

@@ -6,7 +6,7 @@
 #include <cstdint>
 #include <utility>
 
-#include "acquire/record/depth_map.hpp"
+#include "acquire/measurement/depth_map.hpp"
 #include "sim/sensors/gaze.hpp"
 #include "sim/sensors/multipath_patches.hpp"
 

@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "acquire/record/detector.hpp"
+#include "acquire/measurement/detector.hpp"
 #include "drivers/core/random.hpp"
 #include "sim/scene/conditions.hpp"
 #include "sim/sensors/render.hpp"

@@ -7,7 +7,7 @@
 #include <numbers>
 #include <optional>
 
-#include "acquire/record/depth_map.hpp"
+#include "acquire/measurement/depth_map.hpp"
 #include "sim/scene/person.hpp"
 #include "sim/scene/shapes.hpp"
 #include "sim/scene/weather.hpp"

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
 // How the radar's power varies within a slot, and the mean over subframes.
-#include "acquire/record/speckle.hpp"
+#include "acquire/measurement/speckle.hpp"
 
 #include <cmath>
 #include <random>

@@ -5,7 +5,7 @@
 #include <functional>
 #include <string>
 
-#include "acquire/record/depth_map.hpp"
+#include "acquire/measurement/depth_map.hpp"
 #include "limits.hpp"
 #include "sim/dataset/dataset.hpp"
 #include "sim/sensors/optics.hpp"

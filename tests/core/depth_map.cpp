@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "acquire/record/depth_map.hpp"
+#include "acquire/measurement/depth_map.hpp"
 
 #include <catch2/catch.hpp>
 

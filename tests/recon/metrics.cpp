@@ -5,7 +5,7 @@
 #include <catch2/catch.hpp>
 #include <cmath>
 
-#include "acquire/record/depth_map.hpp"
+#include "acquire/measurement/depth_map.hpp"
 #include "drivers/core/random.hpp"
 
 using namespace echofuse;

@@ -22,7 +22,7 @@
 
 #include "../folder.hpp"
 #include "../paths.hpp"
-#include "acquire/record/depth_map.hpp"
+#include "acquire/measurement/depth_map.hpp"
 #include "acquire/record/run_file.hpp"
 #include "drivers/core/random.hpp"
 #include "recon/data/dataset.hpp"

@@ -13,7 +13,7 @@
 #include <utility>
 
 #include "../folder.hpp"
-#include "acquire/record/depth_map.hpp"
+#include "acquire/measurement/depth_map.hpp"
 #include "acquire/record/run_file.hpp"
 #include "sim/sensors/radar_echo.hpp"
 

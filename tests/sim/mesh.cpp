@@ -6,7 +6,7 @@
 #include <filesystem>
 #include <fstream>
 
-#include "acquire/record/depth_map.hpp"
+#include "acquire/measurement/depth_map.hpp"
 #include "drivers/program/exit_code.hpp"
 #include "scenes.hpp"
 #include "sim/sensors/optics.hpp"

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "acquire/record/depth_map.hpp"
+#include "acquire/measurement/depth_map.hpp"
 #include "scenes.hpp"
 
 using namespace echofuse;

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Depth images as they are stored, the truth on the maps' grid (acquire/record/depth_map.cpp), and tables that are moved."""
+"""Depth images as they are stored, the truth on the maps' grid (acquire/measurement/depth_map.cpp), and tables that are moved."""
 from __future__ import annotations
 
 import struct

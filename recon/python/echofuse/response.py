@@ -8,7 +8,7 @@ from typing import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-TAPS_A_CELL = 4  # acquire/record/response.hpp
+TAPS_A_CELL = 4  # acquire/measurement/response.hpp
 REACH_CELLS, MOST_REACH, PARTS, NOISE_TO_SIGNAL, MUCH_NARROWER = 3, 48, 8, 1e-3, .75  # recon/data/response.cpp
 
 

@@ -267,7 +267,7 @@ class Run:
         if axis is None:
             return np.zeros((len(self), 0, 1), np.float32)
         antennas = int(self.axes["array"].scale)
-        # As acquire/record/radar_array.hpp has it: of each bin its power, and integers in units of it.
+        # As acquire/measurement/radar_array.hpp has it: of each bin its power, and integers in units of it.
         stored = np.dtype([("power", "<f4"), ("values", "<i2", antennas * (antennas + 2) + 2)])
         first, last = np.triu_indices(antennas, 1)
         response = np.array([gain * np.exp(1j * phase) for *_, gain, phase in self.antennas])

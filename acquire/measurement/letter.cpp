@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "acquire/record/letter.hpp"
+#include "acquire/measurement/letter.hpp"
 
 namespace echofuse::record {
 

@@ -92,7 +92,7 @@ std::string unpack_array(ByteView bytes, std::size_t bins, std::size_t antennas,
                          std::vector<float>& array);
 
 // name "array", quantity "covariance", unit "m", scale = antennas; bins as the range profile's, up
-// to array_end_m: what stands farther is outside the room that maps show (record/depth_map.hpp).
+// to array_end_m: what stands farther is outside the room that maps show (depth_map.hpp).
 inline constexpr double array_end_m = 8;
 Axis array_axis(const Axis& radar, std::size_t antennas);
 std::size_t antennas_of(const Axis& array);  // 0: not a number of antennas

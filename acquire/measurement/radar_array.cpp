@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "acquire/record/radar_array.hpp"
+#include "acquire/measurement/radar_array.hpp"
 
 #include <algorithm>
 #include <cmath>

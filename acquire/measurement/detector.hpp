@@ -1,14 +1,15 @@
 // SPDX-License-Identifier: MIT
-// What a run says of its single-photon detector in its table meta, for who corrects the pile-up on
-// reading.
+// The single-photon detector as the run's meta names it, for the correction of pile-up on reading.
 #pragma once
 #include <optional>
 #include <string>
 #include <utility>
-
-#include "acquire/record/record.hpp"
+#include <vector>
 
 namespace echofuse::record {
+
+using Meta =
+    std::vector<std::pair<std::string, std::string>>;  // names and texts, in the order given
 
 struct Detector {
   double dead_time_ps = 0;  // after a click; 0: not known; infinite: until the laser's next pulse
@@ -18,6 +19,6 @@ struct Detector {
 };
 
 // None if the run says nothing of it, or what cannot be.
-std::optional<Detector> detector_of(const RunInfo& info);
+std::optional<Detector> detector_of(const Meta& meta);
 
 }  // namespace echofuse::record

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "acquire/record/response.hpp"
+#include "acquire/measurement/response.hpp"
 
 #include <algorithm>
 #include <cmath>

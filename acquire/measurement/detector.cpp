@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "acquire/record/detector.hpp"
+#include "acquire/measurement/detector.hpp"
 
 #include <charconv>
 #include <cmath>
@@ -22,8 +22,8 @@ std::pair<std::string, std::string> Detector::meta() const {
   return {key, text};
 }
 
-std::optional<Detector> detector_of(const RunInfo& info) {
-  for (const auto& [name, value] : info.meta) {
+std::optional<Detector> detector_of(const Meta& meta) {
+  for (const auto& [name, value] : meta) {
     if (name != key) continue;
     if (value == until_next_pulse) return Detector{std::numeric_limits<double>::infinity()};
     double ps = 0;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "acquire/record/speckle.hpp"
+#include "acquire/measurement/speckle.hpp"
 
 #include <algorithm>
 #include <bit>
