@@ -82,7 +82,7 @@ if formatter:
                          text=True)
     faults += [line for line in run.stderr.splitlines() if "error:" in line]
 
-texts = [root / "README.md"] + [path for path in tracked() if path.suffix == ".md"]
+texts = [root / "README.md", *sorted((root / ".github").glob("*.md"))] + [path for path in tracked() if path.suffix == ".md"]
 if len((root / "README.md").read_text(encoding="utf-8").splitlines()) > 150:
     faults.append("README.md: over 150 lines")
 for path in texts:
