@@ -26,7 +26,7 @@ inline Inputs without_antennas(Inputs i) { return i == Inputs::fused ? Inputs::f
 inline bool both_sensors(Inputs i) { return i == Inputs::fused || i == Inputs::fused_profile; }
 Inputs inputs_of(const std::string& name);  // throws Error(usage)
 
-// This is one run within a Dataset: rows [first, first + count).
+// One run within a Dataset: rows [first, first + count).
 struct Source {
   std::string path, uuid;
   std::size_t first = 0, count = 0;
@@ -34,8 +34,6 @@ struct Source {
   record::RadarResponse radar_response = {};  // as stated, or brought to (data/response.hpp)
 };
 
-// A sensor that a record lacks has zeros in its row; `has` tells. A sensor that the run lacks, or
-// that was not loaded, has an axis of count 0.
 // EmptyRoom holds what the sensors see of a room without people, on a Dataset's axes: one row for
 // each of its tables.
 struct EmptyRoom {
@@ -43,6 +41,8 @@ struct EmptyRoom {
   bool known() const { return !spd.empty() || !radar.empty(); }
 };
 
+// Records as tables. A sensor that a record lacks has zeros in its row; `has` tells. A sensor that
+// the run lacks, or that was not loaded, has an axis of count 0.
 struct Dataset {
   Axis spd_axis, radar_axis;  // the radar's after linearisation: "power" or "binned_power"
   // The axis is that of the lags (lags.hpp). It is empty if the runs differ in it, as old and new
@@ -73,8 +73,8 @@ struct Dataset {
   bool lacks_array(std::size_t row) const;  // true if the run has an array and the record does not
   std::size_t source_of(std::size_t row) const;  // index into sources
   bool has_inputs(std::size_t row, Inputs inputs) const;
-  // It says why a model with these inputs cannot use the record; it is empty if the model can. A
-  // sensor that says the same in every bin is dead: no scaling makes it tell something.
+  // Reason why a model with these inputs cannot use the record; empty if it can. A sensor with the
+  // same value in every bin is dead.
   std::string fault_of(std::size_t row, Inputs inputs) const;
   // Returns why the record is no example for a model with these inputs although it has all sensors,
   // as "camera frozen" or "SPD weak"; empty if it is one. A sensor that sees nobody ("no peak") is
@@ -85,7 +85,7 @@ struct Dataset {
   Rows usable(Inputs inputs, bool with_depth = true) const;
 };
 
-// It is called with the number of a record that cannot be used, and with the reason.
+// Called with the number of a record that cannot be used, and with the reason.
 using OnBadRecord = std::function<void(std::int64_t, const std::string&)>;
 
 SensorSet sensors_of(Inputs inputs);
@@ -100,14 +100,13 @@ void require_memory(const std::vector<std::string>& paths);
 // more than most_damaged of all. Throws as require_memory, and for depths in another unit
 // (depths_seen.hpp).
 Dataset load(const std::vector<std::string>& paths);
-// It does the same with the radar's profiles as they were recorded. subtract_range_offset() then
-// takes off the offsets of the calibration and of the operator in one interpolation.
+// Loads with the radar's profiles as recorded. subtract_range_offset() then subtracts the offsets
+// of calibration and operator in one interpolation.
 Dataset load_recorded(const std::vector<std::string>& paths);
 inline constexpr double most_damaged = 0.1;
 
-// It reads a part of a run, as recorded: the records from number `first` on, at most `at_most` of
-// them beside those that on_bad takes. Sensors that are not asked for stay empty. It leaves `hash`
-// 0.
+// Reads part of a run, as recorded: records from number `first` on, at most `at_most` usable ones;
+// on_bad gets the others. Sensors that are not asked for stay empty; `hash` stays 0.
 Dataset load_part(const record::RunReader& run, std::int64_t first, std::size_t at_most,
                   SensorSet sensors, const OnBadRecord& on_bad);
 
@@ -121,7 +120,7 @@ std::size_t leave_out_copies(Dataset& data, const Dataset& of);
 // Returns the rows of a data set as a data set of their own; it belongs to no source.
 Dataset part_of(const Dataset& data, const Rows& rows);
 
-// These are the paper's range bins, 0 to 7 m, if the width is 0.5 m. The quantity is
+// Range bins of this width from 0 on, up to 7 m at 0.5 m, as in the paper. The quantity is
 // "binned_power".
 Axis radar_bins(double width_m);
 
@@ -131,16 +130,16 @@ Axis radar_bins(double width_m);
 // Error(failed) if the profile is coarser or shorter than the bins.
 void rebin_radar(Dataset& data, const Axis& bins);
 
-// It leaves the radar with one antenna.
+// Removes the antennas' samples; the range profile stays.
 void drop_array(Dataset& data);
 
-// These name an axis in messages, and say that one does not fit; `whose` names the owner of the
-// wanted one.
+// Text of an axis in messages, and the refusal of one that does not fit; `whose` names the owner of
+// the wanted one.
 std::string describe(const Axis& axis);
 Error axis_error(const std::string& path, const Axis& found, const Axis& wanted,
                  const std::string& whose);
 
-// It is true if both axes are the same, or both are empty.
+// True if both axes are the same, or both are empty.
 bool agree(const Axis& a, const Axis& b);
 // The rule by which records of one axis serve on another, everywhere: it lies nowhere farther than
 // a bin from the wanted one, and its last values may be left out. Values are then interpolated.
@@ -149,7 +148,7 @@ bool is_near(const Axis& found, const Axis& wanted);
 // bins. Beyond the ends the last bin counts.
 std::vector<float> resampled(std::span<const float> row, const Axis& found, const Axis& wanted,
                              std::size_t values_a_bin);
-// It is true if values on this axis are values on the wanted one; the last values may be left out.
+// True if values on this axis are values on the wanted one, perhaps without its last ones.
 bool covers(const Axis& found, const Axis& wanted);
 
 // Throws Error(failed) if any record has a depth map and the maps are not on this grid; `whose`
@@ -162,8 +161,7 @@ void require_map(const Dataset& data, const record::MapGrid& grid, const std::st
 // otherwise; `whose` names the owner of the wanted ones.
 void match_axes(Dataset& data, const Axis& spd, const Axis& radar, Inputs inputs,
                 const std::string& whose = "the model's");
-// It does the same for the radar's antennas. They are dropped for a model that does not take them
-// (an axis of count 0).
+// Same for the radar's antennas. An axis of count 0 (a model without them) drops them.
 void match_array(Dataset& data, const Axis& array);
 
 }  // namespace echofuse::recon

@@ -24,7 +24,7 @@ inline const std::vector<std::string> scaling_names = {"plain", "sqrt", "record"
 
 inline const std::string raw_scaling = "raw";
 
-// It applies "record" to one sensor's values. If nothing is above the background, all are zero.
+// Applies "record" to one sensor's values. If nothing is above the background, all are zero.
 void normalise(std::span<float> values);
 
 struct Features {
@@ -45,7 +45,7 @@ struct Features {
   std::size_t count() const { return spd_count() + radar_count() + array_count(); }
   // Returns [SPD ++ radar ++ array] of each of `rows`, as they are.
   Matrix raw_inputs(const Dataset& data, const Rows& rows) const;
-  // It returns the same, brought to a common strength by `scaling` only.
+  // Inputs of the rows, brought to a common strength by `scaling` only.
   Matrix normalised_inputs(const Dataset& data, const Rows& rows) const;
   // Returns the model's input: one row of count() values for each of `rows`.
   Matrix apply(const Dataset& data, const Rows& rows) const;

@@ -12,8 +12,7 @@ std::string read_text(const std::string& path);               // throws Error(fa
 void write_file(const std::string& path, ByteView contents);  // as write_atomically()
 void make_folder(const std::string& path);                    // throws Error(disk)
 
-// It is removed again at the end, with the files that SQLite and a run's writer keep beside a run
-// file.
+// Removes its file in the destructor, with the files that SQLite and a run's writer keep beside it.
 struct TemporaryFile {
   std::string path;
   ~TemporaryFile();

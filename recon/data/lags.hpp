@@ -33,13 +33,13 @@ class SpatialLags {
   // D counts the lags of antennas side by side, c_1..c_across, and behind them those of antennas
   // one above the other. It is 0 if no two antennas are side by side.
   std::size_t longest() const { return across_ + up_; }
-  // It says what the values along such an axis mean: "lags", "lags, 3 up" (lags_up), or "lags 1 3"
-  // if no antennas are 2 apart.
+  // Quantity of such an axis: "lags", "lags, 3 up" (lags_up), or "lags 1 3" if no antennas are 2
+  // apart.
   std::string quantity() const;
-  // It gives c_0, then the real and imaginary parts of c_1..c_D; c_d is 0 where no two antennas are
+  // Writes c_0, then the real and imaginary parts of c_1..c_D; c_d is 0 where no two antennas are
   // that far apart.
   void operator()(const record::ArrayBin& bin, std::span<float> out) const;
-  // It does the same for each bin of a record's array, for as many bins as there is room for.
+  // Same for each bin of a record's array, as many bins as `out` has room for.
   void operator()(std::span<const float> array, std::size_t antennas, std::span<float> out) const;
 
  private:
@@ -66,7 +66,7 @@ inline std::complex<float> lag_of(std::span<const float> bin, std::size_t d) {
 // Returns a run's array axis in lags; its count is 0 if the array tells no azimuth.
 Axis lags_axis(const Axis& array, const SpatialLags& lags);
 
-// It moves a record's lags along the range.
+// Moves a record's lags along the range.
 void move_lags(std::span<float> lags, const Axis& axis, const Shift& shift);
 
 }  // namespace echofuse::recon

@@ -10,20 +10,20 @@
 
 namespace echofuse::recon {
 
-// It returns 2n + 1 weights, of the point n steps before to the point n steps behind. They turn
-// samples of one response, `step_m` apart, into those of the other, as well as noise 20 dB below
-// the peak in each sample permits (least squares with a penalty; Wiener's filter).
+// Returns 2n + 1 weights, from n steps before to n steps behind. The filter turns samples of one
+// response, `step_m` apart, into those of the other. Wiener's filter: least squares with noise 20
+// dB below the peak in each sample.
 std::vector<double> response_filter(const record::RadarResponse& own,
                                     const record::RadarResponse& wanted, double step_m);
 
-// It returns the widest response that a run of the data states, as a narrower one is brought to a
-// wider one with less noise; not known if no run states one.
+// Widest response that a run of the data states, because widening adds no noise; not known if no
+// run states one.
 record::RadarResponse widest_response(const Dataset& data);
 
-// It filters the radar's profiles and lags of each run that states a response, and writes the
-// wanted one into the data's sources. Runs that state none stay as they are, and so do data of
-// binned power. A dead sensor's row stays dead. If the model knows any response, a run much
-// narrower than the wanted one stays, too: bringing it there would cost more than it gains.
+// Filters the radar's profiles and lags of each run that states a response, and writes the wanted
+// one into the data's sources. Unchanged are runs that state none, data of binned power and rows of
+// a dead sensor. With knows_any a run much narrower than the wanted one is unchanged, too, because
+// widening it costs more than it gains.
 void bring_to_response(Dataset& data, const record::RadarResponse& wanted, bool knows_any = false);
 
 }  // namespace echofuse::recon

@@ -14,8 +14,8 @@ namespace echofuse::recon {
 // have, and for parts of one data set with different calibrations.
 std::vector<std::string> in_order_of_records(const std::vector<std::string>& paths);
 
-// It is true if the run is another part of the data set that was loaded last. Throws Error(failed)
-// for a run that was loaded before.
+// True if the run is another part of the data set that was loaded last. Throws Error(failed) for a
+// run that was loaded before.
 bool goes_on(const Dataset& data, const std::string& path, const record::RunInfo& info);
 
 }  // namespace echofuse::recon

@@ -7,12 +7,12 @@
 
 namespace echofuse::recon {
 
-// This is a Lanczos interpolation over eight values with weights that add up to 1. A peak as narrow
-// as the steps allow keeps its width (a linear interpolation blurs it, and costs as much as the
-// offset it removes).
+// Lanczos interpolation over eight values with weights that add up to 1. A peak as narrow as the
+// steps allow keeps its width (a linear interpolation blurs it, and costs as much as the offset it
+// removes).
 class Shift {
  public:
-  // It moves the values by this many steps towards the start of the axis.
+  // Moves the values by this many steps towards the start of the axis.
   explicit Shift(double steps = 0);
   // Beyond both ends the values are 0. A row of one value throughout, from a dead sensor, stays as
   // it is, or the zeros at the ends would make it look alive (Dataset::fault_of).
