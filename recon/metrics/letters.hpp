@@ -21,11 +21,11 @@ struct Plate {
   std::size_t letter, size;
   double x, y, depth_m;
 };
-// It returns nothing if the true map shows nothing.
+// Returns nothing if the true map has no plate.
 std::optional<Plate> find_plate(std::span<const float> truth, const Scene& scene,
                                 std::size_t letter);
-// It is 1 if in the plate's place its own letter is the most alike; in a tie it is the letter's
-// share, as in a map without anything.
+// Returns 1 if the letter itself correlates best at the plate's place, 0 if another one does; in a
+// tie of k letters 1 / k, as in an empty map.
 double read_letter(std::span<const float> map, const Scene& scene, const Plate& plate);
 
 }  // namespace echofuse::recon

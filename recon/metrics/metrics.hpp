@@ -30,9 +30,9 @@ enum Metric : std::size_t {
   // image.
   metric_ghost,       // raw; 0: at the truth only; 0.5: as much on either side; 1: mirror image
   metric_left_right,  // 1 if the foreground's centroid is on the true side
-  // It is for records whose label names a letter (letters.hpp); score() leaves it undefined.
+  // Defined for records whose label names a letter (letters.hpp), but not by score().
   metric_letter_top1,  // 1 if the letter is read
-  // It is for records whose label says two people (people.hpp); score() leaves it undefined.
+  // Defined for records labelled two_people (people.hpp), but not by score().
   metric_iou_person,  // mean of both
   metric_count
 };
@@ -47,7 +47,7 @@ using MapScores = std::array<double, metric_count>;
 MapScores score(std::span<const float> prediction, std::span<const float> truth,
                 const Scene& scene);
 
-// This is x/z of the centroid of a prediction's foreground, or NaN if there is none.
+// Centroid of a prediction's foreground as x/z; NaN if there is no foreground.
 double foreground_tangent(std::span<const float> prediction, const Scene& scene);
 
 // Place of a body in a prediction, in metres: x to the right, z away. NaN if it shows none.
@@ -56,7 +56,7 @@ struct BodyPlace {
 };
 BodyPlace body_place(std::span<const float> prediction, const Scene& scene);
 
-// It computes metric_lateral_m alone.
+// Computes metric_lateral_m alone.
 double lateral_error(std::span<const float> prediction, std::span<const float> truth,
                      const Scene& scene);
 

@@ -25,10 +25,10 @@ struct TwoPeople {
   std::vector<std::uint8_t> person;  // for each pixel: 0 none, 1 left, 2 right
 };
 
-// It returns nothing if the map has no two pixels of foreground side by side.
+// Returns nothing if the map has no two pixels of foreground side by side.
 std::optional<TwoPeople> find_people(std::span<const float> truth, const Scene& scene);
 
-// This is the intersection over union of each person's own pixels, as the mean of both.
+// Mean over both persons of the intersection over union of their own pixels, 0 to 1.
 double iou_per_person(std::span<const float> prediction, const TwoPeople& people,
                       const Scene& scene);
 

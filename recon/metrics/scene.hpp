@@ -48,9 +48,9 @@ Scene learn_scene(const Matrix& depth, const Rows& rows, const record::MapGrid& 
 
 bool true_foreground(float depth_m, float background_m);
 
-// It says how far a predicted pixel has come from the background (0) to the mean foreground depth
-// (1); above 0.5 it is foreground. For a least-squares prediction over an open room this is the
-// probability that something stands there, give or take its ripple, which may leave 0..1.
+// Position of each predicted pixel between background (0) and mean foreground depth (1); above 0.5
+// it is foreground. For a least-squares prediction over an open room it estimates the probability
+// of foreground, but ripple may leave 0..1.
 std::vector<float> foreground_share(std::span<const float> prediction, const Scene& scene);
 
 // Returns the prediction as it is shown, stored and compared: clipped to the grid's depths,

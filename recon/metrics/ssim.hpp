@@ -11,9 +11,9 @@ namespace echofuse::recon {
 
 inline constexpr std::size_t ssim_border = 5;  // half the window: pixels cropped on each side
 
-// It gives the index at every pixel whose window lies inside the maps: (size-10)^2 values,
-// row-major, of two size x size maps. `data_range` is the span of possible values (6 m), not of
-// those that occur.
+// Structural similarity at each pixel whose window lies inside the two size x size maps:
+// (size-10)^2 values, row-major. `data_range` is the span of possible values (6 m), not of those
+// that occur.
 std::vector<double> ssim_map(std::span<const float> a, std::span<const float> b, std::size_t size,
                              double data_range);
 
