@@ -11,8 +11,8 @@ namespace echofuse::recon {
 
 enum class Transpose : bool { no, yes };
 
-// It computes C = alpha op(A) op(B) + beta C, all row-major and dense: op(A) is m x k, op(B) k x n,
-// C m x n.
+// Computes C = alpha op(A) op(B) + beta C, all row-major and dense: op(A) is m x k, op(B) k x n, C
+// m x n.
 template <class T>
 struct Product {
   std::size_t m, n, k;
@@ -21,11 +21,10 @@ struct Product {
 };
 void multiply(const Product<float>& p, const float* a, const float* b, float* c);
 void multiply(const Product<double>& p, const double* a, const double* b, double* c);
-// It replaces the rows by rows that span the same space, at right angles and of length 1 (QR); 1 <=
-// rows <= cols.
+// Replaces the rows by an orthonormal basis of the space that they span (QR); 1 <= rows <= cols.
 void orthonormalise_rows(std::size_t rows, std::size_t cols, float* values);
-// It computes the thin decomposition X = U S V' of an m x n table that is stored by columns, as are
-// U and V'. X is overwritten. k = min(m, n): U is m x k, V' k x n.
+// Computes the thin decomposition X = U S V' of an m x n table that is stored by columns, as are U
+// and V'. X is overwritten. k = min(m, n): U is m x k, V' k x n.
 void decompose(std::size_t m, std::size_t n, double* x, double* s, double* u, double* vt);
 
 }  // namespace echofuse::recon

@@ -15,20 +15,19 @@ struct Components {
   std::vector<float> deviation;  // standard deviation of the table along each
 };
 
-// It returns at most `count` components, at most as many as the table has rows or columns. The
-// method is subspace iteration (Halko, Martinsson and Tropp, SIAM Rev. 53, 217, 2011), for few
-// directions of many columns.
+// Returns min(count, rows, columns) components. The method is subspace iteration (Halko, Martinsson
+// and Tropp, SIAM Rev. 53, 217, 2011), for few directions of many columns.
 Components principal_components(Matrix table, std::size_t count, std::uint64_t seed);
 
-// It computes (table - mean) basis': one row of coordinates a row.
+// Computes (table - mean) basis': one row of coordinates a row.
 Matrix coordinates(const Components& components, const Matrix& table);
-// This is the inverse, as far as the basis reaches: mean + amounts basis.
+// Inverse of coordinates() within the span of the basis: mean + amounts basis.
 Matrix from_coordinates(const Components& components, const Matrix& amounts);
 
-// This is the unit of the amounts along the components, so that neither kind drowns another.
+// Common unit of the amounts along the components, so that several kinds weigh alike in a loss.
 float unit_of(const Components& components);
 
-// It archives components of a table with this number of columns.
+// Reads or writes the components of a table with this number of columns.
 void archive(Archive archive, Components& components, std::size_t columns);
 
 }  // namespace echofuse::recon

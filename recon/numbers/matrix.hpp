@@ -24,7 +24,7 @@ struct Matrix {
   }
 };
 
-// They are indices of records within a Dataset, in the order they are to be used.
+// Indices of records within a Dataset, in the order of use.
 using Rows = std::vector<std::size_t>;
 
 inline Rows all_rows(std::size_t count) {

@@ -12,7 +12,7 @@ namespace echofuse::recon {
 
 void set_threads(int count);  // counts this thread too; 0, the default, means one per core
 
-// It calls work(0) ... work(parts - 1) in any order, and returns when all are done. `work` must not
+// Calls work(0) ... work(parts - 1) in any order, and returns when all are done. `work` must not
 // throw.
 void for_each_part(std::size_t parts, const std::function<void(std::size_t)>& work);
 

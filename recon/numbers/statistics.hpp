@@ -14,11 +14,11 @@ struct ColumnStatistics {
   std::vector<double> mean, variance;  // one a column; the variance divided by the number of rows
 };
 
-// They cover the given rows (at least one).
+// Mean of each column over `rows`, which is not empty.
 std::vector<double> column_means(const Matrix& table, const Rows& rows);
 ColumnStatistics column_statistics(const Matrix& table, const Rows& rows);
 
-// It is true for a sensor that is dead.
+// True if all values are equal, as of a dead sensor.
 bool all_same(std::span<const float> values);
 
 // Divides the values by the sum of those above zero, if there are any.
@@ -26,14 +26,14 @@ void share_out(std::span<float> values);
 
 double mean_of(std::span<const double> values);
 
-// It divides by the number of values (at least one).
+// Square root of the mean squared deviation: divides by n, which is at least 1.
 double standard_deviation(std::span<const double> values);
 
 // Returns the value that this share of all lies below: 0.5 gives the median. It reorders the
 // values.
 float quantile(std::span<float> values, double share);
 
-// It works in place, and does nothing with no values.
+// Subtracts the median in place; does nothing without values.
 void subtract_median(std::span<float> values);
 
 // Returns the value that this share of all lies above. The largest twentieth is taken to fall off
@@ -44,7 +44,7 @@ double upper_limit(std::vector<float> values, double share_above);
 // (Politis and Romano 1992). It needs more than a few blocks, or all resamples are alike.
 Rows resampled_blocks(std::size_t of, std::size_t count, Rng& rng);
 
-// It covers each column, over the given rows (at least one).
+// Quantile of each column over `rows`, which is not empty.
 std::vector<float> column_quantile(const Matrix& table, const Rows& rows, double share);
 
 }  // namespace echofuse::recon

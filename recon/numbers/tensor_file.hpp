@@ -32,7 +32,7 @@ using TensorShape = std::vector<std::size_t>;
 
 class TensorFile {
  public:
-  // This dimension may have any length.
+  // Length of a dimension that is not checked.
   static constexpr std::size_t any = std::numeric_limits<std::size_t>::max();
   using Fact = std::variant<std::int64_t, double, std::string>;
 
@@ -101,7 +101,7 @@ class Archive {
   }
   // The text is one of `allowed`, or any text if that list is empty.
   void text(const std::string& name, std::string& value, const std::vector<std::string>& allowed);
-  // It takes and returns whether an optional part is there.
+  // Writes, or reads and returns, whether an optional part is there.
   bool part(const std::string& name, bool there);
   // When it reads, it refuses the file unless the file has a tensor of this shape.
   void require_shape(const std::string& name, const TensorShape& shape) const;

@@ -5,7 +5,7 @@
 
 namespace echofuse::recon {
 
-// It formats as printf does.
+// Formats as printf does.
 __attribute__((format(printf, 1, 2))) std::string formatted(const char* format, ...);
 
 // "512,256" becomes "512" and "256". An empty text has no parts.
