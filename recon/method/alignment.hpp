@@ -22,7 +22,7 @@ struct AlignmentRanges {
 
 inline constexpr std::ptrdiff_t profile_taps = 8;  // terms of the sinc series, on either side
 
-// These are the columns of a view. T is float or const float.
+// Columns of a view. T is float or const float.
 template <class T>
 struct ViewColumns {
   std::span<T> correlation;  // between both sensors, from the longest shift to the shortest
@@ -33,7 +33,7 @@ struct ViewColumns {
 };
 using AlignmentColumns = ViewColumns<float>;
 
-// It takes a whole view, or its columns from the histogram on, and is true if they show a body.
+// True if a view, whole or from its histogram on, shows a body.
 inline bool shows_body(std::span<const float> view) { return view.back() != 0; }
 
 // Threading: a const object may be shared.
@@ -54,7 +54,7 @@ class Alignment {
   std::size_t histogram_bins() const;
   std::size_t profile_points() const;                           // 0 without a radar
   std::size_t array_features() const { return array_.size(); }  // 0 without its antennas
-  // These are the numbers of values of a view without and with the correlation, which comes first.
+  // Numbers of values of a view, without and with the correlation, which comes first.
   std::size_t size() const { return histogram_bins() + profile_points() + array_features() + 1; }
   std::size_t inputs() const { return correlation_.shifts() + size(); }
   AlignmentColumns columns(std::span<float> view) const { return columns_of<float>(view); }
@@ -75,26 +75,25 @@ class Alignment {
   // antennas saw nothing.
   void antennas_about(double range_m, std::span<const float> lags, std::span<float> out) const;
 
-  // It serves training on bodies in other places (turned.hpp). It puts into a view the profile of
-  // the same record as if the radar saw the body farther away by `farther_m`.
+  // Writes into a view the profile of the same record as if the radar saw the body farther away by
+  // `farther_m`. Used for rotation augmentation (turned.hpp).
   void move_profile(std::span<const float> recorded_power, double farther_m,
                     std::span<float> view) const;
-  // It does the same for the antennas' features, in a direction whose cosine is larger by
-  // `by_cosine`.
+  // Same for the antennas' features, in a direction whose cosine is larger by `by_cosine`.
   void move_array(std::span<const float> recorded_lags, double farther_m, double by_cosine,
                   std::span<float> view) const;
-  // It puts into a view the sum of profiles, each moved to longer ranges. The correlation stays.
+  // Writes into a view the sum of profiles, each moved to longer ranges. The correlation is
+  // unchanged.
   struct MovedProfile {
     std::span<const float> recorded_power;
     double farther_m;
   };
   void add_profiles(std::span<const MovedProfile> profiles, std::span<float> view) const;
-  // This is how far behind the body's range the radar sees it, in metres: the centroid of the
-  // squared profile, which noise and side lobes hardly pull.
+  // Displacement of the radar's range against the body's, in metres: the centroid of the squared
+  // profile, because noise and side lobes hardly move it.
   double displacement_m(std::span<const float> view) const;
 
-  // This is the background as an observation has it. If it is set from an empty room, it needs no
-  // learning.
+  // Background in the layout of an observation. Setting it from an empty room replaces learning it.
   std::vector<float> background() const;
   void set_background(std::span<const float> observation);
 
@@ -118,7 +117,7 @@ class Alignment {
   MethodConfig config_;
   double spd_first_m_ = 0, spd_step_m_ = 1, radar_first_m_ = 0, radar_step_m_ = 1;
   double profile_step_m_ = 1;
-  // They relate the radar's steps to the profile's points: one of the two is 1.
+  // Ratio of the radar's steps to the profile's points: one of the two is 1.
   std::ptrdiff_t points_a_step_ = 1, steps_a_point_ = 1;
   ShiftCorrelation correlation_;
   ArrayView array_;

@@ -28,7 +28,7 @@ class ArrayView {
   // of parts of it, over the power of the window; those across are turned by exp(-i pi d u). All
   // are zero if the window has no power.
   void operator()(std::span<const float> lags, double range_m, std::span<float> out) const;
-  // It turns the features as if the same body stood in another direction.
+  // Turns the features as if the same body stood in another direction.
   static void turn(double by, double range_m, std::span<float> features);
   static double direction_cosine(std::span<const float> features) { return double{features[0]}; }
 
@@ -37,7 +37,7 @@ class ArrayView {
   void add(std::span<const float> bin, double weight, Lags& to) const;
   double direction_of(const Lags& sum) const;
 
-  // This is the number of lags that are used, at most `most` of each kind.
+  // Number of lags in use, at most `most` of each kind.
   std::size_t lags_of(std::size_t most) const;
 
   MethodConfig config_;

@@ -13,14 +13,14 @@ struct BinSums {
   double moment = 0;  // sum of counts x bin
 };
 
-// It says how a bin counts that has fewer counts than the background: as nothing, or as it is.
+// Treatment of a bin with fewer counts than the background: as 0, or as it is.
 enum class Negative : bool { left_out, counted };
 
-// It adds up the bins [from, to) of both arrays, which have the same length.
+// Adds up the bins [from, to) of both arrays, which have the same length.
 BinSums bin_sums(std::span<const float> counts, std::span<const float> all, std::size_t from,
                  std::size_t to, Negative negative);
 
-// It does the same in one plain loop. It is the reference of the tests, equal to 1e-12.
+// Same in one plain loop: the reference of the tests, equal to 1e-12.
 BinSums plain_bin_sums(std::span<const float> counts, std::span<const float> all, std::size_t from,
                        std::size_t to, Negative negative);
 

@@ -18,7 +18,7 @@ struct Place {
   float depth_m = 0;  // its mean z
 };
 
-// Returns the place of a true map's foreground (maps/scene.hpp), or nothing if there is no
+// Returns the place of a true map's foreground (metrics/scene.hpp), or nothing if there is no
 // foreground.
 std::optional<Place> place_of(std::span<const float> map, std::span<const float> background,
                               const record::MapGrid& grid);
@@ -36,12 +36,11 @@ class BodyFrame {
   // place.depth_m).
   void cut(std::span<const float> map, std::span<const float> background, const Place& place,
            std::span<float> mask, std::span<float> relief) const;
-  // It draws onto a map of the background. The foreground is where the mask is above the threshold,
-  // at depth_m + relief / mask.
+  // Draws onto a map of the background. Foreground is where the mask exceeds the threshold, at
+  // depth_m + relief / mask.
   void draw(std::span<const float> mask, std::span<const float> relief, const Place& place,
             float threshold, std::span<float> map) const;
-  // It does the same without a threshold: it gives every pixel the mask's share in 0..1, and the
-  // depth there.
+  // Same without a threshold: each pixel gets the mask's share in 0..1 and the depth there.
   void draw_soft(std::span<const float> mask, std::span<const float> relief, const Place& place,
                  std::span<float> share, std::span<float> depth) const;
   // Returns the multiply-adds of one draw().
@@ -50,8 +49,8 @@ class BodyFrame {
   void archive(Archive archive, const record::MapGrid& grid);
 
  private:
-  // It draws the body where its mask is above `least`. If `share` has room, it also gets the mask,
-  // everywhere that the cells cover.
+  // Draws the body where its mask exceeds `least`. A `share` with room gets the mask wherever the
+  // cells reach.
   void draw_onto(std::span<const float> mask, std::span<const float> relief, const Place& place,
                  float least, std::span<float> map, std::span<float> share) const;
 

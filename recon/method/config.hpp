@@ -10,14 +10,14 @@
 namespace echofuse::recon {
 
 struct MethodConfig {
-  // These values set the background.
+  // Background.
   double background_quantile = 0.05;  // share of records; 95 % have nobody in a given place
   double steadiness = 4;              // Poisson deviations; a bin that scatters less is background
-  // These values set how the range of the body is found.
+  // Range of the body.
   std::int64_t centroid_passes = 3;  // one more moves it by less than a millimetre
   double body_m = 0.8;               // half the depth of a body with outstretched arms
   double significance = 5;           // deviations of all counts: fewer show nobody
-  // These values set the view of the body, about its range.
+  // View of the body, about its range.
   double histogram_m = 0.7;            // on either side: a body, and an arm stretched out
   double histogram_step_m = 0.04;      // about the width of a detector's response of 200 ps
   double profile_from_m = -0.8;        // the radar sees a body at x farther by b x / r,
@@ -27,21 +27,21 @@ struct MethodConfig {
   double steps_a_resolution = 2;       // steps of the profile that make c/2B, Blackman window
   double shift_from_m = -0.3;          // shifts between both sensors: 2 m aside at 3 m and a
   double shift_to_m = 0.6;  // baseline of .5 m make .3 m, and the radar may read too long
-  // These values set the features of the radar's antennas.
+  // Features of the radar's antennas.
   double part_from_m = -0.5;       // centres of the overlapping parts of the window
   double part_to_m = 0.65;         // that show how the body spreads
   double least_part_m = 0.15;      // a part of one fine bin would be noise
   std::int64_t lags_of_parts = 4;  // longer lags say no more of parts
   std::int64_t directions = 96;    // a third of the beam of eight antennas apart, or less
   std::int64_t refinements = 3;    // Newton's steps from there to the beam's maximum
-  // These values set how the body's place and shape are found.
+  // Place and shape of the body.
   double nearest_m = 0.1;         // no body is taken to be nearer
   double least_deviation = 0.05;  // share of the median deviation; least scale of an input
   // A model keeps the threshold of the mask in this range that is best on held-out records. With an
   // uncertain place a mask wider than that of 1/2 overlaps best.
   double threshold_from = 0.25;
   double threshold_to = 0.6;
-  // These values set the networks, each with two hidden layers.
+  // Networks, each with two hidden layers.
   std::int64_t many_records = 10'000;  // from here on: wider layers, fewer and larger steps
   std::int64_t units = 48;             // widths of hidden layers that do best with few records,
   std::int64_t units_of_many = 96;     // and with many

@@ -32,7 +32,7 @@ Matrix observe(const Dataset& data, const Rows& rows, const Features& sensors);
 // Step 2 gives the view of each body, [n x scene.inputs()]: correlation of both sensors over their
 // shift | histogram | profile | antennas | range in metres. A row without a body is all zero.
 Matrix align(const Matrix& observations, const Alignment& scene);
-// It aligns one row.
+// Aligns one row.
 void align(std::span<const float> observation, const Alignment& scene, std::span<float> view);
 
 // Training learns these values for steps 3 to 5.
@@ -50,10 +50,10 @@ struct BodyModel {
   void archive(Archive archive, std::size_t inputs, const record::MapGrid& grid);
 };
 
-// It computes (view - centre) / deviation in place; the networks take the result.
+// Computes (view - centre) / deviation in place; the networks take the result.
 void standardise(std::span<float> view, const BodyModel& model);
 
-// These are the views that show a body, standardised, and their rows.
+// Views that show a body, standardised, and their rows.
 struct Seen {
   Matrix views;  // [m x inputs], m <= n
   Rows rows;     // their rows among the n
@@ -80,7 +80,7 @@ Shapes shape(const Matrix& standard_views, const BodyModel& model);
 void draw(const std::vector<Place>& places, const Shapes& shapes, const BodyModel& model,
           const Rows& rows, Matrix& maps, SoftMaps* soft = nullptr);
 
-// It does steps 3 to 5 for n views: [n x pixels].
+// Runs steps 3 to 5 for n views; returns [n x pixels].
 Matrix reconstruct(const Matrix& views, const BodyModel& model, SoftMaps* soft = nullptr);
 
 }  // namespace echofuse::recon

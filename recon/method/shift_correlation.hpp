@@ -26,8 +26,8 @@ class ShiftCorrelation {
 
   std::size_t shifts() const { return shifts_; }
   std::size_t cost() const;  // multiply-adds
-  // It computes the cosine between the profile and the profile expected from the histogram, for
-  // each shift, from the longest to the shortest.
+  // Computes the cosine between the profile and the profile expected from the histogram, for each
+  // shift, from the longest to the shortest.
   void operator()(std::span<const float> histogram, std::span<const float> profile,
                   std::span<float> out) const;
 

@@ -28,12 +28,11 @@ class TurnedBodies {
   // turn() turns this share of the bodies that it is asked for; the default is all.
   void turn_share(double share) { share_ = share; }
 
-  // This is how far the radar stands to the left of the SPD, in metres (negative: to the right), as
-  // the profiles' displacement follows the places. It is 0 if it is not known to a tenth, or, with
-  // antennas, which need no baseline, to 3 cm.
+  // Distance of the radar to the left of the SPD, in metres (negative: right), fitted to the
+  // profiles' displacement by place. 0 if not known to a tenth or, with antennas, to 3 cm.
   double baseline_m() const { return baseline_m_; }
   bool turns() const { return turns_; }  // if false, no body is turned
-  // It is true if turn() changes anything.
+  // True if turn() changes anything.
   bool changes() const { return turns_ || has_array_; }
   // Returns how much farther away the radar would see the body of rows[k] in the azimuth of
   // rows[as], in metres.
