@@ -37,7 +37,7 @@ class Factorised final : public Model {
   }
 
  private:
-  // These are the records with a body in both the view and the map.
+  // Records with a body in both the view and the map.
   struct Bodies {
     Matrix views;  // not yet standardised
     Rows rows;     // rows of the samples
@@ -45,7 +45,7 @@ class Factorised final : public Model {
   };
   Bodies bodies_in(const Samples& samples) const;
   void learn_scale(const Matrix& views, double least_deviation);
-  // It is called for a turned body with its place, its range (metres) and the targets to write.
+  // Called for a turned body with its place, its range (metres) and the targets to write.
   using Retarget = std::function<void(const Place&, float, std::span<float>)>;
   Redraw turning(const TurnedBodies& turned, const Retarget& retarget) const;
   Redraw turning_places(const TurnedBodies& turned) const;
@@ -58,7 +58,7 @@ class Factorised final : public Model {
   bool fit_shape(const Bodies& train, const Samples& train_samples, const TurnedBodies& turned,
                  const Bodies& validation, const Samples& validation_samples,
                  const FitOptions& options);
-  // It cuts the given ones of the bodies out of the maps, in their frame.
+  // Cuts these bodies out of the maps, in their own frame.
   Shapes cut(const Bodies& bodies, const Samples& samples, const Rows& which) const;
   Matrix amounts(const Bodies& bodies, const Samples& samples) const;
   void move_mean_body(const Bodies& bodies, const Samples& samples);

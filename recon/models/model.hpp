@@ -18,8 +18,8 @@ namespace echofuse::recon {
 
 class Alignment;
 
-// These are inputs and depth maps of the same records, and the rows of both to use. Inputs are
-// scaled (features.hpp), or aligned (method/alignment.hpp) for models that take aligned ones.
+// Inputs and depth maps of the same records, and the rows of both to use. Inputs are scaled
+// (features.hpp), or aligned (method/alignment.hpp) for models that take aligned ones.
 struct Samples {
   const Matrix& inputs;
   const Matrix& maps;  // metres
@@ -48,7 +48,7 @@ class Model {
   virtual Cost cost() const = 0;
   // Returns the options with which fit() makes a model of the same size.
   virtual FitOptions sizes() const { return {}; }
-  // It writes the model, or reads and checks one of this shape (numbers/tensor_file.hpp).
+  // Writes the model, or reads and checks one of this shape (numbers/tensor_file.hpp).
   struct Shape {
     std::size_t inputs, outputs;  // values of a record, pixels of a map
     record::MapGrid grid;
@@ -56,7 +56,7 @@ class Model {
   virtual void archive(Archive archive, const Shape& shape) = 0;
 };
 
-// This is all that the rest of the program asks of a kind of model.
+// Kind of model: name, properties and maker, all that the rest of the program uses.
 struct ModelKind {
   enum class Takes : std::uint8_t { nothing, inputs, aligned };  // aligned: method/alignment.hpp
   enum class Size : std::uint8_t { fixed, hidden, basis };       // meaning of a name's numbers
@@ -67,13 +67,13 @@ struct ModelKind {
   FitOptions own;  // the best options on validation records at the base condition
 };
 // A new kind needs a row there, its own file, and a place in candidates() in
-// estimator/crossvalidate.cpp if `--model auto` shall try it.
+// train/crossvalidate.cpp if `--model auto` shall try it.
 const std::vector<ModelKind>& model_kinds();        // by increasing cost
 const ModelKind& kind_of(const std::string& name);  // throws Error(usage)
 std::vector<std::string> model_names();
 std::string model_help();  // "empty, mean, ..., nearest[-N], paper (mlp-512-256)"
 
-// These functions make the models, one a file.
+// Makers of the models, one a file.
 std::unique_ptr<Model> make_empty_room();  // "empty": the room without anybody
 std::unique_ptr<Model> make_mean();        // the mean training map
 std::unique_ptr<Model> make_nearest();     // from the maps of the nearest training records
@@ -83,18 +83,18 @@ std::unique_ptr<Model> make_pca(std::unique_ptr<Model> inner);  // maps from few
 std::unique_ptr<Model> make_silhouette();                       // the mean body, placed
 std::unique_ptr<Model> make_factorised();  // place, and shape in the body's own frame
 
-// This is a model of a certain size: "mlp-1024-512-256" has hidden layers of these widths,
-// "factorised-8" has 8 components, "nearest-16" has 16 neighbours, "paper" is the paper's network.
+// Model of a given size: "mlp-1024-512-256" has hidden layers of these widths, "factorised-8" has 8
+// components, "nearest-16" has 16 neighbours, "paper" is the paper's network.
 struct Candidate {
   std::string name, model;
   FitOptions fit;
 };
-// It has every option of its kind, for this number of training records (copies and repetitions
-// count). Options in `base` override them. Throws Error(usage).
+// Returns a candidate with every option of its kind, for this number of training records (copies
+// and repetitions count). Options in `base` override them. Throws Error(usage).
 Candidate candidate_of(const std::string& name, const FitOptions& base, std::size_t records = 0);
 
-// They take a kind's name. The empty room and the mean map answer the same to every record. Models
-// that place a body take aligned inputs, with the radar's profile.
+// Properties by a kind's name. Empty room and mean map ignore their inputs. Models that place a
+// body take aligned inputs, with the radar's profile.
 bool ignores_inputs(const std::string& name);
 bool wants_alignment(const std::string& name);
 

@@ -10,7 +10,7 @@ namespace echofuse::recon {
 struct Adam {
   Adam(std::size_t parameters, double weight_decay)
       : decay(static_cast<float>(weight_decay)), first(parameters), second(parameters) {}
-  // It leaves a gradient of zeros, to which backward() adds the next one.
+  // Updates the parameters, and zeroes the gradient, to which backward() adds the next one.
   void step(std::vector<float>& parameters, std::vector<float>& gradient, double learning_rate);
 
   float decay;

@@ -12,11 +12,11 @@ namespace echofuse::recon {
 
 class Ensemble {
  public:
-  // This is Regression::fit for `networks` networks, each with random numbers of its own. The log
-  // is that of the last one.
+  // Runs Regression::fit for `networks` networks, each with random numbers of its own. The log is
+  // that of the last one.
   TrainingLog fit(const Examples& train, const Examples& validation, Spread spread,
                   Training training, std::size_t networks, const std::string& title);
-  // These are Regression::correct and Regression::tune for each network.
+  // Run Regression::correct and Regression::tune for each network.
   void correct(const Examples& train);
   void tune(const Examples& train, Training training, const std::string& title);
   // Row i of `inputs` gives row i of the answer, which has as many columns as the targets had.

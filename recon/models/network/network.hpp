@@ -29,11 +29,11 @@ Network make_network(const std::vector<std::size_t>& widths);
 // last layer's weights are zero, so that training starts from the mean map.
 std::vector<float> initial_parameters(const Network& network, Rng& rng);
 
-// It holds the output of each layer for a batch, row-major batch x outputs.
+// Outputs of each layer for a batch, row-major [batch x outputs].
 template <class T>
 using Activations = std::vector<std::vector<T>>;
 
-// It is instantiated for float (training) and double (checking the gradient).
+// Fully connected network. Instantiated for float (training) and double (checking the gradient).
 template <class T>
 void forward(const Network& network, const std::vector<T>& parameters, const T* inputs,
              std::size_t batch, Activations<T>& activations);

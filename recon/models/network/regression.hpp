@@ -26,9 +26,8 @@ struct Examples {
 // map), or in standard deviations of its own column (numbers of different kinds).
 enum class Spread : bool { common, each };
 
-// It replaces these examples by others of the same kind. They are drawn anew in each epoch, so the
-// copies take no memory. Row i of both tables is example rows[i]; the random numbers are the
-// training's own.
+// Replaces these examples by others of the same kind, anew in each epoch, so that copies take no
+// memory. Row i of both tables is example rows[i]; the random numbers are the training's own.
 using Redraw = std::function<void(std::span<const std::size_t> rows, Matrix& inputs,
                                   Matrix& targets, Rng& rng)>;
 
@@ -67,11 +66,11 @@ class Regression {
   using Told = std::function<void(std::size_t epochs, double validation_loss)>;
   TrainingLog fit(const Examples& train, const Examples& validation, Spread spread,
                   const Training& training, const std::string& title, const Told& told = {});
-  // It moves the answers by part of their median error, and scales them by part of the median slope
+  // Moves the answers by part of their median error, and scales them by part of the median slope
   // (Tuning::belief).
   void correct(const Examples& train);
-  // It goes on from the present weights, with their scaling. It trains for all epochs; at an
-  // interrupt it stops there. First it moves the answers by part of their mean error.
+  // Trains on from the present weights, with their scaling: moves the answers by part of their mean
+  // error, then trains all epochs, or until an interrupt.
   void tune(const Examples& train, const Training& training, const std::string& title);
   Matrix predict(const Matrix& inputs) const;
   Cost cost() const { return {network_.weights, network_.parameters}; }

@@ -31,10 +31,10 @@ struct TrainingLog {
   bool interrupted = false;
 };
 
-// These options say how a trained model is taken to the records of another room.
+// Options of fine-tuning: how a trained model is taken to the records of another room.
 struct Tuning {
-  // This is the weight of the mean squared distance from the model's first weights, times the
-  // number of records. With INFINITY the networks stay as they are.
+  // L2 penalty to the old weights: weight of the mean squared distance from them, times the number
+  // of records. INFINITY leaves the networks unchanged.
   double pull = 1;
   // With networks that stay, a model that places a body still learns by how much and in what scale
   // its places are off, and its mean body.
@@ -45,7 +45,7 @@ struct Tuning {
   double learning_rate = 4e-3;          // the first rate; it falls to zero
   std::uint64_t seed = 1;
   bool networks_stay() const { return std::isinf(pull); }
-  // This is the share of a mean residual over this number of records that is believed.
+  // Share, 0 to 1, of a mean residual over this number of records that is believed.
   static double belief(std::size_t records) {
     return static_cast<double>(records) / static_cast<double>(records + 10);
   }
