@@ -17,10 +17,10 @@ class Choice {
   Choice(const Scene& judged_by, const Split& split, const SplitOptions& options);
 
   using Fit = std::function<Estimator(const Rows& rows)>;
-  // It fits one model a fold, and scores it on the rest. Throws Error(interrupted).
+  // Fits one model a fold, and scores it on the held-out records. Throws Error(interrupted).
   void add(const std::string& name, const Dataset& data, Fit fit);
-  // It chooses the best of the models that are better than the first one by this many standard
-  // errors, or else the first one.
+  // Chooses the best of the models that are better than the first one by this many standard errors,
+  // or else the first one.
   void choose(double errors);
 
   std::size_t chosen() const { return chosen_; }  // in the order of the tries

@@ -23,14 +23,13 @@ struct CrossvalidatedRow : ScoredRow {
 using Folds = std::vector<std::vector<MapScores>>;  // for each fold, its maps
 Summaries summarise(const Folds& folds, bool sequence);
 
-// It returns one row for each of options.candidates; `rows` are in the order that the folds are cut
-// from.
+// Returns one row for each of options.candidates. Folds are cut from `rows` in their order.
 std::vector<CrossvalidatedRow> crossvalidate(const Dataset& data, const Rows& rows,
                                              const TrainOptions& options);
 
 // Returns the candidates that make sense with these inputs, sizes included.
 std::vector<std::string> candidates(Inputs inputs);
-// This model is trained if nobody names a model: "auto" chooses it from some thousand records.
+// Default model: "auto" chooses it from some thousand records.
 std::string usual_model(Inputs inputs);
 
 // Returns the cheapest model (multiply-adds) whose IoU is within one standard error of the best
@@ -38,7 +37,7 @@ std::string usual_model(Inputs inputs);
 // no body stands out, RMSE takes its place. Throws Error(failed) if none has that.
 std::size_t cheapest_within_one_se(const std::vector<CrossvalidatedRow>& rows);
 
-// It has one line a model: accuracy, cost, and which is chosen.
+// Text of one line a model: accuracy, cost, and which is chosen.
 std::string to_choice_table(const std::vector<CrossvalidatedRow>& rows, std::size_t chosen);
 
 }  // namespace echofuse::recon

@@ -9,22 +9,21 @@
 namespace echofuse::recon {
 
 struct TrainOptions {
-  // This is a candidate (models/model.hpp), or "auto": the cheapest candidate within one standard
-  // error of the best, by cross-validation on the training records.
+  // Candidate (models/model.hpp), or "auto": the cheapest candidate within one standard error of
+  // the best, by cross-validation on the training records.
   std::string model = "mlp", inputs = "fused", scaling = "record";
   std::vector<std::string> candidates;  // tried by auto; if empty, those that make sense
   SplitOptions split;
   FitOptions fit;
   MethodConfig config;
-  // It says how often the records of each run count in the fit; if it is empty, each counts once.
-  // The fractional part is a probability.
+  // Number of times that the records of each run count in the fit; empty: once. A fractional part
+  // is a probability.
   std::vector<double> weights;
-  // These runs stand for the use, counted from 0: validation records and the statement of the
-  // model's errors are theirs. If it is empty, all runs are.
+  // Runs, counted from 0, that stand for the later use: validation records and stated errors come
+  // from them. Empty: all runs.
   std::vector<std::size_t> validate_on;
-  // These say what is kept beside the model. `fallback` adds a model for the SPD alone
-  // (TrainedModel) to a fused one that uses its inputs; `uncertainty` adds the uncertainty to any
-  // model.
+  // Parts kept beside the model. `fallback`: a model for the SPD alone (TrainedModel), beside a
+  // fused one; `uncertainty`: the uncertainty of any model.
   bool fallback = false, uncertainty = true;
   // True: the runs that state no response have various ones, as those of a twin.
   bool any_response = false;
