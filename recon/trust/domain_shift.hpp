@@ -36,7 +36,7 @@ struct DomainShift {
   std::string text() const;    // for the user; empty if not tested
 };
 
-// It holds the numbers of the training records.
+// Numbers of the training records, against which runs are tested.
 class DomainReference {
  public:
   static constexpr std::size_t least_records = 20;  // least records of a run
@@ -48,7 +48,7 @@ class DomainReference {
   DomainReference(const Alignment& alignment, const Dataset& data, const Matrix& views,
                   const Rows& rows, Inputs inputs);
   bool known() const { return numbers_.rows > 0; }
-  // It judges the rows with live sensors, in their order. The data must be on the model's axes.
+  // Tests the rows with live sensors, in their order. The data must be on the model's axes.
   DomainShift judge(const Alignment& alignment, const Dataset& data, const Matrix& views) const;
 
   void archive(Archive archive, Inputs inputs);

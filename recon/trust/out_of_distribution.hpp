@@ -49,8 +49,8 @@ class OutOfDistributionDetector {
   static constexpr std::size_t least_records = 50;
 
   OutOfDistributionDetector() = default;
-  // It learns from the given rows, at least least_records. Row i of the views belongs to record i
-  // of the data; without a detector there are none. The scene tells where bodies are.
+  // Learns from these rows, at least least_records. Row i of the views belongs to record i of the
+  // data; without a detector there are none. The scene tells where bodies are.
   OutOfDistributionDetector(const Alignment& alignment, const Dataset& data, const Matrix& views,
                             const Rows& rows, Inputs inputs, const Scene& scene,
                             std::uint64_t seed);

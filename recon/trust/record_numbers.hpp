@@ -18,21 +18,21 @@ struct RecordNumber {
   Kind kind;     // ratio: the number is a logarithm; length: it is in metres
   double floor;  // least deviation: a number that is constant in a training may vary this much
 };
-// These are four numbers of the detector, four of the radar, its range against the detector's, and
-// three of how its power varies.
+// Numbers of a record: four of the detector, four of the radar, its range against the detector's,
+// and three of how its power varies.
 inline constexpr std::size_t record_number_count = 12, radar_range_number = 8,
                              first_power_variation = 9, power_variations = 3;
 extern const std::array<RecordNumber, record_number_count> record_numbers;
 
-// It is [m x record_number_count], a row for each of the rows that shows a body. NaN means not
-// known, as of a sensor that is not among the inputs. Row i of the views belongs to record i of the
-// data; without a detector the views have no columns.
+// Returns [m x record_number_count], one row for each of `rows` that shows a body. NaN: not known,
+// as of a sensor that is not among the inputs. Row i of the views belongs to record i of the data;
+// without a detector the views have no columns.
 Matrix record_numbers_of(const Alignment& alignment, const Dataset& data, const Matrix& views,
                          const Rows& rows, Inputs inputs);
 
-// These numbers say how the radar's power varies within a record, as logarithms
+// Logarithms of the variation of the radar's power within a record
 // (acquire/measurement/speckle.hpp): from frame to frame, from carrier to carrier, within 150 ms.
-// NaN means not known, as in older runs.
+// NaN: not known, as in older runs.
 std::array<double, power_variations> log_power_variations(const std::optional<record::Speckle>&);
 
 // Returns a profile's peak over the scatter of its weaker half.

@@ -12,10 +12,10 @@
 
 namespace echofuse::recon {
 
-// These numbers are known at the prediction, and tell how far off a map may be. Row i holds, of map
-// i and the record rows[i]: |x/z| of the map's foreground (NaN if there is none); of the SPD log(1
-// + clicks above the background, in deviations of all clicks); of the radar log(peak over the
-// scatter of the weaker half of the profile).
+// Predictors of a map's error that are known when it is made. Row i, of map i and record rows[i]:
+// |x/z| of the map's foreground (NaN if there is none); of the SPD log(1 + clicks above the
+// background, in deviations of all clicks); of the radar log(peak over the scatter of the weaker
+// half of the profile).
 Matrix predictors_of(const Matrix& maps, const Scene& scene, const Dataset& data, const Rows& rows,
                      Inputs inputs);
 
@@ -44,7 +44,7 @@ class LateralError {
   double factor_ = 0;
 };
 
-// These are the statements about one reconstruction.
+// Statements about one reconstruction.
 struct PredictionUncertainty {
   // The body is at most this far (metres) from where it is shown in 90 % of the records like the
   // training ones. It is NaN if the record is unlike them, or shows nobody.
