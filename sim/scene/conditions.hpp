@@ -16,7 +16,7 @@
 namespace echofuse::sim {
 
 struct Conditions {
-  // These values set geometry and scenes.
+  // Geometry and scenes.
   double window_s = 3;  // [S] exposure of one record
   double baseline_m = 0.5;
   double half_tangent = 0.55;    // field of view of SPD and depth camera, both ways
@@ -27,15 +27,15 @@ struct Conditions {
   double person_yaw_deg = 60;       // people turn up to this much from facing -z
   double letter_yaw_deg = 30;       // letters turn up to this much from facing the sensors
   std::string background = "none";  // or a room (room.hpp)
-  // This is the most reflections by the room's walls, floor and ceiling on a way there and back,
-  // beside the body's: of light (sim/sensors/multipath_light.hpp) and of the radar
-  // (multipath_radar.hpp). 0 means none.
+  // Largest number of reflections by walls, floor and ceiling on a way there and back, beside the
+  // body's: of light (sim/sensors/multipath_light.hpp) and of the radar (multipath_radar.hpp). 0:
+  // none.
   std::int64_t multipath_order = 0;
   std::string object;           // file of a triangle mesh (sim/scene/mesh.hpp) for object scenes
   double object_scale = 1;      // metres to one of its units
   std::string object_up = "y";  // y, z, -y
 
-  // These values describe people (sim/scene/person.hpp). Factors refer to the base body.
+  // People (sim/scene/person.hpp). Factors refer to the base body.
   double height_min_m = 1.55, height_max_m = 1.90;
   double girth = 1;           // width and depth of the trunk
   double shoulder_width = 1;  //
@@ -47,14 +47,14 @@ struct Conditions {
   // Top, trousers, shoes and skin are each brighter or darker by up to this: exp(+-contrast).
   double albedo_contrast = 0;
 
-  // These values describe letters, and how they are held.
+  // Letters, and how they are held.
   double letter_albedo = 0.8;
   double letter_scale = 1;     // size of the plate
   double letter_reach = 1;     // distance from the chest, of the base's 0.33 to 0.37 body heights
   double letter_lift_m = 0;    // higher than the base, which is 0.02 above to 0.12 body heights
                                // below the shoulders
   double letter_tilt_deg = 0;  // leans forward or back by up to this
-  // These are factors of what a surface of the same optical albedo would send back to the radar.
+  // Reflectivity for the radar, as a factor of the optical albedo.
   double radar_cloth = 1, radar_skin = 1, radar_plate = 1;
   // With 1 the radar's reflectivity varies with the albedo of people's parts; with 0 it does not.
   double radar_follows_albedo = 1;
@@ -71,8 +71,7 @@ struct Conditions {
   double fog_visibility_m = 0, smoke_visibility_m = 0;
   double rain_mm_h = 0;
 
-  // These values describe the SPD.
-  // spd_rays is the number of rays across the field of view, both ways; 0 means as many as
+  // SPD. spd_rays: number of rays across the field of view, both ways; 0 means as many as
   // signal_photons ask for (rays_of).
   std::int64_t spd_rays = 0;
   double irf_fwhm_ps = 200;
@@ -84,8 +83,8 @@ struct Conditions {
   double signal_photons = 1e5;   // detections from the mean scene in one window
   double background_counts = 0;  // ambient and dark counts over all bins in one window
   double spd_delay_ps = 0;  // two-way delay of cables and electronics; the daemon does not know it
-  // These are the laser pulses in a window. Only the first photon of a pulse counts, or, with a
-  // dead time, every photon that comes when the detector is ready again. 0 means low flux.
+  // Laser pulses in a window. Only the first photon of a pulse counts, or, with a dead time, every
+  // photon that comes when the detector is ready again. 0 means low flux.
   std::int64_t pulses_per_window = 0;
   double spd_dead_time_ps = 0;
   bool spd_detector_stated = true;  // the run states the detector, and its reader corrects for that
@@ -96,8 +95,7 @@ struct Conditions {
   double spd_yaw_deg = 0;  // towards +x
   double slot_sway_m = 0;  // rms motion of people along the line of sight in a record: blurs it
 
-  // These values describe the radar.
-  // radar_rays is the number of rays across the horizontal field of view; half as many go up and
+  // Radar. radar_rays: number of rays across the horizontal field of view; half as many go up and
   // down, over half its tangent.
   std::int64_t radar_rays = 288;
   double radar_resolution_m = 0.5;  // c / 2B
@@ -113,19 +111,19 @@ struct Conditions {
   std::string radar_taps;
   std::string radar_sum = "incoherent";  // incoherent, coherent
   double radar_leakage = 0;  // power from transmitter to receiver at range 0, as radar_power
-  // This is the share of the power that a wall mirrors (multipath_order). 0.15 is upright concrete
+  // Share of the power that a wall mirrors (multipath_order). 0.15 is upright concrete
   // (permittivity 5.24 at 60 GHz, ITU-R P.2040-3). Plaster mirrors 0.97 of sound.
   double radar_wall_reflectivity = 0.15;
-  // This is a factor of what Lambert's law gives for the radar's direct echoes from walls and
-  // furniture with their optical albedo. Smooth walls scatter little.
+  // Factor of what Lambert's law gives for the radar's direct echoes from walls and furniture with
+  // their optical albedo. Smooth walls scatter little.
   double radar_wall_scatter = 1;
   double baseline_error_m = 0;  // the true baseline is longer than baseline_m by this
   double radar_falloff = 0;     // like spd_falloff, over radar_half_tangent
   double radar_yaw_deg = 0;
   double radar_psf_width = 1;  // true width of its response, in widths of radar_resolution_m
 
-  // This is the number of the radar's virtual antennas (sim/sensors/antennas.hpp): 1 to 8 in a row,
-  // or 12 as the AOP board has them. 0 is like 1, and its samples are not kept.
+  // Number of the radar's virtual antennas (sim/sensors/antennas.hpp): 1 to 8 in a row, or 12 as
+  // the AOP board has them. 0 is like 1, and its samples are not kept.
   std::int64_t radar_antennas = 0;
   std::int64_t radar_frames = 60;    // frames in a record
   double radar_phase_error_rad = 0;  // rms over the antennas
@@ -134,18 +132,18 @@ struct Conditions {
   // Each frame is taken at this number of carriers, one after the other (carriers_hz). The first is
   // radar_carrier_hz.
   std::int64_t radar_carriers = 1;
-  // These motions make a standing person's echoes change from frame to frame (BodyMotion):
+  // Motions that change a standing person's echoes from frame to frame (BodyMotion).
   double radar_sway_m = 0.005;    // rms each way, at head height
   double radar_twist_deg = 0.3;   // rms, about the upright axis
   double radar_breath_m = 0.004;  // amplitude of the chest
 
-  // These values describe the depth camera.
+  // Depth camera.
   std::int64_t map_size = 64;   // pixels of a data set's depth maps, both ways
   double map_half_tangent = 0;  // at their edges; 0: half_tangent
-  double map_z_max_m = 6;       // what is farther is no return of the maps
+  double map_z_max_m = 6;       // m; anything farther is no return in the maps
   double depth_noise_m = 0;     // sigma at 1 m; grows as z^2
   double depth_dropout = 0;     // share of the pixels at edges without return
-  double depth_offset_m = 0;    // it reads too far by this
+  double depth_offset_m = 0;    // m that the camera reads too far
 };
 
 inline constexpr double reflector_m = 1;  // distance of the calibration target before each sensor
@@ -158,9 +156,9 @@ void bind(Settings& settings, Conditions& conditions);
 // object that cannot be read.
 void validate(const Conditions& conditions);
 
-// This is the number of the detector's rays across the field of view. The automatic number keeps
-// the sampling error below a tenth of the shot noise in variance. Per bin the error was measured
-// (`study fidelity --scenes 300`) as 0.29 of the shot noise of 1e5 photons at 256 rays, falling as
+// Number of the detector's rays across the field of view. The automatic number keeps the sampling
+// error below a tenth of the shot noise in variance. Per bin the error was measured (`study
+// fidelity --scenes 300`) as 0.29 of the shot noise of 1e5 photons at 256 rays, falling as
 // rays^-3.65 and growing with the photons. With a quarter in reserve it is
 //   rays = 256 (3.6 signal_photons / 1e5)^(1/3.65), from 64 to 2048, even.
 std::int64_t rays_of(const Conditions& conditions);
@@ -169,10 +167,10 @@ Axis spd_axis(const Conditions& conditions);
 record::MapGrid map_grid(const Conditions& conditions);
 Axis radar_axis(const Conditions& conditions);
 RadarAxis radar_response(const Conditions& conditions);
-// It is what a run states of the instruments: what they are meant to be, without radar_psf_width.
+// Response that a run states: nominal values, without radar_psf_width.
 record::Response stated_response(const Conditions& conditions);
-// It says by how much each carrier is above the first one. The carriers are as far apart as their
-// sweeps allow within 4 GHz, which is the width of the band of 60 to 64 GHz.
+// Offsets of the carriers from the first one, in Hz. Carriers are as far apart as their sweeps
+// allow within the band of 60 to 64 GHz.
 std::vector<double> carriers_hz(const Conditions& conditions);
 double radar_x_m(const Conditions& conditions);  // true place of the radar
 

@@ -15,8 +15,8 @@ namespace echofuse::sim {
 // The number is in [low, high) and has 53 random bits.
 double uniform(Rng& rng, double low, double high);
 
-// It draws the random numbers that make a scene. It keeps its draws, and can make the same scene
-// again with the continuous ones moved, as a study of sensitivity needs.
+// Draws the random numbers that make a scene. It keeps its draws, and can make the same scene again
+// with the continuous ones moved, as a study of sensitivity needs.
 class SceneSampler {
  public:
   struct Draw {
@@ -29,7 +29,7 @@ class SceneSampler {
   SceneSampler(Rng rng, std::vector<double> moves) : rng_(rng), moves_(std::move(moves)) {}
 
   double uniform(double low, double high);
-  // It returns one of 0..n-1; the draw is discrete, and not kept.
+  // Returns one of 0..n-1; the draw is discrete, and not kept.
   std::size_t pick(std::size_t n) { return rng_() % n; }
   // Returns all draws of uniform() so far, in their order.
   const std::vector<Draw>& draws() const { return draws_; }
@@ -40,11 +40,11 @@ class SceneSampler {
   std::vector<Draw> draws_;
 };
 
-// This is PTRS of Hormann, "The transformed rejection method for generating Poisson random
-// variables" (1993).
+// Poisson number by PTRS of Hormann, "The transformed rejection method for generating Poisson
+// random variables" (1993).
 std::int64_t poisson(double mean, Rng& rng);
 
-// This is BTRS of Hormann, "The generation of binomial random variates" (1993).
+// Binomial number by BTRS of Hormann, "The generation of binomial random variates" (1993).
 std::int64_t binomial(std::int64_t n, double p, Rng& rng);
 
 }  // namespace echofuse::sim

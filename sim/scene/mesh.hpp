@@ -21,7 +21,7 @@ struct Mesh {
 // NAME: byte of a binary part, what was found and what was expected.
 Mesh read_mesh(const std::string& text, const std::string& name);
 
-// It reads the mesh in a file once. Threading: any thread may call it.
+// Reads the mesh in a file once. Threading: any thread may call it.
 const Mesh& mesh_of(const std::string& path);
 
 }  // namespace echofuse::sim

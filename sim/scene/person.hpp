@@ -9,8 +9,7 @@ namespace echofuse::sim {
 
 class SceneSampler;
 
-// It says where a person stands and which way the person faces: yaw 0 is towards -z, and positive
-// yaw turns to +x.
+// Place and direction of a person: yaw 0 faces -z (the sensors), positive yaw turns to +x.
 struct Stand {
   double x_m = 0, z_m = 0, yaw_rad = 0;
 };
@@ -21,9 +20,8 @@ inline constexpr std::int32_t capsules_of_person = 16;
 void add_person(Scene& scene, const Conditions& conditions, const Stand& stand,
                 SceneSampler& sampler);
 
-// It does the same with a flat letter held in both hands at arm's length, facing where the person
-// faces. The letter has either size (acquire/measurement/letter.hpp) times letter_scale. Returns
-// the letter.
+// Adds a person with a flat letter held in both hands at arm's length, facing where the person
+// faces. Its size is one of acquire/measurement/letter.hpp times letter_scale. Returns the letter.
 char add_letter_person(Scene& scene, const Conditions& conditions, const Stand& stand,
                        SceneSampler& sampler);
 

@@ -7,10 +7,9 @@
 
 namespace echofuse::sim {
 
-// This is the radar's range response to a point: the amplitude, 1 at the middle. It is the
-// transform of the window 1 + first cos(2 pi t) + second cos(4 pi t) over the sweep, -1/2 < t < 1/2
-// (Harris, Proc. IEEE 66, 1978). If it was measured, it is as measured: the root of the power, all
-// of one sign.
+// Point-spread function of the radar over range: the amplitude, 1 at the middle. Transform of the
+// window 1 + first cos(2 pi t) + second cos(4 pi t) over the sweep, -1/2 < t < 1/2 (Harris, Proc.
+// IEEE 66, 1978). A measured one is the root of the power, all of one sign.
 struct Psf {
   double first = 0, second = 0;
   record::RadarResponse measured = {};
@@ -19,7 +18,7 @@ struct Psf {
   static Psf hann() { return {1, 0}; }
   static Psf hamming() { return {0.46 / 0.54, 0}; }
   static Psf blackman() { return {0.5 / 0.42, 0.08 / 0.42}; }
-  // These windows lead from none (0) to Blackman's (1).
+  // Window between none (t = 0) and Blackman's (t = 1).
   static Psf tapered(double t) { return {t * 0.5 / 0.42, t * t * 0.08 / 0.42}; }
   double at(double cells) const;  // the amplitude at a distance in resolution cells
 
@@ -37,7 +36,7 @@ struct Psf {
   Windowed windowed() const { return {4 * first - second - 5, 1 - first + second}; }
   // Nearer than this to u = 0, 1 and 2 the factor divides by zero, and the limit is taken.
   static constexpr double nearest = 1e-7;
-  // It is the amplitude of a window, given sin(pi u) as well.
+  // Amplitude of a window, given sin(pi u) as well.
   double at_sine(double u, double sine) const;
 };
 

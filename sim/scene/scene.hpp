@@ -54,15 +54,14 @@ struct Scene {
 // reflector is a small white plate at reflector_m straight ahead of the SPD. object is the mesh of
 // Conditions::object on the floor.
 enum class SceneKind : std::uint8_t { person, letter, two_people, empty, reflector, object };
-// This is the kind of scene i of a study: a quarter are people, the rest letters, as in Lai et al.
+// Kind of scene i of a study: a quarter are people, the rest letters, as in Lai et al.
 inline SceneKind study_kind(std::uint64_t i) {
   return i % 4 == 0 ? SceneKind::person : SceneKind::letter;
 }
 std::optional<SceneKind> kind_named(std::string_view name);
 std::string kind_names();  // with commas between
 
-// This is a kind, and where person, letter or object stands and turns if that is not left to
-// chance.
+// Kind of a scene, and place and turn of person, letter or object unless drawn at random.
 struct SceneSpec {
   SceneKind kind = SceneKind::empty;
   std::optional<double> x_m{}, z_m{}, yaw_deg{};
@@ -75,8 +74,8 @@ struct SceneSpec {
 // Scene `index` of `seed` is the same whatever was made before and on whichever thread.
 Scene make_scene(const Conditions& conditions, const SceneSpec& spec, std::uint64_t seed,
                  std::uint64_t index);
-// It makes the scene from these random numbers (sim/scene/draw.hpp), in this order: for a person or
-// a letter the first are x, z and the turn.
+// Makes the scene from these random numbers (sim/scene/draw.hpp), in this order: for a person or a
+// letter the first are x, z and the turn.
 Scene make_scene(const Conditions& conditions, const SceneSpec& spec, SceneSampler& sampler);
 
 // The first is true if a reflectivity is not the albedo. The second is the scene with the

@@ -41,8 +41,7 @@ struct CapsuleShape {
                std::size_t count) const;
   Interval tangents_x() const;
   Interval tangents_y() const;
-  // This is the box of the spheres at its ends; the part between them is met within the hull of
-  // both.
+  // Bounding box of the spheres at its ends; the part between them is met within the hull of both.
   struct Box {
     Interval x, y;
   };
@@ -81,21 +80,21 @@ struct TriangleShape {
   Interval tangents_y() const;
 };
 
-// It makes the rays of a row, off their columns by dx to either side; they have met nothing yet.
+// Makes the rays of a row, off their columns by dx to either side; none has met anything yet.
 void aim(const double* columns, const double* sides, const double* dy, double dx, double y,
          double* ray_x, double* ray_y, double* z, std::int32_t* shape, std::size_t count);
 
-// It computes slant range and weight = factor albedo cos / |(x, y, 1)|^3 / range^2 of each ray;
-// they are 0 where z is infinite.
+// Computes slant range and weight = factor albedo cos / |(x, y, 1)|^3 / range^2 of each ray; they
+// are 0 where z is infinite.
 void light_back(const double* x, const double* y, const double* z, const double* cosine,
                 const double* albedo, double factor, double* range, double* weight,
                 std::size_t count);
 
-// Where a ray met something in front of what it has met so far, it has met shape `number`.
+// Sets shape `number` and its depth for each ray that met it nearer than anything so far.
 void keep_nearer(const double* met, std::int32_t number, double* z, std::int32_t* shape,
                  std::size_t count);
 
-// It puts something else behind what was met, and keeps the nearer of both.
+// Puts another surface behind what was met; keeps the nearer of both.
 void put_behind(const double* far_z, const double* far_cosine, const double* far_albedo, double* z,
                 double* cosine, double* albedo, std::size_t count);
 

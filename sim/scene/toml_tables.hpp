@@ -18,8 +18,8 @@ class TableReader {
   explicit TableReader(std::string file_name) : name_(std::move(file_name)) {}
 
  protected:
-  // It calls use(table) for each [[kind]]; anything else is a fault. Throws Error(config) for a
-  // text that is not TOML.
+  // Calls use(table) for each [[kind]]; anything else is a fault. Throws Error(config) for a text
+  // that is not TOML.
   template <class Use>
   void read_tables(const std::string& text, const std::string& kind, Use use) try {
     const toml::table file = toml::parse(text, name_);

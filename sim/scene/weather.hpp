@@ -19,14 +19,14 @@ struct DropClass {
 };
 DropClass fog_class(double visibility_m);
 
-// This is the mean extinction efficiency of these drops, weighted by their cross sections.
+// Mean extinction efficiency of these drops, weighted by their cross sections.
 double extinction_efficiency(const DropClass& drops, double wavelength_um, double refractive_index);
-// This is the liquid water, in g/m^3, of drops of density 1 with this extinction (1/m) at 550 nm.
+// Liquid water, in g/m^3, of drops of density 1 with this extinction (1/m) at 550 nm.
 double liquid_water_g_m3(const DropClass& drops, double extinction_550_per_m);
 
 double rain_extinction_per_m(double rain_mm_h);                         // light of any colour
 double rain_attenuation_db_km(double rain_mm_h, double frequency_ghz);  // one way; mean of H and V
-// This is the attenuation in dB/km of one g/m^3, one way.
+// Attenuation in dB/km of one g/m^3, one way.
 double water_attenuation(double frequency_ghz, double temperature_k);
 
 struct Weather {
