@@ -40,13 +40,14 @@ namespace echofuse::sim {
 // Places are up to 8 in a row. With 12, transmitters (0,0) (2,2) (0,2) have receivers (1,1) (1,0)
 // (0,1) (0,0) each, as on TI's IWR6843AOP.
 record::Antennas antennas_in_layout(std::size_t count);
-// They are the same with errors of phase and gain, radar_phase_error_rad and radar_gain_error_db,
-// drawn from the seed.
+// Antennas with errors of phase and gain (radar_phase_error_rad, radar_gain_error_db), drawn from
+// the seed.
 record::Antennas simulated_antennas(const Conditions& conditions, std::uint64_t seed);
-// They are as the run states them: with their errors if radar_array_calibrated.
+// Antennas written to the run file; with the simulated phase and gain errors if
+// radar_array_calibrated.
 record::Antennas stated_antennas(const record::Antennas& antennas, const Conditions& conditions);
 
-// It moves people who stand still. They sway about their ankles as an inverted pendulum (Morasso et
+// Moves people who stand still. They sway about their ankles as an inverted pendulum (Morasso et
 // al., PLoS ONE 14, e0213870, 2019), by some millimetres at the centre of pressure (Prieto et al.,
 // IEEE Trans. Biomed. Eng. 43, 956, 1996), twist about an upright axis and breathe. At 60 GHz 2.5
 // mm are a whole turn of the echo's phase.
@@ -62,13 +63,12 @@ class BodyMotion {
   // so that the head goes at 1 cm/s. Breath is a sine of 0.25 Hz.
   BodyMotion(const Conditions& conditions, std::size_t people, Rng& rng);
   void advance(double time_s, Rng& rng);
-  // They have one entry a person.
+  // Displacement in each mode, one entry a person.
   const std::vector<Modes>& places() const { return places_; }
   const std::vector<Modes>& speeds() const { return speeds_; }  // per second
 
-  // It says by how much the range of a patch grows per unit of each mode. It takes the direction
-  // cosines x/R and y/R, the height above the floor, and where the person's axis stands (m, seen
-  // from the radar).
+  // Growth of a patch's range (m) per unit of each mode. x, y: direction cosines x/R and y/R;
+  // height above the floor; place of the person's axis (m, from the radar).
   static Modes range_per_mode(double x, double y, double height_m, double axis_x_m, double axis_z_m,
                               double body_scale);
 
@@ -112,9 +112,9 @@ struct AntennaRadar {
   std::size_t receivers = 4;
   double chirp_s = 0;
   std::int64_t chirps = 1;
-  // It is room_echo() where the room is subtracted from the returns (render.hpp); else it is empty.
+  // Result of room_echo() if the room is subtracted from the returns (render.hpp); else empty.
   std::span<const std::complex<float>> room{};
-  // They are above the first one (carriers_hz).
+  // Offsets from the first carrier, Hz (carriers_hz).
   std::vector<double> carriers_hz{0};
 };
 
@@ -127,10 +127,9 @@ class AntennaEcho {
   AntennaEcho& operator=(AntennaEcho&&) noexcept;
 
   std::size_t samples() const { return points_ * antennas_; }
-  // It gives points of the axis times antennas, antennas fastest, without noise, `later_s` after
-  // the former frame.
+  // Writes [points of the axis x antennas] without noise, `later_s` after the former frame.
   void frame(double later_s, Rng& rng, std::span<std::complex<float>> samples);
-  // It sets the carrier of the next frame, one of AntennaRadar::carriers_hz; the first one is the
+  // Sets the carrier of the next frame, one of AntennaRadar::carriers_hz; the first one is the
   // default.
   void set_carrier(std::size_t carrier) { carrier_ = carrier; }
 
@@ -144,7 +143,7 @@ class AntennaEcho {
   std::unique_ptr<Moving> moving_;
 };
 
-// These are the samples of the room alone, coherent, at each carrier.
+// Samples of the room alone, coherent, at each carrier.
 std::vector<std::complex<float>> room_echo(const AntennaRadar& radar, const Conditions& conditions);
 
 // A record has radar_frames frames over window_s, each at all carriers, with noise of this power in

@@ -11,10 +11,10 @@
 
 namespace echofuse::sim {
 
-// It adds range noise to a frame of exact z (mm, row-major, 0: no return): sigma = depth_noise_m
-// z^2 for z in metres, as for a camera that triangulates. At edges it loses the share depth_dropout
-// of the pixels. A pixel is at an edge if a neighbour above, below or beside it has no return or is
-// more than 0.1 m away. It also makes holes, a constant offset, and steps of depth_step_m z^2.
+// Adds a triangulating camera's errors to a frame of exact z (mm, row-major, 0: no return): noise
+// of sigma = depth_noise_m z^2 (z in metres), holes, a constant offset, and steps of depth_step_m
+// z^2. Drops the share depth_dropout of the pixels at edges: those with a neighbour above, below or
+// beside that has no return or is more than 0.1 m away.
 void disturb_depth(std::vector<std::uint16_t>& mm, std::uint32_t width,
                    const Conditions& conditions, Rng& rng);
 

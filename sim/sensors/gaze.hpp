@@ -28,7 +28,7 @@ struct Gaze {
   // Weights of Lambert's law become those of the lobes, and fall off from the middle:
   //   cos -> (n + 2)/3 cos^n, with which a sphere's image integrates to the same.
   void dim(const Rays& rays, std::int32_t capsules, double* weight, std::size_t count) const;
-  // It says by how much patch k is farther: deviates of sway_m that spread evenly for any run of k.
+  // Extra range of patch k, in metres: deviates of rms sway_m that spread evenly for any run of k.
   double sway(std::size_t k) const;
 };
 

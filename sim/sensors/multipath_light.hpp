@@ -9,12 +9,12 @@ namespace echofuse::sim {
 
 struct Gaze;
 
-// These are the rays across the field of view, both ways, whose patches exchange light.
+// Rays across the field of view, both ways, whose patches exchange light.
 struct PatchRays {
   std::int64_t wall = 24, body = 40;
 };
 
-// It adds the returns of 1 to `order` reflections by the room (walls, floor, ceiling, boxes) beside
+// Adds the returns of 1 to `order` reflections by the room (walls, floor, ceiling, boxes) beside
 // the body's. Laser and detector are in one place and have one field of view, so all surfaces have
 // to be in it, and both ways round are alike (radiosity, bounce by bounce; Goral et al., SIGGRAPH
 // 1984). Let e_p = cos_p / R_p^2 on wall patch p, and F be that of multipath_patches.hpp. Then body

@@ -9,7 +9,7 @@
 
 namespace echofuse::sim {
 
-// It is what one ray of a sensor meets.
+// Surface patch that one ray of a sensor meets.
 struct Patch {
   Vec3 at, normal;  // relative to the sensor (m); of length 1, towards it
   Vec3 direction;   // from the sensor, of length 1
@@ -22,13 +22,13 @@ struct Patch {
   double area_m2() const { return solid_angle_sr * range_m * range_m / cosine; }
 };
 
-// They leave out the scene's room. The rays are those of cast(), staggered. Patches that are seen
-// from the edge (cosine < 0.02) are left out, as their area is not known.
+// Patches of a scene without its room, by the staggered rays of cast(). Patches seen from the edge
+// (cosine < 0.02) are left out, because their area is not known.
 std::vector<Patch> patches_of(const Scene& scene, double sensor_x_m, const Axis& x, const Axis& y);
 std::vector<Patch> patches_of(const Room& room, double sensor_x_m, const Axis& x, const Axis& y);
 
-// This is the share of what Lambertian `to` sends that meets `from`, per area of `to`. For a disc
-// of its size it is
+// Share of what Lambertian `to` sends that meets `from`, per area of `to`. For a disc of its size
+// it is
 //   F = A cos cos' / (pi d^2 + A)
 // as seen from its axis (Howell, Catalog of Radiation Heat Transfer Configuration Factors, B-12,
 // thinned by the cosines off the axis). The A below keeps near patches from sending more than there

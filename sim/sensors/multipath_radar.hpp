@@ -12,7 +12,7 @@ namespace echofuse::sim {
 
 struct Gaze;
 
-// This is a sensor as walls mirror it.
+// Mirror image of a sensor in the walls.
 struct ImageSource {
   Vec3 at;
   std::array<const Plate*, 2> walls{};  // the walls that it meets one after the other
@@ -27,12 +27,12 @@ struct Way {
   Vec3 arrival;    // direction in which it reaches the place
   double length_m = 0;
 };
-// This is the way from the sensor to a place, or nothing if a reflection would lie beside its wall.
-// Obstacles in between are not considered.
+// Way from the sensor to a place; nothing if a reflection would lie beside its wall. Obstacles are
+// ignored.
 std::optional<Way> way_to(const ImageSource& image, Vec3 sensor, Vec3 place);
 
-// It adds the echoes of patches that the radar sees, there by way i and back by way j (Lambertian,
-// one emitter and receiver in one place):
+// Adds the echoes of patches that the radar sees, there by way i and back by way j (Lambertian, one
+// emitter and receiver in one place):
 //   w_ij = albedo dA (rho^n_i g_i cos_i / d_i^2) (rho^n_j g_j cos_j / d_j^2), range (d_i + d_j) / 2
 // if 1 <= n_i + n_j <= order reflections; g is the falloff one way. i, j and j, i are one echo of
 // twice the amplitude, 4 w: behind one mirror the mean power over phases is 1 + 4 rho + rho^2, as

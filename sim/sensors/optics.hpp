@@ -11,13 +11,13 @@
 
 namespace echofuse::sim {
 
-// These are the expected detections per bin in one window at low flux:
+// Expected detections per bin in one window at low flux:
 //   r_i = signal_photons * sum_k w_k * integral over bin i of IRF(t - 2 R_k/c) dt + background/bins
 // with a Gaussian IRF, or a Gaussian convolved with an exponential (irf_tail_ps).
 std::vector<double> spd_rate(const Returns& returns, const Conditions& conditions);
 
-// These are the counts of one window. At low flux N_i ~ Poisson(r_i). With pulses_per_window = L >
-// 0 only the first photon of a pulse counts (Gupta et al., CVPR 2019): N ~ Multinomial(L, p),
+// Counts of one window. At low flux N_i ~ Poisson(r_i). With pulses_per_window = L > 0 only the
+// first photon of a pulse counts (Gupta et al., CVPR 2019): N ~ Multinomial(L, p),
 //   p_i = exp(-sum_{j<i} q_j) (1 - exp(-q_i)), q = r/L.
 // With spd_dead_time_ps as well the detector runs freely: photons come in their order over the L
 // equal periods of window_s, and those closer than that to the last one counted are lost.

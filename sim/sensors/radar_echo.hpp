@@ -12,11 +12,11 @@ namespace echofuse::sim {
 struct Conditions;
 struct Returns;
 
-// It computes Psf::at at every point of an axis, for echoes from one range after the other.
+// Computes Psf::at at every point of an axis, for echoes from one range after the other.
 class RangeResponse {
  public:
   explicit RangeResponse(const RadarAxis& axis);
-  // It gives the response to an echo at range `cell`, in resolution cells, at each point.
+  // Writes the response at each point to an echo at range `cell`, in resolution cells.
   void at(double cell, std::vector<double>& psf) const;
 
  private:
@@ -25,31 +25,28 @@ class RangeResponse {
   std::vector<double> cells_, sines_, cosines_;  // one a point
 };
 
-// This is the power of the receiver's noise in each sample of an antenna in a frame: radar_snr_db
-// below mean_peak.
+// Power of the receiver's noise in each sample of an antenna in a frame: radar_snr_db below
+// mean_peak.
 double radar_noise_power(const Conditions& c, double mean_peak);
 
-// This is the rms of the noise in each point of a profile that is the mean of `frames` frames, for
-// data sets and for the laboratory. It is radar_snr_db below mean_peak in 60 frames (3 s of 20
-// frames a second), and falls with the root of their number. In a frame the noise is the power of
-// complex Gaussian noise, exponential with a mean of its rms; the mean of 60 frames and more is
-// taken as Gaussian.
+// Rms noise in each point of a profile that is the mean of `frames` frames. In 60 frames (3 s at 20
+// frames a second) it is radar_snr_db below mean_peak; it falls with the root of their number. In
+// one frame the noise is the power of complex Gaussian noise, exponential with a mean of its rms;
+// the mean of 60 frames and more is taken as Gaussian.
 double profile_noise(const Conditions& c, double mean_peak, std::int64_t frames);
-// It adds the noise of the mean of `frames` frames, less its average: powers may be negative.
+// Adds the noise of the mean of `frames` frames, less its average: powers may be negative.
 void add_profile_noise(std::vector<double>& power, double mean_peak, const Conditions& conditions,
                        std::int64_t frames, Rng& rng);
-// It adds the noise of one frame.
+// Adds the noise of one frame.
 void add_frame_noise(std::vector<double>& power, double mean_peak, const Conditions& conditions,
                      Rng& rng);
 
-// This is the linear power of echoes that do not interfere, sum_k w_k psf^2, without noise. It is
-// in units in which the mean scene as a single point would give 1. antennas.hpp treats echoes that
-// interfere.
+// Linear power of echoes that do not interfere, sum_k w_k psf^2, without noise. Unit: the mean
+// scene as a single point gives 1. antennas.hpp treats echoes that interfere.
 std::vector<double> radar_power(const Returns& returns, const RadarAxis& axis);
 
-// This is the peak of the noise-free incoherent profile, averaged over a fixed set of
-// base-condition scenes as seen with this axis and baseline. It takes some 50 ms, once per data
-// set.
+// Peak of the noise-free incoherent profile, averaged over a fixed set of base-condition scenes as
+// seen with this axis and baseline. It takes some 50 ms, once per data set.
 double mean_peak_power(const RadarAxis& axis, const Conditions& conditions);
 
 }  // namespace echofuse::sim

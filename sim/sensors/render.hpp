@@ -9,7 +9,7 @@
 
 namespace echofuse::sim {
 
-// It is what one ray meets first; the range is 0 if it meets nothing.
+// First surface that a ray meets; range 0: none.
 struct Hit {
   float range_m = 0;  // slant range from the sensor
   float z_m = 0;
@@ -30,9 +30,9 @@ std::vector<Hit> cast(const Scene& scene, double sensor_x_m, const Axis& x, cons
 // Returns z in millimetres as seen from the origin, row-major; 0 means nothing within 65.535 m.
 std::vector<std::uint16_t> render_depth_mm(const Scene& scene, const Axis& x, const Axis& y);
 
-// These are the surface patches that one sensor sees. weight = albedo cos(theta) dOmega / R^2
-// (source and receiver in one place, Lambertian), in units of the mean scene's: the weights of an
-// average scene of the base condition sum to 1.
+// Surface patches that one sensor sees. weight = albedo cos(theta) dOmega / R^2 (source and
+// receiver in one place, Lambertian), in units of the mean scene's: the weights of an average scene
+// of the base condition sum to 1.
 struct Returns {
   std::vector<double> range_m;
   std::vector<double> weight;
@@ -48,28 +48,26 @@ struct Returns {
   std::vector<Place> place{};
 };
 
-// It says to whom shape `number` of a scene (scanner.hpp) belongs. People are the capsules, in
-// their order, and hold the plates.
+// Index of the person to whom shape `number` of a scene (scanner.hpp) belongs. People are the
+// capsules, in their order, and hold the plates.
 std::int32_t person_of(const Scene& scene, std::int32_t number);
 
-// This is the sum of albedo cos(theta) dOmega / R^2 over the mean scene (1000 people to 3000
-// letters of the base condition). It equals that of a calibration target, a white plate of 0.24 m^2
-// at 3.5 m, A / R^4. It is a constant, so that nearer, larger or darker targets keep their own
-// brightness.
+// Sum of albedo cos(theta) dOmega / R^2 over the mean scene (1000 people to 3000 letters of the
+// base condition). It equals that of a calibration target, a white plate of 0.24 m^2 at 3.5 m, A /
+// R^4. It is a constant, so that nearer, larger or darker targets keep their own brightness.
 inline constexpr double mean_scene_weight = 0.24 / (3.5 * 3.5 * 3.5 * 3.5);
 
-// These are the returns as seen from the origin and from the radar's place, each with its own
-// occlusion. Ranges are as the sensor shows them, with spd_delay_ps and radar_bias_m. Behind them
-// come the returns by walls (multipath_order, range: half of the way), and behind the radar's its
-// own leakage.
-// With RoomIs::subtracted the room is left out, but for those of its patches that something hides:
-// they have the negative of their weights. Everything that is linear in weights is then the change
-// when the room is not empty.
+// Returns as seen from the origin and from the radar's place, each with its own occlusion. Ranges
+// are as the sensor shows them, with spd_delay_ps and radar_bias_m. Behind them come the returns by
+// walls (multipath_order, range: half of the way), and behind the radar's its own leakage. With
+// RoomIs::subtracted the room is left out, but for those of its patches that something hides: they
+// have the negative of their weights. Everything that is linear in weights is then the change when
+// the room is not empty.
 enum class RoomIs : std::uint8_t { seen, subtracted };
 Returns spd_returns(const Scene& scene, const Conditions& conditions);
 Returns radar_returns(const Scene& scene, const Conditions& conditions);
-// They write into the memory of an earlier scene: fresh memory takes the kernel as long as the
-// light takes us.
+// Same, into the memory of an earlier scene, because fresh memory costs as much time as the
+// rendering.
 void spd_returns(const Scene& scene, const Conditions& conditions, Returns& out,
                  RoomIs room = RoomIs::seen);
 void radar_returns(const Scene& scene, const Conditions& conditions, Returns& out,

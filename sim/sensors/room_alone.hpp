@@ -11,7 +11,7 @@ namespace echofuse::sim {
 struct RoomAlone {
   std::vector<double> light;  // spd_rate, without background counts
   std::vector<double> power;  // radar_power, if incoherent
-  // It is room_echo, if there are antennas and they are coherent.
+  // Result of room_echo() with coherent antennas; else empty.
   std::vector<std::complex<float>> echo;
 };
 RoomAlone room_alone(const Conditions& conditions, const AntennaRadar& radar);

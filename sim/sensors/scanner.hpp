@@ -24,7 +24,7 @@ inline Interval in_points(const Axis& axis, Interval t) {
   return {std::min(a, b) - 0.5, std::max(a, b) + 0.5};
 }
 
-// These are the points of the axis inside the interval, widened by rounding, too.
+// Points of the axis inside the interval, or just outside by rounding.
 inline Points points_within(const Axis& axis, Interval t) {
   const auto [low, high] = in_points(axis, t);
   const double n = axis.count;
@@ -32,15 +32,14 @@ inline Points points_within(const Axis& axis, Interval t) {
           static_cast<std::uint32_t>(std::clamp(std::ceil(high) + 1, 0.0, n))};
 }
 
-// These steps spread evenly over (-0.5, 0.5) for any run of k: they are multiples of the golden
-// ratio.
+// Offset in (-0.5, 0.5) that spreads evenly for any run of k: a multiple of the golden ratio.
 inline double golden_offset(std::uint32_t k) {
   const double turns = (k + 0.5) * std::numbers::phi;
   return turns - std::floor(turns) - 0.5;
 }
 
-// They say how far each ray is off its point. Columns are counted from the middle and the two
-// halves are mirror images, so that mirrored scenes meet mirrored rays.
+// Offsets of each ray from its point. Columns count from the middle and both halves are mirror
+// images, so that mirrored scenes meet mirrored rays.
 struct Offsets {
   std::vector<double> dx_of_row, x_of_column, dy_of_column;
   std::vector<double> side_of_column;  // -1 left of the middle, 1 right of it
@@ -62,7 +61,7 @@ struct Offsets {
   }
 };
 
-// This is a shape and the points of the axes between which it can be met.
+// Shape, with the points of the axes between which rays can meet it.
 template <class Shape>
 struct Placed {
   Shape shape;
@@ -72,7 +71,7 @@ struct Placed {
     std::tie(x0, x1) = points_within(x, shape.tangents_x());
     std::tie(y0, y1) = points_within(y, shape.tangents_y());
   }
-  // It returns the columns of a row from y0 to y1.
+  // Returns the columns of a row from y0 to y1.
   Points columns(std::uint32_t) const { return {x0, x1}; }
 };
 
@@ -109,11 +108,11 @@ struct Placed<CapsuleShape> {
   }
 
  private:
-  // This is a bound at either end.
+  // Bounds at both ends.
   struct Ends {
     Ends(double of_a, double of_b) : a(of_a), by(of_b - of_a), per(by == 0 ? 0 : 1 / by) {}
     double at(double t) const { return a + t * by; }
-    // It keeps those t in [from, to] where the bound is not above y.
+    // Keeps those t in [from, to] where the bound is not above y.
     void keep_below(double y, double& from, double& to) const {
       const double t = (y - a) * per;
       if (by > 0) to = std::min(to, t);
@@ -133,8 +132,8 @@ struct Image {
   std::vector<double> z, cosine, albedo;
 };
 
-// These are the rays from..to-1 of a row: (x, y, 1) met something at z, which is infinite where it
-// did not. All arrays have rays to spare.
+// Rays from..to-1 of a row: (x, y, 1) met something at z, which is infinite where it did not. All
+// arrays have rays to spare.
 struct Row {
   std::uint32_t iy, from, to;
   const double *x, *y, *z;
@@ -142,7 +141,7 @@ struct Row {
   const std::int32_t* shape;       // nothing: the room
   const std::vector<Points>& met;  // neighbours that met something; for Shading::on
 };
-// It calls use(first, last) for neighbours in [from, to) with keep(i), all at once.
+// Calls use(first, last) for each run of neighbours in [from, to) that all have keep(i).
 template <class Keep, class Use>
 void for_each_run(std::size_t from, std::size_t to, Keep keep, Use use) {
   for (std::size_t first = from, last = from; first < to; first = last) {
@@ -153,8 +152,8 @@ void for_each_run(std::size_t from, std::size_t to, Keep keep, Use use) {
 }
 enum class Shading : std::uint8_t { off, on };
 
-// It goes through the image row by row, so that one row is all it holds. Shapes are numbered:
-// capsules, then plates, then triangles.
+// Renders the image row by row, and holds one row only. Shapes are numbered: capsules, then plates,
+// then triangles.
 class Scanner {
  public:
   Scanner(const Scene& scene, double sensor_x_m, const Axis& x, const Axis& y, Sampling sampling,
@@ -179,7 +178,7 @@ class Scanner {
       background_ = room_image(*scene.room, sensor_x_m, x, y, sampling);
   }
 
-  // It calls visit(row) for every row in which something can be met.
+  // Calls visit(row) for every row in which something can be met.
   template <class Visit>
   void scan(Shading shading, Visit visit) {
     const auto [first, last] = rows();
@@ -196,15 +195,14 @@ class Scanner {
     }
   }
 
-  // This is the normal of what a ray met there, relative to the sensor: of unit length, towards the
-  // sensor.
+  // Normal of what a ray met there, relative to the sensor: of unit length, towards the sensor.
   Vec3 normal(std::int32_t shape, Vec3 at) const;
 
   static std::shared_ptr<const Image> room_image(const Room& room, double sensor_x_m, const Axis& x,
                                                  const Axis& y, Sampling sampling);
 
  private:
-  // These are the rows in which something can be met.
+  // Rows in which something can be met.
   Points rows() const {
     if (background_) return {0, y_.count};
     Points out{y_.count, 0};
@@ -215,7 +213,7 @@ class Scanner {
     return out;
   }
 
-  // It finds the shapes that reach into the row, and how far the row can meet them.
+  // Finds the shapes that reach into the row, and how far the row can meet them.
   void find_shapes(std::uint32_t iy) {
     from_ = background_ ? 0 : x_.count;
     to_ = background_ ? x_.count : 0;
@@ -238,7 +236,7 @@ class Scanner {
     }
   }
 
-  // It calls use(the shape of this number).
+  // Calls use(the shape of this number).
   template <class Use>
   void with_shape(std::int32_t shape, Use use) const {
     auto number = static_cast<std::size_t>(shape);
@@ -302,7 +300,7 @@ class Scanner {
   const Axis& x_;
   const Axis& y_;
   Offsets offsets_;
-  // These are the values of one row, with rays to spare.
+  // Values of one row, with rays to spare.
   std::vector<double> ray_x_, ray_y_, met_, z_, cosine_, albedo_;
   std::vector<std::int32_t> shape_;
   std::vector<InRow> in_row_;
