@@ -15,11 +15,11 @@ inline const char* name_of(DeviceState s) {
   return names[static_cast<std::size_t>(s)];
 }
 
-// What is known of a device once it answers.
+// Identity and axes of a device, known once it answers.
 struct DeviceInfo {
   Sensor sensor{};
   std::string address, model, serial, firmware;
-  std::vector<Axis> axes;  // of the samples it sends
+  std::vector<Axis> axes;  // axes of the samples that it sends
 };
 
 enum class Severity : std::uint8_t { info, warning, error };

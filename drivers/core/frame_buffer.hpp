@@ -8,11 +8,10 @@
 
 namespace echofuse {
 
-// What a parser made of the bytes it was shown.
+// Result of a parser's look at the buffered bytes.
 struct Step {
-  std::size_t used = 0;  // done with; 0 means that it needs more
-  std::size_t wanted =
-      0;  // it needs this many in all before it is worth asking again (0: any more)
+  std::size_t used = 0;    // done with; 0 means that it needs more
+  std::size_t wanted = 0;  // bytes in all before the next call can succeed (0: any more)
 };
 
 class FrameBuffer {
@@ -53,8 +52,8 @@ class FrameBuffer {
   template <class Consume>
   void again(const Consume& consume) {
     used_ += run(held(), consume);
-    // What is done with goes when it is a quarter: a frame that ends after another few bytes must
-    // not move all that waits behind it.
+    // Drops used bytes when they are a quarter of the buffer, because each small frame would
+    // otherwise move all bytes behind it.
     if (used_ == held_.size()) {
       held_.clear();
       if (held_.capacity() > most_kept_) held_.shrink_to_fit();
@@ -80,7 +79,7 @@ class FrameBuffer {
 
   std::size_t most_kept_;
   Bytes held_;
-  std::size_t used_ = 0;  // of held_, from its beginning
+  std::size_t used_ = 0;  // bytes of held_ that are done with, from its beginning
   std::size_t wanted_ = 0;
 };
 

@@ -65,17 +65,17 @@ struct RadarFrame {
   // TLV 4 (azimuth antennas) or 8 (all of them): for each range bin and virtual antenna the
   // imaginary, then the real part; empty if the frame had neither.
   std::vector<std::int16_t> array;
-  bool planar = false;  // of TLV 8
+  bool planar = false;  // true: TLV 8, false: TLV 4
   std::optional<RadarStats> stats;
   std::optional<RadarTemperature> temperature;
 };
 
-// What TI's own calibration (measureRangeBiasAndRxChanPhase) answers, or the mean over several of
-// its lines: kept for the .cfg, where the firmware applies it to its points; it does not touch the
-// range profile.
+// Answer of TI's own calibration (measureRangeBiasAndRxChanPhase), or the mean of several. Kept for
+// the .cfg: the firmware applies it to its points, not to the range profile.
 struct FirmwareBias {
   double range_bias_m = 0;
-  std::vector<double> re_im;  // of each virtual antenna, as in compRangeBiasAndRxChanPhase
+  std::vector<double>
+      re_im;  // real and imaginary part of each virtual antenna, as in compRangeBiasAndRxChanPhase
   std::int64_t lines = 0;
 };
 

@@ -4,7 +4,7 @@
 
 namespace echofuse {
 
-// What became of tags: tags == starts + in_range + out_of_range + without_start + other.
+// Counts of tags by their use: tags == starts + in_range + out_of_range + without_start + other.
 struct TagCounts {
   std::uint64_t tags = 0;
   std::uint64_t starts = 0;
