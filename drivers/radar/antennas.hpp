@@ -36,10 +36,11 @@ struct AntennaPlace {
   bool operator==(const AntennaPlace&) const = default;
 };
 
-// Of the heat map that guiMonitor asks for, in the order of its TLV: the receivers of the frame's
-// first transmitter, then those of the next. `tx`: the transmitters from 0, in the order of the
-// frame's chirps; of a linear array the firmware takes as many of the first ones as stand in the
-// row (SDK 3.4, AoAProcDSP_RangeAzimuthHeatmap). `rx`: mask of the receivers that are on.
+// Places of the antennas of the heat map that guiMonitor asks for, in the order of its TLV: the
+// receivers of the frame's first transmitter, then those of the next. `tx`: the transmitters from
+// 0, in the order of the frame's chirps; of a linear array the firmware takes as many of the first
+// ones as stand in the row (SDK 3.4, AoAProcDSP_RangeAzimuthHeatmap). `rx`: mask of the receivers
+// that are on.
 std::vector<AntennaPlace> heat_map_antennas(Board board, std::span<const std::uint32_t> tx,
                                             std::uint32_t rx);
 

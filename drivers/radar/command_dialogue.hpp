@@ -67,10 +67,10 @@ class CommandDialogue {
   Send sent() const { return send_; }
   bool answered() const { return answered_; }              // with a prompt, at least
   const std::string& failure() const { return failure_; }  // one line, with the cfg line's number
-  // What is to be written, and told, since the last call.
+  // Takes the bytes to write since the last call.
   std::string take_output() { return std::exchange(output_, {}); }
   std::vector<Event> take_events() { return std::exchange(events_, {}); }
-  // What the board's own calibration answered since the last call.
+  // Takes the answers of the board's own calibration since the last call.
   std::vector<FirmwareBias> take_biases() { return std::exchange(biases_, {}); }
   const std::string& remark() const { return remark_; }  // "Debug: ...", of a command that worked
   // From the answer to `version`: "xWR68xx" and "mmWave SDK 03.04.00.03"; empty if it gave none.

@@ -54,11 +54,11 @@ namespace echofuse::radar {
 // bytes == frame_bytes + junk_bytes + truncated_bytes + bytes that still wait for more.
 struct FrameCounts {
   std::uint64_t bytes = 0;
-  std::uint64_t frames = 0;            // whole and delivered
-  std::uint64_t frame_bytes = 0;       // of whole packets, delivered or refused for their TLVs
-  std::uint64_t range_profiles = 0;    // frames with TLV 2
-  std::uint64_t arrays = 0;            // frames with TLV 4 or 8
-  std::uint64_t junk_bytes = 0;        // between frames
+  std::uint64_t frames = 0;          // whole and delivered
+  std::uint64_t frame_bytes = 0;     // bytes of whole packets, delivered or refused for their TLVs
+  std::uint64_t range_profiles = 0;  // frames with TLV 2
+  std::uint64_t arrays = 0;          // frames with TLV 4 or 8
+  std::uint64_t junk_bytes = 0;      // between frames
   std::uint64_t truncated_frames = 0;  // shorter than their header says; never delivered
   std::uint64_t truncated_bytes = 0;
   std::uint64_t bad_headers = 0;  // a magic with an implausible header
@@ -114,7 +114,8 @@ class FrameParser {
   // The last number did not follow the one before: it is so many further, or less by any amount.
   std::optional<std::uint32_t> jump_;
   std::uint32_t owed_ = 0;  // lost, of a jump at the end of a connection: for the next frame
-  // Of the frame at the front: how far it was searched for its successor, and when it was complete.
+  // Search state of the frame at the front: bytes searched for its successor, and the time it was
+  // complete.
   std::size_t searched_ = 0;
   std::optional<HostTime> complete_;
 };

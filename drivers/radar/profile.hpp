@@ -25,7 +25,7 @@ std::vector<CfgLine> command_lines(std::string_view cfg_text);
 struct ChirpTiming {
   double start_ghz = 0, idle_us = 0, adc_start_us = 0, ramp_end_us = 0, slope_mhz_us = 0;
   double samples = 0, rate_ksps = 0;
-  double chirps = 0;  // of a frame
+  double chirps = 0;  // chirps a frame
   double frame_period_ms = 0;
 };
 // The limits that it is beyond, with the numbers; true: of the frame, false: of the profile. The
@@ -45,14 +45,14 @@ struct RadarProfile {
   // From 1 to 4 (advFrameCfg), each with a packet of its own. They differ in their start frequency
   // alone.
   std::uint32_t subframes = 1;
-  double frame_period_s = 0;  // of a subframe, the shortest
-  // What guiMonitor asks for, without the points that the firmware detects; rounded up to 32.
-  double active_s = 0;  // of a frame's chirps
+  double frame_period_s = 0;  // s, shortest subframe
+  double active_s = 0;        // s a frame in which chirps are sent
+  // Bytes a frame that guiMonitor asks for, without detected points, rounded up to 32.
   std::uint32_t frame_bytes = 0;
   bool range_profile_on = false;  // guiMonitor sends TLV 2
-  // Of the heat map (TLV 4, on planar boards 8), in its order; empty: guiMonitor does not send it.
+  // Antennas of the heat map (TLV 4, on planar boards 8), in its order; empty: not sent.
   std::vector<AntennaPlace> array;
-  bool planar = false;  // it is TLV 8
+  bool planar = false;  // true: the heat map is TLV 8
   std::vector<std::string> warnings;
   // Why a board will not take it, a line "NAME:LINE: ..." each. A recording of another board, or of
   // another SDK, has its axis all the same.

@@ -80,7 +80,7 @@ class RadarDriver final : public Driver {
   std::optional<StopDialogue> last_words_;
   SampleSink* sink_ = nullptr;
   bool answered_ = false;  // ever
-  std::string said_;       // what it last failed with since a frame: no later failure hides it
+  std::string said_;       // last failure since a frame came; later failures do not hide it
   std::set<std::string> reported_;     // warnings of the ports: each once
   std::optional<HostTime> unplugged_;  // since then, with our cfg in the firmware
   std::uint64_t restarts_seen_ = 0, frames_before_ = 0, bytes_before_ = 0;

@@ -22,9 +22,9 @@ std::optional<std::size_t> numbers_of(std::string_view command);
 // Names the demo whose command it is, if that tells another demo for sure; else empty.
 std::string_view other_demo_of(std::string_view command);
 
-// What to add to the message that the firmware does not know `command`, or refuses to start with
-// what the lines of `cfg` gave it: whose SDK or demo is which, and the file to send instead. Empty
-// if neither is the reason. `firmware`: what it says of itself; may be empty.
+// Advice after the firmware did not know `command`, or refused to start with the lines of `cfg`:
+// the SDK or demo of each, and the file to send instead. Empty if neither is the reason.
+// `firmware`: its own name; may be empty.
 std::string advice_for_unknown(const std::string& command, std::string_view firmware,
                                std::string_view cfg_name);
 // Explains a start that gave no reason: the limits of the front end.
