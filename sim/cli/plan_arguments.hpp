@@ -17,7 +17,7 @@ using Command = std::function<ExitCode()>;
 // axes this calibration file states. Throws Error(config) if it states no response.
 std::vector<std::string> settings_like(const std::string& path);
 
-// These arguments describe a plan on the command line.
+// Arguments that describe a plan on the command line.
 struct PlanArguments {
   std::string config, like;
   std::vector<std::string> settings;
@@ -38,11 +38,11 @@ void add_plan_options(CLI::App& app, PlanArguments& arguments);
 // Returns --twin.
 CLI::Option* add_twin_options(CLI::App& app, PlanArguments& arguments);
 
-// It reads the plan for a command with one laboratory only; the conditions are as drawn. A data
-// set's file can also configure a laboratory and a study.
+// Reads the plan for a command with one laboratory only; the conditions are as drawn. A data set's
+// file can also configure a laboratory and a study.
 void read_plan(const PlanArguments& arguments, Plan& plan, Settings& settings);
 
-// It adds `study` and its subcommands (study_commands.cpp).
+// Adds `study` and its subcommands (study_commands.cpp).
 void add_study(CLI::App& app, Command& command);
 
 }  // namespace echofuse::sim

@@ -30,8 +30,8 @@ struct Plan {
 };
 
 void bind(Settings& settings, Plan& plan);
-// It is called after reading: the twin becomes the text of its ranges, without those whose key is
-// given. Throws Error(config) for a twin that cannot be read and for laboratories without a twin.
+// Replaces the twin by the text of its ranges, without keys that are given. Call after reading.
+// Throws Error(config) for a twin that cannot be read and for laboratories without a twin.
 void resolve_twin(const Settings& settings, Plan& plan);
 // Returns the conditions of the plan's laboratories; without a twin there is only one.
 std::vector<Conditions> laboratories_of(const Plan& plan);

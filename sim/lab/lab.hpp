@@ -45,7 +45,7 @@ struct LabOptions {
   std::string radar_sdk = "3.5", radar_board = "isk";
   std::string faults;  // a file of faults; if empty, there are none
   std::string log;     // a file for everything sent; if empty, there is none
-  // It makes a time tagger that replaces the one behind the bridge; the maker sets its faults.
+  // Makes a time tagger that replaces the one behind the bridge; the maker sets its faults.
   std::function<LabTagger(port::SystemLoop&, ScenePlayer&, const TdcOptions&)> make_tagger;
 };
 
@@ -63,7 +63,7 @@ class Lab {
   std::string daemon_command() const;
   // Returns the environment variables that a program needs to use the devices.
   std::vector<std::pair<std::string, std::string>> environment() const;
-  // It serves until `done`, which is asked at least 50 times a second. Then it stops all devices,
+  // Serves until `done`, which is asked at least 50 times a second. Then it stops all devices,
   // removes links and sockets and writes sent.json.
   void serve(const std::function<bool()>& done);
   // Returns the counts of what was sent, as a JSON object: device -> {name: count}, and "play" with

@@ -29,15 +29,15 @@ struct Twin {
 Twin read_twin(const std::string& text, const std::string& name);
 // The text has the ranges without comments, as read_twin takes them back.
 std::string to_text(const Twin& twin);
-// These ranges come with the program, each with its source as a comment (default_twin.cpp).
+// Ranges that come with the program, each with its source as a comment (default_twin.cpp).
 const std::string& default_twin();
-// It takes `default`, the text of ranges (it has a "="), or the name of a file.
+// Reads a twin: `default`, the text of ranges (with a "="), or the name of a file.
 Twin twin_named(const std::string& name);
 
-// It returns the draws of laboratory k, as `key = value` lines. Each key has random numbers of its
+// Returns the draws of laboratory k, as `key = value` lines. Each key has random numbers of its
 // own, so that a changed range moves no other draw.
 std::string draws_of(const Twin& twin, std::int64_t laboratory);
-// It returns `nominal` with these draws.
+// Returns `nominal` with these draws.
 Conditions conditions_of(const Twin& twin, std::int64_t laboratory, const Conditions& nominal);
 
 }  // namespace echofuse::sim
