@@ -30,8 +30,7 @@ class BridgeClient {
   BridgeClient(port::Loop& loop, port::ByteOpener opener);
   void start(Handlers handlers);
   void stop();
-  // Of a delivered block that is not what the driver takes, or whose payload does not fit its kind:
-  // counted, and lost for the block after it.
+  // Counts a delivered block of a wrong kind or payload; it is lost for the block after it.
   // `expected`: the blocks that the driver takes, "tags" or "depth frames".
   void reject(const Block& block, const char* expected);
   std::vector<Counter> counters() const;

@@ -59,7 +59,7 @@ struct Block {
 // behind the damage that broke a connection, is not in them.
 struct BlockCounts {
   std::uint64_t bytes = 0, blocks = 0;
-  std::uint64_t junk_bytes = 0;   // of blocks that are damaged, or whose rest never came
+  std::uint64_t junk_bytes = 0;   // bytes of damaged or unfinished blocks
   std::uint64_t bad_headers = 0;  // no magic, another version, or what cannot be
   std::uint64_t bad_crcs = 0;
   std::uint64_t gaps = 0;         // places where blocks are missing
@@ -76,7 +76,7 @@ class BlockParser {
   using OnBlock = std::function<void(const Block&)>;
 
   void feed(ByteView bytes, const OnBlock& on_block);
-  // What is wrong with the stream, or null while it is sound. What is fed after that is not read.
+  // Fault of the stream, or null while it is sound. Bytes fed after a fault are not read.
   const char* broken() const { return broken_; }
   // A new connection: what waits is junk, and the sequence starts at 0. Not from inside on_block.
   void reset();

@@ -19,7 +19,7 @@ struct OpenNiOptions {
   // Recordings are played at their own pace, else as fast as they are taken. Each frame comes once,
   // then the state is `ended`.
   bool paced = true;
-  // Of a live camera; 0 is the camera's own choice.
+  // Mode of a live camera; 0: the camera's own choice.
   std::uint32_t width = 0, height = 0, fps = 0;
   port::Backoff backoff{};
 };

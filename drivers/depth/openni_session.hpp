@@ -54,7 +54,8 @@ class OpenNiSession final : private openni::OpenNI::DeviceDisconnectedListener {
   std::string uri_;
   std::uint16_t units_per_mm_ = 1;
   bool recording_ = false, mirrored_ = false, listening_ = false;
-  int frames_left_ = 0;  // of a recording that knows its length; it is then stepped frame by frame
+  int frames_left_ =
+      0;  // frames left of a recording of known length, which is stepped frame by frame
   bool stepped_ = false;
   std::atomic<bool> gone_{false};
 };

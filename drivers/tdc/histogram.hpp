@@ -29,7 +29,7 @@ struct HistogramSettings {
   std::int32_t start_channel = 1;  // laser
   std::int32_t click_channel = 2;  // detector
   std::int64_t bin_width_ps = 100;
-  std::int64_t first_bin_ps = 13343;  // where bin 0 begins; may be negative (cable delays)
+  std::int64_t first_bin_ps = 13343;  // start of bin 0; may be negative (cable delays)
   std::uint32_t bins = 336;
   // For taggers that do neither by themselves (tag_filter.hpp).
   std::int64_t start_delay_ps = 0, click_delay_ps = 0, dead_time_ps = 0;

@@ -29,9 +29,10 @@ class TagFilter {
  public:
   explicit TagFilter(const FilterSettings& settings);
 
-  // What is ready, in the order of the delayed times. Valid until the next call.
+  // Adds tags; returns those that are ready, in the order of delayed times. Valid until the next
+  // call.
   std::span<const Tag> feed(std::span<const Tag> tags);
-  // What waits, because tags are missing after it or its slot ends.
+  // Returns the tags that still wait, because tags are missing after them or their slot ends.
   std::span<const Tag> flush();
   bool passes_all() const { return pass_through_; }
   // Tags removed by the dead time since the last call.

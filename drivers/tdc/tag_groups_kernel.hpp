@@ -17,7 +17,7 @@ namespace hn = hwy::HWY_NAMESPACE;
 using Times = hn::CappedTag<std::uint64_t, max_group>;
 using Bins = hn::Rebind<std::int32_t, Times>;
 constexpr std::size_t group = hn::MaxLanes(Times());
-constexpr unsigned sets = 1u << group;  // of lanes, as bits
+constexpr unsigned sets = 1u << group;  // number of sets of lanes, as bits
 
 // For each set, from where each lane takes its content, in pieces of `bytes` bytes: 4 is what AVX2
 // can permute across a vector, 1 within 16 bytes.
