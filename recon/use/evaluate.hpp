@@ -35,7 +35,7 @@ struct UncertaintyCalibration {
   double error_m = 0, deviation_m = 0;  // pixels' root mean square: of the mean map, as stated
 };
 
-// It counts the records whose label says two people (maps/people.hpp).
+// Counts of records labelled two_people (metrics/people.hpp), and of the flagged ones.
 struct TwoPeopleSeen {
   std::size_t records = 0, flagged = 0;
 };
