@@ -81,7 +81,8 @@ class Appender {  // appends one run to a Dataset
     data.sources.push_back({path_, info.uuid, data.size(), 0, radar_offset_m, response});
   }
 
-  // It reserves memory: a growing table would be there twice. Many runs do not each allocate anew.
+  // Reserves memory, because a growing table would be there twice. Many runs do not each allocate
+  // anew.
   void make_room(std::size_t records) {
     const auto reserve = [&](Matrix& table, std::size_t cols) {
       const std::size_t wanted = table.values.size() + records * cols;
@@ -133,7 +134,7 @@ class Appender {  // appends one run to a Dataset
     return sensors_.contains(Sensor::depth) ? data_.map.pixels() : 0;
   }
   static std::string absurd_counts(const record::FusedRecord& r) {
-    constexpr double most_a_second = 1e8;  // of any detector and tagger
+    constexpr double most_a_second = 1e8;  // detections, of any detector and tagger
     const double slot_s = seconds(r.slot_end - r.slot_start);
     for (std::size_t i = 0; i < r.spd.size(); ++i)
       if (r.spd[i] == std::numeric_limits<std::uint32_t>::max() ||
@@ -241,7 +242,7 @@ class Appender {  // appends one run to a Dataset
 void append(Dataset& data, const record::RunReader& run, std::int64_t first, std::size_t at_most,
             SensorSet sensors, const OnBadRecord& on_bad,
             const record::RunReader::InParallel& in_parallel = {}, DepthsSeen* depths = nullptr) {
-  // It is made while reading: a run that is being recorded may get an axis with its next record.
+  // Made while reading: a run that is being recorded may get an axis with its next record.
   std::optional<Appender> appender;
   const auto to = [&]() -> Appender& {
     if (appender) return *appender;

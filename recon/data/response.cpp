@@ -17,10 +17,10 @@ constexpr std::ptrdiff_t most_reach = 48;  // points
 // A twin of any window has .49 IoU at .67 of Blackman's width as it is and .45 brought, at .8 .44
 // and .45.
 constexpr double much_narrower = 0.75;
-constexpr int parts = 8;                  // of a step, at which the responses are compared
+constexpr int parts = 8;                  // parts of a step, at which the responses are compared
 constexpr double noise_to_signal = 1e-3;  // energy of the noise in eight points, of the peak's
 
-// It filters every `stride`-th value.
+// Filters every `stride`-th value.
 void filter(std::span<float> row, std::size_t stride, const std::vector<double>& weights) {
   const auto reach = std::ssize(weights) / 2,
              count = std::ssize(row) / static_cast<std::ptrdiff_t>(stride);
