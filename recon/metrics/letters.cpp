@@ -19,7 +19,7 @@ using Cells = cv::Mat1f;
 
 int cells_of(double length_m) { return static_cast<int>(std::lround(length_m / cell_m)); }
 
-// It draws the letter on its plate and one cell about it, four times as fine.
+// Draws the letter on its plate and one cell about it, four times as fine.
 Cells template_of(std::size_t letter, std::size_t size, const record::MapGrid& grid) {
   constexpr int fine = 4;
   const int columns = cells_of(letter_sizes[size].width_m) + 2;
@@ -40,8 +40,7 @@ Cells template_of(std::size_t letter, std::size_t size, const record::MapGrid& g
   return out;
 }
 
-// It cuts the near layer into cells about a place: 1 where the map shows something there or before
-// it.
+// Cuts the near layer into cells about a place: 1 where the map shows something there or before it.
 Cells near_layer(std::span<const float> map, const Scene& scene, const Plate& about,
                  cv::Size cells) {
   const auto side = static_cast<int>(scene.grid.size);

@@ -16,7 +16,7 @@ constexpr double undefined = std::numeric_limits<double>::quiet_NaN();
 constexpr double side_threshold_m = 0.3;
 constexpr double least_mass = 1;  // pixels' worth of foreground; less has no position
 
-// This is the mean of the added values; it is undefined if there are none.
+// Mean of the added values; undefined without any.
 struct Mean {
   double sum = 0;
   double weight = 0;
@@ -54,8 +54,8 @@ double centroid_tangent(const Mask& mask, const record::MapGrid& grid) {
   return tangent.value(least_mass);
 }
 
-// This is the SSIM map's mean over the mask dilated by the window, that is, where the 11 x 11
-// window holds a pixel of the mask.
+// Mean of the SSIM map over the mask dilated by the window: where the 11 x 11 window holds a pixel
+// of the mask.
 double ssim_near(const std::vector<double>& map, const Mask& mask, std::size_t size) {
   const std::size_t inner = size - 2 * ssim_border, window = 2 * ssim_border + 1;
   std::vector<char> across(size * inner);

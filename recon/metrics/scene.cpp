@@ -33,7 +33,7 @@ void clear_behind_bodies(std::vector<float>& background, const Matrix& depth, co
     if (5 * empty[p] >= rows.size()) background[p] = 0;
 }
 
-// It clamps the values to [0, most].
+// Clamps the values to [0, most].
 ECHOFUSE_CLONES void clamp(const float* values, float most, float* __restrict out,
                            std::size_t count) {
   for (std::size_t i = 0; i < count; ++i) {
@@ -97,7 +97,7 @@ ECHOFUSE_CLONES void share_of(const float* prediction, const float* background, 
                               std::size_t count, float* __restrict__ out) {
   for (std::size_t p = 0; p < count; ++p) {
     const float off = prediction[p] - background[p], way = depth_m - background[p];
-    // Where the background is at the very depth of the foreground, nothing tells them apart.
+    // False if background and foreground have the same depth, because nothing tells them apart.
     const bool tells = std::abs(way) > foreground_step_m;
     out[p] = (tells ? off : 0.f) / (tells ? way : 1.f);
   }

@@ -16,7 +16,7 @@ cv::Mat1d image_of(std::span<const float> values, std::size_t size) {
   return out;
 }
 
-// These are windowed means at the pixels whose window lies inside.
+// Windowed means at the pixels whose window lies inside.
 cv::Mat1d blur(const cv::Mat& image) {
   cv::Mat1d out;
   cv::GaussianBlur(image, out, {2 * border + 1, 2 * border + 1}, 1.5);
