@@ -15,7 +15,7 @@
 // Only OpenBLAS has these; with another BLAS the calls are left out.
 extern "C" void openblas_set_num_threads(int) __attribute__((weak));
 extern "C" int blas_thread_shutdown_() __attribute__((weak));
-// These are LAPACK's, which OpenBLAS brings along.
+// Functions of LAPACK, which OpenBLAS contains.
 extern "C" void sgeqrf_(const int* m, const int* n, float* a, const int* lda, float* tau,
                         float* work, const int* work_size, int* info);
 extern "C" void sorgqr_(const int* m, const int* n, const int* k, float* a, const int* lda,
@@ -35,8 +35,8 @@ const bool one_thread = [] {
   return true;
 }();
 
-// This is the part of the product that one call makes: `rows` x `cols` of C, starting at row `row`
-// and column `col`.
+// Part of the product that one call computes: `rows` x `cols` of C, starting at row `row` and
+// column `col`.
 struct Part {
   std::size_t row, col, rows, cols;
 };
@@ -66,8 +66,8 @@ void gemm(CBLAS_TRANSPOSE ta, CBLAS_TRANSPOSE tb, int m, int n, int k, double al
   cblas_dgemm(CblasRowMajor, ta, tb, m, n, k, alpha, a, lda, b, ldb, beta, c, ldc);
 }
 
-// It computes y += alpha x B, where B is k x n. It reads B once as it lies; a call of BLAS costs as
-// much as the product with a small B.
+// Computes y += alpha x B, where B is k x n, reading B once, because a call of BLAS costs as much
+// as the product with a small B.
 ECHOFUSE_CLONES void add_row_times(std::size_t k, std::size_t n, float alpha, const float* x,
                                    const float* b, float* __restrict__ y) {
   std::size_t i = 0;
@@ -81,7 +81,7 @@ ECHOFUSE_CLONES void add_row_times(std::size_t k, std::size_t n, float alpha, co
     for (std::size_t c = 0; c < n; ++c) y[c] += alpha * x[i] * b[c];
 }
 
-// It computes y = alpha op(B) x + beta y, where B is rows x cols as it lies in memory.
+// Computes y = alpha op(B) x + beta y, where B is rows x cols as it lies in memory.
 void gemv(CBLAS_TRANSPOSE tb, int rows, int cols, float alpha, const float* b, const float* x,
           float beta, float* y) {
   if (tb == CblasTrans && beta == 1)
@@ -94,7 +94,7 @@ void gemv(CBLAS_TRANSPOSE tb, int rows, int cols, double alpha, const double* b,
   cblas_dgemv(CblasRowMajor, tb, rows, cols, alpha, b, cols, x, 1, beta, y, 1);
 }
 
-// It must come before the first call of BLAS.
+// Chooses the kernels. Call before any function of BLAS.
 void choose_kernels() {
   static const bool chosen = one_thread && !blas_kernels().empty();
   static_cast<void>(chosen);

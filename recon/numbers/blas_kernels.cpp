@@ -42,8 +42,8 @@ std::string choose() {
   if (!openblas_get_corename || !gotoblas_dynamic_quit || !gotoblas_dynamic_init) return "BLAS";
   if (!std::getenv("OPENBLAS_CORETYPE")) {
     if (const char* core = better_than(openblas_get_corename())) {
-      // This is the only way to set the kernels. It is taken back, so that programs started from
-      // here choose for themselves.
+      // Sets the kernels: no other way exists. The variable is restored, so that programs started
+      // from here choose for themselves.
       ::setenv("OPENBLAS_CORETYPE", core, 1);
       gotoblas_dynamic_quit();
       gotoblas_dynamic_init();
