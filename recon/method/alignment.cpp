@@ -10,10 +10,9 @@
 namespace echofuse::recon {
 namespace {
 
-// This is what every record holds. In each column it is the level that few records are below, less
-// the distance from that level to the median: where bodies come and go, it is zero. A count that
-// scatters as photons alone do is all background, and its median is taken. `steadiness` is 0 for
-// values that are not counts.
+// Background: what every record holds. In each column the level that few records are below, less
+// its distance to the median: zero where bodies come and go. A count that scatters as photons alone
+// do is all background: its median. `steadiness` is 0 for values that are not counts.
 std::vector<float> background_of(std::span<const float> low, std::span<const float> median,
                                  double steadiness) {
   std::vector<float> out(low.size());

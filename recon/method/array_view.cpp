@@ -47,7 +47,7 @@ void ArrayView::add(std::span<const float> bin, double weight, Lags& to) const {
     to[d] += weight * std::complex<double>(bin[2 * d - 1], bin[2 * d]);
 }
 
-// It takes the beam's maximum on a grid, and then Newton's steps on the beam's derivative.
+// Direction of the beam's maximum: on a grid, then by Newton's steps on the derivative.
 double ArrayView::direction_of(const Lags& sum) const {
   const auto antennas = static_cast<double>(across_ + 1);
   double best = 0, most = -INFINITY;

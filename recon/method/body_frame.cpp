@@ -15,8 +15,8 @@ namespace {
 
 constexpr std::size_t most_side = record::most_map_size, most_cells = most_side * 3 / 2;
 
-// These are the points of one grid within another, along one side. Point i lies between low[i] and
-// low[i] + 1, by `part`.
+// Points of one grid within another, along one side. Point i lies between low[i] and low[i] + 1, by
+// `part`.
 struct Along {
   std::array<std::int32_t, most_cells> low;
   std::array<float, most_cells> part;
@@ -113,7 +113,7 @@ void BodyFrame::cut(std::span<const float> map, std::span<const float> backgroun
 
 namespace {
 
-// These are the points [first, last) of the map.
+// Points [first, last) of the map.
 struct Span {
   std::size_t first, last;
 };
@@ -135,7 +135,7 @@ struct Drawing {
   float depth_m, least;
 };
 
-// It draws the body's depth where the body's mask is above `least`; elsewhere the map stays. If
+// Draws the body's depth where the body's mask is above `least`; elsewhere the map stays. If
 // `share` is not null, it gets the mask.
 ECHOFUSE_CLONES void draw_rows(const Drawing& d, float* map, float* share) {
   const std::size_t first = d.map_columns.first, count = d.map_columns.last - first;

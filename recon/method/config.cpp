@@ -4,7 +4,7 @@
 namespace echofuse::recon {
 namespace {
 
-// It calls visit(key, value, least, most, text) for each number.
+// Calls visit(key, value, least, most, text) for each number.
 template <class Visit>
 void for_each_key(MethodConfig& c, Visit&& visit) {
   visit("background_quantile", c.background_quantile, 0.0, 0.5,

@@ -98,7 +98,7 @@ Matrix observe(const Dataset& data, const Rows& rows, const Features& sensors) {
   return sensors.raw_inputs(data, rows);
 }
 
-// This is step 2 for one record.
+// Step 2 for one record.
 void align(std::span<const float> observation, const Alignment& scene, std::span<float> view) {
   const AlignmentColumns at = scene.columns(view);
   values(view) = 0;
@@ -167,7 +167,7 @@ Shapes shape(const Matrix& standard_views, const BodyModel& model) {
   return {compose(model.masks, 0), compose(model.depths, model.masks.basis.rows)};
 }
 
-// This is step 5, equation (10).
+// Step 5, equation (10).
 void draw(const std::vector<Place>& places, const Shapes& shapes, const BodyModel& model,
           const Rows& rows, Matrix& maps, SoftMaps* soft) {
   for_each_part(rows.size(), [&](std::size_t i) {

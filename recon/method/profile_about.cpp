@@ -45,7 +45,7 @@ std::array<float, 2 * profile_taps> lanczos(double part) {
 
 }  // namespace
 
-// It takes profiles as they are recorded, not added up in wider bins. A power profile has twice the
+// Interpolates profiles as recorded, not added up in wider bins. A power profile has twice the
 // bandwidth of its amplitude, which is c/2B wide. Sampled at half of that (as in the base
 // condition) it is whole, and the sinc series gives it between its points. Lanczos's window ends
 // the series. All points that lie the same part of a step behind a recorded one have the same
@@ -71,7 +71,7 @@ void Alignment::add_profile(double range_m, std::span<const float> power,
     sums.assign(static_cast<std::size_t>(count), 0.f);
     for (std::ptrdiff_t k = 0; k < 2 * profile_taps; ++k) {
       const float weight = weights[static_cast<std::size_t>(k)];
-      // It visits the points first + k + j * step that were recorded.
+      // Visits the points first + k + j * step that were recorded.
       const std::ptrdiff_t at = first + k, step = steps_a_point_;
       const auto from = at < 0 ? (step - 1 - at) / step : 0;
       const auto to = std::min(count, (std::ssize(power) - at + step - 1) / step);

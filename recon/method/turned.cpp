@@ -35,14 +35,14 @@ TurnedBodies::TurnedBodies(const Alignment& alignment, const Matrix& inputs, con
       has_array_(alignment.array_features() > 0) {
   double deviation_m = 0;
   const double slope = slope_m(deviation_m), per_m = answer();
-  // It is written so that a slope of 0/0, which records that are all the same give, turns nobody.
+  // Comparison that is false for a slope of 0/0, which equal records give, so that nobody is
+  // turned.
   turns_ = std::abs(slope) > significance * deviation_m ||
            (has_array_ && deviation_m < least_deviation_m * per_m);
   if (turns_) baseline_m_ = slope / per_m;
 }
 
-// This is a least-squares fit of the displacement over the azimuth's sine. It is b to first order
-// of b / r.
+// Least-squares slope of the displacement over the sine of the azimuth: b, to first order of b / r.
 double TurnedBodies::slope_m(double& deviation_m) const {
   const auto n = static_cast<double>(rows_.size());
   double s = 0, d = 0, ss = 0, sd = 0, dd = 0;
@@ -59,8 +59,8 @@ double TurnedBodies::slope_m(double& deviation_m) const {
   return slope;
 }
 
-// This is how much a profile's displacement grows when the profile is moved by a metre. It is less
-// than 1 where noise holds the displacement at the middle.
+// Growth of a profile's displacement when the profile moves by a metre; less than 1 where noise
+// holds it at the middle.
 double TurnedBodies::answer() const {
   const std::size_t every = 1 + rows_.size() / most_probed;
   double sum_m = 0, count = 0;
