@@ -26,8 +26,8 @@ float intersection_over_union(std::span<const float> map, std::span<const float>
   return any > 0 ? static_cast<float>(both) / static_cast<float>(any) : 0;
 }
 
-// These are the metres to the right of the axis at the body's range, and how far the body's mean
-// depth lies behind that range.
+// Targets of the place networks: metres to the right of the axis at the body's range, and metres of
+// the mean depth behind that range.
 std::array<float, 2> position_target(const Place& place, float range_m) {
   return {place.tangent * range_m, place.depth_m - range_m};
 }

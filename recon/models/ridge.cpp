@@ -17,8 +17,8 @@ namespace {
 using InFloat = Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
-// This is the penalty with the least generalised cross-validation score, relative to the largest
-// singular value squared. projected = |U'Y|^2 per singular vector, total = |Y|^2.
+// Penalty with the least generalised cross-validation score, relative to the largest singular value
+// squared. projected = |U'Y|^2 per singular vector, total = |Y|^2.
 double best_penalty(const Eigen::VectorXd& s, const Eigen::VectorXd& projected, double total,
                     double records) {
   double best = 0, least = std::numeric_limits<double>::max();
@@ -64,8 +64,7 @@ TrainingLog Ridge::fit(const Samples& train, const Samples&, const FitOptions&) 
   Eigen::MatrixXd x = Eigen::Map<const InFloat>(inputs.values.data(), en, ed).cast<double>();
   const Eigen::RowVectorXd input_mean = x.colwise().mean();
   x.rowwise() -= input_mean;
-  // It stays in double precision to the end: a weak direction's weight magnifies what was rounded
-  // away.
+  // Double precision to the end: a weak direction's weight magnifies what was rounded away.
   RowMajor y(en, ep);
   for (std::size_t i = 0; i < n; ++i)
     y.row(static_cast<Eigen::Index>(i)) =

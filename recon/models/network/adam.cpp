@@ -16,7 +16,7 @@ constexpr float b1 = 0.9f, b2 = 0.999f, epsilon = 1e-8f;
 // their products are subnormal, and processors work slowly with these. NaN stays.
 constexpr float least_gradient = 1e-16f, least_moment = 1e-30f;
 
-// This is a function of its own, as the compiler vectorises over plain arguments only.
+// Function of its own, because the compiler vectorises over plain arguments only.
 inline __attribute__((always_inline)) void step_each(std::size_t n, float* p, float* m, float* v,
                                                      float* g, float keep, float rate) {
   for (std::size_t i = 0; i < n; ++i) {
@@ -31,7 +31,7 @@ inline __attribute__((always_inline)) void step_each(std::size_t n, float* p, fl
 }
 
 #if defined(__x86_64__)
-// It gives the same numbers, bit by bit: it is built without FMA, whose products are not rounded.
+// Same numbers, bit by bit: built without FMA, whose products are not rounded.
 __attribute__((target("avx2"))) void step_avx2(std::size_t n, float* p, float* m, float* v,
                                                float* g, float keep, float rate) {
   step_each(n, p, m, v, g, keep, rate);

@@ -110,7 +110,7 @@ template void backward(const Network&, const std::vector<double>&, const double*
 
 namespace {
 
-// It archives layer l. The place of the layer in the parameters is known when it is written.
+// Reads or writes layer l. The place of the layer in the parameters is known when it is written.
 void archive_layer(Archive archive, const Layer& layer, std::vector<float>& parameters) {
   Matrix weights(layer.inputs, layer.outputs);
   std::vector<float> biases(layer.outputs);
@@ -142,7 +142,7 @@ void archive(Archive archive, Network& network, std::vector<float>& parameters, 
                         [](auto w) { return w > 0 && w <= 1 << 20; }) &&
             std::cmp_equal(widths.front(), inputs) && std::cmp_equal(widths.back(), outputs),
         "widths", "expected from " + std::to_string(inputs) + " to " + std::to_string(outputs));
-    // It checks the file's own tensors before there is memory for the sizes that a header asks for.
+    // Checks the file's own tensors before there is memory for the sizes that a header asks for.
     for (std::size_t l = 0; l + 1 < widths.size(); ++l)
       archive.in("layer" + std::to_string(l))
           .require_shape("weights", {static_cast<std::size_t>(widths[l]),

@@ -24,14 +24,13 @@ double annealed(double rate, double progress) {
 
 double square(double v) { return v * v; }
 
-// These values make errors of a row of outputs; `times` makes slopes of the errors. per_spread is 1
-// / spread.
+// Targets of a row of outputs, and the factors from errors to slopes. per_spread is 1 / spread.
 struct Wanted {
   const float *truth, *centre, *per_spread;
   float times;
 };
 
-// It puts the slopes in place of a row of outputs, and returns the sum of the squared errors.
+// Puts the slopes in place of a row of outputs, and returns the sum of the squared errors.
 double to_slopes(const Wanted& wanted, std::size_t columns, float* outputs) {
   const auto count = static_cast<Eigen::Index>(columns);
   const auto row = [&](const float* values) {
@@ -183,13 +182,13 @@ void Regression::move_centre(const Examples& train) {
   for (std::size_t c = 0; c < sum.size(); ++c) centre_[c] += static_cast<float>(share * sum[c]);
 }
 
-// It pulls towards the weights that training began with.
+// Pulls towards the weights at the start of the training (L2 penalty).
 void Regression::pull_back(const std::vector<float>& parameters, float pull) {
   for (std::size_t i = 0; i < parameters.size(); ++i)
     gradient_[i] += pull * (parameters[i] - parameters_[i]);
 }
 
-// It trains to the end of the epoch, or until an interrupt.
+// Trains to the end of the epoch, or until an interrupt.
 void Regression::train_epoch(const Examples& train, const Training& training, TrainingState& s) {
   std::shuffle(s.order.begin(), s.order.end(), s.order_rng);
   const std::span<const std::size_t> rows(s.order);
@@ -204,7 +203,7 @@ void Regression::train_epoch(const Examples& train, const Training& training, Tr
   }
 }
 
-// It ends the epoch: it logs the losses, and keeps the weights if they are the best so far.
+// Ends the epoch: logs the losses, and keeps the weights if they are the best so far.
 void Regression::judge(const Examples& validation, TrainingState& s, const std::string& title) {
   const double values = static_cast<double>(std::max<std::size_t>(s.row, 1) * centre_.size());
   s.log.loss.push_back(std::sqrt(s.squares / values) * unit_);
@@ -222,7 +221,7 @@ void Regression::judge(const Examples& validation, TrainingState& s, const std::
   if (judged < s.least) s.least = judged, s.best = s.parameters, s.log.best_epoch = s.epoch;
 }
 
-// It takes one step, and returns the sum of squared errors, in units of the spread.
+// Takes one step, and returns the sum of squared errors, in units of the spread.
 double Regression::train_batch(const Examples& train, std::span<const std::size_t> rows,
                                const Training& training, TrainingState& s, double learning_rate) {
   batch_inputs_ = take_rows(train.inputs, {rows.begin(), rows.end()});
