@@ -37,7 +37,7 @@ std::string choose(const Dataset& data, const Split& split, const TrainOptions& 
 
 constexpr std::uint64_t weight_stream = 0x77656967;  // "weig"
 
-// It repeats each row as often as its run counts.
+// Repeats each row as often as its run counts.
 Rows weighted(const Dataset& data, const Rows& rows, const TrainOptions& options) {
   if (options.weights.empty()) return rows;
   if (options.weights.size() != data.sources.size())
@@ -97,9 +97,8 @@ constexpr double most_times = 100;    // most times that a record counts
 constexpr std::size_t others_least = 100;  // least number of others to tell that it is unlike them
 constexpr double most_p = 0.05;            // by chance; few records cannot give a small one
 
-// Beside many records of other rooms, a training hardly learns from few records of the use. If a
-// test tells these runs apart, the use's records count more often. Otherwise each record counts
-// once.
+// A few records of the target room are swamped by many others, so they count more often if a test
+// tells both apart. Otherwise each record counts once.
 std::vector<double> weights_of(const Dataset& data, const Split& split, Inputs inputs,
                                const TrainOptions& options) {
   const Rows use = of_use(data, options);
@@ -132,7 +131,7 @@ void say(const TrainOptions& options, const std::string& text) {
   if (!options.fit.quiet) std::fprintf(stderr, "%s\n", text.c_str());
 }
 
-// It describes one of the estimators of a model.
+// Describes one of the estimators of a model.
 struct Wanted {
   std::string name;  // candidate
   Inputs inputs;
@@ -147,7 +146,7 @@ struct Wanted {
 // is lost.
 std::vector<Wanted> wanted_of(const Dataset& data, const std::string& name,
                               const TrainOptions& options) {
-  constexpr std::size_t enough = 500, enough_of_spd = 150;  // it is seldom asked
+  constexpr std::size_t enough = 500, enough_of_spd = 150;  // the SPD's model is seldom used
   const Inputs inputs = inputs_of(options.inputs);
   const bool aligned = looks_at_body(name, options);
   std::vector<Wanted> out{{name, inputs, options.scaling, options.fit, enough}};
@@ -163,9 +162,8 @@ std::vector<Wanted> wanted_of(const Dataset& data, const std::string& name,
   return out;
 }
 
-// These are the rows of a training. `fit` holds the rows that networks learn from, with
-// repetitions. `used` holds the rows that stand for the use, and the model's errors are stated for
-// them.
+// Rows of a training. `fit`: rows that networks learn from, with repetitions. `used`: rows that
+// stand for the later use; the model's errors are stated for them.
 struct Material {
   Split fit, used;
   std::function<Split(Split)> with_others;  // adds the other runs to a part of the used records

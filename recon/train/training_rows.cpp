@@ -96,7 +96,7 @@ TrainingRows rows_to_train(const Dataset& data, Inputs inputs) {
 
 std::string alike_neighbours(const Dataset& data, const Rows& rows) {
   constexpr std::size_t sample = 200, others = 50, pixel_step = 7;
-  constexpr double most_share = 0.3;  // of independent scenes 2 of 52
+  constexpr double most_share = 0.3;  // 2 of 52 independent scenes reach it
   if (rows.size() < others) return {};
   const auto distance = [&](std::size_t i, std::size_t k) {
     const auto a = data.depth.row(rows[i]), b = data.depth.row(rows[k]);

@@ -21,8 +21,8 @@ namespace {
 
 constexpr std::array pulls{100., 30., 10., 3., 1.};
 constexpr double usual_pull = 30, turned_pull = 30, least_pull_of_few = 10;
-// This is a share of the pixels of the median map. People alone fill less of it, where they stand
-// in half of few records.
+// Share of the pixels of the median map. People alone fill less, even if half of few records have
+// them in one place.
 constexpr double changed_share = 0.2;
 
 const char* const as_it_was = "as it was";
@@ -158,8 +158,7 @@ TrainingRows rows_of(const std::vector<Start>& starts) {
   return out;
 }
 
-// It adds to the model of the chosen kind what belongs beside it. With too few records there is no
-// uncertainty.
+// Adds the parts beside the chosen model; no uncertainty with too few records.
 void finish(Estimator& model, const Dataset& data, const Split& split,
             const std::vector<Judged>& judged, std::uint64_t seed) {
   const Rows all = all_rows(data.size());
@@ -244,7 +243,7 @@ TunedModel tune(const std::vector<Start>& starts, const TuneOptions& options) {
   const Split split = make_split(rows, options.split);
   const Scene judged_by = scene_for(starts.front().model.first(), starts.front().data, split.train);
   std::vector<Choice> choices;
-  choices.reserve(starts.size());  // what is tried refers to them
+  choices.reserve(starts.size());  // the candidates refer to them
   for (const Start& start : starts) {
     choices.emplace_back(judged_by, split, options.split);
     try_all(choices.back(), start, split, options, choices.size() == 1);
