@@ -22,13 +22,13 @@ constexpr std::size_t block = 10;  // records
 constexpr int permutations = 4000;
 constexpr std::uint64_t permutation_stream = 0x646f6d61;  // "doma"
 constexpr double clearly = 4;                             // standard errors
-// These limits are in units of a record's usual deviation, and of its square. Smaller differences
-// do not matter.
+// Limits in units of a record's usual deviation, and of its square; smaller differences do not
+// matter.
 constexpr double least_mean = 0.1, least_square = 0.3;
 constexpr double most_square = 16;  // one stray record does not make another world
 
-// It gives the numbers as deviations from the training's means, and the squares of these: [m x 2
-// numbers]. A number that is not known counts as the mean.
+// Numbers as deviations from the training's means, and their squares: [m x 2 numbers]. An unknown
+// number counts as the mean.
 class Standard {
  public:
   explicit Standard(const Matrix& known) {
@@ -61,7 +61,7 @@ class Standard {
   std::array<double, record_number_count> centre_{}, deviation_{};
 };
 
-// It returns means of ten rows each; the rows left over at the end belong to no block.
+// Returns means of ten rows each; the rows left over at the end belong to no block.
 MatrixXd block_means(const MatrixXd& rows) {
   const auto size = Index(block), blocks = rows.rows() / size;
   MatrixXd out(blocks, rows.cols());
@@ -69,7 +69,7 @@ MatrixXd block_means(const MatrixXd& rows) {
   return out;
 }
 
-// It draws `drawn` blocks at random, and returns the differences of their mean and the mean of the
+// Draws `drawn` blocks at random, and returns the differences of their mean and the mean of the
 // others: one draw a row.
 MatrixXd permuted(const MatrixXd& blocks, Index drawn) {
   const VectorXd all = blocks.colwise().sum();

@@ -21,7 +21,7 @@ constexpr std::uint64_t held_stream = 0x68656c64;  // "held"
 constexpr std::size_t most_components = 36, rows_a_component = 60;
 constexpr std::size_t folds_of_few = 4, folds_of_many = 10;  // one fold sets the limits
 constexpr std::size_t few_records = 400, many_records = 3000;
-// This share of records like the training ones lies above the limit of T^2, that of two bodies, and
+// Share of records like the training ones that lies above the limit of T^2, that of two bodies, and
 // those of Q, which share it.
 constexpr double above_limit = 0.002;
 constexpr double not_known = -1e9;           // the training lacks this number

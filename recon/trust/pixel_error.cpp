@@ -33,8 +33,8 @@ SoftMaps probabilities_of(const Matrix& maps, const Scene& scene) {
   return out;
 }
 
-// It blurs each row of shares sideways by the deviation of the same row of the list (metres), at
-// the row's depths.
+// Blurs each row of shares sideways by the deviation of the same row of the list (metres), at the
+// row's depths.
 void blur(SoftMaps& maps, const record::MapGrid& grid, const std::vector<double>& deviation_m) {
   constexpr double least_pixels = 0.2;
   const auto side = static_cast<int>(grid.size);

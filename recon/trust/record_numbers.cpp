@@ -12,8 +12,7 @@ namespace {
 
 using Kind = RecordNumber::Kind;
 
-// These are added before the logarithm: plain noise may make such variation, and it differs with
-// the noise.
+// Added before the logarithm, because plain noise makes such variation, too.
 constexpr std::array<double, power_variations> of_noise = {0.3, 0.3, 0.02};
 
 struct Moments {
