@@ -12,11 +12,11 @@
 namespace echofuse::view {
 
 struct Access {
-  std::string token;         // of this server's start
+  std::string token;         // token of this start of the server
   bool token_asked = false;  // to look; to write it is asked always
-  bool loopback = true;      // it listens to this machine only
+  bool loopback = true;      // true: listens to this machine only
   bool many = false;         // runs of a folder, of which one is chosen
-  std::string host_name;     // of this machine
+  std::string host_name;     // name of this machine
 
   // "127.0.0.1:8410", "[::1]", "localhost": another machine's name is refused.
   bool takes_host(std::string_view host) const;

@@ -9,7 +9,7 @@
 
 namespace echofuse::view {
 
-// This is how the run was made: [name, text] each.
+// Facts about the making of the run: [name, text] each.
 nlohmann::json Show::facts() const {
   const record::RunInfo& info = run_.info();
   nlohmann::json out = nlohmann::json::array();
@@ -28,7 +28,7 @@ nlohmann::json Show::facts() const {
         add(name_of(c.sensor) + std::string(", calibrated"),
             recon::formatted("%+.4f m, %.10s", c.offset_m, c.date_utc.c_str()));
     });
-  } catch (const Error&) {  // it is said elsewhere
+  } catch (const Error&) {  // reported elsewhere
   }
   std::istringstream lines(info.config_resolved);
   std::string table;

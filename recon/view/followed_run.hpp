@@ -14,7 +14,7 @@
 
 namespace echofuse::view {
 
-// This is kept of each record for the strips over the run.
+// Values kept of each record for the strips over the run.
 struct Outline {
   std::int64_t index = 0;
   UtcTime start{}, end{};
@@ -22,19 +22,19 @@ struct Outline {
   PerSensor<float> used{}, lost{}, residual_s{};  // residual_s: NaN where there is none
 };
 
-// This is the state of one sensor up to the last record.
+// State of one sensor up to the last record.
 struct SensorState {
-  std::string verdict;  // of the last record
+  std::string verdict;  // verdict of the last record
   bool configured = false, valid = false;
   std::optional<UtcTime> last_valid;    // the end of its last valid slot
   double used = 0;                      // in the last record
   std::optional<std::int64_t> arrived;  // frames in its slot, used or not
-  std::uint64_t lost = 0, late = 0;     // of the whole run
+  std::uint64_t lost = 0, late = 0;     // counts of the whole run
   std::uint64_t missing = 0;            // records of the run without it
   std::optional<double> residual_s;
 };
 
-// It changes whenever a run does.
+// Stamp of a file that changes whenever a run does.
 struct FileStamp {
   std::uint64_t inode = 0, bytes = 0;  // bytes: with the WAL
   std::int64_t changed_ns = 0;
@@ -45,9 +45,8 @@ FileStamp stamp_of(const std::string& path);
 
 class FollowedRun {
  public:
-  // A run file, or a folder: its newest run, which is the one that began last. Neither has to be
-  // there yet. Of a run in parts, by its name or as the newest, all of them: path(), info() and
-  // axes() are of the last one.
+  // target: a run file, or a folder (then its newest run, the one that began last); may not exist
+  // yet. Follows all parts of a run; path(), info() and axes() are of the last one.
   explicit FollowedRun(std::string target) : target_(std::move(target)) {}
 
   // Looks whether anything is new, which costs next to nothing if not. Returns whether there was.
@@ -61,16 +60,16 @@ class FollowedRun {
   const std::vector<Axis>& axes() const { return axes_; }
   const std::vector<record::Event>& events() const { return events_; }  // the last of them
   const std::vector<Outline>& outlines() const { return outlines_; }
-  // It is of the radar's chip, by place, as the last record has them.
+  // Temperatures of the radar's chip by place, degrees C, of the last record.
   const std::vector<std::pair<std::string, int>>& temperatures() const { return temperatures_; }
   const std::string& label() const { return label_; }
   const PerSensor<SensorState>& sensors() const { return sensors_; }
-  // It is of all records: their number, how many are doubtful, and verdicts by sensor.
+  // Summary of all records: their number, the doubtful ones, and verdicts by sensor.
   const record::RunSummary& verdicts() const { return verdicts_; }
   std::optional<std::int64_t> last() const;  // index
   bool live() const { return info_.status == "open"; }
-  std::uint64_t bytes() const;                      // of its files
-  std::optional<std::uint64_t> free_bytes() const;  // of its disk
+  std::uint64_t bytes() const;                      // bytes of its files
+  std::optional<std::uint64_t> free_bytes() const;  // free bytes of its disk
 
   // Opens the run for one look; of a run in parts, that with this record, or the last one. Throws
   // Error.
@@ -112,7 +111,7 @@ class FollowedRun {
   std::vector<std::pair<std::string, int>> temperatures_;
 };
 
-// This is how long ago a sensor's last valid slot ended; none if it had none.
+// Seconds since a sensor's last valid slot ended; nothing if it had none.
 std::optional<double> age_s(const SensorState& sensor, UtcTime now);
 // Two slots without a valid one: as a lamp shows it in red.
 bool is_stale(const SensorState& sensor, double window_s, UtcTime now);

@@ -18,15 +18,14 @@ using HttpRequest = http::request<http::empty_body>;
 using HttpResponse = http::response<http::string_body>;
 inline constexpr std::uint32_t most_header_bytes = 8192;
 
-// It says who sent a request, and what it wants. If `refusal` is not ok, it is the answer. Of a
-// folder /run/NAME/ is the page of a run, whether there is one of that name or not, and /newest/
-// that of the newest.
+// Sender and target of a request. A `refusal` other than ok is the answer. In a folder /run/NAME/
+// is the page of a run, whether it exists or not, and /newest/ that of the newest.
 struct Caller {
   http::status refusal = http::status::ok;
   std::string why;
   std::string path;   // below that of the run
   std::string run;    // its name; empty: the only one, or the newest of the folder
-  bool page = false;  // of a run: else / is where one is chosen
+  bool page = false;  // page of a run; else / chooses one
   bool may_write = false;
 };
 // `socket`: it wants to become a WebSocket, whose Origin is checked as well.

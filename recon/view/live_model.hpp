@@ -14,11 +14,11 @@ namespace echofuse::view {
 
 struct Reconstruction {
   std::vector<float> map_m,
-      deviation_m;  // of grid; the deviation is empty if the model states none
+      deviation_m;  // on `grid`, metres; the deviation is empty if the model states none
   record::MapGrid grid;
-  std::string fault;  // why there is none; or empty
-  std::string note;   // what the model had to do without, or what is odd about the record
-  std::optional<double> x_m, z_m;  // of the body, if the map shows one
+  std::string fault;               // why there is none; or empty
+  std::string note;                // sensors that the model lacked, or oddities of the record
+  std::optional<double> x_m, z_m;  // metres, if the map shows a body
   std::optional<double> lateral_interval_90_m;
   std::optional<double> iou, lateral_error_m;  // against the depth camera
 };
@@ -28,11 +28,11 @@ class LiveModel {
   explicit LiveModel(const std::string& path);  // throws as recon::load_model
   const std::string& name() const { return name_; }
   bool calibrated() const { return model_->uncertainty.has_value(); }
-  // It says whether the training looked at this record of the run.
+  // True if the training used this record of the run.
   bool saw(const std::string& run_uuid, std::int64_t index) const;
   // Never throws for what a record or a run is like: that is a fault.
   Reconstruction reconstruct(const record::RunReader& run, std::int64_t index) const;
-  // This is how well it meets what the camera sees, if that is on the same grid.
+  // Compares with the camera's map, if that is on the same grid.
   void compare(Reconstruction& made, std::span<const float> camera_map_m) const;
   // Why maps of these records are not to be trusted as a whole (recon::DomainShift); empty if
   // nothing speaks against it, or too few records tell.

@@ -26,7 +26,7 @@ struct Options {
   bool text = false, quiet = false;
 };
 
-// Whoever started us may wait for the end of these streams.
+// Moves the streams to /dev/null, because the parent process may wait for their end.
 void leave_terminal() {
   const int none = ::open("/dev/null", O_RDWR | O_CLOEXEC);
   for (const int stream : {STDIN_FILENO, STDOUT_FILENO, STDERR_FILENO})

@@ -27,7 +27,7 @@ std::vector<float> beams_of(const record::FusedRecord& r, const record::Antennas
 std::size_t column_bins(std::size_t bins);
 std::vector<float> column_of(const std::vector<float>& values);
 
-// This is what the camera sees on this grid, metres, 0 without a return; empty without a picture.
+// Camera's map on this grid, metres, 0 = no return; empty without a picture.
 std::vector<float> map_of(const record::FusedRecord& r, const std::vector<Axis>& axes,
                           const record::MapGrid& grid);
 

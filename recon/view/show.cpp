@@ -84,7 +84,7 @@ Json Show::sensors() const {
   return out;
 }
 
-// This is how long the disk lasts: by what the records so far took.
+// Free disk, and how long it lasts at the rate of the records so far.
 Json Show::disk() const {
   const auto free = run_.free_bytes();
   if (!free) return nullptr;

@@ -46,7 +46,7 @@ class Show {
   std::int64_t last_index_ = -1;
   int last_edition_ = -1, reference_edition_ = -1;
   bool last_live_ = false;
-  // It speaks of the newest records' maps as a whole.
+  // Doubt about the newest records' maps as a whole.
   std::string doubt_;
   HostTime judged_{};
   std::int64_t judged_last_ = -1;
