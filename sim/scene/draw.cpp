@@ -16,7 +16,7 @@ double log_factorial(double k) {
   return ::lgamma_r(k + 1, &sign);
 }
 
-// It adds waiting times between events until they exceed the mean.
+// Counts by adding waiting times between events until they exceed the mean.
 std::int64_t count_poisson(double mean, Rng& rng) {
   const double limit = std::exp(-mean);
   std::int64_t k = 0;
@@ -24,7 +24,7 @@ std::int64_t count_poisson(double mean, Rng& rng) {
   return k;
 }
 
-// It adds geometric gaps between successes until they exceed n.
+// Counts by adding geometric gaps between successes until they exceed n.
 std::int64_t count_binomial(std::int64_t n, double p, Rng& rng) {
   const double scale = 1 / std::log1p(-p);
   std::int64_t k = 0;
@@ -34,7 +34,7 @@ std::int64_t count_binomial(std::int64_t n, double p, Rng& rng) {
   }
 }
 
-// This is one pair of uniforms of the transformed rejection, with hat parameters a and b.
+// One pair of uniforms of the transformed rejection, with hat parameters a and b.
 struct Proposal {
   double us, v, k;
   Proposal(double a, double b, double centre, Rng& rng) {

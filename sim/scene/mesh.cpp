@@ -22,7 +22,7 @@ constexpr std::size_t most_triangles = 1'000'000;
 constexpr std::uint64_t most_elements = 10'000'000;
 constexpr double farthest = 1e6;  // largest coordinate: anything beyond is damage
 
-// It reads the words of a text, line by line.
+// Reads the words of a text, line by line.
 class Text {
  public:
   Text(std::string_view text, const std::string& name) : text_(text), name_(name) {}
@@ -69,7 +69,7 @@ class Text {
   std::size_t at_ = 0, line_ = 0;
 };
 
-// It adds the fan of a polygon.
+// Adds the fan of a polygon.
 void add_polygon(Mesh& mesh, const std::vector<std::uint32_t>& corners) {
   for (std::size_t i = 2; i < corners.size(); ++i) {
     const Vec3 a = mesh.points[corners[0]], b = mesh.points[corners[i - 1]],

@@ -27,7 +27,7 @@ Vec3 limb(double side, double swing_deg, double spread_deg) {
           std::cos(spread) * std::sin(swing)};
 }
 
-// It returns 1, or a factor about 1. A size that does not vary draws no number.
+// Returns 1, or a factor about 1. A size that does not vary draws no number.
 double varied(double by, SceneSampler& sampler) {
   return by > 0 ? 1 + sampler.uniform(-by, by) : 1;
 }
@@ -35,7 +35,7 @@ double varied_log(double by, SceneSampler& sampler) {
   return by > 0 ? std::exp(sampler.uniform(-by, by)) : 1;
 }
 
-// This is an angle of a joint, in degrees.
+// Angle of a joint, in degrees.
 double pose(double low, double high, const Conditions& c, SceneSampler& sampler) {
   const double middle = (low + high) / 2, half = c.pose_spread * (high - low) / 2;
   return sampler.uniform(middle - half, middle + half);
@@ -52,11 +52,11 @@ Leg random_leg(double side, double length, const Conditions& c, SceneSampler& sa
   return {hip, knee, knee + length * shin * limb(side, swing - bend, spread)};
 }
 
-// These are factors of the base body's sizes.
+// Factors of the base body's sizes.
 struct Build {
   double girth, shoulders, limbs, legs;
-  // This is the factor of what is above the hip. It is larger for shorter legs, so that the whole
-  // body keeps its height.
+  // Factor of the body above the hip; larger for shorter legs, so that the whole body keeps its
+  // height.
   double trunk() const { return 1 - (legs - 1) * hip_height / (1 - hip_height); }
 };
 Build random_build(const Conditions& c, SceneSampler& sampler) {
@@ -65,7 +65,7 @@ Build random_build(const Conditions& c, SceneSampler& sampler) {
           c.limb_width * varied(by, sampler), c.leg_length * varied(by / 4, sampler)};
 }
 
-// These are the reflectivities of a part of the body for light and for the radar.
+// Reflectivities of a part of the body for light and for the radar.
 struct Surface {
   double albedo, radar;
 };
@@ -81,7 +81,7 @@ Clothes random_clothes(const Conditions& c, double albedo, SceneSampler& sampler
   return {part(c.radar_cloth), part(c.radar_cloth), part(c.radar_cloth), part(c.radar_skin)};
 }
 
-// It builds one body. Its own coordinates are in body heights: x to the image's right when it faces
+// Builds one body. Its own coordinates are in body heights: x to the image's right when it faces
 // -z, y up from the floor, z to its front.
 class Body {
  public:

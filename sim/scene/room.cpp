@@ -21,7 +21,7 @@ Plate wall(double x0, double z0, double x1, double z1, double albedo) {
   return rectangle(0.5 * (from + to), (1 / width) * (to - from), up, width, 7, albedo);
 }
 
-// It makes the two side walls, from floor to ceiling, and floor and ceiling of the same length.
+// Makes the two side walls, from floor to ceiling, and floor and ceiling of the same length.
 std::vector<Plate> tube(double left_x, double right_x, double length_m) {
   const Vec3 right{1, 0, 0}, away{0, 0, 1};
   const double middle_x = (left_x + right_x) / 2, middle_y = (floor_y_m + ceiling_y_m) / 2;
@@ -69,7 +69,7 @@ std::vector<Room> build() {
                                 wall(2.0, 5.415, 3.4, 5.531, 0.7), wall(0.6, 6.3, 2.6, 6.4, 0.5)};
   const std::vector<Plate> other{wall(-3.4, 5.45, -0.2, 5.2, 0.3),
                                  wall(-0.4, 5.05, 3.2, 4.75, 0.8)};
-  // These are the parts of the room's own walls between the sides.
+  // Parts of the room's own walls between the sides.
   std::vector<Plate> closed = tube(-2.2, 2.9, 5.6);
   closed.push_back(wall(-2.2, 4.746, 0.1, 5.01, 0.5));
   closed.push_back(wall(-0.3, 5.225, 2.9, 5.490, 0.7));

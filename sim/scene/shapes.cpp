@@ -14,8 +14,8 @@ namespace {
 constexpr double near_m = 0.05;
 constexpr Interval everything{-INFINITY, INFINITY}, none{INFINITY, -INFINITY};
 
-// These are the tangents under which a disc of this radius at (s, z) appears in its plane. It is
-// the exact silhouette of a sphere along one axis, (s - t z)^2 = radius^2 (1 + t^2).
+// Tangents under which a disc of this radius at (s, z) appears in its plane. It is the exact
+// silhouette of a sphere along one axis, (s - t z)^2 = radius^2 (1 + t^2).
 Interval disc_tangents(double s, double z, double radius) {
   if (z - radius < near_m) return everything;
   const double square = z * z - radius * radius;
@@ -93,7 +93,7 @@ ECHOFUSE_CLONES void meet_triangle(const TriangleShape& t, const double* x, cons
   }
 }
 
-// It computes where rays cross the plate's plane, and where that is on the plate.
+// Computes where rays cross the plate's plane, in space and on the plate.
 ECHOFUSE_CLONES void cross_plane(const PlateShape& p, const double* x, const double* y,
                                  double* __restrict met, double* __restrict along_u,
                                  double* __restrict along_v, std::size_t count) {
@@ -132,7 +132,7 @@ ECHOFUSE_CLONES void aim_rays(const double* columns, const double* sides, const 
   }
 }
 
-// It shades a surface with a unit normal.
+// Shades a surface with a unit normal.
 ECHOFUSE_CLONES void shade_flat(Vec3 n, const double* x, const double* y, double* cosine,
                                 std::size_t count) {
   for (std::size_t i = 0; i < count; ++i)

@@ -23,8 +23,7 @@ double efficiency(double radius_um, double wavelength_um, double refractive_inde
   return 2 - 4 / rho * std::sin(rho) + 4 / (rho * rho) * (1 - std::cos(rho));
 }
 
-// This is the integral over all radii of r^power exp(-b r) weighed by f, in steps of a 400th of the
-// mean.
+// Integral over all radii of r^power exp(-b r) weighed by f, in steps of a 400th of the mean.
 template <class F>
 double integral(const DropClass& drops, double power, const F& f) {
   const double mean = (drops.alpha + power + 1) / drops.b_per_um, step = mean / 400;
