@@ -55,7 +55,7 @@ namespace {
 constexpr double pi = std::numbers::pi;
 constexpr double sway_rate = 2;       // 1/s, for sway and twist
 constexpr double breath_rate = 0.25;  // Hz
-// These are heights of a person of middle height.
+// Heights for a person of middle height.
 constexpr double head_m = 1.65, chest_m = 1.25, chest_half_m = 0.3;
 
 }  // namespace
@@ -76,8 +76,8 @@ BodyMotion::BodyMotion(const Conditions& c, std::size_t people, Rng& rng)
   set_modes();
 }
 
-// It is exact for any step. Place and speed have the mean exp(-wt) [[1 + wt, wt], [-wt, 1 - wt]];
-// the added covariance is what is missing to the stationary one, which is the identity.
+// Advances exactly, for any step. Place and speed have the mean exp(-wt) [[1 + wt, wt], [-wt, 1 -
+// wt]]; the added covariance is what is missing to the stationary one, which is the identity.
 void BodyMotion::advance(double time_s, Rng& rng) {
   const double t = sway_rate * time_s, decay = std::exp(-t);
   const double a = decay * (1 + t), b = decay * t, d = decay * (1 - t);
@@ -141,8 +141,8 @@ void divide(EchoCell& cell) {
   for (double* sum : {&cell.range_m, &cell.x, &cell.y, &cell.height_m}) *sum /= cell.weight;
 }
 
-// It adds up all patches of one kind (Returns::reflector, leakage); a weight of 0 means that there
-// are none.
+// Adds up all patches of one kind (Returns::reflector, leakage); a weight of 0 means that there are
+// none.
 EchoCell cell_of_kind(const Returns& returns, std::int32_t kind) {
   EchoCell cell;
   for (std::size_t k = 0; k < returns.place.size(); ++k)
@@ -221,14 +221,12 @@ double slot_of(double range_m, const RadarAxis& axis) {
   return std::floor(range_m / axis.resolution_m * slots_per_cell);
 }
 
-// It says by how much less the phase of an echo is at a carrier that is higher by carrier_hz, in
-// turns.
+// Phase lag of an echo, in turns, at a carrier that is higher by carrier_hz.
 double turns_of_carrier(double range_m, double carrier_hz) {
   return -2 * range_m * carrier_hz / speed_of_light_m_s;
 }
 
-// It gives the responses of the points of an axis, a column each, to the middles of slots, a row
-// each.
+// Responses of the points of an axis (columns) to the middles of slots (rows).
 MatrixXf responses(const RadarAxis& axis, const std::vector<double>& slots) {
   const RangeResponse response(axis);
   std::vector<double> psf;
@@ -241,7 +239,7 @@ MatrixXf responses(const RadarAxis& axis, const std::vector<double>& slots) {
   return out;
 }
 
-// It adds echoes from slots, a column each, as the points receive them.
+// Adds echoes from slots, a column each, as the points receive them.
 void add_echoes(const MatrixXcf& slots, const MatrixXf& response, Samples& samples) {
   const Eigen::Map<const MatrixXf> from(reinterpret_cast<const float*>(slots.data()),
                                         2 * slots.rows(), slots.cols());
@@ -249,8 +247,7 @@ void add_echoes(const MatrixXcf& slots, const MatrixXf& response, Samples& sampl
       .noalias() += from * response;
 }
 
-// These are the waves from directions u, v, a column each, at the antennas, a row each, as their
-// channels record them.
+// Waves from directions u, v (columns) at the antennas (rows), as their channels record them.
 MatrixXcf waves(const Antennas& antennas, const ArrayXf& u, const ArrayXf& v,
                 const ArrayXf& amplitude, const ArrayXf& ahead_turns) {
   const auto n = static_cast<Index>(antennas.size());
@@ -424,7 +421,8 @@ class AntennaEcho::Speckle : public Moving {
     return std::min(slot_m, speed_of_light_m_s / (4 * pi * std::max(step_hz, 1.0)));
   }
 
-  // It takes Doppler bin 0, with this number of turns from one chirp of a transmitter to its next.
+  // Keeps Doppler bin 0 only, with this number of turns from one chirp of a transmitter to its
+  // next.
   void lose_doppler(const ArrayXf& turns, Eigen::VectorXcf& turned) const {
     for (Index k = 0; k < turns.size(); ++k) {
       const float half = std::numbers::pi_v<float> * turns[k], one = std::sin(half);
@@ -456,8 +454,8 @@ class AntennaEcho::Speckle : public Moving {
   MatrixXf response_;        // by slots and points
   MatrixXcf waves_;          // by antennas and cells, in the first frame's phases
   MatrixXf turns_per_mode_;  // by cells and modes, one person's after the other's
-  // These are by cells and carriers: they say by how much a cell is ahead. For each carrier,
-  // faster_ says by how much faster the phases turn.
+  // Phase lead by cell and carrier, in turns. faster_: factor by which phases turn faster at each
+  // carrier.
   MatrixXf turns_of_carriers_;
   std::vector<float> faster_;
 };
@@ -517,7 +515,7 @@ class AntennaEcho::Expectation : public Moving {
   }
 
  private:
-  // It takes Cholesky's root, in place. A covariance of fewer sources than antennas has pivots that
+  // Replaces a covariance by its Cholesky root. One of fewer sources than antennas has pivots that
   // are nothing but rounding: their columns are 0.
   static void take_root(Eigen::Map<Eigen::MatrixXcd>& c) {
     const double trace = c.diagonal().real().sum();

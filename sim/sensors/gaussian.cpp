@@ -13,7 +13,7 @@ constexpr std::size_t pairs = 2 * lanes;  // numbers that one step makes
 
 using Words = std::array<std::uint32_t, lanes>;
 
-// This is ln of a number in (0, 1], to 1e-7.
+// Natural logarithm of a number in (0, 1], to 1e-7.
 float logarithm(float u) {
   constexpr std::int32_t root_half = 0x3f3504f3;  // bits of sqrt(1/2); mantissas lie in its octave
   const std::int32_t bits = std::bit_cast<std::int32_t>(u) - root_half;
@@ -37,7 +37,7 @@ void next(std::array<Words, 4>& state, Words& out) {
   }
 }
 
-// It takes whole steps: `steps` times `pairs` numbers.
+// Adds whole steps: `steps` times `pairs` numbers.
 void add_steps(std::array<Words, 4>& kept, float rms, float* values, std::size_t steps) {
   std::array<Words, 4> state = kept;
   Words first, second;

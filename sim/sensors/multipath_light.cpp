@@ -24,7 +24,7 @@ struct Grid {
   }
 };
 
-// This is the falloff one way; the gaze's falloff is that of both ways.
+// Falloff one way; the gaze's falloff is that of both ways.
 double dimming(const Gaze& gaze, const Patch& p) {
   if (gaze.falloff <= 0) return 1;
   const double dx = p.at.x / p.at.z - gaze.middle_x, dy = p.at.y / p.at.z;
@@ -32,7 +32,7 @@ double dimming(const Gaze& gaze, const Patch& p) {
                   (2 * gaze.half_tangent * gaze.half_tangent));
 }
 
-// It leaves out the patches that a body hides.
+// Wall patches that no body hides.
 Patches lit_walls(const Scene& scene, const Gaze& gaze, const Grid& grid) {
   Patches walls = patches_of(*scene.room, gaze.sensor_x_m, grid.x, grid.y);
   std::vector<double> body_m(std::size_t{grid.x.count} * grid.y.count, INFINITY);
@@ -42,7 +42,7 @@ Patches lit_walls(const Scene& scene, const Gaze& gaze, const Grid& grid) {
   return walls;
 }
 
-// It holds light by the length of its way, up to a length beyond any window.
+// Steps and range of light by the length of its way, up to a length beyond any window.
 constexpr double step_m = 0.05, longest_m = 30;
 class ByLength {
  public:
@@ -54,7 +54,7 @@ class ByLength {
   void add(double way_m, double light) {
     if (way_m < longest_m) at(static_cast<std::size_t>(way_m / step_m)) += light;
   }
-  // It adds all of `from`, after another way.
+  // Adds all of `from`, after another way.
   void add(const ByLength& from, double way_m, double share) {
     const auto later = static_cast<std::size_t>(way_m / step_m + 0.5);
     if (from.first_ >= from.last_ || from.last_ + later > from.light_.size()) return;
@@ -62,7 +62,7 @@ class ByLength {
     for (std::size_t i = from.first_; i < from.last_; ++i)
       light_[i + later] += share * from.light_[i];
   }
-  // It calls use(way, light).
+  // Calls use(way, light).
   template <class Use>
   void for_each(Use use) const {
     for (std::size_t i = first_; i < last_; ++i)
@@ -88,8 +88,8 @@ class Walls {
       });
   }
 
-  // It adds the light that patches send back. `ways` is 2 if they are not walls: then light goes
-  // both ways round.
+  // Adds the light that patches send back. `ways` is 2 if they are not walls: then light goes both
+  // ways round.
   void light(const Patches& seen, int ways, Returns& out) const {
     for (std::size_t k = 0; k < seen.size(); ++k) {
       const Patch& patch = seen[k];
@@ -117,7 +117,7 @@ class Walls {
   }
 
  private:
-  // It calls use(wall patch, way to `to`, light that `to` gets from it).
+  // Calls use(wall patch, way to `to`, light that `to` gets from it).
   template <class Use>
   void send(const Patch& to, Use use) const {
     for (std::size_t p = 0; p < patches_.size(); ++p)

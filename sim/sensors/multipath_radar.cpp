@@ -39,8 +39,7 @@ std::optional<Vec3> through(const Plate& wall, Vec3 from, Vec3 to) {
   return at;
 }
 
-// This is the share of the power sent back by a patch that one way brings, and the direction it
-// comes from.
+// Share of the power sent back by a patch that one way brings, and the direction it comes from.
 struct Arrival {
   double share, length_m;
   Vec3 departure;

@@ -16,7 +16,7 @@ namespace {
 
 std::int64_t whole_up(double x) { return static_cast<std::int64_t>(std::ceil(x)); }
 
-// This is the response of the detector to one photon at time 0, integrated up to t.
+// Integral up to t of the detector's response (IRF) to one photon at time 0.
 class Irf {
  public:
   explicit Irf(const Conditions& c)
@@ -36,8 +36,8 @@ class Irf {
 
  private:
   static double normal(double u) { return 0.5 * std::erfc(-u / std::numbers::sqrt2); }
-  // This is the part of an exponentially modified Gaussian that has not yet decayed. It uses
-  // logarithms, as the exponent alone overflows for sigma >> tail.
+  // Part of an exponentially modified Gaussian that has not yet decayed; by logarithms, because the
+  // exponent alone overflows for sigma >> tail.
   double late(double t) const {
     const double ratio = sigma_ / tail_;
     const double share = normal(t / sigma_ - ratio);
@@ -46,8 +46,7 @@ class Irf {
   double sigma_, tail_, share_;
 };
 
-// It takes the points of one bin: each adds its weight times its row of shares; rows are `stride`
-// apart.
+// Sums the points of one bin: weight times its row of shares; rows are `stride` apart.
 ECHOFUSE_CLONES void add_shares(const double* weights, std::size_t points, const double* shares,
                                 std::size_t stride, std::size_t count, double* __restrict__ bins) {
   for (std::size_t i = 0; i < points; ++i) {
@@ -56,9 +55,9 @@ ECHOFUSE_CLONES void add_shares(const double* weights, std::size_t points, const
   }
 }
 
-// It holds the signal at a resolution finer than bin and IRF, as weights on a grid of `phases`
-// points a bin. Each return is shared linearly by its two neighbours. With points a sixteenth of
-// sigma apart this widens the IRF by less than 4e-4 of its width.
+// Signal at a resolution finer than bin and IRF, as weights on a grid of `phases` points a bin.
+// Each return is shared linearly by its two neighbours. With points a sixteenth of sigma apart this
+// widens the IRF by less than 4e-4 of its width.
 class FineSignal {
  public:
   FineSignal(const Conditions& c, const Irf& irf)

@@ -39,9 +39,9 @@ ECHOFUSE_CLONES void add_squared(double weight, const double* psf, double* __res
   for (std::size_t i = 0; i < count; ++i) power[i] += weight * psf[i] * psf[i];
 }
 
-// It holds the echoes on a grid of range much finer than the resolution. Each is shared linearly by
-// its two neighbours, so the response to a whole room costs no more than that to a few hundred
-// points. The psf is interpolated thereby, to better than 5e-5 of its peak.
+// Echoes on a grid of range much finer than the resolution. Each is shared linearly by its two
+// neighbours, so the response to a whole room costs no more than that to a few hundred points. The
+// psf is interpolated thereby, to better than 5e-5 of its peak.
 template <class Value>
 class FineEcho {
  public:
@@ -59,7 +59,7 @@ class FineEcho {
     values_[i] += (1 - rest) * value;
     values_[i + 1] += rest * value;
   }
-  // It calls visit(value, psf) with each point of the grid, and its response at the points of the
+  // Calls visit(value, psf) with each point of the grid, and its response at the points of the
   // axis.
   template <class Visit>
   void for_each(const RadarAxis& axis, Visit visit) const {
@@ -101,7 +101,7 @@ void RangeResponse::at(double cell, std::vector<double>& psf) const {
   const double sine = std::sin(pi * cell), cosine = std::cos(pi * cell);
   sincs(cells_.data(), sines_.data(), cosines_.data(), cell, sine, cosine, psf.data(), psf.size());
   if (psf_.first != 0) to_windowed(cells_.data(), cell, psf_.windowed(), psf.data(), psf.size());
-  // These are the points where it is 0 / 0.
+  // Points at which the formula is 0 / 0.
   for (int order = -2; order <= 2; ++order) {
     const double point = std::round((cell + order - cells_[0]) / cells_per_point_);
     if (!(point >= 0 && point < static_cast<double>(psf.size()))) continue;

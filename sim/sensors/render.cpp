@@ -19,7 +19,7 @@
 namespace echofuse::sim {
 namespace {
 
-// This is the place of ray i of the row, which met something at this range.
+// Place of ray i of the row, which met something at this range.
 Returns::Place place_of(const Scene& scene, const Row& row, std::size_t i, double range_m,
                         double sensor_height_m) {
   const double z = row.z[i];
@@ -27,7 +27,7 @@ Returns::Place place_of(const Scene& scene, const Row& row, std::size_t i, doubl
           static_cast<float>(row.y[i] * z + sensor_height_m), person_of(scene, row.shape[i])};
 }
 
-// These are the patches that rays of a row meet, in the order of the rays.
+// Patches that rays of a row meet, in the order of the rays.
 class Patches {
  public:
   Patches(const Scene& scene, const Gaze& gaze, const Axis& x, const Axis& y, Returns& returns)
@@ -39,7 +39,7 @@ class Patches {
     returns.place.clear();
   }
 
-  // It adds the rays first..last-1 of the row, with weights times `sign`.
+  // Adds the rays first..last-1 of the row, with weights times `sign`.
   void add(const Row& row, double sign, std::size_t first, std::size_t last) {
     const std::size_t count = last - first, most = seen_ + count + spare_rays;
     if (returns_.range_m.size() < most) {
@@ -100,7 +100,7 @@ void look(const Scene& scene, const Gaze& gaze, const Axis& x, const Axis& y, Ro
   patches.end();
 }
 
-// It subtracts what the air takes, and adds what the air sends back on its own. Per solid angle a
+// Attenuates the returns by the air, and adds the air's own backscatter. Per solid angle a
 // Lambertian patch sends albedo cos(theta) / (pi R^2), and a slice of air sends backscatter dR /
 // R^2. Bodies hide none of it.
 void see_through_air(const Conditions& c, const Gaze& gaze, RoomIs room, Returns& returns) {
