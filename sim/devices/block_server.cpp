@@ -59,8 +59,7 @@ void BlockServer::disconnect(const char* why) {
   if (!writing_) next_client();
 }
 
-// It is called only after the last write of the former client has ended: its buffers are in the
-// queue.
+// Called only after the last write of the former client has ended: its buffers are in the queue.
 void BlockServer::next_client() {
   for (const Block& block : queue_) log(block, block.begun == HostTime{} ? "unsent" : "cut");
   queue_.clear();
@@ -106,8 +105,7 @@ void BlockServer::log(const Block& block, const char* what) {
   handlers_.log(block.begun == HostTime{} ? injector_.now() : block.begun, what, &block);
 }
 
-// It does not write while the line stands still, nor before the block's time: poll() comes back to
-// it.
+// Writes unless the line stands still or the block's time is to come; poll() tries again.
 void BlockServer::write() {
   Block& next = queue_.front();
   if (injector_.active(FaultKind::stall) || injector_.now() < next.due) return;

@@ -22,7 +22,7 @@ class BlockServer {
     Bytes bytes;               // the payload; on the wire with its header
     std::uint64_t items = 0;   // tags, or the number of a frame
     HostTime first{}, last{};  // host times of its tags
-    // These are the server's own.
+    // Numbers that the server sets.
     std::uint32_t sequence = 0;
     const char* what = "sent";  // fate of the block, if all goes well from here on
     HostTime due{}, begun{};
@@ -30,7 +30,7 @@ class BlockServer {
   };
   struct Handlers {
     port::Action connected;  // before the client is greeted
-    // What became of a block, and of a connection: its numbers are those of `block`, or none.
+    // Logs the fate of a block (with its numbers) or of a connection (without).
     std::function<void(HostTime time, const char* what, const Block* block)> log;
   };
 

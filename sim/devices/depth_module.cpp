@@ -133,8 +133,7 @@ class Stream final : public oni::driver::StreamBase {
     return {ONI_PIXEL_FORMAT_DEPTH_1_MM, static_cast<int>(camera_.width),
             static_cast<int>(camera_.height), static_cast<int>(camera_.fps)};
   }
-  // It calls `use` with the property's value, in OpenNI's type of it, and returns false if there is
-  // none.
+  // Calls `use` with the property's value, in OpenNI's type; false if there is none.
   template <class Use>
   bool with_property(int property, Use use) const {
     switch (property) {
@@ -172,7 +171,7 @@ class Stream final : public oni::driver::StreamBase {
   bool running_ = false;
 };
 
-// These are the open streams, for the reader.
+// Open streams, for the reader thread.
 class Streams {
  public:
   void add(Stream* stream) {
@@ -315,7 +314,7 @@ class Driver final : public oni::driver::DriverBase {
     return true;
   }
 
-  // It returns false at the end of the stream, on shutdown, or after so many polls without a byte.
+  // Returns false at the end of the stream, on shutdown, or after so many polls without a byte.
   bool read_exactly(void* into, std::size_t size, int patience) {
     auto* place = static_cast<char*>(into);
     for (int waited = 0; size > 0 && !quit_ && waited != patience;) {

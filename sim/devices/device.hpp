@@ -30,15 +30,14 @@ struct FaultPlan {
 class Device {
  public:
   virtual ~Device() = default;
-  // It says goodbye if the protocol can; what is under way ends within a second.
+  // Says goodbye if the protocol can; sends under way end within a second.
   virtual void stop() = 0;
   // Returns the counts of what was sent so far, by name.
   virtual std::vector<std::pair<std::string, std::uint64_t>> sent() const = 0;
 };
 
-// This is a time tagger behind the bridge protocol. It serves one client at a time, with a block
-// every tick. When the client is slow, the oldest tags are kept and new ones are dropped and
-// counted.
+// Time tagger behind the bridge protocol. Serves one client at a time, with a block every tick.
+// When the client is slow, the oldest tags are kept and new ones are dropped and counted.
 struct TdcOptions {
   Tagging tagging;
   double window_s = 3;
@@ -63,7 +62,7 @@ struct RadarOptions {
 std::unique_ptr<Device> make_radar_ptys(port::SystemLoop& loop, ScenePlayer& player,
                                         const RadarOptions& options);
 
-// These frames go to the OpenNI2 driver module (depth_module.cpp) on a unix socket.
+// Depth camera, whose frames go to the OpenNI2 driver module (depth_module.cpp) on a unix socket.
 struct DepthOptions {
   std::string socket_path;
   std::uint32_t width = 320, height = 240;

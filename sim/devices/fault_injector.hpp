@@ -25,9 +25,9 @@ class FaultInjector {
   std::optional<double> amount(FaultKind kind) const { return faults_.at(kind, player_.now_s()); }
   double gain() const { return amount(FaultKind::gain).value_or(1); }
   double clock_error_s(double time_s) const { return faults_.clock_error_s(time_s); }
-  // It says whether the fault is triggered this time; amount() is the share of times.
+  // True if the fault acts this time; amount() is the share of times.
   bool triggers(FaultKind kind);
-  // It changes one byte, and returns its index.
+  // Changes one byte, and returns its index.
   std::size_t corrupt(Bytes& bytes);
   // Returns the bytes that a line picks up now; mostly there are none.
   Bytes garbage();

@@ -113,8 +113,8 @@ class Reader : TableReader {
   }
 };
 
-// It gives the part of the fault's repetition in which time_s lies that is over by then, and how
-// many repetitions came before. It gives nothing before the first.
+// Part, 0 to 1, of the repetition at time_s that is over, and the number of repetitions before;
+// nothing before the first.
 std::optional<std::pair<double, double>> progress(const Fault& f, double time_s) {
   if (time_s < f.at_s) return {};
   const double since = time_s - f.at_s;

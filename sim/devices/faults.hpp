@@ -39,8 +39,8 @@ struct Fault {
 // name:line:column.
 std::vector<Fault> read_faults(const std::string& text, const std::string& name);
 
-// These are the faults of one device, as functions of the laboratory's time.
-// Threading: one thread may use it, as even the const members keep a value.
+// Faults of one device, as functions of the laboratory's time. Threading: one thread may use it, as
+// even the const members keep a value.
 class Faults {
  public:
   Faults() = default;
@@ -52,7 +52,7 @@ class Faults {
   bool any_at(double time_s) const;
   // Returns the time of the next change after time_s; infinity if there is none.
   double next_change_s(double time_s) const;
-  // It says how far the device's clock is ahead. The drift stays after the fault ends.
+  // Seconds that the device's clock is ahead. Drift gained stays after the fault ends.
   double clock_error_s(double time_s) const;
 
   struct Change {
@@ -64,10 +64,10 @@ class Faults {
   std::vector<Change> changes(double from_s, double to_s) const;
 
  private:
-  // This is what acts between two changes. It is asked for every tag.
+  // State of the faults between two changes; asked for every tag.
   struct Segment {
     double from_s = 0, to_s = 0;    // none yet: empty
-    double error_s = 0, slope = 0;  // of the clock, at from_s
+    double error_s = 0, slope = 0;  // error of the clock at from_s (s), and its slope
     std::array<std::optional<double>, fault_kinds> amounts{};
   };
   const Segment& segment(double time_s) const;

@@ -26,7 +26,7 @@ class Journal {
     for (const auto& [name, value] : numbers) out_ << ",\"" << name << "\":" << value;
     out_ << "}\n";
   }
-  // It is called at the end, and throws Error(disk) if not all of it was written.
+  // Closes the file. Throws Error(disk) if not all was written.
   void close() {
     out_.close();
     check();

@@ -31,8 +31,7 @@ class Listener {
   virtual std::string address() const = 0;
 };
 
-// It listens on 127.0.0.1; port 0 takes any free port. Its address is
-// "bridge:tcp://127.0.0.1:PORT".
+// Listens on 127.0.0.1; port 0 takes any free port. Address: "bridge:tcp://127.0.0.1:PORT".
 std::unique_ptr<Listener> make_tcp_listener(port::SystemLoop& loop, std::uint16_t port);
 
 }  // namespace echofuse::sim

@@ -33,9 +33,9 @@ class PhotonSource {
                std::uint64_t seed);
 
   double laser_rate_hz() const { return tagging_.laser_rate_hz; }
-  // It sets the scene from the next draw on.
+  // Sets the scene from the next draw on.
   void set_returns(const Returns& returns);
-  // It scales laser light and background from the next draw on.
+  // Scales laser light and background from the next draw on.
   void set_gain(double gain) { gain_ = gain; }
   // Appends all tags of the pulses [first, last) to `out`, sorted by time; returns their number.
   // Pulse n fires at n / laser_rate_hz seconds.

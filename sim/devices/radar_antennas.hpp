@@ -26,11 +26,10 @@ class RadarAntennas {
   // The board starts with these chirps, one for each subframe, which differ in their start
   // frequency alone. The noise is that of range_profile_codes.
   void start(const std::vector<Chirp>& subframes, double mean_peak);
-  // It samples a subframe at this time at all antennas, with `gain` times the true strength.
+  // Samples a subframe at this time at all antennas, with `gain` times the true strength.
   void look(const RenderedScene& rendered, std::size_t subframe, double time_s, double gain,
             Rng& rng);
-  // It returns the profile of this frame. The profile is that of coherent echoes only: the sum of
-  // the same samples.
+  // Range profile of this frame: coherent echoes only, from the same samples.
   std::vector<std::uint16_t> profile_codes() const;
   RadarTlv tlv() const;
   // Returns what measureRangeBiasAndRxChanPhase finds: the factors for each antenna's samples.

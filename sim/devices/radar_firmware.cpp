@@ -64,7 +64,7 @@ unsigned whole(const std::vector<std::string>& words, std::size_t i) {
   return static_cast<unsigned>(std::clamp(number(words, i), 0.0, 1e9));
 }
 
-// It adds the transmitters of the mask that are not there yet.
+// Adds the transmitters of the mask that are not there yet.
 void add_transmitters(unsigned mask, std::vector<unsigned>& transmitters) {
   for (unsigned t = 0; t < 3; ++t)
     if (mask >> t & 1 && std::count(transmitters.begin(), transmitters.end(), t) == 0)
@@ -342,7 +342,7 @@ std::vector<Chirp> RadarFirmware::subframes_configured() {
   return out;
 }
 
-// It takes the profile of this chirp, or of the last one.
+// Profile of this chirp, or of the last one.
 std::optional<Chirp> RadarFirmware::chirp(const FramePart& frame,
                                           std::optional<unsigned> of_chirp) {
   const Arguments channel = config_["channelCfg"];

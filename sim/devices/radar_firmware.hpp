@@ -37,20 +37,20 @@ class RadarFirmware {
 
   // At power-up it sends banner and prompt.
   void boot();
-  // It takes bytes from the host. While a command runs (a stop waits for the frame) they are lost:
-  // the UART has no buffer beyond one byte.
+  // Takes bytes from the host. While a command runs (a stop waits for the frame) they are lost: the
+  // UART has no buffer beyond one byte.
   void receive(ByteView bytes);
-  // It sends a line of the firmware's own on the command port.
+  // Sends a line of the firmware's own on the command port.
   void say(const std::string& text);
 
-  // It is set from sensorStart to the end of the frame in which sensorStop came.
+  // Chirp in use, from sensorStart to the end of the frame in which sensorStop came; else empty.
   const std::optional<Chirp>& running() const { return running_; }
   // Returns the chirp of each subframe; the subframes follow one another. There is one, unless
   // advFrameCfg says otherwise.
   const std::vector<Chirp>& subframes() const { return subframes_; }
   const RadarOutputs& outputs() const { return outputs_; }
   unsigned data_baud() const { return data_baud_; }
-  // It says that no frame is under way: a pending sensorStop completes.
+  // Tells that no frame is under way, so that a pending sensorStop completes.
   void between_frames();
 
  private:

@@ -14,7 +14,7 @@
 
 namespace echofuse::sim {
 
-// It holds one scene and what each sensor's physics makes of it.
+// Scene, and its returns for each sensor.
 struct RenderedScene {
   std::int64_t index = -1;
   Scene scene;

@@ -13,13 +13,12 @@ class TagStream {
   using Lose = std::function<void(std::uint64_t tags)>;
 
   TagStream(ScenePlayer& player, const TdcOptions& options);
-  // It scales the photons from now on.
+  // Scales the photons from now on.
   void set_gain(double gain) { source_.set_gain(gain); }
-  // It starts the tags from now on.
+  // Starts the tags from now on.
   void start();
-  // It emits the pulses up to now, in blocks of one scene and the longest block's time each. A
-  // machine too busy to make them in time loses those that lag more than the device's memory of a
-  // second.
+  // Emits the pulses up to now, in blocks of one scene and at most the longest block's time. Pulses
+  // that lag by more than the device's memory of a second are lost.
   void advance(const Emit& emit, const Lose& lose);
 
  private:

@@ -65,7 +65,7 @@ class Bridge final : public Device {
       drop(count);
   }
 
-  // It puts tag number i on the device's clock, and returns the host's time of it.
+  // Sets tag number i to the device's clock; returns its host time.
   HostTime set_clock(Bytes& payload, std::size_t i) const {
     std::uint8_t* const place = payload.data() + i * tag_bytes + tag_time_offset;
     std::int64_t ps = 0;

@@ -17,7 +17,7 @@ class Uart {
  public:
   using Receive = std::function<void(ByteView)>;
 
-  // It sends in chunks of `chunk_time`; the other end sees a chunk at once.
+  // Sends in chunks of `chunk_time`; the other end sees a chunk at once.
   Uart(port::Loop& loop, unsigned baud, std::chrono::milliseconds chunk_time)
       : baud_(baud), chunk_time_(chunk_time), loop_(loop), timer_(loop) {}
   virtual ~Uart() = default;
@@ -37,7 +37,7 @@ class Uart {
   virtual void close() { timer_.cancel(); }
 
   std::uint64_t sent() const { return sent_; }
-  // It counts bytes that nobody read for longer than the host buffers.
+  // Number of bytes lost because nobody read them for longer than the host buffers.
   std::uint64_t lost() const { return lost_; }
 
  private:
@@ -62,7 +62,7 @@ class Uart {
   std::uint64_t sent_ = 0, lost_ = 0;
 };
 
-// It makes a radar board behind any two UARTs, with the rates that it starts with.
+// Maker of a UART at this rate, which calls `receive`. A radar board takes one for each port.
 using MakeUart = std::function<std::unique_ptr<Uart>(unsigned baud, Uart::Receive receive)>;
 struct RadarBoardOptions {
   std::uint64_t seed = 1;
