@@ -68,8 +68,7 @@ Seen see(const Scene& scene, double sensor_x_m, double half_x, double half_y, do
   return out;
 }
 
-// This is a point of the study's axes, and where its measurements are in the long row of all of
-// them.
+// Point of the study's axes, and the place of its measurements in the row of all.
 struct Point {
   std::string axis;
   double value;
@@ -78,7 +77,7 @@ struct Point {
   double radar_sigma = 0;
 };
 
-// It computes 2 sqrt(counts) for every number of photons, the profile of every radar, and last the
+// Computes 2 sqrt(counts) for every number of photons, the profile of every radar, and last the
 // silhouette's place, as a function of the scene's random numbers and of both gains.
 class Laboratory {
  public:
@@ -168,7 +167,7 @@ class Laboratory {
 
 constexpr std::array known_names{"shape", "pose"};
 
-// These are the bounds of one scene, a row a point and knowledge, as study_bound's.
+// Bounds of one scene, one row for each point and knowledge, as in study_bound.
 class SceneBounds {
  public:
   SceneBounds(const Laboratory& laboratory, const BoundOptions& options, SceneSpec spec,
@@ -196,7 +195,7 @@ class SceneBounds {
       keep_symmetry(sampler.draws(), spec.kind == SceneKind::letter);
   }
 
-  // It returns the deviations of x and of the centroid for each point and knowledge.
+  // Deviations of x and of the centroid, for each point and knowledge.
   SceneRow all() const {
     SceneRow out;
     for (const Point& p : laboratory_.points())

@@ -13,8 +13,7 @@
 
 namespace echofuse::sim {
 
-// It says what is known of a scene; the noise's law, the background, and the sensors' axes are
-// always known.
+// Knowledge of a scene. Always known: the noise's law, the background, the sensors' axes.
 enum class Known : std::uint8_t {
   // Everything is known but x, z, turn and the gain of either sensor. There is no prior.
   shape,
@@ -28,12 +27,10 @@ struct Bound {
   std::string axis;   // base, snr_db, photons, baseline_m, resolution_m
   double value = 0;   // 0 for base
   std::string known;  // shape, pose
-  // These are over the scenes, of the least standard deviation of the body's x (where it stands),
-  // in m.
+  // Quartiles over the scenes of the least standard deviation of the body's x (where it stands), m.
   double x_median_m = 0, x_lower_m = 0, x_upper_m = 0;  // quartiles
-  // This is the mean over scenes of the mean absolute error, sqrt(2/pi) sigma of a Gaussian. One is
-  // of x. The other is of what `lateral_m` measures, the angle of the silhouette's centroid times
-  // its distance.
+  // Mean over scenes of the mean absolute error, sqrt(2/pi) sigma of a Gaussian, m: of x, and of
+  // the metric `lateral_m` (angle of the silhouette's centroid times its distance).
   double x_error_m = 0, lateral_error_m = 0;
 };
 
@@ -47,16 +44,15 @@ struct BoundOptions {
   SceneParts parts = {};
 };
 
-// It returns nothing for a part. Throws as rows_of_scenes. It also throws Error(config) for
+// Runs the study; returns nothing for a part. Throws as rows_of_scenes, Error(config) for
 // conditions with other noise (pile-up, a coherent sum), and Error(interrupted).
 std::vector<Bound> study_bound(const BoundOptions& options);
 
-// It writes bound.csv in `folder`, which exists. Throws Error(disk).
+// Writes bound.csv in `folder`, which exists. Throws Error(disk).
 void write_bound(const std::vector<Bound>& rows, const std::string& folder);
 
-// It holds what a sensor sees of a scene, by rays that follow the body, so that derivatives do not
-// drown in the jumps of the body's edges over a fixed grid. Otherwise it is the same as spd_returns
-// and radar_returns.
+// Returns of a scene by rays that follow the body, because the body's edges jump over a fixed grid
+// and hide derivatives. Otherwise as spd_returns and radar_returns.
 struct Seen : Returns {
   std::vector<double> cosine_x, cosine_z;  // cosines of the direction to each
   double tangent = 0;                      // x/z of the silhouette's centroid

@@ -45,7 +45,7 @@ struct Candidate {
   bool timed = true;
 };
 
-// It compares approximations with the same finer one. `variance` gives the variance of the noise
+// Comparison of approximations with one finer reference. `variance` gives the variance of the noise
 // from the fine profile's value; with 0 the bin does not count.
 struct Comparison {
   std::string axis;
@@ -115,7 +115,7 @@ Comparison radar(const Conditions& c, double sigma) {
   return {"radar_rays", profile(1536), all, [sigma](double) { return sigma * sigma; }};
 }
 
-// It puts the scene before a room; `look` sets the order of echoes by the room's walls.
+// Puts the scene before a room; `look` sets the order of echoes by the room's walls.
 Model before(const std::string& room, const std::function<Profile(const Scene&)>& look) {
   return [room, look](const Scene& bodies) {
     Scene scene = bodies;
@@ -129,7 +129,7 @@ Conditions in_room(Conditions c, const std::string& room, std::int64_t order) {
   return c;
 }
 
-// It includes the light of the empty room: that stands still, and only adds its noise.
+// Comparison with the light of the empty room included, which stands still and only adds noise.
 Comparison light_by_walls(const Conditions& base, const std::string& room) {
   const Conditions c = in_room(base, room, 2);
   const Profile still = spd_rate(spd_returns(empty_room(*room_named(room)), c), c);
@@ -188,7 +188,7 @@ double error_of(const Profile& seen, const Profile& truth, const Comparison& how
   return bins > 0 ? sum / bins : 0;
 }
 
-// It returns the errors of every candidate, in the order of the comparisons.
+// Returns the errors of every candidate, in the order of the comparisons.
 SceneRow errors_of(const Scene& scene, const std::vector<Comparison>& all) {
   SceneRow out;
   for (const Comparison& how : all) {
@@ -199,8 +199,8 @@ SceneRow errors_of(const Scene& scene, const std::vector<Comparison>& all) {
   return out;
 }
 
-// It measures microseconds of processor time a scene, one after the other, as nothing else may run
-// beside it.
+// Microseconds of processor time a scene, measured one after the other, because nothing else may
+// run beside it.
 double time_of(const Candidate& candidate, const std::vector<Scene>& scenes) {
   candidate.model(scenes.front());  // the first call is slower
   const std::clock_t begin = std::clock();

@@ -11,13 +11,13 @@
 
 namespace echofuse::sim {
 
-// This is one approximation, over the same scenes (a quarter people, the rest letters).
+// Result of one approximation, over the same scenes (a quarter people, the rest letters).
 struct Fidelity {
   std::string axis;   // rays, part, bin_ps, radar_rays, light-ROOM, radar-ROOM
   std::string value;  // "256", "head"
-  // This is the mean over bins of (approximate - fine)^2 / variance of the noise. The noise is shot
-  // noise of the SPD's counts in bins of at least one expected count, or the stated white noise of
-  // the radar.
+  // Mean over bins of (approximate - fine)^2 / variance of the noise. The noise is shot noise of
+  // the SPD's counts in bins of at least one expected count, or the stated white noise of the
+  // radar.
   double error = 0;
   double standard_error = 0;  // over scenes
   double us = 0;  // processor time of one scene on this machine; 0 if it does not matter
@@ -31,7 +31,7 @@ struct FidelityOptions {
   SceneParts parts = {};
 };
 
-// It returns nothing for a part. Throws as rows_of_scenes. The axes are:
+// Runs the study; returns nothing for a part. Throws as rows_of_scenes. Axes:
 //   rays        of the SPD, against 2048
 //   part        the body without it, against the whole body, at 1024 rays
 //   bin_ps      the histogram with this bin, spread evenly over bins a quarter as wide
@@ -41,7 +41,7 @@ struct FidelityOptions {
 //   radar-ROOM  up to this order, against 2
 std::vector<Fidelity> study_fidelity(const FidelityOptions& options);
 
-// It writes fidelity.csv in `folder`. Throws Error(disk).
+// Writes fidelity.csv in `folder`. Throws Error(disk).
 void write_fidelity(const std::vector<Fidelity>& rows, const std::string& folder);
 
 }  // namespace echofuse::sim

@@ -11,22 +11,22 @@ namespace echofuse::sim {
 using Values = std::vector<double>;
 using Matrix = std::vector<Values>;  // rows
 
-// It gives the noise-free measurements as a function of the parameters.
+// Noise-free measurements as a function of the parameters.
 using Model = std::function<Values(const Values& parameters)>;
 
-// It gives d model / d parameter at `at`, a row a parameter, by central differences over +-step.
+// Returns d model / d parameter at `at`, a row a parameter, by central differences over +-step.
 Matrix slopes(const Model& model, const Values& at, double step);
 
-// This is J J^T from `rows` of slopes, in columns first..first+count-1, with noise of unit
+// Returns J J^T from `rows` of slopes, in columns first..first+count-1, with noise of unit
 // variance.
 //   For Gaussian noise of sigma, divide the information by sigma^2.
 //   For Poisson counts of mean l it is sum (dl)^2 / l = sum (d 2 sqrt(l))^2, so let the model
 //   return 2 sqrt(l). That needs no division by bins that hold next to nothing.
 Matrix information(const Matrix& rows, std::size_t first, std::size_t count);
 
-// This is the least standard deviation of an unbiased estimate of a quantity with this gradient:
-// sqrt(g^T M^-1 g), infinite if the information does not determine it. With the information of a
-// prior added to the diagonal it is the posterior's width where both are Gaussian (van Trees).
+// Least standard deviation of an unbiased estimate of a quantity with this gradient: sqrt(g^T M^-1
+// g), infinite if the information does not determine it. With the information of a prior added to
+// the diagonal it is the posterior's width where both are Gaussian (van Trees).
 double least_deviation(const Matrix& information, const Values& gradient);
 
 }  // namespace echofuse::sim

@@ -30,7 +30,7 @@ std::string head_of(const SceneParts& parts, const std::string& name) {
   return out;
 }
 
-// It parses one line, and returns nothing if the line is no row.
+// Parses one line; nothing if it is no row.
 std::optional<std::pair<std::size_t, SceneRow>> parse(const std::string& line) {
   std::pair<std::size_t, SceneRow> out;
   const char* at = line.data();
@@ -82,7 +82,7 @@ void write_part(const std::string& path, const std::string& head, const Rows& ro
   file.publish();
 }
 
-// It returns work(i) of each of these scenes i, in their order, computed on all processors.
+// Returns work(i) of these scenes i, in their order, computed on all processors.
 std::vector<SceneRow> each_of(const std::string& title, const std::vector<std::size_t>& scenes,
                               bool quiet, const std::function<SceneRow(std::size_t)>& work) {
   std::vector<SceneRow> found(scenes.size());

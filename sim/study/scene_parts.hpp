@@ -19,10 +19,10 @@ struct SceneParts {
 
 using SceneRow = std::vector<double>;
 
-// It computes work(i) of each scene i that no part in the folder has, on all processors, and
-// returns the rows of all scenes in their order. For a part it writes the part's file, and returns
-// nothing. It throws Error(interrupted), Error(config) for a part of other settings or another
-// version, Error(failed) for a damaged part, and Error(disk).
+// Computes work(i) of each scene i that no part in the folder has, on all processors. Returns the
+// rows of all scenes in their order; for a part writes its file and returns nothing. Throws
+// Error(interrupted), Error(config) for a part of other settings or another version, Error(failed)
+// for a damaged part, and Error(disk).
 std::vector<SceneRow> rows_of_scenes(const SceneParts& parts, const std::string& name,
                                      const std::string& title, std::int64_t scenes, bool quiet,
                                      const std::function<SceneRow(std::size_t)>& work);
