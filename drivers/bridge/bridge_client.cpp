@@ -85,7 +85,7 @@ void BridgeClient::check_liveness() {
 // After stop() or a failure the parser may still have blocks in hand: they belong to no one.
 void BridgeClient::on_block(Block block, HostTime received) {
   if (!running_ || !port_) return;
-  // What a hello or an early block says is missing belongs to the next block that is delivered.
+  // Items that a hello or an early block reports missing count with the next delivered block.
   lost_blocks_ += block.lost_blocks;
   dropped_items_ += block.dropped_items;
   if (block.kind == BlockKind::bye)

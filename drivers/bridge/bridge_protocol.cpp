@@ -113,7 +113,7 @@ void BlockParser::discard(std::size_t bytes) {
   counts_.junk_bytes += bytes;
 }
 
-// Of a number that goes back nobody knows how many are lost.
+// Number of blocks lost before this one; unknown if the number goes back.
 std::uint64_t BlockParser::missing_before(std::uint32_t sequence) {
   const std::uint32_t ahead = sequence - expected_;
   expected_ = sequence + 1;

@@ -55,7 +55,7 @@ class HelloReader final : public nlohmann::json_sax<nlohmann::json> {
     return true;
   }
 
-  std::string* text_ = nullptr;  // where the value that follows its key goes
+  std::string* text_ = nullptr;  // target of the value after its key
   int depth_ = 0, values_ = 0;
 };
 

@@ -39,7 +39,7 @@ void echofuse_pack_tags(const void* from, void* to, std::size_t count, std::int3
   auto* out = static_cast<std::uint8_t*>(to);
   while (count > 0) {
     const std::size_t n = std::min(count, piece);
-    // Of a tag's four words the first has type and reserved byte, the second is the channel.
+    // Masks of a tag's four words: the first has type and reserved byte, the second is the channel.
     Words found{}, clicks{};
     for (std::size_t i = 0; i < n; ++i) {
       Words tag;

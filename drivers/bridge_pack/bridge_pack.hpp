@@ -9,7 +9,7 @@
 
 extern "C" {
 
-// Of this file; callers refuse another.
+// Version of this file's interface; callers refuse another.
 ECHOFUSE_EXPORT std::uint32_t echofuse_bridge_pack_version();  // 2
 
 struct EchofusePacked {

@@ -38,7 +38,7 @@ std::string describe_mode(const openni::VideoMode& mode) {
          " at " + std::to_string(mode.getFps()) + (is_depth(mode.getPixelFormat()) ? "" : " (raw)");
 }
 
-// Where the camera that was at `uri` is now: the only one with the same words before the "@".
+// Present address of the camera that was at `uri`: the only one with the same words before the "@".
 std::string moved(const std::string& uri) {
   const std::size_t at = uri.find('@');
   if (at == uri.npos) return {};

@@ -9,16 +9,16 @@
 
 namespace echofuse::inventory {
 
-// Where the kernel's files are; another root in tests.
+// Roots of the kernel's files; other ones in tests.
 struct Roots {
   std::string sys = "/sys", dev = "/dev";
 };
 
 struct Node {
   std::string path;     // /dev/ttyACM0; empty: the kernel has none
-  std::string key;      // of lab.toml: "radar.cli"; empty: nothing to write
+  std::string key;      // key in lab.toml, as "radar.cli"; empty: nothing to write
   std::string address;  // its value: "serial:/dev/serial/by-id/..."
-  std::string missing;  // what keeps this user from using it: a driver, a node, a permission
+  std::string missing;  // obstacle for this user: a driver, a node, a permission; or empty
 };
 
 struct Attached {
@@ -27,7 +27,7 @@ struct Attached {
   std::string model;     // the device's own product string
   std::string serial;    // empty: it has none
   std::string firmware;  // bcdDevice: "1.00"
-  std::string advice;    // what else it takes; may be empty
+  std::string advice;    // further step; may be empty
   std::vector<Node> nodes;
 };
 

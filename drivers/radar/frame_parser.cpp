@@ -31,7 +31,7 @@ bool starts_with_part_of_magic(ByteView bytes) {
   return std::equal(bytes.begin(), bytes.begin() + static_cast<std::ptrdiff_t>(n), magic.begin());
 }
 
-// Where the next magic, or at the end the beginning of one, stands at or after `from`.
+// Position at or after `from` of the next magic, or of its beginning at the end.
 std::size_t find_magic(ByteView bytes, std::size_t from) {
   while (from < bytes.size()) {
     const void* first = std::memchr(bytes.data() + from, magic[0], bytes.size() - from);
@@ -135,7 +135,7 @@ void FrameParser::settle(const OnFrame& on_frame) {
   if (!complete_) return;
   const HostTime received = *complete_;
   const Bytes held(buffer_.held().begin(), buffer_.held().end());
-  if (held.size() < header_bytes) return forget_progress();  // whoever took it threw meanwhile
+  if (held.size() < header_bytes) return forget_progress();  // the consumer threw meanwhile
   const Header header = *read_header(held);
   buffer_.clear();
   forget_progress();
@@ -196,8 +196,8 @@ Step FrameParser::skip_truncated(std::size_t bytes) {
   return {bytes, 0};
 }
 
-// Where a later frame begins inside this one; with fewer than header_bytes there it is not yet
-// sure. The end of what there is of the packet if no such place is seen.
+// Start of a later frame inside this one (not sure with fewer than header_bytes there); else the
+// end of the packet's bytes.
 std::size_t FrameParser::find_successor(ByteView bytes, const Header& header) {
   const std::size_t end = std::min<std::size_t>(bytes.size(), header.packet_bytes);
   searched_ = std::max(searched_, magic.size());

@@ -89,14 +89,14 @@ Antennas read_antennas(const Cfg& cfg, const Frame& of) {
   return out;
 }
 
-// What the range axis follows from.
+// Parameters of the range axis.
 struct Sampling {
   std::uint32_t samples = 0;
   double slope_hz_per_s = 0, rate_hz = 0;
   bool operator==(const Sampling&) const = default;
 };
 
-// Of subframes the profile of their first chirp, else the last one, as in the firmware.
+// Profile of the first subframe's first chirp, else the last one, as in the firmware.
 const Command& profile_of(const Cfg& cfg, const Frame& frame) {
   const Command* found = &cfg.last("profileCfg");
   if (!cfg.advanced()) return *found;

@@ -42,7 +42,7 @@ void RadarDriver::stop() {
   const bool connected = cli_ && dialogue_;
   if (!connected || setup_.keep_running) return disconnect();
   stop_timers();
-  drop_data();  // what comes from now on is nobody's, also not of those who keep raw bytes
+  drop_data();  // later bytes are not passed on, nor kept as raw bytes
   last_words_.emplace(dialogue_->state() == CommandDialogue::State::commanding);
   advance_last_words();
 }
@@ -174,8 +174,8 @@ void RadarDriver::on_frame(RadarFrame frame) {
   check_array(frame);
   if (!running_) return;
   frame.subframes = profile_.subframes;
-  // It is dated at its first chirp: behind it are the chirps, the firmware's work, and the way over
-  // the line, which a heat map takes for 25 to 96 ms.
+  // Time of the first chirp: chirps, the firmware's work and the transmission (25 to 96 ms with a
+  // heat map) come after it.
   const double work_s = frame.stats ? 1e-6 * frame.stats->inter_frame_processing_us : 0;
   frame.received -= from_seconds(profile_.active_s + std::min(work_s, profile_.frame_period_s) +
                                  profile_.frame_bytes * 10.0 / setup_.data_baud);
@@ -197,9 +197,8 @@ void RadarDriver::check_array(RadarFrame& frame) {
   sink_->on_event(Sensor::radar, Severity::warning, text);
 }
 
-// Of an earlier connection, before the cfg was through, or behind what ended the connection: in
-// sync, but maybe of another cfg. Those before the first connection are not ours, the others are a
-// loss.
+// Drops a frame of an earlier connection, before the cfg was accepted, or after a fault: it may be
+// of another cfg. It counts as lost, except before the first connection.
 void RadarDriver::discard(const RadarFrame& frame) {
   ++early_frames_;
   if (configured_ > 0) discarded_ += 1 + frame.lost_before;

@@ -70,7 +70,7 @@ class Histogram {
   HistogramSettings settings_;
   TagFilter filter_;
   ClickBins click_bins_;
-  TagRun run_;         // its sums are 0 between two calls
+  TagRun run_;         // accumulators of one add(); settle() zeroes them
   bool fresh_ = true;  // run_.last_time_ps says nothing
   bool has_start_ = false;
   bool in_overflow_ = false;
