@@ -12,9 +12,9 @@
 
 namespace echofuse::record {
 
-// What a run's depth images are brought to: size x size pixels over tangents of +-half_tangent,
-// both ways, and depths up to far_m. A run states its own as the axes map_x, map_y and map_z (one
-// bin from 0 on); without them it has this default.
+// Grid of a run's depth maps: size x size pixels over tangents of +-half_tangent, both ways, and
+// depths up to far_m. A run states its own as axes map_x, map_y and map_z (one bin from 0 on);
+// without them it has this default.
 struct MapGrid {
   std::uint32_t size = 64;
   double half_tangent = 0.55;  // [S] field of view
@@ -25,7 +25,7 @@ struct MapGrid {
   Axis x() const;                                          // as depth_x_axis
   Axis y() const;
   std::array<Axis, 3> axes() const;      // map_x, map_y, map_z
-  std::array<Axis, 5> run_axes() const;  // of a run whose depth images are such maps already
+  std::array<Axis, 5> run_axes() const;  // axes of a run whose depth images are such maps already
   std::string text() const;              // "64 x 64 over tangents of +-0.55, up to 6 m"
   // To a thousandth of a pixel, and of the range.
   bool operator==(const MapGrid& other) const;

@@ -15,7 +15,7 @@ struct Detector {
   double dead_time_ps = 0;  // after a click; 0: not known; infinite: until the laser's next pulse
 
   bool known() const { return dead_time_ps > 0; }
-  std::pair<std::string, std::string> meta() const;  // of one that is known
+  std::pair<std::string, std::string> meta() const;  // entries of a known detector
 };
 
 // None if the run says nothing of it, or what cannot be.

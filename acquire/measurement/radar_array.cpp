@@ -10,7 +10,7 @@ namespace {
 
 constexpr float full_scale = 32767;
 
-// Where the covariance of antennas m < n begins.
+// Position of the covariance of antennas m < n.
 std::size_t place_of(std::size_t m, std::size_t n, std::size_t antennas) {
   return 3 * antennas + 2 * (m * (2 * antennas - m - 1) / 2 + n - m - 1);
 }
@@ -29,7 +29,7 @@ std::size_t blocks_of(std::size_t bins) { return (bins + lanes - 1) / lanes; }
   store(sum, all + value);
 }
 
-// Of one block of bins: means, powers and covariances, in their order.
+// Adds means, powers and covariances of one block of bins, in this order.
 ECHOFUSE_CLONES void add_products(const float* re, const float* im, std::size_t antennas,
                                   float* sums) {
   Eight a_re, a_im, b_re, b_im;

@@ -40,7 +40,7 @@ struct ArrayBin {
   std::complex<float> mean(std::size_t m) const { return pair(2 * m); }
   std::complex<float> covariance(std::size_t m, std::size_t n) const;  // E[x_m conj(x_n)]
   std::complex<float> lag() const { return pair(values.size() - 2); }
-  float power() const;  // of all antennas
+  float power() const;  // mean over all antennas
 
  private:
   std::complex<float> pair(std::size_t i) const { return {values[i], values[i + 1]}; }
@@ -54,7 +54,7 @@ ArrayBin bin_of(std::span<const float> array, std::size_t antennas, std::size_t 
 //   sum_mn R_mn / (h_m conj(h_n)) exp(-i pi (x_m - x_n) u) / A^2,  h = gain exp(i phase).
 // A wave of power P in each antenna gives P at its own direction.
 double beam_power(const ArrayBin& bin, const Antennas& antennas, double u);
-// What is shown of it.
+// Beams of the picture of power by range and direction.
 inline constexpr std::size_t beams = 32;
 constexpr double beam_cosine(std::size_t k) {
   return (2.0 * static_cast<double>(k) + 1) / beams - 1;
@@ -87,7 +87,7 @@ class ArrayStatistics {
 // As it is stored: for each bin f32 LE s = its power, then i16 LE round(32767 v) of each value in
 // units of s (means: of sqrt(s)). Rounding is 2^-16 of the bin's power.
 Bytes pack_array(std::span<const float> array, std::size_t antennas);
-// What is wrong with the bytes, or nothing.
+// Unpacks the statistics; returns the fault of the bytes, or "".
 std::string unpack_array(ByteView bytes, std::size_t bins, std::size_t antennas,
                          std::vector<float>& array);
 
@@ -96,6 +96,6 @@ std::string unpack_array(ByteView bytes, std::size_t bins, std::size_t antennas,
 inline constexpr double array_end_m = 8;
 Axis array_axis(const Axis& radar, std::size_t antennas);
 std::size_t antennas_of(const Axis& array);  // 0: not a number of antennas
-double array_bytes(const Axis& array);       // of a record, as it is stored
+double array_bytes(const Axis& array);       // bytes of a record, as stored
 
 }  // namespace echofuse::record

@@ -16,8 +16,8 @@ struct Range {
 constexpr Range widths_ps{0.1, 100'000}, tails_ps{0, 100'000}, shares{0, 1}, cells_m{1e-3, 10},
     exponents{-2, 0}, powers{0, 1.05};
 
-// It reads numbers, and perhaps "+- ERROR" behind them. It returns none if the text is anything
-// else or a number is out of range.
+// Reads numbers, and perhaps "+- ERROR" behind them. Returns none for any other text or a number
+// out of range.
 std::vector<double> numbers_of(const std::string& text, const Range& range, double& error) {
   const auto plus = text.find("+-");
   const auto read = [](const std::string& part) {

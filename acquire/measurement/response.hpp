@@ -31,8 +31,8 @@ struct RadarResponse {
   std::vector<double> taps;  // from 1 on; empty if it is not known
 
   bool known() const { return cell_m > 0 && !taps.empty(); }
-  // It is the amplitude at a distance in cells, over the peak's: the root of the power, which a
-  // cubic interpolates. It is 0 beyond the taps.
+  // Amplitude at a distance in cells, over the peak's: the root of the power, interpolated by a
+  // cubic; 0 beyond the taps.
   double amplitude(double cells) const;
   double power(double distance_m) const;
   double width_m() const;  // the full width at half of the peak
@@ -45,11 +45,11 @@ struct Response {
   double taps_standard_error = 0;
   Measured radar_noise_exponent;  // -1/2 of independent frames; 0 if it is not known
 
-  std::vector<std::pair<std::string, std::string>> meta() const;  // of what is known
+  std::vector<std::pair<std::string, std::string>> meta() const;  // entries of the known parts
   bool operator==(const Response&) const = default;
 };
 
-// What the run does not state, or states as what cannot be, is not known.
+// Response from a run's metadata. Parts not stated, or impossible, are not known.
 Response response_of(const std::vector<std::pair<std::string, std::string>>& meta);
 
 }  // namespace echofuse::record

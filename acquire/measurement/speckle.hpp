@@ -19,7 +19,7 @@ namespace echofuse::record {
 //   sum_R mean^2 variance / sum_R mean^4
 // so that points which show noise alone, and how many there are, hardly matter.
 struct Speckle {
-  double over_frames = 0;               // of the mean over the carriers
+  double over_frames = 0;               // variation of the mean over the carriers
   std::optional<double> over_carriers;  // within a frame; none with one carrier
   // Half the mean squared difference of frames 150 ms apart (von Neumann, Ann. Math. Stat. 12, 367,
   // 1941) in place of the variance: the less a body moves, the smaller. Noise adds to it. None
@@ -33,7 +33,8 @@ struct Speckle {
 class SpeckleStatistics {
  public:
   explicit SpeckleStatistics(std::size_t carriers = 1) : carriers_(carriers) {}
-  // Of equal length, linear. time_s: of any clock; a frame has that of the last carrier to come.
+  // Adds a profile: equal lengths, linear power. time_s: any clock; a frame has the time of its
+  // last carrier.
   void add(std::uint64_t frame, std::size_t carrier, double time_s, std::span<const float> power);
   // Nothing of fewer than two frames, or without power.
   std::optional<Speckle> take() const;
@@ -52,7 +53,7 @@ class SpeckleStatistics {
   std::vector<double> sum_, squares_;      // over frames, of their means
   std::vector<double> within_, apart_;     // variances over carriers; half the squared differences
   std::deque<Frame> recent_;               // frames that the next ones are compared with
-  double pairs_ = 0;                       // of frames that were compared
+  double pairs_ = 0;                       // number of frame pairs compared
 };
 
 }  // namespace echofuse::record
