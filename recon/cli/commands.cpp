@@ -63,8 +63,8 @@ void add_model_and_run(CLI::App& app, std::string& model, std::string& run) {
   app.add_option("run", run, "run file")->type_name("RUN")->required();
 }
 
-// It says on stderr what reconstruct notes about its records: at once while following, or else at
-// the end, which leaves the progress bar alone.
+// Prints notes of reconstruct on records to stderr: at once while following, else at the end, below
+// the progress bar.
 class ReconstructReport {
  public:
   ReconstructReport(std::string run, bool follow, bool quiet)

@@ -42,7 +42,7 @@ int run(int argc, char** argv) {
                     [&] { return app.exit(e) == 0 ? ExitCode::ok : ExitCode::usage; });
   }
   return run_main("echofuse-recon", [&] {
-    // These only read, and write one file at the end: the first Ctrl-C ends them at once.
+    // Commands that only read and write one file at the end: the first Ctrl-C ends them at once.
     const bool only_reads = app.got_subcommand("evaluate") || app.got_subcommand("report");
     if (!only_reads) catch_interrupts();
     set_threads(common.threads);

@@ -36,7 +36,7 @@ std::string is_candidate(const std::string& text) {
   }
 }
 
-// It refuses settings that the model of --from has fixed.
+// Refuses settings that the model of --from has fixed.
 void check_from(const CLI::App& app, const std::vector<std::string>& assignments) {
   const auto refuse = [](const std::string& what) {
     throw Error(ExitCode::usage,

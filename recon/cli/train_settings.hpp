@@ -11,7 +11,7 @@ namespace echofuse::recon {
 struct TrainSettings {
   explicit TrainSettings(TrainOptions& to) : options(to) {}
   TrainOptions& options;
-  // These are as they are typed; 0 and empty mean the model's own.
+  // Settings as typed; 0 and empty: the model's own.
   std::string hidden, candidates, weights, validate_on;
   std::int64_t basis = 0, batch = 0, patience = 0, gap = 0;
   double learning_rate = 0, weight_decay = -1, radar_bin_m = 0;
@@ -19,7 +19,7 @@ struct TrainSettings {
 };
 
 void bind(Settings& settings, TrainSettings& s);
-// It lists every key with meaning, range and default, as TOML.
+// Lists every key with meaning, range and default, as TOML.
 std::string train_settings_help();
 // Takes KEY=VALUE, or the name of a TOML file. Throws Error(config) that lists every fault, and
 // Error(usage) that names a list's bad part.

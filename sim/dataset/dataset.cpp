@@ -28,7 +28,7 @@ namespace {
 
 constexpr std::int64_t batch_records = 128;
 
-// These are independent random streams of one seed.
+// Independent random streams of one seed.
 enum class Stream : std::uint64_t {
   scenes,
   order,
@@ -74,7 +74,7 @@ void count_clicks(record::FusedRecord& r, std::int64_t pulses) {
   r.sync[Sensor::spd].used = clicks;
 }
 
-// It makes the records first..last-1. The thread that makes a record does not change its content.
+// Makes the records first..last-1. The thread that makes a record does not change its content.
 std::vector<record::FusedRecord> make_batch(const Generator& generator, std::int64_t first,
                                             std::int64_t last, int threads) {
   std::vector<record::FusedRecord> batch(static_cast<std::size_t>(last - first));
@@ -143,7 +143,7 @@ std::string files_of(const Plan& plan) {
   return out;
 }
 
-// It is true if a run has these records already, as when a job was queued again.
+// True if a run has these records already, as when a job was queued again.
 bool is_there(const std::string& path, const record::RunInfo& info, JobPart::Range records) {
   if (!std::filesystem::exists(path)) return false;
   const record::RunReader run(path);
@@ -277,9 +277,8 @@ std::optional<record::Speckle> Generator::speckle_of_noise(std::int64_t index,
   return speckle.take();
 }
 
-// It draws from random numbers of its own, so that the rest of the record is the same with and
-// without antennas (with coherent echoes: all but the profile). Returns the mean power in each
-// point.
+// Draws from a stream of its own, so that the rest of the record is the same with and without
+// antennas (with coherent echoes: all but the profile). Returns the mean power in each point.
 std::vector<double> Generator::profile_of_antennas(std::int64_t index, const Returns& returns,
                                                    const AntennaRadar& radar,
                                                    record::FusedRecord& r) const {

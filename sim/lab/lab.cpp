@@ -35,7 +35,7 @@ const char* const transient[] = {"radar-cli",      "radar-data", "radar-cli.new"
                                  "radar-data.new", "depth.sock", "openni"};
 const char* const lasting[] = {"lab.toml", "radar.cfg", "sent.json"};
 
-// It is true for a file that a killed laboratory was still writing.
+// True for a file that a killed laboratory was still writing.
 bool is_unfinished(const std::string& name) {
   return name.ends_with(".part") &&
          std::any_of(std::begin(lasting), std::end(lasting),

@@ -37,13 +37,13 @@ struct RadarTlv {
   std::uint32_t type = 0;
   Bytes payload;
 };
-// These are "3.5.0.4" and the xWR68xx demo.
+// SDK "3.5.0.4" and the xWR68xx demo.
 inline constexpr std::uint32_t radar_sdk_version = 0x03050004, radar_platform = 0xA6843;
 Bytes radar_frame(const RadarHeader& header, const std::vector<RadarTlv>& tlvs, Rng& junk);
 
 RadarTlv objects_tlv();                                               // type 1, without objects
 RadarTlv range_profile_tlv(const std::vector<std::uint16_t>& codes);  // type 2
-// This is TLV type 4, planar 8. For each range bin and antenna it has i16 imaginary, i16 real.
+// Heat map as TLV 4, planar 8: for each range bin and antenna i16 imaginary, i16 real.
 RadarTlv heat_map_tlv(bool planar, std::span<const std::complex<float>> samples);
 RadarTlv stats_tlv(const RadarStats& stats);                    // type 6
 RadarTlv temperature_tlv(const RadarTemperature& temperature);  // type 9
