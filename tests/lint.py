@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
 """House rules that a script can check: one SPDX line a file, files of at most 400 lines (one of 800), layout by
-clang-format 14 where it is installed; every command, option and file that a text names exists, and every case that
-CTest is told; one type a name; uPlot as its hashes say."""
+clang-format 14 where it is installed; what comments begin with; every command, option and file that a text names
+exists, and every case that CTest is told; one type a name; uPlot as its hashes say."""
 import base64
 import fnmatch
 import hashlib
@@ -26,6 +26,14 @@ def tracked():
 sources = []
 cases = []  # of Catch
 types = {}  # their full name, and the files that define one
+# Comments begin with a verb or the noun of the thing (.github/CONTRIBUTING.md). Counted by the innermost folder that is
+# named here; a limit only falls, and a folder without any keeps its own 0.
+vague = re.compile(r"(It|They|This|These|Of|What|Where|Whoever|Whose)\b", re.I)
+vague_limits = {
+    "acquire": 178, "drivers": 35, "recon": 96, "sim": 0, "tests": 88,
+    **dict.fromkeys(["acquire/measurement", *(f"drivers/{room}" for room in "bridge core depth inventory radar tdc".split()),
+                     *(f"recon/{room}" for room in "cli data method metrics models numbers train trust view".split())], 0)}
+vague_counts = {}
 for path in tracked():
     name = path.relative_to(root)
     code = path.suffix in (".cpp", ".hpp", ".py", ".sh") or path.name == "CMakeLists.txt" or (
@@ -53,11 +61,22 @@ for path in tracked():
                     types.setdefault("::".join([*namespaces, defined[1]]), set()).add(str(name))
         if namespaces:
             faults.append(f"{name}: no `}}  // namespace` ends {namespaces[-1]}")
+        for number, line in enumerate(lines):
+            code, slashes, comment = re.sub(r'"(\\.|[^"\\])*"', '""', line).partition("//")
+            goes_on = not code.strip() and number and lines[number - 1].lstrip().startswith("//")
+            if slashes and not goes_on and vague.match(comment.lstrip("/< ")):
+                folder = next(str(f) for f in name.parents if str(f) in vague_limits)
+                vague_counts.setdefault(folder, []).append(f"{name}:{number + 1}")
     cases += ["".join(re.findall(r'"(.*?)"', name))
               for name in re.findall(r'TEST_CASE\(\s*((?:"[^"]*"\s*)+)', "\n".join(lines))]
     # CMake splits a list there, and Catch takes it for an option.
     for case in re.findall(r'TEST_CASE\(\s*"(-|[^"]*;)', "\n".join(lines)):
         faults.append(f"{name}: a test case's name has a ; or begins with -, and CTest cannot call it")
+
+for folder, places in vague_counts.items():
+    if len(places) > vague_limits[folder]:
+        faults.append(f"{folder}: {len(places)} comments begin with It, This, Of, What or the like, at most "
+                      f"{vague_limits[folder]} may: {', '.join(places)}")
 
 # The linker merges the functions of both, and one type's are called with the other's memory.
 faults += [f"{name} is defined in {' and '.join(sorted(files))}" for name, files in types.items() if len(files) > 1]
