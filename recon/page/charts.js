@@ -301,22 +301,32 @@ export class Waterfall extends Chart {
     super(id, height);
     Object.assign(this, {x, label});
   }
-  // image: columns side by side, the farthest range above; where the first one begins and the last one ends.
-  show(image, span, farthest) {
-    Object.assign(this, {image, span, farthest});
+  // image: columns side by side, the farthest range above; span: start of the first, end of the last one. table: the
+  // colours of the bar; ends: the words at its foot and head.
+  show(image, span, farthest, table, ends) {
+    Object.assign(this, {image, span, farthest, table, ends});
     this.set([span, [null, null]]);
   }
   options() {
     return {
-      cursor: {show: false}, padding: [6, 28, 4, 0],
+      cursor: {show: false}, padding: [6, 30 + 4 * textSize(), 4, 0],
       scales: {x: {time: false, range: () => this.span}, y: {range: () => [0, this.farthest]}},
-      axes: [axis(this.label, {...this.x, grid: {show: false}}), axis('m', {values: short, size: 52, grid: {show: false}})], series: [{}, {points: {show: false}}],
+      axes: [axis(this.label, {...this.x, grid: {show: false}}), axis('range, m', {values: short, size: 52, grid: {show: false}})], series: [{}, {points: {show: false}}],
     };
   }
   under(u) {
-    const {left, top, width, height} = u.bbox;
-    u.ctx.imageSmoothingEnabled = false;
-    u.ctx.drawImage(this.image, left, top, width, height);
+    const c = u.ctx, {left, top, width, height} = u.bbox, ratio = devicePixelRatio, size = textSize() * ratio, bar = left + width + 10 * ratio;
+    c.imageSmoothingEnabled = false;
+    c.drawImage(this.image, left, top, width, height);
+    this.table.forEach((rgb, k) => {
+      c.fillStyle = `rgb(${rgb})`;
+      c.fillRect(bar, top + (255 - k) / 256 * height, 12 * ratio, height / 256 + 0.7);
+    });
+    c.fillStyle = colour('--ink');
+    c.font = `${size}px ${getComputedStyle(document.body).fontFamily}`;
+    c.textAlign = 'left';
+    c.fillText(this.ends[1], bar + 16 * ratio, top + 0.8 * size);
+    c.fillText(this.ends[0], bar + 16 * ratio, top + height);
   }
 }
 class Clocks extends Chart {

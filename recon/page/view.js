@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
 // The page: what the server sends goes where it belongs; keys and buttons ask for more.
-import {Histogram, Profile, Strips, Waterfall, clock, metresPerPs} from './charts.js';
+import {Histogram, Profile, Strips, Waterfall, clock, metresPerPs, siNumber} from './charts.js';
 import {Cloud} from './cloud.js';
 import {Link} from './link.js';
 import {MapView, picture, spanOf, tables} from './maps.js';
@@ -10,7 +10,7 @@ const $ = id => document.getElementById(id);
 const sensors = ['spd', 'radar', 'depth'];
 const histogram = new Histogram(), profile = new Profile(), strips = new Strips(), cloud = new Cloud();
 const waterfalls = {spd: new Waterfall('waterfall-spd'), radar: new Waterfall('waterfall-radar')};
-const antennas = new Waterfall('beams', 230, {}, 'sine of the azimuth, right: above 0');
+const antennas = new Waterfall('beams', 230, {splits: () => [-90, -60, -30, 0, 30, 60, 90], values: (_, at) => at.map(v => `${v}°`)}, 'azimuth');
 histogram.partner = profile, profile.partner = histogram;
 const views = {map: new MapView('map'), camera: new MapView('camera'), reconstruction: new MapView('reconstruction'),
                deviation: new MapView('deviation', 'sure')};
@@ -80,11 +80,11 @@ function drawMapsLamp() {
   const made = record?.reconstruction;
   if (!made) return light('maps', ['off', '–'], run.model ? 'none yet' : '', '');
   const met = made.iou == null ? '' : `camera: IoU ${made.iou.toFixed(2)}` +
-    (made.lateral_error_m == null ? '' : `, ${(made.lateral_error_m * 100).toFixed(0)} cm off`);
+    (made.lateral_error_m == null ? '' : `, ${(made.lateral_error_m * 100).toFixed(0)}\u00a0cm off`);
   const why = faultOf(made) || made.note || (state?.doubt ? 'run unlike the training' : '');
   light('maps', made.fault ? ['bad', 'NONE'] : made.seen ? ['look', 'TRAINED ON THIS RECORD'] : !run.calibrated ? ['look', 'NOT CALIBRATED'] : why ? ['look', 'DOUBT'] : ['ok', 'OK'],
-        [why, made.x_m == null ? '' : `body at x ${made.x_m.toFixed(2)} m` + (made.lateral_interval_90_m == null ? '' :
-          ` ±${(made.lateral_interval_90_m * 100).toFixed(0)} cm (90 %)`) + `, z ${made.z_m.toFixed(2)} m`].filter(Boolean).join('; '), met);
+        [why, made.x_m == null ? '' : `x\u00a0${made.x_m.toFixed(2)}\u00a0m` + (made.lateral_interval_90_m == null ? '' :
+          ` ±${(made.lateral_interval_90_m * 100).toFixed(0)}\u00a0cm (90\u00a0%)`) + `, z\u00a0${made.z_m.toFixed(2)}\u00a0m`].filter(Boolean).join('; '), met);
 }
 
 function drawNumbers() {
@@ -157,8 +157,10 @@ function drawRecord() {
   const [bins, beams] = a.beams?.shape ?? [0, 0], most = a.beams ? a.beams.reduce((top, v) => v > top ? v : top, -Infinity) : 0;
   $('card-beams').hidden = !(most > -Infinity && bins);
   if (!$('card-beams').hidden) {
-    const turned = Float32Array.from(a.beams, (_, i) => a.beams[(bins - 1 - Math.floor(i / beams)) * beams + i % beams]), {array} = run.axes;
-    antennas.show(picture(turned, bins, beams, [most - 30, most], tables.level, 1, true), [-1, 1], array.start + array.count * array.step);
+    // Beams lie evenly over the azimuth's sine, columns over its degrees: two each.
+    const beam = Array.from({length: 90}, (_, k) => Math.floor((Math.sin((2 * k - 89) * Math.PI / 180) + 1) / 2 * beams)), {array} = run.axes;
+    const turned = Float32Array.from({length: 90 * bins}, (_, i) => a.beams[(bins - 1 - Math.floor(i / 90)) * beams + beam[i % 90]]);
+    antennas.show(picture(turned, bins, 90, [most - 30, most], tables.level, 1, true), [-90, 90], array.start + array.count * array.step, tables.level, ['-30 dB', '0 dB']);
   }
   const points = cloudOf === 'reconstruction' && a.reconstruction ? a.reconstruction : a.map;
   if (points || !live) cloud.set(points, cloudOf === 'reconstruction' && made ? made.half_tangent : grid, span);
@@ -174,7 +176,7 @@ const take = {
     const other = run?.uuid !== message.uuid;
     run = message;
     say('file', run.file);
-    say('model', run.model ?? '');
+    say('model', $('model').title = (run.model ?? '').replace('.safetensors', ''));
     say('about', [`records of ${run.window_s} s`, run.host && `on ${run.host}`, run.operator && `by ${run.operator}`].filter(Boolean).join(' '));
     document.body.classList.toggle('with-model', !!run.model);
     for (const id of ['box-reconstruction', 'box-deviation', 'cloud-of']) $(id).hidden = !run.model;
@@ -261,7 +263,8 @@ function drawWaterfalls() {
     const nothing = Math.max(0, Math.round(bins * a.start / (a.count * a.step)));
     const whole = new Float32Array((bins + nothing) * records).fill(NaN);
     whole.set(turned);
-    chart.show(picture(whole, bins + nothing, records, [0, most], tables.level, 1, true), [time[0], time.at(-1) + step], (a.start + a.count * a.step) * unit);
+    chart.show(picture(whole, bins + nothing, records, [0, most], tables.level, 1, true), [time[0], time.at(-1) + step], (a.start + a.count * a.step) * unit, tables.level,
+               ['0', sensor === 'spd' ? siNumber(Math.expm1(most)) : `${most.toFixed(0)} dB`]);
   }
 }
 

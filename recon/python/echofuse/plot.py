@@ -145,10 +145,10 @@ def record(run: runs.Run | Path, index: int) -> Figure:
     radar.set(xlabel="range (m)", ylabel="dB over the median", ylim=(-10, max(30, radar.get_ylim()[1])))
     radar.set_title("radar", fontsize=10)
     if antennas and run.lags_axis is not None:
-        sines, axis = np.linspace(-0.95, 0.95, 96), run.lags_axis
-        decibels = 10 * np.log10(np.maximum(power_by_direction(run, row, sines), 1e-30))
-        image = axes[3].pcolormesh(sines, axis.values, decibels - decibels.max(), cmap="viridis", vmin=-25, vmax=0, rasterized=True)
-        axes[3].set(xlabel="sine of the azimuth", ylabel="range (m)")
+        degrees, axis = np.linspace(-72, 72, 97), run.lags_axis
+        decibels = 10 * np.log10(np.maximum(power_by_direction(run, row, np.sin(np.radians(degrees))), 1e-30))
+        image = axes[3].pcolormesh(degrees, axis.values, decibels - decibels.max(), cmap="viridis", vmin=-25, vmax=0, rasterized=True)
+        axes[3].set(xlabel="azimuth (degrees)", ylabel="range (m)")
         axes[3].set_title("radar's antennas", fontsize=10)
         made.colorbar(image, ax=axes[3], label="dB")
     return made
