@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: MIT
-// What a slot keeps of the radar's virtual antennas (TLV 4 or 8 of TI's demo): for each range bin
-// the second-order statistics of the complex samples x over the slot's frames. Any beam's power,
-// its mean over looks, and the subtraction of what stands still are linear in them, and a phase
-// calibration that is measured later can still be applied: nothing that an estimator of angles uses
-// is lost (Van Trees, Optimum Array Processing, 2002, 2.5 and 7.1).
+// Statistics that a slot keeps of the radar's virtual antennas (TLV 4 or 8 of TI's demo): for each
+// range bin the second-order statistics of the complex samples x over the slot's frames. Any beam's
+// power, its mean over looks, and the subtraction of what stands still are linear in them, and a
+// phase calibration that is measured later can still be applied: nothing that an estimator of
+// angles uses is lost (Van Trees, Optimum Array Processing, 2002, 2.5 and 7.1).
 #pragma once
 #include <complex>
 #include <cstddef>

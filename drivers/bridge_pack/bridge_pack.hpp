@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// What a bridge in another language needs to send tags as fast as a time tagger makes them: C
-// functions of a shared library of their own. No state, no errors: any bytes are tags.
+// C functions of a shared library, with which a bridge in another language packs tags as fast as a
+// time tagger makes them. No state, no errors: any bytes are tags.
 #pragma once
 #include <cstddef>
 #include <cstdint>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// What the numbers of one sensor mean: written once per run, checked by every reader.
+// Axis of one sensor's numbers: written once per run, checked by every reader.
 #pragma once
 #include <cmath>
 #include <cstdint>

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// What every stream parser needs: the bytes of an unfinished frame wait for the rest, and a frame
-// that lies whole in one piece of input is never copied.
+// Buffer of a stream parser: bytes of an unfinished frame wait for the rest; a frame that lies
+// whole in one piece of input is never copied.
 #pragma once
 #include <algorithm>
 

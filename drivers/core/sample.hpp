@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// What the three drivers produce. Raw device values and raw device clocks; the host time is the
+// Samples of the three drivers. Raw device values and raw device clocks; the host time is the
 // monotonic time at which the last byte of the sample was read.
 #pragma once
 #include <cstdint>

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
-// What is attached, as the kernel tells it: the USB devices that may be one of ours, how a program
-// reaches them, and what goes into lab.toml. Nothing is opened and nothing asked of a device.
+// Attached devices, as the kernel lists them: the USB devices that may be one of ours, how a
+// program reaches them, and what goes into lab.toml. Nothing is opened and nothing asked of a
+// device.
 #pragma once
 #include <cstdint>
 #include <optional>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Where the virtual antennas of TI's IWR6843 boards stand. A virtual antenna is a pair of a
+// Places of the virtual antennas of TI's IWR6843 boards. A virtual antenna is a pair of a
 // transmitter and a receiver; it stands where the sum of their places is.
 //
 // Sources: antenna figures and geometry lines {azimuth, elevation} of the mmWave Industrial Toolbox

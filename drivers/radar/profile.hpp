@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// What a TI mmWave .cfg file (SDK 3.x) says about the range profile and the heat map it will
-// produce, and the meaning of the profile's numbers.
+// Range axis and heat map that follow from a TI mmWave .cfg file (SDK 3.x), and the meaning of the
+// profile's numbers.
 #pragma once
 #include <cstdint>
 #include <string>

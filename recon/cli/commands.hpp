@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// These are the sub-commands of echofuse-recon. Each adds its options to a parser and returns the
-// function to call once they are read.
+// Sub-commands of echofuse-recon. Each adds its options to a parser and returns the function to
+// call once they are read.
 #pragma once
 #include <functional>
 #include <string>

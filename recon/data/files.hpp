@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// These functions read and write whole files, with errors that name them.
+// Reading and writing of whole files, with errors that name them.
 #pragma once
 #include <string>
 

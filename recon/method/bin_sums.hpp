@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// These are sums over bins of a histogram for its centroid. They use four sums side by side, as
-// each addition to a single sum waits for the last.
+// Sums over bins of a histogram for its centroid: four side by side, because each addition to a
+// single sum waits for the last.
 #pragma once
 #include <cstddef>
 #include <span>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// This file computes the radar's profile about a body's range.
+// Radar profile about a body's range.
 #include <algorithm>
 #include <array>
 #include <cmath>

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT
-// This file computes how well a radar profile fits a histogram at each shift between them. The
-// expected profile of a body is its histogram, blurred by the radar's point spread. Its correlation
-// with the profile over shifts has the most information on which side the body is. It is a product
-// of both inputs that a small network would otherwise have to learn.
+// Correlation of radar profile and histogram at each shift between them. The expected profile of a
+// body is its histogram, blurred by the radar's point spread. Its correlation with the profile over
+// shifts has the most information on which side the body is. It is a product of both inputs that a
+// small network would otherwise have to learn.
 #pragma once
 #include <cstddef>
 #include <span>

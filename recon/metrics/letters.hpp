@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT
-// This file says which of the paper's ten letters a map shows. The near layer of a map is what lies
-// up to 20 cm behind the plate's middle or before it. In cells of 2 cm it is correlated with
-// templates of the letters. Size and place of the plate are where the true map is most like the
-// true letter. From there up to 8 cm both ways each letter's best normalised correlation counts.
+// Reading of the paper's ten letters from a map. The near layer of a map is what lies up to 20 cm
+// behind the plate's middle or before it. In cells of 2 cm it is correlated with templates of the
+// letters. Size and place of the plate are where the true map is most like the true letter. From
+// there up to 8 cm both ways each letter's best normalised correlation counts.
 #pragma once
 #include <optional>
 #include <span>

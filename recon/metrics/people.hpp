@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// These are maps of two people; the record's label names them. The true map tells the two apart:
+// Metrics of maps of two people; the record's label names them. The true map tells the two apart:
 // its foreground in plan view (x and z in metres) falls into two clusters (2-means, begun at the
 // leftmost and the rightmost pixel). A predicted pixel belongs to the person whose middle in plan
 // view is nearer.

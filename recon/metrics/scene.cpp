@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: MIT
-// This file is compiled with -fno-trapping-math: otherwise no division beside a condition is
-// vectorised.
+// Compiled with -fno-trapping-math: otherwise no division beside a condition is vectorised.
 #include "recon/metrics/scene.hpp"
 
 #include <algorithm>

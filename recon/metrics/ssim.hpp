@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: MIT
-// This file computes the structural similarity of two depth maps (Wang, Bovik, Sheikh, Simoncelli,
-// IEEE TIP 13, 600, 2004) with an 11 x 11 Gaussian window of sigma 1.5, K1 0.01, K2 0.03,
-// population covariance.
+// Structural similarity of two depth maps (Wang, Bovik, Sheikh, Simoncelli, IEEE TIP 13, 600, 2004)
+// with an 11 x 11 Gaussian window of sigma 1.5, K1 0.01, K2 0.03, population covariance.
 #pragma once
 #include <cstddef>
 #include <span>

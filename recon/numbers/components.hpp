@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// These are the principal components of the rows of a table.
+// Principal components of the rows of a table.
 #pragma once
 #include <cstdint>
 #include <string>

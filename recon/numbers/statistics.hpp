@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// These functions compute what the rows of a table have in common.
+// Statistics of the rows of a table.
 #pragma once
 #include <span>
 #include <utility>

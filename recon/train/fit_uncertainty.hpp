@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// These functions learn what a trained model may say of its own answers. They use the validation
-// records, as they are and made worse (fewer photons, more radar noise), with the model's own maps.
+// Fits the stated uncertainty of a trained model. Uses the validation records, as they are and made
+// worse (fewer photons, more radar noise), with the model's own maps.
 #pragma once
 #include <cstdint>
 #include <functional>

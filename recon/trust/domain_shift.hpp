@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
-// This file tests whether a run as a whole is unlike the training, where no single record need be:
-// people, clothes or sensors differ. The means of the records' numbers (record_numbers.hpp), and of
-// their squares, are compared with those of training records by a permutation test of the greatest
+// Test whether a run as a whole is unlike the training, where no single record need be: people,
+// clothes or sensors differ. The means of the records' numbers (record_numbers.hpp), and of their
+// squares, are compared with those of training records by a permutation test of the greatest
 // difference in units of its own scatter (Westfall and Young, Resampling-Based Multiple Testing,
 // 1993; Good, Permutation Tests, 2000). Blocks of ten records, as a pose may be held for some, are
 // exchanged between run and training.

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: MIT
-// This file tests whether a record is out of the training records' distribution, whatever the
-// model. A record is described by its histogram, radar profile and view of the radar's antennas, if
-// the model takes these, aligned to the body's range (method/alignment.hpp). The description also
-// holds that range, the radar profile as it is, and how its power varied within the record
-// (record_numbers.hpp). None of these depends on gains. The numbers are
+// Test whether a record is out of the training records' distribution, whatever the model. A record
+// is described by its histogram, radar profile and view of the radar's antennas, if the model takes
+// these, aligned to the body's range (method/alignment.hpp). The description also holds that range,
+// the radar profile as it is, and how its power varied within the record (record_numbers.hpp). None
+// of these depends on gains. The numbers are
 //   distance    from the training records in their principal components: T^2 along the components,
 //               Q of each group of values off them (Jackson and Mudholkar, Technometrics 21, 341,
 //               1979), the greatest one

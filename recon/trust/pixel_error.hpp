@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: MIT
-// This file says how sure each pixel is. A pixel shows the body, at its depth z, with probability
-// p, or else the background B. p comes from the model's mask, blurred by the uncertainty of the
-// body's place. If a model has no mask, p comes from how far its mean map m has come from B to z, p
-// = (m - B)/(z - B). A curve then corrects either one: it says how often such pixels of the
-// validation records were body.
+// Uncertainty of each pixel. A pixel shows the body, at its depth z, with probability p, or else
+// the background B. p comes from the model's mask, blurred by the uncertainty of the body's place.
+// If a model has no mask, p comes from how far its mean map m has come from B to z, p = (m - B)/(z
+// - B). A curve then corrects either one: it says how often such pixels of the validation records
+// were body.
 #pragma once
 #include <array>
 #include <string>

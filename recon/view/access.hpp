@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// These functions say who may see a run, and who may write into it. They touch nothing.
+// Rules of who may see a run, and who may write into it, without side effects.
 //
 // A page of anybody's can make a browser ask 127.0.0.1, so what it names is checked: the Host is
 // this machine by a name that no foreign DNS entry can be (against rebinding), and the Origin of a

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// These messages go over the WebSocket /live.
+// Messages of the WebSocket /live.
 //
 // From the server, one binary message each:
 //   off 0   u32 LE n, the length of the header

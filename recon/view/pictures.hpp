@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// This is what the page draws of a record, in numbers.
+// Numbers that the page draws of a record.
 #pragma once
 #include <cstdint>
 #include <span>

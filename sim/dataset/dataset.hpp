@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// This file writes a whole run file of simulated records. The bytes are the same for the same plan
-// whatever the number of threads (but for uuid and times of day).
+// Writes a whole run file of simulated records. The bytes are the same for the same plan whatever
+// the number of threads (but for uuid and times of day).
 #pragma once
 #include <cstdint>
 #include <optional>

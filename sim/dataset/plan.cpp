@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// This file binds the settings of a plan, and resolves its twin.
+// Binds the settings of a plan, and resolves its twin.
 #include <algorithm>
 
 #include "sim/dataset/dataset.hpp"

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// This is a bridge's end of the block protocol: it serves one client at a time, greets it, and
-// sends the blocks of a device in order, with the faults of that device.
+// Bridge's end of the block protocol: serves one client at a time, greets it, and sends a device's
+// blocks in order, with that device's faults.
 #pragma once
 #include <cstdint>
 #include <deque>

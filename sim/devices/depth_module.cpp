@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: MIT
-// This is an OpenNI2 driver with one depth camera whose frames come from a laboratory's socket.
-// This file's own place tells where the socket is: LAB/openni/OpenNI2/Drivers/MODULE ->
-// LAB/depth.sock. The camera is plugged in while the laboratory answers. The stock library loads
-// the module, which knows nothing of the product.
-// Threading: OpenNI calls from its user's threads; one thread of the module reads the socket.
+// OpenNI2 driver with one depth camera whose frames come from a laboratory's socket. This file's
+// own place tells where the socket is: LAB/openni/OpenNI2/Drivers/MODULE -> LAB/depth.sock. The
+// camera is plugged in while the laboratory answers. The stock library loads the module, which
+// knows nothing of the product. Threading: OpenNI calls from its user's threads; one thread of the
+// module reads the socket.
 #include <Driver/OniDriverAPI.h>
 #include <dlfcn.h>
 #include <poll.h>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// These are the simulated devices of a laboratory. Each lives in one loop and never blocks it.
+// Simulated devices of a laboratory. Each lives in one loop and never blocks it.
 #pragma once
 #include <cstdint>
 #include <memory>

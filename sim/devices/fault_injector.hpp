@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// This file injects faults into one device, and logs them and what the device sends.
-// Threading: the loop's thread uses it.
+// Injects faults into one device, and logs them and all that the device sends. Threading: the
+// loop's thread uses it.
 #pragma once
 #include <functional>
 #include <string>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// This is where a device's clients connect, one at a time.
+// Listening end to which a device's clients connect, one at a time.
 #pragma once
 #include <cstdint>
 #include <functional>

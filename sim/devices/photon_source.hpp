@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// This is a laser and a single-photon detector as a time tagger sees them. It follows the same law
-// as the simulated histogram (sim/sensors/optics.hpp), drawn photon by photon.
+// Laser and single-photon detector as a time tagger sees them, by the same law as the simulated
+// histogram (sim/sensors/optics.hpp), drawn photon by photon.
 #pragma once
 #include <cstdint>
 #include <vector>

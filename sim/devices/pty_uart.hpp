@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: MIT
-// This is one UART of a board behind a pseudo-terminal. A pty knows no speed and loses nothing; a
-// UART sends at its rate, and loses what the host does not fetch. It is internal to the simulated
-// radar.
+// UART of a board behind a pseudo-terminal. A pty knows no speed and loses nothing; a UART sends at
+// its rate, and loses what the host does not fetch. It is internal to the simulated radar.
 #pragma once
 #include <array>
 #include <boost/asio/posix/stream_descriptor.hpp>

@@ -1,8 +1,7 @@
 // SPDX-License-Identifier: MIT
-// These are the virtual antennas of a simulated board, and their samples while it runs. An
-// IWR6843ISK sends a row's samples (TLV 4), a board with 12 antennas in a plane (radar_antennas =
-// 12: the AOP) all of them (TLV 8). Both have errors of phase and gain: they are the board's, not
-// the run's.
+// Virtual antennas of a simulated board, and their samples while it runs. An IWR6843ISK sends a
+// row's samples (TLV 4), a board with 12 antennas in a plane (radar_antennas = 12: the AOP) all of
+// them (TLV 8). Both have errors of phase and gain: they are the board's, not the run's.
 #pragma once
 #include <array>
 #include <complex>

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: MIT
-// This file computes what a configured chirp measures, as the demo's firmware works it out from its
-// CLI commands (mmwave SDK 3.x, mmwdemo_rfparser.c), and the range profile that the chip then
-// sends.
+// Measurement of a configured chirp, as the demo's firmware works it out from its CLI commands
+// (mmwave SDK 3.x, mmwdemo_rfparser.c), and the range profile that the chip then sends.
 #pragma once
 #include <cstdint>
 #include <vector>

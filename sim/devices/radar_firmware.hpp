@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT
-// This is the command line of TI's out-of-box demos, SDK 3.4 to 3.6, as their sources have it
-// (utils/cli, demo/xwr68xx/mmw/mss/mmw_cli.c, demo/xwr64xx/mmw/mmw_cli.c, uartsci.c): echo, prompt,
-// "Done", "Error -1", "Ignored: ...", what has to be configured before a start, and what may not
-// change after the first one. It knows no ports and no time.
+// Command line of TI's out-of-box demos, SDK 3.4 to 3.6, as their sources have it (utils/cli,
+// demo/xwr68xx/mmw/mss/mmw_cli.c, demo/xwr64xx/mmw/mmw_cli.c, uartsci.c): echo, prompt, "Done",
+// "Error -1", "Ignored: ...", what has to be configured before a start, and what may not change
+// after the first one. It knows no ports and no time.
 #pragma once
 #include <cstdint>
 #include <functional>

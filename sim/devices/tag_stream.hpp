@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// This file gives the tags of a scene in real time, in blocks, to the device that sends them.
+// Tags of a scene in real time, in blocks, for the device that sends them.
 #pragma once
 #include <functional>
 

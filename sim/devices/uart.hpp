@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// This is one UART of a board: it sends at its rate, whatever is at the other end of the wires.
+// UART of a board: sends at its rate, whatever is at the other end of the wires.
 #pragma once
 #include <chrono>
 #include <cstdint>

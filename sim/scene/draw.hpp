@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// This file draws random numbers for photon counts. The standard library's poisson_distribution and
+// Random numbers for photon counts. The standard library's poisson_distribution and
 // binomial_distribution call lgamma, whose global sign is a data race between threads, and give
 // other numbers with each library.
 #pragma once

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: MIT
-// This file is compiled without errno and traps for its square roots (CMakeLists.txt), so that they
-// vectorise.
+// Compiled without errno and traps for its square roots (CMakeLists.txt), so that they vectorise.
 #include "sim/scene/shapes.hpp"
 
 #include <cmath>

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
-// These are capsules, plates and triangles as seen from a sensor. Coordinates are relative to it,
-// and rays are (x, y, 1), so that the ray parameter is z. Many rays are worked on at a time, with
-// the same bits on every machine.
+// Capsules, plates and triangles as seen from a sensor. Coordinates are relative to it, and rays
+// are (x, y, 1), so that the ray parameter is z. Many rays are worked on at a time, with the same
+// bits on every machine.
 #pragma once
 #include <algorithm>
 #include <array>

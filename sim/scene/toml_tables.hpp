@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// This file reads a TOML file that is a list of [[kind]] tables, and finds all its faults at once.
-// Only .cpp files may include it: toml++ is a heavy header.
+// Reads a TOML file that is a list of [[kind]] tables, and finds all its faults at once. Only .cpp
+// files may include it: toml++ is a heavy header.
 #pragma once
 #include <toml++/toml.h>
 

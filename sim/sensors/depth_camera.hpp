@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// This file turns exact depths into those that a depth camera gives.
+// Turns exact depths into those of a depth camera.
 #pragma once
 #include <cstdint>
 #include <vector>

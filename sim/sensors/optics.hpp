@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// This file makes the single-photon detector's histogram. The two-way time is t = 2R/c.
+// TCSPC histogram of the single-photon detector. The two-way time is t = 2R/c.
 #pragma once
 #include <cstdint>
 #include <vector>

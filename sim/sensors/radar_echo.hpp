@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// This file makes the range profile of a linear-frequency-modulated radar after its matched filter.
+// Range profile of an FMCW radar (linear chirps) after its matched filter.
 #pragma once
 #include <cstdint>
 #include <vector>

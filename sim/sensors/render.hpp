@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// This file casts rays exactly at capsules, plates and triangles.
+// Casts rays exactly at capsules, plates and triangles.
 #pragma once
 #include <cstdint>
 #include <vector>

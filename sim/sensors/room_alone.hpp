@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// This file holds what the room gives if nobody is in it. The room stands still: in a scene before
-// it, only the part that people and objects change has to be looked at (RoomIs::subtracted).
+// Returns and echoes of the room alone. The room stands still: in a scene before it, only the part
+// that people and objects change has to be looked at (RoomIs::subtracted).
 #pragma once
 #include <vector>
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// This file goes over a scene with rays, row by row. It is internal to render.cpp.
+// Scans a scene with rays, row by row. Internal to render.cpp.
 #pragma once
 #include <algorithm>
 #include <cmath>

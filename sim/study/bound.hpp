@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// This file says how well a lateral position can be known at all: the Cramer-Rao bound of the
-// scenes of a data set, from their noise-free histogram (Poisson) and range profile (Gaussian).
+// Cramer-Rao bound of a lateral position: for the scenes of a data set, from their noise-free
+// histogram (Poisson) and range profile (Gaussian).
 #pragma once
 #include <cstdint>
 #include <string>

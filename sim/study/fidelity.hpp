@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// This file measures how much detail a scene needs: each approximation of the simulated world is
-// compared with a finer one, and its cost is given.
+// Measures how much detail a scene needs: each approximation of the simulated world is compared
+// with a finer one, and its cost is given.
 #pragma once
 #include <cstdint>
 #include <string>

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: MIT
-// This file computes the Fisher information of noisy measurements, and the Cramer-Rao bound that
-// follows from it.
+// Fisher information of noisy measurements, and the Cramer-Rao bound that follows from it.
 #pragma once
 #include <cstddef>
 #include <functional>

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// This file encodes what the simulated devices put on the wire. It is written from the formats'
-// descriptions, apart from the parsers in drivers/, so that one mistake cannot hide in both.
+// Encodes the bytes of the simulated devices. Written from the formats' descriptions, apart from
+// the parsers in drivers/, so that one mistake cannot hide in both.
 #pragma once
 #include <complex>
 #include <cstdint>

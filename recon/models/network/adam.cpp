@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// This file is compiled with -fno-math-errno and -fno-trapping-math: otherwise the square root and
-// the comparisons keep the loop from being vectorised.
+// Compiled with -fno-math-errno and -fno-trapping-math: otherwise the square root and the
+// comparisons keep the loop from being vectorised.
 #include "recon/models/network/adam.hpp"
 
 #include <algorithm>

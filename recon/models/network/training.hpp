@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// These are the options and the results of a training.
+// Options and results of a training.
 #pragma once
 #include <cmath>
 #include <cstdint>
