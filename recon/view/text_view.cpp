@@ -23,6 +23,7 @@ namespace {
 
 using recon::formatted;
 constexpr std::size_t chart_rows = 6, least_width = 30, most_width = 80;
+constexpr std::size_t dots = 3;  // behind a text that printable() cuts
 constexpr std::array<const char*, 9> blocks{" ", "▁", "▂", "▃", "▄", "▅", "▆", "▇", "█"};
 
 std::string clock_text(double time_s) {
@@ -60,7 +61,7 @@ std::string lamps(const FollowedRun& run, UtcTime now, bool colours, std::size_t
         formatted(" %-5s %s  lost %" PRIu64 "  ", name_of(s), when.c_str(), sensor.lost) +
         sensor.verdict;
     out += (colours ? lamp.colour + word + "\033[0m" : word) +
-           printable(rest, width - word.size()) + "\n";
+           printable(rest, width - word.size() - dots) + "\n";
   }
   return out;
 }
@@ -127,7 +128,7 @@ std::string text_page(const FollowedRun& run, std::optional<std::int64_t> planne
   std::string out =
       spread(printable(printable(std::filesystem::path(run.path()).filename().string(), 30) + "  " +
                            printable(run.info().status, 20),
-                       width),
+                       width - dots),
              right, width) +
       "\n" + lamps(run, now, colours, width);
   if (all.empty()) return out + "no record yet\n";
@@ -143,7 +144,7 @@ std::string text_page(const FollowedRun& run, std::optional<std::int64_t> planne
       bottom += formatted(", %.3g GB free", static_cast<double>(*free) / 1e9);
     if (!run.events().empty())
       bottom += "; " + run.events().back().source + ": " + run.events().back().text;
-    out += printable(bottom, width) + "\n";
+    out += printable(bottom, width - dots) + "\n";
   });
   return out;
 }
