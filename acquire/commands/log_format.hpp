@@ -8,8 +8,8 @@ class formatter;
 
 namespace echofuse::acquire {
 
-// Formatter of the log on stderr: erases the status line on a terminal, omits the time under
-// systemd. Escapes control characters, so that no text moves the cursor.
+// Of the log on stderr: on a terminal a message first clears the status line; the journal keeps the
+// time by itself. Nothing in a message moves the cursor, whoever sent the text.
 std::unique_ptr<spdlog::formatter> log_format();
 
 }  // namespace echofuse::acquire

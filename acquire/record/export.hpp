@@ -12,7 +12,8 @@
 //                        i64 [n] (ns), label text [n]
 //   /entry/sync/SENSOR   offset, span (s), used, lost, verdict, each [n]
 //   /entry/instrument/SENSOR   address, model, serial, firmware
-//   /entry/tables/TABLE/COLUMN   all else of the run file (acquire/record/schema.hpp): marks
+//   /entry/tables/TABLE/COLUMN   all else that the run file holds (acquire/record/schema.hpp):
+//   marks
 //                        and labels (event), --meta (meta), counters, clock fits, ...; i64 with
 //                        `missing_value`, f64 with NaN, or text
 // Where a sensor is not valid, spd and depth hold zeros and radar and array hold NaN.

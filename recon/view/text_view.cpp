@@ -22,8 +22,7 @@ namespace echofuse::view {
 namespace {
 
 using recon::formatted;
-constexpr std::size_t chart_rows = 6, least_width = 30, most_width = 80;
-constexpr std::size_t dots = 3;  // behind a text that printable() cuts
+constexpr std::size_t width = 80, chart_rows = 6;
 constexpr std::array<const char*, 9> blocks{" ", "▁", "▂", "▃", "▄", "▅", "▆", "▇", "█"};
 
 std::string clock_text(double time_s) {
@@ -31,10 +30,10 @@ std::string clock_text(double time_s) {
   return formatted("%" PRId64 ":%02" PRId64 ":%02" PRId64, s / 3600, s / 60 % 60, s % 60);
 }
 
-// Returns a line of ASCII: `left`, blanks, `right`; two lines if both do not fit.
-std::string spread(const std::string& left, const std::string& right, std::size_t width) {
+// Returns a line of ASCII: `left`, blanks, `right`.
+std::string spread(const std::string& left, const std::string& right) {
   const std::size_t used = left.size() + right.size();
-  return left + (used < width ? std::string(width - used, ' ') : "\n") + right;
+  return left + std::string(used < width ? width - used : 1, ' ') + right;
 }
 
 struct Lamp {
@@ -48,7 +47,7 @@ Lamp lamp_of(const SensorState& s, bool live, bool stale) {
   return {"ok  ", "\033[32m"};
 }
 
-std::string lamps(const FollowedRun& run, UtcTime now, bool colours, std::size_t width) {
+std::string lamps(const FollowedRun& run, UtcTime now, bool colours) {
   std::string out;
   for (const Sensor s : all_sensors) {
     const SensorState& sensor = run.sensors()[s];
@@ -61,31 +60,31 @@ std::string lamps(const FollowedRun& run, UtcTime now, bool colours, std::size_t
         formatted(" %-5s %s  lost %" PRIu64 "  ", name_of(s), when.c_str(), sensor.lost) +
         sensor.verdict;
     out += (colours ? lamp.colour + word + "\033[0m" : word) +
-           printable(rest, width - word.size() - dots) + "\n";
+           printable(rest, width - word.size()) + "\n";
   }
   return out;
 }
 
-std::string axis_line(const Axis& axis, double to_m, std::size_t width) {
+std::string axis_line(const Axis& axis, double to_m) {
   const double first = axis.start * to_m, last = axis.at(axis.count) * to_m;
-  return spread(formatted("%.1f m", first), formatted("%.1f m", last), width) + "\n";
+  return spread(formatted("%.1f m", first), formatted("%.1f m", last)) + "\n";
 }
 
-std::string histogram(const record::FusedRecord& r, const Axis& axis, std::size_t width) {
+std::string histogram(const record::FusedRecord& r, const Axis& axis) {
   const std::vector<float> counts(r.spd.begin(), r.spd.end());
   const float most = counts.empty() ? 0 : *std::max_element(counts.begin(), counts.end());
-  return spread("SPD, clicks a bin", formatted("most %.0f", double{most}), width) + "\n" +
-         block_chart(counts, width, chart_rows, 0, most) + axis_line(axis, 1 / ps_per_m, width);
+  return spread("SPD, clicks a bin", formatted("most %.0f", double{most})) + "\n" +
+         block_chart(counts, width, chart_rows, 0, most) + axis_line(axis, 1 / ps_per_m);
 }
 
-std::string profile(const record::FusedRecord& r, const Axis& axis, std::size_t width) {
+std::string profile(const record::FusedRecord& r, const Axis& axis) {
   const std::vector<float> db = to_db(r.radar, axis);
   if (db.empty()) return {};
   std::vector<float> sorted = db;
   std::sort(sorted.begin(), sorted.end());
   const float floor = sorted[sorted.size() / 2], most = sorted.back();
-  return spread("radar, dB over median", formatted("most %.1f dB", double{most - floor}), width) +
-         "\n" + block_chart(db, width, chart_rows, floor, most) + axis_line(axis, 1, width);
+  return spread("radar, dB over the median", formatted("most %.1f dB", double{most - floor})) +
+         "\n" + block_chart(db, width, chart_rows, floor, most) + axis_line(axis, 1);
 }
 
 }  // namespace
@@ -112,8 +111,7 @@ std::string block_chart(std::span<const float> values, std::size_t columns, std:
 }
 
 std::string text_page(const FollowedRun& run, std::optional<std::int64_t> planned, UtcTime now,
-                      bool colours, std::size_t columns) {
-  const std::size_t width = std::clamp(columns, least_width, most_width);
+                      bool colours) {
   const auto& all = run.outlines();
   std::string count = formatted("%zu", all.size());
   if (planned) count += formatted("/%" PRId64, *planned);
@@ -125,18 +123,16 @@ std::string text_page(const FollowedRun& run, std::optional<std::int64_t> planne
              clock_text((static_cast<double>(*planned) - static_cast<double>(all.size())) *
                         run.info().window_s) +
              " left";
-  std::string out =
-      spread(printable(printable(std::filesystem::path(run.path()).filename().string(), 30) + "  " +
-                           printable(run.info().status, 20),
-                       width - dots),
-             right, width) +
-      "\n" + lamps(run, now, colours, width);
+  std::string out = spread(printable(std::filesystem::path(run.path()).filename().string(), 30) +
+                               "  " + printable(run.info().status, 20),
+                           right) +
+                    "\n" + lamps(run, now, colours);
   if (all.empty()) return out + "no record yet\n";
   run.with_reader([&](const record::RunReader& reader) {
     const record::FusedRecord r = reader.read(all.back().index);
     for (const Axis& a : reader.axes()) {
-      if (a.name == "spd" && r.has(Sensor::spd)) out += histogram(r, a, width);
-      if (a.name == "radar" && r.has(Sensor::radar)) out += profile(r, a, width);
+      if (a.name == "spd" && r.has(Sensor::spd)) out += histogram(r, a);
+      if (a.name == "radar" && r.has(Sensor::radar)) out += profile(r, a);
     }
     std::string bottom = "record " + std::to_string(r.index);
     if (!r.label.empty()) bottom += ", label " + r.label;
@@ -144,7 +140,7 @@ std::string text_page(const FollowedRun& run, std::optional<std::int64_t> planne
       bottom += formatted(", %.3g GB free", static_cast<double>(*free) / 1e9);
     if (!run.events().empty())
       bottom += "; " + run.events().back().source + ": " + run.events().back().text;
-    out += printable(bottom, width - dots) + "\n";
+    out += printable(bottom, width) + "\n";
   });
   return out;
 }
@@ -156,7 +152,7 @@ ExitCode text_view(FollowedRun& run, std::optional<std::int64_t> planned, const 
   do {
     run.refresh();
     if (!run.trouble().empty()) throw Error(ExitCode::failed, run.trouble());
-    const std::string page = text_page(run, planned, clock.utc(), colours, columns_of_terminal());
+    const std::string page = text_page(run, planned, clock.utc(), colours);
     std::printf("%s%s", terminal && run.live() ? "\033[H\033[J" : "", page.c_str());
     std::fflush(stdout);
     for (int i = 0; i < 10 && terminal && run.live() && !interrupted(); ++i)

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: MIT
-// A run in a terminal of 30 to 80 columns: histogram and profile in block characters, and the
-// lamps.
+// A run in a terminal of 80 columns: histogram and profile in block characters, and the lamps.
 #pragma once
 #include <cstdint>
 #include <optional>
@@ -18,10 +17,10 @@ namespace echofuse::view {
 std::string block_chart(std::span<const float> values, std::size_t columns, std::size_t rows,
                         float floor, float ceiling);
 
-// Returns the present page, in lines of at most `columns` characters (30 to 80); `colours` are
-// those of a terminal.
+// Returns what there is to see now, in lines of at most 80 characters; `colours` are those of a
+// terminal.
 std::string text_page(const FollowedRun& run, std::optional<std::int64_t> planned, UtcTime now,
-                      bool colours, std::size_t columns = 80);
+                      bool colours);
 
 // Prints it once, or again each second on a terminal while the run is live, until interrupted().
 // Throws Error(failed) if there is no run.

@@ -7,7 +7,6 @@ import pty
 import re
 import signal
 import struct
-import subprocess
 import sys
 import termios
 import threading
@@ -91,12 +90,6 @@ class StatusLine(live.Live):
         lines = SEQUENCES.sub("", text).replace("\r\n", "\n").split("\n")
         feeds = [line.rsplit("\r", 1)[-1] for line in lines[:-1]]
         self.assertEqual([f.split("  ")[0] for f in feeds if f.startswith("record ")], ["record 40/40"], text)
-        narrow = Terminal(40)
-        page = subprocess.run([bin_dir / "echofuse-view", "--text", self.run], check=True, text=True, stdout=subprocess.PIPE,
-                              stderr=narrow.slave).stdout
-        narrow.close()
-        self.assertLessEqual(max(map(len, page.splitlines())), 40, page)
-        self.assertIn("40 records", page)
 
     def test_interrupted(self):
         """The first Ctrl-C is answered at once, the second ends the run at once."""
