@@ -8,8 +8,8 @@
 
 #include "acquire/config/config.hpp"
 #include "acquire/measurement/radar_array.hpp"
-#include "drivers/program/atomic_write.hpp"
 #include "drivers/program/exit_code.hpp"
+#include "drivers/program/new_file.hpp"
 #include "drivers/program/settings.hpp"
 #include "drivers/radar/firmware_bias.hpp"
 

@@ -8,7 +8,7 @@
 #include <nlohmann/json.hpp>
 #include <vector>
 
-#include "acquire/devices/lock_file.hpp"
+#include "acquire/devices/device_locks.hpp"
 #include "acquire/record/catalogue.hpp"
 #include "drivers/core/clock.hpp"
 #include "drivers/program/console.hpp"

@@ -1,16 +1,22 @@
 // SPDX-License-Identifier: MIT
 #include "acquire/devices/device_locks.hpp"
 
+#include <sys/stat.h>
 #include <unistd.h>
 
+#include <chrono>
 #include <cstdio>
+#include <cstdlib>
 #include <filesystem>
+#include <thread>
 #include <utility>
 #include <variant>
 
 #include "drivers/core/crc32c.hpp"
 #include "drivers/depth/openni_list.hpp"
 #include "drivers/port/address.hpp"
+#include "drivers/program/exit_code.hpp"
+#include "drivers/program/printable.hpp"
 
 namespace echofuse::acquire {
 namespace {
@@ -42,7 +48,42 @@ std::string known_as(const std::string& address) {
   return address;
 }
 
+// None: the lock is free.
+std::optional<Holder> holder_of(const std::string& path) {
+  constexpr auto write_time =
+      std::chrono::milliseconds(20);  // between a lock and its holder's name
+  for (int tries = 0;; ++tries) {
+    const auto text = Lock::holder(path);
+    if (!text) return std::nullopt;
+    const std::size_t end = text->find('\n');
+    if (end + 1 < text->size() && text->ends_with('\n'))
+      return Holder{printable(text->substr(0, end)), text->substr(end + 1, text->size() - end - 2)};
+    if (tries == 2) return Holder{"another echofuse-acquire", ""};
+    std::this_thread::sleep_for(write_time);
+  }
+}
+
 }  // namespace
+
+// Debian's /run/lock is everybody's, other systems' is root's.
+std::string lock_folder() {
+  if (const char* named = std::getenv("ECHOFUSE_LOCKS"); named && *named) return named;
+  constexpr const char* usual = "/run/lock";
+  struct stat is {};
+  const bool shared = ::stat(usual, &is) == 0 && S_ISDIR(is.st_mode) && (is.st_mode & S_IWOTH) != 0;
+  return shared ? usual : "/tmp";
+}
+
+std::vector<Holder> holders_in(const std::string& folder) {
+  std::vector<Holder> out;
+  std::error_code none;
+  for (const auto& entry : std::filesystem::directory_iterator(folder, none)) {
+    const std::string name = entry.path().filename().string();
+    if (!name.starts_with("echofuse-") || !name.ends_with(".lock")) continue;
+    if (auto holder = holder_of(entry.path())) out.push_back(std::move(*holder));
+  }
+  return out;
+}
 
 std::string lock_name(const std::string& address) {
   const std::string kind = address.substr(0, address.find(':')), text = known_as(address);
@@ -55,19 +96,26 @@ std::string lock_name(const std::string& address) {
 }
 
 DeviceLocks::DeviceLocks(const Config& config, const std::string& command, const std::string& run) {
-  const Holder me{"echofuse-acquire " + command + ", pid " + std::to_string(::getpid()) +
-                      (run.empty() ? "" : ", run " + run),
-                  run};
+  const std::string me =
+      printable("echofuse-acquire " + command + ", pid " + std::to_string(::getpid()) +
+                (run.empty() ? "" : ", run " + run)) +
+      '\n' + run + '\n';
   for (const Sensor s : all_sensors) {
     if (!config.configured().contains(s)) continue;
     for (const std::string& address : addresses_of(config, s)) {
-      const std::string name = lock_name(address);
+      const std::string name = lock_name(address), path = lock_folder() + "/" + name;
       if (name.empty()) continue;
-      auto file = std::make_unique<LockFile>(lock_folder(), name, me);
-      if (file->other())
-        others_[s] = file->other();
-      else
-        held_.push_back(std::move(file));
+      try {
+        auto lock = std::make_unique<Lock>(path, 0666);
+        if (!lock->held()) {
+          others_[s] = holder_of(path).value_or(Holder{"another echofuse-acquire", ""});
+          continue;
+        }
+        lock->write(me);
+        held_.push_back(std::move(lock));
+      } catch (const Error& e) {
+        throw Error(ExitCode::device, std::string("the device lock ") + e.what());
+      }
     }
   }
 }

@@ -7,10 +7,22 @@
 #include <vector>
 
 #include "acquire/config/config.hpp"
-#include "acquire/devices/lock_file.hpp"
 #include "drivers/core/sample.hpp"
+#include "drivers/program/lock.hpp"
 
 namespace echofuse::acquire {
+
+struct Holder {
+  std::string who;  // "echofuse-acquire run, pid 4711, run /data/monday.sqlite"
+  std::string run;  // the run file that it writes; empty: none
+};
+
+// A folder that all users share, so that they see each other's locks; $ECHOFUSE_LOCKS, if it is
+// set.
+std::string lock_folder();
+
+// The holders of all locks in it. Takes none.
+std::vector<Holder> holders_in(const std::string& folder);
 
 // The lock's name of an address of the configuration. Who writes the address of a serial, USB or
 // HID device in another way does not see the lock, and finds the device opened exclusively. Empty:
@@ -31,7 +43,7 @@ class DeviceLocks {
 
  private:
   PerSensor<std::optional<Holder>> others_;
-  std::vector<std::unique_ptr<LockFile>> held_;
+  std::vector<std::unique_ptr<Lock>> held_;
 };
 
 }  // namespace echofuse::acquire

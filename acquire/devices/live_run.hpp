@@ -3,7 +3,7 @@
 #pragma once
 #include <string>
 
-#include "acquire/devices/lock_file.hpp"
+#include "acquire/devices/device_locks.hpp"
 #include "drivers/core/clock.hpp"
 #include "drivers/core/sample.hpp"
 

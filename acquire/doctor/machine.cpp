@@ -12,7 +12,7 @@
 #include <fstream>
 #include <iterator>
 
-#include "drivers/port/usb_port.hpp"
+#include "drivers/port/open_port.hpp"
 
 namespace echofuse::acquire {
 namespace {

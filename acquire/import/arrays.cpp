@@ -14,11 +14,11 @@
 #include "acquire/record/run_file.hpp"
 #include "acquire/run/resume.hpp"
 #include "drivers/program/console.hpp"
+#include "drivers/program/new_file.hpp"
 #include "drivers/program/npy.hpp"
 #include "drivers/program/printable.hpp"
 #include "drivers/program/program.hpp"
 #include "drivers/program/settings.hpp"
-#include "drivers/program/staged_file.hpp"
 
 namespace echofuse::acquire {
 namespace {
@@ -238,7 +238,7 @@ std::string import_arrays(const std::string& folder, const std::string& out, Utc
   info.window_s = d.window_s;
   info.meta = stated(d);
 
-  StagedFile file(out);
+  NewFile file(out, NewFile::Staged{});
   record::RunWriter writer(file.path(), info);
   for (const Axis& axis : arrays.axes()) writer.put_axis(axis);
   PerSensor<std::int64_t> valid{};

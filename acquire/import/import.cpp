@@ -20,10 +20,10 @@
 #include "acquire/run/resume.hpp"
 #include "acquire/run/window.hpp"
 #include "drivers/program/console.hpp"
+#include "drivers/program/new_file.hpp"
 #include "drivers/program/printable.hpp"
 #include "drivers/program/program.hpp"
 #include "drivers/program/regular_file.hpp"
-#include "drivers/program/staged_file.hpp"
 
 namespace echofuse::acquire {
 namespace {
@@ -67,7 +67,7 @@ UtcTime modified(const std::string& path) {
 class Import {
  public:
   Import(const Config& config, const ImportOptions& options, const Beginning& began)
-      : file_((refuse_bad_target(options.out), options.out)),
+      : file_((refuse_bad_target(options.out), options.out), NewFile::Staged{}),
         clock_(began.utc),
         signal_(config.signal, config.window_s) {
     std::string names;
@@ -137,7 +137,7 @@ class Import {
     batch_.clear(), values_ = 0;
   }
 
-  StagedFile file_;
+  NewFile file_;
   RecordingClock clock_;
   SignalCheck signal_;
   std::unique_ptr<record::RunWriter> run_;

@@ -12,8 +12,8 @@
 #include "acquire/record/run_parts.hpp"
 #include "drivers/core/log2_codes.hpp"
 #include "drivers/program/exit_code.hpp"
+#include "drivers/program/new_file.hpp"
 #include "drivers/program/printable.hpp"
-#include "drivers/program/staged_file.hpp"
 
 namespace echofuse::record {
 namespace {
@@ -313,7 +313,7 @@ void refuse_existing(const std::string& path) {
 std::int64_t export_h5(const std::vector<std::string>& files, const std::string& path,
                        const std::function<void(std::int64_t, std::int64_t)>& progress) {
   refuse_existing(path);
-  StagedFile staged(path);
+  NewFile staged(path, NewFile::Staged{});
   H5Out out(staged.path());
   const std::int64_t bad = write_h5(out, files, progress);
   staged.publish();
@@ -338,7 +338,7 @@ std::string in_comment(const std::string& text) {
 void export_csv(const RunReader& run, std::int64_t index, const std::string& path) {
   const FusedRecord r = run.read(index);
   refuse_existing(path);
-  StagedFile staged(path);
+  NewFile staged(path, NewFile::Staged{});
   std::ofstream out(staged.path());
   out.precision(std::numeric_limits<float>::max_digits10);
   out << "# record " << r.index << " of " << in_comment(run.path()) << ", label "

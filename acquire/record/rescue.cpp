@@ -10,8 +10,7 @@
 #include <memory>
 
 #include "acquire/record/sqlite.hpp"
-#include "drivers/program/atomic_write.hpp"
-#include "drivers/program/staged_file.hpp"
+#include "drivers/program/new_file.hpp"
 
 namespace echofuse::record {
 namespace {

@@ -1,12 +1,8 @@
 // SPDX-License-Identifier: MIT
-#include <fcntl.h>
 #include <unistd.h>
 
 #include <algorithm>
-#include <cerrno>
 #include <chrono>
-#include <cstdio>
-#include <cstring>
 #include <random>
 #include <thread>
 #include <utility>
@@ -22,9 +18,8 @@
 #include "acquire/record/sqlite.hpp"
 #include "acquire/record/uuid.hpp"
 #include "acquire/record/writer_lock.hpp"
-#include "drivers/program/atomic_write.hpp"
+#include "drivers/program/new_file.hpp"
 #include "drivers/program/program.hpp"
-#include "drivers/program/staged_file.hpp"
 
 namespace echofuse::record {
 namespace {
@@ -40,23 +35,6 @@ void refuse_existing(const std::string& path) {
   if (::access(path.c_str(), F_OK) != 0) return;
   throw Error(ExitCode::failed,
               path + ": exists already; runs are never overwritten, choose another name");
-}
-
-[[noreturn]] void refuse_to_create(const std::string& path) {
-  throw Error(ExitCode::disk, path + ": cannot create the run file: " + std::strerror(errno));
-}
-
-void create_empty(const std::string& name, const std::string& path) {
-  const int fd = ::open(name.c_str(), O_CREAT | O_EXCL | O_WRONLY | O_CLOEXEC, 0644);
-  if (fd < 0) refuse_to_create(path);
-  let_group_read(fd);  // -wal and -shm take its permissions
-  ::close(fd);
-}
-
-// Replaces nothing, where the file system can do that. False: errno tells why.
-bool rename_beside_others(const std::string& from, const std::string& to) {
-  return ::renameat2(AT_FDCWD, from.c_str(), AT_FDCWD, to.c_str(), RENAME_NOREPLACE) == 0 ||
-         (errno == EINVAL && std::rename(from.c_str(), to.c_str()) == 0);
 }
 
 // Other processes may write marks.
@@ -83,29 +61,21 @@ RunWriter::RunWriter(const std::string& path, const RunInfo& info, const Clock& 
     : path_(path), clock_(clock), handle_(nullptr, sqlite3_close) {
   refuse_existing(path);
   lock();
-  refuse_existing(path);  // from now on we alone make it
-  std::string made = path + "-new";
-  const auto remove = [&] {
-    rows_.reset();
-    handle_.reset();
-    ::unlink(made.c_str());
-    for (const std::string& name : {made, path}) remove_side_files(name);
-  };
-  remove();  // of one that was killed
+  NewFile made(path, path + "-new");
+  bool ours = false;
   try {
-    create_empty(made, path);
-    open(made);
+    made.create();
+    open(made.path());
     make(info, begin);
     rows_.reset();
     handle_.reset();
-    if (!rename_beside_others(made, path)) {
-      if (errno == EEXIST) refuse_existing(path);  // another program's
-      refuse_to_create(path);
-    }
-    made = path;
+    ours = made.publish_new();
+    if (!ours) refuse_existing(path);
     go_on(false);
   } catch (...) {
-    remove();  // without a record, and of our making
+    rows_.reset();
+    handle_.reset();
+    if (ours) ::unlink(path.c_str()), remove_side_files(path);  // without a record
     throw;
   }
 }
@@ -349,7 +319,7 @@ bool RunWriter::close(const std::string& status) {
   sqlite3_busy_timeout(db_, 0);
   sqlite3_wal_checkpoint_v2(db_, nullptr, SQLITE_CHECKPOINT_TRUNCATE, nullptr, nullptr);
   watch_->note();
-  lock_->release();
+  lock_->empty();
   wait_for_others();
   put_end(db_, path_, status, clock_.utc());
   try {
@@ -387,7 +357,7 @@ bool RunWriter::fold() {
 // What bears the file's name is not touched any more: it may belong to somebody else by now.
 void RunWriter::leave(const std::string& status) {
   rows_.reset();
-  lock_->release();
+  lock_->empty();
   const Rescue kept = rescue(db_, path_, status, clock_.utc(), records_);
   sqlite3_db_config(db_, SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, 1, nullptr);
   handle_.reset();

@@ -1,37 +1,19 @@
 // SPDX-License-Identifier: MIT
-// Who is writing a run: the writer holds a lock (file_lock.hpp) on RUN-lock for as long as it
-// lives, so that a reader can tell a live run from one that a crash left behind. A separate file,
-// because closing any descriptor of the database itself would drop SQLite's own locks. It stays,
-// empty.
+// Who is writing a run: the writer holds RUN-lock for as long as it lives, so that a reader can
+// tell a live run from one that a crash left behind. A separate file, because closing any
+// descriptor of the database itself would drop SQLite's own locks.
 #pragma once
-#include <sys/types.h>
-
 #include <string>
+
+#include "drivers/program/lock.hpp"
 
 namespace echofuse::record {
 
-class WriterLock {
- public:
-  // Takes the lock if it is free. Throws Error: failed if RUN-lock is something else than a lock
-  // file (a link, a folder, a file with contents), which is then left alone; disk if it cannot be
-  // made.
-  explicit WriterLock(const std::string& run_path);
-  ~WriterLock();
-  WriterLock(const WriterLock&) = delete;
-  WriterLock& operator=(const WriterLock&) = delete;
-
-  bool held() const { return held_; }
-
-  // Room for a run's last words on a disk that is full by then; as much as the disk gives.
-  void reserve(off_t bytes) const;
-  void release() const;
-
-  // Asks without taking the lock, so that no writer finds it taken by a reader.
-  static bool someone_writes(const std::string& run_path);
-
- private:
-  int fd_;
-  bool held_ = false;
+struct WriterLock : Lock {
+  explicit WriterLock(const std::string& run_path) : Lock(run_path + "-lock", 0644) {}
+  static bool someone_writes(const std::string& run_path) {
+    return holder(run_path + "-lock").has_value();
+  }
 };
 
 }  // namespace echofuse::record

@@ -197,7 +197,7 @@ std::unique_ptr<record::RunWriter> Daemon::open_file() {
 }
 
 port::RawKeeper* Daemon::keep_raw(const RunOptions& options) {
-  return options.keep_raw.empty() ? nullptr : &raw_.emplace(options.keep_raw);
+  return options.keep_raw.empty() ? nullptr : &raw_.emplace(options.keep_raw, loop_.make_worker());
 }
 
 void Daemon::report_raw_trouble() {

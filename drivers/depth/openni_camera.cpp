@@ -2,13 +2,16 @@
 #include "drivers/depth/openni_camera.hpp"
 
 #include <atomic>
+#include <condition_variable>
+#include <functional>
+#include <memory>
+#include <mutex>
 #include <optional>
 #include <utility>
 
 #include "drivers/bridge/bridge_writer.hpp"
 #include "drivers/depth/openni_session.hpp"
 #include "drivers/port/raw_tap.hpp"
-#include "drivers/port/worker_link.hpp"
 
 namespace echofuse::depth {
 namespace {
@@ -22,8 +25,75 @@ constexpr int max_queued = 4;
 
 }  // namespace
 
-struct OpenNiCamera::Shared : port::WorkerLink {
-  using WorkerLink::WorkerLink;
+// Shared by the loop and the camera's thread. Threading: start(), stop(), finished() and join() on
+// the loop's thread; the others on the camera's.
+struct OpenNiCamera::Shared : std::enable_shared_from_this<Shared> {
+  explicit Shared(port::Loop& l) : loop(l) {}
+
+  void start(SampleSink& to, const DeviceInfo& info, std::function<void()> work) {
+    sink = &to;
+    to.on_state(info.sensor, DeviceState::connecting, info);
+    thread = loop.make_worker();
+    thread->put([self = shared_from_this(), work = std::move(work)] {
+      work();
+      self->loop.post([self] {
+        self->ended = true;
+        self->sink = nullptr;
+      });
+    });
+  }
+  // Pauses end; what was posted is still carried out.
+  void stop() {
+    const std::lock_guard lock(mutex);
+    stopping = true;
+    wake.notify_all();
+  }
+  bool finished() const { return ended || !thread; }
+  // What was posted is no longer carried out.
+  void join() {
+    stop();
+    sink = nullptr;
+    thread.reset();
+  }
+
+  // Sessions, each until the camera fails (why) or has nothing more (empty), with pauses between
+  // them. `info`: of the camera, as the session has it.
+  void run(const DeviceInfo& info, port::Backoff& backoff,
+           const std::function<std::string()>& session) {
+    do {
+      const std::string why = session();
+      if (stopping) return;
+      if (why.empty()) return report(info, DeviceState::ended);
+      if (backoff.is_news(why))
+        post([why](SampleSink& to) { to.on_event(Sensor::depth, Severity::warning, why); });
+      report(info, DeviceState::faulted);
+    } while (pause(backoff.next()));
+  }
+  // Once until it changes.
+  void report(const DeviceInfo& info, DeviceState now) {
+    if (std::exchange(state, now) == now) return;
+    post([now, info](SampleSink& to) { to.on_state(info.sensor, now, info); });
+  }
+  // On the loop's thread, with the driver's sink.
+  void post(std::function<void(SampleSink&)> action) {
+    loop.post([self = shared_from_this(), action = std::move(action)] {
+      if (self->sink) action(*self->sink);
+    });
+  }
+  // False: it is time to end.
+  bool pause(std::chrono::nanoseconds time) {
+    std::unique_lock lock(mutex);
+    return !wake.wait_for(lock, time, [this] { return stopping.load(); });
+  }
+
+  port::Loop& loop;
+  SampleSink* sink = nullptr;  // the loop's thread only
+  bool ended = false;          // the loop's thread only
+  std::unique_ptr<port::Worker> thread;
+  DeviceState state = DeviceState::connecting;  // the camera's thread only
+  std::mutex mutex;
+  std::condition_variable wake;
+  std::atomic<bool> stopping{false};
   std::atomic<int> queued{0};
   std::atomic<std::uint64_t> frames{0}, lost_frames{0}, dropped_frames{0}, bad_frames{0},
       connections{0};
@@ -62,7 +132,7 @@ class OpenNiCamera::Worker {
     raw_name_.clear();
     shared_->report(info_, DeviceState::streaming);
     auto last_frame = std::chrono::steady_clock::now();
-    while (!shared_->stopping()) {
+    while (!shared_->stopping) {
       DepthFrame frame;
       const Read read = session.read(wait_limit, frame);
       const auto now = std::chrono::steady_clock::now();

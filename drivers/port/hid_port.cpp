@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: MIT
-#include "drivers/port/hid_port.hpp"
-
 #include <fcntl.h>
 #include <hidapi/hidapi.h>
 #include <sys/file.h>
@@ -13,6 +11,7 @@
 #include <utility>
 
 #include "drivers/port/cp2110.hpp"
+#include "drivers/port/open_port.hpp"
 #include "drivers/port/thread_port.hpp"
 #include "drivers/program/exit_code.hpp"
 

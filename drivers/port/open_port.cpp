@@ -1,10 +1,6 @@
 // SPDX-License-Identifier: MIT
 #include "drivers/port/open_port.hpp"
 
-#include "drivers/port/hid_port.hpp"
-#include "drivers/port/serial_port.hpp"
-#include "drivers/port/tcp_port.hpp"
-#include "drivers/port/usb_port.hpp"
 #include "drivers/program/exit_code.hpp"
 
 namespace echofuse::port {

@@ -10,7 +10,6 @@
 #include <condition_variable>
 #include <cstdio>
 #include <cstring>
-#include <deque>
 #include <filesystem>
 #include <map>
 #include <mutex>
@@ -25,81 +24,47 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr std::chrono::seconds finish_timeout{2};
-constexpr std::size_t most_open = 16;  // files; a device has one at a time, the older ones are done
 constexpr std::uint64_t look_at_room_every = 16u << 20;  // bytes
-
-class Descriptor {
- public:
-  explicit Descriptor(int fd = -1) : fd_(fd) {}
-  Descriptor(Descriptor&& other) noexcept : fd_(std::exchange(other.fd_, -1)) {}
-  Descriptor& operator=(Descriptor&& other) noexcept {
-    std::swap(fd_, other.fd_);
-    return *this;
-  }
-  ~Descriptor() {
-    if (fd_ >= 0) ::close(fd_);
-  }
-  int get() const { return fd_; }
-
- private:
-  int fd_;
-};
 
 }  // namespace
 
 struct RawKeeper::Shared {
   Shared(std::string dir, RawLimits l) : folder(std::move(dir)), limits(l) {}
+  void take(const std::string& name, ByteView bytes);
+  std::string write(const std::string& path, ByteView bytes);
 
-  struct Piece {
-    std::string name;
-    Bytes bytes;
-  };
   const std::string folder;
   const RawLimits limits;
+  std::uint64_t unlooked = look_at_room_every;  // bytes since the last look at the room; worker's
 
   std::mutex mutex;  // of all below
-  std::condition_variable wake, done;
-  std::deque<Piece> queue;
+  std::condition_variable done;
   std::size_t queued_bytes = 0;  // with those that are being written
   Counts counts;
   std::map<std::string, int> numbers;
   std::string trouble;
   bool closing = false, ended = false;  // ended: nothing more is written
-
-  void run();
-  std::string write(const Piece& piece);
-
-  // Of the writer's thread only.
-  std::deque<std::pair<std::string, Descriptor>> files;
-  std::uint64_t unlooked = look_at_room_every;  // bytes since the last look at the room
 };
 
-void RawKeeper::Shared::run() {
+// On the worker.
+void RawKeeper::Shared::take(const std::string& name, ByteView bytes) {
   std::unique_lock lock(mutex);
-  while (true) {
-    wake.wait(lock, [this] { return closing || !queue.empty(); });
-    if (queue.empty() || ended) break;
-    Piece piece = std::move(queue.front());
-    queue.pop_front();
-    lock.unlock();
-    const std::string wrong = write(piece);
-    lock.lock();
-    queued_bytes -= piece.bytes.size();
-    (wrong.empty() ? counts.kept : counts.dropped) += piece.bytes.size();
-    if (wrong.empty()) continue;
+  const bool keeps = !ended;
+  lock.unlock();
+  const std::string wrong = keeps ? write(folder + "/" + name, bytes) : "";
+  lock.lock();
+  queued_bytes -= bytes.size();
+  (keeps && wrong.empty() ? counts.kept : counts.dropped) += bytes.size();
+  if (!wrong.empty()) {
     trouble = wrong + "; raw bytes are no longer kept, the run goes on";
-    break;
+    ended = true;
   }
-  ended = true;
-  for (const Piece& piece : queue) counts.dropped += piece.bytes.size();
-  queue.clear();
   done.notify_all();
 }
 
 // Empty, or what is wrong.
-std::string RawKeeper::Shared::write(const Piece& piece) {
-  const std::string path = folder + "/" + piece.name;
-  unlooked += piece.bytes.size();
+std::string RawKeeper::Shared::write(const std::string& path, ByteView bytes) {
+  unlooked += bytes.size();
   if (unlooked >= look_at_room_every) {
     unlooked = 0;
     struct statvfs room {};
@@ -108,41 +73,33 @@ std::string RawKeeper::Shared::write(const Piece& piece) {
       return folder + ": less than " + std::to_string(limits.reserve_bytes >> 20) +
              " MiB are free, which are left to the run";
   }
-  if (files.empty() || files.back().first != piece.name) {
-    auto it = files.begin();
-    while (it != files.end() && it->first != piece.name) ++it;
-    if (it == files.end()) {
-      Descriptor fd(::open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0644));
-      if (fd.get() < 0) return path + ": " + std::strerror(errno);
-      if (files.size() == most_open) files.pop_front();
-      files.emplace_back(piece.name, std::move(fd));
-    } else if (it != files.end() - 1) {
-      auto used = std::move(*it);
-      files.erase(it);
-      files.push_back(std::move(used));
-    }
+  const int fd = ::open(path.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_NOFOLLOW | O_CLOEXEC, 0644);
+  int error = fd < 0 ? errno : 0;
+  while (error == 0 && !bytes.empty()) {
+    const ssize_t n = ::write(fd, bytes.data(), bytes.size());
+    if (n >= 0) bytes = bytes.subspan(static_cast<std::size_t>(n));
+    if (n < 0 && errno != EINTR) error = errno;
   }
-  for (ByteView rest = piece.bytes; !rest.empty();) {
-    const ssize_t n = ::write(files.back().second.get(), rest.data(), rest.size());
-    if (n < 0 && errno == EINTR) continue;
-    if (n < 0) return path + ": " + std::strerror(errno);
-    rest = rest.subspan(static_cast<std::size_t>(n));
-  }
-  return {};
+  if (fd >= 0) ::close(fd);
+  return error == 0 ? "" : path + ": " + std::strerror(error);
 }
 
-RawKeeper::RawKeeper(std::string folder, RawLimits limits)
-    : shared_(std::make_shared<Shared>(std::move(folder), limits)) {
+RawKeeper::RawKeeper(std::string folder, std::unique_ptr<Worker> worker, RawLimits limits)
+    : shared_(std::make_shared<Shared>(std::move(folder), limits)), worker_(std::move(worker)) {
   const std::string& dir = shared_->folder;
   std::error_code error;
   fs::create_directories(dir, error);
   if (!error && !fs::is_empty(dir, error) && !error)
     throw Error(ExitCode::usage, dir + ": is not empty; raw bytes want a folder of their own");
   if (error) throw Error(ExitCode::disk, dir + ": " + error.message());
-  std::thread([shared = shared_] { shared->run(); }).detach();  // finish() waits for it, if it can
 }
 
-RawKeeper::~RawKeeper() { finish(); }
+// A disk that hangs holds its thread, not the run's end.
+RawKeeper::~RawKeeper() {
+  finish();
+  const std::lock_guard lock(shared_->mutex);
+  if (shared_->queued_bytes > 0) std::thread([worker = std::move(worker_)] {}).detach();
+}
 
 void RawKeeper::put(const std::string& name, ByteView bytes) {
   if (bytes.empty()) return;
@@ -153,8 +110,9 @@ void RawKeeper::put(const std::string& name, ByteView bytes) {
     return;
   }
   s.queued_bytes += bytes.size();
-  s.queue.push_back({name, Bytes(bytes.begin(), bytes.end())});
-  s.wake.notify_one();
+  worker_->put([shared = shared_, name, held = Bytes(bytes.begin(), bytes.end())] {
+    shared->take(name, held);
+  });
 }
 
 std::string RawKeeper::next_name(const std::string& name, const std::string& ending) {
@@ -170,15 +128,12 @@ std::string RawKeeper::take_trouble() {
 }
 
 RawKeeper::Counts RawKeeper::finish() {
-  std::unique_lock lock(shared_->mutex);
-  shared_->closing = true;
-  shared_->wake.notify_one();
-  // A disk that hangs holds its thread, not the run's end.
-  shared_->done.wait_for(lock, finish_timeout, [this] { return shared_->ended; });
-  shared_->ended = true;
-  for (const auto& piece : shared_->queue) shared_->counts.dropped += piece.bytes.size();
-  shared_->queue.clear();
-  return shared_->counts;
+  Shared& s = *shared_;
+  std::unique_lock lock(s.mutex);
+  s.closing = true;
+  s.done.wait_for(lock, finish_timeout, [&] { return s.queued_bytes == 0; });
+  s.ended = true;
+  return {s.counts.kept, s.counts.dropped + s.queued_bytes};
 }
 
 namespace {

@@ -8,6 +8,7 @@
 
 #include "drivers/core/bytes.hpp"
 #include "drivers/port/byte_port.hpp"
+#include "drivers/port/loop.hpp"
 
 namespace echofuse::port {
 
@@ -17,13 +18,13 @@ struct RawLimits {
 };
 
 // Threading: put(), take_trouble() and finish() from any thread; none of them waits for the disk,
-// but finish(). A thread of its own writes. The first failure (a full disk, a removed folder) ends
+// but finish(). The worker writes. The first failure (a full disk, a removed folder) ends
 // the keeping, and nothing else.
 class RawKeeper {
  public:
   // The folder is made; Throws Error(usage) if there is something in it, Error(disk) if it cannot
   // be made.
-  explicit RawKeeper(std::string folder, RawLimits limits = {});
+  RawKeeper(std::string folder, std::unique_ptr<Worker> worker, RawLimits limits = {});
   ~RawKeeper();
   RawKeeper(const RawKeeper&) = delete;
   RawKeeper& operator=(const RawKeeper&) = delete;
@@ -43,6 +44,7 @@ class RawKeeper {
  private:
   struct Shared;
   std::shared_ptr<Shared> shared_;
+  std::unique_ptr<Worker> worker_;
 };
 
 // The opener's ports, but each puts what it receives into a file of next_name() as well.

@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: MIT
-#include "drivers/port/serial_port.hpp"
-
 #include <fcntl.h>
 #include <sys/file.h>
 #include <sys/ioctl.h>
@@ -12,6 +10,7 @@
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/serial_port.hpp>
 
+#include "drivers/port/open_port.hpp"
 #include "drivers/port/stream_port.hpp"
 
 namespace echofuse::port {

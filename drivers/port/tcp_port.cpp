@@ -1,10 +1,9 @@
 // SPDX-License-Identifier: MIT
-#include "drivers/port/tcp_port.hpp"
-
 #include <boost/asio/connect.hpp>
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/ip/tcp.hpp>
 
+#include "drivers/port/open_port.hpp"
 #include "drivers/port/stream_port.hpp"
 
 namespace echofuse::port {

@@ -1,11 +1,10 @@
 // SPDX-License-Identifier: MIT
-#include "drivers/port/usb_port.hpp"
-
 #include <libusb.h>
 
 #include <algorithm>
 #include <array>
 
+#include "drivers/port/open_port.hpp"
 #include "drivers/port/thread_port.hpp"
 
 namespace echofuse::port {

@@ -8,9 +8,10 @@
 #include <cctype>
 #include <cstdlib>
 #include <memory>
+#include <regex>
 #include <sstream>
 #include <string>
-#include <string_view>
+#include <utility>
 #include <vector>
 
 #include "drivers/program/settings.hpp"
@@ -75,27 +76,15 @@ void check_names(CLI::App& app, const std::vector<std::string>& words) {
   }
 }
 
-void replace(std::string& text, std::string_view was, std::string_view now) {
-  for (auto at = text.find(was); at != text.npos; at = text.find(was, at + now.size()))
-    text.replace(at, was.size(), now);
-}
-
 // CLI11 writes the ends of a range of numbers with all their digits.
 std::string readable(std::string text) {
-  const std::string endless = " not in range 0.000000 to 17976931348623157";
-  if (const auto at = text.find(endless); at != text.npos)
-    text = text.substr(0, at) + ": expected a positive number";
-  auto dot = text.find('.', text.find(" not in range "));
-  for (; dot < text.size(); dot = text.find('.', dot + 1)) {
-    const auto end = std::min(text.find_first_not_of("0123456789", dot + 1), text.size());
-    const auto last = text.find_last_not_of('0', end - 1);
-    const auto zeros = last == dot ? dot : last + 1;  // a dot without digits goes as well
-    if (end > dot + 1) text.erase(zeros, end - zeros);
-  }
-  replace(text, " excludes ", " does not go with ");
-  const std::string cannot = "Could not convert: ";
-  if (text.starts_with(cannot)) text = text.substr(cannot.size()) + ": expected a number";
-  return text;
+  const auto at = text.find(" not in range ");
+  if (text.find(" 17976931348623157", std::min(at, text.size())) != text.npos)
+    return text.substr(0, at) + ": expected a positive number";
+  if (at != text.npos)
+    text = std::regex_replace(text, std::regex(R"((\.\d*[1-9])0+\b|\.0+\b)"), "$1");
+  text = std::regex_replace(text, std::regex(" excludes "), " does not go with ");
+  return std::regex_replace(text, std::regex("^Could not convert: (.*)"), "$1: expected a number");
 }
 
 // Of the terminal at stdout, or $COLUMNS.
@@ -119,26 +108,7 @@ std::string wrapped(const std::string& line, std::size_t columns, std::size_t co
          wrapped(std::string(indent, ' ') + line.substr(at + 1), columns, column);
 }
 
-// ":INT in [1 - 9]" becomes " (1 to 9)", and ":(INT in [0 - 0]) OR (INT in [1 - 9])" becomes
-// " (0, or 1 to 9)".
-void say_range(std::string& text) {
-  const std::string_view in = " in [", zero = " in [0 - 0]) OR (";
-  const auto first = text.find(in);
-  if (first == text.npos) return;
-  const bool or_zero = text.compare(first, zero.size(), zero) == 0;
-  const auto low = text.find(in, first + (or_zero ? zero.size() : 0)) + in.size();
-  const auto dash = text.find(" - ", low), high = text.find(']', low);
-  const auto begin = text.rfind(':', first);
-  std::string words = or_zero ? " (0, or " : " (";
-  words += text.substr(low, dash - low) + " to " + text.substr(dash + 3, high - dash - 3) + ")";
-  text.replace(begin, high + (or_zero ? 2 : 1) - begin, words);
-}
-
-// A default that does not stand behind the option's name.
-bool is_long(const std::string& usual) { return usual.size() > 40; }
-
-// --help as a person reads it: "(0.05 to 3600)" in place of the library's words for its
-// validators, options that do not go together in a sentence, lines that fit the terminal.
+// CLI11's help in lines that fit the terminal, with "(1 to 9)" for ":INT in [1 - 9]".
 class Readable final : public CLI::Formatter {
   std::string make_help(const CLI::App* app, std::string name,
                         CLI::AppFormatMode mode) const override {
@@ -155,33 +125,17 @@ class Readable final : public CLI::Formatter {
   std::string make_description(const CLI::App* app) const override {
     return app->get_description() + "\n";
   }
-  std::string make_option_name(const CLI::Option* option, bool positional) const override {
-    std::string name = Formatter::make_option_name(option, positional);
-    if (const auto at = name.find("{false}"); at != name.npos) name.erase(at, 7);
-    return name;
-  }
   std::string make_option_opts(const CLI::Option* option) const override {
+    const std::pair<const char*, const char*> plain[] = {
+        {R"(:\w+ in \[(\S+) - (\S+)\])", " ($1 to $2)"},
+        {R"(:\(\w+ in \[0 - 0\]\) OR \(\w+ in \[(\S+) - (\S+)\]\))", " (0, or $1 to $2)"},
+        {":POSITIVE", " (above 0)"},
+        {":NONNEGATIVE", " (at least 0)"}};
     std::string text = Formatter::make_option_opts(option);
+    for (const auto& [was, now] : plain) text = std::regex_replace(text, std::regex(was), now);
     if (option->get_positional() && std::isupper(option->get_name(true).front()) != 0)
       text.erase(0, text.find(' ', 1));  // its name says what it is
-    say_range(text);
-    if (const std::string& usual = option->get_default_str(); is_long(usual))
-      replace(text, "=" + usual, "");
-    text = text.substr(0, std::min(text.find(" Needs:"), text.find(" Excludes:")));
-    replace(text, ":NONNEGATIVE", " (at least 0)");
-    replace(text, "UINT", "INT");
-    replace(text, ":POSITIVE", " (above 0)");
     return text;
-  }
-  std::string make_option_desc(const CLI::Option* option) const override {
-    std::string others;
-    for (const CLI::Option* other : option->get_excludes())
-      others += (others.empty() ? "; not with " : " or ") + other->get_name();
-    for (const CLI::Option* other : option->get_needs()) others += "; with " + other->get_name();
-    std::string usual = option->get_default_str();
-    if (!is_long(usual)) return option->get_description() + others;
-    replace(usual, ",", ", ");
-    return option->get_description() + others + "; default: " + usual;
   }
 };
 

@@ -4,8 +4,8 @@
 #include <cstdio>
 #include <filesystem>
 
-#include "drivers/program/atomic_write.hpp"
 #include "drivers/program/exit_code.hpp"
+#include "drivers/program/new_file.hpp"
 #include "drivers/program/regular_file.hpp"
 
 namespace echofuse::recon {

@@ -7,8 +7,8 @@
 #include <functional>
 #include <utility>
 
-#include "drivers/program/atomic_write.hpp"
 #include "drivers/program/exit_code.hpp"
+#include "drivers/program/new_file.hpp"
 #include "recon/data/files.hpp"
 #include "recon/numbers/statistics.hpp"
 #include "recon/numbers/text.hpp"

@@ -2,8 +2,8 @@
 // The page and the text of a Pareto study.
 #include <algorithm>
 
-#include "drivers/program/atomic_write.hpp"
 #include "drivers/program/console.hpp"
+#include "drivers/program/new_file.hpp"
 #include "recon/numbers/text.hpp"
 #include "recon/study/pareto.hpp"
 #include "recon/study/study_page.hpp"

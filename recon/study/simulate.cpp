@@ -14,10 +14,9 @@
 #include <random>
 
 #include "drivers/core/random.hpp"
-#include "drivers/program/atomic_write.hpp"
 #include "drivers/program/console.hpp"
+#include "drivers/program/new_file.hpp"
 #include "drivers/program/program.hpp"
-#include "drivers/program/staged_file.hpp"
 #include "recon/data/files.hpp"
 #include "recon/numbers/text.hpp"
 

@@ -4,8 +4,8 @@
 #include <cctype>
 #include <cmath>
 
-#include "drivers/program/atomic_write.hpp"
 #include "drivers/program/console.hpp"
+#include "drivers/program/new_file.hpp"
 #include "recon/numbers/text.hpp"
 #include "recon/study/stability.hpp"
 #include "recon/study/study_page.hpp"

@@ -1,15 +1,14 @@
 // SPDX-License-Identifier: MIT
-#include <fcntl.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <cerrno>
 #include <cmath>
-#include <cstdio>
 #include <cstring>
 #include <filesystem>
 
 #include "drivers/program/console.hpp"
+#include "drivers/program/new_file.hpp"
 #include "recon/data/files.hpp"
 #include "recon/use/trained_model.hpp"
 
@@ -102,22 +101,12 @@ void archive(Archive archive, TrainedModel& model) {
   check_list(archive, model);
 }
 
-// It returns false with errno. A file system that cannot rename in one step does it in two.
-bool rename_to_new(const std::string& from, const std::string& to) {
-  if (::renameat2(AT_FDCWD, from.c_str(), AT_FDCWD, to.c_str(), RENAME_NOREPLACE) == 0) return true;
-  if (errno != EINVAL && errno != ENOSYS) return false;
-  if (::access(to.c_str(), F_OK) == 0) return errno = EEXIST, false;
-  return std::rename(from.c_str(), to.c_str()) == 0;
-}
-
 }  // namespace
 
 void check_can_save(const std::string& path) {
   if (std::filesystem::exists(path))
     throw Error(ExitCode::usage, path + ": exists already; give another --out, or remove it");
-  const std::string unfinished = path + ".part";
-  write_file(unfinished, {});
-  std::remove(unfinished.c_str());
+  static_cast<void>(NewFile(path));
 }
 
 void save_model(const TrainedModel& model, const std::string& path,
@@ -125,18 +114,17 @@ void save_model(const TrainedModel& model, const std::string& path,
   TensorFile file;
   // Writing changes nothing in the model.
   archive({file, Archive::Direction::write}, const_cast<TrainedModel&>(model));
-  const std::string unfinished = path + ".part";
-  std::remove(unfinished.c_str());
-  write_file(unfinished, file.to_bytes());
-  const TrainedModel written = load_model(unfinished);
+  NewFile out(path, path + ".part");
+  const Bytes bytes = file.to_bytes();
+  out.create();
+  out.append({reinterpret_cast<const char*>(bytes.data()), bytes.size()});
+  out.keep();
+  const TrainedModel written = load_model(out.path());
   if (check) check(written);
-  if (rename_to_new(unfinished, path)) return;
-  const bool there = errno == EEXIST;
-  throw Error(there ? ExitCode::failed : ExitCode::disk,
-              path +
-                  (there ? ": was made by somebody else meanwhile; what was to be there is in "
-                         : ": cannot rename to it ") +
-                  unfinished);
+  if (out.publish_new()) return;
+  throw Error(
+      ExitCode::failed,
+      path + ": was made by somebody else meanwhile; what was to be there is in " + out.path());
 }
 
 TrainedModel load_model(const std::string& name, ByteView contents) {

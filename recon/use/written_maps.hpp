@@ -14,7 +14,7 @@
 #include <vector>
 
 #include "acquire/measurement/depth_map.hpp"
-#include "drivers/program/atomic_write.hpp"
+#include "drivers/program/new_file.hpp"
 #include "recon/data/dataset.hpp"
 
 namespace echofuse::recon {
@@ -42,7 +42,7 @@ class NpyWriter {
  private:
   void flush();
   std::string path_;
-  UnfinishedFile file_;
+  NewFile file_;
   std::fstream out_;
   std::vector<std::size_t> row_shape_;
   std::vector<float> waiting_;  // a system call for a single map takes as long as the map

@@ -14,8 +14,8 @@
 #include "acquire/record/data_set_part.hpp"
 #include "acquire/record/run_file.hpp"
 #include "drivers/program/console.hpp"
+#include "drivers/program/new_file.hpp"
 #include "drivers/program/program.hpp"
-#include "drivers/program/staged_file.hpp"
 #include "sim/scene/scene_list.hpp"
 #include "sim/sensors/depth_camera.hpp"
 #include "sim/sensors/gaussian.hpp"
@@ -323,7 +323,7 @@ std::int64_t write_dataset(const Plan& plan, const DatasetOptions& options) {
   const Generator generator(plan);
   record::RunInfo info = run_info(plan, options);
   JobPart::Range range{0, generator.records()};
-  std::optional<StagedFile> staged;
+  std::optional<NewFile> staged;
   if (options.part) {
     range = options.part->range(generator.records());
     info.uuid = record::data_set_uuid(info, files_of(plan));
@@ -331,7 +331,7 @@ std::int64_t write_dataset(const Plan& plan, const DatasetOptions& options) {
     if (is_there(options.out, info, range)) return range.size();
     if (std::filesystem::exists(options.out))
       throw Error(ExitCode::failed, options.out + ": exists already, and is not this part");
-    staged.emplace(options.out);
+    staged.emplace(options.out, NewFile::Staged{});
   }
   record::RunWriter writer(staged ? staged->path() : options.out, info);
   writer.put_axis(spd_axis(plan.conditions));

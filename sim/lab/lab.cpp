@@ -1,13 +1,9 @@
 // SPDX-License-Identifier: MIT
 #include "sim/lab/lab.hpp"
 
-#include <fcntl.h>
-#include <sys/file.h>
 #include <sys/un.h>
-#include <unistd.h>
 
 #include <algorithm>
-#include <cerrno>
 #include <cmath>
 #include <cstring>
 #include <filesystem>
@@ -15,7 +11,8 @@
 #include <optional>
 #include <sstream>
 
-#include "drivers/program/atomic_write.hpp"
+#include "drivers/program/lock.hpp"
+#include "drivers/program/new_file.hpp"
 #include "drivers/program/program.hpp"
 #include "drivers/program/settings.hpp"
 #include "sim/devices/listener.hpp"
@@ -34,6 +31,7 @@ constexpr char module_name[] = "libechofuse_sim_depth.so";
 const char* const transient[] = {"radar-cli",      "radar-data", "radar-cli.new",
                                  "radar-data.new", "depth.sock", "openni"};
 const char* const lasting[] = {"lab.toml", "radar.cfg", "sent.json"};
+constexpr char lock_name[] = "lab.lock";  // there while one runs
 
 // True for a file that a killed laboratory was still writing.
 bool is_unfinished(const std::string& name) {
@@ -46,7 +44,7 @@ bool is_ours(const fs::path& dir) {
   if (const fs::path former = dir / "lab.toml"; fs::exists(former))
     if (read_config_text(former).starts_with(first_line)) return true;
   const auto own = [](const std::string& name) {
-    return is_unfinished(name) ||
+    return is_unfinished(name) || name == lock_name ||
            std::find(std::begin(transient), std::end(transient), name) != std::end(transient) ||
            std::find(std::begin(lasting), std::end(lasting), name) != std::end(lasting);
   };
@@ -73,25 +71,6 @@ fs::path make_directory(const std::string& wanted) {
                                      "or a former laboratory's directory");
   return dir;
 }
-
-// The directory belongs to this process as long as the lock lives.
-class DirectoryLock {
- public:
-  explicit DirectoryLock(const fs::path& dir)
-      : fd_(::open(dir.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC)) {
-    if (fd_ >= 0 && ::flock(fd_, LOCK_EX | LOCK_NB) == 0) return;
-    const std::string why =
-        errno == EWOULDBLOCK ? "another laboratory runs here" : std::string(std::strerror(errno));
-    if (fd_ >= 0) ::close(fd_);
-    throw Error(ExitCode::usage, dir.string() + ": " + why);
-  }
-  ~DirectoryLock() { ::close(fd_); }
-  DirectoryLock(const DirectoryLock&) = delete;
-  DirectoryLock& operator=(const DirectoryLock&) = delete;
-
- private:
-  int fd_;
-};
 
 fs::path find_radar_cfg(const LabOptions& options) {
   if (!options.radar_cfg.empty()) return here_or_installed(options.radar_cfg);
@@ -185,14 +164,18 @@ struct Lab::Parts {
   Parts(port::SystemLoop& l, const LabOptions& o)
       : options(o),
         dir(make_directory(o.dir)),
-        lock(dir),
+        lock(dir / lock_name, 0600),
         loop(l),
         player(loop, o.conditions, o.schedule) {
+    if (!lock.held()) throw Error(ExitCode::usage, dir.string() + ": another laboratory runs here");
     if (!o.faults.empty()) plan.faults = read_faults(read_config_text(o.faults), o.faults);
     if (!o.log.empty()) plan.journal = &journal.emplace(o.log);
   }
 
-  ~Parts() { remove(std::begin(transient), std::end(transient)); }
+  ~Parts() {
+    remove(std::begin(transient), std::end(transient));
+    lock.remove();
+  }
 
   void remove(const char* const* first, const char* const* last) const {
     std::error_code ignored;
@@ -224,7 +207,7 @@ struct Lab::Parts {
 
   LabOptions options;
   fs::path dir;
-  DirectoryLock lock;
+  Lock lock;
   port::SystemLoop& loop;
   ScenePlayer player;
   FaultPlan plan;

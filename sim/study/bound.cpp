@@ -7,8 +7,8 @@
 #include <numbers>
 #include <sstream>
 
-#include "drivers/program/atomic_write.hpp"
 #include "drivers/program/console.hpp"
+#include "drivers/program/new_file.hpp"
 #include "sim/scene/draw.hpp"
 #include "sim/scene/shapes.hpp"
 #include "sim/sensors/optics.hpp"

@@ -8,7 +8,7 @@
 #include <functional>
 #include <sstream>
 
-#include "drivers/program/atomic_write.hpp"
+#include "drivers/program/new_file.hpp"
 #include "drivers/program/program.hpp"
 #include "sim/scene/room.hpp"
 #include "sim/scene/scene.hpp"

@@ -13,10 +13,10 @@
 #include <thread>
 
 #include "drivers/program/console.hpp"
+#include "drivers/program/new_file.hpp"
 #include "drivers/program/printable.hpp"
 #include "drivers/program/program.hpp"
 #include "drivers/program/settings.hpp"
-#include "drivers/program/staged_file.hpp"
 
 namespace echofuse::sim {
 namespace {
@@ -65,7 +65,7 @@ void read_part(const std::string& path, const std::string& head, Rows& rows) {
 }
 
 void write_part(const std::string& path, const std::string& head, const Rows& rows) {
-  StagedFile file(path);
+  NewFile file(path, NewFile::Staged{});
   std::ofstream out(file.path(), std::ios::binary);
   out << head;
   for (const auto& [scene, row] : rows) {

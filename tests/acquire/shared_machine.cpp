@@ -5,10 +5,10 @@
 
 #include <nlohmann/json.hpp>
 
-#include "acquire/devices/lock_file.hpp"
 #include "acquire/record/run_names.hpp"
 #include "acquire/record/run_parts.hpp"
 #include "acquire/run/resume.hpp"
+#include "drivers/program/lock.hpp"
 #include "drivers/program/program.hpp"
 #include "testing.hpp"
 
@@ -170,9 +170,8 @@ TEST_CASE("a run in parts that is live elsewhere is listed once, with what is on
   };
   part(1, "one"), part(2, "other"), part(3, "one");
   write_file(folder / "a-004.sqlite", "no database");
-  const echofuse::acquire::LockFile lock(locks / "", "echofuse-test.lock",
-                                         {"me", folder / "a.sqlite"});
-  REQUIRE_FALSE(lock.other());
+  const echofuse::Lock lock(locks / "echofuse-test.lock", 0666);
+  lock.write("me\n" + folder / "a.sqlite" + "\n");
   const std::string own_locks = "ECHOFUSE_LOCKS=" + locks / "";
   const Outcome told = at_home(elsewhere, own_locks, "list");
   CAPTURE(told.text);

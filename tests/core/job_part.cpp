@@ -10,8 +10,9 @@
 #include <numeric>
 
 #include "../folder.hpp"
+#include "../full_disk.hpp"
 #include "drivers/program/exit_code.hpp"
-#include "drivers/program/staged_file.hpp"
+#include "drivers/program/new_file.hpp"
 
 using namespace echofuse;
 using Catch::Contains;
@@ -93,14 +94,15 @@ TEST_CASE("a staged file appears when it is whole, and debris is begun anew") {
     const Variable tmp("TMPDIR", elsewhere ? scratch.path.string() : dir.path.string());
     std::ofstream(place) << "old";
     {
-      const StagedFile cut(place);
+      const NewFile cut(place, NewFile::Staged{});
       std::ofstream(cut.path()) << "half";
-      CHECK_THROWS_WITH(StagedFile(place), Contains("another process is making it"));
+      CHECK_THROWS_WITH(NewFile(place, NewFile::Staged{}),
+                        Contains("another process is making it"));
     }
     CHECK(contents(place) == "old");
     std::string left;
     {
-      StagedFile file(place);
+      NewFile file(place, NewFile::Staged{});
       left = file.path();
       std::ofstream(left) << "new";
       for (const char* beside : {"-wal", "-shm", "-journal"})
@@ -114,10 +116,41 @@ TEST_CASE("a staged file appears when it is whole, and debris is begun anew") {
     std::ofstream(left) << "of a process that was killed";
     std::ofstream(left + "-wal") << "too";
     {
-      const StagedFile again(place);
+      const NewFile again(place, NewFile::Staged{});
       CHECK(again.path() == left);
       CHECK_FALSE(fs::exists(left));
       CHECK_FALSE(fs::exists(left + "-wal"));
     }
   }
+}
+
+TEST_CASE("a disk that is full leaves nothing of a staged file") {
+  const Folder dir, scratch;
+  const std::string place = dir / "a.sqlite";
+  const Variable tmp("TMPDIR", scratch.path.string());
+  std::ofstream(place) << "old";
+  {
+    NewFile file(place, NewFile::Staged{});
+    std::ofstream(file.path()) << std::string(100'000, 'x');
+    const test::FullDisk disk(50'000);
+    CHECK_THROWS_WITH(file.publish(), place + ": cannot be written: File too large");
+  }
+  CHECK(contents(place) == "old");
+  CHECK(files_in(dir.path) == 1);
+  CHECK(files_in(scratch.path) == 0);
+}
+
+TEST_CASE("a new file takes the place of none, and brings side files of none") {
+  const Folder dir;
+  const std::string place = dir / "a", grows = dir / "a-new";
+  NewFile file(place, grows);
+  std::ofstream(grows) << "new";
+  std::ofstream(place) << "another's", std::ofstream(place + "-wal") << "another's";
+  CHECK_FALSE(file.publish_new());
+  CHECK(contents(place) == "another's");
+  CHECK(contents(place + "-wal") == "another's");
+  fs::remove(place);
+  CHECK(file.publish_new());
+  CHECK(contents(place) == "new");
+  CHECK(files_in(dir.path) == 1);
 }

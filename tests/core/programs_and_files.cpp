@@ -14,9 +14,9 @@
 
 #include "../full_disk.hpp"
 #include "drivers/core/bytes.hpp"
-#include "drivers/program/atomic_write.hpp"
 #include "drivers/program/console.hpp"
 #include "drivers/program/exit_code.hpp"
+#include "drivers/program/new_file.hpp"
 #include "drivers/program/program.hpp"
 #include "drivers/program/regular_file.hpp"
 

@@ -4,7 +4,7 @@
 
 #include <catch2/catch.hpp>
 
-#include "drivers/port/hid_port.hpp"
+#include "drivers/port/open_port.hpp"
 #include "drivers/program/exit_code.hpp"
 
 using namespace echofuse;

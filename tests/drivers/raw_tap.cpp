@@ -35,6 +35,8 @@ struct Folder {
   }
 };
 
+std::unique_ptr<Worker> thread() { return SystemLoop().make_worker(); }
+
 // Tells `hello` as soon as it is opened.
 struct Speaker final : BytePort {
   void open(PortHandlers handlers) override { handlers.bytes(test::view_of("hello")); }
@@ -46,7 +48,7 @@ struct Speaker final : BytePort {
 
 TEST_CASE("every connection has a file of its own, made with its first bytes") {
   const Folder folder;
-  RawKeeper keeper(folder.path);
+  RawKeeper keeper(folder.path, thread());
   std::string heard;
   const PortHandlers handlers{[] {}, [&](ByteView b) { heard.append(b.begin(), b.end()); },
                               [](const Failure&) {}};
@@ -74,7 +76,7 @@ TEST_CASE("without a keeper the opener stays as it is") {
 
 TEST_CASE("what the disk does not take in time is dropped and counted") {
   const Folder folder;
-  RawKeeper keeper(folder.path, {.queue_bytes = 10, .reserve_bytes = 0});
+  RawKeeper keeper(folder.path, thread(), {.queue_bytes = 10, .reserve_bytes = 0});
   keeper.put("a", Bytes(11));
   keeper.put("a", Bytes(10));
   const auto counts = keeper.finish();
@@ -91,7 +93,7 @@ TEST_CASE("the first failure ends the keeping, once told") {
     limits.reserve_bytes = UINT64_MAX;
     why = "are left to the run";
   }
-  RawKeeper keeper(folder.path, limits);
+  RawKeeper keeper(folder.path, thread(), limits);
   if (limits.reserve_bytes == 0) fs::remove(folder.path);
   keeper.put("a", Bytes(5));
   std::string trouble;
@@ -110,8 +112,8 @@ TEST_CASE("a folder with something in it is refused") {
   const Folder folder;
   fs::create_directories(folder.path);
   std::ofstream(fs::path(folder.path) / "x") << "y";
-  CHECK_THROWS_WITH(RawKeeper(folder.path), Catch::Contains("is not empty"));
-  CHECK_THROWS_AS(RawKeeper((fs::path(folder.path) / "x").string()), Error);
+  CHECK_THROWS_WITH(RawKeeper(folder.path, thread()), Catch::Contains("is not empty"));
+  CHECK_THROWS_AS(RawKeeper((fs::path(folder.path) / "x").string(), thread()), Error);
 }
 
 TEST_CASE("the blocks of a run's camera are those of the protocol") {

@@ -1,7 +1,5 @@
 // SPDX-License-Identifier: MIT
 // The HID port, and the stock hidapi below it, against an emulated CP2110.
-#include "drivers/port/hid_port.hpp"
-
 #include <hidapi/hidapi.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -17,6 +15,7 @@
 #include "bed.hpp"
 #include "drivers/inventory/inventory.hpp"
 #include "drivers/port/loop.hpp"
+#include "drivers/port/open_port.hpp"
 #include "tests/emulation/hid_cp2110.hpp"
 
 using namespace echofuse;

@@ -3,6 +3,7 @@
 #include "sim/lab/lab.hpp"
 
 #include <catch2/catch.hpp>
+#include <optional>
 #include <set>
 
 #include "../paths.hpp"
@@ -44,9 +45,10 @@ TEST_CASE("what an open laboratory has, and what a closed one leaves") {
   const TemporaryDirectory dir;
   sim::LabOptions options = options_in(dir);
   options.window_s = 0.2;
-  LabThread lab(options);
-  CHECK(names_in(options.dir) == std::set<std::string>{"depth.sock", "lab.toml", "openni",
-                                                       "radar-cli", "radar-data", "radar.cfg"});
+  std::optional<LabThread> lab(std::in_place, options);
+  CHECK(names_in(options.dir) == std::set<std::string>{"depth.sock", "lab.lock", "lab.toml",
+                                                       "openni", "radar-cli", "radar-data",
+                                                       "radar.cfg"});
   const std::string toml = read_text(options.dir + "/lab.toml");
   CHECK_THAT(toml, Catch::Contains("[run]\nwindow_s = 0.2\nlabel = \"person\"\n"));
   CHECK_THAT(toml, Catch::Contains("start_channel = 1\nclick_channel = 2\nbin_width_ps = 100\n"
@@ -56,10 +58,10 @@ TEST_CASE("what an open laboratory has, and what a closed one leaves") {
   CHECK_THAT(toml, Catch::Contains("address = \"openni:\""));
   CHECK(read_text(options.dir + "/radar.cfg") ==
         read_text(echofuse::test::source_dir + "/config/radar/xwr68xx_paper_50cm.cfg"));
-  CHECK_THAT(lab.lab().daemon_command(),
+  CHECK_THAT(lab->lab().daemon_command(),
              Catch::StartsWith("LD_LIBRARY_PATH=" + options.dir + "/openni ") &&
                  Catch::Contains(" run --config " + options.dir + "/lab.toml --out "));
-  lab.stop();
+  lab.reset();
   CHECK(names_in(options.dir) == std::set<std::string>{"lab.toml", "radar.cfg", "sent.json"});
   CHECK_THAT(read_text(options.dir + "/sent.json"), Catch::StartsWith("{\"play\":{\"scene\":"));
 }

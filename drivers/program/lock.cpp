@@ -1,0 +1,127 @@
+// SPDX-License-Identifier: MIT
+#include "drivers/program/lock.hpp"
+
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstring>
+#include <string_view>
+#include <utility>
+
+#include "drivers/program/exit_code.hpp"
+#include "drivers/program/printable.hpp"
+
+namespace echofuse {
+namespace {
+
+constexpr std::string_view head = "echofuse device lock\n";
+constexpr int flags = O_NOFOLLOW | O_NONBLOCK | O_NOCTTY | O_CLOEXEC;
+constexpr off_t most_bytes = 1 << 20;
+
+struct flock whole_file() {
+  struct flock lock {};  // such a lock wants 0 as its process
+  lock.l_type = F_WRLCK;
+  lock.l_whence = SEEK_SET;
+  return lock;
+}
+
+// Without O_CREAT first: the kernel may refuse it for another user's file in a shared folder.
+int open_or_make(const std::string& path, mode_t mode) {
+  for (int tries = 0; tries < 10; ++tries) {  // its holder may remove it meanwhile
+    int fd = ::open(path.c_str(), flags | O_RDWR);
+    if (fd >= 0 || errno != ENOENT) return fd;
+    fd = ::open(path.c_str(), flags | O_RDWR | O_CREAT | O_EXCL, mode);
+    if (fd >= 0) static_cast<void>(::fchmod(fd, mode));
+    if (fd >= 0 || errno != EEXIST) return fd;
+  }
+  return -1;
+}
+
+std::string contents(int fd, off_t bytes) {
+  std::string text(static_cast<std::size_t>(bytes), '\0');
+  text.resize(
+      static_cast<std::size_t>(std::max<ssize_t>(::pread(fd, text.data(), text.size(), 0), 0)));
+  return text;
+}
+
+// Begins like one, as its holder may be about to write; or is empty, or zeros that reserve() made.
+bool is_ours(int fd) {
+  struct stat is {};
+  if (::fstat(fd, &is) != 0 || !S_ISREG(is.st_mode) || is.st_nlink > 1 || is.st_size > most_bytes)
+    return false;
+  const std::string text = contents(fd, is.st_size);
+  return text.starts_with(head.substr(0, text.size())) || text.find_first_not_of('\0') == text.npos;
+}
+
+bool stands_at(const std::string& path, int fd) {
+  struct stat there {
+  }, is{};
+  return ::lstat(path.c_str(), &there) == 0 && ::fstat(fd, &is) == 0 && there.st_ino == is.st_ino &&
+         there.st_dev == is.st_dev;
+}
+
+}  // namespace
+
+Lock::Lock(std::string path, mode_t mode) : path_(std::move(path)) {
+  while (true) {
+    fd_ = open_or_make(path_, mode);
+    const bool other = errno == ELOOP || errno == EISDIR || errno == ENXIO || errno == ENODEV;
+    if (fd_ < 0 && !other) fail(std::string("cannot make the lock file: ") + std::strerror(errno));
+    if (fd_ < 0 || !is_ours(fd_)) {
+      ::close(fd_);
+      throw Error(ExitCode::failed, printable(path_) +
+                                        ": is not a lock file of echofuse (an empty file of that "
+                                        "name); move it away");
+    }
+    const struct flock lock = whole_file();
+    held_ = ::fcntl(fd_, F_OFD_SETLK, &lock) == 0;
+    if (!held_ && errno != EAGAIN && errno != EACCES)
+      fail(std::string("this file system does not lock: ") + std::strerror(errno));
+    if (!held_ || stands_at(path_, fd_)) return;
+    ::close(fd_);  // another one's, who has removed it
+  }
+}
+
+Lock::~Lock() {
+  empty();
+  ::close(fd_);
+}
+
+void Lock::fail(const std::string& why) const {
+  if (fd_ >= 0) ::close(fd_);
+  throw Error(ExitCode::disk, printable(path_) + ": " + why);
+}
+
+void Lock::write(const std::string& text) const {
+  empty();
+  const std::string all = std::string(head) + text;
+  [[maybe_unused]] const auto written = ::pwrite(fd_, all.data(), all.size(), 0);
+}
+
+void Lock::reserve(off_t bytes) const {
+  if (held_ && posix_fallocate(fd_, 0, bytes) != 0) empty();
+}
+
+void Lock::empty() const {
+  if (held_ && ::ftruncate(fd_, 0) != 0) return;  // then there is no room: what follows says so
+}
+
+void Lock::remove() const {
+  if (held_) ::unlink(path_.c_str());
+}
+
+std::optional<std::string> Lock::holder(const std::string& path) {
+  const int fd = ::open(path.c_str(), flags | O_RDONLY);
+  if (fd < 0) return std::nullopt;
+  struct flock lock = whole_file();
+  std::optional<std::string> out;
+  if (::fcntl(fd, F_OFD_GETLK, &lock) == 0 && lock.l_type != F_UNLCK) out = contents(fd, 8192);
+  ::close(fd);
+  if (out) out->erase(0, out->starts_with(head) ? head.size() : out->size());
+  return out;
+}
+
+}  // namespace echofuse

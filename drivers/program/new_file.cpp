@@ -1,0 +1,165 @@
+// SPDX-License-Identifier: MIT
+#include "drivers/program/new_file.hpp"
+
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <random>
+#include <utility>
+
+#include "drivers/core/crc32c.hpp"
+#include "drivers/program/exit_code.hpp"
+#include "drivers/program/lock.hpp"
+#include "drivers/program/printable.hpp"
+#include "drivers/program/program.hpp"
+
+namespace echofuse {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr int flags = O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC;
+
+fs::path folder_of(const std::string& path) {
+  const fs::path folder = fs::path(path).parent_path();
+  return folder.empty() ? "." : folder;
+}
+
+// The same name in every process that makes this file; another one for another file. Machines that
+// share a folder have each its own, as locks may not hold between them.
+std::string unfinished(const fs::path& place) {
+  const std::string whole = fs::absolute(place).lexically_normal().string();
+  char hash[12];
+  std::snprintf(hash, sizeof hash, "%08x",
+                crc32c({reinterpret_cast<const std::uint8_t*>(whole.data()), whole.size()}));
+  return "." + place.filename().string() + "." + machine_name() + "-" + hash + ".unfinished";
+}
+
+// Replaces nothing. A file system that cannot do that in one step does it in two.
+bool rename_to_new(const char* from, const char* to) {
+  if (::renameat2(AT_FDCWD, from, AT_FDCWD, to, RENAME_NOREPLACE) == 0) return true;
+  if (errno != EINVAL && errno != ENOSYS) return false;
+  if (::access(to, F_OK) == 0) return errno = EEXIST, false;
+  return std::rename(from, to) == 0;
+}
+
+}  // namespace
+
+NewFile::NewFile(std::string place) : place_(std::move(place)) {
+  std::random_device random;
+  do {
+    char name[16];
+    std::snprintf(name, sizeof name, ".%08x.part", random());
+    path_ = place_ + name;
+    fd_ = ::open(path_.c_str(), flags, 0666);
+  } while (fd_ < 0 && errno == EEXIST);
+  if (fd_ < 0) fail();
+}
+
+NewFile::NewFile(std::string place, std::string path)
+    : place_(std::move(place)), path_(std::move(path)), database_(true) {
+  remove();
+}
+
+NewFile::NewFile(const std::string& place, Staged)
+    : place_(place),
+      path_((fs::path(scratch_folder(folder_of(place).string())) / unfinished(place)).string()),
+      lock_(std::make_unique<Lock>(path_ + ".lock", 0600)),
+      database_(true) {
+  if (!lock_->held())
+    throw Error(ExitCode::failed, printable(place_) + ": another process is making it");
+  remove();
+}
+
+NewFile::~NewFile() {
+  if (fd_ >= 0) ::close(fd_);
+  if (!path_.empty() && !keep_) remove();
+  if (lock_) lock_->remove();
+}
+
+void NewFile::remove() const {
+  ::unlink(path_.c_str());
+  if (!database_) return;
+  ::unlink((path_ + "-lock").c_str());
+  remove_side_files(path_);
+}
+
+void NewFile::create() {
+  fd_ = ::open(path_.c_str(), flags, 0644);
+  if (fd_ < 0) fail();
+  let_group_read(fd_);  // SQLite gives -wal and -shm these permissions
+}
+
+void NewFile::append(std::string_view text) {
+  while (!text.empty()) {
+    const ssize_t n = ::write(fd_, text.data(), text.size());
+    if (n < 0 && errno != EINTR) fail();
+    if (n > 0) text.remove_prefix(static_cast<std::size_t>(n));
+  }
+}
+
+void NewFile::publish() { static_cast<void>(move(true)); }
+
+bool NewFile::publish_new() { return move(false); }
+
+bool NewFile::move(bool over) {
+  if (fd_ >= 0 && ::close(std::exchange(fd_, -1)) != 0) fail();
+  std::error_code error;
+  if (database_ && !fs::equivalent(folder_of(path_), folder_of(place_), error)) {
+    NewFile copy(place_, (fs::path(place_).parent_path() / unfinished(place_)).string());
+    copy.create();
+    std::ifstream in(path_, std::ios::binary);
+    std::string block(1 << 20, '\0');
+    while (in.read(block.data(), 1 << 20) || in.gcount() > 0)
+      copy.append({block.data(), static_cast<std::size_t>(in.gcount())});
+    if (!in.eof()) fail();
+    return copy.move(over);
+  }
+  if (database_) {
+    fd_ = ::open(path_.c_str(), O_RDONLY | O_CLOEXEC);
+    if (fd_ < 0 || ::fsync(fd_) != 0) fail();
+    ::close(std::exchange(fd_, -1));
+    if (!over && ::access(place_.c_str(), F_OK) == 0) return false;
+    remove_side_files(place_);
+  }
+  const bool moved = over ? std::rename(path_.c_str(), place_.c_str()) == 0
+                          : rename_to_new(path_.c_str(), place_.c_str());
+  if (!moved && (over || errno != EEXIST)) fail();
+  if (moved) remove(), path_.clear();
+  return moved;
+}
+
+void NewFile::fail() const {
+  throw Error(ExitCode::disk, printable(place_) + ": cannot be written: " + std::strerror(errno));
+}
+
+void write_atomically(const std::string& path, std::string_view text) {
+  NewFile file(path);
+  file.append(text);
+  file.publish();
+}
+
+void let_group_read(int file) {
+  struct stat status {};
+  if (::fstat(file, &status) == 0 && !(status.st_mode & S_IRGRP))
+    static_cast<void>(::fchmod(file, (status.st_mode & 07777) | S_IRGRP));
+}
+
+void remove_side_files(const std::string& database) {
+  for (const char* beside : {"-journal", "-wal", "-shm"}) ::unlink((database + beside).c_str());
+}
+
+std::string scratch_folder(const std::string& beside) {
+  const char* const given = std::getenv("TMPDIR");
+  if (given && *given) return given;
+  return beside.empty() ? "." : beside;
+}
+
+}  // namespace echofuse

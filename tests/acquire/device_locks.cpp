@@ -1,0 +1,83 @@
+// SPDX-License-Identifier: MIT
+// Who uses a device, as other programs see it.
+#include "acquire/devices/device_locks.hpp"
+
+#include <catch2/catch.hpp>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+
+#include "../folder.hpp"
+#include "drivers/program/exit_code.hpp"
+
+using namespace echofuse;
+using namespace echofuse::acquire;
+using Catch::Contains;
+namespace fs = std::filesystem;
+
+namespace {
+
+// A folder of locks that is this test's.
+struct Locks : test::Folder {
+  Locks() : before(lock_folder()) { ::setenv("ECHOFUSE_LOCKS", path.c_str(), 1); }
+  ~Locks() { ::setenv("ECHOFUSE_LOCKS", before.c_str(), 1); }
+  std::string before;
+};
+
+Config tagger_at(const std::string& address) {
+  Config config;
+  config.tdc.address = address;
+  return config;
+}
+
+}  // namespace
+
+TEST_CASE("a device's lock says who holds it, and is free again when he is gone") {
+  const Locks locks;
+  const Config config = tagger_at("bridge:tcp://h:1");
+  const std::string path = locks / lock_name(config.tdc.address), run = "/data/a b\n.sqlite";
+  {
+    const DeviceLocks held(config, "run", run);
+    CHECK_FALSE(held.other(Sensor::spd));
+    for (int i = 0; i < 3; ++i) {
+      const DeviceLocks refused(config, "devices");
+      REQUIRE(refused.other(Sensor::spd));
+      CHECK_THAT(refused.other(Sensor::spd)->who, Catch::StartsWith("echofuse-acquire run, pid ") &&
+                                                      Catch::EndsWith(", run /data/a b\\n.sqlite"));
+      CHECK(refused.other(Sensor::spd)->run == run);
+    }
+    REQUIRE(holders_in(locks.path).size() == 1);
+    CHECK(holders_in(locks.path)[0].run == run);
+    CHECK_FALSE(DeviceLocks(tagger_at("bridge:tcp://h:2"), "run").other(Sensor::spd));
+  }
+  CHECK(holders_in(locks.path).empty());
+  CHECK(fs::is_empty(path));
+  const DeviceLocks again(config, "devices");
+  CHECK_FALSE(again.other(Sensor::spd));
+  CHECK(DeviceLocks(config, "run").other(Sensor::spd)->run.empty());
+}
+
+TEST_CASE("what is no lock of ours is a fault of the device") {
+  const Locks locks;
+  const Config config = tagger_at("bridge:tcp://h:1");
+  std::ofstream(locks / lock_name(config.tdc.address)) << "precious";
+  try {
+    DeviceLocks(config, "run");
+    FAIL("no error");
+  } catch (const Error& e) {
+    CHECK(e.code() == ExitCode::device);
+    CHECK_THAT(e.what(),
+               Catch::StartsWith("the device lock ") && Contains("is not a lock file of"));
+  }
+}
+
+TEST_CASE("a device is known by its address") {
+  const test::Folder folder;
+  std::ofstream(folder / "record.oni") << "";
+  CHECK_THAT(lock_name("serial:/dev/ttyUSB0"), Catch::StartsWith("echofuse-serial-"));
+  CHECK(lock_name("serial:/dev/../dev/ttyUSB0") == lock_name("serial:/dev/ttyUSB0"));
+  CHECK(lock_name("serial:/dev/ttyUSB1") != lock_name("serial:/dev/ttyUSB0"));
+  CHECK(lock_name("bridge:tcp://h:1") != lock_name("bridge:tcp://h:2"));
+  CHECK(lock_name("bridge:tcp://localhost:1") == lock_name("bridge:tcp://127.0.0.1:1"));
+  CHECK(lock_name("openni:" + (folder / "record.oni")).empty());
+}

@@ -1,0 +1,131 @@
+// SPDX-License-Identifier: MIT
+#include "drivers/program/lock.hpp"
+
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <atomic>
+#include <catch2/catch.hpp>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <thread>
+#include <vector>
+
+#include "../folder.hpp"
+#include "drivers/program/exit_code.hpp"
+
+using namespace echofuse;
+using test::Folder;
+namespace fs = std::filesystem;
+
+namespace {
+
+std::string text_of(const std::string& path) {
+  std::ifstream in(path);
+  return {std::istreambuf_iterator<char>(in), {}};
+}
+
+}  // namespace
+
+TEST_CASE("a lock is its holder's alone, who says who he is") {
+  const Folder folder;
+  const std::string path = folder / "x.lock";
+  CHECK_FALSE(Lock::holder(path));
+  {
+    const Lock held(path, 0644);
+    CHECK(held.held());
+    CHECK(Lock::holder(path) == "");
+    held.write("me\n");
+    const std::string before = text_of(path);
+    const Lock refused(path, 0644);
+    CHECK_FALSE(refused.held());
+    refused.remove(), refused.empty();  // not its own
+    CHECK(text_of(path) == before);
+    CHECK(Lock::holder(path) == "me\n");
+    CHECK(Lock(folder / "y.lock", 0644).held());
+  }
+  CHECK_FALSE(Lock::holder(path));
+  CHECK(text_of(path).empty());
+  CHECK(Lock(path, 0644).held());
+}
+
+TEST_CASE("of many who want a lock at once one has it, also where its holders remove the file") {
+  const Folder folder;
+  const std::string path = folder / "x.lock";
+  const bool removes = GENERATE(false, true);
+  CAPTURE(removes);
+  std::atomic<int> holders{0}, most{0}, taken{0};
+  std::vector<std::thread> threads;
+  for (int t = 0; t < 4; ++t)
+    threads.emplace_back([&] {
+      for (int i = 0; i < 300; ++i) {
+        const Lock lock(path, 0600);
+        if (!lock.held()) continue;
+        most = std::max(most.load(), ++holders);
+        ++taken;
+        lock.write("me");
+        std::this_thread::yield();
+        --holders;
+        if (removes) lock.remove();
+      }
+    });
+  for (auto& thread : threads) thread.join();
+  CHECK(most == 1);
+  CHECK(taken > 0);
+  CHECK(fs::exists(path) == !removes);
+}
+
+TEST_CASE("a lock that its holder removed is nobody's: the next one makes its own") {
+  const Folder folder;
+  const std::string path = folder / "x.lock";
+  const Lock former(path, 0600);
+  former.remove();
+  const Lock next(path, 0600);
+  CHECK(next.held());
+  CHECK_FALSE(Lock(path, 0600).held());
+}
+
+TEST_CASE("a lock's file has the mode that was asked for, whatever the umask") {
+  const Folder folder;
+  const mode_t mode = GENERATE(0666, 0644, 0600), before = ::umask(0077);
+  const Lock lock(folder / "x.lock", mode);
+  ::umask(before);
+  CHECK((fs::status(folder / "x.lock").permissions() & fs::perms::mask) ==
+        static_cast<fs::perms>(mode));
+}
+
+TEST_CASE("a link or another's file in the lock's place is refused and stays as it is") {
+  const Folder folder;
+  const std::string precious = folder / "precious", lock = folder / "x.lock";
+  std::ofstream(precious) << "precious";
+  std::string stays = "precious";
+  SECTION("symbolic link") { fs::create_symlink(precious, lock); }
+  SECTION("symbolic link to nothing") { fs::create_symlink(folder / "new", lock); }
+  SECTION("hard link") { fs::create_hard_link(precious, lock); }
+  SECTION("hard link to what begins like a lock") {
+    std::ofstream(precious).flush();
+    fs::create_hard_link(precious, lock);
+    stays = "";
+  }
+  SECTION("a file of other content") { fs::copy_file(precious, lock); }
+  SECTION("fifo") { REQUIRE(::mkfifo(lock.c_str(), 0666) == 0); }
+  SECTION("folder") { fs::create_directory(lock); }
+  const auto is = fs::symlink_status(lock).type();
+  CHECK_THROWS_WITH(Lock(lock, 0666), Catch::Contains("x.lock: is not a lock file of echofuse"));
+  CHECK(fs::symlink_status(lock).type() == is);
+  CHECK(text_of(precious) == stays);
+  CHECK_FALSE(fs::exists(folder / "new"));
+  if (is == fs::file_type::regular) CHECK(text_of(lock) == stays);
+}
+
+TEST_CASE("a lock that cannot be made is the disk's fault") {
+  const Folder folder;
+  try {
+    Lock(folder / "none/x.lock", 0600);
+    FAIL("no error");
+  } catch (const Error& e) {
+    CHECK(e.code() == ExitCode::disk);
+  }
+}
