@@ -15,9 +15,9 @@
 
 #include "acquire/calibrate/array_calibration.hpp"
 #include "acquire/calibrate/calibrate_output.hpp"
-#include "acquire/calibrate/calibration.hpp"
 #include "acquire/calibrate/repeats.hpp"
 #include "acquire/calibrate/response_fit.hpp"
+#include "acquire/config/calibration.hpp"
 #include "acquire/devices/devices.hpp"
 #include "acquire/run/start_gaps.hpp"
 #include "drivers/core/log2_codes.hpp"

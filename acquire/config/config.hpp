@@ -5,16 +5,24 @@
 #include <string>
 #include <vector>
 
-#include "acquire/calibrate/calibration.hpp"
+#include "acquire/config/calibration.hpp"
 #include "acquire/measurement/depth_map.hpp"
 #include "acquire/measurement/detector.hpp"
 #include "acquire/measurement/radar_array.hpp"
-#include "acquire/run/signal_check.hpp"
 #include "drivers/make_driver.hpp"
 #include "drivers/radar/profile.hpp"
 #include "drivers/tdc/histogram.hpp"
 
 namespace echofuse::acquire {
+
+// Of SignalCheck. 0 switches a limit off.
+struct SignalLimits {
+  double weak_share = 0.1;   // of the median of the run's first minute
+  double spd_clicks = 1000;  // of a record, above the background
+  double clicks_a_pulse = record::most_clicks_a_pulse;
+  double radar_snr_db = 6;     // the highest bin over the median bin
+  double depth_share = 0.005;  // of the pixels
+};
 
 struct Config {
   double window_s = 3;

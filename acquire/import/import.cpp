@@ -13,11 +13,13 @@
 #include <utility>
 
 #include "acquire/import/arrays.hpp"
+#include "acquire/import/kept.hpp"
 #include "acquire/import/picoquant.hpp"
 #include "acquire/import/radar_recording.hpp"
 #include "acquire/record/run_file.hpp"
 #include "acquire/run/clock_fit.hpp"
 #include "acquire/run/resume.hpp"
+#include "acquire/run/signal_check.hpp"
 #include "acquire/run/window.hpp"
 #include "drivers/program/console.hpp"
 #include "drivers/program/printable.hpp"
@@ -319,6 +321,8 @@ std::string import_recordings(Config config, const ImportOptions& options) {
                    [](unsigned char c) { return std::tolower(c); });
     return kind;
   };
+  if (options.files.size() == 1 && is_kept(options.files[0]))
+    return import_kept(std::move(config), options.files[0], options.out);
   if (options.files.size() == 1 && fs::is_directory(options.files[0]))
     return import_arrays(options.files[0], options.out,
                          options.began.empty() ? UtcTime{} : parse_utc(options.began));

@@ -2,7 +2,7 @@
 // The `import` command: recordings of other programs become a run.
 //   .dat        the radar's data port, with the .cfg that the board had
 //   .ptu .phu   PicoQuant's time tags and histograms
-//   a folder    NumPy arrays (arrays.hpp)
+//   a folder    NumPy arrays (arrays.hpp), or what `run --keep-raw` kept (kept.hpp)
 // A record is made of the samples of its slot as in a live run, by the times of the recording; slot
 // 0 begins with it. A .phu gives one record a curve, of the curve's length. Two recordings, one of
 // each sensor, are taken to begin at the same time.

@@ -137,7 +137,8 @@ ExitCode Daemon::run() {
     refuse_bad_target(options_.out);
   name_ = options_.part_records > 0 ? record::whole_and_number(options_.out).first
                                     : record::run_of(options_.out);
-  devices_.take("run", name_);
+  if (!options_.kept_slot) devices_.take("run", name_);
+  if (raw_) raw_->note("run", loop_.now(), "start", loop_.utc().count());
   devices_.start();
   devices_.wait(config_.connect_timeout_s);
   require_devices();
@@ -197,7 +198,15 @@ std::unique_ptr<record::RunWriter> Daemon::open_file() {
 }
 
 port::RawKeeper* Daemon::keep_raw(const RunOptions& options) {
-  return options.keep_raw.empty() ? nullptr : &raw_.emplace(options.keep_raw);
+  if (options.keep_raw.empty()) return nullptr;
+  raw_.emplace(options.keep_raw);
+  const bool calibrated = !config_.calibration.entries.empty();
+  for (const auto& [file, text] :
+       {std::pair{"lab.toml", config_.resolved}, std::pair{"radar.cfg", config_.radar.cfg_text},
+        std::pair{"calibration.toml",
+                  calibrated ? read_config_text(config_.calibration_path) : std::string()}})
+    raw_->put(file, {reinterpret_cast<const std::uint8_t*>(text.data()), text.size()});
+  return &*raw_;
 }
 
 void Daemon::report_raw_trouble() {
@@ -209,7 +218,9 @@ void Daemon::report_raw_trouble() {
 void Daemon::begin() {
   auto file = open_file();
   const auto length = from_seconds(config_.window_s);
-  const SlotGrid grid{first_slot(loop_.now() + settle_time, length), length};
+  const SlotGrid grid{options_.kept_slot.value_or(first_slot(loop_.now() + settle_time, length)),
+                      length};
+  if (raw_) raw_->note("run", grid.first, "slots", length.count());
   recording_.emplace(grid, config_, options_, clocks_, loop_, resumption_.axes, std::move(file));
   recording_->journal.put_config(config_);
   end_part(resumption_.first_index);
@@ -322,6 +333,7 @@ void Daemon::interrupt(HostTime now) {
 }
 
 void Daemon::close_slot(const DueSlot& due, std::chrono::nanoseconds late) {
+  if (raw_) raw_->note("run", loop_.now(), "closed", due.index);
   record::FusedRecord record = recording_->windows.close(due);
   recording_->signal.judge(record, recording_->windows.axes());
   record.index += resumption_.first_index;
