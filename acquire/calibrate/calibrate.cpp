@@ -57,7 +57,6 @@ class Gatherer final : public SampleSink {
     if (frame.range_profile.size() == bins_) frames.push_back(std::move(frame.range_profile));
     if (!frame.array.empty()) arrays.push_back(std::move(frame.array));
   }
-  void on_depth(DepthFrame) override {}
   void on_state(Sensor sensor, DeviceState, const DeviceInfo&) override {
     if (sensor == Sensor::spd) forget_start();
   }

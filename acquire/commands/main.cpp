@@ -22,7 +22,7 @@
 #include "acquire/commands/options.hpp"
 #include "acquire/config/config.hpp"
 #include "acquire/config/find_config.hpp"
-#include "acquire/devices/devices.hpp"
+#include "acquire/devices/ask.hpp"
 #include "acquire/doctor/doctor.hpp"
 #include "acquire/import/import.hpp"
 #include "acquire/import/kept.hpp"
@@ -188,10 +188,10 @@ std::optional<Config> load_if_any(const Options& o) {
   return load(o);
 }
 
-ExitCode list_devices(const Options& o) {
+ExitCode devices(const Options& o) {
   catch_interrupts();
   port::SystemLoop loop;
-  return check_devices(load_if_any(o), loop, o.json);
+  return list_devices(load_if_any(o), loop, o.json);
 }
 
 ExitCode doctor(Options& o) {
@@ -335,7 +335,7 @@ ExitCode dispatch(const std::string& command, Options& o) {
   set_up_log(o, messages);
   o.run.show_status = [&messages](std::string line) { messages.put(std::move(line), true); };
   if (command == "run") return run(o);
-  if (command == "devices") return list_devices(o);
+  if (command == "devices") return devices(o);
   if (command == "doctor") return doctor(o);
   if (command == "config check") return check_config(o);
   if (command == "config show") return show_config(o);

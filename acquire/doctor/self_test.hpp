@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// The doctor's check of the configured devices: two seconds of what they send.
+// The doctor's verdicts on the configured devices, from two seconds of what they send.
 #pragma once
 #include <cstdint>
 #include <map>
@@ -8,8 +8,8 @@
 #include <vector>
 
 #include "acquire/config/config.hpp"
-#include "acquire/devices/devices.hpp"
 #include "acquire/doctor/finding.hpp"
+#include "drivers/core/driver.hpp"
 #include "drivers/tdc/histogram.hpp"
 
 namespace echofuse::acquire {
@@ -24,7 +24,6 @@ class Capture final : public SampleSink {
   void on_tags(const TagBlock& block) override;
   void on_radar(RadarFrame frame) override;
   void on_depth(DepthFrame frame) override;
-  void on_state(Sensor, DeviceState, const DeviceInfo&) override {}
   void on_event(Sensor sensor, Severity severity, const std::string& text) override;
 
   TagCounts tags;
@@ -49,13 +48,5 @@ Finding judge_depth(const Capture& capture, const Config& config, double time_s)
 // What a record of these devices takes, from what they sent; a device that sent nothing is counted
 // as its configuration has it.
 double estimate_record_bytes(const Capture& capture, const Config& config);
-
-struct SelfTest {
-  std::vector<Finding> findings;
-  double record_bytes = 0;
-};
-// Starts all configured devices, waits as `run` does and listens for 2 s. Throws Error(interrupted)
-// when the user does not want to wait.
-SelfTest test_devices(const Config& config, port::Loop& loop);
 
 }  // namespace echofuse::acquire

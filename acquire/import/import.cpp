@@ -45,14 +45,6 @@ class RecordingClock final : public Clock {
   HostTime now_{};
 };
 
-struct Nobody : SampleSink {
-  void on_tags(const TagBlock&) override {}
-  void on_radar(RadarFrame) override {}
-  void on_depth(DepthFrame) override {}
-  void on_state(Sensor, DeviceState, const DeviceInfo&) override {}
-  void on_event(Sensor, Severity, const std::string&) override {}
-};
-
 struct Beginning {
   UtcTime utc{};
   std::string doubt;  // empty: it was given
@@ -154,7 +146,7 @@ class Import {
 };
 
 // Samples of recordings into slots.
-class Slots final : public Nobody {
+class Slots final : public SampleSink {
  public:
   Slots(const Config& config, const SlotGrid& grid)
       : grid_(grid), windows_(grid, config.histogram, clocks_, config.configured()) {}
@@ -375,7 +367,7 @@ std::string import_recordings(Config config, const ImportOptions& options) {
          "when it began is not known: the file's time is taken; --began UTC says it");
   if (options.began.empty() && began.doubt.empty()) {  // a file is written until its end
     RadarRecording whole(config.radar.data, parse_profile(config.radar));
-    Nobody nobody;
+    SampleSink nobody;
     while (whole.next(nobody)) {
     }
     begins(modified(config.radar.data) - whole.at(),
