@@ -15,7 +15,7 @@
 
 #include "acquire/calibrate/array_calibration.hpp"
 #include "acquire/calibrate/calibrate_output.hpp"
-#include "acquire/calibrate/repeats.hpp"
+#include "acquire/calibrate/peak.hpp"
 #include "acquire/calibrate/response_fit.hpp"
 #include "acquire/config/calibration.hpp"
 #include "acquire/devices/devices.hpp"
@@ -217,7 +217,8 @@ class Measurement {
   Result spd() const {
     Result r{Sensor::spd, photons(all_counts_), spread_of(spd_ranges_),
              "Gaussian by maximum likelihood"};
-    const double a_pulse = gatherer_.histogram().gaps().clicks_a_pulse(clicks_, starts_).value_or(0);
+    const double a_pulse =
+        gatherer_.histogram().gaps().clicks_a_pulse(clicks_, starts_).value_or(0);
     if (r.peak.refusal.empty() && a_pulse > record::most_clicks_a_pulse)
       r.peak.refusal = "saturated: more than one click in 20 laser pulses; attenuate the light";
     if (!devices_[Sensor::spd].delivers()) r.peak.refusal = devices_.describe(Sensor::spd);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "acquire/commands/catalogue.hpp"
+#include "acquire/record/catalogue.hpp"
 
 #include <algorithm>
 #include <array>
@@ -8,8 +8,8 @@
 #include <nlohmann/json.hpp>
 #include <vector>
 
+#include "acquire/commands/commands.hpp"
 #include "acquire/devices/lock_file.hpp"
-#include "acquire/record/catalogue.hpp"
 #include "drivers/core/clock.hpp"
 #include "drivers/program/console.hpp"
 #include "drivers/program/printable.hpp"

@@ -15,17 +15,12 @@
 #include <nlohmann/json.hpp>
 
 #include "acquire/calibrate/calibrate.hpp"
-#include "acquire/commands/annotate.hpp"
-#include "acquire/commands/catalogue.hpp"
-#include "acquire/commands/info.hpp"
-#include "acquire/commands/log_format.hpp"
+#include "acquire/commands/commands.hpp"
 #include "acquire/commands/options.hpp"
 #include "acquire/config/config.hpp"
-#include "acquire/config/find_config.hpp"
 #include "acquire/devices/ask.hpp"
 #include "acquire/doctor/doctor.hpp"
 #include "acquire/import/import.hpp"
-#include "acquire/import/kept.hpp"
 #include "acquire/record/export.hpp"
 #include "acquire/record/run_file.hpp"
 #include "acquire/record/run_names.hpp"

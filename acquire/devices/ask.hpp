@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// What is attached, and what the configured devices say when they are asked: `devices` prints it,
+// Devices that are attached, and what the configured ones say when asked: `devices` prints it,
 // `doctor` judges it.
 #pragma once
 #include <functional>

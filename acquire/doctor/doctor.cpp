@@ -6,8 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "acquire/devices/ask.hpp"
-#include "acquire/doctor/disk.hpp"
-#include "acquire/doctor/self_test.hpp"
+#include "acquire/run/disk.hpp"
 #include "drivers/program/console.hpp"
 #include "drivers/program/printable.hpp"
 

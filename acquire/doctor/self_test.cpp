@@ -1,12 +1,11 @@
 // SPDX-License-Identifier: MIT
-#include "acquire/doctor/self_test.hpp"
-
 #include <algorithm>
 #include <cinttypes>
 #include <cmath>
 #include <cstdio>
 #include <utility>
 
+#include "acquire/doctor/doctor.hpp"
 #include "acquire/record/png.hpp"
 #include "drivers/core/log2_codes.hpp"
 

@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: MIT
-#include "acquire/import/kept.hpp"
-
 #include <algorithm>
 #include <cinttypes>
 #include <cstdio>
@@ -10,6 +8,7 @@
 #include <optional>
 #include <utility>
 
+#include "acquire/import/import.hpp"
 #include "acquire/run/daemon.hpp"
 #include "drivers/port/virtual_loop.hpp"
 #include "drivers/program/console.hpp"
@@ -160,7 +159,7 @@ LiveRun read_live_run(const std::string& folder) {
 
 bool is_kept(const std::string& folder) { return fs::exists(fs::path(folder) / "run.times"); }
 
-Config kept_config(const std::string& folder, std::vector<std::string> assignments) {
+Config kept_config(const std::string& folder, const std::vector<std::string>& assignments) {
   std::vector<std::string> all{"run.folder="};
   for (const auto& [key, file] :
        {std::pair{"radar.cfg=", "radar.cfg"}, std::pair{"run.calibration=", "calibration.toml"}})
@@ -192,8 +191,8 @@ std::string import_kept(Config config, const std::string& folder, const std::str
   config.policy = {"optional", "optional", "optional"};
   RunOptions options;
   options.out = fs::absolute(out).string();
-  options.count = std::max<std::int64_t>(
-      1, live.slots * live.slot_ns / from_seconds(config.window_s).count());
+  options.count =
+      std::max<std::int64_t>(1, live.slots * live.slot_ns / from_seconds(config.window_s).count());
   options.meta = {{"imported_from", utf8_text(fs::path(folder).filename().string())}};
   options.quiet = true;
   options.kept_slot = live.first_slot;

@@ -50,7 +50,11 @@ Windows::Numbers::Order Windows::Numbers::put(std::uint32_t number, std::uint64_
 
 Windows::Windows(const SlotGrid& grid, const tdc::HistogramSettings& tdc,
                  const SensorClocks& clocks, SensorSet configured, SensorSet required)
-    : grid_(grid), clocks_(clocks), configured_(configured), required_(required), histogram_(std::make_shared<tdc::Histogram>(tdc)) {}
+    : grid_(grid),
+      clocks_(clocks),
+      configured_(configured),
+      required_(required),
+      histogram_(std::make_shared<tdc::Histogram>(tdc)) {}
 
 bool Windows::announce(const DeviceInfo& info) {
   bool fits = true;

@@ -139,7 +139,7 @@ class Windows {
   const SensorClocks& clocks_;
   SensorSet configured_, required_;
   std::shared_ptr<tdc::Histogram> histogram_;  // of the slot of the last tags
-  std::map<std::string, Axis> axes_;  // array, depth_x, depth_y, radar
+  std::map<std::string, Axis> axes_;           // array, depth_x, depth_y, radar
   PerSensor<bool> refused_{};
   std::map<std::int64_t, Slot> open_;
   std::int64_t next_ = 0;  // first slot that is not closed

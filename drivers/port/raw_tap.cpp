@@ -158,10 +158,13 @@ bool RawKeeper::put(const std::string& name, ByteView bytes) {
   return true;
 }
 
+void RawKeeper::put_text(const std::string& name, const std::string& text) {
+  put(name, {reinterpret_cast<const std::uint8_t*>(text.data()), text.size()});
+}
+
 void RawKeeper::note(const std::string& name, HostTime at, const char* what, std::int64_t value) {
-  const std::string line =
-      std::to_string(at.count()) + " " + what + " " + std::to_string(value) + "\n";
-  put(name + ".times", {reinterpret_cast<const std::uint8_t*>(line.data()), line.size()});
+  put_text(name + ".times",
+           std::to_string(at.count()) + " " + what + " " + std::to_string(value) + "\n");
 }
 
 std::string RawKeeper::next_name(const std::string& name, const std::string& ending) {

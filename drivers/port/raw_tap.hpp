@@ -35,6 +35,7 @@ class RawKeeper {
 
   // To FOLDER/NAME, which is made with its first bytes. False: they are dropped.
   bool put(const std::string& name, ByteView bytes);
+  void put_text(const std::string& name, const std::string& text);
   // To FOLDER/NAME.times.
   void note(const std::string& name, HostTime at, const char* what, std::int64_t value = 0);
   // The next file of this device: NAME-001.dat with the ending ".dat"; one for each connection.
