@@ -45,7 +45,7 @@ void check_depth(const std::string& address) {
 std::unique_ptr<Driver> make_tdc(port::Loop& loop, const TdcConfig& config, port::RawKeeper* raw) {
   check_tdc(config.address);
   return std::make_unique<tdc::BridgeTdc>(
-      loop, config.address, port::tap(loop.opener(config.address), raw, "tags", ".blocks"));
+      loop, config.address, port::tap(loop, loop.opener(config.address), raw, "tags", ".blocks"));
 }
 
 namespace {
@@ -74,17 +74,17 @@ std::unique_ptr<Driver> make_radar(port::Loop& loop, const RadarConfig& config,
   check_radar_port(config.cli, config.cli_baud);
   check_radar_port(config.data, config.data_baud);
   return std::make_unique<radar::RadarDriver>(
-      loop,
-      radar::RadarSetup{
-          .address = config.cli + " " + config.data,
-          .cli = port::tap(loop.opener(config.cli, config.cli_baud), raw, "radar-cli", ".txt"),
-          .data = port::tap(loop.opener(config.data, config.data_baud), raw, "radar", ".dat"),
-          .cfg_text = config.cfg_text,
-          .cfg_name = config.cfg_name,
-          .warnings = radar_warnings(config),
-          .data_baud = config.data_baud,
-          .board = radar::board_named(config.board).value_or(radar::Board::isk),
-          .keep_running = config.keep_running});
+      loop, radar::RadarSetup{.address = config.cli + " " + config.data,
+                              .cli = port::tap(loop, loop.opener(config.cli, config.cli_baud), raw,
+                                               "radar-cli", ".txt"),
+                              .data = port::tap(loop, loop.opener(config.data, config.data_baud),
+                                                raw, "radar", ".dat"),
+                              .cfg_text = config.cfg_text,
+                              .cfg_name = config.cfg_name,
+                              .warnings = radar_warnings(config),
+                              .data_baud = config.data_baud,
+                              .board = radar::board_named(config.board).value_or(radar::Board::isk),
+                              .keep_running = config.keep_running});
 }
 
 std::unique_ptr<Driver> make_depth(port::Loop& loop, const DepthConfig& config,
@@ -97,7 +97,7 @@ std::unique_ptr<Driver> make_depth(port::Loop& loop, const DepthConfig& config,
         depth::OpenNiOptions{.width = config.width, .height = config.height, .fps = config.fps},
         raw);
   return std::make_unique<depth::BridgeCamera>(
-      loop, config.address, port::tap(loop.opener(config.address), raw, "depth", ".blocks"));
+      loop, config.address, port::tap(loop, loop.opener(config.address), raw, "depth", ".blocks"));
 }
 
 }  // namespace echofuse

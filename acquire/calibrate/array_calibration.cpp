@@ -8,7 +8,7 @@
 #include <cstdio>
 #include <numbers>
 
-#include "acquire/calibrate/repeats.hpp"
+#include "acquire/calibrate/peak.hpp"
 
 namespace echofuse::acquire {
 namespace {

@@ -7,17 +7,9 @@
 #include <string>
 #include <vector>
 
+#include "acquire/config/calibration.hpp"
+
 namespace echofuse::acquire {
-
-// In the order of the heat map, relative to antenna 0; empty: not measured. The standard error is
-// that of the phase in radians, and of the gain as a share of it: noise is alike in both.
-struct AntennaGains {
-  std::string date_utc;
-  double distance_m = 0;
-  std::vector<double> gain, phase_rad, standard_error;
-
-  bool empty() const { return gain.empty(); }
-};
 
 struct AntennaFit {
   AntennaGains gains;

@@ -15,11 +15,10 @@
 
 #include "acquire/calibrate/array_calibration.hpp"
 #include "acquire/calibrate/calibrate_output.hpp"
-#include "acquire/calibrate/calibration.hpp"
-#include "acquire/calibrate/repeats.hpp"
+#include "acquire/calibrate/peak.hpp"
 #include "acquire/calibrate/response_fit.hpp"
+#include "acquire/config/calibration.hpp"
 #include "acquire/devices/devices.hpp"
-#include "acquire/run/start_gaps.hpp"
 #include "drivers/core/log2_codes.hpp"
 #include "drivers/program/console.hpp"
 #include "drivers/program/printable.hpp"
@@ -43,23 +42,20 @@ tdc::HistogramSettings fine_axis(const Config& config, const Search& search) {
 class Gatherer final : public SampleSink {
  public:
   Gatherer(const Config& config, const Search& search)
-      : starts(config.histogram.start_channel),
-        bins_(config.configured().contains(Sensor::radar) ? parse_profile(config.radar).bins : 0),
+      : bins_(config.configured().contains(Sensor::radar) ? parse_profile(config.radar).bins : 0),
         histogram_(fine_axis(config, search)) {}
 
   void on_tags(const TagBlock& block) override {
-    if (block.lost_blocks + block.lost_items > 0) forget_start();
+    if (block.lost_blocks + block.lost_items > 0) histogram_.forget_start();
     histogram_.add(block.tags);
-    starts.add(block.tags);
   }
   void on_radar(RadarFrame frame) override {
     if (!running) return;
     if (frame.range_profile.size() == bins_) frames.push_back(std::move(frame.range_profile));
     if (!frame.array.empty()) arrays.push_back(std::move(frame.array));
   }
-  void on_depth(DepthFrame) override {}
   void on_state(Sensor sensor, DeviceState, const DeviceInfo&) override {
-    if (sensor == Sensor::spd) forget_start();
+    if (sensor == Sensor::spd) histogram_.forget_start();
   }
   void on_firmware_bias(const FirmwareBias& bias) override { firmware.push_back(bias); }
   // Whoever waits for the devices sees at once why one does not answer.
@@ -72,20 +68,15 @@ class Gatherer final : public SampleSink {
     counts = histogram_.tag_counts();
     return histogram_.take();
   }
-  const tdc::HistogramSettings& settings() const { return histogram_.settings(); }
+  const tdc::Histogram& histogram() const { return histogram_; }
 
   bool running = false;
   TagCounts counts;
-  StartGaps starts;
   std::vector<std::vector<std::uint16_t>> frames;
   ArrayFrames arrays;  // of this repeat
   std::vector<FirmwareBias> firmware;
 
  private:
-  void forget_start() {
-    histogram_.forget_start();
-    starts.forget_start();
-  }
   std::size_t bins_;  // of a whole profile
   tdc::Histogram histogram_;
 };
@@ -148,7 +139,7 @@ class Measurement {
   // How the instruments respond to the reflector, or why that is not stated.
   record::Response response(const std::vector<Result>& results, Unstated& unstated) const {
     record::Response out;
-    const auto& s = gatherer_.settings();
+    const auto& s = gatherer_.histogram().settings();
     for (const Result& r : results) {
       if (!r.peak.refusal.empty()) continue;
       if (r.sensor == Sensor::spd) {
@@ -188,7 +179,7 @@ class Measurement {
   }
   void listen() { loop_.run_until(interrupted, loop_.now() + from_seconds(options_.time_s)); }
   Peak photons(std::span<const std::uint32_t> counts) const {
-    const auto& s = gatherer_.settings();
+    const auto& s = gatherer_.histogram().settings();
     return fit_photons(counts, static_cast<double>(s.first_bin_ps),
                        static_cast<double>(s.bin_width_ps), options_.search);
   }
@@ -226,7 +217,8 @@ class Measurement {
   Result spd() const {
     Result r{Sensor::spd, photons(all_counts_), spread_of(spd_ranges_),
              "Gaussian by maximum likelihood"};
-    const double a_pulse = gatherer_.starts.clicks_a_pulse(clicks_, starts_).value_or(0);
+    const double a_pulse =
+        gatherer_.histogram().gaps().clicks_a_pulse(clicks_, starts_).value_or(0);
     if (r.peak.refusal.empty() && a_pulse > record::most_clicks_a_pulse)
       r.peak.refusal = "saturated: more than one click in 20 laser pulses; attenuate the light";
     if (!devices_[Sensor::spd].delivers()) r.peak.refusal = devices_.describe(Sensor::spd);

@@ -9,7 +9,7 @@
 #include <numeric>
 
 #include "acquire/calibrate/echo_model.hpp"
-#include "acquire/calibrate/repeats.hpp"
+#include "acquire/calibrate/peak.hpp"
 #include "drivers/core/axis.hpp"
 
 namespace echofuse::acquire {

@@ -1,8 +1,7 @@
 // SPDX-License-Identifier: MIT
-#include "acquire/commands/annotate.hpp"
-
 #include <algorithm>
 
+#include "acquire/commands/commands.hpp"
 #include "acquire/record/run_file.hpp"
 #include "drivers/core/clock.hpp"
 #include "drivers/program/printable.hpp"

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "acquire/commands/catalogue.hpp"
+#include "acquire/record/catalogue.hpp"
 
 #include <algorithm>
 #include <array>
@@ -8,6 +8,7 @@
 #include <nlohmann/json.hpp>
 #include <vector>
 
+#include "acquire/commands/commands.hpp"
 #include "acquire/devices/device_locks.hpp"
 #include "acquire/record/catalogue.hpp"
 #include "drivers/core/clock.hpp"

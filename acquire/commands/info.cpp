@@ -1,10 +1,9 @@
 // SPDX-License-Identifier: MIT
-#include "acquire/commands/info.hpp"
-
 #include <algorithm>
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
+#include "acquire/commands/commands.hpp"
 #include "acquire/record/run_parts.hpp"
 #include "drivers/program/printable.hpp"
 

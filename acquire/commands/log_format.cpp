@@ -1,11 +1,10 @@
 // SPDX-License-Identifier: MIT
-#include "acquire/commands/log_format.hpp"
-
 #include <spdlog/pattern_formatter.h>
 #include <unistd.h>
 
 #include <ctime>
 
+#include "acquire/commands/commands.hpp"
 #include "drivers/program/console.hpp"
 #include "drivers/program/printable.hpp"
 

@@ -15,15 +15,10 @@
 #include <nlohmann/json.hpp>
 
 #include "acquire/calibrate/calibrate.hpp"
-#include "acquire/commands/annotate.hpp"
-#include "acquire/commands/catalogue.hpp"
-#include "acquire/commands/info.hpp"
-#include "acquire/commands/log_format.hpp"
+#include "acquire/commands/commands.hpp"
 #include "acquire/commands/options.hpp"
-#include "acquire/commands/replay.hpp"
 #include "acquire/config/config.hpp"
-#include "acquire/config/find_config.hpp"
-#include "acquire/devices/devices.hpp"
+#include "acquire/devices/ask.hpp"
 #include "acquire/doctor/doctor.hpp"
 #include "acquire/import/import.hpp"
 #include "acquire/record/export.hpp"
@@ -188,10 +183,10 @@ std::optional<Config> load_if_any(const Options& o) {
   return load(o);
 }
 
-ExitCode list_devices(const Options& o) {
+ExitCode devices(const Options& o) {
   catch_interrupts();
   port::SystemLoop loop;
-  return check_devices(load_if_any(o), loop, o.json);
+  return list_devices(load_if_any(o), loop, o.json);
 }
 
 ExitCode doctor(Options& o) {
@@ -274,27 +269,21 @@ ExitCode list(const Options& o) {
   return ExitCode::ok;
 }
 
-ExitCode replay(const Options& o) {
-  if (o.radar.empty() && o.tdc.empty() && o.depth.empty())
-    throw Error(ExitCode::usage, "expected one of --radar, --tdc and --depth");
-  const Replayed result = !o.radar.empty() ? replay_radar(o.radar, o.json)
-                          : !o.tdc.empty() ? replay_tdc(o.tdc, o.json)
-                                           : replay_depth(o.depth, o.json);
-  std::fputs(result.text.c_str(), stdout);
-  if (!result.any)
-    throw Error(ExitCode::failed, std::string("no ") + (o.tdc.empty() ? "frame" : "tag") +
-                                      " in it: is it a recording of another device?");
-  return ExitCode::ok;
+// Arrays need none but for the folder of a run without a name. Without one: that of the kept bytes,
+// or the one that is installed.
+Config config_of_import(const Options& o) {
+  const std::string& first = o.import.files[0];
+  if (o.config.empty() && is_kept(first)) return kept_config(first, o.assignments);
+  if (std::filesystem::is_directory(first) && !is_kept(first) && !o.run.out.empty()) return {};
+  const auto found = o.config.empty() ? find_config() : std::nullopt;
+  return load_config(!o.config.empty() ? o.config
+                     : found           ? found->path
+                                       : (data_folder() / "lab.toml").string(),
+                     o.assignments);
 }
 
-// Without a configuration: the one that is installed.
 ExitCode import_files(Options& o) {
-  const std::string installed = (data_folder() / "lab.toml").string();
-  const auto found = o.config.empty() ? find_config() : std::nullopt;
-  const Config config = load_config(!o.config.empty() ? o.config
-                                    : found           ? found->path
-                                                      : installed,
-                                    o.assignments);
+  const Config config = config_of_import(o);
   o.import.out = out_of(o, config);
   catch_interrupts();
   spdlog::info("{}", import_recordings(config, o.import));
@@ -341,7 +330,7 @@ ExitCode dispatch(const std::string& command, Options& o) {
   set_up_log(o, messages);
   o.run.show_status = [&messages](std::string line) { messages.put(std::move(line), true); };
   if (command == "run") return run(o);
-  if (command == "devices") return list_devices(o);
+  if (command == "devices") return devices(o);
   if (command == "doctor") return doctor(o);
   if (command == "config check") return check_config(o);
   if (command == "config show") return show_config(o);
@@ -350,8 +339,7 @@ ExitCode dispatch(const std::string& command, Options& o) {
   if (command == "calibrate") return calibrate_sensors(o);
   if (command == "annotate") return annotate(o);
   if (command == "list") return list(o);
-  if (command == "import") return import_files(o);
-  return replay(o);
+  return import_files(o);
 }
 
 int main(int argc, char** argv) {

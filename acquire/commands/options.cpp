@@ -94,7 +94,7 @@ void add_run(CLI::App& app, Options& o) {
                 "s between the devices' answer and the first slot, told one by one")
       ->check(CLI::Range(std::int64_t{1}, std::int64_t{3600}));
   c->add_option("--keep-raw", o.run.keep_raw,
-                "new folder for the devices' bytes as they came, for `replay`")
+                "new folder for the devices' bytes as they came, for `import`")
       ->type_name("FOLDER");
   c->add_flag("--view", o.view, "start echofuse-view beside, which prints its address");
   c->add_option("--model", o.model, "of the maps that --view shows")->type_name("MODEL");
@@ -169,25 +169,17 @@ void add_file_commands(CLI::App& app, Options& o) {
                    "this machine wherever they are");
   list->add_flag("--json", o.json, "all of it; the table shortens long texts");
   add_examples(*list, {"echofuse-acquire list"});
-
-  auto* replay = app.add_subcommand("replay", "recorded device bytes through the live parser");
-  auto* radar = replay->add_option("--radar", o.radar, "recordings of the radar's data port");
-  auto* tdc = replay->add_option("--tdc", o.tdc, "blocks of a time tagger")->excludes(radar);
-  auto* depth = replay->add_option("--depth", o.depth, "blocks of a depth camera");
-  depth->excludes(radar)->excludes(tdc);
-  for (auto* kind : {radar, tdc, depth}) kind->type_name("FILE");
-  replay->add_flag("--json", o.json, "the same as JSON, with the numbers by name");
-  add_examples(*replay, {"echofuse-acquire replay --radar raw/radar-001.dat"});
 }
 
 void add_import(CLI::App& app, Options& o) {
-  auto* c = app.add_subcommand("import", "recordings of other programs become a run");
+  auto* c =
+      app.add_subcommand("import", "recordings of other programs, or kept bytes, become a run");
   add_config_options(*c, o);
   auto& i = o.import;
   c->add_option(
        "FILE", i.files,
        "NAME.dat of a radar's data port, NAME.ptu or NAME.phu of PicoQuant, one a sensor; or "
-       "a folder of NumPy arrays: spd.npy, radar.npy, depth.npy, run.toml")
+       "a folder of NumPy arrays (spd.npy, radar.npy, depth.npy, run.toml) or of run --keep-raw")
       ->required();
   c->add_option("--cfg", i.cfg,
                 "what the radar was configured by; default: NAME.cfg beside NAME.dat")
@@ -202,7 +194,8 @@ void add_import(CLI::App& app, Options& o) {
       ->check(CLI::Range(0, 64))
       ->capture_default_str();
   more_options(*c, {"--config", "--set", "--began", "--start", "--click"});
-  add_examples(*c, {"echofuse-acquire import capture.dat photons.ptu --out monday"});
+  add_examples(*c, {"echofuse-acquire import capture.dat photons.ptu --out monday",
+                    "echofuse-acquire import raw --out monday-again"});
 }
 
 void add_doctor(CLI::App& app, Options& o) {

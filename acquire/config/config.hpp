@@ -2,19 +2,28 @@
 // The daemon's configuration: a TOML file, read strictly.
 #pragma once
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
-#include "acquire/calibrate/calibration.hpp"
+#include "acquire/config/calibration.hpp"
 #include "acquire/measurement/depth_map.hpp"
 #include "acquire/measurement/detector.hpp"
 #include "acquire/measurement/radar_array.hpp"
-#include "acquire/run/signal_check.hpp"
 #include "drivers/make_driver.hpp"
 #include "drivers/radar/profile.hpp"
 #include "drivers/tdc/histogram.hpp"
 
 namespace echofuse::acquire {
+
+// Of SignalCheck. 0 switches a limit off.
+struct SignalLimits {
+  double weak_share = 0.1;   // of the median of the run's first minute
+  double spd_clicks = 1000;  // of a record, above the background
+  double clicks_a_pulse = record::most_clicks_a_pulse;
+  double radar_snr_db = 6;     // the highest bin over the median bin
+  double depth_share = 0.005;  // of the pixels
+};
 
 struct Config {
   double window_s = 3;
@@ -51,5 +60,21 @@ Config load_config(const std::string& path, const std::vector<std::string>& assi
 
 // What the radar's cfg says. Throws as radar::parse_profile.
 radar::RadarProfile parse_profile(const RadarConfig& radar);
+
+struct ConfigPlace {
+  std::string path;
+  std::string name;  // as a text calls it: "$ECHOFUSE_CONFIG", "./lab.toml"
+};
+
+// In the order in which they are looked at: $ECHOFUSE_CONFIG if it is set (then no other),
+// ./lab.toml, $XDG_CONFIG_HOME/echofuse/lab.toml (by default in ~/.config),
+// /etc/echofuse/lab.toml.
+std::vector<ConfigPlace> config_places();
+
+// The first that is there. What $ECHOFUSE_CONFIG names need not be: it was asked for.
+std::optional<ConfigPlace> find_config();
+
+// The same; without one an Error(config) that names all places.
+ConfigPlace require_config();
 
 }  // namespace echofuse::acquire

@@ -2,13 +2,8 @@
 #include "acquire/devices/devices.hpp"
 
 #include <algorithm>
-#include <cinttypes>
-#include <cstdio>
-#include <nlohmann/json.hpp>
 #include <utility>
 
-#include "acquire/devices/attached.hpp"
-#include "acquire/devices/live_run.hpp"
 #include "drivers/program/console.hpp"
 #include "drivers/program/printable.hpp"
 
@@ -17,49 +12,9 @@ namespace {
 
 constexpr auto stop_timeout = std::chrono::milliseconds(300);  // of all drivers to their devices
 
-// For whoever only wants to know what answers.
-class NullSink final : public SampleSink {
-  void on_tags(const TagBlock&) override {}
-  void on_radar(RadarFrame) override {}
-  void on_depth(DepthFrame) override {}
-  void on_state(Sensor, DeviceState, const DeviceInfo&) override {}
-  void on_event(Sensor, Severity, const std::string&) override {}
-};
-
 std::string address_of(const Config& config, Sensor s) {
   if (s == Sensor::spd) return config.tdc.address;
   return s == Sensor::radar ? config.radar.cli : config.depth.address;
-}
-
-nlohmann::ordered_json to_json(Sensor s, const Devices::Status& status,
-                               const std::optional<LiveDevice>& live) {
-  return {{"sensor", name_of(s)},
-          {"address", status.info.address},
-          {"state", live ? "in use" : name_of(status.state)},
-          {"answers", live ? live->delivers : status.delivers()},
-          {"model", status.info.model},
-          {"serial", status.info.serial},
-          {"firmware", status.info.firmware},
-          {"samples", status.samples},
-          {"last_event", live ? live->text : status.last_event},
-          {"run", status.holder ? status.holder->run : ""}};
-}
-
-void print_device(Sensor s, const Devices::Status& status, const std::string& description,
-                  const std::optional<LiveDevice>& live) {
-  if (live) {
-    std::printf("%s %s: %s\n", name_of(s), printable(status.info.address).c_str(),
-                live->text.c_str());
-    return;
-  }
-  if (!status.delivers()) {
-    std::printf("%s\n", description.c_str());
-    return;
-  }
-  std::printf("%s %s: answers; %s, %" PRIu64 " %s so far\n", name_of(s),
-              printable(status.info.address).c_str(),
-              names_of(status.info.model, status.info.serial, status.info.firmware).c_str(),
-              status.samples, s == Sensor::spd ? "tags" : "frames");
 }
 
 }  // namespace
@@ -174,7 +129,7 @@ void Devices::on_state(Sensor sensor, DeviceState state, const DeviceInfo& info)
 }
 
 void Devices::abandon() {
-  static NullSink nobody;
+  static SampleSink nobody;
   next_ = &nobody;
   halt();
 }
@@ -182,47 +137,6 @@ void Devices::abandon() {
 void Devices::on_event(Sensor sensor, Severity severity, const std::string& text) {
   if (severity != Severity::info) status(sensor).last_event = text;
   next_->on_event(sensor, severity, text);
-}
-
-namespace {
-
-// Asks the configured devices; prints them, or puts them into `list`.
-bool all_answer(const Config& config, port::Loop& loop, nlohmann::ordered_json* list) {
-  NullSink nothing;
-  Devices devices(loop, config, nothing);
-  devices.take_free("devices");
-  devices.start();
-  devices.wait(config.connect_timeout_s);
-  bool all = true;
-  for (const Sensor s : all_sensors) {
-    const Devices::Status& status = devices[s];
-    if (!status.configured) continue;
-    std::optional<LiveDevice> live;
-    if (status.holder) live = inspect_holder(*status.holder, s, loop);
-    all = all && (live ? live->delivers : status.delivers());
-    if (list)
-      list->push_back(to_json(s, status, live));
-    else
-      print_device(s, status, devices.describe(s), live);
-  }
-  return all;
-}
-
-}  // namespace
-
-ExitCode check_devices(const std::optional<Config>& config, port::Loop& loop, bool json) {
-  const AttachedList attached = find_attached();
-  if (!json) std::printf("%s", to_text(attached).c_str());
-  std::fflush(stdout);
-  auto configured = nlohmann::ordered_json::array();
-  const bool ok = !config || all_answer(*config, loop, json ? &configured : nullptr);
-  if (json) {
-    nlohmann::ordered_json all{{"configured", configured}};
-    all["attached"] = nlohmann::ordered_json::parse(to_json(attached));
-    std::printf("%s\n",
-                all.dump(2, ' ', true, nlohmann::ordered_json::error_handler_t::replace).c_str());
-  }
-  return ok ? ExitCode::ok : ExitCode::device;
 }
 
 }  // namespace echofuse::acquire

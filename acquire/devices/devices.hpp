@@ -75,9 +75,4 @@ class Devices final : private SampleSink {
   PerSensor<std::vector<Counter>> last_counters_;  // of those that ended
 };
 
-// The `devices` command: what is attached; then, given a configuration, waits as `run` does and
-// says what of it answers, or of a device in use what the run that has it says. Device code if one
-// does not deliver.
-ExitCode check_devices(const std::optional<Config>& config, port::Loop& loop, bool json);
-
 }  // namespace echofuse::acquire

@@ -5,8 +5,9 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
-#include "acquire/doctor/disk.hpp"
-#include "acquire/doctor/self_test.hpp"
+#include "acquire/devices/ask.hpp"
+#include "acquire/run/disk.hpp"
+#include "drivers/program/console.hpp"
 #include "drivers/program/printable.hpp"
 
 namespace echofuse::acquire {
@@ -58,6 +59,41 @@ class Report {
   nlohmann::ordered_json checks_ = nlohmann::ordered_json::array();
 };
 
+std::vector<Finding> judge(const Answer& answer, const Capture& capture, const Config& config,
+                           double time_s) {
+  const char* check = name_of(answer.sensor);
+  if (answer.status.holder)
+    return {{check, answer.delivers ? Grade::warning : Grade::problem, answer.text,
+             "not touched; another run needs that one to end"}};
+  if (!answer.delivers) {  // the text holds the last complaint
+    const bool answered = !answer.status.info.firmware.empty();  // says itself what is wrong
+    return {{check, Grade::problem, answer.text,
+             answered ? "" : "is it on, plugged in, and its address right? See `devices`"}};
+  }
+  constexpr PerSensor<decltype(&judge_spd)> judges{judge_spd, judge_radar, judge_depth};
+  std::vector<Finding> out{judges[answer.sensor](capture, config, time_s)};
+  for (const auto& complaint : capture.complaints[answer.sensor])
+    out.push_back({check, Grade::warning, complaint});
+  return out;
+}
+
+// Listens for 2 s to the devices that answer. Returns the size of a record of them.
+double judge_devices(const Config& config, port::Loop& loop, Report& report) {
+  constexpr double capture_s = 2;
+  Capture capture(config.histogram);
+  double time_s = 0;
+  const auto answers = ask(config, loop, "doctor", capture, [&] {
+    capture.begin();
+    const HostTime begin = loop.now();
+    loop.run_until(interrupted, begin + from_seconds(capture_s));
+    time_s = seconds(loop.now() - begin);
+    capture.end();
+  });
+  if (interrupted()) throw Error(ExitCode::interrupted, "interrupted; nothing was judged");
+  for (const Answer& answer : answers) report.add(judge(answer, capture, config, time_s));
+  return estimate_record_bytes(capture, config);
+}
+
 }  // namespace
 
 ExitCode examine(const std::optional<Config>& config, const DoctorOptions& options,
@@ -71,9 +107,7 @@ ExitCode examine(const std::optional<Config>& config, const DoctorOptions& optio
   PlannedRun plan{.folder = std::filesystem::absolute(named ? config->run_folder : ".").string(),
                   .count = options.count};
   if (config) {
-    const SelfTest test = test_devices(*config, loop);
-    report.add(test.findings);
-    plan.record_bytes = test.record_bytes;
+    plan.record_bytes = judge_devices(*config, loop, report);
     plan.window_s = config->window_s;
   }
   report.add(check_disk(plan));

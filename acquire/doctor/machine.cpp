@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: MIT
-#include "acquire/doctor/machine.hpp"
-
 #include <sys/timex.h>
 #include <unistd.h>
 
@@ -12,6 +10,7 @@
 #include <fstream>
 #include <iterator>
 
+#include "acquire/doctor/doctor.hpp"
 #include "drivers/port/open_port.hpp"
 
 namespace echofuse::acquire {

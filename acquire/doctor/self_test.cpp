@@ -1,21 +1,17 @@
 // SPDX-License-Identifier: MIT
-#include "acquire/doctor/self_test.hpp"
-
 #include <algorithm>
 #include <cinttypes>
 #include <cmath>
 #include <cstdio>
 #include <utility>
 
-#include "acquire/devices/live_run.hpp"
+#include "acquire/doctor/doctor.hpp"
 #include "acquire/record/png.hpp"
 #include "drivers/core/log2_codes.hpp"
-#include "drivers/program/console.hpp"
 
 namespace echofuse::acquire {
 namespace {
 
-constexpr double capture_s = 2;
 constexpr double slow = 0.9;  // of the nominal rate
 
 template <class... Values>
@@ -231,50 +227,6 @@ double estimate_record_bytes(const Capture& capture, const Config& config) {
            static_cast<double>(record::encode_png16(d->depth_mm, d->width, d->height).size());
   return bytes + 2.0 * (config.depth.width ? config.depth.width : usual_width) *
                      (config.depth.height ? config.depth.height : usual_height);
-}
-
-namespace {
-
-Finding judge_in_use(Sensor s, const LiveDevice& live) {
-  return {name_of(s), live.delivers ? Grade::warning : Grade::problem, live.text,
-          "not touched; another run needs that one to end"};
-}
-
-}  // namespace
-
-SelfTest test_devices(const Config& config, port::Loop& loop) {
-  Capture capture(config.histogram);
-  Devices devices(loop, config, capture);
-  devices.take_free("doctor");
-  devices.start();
-  devices.wait(config.connect_timeout_s);
-  capture.begin();
-  const bool none_is_ours =
-      devices.all([](const auto& device) { return device.holder.has_value(); });
-  const HostTime begin = loop.now();
-  loop.run_until(interrupted, begin + from_seconds(none_is_ours ? 0 : capture_s));
-  const double time_s = seconds(loop.now() - begin);
-  capture.end();
-  if (interrupted()) throw Error(ExitCode::interrupted, "interrupted; nothing was judged");
-  constexpr PerSensor<decltype(&judge_spd)> judges{judge_spd, judge_radar, judge_depth};
-  SelfTest out{{}, estimate_record_bytes(capture, config)};
-  for (const Sensor s : all_sensors) {
-    if (!devices[s].configured) continue;
-    if (devices[s].holder) {
-      out.findings.push_back(judge_in_use(s, inspect_holder(*devices[s].holder, s, loop)));
-    } else if (devices[s].delivers()) {
-      out.findings.push_back(judges[s](capture, config, time_s));
-    } else {
-      const bool answered = !devices[s].info.firmware.empty();  // then it says itself what is wrong
-      out.findings.push_back(
-          {name_of(s), Grade::problem, devices.describe(s),
-           answered ? "" : "is it on, plugged in, and its address right? See `devices`"});
-      continue;  // the description holds the last complaint
-    }
-    for (const auto& complaint : capture.complaints[s])
-      out.findings.push_back({name_of(s), Grade::warning, complaint, ""});
-  }
-  return out;
 }
 
 }  // namespace echofuse::acquire

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: MIT
-#include "acquire/import/arrays.hpp"
-
 #include <algorithm>
+#include <charconv>
 #include <cmath>
 #include <filesystem>
 #include <limits>
@@ -9,6 +8,7 @@
 #include <optional>
 #include <vector>
 
+#include "acquire/import/import.hpp"
 #include "acquire/measurement/depth_map.hpp"
 #include "acquire/measurement/response.hpp"
 #include "acquire/record/run_file.hpp"
@@ -206,15 +206,25 @@ class Arrays {
   bool millimetres_ = true;
 };
 
+// Reads back as the same number.
+std::string shortest_text(double value) {
+  char text[32];
+  return {text, std::to_chars(text, text + sizeof text, value).ptr};
+}
+
 std::vector<std::pair<std::string, std::string>> stated(const Description& d) {
   std::vector<std::pair<std::string, std::string>> given;
   if (d.irf_fwhm_ps > 0)
-    given = {{"irf_fwhm_ps", std::to_string(d.irf_fwhm_ps)}, {"irf_tail_ps", "0"}};
+    given = {{"irf_fwhm_ps", shortest_text(d.irf_fwhm_ps)}, {"irf_tail_ps", "0"}};
   if (d.radar_cell_m > 0 && !d.radar_taps.empty()) {
-    given.emplace_back("radar_cell_m", std::to_string(d.radar_cell_m));
+    given.emplace_back("radar_cell_m", shortest_text(d.radar_cell_m));
     given.emplace_back("radar_taps", d.radar_taps);
   }
-  return record::response_of(given).meta();
+  auto known = record::response_of(given).meta();
+  for (auto& [key, text] : known)
+    for (const auto& [name, as_given] : given)
+      if (name == key) text = as_given;
+  return known;
 }
 
 }  // namespace

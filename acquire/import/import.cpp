@@ -12,12 +12,12 @@
 #include <memory>
 #include <utility>
 
-#include "acquire/import/arrays.hpp"
 #include "acquire/import/picoquant.hpp"
 #include "acquire/import/radar_recording.hpp"
 #include "acquire/record/run_file.hpp"
 #include "acquire/run/clock_fit.hpp"
 #include "acquire/run/resume.hpp"
+#include "acquire/run/signal_check.hpp"
 #include "acquire/run/window.hpp"
 #include "drivers/program/console.hpp"
 #include "drivers/program/new_file.hpp"
@@ -41,14 +41,6 @@ class RecordingClock final : public Clock {
  private:
   UtcTime began_;
   HostTime now_{};
-};
-
-struct Nobody : SampleSink {
-  void on_tags(const TagBlock&) override {}
-  void on_radar(RadarFrame) override {}
-  void on_depth(DepthFrame) override {}
-  void on_state(Sensor, DeviceState, const DeviceInfo&) override {}
-  void on_event(Sensor, Severity, const std::string&) override {}
 };
 
 struct Beginning {
@@ -152,7 +144,7 @@ class Import {
 };
 
 // Samples of recordings into slots.
-class Slots final : public Nobody {
+class Slots final : public SampleSink {
  public:
   Slots(const Config& config, const SlotGrid& grid)
       : grid_(grid), windows_(grid, config.histogram, clocks_, config.configured()) {}
@@ -319,6 +311,8 @@ std::string import_recordings(Config config, const ImportOptions& options) {
                    [](unsigned char c) { return std::tolower(c); });
     return kind;
   };
+  if (options.files.size() == 1 && is_kept(options.files[0]))
+    return import_kept(std::move(config), options.files[0], options.out);
   if (options.files.size() == 1 && fs::is_directory(options.files[0]))
     return import_arrays(options.files[0], options.out,
                          options.began.empty() ? UtcTime{} : parse_utc(options.began));
@@ -371,7 +365,7 @@ std::string import_recordings(Config config, const ImportOptions& options) {
          "when it began is not known: the file's time is taken; --began UTC says it");
   if (options.began.empty() && began.doubt.empty()) {  // a file is written until its end
     RadarRecording whole(config.radar.data, parse_profile(config.radar));
-    Nobody nobody;
+    SampleSink nobody;
     while (whole.next(nobody)) {
     }
     begins(modified(config.radar.data) - whole.at(),

@@ -2,7 +2,7 @@
 // The `import` command: recordings of other programs become a run.
 //   .dat        the radar's data port, with the .cfg that the board had
 //   .ptu .phu   PicoQuant's time tags and histograms
-//   a folder    NumPy arrays (arrays.hpp)
+//   a folder    NumPy arrays or what `run --keep-raw` kept
 // A record is made of the samples of its slot as in a live run, by the times of the recording; slot
 // 0 begins with it. A .phu gives one record a curve, of the curve's length. Two recordings, one of
 // each sensor, are taken to begin at the same time.
@@ -35,5 +35,26 @@ UtcTime parse_utc(const std::string& text);
 // gives no record anything (failed), the run exists (failed) or cannot be written (disk); the run
 // is made, but one of its files gives it nothing (partial).
 std::string import_recordings(Config config, const ImportOptions& options);
+
+// A folder of NumPy arrays as a run: the way in for histograms and maps of other programs.
+//   spd.npy     [n, bins] counts; a row of NaN: no SPD in that record
+//   radar.npy   [n, points] linear power; a row of NaN: no radar
+//   depth.npy   [n, rows, columns] z, whole millimetres or float metres; 0, NaN: no return
+//   run.toml    axes with units, slot length, labels: bind() in arrays.cpp
+// One of the first two is enough. Slot i begins i slot lengths after `began`.
+// Makes the run file `out` and returns one line that says what is in it. Throws Error: run.toml
+// does not fit (config), arrays cannot be read or do not fit each other (failed), disk.
+std::string import_arrays(const std::string& folder, const std::string& out, UtcTime began);
+
+// A folder of `run --keep-raw` as a run: the daemon records anew from ports that hand out the kept
+// bytes at the times at which they came (raw_tap.hpp), on a loop whose time jumps.
+bool is_kept(const std::string& folder);  // whether `run --keep-raw` made it
+
+// The configuration that the live run had, changed by `assignments`.
+Config kept_config(const std::string& folder, const std::vector<std::string>& assignments);
+
+// Makes the run `out` with the slots of the live one and says so in a line. Throws Error: files of
+// the folder are missing or damaged (failed), or as record_run does.
+std::string import_kept(Config config, const std::string& folder, const std::string& out);
 
 }  // namespace echofuse::acquire

@@ -4,19 +4,14 @@
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
-#include <array>
 #include <filesystem>
 #include <utility>
-#include <vector>
 
 #include "acquire/devices/devices.hpp"
 #include "acquire/record/run_parts.hpp"
-#include "acquire/run/backlog.hpp"
-#include "acquire/run/disk_estimate.hpp"
+#include "acquire/run/disk.hpp"
 #include "acquire/run/journal.hpp"
-#include "acquire/run/notify.hpp"
 #include "acquire/run/resume.hpp"
-#include "acquire/run/run_log.hpp"
 #include "acquire/run/scheduler.hpp"
 #include "acquire/run/signal_check.hpp"
 #include "acquire/run/status.hpp"
@@ -28,7 +23,7 @@ namespace echofuse::acquire {
 namespace {
 
 constexpr auto tick_pause = std::chrono::milliseconds(50);
-// What the devices sent while the file was being made is read before the first slot starts.
+// Delay from making the run file to slot 0, so that bytes queued meanwhile are drained first.
 constexpr auto settle_time = std::chrono::milliseconds(100);
 
 // Leaves a second for the devices and the disk: SIGTERM closes a run within 5 s.
@@ -137,7 +132,8 @@ ExitCode Daemon::run() {
     refuse_bad_target(options_.out);
   name_ = options_.part_records > 0 ? record::whole_and_number(options_.out).first
                                     : record::run_of(options_.out);
-  devices_.take("run", name_);
+  if (!options_.kept_slot) devices_.take("run", name_);
+  if (raw_) raw_->note("run", loop_.now(), "start", loop_.utc().count());
   devices_.start();
   devices_.wait(config_.connect_timeout_s);
   require_devices();
@@ -149,8 +145,7 @@ ExitCode Daemon::run() {
   return options_.strict && totals_.not_ok > 0 ? ExitCode::partial : ExitCode::ok;
 }
 
-// Starts with what is there, and says what is not; with nothing, or without a sensor that the
-// configuration requires, there is nothing to start.
+// Throws Error(device) without any device, or without a required one; says what is missing.
 void Daemon::require_devices() const {
   if (interrupted())
     throw Error(ExitCode::interrupted, "interrupted before the first slot; nothing was recorded");
@@ -197,19 +192,26 @@ std::unique_ptr<record::RunWriter> Daemon::open_file() {
 }
 
 port::RawKeeper* Daemon::keep_raw(const RunOptions& options) {
-  return options.keep_raw.empty() ? nullptr : &raw_.emplace(options.keep_raw, loop_.make_worker());
+  if (options.keep_raw.empty()) return nullptr;
+  raw_.emplace(options.keep_raw, loop_.make_worker());
+  raw_->put_text("lab.toml", config_.resolved);
+  raw_->put_text("radar.cfg", config_.radar.cfg_text);
+  if (!config_.calibration.entries.empty())
+    write_calibration(options.keep_raw + "/calibration.toml", config_.calibration);
+  return &*raw_;
 }
 
 void Daemon::report_raw_trouble() {
-  if (!raw_) return;
-  if (const std::string trouble = raw_->take_trouble(); !trouble.empty())
-    log(Severity::error, "raw", trouble);
+  const std::string trouble = raw_ ? raw_->take_trouble() : "";
+  if (!trouble.empty()) log(Severity::error, "raw", trouble);
 }
 
 void Daemon::begin() {
   auto file = open_file();
   const auto length = from_seconds(config_.window_s);
-  const SlotGrid grid{first_slot(loop_.now() + settle_time, length), length};
+  const SlotGrid grid{options_.kept_slot.value_or(first_slot(loop_.now() + settle_time, length)),
+                      length};
+  if (raw_) raw_->note("run", grid.first, "slots", length.count());
   recording_.emplace(grid, config_, options_, clocks_, loop_, resumption_.axes, std::move(file));
   recording_->journal.put_config(config_);
   end_part(resumption_.first_index);
@@ -230,9 +232,10 @@ void Daemon::warn_of_full_disk() {
                         .record_bytes = record_bytes(recording_->windows.axes()),
                         .window_s = config_.window_s,
                         .count = options_.count};
-  const auto free = free_bytes(plan.folder);
-  const std::string warning = free ? disk_warning(plan, static_cast<double>(*free)) : "";
-  if (!warning.empty()) log(Severity::warning, "disk", warning);
+  constexpr double day_s = 86'400;
+  const auto free = static_cast<double>(free_bytes(plan.folder).value_or(1ull << 62));
+  const Finding space = judge_space(free, plan, day_s);
+  if (space.grade != Grade::ok) log(Severity::warning, "disk", space.found);
 }
 
 // A device answers: its identity and axes go into the run.
@@ -246,20 +249,17 @@ void Daemon::announce(Sensor sensor) {
 
 void Daemon::on_tags(const TagBlock& block) {
   clocks_.observe(block);
-  if (is_early(Sensor::spd, block.tags.size())) return;
-  recording_->windows.add(block);
+  if (!is_early(Sensor::spd, block.tags.size())) recording_->windows.add(block);
 }
 
 void Daemon::on_radar(RadarFrame frame) {
   clocks_.observe(frame);
-  if (is_early(Sensor::radar, 1)) return;
-  recording_->windows.add(frame);
+  if (!is_early(Sensor::radar, 1)) recording_->windows.add(frame);
 }
 
 void Daemon::on_depth(DepthFrame frame) {
   clocks_.observe(frame);
-  if (is_early(Sensor::depth, 1)) return;
-  recording_->windows.add(std::move(frame));
+  if (!is_early(Sensor::depth, 1)) recording_->windows.add(std::move(frame));
 }
 
 void Daemon::on_state(Sensor sensor, DeviceState state, const DeviceInfo& info) {
@@ -322,6 +322,7 @@ void Daemon::interrupt(HostTime now) {
 }
 
 void Daemon::close_slot(const DueSlot& due, std::chrono::nanoseconds late) {
+  if (raw_) raw_->note("run", loop_.now(), "closed", due.index);
   record::FusedRecord record = recording_->windows.close(due);
   recording_->signal.judge(record, recording_->windows.axes());
   record.index += resumption_.first_index;
@@ -381,7 +382,7 @@ void Daemon::end() {
   r.status.finish(loop_.now(), totals_);
   std::string parts;
   if (resumption_.part_records > 0) {
-    const std::size_t count = record::files_of(name_).paths.size();
+    const auto count = record::files_of(name_).paths.size();
     parts = ", in " + std::to_string(count) + (count == 1 ? " part" : " parts");
   }
   spdlog::info("{}: {}{}, {}{}; arrived: {} tags, {} radar frames, {} depth frames", name_,

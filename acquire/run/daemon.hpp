@@ -25,8 +25,9 @@ struct RunOptions {
   std::int64_t countdown_s = 0;   // between the devices' answer and the first slot
   bool quiet = false;
   std::function<void(std::string)> show_status;  // none: to stderr
-  bool strict = false;   // the code partial if a record has a sensor that is not ok
-  std::string keep_raw;  // folder for the devices' bytes; empty: not kept
+  bool strict = false;                  // the code partial if a record has a sensor that is not ok
+  std::string keep_raw;                 // folder for the devices' bytes; empty: not kept
+  std::optional<HostTime> kept_slot{};  // begin of slot 0 of kept bytes, which are nobody's device
   std::function<void(std::int64_t)> progress;  // told how many records are on disk, as they come
 };
 

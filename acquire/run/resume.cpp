@@ -54,28 +54,12 @@ std::map<std::string, std::string> values_of(const std::string& resolved) {
   return values;
 }
 
-std::string text_or(const std::map<std::string, std::string>& values, const std::string& key) {
-  const auto found = values.find(key);
-  return found == values.end() ? "not set" : found->second;
-}
-
 std::string text_of(const record::CalibrationEntry* entry) {
   if (!entry) return "none";
   char text[80];
   std::snprintf(text, sizeof text, "%+.3f mm +- %.3f mm of ", 1e3 * entry->offset_m,
                 1e3 * entry->standard_error_m);
   return std::string(text).append(printable(entry->date_utc, 40));
-}
-
-std::string other_calibration(const Calibration& before, const Calibration& now) {
-  std::string differing;
-  for (const Sensor sensor : {Sensor::spd, Sensor::radar}) {
-    const auto *a = before.find(sensor), *b = now.find(sensor);
-    if (a && b ? *a == *b : a == b) continue;
-    differing += std::string("\nrun.calibration: the offset of ") + name_of(sensor) + " was " +
-                 text_of(a) + ", now " + text_of(b);
-  }
-  return differing;
 }
 
 void refuse_read_only(const std::filesystem::path& run, const std::filesystem::path& place,
@@ -116,19 +100,23 @@ void refuse_other_antennas(const record::Antennas& begun, const Config& config) 
 void refuse_other_config(const record::RunInfo& begun,
                          const std::vector<record::CalibrationEntry>& calibrated,
                          const Config& config) {
-  const auto before = values_of(begun.config_resolved), now = values_of(config.resolved);
-  std::set<std::string> keys;
-  for (const auto* values : {&before, &now})
-    for (const auto& [key, value] : *values) keys.insert(key);
   std::string differing;
-  for (const auto& key : keys)
-    if (text_or(before, key) != text_or(now, key))
-      differing.append("\n").append(printable(key, 80) + " was " +
-                                    printable(text_or(before, key), 200) + ", now " +
-                                    text_or(now, key));
+  const auto compare = [&](const std::string& key, const std::string& was, const std::string& is) {
+    if (was != is)
+      differing.append("\n").append(printable(key, 80) + " was " + printable(was, 200) + ", now " +
+                                    is);
+  };
+  auto before = values_of(begun.config_resolved), now = values_of(config.resolved);
+  for (const auto& [key, value] : before) now.try_emplace(key, "not set");
+  for (const auto& [key, value] : now)
+    compare(key, before.try_emplace(key, "not set").first->second, value);
   if (begun.radar_cfg != config.radar.cfg_text) differing += "\nradar.cfg has another text";
-  differing += other_calibration(
-      {.entries = calibrated, .firmware = {}, .antennas = {}, .response = {}}, config.calibration);
+  for (const Sensor s : {Sensor::spd, Sensor::radar}) {
+    const auto was = std::ranges::find(calibrated, s, &record::CalibrationEntry::sensor);
+    compare(std::string("run.calibration: the offset of ") + name_of(s),
+            text_of(was == calibrated.end() ? nullptr : &*was),
+            text_of(config.calibration.find(s)));
+  }
   if (!differing.empty())
     throw Error(ExitCode::config, "a run is resumed with its own configuration only:" + differing);
 }

@@ -13,12 +13,38 @@
 #pragma once
 #include <algorithm>
 #include <cstdint>
+#include <deque>
 #include <optional>
 #include <vector>
 
-#include "acquire/run/slot.hpp"
+#include "drivers/core/clock.hpp"
 
 namespace echofuse::acquire {
+
+// The time axis of a run: slot k covers [first + k*length, first + (k+1)*length) of host time.
+// Absolute, so that nothing drifts however late a slot is handled. Slots begin at multiples of
+// their length, so that runs beside or after one another have the same ones, and so has who moves
+// what is seen.
+struct SlotGrid {
+  HostTime first{};
+  std::chrono::nanoseconds length{1};
+
+  HostTime start(std::int64_t k) const { return first + k * length; }
+  HostTime end(std::int64_t k) const { return start(k + 1); }
+  HostTime centre(std::int64_t k) const { return start(k) + length / 2; }
+  // Negative before the run.
+  std::int64_t slot_of(HostTime t) const {
+    const auto since = t - first;
+    const std::int64_t k = since / length;
+    return since % length < std::chrono::nanoseconds(0) ? k - 1 : k;
+  }
+};
+
+// When the first slot begins, of a run that can begin at `ready`. One of long slots does not wait.
+inline HostTime first_slot(HostTime ready, std::chrono::nanoseconds length) {
+  constexpr std::chrono::seconds longest_wait{10};
+  return length > longest_wait ? ready : (ready + length - HostTime(1)) / length * length;
+}
 
 struct DueSlot {
   std::int64_t index = 0;
@@ -62,6 +88,33 @@ class Scheduler {
   HostTime held_until_ = HostTime::min();
   std::int64_t held_ = -1;     // the slot that had its second grace
   std::vector<Pause> pauses_;  // of more than a slot, that open slots began in
+};
+
+// Slots that are due and not closed yet. After a pause of the program many are due at once; they go
+// to the disk as it takes them, as long as that does not last: then it is too slow.
+class Backlog {
+ public:
+  static constexpr std::int64_t most_behind = 128;  // slots that wait behind those of a pause
+
+  void put(const std::vector<DueSlot>& fresh) {
+    due_.insert(due_.end(), fresh.begin(), fresh.end());
+    if (fresh.size() > 1) pause_end_ = fresh.back().index;
+  }
+  // The slot to close now, in order; none if there is none or, of a pause, the disk is `busy`.
+  std::optional<DueSlot> next(bool busy) {
+    if (due_.empty()) return std::nullopt;
+    const bool may_wait =
+        due_.front().index <= pause_end_ && due_.back().index - pause_end_ < most_behind;
+    if (busy && may_wait) return std::nullopt;
+    const DueSlot first = due_.front();
+    due_.pop_front();
+    return first;
+  }
+  bool empty() const { return due_.empty(); }
+
+ private:
+  std::deque<DueSlot> due_;
+  std::int64_t pause_end_ = -1;  // last of the slots that became due at once
 };
 
 }  // namespace echofuse::acquire

@@ -13,18 +13,10 @@
 #include <string>
 #include <vector>
 
+#include "acquire/config/config.hpp"
 #include "acquire/record/record.hpp"
 
 namespace echofuse::acquire {
-
-// 0 switches a limit off.
-struct SignalLimits {
-  double weak_share = 0.1;   // of the median of the run's first minute
-  double spd_clicks = 1000;  // of a record, above the background
-  double clicks_a_pulse = record::most_clicks_a_pulse;
-  double radar_snr_db = 6;     // the highest bin over the median bin
-  double depth_share = 0.005;  // of the pixels
-};
 
 class SignalCheck {
  public:

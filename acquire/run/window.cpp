@@ -15,15 +15,6 @@ constexpr std::size_t most_late_slots = 256;
 constexpr const char* stood_still = "the program stood still";
 constexpr const char* axis_changed = "axis differs from the one at the start of the run";
 
-// Adds counts of the same slot, taken at different times.
-void merge(std::vector<std::uint32_t>& sum, std::vector<std::uint32_t> more) {
-  if (sum.empty()) {
-    sum = std::move(more);
-    return;
-  }
-  for (std::size_t i = 0; i < sum.size(); ++i) sum[i] += more[i];
-}
-
 std::string size_of(std::uint32_t width, std::uint32_t height) {
   return std::to_string(width) + " x " + std::to_string(height);
 }
@@ -59,7 +50,11 @@ Windows::Numbers::Order Windows::Numbers::put(std::uint32_t number, std::uint64_
 
 Windows::Windows(const SlotGrid& grid, const tdc::HistogramSettings& tdc,
                  const SensorClocks& clocks, SensorSet configured, SensorSet required)
-    : grid_(grid), clocks_(clocks), configured_(configured), required_(required), histogram_(tdc) {}
+    : grid_(grid),
+      clocks_(clocks),
+      configured_(configured),
+      required_(required),
+      histogram_(std::make_shared<tdc::Histogram>(tdc)) {}
 
 bool Windows::announce(const DeviceInfo& info) {
   bool fits = true;
@@ -74,7 +69,7 @@ bool Windows::announce(const DeviceInfo& info) {
 
 std::vector<Axis> Windows::axes() const {
   std::vector<Axis> all;
-  if (configured_.contains(Sensor::spd)) all.push_back(histogram_.axis());
+  if (configured_.contains(Sensor::spd)) all.push_back(histogram_->axis());
   for (const auto& [name, axis] : axes_) all.push_back(axis);
   return all;
 }
@@ -99,22 +94,9 @@ bool Windows::repeated(Sensor sensor, Numbers::Order order) {
   return order == Numbers::Order::repeated;
 }
 
-void Windows::settle_tags() {
-  histogram_.flush();
-  const auto slot = open_.find(tag_slot_);
-  if (slot == open_.end()) return;
-  slot->second.tags += histogram_.tag_counts();
-  merge(slot->second.spd, histogram_.take());
-}
-
-void Windows::tag_gap() {
-  histogram_.forget_start();
-  for (auto& [k, slot] : open_)
-    if (slot.starts) slot.starts->forget_start();
-}
-
 void Windows::add(const TagBlock& block) {
-  if (block.lost_blocks > 0 || block.lost_items > 0) tag_gap();
+  // Tags are missing: no click refers to a start before them.
+  if (block.lost_blocks > 0 || block.lost_items > 0) histogram_->forget_start();
   const ClockFit& clock = clocks_[Sensor::spd];
   const Tag* const end = block.tags.data() + block.tags.size();
   const auto taken = [&](const Tag& first) {
@@ -138,16 +120,13 @@ void Windows::add(const TagBlock& block) {
 // Tags of one slot, the first and the last of which were taken at these times.
 void Windows::add_part(std::span<const Tag> tags, HostTime from, HostTime to) {
   Slot* slot = find(Sensor::spd, from, tags.size());
-  if (!slot) return tag_gap();
-  const std::int64_t k = grid_.slot_of(from);
-  if (k != tag_slot_) {
-    settle_tags();
-    tag_slot_ = k;
-  }
-  histogram_.add(tags);
-  if (!slot->starts) slot->starts.emplace(histogram_.settings().start_channel);
-  slot->starts->add(tags);
-  slot->spd_times.add(from, to, grid_.centre(k), static_cast<double>(tags.size()));
+  if (!slot) return histogram_->forget_start();
+  if (!slot->histogram) slot->histogram = std::make_shared<tdc::Histogram>(histogram_->settings());
+  if (slot->histogram != histogram_) slot->histogram->follow(*histogram_);
+  histogram_ = slot->histogram;
+  histogram_->add(tags);
+  slot->spd_times.add(from, to, grid_.centre(grid_.slot_of(from)),
+                      static_cast<double>(tags.size()));
 }
 
 void Windows::add(const RadarFrame& frame) {
@@ -228,9 +207,10 @@ void Windows::add(DepthFrame frame) {
 }
 
 std::string Windows::spd_fault(const Slot& slot) const {
-  if (slot.tags.tags == 0) return "no tags";
-  if (slot.tags.starts == 0)
-    return "no start tags on channel " + std::to_string(histogram_.settings().start_channel);
+  const TagCounts tags = slot.tags();
+  if (tags.tags == 0) return "no tags";
+  if (tags.starts == 0)
+    return "no start tags on channel " + std::to_string(histogram_->settings().start_channel);
   const auto span = slot.spd_times.last - slot.spd_times.first;
   if (span < grid_.length / 2)
     return "tags for only " + std::to_string(100 * span / grid_.length) + " % of the slot";
@@ -247,17 +227,16 @@ std::string Windows::depth_fault(const Slot& slot) const {
   return slot.depth_frames > 0 ? slot.depth_fault : "no frames";
 }
 
-void Windows::fill_spd(Slot& slot, record::FusedRecord& record) const {
-  const TagCounts& c = slot.tags;
-  record.spd_counts = c;
+void Windows::fill_spd(const Slot& slot, record::FusedRecord& record) const {
+  const TagCounts c = record.spd_counts = slot.tags();
   record::SensorSync& sync = record.sync[Sensor::spd];
   slot.spd_times.describe(sync);
   sync.used = c.in_range;
   sync.lost = std::max(c.missed, c.overflows + c.errors) + slot.spd_lost;
-  if (slot.starts)
+  if (slot.histogram)
     record.signal.clicks_a_pulse =
-        slot.starts->clicks_a_pulse(c.in_range + c.out_of_range, c.starts);
-  if (record.has(Sensor::spd)) record.spd = std::move(slot.spd);
+        slot.histogram->gaps().clicks_a_pulse(c.in_range + c.out_of_range, c.starts);
+  if (record.has(Sensor::spd)) record.spd = slot.histogram->counts();
 }
 
 void Windows::fill_radar(Slot& slot, record::FusedRecord& record) const {
@@ -294,9 +273,9 @@ void Windows::fill_depth(Slot& slot, record::FusedRecord& record) const {
 }
 
 record::FusedRecord Windows::close(const DueSlot& due) {
-  if (due.index == tag_slot_) settle_tags();
   Slot slot;
   if (auto node = open_.extract(due.index)) slot = std::move(node.mapped());
+  if (slot.histogram) slot.histogram->flush();
   next_ = due.index + 1;
 
   record::FusedRecord record;
@@ -333,9 +312,9 @@ record::FusedRecord Windows::close(const DueSlot& due) {
 }
 
 void Windows::finish() {
-  settle_tags();
+  histogram_->flush();
   for (const auto& [k, slot] : open_) {
-    unassigned_.outside[Sensor::spd] += slot.tags.tags;
+    unassigned_.outside[Sensor::spd] += slot.tags().tags;
     unassigned_.outside[Sensor::radar] += slot.radar_frames;
     unassigned_.outside[Sensor::depth] += slot.depth_frames;
   }

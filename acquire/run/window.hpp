@@ -32,6 +32,7 @@
 #include <array>
 #include <cstdint>
 #include <map>
+#include <memory>
 #include <optional>
 #include <span>
 #include <string>
@@ -42,7 +43,6 @@
 #include "acquire/record/record.hpp"
 #include "acquire/run/clock_fit.hpp"
 #include "acquire/run/scheduler.hpp"
-#include "acquire/run/start_gaps.hpp"
 #include "drivers/tdc/histogram.hpp"
 
 namespace echofuse::acquire {
@@ -88,11 +88,10 @@ class Windows {
     void describe(record::SensorSync& sync) const;
   };
   struct Slot {
-    std::vector<std::uint32_t> spd;
-    TagCounts tags;
+    std::shared_ptr<tdc::Histogram> histogram;  // from its first tags on
     std::uint64_t spd_lost = 0;
     Times spd_times;
-    std::optional<StartGaps> starts;
+    TagCounts tags() const { return histogram ? histogram->tag_counts() : TagCounts{}; }
 
     std::vector<double> power;
     std::vector<std::uint16_t> first_codes;
@@ -129,22 +128,18 @@ class Windows {
   void add_part(std::span<const Tag> tags, HostTime from, HostTime to);
   void take_profile(Slot& slot, const RadarFrame& frame, HostTime taken);
   void take_array(Slot& slot, const RadarFrame& frame) const;
-  void settle_tags();
-  // Tags are missing: no click refers to a start before this.
-  void tag_gap();
   std::string spd_fault(const Slot& slot) const;
   std::string radar_fault(const Slot& slot) const;
   std::string depth_fault(const Slot& slot) const;
-  void fill_spd(Slot& slot, record::FusedRecord& record) const;
+  void fill_spd(const Slot& slot, record::FusedRecord& record) const;
   void fill_radar(Slot& slot, record::FusedRecord& record) const;
   void fill_depth(Slot& slot, record::FusedRecord& record) const;
 
   SlotGrid grid_;
   const SensorClocks& clocks_;
   SensorSet configured_, required_;
-  tdc::Histogram histogram_;  // of the slot tag_slot_, in the order of arrival
-  std::int64_t tag_slot_ = 0;
-  std::map<std::string, Axis> axes_;  // array, depth_x, depth_y, radar
+  std::shared_ptr<tdc::Histogram> histogram_;  // of the slot of the last tags
+  std::map<std::string, Axis> axes_;           // array, depth_x, depth_y, radar
   PerSensor<bool> refused_{};
   std::map<std::int64_t, Slot> open_;
   std::int64_t next_ = 0;  // first slot that is not closed

@@ -29,15 +29,16 @@ struct Counter {
   std::uint64_t value;
 };
 
+// Overrides what it wants to hear; the rest goes nowhere.
 class SampleSink {
  public:
   virtual ~SampleSink() = default;
-  virtual void on_tags(const TagBlock& block) = 0;
-  virtual void on_radar(RadarFrame frame) = 0;
-  virtual void on_depth(DepthFrame frame) = 0;
-  virtual void on_state(Sensor sensor, DeviceState state, const DeviceInfo& info) = 0;
+  virtual void on_tags(const TagBlock&) {}
+  virtual void on_radar(RadarFrame) {}
+  virtual void on_depth(DepthFrame) {}
+  virtual void on_state(Sensor, DeviceState, const DeviceInfo&) {}
   virtual void on_firmware_bias(const FirmwareBias&) {}  // one line of the radar's calibration
-  virtual void on_event(Sensor sensor, Severity severity, const std::string& text) = 0;
+  virtual void on_event(Sensor, Severity, const std::string& /*text*/) {}
 };
 
 // Threading: built, started, stopped and destroyed on the loop's thread, and calls its sink there

@@ -186,13 +186,18 @@ class OpenNiCamera::Worker {
     using bridge::BlockKind;
     if (raw_name_.empty()) {
       raw_name_ = raw_->next_name("depth", ".blocks");
-      raw_->put(raw_name_,
-                bridge::make_block(BlockKind::hello, 0, 0, bridge::hello_payload(info_)));
+      for (const char* what : {"open", "opened"}) raw_->note("depth", frame.received, what);
+      keep(bridge::make_block(BlockKind::hello, 0, 0, bridge::hello_payload(info_)),
+           frame.received);
       raw_sequence_ = 0;
     }
-    raw_->put(raw_name_,
-              bridge::make_block(BlockKind::depth, ++raw_sequence_, frame.lost_before,
-                                 bridge::depth_payload(frame, info_.axes[0], info_.axes[1])));
+    keep(bridge::make_block(BlockKind::depth, ++raw_sequence_, frame.lost_before,
+                            bridge::depth_payload(frame, info_.axes[0], info_.axes[1])),
+         frame.received);
+  }
+  void keep(const Bytes& block, HostTime at) {
+    if (raw_->put(raw_name_, block))
+      raw_->note("depth", at, "bytes", static_cast<std::int64_t>(block.size()));
   }
 
   // A recording waits for its time and for room in the queue. False: stopped meanwhile.

@@ -108,7 +108,13 @@ struct SystemLoop::Parts {
 SystemLoop::SystemLoop() : parts_(std::make_unique<Parts>()) {}
 SystemLoop::~SystemLoop() = default;
 
-HostTime SystemLoop::now() const { return system_clock.now(); }
+namespace {
+thread_local std::optional<HostTime> held_time;
+}
+HostTime SystemLoop::now() const { return held_time ? *held_time : system_clock.now(); }
+void SystemLoop::hold_time(bool hold) {
+  held_time = hold ? std::optional(system_clock.now()) : std::nullopt;
+}
 UtcTime SystemLoop::utc() const { return system_clock.utc(); }
 void SystemLoop::post(Action action) { boost::asio::post(parts_->io, std::move(action)); }
 std::unique_ptr<Worker> SystemLoop::make_worker() { return std::make_unique<Thread>(); }

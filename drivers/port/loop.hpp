@@ -32,6 +32,8 @@ class Loop : public Clock {
   // Runs until `done`, which is asked again after everything that ran, or until this time.
   void run_until(const std::function<bool()>& done, HostTime until = HostTime::max());
   void run_for(std::chrono::nanoseconds time);
+  // While it is held, now() stands for the thread that holds it.
+  virtual void hold_time(bool /*hold*/) {}
 
   virtual std::unique_ptr<Worker> make_worker() = 0;
   // Throws Error(config) for an address that carries no byte stream, or a baud rate that the
@@ -77,6 +79,7 @@ class SystemLoop final : public Loop {
   ~SystemLoop() override;
   HostTime now() const override;
   UtcTime utc() const override;
+  void hold_time(bool hold) override;
   void post(Action action) override;
   std::unique_ptr<Worker> make_worker() override;
   ByteOpener opener(const std::string& address, std::uint32_t baud) override;

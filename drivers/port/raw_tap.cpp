@@ -101,18 +101,28 @@ RawKeeper::~RawKeeper() {
   if (shared_->queued_bytes > 0) std::thread([worker = std::move(worker_)] {}).detach();
 }
 
-void RawKeeper::put(const std::string& name, ByteView bytes) {
-  if (bytes.empty()) return;
+bool RawKeeper::put(const std::string& name, ByteView bytes) {
+  if (bytes.empty()) return false;
   const std::lock_guard lock(shared_->mutex);
   Shared& s = *shared_;
   if (s.ended || s.closing || s.queued_bytes + bytes.size() > s.limits.queue_bytes) {
     s.counts.dropped += bytes.size();
-    return;
+    return false;
   }
   s.queued_bytes += bytes.size();
   worker_->put([shared = shared_, name, held = Bytes(bytes.begin(), bytes.end())] {
     shared->take(name, held);
   });
+  return true;
+}
+
+void RawKeeper::put_text(const std::string& name, const std::string& text) {
+  put(name, {reinterpret_cast<const std::uint8_t*>(text.data()), text.size()});
+}
+
+void RawKeeper::note(const std::string& name, HostTime at, const char* what, std::int64_t value) {
+  put_text(name + ".times",
+           std::to_string(at.count()) + " " + what + " " + std::to_string(value) + "\n");
 }
 
 std::string RawKeeper::next_name(const std::string& name, const std::string& ending) {
@@ -138,26 +148,53 @@ RawKeeper::Counts RawKeeper::finish() {
 
 namespace {
 
+struct HeldTime {
+  explicit HeldTime(Loop& l) : loop(l) { loop.hold_time(true); }
+  ~HeldTime() { loop.hold_time(false); }
+  HeldTime(const HeldTime&) = delete;
+  HeldTime& operator=(const HeldTime&) = delete;
+  Loop& loop;
+};
+
 class TapPort final : public BytePort {
  public:
-  TapPort(std::unique_ptr<BytePort> port, RawKeeper* keeper, std::string name, std::string ending)
-      : port_(std::move(port)),
+  TapPort(Loop& loop, std::unique_ptr<BytePort> port, RawKeeper* keeper, std::string name,
+          std::string ending)
+      : loop_(loop),
+        port_(std::move(port)),
         keeper_(keeper),
         name_(std::move(name)),
         ending_(std::move(ending)) {}
   void open(PortHandlers handlers) override {
+    keeper_->note(name_, loop_.now(), "open");
     // The handlers outlive this port while one of them runs.
-    handlers.bytes = [keeper = keeper_, name = name_, ending = ending_, file = std::string(),
+    handlers.opened = [&loop = loop_, keeper = keeper_, name = name_,
+                       next = std::move(handlers.opened)] {
+      const HeldTime held(loop);
+      keeper->note(name, loop.now(), "opened");
+      next();
+    };
+    handlers.bytes = [&loop = loop_, keeper = keeper_, name = name_, ending = ending_,
+                      file = std::string(),
                       next = std::move(handlers.bytes)](ByteView bytes) mutable {
+      const HeldTime held(loop);
       if (file.empty()) file = keeper->next_name(name, ending);
-      keeper->put(file, bytes);
+      if (keeper->put(file, bytes))
+        keeper->note(name, loop.now(), "bytes", static_cast<std::int64_t>(bytes.size()));
       next(bytes);
+    };
+    handlers.gone = [&loop = loop_, keeper = keeper_, name = name_,
+                     next = std::move(handlers.gone)](const Failure& failure) {
+      const HeldTime held(loop);
+      keeper->note(name, loop.now(), "gone", failure.code.value());
+      next(failure);
     };
     port_->open(std::move(handlers));
   }
   void write(ByteView bytes) override { port_->write(bytes); }
 
  private:
+  Loop& loop_;
   std::unique_ptr<BytePort> port_;
   RawKeeper* keeper_;
   std::string name_, ending_;
@@ -165,11 +202,12 @@ class TapPort final : public BytePort {
 
 }  // namespace
 
-ByteOpener tap(ByteOpener opener, RawKeeper* keeper, std::string name, std::string ending) {
+ByteOpener tap(Loop& loop, ByteOpener opener, RawKeeper* keeper, std::string name,
+               std::string ending) {
   if (!keeper) return opener;
-  return [opener = std::move(opener), keeper, name = std::move(name),
+  return [&loop, opener = std::move(opener), keeper, name = std::move(name),
           ending = std::move(ending)]() -> std::unique_ptr<BytePort> {
-    return std::make_unique<TapPort>(opener(), keeper, name, ending);
+    return std::make_unique<TapPort>(loop, opener(), keeper, name, ending);
   };
 }
 

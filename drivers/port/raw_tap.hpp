@@ -1,6 +1,10 @@
 // SPDX-License-Identifier: MIT
-// The bytes of devices as they came, kept in files beside a run, so that `replay` can take them
-// through the parsers again.
+// The bytes of devices as they came, kept in files beside a run, so that `import` can make the run
+// of them again. NAME.times tells of a port when it did what, a line each, "HOST_NS WHAT VALUE":
+//   open 0      the driver wants a connection; all up to the next "open" is of that one
+//   opened 0    the port is open
+//   bytes N     the next N bytes of the connection's file came
+//   gone ERRNO  the port is no longer there
 #pragma once
 #include <cstdint>
 #include <memory>
@@ -29,8 +33,11 @@ class RawKeeper {
   RawKeeper(const RawKeeper&) = delete;
   RawKeeper& operator=(const RawKeeper&) = delete;
 
-  // To FOLDER/NAME, which is made with its first bytes.
-  void put(const std::string& name, ByteView bytes);
+  // To FOLDER/NAME, which is made with its first bytes. False: they are dropped.
+  bool put(const std::string& name, ByteView bytes);
+  void put_text(const std::string& name, const std::string& text);
+  // To FOLDER/NAME.times.
+  void note(const std::string& name, HostTime at, const char* what, std::int64_t value = 0);
   // The next file of this device: NAME-001.dat with the ending ".dat"; one for each connection.
   std::string next_name(const std::string& name, const std::string& ending);
   // Once: why nothing is kept any more. Empty if all is well.
@@ -47,8 +54,10 @@ class RawKeeper {
   std::unique_ptr<Worker> worker_;
 };
 
-// The opener's ports, but each puts what it receives into a file of next_name() as well.
-// Without a keeper: the opener itself. `keeper` must outlive the ports.
-ByteOpener tap(ByteOpener opener, RawKeeper* keeper, std::string name, std::string ending);
+// The opener's ports, but each puts what it receives into a file of next_name() as well, with the
+// time that its driver sees. Without a keeper: the opener itself. `loop` and `keeper` must outlive
+// the ports.
+ByteOpener tap(Loop& loop, ByteOpener opener, RawKeeper* keeper, std::string name,
+               std::string ending);
 
 }  // namespace echofuse::port

@@ -18,7 +18,9 @@ namespace echofuse::port {
 // Threading: one thread has it; there is no other.
 class VirtualLoop final : public Loop {
  public:
-  explicit VirtualLoop(UtcTime utc = {}) : utc_offset_(utc) {}
+  // No time of a sample is 0.
+  explicit VirtualLoop(UtcTime utc = {}, HostTime now = std::chrono::seconds(1))
+      : now_(now), utc_offset_(utc) {}
 
   HostTime now() const override { return now_; }
   UtcTime utc() const override { return utc_offset_ + now_; }
@@ -87,7 +89,7 @@ class VirtualLoop final : public Loop {
     return true;
   }
 
-  HostTime now_{std::chrono::seconds(1)};  // no time of a sample is 0
+  HostTime now_;
   std::chrono::nanoseconds utc_offset_;
   std::deque<Action> posted_;
 };

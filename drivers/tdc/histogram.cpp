@@ -40,6 +40,7 @@ void check(const HistogramSettings& s) {
 
 Histogram::Histogram(const HistogramSettings& settings)
     : settings_(settings),
+      gaps_(settings.start_channel),
       filter_({settings.start_channel, settings.click_channel, settings.start_delay_ps,
                settings.click_delay_ps, settings.dead_time_ps}) {
   check(settings);
@@ -52,6 +53,7 @@ Histogram::Histogram(const HistogramSettings& settings)
 }
 
 void Histogram::add(std::span<const Tag> tags) {
+  gaps_.add(tags);
   if (filter_.passes_all()) return count(tags);
   count(filter_.feed(tags));
   count_removed();
@@ -157,9 +159,18 @@ void Histogram::settle(std::size_t tags) {
 
 void Histogram::forget_start() {
   flush();
+  gaps_.forget_start();
   has_start_ = false;
   in_overflow_ = false;
   fresh_ = true;
+}
+
+void Histogram::follow(Histogram& before) {
+  before.flush();
+  std::swap(filter_, before.filter_);
+  gaps_.forget_start();
+  run_ = before.run_;
+  fresh_ = before.fresh_, has_start_ = before.has_start_, in_overflow_ = before.in_overflow_;
 }
 
 std::vector<std::uint32_t> Histogram::counts() const {

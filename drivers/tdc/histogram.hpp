@@ -19,6 +19,7 @@
 #include <vector>
 
 #include "drivers/core/tag_counts.hpp"
+#include "drivers/tdc/start_gaps.hpp"
 #include "drivers/tdc/tag_filter.hpp"
 #include "drivers/tdc/tag_groups.hpp"
 
@@ -51,10 +52,15 @@ class Histogram {
   // Both are since the last clear(). counts() has `bins` entries.
   std::vector<std::uint32_t> counts() const;
   TagCounts tag_counts() const { return totals_; }
-  // The next slot begins; the last start survives the border.
+  // The last start survives.
   void clear();
   // counts() and then clear().
   std::vector<std::uint32_t> take();
+  // Goes on behind the tags of `before`, which is flushed: the last start survives the border of
+  // slots.
+  void follow(Histogram& before);
+  // Gaps between the starts as they came, from the beginning on.
+  const StartGaps& gaps() const { return gaps_; }
 
   const HistogramSettings& settings() const { return settings_; }
   // name "spd", quantity "counts", unit "ps"
@@ -68,6 +74,7 @@ class Histogram {
   void settle(std::size_t tags);
 
   HistogramSettings settings_;
+  StartGaps gaps_;
   TagFilter filter_;
   ClickBins click_bins_;
   TagRun run_;         // accumulators of one add(); settle() zeroes them

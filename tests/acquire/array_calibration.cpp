@@ -7,7 +7,7 @@
 #include <numbers>
 #include <random>
 
-#include "acquire/calibrate/calibration.hpp"
+#include "acquire/config/calibration.hpp"
 #include "acquire/config/config.hpp"
 #include "testing.hpp"
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "acquire/calibrate/calibration.hpp"
+#include "acquire/config/calibration.hpp"
 
 #include "drivers/radar/firmware_bias.hpp"
 #include "testing.hpp"

@@ -56,7 +56,7 @@ TEST_CASE("no run without a required device") {
 TEST_CASE("help, version and usage errors") {
   for (const char* command :
        {"", "run", "devices", "doctor", "config", "config check", "config show", "info", "export",
-        "replay", "annotate", "list", "calibrate", "import"}) {
+        "annotate", "list", "calibrate", "import"}) {
     const Outcome o = acquire(std::string(command) + " --help");
     CAPTURE(command, o.text);
     CHECK(o.code == 0);
@@ -88,10 +88,6 @@ TEST_CASE("files that are not there or not runs") {
     refuses(command + folder / "none.sqlite", 1, "none.sqlite: No such file");
     refuses(command + folder / "text.sqlite", 1, "text.sqlite: not an echofuse run file");
   }
-  for (const char* device : {"--radar ", "--tdc ", "--depth "})
-    refuses(std::string("replay ") + device + folder / "none.dat", 1,
-            "none.dat: cannot read: No such file");
-  refuses("replay --tdc a --depth b", 2, "--depth");
 }
 
 TEST_CASE("bad configurations and targets of a run") {
@@ -141,8 +137,7 @@ TEST_CASE("a FIFO in place of a file is refused, and nobody waits for its writer
   REQUIRE(::mkfifo((folder / "f.sqlite").c_str(), 0666) == 0);
   const std::string fifo = folder / "f.sqlite", why = "f.sqlite: is a FIFO; expected a regular";
   for (const std::string& command :
-       {"info " + fifo, "annotate " + fifo + " x", "export " + fifo + " --to " + folder / "x.h5",
-        "replay --radar " + fifo, "replay --tdc " + fifo, "replay --depth " + fifo})
+       {"info " + fifo, "annotate " + fifo + " x", "export " + fifo + " --to " + folder / "x.h5"})
     refuses(command, 1, why);
   refuses("info /dev/null", 1, "/dev/null: is a device; expected a regular file");
   refuses("config check --config " + fifo, 3, why);
@@ -358,30 +353,4 @@ TEST_CASE("a name that is not UTF-8 is written out in JSON, and not made") {
   CHECK(json_of("info --json " + name)["file"] == shown);
   CHECK(json_of("list --json " + folder / "")[0]["path"] == shown);
   refuses("run --config " + folder / "lab.toml --out n\xff", 2, "--out n\\xff: expected UTF-8");
-}
-
-TEST_CASE("replay counts a recording's frames") {
-  const Folder folder;
-  // One frame of two bins: header 40, TLV 2 with 4 bytes, TLV 4 of one antenna, padded to 96; 3
-  // bytes of junk in front.
-  const auto u32 = [](std::uint32_t v) { return std::string(reinterpret_cast<char*>(&v), 4); };
-  const std::string magic("\x02\x01\x04\x03\x06\x05\x08\x07", 8);
-  std::string frame = magic + u32(0x03050004) + u32(96) + u32(0xa6843) + u32(17) + u32(0) + u32(0) +
-                      u32(2) + u32(0) + u32(2) + u32(4) + std::string("\x01\x02\x03\x04", 4) +
-                      u32(4) + u32(8) + std::string(8, '\x05');
-  frame.resize(96, 'x');
-  write_file(folder / "r.dat", "abc" + frame + frame.substr(0, 50));
-  const Json counts = json_of("replay --json --radar " + folder / "r.dat");
-  CHECK(counts["frames"] == 1);
-  CHECK(counts["range_profiles"] == 1);
-  CHECK(counts["range_profiles_by_bins"] == Json{{"2", 1}});
-  CHECK(counts["arrays"] == 1);
-  CHECK(counts["arrays_by_samples"] == Json{{"2", 1}});
-  CHECK(counts["tlvs_by_type"] == Json{{"2", 1}, {"4", 1}});
-  CHECK(counts["restarts"] == 0);
-  CHECK(counts["junk_bytes"] == 3);
-  CHECK(counts["truncated_frames"] == 1);
-  CHECK(counts["first_frame_number"] == 17);
-  CHECK(counts["last_frame_number"] == 17);
-  CHECK(counts["bytes"] == 149);
 }

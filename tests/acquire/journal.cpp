@@ -11,7 +11,6 @@
 #include "acquire/record/png.hpp"
 #include "acquire/record/run_parts.hpp"
 #include "acquire/run/resume.hpp"
-#include "acquire/run/run_log.hpp"
 #include "drivers/port/virtual_loop.hpp"
 #include "testing.hpp"
 

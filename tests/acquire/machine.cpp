@@ -1,9 +1,8 @@
 // SPDX-License-Identifier: MIT
 // The doctor's checks of the machine, on a tree with the kernel's and udev's layout.
-#include "acquire/doctor/machine.hpp"
-
 #include <unistd.h>
 
+#include "acquire/doctor/doctor.hpp"
 #include "testing.hpp"
 
 using namespace echofuse;

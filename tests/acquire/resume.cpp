@@ -3,8 +3,7 @@
 
 #include <sqlite3.h>
 
-#include "acquire/commands/info.hpp"
-#include "acquire/run/disk_estimate.hpp"
+#include "acquire/commands/commands.hpp"
 #include "testing.hpp"
 
 using namespace echofuse;
@@ -106,18 +105,6 @@ TEST_CASE("a device with another axis does not continue a run") {
   device.axes[0].step = 0.25;
   CHECK(has(error_of([&] { refuse_other_axes(small_axes(), device); }).second,
             "radar: its axis radar is not the one that the run was begun with"));
-}
-
-TEST_CASE("whether a run fits the disk") {
-  const auto bytes = record_bytes(small_axes());
-  CHECK(bytes == 4 * 8 + 4 * 4 + 2 * 3 * 2);
-  // 100 kB each, and 17 MB for any run.
-  PlannedRun plan{.record_bytes = 97'952, .window_s = 3, .count = 1000};
-  CHECK(disk_warning(plan, 117e6).empty());
-  CHECK(has(disk_warning(plan, 116e6), "1000 records need up to 117 MB, 116 MB are free"));
-  plan.count.reset();
-  CHECK(disk_warning(plan, 3e9).empty());
-  CHECK(has(disk_warning(plan, 1.217e9), "after about 10 h"));
 }
 
 TEST_CASE("each part of a resumed run has its own counters, an older run is one part") {

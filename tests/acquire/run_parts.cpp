@@ -10,7 +10,7 @@
 #include <nlohmann/json.hpp>
 #include <thread>
 
-#include "acquire/commands/info.hpp"
+#include "acquire/commands/commands.hpp"
 #include "acquire/record/catalogue.hpp"
 #include "acquire/record/export.hpp"
 #include "acquire/record/run_names.hpp"

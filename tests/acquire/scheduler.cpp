@@ -4,7 +4,6 @@
 #include <catch2/catch.hpp>
 #include <vector>
 
-#include "acquire/run/backlog.hpp"
 #include "drivers/core/random.hpp"
 
 using namespace echofuse;

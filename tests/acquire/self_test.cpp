@@ -1,9 +1,8 @@
 // SPDX-License-Identifier: MIT
 // The doctor's verdicts on devices and disks, from samples and figures made by hand.
-#include "acquire/doctor/self_test.hpp"
-
 #include "../paths.hpp"
-#include "acquire/doctor/disk.hpp"
+#include "acquire/doctor/doctor.hpp"
+#include "acquire/run/disk.hpp"
 #include "testing.hpp"
 
 using namespace echofuse;
@@ -187,6 +186,12 @@ TEST_CASE("a disk has space for the planned run, or for hours, or not") {
   CHECK(judge_space(3.9e9, plan).grade == Grade::ok);
   CHECK(has(judge_space(3.9e9, plan).found, "enough for 3 h"));
   CHECK(judge_space(0.5e9, plan).grade == Grade::warning);
+  CHECK(judge_space(3.9e9, plan, 86'400).grade == Grade::warning);
+  CHECK(record_bytes(small_axes()) == 4 * 8 + 4 * 4 + 2 * 3 * 2);
+  // 100 kB each, and 17 MB for any run.
+  plan = {.record_bytes = 97'952, .window_s = 3, .count = 1000};
+  CHECK(judge_space(117e6, plan).grade == Grade::ok);
+  CHECK(judge_space(116e6, plan).grade == Grade::problem);
 }
 
 TEST_CASE("a real folder is measured and left as it was, one that is not there is a problem") {

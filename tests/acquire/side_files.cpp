@@ -2,7 +2,7 @@
 // What stands beside a run file by its name: a -wal of its own, of another run, or none.
 #include <unistd.h>
 
-#include "acquire/commands/info.hpp"
+#include "acquire/commands/commands.hpp"
 #include "testing.hpp"
 
 using namespace echofuse;

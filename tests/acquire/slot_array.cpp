@@ -2,10 +2,10 @@
 // The radar's heat maps on their way from frames to records, and what is told of them.
 #include <cmath>
 
-#include "acquire/commands/info.hpp"
-#include "acquire/doctor/self_test.hpp"
+#include "acquire/commands/commands.hpp"
+#include "acquire/doctor/doctor.hpp"
 #include "acquire/record/export.hpp"
-#include "acquire/run/disk_estimate.hpp"
+#include "acquire/run/disk.hpp"
 #include "acquire/run/resume.hpp"
 #include "acquire/run/window.hpp"
 #include "drivers/program/settings.hpp"

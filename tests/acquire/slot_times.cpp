@@ -3,9 +3,8 @@
 #include <cmath>
 #include <limits>
 
-#include "acquire/commands/annotate.hpp"
+#include "acquire/commands/commands.hpp"
 #include "acquire/run/journal.hpp"
-#include "acquire/run/run_log.hpp"
 #include "drivers/port/virtual_loop.hpp"
 #include "testing.hpp"
 

@@ -10,6 +10,7 @@
 #include <thread>
 
 #include "drivers/bridge/bridge_writer.hpp"
+#include "drivers/port/virtual_loop.hpp"
 #include "drivers/program/exit_code.hpp"
 #include "hex.hpp"
 
@@ -52,24 +53,30 @@ TEST_CASE("every connection has a file of its own, made with its first bytes") {
   std::string heard;
   const PortHandlers handlers{[] {}, [&](ByteView b) { heard.append(b.begin(), b.end()); },
                               [](const Failure&) {}};
-  const ByteOpener opener =
-      tap([] { return std::make_unique<Speaker>(); }, &keeper, "tags", ".blocks");
+  VirtualLoop loop;
+  const ByteOpener opener = tap(
+      loop, [] { return std::make_unique<Speaker>(); }, &keeper, "tags", ".blocks");
   const auto silent = opener();  // never opened
   for (int i = 0; i < 20; ++i) opener()->open(handlers);
   const RawKeeper::Counts counts = keeper.finish();
-  CHECK(counts.kept == 100);
+  std::string times;
+  for (int i = 0; i < 20; ++i) times += "1000000000 open 0\n1000000000 bytes 5\n";
+  CHECK(folder.read("tags.times") == times);
+  CHECK(counts.kept == 100 + times.size());
   CHECK(counts.dropped == 0);
   CHECK(keeper.take_trouble().empty());
   CHECK(heard.size() == 100);
   CHECK(folder.read("tags-001.blocks") == "hello");
   CHECK(folder.read("tags-020.blocks") == "hello");
-  CHECK(std::distance(fs::directory_iterator(folder.path), {}) == 20);
+  CHECK(std::distance(fs::directory_iterator(folder.path), {}) == 21);
   keeper.put("tags-020.blocks", test::view_of("late"));
   CHECK(keeper.finish().dropped == 4);
 }
 
 TEST_CASE("without a keeper the opener stays as it is") {
-  const auto port = tap([] { return std::make_unique<Speaker>(); }, nullptr, "x", ".y")();
+  VirtualLoop loop;
+  const auto port = tap(
+      loop, [] { return std::make_unique<Speaker>(); }, nullptr, "x", ".y")();
   port->write(test::view_of("w"));
   CHECK(dynamic_cast<Speaker&>(*port).written == Bytes{'w'});
 }

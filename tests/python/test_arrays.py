@@ -73,3 +73,13 @@ def test_a_damaged_array_is_refused(tmp_path, cut):
     (tmp_path / "spd.npy").write_bytes(whole[:cut])
     done = subprocess.run([ACQUIRE, "import", tmp_path, "--out", tmp_path / "own"], capture_output=True, text=True, check=False)
     assert done.returncode == 1 and "spd.npy: " in done.stderr and done.stderr.count("\n") == 1
+
+
+def test_a_response_is_kept_as_it_is_stated_and_no_laboratory_is_needed(tmp_path):
+    np.save(tmp_path / "radar.npy", np.ones((3, 5)))
+    (tmp_path / "run.toml").write_text('[radar]\ncell_m = 0.04996540967\ntaps = "1 0.9 0.5 0.2"\n[spd]\nirf_fwhm_ps = 1234.56789\n')
+    (tmp_path / "lab.toml").write_text("this is no TOML")
+    subprocess.run([ACQUIRE, "import", ".", "--out", "own"], check=True, cwd=tmp_path)
+    meta = echofuse.open(tmp_path / "own.sqlite").meta
+    assert (meta["radar_cell_m"], meta["radar_taps"]) == ("0.04996540967", "1 0.9 0.5 0.2")
+    assert meta["irf_fwhm_ps"] == "1234.56789"

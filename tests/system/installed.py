@@ -109,7 +109,7 @@ class Installed(unittest.TestCase):
                 COMP_WORDS=("$@") COMP_CWORD=$(($# - 1)); _echofuse; echo "${{COMPREPLY[@]}}" """
             return run("bash", "-c", script, "bash", *words, cwd=self.prefix / "lib",
                        env={k: v for k, v in os.environ.items() if k not in ("ECHOFUSE_LOCKS", "XDG_CONFIG_HOME")} | {"PATH": f"{self.prefix}/bin:{os.environ['PATH']}"}).split()
-        self.assertEqual(offered("echofuse-acquire", "re"), ["replay"])
+        self.assertEqual(offered("echofuse-acquire", "im"), ["import"])
         self.assertEqual(offered("echofuse-acquire", "config", "s"), ["show", "systemd", "sysusers.d"])
         self.assertEqual(offered("echofuse-sim", "lab", "--scene", "re"), ["reflector"])
         self.assertEqual(offered("echofuse-recon", "train", "x", "--split", ""), ["blocked", "random"])

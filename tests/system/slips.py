@@ -63,7 +63,6 @@ acquire calibrate --distance -1 | 2 | --distance: Value -1 not in range 0.1 to 1
 acquire export seen.sqlite --to x.txt | 2 | --to x.txt: expected NAME.h5, or NAME.csv with --record N
 acquire info dark.toml | 1 | dark.toml
 acquire annotate seen.sqlite | 2 | expected either a text or --label TEXT
-acquire replay | 2 | expected one of --radar, --tdc and --depth
 acquire list nofolder | 1 | nofolder
 acquire devices --config closed.toml | 4 | Connection refused; is the bridge started? echofuse-bridge-timetagger
 """

@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: MIT
 // What a run does when devices come, go and fail, told once and exactly, on virtual time.
+#include <fstream>
 #include <map>
 #include <set>
 
+#include "acquire/import/import.hpp"
 #include "bench.hpp"
 
 using namespace echofuse;
@@ -91,6 +93,68 @@ TEST_CASE("without a required device there is no run, and records without it are
     CHECK(b.reader().summary().incomplete == incomplete);
     CHECK(b.reader().summary().policies.at("radar") == "required");
   }
+}
+
+TEST_CASE("kept bytes make the live run anew, byte by byte, through faults and reconnections") {
+  const double window_s = GENERATE(3.0, 12.0);  // longer slots do not wait for a multiple of theirs
+  Bench b({.window_s = window_s,
+           .faults = {fault("tdc", FaultKind::unplug, 30, 5),
+                      fault("tdc", FaultKind::corrupt, 40, 10, 0.05),
+                      fault("radar", FaultKind::unplug, 50, 5),
+                      fault("radar", FaultKind::garbage, 60, 5, 40),
+                      fault("depth", FaultKind::unplug, 70, 5)}});
+  auto run = b.run(12);
+  run.keep_raw = b.folder / "raw";
+  run.countdown_s = 2;
+  CHECK(b.lab->record(run) == ExitCode::ok);
+  REQUIRE(acquire::is_kept(run.keep_raw));
+  acquire::import_kept(acquire::kept_config(run.keep_raw, {}), run.keep_raw,
+                       b.folder / "again.sqlite");
+  const record::RunReader again(b.folder / "again.sqlite");
+  const auto live = b.records();
+  REQUIRE(again.count() == 12);
+  for (const auto& a : live) {
+    const auto r = again.read(a.index);
+    CAPTURE(a.index);
+    CHECK(r.slot_start == a.slot_start);
+    CHECK(r.slot_utc == a.slot_utc);
+    CHECK(r.spd == a.spd);
+    CHECK(r.radar == a.radar);
+    CHECK(r.depth_mm == a.depth_mm);
+    CHECK(r.valid.bits() == a.valid.bits());
+    for (const Sensor s : all_sensors) CHECK(r.sync[s].verdict == a.sync[s].verdict);
+  }
+  // Another histogram of the same photons.
+  acquire::import_kept(acquire::kept_config(run.keep_raw, {"tdc.bins=10", "depth.address="}),
+                       run.keep_raw, b.folder / "short.sqlite");
+  CHECK(record::RunReader(b.folder / "short.sqlite").read(0).spd ==
+        std::vector(live[0].spd.begin(), live[0].spd.begin() + 10));
+}
+
+TEST_CASE("a folder of kept bytes that tells of no slot, or of bytes that are not there") {
+  Bench b;
+  auto run = b.run(2);
+  run.keep_raw = b.folder / "raw";
+  CHECK(b.lab->record(run) == ExitCode::ok);
+  const auto refusal = [&] {
+    try {
+      acquire::import_kept(acquire::kept_config(run.keep_raw, {}), run.keep_raw,
+                           b.folder / "x.sqlite");
+    } catch (const Error& e) {
+      CHECK(e.code() == ExitCode::failed);
+      return std::string(e.what());
+    }
+    return std::string("none");
+  };
+  std::string name = "tags.times", text = "1000000000 open 0\n1000000000 bytes 99999999999\n", why;
+  SECTION("more bytes") { why = "tags.times: tells of more bytes than 1 files hold"; }
+  SECTION("no line") {
+    text = "1000000000 open\n";
+    why = "tags.times: expected TIME WHAT VALUE, it has \"1000000000 open\"";
+  }
+  SECTION("no slot") { name = "run.times", why = "run.times: tells of no slot that ended"; }
+  std::ofstream(run.keep_raw + "/" + name) << text;
+  CHECK_THAT(refusal(), Catch::Contains(why));
 }
 
 TEST_CASE("a countdown: the first slot begins so much later") {

@@ -6,7 +6,7 @@
 #include <utility>
 
 #include "acquire/calibrate/calibrate.hpp"
-#include "acquire/calibrate/calibration.hpp"
+#include "acquire/config/calibration.hpp"
 #include "acquire/doctor/doctor.hpp"
 #include "bench.hpp"
 #include "drivers/bridge/bridge_protocol.hpp"

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "acquire/run/start_gaps.hpp"
+#include "drivers/tdc/start_gaps.hpp"
 
 #include <algorithm>
 #include <catch2/catch.hpp>
@@ -9,7 +9,7 @@
 #include "drivers/core/random.hpp"
 
 using namespace echofuse;
-using namespace echofuse::acquire;
+using namespace echofuse::tdc;
 
 namespace {
 

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: MIT
-#include "acquire/doctor/disk.hpp"
+#include "acquire/run/disk.hpp"
 
 #include <fcntl.h>
+#include <sys/statvfs.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -10,14 +11,18 @@
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
+#include <iterator>
 
+#include "acquire/measurement/radar_array.hpp"
 #include "drivers/core/random.hpp"
 #include "drivers/program/console.hpp"
 
 namespace echofuse::acquire {
 namespace {
 
-constexpr double journal_factor = 2;  // every byte goes into the WAL and then into the database
+constexpr double row_bytes = 2048;        // of a record beside its sensors' data, with events
+constexpr double fixed_bytes = 16 << 20;  // the WAL, and the tables of a run without records
+constexpr double journal_factor = 2;      // every byte goes into the WAL and then into the database
 
 [[noreturn]] void fail(const std::string& folder, const char* doing) {
   throw Error(ExitCode::disk, folder + ": " + doing + ": " + std::strerror(errno));
@@ -59,6 +64,40 @@ std::vector<char> incompressible(std::size_t size) {
 }
 
 }  // namespace
+
+DiskEstimate estimate_disk(const PlannedRun& plan, double free_bytes) {
+  DiskEstimate out{.record_bytes = plan.record_bytes + row_bytes};
+  if (plan.count)
+    out.needed_bytes = static_cast<double>(*plan.count) * out.record_bytes + fixed_bytes;
+  out.lasts_s = std::max(0.0, (free_bytes - fixed_bytes) / out.record_bytes) * plan.window_s;
+  return out;
+}
+
+double record_bytes(const std::vector<Axis>& axes) {
+  double bytes = 0, pixels = 0;
+  for (const Axis& axis : axes) {
+    if (axis.name == "array") bytes += record::array_bytes(axis);
+    if (axis.name == "spd" || axis.name == "radar") bytes += 4.0 * axis.count;
+    if (axis.name == "depth_x" || axis.name == "depth_y")
+      pixels = (pixels > 0 ? pixels : 1) * axis.count;
+  }
+  return bytes + 2 * pixels;
+}
+
+std::optional<std::uint64_t> free_bytes(const std::string& folder) {
+  struct statvfs disk {};
+  if (::statvfs(folder.c_str(), &disk) != 0) return std::nullopt;
+  return std::uint64_t{disk.f_bavail} * disk.f_frsize;
+}
+
+std::string size_text(double bytes) {
+  constexpr const char* units[] = {"B", "kB", "MB", "GB", "TB"};
+  std::size_t unit = 0;
+  for (; bytes >= 1000 && unit + 1 < std::size(units); ++unit) bytes /= 1000;
+  char text[32];
+  std::snprintf(text, sizeof text, bytes < 10 ? "%.1f %s" : "%.0f %s", bytes, units[unit]);
+  return text;
+}
 
 DiskSpeed measure_disk(const std::string& folder, std::size_t commit_bytes) {
   using Clock = std::chrono::steady_clock;
@@ -110,13 +149,12 @@ Finding judge_speed(const DiskSpeed& speed, const PlannedRun& plan) {
           ExitCode::disk};
 }
 
-Finding judge_space(double free_bytes, const PlannedRun& plan) {
+Finding judge_space(double free_bytes, const PlannedRun& plan, double short_s) {
   Finding out{.check = "disk space",
               .found = plan.folder + ": " + size_text(free_bytes) + " free",
               .facts = {{"free_bytes", free_bytes}},
               .failure = ExitCode::disk};
   if (plan.record_bytes <= 0) return out;
-  constexpr double short_s = 3600;
   const DiskEstimate estimate = estimate_disk(plan, free_bytes);
   out.facts.emplace_back("record_bytes", estimate.record_bytes);
   out.facts.emplace_back("lasts_s", estimate.lasts_s);

@@ -10,7 +10,7 @@
 
 #include "drivers/core/sample.hpp"
 
-namespace echofuse::acquire {
+namespace echofuse::tdc {
 
 class StartGaps {
  public:
@@ -24,7 +24,7 @@ class StartGaps {
   // follows. 1 without a filter; with one, the chance of a click, as no pulse knows of another.
   // Below 0.5 % it is too high, but stays near 1 %. None if fewer than 20 starts are followed so.
   std::optional<double> share() const;
-  // Of the laser, for that many clicks and starts that arrived; none if the share is not known.
+  // Clicks a laser pulse, of so many clicks and starts that came; none if the share is not known.
   std::optional<double> clicks_a_pulse(std::uint64_t clicks, std::uint64_t starts) const;
 
  private:
@@ -34,4 +34,4 @@ class StartGaps {
   std::vector<std::int64_t> gaps_ps_;
 };
 
-}  // namespace echofuse::acquire
+}  // namespace echofuse::tdc

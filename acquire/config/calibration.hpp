@@ -9,11 +9,20 @@
 #include <string>
 #include <vector>
 
-#include "acquire/calibrate/array_calibration.hpp"
 #include "acquire/measurement/response.hpp"
 #include "acquire/record/record.hpp"
 
 namespace echofuse::acquire {
+
+// In the order of the heat map, relative to antenna 0; empty: not measured. The standard error is
+// that of the phase in radians, and of the gain as a share of it: noise is alike in both.
+struct AntennaGains {
+  std::string date_utc;
+  double distance_m = 0;
+  std::vector<double> gain, phase_rad, standard_error;
+
+  bool empty() const { return gain.empty(); }
+};
 
 // All numbers are 0 for a sensor that is not calibrated.
 struct CalibratedAxes {

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: MIT
-#include "acquire/run/start_gaps.hpp"
+#include "drivers/tdc/start_gaps.hpp"
 
 #include <algorithm>
 
-namespace echofuse::acquire {
+namespace echofuse::tdc {
 
 void StartGaps::add(std::span<const Tag> tags) {
   constexpr std::size_t enough = 100'000;
@@ -39,4 +39,4 @@ std::optional<double> StartGaps::clicks_a_pulse(std::uint64_t clicks, std::uint6
   return *passed * static_cast<double>(clicks) / static_cast<double>(starts);
 }
 
-}  // namespace echofuse::acquire
+}  // namespace echofuse::tdc

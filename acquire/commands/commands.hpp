@@ -1,0 +1,46 @@
+// SPDX-License-Identifier: MIT
+// What the commands on run files print, and how the log does.
+#pragma once
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "drivers/core/clock.hpp"
+
+namespace spdlog {
+class formatter;
+}
+
+namespace echofuse::acquire {
+
+// `info`: what is in a run, live, closed or crashed.
+// JSON (one object) or text for people, of one file or of the parts of a run in their order. Throws
+// Error if one is not a readable run.
+std::string describe_run(const std::vector<std::string>& files, bool json);
+
+// `annotate`: a note into a run, or another label into one that is being recorded.
+// Exactly one of `note` and `label` is given. Returns what was done, a line:
+//   monday.sqlite: label "person" from record 17 on
+// Throws Error(failed) if a label is given and nobody is recording this run.
+std::string annotate_run(const std::string& path, const std::optional<std::string>& note,
+                         const std::optional<std::string>& label);
+
+// Of the log on stderr: on a terminal a message first clears the status line; the journal keeps the
+// time by itself. Nothing in a message moves the cursor, whoever sent the text.
+std::unique_ptr<spdlog::formatter> log_format();
+
+// `list`: the runs of a folder, and those that are being recorded.
+struct Catalogue {
+  std::string text;
+  std::string left_out;  // files that are no run, or that cannot be read: a line each, with why
+};
+
+// All runs (*.sqlite) of the folder, oldest first: one line for each and more on the live ones, or
+// one JSON array. A live one's object has `live`: who (by the locks of its devices), last_index,
+// age_s (since the last slot's end), label, and sensors: {NAME: {verdict, valid, used, lost}}, used
+// and verdict of the last record, lost of the whole run. With `elsewhere` also the runs that are
+// recorded on this machine into other folders. Throws Error(failed) if the folder cannot be read.
+Catalogue list_runs(const std::string& folder, bool elsewhere, const Clock& clock, bool json);
+
+}  // namespace echofuse::acquire

@@ -1,0 +1,205 @@
+// SPDX-License-Identifier: MIT
+#include <algorithm>
+#include <cinttypes>
+#include <cstdio>
+#include <filesystem>
+#include <fstream>
+#include <memory>
+#include <optional>
+#include <utility>
+
+#include "acquire/import/import.hpp"
+#include "acquire/run/daemon.hpp"
+#include "drivers/port/virtual_loop.hpp"
+#include "drivers/program/console.hpp"
+#include "drivers/program/printable.hpp"
+#include "drivers/program/regular_file.hpp"
+
+namespace echofuse::acquire {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::int64_t most_bytes = 64 << 20;  // that a port hands out at once
+
+// NAME.times of the folder, line by line. A last line that was cut off does not count.
+class Times {
+ public:
+  struct Line {
+    HostTime at;
+    std::string what;
+    std::int64_t value;
+  };
+  Times(const std::string& folder, const std::string& name)
+      : path_(folder + "/" + name + ".times") {
+    require_regular(path_, ExitCode::failed);
+    in_.open(path_);
+  }
+  const std::string& path() const { return path_; }
+  std::optional<Line> next() {
+    std::string text;
+    if (!std::getline(in_, text) || in_.eof()) return std::nullopt;
+    std::int64_t at_ns = 0, value = 0;
+    char what[16];
+    if (std::sscanf(text.c_str(), "%" SCNd64 " %15s %" SCNd64, &at_ns, what, &value) == 3)
+      return Line{HostTime(at_ns), what, value};
+    throw Error(ExitCode::failed, printable(path_) + ": expected TIME WHAT VALUE, it has \"" +
+                                      printable(text, 80) + "\"");
+  }
+
+ private:
+  std::string path_;
+  std::ifstream in_;
+};
+
+// All connections of one port.
+class Stream {
+ public:
+  Stream(port::Loop& l, std::string folder, const std::string& name, std::string ending)
+      : loop(l),
+        times_(folder, name),
+        stem_(std::move(folder) + "/" + name),
+        ending_(std::move(ending)) {}
+  // Goes to the beginning of the next connection.
+  void connect() {
+    while (line_ && line_->what != "open") line_ = times_.next();
+    if (line_) line_ = times_.next();
+    file_.reset();
+  }
+  // Nothing at the end of a connection.
+  std::optional<Times::Line> next() {
+    if (!line_ || line_->what == "open") return std::nullopt;
+    return std::exchange(line_, times_.next());
+  }
+  Bytes read(std::int64_t count) {
+    if (!file_) {
+      char number[16];
+      std::snprintf(number, sizeof number, "-%03d", ++files_);
+      file_.emplace(stem_ + number + ending_, ExitCode::failed);
+    }
+    Bytes out(count > 0 && count <= most_bytes ? static_cast<std::size_t>(count) : 0);
+    if (out.empty() || file_->read(out) != out.size())
+      throw Error(ExitCode::failed, printable(times_.path()) + ": tells of more bytes than " +
+                                        std::to_string(files_) + " files hold");
+    return out;
+  }
+  port::Loop& loop;
+
+ private:
+  Times times_;
+  std::string stem_, ending_;
+  std::optional<Times::Line> line_ = times_.next();
+  std::optional<RegularFile> file_;  // of the connection, from its first bytes on
+  int files_ = 0;
+};
+
+class KeptPort final : public port::BytePort {
+ public:
+  explicit KeptPort(Stream& stream)
+      : link_(new Link{stream, port::Timer(stream.loop), {}, false}) {}
+  ~KeptPort() override {
+    link_->closed = true;
+    link_->timer.cancel();
+  }
+  KeptPort(const KeptPort&) = delete;
+  KeptPort& operator=(const KeptPort&) = delete;
+
+  void open(port::PortHandlers handlers) override {
+    link_->handlers = std::move(handlers);
+    link_->stream.connect();
+    wait(link_);
+  }
+  void write(ByteView) override {}
+
+ private:
+  struct Link {  // outlives the port while a handler runs
+    Stream& stream;
+    port::Timer timer;
+    port::PortHandlers handlers;
+    bool closed;
+  };
+  static void wait(const std::shared_ptr<Link>& link) {
+    const auto line = link->stream.next();
+    if (!line) return;
+    link->timer.at(line->at, [link, what = line->what, value = line->value] {
+      const auto held = link;
+      if (what == "opened") held->handlers.opened();
+      if (what == "bytes") held->handlers.bytes(held->stream.read(value));
+      if (what == "gone")
+        held->handlers.gone(
+            {std::error_code(static_cast<int>(value), std::generic_category()), "as kept"});
+      if (!held->closed) wait(held);
+    });
+  }
+  std::shared_ptr<Link> link_;
+};
+
+// When the live run did what.
+struct LiveRun {
+  std::optional<HostTime> started, first_slot;
+  UtcTime utc_offset{};
+  std::int64_t slots = 0, slot_ns = 0;
+};
+
+LiveRun read_live_run(const std::string& folder) {
+  Times times(folder, "run");
+  LiveRun run;
+  while (const auto line = times.next()) {
+    if (line->what == "start")
+      run.started = line->at, run.utc_offset = UtcTime(line->value) - line->at;
+    if (line->what == "slots") run.first_slot = line->at, run.slot_ns = line->value;
+    run.slots += line->what == "closed";
+  }
+  if (!run.started || !run.first_slot || run.slots == 0)
+    throw Error(ExitCode::failed, printable(times.path()) + ": tells of no slot that ended");
+  return run;
+}
+
+}  // namespace
+
+bool is_kept(const std::string& folder) { return fs::exists(fs::path(folder) / "run.times"); }
+
+Config kept_config(const std::string& folder, const std::vector<std::string>& assignments) {
+  std::vector<std::string> all{"run.folder="};
+  for (const auto& [key, file] :
+       {std::pair{"radar.cfg=", "radar.cfg"}, std::pair{"run.calibration=", "calibration.toml"}})
+    all.push_back(key + std::string(fs::exists(fs::path(folder) / file) ? file : ""));
+  all.insert(all.end(), assignments.begin(), assignments.end());
+  return load_config(folder + "/lab.toml", all);
+}
+
+std::string import_kept(Config config, const std::string& folder, const std::string& out) {
+  const LiveRun live = read_live_run(folder);
+  port::VirtualLoop loop(live.utc_offset, *live.started);
+  std::vector<std::unique_ptr<Stream>> streams;
+  const auto attach = [&](std::string& address, const char* name, const char* ending) {
+    if (!fs::exists(fs::path(folder) / (std::string(name) + ".times"))) address.clear();
+    if (address.empty()) return;
+    Stream* stream =
+        streams.emplace_back(std::make_unique<Stream>(loop, folder, name, ending)).get();
+    loop.ports[address] = [stream] { return std::make_unique<KeptPort>(*stream); };
+  };
+  // The frames of an OpenNI2 camera are kept as a bridge sends them.
+  if (config.depth.address.starts_with("openni:")) config.depth.address = "bridge:tcp://kept:1";
+  attach(config.tdc.address, "tags", ".blocks");
+  attach(config.radar.cli, "radar-cli", ".txt");
+  attach(config.radar.data, "radar", ".dat");
+  attach(config.depth.address, "depth", ".blocks");
+  if (streams.empty())
+    throw Error(ExitCode::failed,
+                printable(folder) + ": has no bytes of a device of the configuration");
+  config.policy = {"optional", "optional", "optional"};
+  RunOptions options;
+  options.out = fs::absolute(out).string();
+  options.count =
+      std::max<std::int64_t>(1, live.slots * live.slot_ns / from_seconds(config.window_s).count());
+  options.meta = {{"imported_from", utf8_text(fs::path(folder).filename().string())}};
+  options.quiet = true;
+  options.kept_slot = live.first_slot;
+  record_run(config, options, loop);
+  if (interrupted())
+    throw Error(ExitCode::interrupted, printable(out) + ": ends where it was interrupted");
+  return printable(out) + ": the run that these bytes are of, anew";
+}
+
+}  // namespace echofuse::acquire
