@@ -23,9 +23,8 @@ struct Options {
   std::vector<std::string> meta;
   std::string resume, model;
   double duration_s = 0, every_s = 0;
-  std::string file, to, folder;
+  std::string file, folder;
   std::vector<std::string> radar, tdc, depth;
-  std::optional<std::int64_t> record;
   bool json = false, quiet = false, verbose = false, view = false, align = false;
 };
 
