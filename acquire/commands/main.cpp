@@ -22,7 +22,6 @@
 #include "acquire/commands/options.hpp"
 #include "acquire/commands/replay.hpp"
 #include "acquire/config/config.hpp"
-#include "acquire/config/find_config.hpp"
 #include "acquire/devices/devices.hpp"
 #include "acquire/doctor/doctor.hpp"
 #include "acquire/import/import.hpp"

@@ -2,6 +2,7 @@
 // The daemon's configuration: a TOML file, read strictly.
 #pragma once
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -51,5 +52,21 @@ Config load_config(const std::string& path, const std::vector<std::string>& assi
 
 // What the radar's cfg says. Throws as radar::parse_profile.
 radar::RadarProfile parse_profile(const RadarConfig& radar);
+
+struct ConfigPlace {
+  std::string path;
+  std::string name;  // as a text calls it: "$ECHOFUSE_CONFIG", "./lab.toml"
+};
+
+// In the order in which they are looked at: $ECHOFUSE_CONFIG if it is set (then no other),
+// ./lab.toml, $XDG_CONFIG_HOME/echofuse/lab.toml (by default in ~/.config),
+// /etc/echofuse/lab.toml.
+std::vector<ConfigPlace> config_places();
+
+// The first that is there. What $ECHOFUSE_CONFIG names need not be: it was asked for.
+std::optional<ConfigPlace> find_config();
+
+// The same; without one an Error(config) that names all places.
+ConfigPlace require_config();
 
 }  // namespace echofuse::acquire
