@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: MIT
-#include "acquire/import/arrays.hpp"
-
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
@@ -9,6 +7,7 @@
 #include <optional>
 #include <vector>
 
+#include "acquire/import/import.hpp"
 #include "acquire/measurement/depth_map.hpp"
 #include "acquire/measurement/response.hpp"
 #include "acquire/record/run_file.hpp"

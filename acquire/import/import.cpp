@@ -12,7 +12,6 @@
 #include <memory>
 #include <utility>
 
-#include "acquire/import/arrays.hpp"
 #include "acquire/import/picoquant.hpp"
 #include "acquire/import/radar_recording.hpp"
 #include "acquire/record/run_file.hpp"

@@ -2,7 +2,7 @@
 // The `import` command: recordings of other programs become a run.
 //   .dat        the radar's data port, with the .cfg that the board had
 //   .ptu .phu   PicoQuant's time tags and histograms
-//   a folder    NumPy arrays (arrays.hpp)
+//   a folder    NumPy arrays (import_arrays)
 // A record is made of the samples of its slot as in a live run, by the times of the recording; slot
 // 0 begins with it. A .phu gives one record a curve, of the curve's length. Two recordings, one of
 // each sensor, are taken to begin at the same time.
@@ -35,5 +35,16 @@ UtcTime parse_utc(const std::string& text);
 // gives no record anything (failed), the run exists (failed) or cannot be written (disk); the run
 // is made, but one of its files gives it nothing (partial).
 std::string import_recordings(Config config, const ImportOptions& options);
+
+// A folder of NumPy arrays as a run: the way in for histograms and maps of other programs.
+//   spd.npy     [n, bins] counts; a row of NaN: no SPD in that record
+//   radar.npy   [n, points] linear power; a row of NaN: no radar
+//   depth.npy   [n, rows, columns] z, whole numbers of millimetres or float metres; 0, NaN: no
+//               return
+//   run.toml    axes with units, slot length, labels; keys: bind() in arrays.cpp
+// One of the first two is enough. Slot i begins i slot lengths after `began`. Makes the run file
+// `out` and returns one line that says what is in it. Throws Error: run.toml does not fit (config),
+// arrays cannot be read or do not fit each other (failed), disk.
+std::string import_arrays(const std::string& folder, const std::string& out, UtcTime began);
 
 }  // namespace echofuse::acquire
