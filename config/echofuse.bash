@@ -12,10 +12,10 @@ _echofuse() {
   # What stands here: an option, the value of the option before, or else a command or an argument.
   case $before in
     -*) line=$(grep -E -- "^ {2,4}(-[a-z],)?$before [A-Z]" <<<"$options" 2>/dev/null | head -n 1) ;;
-    *) line=$(sed -n '/^Positionals:/,/^$/p' <<<"$help") ;;
+    *) line=$(sed -n '/^[Pp]ositional/,/^$/p' <<<"$help") ;;
   esac
   if [[ $current == -* ]]; then
-    word=$(grep -oE '^ {2,4}(-[a-z],)?--[a-z][a-z-]*' <<<"$options" | grep -o -- '--.*' | sort -u)
+    word=$(grep -oE '^ {2,4}(-[a-z], ?)?--[a-z][a-z-]*' <<<"$options" | grep -o -- '--.*' | sort -u)
   elif [[ $line =~ \{([a-z0-9_.,-]+)\} ]]; then
     word=${BASH_REMATCH[1]//,/ }
   else
@@ -31,4 +31,4 @@ _echofuse() {
     fi
   } | sort -u)
 }
-complete -o filenames -F _echofuse echofuse-acquire echofuse-recon echofuse-sim echofuse-view
+complete -o filenames -F _echofuse echofuse-acquire echofuse-export echofuse-recon echofuse-sim echofuse-view

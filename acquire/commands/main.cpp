@@ -21,7 +21,6 @@
 #include "acquire/devices/ask.hpp"
 #include "acquire/doctor/doctor.hpp"
 #include "acquire/import/import.hpp"
-#include "acquire/record/export.hpp"
 #include "acquire/record/run_file.hpp"
 #include "acquire/record/run_names.hpp"
 #include "acquire/record/run_parts.hpp"
@@ -290,38 +289,6 @@ ExitCode import_files(Options& o) {
   return ExitCode::ok;
 }
 
-// The part that would have this record; the first for one before it.
-std::string file_with(std::int64_t record, const std::vector<std::string>& files) {
-  const auto is_behind = [&](const std::string& file) {
-    return record::RunReader(file).info().first_index > record;
-  };
-  return *std::prev(std::find_if(files.begin() + 1, files.end(), is_behind));
-}
-
-ExitCode export_run(const Options& o) {
-  catch_interrupts();
-  const auto files = files_to_read(o.file);
-  const std::string kind = std::filesystem::path(o.to).extension().string();
-  if (kind == ".csv" && o.record) {
-    record::export_csv(record::RunReader(file_with(*o.record, files)), *o.record, o.to);
-    return ExitCode::ok;
-  }
-  if (kind != ".h5" || o.record)
-    throw Error(ExitCode::usage,
-                "--to " + o.to + ": expected NAME.h5, or NAME.csv with --record N");
-  std::optional<Progress> progress;
-  const auto bad = record::export_h5(files, o.to, [&](std::int64_t done, std::int64_t total) {
-    if (interrupted()) throw Error(ExitCode::interrupted, "interrupted; nothing is exported");
-    if (!progress)
-      progress.emplace("export", static_cast<std::size_t>(total),
-                       o.quiet || !isatty(STDERR_FILENO));
-    progress->update(static_cast<std::size_t>(done));
-  });
-  if (bad == 0) return ExitCode::ok;
-  spdlog::error("{} records could not be read; they are marked in {}", bad, o.to);
-  return ExitCode::partial;
-}
-
 ExitCode dispatch(const std::string& command, Options& o) {
   OutputQueue messages(STDERR_FILENO, [](std::size_t count) {
     return (isatty(STDERR_FILENO) ? "\r\033[K" : "") + std::to_string(count) +
@@ -335,7 +302,6 @@ ExitCode dispatch(const std::string& command, Options& o) {
   if (command == "config check") return check_config(o);
   if (command == "config show") return show_config(o);
   if (command == "info") return info(o);
-  if (command == "export") return export_run(o);
   if (command == "calibrate") return calibrate_sensors(o);
   if (command == "annotate") return annotate(o);
   if (command == "list") return list(o);

@@ -146,15 +146,6 @@ void add_file_commands(CLI::App& app, Options& o) {
   info->add_flag("--json", o.json, "the same as JSON, with the numbers by name");
   add_examples(*info, {"echofuse-acquire info monday.sqlite"});
 
-  auto* exporter = app.add_subcommand("export", "a run as HDF5, or one record as CSV");
-  add_file(*exporter, o);
-  exporter->add_option("--to", o.to, "NAME.h5, or NAME.csv with --record")
-      ->type_name("FILE")
-      ->required();
-  exporter->add_option("--record", o.record, "index of the record for CSV");
-  add_examples(*exporter, {"echofuse-acquire export monday.sqlite --to monday.h5",
-                           "echofuse-acquire export monday.sqlite --record 0 --to first.csv"});
-
   auto* annotate =
       app.add_subcommand("annotate", "a note into a run, live or not, or a live one's next label");
   add_file(*annotate, o);

@@ -23,8 +23,7 @@ struct Options {
   std::vector<std::string> meta;
   std::string resume, model;
   double duration_s = 0, every_s = 0;
-  std::string file, to, folder;
-  std::optional<std::int64_t> record;
+  std::string file, folder;
   bool json = false, quiet = false, verbose = false, view = false, align = false;
 };
 

@@ -11,7 +11,7 @@
 #include "drivers/program/exit_code.hpp"
 #include "drivers/program/new_file.hpp"
 #include "drivers/program/settings.hpp"
-#include "drivers/radar/firmware_bias.hpp"
+#include "drivers/radar/sdk.hpp"
 
 namespace echofuse::acquire {
 namespace {

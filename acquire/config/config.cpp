@@ -244,6 +244,13 @@ void judge(Judge judge, Config& c, const Keys& k, const std::filesystem::path& f
     judge.attempt({"depth.address"}, [&] { check_depth(c.depth.address); });
 }
 
+std::string variable(const char* name) {
+  const char* value = std::getenv(name);
+  return value ? value : "";
+}
+
+bool named_by_environment() { return !variable("ECHOFUSE_CONFIG").empty(); }
+
 }  // namespace
 
 radar::RadarProfile parse_profile(const RadarConfig& radar) {
@@ -290,17 +297,6 @@ Config load_config(const std::string& path, const std::vector<std::string>& assi
   config.shown = settings.with_origins();
   return config;
 }
-
-namespace {
-
-std::string variable(const char* name) {
-  const char* value = std::getenv(name);
-  return value ? value : "";
-}
-
-bool named_by_environment() { return !variable("ECHOFUSE_CONFIG").empty(); }
-
-}  // namespace
 
 std::vector<ConfigPlace> config_places() {
   if (named_by_environment()) return {{variable("ECHOFUSE_CONFIG"), "$ECHOFUSE_CONFIG"}};

@@ -147,12 +147,10 @@ struct Event {
   std::string utc, level, source, text;
 };
 
-// A column of a table, in the order of its rows. A NULL is null_integer, not a number, or "".
-struct Column {
-  std::string name;
-  std::variant<std::vector<std::int64_t>, std::vector<double>, std::vector<std::string>> values;
+struct Anchor {  // one moment by both clocks
+  HostTime mono{};
+  UtcTime utc{};
 };
-inline constexpr std::int64_t null_integer = std::numeric_limits<std::int64_t>::min();
 
 // A run in numbers, without reading the sensors' data.
 struct RunSummary {
@@ -215,6 +213,8 @@ class RunReader {
   std::vector<DeviceInfo> devices() const;
   std::vector<CalibrationEntry> calibrations() const;
   Antennas antennas() const;  // empty if the radar sent no samples of them
+  std::map<std::string, std::string> policies() const;  // by sensor
+  std::vector<Anchor> anchors() const;
   std::vector<Event> events() const;
   std::vector<Event> last_events(std::size_t most) const;  // oldest first
   std::vector<Counted> counters() const;                   // of an older file: as one part
@@ -229,8 +229,6 @@ class RunReader {
   // Degrees of the radar's chip by place (rx0, pm ...) in the last record that has them.
   std::vector<std::pair<std::string, int>> radar_temperatures() const;
   PerSensor<std::int64_t> late() const;  // tags, radar frames, depth frames after their slot
-  std::vector<std::string> table_names() const;              // of all its tables
-  std::vector<Column> table(const std::string& name) const;  // without the blobs
   // Of the last record, or of a mark after it; none in a run without either.
   std::optional<std::string> last_label() const;
   // Records in index order from `first` on; the callback returns false to stop. A record whose

@@ -54,10 +54,6 @@ RunFiles files_of(const std::string& name);
 // read. However many there are, two or three are opened.
 std::string last_file_of(const std::string& name);
 
-// The tables of a run of these files, by name, without the blobs. What each part has from the one
-// before it is that of the last. Throws Error(failed), also if parts are of other versions.
-std::map<std::string, std::vector<Column>> joined_tables(const std::vector<std::string>& files);
-
 // The part of this number, which is begun after `part` with the record `first_index`: with all that
 // the run has beside its records and events. Throws as RunWriter.
 std::unique_ptr<RunWriter> next_part(const std::string& part, std::int64_t number,

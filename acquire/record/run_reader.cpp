@@ -199,6 +199,26 @@ std::vector<CalibrationEntry> RunReader::calibrations() const {
   return out;
 }
 
+std::map<std::string, std::string> RunReader::policies() const {
+  Statement s = ask("SELECT sensor, policy FROM policy");
+  std::map<std::string, std::string> out;
+  while (s.step()) {
+    const std::string sensor = s.text();
+    out[sensor] = s.text();
+  }
+  return out;
+}
+
+std::vector<Anchor> RunReader::anchors() const {
+  Statement s = ask("SELECT mono_ns, utc_ns FROM anchor ORDER BY rowid");
+  std::vector<Anchor> out;
+  while (s.step()) {
+    const HostTime mono(s.integer());
+    out.push_back({mono, UtcTime(s.integer())});
+  }
+  return out;
+}
+
 std::vector<Event> RunReader::events() const {
   Statement s = ask("SELECT utc, level, source, text FROM event ORDER BY id");
   return read_events(s);

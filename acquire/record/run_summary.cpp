@@ -153,11 +153,7 @@ std::optional<std::string> RunReader::last_label() const {
 void RunReader::summarise_sync(RunSummary& sum) const {
   Statement incomplete = ask("SELECT count(idx) FROM incomplete");
   if (incomplete.step()) sum.incomplete = incomplete.integer();
-  Statement policies = ask("SELECT sensor, policy FROM policy");
-  while (policies.step()) {
-    const std::string sensor = policies.text();
-    sum.policies[sensor] = policies.text();
-  }
+  sum.policies = policies();
   for (const Sensor s : all_sensors) {
     const std::string name = name_of(s);
     const std::string sql = "SELECT " + name + "_offset_s, " + name + "_drift_ppm, " + name +

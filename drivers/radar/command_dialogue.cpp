@@ -11,6 +11,7 @@ namespace {
 
 constexpr std::string_view prompt_end = ":/>";  // "mmwDemo:/>"; labs have other names before it
 constexpr std::size_t max_line = 512, max_answer_lines = 64;
+constexpr std::size_t longest_answer = 4096;  // to sensorStop, bytes
 constexpr int max_tries = 3;
 
 std::string trimmed(std::string_view text) {
@@ -223,5 +224,20 @@ void CommandDialogue::fail(const std::string& what) {
   deadline_.reset();
   drain_end_.reset();
 }
+
+void StopDialogue::receive(ByteView bytes) {
+  for (const std::uint8_t byte : bytes) {
+    if (answer_.size() == longest_answer) answer_.clear();
+    answer_ += static_cast<char>(byte);
+    if (!answer_.ends_with(prompt_end)) continue;
+    const std::string answer = std::exchange(answer_, {});
+    if (!std::exchange(sent_, true))
+      output_ = line;
+    else  // a prompt without a verdict is a leftover
+      done_ = done_ || answer.find("Done") != answer.npos;
+  }
+}
+
+std::string StopDialogue::take_output() { return std::exchange(output_, {}); }
 
 }  // namespace echofuse::radar

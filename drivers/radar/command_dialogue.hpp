@@ -31,7 +31,7 @@
 #include "drivers/core/bytes.hpp"
 #include "drivers/core/clock.hpp"
 #include "drivers/core/driver.hpp"
-#include "drivers/radar/firmware_bias.hpp"
+#include "drivers/core/sample.hpp"
 #include "drivers/radar/profile.hpp"
 
 namespace echofuse::radar {
@@ -105,6 +105,25 @@ class CommandDialogue {
   std::string failure_, remark_, output_, platform_, firmware_;
   std::vector<Event> events_;
   std::vector<FirmwareBias> biases_;
+};
+
+// The last words to a radar: `sensorStop`, so that it does not radiate when nobody listens.
+// As CommandDialogue without ports, and without clocks: who uses it gives up in time.
+class StopDialogue {
+ public:
+  // `busy`: the firmware carries out a command. It has no room for another one until its prompt.
+  explicit StopDialogue(bool busy) : sent_(!busy) {
+    if (sent_) output_ = line;
+  }
+  void receive(ByteView bytes);
+  std::string take_output();
+  // The firmware answered that it has stopped.
+  bool done() const { return done_; }
+
+ private:
+  static constexpr const char* line = "sensorStop\n";
+  std::string answer_, output_;
+  bool sent_, done_ = false;
 };
 
 }  // namespace echofuse::radar

@@ -16,7 +16,6 @@
 #include "drivers/radar/frame_parser.hpp"
 #include "drivers/radar/profile.hpp"
 #include "drivers/radar/silence.hpp"
-#include "drivers/radar/stop_dialogue.hpp"
 
 namespace echofuse::radar {
 

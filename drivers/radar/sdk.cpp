@@ -2,12 +2,14 @@
 #include "drivers/radar/sdk.hpp"
 
 #include <algorithm>
+#include <cstdio>
 #include <cstdlib>
 #include <sstream>
 
 namespace echofuse::radar {
 namespace {
 
+constexpr const char* bias_command = "compRangeBiasAndRxChanPhase";
 constexpr std::string_view new_command = "calibData";
 constexpr std::pair new_sdk{3, 5};
 
@@ -125,6 +127,28 @@ std::string advice_for_start(const std::vector<CfgLine>& cfg, std::string_view f
            other_file(cfg_name.find("44mm") == cfg_name.npos ? "50cm" : "44mm",
                       sdk && *sdk < new_sdk);
   return {};
+}
+
+std::optional<FirmwareBias> parse_firmware_bias(const std::string& line) {
+  std::istringstream words(line);
+  std::string command;
+  FirmwareBias out;
+  out.lines = 1;
+  if (!(words >> command >> out.range_bias_m) || command != bias_command) return std::nullopt;
+  for (double v; words >> v;) out.re_im.push_back(v);
+  const bool whole = words.eof() && !out.re_im.empty() && out.re_im.size() % 2 == 0;
+  return whole ? std::optional(out) : std::nullopt;
+}
+
+std::string to_line(const FirmwareBias& bias) {
+  char text[32];
+  std::snprintf(text, sizeof text, " %.7f", bias.range_bias_m);
+  std::string line = std::string(bias_command) + text;
+  for (const double v : bias.re_im) {  // more decimals overflow the firmware's line
+    std::snprintf(text, sizeof text, " %.5f", v);
+    line += text;
+  }
+  return line;
 }
 
 }  // namespace echofuse::radar

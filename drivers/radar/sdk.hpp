@@ -10,6 +10,7 @@
 #include <utility>
 #include <vector>
 
+#include "drivers/core/sample.hpp"
 #include "drivers/radar/profile.hpp"
 
 namespace echofuse::radar {
@@ -30,5 +31,11 @@ std::string advice_for_unknown(const std::string& command, std::string_view firm
 // Explains a start that gave no reason: the limits of the front end.
 std::string advice_for_start(const std::vector<CfgLine>& cfg, std::string_view firmware,
                              std::string_view cfg_name, bool without_reason);
+
+// The line in which the firmware tells of its calibration, and in which a .cfg gives it back:
+//   compRangeBiasAndRxChanPhase <bias in m> <re> <im> ... (a pair for each virtual antenna)
+// None for any other line, and for one without whole pairs.
+std::optional<FirmwareBias> parse_firmware_bias(const std::string& line);
+std::string to_line(const FirmwareBias& bias);
 
 }  // namespace echofuse::radar

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "acquire/config/calibration.hpp"
 
-#include "drivers/radar/firmware_bias.hpp"
+#include "drivers/radar/sdk.hpp"
 #include "testing.hpp"
 
 using namespace echofuse;

@@ -55,7 +55,7 @@ TEST_CASE("no run without a required device") {
 
 TEST_CASE("help, version and usage errors") {
   for (const char* command :
-       {"", "run", "devices", "doctor", "config", "config check", "config show", "info", "export",
+       {"", "run", "devices", "doctor", "config", "config check", "config show", "info",
         "annotate", "list", "calibrate", "import"}) {
     const Outcome o = acquire(std::string(command) + " --help");
     CAPTURE(command, o.text);
@@ -84,10 +84,8 @@ TEST_CASE("help, version and usage errors") {
 TEST_CASE("files that are not there or not runs") {
   const Folder folder;
   write_file(folder / "text.sqlite", "no database");
-  for (const char* command : {"info ", "export --to x.h5 "}) {
-    refuses(command + folder / "none.sqlite", 1, "none.sqlite: No such file");
-    refuses(command + folder / "text.sqlite", 1, "text.sqlite: not an echofuse run file");
-  }
+  refuses("info " + folder / "none.sqlite", 1, "none.sqlite: No such file");
+  refuses("info " + folder / "text.sqlite", 1, "text.sqlite: not an echofuse run file");
 }
 
 TEST_CASE("bad configurations and targets of a run") {
@@ -137,7 +135,7 @@ TEST_CASE("a FIFO in place of a file is refused, and nobody waits for its writer
   REQUIRE(::mkfifo((folder / "f.sqlite").c_str(), 0666) == 0);
   const std::string fifo = folder / "f.sqlite", why = "f.sqlite: is a FIFO; expected a regular";
   for (const std::string& command :
-       {"info " + fifo, "annotate " + fifo + " x", "export " + fifo + " --to " + folder / "x.h5"})
+       {"info " + fifo, "annotate " + fifo + " x"})
     refuses(command, 1, why);
   refuses("info /dev/null", 1, "/dev/null: is a device; expected a regular file");
   refuses("config check --config " + fifo, 3, why);
@@ -261,7 +259,7 @@ TEST_CASE("devices without a configuration only lists what is attached") {
   refuses("devices --config " + folder / "none.toml", 3, "none.toml: cannot read");
 }
 
-TEST_CASE("info and export of a run") {
+TEST_CASE("info of a run") {
   const Folder folder;
   const std::string run = folder / "a.sqlite";
   write_run(run, 6);
@@ -274,59 +272,6 @@ TEST_CASE("info and export of a run") {
   CHECK(info["axes"].size() == 4);
   CHECK(info["window_s"] == 0.2);
   CHECK(has(acquire("info " + run).text, "6 records, complete"));
-  CHECK(acquire("export " + run + " --to " + folder / "a.h5").code == 0);
-  CHECK(fs::file_size(folder / "a.h5") > 1000);
-  CHECK(acquire("export " + run + " --record 2 --to " + folder / "a.csv").code == 0);
-  refuses("export " + run + " --to " + folder / "a.h5", 1, "a.h5: exists already");
-  refuses("export " + run + " --to " + folder / "a.txt", 2, "expected NAME.h5, or NAME.csv");
-  refuses("export " + run + " --to " + folder / "b.csv", 2, "with --record N");
-  refuses("export " + run + " --record 6 --to " + folder / "b.csv", 1, "no record 6");
-}
-
-TEST_CASE("an export that the disk does not take says so in one line, and leaves nothing") {
-  const Folder folder;
-  write_run(folder / "a.sqlite", 500);
-  const std::string out = folder / GENERATE("a.h5", "a.csv");
-  const std::string blocks = out.ends_with("csv") ? "0" : GENERATE("0", "40");  // of 512 bytes
-  const std::string command = " export " + folder / "a.sqlite" + " --to " + out;
-  const Outcome o = shell("export TMPDIR=" + folder.path.string() + "; ulimit -f " + blocks + "; " +
-                          echofuse::test::bin_dir + "/echofuse-acquire" + command +
-                          (out.ends_with("csv") ? " --record 1" : ""));
-  CHECK(o.code == 6);
-  CHECK(std::count(o.text.begin(), o.text.end(), '\n') == 1);
-  CHECK(o.text.starts_with("echofuse-acquire: " + folder / "."));
-  CHECK(has(o.text, out.ends_with("csv") ? "cannot write" : " (File too large)\n"));
-  CHECK(std::distance(fs::directory_iterator(folder.path), {}) == 2);  // the run and its lock
-}
-
-TEST_CASE("an export that is interrupted or killed is not there, and is made anew") {
-  const Folder folder;
-  const std::string run = folder / "a.sqlite", out = folder / "a.h5";
-  {
-    echofuse::record::RunWriter writer(run, {});
-    for (const auto& axis : small_axes()) writer.put_axis(axis);
-    std::vector<echofuse::record::FusedRecord> records;
-    for (std::int64_t i = 0; i < 2'000; ++i) records.push_back(small_record(i));
-    writer.append(records);
-    writer.close("complete");
-  }
-  const auto files = [&] { return std::distance(fs::directory_iterator(folder.path), {}); };
-  const int signal = GENERATE(SIGINT, SIGKILL);
-  const auto program = echofuse::start_program({"env", "TMPDIR=" + folder.path.string(),
-                                                echofuse::test::bin_dir + "/echofuse-acquire",
-                                                "export", run, "--to", out});
-  REQUIRE(static_cast<bool>(program));
-  for (int i = 0; i < 10'000 && files() < 4; ++i)
-    std::this_thread::sleep_for(std::chrono::milliseconds(1));
-  std::this_thread::sleep_for(std::chrono::milliseconds(20));
-  REQUIRE(::kill(*program, signal) == 0);
-  CHECK(echofuse::wait_for_program(*program) == (signal == SIGINT ? 130 : 128 + SIGKILL));
-  CHECK_FALSE(fs::exists(out));
-  if (signal == SIGINT) CHECK(files() == 2);
-  CHECK(shell("TMPDIR=" + folder.path.string() + " " + echofuse::test::bin_dir +
-              "/echofuse-acquire export " + run + " --to " + out)
-            .code == 0);
-  CHECK(files() == 3);
 }
 
 TEST_CASE("a run goes by its file and by the name that --out gave it") {

@@ -8,7 +8,6 @@
 #include <random>
 #include <sstream>
 
-#include "acquire/record/export.hpp"
 #include "testing.hpp"
 
 using namespace echofuse;
@@ -211,26 +210,4 @@ TEST_CASE("a beam finds a wave's direction and power, by the channels' errors of
   const double off = 0.1, half = std::numbers::pi * off / 2;
   CHECK(beam_power(bin, antennas, u + off) ==
         Approx(power * std::pow(std::sin(8 * half) / (8 * std::sin(half)), 2)).epsilon(1e-3));
-}
-
-TEST_CASE("CSV has the power over range and azimuth of a record with antennas") {
-  const Folder folder;
-  write_run(folder / "a.sqlite");
-  const RunReader run(folder / "a.sqlite");
-  export_csv(run, 0, folder / "a.csv");
-  export_csv(run, 1, folder / "b.csv");
-  const auto text_of = [&](const char* name) {
-    std::stringstream text;
-    text << std::ifstream(folder / name).rdbuf();
-    return text.str();
-  };
-  const std::string with = text_of("a.csv"), without = text_of("b.csv");
-  CHECK(has(with, "mean over 5 frames"));
-  std::ostringstream line;
-  line.precision(std::numeric_limits<float>::max_digits10);
-  const auto kept = run.read(0);
-  line << "\narray,0.25," << beam_cosine(3) << ","
-       << beam_power(bin_of(kept.array, 8, 1), run.antennas(), beam_cosine(3)) << "\n";
-  CHECK(has(with, line.str()));
-  CHECK_FALSE(has(without, "array"));
 }

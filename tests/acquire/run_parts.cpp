@@ -12,11 +12,9 @@
 
 #include "acquire/commands/commands.hpp"
 #include "acquire/record/catalogue.hpp"
-#include "acquire/record/export.hpp"
 #include "acquire/record/run_names.hpp"
 #include "acquire/record/writer_lock.hpp"
 #include "acquire/run/resume.hpp"
-#include "h5_reader.hpp"
 #include "testing.hpp"
 
 using namespace echofuse;
@@ -76,8 +74,7 @@ TEST_CASE("a part has what the run was begun with, and its first record's index"
   CHECK(second.outlines(0).at(0).index == 3);
   CHECK(second.info().first_index == 3);
   record::RunWriter(parts.path(2)).close("complete");
-  const auto part = record::RunReader(parts.path(2)).table("part");
-  CHECK(std::get<std::vector<std::int64_t>>(part.at(1).values) == std::vector<std::int64_t>{3, 6});
+  CHECK(record::RunReader(parts.path(2)).info().first_index == 3);
   const record::Part is = record::part_of(parts.path(2), second.info());
   CHECK(is.number == 2);
   CHECK(is.records == 3);
@@ -228,7 +225,7 @@ TEST_CASE("the last part of a run is found from the end, past what is only named
   CHECK(last() == parts.folder / "a.sqlite");
 }
 
-TEST_CASE("info and an export of a run in parts hold the records of all") {
+TEST_CASE("info of a run in parts holds the records of all") {
   const Parts parts;
   parts.begin();
   for (const int part : {1, 2}) parts.go_on(part);
@@ -243,20 +240,6 @@ TEST_CASE("info and an export of a run in parts hold the records of all") {
   CHECK(told["axes"].size() == 4);
   CHECK(told["started_utc"] == record::RunReader(parts.path(1)).info().started_utc);
   CHECK(has(acquire::describe_run(files, false), "a.sqlite: 9 records, complete\n  parts     3, "));
-  CHECK(record::export_h5(files, parts.folder / "a.h5") == 0);
-  const H5Reader in(parts.folder / "a.h5");
-  CHECK(in.read<std::int64_t>("/entry/data/index") ==
-        std::vector<std::int64_t>{0, 1, 2, 3, 4, 5, 6, 7, 8});
-  CHECK(in.shape("/entry/data/spd") == std::vector<std::size_t>{9, 8});
-  CHECK(in.shape("/entry/tables/record/idx") == std::vector<std::size_t>{9});
-  CHECK(in.shape("/entry/tables/axis/count") == std::vector<std::size_t>{4});
-  const Outcome one = testing::acquire("export " + parts.folder / "a" + " --record 4 --to " +
-                                       parts.folder / "a.csv");
-  CHECK(one.code == 0);
-  CHECK(has(contents(parts.folder / "a.csv"), "# record 4 of " + parts.path(2)));
-  sql(parts.path(3), "ALTER TABLE counter DROP COLUMN part");
-  const auto other = [&] { record::export_h5(files, parts.folder / "b.h5"); };
-  CHECK(has(error_of(other).second, "other columns of the table counter"));
 }
 
 TEST_CASE("a name of a run may hold points, and no percent sign but that of a time") {

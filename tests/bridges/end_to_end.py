@@ -105,7 +105,7 @@ class Recording(unittest.TestCase):
 
     def export(self, index):
         path = self.dir / f"{index}.csv"
-        subprocess.run([daemon_program, "export", self.dir / "run.sqlite", "--record", str(index), "--to", path],
+        subprocess.run([daemon_program.with_name("echofuse-export"), self.dir / "run.sqlite", "--record", str(index), "--to", path],
                        check=True, stderr=subprocess.DEVNULL)
         with open(path, encoding="utf-8") as file:
             rows = [row for row in csv.reader(file) if row[0] == "depth"]

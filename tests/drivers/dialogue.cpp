@@ -2,7 +2,6 @@
 #include <catch2/catch.hpp>
 
 #include "drivers/radar/command_dialogue.hpp"
-#include "drivers/radar/stop_dialogue.hpp"
 #include "hex.hpp"
 
 using namespace echofuse;

@@ -96,7 +96,7 @@ class Freeze:
 
     def run_file(self, name: str) -> None:
         self.say(f"{name} info", json_digest(self.run("bin/echofuse-acquire", "info", f"{name}.sqlite", "--json")))
-        self.run("bin/echofuse-acquire", "export", f"{name}.sqlite", "--to", f"{name}.h5")
+        self.run("bin/echofuse-export", f"{name}.sqlite", "--to", f"{name}.h5")
         self.say(f"{name} export", h5_digest(self.work / f"{name}.h5"))
 
     def virtual_day(self) -> None:
@@ -137,7 +137,7 @@ class Freeze:
         self.say(f"{model} tensors", digest(*tensors))
 
     def help_texts(self) -> None:
-        for program in ("acquire", "recon", "view", "sim"):
+        for program in ("acquire", "recon", "view", "sim", "export"):
             self.help_of(f"bin/echofuse-{program}", [])
 
     def help_of(self, program: str, words: list[str]) -> None:

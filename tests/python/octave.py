@@ -37,7 +37,7 @@ with tempfile.TemporaryDirectory(prefix="octave-") as name:
     folder = pathlib.Path(name)
     run = folder / "monday.sqlite"
     subprocess.run([bin_dir / "echofuse-sim", "dataset", "-q", "--out", run, "--records", "12"], check=True)
-    subprocess.run([bin_dir / "echofuse-acquire", "export", run, "--to", folder / "monday.h5"], check=True)
+    subprocess.run([bin_dir / "echofuse-export", run, "--to", folder / "monday.h5"], check=True)
     (folder / "h5read.m").write_text(h5read)
     (folder / "h5read.py").write_text(by_h5py)
     (folder / "manual.m").write_text(example + "\nprintf('%d ', size(spd), sum(spd(:)), ps(2) - ps(1), size(depth_mm)); printf('\\n');\n"

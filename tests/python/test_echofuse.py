@@ -18,7 +18,6 @@ from programs import BIN, program
 def folder(tmp_path_factory):
     made = tmp_path_factory.mktemp("runs")
     program("echofuse-sim", "dataset", "-q", "--out", made / "monday.sqlite", "--records", 60)
-    program("echofuse-acquire", "export", made / "monday.sqlite", "--to", made / "monday.h5")
     return made
 
 
@@ -35,6 +34,7 @@ def test_a_run_by_its_name(folder):
 
 def test_the_arrays_are_those_of_the_hdf5_export(folder):
     h5py = pytest.importorskip("h5py")
+    program("echofuse-export", folder / "monday.sqlite", "--to", folder / "monday.h5")
     run = echofuse.open(folder / "monday")
     with h5py.File(folder / "monday.h5") as file:
         assert np.array_equal(file["entry/data/spd"][:], run.spd)

@@ -37,7 +37,7 @@ class FirstVersion(unittest.TestCase):
         self.assertEqual((info["valid"], info["tags"]), ({"spd": 3, "radar": 3, "depth": 3}, 224836))
         self.assertEqual({axis["name"]: axis["count"] for axis in info["axes"]},
                          {"map_x": 64, "map_y": 64, "spd": 336, "radar": 64, "depth_x": 320, "depth_y": 240})
-        self.call("acquire", "export", self.run_file, "--to", self.dir / "first.h5x.h5")
+        self.call("export", self.run_file, "--to", self.dir / "first.h5x.h5")
         self.call("acquire", "annotate", self.run_file, "opened again")
         [entry] = json.loads(self.call("acquire", "list", "--json", self.dir))
         self.assertEqual(entry["notes"], ["opened again"])

@@ -94,7 +94,7 @@ class Installed(unittest.TestCase):
 
     def test_manual_pages(self):
         pages = {path.name for path in (self.prefix / "share/man/man1").iterdir()}
-        for name in ("acquire", "acquire-run", "acquire-config-show", "recon-study-stability", "view", "sim-lab",
+        for name in ("acquire", "acquire-run", "acquire-config-show", "recon-study-stability", "view", "sim-lab", "export",
                      "bridge-timetagger"):
             self.assertIn(f"echofuse-{name}.1", pages)
         run_page = (self.prefix / "share/man/man1/echofuse-acquire-run.1").read_text()

@@ -261,7 +261,7 @@ class Live(unittest.TestCase):
         self.assertEqual(tool(acquire, "annotate", self.run).returncode, 2)
         self.assertEqual(tool(acquire, "run", "--config", self.dir / "lab/lab.toml", "--resume", self.run).returncode, 1)
         wait_for("records", lambda: self.committed() >= first + 3)
-        self.assertEqual(tool(acquire, "export", self.run, "--to", self.dir / "live.h5").returncode, 0)
+        self.assertEqual(tool(bin_dir / "echofuse-export", self.run, "--to", self.dir / "live.h5").returncode, 0)
         daemon.send_signal(signal.SIGINT)
         log = self.finish(daemon)
         self.assertEqual(daemon.returncode, 0, log)

@@ -60,7 +60,7 @@ acquire run --duration 5 | 2 | --duration: expected a number with its unit, as 2
 acquire run --count 3 --duration 5s | 2 | --count does not go with --duration
 acquire run --duration 99999999999h | 2 | --duration: expected at most 87660h, ten years
 acquire calibrate --distance -1 | 2 | --distance: Value -1 not in range 0.1 to 100
-acquire export seen.sqlite --to x.txt | 2 | --to x.txt: expected NAME.h5, or NAME.csv with --record N
+export seen.sqlite --to x.txt | 2 | --to x.txt: expected NAME.h5 or NAME.nc, or NAME.csv with --record N
 acquire info dark.toml | 1 | dark.toml
 acquire annotate seen.sqlite | 2 | expected either a text or --label TEXT
 acquire list nofolder | 1 | nofolder

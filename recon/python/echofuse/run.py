@@ -2,6 +2,7 @@
 """A run file (acquire/README.md) as arrays: sqlite3 and numpy, nothing else."""
 from __future__ import annotations
 
+import copy
 import html
 import pathlib
 import time
@@ -14,13 +15,14 @@ from typing import Any, Iterator, overload
 import numpy as np
 from numpy.typing import NDArray
 
-from . import grid
+from . import antennas, grid
 from .grid import decode_png16, shifted
 from .record import Record
-from .run_files import connect, files_of, parts_of
+from .run_files import connect, files_of, parts_of, table
 
 SENSORS = {"spd": 1, "radar": 2, "depth": 4}  # bits of record.valid
 PS_PER_M = 2e12 / 299_792_458.0  # there and back
+MOST_POINTS, MOST_PIXELS = 1 << 24, 1 << 23
 
 
 @dataclass(frozen=True)
@@ -87,8 +89,7 @@ class Run:
 
     def __exit__(self, *_: object) -> None:
         """Lets the arrays go; no file stays open between two calls."""
-        for name in ("spd", "radar", "depth", "lags_axis", "_pairs"):
-            self.__dict__.pop(name, None)
+        self._forget()
 
     def __iter__(self) -> Iterator[Record]:
         return (Record(self, row) for row in range(len(self)))
@@ -106,10 +107,22 @@ class Run:
 
     def refresh(self) -> "Run":
         """Takes the records that came since; of use while the run is recorded."""
-        for name in ("spd", "radar", "depth", "lags_axis", "_pairs"):
-            self.__dict__.pop(name, None)
+        self._forget()
         self._read()
         return self
+
+    def rows(self, first: int, last: int) -> "Run":
+        """The records of rows first to last - 1 as a run, to go through a long one in blocks; axes, tables and events stay
+        those of the whole."""
+        part = copy.copy(self)
+        part._forget()
+        part.index, part.labels, part.time = self.index[first:last], self.labels[first:last], self.time[first:last]
+        part.valid = {name: mask[first:last].copy() for name, mask in self.valid.items()}
+        return part
+
+    def _forget(self) -> None:
+        for name in ("spd", "radar", "depth", "lags_axis", "_pairs"):
+            self.__dict__.pop(name, None)
 
     def follow(self, *, pause_s: float = 0.2) -> Iterator[int]:
         """The rows of the records, those that are there and then each one that comes, until the run is closed. The arrays
@@ -127,7 +140,12 @@ class Run:
         self.files, self.missing = files_of(self.path)
         with closing(connect(self.files[0])) as db:
             self.axes: dict[str, Axis] = {row[0]: Axis(*row) for row in db.execute(
-                "SELECT name, quantity, unit, count, start, step, scale FROM axis")}
+                "SELECT name, quantity, unit, CAST(count AS INTEGER), CAST(start AS REAL), CAST(step AS REAL),"
+                " CAST(scale AS REAL) FROM axis")}
+            for name, axis in self.axes.items():
+                if not 0 <= axis.count <= MOST_POINTS or not abs(axis.start) < 1e15 or not 1e-15 < abs(axis.step) < 1e15:
+                    raise ValueError(f"{self.path}: axis {name}: {axis.count} points from {axis.start:g} by {axis.step:g}; "
+                                     f"expected those of a measurement, at most {MOST_POINTS}")
             cursor = db.execute("SELECT * FROM run")
             self.info: dict[str, Any] = dict(zip((column[0] for column in cursor.description), cursor.fetchone()))
             known = {name for (name,) in db.execute("SELECT name FROM sqlite_master")}
@@ -156,6 +174,22 @@ class Run:
             with closing(connect(path)) as db:
                 out += db.execute(sql, values).fetchall()
         return out
+
+    def of_records(self, columns: str, table: str = "record") -> list[Any]:
+        """Columns of a table that has a row a record, of the records at hand."""
+        if not len(self):
+            return []
+        return self.select(f"SELECT {columns} FROM {table} WHERE idx BETWEEN ? AND ? ORDER BY idx",
+                           int(self.index[0]), int(self.index[-1]))
+
+    @property
+    def tables(self) -> list[str]:
+        """Names of all tables of the files."""
+        return sorted({name for (name,) in self.select("SELECT name FROM sqlite_master WHERE type = 'table'")})
+
+    def table(self, name: str) -> dict[str, NDArray[Any]]:
+        """All columns of a table but blobs, of all files (run_files.table)."""
+        return table(self.files, name)
 
     def __len__(self) -> int:
         return len(self.index)
@@ -190,6 +224,8 @@ class Run:
     def depth(self) -> NDArray[np.float32]:
         """z in metres [n, rows, columns] of the camera's image; NaN where nothing came back."""
         size = tuple(self.axes[name].count if name in self.axes else 0 for name in ("depth_y", "depth_x"))
+        if size[0] * size[1] > MOST_PIXELS:
+            raise ValueError(f"{self.path}: depth has {size[0] * size[1]} pixels; expected at most {MOST_PIXELS}")
         out = np.full((len(self), *size), np.nan, np.float32)
         for row, png in self._blobs("depth"):
             image = decode_png16(png, size)
@@ -266,23 +302,17 @@ class Run:
         axis = self.lags_axis
         if axis is None:
             return np.zeros((len(self), 0, 1), np.float32)
-        antennas = int(self.axes["array"].scale)
-        # As acquire/measurement/radar_array.hpp has it: of each bin its power, and integers in units of it.
-        stored = np.dtype([("power", "<f4"), ("values", "<i2", antennas * (antennas + 2) + 2)])
-        first, last = np.triu_indices(antennas, 1)
+        count = int(self.axes["array"].scale)
+        first, last = np.triu_indices(count, 1)
         response = np.array([gain * np.exp(1j * phase) for *_, gain, phase in self.antennas])
-        blobs = dict(self.select("SELECT idx, array FROM radar_array"))
         out = np.zeros((len(self), axis.count, 1 + 2 * int(axis.scale)))
-        for row, index in enumerate(self.index.tolist()):
-            if not blobs.get(index) or not self.valid["radar"][row]:
-                continue
-            bins = np.frombuffer(blobs[index], stored)
+        for row, bins in antennas.bins(self):
             values = bins["values"] / 32767 * bins["power"][:, None].astype(float)
-            r = np.zeros((axis.count, antennas, antennas), complex)
-            of_two = values[:, 3 * antennas:-2]
+            r = np.zeros((axis.count, count, count), complex)
+            of_two = values[:, 3 * count:-2]
             r[:, first, last] = of_two[:, 0::2] + 1j * of_two[:, 1::2]
             r[:, last, first] = r[:, first, last].conj()
-            out[row, :, 0] = (values[:, 2 * antennas:3 * antennas] / abs(response) ** 2).mean(1)
+            out[row, :, 0] = (values[:, 2 * count:3 * count] / abs(response) ** 2).mean(1)
             across = max(self._pairs[0])
             for before, lags in zip((0, across), self._pairs):
                 for lag, pairs in lags.items():
@@ -306,8 +336,8 @@ class Run:
 
     def _clicks(self) -> list[tuple[float, float]]:
         """Clicks of each record, and clicks a laser pulse (0: not known)."""
-        known = dict(self.select("SELECT idx, clicks_a_pulse FROM signal"))
-        rows = self.select("SELECT idx, in_range + out_of_range, starts FROM record ORDER BY idx")
+        known = dict(self.of_records("idx, clicks_a_pulse", "signal"))
+        rows = self.of_records("idx, in_range + out_of_range, starts")
         return [(clicks, known.get(index) or (clicks / starts if clicks < 0.95 * starts else 0.0))
                 for index, clicks, starts in rows]
 
@@ -332,57 +362,20 @@ class Run:
     def to_xarray(self) -> Any:
         """The same as an xarray.Dataset (python3-xarray) with named axes and units. spd_range and radar_range are metres
         as measured; attrs has the offsets to take off. The radar's power is linear, whatever it sent."""
-        import xarray
+        from . import netcdf
 
-        columns = ("verdict", "used", "lost")
-        rows = self.select("SELECT " + ", ".join(f"{s}_{c}" for s in SENSORS for c in columns)
-                           + " FROM record ORDER BY idx")[:len(self)]
-        speckle = {row[0]: row[1:] for row in self.select(
-            "SELECT idx, over_frames, over_carriers FROM speckle")} if "speckle" in self._tables else {}
-        events = self.select("SELECT utc, level, source, text FROM event ORDER BY id")
-        coords: dict[str, Any] = {"record": self.index, "time": ("record", self.time), "label": ("record", self.labels)}
-        data: dict[str, Any] = {}
-        told = {"spd": ("spd_bin",), "radar": ("radar_bin",), "depth": ("depth_y", "depth_x")}
-        axes = {"spd_bin": "spd", "radar_bin": "radar", "depth_y": "depth_y", "depth_x": "depth_x"}
-        unit = {"spd": "counts", "radar": "1", "depth": "m"}
-        for place, (sensor, dims) in enumerate(told.items()):
-            if not all(axes[dim] in self.axes for dim in dims):
-                continue
-            data[sensor] = (("record", *dims), getattr(self, sensor), {"units": unit[sensor]})
-            coords[f"{sensor}_valid"] = ("record", self.valid[sensor])
-            for at, column in enumerate(columns):
-                coords[f"{sensor}_{column}"] = ("record", [row[3 * place + at] for row in rows])
-            for dim in dims:
-                axis = self.axes[axes[dim]]
-                coords[dim] = (dim, axis.values, {"units": axis.unit})
-        if "spd" in data:
-            coords["spd_range"] = ("spd_bin", self.axes["spd"].values / PS_PER_M, {"units": "m"})
-        if "radar" in data:
-            coords["radar_range"] = ("radar_bin", self.axes["radar"].values, {"units": "m"})
-        for at, name in enumerate(("over_frames", "over_carriers")):
-            if speckle:
-                found = [speckle.get(index, (None, None))[at] for index in self.index.tolist()]
-                data[f"speckle_{name}"] = ("record", np.array(found, float), {"units": "1"})
-        if events:
-            data["event"] = ("event_row", [" ".join(map(str, row[1:])) for row in events])
-            coords["event_utc"] = ("event_row", [row[0] for row in events])
-        if self.antennas:
-            data["antenna"] = (("antenna_row", "antenna_column"), np.array(self.antennas, float))
-            coords["antenna_column"] = ["x_half_wavelengths", "y_half_wavelengths", "gain", "phase_rad"]
-        attributes = {key: str(value) for key, value in self.info.items()} | self.meta
-        return xarray.Dataset(data, coords, attributes | {f"{s}_offset_m": m for s, m in self.offset_m.items()})
+        return netcdf.dataset(self)
 
     def _blobs(self, sensor: str) -> list[tuple[int, bytes]]:
-        rows = self.select(f"SELECT idx, {sensor} FROM record WHERE valid & ?", SENSORS[sensor])
-        blobs = {index: blob or b"" for index, blob in rows}
-        return [(row, blobs[index]) for row, index in enumerate(self.index.tolist()) if index in blobs]
+        blobs = dict(self.of_records(f"idx, CASE WHEN valid & {SENSORS[sensor]} THEN {sensor} END"))
+        return [(row, blobs[int(self.index[row])] or b"") for row in np.flatnonzero(self.valid[sensor]).tolist()]
 
     def _table(self, sensor: str, kind: str, missing: float) -> NDArray[Any]:
         count = self.axes[sensor].count if sensor in self.axes else 0
         out = np.full((len(self), count), missing, kind)
         for row, blob in self._blobs(sensor):
             if len(blob) != count * out.itemsize:
-                raise ValueError(f"{self.path}: record {self.index[row]}: {sensor} has {len(blob)} bytes; "
+                raise ValueError(f"{self.path}: record {self.index[row]}: {sensor} has {len(blob)} bytes, "
                                  f"its axis asks for {count * out.itemsize}")
             out[row] = np.frombuffer(blob, kind)
         return out

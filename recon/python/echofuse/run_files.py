@@ -3,10 +3,19 @@
 from __future__ import annotations
 
 import pathlib
+import re
 import sqlite3
 from contextlib import closing
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 APPLICATION_ID, FORMAT_VERSION = 0x4543464D, 1
+NULL_INTEGER = -1 << 63
+KINDS: dict[str, tuple[str, Any]] = {"INTEGER": ("ifnull(CAST({} AS INTEGER), -9223372036854775807 - 1)", np.int64),
+                                     "REAL": ("CAST({} AS REAL)", float), "TEXT": ("ifnull(CAST({} AS BLOB), x'')", "S")}
+COPIED = {"antenna", "axis", "calibration", "device", "meta", "policy"}  # of a part: what it has from the one before
 
 
 def parts_of(whole: pathlib.Path) -> dict[int, pathlib.Path]:
@@ -36,10 +45,24 @@ def connect(path: pathlib.Path) -> sqlite3.Connection:
                                      "that can be written") from None
             continue
         if identity == APPLICATION_ID and version <= FORMAT_VERSION:
+            guard(db, path)
             return db
         db.close()
         raise ValueError(f"{path}: not a run of echofuse, or of a newer version")
     raise ValueError(f"{path}: cannot be read")
+
+
+def guard(db: sqlite3.Connection, path: pathlib.Path) -> None:
+    """Guards against files of strangers (acquire/README.md, threat model, 1): nothing in them runs by itself, and a statement
+    ends. Raises ValueError."""
+    left = iter(range(200 + path.stat().st_size * 4 // 10_000))  # steps of 10 000 instructions; less than one a byte is needed
+    db.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, min(max(path.stat().st_size, 16 << 20), 128 << 20))
+    db.text_factory = lambda text: text.decode("utf-8", "backslashreplace")
+    db.set_progress_handler(lambda: next(left, None) is None, 10_000)
+    db.execute("PRAGMA trusted_schema = OFF")
+    for kind, name, sql, page in db.execute("SELECT type, name, sql, rootpage FROM sqlite_schema WHERE sql IS NOT NULL"):
+        if kind != "table" or page == 0 or re.search(r"\bAS\s*\(", sql, re.IGNORECASE):  # virtual, or with computed columns
+            raise ValueError(f"{path}: holds the {kind} {name!r}; expected the tables of a run only")
 
 
 def files_of(whole: pathlib.Path) -> tuple[list[pathlib.Path], list[str]]:
@@ -71,3 +94,25 @@ def files_of(whole: pathlib.Path) -> tuple[list[pathlib.Path], list[str]]:
     if parts and before < max(parts):
         missing.append(absent(before + 1, max(parts)))
     return files or [whole], missing
+
+
+def table(files: list[pathlib.Path], name: str) -> dict[str, NDArray[Any]]:
+    """All columns of a table but blobs: int64 (NULL: NULL_INTEGER), float64 (NULL: NaN) or UTF-8 (kind S). Rows of all
+    files, but those that each part copies from the one before."""
+    joined: dict[str, list[NDArray[Any]]] = {}
+    for path in files[-1:] if name in COPIED else files:
+        with closing(connect(path)) as db:
+            columns = db.execute("SELECT name, type FROM pragma_table_info(?) WHERE type != 'BLOB'", (name,)).fetchall()
+            if not columns:
+                continue
+            reads, kinds = zip(*((read.format(f'"{column}"'), array) for column, kind in columns
+                                  for read, array in [KINDS.get(kind, KINDS["TEXT"])]))
+            cursor = db.execute(f'SELECT {", ".join(reads)} FROM "{name}" ORDER BY rowid')
+            blocks = [[np.array(values, kind) for values, kind in zip(zip(*rows), kinds)]
+                      for rows in iter(lambda: cursor.fetchmany(4096), [])]
+        if joined and list(joined) != [column for column, _ in columns]:
+            raise ValueError(f"{path}: its parts have other columns of the table {name}, as of another version; "
+                             "export them one by one")
+        for (column, _), kind, *values in zip(columns, kinds, *blocks):
+            joined.setdefault(column, [np.array([], kind)]).extend(values)
+    return {column: np.concatenate(values) for column, values in joined.items()}

@@ -1,0 +1,61 @@
+# SPDX-License-Identifier: MIT
+"""Samples of the radar's antennas as a record keeps them (acquire/measurement/radar_array.hpp), and beams of them."""
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from .run import Run
+
+
+def bins(run: Run) -> Iterator[tuple[int, NDArray[Any]]]:
+    """Rows of the records that have it, and of each bin its power, and integers in units of it. Raises ValueError."""
+    axis, blobs = run.axes["array"], dict(run.of_records("idx, array", "radar_array"))
+    count = int(axis.scale)
+    stored = np.dtype([("power", "<f4"), ("values", "<i2", count * (count + 2) + 2)])
+    for row in np.flatnonzero(run.valid["radar"]).tolist():
+        blob = blobs.get(int(run.index[row]))
+        if not blob:
+            continue
+        if len(blob) != axis.count * stored.itemsize:
+            raise ValueError(f"{run.path}: record {run.index[row]}: array has {len(blob)} bytes, its axis asks for "
+                             f"{axis.count * stored.itemsize}")
+        found = np.frombuffer(blob, stored)
+        if bad := np.flatnonzero(~(np.isfinite(found["power"]) & (found["power"] >= 0))).tolist():
+            raise ValueError(f"{run.path}: record {run.index[row]}: array bin {bad[0]} has no finite power")
+        yield row, found
+
+
+def frames(run: Run) -> NDArray[np.uint64]:
+    """Frames in each record [n]."""
+    found = dict(run.of_records("idx, frames", "radar_array")) if "radar_array" in run.tables else {}
+    return np.array([found.get(index, 0) for index in run.index.tolist()], np.uint64)
+
+
+def values(run: Run) -> NDArray[np.float32]:
+    """[n, bins, values] in the header's order; NaN where there is none."""
+    axis = run.axes["array"]
+    count = int(axis.scale)
+    out = np.full((len(run), axis.count, count * (count + 2) + 2), np.nan, np.float32)
+    for row, found in bins(run):
+        power, shares = found["power"][:, None], found["values"] / np.float32(32767)
+        out[row, :, :2 * count] = shares[:, :2 * count] * np.sqrt(power)
+        out[row, :, 2 * count:] = shares[:, 2 * count:] * power
+    return out
+
+
+def beams(run: Run, sines: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Power [n, bins, sines] from these sines of the azimuth (Bartlett's beam, gains and phases taken off); NaN where there
+    is none."""
+    count, array = len(run.antennas), values(run).astype(float)
+    first, last = np.triu_indices(count, 1)
+    across, _, gain, phase = np.array(run.antennas).T
+    h = np.exp(-1j * (phase[:, None] + np.pi * across[:, None] * sines)) / gain[:, None]
+    of_two = array[..., 3 * count:-2]
+    out = array[..., 2 * count:3 * count] @ abs(h) ** 2
+    out += 2 * ((of_two[..., 0::2] + 1j * of_two[..., 1::2]) @ (h[first] * h[last].conj())).real
+    return out / count ** 2

@@ -1,0 +1,56 @@
+# SPDX-License-Identifier: MIT
+"""A long run in blocks, with records that cannot be read marked."""
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import antennas
+from .run import Run
+
+MOST_RECORDS, MOST_BYTES = 256, 32 << 20  # of a block, which is in memory
+Told = Callable[[int], None]
+
+
+def load(part: Run) -> None:
+    """Reads the records' arrays. Raises ValueError that names what is wrong with one."""
+    for name in (name for name, mask in part.valid.items() if mask.any()):
+        getattr(part, name)  # stays in memory
+    if not part.valid["radar"].any():
+        return
+    for row, bin_ in np.argwhere(~np.isfinite(part.stored_radar()) & part.valid["radar"][:, None])[:1]:
+        raise ValueError(f"{part.path}: record {part.index[row]}: radar bin {bin_} is not a finite number")
+    if "array" in part.axes:
+        antennas.values(part)
+
+
+def blocks(run: Run, told: Told) -> Iterator[tuple[int, Run, dict[int, str]]]:
+    """The run in blocks: the first row, the records, and by row why one cannot be read, which then has no valid sensor."""
+    count = {name: axis.count for name, axis in run.axes.items()}
+    size = sum(count.get(name, 0) for name in ("spd", "radar")) + 2 * count.get("depth_x", 0) * count.get("depth_y", 0)
+    size += count["array"] * (int(run.axes["array"].scale) + 1) ** 2 if "array" in count else 0
+    step = min(max(MOST_BYTES // (4 * size + 1), 1), MOST_RECORDS)
+    for first in range(0, max(len(run), 1), step):
+        told(first)
+        part, faults = run.rows(first, first + step), {}
+        try:
+            load(part)
+        except ValueError:
+            part = run.rows(first, first + step)
+            for row in range(len(part)):
+                try:
+                    load(part.rows(row, row + 1))
+                except ValueError as error:
+                    faults[row] = "unreadable: " + re.sub(r".*record \d+: ", "", str(error))
+                    for mask in part.valid.values():
+                        mask[row] = False
+        yield first, part, faults
+    told(len(run))
+
+
+def marked(verdicts: NDArray[Any], faults: dict[int, Any]) -> list[Any]:
+    return list((dict(enumerate(verdicts.tolist())) | faults).values())

@@ -1,0 +1,87 @@
+# SPDX-License-Identifier: MIT
+"""A run as a dataset of xarray (python3-xarray), and as netCDF (python3-h5netcdf)."""
+from __future__ import annotations
+
+import importlib.util
+import pathlib
+from typing import Any
+
+import numpy as np
+
+from .blocks import Told, blocks, marked
+from .run import PS_PER_M, SENSORS, Run
+
+SINCE_1970 = "nanoseconds since 1970-01-01T00:00:00Z"  # as xarray and netCDF read an epoch
+
+
+def dataset(run: Run) -> Any:
+    """Run.to_xarray()."""
+    import xarray
+
+    columns = ("verdict", "used", "lost")
+    rows = run.of_records(", ".join(f"{s}_{c}" for s in SENSORS for c in columns))
+    speckle = {row[0]: row[1:] for row in run.of_records(
+        "idx, over_frames, over_carriers", "speckle")} if "speckle" in run.tables else {}
+    events = run.select("SELECT utc, level, source, text FROM event ORDER BY id")
+    coords: dict[str, Any] = {"record": run.index, "time": ("record", run.time), "label": ("record", run.labels)}
+    data: dict[str, Any] = {}
+    told = {"spd": ("spd_bin",), "radar": ("radar_bin",), "depth": ("depth_y", "depth_x")}
+    axes = {"spd_bin": "spd", "radar_bin": "radar", "depth_y": "depth_y", "depth_x": "depth_x"}
+    unit = {"spd": "counts", "radar": "1", "depth": "m"}
+    for place, (sensor, dims) in enumerate(told.items()):
+        if not all(axes[dim] in run.axes for dim in dims):
+            continue
+        data[sensor] = (("record", *dims), getattr(run, sensor), {"units": unit[sensor]})
+        coords[f"{sensor}_valid"] = ("record", run.valid[sensor])
+        for at, column in enumerate(columns):
+            coords[f"{sensor}_{column}"] = ("record", [row[3 * place + at] for row in rows])
+        for dim in dims:
+            axis = run.axes[axes[dim]]
+            coords[dim] = (dim, axis.values, {"units": axis.unit})
+    if "spd" in data:
+        coords["spd_range"] = ("spd_bin", run.axes["spd"].values / PS_PER_M, {"units": "m"})
+    if "radar" in data:
+        coords["radar_range"] = ("radar_bin", run.axes["radar"].values, {"units": "m"})
+    for at, name in enumerate(("over_frames", "over_carriers")):
+        if speckle:
+            found = [speckle.get(index, (None, None))[at] for index in run.index.tolist()]
+            data[f"speckle_{name}"] = ("record", np.array(found, float), {"units": "1"})
+    if events:
+        data["event"] = ("event_row", [" ".join(map(str, row[1:])) for row in events])
+        coords["event_utc"] = ("event_row", [row[0] for row in events])
+    if run.antennas:
+        data["antenna"] = (("antenna_row", "antenna_column"), np.array(run.antennas, float))
+        coords["antenna_column"] = ["x_half_wavelengths", "y_half_wavelengths", "gain", "phase_rad"]
+    attributes = {key: str(value) for key, value in run.info.items()} | run.meta
+    return xarray.Dataset(data, coords, attributes | {f"{s}_offset_m": m for s, m in run.offset_m.items()})
+
+
+def engine() -> str:
+    """The module by which xarray writes netCDF-4: h5netcdf, or netCDF4 where that alone is installed."""
+    h5netcdf, netcdf4 = (importlib.util.find_spec(name) for name in ("h5netcdf", "netCDF4"))
+    return "netCDF4" if netcdf4 and not h5netcdf else "h5netcdf"
+
+
+def write(run: Run, path: pathlib.Path, told: Told) -> int:
+    """The first block by xarray, the others behind it, in the same encoding."""
+    import h5py
+    from xarray.conventions import cf_encoder
+
+    unreadable = 0
+    for first, part, faults in blocks(run, told):
+        unreadable += len(faults)
+        data = part.to_xarray()
+        data["time"].encoding = {"units": SINCE_1970, "dtype": np.int64}
+        for name in (f"{sensor}_verdict" for sensor in SENSORS if f"{sensor}_verdict" in data):
+            data[name] = "record", np.array(marked(data[name].values, faults), object)
+        if first == 0:
+            layout = {"zlib": True, "complevel": 1, "shuffle": True}
+            data.to_netcdf(path, engine=engine().lower(), unlimited_dims=["record"],
+                           encoding={name: layout | {"chunksizes": (1, *data[name].shape[1:])} for name in SENSORS if name in data})
+            continue
+        of_records = {name: each for name, each in data.variables.items() if each.dims[:1] == ("record",)}
+        with h5py.File(path, "a") as file:
+            for name, each in cf_encoder(of_records, {})[0].items():
+                file[name].resize(first + len(part), 0)
+                file[name][first:] = each.values
+    return unreadable

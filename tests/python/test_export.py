@@ -1,0 +1,298 @@
+# SPDX-License-Identifier: MIT
+"""echofuse-export: HDF5, netCDF and CSV hold the run."""
+import os
+import shutil
+import signal
+import sqlite3
+import subprocess
+import time
+from contextlib import closing
+
+import numpy as np
+import pytest
+
+import echofuse
+from echofuse import antennas, blocks
+from echofuse.export import export
+from echofuse.run_files import NULL_INTEGER
+from programs import BIN, program
+from test_echofuse import parts_of
+
+h5py = pytest.importorskip("h5py")
+ACQUIRE = str(BIN / "echofuse-acquire")
+
+
+def tool(*words, env=None, prefix=()):
+    return subprocess.run([*prefix, BIN / "echofuse-export", *map(str, words)], capture_output=True, text=True,
+                          env={**os.environ, **(env or {})})
+
+
+def change(path, *statements):
+    with closing(sqlite3.connect(path)) as db:
+        for sql, *values in statements:
+            db.execute(sql, values)
+        db.commit()
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory):
+    """own: 20 records; 3 without SPD, 7 and 9 cannot be read. far: antennas, with a note, a label and metadata."""
+    folder, rng = tmp_path_factory.mktemp("export"), np.random.default_rng(1)
+    spd = rng.poisson(50, (20, 8)).astype(float)
+    spd[3] = np.nan
+    depth = rng.uniform(1, 4, (20, 6, 6))
+    depth[:, 0, 0] = np.nan
+    echofuse.write_run(folder / "own", program=ACQUIRE, spd=spd, first_bin_ps=13343, bin_width_ps=100,
+                       radar=rng.uniform(1, 2, (20, 4)), first_m=0.5, depth_m=depth, labels=[f"person {i}" for i in range(20)])
+    bad = np.array([1, np.nan, 1, 1], "<f4")
+    change(folder / "own.sqlite", ("UPDATE record SET radar = ? WHERE idx = 9", bad.tobytes()),
+           ("UPDATE record SET spd = x'0102' WHERE idx = 7",))
+    program("echofuse-sim", "dataset", "-q", "--out", folder / "far.sqlite", "--records", 8, "--set", "radar_antennas=8",
+            "--set", "radar_sum=coherent", "--set", "radar_frames=20")
+    program("echofuse-acquire", "annotate", folder / "far.sqlite", "door open, µ")
+    return folder
+
+
+def test_hdf5_is_the_run(runs, tmp_path):
+    run, done = echofuse.open(runs / "own"), tool(runs / "own", "--to", tmp_path / "a.h5")
+    assert (done.returncode, done.stderr) == (
+        5, f"echofuse-export: 2 records could not be read; they are marked in {tmp_path / 'a.h5'}\n")
+    with h5py.File(tmp_path / "a.h5") as file:
+        data, good = file["entry/data"], ~np.isin(np.arange(20), (7, 9))
+        assert data["spd"].dtype == np.uint32 and data["radar"].dtype == data["depth"].dtype == np.float32
+        assert data["index"][:].tolist() == list(range(20))
+        assert data["valid"][:].tolist() == [0 if row in (7, 9) else 6 if row == 3 else 7 for row in range(20)]
+        assert data["label"].asstr()[:].tolist() == run.labels
+        assert np.array_equal(data["slot_utc"][:].astype("datetime64[ns]"), run.time)
+        fine = run.rows(10, 20)
+        assert np.array_equal(data["spd"][10:], fine.spd) and np.array_equal(data["radar"][10:], fine.radar)
+        assert np.array_equal(data["depth"][10:], np.array([fine.depth_mm(row) for row in range(10)]) + np.where(np.isnan(fine.depth), np.nan, 0), equal_nan=True)
+        assert (data["spd"][:][~good] == 0).all() and (data["spd"][3] == 0).all() and data["spd"][4].any()
+        for name in "radar", "depth":
+            assert np.isnan(data[name][:][~good]).all() and np.isfinite(data[name][3][1:]).all()
+        assert file["entry/sync/radar/verdict"][9] == b"unreadable: radar bin 1 is not a finite number"
+        assert file["entry/sync/depth/verdict"][7] == b"unreadable: spd has 2 bytes, its axis asks for 32"
+        assert data["spd_time"][3] == 13343 + 300 and data["radar_range"][2] == 1
+        assert (data["spd_time"].attrs["units"], data["radar_range"].attrs["units"], data["depth"].attrs["units"]) == ("ps", "m", "mm")
+        assert [dim.label for dim in data["depth"].dims] == ["index", "depth_y", "depth_x"]
+        assert file["entry"].attrs["NX_class"] == "NXentry" and file["entry/depth"].attrs["signal"] == "depth"
+        assert file["entry/entry_identifier"].asstr()[()] == run.info["uuid"]
+        assert file["entry/entry_identifier"].dtype.kind == "S" and data["label"].dtype.kind == "S"  # of fixed length
+
+
+@pytest.mark.parametrize("name", ["own", "far"])
+def test_every_table_is_in_it_with_units(runs, tmp_path, name):
+    assert export(echofuse.open(runs / name), tmp_path / "a.h5") == (2 if name == "own" else 0)
+    columns = 0
+    with h5py.File(tmp_path / "a.h5") as file, closing(sqlite3.connect(runs / f"{name}.sqlite")) as db:
+        for table, in db.execute("SELECT name FROM sqlite_schema WHERE type = 'table'").fetchall():
+            for column, kind in db.execute(f"SELECT name, type FROM pragma_table_info('{table}') WHERE type != 'BLOB'").fetchall():
+                stored = file[f"entry/tables/{table}/{column}"]
+                null = {"INTEGER": NULL_INTEGER, "REAL": np.nan, "TEXT": ""}[kind]
+                wanted = [null if value is None else value for value, in db.execute(f'SELECT "{column}" FROM "{table}" ORDER BY rowid')]
+                found = stored.asstr()[:].tolist() if kind == "TEXT" else stored[:]
+                np.testing.assert_array_equal(found, np.array(wanted, stored.dtype) if kind != "TEXT" else wanted)
+                assert kind == "TEXT" or stored.attrs["units"]
+                assert stored.attrs.get("missing_value") == (NULL_INTEGER if kind == "INTEGER" and NULL_INTEGER in found else None)
+                columns += 1
+        assert columns > 60
+        tables = file["entry/tables"]
+        units = {place: tables[place].attrs["units"] for place in ("record/slot_utc_ns", "record/slot_start_ns", "axis/start", "record/spd_offset_s")}
+        assert units == {"record/slot_utc_ns": "nanoseconds since 1970-01-01T00:00:00Z", "record/slot_start_ns": "ns",
+                         "axis/start": "as the row's unit says", "record/spd_offset_s": "s"}
+        if name == "far":
+            assert tables["event/text"].asstr()[-1] == "door open, µ"
+            assert (tables["antenna/x"].attrs["units"], tables["antenna/phase_rad"].attrs["units"]) == ("half wavelengths", "rad")
+            values, blob = file["entry/data/array"], antennas.values(echofuse.open(runs / "far"))
+            assert values.shape == blob.shape == (8, 29, 82) and np.array_equal(values[:], blob)
+            assert file["entry/data/array_frames"][:].tolist() == [20] * 8
+
+
+def test_xarray_opens_every_group(runs, tmp_path):
+    xarray = pytest.importorskip("xarray")
+    pytest.importorskip("h5netcdf")
+    for name in "own", "far":
+        export(echofuse.open(runs / name), tmp_path / f"{name}.h5")
+        groups = ["/"]
+        with h5py.File(tmp_path / f"{name}.h5") as file:
+            file.visititems(lambda path, item: groups.append(path) if isinstance(item, h5py.Group) else None)
+        assert len(groups) > 20
+        for group in groups:
+            with xarray.open_dataset(tmp_path / f"{name}.h5", group=group, engine="h5netcdf") as found:
+                found.load()
+        with xarray.open_dataset(tmp_path / f"{name}.h5", group="entry/data", engine="h5netcdf") as found:
+            assert found.spd.dims == ("index", "spd_time") and found.slot_utc.dtype == "datetime64[ns]"
+            assert found.label.values.tolist() == echofuse.open(runs / name).labels
+        with h5py.File(tmp_path / f"{name}.h5") as file:  # the engine netcdf4 reads scales when it opens, and texts not at all
+            file.visititems(lambda path, item: [path for dim in getattr(item, "dims", []) for scale in dim.values()
+                                                if scale.dtype.kind == "S" and pytest.fail(path)] and None)
+
+
+def test_netcdf_is_the_data_set_of_xarray(runs, tmp_path, monkeypatch):
+    xarray = pytest.importorskip("xarray")
+    pytest.importorskip("h5netcdf")
+    monkeypatch.setattr(blocks, "MOST_RECORDS", 3)
+    run = echofuse.open(runs / "far")
+    assert export(run, tmp_path / "a.nc") == 0 and export(echofuse.open(runs / "own"), tmp_path / "own.nc") == 2
+    wanted = run.to_xarray()
+    with xarray.open_dataset(tmp_path / "a.nc", engine="h5netcdf") as found:
+        assert set(found.variables) == set(wanted.variables) and found.sizes == wanted.sizes
+        for name, each in wanted.variables.items():
+            np.testing.assert_array_equal(found[name].values, each.values, err_msg=name)
+        assert found.attrs["uuid"] == run.info["uuid"] and found.depth.attrs["units"] == "m"
+    with xarray.open_dataset(tmp_path / "own.nc", engine="h5netcdf") as found:
+        assert found.spd_valid.values.tolist() == [row not in (3, 7, 9) for row in range(20)]
+        assert found.spd_verdict.values[9] == "unreadable: radar bin 1 is not a finite number"
+
+
+def test_blocks_make_the_same_file(runs, tmp_path, monkeypatch):
+    run = echofuse.open(runs / "own")
+    export(run, tmp_path / "whole.h5")
+    monkeypatch.setattr(blocks, "MOST_BYTES", 400)  # one record at a time
+    assert [len(part) for _, part, _ in blocks.blocks(run, lambda done: None)] == [1] * 20
+    export(run, tmp_path / "blocks.h5")
+    with h5py.File(tmp_path / "whole.h5") as whole, h5py.File(tmp_path / "blocks.h5") as parts:
+        def same(name, item):
+            if isinstance(item, h5py.Dataset):
+                np.testing.assert_array_equal(item[()], parts[name][()], err_msg=name)
+        whole.visititems(same)
+
+
+def test_a_run_in_parts(runs, tmp_path):
+    parts_of(runs / "far.sqlite", tmp_path, 3)
+    assert tool(tmp_path / "long", "--to", tmp_path / "a.h5").returncode == 0
+    with h5py.File(tmp_path / "a.h5") as file:
+        assert file["entry/data/index"][:].tolist() == list(range(8)) and file["entry/status"].asstr()[()] == "complete"
+        assert np.array_equal(file["entry/data/spd"][:], echofuse.open(runs / "far").spd)
+        assert len(file["entry/tables/record/idx"]) == 8
+        assert len(file["entry/tables/axis/count"]) == len(echofuse.open(runs / "far").axes)
+    assert tool(tmp_path / "long", "--record", 4, "--to", tmp_path / "a.csv").returncode == 0
+    assert (tmp_path / "a.csv").read_text().startswith(f"# record 4 of {tmp_path / 'long-002.sqlite'}, label ")
+    change(tmp_path / "long-003.sqlite", ("ALTER TABLE counter RENAME COLUMN value TO other",))
+    assert "other columns of the table counter" in tool(tmp_path / "long", "--to", tmp_path / "b.h5").stderr
+
+
+def test_a_run_without_records(runs, tmp_path):
+    shutil.copy(runs / "far.sqlite", tmp_path / "none.sqlite")
+    change(tmp_path / "none.sqlite", ("DELETE FROM record",), ("DELETE FROM axis",))
+    assert tool(tmp_path / "none", "--to", tmp_path / "a.h5").returncode == 0
+    with h5py.File(tmp_path / "a.h5") as file:
+        assert file["entry/data/index"].shape == (0,)
+    pytest.importorskip("h5netcdf")
+    assert tool(tmp_path / "none", "--to", tmp_path / "a.nc").returncode == 0
+
+
+def test_one_record_as_csv(runs, tmp_path):
+    run = echofuse.open(runs / "own")
+    assert tool(runs / "own", "--record", 2, "--to", tmp_path / "a.csv").returncode == 0
+    lines = (tmp_path / "a.csv").read_text().splitlines()
+    one, (xs, ys) = run.rows(2, 3), (run.axes[name].values for name in ("depth_x", "depth_y"))
+    assert lines[4:7] == ["sensor,x,y,value", f"spd,13343,,{one.spd[0, 0]}", f"spd,13443,,{one.spd[0, 1]}"]
+    assert f"radar,1,,{one.radar[0, 2]:.9g}" in lines and f"depth,{xs[4]:.9g},{ys[1]:.9g},{one.depth_mm(0)[1, 4]}" in lines
+    assert f"depth,{xs[0]:.9g},{ys[0]:.9g},0" in lines and len(lines) == 5 + 8 + 4 + 36
+    assert not [line for line in tool(runs / "own", "--record", 3, "--to", tmp_path / "b.csv").stderr.splitlines()]
+    assert "\nspd," not in (tmp_path / "b.csv").read_text()
+    assert "radar bin 1 is not a finite number" in tool(runs / "own", "--record", 9, "--to", tmp_path / "c.csv").stderr
+    shutil.copy(runs / "own.sqlite", tmp_path / "sly.sqlite")
+    change(tmp_path / "sly.sqlite", ("UPDATE record SET label = ? WHERE idx = 1", "a\n=1+1,;\"\x1b"))
+    tool(tmp_path / "sly", "--record", 1, "--to", tmp_path / "d.csv")
+    assert (tmp_path / "d.csv").read_text().splitlines()[0].endswith(r"label a\n=1+1\x2c\x3b\x22\x1b")
+
+
+def test_csv_has_the_power_over_range_and_azimuth(runs, tmp_path):
+    """Bartlett's beam, term by term."""
+    run = echofuse.open(runs / "far")
+    assert tool(runs / "far", "--record", 1, "--to", tmp_path / "a.csv").returncode == 0
+    text = (tmp_path / "a.csv").read_text()
+    assert "mean over 20 frames" in text
+    values, sine, total = antennas.values(run)[1, 5].astype(float), 7 / 32 - 1, 0
+    place = 24
+    for m, (x, _, gain, phase) in enumerate(run.antennas):
+        h = gain * np.exp(1j * (phase + np.pi * x * sine))
+        total += values[16 + m] / abs(h) ** 2
+        for other, _, gain_of, phase_of in run.antennas[m + 1:]:
+            g = gain_of * np.exp(1j * (phase_of + np.pi * other * sine))
+            total += 2 * ((values[place] + 1j * values[place + 1]) / (h * g.conjugate())).real
+            place += 2
+    line, = (line for line in text.splitlines() if line.startswith(f"array,{run.axes['array'].values[5]:.9g},{sine:.9g},"))
+    assert float(line.rpartition(",")[2]) == pytest.approx(total / 64, rel=1e-6)
+
+
+def test_a_wave_is_seen_in_its_direction_with_its_power():
+    sine, power, count = 0.3125, 9.0, 8
+    gain, phase = 1 + 0.1 * np.arange(count), 0.4 * np.arange(count) ** 2
+    x = 3 * gain * np.exp(1j * (np.pi * np.arange(count) * sine + phase))
+    first, last = np.triu_indices(count, 1)
+    pairs = x[first] * x[last].conj()
+    values = np.concatenate([np.zeros(16), abs(x) ** 2, np.stack([pairs.real, pairs.imag], 1).ravel(), [0, 0]])
+    scale = values[16:24].sum()
+    blob = np.float32(scale).tobytes() + np.rint(values / scale * 32767).astype("<i2").tobytes()
+
+    class One:
+        axes = {"array": echofuse.Axis("array", "covariance", "m", 1, 0, 1, count)}
+        antennas = [(m, 0, gain[m], phase[m]) for m in range(count)]
+        valid, index, path = {"radar": np.array([True])}, np.array([0]), "one"
+        of_records = staticmethod(lambda columns, table="": [(0, blob)])
+        __len__ = lambda self: 1  # noqa: E731
+
+    seen = antennas.beams(One(), np.array([sine, sine + 0.1]))[0, 0]
+    half = np.pi * 0.1 / 2  # Dirichlet's kernel
+    assert seen == pytest.approx([power, power * (np.sin(8 * half) / (8 * np.sin(half))) ** 2], rel=1e-2)
+
+
+def test_refusals(runs, tmp_path):
+    (tmp_path / "a.h5").write_text("precious")
+    (tmp_path / "text.sqlite").write_text("no database, but long enough to be read as one " * 20)
+    os.mkfifo(tmp_path / "f.sqlite")
+    for words, code, said in [((runs / "own", "--to", tmp_path / "a.h5"), 1, "a.h5: exists already; choose another name"),
+                              ((runs / "own", "--to", tmp_path / "a.txt"), 2, "expected NAME.h5 or NAME.nc, or NAME.csv with --record N"),
+                              ((runs / "own", "--to", tmp_path / "b.csv"), 2, "with --record N"),
+                              ((runs / "own", "--to", tmp_path / "b.h5", "--record", 1), 2, "with --record N"),
+                              ((runs / "own", "--to", tmp_path / "b.csv", "--record", 20), 1, "no record 20; it has 20"),
+                              ((tmp_path / "none", "--to", tmp_path / "b.h5"), 1, "none: no such run"),
+                              ((tmp_path / "f.sqlite", "--to", tmp_path / "b.h5"), 1, "f.sqlite: no such run"),
+                              ((tmp_path / "text", "--to", tmp_path / "b.h5"), 1, "text.sqlite: not a run of echofuse"),
+                              ((runs / "own", "--to", tmp_path / "no/b.h5"), 6, "b.h5: cannot write (No such file or directory)")]:
+        done = tool(*words)
+        assert done.returncode == code and said in done.stderr and (code == 2 or done.stderr.count("\n") == 1), done.stderr
+    assert (tmp_path / "a.h5").read_text() == "precious" and sorted(os.listdir(tmp_path)) == ["a.h5", "f.sqlite", "text.sqlite"]
+
+
+@pytest.mark.parametrize("module, name", [("h5py", "a.h5"), ("xarray", "a.nc"), ("h5netcdf", "a.nc")])
+def test_a_missing_package_is_named(runs, tmp_path, module, name):
+    for needed in {"a.h5": [], "a.nc": ["xarray", "h5netcdf"]}[name]:
+        pytest.importorskip(needed)
+    (tmp_path / f"{module}.py").write_text("raise ImportError")
+    done = tool(runs / "own", "--to", tmp_path / name, env={"PYTHONPATH": str(tmp_path)})
+    assert (done.returncode, done.stderr) == (
+        1, f"echofuse-export: {tmp_path / name}: needs python3-{module} (apt-get install python3-{module})\n")
+
+
+@pytest.mark.parametrize("kib", [0, 20])
+@pytest.mark.parametrize("name", ["a.h5", "a.nc", "a.csv"])
+def test_a_disk_that_is_full(runs, tmp_path, name, kib):
+    """Says so in one line, and leaves nothing."""
+    if kib and name == "a.csv":
+        return
+    if name == "a.nc":
+        pytest.importorskip("h5netcdf")
+    done = tool(runs / "far", "--to", tmp_path / name, *(["--record", 1] if name == "a.csv" else []), env={"TMPDIR": str(tmp_path)},
+                prefix=["sh", "-c", f"ulimit -f {2 * kib}; exec \"$@\"", "sh"])
+    assert (done.returncode, done.stderr) == (6, f"echofuse-export: {tmp_path / name}: cannot write (File too large)\n")
+    assert os.listdir(tmp_path) == []
+
+
+@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
+def test_who_is_stopped_leaves_no_export_and_the_next_one_makes_it(runs, tmp_path, how):
+    echofuse.write_run(tmp_path / "long", program=ACQUIRE, spd=np.ones((5000, 64)), radar=np.ones((5000, 16)))
+    files = lambda: {name for name in os.listdir(tmp_path) if not name.startswith("long")}  # noqa: E731
+    process = subprocess.Popen([BIN / "echofuse-export", tmp_path / "long", "--to", tmp_path / "a.h5"], stderr=subprocess.DEVNULL,
+                               env={**os.environ, "TMPDIR": str(tmp_path)})
+    while process.poll() is None and len(files()) < 2:
+        time.sleep(0.001)
+    time.sleep(0.05)
+    process.send_signal(how)
+    assert process.wait() == (-how if how == signal.SIGKILL else 130)
+    assert "a.h5" not in files() and (how == signal.SIGKILL or not files())
+    assert tool(tmp_path / "long", "--to", tmp_path / "a.h5", env={"TMPDIR": str(tmp_path)}).returncode == 0
+    assert files() == {"a.h5"}
