@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 // `evaluate`: the one judge of models and of maps that any program has written.
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
@@ -120,9 +121,11 @@ ExitCode evaluate_maps(const Arguments& a, const Common& common) {
   std::vector<WrittenMaps> written;
   for (const std::string& folder : a.maps) written.push_back(read_written_maps(folder, data.map));
   Rows rows = rows_with_maps(written, data);
-  for (std::size_t k = 0; k < models.size(); ++k)
-    std::erase_if(
-        rows, [&](std::size_t row) { return !models[k].fault_of(records[k].data, row).empty(); });
+  for (std::size_t k = 0; k < models.size(); ++k) {
+    Rows of_model = rows_to_evaluate(models[k], records[k].data, a.all);
+    std::ranges::sort(of_model);
+    std::erase_if(rows, [&](auto row) { return !std::ranges::binary_search(of_model, row); });
+  }
   if (rows.empty()) throw Error(ExitCode::failed, run + ": no record of which all have a map");
 
   std::vector<Judged> all;

@@ -18,14 +18,6 @@ using namespace echofuse::testing;
 
 namespace {
 
-void refuses(const std::string& arguments, int code, const std::string& saying) {
-  const Outcome o = recon_program(arguments);
-  CAPTURE(arguments);
-  CHECK(o.code == code);
-  CHECK_THAT(o.text, Catch::Contains(saying));
-  CHECK(std::count(o.text.begin(), o.text.end(), '\n') <= (code == 2 ? 3 : 1));
-}
-
 // True once the program has its handler for SIGINT (signal 2) in place; before the exec it was the
 // tests' own.
 bool catches_interrupts(pid_t process) {

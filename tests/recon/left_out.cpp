@@ -9,18 +9,6 @@ using namespace echofuse;
 using namespace echofuse::recon;
 using namespace echofuse::testing;
 
-namespace {
-
-void refuses(const std::string& arguments, int code, const std::string& saying) {
-  const Outcome o = recon_program(arguments);
-  CAPTURE(arguments);
-  CHECK(o.code == code);
-  CHECK_THAT(o.text, Catch::Contains(saying));
-  CHECK(std::count(o.text.begin(), o.text.end(), '\n') <= (code == 2 ? 3 : 1));
-}
-
-}  // namespace
-
 TEST_CASE("damaged records are counted, of more than a tenth there is no going on") {
   const Folder dir;
   const auto spoil = [&](const std::string& name, std::int64_t from) {
