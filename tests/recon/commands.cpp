@@ -40,7 +40,7 @@ TEST_CASE("help and version") {
                  "echofuse-recon [0-9.]+ \\(([0-9a-f]+\\+?|commit unknown)\\), matrix (.|\n)*"));
   const Outcome help = recon_program("--help");
   CHECK(help.code == 0);
-  for (const char* command : {"train", "evaluate", "reconstruct", "report", "study"})
+  for (const char* command : {"train", "evaluate", "reconstruct", "report"})
     CHECK_THAT(help.text, Catch::Contains(command));
 }
 
