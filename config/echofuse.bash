@@ -5,7 +5,7 @@ _echofuse() {
   local help word options line
   help=$("${asked[@]}" --help 2>/dev/null) options=$help
   for word in "${COMP_WORDS[@]:1:COMP_CWORD-1}"; do  # the subcommands before the cursor
-    sed -n '/^Subcommands:/,$p' <<<"$help" | grep -qE "^ {2,4}$word " || break
+    sed -n '/^Subcommands:/,$p' <<<"$help" | grep -qE "^ {2,4}$word( |$)" || break
     asked+=("$word")
     help=$("${asked[@]}" --help 2>/dev/null) options+=$'\n'$help  # a command takes its parents' options
   done

@@ -38,6 +38,13 @@ std::string unfinished(const fs::path& place) {
   return out.append("-").append(hash).append(".unfinished");
 }
 
+// Where files that are soon removed belong: $TMPDIR, else this folder.
+std::string scratch_folder(const std::string& beside) {
+  const char* const given = std::getenv("TMPDIR");
+  if (given && *given) return given;
+  return beside.empty() ? "." : beside;
+}
+
 void to_disk(const std::string& path) {
   const int fd = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
   const bool done = fd >= 0 && ::fsync(fd) == 0;
@@ -50,12 +57,6 @@ void to_disk(const std::string& path) {
 
 void remove_side_files(const std::string& database) {
   for (const char* beside : {"-journal", "-wal", "-shm"}) ::unlink((database + beside).c_str());
-}
-
-std::string scratch_folder(const std::string& beside) {
-  const char* const given = std::getenv("TMPDIR");
-  if (given && *given) return given;
-  return beside.empty() ? "." : beside;
 }
 
 StagedFile::StagedFile(const std::string& place)

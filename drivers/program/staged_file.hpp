@@ -33,7 +33,4 @@ class StagedFile {
 // taken for the new one's.
 void remove_side_files(const std::string& database);
 
-// Where files that are soon removed belong: $TMPDIR, else this folder.
-std::string scratch_folder(const std::string& beside);
-
 }  // namespace echofuse

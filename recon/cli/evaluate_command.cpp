@@ -129,10 +129,8 @@ ExitCode evaluate_maps(const Arguments& a, const Common& common) {
   if (rows.empty()) throw Error(ExitCode::failed, run + ": no record of which all have a map");
 
   std::vector<Judged> all;
-  const Plates plates = find_plates(data, rows, judge.scene);
   for (const WrittenMaps& maps : written)
-    all.push_back(
-        {maps.name, score_maps(maps_of(maps, data, rows), data, rows, judge.scene, plates)});
+    all.push_back({maps.name, score_maps(maps_of(maps, data, rows), data, rows, judge.scene)});
   for (std::size_t k = 0; k < models.size(); ++k)
     all.push_back({std::filesystem::path(a.files[k]).stem().string(),
                    evaluate(models[k], records[k], rows, title("scoring"), judge).scores});

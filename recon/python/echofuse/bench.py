@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""echofuse-bench: methods beside one another. Accuracy against cost (pareto), where each fails (stability), and the
+"""Methods beside one another. Accuracy against cost (pareto), where each fails (stability), and the
 bench of three tracks that anybody can make again (run).
 
 A method is
@@ -271,13 +271,15 @@ def part_of(text: str) -> tuple[int, int]:
 def main() -> None:
     from . import letters, recipe, stability
 
-    parser = argparse.ArgumentParser(prog="echofuse-bench", description=__doc__.split("\n\n")[0],
-                                     epilog=__doc__.split("\n\n")[1], formatter_class=argparse.RawDescriptionHelpFormatter)
+    def wide(prog: str) -> argparse.HelpFormatter:
+        return argparse.RawDescriptionHelpFormatter(prog, max_help_position=32)
+
+    parser = argparse.ArgumentParser(prog="echofuse-bench", description=(__doc__ or "").partition("\n\n>>>")[0], formatter_class=wide)
     parser.add_argument("--version", action="version", version=f"echofuse-bench {__version__}")
     commands = parser.add_subparsers(required=True, metavar="COMMAND", title="Subcommands")
 
     def command(name: str, text: str, run: Callable[[argparse.Namespace], None]) -> argparse.ArgumentParser:
-        one = commands.add_parser(name, help=text, description=text)
+        one = commands.add_parser(name, help=text, description=text, formatter_class=wide)
         one.add_argument("--out", required=True, metavar="CSV", help="table to write; rows that are there are not measured again")
         one.add_argument("--seeds", type=int, help="trainings of each method (default: 3, or the recipe's)")
         one.add_argument("--jobs", type=int, default=1, help="cells at a time (default 1)")
@@ -298,7 +300,7 @@ def main() -> None:
     one.add_argument("--records", nargs="*", type=float, default=[0.05, 0.2, 0.5], help="shares of the training records")
     stability.add_command(command("stability", "where methods fail", stability.run))
     recipe.add_command(command("run", "the bench of a recipe (default: echofuse-bench-1)", recipe.run))
-    one = commands.add_parser("letters", help="share of the letters that can be read off maps", description=letters.__doc__)
+    one = commands.add_parser("letters", help="share of the letters that can be read off maps", description=letters.__doc__, formatter_class=wide)
     one.add_argument("maps", metavar="MAPS", help="folder of maps.npy and records.csv, as `echofuse-recon reconstruct --format npy` makes it")
     one.add_argument("of", metavar="RUN", help="run with labels as letter:A, and the truth")
     one.set_defaults(run=_letters)

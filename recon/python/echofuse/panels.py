@@ -44,12 +44,12 @@ def opened(run: runs.Run | Path) -> runs.Run:
 
 
 def plain_log(ax: Axes, *sides: str) -> None:
-    """Logarithmic axes "x", "y" with plain numbers at their ticks: 0.1, 1, 10, or 1, 2, 5 of few decades."""
+    """Logarithmic axes "x", "y" with plain numbers at their ticks: 0.1, 1, 10; of few decades also 3, or 2 and 5."""
     for side in sides:
         ax.set(**{f"{side}scale": "log"})
         axis = getattr(ax, f"{side}axis")
         low, high = sorted(getattr(ax, f"get_{side}lim")())
-        axis.set_major_locator(LogLocator(subs=(1, 2, 5) if high < 150 * low else (1,)))
+        axis.set_major_locator(LogLocator(subs=(1, 2, 5) if high < 30 * low else (1, 3) if high < 300 * low else (1,)))
         axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:,.10g}".replace(",", " ")))
         axis.set_minor_formatter(NullFormatter())
 
