@@ -65,10 +65,16 @@ def near_layer(depth_m: NDArray[np.float32], half_tangent: float, plate: tuple[f
 
 def match(patch: Floats, wanted: Floats) -> tuple[float, float, float]:
     """Greatest normalised correlation, and how far right and down of the patch's middle it is, in cells."""
-    windows = np.lib.stride_tricks.sliding_window_view(patch, wanted.shape)
-    wanted = wanted - wanted.mean()
-    spread = np.sqrt(np.maximum(windows.var((2, 3)) * wanted.size * (wanted ** 2).sum(), 0))
-    found = np.where(spread > 1e-9, np.einsum("ijkl,kl->ij", windows, wanted, optimize=True) / np.maximum(spread, 1e-9), 0)
+    rows, columns = (n - k + 1 for n, k in zip(patch.shape, wanted.shape))
+
+    def correlated(values: Floats, kernel: Floats) -> Floats:
+        product = np.fft.rfft2(values) * np.fft.rfft2(kernel, values.shape).conj()
+        return np.asarray(np.fft.irfft2(product, values.shape)[:rows, :columns])
+
+    wanted, ones = wanted - wanted.mean(), np.ones(wanted.shape)
+    spread = correlated(patch ** 2, ones) - correlated(patch, ones) ** 2 / wanted.size
+    norm = np.sqrt(np.maximum(spread, 0) * (wanted ** 2).sum())
+    found = np.where(norm > 1e-5, correlated(patch, wanted) / np.maximum(norm, 1e-5), 0)
     row, column = np.unravel_index(found.argmax(), found.shape)
     return float(found.max()), float(column - (found.shape[1] - 1) / 2), float(row - (found.shape[0] - 1) / 2)
 
