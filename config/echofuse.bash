@@ -5,13 +5,13 @@ _echofuse() {
   local help word options line
   help=$("${asked[@]}" --help 2>/dev/null) options=$help
   for word in "${COMP_WORDS[@]:1:COMP_CWORD-1}"; do  # the subcommands before the cursor
-    sed -n '/^Subcommands:/,$p' <<<"$help" | grep -q "^  $word " || break
+    sed -n '/^Subcommands:/,$p' <<<"$help" | grep -qE "^ {2,4}$word( |$)" || break
     asked+=("$word")
     help=$("${asked[@]}" --help 2>/dev/null) options+=$'\n'$help  # a command takes its parents' options
   done
   # What stands here: an option, the value of the option before, or else a command or an argument.
   case $before in
-    -*) line=$(grep -E -- "^ {2,4}(-[a-z],)?$before [A-Z]" <<<"$options" 2>/dev/null | head -n 1) ;;
+    -*) line=$(grep -E -- "^ {2,4}(-[a-z], ?)?$before [A-Z]" <<<"$options" 2>/dev/null | head -n 1) ;;
     *) line=$(sed -n '/^[Pp]ositional/,/^$/p' <<<"$help") ;;
   esac
   if [[ $current == -* ]]; then
@@ -19,7 +19,7 @@ _echofuse() {
   elif [[ $line =~ \{([a-z0-9_.,-]+)\} ]]; then
     word=${BASH_REMATCH[1]//,/ }
   else
-    word=$(sed -n '/^Subcommands:/,$p' <<<"$help" | grep -oE '^  [a-z]+')
+    word=$(sed -n '/^Subcommands:/,$p' <<<"$help" | grep -oE '^ {2,4}[a-z]+')
   fi
   mapfile -t COMPREPLY < <({
     compgen -W "$word" -- "$current"  # words of --help alone: the shell would run what a file's name says
@@ -31,4 +31,4 @@ _echofuse() {
     fi
   } | sort -u)
 }
-complete -o filenames -F _echofuse echofuse-acquire echofuse-export echofuse-recon echofuse-sim echofuse-view
+complete -o filenames -F _echofuse echofuse-acquire echofuse-bench echofuse-export echofuse-recon echofuse-sim echofuse-view

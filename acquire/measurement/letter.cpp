@@ -3,14 +3,6 @@
 
 namespace echofuse::record {
 
-std::optional<std::size_t> letter_of(std::string_view label) {
-  if (label.size() != letter_label.size() + 1 || !label.starts_with(letter_label))
-    return std::nullopt;
-  const std::size_t found = letters.find(label.back());
-  if (found == std::string_view::npos) return std::nullopt;
-  return found;
-}
-
 std::vector<Stroke> letter_strokes(char letter, const LetterSize& size) {
   const double w = size.stroke_m, right = size.width_m / 2, top = size.height_m / 2;
   const double a = right - w / 2, b = top - w / 2;  // middle lines of the outer strokes

@@ -4,7 +4,6 @@
 #pragma once
 #include <array>
 #include <cstddef>
-#include <optional>
 #include <string_view>
 #include <vector>
 
@@ -12,9 +11,6 @@ namespace echofuse::record {
 
 inline constexpr std::string_view letters = "ACEHLNOTUX";    // [S]
 inline constexpr std::string_view letter_label = "letter:";  // and the letter
-
-// Index into `letters` of the label "letter:A"; none for any other label.
-std::optional<std::size_t> letter_of(std::string_view label);
 
 struct LetterSize {
   double width_m, height_m, stroke_m;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 // `evaluate`: the one judge of models and of maps that any program has written.
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
@@ -120,16 +121,16 @@ ExitCode evaluate_maps(const Arguments& a, const Common& common) {
   std::vector<WrittenMaps> written;
   for (const std::string& folder : a.maps) written.push_back(read_written_maps(folder, data.map));
   Rows rows = rows_with_maps(written, data);
-  for (std::size_t k = 0; k < models.size(); ++k)
-    std::erase_if(
-        rows, [&](std::size_t row) { return !models[k].fault_of(records[k].data, row).empty(); });
+  for (std::size_t k = 0; k < models.size(); ++k) {
+    Rows of_model = rows_to_evaluate(models[k], records[k].data, a.all);
+    std::ranges::sort(of_model);
+    std::erase_if(rows, [&](auto row) { return !std::ranges::binary_search(of_model, row); });
+  }
   if (rows.empty()) throw Error(ExitCode::failed, run + ": no record of which all have a map");
 
   std::vector<Judged> all;
-  const Plates plates = find_plates(data, rows, judge.scene);
   for (const WrittenMaps& maps : written)
-    all.push_back(
-        {maps.name, score_maps(maps_of(maps, data, rows), data, rows, judge.scene, plates)});
+    all.push_back({maps.name, score_maps(maps_of(maps, data, rows), data, rows, judge.scene)});
   for (std::size_t k = 0; k < models.size(); ++k)
     all.push_back({std::filesystem::path(a.files[k]).stem().string(),
                    evaluate(models[k], records[k], rows, title("scoring"), judge).scores});

@@ -34,7 +34,6 @@ int run(int argc, char** argv) {
   add("reconstruct", "depth maps of a run as pictures", add_reconstruct);
   add("report", "models side by side, two compared, or a recorded run, as one HTML page",
       add_report);
-  add("study", "accuracy against cost, or stability: tables and charts", add_study);
   try {
     parse_command_line(app, argc, argv);
   } catch (const CLI::ParseError& e) {

@@ -114,9 +114,6 @@ Dataset load_part(const record::RunReader& run, std::int64_t first, std::size_t 
 // what their calibration still asks for.
 void subtract_range_offset(Dataset& data, double offset_m);
 
-// Takes the records out of `data` that `of` has too, whatever their runs' uuids; returns how many.
-std::size_t leave_out_copies(Dataset& data, const Dataset& of);
-
 // Returns the rows of a data set as a data set of their own; it belongs to no source.
 Dataset part_of(const Dataset& data, const Rows& rows);
 

@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <set>
 
 #include "drivers/program/printable.hpp"
 #include "recon/data/dataset.hpp"
@@ -81,15 +80,6 @@ bool Dataset::lacks_array(std::size_t row) const {
 void drop_array(Dataset& data) {
   data.array_axis = {};
   data.array = Matrix(data.size(), 0);
-}
-
-std::size_t leave_out_copies(Dataset& data, const Dataset& of) {
-  const std::set<std::int64_t> known(of.content.begin(), of.content.end());
-  std::size_t out = 0;
-  for (std::size_t row = 0; row < data.content.size(); ++row)
-    if (data.valid[row] != 0 && data.content[row] != 0 && known.contains(data.content[row]))
-      data.valid[row] = 0, ++out;
-  return out;
 }
 
 Dataset part_of(const Dataset& data, const Rows& rows) {

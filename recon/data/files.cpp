@@ -22,10 +22,6 @@ void write_file(const std::string& path, ByteView contents) {
   write_atomically(path, {reinterpret_cast<const char*>(contents.data()), contents.size()});
 }
 
-TemporaryFile::~TemporaryFile() {
-  for (const char* beside : {"", "-wal", "-shm", "-lock"}) std::remove((path + beside).c_str());
-}
-
 void make_folder(const std::string& path) {
   std::error_code code;
   std::filesystem::create_directories(path, code);

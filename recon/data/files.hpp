@@ -12,10 +12,4 @@ std::string read_text(const std::string& path);               // throws Error(fa
 void write_file(const std::string& path, ByteView contents);  // as write_atomically()
 void make_folder(const std::string& path);                    // throws Error(disk)
 
-// Removes its file in the destructor, with the files that SQLite and a run's writer keep beside it.
-struct TemporaryFile {
-  std::string path;
-  ~TemporaryFile();
-};
-
 }  // namespace echofuse::recon

@@ -30,8 +30,7 @@ std::vector<Failure> failures_of(const ModeResult& mode) {
   std::vector<Failure> out{{"the body is missed (IoU below 0.2)"},
                            {"the body stands on the wrong side (of those off the axis)"},
                            {"more than 30 cm off to the side"},
-                           {"farther off than it states (10 % should be)"},
-                           {"the letter is not read"}};
+                           {"farther off than it states (10 % should be)"}};
   const auto judge = [](Failure& f, double value, bool fails, std::int64_t index) {
     if (std::isnan(value)) return;
     ++f.of;
@@ -44,7 +43,6 @@ std::vector<Failure> failures_of(const ModeResult& mode) {
     judge(out[0], s[metric_iou], s[metric_iou] < 0.2, index);
     judge(out[1], s[metric_left_right], s[metric_left_right] < 0.5, index);
     judge(out[2], s[metric_lateral_m], s[metric_lateral_m] > 0.3, index);
-    judge(out[4], s[metric_letter_top1], s[metric_letter_top1] <= 0.5, index);
     if (i >= e.uncertainties.size()) continue;
     const PredictionUncertainty& u = e.uncertainties[i];
     judge(out[3], s[metric_lateral_m] + u.lateral_interval_90_m,

@@ -31,7 +31,7 @@ const MetricWords& words_of(Metric metric);
 
 // This is what the page says first: how good, against what, and in what it is worse.
 std::string verdict(const Report& report);
-// This is what fails, in sentences, the gravest first: of the scored run, of the letters, of the
+// This is what fails, in sentences, the gravest first: of the scored run, of the
 // live run.
 struct Problem {
   std::string text;

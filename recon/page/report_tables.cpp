@@ -228,14 +228,12 @@ Json labels_table(const ModeResult& mode) {
     const Summaries s = summarise(scores);
     rows.push_back({label.empty() ? "(none)" : label, std::to_string(scores.size()),
                     summary(s, metric_iou), summary(s, metric_lateral_m),
-                    summary(s, metric_depth_mae_m), counted(scores, metric_left_right),
-                    counted(scores, metric_letter_top1)});
+                    summary(s, metric_depth_mae_m), counted(scores, metric_left_right)});
   }
-  return Json::array(
-      {table("Means, of five records and more \u00b1 standard error; " + title_of(mode),
-             {"label", "records", "IoU", "lateral error (cm)", "depth error (cm)",
-              "on the true side", "letter read"},
-             rows)});
+  return Json::array({table(
+      "Means, of five records and more \u00b1 standard error; " + title_of(mode),
+      {"label", "records", "IoU", "lateral error (cm)", "depth error (cm)", "on the true side"},
+      rows)});
 }
 
 }  // namespace echofuse::recon

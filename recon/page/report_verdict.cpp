@@ -102,17 +102,6 @@ void add_run(std::vector<Problem>& out, const Evaluation& e, const std::string& 
                    live});
 }
 
-void add_letters(std::vector<Problem>& out, const Evaluation& e) {
-  const CountOf read = count_of(e.scores, metric_letter_top1);
-  if (read.of == 0 || read.interval().first > 0.5) return;
-  const double chance = static_cast<double>(read.of) / static_cast<double>(letters.size());
-  const bool by_chance = read.interval().first <= 1.0 / static_cast<double>(letters.size());
-  out.push_back(
-      {formatted("Letters %s: %s right, by chance %.1f.",
-                 by_chance ? "cannot be read" : "are mostly not read", read.text().c_str(), chance),
-       false});
-}
-
 }  // namespace
 
 std::string CountOf::text() const { return formatted("%zu of %zu", count, of); }
@@ -174,7 +163,6 @@ std::vector<Problem> problems_of(const Report& report) {
          true});
   if (report.modes.empty()) return out;
   const Evaluation& e = report.modes.front().evaluations.front();
-  add_letters(out, e);
   add_run(out, e, "", false);
   if (const std::string worst = worst_interval(report); !worst.empty())
     out.push_back({worst, false});

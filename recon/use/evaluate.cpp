@@ -109,8 +109,7 @@ void score_predictions(const TrainedModel& model, const Records& records, const 
     if (one.uncertainties.empty() && model->uncertainty) one.uncertainties.resize(part.size());
     out.uncertainties.insert(out.uncertainties.end(), one.uncertainties.begin(),
                              one.uncertainties.end());
-    const Plates plates = find_plates(records.data, part, judge);
-    const auto some = score_maps(one.maps, records.data, part, judge, plates);
+    const auto some = score_maps(one.maps, records.data, part, judge);
     scores.insert(scores.end(), some.begin(), some.end());
     progress.update(scores.size());
   }
@@ -162,22 +161,11 @@ Judge judge_of(const TrainedModel& model, const Dataset& data) {
           "maps; --train RUN names others"};
 }
 
-Plates find_plates(const Dataset& data, const Rows& rows, const Scene& scene) {
-  Plates out(rows.size());
-  for_each_part(rows.size(), [&](std::size_t i) {
-    if (const auto letter = letter_of(data.label[rows[i]]); letter && scene.has_body())
-      out[i] = find_plate(data.depth.row(rows[i]), scene, *letter);
-  });
-  return out;
-}
-
 std::vector<MapScores> score_maps(const Matrix& maps, const Dataset& data, const Rows& rows,
-                                  const Scene& scene, const Plates& plates) {
+                                  const Scene& scene) {
   std::vector<MapScores> out(rows.size());
   for_each_part(rows.size(), [&](std::size_t i) {
     out[i] = score(maps.row(i), data.depth.row(rows[i]), scene);
-    if (!plates.empty() && plates[i])
-      out[i][metric_letter_top1] = read_letter(maps.row(i), scene, *plates[i]);
     if (data.label[rows[i]] != two_people_label || !scene.has_body()) return;
     if (const auto people = find_people(data.depth.row(rows[i]), scene))
       out[i][metric_iou_person] = iou_per_person(maps.row(i), *people, scene);
@@ -199,8 +187,7 @@ void add_doubtful(const TrainedModel& model, const Records& records, Evaluation&
   if (doubtful.empty()) return;
   const Matrix maps = predict(model, records, doubtful, PredictionDetail::maps).maps;
   const Scene& scene = out.judge.scene;
-  std::vector<MapScores> all =
-      score_maps(maps, data, doubtful, scene, find_plates(data, doubtful, scene));
+  std::vector<MapScores> all = score_maps(maps, data, doubtful, scene);
   all.insert(all.end(), out.scores.begin(), out.scores.end());
   out.with_doubtful = summarise(all);
 }
@@ -247,9 +234,8 @@ std::vector<ScoredRow> score_baselines(const Dataset& data, const Rows& rows, co
   const auto inputs = common_inputs(data, neighbours_data);
   const bool with_nearest = !neighbours.empty() && inputs;
   Progress progress(title, with_nearest ? 3 : 2, title.empty());
-  const Plates plates = find_plates(data, rows, scene);
   const auto scored = [&](const Matrix& maps) {
-    return summarise(score_maps(maps, data, rows, scene, plates));
+    return summarise(score_maps(maps, data, rows, scene));
   };
   std::vector<ScoredRow> out;
   const auto add = [&](const char* name, const Matrix& maps) {

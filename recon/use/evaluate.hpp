@@ -8,7 +8,6 @@
 #include <string>
 #include <vector>
 
-#include "recon/metrics/letters.hpp"
 #include "recon/metrics/metrics.hpp"
 #include "recon/use/predict.hpp"
 
@@ -87,14 +86,9 @@ struct Evaluation {
 // left out unless all are. Throws Error(failed) if there are none.
 Rows rows_to_evaluate(const TrainedModel& model, const Dataset& data, bool all);
 
-// For each row whose label names a letter, it says where the true map shows the letter.
-using Plates = std::vector<std::optional<Plate>>;
-Plates find_plates(const Dataset& data, const Rows& rows, const Scene& scene);
-
-// Scores one map a row against the depth table's rows. Letters are read where there are plates,
-// which takes as long as the other scores.
+// Scores one map a row against the depth table's rows.
 std::vector<MapScores> score_maps(const Matrix& maps, const Dataset& data, const Rows& rows,
-                                  const Scene& scene, const Plates& plates = {});
+                                  const Scene& scene);
 
 // The result lacks the baselines and the cost. A title is that of a progress line on stderr.
 // Without a judge it is that of the model and the run.

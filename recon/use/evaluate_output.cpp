@@ -16,7 +16,7 @@ using nlohmann::json;
 json number(double value) { return std::isnan(value) ? json(nullptr) : json(value); }
 
 // Such a metric is defined only for records of some labels.
-bool is_of_labels(std::size_t metric) { return metric >= metric_letter_top1; }
+bool is_of_labels(std::size_t metric) { return metric >= metric_iou_person; }
 
 json metrics_json(const Summaries& metrics) {
   json out = json::object();

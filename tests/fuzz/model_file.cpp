@@ -67,10 +67,12 @@ crafted::Model make_base(const Dataset& data, const std::string& kind, bool whol
     how.model = "pca-mlp-6-5", how.inputs = "spd";
     model.estimators.push_back(std::move(train(data, how).first()));
   }
-  const TemporaryFile file{std::filesystem::temp_directory_path() /
-                           ("echofuse-fuzz-" + std::to_string(::getpid()))};
-  save_model(model, file.path);
-  return crafted::Model(read_file(file.path));
+  const std::string path =
+      std::filesystem::temp_directory_path() / ("echofuse-fuzz-" + std::to_string(::getpid()));
+  save_model(model, path);
+  const Bytes contents = read_file(path);
+  std::filesystem::remove(path);
+  return crafted::Model(contents);
 }
 
 const std::vector<crafted::Model>& bases() {

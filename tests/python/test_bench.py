@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import echofuse
-from echofuse import bench, derive, stability, tmf8820
+from echofuse import bench, derive, letters, stability, tmf8820
 from echofuse.model import read_safetensors
 from programs import BIN, program
 
@@ -94,6 +94,68 @@ def test_a_bench_judges_anybodys_method_and_goes_on_where_it_stopped(run, tmp_pa
     bench.fill(again, cells, quiet=True)
     assert (tmp_path / "b.csv").read_text() == before and again.rows.keys() == table.rows.keys()
     assert "`constant`" in bench.markdown(bench.means(again))
+
+
+def test_what_no_table_may_hold_ends_the_bench(run, tmp_path):
+    """A wrong word is no property of a method: no row says NaN of it."""
+    table = bench.Table(tmp_path / "b.csv", "this")
+    with pytest.raises(bench.UsageError, match="nearst"):
+        bench.fill(table, bench.pareto_cells(run.path, run.path, [bench.method("nearst")], seeds=1), quiet=True)
+    assert not table.rows and not table.path.exists()
+    with pytest.raises(bench.UsageError, match="no.such"):
+        bench.method("no.such:Thing")
+    table.add({"axis": "model", "value": "1", "model": "mean", "inputs": "-", "seed": 1})
+    assert bench.Table(table.path, "this").rows.keys() == table.rows.keys()
+    with pytest.raises(bench.UsageError, match="is of this; expected that"):
+        bench.Table(table.path, "that")
+    (tmp_path / "c.csv").write_text("mine\n")
+    with pytest.raises(bench.UsageError, match="no table of a bench"):
+        bench.Table(tmp_path / "c.csv")
+
+
+def test_parts_are_the_whole_and_nothing_is_made_twice(run, tmp_path):
+    """Two parts beside one table; runs and fits are shared by the cells that need them, and removed after the last one."""
+    made = []
+
+    def cells():
+        def source(name):
+            def make(folder):
+                made.append(name)
+                return run.path
+            return bench.Source(name, make)
+
+        fits = bench.Method("mine", "-", lambda train, folder, seed, fallback: made.append(f"fit {seed}") or (
+            lambda test, scratch: (["--maps", str(maps)], {})))
+        return [bench.Cell("x", str(k), fits, seed, source("train"), source(f"test {k}")) for seed in (1, 2) for k in (1, 2)]
+
+    maps = tmp_path / "maps"
+    echofuse.save_maps(maps, run.maps(), run.index)
+    whole = bench.Table(tmp_path / "whole.csv")
+    bench.fill(whole, cells(), quiet=True)
+    assert sorted(made) == ["fit 1", "fit 2", "test 1", "test 2", "train"]
+    out = tmp_path / "parts.csv"
+    for k in (2, 1):
+        bench.fill(bench.Table(out, part=(k, 2)), cells(), part=(k, 2), quiet=True)
+    assert not out.exists() and len(list(tmp_path.glob("parts-part-*-of-2.csv"))) == 2
+    made.clear()
+    joined = bench.Table(out)
+    bench.fill(joined, cells(), quiet=True)
+    assert not made and joined.rows.keys() == whole.rows.keys() and bench.Table(out).rows.keys() == whole.rows.keys()
+    cat = tmp_path / "cat.csv"
+    cat.write_text("".join(path.read_text() for path in tmp_path.glob("parts-part-*.csv")) + "x,1,mi")
+    assert bench.Table(cat).rows.keys() == whole.rows.keys() and cat.read_text().endswith("\n")
+
+
+def test_letters_are_read_off_true_maps_and_none_off_empty_ones(tmp_path):
+    path = tmp_path / "letters.sqlite"
+    program("echofuse-sim", "dataset", "-q", "--letters", 24, "--seed", 3, "--set", "spd_rays=16", "--set", "radar_rays=16", "--set",
+            "map_size=256", "--out", path)
+    with echofuse.open(path) as run:
+        truth, half = run.maps(), run.axes["map_x"].step * 128
+        assert letters.read(truth, truth, run.labels, half).mean() > 0.85
+        assert letters.read(np.full_like(truth, np.nan), truth, run.labels, half) == pytest.approx(0.1)
+        assert np.isnan(letters.read(truth[:1], truth[:1], ["person"], half)).all()
+        assert np.nanmean(letters.read(truth[:, :, ::-1], truth, run.labels, half)) < 0.8  # mirrored
 
 
 def test_axes_have_one_base(run):

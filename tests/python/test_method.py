@@ -105,3 +105,27 @@ def compare(model, run, maps):
     assert shown_by_program.any()
     assert other.sum() <= 3  # exactly at the threshold
     assert np.abs(depth_m - by_program_m)[~other].max() < 1e-4
+
+
+def test_a_model_says_what_it_takes_and_takes_arrays(runs, tmp_path):
+    run = echofuse.open(runs / "50cm.sqlite")
+    program("echofuse-recon", "-q", "train", run.path, "--model", "factorised-8", "--out", tmp_path / "m")
+    model = echofuse.load_model(tmp_path / "m")
+    assert f"spd [n, {run.axes['spd'].count}]" in repr(model) and model.takes["radar"].unit == "m"
+    maps, own = model.predict(run), model.predict(spd=run.photons(), radar=run.power(), axes=run.axes)
+    assert np.array_equal(maps.depth_m, own.depth_m, equal_nan=True) and len(own) == len(run) == 60
+    assert repr(maps) == "<echofuse maps: 60 of 64 x 64 pixels, metres, tangents within 0.55>"
+    assert set(model.predict(spd=run.photons()).inputs) == {"spd"}  # its fallback
+    with pytest.raises(ValueError, match=r"spd: an array \[60, 3\]; expected \[n, "):
+        model.predict(spd=run.photons()[:, :3], radar=run.power())
+    with pytest.raises(ValueError, match="as many records"):
+        model.predict(spd=run.photons()[:7], radar=run.power())
+    for table in (run.spd, run.radar, run.depth):
+        with pytest.raises(ValueError, match="read-only"):
+            table[0] = 0
+    maps.save(tmp_path / "maps")
+    again, index = echofuse.load_maps(tmp_path / "maps")
+    assert np.array_equal(again, maps.depth_m, equal_nan=True) and index.tolist() == maps.index.tolist()
+    pytest.importorskip("xarray")
+    data = maps.to_xarray()
+    assert data.dims == ("record", "depth_y", "depth_x") and data.attrs["units"] == "m" and float(data.depth_y[0]) > 0

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
 """echofuse.plot on simulated runs and on tables of studies."""
-
+import numpy as np
 import pytest
 
 pytest.importorskip("matplotlib")
@@ -45,6 +45,20 @@ def test_run_map_and_learning_curve(folder):
     assert len(plot.learning_curve(folder / "mlp.safetensors").axes[0].lines) == 2
 
 
+def test_maps_and_runs_are_drawn_into_panels_of_ones_own(folder):
+    run = echofuse.open(folder / "test.sqlite")
+    maps = echofuse.load_model(folder / "mlp.safetensors").predict(run)
+    figure, axes = plot.figure(4)
+    assert plot.maps({"truth": run, "ours": maps}, index=7, ax=axes[:2]) is figure
+    shown = axes[1].images[0].get_array()
+    assert np.array_equal(shown.filled(np.nan), maps.depth_m[list(maps.index).index(7)], equal_nan=True)
+    assert plot.learning_curve(folder / "mlp.safetensors", ax=axes[2]) is figure and axes[2].lines
+    with pytest.raises(KeyError, match="no record 99"):
+        plot.map(maps, index=99, ax=axes[3])
+    with pytest.raises(ValueError, match="1 panels; expected 3"):
+        plot.record(run, 0, ax=axes[3])
+
+
 def boxes_overlap(figure):
     named = [text.get_window_extent() for ax in figure.axes[:1] for text in ax.texts if text.get_text()]
     return any(a.overlaps(b) for i, a in enumerate(named) for b in named[:i])
@@ -60,6 +74,8 @@ def test_pareto_names_all_models_without_overlap(folder):
     assert len(figure.axes) == 3
     assert {f"factorised-{k}" for k in range(8)} <= {text.get_text() for text in figure.axes[0].texts}
     assert not boxes_overlap(figure)
+    ticks = [label.get_text() for label in figure.axes[1].get_xticklabels() if label.get_text()]
+    assert "40 000" in ticks and not any("$" in tick for tick in ticks)
 
 
 def test_stability_crosses_what_is_below_the_best_baseline(folder):

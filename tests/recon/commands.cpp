@@ -18,14 +18,6 @@ using namespace echofuse::testing;
 
 namespace {
 
-void refuses(const std::string& arguments, int code, const std::string& saying) {
-  const Outcome o = recon_program(arguments);
-  CAPTURE(arguments);
-  CHECK(o.code == code);
-  CHECK_THAT(o.text, Catch::Contains(saying));
-  CHECK(std::count(o.text.begin(), o.text.end(), '\n') <= (code == 2 ? 3 : 1));
-}
-
 // True once the program has its handler for SIGINT (signal 2) in place; before the exec it was the
 // tests' own.
 bool catches_interrupts(pid_t process) {
@@ -48,7 +40,7 @@ TEST_CASE("help and version") {
                  "echofuse-recon [0-9.]+ \\(([0-9a-f]+\\+?|commit unknown)\\), matrix (.|\n)*"));
   const Outcome help = recon_program("--help");
   CHECK(help.code == 0);
-  for (const char* command : {"train", "evaluate", "reconstruct", "report", "study"})
+  for (const char* command : {"train", "evaluate", "reconstruct", "report"})
     CHECK_THAT(help.text, Catch::Contains(command));
 }
 

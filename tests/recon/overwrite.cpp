@@ -90,20 +90,6 @@ TEST_CASE("a report is written over one of the same run only, unless told to") {
   CHECK(recon_program(report("other") + " --force").code == 0);
 }
 
-TEST_CASE("a study leaves files that bear its name, and are not its own, alone") {
-  const Folder dir;
-  const std::string study =
-      "study stability -q --quick --axes shifted-snr --records 20 --test-records 10 --out " +
-      dir.path.string();
-  std::ofstream(dir / "stability.html") << "mine";
-  refuses(study, "stability.html: is of a study whose stability.csv is missing");
-  CHECK(contents(dir / "stability.html") == "mine");
-  CHECK_FALSE(std::filesystem::exists(dir / "stability.csv"));
-  std::ofstream(dir / "stability.csv") << "mine";
-  refuses(study, "stability.csv: is not the file of a study", 3);
-  CHECK(contents(dir / "stability.csv") == "mine");
-}
-
 TEST_CASE("a FIFO in place of a run or a model is refused, and nobody waits for its writer") {
   const Folder dir;
   write_run(dir / "run", 60);

@@ -112,6 +112,28 @@ TEST_CASE("maps as they are written have the scores of the model that made them"
   refused("os.remove(d + '/maps.npy'); os.remove(d + '/camera.json')", "has neither maps.npy");
 }
 
+TEST_CASE("beside maps a model is judged by the records it has not seen") {
+  const Folder dir;
+  write_run(dir / "run", 120);
+  REQUIRE(recon_program("train -q --model ridge " + (dir / "run") + " --out " + (dir / "m")).code ==
+          0);
+  REQUIRE(recon_program("reconstruct -q --format npy " + (dir / "m") + " " + (dir / "run") +
+                        " --out " + (dir / "o"))
+              .code == 0);
+  const auto judged = [&](const std::string& options) {
+    const Outcome o = recon_program("-q evaluate --json " + options + " " + (dir / "m") + " " +
+                                    (dir / "run") + " --train " + (dir / "run"));
+    CAPTURE(o.text);
+    REQUIRE(o.code == 0);
+    return nlohmann::json::parse(o.text.substr(o.text.find("{\n")));
+  };
+  const auto beside = judged("--maps " + (dir / "o")), alone = judged("");
+  CHECK(beside["records"] == alone["records"]);
+  CHECK(beside["records"] < 20);
+  CHECK(beside["rows"][1]["metrics"] == alone["metrics"]);
+  CHECK(judged("--all --maps " + (dir / "o"))["records"] == 120);
+}
+
 TEST_CASE("points, arrays and pictures show the same map") {
   const Folder dir;
   write_run(dir / "run", 240);

@@ -184,6 +184,15 @@ inline Outcome recon_program(const std::string& arguments) {
   return outcome;
 }
 
+// Checks that the program ends with this code and says so, in one line (with usage: three at most).
+inline void refuses(const std::string& arguments, int code, const std::string& saying) {
+  const Outcome o = recon_program(arguments);
+  CAPTURE(arguments);
+  CHECK(o.code == code);
+  CHECK_THAT(o.text, Catch::Contains(saying));
+  CHECK(std::count(o.text.begin(), o.text.end(), '\n') <= (code == 2 ? 3 : 1));
+}
+
 // Starts echofuse-recon as a user does, and does not wait for it.
 inline pid_t start_recon(std::vector<std::string> words) {
   words.insert(words.begin(), "echofuse-recon");

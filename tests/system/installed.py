@@ -94,7 +94,7 @@ class Installed(unittest.TestCase):
 
     def test_manual_pages(self):
         pages = {path.name for path in (self.prefix / "share/man/man1").iterdir()}
-        for name in ("acquire", "acquire-run", "acquire-config-show", "recon-study-stability", "view", "sim-lab", "export",
+        for name in ("acquire", "acquire-run", "acquire-config-show", "recon-train", "bench-stability", "view", "sim-lab", "export",
                      "bridge-timetagger"):
             self.assertIn(f"echofuse-{name}.1", pages)
         run_page = (self.prefix / "share/man/man1/echofuse-acquire-run.1").read_text()
@@ -129,7 +129,8 @@ class Installed(unittest.TestCase):
             self.assertEqual(offered("echofuse-acquire", "run", "--config", a),
                              [f"{a}.{end}" for end in ("csv", "safetensors", "sqlite", "toml")])
         self.assertEqual(offered("echofuse-sim", "lab", "--lase"), ["--laser-rate-hz"])
-        self.assertEqual(offered("echofuse-recon", "study", "--q"), ["--quiet"])
+        self.assertEqual(offered("echofuse-bench", "stab"), ["stability"])
+        self.assertEqual(offered("echofuse-bench", "stability", "--qu"), ["--quick", "--quiet"])
         self.assertEqual(offered("echofuse-view", "--mod"), ["--model"])
 
 

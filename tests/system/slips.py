@@ -18,7 +18,6 @@ recon train nofile --out m | 1 | nofile: No such file or directory; expected a r
 recon evaluate nomodel norun | 1 | nomodel: No such file or directory; expected a model file
 recon train x --out m --model factorisd | 2 | factorisd
 recon train x --out m --set epoch=3 | 3 | --set epoch=3: unknown key, and none is like it
-recon study paretto | 2 | paretto: no such command; the nearest is pareto
 acquire run --cont 3 | 2 | --cont: no such option; the nearest is --count
 acquire run --uot x | 2 | --uot: no such option; the nearest is --out
 acquire run --count 0 | 2 | --count: Value 0: expected a positive number
@@ -47,7 +46,6 @@ recon reconstruct seen.sqlite seen.sqlite --out maps | 1 | seen.sqlite: is no mo
 recon reconstruct nomodel seen.sqlite --out maps --format gif | 2 | --format: gif not in {colour,mm,ply,npy,uncertainty}
 recon report page | 2 | nothing to report on: give --run with models, or --live
 recon report page --model x | 2 | models need --run
-recon study pareto seen.sqlite | 2 | test is required
 recon --threads many train x --out m | 2 | --threads
 sim dataset --out seen.sqlite --records 4 | 1 | seen.sqlite: exists
 sim dataset --out x --records 4 --people 1 | 2 | --records 4 differs from the 1 records asked for by kind

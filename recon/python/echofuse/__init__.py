@@ -18,6 +18,7 @@ from .splits import Split, split_rows
 __version__ = "0.1.0"
 
 
+
 def split(run: Run, kind: str = "random", seed: int = 1, *, inputs: str = "fused", test_share: float = 0.1,
           validation_share: float = 0.05, gap: int = 0) -> Split:
     """Rows of the run as `echofuse-recon train` splits them: usable records have depth and the sensors of the inputs."""

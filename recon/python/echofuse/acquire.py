@@ -23,20 +23,19 @@ def record(config: str | pathlib.Path | None = None, count: int = 1, *, label: s
     """Records so many slots and returns the closed run. settings: {"run.window_s": 1.0}, over the configuration's;
     program: echofuse-acquire of that path ($ECHOFUSE_ACQUIRE). Raises RuntimeError with the program's own line if it
     ends otherwise; Ctrl-C ends the run with its slot."""
-    words = [program or os.environ.get("ECHOFUSE_ACQUIRE", "echofuse-acquire"), "run", "--json", "-q", "--count", str(count)]
+    words = [str(program or os.environ.get("ECHOFUSE_ACQUIRE", "echofuse-acquire")), "run", "--json", "-q", "--count", str(count)]
     given = dict(settings or {}) | ({} if label is None else {"run.label": label})
-    for option, values in (("--config", [config]), ("--out", [out]), ("--set", [f"{k}={v}" for k, v in given.items()])):
-        for value in values:
-            words += [option, os.fspath(value)] if value is not None else []
+    for option, value in (("--config", config), ("--out", out), *(("--set", f"{k}={v}") for k, v in given.items())):
+        words += [option, os.fspath(value)] if value is not None else []
     path = None
     # A session of its own: Ctrl-C at the terminal comes here alone, and goes on once.
     with tempfile.TemporaryFile("w+") as errors, subprocess.Popen(
             words, stdout=subprocess.PIPE, stderr=errors, text=True, start_new_session=True) as child:
         try:
-            path = file_of(map(json.loads, child.stdout))
+            path = file_of(map(json.loads, child.stdout or ()))
         except KeyboardInterrupt:
             child.send_signal(signal.SIGINT)
-            child.stdout.read()
+            child.communicate()
             raise
         finally:
             child.wait()
@@ -64,7 +63,7 @@ def write_run(path: str | pathlib.Path, *, spd: ArrayLike | None = None, first_b
     [n, rows, columns], from the top left, NaN or 0: no return; its width spans tangents of +-half_tangent,
     and what lies beyond far_m is no return. Raises
     RuntimeError with the program's own line."""
-    sections = {
+    sections: dict[str, dict[str, Any]] = {
         "": {"window_s": float(window_s), "label": label, "labels": list(labels), "notes": notes},
         "spd": {"first_bin_ps": float(first_bin_ps), "bin_width_ps": float(bin_width_ps), "irf_fwhm_ps": float(irf_fwhm_ps)},
         "radar": {"first_m": float(first_m), "step_m": float(step_m)},
@@ -77,9 +76,9 @@ def write_run(path: str | pathlib.Path, *, spd: ArrayLike | None = None, first_b
         for name, values in (("spd", spd), ("radar", radar), ("depth", depth_m)):
             if values is not None:
                 array = np.asarray(values)
-                kind = "<f4" if array.dtype.kind == "f" else array.dtype.newbyteorder("<")
+                kind = np.dtype("<f4") if array.dtype.kind == "f" else array.dtype.newbyteorder("<")
                 np.save(pathlib.Path(folder, f"{name}.npy"), np.ascontiguousarray(array, kind))
-        words = [program or os.environ.get("ECHOFUSE_ACQUIRE", "echofuse-acquire"), "import", folder, "--out", os.fspath(path)]
+        words = [str(program or os.environ.get("ECHOFUSE_ACQUIRE", "echofuse-acquire")), "import", folder, "--out", os.fspath(path)]
         done = subprocess.run(words, capture_output=True, text=True, check=False)
     if done.returncode:
         raise RuntimeError((done.stderr.strip().splitlines() or [f"echofuse-acquire ended with exit code {done.returncode}"])[-1])

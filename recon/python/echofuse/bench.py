@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""echofuse-bench: methods beside one another. Accuracy against cost (pareto), where each fails (stability), and the
+"""Methods beside one another. Accuracy against cost (pareto), where each fails (stability), and the
 bench of three tracks that anybody can make again (run).
 
 A method is
@@ -13,220 +13,182 @@ A method is
 from __future__ import annotations
 
 import argparse
+import collections
 import concurrent.futures
 import csv
-import importlib
-import json
-import os
 import pathlib
-import shlex
-import subprocess
+import shutil
 import sys
 import tempfile
+import threading
 import time
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from . import derive
+from . import __version__, derive
 from . import run as runs
-from .maps import save_maps
+from .maps import load_maps
+from .methods import (COSTS, METRICS, Answer, BenchError, Method, Path, Row, UsageError, judge, measure, method, python_method,
+                      version)
 
-METRICS = ("iou", "ssim", "ssim_hard", "ssim_fg", "rmse_m", "rmse_fg_m", "depth_mae_m", "abs_rel", "delta_125", "lateral_m",
-           "ghost", "left_right", "iou_person")
-COSTS = ("multiply_adds", "infer_us_median", "infer_us_p99", "train_s")
+__all__ = ["BenchError", "Cell", "Method", "Source", "Table", "UsageError", "fill", "markdown", "means", "measure", "method",
+           "pareto_cells", "python_method", "there"]
 COLUMNS = ("axis", "value", "model", "inputs", "seed", *METRICS, *COSTS)
-Path = str | pathlib.Path
-Row = dict[str, Any]
-
-
-class BenchError(RuntimeError):
-    """What a program or a method said when it failed, in one line."""
-
-
-def call(program: str, *words: object) -> str:
-    """Standard output of one of the programs ($ECHOFUSE_BIN names their folder). Raises BenchError with its last line."""
-    folder = os.environ.get("ECHOFUSE_BIN")
-    command = [os.path.join(folder, program) if folder else program, *map(str, words)]
-    try:
-        done = subprocess.run(command, capture_output=True, text=True, check=False)
-    except FileNotFoundError:
-        raise BenchError(f"{command[0]}: not found; put the programs into PATH, or set ECHOFUSE_BIN") from None
-    if done.returncode:
-        raise BenchError((done.stderr.strip().splitlines() or [f"{program}: exit code {done.returncode}"])[-1])
-    return done.stdout
-
-
-class Fitted(Protocol):
-    """The interface of a method in Python. `rows` are indices into the run's records to learn from."""
-
-    def fit(self, run: runs.Run, rows: NDArray[np.int64]) -> None: ...
-
-    def predict(self, run: runs.Run) -> NDArray[np.float32]: ...
-
-
-@dataclass(frozen=True)
-class Method:
-    """A name, and how to come from two runs to a judged thing: the words that `evaluate` takes, and costs."""
-
-    model: str
-    inputs: str
-    prepare: Callable[[pathlib.Path, pathlib.Path, pathlib.Path, int], tuple[list[str], Row]]
-
-    @property
-    def name(self) -> str:
-        return self.model if self.inputs in ("fused", "-") else f"{self.model}:{self.inputs}"
-
-
-def method(text: str) -> Method:
-    """The method of this name (see above). Raises BenchError for a class that is not there."""
-    if "/" in text:
-        return Method(text, "-", lambda train, test, folder, seed: _by_command(text, train, test, folder, seed))
-    module, _, name = text.partition(":")
-    if "." in module or importlib.util.find_spec(module) is not None and name[:1].isupper():
-        try:
-            made = getattr(importlib.import_module(module), name)
-        except (ImportError, AttributeError) as error:
-            raise BenchError(f"method {text}: {error}") from None
-        return python_method(text, made)
-    return Method(module, name or "fused", lambda train, test, folder, seed: _by_candidate(module, name or "fused", train, folder, seed))
-
-
-def python_method(name: str, make: Callable[..., Fitted]) -> Method:
-    """A method of this name: make() or make(seed=...) gives an object with fit and predict."""
-    return Method(name, "-", lambda train, test, folder, seed: _by_object(make, train, test, folder, seed))
-
-
-def _by_candidate(model: str, inputs: str, train: pathlib.Path, folder: pathlib.Path, seed: int) -> tuple[list[str], Row]:
-    out = folder / "model.safetensors"
-    words = ["--inputs", inputs] if inputs != "fused" else []
-    call("echofuse-recon", "-q", "train", train, "--model", model, *words, "--seed", seed, "--set", "test_share=0", "--out", out)
-    return [str(out)], {}
-
-
-def _by_object(make: Callable[..., Fitted], train: pathlib.Path, test: pathlib.Path, folder: pathlib.Path,
-               seed: int) -> tuple[list[str], Row]:
-    try:
-        one = make(seed=seed)
-    except TypeError:
-        one = make()
-    with runs.open(train) as known, runs.open(test) as fresh:
-        started = time.perf_counter()
-        one.fit(known, np.flatnonzero(known.valid["depth"]))
-        trained = time.perf_counter()
-        maps = np.asarray(one.predict(fresh), np.float32)
-        us = 1e6 * (time.perf_counter() - trained) / max(len(fresh), 1)
-        if maps.ndim != 3 or len(maps) != len(fresh) or maps.shape[1] != maps.shape[2]:
-            raise BenchError(f"{type(one).__name__}.predict gave {maps.shape}; expected [{len(fresh)}, N, N]")
-        save_maps(folder / "maps", maps, fresh.index)
-    return ["--maps", str(folder / "maps")], {"train_s": trained - started, "infer_us_median": us}
-
-
-def _by_command(text: str, train: pathlib.Path, test: pathlib.Path, folder: pathlib.Path, seed: int) -> tuple[list[str], Row]:
-    started = time.perf_counter()
-    environment = os.environ | {"ECHOFUSE_SEED": str(seed)}
-    done = subprocess.run([*shlex.split(text), train, test, folder / "maps"], capture_output=True, text=True, env=environment,
-                          check=False)
-    if done.returncode:
-        raise BenchError(f"{text}: {(done.stderr.strip().splitlines() or ['no message'])[-1]}")
-    return ["--maps", str(folder / "maps")], {"train_s": time.perf_counter() - started}
-
-
-def measure(how: Method, train: Path, test: Path, seed: int = 1) -> Row:
-    """Metrics (means over the records) and costs of the method, trained on one run and judged on another. Multiply-adds
-    and times of a map are the program's own for its candidates; of others a record's share of the whole prediction."""
-    with tempfile.TemporaryDirectory(prefix="echofuse-bench-") as scratch:
-        folder = pathlib.Path(scratch)
-        words, costs = how.prepare(pathlib.Path(train).resolve(), pathlib.Path(test).resolve(), folder, seed)
-        told = json.loads(call("echofuse-recon", "-q", "evaluate", *words, test, "--train", train, "--json"))
-    row: Row = {name: nan_if_none(told["metrics"].get(name, {}).get("mean")) for name in METRICS}
-    return row | {name: nan_if_none((told.get("cost") or {}).get(name, costs.get(name))) for name in COSTS}
-
-
-def nan_if_none(value: float | None) -> float:
-    return float("nan") if value is None else float(value)
-
 
 # The table
 
 
 class Table:
     """Rows of a CSV file, by axis, value, model, inputs and seed. A row that is there is not measured again; each new
-    one is on the disk before the next. Files of parts (Slurm arrays) are concatenated: their heads are passed over."""
+    one is on the disk before the next. `of`: what it is a table of, its first line; another one is refused (BenchError).
+    A part (k, n) is a file beside it, NAME-part-k-of-n.csv; the whole takes the rows of all parts that are there. Files
+    one behind the other (cat) are one, too."""
 
-    def __init__(self, path: Path) -> None:
-        self.path = pathlib.Path(path)
+    def __init__(self, path: Path, of: str = "", part: tuple[int, int] = (1, 1)) -> None:
+        whole = pathlib.Path(path)
+        self.path = whole if part[1] == 1 else whole.with_name(f"{whole.stem}-part-{part[0]}-of-{part[1]}{whole.suffix}")
+        self.of = of
         self.rows: dict[tuple[str, ...], Row] = {}
-        if self.path.exists():
-            text = self.path.read_text()
-            whole = text[:text.rfind("\n") + 1]
-            if whole != text:  # a killed process was writing
-                self.path.write_text(whole)
-            for row in csv.DictReader(whole.splitlines()):
-                if row["axis"] != "axis":
-                    self.rows[self.key(row)] = row | {name: str(row[name]) for name in COLUMNS[:5]}
+        here = self._read(self.path)
+        if part[1] == 1:
+            for other in sorted(whole.parent.glob(f"{whole.stem}-part-*-of-*{whole.suffix}")):
+                for key, row in self._read(other).items():
+                    if key not in here:
+                        self.add(row)
+        elif whole.exists():
+            self.rows = self._read(whole)
+        self.rows |= here
 
-    def require_of(self, train: Path, test: Path) -> None:
-        """Notes beside the table which runs it is of. Raises BenchError if it is of others."""
-        now = " ".join(str(runs.open(path).info["uuid"]) for path in (train, test))
-        note = self.path.with_name(self.path.name + ".runs")
-        before = note.read_text().strip() if note.exists() else now
-        if before != now:
-            raise BenchError(f"{self.path}: is of other runs ({note}); name another --out")
-        self.path.parent.mkdir(parents=True, exist_ok=True)
-        note.write_text(now + "\n")
+    def _read(self, path: pathlib.Path) -> dict[tuple[str, ...], Row]:
+        if not path.exists():
+            return {}
+        text = path.read_text()
+        lines = text[:text.rfind("\n") + 1]
+        if path == self.path and lines != text:  # a killed process was writing
+            path.write_text(lines)
+        for line in lines.splitlines():
+            if self.of and line.startswith("# ") and line[2:] != self.of:
+                raise UsageError(f"{path}: is of {line[2:]}; expected {self.of}; name another --out")
+        rows = csv.DictReader(line for line in lines.splitlines() if not line.startswith("#"))
+        if rows.fieldnames and tuple(rows.fieldnames) != COLUMNS:
+            raise UsageError(f"{path}: is no table of a bench")
+        return {self.key(row): row for row in rows if row["axis"] != "axis"}
 
     @staticmethod
     def key(row: Row) -> tuple[str, ...]:
         return tuple(str(row[name]) for name in COLUMNS[:5])
 
-    def add(self, row: Row) -> None:
+    def add(self, row: Row, on_disk: bool = True) -> None:
+        self.rows[self.key(row)] = row
+        if not on_disk:
+            return
         self.path.parent.mkdir(parents=True, exist_ok=True)
         with open(self.path, "a", newline="") as file:
             out = csv.DictWriter(file, COLUMNS, restval="nan", lineterminator="\n")
             if file.tell() == 0:
+                file.write(f"# {self.of}\n" if self.of else "")
                 out.writeheader()
             out.writerow({name: f"{value:.6g}" if isinstance(value, float) else value for name, value in row.items()})
-        self.rows[self.key(row)] = row
+
+
+def of_runs(train: Path, test: Path) -> str:
+    """What a table of these runs is of."""
+    return f"{version()}: runs " + " ".join(str(runs.open(path).info["uuid"]) for path in (train, test))
+
+
+@dataclass(frozen=True)
+class Source:
+    """A run to come: make(folder) writes it there, and returns its path. Equal keys are the same run."""
+
+    key: str
+    make: Callable[[pathlib.Path], pathlib.Path]
+
+
+def there(path: Path) -> Source:
+    """A run that is there."""
+    found = pathlib.Path(path).resolve()
+    return Source(str(found), lambda folder: found)
 
 
 @dataclass(frozen=True)
 class Cell:
-    """One row to come: `train` and `test` make the runs, in a folder that is removed afterwards."""
+    """One row to come."""
 
     axis: str
     value: str
     how: Method
     seed: int
-    train: Callable[[pathlib.Path], pathlib.Path]
-    test: Callable[[pathlib.Path], pathlib.Path]
+    train: Source
+    test: Source
+    fallback: bool = False
 
     @property
     def head(self) -> Row:
         return {"axis": self.axis, "value": self.value, "model": self.how.model, "inputs": self.how.inputs, "seed": self.seed}
 
+    @property
+    def fitted(self) -> str:
+        """Key of what it needs fitted."""
+        return f"{self.how.name} {self.seed} {self.fallback} {self.train.key}"
+
+
+class Shared:
+    """Runs and fitted methods of the cells: made at the first use, removed after the last one."""
+
+    def __init__(self, cells: Sequence[Cell], folder: pathlib.Path) -> None:
+        self.folder, self.lock = folder, threading.Lock()
+        self.left = collections.Counter(key for cell in cells for key in (cell.train.key, cell.test.key, cell.fitted))
+        self.made: dict[str, tuple[pathlib.Path, concurrent.futures.Future[Any]]] = {}
+
+    def get(self, key: str, make: Callable[[pathlib.Path], Any]) -> Any:
+        with self.lock:
+            first = key not in self.made
+            if first:
+                self.made[key] = pathlib.Path(tempfile.mkdtemp(dir=self.folder)), concurrent.futures.Future()
+            folder, made = self.made[key]
+        if first:
+            try:
+                made.set_result(make(folder))
+            except Exception as error:  # noqa: BLE001 (of all that wait for it)
+                made.set_exception(error)
+        return made.result()
+
+    def row(self, cell: Cell) -> Row:
+        try:
+            train = self.get(cell.train.key, cell.train.make)
+            answer = self.get(cell.fitted, lambda folder: cell.how.fit(train, folder, cell.seed, cell.fallback))
+            return judge(answer, train, self.get(cell.test.key, cell.test.make))
+        finally:
+            with self.lock:
+                for key in (cell.train.key, cell.test.key, cell.fitted):
+                    self.left[key] -= 1
+                    if self.left[key] == 0 and key in self.made:
+                        shutil.rmtree(self.made.pop(key)[0])
+
 
 def fill(table: Table, cells: Sequence[Cell], *, jobs: int = 1, part: tuple[int, int] = (1, 1), quiet: bool = False) -> None:
-    """Measures what the table lacks. A method that fails at a value has a row of NaN, and its reason is said once."""
-    mine = [cell for k, cell in enumerate(cells) if k % part[1] == part[0] - 1 and Table.key(cell.head) not in table.rows]
+    """Measures what the table lacks, or this part of it. Cells with the same fitted method are in one part. A candidate
+    that fails at a value has a row of NaN; a method of one's own is tried again next time. Reasons are said once."""
+    pieces = {key: k for k, key in enumerate(dict.fromkeys(cell.fitted for cell in cells))}
+    mine = [cell for cell in cells if pieces[cell.fitted] % part[1] == part[0] - 1 and Table.key(cell.head) not in table.rows]
     said: set[str] = set()
 
     def one(cell: Cell) -> tuple[Row, str]:
-        with tempfile.TemporaryDirectory(prefix="echofuse-bench-") as scratch:
-            folder = pathlib.Path(scratch)
-            try:
-                return cell.head | measure(cell.how, cell.train(folder), cell.test(folder), cell.seed), ""
-            except Exception as error:  # noqa: BLE001 (a method of anybody's)
-                reason = str(error) or type(error).__name__
-                return cell.head | dict.fromkeys(METRICS + COSTS, float("nan")), reason
+        try:
+            return cell.head | shared.row(cell), ""
+        except UsageError:
+            raise
+        except Exception as error:  # noqa: BLE001 (a method of anybody's)
+            return cell.head | dict.fromkeys(METRICS + COSTS, float("nan")), str(error) or type(error).__name__
 
-    with concurrent.futures.ThreadPoolExecutor(jobs) as pool:
+    with tempfile.TemporaryDirectory(prefix="echofuse-bench-") as scratch, concurrent.futures.ThreadPoolExecutor(jobs) as pool:
+        shared = Shared(mine, pathlib.Path(scratch))
         started = time.monotonic()
         for done, (row, fault) in enumerate(pool.map(one, mine), 1):
-            table.add(row)
+            table.add(row, on_disk=not (fault and row["inputs"] == "-"))
             if fault and fault not in said:
                 said.add(fault)
                 print(f"echofuse-bench: {row['model']}: {fault}", file=sys.stderr)
@@ -237,23 +199,20 @@ def fill(table: Table, cells: Sequence[Cell], *, jobs: int = 1, part: tuple[int,
 
 
 def pareto_cells(train: Path, test: Path, methods: Iterable[Method], *, seeds: int = 3, photons: Sequence[float] = (),
-                 records: Sequence[float] = (), sweep: Iterable[Method] = ()) -> list[Cell]:
+                 records: Sequence[float] = (), sweep: Iterable[Method] = (), axis: str = "model") -> list[Cell]:
     """Every method with every seed; then those of `sweep` with shares of the photons and of the training records."""
-    train, test = pathlib.Path(train), pathlib.Path(test)
-    cells = [Cell("model", "1", how, seed, lambda folder: train, lambda folder: test)
-             for how in methods for seed in range(1, seeds + 1)]
+    known, fresh = there(train), there(test)
+    cells = [Cell(axis, "1", how, seed, known, fresh) for how in methods for seed in range(1, seeds + 1)]
 
-    def thinned(path: pathlib.Path, name: str, share: float, seed: int) -> Callable[[pathlib.Path], pathlib.Path]:
-        return lambda folder: derive.copy(path, folder / name, derive.thinned(share, seed))
-
-    def fewer(share: float, seed: int) -> Callable[[pathlib.Path], pathlib.Path]:
-        return lambda folder: derive.copy(train, folder / "train.sqlite", derive.fewer(share, seed))
+    def derived(source: Source, what: str, *changes: derive.Change) -> Source:
+        return Source(f"{source.key} {what}", lambda folder: derive.copy(source.make(folder), folder / "run.sqlite", *changes))
 
     for how in sweep:
         for seed in range(1, seeds + 1):
-            cells += [Cell("photons", f"{share:g}", how, seed, thinned(train, "train.sqlite", share, seed),
-                           thinned(test, "test.sqlite", share, 1000 + seed)) for share in photons]
-            cells += [Cell("records", f"{share:g}", how, seed, fewer(share, seed), lambda folder: test) for share in records]
+            cells += [Cell("photons", f"{share:g}", how, seed, derived(known, f"thinned {share} {seed}", derive.thinned(share, seed)),
+                           derived(fresh, f"thinned {share} {seed}", derive.thinned(share, 1000 + seed))) for share in photons]
+            cells += [Cell("records", f"{share:g}", how, seed, derived(known, f"fewer {share} {seed}", derive.fewer(share, seed)),
+                           fresh) for share in records]
     return cells
 
 
@@ -310,14 +269,17 @@ def part_of(text: str) -> tuple[int, int]:
 
 
 def main() -> None:
-    from . import recipe, stability
+    from . import letters, recipe, stability
 
-    parser = argparse.ArgumentParser(prog="echofuse-bench", description=__doc__.split("\n\n")[0],
-                                     epilog=__doc__.split("\n\n")[1], formatter_class=argparse.RawDescriptionHelpFormatter)
-    commands = parser.add_subparsers(required=True, metavar="COMMAND")
+    def wide(prog: str) -> argparse.HelpFormatter:
+        return argparse.RawDescriptionHelpFormatter(prog, max_help_position=32)
+
+    parser = argparse.ArgumentParser(prog="echofuse-bench", description=(__doc__ or "").partition("\n\n>>>")[0], formatter_class=wide)
+    parser.add_argument("--version", action="version", version=f"echofuse-bench {__version__}")
+    commands = parser.add_subparsers(required=True, metavar="COMMAND", title="Subcommands")
 
     def command(name: str, text: str, run: Callable[[argparse.Namespace], None]) -> argparse.ArgumentParser:
-        one = commands.add_parser(name, help=text, description=text)
+        one = commands.add_parser(name, help=text, description=text, formatter_class=wide)
         one.add_argument("--out", required=True, metavar="CSV", help="table to write; rows that are there are not measured again")
         one.add_argument("--seeds", type=int, help="trainings of each method (default: 3, or the recipe's)")
         one.add_argument("--jobs", type=int, default=1, help="cells at a time (default 1)")
@@ -331,29 +293,57 @@ def main() -> None:
     one = command("pareto", "accuracy against cost, photons and records", _pareto)
     one.add_argument("train", help="run to train on")
     one.add_argument("test", help="run to judge by")
-    one.add_argument("--methods", nargs="+", type=method, metavar="METHOD",
-                     default=[method(m) for m in ("empty", "mean", "nearest", "ridge", "silhouette", "factorised-16", "mlp-512-256")])
-    one.add_argument("--sweep", nargs="*", type=method, metavar="METHOD", default=[], help="methods with fewer photons and records")
+    one.add_argument("--methods", nargs="+", metavar="METHOD",
+                     default=["empty", "mean", "nearest", "ridge", "silhouette", "factorised-16", "mlp-512-256"])
+    one.add_argument("--sweep", nargs="*", metavar="METHOD", default=[], help="methods with fewer photons and records")
     one.add_argument("--photons", nargs="*", type=float, default=[0.1, 0.01, 0.001], help="shares of the photons")
     one.add_argument("--records", nargs="*", type=float, default=[0.05, 0.2, 0.5], help="shares of the training records")
     stability.add_command(command("stability", "where methods fail", stability.run))
     recipe.add_command(command("run", "the bench of a recipe (default: echofuse-bench-1)", recipe.run))
+    one = commands.add_parser("letters", help="share of the letters that can be read off maps", description=letters.__doc__, formatter_class=wide)
+    one.add_argument("maps", metavar="MAPS", help="folder of maps.npy and records.csv, as `echofuse-recon reconstruct --format npy` makes it")
+    one.add_argument("of", metavar="RUN", help="run with labels as letter:A, and the truth")
+    one.set_defaults(run=_letters)
     args = parser.parse_args()
     try:
         args.run(args)
     except (RuntimeError, ValueError, OSError) as error:
-        sys.exit(f"echofuse-bench: {error}")
+        print(f"echofuse-bench: {error}", file=sys.stderr)
+        sys.exit(getattr(error, "code", 1))
     except KeyboardInterrupt:
         sys.exit(130)
 
 
 def _pareto(args: argparse.Namespace) -> None:
-    table = Table(args.out)
-    table.require_of(args.train, args.test)
-    fill(table, pareto_cells(args.train, args.test, args.methods, seeds=args.seeds or 3, photons=args.photons if args.sweep else (),
-                             records=args.records if args.sweep else (), sweep=args.sweep),
+    if runs.open(args.train).info["uuid"] == runs.open(args.test).info["uuid"]:
+        raise UsageError(f"{args.test}: the methods are trained on this run; judge them by another")
+    table = Table(args.out, of_runs(args.train, args.test), args.part)
+    methods, sweep = ([method(name) for name in names] for names in (args.methods, args.sweep))
+    fill(table, pareto_cells(args.train, args.test, methods, seeds=args.seeds or 3, photons=args.photons, records=args.records,
+                             sweep=sweep),
          jobs=args.jobs, part=args.part, quiet=args.quiet)
     finish(table, args, lambda plot: plot.pareto(args.out))
+
+
+def _letters(args: argparse.Namespace) -> None:
+    from . import letters
+
+    maps, index = load_maps(args.maps)
+    with runs.open(args.of) as run:
+        row_of = {one: row for row, one in enumerate(run.index.tolist())}
+        if missing := [one for one in index.tolist() if one not in row_of]:
+            raise BenchError(f"{args.maps}: a map of record {missing[0]}, which {run.path} does not have")
+        rows = [row_of[one] for one in index.tolist()]
+        truth = run.maps()[rows]
+        if truth.shape != maps.shape:
+            raise BenchError(f"{args.maps}: maps of {maps.shape[1]} x {maps.shape[2]}; the run's are {truth.shape[1]} x {truth.shape[2]}")
+        axis = run.axes.get("map_x")
+        found = letters.read(maps, truth, [run.labels[row] for row in rows], axis.step * axis.count / 2 if axis else 0.55)
+    known = found[np.isfinite(found)]
+    if not len(known):
+        raise BenchError(f"{args.of}: no record with depth is labelled letter:A or the like")
+    error = known.std(ddof=1) / np.sqrt(len(known)) if len(known) > 1 else float("nan")
+    print(f"{len(known)} letters: {known.mean():.3f} +- {error:.3f} are read; chance is 0.1")
 
 
 def finish(table: Table, args: argparse.Namespace, draw: Callable[[Any], Any], axis: str = "model") -> None:

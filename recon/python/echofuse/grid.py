@@ -42,6 +42,12 @@ def to_map(depth_mm: NDArray[np.uint16], columns: list[tuple[int, int]], rows: l
     return out
 
 
+def read_only(table: NDArray[Any]) -> NDArray[Any]:
+    """The array itself, which nobody changes by mistake now; its copy() can be changed."""
+    table.flags.writeable = False
+    return table
+
+
 def shifted(table: NDArray[np.float32], steps: float) -> NDArray[np.float32]:
     """[n, points], so many steps towards the start (Lanczos' interpolation over eight points, as
     recon/data/shift.hpp). A row that is the same throughout, of a dead sensor, stays."""

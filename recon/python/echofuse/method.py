@@ -18,7 +18,9 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+Array = NDArray[Any]
 PS_PER_M = 2e12 / 299_792_458.0  # there and back
 TAPS = np.arange(-7, 9)  # of the interpolation between points of a profile
 
@@ -26,19 +28,19 @@ TAPS = np.arange(-7, 9)  # of the interpolation between points of a profile
 class Method:
     """Of one estimator: its tensors t, its facts f, and c, the numbers of recon/method/config.hpp."""
 
-    def __init__(self, t: dict[str, np.ndarray], f: dict[str, Any]) -> None:
+    def __init__(self, t: dict[str, Array], f: dict[str, Any]) -> None:
         self.t, self.f, self.size = t, f, f["scene/map_size"]
         self.c = {name[17:]: value for name, value in f.items() if name.startswith("alignment/config/")}
 
     def axis(self, name: str) -> tuple[int, float, float]:
         """How many values a sensor has, where the first one is, and the step between two."""
-        return tuple(self.f[f"axes/{name}/{key}"] for key in ("count", "start", "step"))
+        return self.f[f"axes/{name}/count"], self.f[f"axes/{name}/start"], self.f[f"axes/{name}/step"]
 
-    def predict(self, counts: np.ndarray, power: np.ndarray, lags: np.ndarray) -> np.ndarray:
+    def predict(self, counts: Array, power: Array, lags: Array) -> Array:
         """counts [n, bins], power [n, points], lags [n, points, 2 D + 1]: maps [n, pixels] in metres."""
         return self.draw(np.array([self.view(*record) for record in zip(counts, power, lags)]))
 
-    def view(self, counts: np.ndarray, power: np.ndarray, lags: np.ndarray) -> np.ndarray:
+    def view(self, counts: Array, power: Array, lags: Array) -> Array:
         """Step 2 of one record, counts [bins], power [points], lags [points, 2 D + 1]: what the networks take of it,
         [inputs]; all 0 if nobody is there."""
         c, (bins, start, step) = self.c, self.axis("spd")
@@ -65,7 +67,7 @@ class Method:
         g, points = self.profile(r, power)  # (4)
         return np.concatenate([self.correlation(h, g, points), h, g, self.antennas(r, lags), [r]]).astype(np.float32)
 
-    def profile(self, r: float, power: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def profile(self, r: np.floating[Any], power: Array) -> tuple[Array, Array]:
         """(4) of power [points]: its shares at points about r, and these points (metres from r)."""
         c, (count, start, step) = self.c, self.axis("radar")
         apart = step * np.ceil(c["least_profile_step_m"] / step) / (2 if step >= c["coarse_step_m"] else 1)
@@ -79,7 +81,7 @@ class Method:
         total = np.maximum(g, 0).sum()
         return g / total if total > 0 else g, points
 
-    def correlation(self, h: np.ndarray, g: np.ndarray, points: np.ndarray) -> np.ndarray:
+    def correlation(self, h: Array, g: Array, points: Array) -> Array:
         """(5), (6): the cosine between the profile g, at these points, and the histogram h as the radar would see it,
         at each shift [shifts]; from the longest one on."""
         c, apart, step = self.c, points[1] - points[0], self.c["histogram_step_m"]
@@ -94,7 +96,7 @@ class Method:
         norm = np.sqrt((g @ g) * (windows**2).sum(1))
         return np.divide(windows @ g, norm, out=np.zeros(shifts), where=norm > 0)
 
-    def antennas(self, r: float, lags: np.ndarray) -> np.ndarray:
+    def antennas(self, r: np.floating[Any], lags: Array) -> Array:
         """(7) of lags [points, 2 D + 1]: the direction cosine u, u r, and the lags about the body in shares of its
         power, turned into that direction; then the shortest of them part by part. Empty without antennas."""
         if "alignment/lags" not in self.t or lags.size == 0:
@@ -112,9 +114,8 @@ class Method:
         if not every[0].real > 0:
             return np.zeros(2 + 2 * (across + up) + len(parts) * 2 * (short + short_up))
         d = np.arange(1, across + 1)
-        beam = lambda u: ((across + 1 - d) * (every[d] * np.exp(-1j * np.pi * d * u)).real).sum()  # noqa: E731
         grid = -1 + 2 * (np.arange(c["directions"]) + 0.5) / c["directions"]
-        u = grid[np.argmax([beam(u) for u in grid])]
+        u = grid[np.argmax([((across + 1 - d) * (every[d] * np.exp(-1j * np.pi * d * u)).real).sum() for u in grid])]
         for _ in range(c["refinements"]):
             turned, weight = every[d] * np.exp(-1j * np.pi * d * u), across + 1 - d
             slope, curve = (weight * np.pi * d * turned.imag).sum(), -(weight * (np.pi * d) ** 2 * turned.real).sum()
@@ -129,11 +130,11 @@ class Method:
             out += turned.view(float).tolist()
         return np.array(out)
 
-    def networks(self, x: np.ndarray, group: str) -> np.ndarray:
+    def networks(self, x: Array, group: str) -> Array:
         """[n, inputs] to [n, outputs]: the mean answer of a group of networks."""
-        return np.mean([network(self.t, f"{group}/{k}", x) for k in range(self.f[f"{group}/networks"])], 0)
+        return np.asarray(np.mean([network(self.t, f"{group}/{k}", x) for k in range(self.f[f"{group}/networks"])], 0))
 
-    def draw(self, views: np.ndarray) -> np.ndarray:
+    def draw(self, views: Array) -> Array:
         """Steps 3 to 5: views [n, inputs] to maps [n, pixels]."""
         maps = np.repeat(self.t["model/background_m"][None], len(views), 0)
         seen = np.flatnonzero(views[:, -1])
@@ -161,16 +162,16 @@ class Method:
         return maps
 
 
-def network(t: dict[str, np.ndarray], group: str, x: np.ndarray) -> np.ndarray:
+def network(t: dict[str, Array], group: str, x: Array) -> Array:
     """[n, inputs] to [n, outputs]: rectifiers between the layers, the last one linear; in the targets' own units."""
     layers = t[f"{group}/widths"].size - 1
     for i in range(layers):
         x = x @ t[f"{group}/layer{i}/weights"] + t[f"{group}/layer{i}/biases"]
         x = np.maximum(x, 0) if i + 1 < layers else x
-    return t[f"{group}/centre"] + t[f"{group}/spread"] * x
+    return np.asarray(t[f"{group}/centre"] + t[f"{group}/spread"] * x)
 
 
-def interpolation(at: np.ndarray, cells: int) -> np.ndarray:
+def interpolation(at: Array, cells: int) -> Array:
     """[pixels, cells]: linear weights of the two cells beside each place; none outside the cells."""
     low = np.floor(at).astype(int)
     inside = (low >= 0) & (low + 1 < cells)

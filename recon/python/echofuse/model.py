@@ -10,15 +10,16 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from . import baselines
+from . import baselines, grid
 from . import run as runs
+from .maps import save_maps
 from .method import Method
 from .response import MUCH_NARROWER, Response, filter_between, filtered, stated_in
 
 
-def read_safetensors(path: str | pathlib.Path) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
+def read_safetensors(path: str | pathlib.Path) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
     """Tensors and facts of a model file (recon/numbers/tensor_file.hpp). Raises ValueError for any other file."""
     kinds = {"F32": "<f4", "F64": "<f8", "I64": "<i8", "U32": "<u4", "U8": "u1"}
     contents = pathlib.Path(path).read_bytes()
@@ -37,7 +38,7 @@ def read_safetensors(path: str | pathlib.Path) -> tuple[dict[str, np.ndarray], d
 class Estimator:
     """One way from records to maps: its tensors t and its facts f, as the file names them."""
 
-    def __init__(self, tensors: dict[str, np.ndarray], facts: dict[str, Any], group: str) -> None:
+    def __init__(self, tensors: dict[str, NDArray[Any]], facts: dict[str, Any], group: str) -> None:
         self.t = {name[len(group):]: values for name, values in tensors.items() if name.startswith(group)}
         self.f = {name[len(group):]: value for name, value in facts.items() if name.startswith(group)}
         self.kind, self.inputs, self.size = self.f["model"], self.f["inputs"], self.f["scene/map_size"]
@@ -47,11 +48,11 @@ class Estimator:
         self.axes = {name: {key: self.f[f"axes/{name}/{key}"] for key in keys}
                      for name, taken in takes.items() if taken and self.f.get(f"axes/{name}/count", 0)}
 
-    def matched(self, name: str, axis: runs.Axis | None, table: np.ndarray) -> np.ndarray:
+    def matched(self, name: str, axis: runs.Axis | None, table: NDArray[Any]) -> NDArray[Any]:
         """Values on the axis that the estimator takes of the sensor; none if it does without."""
         return table[:, :0] if axis is None or name not in self.axes else axis.resampled(table, self.axes[name])
 
-    def predict(self, counts: np.ndarray, power: np.ndarray, lags: np.ndarray) -> np.ndarray:
+    def predict(self, counts: NDArray[Any], power: NDArray[Any], lags: NDArray[Any]) -> NDArray[Any]:
         """counts [n, bins], power [n, points], lags [n, points, 2 D + 1] or [n, 0, 1]: maps [n, N, N] in metres."""
         if self.kind in ("factorised", "silhouette"):
             maps = Method(self.t, self.f).predict(counts, power, lags)
@@ -60,17 +61,74 @@ class Estimator:
         return maps.reshape(-1, self.size, self.size)
 
 
-@dataclass(frozen=True)
+class Arrays:
+    """Arrays in place of a run, at true ranges, of records that have all that is given: counts [n, bins], linear power
+    [n, points], lags [n, points, 2 D + 1] (Run.lags)."""
+
+    def __init__(self, axes: dict[str, runs.Axis], spd: ArrayLike | None, radar: ArrayLike | None, lags: ArrayLike | None) -> None:
+        given = {name: np.asarray(table, np.float32) for name, table in (("spd", spd), ("radar", radar), ("array", lags))
+                 if table is not None}
+        for name, table in given.items():
+            if name not in axes or table.ndim != (3 if name == "array" else 2) or table.shape[1] != axes[name].count:
+                wanted = f"[n, {axes[name].count}]" if name in axes else "none, as there is no axis of it"
+                raise ValueError(f"{name}: an array {list(table.shape)}; expected {wanted}")
+        if len({len(table) for table in given.values()}) != 1:
+            raise ValueError("spd and radar: expected arrays of as many records each, at least of one sensor")
+        self.path, self.meta, self.axes = "arrays", dict[str, str](), {name: axes[name] for name in given}
+        self.index = np.arange(len(next(iter(given.values()))))
+        self.power_axis, self.lags_axis = self.axes.get("radar"), self.axes.get("array")
+        self.valid = {name: np.full(len(self.index), name in given) for name in ("spd", "radar")}
+        self._given = given
+
+    def __len__(self) -> int:
+        return len(self.index)
+
+    def photons(self) -> NDArray[np.float32]:
+        return self._given.get("spd", np.zeros((len(self), 0), np.float32))
+
+    def power(self, range_offset_m: float = 0) -> NDArray[np.float32]:
+        table = self._given.get("radar", np.zeros((len(self), 0), np.float32))
+        return grid.shifted(table, range_offset_m / self.axes["radar"].step) if range_offset_m else table
+
+    def lags(self, range_offset_m: float = 0) -> NDArray[np.float32]:
+        return self._given.get("array", np.zeros((len(self), 0, 1), np.float32))
+
+
+@dataclass(frozen=True, repr=False)
 class Maps:
-    depth_m: NDArray[np.float32]  # [n, N, N]; NaN: nothing returned
-    index: NDArray[np.int64]  # of the records that have a map
-    depth_x: NDArray[np.float64]  # tangents of the pixel centres
-    depth_y: NDArray[np.float64]
-    inputs: list[str]  # of the estimator that answered, a record each
-    half_tangent: float  # of the edges of the field
+    """Depth maps of records of a run, by a model: len(maps), maps.depth_m[i] is that of the record maps.index[i]."""
+
+    depth_m: NDArray[np.float32]  #: z in metres [n, N, N], from the top left; NaN: nothing returned
+    index: NDArray[np.int64]  #: of the records that have a map [n]
+    depth_x: NDArray[np.float64]  #: tangents of the pixel centres x / z [N], to the right
+    depth_y: NDArray[np.float64]  #: y / z [N], upwards: from the top row down
+    inputs: list[str]  #: of the estimator that answered [n]: fused, fused-profile, spd, radar
+    half_tangent: float  #: of the edges of the field
+
+    def __len__(self) -> int:
+        return len(self.index)
+
+    def __repr__(self) -> str:
+        size = self.depth_m.shape[1]
+        return f"<echofuse maps: {len(self)} of {size} x {size} pixels, metres, tangents within {self.half_tangent:g}>"
+
+    def to_xarray(self) -> Any:
+        """depth_m as an xarray.DataArray (python3-xarray) over record, depth_y and depth_x, with its unit."""
+        import xarray
+
+        return xarray.DataArray(self.depth_m, {"record": self.index, "depth_y": self.depth_y, "depth_x": self.depth_x,
+                                               "inputs": ("record", self.inputs)},
+                                ("record", "depth_y", "depth_x"), "depth_m", {"units": "m"})
+
+    def save(self, folder: str | pathlib.Path) -> None:
+        """Writes FOLDER/maps.npy and FOLDER/records.csv, which `echofuse-recon evaluate --maps` reads."""
+        save_maps(folder, self.depth_m, self.index)
 
 
 class Model:
+    """A model file that `echofuse-recon train` wrote. `takes` are the axes of its first estimator; records that lack a
+    sensor go to another one, if the model has it."""
+
     def __init__(self, path: str | pathlib.Path) -> None:
         tensors, facts = read_safetensors(path)
         self.path, self.facts = pathlib.Path(path), facts
@@ -80,15 +138,35 @@ class Model:
         self.any_response = bool(facts["response/any"])  #: much narrower runs are taken as they are
         self.estimators = [Estimator(tensors, facts, f"{k}/") for k in range(facts["estimators"])]
 
-    def predict(self, run: runs.Run | str | pathlib.Path, *, range_offset_m: float = 0) -> Maps:
-        """range_offset_m: by how much the radar's ranges are too long, beside what the run's calibration says. Raises
-        ValueError for a run on other axes."""
-        run = run if isinstance(run, runs.Run) else runs.open(run)
+    def __repr__(self) -> str:
+        first = self.estimators[0]
+        return (f"<echofuse model {self.path}: {first.kind}, {first.inputs}; takes "
+                + ", ".join(f"{name} [n, {axis.count}] from {axis.start:g} {axis.unit} by {axis.step:g}"
+                            for name, axis in self.takes.items()) + f"; maps of {first.size} x {first.size}>")
+
+    @property
+    def takes(self) -> dict[str, runs.Axis]:
+        """The axes of "spd" (counts), "radar" (linear power) and "array" (lags of antennas) that it was trained on."""
+        return {name: runs.Axis(name, **axis) for name, axis in self.estimators[0].axes.items()}
+
+    def predict(self, run: runs.Run | str | pathlib.Path | None = None, *, spd: ArrayLike | None = None,
+                radar: ArrayLike | None = None, lags: ArrayLike | None = None, axes: dict[str, runs.Axis] | None = None,
+                range_offset_m: float = 0) -> Maps:
+        """Maps of all records that an estimator can answer for: of a run (or its path), or of arrays: counts spd [n, bins] and
+        linear power radar [n, points] at true ranges, on these axes (default: `takes`); their index is 0, 1, 2.
+        range_offset_m: by how much the radar's ranges are too long, beside what the run's calibration says.
+        Raises ValueError for other axes."""
+        if run is None:
+            return self._maps(Arrays(self.takes | (axes or {}), spd, radar, lags), range_offset_m)
+        return self._maps(run if isinstance(run, runs.Run) else runs.open(run), range_offset_m)
+
+    def _maps(self, run: runs.Run | Arrays, range_offset_m: float) -> Maps:
         counts, power, lags = run.photons(), run.power(range_offset_m), run.lags(range_offset_m)
         stated = stated_in(run.meta)
-        brought = (stated and self.response and stated != self.response and run.power_axis.unit == "m" and
-                   not (self.any_response and stated.width_m() < MUCH_NARROWER * self.response.width_m()))
-        weights = filter_between(stated, self.response, run.power_axis.step) if brought else None
+        weights = None
+        if stated and self.response and stated != self.response and run.power_axis and run.power_axis.unit == "m":
+            if not (self.any_response and stated.width_m() < MUCH_NARROWER * self.response.width_m()):
+                weights = filter_between(stated, self.response, run.power_axis.step)
         spd = run.valid["spd"] & ~same(counts)
         radar = run.valid["radar"] & ~same(power)
         first = self.estimators[0]
@@ -106,7 +184,7 @@ class Model:
                 continue
             axes = {"spd": run.axes.get("spd"), "radar": run.power_axis, "array": run.lags_axis}
             for name, axis in axes.items():
-                if name in estimator.axes and not axis.is_near(estimator.axes[name]):
+                if name in estimator.axes and not (axis and axis.is_near(estimator.axes[name])):
                     raise ValueError(f"{run.path}: its {name} axis is {axis}; {self.path} takes {estimator.axes[name]}")
             by[rows] = k
             spd_part, *of_radar = (estimator.matched(name, axes[name], table[rows]) for name, table in
@@ -124,8 +202,9 @@ class Model:
 
 def same(table: NDArray[np.float32]) -> NDArray[np.bool_]:
     """Rows with the same value in every bin: of a dead sensor."""
-    return (table == table[:, :1]).all(1) if table.shape[1] > 1 else np.zeros(len(table), bool)
+    return np.asarray((table == table[:, :1]).all(1)) if table.shape[1] > 1 else np.zeros(len(table), bool)
 
 
 def load_model(path: str | pathlib.Path) -> Model:
+    """The model of this file. Raises ValueError for any other file."""
     return Model(path)

@@ -1,45 +1,29 @@
 # SPDX-License-Identifier: MIT
 """Figures for papers, by matplotlib (python3-matplotlib), in the colours of the live page. Each function returns a
-Figure; its savefig("NAME.pdf") or ("NAME.svg") writes vectors.
+Figure; its savefig("NAME.pdf") or ("NAME.svg") writes vectors. ax: panels of a figure of one's own to draw into, one or
+as many as the plot has.
 
 >>> from echofuse import plot
 >>> plot.record("monday", 7).savefig("record.pdf")
->>> plot.pareto("study/pareto.csv").savefig("pareto.pdf")
+>>> plot.pareto("pareto.csv").savefig("pareto.pdf")
 """
 from __future__ import annotations
 
 import csv
-import pathlib
 from collections.abc import Iterable, Sequence
-from typing import Any
+from typing import Any, Union
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike, NDArray
 
 from . import model as models
 from . import run as runs
+from .panels import COLOURS, NO_RETURN, Panels, Path, figure, opened, place_names, plain_log
 
-COLOURS = {"spd": "#0b5cad", "radar": "#a64200", "depth": "#00695c", "both": "#16191d", "papers": "#5b0f75",
-           "grey": "#6a7078", "bad": "#b3201a"}
-NO_RETURN = "#e8eaed"
-Path = str | pathlib.Path
-
-
-def figure(columns: int = 1, rows: int = 1, wide: float = 4.6, high: float = 3.4) -> tuple[Figure, NDArray[Any]]:
-    made = Figure(figsize=(wide * columns, high * rows), layout="constrained")
-    FigureCanvasAgg(made)
-    axes = made.subplots(rows, columns, squeeze=False).ravel()
-    for ax in axes:
-        ax.spines[["top", "right"]].set_visible(False)
-    return made, axes
-
-
-def opened(run: runs.Run | Path) -> runs.Run:
-    return run if isinstance(run, runs.Run) else runs.open(run)
-
+__all__ = ["COLOURS", "figure", "learning_curve", "map", "maps", "opened", "pareto", "record", "shares", "stability", "table",
+           "timeline"]
 
 # Maps and records
 
@@ -59,7 +43,7 @@ def draw_map(ax: Axes, depth_m: ArrayLike, x: ArrayLike, y: ArrayLike, span: tup
     """Metres [rows, columns] over the tangents x and y of the pixel centres, near is bright; what is not above 0 is no
     return. Without a span shares of 0 to 1."""
     values, x, y = np.asarray(depth_m, float), np.asarray(x, float), np.asarray(y, float)
-    shown = np.ma.masked_where(~(values > 0), values) if span else values
+    shown = np.where(values > 0, values, np.nan) if span else values
     dx, dy = abs(x[1] - x[0]) / 2, abs(y[1] - y[0]) / 2
     if y[0] < y[-1]:
         shown, y = shown[::-1], y[::-1]
@@ -76,30 +60,56 @@ def draw_map(ax: Axes, depth_m: ArrayLike, x: ArrayLike, y: ArrayLike, span: tup
         ax.figure.colorbar(image, ax=ax, label="m" if span else "", shrink=0.85)
 
 
-def map(depth_m: ArrayLike, half_tangent: float, *, span: tuple[float, float] | None = None,  # noqa: A001
-        title: str = "") -> Figure:
-    """One map of a model [N, N]; half_tangent: of the edges of its field (Maps.half_tangent)."""
-    return maps({title: depth_m}, half_tangent, span=span)
+Shown = Union[ArrayLike, models.Maps, runs.Run]
 
 
-def maps(named: dict[str, ArrayLike], half_tangent: float, *, span: tuple[float, float] | None = None) -> Figure:
-    """Maps of the same record side by side, over the same span."""
-    span = span or span_of(np.concatenate([np.ravel(values) for values in named.values()]))
-    return side_by_side(named, half_tangent, [span] * len(named))
+def one_map(shown: Shown, index: int | None, half_tangent: float | None) -> tuple[NDArray[Any], float]:
+    """A map [N, N] and the tangent of its edges. Of Maps the one of this record, of a run its truth. Raises KeyError for
+    an index that is not there, TypeError without half_tangent."""
+    if isinstance(shown, models.Maps):
+        return shown.depth_m[row_of(shown, index)], shown.half_tangent
+    if isinstance(shown, runs.Run):
+        axis = shown.axes.get("map_x")
+        return shown.map_of(row_of(shown, index)), axis.step * axis.count / 2 if axis else 0.55
+    if half_tangent is None:
+        raise TypeError("half_tangent: expected, beside an array of depths (Maps.half_tangent)")
+    return np.asarray(shown), half_tangent
 
 
-def shares(named: dict[str, ArrayLike], half_tangent: float) -> Figure:
+def row_of(shown: models.Maps | runs.Run, index: int | None) -> int:
+    rows = np.flatnonzero(shown.index == index) if index is not None else np.arange(1)
+    if not len(rows) or not len(shown):
+        raise KeyError(f"{getattr(shown, 'path', 'maps')}: no record {index}")
+    return int(rows[0])
+
+
+def map(shown: Shown, half_tangent: float | None = None, *, index: int | None = None,  # noqa: A001
+        span: tuple[float, float] | None = None, title: str = "", ax: Panels = None) -> Figure:
+    """One map: [N, N] with the tangent of the edges of its field, or that of this record (default: the first) of Maps, or
+    of a run, which is the truth."""
+    return maps({title: shown}, half_tangent, index=index, span=span, ax=ax)
+
+
+def maps(named: dict[str, Shown], half_tangent: float | None = None, *, index: int | None = None,
+         span: tuple[float, float] | None = None, ax: Panels = None) -> Figure:
+    """Maps of the same record side by side, over the same span: {"truth": run, "ours": maps}, index=7."""
+    found = [one_map(shown, index, half_tangent) for shown in named.values()]
+    span = span or span_of(np.concatenate([np.ravel(values) for values, _ in found]))
+    return side_by_side(named.keys(), found, [span] * len(named), ax)
+
+
+def shares(named: dict[str, ArrayLike], half_tangent: float, *, ax: Panels = None) -> Figure:
     """The truth, and how far each pixel of the maps has come from the room (0) to a body (1)."""
-    truth, *_ = named.values()
-    return side_by_side(named, half_tangent, [span_of(truth)] + [None] * (len(named) - 1))
+    found = [(np.asarray(values), half_tangent) for values in named.values()]
+    return side_by_side(named.keys(), found, [span_of(found[0][0])] + [None] * (len(named) - 1), ax)
 
 
-def side_by_side(named: dict[str, ArrayLike], half_tangent: float, spans: Sequence[tuple[float, float] | None]) -> Figure:
-    made, axes = figure(len(named), wide=2.9, high=2.7)
-    for k, (ax, (title, values), span) in enumerate(zip(axes, named.items(), spans)):
-        size = len(np.asarray(values))
-        at = half_tangent * ((2 * np.arange(size) + 1) / size - 1)
-        draw_map(ax, values, at, -at, span, title, k == len(named) - 1 or span != spans[k + 1])
+def side_by_side(titles: Iterable[str], found: Sequence[tuple[NDArray[Any], float]], spans: Sequence[tuple[float, float] | None],
+                 ax: Panels) -> Figure:
+    made, axes = figure(len(found), wide=2.9, high=2.7, ax=ax)
+    for k, (panel, title, (values, half_tangent), span) in enumerate(zip(axes, titles, found, spans)):
+        at = half_tangent * ((2 * np.arange(len(values)) + 1) / len(values) - 1)
+        draw_map(panel, values, at, -at, span, title, k == len(found) - 1 or span != spans[k + 1])
     return made
 
 
@@ -115,10 +125,10 @@ def power_by_direction(run: runs.Run, row: int, sines: NDArray[np.float64]) -> N
         phase = np.pi * lag * sines
         real, imaginary = lags[:, 2 * lag - 1, None], lags[:, 2 * lag, None]
         out += 2 * (1 - lag / (across + 1)) * (real * np.cos(phase) - imaginary * np.sin(phase)) / np.maximum(lags[:, :1], 1e-30)
-    return np.maximum(out, 0) * lags[:, :1]
+    return np.asarray(np.maximum(out, 0) * lags[:, :1])
 
 
-def record(run: runs.Run | Path, index: int) -> Figure:
+def record(run: runs.Run | Path, index: int, *, ax: Panels = None) -> Figure:
     """What the sensors saw in the record of this index: map of the camera, histogram, profile; with antennas also the
     power over range and azimuth. Raises KeyError for an index that the run does not have."""
     run = opened(run)
@@ -126,9 +136,10 @@ def record(run: runs.Run | Path, index: int) -> Figure:
     if not len(rows):
         raise KeyError(f"{run.path}: no record {index}")
     row, antennas = int(rows[0]), run.lags_axis is not None
-    made, axes = figure(4 if antennas else 3, wide=3.7, high=2.9)
+    made, axes = figure(4 if antennas else 3, wide=3.7, high=2.9, ax=ax)
     label = run.labels[row]
-    made.suptitle(", ".join(filter(None, [run.path.name, f"record {index}", label])), fontsize=10)
+    if ax is None:
+        made.suptitle(", ".join(filter(None, [run.path.name, f"record {index}", label])), fontsize=10)
     camera, spd, radar = axes[:3]
     if run.valid["depth"][row] and "depth_x" in run.axes:
         depth = np.nan_to_num(run.depth[row])
@@ -154,7 +165,7 @@ def record(run: runs.Run | Path, index: int) -> Figure:
     return made
 
 
-def timeline(run: runs.Run | Path) -> Figure:
+def timeline(run: runs.Run | Path, *, ax: Panels = None) -> Figure:
     """Rates of the sensors over the run, red where a record has no data; residuals of the clocks."""
     run = opened(run)
     window = float(run.info["window_s"])
@@ -162,19 +173,22 @@ def timeline(run: runs.Run | Path) -> Figure:
     clocks = np.array(run.select("SELECT idx, spd_residual_s, radar_residual_s, depth_residual_s FROM clock_fit "
                                  "ORDER BY idx"), float)
     names = {"spd": "SPD (clicks/s)", "radar": "radar (frames/s)", "depth": "camera (frames/s used)"}
-    made, axes = figure(1, 4, wide=6.4, high=1.25)
+    made, axes = figure(1, 4, wide=6.4, high=1.25, ax=ax)
     minutes = (run.time - run.time[0]) / np.timedelta64(1, "s") / 60 if len(run) else np.zeros(0)
-    for k, (ax, (sensor, name)) in enumerate(zip(axes, names.items())):
-        ax.plot(minutes, used[:, k] / window if len(used) else [], color=COLOURS[sensor], lw=1)
-        ax.vlines(minutes[~run.valid[sensor]], 0, 1, color=COLOURS["bad"], lw=1, alpha=0.6, transform=ax.get_xaxis_transform())
-        ax.set_ylabel(name.replace(" ", "\n", 1), fontsize=8)
-        ax.set_ylim(bottom=0)
+    for k, (panel, (sensor, name)) in enumerate(zip(axes, names.items())):
+        panel.plot(minutes, used[:, k] / window if len(used) else [], color=COLOURS[sensor], lw=1)
+        panel.vlines(minutes[~run.valid[sensor]], 0, 1, color=COLOURS["bad"], lw=1, alpha=0.6, transform=panel.get_xaxis_transform())
+        panel.set_ylabel(name.replace(" ", "\n", 1), fontsize=8)
+        panel.set_ylim(bottom=0)
     for k, sensor in enumerate(names):
         if len(clocks):
-            axes[3].plot(np.interp(clocks[:, 0], run.index, minutes), 1e6 * clocks[:, 1 + k], color=COLOURS[sensor], lw=1)
+            axes[3].plot(np.interp(clocks[:, 0], run.index, minutes), 1e6 * clocks[:, 1 + k], color=COLOURS[sensor], lw=1,
+                         label={"spd": "SPD", "depth": "camera"}.get(sensor, sensor))
     axes[3].set_ylabel("residual\n(µs)", fontsize=8)
-    for ax in axes:
-        ax.set_xlim(0, max(float(minutes[-1]) if len(run) else 0, 1e-3))
+    if axes[3].lines:
+        axes[3].legend(fontsize=7, frameon=False, ncols=3, loc="upper left")
+    for panel in axes:
+        panel.set_xlim(0, max(float(minutes[-1]) if len(run) else 0, 1e-3))
     axes[3].set_xlabel("time (min)")
     return made
 
@@ -183,7 +197,7 @@ def timeline(run: runs.Run | Path) -> Figure:
 
 
 def table(path: Path) -> list[dict[str, Any]]:
-    """Rows of a study's CSV; numbers as float, NaN where there is none."""
+    """Rows of a CSV of echofuse-bench or `echofuse-sim study`; numbers as float, NaN where there is none."""
     words = {"axis", "value", "model", "inputs", "machine", "known"}
 
     def number(text: str) -> float:
@@ -199,7 +213,7 @@ def table(path: Path) -> list[dict[str, Any]]:
 
 def name_of(row: dict[str, Any]) -> str:
     inputs = {"spd": ", SPD alone", "radar": ", radar alone", "fused-profile": ", one antenna"}
-    return row["model"] + inputs.get(row["inputs"], "")
+    return str(row["model"]) + inputs.get(row["inputs"], "")
 
 
 def colour_of(name: str, taken: Iterable[str] = ()) -> str:
@@ -215,115 +229,67 @@ def over_seeds(rows: Sequence[dict[str, Any]], metric: str) -> tuple[float, floa
     return float(values.mean()), float(values.std(ddof=1)) if len(values) > 1 else 0.0
 
 
-def place_names(ax: Axes, points: Sequence[tuple[float, float, float, str, str]],
-                steps: Sequence[tuple[float, float]] = ()) -> None:
-    """Names (x, y, half a bar, name, colour) beside their points, over no other name, point, bar and step of a line, and
-    nearer to no other point; a far one has a line to its point. The figure's layout must be final."""
-    renderer = ax.figure.canvas.get_renderer()
-    at, share = ax.transData.transform([point[:2] for point in points]), ax.figure.transFigure.inverted().transform
-    ends = [ax.transData.transform([(x, max(y - bar, 1e-9)), (x, y + bar)])[:, 1] for x, y, bar, *_ in points]
-    frame = ax.get_window_extent()
-    bars = [(x - 5, min(y, low) - 5, x + 5, max(y, high) + 5) for (x, y), (low, high) in zip(at, ends)]
-    corners = ax.transData.transform(steps).tolist() if steps else []
-    bars += [(x, y - 2, end, y + 2) for (x, y), (end, _) in zip(corners, corners[1:])]
-    texts = [ax.text(0, 0, name, fontsize=8, color=colour, ha="center", va="center", transform=ax.figure.transFigure)
-             for *_, name, colour in points]
-    sizes = [(box.width + 4, box.height + 2) for box in (text.get_window_extent(renderer) for text in texts)]
-
-    def box_of(k: int, px: float, py: float) -> tuple[float, float, float, float]:
-        (wide, high) = sizes[k]
-        return px - wide / 2, py - high / 2, px + wide / 2, py + high / 2
-
-    def placed(order: Sequence[int]) -> tuple[float, dict[int, tuple[float, float]]]:
-        taken, total, out = list(bars), 0.0, {}
-        for k in order:
-            x, y = at[k]
-
-            def cost(px: float, py: float) -> float:
-                here = box_of(k, px, py)
-                over = sum(max(0, min(here[2], b[2]) - max(here[0], b[0])) * max(0, min(here[3], b[3]) - max(here[1], b[1]))
-                           for b in taken)
-                out = max(0, frame.x0 - here[0]) + max(0, here[2] - frame.x1) + max(0, frame.y0 - here[1]) + max(0, here[3] - frame.y1)
-                strays = sum(np.hypot(px - qx, py - qy) < np.hypot(px - x, py - y) for qx, qy in at if (qx, qy) != (x, y))
-                away = np.hypot(max(abs(px - x) - sizes[k][0] / 2, 0), max(abs(py - y) - sizes[k][1] / 2, 0))
-                return over + 1e4 * out + 30 * strays + max(away - 12, 0)
-
-            out[k] = min(((x + np.cos(t) * (away + sizes[k][0] / 2), y + np.sin(t) * (away + sizes[k][1] / 2))
-                          for away in 8 * 1.35 ** np.arange(11) for t in np.arange(16) * np.pi / 8), key=lambda p: cost(*p))
-            total += cost(*out[k])
-            taken.append(box_of(k, *out[k]))
-        return total, out
-
-    orders = [np.argsort(sign * at[:, side]).tolist() for side in (0, 1) for sign in (-1, 1)]
-    for k, (px, py) in min((placed(order) for order in orders), key=lambda one: one[0])[1].items():
-        texts[k].set_position(share((px, py)))
-        left, low, right, high = box_of(k, px, py)
-        x, y = at[k]
-        end = np.clip(x, left, right), np.clip(y, low, high)
-        if np.hypot(end[0] - x, end[1] - y) > 12:
-            ax.annotate("", share(end), share((x, y)), "figure fraction", "figure fraction",
-                        arrowprops={"arrowstyle": "-", "lw": 0.6, "color": points[k][4]})
-
-
-def pareto(path: Path, *, bound_m: float | None = None) -> Figure:
-    """pareto.csv of `echofuse-recon study pareto`: IoU against time with the front, lateral error against the cost,
-    and IoU with fewer photons and fewer training records. bound_m: the least lateral error that noise allows."""
+def pareto(path: Path, *, bound_m: float | None = None, axis: str = "model", ax: Panels = None) -> Figure:
+    """The table of `echofuse-bench pareto`: IoU against time with the front, lateral error against the cost, and IoU with
+    fewer photons and fewer training records. bound_m: the least lateral error that noise allows. axis: or a track's name."""
     rows = table(path)
     by_model: dict[tuple[str, str, str], list[dict[str, Any]]] = {}
     for row in rows:
         by_model.setdefault((row["axis"], row["value"], name_of(row)), []).append(row)
     sweeps = [sweep for sweep in ("photons", "records") if any(row["axis"] == sweep for row in rows)]
-    made, axes = figure(2, 1 + (len(sweeps) + 1) // 2, wide=5.4, high=4.0)
-    shown = {name: same for (axis, _, name), same in by_model.items() if axis == "model" and over_seeds(same, "iou")[0] >= 0.01}
+    shape = (2, 1 + (len(sweeps) + 1) // 2) if ax is None else (2 + len(sweeps), 1)
+    made, axes = figure(*shape, wide=5.4, high=4.0, ax=ax)
+    shown = {name: same for (kind, _, name), same in by_model.items() if kind == axis and over_seeds(same, "iou")[0] >= 0.01}
     front: list[tuple[float, float]] = []
     named: list[list[tuple[float, float, float, str, str]]] = []
-    for ax, cost, metric, unit in ((axes[0], "infer_us_median", "iou", 1), (axes[1], "multiply_adds", "lateral_m", 100)):
+    for panel, cost, metric, unit in ((axes[0], "infer_us_median", "iou", 1), (axes[1], "multiply_adds", "lateral_m", 100)):
         points = []
         for name, same in shown.items():
             x = [row[cost] for row in same if row[cost] > 0]
             mean, spread = over_seeds(same, metric)
             if not x:
                 continue
-            ax.errorbar(x[-1], unit * mean, unit * spread or None, fmt="o", ms=5, capsize=3, color=colour_of(name))
+            panel.errorbar(x[-1], unit * mean, unit * spread or None, fmt="o", ms=5, capsize=3, color=colour_of(name))
             points.append((x[-1], unit * mean, unit * spread, name, colour_of(name)))
-        ax.set_xscale("log")
         if metric == "iou":
-            for x, y, *_ in sorted(points):
+            for at, y, *_ in sorted(points):
                 if not front or y > front[-1][1]:
-                    front.append((x, y))
-            ax.step(*zip(*front), where="post", color=COLOURS["grey"], lw=1, zorder=0)
-            ax.set(xlabel="time of one map on one thread (µs, median)", ylabel="IoU")
+                    front.append((at, y))
+            panel.step([x for x, _ in front], [y for _, y in front], where="post", color=COLOURS["grey"], lw=1, zorder=0,
+                       label="Pareto front")
+            panel.legend(fontsize=8, frameon=False, loc="lower right")
+            panel.set(xlabel="time of one map on one thread (µs, median)", ylabel="IoU")
         else:
-            ax.set_yscale("log")
             if bound_m:
-                ax.axhline(100 * bound_m, color=COLOURS["grey"], ls="--", lw=1)
-                ax.text(0.01, 100 * bound_m, f"least possible: {100 * bound_m:g} cm", transform=ax.get_yaxis_transform(),
-                        va="bottom", fontsize=8)
-            ax.set(xlabel="multiply-adds of one map", ylabel="lateral error (cm)")
-        ax.margins(0.12)
+                panel.axhline(100 * bound_m, color=COLOURS["grey"], ls="--", lw=1)
+                panel.text(0.01, 100 * bound_m, f"least possible: {100 * bound_m:g} cm", transform=panel.get_yaxis_transform(),
+                           va="bottom", fontsize=8)
+            panel.set(xlabel="multiply-adds of one map", ylabel="lateral error (cm)")
+        plain_log(panel, *("x" if metric == "iou" else "xy"))
+        panel.margins(0.12)
         named.append(points)
-    for ax, sweep in zip(axes[2:], sweeps):
+    for panel, sweep in zip(axes[2:], sweeps):
         taken: list[str] = []
         for name in dict.fromkeys(key[2] for key in by_model if key[0] == sweep):
-            line = sorted((float(value), *over_seeds(same, "iou")) for (axis, value, other), same in by_model.items()
-                          if other == name and axis in (sweep, "model"))
+            line = sorted((float(value), *over_seeds(same, "iou")) for (kind, value, other), same in by_model.items()
+                          if other == name and kind in (sweep, axis))
             taken.append(colour_of(name, taken))
-            x, y, spread = zip(*line)
-            ax.errorbar(x, y, spread, fmt="o-", ms=4, capsize=3, color=taken[-1], label=name)
-        ax.set_xscale("log")
-        ax.set(xlabel="share of the record's photons" if sweep == "photons" else "share of the training records", ylabel="IoU")
-        ax.legend(fontsize=8, frameon=False)
-    for ax in axes[2 + len(sweeps):]:
-        ax.remove()
+            panel.errorbar(*zip(*line), fmt="o-", ms=4, capsize=3, color=taken[-1], label=name)
+        plain_log(panel, "x")
+        panel.set(xlabel="share of the record's photons" if sweep == "photons" else "share of the training records", ylabel="IoU")
+        panel.legend(fontsize=8, frameon=False)
+    for panel in axes[2 + len(sweeps):]:
+        panel.remove()
     made.canvas.draw()
-    made.set_layout_engine("none")
+    if ax is None:
+        made.set_layout_engine("none")
     place_names(axes[0], named[0], front)
     place_names(axes[1], named[1])
     return made
 
 
-def stability(path: Path, axis: str, *, base: str | None = None, title: str = "") -> Figure:
-    """stability.csv of `echofuse-recon study stability`: IoU at each value of the axis. Shaded is what the best
+def stability(path: Path, axis: str, *, base: str | None = None, title: str = "", ax: Panels = None) -> Figure:
+    """The table of `echofuse-bench stability`: IoU at each value of the axis. Shaded is what the best
     baseline that draws a body reaches (empty room, mean map, nearest record); a cross: not above it by more than the
     spread over seeds. base: the value of the axis at the base condition, which the table does not say."""
     rows = [row for row in table(path) if row["axis"] in (axis, "base")]
@@ -335,41 +301,42 @@ def stability(path: Path, axis: str, *, base: str | None = None, title: str = ""
         pass
     by: dict[str, list[tuple[float, float]]] = {}
     for name in dict.fromkeys(name_of(row) for row in rows):
-        at = [[row for row in rows if name_of(row) == name and row["value"] in (value, "base" if value == (base or "base") else value)]
+        found = [[row for row in rows if name_of(row) == name and row["value"] in (value, "base" if value == (base or "base") else value)]
               for value in values]
-        by[name] = [over_seeds(same, "iou") if same else (float("nan"), 0.0) for same in at]
+        by[name] = [over_seeds(same, "iou") if same else (float("nan"), 0.0) for same in found]
     baselines = {name for name in by if name in ("empty", "mean", "nearest")}
-    best = np.nanmax([[point[0] for point in by[name]] for name in baselines] or [[np.nan] * len(values)], axis=0)
-    made, (ax, *_) = figure(wide=7.2, high=3.8)
+    best = np.nanmax([[0.0] * len(values), *([point[0] for point in by[name]] for name in baselines)], axis=0)
+    made, (panel, *_) = figure(wide=7.2, high=3.8, ax=ax)
     at = np.arange(len(values))
-    ax.fill_between(at, 0, best, color="#fdf0d2", zorder=0)
-    ax.plot(at, best, "--", color=COLOURS["grey"], label="best baseline")
+    panel.fill_between(at, 0, best, color="#fdf0d2", zorder=0)
+    panel.plot(at, best, "--", color=COLOURS["grey"], label="best baseline")
     taken: list[str] = []
     for name in (name for name in by if name not in baselines):
         mean, spread = np.array(by[name]).T
         taken.append(colour_of(name, taken))
         below = ~(mean - spread > best)
-        ax.errorbar(at, mean, spread, fmt="o-", ms=4, capsize=3, color=taken[-1], label=name)
-        ax.plot(at[below], mean[below], "x", ms=10, mew=2.5, color=taken[-1])
-    ax.axvline(values.index(base or "base"), color=COLOURS["grey"], lw=0.8, ls=":")
-    ax.set_xticks(at, values, rotation=30 if max(len(v) for v in values) > 5 else 0, ha="right" if max(len(v) for v in values) > 5 else "center")
-    ax.set(xlabel=title or axis, ylabel="IoU")
-    ax.set_ylim(bottom=0)
-    ax.legend(fontsize=8, frameon=False, loc="upper left", bbox_to_anchor=(1, 1))
+        panel.errorbar(at, mean, spread, fmt="o-", ms=4, capsize=3, color=taken[-1], label=name)
+        panel.plot(at[below], mean[below], "x", ms=10, mew=2.5, color=taken[-1])
+    panel.axvline(values.index(base or "base"), color=COLOURS["grey"], lw=0.8, ls=":")
+    panel.set_xticks(at, values, rotation=30 if max(len(v) for v in values) > 5 else 0, ha="right" if max(len(v) for v in values) > 5 else "center")
+    panel.set(xlabel=title or axis, ylabel="IoU")
+    panel.set_ylim(bottom=0)
+    panel.legend(fontsize=8, frameon=False, loc="upper left", bbox_to_anchor=(1, 1))
     return made
 
 
-def learning_curve(path: Path) -> Figure:
+def learning_curve(path: Path, *, ax: Panels = None) -> Figure:
     """Losses of a model file while it was trained, of training and validation records. Raises ValueError for a model
     that has none."""
     tensors, facts = models.read_safetensors(path)
-    made, (ax, *_) = figure()
+    made, (panel, *_) = figure(ax=ax)
     for name, label, colour in (("loss_m", "training", "grey"), ("validation_loss_m", "validation", "both")):
         found = [key for key in tensors if key.endswith("/" + name)]
         if found and len(tensors[found[0]]):
-            ax.semilogy(np.arange(1, 1 + len(tensors[found[0]])), tensors[found[0]], color=COLOURS[colour], label=label)
-    if not ax.lines:
+            panel.plot(np.arange(1, 1 + len(tensors[found[0]])), tensors[found[0]], color=COLOURS[colour], label=label)
+    if not panel.lines:
         raise ValueError(f"{path}: a model without epochs")
-    ax.set(xlabel="epoch", ylabel="loss (rms, unit of the model)")
-    ax.legend(frameon=False)
+    plain_log(panel, "y")
+    panel.set(xlabel="epoch", ylabel="loss (rms, unit of the model)")
+    panel.legend(frameon=False)
     return made

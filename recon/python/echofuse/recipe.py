@@ -12,6 +12,7 @@ from typing import Any
 
 from . import bench, tmf8820
 from . import run as runs
+from .methods import BenchError, call, method, version
 
 
 def checksum(path: str | pathlib.Path) -> str:
@@ -40,10 +41,10 @@ def made(track: dict[str, Any], part: str, folder: pathlib.Path, data: pathlib.P
             tmf8820.make("rendered" if part == "train" else "measured", shape, mesh, plan.get("records", 0), plan.get("seed", 1), out)
         else:
             words = [word for setting in track["settings"] for word in ("--set", setting)]
-            bench.call("echofuse-sim", "dataset", "-q", "--out", out, "--records", plan["records"], "--seed", plan["seed"], *words)
+            call("echofuse-sim", "dataset", "-q", "--out", out, "--records", plan["records"], "--seed", plan["seed"], *words)
     wanted = track.get(f"{part}_sha256")
     if wanted and checksum(out) != wanted:
-        raise bench.BenchError(f"{out}: its records are not those of the recipe (sha256 {checksum(out)}; expected {wanted})")
+        raise BenchError(f"{out}: its records are not those of the recipe (sha256 {checksum(out)}; expected {wanted})")
     return out
 
 
@@ -64,24 +65,23 @@ def run(args: argparse.Namespace) -> None:
     data = pathlib.Path(args.data) if args.data else None
     if data and (data / "spad-tmf8820").is_dir():
         data = data / "spad-tmf8820"
-    table = bench.Table(args.out)
+    table = bench.Table(args.out, f"{version()}: {recipe['name']}", args.part)
     cells: list[bench.Cell] = []
     titles: dict[str, str] = {}
     for track in recipe["track"]:
         if args.tracks and track["name"] not in args.tracks:
             continue
-        pair = [made(track, part, args.runs, data) for part in ("train", "test")]
-        if None in pair:
+        train, test = (made(track, part, args.runs, data) for part in ("train", "test"))
+        if train is None or test is None:
             print(f"echofuse-bench: track {track['name']} left out: --data has no {track['shape']}.json.gz", file=sys.stderr)
             continue
         if args.checksums:
-            for part, path in zip(("train", "test"), pair):
+            for part, path in (("train", train), ("test", test)):
                 print(f'{track["name"]}: {part}_sha256 = "{checksum(path)}"')
             continue
         titles[track["name"]] = track["title"]
-        methods = [bench.method(name) for name in (*track.get("methods", recipe["methods"]), *args.methods)]
-        for cell in bench.pareto_cells(pair[0], pair[1], methods, seeds=args.seeds or recipe["seeds"]):
-            cells.append(bench.Cell(track["name"], "1", cell.how, cell.seed, cell.train, cell.test))
+        methods = [method(name) for name in (*track.get("methods", recipe["methods"]), *args.methods)]
+        cells += bench.pareto_cells(train, test, methods, seeds=args.seeds or recipe["seeds"], axis=track["name"])
     bench.fill(table, cells, jobs=args.jobs, part=args.part, quiet=args.quiet)
     if args.markdown:
         for name, title in titles.items():
@@ -89,4 +89,6 @@ def run(args: argparse.Namespace) -> None:
     if args.figure:
         from . import plot
 
-        plot.pareto(args.out).savefig(args.figure)
+        for name in titles:
+            out = pathlib.Path(args.figure)
+            plot.pareto(args.out, axis=name).savefig(out.with_name(f"{out.stem}-{name}{out.suffix}"))

@@ -29,17 +29,17 @@ class Record:
 
     @property
     def time(self) -> np.datetime64:
-        return self.run.time[self.row]
+        return np.datetime64(self.run.time[self.row])
 
     @property
     def spd(self) -> NDArray[np.uint32]:
         """Counts [bins]."""
-        return self.run.spd[self.row]
+        return np.asarray(self.run.spd[self.row])
 
     @property
     def radar(self) -> NDArray[np.float32]:
         """Linear power [points]."""
-        return self.run.radar[self.row]
+        return np.asarray(self.run.radar[self.row])
 
     @property
     def depth(self) -> NDArray[np.float32]:

@@ -25,7 +25,7 @@ class Response:
         root = np.sqrt(np.array([*self.taps, 0, 0]))
         a, b, c, d = (root[np.minimum(abs(whole + k), len(self.taps))] for k in (-1, 0, 1, 2))
         amplitude = b + t / 2 * (c - a + t * (2 * a - 5 * b + 4 * c - d + t * (3 * (b - c) + d - a)))
-        return np.where(place < len(self.taps), amplitude, 0) ** 2
+        return np.asarray(np.where(place < len(self.taps), amplitude, 0) ** 2, float)
 
     def width_m(self) -> float:
         """The full width at half of the peak."""

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import antennas, grid
-from .grid import decode_png16, shifted
+from .grid import decode_png16, read_only, shifted
 from .record import Record
 from .run_files import connect, files_of, parts_of, table
 
@@ -45,8 +45,8 @@ class Axis:
         """Whether this axis lies nowhere farther than a bin from the wanted one; it may have more bins."""
         start = self.start - wanted["start"]
         end = start + (self.step - wanted["step"]) * wanted["count"]
-        return (self.quantity == wanted["quantity"] and self.scale == wanted["scale"] and self.count >= wanted["count"]
-                and max(abs(start), abs(end)) <= abs(wanted["step"]))
+        return bool(self.quantity == wanted["quantity"] and self.scale == wanted["scale"] and self.count >= wanted["count"]
+                    and max(abs(start), abs(end)) <= abs(wanted["step"]))
 
     def resampled(self, table: NDArray[np.float32], wanted: dict[str, Any]) -> NDArray[np.float32]:
         """Values [n, bins, ...] at the places of the wanted axis, by lines between the bins."""
@@ -58,7 +58,7 @@ class Axis:
         place = ((wanted["start"] - self.start + wanted["step"] * np.arange(count)) / self.step).clip(0, self.count - 1)
         first = place.astype(int)
         part = (place - first).astype(np.float32).reshape(-1, *[1] * (table.ndim - 2))
-        return (1 - part) * table[:, first] + part * table[:, np.minimum(first + 1, self.count - 1)]
+        return np.asarray((1 - part) * table[:, first] + part * table[:, np.minimum(first + 1, self.count - 1)])
 
 
 def open(path: str | pathlib.Path) -> "Run":  # noqa: A001 (the name that is wanted)
@@ -207,8 +207,8 @@ class Run:
 
     @cached_property
     def spd(self) -> NDArray[np.uint32]:
-        """Counts [n, bins]."""
-        return self._table("spd", "<u4", 0)
+        """Counts [n, bins]; read-only, as all arrays that the run keeps."""
+        return read_only(self._table("spd", "<u4", 0))
 
     @cached_property
     def radar(self) -> NDArray[np.float32]:
@@ -218,7 +218,7 @@ class Run:
         if axis is not None and axis.quantity == "log2_q8":  # TI's codes (drivers/core/log2_codes.hpp)
             antennas = max(1, int(axis.scale))
             table = np.exp2(table.astype(np.float64) * (2 / 256 * (1 << (antennas - 1).bit_length()) / antennas))
-        return table.astype(np.float32)
+        return read_only(table.astype(np.float32))
 
     @cached_property
     def depth(self) -> NDArray[np.float32]:
@@ -228,9 +228,9 @@ class Run:
             raise ValueError(f"{self.path}: depth has {size[0] * size[1]} pixels; expected at most {MOST_PIXELS}")
         out = np.full((len(self), *size), np.nan, np.float32)
         for row, png in self._blobs("depth"):
-            image = decode_png16(png, size)
+            image = decode_png16(png, (size[0], size[1]))
             out[row] = np.where(image > 0, image / np.float32(1000), np.float32(np.nan))
-        return out
+        return read_only(out)
 
     def depth_mm(self, row: int) -> NDArray[np.uint16]:
         """The camera's image of one record as recorded [rows, columns], millimetres, 0: no return."""
@@ -241,19 +241,28 @@ class Run:
     def maps(self) -> NDArray[np.float32]:
         """The truth [n, N, N] on the grid of the maps, in metres, as training and judge have it; NaN: no return, and of a
         record without depth. Images are read one by one."""
+        out = np.full((len(self), len(self._cells[1]), len(self._cells[0])), np.nan, np.float32)
+        for row in np.flatnonzero(self.valid["depth"]):
+            out[row] = self.map_of(int(row))
+        return out
+
+    def map_of(self, row: int) -> NDArray[np.float32]:
+        """The truth of one record [N, N], as in maps()."""
+        to_z = self.axes.get("map_z")
+        return grid.to_map(self.depth_mm(row), *self._cells, to_z.step if to_z else 6.0)
+
+    @cached_property
+    def _cells(self) -> tuple[list[tuple[int, int]], list[tuple[int, int]]]:
+        """Columns and rows of the camera's image in each column and row of the maps."""
         x, y = (self.axes.get(name) for name in ("depth_x", "depth_y"))
-        to_x, to_y, to_z = (self.axes.get(name) for name in ("map_x", "map_y", "map_z"))
+        to_x, to_y = (self.axes.get(name) for name in ("map_x", "map_y"))
         if x is None or y is None:
             raise ValueError(f"{self.path}: has no depth camera")
         half = 0.55 if to_x is None else to_x.step * to_x.count / 2
         size = 64 if to_x is None else to_x.count
         to_x = to_x or Axis("map_x", "tangent", "1", size, half / size - half, 2 * half / size, 1)
         to_y = to_y or Axis("map_y", "tangent", "1", size, half - half / size, -2 * half / size, 1)
-        columns, rows = grid.cells(x, to_x), grid.cells(y, to_y)
-        out = np.full((len(self), size, size), np.nan, np.float32)
-        for row in np.flatnonzero(self.valid["depth"]):
-            out[row] = grid.to_map(self.depth_mm(int(row)), columns, rows, to_z.step if to_z else 6.0)
-        return out
+        return grid.cells(x, to_x), grid.cells(y, to_y)
 
     def stored_radar(self) -> NDArray[np.float32]:
         """The profiles [n, points] as recorded: linear power, or TI's codes (axes["radar"].quantity)."""
@@ -347,17 +356,17 @@ class Run:
             return counts
         pulses, width = clicks[0] / clicks[1], self.axes["spd"].step
         before = np.concatenate([[0], np.cumsum(counts, dtype=np.float64)])
-        up_to = lambda at: np.interp(at, np.arange(len(before)), before)  # noqa: E731
+        places = np.arange(len(before))
         text = self.meta["detector_dead_time_ps"]
         dead = np.inf if text == "until the next pulse" else float(text) / width
         period = 1e12 * self.info["window_s"] / pulses / width
         whole = 0 if np.isinf(dead) else np.floor(dead / period)
         since = np.arange(len(counts)) + 0.5 - (dead - whole * period)
-        blocked = before[:-1] - np.minimum(up_to(since), before[:-1]) + whole * before[-1]
+        blocked = before[:-1] - np.minimum(np.interp(since, places, before), before[:-1]) + whole * before[-1]
         if not np.isinf(dead):
-            blocked += before[-1] - up_to(since + period)
+            blocked += before[-1] - np.interp(since + period, places, before)
         ready = np.maximum(pulses - blocked, counts + 0.5)
-        return (-pulses * np.log1p(-counts / ready)).astype(np.float32)
+        return np.asarray(-pulses * np.log1p(-counts / ready), np.float32)
 
     def to_xarray(self) -> Any:
         """The same as an xarray.Dataset (python3-xarray) with named axes and units. spd_range and radar_range are metres

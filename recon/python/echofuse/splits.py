@@ -62,7 +62,7 @@ def mix(x: int) -> int:
 
 def shuffled(rows: ArrayLike, seed: int, stream: int) -> list[int]:
     """std::shuffle as libstdc++ has it: two swaps a random number."""
-    out = np.asarray(rows).tolist()
+    out: list[int] = np.asarray(rows).tolist()
     twister, n = Twister(mix(seed ^ mix(stream))), len(out)
     if n < 2:
         return out

@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 
 from . import bench, derive
+from .methods import BenchError, CONSTANT, Method, Row, UsageError, call, method, version
 
 TEST_SEEDS = 1000  # the test records' seed, after that of the training records
-CONSTANT = ("empty", "mean")  # look at no sensor
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,7 @@ def simulated_axes(base: dict[str, Any]) -> list[Axis]:
                 world: Callable[[float], World], at: float) -> None:
         worlds = {f"{v:g}": BASE if np.isclose(v, at, rtol=1e-9, atol=0) else world(v) for v in values}
         if BASE not in worlds.values():
-            raise ValueError(f"axis {kind}-{name} has no value for the simulator's base: {at:g}")
+            raise UsageError(f"axis {kind}-{name} has no value for the simulator's base: {at:g}")
         axes.append(Axis(kind, name, title, worlds, tuple(f"{v:g}" for v in quick)))
 
     def setting(kind: str, name: str, title: str, key: str, values: Iterable[float], quick: Iterable[float],
@@ -218,8 +218,14 @@ class Simulated:
     def __init__(self, settings: Sequence[str], records: int, test_records: int) -> None:
         self.settings = [word for setting in settings for word in ("--set", setting)]
         self.records, self.test_records = records, test_records
-        told = json.loads(bench.call("echofuse-sim", "config", "--json", *self.settings))
+        told = json.loads(call("echofuse-sim", "config", "--json", *self.settings))
         self.base = {key: one["value"] for key, one in told.items()}
+
+    @property
+    def of(self) -> str:
+        """What a table of such runs is of."""
+        settings = " ".join(word for word in self.settings if word != "--set")
+        return f"{version()}: {self.records} simulated records, {self.test_records} to judge by{'; ' * bool(settings)}{settings}"
 
     def axes(self) -> list[Axis]:
         return simulated_axes(self.base)
@@ -236,9 +242,9 @@ class Simulated:
             self._walkers(world, records, seed, out, words)
         elif world.at_x_m is not None:
             x = world.at_x_m
-            self._dataset(out, seed, words, [(("person" if i % 8 < 2 else "letter"), -x if i % 2 else x, None) for i in range(records)])
+            self._dataset(out, seed, words, [(("person" if i % 8 < 2 else "letter"), x if i % 2 else -x, None) for i in range(records)])
         else:
-            bench.call("echofuse-sim", "dataset", "-q", "--out", out, "--seed", seed, f"--{world.scenes}", records, *words)
+            call("echofuse-sim", "dataset", "-q", "--out", out, "--seed", seed, f"--{world.scenes}", records, *words)
         if not world.changes:
             return out
         changed = derive.copy(out, out.with_name("changed-" + out.name), *world.changes)
@@ -250,14 +256,14 @@ class Simulated:
         listed = out.with_suffix(".toml")
         listed.write_text("".join(f'[[scene]]\nkind = "{kind}"\nx_m = {x:.9g}\n' + (f"z_m = {z:.9g}\n" if z is not None else "")
                                   for kind, x, z in scenes))
-        bench.call("echofuse-sim", "dataset", "-q", "--out", out, "--seed", seed, *words, "--set", f"scenes={listed}")
+        call("echofuse-sim", "dataset", "-q", "--out", out, "--seed", seed, *words, "--set", f"scenes={listed}")
         listed.unlink()
 
     def _walkers(self, world: World, records: int, seed: int, out: pathlib.Path, words: Sequence[str]) -> None:
         """A walk is a sum of five short records in which the same people stand, a step further in each: photons add up,
         power is the mean. The true map is that of the middle."""
         if self.base["radar_antennas"] > 1:
-            raise bench.BenchError("people who walk: not with several antennas")
+            raise BenchError("people who walk: not with several antennas")
         steps, rng = 5, np.random.default_rng(seed)
         x = rng.uniform(-self.base["target_x_m"], self.base["target_x_m"], records)
         z = rng.uniform(self.base["target_z_min_m"], self.base["target_z_max_m"], records)
@@ -286,6 +292,10 @@ class Recorded:
     def __init__(self, train: str, test: str) -> None:
         self.runs = pathlib.Path(train), pathlib.Path(test)
 
+    @property
+    def of(self) -> str:
+        return bench.of_runs(*self.runs)
+
     def axes(self) -> list[Axis]:
         return recorded_axes()
 
@@ -297,7 +307,7 @@ class Recorded:
         return derive.copy(self.runs[1], folder / "test.sqlite", *world.changes) if world.changes else self.runs[1]
 
 
-def cells(source: Simulated | Recorded, axes: Sequence[Axis], methods: Sequence[bench.Method], *, seeds: int,
+def cells(source: Simulated | Recorded, axes: Sequence[Axis], methods: Sequence[Method], *, seeds: int,
           quick: bool) -> list[bench.Cell]:
     """Every method with every seed at the base and at all values of the axes."""
     places = [("base", "base", BASE, BASE)]
@@ -306,14 +316,19 @@ def cells(source: Simulated | Recorded, axes: Sequence[Axis], methods: Sequence[
             if world != BASE and (not quick or not axis.quick or label in axis.quick):
                 places.append((axis.id, label, world if axis.kind == "matched" else BASE, world))
 
-    def cell(axis: str, label: str, there: World, world: World, how: bench.Method, seed: int) -> bench.Cell:
-        return bench.Cell(axis, label, how, seed, lambda folder: source.train(there, seed, folder),
-                          lambda folder: source.test(world, seed, folder))
+    def cell(axis: str, label: str, known: World, world: World, how: Method, seed: int) -> bench.Cell:
+        return bench.Cell(axis, label, how, seed,
+                          bench.Source(f"train {key(known, axis, label)} {seed}", lambda folder: source.train(known, seed, folder)),
+                          bench.Source(f"test {key(world, axis, label)} {seed}", lambda folder: source.test(world, seed, folder)),
+                          fallback=known == BASE)
+
+    def key(world: World, axis: str, label: str) -> str:
+        return "base" if world == BASE else f"{axis} {label}"
 
     return [cell(*place, how, seed) for seed in range(1, seeds + 1) for place in places for how in methods]
 
 
-def falls_below(rows: Sequence[bench.Row], axis: Axis) -> dict[str, list[str]]:
+def falls_below(rows: Sequence[Row], axis: Axis) -> dict[str, list[str]]:
     """By method, the first values on the ways from the base to both ends at which its IoU is not above that of the best
     baseline that draws a body (empty room, mean map, nearest record) by more than the spread over the seeds; NaN is below."""
     def iou(model: str, inputs: str | None, label: str) -> dict[str, float]:
@@ -332,7 +347,7 @@ def falls_below(rows: Sequence[bench.Row], axis: Axis) -> dict[str, list[str]]:
     for model, inputs in dict.fromkeys((row["model"], row["inputs"]) for row in rows):
         if model in CONSTANT:
             continue
-        ways = [[base]] if below(model, inputs, axis.base) else [range(base - 1, -1, -1), range(base + 1, len(labels))]
+        ways: list[Sequence[int]] = [[base]] if below(model, inputs, axis.base) else [range(base - 1, -1, -1), range(base + 1, len(labels))]
         first = [next((labels[k] for k in way if below(model, inputs, labels[k])), None) for way in ways]
         out[model if inputs in ("fused", "-") else f"{model}:{inputs}"] = [label for label in first if label is not None]
     return out
@@ -354,11 +369,11 @@ def run(args: argparse.Namespace) -> None:
     known = {axis.id: axis for axis in source.axes()}
     unknown = [name for name in args.axes or [] if name not in known]
     if unknown:
-        raise ValueError(f"axis {unknown[0]}: expected some of {', '.join(known)}")
+        raise UsageError(f"axis {unknown[0]}: expected some of {', '.join(known)}")
     axes = [known[name] for name in args.axes or known]
     names = [*CONSTANT, *(name for name in args.methods if name not in CONSTANT)]
-    table = bench.Table(args.out)
-    bench.fill(table, cells(source, axes, [bench.method(name) for name in names], seeds=args.seeds or 3, quick=args.quick),
+    table = bench.Table(args.out, source.of, args.part)
+    bench.fill(table, cells(source, axes, [method(name) for name in names], seeds=args.seeds or 3, quick=args.quick),
                jobs=args.jobs, part=args.part, quiet=args.quiet)
     rows = list(table.rows.values())
     if args.markdown:

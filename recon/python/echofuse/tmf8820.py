@@ -52,7 +52,7 @@ def read_mesh(path: str | pathlib.Path) -> Array:
         faces = [[int(word.split("/")[0]) for word in line[1:]] for line in lines if line[:1] == ["f"]]
         fans = [(face[0], face[k], face[k + 1]) for face in faces for k in range(1, len(face) - 1)]
         at = np.array(fans)
-        return corners[np.where(at > 0, at - 1, at)]
+        return np.asarray(corners[np.where(at > 0, at - 1, at)])
     kind = np.dtype([("normal", "<3f4"), ("corners", "<9f4"), ("more", "<u2")])
     count = int.from_bytes(contents[80:84], "little")
     if len(contents) < 84 + count * kind.itemsize or count == 0:
@@ -122,7 +122,7 @@ def cylinder(radius: float, z: float, sides: int = 16) -> Array:
 def _hull(corners: Array, n: int) -> Array:
     """Side and top faces between a lower and an upper ring of n corners."""
     faces = [(k, (k + 1) % n, n + k) for k in range(n)] + [((k + 1) % n, n + (k + 1) % n, n + k) for k in range(n)]
-    return corners[np.array(faces + [(n, n + k, n + k + 1) for k in range(1, n - 1)])]
+    return np.asarray(corners[np.array(faces + [(n, n + k, n + k + 1) for k in range(1, n - 1)])])
 
 
 def any_object(rng: np.random.Generator) -> tuple[Array, float]:
@@ -157,13 +157,13 @@ def histogram(depth: Array, cosine: Array, albedo: Array, response: Array) -> Ar
     place = np.clip(range_m / BIN_M + ZERO_BIN, 0, BINS - 2)
     low, weight = place.astype(int), (albedo * cosine)[seen] / range_m ** 2
     sharp = np.bincount(low, weight * (1 - (place - low)), BINS) + np.bincount(low + 1, weight * (place - low), BINS)
-    return np.convolve(sharp, response)[response.argmax():][:BINS]
+    return np.convolve(sharp, response)[int(response.argmax()):][:BINS]
 
 
 def rendered(reference: Array, records: int, seed: int) -> tuple[NDArray[np.uint32], NDArray[np.float32]]:
     """Counts [n, 128] and maps [n, SIZE, SIZE] of random objects. reference [128]: the chip's own response."""
     rng = np.random.default_rng(seed)
-    response = np.clip(reference - np.median(reference[-20:]), 0, None)[max(reference.argmax() - 3, 0):][:40]
+    response = np.clip(reference - np.median(reference[-20:]), 0, None)[max(int(reference.argmax()) - 3, 0):][:40]
     table = np.array([[(-1, -1, 0), (1, -1, 0), (1, 1, 0)], [(-1, -1, 0), (1, 1, 0), (-1, 1, 0)]], float)
     counts, maps = [], []
     for _ in range(records):
@@ -195,6 +195,7 @@ def main() -> None:
 def make(what: str, data: str | pathlib.Path, mesh: str | pathlib.Path | None, records: int, seed: int,
          out: str | pathlib.Path) -> None:
     """Makes a run of the measured records of a shape, or of rendered ones with its chip's response."""
+    counts: NDArray[Any]
     counts, references, poses = read_measured(data)
     if what == "measured":
         if mesh is None:

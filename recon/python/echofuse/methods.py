@@ -1,0 +1,172 @@
+# SPDX-License-Identifier: MIT
+"""Methods of the bench: candidates of `echofuse-recon train`, Python classes, commands; and their one judge."""
+from __future__ import annotations
+
+import importlib.util
+import json
+import os
+import pathlib
+import shlex
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import run as runs
+from .maps import save_maps
+
+METRICS = ("iou", "ssim", "ssim_hard", "ssim_fg", "rmse_m", "rmse_fg_m", "depth_mae_m", "abs_rel", "delta_125", "lateral_m",
+           "ghost", "left_right", "iou_person")
+COSTS = ("multiply_adds", "infer_us_median", "infer_us_p99", "train_s")
+CONSTANT = ("empty", "mean")  # look at no sensor
+Path = str | pathlib.Path
+Row = dict[str, Any]
+
+
+class BenchError(RuntimeError):
+    """What a program or a method said when it failed, in one line."""
+
+    code = 1  # the bench's exit code
+
+
+class UsageError(BenchError):
+    """A wrong word of the command line: no measurement can be made with it."""
+
+    code = 2
+
+
+def call(program: str, *words: object) -> str:
+    """Standard output of one of the programs: of $ECHOFUSE_BIN, else beside this program, else of PATH. Raises BenchError
+    with its last line; UsageError unless its exit code is 1, so that no row says of a method what is another's fault."""
+    folder = os.environ.get("ECHOFUSE_BIN") or os.path.dirname(sys.argv[0])
+    beside = os.path.join(folder, program)
+    command = [beside if os.access(beside, os.X_OK) else program, *map(str, words)]
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+    except FileNotFoundError:
+        raise UsageError(f"{command[0]}: not found; put the programs into PATH, or set ECHOFUSE_BIN") from None
+    if done.returncode:
+        kind = BenchError if done.returncode == 1 else UsageError
+        said = [line for line in done.stderr.splitlines() if line.strip() and line != "Run with --help for more information."]
+        raise kind((said or [f"{program}: exit code {done.returncode}"])[-1])
+    return done.stdout
+
+
+def version() -> str:
+    """As "echofuse-recon 0.1.0 (8e0b8d8)"."""
+    return call("echofuse-recon", "--version").split(",")[0].strip()
+
+
+class Fitted(Protocol):
+    """The interface of a method in Python. `rows` are indices into the run's records to learn from."""
+
+    def fit(self, run: runs.Run, rows: NDArray[np.int64]) -> None: ...
+
+    def predict(self, run: runs.Run) -> NDArray[np.float32]: ...
+
+
+Answer = Callable[[pathlib.Path, pathlib.Path], tuple[list[str], Row]]
+
+
+@dataclass(frozen=True)
+class Method:
+    """A name, and how to learn from a run: fit(train, folder, seed, fallback) gives answer(test, folder), and this the words
+    that `evaluate` takes, and costs. fallback: a candidate of both sensors answers for records of one, too."""
+
+    model: str
+    inputs: str
+    fit: Callable[[pathlib.Path, pathlib.Path, int, bool], Answer]
+
+    @property
+    def name(self) -> str:
+        return self.model if self.inputs in ("fused", "-") else f"{self.model}:{self.inputs}"
+
+
+def method(text: str) -> Method:
+    """The method of this name (bench.py). Raises UsageError for a class that is not there."""
+    if "/" in text:
+        return Method(text, "-", lambda train, folder, seed, fallback: _by_command(text, train, seed))
+    module, _, name = text.partition(":")
+    if "." in module or importlib.util.find_spec(module) is not None and name[:1].isupper():
+        try:
+            made = getattr(importlib.import_module(module), name)
+        except (ImportError, AttributeError) as error:
+            raise UsageError(f"method {text}: {error}") from None
+        return python_method(text, made)
+    inputs = "-" if module in CONSTANT and not name else name or "fused"
+    return Method(module, inputs, lambda train, folder, seed, fallback: _by_candidate(module, inputs, train, folder, seed, fallback))
+
+
+def python_method(name: str, make: Callable[..., Fitted]) -> Method:
+    """A method of this name: make() or make(seed=...) gives an object with fit and predict."""
+    return Method(name, "-", lambda train, folder, seed, fallback: _by_object(make, train, seed))
+
+
+def _by_candidate(model: str, inputs: str, train: pathlib.Path, folder: pathlib.Path, seed: int, fallback: bool) -> Answer:
+    out = folder / "model.safetensors"
+    words = ["--inputs", inputs] if inputs not in ("fused", "-") else []
+    call("echofuse-recon", "-q", "train", train, "--model", model, *words, "--seed", seed, "--set", "test_share=0",
+         "--set", f"fallback={'true' if fallback else 'false'}", "--out", out)
+    return lambda test, scratch: ([str(out)], {})
+
+
+def _by_object(make: Callable[..., Fitted], train: pathlib.Path, seed: int) -> Answer:
+    try:
+        one = make(seed=seed)
+    except TypeError:
+        one = make()
+    with runs.open(train) as known:
+        started = time.perf_counter()
+        one.fit(known, np.flatnonzero(known.valid["depth"]))
+        train_s = time.perf_counter() - started
+
+    def answer(test: pathlib.Path, folder: pathlib.Path) -> tuple[list[str], Row]:
+        with runs.open(test) as fresh:
+            started = time.perf_counter()
+            maps = np.asarray(one.predict(fresh), np.float32)
+            us = 1e6 * (time.perf_counter() - started) / max(len(fresh), 1)
+            if maps.ndim != 3 or len(maps) != len(fresh) or maps.shape[1] != maps.shape[2]:
+                raise BenchError(f"{type(one).__name__}.predict gave {maps.shape}; expected [{len(fresh)}, N, N]")
+            save_maps(folder / "maps", maps, fresh.index)
+        return ["--maps", str(folder / "maps")], {"train_s": train_s, "infer_us_median": us}
+
+    return answer
+
+
+def _by_command(text: str, train: pathlib.Path, seed: int) -> Answer:
+    def answer(test: pathlib.Path, folder: pathlib.Path) -> tuple[list[str], Row]:
+        started = time.perf_counter()
+        done = subprocess.run([*shlex.split(text), train, test, folder / "maps"], capture_output=True, text=True,
+                              env=os.environ | {"ECHOFUSE_SEED": str(seed)}, check=False)
+        if done.returncode:
+            raise BenchError(f"{text}: {(done.stderr.strip().splitlines() or ['no message'])[-1]}")
+        return ["--maps", str(folder / "maps")], {"train_s": time.perf_counter() - started}
+
+    return answer
+
+
+def judge(answer: Answer, train: pathlib.Path, test: pathlib.Path) -> Row:
+    """Metrics (means over the records) and costs. Multiply-adds and times of a map are the program's own for its
+    candidates; of others a record's share of the whole prediction."""
+    with tempfile.TemporaryDirectory(prefix="echofuse-bench-") as scratch:
+        words, costs = answer(test, pathlib.Path(scratch))
+        told = json.loads(call("echofuse-recon", "-q", "evaluate", *words, test, "--train", train, "--json"))
+    row: Row = {name: nan_if_none(told["metrics"].get(name, {}).get("mean")) for name in METRICS}
+    return row | {name: nan_if_none((told.get("cost") or {}).get(name, costs.get(name))) for name in COSTS}
+
+
+def measure(how: Method, train: Path, test: Path, seed: int = 1) -> Row:
+    """Scores of the method, trained on one run and judged on another."""
+    train, test = pathlib.Path(train).resolve(), pathlib.Path(test).resolve()
+    with tempfile.TemporaryDirectory(prefix="echofuse-bench-") as scratch:
+        return judge(how.fit(train, pathlib.Path(scratch), seed, True), train, test)
+
+
+def nan_if_none(value: float | None) -> float:
+    return float("nan") if value is None else float(value)
