@@ -9,6 +9,7 @@
 #include <optional>
 #include <span>
 
+#include "drivers/core/crc32c.hpp"
 #include "drivers/program/command_line.hpp"
 #include "drivers/program/console.hpp"
 #include "drivers/program/csv.hpp"
@@ -43,7 +44,7 @@ void put(const nlohmann::json& json) {
   std::puts(json.dump(2, ' ', true, nlohmann::json::error_handler_t::replace).c_str());
 }
 
-// Where the true map has what stands out from the background: range and x, in metres.
+// Gives range and x (metres) of what stands out from the background in a true map.
 std::string place_of(std::span<const float> truth, const Scene& scene) {
   const Axis x = scene.grid.x();
   double range_m = 0, side_m = 0, pixels = 0;
@@ -83,7 +84,7 @@ void write_records(const std::string& path, const Dataset& data, const Scene& sc
   background.close();
 }
 
-// Of the k-th against the first; none of other records.
+// Compares the k-th with the first; gives none if their records differ.
 std::vector<PairedDifference> differences_of(const std::vector<Judged>& all, std::size_t k) {
   if (all[k].rows != all[0].rows) return {};
   return paired_differences(all[0].scores, all[k].scores);
@@ -120,6 +121,16 @@ std::optional<Inputs> asked_by(const std::vector<TrainedModel>& models) {
   for (const TrainedModel& model : models)
     if (const Inputs own = model->features.inputs; model->name != "mean" && model->name != "empty")
       out = out && *out != own ? Inputs::fused : own;
+  return out;
+}
+
+// CRC-32C of the tables, as of a training's (Dataset::hash).
+std::uint32_t crc32c_of(const Dataset& data) {
+  std::uint32_t out = 0;
+  for (const Matrix* table : {&data.spd, &data.radar, &data.depth, &data.array})
+    out = crc32c({reinterpret_cast<const std::uint8_t*>(table->values.data()),
+                  table->values.size() * sizeof(float)},
+                 out);
   return out;
 }
 

@@ -296,19 +296,13 @@ Dataset load_recorded(const std::vector<std::string>& paths) {
   return data;
 }
 
-std::uint32_t crc32c_of(const Dataset& data) {
-  std::uint32_t out = 0;
-  for (const Matrix* table : {&data.spd, &data.radar, &data.depth, &data.array})
-    out = crc32c({reinterpret_cast<const std::uint8_t*>(table->values.data()),
-                  table->values.size() * sizeof(float)},
-                 out);
-  return out;
-}
-
 Dataset load(const std::vector<std::string>& paths) {
   Dataset data = load_recorded(paths);
   subtract_range_offset(data, 0);
-  data.hash = crc32c_of(data);
+  for (const Matrix* table : {&data.spd, &data.radar, &data.depth, &data.array})
+    data.hash = crc32c({reinterpret_cast<const std::uint8_t*>(table->values.data()),
+                        table->values.size() * sizeof(float)},
+                       data.hash);
   return data;
 }
 

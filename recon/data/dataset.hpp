@@ -100,7 +100,6 @@ void require_memory(const std::vector<std::string>& paths);
 // more than most_damaged of all. Throws as require_memory, and for depths in another unit
 // (depths_seen.hpp).
 Dataset load(const std::vector<std::string>& paths);
-std::uint32_t crc32c_of(const Dataset& data);  // of its tables, as they are
 // Loads with the radar's profiles as recorded. subtract_range_offset() then subtracts the offsets
 // of calibration and operator in one interpolation.
 Dataset load_recorded(const std::vector<std::string>& paths);

@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""tests/recon/report_page.py BIN_DIR: a report and the pages of studies in Chromium: nothing overflows or lies over something else, nothing is
+"""tests/recon/report_page.py BIN_DIR: reports and the pages of studies in Chromium: nothing overflows or lies over something else, nothing is
 asked of others, all is drawn, light and dark, wide and narrow; maps and charts answer the pointer; paper; a text that
 came from outside neither hides nor runs. Exit code 77 without Chromium."""
 import pathlib
@@ -106,8 +106,10 @@ with tempfile.TemporaryDirectory() as folder:
     for inputs in ("fused", "spd"):
         run("echofuse-recon", "train", "-q", folder / "run.sqlite", "--model", "ridge", "--set", "fallback=false", "--inputs", inputs, "--out",
             folder / f"{inputs}.h5")
-    run("echofuse-recon", "report", folder / "page", "--run", folder / "run.sqlite", "--model", folder / "fused.h5",
-        "--model", folder / "spd.h5", "--live", folder / "run.sqlite")
+    run("echofuse-report", folder / "page", "--run", folder / "run.sqlite", "--model", folder / "fused.h5", folder / "spd.h5",
+        "--live", folder / "run.sqlite")
+    run("echofuse-report", folder / "compared", "--run", folder / "run.sqlite", "--compare", folder / "fused.h5", folder / "spd.h5")
+    run("echofuse-report", folder / "alone", "--live", folder / "run.sqlite")
     run("echofuse-sim", "dataset", "-q", "--out", folder / "test.sqlite", "--records", 30, "--seed", 7)
     run("echofuse-recon", "study", "pareto", "-q", folder / "run.sqlite", folder / "test.sqlite", "--out", folder / "pareto", "--seeds", 2,
         "--models", "mean,nearest,nearest-4,nearest-16,silhouette,factorised-4", "--sweep-models", "silhouette", "--bound", ".014,.01")
@@ -157,6 +159,9 @@ with tempfile.TemporaryDirectory() as folder:
                                                 "return [document.documentElement.dataset.theme, document.body.clientWidth]", event))
         check(f"on paper: {looks}", looks[1] == ["light", 700] and looks[2] == looks[0])
         browser.execute_cdp_cmd("Page.printToPDF", {"preferCSSPageSize": True})
+        for other in ("compared", "alone"):
+            browser.get((folder / f"{other}/report.html").as_uri())
+            look(browser, other)
         size = (folder / "page/report.html").stat().st_size
         check(f"{size} bytes", size < 3e6)
         for study in ("pareto", "stability"):
