@@ -31,4 +31,4 @@ _echofuse() {
     fi
   } | sort -u)
 }
-complete -o filenames -F _echofuse echofuse-acquire echofuse-bench echofuse-export echofuse-recon echofuse-sim echofuse-view
+complete -o filenames -F _echofuse echofuse-acquire echofuse-bench echofuse-export echofuse-recon echofuse-report echofuse-sim echofuse-view

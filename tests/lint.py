@@ -128,7 +128,7 @@ if len(sys.argv) > 1:  # the folder of the built programs
         for command in re.findall(r"^  ([a-z]+) ", commands[0], re.M) if commands else ():
             read_help([*words, command], options[tuple(words)])
 
-    for program in ("echofuse-acquire", "echofuse-recon", "echofuse-sim", "echofuse-view"):
+    for program in ("echofuse-acquire", "echofuse-recon", "echofuse-report", "echofuse-sim", "echofuse-view"):
         read_help([program])
     scripts = {path.name: path.read_text(encoding="utf-8")
                for path in (root / "scripts").rglob("*") if path.is_file() and path.suffix != ".pyc"}

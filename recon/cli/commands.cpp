@@ -14,7 +14,6 @@
 #include "drivers/program/printable.hpp"
 #include "recon/numbers/parallel.hpp"
 #include "recon/numbers/text.hpp"
-#include "recon/page/report.hpp"
 #include "recon/train/train.hpp"
 #include "recon/use/empty_room.hpp"
 #include "recon/use/evaluate.hpp"
@@ -47,16 +46,6 @@ TrainedModel model_for_room(const std::string& path, const std::string& empty,
 }
 
 namespace {
-
-// Returns the command line that started this program.
-std::string command_line() {
-  std::ifstream in("/proc/self/cmdline", std::ios::binary);
-  std::string words(std::istreambuf_iterator<char>(in), {});
-  if (!words.empty()) words.pop_back();
-  std::replace(words.begin(), words.end(), '\0', ' ');
-  const auto first = words.substr(0, words.find(' ')).rfind('/');
-  return first == std::string::npos ? words : words.substr(first + 1);
-}
 
 void add_model_and_run(CLI::App& app, std::string& model, std::string& run) {
   app.add_option("model", model, "model file")->type_name("MODEL")->required();
@@ -175,46 +164,6 @@ Command add_reconstruct(CLI::App& app, const Common& common) {
     talk.finish(a->out);
     if (interrupted()) return ExitCode::interrupted;
     return talk.all_well() ? ExitCode::ok : ExitCode::partial;
-  };
-}
-
-Command add_report(CLI::App& app, const Common& common) {
-  const auto a = std::make_shared<ReportOptions>();
-  app.add_option("dir", a->dir, "folder for report.html")->type_name("FOLDER")->required();
-  app.add_option("--run", a->run, "run file; its held-out records are scored");
-  app.add_option("--model", a->models,
-                 "model files, FILE or NAME=FILE; the first is the one that the report is about, "
-                 "several of a name are seeds of one");
-  const auto old = std::make_shared<std::vector<std::string>>();
-  for (const char* option : {"--fused", "--spd", "--radar", "--paper"})
-    app.add_option(option, *old)->group("");
-  app.add_option("--compare", a->compare, "two model files: their differences record by record")
-      ->expected(2);
-  app.add_option("--live", a->live,
-                 "a recorded run: its story, also without any model; with --model also its maps");
-  add_empty_option(app, a->empty);
-  app.add_flag("--force", a->force, "write over a report of another run");
-  for (const char* option : {"--model", "--compare"}) app.get_option(option)->type_name("MODEL");
-  for (const char* option : {"--run", "--live"}) app.get_option(option)->type_name("RUN");
-  more_options(app, {"--empty", "--force"});
-  add_examples(app,
-               {"echofuse-recon report page --run scenes.sqlite --model fused.safetensors",
-                "echofuse-recon report page --live monday.sqlite",
-                "echofuse-recon report p --run s.sqlite --compare a.safetensors b.safetensors"});
-  return [a, old, &common] {
-    if (!old->empty())
-      throw Error(ExitCode::usage,
-                  "--fused, --spd, --radar and --paper are now --model NAME=FILE, "
-                  "once for each model: --model NAME=" +
-                      old->front());
-    a->command = command_line();
-    a->quiet = common.quiet;
-    check_report(*a);
-    set_threads(1);  // the latencies in the table are those of one thread
-    const Report report = make_report(*a);
-    std::printf("%s%s\n", printable_lines(to_text(report)).c_str(),
-                printable(write_report(report, a->dir)).c_str());
-    return ExitCode::ok;
   };
 }
 

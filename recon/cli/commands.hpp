@@ -24,7 +24,6 @@ using Command = std::function<ExitCode()>;
 Command add_train(CLI::App& app, const Common& common);
 Command add_evaluate(CLI::App& app, const Common& common);
 Command add_reconstruct(CLI::App& app, const Common& common);
-Command add_report(CLI::App& app, const Common& common);
 
 // Options that several commands have.
 void add_range_offset_option(CLI::App& app, double& offset_m);

@@ -7,7 +7,10 @@
 #include <filesystem>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <optional>
+#include <span>
 
+#include "drivers/core/crc32c.hpp"
 #include "drivers/program/command_line.hpp"
 #include "drivers/program/console.hpp"
 #include "drivers/program/csv.hpp"
@@ -30,38 +33,69 @@ struct Arguments {
   bool all = false, json = false;
 };
 
-// Scores of one way to make maps, on the rows of all.
+// Scores of one way to make maps, on these rows of the data; `stated` is of a model that does.
 struct Judged {
   std::string name;
+  Rows rows;
   std::vector<MapScores> scores;
+  std::vector<PredictionUncertainty> stated = {};
 };
 
 void put(const nlohmann::json& json) {
   std::puts(json.dump(2, ' ', true, nlohmann::json::error_handler_t::replace).c_str());
 }
 
-// A line for each record and row.
-void write_records(const std::string& path, const Dataset& data, const Rows& rows,
+// Gives range and x (metres) of what stands out from the background in a true map.
+std::string place_of(std::span<const float> truth, const Scene& scene) {
+  const Axis x = scene.grid.x();
+  double range_m = 0, side_m = 0, pixels = 0;
+  for (std::size_t p = 0; p < truth.size(); ++p) {
+    if (!true_foreground(truth[p], scene.background[p])) continue;
+    range_m += double{truth[p]}, ++pixels;
+    side_m += x.at(static_cast<double>(p % x.count)) * double{truth[p]};
+  }
+  return pixels > 0 ? formatted("%.9g,%.9g", range_m / pixels, side_m / pixels) : ",";
+}
+
+// A line for each way and record; the background beside it.
+void write_records(const std::string& path, const Dataset& data, const Scene& scene,
                    const std::vector<Judged>& all) {
   std::string out = "record,label,name";
   for (const char* metric : metric_names) out += std::string(",") + metric;
-  out += '\n';
-  for (std::size_t i = 0; i < rows.size(); ++i)
-    for (const Judged& one : all) {
-      out += formatted("%lld,", static_cast<long long>(data.index[rows[i]])) +
-             csv_text(data.label[rows[i]]) + ',' + csv_text(one.name);
-      for (const double score : one.scores[i])
-        out += std::isnan(score) ? "," : formatted(",%.9g", score);
-      out += '\n';
+  out += ",range_m,side_m,lateral_interval_90_m,out_of_distribution\n";
+  for (const Judged& one : all)
+    for (std::size_t i = 0; i < one.rows.size(); ++i) {
+      const std::size_t row = one.rows[i];
+      out += formatted("%lld,", static_cast<long long>(data.index[row])) +
+             csv_text(data.label[row]) + ',' + csv_text(one.name);
+      const auto number = [](double value) {
+        return std::isnan(value) ? "," : formatted(",%.9g", value);
+      };
+      for (const double score : one.scores[i]) out += number(score);
+      out += ',' + place_of(data.depth.row(row), scene);
+      const PredictionUncertainty stated =
+          i < one.stated.size() ? one.stated[i] : PredictionUncertainty{};
+      out += number(i < one.stated.size() ? stated.lateral_interval_90_m : std::nan("")) + ',' +
+             csv_text(stated.out_of_distribution.text()) + '\n';
     }
   write_file(path, Bytes(out.begin(), out.end()));
+  NpyWriter background(path + ".npy", {scene.grid.size});
+  for (std::size_t y = 0; y < scene.grid.size; ++y)
+    background.append(std::span(scene.background).subspan(y * scene.grid.size, scene.grid.size));
+  background.close();
+}
+
+// Compares the k-th with the first; gives none if their records differ.
+std::vector<PairedDifference> differences_of(const std::vector<Judged>& all, std::size_t k) {
+  if (all[k].rows != all[0].rows) return {};
+  return paired_differences(all[0].scores, all[k].scores);
 }
 
 // Differences of the second and later rows to the first, with intervals of 95 %.
 std::string paired_text(const std::vector<Judged>& all) {
   std::string out;
   for (std::size_t k = 1; k < all.size(); ++k)
-    for (const PairedDifference& d : paired_differences(all[0].scores, all[k].scores))
+    for (const PairedDifference& d : differences_of(all, k))
       if (d.metric == metric_iou || d.metric == metric_lateral_m)
         out += formatted("%s against %s: %s better by %.4f (95 %%: %.4f to %.4f)\n",
                          all[k].name.c_str(), all[0].name.c_str(), metric_names[d.metric], d.mean,
@@ -69,32 +103,100 @@ std::string paired_text(const std::vector<Judged>& all) {
   return out;
 }
 
-ExitCode evaluate_model(const Arguments& a, const Common& common) {
-  const auto title = [&](const char* text) { return common.quiet || a.json ? "" : text; };
-  const std::string &path = a.files[0], &run = a.files[1];
-  const TrainedModel model = model_for_room(path, a.empty, a.range_offset_m);
-  Dataset data = load_recorded({run}), other;
-  const Records records = prepare_records(model, data, a.range_offset_m);
+nlohmann::json paired_json(const std::vector<Judged>& all) {
+  auto out = nlohmann::json::array();
+  for (std::size_t k = 1; k < all.size(); ++k) {
+    auto metrics = nlohmann::json::object();
+    for (const PairedDifference& d : differences_of(all, k))
+      metrics[metric_names[d.metric]] = {{"records", d.records}, {"first", d.first},
+                                         {"second", d.second},   {"mean", d.mean},
+                                         {"low", d.low},         {"high", d.high}};
+    out.push_back({{"model", all[k].name}, {"metrics", metrics}});
+  }
+  return out;
+}
+
+// The sensors that these models ask together; none of constant maps.
+std::optional<Inputs> asked_by(const std::vector<TrainedModel>& models) {
+  std::optional<Inputs> out;
+  for (const TrainedModel& model : models)
+    if (const Inputs own = model->features.inputs; model->name != "mean" && model->name != "empty")
+      out = out && *out != own ? Inputs::fused : own;
+  return out;
+}
+
+// CRC-32C of the tables, as of a training's (Dataset::hash).
+std::uint32_t crc32c_of(const Dataset& data) {
+  std::uint32_t out = 0;
+  for (const Matrix* table : {&data.spd, &data.radar, &data.depth, &data.array})
+    out = crc32c({reinterpret_cast<const std::uint8_t*>(table->values.data()),
+                  table->values.size() * sizeof(float)},
+                 out);
+  return out;
+}
+
+// Models beside one another, on the records with every sensor that one of them asks for.
+ExitCode evaluate_models(const Arguments& a, const Common& common) {
+  const std::string& run = a.files.back();
+  const std::size_t count = a.files.size() - 1;
+  const auto title = [&](const std::string& text) {
+    return common.quiet || a.json ? std::string() : text;
+  };
+  std::vector<TrainedModel> models;
+  for (std::size_t k = 0; k < count; ++k)
+    models.push_back(model_for_room(a.files[k], a.empty, a.range_offset_m));
+  Dataset recorded = load_recorded({run}), data = recorded, other;
   subtract_range_offset(data, a.range_offset_m);
   if (!a.train.empty()) {
     other = load(a.train);
-    require_map(other, model->scene.grid, "the model");
+    require_map(other, models[0]->scene.grid, "the model");
   }
   const Dataset& trained_on = a.train.empty() ? data : other;
-  const Rows rows = rows_to_evaluate(model, records.data, a.all);
-  const Judge judge = a.train.empty() ? judge_of(model, records.data) : judge_of(other);
-  Evaluation e = evaluate(model, records, rows, title("scoring"), judge);
-  const Rows neighbours = a.train.empty() ? model.rows_of(trained_on, Part::train)
-                                          : trained_on.usable(model->features.inputs);
-  e.baselines =
-      score_baselines(data, rows, judge.scene, trained_on, neighbours, title("scoring baselines"));
-  set_threads(1);
-  e.cost = measure_cost(model, records.data, rows, path);
-  if (!a.records.empty()) write_records(a.records, data, rows, {{e.model, e.scores}});
-  if (a.json)
-    put(to_json(e));
-  else
-    std::puts(printable_lines(to_text(e)).c_str());
+  const std::optional<Inputs> asked = count > 1 ? asked_by(models) : std::nullopt;
+  std::optional<Judge> judge;
+  if (!a.train.empty()) judge = judge_of(other);
+  for (const TrainedModel& model : models)
+    if (!judge && model.knows(data)) judge = judge_of(model, data);
+  std::vector<Evaluation> all;
+  std::vector<Judged> judged;
+  for (std::size_t k = 0; k < count; ++k) {
+    const TrainedModel& model = models[k];
+    const Records records =
+        prepare_records(model, k + 1 < count ? recorded : std::move(recorded), a.range_offset_m);
+    const Rows whole = rows_to_evaluate(model, records.data, a.all);
+    Rows rows = whole;
+    std::erase_if(rows,
+                  [&](auto row) { return asked && !records.data.fault_of(row, *asked).empty(); });
+    if (rows.empty())
+      throw Error(ExitCode::failed, run + ": no record with depth has all sensors of these models");
+    const std::string name = std::filesystem::path(a.files[k]).stem().string();
+    if (!judge) judge = judge_of(model, records.data);
+    Evaluation e = evaluate(model, records, rows, title("scoring " + name), judge);
+    e.left_out += whole.size() - rows.size();
+    if (k == 0)
+      e.baselines = score_baselines(data, rows, judge->scene, trained_on,
+                                    a.train.empty() ? model.rows_of(trained_on, Part::train)
+                                                    : trained_on.usable(model->features.inputs),
+                                    title("scoring baselines"));
+    set_threads(1);
+    e.cost = measure_cost(model, records.data, rows, a.files[k]);
+    set_threads(common.threads);
+    judged.push_back({count > 1 ? name : e.model, rows, e.scores, e.uncertainties});
+    all.push_back(std::move(e));
+  }
+  if (!a.records.empty()) write_records(a.records, data, judge->scene, judged);
+  if (a.json) {
+    nlohmann::json out = to_json(all[0]), rows = nlohmann::json::array();
+    for (const Evaluation& e : all) rows.push_back(to_json(e));
+    out["data_crc32c"] = crc32c_of(data);
+    if (count > 1) out["rows"] = rows, out["paired"] = paired_json(judged);
+    put(out);
+    return ExitCode::ok;
+  }
+  std::string text;
+  for (std::size_t k = 0; k < count; ++k)
+    text += (k > 0 ? "\n" : "") + (count > 1 ? judged[k].name + ": " : "") + to_text(all[k]);
+  std::puts(printable_lines(text + paired_text(judged)).c_str());
   return ExitCode::ok;
 }
 
@@ -130,14 +232,15 @@ ExitCode evaluate_maps(const Arguments& a, const Common& common) {
 
   std::vector<Judged> all;
   for (const WrittenMaps& maps : written)
-    all.push_back({maps.name, score_maps(maps_of(maps, data, rows), data, rows, judge.scene)});
+    all.push_back(
+        {maps.name, rows, score_maps(maps_of(maps, data, rows), data, rows, judge.scene)});
   for (std::size_t k = 0; k < models.size(); ++k)
-    all.push_back({std::filesystem::path(a.files[k]).stem().string(),
+    all.push_back({std::filesystem::path(a.files[k]).stem().string(), rows,
                    evaluate(models[k], records[k], rows, title("scoring"), judge).scores});
   const std::vector<ScoredRow> baselines = score_baselines(
       data, rows, judge.scene, a.train.empty() ? data : other,
       a.train.empty() ? Rows{} : other.usable(Inputs::fused), title("scoring baselines"));
-  if (!a.records.empty()) write_records(a.records, data, rows, all);
+  if (!a.records.empty()) write_records(a.records, data, judge.scene, all);
   std::vector<ScoredRow> scored;
   for (const Judged& one : all) scored.push_back({one.name, summarise(one.scores)});
   const std::string note = a.train.empty() && models.empty()
@@ -162,7 +265,7 @@ ExitCode evaluate_maps(const Arguments& a, const Common& common) {
 Command add_evaluate(CLI::App& app, const Common& common) {
   const auto a = std::make_shared<Arguments>();
   app.add_option("files", a->files,
-                 "a model file, and last the run file; with --maps any number of models")
+                 "model files, the first one against the others, and last the run file")
       ->type_name("MODEL ... RUN")
       ->required();
   app.add_option(
@@ -177,19 +280,23 @@ Command add_evaluate(CLI::App& app, const Common& common) {
                  "and have the nearest neighbours")
       ->type_name("RUN")
       ->allow_extra_args(false);
-  app.add_option("--records", a->records, "table of the scores of each record to write")
+  app.add_option(
+         "--records", a->records,
+         "table to write, of each record's scores, place and stated error; beside it FILE.npy, the "
+         "background that they are judged by")
       ->type_name("FILE");
   add_empty_option(app, a->empty);
   add_range_offset_option(app, a->range_offset_m);
   app.add_flag("--json", a->json, "one JSON object instead of text");
   more_options(app, {"--train", "--records", "--empty", "--range-offset", "--json"});
   add_examples(app, {"echofuse-recon evaluate fused.safetensors scenes.sqlite",
+                     "echofuse-recon evaluate small.safetensors fused.safetensors scenes.sqlite",
                      "echofuse-recon evaluate --maps mine fresh.sqlite --train scenes.sqlite"});
   return [a, &common] {
     if (!a->maps.empty()) return evaluate_maps(*a, common);
-    if (a->files.size() != 2)
-      throw Error(ExitCode::usage, "expected MODEL RUN, or --maps FOLDER [MODEL ...] RUN");
-    return evaluate_model(*a, common);
+    if (a->files.size() < 2)
+      throw Error(ExitCode::usage, "expected MODEL ... RUN, or --maps FOLDER [MODEL ...] RUN");
+    return evaluate_models(*a, common);
   };
 }
 

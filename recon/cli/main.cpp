@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// echofuse-recon goes from records to a model, to depth maps, to a report.
+// echofuse-recon goes from records to a model, to depth maps, to scores.
 #include <CLI/CLI.hpp>
 
 #include "drivers/program/command_line.hpp"
@@ -32,8 +32,6 @@ int run(int argc, char** argv) {
   add("train", "fit a model to runs", add_train);
   add("evaluate", "score a model on a run", add_evaluate);
   add("reconstruct", "depth maps of a run as pictures", add_reconstruct);
-  add("report", "models side by side, two compared, or a recorded run, as one HTML page",
-      add_report);
   try {
     parse_command_line(app, argc, argv);
   } catch (const CLI::ParseError& e) {
@@ -41,9 +39,8 @@ int run(int argc, char** argv) {
                     [&] { return app.exit(e) == 0 ? ExitCode::ok : ExitCode::usage; });
   }
   return run_main("echofuse-recon", [&] {
-    // Commands that only read and write one file at the end: the first Ctrl-C ends them at once.
-    const bool only_reads = app.got_subcommand("evaluate") || app.got_subcommand("report");
-    if (!only_reads) catch_interrupts();
+    // `evaluate` only reads, and writes one file at the end: the first Ctrl-C ends it at once.
+    if (!app.got_subcommand("evaluate")) catch_interrupts();
     set_threads(common.threads);
     return chosen();
   });

@@ -45,7 +45,8 @@ export class Chart {
     c.font = `${textSize() * ratio}px ${getComputedStyle(document.body).fontFamily}`;
     c.lineWidth = ratio, c.setLineDash([4 * ratio, 3 * ratio]);
     for (const {at: value, name, across} of [...this.rules, ...this.marks ?? []]) {
-      const room = 4 * ratio, y = across && u.valToPos(value, 'y', true), right = !across && at(value) > left + 0.7 * width;
+      const room = 4 * ratio, y = across && u.valToPos(value, 'y', true);
+      const right = !across && at(value) + room + c.measureText(name).width > left + width;
       c.beginPath();
       if (across) c.moveTo(left, y), c.lineTo(left + width, y);
       else c.moveTo(at(value), top), c.lineTo(at(value), top + height);

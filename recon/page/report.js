@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
-// A page that was written by a program (recon/page/page.hpp): one function for each kind of block.
+// A page that was written by a program (recon/python/echofuse/report_blocks.py): one function for each kind of block.
 /* global uPlot */
-import {Chart, Histogram, Profile, Strips, axis, colour, metresPerPs, short, siNumber, text, textSize} from './charts.js';
+import {Chart, Histogram, Profile, Strips, Waterfall, axis, colour, metresPerPs, short, siNumber, text, textSize} from './charts.js';
 import {Cloud} from './cloud.js';
 import {MapView, errorPicture, isDark, picture, tables} from './maps.js';
 
@@ -316,6 +316,27 @@ const kinds = {
     for (const strip of strips.rates) strip.gaps = block.gaps[strip.sensor];
     strips.take(block.arrays, block.window_s);
     redraws.push(() => strips.renew());
+  },
+  // What a sensor saw over the run: a column some records, from the nearest bin on; 255 where there is no data.
+  waterfalls(parent, {tables: all, unit, end}) {
+    const box = make(parent, 'figure', {className: 'card'}), head = {spd: ['SPD', 'clicks by range and time'], radar: ['radar', 'power by range and time']};
+    for (const {sensor, values, columns, bins, start_m: start, end_m: far} of all) {
+      const [name, what] = head[sensor], id = `waterfall-${sensor}`, raw = unpacked(values, 1, 1);
+      make(make(box, 'h3', {textContent: `${name} `}), 'small', {textContent: what});
+      make(box, 'div', {id, className: 'chart', role: 'img', ariaLabel: `${name}: ${what}`});
+      const chart = new Waterfall(id, 150, {values: short}, `time, ${unit}`), below = Math.max(0, Math.round(bins * start / (far - start)));
+      // The farthest range is above; below the sensor's first bin nothing is known.
+      const image = Float32Array.from({length: (bins + below) * columns}, (_, i) => {
+        const v = raw[i % columns * bins + bins - 1 - Math.floor(i / columns)];
+        return i < bins * columns && v < 255 ? v : NaN;
+      });
+      const draw = () => {
+        chart.show(picture(image, bins + below, columns, [0, 254], tables.level, 1, true), [0, end], far);
+        chart.renew();
+      };
+      draw();
+      redraws.push(draw);
+    }
   },
   cloud(parent, block) {
     const r = record(block.record);

@@ -42,6 +42,9 @@ json to_json(const Evaluation& e) {
               {"left_out", e.left_out},
               {"trained_on", e.trained_on},
               {"fallback_records", fallback_records},
+              {"fallbacks", e.fallbacks},
+              {"note", e.judge.note},
+              {"foreground_depth_m", e.judge.scene.foreground_depth_m},
               {"antennas", e.antennas},
               {"response", e.response},
               {"metrics", metrics_json(e.metrics)},
@@ -60,6 +63,7 @@ json to_json(const Evaluation& e) {
   if (e.domain_shift.tested())
     out["domain_shift"] = {{"p", e.domain_shift.p},
                            {"records", e.domain_shift.records},
+                           {"found", e.domain_shift.found()},
                            {"text", e.domain_shift.text()}};
   out["calibrated"] = e.calibration.has_value();
   if (e.calibration)

@@ -258,11 +258,6 @@ TEST_CASE("the program with runs that have antennas, runs without them or with o
   train("-q " + (dir / "new") + " --out " + (dir / "a.h5"));
   CHECK(testing::recon_program("evaluate --json " + (dir / "a.h5") + " " + (dir / "fresh")).code ==
         0);
-  const testing::Outcome report = testing::recon_program(
-      "report " + (dir / "page") + " --run " + (dir / "fresh") + " --model " + (dir / "a.h5"));
-  CHECK(report.code == 0);
-  CHECK_THAT(report.text,
-             Catch::Contains("a (factorised, SPD + " + std::to_string(line.size()) + " antennas)"));
   for (const auto& [run, why] : {std::pair{"old", "no samples of the radar's antennas"},
                                  std::pair{"four", "other antennas than in training"}}) {
     const std::string files = (dir / "a.h5") + " " + (dir / run);

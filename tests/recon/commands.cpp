@@ -9,7 +9,6 @@
 #include <nlohmann/json.hpp>
 
 #include "acquire/record/png.hpp"
-#include "page_data.hpp"
 #include "recon/data/shift.hpp"
 #include "recon/use/trained_model.hpp"
 
@@ -40,7 +39,7 @@ TEST_CASE("help and version") {
                  "echofuse-recon [0-9.]+ \\(([0-9a-f]+\\+?|commit unknown)\\), matrix (.|\n)*"));
   const Outcome help = recon_program("--help");
   CHECK(help.code == 0);
-  for (const char* command : {"train", "evaluate", "reconstruct", "report"})
+  for (const char* command : {"train", "evaluate", "reconstruct"})
     CHECK_THAT(help.text, Catch::Contains(command));
 }
 
@@ -164,114 +163,43 @@ TEST_CASE("a bad record does not stop a reconstruction") {
   CHECK_FALSE(std::filesystem::exists(dir / "good/000000.png"));
 }
 
-TEST_CASE("the report holds everything in one page") {
-  const Folder dir;
-  write_run(dir / "run", 120);
-  for (const std::string inputs : {"fused", "spd", "radar"})
-    REQUIRE(recon_program("train -q --model ridge --inputs " + inputs + " " + (dir / "run") +
-                          " --out " + (dir / inputs))
-                .code == 0);
-  write_run(dir / "live", 5, 8, {}, radar_axis(40));
-  const std::string models = " --model " + (dir / "fused") + " --model " + (dir / "spd") +
-                             " --model r=" + (dir / "radar") + " --run " + (dir / "run");
-  const Outcome o = recon_program("report " + (dir / "out") + models + " --live " + (dir / "live"));
-  REQUIRE(o.code == 0);
-  CHECK_THAT(o.text, Catch::Contains("report.html"));
-  // The paper's values stand beside its networks only.
-  for (const char* papers : {"0.6576", "0.6389", "0.5266"})
-    CHECK(o.text.find(papers) == std::string::npos);
-  const std::string html = contents(dir / "out/report.html");
-  for (const char* outside : {"src=\"", "href=\"http", "url(", "@import", "fetch("})
-    CHECK(html.find(outside) == std::string::npos);
-  const nlohmann::json page = page_data(dir / "out/report.html");
-  // The page shows three records: truth, maps of three models, and worst, median and best.
-  REQUIRE(page["records"].size() == 6);
-  CHECK(page["records"][0]["maps"].size() == 3);
-  CHECK(page["records"][3]["maps"].size() == 1);
-  CHECK(page["records"][0]["truth"].get<std::string>().size() == 64 * 64 * 2 * 4 / 3 + 2);
-  std::string sections;
-  for (const auto& section : page["sections"]) sections += section["id"].get<std::string>() + " ";
-  CHECK(sections == "failures gallery errors labels metrics cost records space live made terms ");
-  CHECK_THAT(page.dump(), Catch::Contains("Do not read the SSIM row alone") &&
-                              Catch::Contains("\"mark\":\"best\"") &&
-                              Catch::Contains("[\"command\",\"echofuse-recon report ") &&
-                              Catch::Contains("data CRC-32C"));
-  CHECK_THAT(page["first"].dump(), Catch::Contains("fused (ridge, SPD + radar profile)") &&
-                                       Catch::Contains("spd (ridge, SPD alone)") &&
-                                       Catch::Contains("r (ridge, radar alone)"));
-  refuses("report " + (dir / "out") + " --run " + (dir / "run") + " --model a=" + (dir / "spd") +
-              " --model a=" + (dir / "radar"),
-          1, "takes radar alone, and " + (dir / "spd") + " of the same name SPD alone");
-  for (const std::string old : {"--fused", "--spd", "--radar", "--paper"})
-    refuses("report " + (dir / "out") + " --run " + (dir / "run") + " " + old + " m", 2,
-            "are now --model NAME=FILE, once for each model: --model NAME=m");
-}
-
-TEST_CASE("a report of a run alone, and of two models record by record") {
-  const Folder dir;
-  write_run(dir / "run", 120);
-  write_run(dir / "fresh", 60, 8);
-  const Outcome alone = recon_program("report " + (dir / "alone") + " --live " + (dir / "fresh"));
-  CAPTURE(alone.text);
-  REQUIRE(alone.code == 0);
-  CHECK_THAT(alone.text, Catch::Contains("60 records, all with all three sensors"));
-  const nlohmann::json story = page_data(dir / "alone/report.html");
-  CHECK(story["title"] == "A recorded run");
-  const nlohmann::json& blocks = story["sections"][0]["blocks"];
-  const auto strips = std::find_if(blocks.begin(), blocks.end(),
-                                   [](const auto& block) { return block["kind"] == "strips"; });
-  REQUIRE(strips != blocks.end());
-  CHECK((*strips)["arrays"]["used_spd"].size() == 60);
-  CHECK((*strips)["gaps"]["radar"].empty());
-
-  for (const std::string model : {"ridge", "mean"})
-    REQUIRE(
-        recon_program("train -q --model " + model + " " + (dir / "run") + " --out " + (dir / model))
-            .code == 0);
-  const auto compare = [&](const std::string& first, const std::string& second) {
-    return recon_program("report " + (dir / first + second) + " --run " + (dir / "fresh") +
-                         " --compare " + (dir / first) + " " + (dir / second));
-  };
-  const Outcome better = compare("mean", "ridge");
-  CAPTURE(better.text);
-  REQUIRE(better.code == 0);
-  CHECK_THAT(better.text, Catch::Contains("the second model is better") &&
-                              Catch::Contains("\niou              60 records"));
-  // Plus is better, of an error too: it is less in the second.
-  const nlohmann::json page = page_data(dir / "meanridge/report.html");
-  for (const auto& row : page["sections"][1]["blocks"][1]["rows"])
-    if (row[0] == "IoU" || row[0] == "lateral error (m)") {
-      CAPTURE(row.dump());
-      CHECK(row[4].get<std::string>()[0] == '+');
-      CHECK(row[6]["text"] == "second");
-    }
-  CHECK(page["first"][0]["show"] ==
-        nlohmann::json{"truth", "map 0", "map 1", "error 0", "error 1"});
-  const Outcome same = compare("ridge", "ridge");
-  CHECK_THAT(same.text, Catch::Contains("cannot be told apart") &&
-                            Catch::Contains("difference +0.0000 (95 %: +0.0000 to +0.0000)"));
-  refuses("report " + (dir / "no") + " --run " + (dir / "fresh"), 2,
-          "--run needs --model or --compare");
-  refuses("report " + (dir / "no") + " --model " + (dir / "ridge"), 2, "models need --run");
-  refuses("report " + (dir / "no") + " --live " + (dir / "fresh") + " --model " + (dir / "ridge"),
-          2, "models need --run");
-}
-
-TEST_CASE("a report takes models on other radar axes beside each other") {
+TEST_CASE(
+    "models on other axes and with other sensors are judged on the records that all can answer") {
   const Folder dir;
   write_run(dir / "run", 120, 1, {}, radar_axis(32));
   const auto train = [&](const std::string& name, const std::string& rest) {
     REQUIRE(recon_program("train -q --model ridge --set fallback=false " + (dir / "run") +
                           " --out " + (dir / name) + rest)
                 .code == 0);
-    return " --model " + (dir / name);
+    return (dir / name) + " ";
   };
-  const Outcome o =
-      recon_program("report " + (dir / "out") + " --run " + (dir / "run") +
-                    train("fused", " --set radar_bin_m=0.5") + train("spd", " --inputs spd") +
-                    train("radar", " --inputs radar"));
-  CHECK(o.code == 0);
-  CHECK_THAT(o.text, Catch::Contains("report.html"));
+  const std::string models = train("fused", " --set radar_bin_m=0.5") +
+                             train("spd", " --inputs spd") + train("radar", " --inputs radar");
+  write_run(
+      dir / "fresh", 60, 8,
+      [](record::FusedRecord& r) {
+        if (r.index % 4 == 0) r.radar.clear(), r.valid.erase(Sensor::radar);
+      },
+      radar_axis(32));
+  const auto judged = [&](const std::string& words) {
+    const Outcome o = recon_program("-q evaluate --json " + words + (dir / "fresh") +
+                                    " --records " + (dir / "table.csv"));
+    CAPTURE(o.text);
+    REQUIRE(o.code == 0);
+    return nlohmann::json::parse(o.text);
+  };
+  const nlohmann::json all = judged(models);
+  for (const auto& row : all["rows"]) CHECK(row["records"] == 45);
+  CHECK(all["rows"][1]["left_out"] == 15);
+  CHECK(all["paired"][0]["metrics"]["iou"]["records"] == 45);
+  const std::string table = contents(dir / "table.csv");
+  CHECK(std::count(table.begin(), table.end(), '\n') == 1 + 3 * 45);
+  // Alone the SPD answers for all; a model beside itself is itself, and no better.
+  CHECK(judged(dir / "spd ")["records"] == 60);
+  const nlohmann::json twice = judged((dir / "fused ") + (dir / "fused "));
+  CHECK(twice["rows"][0]["metrics"] == twice["rows"][1]["metrics"]);
+  CHECK(twice["metrics"] == judged(dir / "fused ")["metrics"]);
+  CHECK(twice["paired"][0]["metrics"]["iou"]["high"] == 0);
 }
 
 TEST_CASE("the nearest neighbour depends on the records, not on the model that is judged") {
@@ -289,36 +217,6 @@ TEST_CASE("the nearest neighbour depends on the records, not on the model that i
   CHECK(nearest("ridge --set scaling=plain") == record);
   CHECK(nearest("ridge --inputs spd") == record);
   CHECK(nearest("factorised-4 --epochs 2") == record);
-}
-
-TEST_CASE("the report takes what evaluate takes, and says what it did about it") {
-  const Folder dir;
-  write_run(dir / "run", 160);
-  std::string models;
-  for (const std::string inputs : {"fused", "spd", "radar"}) {
-    REQUIRE(recon_program("train -q --model ridge --inputs " + inputs + " " + (dir / "run") +
-                          " --out " + (dir / inputs))
-                .code == 0);
-    models += " --model " + (dir / inputs);
-  }
-  // A fresh run: all modes are scored on the records that have both sensors.
-  write_run(dir / "fresh", 60, 8, [](record::FusedRecord& r) {
-    if (r.index % 4 == 0) r.radar.clear(), r.valid.erase(Sensor::radar);
-  });
-  // Live: no radar at all.
-  const auto lose_radar = [](record::FusedRecord& r) {
-    r.radar.clear(), r.valid.erase(Sensor::radar);
-  };
-  write_run(dir / "dark", 5, 9, lose_radar, Axis{"radar", "power", "m", 0, 0, 1, 1});
-  const Outcome dark = recon_program("report " + (dir / "out") + models + " --run " +
-                                     (dir / "fresh") + " --live " + (dir / "dark"));
-  CAPTURE(dark.text);
-  REQUIRE(dark.code == 0);
-  CHECK_THAT(dark.text, Catch::Contains("5 records: radar lost: SPD alone") &&
-                            Catch::Contains("15 records with depth left out"));
-  CHECK_THAT(contents(dir / "out/report.html"),
-             Catch::Contains("on 45 recorded records of a new run") &&
-                 Catch::Contains("5 records: radar lost: SPD alone"));
 }
 
 TEST_CASE("a model never replaces what it is made of") {

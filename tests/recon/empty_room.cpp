@@ -2,6 +2,8 @@
 // A model that was trained in front of one wall, in front of another one.
 #include "recon/use/empty_room.hpp"
 
+#include <nlohmann/json.hpp>
+
 #include "recon/data/shift.hpp"
 #include "recon/train/train.hpp"
 #include "recon/use/evaluate.hpp"
@@ -59,12 +61,11 @@ TrainedModel trained(const std::string& path, const std::string& empty, const st
   return train(data, options);
 }
 
-// Returns the first sentence of a report.
-double reported_iou(const std::string& folder, const std::string& options) {
-  const Outcome o = recon_program("report -q " + folder + options);
+double evaluated_iou(const std::string& words) {
+  const Outcome o = recon_program("-q evaluate --json " + words);
   INFO(o.text);
   REQUIRE(o.code == 0);
-  return std::stod(o.text.substr(o.text.find("IoU ") + 4));
+  return nlohmann::json::parse(o.text)["metrics"]["iou"]["mean"];
 }
 
 }  // namespace
@@ -85,10 +86,9 @@ TEST_CASE("a model that knows its empty room keeps its accuracy in another one, 
   CHECK(error == (dir / "there") +
                      ": its histograms differ by more than photons do: people are in it? expected "
                      "a run of the empty room");
-  const std::string there = " --run " + (dir / "there") + " --model " + (dir / "model");
-  CHECK(reported_iou(dir / "without", there) < 0.5 * at_home);
-  CHECK(reported_iou(dir / "report", there + " --empty '" + (dir / "there empty") + "'") >
-        0.9 * at_home);
+  const std::string there = (dir / "model") + " " + (dir / "there");
+  CHECK(evaluated_iou(there) < 0.5 * at_home);
+  CHECK(evaluated_iou(there + " --empty '" + (dir / "there empty") + "'") > 0.9 * at_home);
 }
 
 TEST_CASE("how much too long the radar's ranges are is taken off those of the empty room as well") {

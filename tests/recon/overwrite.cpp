@@ -74,22 +74,6 @@ TEST_CASE("maps of two runs do not share a folder unless told to") {
   refuses(maps("run"), "maps: holds maps of another run, an unknown one");
 }
 
-TEST_CASE("a report is written over one of the same run only, unless told to") {
-  const Folder dir;
-  write_run(dir / "run", 60);
-  write_run(dir / "other", 60, 2);
-  for (const std::string inputs : {"fused", "spd", "radar"})
-    REQUIRE(recon_program(trained(dir, inputs, " --inputs " + inputs)).code == 0);
-  const auto report = [&](const std::string& run) {
-    return "report " + (dir / "out") + " --model " + (dir / "fused") + " --model " + (dir / "spd") +
-           " --model " + (dir / "radar") + " --run " + (dir / run);
-  };
-  REQUIRE(recon_program(report("run")).code == 0);
-  CHECK(recon_program(report("run")).code == 0);
-  refuses(report("other"), "out: holds a report of another run");
-  CHECK(recon_program(report("other") + " --force").code == 0);
-}
-
 TEST_CASE("a FIFO in place of a run or a model is refused, and nobody waits for its writer") {
   const Folder dir;
   write_run(dir / "run", 60);

@@ -106,8 +106,10 @@ with tempfile.TemporaryDirectory() as folder:
     for inputs in ("fused", "spd"):
         run("echofuse-recon", "train", "-q", folder / "run.sqlite", "--model", "ridge", "--set", "fallback=false", "--inputs", inputs, "--out",
             folder / f"{inputs}.h5")
-    run("echofuse-recon", "report", folder / "page", "--run", folder / "run.sqlite", "--model", folder / "fused.h5",
-        "--model", folder / "spd.h5", "--live", folder / "run.sqlite")
+    run("echofuse-report", folder / "page", "--run", folder / "run.sqlite", "--model", folder / "fused.h5", folder / "spd.h5",
+        "--live", folder / "run.sqlite")
+    run("echofuse-report", folder / "compared", "--run", folder / "run.sqlite", "--compare", folder / "fused.h5", folder / "spd.h5")
+    run("echofuse-report", folder / "alone", "--live", folder / "run.sqlite")
     browser = chromium.start()
     try:
         browser.set_page_load_timeout(90)
@@ -152,6 +154,9 @@ with tempfile.TemporaryDirectory() as folder:
                                                 "return [document.documentElement.dataset.theme, document.body.clientWidth]", event))
         check(f"on paper: {looks}", looks[1] == ["light", 700] and looks[2] == looks[0])
         browser.execute_cdp_cmd("Page.printToPDF", {"preferCSSPageSize": True})
+        for other in ("compared", "alone"):
+            browser.get((folder / f"{other}/report.html").as_uri())
+            look(browser, other)
         size = (folder / "page/report.html").stat().st_size
         check(f"{size} bytes", size < 3e6)
         check("the browser complains", not [m for m in browser.get_log("browser") if m["level"] == "SEVERE"])

@@ -56,6 +56,7 @@ class Installed(unittest.TestCase):
             echofuse-acquire info --json live >info.json
             echofuse-sim dataset --people 20 --letters 20 --out scenes.sqlite -q
             echofuse-recon train scenes.sqlite --model mean --out mean.h5 -q
+            echofuse-report page --run scenes.sqlite --model mean.h5 --live live.sqlite
             mkdir -p home/.config/echofuse
             sed s/XXXXXXXX/R0052A03/ {self.prefix}/share/echofuse/lab.toml >home/.config/echofuse/lab.toml
             HOME=$PWD/home echofuse-acquire config check
@@ -66,6 +67,7 @@ class Installed(unittest.TestCase):
         self.assertIn("--conditional-filter", said)
         self.assertIn('"records": 3', (self.dir / "info.json").read_text())
         self.assertTrue((self.dir / "mean.h5").stat().st_size > 0)
+        self.assertIn("<title>echofuse</title>", (self.dir / "page/report.html").read_text())
 
     def test_a_cfg_by_its_name(self):
         run(f"{self.prefix}/bin/echofuse-sim", "lab", "--radar-cfg", "xwr68xx_44mm.cfg", "--", "true", cwd=self.dir)
@@ -94,7 +96,7 @@ class Installed(unittest.TestCase):
 
     def test_manual_pages(self):
         pages = {path.name for path in (self.prefix / "share/man/man1").iterdir()}
-        for name in ("acquire", "acquire-run", "acquire-config-show", "recon-train", "bench-stability", "view", "sim-lab", "export",
+        for name in ("acquire", "acquire-run", "acquire-config-show", "recon-train", "bench-stability", "report", "view", "sim-lab", "export",
                      "bridge-timetagger"):
             self.assertIn(f"echofuse-{name}.1", pages)
         run_page = (self.prefix / "share/man/man1/echofuse-acquire-run.1").read_text()
@@ -132,6 +134,7 @@ class Installed(unittest.TestCase):
         self.assertEqual(offered("echofuse-bench", "stab"), ["stability"])
         self.assertEqual(offered("echofuse-bench", "stability", "--qu"), ["--quick", "--quiet"])
         self.assertEqual(offered("echofuse-view", "--mod"), ["--model"])
+        self.assertEqual(offered("echofuse-report", "page", "--comp"), ["--compare"])
 
 
 hide = subprocess.run(["unshare", "--mount", "true"], capture_output=True).returncode == 0

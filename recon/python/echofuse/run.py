@@ -191,6 +191,19 @@ class Run:
         """All columns of a table but blobs, of all files (run_files.table)."""
         return table(self.files, name)
 
+    def events(self) -> list[tuple[str, str, str, str]]:
+        """UTC, level, source and text of each event."""
+        return self.select("SELECT utc, level, source, text FROM event ORDER BY id")
+
+    def told(self) -> dict[str, NDArray[Any]]:
+        """Of each record [n] length_s, and of each sensor used_spd, lost_spd, verdict_spd, residual_s_spd (of its clock)."""
+        columns = {"length_s": "(slot_end_ns - slot_start_ns) * 1e-9"} | {
+            f"{name}_{s}": f"{s}_{name}" for s in SENSORS for name in ("used", "lost", "verdict")}
+        fit = "(SELECT {}_residual_s FROM clock_fit f WHERE f.idx = record.idx)" if "clock_fit" in self._tables else "NULL"
+        columns |= {f"residual_s_{s}": fit.format(s) for s in SENSORS}
+        rows = self.of_records(', '.join(columns.values()))
+        return {name: np.array([row[k] for row in rows], object if "verdict" in name else float) for k, name in enumerate(columns)}
+
     def __len__(self) -> int:
         return len(self.index)
 
@@ -383,8 +396,7 @@ class Run:
         count = self.axes[sensor].count if sensor in self.axes else 0
         out = np.full((len(self), count), missing, kind)
         for row, blob in self._blobs(sensor):
-            if len(blob) != count * out.itemsize:
-                raise ValueError(f"{self.path}: record {self.index[row]}: {sensor} has {len(blob)} bytes, "
-                                 f"its axis asks for {count * out.itemsize}")
+            if len(blob) != (size := count * out.itemsize):
+                raise ValueError(f"{self.path}: record {self.index[row]}: {sensor} has {len(blob)} bytes; its axis asks for {size}")
             out[row] = np.frombuffer(blob, kind)
         return out

@@ -1,0 +1,235 @@
+# SPDX-License-Identifier: MIT
+"""What `echofuse-recon evaluate` says of the models of a report."""
+from __future__ import annotations
+
+import csv
+import json
+import os
+import pathlib
+import subprocess
+import sys
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .model import read_safetensors
+
+Values = NDArray[np.float64]
+
+
+class ReportError(RuntimeError):
+    """One line that says what was wrong, and the exit code."""
+
+    def __init__(self, text: str, code: int = 1) -> None:
+        super().__init__(text)
+        self.code = code
+
+
+def call(program: str, *words: object) -> subprocess.CompletedProcess[str]:
+    """What a program said: of the folder ECHOFUSE_BIN, of this program's own, or in PATH. Raises ReportError as it failed;
+    5 is no failure: some records were bad."""
+    own, folder = pathlib.Path(sys.argv[0]).absolute().with_name(program), os.environ.get("ECHOFUSE_BIN")
+    path = os.path.join(folder, program) if folder else str(own) if own.exists() else program
+    try:
+        done = subprocess.run([path, *map(str, words)], capture_output=True, text=True, check=False, errors="replace")
+    except FileNotFoundError:
+        raise ReportError(f"{path}: not found; put the programs into PATH, or set ECHOFUSE_BIN") from None
+    if done.returncode not in (0, 5):
+        last = (done.stderr.strip().splitlines() or [f"exit code {done.returncode}"])[-1]
+        raise ReportError(last.removeprefix(f"{program}: "), max(done.returncode, 1))
+    return done
+
+
+class Mean(NamedTuple):
+    mean: float = np.nan
+    se: float = np.nan  # standard error; NaN of fewer than two
+    maps: int = 0  # that define it
+
+    @classmethod
+    def of(cls, values: Values) -> Mean:
+        known = values[~np.isnan(values)]
+        return cls(known.mean(), known.std(ddof=1) / np.sqrt(len(known)) if len(known) > 1 else np.nan, len(known)) if len(known) else cls()
+
+
+class Means(dict[str, Mean]):
+    """By metric; NaN of what is not defined."""
+
+    def __missing__(self, metric: str) -> Mean:
+        return Mean()
+
+
+def means_of(told: dict[str, Any]) -> Means:
+    return Means({name: Mean(*(np.nan if m[key] is None else m[key] for key in ("mean", "se")), m["maps"]) for name, m in told.items()})
+
+
+class Count(NamedTuple):
+    count: int
+    of: int
+
+    def __str__(self) -> str:
+        return f"{self.count} of {self.of}"
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """95 % (Wilson 1927)."""
+        if self.of == 0:
+            return 0, 1
+        z, n, p = 1.96, self.of, self.count / self.of
+        middle, half = p + z * z / (2 * n), z * np.sqrt(p * (1 - p) / n + z * z / (4 * n * n))
+        return max(0, (middle - half) / (1 + z * z / n)), min(1, (middle + half) / (1 + z * z / n))
+
+    @classmethod
+    def where(cls, holds: NDArray[np.bool_], *known: Values) -> Count:
+        """Of the records of which all these values are known."""
+        there = ~np.isnan(np.array(known)).any(0)
+        return cls(int(holds[there].sum()), int(there.sum()))
+
+
+@dataclass
+class Scores:
+    """One model on the records of a run: the JSON of `evaluate`, and columns [n] of its table of records."""
+
+    told: dict[str, Any]
+    index: NDArray[np.int64]
+    labels: list[str]
+    warnings: list[str]  # what the model warns of: out of distribution
+    columns: dict[str, Values]
+
+    def __getitem__(self, name: str) -> Values:
+        return self.columns[name] if name in self.columns else np.full(len(self.index), np.nan)
+
+    @property
+    def shift(self) -> dict[str, Any]:
+        """Of the run as a whole: p, records, found, text; empty if it was not tested."""
+        return self.told.get("domain_shift") or {}
+
+    @property
+    def kept(self) -> Count:
+        """Bodies within what was stated."""
+        off, stated = self["lateral_m"], self["lateral_interval_90_m"]
+        return Count.where(off <= stated, off, stated)
+
+    @property
+    def order(self) -> list[int]:
+        """Indices of the records, the worst IoU first."""
+        return self.index[np.argsort(np.nan_to_num(self["iou"]), kind="stable")].tolist()
+
+
+class Judged(NamedTuple):
+    """What `evaluate` says of models on a run; the background [N, N] (metres) and mean depth of the body tell them apart."""
+
+    scores: list[Scores]
+    told: dict[str, Any]
+    background: NDArray[np.float32]
+    said: str  # about another room
+
+    @property
+    def body_m(self) -> np.float32:
+        return np.float32(self.told["foreground_depth_m"])
+
+    def share(self, maps: NDArray[np.float32]) -> NDArray[np.float32]:
+        """How far each pixel has come from the background (0) to the mean body (1) (recon/metrics/scene.hpp)."""
+        way = self.body_m - self.background
+        tells = (np.abs(way) > np.float32(0.1)) & (self.body_m > 0)
+        return np.where(tells, (maps - self.background) / np.where(tells, way, 1), 0).astype(np.float32)
+
+    def hard(self, maps: NDArray[np.float32]) -> NDArray[np.float32]:
+        return np.where(self.share(maps) > 0.5, maps, self.background) if self.body_m > 0 else maps
+
+    def span(self, far_m: float) -> tuple[float, float]:
+        """What the maps lie in, with room about it: one scale for all."""
+        body, wall = float(self.body_m), float(self.background.max())
+        near = max(0.0, float(np.floor(2 * (body - 1)) / 2))
+        return near, float(np.clip(np.ceil(2 * max(body + 1, wall)) / 2, near + 1, max(near + 1, far_m)))
+
+
+def evaluated(models: Sequence[str], run: str, room: Sequence[str]) -> Judged:
+    """Models judged together, on the records with every sensor that one of them asks for; room: [] or ["--empty", RUN]."""
+    with tempfile.TemporaryDirectory(prefix="echofuse-report-") as folder:
+        out = pathlib.Path(folder) / "records.csv"
+        done = call("echofuse-recon", "-q", "evaluate", *models, run, *room, "--json", "--records", out)
+        background, told = np.load(f"{out}.npy"), json.loads(done.stdout)
+        with open(out, newline="", encoding="utf-8") as file:
+            lines = list(csv.DictReader(file))
+    scores, first, words = [], 0, ("record", "label", "name", "out_of_distribution")
+    for row in told.get("rows", [told]):
+        some = lines[first:first + row["records"]]
+        first += len(some)
+        scores.append(Scores(row, np.array([line["record"] for line in some], np.int64), [line["label"] for line in some],
+                             [line["out_of_distribution"] for line in some],
+                             {name: np.array([line[name] or "nan" for line in some], float) for name in lines[0] if name not in words}))
+    return Judged(scores, told, background, " ".join(done.stderr.split("\n")).strip())
+
+
+@dataclass
+class Mode:
+    """A model of the report, perhaps of several trainings; the first one is shown."""
+
+    name: str
+    files: list[str]
+    facts: list[dict[str, Any]]  # of each file
+    tensors: dict[str, NDArray[Any]]  # of the first
+    takes: str  # "SPD + 8 antennas", "SPD alone"; "no sensor" of a constant map
+    scores: list[Scores] = field(default_factory=list)
+    differences: dict[str, dict[str, float]] = field(default_factory=dict)  # to the report's first, by metric
+
+    def __post_init__(self) -> None:
+        self.short = self.name.rpartition("/")[2]
+        self.inputs = str(self.facts[0]["0/inputs"])
+        self.both = self.inputs.startswith("fused")
+        self.papers = self.facts[0]["0/model"] == "mlp" and self.tensors["0/training/hidden"].tolist() == [512, 256]
+
+    @property
+    def first(self) -> Scores:
+        return self.scores[0]
+
+    @property
+    def title(self) -> str:
+        kind = "the paper's network" if self.papers else self.facts[0]["0/model"]
+        seeds = f"; {len(self.files)} trainings" if len(self.files) > 1 else ""
+        return f"{self.short} ({'' if kind == self.short else kind + ', '}{self.takes}{seeds})"
+
+    @property
+    def means(self) -> Means:
+        """As evaluated; of several trainings mean and standard error over these: the spread is the honest error."""
+        all_means = [means_of(s.told["metrics"]) for s in self.scores]
+        return all_means[0] if len(all_means) == 1 else Means({m: Mean.of(np.array([one[m].mean for one in all_means])) for m in all_means[0]})
+
+
+def takes_of(facts: dict[str, Any]) -> str:
+    if facts["0/model"] in ("mean", "empty"):
+        return "no sensor"
+    if not facts["0/inputs"].startswith("fused"):
+        return {"spd": "SPD alone", "radar": "radar alone"}[facts["0/inputs"]]
+    if not facts["0/takes_antennas"]:
+        return "SPD + radar profile"
+    # A row without gaps tells the number of antennas.
+    return f"SPD + {facts['0/axes/array/scale'] + 1:.0f} antennas" if facts["0/axes/array/quantity"] == "lags" else "SPD + antennas"
+
+
+def modes_of(models: Sequence[str], compared: bool) -> list[Mode]:
+    """FILE or NAME=FILE each: a seed of the mode of that name, or a mode behind the last of equal inputs. Compared models
+    stay as they are given."""
+    modes: list[Mode] = []
+    for given in models:
+        name, equals, path = given.partition("=")
+        if compared or not equals or "/" in name:
+            name, path = (given if compared else pathlib.Path(given).stem), given
+        try:
+            tensors, facts = read_safetensors(path)
+        except OSError as error:
+            raise ReportError(f"{path}: {error.strerror}; expected a model file") from None
+        takes = takes_of(facts)
+        known = next((mode for mode in modes if mode.name == name and not compared), None)
+        if known is None:
+            like = [k for k, mode in enumerate(modes, 1) if compared or mode.takes == takes]
+            modes.insert(like[-1] if like else len(modes), Mode(name, [path], [facts], tensors, takes))
+        elif known.takes != takes:
+            raise ReportError(f"{path}: takes {takes}, and {known.files[0]} of the same name {known.takes}; expected --model NAME={path}")
+        else:
+            known.files.append(path), known.facts.append(facts)
+    return modes

@@ -1,0 +1,131 @@
+# SPDX-License-Identifier: MIT
+"""A run as it was recorded, whatever a model makes of it: what was there when, and what was lost."""
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import run as runs
+from .report_blocks import NONE, Block, details, packed, paragraph, short, table
+from .report_records import decibels
+from .report_scores import Values, call
+
+SENSORS = {"spd": "SPD", "radar": "radar", "depth": "depth camera"}
+MOST_POINTS = 400  # of a curve: more cannot be seen
+
+
+def info_of(path: str) -> dict[str, Any]:
+    return dict(json.loads(call("echofuse-acquire", "info", "--json", path).stdout))
+
+
+class Story:
+    """Of the run at this path; times are in `unit` since its first slot."""
+
+    def __init__(self, path: str) -> None:
+        self.path, self.info, self.run = path, info_of(path), runs.open(path)
+        self.told = self.run.told()
+        seconds = (self.run.time - self.run.time[:1]) / np.timedelta64(1, "s")
+        whole = seconds[-1] if len(seconds) else 0
+        self.unit, by = ("h", 3600) if whole > 7200 else ("min", 60) if whole > 180 else ("s", 1)
+        self.at, self.end = seconds / by, (whole + self.told["length_s"][-1]) / by if len(seconds) else 1
+
+    @property
+    def verdict(self) -> str:
+        """complete: 20 records, of which 19 have all three sensors."""
+        n, whole = self.info["records"], self.info["all_valid"]
+        out = f"{self.info['status']}: {n} record{'' if n == 1 else 's'}"
+        if n == 0:
+            return out
+        out += ", all with all three sensors" if whole == n else f", of which {whole} have all three sensors"
+        out += f"; {self.info['incomplete']} lack a sensor that the run requires" if self.info["incomplete"] else ""
+        doubts = {s: sorted((-count, kind) for kind, count in self.info["verdicts"][s].items() if kind not in ("ok", "not configured", ""))
+                  for s in SENSORS}
+        if any(doubts.values()):
+            bad = [[text.partition(":")[0] in [kind for _, kind in doubts[s]] for text in self.told[f"verdict_{s}"]] for s in SENSORS]
+            out += f"; {np.any(bad, 0).sum()} of {n} doubtful: " + "; ".join(
+                f"{SENSORS[s].removeprefix('depth ')} " + ", ".join(f"{kind} {-count}" for count, kind in kinds) for s, kinds in doubts.items() if kinds)
+        return out + "."
+
+    def gaps(self, sensor: str) -> list[list[float]]:
+        """Beginnings and ends of the records without the sensor; of very many the longest."""
+        lacks = np.concatenate([[False], ~self.run.valid[sensor], [False]]).astype(int)
+        times, steps = np.append(self.at, self.end), np.diff(lacks)
+        found = np.column_stack([times[steps > 0], times[steps < 0]])
+        return sorted(found[np.argsort(found[:, 0] - found[:, 1], kind="stable")][:MOST_POINTS].tolist())
+
+    @property
+    def gone(self) -> list[str]:
+        """Sensors that are missing for good, or in many records: a sentence each. One that never was is not of this run."""
+        out, by_time, n = [], {}, self.info["records"]
+        for sensor, name in SENSORS.items():
+            if (lacking := n - self.info["valid"][sensor]) in (0, n):
+                continue
+            begin, end = self.gaps(sensor)[-1]
+            if end == self.end:
+                by_time.setdefault(f"{begin:.4g} {self.unit}", []).append(name)
+            elif lacking * 20 > n:
+                out.append(f"{lacking} of {n} records lack the {name}.")
+        return out + [f"no data of {', '.join(names)} from {time} to the end." for time, names in sorted(by_time.items())]
+
+    def curve(self, values: Values, gather: Callable[..., Any] = np.mean) -> list[float | None]:
+        """Neighbours as one point, so that no curve has more than can be seen; None without any, or a sum of 0."""
+        step = len(values) // MOST_POINTS + 1
+        parts = (part[~np.isnan(part)] for part in (values[i:i + step] for i in range(0, len(values), step)))
+        return [short(gather(part)) if len(part) or gather is np.sum else None for part in parts]
+
+    def strips(self) -> Block:
+        """What the strips of the live page take (recon/page/charts.js), and where a sensor is missing."""
+        arrays = {"first": self.curve(self.at)}
+        for s, valid in self.run.valid.items():
+            arrays |= {f"{name}_{s}": self.curve(np.where(valid, self.told[f"{name}_{s}"], np.nan)) for name in ("used", "residual_s")}
+            arrays[f"lost_{s}"] = self.curve(self.told[f"lost_{s}"], np.sum)
+        gaps = {s: [[short(begin), short(end)] for begin, end in self.gaps(s)] for s in SENSORS}
+        return {"kind": "strips", "unit": self.unit, "end": short(self.end), "arrays": arrays, "gaps": gaps, "window_s": self.info["window_s"]}
+
+    def waterfalls(self) -> list[Block]:
+        """What SPD and radar saw over the run, as the live page shows it: clicks as their logarithm, the radar in dB over its
+        median; a column some records, of bins from the nearest on. 8 bits, 255: no data."""
+        def levels(values: NDArray[Any], valid: NDArray[np.bool_]) -> NDArray[Any]:
+            step = len(values) // MOST_POINTS + 1
+            columns = [np.mean(values[i:i + step][valid[i:i + step]], 0) if valid[i:i + step].any() else np.full(values.shape[1], np.nan)
+                       for i in range(0, len(values), step)]
+            return np.nan_to_num(254 * np.array(columns) / max(np.nanmax(columns), 1), nan=255)
+
+        out = []
+        for sensor, unit_m in (("spd", 1 / runs.PS_PER_M), ("radar", 1)):
+            axis, valid = self.run.axes.get(sensor), self.run.valid[sensor]
+            if axis is None or not valid.any():
+                continue
+            values = np.log1p(self.run.spd) if sensor == "spd" else decibels(np.nan_to_num(self.run.radar))
+            if sensor == "radar":
+                values = np.maximum(values - np.sort(values, 1)[:, [axis.count // 2]], 0)
+            image = levels(values, valid)
+            out.append({"sensor": sensor, "values": packed(image, 1, "u1"), "columns": len(image), "bins": axis.count,
+                        "start_m": axis.start * unit_m, "end_m": (axis.start + axis.count * axis.step) * unit_m})
+        return [{"kind": "waterfalls", "unit": self.unit, "end": short(self.end), "tables": out}] if out else []
+
+    def typical(self) -> list[int]:
+        """The index of the record in the middle of those with the most sensors."""
+        count = np.sum(list(self.run.valid.values()), 0)
+        best = self.run.index[count == count.max(initial=0)].tolist()
+        return best[len(best) // 2:len(best) // 2 + 1]
+
+    def blocks(self, between: Sequence[Block], pictures: Sequence[Block]) -> list[Block]:
+        """Tables and strips over the run; `between`: blocks after the verdict."""
+        rows = []
+        for s, name in SENSORS.items():
+            why = "; ".join(f"{count} {kind}" for kind, count in sorted(self.info["verdicts"][s].items()) if kind != "ok")
+            there, lost = self.info["valid"][s], self.info["lost"][s]
+            rows.append([name, str(there), str(self.info["records"] - there), f"{lost} {'tags' if s == 'spd' else 'frames'}", why or NONE])
+        why = {"text": "why a record is without", "words": True}
+        out = [paragraph(f"{self.path}: {self.verdict}"), *between,
+               table("", ["sensor", "records with it", "records without", "lost in records", why], rows)]
+        out += [self.strips(), *self.waterfalls(), *pictures] if len(self.run) else []
+        labels = [[label or "(none)", str(count)] for label, count in sorted(self.info["labels"].items())]
+        out += [details("Labels", table("", ["label", "records"], labels))] if len(labels) > 1 else []
+        events, heads = self.run.events(), ["UTC", "level", {"text": "source", "words": True}, {"text": "what", "words": True}]
+        return out + ([details(f"Events ({len(events)})", table("", heads, events[:200]))] if events else [])

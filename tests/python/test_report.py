@@ -1,0 +1,297 @@
+# SPDX-License-Identifier: MIT
+"""The page of echofuse-report: its numbers are those of `evaluate --json`; it tells failures first, and only what was
+measured."""
+import base64
+import json
+import os
+import shutil
+import sqlite3
+import subprocess
+
+import numpy as np
+import pytest
+
+import echofuse
+from echofuse import derive
+from echofuse import report_blocks as blocks
+from echofuse import report_tables as tables
+from echofuse.report_scores import Count, Means, Mean, Mode, Scores, takes_of
+from programs import BIN, program
+
+BIN = BIN.resolve()
+os.environ["ECHOFUSE_BIN"] = str(BIN)
+
+
+def report(*words):
+    """Exit code, text."""
+    done = subprocess.run([BIN / "echofuse-report", *map(str, words)], capture_output=True, text=True, check=False)
+    return done.returncode, done.stdout + done.stderr
+
+
+def page_of(folder):
+    text = (folder / "report.html").read_text()
+    page = json.loads(text.split('id="data">')[1].split("</script>")[0])
+    return page | {"of": {section["id"]: section["blocks"] for section in page["sections"]}}
+
+
+def evaluated(*words):
+    done = subprocess.run([BIN / "echofuse-recon", "-q", "evaluate", *map(str, words), "--json"], capture_output=True, text=True, check=True)
+    return json.loads(done.stdout)
+
+
+def of_kind(found, kind):
+    return next(block for block in found if block["kind"] == kind)
+
+
+@pytest.fixture(scope="module")
+def here(tmp_path_factory):
+    """A run and a fresh one; models of every input, two trainings of one, one that asks no sensor."""
+    made = tmp_path_factory.mktemp("report")
+    for name, records, seed in (("run", 160, 1), ("fresh", 60, 8)):
+        program("echofuse-sim", "dataset", "-q", "--out", made / f"{name}.sqlite", "--records", records, "--seed", seed)
+    for name, *words in (("fused", "ridge"), ("spd", "ridge", "--inputs", "spd"), ("radar", "ridge", "--inputs", "radar"), ("body", "silhouette"),
+                         ("mean", "mean"), ("again", "ridge", "--seed", "2"), ("paper", "paper", "--inputs", "spd", "--epochs", "2")):
+        program("echofuse-recon", "train", "-q", made / "run.sqlite", "--set", "fallback=false", "--out", made / name, "--model", *words)
+    return made
+
+
+def test_the_numbers_are_those_of_evaluate(here, tmp_path):
+    words = ["--model", f"ours={here / 'body'}", "--model", here / "spd"]
+    code, said = report(tmp_path, "--run", here / "fresh.sqlite", *words, "--live", here / "fresh.sqlite")
+    assert code == 0, said
+    page, told = page_of(tmp_path), evaluated(here / "body", here / "spd", here / "fresh.sqlite")
+    alone = evaluated(here / "body", here / "fresh.sqlite")
+    assert told["rows"][0]["metrics"] == alone["metrics"] and told["trivial"] == alone["trivial"]
+    metrics = page["of"]["metrics"][0]
+    names = {word.title: metric for metric, word in tables.METRICS.items()}
+    for row in metrics["rows"]:
+        metric = names[row[0]["text"]]
+        for cell, one in zip(row[1:], [told["rows"][0]["metrics"], told["rows"][1]["metrics"], *told["trivial"].values()]):
+            mean, n = one[metric]["mean"], one[metric]["maps"]
+            expected = "" if mean is None else f"{mean * n:.0f} of {n}" if metric == "left_right" else tables.METRICS[metric].text(mean)
+            assert cell["text"] in (expected, "0")
+            assert cell["text"] != "0" or abs(mean) < 1e-14
+    first = page["first"][1]["rows"][0]
+    assert [cell["text"] for cell in first[1:]] == [tables.METRICS[m].text(alone["metrics"][m]["mean"]) for m in tables.FIRST]
+    assert first[1]["small"] == f"±{alone['metrics']['iou']['se']:.2f}"
+    stated = next(one for one in page["of"]["failures"] if one.get("caption", "").startswith("How sure"))["rows"][0]
+    assert stated[1] == f"{100 * alone['calibration']['lateral_interval_90_m']:.1f}"
+    share = alone["calibration"]["within_lateral_interval_90"]
+    count, of = map(int, stated[2]["text"].split(" of "))
+    assert count / of == pytest.approx(share)
+    cost = page["of"]["cost"][0]["rows"][1]
+    assert cost[3] == blocks.three_digits(told["rows"][1]["cost"]["multiply_adds"])
+
+
+def test_the_maps_are_the_hard_maps_of_the_model(here, tmp_path):
+    assert report(tmp_path, "--run", here / "fresh.sqlite", "--model", here / "body")[0] == 0
+    page, maps = page_of(tmp_path), echofuse.load_model(here / "body").predict(here / "fresh.sqlite")
+    for record in page["records"]:
+        index = int(record["title"].rpartition(" ")[2])
+        drawn = np.frombuffer(base64.b64decode(record["maps"][0]["map"]), "<u2").reshape(64, 64) / 1000
+        made = np.nan_to_num(maps.depth_m[maps.index == index][0])
+        assert np.abs(np.where(drawn > 0, drawn - made, 0)).max() < 1e-3 and (drawn > 0).sum() == (made > 1.7).sum()
+        with echofuse.open(here / "fresh.sqlite") as run:
+            truth = np.nan_to_num(run.maps()[run.index == index][0])
+            assert np.allclose(np.frombuffer(base64.b64decode(record["truth"]), "<u2").reshape(64, 64) / 1000, truth, atol=1e-3)
+            assert record["spd"]["clicks"] == [blocks.short(v) for v in run.photons()[run.index == index][0]]
+
+
+def test_one_page_holds_all(here, tmp_path):
+    code, said = report(tmp_path, "--run", here / "run.sqlite", *(word for name in ("fused", "spd", "radar") for word in ("--model", here / name)),
+                        "--live", here / "fresh.sqlite")
+    assert code == 0 and said.endswith("report.html\n"), said
+    text = (tmp_path / "report.html").read_text()
+    assert not [outside for outside in ('src="', 'href="http', "url(", "@import", "fetch(") if outside in text]
+    page = page_of(tmp_path)
+    assert [section["id"] for section in page["sections"]] == [
+        "failures", "gallery", "errors", "labels", "metrics", "cost", "records", "space", "live", "made", "terms"]
+    # Person and letter by three models; of the live run one by the first; worst, median and best.
+    assert [len(record["maps"]) for record in page["records"]] == [3, 3, 1, 1, 1, 1]
+    assert of_kind(page["of"]["metrics"], "note")["text"].startswith("Do not read the SSIM row alone")
+    assert ["command", f"echofuse-report {tmp_path}"] == [page["of"]["made"][0]["rows"][3][0], page["of"]["made"][0]["rows"][3][1][:16 + len(str(tmp_path))]]
+    # The paper's values stand beside its networks only.
+    assert not [value for value in ("0.6576", "0.6389", "0.5266") if value in json.dumps(page)]
+    assert len(of_kind(page["of"]["live"], "waterfalls")["tables"]) == 2
+    assert of_kind(page["of"]["live"], "pictures")["show"] == ["truth", "spd", "radar", "map 0", "error 0"]
+
+
+def test_rows_of_equal_inputs_stand_together_each_by_its_name(here, tmp_path):
+    code, said = report(tmp_path, "--run", here / "fresh.sqlite", "--model", f"ours={here / 'fused'}", here / "spd", f"small={here / 'body'}",
+                        here / "mean", f"ours={here / 'again'}", here / "paper")
+    assert code == 0, said
+    page = page_of(tmp_path)
+    assert [row[0] for row in page["first"][1]["rows"]][:5] == [
+        "ours (ridge, SPD + radar profile; 2 trainings)", "small (silhouette, SPD + radar profile)", "spd (ridge, SPD alone)",
+        "paper (the paper's network, SPD alone)", "mean (no sensor)"]
+    assert page["of"]["metrics"][2]["rows"][0][2] == "0.6389"  # beside the paper
+    code, said = report(tmp_path / "no", "--run", here / "run.sqlite", "--model", f"a={here / 'spd'}", f"a={here / 'radar'}")
+    assert code == 1 and f"takes radar alone, and {here / 'spd'} of the same name SPD alone; expected --model NAME=" in said
+
+
+def test_all_are_scored_on_records_that_have_every_sensor_one_of_them_asks_for(here, tmp_path):
+    def some(records):
+        records.lost["radar"][::4] = True
+
+    derive.copy(here / "fresh.sqlite", tmp_path / "some.sqlite", some)
+    dark = derive.copy(here / "fresh.sqlite", tmp_path / "dark.sqlite", derive.lost("radar"), lambda r: r.keep.__setitem__(slice(5, None), False))
+    program("echofuse-recon", "train", "-q", here / "run.sqlite", "--model", "ridge", "--out", tmp_path / "both")
+    code, said = report(tmp_path, "--run", tmp_path / "some.sqlite", "--model", tmp_path / "both", here / "spd", here / "radar", "--live", dark)
+    assert code == 0, said
+    assert "on 45 simulated records of a new run" in said and "Recorded run: 5 records: radar lost: SPD alone." in said
+    assert "15 records with depth left out" in said
+    assert page_of(tmp_path)["fails"][0].startswith("Recorded run: ")
+    code, said = report(tmp_path / "spd", "--run", dark, "--model", here / "spd")
+    assert code == 0 and "spd (ridge, SPD alone), on 5 " in said
+
+
+def test_a_run_alone_and_two_models_record_by_record(here, tmp_path):
+    code, said = report(tmp_path / "alone", "--live", here / "fresh.sqlite")
+    assert code == 0 and "60 records, all with all three sensors" in said
+    page = page_of(tmp_path / "alone")
+    assert page["title"] == "A recorded run" and len(page["records"]) == 1
+    strips = of_kind(page["of"]["live"], "strips")
+    assert len(strips["arrays"]["used_spd"]) == 60 and strips["gaps"]["radar"] == []
+    assert of_kind(page["of"]["live"], "pictures")["show"] == ["truth", "spd", "radar"]
+
+    def compare(first, second):
+        return report(tmp_path / (first + second), "--run", here / "fresh.sqlite", "--compare", here / first, here / second)
+
+    code, said = compare("mean", "body")
+    assert code == 0 and "the second model is better" in said, said
+    page, paired = page_of(tmp_path / "meanbody"), evaluated(here / "mean", here / "body", here / "fresh.sqlite")["paired"][0]["metrics"]
+    rows = {row[0]: row for row in page["of"]["difference"][1]["rows"]}
+    assert rows["IoU"][1:6] == ["60", *(f"{paired['iou'][key]:.3f}" for key in ("first", "second")),
+                                f"{paired['iou']['mean']:+.3f}", f"{paired['iou']['low']:+.3f} to {paired['iou']['high']:+.3f}"]
+    assert rows["IoU"][6]["text"] == "second" and rows["RMSE (m)"][4][0] == "+"  # plus is better, of an error too
+    assert page["first"][0]["show"] == ["truth", "map 0", "map 1", "error 0", "error 1"]
+    code, said = compare("body", "body")
+    assert code == 0 and "cannot be told apart" in said and "difference +0.000 (95 %: +0.000 to +0.000)" in said
+
+
+def test_a_run_that_lost_a_sensor_says_when(here, tmp_path):
+    def lose(records):
+        records.lost["radar"][40:] = True
+
+    lost = derive.copy(here / "fresh.sqlite", tmp_path / "lost.sqlite", lose)
+    with sqlite3.connect(lost) as db:
+        db.execute("UPDATE record SET radar_verdict = 'no frames: 0 of 60' WHERE NOT valid & 2")
+    db.close()
+    code, said = report(tmp_path, "--live", lost)
+    assert code == 0 and "of which 40 have all three sensors; 20 of 60 doubtful: radar no frames 20." in said
+    assert "no data of radar from 120 s to the end." in said
+    assert of_kind(page_of(tmp_path)["of"]["live"], "strips")["gaps"]["radar"] == [[120.0, 180.0]]
+
+
+@pytest.mark.parametrize(("words", "code", "text"), [
+    (["--run", "fresh.sqlite"], 2, "--run needs --model or --compare"),
+    (["--model", "body"], 2, "models need --run"),
+    (["--live", "fresh.sqlite", "--model", "body"], 2, "models need --run"),
+    ([], 2, "nothing to report on: give --run with models, or --live"),
+    (["--run", "fresh.sqlite", "--model", "body", "--compare", "body", "spd"], 2, "--compare takes the place of the other models"),
+    (["--live", "fresh.sqlite", "--empty", "run.sqlite"], 2, "--empty is for the models of --run"),
+    (["--live", "nofile"], 1, "nofile.sqlite: No such file or directory; expected a run file"),
+    (["--run", "fresh.sqlite", "--model", "nomodel"], 1, "nomodel: No such file or directory; expected a model file"),
+    (["--run", "fresh.sqlite", "--model", "run.sqlite"], 1, "run.sqlite: not a model of echofuse, or damaged"),
+    (["--run", "fresh.sqlite", "--model", "mean", "--empty", "run.sqlite"], 1, "does not place a body"),
+])
+def test_what_does_not_fit_is_refused_in_a_line(here, tmp_path, monkeypatch, words, code, text):
+    monkeypatch.chdir(here)
+    found, said = report(tmp_path / "page", *words)
+    assert found == code and text in said and said.count("\n") == 1, said
+    assert not (tmp_path / "page").exists()
+
+
+def test_a_page_of_another_run_stays_unless_told(here, tmp_path):
+    assert report(tmp_path, "--live", here / "fresh.sqlite")[0] == 0
+    assert report(tmp_path, "--live", here / "fresh.sqlite")[0] == 0
+    code, said = report(tmp_path, "--live", here / "run.sqlite")
+    assert code == 2 and f"{tmp_path}: holds a report of another run; give another folder, or --force to write over it" in said
+    assert report(tmp_path, "--live", here / "run.sqlite", "--force")[0] == 0
+    assert page_of(tmp_path)["of"]["live"][0]["text"].endswith("160 records, all with all three sensors.")
+
+
+# What it says of numbers by hand
+
+
+def mode_of(name, kind, iou, rmse_m, **columns):
+    """20 records that vary a little about these, each a letter of which the first is read."""
+    wobble = 0.001 * (np.arange(20) % 3)
+    values = {"iou": iou + wobble, "rmse_m": rmse_m + wobble, "lateral_m": 0.03 + wobble, "depth_mae_m": 0.1 + wobble,
+              "letter_top1": (np.arange(20) == 0) * 1.0, "lateral_interval_90_m": np.full(20, 0.1)} | columns
+    told = {"model": kind, "records": 20, "left_out": 0, "fallbacks": {}, "antennas": "", "response": "", "calibrated": False, "metrics": {
+        metric: dict(zip(("mean", "se", "maps"), Mean.of(column))) for metric, column in values.items()}}
+    facts = {"0/model": kind, "0/inputs": "spd", "0/calibrated": 0}
+    scores = Scores(told, np.arange(20), ["letter:A"] * 20, [""] * 20, values)
+    return Mode(name, [name], [facts], {}, "SPD alone", [scores])
+
+
+def judged_of(**baselines):
+    from echofuse.report_scores import Judged
+
+    trivial = {name: {"iou": {"mean": iou, "se": 0.0, "maps": 20}} for name, iou in baselines.items()}
+    return Judged([], {"trivial": trivial, "foreground_depth_m": 3.0}, np.zeros((2, 2), np.float32), "")
+
+
+def test_the_verdict_names_an_opponent_that_draws_a_body_and_what_is_worse():
+    ours, theirs = mode_of("ours", "factorised", 0.6, 0.46), mode_of("theirs", "pca", 0.5, 0.42)
+    theirs.differences = {"rmse_m": {"records": 20, "first": 0.46, "second": 0.42, "mean": 0.04, "low": 0.03, "high": 0.05},
+                          "iou": {"records": 20, "first": 0.6, "second": 0.5, "mean": -0.1, "low": -0.1, "high": -0.1}}
+    said = tables.models_verdict([ours, theirs], judged_of(empty=0), "simulated", True)
+    assert "20 simulated records of a new run: IoU 0.60 ± 0.00 (theirs, of the same inputs: 0.50" in said
+    assert "none of the baselines scored here draws a body), lateral error 3.1 ± 0.0 cm" in said
+    assert said.endswith("Worse than theirs (pca, SPD alone) in RMSE (0.46 against 0.42 m).")
+    theirs.takes = "SPD + 8 antennas"
+    said = tables.models_verdict([ours, theirs], judged_of(empty=0, nearest=0.3), "recorded", False)
+    assert "same inputs" not in said and "nearest training record: 0.30" in said and "20 recorded records that training held out" in said
+
+
+def test_what_fails_stands_first():
+    fused = mode_of("fused", "factorised", 0.6, 0.46).first
+    assert tables.problems_of(fused) == ["Letters cannot be read: 1 of 20 right, by chance 2.0."]
+    fused = mode_of("fused", "factorised", 0.6, 0.46, lateral_interval_90_m=np.full(20, 0.01)).first
+    fused.told["domain_shift"] = {"found": True, "text": "this run is unlike the training: range +30.0 +- 2.0 cm", "p": 1e-4}
+    fused.told["fallbacks"] = {"radar lost: SPD alone": 3}
+    assert tables.problems_of_run(fused, "Recorded run: ") == [
+        "Recorded run: this run is unlike the training: range +30.0 +- 2.0 cm.",
+        "Recorded run: the body is within the stated interval in only 0 of 20 records; it is stated for 90 % (18).",
+        "Recorded run: 3 records: radar lost: SPD alone."]
+    assert tables.problems_of(fused)[-1] == "Record 2 is 3 cm off to the side; stated was: within 1 cm (90 %)."
+
+
+def test_among_equals_all_are_best_a_ghost_is_best_near_0_and_counts_are_counts():
+    side = (np.arange(20) > 0) * 1.0
+    modes = [mode_of("a", "factorised", 0.6, 0.46, ghost=np.zeros(20), left_right=side), mode_of("b", "pca", 0.5, 0.42, ghost=np.full(20, -0.1), left_right=side)]
+    rows = tables.rows_of(modes, {"trivial": {}})
+    ghost = [tables.value(row, "ghost", best) for row, best in zip(rows, tables.best_of(rows, "ghost"))]
+    assert tables.METRICS["ghost"].head["small"] == "0 is best"
+    assert ghost[0] == {"text": "0", "mark": "best"} and ghost[1]["text"] == "-0.10"
+    assert [tables.value(row, "left_right", best) for row, best in zip(rows, tables.best_of(rows, "left_right"))] == 2 * [{"text": "19 of 20", "mark": "best"}]
+    assert tables.best_of(rows, "iou") == [True, False]
+    assert Count(0, 10).interval[0] == 0 and Count(5, 10).interval[0] == pytest.approx(0.2366, rel=1e-3)  # Wilson, by hand
+    assert np.isnan(Means()["iou"].mean)
+
+
+def test_maps_are_packed_in_whole_numbers_and_a_text_cannot_end_its_script():
+    values = np.array([0, 1.2345, -1, 99, np.nan])
+    assert blocks.packed(values, 1e-3, "<u2") == "AADTBAAA//8AAA=="  # 0, 1235 (0x04d3), 0, 65535, 0
+    assert blocks.packed(values, 0.01, "u1") == "AHsA/wA="  # 0, 123, 0, 255, 0
+    assert blocks.short(float("nan")) is None and blocks.short(0.123456789) == 0.12346
+    assert [blocks.three_digits(v) for v in (0, 8, 45971, 1366528, 9999.6)] == ["0", "8", "46 k", "1.37 M", "10 k"]
+    html = blocks.html_of({"title": "<!--<script>", "verdict": "</script>\u202e\n"})
+    assert '"title":"\\u003c!--\\u003cscript>"' in html and '"verdict":"\\u003c/script>\\\\u202e\\\\n"' in html
+
+
+def test_a_model_is_named_by_what_it_takes():
+    facts = {"0/model": "factorised", "0/inputs": "fused", "0/takes_antennas": 1, "0/axes/array/scale": 7.0, "0/axes/array/quantity": "lags"}
+    assert takes_of(facts) == "SPD + 8 antennas" and takes_of(facts | {"0/takes_antennas": 0}) == "SPD + radar profile"
+    assert takes_of(facts | {"0/axes/array/quantity": "lags 1 2 5"}) == "SPD + antennas"
+    assert takes_of(facts | {"0/inputs": "radar"}) == "radar alone" and takes_of({"0/model": "mean"}) == "no sensor"
+
+
+def test_the_package_holds_what_the_page_is_made_of(tmp_path):
+    """Copied elsewhere, as it is installed."""
+    shutil.copytree(blocks.PAGE.parent, tmp_path / "echofuse", ignore=shutil.ignore_patterns("__pycache__"))
+    code = "from echofuse.report_blocks import html_of; print(len(html_of({})))"
+    said = subprocess.run(["/usr/bin/python3", "-c", code], env={"PYTHONPATH": str(tmp_path)}, capture_output=True, text=True, check=True)
+    assert int(said.stdout) > 100_000
