@@ -320,10 +320,11 @@ const kinds = {
   // What a sensor saw over the run: a column some records, from the nearest bin on; 255 where there is no data.
   waterfalls(parent, {tables: all, unit, end}) {
     const box = make(parent, 'figure', {className: 'card'}), head = {spd: ['SPD', 'clicks by range and time'], radar: ['radar', 'power by range and time']};
-    for (const {sensor, values, columns, bins, start_m: start, end_m: far} of all) {
+    for (const {sensor, values, columns, bins, start_m: start, end_m: far, most} of all) {
       const [name, what] = head[sensor], id = `waterfall-${sensor}`, raw = unpacked(values, 1, 1);
       make(make(box, 'h3', {textContent: `${name} `}), 'small', {textContent: what});
       make(box, 'div', {id, className: 'chart', role: 'img', ariaLabel: `${name}: ${what}`});
+      const words = sensor === 'spd' ? ['0', siNumber(Math.expm1(most))] : ['0 dB', `${siNumber(most)} dB`];
       const chart = new Waterfall(id, 150, {values: short}, `time, ${unit}`), below = Math.max(0, Math.round(bins * start / (far - start)));
       // The farthest range is above; below the sensor's first bin nothing is known.
       const image = Float32Array.from({length: (bins + below) * columns}, (_, i) => {
@@ -331,7 +332,7 @@ const kinds = {
         return i < bins * columns && v < 255 ? v : NaN;
       });
       const draw = () => {
-        chart.show(picture(image, bins + below, columns, [0, 254], tables.level, 1, true), [0, end], far);
+        chart.show(picture(image, bins + below, columns, [0, 254], tables.level, 1, true), [0, end], far, tables.level, words);
         chart.renew();
       };
       draw();

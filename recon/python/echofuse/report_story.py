@@ -88,12 +88,13 @@ class Story:
 
     def waterfalls(self) -> list[Block]:
         """What SPD and radar saw over the run, as the live page shows it: clicks as their logarithm, the radar in dB over its
-        median; a column some records, of bins from the nearest on. 8 bits, 255: no data."""
-        def levels(values: NDArray[Any], valid: NDArray[np.bool_]) -> NDArray[Any]:
+        median; a column some records, of bins from the nearest on. 8 bits, 254: `most`, 255: no data."""
+        def levels(values: NDArray[Any], valid: NDArray[np.bool_]) -> tuple[NDArray[Any], float]:
             step = len(values) // MOST_POINTS + 1
             columns = [np.mean(values[i:i + step][valid[i:i + step]], 0) if valid[i:i + step].any() else np.full(values.shape[1], np.nan)
                        for i in range(0, len(values), step)]
-            return np.nan_to_num(254 * np.array(columns) / max(np.nanmax(columns), 1), nan=255)
+            most = max(float(np.nanmax(columns)), 1)
+            return np.nan_to_num(254 * np.array(columns) / most, nan=255), most
 
         out = []
         for sensor, unit_m in (("spd", 1 / runs.PS_PER_M), ("radar", 1)):
@@ -103,8 +104,8 @@ class Story:
             values = np.log1p(self.run.spd) if sensor == "spd" else decibels(np.nan_to_num(self.run.radar))
             if sensor == "radar":
                 values = np.maximum(values - np.sort(values, 1)[:, [axis.count // 2]], 0)
-            image = levels(values, valid)
-            out.append({"sensor": sensor, "values": packed(image, 1, "u1"), "columns": len(image), "bins": axis.count,
+            image, most = levels(values, valid)
+            out.append({"sensor": sensor, "values": packed(image, 1, "u1"), "columns": len(image), "bins": axis.count, "most": short(most),
                         "start_m": axis.start * unit_m, "end_m": (axis.start + axis.count * axis.step) * unit_m})
         return [{"kind": "waterfalls", "unit": self.unit, "end": short(self.end), "tables": out}] if out else []
 
