@@ -190,6 +190,7 @@ def test_a_run_that_lost_a_sensor_says_when(here, tmp_path):
     ([], 2, "nothing to report on: give --run with models, or --live"),
     (["--run", "fresh.sqlite", "--model", "body", "--compare", "body", "spd"], 2, "--compare takes the place of the other models"),
     (["--live", "fresh.sqlite", "--empty", "run.sqlite"], 2, "--empty is for the models of --run"),
+    (["--lvie", "fresh.sqlite"], 2, "--lvie"),
     (["--live", "nofile"], 1, "nofile.sqlite: No such file or directory; expected a run file"),
     (["--run", "fresh.sqlite", "--model", "nomodel"], 1, "nomodel: No such file or directory; expected a model file"),
     (["--run", "fresh.sqlite", "--model", "run.sqlite"], 1, "run.sqlite: not a model of echofuse, or damaged"),

@@ -11,6 +11,7 @@
 #include "acquire/record/png.hpp"
 #include "recon/data/shift.hpp"
 #include "recon/use/trained_model.hpp"
+#include "world.hpp"
 
 using namespace echofuse;
 using namespace echofuse::testing;

@@ -15,7 +15,7 @@ import os
 import pathlib
 import sys
 from collections.abc import Sequence
-from typing import Any
+from typing import NoReturn
 
 import numpy as np
 
@@ -239,9 +239,14 @@ def require(args: argparse.Namespace) -> None:
             raise ReportError(text, 2)
 
 
+def refuse(text: str) -> NoReturn:
+    raise ReportError(f"{text}; see --help", 2)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(prog="echofuse-report", description=__doc__.split("\n\n")[0].partition(": ")[2],
                                      epilog="Examples:\n" + __doc__.split("\n\n")[1], formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.error = refuse  # type: ignore[method-assign]
     parser.add_argument("dir", metavar="FOLDER", help="folder for report.html")
     parser.add_argument("--run", metavar="RUN", help="run file; its held-out records are scored")
     parser.add_argument("--model", metavar="MODEL", nargs="+", action="extend", default=[], help="model files, FILE or NAME=FILE; the first is the "
@@ -250,8 +255,8 @@ def main() -> None:
     parser.add_argument("--live", metavar="RUN", help="a recorded run: its story, also without any model; with --model also its maps")
     parser.add_argument("--empty", metavar="RUN", help="a run of nobody in the room of this run, if it is another one than in training")
     parser.add_argument("--force", action="store_true", help="write over a report of another run")
-    args = parser.parse_args()
     try:
+        args = parser.parse_args()
         require(args)
         report = Report(args)
         report.page.parent.mkdir(parents=True, exist_ok=True)

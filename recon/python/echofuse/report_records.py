@@ -24,36 +24,35 @@ Map = tuple[NDArray[np.float32], NDArray[np.float32] | None]  # [N, N] metres as
 def shown(run: str, wanted: Sequence[int], modes: Sequence[Mode] = (), scores: Sequence[Scores] = (), judged: Judged | None = None,
           room: Sequence[str] = ()) -> dict[int, Block]:
     """Records of these indices by their index, with the map of each mode's first model, whose scores are given."""
-    out: dict[int, Block] = {}
-    with runs.open(run) as whole, tempfile.TemporaryDirectory(prefix="echofuse-report-") as scratch:
-        for path in whole.files:
-            with runs.open(path) as part:
-                keep = np.isin(part.index, wanted)
-            if not keep.any():
-                continue
-            few = derive.copy(path, pathlib.Path(scratch) / path.name, lambda records: records.keep.__iand__(keep))
-            maps = [reconstructed(mode, few, few.with_suffix(f".{k}"), room) for k, mode in enumerate(modes)]
-            with runs.open(few) as part:
-                for row, index in enumerate(part.index.tolist()):
-                    out[index] = measured(part, row)
-                for mode, made, scored in zip(modes, maps, scores):
-                    for index, found in ((i, out[i]) for i in part.index.tolist()):
-                        at = int(np.flatnonzero(scored.index == index)[0])
-                        found["body_m"] = short(scored["range_m"][at])
-                        found["maps"].append(map_of(mode, scored, at, judged, made[index]))
+    with runs.open(run) as whole:
+        rows = np.flatnonzero(np.isin(whole.index, wanted)).tolist()
+        tables = whole.photons() if "spd" in whole.axes else np.zeros((len(whole), 0)), whole.power()
+        out = {int(whole.index[row]): measured(whole, row, *(table[row] for table in tables)) for row in rows}
+    for path in whole.files if modes else []:
+        with runs.open(path) as part:
+            keep = np.isin(part.index, wanted)
+        with tempfile.TemporaryDirectory(prefix="echofuse-report-") as scratch:
+            few = derive.copy(path, pathlib.Path(scratch) / "few.sqlite", lambda records: records.keep.__iand__(keep)) if keep.any() else None
+            maps = [reconstructed(mode, few, pathlib.Path(scratch) / str(k), room) for k, mode in enumerate(modes)] if few else []
+        for mode, made, scored in zip(modes, maps, scores):
+            for index, one in made.items():
+                at = int(np.flatnonzero(scored.index == index)[0])
+                out[index]["body_m"] = short(scored["range_m"][at])
+                out[index]["maps"].append(map_of(mode, scored, at, judged, one))
     return out
 
 
-def measured(run: runs.Run, row: int) -> Block:
-    """Of one record title, truth, clicks and power, at true ranges; "body_m" and "maps" are to come."""
+def measured(run: runs.Run, row: int, clicks: NDArray[np.float32], power: NDArray[np.float32]) -> Block:
+    """Of one record title, truth, clicks [bins] and power [points], at true ranges; "body_m" and "maps" are to come."""
+    truth = run.maps([row])[0] if "depth_x" in run.axes else np.zeros((64, 64))
     out: Block = {"title": f"{run.labels[row] or 'no label'}, record {run.index[row]}", "half_tangent": half_tangent(run),
-                  "truth": packed(run.maps()[row], 1e-3, "<u2") if "depth_x" in run.axes else packed(np.zeros(64 * 64), 1, "<u2"), "body_m": None, "maps": []}
+                  "truth": packed(truth, 1e-3, "<u2"), "body_m": None, "maps": []}
     for sensor, axis in (("spd", run.axes.get("spd")), ("radar", run.power_axis)):
         out[sensor] = {"start": axis.start, "step": axis.step, "count": axis.count} if axis else {"start": 0, "step": 1, "count": 0}
     if run.valid["spd"][row]:
-        out["spd"]["clicks"] = [*map(short, run.photons()[row])]
+        out["spd"]["clicks"] = [*map(short, clicks)]
     if run.valid["radar"][row]:
-        out["radar"]["db"] = [*map(short, decibels(run.power()[row]))]
+        out["radar"]["db"] = [*map(short, decibels(power))]
     return out
 
 
