@@ -173,8 +173,8 @@ class Slurm(unittest.TestCase):
                          self.records(self.dir / "whole.sqlite"))
 
     def test_study(self):
-        bench = ["echofuse-bench", "stability", "-q", "--quick", "--seeds", "2", "--records", "260",
-                 "--test-records", "40", "--axes", "matched-side", "shifted-radar_offset", "--methods", "silhouette", "nearest",
+        bench = ["echofuse-bench", "stability", "-q", "--quick", "--seeds", "1", "--records", "120",
+                 "--test-records", "20", "--axes", "matched-side", "shifted-radar_offset", "--methods", "silhouette", "nearest",
                  "--out"]
         self.submit("study.sbatch", 4, *bench, "spread.csv")
         self.finish()

@@ -91,7 +91,7 @@ class Table:
             if file.tell() == 0:
                 file.write(f"# {self.of}\n" if self.of else "")
                 out.writeheader()
-            out.writerow({name: f"{value:.6g}" if isinstance(value, float) else value for name, value in row.items()})
+            out.writerow({name: f"{value:.9g}" if isinstance(value, float) else value for name, value in row.items()})
 
 
 def of_runs(train: Path, test: Path) -> str:
