@@ -251,13 +251,13 @@ class Run:
         blob = self.select("SELECT depth FROM record WHERE idx = ? AND valid & 4", int(self.index[row]))
         return decode_png16(blob[0][0] or b"", (size[0], size[1])) if blob else np.zeros(size, np.uint16)
 
-<<<<<<< ours
-    def maps(self) -> NDArray[np.float32]:
-        """The truth [n, N, N] on the grid of the maps, in metres, as training and judge have it; NaN: no return, and of a
-        record without depth. Images are read one by one."""
-        out = np.full((len(self), len(self._cells[1]), len(self._cells[0])), np.nan, np.float32)
-        for row in np.flatnonzero(self.valid["depth"]):
-            out[row] = self.map_of(int(row))
+    def maps(self, rows: Sequence[int] | None = None) -> NDArray[np.float32]:
+        """The truth [n, N, N] on the grid of the maps as training and judge have it, metres (NaN: no return, no depth), of
+        these rows or all. Images are read one by one."""
+        wanted = np.arange(len(self))[slice(None) if rows is None else rows]
+        out = np.full((len(wanted), len(self._cells[1]), len(self._cells[0])), np.nan, np.float32)
+        for k in np.flatnonzero(self.valid["depth"][wanted]):
+            out[k] = self.map_of(int(wanted[k]))
         return out
 
     def map_of(self, row: int) -> NDArray[np.float32]:
@@ -268,11 +268,6 @@ class Run:
     @cached_property
     def _cells(self) -> tuple[list[tuple[int, int]], list[tuple[int, int]]]:
         """Columns and rows of the camera's image in each column and row of the maps."""
-=======
-    def maps(self, rows: Sequence[int] | None = None) -> NDArray[np.float32]:
-        """The truth [n, N, N] on the grid of the maps as training and judge have it, metres (NaN: no return, no depth), of
-        these rows or all. Images are read one by one."""
->>>>>>> theirs
         x, y = (self.axes.get(name) for name in ("depth_x", "depth_y"))
         to_x, to_y = (self.axes.get(name) for name in ("map_x", "map_y"))
         if x is None or y is None:
@@ -280,16 +275,7 @@ class Run:
         half, size = (0.55, 64) if to_x is None else (to_x.step * to_x.count / 2, to_x.count)
         to_x = to_x or Axis("map_x", "tangent", "1", size, half / size - half, 2 * half / size, 1)
         to_y = to_y or Axis("map_y", "tangent", "1", size, half - half / size, -2 * half / size, 1)
-<<<<<<< ours
         return grid.cells(x, to_x), grid.cells(y, to_y)
-=======
-        cells = grid.cells(x, to_x), grid.cells(y, to_y)
-        wanted = np.arange(len(self))[slice(None) if rows is None else rows]
-        out = np.full((len(wanted), size, size), np.nan, np.float32)
-        for k in np.flatnonzero(self.valid["depth"][wanted]):
-            out[k] = grid.to_map(self.depth_mm(int(wanted[k])), *cells, to_z.step if to_z else 6.0)
-        return out
->>>>>>> theirs
 
     def stored_radar(self) -> NDArray[np.float32]:
         """The profiles [n, points] as recorded: linear power, or TI's codes (axes["radar"].quantity)."""
