@@ -20,7 +20,7 @@
 #include "recon/data/features.hpp"
 #include "recon/method/alignment.hpp"
 #include "recon/metrics/scene.hpp"
-#include "recon/models/network/classifier.hpp"
+#include "recon/network/classifier.hpp"
 #include "recon/numbers/components.hpp"
 
 namespace echofuse::recon {
