@@ -94,7 +94,6 @@ Dataset load_to_train(Arguments& a, double radar_bin_m) {
     throw Error(ExitCode::usage, "--empty does not go with radar_bin_m: give runs of such bins");
   bring_to_response(data, widest_response(data));
   if (!a.empty.empty()) state_empty_room(data, a.empty);
-  if (a.validate_on.empty()) a.validate_on = {data.sources.size() - 1};
   if (radar_bin_m > 0) rebin_radar(data, radar_bins(radar_bin_m));
   return data;
 }
