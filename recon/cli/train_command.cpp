@@ -81,7 +81,7 @@ TrainedModel tune_model(const Arguments& a, bool test_share_given) {
   if (!a.fit.quiet)
     std::fprintf(
         stderr, "%s%s%s%s", tuned.left_out.c_str(), tuned.left_out.empty() ? "" : "\n",
-        printable_lines(to_text(tuned)).c_str(),
+        printable_lines(to_choice_table(tuned.table, tuned.chosen)).c_str(),
         tuned.model->uncertainty
             ? ""
             : "not calibrated: fewer than 50 records do not say how far off the maps are\n");
@@ -94,7 +94,6 @@ Dataset load_to_train(Arguments& a, double radar_bin_m) {
     throw Error(ExitCode::usage, "--empty does not go with radar_bin_m: give runs of such bins");
   bring_to_response(data, widest_response(data));
   if (!a.empty.empty()) state_empty_room(data, a.empty);
-  if (a.validate_on.empty()) a.validate_on = {data.sources.size() - 1};
   if (radar_bin_m > 0) rebin_radar(data, radar_bins(radar_bin_m));
   return data;
 }

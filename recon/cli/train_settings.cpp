@@ -10,17 +10,15 @@ namespace echofuse::recon {
 namespace {
 
 // "512,256" becomes 512, 256.
-template <class Number>
-std::vector<Number> numbers_of(const std::string& key, const std::string& text, Number least,
-                               Number most) {
-  std::vector<Number> out;
+std::vector<std::size_t> widths_of(const std::string& text) {
+  constexpr std::size_t most = 65'536;
+  std::vector<std::size_t> out;
   for (const std::string& part : split_at_commas(text)) {
-    Number value{};
+    std::size_t value{};
     const auto [end, error] = std::from_chars(part.data(), part.data() + part.size(), value);
-    if (error != std::errc{} || end != part.data() + part.size() || value < least || value > most)
-      throw Error(ExitCode::usage, key + ": \"" + part + "\": expected numbers from " +
-                                       formatted("%g to %g", double(least), double(most)) +
-                                       ", as in 2,3");
+    if (error != std::errc{} || end != part.data() + part.size() || value < 1 || value > most)
+      throw Error(ExitCode::usage,
+                  "hidden: \"" + part + "\": expected widths from 1 to 65536, as 512,256");
     out.push_back(value);
   }
   return out;
@@ -49,13 +47,6 @@ void bind(Settings& settings, TrainSettings& s) {
   settings.add("radar_bin_m", s.radar_bin_m, 0, 3.5,
                "m, bins from 0 to 7 m that the radar's power is added up in, without its antennas "
                "(the paper: 0.5); 0: as it is");
-  settings.add(
-      "weights", s.weights,
-      "how often each run's records count, as 1,20; \"\": once, but if the runs that stand "
-      "for the use are unlike the others: as half of these");
-  settings.add("validate_on", s.validate_on,
-               "numbers of the runs that stand for the use, as 2,3: validation records and stated "
-               "errors are theirs; \"\": the last");
   settings.add("fallback", o.fallback,
                "beside a model of both sensors train those for records without antennas or radar");
   settings.add("any_response", o.any_response,
@@ -90,14 +81,11 @@ void take(const std::vector<std::string>& assignments, TrainSettings& s) {
   const auto wanted = [](std::int64_t value) {
     return value > 0 ? std::optional(static_cast<std::size_t>(value)) : std::nullopt;
   };
-  if (!s.hidden.empty()) o.fit.hidden = numbers_of<std::size_t>("hidden", s.hidden, 1, 65'536);
+  if (!s.hidden.empty()) o.fit.hidden = widths_of(s.hidden);
   o.fit.basis = wanted(s.basis), o.fit.batch = wanted(s.batch), o.fit.patience = wanted(s.patience);
   if (s.learning_rate > 0) o.fit.learning_rate = s.learning_rate;
   if (s.weight_decay >= 0) o.fit.weight_decay = s.weight_decay;
   o.split.gap = static_cast<int>(s.gap);
-  o.weights = numbers_of<double>("weights", s.weights, 0, 1000);
-  for (const std::size_t run : numbers_of<std::size_t>("validate_on", s.validate_on, 1, 10'000))
-    o.validate_on.push_back(run - 1);
   o.candidates = split_at_commas(s.candidates);
   for (const std::string& name : o.candidates) candidate_of(name, {});
 }

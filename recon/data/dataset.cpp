@@ -122,7 +122,6 @@ class Appender {  // appends one run to a Dataset
     data_.content.push_back(hash_of(r));
     data_.index.push_back(r.index);
     data_.slot_end.push_back(r.slot_end);
-    data_.speckle.push_back(r.speckle);
     data_.clicks_a_pulse.push_back(a_pulse);
     data_.label.push_back(r.label);
     ++data_.sources.back().count;

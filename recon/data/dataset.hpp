@@ -3,7 +3,6 @@
 #pragma once
 #include <cstdint>
 #include <functional>
-#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -59,8 +58,7 @@ struct Dataset {
   std::vector<std::int64_t> content;
   std::vector<std::int64_t> index;  // the record's number in its run
   std::vector<HostTime> slot_end;
-  std::vector<std::optional<record::Speckle>> speckle;  // not known for older runs
-  std::vector<double> clicks_a_pulse;                   // 0: not known, or pile-up is corrected
+  std::vector<double> clicks_a_pulse;  // 0: not known, or pile-up is corrected
   std::vector<std::string> label;
   std::vector<Source> sources;
   std::size_t damaged = 0;    // records of the runs that cannot be read, and have no row

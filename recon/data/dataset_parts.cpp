@@ -96,7 +96,6 @@ Dataset part_of(const Dataset& data, const Rows& rows) {
     if (!data.content.empty()) out.content.push_back(data.content[row]);
     out.index.push_back(data.index[row]);
     out.slot_end.push_back(data.slot_end[row]);
-    out.speckle.push_back(data.speckle[row]);
     out.clicks_a_pulse.push_back(data.clicks_a_pulse[row]);
     out.label.push_back(data.label[row]);
   }

@@ -10,7 +10,6 @@
 namespace echofuse::recon {
 namespace {
 
-constexpr double most_of_use = 0.2;
 constexpr std::uint64_t split_stream = 0x73706c6974;  // "split"
 
 std::size_t share_of(double share, std::size_t n) {
@@ -42,23 +41,7 @@ Split make_split(const Rows& rows, const SplitOptions& options) {
     return part;
   };
   split.test = cut(options.test_share);
-  if (options.validate_on.empty()) {
-    split.validation = cut(options.validation_share);
-  } else {
-    Rows wanted = options.validate_on;
-    std::sort(wanted.begin(), wanted.end());
-    const auto others = std::stable_partition(
-        split.train.begin(), split.train.end(),
-        [&](std::size_t row) { return !std::binary_search(wanted.begin(), wanted.end(), row); });
-    Rows of_use(others, split.train.end());
-    split.train.erase(others, split.train.end());
-    const std::size_t most = share_of(most_of_use, of_use.size());
-    const std::size_t all = split.train.size() + of_use.size();
-    split.validation = take_last(of_use, std::min(most, share_of(options.validation_share, all)));
-    if (blocked && !split.validation.empty()) take_last(of_use, options.gap);
-    std::sort(split.validation.begin(), split.validation.end());
-    split.train.insert(split.train.end(), of_use.begin(), of_use.end());
-  }
+  split.validation = cut(options.validation_share);
   std::sort(split.train.begin(), split.train.end());
   if (split.train.size() < 2)
     throw Error(ExitCode::failed, std::to_string(rows.size()) + " usable records leave " +

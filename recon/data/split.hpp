@@ -17,9 +17,6 @@ struct SplitOptions {
   double validation_share = 0.05;  // share of the rest, which is for training
   std::size_t gap = 10;            // records dropped between two blocks
   std::uint64_t seed = 1;
-  // Validation records are drawn from these rows, at most a fifth of them. If it is empty, they are
-  // drawn from all.
-  Rows validate_on = {};
 };
 
 struct Split {

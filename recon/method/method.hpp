@@ -19,7 +19,7 @@
 #include "recon/method/alignment.hpp"
 #include "recon/method/body_frame.hpp"
 #include "recon/metrics/scene.hpp"
-#include "recon/models/network/ensemble.hpp"
+#include "recon/network/ensemble.hpp"
 #include "recon/numbers/components.hpp"
 
 namespace echofuse::recon {

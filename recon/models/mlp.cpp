@@ -3,7 +3,7 @@
 // squared loss. It predicts the difference to the mean map, in units of the maps' spread.
 #include "drivers/program/console.hpp"
 #include "recon/models/model.hpp"
-#include "recon/models/network/regression.hpp"
+#include "recon/network/regression.hpp"
 
 namespace echofuse::recon {
 namespace {

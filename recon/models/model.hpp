@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "recon/metrics/scene.hpp"
-#include "recon/models/network/training.hpp"
+#include "recon/network/training.hpp"
 #include "recon/numbers/matrix.hpp"
 #include "recon/numbers/tensor_file.hpp"
 

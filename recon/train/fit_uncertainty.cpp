@@ -110,6 +110,7 @@ std::optional<UncertaintyModel> fit_uncertainty(const Estimator& model, const Da
       (std::binary_search(split.validation.begin(), split.validation.end(), row) ? part.validation
                                                                                  : part.train)
           .push_back(row);
+    std::sort(part.train.begin(), part.train.end());
     models.push_back(fit(part));
     if (interrupted()) return {};
     judged.push_back({models.back(), fold.test});

@@ -16,12 +16,6 @@ struct TrainOptions {
   SplitOptions split;
   FitOptions fit;
   MethodConfig config;
-  // Number of times that the records of each run count in the fit; empty: once. A fractional part
-  // is a probability.
-  std::vector<double> weights;
-  // Runs, counted from 0, that stand for the later use: validation records and stated errors come
-  // from them. Empty: all runs.
-  std::vector<std::size_t> validate_on;
   // Parts kept beside the model. `fallback`: a model for the SPD alone (TrainedModel), beside a
   // fused one; `uncertainty`: the uncertainty of any model.
   bool fallback = false, uncertainty = true;

@@ -171,20 +171,16 @@ DomainShift DomainReference::judge(const Alignment& alignment, const Dataset& da
   DomainShift out{found.rows, 1, {}, {}};
   for (std::size_t k = 0; k < record_number_count; ++k) {
     if (!standard.known(k) || own.known(k)) continue;
-    // A number that this run does not have is not compared; a run with one carrier only differs.
+    // A number that this run does not have is not compared.
     for (const Index c : {Index(k), count + Index(k)})
       before.col(c).setZero(), now.col(c).setZero();
-    if (k != first_power_variation + 1) continue;
-    DomainShift::Difference& one = out.differences.emplace_back();
-    one.text = "one carrier of the radar, several in training";
-    one.standard_errors = INFINITY;
   }
   const double least_error = 0.7 * std::sqrt(1. / static_cast<double>(found.rows) +
                                              1. / static_cast<double>(numbers_.rows));
   const VectorXd difference = now.colwise().mean() - before.colwise().mean();
   MatrixXd both(before.rows() + now.rows(), before.cols());
   both << before, now;
-  out.p = out.differences.empty() ? p_of(difference, permuted(both, now.rows()), least_error) : 0;
+  out.p = p_of(difference, permuted(both, now.rows()), least_error);
   const ArrayXd error = standard_errors(before, now, least_error);
   for (std::size_t k = 0; k < record_number_count; ++k) {
     const RecordNumber& number = record_numbers[k];

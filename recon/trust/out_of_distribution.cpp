@@ -12,7 +12,6 @@
 #include "recon/metrics/people.hpp"
 #include "recon/numbers/statistics.hpp"
 #include "recon/numbers/text.hpp"
-#include "recon/trust/record_numbers.hpp"
 
 namespace echofuse::recon {
 namespace {
@@ -24,7 +23,6 @@ constexpr std::size_t few_records = 400, many_records = 3000;
 // Share of records like the training ones that lies above the limit of T^2, that of two bodies, and
 // those of Q, which share it.
 constexpr double above_limit = 0.002;
-constexpr double not_known = -1e9;           // the training lacks this number
 constexpr double nobody = -30;               // log odds of two bodies
 constexpr double range_reserve = 0.05;       // share of the span of the training records' ranges
 constexpr double clicks_reserve = 1.25;      // factor of the brightest training record's clicks
@@ -36,8 +34,7 @@ constexpr std::array unusual{"unusual histogram",
                              "unusual samples of the radar's antennas",
                              "unusual samples of the radar's antennas",
                              "unusual range",
-                             "unusual radar profile",
-                             "unusual variation of the radar's power"};
+                             "unusual radar profile"};
 
 }  // namespace
 
@@ -49,7 +46,7 @@ void OutOfDistributionDetector::use(const Features& sensors, const Alignment& al
     sizes[direction] = std::min(array, ArrayView::of_direction);
     sizes[spread] = array - sizes[direction], sizes[range] = 1;
   }
-  sizes[profile] = sensors.radar_count(), sizes[power] = sizes[profile] > 0 ? power_variations : 0;
+  sizes[profile] = sensors.radar_count();
   for (std::size_t g = 0; g < groups; ++g) first_[g + 1] = first_[g] + sizes[g];
 }
 
@@ -65,7 +62,6 @@ OutOfDistributionDetector::OutOfDistributionDetector(const Alignment& alignment,
   const Features sensors =
       fit_features(data, rows, by_array ? inputs : without_antennas(inputs), raw_scaling);
   use(sensors, alignment);
-  learn_usual_power(data, rows);
   Rows with_body;
   Matrix all(0, first_[groups]);
   for (std::size_t i = 0; i < rows.size(); ++i) {
@@ -112,31 +108,13 @@ OutOfDistributionDetector::OutOfDistributionDetector(const Alignment& alignment,
   set_limits(held, held_two);
 }
 
-void OutOfDistributionDetector::learn_usual_power(const Dataset& data, const Rows& rows) {
-  std::array<double, power_variations> sum{}, count{};
-  for (const std::size_t row : rows) {
-    const auto found = log_power_variations(data.speckle[row]);
-    for (std::size_t k = 0; k < found.size(); ++k)
-      if (!std::isnan(found[k])) sum[k] += found[k], ++count[k];
-  }
-  usual_power_.clear();
-  for (std::size_t k = 0; k < sum.size(); ++k)
-    usual_power_.push_back(2 * count[k] > static_cast<double>(rows.size()) ? sum[k] / count[k]
-                                                                           : not_known);
-}
-
-// If the power's variation is not known, here or in the training, it counts as usual.
 std::vector<float> OutOfDistributionDetector::describe(std::span<const float> view,
                                                        const Dataset& data, std::size_t row) const {
   std::vector<float> out(first_[groups]);
   std::ranges::copy(view.last(first_[range + 1]), out.begin());
-  const auto whole = std::span(out).subspan(first_[profile], first_[power] - first_[profile]);
+  const auto whole = std::span(out).subspan(first_[profile]);
   std::copy_n(data.radar.row(row).begin(), whole.size(), whole.begin());
   normalise(whole);
-  const auto found = log_power_variations(data.speckle[row]);
-  for (std::size_t k = 0; first_[power] + k < out.size(); ++k)
-    if (!std::isnan(found[k]) && usual_power_[k] != not_known)
-      out[first_[power] + k] = static_cast<float>(found[k] - usual_power_[k]);
   return out;
 }
 
@@ -146,11 +124,7 @@ void OutOfDistributionDetector::learn_components(const Matrix& descriptions, std
   scale_.clear();
   for (std::size_t g = 0; g < groups; ++g) {
     double sum = 0;
-    for (std::size_t c = first_[g]; c < first_[g + 1]; ++c) {
-      const double floor =
-          g == power ? record_numbers[first_power_variation + c - first_[g]].floor : 0;
-      sum += std::max(variance[c], floor * floor);
-    }
+    for (std::size_t c = first_[g]; c < first_[g + 1]; ++c) sum += variance[c];
     scale_.resize(first_[g + 1], sum > 0 ? static_cast<float>(1 / std::sqrt(sum)) : 0.f);
   }
   Matrix scaled = descriptions;
@@ -249,7 +223,6 @@ void OutOfDistributionDetector::archive(Archive archive, const Features& of_mode
                                         const Alignment& alignment) {
   use(of_model, alignment);
   const std::size_t values = first_[groups];
-  archive.values("usual_power", usual_power_, power_variations);
   archive.values("scale", scale_, values);
   recon::archive(archive.in("components"), components_, values);
   archive.require(std::ranges::all_of(components_.deviation, [](float d) { return d > 0; }),

@@ -1,9 +1,8 @@
 // SPDX-License-Identifier: MIT
 // Test whether a record is out of the training records' distribution, whatever the model. A record
 // is described by its histogram, radar profile and view of the radar's antennas, if the model takes
-// these, aligned to the body's range (method/alignment.hpp). The description also holds that range,
-// the radar profile as it is, and how its power varied within the record (record_numbers.hpp). None
-// of these depends on gains. The numbers are
+// these, aligned to the body's range (method/alignment.hpp). The description also holds that range
+// and the radar profile as it is. None of these depends on gains. The numbers are
 //   distance    from the training records in their principal components: T^2 along the components,
 //               Q of each group of values off them (Jackson and Mudholkar, Technometrics 21, 341,
 //               1979), the greatest one
@@ -20,7 +19,7 @@
 #include "recon/data/features.hpp"
 #include "recon/method/alignment.hpp"
 #include "recon/metrics/scene.hpp"
-#include "recon/models/network/classifier.hpp"
+#include "recon/network/classifier.hpp"
 #include "recon/numbers/components.hpp"
 
 namespace echofuse::recon {
@@ -62,7 +61,7 @@ class OutOfDistributionDetector {
 
  private:
   // A description has these groups of values, in this order.
-  enum Group : std::size_t { histogram, radar, direction, spread, range, profile, power, groups };
+  enum Group : std::size_t { histogram, radar, direction, spread, range, profile, groups };
   // Each group has a Q. Behind them come T^2 and two bodies.
   enum Statistic : std::size_t { t2 = groups, two, statistics };
   struct Found {
@@ -75,17 +74,15 @@ class OutOfDistributionDetector {
     double share(double value) const { return (value - usual) / (most - usual); }
   };
   void use(const Features& sensors, const Alignment& alignment);
-  void learn_usual_power(const Dataset& data, const Rows& rows);
   void learn_components(const Matrix& descriptions, std::uint64_t seed);
   void set_limits(const std::vector<Found>& held, const std::vector<bool>& shows_two);
-  // A view without its correlation, the normalised profile, the variation of the power.
+  // A view without its correlation, and the normalised profile.
   std::vector<float> describe(std::span<const float> view, const Dataset& data,
                               std::size_t row) const;
   bool shows_body(std::span<const float> description) const;  // true without a detector
   Found find(std::span<const float> description) const;
 
   std::array<std::size_t, groups + 1> first_{};  // first value of each group, and the end
-  std::vector<double> usual_power_;              // mean logarithms of the power's variations
   std::vector<float> scale_;                     // factor of each value of a description
   Components components_;                        // components of scaled descriptions
   Classifier two_bodies_;

@@ -82,20 +82,20 @@ void PixelError::fit(const SoftMaps& soft, const Matrix& truth, const Scene& sce
   depth_deviation_m_ = count > 0 ? std::sqrt(squares / count) : 0;
 }
 
-PixelMaps PixelError::operator()(const SoftMaps& soft, const Scene& scene) const {
+std::pair<Matrix, Matrix> PixelError::operator()(const SoftMaps& soft, const Scene& scene) const {
   const std::size_t rows = soft.foreground_probability.rows,
                     cols = soft.foreground_probability.cols;
-  PixelMaps out{Matrix(rows, cols), Matrix(rows, cols)};
+  Matrix mean(rows, cols), deviation(rows, cols);
   for (std::size_t i = 0; i < rows; ++i)
     for (std::size_t p = 0; p < cols; ++p) {
       const Between at = node_of(double{soft.foreground_probability.row(i)[p]}, curve_.size());
       const double body = curve_[at.low] + at.part * (curve_[at.low + 1] - curve_[at.low]);
       const double b = double{scene.background[p]}, z = double{soft.depth.row(i)[p]};
-      out.mean.row(i)[p] = static_cast<float>(body * z + (1 - body) * b);
-      out.deviation.row(i)[p] = static_cast<float>(std::sqrt(
+      mean.row(i)[p] = static_cast<float>(body * z + (1 - body) * b);
+      deviation.row(i)[p] = static_cast<float>(std::sqrt(
           body * (1 - body) * (z - b) * (z - b) + body * depth_deviation_m_ * depth_deviation_m_));
     }
-  return out;
+  return {std::move(mean), std::move(deviation)};
 }
 
 void PixelError::archive(Archive archive) {

@@ -7,16 +7,12 @@
 #pragma once
 #include <array>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "recon/metrics/scene.hpp"
 
 namespace echofuse::recon {
-
-struct PixelMaps {
-  Matrix mean;       // p z + (1 - p) B, metres
-  Matrix deviation;  // sqrt(p (1 - p) (z - B)^2 + p s^2), metres; s: spread of depths in the body
-};
 
 // Returns a model's own soft maps, each blurred sideways by the uncertainty of its body's place, as
 // that of a normal distribution; a map whose uncertainty is NaN is not blurred. For a model without
@@ -28,7 +24,9 @@ class PixelError {
  public:
   // `truth` holds the true maps, one a row.
   void fit(const SoftMaps& soft, const Matrix& truth, const Scene& scene);
-  PixelMaps operator()(const SoftMaps& soft, const Scene& scene) const;
+  // Returns two tables in metres: the mean p z + (1 - p) B, and the deviation
+  // sqrt(p (1 - p) (z - B)^2 + p s^2); s is the spread of depths in the body.
+  std::pair<Matrix, Matrix> operator()(const SoftMaps& soft, const Scene& scene) const;
 
   void archive(Archive archive);
 

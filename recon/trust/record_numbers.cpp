@@ -12,9 +12,6 @@ namespace {
 
 using Kind = RecordNumber::Kind;
 
-// Added before the logarithm, because plain noise makes such variation, too.
-constexpr std::array<double, power_variations> of_noise = {0.3, 0.3, 0.02};
-
 struct Moments {
   double deviation, skewness;  // the deviation is in points
 };
@@ -71,10 +68,7 @@ const std::array<RecordNumber, record_number_count> record_numbers = {
      {"radar skewness", Kind::number, 0.05},
      {"radar peak over noise", Kind::ratio, 0.02},
      {"radar power before the body", Kind::number, 0.01},
-     {"radar range", Kind::length, 0.005},
-     {"radar power from frame to frame", Kind::ratio, 0.08},
-     {"radar power from carrier to carrier", Kind::ratio, 0.08},
-     {"radar power within 150 ms", Kind::ratio, 0.08}}};
+     {"radar range", Kind::length, 0.005}}};
 
 float peak_to_noise(std::span<const float> power) {
   std::vector<double> sorted(power.begin(), power.end());
@@ -82,17 +76,6 @@ float peak_to_noise(std::span<const float> power) {
   const std::span weaker(sorted.data(), sorted.size() / 2 + 1);
   return static_cast<float>((sorted.back() - mean_of(weaker)) /
                             std::max(standard_deviation(weaker), 1e-12));
-}
-
-std::array<double, power_variations> log_power_variations(
-    const std::optional<record::Speckle>& found) {
-  std::array<double, power_variations> out{NAN, NAN, NAN};
-  if (!found) return out;
-  const std::array<std::optional<double>, power_variations> values{
-      found->over_frames, found->over_carriers, found->over_150_ms};
-  for (std::size_t k = 0; k < out.size(); ++k)
-    if (values[k]) out[k] = std::log(*values[k] + of_noise[k]);
-  return out;
 }
 
 Matrix record_numbers_of(const Alignment& alignment, const Dataset& data, const Matrix& views,
@@ -110,8 +93,6 @@ Matrix record_numbers_of(const Alignment& alignment, const Dataset& data, const 
       const auto power = data.radar.row(row);
       const auto body = view.empty() ? power : alignment.columns(view).profile;
       std::ranges::copy(numbers_of_radar(body, power), one.begin() + 4);
-      std::ranges::copy(log_power_variations(data.speckle[row]),
-                        one.begin() + first_power_variation);
     }
     if (both_sensors(inputs))
       one[radar_range_number] = static_cast<float>(alignment.displacement_m(view));

@@ -1,10 +1,8 @@
 // SPDX-License-Identifier: MIT
 // A record gives these numbers of itself, and they depend on no gain. Runs are compared by them
-// (domain_shift.hpp), and single records by the variation of their radar's power
-// (out_of_distribution.hpp).
+// (domain_shift.hpp).
 #pragma once
 #include <array>
-#include <optional>
 #include <span>
 
 #include "recon/data/dataset.hpp"
@@ -18,10 +16,8 @@ struct RecordNumber {
   Kind kind;     // ratio: the number is a logarithm; length: it is in metres
   double floor;  // least deviation: a number that is constant in a training may vary this much
 };
-// Numbers of a record: four of the detector, four of the radar, its range against the detector's,
-// and three of how its power varies.
-inline constexpr std::size_t record_number_count = 12, radar_range_number = 8,
-                             first_power_variation = 9, power_variations = 3;
+// Four numbers of the detector, four of the radar, and its range against the detector's.
+inline constexpr std::size_t record_number_count = 9, radar_range_number = 8;
 extern const std::array<RecordNumber, record_number_count> record_numbers;
 
 // Returns [m x record_number_count], one row for each of `rows` that shows a body. NaN: not known,
@@ -29,11 +25,6 @@ extern const std::array<RecordNumber, record_number_count> record_numbers;
 // without a detector the views have no columns.
 Matrix record_numbers_of(const Alignment& alignment, const Dataset& data, const Matrix& views,
                          const Rows& rows, Inputs inputs);
-
-// Logarithms of the variation of the radar's power within a record
-// (acquire/measurement/speckle.hpp): from frame to frame, from carrier to carrier, within 150 ms.
-// NaN: not known, as in older runs.
-std::array<double, power_variations> log_power_variations(const std::optional<record::Speckle>&);
 
 // Returns a profile's peak over the scatter of its weaker half.
 float peak_to_noise(std::span<const float> power);

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstdint>
 #include <limits>
+#include <tuple>
 
 #include "drivers/core/clones.hpp"
 #include "recon/use/empty_room.hpp"
@@ -43,9 +44,8 @@ Prediction predict_by(const Estimator& by, const Dataset& data, const Rows& rows
   for (const PredictionUncertainty& u : out.uncertainties)
     lateral_interval_90_m.push_back(u.lateral_interval_90_m);
   soft = soft_of(std::move(soft), out.maps, by.scene, lateral_interval_90_m);
-  PixelMaps pixels = uncertainty.pixels(soft, by.scene);
-  require_finite(pixels.mean), require_finite(pixels.deviation);
-  out.mean = std::move(pixels.mean), out.deviation = std::move(pixels.deviation);
+  std::tie(out.mean, out.deviation) = uncertainty.pixels(soft, by.scene);
+  require_finite(out.mean), require_finite(out.deviation);
   return out;
 }
 
@@ -65,45 +65,32 @@ void put(Prediction& whole, Prediction part, std::span<const std::size_t> places
     whole.uncertainties[places[i]] = std::move(part.uncertainties[i]);
 }
 
-// These are the rows for which one estimator answers, and their places among all rows that were
-// asked for.
-struct Answered {
-  const Estimator* by;
-  Rows rows, places;
-};
-
-std::vector<Answered> by_estimator(const TrainedModel& model, const Dataset& data,
-                                   const Rows& rows) {
-  std::vector<Answered> out;
-  for (std::size_t i = 0; i < rows.size(); ++i) {
-    const Estimator* by = model.answering(data, rows[i]);
-    if (!by) by = &model.for_run(data);
-    auto at = std::find_if(out.begin(), out.end(), [&](const Answered& a) { return a.by == by; });
-    if (at == out.end()) at = out.insert(out.end(), {by, {}, {}});
-    at->rows.push_back(rows[i]), at->places.push_back(i);
-  }
-  return out;
-}
-
-// `views` holds those of every record of the data, or is null.
+// `views` holds those of every record of the data, or is null. Where no estimator answers, that of
+// the run does.
 Prediction predict(const TrainedModel& model, const Dataset& data, const Rows& rows,
                    const Matrix* views, PredictionDetail detail) {
   if (detail == PredictionDetail::pixels) require_uncertainty(model);
+  const Estimator& usual = model.for_run(data);
+  std::vector<const Estimator*> answering;
+  for (const std::size_t row : rows) answering.push_back(model.answering(data, row));
   Prediction out;
   out.maps.cols = model->scene.background.size();
-  for (const auto& [by, own_rows, places] : by_estimator(model, data, rows))
-    for (std::size_t first = 0; first < own_rows.size(); first += at_once) {
-      const std::size_t count = std::min(at_once, own_rows.size() - first);
-      const auto begin = own_rows.begin() + static_cast<std::ptrdiff_t>(first);
-      const Rows some(begin, begin + static_cast<std::ptrdiff_t>(count));
-      const bool made = views && by == &model.for_run(data);
+  for (const Estimator& by : model.estimators) {
+    Rows places;  // among the rows
+    for (std::size_t i = 0; i < rows.size(); ++i)
+      if ((answering[i] ? answering[i] : &usual) == &by) places.push_back(i);
+    for (std::size_t first = 0; first < places.size(); first += at_once) {
+      const auto some = std::span(places).subspan(first, std::min(at_once, places.size() - first));
+      Rows own;
+      for (const std::size_t place : some) own.push_back(rows[place]);
       put(out,
-          predict_by(*by, data, some,
-                     made ? take_rows(*views, some)
-                          : by->views(data, some, detail != PredictionDetail::maps),
+          predict_by(by, data, own,
+                     views && &by == &usual ? take_rows(*views, own)
+                                            : by.views(data, own, detail != PredictionDetail::maps),
                      detail),
-          std::span(places).subspan(first, count), rows.size());
+          some, rows.size());
     }
+  }
   return out;
 }
 

@@ -11,7 +11,9 @@
 #include <fstream>
 #include <future>
 #include <limits>
+#include <optional>
 #include <thread>
+#include <utility>
 
 #include "acquire/record/run_file.hpp"
 #include "acquire/record/run_parts.hpp"
@@ -91,16 +93,10 @@ class Reconstruction {
  private:
   Dataset read(const record::RunReader& run, std::size_t at_most);
   Records prepare_new(Dataset data);
-  // Records [first, first + count), of which `rows` have maps.
-  struct Part {
-    std::size_t first;
-    std::vector<RecordStatus> statuses;
-    Rows rows;
-    Prediction made;
-    std::vector<MapFiles::Ready> files;  // of each map
-  };
-  Part make(const Records& records, std::size_t first, std::size_t count) const;
-  void write(const Records& records, Part part);
+  // Of records in a row, with the files of those that have maps.
+  using Made = std::vector<std::pair<RecordStatus, std::optional<MapFiles::Ready>>>;
+  Made make(const Records& records, std::size_t first, std::size_t count) const;
+  void write(const Records& records, std::size_t first, Made made);
   void tell_run(const std::string& text) const;
   void tell(const RecordStatus& status);
   void tell_bad(std::int64_t before);
@@ -135,7 +131,7 @@ void Reconstruction::take_all(const record::RunReader& run) {
   // While this thread judges the run, and then writes a part, others make the maps of the next and
   // their pictures.
   const std::size_t ahead = std::max(2u, usable_cores());
-  std::deque<std::future<Part>> next;
+  std::deque<std::future<Made>> next;
   auto start = [&, first = std::size_t{0}, end = last]() mutable {
     if (first >= end) return;
     const std::size_t size = std::min(part_records, end - first);
@@ -148,12 +144,12 @@ void Reconstruction::take_all(const record::RunReader& run) {
   if (!options_.quiet) tell_run(records.response);
   const DomainShift shift = domain_shift_of(model_, records);
   if (shift.tested() && (shift.found() || !options_.quiet)) tell_run(shift.text());
-  for (; !next.empty() && !interrupted(); next.pop_front()) {
-    Part part = next.front().get();
+  for (std::size_t done = 0; !next.empty() && !interrupted(); next.pop_front()) {
+    Made made = next.front().get();
     start();
-    const std::size_t done = part.first + part.statuses.size();
-    write(records, std::move(part));
-    progress.update(done);
+    const std::size_t more = made.size();
+    write(records, done, std::move(made));
+    progress.update(done += more);
   }
   if (!interrupted()) tell_bad(std::numeric_limits<std::int64_t>::max());
   table_.flush();
@@ -162,7 +158,7 @@ void Reconstruction::take_all(const record::RunReader& run) {
 bool Reconstruction::take_new(const record::RunReader& run) {
   const std::int64_t before = next_;
   const Records records = prepare_new(read(run, part_records));
-  write(records, make(records, 0, records.data.size()));
+  write(records, 0, make(records, 0, records.data.size()));
   tell_bad(std::numeric_limits<std::int64_t>::max());
   table_.flush();
   return next_ != before;
@@ -183,37 +179,35 @@ void Reconstruction::tell_run(const std::string& text) const {
   if (!text.empty() && options_.on_run) options_.on_run(text);
 }
 
-Reconstruction::Part Reconstruction::make(const Records& records, std::size_t first,
+Reconstruction::Made Reconstruction::make(const Records& records, std::size_t first,
                                           std::size_t count) const {
   const Dataset& data = records.data;
-  Part out{first, {}, {}, {}, {}};
+  Made out;
+  Rows rows;
   for (std::size_t row = first; row < first + count; ++row) {
-    out.statuses.push_back(
-        {data.index[row], model_.fault_of(data, row), model_.note_of(data, row)});
-    if (out.statuses.back().fault.empty()) out.rows.push_back(row);
+    out.push_back({{data.index[row], model_.fault_of(data, row), model_.note_of(data, row)}, {}});
+    if (out.back().first.fault.empty()) rows.push_back(row);
   }
-  out.made = predict(
-      model_, records, out.rows,
-      wants_uncertainty(options_) ? PredictionDetail::pixels : PredictionDetail::uncertainty);
-  for (std::size_t i = 0; i < out.rows.size(); ++i)
-    out.files.push_back(files_.prepare(
-        data.index[out.rows[i]], out.made.maps.row(i),
-        wants_uncertainty(options_) ? out.made.deviation.row(i) : std::span<const float>{}));
+  const bool deviations = wants_uncertainty(options_);
+  const Prediction all = predict(
+      model_, records, rows, deviations ? PredictionDetail::pixels : PredictionDetail::uncertainty);
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    auto& [status, files] = out[rows[i] - first];
+    if (const BodyPlace at = body_place(all.maps.row(i), model_->scene); !std::isnan(at.x_m))
+      status.body = at;
+    if (!all.uncertainties.empty() && all.uncertainties[i].stated)
+      status.uncertainty = all.uncertainties[i];
+    files = files_.prepare(status.index, all.maps.row(i),
+                           deviations ? all.deviation.row(i) : std::span<const float>{});
+  }
   return out;
 }
 
-void Reconstruction::write(const Records& records, Part part) {
-  const Prediction& made = part.made;
-  for (std::size_t i = 0; i < part.rows.size(); ++i) {
-    RecordStatus& status = part.statuses[part.rows[i] - part.first];
-    if (const BodyPlace at = body_place(made.maps.row(i), model_->scene); !std::isnan(at.x_m))
-      status.body = at;
-    if (!made.uncertainties.empty() && made.uncertainties[i].stated)
-      status.uncertainty = made.uncertainties[i];
-    files_.write(part.files[i]);
-    time(status, records.data.slot_end[part.rows[i]]);
-  }
-  for (const RecordStatus& status : part.statuses) tell_bad(status.index), tell(status);
+void Reconstruction::write(const Records& records, std::size_t first, Made made) {
+  for (std::size_t i = 0; i < made.size(); ++i)
+    if (auto& [status, files] = made[i]; files)
+      files_.write(*files), time(status, records.data.slot_end[first + i]);
+  for (const auto& [status, files] : made) tell_bad(status.index), tell(status);
 }
 
 void Reconstruction::tell(const RecordStatus& status) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// echofuse-view: a run as it is now, for a browser or a terminal.
+// echofuse-view: a run as it is now, for a browser.
 #include <fcntl.h>
 #include <unistd.h>
 
@@ -13,7 +13,6 @@
 #include "drivers/program/printable.hpp"
 #include "recon/numbers/parallel.hpp"
 #include "recon/view/server.hpp"
-#include "recon/view/text_view.hpp"
 
 namespace {
 using namespace echofuse;
@@ -23,7 +22,7 @@ struct Options {
   std::string model;
   std::optional<std::int64_t> record;
   ServerOptions server;
-  bool text = false, quiet = false;
+  bool quiet = false;
 };
 
 // Moves the streams to /dev/null, because the parent process may wait for their end.
@@ -41,10 +40,6 @@ ExitCode show(const Options& o) {
   if (const std::string missing = record::files_of(o.server.run).missing;
       !o.quiet && !missing.empty())
     std::fprintf(stderr, "%s\n", missing.c_str());
-  if (o.text) {
-    FollowedRun run(o.server.run);
-    return text_view(run, o.server.planned, clock);
-  }
   std::optional<LiveModel> model;
   try {
     if (!o.model.empty()) model.emplace(o.model);
@@ -67,35 +62,29 @@ ExitCode show(const Options& o) {
 int run(int argc, char** argv) {
   Options o;
   CLI::App app(
-      "Shows a run in a browser, or in a terminal: live, finished or crashed. Of a folder the "
-      "browser chooses the run.",
+      "Shows a run in a browser: live, finished or crashed. Of a folder the browser chooses the "
+      "run.",
       "echofuse-view");
   app.set_version_flag("--version", version_line("echofuse-view"));
-  app.add_option("RUN", o.server.run,
-                 "run file, or a folder: its runs to choose from; with --text its newest")
+  app.add_option("RUN", o.server.run, "run file, or a folder: its runs to choose from")
       ->type_name("RUN")
       ->required();
   app.add_option("--model", o.model, "model whose reconstructions are shown")->type_name("MODEL");
-  auto* text = app.add_flag("--text", o.text, "block characters in the terminal, no server");
   app.add_option(
          "--record", o.record,
          "index of the record that the printed address opens; of a folder in its newest run")
-      ->check(CLI::NonNegativeNumber)
-      ->excludes(text);
+      ->check(CLI::NonNegativeNumber);
   app.add_option("--listen", o.server.listen,
                  "ADDRESS:PORT; by default 127.0.0.1:8410, or another free port. Another address "
-                 "than this machine's own asks everybody for the token")
-      ->excludes(text);
+                 "than this machine's own asks everybody for the token");
   app.add_option("--planned", o.server.planned,
                  "records that the run shall have: shows what remains")
       ->check(CLI::PositiveNumber);
   app.add_flag("--until-closed", o.server.until_closed,
-               "end by itself when the run is over and nobody looks")
-      ->excludes(text);
+               "end by itself when the run is over and nobody looks");
   app.add_flag("-q,--quiet", o.quiet, "no messages but errors");
   more_options(app, {"--planned", "--until-closed", "--quiet"});
-  add_examples(app, {"echofuse-view monday.sqlite", "echofuse-view . --model fused.safetensors",
-                     "echofuse-view --text monday.sqlite"});
+  add_examples(app, {"echofuse-view monday.sqlite", "echofuse-view . --model fused.safetensors"});
   try {
     parse_command_line(app, argc, argv);
   } catch (const CLI::ParseError& e) {

@@ -6,7 +6,6 @@
 
 #include "drivers/program/command_line.hpp"
 #include "drivers/program/console.hpp"
-#include "drivers/program/printable.hpp"
 #include "sim/cli/plan_arguments.hpp"
 #include "sim/study/bound.hpp"
 #include "sim/study/fidelity.hpp"
@@ -15,22 +14,14 @@ namespace echofuse::sim {
 namespace {
 
 struct StudyArguments : PlanArguments {
-  std::string out, part;
+  std::string out;
   std::optional<std::int64_t> scenes;  // each study has its own default
   std::uint64_t seed = 1;
   bool quiet = false;
 };
 
-// A part leaves its files, which the same command without --part takes.
-ExitCode part_done(const SceneParts& parts) {
-  std::fprintf(stderr, "%s: %s is written\n", printable(parts.folder).c_str(),
-               parts.part->name().c_str());
-  return ExitCode::ok;
-}
-
-ExitCode run_fidelity(const FidelityOptions& options) {
+ExitCode run_fidelity(const FidelityOptions& options, const std::string& folder) {
   const auto rows = study_fidelity(options);
-  if (options.parts.part) return options.quiet ? ExitCode::ok : part_done(options.parts);
   for (const auto& r : rows)
     std::printf("%-14s %-12s %9.4f +- %.4f of the noise's variance%s\n", r.axis.c_str(),
                 r.value.c_str(), r.error, r.standard_error,
@@ -38,27 +29,27 @@ ExitCode run_fidelity(const FidelityOptions& options) {
   std::printf("chosen: %lld rays for %g photons\n",
               static_cast<long long>(rays_of(options.conditions)),
               options.conditions.signal_photons);
-  write_fidelity(rows, options.parts.folder);
+  write_fidelity(rows, folder);
   return ExitCode::ok;
 }
 
-ExitCode run_bound(const BoundOptions& options) {
+ExitCode run_bound(const BoundOptions& options, const std::string& folder) {
   const auto rows = study_bound(options);
-  if (options.parts.part) return options.quiet ? ExitCode::ok : part_done(options.parts);
   std::printf("%-12s %8s %-6s %32s %21s\n", "axis", "value", "known",
               "sigma of x: median (quartiles)", "mean error: x lateral");
   for (const auto& r : rows)
     std::printf("%-12s %8g %-6s %12.4f (%.4f .. %.4f) m %10.4f %7.4f m\n", r.axis.c_str(), r.value,
                 r.known.c_str(), r.x_median_m, r.x_lower_m, r.x_upper_m, r.x_error_m,
                 r.lateral_error_m);
-  write_bound(rows, options.parts.folder);
+  write_bound(rows, folder);
   return ExitCode::ok;
 }
 
 template <class Options>
 void add_one_study(CLI::App& study, Command& command, const std::string& name,
                    const std::string& what, const std::string& example,
-                   const std::shared_ptr<StudyArguments>& a, ExitCode (*run)(const Options&)) {
+                   const std::shared_ptr<StudyArguments>& a,
+                   ExitCode (*run)(const Options&, const std::string& folder)) {
   CLI::App* sub = study.add_subcommand(name, what);
   sub->fallthrough()->footer("options: see echofuse-sim study --help");
   add_examples(*sub, {example.c_str()});
@@ -78,14 +69,10 @@ void add_one_study(CLI::App& study, Command& command, const std::string& name,
       options.conditions = plan.conditions;
       options.scenes = a->scenes.value_or(options.scenes);
       options.seed = a->seed, options.quiet = a->quiet;
-      if (!a->part.empty()) options.parts.part = JobPart::of(a->part);
-      options.parts.folder = a->out;
-      options.parts.settings =
-          "scenes of seed " + std::to_string(a->seed) + "\n" + settings.resolved();
       std::error_code error;
       std::filesystem::create_directories(a->out, error);
       if (error) throw Error(ExitCode::disk, a->out + ": " + error.message());
-      return run(options);
+      return run(options, a->out);
     };
   });
 }
@@ -102,7 +89,6 @@ void add_study(CLI::App& app, Command& command) {
   study->add_option("--scenes", a->scenes, "default: 40 of fidelity, 100 of bound")
       ->check(CLI::Range(std::int64_t{2}, std::int64_t{10'000}));
   study->add_option("--seed", a->seed, "of the scenes and the noise")->capture_default_str();
-  study->add_option("--part", a->part, part_help);
   add_plan_options(*study, *a);
   study->add_flag("-q,--quiet", a->quiet, "no progress");
   add_one_study(*study, command, "fidelity",

@@ -13,6 +13,7 @@
 #include "sim/scene/shapes.hpp"
 #include "sim/sensors/optics.hpp"
 #include "sim/sensors/radar_echo.hpp"
+#include "sim/study/scene_rows.hpp"
 
 namespace echofuse::sim {
 namespace {
@@ -302,11 +303,10 @@ Seen seen_by_radar(const Scene& scene, const Conditions& c, std::int64_t rays) {
 std::vector<Bound> study_bound(const BoundOptions& options) {
   check(options.conditions);
   const Laboratory laboratory(options);
-  const auto found = rows_of_scenes(
-      options.parts, "bound", "bound", options.scenes, options.quiet,
-      [&](std::size_t i) { return SceneBounds(laboratory, options, study_kind(i), i).all(); });
+  const auto found = rows_of_scenes("bound", options.scenes, options.quiet, [&](std::size_t i) {
+    return SceneBounds(laboratory, options, study_kind(i), i).all();
+  });
   std::vector<Bound> rows;
-  if (options.parts.part) return rows;
   for (const Point& p : laboratory.points())
     for (const char* known : known_names) rows.push_back(summary(p, known, found, rows.size()));
   return rows;

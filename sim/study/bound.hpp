@@ -9,7 +9,6 @@
 #include "sim/scene/conditions.hpp"
 #include "sim/sensors/render.hpp"
 #include "sim/study/information.hpp"
-#include "sim/study/scene_parts.hpp"
 
 namespace echofuse::sim {
 
@@ -41,11 +40,10 @@ struct BoundOptions {
   std::int64_t rays = 512;  // both ways across the body, from each sensor
   double step = 0.0025;     // step of derivatives, in ranges that a parameter is drawn from
   bool quiet = false;
-  SceneParts parts = {};
 };
 
-// Runs the study; returns nothing for a part. Throws as rows_of_scenes, Error(config) for
-// conditions with other noise (pile-up, a coherent sum), and Error(interrupted).
+// Throws Error(config) for conditions with other noise (pile-up, a coherent sum), and
+// Error(interrupted).
 std::vector<Bound> study_bound(const BoundOptions& options);
 
 // Writes bound.csv in `folder`, which exists. Throws Error(disk).

@@ -17,6 +17,7 @@
 #include "sim/sensors/optics.hpp"
 #include "sim/sensors/radar_echo.hpp"
 #include "sim/sensors/render.hpp"
+#include "sim/study/scene_rows.hpp"
 
 namespace echofuse::sim {
 namespace {
@@ -225,11 +226,9 @@ std::vector<Fidelity> study_fidelity(const FidelityOptions& options) {
   for (std::uint64_t i = 0; i < static_cast<std::uint64_t>(options.scenes); ++i)
     scenes.push_back(make_scene(options.conditions, study_kind(i), options.seed, i));
   const auto all = comparisons(options.conditions);
-  const auto found =
-      rows_of_scenes(options.parts, "fidelity", "fidelity", options.scenes, options.quiet,
-                     [&](std::size_t i) { return errors_of(scenes[i], all); });
+  const auto found = rows_of_scenes("fidelity", options.scenes, options.quiet,
+                                    [&](std::size_t i) { return errors_of(scenes[i], all); });
   std::vector<Fidelity> rows;
-  if (options.parts.part) return rows;
   for (const Comparison& how : all)
     for (const Candidate& candidate : how.candidates) {
       rows.push_back(row_of(how.axis, candidate, found, rows.size()));

@@ -7,7 +7,6 @@
 #include <vector>
 
 #include "sim/scene/conditions.hpp"
-#include "sim/study/scene_parts.hpp"
 
 namespace echofuse::sim {
 
@@ -28,10 +27,9 @@ struct FidelityOptions {
   std::int64_t scenes = 40;
   std::uint64_t seed = 1;
   bool quiet = false;
-  SceneParts parts = {};
 };
 
-// Runs the study; returns nothing for a part. Throws as rows_of_scenes. Axes:
+// Throws Error(interrupted). The axes are:
 //   rays        of the SPD, against 2048
 //   part        the body without it, against the whole body, at 1024 rays
 //   bin_ps      the histogram with this bin, spread evenly over bins a quarter as wide

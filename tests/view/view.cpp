@@ -5,7 +5,6 @@
 #include "recon/view/access.hpp"
 #include "recon/view/followed_run.hpp"
 #include "recon/view/message.hpp"
-#include "recon/view/text_view.hpp"
 
 using namespace echofuse;
 using namespace echofuse::view;
@@ -79,13 +78,6 @@ TEST_CASE("messages: a header, then arrays at multiples of 8") {
   CHECK(arrays.get<std::uint32_t>() == 1);
   arrays.take(12);
   CHECK(arrays.get<float>() == 0.5F);
-}
-
-TEST_CASE("block characters: height by the largest value of a column") {
-  CHECK(block_chart(std::vector<float>{0, 8, 16}, 3, 2, 0, 16) == "  █\n ██\n");
-  CHECK(block_chart(std::vector<float>{1, 2, 3, 16}, 2, 1, 0, 16) == "▁█\n");
-  CHECK(block_chart(std::vector<float>{}, 2, 1, 0, 1) == "  \n");
-  CHECK(block_chart(std::vector<float>{5, 5}, 2, 1, 5, 5) == "  \n");  // flat: nothing stands out
 }
 
 TEST_CASE("a sensor is stale two slots after its last valid one") {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "recon/models/network/regression.hpp"
+#include "recon/network/regression.hpp"
 
 #include <Eigen/Core>
 #include <algorithm>

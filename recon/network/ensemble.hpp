@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "recon/models/network/regression.hpp"
+#include "recon/network/regression.hpp"
 
 namespace echofuse::recon {
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 // Compiled with -fno-math-errno and -fno-trapping-math: otherwise the square root and the
 // comparisons keep the loop from being vectorised.
-#include "recon/models/network/adam.hpp"
+#include "recon/network/adam.hpp"
 
 #include <algorithm>
 #include <cmath>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "recon/models/network/network.hpp"
+#include "recon/network/network.hpp"
 
 #include <algorithm>
 #include <cmath>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "recon/models/network/classifier.hpp"
+#include "recon/network/classifier.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -7,7 +7,7 @@
 
 #include "drivers/core/random.hpp"
 #include "drivers/program/console.hpp"
-#include "recon/models/network/adam.hpp"
+#include "recon/network/adam.hpp"
 #include "recon/numbers/statistics.hpp"
 
 namespace echofuse::recon {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "recon/models/network/ensemble.hpp"
+#include "recon/network/ensemble.hpp"
 
 #include "drivers/program/console.hpp"
 

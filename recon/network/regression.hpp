@@ -8,9 +8,9 @@
 #include <vector>
 
 #include "drivers/core/random.hpp"
-#include "recon/models/network/adam.hpp"
-#include "recon/models/network/network.hpp"
-#include "recon/models/network/training.hpp"
+#include "recon/network/adam.hpp"
+#include "recon/network/network.hpp"
+#include "recon/network/training.hpp"
 #include "recon/numbers/matrix.hpp"
 
 namespace echofuse::recon {

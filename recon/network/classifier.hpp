@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "recon/models/network/network.hpp"
+#include "recon/network/network.hpp"
 #include "recon/numbers/matrix.hpp"
 
 namespace echofuse::recon {
