@@ -19,7 +19,6 @@
 #include "sim/cli/plan_arguments.hpp"
 #include "sim/dataset/dataset.hpp"
 #include "sim/lab/lab.hpp"
-#include "sim/lab/lab_command.hpp"
 #include "sim/twin/twin.hpp"
 
 namespace {

@@ -16,6 +16,7 @@
 #include "drivers/program/console.hpp"
 #include "drivers/program/new_file.hpp"
 #include "drivers/program/program.hpp"
+#include "sim/scene/room.hpp"
 #include "sim/scene/scene_list.hpp"
 #include "sim/sensors/depth_camera.hpp"
 #include "sim/sensors/gaussian.hpp"
@@ -180,6 +181,25 @@ std::vector<SceneSpec> scenes_of(const Plan& plan) {
   Rng rng = make_rng(seed_of(plan, Stream::order), 0);
   for (std::size_t i = scenes.size(); i > 1; --i) std::swap(scenes[i - 1], scenes[rng() % i]);
   return scenes;
+}
+
+RoomAlone room_alone(const Conditions& conditions, const AntennaRadar& radar) {
+  Conditions c = conditions;
+  c.background_counts = 0;
+  c.radar_leakage = 0;
+  const Scene scene = empty_room(*room_named(c.background));
+  RoomAlone room;
+  room.light = spd_rate(spd_returns(scene, c), c);
+  if (c.radar_sum != "coherent")
+    room.power = radar_power(radar_returns(scene, c), radar.axis);
+  else if (!radar.antennas.empty())
+    room.echo = room_echo(radar, c);
+  return room;
+}
+
+void add_room(const std::vector<double>& room, std::vector<double>& all) {
+  std::transform(room.begin(), room.end(), all.begin(), all.begin(),
+                 [](double a, double b) { return std::max(0.0, a + b); });
 }
 
 Generator::Generator(Plan plan)

@@ -11,7 +11,7 @@
 #include "drivers/program/job_part.hpp"
 #include "sim/scene/conditions.hpp"
 #include "sim/scene/scene.hpp"
-#include "sim/sensors/room_alone.hpp"
+#include "sim/sensors/antennas.hpp"
 
 namespace echofuse::sim {
 
@@ -40,6 +40,18 @@ std::vector<Conditions> laboratories_of(const Plan& plan);
 // a (seeded) random order. Throws Error(config) for a list that cannot be read and for objects
 // without a mesh.
 std::vector<SceneSpec> scenes_of(const Plan& plan);
+
+// Returns and echoes of the room alone. The room stands still: in a scene before it, only the part
+// that people and objects change has to be looked at (RoomIs::subtracted).
+struct RoomAlone {
+  std::vector<double> light;  // spd_rate, without background counts
+  std::vector<double> power;  // radar_power, if incoherent
+  // Result of room_echo() with coherent antennas; else empty.
+  std::vector<std::complex<float>> echo;
+};
+RoomAlone room_alone(const Conditions& conditions, const AntennaRadar& radar);
+// The sum is nowhere below 0.
+void add_room(const std::vector<double>& room, std::vector<double>& all);
 
 // Makes any record of a plan by itself. Threading: make() may be called from many threads.
 class Generator {

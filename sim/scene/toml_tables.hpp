@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Reads a TOML file that is a list of [[kind]] tables, and finds all its faults at once. Only .cpp
+// Reads a TOML file, such as a list of [[kind]] tables, and finds all its faults at once. Only .cpp
 // files may include it: toml++ is a heavy header.
 #pragma once
 #include <toml++/toml.h>
@@ -40,15 +40,14 @@ class TableReader {
     if (!faults_.empty()) refuse(faults_);
   }
 
-  std::string name_;
-  std::vector<std::string> faults_;
-
- private:
   template <class Node>
   std::string place(const Node& node) const {
     const auto where = node.source().begin;
     return name_ + ":" + std::to_string(where.line) + ":" + std::to_string(where.column) + ": ";
   }
+
+  std::string name_;
+  std::vector<std::string> faults_;
 };
 
 }  // namespace echofuse::sim

@@ -101,6 +101,9 @@ struct EchoCells {
   std::size_t people = 0;
 };
 EchoCells echo_cells(const Returns& returns, double slot_m, bool with_room);
+// Adds up all patches of one kind (Returns::reflector, leakage); a weight of 0 means that there are
+// none.
+EchoCell cell_of_kind(const Returns& returns, std::int32_t kind);
 
 // All records of a run have these in common. The still seed is the room's.
 struct AntennaRadar {

@@ -2,7 +2,6 @@
 #include "sim/study/fidelity.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <ctime>
 #include <functional>
@@ -10,10 +9,7 @@
 
 #include "drivers/program/new_file.hpp"
 #include "drivers/program/program.hpp"
-#include "sim/scene/room.hpp"
 #include "sim/scene/scene.hpp"
-#include "sim/sensors/gaze.hpp"
-#include "sim/sensors/multipath_light.hpp"
 #include "sim/sensors/optics.hpp"
 #include "sim/sensors/radar_echo.hpp"
 #include "sim/sensors/render.hpp"
@@ -35,8 +31,6 @@ Scene without(Scene scene, const std::vector<std::size_t>& capsules) {
     scene.capsules.erase(scene.capsules.begin() + static_cast<std::ptrdiff_t>(*i));
   return scene;
 }
-
-constexpr std::array rooms_of_echoes{"room", "corridor", "closed"};
 
 using Model = std::function<Profile(const Scene&)>;
 
@@ -116,65 +110,11 @@ Comparison radar(const Conditions& c, double sigma) {
   return {"radar_rays", profile(1536), all, [sigma](double) { return sigma * sigma; }};
 }
 
-// Puts the scene before a room; `look` sets the order of echoes by the room's walls.
-Model before(const std::string& room, const std::function<Profile(const Scene&)>& look) {
-  return [room, look](const Scene& bodies) {
-    Scene scene = bodies;
-    scene.room = room_named(room);
-    return look(scene);
-  };
-}
-
-Conditions in_room(Conditions c, const std::string& room, std::int64_t order) {
-  c.background = room, c.multipath_order = order;
-  return c;
-}
-
-// Comparison with the light of the empty room included, which stands still and only adds noise.
-Comparison light_by_walls(const Conditions& base, const std::string& room) {
-  const Conditions c = in_room(base, room, 2);
-  const Profile still = spd_rate(spd_returns(empty_room(*room_named(room)), c), c);
-  const auto histogram = [=](std::int64_t order, const PatchRays& rays) {
-    return before(room, [=, how = in_room(base, room, 0)](const Scene& scene) {
-      Returns returns;
-      spd_returns(scene, how, returns, RoomIs::subtracted);
-      add_light_by_walls(scene, spd_gaze(how), order, RoomIs::subtracted, returns, rays);
-      Profile out = spd_rate(returns, how);
-      for (std::size_t i = 0; i < out.size(); ++i) out[i] = std::max(0.0, out[i] + still[i]);
-      return out;
-    });
-  };
-  return {"light-" + room,
-          histogram(2, {40, 56}),
-          {{"0", histogram(0, {})},
-           {"1", histogram(1, {})},
-           {"2", histogram(2, {})},
-           {"2 by 16 x 16", histogram(2, {16, 64})}},
-          shot_noise};
-}
-
-Comparison radar_by_walls(const Conditions& base, const std::string& room, double sigma) {
-  const RadarAxis axis = radar_response(base);
-  const auto profile = [=](std::int64_t order) {
-    return before(room, [=, how = in_room(base, room, order)](const Scene& scene) {
-      Returns returns;
-      radar_returns(scene, how, returns, RoomIs::subtracted);
-      return radar_power(returns, axis);
-    });
-  };
-  return {"radar-" + room,
-          profile(2),
-          {{"0", profile(0)}, {"1", profile(1)}, {"2", profile(2)}},
-          [sigma](double) { return sigma * sigma; }};
-}
-
 std::vector<Comparison> comparisons(const Conditions& c) {
   std::vector<Comparison> out = {rays(c), body(c)};
   for (const std::int64_t width : {25, 50, 100, 200, 400, 800}) out.push_back(bin_width(c, width));
   const double sigma = profile_noise(c, mean_peak_power(radar_response(c), c), c.radar_frames);
   out.push_back(radar(c, sigma));
-  for (const char* room : rooms_of_echoes) out.push_back(light_by_walls(c, room));
-  for (const char* room : rooms_of_echoes) out.push_back(radar_by_walls(c, room, sigma));
   return out;
 }
 

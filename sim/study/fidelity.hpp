@@ -12,7 +12,7 @@ namespace echofuse::sim {
 
 // Result of one approximation, over the same scenes (a quarter people, the rest letters).
 struct Fidelity {
-  std::string axis;   // rays, part, bin_ps, radar_rays, light-ROOM, radar-ROOM
+  std::string axis;   // rays, part, bin_ps, radar_rays
   std::string value;  // "256", "head"
   // Mean over bins of (approximate - fine)^2 / variance of the noise. The noise is shot noise of
   // the SPD's counts in bins of at least one expected count, or the stated white noise of the
@@ -34,9 +34,6 @@ struct FidelityOptions {
 //   part        the body without it, against the whole body, at 1024 rays
 //   bin_ps      the histogram with this bin, spread evenly over bins a quarter as wide
 //   radar_rays  against 1536 rays of the radar
-//   light-ROOM  before this room; reflections by walls up to this order, with 24 x 24 patches of
-//               walls or as said, against 2 with 40 x 40
-//   radar-ROOM  up to this order, against 2
 std::vector<Fidelity> study_fidelity(const FidelityOptions& options);
 
 // Writes fidelity.csv in `folder`. Throws Error(disk).

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: MIT
 #include "sim/twin/twin.hpp"
 
-#include <toml++/toml.h>
-
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -11,7 +9,9 @@
 #include <string_view>
 
 #include "drivers/core/random.hpp"
+#include "drivers/program/program.hpp"
 #include "sim/scene/draw.hpp"
+#include "sim/scene/toml_tables.hpp"
 
 namespace echofuse::sim {
 namespace {
@@ -39,9 +39,9 @@ std::optional<std::string> fault_of(const std::string& key, double value) {
   return place == std::string::npos ? faults.front() : faults.front().substr(place + 2);
 }
 
-class Reader {
+class Reader : TableReader {
  public:
-  explicit Reader(std::string name) : name_(std::move(name)) {}
+  using TableReader::TableReader;
 
   Twin read(const std::string& text) try {
     Twin twin;
@@ -51,21 +51,16 @@ class Reader {
       else if (const auto range = range_of(std::string(key.str()), node))
         twin.ranges.push_back(*range);
     }
-    if (!faults_.empty()) refuse(faults_);
+    refuse_faults();
     return twin;
   } catch (const toml::parse_error& e) {
     refuse({place(e) + "not TOML: " + std::string(e.description())});
   }
 
  private:
-  template <class Node>
-  std::string place(const Node& node) const {
-    const auto where = node.source().begin;
-    return name_ + ":" + std::to_string(where.line) + ":" + std::to_string(where.column) + ": ";
-  }
   std::optional<Range> range_of(const std::string& key, const toml::node& node) {
     const auto say = [&](const std::string& what) {
-      faults_.push_back(place(node) + what);
+      TableReader::say(node, what);
       return std::optional<Range>{};
     };
     const toml::array* list = node.as_array();
@@ -88,9 +83,6 @@ class Reader {
       if (const auto fault = fault_of(key, end)) return say(*fault);
     return range;
   }
-
-  std::string name_;
-  std::vector<std::string> faults_;
 };
 
 // The hash is FNV-1a.
@@ -119,6 +111,8 @@ std::string to_text(const Twin& twin) {
            (r.logarithmic ? ", \"log\"]\n" : "]\n");
   return out;
 }
+
+std::string default_twin() { return read_config_text(data_folder() / "twin.toml"); }
 
 Twin twin_named(const std::string& name) {
   if (name == "default") return read_twin(default_twin(), "the default twin");

@@ -29,8 +29,8 @@ struct Twin {
 Twin read_twin(const std::string& text, const std::string& name);
 // The text has the ranges without comments, as read_twin takes them back.
 std::string to_text(const Twin& twin);
-// Ranges that come with the program, each with its source as a comment (default_twin.cpp).
-const std::string& default_twin();
+// Text of the ranges that are installed with the program (config/twin.toml), each with its source.
+std::string default_twin();
 // Reads a twin: `default`, the text of ranges (with a "="), or the name of a file.
 Twin twin_named(const std::string& name);
 

@@ -5,7 +5,7 @@
 
 #include "drivers/port/loop.hpp"
 #include "drivers/program/console.hpp"
-#include "sim/lab/lab_command.hpp"
+#include "sim/lab/lab.hpp"
 #include "tests/emulation/tdc_usb.hpp"
 #include "tests/emulation/usb_bed.hpp"
 

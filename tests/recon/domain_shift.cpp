@@ -3,6 +3,7 @@
 
 #include <map>
 
+#include "recon/numbers/statistics.hpp"
 #include "recon/train/train.hpp"
 #include "recon/use/predict.hpp"
 #include "world.hpp"
@@ -54,6 +55,7 @@ TEST_CASE("a run of another world is told from those of the own world") {
       alarms += own.found();
       CHECK_THAT(own.text(), Catch::StartsWith("this run is like the training: p = "));
       CHECK(other.found());
+      CHECK(other.p == Approx(1. / 4001));  // the greatest of the permutations and its own
       CHECK_THAT(other.text(), Catch::StartsWith("this run is unlike the training: p < 0.001: ") &&
                                    Catch::Contains("radar"));
     }
@@ -102,6 +104,40 @@ TEST_CASE("what the training was like stays in its file") {
        {"evaluate " + (dir / "m") + " " + (dir / "other"),
         "reconstruct " + (dir / "m") + " " + (dir / "other") + " --out " + (dir / "o")})
     CHECK_THAT(recon_program(command).text, Catch::Contains(a.text()));
+}
+
+TEST_CASE("a difference of few blocks has the error that their scatter about two means gives") {
+  const std::size_t known = 60, count = 20;  // six blocks, and two
+  const Dataset all = plates(known + count, 50, [&](record::FusedRecord& r) {
+    if (r.index >= std::int64_t(known))  // 48 cm nearer
+      std::rotate(r.spd.begin(), r.spd.begin() + 8, r.spd.end());
+  });
+  const Rows rows = all_rows(all.size()), before(rows.begin(), rows.begin() + known),
+             now(rows.begin() + known, rows.end());
+  const Preprocessing p(all, before, Inputs::fused, learn_scene(all.depth, before, all.map), true);
+  const Matrix views = take_rows(p.views, now);
+  const Dataset run = part_of(all, now);
+  const DomainReference reference(p.alignment, all, p.views, before, Inputs::fused);
+  // Means of ten ranges each.
+  const auto blocks = [](const Matrix& numbers) {
+    std::vector<double> means(numbers.rows / 10);
+    for (std::size_t i = 0; i < numbers.rows; ++i) means[i / 10] += double{numbers.row(i)[3]} / 10;
+    return means;
+  };
+  const auto squares = [](const std::vector<double>& means) {
+    double sum = 0;
+    for (const double m : means) sum += std::pow(m - mean_of(means), 2);
+    return sum;
+  };
+  const auto a = blocks(record_numbers_of(p.alignment, all, p.views, before, Inputs::fused)),
+             b = blocks(record_numbers_of(p.alignment, run, views, all_rows(count), Inputs::fused));
+  REQUIRE((a.size() == 6 && b.size() == 2));
+  const double error = std::sqrt((squares(a) + squares(b)) / (6 + 2 - 2) * (1 / 6. + 1 / 2.));
+  const auto found = reference.judge(p.alignment, run, views).differences;
+  const auto range = std::ranges::find_if(
+      found, [](const DomainShift::Difference& d) { return d.text.starts_with("range "); });
+  REQUIRE(range != found.end());
+  CHECK(range->standard_errors == Approx(std::abs(mean_of(b) - mean_of(a)) / error).epsilon(1e-3));
 }
 
 TEST_CASE("a radar whose ranges are too long is named with its error and what to do") {

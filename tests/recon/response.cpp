@@ -65,6 +65,22 @@ TEST_CASE("a profile is brought from a narrow response to a wide one") {
   }
 }
 
+TEST_CASE("the antennas' lags are brought to another response as the profile is") {
+  const std::vector<float> factors{1, 0.5f, -0.3f, 0.2f, 0.7f};  // two lags
+  const auto lags = [&](const record::RadarResponse& response) {
+    std::vector<float> out;
+    for (const float power : profile(response))
+      for (const float factor : factors) out.push_back(factor * power);
+    return out;
+  };
+  Dataset data = run_of(sinc, profile(sinc));
+  data.array_axis = {"array", "lags", "m", 29, 0, 0.25, 2};
+  data.array = Matrix(0, lags(sinc).size());
+  data.array.add_row(lags(sinc)), data.array.add_row(std::vector<float>(data.array.cols));
+  bring_to_response(data, blackman);
+  CHECK(greatest_difference(data.array.row(0), lags(blackman)) < 0.02);
+}
+
 TEST_CASE("a filter to a narrower response is bounded by the noise") {
   const auto widening = response_filter(sinc, blackman, 0.25),
              narrowing = response_filter(blackman, sinc, 0.25);

@@ -27,3 +27,12 @@ TEST_CASE("tensors that share their bytes are refused before they are copied") {
                     Catch::Contains("data_offsets: tensors overlap or leave a gap"));
   CHECK(peak_kib() - before < 256 << 10);  // copies take 3 GB
 }
+
+TEST_CASE("a shape whose bytes wrap to those of the file is refused") {
+  nlohmann::json head;
+  head["__metadata__"] = {{"crc32c", "00000000"}, {"facts", "{}"}};
+  const std::uint64_t values = (std::uint64_t{1} << 62) + 2;  // in bytes: 8, modulo 2^64
+  head["t"] = {{"dtype", "F32"}, {"shape", {values}}, {"data_offsets", {0, 8}}};
+  CHECK_THROWS_WITH(recon::TensorFile("crafted", crafted::sealed(head.dump(), Bytes(8))),
+                    Catch::Contains("t: its size is not that of its shape"));
+}

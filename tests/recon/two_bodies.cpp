@@ -150,6 +150,41 @@ TEST_CASE("records of two among the training records do not raise the limit, or 
   for (const auto& s : judged(two, two)) CHECK(std::isnan(s.two_bodies));
 }
 
+TEST_CASE("two people before a wall are flagged, though a record holds the wall once") {
+  const std::size_t count = 400;
+  const Folder dir;
+  write_run(dir / "run", count, 1, {}, testing::radar_axis(), long_axis());
+  const Dataset bare = load({dir / "run"});
+  Rng rng = make_rng(6, 6);
+  std::poisson_distribution<int> wall(3e4);
+  const auto before_wall = [&](Dataset data) {
+    for (std::size_t i = 0; i < count; ++i)
+      for (std::size_t c = 60; c < 64; ++c) data.spd.row(i)[c] += static_cast<float>(wall(rng));
+    return data;
+  };
+  Dataset two = bare;
+  for (std::size_t i = 0; i < count; ++i)
+    for (const auto& [table, from] : {std::pair(&two.spd, &bare.spd), {&two.radar, &bare.radar}})
+      for (std::size_t c = 0; c < table->cols; ++c)
+        table->row(i)[c] += from->row((i + 7) % count)[c];
+  const Dataset training = before_wall(bare);
+  two = before_wall(std::move(two));
+  const Rows rows = all_rows(count);
+  const Preprocessing p(training, rows, Inputs::fused,
+                        learn_scene(training.depth, rows, training.map), true);
+  const Features sensors = fit_features(training, rows, Inputs::fused, raw_scaling);
+  const OutOfDistributionDetector detector(p.alignment, training, p.views, rows, Inputs::fused,
+                                           p.scene, 1);
+  const auto flagged = [&](const Dataset& data) {
+    const auto scores =
+        detector.judge(align(observe(data, rows, sensors), p.alignment), data, rows);
+    return std::count_if(scores.begin(), scores.end(),
+                         [](const auto& s) { return s.two_bodies > 1; });
+  };
+  CHECK(flagged(training) < 20);
+  CHECK(flagged(two) > 200);
+}
+
 TEST_CASE("each person of a map has an IoU of his own") {
   const Scene scene{std::vector<float>(64 * 64), std::vector<float>(64 * 64), 3.5f, {}};
   std::vector<float> truth(64 * 64), left(64 * 64);

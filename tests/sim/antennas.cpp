@@ -7,10 +7,10 @@
 
 #include "antenna_scenes.hpp"
 #include "drivers/core/axis.hpp"
+#include "sim/dataset/dataset.hpp"
 #include "sim/sensors/gaussian.hpp"
 #include "sim/sensors/optics.hpp"
 #include "sim/sensors/radar_echo.hpp"
-#include "sim/sensors/room_alone.hpp"
 
 using namespace echofuse;
 using namespace echofuse::sim;

@@ -1,0 +1,385 @@
+// SPDX-License-Identifier: MIT
+// Echoes as the antennas receive them: what stands still, and what moves.
+#include <Eigen/Dense>
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <numbers>
+
+#include "drivers/core/axis.hpp"
+#include "sim/scene/draw.hpp"
+#include "sim/scene/room.hpp"
+#include "sim/sensors/antennas.hpp"
+#include "sim/sensors/radar_echo.hpp"
+
+namespace echofuse::sim {
+
+using record::Antennas;
+
+namespace {
+
+using Eigen::ArrayXf;
+using Eigen::ArrayXXf;
+using Eigen::Index;
+using Eigen::MatrixXcf;
+using Eigen::MatrixXf;
+using Samples = Eigen::Map<MatrixXcf>;  // a column a point, a row an antenna
+
+constexpr double pi = std::numbers::pi;
+constexpr double slots_per_cell = 8;
+double slot_of(double range_m, const RadarAxis& axis) {
+  return std::floor(range_m / axis.resolution_m * slots_per_cell);
+}
+
+// Phase lag of an echo, in turns, at a carrier that is higher by carrier_hz.
+double turns_of_carrier(double range_m, double carrier_hz) {
+  return -2 * range_m * carrier_hz / speed_of_light_m_s;
+}
+
+// Responses of the points of an axis (columns) to the middles of slots (rows).
+MatrixXf responses(const RadarAxis& axis, const std::vector<double>& slots) {
+  const RangeResponse response(axis);
+  std::vector<double> psf;
+  MatrixXf out(slots.size(), axis.count);
+  for (std::size_t s = 0; s < slots.size(); ++s) {
+    response.at((slots[s] + 0.5) / slots_per_cell, psf);
+    out.row(static_cast<Index>(s)) =
+        Eigen::Map<Eigen::RowVectorXd>(psf.data(), axis.count).cast<float>();
+  }
+  return out;
+}
+
+// Adds echoes from slots, a column each, as the points receive them.
+void add_echoes(const MatrixXcf& slots, const MatrixXf& response, Samples& samples) {
+  const Eigen::Map<const MatrixXf> from(reinterpret_cast<const float*>(slots.data()),
+                                        2 * slots.rows(), slots.cols());
+  Eigen::Map<MatrixXf>(reinterpret_cast<float*>(samples.data()), 2 * samples.rows(), samples.cols())
+      .noalias() += from * response;
+}
+
+// Waves from directions u, v (columns) at the antennas (rows), as their channels record them.
+MatrixXcf waves(const Antennas& antennas, const ArrayXf& u, const ArrayXf& v,
+                const ArrayXf& amplitude, const ArrayXf& ahead_turns) {
+  const auto n = static_cast<Index>(antennas.size());
+  MatrixXf places(n, 2);
+  ArrayXf phase(n);
+  Eigen::VectorXf gain(n);
+  for (Index m = 0; m < n; ++m) {
+    const auto& a = antennas[static_cast<std::size_t>(m)];
+    places.row(m) << static_cast<float>(a.x / 2), static_cast<float>(a.y / 2);
+    phase[m] = static_cast<float>(a.phase_rad / (2 * pi));
+    gain[m] = static_cast<float>(a.gain);
+  }
+  MatrixXf directions(2, u.size());
+  directions << u.transpose().matrix(), v.transpose().matrix();
+  ArrayXXf turns = (places * directions).array();
+  turns.colwise() += phase;
+  turns.rowwise() += ahead_turns.transpose();
+  turns *= 2 * std::numbers::pi_v<float>;
+  const ArrayXXf strength = (gain * amplitude.matrix().transpose()).array();
+  MatrixXcf out(n, u.size());
+  out.real() = (strength * turns.cos()).matrix();
+  out.imag() = (strength * turns.sin()).matrix();
+  return out;
+}
+
+// The result is the same for the same patch, whatever stands before others.
+float turns_of_patch(const Returns& returns, std::size_t k, std::uint64_t seed) {
+  const auto range = std::bit_cast<std::uint64_t>(returns.range_m[k]);
+  const auto x = std::bit_cast<std::uint32_t>(returns.place[k].x);
+  const auto y = std::bit_cast<std::uint32_t>(returns.place[k].y);
+  return static_cast<float>(mix(seed ^ mix(range ^ mix(x ^ mix(y)))) >> 40) * 0x1p-24f;
+}
+
+// The reflector and the leakage are points.
+void add_points(const Returns& returns, const AntennaRadar& radar, Samples& samples) {
+  const RangeResponse response(radar.axis);
+  std::vector<double> psf;
+  for (const auto kind : {Returns::reflector, Returns::leakage}) {
+    const EchoCell cell = cell_of_kind(returns, kind);
+    if (cell.weight <= 0) continue;
+    const auto one = [](double value) { return ArrayXf::Constant(1, static_cast<float>(value)); };
+    response.at(cell.range_m / radar.axis.resolution_m, psf);
+    samples +=
+        waves(radar.antennas, one(cell.x), one(cell.y), one(std::sqrt(cell.weight)), one(0)) *
+        Eigen::Map<Eigen::RowVectorXd>(psf.data(), samples.cols()).cast<float>();
+  }
+}
+
+// The room and objects are coherent. Their hidden parts have a negative weight and are taken away.
+void add_still(const Returns& returns, const AntennaRadar& radar, double carrier_hz,
+               Samples& samples) {
+  std::vector<std::size_t> patches;
+  double first = INFINITY, last = 0;
+  for (std::size_t k = 0; k < returns.place.size(); ++k) {
+    if (returns.place[k].person != Returns::still || returns.range_m[k] <= 0) continue;
+    patches.push_back(k);
+    first = std::min(first, slot_of(returns.range_m[k], radar.axis));
+    last = std::max(last, slot_of(returns.range_m[k], radar.axis));
+  }
+  if (patches.empty()) return;
+  const auto count = static_cast<Index>(patches.size());
+  ArrayXf u(count), v(count), amplitude(count), ahead(count);
+  for (Index i = 0; i < count; ++i) {
+    const std::size_t k = patches[static_cast<std::size_t>(i)];
+    u[i] = returns.place[k].x, v[i] = returns.place[k].y;
+    const double weight = returns.weight[k];
+    amplitude[i] = static_cast<float>(std::copysign(std::sqrt(std::abs(weight)), weight));
+    ahead[i] = turns_of_patch(returns, k, radar.still_seed) +
+               static_cast<float>(turns_of_carrier(returns.range_m[k], carrier_hz));
+  }
+  const MatrixXcf wave = waves(radar.antennas, u, v, amplitude, ahead);
+  std::vector<double> slots;
+  for (double slot = first; slot <= last; ++slot) slots.push_back(slot);
+  MatrixXcf sums = MatrixXcf::Zero(wave.rows(), static_cast<Index>(slots.size()));
+  for (Index i = 0; i < count; ++i) {
+    const double range_m = returns.range_m[patches[static_cast<std::size_t>(i)]];
+    sums.col(static_cast<Index>(slot_of(range_m, radar.axis) - first)) += wave.col(i);
+  }
+  add_echoes(sums, responses(radar.axis, slots), samples);
+}
+
+}  // namespace
+
+class AntennaEcho::Moving {
+ public:
+  virtual ~Moving() = default;
+  virtual void add(double later_s, std::size_t carrier, Rng& rng, Samples& samples) = 0;
+};
+
+// People's echoes are coherent.
+class AntennaEcho::Speckle : public Moving {
+ public:
+  Speckle(const Returns& returns, const AntennaRadar& radar, const Conditions& c, Rng& rng)
+      : receivers_(radar.chirp_s > 0 ? radar.receivers : radar.antennas.size()),
+        chirp_s_(radar.chirp_s),
+        chirps_(static_cast<float>(radar.chirps)),
+        cells_(echo_cells(returns, slot_m(radar), false)),
+        motion_(c, cells_.people, rng) {
+    std::vector<double> slots;
+    for (const double range_m : cells_.slot_range_m) slots.push_back(slot_of(range_m, radar.axis));
+    response_ = responses(radar.axis, slots);
+    const auto count = static_cast<Index>(cells_.cells.size());
+    ArrayXf u(count), v(count), amplitude(count), ahead(count);
+    turns_per_mode_.setZero(count, static_cast<Index>(cells_.people * BodyMotion::modes));
+    turns_of_carriers_.resize(count, static_cast<Index>(radar.carriers_hz.size()));
+    const auto axes = upright_axes();
+    for (Index k = count; k-- > 0;) {
+      const EchoCell& cell = cells_.cells[static_cast<std::size_t>(k)];
+      u[k] = static_cast<float>(cell.x), v[k] = static_cast<float>(cell.y);
+      // A complex Gaussian number has an exponential power and any phase.
+      amplitude[k] = static_cast<float>(std::sqrt(-cell.weight * std::log(1 - uniform(rng, 0, 1))));
+      ahead[k] = static_cast<float>(uniform(rng, 0, 1));
+      const auto person = static_cast<std::size_t>(cell.person);
+      const auto range = BodyMotion::range_per_mode(cell.x, cell.y, cell.height_m, axes[person][0],
+                                                    axes[person][1], c.target_scale);
+      for (std::size_t i = 0; i < range.size(); ++i)
+        turns_per_mode_(k, static_cast<Index>(person * range.size() + i)) =
+            static_cast<float>(-2 * radar_carrier_hz / speed_of_light_m_s) * range[i];
+      for (std::size_t i = 0; i < radar.carriers_hz.size(); ++i)
+        turns_of_carriers_(k, static_cast<Index>(i)) =
+            static_cast<float>(turns_of_carrier(cell.range_m, radar.carriers_hz[i]));
+    }
+    waves_ = waves(radar.antennas, u, v, amplitude, ahead);
+    for (const double carrier_hz : radar.carriers_hz)
+      faster_.push_back(static_cast<float>(1 + carrier_hz / radar_carrier_hz));
+  }
+
+  void add(double later_s, std::size_t carrier, Rng& rng, Samples& samples) override {
+    motion_.advance(later_s, rng);
+    if (cells_.cells.empty()) return;
+    const auto by_modes = [&](const std::vector<BodyMotion::Modes>& modes) -> ArrayXf {
+      return faster_[carrier] *
+             (turns_per_mode_ *
+              Eigen::Map<const Eigen::VectorXf>(modes.front().data(), turns_per_mode_.cols()));
+    };
+    ArrayXf turns =
+        by_modes(motion_.places()) + turns_of_carriers_.col(static_cast<Index>(carrier)).array();
+    const ArrayXf speeds = chirp_s_ > 0 ? by_modes(motion_.speeds()) : ArrayXf();
+    const auto antennas = static_cast<std::size_t>(waves_.rows());
+    const std::size_t transmitters = (antennas + receivers_ - 1) / receivers_;
+    MatrixXcf slots(waves_.rows(), response_.rows());
+    for (std::size_t t = 0; t < transmitters; ++t) {
+      const ArrayXf angle = 2 * std::numbers::pi_v<float> * turns;
+      Eigen::VectorXcf turned(angle.size());
+      turned.real() = angle.cos().matrix();
+      turned.imag() = angle.sin().matrix();
+      if (chirp_s_ > 0) {
+        const auto apart = static_cast<float>(chirp_s_);
+        lose_doppler(apart * static_cast<float>(transmitters) * speeds, turned);
+        turns += apart * speeds;  // until the next transmitter sends
+      }
+      const auto first = static_cast<Index>(t * receivers_);
+      const auto count = std::min(static_cast<Index>(receivers_), waves_.rows() - first);
+      for (Index s = 0; s < slots.cols(); ++s) {
+        const auto begin = static_cast<Index>(cells_.begin[static_cast<std::size_t>(s)]);
+        const auto end = static_cast<Index>(cells_.begin[static_cast<std::size_t>(s) + 1]);
+        slots.col(s).segment(first, count).noalias() =
+            waves_.block(first, begin, count, end - begin) * turned.segment(begin, end - begin);
+      }
+    }
+    add_echoes(slots, response_, samples);
+  }
+
+ private:
+  // A slot is an eighth of the resolution. With several carriers it is so small that the phases
+  // within a cell differ by 1 rad at most from one carrier to the next.
+  static double slot_m(const AntennaRadar& radar) {
+    const double slot_m = radar.axis.resolution_m / slots_per_cell;
+    if (radar.carriers_hz.size() < 2) return slot_m;
+    const double step_hz = radar.carriers_hz[1] - radar.carriers_hz[0];
+    return std::min(slot_m, speed_of_light_m_s / (4 * pi * std::max(step_hz, 1.0)));
+  }
+
+  // Keeps Doppler bin 0 only, with this number of turns from one chirp of a transmitter to its
+  // next.
+  void lose_doppler(const ArrayXf& turns, Eigen::VectorXcf& turned) const {
+    for (Index k = 0; k < turns.size(); ++k) {
+      const float half = std::numbers::pi_v<float> * turns[k], one = std::sin(half);
+      if (std::abs(one) > 1e-4f) turned[k] *= std::sin(chirps_ * half) / (chirps_ * one);
+    }
+  }
+
+  // Each person's upright axis stands at the centre of what the radar sees of the person.
+  std::vector<std::array<double, 2>> upright_axes() const {
+    std::vector<double> weight(cells_.people);
+    std::vector<std::array<double, 2>> axes(cells_.people);
+    for (const EchoCell& c : cells_.cells) {
+      const auto person = static_cast<std::size_t>(c.person);
+      const double z = std::sqrt(std::max(0.0, 1 - c.x * c.x - c.y * c.y));
+      weight[person] += c.weight;
+      axes[person][0] += c.weight * c.range_m * c.x;
+      axes[person][1] += c.weight * c.range_m * z;
+    }
+    for (std::size_t p = 0; p < axes.size(); ++p)
+      for (double& sum : axes[p]) sum /= weight[p];
+    return axes;
+  }
+
+  std::size_t receivers_;
+  double chirp_s_;
+  float chirps_;
+  EchoCells cells_;
+  BodyMotion motion_;
+  MatrixXf response_;        // by slots and points
+  MatrixXcf waves_;          // by antennas and cells, in the first frame's phases
+  MatrixXf turns_per_mode_;  // by cells and modes, one person's after the other's
+  // Phase lead by cell and carrier, in turns. faster_: factor by which phases turn faster at each
+  // carrier.
+  MatrixXf turns_of_carriers_;
+  std::vector<float> faster_;
+};
+
+// People and the room are incoherent: x = L q, where L L^H is the covariance and q is orthonormal
+// over any `frames` frames.
+class AntennaEcho::Expectation : public Moving {
+ public:
+  Expectation(const Returns& returns, const AntennaRadar& radar, const Conditions& c)
+      : frames_(c.radar_frames * static_cast<std::int64_t>(radar.carriers_hz.size())) {
+    const auto n = static_cast<Index>(radar.antennas.size());
+    const Index points = radar.axis.count;
+    const double slot_m = radar.axis.resolution_m / slots_per_cell;
+    const EchoCells all = echo_cells(returns, slot_m, true);
+    const auto slots = static_cast<Index>(all.slot_range_m.size());
+    Eigen::MatrixXcd of_slots = Eigen::MatrixXcd::Zero(n * n, slots);
+    Eigen::MatrixXd squares(slots, points);
+    const RangeResponse response(radar.axis);
+    std::vector<double> psf;
+    for (Index s = 0; s < slots; ++s) {
+      const auto slot = static_cast<std::size_t>(s);
+      Eigen::Map<Eigen::MatrixXcd> sum(of_slots.col(s).data(), n, n);
+      for (std::size_t k = all.begin[slot]; k < all.begin[slot + 1]; ++k) {
+        const EchoCell& cell = all.cells[k];
+        Eigen::VectorXcd wave(n);
+        for (Index m = 0; m < n; ++m) {
+          const auto& a = radar.antennas[static_cast<std::size_t>(m)];
+          wave[m] = std::polar(a.gain, pi * (a.x * cell.x + a.y * cell.y) + a.phase_rad);
+        }
+        sum.noalias() += cell.weight * wave * wave.adjoint();
+      }
+      response.at(all.slot_range_m[slot] / radar.axis.resolution_m, psf);
+      squares.row(s) = Eigen::Map<Eigen::ArrayXd>(psf.data(), points).square().transpose();
+    }
+    Eigen::MatrixXcd covariance = of_slots * squares;
+    roots_.resize(n * points, n);
+    for (Index i = 0; i < points; ++i) {
+      Eigen::Map<Eigen::MatrixXcd> of_point(covariance.col(i).data(), n, n);
+      take_root(of_point);
+      roots_.middleRows(i * n, n) = of_point.cast<std::complex<float>>();
+    }
+  }
+
+  void add(double, std::size_t, Rng&, Samples& samples) override {
+    // The phases are quadratic: successive frames, and their mean, behave as independent looks
+    // (Chu, IEEE Trans. Inf. Theory 18, 531, 1972).
+    const std::int64_t f = frame_ % frames_, apart = frames_ / roots_.cols();
+    Eigen::VectorXcf q(roots_.cols());
+    for (Index a = 0; a < q.size(); ++a) {
+      const auto half_turns = f * (f + frames_ % 2 + 2 * apart * a);
+      q[a] =
+          std::complex<float>(std::polar(1.0, pi * static_cast<double>(half_turns % (2 * frames_)) /
+                                                  static_cast<double>(frames_)));
+    }
+    ++frame_;
+    Eigen::Map<Eigen::VectorXcf>(samples.data(), samples.size()).noalias() += roots_ * q;
+  }
+
+ private:
+  // Replaces a covariance by its Cholesky root. One of fewer sources than antennas has pivots that
+  // are nothing but rounding: their columns are 0.
+  static void take_root(Eigen::Map<Eigen::MatrixXcd>& c) {
+    const double trace = c.diagonal().real().sum();
+    for (Index b = 0; b < c.cols(); ++b) {
+      const Index below = c.rows() - b;
+      c.col(b).tail(below) -= c.block(b, 0, below, b) * c.row(b).head(b).adjoint();
+      const double pivot = c(b, b).real();
+      c.col(b).tail(below) *= pivot > 1e-12 * trace ? 1 / std::sqrt(pivot) : 0;
+    }
+    c.triangularView<Eigen::StrictlyUpper>().setZero();
+  }
+
+  std::int64_t frames_, frame_ = 0;
+  MatrixXcf roots_;  // one point's below the other's
+};
+
+AntennaEcho::AntennaEcho(const Returns& returns, const AntennaRadar& radar, const Conditions& c,
+                         Rng& rng)
+    : points_(radar.axis.count),
+      antennas_(radar.antennas.size()),
+      still_(radar.room.begin(), radar.room.end()) {
+  const bool coherent = c.radar_sum == "coherent";
+  still_.resize(radar.carriers_hz.size() * samples());
+  for (std::size_t i = 0; i < radar.carriers_hz.size(); ++i) {
+    Samples of_carrier(still_.data() + i * samples(), static_cast<Index>(antennas_),
+                       static_cast<Index>(points_));
+    add_points(returns, radar, of_carrier);
+    if (coherent) add_still(returns, radar, radar.carriers_hz[i], of_carrier);
+  }
+  if (coherent)
+    moving_ = std::make_unique<Speckle>(returns, radar, c, rng);
+  else
+    moving_ = std::make_unique<Expectation>(returns, radar, c);
+}
+AntennaEcho::~AntennaEcho() = default;
+AntennaEcho::AntennaEcho(AntennaEcho&&) noexcept = default;
+AntennaEcho& AntennaEcho::operator=(AntennaEcho&&) noexcept = default;
+
+void AntennaEcho::frame(double later_s, Rng& rng, std::span<std::complex<float>> samples) {
+  std::copy_n(still_.data() + carrier_ * samples.size(), samples.size(), samples.data());
+  Samples all(samples.data(), static_cast<Index>(antennas_), static_cast<Index>(points_));
+  moving_->add(later_s, carrier_, rng, all);
+}
+
+std::vector<std::complex<float>> room_echo(const AntennaRadar& radar, const Conditions& c) {
+  const std::size_t samples = radar.antennas.size() * radar.axis.count;
+  std::vector<std::complex<float>> all(radar.carriers_hz.size() * samples);
+  const Returns room = radar_returns(empty_room(*room_named(c.background)), c);
+  for (std::size_t i = 0; i < radar.carriers_hz.size(); ++i) {
+    Samples of_carrier(all.data() + i * samples, static_cast<Index>(radar.antennas.size()),
+                       static_cast<Index>(radar.axis.count));
+    add_still(room, radar, radar.carriers_hz[i], of_carrier);
+  }
+  return all;
+}
+
+}  // namespace echofuse::sim
