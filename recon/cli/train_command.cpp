@@ -81,7 +81,7 @@ TrainedModel tune_model(const Arguments& a, bool test_share_given) {
   if (!a.fit.quiet)
     std::fprintf(
         stderr, "%s%s%s%s", tuned.left_out.c_str(), tuned.left_out.empty() ? "" : "\n",
-        printable_lines(to_choice_table(tuned.table, tuned.chosen)).c_str(),
+        printable_lines(to_text(tuned)).c_str(),
         tuned.model->uncertainty
             ? ""
             : "not calibrated: fewer than 50 records do not say how far off the maps are\n");

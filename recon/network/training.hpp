@@ -39,11 +39,12 @@ struct Tuning {
   // With networks that stay, a model that places a body still learns by how much and in what scale
   // its places are off, and its mean body.
   bool correct = false;
+  // Models that place a body turn the bodies (method/turned.hpp). With few records that does harm.
+  bool turn = false;
   std::size_t steps = 200, batch = 64;  // a step takes at most so many records
   double learning_rate = 4e-3;          // the first rate; it falls to zero
   std::uint64_t seed = 1;
   bool networks_stay() const { return std::isinf(pull); }
-  bool changes() const { return correct || !networks_stay(); }
   // Share, 0 to 1, of a mean residual over this number of records that is believed.
   static double belief(std::size_t records) {
     return static_cast<double>(records) / static_cast<double>(records + 10);

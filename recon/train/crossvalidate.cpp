@@ -2,7 +2,6 @@
 #include "recon/train/crossvalidate.hpp"
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 
 #include "drivers/program/console.hpp"
@@ -10,11 +9,6 @@
 #include "recon/numbers/text.hpp"
 
 namespace echofuse::recon {
-namespace {
-
-constexpr std::uint64_t fold_stream = 0x666f6c64;  // "fold"
-
-}  // namespace
 
 Summaries summarise(const Folds& folds, bool sequence) {
   std::vector<MapScores> all;
@@ -37,58 +31,42 @@ Summaries summarise(const Folds& folds, bool sequence) {
   return out;
 }
 
-Crossvalidation::Crossvalidation(const Scene& judged_by, const Rows& rows,
-                                 const SplitOptions& options, std::uint64_t stream)
-    : judged_by_(judged_by),
-      folds_(make_folds(rows, 4, options, stream)),
-      sequence_(options.kind == "blocked") {}
-
-CrossvalidatedRow Crossvalidation::row(const std::string& name, const Dataset& data,
-                                       const std::function<Estimator(const Split& fold)>& fit,
-                                       std::vector<Estimator>* models) const {
-  CrossvalidatedRow out{{name, {}}, {}, 0, {}};
-  Folds scores;
-  for (const Split& fold : folds_) {
-    if (interrupted()) throw Error(ExitCode::interrupted, "interrupted while choosing");
-    try {
-      const auto started = std::chrono::steady_clock::now();
-      Estimator model = fit(fold);
-      const std::chrono::duration<double> taken = std::chrono::steady_clock::now() - started;
-      out.train_s += taken.count() / static_cast<double>(folds_.size());
-      out.cost = model.cost();
-      scores.push_back(score_maps(model.maps(data, fold.test), data, fold.test, judged_by_));
-      if (models) models->push_back(std::move(model));
-    } catch (const Error& error) {
-      if (error.code() != ExitCode::failed) throw;
-      out.fault = error.what();
-      scores.clear();
-      break;
-    }
-  }
-  out.metrics = summarise(scores, sequence_);
-  for (const auto& fold : scores) out.scores.insert(out.scores.end(), fold.begin(), fold.end());
-  return out;
-}
-
 std::vector<CrossvalidatedRow> crossvalidate(const Dataset& data, const Rows& rows,
                                              const TrainOptions& options) {
+  constexpr std::size_t folds = 4;
   const Inputs inputs = inputs_of(options.inputs);
+  const bool sequence = options.split.kind == "blocked";
   const auto names = options.candidates.empty() ? candidates(inputs) : options.candidates;
   FitOptions fit = options.fit;
   fit.quiet = true;
-  const Scene judge = learn_scene(data.depth, rows, data.map);
-  const Crossvalidation folds(judge, rows, options.split, fold_stream);
-  Progress progress("cross-validation", names.size(), options.fit.quiet);
+  const bool aligned = std::any_of(names.begin(), names.end(), [&](const auto& name) {
+    return wants_alignment(candidate_of(name, fit).model);
+  });
   std::vector<CrossvalidatedRow> out;
-  for (const std::string& name : names) {
-    out.push_back(folds.row(name, data, [&](const Split& fold) {
-      const Preprocessing preprocessing(
-          data, fold.train, inputs, learn_scene(data.depth, fold.train, data.map),
-          wants_alignment(candidate_of(name, fit).model), options.config);
-      return fit_model(data, fold, preprocessing, name, inputs, options.scaling, fit);
-    }));
-    progress.update(out.size(), name);
+  for (const auto& name : names) out.push_back({{name, {}}, {}, 0, {}});
+  std::vector<Folds> scores(names.size());
+  const Scene judge = learn_scene(data.depth, rows, data.map);
+  Progress progress("cross-validation", folds * names.size(), options.fit.quiet);
+  for (std::size_t fold = 0; fold < folds; ++fold) {
+    const Split split = make_fold(rows, fold, folds, sequence ? options.split.gap : 0);
+    const Preprocessing preprocessing(data, split.train, inputs,
+                                      learn_scene(data.depth, split.train, data.map), aligned);
+    for (std::size_t m = 0; m < out.size(); ++m) {
+      if (interrupted()) throw Error(ExitCode::interrupted, "interrupted while choosing");
+      if (out[m].fault.empty()) try {
+          const Estimator model =
+              fit_model(data, split, preprocessing, names[m], inputs, options.scaling, fit);
+          scores[m].push_back(score_maps(model.maps(data, split.test), data, split.test, judge));
+          out[m].cost = model.cost(), out[m].train_s += model.train_s / folds;
+        } catch (const Error& error) {
+          if (error.code() != ExitCode::failed) throw;
+          out[m].fault = error.what();
+          scores[m].clear();
+        }
+      progress.update(fold * out.size() + m + 1, out[m].name);
+    }
   }
+  for (std::size_t m = 0; m < out.size(); ++m) out[m].metrics = summarise(scores[m], sequence);
   return out;
 }
 
@@ -128,20 +106,17 @@ std::size_t cheapest_within_one_se(const std::vector<CrossvalidatedRow>& rows) {
 }
 
 std::string to_choice_table(const std::vector<CrossvalidatedRow>& rows, std::size_t chosen) {
-  std::size_t width = 18;
-  for (const CrossvalidatedRow& row : rows) width = std::max(width, row.name.size());
-  std::string out =
-      formatted("%-*s %15s %8s %8s %15s %8s %12s %8s\n", static_cast<int>(width), "model", "IoU",
-                "SSIM_fg", "SSIM", "lateral m", "RMSE m", "multiply-adds", "train s");
+  std::string out = formatted("%-18s %15s %8s %8s %9s %8s %12s %8s\n", "model", "IoU", "SSIM_fg",
+                              "SSIM", "lateral m", "RMSE m", "multiply-adds", "train s");
   for (std::size_t i = 0; i < rows.size(); ++i) {
     const auto mean = [&](Metric metric) {
       return formatted(Summary{rows[i].metrics[metric].mean, std::nan(""), 0}, "");
     };
-    out += formatted("%-*s %15s %8s %8s %15s %8s %12zu %8.2f %s\n", static_cast<int>(width),
-                     rows[i].name.c_str(), formatted(rows[i].metrics[metric_iou], " +-").c_str(),
+    out += formatted("%-18s %15s %8s %8s %9s %8s %12zu %8.1f %s\n", rows[i].name.c_str(),
+                     formatted(rows[i].metrics[metric_iou], " +-").c_str(),
                      mean(metric_ssim_fg).c_str(), mean(metric_ssim).c_str(),
-                     formatted(rows[i].metrics[metric_lateral_m], " +-").c_str(),
-                     mean(metric_rmse_m).c_str(), rows[i].cost.multiply_adds, rows[i].train_s,
+                     mean(metric_lateral_m).c_str(), mean(metric_rmse_m).c_str(),
+                     rows[i].cost.multiply_adds, rows[i].train_s,
                      i == chosen ? " <- chosen" : rows[i].fault.c_str());
   }
   return out;

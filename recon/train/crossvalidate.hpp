@@ -1,9 +1,8 @@
 // SPDX-License-Identifier: MIT
-// Four-fold cross-validation among the training records, by which `train --model auto` and `train
-// --from` choose. In a sequence the folds are blocks, so that no record is judged by a model that
-// has seen its neighbours in time.
+// `train --model auto`: k-fold cross-validation among the training records scores each candidate.
+// In a sequence the folds are blocks, so that no record is judged by a model that has seen its
+// neighbours in time.
 #pragma once
-#include <functional>
 #include <string>
 #include <vector>
 
@@ -14,9 +13,8 @@ namespace echofuse::recon {
 
 struct CrossvalidatedRow : ScoredRow {
   Cost cost;
-  double train_s = 0;                  // mean of the folds
-  std::string fault;                   // why the model cannot be fitted here; its metrics are NaN
-  std::vector<MapScores> scores = {};  // one a record, fold by fold; empty with a fault
+  double train_s = 0;  // mean of the folds
+  std::string fault;   // why the model cannot be fitted here; its metrics are NaN then
 };
 
 // The means are over all maps. In a sequence neighbours resemble each other, so the standard error
@@ -25,25 +23,7 @@ struct CrossvalidatedRow : ScoredRow {
 using Folds = std::vector<std::vector<MapScores>>;  // for each fold, its maps
 Summaries summarise(const Folds& folds, bool sequence);
 
-// Scores candidates on the same folds. The object keeps a reference to the scene.
-class Crossvalidation {
- public:
-  Crossvalidation(const Scene& judged_by, const Rows& rows, const SplitOptions& options,
-                  std::uint64_t stream);
-  // Fits one model a fold, and scores it on the rest. `models`, if not null, gets them. Throws
-  // Error(interrupted).
-  CrossvalidatedRow row(const std::string& name, const Dataset& data,
-                        const std::function<Estimator(const Split& fold)>& fit,
-                        std::vector<Estimator>* models = nullptr) const;
-  const std::vector<Split>& folds() const { return folds_; }
-
- private:
-  const Scene& judged_by_;
-  std::vector<Split> folds_;
-  bool sequence_;
-};
-
-// Returns one row for each of options.candidates.
+// Returns one row for each of options.candidates. Folds are cut from `rows` in their order.
 std::vector<CrossvalidatedRow> crossvalidate(const Dataset& data, const Rows& rows,
                                              const TrainOptions& options);
 

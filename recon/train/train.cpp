@@ -3,7 +3,9 @@
 
 #include <algorithm>
 #include <cstdio>
+#include <random>
 
+#include "drivers/core/random.hpp"
 #include "drivers/program/console.hpp"
 #include "recon/data/response.hpp"
 #include "recon/numbers/text.hpp"
@@ -15,12 +17,15 @@ namespace {
 
 // In front of a room the SPD alone sees nearly everything, but only a network learns it.
 constexpr const char* fallback_candidate = "pca-mlp-256-256";
+constexpr std::uint64_t fold_stream = 0x666f6c64;  // "fold"
 
 // The choice uses the training records alone: the test records choose nothing.
 std::string choose(const Dataset& data, const Split& split, const TrainOptions& options) {
   Rows rows = split.train;
   rows.insert(rows.end(), split.validation.begin(), split.validation.end());
   std::sort(rows.begin(), rows.end());
+  Rng rng = make_rng(options.split.seed, fold_stream);
+  if (options.split.kind != "blocked") std::shuffle(rows.begin(), rows.end(), rng);
   const auto table = crossvalidate(data, rows, options);
   const std::size_t chosen = cheapest_within_one_se(table);
   if (!options.fit.quiet) std::fputs(to_choice_table(table, chosen).c_str(), stderr);

@@ -5,7 +5,6 @@
 #include <array>
 #include <chrono>
 #include <cmath>
-#include <functional>
 #include <iterator>
 #include <tuple>
 
@@ -13,50 +12,56 @@
 #include "drivers/program/console.hpp"
 #include "drivers/program/printable.hpp"
 #include "recon/data/response.hpp"
-#include "recon/numbers/statistics.hpp"
+#include "recon/numbers/text.hpp"
+#include "recon/train/choice.hpp"
 #include "recon/train/fit_uncertainty.hpp"
 
 namespace echofuse::recon {
 namespace {
 
-constexpr std::uint64_t fold_stream = 0x74756e65;  // "tune"
+constexpr std::array pulls{100., 30., 10., 3., 1.};
+constexpr double usual_pull = 30, turned_pull = 30, least_pull_of_few = 10;
 // Share of the pixels of the median map. People alone fill less, even if half of few records have
 // them in one place.
 constexpr double changed_share = 0.2;
-// A centimetre of lateral error counts as much as this IoU. By quarters of the lateral error (0.5
-// to 7.3 cm) the maps of one model have an IoU of .671 to .510.
-constexpr double iou_a_metre = 2.4;
 
 const char* const as_it_was = "as it was";
+const char* const room_learnt = "the room learnt";
 const char* const corrected = "mean body, offset and scale learnt";
-const char* const tuned_networks = "networks tuned";
 const char* const alone = "these records alone";
+std::string tuned_name(double pull, bool turn) {
+  return formatted("%s with pull %g over N", turn ? "tuned and turned" : "tuned", pull);
+}
 
 bool can_be_tuned(const std::string& kind) {
   return wants_alignment(kind) || kind_of(kind).size == ModelKind::Size::hidden;
 }
 
-// True if what the maps show behind people is another place than the one that the model knows.
-bool is_elsewhere(const Scene& scene, const Estimator& from) {
+// The scene is what the maps show behind people: the new place, if it differs from the one that the
+// model knows.
+Scene scene_for(const Estimator& from, const Dataset& data, const Rows& rows) {
+  Scene scene = learn_scene(data.depth, rows, data.map);
   std::size_t changed = 0;
   for (std::size_t p = 0; p < scene.background.size(); ++p)
     changed += std::abs(scene.background[p] - from.scene.background[p]) > 0.1f;
-  return static_cast<double>(changed) >=
-         changed_share * static_cast<double>(scene.background.size());
+  if (static_cast<double>(changed) < changed_share * static_cast<double>(scene.background.size()))
+    return from.scene;
+  return scene;
 }
 
-// Elsewhere the backgrounds of maps and sensors are learnt anew.
-Estimator adapt(const Estimator& from, const Dataset& data, const Rows& rows,
-                const Tuning& tuning) {
-  const Rows all = all_rows(data.size());
+// The background of the sensors is the one that the model has learnt, or is learnt from the new
+// records.
+enum class Room : bool { kept, learnt };
+
+Estimator adapt(const Estimator& from, const Dataset& data, const Rows& rows, Room room,
+                const Tuning& tuning, bool with_scene = true) {
   Estimator out;
   out.name = from.name;
   out.features = from.features;
-  out.scene = learn_scene(data.depth, rows, data.map);
-  const bool anew = tuning.changes() && is_elsewhere(out.scene, from);
-  if (!anew) out.scene = from.scene;
-  out.knows_empty_room = from.knows_empty_room && !anew;
-  out.alignment = anew && wants_alignment(from.name)
+  out.knows_empty_room = from.knows_empty_room && room == Room::kept;
+  out.scene = with_scene ? scene_for(from, data, rows) : from.scene;
+  const Rows all = all_rows(data.size());
+  out.alignment = wants_alignment(from.name) && room == Room::learnt
                       ? Alignment(out.features.layout(), observe(data, all, out.features), rows,
                                   from.alignment.config())
                       : from.alignment;
@@ -89,70 +94,49 @@ bool are_few(const Estimator& from, const Split& split) {
 // records hardly show which is best, and what stays does no harm. More records choose the best.
 double plainly(bool few) { return few ? 2 : 0; }
 
-// More records hold the old weights less, by the square of their number. Of pulls of 100, 30, 10, 3
-// and 1 over N, seven worlds have the best scores with 100 (10 records), 10 or 30 (50), 1 (200).
-double pull_of(const Split& split) { return 500 / static_cast<double>(split.train.size()); }
-
-// Something that a model may become.
-struct Outcome {
-  const Start* start;
-  std::function<Estimator(const Rows& rows)> fit;
-  CrossvalidatedRow row = {};
-  std::vector<Estimator> models = {};  // one a fold
-  bool is(const char* name) const { return row.name == name; }
-  const Dataset& data() const { return is(alone) ? start->own : start->data; }
-};
-
-// A model of these records alone is the same from any start, and is made of the first one.
-std::vector<Outcome> outcomes_of(const Start& start, const Split& split, const TuneOptions& options,
-                                 bool with_alone) {
+// A model of these records alone is the same from any start.
+void try_all(Choice& choice, const Start& start, const Split& split, const TuneOptions& options,
+             bool with_alone) {
   const Estimator& from = start.model.first();
-  std::vector<Outcome> out;
-  const auto add = [&](const char* name, std::function<Estimator(const Rows&)> fit) {
+  const Dataset& data = start.data;
+  Tuning untouched = options.tuning;
+  untouched.pull = INFINITY;
+  const bool aligned = wants_alignment(from.name);
+  Room room = Room::kept;
+  const auto add = [&](const std::string& name, Choice::Fit fit) {
     if (!options.only.empty() && options.only != name) return;
-    out.push_back({&start, std::move(fit)});
-    out.back().row.name = name;
+    if (!options.quiet) std::fprintf(stderr, "cross-validation: %s\n", name.c_str());
+    choice.add(name, name == alone ? start.own : data, std::move(fit));
   };
-  const auto add_adapted = [&](const char* name, double pull, bool correct) {
-    Tuning tuning = options.tuning;
-    tuning.pull = pull, tuning.correct = correct;
-    add(name, [&from, &start, tuning](const Rows& rows) {
-      return adapt(from, start.data, rows, tuning);
+  add(as_it_was, [&, untouched](const Rows& rows) {
+    return adapt(from, data, rows, Room::kept, untouched, false);
+  });
+  if (aligned) {
+    add(room_learnt, [&, untouched](const Rows& rows) {
+      return adapt(from, data, rows, Room::learnt, untouched);
     });
+    if (options.only.empty()) choice.choose(1);
+    if (options.only.empty() && choice.is(room_learnt)) room = Room::learnt;
+  }
+  const bool many = split.train.size() >= TuneOptions::least_alone;
+  if (aligned)
+    add(corrected, [&, untouched, room](const Rows& rows) {
+      Tuning tuning = untouched;
+      tuning.correct = true;
+      return adapt(from, data, rows, room, tuning);
+    });
+  const auto add_tuned = [&](double pull, bool turn) {
+    Tuning tuning = options.tuning;
+    tuning.pull = pull, tuning.turn = turn;
+    add(tuned_name(pull, turn),
+        [&, tuning, room](const Rows& rows) { return adapt(from, data, rows, room, tuning); });
   };
-  add_adapted(as_it_was, INFINITY, false);
-  if (are_few(from, split)) add_adapted(corrected, INFINITY, true);
-  add_adapted(tuned_networks, pull_of(split), false);
-  if (with_alone && split.train.size() >= TuneOptions::least_alone)
+  for (const double pull : pulls)
+    if (many || !aligned || pull >= least_pull_of_few) add_tuned(pull, false);
+  if (many && aligned) add_tuned(turned_pull, true);
+  if (many && with_alone)
     add(alone, [&](const Rows& rows) { return fit_alone(from, start.own, rows, options); });
-  return out;
-}
-
-// Returns by how much the score of a row is better than that of another one of the same records; 0
-// if by less than so many standard errors of their paired differences.
-double gain_of(const CrossvalidatedRow& row, const CrossvalidatedRow& than, bool has_body,
-               double errors) {
-  const auto score = [&](const MapScores& map) {
-    return has_body ? map[metric_iou] - iou_a_metre * map[metric_lateral_m] : -map[metric_rmse_m];
-  };
-  std::vector<double> gains;
-  for (std::size_t i = 0; i < std::min(row.scores.size(), than.scores.size()); ++i)
-    if (const double gain = score(row.scores[i]) - score(than.scores[i]); !std::isnan(gain))
-      gains.push_back(gain);
-  if (gains.size() < 2) return 0;
-  const double error = standard_deviation(gains) / std::sqrt(static_cast<double>(gains.size() - 1));
-  return mean_of(gains) > errors * error ? mean_of(gains) : 0;
-}
-
-// Returns the best of those that are better than the first one by so many standard errors, or else
-// the first one.
-const Outcome* best_of(const std::vector<const Outcome*>& some, bool has_body, double errors) {
-  const Outcome* best = some.front();
-  double most = 0;
-  for (const Outcome* one : some)
-    if (const double gain = gain_of(one->row, some.front()->row, has_body, errors); gain > most)
-      best = one, most = gain;
-  return best;
+  choice.choose(plainly(are_few(from, split)));
 }
 
 // Returns the rows that every start can learn from.
@@ -206,13 +190,13 @@ Estimator tune_other(const Estimator& from, const Dataset& data, const Split& sp
                      const TuneOptions& options, bool learns, bool by_alone) {
   const bool few = are_few(from, split);
   Tuning tuning = options.tuning;
-  tuning.pull = few ? INFINITY : pull_of(split);
-  tuning.correct = few && learns;
+  tuning.pull = few ? INFINITY : usual_pull, tuning.correct = few && learns;
   const auto fit = [&](const Rows& rows) {
-    return by_alone ? fit_alone(from, data, rows, options) : adapt(from, data, rows, tuning);
+    return by_alone ? fit_alone(from, data, rows, options)
+                    : adapt(from, data, rows, Room::kept, tuning);
   };
   Estimator out = fit(split.train);
-  if (!by_alone && !tuning.changes()) {
+  if (!by_alone && tuning.networks_stay() && !tuning.correct) {
     keep_statements(out, from);
     return out;
   }
@@ -257,63 +241,65 @@ TunedModel tune(const std::vector<Start>& starts, const TuneOptions& options) {
     throw Error(ExitCode::failed, std::to_string(rows.size()) +
                                       " usable records; at least 10 are needed to tune a model");
   const Split split = make_split(rows, options.split);
-  const Estimator& first = starts.front().model.first();
-  const Scene learnt = learn_scene(starts.front().data.depth, split.train, starts.front().data.map);
-  const Scene& judged_by = is_elsewhere(learnt, first) ? learnt : first.scene;
-  const Crossvalidation folds(judged_by, split.train, options.split, fold_stream);
-  const double errors = plainly(are_few(first, split));
-  std::vector<Outcome> all;
-  for (const Start& start : starts)
-    for (Outcome& one : outcomes_of(start, split, options, &start == &starts.front())) {
-      if (!options.quiet) std::fprintf(stderr, "cross-validation: %s\n", one.row.name.c_str());
-      one.row = folds.row(
-          one.row.name, one.data(), [&](const Split& fold) { return one.fit(fold.train); },
-          &one.models);
-      all.push_back(std::move(one));
-    }
-  if (all.empty())
-    throw Error(ExitCode::usage, options.only + ": nothing of this name is tried here");
-  // Between starts with few records one error: none harmed 2 of 21 draws of seven worlds, one 0.
-  std::vector<const Outcome*> of_starts;
+  const Scene judged_by = scene_for(starts.front().model.first(), starts.front().data, split.train);
+  std::vector<Choice> choices;
+  choices.reserve(starts.size());  // the candidates refer to them
   for (const Start& start : starts) {
-    std::vector<const Outcome*> own;
-    for (const Outcome& one : all)
-      if (one.start == &start) own.push_back(&one);
-    if (!own.empty()) of_starts.push_back(best_of(own, judged_by.has_body(), errors));
+    choices.emplace_back(judged_by, split, options.split);
+    try_all(choices.back(), start, split, options, choices.size() == 1);
   }
-  const Outcome& best = *best_of(of_starts, judged_by.has_body(), errors / 2);
+  if (choices.front().table().empty())
+    throw Error(ExitCode::usage, options.only + ": nothing of this name is tried here");
+  std::size_t best = 0;
+  double most = 0;
+  // Between starts with few records one error: none harmed 2 of 21 draws of seven worlds, one 0.
+  const double errors = plainly(are_few(starts.front().model.first(), split)) / 2;
+  for (std::size_t k = 1; k < choices.size(); ++k)
+    if (const double gain = choices[k].gain_over(choices[0], errors); gain > most)
+      best = k, most = gain;
   TunedModel out;
   out.left_out = left_out;
-  for (const Outcome& one : all) {
-    if (&one == &best) out.chosen = out.table.size();
-    out.table.push_back(one.row);
-    if (starts.size() > 1) out.table.back().name = one.start->name + ": " + one.row.name;
+  for (std::size_t k = 0; k < choices.size(); ++k) {
+    if (k == best) out.chosen = out.table.size() + choices[k].chosen();
+    for (CrossvalidatedRow& row : choices[k].table()) {
+      if (choices.size() > 1) row.name = starts[k].name + ": " + row.name;
+      out.table.push_back(std::move(row));
+    }
   }
-  const TrainedModel& from = best.start->model;
-  const bool by_alone = best.is(alone);
-  const Dataset& data = best.data();
+  const Choice& choice = choices[best];
+  const TrainedModel& from = starts[best].model;
+  const bool by_alone = choice.is(alone);
+  const Dataset& data = by_alone ? starts[best].own : starts[best].data;
   TrainedModel& model = out.model;
-  model.estimators.push_back(best.fit(split.train));
+  model.estimators.push_back(choice.fit());
   model.split = options.split;
   model->fit.seed = options.tuning.seed;
   model.seen = both(from.seen, seen_records(data, split));
   model.data_hash = data.hash;
   model.radar_response = by_alone ? widest_response(data) : from.radar_response;
   model.any_response = !by_alone && from.any_response;
-  const bool stayed = split.train.size() < least_cross_fitted && best.is(as_it_was);
+  const bool stayed = split.train.size() < least_cross_fitted && choice.is(as_it_was);
   if (stayed)
     keep_statements(model.first(), from.first());
-  else {
-    std::vector<Judged> judged;
-    for (std::size_t k = 0; k < best.models.size(); ++k)
-      judged.push_back({best.models[k], folds.folds()[k].test});
-    finish(model.first(), data, split, judged, options.tuning.seed);
-  }
+  else
+    finish(model.first(), data, split, choice.judged(), options.tuning.seed);
   for (std::size_t k = 1; k < from.estimators.size(); ++k)
     model.estimators.push_back(
         tune_other(from.estimators[k], data, split, options, !stayed, by_alone));
   model->train_s =
       std::chrono::duration<double>(std::chrono::steady_clock::now() - started).count();
+  return out;
+}
+
+std::string to_text(const TunedModel& tuned) {
+  std::string out = formatted("%-44s %15s %15s %8s\n", "model", "IoU", "lateral m", "train s");
+  for (std::size_t i = 0; i < tuned.table.size(); ++i) {
+    const auto& m = tuned.table[i].metrics;
+    out += formatted("%-44s %15s %15s %8.2f%s\n", tuned.table[i].name.c_str(),
+                     formatted(m[metric_iou], " +-").c_str(),
+                     formatted(m[metric_lateral_m], " +-").c_str(), tuned.table[i].train_s,
+                     i == tuned.chosen ? "  <- chosen" : "");
+  }
   return out;
 }
 

@@ -1,9 +1,8 @@
 // SPDX-License-Identifier: MIT
 // Tuning makes a model of another room from a model and a few records of that room.
 // Cross-validation within the records finds how far the old model is to be trusted. It compares the
-// model as it was, one with a new mean body and a linear correction of places, one with tuned
-// networks, and a model of these records alone. Of several old models it finds the one to start
-// from.
+// model as it was, the model tuned with a stronger or weaker pull to its old weights, and a model
+// of these records alone. Of several old models it finds the one to start from.
 #pragma once
 #include <string>
 #include <vector>
@@ -17,7 +16,7 @@ struct TuneOptions {
   static constexpr std::size_t least_records = 10;
   static constexpr std::size_t least_alone = 50;  // fewer records make no model of their own
   SplitOptions split;                             // no validation records, which nothing uses
-  Tuning tuning;                                  // its pull follows from the records
+  Tuning tuning;                                  // its pull is chosen
   bool quiet = true;                              // else it says on stderr what it tries
   std::string only = {};  // the one row of the table that is tried; empty: all are
 };
@@ -47,5 +46,8 @@ void match_for_tuning(const TrainedModel& from, const std::string& path, Dataset
 // Throws Error(failed) unless each is of a kind that can be tuned, and for fewer than least_records
 // records.
 TunedModel tune(const std::vector<Start>& starts, const TuneOptions& options);
+
+// The text has one line for each row of the table: accuracy, and which is chosen.
+std::string to_text(const TunedModel& tuned);
 
 }  // namespace echofuse::recon

@@ -1,0 +1,55 @@
+// SPDX-License-Identifier: MIT
+// `train --from` tries what an old model can become, and chooses among that by cross-validation.
+#pragma once
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "recon/train/crossvalidate.hpp"
+#include "recon/train/fit_uncertainty.hpp"
+
+namespace echofuse::recon {
+
+// The object keeps references to its arguments. It judges the maps in this scene. All data hold the
+// same records.
+class Choice {
+ public:
+  Choice(const Scene& judged_by, const Split& split, const SplitOptions& options);
+
+  using Fit = std::function<Estimator(const Rows& rows)>;
+  // Fits one model a fold, and scores it on the held-out records. Throws Error(interrupted).
+  void add(const std::string& name, const Dataset& data, Fit fit);
+  // Chooses the best of the models that are better than the first one by this many standard errors,
+  // or else the first one.
+  void choose(double errors);
+
+  std::size_t chosen() const { return chosen_; }  // in the order of the tries
+  bool is(const std::string& name) const { return entries_[chosen_].row.name == name; }
+  // Returns by how much this choice is better than another one of the same records, or 0 if by
+  // less than so many standard errors.
+  double gain_over(const Choice& other, double errors) const {
+    return gain_of(entries_[chosen_], other.entries_[other.chosen_], errors);
+  }
+  Estimator fit() const { return entries_[chosen_].fit(split_.train); }
+  std::vector<CrossvalidatedRow> table() const;
+  // Returns each fold's model of the chosen kind, and the rows that it has not seen.
+  std::vector<Judged> judged() const;
+
+ private:
+  struct Entry {
+    CrossvalidatedRow row;
+    Fit fit;
+    std::vector<Estimator> models = {};
+    std::vector<double> score = {};  // IoU and lateral error of each record
+  };
+  static double gain_of(const Entry& entry, const Entry& than, double errors);
+
+  const Scene& judged_by_;
+  const Split& split_;
+  bool sequence_;
+  std::vector<Split> folds_;
+  std::vector<Entry> entries_;
+  std::size_t chosen_ = 0;
+};
+
+}  // namespace echofuse::recon
