@@ -42,7 +42,6 @@ PAIRED = ("iou", "lateral_m", "depth_mae_m", "ssim_fg", "ssim_hard", "rmse_m", "
 BASELINES = {"empty": "empty room", "mean": "mean of the training maps", "nearest": "nearest training record"}
 # SSIM that Lai et al., Chin. Opt. Lett. 22, 022701 (2024), state of their network.
 PAPER_SSIM = {"spd": 0.6389, "radar": 0.5266}
-LETTERS = 10
 
 
 def plus_minus(means: Means, metric: str) -> str:
@@ -92,12 +91,8 @@ def problems_of_run(scores: Scores, where: str = "") -> list[str]:
 
 def problems_of(scores: Scores) -> list[str]:
     """What fails of the scored run, the gravest first."""
-    read, out = Count.where(scores["letter_top1"] > 0.5, scores["letter_top1"]), []
-    if read.of and read.interval[0] <= 0.5:
-        what = "cannot be read" if read.interval[0] <= 1 / LETTERS else "are mostly not read"
-        out.append(f"Letters {what}: {read} right, by chance {read.of / LETTERS:.1f}.")
     off, stated = scores["lateral_m"], scores["lateral_interval_90_m"]
-    out += problems_of_run(scores)
+    out = problems_of_run(scores)
     if (off > stated).any():
         k = int(np.nanargmax(off / stated))
         out.append(f"Record {scores.index[k]} is {100 * off[k]:.0f} cm off to the side; stated was: within {100 * stated[k]:.0f} cm (90 %).")
@@ -207,18 +202,17 @@ def labels_table(mode: Mode) -> list[Block]:
     for label in sorted(set(s.labels)):
         of = np.array([one == label for one in s.labels])
         means = Means({name: Mean.of(s[name][of]) for name in FIRST})
-        counts = [Count.where(s[m][of] > 0.5, s[m][of]) for m in ("left_right", "letter_top1")]
-        rows.append([label or "(none)", str(of.sum()), *(summary(means, m) for m in FIRST), *(str(c) if c.of else NONE for c in counts)])
-    heads = ["label", "records", *(METRICS[m].title for m in FIRST), "on the true side", "letter read"]
+        side = Count.where(s["left_right"][of] > 0.5, s["left_right"][of])
+        rows.append([label or "(none)", str(of.sum()), *(summary(means, m) for m in FIRST), str(side) if side.of else NONE])
+    heads = ["label", "records", *(METRICS[m].title for m in FIRST), "on the true side"]
     return [table(f"Means, of five records and more ± standard error; {mode.title}", heads, rows)] if len(rows) > 1 else []
 
 
 def failures_table(mode: Mode) -> Block:
     s = mode.first
-    iou, side, off, stated, letter = (s[name] for name in ("iou", "left_right", "lateral_m", "lateral_interval_90_m", "letter_top1"))
+    iou, side, off, stated = (s[name] for name in ("iou", "left_right", "lateral_m", "lateral_interval_90_m"))
     kinds = [("the body is missed (IoU below 0.2)", iou < 0.2, iou), ("the body stands on the wrong side (of those off the axis)", side < 0.5, side),
-             ("more than 30 cm off to the side", off > 0.3, off), ("farther off than it states (10 % should be)", off > stated, off + stated),
-             ("the letter is not read", letter <= 0.5, letter)]
+             ("more than 30 cm off to the side", off > 0.3, off), ("farther off than it states (10 % should be)", off > stated, off + stated)]
     reasons = np.array([text.partition(" (")[0] for text in s.warnings], object)
     kinds += [(f"flagged as unlike the training: {reason}", reasons == reason, np.zeros(len(reasons))) for reason in sorted(set(reasons) - {""})]
     found = [(what, Count.where(holds, known), s.index[holds].tolist()) for what, holds, known in kinds if not np.isnan(known).all()]
