@@ -77,7 +77,7 @@ constexpr auto of_the_machine = "nanoseconds since the start of the machine (CLO
 
 // By the end of a column's name; "1" is a count, a flag or a ratio.
 std::string units_of(const std::string& table, const std::string& column) {
-  if (table == "speckle") return "1";  // over_150_ms as well
+  if (column.starts_with("speckle")) return "1";  // over_150_ms as well
   if (table == "antenna" && (column == "x" || column == "y")) return "half wavelengths";
   if (table == "axis" && (column == "start" || column == "step")) return "as the row's unit says";
   if (column.ends_with("utc_ns")) return since_1970;

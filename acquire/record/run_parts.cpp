@@ -165,16 +165,11 @@ std::unique_ptr<RunWriter> next_part(const std::string& part, std::int64_t numbe
     for (const DeviceInfo& device : begun.devices()) out.put_device(device);
     for (const CalibrationEntry& entry : begun.calibrations()) out.put_calibration(entry);
     if (const Antennas antennas = begun.antennas(); !antennas.empty()) out.put_antennas(antennas);
-    const auto policies = begun.table("policy");
-    const auto& sensors = std::get<std::vector<std::string>>(policies.at(0).values);
-    for (std::size_t i = 0; i < sensors.size(); ++i)
-      for (const Sensor s : all_sensors)
-        if (sensors[i] == name_of(s))
-          out.put_policy(s, std::get<std::vector<std::string>>(policies.at(1).values)[i]);
-    const auto anchors = begun.table("anchor");
-    const auto& mono = std::get<std::vector<std::int64_t>>(anchors.at(0).values);
-    const auto& utc = std::get<std::vector<std::int64_t>>(anchors.at(1).values);
-    if (!mono.empty()) out.put_anchor(HostTime(mono.back()), UtcTime(utc.back()));
+    const auto policies = begun.policies();
+    for (const Sensor s : all_sensors)
+      if (policies.contains(name_of(s))) out.put_policy(s, policies.at(name_of(s)));
+    if (const auto anchors = begun.anchors(); !anchors.empty())
+      out.put_anchor(anchors.back().mono, anchors.back().utc);
   });
 }
 

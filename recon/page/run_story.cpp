@@ -12,7 +12,7 @@
 namespace echofuse::recon {
 namespace {
 
-using record::RecordOutline;
+using record::FusedRecord;
 
 struct Shown {
   Sensor sensor;
@@ -25,17 +25,17 @@ constexpr std::size_t most_points = 400;  // of a curve: more cannot be seen
 
 class Clock {
  public:
-  explicit Clock(const std::vector<RecordOutline>& all) : start_(all.front().slot_utc) {
+  explicit Clock(const std::vector<FusedRecord>& all) : start_(all.front().slot_utc) {
     const double whole_s = at_s(all.back());
     unit_ = whole_s > 7200 ? 3600 : whole_s > 180 ? 60 : 1;
-    end_ = (whole_s + std::chrono::duration<double>(all.back().length).count()) / unit_;
+    end_ = (whole_s + seconds(all.back().slot_end - all.back().slot_start)) / unit_;
   }
-  double at(const RecordOutline& o) const { return at_s(o) / unit_; }
+  double at(const FusedRecord& o) const { return at_s(o) / unit_; }
   double end() const { return end_; }
   std::string unit() const { return unit_ == 1 ? "s" : unit_ == 60 ? "min" : "h"; }
 
  private:
-  double at_s(const RecordOutline& o) const {
+  double at_s(const FusedRecord& o) const {
     return std::chrono::duration<double>(o.slot_utc - start_).count();
   }
   UtcTime start_;
@@ -50,7 +50,7 @@ struct Gap {
 std::vector<Gap> gaps(const RunStory& story, const Clock& clock, Sensor sensor) {
   std::vector<Gap> out;
   bool open = false;
-  for (const RecordOutline& o : story.outlines) {
+  for (const FusedRecord& o : story.outlines) {
     const bool lacks = !o.valid.contains(sensor);
     if (lacks && !open) out.push_back({clock.at(o), 0});
     if (!lacks && open) out.back().last = clock.at(o);
@@ -91,16 +91,16 @@ Json strips(const RunStory& story) {
       missing = Json::object();
   for (const Shown& s : sensors) {
     const std::string end = std::string("_") + s.key;
-    const auto valid = [&](const RecordOutline& o) { return o.valid.contains(s.sensor); };
-    arrays["used" + end] = curve(story, false, [&](const RecordOutline& o) {
+    const auto valid = [&](const FusedRecord& o) { return o.valid.contains(s.sensor); };
+    arrays["used" + end] = curve(story, false, [&](const FusedRecord& o) {
       return valid(o) ? static_cast<double>(o.sync[s.sensor].used) : none;
     });
-    arrays["lost" + end] = curve(story, true, [&](const RecordOutline& o) {
+    arrays["lost" + end] = curve(story, true, [&](const FusedRecord& o) {
       return static_cast<double>(o.sync[s.sensor].lost);
     });
-    arrays["residual_s" + end] = curve(story, false, [&](const RecordOutline& o) {
-      const auto& residual = o.clock_residual_s[s.sensor];
-      return residual && valid(o) ? *residual : none;
+    arrays["residual_s" + end] = curve(story, false, [&](const FusedRecord& o) {
+      const auto& fit = o.clocks[s.sensor];
+      return fit && valid(o) ? fit->residual_s : none;
     });
     missing[s.key] = Json::array();
     for (const Gap& gap : gaps(story, clock, s.sensor))

@@ -14,7 +14,7 @@ struct RunStory {
   record::RunInfo info;
   record::RunSummary summary;
   std::vector<record::Event> events;
-  std::vector<record::RecordOutline> outlines;
+  std::vector<record::FusedRecord> outlines;  // without the sensors' data
 };
 
 RunStory story_of(const std::string& path);  // throws as RunReader

@@ -76,8 +76,7 @@ TEST_CASE("a part has what the run was begun with, and its first record's index"
   CHECK(second.outlines(0).at(0).index == 3);
   CHECK(second.info().first_index == 3);
   record::RunWriter(parts.path(2)).close("complete");
-  const auto part = record::RunReader(parts.path(2)).table("part");
-  CHECK(std::get<std::vector<std::int64_t>>(part.at(1).values) == std::vector<std::int64_t>{3, 6});
+  CHECK(record::RunReader(parts.path(2)).info().first_index == 3);
   const record::Part is = record::part_of(parts.path(2), second.info());
   CHECK(is.number == 2);
   CHECK(is.records == 3);
@@ -254,9 +253,6 @@ TEST_CASE("info and an export of a run in parts hold the records of all") {
                                        parts.folder / "a.csv");
   CHECK(one.code == 0);
   CHECK(has(contents(parts.folder / "a.csv"), "# record 4 of " + parts.path(2)));
-  sql(parts.path(3), "ALTER TABLE counter DROP COLUMN part");
-  const auto other = [&] { record::export_h5(files, parts.folder / "b.h5"); };
-  CHECK(has(error_of(other).second, "other columns of the table counter"));
 }
 
 TEST_CASE("a name of a run may hold points, and no percent sign but that of a time") {

@@ -60,12 +60,8 @@ TEST_CASE(
                     "machine slept: from 2023-11-14T22:31:10.210Z to " +
                     day + "T22:31:10.200Z; slots that begin from now on bear the new time"});
   std::vector<std::int64_t> offsets;
-  for (const record::Column& c : record::RunReader(path).table("anchor")) {
-    const auto& values = std::get<std::vector<std::int64_t>>(c.values);
-    offsets.resize(values.size());
-    for (std::size_t i = 0; i < values.size(); ++i)
-      offsets[i] += c.name == "utc_ns" ? values[i] : -values[i];
-  }
+  for (const record::Anchor& anchor : record::RunReader(path).anchors())
+    offsets.push_back((anchor.utc - anchor.mono).count());
   CHECK(offsets == std::vector<std::int64_t>{before.count(), (before + 10ms).count(),
                                              (before + step).count(),
                                              (before + step + 20ms).count()});

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import html
+import json
 import pathlib
 import time
 import warnings
@@ -15,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import grid
-from .grid import decode_png16, shifted
+from .grid import inflated, shifted
 from .record import Record
 from .run_files import connect, files_of, parts_of
 
@@ -130,15 +131,14 @@ class Run:
                 "SELECT name, quantity, unit, count, start, step, scale FROM axis")}
             cursor = db.execute("SELECT * FROM run")
             self.info: dict[str, Any] = dict(zip((column[0] for column in cursor.description), cursor.fetchone()))
-            known = {name for (name,) in db.execute("SELECT name FROM sqlite_master")}
             #: what a run says of itself beside its settings
-            self.meta: dict[str, str] = dict(db.execute("SELECT key, value FROM meta")) if "meta" in known else {}
+            self.meta: dict[str, str] = json.loads(self.info.pop("meta"))
+            del self.info["part"]
             #: by how much the ranges of a sensor are too long, as its calibration says
             self.offset_m: dict[str, float] = dict(db.execute("SELECT sensor, offset_m FROM calibration"))
             #: x, y (half wavelengths), gain, phase (rad) of the radar's virtual antennas
             self.antennas: list[tuple[float, ...]] = db.execute(
-                "SELECT x, y, gain, phase_rad FROM antenna ORDER BY antenna").fetchall() if "antenna" in known else []
-        self._tables = known
+                "SELECT x, y, gain, phase_rad FROM antenna ORDER BY rowid").fetchall()
         self.info["status"], self.info["ended_utc"] = self.select("SELECT status, ended_utc FROM run")[-1]
         rows = self.select("SELECT idx, valid, label, slot_utc_ns FROM record ORDER BY idx")
         index, bits, labels, utc = zip(*rows) if rows else ((), (), (), ())
@@ -191,8 +191,8 @@ class Run:
         """z in metres [n, rows, columns] of the camera's image; NaN where nothing came back."""
         size = tuple(self.axes[name].count if name in self.axes else 0 for name in ("depth_y", "depth_x"))
         out = np.full((len(self), *size), np.nan, np.float32)
-        for row, png in self._blobs("depth"):
-            image = decode_png16(png, size)
+        for row, blob in self._blobs("depth"):
+            image = inflated(blob, size)
             out[row] = np.where(image > 0, image / np.float32(1000), np.float32(np.nan))
         return out
 
@@ -200,7 +200,7 @@ class Run:
         """The camera's image of one record as recorded [rows, columns], millimetres, 0: no return."""
         size = tuple(self.axes[name].count if name in self.axes else 0 for name in ("depth_y", "depth_x"))
         blob = self.select("SELECT depth FROM record WHERE idx = ? AND valid & 4", int(self.index[row]))
-        return decode_png16(blob[0][0] or b"", (size[0], size[1])) if blob else np.zeros(size, np.uint16)
+        return inflated(blob[0][0] or b"", (size[0], size[1])) if blob else np.zeros(size, np.uint16)
 
     def maps(self) -> NDArray[np.float32]:
         """The truth [n, N, N] on the grid of the maps, in metres, as training and judge have it; NaN: no return, and of a
@@ -271,7 +271,7 @@ class Run:
         stored = np.dtype([("power", "<f4"), ("values", "<i2", antennas * (antennas + 2) + 2)])
         first, last = np.triu_indices(antennas, 1)
         response = np.array([gain * np.exp(1j * phase) for *_, gain, phase in self.antennas])
-        blobs = dict(self.select("SELECT idx, array FROM radar_array"))
+        blobs = dict(self.select("SELECT idx, array FROM record"))
         out = np.zeros((len(self), axis.count, 1 + 2 * int(axis.scale)))
         for row, index in enumerate(self.index.tolist()):
             if not blobs.get(index) or not self.valid["radar"][row]:
@@ -306,10 +306,8 @@ class Run:
 
     def _clicks(self) -> list[tuple[float, float]]:
         """Clicks of each record, and clicks a laser pulse (0: not known)."""
-        known = dict(self.select("SELECT idx, clicks_a_pulse FROM signal"))
-        rows = self.select("SELECT idx, in_range + out_of_range, starts FROM record ORDER BY idx")
-        return [(clicks, known.get(index) or (clicks / starts if clicks < 0.95 * starts else 0.0))
-                for index, clicks, starts in rows]
+        rows = self.select("SELECT in_range + out_of_range, starts, clicks_a_pulse FROM record ORDER BY idx")
+        return [(clicks, known or (clicks / starts if clicks < 0.95 * starts else 0.0)) for clicks, starts, known in rows]
 
     def _pile_up(self, counts: NDArray[np.float32], clicks: tuple[float, float]) -> NDArray[np.float32]:
         """Coates' correction, of a detector with a dead time (recon/data/pile_up.hpp)."""
@@ -337,8 +335,8 @@ class Run:
         columns = ("verdict", "used", "lost")
         rows = self.select("SELECT " + ", ".join(f"{s}_{c}" for s in SENSORS for c in columns)
                            + " FROM record ORDER BY idx")[:len(self)]
-        speckle = {row[0]: row[1:] for row in self.select(
-            "SELECT idx, over_frames, over_carriers FROM speckle")} if "speckle" in self._tables else {}
+        speckle = np.array(self.select("SELECT speckle_over_frames, speckle_over_carriers FROM record ORDER BY idx"),
+                           float)[:len(self)]
         events = self.select("SELECT utc, level, source, text FROM event ORDER BY id")
         coords: dict[str, Any] = {"record": self.index, "time": ("record", self.time), "label": ("record", self.labels)}
         data: dict[str, Any] = {}
@@ -359,10 +357,9 @@ class Run:
             coords["spd_range"] = ("spd_bin", self.axes["spd"].values / PS_PER_M, {"units": "m"})
         if "radar" in data:
             coords["radar_range"] = ("radar_bin", self.axes["radar"].values, {"units": "m"})
-        for at, name in enumerate(("over_frames", "over_carriers")):
-            if speckle:
-                found = [speckle.get(index, (None, None))[at] for index in self.index.tolist()]
-                data[f"speckle_{name}"] = ("record", np.array(found, float), {"units": "1"})
+        if speckle.size and not np.isnan(speckle).all():
+            for at, name in enumerate(("over_frames", "over_carriers")):
+                data[f"speckle_{name}"] = ("record", speckle[:, at], {"units": "1"})
         if events:
             data["event"] = ("event_row", [" ".join(map(str, row[1:])) for row in events])
             coords["event_utc"] = ("event_row", [row[0] for row in events])
