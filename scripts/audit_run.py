@@ -29,11 +29,11 @@ class Run:
         db = sqlite3.connect(f"file:{path}?mode=ro", uri=True)
         db.row_factory = sqlite3.Row
         self.records = [dict(r) for r in db.execute(
-            "SELECT r.idx, slot_start_ns start, slot_end_ns end, tags, spd_lost, radar_lost, depth_lost, s.radar_frames,"
-            " s.radar_last, s.depth_frames, s.depth_last, ifnull(l.spd, 0) spd_late, ifnull(l.radar, 0) radar_late,"
-            " ifnull(l.depth, 0) depth_late, ifnull(c.radar_samples, 0) radar_samples, ifnull(c.depth_samples, 0)"
-            " depth_samples FROM record r JOIN slot s ON r.idx = s.idx LEFT JOIN late l ON r.idx = l.idx"
-            " LEFT JOIN clock_fit c ON r.idx = c.idx ORDER BY r.idx")]
+            "SELECT r.idx, slot_start_ns start, slot_end_ns end, tags, spd_lost, radar_lost, depth_lost, radar_frames,"
+            " radar_last, depth_frames, depth_last, ifnull(l.spd, 0) spd_late, ifnull(l.radar, 0) radar_late,"
+            " ifnull(l.depth, 0) depth_late, ifnull(radar_clock_samples, 0) radar_samples,"
+            " ifnull(depth_clock_samples, 0) depth_samples FROM record r LEFT JOIN late l ON r.idx = l.idx"
+            " ORDER BY r.idx")]
         self.rows = db.execute("SELECT count(*) FROM record").fetchone()[0]
         self.counters = collections.Counter()
         for source, name, value in db.execute("SELECT source, name, value FROM counter"):

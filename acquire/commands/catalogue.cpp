@@ -39,7 +39,7 @@ Json live_state(const record::RunReader& run, const record::RunSummary& sum, con
   Json out{{"who", who}, {"last_index", nullptr}, {"age_s", nullptr}, {"label", ""}};
   out["sensors"] = Json::object();
   if (sum.records == 0) return out;
-  const record::RecordOutline last = run.outlines(sum.last_index).at(0);
+  const record::FusedRecord last = run.outlines(sum.last_index).at(0);
   out["last_index"] = last.index;
   out["age_s"] = std::max(0.0, seconds(clock.utc() - sum.last_utc));
   out["label"] = last.label;

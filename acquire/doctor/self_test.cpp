@@ -6,7 +6,7 @@
 #include <utility>
 
 #include "acquire/doctor/doctor.hpp"
-#include "acquire/record/png.hpp"
+#include "acquire/record/deflate.hpp"
 #include "drivers/core/log2_codes.hpp"
 
 namespace echofuse::acquire {
@@ -224,7 +224,7 @@ double estimate_record_bytes(const Capture& capture, const Config& config) {
   if (!sensors.contains(Sensor::depth)) return bytes;
   if (const auto& d = capture.depth)
     return bytes +
-           static_cast<double>(record::encode_png16(d->depth_mm, d->width, d->height).size());
+           static_cast<double>(record::deflated(as_bytes(d->depth_mm), record::depth_level).size());
   return bytes + 2.0 * (config.depth.width ? config.depth.width : usual_width) *
                      (config.depth.height ? config.depth.height : usual_height);
 }

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
-#include "acquire/record/insert.hpp"
+#include "acquire/record/rows.hpp"
 #include "acquire/record/run_file.hpp"
-#include "acquire/record/run_tables.hpp"
+#include "acquire/record/run_guard.hpp"
 
 namespace echofuse::record {
 
@@ -25,13 +25,7 @@ void put(const std::string& path, const std::string& level, const std::string& t
   // Whoever closes the run reads the labels that came before.
   if (level == "label" && !Statement(db, path, "SELECT 1 FROM run WHERE status = 'open'").step())
     refuse_closed(path);
-  Inserts(db, path)
-      .into("event")
-      .set("utc", iso8601(system_clock.utc()))
-      .set("level", level)
-      .set("source", who)
-      .set("text", text)
-      .run();
+  insert(db, path, Event{iso8601(system_clock.utc()), level, who, text});
   execute(db, path, "COMMIT", "cannot write");
 }
 

@@ -6,8 +6,9 @@
 #include <algorithm>
 #include <cstdlib>
 #include <iterator>
-#include <memory>
 #include <optional>
+
+#include "acquire/record/deflate.hpp"
 
 namespace echofuse::record {
 namespace {
@@ -26,22 +27,16 @@ void put_chunk(Bytes& out, ByteView contents) {
 constexpr std::uint8_t signature[] = {0x89, 'P', 'N', 'G', '\r', '\n', 0x1a, '\n'};
 enum Colours : std::uint8_t { grey = 0, rgb = 2 };
 
-// `rows`: each begins with its filter, 0: on depth maps others cost time and save nothing, as does
-// a level above 1.
+// `rows`: each begins with its filter, 0.
 Bytes encode(ByteView rows, std::uint32_t width, std::uint32_t height, std::uint8_t bits,
              Colours colours) {
-  using Compressor =
-      std::unique_ptr<libdeflate_compressor,
-                      decltype([](libdeflate_compressor* c) { libdeflate_free_compressor(c); })>;
-  thread_local const Compressor compressor(libdeflate_alloc_compressor(1));
-  if (!compressor) return {};
   Bytes head = {'I', 'H', 'D', 'R'}, data = {'I', 'D', 'A', 'T'};
   put_big_endian(head, width);
   put_big_endian(head, height);
   head.insert(head.end(), {bits, colours, 0, 0, 0});
-  data.resize(4 + libdeflate_zlib_compress_bound(compressor.get(), rows.size()));
-  data.resize(4 + libdeflate_zlib_compress(compressor.get(), rows.data(), rows.size(),
-                                           data.data() + 4, data.size() - 4));
+  const Bytes packed = deflated(rows, 1);
+  if (packed.empty()) return {};
+  data.insert(data.end(), packed.begin(), packed.end());
   Bytes out(std::begin(signature), std::end(signature));
   put_chunk(out, head);
   put_chunk(out, data);
@@ -79,22 +74,6 @@ std::optional<Bytes> compressed_rows(ByteView png, std::uint32_t width, std::uin
     rest = rest.subspan(around_data + length);
   }
   return std::nullopt;
-}
-
-// Empty if they are not of this size.
-Bytes inflated(ByteView data, std::size_t size) {
-  // Deflate makes at most 1032 bytes of one (zlib, "maximum compression factor").
-  if (size > 1032 * std::uint64_t{data.size()}) return {};
-  using Decompressor =
-      std::unique_ptr<libdeflate_decompressor, decltype([](libdeflate_decompressor* d) {
-                        libdeflate_free_decompressor(d);
-                      })>;
-  thread_local const Decompressor decompressor(libdeflate_alloc_decompressor());
-  Bytes out(size);
-  if (!decompressor || libdeflate_zlib_decompress(decompressor.get(), data.data(), data.size(),
-                                                  out.data(), size, nullptr) != LIBDEFLATE_SUCCESS)
-    return {};
-  return out;
 }
 
 // Takes the filter off a row of 16-bit pixels (PNG, 9.2); `above`: the row before, or zeros.

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// PNG blobs: 16-bit grey, as the depth column of the run file holds them, and pictures in colour.
+// PNG: 16-bit grey, as files of maps have it, and pictures in colour.
 #pragma once
 #include <cstdint>
 #include <span>

@@ -33,10 +33,9 @@ struct ClockState {
   std::uint64_t samples = 0;  // that the fit stands for
 };
 
-// How strong each sensor's signal was (table signal); none where that is not known. Ranges are raw.
+// How strong each sensor's signal was; none where that is not known. Ranges are raw.
 struct Signal {
   std::optional<double> clicks_a_pulse;  // of the laser, also if only some of its starts arrive
-  // Written for SQL; RunReader leaves them empty.
   std::optional<double> spd_clicks, spd_peak_m;      // clicks above the background; highest bin
   std::optional<double> radar_snr_db, radar_peak_m;  // highest bin over the median bin; where
   std::optional<double> depth_share;                 // of the pixels, those with a return
@@ -46,12 +45,16 @@ struct Signal {
 // With more clicks a pulse the first photon hides later ones.
 inline constexpr double most_clicks_a_pulse = 0.05;
 
-// What the table slot keeps of every record, for audits.
+// Kept of every record, for audits.
 struct SlotStatistics {
   std::uint64_t radar_frames = 0, depth_frames = 0;     // all that arrived in it
   std::optional<std::uint32_t> radar_last, depth_last;  // the number of the last of them
   double closed_late_s = 0;                             // after its end and grace
 };
+
+// Places of RadarTemperature on the chip.
+inline constexpr const char* temperature_places[] = {"rx0", "rx1", "rx2", "rx3",  "tx0",
+                                                     "tx1", "tx2", "pm",  "dig0", "dig1"};
 
 struct FusedRecord {
   std::int64_t index = 0;
@@ -64,19 +67,16 @@ struct FusedRecord {
   // Of the virtual antennas (radar_array.hpp) over so many frames; empty if the radar sends none.
   std::vector<float> array;
   std::uint64_t array_frames = 0;
-  std::optional<Speckle> speckle;       // table speckle; older runs are without
+  std::optional<Speckle> speckle;
   std::vector<std::uint16_t> depth_mm;  // z, row-major on the run's depth axes, 0 = no return
-  // Of all tags of the slot. What is not part of the sum goes into the table spd_status where any
-  // is not 0, for SQL; RunReader leaves it 0.
-  TagCounts spd_counts;
+  TagCounts spd_counts;                 // of all tags of the slot
   PerSensor<SensorSync> sync;
   Signal signal;
-  // Written into the tables incomplete and clock_fit, for SQL; RunReader leaves them empty.
   SensorSet missing;  // sensors that the run requires and this record has not
-  PerSensor<std::optional<ClockState>> clocks;
-  // Written into the table slot; RunReader leaves it empty.
+  PerSensor<std::optional<ClockState>> clocks;  // none where samples were placed by their receipt
   SlotStatistics statistics;
-  // Written into the table radar_status, for SQL; RunReader leaves them empty.
+  // Of the last radar frame of the slot that had them; a temperature that the chip calls invalid is
+  // not kept.
   std::optional<RadarStats> radar_stats;
   std::optional<RadarTemperature> radar_temperature;
 
@@ -94,7 +94,7 @@ struct CalibrationEntry {
   bool operator==(const CalibrationEntry&) const = default;
 };
 
-// The `run` table.
+// The row of the table run.
 struct RunInfo {
   std::string uuid;                    // made by the writer
   std::string started_utc, ended_utc;  // ISO 8601

@@ -2,7 +2,7 @@
 #include <unistd.h>
 
 #include "acquire/record/run_file.hpp"
-#include "acquire/record/run_tables.hpp"
+#include "acquire/record/run_guard.hpp"
 #include "acquire/record/sqlite.hpp"
 #include "acquire/record/writer_lock.hpp"
 

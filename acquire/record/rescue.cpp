@@ -54,10 +54,8 @@ void remove_copy(const std::string& name) {
 }  // namespace
 
 void put_end(sqlite3* db, const std::string& path, const std::string& status, UtcTime ended) {
-  Statement(db, path, "UPDATE run SET status = :status, ended_utc = :ended_utc")
-      .at("status")
+  Statement(db, path, "UPDATE run SET status = ?, ended_utc = ?")
       .bind(status)
-      .at("ended_utc")
       .bind(iso8601(ended))
       .run();
 }

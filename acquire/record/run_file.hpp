@@ -2,9 +2,8 @@
 // The run file: one SQLite database (WAL, synchronous=FULL), one transaction per append. It
 // survives kill -9, power loss and a full disk with every committed record, and is read while it is
 // written.
-//   PRAGMA application_id = 0x4543464d ("ECFM"), user_version = 1
-//   run, device, calibration, axis, record, radar_status, event, anchor: see schema.hpp
-//   record.spd u32 LE counts | radar f32 LE | depth 16-bit grey PNG, millimetres
+//   PRAGMA application_id = 0x4543464d ("ECFM"), user_version = 2
+//   tables: rows.hpp; record.spd u32 LE counts | radar f32 LE | depth u16 LE millimetres, deflated
 #pragma once
 #include <atomic>
 #include <chrono>
@@ -27,12 +26,12 @@ namespace echofuse::record {
 
 class FileWatch;
 class RunReader;
-class Inserts;
 class Statement;
 class WriterLock;
 struct Budget;
 
-inline constexpr int format_version = 1;
+inline constexpr int application_id = 0x4543464d;  // "ECFM"
+inline constexpr int format_version = 2;
 // A record's index is not above the first, so that the one after it is a number too; a run is
 // resumed while there is room below it.
 inline constexpr std::int64_t max_index = std::int64_t{1} << 53;
@@ -76,7 +75,7 @@ class RunWriter {
 
   // Once per axis name, before the first record that needs it.
   void put_axis(const Axis& axis);
-  void put_device(const DeviceInfo& device);
+  void put_device(const DeviceInfo& device);    // a row more if one of this sensor answered before
   void put_antennas(const Antennas& antennas);  // of the array axis; instead of those before
   void put_calibration(const CalibrationEntry& entry);
   void put_policy(Sensor sensor, const std::string& policy);  // required or optional
@@ -116,13 +115,11 @@ class RunWriter {
   void go_on(bool resumed);
   void use_wal();
   void ready();
-  void begin_part(std::int64_t part, std::int64_t first_index);
   void in_transaction(const std::function<void()>& body);
   void checkpoint();
   void require_sound();
   void require_whole();
   void throw_harm() const;
-  Inserts& rows();  // for rows by themselves, each a transaction
   bool fold();
   bool waits_on(int tries);
   void wait_for_others();
@@ -132,7 +129,6 @@ class RunWriter {
   std::unique_ptr<WriterLock> lock_;
   std::unique_ptr<sqlite3, int (*)(sqlite3*)> handle_;
   sqlite3* db_ = nullptr;
-  std::unique_ptr<Inserts> rows_;
   std::unique_ptr<FileWatch> watch_;
   bool touched_ = false;  // by somebody else, before a checkpoint of ours
   std::string harm_;      // what was done to the file
@@ -145,6 +141,12 @@ class RunWriter {
 
 struct Event {
   std::string utc, level, source, text;
+  std::optional<std::int64_t> id = {};  // made by SQLite, in the order of the events
+};
+
+struct Anchor {  // one moment on both clocks
+  HostTime mono{};
+  UtcTime utc{};
 };
 
 struct Anchor {  // one moment by both clocks
@@ -179,17 +181,6 @@ std::string verdict_kind(const std::string& verdict);
 // Counts one record's verdicts in `verdicts` and `doubtful`.
 void count_verdicts(RunSummary& sum, const PerSensor<std::string>& verdicts);
 
-// A record without what its sensors saw: for those who follow a run.
-struct RecordOutline {
-  std::int64_t index = 0;
-  UtcTime slot_utc{};  // of the slot's start
-  std::chrono::nanoseconds length{};
-  SensorSet valid;
-  std::string label;
-  PerSensor<SensorSync> sync;
-  PerSensor<std::optional<double>> clock_residual_s;  // none: its clock was not fitted
-};
-
 // The status of a copy of a run that was not closed, without the RUN-wal that has its last records.
 // A run that was killed as it began looks the same.
 inline constexpr const char* crashed_without_wal = "crashed, no -wal";
@@ -197,7 +188,7 @@ inline constexpr const char* crashed_without_wal = "crashed, no -wal";
 // Reads closed, live and crashed runs alike. Threading: one thread at a time.
 class RunReader {
  public:
-  // Throws Error(failed): not there, not a run file, written by a newer version, damaged, closed
+  // Throws Error(failed): not there, not a run file, of another format, damaged, closed
   // with a -wal of another run beside it, or with anything in it but the tables of a run. What a
   // file may cost is bounded by its size.
   // On a network file system only a closed run is read, which nobody changes.
@@ -211,23 +202,21 @@ class RunReader {
   // status "crashed", or crashed_without_wal, if it is "open" and no writer holds the file
   RunInfo info() const;
   std::vector<DeviceInfo> devices() const;
+  std::map<std::string, std::string> policies() const;  // by sensor
+  std::vector<Anchor> anchors() const;
   std::vector<CalibrationEntry> calibrations() const;
   Antennas antennas() const;  // empty if the radar sent no samples of them
   std::map<std::string, std::string> policies() const;  // by sensor
   std::vector<Anchor> anchors() const;
   std::vector<Event> events() const;
   std::vector<Event> last_events(std::size_t most) const;  // oldest first
-  std::vector<Counted> counters() const;                   // of an older file: as one part
+  std::vector<Counted> counters() const;
   std::vector<Axis> axes() const;
   std::optional<Axis> axis(const std::string& name) const;
   std::int64_t count() const;
   RunSummary summary() const;
-  // Of the records from index `first` on, in order.
-  std::vector<RecordOutline> outlines(std::int64_t first) const;
-  // Radar frames and depth frames that arrived in the last slot, used or not.
-  PerSensor<std::optional<std::int64_t>> last_frames() const;
-  // Degrees of the radar's chip by place (rx0, pm ...) in the last record that has them.
-  std::vector<std::pair<std::string, int>> radar_temperatures() const;
+  // The records from index `first` on, in order, without the sensors' data.
+  std::vector<FusedRecord> outlines(std::int64_t first) const;
   PerSensor<std::int64_t> late() const;  // tags, radar frames, depth frames after their slot
   // Of the last record, or of a mark after it; none in a run without either.
   std::optional<std::string> last_label() const;
@@ -246,13 +235,13 @@ class RunReader {
   std::string check() const;
 
  private:
-  bool has_table(const char* name) const;
   void open(const std::string& network);
-  void check_identity() const;
-  void summarise_sync(RunSummary& sum) const;
-  void check_axis(const Axis& axis, std::int64_t points) const;
-  Statement ask(const char* sql) const;  // with the whole budget
-  std::string path_, shown_;             // shown_: printable
+  void check_axis(const Axis& axis) const;
+  Statement ask(const std::string& sql) const;  // with the whole budget
+  std::vector<FusedRecord> records(const std::string& which) const;
+  template <class T>
+  std::vector<T> rows(const std::string& tail = {}) const;  // of the type's table
+  std::string path_, shown_;                                // shown_: printable
   sqlite3* db_ = nullptr;
   bool lacks_wal_ = false;   // it says that it has one, there is none, and nobody writes it
   std::uint64_t bytes_ = 0;  // when it was opened

@@ -4,33 +4,22 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <cmath>
 #include <cstdio>
 #include <cstring>
 #include <utility>
 
-#include "acquire/record/half_read.hpp"
+#include "acquire/record/deflate.hpp"
 #include "acquire/record/network.hpp"
-#include "acquire/record/read_rows.hpp"
+#include "acquire/record/png.hpp"
+#include "acquire/record/rows.hpp"
 #include "acquire/record/run_file.hpp"
-#include "acquire/record/run_tables.hpp"
-#include "acquire/record/schema.hpp"
+#include "acquire/record/run_guard.hpp"
 #include "acquire/record/sqlite.hpp"
 #include "acquire/record/writer_lock.hpp"
 
 namespace echofuse::record {
 namespace {
-
-std::int64_t pragma(sqlite3* db, const std::string& path, const char* sql) {
-  Statement s(db, path, sql);
-  return s.step() ? s.integer() : 0;
-}
-
-Sensor sensor_of(const std::string& name, const std::string& path) {
-  for (const Sensor s : {Sensor::spd, Sensor::radar, Sensor::depth})
-    if (name == name_of(s)) return s;
-  throw Error(ExitCode::failed, printable(path) + ": damaged: a row of sensor \"" +
-                                    printable(name, 40) + "\"; expected spd, radar or depth");
-}
 
 constexpr std::int64_t most_points = 1 << 24;
 
@@ -47,8 +36,97 @@ std::uint64_t bytes_of(const std::string& path) {
 
 bool is_there(const std::string& path) { return ::access(path.c_str(), F_OK) == 0; }
 
-int look(sqlite3* db) {
-  return sqlite3_exec(db, "SELECT 1 FROM sqlite_schema", nullptr, nullptr, nullptr);
+// A slot ends a year at least before the last time that UtcTime holds, in 2262: what is within a
+// year of it can be computed.
+constexpr UtcTime last_slot_end = UtcTime::max() - std::chrono::years(1);
+
+// Fault of the record's slot, empty if it is sound: then sums and differences of its times do not
+// overflow.
+std::string fault_of_slot(const FusedRecord& r) {
+  constexpr std::chrono::nanoseconds zero{0};
+  const bool sound = r.slot_start >= zero && r.slot_end >= r.slot_start && r.slot_utc >= zero &&
+                     r.slot_utc <= last_slot_end &&
+                     r.slot_end - r.slot_start <= last_slot_end - r.slot_utc;
+  if (sound) return {};
+  return "its slot is from " + std::to_string(r.slot_start.count()) + " to " +
+         std::to_string(r.slot_end.count()) + " ns, at " + std::to_string(r.slot_utc.count()) +
+         " ns of UTC; expected an end after the start, and the years 1970 to 2261";
+}
+
+// Sizes of a record's data by the run's axes, looked up once per pass.
+struct Shapes {
+  explicit Shapes(const std::vector<Axis>& axes) {
+    for (const auto& a : axes) {
+      if (a.name == "spd") spd = a.count;
+      if (a.name == "radar") radar = a.count;
+      if (a.name == "depth_x") width = a.count;
+      if (a.name == "depth_y") height = a.count;
+      if (a.name == "array") array = a.count, antennas = antennas_of(a);
+    }
+  }
+  std::uint64_t pixels() const { return std::uint64_t{width} * height; }
+  // So many records that they are worth a thread's start, of at most 16 M pixels in all.
+  std::size_t records_at_once() const {
+    constexpr std::uint64_t most = 64, most_pixels = std::uint64_t{1} << 24;
+    return static_cast<std::size_t>(
+        std::clamp<std::uint64_t>(most_pixels / std::max<std::uint64_t>(pixels(), 1), 1, most));
+  }
+
+  std::size_t spd = 0, radar = 0;
+  std::uint32_t width = 0, height = 0;
+  std::size_t array = 0, antennas = 0;
+};
+
+// A record in two steps: all but the depth image, and that, which takes most of the time and may be
+// done on another thread.
+struct HalfRead {
+  FusedRecord record;
+  std::string fault;  // what is wrong with it, or nothing
+  Bytes depth;
+
+  void read(Statement& row, const Shapes& shapes, SensorSet sensors) {
+    StoredRecord stored;
+    fault = take(row, stored);
+    record = std::move(stored.record);
+    record.valid = SensorSet::from_bits(record.valid.bits() & sensors.bits());
+    if (fault.empty()) fault = fault_of_slot(record);
+    if (fault.empty()) fault = decode(stored.blobs, shapes);
+  }
+  std::string decode(const Blobs& blobs, const Shapes& shapes);
+  void decode_depth(const Shapes& shapes) {  // of a record without a fault
+    if (!fault.empty() || !record.has(Sensor::depth)) return;
+    if (shapes.pixels() <= max_png_pixels)
+      record.depth_mm = to_values<std::uint16_t>(inflated(depth, 2 * shapes.pixels()));
+    if (record.depth_mm.empty())
+      fault = "depth is not a deflated image of " + std::to_string(shapes.width) + " x " +
+              std::to_string(shapes.height);
+  }
+};
+
+std::string HalfRead::decode(const Blobs& blobs, const Shapes& shapes) {
+  FusedRecord& r = record;
+  const auto sizes = [](const char* what, std::size_t got, std::size_t wanted) {
+    return std::string(what) + " has " + std::to_string(got) + " bytes, its axis asks for " +
+           std::to_string(wanted);
+  };
+  if (r.has(Sensor::spd) && blobs.spd.size() != shapes.spd * 4)
+    return sizes("spd", blobs.spd.size(), shapes.spd * 4);
+  if (r.has(Sensor::radar) && blobs.radar.size() != shapes.radar * 4)
+    return sizes("radar", blobs.radar.size(), shapes.radar * 4);
+  if (r.has(Sensor::spd)) r.spd = to_values<std::uint32_t>(blobs.spd);
+  if (r.has(Sensor::radar)) r.radar = to_values<float>(blobs.radar);
+  const auto bad = std::ranges::find_if_not(r.radar, [](float v) { return std::isfinite(v); });
+  if (bad != r.radar.end())
+    return "radar bin " + std::to_string(bad - r.radar.begin()) + " is not a finite number";
+  if (r.has(Sensor::depth)) depth.assign(blobs.depth.begin(), blobs.depth.end());
+  const auto unsound = [](std::optional<double> v) { return v && !(*v >= 0 && *v < 1e9); };
+  const auto& speckle = r.speckle;
+  if (unsound(r.signal.clicks_a_pulse) ||
+      (speckle && (unsound(speckle->over_frames) || unsound(speckle->over_carriers) ||
+                   unsound(speckle->over_150_ms))))
+    return "its clicks a pulse or its speckle are not from 0 to 1e9";
+  if (blobs.array.empty() || shapes.array == 0 || !r.has(Sensor::radar)) return {};
+  return unpack_array(blobs.array, shapes.array, shapes.antennas, r.array);
 }
 
 }  // namespace
@@ -64,7 +142,7 @@ RunReader::RunReader(const std::string& path, const std::string& network)
   *budget_ = Budget::of_file(bytes_);
   try {
     open(network);
-    check_identity();
+    check_identity(db_, path_);
     check_tables(db_, path_);
   } catch (...) {
     sqlite3_close(db_);
@@ -113,163 +191,101 @@ void RunReader::open(const std::string& network) {
   sqlite3_busy_timeout(db_, 5000);
 }
 
-void RunReader::check_identity() const {
-  const int code = look(db_);
-  if (code == SQLITE_BUSY || code == SQLITE_LOCKED)
-    throw Error(ExitCode::failed, shown_ + ": is busy: another program holds it; try again");
-  if (code == SQLITE_IOERR || code == SQLITE_CANTOPEN || code == SQLITE_NOMEM)
-    throw Error(ExitCode::failed, shown_ + ": cannot be read: " + sqlite3_errmsg(db_));
-  if (code == SQLITE_OK && pragma(db_, path_, "SELECT count(*) FROM sqlite_schema") == 0)
-    throw Error(ExitCode::failed,
-                shown_ + ": is empty: its run was killed before it began, or its records were in " +
-                    shown_ + "-wal, which is not there; look for a copy named *.rescued.sqlite");
-  if (code != SQLITE_OK || pragma(db_, path_, "PRAGMA application_id") != application_id)
-    throw Error(ExitCode::failed, shown_ + ": not an echofuse run file");
-  const auto found = pragma(db_, path_, "PRAGMA user_version");
-  if (found > format_version)
-    throw Error(ExitCode::failed, shown_ + ": run format " + std::to_string(found) +
-                                      " is newer than this program's " +
-                                      std::to_string(format_version) + "; use a newer echofuse");
+Statement RunReader::ask(const std::string& sql) const {
+  budget_->left = budget_->all;
+  return {db_, path_, sql.c_str(), budget_->bytes};
 }
 
-Statement RunReader::ask(const char* sql) const {
-  budget_->left = budget_->all;
-  return {db_, path_, sql, budget_->bytes};
+template <class T>
+std::vector<T> RunReader::rows(const std::string& tail) const {
+  const Row& table = table_of<T>();
+  Statement row = ask(table.select() + tail);
+  std::vector<T> out;
+  while (row.step())
+    if (const std::string fault = take(row, out.emplace_back()); !fault.empty())
+      throw Error(ExitCode::failed, shown_ + ": damaged: table " + table.name() + ": " + fault);
+  return out;
 }
 
 RunReader::~RunReader() { sqlite3_close(db_); }
 
 RunInfo RunReader::info() const {
-  Statement s =
-      ask("SELECT uuid, started_utc, ended_utc, status, config_text, config_resolved, "
-          "radar_cfg, version, host, operator, notes, window_s FROM run");
-  RunInfo info;
-  if (!s.step()) throw Error(ExitCode::failed, shown_ + ": the run table is empty");
-  for (std::string* text : {&info.uuid, &info.started_utc, &info.ended_utc, &info.status,
-                            &info.config_text, &info.config_resolved, &info.radar_cfg,
-                            &info.version, &info.host, &info.operator_name, &info.notes})
-    *text = s.text();
-  info.window_s = s.real();
-  if (has_table("meta")) {
-    Statement rows = ask("SELECT key, value FROM meta");
-    while (rows.step()) {
-      const std::string key = rows.text();
-      info.meta.emplace_back(key, rows.text());
-    }
-  }
-  if (has_table("part")) {
-    Statement first = ask("SELECT first_idx FROM part WHERE part = 0");
-    if (first.step())
-      info.first_index = std::clamp<std::int64_t>(first.integer(), 0, max_resumed_index);
-  }
+  std::vector<RunInfo> found = rows<RunInfo>(" LIMIT 1");
+  if (found.empty()) throw Error(ExitCode::failed, shown_ + ": the run table is empty");
+  RunInfo& info = found.front();
   if (info.status == "open" && !WriterLock::someone_writes(path_))
     info.status = lacks_wal_ ? crashed_without_wal : "crashed";
   return info;
 }
 
 std::vector<DeviceInfo> RunReader::devices() const {
-  Statement s = ask("SELECT sensor, address, model, serial, firmware FROM device");
   std::vector<DeviceInfo> out;
-  while (s.step()) {
-    DeviceInfo d;
-    d.sensor = sensor_of(s.text(), path_);
-    for (std::string* text : {&d.address, &d.model, &d.serial, &d.firmware}) *text = s.text();
-    out.push_back(std::move(d));
-  }
-  return out;
-}
-
-std::vector<CalibrationEntry> RunReader::calibrations() const {
-  Statement s =
-      ask("SELECT sensor, date_utc, method, distance_m, offset_m, standard_error_m FROM "
-          "calibration");
-  std::vector<CalibrationEntry> out;
-  while (s.step()) {
-    CalibrationEntry c;
-    c.sensor = sensor_of(s.text(), path_);
-    for (const CalibrationEntry& other : out)
-      if (other.sensor == c.sensor)
-        throw Error(ExitCode::failed,
-                    shown_ + ": damaged: two calibrations of the " + name_of(c.sensor));
-    c.date_utc = s.text();
-    c.method = s.text();
-    for (double* v : {&c.distance_m, &c.offset_m, &c.standard_error_m}) *v = s.real();
-    out.push_back(std::move(c));
-  }
+  for (DeviceRow& row : rows<DeviceRow>())
+    if (row.info) out.push_back(std::move(*row.info)), out.back().sensor = row.sensor;
   return out;
 }
 
 std::map<std::string, std::string> RunReader::policies() const {
-  Statement s = ask("SELECT sensor, policy FROM policy");
   std::map<std::string, std::string> out;
-  while (s.step()) {
-    const std::string sensor = s.text();
-    out[sensor] = s.text();
-  }
+  for (const DeviceRow& row : rows<DeviceRow>())
+    if (row.policy) out[name_of(row.sensor)] = *row.policy;
   return out;
 }
 
-std::vector<Anchor> RunReader::anchors() const {
-  Statement s = ask("SELECT mono_ns, utc_ns FROM anchor ORDER BY rowid");
-  std::vector<Anchor> out;
-  while (s.step()) {
-    const HostTime mono(s.integer());
-    out.push_back({mono, UtcTime(s.integer())});
-  }
+std::vector<CalibrationEntry> RunReader::calibrations() const {
+  std::vector<CalibrationEntry> out = rows<CalibrationEntry>(" LIMIT 4");
+  for (const CalibrationEntry& one : out)
+    for (const CalibrationEntry& other : out)
+      if (&one != &other && one.sensor == other.sensor)
+        throw Error(ExitCode::failed,
+                    shown_ + ": damaged: two calibrations of the " + name_of(one.sensor));
   return out;
 }
 
-std::vector<Event> RunReader::events() const {
-  Statement s = ask("SELECT utc, level, source, text FROM event ORDER BY id");
-  return read_events(s);
+Antennas RunReader::antennas() const {
+  Antennas out = rows<Antenna>(" ORDER BY rowid LIMIT " + std::to_string(most_antennas + 1));
+  for (std::size_t i = 0; i < out.size(); ++i) {
+    const Antenna& a = out[i];
+    const bool sound = std::abs(a.x) < 1e3 && std::abs(a.y) < 1e3 && a.gain >= 1e-3 &&
+                       a.gain <= 1e3 && std::abs(a.phase_rad) < 1e3;
+    if (!sound || i == most_antennas)
+      throw Error(ExitCode::failed, shown_ + ": damaged: antenna " + std::to_string(i) +
+                                        " is none; expected at most 12 with place, gain and phase");
+  }
+  const auto array = axis("array");
+  if (array && !out.empty() && out.size() != antennas_of(*array))
+    throw Error(ExitCode::failed, shown_ + ": damaged: " + std::to_string(out.size()) +
+                                      " antennas, its array axis is of " +
+                                      std::to_string(antennas_of(*array)));
+  return out;
 }
 
-std::vector<Counted> RunReader::counters() const {
-  std::vector<Counted> out;
-  const auto columns = pragma(db_, path_, "SELECT count(*) FROM pragma_table_info('counter')");
-  if (columns == 0) return out;
-  const char* part = columns > 3 ? "part" : "0";
-  const std::string sql = std::string("SELECT source, name, value, ") + part + " FROM counter";
-  Statement s = ask(sql.c_str());
-  while (s.step()) {
-    Counted c;
-    c.source = s.text();
-    c.name = s.text();
-    c.value = static_cast<std::uint64_t>(s.integer());
-    c.part = s.integer();
-    out.push_back(std::move(c));
-  }
+std::vector<Anchor> RunReader::anchors() const { return rows<Anchor>(); }
+std::vector<Counted> RunReader::counters() const { return rows<Counted>(); }
+std::vector<Event> RunReader::events() const { return rows<Event>(" ORDER BY id"); }
+
+std::vector<Event> RunReader::last_events(std::size_t most) const {
+  std::vector<Event> out = rows<Event>(" ORDER BY id DESC LIMIT " + std::to_string(most));
+  std::reverse(out.begin(), out.end());
   return out;
 }
 
 std::vector<Axis> RunReader::axes() const {
-  Statement s = ask("SELECT name, quantity, unit, count, start, step, scale FROM axis");
   constexpr std::size_t most_axes = 16;
-  std::vector<Axis> out;
-  while (s.step()) {
-    if (out.size() == most_axes)
-      throw Error(ExitCode::failed, shown_ + ": more than 16 axes; expected six");
-    Axis a;
-    a.name = s.text();
-    a.quantity = s.text();
-    a.unit = s.text();
-    const std::int64_t points = s.integer();
-    a.count = static_cast<std::uint32_t>(points);
-    a.start = s.real();
-    a.step = s.real();
-    a.scale = s.real();
-    check_axis(a, points);
-    out.push_back(std::move(a));
-  }
+  std::vector<Axis> out = rows<Axis>(" LIMIT " + std::to_string(most_axes + 1));
+  if (out.size() > most_axes)
+    throw Error(ExitCode::failed, shown_ + ": more than 16 axes; expected six");
+  for (const Axis& axis : out) check_axis(axis);
   return out;
 }
 
-// What readers hold for all records is made by the axes: a small file asks for a little only.
-void RunReader::check_axis(const Axis& axis, std::int64_t points) const {
+// Refuses axes that ask for more memory over all records than the file's size explains.
+void RunReader::check_axis(const Axis& axis) const {
+  const std::int64_t points = axis.count;
   const auto refuse = [&](const std::string& what) {
     throw Error(ExitCode::failed, shown_ + ": axis " + printable(axis.name, 40) + ": " + what);
   };
-  if (points < 0 || points > most_points)
+  if (points > most_points)
     refuse("has " + std::to_string(points) + " points; expected at most " +
            std::to_string(most_points));
   const auto is_length = [](double v) { return std::abs(v) < 1e15; };
@@ -309,10 +325,7 @@ std::int64_t RunReader::count() const {
 void RunReader::for_each(const std::function<bool(const FusedRecord&)>& visit, std::int64_t first,
                          const std::function<void(std::int64_t, const std::string&)>& on_bad,
                          SensorSet sensors, const InParallel& in_parallel) const {
-  Statement row =
-      ask(record_query({has_table("signal"), has_table("radar_array"), has_table("speckle"),
-                        has_column(db_, path_, "speckle", "over_150_ms")})
-              .c_str());
+  Statement row = ask(table_of<StoredRecord>().select() + " WHERE idx >= ? ORDER BY idx");
   row.bind(first);
   std::optional<Shapes> known;
   std::optional<std::int64_t> before;
@@ -334,7 +347,7 @@ void RunReader::for_each(const std::function<bool(const FusedRecord&)>& visit, s
     }
     return true;
   };
-  // What is wrong with the file comes after the records before it.
+  // Hands over the records before a fault of the file.
   const auto step = [&] {
     try {
       return row.step();
@@ -376,6 +389,97 @@ FusedRecord RunReader::read(std::int64_t index) const {
     throw Error(ExitCode::failed, shown_ + ": no record " + std::to_string(index) + "; it has " +
                                       std::to_string(count()));
   return found;
+}
+
+RunSummary RunReader::summary() const {
+  RunSummary sum;
+  Statement totals = ask(
+      "SELECT count(idx), total(valid & 7 = 7), total(valid & 1), total(valid >> 1 & 1), "
+      "total(valid >> 2 & 1), total(spd_lost), total(radar_lost), total(depth_lost), total(tags), "
+      "total(missing > 0), count(array), total(iif(array IS NULL, 0, array_frames)), "
+      "ifnull(max(idx), -1) FROM record");
+  if (totals.step()) {
+    sum.records = totals.integer();
+    sum.all_valid = totals.integer();
+    for (auto* three : {&sum.valid, &sum.lost})
+      for (auto& n : *three) n = totals.integer();
+    for (auto* n : {&sum.tags, &sum.incomplete, &sum.arrays, &sum.array_frames, &sum.last_index})
+      *n = totals.integer();
+  }
+  // Not the earliest and the latest: the clock may have been set back between them.
+  const std::vector<FusedRecord> ends =
+      records("idx IN ((SELECT min(idx) FROM record), (SELECT max(idx) FROM record))");
+  if (!ends.empty()) {
+    sum.first_utc = ends.front().slot_utc;
+    sum.last_utc = ends.back().slot_utc + (ends.back().slot_end - ends.back().slot_start);
+  }
+  // Not by GROUP BY, which sorts a copy of them all.
+  const auto count_by = [&](const char* sql, std::map<std::string, std::int64_t>& into) {
+    Statement rows = ask(sql);
+    while (rows.step()) ++into[rows.text()];
+  };
+  count_by("SELECT label FROM record", sum.labels);
+  count_by("SELECT level FROM event", sum.events);
+  Statement verdicts = ask("SELECT spd_verdict, radar_verdict, depth_verdict FROM record");
+  while (verdicts.step()) {
+    PerSensor<std::string> of_record;
+    for (std::string& verdict : of_record) verdict = verdicts.text();
+    count_verdicts(sum, of_record);
+  }
+  sum.policies = policies();
+  for (const Sensor s : all_sensors) {
+    const std::string samples = std::string(name_of(s)) + "_clock_samples";
+    const auto last = records("idx = (SELECT max(idx) FROM record WHERE " + samples + " > 0)");
+    if (!last.empty()) sum.clocks[s] = last.front().clocks[s];
+  }
+  return sum;
+}
+
+std::optional<std::string> RunReader::last_label() const {
+  std::optional<std::string> label;
+  std::string end;
+  Statement record =
+      ask("SELECT label, slot_utc_ns + slot_end_ns - slot_start_ns FROM record ORDER BY "
+          "idx DESC LIMIT 1");
+  if (record.step()) {
+    label = record.text();
+    end = iso8601(UtcTime(record.integer()));
+  }
+  Statement mark =
+      ask("SELECT text FROM event WHERE level = 'label' AND utc >= ? ORDER BY id DESC LIMIT "
+          "1");
+  if (mark.bind(end).step()) label = mark.text();
+  return label;
+}
+
+std::vector<FusedRecord> RunReader::records(const std::string& which) const {
+  std::vector<FusedRecord> out;
+  Statement row = ask(table_of<FusedRecord>().select() + " WHERE " + which + " ORDER BY idx");
+  while (row.step()) {
+    FusedRecord& r = out.emplace_back();
+    static_cast<void>(take(row, r));  // a number that cannot be counts as none
+    if (const std::string fault = fault_of_slot(r); !fault.empty())
+      throw Error(ExitCode::failed, shown_ + ": record " + std::to_string(r.index) + ": " + fault);
+  }
+  return out;
+}
+
+std::vector<FusedRecord> RunReader::outlines(std::int64_t first) const {
+  return records("idx >= " + std::to_string(first));
+}
+
+PerSensor<std::int64_t> RunReader::late() const {
+  PerSensor<std::int64_t> out{};
+  Statement row = ask("SELECT total(spd), total(radar), total(depth) FROM late");
+  if (row.step())
+    for (auto& n : out) n = row.integer();
+  return out;
+}
+
+std::string RunReader::check() const {
+  Statement s = ask("PRAGMA integrity_check");
+  const std::string verdict = s.step() ? s.text() : "no answer";
+  return verdict == "ok" ? "" : verdict;
 }
 
 }  // namespace echofuse::record

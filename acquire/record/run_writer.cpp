@@ -7,14 +7,14 @@
 #include <thread>
 #include <utility>
 
+#include "acquire/record/deflate.hpp"
 #include "acquire/record/file_watch.hpp"
-#include "acquire/record/insert.hpp"
 #include "acquire/record/network.hpp"
-#include "acquire/record/record_rows.hpp"
+#include "acquire/record/png.hpp"
 #include "acquire/record/rescue.hpp"
+#include "acquire/record/rows.hpp"
 #include "acquire/record/run_file.hpp"
-#include "acquire/record/run_tables.hpp"
-#include "acquire/record/schema.hpp"
+#include "acquire/record/run_guard.hpp"
 #include "acquire/record/sqlite.hpp"
 #include "acquire/record/uuid.hpp"
 #include "acquire/record/writer_lock.hpp"
@@ -54,6 +54,51 @@ std::int64_t now_ns() {
   return std::chrono::nanoseconds(std::chrono::steady_clock::now().time_since_epoch()).count();
 }
 
+// Throws Error(failed) for a valid sensor whose data do not fit its axis.
+void append_row(Statement& row, const std::string& path, const std::vector<Axis>& axes,
+                const FusedRecord& r) {
+  const std::string place = path + ": record " + std::to_string(r.index) + ": ";
+  const auto count_of = [&](const char* name) -> std::size_t {
+    const auto axis = std::ranges::find(axes, name, &Axis::name);
+    return axis == axes.end() ? 0 : axis->count;
+  };
+  const auto expect = [&](const char* what, std::size_t got, std::size_t wanted) {
+    if (got != wanted)
+      throw Error(ExitCode::failed, place + what + " has " + std::to_string(got) +
+                                        " values, its axis " + std::to_string(wanted));
+  };
+  Blobs blobs;
+  Bytes array, depth;
+  if (r.has(Sensor::spd)) {
+    expect("spd", r.spd.size(), count_of("spd"));
+    blobs.spd = as_bytes(r.spd);
+  }
+  if (r.has(Sensor::radar)) {
+    expect("radar", r.radar.size(), count_of("radar"));
+    blobs.radar = as_bytes(r.radar);
+  }
+  if (r.has(Sensor::radar) && !r.array.empty()) {
+    const auto axis = std::ranges::find(axes, "array", &Axis::name);
+    const std::size_t antennas = axis == axes.end() ? 0 : antennas_of(*axis);
+    expect("array", r.array.size(), antennas > 0 ? axis->count * values_of_bin(antennas) : 0);
+    array = pack_array(r.array, antennas);
+    blobs.array = array;
+  }
+  if (r.has(Sensor::depth)) {
+    expect("depth", r.depth_mm.size(), count_of("depth_x") * count_of("depth_y"));
+    if (!r.depth_mm.empty() && r.depth_mm.size() <= max_png_pixels)
+      depth = deflated(as_bytes(r.depth_mm), depth_level);
+    if (depth.empty()) {  // what one camera sends never ends a run
+      FusedRecord without = r;
+      without.valid.erase(Sensor::depth);
+      without.sync[Sensor::depth].verdict = "cannot be stored";
+      return append_row(row, path, axes, without);
+    }
+    blobs.depth = depth;
+  }
+  insert(row, r, blobs);
+}
+
 }  // namespace
 
 RunWriter::RunWriter(const std::string& path, const RunInfo& info, const Clock& clock,
@@ -67,13 +112,11 @@ RunWriter::RunWriter(const std::string& path, const RunInfo& info, const Clock& 
     made.create();
     open(made.path());
     make(info, begin);
-    rows_.reset();
     handle_.reset();
     ours = made.publish_new();
     if (!ours) refuse_existing(path);
     go_on(false);
   } catch (...) {
-    rows_.reset();
     handle_.reset();
     if (ours) ::unlink(path.c_str()), remove_side_files(path);  // without a record
     throw;
@@ -85,28 +128,15 @@ void RunWriter::make(const RunInfo& info, const Begin& begin) {
   const std::string identity = "PRAGMA application_id=" + std::to_string(application_id) +
                                "; PRAGMA user_version=" + std::to_string(format_version) + ";";
   execute(db_, path_, identity.c_str(), "cannot set up");
-  execute(db_, path_, schema, "cannot create the tables");
-  const auto given_or = [](const std::string& text, const std::string& other) {
-    return text.empty() ? other : text;
-  };
-  rows_ = std::make_unique<Inserts>(db_, path_);
-  rows_->into("run")
-      .set("uuid", given_or(info.uuid, make_uuid()))
-      .set("started_utc", given_or(info.started_utc, iso8601(clock_.utc())))
-      .set("ended_utc", "")
-      .set("status", "open")
-      .set("window_s", info.window_s)
-      .set("config_text", info.config_text)
-      .set("config_resolved", info.config_resolved)
-      .set("radar_cfg", info.radar_cfg)
-      .set("version", info.version)
-      .set("host", given_or(info.host, machine_name()))
-      .set("operator", info.operator_name)
-      .set("notes", info.notes)
-      .run();
-  for (const auto& [key, value] : info.meta)
-    rows_->into("meta").set("key", key).set("value", value).run();
-  begin_part(0, info.first_index);
+  for (const Row* table : tables())
+    execute(db_, path_, table->create().c_str(), "cannot create the tables");
+  RunInfo own = info;
+  if (own.uuid.empty()) own.uuid = make_uuid();
+  if (own.started_utc.empty()) own.started_utc = iso8601(clock_.utc());
+  if (own.host.empty()) own.host = machine_name();
+  own.ended_utc.clear();
+  own.status = "open";
+  insert(db_, path_, own);
   if (begin) begin(*this);
   execute(db_, path_, "COMMIT", "cannot create the run file");
   use_wal();  // while nobody reads it
@@ -127,32 +157,23 @@ void RunWriter::go_on(bool resumed) {
   reserve();
   use_wal();
   execute(db_, path_, "BEGIN IMMEDIATE", "cannot reopen");
-  execute(db_, path_, schema, "cannot add the tables of this version");
-  add_columns(db_, path_);
   execute(db_, path_, "UPDATE run SET status = 'open', ended_utc = ''", "cannot reopen");
-  Statement state(db_, path_,
-                  "SELECT count(*), coalesce(max(idx) + 1, (SELECT first_idx FROM part WHERE part "
-                  "= 0), 0), (SELECT ifnull(max(id), 0) FROM event) FROM record");
+  Statement state(
+      db_, path_,
+      "SELECT count(*), ifnull(max(idx) + 1, (SELECT part ->> '$[0].first_idx' FROM run)), "
+      "(SELECT ifnull(max(id), 0) FROM event), (SELECT json_array_length(part) FROM run) "
+      "FROM record");
   state.step();
-  for (std::int64_t* v : {&records_, &next_index_, &last_event_}) *v = state.integer();
-  // An older file is one part, whatever was resumed before.
-  execute(db_, path_, "INSERT OR IGNORE INTO part SELECT 0, 0, started_utc FROM run",
-          "cannot begin a part");
-  Statement last(db_, path_, "SELECT max(part) FROM part");
-  last.step();
-  if (resumed) begin_part(last.integer() + 1, next_index_);
+  for (std::int64_t* v : {&records_, &next_index_, &last_event_, &part_}) *v = state.integer();
+  constexpr const char* one_more =
+      "UPDATE run SET part = json_insert(part, '$[#]', json_object('first_idx', ?, 'started_utc', "
+      "?))";
+  if (resumed)
+    Statement(db_, path_, one_more).bind(next_index_).bind(iso8601(clock_.utc())).run();
+  else
+    part_ = 0;
   execute(db_, path_, "COMMIT", "cannot reopen");
   ready();
-}
-
-void RunWriter::begin_part(std::int64_t part, std::int64_t first_index) {
-  part_ = part;
-  Inserts(db_, path_)
-      .into("part")
-      .set("part", part)
-      .set("first_idx", first_index)
-      .set("started_utc", iso8601(clock_.utc()))
-      .run();
 }
 
 void RunWriter::lock() {
@@ -206,7 +227,6 @@ void RunWriter::use_wal() {
 
 // After the first write, which makes the WAL.
 void RunWriter::ready() {
-  rows_ = std::make_unique<Inserts>(db_, path_);
   watch_ = std::make_unique<FileWatch>(path_);
   const auto hook = [](void* self, sqlite3*, const char*, int pages) {
     static_cast<RunWriter*>(self)->watch_->note_commit();
@@ -222,11 +242,6 @@ void RunWriter::checkpoint() {
   sqlite3_wal_checkpoint_v2(db_, nullptr, SQLITE_CHECKPOINT_PASSIVE, &in_wal, &taken_over);
   watch_->note();
   if (taken_over != in_wal) watch_->note_commit();
-}
-
-Inserts& RunWriter::rows() {
-  require_sound();
-  return *rows_;
 }
 
 // As a kill leaves it: with its -wal, which a run that was not closed is known by.
@@ -255,7 +270,8 @@ void RunWriter::append(const FusedRecord& record) { append(std::span(&record, 1)
 
 void RunWriter::append(std::span<const FusedRecord> batch) {
   in_transaction([&] {
-    for (const auto& r : batch) insert_record(*rows_, path_, r, axes_);
+    Statement row(db_, path_, table_of<StoredRecord>().insert().c_str());
+    for (const auto& r : batch) append_row(row, path_, axes_, r);
   });
   for (const auto& r : batch) next_index_ = std::max(next_index_, r.index + 1);
   records_ += static_cast<std::int64_t>(batch.size());
@@ -328,7 +344,6 @@ bool RunWriter::close(const std::string& status) {
     leave(status);
   }
   left_label_ = new_label(UtcTime::max());
-  rows_.reset();
   const bool folded = fold();
   handle_.reset();
   db_ = nullptr;
@@ -356,7 +371,6 @@ bool RunWriter::fold() {
 
 // What bears the file's name is not touched any more: it may belong to somebody else by now.
 void RunWriter::leave(const std::string& status) {
-  rows_.reset();
   lock_->empty();
   const Rescue kept = rescue(db_, path_, status, clock_.utc(), records_);
   sqlite3_db_config(db_, SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, 1, nullptr);
@@ -365,6 +379,81 @@ void RunWriter::leave(const std::string& status) {
   if (kept.whole && !watch_->same_database()) watch_->remove_wal();
   lock_.reset();
   throw Error(ExitCode::disk, path_ + ": " + harm_ + "; " + kept.text);
+}
+
+// Room for the row of the run, configuration included, and the index file of a reader.
+void RunWriter::reserve() const { lock_->reserve(128 << 10); }
+
+void RunWriter::put_axis(const Axis& axis) {
+  in_transaction([&] { insert(db_, path_, axis); });
+  axes_.push_back(axis);
+}
+
+// Replaces the row without an answer that put_policy() made.
+void RunWriter::put_device(const DeviceInfo& device) {
+  in_transaction([&] {
+    const std::string name = name_of(device.sensor);
+    DeviceRow row{device.sensor, {}, device};
+    Statement policy(db_, path_, "SELECT policy FROM device WHERE sensor = ? AND policy NOTNULL");
+    policy.bind(name);
+    if (policy.step()) row.policy = policy.text();
+    Statement(db_, path_, "DELETE FROM device WHERE sensor = ? AND address ISNULL")
+        .bind(name)
+        .run();
+    insert(db_, path_, row);
+  });
+}
+
+void RunWriter::put_policy(Sensor sensor, const std::string& policy) {
+  in_transaction([&] {
+    Statement(db_, path_, "UPDATE device SET policy = ? WHERE sensor = ?")
+        .bind(policy)
+        .bind(name_of(sensor))
+        .run();
+    if (sqlite3_changes(db_) == 0) insert(db_, path_, DeviceRow{sensor, policy, {}});
+  });
+}
+
+void RunWriter::put_antennas(const Antennas& antennas) {
+  in_transaction([&] {
+    execute(db_, path_, "DELETE FROM antenna", "cannot store the antennas");
+    for (const Antenna& antenna : antennas) insert(db_, path_, antenna);
+  });
+}
+
+void RunWriter::put_calibration(const CalibrationEntry& entry) {
+  in_transaction([&] { insert(db_, path_, entry); });
+}
+
+void RunWriter::put_anchor(HostTime mono, UtcTime utc) {
+  in_transaction([&] { insert(db_, path_, Anchor{mono, utc}); });
+}
+
+void RunWriter::put_counters(std::span<const Counted> counters) {
+  in_transaction([&] {
+    for (Counted c : counters) {
+      c.part = part_;
+      insert(db_, path_, c);
+    }
+  });
+}
+
+void RunWriter::put_late(std::int64_t first, const LateCounts& late) {
+  in_transaction([&] {
+    for (const auto& [slot, counts] : late)
+      insert(db_, path_, LateRow{first + slot, counts},
+             " ON CONFLICT (idx) DO UPDATE SET spd = spd + excluded.spd, radar = radar + "
+             "excluded.radar, depth = depth + excluded.depth");
+  });
+}
+
+void RunWriter::put_event(UtcTime utc, Severity severity, const std::string& source,
+                          const std::string& text) {
+  constexpr const char* levels[] = {"info", "warning", "error"};
+  in_transaction([&] {
+    insert(db_, path_,
+           Event{iso8601(utc), levels[static_cast<std::size_t>(severity)], source, text});
+  });
 }
 
 }  // namespace echofuse::record

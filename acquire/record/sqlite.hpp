@@ -92,11 +92,7 @@ class Statement {
   Statement(const Statement&) = delete;
   Statement& operator=(const Statement&) = delete;
 
-  // The next value is that of the parameter :name.
-  Statement& at(const std::string& name) {
-    bound_ = sqlite3_bind_parameter_index(handle_, (':' + name).c_str()) - 1;
-    return *this;
-  }
+  void skip() { ++bound_; }  // the next parameter stays NULL
   Statement& bind(std::int64_t v) { return check(sqlite3_bind_int64(handle_, ++bound_, v)); }
   template <std::integral T>
   Statement& bind(T v) {
@@ -121,22 +117,19 @@ class Statement {
     if (code == SQLITE_DONE) return false;
     sqlite_fail(db_, path_, "cannot read or write");
   }
-  // To its end; then all its values are NULL again, also after a failure.
+  // To its end; then all its values are NULL again.
   void run() {
-    struct Reset {
-      Statement& statement;
-      ~Reset() {
-        statement.reset();
-        sqlite3_clear_bindings(statement.handle_);
-      }
-    } const at_the_end{*this};
     while (step()) {
     }
-  }
-  void reset() {
     sqlite3_reset(handle_);
+    sqlite3_clear_bindings(handle_);
     bound_ = 0;
   }
+  void skip_column() { ++column_; }
+  void take(std::int64_t& value) { value = integer(); }
+  void take(double& value) { value = real(); }
+  void take(std::string& value) { value = text(); }
+  void take(ByteView& value) { value = blob(); }
   bool next_is_null() { return sqlite3_column_type(handle_, column_) == SQLITE_NULL; }
   std::int64_t integer() { return sqlite3_column_int64(handle_, column_++); }
   double real() { return sqlite3_column_double(handle_, column_++); }
@@ -165,12 +158,6 @@ class Statement {
 
 inline void execute(sqlite3* db, const std::string& path, const char* sql, const char* doing) {
   if (sqlite3_exec(db, sql, nullptr, nullptr, nullptr) != SQLITE_OK) sqlite_fail(db, path, doing);
-}
-
-inline bool has_column(sqlite3* db, const std::string& path, std::string_view table,
-                       std::string_view column) {
-  Statement s(db, path, "SELECT 1 FROM pragma_table_info(?) WHERE name = ?");
-  return s.bind(table).bind(column).step();
 }
 
 }  // namespace echofuse::record

@@ -76,7 +76,7 @@ class Appender {  // appends one run to a Dataset
       if (c.sensor == Sensor::radar && data.radar_axis.unit == "m") radar_offset_m = c.offset_m;
     }
     const record::RunInfo info = run.info();
-    if (goes_on(data, path_, info)) return;
+    if (!data.sources.empty() && data.sources.back().uuid == info.uuid) return;  // its next part
     const auto response = record::response_of(info.meta).radar;
     data.sources.push_back({path_, info.uuid, data.size(), 0, radar_offset_m, response});
   }
@@ -165,8 +165,8 @@ class Appender {  // appends one run to a Dataset
   }
   // The limit leaves room for what an interpolation adds.
   static bool is_power(float v) { return std::abs(v) < 1e38f; }
-  // Runs from before the table `signal` have only counts. With as many clicks as starts only starts
-  // with a click were sent, of an unknown number.
+  // Imported runs have only counts. With as many clicks as starts only starts with a click were
+  // sent, of an unknown number.
   static double clicks_a_pulse(const record::FusedRecord& r) {
     constexpr double filtered = 0.95;
     if (r.signal.clicks_a_pulse) return *r.signal.clicks_a_pulse;

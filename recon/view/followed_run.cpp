@@ -119,7 +119,7 @@ void FollowedRun::forget() {
   info_ = {};
   before_.clear();
   axes_.clear(), events_.clear(), outlines_.clear(), label_.clear();
-  sensors_ = {}, verdicts_ = {};
+  sensors_ = {}, verdicts_ = {}, temperatures_.clear();
   ++edition_;
 }
 
@@ -145,19 +145,17 @@ void FollowedRun::read_part() {
     ++edition_;
   info_ = info, axes_ = std::move(axes);
   events_ = run.last_events(most_events);
-  for (const record::RecordOutline& o : run.outlines(last().value_or(-1) + 1)) take(o);
-  temperatures_ = run.radar_temperatures();
-  const auto frames = run.last_frames();
-  for (const Sensor s : all_sensors) sensors_[s].arrived = frames[s];
+  for (const record::FusedRecord& o : run.outlines(last().value_or(-1) + 1)) take(o);
   const auto late = run.late();
   for (const Sensor s : all_sensors)
     sensors_[s].late = (before_.empty() ? 0 : before_.back().late[s]) +
                        static_cast<std::uint64_t>(std::max<std::int64_t>(late[s], 0));
 }
 
-void FollowedRun::take(const record::RecordOutline& o) {
+void FollowedRun::take(const record::FusedRecord& o) {
   Outline& out = outlines_.emplace_back();
-  out.index = o.index, out.start = o.slot_utc, out.end = o.slot_utc + o.length, out.valid = o.valid;
+  out.index = o.index, out.start = o.slot_utc, out.end = o.slot_utc + (o.slot_end - o.slot_start);
+  out.valid = o.valid;
   label_ = o.label;
   PerSensor<std::string> verdicts;
   for (const Sensor s : all_sensors) {
@@ -171,12 +169,19 @@ void FollowedRun::take(const record::RecordOutline& o) {
     sensor.lost += o.sync[s].lost;
     // A sensor that is gone measures nothing; only the fit of its clock lives on.
     const std::optional<double> residual_s =
-        sensor.valid ? o.clock_residual_s[s] : std::optional<double>();
+        sensor.valid && o.clocks[s] ? std::optional(o.clocks[s]->residual_s) : std::nullopt;
     sensor.residual_s = residual_s;
     out.used[s] = static_cast<float>(o.sync[s].used);
     out.lost[s] = static_cast<float>(o.sync[s].lost);
     out.residual_s[s] =
         static_cast<float>(residual_s.value_or(std::numeric_limits<double>::quiet_NaN()));
+  }
+  sensors_[Sensor::radar].arrived = static_cast<std::int64_t>(o.statistics.radar_frames);
+  sensors_[Sensor::depth].arrived = static_cast<std::int64_t>(o.statistics.depth_frames);
+  if (const auto& temperature = o.radar_temperature) {
+    temperatures_.clear();
+    for (std::size_t i = 0; i < std::size(record::temperature_places); ++i)
+      temperatures_.emplace_back(record::temperature_places[i], temperature->celsius[i]);
   }
   ++verdicts_.records;
   record::count_verdicts(verdicts_, verdicts);

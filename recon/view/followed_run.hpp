@@ -94,7 +94,7 @@ class FollowedRun {
   void read();
   void read_part();
   void forget();
-  void take(const record::RecordOutline& outline);
+  void take(const record::FusedRecord& outline);
 
   std::string target_, newest_, run_, path_, trouble_, label_;  // newest_: file of a folder
   std::map<std::string, Begun> begun_;                          // by path

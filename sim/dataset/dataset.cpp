@@ -11,8 +11,9 @@
 #include <utility>
 
 #include "acquire/measurement/depth_map.hpp"
-#include "acquire/record/data_set_part.hpp"
 #include "acquire/record/run_file.hpp"
+#include "acquire/record/uuid.hpp"
+#include "drivers/core/crc32c.hpp"
 #include "drivers/program/console.hpp"
 #include "drivers/program/new_file.hpp"
 #include "drivers/program/program.hpp"
@@ -144,13 +145,26 @@ std::string files_of(const Plan& plan) {
   return out;
 }
 
+// Uuid (RFC 9562 version 8) that the parts of a data set share: it follows from version, settings
+// and the files that these name. FNV-1a of 64 bits, CRC-32C, and the length of the text.
+std::string data_set_uuid(const record::RunInfo& info, const std::string& files) {
+  const std::string text = info.version + "\n" + info.config_resolved + "\n" + files;
+  std::uint64_t mixed = 0xcbf29ce484222325;
+  for (const char c : text) mixed = (mixed ^ static_cast<std::uint8_t>(c)) * 0x100000001b3;
+  return record::uuid_text(
+      {static_cast<std::uint32_t>(mixed >> 32), static_cast<std::uint32_t>(mixed),
+       crc32c({reinterpret_cast<const std::uint8_t*>(text.data()), text.size()}),
+       static_cast<std::uint32_t>(text.size())},
+      8);
+}
+
 // True if a run has these records already, as when a job was queued again.
 bool is_there(const std::string& path, const record::RunInfo& info, JobPart::Range records) {
   if (!std::filesystem::exists(path)) return false;
   const record::RunReader run(path);
   const record::RunInfo found = run.info();
   return found.uuid == info.uuid && found.status == "complete" && run.count() == records.size() &&
-         (records.size() == 0 || record::first_index(run) == records.begin);
+         found.first_index == records.begin;
 }
 
 void check_object(const std::vector<SceneSpec>& scenes, const Conditions& conditions) {
@@ -346,8 +360,8 @@ std::int64_t write_dataset(const Plan& plan, const DatasetOptions& options) {
   std::optional<NewFile> staged;
   if (options.part) {
     range = options.part->range(generator.records());
-    info.uuid = record::data_set_uuid(info, files_of(plan));
-    info.meta.emplace_back(record::part_of_key, std::to_string(generator.records()));
+    info.uuid = data_set_uuid(info, files_of(plan));
+    info.first_index = range.begin;
     if (is_there(options.out, info, range)) return range.size();
     if (std::filesystem::exists(options.out))
       throw Error(ExitCode::failed, options.out + ": exists already, and is not this part");

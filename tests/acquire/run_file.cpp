@@ -18,22 +18,6 @@ using namespace testing;
 
 namespace {
 
-// Rows as the sqlite3 shell shows them.
-std::vector<std::string> query(const std::string& path, const char* statement) {
-  sqlite3* db = nullptr;
-  REQUIRE(sqlite3_open(path.c_str(), &db) == SQLITE_OK);
-  std::vector<std::string> rows;
-  const auto add = [](void* all, int count, char** values, char**) {
-    std::string row;
-    for (int i = 0; i < count; ++i) row.append(i ? "|" : "").append(values[i] ? values[i] : "");
-    static_cast<std::vector<std::string>*>(all)->push_back(row);
-    return 0;
-  };
-  REQUIRE(sqlite3_exec(db, statement, add, &rows, nullptr) == SQLITE_OK);
-  sqlite3_close(db);
-  return rows;
-}
-
 void check_same(const FusedRecord& a, const FusedRecord& b) {
   CHECK(a.index == b.index);
   CHECK(a.slot_start == b.slot_start);
@@ -121,57 +105,6 @@ TEST_CASE("what is written is read, while writing and after closing") {
   check_same(read.read(1), second);
   check_same(read.read(2), small_record(2));
   CHECK(read.check().empty());
-}
-
-TEST_CASE("the radar's own figures go into a table beside the records") {
-  const Folder folder;
-  const std::string path = folder / "a.sqlite";
-  {
-    RunWriter run(path, {});
-    put_axes(run);
-    for (std::int64_t i = 0; i < 4; ++i) {
-      FusedRecord r = small_record(i);
-      if (i == 1 || i == 2) r.radar_stats = RadarStats{4000, 8591, 87'000, 12, 13, 2};
-      if (i == 1)
-        r.radar_temperature =
-            RadarTemperature{0, 123'456, {40, 41, 42, 43, 50, 51, 52, -3, 60, 61}};
-      if (i == 3) r.radar_temperature = RadarTemperature{-1, 99, {}};  // the chip calls it invalid
-      run.append(r);
-    }
-    run.close("complete");
-  }
-  const auto rows = query(path, "SELECT * FROM radar_status ORDER BY idx");
-  REQUIRE(rows.size() == 3);
-  CHECK(rows[0] == "1|4000|8591|87000|12|13|2|123456|40|41|42|43|50|51|52|-3|60|61");
-  CHECK(rows[1] == "2|4000|8591|87000|12|13|2|||||||||||");
-  CHECK(rows[2] == "3|||||||||||||||||");
-  CHECK(RunReader(path).count() == 4);
-  sql(path, "DROP TABLE radar_status");  // as in files from before there was one
-  CHECK(RunReader(path).count() == 4);
-  CHECK(RunReader(path).read(1).radar.size() == 4);
-}
-
-TEST_CASE("what the tagger says of its tags is kept where there is something to say") {
-  const Folder folder;
-  const std::string path = folder / "a.sqlite";
-  {
-    RunWriter run(path, {});
-    put_axes(run);
-    for (std::int64_t i = 0; i < 2; ++i) {
-      FusedRecord r = small_record(i);
-      if (i == 1) {
-        r.spd_counts.missed = 1;
-        r.spd_counts.overflows = 2;
-        r.spd_counts.errors = 3;
-        r.spd_counts.bad_tags = 4;
-        r.spd_counts.backwards = 5;
-        r.spd_counts.removed = 6;
-      }
-      run.append(r);
-    }
-    run.close("complete");
-  }
-  CHECK(query(path, "SELECT * FROM spd_status") == std::vector<std::string>{"1|1|2|3|4|5|6"});
 }
 
 TEST_CASE("a run in numbers") {
@@ -307,10 +240,27 @@ TEST_CASE("files that are not to be read or written") {
     sql(path, "CREATE TABLE record (idx)");
     CHECK(has(refusal().second, "not an echofuse run file"));
   }
-  SECTION("a newer version") {
+  SECTION("a newer format") {
     write_run(path, 1);
-    sql(path, "PRAGMA user_version = 2");
-    CHECK(has(refusal().second, "run format 2 is newer than this program's 1"));
+    sql(path, "PRAGMA user_version = 3");
+    CHECK(has(refusal().second, "run format 3, expected 2; use a newer echofuse"));
+  }
+  SECTION("an older format") {
+    write_run(path, 1);
+    sql(path, "PRAGMA user_version = 1");
+    CHECK(has(refusal().second, "run format 1, expected 2; scripts/convert_run makes a run of"));
+    CHECK(has(error_of([&] { RunWriter run(path); }).second, "scripts/convert_run"));
+  }
+  SECTION("a table less, a column more, another type") {
+    write_run(path, 1);
+    for (const char* change :
+         {"DROP TABLE late", "ALTER TABLE record ADD COLUMN x REAL",
+          "DROP TABLE anchor; CREATE TABLE anchor (mono_ns TEXT, utc_ns TEXT)"}) {
+      fs::copy_file(path, folder / "b.sqlite", fs::copy_options::overwrite_existing);
+      sql(folder / "b.sqlite", change);
+      const std::string text = error_of([&] { RunReader run(folder / "b.sqlite"); }).second;
+      CHECK((has(text, "has no table late") || has(text, "is not made as that of a run")));
+    }
   }
   SECTION("an existing file is never overwritten") {
     write_file(path, "precious");
@@ -339,9 +289,13 @@ TEST_CASE("a record that makes no sense is named") {
     sql(path, "UPDATE record SET spd = x'0000' WHERE idx = 2");
     expected = "record 2: spd has 2 bytes, its axis asks for 32";
   }
-  SECTION("damaged picture") {
+  SECTION("damaged image") {
     sql(path, "UPDATE record SET depth = x'89504e47' WHERE idx = 2");
-    expected = "record 2: depth is not a 16-bit grey PNG of 3 x 2";
+    expected = "record 2: depth is not a deflated image of 3 x 2";
+  }
+  SECTION("a number that cannot be") {
+    sql(path, "UPDATE record SET depth_last = -1 WHERE idx = 2");
+    expected = "record 2: depth_last is -1";
   }
   const RunReader run(path);
   const auto visit_all = [](const FusedRecord&) { return true; };

@@ -58,13 +58,15 @@ TEST_CASE("a record without a required sensor is marked, and the clocks' fits ar
   const std::string path = folder / "a.sqlite";
   write(path);
   Database db(path);
-  CHECK(db.first("SELECT group_concat(idx || ' ' || missing, ';') FROM incomplete") ==
-        "1 spd depth");
-  CHECK(db.first("SELECT group_concat(idx, ' ') FROM clock_fit") == "1 2");
-  CHECK(db.first("SELECT spd_offset_s || ' ' || spd_drift_ppm || ' ' || spd_residual_s || ' ' || "
-                 "spd_samples FROM clock_fit WHERE idx = 2") == "1.5 -3.0 0.0001 102");
-  CHECK(db.first("SELECT radar_offset_s IS NULL AND depth_samples IS NULL FROM clock_fit WHERE "
-                 "idx = 2") == "1");
+  CHECK(db.first("SELECT group_concat(idx || ' ' || missing, ';') FROM record WHERE missing") ==
+        "1 5");
+  CHECK(db.first("SELECT group_concat(idx, ' ') FROM record WHERE spd_clock_samples") == "1 2");
+  CHECK(db.first("SELECT spd_clock_offset_s || ' ' || spd_clock_drift_ppm || ' ' || "
+                 "spd_clock_residual_s || "
+                 "' ' || spd_clock_samples FROM record WHERE idx = 2") == "1.5 -3.0 0.0001 102");
+  CHECK(db.first(
+            "SELECT radar_clock_offset_s IS NULL AND depth_clock_samples IS NULL FROM record WHERE "
+            "idx = 2") == "1");
 
   const Json info = Json::parse(acquire("info --json " + path).text);
   CHECK(info["incomplete"] == 1);
@@ -77,39 +79,13 @@ TEST_CASE("a record without a required sensor is marked, and the clocks' fits ar
   CHECK(has(text, "clock     spd: offset_s 1.5, drift_ppm -3, residual_s 0.0001, samples 102"));
 }
 
-TEST_CASE("a file from before there were clock fits is read as ever") {
-  const Folder folder;
-  const std::string path = folder / "a.sqlite";
-  write(path);
-  {
-    Database db(path);
-    execute(db.db, path, "DROP TABLE clock_fit; DROP TABLE incomplete; DROP TABLE policy",
-            "cannot");
-  }
-  const Outcome info = acquire("info " + path);
-  CHECK(info.code == 0);
-  CHECK_FALSE(has(info.text, "policy"));
-  CHECK(RunReader(path).read(1).radar.size() == 4);
-}
-
 TEST_CASE("what was measured of the signals is kept, and verdicts are counted by their kind") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
   write(path);
-  {
-    Database db(path);
-    CHECK(db.first("SELECT group_concat(idx) FROM signal") == "1");
-    CHECK(db.first("SELECT clicks_a_pulse || ' ' || spd_clicks || ' ' || radar_snr_db || ' ' || "
-                   "radar_peak_m || ' ' || depth_share FROM signal WHERE spd_peak_m IS NULL") ==
-          "0.02 1234.0 20.5 3.25 0.0");
-  }
-  CHECK_FALSE(RunReader(path).read(0).signal.clicks_a_pulse);
-  CHECK(RunReader(path).read(1).signal.clicks_a_pulse == 0.02);
+  CHECK(RunReader(path).read(0).signal == Signal{});
+  CHECK(RunReader(path).read(1).signal == Signal{0.02, 1234, {}, 20.5, 3.25, 0});
   const auto verdicts = RunReader(path).summary().verdicts;
   CHECK(verdicts[Sensor::spd] == std::map<std::string, std::int64_t>{{"ok", 2}, {"weak", 1}});
   CHECK(verdicts[Sensor::radar] == std::map<std::string, std::int64_t>{{"ok", 3}});
-  // A run of before.
-  Database db(path);
-  REQUIRE(sqlite3_exec(db.db, "DROP TABLE signal", nullptr, nullptr, nullptr) == SQLITE_OK);
-  CHECK_FALSE(RunReader(path).read(1).signal.clicks_a_pulse);
 }

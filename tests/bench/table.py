@@ -39,16 +39,8 @@ def run(*command):
     return done.stdout
 
 
-def decode(png):
-    """A 64 x 64 picture of 16 bits without filters."""
-    data, at = [], 8
-    while at < len(png):
-        length = int.from_bytes(png[at:at + 4], "big")
-        if png[at + 4:at + 8] == b"IDAT":
-            data.append(png[at + 8:at + 8 + length])
-        at += 12 + length
-    lines = numpy.frombuffer(zlib.decompress(b"".join(data)), numpy.uint8).reshape(64, 129)
-    return numpy.ascontiguousarray(lines[:, 1:]).view(">u2") / numpy.float32(1000)
+def decode(depth):
+    return numpy.frombuffer(zlib.decompress(depth), "<u2").reshape(64, 64) / numpy.float32(1000)
 
 
 def load(path):

@@ -67,8 +67,8 @@ def live(offered):
             sent, _, dropped = program.sent()
         arrived = int(re.search(r"arrived: (\d+) tags", log).group(1))
         with sqlite3.connect(run) as db:
-            rows = db.execute("SELECT tags, tags_lost FROM record WHERE tags > 0").fetchall()
-            missed = db.execute("SELECT sum(missed) FROM spd_status").fetchone()[0]  # by the tagger, in its own marks
+            rows = db.execute("SELECT tags, spd_lost FROM record WHERE tags > 0").fetchall()
+            missed = db.execute("SELECT sum(spd_missed) FROM record").fetchone()[0]  # by the tagger, in its own marks
             strays = db.execute("SELECT sum(value) FROM counter WHERE source = 'spd' AND name IN"
                                 " ('early', 'late', 'outside')").fetchone()[0]
         making = float(made.read_text(encoding="utf-8"))

@@ -77,7 +77,7 @@ class Recording(unittest.TestCase):
             self.assertEqual(row["tags"], row["starts"] + row["in_range"] + row["other"])
             self.assertLessEqual(abs(row["in_range"] - patterns * library.CLICKS), 1)
             self.assertLessEqual(abs(row["other"] - patterns * 3), 3)
-            self.assertLessEqual(abs(row["tags_lost"] - patterns * library.MISSED), library.MISSED)
+            self.assertLessEqual(abs(row["spd_lost"] - patterns * library.MISSED), library.MISSED)
             counts = np.array(struct.unpack(f"<{len(row['spd']) // 4}I", row["spd"]))
             expected = np.zeros(336)
             clicks = 20000 + 100 * (np.arange(0, library.PULSES, 2) % 200)

@@ -109,9 +109,9 @@ def parts_of(whole, folder, size):
         shutil.copy(whole, path)
         with closing(sqlite3.connect(path)) as db:
             db.execute("DELETE FROM record WHERE idx < ? OR idx >= ?", (first, first + size))
-            db.execute("UPDATE part SET first_idx = ?", (first,))
-            db.execute("UPDATE run SET status = ?", ("complete" if first + size >= count else "stopped:part",))
-            db.executemany("INSERT INTO meta VALUES (?, ?)", [("part", str(k)), ("part_records", str(size))])
+            db.execute("UPDATE run SET status = ?, part = json_set(part, '$[0].first_idx', ?), meta = json_set(meta, "
+                       "'$.part', ?, '$.part_records', ?)",
+                       ("complete" if first + size >= count else "stopped:part", first, str(k), str(size)))
             db.commit()
 
 

@@ -34,7 +34,7 @@ CODES_SCALE = 12  # log2 of the power in steps of 2 / CODES_SCALE / 16, as TI's 
 def stated(path, taps, cell_m=0.3):
     with sqlite3.connect(path) as db:
         for key, value in (("radar_cell_m", cell_m), ("radar_taps", " ".join(f"{v:.6g}" for v in taps) + " +- 0.01")):
-            db.execute("INSERT OR REPLACE INTO meta VALUES (?, ?)", (key, str(value)))
+            db.execute("UPDATE run SET meta = json_set(meta, '$.' || ?, ?)", (key, str(value)))
 
 
 def as_the_daemon_writes(path):

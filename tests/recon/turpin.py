@@ -3,7 +3,6 @@
 """turpin.py SIM FOLDER RUN: the recordings of Turpin et al. (Optica 7, 900, 2020) as a run. FOLDER holds histogram.npy
 [n, bins] and depth.npy [n, N, N]; its depths in units of the scene's maximum become millimetres of 6 m."""
 import sqlite3
-import struct
 import subprocess
 import sys
 import zlib
@@ -11,20 +10,14 @@ import zlib
 import numpy
 
 
-def png16(mm):
-    parts = ((b"IHDR", struct.pack(">IIBBBBB", *mm.shape[::-1], 16, 0, 0, 0, 0)),
-             (b"IDAT", zlib.compress(b"".join(b"\0" + row.astype(">u2").tobytes() for row in mm))), (b"IEND", b""))
-    return b"\x89PNG\r\n\x1a\n" + b"".join(
-        struct.pack(">I", len(data)) + name + data + struct.pack(">I", zlib.crc32(name + data)) for name, data in parts)
-
-
 sim, folder, path = sys.argv[1:]
 radar, depth = (numpy.load(f"{folder}/{name}.npy") for name in ("histogram", "depth"))
 subprocess.run([sim, "dataset", "-q", "--people", "1", "--letters", "0", "--out", path], check=True)
 with sqlite3.connect(path) as run:  # the simulated record goes; the tables and the axes of the map stay
-    for table in ("record", "slot", "signal", "speckle", "calibration", "meta", "axis WHERE name NOT LIKE 'depth%'"):
+    for table in ("record", "calibration", "axis WHERE name NOT LIKE 'depth%'"):
         run.execute(f"DELETE FROM {table}")
+    run.execute("UPDATE run SET meta = '{}'")
     run.execute("INSERT INTO axis VALUES ('radar', 'power', 'bin', ?, 0, 1, 1)", (radar.shape[1],))
     run.executemany("INSERT INTO record (idx, valid, radar, depth) VALUES (?, 6, ?, ?)", [
-        (i, power.astype("<f4").tobytes(), png16(numpy.rint(numpy.clip(z, 0, 1) * 6000)))
+        (i, power.astype("<f4").tobytes(), zlib.compress(numpy.rint(numpy.clip(z, 0, 1) * 6000).astype("<u2").tobytes()))
         for i, (power, z) in enumerate(zip(radar, depth))])

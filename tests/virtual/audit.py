@@ -40,14 +40,14 @@ class Audit(unittest.TestCase):
             self.assertGreater(account[device].get(loss, 0), 0, (device, loss))
 
     def test_falsified(self):
-        last = "idx = (SELECT max(idx) FROM slot WHERE {}_frames > 0)"
-        first = "idx = (SELECT min(idx) FROM slot WHERE {}_frames > 0)"
+        last = "idx = (SELECT max(idx) FROM record WHERE {}_frames > 0)"
+        first = "idx = (SELECT min(idx) FROM record WHERE {}_frames > 0)"
         for statement, sensor in (
                 ("UPDATE counter SET value = value + 1000000000 WHERE source = 'spd' AND name = 'tags'", "tdc"),
                 (f"UPDATE record SET tags = tags + 1000000000 WHERE idx = {SLOTS // 2}", "tdc"),
                 (f"UPDATE record SET spd_lost = spd_lost + 1000000000 WHERE idx = {SLOTS // 2}", "tdc"),
-                ("UPDATE slot SET radar_frames = radar_frames + 1 WHERE " + last.format("radar"), "radar"),
-                ("UPDATE slot SET depth_frames = depth_frames + 1 WHERE " + first.format("depth"), "depth"),
+                ("UPDATE record SET radar_frames = radar_frames + 1 WHERE " + last.format("radar"), "radar"),
+                ("UPDATE record SET depth_frames = depth_frames + 1 WHERE " + first.format("depth"), "depth"),
                 ("UPDATE counter SET value = value + 1 WHERE source = 'depth' AND name = 'early'", "depth"),
                 ("UPDATE record SET depth_lost = depth_lost + 1 WHERE " + last.format("depth"), "depth")):
             copy = self.dir / "falsified.sqlite"

@@ -61,7 +61,7 @@ def main():
         db = sqlite3.connect(folder / "whole/run.sqlite")
         status, = db.execute("SELECT status FROM run").fetchone()
         records, = db.execute("SELECT count(*) FROM record").fetchone()
-        late_s, = db.execute("SELECT max(closed_late_s) FROM slot").fetchone()
+        late_s, = db.execute("SELECT max(closed_late_s) FROM record").fetchone()
         events, = db.execute("SELECT count(*) FROM event").fetchone()
         print(f"{records} records of {slots}, {status}, {events} events, latest slot {1e3 * late_s:.3f} ms late, "
               f"{cpu_s:.1f} s of processor time")

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 def bins(run: Run) -> Iterator[tuple[int, NDArray[Any]]]:
     """Rows of the records that have it, and of each bin its power, and integers in units of it. Raises ValueError."""
-    axis, blobs = run.axes["array"], dict(run.of_records("idx, array", "radar_array"))
+    axis, blobs = run.axes["array"], dict(run.of_records("idx, array"))
     count = int(axis.scale)
     stored = np.dtype([("power", "<f4"), ("values", "<i2", count * (count + 2) + 2)])
     for row in np.flatnonzero(run.valid["radar"]).tolist():
@@ -32,8 +32,7 @@ def bins(run: Run) -> Iterator[tuple[int, NDArray[Any]]]:
 
 def frames(run: Run) -> NDArray[np.uint64]:
     """Frames in each record [n]."""
-    found = dict(run.of_records("idx, frames", "radar_array")) if "radar_array" in run.tables else {}
-    return np.array([found.get(index, 0) for index in run.index.tolist()], np.uint64)
+    return np.array([count for (count,) in run.of_records("array_frames")], np.uint64)
 
 
 def values(run: Run) -> NDArray[np.float32]:

@@ -2,7 +2,6 @@
 """Depth images as they are stored, the truth on the maps' grid (acquire/measurement/depth_map.cpp), and tables that are moved."""
 from __future__ import annotations
 
-import struct
 import zlib
 from typing import Any
 
@@ -61,22 +60,10 @@ def shifted(table: NDArray[np.float32], steps: float) -> NDArray[np.float32]:
     return np.where((table == table[:, :1]).all(1, keepdims=True), table, out).astype(np.float32)
 
 
-def decode_png16(png: bytes, size: tuple[int, int]) -> NDArray[np.uint16]:
-    """A PNG as run files have it: 16 bits, grey, without filters (acquire/record/png.cpp). Raises ValueError."""
-    fault = ValueError(f"a depth image is not a 16-bit grey PNG of {size[1]} x {size[0]}")
-    if png[:8] != b"\x89PNG\r\n\x1a\n" or png[16:29] != struct.pack(">II", size[1], size[0]) + b"\x10\0\0\0\0":
-        raise fault
-    at, data = 33, b""
-    while at + 12 <= len(png):
-        length, name = struct.unpack(">I4s", png[at:at + 8])
-        data += png[at + 8:at + 8 + length] if name == b"IDAT" else b""
-        at += 12 + length
-    stride = 2 * size[1] + 1
+def inflated(blob: bytes, size: tuple[int, int]) -> NDArray[np.uint16]:
+    """A depth image as run files have it [rows, columns], millimetres. Raises ValueError."""
     try:
-        packed = zlib.decompressobj().decompress(data, size[0] * stride)
-        lines = np.frombuffer(packed, np.uint8).reshape(size[0], stride)
+        data = zlib.decompressobj().decompress(blob, 2 * size[0] * size[1] + 1)
+        return np.frombuffer(data, "<u2").reshape(size)
     except (zlib.error, ValueError):
-        raise fault from None
-    if lines[:, 0].any():
-        raise fault
-    return np.ascontiguousarray(lines[:, 1:]).view(">u2").astype(np.uint16)
+        raise ValueError(f"a depth image is not a deflated one of {size[1]} x {size[0]}") from None

@@ -20,8 +20,7 @@ def dataset(run: Run) -> Any:
 
     columns = ("verdict", "used", "lost")
     rows = run.of_records(", ".join(f"{s}_{c}" for s in SENSORS for c in columns))
-    speckle = {row[0]: row[1:] for row in run.of_records(
-        "idx, over_frames, over_carriers", "speckle")} if "speckle" in run.tables else {}
+    speckle = np.array(run.of_records("speckle_over_frames, speckle_over_carriers"), float)
     events = run.select("SELECT utc, level, source, text FROM event ORDER BY id")
     coords: dict[str, Any] = {"record": run.index, "time": ("record", run.time), "label": ("record", run.labels)}
     data: dict[str, Any] = {}
@@ -43,9 +42,8 @@ def dataset(run: Run) -> Any:
     if "radar" in data:
         coords["radar_range"] = ("radar_bin", run.axes["radar"].values, {"units": "m"})
     for at, name in enumerate(("over_frames", "over_carriers")):
-        if speckle:
-            found = [speckle.get(index, (None, None))[at] for index in run.index.tolist()]
-            data[f"speckle_{name}"] = ("record", np.array(found, float), {"units": "1"})
+        if speckle.size and not np.isnan(speckle).all():
+            data[f"speckle_{name}"] = ("record", speckle[:, at], {"units": "1"})
     if events:
         data["event"] = ("event_row", [" ".join(map(str, row[1:])) for row in events])
         coords["event_utc"] = ("event_row", [row[0] for row in events])

@@ -170,8 +170,8 @@ def timeline(run: runs.Run | Path, *, ax: Panels = None) -> Figure:
     run = opened(run)
     window = float(run.info["window_s"])
     used = np.array(run.select("SELECT spd_used, radar_used, depth_used FROM record ORDER BY idx"), float)
-    clocks = np.array(run.select("SELECT idx, spd_residual_s, radar_residual_s, depth_residual_s FROM clock_fit "
-                                 "ORDER BY idx"), float)
+    clocks = np.array(run.select("SELECT idx, spd_clock_residual_s, radar_clock_residual_s, depth_clock_residual_s FROM "
+                                 "record ORDER BY idx"), float)
     names = {"spd": "SPD (clicks/s)", "radar": "radar (frames/s)", "depth": "camera (frames/s used)"}
     made, axes = figure(1, 4, wide=6.4, high=1.25, ax=ax)
     minutes = (run.time - run.time[0]) / np.timedelta64(1, "s") / 60 if len(run) else np.zeros(0)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import html
+import json
 import pathlib
 import time
 import warnings
@@ -16,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import antennas, grid
-from .grid import decode_png16, read_only, shifted
+from .grid import inflated, read_only, shifted
 from .record import Record
 from .run_files import connect, files_of, parts_of, table
 
@@ -148,15 +149,14 @@ class Run:
                                      f"expected those of a measurement, at most {MOST_POINTS}")
             cursor = db.execute("SELECT * FROM run")
             self.info: dict[str, Any] = dict(zip((column[0] for column in cursor.description), cursor.fetchone()))
-            known = {name for (name,) in db.execute("SELECT name FROM sqlite_master")}
             #: what a run says of itself beside its settings
-            self.meta: dict[str, str] = dict(db.execute("SELECT key, value FROM meta")) if "meta" in known else {}
+            self.meta: dict[str, str] = json.loads(self.info.pop("meta"))
+            del self.info["part"]
             #: by how much the ranges of a sensor are too long, as its calibration says
             self.offset_m: dict[str, float] = dict(db.execute("SELECT sensor, offset_m FROM calibration"))
             #: x, y (half wavelengths), gain, phase (rad) of the radar's virtual antennas
             self.antennas: list[tuple[float, ...]] = db.execute(
-                "SELECT x, y, gain, phase_rad FROM antenna ORDER BY antenna").fetchall() if "antenna" in known else []
-        self._tables = known
+                "SELECT x, y, gain, phase_rad FROM antenna ORDER BY rowid").fetchall()
         self.info["status"], self.info["ended_utc"] = self.select("SELECT status, ended_utc FROM run")[-1]
         rows = self.select("SELECT idx, valid, label, slot_utc_ns FROM record ORDER BY idx")
         index, bits, labels, utc = zip(*rows) if rows else ((), (), (), ())
@@ -175,11 +175,11 @@ class Run:
                 out += db.execute(sql, values).fetchall()
         return out
 
-    def of_records(self, columns: str, table: str = "record") -> list[Any]:
-        """Columns of a table that has a row a record, of the records at hand."""
+    def of_records(self, columns: str) -> list[Any]:
+        """Columns of the table record, of the records at hand."""
         if not len(self):
             return []
-        return self.select(f"SELECT {columns} FROM {table} WHERE idx BETWEEN ? AND ? ORDER BY idx",
+        return self.select(f"SELECT {columns} FROM record WHERE idx BETWEEN ? AND ? ORDER BY idx",
                            int(self.index[0]), int(self.index[-1]))
 
     @property
@@ -199,8 +199,7 @@ class Run:
         """Of each record [n] length_s, and of each sensor used_spd, lost_spd, verdict_spd, residual_s_spd (of its clock)."""
         columns = {"length_s": "(slot_end_ns - slot_start_ns) * 1e-9"} | {
             f"{name}_{s}": f"{s}_{name}" for s in SENSORS for name in ("used", "lost", "verdict")}
-        fit = "(SELECT {}_residual_s FROM clock_fit f WHERE f.idx = record.idx)" if "clock_fit" in self._tables else "NULL"
-        columns |= {f"residual_s_{s}": fit.format(s) for s in SENSORS}
+        columns |= {f"residual_s_{s}": f"{s}_clock_residual_s" for s in SENSORS}
         rows = self.of_records(', '.join(columns.values()))
         return {name: np.array([row[k] for row in rows], object if "verdict" in name else float) for k, name in enumerate(columns)}
 
@@ -240,8 +239,8 @@ class Run:
         if size[0] * size[1] > MOST_PIXELS:
             raise ValueError(f"{self.path}: depth has {size[0] * size[1]} pixels; expected at most {MOST_PIXELS}")
         out = np.full((len(self), *size), np.nan, np.float32)
-        for row, png in self._blobs("depth"):
-            image = decode_png16(png, (size[0], size[1]))
+        for row, blob in self._blobs("depth"):
+            image = inflated(blob, (size[0], size[1]))
             out[row] = np.where(image > 0, image / np.float32(1000), np.float32(np.nan))
         return read_only(out)
 
@@ -249,7 +248,7 @@ class Run:
         """The camera's image of one record as recorded [rows, columns], millimetres, 0: no return."""
         size = tuple(self.axes[name].count if name in self.axes else 0 for name in ("depth_y", "depth_x"))
         blob = self.select("SELECT depth FROM record WHERE idx = ? AND valid & 4", int(self.index[row]))
-        return decode_png16(blob[0][0] or b"", (size[0], size[1])) if blob else np.zeros(size, np.uint16)
+        return inflated(blob[0][0] or b"", (size[0], size[1])) if blob else np.zeros(size, np.uint16)
 
     def maps(self, rows: Sequence[int] | None = None) -> NDArray[np.float32]:
         """The truth [n, N, N] on the grid of the maps as training and judge have it, metres (NaN: no return, no depth), of
@@ -358,10 +357,8 @@ class Run:
 
     def _clicks(self) -> list[tuple[float, float]]:
         """Clicks of each record, and clicks a laser pulse (0: not known)."""
-        known = dict(self.of_records("idx, clicks_a_pulse", "signal"))
-        rows = self.of_records("idx, in_range + out_of_range, starts")
-        return [(clicks, known.get(index) or (clicks / starts if clicks < 0.95 * starts else 0.0))
-                for index, clicks, starts in rows]
+        rows = self.of_records("in_range + out_of_range, starts, clicks_a_pulse")
+        return [(clicks, known or (clicks / starts if clicks < 0.95 * starts else 0.0)) for clicks, starts, known in rows]
 
     def _pile_up(self, counts: NDArray[np.float32], clicks: tuple[float, float]) -> NDArray[np.float32]:
         """Coates' correction, of a detector with a dead time (recon/data/pile_up.hpp)."""

@@ -2,6 +2,7 @@
 """The files of a run: one, or its parts (acquire/record/run_parts.hpp); each is opened to be read only."""
 from __future__ import annotations
 
+import json
 import pathlib
 import re
 import sqlite3
@@ -11,11 +12,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-APPLICATION_ID, FORMAT_VERSION = 0x4543464D, 1
+APPLICATION_ID, FORMAT_VERSION = 0x4543464D, 2
 NULL_INTEGER = -1 << 63
 KINDS: dict[str, tuple[str, Any]] = {"INTEGER": ("ifnull(CAST({} AS INTEGER), -9223372036854775807 - 1)", np.int64),
                                      "REAL": ("CAST({} AS REAL)", float), "TEXT": ("ifnull(CAST({} AS BLOB), x'')", "S")}
-COPIED = {"antenna", "axis", "calibration", "device", "meta", "policy"}  # of a part: what it has from the one before
+COPIED = {"antenna", "axis", "calibration", "device"}  # of a part: what it has from the one before
 
 
 def parts_of(whole: pathlib.Path) -> dict[int, pathlib.Path]:
@@ -44,11 +45,14 @@ def connect(path: pathlib.Path) -> sqlite3.Connection:
                     raise ValueError(f"{path}: was not closed, and its last records are in {rest}; copy both to a folder "
                                      "that can be written") from None
             continue
-        if identity == APPLICATION_ID and version <= FORMAT_VERSION:
+        if identity == APPLICATION_ID and version == FORMAT_VERSION:
             guard(db, path)
             return db
         db.close()
-        raise ValueError(f"{path}: not a run of echofuse, or of a newer version")
+        raise ValueError(f"{path}: not a run of echofuse" if identity != APPLICATION_ID else
+                         f"{path}: run format {version}, expected {FORMAT_VERSION}; " + (
+                             "use a newer echofuse" if version > FORMAT_VERSION else
+                             "scripts/convert_run makes a run of this format"))
     raise ValueError(f"{path}: cannot be read")
 
 
@@ -80,8 +84,9 @@ def files_of(whole: pathlib.Path) -> tuple[list[pathlib.Path], list[str]]:
     for number, path in parts.items():
         try:
             with closing(connect(path)) as db:
-                (own,), meta = db.execute("SELECT uuid FROM run").fetchone(), dict(db.execute("SELECT key, value FROM meta"))
-                first, = db.execute("SELECT first_idx FROM part WHERE part = 0").fetchone()
+                own, *texts = db.execute("SELECT uuid, meta, part FROM run").fetchone()
+                meta, (begun, *_) = map(json.loads, texts)
+                first = begun["first_idx"]
         except (ValueError, TypeError, sqlite3.DatabaseError):
             continue
         if meta.get("part") != str(number) or own != (uuid or own):

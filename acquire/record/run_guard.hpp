@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// What is asked of a file before anything in it is believed: line 1 of the threat model
+// Checks of a file before anything in it is believed: line 1 of the threat model
 // (acquire/README.md).
 #pragma once
 #include <cstdint>
@@ -26,9 +26,12 @@ void harden(sqlite3* db);
 // A statement that spends the steps ends with SQLITE_INTERRUPT. The budget outlives the database.
 void limit(sqlite3* db, Budget& budget);
 
-// Throws Error(failed) unless the file holds only tables of a run (schema.hpp), with columns of
-// theirs, as SQLite itself tells: no views, triggers, indices of its own, virtual tables, computed
-// columns. CHECKs are never asked (harden).
+// Returns SQLITE_OK if SQLite can read the names of the file's tables.
+int look(sqlite3* db);
+// Throws Error(failed) unless it is a run file of this format.
+void check_identity(sqlite3* db, const std::string& path);
+// Throws Error(failed) unless the file holds the tables of a run (rows.hpp), made by our words, and
+// nothing else: no views, triggers, indices of its own, virtual tables, computed columns.
 void check_tables(sqlite3* db, const std::string& path);
 
 }  // namespace echofuse::record

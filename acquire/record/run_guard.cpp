@@ -1,0 +1,100 @@
+// SPDX-License-Identifier: MIT
+#include "acquire/record/run_guard.hpp"
+
+#include <algorithm>
+#include <map>
+#include <set>
+
+#include "acquire/record/rows.hpp"
+#include "drivers/program/printable.hpp"
+
+namespace echofuse::record {
+namespace {
+
+std::int64_t pragma(sqlite3* db, const std::string& path, const char* sql) {
+  Statement s(db, path, sql);
+  return s.step() ? s.integer() : 0;
+}
+
+int spend(void* budget) { return --static_cast<Budget*>(budget)->left < 0; }
+
+}  // namespace
+
+Budget Budget::of_file(std::uint64_t bytes) {
+  constexpr std::int64_t steps_at_least = 200, instructions_a_byte = 4, mib = 1 << 20;
+  const auto size = static_cast<std::int64_t>(bytes);
+  Budget out;
+  out.all = out.left = steps_at_least + size / instructions_a_step * instructions_a_byte;
+  out.bytes = 2 * size + 64 * mib;  // a live run grows
+  // 128 MiB: an SPD histogram of 2^24 bins and a depth image of 2^23 pixels.
+  out.longest_value = static_cast<int>(std::clamp(size, 16 * mib, 128 * mib));
+  return out;
+}
+
+void harden(sqlite3* db) {
+  sqlite3_db_config(db, SQLITE_DBCONFIG_DEFENSIVE, 1, static_cast<int*>(nullptr));
+  for (const int off : {SQLITE_DBCONFIG_TRUSTED_SCHEMA, SQLITE_DBCONFIG_ENABLE_VIEW,
+                        SQLITE_DBCONFIG_ENABLE_TRIGGER})
+    sqlite3_db_config(db, off, 0, static_cast<int*>(nullptr));
+  sqlite3_limit(db, SQLITE_LIMIT_SQL_LENGTH, 100'000);
+  sqlite3_exec(db, "PRAGMA cell_size_check=ON", nullptr, nullptr, nullptr);
+}
+
+void limit(sqlite3* db, Budget& budget) {
+  sqlite3_limit(db, SQLITE_LIMIT_LENGTH, budget.longest_value);
+  sqlite3_progress_handler(db, Budget::instructions_a_step, spend, &budget);
+}
+
+int look(sqlite3* db) {
+  return sqlite3_exec(db, "SELECT 1 FROM sqlite_schema", nullptr, nullptr, nullptr);
+}
+
+void check_identity(sqlite3* db, const std::string& path) {
+  const std::string shown = printable(path);
+  const int code = look(db);
+  if (code == SQLITE_BUSY || code == SQLITE_LOCKED)
+    throw Error(ExitCode::failed, shown + ": is busy: another program holds it; try again");
+  if (code == SQLITE_IOERR || code == SQLITE_CANTOPEN || code == SQLITE_NOMEM)
+    throw Error(ExitCode::failed, shown + ": cannot be read: " + sqlite3_errmsg(db));
+  if (code == SQLITE_OK && pragma(db, path, "SELECT count(*) FROM sqlite_schema") == 0)
+    throw Error(ExitCode::failed,
+                shown + ": is empty: its run was killed before it began, or its records were in " +
+                    shown + "-wal, which is not there; look for a copy named *.rescued.sqlite");
+  if (code != SQLITE_OK || pragma(db, path, "PRAGMA application_id") != application_id)
+    throw Error(ExitCode::failed, shown + ": not an echofuse run file");
+  const auto found = pragma(db, path, "PRAGMA user_version");
+  if (found != format_version)
+    throw Error(ExitCode::failed,
+                shown + ": run format " + std::to_string(found) + ", expected " +
+                    std::to_string(format_version) + "; " +
+                    (found > format_version ? "use a newer echofuse"
+                                            : "scripts/convert_run makes a run of this format"));
+}
+
+// By their words, so that nothing else in a file is ever asked.
+void check_tables(sqlite3* db, const std::string& path) {
+  static const auto known = [] {
+    std::map<std::string, std::string> out;
+    for (const Row* table : tables()) out[table->name()] = table->create();
+    return out;
+  }();
+  const auto refuse = [&](const std::string& what) {
+    throw Error(ExitCode::failed, printable(path) + ": " + what);
+  };
+  std::set<std::string> found;
+  Statement entries(db, path, "SELECT type, name, ifnull(sql, ''), rootpage FROM sqlite_schema");
+  while (entries.step()) {
+    const std::string type = entries.text(), name = entries.text(), sql = entries.text();
+    const bool of_a_key = sql.empty() && type == "index", stored = entries.integer() > 0;
+    if (of_a_key && name.starts_with("sqlite_autoindex_")) continue;
+    if (type != "table" || !stored || !known.contains(name))
+      refuse("holds the " + printable(type, 20) + " \"" + printable(name, 40) +
+             "\"; expected the tables of a run only");
+    if (sql != known.at(name)) refuse("its table " + name + " is not made as that of a run");
+    found.insert(name);
+  }
+  for (const auto& [name, sql] : known)
+    if (!found.contains(name)) refuse("has no table " + name + "; expected those of a run");
+}
+
+}  // namespace echofuse::record

@@ -1,0 +1,268 @@
+// SPDX-License-Identifier: MIT
+// Property test: random runs, every optional value there or not, are read as they were written.
+#include <cstdlib>
+#include <limits>
+#include <random>
+
+#include "acquire/measurement/radar_array.hpp"
+#include "acquire/record/rows.hpp"
+#include "testing.hpp"
+
+using namespace echofuse;
+using namespace echofuse::record;
+using namespace testing;
+
+namespace {
+
+class Random {
+ public:
+  explicit Random(unsigned seed) : engine_(seed) {}
+  bool coin() { return engine_() % 2 == 0; }
+  template <class T>
+  T whole(T most = std::numeric_limits<T>::max()) {
+    const std::int64_t limit = std::in_range<std::int64_t>(most)
+                                   ? static_cast<std::int64_t>(most)
+                                   : std::numeric_limits<std::int64_t>::max();
+    if (engine_() % 8 == 0) return static_cast<T>(limit);
+    return static_cast<T>(std::uniform_int_distribution<std::int64_t>(0, limit)(engine_));
+  }
+  double real() { return std::normal_distribution<>(0, 100)(engine_); }
+  std::string text() {
+    const char* texts[] = {
+        "", "ok", "weak: 98 clicks", "\xc3\xa9 \xe2\x82\xac", "'; DROP TABLE record", "\n\x01"};
+    return texts[engine_() % std::size(texts)];
+  }
+  template <class T>
+  std::vector<T> values(std::size_t count) {
+    std::vector<T> out(count);
+    for (T& v : out) v = static_cast<T>(engine_() % 65536);
+    return out;
+  }
+
+ private:
+  std::mt19937 engine_;
+};
+
+constexpr std::size_t antennas = 3;
+
+std::vector<Axis> axes_of(Random& random) {
+  const auto count = [&] { return 1 + random.whole<std::uint32_t>(8); };
+  return {{"spd", "counts", "ps", count(), 13343, 100, 1},
+          {"radar", "power", "m", count(), 0, 0.5, 1},
+          {"array", "covariance", "m", count(), 0, 0.5, antennas},
+          {"depth_x", "tangent", "1", count(), -0.2, 0.2, 1},
+          {"depth_y", "tangent", "1", count(), 0.1, -0.2, 1}};
+}
+
+FusedRecord record_of(std::int64_t index, const std::vector<Axis>& axes, Random& random) {
+  FusedRecord r;
+  r.index = index;
+  r.slot_start = HostTime(random.whole<std::int64_t>(1'000'000'000'000));
+  r.slot_end = r.slot_start + HostTime(random.whole<std::int64_t>(3'000'000'000));
+  r.slot_utc = UtcTime(random.whole<std::int64_t>(2'000'000'000'000'000'000));
+  r.valid = SensorSet::from_bits(random.whole<std::uint32_t>(7));
+  r.missing = SensorSet::from_bits(random.whole<std::uint32_t>(7));
+  r.label = random.text();
+  TagCounts& c = r.spd_counts;
+  for (std::uint64_t* n :
+       {&c.tags, &c.starts, &c.in_range, &c.out_of_range, &c.without_start, &c.other, &c.missed,
+        &c.overflows, &c.errors, &c.bad_tags, &c.backwards, &c.removed})
+    *n = random.whole<std::uint64_t>();
+  for (const Sensor s : all_sensors) {
+    r.sync[s] = {random.real(), random.real(), random.whole<std::uint64_t>(),
+                 random.whole<std::uint64_t>(), random.text()};
+    if (random.coin())
+      r.clocks[s] =
+          ClockState{random.real(), random.real(), random.real(), random.whole<std::uint64_t>()};
+  }
+  SlotStatistics& slot = r.statistics;
+  slot = {random.whole<std::uint64_t>(), random.whole<std::uint64_t>(), {}, {}, random.real()};
+  if (random.coin()) slot.radar_last = random.whole<std::uint32_t>();
+  if (random.coin()) slot.depth_last = random.whole<std::uint32_t>();
+  if (random.coin()) r.signal.clicks_a_pulse = std::abs(random.real());
+  for (auto* v : {&r.signal.spd_clicks, &r.signal.spd_peak_m, &r.signal.radar_snr_db,
+                  &r.signal.radar_peak_m, &r.signal.depth_share})
+    if (random.coin()) *v = random.real();
+  if (random.coin()) {
+    RadarStats& stats = r.radar_stats.emplace();
+    for (auto* v : {&stats.inter_frame_processing_us, &stats.transmit_us,
+                    &stats.inter_frame_margin_us, &stats.inter_chirp_margin_us,
+                    &stats.active_frame_load_percent, &stats.inter_frame_load_percent})
+      *v = random.whole<std::uint32_t>();
+  }
+  if (random.coin()) {
+    RadarTemperature& temperature = r.radar_temperature.emplace();
+    temperature.invalid = random.coin();
+    temperature.time_ms = random.whole<std::uint32_t>();
+    for (auto& celsius : temperature.celsius) celsius = static_cast<std::int16_t>(random.real());
+  }
+  if (random.coin()) {
+    Speckle& speckle = r.speckle.emplace(Speckle{std::abs(random.real()), {}, {}});
+    if (random.coin()) speckle.over_carriers = std::abs(random.real());
+    if (random.coin()) speckle.over_150_ms = std::abs(random.real());
+  }
+  r.array_frames = random.whole<std::uint64_t>(100);
+  if (r.has(Sensor::spd)) r.spd = random.values<std::uint32_t>(axes[0].count);
+  if (r.has(Sensor::radar)) r.radar = random.values<float>(axes[1].count);
+  if (r.has(Sensor::radar) && random.coin()) {
+    r.array.assign(axes[2].count * values_of_bin(antennas), 0);
+    for (std::size_t bin = 0; bin < axes[2].count; ++bin)  // packed without a loss
+      std::fill_n(r.array.begin() +
+                      static_cast<std::ptrdiff_t>(bin * values_of_bin(antennas) + 2 * antennas),
+                  antennas, static_cast<float>(random.whole<int>(100)));
+  }
+  if (r.has(Sensor::depth))
+    r.depth_mm = random.values<std::uint16_t>(std::size_t{axes[3].count} * axes[4].count);
+  return r;
+}
+
+// Columns by their names and value as SQLite would take it, so that a new field is compared as
+// well.
+std::vector<std::string> values_of(const FusedRecord& r) {
+  const std::string name = ":memory:";
+  const DatabaseHandle db = open_database(name, "cannot open", SQLITE_OPEN_MEMORY);
+  execute(db.get(), name, table_of<FusedRecord>().create().c_str(), "cannot create");
+  insert(db.get(), name, r);
+  std::vector<std::string> out;
+  sqlite3_exec(
+      db.get(), table_of<FusedRecord>().select().c_str(),
+      [](void* all, int count, char** values, char** names) {
+        for (int i = 0; i < count; ++i)
+          static_cast<std::vector<std::string>*>(all)->push_back(std::string(names[i]) + " " +
+                                                                 (values[i] ? values[i] : "NULL"));
+        return 0;
+      },
+      &out, nullptr);
+  return out;
+}
+
+void check_same(const FusedRecord& read, const FusedRecord& wrote) {
+  CHECK(values_of(read) == values_of(wrote));
+  CHECK(read.index == wrote.index);
+  CHECK(read.slot_utc == wrote.slot_utc);
+  CHECK(read.label == wrote.label);
+  CHECK(read.spd_counts == wrote.spd_counts);
+  CHECK(read.signal == wrote.signal);
+  CHECK(read.speckle == wrote.speckle);
+  for (const Sensor s : all_sensors) {
+    CHECK(read.sync[s].offset_s == wrote.sync[s].offset_s);
+    CHECK(read.sync[s].verdict == wrote.sync[s].verdict);
+    REQUIRE(read.clocks[s].has_value() == wrote.clocks[s].has_value());
+    if (read.clocks[s]) CHECK(read.clocks[s]->residual_s == wrote.clocks[s]->residual_s);
+  }
+  const bool measured = wrote.radar_temperature && wrote.radar_temperature->invalid == 0;
+  REQUIRE(read.radar_temperature.has_value() == measured);
+  if (measured) CHECK(read.radar_temperature->celsius[9] == wrote.radar_temperature->celsius[9]);
+  CHECK(read.statistics.depth_last == wrote.statistics.depth_last);
+  CHECK(read.spd == wrote.spd);
+  CHECK(read.radar == wrote.radar);
+  CHECK(read.depth_mm == wrote.depth_mm);
+  REQUIRE(read.array.size() == wrote.array.size());
+  for (std::size_t i = 0; i < read.array.size(); ++i)
+    CHECK(read.array[i] == Approx(wrote.array[i]).margin(1e-2));
+}
+
+std::vector<FusedRecord> write_random(const std::string& path, unsigned seed) {
+  Random random(seed);
+  const auto axes = axes_of(random);
+  RunWriter run(path, {});
+  for (const Axis& axis : axes) run.put_axis(axis);
+  std::vector<FusedRecord> records;
+  for (std::int64_t i = 0; i < 12; ++i) {
+    records.push_back(record_of(i, axes, random));
+    run.append(records.back());
+  }
+  run.close("complete");
+  return records;
+}
+
+}  // namespace
+
+TEST_CASE("a record is read as it was written, whatever of it is there") {
+  const Folder folder;
+  for (unsigned seed = 0; seed < 20; ++seed) {
+    CAPTURE(seed);
+    const std::string path = folder / std::to_string(seed);
+    const std::vector<FusedRecord> wrote = write_random(path, seed);
+    const RunReader run(path);
+    const std::vector<FusedRecord> outlines = run.outlines(0);
+    REQUIRE(outlines.size() == wrote.size());
+    for (std::size_t i = 0; i < wrote.size(); ++i) {
+      check_same(run.read(static_cast<std::int64_t>(i)), wrote[i]);
+      CHECK(values_of(outlines[i]) == values_of(wrote[i]));
+    }
+  }
+}
+
+TEST_CASE("what a run says of itself is read as it was written") {
+  const Folder folder;
+  const std::string path = folder / "a";
+  Random random(1);
+  RunInfo info;
+  info.uuid = "u", info.started_utc = "2026-01-01T00:00:00.000Z", info.config_text = random.text();
+  info.config_resolved = "b", info.radar_cfg = "c", info.version = "d", info.host = "e";
+  info.operator_name = "f", info.notes = "g", info.window_s = 0.25, info.first_index = 7;
+  info.meta = {{"z", "1"}, {"a", "\"\n\xc3\xa9"}, {"", ""}};
+  const std::vector<CalibrationEntry> calibrations{{Sensor::radar, "2026", "plate", 1, 2, 3}};
+  const Antennas places{{0, 1, 2, 3}, {4, 5, 6, 7}};
+  {
+    RunWriter run(path, info);
+    run.put_policy(Sensor::depth, "optional");
+    run.put_policy(Sensor::spd, "optional");
+    run.put_policy(Sensor::spd, "required");
+    run.put_device({Sensor::spd, "address", "model", "serial", "firmware", {}});
+    run.put_device({Sensor::spd, "address", "model", "serial", "later", {}});
+    run.put_device({Sensor::radar, "", "", "", "", {}});
+    run.put_calibration(calibrations[0]);
+    run.put_antennas({});
+    run.put_antennas(places);
+    run.put_anchor(HostTime(3), UtcTime(4));
+    run.put_late(2, {{0, {1, 2, 3}}, {1, {4, 5, 6}}});
+    run.put_late(2, {{1, {1, 1, 1}}});
+    run.put_event(UtcTime(0), Severity::error, "radar", "x");
+    const Counted counted{"spd", "tags", 9, 0};
+    run.put_counters({&counted, 1});
+    run.close("complete");
+  }
+  const RunReader run(path);
+  const RunInfo read = run.info();
+  CHECK(read.meta == info.meta);
+  CHECK(read.first_index == 7);
+  CHECK(read.window_s == 0.25);
+  for (const auto text : {&RunInfo::uuid, &RunInfo::started_utc, &RunInfo::config_text,
+                          &RunInfo::config_resolved, &RunInfo::radar_cfg, &RunInfo::version,
+                          &RunInfo::host, &RunInfo::operator_name, &RunInfo::notes})
+    CHECK(read.*text == info.*text);
+  CHECK(run.policies() ==
+        std::map<std::string, std::string>{{"spd", "required"}, {"depth", "optional"}});
+  REQUIRE(run.devices().size() == 3);
+  CHECK(run.devices()[1].firmware == "later");
+  CHECK(run.calibrations() == calibrations);
+  CHECK(run.antennas() == places);
+  CHECK(run.anchors().at(0).utc == UtcTime(4));
+  CHECK(run.late() == PerSensor<std::int64_t>{6, 8, 10});
+  CHECK(run.events().at(0).level == "error");
+  CHECK(run.counters().at(0).value == 9);
+}
+
+// For tests/python/test_format.py: 20 runs, and beside each what RunReader reads of it.
+TEST_CASE("random runs for another reader", "[.random_runs]") {
+  const char* folder = std::getenv("ECHOFUSE_RANDOM_RUNS");
+  REQUIRE(folder);
+  for (unsigned seed = 100; seed < 120; ++seed) {
+    const std::string path = std::string(folder) + "/" + std::to_string(seed) + ".sqlite";
+    write_random(path, seed);
+    std::ofstream out(path + ".read", std::ios::binary);
+    const auto put = [&](ByteView bytes) {
+      out.write(reinterpret_cast<const char*>(bytes.data()),
+                static_cast<std::streamsize>(bytes.size()));
+    };
+    RunReader(path).for_each([&](const FusedRecord& r) {
+      put(as_bytes(std::vector<std::int64_t>{r.index, r.slot_utc.count(), r.valid.bits()}));
+      put(as_bytes(r.spd));
+      put(as_bytes(r.radar));
+      put(as_bytes(r.depth_mm));
+      return true;
+    });
+  }
+}

@@ -1,0 +1,43 @@
+# SPDX-License-Identifier: MIT
+"""Python reads every array of a run as the programs do: 20 runs of random sizes, sensors and values, written by C++."""
+import os
+import subprocess
+
+import numpy as np
+import pytest
+
+import echofuse
+from programs import BIN
+
+
+def test_arrays_of_twenty_runs(tmp_path):
+    writer = BIN.parent / "tests/test_acquire"
+    if not writer.exists():
+        pytest.skip("the tests in C++ are not built")
+    subprocess.run([writer, "[.random_runs]"], check=True, stdout=subprocess.DEVNULL,
+                   env=os.environ | {"ECHOFUSE_RANDOM_RUNS": str(tmp_path)})
+    files = sorted(tmp_path.glob("*.sqlite"))
+    assert len(files) == 20
+    for path in files:
+        run = echofuse.open(path)
+        read = b""
+        for row in range(len(run)):
+            bits = sum(bit for name, bit in (("spd", 1), ("radar", 2), ("depth", 4)) if run.valid[name][row])
+            read += np.array([run.index[row], run.time[row].astype(np.int64), bits], "<i8").tobytes()
+            read += run.spd[row].tobytes() if bits & 1 else b""
+            read += run.stored_radar()[row].tobytes() if bits & 2 else b""
+            read += run.depth_mm(row).tobytes() if bits & 4 else b""
+        assert read == (path.parent / (path.name + ".read")).read_bytes(), path
+        assert len(run) == 12
+
+
+def test_another_format_is_refused_with_what_to_do(tmp_path):
+    import sqlite3
+
+    path = tmp_path / "run.sqlite"
+    subprocess.run([BIN / "echofuse-sim", "dataset", "-q", "--records", "2", "--out", path], check=True)
+    for version, advice in ((1, "expected 2; scripts/convert_run makes"), (3, "expected 2; use a newer echofuse")):
+        with sqlite3.connect(path) as db:
+            db.execute(f"PRAGMA user_version = {version}")
+        with pytest.raises(ValueError, match=f"run format {version}, {advice}"):
+            echofuse.open(path)
