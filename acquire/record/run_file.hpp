@@ -27,7 +27,7 @@ namespace echofuse::record {
 class FileWatch;
 class RunReader;
 class Statement;
-class WriterLock;
+struct WriterLock;
 struct Budget;
 
 inline constexpr int application_id = 0x4543464d;  // "ECFM"
@@ -149,11 +149,6 @@ struct Anchor {  // one moment on both clocks
   UtcTime utc{};
 };
 
-struct Anchor {  // one moment by both clocks
-  HostTime mono{};
-  UtcTime utc{};
-};
-
 // A run in numbers, without reading the sensors' data.
 struct RunSummary {
   std::int64_t records = 0, all_valid = 0;  // all_valid: of records with all three sensors
@@ -206,8 +201,6 @@ class RunReader {
   std::vector<Anchor> anchors() const;
   std::vector<CalibrationEntry> calibrations() const;
   Antennas antennas() const;  // empty if the radar sent no samples of them
-  std::map<std::string, std::string> policies() const;  // by sensor
-  std::vector<Anchor> anchors() const;
   std::vector<Event> events() const;
   std::vector<Event> last_events(std::size_t most) const;  // oldest first
   std::vector<Counted> counters() const;

@@ -10,7 +10,7 @@
 namespace echofuse::record {
 
 struct WriterLock : Lock {
-  explicit WriterLock(const std::string& run_path) : Lock(run_path + "-lock", 0644) {}
+  explicit WriterLock(const std::string& run_path) : Lock(run_path + "-lock", 0) {}
   static bool someone_writes(const std::string& run_path) {
     return holder(run_path + "-lock").has_value();
   }

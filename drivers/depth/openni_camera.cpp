@@ -49,7 +49,7 @@ struct OpenNiCamera::Shared : std::enable_shared_from_this<Shared> {
     wake.notify_all();
   }
   bool finished() const { return ended || !thread; }
-  // What was posted is no longer carried out.
+  // Drops the work that was posted.
   void join() {
     stop();
     sink = nullptr;

@@ -133,9 +133,17 @@ class Readable final : public CLI::Formatter {
         {":NONNEGATIVE", " (at least 0)"}};
     std::string text = Formatter::make_option_opts(option);
     for (const auto& [was, now] : plain) text = std::regex_replace(text, std::regex(was), now);
+    text = text.substr(0, std::min(text.find(" Needs:"), text.find(" Excludes:")));
     if (option->get_positional() && std::isupper(option->get_name(true).front()) != 0)
       text.erase(0, text.find(' ', 1));  // its name says what it is
     return text;
+  }
+  std::string make_option_desc(const CLI::Option* option) const override {
+    std::string others;
+    for (const CLI::Option* other : option->get_excludes())
+      others += (others.empty() ? "; not with " : " or ") + other->get_name();
+    for (const CLI::Option* other : option->get_needs()) others += "; with " + other->get_name();
+    return option->get_description() + others;
   }
 };
 

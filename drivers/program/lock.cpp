@@ -12,6 +12,7 @@
 #include <utility>
 
 #include "drivers/program/exit_code.hpp"
+#include "drivers/program/new_file.hpp"
 #include "drivers/program/printable.hpp"
 
 namespace echofuse {
@@ -33,8 +34,9 @@ int open_or_make(const std::string& path, mode_t mode) {
   for (int tries = 0; tries < 10; ++tries) {  // its holder may remove it meanwhile
     int fd = ::open(path.c_str(), flags | O_RDWR);
     if (fd >= 0 || errno != ENOENT) return fd;
-    fd = ::open(path.c_str(), flags | O_RDWR | O_CREAT | O_EXCL, mode);
-    if (fd >= 0) static_cast<void>(::fchmod(fd, mode));
+    fd = ::open(path.c_str(), flags | O_RDWR | O_CREAT | O_EXCL, mode ? mode : 0644);
+    if (fd >= 0 && mode) static_cast<void>(::fchmod(fd, mode));
+    if (fd >= 0 && !mode) let_group_read(fd);
     if (fd >= 0 || errno != EEXIST) return fd;
   }
   return -1;

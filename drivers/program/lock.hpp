@@ -11,7 +11,8 @@ namespace echofuse {
 // Ends with this object or its process. The file stays, empty, unless its holder removes it.
 class Lock {
  public:
-  // Takes the lock if it is free. A new file has this mode, whatever the umask. Throws Error:
+  // Takes the lock if it is free. A new file has this mode, whatever the umask; of
+  // mode 0 that of the umask, and the group may read it. Throws Error:
   // failed if PATH is something else than a lock file (a link, a folder, a file with contents),
   // which is left alone; disk if the file can neither be opened nor made.
   Lock(std::string path, mode_t mode);

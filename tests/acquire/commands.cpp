@@ -54,9 +54,8 @@ TEST_CASE("no run without a required device") {
 }
 
 TEST_CASE("help, version and usage errors") {
-  for (const char* command :
-       {"", "run", "devices", "doctor", "config", "config check", "config show", "info",
-        "annotate", "list", "calibrate", "import"}) {
+  for (const char* command : {"", "run", "devices", "doctor", "config", "config check",
+                              "config show", "info", "annotate", "list", "calibrate", "import"}) {
     const Outcome o = acquire(std::string(command) + " --help");
     CAPTURE(command, o.text);
     CHECK(o.code == 0);
@@ -134,8 +133,7 @@ TEST_CASE("a FIFO in place of a file is refused, and nobody waits for its writer
   write_run(folder / "a.sqlite", 2);
   REQUIRE(::mkfifo((folder / "f.sqlite").c_str(), 0666) == 0);
   const std::string fifo = folder / "f.sqlite", why = "f.sqlite: is a FIFO; expected a regular";
-  for (const std::string& command :
-       {"info " + fifo, "annotate " + fifo + " x"})
+  for (const std::string& command : {"info " + fifo, "annotate " + fifo + " x"})
     refuses(command, 1, why);
   refuses("info /dev/null", 1, "/dev/null: is a device; expected a regular file");
   refuses("config check --config " + fifo, 3, why);
