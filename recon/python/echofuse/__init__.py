@@ -15,7 +15,7 @@ from .record import Record
 from .run import Axis, Run, open  # noqa: A004 (the name that is wanted)
 from .splits import Split, split_rows
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 
 

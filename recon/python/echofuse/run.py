@@ -394,6 +394,6 @@ class Run:
         out = np.full((len(self), count), missing, kind)
         for row, blob in self._blobs(sensor):
             if len(blob) != (size := count * out.itemsize):
-                raise ValueError(f"{self.path}: record {self.index[row]}: {sensor} has {len(blob)} bytes; its axis asks for {size}")
+                raise ValueError(f"{self.path}: record {self.index[row]}: {sensor} has {len(blob)} bytes, its axis asks for {size}")
             out[row] = np.frombuffer(blob, kind)
         return out
