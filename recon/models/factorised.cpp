@@ -26,8 +26,8 @@ float intersection_over_union(std::span<const float> map, std::span<const float>
   return any > 0 ? static_cast<float>(both) / static_cast<float>(any) : 0;
 }
 
-// Targets of the place networks: metres to the right of the axis at the body's range, and metres of
-// the mean depth behind that range.
+// Targets of the place networks, m: lateral position at the body's range, and mean depth behind
+// that range.
 std::array<float, 2> position_target(const Place& place, float range_m) {
   return {place.tangent * range_m, place.depth_m - range_m};
 }
@@ -104,7 +104,7 @@ TrainingLog Factorised::fit(const Samples& train, const Samples& validation,
 }
 
 // Turns every body of a batch; retarget(place, range_m, target) writes the targets at the new
-// place. It is empty if nobody is to be turned. Validation uses the records as they are.
+// place. Empty if nobody is to be turned. Validation uses the records as they are.
 Redraw Factorised::turning(const TurnedBodies& turned, const Retarget& retarget) const {
   if (!turned.changes()) return {};
   return [this, &turned, retarget](std::span<const std::size_t> batch, Matrix& inputs,

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: MIT
-// The factorised model takes the scene apart. It finds where the body is (from the radar profile's
-// shift against the histogram) and what it looks like there (a few masks and depths in a frame that
-// moves with the body), and draws it into the map. The place and the amounts of the shapes come
-// from small networks. It needs both sensors and one thing that stands out from the background. The
-// silhouette is the same without the last network: the mean body, placed.
+// Factorised model: takes the scene apart into place and appearance. Place: from the radar
+// profile's shift against the histogram. Appearance: a few masks and depths in a frame that moves
+// with the body, drawn into the map. Small networks give the place and the amounts of the shapes.
+// Needs both sensors, and one thing that stands out from the background. The silhouette is the same
+// without the last network: the mean body, placed.
 #pragma once
 #include <functional>
 #include <memory>

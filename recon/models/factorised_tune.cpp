@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
-// The factorised model is tuned to another room: its networks go on from what they know, and the
-// mean body moves to that of the people there. The components of bodies, the threshold and the
-// scaling stay.
+// Tuning of the factorised model to another room. Its networks go on from what they know; the mean
+// body moves to that of the people there. The components of bodies, the threshold and the scaling
+// stay.
 #include "recon/method/method.hpp"
 #include "recon/models/factorised.hpp"
 

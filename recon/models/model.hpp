@@ -25,8 +25,8 @@ struct Samples {
   const Matrix& maps;  // metres
   Rows rows;
   const Scene* scene = nullptr;  // learnt from the training rows, for models that need it
-  // Models that take aligned inputs get the alignment that made them, and the radar's power and
-  // lags as they were recorded.
+  // Alignment that made the inputs, for models that take aligned ones; with the radar's power and
+  // lags as recorded.
   const Alignment* alignment = nullptr;
   const Matrix* radar = nullptr;
   const Matrix* array = nullptr;
@@ -38,7 +38,7 @@ class Model {
   virtual TrainingLog fit(const Samples& train, const Samples& validation,
                           const FitOptions& options) = 0;
   // Returns a copy of a trained model that is adapted to a few records of another room, with their
-  // scene, or nothing if this kind of model cannot do it.
+  // scene. Null if this kind of model cannot do it.
   virtual std::unique_ptr<Model> tuned(const Samples&, const Tuning&) const { return {}; }
   // A model that places a body shows this background behind it from now on; others return false.
   virtual bool show_background(std::span<const float>) { return false; }
@@ -66,8 +66,8 @@ struct ModelKind {
   Size size;
   FitOptions own;  // the best options on validation records at the base condition
 };
-// A new kind needs a row there, its own file, and a place in candidates() in
-// train/crossvalidate.cpp if `--model auto` shall try it.
+// A new kind needs a row there and its own file. If `--model auto` shall try it, also a place in
+// candidates() in train/crossvalidate.cpp.
 const std::vector<ModelKind>& model_kinds();        // by increasing cost
 const ModelKind& kind_of(const std::string& name);  // throws Error(usage)
 std::vector<std::string> model_names();
@@ -83,8 +83,11 @@ std::unique_ptr<Model> make_pca(std::unique_ptr<Model> inner);  // maps from few
 std::unique_ptr<Model> make_silhouette();                       // the mean body, placed
 std::unique_ptr<Model> make_factorised();  // place, and shape in the body's own frame
 
-// Model of a given size: "mlp-1024-512-256" has hidden layers of these widths, "factorised-8" has 8
-// components, "nearest-16" has 16 neighbours, "paper" is the paper's network.
+// Model of a given size, by name:
+//   "mlp-1024-512-256"  hidden layers of these widths
+//   "factorised-8"      8 components
+//   "nearest-16"        16 neighbours
+//   "paper"             the paper's network
 struct Candidate {
   std::string name, model;
   FitOptions fit;

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: MIT
-// The model finds nearest neighbours in the scaled inputs: it does what a look-up table of the
-// training set can do. The answer is the mean of their maps, the nearer the heavier; with one
-// neighbour it is its map.
+// Nearest neighbours in the scaled inputs: what a look-up table of the training set can do. The
+// answer is the mean of their maps, the nearer the heavier; with one neighbour its map.
 #include <algorithm>
 #include <cmath>
 #include <numeric>

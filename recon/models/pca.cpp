@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// The model answers with few numbers, the amounts of the strongest principal components of the
-// training maps, instead of every pixel. Its last and largest layer is fixed, not fitted.
+// Answers with the amounts of the strongest principal components of the training maps, instead of
+// every pixel. Its last and largest layer is fixed, not fitted.
 #include "recon/models/model.hpp"
 #include "recon/numbers/components.hpp"
 

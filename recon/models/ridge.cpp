@@ -1,8 +1,7 @@
 // SPDX-License-Identifier: MIT
-// The model is a ridge regression from the scaled inputs to the map. It is solved through the
-// singular values of the inputs, never through their normal equations, so that
-// neighbouring, nearly equal bins do no harm. The penalty is chosen by generalised cross-validation
-// (Golub, Heath and Wahba, Technometrics 21, 215, 1979).
+// Ridge regression from the scaled inputs to the map. Solved through the singular values of the
+// inputs, so that neighbouring, nearly equal bins do no harm. Generalised cross-validation chooses
+// the penalty (Golub, Heath and Wahba, Technometrics 21, 215, 1979).
 #include <Eigen/Core>
 #include <algorithm>
 #include <cmath>

@@ -12,8 +12,8 @@ namespace echofuse::recon {
 namespace {
 
 constexpr float b1 = 0.9f, b2 = 0.999f, epsilon = 1e-8f;
-// Smaller gradients and moments count as 0. They move no weight, as epsilon is so much larger, but
-// their products are subnormal, and processors work slowly with these. NaN stays.
+// Smaller gradients and moments count as 0: far below epsilon, no weight moves by them. Their
+// products would be subnormal, which processors compute slowly. NaN stays.
 constexpr float least_gradient = 1e-16f, least_moment = 1e-30f;
 
 // Function of its own, because the compiler vectorises over plain arguments only.

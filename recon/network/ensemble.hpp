@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 // An ensemble answers with the mean of a few small networks, trained apart. Their errors differ
-// where the records say little, so the mean errs less than each (Breiman, Machine Learning 24, 123,
-// 1996).
+// where the records say little, so the mean errs less than each. Source: Breiman, Machine Learning
+// 24, 123, 1996.
 #pragma once
 #include <string>
 #include <vector>

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: MIT
-// A fully connected network is plain arithmetic: a list of (W, b) in one flat parameter array, and
-// a forward and a backward pass over a batch. Rectifiers are between the layers; the last layer is
-// linear.
+// Fully connected network: a list of (W, b) in one flat parameter array. A forward and a backward
+// pass take a batch. Rectifiers are between the layers; the last layer is linear.
 #pragma once
 #include <cstddef>
 #include <vector>
@@ -38,8 +37,8 @@ template <class T>
 void forward(const Network& network, const std::vector<T>& parameters, const T* inputs,
              std::size_t batch, Activations<T>& activations);
 
-// On entry activations.back() holds dL/d(output). It adds dL/d(parameters) to the gradient; an
-// empty gradient counts as zeros. The activations are used up.
+// Adds dL/d(parameters) to the gradient; an empty gradient counts as zeros. On entry
+// activations.back() holds dL/d(output). The activations are used up.
 template <class T>
 void backward(const Network& network, const std::vector<T>& parameters, const T* inputs,
               std::size_t batch, Activations<T>& activations, std::vector<T>& gradient);

@@ -145,8 +145,8 @@ void Regression::tune(const Examples& train, const Training& training, const std
   if (!interrupted()) parameters_ = std::move(s.parameters);
 }
 
-// Medians do not follow the few bodies that stand where the other side would be as likely: the
-// slope is the median of those between any two records (Theil, Indagationes Math. 12, 85, 1950).
+// Slope: the median of those between any two records (Theil, Indagationes Math. 12, 85, 1950).
+// Medians do not follow the few bodies that stand where the other side would be as likely.
 void Regression::correct(const Examples& train) {
   constexpr double least_scale = 0.5, most_scale = 2;
   const Matrix found = predict(take_rows(train.inputs, train.rows));

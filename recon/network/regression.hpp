@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// A network is fitted by least squares to a table of targets. It learns the difference to their
+// Fits a network by least squares to a table of targets. The network learns the difference to their
 // mean in units of their spread, so that training starts from the mean.
 #pragma once
 #include <functional>
@@ -22,8 +22,8 @@ struct Examples {
   const Rows& rows;
 };
 
-// An error in a target counts in one of two ways: by the same number in every column (pixels of one
-// map), or in standard deviations of its own column (numbers of different kinds).
+// Unit of an error: the same for all columns (pixels of one map), or each column's standard
+// deviation.
 enum class Spread : bool { common, each };
 
 // Replaces these examples by others of the same kind, anew in each epoch, so that copies take no
@@ -69,7 +69,7 @@ class Regression {
   // Moves the answers by part of their median error, and scales them by part of the median slope
   // (Tuning::belief).
   void correct(const Examples& train);
-  // Trains on from the present weights, with their scaling: moves the answers by part of their mean
+  // Trains on from the present weights, with their scaling. Moves the answers by part of their mean
   // error, then trains all epochs, or until an interrupt.
   void tune(const Examples& train, const Training& training, const std::string& title);
   Matrix predict(const Matrix& inputs) const;

@@ -22,9 +22,9 @@ struct FitOptions {
   bool quiet = false;
 };
 
-// There is one entry an epoch; the lists are empty for models that are fitted in one step. The
-// entries are root mean square errors: for an mlp in metres, for a pca-mlp in amounts of the
-// components, for a factorised model those of the place, in units of its spread.
+// Root mean square errors, one entry an epoch; empty for models that are fitted in one step. Units:
+// metres for an mlp, amounts of the components for a pca-mlp. A factorised model has those of the
+// place, in units of its spread.
 struct TrainingLog {
   std::vector<double> loss, validation_loss;
   std::size_t best_epoch = 0;  // kept epoch, counted from 1; 0: none beat the mean
@@ -36,8 +36,8 @@ struct Tuning {
   // L2 penalty to the old weights: weight of the mean squared distance from them, times the number
   // of records. INFINITY leaves the networks unchanged.
   double pull = 1;
-  // With networks that stay, a model that places a body still learns by how much and in what scale
-  // its places are off, and its mean body.
+  // With networks that stay, a model that places a body still learns its mean body. Also learns the
+  // offset and scale of its places.
   bool correct = false;
   // Models that place a body turn the bodies (method/turned.hpp). With few records that does harm.
   bool turn = false;

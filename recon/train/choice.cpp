@@ -11,7 +11,7 @@ namespace echofuse::recon {
 namespace {
 
 constexpr std::size_t folds = 4;
-// A centimetre of lateral error counts as much as this IoU. By quarters of the lateral error (0.5
+// IoU that counts as much as a centimetre of lateral error. By quarters of the lateral error (0.5
 // to 7.3 cm) the maps of one model have an IoU of .671 to .510.
 constexpr double iou_a_metre = 2.4;
 constexpr std::uint64_t fold_stream = 0x74756e65;  // "tune"

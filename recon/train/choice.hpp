@@ -10,8 +10,7 @@
 
 namespace echofuse::recon {
 
-// The object keeps references to its arguments. It judges the maps in this scene. All data hold the
-// same records.
+// Keeps references to its arguments. Scores the maps in this scene. All data hold the same records.
 class Choice {
  public:
   Choice(const Scene& judged_by, const Split& split, const SplitOptions& options);
@@ -19,14 +18,14 @@ class Choice {
   using Fit = std::function<Estimator(const Rows& rows)>;
   // Fits one model a fold, and scores it on the held-out records. Throws Error(interrupted).
   void add(const std::string& name, const Dataset& data, Fit fit);
-  // Chooses the best of the models that are better than the first one by this many standard errors,
-  // or else the first one.
+  // Chooses the best of the models that beat the first one by this many standard errors, else the
+  // first one.
   void choose(double errors);
 
   std::size_t chosen() const { return chosen_; }  // in the order of the tries
   bool is(const std::string& name) const { return entries_[chosen_].row.name == name; }
-  // Returns by how much this choice is better than another one of the same records, or 0 if by
-  // less than so many standard errors.
+  // Returns the gain of this choice over another one of the same records. 0 if it is below so many
+  // standard errors.
   double gain_over(const Choice& other, double errors) const {
     return gain_of(entries_[chosen_], other.entries_[other.chosen_], errors);
   }

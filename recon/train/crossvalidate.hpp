@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
 // `train --model auto`: k-fold cross-validation among the training records scores each candidate.
-// In a sequence the folds are blocks, so that no record is judged by a model that has seen its
+// In a sequence the folds are blocks. So no record is judged by a model that has seen its
 // neighbours in time.
 #pragma once
 #include <string>
@@ -18,8 +18,8 @@ struct CrossvalidatedRow : ScoredRow {
 };
 
 // The means are over all maps. In a sequence neighbours resemble each other, so the standard error
-// is that of the folds: se^2 = K / (K - 1) sum_k (sum over k - n_k mean)^2 / n^2. Otherwise it is
-// that of single maps.
+// is that of the folds. Formula: se^2 = K / (K - 1) sum_k (sum over k - n_k mean)^2 / n^2.
+// Otherwise that of single maps.
 using Folds = std::vector<std::vector<MapScores>>;  // for each fold, its maps
 Summaries summarise(const Folds& folds, bool sequence);
 
@@ -33,8 +33,8 @@ std::vector<std::string> candidates(Inputs inputs);
 std::string usual_model(Inputs inputs);
 
 // Returns the cheapest model (multiply-adds) whose IoU is within one standard error of the best
-// one's (Breiman et al., Classification and Regression Trees, 1984, 3.4.3). If none has an IoU, as
-// no body stands out, RMSE takes its place. Throws Error(failed) if none has that.
+// one's. Source: Breiman et al., Classification and Regression Trees, 1984, 3.4.3. If none has an
+// IoU, as no body stands out, RMSE takes its place. Throws Error(failed) if none has that.
 std::size_t cheapest_within_one_se(const std::vector<CrossvalidatedRow>& rows);
 
 // Text of one line a model: accuracy, cost, and which is chosen.

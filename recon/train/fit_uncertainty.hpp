@@ -20,19 +20,18 @@ struct Judged {
   const Estimator& model;
   Rows rows;
 };
-// The uncertainty comes from the model's own answers, or from those of similar models that were
-// trained on part of its records (cross-fitting; Chernozhukov et al., Econometrics Journal 21, C1,
-// 2018). Row i of the views belongs to record i of the data; `usual` are the rows that are in
-// distribution.
+// Fits the uncertainty to the model's own answers, or to those of similar models trained on part of
+// its records. Source of such cross-fitting: Chernozhukov et al., Econometrics Journal 21, C1,
+// 2018. Row i of the views belongs to record i of the data. `usual`: rows that are in distribution.
 UncertaintyModel fit_uncertainty(const Estimator& model, const Dataset& data, const Matrix& views,
                                  const Rows& usual, const std::vector<Judged>& judged,
                                  std::uint64_t seed);
-// If there are enough validation records, the uncertainty comes from the model's own answers to
-// them: 500 hold 90 % to a standard error of .013 (of the network for the SPD alone 150 are enough,
-// as it is seldom asked). Otherwise models that `fit` makes answer for
-// records that they have not seen: with less than 2000 records four models of three quarters each,
-// else one model of a half. The parts are blocks if the split is in blocks. It returns nothing if
-// interrupted.
+// Returns the uncertainty, or nothing if interrupted. The parts are blocks if the split is in
+// blocks. Answers that it is fitted to:
+//   500 and more validation records  the model's own; they hold 90 % to a standard error of .013
+//                                    (150 do for the SPD alone, which is seldom asked)
+//   else below 2000 records          four models of `fit`, of three quarters each
+//   else                             one model of `fit`, of a half
 std::optional<UncertaintyModel> fit_uncertainty(const Estimator& model, const Dataset& data,
                                                 const Matrix& views, const Split& split,
                                                 const SplitOptions& options,

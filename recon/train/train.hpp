@@ -24,18 +24,18 @@ struct TrainOptions {
   std::string doubtful = "leave";  // or take: records whose verdict is not ok (Dataset::doubt_of)
 };
 
-// Records that a training learns from, and a line that counts the others by reason: a sensor that
-// is missing, dead or doubtful, a copy of a record before, damaged. Empty if all train.
+// Records that a training learns from, and a line that counts the others by reason. Reasons: a
+// sensor missing, dead or doubtful; a copy of a record before; damaged. Empty if all train.
 struct TrainingRows {
   Rows rows;
   std::string left_out;
 };
-// Throws Error(failed) if no record has a sensor or all are left out, and if more than most_damaged
-// of the records are dead or damaged.
+// Throws Error(failed) if no record has a sensor, or all are left out. Throws it also if more than
+// most_damaged of the records are dead or damaged.
 TrainingRows rows_to_train(const Dataset& data, Inputs inputs);
 
-// Returns a line if the nearest depth map of many records is that of a neighbour in time, so that a
-// random split would judge records by their likes; else nothing. By a sample of the rows.
+// Returns a line if a random split would judge records by their likes, else nothing. Criterion: for
+// many of a sample of rows the nearest depth map is that of a neighbour in time.
 std::string alike_neighbours(const Dataset& data, const Rows& rows);
 
 // Splits the usable records, fits, and returns the model with the records it has seen. Throws

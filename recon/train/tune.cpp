@@ -37,8 +37,7 @@ bool can_be_tuned(const std::string& kind) {
   return wants_alignment(kind) || kind_of(kind).size == ModelKind::Size::hidden;
 }
 
-// The scene is what the maps show behind people: the new place, if it differs from the one that the
-// model knows.
+// Scene behind people by the maps: the new place, if it differs from the one that the model knows.
 Scene scene_for(const Estimator& from, const Dataset& data, const Rows& rows) {
   Scene scene = learn_scene(data.depth, rows, data.map);
   std::size_t changed = 0;

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT
 // Tuning makes a model of another room from a model and a few records of that room.
-// Cross-validation within the records finds how far the old model is to be trusted. It compares the
-// model as it was, the model tuned with a stronger or weaker pull to its old weights, and a model
-// of these records alone. Of several old models it finds the one to start from.
+// Cross-validation within the records finds how far the old model is to be trusted. Candidates: the
+// old model, fine-tuned ones with a stronger or weaker L2 penalty to its weights, and one of these
+// records alone. Takes the best start of several old models.
 #pragma once
 #include <string>
 #include <vector>
@@ -17,12 +17,12 @@ struct TuneOptions {
   static constexpr std::size_t least_alone = 50;  // fewer records make no model of their own
   SplitOptions split;                             // no validation records, which nothing uses
   Tuning tuning;                                  // its pull is chosen
-  bool quiet = true;                              // else it says on stderr what it tries
+  bool quiet = true;                              // false: names the candidates on stderr
   std::string only = {};  // the one row of the table that is tried; empty: all are
 };
 
-// A model to start from, the records as match_for_tuning has made them for it, and the same
-// records on their own axes, brought to one response. A model of these records alone learns those.
+// A model to start from, and the records as match_for_tuning has made them for it. Also the same
+// records on their own axes, with one response, for a model of these alone.
 struct Start {
   const TrainedModel& model;
   const Dataset& data;
@@ -41,13 +41,12 @@ struct TunedModel {
 // Error(failed) that names what does not fit.
 void match_for_tuning(const TrainedModel& from, const std::string& path, Dataset& data);
 
-// All starts have the same records. The start whose outcome has the best score is taken; of few
-// records an outcome other than the model as it was has to be plainly better within its start.
-// Throws Error(failed) unless each is of a kind that can be tuned, and for fewer than least_records
-// records.
+// Tunes from the start whose outcome has the best score. All starts have the same records. With few
+// records the old model stays unless an outcome is plainly better within its start. Throws
+// Error(failed) for fewer than least_records records, or a kind that cannot be tuned.
 TunedModel tune(const std::vector<Start>& starts, const TuneOptions& options);
 
-// The text has one line for each row of the table: accuracy, and which is chosen.
+// Returns one line for each row of the table: accuracy, and which is chosen.
 std::string to_text(const TunedModel& tuned);
 
 }  // namespace echofuse::recon

@@ -14,8 +14,7 @@ namespace echofuse::recon {
 namespace {
 
 constexpr std::size_t least_records = 5;
-// The variance may exceed that of photons alone, which is 1, by a constant and by an amount for
-// each count.
+// Variance over that of photons alone, which is 1: a constant excess, and one for each count.
 constexpr double most_scatter = 4, most_scatter_a_count = 0.002;
 
 std::vector<float> mean_of_rows(const Matrix& table, const Rows& rows) {
@@ -51,7 +50,7 @@ EmptyRoom take(Estimator& model, const std::string& path, const Dataset& empty) 
   return change;
 }
 
-// This is the variance of the counts over that of photons alone. The laser's power may drift.
+// Variance of the counts over that of photons alone. The laser's power may drift.
 double scatter(const Matrix& counts, const Rows& rows, const std::vector<float>& mean) {
   const double usual = std::accumulate(mean.begin(), mean.end(), 0.0);
   double sum = 0, terms = 0;
@@ -126,7 +125,7 @@ std::string take_to_room(TrainedModel& model, const std::string& path, double ra
     text += std::string(text.empty() ? "" : "; ") +
             "the model was trained without --empty: what it learnt of its own walls may mislead it";
   model.match(empty);
-  // The last estimators of the list are removed if what they learnt belongs to the room of the
+  // Removes the last estimators of the list if what they learnt belongs to the room of the
   // training.
   std::erase_if(model.estimators, [&](Estimator& e) {
     return !e.alignment.known() || !e.model->show_background(walls);

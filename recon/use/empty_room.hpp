@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
-// A model that was trained in one room is taken to another one, of which there are records of
-// nobody. The echoes and light of what stands still there are exchanged for those in training, in
-// the histogram, the profile and the antennas' lags, and the maps show the new walls.
+// Takes a model from the room of its training to another room, by a run without people made there.
+// Exchanges the static echoes and light of both rooms in histogram, profile and antennas' lags. The
+// maps show the new walls.
 #pragma once
 #include <string>
 
@@ -9,24 +9,24 @@
 
 namespace echofuse::recon {
 
-// It takes a run without people, on its own axes, and returns the mean of its records. Throws
-// Error(failed) if fewer than five records have all sensors that these data have, or if people are
-// in the run.
+// Returns the mean of the records of `empty`, a run without people on its own axes. Throws
+// Error(failed) if fewer than five records have all sensors of these data, or if people are in the
+// run.
 EmptyRoom empty_room_of(const Dataset& empty, const std::string& path);
 
-// `path` names a run without people. It changes the model's estimators, and returns a text for the
-// user, or nothing. If the run has no depth maps, the maps show the walls of the training. The
-// range offset is taken off the run's radar as off the records' (prepare_records). Throws
-// Error(failed) if the axes are not the model's, no record has its sensors, people are in it, or
-// the model does not place a body.
+// Changes the model's estimators by the run without people at `path`. Returns a text for the user,
+// or nothing. Without depth maps in the run, the maps keep the walls of the training. Subtracts
+// `range_offset_m` from the radar's ranges of that run, as prepare_records does. Throws
+// Error(failed) if the axes are not the model's or no record has its sensors. Throws it also if
+// people are in the run, or the model does not place a body.
 std::string take_to_room(TrainedModel& model, const std::string& path, double range_offset_m = 0);
 
-// Before a training it states the room of the records. Throws Error(failed) if the axes differ, or
-// as empty_room_of().
+// States the room of the records, before a training. Throws Error(failed) if the axes differ, or as
+// empty_room_of().
 void state_empty_room(Dataset& data, const std::string& path);
 
-// The data are on the model's axes. The radar's values become those that the radar would have seen
-// in the room of the training. The histogram stays, as its scatter belongs to its counts.
+// Turns the radar's values into those that it would have seen in the room of the training. `data`
+// is on the model's axes. The histogram stays, because its scatter belongs to its counts.
 void exchange_room(const EmptyRoom& change, Dataset& data);
 
 }  // namespace echofuse::recon

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// An estimator is one way from records to maps: it holds the sensors that it takes, what it learnt,
-// and what it knows of its own errors. A model file holds a list of estimators (trained_model.hpp).
+// Estimator: one way from records to maps, with its sensors, its parameters, and the statistics of
+// its errors. A model file holds a list of estimators (trained_model.hpp).
 #pragma once
 #include <memory>
 #include <optional>
@@ -29,11 +29,11 @@ struct Estimator {
   bool knows_empty_room = false;  // true if it was trained with a run of nobody (state_empty_room)
   double train_s = 0;
 
-  // Steps 1 and 2 of the method make the views of the rows, if the model takes them or if they are
-  // `wanted` for the uncertainty; else there are no columns.
+  // Returns the views of the rows (steps 1 and 2 of the method). Without columns, unless the model
+  // takes them or they are `wanted` for the uncertainty.
   Matrix views(const Dataset& data, const Rows& rows, bool wanted) const;
   // Returns the model's inputs of the rows: their views, or what features.hpp makes of them. Row i
-  // of the views belongs to rows[i]; `scaled` is room for what is made.
+  // of the views belongs to rows[i]. `scaled` is scratch memory.
   const Matrix& inputs(const Dataset& data, const Rows& rows, const Matrix& views,
                        Matrix& scaled) const;
   // Returns the maps of the rows, in metres.
@@ -44,7 +44,7 @@ struct Estimator {
   void archive(Archive archive);
 };
 
-// All models of the same training rows and inputs share it.
+// Shared by all models of the same training rows and inputs.
 struct Preprocessing {
   Scene scene;
   Alignment alignment;   // empty unless wanted, and without a detector

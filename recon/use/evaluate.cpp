@@ -64,7 +64,7 @@ Rows without(const Rows& rows, const Rows& unwanted) {
   return out;
 }
 
-// It adds up the sums of an UncertaintyCalibration.
+// Accumulator of the sums of an UncertaintyCalibration.
 struct StatedUncertainty {
   double within = 0, stated = 0, known = 0, flagged = 0, squares = 0, variance = 0, pixels = 0,
          records = 0;
@@ -90,7 +90,7 @@ struct StatedUncertainty {
   }
 };
 
-// It computes metrics and calibration in parts, which bounds the memory.
+// Computes metrics and calibration in parts, which bounds the memory.
 void score_predictions(const TrainedModel& model, const Records& records, const Rows& rows,
                        const std::string& title, Evaluation& out) {
   const Scene& judge = out.judge.scene;

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: MIT
-// An evaluation holds a model's scores on records it has not seen, those of the baselines, and the
-// cost.
+// Evaluation of a model: scores on records it has not seen, those of the baselines, and the cost.
 #pragma once
 #include <map>
 #include <nlohmann/json_fwd.hpp>
@@ -13,7 +12,7 @@
 
 namespace echofuse::recon {
 
-// This is a row of a table: a way to make maps, and how good they are.
+// Row of a table: a way to make maps, and its scores.
 struct ScoredRow {
   std::string name;
   Summaries metrics;
@@ -26,7 +25,7 @@ struct RunningCost {
   std::size_t model_bytes = 0;
 };
 
-// It says how well the stated uncertainty holds on records with a truth.
+// Agreement of the stated uncertainty with the errors, on records with a truth.
 struct UncertaintyCalibration {
   double within_90 = 0;                 // share of the records within their lateral_interval_90_m
   double lateral_interval_90_m = 0;     // mean
@@ -39,34 +38,33 @@ struct TwoPeopleSeen {
   std::size_t records = 0, flagged = 0;
 };
 
-// Foreground and background of a run belong to the run, whichever model is judged: all rows of a
+// Foreground and background by which maps are scored. Both belong to the run, so that all rows of a
 // table have one judge.
 struct Judge {
   Scene scene;
-  std::string note;  // where they are from, if not from a training; or empty
+  std::string note;  // origin of the scene, if not a training; or empty
 };
 // Learns the judge of other runs from all depth maps of these training runs (at least one).
 Judge judge_of(const Dataset& training);
-// Without such runs it is the model's scene, if the model was trained on this run or in this room.
-// In another room, where more than half of the map's background is elsewhere, the run's own maps
-// say what stands still.
+// Returns the model's scene if it was trained on this run or in this room. If more than half of the
+// map's background differs, the run's own maps say what stands still.
 Judge judge_of(const TrainedModel& model, const Dataset& data);
 
 struct Evaluation {
   std::string model;
   Inputs inputs{};
   std::size_t records = 0;
-  // For each record that was judged these hold its row, its scores, and what the model stated (if
-  // it does).
+  // Judged records: row, scores, and stated uncertainty of each (empty if the model states none).
   Rows rows;
   std::vector<MapScores> scores;
   std::vector<PredictionUncertainty> uncertainties;
   std::map<std::string, std::size_t> fallbacks;  // records for each TrainedModel::note_of
   std::size_t left_out = 0;  // records of a fresh run with depth, of which no map can be made
-  // Records of a fresh run that the model was trained on as those of another run, of so many; they
-  // are left out unless all are judged.
+  // Records of a fresh run that the model was trained on as those of another run, out of `of`. Left
+  // out unless all are judged.
   std::size_t trained_on = 0, of = 0;
-  // Records left out because of a verdict (Dataset::doubt_of), by it, and all scores with them.
+  // Records left out because of a verdict (Dataset::doubt_of), by verdict; and all scores with them
+  // included.
   std::map<std::string, std::size_t> doubtful;
   Summaries with_doubtful = {};
   Judge judge;
@@ -77,27 +75,27 @@ struct Evaluation {
   std::vector<ScoredRow> baselines;  // empty room, mean map, nearest neighbour
   RunningCost cost;
   TwoPeopleSeen two_people;  // counted if the model states its uncertainty
-  // It is empty if the model states no uncertainty. Its numbers are NaN if no record has one.
+  // Empty if the model states no uncertainty. Values are NaN if no record has one.
   std::optional<UncertaintyCalibration> calibration;
 };
 
-// Returns the rows to judge a model by: the held-out ones of a run it was trained on, else those
-// with depth that the model has a map of and, unless `all`, was not trained on. Doubtful ones are
-// left out unless all are. Throws Error(failed) if there are none.
+// Returns the rows to judge a model by. A run it was trained on gives its held-out rows. Another
+// run gives those with depth that the model has a map of and, unless `all`, was not trained on.
+// Leaves doubtful ones out unless all are doubtful. Throws Error(failed) if there are none.
 Rows rows_to_evaluate(const TrainedModel& model, const Dataset& data, bool all);
 
 // Scores one map a row against the depth table's rows.
 std::vector<MapScores> score_maps(const Matrix& maps, const Dataset& data, const Rows& rows,
                                   const Scene& scene);
 
-// The result lacks the baselines and the cost. A title is that of a progress line on stderr.
-// Without a judge it is that of the model and the run.
+// Scores the rows, without baselines and cost. A `title` shows a progress line on stderr. Without
+// `judge` takes that of the model and the run (judge_of).
 Evaluation evaluate(const TrainedModel& model, const Records& records, const Rows& rows,
                     const std::string& title = {}, const std::optional<Judge>& judge = {});
 
-// These rows need no model: the empty room, the mean map, and the map of the nearest of the
-// neighbours. The nearest one is found by the sensors that both data sets have on the same axes, in
-// a fixed scaling ("record"). It is left out if there are no neighbours. A title as above.
+// Scores what needs no model: the empty room, the mean map, and the map of the nearest of the
+// neighbours. Finds the nearest one by the sensors that both data sets have on the same axes, in
+// the scaling "record". Leaves it out if there are no neighbours. `title` as above.
 std::vector<ScoredRow> score_baselines(const Dataset& data, const Rows& rows, const Scene& scene,
                                        const Dataset& neighbours_data, const Rows& neighbours,
                                        const std::string& title = {});
@@ -107,16 +105,16 @@ RunningCost measure_cost(const TrainedModel& model, const Dataset& data, const R
 
 nlohmann::json to_json(const Evaluation& evaluation);
 // Rows of maps and models judged together: {"records", "note", "rows": [{"model", "metrics"}, ...],
-// "trivial"}; "model" and "metrics" of the first row stand beside these, as of a single model.
+// "trivial"}. The first row's "model" and "metrics" stand beside them, as for a single model.
 nlohmann::json to_json(const std::vector<ScoredRow>& rows, const std::vector<ScoredRow>& baselines,
                        std::size_t records, const std::string& note);
-// The text shows rows of metrics, aligned; lengths are in metres.
+// Returns the metrics as aligned rows of text, lengths in metres.
 std::string to_table(const std::vector<ScoredRow>& rows);
 std::string to_text(const Evaluation& evaluation);
-// These notes must be known to read the scores (antennas, fallbacks, records left out). The text
-// has a line for each, or is empty.
+// Returns the notes needed to read the scores (antennas, fallbacks, records left out): a line each,
+// or empty.
 std::string notes(const Evaluation& evaluation);
-// The text has one line.
+// Returns one line.
 std::string to_text(const std::optional<UncertaintyCalibration>& calibration);
 
 }  // namespace echofuse::recon

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// An evaluation is shown as JSON for programs, and as aligned text for people.
+// Output of an evaluation: JSON for programs, aligned text for people.
 #include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
@@ -15,7 +15,7 @@ using nlohmann::json;
 
 json number(double value) { return std::isnan(value) ? json(nullptr) : json(value); }
 
-// Such a metric is defined only for records of some labels.
+// Metrics that are defined only for records of some labels.
 bool is_of_labels(std::size_t metric) { return metric >= metric_iou_person; }
 
 json metrics_json(const Summaries& metrics) {

@@ -47,8 +47,8 @@ Bytes point_cloud(std::span<const float> map, const record::MapGrid& grid, const
   return out;
 }
 
-// It is of the pinhole camera whose images the maps are, as Open3D reads it (intrinsic_matrix, by
-// columns) and ROS has it.
+// Pinhole camera whose images the maps are, as Open3D (intrinsic_matrix, by columns) and ROS read
+// it.
 std::string camera_json(const record::MapGrid& grid) {
   const double f = 1 / grid.step(), c = (grid.size - 1) / 2.0;
   const auto n = static_cast<unsigned>(grid.size);

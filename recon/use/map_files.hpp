@@ -20,21 +20,20 @@ namespace echofuse::recon {
 //           camera.json, with the picture's colours, of the hard map (scene.hpp), as the ripple of
 //           a least-squares map would be a fog of points
 //   npy     maps.npy for all: float32 [n, N, N], metres, NaN where nothing returned; records.csv
-//   says
-//           of which records. `evaluate --maps` reads both.
+//           names their records. `evaluate --maps` reads both.
 //   uncertainty  NNNNNN_sd.png: 16-bit grey, the standard deviation of z in millimetres, 0 if the
 //           estimator that answered states none; beside npy also deviation.npy, NaN there
 // Beside all of them camera.json: the pinhole camera whose images they are, in pixels, and the
 // steps of a metre in NNNNNN_mm.png.
 std::vector<std::string> map_format_names();
-std::string map_format_help();  // each with what it is
+std::string map_format_help();  // a line for each format
 
 // Writes into an existing folder; every member throws Error(disk).
 class MapFiles {
  public:
   MapFiles(std::string folder, const std::vector<std::string>& formats, const Scene& scene);
-  // The files of one map, ready to be written. `deviation`: of every pixel; may be empty unless
-  // uncertainty is wanted. Any thread may call it.
+  // Files of one map, ready to be written. `deviation`: standard deviation of each pixel, m; may be
+  // empty unless uncertainty is wanted. Threading: any thread may call prepare().
   struct File {
     std::string path;
     Bytes contents;
@@ -42,7 +41,7 @@ class MapFiles {
   struct Ready {
     std::int64_t index;
     std::vector<File> pictures;
-    std::vector<float> depths, deviation;  // what npy holds
+    std::vector<float> depths, deviation;  // rows of the .npy files
   };
   Ready prepare(std::int64_t index, std::span<const float> prediction,
                 std::span<const float> deviation) const;

@@ -11,14 +11,14 @@ namespace echofuse::recon {
 struct DepthSpan {
   double near = 2.5, far = 5;  // m
 };
-// This is what the training maps lie in, with room about it: one scale for all maps of a model.
+// Returns the depths of the training maps with a margin: one scale for all maps of a model.
 DepthSpan span_of(const Scene& scene);
 
 // Red, green and blue of each value of a map.
 Bytes depth_colours(std::span<const float> map, const DepthSpan& span);
 
-// A square map, row-major, metres; each pixel `zoom` x `zoom`, from 3 on with a line about what is
-// there. PNG; throws Error(failed) if it cannot be encoded.
+// Returns a PNG of a square map, row-major, metres. Each pixel is `zoom` x `zoom`; from 3 on a line
+// surrounds what is there. Throws Error(failed) if it cannot be encoded.
 Bytes depth_picture(std::span<const float> map, const DepthSpan& span, int zoom);
 
 }  // namespace echofuse::recon

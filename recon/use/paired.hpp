@@ -7,11 +7,12 @@
 
 namespace echofuse::recon {
 
-// By how much the second is better; plus is better, also of an error.
+// Gain of the second over the first: plus is better, also of an error.
 struct PairedDifference {
   Metric metric{};
-  std::size_t records = 0;                                    // that define it in both
-  double first = 0, second = 0, mean = 0, low = 0, high = 0;  // of the gain; low, high: of 95 %
+  std::size_t records = 0;  // records that define the metric in both
+  // Mean of both, the mean gain, and its 95 % interval.
+  double first = 0, second = 0, mean = 0, low = 0, high = 0;
 };
 double gain(Metric metric, double first, double second);
 // Gains in what both define, with intervals by resampled blocks of neighbours.

@@ -25,7 +25,7 @@ ECHOFUSE_CLONES bool all_finite(const float* values, std::size_t count) {
   return beyond == 0;
 }
 
-// It predicts by one estimator; row i of the views belongs to rows[i].
+// Predicts by one estimator. Row i of the views belongs to rows[i].
 Prediction predict_by(const Estimator& by, const Dataset& data, const Rows& rows,
                       const Matrix& views, PredictionDetail detail) {
   Prediction out;
@@ -49,7 +49,7 @@ Prediction predict_by(const Estimator& by, const Dataset& data, const Rows& rows
   return out;
 }
 
-// It moves row i of a part to row places[i] of the whole.
+// Moves row i of a part to row places[i] of the whole.
 void put(Prediction& whole, Prediction part, std::span<const std::size_t> places,
          std::size_t records) {
   if (places.size() == records) return void(whole = std::move(part));
@@ -65,8 +65,8 @@ void put(Prediction& whole, Prediction part, std::span<const std::size_t> places
     whole.uncertainties[places[i]] = std::move(part.uncertainties[i]);
 }
 
-// `views` holds those of every record of the data, or is null. Where no estimator answers, that of
-// the run does.
+// Predicts each record by its estimator, else by that of the run. `views`: of every record of the
+// data, or null.
 Prediction predict(const TrainedModel& model, const Dataset& data, const Rows& rows,
                    const Matrix* views, PredictionDetail detail) {
   if (detail == PredictionDetail::pixels) require_uncertainty(model);

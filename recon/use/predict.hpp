@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Every record takes one way from a run to its prediction. It comes onto the model's axes with true
-// ranges, and is aligned once. Then follow place, shape and map, how far to trust them, and whether
-// the record is like the training ones.
+// Way from a run to its predictions, the same for every record. Steps: the model's axes with true
+// ranges, alignment, place, shape, map, trust, likeness to the training records.
 #pragma once
 #include <string>
 #include <vector>
@@ -10,7 +9,7 @@
 
 namespace echofuse::recon {
 
-// These are records as the model takes them.
+// Records as the model takes them.
 struct Records {
   Dataset data;          // on the model's axes
   Matrix views;          // views of every record, by TrainedModel::for_run
@@ -18,13 +17,12 @@ struct Records {
   std::string response;  // a note about a run that does not state its radar's response, or empty
 };
 
-// It says whether the records as a whole are unlike the model's training records.
+// Tells whether the records as a whole are unlike the model's training records.
 DomainShift domain_shift_of(const TrainedModel& model, const Records& records);
 
-// It takes runs as they were recorded (load_recorded, load_part), or changed records, and prepares
-// them for the model that answers for the run (TrainedModel::for_run). The radar's ranges become
-// shorter by the offset beside what their calibration says, in one interpolation. Throws
-// Error(failed) if the axes are not the model's.
+// Prepares recorded runs (load_recorded, load_part) or changed records for TrainedModel::for_run.
+// `range_offset_m`: how much too long the radar's ranges are beyond their calibration; both are
+// subtracted in one interpolation. Throws Error(failed) if the axes are not the model's.
 Records prepare_records(const TrainedModel& model, Dataset recorded, double range_offset_m = 0);
 
 // Throws Error(failed) if maps are not finite: a file may hold any weights.
@@ -37,13 +35,13 @@ struct Prediction {
   Matrix maps;  // metres
   std::vector<PredictionUncertainty>
       uncertainties;  // empty if no estimator that answers states any
-  // Metres; no rows unless pixels are asked for. The deviation is NaN of an estimator that states
+  // Metres; no rows unless pixels are asked for. `deviation` is NaN where the estimator states
   // none.
   Matrix mean, deviation;
 };
 
-// Where the model falls back, its fallbacks predict. Throws Error(usage) if the model has no
-// uncertainty and pixels are asked for.
+// Predicts; fallbacks answer for records that lack sensors of the first estimator. Throws
+// Error(usage) if the model has no uncertainty and pixels are asked for.
 Prediction predict(const TrainedModel& model, const Records& records, const Rows& rows,
                    PredictionDetail detail);
 Prediction predict(

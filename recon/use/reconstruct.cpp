@@ -73,7 +73,7 @@ class StatusTable {
   std::ofstream out_;
 };
 
-// It is of a run, from records to files.
+// Reconstruction of one run: reads records, predicts maps, writes files and records.csv.
 class Reconstruction {
  public:
   Reconstruction(const TrainedModel& model, const ReconstructOptions& options)
@@ -83,17 +83,17 @@ class Reconstruction {
         table_(options.out + "/records.csv"),
         started_(clock_.now()) {}
 
-  // It is of a run as it is now. All its records are read before the first map, as what is said of
-  // the run is of all of them.
+  // Reconstructs a run as it is now. Reads all its records before the first map, because the notes
+  // about the run are about all of them.
   void take_all(const record::RunReader& run);
-  // This is what has come since the last call; true if there was any record.
+  // Reconstructs what has come since the last call; true if there was any record.
   bool take_new(const record::RunReader& run);
   void close() { files_.close(); }
 
  private:
   Dataset read(const record::RunReader& run, std::size_t at_most);
   Records prepare_new(Dataset data);
-  // Of records in a row, with the files of those that have maps.
+  // Files and statuses of consecutive records; files only of those that have maps.
   using Made = std::vector<std::pair<RecordStatus, std::optional<MapFiles::Ready>>>;
   Made make(const Records& records, std::size_t first, std::size_t count) const;
   void write(const Records& records, std::size_t first, Made made);
@@ -109,11 +109,11 @@ class Reconstruction {
   SystemClock clock_;
   HostTime started_, read_{};
   std::int64_t next_ = 0;
-  std::deque<RecordStatus> bad_;  // read, and not yet told
-  std::string antennas_;          // what was said of them
+  std::deque<RecordStatus> bad_;  // read, not yet reported
+  std::string antennas_;          // the last note about them
 };
 
-// Without the depth camera, whose pictures no map needs.
+// Reads records without the depth camera's pictures, which no map needs.
 Dataset Reconstruction::read(const record::RunReader& run, std::size_t at_most) {
   Dataset out = load_part(run, next_, at_most, sensors_of(model_->features.inputs),
                           [&](std::int64_t index, const std::string& fault) {
@@ -128,8 +128,7 @@ void Reconstruction::take_all(const record::RunReader& run) {
   Progress progress("reconstructing", count, options_.quiet);
   const Records records = prepare_records(model_, read(run, count), options_.range_offset_m);
   const std::size_t last = records.data.size();
-  // While this thread judges the run, and then writes a part, others make the maps of the next and
-  // their pictures.
+  // Threads: this one judges the run, then writes a part; others make the next maps and pictures.
   const std::size_t ahead = std::max(2u, usable_cores());
   std::deque<std::future<Made>> next;
   auto start = [&, first = std::size_t{0}, end = last]() mutable {
@@ -226,14 +225,14 @@ void Reconstruction::time(RecordStatus& status, HostTime slot_end) const {
   status.after_reading_s = seconds(clock_.now() - read_);
 }
 
-// Whose maps they are, in OUT/run.txt.
+// Returns the text of OUT/run.txt, which names the run of the maps.
 std::string marker_of(const std::string& path, const std::string& uuid, const TrainedModel& model,
                       double range_offset_m) {
   return uuid + "\n" + printable(path) + "\n" + calibration_of(model) + "\n" +
          (range_offset_m == 0 ? "" : formatted("range offset %.9g m\n", range_offset_m));
 }
 
-// Maps of another run must not stay among those of this one unnoticed.
+// Refuses a folder with maps of another run, which would stay among the new ones unnoticed.
 void require_folder(const ReconstructOptions& options, const std::string& uuid) {
   const std::string marker = options.out + "/run.txt";
   const bool known = std::filesystem::exists(marker);

@@ -10,7 +10,7 @@
 namespace echofuse::recon {
 namespace {
 
-// It gives the run number in seen.runs for each source of the data set, or -1.
+// Returns the run number in seen.runs for each source of the data set, or -1.
 std::vector<std::int64_t> known_runs(const SeenRecords& seen, const Dataset& data) {
   std::vector<std::int64_t> out;
   for (const auto& source : data.sources) {
@@ -49,7 +49,7 @@ namespace {
 
 bool has_radar(const Dataset& data) { return data.radar_axis.count > 0; }
 
-// It is true if the antennas of the run, if it has a radar at all, are those of the estimator.
+// Returns true if the antennas of the run, if it has a radar at all, are those of the estimator.
 bool has_antennas(const Dataset& data, const Estimator& e) {
   return !has_radar(data) || e.features.array_axis.count == 0 ||
          is_near(data.array_axis, e.features.array_axis);

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT
-// A training makes an ordered list of estimators. Each record is answered by the first one whose
-// sensors the record has: both sensors with the radar's antennas, both with its range profile
-// alone, or the SPD alone. The model also lists the records it has seen. It is kept as one
-// safetensors file (numbers/tensor_file.hpp); names below N/ belong to estimator N:
+// Trained model: an ordered list of estimators, and the records it has seen. The first estimator
+// whose sensors a record has answers for it. Order: both sensors with the radar's antennas, both
+// with its range profile alone, the SPD alone. File: safetensors (numbers/tensor_file.hpp). Names
+// below N/ belong to estimator N:
 //
 //   facts    format "echofuse model", format_version, version, estimators, data_crc32c,
 //            split/kind, split/gap, split/seed, split/test_share, split/validation_share,
@@ -38,9 +38,10 @@ struct TrainedModel {
   SplitOptions split;
   SeenRecords seen;
   std::uint32_t data_hash = 0;
-  record::RadarResponse radar_response;  // of its training's profiles; not known if none was stated
-  bool any_response = false;             // TrainOptions
-  // If the model was taken to another room, this is added to its records' radar.
+  // Response of the training's profiles; unknown if none was stated.
+  record::RadarResponse radar_response;
+  bool any_response = false;  // TrainOptions
+  // Added to the radar of the records, if the model was taken to another room.
   std::optional<EmptyRoom> room_change;
 
   // model->name is that of the first estimator, which answers wherever it can.
@@ -55,17 +56,16 @@ struct TrainedModel {
   // Brings the data onto the axes of for_run(); depth maps must be on its grid. A run without a
   // radar counts as a run of lost radars if an estimator needs none.
   void match(Dataset& data) const;
-  // Returns the estimator that answers for a record on these axes; if it is null, fault_of says
-  // why.
+  // Returns the estimator that answers for a record on these axes, or null (see fault_of).
   const Estimator* answering(const Dataset& data, std::size_t row) const;
-  // This is the record's status then: it says which sensor the map was made without, or is empty.
+  // Returns the record's status: which sensor the map was made without, or empty.
   std::string note_of(const Dataset& data, std::size_t row) const;
-  // It says why there is no map of the record; it is empty if there is one.
+  // Returns why there is no map of the record, or empty if there is one.
   std::string fault_of(const Dataset& data, std::size_t row) const;
   // Returns maps of the given rows, in metres, as the model makes them; within_span() makes them
   // ready to show. predict.hpp gives more details of them.
   Matrix predict(const Dataset& data, const Rows& rows) const;
-  // It is true if the data set holds a run that the model was trained on.
+  // Returns true if the data set holds a run that the model was trained on.
   bool knows(const Dataset& data) const;
   // Returns the rows that trained or validated the model, whatever their run's uuid.
   Rows rows_trained_on(const Dataset& data) const;
@@ -73,31 +73,30 @@ struct TrainedModel {
   Rows rows_of(const Dataset& data, Part part) const;
 };
 
-// It says whether the model may state how far off its maps are; the model's file and every display
-// of maps use it.
+// Name of whether the model may state its errors, for its file and every display of maps.
 inline const char* calibration_name(bool calibrated) {
   return calibrated ? "calibrated" : "not calibrated";
 }
 inline const char* calibration_of(const TrainedModel& model) {
   return calibration_name(model->uncertainty.has_value());
 }
-// Why a model that is not calibrated cannot say how far off its maps are.
+// Reason why a model that is not calibrated cannot say how far off its maps are.
 constexpr const char* why_not_calibrated =
     "fewer than 50 records of training, or a training that was interrupted, do not say how far off "
     "the maps are";
 
 SeenRecords seen_records(const Dataset& data, const Split& split);
 
-// Throws Error(disk) if no file can be made there, and Error(usage) if there is one; it is called
-// before a long training.
+// Throws Error(disk) if no file can be made there, and Error(usage) if there is one. Called before
+// a long training.
 void check_can_save(const std::string& path);
-// Writes PATH.part, reads it back, has the model that was read checked, and renames the file.
-// Throws Error(disk), Error(failed) as load_model, and Error(failed) if there is a file of this
-// name: it stays, and so does PATH.part.
+// Writes PATH.part, reads it back, has `check` judge the model that was read, and renames the file.
+// Throws Error(disk), Error(failed) as load_model, and Error(failed) if a file of this name exists:
+// both files stay.
 void save_model(const TrainedModel& model, const std::string& path,
                 const std::function<void(const TrainedModel&)>& check = {});
-// Throws Error(failed) that names the file, the object, what is wrong and what would be right: the
-// file is missing, no model, damaged, written by another version, or its parts do not fit together.
+// Throws Error(failed) that names the file, the object, what is wrong and what would be right.
+// Faults: no file, no model, damaged, of another version, or its parts do not fit together.
 TrainedModel load_model(const std::string& path);
 TrainedModel load_model(const std::string& name, ByteView contents);
 

@@ -127,7 +127,8 @@ void read_pictures(const std::string& folder, const record::MapGrid& grid, Writt
   require_grid(camera_path, static_cast<std::size_t>(width), grid.size, grid);
   if (std::abs(fx * grid.step() - 1) > 1.0 / grid.size)
     refuse(camera_path, formatted("fx is %g; that of the run's field is %g", fx, 1 / grid.step()));
-  std::map<std::int64_t, std::string> pictures;  // of millimetres where there is such a one
+  // Path by index; the picture in millimetres if there is one.
+  std::map<std::int64_t, std::string> pictures;
   for (const auto& entry : fs::directory_iterator(folder)) {
     const std::string name = entry.path().filename().string();
     std::int64_t index = 0;

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: MIT
 // Rules of who may see a run, and who may write into it, without side effects.
 //
-// A page of anybody's can make a browser ask 127.0.0.1, so what it names is checked: the Host is
-// this machine by a name that no foreign DNS entry can be (against rebinding), and the Origin of a
-// WebSocket is the page of this very server. A proxy's X-Forwarded-Host may name that page: no
-// browser lets a page set it for a WebSocket, nor for another Host without asking first.
+// Any page can make a browser ask 127.0.0.1, so the request is checked:
+//   Host    this machine, by a name that no foreign DNS entry can be (against rebinding)
+//   Origin  of a WebSocket: the page of this server, or by a proxy's X-Forwarded-Host
+// No browser lets a page set X-Forwarded-Host for a WebSocket, nor for another Host without asking.
 #pragma once
 #include <string>
 #include <string_view>

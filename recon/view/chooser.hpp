@@ -18,10 +18,11 @@ class Chooser {
 
   // The run file of this name (without its extension) in the folder itself; empty: there is none.
   std::string path_of(const std::string& name) const;
-  // A JSON array of the runs, the newest first: what `echofuse-acquire list --json` tells of each
-  // but its path, and of a record of its middle `map` (cm, chooser_side^2, 0 without a return) or,
-  // without a camera, `histogram` (clicks, the highest of neighbours). Or name and `fault`, why
-  // it cannot be read; or name and `waits`, as a look takes half a second at most: ask again.
+  // JSON array of the runs, the newest first. An entry has one of:
+  //   run     what `echofuse-acquire list --json` tells but its path; of a record in its middle
+  //           `map` (cm, chooser_side^2, 0: no return) or, without a camera, `histogram` (clicks)
+  //   fault   name, and why the file cannot be read
+  //   waits   name; ask again, because a look takes half a second at most
   std::string runs();
 
  private:

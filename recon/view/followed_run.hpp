@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// A run as it is now: live, finished or crashed, closed and resumed. The file is opened for each
-// look and never held: its writer leaves one single file only if nobody holds it.
+// A run as it is now: live, finished or crashed, closed and resumed. Opens the file for each look
+// and never holds it, because its writer leaves one single file only then.
 #pragma once
 #include <cstdint>
 #include <functional>

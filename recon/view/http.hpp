@@ -19,7 +19,7 @@ using HttpResponse = http::response<http::string_body>;
 inline constexpr std::uint32_t most_header_bytes = 8192;
 
 // Sender and target of a request. A `refusal` other than ok is the answer. In a folder /run/NAME/
-// is the page of a run, whether it exists or not, and /newest/ that of the newest.
+// is the page of a run, whether it exists or not. /newest/ is that of the newest.
 struct Caller {
   http::status refusal = http::status::ok;
   std::string why;

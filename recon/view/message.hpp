@@ -21,13 +21,11 @@
 //              and sine of the azimuth, of a radar with antennas), camera (mm), map (m,
 //              what the camera sees on the grid of the maps); with a model reconstruction (m) and
 //              deviation (m), or the reason why there is none, where the body is (x_m, z_m), how
-//              far to trust it, whether the
-//              model was trained on this record (seen), and how well it meets what the camera sees
-//              (iou, lateral_error_m)
+//              far to trust it, whether the model was trained on this record (seen), and
+//              how well it meets what the camera sees (iou, lateral_error_m)
 //   reference  spd: mean histogram of the first minute
-//   strip      of the whole run in at most strip_columns columns: first (index), time_s, used, lost
-//   and
-//              residual_s of each sensor, and the share of its records that are valid
+//   strip      the whole run in at most strip_columns columns: first (index), time_s; used,
+//              lost, residual_s of each sensor, and the share of its records that are valid
 //   sheet      small maps of records spread over the run: index, maps (m) of sheet_side pixels, and
 //              which of them lack a depth picture (lacks); time_s of each since the first record,
 //              and columns of a waterfall: spd (clicks), radar (dB), NaN without
@@ -35,7 +33,7 @@
 //   trouble    why there is nothing to see: text
 // From the client, text, at most 1024 bytes: one of
 //   {"show": "live"}  {"show": 17}  {"sheet": [0, 500]}  {"mark": "door opened"}  {"label": "two"}
-// Whoever asks quickly gets the answer to his last question only.
+// A client that asks quickly gets the answer to its last question only.
 #pragma once
 #include <cstdint>
 #include <memory>

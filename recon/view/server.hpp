@@ -16,25 +16,26 @@ namespace echofuse::view {
 inline constexpr int most_connections = 64;
 
 struct ServerOptions {
-  // A run file, or a folder: the page at / lists its runs, each has its page below /run/NAME/, and
-  // /newest/ goes with the newest. Neither has to be there yet: what is not there is a file.
+  // A run file, or a folder, whose page at / lists its runs. Each run has its page below
+  // /run/NAME/; /newest/ goes with the newest. May not exist yet; a missing path counts as a file.
   std::string run;
   std::optional<std::int64_t> planned;  // records that the run (of a folder: the newest) shall have
   std::string listen;         // "127.0.0.1:8410"; empty: this machine, the first free port of ten
   bool until_closed = false;  // ends once the run is over and nobody looks
 };
 
-// Threading: one thread. A slow client skips frames (of each kind the newest one waits), and is
-// dropped if it answers no ping for 10 s.
+// Threading: one thread. A slow client skips frames; of each kind the newest one waits. A client
+// that answers no ping for 10 s is dropped.
 class Server {
  public:
   // Throws Error(usage) for an address that is none, Error(failed) if it cannot listen there.
   // `model` may be null; it outlives this.
   Server(const ServerOptions& options, const LiveModel* model, const Clock& clock);
   ~Server();
-  // For a browser, with the token; of a folder with a record its newest run.
+  // Address for a browser, with the token; of a folder with a record its newest run.
   std::string address(std::optional<std::int64_t> record = {}) const;
-  // Why there is no run to see yet; or empty. Throws Error(failed) if something else is there.
+  // Returns why there is no run to see yet, or empty. Throws Error(failed) if something else is
+  // there.
   std::string missing();
   void run();  // until interrupted()
 

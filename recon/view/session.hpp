@@ -21,7 +21,7 @@ inline constexpr std::size_t kinds = 8;
 
 class Session;
 
-// Whom a session asks.
+// Owner of sessions: answers their requests.
 class SessionOwner {
  public:
   virtual ~SessionOwner() = default;
@@ -33,8 +33,8 @@ class SessionOwner {
   virtual Message answer_to(Session& session, const Request& request) = 0;  // null: none
 };
 
-// Runs the body of a handler. What it throws would end the whole program: it is written to stderr,
-// and the answer is false.
+// Runs the body of a handler; false if it threw. Writes the exception to stderr, because it would
+// end the whole program.
 bool guarded(const std::function<void()>& body);
 
 // Threading: that of its owner, which outlives it.
@@ -49,7 +49,7 @@ class Session : public std::enable_shared_from_this<Session> {
   Session& operator=(const Session&) = delete;
 
   void start();
-  // Instead of what of this kind has not been sent yet.
+  // Sends a message; replaces one of this kind that has not been sent yet.
   void send(Kind kind, Message message);
   bool may_write() const { return caller_.may_write; }
   const std::string& run() const { return caller_.run; }

@@ -28,7 +28,7 @@ class Show {
   Message record(std::int64_t index, bool live);  // the last one is kept
   Message strip() const;
   Message sheet(std::int64_t first, std::int64_t last) const;
-  // None until the first minute is over, or the run is.
+  // Null until the first minute is over, or the run is.
   Message reference();
   std::string metrics() const;  // Prometheus text exposition format, version 0.0.4
 

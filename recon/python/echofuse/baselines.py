@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""What the method is held against (recon/models): maps from counts and power as they are. [n, d]: n records of d
+"""Baselines of the method (recon/models): maps from counts and power as they are. [n, d]: n records of d
 values; t and f are the tensors and facts of one estimator."""
 from __future__ import annotations
 

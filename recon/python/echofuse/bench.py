@@ -95,7 +95,7 @@ class Table:
 
 
 def of_runs(train: Path, test: Path) -> str:
-    """What a table of these runs is of."""
+    """Source line of a table of these runs: version and uuids."""
     return f"{version()}: runs " + " ".join(str(runs.open(path).info["uuid"]) for path in (train, test))
 
 
@@ -347,7 +347,7 @@ def _letters(args: argparse.Namespace) -> None:
 
 
 def finish(table: Table, args: argparse.Namespace, draw: Callable[[Any], Any], axis: str = "model") -> None:
-    """What all commands end with: a table for a README, a figure."""
+    """Ends each command: prints the table for a README, draws the figure."""
     if args.markdown:
         print(markdown(means(table, axis)))
     if args.figure:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from . import antennas
 from .run import Run
 
-MOST_RECORDS, MOST_BYTES = 256, 32 << 20  # of a block, which is in memory
+MOST_RECORDS, MOST_BYTES = 256, 32 << 20  # limits of a block, which is in memory
 Told = Callable[[int], None]
 
 

@@ -23,7 +23,7 @@ from .run_files import connect
 
 @dataclass
 class Records:
-    """What may change: rows that stay, counts [n, bins], linear or coded profiles [n, points] as stored, valid bits [n]."""
+    """Parts of a run that may change: rows that stay, counts [n, bins], linear or coded profiles [n, points] as stored, valid bits [n]."""
 
     run: runs.Run
     keep: NDArray[np.bool_] = field(init=False)

@@ -22,11 +22,11 @@ from numpy.typing import NDArray
 
 Array = NDArray[Any]
 PS_PER_M = 2e12 / 299_792_458.0  # there and back
-TAPS = np.arange(-7, 9)  # of the interpolation between points of a profile
+TAPS = np.arange(-7, 9)  # taps of the interpolation between points of a profile
 
 
 class Method:
-    """Of one estimator: its tensors t, its facts f, and c, the numbers of recon/method/config.hpp."""
+    """Method of one estimator: its tensors t, its facts f, and c, the numbers of recon/method/config.hpp."""
 
     def __init__(self, t: dict[str, Array], f: dict[str, Any]) -> None:
         self.t, self.f, self.size = t, f, f["scene/map_size"]
@@ -149,7 +149,7 @@ class Method:
             mask = mask + units["masks"] * found[:, :split] @ self.t["model/masks/basis"]
             depth = depth + units["depths"] * found[:, split:] @ self.t["model/depths/basis"]
         keys = ("rows", "columns", "left_m", "top_m", "pitch_m")
-        rows, columns, left, top, pitch = (self.f[f"model/frame/{key}"] for key in keys)  # of the cells
+        rows, columns, left, top, pitch = (self.f[f"model/frame/{key}"] for key in keys)  # grid of the cells
         half = self.f["scene/map_half_tangent"]
         pixel = half * ((2 * np.arange(self.size) + 1) / self.size - 1)  # tangents of the pixels' centres
         for i, row in enumerate(seen):  # (10)

@@ -30,7 +30,7 @@ Row = dict[str, Any]
 
 
 class BenchError(RuntimeError):
-    """What a program or a method said when it failed, in one line."""
+    """Last line that a program or a method said when it failed."""
 
     code = 1  # the bench's exit code
 

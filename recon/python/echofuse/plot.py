@@ -29,7 +29,7 @@ __all__ = ["COLOURS", "figure", "learning_curve", "map", "maps", "opened", "pare
 
 
 def span_of(depth_m: ArrayLike) -> tuple[float, float]:
-    """What 96 % of the returns lie in, to half a metre; 2.5 to 5 m of few."""
+    """Depths that hold 96 % of the returns, to half a metre; 2.5 to 5 m if there are few."""
     there = np.asarray(depth_m, float)
     there = np.sort(there[there > 0])
     if len(there) < 50:
@@ -129,7 +129,7 @@ def power_by_direction(run: runs.Run, row: int, sines: NDArray[np.float64]) -> N
 
 
 def record(run: runs.Run | Path, index: int, *, ax: Panels = None) -> Figure:
-    """What the sensors saw in the record of this index: map of the camera, histogram, profile; with antennas also the
+    """Draws the record of this index: map of the camera, histogram, profile; with antennas also the
     power over range and azimuth. Raises KeyError for an index that the run does not have."""
     run = opened(run)
     rows = np.flatnonzero(run.index == index)
@@ -217,7 +217,7 @@ def name_of(row: dict[str, Any]) -> str:
 
 
 def colour_of(name: str, taken: Iterable[str] = ()) -> str:
-    """What is made of one sensor has the sensor's colour; in a chart of few lines each colour is there once."""
+    """Colour of a row: that of its sensor if it takes one; no colour twice in a chart of few lines."""
     first = ("spd" if "SPD" in name else "radar" if "radar" in name else "papers" if name.startswith("mlp") else
              "both" if name.startswith("factorised") else "grey" if name == "nearest" else "depth")
     free = [c for c in (first, "depth", "radar", "spd", "papers", "both") if COLOURS[c] not in set(taken)]

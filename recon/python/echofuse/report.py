@@ -43,7 +43,7 @@ TERMS = (
 
 
 class Report:
-    """What the page is made of: of models what `evaluate` says, of a live run its story, and records with maps."""
+    """Content of the page: scores of models by `evaluate`, the story of a live run, and records with maps."""
 
     def __init__(self, args: argparse.Namespace) -> None:
         self.args, self.run, self.room = args, args.run or args.live, ["--empty", args.empty] if args.empty else []
@@ -101,7 +101,7 @@ class Report:
 
     @property
     def verdict(self) -> str:
-        """What the page says first."""
+        """Headline of the page."""
         simulated = "simulated" if self.simulated else "recorded"
         if not self.modes:
             return ("The simulated run is " if self.simulated else "The run is ") + self.story.verdict
@@ -122,7 +122,7 @@ class Report:
 
     @property
     def problems(self) -> list[str]:
-        """What fails, in sentences, the gravest first."""
+        """Problems as sentences, the gravest first."""
         return self.live_problems + (tables.problems_of(self.first) if self.modes else [])
 
     def how_made(self) -> dict[str, str]:

@@ -50,8 +50,8 @@ def details(summary: str, *blocks: Block) -> Block:
 
 
 def pictures(record: int, show: Sequence[str], caption: str, **more: Any) -> Block:
-    """Of a record of the page's list, each "truth", "spd", "radar", or "map", "error", "deviation", "share" and the number of
-    its model."""
+    """Pictures of a record of the page's list: each "truth", "spd", "radar", or "map", "error", "deviation", "share" and the
+    number of its model."""
     return {"kind": "pictures", "record": record, "show": list(show), "caption": caption} | more
 
 

@@ -43,7 +43,7 @@ def shown(run: str, wanted: Sequence[int], modes: Sequence[Mode] = (), scores: S
 
 
 def measured(run: runs.Run, row: int, clicks: NDArray[np.float32], power: NDArray[np.float32]) -> Block:
-    """Of one record title, truth, clicks [bins] and power [points], at true ranges; "body_m" and "maps" are to come."""
+    """Block of one record: title, truth, clicks [bins] and power [points], at true ranges; "body_m" and "maps" are to come."""
     truth = run.maps([row])[0] if "depth_x" in run.axes else np.zeros((64, 64))
     out: Block = {"title": f"{run.labels[row] or 'no label'}, record {run.index[row]}", "half_tangent": half_tangent(run),
                   "truth": packed(truth, 1e-3, "<u2"), "body_m": None, "maps": []}
@@ -63,7 +63,7 @@ def decibels(power: NDArray[np.float32]) -> NDArray[np.float64]:
 
 
 def span_of(record: Block) -> tuple[float, float]:
-    """What most of a truth's returns lie in, to half a metre, as on the live page; 2.5 to 5 m of few."""
+    """Depths that hold most of a truth's returns, to half a metre, as on the live page; 2.5 to 5 m if there are few."""
     there = np.sort(np.frombuffer(base64.b64decode(record["truth"]), "<u2")) / 1000
     there = there[there > 0]
     if len(there) < 50:
@@ -100,7 +100,7 @@ def map_of(mode: Mode, scored: Scores, at: int, judged: Judged, made: Map) -> Bl
 
 
 def said_of(made: Block, named: bool) -> str:
-    """What the model says of its map; named: one of several models."""
+    """Sentences of the model about its map; named: one of several models."""
     who = made["name"] if named else "The model"
     return f"{who} states: {made['stated']}. " + (f"{who} warns: {made['warning']}. " if "warning" in made else "")
 
@@ -116,7 +116,7 @@ def middle_record(modes: Sequence[Mode], wanted: set[int]) -> int | None:
 
 
 def chosen(run: str, modes: Sequence[Mode], judged: Judged, room: Sequence[str]) -> tuple[list[Block], list[Block]]:
-    """Of person and letters the record of median quality, by all modes; then the worst, median and best of the first one."""
+    """Record of median quality of person and letters, by all modes; then the worst, median and best of the first one."""
     first, main, captions = modes[0].first, [], []
     common = set.intersection(*(set(mode.first.index.tolist()) for mode in modes))
     for person in (True, False):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""What `echofuse-recon evaluate` says of the models of a report."""
+"""Scores of the models of a report, by `echofuse-recon evaluate`."""
 from __future__ import annotations
 
 import csv
@@ -30,7 +30,7 @@ class ReportError(RuntimeError):
 
 
 def call(program: str, *words: object) -> subprocess.CompletedProcess[str]:
-    """What a program said: of the folder ECHOFUSE_BIN, of this program's own, or in PATH. Raises ReportError as it failed;
+    """Runs a program of the folder ECHOFUSE_BIN, of this program's own, or in PATH. Raises ReportError if it failed;
     5 is no failure: some records were bad."""
     own, folder = pathlib.Path(sys.argv[0]).absolute().with_name(program), os.environ.get("ECHOFUSE_BIN")
     path = os.path.join(folder, program) if folder else str(own) if own.exists() else program
@@ -84,7 +84,7 @@ class Count(NamedTuple):
 
     @classmethod
     def where(cls, holds: NDArray[np.bool_], *known: Values) -> Count:
-        """Of the records of which all these values are known."""
+        """Counts the records of which all these values are known."""
         there = ~np.isnan(np.array(known)).any(0)
         return cls(int(holds[there].sum()), int(there.sum()))
 
@@ -96,7 +96,7 @@ class Scores:
     told: dict[str, Any]
     index: NDArray[np.int64]
     labels: list[str]
-    warnings: list[str]  # what the model warns of: out of distribution
+    warnings: list[str]  # warnings of the model: out of distribution
     columns: dict[str, Values]
 
     def __getitem__(self, name: str) -> Values:
@@ -104,7 +104,7 @@ class Scores:
 
     @property
     def shift(self) -> dict[str, Any]:
-        """Of the run as a whole: p, records, found, text; empty if it was not tested."""
+        """Test of the run as a whole: p, records, found, text; empty if it was not tested."""
         return self.told.get("domain_shift") or {}
 
     @property
@@ -120,7 +120,7 @@ class Scores:
 
 
 class Judged(NamedTuple):
-    """What `evaluate` says of models on a run; the background [N, N] (metres) and mean depth of the body tell them apart."""
+    """Scores of models on a run, by `evaluate`; the background [N, N] (metres) and mean depth of the body tell them apart."""
 
     scores: list[Scores]
     told: dict[str, Any]
@@ -141,7 +141,7 @@ class Judged(NamedTuple):
         return np.where(self.share(maps) > 0.5, maps, self.background) if self.body_m > 0 else maps
 
     def span(self, far_m: float) -> tuple[float, float]:
-        """What the maps lie in, with room about it: one scale for all."""
+        """Depths of the maps with a margin: one scale for all."""
         body, wall = float(self.body_m), float(self.background.max())
         near = max(0.0, float(np.floor(2 * (body - 1)) / 2))
         return near, float(np.clip(np.ceil(2 * max(body + 1, wall)) / 2, near + 1, max(near + 1, far_m)))
@@ -171,8 +171,8 @@ class Mode:
 
     name: str
     files: list[str]
-    facts: list[dict[str, Any]]  # of each file
-    tensors: dict[str, NDArray[Any]]  # of the first
+    facts: list[dict[str, Any]]  # facts of each file
+    tensors: dict[str, NDArray[Any]]  # tensors of the first file
     takes: str  # "SPD + 8 antennas", "SPD alone"; "no sensor" of a constant map
     scores: list[Scores] = field(default_factory=list)
     differences: dict[str, dict[str, float]] = field(default_factory=dict)  # to the report's first, by metric

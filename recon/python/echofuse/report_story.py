@@ -15,7 +15,7 @@ from .report_records import decibels
 from .report_scores import Values, call
 
 SENSORS = {"spd": "SPD", "radar": "radar", "depth": "depth camera"}
-MOST_POINTS = 400  # of a curve: more cannot be seen
+MOST_POINTS = 400  # points of a curve: more cannot be seen
 
 
 def info_of(path: str) -> dict[str, Any]:
@@ -23,7 +23,7 @@ def info_of(path: str) -> dict[str, Any]:
 
 
 class Story:
-    """Of the run at this path; times are in `unit` since its first slot."""
+    """Story of the run at this path; times are in `unit` since its first slot."""
 
     def __init__(self, path: str) -> None:
         self.path, self.info, self.run = path, info_of(path), runs.open(path)
@@ -78,7 +78,7 @@ class Story:
         return [short(gather(part)) if len(part) or gather is np.sum else None for part in parts]
 
     def strips(self) -> Block:
-        """What the strips of the live page take (recon/page/charts.js), and where a sensor is missing."""
+        """Arrays for the strips of the live page (recon/page/charts.js), and where a sensor is missing."""
         arrays = {"first": self.curve(self.at)}
         for s, valid in self.run.valid.items():
             arrays |= {f"{name}_{s}": self.curve(np.where(valid, self.told[f"{name}_{s}"], np.nan)) for name in ("used", "residual_s")}
@@ -87,7 +87,7 @@ class Story:
         return {"kind": "strips", "unit": self.unit, "end": short(self.end), "arrays": arrays, "gaps": gaps, "window_s": self.info["window_s"]}
 
     def waterfalls(self) -> list[Block]:
-        """What SPD and radar saw over the run, as the live page shows it: clicks as their logarithm, the radar in dB over its
+        """Counts and power over the run, as the live page shows them: clicks as their logarithm, the radar in dB over its
         median; a column some records, of bins from the nearest on. 8 bits, 254: `most`, 255: no data."""
         def levels(values: NDArray[Any], valid: NDArray[np.bool_]) -> tuple[NDArray[Any], float]:
             step = len(values) // MOST_POINTS + 1

@@ -37,7 +37,7 @@ METRICS = {"iou": Words("IoU", "", 1, 2, "more"), "lateral_m": Words("lateral er
            "left_right": Words("on the true side", "", 1, 2, "more"), "rmse_m": Words("RMSE", " m", 1, 2, "less"),
            "ssim": Words("SSIM", "", 1, 2, "more"), "ssim_hard": Words("SSIM, hard map", "", 1, 2, "more"),
            "ssim_fg": Words("SSIM near the body", "", 1, 2, "more")}
-FIRST = ("iou", "lateral_m", "depth_mae_m")  # of the first screen
+FIRST = ("iou", "lateral_m", "depth_mae_m")  # metrics of the first screen
 PAIRED = ("iou", "lateral_m", "depth_mae_m", "ssim_fg", "ssim_hard", "rmse_m", "ghost")
 BASELINES = {"empty": "empty room", "mean": "mean of the training maps", "nearest": "nearest training record"}
 # SSIM that Lai et al., Chin. Opt. Lett. 22, 022701 (2024), state of their network.
@@ -90,7 +90,7 @@ def problems_of_run(scores: Scores, where: str = "") -> list[str]:
 
 
 def problems_of(scores: Scores) -> list[str]:
-    """What fails of the scored run, the gravest first."""
+    """Problems of the scored run, the gravest first."""
     off, stated = scores["lateral_m"], scores["lateral_interval_90_m"]
     out = problems_of_run(scores)
     if (off > stated).any():
@@ -100,7 +100,7 @@ def problems_of(scores: Scores) -> list[str]:
 
 
 def remarks_of(scores: Scores) -> list[str]:
-    """What is no failure: a run like the training, corrections."""
+    """Remarks that are no failure: a run like the training, corrections."""
     like = [scores.shift["text"]] if scores.shift and not scores.shift["found"] else []
     return like + [scores.told[key] for key in ("antennas", "response") if scores.told[key]]
 
@@ -109,7 +109,7 @@ def remarks_of(scores: Scores) -> list[str]:
 
 
 class Row(NamedTuple):
-    """Of a table of metrics; scores of a single model can be paired."""
+    """Row of a table of metrics; scores of a single model can be paired."""
 
     name: str
     means: Means

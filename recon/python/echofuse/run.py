@@ -28,7 +28,7 @@ MOST_POINTS, MOST_PIXELS = 1 << 24, 1 << 23
 
 @dataclass(frozen=True)
 class Axis:
-    """Of bins or pixels: value i is start + i * step."""
+    """Axis of bins or pixels: value i is start + i * step."""
 
     name: str
     quantity: str
@@ -196,7 +196,7 @@ class Run:
         return self.select("SELECT utc, level, source, text FROM event ORDER BY id")
 
     def told(self) -> dict[str, NDArray[Any]]:
-        """Of each record [n] length_s, and of each sensor used_spd, lost_spd, verdict_spd, residual_s_spd (of its clock)."""
+        """Columns [n] of the records: length_s, and of each sensor used_spd, lost_spd, verdict_spd, residual_s_spd (of its clock)."""
         columns = {"length_s": "(slot_end_ns - slot_start_ns) * 1e-9"} | {
             f"{name}_{s}": f"{s}_{name}" for s in SENSORS for name in ("used", "lost", "verdict")}
         columns |= {f"residual_s_{s}": f"{s}_clock_residual_s" for s in SENSORS}
@@ -280,7 +280,7 @@ class Run:
         """The profiles [n, points] as recorded: linear power, or TI's codes (axes["radar"].quantity)."""
         return self._table("radar", "<f4", np.nan)
 
-    # What the method takes (recon/README.md, "the way of a record"): at true ranges, pile-up corrected.
+    # Inputs of the method (recon/README.md, "the way of a record"): at true ranges, pile-up corrected.
     def photons(self) -> NDArray[np.float32]:
         """[n, bins]"""
         table = self.spd.astype(np.float32)
@@ -301,13 +301,13 @@ class Run:
 
     @property
     def power_axis(self) -> Axis | None:
-        """Of power(): TI's codes are power there."""
+        """Axis of power(), where TI's codes are power."""
         axis = self.axes.get("radar")
         return replace(axis, quantity="power", scale=1.0) if axis and axis.quantity == "log2_q8" else axis
 
     @cached_property
     def lags_axis(self) -> Axis | None:
-        """Of what the radar's antennas saw, as spatial lags (recon/data/lags.hpp); None without antennas in a row."""
+        """Axis of the antennas' spatial lags (recon/data/lags.hpp); None without antennas in a row."""
         pairs = self._pairs
         if "array" not in self.axes or not pairs[0]:
             return None

@@ -16,7 +16,7 @@ APPLICATION_ID, FORMAT_VERSION = 0x4543464D, 2
 NULL_INTEGER = -1 << 63
 KINDS: dict[str, tuple[str, Any]] = {"INTEGER": ("ifnull(CAST({} AS INTEGER), -9223372036854775807 - 1)", np.int64),
                                      "REAL": ("CAST({} AS REAL)", float), "TEXT": ("ifnull(CAST({} AS BLOB), x'')", "S")}
-COPIED = {"antenna", "axis", "calibration", "device"}  # of a part: what it has from the one before
+COPIED = {"antenna", "axis", "calibration", "device"}  # tables that a part copies from the one before
 
 
 def parts_of(whole: pathlib.Path) -> dict[int, pathlib.Path]:

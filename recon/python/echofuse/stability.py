@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Where methods fail: each of a list under conditions from easy to broken, trained there as well (matched) or at the base
+"""Limits of methods: each of a list under conditions from easy to broken, trained there as well (matched) or at the base
 condition alone (shifted). The axes of simulated records are settings of `echofuse-sim dataset`; recorded runs have those
 axes that can be made from their records (derive.py)."""
 from __future__ import annotations
@@ -22,7 +22,7 @@ TEST_SEEDS = 1000  # the test records' seed, after that of the training records
 
 @dataclass(frozen=True)
 class World:
-    """What differs from the base condition: settings, kind of scene, standing at |x|, a way through each record,
+    """Differences from the base condition: settings, kind of scene, standing at |x|, a way through each record,
     a factor of the training records, changes of the finished run."""
 
     set: tuple[str, ...] = ()
@@ -223,7 +223,7 @@ class Simulated:
 
     @property
     def of(self) -> str:
-        """What a table of such runs is of."""
+        """Source line of a table of such runs."""
         settings = " ".join(word for word in self.settings if word != "--set")
         return f"{version()}: {self.records} simulated records, {self.test_records} to judge by{'; ' * bool(settings)}{settings}"
 

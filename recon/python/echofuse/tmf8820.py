@@ -27,7 +27,7 @@ Array = NDArray[np.float64]
 BINS, BIN_M, ZERO_BIN = 128, 0.0138, 12.0  # metres of range a bin; bin of range 0: fitted once to a block at known poses
 SIZE, HALF_TANGENT = 32, 0.3  # rays and pixels both ways; half of the chip's 33 degrees
 PS_PER_M = 2e12 / 299_792_458.0
-COUNTS, BACKGROUND = 3e6, 600.0  # of a usual record: photons of all zones, counts a bin
+COUNTS, BACKGROUND = 3e6, 600.0  # usual record: photons of all zones, counts a bin
 
 
 def read_measured(path: str | pathlib.Path) -> tuple[Array, Array, Array]:
