@@ -34,7 +34,7 @@ void widen(AntennaGains& all, const std::vector<AntennaGains>& repeats);
 // By how many of its standard errors the antenna that differs most does; 0 if one is empty.
 double largest_residual(const AntennaGains& a, const AntennaGains& b);
 
-// For people: a line each.
+// Text of the fit, a line each.
 std::string to_text(const AntennaFit& fit);
 
 }  // namespace echofuse::acquire

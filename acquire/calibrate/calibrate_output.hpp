@@ -14,7 +14,7 @@ namespace echofuse::acquire {
 
 struct Result {
   Sensor sensor{};
-  Peak peak;            // of all repeats together
+  Peak peak;            // fitted to all repeats together
   double spread_m = 0;  // standard deviation of the repeats
   std::string method;
 };

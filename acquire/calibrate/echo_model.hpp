@@ -53,7 +53,7 @@ inline double mean_log2_power(double over_noise, double log2_noise, double addin
   return std::log2(x) + log2_noise + ((1 - adding) * e1 + adding * more) / std::numbers::ln2;
 }
 
-// Of noise alone the mean of the logarithm is Euler's constant below the logarithm of the mean.
+// Noise alone: the mean of the logarithm is Euler's constant below the logarithm of the mean.
 inline double log2_noise_of(double mean_log2) {
   return mean_log2 + std::numbers::egamma / std::numbers::ln2;
 }

@@ -11,7 +11,7 @@
 
 namespace echofuse::acquire {
 
-// Where the reflector is to be looked for: true distance and the full width of the window, metres.
+// Window in which the reflector is searched: its true distance and the full width.
 struct Search {
   double distance_m = 1, window_m = 0.2;
 };

@@ -26,8 +26,8 @@ std::string describe_run(const std::vector<std::string>& files, bool json);
 std::string annotate_run(const std::string& path, const std::optional<std::string>& note,
                          const std::optional<std::string>& label);
 
-// Of the log on stderr: on a terminal a message first clears the status line; the journal keeps the
-// time by itself. Nothing in a message moves the cursor, whoever sent the text.
+// Formatter of the log on stderr: erases the status line on a terminal, omits the time under
+// systemd. Writes out whatever in a message would move the cursor.
 std::unique_ptr<spdlog::formatter> log_format();
 
 // `list`: the runs of a folder, and those that are being recorded.

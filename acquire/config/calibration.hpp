@@ -33,7 +33,7 @@ struct CalibratedAxes {
 };
 
 struct Calibration {
-  std::vector<record::CalibrationEntry> entries;  // of one or both ranging sensors
+  std::vector<record::CalibrationEntry> entries;  // one or both ranging sensors
   std::optional<FirmwareBias> firmware;
   AntennaGains antennas;
   record::Response response;

@@ -38,7 +38,7 @@ class DeviceLocks {
   // lock file cannot be used.
   DeviceLocks(const Config& config, const std::string& command, const std::string& run = {});
 
-  // Who else has a device of this sensor.
+  // Holder in another process; none if the sensor's device is free or ours.
   const std::optional<Holder>& other(Sensor sensor) const { return others_[sensor]; }
 
  private:

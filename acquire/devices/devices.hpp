@@ -49,7 +49,7 @@ class Devices final : private SampleSink {
   // interrupts.
   void wait(double timeout_s);
   const Status& operator[](Sensor s) const { return status_[s]; }
-  // Of the sensor's driver, until its end; none if it is not configured.
+  // Counters of the sensor's driver, until it ends; empty if the sensor is not configured.
   std::vector<Counter> counters(Sensor s) const;
   // Asks it of every configured device.
   bool all(const std::function<bool(const Status&)>& predicate) const;
@@ -72,7 +72,7 @@ class Devices final : private SampleSink {
   std::optional<DeviceLocks> locks_;  // outlive the drivers
   PerSensor<Status> status_;
   PerSensor<std::unique_ptr<Driver>> drivers_;
-  PerSensor<std::vector<Counter>> last_counters_;  // of those that ended
+  PerSensor<std::vector<Counter>> last_counters_;  // kept from drivers that ended
 };
 
 }  // namespace echofuse::acquire

@@ -19,7 +19,7 @@ namespace echofuse::acquire {
 
 struct ImportOptions {
   std::vector<std::string> files{};
-  std::string cfg{};       // of the radar; empty: beside its recording
+  std::string cfg{};       // the radar's; empty: beside its recording
   std::string began{};     // UTC, ISO 8601; empty: as the files have it
   std::int32_t start = 0;  // input of the laser's pulses; 0 is the sync
   std::int32_t click = 1;  // input of the detector

@@ -54,7 +54,7 @@ class PicoquantRecords {
   bool put(std::int32_t channel, std::uint64_t unit, std::uint64_t dtime, std::vector<Tag>& out);
   bool pico_harp_ = false, t3_ = false, once_ = false;
   std::uint64_t wrap_ = 0, base_ = 0, markers_ = 0;
-  std::uint64_t pulse_ = ~std::uint64_t{0};  // of the last start
+  std::uint64_t pulse_ = ~std::uint64_t{0};  // number of the last start
   long double unit_ps_, dtime_ps_;
 };
 
@@ -81,8 +81,8 @@ class PicoquantTags final : public Recording {
   PicoquantRecords records_;
   tdc::HistogramSettings use_;
   double stopped_s_ = 0, header_s_ = 0;  // length by the header, s: measured, longest; 0: not known
-  long double last_ps_ = 0;              // of a tag
-  std::vector<Tag> tags_;                // of the block, and those of the record behind its end
+  long double last_ps_ = 0;              // time of the last tag
+  std::vector<Tag> tags_;  // the block, then the tags of a record that goes on behind its end
   std::vector<std::uint32_t> chunk_;
   std::size_t in_chunk_ = 0;
   HostTime at_{};
@@ -99,7 +99,7 @@ struct PicoquantCurve {
   std::vector<std::uint32_t> counts;  // to its last bin that is not 0
 };
 struct PicoquantHistograms {
-  DeviceInfo device;  // with the axis
+  DeviceInfo device;  // including the axis
   std::vector<PicoquantCurve> curves;
 };
 // Throws Error(failed): it is no .phu, its curves have no common axis, are not in the file, or have

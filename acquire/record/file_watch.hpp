@@ -11,10 +11,10 @@ namespace echofuse::record {
 
 class FileWatch {
  public:
-  // Of a database that is open and has a WAL.
+  // Needs the database open, with a WAL.
   explicit FileWatch(std::string path);
 
-  // What happened to the database, its WAL or the WAL's index; empty if they are still the same.
+  // Fault of the database, its WAL or the WAL's index; empty if they are still the same files.
   std::string lost() const;
   // The database was written to since note(), which we say after each of our checkpoints. After one
   // that took over the whole WAL nothing is lost with it.
@@ -40,7 +40,7 @@ class FileWatch {
     const char* suffix;
     dev_t device = 0;
     ino_t inode = 0;
-    off_t size = 0;  // of the WAL and its index: at note_commit()
+    off_t size = 0;  // size of WAL and index at note_commit()
   };
   int fault_of(const File& file) const;
   off_t size_of(const File& file) const;

@@ -43,8 +43,8 @@ struct Counted {
   std::int64_t part = 0;  // 0, or that of a resumed run
 };
 
-// Of a run's writers with a file that another program holds. Times of the steady clock. Threading:
-// any thread.
+// How long writers wait while another program holds a write transaction. CLOCK_MONOTONIC, ns.
+// Threading: any thread.
 struct Patience {
   std::atomic<std::int64_t> give_up_ns = std::numeric_limits<std::int64_t>::max();
   std::atomic<std::int64_t> waited_ns = 0;  // the last time that one had to
@@ -76,7 +76,7 @@ class RunWriter {
   // Once per axis name, before the first record that needs it.
   void put_axis(const Axis& axis);
   void put_device(const DeviceInfo& device);    // a row more if one of this sensor answered before
-  void put_antennas(const Antennas& antennas);  // of the array axis; instead of those before
+  void put_antennas(const Antennas& antennas);  // replaces those of the array axis
   void put_calibration(const CalibrationEntry& entry);
   void put_policy(Sensor sensor, const std::string& policy);  // required or optional
   void put_anchor(HostTime mono, UtcTime utc);
@@ -106,7 +106,7 @@ class RunWriter {
   void wait_with(Patience& patience) { patience_ = &patience; }
   const std::string& path() const { return path_; }
   std::int64_t records() const { return records_; }
-  std::int64_t next_index() const { return next_index_; }  // of the record to come
+  std::int64_t next_index() const { return next_index_; }  // next record's index
 
  private:
   void lock();
@@ -131,7 +131,7 @@ class RunWriter {
   sqlite3* db_ = nullptr;
   std::unique_ptr<FileWatch> watch_;
   bool touched_ = false;  // by somebody else, before a checkpoint of ours
-  std::string harm_;      // what was done to the file
+  std::string harm_;      // harm done to the file
   Patience* patience_ = nullptr;
   std::int64_t waits_since_ns_ = 0;
   std::optional<std::string> left_label_;  // at the end
@@ -164,10 +164,10 @@ struct RunSummary {
   std::map<std::string, std::string> policies;         // by sensor
   // By sensor, records by verdict, without the figures behind a verdict's colon.
   PerSensor<std::map<std::string, std::int64_t>> verdicts;
-  PerSensor<std::optional<ClockState>> clocks;  // of the last record that has them
+  PerSensor<std::optional<ClockState>> clocks;  // last record's that has them
 };
 
-// Of a run in parts: this one's numbers and those of the part after it.
+// Adds up the numbers of a part and of the part after it.
 void add_part(RunSummary& sum, const RunSummary& next);
 // "28 of 75 doubtful: radar missing 11, weak 10; camera frozen 7"; empty if none is.
 std::string doubts_of(const RunSummary& sum);
@@ -211,7 +211,7 @@ class RunReader {
   // The records from index `first` on, in order, without the sensors' data.
   std::vector<FusedRecord> outlines(std::int64_t first) const;
   PerSensor<std::int64_t> late() const;  // tags, radar frames, depth frames after their slot
-  // Of the last record, or of a mark after it; none in a run without either.
+  // Label of the last record, or of a mark after it; none in a run without either.
   std::optional<std::string> last_label() const;
   // Records in index order from `first` on; the callback returns false to stop. A record whose
   // blobs do not fit the axes or hold non-finite values throws Error naming the record, or, with
@@ -230,13 +230,13 @@ class RunReader {
  private:
   void open(const std::string& network);
   void check_axis(const Axis& axis) const;
-  Statement ask(const std::string& sql) const;  // with the whole budget
+  Statement ask(const std::string& sql) const;  // grants the whole budget
   std::vector<FusedRecord> records(const std::string& which) const;
   template <class T>
-  std::vector<T> rows(const std::string& tail = {}) const;  // of the type's table
+  std::vector<T> rows(const std::string& tail = {}) const;  // rows of T's table
   std::string path_, shown_;                                // shown_: printable
   sqlite3* db_ = nullptr;
-  bool lacks_wal_ = false;   // it says that it has one, there is none, and nobody writes it
+  bool lacks_wal_ = false;   // claims a WAL, but there is none, and nobody writes it
   std::uint64_t bytes_ = 0;  // when it was opened
   std::unique_ptr<Budget> budget_;
 };

@@ -22,20 +22,20 @@ struct Part {
 };
 Part part_of(const RunInfo& info);  // by its metadata alone
 Part part_of(const std::string& path, const RunInfo& info);
-// Of the metadata that meta_of() makes.
+// True for the keys that meta_of() makes.
 bool is_key_of_part(const std::string& key);
 std::vector<std::pair<std::string, std::string>> meta_of(const Part& part);
 
 // NAME.sqlite and 2 make NAME-002.sqlite.
 std::string part_path(const std::string& whole, std::int64_t number);
-// Of what is named like a part, the whole's path and its number; of any other path, it and 0.
+// Path of the whole and part number; for a name that is no part's, the path itself and 0.
 std::pair<std::string, std::int64_t> whole_and_number(const std::string& path);
-// What this run has by its name: its one file, as number 0, and what is named like a part of it.
+// Files of a run by their names: its one file as number 0, and those named like its parts.
 std::map<std::int64_t, std::string> named_like(const std::string& whole);
 
-// Of a file that is named like a part; none if it is not what it is named, or cannot be read.
+// Reads a file that is named like a part; none if it is no part or cannot be read.
 std::optional<RunInfo> read_part(const std::string& path);
-// Of a part's file, the path of the whole; of any other file, it.
+// Path of the whole for a part's file; else the path itself.
 std::string run_of(const std::string& file);
 
 // In one line, which parts are missing between two; empty: none is. Before the first stands

@@ -17,7 +17,7 @@
 
 namespace echofuse::record {
 
-// What SQLite gives without an end.
+// Error of a database from which SQLite gives rows without an end.
 inline Error damaged(const std::string& path) {
   return {ExitCode::failed, printable(path) + ": damaged: it holds more than its size explains"};
 }
@@ -35,7 +35,7 @@ inline Error damaged(const std::string& path) {
                         : printable(sqlite3_errmsg(db))));
 }
 
-// Of all that SQLite opens for the database of this name.
+// Checks every file that SQLite opens for the database of this name.
 inline void require_regular_files(const std::string& path) {
   for (const char* beside : {"", "-wal", "-shm", "-journal"})
     if (::access((path + beside).c_str(), F_OK) == 0)

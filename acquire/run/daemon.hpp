@@ -18,8 +18,8 @@ struct RunOptions {
   std::string out;                    // the run file to make
   std::optional<std::int64_t> count;  // slots; none: until interrupted
   std::vector<std::pair<std::string, std::string>> meta;
-  std::string uuid;               // of the run; empty: a new one
-  std::int64_t part_records = 0;  // of a run in parts, of which `out` is the first; 0: in one file
+  std::string uuid;               // the run's; empty: a new one
+  std::int64_t part_records = 0;  // 0: one file; else records a part, and `out` is the first part
   bool resume = false;            // continue `out`, which exists
   bool label_given = false;       // by the command line: a resumed run does not keep its last one
   std::int64_t countdown_s = 0;   // between the devices' answer and the first slot

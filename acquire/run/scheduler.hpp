@@ -87,7 +87,7 @@ class Scheduler {
   HostTime last_tick_;
   HostTime held_until_ = HostTime::min();
   std::int64_t held_ = -1;     // the slot that had its second grace
-  std::vector<Pause> pauses_;  // of more than a slot, that open slots began in
+  std::vector<Pause> pauses_;  // pauses longer than a slot, in which open slots began
 };
 
 // Slots that are due and not closed yet. After a pause of the program many are due at once; they go

@@ -19,7 +19,7 @@ class Viewer {
   Viewer(const Viewer&) = delete;
   Viewer& operator=(const Viewer&) = delete;
 
-  // It stays as long as somebody looks at the run, and ends by itself then.
+  // Leaves the page running; the viewer ends by itself when nobody looks at the run any more.
   void leave() { program_.reset(); }
 
  private:

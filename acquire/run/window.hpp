@@ -52,7 +52,7 @@ struct UnassignedSamples {
   PerSensor<std::uint64_t> early{}, late{}, outside{}, duplicate{}, out_of_order{};
 };
 
-// Of an axis of a device, what records have of it.
+// Part of a device's axis that records keep.
 Axis kept_axis(const Axis& axis);
 
 class Windows {
@@ -61,8 +61,8 @@ class Windows {
   Windows(const SlotGrid& grid, const tdc::HistogramSettings& tdc, const SensorClocks& clocks,
           SensorSet configured, SensorSet required = {});
 
-  // What a device's samples mean. The first announcement of an axis holds for the run; a device
-  // that comes back with another one is not used (false) until it fits again.
+  // Takes the meaning of a device's samples. The first announcement of an axis holds for the run.
+  // False for a device with another axis: its samples are not used until it fits again.
   bool announce(const DeviceInfo& info);
   // The axes known so far.
   std::vector<Axis> axes() const;
@@ -111,7 +111,7 @@ class Windows {
     std::string depth_fault;
   };
 
-  // Of the last frames, to know one that comes again.
+  // Numbers of the last frames, which tell a repeated one.
   class Numbers {
    public:
     enum class Order { next, repeated, back };
@@ -138,7 +138,7 @@ class Windows {
   SlotGrid grid_;
   const SensorClocks& clocks_;
   SensorSet configured_, required_;
-  std::shared_ptr<tdc::Histogram> histogram_;  // of the slot of the last tags
+  std::shared_ptr<tdc::Histogram> histogram_;  // slot of the last tags
   std::map<std::string, Axis> axes_;           // array, depth_x, depth_y, radar
   PerSensor<bool> refused_{};
   std::map<std::int64_t, Slot> open_;

@@ -36,7 +36,7 @@ class Backoff {
  private:
   std::chrono::milliseconds first_, longest_, next_;
   std::optional<Time> healthy_since_;
-  std::string reason_;  // of the last failure since the device did its work
+  std::string reason_;  // last failure since the device did its work
 };
 
 }  // namespace echofuse::port

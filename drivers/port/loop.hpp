@@ -20,7 +20,7 @@ using Action = std::function<void()>;
 class Worker {
  public:
   virtual ~Worker() = default;       // returns once the jobs that it has are done
-  virtual void put(Action job) = 0;  // it does not throw
+  virtual void put(Action job) = 0;  // must not throw
 };
 
 // Threading: one thread has the loop, but post() may be called from any thread. What an action
@@ -32,7 +32,7 @@ class Loop : public Clock {
   // Runs until `done`, which is asked again after everything that ran, or until this time.
   void run_until(const std::function<bool()>& done, HostTime until = HostTime::max());
   void run_for(std::chrono::nanoseconds time);
-  // While it is held, now() stands for the thread that holds it.
+  // true: now() stands still for the thread that holds it.
   virtual void hold_time(bool /*hold*/) {}
 
   virtual std::unique_ptr<Worker> make_worker() = 0;
@@ -83,7 +83,7 @@ class SystemLoop final : public Loop {
   void post(Action action) override;
   std::unique_ptr<Worker> make_worker() override;
   ByteOpener opener(const std::string& address, std::uint32_t baud) override;
-  // For what needs Asio itself.
+  // Access for parts that need Asio itself.
   boost::asio::io_context& io();
 
  private:

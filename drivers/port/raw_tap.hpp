@@ -18,7 +18,7 @@ namespace echofuse::port {
 
 struct RawLimits {
   std::size_t queue_bytes = 64u << 20;     // that wait for the disk; more are dropped, and counted
-  std::uint64_t reserve_bytes = 1u << 30;  // of the disk, left free for the run
+  std::uint64_t reserve_bytes = 1u << 30;  // left free on the disk for the run
 };
 
 // Threading: put(), take_trouble() and finish() from any thread; none of them waits for the disk,

@@ -37,7 +37,7 @@ class VirtualLoop final : public Loop {
     };
   }
 
-  std::map<std::string, ByteOpener> ports;  // what is attached, by its address
+  std::map<std::string, ByteOpener> ports;  // attached ports, by address
 
  private:
   struct NoPort final : BytePort {

@@ -27,8 +27,8 @@ bool interrupted();
 // A bar with ETA on a terminal, a plain line every 10 s elsewhere; nothing when quiet.
 // Of the terminal at stderr; 80 if it does not tell.
 std::size_t columns_of_terminal();
-// It fits so many columns: a bar of `share`, and `text` behind it, or only `counts` if that is too
-// long, or no bar.
+// Makes a line of at most `columns`: a bar of `share` with `text` behind it. A narrow terminal gets
+// only `counts`, or no bar.
 std::string progress_line(const std::string& title, double share, const std::string& counts,
                           const std::string& text, std::size_t columns);
 

@@ -27,7 +27,7 @@ class NewFile {
   NewFile(const NewFile&) = delete;
   NewFile& operator=(const NewFile&) = delete;
 
-  const std::string& path() const { return path_; }  // where it grows
+  const std::string& path() const { return path_; }  // file while it grows
   const std::string& place() const { return place_; }
   void create();                       // makes it, empty; throws Error(disk)
   void append(std::string_view text);  // throws Error(disk)
@@ -59,7 +59,7 @@ void let_group_read(int file);
 // taken for the new one's.
 void remove_side_files(const std::string& database);
 
-// Where files that are soon removed belong: $TMPDIR, else this folder.
+// Folder of short-lived files: $TMPDIR, else `beside`.
 std::string scratch_folder(const std::string& beside);
 
 }  // namespace echofuse

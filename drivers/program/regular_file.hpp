@@ -26,7 +26,7 @@ class RegularFile {
   std::size_t size() const;
   // Fills `out` with the next bytes. Returns how many: fewer at the end. Throws Error(code).
   std::size_t read(std::span<std::uint8_t> out) const;
-  // What is left of it, as a std::string or Bytes: `most` bytes, and one more if there are more.
+  // Reads the rest as a std::string or Bytes: `most` bytes, and one more if there are more.
   template <class Contents>
   Contents rest(std::size_t most = std::size_t{1} << 62) const {
     Contents out;

@@ -18,8 +18,8 @@ std::string read_config_text(const std::string& path);
 // Throws Error(config) that lists these faults, one a line.
 [[noreturn]] void refuse(const std::vector<std::string>& faults);
 
-// Of the known words the one that needs the fewest changes to become this one, half as many where
-// one is a part of the other; empty if that is more than half of its letters.
+// Returns the known word that needs the fewest changes to become `word`; half as many count where
+// one is a part of the other. Empty if that is more than half of its letters.
 std::string nearest(const std::vector<std::string>& known, const std::string& word);
 
 class Settings {
@@ -45,8 +45,7 @@ class Settings {
   void set(const std::string& assignment);
 
   bool given(const std::string& key) const { return !origin(key).empty(); }
-  // Where a key's value comes from: "FILE:line:column", "--set key=value", or empty for the
-  // default.
+  // Origin of a key's value: "FILE:line:column", "--set key=value", or empty for the default.
   std::string origin(const std::string& key) const;
   // Grounds to judge no settings together: the key's value does not fit; or lines of the text are
   // lost, because they are not TOML.
