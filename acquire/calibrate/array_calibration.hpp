@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// What each virtual antenna of the radar adds to its samples, from a reflector straight ahead.
+// Gain and phase of each virtual antenna of the radar, from a reflector straight ahead.
 // Pure.
 #pragma once
 #include <cstddef>

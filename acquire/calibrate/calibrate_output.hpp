@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// This file says what `calibrate` has measured, to people and as JSON.
+// Prints the results of `calibrate` as text and as JSON.
 #pragma once
 #include <map>
 #include <nlohmann/json.hpp>

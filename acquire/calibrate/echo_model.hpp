@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// What a radar shows of one reflector: the two fits of its echo share this model. Pure.
+// Model of a radar's echo of one reflector, shared by the two fits of the echo. Pure.
 #pragma once
 #include <algorithm>
 #include <array>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Where one reflector stands, from what the two ranging sensors see of it. Pure.
+// Range of one reflector in the data of the two ranging sensors. Pure.
 #pragma once
 #include <cmath>
 #include <cstdint>

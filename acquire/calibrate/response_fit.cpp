@@ -31,8 +31,8 @@ struct Fitted {
 // weights may depend on the model. The parameters stay within their bounds.
 struct Problem {
   std::function<VectorXd(const VectorXd&)> model;
-  std::function<VectorXd(const VectorXd&)> weights;  // of a model's values
-  std::function<double(const VectorXd&)> chi2;       // of a model's values
+  std::function<VectorXd(const VectorXd&)> weights;  // takes a model's values
+  std::function<double(const VectorXd&)> chi2;       // takes a model's values
   VectorXd measured, least, most;
 };
 
@@ -56,7 +56,7 @@ Fitted minimise(const Problem& problem, VectorXd at) {
     }
     const VectorXd weights = problem.weights(value);
     const VectorXd pull = weights.cwiseProduct(problem.measured - value);
-    for (Index k = 0; k < at.size(); ++k)  // what would leave its bounds stays
+    for (Index k = 0; k < at.size(); ++k)  // holds parameters at their bounds
       if (const double g = slope.col(k).dot(pull);
           (g < 0 && at[k] <= problem.least[k]) || (g > 0 && at[k] >= problem.most[k]))
         slope.col(k).setZero();

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// This file fits how the instruments respond to the reflector, which is a point to both. Pure.
+// Fits the instruments' responses to the reflector, which is a point to both. Pure.
 #pragma once
 #include <cstdint>
 #include <span>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// What the commands on run files print, and how the log does.
+// Output of the commands on run files, and the log's format.
 #pragma once
 #include <memory>
 #include <optional>

@@ -176,7 +176,7 @@ ExitCode run(Options& o) {
   return code;
 }
 
-// Of commands that do without: none if there is no file and none was asked for.
+// Configuration of commands that can do without: none if there is no file and none was asked for.
 std::optional<Config> load_if_any(const Options& o) {
   if (o.config.empty() && o.assignments.empty() && !find_config()) return std::nullopt;
   return load(o);

@@ -136,7 +136,7 @@ void take_numbers(Config& c, const Keys& k) {
   if (k.first_photon_only) c.detector.dead_time_ps = std::numeric_limits<double>::infinity();
 }
 
-// What the type and range of a single key do not show.
+// Checks that the type and range of a single key cannot express.
 class Judge {
  public:
   Judge(const Settings& settings, std::string name, std::vector<std::string>& faults)
@@ -198,7 +198,7 @@ void judge_radar(Judge& judge, Config& c, const std::string& cfg,
   });
 }
 
-// What the file says of the antennas; it may be of a cfg that sent another heat map.
+// Applies the file's antenna calibration, which may belong to a cfg with another heat map.
 void calibrate_antennas(Config& c) {
   const AntennaGains& gains = c.calibration.antennas;
   if (gains.empty() || c.antennas.empty()) return;

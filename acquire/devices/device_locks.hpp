@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Whose the configured devices are: one program at a time, by locks that all users see.
+// Locks of the configured devices: one program at a time has a device, across all users.
 #pragma once
 #include <memory>
 #include <optional>

@@ -58,7 +58,7 @@ std::vector<std::string> configured_addresses(const std::optional<Config>& confi
 struct Port {
   std::string path, missing;
   bool configured = false;
-  bool denied = false;  // it is there, but not for this user
+  bool denied = false;  // present, but not accessible to this user
 };
 
 bool is_denied(const std::string& path) {

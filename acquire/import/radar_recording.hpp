@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// What a radar's data port sent, as TI's Visualizer records it (.dat) and `run --keep-raw` does.
+// Bytes of a radar's data port, as TI's Visualizer (.dat) and `run --keep-raw` record them.
 // The times are those of the board, whose cycle counter wraps every 21.47 s: a step of it is one
 // that frame number and cfg, or the next frame's, confirm. Else frame number and cfg make the step.
 #pragma once

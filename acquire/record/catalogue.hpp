@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// What there is to say of each run of a folder, for `list` and for the viewer.
+// Facts of each run of a folder, for `list` and for the viewer.
 #pragma once
 #include <map>
 #include <nlohmann/json_fwd.hpp>

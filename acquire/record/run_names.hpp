@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// How commands name runs.
+// Names of runs in commands.
 #pragma once
 #include <string>
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// What the three programs share at the terminal: one-line errors, signals, progress.
+// Terminal output of all programs: one-line errors, signals, progress.
 #pragma once
 #include <chrono>
 #include <cstddef>

@@ -16,7 +16,7 @@ namespace {
 
 constexpr std::size_t enough_faults = 20;  // in what is not TOML; probably not meant to be
 
-// With as many digits as the same number needs to be read again.
+// Number in the fewest digits, 15 or 17, from which it reads back the same.
 std::string text_of(double v) {
   char text[32];
   std::snprintf(text, sizeof text, "%.15g", v);
@@ -214,7 +214,7 @@ std::string Settings::assign(Entry& entry, const Node& node, const std::string& 
   return fits ? "" : expectation(entry);
 }
 
-// What is wrong with a key that is none of ours.
+// Fault of a key that is unknown.
 template <class Node>
 std::string Settings::unknown(const std::string& key, const Node& node) const {
   if (is_section(key)) return key + " is a section; expected [" + key + "] and its keys below";
