@@ -39,7 +39,7 @@ struct DepthConfig {
   std::uint32_t width = 0, height = 0, fps = 0;  // OpenNI2 only; 0: the camera's choice
 };
 
-// Whether this is the address of such a device; throws as make_... does, and opens nothing.
+// Checks the address of such a device; throws as make_... does, and opens nothing.
 void check_tdc(const std::string& address);
 void check_radar_port(const std::string& address, std::uint32_t baud);
 void check_depth(const std::string& address);

@@ -29,7 +29,7 @@ namespace {
 constexpr double spd_reach_m = 15;  // beyond the reflector: cables delay by metres
 constexpr std::int64_t spd_bin_ps = 10;
 
-// From the laser's sync on: a click counts from the last sync before it.
+// Axis that starts at the laser's sync: a click counts from the last sync before it.
 tdc::HistogramSettings fine_axis(const Config& config, const Search& search) {
   tdc::HistogramSettings s = config.histogram;
   s.bin_width_ps = spd_bin_ps;
@@ -136,7 +136,7 @@ class Measurement {
     widen(all.gains, repeats);
     return all;
   }
-  // How the instruments respond to the reflector, or why that is not stated.
+  // Response of the instruments to the reflector; `unstated` gets why a value is missing.
   record::Response response(const std::vector<Result>& results, Unstated& unstated) const {
     record::Response out;
     const auto& s = gatherer_.histogram().settings();

@@ -11,7 +11,7 @@
 
 namespace echofuse::acquire {
 
-// Each says why it sets nothing; an empty text: it has.
+// Fits of the two responses; each returns why it sets nothing, or an empty text.
 
 // Fits a Gaussian on an even background to the counts of the search window. A share of the photons
 // has an exponential tail; it stays 0 unless it lowers the deviance by 9. Maximum likelihood of
@@ -26,11 +26,11 @@ struct WindowFit {
 };
 
 // Fits the transform of a window 1 + a cos(2 pi t) + b cos(4 pi t) + ... over the sweep (Harris,
-// Proc. IEEE 66, 1978) to the powers about the peak, by least squares; up to six terms, as many as
-// are worth 9 in chi2. These are the amplitudes at whole cells, so any window has them. The errors
-// are those of ten repeats, and of the firmware's arithmetic; a misfit widens them. Bins that
-// another echo reaches stay out: a flank there is higher than the other. Sets the radar's cell, its
-// taps and their standard error, unless a bin is off by 5 % of the peak.
+// Proc. IEEE 66, 1978) to the powers about the peak. Least squares; up to six terms, as many as are
+// worth 9 in chi2. Terms are the amplitudes at whole cells, so any window has them. Errors are
+// those of ten repeats, and of the firmware's arithmetic; a misfit widens them. Bins that another
+// echo reaches stay out: a flank there is higher than the other. Sets the radar's cell, its taps
+// and their standard error, unless a bin is off by 5 % of the peak.
 WindowFit fit_radar_response(const std::vector<std::vector<std::uint16_t>>& frames,
                              const EchoAxis& axis, double range_m, record::Response& out);
 

@@ -71,7 +71,7 @@ void plan_count(Options& o, const Config& config) {
   if (o.every_s > 0) o.run.part_records = slots(o.every_s);
 }
 
-// The first part of a new run. Of the run's name nothing may be there.
+// Path of the first part of a new run. Throws if any file has the run's name.
 std::string first_part(const std::string& whole) {
   if (const auto like = record::named_like(whole); !like.empty())
     throw Error(ExitCode::failed, printable(like.begin()->second) +

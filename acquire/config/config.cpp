@@ -15,7 +15,7 @@
 namespace echofuse::acquire {
 namespace {
 
-// As the file spells it; whole numbers are 64 bits wide there.
+// Values as the file spells them; whole numbers are 64 bits wide there.
 struct Keys {
   std::int64_t start_channel, click_channel, bins;
   std::int64_t cli_baud, data_baud, width, height, fps, map_size;

@@ -66,15 +66,15 @@ struct ConfigPlace {
   std::string name;  // as a text calls it: "$ECHOFUSE_CONFIG", "./lab.toml"
 };
 
-// In the order in which they are looked at: $ECHOFUSE_CONFIG if it is set (then no other),
-// ./lab.toml, $XDG_CONFIG_HOME/echofuse/lab.toml (by default in ~/.config),
-// /etc/echofuse/lab.toml.
+// Places in the order of the search: $ECHOFUSE_CONFIG if it is set (then no other), ./lab.toml,
+// $XDG_CONFIG_HOME/echofuse/lab.toml (by default in ~/.config), /etc/echofuse/lab.toml.
 std::vector<ConfigPlace> config_places();
 
-// The first that is there. What $ECHOFUSE_CONFIG names need not be: it was asked for.
+// Returns the first place with a file. The file named by $ECHOFUSE_CONFIG counts even if missing:
+// it was asked for.
 std::optional<ConfigPlace> find_config();
 
-// The same; without one an Error(config) that names all places.
+// Calls find_config(); without a file throws Error(config) that names all places.
 ConfigPlace require_config();
 
 }  // namespace echofuse::acquire

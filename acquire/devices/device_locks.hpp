@@ -24,10 +24,9 @@ std::string lock_folder();
 // The holders of all locks in it. Takes none.
 std::vector<Holder> holders_in(const std::string& folder);
 
-// The lock's name of an address of the configuration. Who writes the address of a serial, USB or
-// HID device in another way does not see the lock, and finds the device opened exclusively. Empty:
-// a recording, which everybody may read, or an OpenNI2 camera without a URI that is not the only
-// one.
+// Name of the lock of a configured address. Another spelling of a serial, USB or HID device's
+// address has another lock, and finds the device opened exclusively. Empty: a recording, which
+// everybody may read, or an OpenNI2 camera without a URI that is not the only one.
 std::string lock_name(const std::string& address);
 
 // Held as long as this lives, also while a device is away or being opened again: nobody else may

@@ -41,9 +41,9 @@ class Devices final : private SampleSink {
   // Makes those of them this program's that are free.
   void take_free(const std::string& command);
   void start();
-  // All at once, and waits for them. A device that does not confirm its end is an event.
+  // Stops all drivers at once, and waits. A device that does not confirm its end is an event.
   void stop();
-  // The same, and nobody hears of it: after an exception.
+  // Stops all drivers without telling anybody: after an exception.
   void abandon();
   // Runs the loop until every configured device that is ours delivers, the time is up or the user
   // interrupts.

@@ -104,7 +104,7 @@ bool modem_manager_runs(const MachineRoots& roots) {
   return false;
 }
 
-// As udev's database has it for /dev/NAME.
+// Looks up /dev/NAME in udev's database.
 bool ignored_by_modem_manager(const std::string& name, const MachineRoots& roots) {
   std::string numbers = text_of(fs::path(roots.devices.sys) / "class/tty" / name / "dev");
   std::erase(numbers, '\n');

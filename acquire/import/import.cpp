@@ -100,7 +100,7 @@ class Import {
   void put_counters(Sensor sensor, const std::vector<Counter>& counters) {
     for (const Counter& c : counters) counted_.push_back({name_of(sensor), c.name, c.value});
   }
-  // Whether any record has anything of this sensor, and why the last one without it has not.
+  // True if any record has data of this sensor.
   bool has(Sensor s) const {
     return s == Sensor::spd ? tags_.in_range + tags_.out_of_range > 0 : valid_[s] > 0;
   }

@@ -21,7 +21,7 @@ constexpr long double longest_ps = 9.1e18L;  // below 2^63
 constexpr long double ps_per_s = 1e12L;
 constexpr double rate_share = 0.05;  // relative difference that pulse rates may have
 
-// By more than two clocks differ.
+// True if a is later by more than two clocks differ.
 bool later(long double a_s, long double b_s) { return a_s > 1.01L * b_s + 0.1L; }
 
 DeviceInfo device_of(const TaggedFile& file) {
@@ -151,7 +151,7 @@ DeviceInfo PicoquantTags::device() const { return device_of(*file_); }
 
 std::optional<UtcTime> PicoquantTags::began() const { return file_->time("File_CreatingTime"); }
 
-// Behind the last tags; false at the end.
+// Appends a record's tags behind the last ones; false at the end.
 bool PicoquantTags::read_record() {
   if (in_chunk_ == chunk_.size()) {
     chunk_.resize(chunk_records);

@@ -38,9 +38,8 @@ class PicoquantRecords {
   // Throws Error(failed): no known type, no resolution above 0.
   PicoquantRecords(std::uint32_t type, double global_resolution_s, double resolution_s);
   bool is_t3() const { return t3_; }
-  // Appends what the record is: nothing, a tag, or of T3 the pulse's start and its click. Of T3 the
-  // pulses without a click are not in the file, as behind a conditional filter. False: its time is
-  // beyond 2^63 ps.
+  // Appends the record's tags: none, one, or in T3 the pulse's start and its click. T3 files leave
+  // out pulses without a click, as behind a conditional filter. False: its time is beyond 2^63 ps.
   bool add(std::uint32_t record, std::vector<Tag>& out);
   std::uint64_t markers() const { return markers_; }
   // Time of the last overflow, and the time between two, ps.
@@ -58,8 +57,8 @@ class PicoquantRecords {
   long double unit_ps_, dtime_ps_;
 };
 
-// Blocks of at most 10 ms. `use` tells the inputs and the bins that the tags are for. What lies
-// behind the end that the header states is left out: one damaged overflow may move it by days.
+// Reads blocks of at most 10 ms. `use` tells the inputs and the bins that the tags are for. Tags
+// behind the end that the header states are left out: one damaged overflow may move it by days.
 // Throws Error(failed): no .ptu of known records, or a header of the other mode.
 class PicoquantTags final : public Recording {
  public:

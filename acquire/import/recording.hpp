@@ -12,9 +12,9 @@ class Recording {
  public:
   virtual ~Recording() = default;
   virtual DeviceInfo device() const = 0;
-  // Hands the next samples to the sink, which has none of the other events. They are "received" at
-  // the time of the last of them since the recording began. False at the end. Throws Error(failed)
-  // if the file cannot be read on.
+  // Hands the next samples to the sink, which has none of the other events. All are "received" at
+  // the time of the last one, counted from the recording's begin. False at the end. Throws
+  // Error(failed) if the file cannot be read on.
   virtual bool next(SampleSink& sink) = 0;
   // Host time of the last samples.
   virtual HostTime at() const = 0;

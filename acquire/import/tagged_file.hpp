@@ -21,9 +21,9 @@ class TaggedFile {
   // Reads the tags. Throws Error(failed): it is no such file, or its tags are damaged.
   TaggedFile(const std::string& path, const std::string& magic);
 
-  // None if there is no such tag, or none with a number.
+  // Number of a tag; none if there is no such tag, or it has no number.
   std::optional<double> number(const std::string& name, std::int32_t index = -1) const;
-  // The same; throws Error(failed) that names the tag.
+  // Number of a tag; throws Error(failed) that names the tag.
   double require(const std::string& name, std::int32_t index = -1) const;
   // A whole number from `least` to `most`; else throws as well.
   std::int64_t whole(const std::string& name, std::int64_t least, std::int64_t most,

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Whether the files that SQLite has open are still those that their names mean and as long as they
-// were, and whether somebody else wrote into the database. What is removed, replaced or shortened
-// is written on without an error, and gone at the end.
+// Detects that SQLite's open files were removed, replaced or shortened, and writes of others.
+// SQLite goes on writing into such files without an error, and the data are gone at the end.
 #pragma once
 #include <sys/types.h>
 
@@ -20,7 +19,7 @@ class FileWatch {
   // that took over the whole WAL nothing is lost with it.
   bool touched() const;
   void note();
-  // After each of our commits: the WAL and its index are not shorter than now any more.
+  // Notes a commit of ours: from now on WAL and index must not get shorter.
   void note_commit();
   // The WAL is shorter than at note_commit(). Another program's checkpoint shortens it, too, but
   // touches the database before.

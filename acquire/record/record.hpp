@@ -15,8 +15,8 @@
 
 namespace echofuse::record {
 
-// How well one sensor covered the slot. Times are those at which samples were taken: the device's,
-// by the fit of its clock to the host's; of receipt only where there is no fit.
+// Coverage of the slot by one sensor. Times are those at which samples were taken: the device's, by
+// the fit of its clock to the host's. Without a fit they are times of receipt.
 struct SensorSync {
   double offset_s = 0;              // mean time of what was used, minus the slot's centre
   double span_s = 0;                // last minus first time of what was used
@@ -25,7 +25,7 @@ struct SensorSync {
   std::string verdict = "missing";  // "ok", or why the sensor is not valid
 };
 
-// How a device's clock ran against the host's, as fitted to the receipts of its samples.
+// Fit of a device's clock to the host's, by the receipts of its samples.
 struct ClockState {
   double offset_s = 0;        // host time minus device time, at the slot's centre
   double drift_ppm = 0;       // above 0: the device's clock is fast
@@ -33,7 +33,7 @@ struct ClockState {
   std::uint64_t samples = 0;  // that the fit stands for
 };
 
-// How strong each sensor's signal was; none where that is not known. Ranges are raw.
+// Strength of each sensor's signal; none where unknown. Ranges are raw.
 struct Signal {
   std::optional<double> clicks_a_pulse;          // per laser pulse, also if only some starts arrive
   std::optional<double> spd_clicks, spd_peak_m;  // clicks above the background; highest bin

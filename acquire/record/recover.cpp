@@ -31,7 +31,7 @@ void recover(const std::string& path) {
   if (!may(path + "-wal", F_OK) || !may(path, W_OK) || WriterLock::someone_writes(path)) return;
   try {
     fold_back(path);
-  } catch (const Error&) {  // another program reads it, or it is none: who reads it will say so
+  } catch (const Error&) {  // another program reads it, or it is no run: reading it will tell
   }
 }
 

@@ -21,7 +21,7 @@ struct Budget {
   static Budget of_file(std::uint64_t bytes);
 };
 
-// Before the first statement: nothing in the file runs by itself.
+// Call before the first statement: nothing in the file runs by itself.
 void harden(sqlite3* db);
 // A statement that spends the steps ends with SQLITE_INTERRUPT. The budget outlives the database.
 void limit(sqlite3* db, Budget& budget);

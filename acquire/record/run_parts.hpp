@@ -1,8 +1,7 @@
 // SPDX-License-Identifier: MIT
-// A long run in parts: NAME-001.sqlite, NAME-002.sqlite and so on, each a run file. They have one
-// uuid, their records one numbering, and their metadata the number of the part and the records that
-// a full one has. A part is what its name and its metadata say alike: a copy under another name is
-// a run by itself.
+// Long run in parts: NAME-001.sqlite, NAME-002.sqlite and so on, each a run file. Parts have one
+// uuid, and their records one numbering. Metadata give a part's number and the records of a full
+// part. A part's name and metadata must agree: a copy under another name is a run by itself.
 #pragma once
 #include <cstdint>
 #include <map>
@@ -38,12 +37,12 @@ std::optional<RunInfo> read_part(const std::string& path);
 // Path of the whole for a part's file; else the path itself.
 std::string run_of(const std::string& file);
 
-// In one line, which parts are missing between two; empty: none is. Before the first stands
-// Part{}; behind the last one without records, and then the line tells of none.
+// Line that names the parts missing between two; empty: none is. `before` the first is Part{}.
+// `next` behind the last has 0 records; the line then names no records.
 std::string missing_between(const std::string& whole, const Part& before, const Part& next);
 
-// The files of a run by its name: one, or its parts in order; the name alone if there is none. What
-// is named like a part and cannot be read, or is of another run than the first one, is missing.
+// Files of a run by its name: one, or its parts in order; the name alone if there is none. A file
+// named like a part is missing if it cannot be read or is of another run than the first.
 struct RunFiles {
   std::vector<std::string> paths;
   std::string missing;  // a line for each gap

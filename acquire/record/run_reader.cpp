@@ -65,7 +65,7 @@ struct Shapes {
     }
   }
   std::uint64_t pixels() const { return std::uint64_t{width} * height; }
-  // So many records that they are worth a thread's start, of at most 16 M pixels in all.
+  // Number of records that is worth a thread's start, of at most 16 M pixels in all.
   std::size_t records_at_once() const {
     constexpr std::uint64_t most = 64, most_pixels = std::uint64_t{1} << 24;
     return static_cast<std::size_t>(

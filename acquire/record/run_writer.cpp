@@ -40,8 +40,8 @@ void refuse_existing(const std::string& path) {
 // Other processes may write marks.
 constexpr std::int64_t longest_wait_ns = 30'000'000'000;
 constexpr auto retry_pause = std::chrono::milliseconds(10);
-// SQLite's memory for pages, which a run fills in its first minutes. It holds all pages of the WAL,
-// so that there is a second copy of what is not in the database yet.
+// SQLite's memory for pages, which a run fills in its first minutes. Holds all pages of the WAL, so
+// that there is a second copy of data not in the database yet.
 constexpr const char* page_cache = "PRAGMA cache_size=-2000";  // KiB
 constexpr int checkpoint_pages = 400;                          // pages of 4 KiB
 
@@ -244,7 +244,7 @@ void RunWriter::checkpoint() {
   if (taken_over != in_wal) watch_->note_commit();
 }
 
-// As a kill leaves it: with its -wal, which a run that was not closed is known by.
+// Leaves the run as a kill does: with its -wal, by which an unclosed run is known.
 RunWriter::~RunWriter() {
   if (db_) sqlite3_db_config(db_, SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, 1, nullptr);
 }

@@ -31,10 +31,10 @@ struct RunOptions {
   std::function<void(std::int64_t)> progress;  // told how many records are on disk, as they come
 };
 
-// Returns when the run is closed: after `count` slots, or with the slot that was running when
-// SIGINT or SIGTERM came (a slot that would take longer than close_limit is given up, and the run
-// ends as stopped:interrupted); partial only if that is asked for. Throws Error: the file exists,
-// no device answers, the disk fails.
+// Returns when the run is closed: after `count` slots, or after the slot in which SIGINT or SIGTERM
+// came. A slot that would take longer than close_limit is given up, and the run ends as
+// stopped:interrupted. Returns partial only if asked for. Throws Error: the file exists, no device
+// answers, the disk fails.
 ExitCode record_run(const Config& config, const RunOptions& options, port::Loop& loop);
 
 }  // namespace echofuse::acquire

@@ -57,8 +57,8 @@ struct DiskSpeed {
   std::size_t commit_bytes = 0;
 };
 
-// Writes blocks of this size to a nameless file in the folder for about a second, each followed by
-// fdatasync as the run file's commits are. Throws Error(disk).
+// Writes blocks of this size to a nameless file in the folder, for about a second. Each is followed
+// by fdatasync, as the run file's commits are. Throws Error(disk).
 DiskSpeed measure_disk(const std::string& folder, std::size_t commit_bytes);
 
 Finding judge_speed(const DiskSpeed& speed, const PlannedRun& plan);

@@ -20,7 +20,7 @@ constexpr auto anchor_pause = std::chrono::minutes(1);
 // reading both clocks.
 constexpr auto least_step = std::chrono::milliseconds(500);
 constexpr std::size_t hard_limit = 10;        // times the capacity
-constexpr std::chrono::seconds last_wait{2};  // at the end, for who holds the file
+constexpr std::chrono::seconds last_wait{2};  // at the end, while another program holds the file
 
 void give_up_data(record::FusedRecord& record, const std::string& why) {
   for (const Sensor s : all_sensors)
@@ -66,7 +66,7 @@ bool Journal::put(record::FusedRecord record) {
   return room;
 }
 
-// On the worker.
+// Runs on the worker.
 void Journal::write(record::RunWriter& run, record::FusedRecord& record) {
   const UtcTime slot_end = record.slot_utc + (record.slot_end - record.slot_start);
   take_label(run.new_label(slot_end));

@@ -43,22 +43,21 @@ class Journal {
   Journal(const Journal&) = delete;
   Journal& operator=(const Journal&) = delete;
 
-  // False if `capacity` jobs are waiting: then the record's data are given up, but its row is still
-  // written, and its verdict tells whether the disk or another program is why. At ten times as many
-  // the journal has failed for that reason and takes no more, but does what is waiting.
+  // Returns false if `capacity` jobs are waiting. Then the record's data are given up, but its row
+  // is still written; the verdict tells whether the disk or another program is why. At ten times as
+  // many the journal has failed for that reason: it takes no more, but does what is waiting.
   bool put(record::FusedRecord record);
   void put(Job job);
-  // Sends what is put from now on into the next part of the run (record/run_parts.hpp). If that
-  // cannot be begun, as a file of its name is there, a warning and an event say so, the open part
-  // goes on, and the next call takes the number behind.
+  // Sends later records into the next part of the run (record/run_parts.hpp). If that cannot be
+  // begun (a file of its name is there), a warning and an event say so. The open part then goes on,
+  // and the next call takes the number behind.
   void begin_part();
   void put_config(const Config& config);
   void put_device(const DeviceInfo& device);     // one row a device, not one a reconnection
   void put_axes(const std::vector<Axis>& axes);  // those that the file does not have
   // `first`: the record of slot 0.
   void put_late(std::int64_t first, record::LateCounts late);
-  // At the run's end: the drivers' counters and the samples that are in no record, all of them or
-  // none.
+  // Writes the drivers' counters and the samples that are in no record; at the end, all or none.
   void put_counters(PerSensor<std::vector<Counter>> counters, const UnassignedSamples& unassigned);
 
   // A new anchor once a minute, and at once, with a warning, when the machine's clock was set or
@@ -68,13 +67,14 @@ class Journal {
   // old time.
   UtcTime utc_of(HostTime slot_start);
 
-  // Half of `capacity` jobs are waiting: who has many records at once gives the disk its time.
+  // True if half of `capacity` jobs are waiting: a caller with many records at once should give the
+  // disk time.
   bool crowded() const { return waiting_ >= capacity_ / 2; }
   bool failed() const { return failed_ || !overflow_.empty(); }
-  std::string why_late() const;  // if it is: the disk, or who holds the file
+  std::string why_late() const;  // cause of a delay: the disk, or the program that holds the file
   std::int64_t written() const { return written_; }
   std::string path() const;  // file that is being written
-  // That a mark gave to the records written last; none if none did.
+  // Label that a mark gave to the records written last; none if none did.
   std::optional<std::string> label() const;
   // Free bytes of the run's disk after the last record; none if the system does not tell.
   std::optional<std::uint64_t> free_bytes() const;

@@ -35,7 +35,7 @@ std::string text_of(const std::string& key, const toml::node& value) {
   return text.str();
 }
 
-// By key, of a configuration as it was resolved; without the keys that may differ.
+// Values by key of a resolved configuration, without the keys that may differ.
 std::map<std::string, std::string> values_of(const std::string& resolved) {
   std::map<std::string, std::string> values;
   try {

@@ -30,8 +30,8 @@ struct RunTotals {
   std::optional<std::uint64_t> free_bytes;         // free bytes of the disk
   PerSensor<std::string> kinds{"ok", "ok", "ok"};  // kinds of the last verdicts
 
-  // One more record. `changed` hears of each configured sensor that drops out, gets
-  // bad or comes back: once, not for every record.
+  // Adds a record. `changed` hears once of each configured sensor that drops out, gets bad or comes
+  // back.
   void take(const record::FusedRecord& record, SensorSet configured,
             const std::function<void(Sensor, Severity)>& changed);
   // "; 3 with a sensor not ok", or nothing.
@@ -62,9 +62,9 @@ std::vector<StatusField> status_fields(const RunTotals& now, const StatusTimes& 
 std::string status_line(const std::vector<StatusField>& fields, std::optional<std::size_t> columns,
                         bool colours);
 
-// One line that is rewritten on a terminal and never longer than that is wide, a plain line every
-// 10 s elsewhere, nothing when quiet. Red unless NO_COLOR is set; the bell rings when a sensor gets
-// bad.
+// Rewrites one line on a terminal, never longer than the terminal is wide. Elsewhere prints a plain
+// line every 10 s; nothing when quiet. Red unless NO_COLOR is set; the bell rings when a sensor
+// gets bad.
 class StatusLine {
  public:
   using Show = std::function<void(std::string)>;

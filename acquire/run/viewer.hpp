@@ -26,7 +26,7 @@ class Viewer {
   std::optional<pid_t> program_;
 };
 
-// Is removed with everything in it. Throws Error(disk) if it cannot be made.
+// Folder that is removed with everything in it. Throws Error(disk) if it cannot be made.
 class TemporaryFolder {
  public:
   TemporaryFolder();

@@ -8,9 +8,9 @@
 
 namespace echofuse::port {
 
-// Reconnecting of every driver: how long to wait before the next attempt, and what to report. 100
-// ms, doubled up to 2 s. It starts anew only after 5 s of health: a device that answers once and
-// dies is retried ever more rarely.
+// Reconnecting of every driver: how long to wait before the next attempt, and what to report.
+// Pauses of 100 ms, doubled up to 2 s. Starts anew only after 5 s of health: a device that answers
+// once and dies is retried ever more rarely.
 class Backoff {
  public:
   using Time = std::chrono::nanoseconds;

@@ -126,7 +126,7 @@ boost::asio::io_context& SystemLoop::io() { return parts_->io; }
 bool SystemLoop::poll() { return parts_->io.poll_one() > 0; }
 
 void SystemLoop::wait(HostTime until) {
-  // The user's signals are seen by whoever asks for them, so that it is asked for now and then.
+  // Wakes now and then, because the user's signals are seen only when asked for.
   constexpr std::chrono::milliseconds longest{20};
   const HostTime end = std::min(until, now() + longest);
   // Not by run_one_until, which waits for whole milliseconds.

@@ -46,7 +46,7 @@ struct RawKeeper::Shared {
   bool closing = false, ended = false;  // ended: nothing more is written
 };
 
-// On the worker.
+// Runs on the worker.
 void RawKeeper::Shared::take(const std::string& name, ByteView bytes) {
   std::unique_lock lock(mutex);
   const bool keeps = !ended;

@@ -32,7 +32,7 @@ struct ThreadLink {
   std::atomic<bool> stopping{false};
 };
 
-// On the loop's thread, if the port is still there.
+// Posts the action to the loop's thread; it runs if the port is still there.
 template <class Link, class Action>
 void post(const std::shared_ptr<Link>& link, Action action) {
   const std::lock_guard lock(link->io_mutex);

@@ -167,8 +167,8 @@ class Worker {
                          "it has no interface for blocks (class ff, subclass 45, protocol 01)");
   }
 
-  // A former program may have left it halted, and running. What it held is gone once it has
-  // answered the start, so nothing is asked for before that.
+  // Starts an interface that a former program may have left halted, and running. Old data are gone
+  // once the device has answered the start, so nothing is asked for before that.
   bool start() {
     if (const int error = libusb_claim_interface(handle_.get(), interface_))
       return fail("claim", error);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// One of several parts of a work, as the tasks of a cluster's job array share it. Which pieces a
-// part has follows from its number alone, so that no part need know of another.
+// Part of a work that the tasks of a cluster's job array share. A part's number alone gives its
+// pieces, so that no part needs to know of another.
 #pragma once
 #include <cstddef>
 #include <cstdint>

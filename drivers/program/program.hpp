@@ -30,10 +30,10 @@ std::string login_name();
 unsigned usable_cores();
 // Host name.
 std::string machine_name();
-// One of our programs as the first word to start it by: beside this one, else as PATH has it.
+// First word by which to start our program: its path beside this one, else NAME, as PATH has it.
 std::string program_beside(const std::string& name);
 
-// Starts words[0], found by PATH, with the other words as its arguments. It inherits the three
+// Starts words[0], found by PATH, with the other words as its arguments. Passes on the three
 // standard files and no other: an inherited descriptor would keep an unplugged port open.
 Result<pid_t> start_program(const std::vector<std::string>& words,
                             const ProgramOptions& options = {});

@@ -29,7 +29,7 @@ std::string literal(double v) {
   return text.find_first_of(".en") == std::string::npos ? text + ".0" : text;
 }
 
-// On one line, with escapes: the library's own printer writes some texts with line ends so that it
+// Text on one line, with escapes. The library's own printer writes some texts with line ends, and
 // does not read them back.
 std::string in_quotes(const std::string& text) {
   constexpr char digits[] = "0123456789abcdef";
