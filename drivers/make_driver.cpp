@@ -50,7 +50,7 @@ std::unique_ptr<Driver> make_tdc(port::Loop& loop, const TdcConfig& config, port
 
 namespace {
 
-// What can be told of the ports' roles before anything is opened.
+// Warnings about the ports' roles, before anything is opened.
 std::vector<std::string> radar_warnings(const RadarConfig& config) {
   using inventory::RadarPort;
   const auto is = [](const std::string& text, RadarPort wanted) {

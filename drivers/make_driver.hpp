@@ -30,16 +30,16 @@ struct RadarConfig {
   std::string cfg_name;   // for messages: usually the file's name
   std::uint32_t cli_baud = 115200;
   std::uint32_t data_baud = 921600;
-  std::string board = "isk";  // of drivers/radar/antennas.hpp
+  std::string board = "isk";  // named in drivers/radar/antennas.hpp
   bool keep_running = false;  // do not stop the sensor at the end
 };
 
 struct DepthConfig {
   std::string address;
-  std::uint32_t width = 0, height = 0, fps = 0;  // of an OpenNI2 camera; 0: its own choice
+  std::uint32_t width = 0, height = 0, fps = 0;  // OpenNI2 only; 0: the camera's choice
 };
 
-// Whether this is the address of such a device; throws as make_... does, and opens nothing.
+// Checks the address of such a device; throws as make_... does, and opens nothing.
 void check_tdc(const std::string& address);
 void check_radar_port(const std::string& address, std::uint32_t baud);
 void check_depth(const std::string& address);

@@ -17,9 +17,9 @@ using Samples = Eigen::MatrixXcd;  // antennas x frames
 
 constexpr std::size_t least_frames = 8;
 constexpr double least_snr_db = 10;
-constexpr double least_share = 0.9;  // of the bin's power that one wave has
+constexpr double least_share = 0.9;  // least share of the bin's power in one wave
 constexpr double weakest_gain = 0.03;
-constexpr double rounding_power = 1.0 / 12;  // of the real or the imaginary part
+constexpr double rounding_power = 1.0 / 12;  // power of the rounding of a real or an imaginary part
 
 template <class... Values>
 std::string format(const char* pattern, Values... values) {
@@ -49,7 +49,7 @@ double median_of(std::vector<double> values) {
 
 double turn(double phase) { return std::remainder(phase, 2 * std::numbers::pi); }
 
-// Of the antennas' samples x, the one wave a that explains most of them, and its errors.
+// Fits the one wave a that explains most of the antennas' samples x, and its errors.
 AntennaFit fit_wave(const Samples& x) {
   AntennaFit fit;
   const auto frames = static_cast<double>(x.cols()), antennas = static_cast<double>(x.rows());

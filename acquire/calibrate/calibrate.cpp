@@ -29,7 +29,7 @@ namespace {
 constexpr double spd_reach_m = 15;  // beyond the reflector: cables delay by metres
 constexpr std::int64_t spd_bin_ps = 10;
 
-// From the laser's sync on: a click counts from the last sync before it.
+// Axis that starts at the laser's sync: a click counts from the last sync before it.
 tdc::HistogramSettings fine_axis(const Config& config, const Search& search) {
   tdc::HistogramSettings s = config.histogram;
   s.bin_width_ps = spd_bin_ps;
@@ -38,7 +38,7 @@ tdc::HistogramSettings fine_axis(const Config& config, const Search& search) {
   return s;
 }
 
-// What arrives while a repeat lasts.
+// Collects the samples of a repeat.
 class Gatherer final : public SampleSink {
  public:
   Gatherer(const Config& config, const Search& search)
@@ -58,7 +58,7 @@ class Gatherer final : public SampleSink {
     if (sensor == Sensor::spd) histogram_.forget_start();
   }
   void on_firmware_bias(const FirmwareBias& bias) override { firmware.push_back(bias); }
-  // Whoever waits for the devices sees at once why one does not answer.
+  // Warns at once while the user waits for the devices.
   void on_event(Sensor sensor, Severity severity, const std::string& text) override {
     if (severity != Severity::info && !running) spdlog::warn("{}: {}", name_of(sensor), text);
   }
@@ -73,11 +73,11 @@ class Gatherer final : public SampleSink {
   bool running = false;
   TagCounts counts;
   std::vector<std::vector<std::uint16_t>> frames;
-  ArrayFrames arrays;  // of this repeat
+  ArrayFrames arrays;  // cleared with each repeat
   std::vector<FirmwareBias> firmware;
 
  private:
-  std::size_t bins_;  // of a whole profile
+  std::size_t bins_;  // bins of a whole profile
   tdc::Histogram histogram_;
 };
 
@@ -136,7 +136,7 @@ class Measurement {
     widen(all.gains, repeats);
     return all;
   }
-  // How the instruments respond to the reflector, or why that is not stated.
+  // Response of the instruments to the reflector; `unstated` gets why a value is missing.
   record::Response response(const std::vector<Result>& results, Unstated& unstated) const {
     record::Response out;
     const auto& s = gatherer_.histogram().settings();
@@ -240,7 +240,7 @@ class Measurement {
   std::vector<std::uint32_t> all_counts_;
   std::uint64_t starts_ = 0, clicks_ = 0;
   std::vector<Frames> repeats_;
-  Frames frames_;  // of all repeats
+  Frames frames_;  // frames of all repeats
   WindowFit window_;
   record::Response radar_;
   std::vector<double> spd_ranges_, radar_ranges_;
@@ -308,7 +308,7 @@ bool compare(const Calibration& fresh, const Calibration& stored, nlohmann::orde
   return compare_antennas(fresh.antennas, stored.antennas, json, quiet) && well;
 }
 
-// What the file to be written holds already; never overwritten unread.
+// Calibration that the target file holds already; never overwritten unread.
 Calibration stored_in(const std::string& path) {
   std::error_code none;
   if (!std::filesystem::exists(path, none)) return {};

@@ -14,7 +14,7 @@ namespace echofuse::acquire {
 struct CalibrateOptions {
   Search search;
   std::int64_t repeats = 20;
-  double time_s = 1;   // of each repeat
+  double time_s = 1;   // one repeat's length
   bool check = false;  // measure, and compare with what run.calibration says
   bool json = false;
 };

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// This file says what `calibrate` has measured, to people and as JSON.
+// Prints the results of `calibrate` as text and as JSON.
 #pragma once
 #include <map>
 #include <nlohmann/json.hpp>
@@ -14,7 +14,7 @@ namespace echofuse::acquire {
 
 struct Result {
   Sensor sensor{};
-  Peak peak;            // of all repeats together
+  Peak peak;            // fitted to all repeats together
   double spread_m = 0;  // standard deviation of the repeats
   std::string method;
 };

@@ -165,7 +165,7 @@ using Near = Eigen::Matrix<double, near, 1>;
 struct Lobe {
   double top = 0;     // bins from the middle one
   Near model, power;  // expected log2 of the power; the power over the noise
-  Near share;         // of each bin's value in `top`
+  Near share;         // part of each bin's value in `top`
 };
 
 // Gauss-Newton of amplitude and place, each bin weighted with its power.

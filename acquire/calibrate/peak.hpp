@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Where one reflector stands, from what the two ranging sensors see of it. Pure.
+// Range of one reflector in the data of the two ranging sensors. Pure.
 #pragma once
 #include <cmath>
 #include <cstdint>
@@ -11,7 +11,7 @@
 
 namespace echofuse::acquire {
 
-// Where the reflector is to be looked for: true distance and the full width of the window, metres.
+// Window in which the reflector is searched: its true distance and the full width.
 struct Search {
   double distance_m = 1, window_m = 0.2;
 };
@@ -35,7 +35,7 @@ struct EchoAxis {
   double step_m = 0, resolution_m = 0;  // between bins; c / 2B
   double log2_power_step = 0;           // per code (drivers/core/log2_codes.hpp)
 };
-// Each bin: mean over the frames, and their standard deviation.
+// Mean and standard deviation of each bin over the frames.
 struct Profile {
   std::vector<double> mean, deviation;  // log2 of the power
   double floor = 0;                     // median of the means
@@ -43,13 +43,13 @@ struct Profile {
 
 Profile profile_of(const std::vector<std::vector<std::uint16_t>>& frames, double log2_power_step);
 
-// Radar: range profiles in log2_q8 codes, one a frame. Least squares of the transform of the
-// window, the firmware's Blackman if no other is given (SDK 3.x, mmwDemo_genWindow; Harris, Proc.
-// IEEE 66, 1978), to the means over the frames, at least 8, of the strongest bin and its two
-// neighbours on either side, amplitude free, weighted with the power. The mean of a logarithm is
-// that of a signal P in noise N, which is ln P + E1(P / N), N from the profile's median. The
-// standard error is that of the frames' scatter, and of the codes' steps where the noise does not
-// even them out.
+// Radar: range profiles in log2_q8 codes, one a frame, at least 8. Least squares fit of the
+// window's transform to the frames' means of the strongest bin and its two neighbours on either
+// side. The amplitude is free, and the bins are weighted with the power. Window: the firmware's
+// Blackman if no other is given (SDK 3.x, mmwDemo_genWindow; Harris, Proc. IEEE 66, 1978). The mean
+// of a logarithm is that of a signal P in noise N: ln P + E1(P / N), N from the profile's median.
+// The standard error is that of the frames' scatter, and of the codes' steps where the noise does
+// not even them out.
 Peak fit_echo(const std::vector<std::vector<std::uint16_t>>& frames, const EchoAxis& axis,
               const Search& search, const Window& window = {});
 

@@ -31,8 +31,8 @@ struct Fitted {
 // weights may depend on the model. The parameters stay within their bounds.
 struct Problem {
   std::function<VectorXd(const VectorXd&)> model;
-  std::function<VectorXd(const VectorXd&)> weights;  // of a model's values
-  std::function<double(const VectorXd&)> chi2;       // of a model's values
+  std::function<VectorXd(const VectorXd&)> weights;  // takes a model's values
+  std::function<double(const VectorXd&)> chi2;       // takes a model's values
   VectorXd measured, least, most;
 };
 
@@ -56,7 +56,7 @@ Fitted minimise(const Problem& problem, VectorXd at) {
     }
     const VectorXd weights = problem.weights(value);
     const VectorXd pull = weights.cwiseProduct(problem.measured - value);
-    for (Index k = 0; k < at.size(); ++k)  // what would leave its bounds stays
+    for (Index k = 0; k < at.size(); ++k)  // holds parameters at their bounds
       if (const double g = slope.col(k).dot(pull);
           (g < 0 && at[k] <= problem.least[k]) || (g > 0 && at[k] >= problem.most[k]))
         slope.col(k).setZero();
@@ -181,7 +181,8 @@ std::string fit_impulse_response(std::span<const std::uint32_t> counts, double s
 
 namespace {
 
-// How far the window falls below 0, or rises 12 % above its middle; of the value there.
+// Largest value by which the window falls below 0, or rises 12 % above its middle; in units of the
+// middle.
 double fault_of(std::span<const double> terms) {
   const auto window = [&](double x) {
     double value = 1, k = 0;
@@ -194,8 +195,8 @@ double fault_of(std::span<const double> terms) {
   return fault;
 }
 
-// How many bins of a flank, which goes down (-1) or up (1) from `top`, no other echo reaches: the
-// response is symmetric and falls. Powers are over the peak's.
+// Number of bins of a flank that no other echo reaches: the response is symmetric and falls.
+// `side`: down (-1) or up (1) from `top`. Powers are over the peak's.
 Index free_bins(const VectorXd& power, Index top, Index side, Index reach, double noise) {
   const auto at = [&](Index i) { return i >= 0 && i < power.size() ? power[i] : -1; };
   for (Index k = 1; k <= reach; ++k) {
@@ -237,8 +238,8 @@ WindowFit fit_radar_response(const std::vector<std::vector<std::uint16_t>>& fram
   const Index first = top - free_of(-1), count = top + free_of(1) + 1 - first;
   if (std::min(top - first, first + count - 1 - top) < least_bins)
     return {{}, std::string("another echo reaches the reflector's; ") + advice};
-  // Behind the bins stands what is known besides: noise interferes (0) or adds (1), and a window
-  // has no faults.
+  // Prior knowledge stands behind the bins: noise interferes (0) or adds (1), and a window has no
+  // faults.
   Problem problem;
   problem.measured = VectorXd(count + 3);
   problem.measured << power.segment(first, count), 0.5, 0, 0;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// This file fits how the instruments respond to the reflector, which is a point to both. Pure.
+// Fits the instruments' responses to the reflector, which is a point to both. Pure.
 #pragma once
 #include <cstdint>
 #include <span>
@@ -11,12 +11,12 @@
 
 namespace echofuse::acquire {
 
-// Each says why it sets nothing; an empty text: it has.
+// Fits of the two responses; each returns why it sets nothing, or an empty text.
 
-// It fits a Gaussian, of which a share of the photons has an exponential tail, on an even
-// background to the counts of the search window, by maximum likelihood of Poisson counts (Levenberg
-// and Marquardt's steps). The tail stays away unless the likelihood asks for it (9 in the
-// deviance). Sets irf_fwhm_ps, irf_tail_ps and irf_tail_share with their Cramer-Rao errors.
+// Fits a Gaussian on an even background to the counts of the search window. A share of the photons
+// has an exponential tail; it stays 0 unless it lowers the deviance by 9. Maximum likelihood of
+// Poisson counts (Levenberg and Marquardt's steps). Sets irf_fwhm_ps, irf_tail_ps and
+// irf_tail_share with their Cramer-Rao errors.
 std::string fit_impulse_response(std::span<const std::uint32_t> counts, double start_ps,
                                  double step_ps, const Search& search, record::Response& out);
 
@@ -26,16 +26,16 @@ struct WindowFit {
 };
 
 // Fits the transform of a window 1 + a cos(2 pi t) + b cos(4 pi t) + ... over the sweep (Harris,
-// Proc. IEEE 66, 1978) to the powers about the peak, by least squares; up to six terms, as many as
-// are worth 9 in chi2. These are the amplitudes at whole cells, so any window has them. The errors
-// are those of ten repeats, and of the firmware's arithmetic; a misfit widens them. Bins that
-// another echo reaches stay out: a flank there is higher than the other. Sets the radar's cell, its
-// taps and their standard error, unless a bin is off by 5 % of the peak.
+// Proc. IEEE 66, 1978) to the powers about the peak. Least squares; up to six terms, as many as are
+// worth 9 in chi2. Terms are the amplitudes at whole cells, so any window has them. Errors are
+// those of ten repeats, and of the firmware's arithmetic; a misfit widens them. Bins that another
+// echo reaches stay out: a flank there is higher than the other. Sets the radar's cell, its taps
+// and their standard error, unless a bin is off by 5 % of the peak.
 WindowFit fit_radar_response(const std::vector<std::vector<std::uint16_t>>& frames,
                              const EchoAxis& axis, double range_m, record::Response& out);
 
-// It fits a line to the logarithm of the noise of the mean of 1, 2, 4 ... frames over that of their
-// number, in the weaker half of the bins. At least 40 frames are needed.
+// Fits a line to log(noise of the mean of 1, 2, 4 ... frames) over log(number of frames). Takes the
+// weaker half of the bins. Needs at least 40 frames.
 std::string fit_noise_exponent(const std::vector<std::vector<std::uint16_t>>& frames,
                                double log2_power_step, record::Response& out);
 

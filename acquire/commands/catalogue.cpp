@@ -25,7 +25,7 @@ struct Entry {
   Json live;  // null: it is not
 };
 
-using Holders = std::map<std::string, std::string>;  // who writes it, by the run's path
+using Holders = std::map<std::string, std::string>;  // run's path -> program that writes it
 
 Holders holders() {
   Holders out;
@@ -62,7 +62,7 @@ const Row titles{"run",   "started (UTC)", "length",   "records", "valid %",
                  "state", "labels",        "operator", "notes",   "verdict"};
 
 Row row_of(const Entry& e) {
-  constexpr std::size_t longest = 40;  // of a text; --json holds all
+  constexpr std::size_t longest = 40;  // bytes of a text; --json holds all
   const auto short_text = [](const std::string& text) { return printable(text, longest); };
   std::string labels, notes;
   for (const auto& [label, count] : e.run.sum.labels)

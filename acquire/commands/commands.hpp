@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// What the commands on run files print, and how the log does.
+// Output of the commands on run files, and the log's format.
 #pragma once
 #include <memory>
 #include <optional>
@@ -26,8 +26,8 @@ std::string describe_run(const std::vector<std::string>& files, bool json);
 std::string annotate_run(const std::string& path, const std::optional<std::string>& note,
                          const std::optional<std::string>& label);
 
-// Of the log on stderr: on a terminal a message first clears the status line; the journal keeps the
-// time by itself. Nothing in a message moves the cursor, whoever sent the text.
+// Formatter of the log on stderr: erases the status line on a terminal, omits the time under
+// systemd. Writes out whatever in a message would move the cursor.
 std::unique_ptr<spdlog::formatter> log_format();
 
 // `list`: the runs of a folder, and those that are being recorded.
@@ -36,11 +36,11 @@ struct Catalogue {
   std::string left_out;  // files that are no run, or that cannot be read: a line each, with why
 };
 
-// All runs (*.sqlite) of the folder, oldest first: one line for each and more on the live ones, or
-// one JSON array. A live one's object has `live`: who (by the locks of its devices), last_index,
-// age_s (since the last slot's end), label, and sensors: {NAME: {verdict, valid, used, lost}}, used
-// and verdict of the last record, lost of the whole run. With `elsewhere` also the runs that are
-// recorded on this machine into other folders. Throws Error(failed) if the folder cannot be read.
+// Lists all runs (*.sqlite) of the folder, oldest first: a line each and more on live ones, or one
+// JSON array. A live run's object has `live`: who (by the locks of its devices), last_index, age_s
+// (since the last slot's end), label, and sensors: {NAME: {verdict, valid, used, lost}}. Values
+// used and verdict are of the last record, lost of the whole run. `elsewhere`: also lists runs that
+// this machine records into other folders. Throws Error(failed) if the folder cannot be read.
 Catalogue list_runs(const std::string& folder, bool elsewhere, const Clock& clock, bool json);
 
 }  // namespace echofuse::acquire

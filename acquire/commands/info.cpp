@@ -161,7 +161,7 @@ Json without_zeros(Json object) {
 }
 
 std::string to_text(const Json& j) {
-  constexpr std::size_t longest = 2000;  // of a line; --json holds all
+  constexpr std::size_t longest = 2000;  // bytes of a line; --json holds all
   std::string out = printable(word(j["file"])) + ": " + word(j["records"]) + " records, " +
                     printable(word(j["status"]), 40) + "\n";
   const auto line = [&](const char* name, const std::string& value) {

@@ -25,7 +25,7 @@ class Priority final : public spdlog::custom_flag_formatter {
   }
 };
 
-// %Q: the message, in which nothing moves the cursor, whoever sent the text.
+// %Q: the message, without characters that move the cursor.
 class Message final : public spdlog::custom_flag_formatter {
   void format(const spdlog::details::log_msg& message, const std::tm&,
               spdlog::memory_buf_t& out) override {

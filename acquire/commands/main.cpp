@@ -71,7 +71,7 @@ void plan_count(Options& o, const Config& config) {
   if (o.every_s > 0) o.run.part_records = slots(o.every_s);
 }
 
-// The first part of a new run. Of the run's name nothing may be there.
+// Path of the first part of a new run. Throws if any file has the run's name.
 std::string first_part(const std::string& whole) {
   if (const auto like = record::named_like(whole); !like.empty())
     throw Error(ExitCode::failed, printable(like.begin()->second) +
@@ -176,7 +176,7 @@ ExitCode run(Options& o) {
   return code;
 }
 
-// Of commands that do without: none if there is no file and none was asked for.
+// Configuration of commands that can do without: none if there is no file and none was asked for.
 std::optional<Config> load_if_any(const Options& o) {
   if (o.config.empty() && o.assignments.empty() && !find_config()) return std::nullopt;
   return load(o);

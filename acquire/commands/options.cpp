@@ -219,7 +219,7 @@ void add_devices(CLI::App& app, Options& o) {
   add_examples(*c, {"echofuse-acquire devices"});
 }
 
-// To each command that has none below it.
+// Adds the option to each command that has no commands below it.
 void add_quiet(CLI::App& app, Options& o) {
   const auto below = app.get_subcommands({});
   for (CLI::App* command : below) add_quiet(*command, o);

@@ -30,7 +30,7 @@ struct Options {
 // Describes all commands; what is parsed goes into the options, which must outlive the app.
 void add_commands(CLI::App& app, Options& options);
 
-// What was chosen: "run", "config show".
+// Words of the chosen command: "run", "config show".
 std::string command_of(const CLI::App& app);
 
 }  // namespace echofuse::acquire

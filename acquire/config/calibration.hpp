@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: MIT
-// The calibration file (TOML, one section a ranging sensor), written by `calibrate` and named by
-// run.calibration: by how much each sensor's ranges are too long, what each of the radar's antennas
-// adds to its samples (section antennas), how the sensors respond to a point (section response,
-// acquire/measurement/response.hpp), and on which axes they record (section axes, whose keys are
-// those of echofuse-sim); files of before are without the last three.
+// Calibration file (TOML), written by `calibrate` and named by run.calibration. Has a section a
+// ranging sensor: by how much its ranges are too long. Section antennas: gain and phase that each
+// of the radar's antennas adds. Section response: how the sensors respond to a point
+// (acquire/measurement/response.hpp). Section axes: the axes on which they record; keys are those
+// of echofuse-sim. Older files are without the last three.
 #pragma once
 #include <optional>
 #include <string>
@@ -14,8 +14,8 @@
 
 namespace echofuse::acquire {
 
-// In the order of the heat map, relative to antenna 0; empty: not measured. The standard error is
-// that of the phase in radians, and of the gain as a share of it: noise is alike in both.
+// Gains in the order of the heat map, relative to antenna 0; empty: not measured. The standard
+// error is in radians for the phase and a share for the gain, because noise is alike in both.
 struct AntennaGains {
   std::string date_utc;
   double distance_m = 0;
@@ -24,7 +24,7 @@ struct AntennaGains {
   bool empty() const { return gain.empty(); }
 };
 
-// All numbers are 0 for a sensor that is not calibrated.
+// Axes of the calibrated sensors; 0 for a sensor that is not calibrated.
 struct CalibratedAxes {
   double bin_width_ps = 0, first_bin_ps = 0, radar_step_m = 0;
   std::int64_t bins = 0, radar_bins = 0;
@@ -33,14 +33,14 @@ struct CalibratedAxes {
 };
 
 struct Calibration {
-  std::vector<record::CalibrationEntry> entries;  // of one or both ranging sensors
+  std::vector<record::CalibrationEntry> entries;  // one or both ranging sensors
   std::optional<FirmwareBias> firmware;
   AntennaGains antennas;
   record::Response response;
   CalibratedAxes axes = {};
 
   const record::CalibrationEntry* find(Sensor sensor) const;  // null: none
-  // All that this one has, and of `older` the rest.
+  // Returns this calibration, completed from `older`.
   Calibration over(const Calibration& older) const;
 };
 

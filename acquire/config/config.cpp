@@ -15,7 +15,7 @@
 namespace echofuse::acquire {
 namespace {
 
-// As the file spells it; whole numbers are 64 bits wide there.
+// Values as the file spells them; whole numbers are 64 bits wide there.
 struct Keys {
   std::int64_t start_channel, click_channel, bins;
   std::int64_t cli_baud, data_baud, width, height, fps, map_size;
@@ -136,7 +136,7 @@ void take_numbers(Config& c, const Keys& k) {
   if (k.first_photon_only) c.detector.dead_time_ps = std::numeric_limits<double>::infinity();
 }
 
-// What the type and range of a single key do not show.
+// Checks that the type and range of a single key cannot express.
 class Judge {
  public:
   Judge(const Settings& settings, std::string name, std::vector<std::string>& faults)
@@ -198,7 +198,7 @@ void judge_radar(Judge& judge, Config& c, const std::string& cfg,
   });
 }
 
-// What the file says of the antennas; it may be of a cfg that sent another heat map.
+// Applies the file's antenna calibration, which may belong to a cfg with another heat map.
 void calibrate_antennas(Config& c) {
   const AntennaGains& gains = c.calibration.antennas;
   if (gains.empty() || c.antennas.empty()) return;

@@ -16,20 +16,20 @@
 
 namespace echofuse::acquire {
 
-// Of SignalCheck. 0 switches a limit off.
+// Limits of SignalCheck; 0 switches one off.
 struct SignalLimits {
-  double weak_share = 0.1;   // of the median of the run's first minute
-  double spd_clicks = 1000;  // of a record, above the background
+  double weak_share = 0.1;   // share of the median of the run's first minute
+  double spd_clicks = 1000;  // clicks a record, above the background
   double clicks_a_pulse = record::most_clicks_a_pulse;
   double radar_snr_db = 6;     // the highest bin over the median bin
-  double depth_share = 0.005;  // of the pixels
+  double depth_share = 0.005;  // pixels with a return / all pixels
 };
 
 struct Config {
   double window_s = 3;
   double connect_timeout_s = 10;
   std::string label, operator_name;
-  std::string run_folder;  // of runs without a name; empty: the working directory
+  std::string run_folder;  // folder of runs without a name; empty: the working directory
   TdcConfig tdc;
   tdc::HistogramSettings histogram;
   record::Detector detector;
@@ -37,13 +37,13 @@ struct Config {
   DepthConfig depth;
   record::MapGrid map;
   SignalLimits signal;
-  Calibration calibration;       // of the file that run.calibration names
-  record::Antennas antennas;     // of the radar's heat map, calibrated; empty: it sends none
+  Calibration calibration;       // read from run.calibration
+  record::Antennas antennas;     // antennas of the heat map, calibrated; empty: none sent
   std::string calibration_path;  // that file, or where one would stand
   PerSensor<std::string> policy{"optional", "optional", "optional"};
 
-  std::vector<std::string> unfinished;  // what still has the template's XXXXXXXX, with its place
-  std::string text;                     // of the file, verbatim
+  std::vector<std::string> unfinished;  // keys with the template's XXXXXXXX left, and their place
+  std::string text;                     // contents of the file, verbatim
   std::string resolved;                 // every key with its value and meaning, as TOML
   std::string shown;                    // the same, with the origin of each value
 
@@ -58,7 +58,7 @@ struct Config {
 Config load_config(const std::string& path, const std::vector<std::string>& assignments = {},
                    bool with_calibration = true);
 
-// What the radar's cfg says. Throws as radar::parse_profile.
+// Parses the radar's cfg. Throws as radar::parse_profile.
 radar::RadarProfile parse_profile(const RadarConfig& radar);
 
 struct ConfigPlace {
@@ -66,15 +66,15 @@ struct ConfigPlace {
   std::string name;  // as a text calls it: "$ECHOFUSE_CONFIG", "./lab.toml"
 };
 
-// In the order in which they are looked at: $ECHOFUSE_CONFIG if it is set (then no other),
-// ./lab.toml, $XDG_CONFIG_HOME/echofuse/lab.toml (by default in ~/.config),
-// /etc/echofuse/lab.toml.
+// Places in the order of the search: $ECHOFUSE_CONFIG if it is set (then no other), ./lab.toml,
+// $XDG_CONFIG_HOME/echofuse/lab.toml (by default in ~/.config), /etc/echofuse/lab.toml.
 std::vector<ConfigPlace> config_places();
 
-// The first that is there. What $ECHOFUSE_CONFIG names need not be: it was asked for.
+// Returns the first place with a file. The file named by $ECHOFUSE_CONFIG counts even if missing:
+// it was asked for.
 std::optional<ConfigPlace> find_config();
 
-// The same; without one an Error(config) that names all places.
+// Calls find_config(); without a file throws Error(config) that names all places.
 ConfigPlace require_config();
 
 }  // namespace echofuse::acquire

@@ -101,7 +101,7 @@ Json find_attached(std::string& camera_fault) {
   return {{"usb", usb}, {"openni", cameras}};
 }
 
-// For people, with the lines to write into lab.toml.
+// Text with the lines to write into lab.toml.
 std::string text_of(const Json& attached, const std::string& camera_fault) {
   std::string text;
   const auto setting = [&](const std::string& key, const Json& node) {

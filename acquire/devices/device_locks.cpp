@@ -27,15 +27,15 @@ std::vector<std::string> addresses_of(const Config& config, Sensor s) {
   return {config.radar.cli, config.radar.data};
 }
 
-// Of a bridge its host and port, of a serial port its path, of a camera its URI, else the address
-// as it is.
+// Name of a device: a bridge's host and port, a serial port's path, a camera's URI, else the
+// address.
 std::string known_as(const std::string& address) {
   const port::Address parsed = port::parse_address(address);
   if (const auto* camera = std::get_if<port::OpenNiAddress>(&parsed)) {
     std::error_code none;
     if (!camera->uri.empty())
       return std::filesystem::is_regular_file(camera->uri, none) ? "" : camera->uri;
-    const auto cameras = depth::list_openni_devices();  // of several the driver takes none
+    const auto cameras = depth::list_openni_devices();  // several: the driver takes none
     return cameras.size() == 1 ? cameras[0].uri : "";
   }
   if (const auto* bridge = std::get_if<port::BridgeAddress>(&parsed)) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Whose the configured devices are: one program at a time, by locks that all users see.
+// Locks of the configured devices: one program at a time has a device, across all users.
 #pragma once
 #include <memory>
 #include <optional>
@@ -24,10 +24,9 @@ std::string lock_folder();
 // The holders of all locks in it. Takes none.
 std::vector<Holder> holders_in(const std::string& folder);
 
-// The lock's name of an address of the configuration. Who writes the address of a serial, USB or
-// HID device in another way does not see the lock, and finds the device opened exclusively. Empty:
-// a recording, which everybody may read, or an OpenNI2 camera without a URI that is not the only
-// one.
+// Name of the lock of a configured address. Another spelling of a serial, USB or HID device's
+// address has another lock, and finds the device opened exclusively. Empty: a recording, which
+// everybody may read, or an OpenNI2 camera without a URI that is not the only one.
 std::string lock_name(const std::string& address);
 
 // Held as long as this lives, also while a device is away or being opened again: nobody else may
@@ -38,7 +37,7 @@ class DeviceLocks {
   // lock file cannot be used.
   DeviceLocks(const Config& config, const std::string& command, const std::string& run = {});
 
-  // Who else has a device of this sensor.
+  // Holder in another process; none if the sensor's device is free or ours.
   const std::optional<Holder>& other(Sensor sensor) const { return others_[sensor]; }
 
  private:

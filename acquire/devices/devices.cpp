@@ -10,7 +10,7 @@
 namespace echofuse::acquire {
 namespace {
 
-constexpr auto stop_timeout = std::chrono::milliseconds(300);  // of all drivers to their devices
+constexpr auto stop_timeout = std::chrono::milliseconds(300);  // limit for all drivers together
 
 std::string address_of(const Config& config, Sensor s) {
   if (s == Sensor::spd) return config.tdc.address;
@@ -32,7 +32,7 @@ Devices::Devices(port::Loop& loop, const Config& config, SampleSink& next, port:
     drivers_[Sensor::depth] = make_depth(loop, config.depth, raw);
 }
 
-Devices::~Devices() { abandon(); }  // whoever listened may be gone
+Devices::~Devices() { abandon(); }  // the listener may be gone
 
 void Devices::take_free(const std::string& command) {
   locks_.emplace(config_, command);

@@ -41,15 +41,15 @@ class Devices final : private SampleSink {
   // Makes those of them this program's that are free.
   void take_free(const std::string& command);
   void start();
-  // All at once, and waits for them. A device that does not confirm its end is an event.
+  // Stops all drivers at once, and waits. A device that does not confirm its end is an event.
   void stop();
-  // The same, and nobody hears of it: after an exception.
+  // Stops all drivers without telling anybody: after an exception.
   void abandon();
   // Runs the loop until every configured device that is ours delivers, the time is up or the user
   // interrupts.
   void wait(double timeout_s);
   const Status& operator[](Sensor s) const { return status_[s]; }
-  // Of the sensor's driver, until its end; none if it is not configured.
+  // Counters of the sensor's driver, until it ends; empty if the sensor is not configured.
   std::vector<Counter> counters(Sensor s) const;
   // Asks it of every configured device.
   bool all(const std::function<bool(const Status&)>& predicate) const;
@@ -72,7 +72,7 @@ class Devices final : private SampleSink {
   std::optional<DeviceLocks> locks_;  // outlive the drivers
   PerSensor<Status> status_;
   PerSensor<std::unique_ptr<Driver>> drivers_;
-  PerSensor<std::vector<Counter>> last_counters_;  // of those that ended
+  PerSensor<std::vector<Counter>> last_counters_;  // kept from drivers that ended
 };
 
 }  // namespace echofuse::acquire

@@ -16,7 +16,7 @@
 
 namespace echofuse::acquire {
 
-// Where the kernel's and udev's files are; another root in tests.
+// Folders of the kernel's and udev's files; another root in tests.
 struct MachineRoots {
   inventory::Roots devices;
   std::string proc = "/proc", run = "/run", etc = "/etc", lib = "/usr/lib";
@@ -31,7 +31,7 @@ Finding check_modem_manager(const std::optional<Config>& config, const MachineRo
 // The kernel's limit for all USB buffers together against the time tagger's ring.
 Finding check_usb_memory(const std::optional<Config>& config, const MachineRoots& roots);
 
-// What adjtimex(2) says of the clock.
+// State of the clock by adjtimex(2).
 struct ClockState {
   bool readable = false, synchronised = false;
   double maximal_error_s = 0;
@@ -41,7 +41,7 @@ Finding check_clock(const ClockState& clock);
 
 // ---- the configured devices, from two seconds of what they send
 
-// What arrived between begin() and end(), and every complaint since the start.
+// Keeps the samples between begin() and end(), and every complaint since the start.
 class Capture final : public SampleSink {
  public:
   explicit Capture(const tdc::HistogramSettings& settings) : histogram_(settings) {}
@@ -72,8 +72,8 @@ Finding judge_spd(const Capture& capture, const Config& config, double time_s);
 Finding judge_radar(const Capture& capture, const Config& config, double time_s);
 Finding judge_depth(const Capture& capture, const Config& config, double time_s);
 
-// What a record of these devices takes, from what they sent; a device that sent nothing is counted
-// as its configuration has it.
+// Estimates the bytes of a record from the samples that the devices sent. A device that sent
+// nothing counts with its configured size.
 double estimate_record_bytes(const Capture& capture, const Config& config);
 
 struct DoctorOptions {

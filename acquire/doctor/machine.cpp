@@ -58,7 +58,7 @@ std::vector<std::string> configured_addresses(const std::optional<Config>& confi
 struct Port {
   std::string path, missing;
   bool configured = false;
-  bool denied = false;  // it is there, but not for this user
+  bool denied = false;  // present, but not accessible to this user
 };
 
 bool is_denied(const std::string& path) {
@@ -104,7 +104,7 @@ bool modem_manager_runs(const MachineRoots& roots) {
   return false;
 }
 
-// As udev's database has it for /dev/NAME.
+// Looks up /dev/NAME in udev's database.
 bool ignored_by_modem_manager(const std::string& name, const MachineRoots& roots) {
   std::string numbers = text_of(fs::path(roots.devices.sys) / "class/tty" / name / "dev");
   std::erase(numbers, '\n');

@@ -12,7 +12,7 @@
 namespace echofuse::acquire {
 namespace {
 
-constexpr double slow = 0.9;  // of the nominal rate
+constexpr double slow = 0.9;  // share of the nominal rate
 
 template <class... Values>
 std::string format(const char* pattern, Values... values) {
@@ -40,7 +40,7 @@ void mark(Finding& finding, Grade grade, const std::string& advice) {
   finding.grade = std::max(finding.grade, grade);
 }
 
-// Of frames: the first and the last second are cut anywhere, hence one more or less.
+// Judges a frame rate. The first and the last second are cut anywhere: one frame more or less.
 void judge_rate(Finding& finding, std::uint64_t frames, double nominal_hz, double time_s) {
   const double expected = nominal_hz * time_s, got = static_cast<double>(frames);
   if (got + 1 < slow * expected)

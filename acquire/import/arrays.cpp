@@ -25,7 +25,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::uint32_t most_points = 1u << 24;  // of a record's histogram or profile
+constexpr std::uint32_t most_points = 1u << 24;  // bins of a record's histogram or profile
 
 struct Description {
   double window_s = 3, first_bin_ps = 0, bin_width_ps = 100, first_m = 0, step_m = 0.25,

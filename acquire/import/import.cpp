@@ -100,7 +100,7 @@ class Import {
   void put_counters(Sensor sensor, const std::vector<Counter>& counters) {
     for (const Counter& c : counters) counted_.push_back({name_of(sensor), c.name, c.value});
   }
-  // Whether any record has anything of this sensor, and why the last one without it has not.
+  // True if any record has data of this sensor.
   bool has(Sensor s) const {
     return s == Sensor::spd ? tags_.in_range + tags_.out_of_range > 0 : valid_[s] > 0;
   }
@@ -137,7 +137,7 @@ class Import {
   std::vector<record::Counted> counted_;
   PerSensor<std::int64_t> valid_{};
   TagCounts tags_;
-  PerSensor<std::string> verdict_{};        // of the last record that is without
+  PerSensor<std::string> verdict_{};        // verdict of the last record without the sensor
   std::vector<record::FusedRecord> batch_;  // not yet written
   std::size_t values_ = 0;                  // in it
   std::string lines_;
@@ -230,7 +230,7 @@ std::string import_streams(const Config& config, const ImportOptions& options,
   for (const auto& r : recordings) end = std::max(end, r->at());
   slots.close(end, true, take);
   slots.windows().finish();
-  std::string nothing;  // what recordings say that no record has anything of
+  std::string nothing;  // texts of recordings that gave no record anything
   std::size_t empty = 0;
   for (const auto& r : recordings) {
     const DeviceInfo device = r->device();

@@ -19,7 +19,7 @@ namespace echofuse::acquire {
 
 struct ImportOptions {
   std::vector<std::string> files{};
-  std::string cfg{};       // of the radar; empty: beside its recording
+  std::string cfg{};       // the radar's; empty: beside its recording
   std::string began{};     // UTC, ISO 8601; empty: as the files have it
   std::int32_t start = 0;  // input of the laser's pulses; 0 is the sync
   std::int32_t click = 1;  // input of the detector
@@ -46,8 +46,8 @@ std::string import_recordings(Config config, const ImportOptions& options);
 // does not fit (config), arrays cannot be read or do not fit each other (failed), disk.
 std::string import_arrays(const std::string& folder, const std::string& out, UtcTime began);
 
-// A folder of `run --keep-raw` as a run: the daemon records anew from ports that hand out the kept
-// bytes at the times at which they came (raw_tap.hpp), on a loop whose time jumps.
+// Recording of a folder of `run --keep-raw` as a run: the daemon's ports hand out the kept bytes at
+// the times at which they came (raw_tap.hpp). The loop's time jumps.
 bool is_kept(const std::string& folder);  // whether `run --keep-raw` made it
 
 // The configuration that the live run had, changed by `assignments`.

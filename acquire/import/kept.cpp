@@ -89,7 +89,7 @@ class Stream {
   Times times_;
   std::string stem_, ending_;
   std::optional<Times::Line> line_ = times_.next();
-  std::optional<RegularFile> file_;  // of the connection, from its first bytes on
+  std::optional<RegularFile> file_;  // file of the connection, from its first bytes on
   int files_ = 0;
 };
 

@@ -19,9 +19,9 @@ constexpr std::int64_t block_ps = 10'000'000'000;  // divides every slot's lengt
 constexpr std::int64_t all = std::numeric_limits<std::uint32_t>::max();
 constexpr long double longest_ps = 9.1e18L;  // below 2^63
 constexpr long double ps_per_s = 1e12L;
-constexpr double rate_share = 0.05;  // of a pulse rate, that may differ
+constexpr double rate_share = 0.05;  // relative difference that pulse rates may have
 
-// By more than two clocks differ.
+// True if a is later by more than two clocks differ.
 bool later(long double a_s, long double b_s) { return a_s > 1.01L * b_s + 0.1L; }
 
 DeviceInfo device_of(const TaggedFile& file) {
@@ -151,7 +151,7 @@ DeviceInfo PicoquantTags::device() const { return device_of(*file_); }
 
 std::optional<UtcTime> PicoquantTags::began() const { return file_->time("File_CreatingTime"); }
 
-// Behind the last tags; false at the end.
+// Appends a record's tags behind the last ones; false at the end.
 bool PicoquantTags::read_record() {
   if (in_chunk_ == chunk_.size()) {
     chunk_.resize(chunk_records);
@@ -241,7 +241,7 @@ std::vector<std::string> PicoquantTags::doubts() const {
   const double rate_hz = file_->number("TTResult_SyncRate").value_or(0);
   const auto unit_s = static_cast<double>(records_.unit_ps() / ps_per_s);
   const double divider = std::max(1.0, file_->number("HWSync_Divider").value_or(1));
-  const double share = rate_hz * unit_s;  // of a pulse's period; 1 in T3
+  const double share = rate_hz * unit_s;  // time step / pulse period; 1 in T3
   const auto alike = [&](double wanted) { return std::abs(share / wanted - 1) <= rate_share; };
   if (rate_hz > 0 &&
       (records_.is_t3() ? !alike(1) && !alike(divider) && !alike(1 / divider) : share > rate_share))

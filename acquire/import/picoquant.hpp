@@ -38,9 +38,8 @@ class PicoquantRecords {
   // Throws Error(failed): no known type, no resolution above 0.
   PicoquantRecords(std::uint32_t type, double global_resolution_s, double resolution_s);
   bool is_t3() const { return t3_; }
-  // Appends what the record is: nothing, a tag, or of T3 the pulse's start and its click. Of T3 the
-  // pulses without a click are not in the file, as behind a conditional filter. False: its time is
-  // beyond 2^63 ps.
+  // Appends the record's tags: none, one, or in T3 the pulse's start and its click. T3 files leave
+  // out pulses without a click, as behind a conditional filter. False: its time is beyond 2^63 ps.
   bool add(std::uint32_t record, std::vector<Tag>& out);
   std::uint64_t markers() const { return markers_; }
   // Time of the last overflow, and the time between two, ps.
@@ -54,12 +53,12 @@ class PicoquantRecords {
   bool put(std::int32_t channel, std::uint64_t unit, std::uint64_t dtime, std::vector<Tag>& out);
   bool pico_harp_ = false, t3_ = false, once_ = false;
   std::uint64_t wrap_ = 0, base_ = 0, markers_ = 0;
-  std::uint64_t pulse_ = ~std::uint64_t{0};  // of the last start
+  std::uint64_t pulse_ = ~std::uint64_t{0};  // number of the last start
   long double unit_ps_, dtime_ps_;
 };
 
-// Blocks of at most 10 ms. `use` tells the inputs and the bins that the tags are for. What lies
-// behind the end that the header states is left out: one damaged overflow may move it by days.
+// Reads blocks of at most 10 ms. `use` tells the inputs and the bins that the tags are for. Tags
+// behind the end that the header states are left out: one damaged overflow may move it by days.
 // Throws Error(failed): no .ptu of known records, or a header of the other mode.
 class PicoquantTags final : public Recording {
  public:
@@ -81,8 +80,8 @@ class PicoquantTags final : public Recording {
   PicoquantRecords records_;
   tdc::HistogramSettings use_;
   double stopped_s_ = 0, header_s_ = 0;  // length by the header, s: measured, longest; 0: not known
-  long double last_ps_ = 0;              // of a tag
-  std::vector<Tag> tags_;                // of the block, and those of the record behind its end
+  long double last_ps_ = 0;              // time of the last tag
+  std::vector<Tag> tags_;  // the block, then the tags of a record that goes on behind its end
   std::vector<std::uint32_t> chunk_;
   std::size_t in_chunk_ = 0;
   HostTime at_{};
@@ -99,7 +98,7 @@ struct PicoquantCurve {
   std::vector<std::uint32_t> counts;  // to its last bin that is not 0
 };
 struct PicoquantHistograms {
-  DeviceInfo device;  // with the axis
+  DeviceInfo device;  // including the axis
   std::vector<PicoquantCurve> curves;
 };
 // Throws Error(failed): it is no .phu, its curves have no common axis, are not in the file, or have

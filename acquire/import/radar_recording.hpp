@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// What a radar's data port sent, as TI's Visualizer records it (.dat) and `run --keep-raw` does.
+// Bytes of a radar's data port, as TI's Visualizer (.dat) and `run --keep-raw` record them.
 // The times are those of the board, whose cycle counter wraps every 21.47 s: a step of it is one
 // that frame number and cfg, or the next frame's, confirm. Else frame number and cfg make the step.
 #pragma once
@@ -30,7 +30,7 @@ class RadarRecording final : public Recording {
   };
   struct Oddity {
     std::uint64_t count = 0;
-    std::string places;  // of the first five
+    std::string places;  // first five, as text
     void add(const std::string& place);
   };
   Reading read(const RadarFrame& frame) const;
@@ -41,7 +41,7 @@ class RadarRecording final : public Recording {
   radar::RadarProfile profile_;
   radar::FrameParser parser_;
   bool ended_ = false;
-  Bytes beginning_;                 // of the file
+  Bytes beginning_;                 // start of the file
   std::optional<RadarFrame> held_;  // until the next one tells whether its time can be
   std::optional<Reading> last_;     // that was believed
   HostTime last_at_{}, at_{};

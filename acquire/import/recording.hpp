@@ -12,14 +12,14 @@ class Recording {
  public:
   virtual ~Recording() = default;
   virtual DeviceInfo device() const = 0;
-  // Hands the next samples to the sink, which has none of the other events. They are "received" at
-  // the time of the last of them since the recording began. False at the end. Throws Error(failed)
-  // if the file cannot be read on.
+  // Hands the next samples to the sink, which has none of the other events. All are "received" at
+  // the time of the last one, counted from the recording's begin. False at the end. Throws
+  // Error(failed) if the file cannot be read on.
   virtual bool next(SampleSink& sink) = 0;
-  // Of the last samples.
+  // Host time of the last samples.
   virtual HostTime at() const = 0;
   virtual std::vector<Counter> counters() const = 0;
-  // What is missing or doubtful, a sentence each; at the end.
+  // Sentences about missing or doubtful data, at the end of the recording.
   virtual std::vector<std::string> doubts() const = 0;
 };
 

@@ -21,19 +21,19 @@ class TaggedFile {
   // Reads the tags. Throws Error(failed): it is no such file, or its tags are damaged.
   TaggedFile(const std::string& path, const std::string& magic);
 
-  // None if there is no such tag, or none with a number.
+  // Number of a tag; none if there is no such tag, or it has no number.
   std::optional<double> number(const std::string& name, std::int32_t index = -1) const;
-  // The same; throws Error(failed) that names the tag.
+  // Number of a tag; throws Error(failed) that names the tag.
   double require(const std::string& name, std::int32_t index = -1) const;
   // A whole number from `least` to `most`; else throws as well.
   std::int64_t whole(const std::string& name, std::int64_t least, std::int64_t most,
                      std::int32_t index = -1) const;
   std::string text(const std::string& name) const;  // empty if there is none
-  // Of a time, which these files have as local days since 1899-12-30: as the time zone of this
-  // machine has it. None if there is no such tag, or its time is not between 1970 and 2250.
+  // Time of a tag. The files store local days since 1899-12-30, read in this machine's time zone.
+  // None if the tag is missing or its time is not between 1970 and 2250.
   std::optional<UtcTime> time(const std::string& name, std::int32_t index = -1) const;
   const std::string& path() const { return path_; }
-  const RegularFile& file() const { return file_; }  // where the tags end
+  const RegularFile& file() const { return file_; }  // positioned where the tags end
   std::size_t tag_bytes() const { return tag_bytes_; }
 
  private:

@@ -22,7 +22,7 @@ void put(const std::string& path, const std::string& level, const std::string& t
   sqlite3_busy_timeout(db, timeout_ms);
   sqlite3_wal_autocheckpoint(db, 0);  // that is for the recording process
   execute(db, path, "BEGIN IMMEDIATE", "cannot write");
-  // Whoever closes the run reads the labels that came before.
+  // Refuses a label for a closed run, because labels are read when the run closes.
   if (level == "label" && !Statement(db, path, "SELECT 1 FROM run WHERE status = 'open'").step())
     refuse_closed(path);
   insert(db, path, Event{iso8601(system_clock.utc()), level, who, text});
@@ -32,7 +32,7 @@ void put(const std::string& path, const std::string& level, const std::string& t
 }  // namespace
 
 void put_note(const std::string& path, const std::string& text, const std::string& who) {
-  static_cast<void>(RunReader(path));  // it is a run file
+  static_cast<void>(RunReader(path));  // throws unless PATH is a run file
   put(path, "note", text, who);
 }
 

@@ -34,7 +34,7 @@ RunEntry entry_of(const RunReader& run) {
 
 std::vector<RunEntry> runs_of(std::vector<RunEntry> files) {
   std::vector<RunEntry> out;
-  std::vector<std::string> places;  // of the wholes in `out`
+  std::vector<std::string> places;  // paths of the whole runs in `out`
   for (RunEntry& e : files) {
     const bool part = e.part.number > 0;
     const std::string whole = part ? whole_and_number(e.path).first : e.path;

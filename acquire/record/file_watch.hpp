@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Whether the files that SQLite has open are still those that their names mean and as long as they
-// were, and whether somebody else wrote into the database. What is removed, replaced or shortened
-// is written on without an error, and gone at the end.
+// Detects that SQLite's open files were removed, replaced or shortened, and writes of others.
+// SQLite goes on writing into such files without an error, and the data are gone at the end.
 #pragma once
 #include <sys/types.h>
 
@@ -11,16 +10,16 @@ namespace echofuse::record {
 
 class FileWatch {
  public:
-  // Of a database that is open and has a WAL.
+  // Needs the database open, with a WAL.
   explicit FileWatch(std::string path);
 
-  // What happened to the database, its WAL or the WAL's index; empty if they are still the same.
+  // Fault of the database, its WAL or the WAL's index; empty if they are still the same files.
   std::string lost() const;
   // The database was written to since note(), which we say after each of our checkpoints. After one
   // that took over the whole WAL nothing is lost with it.
   bool touched() const;
   void note();
-  // After each of our commits: the WAL and its index are not shorter than now any more.
+  // Notes a commit of ours: from now on WAL and index must not get shorter.
   void note_commit();
   // The WAL is shorter than at note_commit(). Another program's checkpoint shortens it, too, but
   // touches the database before.
@@ -40,7 +39,7 @@ class FileWatch {
     const char* suffix;
     dev_t device = 0;
     ino_t inode = 0;
-    off_t size = 0;  // of the WAL and its index: at note_commit()
+    off_t size = 0;  // size of WAL and index at note_commit()
   };
   int fault_of(const File& file) const;
   off_t size_of(const File& file) const;

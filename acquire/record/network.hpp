@@ -9,11 +9,11 @@ namespace echofuse::record {
 
 // "NFS" and the like, by the type that statfs(2) gives; empty for any other.
 std::string network_of_type(std::uint64_t type);
-// Of the file, or of the folder that it will be in; empty also if that is not known.
+// Name of the file's network file system, or its future folder's; empty if local or unknown.
 std::string network_of(const std::string& path);
 
-// What is written on one machine is not seen whole on another: throws Error(failed) if a run on
-// such a network is being written, or was not closed.
+// Throws Error(failed) if a run on such a network is being written, or was not closed. One
+// machine's writes are not seen whole on another.
 void require_closed(const std::string& path, const std::string& network);
 
 }  // namespace echofuse::record

@@ -49,9 +49,9 @@ std::uint32_t big_endian(ByteView bytes, std::size_t at) {
          std::uint32_t{bytes[at + 2]} << 8 | std::uint32_t{bytes[at + 3]};
 }
 
-// The compressed rows of a PNG that is laid out as encode_png16 does it: signature, IHDR of this
-// size (16 bits, grey, not interlaced), IDATs, IEND. Of other chunks a decoder would make what they
-// ask for. The rows have a checksum of their own.
+// Compressed rows of a PNG that is laid out as encode_png16 does it: signature, IHDR of this size
+// (16 bits, grey, not interlaced), IDATs, IEND. None with other chunks, because a decoder would
+// make what they ask for. Rows have a checksum of their own.
 std::optional<Bytes> compressed_rows(ByteView png, std::uint32_t width, std::uint32_t height) {
   constexpr std::uint8_t begin[] = {0, 0, 0, 13, 'I', 'H', 'D', 'R'};
   constexpr std::uint8_t kind[] = {16, 0, 0, 0, 0};

@@ -15,8 +15,8 @@
 
 namespace echofuse::record {
 
-// How well one sensor covered the slot. Times are those at which samples were taken: the device's,
-// by the fit of its clock to the host's; of receipt only where there is no fit.
+// Coverage of the slot by one sensor. Times are those at which samples were taken: the device's, by
+// the fit of its clock to the host's. Without a fit they are times of receipt.
 struct SensorSync {
   double offset_s = 0;              // mean time of what was used, minus the slot's centre
   double span_s = 0;                // last minus first time of what was used
@@ -25,7 +25,7 @@ struct SensorSync {
   std::string verdict = "missing";  // "ok", or why the sensor is not valid
 };
 
-// How a device's clock ran against the host's, as fitted to the receipts of its samples.
+// Fit of a device's clock to the host's, by the receipts of its samples.
 struct ClockState {
   double offset_s = 0;        // host time minus device time, at the slot's centre
   double drift_ppm = 0;       // above 0: the device's clock is fast
@@ -33,16 +33,16 @@ struct ClockState {
   std::uint64_t samples = 0;  // that the fit stands for
 };
 
-// How strong each sensor's signal was; none where that is not known. Ranges are raw.
+// Strength of each sensor's signal; none where unknown. Ranges are raw.
 struct Signal {
-  std::optional<double> clicks_a_pulse;  // of the laser, also if only some of its starts arrive
-  std::optional<double> spd_clicks, spd_peak_m;      // clicks above the background; highest bin
+  std::optional<double> clicks_a_pulse;          // per laser pulse, also if only some starts arrive
+  std::optional<double> spd_clicks, spd_peak_m;  // clicks above the background; highest bin
   std::optional<double> radar_snr_db, radar_peak_m;  // highest bin over the median bin; where
-  std::optional<double> depth_share;                 // of the pixels, those with a return
+  std::optional<double> depth_share;                 // pixels with a return / all pixels
 
   bool operator==(const Signal&) const = default;
 };
-// With more clicks a pulse the first photon hides later ones.
+// Limit of pile-up: above it the first photon of a pulse hides later ones.
 inline constexpr double most_clicks_a_pulse = 0.05;
 
 // Kept of every record, for audits.
@@ -59,24 +59,25 @@ inline constexpr const char* temperature_places[] = {"rx0", "rx1", "rx2", "rx3",
 struct FusedRecord {
   std::int64_t index = 0;
   HostTime slot_start{}, slot_end{};
-  UtcTime slot_utc{};  // of the slot's start
+  UtcTime slot_utc{};  // start of the slot
   SensorSet valid;
   std::string label;
   std::vector<std::uint32_t> spd;  // counts per bin; empty if the sensor is missing
   std::vector<float> radar;        // in the units of the run's radar axis
-  // Of the virtual antennas (radar_array.hpp) over so many frames; empty if the radar sends none.
+  // Statistics of the virtual antennas (radar_array.hpp) over array_frames frames; empty if the
+  // radar sends none.
   std::vector<float> array;
   std::uint64_t array_frames = 0;
   std::optional<Speckle> speckle;
   std::vector<std::uint16_t> depth_mm;  // z, row-major on the run's depth axes, 0 = no return
-  TagCounts spd_counts;                 // of all tags of the slot
+  TagCounts spd_counts;                 // all tags of the slot
   PerSensor<SensorSync> sync;
   Signal signal;
   SensorSet missing;  // sensors that the run requires and this record has not
   PerSensor<std::optional<ClockState>> clocks;  // none where samples were placed by their receipt
   SlotStatistics statistics;
-  // Of the last radar frame of the slot that had them; a temperature that the chip calls invalid is
-  // not kept.
+  // Values of the slot's last radar frame that had them. A temperature that the chip calls invalid
+  // is left out.
   std::optional<RadarStats> radar_stats;
   std::optional<RadarTemperature> radar_temperature;
 
@@ -102,7 +103,7 @@ struct RunInfo {
   std::string config_text, config_resolved, radar_cfg;
   std::string version, host, operator_name, notes;
   double window_s = 0;
-  std::int64_t first_index = 0;  // of its first record: above 0 in a later part of a run
+  std::int64_t first_index = 0;  // first record's; above 0 in a later part of a run
   std::vector<std::pair<std::string, std::string>> meta;  // --meta, in the order given
 };
 

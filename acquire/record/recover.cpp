@@ -14,7 +14,7 @@ void fold_back(const std::string& path) {
   const DatabaseHandle file = open_database(path, "cannot open for writing");
   sqlite3* const db = file.get();
   harden(db);
-  // Who resumes the run takes its lock first, and then waits for us: "open" is the last word.
+  // Resuming takes the lock first, then waits for this transaction: "open" is the last word.
   execute(db, path, "BEGIN IMMEDIATE", "cannot fold its WAL back");
   if (WriterLock::someone_writes(path)) return;
   execute(db, path, "UPDATE run SET status = 'crashed' WHERE status = 'open'; COMMIT",
@@ -31,7 +31,7 @@ void recover(const std::string& path) {
   if (!may(path + "-wal", F_OK) || !may(path, W_OK) || WriterLock::someone_writes(path)) return;
   try {
     fold_back(path);
-  } catch (const Error&) {  // another program reads it, or it is none: who reads it will say so
+  } catch (const Error&) {  // another program reads it, or it is no run: reading it will tell
   }
 }
 

@@ -13,7 +13,7 @@ namespace echofuse::record {
 
 struct Rescue {
   bool whole = false;  // every committed record is in the copy
-  std::string text;    // for the message: what is where, or why nothing is
+  std::string text;    // message: path and state of the rescue, or why there is none
 };
 
 // Makes NAME.rescued.sqlite (-2, -3 ... if there is one) beside `path`, or in the current folder if
@@ -24,7 +24,7 @@ Rescue rescue(sqlite3* db, const std::string& path, const std::string& status, U
 // The run's status and its end. Throws Error.
 void put_end(sqlite3* db, const std::string& path, const std::string& status, UtcTime ended);
 
-// What SQLite's quick check says of the database as it is on disk now; empty if sound.
+// Result of SQLite's quick check of the database as it is on disk; empty if sound.
 std::string damage(sqlite3* db, const std::string& path);
 
 std::int64_t count_records(sqlite3* db, const std::string& path);

@@ -88,7 +88,7 @@ class Row {
   Statement* statement_ = nullptr;
   Does does_ = Does::list;
   const char* key_ = "";
-  bool absent_ = false, seen_ = false;  // of the group: it has no value; a column is not NULL
+  bool absent_ = false, seen_ = false;  // group: has no value; has a column that is not NULL
   std::string fault_, table_, names_, declared_, values_;
 };
 

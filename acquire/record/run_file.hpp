@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: MIT
-// The run file: one SQLite database (WAL, synchronous=FULL), one transaction per append. It
-// survives kill -9, power loss and a full disk with every committed record, and is read while it is
-// written.
+// Run file: one SQLite database (WAL, synchronous=FULL), one transaction per append. Survives
+// kill -9, power loss and a full disk with every committed record. Can be read while it is written.
 //   PRAGMA application_id = 0x4543464d ("ECFM"), user_version = 2
 //   tables: rows.hpp; record.spd u32 LE counts | radar f32 LE | depth u16 LE millimetres, deflated
 #pragma once
@@ -43,8 +42,8 @@ struct Counted {
   std::int64_t part = 0;  // 0, or that of a resumed run
 };
 
-// Of a run's writers with a file that another program holds. Times of the steady clock. Threading:
-// any thread.
+// Waiting time of writers while another program holds a write transaction. CLOCK_MONOTONIC, ns.
+// Threading: any thread.
 struct Patience {
   std::atomic<std::int64_t> give_up_ns = std::numeric_limits<std::int64_t>::max();
   std::atomic<std::int64_t> waited_ns = 0;  // the last time that one had to
@@ -73,14 +72,14 @@ class RunWriter {
   RunWriter(const RunWriter&) = delete;
   RunWriter& operator=(const RunWriter&) = delete;
 
-  // Once per axis name, before the first record that needs it.
+  // Call once per axis name, before the first record that needs it.
   void put_axis(const Axis& axis);
   void put_device(const DeviceInfo& device);    // a row more if one of this sensor answered before
-  void put_antennas(const Antennas& antennas);  // of the array axis; instead of those before
+  void put_antennas(const Antennas& antennas);  // replaces those of the array axis
   void put_calibration(const CalibrationEntry& entry);
   void put_policy(Sensor sensor, const std::string& policy);  // required or optional
   void put_anchor(HostTime mono, UtcTime utc);
-  // At the end; all of them, of the part that is being written, in one transaction.
+  // Call at the end with all counters of the part being written: one transaction.
   void put_counters(std::span<const Counted> counters);
   // Adds what came late to what is known of these records; `first` is the record of slot 0. All in
   // one transaction.
@@ -106,7 +105,7 @@ class RunWriter {
   void wait_with(Patience& patience) { patience_ = &patience; }
   const std::string& path() const { return path_; }
   std::int64_t records() const { return records_; }
-  std::int64_t next_index() const { return next_index_; }  // of the record to come
+  std::int64_t next_index() const { return next_index_; }  // next record's index
 
  private:
   void lock();
@@ -131,7 +130,7 @@ class RunWriter {
   sqlite3* db_ = nullptr;
   std::unique_ptr<FileWatch> watch_;
   bool touched_ = false;  // by somebody else, before a checkpoint of ours
-  std::string harm_;      // what was done to the file
+  std::string harm_;      // harm done to the file
   Patience* patience_ = nullptr;
   std::int64_t waits_since_ns_ = 0;
   std::optional<std::string> left_label_;  // at the end
@@ -162,12 +161,12 @@ struct RunSummary {
   UtcTime first_utc{}, last_utc{};            // start of the first slot, end of the last
   std::map<std::string, std::int64_t> labels, events;  // records by label, events by level
   std::map<std::string, std::string> policies;         // by sensor
-  // By sensor, records by verdict, without the figures behind a verdict's colon.
+  // Records by sensor and verdict, without the figures behind a verdict's colon.
   PerSensor<std::map<std::string, std::int64_t>> verdicts;
-  PerSensor<std::optional<ClockState>> clocks;  // of the last record that has them
+  PerSensor<std::optional<ClockState>> clocks;  // last record's that has them
 };
 
-// Of a run in parts: this one's numbers and those of the part after it.
+// Adds up the numbers of a part and of the part after it.
 void add_part(RunSummary& sum, const RunSummary& next);
 // "28 of 75 doubtful: radar missing 11, weak 10; camera frozen 7"; empty if none is.
 std::string doubts_of(const RunSummary& sum);
@@ -183,10 +182,9 @@ inline constexpr const char* crashed_without_wal = "crashed, no -wal";
 // Reads closed, live and crashed runs alike. Threading: one thread at a time.
 class RunReader {
  public:
-  // Throws Error(failed): not there, not a run file, of another format, damaged, closed
-  // with a -wal of another run beside it, or with anything in it but the tables of a run. What a
-  // file may cost is bounded by its size.
-  // On a network file system only a closed run is read, which nobody changes.
+  // Throws Error(failed): not there, not a run file, of another format, damaged, with a -wal of
+  // another run, or with anything but a run's tables. Size bounds the cost of reading a file. On a
+  // network file system only a closed run is read, because nobody changes it.
   explicit RunReader(const std::string& path);
   RunReader(const std::string& path, const std::string& network);  // as network_of(path) says
   ~RunReader();
@@ -211,13 +209,14 @@ class RunReader {
   // The records from index `first` on, in order, without the sensors' data.
   std::vector<FusedRecord> outlines(std::int64_t first) const;
   PerSensor<std::int64_t> late() const;  // tags, radar frames, depth frames after their slot
-  // Of the last record, or of a mark after it; none in a run without either.
+  // Label of the last record, or of a mark after it; none in a run without either.
   std::optional<std::string> last_label() const;
-  // Records in index order from `first` on; the callback returns false to stop. A record whose
-  // blobs do not fit the axes or hold non-finite values throws Error naming the record, or, with
-  // `on_bad`, is handed there and skipped. Of other `sensors` nothing is decoded: not valid.
-  // in_parallel(n, work) calls work(0) ... work(n - 1), in any order: with it, depth pictures of
-  // some records at a time are decoded on its threads; callbacks still come in order, on this one.
+  // Gives records in index order from `first` on; the callback returns false to stop. A record
+  // whose blobs do not fit the axes or hold non-finite values throws Error naming the record. With
+  // `on_bad` it is handed there instead and skipped. Sensors not in `sensors` are not decoded, and
+  // not valid. in_parallel(n, work) calls work(0) ... work(n - 1), in any order. With it, depth
+  // pictures of some records at a time are decoded on its threads. Callbacks still come in order,
+  // on this one.
   using InParallel = std::function<void(std::size_t, const std::function<void(std::size_t)>&)>;
   void for_each(const std::function<bool(const FusedRecord&)>& visit, std::int64_t first = 0,
                 const std::function<void(std::int64_t, const std::string&)>& on_bad = {},
@@ -230,21 +229,21 @@ class RunReader {
  private:
   void open(const std::string& network);
   void check_axis(const Axis& axis) const;
-  Statement ask(const std::string& sql) const;  // with the whole budget
+  Statement ask(const std::string& sql) const;  // grants the whole budget
   std::vector<FusedRecord> records(const std::string& which) const;
   template <class T>
-  std::vector<T> rows(const std::string& tail = {}) const;  // of the type's table
+  std::vector<T> rows(const std::string& tail = {}) const;  // rows of T's table
   std::string path_, shown_;                                // shown_: printable
   sqlite3* db_ = nullptr;
-  bool lacks_wal_ = false;   // it says that it has one, there is none, and nobody writes it
+  bool lacks_wal_ = false;   // claims a WAL, but there is none, and nobody writes it
   std::uint64_t bytes_ = 0;  // when it was opened
   std::unique_ptr<Budget> budget_;
 };
 
 // An event of level "note" into a run, also while another process records it. `who` is its source.
 void put_note(const std::string& path, const std::string& text, const std::string& who);
-// One of level "label", which the recording process takes as the label of its records from the slot
-// on that is running. Throws Error(failed) if nobody is recording this run.
+// Writes an event of level "label". The recording process labels its records so, from the running
+// slot on. Throws Error(failed) if nobody is recording this run.
 void put_label(const std::string& path, const std::string& label, const std::string& who);
 
 // Marks a run that a crash left "open" as "crashed", and folds back a WAL that was left beside it.

@@ -71,7 +71,7 @@ void check_identity(sqlite3* db, const std::string& path) {
                                             : "scripts/convert_run makes a run of this format"));
 }
 
-// By their words, so that nothing else in a file is ever asked.
+// Compares the tables' definitions word by word, so that nothing else in a file is ever asked.
 void check_tables(sqlite3* db, const std::string& path) {
   static const auto known = [] {
     std::map<std::string, std::string> out;

@@ -9,19 +9,19 @@ struct sqlite3;
 
 namespace echofuse::record {
 
-// What one statement may do. A crafted file can be walked through for ever, and a value be of any
-// length: pages may point at each other and at themselves.
+// Limits of one statement. Pages of a crafted file may point at each other without an end, and a
+// value may have any length.
 struct Budget {
   std::int64_t all = 0, left = 0;  // in steps of instructions_a_step
-  std::int64_t bytes = 0;          // of the texts and blobs that it gives
+  std::int64_t bytes = 0;          // texts and blobs together
   int longest_value = 0;           // bytes
 
   static constexpr int instructions_a_step = 10'000;
-  // For a run of this size. SQLite needs less than an instruction for each byte of a whole run.
+  // Budget for a run of `bytes`. SQLite needs less than one instruction a byte of a whole run.
   static Budget of_file(std::uint64_t bytes);
 };
 
-// Before the first statement: nothing in the file runs by itself.
+// Call before the first statement: nothing in the file runs by itself.
 void harden(sqlite3* db);
 // A statement that spends the steps ends with SQLITE_INTERRUPT. The budget outlives the database.
 void limit(sqlite3* db, Budget& budget);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// How commands name runs.
+// Names of runs in commands.
 #pragma once
 #include <string>
 
@@ -9,9 +9,9 @@ namespace echofuse::record {
 std::string with_run_extension(const std::string& name);
 // A run that is there, by its file or by the name that --out gave it.
 std::string old_run(const std::string& name);
-// --out as a file: its fields of the time (strftime's %Y %m %d %H %M %S %y %j %F %T) are those of
-// now (UTC), so that a service names each run anew. Throws Error(usage), also for another % than
-// %%.
+// Name of a run file by --out, with its fields of the time filled in: now, UTC, so that a service
+// names each run anew. Fields: strftime's %Y %m %d %H %M %S %y %j %F %T, and %%. Throws
+// Error(usage), also for any other %.
 std::string new_run(const std::string& out);
 // FOLDER/DATE-NNN.sqlite, DATE of now (UTC), NNN one above the highest there. Throws Error(disk) if
 // the folder is not there.

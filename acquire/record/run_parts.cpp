@@ -22,7 +22,7 @@ bool all_digits(const std::string& text) {
   return std::ranges::all_of(text, [](char c) { return c >= '0' && c <= '9'; });
 }
 
-// Of "monday-002" the 2; of what does not end like that, 0.
+// Number at the end of a stem: 2 for "monday-002"; 0 if there is none.
 std::int64_t number_of(const std::string& stem) {
   const std::string digits = stem.substr(std::min(stem.size(), stem.rfind('-') + 1));
   const bool fits = digits.size() >= least_digits && digits.size() <= most_digits;

@@ -1,8 +1,7 @@
 // SPDX-License-Identifier: MIT
-// A long run in parts: NAME-001.sqlite, NAME-002.sqlite and so on, each a run file. They have one
-// uuid, their records one numbering, and their metadata the number of the part and the records that
-// a full one has. A part is what its name and its metadata say alike: a copy under another name is
-// a run by itself.
+// Long run in parts: NAME-001.sqlite, NAME-002.sqlite and so on, each a run file. Parts have one
+// uuid, and their records one numbering. Metadata give a part's number and the records of a full
+// part. A part's name and metadata must agree: a copy under another name is a run by itself.
 #pragma once
 #include <cstdint>
 #include <map>
@@ -22,28 +21,28 @@ struct Part {
 };
 Part part_of(const RunInfo& info);  // by its metadata alone
 Part part_of(const std::string& path, const RunInfo& info);
-// Of the metadata that meta_of() makes.
+// True for the keys that meta_of() makes.
 bool is_key_of_part(const std::string& key);
 std::vector<std::pair<std::string, std::string>> meta_of(const Part& part);
 
 // NAME.sqlite and 2 make NAME-002.sqlite.
 std::string part_path(const std::string& whole, std::int64_t number);
-// Of what is named like a part, the whole's path and its number; of any other path, it and 0.
+// Path of the whole and part number; for a name that is no part's, the path itself and 0.
 std::pair<std::string, std::int64_t> whole_and_number(const std::string& path);
-// What this run has by its name: its one file, as number 0, and what is named like a part of it.
+// Files of a run by their names: its one file as number 0, and those named like its parts.
 std::map<std::int64_t, std::string> named_like(const std::string& whole);
 
-// Of a file that is named like a part; none if it is not what it is named, or cannot be read.
+// Reads a file that is named like a part; none if it is no part or cannot be read.
 std::optional<RunInfo> read_part(const std::string& path);
-// Of a part's file, the path of the whole; of any other file, it.
+// Path of the whole for a part's file; else the path itself.
 std::string run_of(const std::string& file);
 
-// In one line, which parts are missing between two; empty: none is. Before the first stands
-// Part{}; behind the last one without records, and then the line tells of none.
+// Line that names the parts missing between two; empty: none is. `before` the first is Part{}.
+// `next` behind the last has 0 records; the line then names no records.
 std::string missing_between(const std::string& whole, const Part& before, const Part& next);
 
-// The files of a run by its name: one, or its parts in order; the name alone if there is none. What
-// is named like a part and cannot be read, or is of another run than the first one, is missing.
+// Files of a run by its name: one, or its parts in order; the name alone if there is none. A file
+// named like a part is missing if it cannot be read or is of another run than the first.
 struct RunFiles {
   std::vector<std::string> paths;
   std::string missing;  // a line for each gap

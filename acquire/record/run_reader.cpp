@@ -65,7 +65,7 @@ struct Shapes {
     }
   }
   std::uint64_t pixels() const { return std::uint64_t{width} * height; }
-  // So many records that they are worth a thread's start, of at most 16 M pixels in all.
+  // Number of records that is worth a thread's start, of at most 16 M pixels in all.
   std::size_t records_at_once() const {
     constexpr std::uint64_t most = 64, most_pixels = std::uint64_t{1} << 24;
     return static_cast<std::size_t>(
@@ -81,7 +81,7 @@ struct Shapes {
 // done on another thread.
 struct HalfRead {
   FusedRecord record;
-  std::string fault;  // what is wrong with it, or nothing
+  std::string fault;  // empty: none
   Bytes depth;
 
   void read(Statement& row, const Shapes& shapes, SensorSet sensors) {
@@ -93,7 +93,7 @@ struct HalfRead {
     if (fault.empty()) fault = decode(stored.blobs, shapes);
   }
   std::string decode(const Blobs& blobs, const Shapes& shapes);
-  void decode_depth(const Shapes& shapes) {  // of a record without a fault
+  void decode_depth(const Shapes& shapes) {  // needs a record without a fault
     if (!fault.empty() || !record.has(Sensor::depth)) return;
     if (shapes.pixels() <= max_png_pixels)
       record.depth_mm = to_values<std::uint16_t>(inflated(depth, 2 * shapes.pixels()));

@@ -6,7 +6,7 @@
 namespace echofuse::record {
 namespace {
 
-// Whether it speaks against the record.
+// True for a kind of verdict that speaks against the record.
 bool is_doubt(const std::string& kind) {
   return kind != "ok" && kind != "not configured" && !kind.empty();
 }

@@ -40,10 +40,10 @@ void refuse_existing(const std::string& path) {
 // Other processes may write marks.
 constexpr std::int64_t longest_wait_ns = 30'000'000'000;
 constexpr auto retry_pause = std::chrono::milliseconds(10);
-// SQLite's memory for pages, which a run fills in its first minutes. It holds all pages of the WAL,
-// so that there is a second copy of what is not in the database yet.
+// SQLite's memory for pages, which a run fills in its first minutes. Holds all pages of the WAL, so
+// that there is a second copy of data not in the database yet.
 constexpr const char* page_cache = "PRAGMA cache_size=-2000";  // KiB
-constexpr int checkpoint_pages = 400;                          // of 4 KiB
+constexpr int checkpoint_pages = 400;                          // pages of 4 KiB
 
 std::string damage_during_the_run(sqlite3* db, const std::string& path) {
   const std::string fault = damage(db, path);
@@ -88,7 +88,7 @@ void append_row(Statement& row, const std::string& path, const std::vector<Axis>
     expect("depth", r.depth_mm.size(), count_of("depth_x") * count_of("depth_y"));
     if (!r.depth_mm.empty() && r.depth_mm.size() <= max_png_pixels)
       depth = deflated(as_bytes(r.depth_mm), depth_level);
-    if (depth.empty()) {  // what one camera sends never ends a run
+    if (depth.empty()) {  // a camera's data never end a run
       FusedRecord without = r;
       without.valid.erase(Sensor::depth);
       without.sync[Sensor::depth].verdict = "cannot be stored";
@@ -139,7 +139,7 @@ void RunWriter::make(const RunInfo& info, const Begin& begin) {
   insert(db_, path_, own);
   if (begin) begin(*this);
   execute(db_, path_, "COMMIT", "cannot create the run file");
-  use_wal();  // while nobody reads it
+  use_wal();  // before anybody can read it
 }
 
 RunWriter::RunWriter(const std::string& path, const Clock& clock, const Look& look)
@@ -244,13 +244,13 @@ void RunWriter::checkpoint() {
   if (taken_over != in_wal) watch_->note_commit();
 }
 
-// As a kill leaves it: with its -wal, which a run that was not closed is known by.
+// Leaves the run as a kill does: with its -wal, by which an unclosed run is known.
 RunWriter::~RunWriter() {
   if (db_) sqlite3_db_config(db_, SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, 1, nullptr);
 }
 
 void RunWriter::in_transaction(const std::function<void()>& body) {
-  if (!watch_) return body();  // of the one that makes the file
+  if (!watch_) return body();  // transaction of the constructor
   require_sound();
   execute(db_, path_, "BEGIN IMMEDIATE", "cannot write");
   try {
@@ -287,15 +287,15 @@ std::optional<std::string> RunWriter::new_label(UtcTime before) {
   while (s.step()) {
     const std::int64_t id = s.integer();
     const bool is_label = s.text() == "label";
-    if (is_label && s.text() >= end) break;  // of a later slot
+    if (is_label && s.text() >= end) break;  // label of a later slot
     last_event_ = id;
     if (is_label) label = s.text();
   }
   return label;
 }
 
-// Whoever writes into the file beside us may do so (a checkpoint of another program's own), as long
-// as it stays a database.
+// Throws if the file is no sound database any more. Writes of other programs, such as their own
+// checkpoints, are allowed.
 void RunWriter::require_sound() {
   if (!watch_) return;  // the file is being made, nobody knows it
   watch_->restore_index();
@@ -369,7 +369,7 @@ bool RunWriter::fold() {
   return false;
 }
 
-// What bears the file's name is not touched any more: it may belong to somebody else by now.
+// Leaves the file of this name alone: it may belong to another program by now.
 void RunWriter::leave(const std::string& status) {
   lock_->empty();
   const Rescue kept = rescue(db_, path_, status, clock_.utc(), records_);

@@ -17,7 +17,7 @@
 
 namespace echofuse::record {
 
-// What SQLite gives without an end.
+// Error of a database from which SQLite gives rows without an end.
 inline Error damaged(const std::string& path) {
   return {ExitCode::failed, printable(path) + ": damaged: it holds more than its size explains"};
 }
@@ -35,7 +35,7 @@ inline Error damaged(const std::string& path) {
                         : printable(sqlite3_errmsg(db))));
 }
 
-// Of all that SQLite opens for the database of this name.
+// Checks every file that SQLite opens for the database of this name.
 inline void require_regular_files(const std::string& path) {
   for (const char* beside : {"", "-wal", "-shm", "-journal"})
     if (::access((path + beside).c_str(), F_OK) == 0)
@@ -54,8 +54,8 @@ inline int journal_version(sqlite3* db) {
   return versions[0] == versions[1] ? versions[0] : 0;
 }
 
-// Before the first statement: SQLite takes any -wal of the database's name for its own. Throws
-// Error(failed).
+// Call before the first statement, because SQLite takes any -wal of the database's name for its
+// own. Throws Error(failed).
 inline void refuse_foreign_wal(sqlite3* db, const std::string& path) {
   const std::string wal = path + "-wal";
   const auto is_there = [&] { return ::access(wal.c_str(), F_OK) == 0; };
@@ -66,8 +66,8 @@ inline void refuse_foreign_wal(sqlite3* db, const std::string& path) {
                                       "that away, and its -shm");
 }
 
-// To read and write a file that exists; `flags`: more of SQLITE_OPEN_*. Throws as sqlite_fail(),
-// and as refuse_foreign_wal().
+// Opens an existing file for reading and writing; `flags`: more of SQLITE_OPEN_*. Throws as
+// sqlite_fail(), and as refuse_foreign_wal().
 inline DatabaseHandle open_database(const std::string& path, const char* doing, int flags = 0) {
   require_regular_files(path);
   sqlite3* db = nullptr;
@@ -109,7 +109,7 @@ class Statement {
                            : sqlite3_bind_blob(handle_, ++bound_, v.data(),
                                                static_cast<int>(v.size()), SQLITE_STATIC));
   }
-  // One step; false at the end.
+  // Steps to the next row; false at the end.
   bool step() {
     column_ = 0;
     const int code = sqlite3_step(handle_);
@@ -117,7 +117,7 @@ class Statement {
     if (code == SQLITE_DONE) return false;
     sqlite_fail(db_, path_, "cannot read or write");
   }
-  // To its end; then all its values are NULL again.
+  // Runs to the end; then all its values are NULL again.
   void run() {
     while (step()) {
     }

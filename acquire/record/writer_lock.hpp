@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Who is writing a run: the writer holds RUN-lock for as long as it lives, so that a reader can
-// tell a live run from one that a crash left behind. A separate file, because closing any
+// Lock of a run's writer, who holds RUN-lock for as long as it lives. Readers so tell a live run
+// from one that a crash left behind. A separate file, because closing any
 // descriptor of the database itself would drop SQLite's own locks.
 #pragma once
 #include <string>

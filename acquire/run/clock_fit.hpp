@@ -40,15 +40,15 @@ class ClockFit {
   // The device counts ticks of this length in a counter of this many bits.
   explicit ClockFit(double tick_s, unsigned bits = 64) : tick_s_(tick_s), spare_bits_(64 - bits) {}
 
-  // In the order of receipt.
+  // Call in the order of receipt.
   void add(std::uint64_t ticks, HostTime received);
 
   // Enough samples (32, over at least 0.5 s), and the latest is not a doubtful one.
   bool sound() const;
-  // When the sample was taken, on the host's clock; never after its receipt. Without a sound fit:
-  // its receipt.
+  // Host time at which the sample was taken, never after its receipt. Equals the receipt without a
+  // sound fit.
   HostTime taken(std::uint64_t ticks, HostTime received) const;
-  // None without a sound fit.
+  // State of the fit; none without a sound fit.
   std::optional<record::ClockState> state(HostTime at) const;
   std::uint64_t rejected() const { return rejected_; }
 

@@ -109,7 +109,7 @@ class Daemon final : private SampleSink {
   const RunOptions& options_;
   port::Loop& loop_;
   port::Timer timer_{loop_};
-  std::string name_;  // of the run: of one in parts not the file's
+  std::string name_;  // the run's name; in parts not the file's
   std::string label_;
   RunLog log_;
   std::optional<port::RawKeeper> raw_;
@@ -166,7 +166,7 @@ void Daemon::require_devices() const {
   if (!missing.empty()) spdlog::warn("starting without {}", missing);
 }
 
-// Whoever is to be recorded goes to their place. The devices run meanwhile.
+// Gives people time to take their places. The devices run meanwhile.
 void Daemon::count_down() {
   for (std::int64_t left_s = options_.countdown_s; left_s > 0 && !interrupted(); --left_s) {
     spdlog::info("the first slot begins in {} s", left_s);
@@ -344,7 +344,7 @@ void Daemon::close_slot(const DueSlot& due, std::chrono::nanoseconds late) {
   if (!recording_->scheduler.done()) end_part(resumption_.first_index + due.index + 1);
 }
 
-// With the last record of a part, so that the next one is there when its first slot is due.
+// Opens the next part together with the last record of this one, so that its file exists in time.
 void Daemon::end_part(std::int64_t next_index) {
   if (resumption_.part_records == 0 || next_index < resumption_.part_end) return;
   resumption_.part_end = next_index + resumption_.part_records;

@@ -18,8 +18,8 @@ struct RunOptions {
   std::string out;                    // the run file to make
   std::optional<std::int64_t> count;  // slots; none: until interrupted
   std::vector<std::pair<std::string, std::string>> meta;
-  std::string uuid;               // of the run; empty: a new one
-  std::int64_t part_records = 0;  // of a run in parts, of which `out` is the first; 0: in one file
+  std::string uuid;               // the run's; empty: a new one
+  std::int64_t part_records = 0;  // 0: one file; else records a part, and `out` is the first part
   bool resume = false;            // continue `out`, which exists
   bool label_given = false;       // by the command line: a resumed run does not keep its last one
   std::int64_t countdown_s = 0;   // between the devices' answer and the first slot
@@ -31,10 +31,10 @@ struct RunOptions {
   std::function<void(std::int64_t)> progress;  // told how many records are on disk, as they come
 };
 
-// Returns when the run is closed: after `count` slots, or with the slot that was running when
-// SIGINT or SIGTERM came (a slot that would take longer than close_limit is given up, and the run
-// ends as stopped:interrupted); partial only if that is asked for. Throws Error: the file exists,
-// no device answers, the disk fails.
+// Returns when the run is closed: after `count` slots, or after the slot in which SIGINT or SIGTERM
+// came. A slot that would take longer than close_limit is given up, and the run ends as
+// stopped:interrupted. Returns partial only if asked for. Throws Error: the file exists, no device
+// answers, the disk fails.
 ExitCode record_run(const Config& config, const RunOptions& options, port::Loop& loop);
 
 }  // namespace echofuse::acquire

@@ -20,7 +20,7 @@
 namespace echofuse::acquire {
 namespace {
 
-constexpr double row_bytes = 2048;        // of a record beside its sensors' data, with events
+constexpr double row_bytes = 2048;        // a record beside its sensors' data, with events
 constexpr double fixed_bytes = 16 << 20;  // the WAL, and the tables of a run without records
 constexpr double journal_factor = 2;      // every byte goes into the WAL and then into the database
 

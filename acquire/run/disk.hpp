@@ -19,23 +19,23 @@ struct Finding {
   std::string check;  // "radar", "disk rate"
   Grade grade = Grade::ok;
   std::string found;
-  std::string advice{};  // what to do; empty if nothing
+  std::string advice{};  // text to act on; empty: none
   std::vector<std::pair<std::string, double>>
       facts{};                          // the numbers of `found`, units in the names
-  ExitCode failure = ExitCode::device;  // what a problem makes of the exit code
+  ExitCode failure = ExitCode::device;  // exit code of a problem
 };
 
 // The run to come.
 struct PlannedRun {
   std::string folder{};
-  double record_bytes = 0;  // of the sensors' data; 0: unknown
+  double record_bytes = 0;  // bytes of the sensors' data; 0: unknown
   double window_s = 0;
   std::optional<std::int64_t> count{};
 };
 
 struct DiskEstimate {
-  double record_bytes = 0;  // of a record with its row and its share of the events
-  double needed_bytes = 0;  // of the planned count; 0 without one
+  double record_bytes = 0;  // bytes of one record with its row and its share of the events
+  double needed_bytes = 0;  // bytes of the planned records; 0: no count planned
   double lasts_s = 0;       // how long the run can record until the disk is full
 };
 // `plan.record_bytes` is known.
@@ -57,8 +57,8 @@ struct DiskSpeed {
   std::size_t commit_bytes = 0;
 };
 
-// Writes blocks of this size to a nameless file in the folder for about a second, each followed by
-// fdatasync as the run file's commits are. Throws Error(disk).
+// Writes blocks of this size to a nameless file in the folder, for about a second. Each is followed
+// by fdatasync, as the run file's commits are. Throws Error(disk).
 DiskSpeed measure_disk(const std::string& folder, std::size_t commit_bytes);
 
 Finding judge_speed(const DiskSpeed& speed, const PlannedRun& plan);

@@ -16,11 +16,11 @@ namespace echofuse::acquire {
 namespace {
 
 constexpr auto anchor_pause = std::chrono::minutes(1);
-// What a program that sets the clock sets it by; the program itself may stand still for less
-// between asking for both times.
+// Least change that counts as a clock set by a program. This process may be paused for less between
+// reading both clocks.
 constexpr auto least_step = std::chrono::milliseconds(500);
 constexpr std::size_t hard_limit = 10;        // times the capacity
-constexpr std::chrono::seconds last_wait{2};  // at the end, for who holds the file
+constexpr std::chrono::seconds last_wait{2};  // at the end, while another program holds the file
 
 void give_up_data(record::FusedRecord& record, const std::string& why) {
   for (const Sensor s : all_sensors)
@@ -66,13 +66,13 @@ bool Journal::put(record::FusedRecord record) {
   return room;
 }
 
-// On the worker.
+// Runs on the worker.
 void Journal::write(record::RunWriter& run, record::FusedRecord& record) {
   const UtcTime slot_end = record.slot_utc + (record.slot_end - record.slot_start);
   take_label(run.new_label(slot_end));
   if (const auto label = this->label()) record.label = *label;
   run.append(record);
-  spdlog::debug("record {}: committed", record.index);  // what scripts/kill_test relies on
+  spdlog::debug("record {}: committed", record.index);  // scripts/kill_test relies on this line
   const auto free = acquire::free_bytes(std::filesystem::path(run.path()).parent_path().string());
   const std::lock_guard lock(mutex_);
   free_ = free;
@@ -146,7 +146,7 @@ void Journal::close_part(record::RunWriter& part, std::uint64_t labels) {
     spdlog::warn("{}: another program reads it; its last records stay in its -wal", part.path());
   if (auto left = part.new_label(UtcTime::max()); labels_ == labels) take_label(std::move(left));
   const std::lock_guard lock(mutex_);
-  run_->reserve();  // of what this part gave back
+  run_->reserve();  // takes over the room that this part gave back
 }
 
 void Journal::take_label(std::optional<std::string> label) {

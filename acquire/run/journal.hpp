@@ -43,39 +43,40 @@ class Journal {
   Journal(const Journal&) = delete;
   Journal& operator=(const Journal&) = delete;
 
-  // False if `capacity` jobs are waiting: then the record's data are given up, but its row is still
-  // written, and its verdict tells whether the disk or another program is why. At ten times as many
-  // the journal has failed for that reason and takes no more, but does what is waiting.
+  // Returns false if `capacity` jobs are waiting. Then the record's data are given up, but its row
+  // is still written; the verdict tells whether the disk or another program is why. At ten times as
+  // many the journal has failed for that reason: it takes no more, but does what is waiting.
   bool put(record::FusedRecord record);
   void put(Job job);
-  // Sends what is put from now on into the next part of the run (record/run_parts.hpp). If that
-  // cannot be begun, as a file of its name is there, a warning and an event say so, the open part
-  // goes on, and the next call takes the number behind.
+  // Sends later records into the next part of the run (record/run_parts.hpp). If that cannot be
+  // begun (a file of its name is there), a warning and an event say so. The open part then goes on,
+  // and the next call takes the number behind.
   void begin_part();
   void put_config(const Config& config);
   void put_device(const DeviceInfo& device);     // one row a device, not one a reconnection
   void put_axes(const std::vector<Axis>& axes);  // those that the file does not have
   // `first`: the record of slot 0.
   void put_late(std::int64_t first, record::LateCounts late);
-  // At the run's end: the drivers' counters and the samples that are in no record, all of them or
-  // none.
+  // Writes the drivers' counters and the samples that are in no record; at the end, all or none.
   void put_counters(PerSensor<std::vector<Counter>> counters, const UnassignedSamples& unassigned);
 
   // A new anchor once a minute, and at once, with a warning, when the machine's clock was set or
   // the machine slept.
   void refresh_anchor(RunLog& log);
-  // For slots in their order. Those that began before the clock was set keep the time of before.
+  // UTC of a slot's start; slots come in order. Slots that began before the clock was set keep the
+  // old time.
   UtcTime utc_of(HostTime slot_start);
 
-  // Half of `capacity` jobs are waiting: who has many records at once gives the disk its time.
+  // True if half of `capacity` jobs are waiting: a caller with many records at once should give the
+  // disk time.
   bool crowded() const { return waiting_ >= capacity_ / 2; }
   bool failed() const { return failed_ || !overflow_.empty(); }
-  std::string why_late() const;  // if it is: the disk, or who holds the file
+  std::string why_late() const;  // cause of a delay: the disk, or the program that holds the file
   std::int64_t written() const { return written_; }
-  std::string path() const;  // of the file that is being written
-  // That a mark gave to the records written last; none if none did.
+  std::string path() const;  // file that is being written
+  // Label that a mark gave to the records written last; none if none did.
   std::optional<std::string> label() const;
-  // Of the run's disk after the last record; none if it does not tell.
+  // Free bytes of the run's disk after the last record; none if the system does not tell.
   std::optional<std::uint64_t> free_bytes() const;
 
   // Writes what is waiting and closes the run with this status, or, if a job failed, with
@@ -97,12 +98,12 @@ class Journal {
   void fail(const std::exception_ptr& why);
   void stop();
 
-  record::Patience patience_;               // of all its writers
+  record::Patience patience_;               // shared by all writers
   std::unique_ptr<record::RunWriter> run_;  // replaced by the worker; guarded by mutex_
   const std::size_t capacity_;
   const Clock& clock_;
   std::set<std::string> axes_;         // by name
-  PerSensor<std::string> identities_;  // of the devices written
+  PerSensor<std::string> identities_;  // devices already written
   std::deque<Anchor> anchors_;  // the last one, and before it those that open slots began with
   std::int64_t put_ = 0;        // records
   std::string overflow_;        // why more jobs wait than may
@@ -120,17 +121,16 @@ class Journal {
   std::unique_ptr<port::Worker> closer_, worker_;
 };
 
-// What happens during a run: to the terminal; warnings, errors and recoveries into the run as well.
-// A source has 100 lines in 10 s; of those beyond, the next line after that says how many there
-// were: no device can fill the disk, or the journal's queue, with what it does.
-// Threading: the loop's thread only.
+// Log of a run: events go to the terminal; warnings, errors and recoveries also into the run. A
+// source has 100 lines in 10 s, so that no device fills the disk or the journal's queue. The next
+// line after that says how many were left out. Threading: the loop's thread only.
 class RunLog {
  public:
   explicit RunLog(const Clock& clock) : clock_(clock) {}
   // A `recovery` goes into the run as well, though it is no warning.
   void put(Severity severity, const std::string& source, const std::string& text,
            bool recovery = false);
-  // What was put before goes into the run first. `journal` must outlive this.
+  // Writes the events so far into the run first. `journal` must outlive this.
   void attach(Journal& journal);
 
  private:

@@ -35,7 +35,7 @@ std::string text_of(const std::string& key, const toml::node& value) {
   return text.str();
 }
 
-// By key, of a configuration as it was resolved; without the keys that may differ.
+// Values by key of a resolved configuration, without the keys that may differ.
 std::map<std::string, std::string> values_of(const std::string& resolved) {
   std::map<std::string, std::string> values;
   try {
@@ -159,7 +159,7 @@ void refuse_resuming(const record::RunReader& begun, const Config& config) {
   refuse_other_config(info, begun.calibrations(), config);
   refuse_other_antennas(begun.antennas(), config);
   static_cast<void>(begun.axes());
-  // What is damaged is read with care, but cannot be written to.
+  // Refuses a damaged run: it can be read with care, but not written to.
   if (const std::string fault = begun.check(); !fault.empty())
     throw Error(ExitCode::failed, printable(begun.path()) + ": damaged: " + printable(fault, 200));
   if (const auto last = std::max(begun.summary().last_index, info.first_index);
@@ -208,7 +208,7 @@ Resumption reopen_run(const std::string& out, const Clock& clock,
     resumed.label = begun.last_label();
   });
   resumed.first_index = resumed.file->next_index();
-  if (!resumed.label && part.number > 1) {  // it was made for records that did not come
+  if (!resumed.label && part.number > 1) {  // the part was made for records that did not come
     const std::string before =
         record::part_path(record::whole_and_number(out).first, part.number - part.skipped - 1);
     if (record::read_part(before)) resumed.label = record::RunReader(before).last_label();

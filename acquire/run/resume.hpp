@@ -37,19 +37,19 @@ void refuse_late_clock(UtcTime now);
 // or refuse_other_antennas does.
 void refuse_resuming(const record::RunReader& begun, const Config& config);
 
-// With what is not to change when it is resumed: calibration and antennas. `clock` outlives the
-// writer. An empty uuid: a new one.
+// Makes a run file with the calibration and antennas, which a resumed run must not change. `clock`
+// outlives the writer. An empty uuid: a new one.
 std::unique_ptr<record::RunWriter> make_run(
     const Config& config, const std::string& out,
     const std::vector<std::pair<std::string, std::string>>& meta, const std::string& uuid,
     const Clock& clock);
 
-// What a resumed run continues; of a new run, nothing.
+// State from which a run goes on; default values for a new run.
 struct Resumption {
   std::unique_ptr<record::RunWriter> file;
-  std::vector<Axis> axes;                       // that the run was begun with
-  std::int64_t first_index = 0;                 // of the next record: slots are counted from here
-  std::int64_t part_records = 0, part_end = 0;  // of a run in parts: the next part's first record
+  std::vector<Axis> axes;                       // axes of the run's start
+  std::int64_t first_index = 0;                 // next record's index: slots are counted from here
+  std::int64_t part_records = 0, part_end = 0;  // records a part, next part's first; 0: one file
   std::optional<std::int64_t> records_before;
   std::string gap;                   // the event that notes the resumption
   std::optional<std::string> label;  // its last one

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: MIT
-// When slots are closed: a pure state machine, (event, now) -> actions. It never asks the time.
+// State machine that closes slots: (event, now) -> actions. Pure: never asks the time.
 //
 // Slot k is due at its end plus a grace, which lets samples that were taken in time come in: blocks
 // of tags are up to 100 ms long (500 ms if the bridge is told so), and have their way to go.
-// Whoever calls late gets every slot that became due, in order: slots are never skipped.
+// A late caller gets every slot that became due, in order: slots are never skipped.
 //
 // tick() wants to be called every 50 ms. A pause of more than 100 ms means that the program stood
 // still. What was sent meanwhile waits to be read, so the slot to be closed next gets another
@@ -21,10 +21,10 @@
 
 namespace echofuse::acquire {
 
-// The time axis of a run: slot k covers [first + k*length, first + (k+1)*length) of host time.
+// Time axis of a run: slot k covers [first + k*length, first + (k+1)*length) of host time.
 // Absolute, so that nothing drifts however late a slot is handled. Slots begin at multiples of
-// their length, so that runs beside or after one another have the same ones, and so has who moves
-// what is seen.
+// their length. Runs beside or after one another, and whoever moves what is seen, so have the same
+// slots.
 struct SlotGrid {
   HostTime first{};
   std::chrono::nanoseconds length{1};
@@ -40,7 +40,7 @@ struct SlotGrid {
   }
 };
 
-// When the first slot begins, of a run that can begin at `ready`. One of long slots does not wait.
+// Start of slot 0 of a run that can begin at `ready`. A run of long slots does not wait.
 inline HostTime first_slot(HostTime ready, std::chrono::nanoseconds length) {
   constexpr std::chrono::seconds longest_wait{10};
   return length > longest_wait ? ready : (ready + length - HostTime(1)) / length * length;
@@ -62,9 +62,9 @@ class Scheduler {
 
   // The slots to close now.
   std::vector<DueSlot> tick(HostTime now);
-  // When tick() has something to do again, while not done().
+  // Time at which tick() has something to do again, while not done().
   HostTime next_deadline() const { return std::max(grid_.end(next_) + grace, held_until_); }
-  // By how much slot k is late if it is closed `now`; a second grace is late, too.
+  // Lateness of slot k if it is closed `now`; a second grace is late, too.
   std::chrono::nanoseconds lateness(std::int64_t k, HostTime now) const {
     return now - (grid_.end(k) + grace);
   }
@@ -87,7 +87,7 @@ class Scheduler {
   HostTime last_tick_;
   HostTime held_until_ = HostTime::min();
   std::int64_t held_ = -1;     // the slot that had its second grace
-  std::vector<Pause> pauses_;  // of more than a slot, that open slots began in
+  std::vector<Pause> pauses_;  // pauses longer than a slot, in which open slots began
 };
 
 // Slots that are due and not closed yet. After a pause of the program many are due at once; they go

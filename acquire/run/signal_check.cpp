@@ -15,7 +15,7 @@ namespace {
 
 constexpr double reference_s = 60;
 constexpr std::size_t least_records = 5;
-constexpr std::size_t leakage_bins = 2;  // of the radar's transmitter into its receivers
+constexpr std::size_t leakage_bins = 2;  // the radar's transmitter into its receivers
 
 template <class... Values>
 std::string format(const char* pattern, Values... values) {
@@ -132,8 +132,8 @@ std::string SignalCheck::judge_radar(record::FusedRecord& r, const Axis& axis) {
   if (snr_db < limits_.radar_snr_db)
     return format("no peak: %.1f dB over the median bin, %.1f wanted", snr_db,
                   limits_.radar_snr_db);
-  // Of a mean over frames, two bins are alike only where every frame is cut off, or where a radar
-  // begins to repeat one frame whose bins are alike by chance: the next record tells which.
+  // Two bins of a mean over frames are alike only where every frame is cut off. A radar that begins
+  // to repeat one frame may have two by chance; the next record tells which.
   const bool averaged = r.sync[Sensor::radar].used > 1;
   const bool flat = averaged && (r.radar[top] == r.radar[top - 1] ||
                                  (top + 1 < r.radar.size() && r.radar[top] == r.radar[top + 1]));

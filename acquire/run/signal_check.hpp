@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Whether what a sensor says is worth something. Pure. A valid sensor's verdict "ok" becomes
+// Judges the quality of each sensor's data. Pure. A valid sensor's verdict "ok" becomes
 //   stands still  the same histogram, profile or frame as in the record before
 //   saturated     SPD: more clicks a laser pulse than wanted, the first one hides others
 //                 radar: the lobe's top is cut off

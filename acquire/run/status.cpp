@@ -63,7 +63,7 @@ std::string sensor_letters(const RunTotals& now) {
   return letters;
 }
 
-// Of what arrived in slots of this length together.
+// Rates of samples that arrived in slots of this total length.
 PerSensor<double> rates(std::uint64_t tags, std::uint64_t radar, std::uint64_t depth,
                         double slots_s) {
   if (slots_s <= 0) return {};

@@ -17,21 +17,21 @@ struct RunTotals {
   std::int64_t records = 0, written = 0;
   std::int64_t incomplete = 0;  // records without a required sensor
   std::int64_t not_ok = 0;      // records of which a configured sensor's verdict is not "ok"
-  // Of all slots: what arrived in them, and their length together.
+  // Sums over all slots: samples that arrived, and length of the slots.
   std::uint64_t tags = 0, radar_frames = 0, depth_frames = 0;
   double slots_s = 0;
   PerSensor<std::uint64_t> lost{};  // tags, radar frames, depth frames
-  // Of the last record.
+  // Values of the last record.
   PerSensor<double> rate_hz{};  // tags, frames that arrived in its slot
   SensorSet valid, doubtful;    // doubtful: configured, and the verdict is not "ok"
-  std::string trouble;          // of the first of these: "radar weak"
+  std::string trouble;          // first doubtful sensor and its verdict: "radar weak"
   std::string label;
   record::Signal signal;
-  std::optional<std::uint64_t> free_bytes;         // of the disk
-  PerSensor<std::string> kinds{"ok", "ok", "ok"};  // of the last verdicts
+  std::optional<std::uint64_t> free_bytes;         // free bytes of the disk
+  PerSensor<std::string> kinds{"ok", "ok", "ok"};  // kinds of the last verdicts
 
-  // One more record. `changed` hears of each configured sensor that drops out, gets
-  // bad or comes back: once, not for every record.
+  // Adds a record. `changed` hears once of each configured sensor that drops out, gets bad or comes
+  // back.
   void take(const record::FusedRecord& record, SensorSet configured,
             const std::function<void(Sensor, Severity)>& changed);
   // "; 3 with a sensor not ok", or nothing.
@@ -42,7 +42,8 @@ struct RunTotals {
 std::string count_text(std::int64_t written, std::optional<std::int64_t> planned,
                        std::optional<std::int64_t> before);
 
-// What the line may show: in this order, and in a narrow terminal those of low rank first.
+// Field of the status line. Fields keep their order; a narrow terminal drops those of low rank
+// first.
 struct StatusField {
   std::string text;
   int rank = 0;      // 0: shown always
@@ -51,7 +52,7 @@ struct StatusField {
 struct StatusTimes {
   double elapsed_s = 0;                 // since the first slot's start
   std::optional<double> remaining_s;    // if the run's end is known
-  std::optional<std::int64_t> records;  // of the whole run, likewise
+  std::optional<std::int64_t> records;  // records of the whole run, if the run's end is known
 };
 // A sensor's letter (S, R, D) is a small one if it is doubtful, and a dash if it is not valid.
 std::vector<StatusField> status_fields(const RunTotals& now, const StatusTimes& times);
@@ -61,9 +62,9 @@ std::vector<StatusField> status_fields(const RunTotals& now, const StatusTimes& 
 std::string status_line(const std::vector<StatusField>& fields, std::optional<std::size_t> columns,
                         bool colours);
 
-// One line that is rewritten on a terminal and never longer than that is wide, a plain line every
-// 10 s elsewhere, nothing when quiet. Red unless NO_COLOR is set; the bell rings when a sensor gets
-// bad.
+// Rewrites one line on a terminal, never longer than the terminal is wide. Elsewhere prints a plain
+// line every 10 s; nothing when quiet. Red unless NO_COLOR is set; the bell rings when a sensor
+// gets bad.
 class StatusLine {
  public:
   using Show = std::function<void(std::string)>;
@@ -92,7 +93,7 @@ class StatusLine {
 // nothing. Threading: the loop's thread. A call waits only while systemd itself stands still.
 // The first slot begins. A watchdog shorter than four slots is asked to wait that long.
 void notify_ready(double window_s);
-// This many records are on disk; one more than at the last call, or more.
+// Reports that `records` are on disk: at least one more than at the last call.
 void notify_advance(std::int64_t records);
 void notify_stopping();
 

@@ -19,14 +19,14 @@ class Viewer {
   Viewer(const Viewer&) = delete;
   Viewer& operator=(const Viewer&) = delete;
 
-  // It stays as long as somebody looks at the run, and ends by itself then.
+  // Leaves the page running; the viewer ends by itself when nobody looks at the run any more.
   void leave() { program_.reset(); }
 
  private:
   std::optional<pid_t> program_;
 };
 
-// Is removed with everything in it. Throws Error(disk) if it cannot be made.
+// Folder that is removed with everything in it. Throws Error(disk) if it cannot be made.
 class TemporaryFolder {
  public:
   TemporaryFolder();

@@ -290,7 +290,7 @@ record::FusedRecord Windows::close(const DueSlot& due) {
   const PerSensor<std::string> faults{spd_fault(slot), radar_fault(slot), depth_fault(slot)};
   for (const Sensor s : all_sensors) {
     std::string& verdict = record.sync[s].verdict;
-    // What was lost meanwhile is told of by a later sample.
+    // A short span counts as cut, because the loss is reported by a later sample.
     const bool cut = s == Sensor::spd && span < grid_.length * 9 / 10;
     if (!configured_.contains(s)) {
       verdict = "not configured";

@@ -1,10 +1,9 @@
 // SPDX-License-Identifier: MIT
 // Samples -> one fused record a slot. Pure: no clock, no device, no file.
 //
-// When a sample was taken: what its device's clock says, as ClockFit maps it to the host's; its
-// receipt while that is not known well enough. Never after its receipt.
-// Which slot it belongs to: the one whose [start, end) holds that time, whenever it arrives, as
-// long as that slot is open. Nothing else moves it.
+// Time of a sample: its device's clock, as ClockFit maps it to the host's; its receipt without a
+// sound fit. Never after its receipt.
+// Slot of a sample: the open one whose [start, end) holds that time, whenever it arrives.
 //   early         before slot 0: counted as `early`, used nowhere
 //   outside       after the run's last slot: counted as `outside`, used nowhere
 //   late          its slot was closed already: counted as `late`, and of that slot's record; used
@@ -24,9 +23,8 @@
 //          span half of the slot (counts are not rates: a short stream cannot be compared).
 //   radar  mean over the frames of linear power, in log2_q8 codes again; a single frame is kept as
 //          it came. Valid with one usable frame.
-//   array  of the same frames, as far as they have a heat map (measurement/radar_array.hpp). Two
-//   frames
-//          are neighbours if their numbers are.
+//   array  of the same frames, as far as they have a heat map (measurement/radar_array.hpp).
+//          Frames are neighbours if their numbers are.
 //   depth  the frame nearest the slot's centre. Valid with one usable frame.
 #pragma once
 #include <array>
@@ -52,7 +50,7 @@ struct UnassignedSamples {
   PerSensor<std::uint64_t> early{}, late{}, outside{}, duplicate{}, out_of_order{};
 };
 
-// Of an axis of a device, what records have of it.
+// Part of a device's axis that records keep.
 Axis kept_axis(const Axis& axis);
 
 class Windows {
@@ -61,8 +59,8 @@ class Windows {
   Windows(const SlotGrid& grid, const tdc::HistogramSettings& tdc, const SensorClocks& clocks,
           SensorSet configured, SensorSet required = {});
 
-  // What a device's samples mean. The first announcement of an axis holds for the run; a device
-  // that comes back with another one is not used (false) until it fits again.
+  // Takes the meaning of a device's samples. The first announcement of an axis holds for the run.
+  // False for a device with another axis: its samples are not used until it fits again.
   bool announce(const DeviceInfo& info);
   // The axes known so far.
   std::vector<Axis> axes() const;
@@ -70,13 +68,12 @@ class Windows {
   void add(const RadarFrame& frame);
   void add(DepthFrame frame);
 
-  // In order, each once. Label and UTC are left to the caller.
+  // Closes slots in order, each once. Label and UTC are left to the caller.
   record::FusedRecord close(const DueSlot& slot);
   // The run is over: what was gathered for later slots becomes `outside`.
   void finish();
   const UnassignedSamples& unassigned() const { return unassigned_; }
-  // Since the last call, for the 256 slots at most that came first; all of them are in
-  // unassigned().
+  // Returns late samples since the last call, of the first 256 slots; unassigned() has all.
   record::LateCounts take_late() { return std::exchange(late_, {}); }
 
  private:
@@ -111,7 +108,7 @@ class Windows {
     std::string depth_fault;
   };
 
-  // Of the last frames, to know one that comes again.
+  // Numbers of the last frames, which tell a repeated one.
   class Numbers {
    public:
     enum class Order { next, repeated, back };
@@ -138,7 +135,7 @@ class Windows {
   SlotGrid grid_;
   const SensorClocks& clocks_;
   SensorSet configured_, required_;
-  std::shared_ptr<tdc::Histogram> histogram_;  // of the slot of the last tags
+  std::shared_ptr<tdc::Histogram> histogram_;  // slot of the last tags
   std::map<std::string, Axis> axes_;           // array, depth_x, depth_y, radar
   PerSensor<bool> refused_{};
   std::map<std::int64_t, Slot> open_;

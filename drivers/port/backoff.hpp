@@ -8,9 +8,9 @@
 
 namespace echofuse::port {
 
-// Reconnecting of every driver: how long to wait before the next attempt, and what to report. 100
-// ms, doubled up to 2 s. It starts anew only after 5 s of health: a device that answers once and
-// dies is retried ever more rarely.
+// Reconnecting of every driver: how long to wait before the next attempt, and what to report.
+// Pauses of 100 ms, doubled up to 2 s. Starts anew only after 5 s of health: a device that answers
+// once and dies is retried ever more rarely.
 class Backoff {
  public:
   using Time = std::chrono::nanoseconds;
@@ -36,7 +36,7 @@ class Backoff {
  private:
   std::chrono::milliseconds first_, longest_, next_;
   std::optional<Time> healthy_since_;
-  std::string reason_;  // of the last failure since the device did its work
+  std::string reason_;  // last failure since the device did its work
 };
 
 }  // namespace echofuse::port

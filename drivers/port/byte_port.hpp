@@ -21,15 +21,14 @@ struct PortHandlers {
   // Could not be opened, or is no longer there: end of file, unplugged, refused are all the same to
   // a driver. At most once, and nothing follows it.
   std::function<void(const Failure&)> gone;
-  // May be empty. Something is wrong, but the port goes on; the text does not vary from call to
-  // call. `losses`: how often, or how many, bytes were lost on the way; 0 if none were.
+  // Warning that something is wrong while the port goes on; may be empty. The text does not vary
+  // from call to call. `losses`: number of bytes or events lost on the way; 0 if none were.
   std::function<void(const std::string& text, std::uint64_t losses)> warning{};
 };
 
-// One connection; to reconnect, make another port.
-// Threading: everything on the loop's thread. Handlers are called from the loop, never from
-// inside open() or write(). Destroying the port closes it: no handler is called after that, and a
-// handler may destroy its own port.
+// Connection that opens once; to reconnect, make another port. Threading: everything on the loop's
+// thread. Handlers are called from the loop, never from inside open() or write(). Destroying the
+// port closes it: no handler is called after that, and a handler may destroy its own port.
 class BytePort {
  public:
   virtual ~BytePort() = default;
@@ -38,7 +37,7 @@ class BytePort {
   virtual void write(ByteView bytes) = 0;
 };
 
-// How a driver gets its port, each time it connects.
+// Makes a driver's port, each time it connects.
 using ByteOpener = std::function<std::unique_ptr<BytePort>()>;
 
 }  // namespace echofuse::port

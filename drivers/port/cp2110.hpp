@@ -22,7 +22,7 @@ namespace echofuse::port::cp2110 {
 inline constexpr std::size_t report_bytes = 64;  // a full-speed interrupt packet
 inline constexpr std::size_t max_data = 63;
 inline constexpr std::uint32_t min_baud = 300, max_baud = 1'000'000;
-// One report a millisecond, the frame of full-speed USB.
+// Rate of one report a millisecond, the frame of full-speed USB.
 inline constexpr std::uint32_t pipe_bytes_per_s = 1000 * max_data;
 
 inline constexpr std::array<std::uint8_t, 2> enable_report{0x41, 1};

@@ -93,7 +93,7 @@ Result<Device> open_device(const HidAddress& address) {
 
 struct Link : ThreadLink {
   using ThreadLink::ThreadLink;
-  std::mutex mutex;  // of the rest
+  std::mutex mutex;  // guards the rest
   Bytes in, out;
   bool posted = false;
   std::uint64_t dropped = 0;  // bytes of either direction, not yet told
@@ -149,7 +149,7 @@ class Worker {
   }
 
  private:
-  // What came in between opening and purging; the kernel keeps 64 reports.
+  // Discards reports that came in between opening and purging; the kernel keeps 64.
   void discard() {
     std::array<std::uint8_t, cp2110::report_bytes> report;
     for (int i = 0; i < 64; ++i)

@@ -17,8 +17,8 @@
 
 namespace echofuse::port {
 
-// What has come is taken before a timer that is due: it may be what the timer waits for. A flood
-// does not keep a timer waiting.
+// Runs posted actions before a timer that is due, because the timer may wait for one of them. At
+// most 32 in a row, so that a flood does not hold up a timer.
 void Loop::run_until(const std::function<bool()>& done, HostTime until) {
   constexpr int most_before_a_timer = 32;
   for (int before = 0; !done();) {
@@ -83,7 +83,7 @@ class Thread final : public Worker {
       jobs_.pop_front();
       lock.unlock();
       job();
-      job = nullptr;  // what it holds is freed here, not while the loop waits
+      job = nullptr;  // frees its captures now, not after the wait
       lock.lock();
     }
   }
@@ -100,7 +100,7 @@ class Thread final : public Worker {
 struct SystemLoop::Parts {
   boost::asio::io_context io;
   boost::asio::executor_work_guard<boost::asio::io_context::executor_type> work{
-      io.get_executor()};  // it waits also while it has nothing to do
+      io.get_executor()};  // waits even while nothing is pending
   boost::asio::steady_timer timer{io};
   std::optional<HostTime> armed;  // when the timer ends the waiting
 };
@@ -126,7 +126,7 @@ boost::asio::io_context& SystemLoop::io() { return parts_->io; }
 bool SystemLoop::poll() { return parts_->io.poll_one() > 0; }
 
 void SystemLoop::wait(HostTime until) {
-  // The user's signals are seen by whoever asks for them, so that it is asked for now and then.
+  // Wakes now and then, because the user's signals are seen only when asked for.
   constexpr std::chrono::milliseconds longest{20};
   const HostTime end = std::min(until, now() + longest);
   // Not by run_one_until, which waits for whole milliseconds.

@@ -20,11 +20,11 @@ using Action = std::function<void()>;
 class Worker {
  public:
   virtual ~Worker() = default;       // returns once the jobs that it has are done
-  virtual void put(Action job) = 0;  // it does not throw
+  virtual void put(Action job) = 0;  // must not throw
 };
 
-// Threading: one thread has the loop, but post() may be called from any thread. What an action
-// throws leaves run_until(), which can be called again.
+// Threading: one thread has the loop, but post() may be called from any thread. Exceptions of an
+// action leave run_until(), which can be called again.
 class Loop : public Clock {
  public:
   // The action runs in the loop, never inside post().
@@ -32,7 +32,7 @@ class Loop : public Clock {
   // Runs until `done`, which is asked again after everything that ran, or until this time.
   void run_until(const std::function<bool()>& done, HostTime until = HostTime::max());
   void run_for(std::chrono::nanoseconds time);
-  // While it is held, now() stands for the thread that holds it.
+  // true: now() stands still for the thread that holds it.
   virtual void hold_time(bool /*hold*/) {}
 
   virtual std::unique_ptr<Worker> make_worker() = 0;
@@ -43,7 +43,7 @@ class Loop : public Clock {
  private:
   friend class Timer;
   using Alarms = std::multimap<HostTime, Action>;
-  // Runs one action that is posted, or waits for one until this time. It may return sooner.
+  // Runs one action that is posted, or waits for one until this time; may return sooner.
   virtual void wait(HostTime until) = 0;
   // Runs one that is posted already; false if there is none.
   virtual bool poll() = 0;
@@ -51,9 +51,8 @@ class Loop : public Clock {
   Alarms alarms_;
 };
 
-// One shot.
-// Threading: the loop's thread only. The loop outlives it. After cancel(), a new at() or
-// destruction the old action does not run, not even if its time had already come.
+// Runs an action once. Threading: the loop's thread only. The loop outlives it. After cancel(), a
+// new at() or destruction the old action does not run, even if its time has already come.
 class Timer {
  public:
   explicit Timer(Loop& loop) : loop_(loop) {}
@@ -72,7 +71,7 @@ class Timer {
   std::optional<Loop::Alarms::iterator> alarm_;
 };
 
-// On Boost.Asio and the system's clocks; its workers are threads.
+// Loop on Boost.Asio and the system's clocks; its workers are threads.
 class SystemLoop final : public Loop {
  public:
   SystemLoop();
@@ -83,7 +82,7 @@ class SystemLoop final : public Loop {
   void post(Action action) override;
   std::unique_ptr<Worker> make_worker() override;
   ByteOpener opener(const std::string& address, std::uint32_t baud) override;
-  // For what needs Asio itself.
+  // Access for parts that need Asio itself.
   boost::asio::io_context& io();
 
  private:

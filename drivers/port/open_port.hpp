@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// All byte transports. Threading: as BytePort; HID and USB have a thread of their own each, which
+// Ports of all byte transports. Threading: as BytePort. HID and USB have a thread each, which
 // alone calls the library from open to close.
 #pragma once
 #include <cstdint>
@@ -14,9 +14,9 @@ namespace echofuse::port {
 // cannot do.
 ByteOpener byte_opener(boost::asio::io_context& io, const std::string& address, std::uint32_t baud);
 
-// 8N1 without flow control, opened exclusively (flock, TIOCEXCL). What the line held before it was
-// opened is thrown away. `baud` must be one of the rates that termios names (9600 ... 115200,
-// 921600, 3000000).
+// Makes a port of 8N1 without flow control, opened exclusively (flock, TIOCEXCL). Bytes that the
+// line held before are thrown away. `baud` must be one of the rates that termios names (9600 ...
+// 115200, 921600, 3000000).
 std::unique_ptr<BytePort> make_serial_port(boost::asio::io_context& io, const std::string& path,
                                            std::uint32_t baud);
 
@@ -25,11 +25,12 @@ std::unique_ptr<BytePort> make_serial_port(boost::asio::io_context& io, const st
 std::unique_ptr<BytePort> make_tcp_port(boost::asio::io_context& io, const std::string& host,
                                         std::uint16_t port);
 
-// A UART behind a CP2110 HID bridge (cp2110.hpp), through hidapi's hidraw backend: 8N1 without flow
-// control, what the bridge held before is thrown away. Found by serial number, or the only one if
-// the address has none; opened exclusively. Warns of a baud rate that the bridge's USB pipe cannot
-// carry, of overruns in the bridge (asked about once a second) and of bytes that the io thread left
-// too long. Destroying the port waits for the transfer that is under way.
+// Makes a port for a UART behind a CP2110 HID bridge (cp2110.hpp), through hidapi's hidraw backend.
+// 8N1 without flow control; bytes that the bridge held before are thrown away. Found by serial
+// number, or the only one if the address has none; opened exclusively. Warns of a baud rate that
+// the bridge's USB pipe cannot carry, and of bytes that the io thread left too long. Also warns of
+// overruns in the bridge, asked about once a second. Destroying the port waits for the transfer
+// that is under way.
 std::unique_ptr<BytePort> make_hid_port(boost::asio::io_context& io, const HidAddress& address,
                                         std::uint32_t baud);
 // Throws Error(config) for a rate that the bridge cannot do.

@@ -37,16 +37,16 @@ struct RawKeeper::Shared {
   const RawLimits limits;
   std::uint64_t unlooked = look_at_room_every;  // bytes since the last look at the room; worker's
 
-  std::mutex mutex;  // of all below
+  std::mutex mutex;  // guards all below
   std::condition_variable done;
-  std::size_t queued_bytes = 0;  // with those that are being written
+  std::size_t queued_bytes = 0;  // including those being written
   Counts counts;
   std::map<std::string, int> numbers;
   std::string trouble;
   bool closing = false, ended = false;  // ended: nothing more is written
 };
 
-// On the worker.
+// Runs on the worker.
 void RawKeeper::Shared::take(const std::string& name, ByteView bytes) {
   std::unique_lock lock(mutex);
   const bool keeps = !ended;

@@ -18,7 +18,7 @@ namespace echofuse::port {
 
 struct RawLimits {
   std::size_t queue_bytes = 64u << 20;     // that wait for the disk; more are dropped, and counted
-  std::uint64_t reserve_bytes = 1u << 30;  // of the disk, left free for the run
+  std::uint64_t reserve_bytes = 1u << 30;  // left free on the disk for the run
 };
 
 // Threading: put(), take_trouble() and finish() from any thread; none of them waits for the disk,
@@ -33,14 +33,14 @@ class RawKeeper {
   RawKeeper(const RawKeeper&) = delete;
   RawKeeper& operator=(const RawKeeper&) = delete;
 
-  // To FOLDER/NAME, which is made with its first bytes. False: they are dropped.
+  // Appends to FOLDER/NAME, which is made with its first bytes. False: the bytes are dropped.
   bool put(const std::string& name, ByteView bytes);
   void put_text(const std::string& name, const std::string& text);
-  // To FOLDER/NAME.times.
+  // Adds a line to FOLDER/NAME.times.
   void note(const std::string& name, HostTime at, const char* what, std::int64_t value = 0);
   // The next file of this device: NAME-001.dat with the ending ".dat"; one for each connection.
   std::string next_name(const std::string& name, const std::string& ending);
-  // Once: why nothing is kept any more. Empty if all is well.
+  // Returns once why nothing is kept any more; empty if all is well.
   std::string take_trouble();
   struct Counts {
     std::uint64_t kept = 0, dropped = 0;  // bytes

@@ -20,8 +20,8 @@
 
 namespace echofuse::port {
 
-// What both threads see; `handlers`, `open` and `closed` belong to the loop's thread, which waits
-// for what is posted as long as it runs.
+// State shared by both threads. `handlers`, `open` and `closed` belong to the loop's thread. The
+// loop's thread waits for posted work as long as it runs.
 struct ThreadLink {
   explicit ThreadLink(boost::asio::io_context& context) : io(&context) {}
 
@@ -32,7 +32,7 @@ struct ThreadLink {
   std::atomic<bool> stopping{false};
 };
 
-// On the loop's thread, if the port is still there.
+// Posts the action to the loop's thread; it runs if the port is still there.
 template <class Link, class Action>
 void post(const std::shared_ptr<Link>& link, Action action) {
   const std::lock_guard lock(link->io_mutex);
@@ -63,8 +63,8 @@ class ThreadPort : public BytePort {
   explicit ThreadPort(boost::asio::io_context& io, const Args&... args)
       : link_(std::make_shared<Link>(io)), worker_(std::make_unique<Worker>(link_, args...)) {}
   ~ThreadPort() override {
-    // Of the loop's thread: a request to a device in trouble may take seconds, and other devices
-    // live on it.
+    // Limit for the loop's thread, because a request to a device in trouble may take seconds and
+    // blocks other devices.
     constexpr auto close_timeout = std::chrono::milliseconds(200);
     link_->closed = true;
     link_->stopping = true;

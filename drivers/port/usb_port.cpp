@@ -14,7 +14,7 @@ constexpr std::size_t transfer_count = 8, transfer_bytes = usb_ring_bytes / tran
 constexpr std::size_t most_queued = 64u << 20;
 constexpr unsigned request_limit_ms = 500;
 constexpr auto cancel_limit = std::chrono::seconds(2);
-constexpr int turn_ms = 10;  // for so long a closed port may hold the device
+constexpr int turn_ms = 10;  // longest time a closed port holds the device
 
 struct Link : ThreadLink {
   using ThreadLink::ThreadLink;
@@ -167,8 +167,8 @@ class Worker {
                          "it has no interface for blocks (class ff, subclass 45, protocol 01)");
   }
 
-  // A former program may have left it halted, and running. What it held is gone once it has
-  // answered the start, so nothing is asked for before that.
+  // Starts an interface that a former program may have left halted, and running. Old data are gone
+  // once the device has answered the start, so nothing is asked for before that.
   bool start() {
     if (const int error = libusb_claim_interface(handle_.get(), interface_))
       return fail("claim", error);
@@ -208,8 +208,8 @@ class Worker {
     slot.worker->on_completed(slot);
   }
 
-  // What a device sent before it stalled or went is in the transfer, whatever its status. When it
-  // went, libusb ends all transfers in any order, and one holds bytes.
+  // Takes the transfer's bytes whatever its status: the device sent them before it stalled or went.
+  // Once it went, libusb ends all transfers in any order, and one holds bytes.
   void on_completed(const Slot& slot) {
     const libusb_transfer& t = *slot.transfer;
     const bool in_order = !failure_ || t.status == LIBUSB_TRANSFER_NO_DEVICE;

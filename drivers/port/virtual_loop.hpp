@@ -37,7 +37,7 @@ class VirtualLoop final : public Loop {
     };
   }
 
-  std::map<std::string, ByteOpener> ports;  // what is attached, by its address
+  std::map<std::string, ByteOpener> ports;  // attached ports, by address
 
  private:
   struct NoPort final : BytePort {
@@ -52,7 +52,7 @@ class VirtualLoop final : public Loop {
     std::string address;
     std::shared_ptr<int> alive = std::make_shared<int>();
   };
-  // Its jobs are done in the loop, one at a time.
+  // Worker whose jobs run in the loop, one at a time.
   class Queue final : public Worker {
    public:
     explicit Queue(VirtualLoop& loop) : loop_(loop) {}

@@ -19,7 +19,7 @@
 namespace echofuse {
 namespace {
 
-// Of this command and those above it.
+// Option of this name in the command or those above it.
 const CLI::Option* option_named(const CLI::App* app, const std::string& name) {
   for (; app != nullptr; app = app->get_parent())
     if (const CLI::Option* option = app->get_option_no_throw(name)) return option;
@@ -87,7 +87,7 @@ std::string readable(std::string text) {
   return std::regex_replace(text, std::regex("^Could not convert: (.*)"), "$1: expected a number");
 }
 
-// Of the terminal at stdout, or $COLUMNS.
+// Width of the terminal at stdout, or $COLUMNS.
 std::size_t columns_of_help() {
   const char* stated = std::getenv("COLUMNS");
   winsize size{};

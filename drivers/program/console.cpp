@@ -64,8 +64,8 @@ int run_main(const std::string& program, const std::function<ExitCode()>& body) 
   }
 }
 
-// As sd_journal's documentation has it: the variable alone may be inherited by a process whose
-// stderr goes elsewhere.
+// Follows sd_journal's documentation: a process with its stderr elsewhere may inherit the variable
+// alone.
 bool stderr_is_journal() {
   const char* stream = std::getenv("JOURNAL_STREAM");
   struct stat is {};

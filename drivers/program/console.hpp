@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// What the three programs share at the terminal: one-line errors, signals, progress.
+// Terminal output of all programs: one-line errors, signals, progress.
 #pragma once
 #include <chrono>
 #include <cstddef>
@@ -15,8 +15,8 @@ namespace echofuse {
 // size of files is an error of the file, not the end of the process.
 int run_main(const std::string& program, const std::function<ExitCode()>& body);
 
-// Whether stderr goes to systemd's journal, which keeps the time by itself and takes "<N>" in front
-// of a line as its priority (syslog's numbers).
+// True if stderr goes to systemd's journal. The journal keeps the time by itself and takes "<N>" in
+// front of a line as its priority (syslog's numbers).
 bool stderr_is_journal();
 
 // SIGINT, SIGTERM and SIGHUP set a flag; a second SIGINT ends the process at once (exit code 130).
@@ -24,14 +24,14 @@ bool stderr_is_journal();
 void catch_interrupts();
 bool interrupted();
 
-// A bar with ETA on a terminal, a plain line every 10 s elsewhere; nothing when quiet.
-// Of the terminal at stderr; 80 if it does not tell.
+// Width of the terminal at stderr; 80 if unknown.
 std::size_t columns_of_terminal();
-// It fits so many columns: a bar of `share`, and `text` behind it, or only `counts` if that is too
-// long, or no bar.
+// Makes a line of at most `columns`: a bar of `share` with `text` behind it. A narrow terminal gets
+// only `counts`, or no bar.
 std::string progress_line(const std::string& title, double share, const std::string& counts,
                           const std::string& text, std::size_t columns);
 
+// Shows a bar with ETA on a terminal, a plain line every 10 s elsewhere; nothing when quiet.
 class Progress {
  public:
   Progress(std::string title, std::size_t total, bool quiet = false);

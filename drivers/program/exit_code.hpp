@@ -18,8 +18,8 @@ enum class ExitCode : int {
 };
 
 // Thrown at start-up and in batch programs; only main catches it. The text is one clear line: the
-// file, line or key, what was wrong, what would be right. It may hold several lines when it lists
-// several faults at once.
+// file, line or key, what was wrong, what would be right. Several faults at once make several
+// lines.
 class Error : public std::runtime_error {
  public:
   Error(ExitCode code, const std::string& text) : std::runtime_error(text), code_(code) {}

@@ -21,7 +21,7 @@ std::optional<std::int64_t> number_of(std::string_view text) {
   return out;
 }
 
-// Whether it is "part-K-of-N" and an extension of so many letters.
+// True for "part-K-of-N" with an extension of so many letters.
 bool is_part(std::string_view name, std::size_t extension) {
   constexpr std::string_view part = "part-", of = "-of-";
   const auto digits = [](std::string_view text) {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// One of several parts of a work, as the tasks of a cluster's job array share it. Which pieces a
-// part has follows from its number alone, so that no part need know of another.
+// Part of a work that the tasks of a cluster's job array share. A part's number alone gives its
+// pieces, so that no part needs to know of another.
 #pragma once
 #include <cstddef>
 #include <cstdint>
@@ -18,15 +18,15 @@ class JobPart {
 
   std::string name() const;  // "part-2-of-4", of files
 
-  // Of pieces in a row: [begin, end).
+  // Pieces in a row: [begin, end).
   struct Range {
     std::int64_t begin, end;
     std::int64_t size() const { return end - begin; }
   };
   Range range(std::int64_t pieces) const;
 
-  // Of pieces that each take so long, in any unit: which are this part's. They follow each other,
-  // as neighbours may need the same records, and each part has about as much to do.
+  // Marks the pieces of this part; `work` is each piece's cost in any unit. A part's pieces follow
+  // each other, because neighbours may need the same records. Parts have about equal work.
   std::vector<bool> share(const std::vector<double>& work) const;
 
  private:
@@ -34,7 +34,7 @@ class JobPart {
   std::int64_t number_, count_;  // from 1
 };
 
-// Of the option --part.
+// Help of the option --part.
 inline constexpr const char* part_help =
     "K/N: only the K-th of N parts of the work; in a Slurm array $SLURM_ARRAY_TASK_ID/N";
 

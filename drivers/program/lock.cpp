@@ -83,7 +83,7 @@ Lock::Lock(std::string path, mode_t mode) : path_(std::move(path)) {
     if (!held_ && errno != EAGAIN && errno != EACCES)
       fail(std::string("this file system does not lock: ") + std::strerror(errno));
     if (!held_ || stands_at(path_, fd_)) return;
-    ::close(fd_);  // another one's, who has removed it
+    ::close(fd_);  // file of a former holder, which has removed it
   }
 }
 

@@ -26,7 +26,8 @@ class Lock {
   void empty() const;
   void remove() const;
 
-  // What the lock's holder wrote; none: it is free. Takes no lock, so that nobody finds it taken.
+  // Text of the lock's holder; none: the lock is free. Takes no lock, so that nobody finds it
+  // taken.
   static std::optional<std::string> holder(const std::string& path);
 
  private:

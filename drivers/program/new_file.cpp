@@ -32,8 +32,8 @@ fs::path folder_of(const std::string& path) {
   return folder.empty() ? "." : folder;
 }
 
-// The same name in every process that makes this file; another one for another file. Machines that
-// share a folder have each its own, as locks may not hold between them.
+// Name that every process making this file agrees on, different for another file. Machines that
+// share a folder have each its own, because locks may not hold between them.
 std::string unfinished(const fs::path& place) {
   const std::string whole = fs::absolute(place).lexically_normal().string();
   char hash[12];

@@ -15,19 +15,19 @@ class NewFile {
   // Grows as PLACE.RANDOM.part: no link that was put there before is followed. A killed process
   // leaves it.
   explicit NewFile(std::string place);
-  // Grows at `path`, which nobody else uses; nothing is there yet. What a killed process left there
-  // is removed. May be a database, which takes no side files of a former one.
+  // Grows at `path`, which nobody else uses; nothing is there yet. Removes a file that a killed
+  // process left there. May be a database, which takes no side files of a former one.
   NewFile(std::string place, std::string path);
-  // Grows in $TMPDIR, on a disk of this machine, because SQLite's WAL does not work on a network;
-  // without TMPDIR beside its place. What a killed process left is begun anew. Throws Error(failed)
-  // if another process of this machine is making the same file.
+  // Grows in $TMPDIR, on a disk of this machine, because SQLite's WAL does not work on a network.
+  // Grows beside its place without TMPDIR. A file that a killed process left is begun anew. Throws
+  // Error(failed) if another process of this machine is making the same file.
   struct Staged {};
   NewFile(const std::string& place, Staged);
   ~NewFile();  // removes what was not published
   NewFile(const NewFile&) = delete;
   NewFile& operator=(const NewFile&) = delete;
 
-  const std::string& path() const { return path_; }  // where it grows
+  const std::string& path() const { return path_; }  // file while it grows
   const std::string& place() const { return place_; }
   void create();                       // makes it, empty; throws Error(disk)
   void append(std::string_view text);  // throws Error(disk)
@@ -35,7 +35,7 @@ class NewFile {
   // Moves the file, which nobody holds open any more, to its place, over what is there. Throws
   // Error(disk).
   void publish();
-  // The same, but false if something is there. Two steps where the file system has no single one.
+  // Publishes, but returns false if something is there. Two steps on some file systems.
   bool publish_new();
 
  private:
@@ -59,7 +59,7 @@ void let_group_read(int file);
 // taken for the new one's.
 void remove_side_files(const std::string& database);
 
-// Where files that are soon removed belong: $TMPDIR, else this folder.
+// Folder of short-lived files: $TMPDIR, else `beside`.
 std::string scratch_folder(const std::string& beside);
 
 }  // namespace echofuse

@@ -25,7 +25,7 @@ int write_all(int descriptor, std::string_view text) {
     pollfd ready{descriptor, POLLOUT, 0};
     if (n >= 0)
       text.remove_prefix(static_cast<std::size_t>(n));
-    else if (errno == EAGAIN)  // whoever shares the terminal made it so
+    else if (errno == EAGAIN)  // set by another program at this terminal
       ::poll(&ready, 1, -1);
     else if (errno != EINTR)
       return errno;

@@ -53,7 +53,7 @@ void put_written_out(std::string& out, std::string_view bytes, const Character& 
   }
 }
 
-enum class Kept { printed, lines, all };  // of what is UTF-8
+enum class Kept { printed, lines, all };  // characters that stay as they are, if UTF-8
 
 std::string escaped(std::string_view text, std::size_t longest, Kept kept) {
   std::string out;

@@ -6,13 +6,13 @@
 
 namespace echofuse {
 
-// A text that came from outside (a file, a device, a command line), for a terminal, a log or a
-// message: valid UTF-8 in one line, whatever it holds. Characters that a terminal obeys or that
-// reorder the line are written out (\n, \x1b, \u202e), and so are bytes that are not UTF-8 (\xff).
-// What is longer than `longest` bytes is cut at a character and ends in "...".
+// Makes a text from outside (a file, a device, a command line) fit for a terminal, a log or a
+// message. Returns valid UTF-8 in one line. Characters that a terminal obeys or that reorder the
+// line are written out (\n, \x1b, \u202e). So are bytes that are not UTF-8 (\xff). More than
+// `longest` bytes are cut at a character and end in "...".
 std::string printable(std::string_view text, std::size_t longest = std::string_view::npos);
 
-// The same, but lines stay lines: for messages of several lines, as the faults of a configuration.
+// Text as by printable(), but lines stay lines: for messages such as the faults of a configuration.
 std::string printable_lines(std::string_view text);
 
 // A name for JSON: only what is not UTF-8 is written out (\xff).

@@ -18,22 +18,22 @@ struct ProgramOptions {
 
 // The folder of the running program's file.
 std::filesystem::path program_folder();
-// What is installed with the programs: radar/*.cfg, lab.toml. A build folder has links to them.
+// Folder of the installed files: radar/*.cfg, lab.toml. A build folder has links to them.
 std::filesystem::path data_folder();
 // FOLDER/NAME, or what is installed with the programs by this name if nothing is there: a .cfg by
 // its name alone, too.
 std::filesystem::path here_or_installed(const std::filesystem::path& name,
                                         const std::filesystem::path& folder = {});
-// Who is logged in: the name of the effective user, under sudo that of who called it.
+// Name of the effective user; under sudo, of the user who called it.
 std::string login_name();
 // The cores that this program may use (taskset, cgroups' cpusets); at least 1.
 unsigned usable_cores();
-// This machine's name on the network.
+// Host name.
 std::string machine_name();
-// One of our programs as the first word to start it by: beside this one, else as PATH has it.
+// First word by which to start our program: its path beside this one, else NAME, as PATH has it.
 std::string program_beside(const std::string& name);
 
-// Starts words[0], found by PATH, with the other words as its arguments. It inherits the three
+// Starts words[0], found by PATH, with the other words as its arguments. Passes on the three
 // standard files and no other: an inherited descriptor would keep an unplugged port open.
 Result<pid_t> start_program(const std::vector<std::string>& words,
                             const ProgramOptions& options = {});

@@ -16,7 +16,7 @@ namespace {
 
 constexpr std::size_t enough_faults = 20;  // in what is not TOML; probably not meant to be
 
-// With as many digits as the same number needs to be read again.
+// Number in the fewest digits, 15 or 17, from which it reads back the same.
 std::string text_of(double v) {
   char text[32];
   std::snprintf(text, sizeof text, "%.15g", v);
@@ -29,7 +29,7 @@ std::string literal(double v) {
   return text.find_first_of(".en") == std::string::npos ? text + ".0" : text;
 }
 
-// On one line, with escapes: the library's own printer writes some texts with line ends so that it
+// Text on one line, with escapes. The library's own printer writes some texts with line ends, and
 // does not read them back.
 std::string in_quotes(const std::string& text) {
   constexpr char digits[] = "0123456789abcdef";
@@ -214,7 +214,7 @@ std::string Settings::assign(Entry& entry, const Node& node, const std::string& 
   return fits ? "" : expectation(entry);
 }
 
-// What is wrong with a key that is none of ours.
+// Fault of a key that is unknown.
 template <class Node>
 std::string Settings::unknown(const std::string& key, const Node& node) const {
   if (is_section(key)) return key + " is a section; expected [" + key + "] and its keys below";

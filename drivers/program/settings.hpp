@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
-// Strict settings: plain structs bound to TOML keys. An unknown key, a wrong type or a value out of
-// range is reported with file:line:column, what was expected and the nearest known key, and all
-// faults of a file at once. The struct's own initialisers are the defaults.
+// Strict settings: plain structs bound to TOML keys. Rejects an unknown key, a wrong type or a
+// value out of range, all faults of a file at once. A fault names file:line:column, what was
+// expected and the nearest known key. The struct's own initialisers are the defaults.
 #pragma once
 #include <cstdint>
 #include <string>
@@ -18,8 +18,8 @@ std::string read_config_text(const std::string& path);
 // Throws Error(config) that lists these faults, one a line.
 [[noreturn]] void refuse(const std::vector<std::string>& faults);
 
-// Of the known words the one that needs the fewest changes to become this one, half as many where
-// one is a part of the other; empty if that is more than half of its letters.
+// Returns the known word that needs the fewest changes to become `word`; half as many count where
+// one is a part of the other. Empty if that is more than half of its letters.
 std::string nearest(const std::vector<std::string>& known, const std::string& word);
 
 class Settings {
@@ -39,14 +39,13 @@ class Settings {
   // line that is not TOML the lines below it are looked at too, unless it begins a section.
   std::vector<std::string> read(const std::string& text, const std::string& name,
                                 const std::vector<std::string>& assignments);
-  // The same parts; each throws Error(ExitCode::config) that lists every fault.
+  // Parts of read(); each throws Error(ExitCode::config) that lists every fault.
   void read_file(const std::string& path);
   void read_text(const std::string& text, const std::string& name);
   void set(const std::string& assignment);
 
   bool given(const std::string& key) const { return !origin(key).empty(); }
-  // Where a key's value comes from: "FILE:line:column", "--set key=value", or empty for the
-  // default.
+  // Origin of a key's value: "FILE:line:column", "--set key=value", or empty for the default.
   std::string origin(const std::string& key) const;
   // Grounds to judge no settings together: the key's value does not fit; or lines of the text are
   // lost, because they are not TOML.
@@ -55,10 +54,10 @@ class Settings {
   // The settings as TOML with all values, which read_text takes back; with each key's meaning and
   // range as a comment if asked.
   std::string resolved(bool with_docs = false) const;
-  // The same with both, and the origin of each value behind it.
+  // TOML as by resolved() with docs, and the origin of each value behind it.
   std::string with_origins() const;
-  // One JSON object: {KEY: {"value", "help", and "min", "max" of a number, "allowed" of a text that
-  // has but some values}, ...}.
+  // JSON object: {KEY: {"value", "help", and "min", "max" of a number, "allowed" of a text that has
+  // but some values}, ...}.
   std::string json() const;
 
  private:
