@@ -50,6 +50,13 @@ bool rename_to_new(const char* from, const char* to) {
   return std::rename(from, to) == 0;
 }
 
+// Names the folder of files that are soon removed: $TMPDIR, else this one.
+std::string scratch_folder(const std::string& beside) {
+  const char* const given = std::getenv("TMPDIR");
+  if (given && *given) return given;
+  return beside.empty() ? "." : beside;
+}
+
 }  // namespace
 
 NewFile::NewFile(std::string place) : place_(std::move(place)) {
@@ -154,12 +161,6 @@ void let_group_read(int file) {
 
 void remove_side_files(const std::string& database) {
   for (const char* beside : {"-journal", "-wal", "-shm"}) ::unlink((database + beside).c_str());
-}
-
-std::string scratch_folder(const std::string& beside) {
-  const char* const given = std::getenv("TMPDIR");
-  if (given && *given) return given;
-  return beside.empty() ? "." : beside;
 }
 
 }  // namespace echofuse

@@ -59,7 +59,4 @@ void let_group_read(int file);
 // taken for the new one's.
 void remove_side_files(const std::string& database);
 
-// Folder of short-lived files: $TMPDIR, else `beside`.
-std::string scratch_folder(const std::string& beside);
-
 }  // namespace echofuse

@@ -2,12 +2,10 @@
 // Parts of a work, and files that appear when they are whole.
 #include "drivers/program/job_part.hpp"
 
-#include <algorithm>
 #include <catch2/catch.hpp>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
-#include <numeric>
 
 #include "../folder.hpp"
 #include "../full_disk.hpp"
@@ -54,37 +52,16 @@ TEST_CASE("a part is K/N, and what is none is refused") {
     CHECK_THROWS_WITH(JobPart::of(text), Contains("expected K/N with 1 <= K <= N"));
 }
 
-TEST_CASE("each piece is of exactly one part, and the parts have alike to do") {
+TEST_CASE("each piece is of exactly one part") {
   for (const std::int64_t parts : {1, 3, 7, 50}) {
     std::int64_t next = 0;
-    std::vector<double> work = {20, 20, 20, 4, 4, 4, 4, 4, 1, 1, 1, 1, 1, 1, 1, 1, 30};
-    std::vector<int> owners(work.size());
-    std::vector<double> busy;
     for (std::int64_t k = 1; k <= parts; ++k) {
-      const JobPart part = JobPart::of(std::to_string(k) + "/" + std::to_string(parts));
-      const auto range = part.range(17);
+      const auto range = JobPart::of(std::to_string(k) + "/" + std::to_string(parts)).range(17);
       CHECK(range.begin == next);
       next = range.end;
-      const auto mine = part.share(work);
-      busy.push_back(0);
-      for (std::size_t i = 0; i < work.size(); ++i)
-        if (mine[i]) ++owners[i], busy.back() += work[i];
     }
     CHECK(next == 17);
-    CHECK(std::ranges::all_of(owners, [](int n) { return n == 1; }));
-    if (parts == 3) CHECK(*std::ranges::max_element(busy) - *std::ranges::min_element(busy) <= 2);
   }
-}
-
-TEST_CASE("the files of parts are found by their names") {
-  const Folder dir;
-  for (const char* name : {"part-2-of-3.sqlite", "part-10-of-30.sqlite", "x-part-1-of-3.sqlite",
-                           "part-1-of-3.sqlite.unfinished", "part-1-of-3xsqlite", "part-1.sqlite"})
-    std::ofstream(dir / name) << "x";
-  CHECK(part_files(dir.path.string(), "", ".sqlite") ==
-        std::vector<std::string>{dir / "part-10-of-30.sqlite", dir / "part-2-of-3.sqlite"});
-  CHECK(part_files(dir.path.string(), "x-", ".sqlite").size() == 1);
-  CHECK(part_files(dir / "nowhere", "", ".sqlite").empty());
 }
 
 TEST_CASE("a staged file appears when it is whole, and debris is begun anew") {
