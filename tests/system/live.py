@@ -183,9 +183,7 @@ class Live(unittest.TestCase):
             program.send_signal(signal.SIGHUP)
             said = program.communicate(timeout=20)[1]
             self.assertEqual(program.returncode, 0 if name == "run" else 130, (name, said))
-            sent = self.frames()
-            time.sleep(0.5)
-            self.assertEqual(self.frames(), sent, name)
+            wait_for(f"the radar to stop after {name}", self.silent)
         self.assertEqual(self.info()["status"], "complete")
         self.assertEqual(self.info()["records"], len(self.rows()))
         ignoring = self.start(["nohup", bin_dir / "echofuse-acquire", *commands["run"][:4], self.dir / "kept", "--count", "8"],
@@ -195,6 +193,11 @@ class Live(unittest.TestCase):
         self.assertEqual(ignoring.wait(30), 0)
         self.run = self.dir / "kept.sqlite"
         self.assertEqual(self.info()["records"], 8)
+
+    def silent(self):
+        sent = self.frames()
+        time.sleep(0.5)
+        return self.frames() == sent
 
     def frames(self):
         return (self.dir / "sent.jsonl").read_text().count('"radar"')
