@@ -197,7 +197,8 @@ TEST_CASE(
   };
   CHECK(flagged("SELECT 1") < 0.04);
   CHECK(flagged("UPDATE antenna SET x = (x + 4) % 8") > 0.6);
-  CHECK(flagged("UPDATE antenna SET x = antenna, phase_rad = phase_rad + antenna * 3 % 8 * 0.3") >
+  CHECK(flagged(
+            "UPDATE antenna SET x = rowid - 1, phase_rad = phase_rad + (rowid - 1) * 3 % 8 * 0.3") >
         0.9);
 }
 
