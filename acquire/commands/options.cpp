@@ -14,7 +14,7 @@ namespace {
 
 constexpr const char* footer =
     "exit codes: 0 ok, 1 failed, 2 usage, 3 config, 4 device,\n"
-    "            5 partial (some records unreadable; run --strict: a sensor not ok),\n"
+    "            5 partial (one of two imports yields nothing; run --strict: a sensor not ok),\n"
     "            6 disk, 130 interrupted (second Ctrl-C, or before the first slot)";
 
 constexpr const char* out_help =

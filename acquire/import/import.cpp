@@ -311,9 +311,14 @@ std::string import_recordings(Config config, const ImportOptions& options) {
                    [](unsigned char c) { return std::tolower(c); });
     return kind;
   };
-  if (options.files.size() == 1 && is_kept(options.files[0]))
-    return import_kept(std::move(config), options.files[0], options.out);
-  if (options.files.size() == 1 && fs::is_directory(options.files[0]))
+  const bool folder = options.files.size() == 1 && fs::is_directory(options.files[0]);
+  const bool kept = folder && is_kept(options.files[0]);
+  if (folder && !options.cfg.empty())
+    throw Error(ExitCode::usage, "--cfg does not go with a folder");
+  if (kept && !options.began.empty())
+    throw Error(ExitCode::usage, "--began does not go with kept bytes, which tell their times");
+  if (kept) return import_kept(std::move(config), options.files[0], options.out);
+  if (folder)
     return import_arrays(options.files[0], options.out,
                          options.began.empty() ? UtcTime{} : parse_utc(options.began));
   config.tdc.address = config.radar.cli = config.radar.data = config.depth.address = "";
@@ -355,10 +360,12 @@ std::string import_recordings(Config config, const ImportOptions& options) {
       recordings.push_back(std::move(tags));
     } else {
       throw Error(ExitCode::usage,
-                  printable(path) + (kind == ".ttbin"
-                                         ? ": only the Time Tagger's library reads .ttbin: start "
-                                           "`echofuse-bridge-timetagger --file` with it and record"
-                                         : ": expected NAME.dat (radar), NAME.ptu or NAME.phu"));
+                  printable(path) +
+                      (kind == ".ttbin"   ? ": only the Time Tagger's library reads .ttbin: start "
+                                            "`echofuse-bridge-timetagger --file` with it and record"
+                       : fs::exists(path) ? ": expected NAME.dat (radar), NAME.ptu, NAME.phu or "
+                                            "one folder"
+                                          : ": no such file or folder"));
     }
   }
   begins(config.radar.data.empty() ? std::optional(modified(config.tdc.address)) : std::nullopt,

@@ -10,8 +10,10 @@
 
 #include "acquire/import/import.hpp"
 #include "acquire/run/daemon.hpp"
+#include "acquire/run/resume.hpp"
 #include "drivers/port/virtual_loop.hpp"
 #include "drivers/program/console.hpp"
+#include "drivers/program/new_file.hpp"
 #include "drivers/program/printable.hpp"
 #include "drivers/program/regular_file.hpp"
 
@@ -189,8 +191,10 @@ std::string import_kept(Config config, const std::string& folder, const std::str
     throw Error(ExitCode::failed,
                 printable(folder) + ": has no bytes of a device of the configuration");
   config.policy = {"optional", "optional", "optional"};
+  refuse_bad_target(out);
+  NewFile file(out, NewFile::Staged{});
   RunOptions options;
-  options.out = fs::absolute(out).string();
+  options.out = file.path();
   options.count =
       std::max<std::int64_t>(1, live.slots * live.slot_ns / from_seconds(config.window_s).count());
   options.meta = {{"imported_from", utf8_text(fs::path(folder).filename().string())}};
@@ -198,7 +202,8 @@ std::string import_kept(Config config, const std::string& folder, const std::str
   options.kept_slot = live.first_slot;
   record_run(config, options, loop);
   if (interrupted())
-    throw Error(ExitCode::interrupted, printable(out) + ": ends where it was interrupted");
+    throw Error(ExitCode::interrupted, printable(out) + ": interrupted; nothing was written");
+  file.publish();
   return printable(out) + ": the run that these bytes are of, anew";
 }
 
