@@ -9,7 +9,9 @@
 #include <chrono>
 #include <cstring>
 #include <functional>
+#include <future>
 #include <memory>
+#include <thread>
 
 #include "acquire/record/run_file.hpp"
 #include "acquire/record/writer_lock.hpp"
@@ -174,6 +176,20 @@ TEST_CASE("a run whose WAL is shortened ends at the next record, with all of it 
   check_whole(copy, records, "complete");
 }
 
+TEST_CASE("a WAL that a reader keeps from being taken over whole is not shortened unseen") {
+  const Folder folder;
+  const std::string path = folder / "a.sqlite";
+  const auto run = begin(path, 5);
+  const Database reader = open(path);
+  sql(reader, "BEGIN; SELECT count(*) FROM record");
+  std::int64_t records = 5;
+  while (fs::file_size(path + "-wal") < 420 * 4096) run->append(small_record(records++));
+  fs::resize_file(path + "-wal", 5000);
+  const auto [code, text] = error_of([&] { run->append(small_record(records)); });
+  CHECK(code == ExitCode::disk);
+  CHECK(text == path + ": its -wal file was shortened during the run");
+}
+
 TEST_CASE("what others take over from the WAL is not missing in it") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
@@ -270,6 +286,19 @@ TEST_CASE("closing does not wait for a reader, who comes later folds the WAL bac
   recover(path);
   CHECK_FALSE(fs::exists(path + "-wal"));
   check_whole(path, 6, "complete");
+}
+
+TEST_CASE("a label that waits while the run is closed is refused") {
+  const Folder folder;
+  const std::string path = folder / "a.sqlite";
+  const auto run = begin(path, 1);
+  const Database closer = open(path);
+  sql(closer, "BEGIN IMMEDIATE; UPDATE run SET status = 'complete'");
+  auto label = std::async(std::launch::async, [&] { put_label(path, "door", "me"); });
+  std::this_thread::sleep_for(std::chrono::milliseconds(300));  // it has seen an open run
+  sql(closer, "COMMIT");
+  CHECK(has(error_of([&] { label.get(); }).second, "nobody is recording this run"));
+  CHECK(RunReader(path).events().empty());
 }
 
 TEST_CASE("the lock is a file of ours, or there is no run, it stays") {

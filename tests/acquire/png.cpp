@@ -7,7 +7,10 @@
 #include <algorithm>
 #include <catch2/catch.hpp>
 #include <cstdlib>
+#include <limits>
 #include <random>
+
+#include "acquire/record/deflate.hpp"
 
 using namespace echofuse;
 
@@ -62,19 +65,24 @@ Bytes filtered(const std::vector<std::uint16_t>& pixels, int first) {
   return out;
 }
 
+Bytes packed(const Bytes& bytes) {
+  Bytes out(compressBound(bytes.size()));
+  uLongf size = out.size();
+  REQUIRE(compress(out.data(), &size, bytes.data(), bytes.size()) == Z_OK);
+  out.resize(size);
+  return out;
+}
+
 // `parts`: how many chunks the compressed rows are in.
 Bytes png_of(const Bytes& rows, std::size_t parts) {
-  Bytes packed(compressBound(rows.size()));
-  uLongf size = packed.size();
-  REQUIRE(compress(packed.data(), &size, rows.data(), rows.size()) == Z_OK);
-  packed.resize(size);
+  const Bytes data = packed(rows);
   Bytes out = {0x89, 'P', 'N', 'G', '\r', '\n', 0x1a, '\n'}, head;
   put(head, width), put(head, height);
   head.insert(head.end(), {16, 0, 0, 0, 0});
   put_chunk(out, "IHDR", head);
   for (std::size_t k = 0; k < parts; ++k) {
-    const std::size_t from = k * size / parts, to = (k + 1) * size / parts;
-    put_chunk(out, "IDAT", ByteView(packed).subspan(from, to - from));
+    const std::size_t from = k * data.size() / parts, to = (k + 1) * data.size() / parts;
+    put_chunk(out, "IDAT", ByteView(data).subspan(from, to - from));
   }
   put_chunk(out, "IEND", {});
   return out;
@@ -88,6 +96,28 @@ TEST_CASE("png: every filter, in one chunk or several") {
     for (const std::size_t parts : {1, 3})
       CHECK(record::decode_png16(png_of(filtered(pixels, first), parts), width, height) == pixels);
   CHECK(record::decode_png16(png_of(filtered(pixels, filters), 1), width, height).empty());
+}
+
+// Paeth's predictor meets ties only where neighbours are few levels apart.
+TEST_CASE("png: every filter of few grey levels") {
+  std::vector<std::uint16_t> pixels = some_pixels();
+  for (auto& v : pixels) v = static_cast<std::uint16_t>(0x101 * (v % 5));
+  for (int first = 0; first < filters; ++first)
+    CHECK(record::decode_png16(png_of(filtered(pixels, first), 1), width, height) == pixels);
+}
+
+TEST_CASE("png: a byte behind the picture, or one too few, is refused") {
+  Bytes png = record::encode_png16(some_pixels(), width, height);
+  png.push_back(0);
+  CHECK(record::decode_png16(png, width, height).empty());
+  png.resize(png.size() - 2);
+  CHECK(record::decode_png16(png, width, height).empty());
+}
+
+TEST_CASE("png: bytes ask for no more memory than they can fill, and get that") {
+  CHECK(record::inflated(Bytes(100), std::numeric_limits<std::size_t>::max()).empty());
+  const Bytes flat(1 << 20);
+  CHECK(record::inflated(packed(flat), flat.size()) == flat);  // from a thousandth of it
 }
 
 TEST_CASE("png: rows too few or too many are refused") {

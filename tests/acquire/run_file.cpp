@@ -269,6 +269,17 @@ TEST_CASE("files that are not to be read or written") {
     CHECK(has(text, "exists already"));
     CHECK(fs::file_size(path) == 8);
   }
+  SECTION("nor one that comes while ours is made") {
+    write_run(folder / "b.sqlite", 3);
+    const auto [code, text] = error_of([&] {
+      RunWriter run(path, {}, system_clock,
+                    [&](RunWriter&) { fs::copy_file(folder / "b.sqlite", path); });
+    });
+    CHECK(code == ExitCode::failed);
+    CHECK(has(text, "exists already"));
+    CHECK(contents(path) == contents(folder / "b.sqlite"));
+    CHECK_FALSE(fs::exists(path + "-new"));
+  }
   SECTION("no such folder") {
     const auto [code, text] = error_of([&] { RunWriter run(folder / "no/a.sqlite", {}); });
     CHECK(code == ExitCode::disk);

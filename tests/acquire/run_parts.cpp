@@ -23,6 +23,7 @@ using namespace testing;
 namespace {
 
 const record::CalibrationEntry calibration{Sensor::spd, "2026-11-21T10:00:00Z", "m", 1, 0.07, 1e-5};
+const record::Antennas antennas{{0, 0, 1, 0}, {1, 0, 1.5, -0.25}};
 
 // Of three records each.
 struct Parts {
@@ -40,6 +41,7 @@ struct Parts {
     fill(std::make_unique<record::RunWriter>(path(number, name), info, system_clock,
                                              [](record::RunWriter& run) {
                                                run.put_calibration(calibration);
+                                               run.put_antennas(antennas);
                                                for (const auto& axis : small_axes())
                                                  run.put_axis(axis);
                                              }));
@@ -70,6 +72,7 @@ TEST_CASE("a part has what the run was begun with, and its first record's index"
   const record::RunReader first(parts.path(1)), second(parts.path(2));
   CHECK(second.info().uuid == first.info().uuid);
   CHECK(second.calibrations() == std::vector{calibration});
+  CHECK(second.antennas() == antennas);
   CHECK(second.axes().size() == 4);
   CHECK(second.outlines(0).at(0).index == 3);
   CHECK(second.info().first_index == 3);
@@ -207,6 +210,16 @@ TEST_CASE("a run is listed by its name, and what is only named like a part of it
   CHECK(record::run_of(parts.folder / "copy.sqlite") == parts.folder / "copy.sqlite");
   CHECK(acquire::reopen_run(parts.folder / "copy.sqlite", system_clock).part_records == 0);
   CHECK(acquire::reopen_run(parts.path(3), system_clock).part_end == 9);
+}
+
+TEST_CASE("a number of a part without the records of a full one makes no part") {
+  const Parts parts;
+  parts.begin();
+  for (const int part : {1, 2}) parts.go_on(part);
+  sql(parts.path(2), "UPDATE run SET meta = json_remove(meta, '$.part_records')");
+  CHECK(record::part_of(parts.path(2), record::RunReader(parts.path(2)).info()).number == 0);
+  CHECK(record::run_of(parts.path(2)) == parts.path(2));
+  CHECK(record::files_of(parts.folder / "a").paths == std::vector{parts.path(1), parts.path(3)});
 }
 
 TEST_CASE("the last part of a run is found from the end, past what is only named like one") {

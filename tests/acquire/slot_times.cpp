@@ -66,6 +66,24 @@ TEST_CASE(
                                              (before + step + 20ms).count()});
 }
 
+TEST_CASE(
+    "a slot that is still open a minute after the clock was set bears the time of its start") {
+  const Folder folder;
+  const std::chrono::nanoseconds before = 1'700'000'000s;
+  port::VirtualLoop loop(before);
+  Journal journal(std::make_unique<record::RunWriter>(folder / "a.sqlite", record::RunInfo{}),
+                  loop);
+  RunLog log(loop);
+  loop.run_for(9s);
+  loop.step_utc(24h);
+  journal.refresh_anchor(log);  // at 10 s
+  loop.run_for(60s);
+  journal.refresh_anchor(log);
+  CHECK(journal.utc_of(9s) == before + 9s);  // it had begun
+  CHECK(journal.utc_of(11s) == before + 24h + 11s);
+  journal.finish("complete");
+}
+
 TEST_CASE("times of slots that would overflow are refused in one line, wherever they are read") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
