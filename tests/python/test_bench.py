@@ -113,6 +113,14 @@ def test_what_no_table_may_hold_ends_the_bench(run, tmp_path):
         bench.Table(tmp_path / "c.csv")
 
 
+@pytest.mark.parametrize("text", ["a note without an end", "# a note\nof two lines", "axis,value\nmine", "# this\n", "\xff\n"])
+def test_a_file_that_is_no_table_stays_as_it_is(tmp_path, text):
+    (tmp_path / "notes.txt").write_text(text, encoding="latin-1")
+    with pytest.raises(bench.UsageError, match="no table of a bench|is of a note"):
+        bench.Table(tmp_path / "notes.txt", "this")
+    assert (tmp_path / "notes.txt").read_text(encoding="latin-1") == text
+
+
 def test_parts_are_the_whole_and_nothing_is_made_twice(run, tmp_path):
     """Two parts beside one table; runs and fits are shared by the cells that need them, and removed after the last one."""
     made = []
