@@ -13,6 +13,7 @@ import pytest
 
 import echofuse
 from echofuse import antennas, blocks
+from echofuse import staged as staging
 from echofuse.export import export
 from echofuse.run_files import NULL_INTEGER
 from programs import BIN, program
@@ -277,6 +278,46 @@ def test_a_missing_package_is_named(runs, tmp_path, module, name):
     done = tool(runs / "own", "--to", tmp_path / name, env={"PYTHONPATH": str(tmp_path)})
     assert (done.returncode, done.stderr) == (
         1, f"echofuse-export: {tmp_path / name}: needs python3-{module} (apt-get install python3-{module})\n")
+
+
+def test_a_file_grows_under_the_lock_that_is_at_its_path(tmp_path, monkeypatch):
+    monkeypatch.setenv("TMPDIR", str(tmp_path))
+    place, flock, late = tmp_path / "a.h5", staging.fcntl.flock, []
+
+    def gone(held, how):
+        """The process that held the lock removes it, and another makes its own, before this one has it."""
+        if not late:
+            late.extend(tmp_path.glob(".*.lock"))
+            late[0].unlink()
+            late[0].touch()
+        flock(held, how)
+
+    monkeypatch.setattr(staging.fcntl, "flock", gone)
+    with staging.staged(place) as path:
+        path.write_text("ours")
+        with pytest.raises(BlockingIOError, match="another process is making it"), staging.staged(place):
+            pass
+        assert late[0].exists()
+    assert os.listdir(tmp_path) == ["a.h5"] and place.read_text() == "ours"
+    with pytest.raises(FileExistsError, match="exists already"), staging.staged(tmp_path / "b.h5") as path:
+        path.write_text("ours")
+        (tmp_path / "b.h5").write_text("theirs")
+    assert (tmp_path / "b.h5").read_text() == "theirs"
+    late[0].symlink_to(tmp_path / "b.h5")
+    place.unlink()
+    with pytest.raises(OSError, match="symbolic links"), staging.staged(place):
+        pass
+    assert (tmp_path / "b.h5").read_text() == "theirs" and not place.exists()
+
+
+def test_a_disk_without_links_gets_the_file_too(tmp_path, monkeypatch):
+    def no_links(*_):
+        raise PermissionError
+
+    monkeypatch.setattr(os, "link", no_links)
+    with staging.staged(tmp_path / "a.h5") as path:
+        path.write_text("ours")
+    assert os.listdir(tmp_path) == ["a.h5"]
 
 
 @pytest.mark.parametrize("kib", [0, 20])
