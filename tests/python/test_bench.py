@@ -8,6 +8,7 @@ import pytest
 
 import echofuse
 from echofuse import bench, derive, letters, stability, tmf8820
+from echofuse.methods import call
 from echofuse.model import read_safetensors
 from programs import BIN, program
 
@@ -62,6 +63,27 @@ def test_a_derived_run_is_another_one_with_these_changes(run, tmp_path):
         assert not lost.valid["radar"].any() and lost.valid["spd"].all() and np.array_equal(lost.spd, run.spd)
     with echofuse.open(derive.copy(run.path, tmp_path / "off.sqlite", derive.range_offset(0.1))) as off:
         assert np.allclose(off.power(), run.power(-0.1), atol=1e-4 * run.power().max())
+
+
+@pytest.mark.parametrize(("ends", "code", "kind"), [("exit 1", 1, bench.BenchError), ("exit 6", 6, bench.UsageError), ("kill -9 $$", 1, bench.UsageError)])
+def test_a_program_that_fails_gives_its_exit_code(tmp_path, monkeypatch, ends, code, kind):
+    (tmp_path / "echofuse-x").write_text(f"#!/bin/sh\necho echofuse-x: what was wrong >&2\n{ends}\n")
+    (tmp_path / "echofuse-x").chmod(0o755)
+    monkeypatch.setenv("ECHOFUSE_BIN", str(tmp_path))
+    with pytest.raises(bench.BenchError, match="^what was wrong$") as found:
+        call("echofuse-x")
+    assert (type(found.value), found.value.code) == (kind, code)
+    with pytest.raises(bench.UsageError, match="echofuse-y: No such file or directory; put the programs into PATH"):
+        call("echofuse-y")
+
+
+def test_a_table_that_cannot_be_written_is_named(tmp_path):
+    (tmp_path / "file").write_text("")
+    table = bench.Table(tmp_path / "table.csv")
+    table.path = tmp_path / "file/table.csv"
+    with pytest.raises(bench.BenchError, match=r"file/table.csv: cannot write \(") as found:
+        table.add({"axis": "model", "value": "1", "model": "mean", "inputs": "-", "seed": 1})
+    assert found.value.code == 6
 
 
 class Constant:

@@ -32,7 +32,7 @@ from . import __version__, derive
 from . import run as runs
 from .maps import load_maps
 from .methods import (COSTS, METRICS, BenchError, Method, Path, Row, UsageError, judge, measure, method, python_method,
-                      version)
+                      version, writing)
 
 __all__ = ["BenchError", "Cell", "Method", "Source", "Table", "UsageError", "fill", "markdown", "means", "measure", "method",
            "pareto_cells", "python_method", "there"]
@@ -75,7 +75,7 @@ class Table:
         if data and tuple(rows.fieldnames or ()) != COLUMNS:
             raise UsageError(f"{path}: is no table of a bench; name another --out")
         if path == self.path and whole != data:  # a killed process was writing
-            with open(path, "r+b") as file:
+            with writing(path), open(path, "r+b") as file:
                 file.truncate(len(whole))
         return {self.key(row): row for row in rows if row["axis"] != "axis"}
 
@@ -87,6 +87,10 @@ class Table:
         self.rows[self.key(row)] = row
         if not on_disk:
             return
+        with writing(self.path):
+            self._append(row)
+
+    def _append(self, row: Row) -> None:
         self.path.parent.mkdir(parents=True, exist_ok=True)
         with open(self.path, "a", newline="") as file:
             out = csv.DictWriter(file, COLUMNS, restval="nan", lineterminator="\n")
@@ -355,7 +359,9 @@ def finish(table: Table, args: argparse.Namespace, draw: Callable[[Any], Any], a
     if args.figure:
         from . import plot
 
-        draw(plot).savefig(args.figure)
+        figure = draw(plot)
+        with writing(args.figure):
+            figure.savefig(args.figure)
 
 
 if __name__ == "__main__":
