@@ -11,7 +11,7 @@ from contextlib import closing
 import numpy as np
 import pytest
 
-import echofuse
+import echofuse.run
 from echofuse import antennas, blocks
 from echofuse import staged as staging
 from echofuse.export import export
@@ -278,6 +278,21 @@ def test_a_missing_package_is_named(runs, tmp_path, module, name):
     done = tool(runs / "own", "--to", tmp_path / name, env={"PYTHONPATH": str(tmp_path)})
     assert (done.returncode, done.stderr) == (
         1, f"echofuse-export: {tmp_path / name}: needs python3-{module} (apt-get install python3-{module})\n")
+
+
+@pytest.mark.parametrize("meta", ["[" * 100000, "null", "", 7])
+def test_metadata_that_are_none_are_refused(runs, tmp_path, meta):
+    shutil.copy(runs / "far.sqlite", tmp_path / "bad.sqlite")
+    change(tmp_path / "bad.sqlite", ("UPDATE run SET meta = ?", meta))
+    done = tool(tmp_path / "bad", "--to", tmp_path / "a.h5")
+    assert (done.returncode, done.stderr) == (1, f"echofuse-export: {tmp_path / 'bad.sqlite'}: meta is not a JSON object of texts\n")
+
+
+def test_a_number_in_place_of_a_blob_is_an_unreadable_record(runs, tmp_path):
+    shutil.copy(runs / "far.sqlite", tmp_path / "bad.sqlite")
+    change(tmp_path / "bad.sqlite", *((f"UPDATE record SET {sensor} = 7 WHERE idx = {row}",) for row, sensor in enumerate(echofuse.run.SENSORS)))
+    done = tool(tmp_path / "bad", "--to", tmp_path / "a.h5")
+    assert (done.returncode, done.stderr) == (5, f"echofuse-export: 3 records could not be read; they are marked in {tmp_path / 'a.h5'}\n")
 
 
 def test_a_file_grows_under_the_lock_that_is_at_its_path(tmp_path, monkeypatch):
