@@ -8,6 +8,7 @@ import pytest
 
 import echofuse
 from echofuse import bench, derive, letters, stability, tmf8820
+from echofuse.methods import call
 from echofuse.model import read_safetensors
 from programs import BIN, program
 
@@ -64,6 +65,27 @@ def test_a_derived_run_is_another_one_with_these_changes(run, tmp_path):
         assert np.allclose(off.power(), run.power(-0.1), atol=1e-4 * run.power().max())
 
 
+@pytest.mark.parametrize(("ends", "code", "kind"), [("exit 1", 1, bench.BenchError), ("exit 6", 6, bench.UsageError), ("kill -9 $$", 1, bench.UsageError)])
+def test_a_program_that_fails_gives_its_exit_code(tmp_path, monkeypatch, ends, code, kind):
+    (tmp_path / "echofuse-x").write_text(f"#!/bin/sh\necho echofuse-x: what was wrong >&2\n{ends}\n")
+    (tmp_path / "echofuse-x").chmod(0o755)
+    monkeypatch.setenv("ECHOFUSE_BIN", str(tmp_path))
+    with pytest.raises(bench.BenchError, match="^what was wrong$") as found:
+        call("echofuse-x")
+    assert (type(found.value), found.value.code) == (kind, code)
+    with pytest.raises(bench.UsageError, match="echofuse-y: No such file or directory; put the programs into PATH"):
+        call("echofuse-y")
+
+
+def test_a_table_that_cannot_be_written_is_named(tmp_path):
+    (tmp_path / "file").write_text("")
+    table = bench.Table(tmp_path / "table.csv")
+    table.path = tmp_path / "file/table.csv"
+    with pytest.raises(bench.BenchError, match=r"file/table.csv: cannot write \(") as found:
+        table.add({"axis": "model", "value": "1", "model": "mean", "inputs": "-", "seed": 1})
+    assert found.value.code == 6
+
+
 class Constant:
     """Shows the first map that it was given."""
 
@@ -111,6 +133,14 @@ def test_what_no_table_may_hold_ends_the_bench(run, tmp_path):
     (tmp_path / "c.csv").write_text("mine\n")
     with pytest.raises(bench.UsageError, match="no table of a bench"):
         bench.Table(tmp_path / "c.csv")
+
+
+@pytest.mark.parametrize("text", ["a note without an end", "# a note\nof two lines", "axis,value\nmine", "# this\n", "\xff\n"])
+def test_a_file_that_is_no_table_stays_as_it_is(tmp_path, text):
+    (tmp_path / "notes.txt").write_text(text, encoding="latin-1")
+    with pytest.raises(bench.UsageError, match="no table of a bench|is of a note"):
+        bench.Table(tmp_path / "notes.txt", "this")
+    assert (tmp_path / "notes.txt").read_text(encoding="latin-1") == text
 
 
 def test_parts_are_the_whole_and_nothing_is_made_twice(run, tmp_path):

@@ -11,8 +11,9 @@ from contextlib import closing
 import numpy as np
 import pytest
 
-import echofuse
+import echofuse.run
 from echofuse import antennas, blocks
+from echofuse import staged as staging
 from echofuse.export import export
 from echofuse.run_files import NULL_INTEGER
 from programs import BIN, program
@@ -145,6 +146,17 @@ def test_netcdf_is_the_data_set_of_xarray(runs, tmp_path, monkeypatch):
         assert found.spd_verdict.values[9] == "unreadable: radar bin 1 is not a finite number"
 
 
+def test_netcdf_holds_a_speckle_that_begins_after_the_first_block(runs, tmp_path, monkeypatch):
+    xarray = pytest.importorskip("xarray")
+    pytest.importorskip("h5netcdf")
+    monkeypatch.setattr(blocks, "MOST_RECORDS", 3)
+    shutil.copy(runs / "far.sqlite", tmp_path / "late.sqlite")
+    change(tmp_path / "late.sqlite", ("UPDATE record SET speckle_over_frames = iif(idx < 5, NULL, 0.5), speckle_over_carriers = NULL",))
+    assert export(echofuse.open(tmp_path / "late"), tmp_path / "a.nc") == 0
+    with xarray.open_dataset(tmp_path / "a.nc", engine="h5netcdf") as found:
+        assert np.isnan(found.speckle_over_frames.values[:5]).all() and (found.speckle_over_frames.values[5:] == 0.5).all()
+
+
 def test_blocks_make_the_same_file(runs, tmp_path, monkeypatch):
     run = echofuse.open(runs / "own")
     export(run, tmp_path / "whole.h5")
@@ -266,6 +278,61 @@ def test_a_missing_package_is_named(runs, tmp_path, module, name):
     done = tool(runs / "own", "--to", tmp_path / name, env={"PYTHONPATH": str(tmp_path)})
     assert (done.returncode, done.stderr) == (
         1, f"echofuse-export: {tmp_path / name}: needs python3-{module} (apt-get install python3-{module})\n")
+
+
+@pytest.mark.parametrize("meta", ["[" * 100000, "null", "", 7])
+def test_metadata_that_are_none_are_refused(runs, tmp_path, meta):
+    shutil.copy(runs / "far.sqlite", tmp_path / "bad.sqlite")
+    change(tmp_path / "bad.sqlite", ("UPDATE run SET meta = ?", meta))
+    done = tool(tmp_path / "bad", "--to", tmp_path / "a.h5")
+    assert (done.returncode, done.stderr) == (1, f"echofuse-export: {tmp_path / 'bad.sqlite'}: meta is not a JSON object of texts\n")
+
+
+def test_a_number_in_place_of_a_blob_is_an_unreadable_record(runs, tmp_path):
+    shutil.copy(runs / "far.sqlite", tmp_path / "bad.sqlite")
+    change(tmp_path / "bad.sqlite", *((f"UPDATE record SET {sensor} = 7 WHERE idx = {row}",) for row, sensor in enumerate(echofuse.run.SENSORS)))
+    done = tool(tmp_path / "bad", "--to", tmp_path / "a.h5")
+    assert (done.returncode, done.stderr) == (5, f"echofuse-export: 3 records could not be read; they are marked in {tmp_path / 'a.h5'}\n")
+
+
+def test_a_file_grows_under_the_lock_that_is_at_its_path(tmp_path, monkeypatch):
+    monkeypatch.setenv("TMPDIR", str(tmp_path))
+    place, flock, late = tmp_path / "a.h5", staging.fcntl.flock, []
+
+    def gone(held, how):
+        """The process that held the lock removes it, and another makes its own, before this one has it."""
+        if not late:
+            late.extend(tmp_path.glob(".*.lock"))
+            late[0].unlink()
+            late[0].touch()
+        flock(held, how)
+
+    monkeypatch.setattr(staging.fcntl, "flock", gone)
+    with staging.staged(place) as path:
+        path.write_text("ours")
+        with pytest.raises(BlockingIOError, match="another process is making it"), staging.staged(place):
+            pass
+        assert late[0].exists()
+    assert os.listdir(tmp_path) == ["a.h5"] and place.read_text() == "ours"
+    with pytest.raises(FileExistsError, match="exists already"), staging.staged(tmp_path / "b.h5") as path:
+        path.write_text("ours")
+        (tmp_path / "b.h5").write_text("theirs")
+    assert (tmp_path / "b.h5").read_text() == "theirs"
+    late[0].symlink_to(tmp_path / "b.h5")
+    place.unlink()
+    with pytest.raises(OSError, match="symbolic links"), staging.staged(place):
+        pass
+    assert (tmp_path / "b.h5").read_text() == "theirs" and not place.exists()
+
+
+def test_a_disk_without_links_gets_the_file_too(tmp_path, monkeypatch):
+    def no_links(*_):
+        raise PermissionError
+
+    monkeypatch.setattr(os, "link", no_links)
+    with staging.staged(tmp_path / "a.h5") as path:
+        path.write_text("ours")
+    assert os.listdir(tmp_path) == ["a.h5"]
 
 
 @pytest.mark.parametrize("kib", [0, 20])

@@ -1,7 +1,11 @@
 # SPDX-License-Identifier: MIT
 """Python reads every array of a run as the programs do: 20 runs of random sizes, sensors and values, written by C++."""
+import gzip
 import os
+import pathlib
+import sqlite3
 import subprocess
+import zlib
 
 import numpy as np
 import pytest
@@ -32,8 +36,6 @@ def test_arrays_of_twenty_runs(tmp_path):
 
 
 def test_another_format_is_refused_with_what_to_do(tmp_path):
-    import sqlite3
-
     path = tmp_path / "run.sqlite"
     subprocess.run([BIN / "echofuse-sim", "dataset", "-q", "--records", "2", "--out", path], check=True)
     for version, advice in ((1, "expected 2; scripts/convert_run makes"), (3, "expected 2; use a newer echofuse")):
@@ -41,3 +43,29 @@ def test_another_format_is_refused_with_what_to_do(tmp_path):
             db.execute(f"PRAGMA user_version = {version}")
         with pytest.raises(ValueError, match=f"run format {version}, {advice}"):
             echofuse.open(path)
+
+
+def test_a_conversion_that_fails_leaves_nothing_and_says_why(tmp_path):
+    root, old, new = pathlib.Path(__file__).parents[2], tmp_path / "old.sqlite", tmp_path / "new.sqlite"
+
+    def convert(blocks="unlimited"):
+        done = subprocess.run(["sh", "-c", f"ulimit -f {blocks}; exec \"$@\"", "sh", root / "scripts/convert_run", old, new], capture_output=True, text=True)
+        return done.returncode, done.stderr
+
+    old.write_text("no database, but long enough to be read as one " * 20)
+    assert convert() == (1, f"{old}: file is not a database\n")
+    old.write_bytes(gzip.decompress((root / "tests/golden/run-0.1.0.sqlite.gz").read_bytes()))
+    code, said = convert(8)
+    assert code == 6 and said.startswith(f"{new}: cannot write (") and said.count("\n") == 1
+    with sqlite3.connect(old) as db:
+        rows = [(idx, bytearray(png)) for idx, png in db.execute("SELECT idx, depth FROM record WHERE depth IS NOT NULL")]
+        idx, png = rows[0]
+        at = png.index(b"IDAT")
+        data = bytearray(zlib.decompress(png[at + 4:at + 4 + int.from_bytes(png[at - 4:at], "big")]))
+        data[0] = 1  # the filter of the first row
+        packed = zlib.compress(data)
+        png[at - 4:] = len(packed).to_bytes(4, "big") + b"IDAT" + packed + bytes(4) + bytes(png[-12:])
+        db.execute("UPDATE record SET depth = ? WHERE idx = ?", (bytes(png), idx))
+    db.close()
+    assert convert() == (1, f"{old}: a depth image is no 16-bit grey PNG without filters, as versions up to 0.1.0 recorded\n")
+    assert not list(tmp_path.glob("new*"))

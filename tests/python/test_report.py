@@ -5,14 +5,17 @@ import base64
 import json
 import os
 import shutil
+import signal
 import sqlite3
 import subprocess
+import time
 
 import numpy as np
 import pytest
 
 import echofuse
-from echofuse import derive
+from echofuse import blocks as run_blocks
+from echofuse import derive, report_story
 from echofuse import report_blocks as blocks
 from echofuse import report_tables as tables
 from echofuse.report_scores import Count, Means, Mean, Mode, Scores, takes_of
@@ -181,6 +184,55 @@ def test_a_run_that_lost_a_sensor_says_when(here, tmp_path):
     assert code == 0 and "of which 40 have all three sensors; 20 of 60 doubtful: radar no frames 20." in said
     assert "no data of radar from 120 s to the end." in said
     assert of_kind(page_of(tmp_path)["of"]["live"], "strips")["gaps"]["radar"] == [[120.0, 180.0]]
+
+
+def test_a_record_that_cannot_be_read_is_named_on_the_page(here, tmp_path):
+    """Record 30 is the one in the middle, which the page shows."""
+    shutil.copy(here / "fresh.sqlite", tmp_path / "bad.sqlite")
+    with sqlite3.connect(tmp_path / "bad.sqlite") as db:
+        db.execute("UPDATE record SET spd = x'00' WHERE idx = 30")
+    db.close()
+    for words in ([], ["--run", tmp_path / "bad.sqlite", "--model", here / "body"]):
+        code, said = report(tmp_path / "page", "--live", tmp_path / "bad.sqlite", *words)
+        assert code == 0, said
+        live = page_of(tmp_path / "page")["of"]["live"]
+        image = np.frombuffer(base64.b64decode(of_kind(live, "waterfalls")["tables"][0]["values"]), "u1").reshape(60, -1)
+        assert np.flatnonzero((image == 255).all(1)).tolist() == [30]
+        assert [one for one in live if one.get("text", "").startswith("1 record cannot be read: record 30: unreadable: spd has 1 bytes")]
+        if not words:
+            assert "record 30, unreadable: spd has 1 bytes" in page_of(tmp_path / "page")["records"][0]["title"]
+
+
+def test_the_waterfalls_are_means_over_neighbours_whatever_the_blocks(here, monkeypatch):
+    run, pages = echofuse.open(here / "fresh.sqlite"), []
+    monkeypatch.setattr(report_story, "MOST_POINTS", 30)
+    for records in (256, 7):
+        monkeypatch.setattr(run_blocks, "MOST_RECORDS", records)
+        pages.append(report_story.Story(str(here / "fresh.sqlite")).waterfalls()[0]["tables"])
+    assert pages[0] == pages[1]
+    means = np.log1p(run.spd).reshape(20, 3, -1).mean(1)
+    image = np.frombuffer(base64.b64decode(pages[0][0]["values"]), "u1").reshape(20, -1)
+    assert np.abs(image - 254 * means / means.max()).max() <= 0.5 + 1e-9
+
+
+def test_a_page_that_cannot_be_written_leaves_nothing(here, tmp_path):
+    """A full disk, and SIGTERM: no part, no scratch folder. A link at the old name of the part is not followed."""
+    (tmp_path / "scratch").mkdir()
+    words, env = [BIN / "echofuse-report", tmp_path / "page", "--live", here / "fresh.sqlite"], os.environ | {"TMPDIR": str(tmp_path / "scratch")}
+    full = subprocess.run(["sh", "-c", "ulimit -f 40; exec \"$@\"", "sh", *words], capture_output=True, text=True, env=env)
+    page = tmp_path / "page/report.html"
+    assert (full.returncode, full.stderr) == (6, f"echofuse-report: {page}: cannot write (File too large)\n")
+    assert os.listdir(page.parent) == []
+    (tmp_path / "precious").write_text("precious")
+    page.with_name("report.html.part").symlink_to(tmp_path / "precious")
+    subprocess.run(words, check=True, env=env, stdout=subprocess.DEVNULL)
+    assert (tmp_path / "precious").read_text() == "precious"
+    process = subprocess.Popen([*words, "--run", here / "fresh.sqlite", "--model", here / "body"], env=env)
+    while process.poll() is None and not list((tmp_path / "scratch").glob("echofuse-report-*")):
+        time.sleep(0.001)
+    time.sleep(0.05)
+    process.send_signal(signal.SIGTERM)
+    assert process.wait() == 130 and os.listdir(tmp_path / "scratch") == []
 
 
 @pytest.mark.parametrize(("words", "code", "text"), [

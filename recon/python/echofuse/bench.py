@@ -31,8 +31,8 @@ import numpy as np
 from . import __version__, derive
 from . import run as runs
 from .maps import load_maps
-from .methods import (COSTS, METRICS, Answer, BenchError, Method, Path, Row, UsageError, judge, measure, method, python_method,
-                      version)
+from .methods import (COSTS, METRICS, BenchError, Method, Path, Row, UsageError, judge, measure, method, python_method,
+                      version, writing)
 
 __all__ = ["BenchError", "Cell", "Method", "Source", "Table", "UsageError", "fill", "markdown", "means", "measure", "method",
            "pareto_cells", "python_method", "there"]
@@ -65,16 +65,18 @@ class Table:
     def _read(self, path: pathlib.Path) -> dict[tuple[str, ...], Row]:
         if not path.exists():
             return {}
-        text = path.read_text()
-        lines = text[:text.rfind("\n") + 1]
-        if path == self.path and lines != text:  # a killed process was writing
-            path.write_text(lines)
-        for line in lines.splitlines():
+        data = path.read_bytes()
+        whole = data[:data.rfind(b"\n") + 1]
+        lines = whole.decode(errors="replace").splitlines()
+        for line in lines:
             if self.of and line.startswith("# ") and line[2:] != self.of:
                 raise UsageError(f"{path}: is of {line[2:]}; expected {self.of}; name another --out")
-        rows = csv.DictReader(line for line in lines.splitlines() if not line.startswith("#"))
-        if rows.fieldnames and tuple(rows.fieldnames) != COLUMNS:
-            raise UsageError(f"{path}: is no table of a bench")
+        rows = csv.DictReader(line for line in lines if not line.startswith("#"))
+        if data and tuple(rows.fieldnames or ()) != COLUMNS:
+            raise UsageError(f"{path}: is no table of a bench; name another --out")
+        if path == self.path and whole != data:  # a killed process was writing
+            with writing(path), open(path, "r+b") as file:
+                file.truncate(len(whole))
         return {self.key(row): row for row in rows if row["axis"] != "axis"}
 
     @staticmethod
@@ -85,6 +87,10 @@ class Table:
         self.rows[self.key(row)] = row
         if not on_disk:
             return
+        with writing(self.path):
+            self._append(row)
+
+    def _append(self, row: Row) -> None:
         self.path.parent.mkdir(parents=True, exist_ok=True)
         with open(self.path, "a", newline="") as file:
             out = csv.DictWriter(file, COLUMNS, restval="nan", lineterminator="\n")
@@ -353,7 +359,9 @@ def finish(table: Table, args: argparse.Namespace, draw: Callable[[Any], Any], a
     if args.figure:
         from . import plot
 
-        draw(plot).savefig(args.figure)
+        figure = draw(plot)
+        with writing(args.figure):
+            figure.savefig(args.figure)
 
 
 if __name__ == "__main__":

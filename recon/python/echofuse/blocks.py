@@ -28,7 +28,7 @@ def load(part: Run) -> None:
         antennas.values(part)
 
 
-def blocks(run: Run, told: Told) -> Iterator[tuple[int, Run, dict[int, str]]]:
+def blocks(run: Run, told: Told = lambda done: None) -> Iterator[tuple[int, Run, dict[int, str]]]:
     """The run in blocks: the first row, the records, and by row why one cannot be read, which then has no valid sensor."""
     count = {name: axis.count for name, axis in run.axes.items()}
     size = sum(count.get(name, 0) for name in ("spd", "radar")) + 2 * count.get("depth_x", 0) * count.get("depth_y", 0)

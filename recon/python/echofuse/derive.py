@@ -11,7 +11,7 @@ import contextlib
 import pathlib
 import sqlite3
 import uuid
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -56,6 +56,18 @@ def copy(path: str | pathlib.Path, out: str | pathlib.Path, *changes: Change) ->
             with contextlib.closing(connect(run.files[0])) as source:
                 source.backup(db)
             _write(db, run, records)
+    return out
+
+
+def only(path: pathlib.Path, out: pathlib.Path, index: Iterable[int]) -> pathlib.Path:
+    """Writes the run `out` with the records of these indices alone, as they are stored, whether they can be read or not."""
+    with contextlib.closing(sqlite3.connect(out)) as db:
+        with contextlib.closing(connect(path)) as source:
+            source.backup(db)
+        with db:
+            db.execute("PRAGMA journal_mode = DELETE")
+            db.execute("UPDATE run SET uuid = ?", (str(uuid.uuid4()),))
+            db.execute(f"DELETE FROM record WHERE idx NOT IN ({', '.join(map(str, index))})")
     return out
 
 

@@ -21,14 +21,12 @@ import importlib
 import os
 import pathlib
 import re
-import signal
 import sqlite3
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import Any, NoReturn
 
 import numpy as np
-from numpy.typing import NDArray
 
 from . import antennas, netcdf, record_csv
 from . import run as runs
@@ -36,7 +34,7 @@ from .blocks import Told, blocks, marked
 from .netcdf import SINCE_1970
 from .run import SENSORS, Run
 from .run_files import NULL_INTEGER
-from .staged import staged
+from .staged import staged, stop_by_signal
 
 OF_THE_MACHINE = {"units": "ns", "long_name": "since the start of the machine (CLOCK_MONOTONIC)"}
 UNITS = {"db": "dB", "ns": "ns", "us": "us", "ms": "ms", "s": "s", "m": "m", "rad": "rad", "ppm": "1e-6", "percent": "%", "c": "degC"}
@@ -210,11 +208,7 @@ def main() -> None:
     args = parser.parse_args()
     if args.to.suffix not in ((".h5", ".nc") if args.record is None else (".csv",)):
         parser.error(f"--to {args.to}: expected NAME.h5 or NAME.nc, or NAME.csv with --record N")
-    stopped: list[int] = []
-
-    def stop(number: int, _: Any) -> NoReturn:
-        stopped.append(number)  # because SQLite makes an error of its own of one that its progress handler raises
-        raise KeyboardInterrupt
+    stopped = stop_by_signal()
 
     def end(code: int, text: str) -> NoReturn:
         """Ends without the interpreter, at whose end HDF5 tries again to write what a full disk did not take, and crashes."""
@@ -225,8 +219,6 @@ def main() -> None:
         if sys.stderr.isatty() and not args.quiet:
             print(f"\rexport {done}/{len(run)} ", end="" if done < len(run) else "\n", file=sys.stderr)
 
-    for number in signal.SIGINT, signal.SIGTERM, signal.SIGHUP:
-        signal.signal(number, stop)
     sys.excepthook = sys.unraisablehook = lambda *_: None  # said by objects of HDF5 at their end
     try:
         try:

@@ -29,3 +29,13 @@ def load_maps(folder: str | pathlib.Path) -> tuple[NDArray[np.float32], NDArray[
     if len(maps) != len(index):
         raise ValueError(f"{folder}: maps.npy has {len(maps)} maps, records.csv {len(index)} records with one")
     return maps, np.array(index, np.int64)
+
+
+def span_of(depth_m: ArrayLike) -> tuple[float, float]:
+    """Depths that hold 96 % of the returns, to half a metre; 2.5 to 5 m if there are few."""
+    there = np.asarray(depth_m, float)
+    there = np.sort(there[there > 0])
+    if len(there) < 50:
+        return 2.5, 5.0
+    near = np.floor(2 * there[int(0.02 * (len(there) - 1))]) / 2
+    return float(near), float(max(np.ceil(2 * there[int(0.98 * (len(there) - 1))]) / 2, near + 1))

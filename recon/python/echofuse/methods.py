@@ -2,6 +2,7 @@
 """Methods of the bench: candidates of `echofuse-recon train`, Python classes, commands; and their one judge."""
 from __future__ import annotations
 
+import contextlib
 import importlib.util
 import json
 import os
@@ -11,7 +12,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -30,9 +31,13 @@ Row = dict[str, Any]
 
 
 class BenchError(RuntimeError):
-    """Last line that a program or a method said when it failed."""
+    """Last line that a program or a method said when it failed, and the exit code."""
 
-    code = 1  # the bench's exit code
+    code = 1
+
+    def __init__(self, text: str, code: int | None = None) -> None:
+        super().__init__(text)
+        self.code = code or self.code
 
 
 class UsageError(BenchError):
@@ -41,26 +46,35 @@ class UsageError(BenchError):
     code = 2
 
 
-def call(program: str, *words: object) -> str:
-    """Standard output of one of the programs: of $ECHOFUSE_BIN, else beside this program, else of PATH. Raises BenchError
-    with its last line; UsageError unless its exit code is 1, so that no row says of a method what is another's fault."""
-    folder = os.environ.get("ECHOFUSE_BIN") or os.path.dirname(sys.argv[0])
-    beside = os.path.join(folder, program)
-    command = [beside if os.access(beside, os.X_OK) else program, *map(str, words)]
+def call(program: str, *words: object, ok: tuple[int, ...] = (0,)) -> subprocess.CompletedProcess[str]:
+    """Runs one of the programs: of $ECHOFUSE_BIN, else beside this program, else of PATH. Raises BenchError with its last
+    line and exit code; UsageError unless that is 1, so that no row says of a method what is another's fault."""
+    own, folder = pathlib.Path(sys.argv[0]).absolute().with_name(program), os.environ.get("ECHOFUSE_BIN")
+    path = os.path.join(folder, program) if folder else str(own) if own.exists() else program
     try:
-        done = subprocess.run(command, capture_output=True, text=True, check=False)
-    except FileNotFoundError:
-        raise UsageError(f"{command[0]}: not found; put the programs into PATH, or set ECHOFUSE_BIN") from None
-    if done.returncode:
+        done = subprocess.run([path, *map(str, words)], capture_output=True, text=True, check=False, errors="replace")
+    except OSError as error:
+        raise UsageError(f"{path}: {error.strerror}; put the programs into PATH, or set ECHOFUSE_BIN") from None
+    if done.returncode not in ok:
         kind = BenchError if done.returncode == 1 else UsageError
         said = [line for line in done.stderr.splitlines() if line.strip() and line != "Run with --help for more information."]
-        raise kind((said or [f"{program}: exit code {done.returncode}"])[-1])
-    return done.stdout
+        last = (said or [f"{program}: exit code {done.returncode}"])[-1].removeprefix(f"{program}: ")
+        raise kind(last, done.returncode if done.returncode > 0 else 1)
+    return done
+
+
+@contextlib.contextmanager
+def writing(path: Path) -> Iterator[None]:
+    """Makes of an OSError a BenchError of exit code 6 that names the path."""
+    try:
+        yield
+    except OSError as error:
+        raise BenchError(f"{path}: cannot write ({error.strerror or error})", 6) from None
 
 
 def version() -> str:
     """As "echofuse-recon 0.1.0 (8e0b8d8)"."""
-    return call("echofuse-recon", "--version").split(",")[0].strip()
+    return call("echofuse-recon", "--version").stdout.split(",")[0].strip()
 
 
 class Fitted(Protocol):
@@ -156,7 +170,7 @@ def judge(answer: Answer, train: pathlib.Path, test: pathlib.Path) -> Row:
     candidates; of others a record's share of the whole prediction."""
     with tempfile.TemporaryDirectory(prefix="echofuse-bench-") as scratch:
         words, costs = answer(test, pathlib.Path(scratch))
-        told = json.loads(call("echofuse-recon", "-q", "evaluate", *words, test, "--train", train, "--json"))
+        told = json.loads(call("echofuse-recon", "-q", "evaluate", *words, test, "--train", train, "--json").stdout)
     row: Row = {name: nan_if_none(told["metrics"].get(name, {}).get("mean")) for name in METRICS}
     return row | {name: nan_if_none((told.get("cost") or {}).get(name, costs.get(name))) for name in COSTS}
 

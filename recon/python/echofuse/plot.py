@@ -20,22 +20,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import model as models
 from . import run as runs
+from .maps import span_of
 from .panels import COLOURS, NO_RETURN, Panels, Path, figure, opened, place_names, plain_log
 
 __all__ = ["COLOURS", "figure", "learning_curve", "map", "maps", "opened", "pareto", "record", "shares", "stability", "table",
            "timeline"]
 
 # Maps and records
-
-
-def span_of(depth_m: ArrayLike) -> tuple[float, float]:
-    """Depths that hold 96 % of the returns, to half a metre; 2.5 to 5 m if there are few."""
-    there = np.asarray(depth_m, float)
-    there = np.sort(there[there > 0])
-    if len(there) < 50:
-        return 2.5, 5.0
-    near = np.floor(2 * there[int(0.02 * (len(there) - 1))]) / 2
-    return float(near), float(max(np.ceil(2 * there[int(0.98 * (len(there) - 1))]) / 2, near + 1))
 
 
 def draw_map(ax: Axes, depth_m: ArrayLike, x: ArrayLike, y: ArrayLike, span: tuple[float, float] | None = None,

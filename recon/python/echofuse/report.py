@@ -10,9 +10,12 @@ The numbers are those of `echofuse-recon evaluate --json --records`, the maps th
 from __future__ import annotations
 
 import argparse
+import base64
 import datetime
 import os
 import pathlib
+import secrets
+import sqlite3
 import sys
 from collections.abc import Sequence
 from typing import NoReturn
@@ -21,11 +24,15 @@ import numpy as np
 
 from . import report_tables as tables
 from . import run as runs
+from .blocks import blocks as in_blocks
+from .maps import span_of
+from .methods import writing
 from .model import read_safetensors
 from .report_blocks import Block, details, fails, html_of, listed, paragraph, pictures, printable, three_digits
-from .report_records import chosen, half_tangent, said_of, shown, span_of
+from .report_records import chosen, half_tangent, said_of, shown
 from .report_scores import Judged, Mode, ReportError, Scores, evaluated, modes_of
 from .report_story import Story, info_of
+from .staged import stop_by_signal
 
 TERMS = (
     ("SPD", "single-photon detector of one pixel; its clicks are counted by time of flight."),
@@ -93,7 +100,7 @@ class Report:
         else:
             wanted, more, caption = self.story.typical(), (), "The record in the middle of those with the most sensors."
         self.main += [one | {"caption": caption} for one in shown(self.args.live, wanted, *more).values()]
-        self.span = self.span if self.modes or not self.main else span_of(self.main[0])
+        self.span = self.span if self.modes or not self.main else span_of(np.frombuffer(base64.b64decode(self.main[0]["truth"]), "<u2") / 1000)
 
     @property
     def first(self) -> Scores:
@@ -139,7 +146,8 @@ class Report:
                "notes": info["notes"]} | info["meta"]
         if self.modes:
             with runs.open(self.run) as run:
-                counts = np.sort(run.photons()[run.valid["spd"]].sum(1)) if "spd" in run.axes else []
+                clicks = [part.photons()[part.valid["spd"]].sum(1) for _, part, _ in in_blocks(run)] if "spd" in run.axes else [np.zeros(0)]
+                counts = np.sort(np.concatenate(clicks))
                 half, size = half_tangent(run), run.axes["map_x"].count if "map_x" in run.axes else 64
             low, middle, high = (three_digits(counts[int(share * len(counts))]) if len(counts) else "" for share in (0.05, 0.5, 0.95))
             out |= {"clicks a record": f"{middle} (median; 90 % of the records: {low} to {high})" if middle else "no detector",
@@ -239,6 +247,18 @@ def require(args: argparse.Namespace) -> None:
             raise ReportError(text, 2)
 
 
+def write_page(page: pathlib.Path, text: str) -> None:
+    new = page.with_name(f"{page.name}.{secrets.token_hex(8)}.part")
+    with writing(page):
+        page.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            with open(new, "x", encoding="utf-8") as file:
+                file.write(text)
+            new.replace(page)
+        finally:
+            new.unlink(missing_ok=True)
+
+
 def refuse(text: str) -> NoReturn:
     raise ReportError(f"{text}; see --help", 2)
 
@@ -255,19 +275,17 @@ def main() -> None:
     parser.add_argument("--live", metavar="RUN", help="a recorded run: its story, also without any model; with --model also its maps")
     parser.add_argument("--empty", metavar="RUN", help="a run of nobody in the room of this run, if it is another one than in training")
     parser.add_argument("--force", action="store_true", help="write over a report of another run")
+    stopped = stop_by_signal()
     try:
         args = parser.parse_args()
         require(args)
         report = Report(args)
-        report.page.parent.mkdir(parents=True, exist_ok=True)
-        new = report.page.with_name("report.html.part")
-        new.write_text(html_of(report.to_json()), encoding="utf-8")
-        new.replace(report.page)
-    except (ReportError, ValueError, OSError) as error:
+        write_page(report.page, html_of(report.to_json()))
+    except (KeyboardInterrupt, RuntimeError, ValueError, OSError, sqlite3.Error) as error:
+        if stopped:
+            sys.exit(130)
         print(f"echofuse-report: {printable(str(error))}", file=sys.stderr)
         sys.exit(getattr(error, "code", 1))
-    except KeyboardInterrupt:
-        sys.exit(130)
     remarks = tables.remarks_of(report.first) if report.modes else []
     print("\n".join(map(printable, (report.verdict, *report.problems, *remarks, str(report.page)))))
 

@@ -2,7 +2,6 @@
 """Records as a report shows them: what was measured, the truth, and the maps that `echofuse-recon reconstruct` makes."""
 from __future__ import annotations
 
-import base64
 import pathlib
 import tempfile
 from collections.abc import Sequence
@@ -12,9 +11,11 @@ from numpy.typing import NDArray
 
 from . import derive
 from . import run as runs
+from .blocks import blocks
 from .maps import load_maps
+from .methods import call
 from .report_blocks import Block, packed, short
-from .report_scores import Judged, Mode, Scores, call
+from .report_scores import Judged, Mode, Scores
 
 UNCALIBRATED = ("no uncertainty: fewer than 50 records of training, or a training that was interrupted, do not say how far off "
                 "the maps are")
@@ -26,13 +27,12 @@ def shown(run: str, wanted: Sequence[int], modes: Sequence[Mode] = (), scores: S
     """Records of these indices by their index, with the map of each mode's first model, whose scores are given."""
     with runs.open(run) as whole:
         rows = np.flatnonzero(np.isin(whole.index, wanted)).tolist()
-        tables = whole.photons() if "spd" in whole.axes else np.zeros((len(whole), 0)), whole.power()
-        out = {int(whole.index[row]): measured(whole, row, *(table[row] for table in tables)) for row in rows}
+        out = {int(whole.index[row]): measured(whole.rows(row, row + 1)) for row in rows}
     for path in whole.files if modes else []:
         with runs.open(path) as part:
-            keep = np.isin(part.index, wanted)
+            here = part.index[np.isin(part.index, wanted)].tolist()
         with tempfile.TemporaryDirectory(prefix="echofuse-report-") as scratch:
-            few = derive.copy(path, pathlib.Path(scratch) / "few.sqlite", lambda records: records.keep.__iand__(keep)) if keep.any() else None
+            few = derive.only(path, pathlib.Path(scratch) / "few.sqlite", here) if here else None
             maps = [reconstructed(mode, few, pathlib.Path(scratch) / str(k), room) for k, mode in enumerate(modes)] if few else []
         for mode, made, scored in zip(modes, maps, scores):
             for index, one in made.items():
@@ -42,17 +42,19 @@ def shown(run: str, wanted: Sequence[int], modes: Sequence[Mode] = (), scores: S
     return out
 
 
-def measured(run: runs.Run, row: int, clicks: NDArray[np.float32], power: NDArray[np.float32]) -> Block:
-    """Block of one record: title, truth, clicks [bins] and power [points], at true ranges; "body_m" and "maps" are to come."""
-    truth = run.maps([row])[0] if "depth_x" in run.axes else np.zeros((64, 64))
-    out: Block = {"title": f"{run.labels[row] or 'no label'}, record {run.index[row]}", "half_tangent": half_tangent(run),
+def measured(one: runs.Run) -> Block:
+    """Block of one record: title, truth, clicks [bins] and power [points], at true ranges; "body_m" and "maps" are to come.
+    One that cannot be read has none of them, and says so."""
+    (_, run, faults), = blocks(one)
+    truth = run.maps()[0] if "depth_x" in run.axes else np.zeros((64, 64))
+    out: Block = {"title": ", ".join([run.labels[0] or "no label", f"record {run.index[0]}", *faults.values()]), "half_tangent": half_tangent(run),
                   "truth": packed(truth, 1e-3, "<u2"), "body_m": None, "maps": []}
     for sensor, axis in (("spd", run.axes.get("spd")), ("radar", run.power_axis)):
         out[sensor] = {"start": axis.start, "step": axis.step, "count": axis.count} if axis else {"start": 0, "step": 1, "count": 0}
-    if run.valid["spd"][row]:
-        out["spd"]["clicks"] = [*map(short, clicks)]
-    if run.valid["radar"][row]:
-        out["radar"]["db"] = [*map(short, decibels(power))]
+    if run.valid["spd"][0]:
+        out["spd"]["clicks"] = [*map(short, run.photons()[0])]
+    if run.valid["radar"][0]:
+        out["radar"]["db"] = [*map(short, decibels(run.power()[0]))]
     return out
 
 
@@ -60,16 +62,6 @@ def decibels(power: NDArray[np.float32]) -> NDArray[np.float64]:
     """[..., points], at least 60 dB below the highest: what is less is noise that was taken off, or none."""
     power = power.astype(float)
     return 10 * np.log10(np.maximum(power, np.maximum(1e-6 * power.max(-1, keepdims=True), 1e-30)))
-
-
-def span_of(record: Block) -> tuple[float, float]:
-    """Depths that hold most of a truth's returns, to half a metre, as on the live page; 2.5 to 5 m if there are few."""
-    there = np.sort(np.frombuffer(base64.b64decode(record["truth"]), "<u2")) / 1000
-    there = there[there > 0]
-    if len(there) < 50:
-        return 2.5, 5
-    low, high = (float(there[int(share * (len(there) - 1))]) for share in (0.02, 0.98))
-    return np.floor(2 * low) / 2, max(np.ceil(2 * high) / 2, np.floor(2 * low) / 2 + 1)
 
 
 def half_tangent(run: runs.Run) -> float:
@@ -80,7 +72,8 @@ def half_tangent(run: runs.Run) -> float:
 def reconstructed(mode: Mode, run: pathlib.Path, folder: pathlib.Path, room: Sequence[str]) -> dict[int, Map]:
     """By the record's index, of the mode's first model."""
     calibrated = bool(mode.facts[0]["0/calibrated"])
-    call("echofuse-recon", "-q", "reconstruct", mode.files[0], run, "--out", folder, "--format", "npy" + ",uncertainty" * calibrated, *room)
+    call("echofuse-recon", "-q", "reconstruct", mode.files[0], run, "--out", folder, "--format", "npy" + ",uncertainty" * calibrated, *room,
+         ok=(0, 5))
     maps, index = load_maps(folder)
     deviations = np.load(folder / "deviation.npy") if calibrated else [None] * len(maps)
     return {int(i): (np.nan_to_num(z), deviation) for i, z, deviation in zip(index, maps, deviations)}

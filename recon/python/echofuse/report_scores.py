@@ -4,10 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
-import os
 import pathlib
-import subprocess
-import sys
 import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -16,32 +13,14 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from .methods import BenchError, call
 from .model import read_safetensors
 
 Values = NDArray[np.float64]
 
 
-class ReportError(RuntimeError):
+class ReportError(BenchError):
     """One line that says what was wrong, and the exit code."""
-
-    def __init__(self, text: str, code: int = 1) -> None:
-        super().__init__(text)
-        self.code = code
-
-
-def call(program: str, *words: object) -> subprocess.CompletedProcess[str]:
-    """Runs a program of the folder ECHOFUSE_BIN, of this program's own, or in PATH. Raises ReportError if it failed;
-    5 is no failure: some records were bad."""
-    own, folder = pathlib.Path(sys.argv[0]).absolute().with_name(program), os.environ.get("ECHOFUSE_BIN")
-    path = os.path.join(folder, program) if folder else str(own) if own.exists() else program
-    try:
-        done = subprocess.run([path, *map(str, words)], capture_output=True, text=True, check=False, errors="replace")
-    except FileNotFoundError:
-        raise ReportError(f"{path}: not found; put the programs into PATH, or set ECHOFUSE_BIN") from None
-    if done.returncode not in (0, 5):
-        last = (done.stderr.strip().splitlines() or [f"exit code {done.returncode}"])[-1]
-        raise ReportError(last.removeprefix(f"{program}: "), max(done.returncode, 1))
-    return done
 
 
 class Mean(NamedTuple):
@@ -151,7 +130,7 @@ def evaluated(models: Sequence[str], run: str, room: Sequence[str]) -> Judged:
     """Models judged together, on the records with every sensor that one of them asks for; room: [] or ["--empty", RUN]."""
     with tempfile.TemporaryDirectory(prefix="echofuse-report-") as folder:
         out = pathlib.Path(folder) / "records.csv"
-        done = call("echofuse-recon", "-q", "evaluate", *models, run, *room, "--json", "--records", out)
+        done = call("echofuse-recon", "-q", "evaluate", *models, run, *room, "--json", "--records", out, ok=(0, 5))
         background, told = np.load(f"{out}.npy"), json.loads(done.stdout)
         with open(out, newline="", encoding="utf-8") as file:
             lines = list(csv.DictReader(file))

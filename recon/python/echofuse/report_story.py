@@ -10,16 +10,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import run as runs
+from .blocks import blocks as in_blocks
+from .methods import call
 from .report_blocks import NONE, Block, details, packed, paragraph, short, table
 from .report_records import decibels
-from .report_scores import Values, call
+from .report_scores import Values
 
 SENSORS = {"spd": "SPD", "radar": "radar", "depth": "depth camera"}
 MOST_POINTS = 400  # points of a curve: more cannot be seen
 
 
 def info_of(path: str) -> dict[str, Any]:
-    return dict(json.loads(call("echofuse-acquire", "info", "--json", path).stdout))
+    return dict(json.loads(call("echofuse-acquire", "info", "--json", path, ok=(0, 5)).stdout))
 
 
 class Story:
@@ -28,6 +30,7 @@ class Story:
     def __init__(self, path: str) -> None:
         self.path, self.info, self.run = path, info_of(path), runs.open(path)
         self.told = self.run.told()
+        self.unreadable: list[str] = []  # a line a record, once waterfalls() has read them
         seconds = (self.run.time - self.run.time[:1]) / np.timedelta64(1, "s")
         whole = seconds[-1] if len(seconds) else 0
         self.unit, by = ("h", 3600) if whole > 7200 else ("min", 60) if whole > 180 else ("s", 1)
@@ -89,22 +92,30 @@ class Story:
     def waterfalls(self) -> list[Block]:
         """Counts and power over the run, as the live page shows them: clicks as their logarithm, the radar in dB over its
         median; a column some records, of bins from the nearest on. 8 bits, 254: `most`, 255: no data."""
-        def levels(values: NDArray[Any], valid: NDArray[np.bool_]) -> tuple[NDArray[Any], float]:
-            step = len(values) // MOST_POINTS + 1
-            columns = [np.mean(values[i:i + step][valid[i:i + step]], 0) if valid[i:i + step].any() else np.full(values.shape[1], np.nan)
-                       for i in range(0, len(values), step)]
-            most = max(float(np.nanmax(columns)), 1)
-            return np.nan_to_num(254 * np.array(columns) / most, nan=255), most
+        def over_median(values: NDArray[np.float64]) -> NDArray[np.float64]:
+            return np.maximum(values - np.sort(values, 1)[:, [values.shape[1] // 2]], 0)
 
+        seen, step = self.run.rows(0, len(self.run)), len(self.run) // MOST_POINTS + 1
+        seen.valid["depth"][:] = False  # not shown here
+        axes = {sensor: self.run.axes[sensor] for sensor in ("spd", "radar") if sensor in self.run.axes}
+        sums = {sensor: np.zeros(((len(seen) - 1) // step + 1, axis.count)) for sensor, axis in axes.items()}
+        records = {sensor: np.zeros((len(table), 1)) for sensor, table in sums.items()}
+        for first, part, faults in in_blocks(seen):
+            self.unreadable += [f"record {part.index[row]}: {fault}" for row, fault in faults.items()]
+            for sensor in axes:
+                valid = part.valid[sensor]
+                if valid.any():
+                    values = np.log1p(part.spd[valid]) if sensor == "spd" else over_median(decibels(np.nan_to_num(part.radar[valid])))
+                    columns = (first + np.flatnonzero(valid)) // step
+                    np.add.at(sums[sensor], columns, values)
+                    np.add.at(records[sensor], columns, 1)
         out = []
-        for sensor, unit_m in (("spd", 1 / runs.PS_PER_M), ("radar", 1)):
-            axis, valid = self.run.axes.get(sensor), self.run.valid[sensor]
-            if axis is None or not valid.any():
+        for sensor, axis in axes.items():
+            if not records[sensor].any():
                 continue
-            values = np.log1p(self.run.spd) if sensor == "spd" else decibels(np.nan_to_num(self.run.radar))
-            if sensor == "radar":
-                values = np.maximum(values - np.sort(values, 1)[:, [axis.count // 2]], 0)
-            image, most = levels(values, valid)
+            means = np.divide(sums[sensor], records[sensor], out=np.full_like(sums[sensor], np.nan), where=records[sensor] > 0)
+            most, unit_m = max(float(np.nanmax(means)), 1), 1 / runs.PS_PER_M if sensor == "spd" else 1
+            image = np.nan_to_num(254 * means / most, nan=255)
             out.append({"sensor": sensor, "values": packed(image, 1, "u1"), "columns": len(image), "bins": axis.count, "most": short(most),
                         "start_m": axis.start * unit_m, "end_m": (axis.start + axis.count * axis.step) * unit_m})
         return [{"kind": "waterfalls", "unit": self.unit, "end": short(self.end), "tables": out}] if out else []
@@ -126,6 +137,7 @@ class Story:
         out = [paragraph(f"{self.path}: {self.verdict}"), *between,
                table("", ["sensor", "records with it", "records without", "lost in records", why], rows)]
         out += [self.strips(), *self.waterfalls(), *pictures] if len(self.run) else []
+        out += [paragraph(f"{len(self.unreadable)} record{'s' * (len(self.unreadable) > 1)} cannot be read: {'; '.join(self.unreadable[:10])}.")] if self.unreadable else []
         labels = [[label or "(none)", str(count)] for label, count in sorted(self.info["labels"].items())]
         out += [details("Labels", table("", ["label", "records"], labels))] if len(labels) > 1 else []
         events, heads = self.run.events(), ["UTC", "level", {"text": "source", "words": True}, {"text": "what", "words": True}]

@@ -150,7 +150,7 @@ class Run:
             cursor = db.execute("SELECT * FROM run")
             self.info: dict[str, Any] = dict(zip((column[0] for column in cursor.description), cursor.fetchone()))
             #: what a run says of itself beside its settings
-            self.meta: dict[str, str] = json.loads(self.info.pop("meta"))
+            self.meta: dict[str, str] = self._meta_of(self.info.pop("meta"))
             del self.info["part"]
             #: by how much the ranges of a sensor are too long, as its calibration says
             self.offset_m: dict[str, float] = dict(db.execute("SELECT sensor, offset_m FROM calibration"))
@@ -166,6 +166,14 @@ class Run:
         self.time: NDArray[np.datetime64] = np.array(utc, "datetime64[ns]")
         mask = np.array(bits, np.int64)
         self.valid: dict[str, NDArray[np.bool_]] = {name: (mask & bit) != 0 for name, bit in SENSORS.items()}
+
+    def _meta_of(self, text: Any) -> dict[str, str]:
+        try:
+            if isinstance(meta := json.loads(text), dict):
+                return meta
+        except (TypeError, ValueError, RecursionError):
+            pass
+        raise ValueError(f"{self.path}: meta is not a JSON object of texts")
 
     def select(self, sql: str, *values: Any) -> list[Any]:
         """Rows of this query, of all files in order."""
@@ -247,7 +255,7 @@ class Run:
     def depth_mm(self, row: int) -> NDArray[np.uint16]:
         """The camera's image of one record as recorded [rows, columns], millimetres, 0: no return."""
         size = tuple(self.axes[name].count if name in self.axes else 0 for name in ("depth_y", "depth_x"))
-        blob = self.select("SELECT depth FROM record WHERE idx = ? AND valid & 4", int(self.index[row]))
+        blob = self.select("SELECT CAST(depth AS BLOB) FROM record WHERE idx = ? AND valid & 4", int(self.index[row]))
         return inflated(blob[0][0] or b"", (size[0], size[1])) if blob else np.zeros(size, np.uint16)
 
     def maps(self, rows: Sequence[int] | None = None) -> NDArray[np.float32]:
@@ -386,7 +394,7 @@ class Run:
         return netcdf.dataset(self)
 
     def _blobs(self, sensor: str) -> list[tuple[int, bytes]]:
-        blobs = dict(self.of_records(f"idx, CASE WHEN valid & {SENSORS[sensor]} THEN {sensor} END"))
+        blobs = dict(self.of_records(f"idx, CAST(CASE WHEN valid & {SENSORS[sensor]} THEN {sensor} END AS BLOB)"))
         return [(row, blobs[int(self.index[row])] or b"") for row in np.flatnonzero(self.valid[sensor]).tolist()]
 
     def _table(self, sensor: str, kind: str, missing: float) -> NDArray[Any]:

@@ -7,14 +7,55 @@ import fcntl
 import os
 import pathlib
 import shutil
+import signal
 import socket
 import zlib
 from collections.abc import Iterator
+from typing import Any, NoReturn
+
+
+def stop_by_signal() -> list[int]:
+    """SIGINT, SIGTERM and SIGHUP raise KeyboardInterrupt from now on. Returns where their numbers come, because SQLite makes
+    an error of its own of one that its progress handler raises."""
+    stopped: list[int] = []
+
+    def stop(number: int, _: Any) -> NoReturn:
+        stopped.append(number)
+        raise KeyboardInterrupt
+
+    for number in signal.SIGINT, signal.SIGTERM, signal.SIGHUP:
+        signal.signal(number, stop)
+    return stopped
 
 
 def refuse_existing(place: pathlib.Path) -> None:
     if os.path.lexists(place):
         raise FileExistsError(f"{place}: exists already; choose another name")
+
+
+def locked(lock: pathlib.Path) -> int:
+    """Descriptor of the lock file, made and held: the one that is at this path, and no link. Raises BlockingIOError, OSError."""
+    while True:
+        held = os.open(lock, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o666)
+        try:
+            fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            if os.path.samestat(os.fstat(held), os.lstat(lock)):
+                return held
+        except FileNotFoundError:
+            pass  # removed by the process that held it
+        except BaseException:
+            os.close(held)
+            raise
+        os.close(held)
+
+
+def publish(beside: pathlib.Path, place: pathlib.Path) -> None:
+    """Gives the file its name. Raises FileExistsError."""
+    try:
+        os.link(beside, place)
+    except OSError:  # exists already, or there are no links on this disk
+        refuse_existing(place)
+        beside.rename(place)
 
 
 @contextlib.contextmanager
@@ -25,20 +66,20 @@ def staged(place: pathlib.Path) -> Iterator[pathlib.Path]:
     name = f".{place.name}.{socket.gethostname()}-{zlib.crc32(os.fsencode(place.absolute())):08x}.unfinished"
     grown, beside = pathlib.Path(os.environ.get("TMPDIR") or place.parent) / name, place.parent / name
     lock = grown.with_name(f"{name}.lock")
-    with open(lock, "w") as held:
-        try:
-            fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            raise BlockingIOError(f"{place}: another process is making it") from None
-        try:
-            grown.unlink(missing_ok=True)
-            yield grown
-            if grown.parent.resolve() != beside.parent.resolve():
-                shutil.copyfile(grown, beside)
-            with open(beside, "rb") as file:
-                os.fsync(file.fileno())
-            refuse_existing(place)
-            beside.rename(place)
-        finally:
-            for path in (grown, beside, lock):
-                path.unlink(missing_ok=True)
+    try:
+        held = locked(lock)
+    except BlockingIOError:
+        raise BlockingIOError(f"{place}: another process is making it") from None
+    try:
+        for path in (grown, beside):
+            path.unlink(missing_ok=True)
+        yield grown
+        if grown.parent.resolve() != beside.parent.resolve():
+            shutil.copyfile(grown, beside)
+        with open(beside, "rb") as file:
+            os.fsync(file.fileno())
+        publish(beside, place)
+    finally:
+        for path in (grown, beside, lock):
+            path.unlink(missing_ok=True)
+        os.close(held)
