@@ -327,5 +327,6 @@ TEST_CASE("import: what is refused, in one line") {
   refuses("b.ptu", 1, "its header has no end");
   refuses("a.dat", 3, "without the .cfg that the board had");
   refuses("a.ttbin", 2, "only the Time Tagger's library reads .ttbin");
-  refuses("lab.toml", 2, "expected NAME.dat (radar), NAME.ptu or NAME.phu");
+  refuses("lab.toml", 2, "expected NAME.dat (radar), NAME.ptu, NAME.phu or one folder");
+  refuses("nowhere", 2, "nowhere: no such file or folder");
 }
