@@ -18,6 +18,6 @@ with sqlite3.connect(path) as run:  # the simulated record goes; the tables and 
         run.execute(f"DELETE FROM {table}")
     run.execute("UPDATE run SET meta = '{}'")
     run.execute("INSERT INTO axis VALUES ('radar', 'power', 'bin', ?, 0, 1, 1)", (radar.shape[1],))
-    run.executemany("INSERT INTO record (idx, valid, radar, depth) VALUES (?, 6, ?, ?)", [
+    run.executemany("INSERT INTO record (idx, valid, radar_verdict, depth_verdict, radar, depth) VALUES (?, 6, 'ok', 'ok', ?, ?)", [
         (i, power.astype("<f4").tobytes(), zlib.compress(numpy.rint(numpy.clip(z, 0, 1) * 6000).astype("<u2").tobytes()))
         for i, (power, z) in enumerate(zip(radar, depth))])

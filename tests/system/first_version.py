@@ -64,6 +64,15 @@ class FirstVersion(unittest.TestCase):
         self.assertEqual(zlib.decompress(depth), b"".join(bytes([low, high]) for row in rows
                                                           for high, low in zip(row[::2], row[1::2])))
 
+    def test_a_sensor_without_a_verdict(self):
+        with sqlite3.connect(self.old) as old:
+            old.execute("UPDATE record SET valid = 3, spd_verdict = NULL, depth_verdict = NULL")
+        old.close()
+        self.assertEqual(self.convert(self.old, self.run_file).returncode, 0)
+        with sqlite3.connect(self.run_file) as new:
+            self.assertEqual(new.execute("SELECT DISTINCT spd_verdict, depth_verdict FROM record").fetchall(), [("ok", "missing")])
+        new.close()
+
     def test_run(self):
         self.assertEqual(self.convert(self.old, self.run_file).returncode, 0)
         info = json.loads(self.call("acquire", "info", "--json", self.run_file))
