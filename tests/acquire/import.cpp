@@ -329,4 +329,8 @@ TEST_CASE("import: what is refused, in one line") {
   refuses("a.ttbin", 2, "only the Time Tagger's library reads .ttbin");
   refuses("lab.toml", 2, "expected NAME.dat (radar), NAME.ptu, NAME.phu or one folder");
   refuses("nowhere", 2, "nowhere: no such file or folder");
+  testing::fs::create_directory(folder / "kept");
+  refuses("kept --cfg " + folder / "radar.cfg", 2, "--cfg does not go with a folder");
+  write_file(folder / "kept/run.times", "");
+  refuses("kept --began 2026-11-26", 2, "--began does not go with kept bytes");
 }

@@ -155,6 +155,9 @@ TEST_CASE("a folder of kept bytes that tells of no slot, or of bytes that are no
   SECTION("no slot") { name = "run.times", why = "run.times: tells of no slot that ended"; }
   std::ofstream(run.keep_raw + "/" + name) << text;
   CHECK_THAT(refusal(), Catch::Contains(why));
+  // Nothing stands at its place or beside it.
+  for (const auto& file : std::filesystem::directory_iterator(b.folder.path))
+    CHECK(file.path().filename().string().find("x.sqlite") == std::string::npos);
 }
 
 TEST_CASE("a countdown: the first slot begins so much later") {
