@@ -12,6 +12,9 @@
 
 namespace echofuse::record {
 
+// 2^23: as many fit into one frame of a bridge.
+inline constexpr std::uint64_t max_depth_pixels = std::uint64_t{1} << 23;
+
 // Grid of a run's depth maps: size x size pixels over tangents of +-half_tangent, both ways, and
 // depths up to far_m. A run states its own as axes map_x, map_y and map_z (one bin from 0 on);
 // without them it has this default.

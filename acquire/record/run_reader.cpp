@@ -9,9 +9,9 @@
 #include <cstring>
 #include <utility>
 
+#include "acquire/measurement/depth_map.hpp"
 #include "acquire/record/deflate.hpp"
 #include "acquire/record/network.hpp"
-#include "acquire/record/png.hpp"
 #include "acquire/record/rows.hpp"
 #include "acquire/record/run_file.hpp"
 #include "acquire/record/run_guard.hpp"
@@ -95,7 +95,7 @@ struct HalfRead {
   std::string decode(const Blobs& blobs, const Shapes& shapes);
   void decode_depth(const Shapes& shapes) {  // needs a record without a fault
     if (!fault.empty() || !record.has(Sensor::depth)) return;
-    if (shapes.pixels() <= max_png_pixels)
+    if (shapes.pixels() <= max_depth_pixels)
       record.depth_mm = to_values<std::uint16_t>(inflated(depth, 2 * shapes.pixels()));
     if (record.depth_mm.empty())
       fault = "depth is not a deflated image of " + std::to_string(shapes.width) + " x " +

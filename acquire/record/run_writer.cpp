@@ -7,10 +7,10 @@
 #include <thread>
 #include <utility>
 
+#include "acquire/measurement/depth_map.hpp"
 #include "acquire/record/deflate.hpp"
 #include "acquire/record/file_watch.hpp"
 #include "acquire/record/network.hpp"
-#include "acquire/record/png.hpp"
 #include "acquire/record/rescue.hpp"
 #include "acquire/record/rows.hpp"
 #include "acquire/record/run_file.hpp"
@@ -86,7 +86,7 @@ void append_row(Statement& row, const std::string& path, const std::vector<Axis>
   }
   if (r.has(Sensor::depth)) {
     expect("depth", r.depth_mm.size(), count_of("depth_x") * count_of("depth_y"));
-    if (!r.depth_mm.empty() && r.depth_mm.size() <= max_png_pixels)
+    if (!r.depth_mm.empty() && r.depth_mm.size() <= max_depth_pixels)
       depth = deflated(as_bytes(r.depth_mm), depth_level);
     if (depth.empty()) {  // a camera's data never end a run
       FusedRecord without = r;

@@ -7,9 +7,9 @@
 #include <limits>
 #include <utility>
 
-#include "acquire/record/png.hpp"
 #include "recon/data/files.hpp"
 #include "recon/numbers/text.hpp"
+#include "recon/use/png.hpp"
 
 namespace echofuse::recon {
 namespace {
@@ -21,7 +21,7 @@ Bytes millimetre_picture(std::span<const float> map, std::uint32_t size) {
   for (std::size_t p = 0; p < map.size(); ++p)
     if (map[p] > 0)
       mm[p] = static_cast<std::uint16_t>(std::lround(std::min(map[p] * 1000, 65535.f)));
-  return record::encode_png16(mm, size, size);
+  return encode_png16(mm, size, size);
 }
 
 Bytes point_cloud(std::span<const float> map, const record::MapGrid& grid, const DepthSpan& span) {

@@ -5,8 +5,8 @@
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
-#include "acquire/record/png.hpp"
 #include "drivers/program/exit_code.hpp"
+#include "recon/use/png.hpp"
 
 namespace echofuse::recon {
 
@@ -52,9 +52,9 @@ Bytes depth_picture(std::span<const float> map, const DepthSpan& span, int zoom)
     cv::dilate(there, wider, cv::getStructuringElement(cv::MORPH_CROSS, {3, 3}));
     colours.setTo(line, wider & ~there);
   }
-  const Bytes out = record::encode_png_rgb({colours.data, 3 * colours.total()},
-                                           static_cast<std::uint32_t>(colours.cols),
-                                           static_cast<std::uint32_t>(colours.rows));
+  const Bytes out =
+      encode_png_rgb({colours.data, 3 * colours.total()}, static_cast<std::uint32_t>(colours.cols),
+                     static_cast<std::uint32_t>(colours.rows));
   if (out.empty()) throw Error(ExitCode::failed, "cannot encode a PNG picture");
   return out;
 }

@@ -10,11 +10,11 @@
 #include <nlohmann/json.hpp>
 #include <sstream>
 
-#include "acquire/record/png.hpp"
 #include "drivers/program/npy.hpp"
 #include "drivers/program/printable.hpp"
 #include "recon/data/files.hpp"
 #include "recon/numbers/text.hpp"
+#include "recon/use/png.hpp"
 
 namespace echofuse::recon {
 namespace {
@@ -139,7 +139,7 @@ void read_pictures(const std::string& folder, const record::MapGrid& grid, Writt
     if (rest == "_mm.png" || !pictures.contains(index)) pictures[index] = entry.path().string();
   }
   for (const auto& [index, path] : pictures) {
-    const auto steps = record::decode_png16(read_file(path), grid.size, grid.size);
+    const auto steps = decode_png16(read_file(path), grid.size, grid.size);
     if (steps.empty())
       refuse(path, formatted("expected a 16-bit grey PNG of %u x %u", grid.size, grid.size));
     std::vector<double> metres(steps.begin(), steps.end());

@@ -7,8 +7,8 @@
 #include <future>
 
 #include "../full_disk.hpp"
+#include "acquire/measurement/depth_map.hpp"
 #include "acquire/record/catalogue.hpp"
-#include "acquire/record/png.hpp"
 #include "acquire/record/run_parts.hpp"
 #include "acquire/run/resume.hpp"
 #include "drivers/port/virtual_loop.hpp"
@@ -314,7 +314,7 @@ TEST_CASE("a depth image that cannot be stored costs its sensor, not the run") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
   auto file = std::make_unique<record::RunWriter>(path, record::RunInfo{});
-  constexpr std::uint32_t width = record::max_png_pixels + 1;
+  constexpr std::uint32_t width = record::max_depth_pixels + 1;
   for (auto axis : small_axes()) {
     if (axis.name == "depth_x") axis.count = width;
     if (axis.name == "depth_y") axis.count = 1;

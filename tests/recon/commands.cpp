@@ -8,8 +8,8 @@
 #include <limits>
 #include <nlohmann/json.hpp>
 
-#include "acquire/record/png.hpp"
 #include "recon/data/shift.hpp"
+#include "recon/use/png.hpp"
 #include "recon/use/trained_model.hpp"
 #include "world.hpp"
 
@@ -155,7 +155,7 @@ TEST_CASE("a bad record does not stop a reconstruction") {
   CHECK(std::filesystem::exists(dir / "maps/000004.png"));
   const std::string png = contents(dir / "maps/000000_mm.png");
   const Bytes bytes(png.begin(), png.end());
-  const auto mm = record::decode_png16(bytes, 64, 64);
+  const auto mm = recon::decode_png16(bytes, 64, 64);
   REQUIRE(mm.size() == 4096);
   CHECK(*std::max_element(mm.begin(), mm.end()) > 1500);
   CHECK(recon_program("reconstruct -q --format mm " + (dir / "m") + " " + (dir / "run") +

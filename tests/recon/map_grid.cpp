@@ -2,7 +2,7 @@
 // A run's own depth map: from its axes through training and model file to the maps.
 #include <nlohmann/json.hpp>
 
-#include "acquire/record/png.hpp"
+#include "recon/use/png.hpp"
 #include "recon/use/trained_model.hpp"
 #include "world.hpp"
 
@@ -98,6 +98,6 @@ TEST_CASE("a model has the map of its training, and judges no other") {
     CAPTURE(drawn.text);
     CHECK(drawn.code == 0);
     const std::string png = contents(dir / "maps/000003_mm.png");
-    CHECK(record::decode_png16(Bytes(png.begin(), png.end()), 24, 24).size() == 24 * 24);
+    CHECK(recon::decode_png16(Bytes(png.begin(), png.end()), 24, 24).size() == 24 * 24);
   }
 }

@@ -2,10 +2,10 @@
 // The calibration of a run and the operator's --range-offset make the radar's ranges shorter.
 #include <nlohmann/json.hpp>
 
-#include "acquire/record/png.hpp"
 #include "recon/data/shift.hpp"
 #include "recon/train/train.hpp"
 #include "recon/use/evaluate.hpp"
+#include "recon/use/png.hpp"
 #include "world.hpp"
 
 using namespace echofuse;
@@ -100,7 +100,7 @@ TEST_CASE("evaluate and reconstruct take off how much too long the radar's range
     CHECK_THAT(contents(out + "/run.txt"), Catch::EndsWith("range offset 0.06 m\n"));
     const auto map = hard_map(within_span(expected.row(3), model->scene), model->scene);
     const std::string png = contents(out + "/000003_mm.png");
-    const auto found = record::decode_png16(Bytes(png.begin(), png.end()), 64, 64);
+    const auto found = recon::decode_png16(Bytes(png.begin(), png.end()), 64, 64);
     REQUIRE(found.size() == map.size());
     for (std::size_t p = 0; p < map.size(); ++p)
       REQUIRE(std::abs(static_cast<double>(found[p]) - 1000 * double{map[p]}) <= 1);

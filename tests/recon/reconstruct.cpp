@@ -3,15 +3,13 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include <fstream>
 #include <nlohmann/json.hpp>
-#include <sstream>
 #include <thread>
 
 #include "../paths.hpp"
-#include "acquire/record/png.hpp"
 #include "drivers/core/clock.hpp"
 #include "recon/use/map_files.hpp"
+#include "recon/use/png.hpp"
 #include "recon/use/written_maps.hpp"
 #include "world.hpp"
 
@@ -146,7 +144,7 @@ TEST_CASE("points, arrays and pictures show the same map") {
               .code == 0);
   CHECK_FALSE(std::filesystem::exists(dir / "o/000000.png"));
   const std::string png = contents(dir / "o/000002_mm.png");
-  const auto mm = record::decode_png16(Bytes(png.begin(), png.end()), 64, 64);
+  const auto mm = recon::decode_png16(Bytes(png.begin(), png.end()), 64, 64);
   REQUIRE(mm.size() == 4096);
 
   const auto points = points_of(contents(dir / "o/000002.ply"));

@@ -3,12 +3,12 @@
 #include <nlohmann/json.hpp>
 #include <numeric>
 
-#include "acquire/record/png.hpp"
 #include "recon/metrics/people.hpp"
 #include "recon/numbers/linear_fit.hpp"
 #include "recon/train/fit_uncertainty.hpp"
 #include "recon/train/train.hpp"
 #include "recon/use/evaluate.hpp"
+#include "recon/use/png.hpp"
 #include "recon/use/predict.hpp"
 #include "world.hpp"
 
@@ -334,7 +334,7 @@ TEST_CASE("reconstruct and evaluate say how sure the model is") {
                                "two_bodies,out_of_distribution,uncertainty\n"));
   CHECK_THAT(table, Catch::Contains("\n5,\"ok\",,,") && Catch::Contains(",\"empty\",calibrated\n"));
   const std::string png = contents(dir / "o/000007_sd.png");
-  const auto mm = record::decode_png16(Bytes(png.begin(), png.end()), 64, 64);
+  const auto mm = recon::decode_png16(Bytes(png.begin(), png.end()), 64, 64);
   const auto most = *std::max_element(mm.begin(), mm.end());
   CHECK(most > 300);  // at the plate's edge, of about 3500 mm
   CHECK(most < 2500);

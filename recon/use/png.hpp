@@ -7,12 +7,9 @@
 
 #include "drivers/core/bytes.hpp"
 
-namespace echofuse::record {
+namespace echofuse::recon {
 
-// 2^23: what fits into one frame of a bridge.
-inline constexpr std::uint64_t max_png_pixels = std::uint64_t{1} << 23;
-
-// Empty if it has more pixels than that.
+// Empty if it has more pixels than a depth image may have (record::max_depth_pixels).
 Bytes encode_png16(std::span<const std::uint16_t> pixels, std::uint32_t width,
                    std::uint32_t height);
 // Three bytes a pixel: red, green, blue. Empty if it cannot be done.
@@ -22,4 +19,4 @@ Bytes encode_png_rgb(std::span<const std::uint8_t> pixels, std::uint32_t width,
 // than any.
 std::vector<std::uint16_t> decode_png16(ByteView png, std::uint32_t width, std::uint32_t height);
 
-}  // namespace echofuse::record
+}  // namespace echofuse::recon

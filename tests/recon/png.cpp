@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Depth blobs as other programs make them, and damaged ones.
-#include "acquire/record/png.hpp"
+// PNG files as other programs make them, and damaged ones.
+#include "recon/use/png.hpp"
 
 #include <zlib.h>
 
@@ -94,8 +94,8 @@ TEST_CASE("png: every filter, in one chunk or several") {
   const auto pixels = some_pixels();
   for (int first = 0; first < filters; ++first)
     for (const std::size_t parts : {1, 3})
-      CHECK(record::decode_png16(png_of(filtered(pixels, first), parts), width, height) == pixels);
-  CHECK(record::decode_png16(png_of(filtered(pixels, filters), 1), width, height).empty());
+      CHECK(recon::decode_png16(png_of(filtered(pixels, first), parts), width, height) == pixels);
+  CHECK(recon::decode_png16(png_of(filtered(pixels, filters), 1), width, height).empty());
 }
 
 // Paeth's predictor meets ties only where neighbours are few levels apart.
@@ -103,15 +103,15 @@ TEST_CASE("png: every filter of few grey levels") {
   std::vector<std::uint16_t> pixels = some_pixels();
   for (auto& v : pixels) v = static_cast<std::uint16_t>(0x101 * (v % 5));
   for (int first = 0; first < filters; ++first)
-    CHECK(record::decode_png16(png_of(filtered(pixels, first), 1), width, height) == pixels);
+    CHECK(recon::decode_png16(png_of(filtered(pixels, first), 1), width, height) == pixels);
 }
 
 TEST_CASE("png: a byte behind the picture, or one too few, is refused") {
-  Bytes png = record::encode_png16(some_pixels(), width, height);
+  Bytes png = recon::encode_png16(some_pixels(), width, height);
   png.push_back(0);
-  CHECK(record::decode_png16(png, width, height).empty());
+  CHECK(recon::decode_png16(png, width, height).empty());
   png.resize(png.size() - 2);
-  CHECK(record::decode_png16(png, width, height).empty());
+  CHECK(recon::decode_png16(png, width, height).empty());
 }
 
 TEST_CASE("png: bytes ask for no more memory than they can fill, and get that") {
@@ -123,20 +123,20 @@ TEST_CASE("png: bytes ask for no more memory than they can fill, and get that") 
 TEST_CASE("png: rows too few or too many are refused") {
   Bytes rows = filtered(some_pixels(), 0);
   rows.push_back(0);
-  CHECK(record::decode_png16(png_of(rows, 1), width, height).empty());
+  CHECK(recon::decode_png16(png_of(rows, 1), width, height).empty());
   rows.resize(rows.size() - 2);
-  CHECK(record::decode_png16(png_of(rows, 1), width, height).empty());
+  CHECK(recon::decode_png16(png_of(rows, 1), width, height).empty());
 }
 
 TEST_CASE("png: a bit that is flipped makes no other map") {
   const auto pixels = some_pixels();
-  const Bytes png = record::encode_png16(pixels, width, height);
-  REQUIRE(record::decode_png16(png, width, height) == pixels);
+  const Bytes png = recon::encode_png16(pixels, width, height);
+  REQUIRE(recon::decode_png16(png, width, height) == pixels);
   std::size_t refused = 0;
   for (std::size_t bit = 0; bit < 8 * png.size(); ++bit) {
     Bytes damaged = png;
     damaged[bit / 8] = static_cast<std::uint8_t>(damaged[bit / 8] ^ 1 << bit % 8);
-    const auto found = record::decode_png16(damaged, width, height);
+    const auto found = recon::decode_png16(damaged, width, height);
     if (!found.empty() && found != pixels) FAIL("bit " << bit << " makes another map");
     refused += found.empty();
   }

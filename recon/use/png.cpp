@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "acquire/record/png.hpp"
+#include "recon/use/png.hpp"
 
 #include <libdeflate.h>
 
@@ -8,9 +8,10 @@
 #include <iterator>
 #include <optional>
 
+#include "acquire/measurement/depth_map.hpp"
 #include "acquire/record/deflate.hpp"
 
-namespace echofuse::record {
+namespace echofuse::recon {
 namespace {
 
 void put_big_endian(Bytes& out, std::uint32_t v) {
@@ -34,7 +35,7 @@ Bytes encode(ByteView rows, std::uint32_t width, std::uint32_t height, std::uint
   put_big_endian(head, width);
   put_big_endian(head, height);
   head.insert(head.end(), {bits, colours, 0, 0, 0});
-  const Bytes packed = deflated(rows, 1);
+  const Bytes packed = record::deflated(rows, 1);
   if (packed.empty()) return {};
   data.insert(data.end(), packed.begin(), packed.end());
   Bytes out(std::begin(signature), std::end(signature));
@@ -96,7 +97,7 @@ bool unfilter(std::uint8_t filter, std::span<std::uint8_t> row, ByteView above) 
 Bytes encode_png16(std::span<const std::uint16_t> pixels, std::uint32_t width,
                    std::uint32_t height) {
   const std::uint64_t size = std::uint64_t{width} * height;
-  if (size == 0 || size > max_png_pixels || size != pixels.size()) return {};
+  if (size == 0 || size > record::max_depth_pixels || size != pixels.size()) return {};
   Bytes rows;
   rows.reserve(std::size_t{height} * (2 * std::size_t{width} + 1));
   for (std::size_t y = 0; y < height; ++y) {
@@ -125,10 +126,10 @@ Bytes encode_png_rgb(std::span<const std::uint8_t> pixels, std::uint32_t width,
 
 std::vector<std::uint16_t> decode_png16(ByteView png, std::uint32_t width, std::uint32_t height) {
   const std::size_t pixel_bytes = 2 * std::size_t{width};
-  if (std::uint64_t{width} * height > max_png_pixels) return {};
+  if (std::uint64_t{width} * height > record::max_depth_pixels) return {};
   const auto data = compressed_rows(png, width, height);
   if (!data) return {};
-  Bytes rows = inflated(*data, height * (pixel_bytes + 1));
+  Bytes rows = record::inflated(*data, height * (pixel_bytes + 1));
   if (rows.empty()) return {};
   std::vector<std::uint16_t> pixels(std::size_t{width} * height);
   const Bytes zeros(pixel_bytes);
@@ -144,4 +145,4 @@ std::vector<std::uint16_t> decode_png16(ByteView png, std::uint32_t width, std::
   return pixels;
 }
 
-}  // namespace echofuse::record
+}  // namespace echofuse::recon
