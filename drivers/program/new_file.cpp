@@ -50,11 +50,10 @@ bool rename_to_new(const char* from, const char* to) {
   return std::rename(from, to) == 0;
 }
 
-// Names the folder of files that are soon removed: $TMPDIR, else this one.
-std::string scratch_folder(const std::string& beside) {
+// Names the folder of files that are soon removed: $TMPDIR, else that of PLACE.
+fs::path scratch_folder(const std::string& place) {
   const char* const given = std::getenv("TMPDIR");
-  if (given && *given) return given;
-  return beside.empty() ? "." : beside;
+  return given && *given ? fs::path(given) : folder_of(place);
 }
 
 }  // namespace
@@ -77,7 +76,7 @@ NewFile::NewFile(std::string place, std::string path)
 
 NewFile::NewFile(const std::string& place, Staged)
     : place_(place),
-      path_((fs::path(scratch_folder(folder_of(place).string())) / unfinished(place)).string()),
+      path_((scratch_folder(place) / unfinished(place)).string()),
       lock_(std::make_unique<Lock>(path_ + ".lock", 0600)),
       database_(true) {
   if (!lock_->held())

@@ -5,12 +5,9 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <chrono>
 #include <nlohmann/json.hpp>
-#include <thread>
 
 #include "../paths.hpp"
-#include "drivers/program/program.hpp"
 #include "testing.hpp"
 
 using namespace testing;

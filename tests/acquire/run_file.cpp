@@ -18,27 +18,6 @@ using namespace testing;
 
 namespace {
 
-void check_same(const FusedRecord& a, const FusedRecord& b) {
-  CHECK(a.index == b.index);
-  CHECK(a.slot_start == b.slot_start);
-  CHECK(a.slot_end == b.slot_end);
-  CHECK(a.slot_utc == b.slot_utc);
-  CHECK(a.valid == b.valid);
-  CHECK(a.label == b.label);
-  CHECK(a.spd == b.spd);
-  CHECK(a.radar == b.radar);
-  CHECK(a.depth_mm == b.depth_mm);
-  CHECK(a.spd_counts.tags == b.spd_counts.tags);
-  CHECK(a.spd_counts.in_range == b.spd_counts.in_range);
-  for (const Sensor s : all_sensors) {
-    CHECK(a.sync[s].offset_s == b.sync[s].offset_s);
-    CHECK(a.sync[s].span_s == b.sync[s].span_s);
-    CHECK(a.sync[s].used == b.sync[s].used);
-    CHECK(a.sync[s].lost == b.sync[s].lost);
-    CHECK(a.sync[s].verdict == b.sync[s].verdict);
-  }
-}
-
 void put_axes(RunWriter& run) {
   for (const auto& axis : small_axes()) run.put_axis(axis);
 }

@@ -136,7 +136,23 @@ std::vector<std::string> values_of(const FusedRecord& r) {
   return out;
 }
 
-void check_same(const FusedRecord& read, const FusedRecord& wrote) {
+std::vector<FusedRecord> write_random(const std::string& path, unsigned seed) {
+  Random random(seed);
+  const auto axes = axes_of(random);
+  RunWriter run(path, {});
+  for (const Axis& axis : axes) run.put_axis(axis);
+  std::vector<FusedRecord> records;
+  for (std::int64_t i = 0; i < 12; ++i) {
+    records.push_back(record_of(i, axes, random));
+    run.append(records.back());
+  }
+  run.close("complete");
+  return records;
+}
+
+}  // namespace
+
+void testing::check_same(const FusedRecord& read, const FusedRecord& wrote) {
   CHECK(values_of(read) == values_of(wrote));
   CHECK(read.index == wrote.index);
   CHECK(read.slot_utc == wrote.slot_utc);
@@ -161,22 +177,6 @@ void check_same(const FusedRecord& read, const FusedRecord& wrote) {
   for (std::size_t i = 0; i < read.array.size(); ++i)
     CHECK(read.array[i] == Approx(wrote.array[i]).margin(1e-2));
 }
-
-std::vector<FusedRecord> write_random(const std::string& path, unsigned seed) {
-  Random random(seed);
-  const auto axes = axes_of(random);
-  RunWriter run(path, {});
-  for (const Axis& axis : axes) run.put_axis(axis);
-  std::vector<FusedRecord> records;
-  for (std::int64_t i = 0; i < 12; ++i) {
-    records.push_back(record_of(i, axes, random));
-    run.append(records.back());
-  }
-  run.close("complete");
-  return records;
-}
-
-}  // namespace
 
 TEST_CASE("a record is read as it was written, whatever of it is there") {
   const Folder folder;

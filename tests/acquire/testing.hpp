@@ -23,15 +23,11 @@ namespace testing {
 
 namespace fs = std::filesystem;
 
+using echofuse::test::contents;
 using echofuse::test::Folder;
 
 inline void write_file(const std::string& path, const std::string& text) {
   std::ofstream(path, std::ios::binary) << text;
-}
-
-inline std::string contents(const std::string& path) {
-  std::ifstream in(path, std::ios::binary);
-  return {std::istreambuf_iterator<char>(in), {}};
 }
 
 inline void sql(const std::string& path, const std::string& statement) {
@@ -110,6 +106,10 @@ inline echofuse::record::FusedRecord small_record(std::int64_t index) {
   }
   return r;
 }
+
+// Compares all columns and arrays; by run_rows.cpp.
+void check_same(const echofuse::record::FusedRecord& read,
+                const echofuse::record::FusedRecord& wrote);
 
 inline void write_run(const std::string& path, std::int64_t records,
                       const std::string& status = "complete") {

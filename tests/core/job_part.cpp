@@ -18,6 +18,7 @@ namespace fs = std::filesystem;
 
 namespace {
 
+using test::contents;
 using test::Folder;
 
 // An environment variable for the time of a test.
@@ -33,11 +34,6 @@ struct Variable {
   Variable(const Variable&) = delete;
   Variable& operator=(const Variable&) = delete;
 };
-
-std::string contents(const std::string& path) {
-  std::ifstream in(path, std::ios::binary);
-  return {std::istreambuf_iterator<char>(in), {}};
-}
 
 int files_in(const fs::path& folder) {
   return static_cast<int>(std::distance(fs::directory_iterator(folder), {}));

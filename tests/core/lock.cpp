@@ -17,17 +17,9 @@
 #include "drivers/program/exit_code.hpp"
 
 using namespace echofuse;
+using test::contents;
 using test::Folder;
 namespace fs = std::filesystem;
-
-namespace {
-
-std::string text_of(const std::string& path) {
-  std::ifstream in(path);
-  return {std::istreambuf_iterator<char>(in), {}};
-}
-
-}  // namespace
 
 TEST_CASE("a lock is its holder's alone, who says who he is") {
   const Folder folder;
@@ -38,16 +30,16 @@ TEST_CASE("a lock is its holder's alone, who says who he is") {
     CHECK(held.held());
     CHECK(Lock::holder(path) == "");
     held.write("me\n");
-    const std::string before = text_of(path);
+    const std::string before = contents(path);
     const Lock refused(path, 0644);
     CHECK_FALSE(refused.held());
     refused.remove(), refused.empty();  // not its own
-    CHECK(text_of(path) == before);
+    CHECK(contents(path) == before);
     CHECK(Lock::holder(path) == "me\n");
     CHECK(Lock(folder / "y.lock", 0644).held());
   }
   CHECK_FALSE(Lock::holder(path));
-  CHECK(text_of(path).empty());
+  CHECK(contents(path).empty());
   CHECK(Lock(path, 0644).held());
 }
 
@@ -115,9 +107,9 @@ TEST_CASE("a link or another's file in the lock's place is refused and stays as 
   const auto is = fs::symlink_status(lock).type();
   CHECK_THROWS_WITH(Lock(lock, 0666), Catch::Contains("x.lock: is not a lock file of echofuse"));
   CHECK(fs::symlink_status(lock).type() == is);
-  CHECK(text_of(precious) == stays);
+  CHECK(contents(precious) == stays);
   CHECK_FALSE(fs::exists(folder / "new"));
-  if (is == fs::file_type::regular) CHECK(text_of(lock) == stays);
+  if (is == fs::file_type::regular) CHECK(contents(lock) == stays);
 }
 
 TEST_CASE("a lock that cannot be made is the disk's fault") {

@@ -12,6 +12,7 @@
 #include <iterator>
 #include <thread>
 
+#include "../folder.hpp"
 #include "../full_disk.hpp"
 #include "drivers/core/bytes.hpp"
 #include "drivers/program/console.hpp"
@@ -21,40 +22,24 @@
 #include "drivers/program/regular_file.hpp"
 
 using namespace echofuse;
+using test::contents;
+using test::Folder;
 namespace fs = std::filesystem;
-
-namespace {
-
-struct Folder {
-  Folder() {
-    std::string name = (fs::temp_directory_path() / "echofuse-core-XXXXXX").string();
-    path = ::mkdtemp(name.data());
-  }
-  ~Folder() { fs::remove_all(path); }
-  fs::path path;
-};
-
-std::string text_of(const fs::path& file) {
-  std::ifstream in(file);
-  return {std::istreambuf_iterator<char>(in), {}};
-}
-
-}  // namespace
 
 TEST_CASE("a file is replaced as a whole, or stays as it was") {
   const Folder folder;
   const std::string path = folder.path / "a.txt";
   write_atomically(path, "old");
-  CHECK(text_of(path) == "old");
+  CHECK(contents(path) == "old");
   {
     const test::FullDisk disk(2);
     CHECK_THROWS_WITH(write_atomically(path, "half of it"),
                       path + ": cannot be written: File too large");
   }
-  CHECK(text_of(path) == "old");
+  CHECK(contents(path) == "old");
   CHECK(std::distance(fs::directory_iterator(folder.path), {}) == 1);
   write_atomically(path, "new");
-  CHECK(text_of(path) == "new");
+  CHECK(contents(path) == "new");
   CHECK_THROWS_AS(write_atomically(folder.path / "none" / "a.txt", "new"), Error);
 }
 
@@ -65,8 +50,8 @@ TEST_CASE("what is written follows no link that was put there before") {
   fs::create_symlink(victim, path);
   fs::create_symlink(victim, path + ".part");
   write_atomically(path, "new");
-  CHECK(text_of(victim) == "precious");
-  CHECK(text_of(path) == "new");
+  CHECK(contents(victim) == "precious");
+  CHECK(contents(path) == "new");
   CHECK_FALSE(fs::is_symlink(path));
   CHECK(fs::is_symlink(path + ".part"));
   CHECK(std::distance(fs::directory_iterator(folder.path), {}) == 3);
@@ -142,8 +127,8 @@ TEST_CASE("a program is started in its folder with no other file of ours") {
   ::close(mine);
   REQUIRE(program);
   CHECK(wait_for_program(*program) == 7);
-  CHECK(text_of(folder.path / "out") == folder.path.string() + "\n");
-  CHECK(text_of(folder.path / "fds") == "0\n1\n2\n3\n");  // 3: ls reads the folder
+  CHECK(contents(folder.path / "out") == folder.path.string() + "\n");
+  CHECK(contents(folder.path / "fds") == "0\n1\n2\n3\n");  // 3: ls reads the folder
   CHECK(wait_for_program(*start_program({"sh", "-c", "kill -9 $$"})) == 128 + 9);
   catch_interrupts();  // are not the program's business
   CHECK(wait_for_program(*start_program({"sh", "-c", "kill -PIPE $$"})) == 128 + SIGPIPE);

@@ -29,6 +29,7 @@
 
 namespace echofuse::testing {
 
+using test::contents;
 using test::Folder;
 
 // Returns the message that `body` throws, or "no error".
@@ -142,12 +143,6 @@ inline recon::Dataset load_plates(std::int64_t count) {
 
 inline bool all_finite(std::span<const float> values) {
   return std::all_of(values.begin(), values.end(), [](float v) { return std::isfinite(v); });
-}
-
-// Returns the file's bytes, or none if it is not there.
-inline std::string contents(const std::string& path) {
-  std::ifstream in(path, std::ios::binary);
-  return {std::istreambuf_iterator<char>(in), {}};
 }
 
 struct Outcome {

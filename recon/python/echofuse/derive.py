@@ -11,7 +11,7 @@ import contextlib
 import pathlib
 import sqlite3
 import uuid
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -52,31 +52,33 @@ def copy(path: str | pathlib.Path, out: str | pathlib.Path, *changes: Change) ->
             change(records)
         if len(run.files) > 1:
             raise ValueError(f"{path}: a run in parts; expected one file")
-        with contextlib.closing(sqlite3.connect(out)) as db:
-            with contextlib.closing(connect(run.files[0])) as source:
-                source.backup(db)
-            _write(db, run, records)
+        _write(run.files[0], out, run, records)
     return out
 
 
 def only(path: pathlib.Path, out: pathlib.Path, index: Iterable[int]) -> pathlib.Path:
     """Writes the run `out` with the records of these indices alone, as they are stored, whether they can be read or not."""
+    with _copied(path, out) as db:
+        db.execute(f"DELETE FROM record WHERE idx NOT IN ({', '.join(map(str, index))})")
+    return out
+
+
+@contextlib.contextmanager
+def _copied(path: pathlib.Path, out: pathlib.Path) -> Iterator[sqlite3.Connection]:
+    """Copies a run file under another uuid; yields the copy, in a transaction."""
     with contextlib.closing(sqlite3.connect(out)) as db:
         with contextlib.closing(connect(path)) as source:
             source.backup(db)
         with db:
             db.execute("PRAGMA journal_mode = DELETE")
             db.execute("UPDATE run SET uuid = ?", (str(uuid.uuid4()),))
-            db.execute(f"DELETE FROM record WHERE idx NOT IN ({', '.join(map(str, index))})")
-    return out
+            yield db
 
 
-def _write(db: sqlite3.Connection, run: runs.Run, records: Records) -> None:
+def _write(path: pathlib.Path, out: pathlib.Path, run: runs.Run, records: Records) -> None:
     bits = sum(np.where(records.lost[name], 0, bit) for name, bit in runs.SENSORS.items())
     rows = zip(run.index.tolist(), records.keep.tolist(), np.asarray(bits).tolist(), records.spd, records.radar)
-    with db:
-        db.execute("PRAGMA journal_mode = DELETE")
-        db.execute("UPDATE run SET uuid = ?", (str(uuid.uuid4()),))
+    with _copied(path, out) as db:
         for index, stays, valid, spd, radar in rows:
             if not stays:
                 db.execute("DELETE FROM record WHERE idx = ?", (index,))
