@@ -5,7 +5,6 @@
 //   tables: rows.hpp; record.spd u32 LE counts | radar f32 LE | depth u16 LE millimetres, deflated
 #pragma once
 #include <atomic>
-#include <chrono>
 #include <functional>
 #include <limits>
 #include <map>
@@ -13,7 +12,6 @@
 #include <optional>
 #include <span>
 #include <string>
-#include <variant>
 #include <vector>
 
 #include "acquire/measurement/radar_array.hpp"

@@ -4,21 +4,15 @@
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cstdio>
-#include <filesystem>
-#include <fstream>
 #include <map>
-#include <nlohmann/json.hpp>
 
 #include "drivers/program/command_line.hpp"
 #include "drivers/program/console.hpp"
 #include "drivers/program/printable.hpp"
 #include "recon/numbers/parallel.hpp"
 #include "recon/numbers/text.hpp"
-#include "recon/train/train.hpp"
 #include "recon/use/empty_room.hpp"
-#include "recon/use/evaluate.hpp"
 #include "recon/use/map_files.hpp"
-#include "recon/use/predict.hpp"
 #include "recon/use/reconstruct.hpp"
 
 namespace echofuse::recon {

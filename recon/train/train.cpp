@@ -3,12 +3,10 @@
 
 #include <algorithm>
 #include <cstdio>
-#include <random>
 
 #include "drivers/core/random.hpp"
 #include "drivers/program/console.hpp"
 #include "recon/data/response.hpp"
-#include "recon/numbers/text.hpp"
 #include "recon/train/crossvalidate.hpp"
 #include "recon/train/fit_uncertainty.hpp"
 

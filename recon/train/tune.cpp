@@ -8,7 +8,6 @@
 #include <iterator>
 #include <tuple>
 
-#include "drivers/core/random.hpp"
 #include "drivers/program/console.hpp"
 #include "drivers/program/printable.hpp"
 #include "recon/data/response.hpp"

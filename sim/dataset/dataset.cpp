@@ -7,7 +7,6 @@
 #include <atomic>
 #include <filesystem>
 #include <future>
-#include <thread>
 #include <utility>
 
 #include "acquire/measurement/depth_map.hpp"

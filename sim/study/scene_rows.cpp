@@ -4,7 +4,6 @@
 #include <atomic>
 #include <chrono>
 #include <future>
-#include <thread>
 
 #include "drivers/program/console.hpp"
 #include "drivers/program/program.hpp"
