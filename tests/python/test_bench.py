@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: MIT
 """Splits, the truth on the grid, derived runs, and the table of the bench."""
+import errno
 import os
 import sqlite3
 
@@ -133,6 +134,29 @@ def test_what_no_table_may_hold_ends_the_bench(run, tmp_path):
     (tmp_path / "c.csv").write_text("mine\n")
     with pytest.raises(bench.UsageError, match="no table of a bench"):
         bench.Table(tmp_path / "c.csv")
+
+
+class Full(Constant):
+    def predict(self, fresh):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), "/tmp/mine")
+
+
+class Lost(Constant):
+    def fit(self, known, rows):
+        open("/nowhere/weights")
+
+
+@pytest.mark.parametrize(("name", "code", "said"), [("Full", 6, "No space left on device: '/tmp/mine'"),
+                                                    ("Lost", 1, "No such file or directory: '/nowhere/weights'")])
+def test_a_full_disk_or_a_missing_file_ends_the_bench_without_a_row(run, tmp_path, monkeypatch, capsys, name, code, said):
+    test = derive.copy(run.path, tmp_path / "test.sqlite")
+    monkeypatch.setattr("sys.argv", ["echofuse-bench", "pareto", str(run.path), str(test), "--methods", f"test_bench:{name}", "mean",
+                                     "--seeds", "1", "-q", "--out", str(tmp_path / "b.csv")])
+    with pytest.raises(SystemExit) as ended:
+        bench.main()
+    err = capsys.readouterr().err
+    assert ended.value.code == code and said in err and err.count("\n") == 1
+    assert not (tmp_path / "b.csv").exists()
 
 
 @pytest.mark.parametrize("text", ["a note without an end", "# a note\nof two lines", "axis,value\nmine", "# this\n", "\xff\n"])

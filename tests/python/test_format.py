@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: MIT
 """Python reads every array of a run as the programs do: 20 runs of random sizes, sensors and values, written by C++."""
+import contextlib
 import gzip
 import os
 import pathlib
@@ -68,4 +69,29 @@ def test_a_conversion_that_fails_leaves_nothing_and_says_why(tmp_path):
         db.execute("UPDATE record SET depth = ? WHERE idx = ?", (bytes(png), idx))
     db.close()
     assert convert() == (1, f"{old}: a depth image is no 16-bit grey PNG without filters, as versions up to 0.1.0 recorded\n")
-    assert not list(tmp_path.glob("new*"))
+    assert not [name for name in os.listdir(tmp_path) if "new" in name]
+
+
+def test_a_conversion_cleans_up_what_a_killed_one_left(tmp_path):
+    """Killed while it wrote, or just before its file had its name; one that still writes is left alone."""
+    convert, old = pathlib.Path(__file__).parents[2] / "scripts/convert_run", tmp_path / "old.sqlite"
+    old.write_bytes(gzip.decompress((convert.parents[1] / "tests/golden/run-0.1.0.sqlite.gz").read_bytes()))
+    dumps = []
+    for number, end in enumerate(("", "os.kill(os.getpid(), 9)", "db.commit()")):
+        new = tmp_path / f"{number}.sqlite"
+        hidden = tmp_path / f".{new.name}.unfinished"
+        write = (f"import os, sqlite3; db = sqlite3.connect({str(hidden)!r}); db.execute('PRAGMA cache_size = 1'); db.execute('BEGIN'); "
+                 f"db.execute('CREATE TABLE run (x)'); db.execute('INSERT INTO run VALUES (zeroblob(2000000))'); {end}")
+        if end:
+            subprocess.run(["/usr/bin/python3", "-c", write], check=False)
+            assert hidden.stat().st_size > 1_000_000
+        subprocess.run([convert, old, new], check=True)
+        assert not list(tmp_path.glob(".*"))
+        with contextlib.closing(sqlite3.connect(new)) as db:
+            dumps.append(list(db.iterdump()))
+    assert dumps[0] == dumps[1] == dumps[2]
+    with contextlib.closing(sqlite3.connect(tmp_path / ".new.sqlite.unfinished")) as other:
+        other.execute("BEGIN EXCLUSIVE")
+        done = subprocess.run([convert, old, tmp_path / "new.sqlite"], capture_output=True, text=True)
+        assert done.returncode == 1 and "new.sqlite: another process is making it" in done.stderr
+        assert (tmp_path / ".new.sqlite.unfinished").exists() and not (tmp_path / "new.sqlite").exists()

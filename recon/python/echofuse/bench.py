@@ -16,8 +16,10 @@ import argparse
 import collections
 import concurrent.futures
 import csv
+import errno
 import pathlib
 import shutil
+import sqlite3
 import sys
 import tempfile
 import threading
@@ -177,7 +179,8 @@ class Shared:
 
 def fill(table: Table, cells: Sequence[Cell], *, jobs: int = 1, part: tuple[int, int] = (1, 1), quiet: bool = False) -> None:
     """Measures what the table lacks, or this part of it. Cells with the same fitted method are in one part. A candidate
-    that fails at a value has a row of NaN; a method of one's own is tried again next time. Reasons are said once."""
+    that fails at a value has a row of NaN; a method of one's own is tried again next time. Reasons are said once. Raises
+    OSError, sqlite3.Error: a missing file and a full disk say nothing of a method."""
     pieces = {key: k for k, key in enumerate(dict.fromkeys(cell.fitted for cell in cells))}
     mine = [cell for cell in cells if pieces[cell.fitted] % part[1] == part[0] - 1 and Table.key(cell.head) not in table.rows]
     said: set[str] = set()
@@ -185,7 +188,7 @@ def fill(table: Table, cells: Sequence[Cell], *, jobs: int = 1, part: tuple[int,
     def one(cell: Cell) -> tuple[Row, str]:
         try:
             return cell.head | shared.row(cell), ""
-        except UsageError:
+        except (UsageError, OSError, sqlite3.Error):  # no fault of the method
             raise
         except Exception as error:  # noqa: BLE001 (a method of anybody's)
             return cell.head | dict.fromkeys(METRICS + COSTS, float("nan")), str(error) or type(error).__name__
@@ -313,9 +316,10 @@ def main() -> None:
     args = parser.parse_args()
     try:
         args.run(args)
-    except (RuntimeError, ValueError, OSError) as error:
+    except (RuntimeError, ValueError, OSError, sqlite3.Error) as error:
         print(f"echofuse-bench: {error}", file=sys.stderr)
-        sys.exit(getattr(error, "code", 1))
+        full = getattr(error, "errno", 0) in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG) or "disk" in str(error)
+        sys.exit(getattr(error, "code", 6 if full else 1))
     except KeyboardInterrupt:
         sys.exit(130)
 
