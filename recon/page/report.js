@@ -319,7 +319,7 @@ const kinds = {
   },
   // What a sensor saw over the run: a column some records, from the nearest bin on; 255 where there is no data.
   waterfalls(parent, {tables: all, unit, end}) {
-    const box = make(parent, 'figure', {className: 'card'}), head = {spd: ['SPD', 'clicks by range and time'], radar: ['radar', 'power by range and time']};
+    const box = make(parent, 'figure', {className: 'card waterfalls'}), head = {spd: ['SPD', 'clicks by range and time'], radar: ['radar', 'power by range and time']};
     for (const {sensor, values, columns, bins, start_m: start, end_m: far, most} of all) {
       const [name, what] = head[sensor], id = `waterfall-${sensor}`, raw = unpacked(values, 1, 1);
       make(make(box, 'h3', {textContent: `${name} `}), 'small', {textContent: what});
