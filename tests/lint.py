@@ -29,7 +29,7 @@ types = {}  # their full name, and the files that define one
 # Comments begin with a verb or the noun of the thing (.github/CONTRIBUTING.md). Counted by the top folder; a limit
 # only falls.
 vague = re.compile(r"(It|They|This|These|Of|What|Where|Whoever|Whose)\b", re.I)
-vague_limits = {"acquire": 0, "drivers": 0, "recon": 0, "sim": 0, "tests": 104}
+vague_limits = {"acquire": 0, "drivers": 0, "recon": 0, "sim": 0, "tests": 0}
 vague_counts = {}
 for path in tracked():
     name = path.relative_to(root)

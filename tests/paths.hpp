@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Where this checkout and its programs are. Not macros, so that only paths.cpp depends on the
+// Paths of this checkout and its programs. Not macros, so that only paths.cpp depends on the
 // folder.
 #pragma once
 #include <string>

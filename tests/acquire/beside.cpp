@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// What others do beside a run that is being written: to its files, its lock, its readers.
+// Acts of others beside a run that is being written: on its files, its lock, its readers.
 #include <fcntl.h>
 #include <sqlite3.h>
 #include <sys/file.h>
@@ -295,7 +295,7 @@ TEST_CASE("a label that waits while the run is closed is refused") {
   const Database closer = open(path);
   sql(closer, "BEGIN IMMEDIATE; UPDATE run SET status = 'complete'");
   auto label = std::async(std::launch::async, [&] { put_label(path, "door", "me"); });
-  std::this_thread::sleep_for(std::chrono::milliseconds(300));  // it has seen an open run
+  std::this_thread::sleep_for(std::chrono::milliseconds(300));  // time to see an open run
   sql(closer, "COMMIT");
   CHECK(has(error_of([&] { label.get(); }).second, "nobody is recording this run"));
   CHECK(RunReader(path).events().empty());

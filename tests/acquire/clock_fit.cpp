@@ -108,7 +108,7 @@ TEST_CASE("without much delay the fit is as good as the receipts") {
   CHECK(std::abs(state.drift_ppm - 200) < 1);
   CHECK(std::abs(state.offset_s - (seconds(host_start) + 0.5 - 200 * 200e-6)) < 50e-6);
   CHECK(state.residual_s < 20e-6);
-  CHECK((state.samples > 4000 && state.samples < 4400));  // of 128 s
+  CHECK((state.samples > 4000 && state.samples < 4400));  // the samples of 128 s
 }
 
 TEST_CASE("a constant delay is part of the offset") {

@@ -16,7 +16,8 @@ namespace {
 
 using Json = nlohmann::json;
 
-// Where nobody listens; another place for each process, as devices are one program's at a time.
+// An address where nobody listens; another for each process, as devices are one program's at a
+// time.
 const std::string host = [] {
   const auto pid = static_cast<unsigned>(::getpid());
   return "127." + std::to_string(pid >> 16 & 255u) + '.' + std::to_string(pid >> 8 & 255u) + '.' +

@@ -102,7 +102,7 @@ TEST_CASE("a configured port of another maker is looked at too") {
       check_permissions(with_radar("serial:" + machine / "dev/ttyS7"), machine.roots());
   CHECK(of(findings, "permissions").grade == Grade::problem);
   CHECK(has(of(findings, "permissions").found, "dev/ttyS7: No such file or directory"));
-  // What is not there is no matter of permissions.
+  // A missing device is no matter of permissions.
   CHECK(has(of(findings, "permissions").advice, "is it plugged in"));
   CHECK_FALSE(has(of(findings, "permissions").advice, "rules"));
 }

@@ -78,7 +78,7 @@ struct Laboratory {
     HostTime taken;
     bool settled;
   };
-  std::vector<Shot> shots;  // of the camera, by frame number
+  std::vector<Shot> shots;  // the camera's, by frame number
   PerSensor<std::uint64_t> sent{}, lost{}, reconnections{}, settled{};
   HostTime worst_error{};
   std::uint32_t number = 0;
@@ -124,7 +124,7 @@ struct Laboratory {
       ++settled[sensor];
       worst_error = std::max(worst_error, error);
     }
-    // What is lost before the run is not its loss.
+    // Frames lost before the run are not its loss.
     if (device.taken() >= grid.first + 1s) lost[sensor] += lost_before;
   }
 

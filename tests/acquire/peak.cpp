@@ -140,7 +140,7 @@ TEST_CASE("the radar's peak: honest errors, 4.4 cm bins") {
 
 TEST_CASE("frames that are all alike: the codes' steps are the error") {
   Rng rng = make_rng(4, 0);
-  // Of two bins one must be higher: alike in every frame, they would be a lobe that is cut off.
+  // One of two bins must be higher: alike in every frame, they would be a lobe that is cut off.
   std::uniform_real_distribution<double> place(22.6 * fine.step_m, 23.4 * fine.step_m);
   constexpr int count = 100;
   double squares = 0;
@@ -183,7 +183,7 @@ TEST_CASE("what is no peak of a reflector is refused, with the reason") {
              starts("no peak in the window; the strongest is at 1.500 m"));
   CHECK_THAT(spd(photons({{1, 5000}, {1.07, 3000}}, 1000, rng)).refusal,
              starts("two peaks: another one at 1.0"));
-  // What stands behind the window is not its business, however bright.
+  // Echoes behind the window do not count, however bright.
   const Peak before_a_wall = spd(photons({{1, 5000}, {1.3, 20'000}}, 1000, rng));
   CHECK(before_a_wall.refusal == "");
   CHECK(before_a_wall.range_m == Approx(1).margin(2e-3));

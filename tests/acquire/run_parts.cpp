@@ -25,7 +25,7 @@ namespace {
 const record::CalibrationEntry calibration{Sensor::spd, "2026-11-21T10:00:00Z", "m", 1, 0.07, 1e-5};
 const record::Antennas antennas{{0, 0, 1, 0}, {1, 0, 1.5, -0.25}};
 
-// Of three records each.
+// Parts of three records each.
 struct Parts {
   Folder folder;
 

@@ -43,7 +43,7 @@ TEST_CASE("slots begin at multiples of their length, and a run of long ones at o
   CHECK(first_slot(102s + 1ns, 3s) == 105s);
   CHECK(first_slot(101s, 10s) == 110s);
   CHECK(first_slot(101s, 11s) == 101s);
-  // Of two runs, whenever they begin.
+  // Two runs, whenever they begin.
   const SlotGrid one{first_slot(100'123ms, 200ms), 200ms},
       other{first_slot(987'654ms, 200ms), 200ms};
   CHECK((other.first - one.first) % one.length == 0ns);

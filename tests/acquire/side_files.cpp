@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// What stands beside a run file by its name: a -wal of its own, of another run, or none.
+// Files beside a run file by its name: a -wal of its own, of another run, or none.
 #include <unistd.h>
 
 #include "acquire/commands/commands.hpp"

@@ -122,7 +122,7 @@ TEST_CASE("a signal that falls off is weak beside the run's first minute") {
   SignalCheck check({}, 3);
   for (int i = 0; i < 20; ++i) CHECK(verdicts(check, lab.record()) == all_ok);
   lab.photons = 5e3, lab.radar_snr_db = 9, lab.depth_share = 0.004;
-  for (int i = 0; i < 30; ++i) {  // it does not become the usual
+  for (int i = 0; i < 30; ++i) {  // never becomes the usual
     const auto v = verdicts(check, lab.record());
     CHECK_THAT(v[0], StartsWith("weak: the light is 0.0"));
     CHECK_THAT(v[1], StartsWith("weak: the echo is 0.0"));
@@ -167,7 +167,7 @@ TEST_CASE("more than one click in 20 pulses is saturated, and so is a lobe witho
   v = verdicts(check, r);
   CHECK(v[0] == "saturated: 0.06 clicks a laser pulse, 0.05 wanted at most");
   CHECK(v[1] == "saturated: the lobe at 3.25 m is cut off");
-  r.sync[Sensor::radar].used = 1;  // of a single frame, two bins may well have one code
+  r.sync[Sensor::radar].used = 1;  // two bins of a single frame may well have one code
   for (float& p : r.radar) p = p == 5500.F ? p : p - 1;
   CHECK(verdicts(check, r)[1] == "ok");
   SignalLimits off;

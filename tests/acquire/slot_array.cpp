@@ -19,7 +19,7 @@ namespace {
 
 constexpr SlotGrid grid{.first = 10s, .length = 1s};
 const SensorClocks no_clocks;
-constexpr std::size_t sent_bins = 40, kept_bins = 32, antennas = 8;  // of 0.25 m: up to 8 m
+constexpr std::size_t sent_bins = 40, kept_bins = 32, antennas = 8;  // bins of 0.25 m: up to 8 m
 
 DeviceInfo radar_info() {
   DeviceInfo info;
@@ -47,7 +47,7 @@ Windows make_windows() {
   return windows;
 }
 
-// What the record has to hold, of frames in groups of neighbours.
+// Samples that the record has to hold, from frames in groups of neighbours.
 std::vector<float> expected(const std::vector<std::vector<std::uint32_t>>& groups) {
   record::ArrayStatistics sums(kept_bins, antennas);
   for (const auto& group : groups) {

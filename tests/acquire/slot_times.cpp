@@ -44,7 +44,7 @@ TEST_CASE(
   journal.refresh_anchor(log);
   journal.refresh_anchor(log);
   CHECK(journal.utc_of(1069s) == 1069s + before + 10ms);
-  CHECK(journal.utc_of(1070s) == 1070s + before + 10ms);  // it had begun
+  CHECK(journal.utc_of(1070s) == 1070s + before + 10ms);  // begun before the clock was set
   CHECK(journal.utc_of(1071s) == 1071s + before + step);
   loop.run_for(69s + 800ms);
   loop.step_utc(20ms);
@@ -79,7 +79,7 @@ TEST_CASE(
   journal.refresh_anchor(log);  // at 10 s
   loop.run_for(60s);
   journal.refresh_anchor(log);
-  CHECK(journal.utc_of(9s) == before + 9s);  // it had begun
+  CHECK(journal.utc_of(9s) == before + 9s);  // begun before the clock was set
   CHECK(journal.utc_of(11s) == before + 24h + 11s);
   journal.finish("complete");
 }

@@ -56,7 +56,7 @@ TEST_CASE("speckle: by hand, without frames that lack a carrier") {
 
 namespace {
 
-// Of a power of mean 2 that varies as cos(2 pi t / period_s), and noise.
+// Power of mean 2 that varies as cos(2 pi t / period_s), and noise.
 std::optional<double> within_150_ms(double period_s, double frame_s, float noise, int frames,
                                     bool loses = false) {
   Rng rng(5);
@@ -89,7 +89,7 @@ TEST_CASE("speckle: frames 150 ms apart, whatever the frame rate, and noise adds
       CHECK(within_150_ms(period_s, frame_s, 0.3f, 4000).value() ==
             Approx(expected + 0.3 * 0.3 / 4).epsilon(0.05));
     }
-  // Of slow radars, and where frames are lost, they are a little farther apart.
+  // Slow radars' frames, and frames after a loss, are a little farther apart.
   CHECK(within_150_ms(2, 0.1, 0, 1000).value() == Approx(of_cosine(2, 0.2)).epsilon(0.01));
   const double lossy = within_150_ms(2, 0.05, 0, 1000, true).value();
   CHECK((lossy > of_cosine(2, 0.15) && lossy < of_cosine(2, 0.2)));
@@ -127,7 +127,7 @@ TEST_CASE("a record's profile is the mean power over frames and their subframes"
       const auto code = static_cast<std::uint16_t>(3000 + 40 * k + 17 * frame * (k + 1));
       const RadarFrame one = subframe_of(frame, k, code);
       windows.add(one);
-      windows.add(one);  // what comes twice counts once
+      windows.add(one);  // a frame that comes twice counts once
       const double power = power_from_code(code, axis.scale);
       sum += power, ++count;
       expected.add(frame, k, seconds(one.received), std::vector{static_cast<float>(power), 1.f});

@@ -71,7 +71,7 @@ TEST_CASE("a record without a required sensor is marked, and the clocks' fits ar
   const Json info = Json::parse(acquire("info --json " + path).text);
   CHECK(info["incomplete"] == 1);
   CHECK(info["policy"] == Json{{"spd", "required"}, {"depth", "optional"}});
-  CHECK(info["clocks"]["spd"]["samples"] == 102);  // of the last record that has one
+  CHECK(info["clocks"]["spd"]["samples"] == 102);  // the last record that has one
   CHECK(info["clocks"]["depth"]["drift_ppm"] == 20);
   CHECK_FALSE(info["clocks"].contains("radar"));
   const std::string text = acquire("info " + path).text;

@@ -17,14 +17,14 @@ constexpr SlotGrid grid{.first = 100s, .length = 1s};
 
 HostTime host(double t) { return HostTime(std::llround(t * 1e9)); }
 
-// What arrives: at `read`, by a device, taken at these times (s). `places`: for each of them the
+// An arrival: at `read`, by a device, taken at these times (s). `places`: for each of them the
 // record that it belongs to, or early, late, outside, twice.
 struct Event {
   double read;
   const char* device;
   std::vector<double> taken;
   const char* places;
-  std::uint32_t number = 0;  // of a frame
+  std::uint32_t number = 0;  // the frame's
   std::uint64_t lost = 0;    // before it
 };
 

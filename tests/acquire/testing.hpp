@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// What the tests of this folder share: a folder that goes away, the program, sample records.
+// Shared by the tests of this folder: a folder that goes away, the program, sample records.
 #pragma once
 #include <sqlite3.h>
 #include <sys/wait.h>

@@ -118,7 +118,7 @@ TEST_CASE("delays, dead time and bad tags reach the record") {
   CHECK(r.spd.at(5) == 1);           // 1020 + 500 - 1000
   CHECK(r.spd_counts.removed == 1);  // 1119, 99 ps after 1020
   CHECK(r.spd_counts.bad_tags == 1);
-  CHECK(r.spd_counts.backwards == 0);  // they were put in order
+  CHECK(r.spd_counts.backwards == 0);  // put in order
   CHECK(r.spd_counts.tags == 8);
   CHECK(parts(r.spd_counts) == r.spd_counts.tags);
 }
@@ -161,7 +161,7 @@ TEST_CASE("a slot whose tags come in two parts has the counts of both") {
   };
   part(10s, 20);
   part(11s, 500);
-  part(10s + 900ms, 3);  // of a device that sends again what it kept
+  part(10s + 900ms, 3);  // a device sends again what it kept
   const record::FusedRecord r = windows.close({0, false});
   const TagCounts& c = r.spd_counts;
   CHECK(c.tags == 22);

@@ -61,7 +61,7 @@ HWY_EXPORT(multiply_adds);
 HWY_EXPORT(read);
 HWY_EXPORT(name);
 
-volatile float kept;  // what is summed up is used
+volatile float kept;  // a sum that is used
 
 }  // namespace
 

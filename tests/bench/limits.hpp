@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// What this machine can do at most, on one thread, and rows of the table that scripts/bench prints
+// Limits of this machine, on one thread, and rows of the table that scripts/bench prints
 // (table.py). Times are the processor's, best of some rounds: others may be busy.
 #pragma once
 #include <algorithm>

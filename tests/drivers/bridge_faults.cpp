@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// What a damaged stream of blocks gives: the blocks before the damage, and the damage told.
+// Yield of a damaged stream of blocks: the blocks before the damage, and the damage told.
 #include <catch2/catch.hpp>
 
 #include "blocks.hpp"

@@ -25,7 +25,7 @@ std::atomic<bool> present{true}, stalled{false}, mirrored{false}, tenths{false};
 std::atomic<bool> shifts{false};  // until a mode is set, it sends raw shifts
 std::atomic<int> scale{1}, place{0};
 enum class Fault { none, cut, wide, twice, skipped };
-std::atomic<Fault> fault{Fault::none};  // of every fourth frame
+std::atomic<Fault> fault{Fault::none};  // in every fourth frame
 
 OniVideoMode mode_of(int s) {
   const OniPixelFormat format =

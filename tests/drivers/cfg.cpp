@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// What a board would refuse of a .cfg, and what editors make of one.
+// Faults of a .cfg that a board would refuse, and marks that editors leave in one.
 #include "drivers/radar/cfg.hpp"
 
 #include <algorithm>

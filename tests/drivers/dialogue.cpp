@@ -121,7 +121,7 @@ TEST_CASE("the first command is sent again when garbage got before it") {
 }
 
 namespace {
-// What becomes of `cfg` on a radar with this SDK that refuses its last line with these words.
+// End of `cfg` on a radar with this SDK that refuses its last line with these words.
 std::string refusal(const std::string& text, const std::string& sdk, const std::string& words) {
   Session s(text);
   s.say("\r\n" + prompt);

@@ -161,6 +161,6 @@ TEST_CASE("which of a board's ports a path is") {
   CHECK_FALSE(role(by_id + "XDS110-if"));
   CHECK(role("/dev/ttyACM1") == RadarPort::command);
   CHECK(role("/dev/ttyACM0") == RadarPort::data);
-  CHECK_FALSE(role("/dev/ttyUSB0"));  // of another maker
+  CHECK_FALSE(role("/dev/ttyUSB0"));  // another maker's
   CHECK_FALSE(role("/dev/ttyS0"));
 }

@@ -173,7 +173,7 @@ TEST_CASE("frames with heat maps: a start or an end anywhere costs one frame, a 
     REQUIRE(late.numbers == from_to(2, 3));
     REQUIRE(early.numbers == from_to(1, 2));
     REQUIRE(late.counts.arrays == 2);
-    Bytes hole = all;  // what a full buffer drops
+    Bytes hole = all;  // the bytes that a full buffer drops
     const auto from = hole.begin() + static_cast<std::ptrdiff_t>(at);
     hole.erase(from, from + 256);
     const Seen s = parse(hole);

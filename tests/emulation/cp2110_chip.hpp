@@ -25,7 +25,7 @@ class Cp2110Chip {
   bool set_feature(ByteView report);
   std::optional<Bytes> get_feature(std::uint8_t id);
   bool output(ByteView report);
-  // What one interrupt IN takes; nothing if there is nothing.
+  // Bytes that one interrupt IN takes; nothing if there is nothing.
   std::optional<Report> next_input();
 
   // UART side: how many of the bytes fit. While the UART is off none do; what does not fit sets the

@@ -42,7 +42,7 @@ std::string hex4(unsigned value) {
   return text.data();
 }
 
-// Where the device stands in /sys, parents first.
+// Nodes of the device in /sys, parents first.
 std::vector<std::string> folders(unsigned number) {
   const std::string port = std::to_string(number + 1);
   const std::string usb = "/devices/pci0000:00/0000:00:14.0/usb1/1-" + port;
@@ -91,7 +91,7 @@ struct HidCp2110::Parts final : BedNode {
   void input(ByteView report);
   void pump();
 
-  std::mutex mutex;  // of the rest
+  std::mutex mutex;  // guards the rest
   std::condition_variable wake;
   Cp2110Chip chip;
   int fifo = -1;

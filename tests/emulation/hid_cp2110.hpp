@@ -15,7 +15,7 @@ namespace echofuse::sim {
 class UsbBed;
 
 struct HidOptions {
-  unsigned number = 0;  // of the node: /dev/hidraw<number>; one device each
+  unsigned number = 0;  // the node's: /dev/hidraw<number>; one device each
   std::string serial = "0001";
 };
 

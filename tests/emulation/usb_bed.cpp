@@ -52,7 +52,7 @@ std::vector<std::pair<std::string, std::string>> UsbBed::environment() const {
   return {{"LD_PRELOAD", preload}, {"UMOCKDEV_DIR", root_}};
 }
 
-// What umockdev's thread holds on to: it may outlive the node. Every signal and every client has a
+// Shared with umockdev's thread, which may outlive the node. Every signal and every client has a
 // share of it.
 struct BedNode::Callbacks {
   using Share = std::shared_ptr<Callbacks>;

@@ -30,7 +30,7 @@ class UsbBed {
   UsbBed(const UsbBed&) = delete;
   UsbBed& operator=(const UsbBed&) = delete;
 
-  // What a program that is to see the devices needs in its environment.
+  // Environment that a program needs to see the devices.
   std::vector<std::pair<std::string, std::string>> environment() const;
   const std::string& root() const { return root_; }
   UMockdevTestbed* testbed() const { return testbed_; }
@@ -46,7 +46,7 @@ class UsbBed {
 class BedNode {
  public:
   struct Answer {
-    long result;    // of the system call
+    long result;    // the system call's
     int error = 0;  // errno if the result is -1
   };
   static Answer fail(int error) { return {-1, error}; }

@@ -139,7 +139,7 @@ void UsbDevice::on_plug(int fifo) {
 void UsbDevice::on_unplug() {
   const std::lock_guard lock(mutex_);
   gone_ = true;
-  // What came of an unfinished run is in its transfer.
+  // The end of an unfinished run is in its transfer.
   if (!pending_.empty() && !data_.empty()) {
     Transfer transfer = std::move(pending_.front());
     pending_.pop_front();

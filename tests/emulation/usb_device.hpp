@@ -34,7 +34,7 @@ class UsbDevice final : public BedNode {
     std::uint16_t value, index, length;
     bool in() const { return type & 0x80; }
   };
-  // Of vendor requests: the answer's bytes (none for OUT), no value: the device stalls.
+  // Answers to vendor requests: the bytes (none for OUT); no value: the device stalls.
   using Control = std::function<std::optional<Bytes>(const Setup&)>;
 
   UsbDevice(UsbBed& bed, const UsbIdentity& identity, Control control);

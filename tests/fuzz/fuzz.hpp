@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// What the fuzz targets share. A target is one run(); entry.cpp hands it to libFuzzer (preset
+// Shared by the fuzz targets. A target is one run(); entry.cpp hands it to libFuzzer (preset
 // "fuzz"), replay.cpp runs it over the files of its corpus (every other preset).
 #pragma once
 #include <algorithm>

@@ -119,7 +119,7 @@ class Editor {
  private:
   std::uint8_t byte() { return in_.get<std::uint8_t>(); }
 
-  // Of a size that matters, or any.
+  // A size that matters, or any.
   double number() {
     const std::vector<double> some = {0,    -1,    1,   1e-30,    1e18, -1e18,
                                       3e38, 1e300, NAN, INFINITY, 7,    100};
@@ -171,7 +171,7 @@ class Editor {
     const bool all = byte() % 2 == 0;
     const double wanted = number();
     if (!sound(name)) return;
-    const nlohmann::json& type = model_.head[name]["dtype"];  // of any kind, after an entry()
+    const nlohmann::json& type = model_.head[name]["dtype"];  // any kind, after an entry()
     const auto narrow = static_cast<float>(wanted);
     Bytes one;
     if (type == "F32")
@@ -187,7 +187,7 @@ class Editor {
       std::copy(one.begin(), one.end(), model_.values.begin() + static_cast<std::ptrdiff_t>(at));
   }
 
-  // What the header says of a tensor.
+  // Fields of the header for a tensor.
   void entry(const std::string& name) {
     const std::vector<const char*> keys = {"dtype", "shape", "data_offsets"};
     const std::string key = one_of(keys, byte());
@@ -217,7 +217,7 @@ class Editor {
   ByteReader& in_;
 };
 
-// What the loader lets pass answers with numbers, or says that it cannot.
+// Checks that a model which loads answers with numbers, or says that it cannot.
 void check_answers(const TrainedModel& model) {
   static const Dataset few = plates(3);
   Dataset data = few;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// These tests cover the radar's antennas: lags, the body's direction, the model.
+// Tests of the radar's antennas: lags, the body's direction, the model.
 #include "recon/data/lags.hpp"
 #include "recon/method/array_view.hpp"
 #include "recon/method/turned.hpp"

@@ -182,7 +182,7 @@ TEST_CASE("a longer radar axis is cropped to the model's, any other difference r
              Catch::Contains("radar axis"));
   CHECK_THAT(refused({"spd", "counts", "ps", 30, 16000, 500, 1}, radar_axis(40), Inputs::spd),
              Catch::Contains("spd axis"));
-  CHECK(refused(spd, radar_axis(50), Inputs::spd) == "no error");  // it does not look at the radar
+  CHECK(refused(spd, radar_axis(50), Inputs::spd) == "no error");  // the radar is not looked at
 }
 
 TEST_CASE("values within a bin of the model's axis are interpolated") {

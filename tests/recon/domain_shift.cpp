@@ -179,6 +179,6 @@ TEST_CASE("like runs are seldom called unlike, by references of few records and 
       CHECK_FALSE(shift.found());
       below_5_percent += shift.p < 0.05;
     }
-    CHECK(below_5_percent <= 5);  // of 30; more by chance once in 300 times
+    CHECK(below_5_percent <= 5);  // out of 30; more by chance once in 300 times
   }
 }

@@ -169,7 +169,7 @@ TEST_CASE("clicks where but one training record had one move nobody") {
   const TrainedModel model = train(data, options);
   const Rows rows = all_rows(50);
   const Matrix before = model.predict(data, rows);
-  for (const std::size_t row : rows) *(around(row) - 8) = 50;  // of 1e5
+  for (const std::size_t row : rows) *(around(row) - 8) = 50;  // among 1e5
   const Matrix after = model.predict(data, rows);
   for (const std::size_t row : rows) {
     const double moved = foreground_tangent(after.row(row), model->scene) -

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// What a run is judged by: its own foreground and background, and the RMSE where there is none.
+// Ground of a run's scores: its own foreground and background, and the RMSE where there is none.
 #include <nlohmann/json.hpp>
 
 #include "world.hpp"

@@ -189,7 +189,7 @@ TEST_CASE("identical records make a model, not a NaN") {
   const Dataset data = load({dir / "same"});
   for (const auto& name : model_names()) {
     CAPTURE(name);
-    if (wants_alignment(name)) {  // what is the same in all maps is background
+    if (wants_alignment(name)) {  // background is alike in all maps
       CHECK_THROWS_WITH(train(data, quick(name)), Catch::Contains("show a body"));
       continue;
     }

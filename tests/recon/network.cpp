@@ -81,7 +81,7 @@ TEST_CASE("a product of matrices equals its sums, transposed or not, for one row
     }
 }
 
-// These are the parts of one map.
+// Parts of one map.
 TEST_CASE("a row times a matrix is added to what is there, however few rows the matrix has") {
   const std::size_t n = GENERATE(1, 2, 7, 48), k = GENERATE(1, 3, 4, 7, 61);
   const float beta = GENERATE(0.f, 1.f, -2.f);

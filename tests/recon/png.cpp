@@ -39,7 +39,7 @@ void put_chunk(Bytes& out, const std::string& name, ByteView data) {
   put(out, static_cast<std::uint32_t>(crc32(0, named.data(), static_cast<uInt>(named.size()))));
 }
 
-// What the standard (PNG, 9.4) calls the Paeth predictor.
+// The Paeth predictor of the standard (PNG, 9.4).
 int paeth(int a, int b, int c) {
   const int p = a + b - c, pa = std::abs(p - a), pb = std::abs(p - b), pc = std::abs(p - c);
   if (pa <= pb && pa <= pc) return a;

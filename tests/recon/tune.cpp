@@ -72,7 +72,7 @@ TEST_CASE("a few records take a model to another room") {
     CHECK(tuned.table.front().name == "as it was");
     CHECK_FALSE(tuned.model->uncertainty);
     CHECK(calibration_of(tuned.model) == std::string("not calibrated"));
-    const Folder dir;  // what is kept is what was tuned
+    const Folder dir;  // the model kept is the one tuned
     std::filesystem::remove(dir / "m");
     save_model(tuned.model, dir / "m");
     CHECK(load_model(dir / "m").predict(fresh, {3}).values ==
@@ -184,7 +184,7 @@ TEST_CASE("every outcome of a tuning is written, read back, and judged") {
         TunedModel tuned;
         try {
           tuned = tune(old, data, how);
-        } catch (const Error&) {  // of the SPD alone, and of few records, some are not tried
+        } catch (const Error&) {  // a few records of the SPD alone leave some untried
           CHECK((inputs == "spd" || records < 50));
           continue;
         }

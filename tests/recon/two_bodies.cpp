@@ -32,7 +32,7 @@ record::FusedRecord record_of(std::int64_t index, const Plate& p, Rng& rng) {
 
 constexpr Plate near_left{-0.6, 3.05}, far_right{0.5, 3.85};
 
-// It adds what both measure if neither hides the other. The map shows the nearer one.
+// Adds what both measure if neither hides the other. The map shows the nearer one.
 void add(record::FusedRecord& to, const record::FusedRecord& other) {
   for (std::size_t i = 0; i < to.spd.size(); ++i) to.spd[i] += other.spd[i];
   for (std::size_t i = 0; i < to.radar.size(); ++i) to.radar[i] += other.radar[i];
@@ -191,7 +191,7 @@ TEST_CASE("each person of a map has an IoU of his own") {
   for (std::size_t row = 20; row < 40; ++row)
     for (std::size_t c = 0; c < 20; ++c) {
       truth[row * 64 + 12 + c] = left[row * 64 + 12 + c] = 3.2f;
-      if (c < 10) truth[row * 64 + 32 + c] = 3.9f;  // they touch in the picture
+      if (c < 10) truth[row * 64 + 32 + c] = 3.9f;  // touching in the picture
     }
   const auto people = find_people(truth, scene);
   REQUIRE(people);

@@ -150,7 +150,7 @@ struct Outcome {
   std::string text;  // stdout and stderr
 };
 
-// It runs a statement on an SQLite file, and returns the first column of its rows, one a line.
+// Runs a statement on an SQLite file, and returns the first column of its rows, one a line.
 inline std::string sql(const std::string& path, const std::string& statement) {
   sqlite3* db = nullptr;
   REQUIRE(sqlite3_open(path.c_str(), &db) == SQLITE_OK);

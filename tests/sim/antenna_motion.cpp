@@ -92,7 +92,7 @@ TEST_CASE("who moves while the transmitters send in turn has other phases and le
     moving.frame(later_s, a, x);
     standing.frame(later_s, b, y);
     const double wavelength = speed_of_light_m_s / radar_carrier_hz;
-    const double v = -motion.speeds()[0][3];  // of the range
+    const double v = -motion.speeds()[0][3];  // rate of the range
     const double f = 2 * v * 2 * radar.chirp_s / wavelength;
     const double loss = std::sin(pi * f * 16) / (16 * std::sin(pi * f));
     const std::size_t peak = 14 * 8;

@@ -78,7 +78,7 @@ Conditions with_echoes(std::int64_t order, double reflectivity) {
   return c;
 }
 
-// What multipath adds to the radar's returns.
+// Returns that multipath adds to the radar's.
 Returns echoes_by_walls(const Scene& scene, const Conditions& c) {
   Returns all = radar_returns(scene, c);
   Conditions direct = c;
@@ -110,10 +110,10 @@ TEST_CASE("an echo by one wall comes from the mirror image") {
   const auto way = way_to(images[1], sensor, place);
   REQUIRE(way);
   CHECK(way->length_m == Approx(std::sqrt(2.3 * 2.3 + 0.2 * 0.2 + 9)));
-  // It leaves as it arrives, but for the turned x.
+  // Leaves as it arrives, but for the turned x.
   CHECK(length(way->departure - Vec3{-way->arrival.x, way->arrival.y, way->arrival.z}) < 1e-12);
   CHECK_FALSE(way_to(images[1], sensor, {-2, 0, 3}));      // behind the wall
-  CHECK_FALSE(way_to(images[1], sensor, {0.3, 0.2, 40}));  // it meets no wall there
+  CHECK_FALSE(way_to(images[1], sensor, {0.3, 0.2, 40}));  // no wall is met there
 }
 
 TEST_CASE("one mirror gives the power of |1 + r|^4 over all phases, and none without order") {
@@ -332,8 +332,7 @@ TEST_CASE("echoes by walls come on top of the empty room and go with air") {
   for (std::size_t i = 0; i < whole.size(); ++i)
     CHECK(whole[i] == Approx(empty[i] + change[i]).epsilon(1e-6).margin(1e-3));
 
-  // Of the radar's echoes of the walls themselves so much is left, whether somebody is there or
-  // not.
+  // Share of the radar's echoes of the walls themselves that is left, with or without a person.
   c.multipath_order = 0;
   Conditions smooth = c;
   smooth.radar_wall_scatter = 0.25;

@@ -139,7 +139,7 @@ TEST_CASE("light outside the axis reaches only as far as the IRF") {
     CHECK(total(spd_rate(one_return(edge), c)) == Approx(c.signal_photons / 2).epsilon(1e-6));
   for (const double t : {1000.0, c.first_bin_ps - 2000, end + 2000, 1e6})
     CHECK(total(spd_rate(one_return(t), c)) == 0);
-  c.irf_tail_ps = 3000;  // what comes before the first bin decays into it
+  c.irf_tail_ps = 3000;  // light before the first bin decays into it
   CHECK(
       total(spd_rate(one_return(c.first_bin_ps - 6000), c)) ==
       Approx(c.signal_photons * std::exp(-2 + std::pow(sigma_ps(c) / 3000, 2) / 2)).epsilon(1e-3));

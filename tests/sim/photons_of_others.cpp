@@ -141,7 +141,7 @@ Fit fit(const std::vector<double>& counts, const std::vector<double>& model,
   return out;
 }
 
-// Where counts, smoothed over `width` bins, first pass a third of their peak.
+// Bin where counts, smoothed over `width` bins, first pass a third of their peak.
 double first_return(const std::vector<double>& counts, std::size_t from, std::size_t width) {
   std::vector<double> smooth(counts.size());
   for (std::size_t i = width; i + width < counts.size(); ++i)
@@ -215,7 +215,7 @@ TEST_CASE("a sphere and a soap dish in another group's simulator") {
 class Window {
  public:
   static constexpr std::size_t first = 16, last = 20, bins = 128;
-  // Of each bin a low percentile over the poses, in units of the peak, has no object in it.
+  // A low percentile of each bin over the poses, in units of the peak, has no object in it.
   Window(const nlohmann::json& records, std::size_t zone) : seen_(bins), until_(bins + 1) {
     for (std::size_t i = 0; i < bins; ++i) {
       std::vector<double> values;

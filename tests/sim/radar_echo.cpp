@@ -130,7 +130,7 @@ TEST_CASE("noise is white, of the stated sigma in 60 frames, and falls with thei
   }
   const double n = static_cast<double>(power.size());
   CHECK(std::abs(sum) < 4.5 * std::sqrt(n));
-  // Of a mean of exponential numbers the kurtosis is 3 + 6 / frames.
+  // The kurtosis of a mean of exponential numbers is 3 + 6 / frames.
   CHECK(std::abs(squares - n) < 4.5 * std::sqrt((2 + 6 / static_cast<double>(frames)) * n));
   CHECK(std::abs(neighbours) < 4.5 * std::sqrt(n));
 }

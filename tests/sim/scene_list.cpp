@@ -86,7 +86,7 @@ TEST_CASE("a scene's place changes nothing else of it") {
     CHECK(placed.label == free.label);
     const Vec3 middle = 0.5 * (placed.capsules[6].a + placed.capsules[6].b);  // pelvis
     const double height = placed.capsules[11].radius_m / 0.055;
-    CHECK(std::abs(middle.x - 0.3) < 0.02 * height);  // it may tilt
+    CHECK(std::abs(middle.x - 0.3) < 0.02 * height);  // may tilt
   }
 }
 

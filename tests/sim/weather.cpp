@@ -90,7 +90,7 @@ TEST_CASE("light fades on its way through fog, and the fog sends some back, with
     REQUIRE(through.weight[k] ==
             Approx(there.weight[k] * std::exp(-2 * weather.extinction_per_m * there.range_m[k]))
                 .epsilon(1e-9));
-  // Of the fog alone, between two ranges: Omega pi beta * integral of exp(-2 a R) / R^2.
+  // Fog alone between two ranges: Omega pi beta * integral of exp(-2 a R) / R^2.
   const double t2 = fog.half_tangent * fog.half_tangent;
   const double solid_angle_sr = 4 * std::asin(t2 / (1 + t2));
   const auto between = [&](double from, double to) {

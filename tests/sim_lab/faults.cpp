@@ -83,7 +83,7 @@ TEST_CASE("faults act in their time, again and again, on their device") {
   CHECK_FALSE(faults.at(FaultKind::stall, 1));
   CHECK(Faults({}, "tdc").empty());
 
-  const auto changes = faults.changes(1, 9.2);  // what begins at 1 was told before
+  const auto changes = faults.changes(1, 9.2);  // a fault that begins at 1 was told before
   REQUIRE(changes.size() == 4);
   const double times[] = {1.5, 5, 5.5, 9};
   for (std::size_t i = 0; i < 4; ++i) {

@@ -112,7 +112,8 @@ TEST_CASE("a dead time loses the same photons as the histogram's law") {
     for (std::size_t i = 0; i < mean.size(); ++i) mean[i] += 1.0 * counts[i] / draws;
   }
   CHECK(z_of_chi2(stream.counts, rate) > 50);  // without: far off
-  // What is blind now and then scatters less than Poisson, and the mean over the draws adds 1/40.
+  // A detector blind now and then scatters less than Poisson, and the mean over the draws adds
+  // 1/40.
   const double z = z_of_chi2(stream.counts, mean);
   CHECK(z < 5);
   std::int64_t last_ps = -1'000'000;

@@ -55,7 +55,7 @@ class RadarBoard {
         {number, number * 10'000'000, 0},
         {sim::range_profile_tlv(codes), sim::stats_tlv({}), sim::temperature_tlv({})}, rng_);
   }
-  // What the host said since the last call, without bare lines.
+  // The host's words since the last call, without bare lines.
   std::vector<std::string> heard() { return std::exchange(lines_, {}); }
   std::size_t lines_heard() const { return lines_.size(); }
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// What goes wrong with a radar, and what the driver makes of it.
+// Faults of a radar, and the driver's answer to each.
 #include <algorithm>
 #include <catch2/catch.hpp>
 #include <set>

@@ -326,7 +326,7 @@ TEST_CASE("each board takes the cfgs that are made for it, and says which one to
                                   Catch::Contains("Then use config/radar/xwr68xx_"));
         else if (!right_sdk && right_demo)
           CHECK_THAT(failure, Catch::Contains("use a cfg for SDK 3."));
-        // What it names is there.
+        // Each file that is named is there.
         if (const auto at = failure.find("config/radar/"); at != failure.npos) {
           const std::string other = failure.substr(at, failure.find_first_of(" ,;", at) - at);
           CHECK(std::filesystem::exists(echofuse::test::source_dir + "/" + other));

@@ -46,7 +46,7 @@ TEST_CASE("a consumer that stands still costs frames of a real line, and they ar
   Lines lines(options);
   REQUIRE(lines.frames(3));
   std::this_thread::sleep_for(3s);  // 192 kB, of which the kernel keeps a part
-  // Of the 300 frames of that time at least half are gone; a busy machine may skip some more.
+  // At least half of the 300 frames of that time are gone; a busy machine may skip some more.
   REQUIRE(run_until(lines.loop, [&] { return counter(*lines.driver, "lost_frames") > 150; }));
   const std::uint32_t first = lines.sink.radar.front().frame_number;
   const std::uint32_t last = lines.sink.radar.back().frame_number;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// What a run does when devices come, go and fail, told once and exactly, on virtual time.
+// A run's answer when devices come, go and fail, told once and exactly, on virtual time.
 #include <fstream>
 #include <map>
 #include <set>
@@ -47,7 +47,7 @@ TEST_CASE(
   REQUIRE(all.size() == 40);
   const auto silent =
       std::count_if(all.begin(), all.end(), [](auto& r) { return r.valid.empty(); });
-  CHECK(silent >= 8);  // of the ten slots, those that it takes wholly
+  CHECK(silent >= 8);  // the slots of ten that are taken wholly
   CHECK(silent <= 9);
   for (const auto& r : all)
     if (r.valid.empty()) {
@@ -193,7 +193,7 @@ TEST_CASE("a laser that fades, a camera and a radar that freeze: each is told on
   for (const auto& [sensor, kind] : kinds) {
     const Strings all = b.verdicts(sensor);
     CAPTURE(name_of(sensor));
-    CHECK(std::count(all.begin(), all.end(), kind) >= 3);  // of the slots that it takes wholly
+    CHECK(std::count(all.begin(), all.end(), kind) >= 3);  // the slots taken wholly
     CHECK(std::count(all.begin(), all.end(), kind) <= 5);
     CHECK(std::count(all.begin(), all.end(), "ok") + std::count(all.begin(), all.end(), kind) ==
           60);
@@ -218,7 +218,7 @@ TEST_CASE("a laboratory's scenes keep to the slots: no record sees two") {
                    sum(r.spd.begin(), r.spd.end()));
   }
   for (std::size_t i = 5; i + 1 < near.size(); ++i) {  // by then the clock is known
-    CHECK(std::min(near[i], 1 - near[i]) < 0.15);      // of the background
+    CHECK(std::min(near[i], 1 - near[i]) < 0.15);      // the background's
     CHECK((near[i] > 0.5) != (near[i + 1] > 0.5));
   }
 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// What the commands do with the devices: stop them, tell their firmware, keep what comes late,
+// Acts of the commands on the devices: stop them, tell their firmware, keep what comes late,
 // calibrate and examine them. On virtual time.
 #include <deque>
 #include <filesystem>
@@ -164,7 +164,7 @@ TEST_CASE(
   const double usual = static_cast<double>(tags[tags.size() / 2]);
   for (const auto& r : all) CHECK(static_cast<double>(r.spd_counts.tags) < 1.5 * usual);
   const auto late = static_cast<double>(b.reader().late()[Sensor::spd]);
-  CHECK(late > 2 * usual);  // of 2 s those that no open slot takes
+  CHECK(late > 2 * usual);  // those of 2 s that no open slot takes
   CHECK(late < 6 * usual);
   CHECK(std::count_if(all.begin(), all.end(), [](auto& r) { return !r.has(Sensor::spd); }) >= 2);
 }

@@ -22,7 +22,7 @@ namespace {
 using namespace std::chrono_literals;
 using sim::FaultKind;
 
-// Whoever runs beside this has devices of other names, as all are locked.
+// A test beside this one has devices of other names, as all are locked.
 struct Addresses {
   explicit Addresses(const LaboratoryOptions& o)
       : tagger("bridge:tcp://tagger-" + o.name + ":1"),

@@ -16,14 +16,14 @@
 namespace echofuse::test {
 
 struct LaboratoryOptions {
-  std::string folder{};             // of lab.toml
-  std::string name = "laboratory";  // of its devices
+  std::string folder{};             // holds lab.toml
+  std::string name = "laboratory";  // the devices' own
   double window_s = 3;
-  double hold_s = 600;           // of a scene
+  double hold_s = 600;           // time that a scene stays
   double signal_photons = 1500;  // in 3 s
   std::uint64_t seed = 1;
   std::vector<sim::Fault> faults{};
-  std::string log{};     // of what the devices did; empty: none
+  std::string log{};     // path of the devices' log; empty: none
   std::string scenes{};  // a list of scenes in place of mixed ones
   bool radar_required = false;
   std::string assignments{};  // lines more of lab.toml

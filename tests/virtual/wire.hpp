@@ -13,7 +13,7 @@
 
 namespace echofuse::test {
 
-// What the driver's port of one address connects to, again and again.
+// Far end of the ports of one address, connected again and again.
 class Wire {
  public:
   Wire(port::Loop& loop, std::function<void(ByteView)> to_board)
@@ -26,7 +26,7 @@ class Wire {
   void send(ByteView bytes) {
     if (!cut) deliver(bytes);
   }
-  // These come in any case, as from another board on this wire.
+  // Bytes that come in any case, as from another board on this wire.
   void noise(const std::string& text) {
     deliver(ByteView{reinterpret_cast<const std::uint8_t*>(text.data()), text.size()});
   }
@@ -97,7 +97,7 @@ class MemoryListener final : public sim::Listener {
  public:
   explicit MemoryListener(port::Loop& loop) : loop_(loop) {}
 
-  // What a driver connects with. This outlives its ports.
+  // The opener of the driver. The listener outlives its ports.
   port::ByteOpener opener() {
     return [this] { return std::make_unique<Port>(*this); };
   }
