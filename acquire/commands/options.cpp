@@ -203,11 +203,10 @@ void add_doctor(CLI::App& app, Options& o) {
 void add_config_commands(CLI::App& app, Options& o) {
   auto* config = app.add_subcommand("config", "look at the configuration");
   config->require_subcommand(1);
+  add_config_options(*config, o);
   auto* check = config->add_subcommand("check", "print all faults, or that there are none");
-  add_config_options(*check, o);
   add_examples(*check, {"echofuse-acquire config check"});
   auto* show = config->add_subcommand("show", "check it and print every key with value and origin");
-  add_config_options(*show, o);
   add_examples(*show, {"echofuse-acquire config show --set run.window_s=1"});
 }
 
@@ -217,14 +216,6 @@ void add_devices(CLI::App& app, Options& o) {
   add_config_options(*c, o);
   c->add_flag("--json", o.json, "the same as JSON, with the numbers by name");
   add_examples(*c, {"echofuse-acquire devices"});
-}
-
-// Adds the option to each command that has no commands below it.
-void add_quiet(CLI::App& app, Options& o) {
-  const auto below = app.get_subcommands({});
-  for (CLI::App* command : below) add_quiet(*command, o);
-  if (below.empty())
-    app.add_flag("-q,--quiet", o.quiet, "no messages but errors")->group("More options");
 }
 
 }  // namespace
@@ -239,7 +230,7 @@ void add_commands(CLI::App& app, Options& o) {
   add_config_commands(app, o);
   add_file_commands(app, o);
   add_import(app, o);
-  add_quiet(app, o);
+  app.add_flag("-q,--quiet", o.quiet, "of every command: no messages but errors");
 }
 
 std::string command_of(const CLI::App& app) {

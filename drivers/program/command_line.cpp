@@ -147,15 +147,26 @@ class Readable final : public CLI::Formatter {
   }
 };
 
-void format_all(CLI::App& app, const std::shared_ptr<CLI::FormatterBase>& formatter) {
+// `above` says where the options are told that a command takes from those above it.
+void set_up(CLI::App& app, const std::shared_ptr<CLI::FormatterBase>& formatter,
+            const std::string& above = {}, const std::string& path = {}) {
   app.formatter(formatter);
-  for (CLI::App* sub : app.get_subcommands({})) format_all(*sub, formatter);
+  const auto below = app.get_subcommands({});
+  if (below.empty() && !above.empty())
+    app.footer(app.get_footer() + (app.get_footer().ends_with("\n") ? "\n" : "\n\n") + above);
+  const std::string name = path + app.get_name();
+  std::string own;
+  for (const CLI::Option* option : app.get_options())
+    if (option != app.get_help_ptr() && option != app.get_version_ptr())
+      own += (own.empty() ? "" : ", ") + option->get_name();
+  if (!own.empty()) own += ": see " + name + " --help\n";
+  for (CLI::App* sub : below) set_up(*sub->fallthrough(), formatter, own + above, name + " ");
 }
 
 }  // namespace
 
 void parse_command_line(CLI::App& app, int argc, const char* const* argv) {
-  format_all(app, std::make_shared<Readable>());
+  set_up(app, std::make_shared<Readable>());
   std::vector<std::string> words(argv + std::min(argc, 1), argv + argc);
   if (!words.empty() && words[0] == "help") {
     words.erase(words.begin());

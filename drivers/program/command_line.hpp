@@ -7,7 +7,8 @@
 namespace echofuse {
 
 // Parses as app.parse(), but CLI::ParseError names the nearest command or option for an unknown
-// one, and a range in plain words. `help` as the first word is --help.
+// one, and a range in plain words. `help` as the first word is --help. Commands take the options
+// of those above them, and their --help names these.
 void parse_command_line(CLI::App& app, int argc, const char* const* argv);
 
 // Lists these options of the command in --help below the others, as "More options".

@@ -25,7 +25,6 @@ int run(int argc, char** argv) {
   app.add_flag("-q,--quiet", common.quiet, "of every command: no progress, no talk");
   const auto add = [&](const char* name, const char* help, auto make) {
     CLI::App* sub = app.add_subcommand(name, help);
-    sub->fallthrough()->footer("--threads and -q: see echofuse-recon --help");
     const Command command = make(*sub, common);
     sub->callback([&chosen, command] { chosen = command; });
   };

@@ -126,21 +126,25 @@ void add_dataset(CLI::App& app, Command& command) {
   sub->add_option("--part", a->part, part_help);
   sub->add_option("--threads", a->options.threads, "default: one per core")
       ->check(CLI::Range(1, 256));
-  sub->add_flag("-q,--quiet", a->options.quiet, "no progress, no summary");
   sub->add_flag("--json", a->json, "summary as one JSON object");
   more_options(*sub, {"--config", "--like", "--twin", "--laboratory", "--laboratories", "--part",
-                      "--threads", "--quiet", "--json"});
+                      "--threads", "--json"});
   add_examples(*sub,
                {"echofuse-sim dataset --out scenes.sqlite --records 1000",
                 "echofuse-sim dataset --out empty.sqlite --empty 20 --set background_counts=200"});
-  sub->callback([&command, a] { command = [a] { return run_dataset(*a); }; });
+  sub->callback([&command, a] {
+    command = [a](bool quiet) {
+      a->options.quiet = quiet;
+      return run_dataset(*a);
+    };
+  });
 }
 
 struct LabArguments : PlanArguments {
   sim::LabOptions options;
   std::optional<std::int64_t> seed;
   double duration_s = 0;
-  bool json = false, quiet = false;
+  bool json = false;
   std::vector<std::string> command;  // the command to run in the laboratory
 };
 
@@ -153,7 +157,7 @@ void print_sent(const std::string& sent) {
   }
 }
 
-ExitCode run_lab(LabArguments& a) {
+ExitCode run_lab(LabArguments& a, bool quiet) {
   catch_interrupts();
   sim::Plan plan;
   Settings settings;
@@ -171,8 +175,8 @@ ExitCode run_lab(LabArguments& a) {
   a.options.schedule.seed = a.seed.value_or(plan.seed);
   port::SystemLoop loop;
   sim::Lab lab(loop, a.options);
-  if (!a.command.empty()) return sim::serve_command(lab, a.command, a.quiet);
-  if (!a.quiet) std::cerr << "the laboratory is open; Ctrl-C closes it. To record from it:\n";
+  if (!a.command.empty()) return sim::serve_command(lab, a.command, quiet);
+  if (!quiet) std::cerr << "the laboratory is open; Ctrl-C closes it. To record from it:\n";
   std::cout << lab.daemon_command() << std::endl;
   const HostTime end = loop.now() + from_seconds(a.duration_s);
   lab.serve([&] { return interrupted() || (a.duration_s > 0 && loop.now() >= end); });
@@ -207,15 +211,11 @@ void add_lab(CLI::App& app, Command& command) {
   sub->add_option("--laser-rate-hz", o.tagging.laser_rate_hz, "pulses a second")
       ->check(CLI::Range(1.0, 1e9))
       ->capture_default_str();
-  sub->add_flag("!--all-syncs", o.tagging.conditional_filter,
-                "send every laser sync, not only those before a photon");
   sub->add_option("--radar-cfg", o.radar_cfg,
-                  "TI .cfg file, or the name of an installed one (the paper's 50 cm profile)");
+                  "TI .cfg file, or the name of an installed one (the paper's 50 cm profile); "
+                  "that of an ..._sdk3.4.cfg is a board of SDK 3.4, else of 3.5");
   sub->add_option("--radar-board", o.radar_board, "which of TI's boards it is")
       ->check(CLI::IsMember({"isk", "aop", "ods"}))
-      ->capture_default_str();
-  sub->add_option("--radar-sdk", o.radar_sdk, "the mmWave SDK of its firmware")
-      ->check(CLI::IsMember({"3.4", "3.5", "3.6"}))
       ->capture_default_str();
   sub->add_option("--faults", o.faults, "TOML file of what goes wrong, and when")
       ->type_name("FILE");
@@ -226,15 +226,13 @@ void add_lab(CLI::App& app, Command& command) {
   add_plan_options(*sub, *a);
   add_twin_options(*sub, *a);
   sub->add_flag("--json", a->json, "what was sent as one JSON object");
-  sub->add_flag("-q,--quiet", a->quiet, "no messages but errors");
   sub->add_option("command", a->command, "run this in the laboratory, and close it afterwards")
       ->option_text("-- COMMAND ...");
-  more_options(*sub,
-               {"--config", "--laser-rate-hz", "--all-syncs", "--radar-cfg", "--radar-board",
-                "--radar-sdk", "--faults", "--log", "--twin", "--laboratory", "--json", "--quiet"});
+  more_options(*sub, {"--config", "--laser-rate-hz", "--radar-cfg", "--radar-board", "--faults",
+                      "--log", "--twin", "--laboratory", "--json"});
   add_examples(*sub, {"echofuse-sim lab --scene mixed --hold 3",
                       "echofuse-sim lab --dir . --scene reflector -- bash"});
-  sub->callback([&command, a] { command = [a] { return run_lab(*a); }; });
+  sub->callback([&command, a] { command = [a](bool quiet) { return run_lab(*a, quiet); }; });
 }
 
 void add_config(CLI::App& app, Command& command) {
@@ -249,7 +247,7 @@ void add_config(CLI::App& app, Command& command) {
   sub->add_flag("--json", a->json, "as one JSON object: value, range and meaning of every key");
   add_examples(*sub, {"echofuse-sim config", "echofuse-sim config --twin default --laboratory 3"});
   sub->callback([&command, a] {
-    command = [a] {
+    command = [a](bool) {
       sim::Plan plan;
       Settings settings;
       if (!a->twin.empty() && !a->laboratory) {
@@ -269,6 +267,8 @@ ExitCode run(int argc, char** argv) {
                "echofuse-sim");
   app.set_version_flag("--version", version_line("echofuse-sim"));
   app.require_subcommand(1);
+  bool quiet = false;
+  app.add_flag("-q,--quiet", quiet, "of every command: no progress, no talk");
   Command command;
   add_dataset(app, command);
   add_lab(app, command);
@@ -279,7 +279,7 @@ ExitCode run(int argc, char** argv) {
   } catch (const CLI::ParseError& e) {
     return app.exit(e) == 0 ? ExitCode::ok : ExitCode::usage;
   }
-  return command();
+  return command(quiet);
 }
 
 }  // namespace

@@ -11,7 +11,7 @@
 
 namespace echofuse::sim {
 
-using Command = std::function<ExitCode()>;
+using Command = std::function<ExitCode(bool quiet)>;
 
 // Returns the settings of the instruments whose response (acquire/measurement/response.hpp) and
 // axes this calibration file states. Throws Error(config) if it states no response.

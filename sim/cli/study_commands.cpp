@@ -17,7 +17,6 @@ struct StudyArguments : PlanArguments {
   std::string out;
   std::optional<std::int64_t> scenes;  // each study has its own default
   std::uint64_t seed = 1;
-  bool quiet = false;
 };
 
 ExitCode run_fidelity(const FidelityOptions& options, const std::string& folder) {
@@ -51,10 +50,9 @@ void add_one_study(CLI::App& study, Command& command, const std::string& name,
                    const std::shared_ptr<StudyArguments>& a,
                    ExitCode (*run)(const Options&, const std::string& folder)) {
   CLI::App* sub = study.add_subcommand(name, what);
-  sub->fallthrough()->footer("options: see echofuse-sim study --help");
   add_examples(*sub, {example.c_str()});
   sub->callback([&command, a, run] {
-    command = [a, run] {
+    command = [a, run](bool quiet) {
       catch_interrupts();
       Plan plan;
       Settings settings;
@@ -68,7 +66,7 @@ void add_one_study(CLI::App& study, Command& command, const std::string& name,
       Options options;
       options.conditions = plan.conditions;
       options.scenes = a->scenes.value_or(options.scenes);
-      options.seed = a->seed, options.quiet = a->quiet;
+      options.seed = a->seed, options.quiet = quiet;
       std::error_code error;
       std::filesystem::create_directories(a->out, error);
       if (error) throw Error(ExitCode::disk, a->out + ": " + error.message());
@@ -90,7 +88,6 @@ void add_study(CLI::App& app, Command& command) {
       ->check(CLI::Range(std::int64_t{2}, std::int64_t{10'000}));
   study->add_option("--seed", a->seed, "of the scenes and the noise")->capture_default_str();
   add_plan_options(*study, *a);
-  study->add_flag("-q,--quiet", a->quiet, "no progress");
   add_one_study(*study, command, "fidelity",
                 "each approximation against a finer one, in units of noise, beside its time",
                 "echofuse-sim study fidelity --out fidelity", a, run_fidelity);

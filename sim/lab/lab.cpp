@@ -83,7 +83,7 @@ fs::path find_radar_cfg(const LabOptions& options) {
   const std::string name = options.radar_board == "isk"
                                ? "xwr68xx_paper_50cm"
                                : "xwr64xx_" + options.radar_board + "_50cm";
-  return data_folder() / ("radar/" + name + (options.radar_sdk == "3.4" ? "_sdk3.4.cfg" : ".cfg"));
+  return data_folder() / ("radar/" + name + ".cfg");
 }
 
 // OpenNI2 is installed here, as the build found it.
@@ -197,13 +197,14 @@ struct Lab::Parts {
     tagger = (options.make_tagger ? options.make_tagger : bridged_tagger)(
         loop, player,
         {.tagging = options.tagging, .window_s = options.window_s, .seed = seed, .plan = plan});
-    radar = make_radar_ptys(loop, player,
-                            {.cli_link = (dir / "radar-cli").string(),
-                             .data_link = (dir / "radar-data").string(),
-                             .seed = seed,
-                             .plan = plan,
-                             .sdk = static_cast<unsigned>(options.radar_sdk.back() - '0'),
-                             .board = options.radar_board});
+    radar =
+        make_radar_ptys(loop, player,
+                        {.cli_link = (dir / "radar-cli").string(),
+                         .data_link = (dir / "radar-data").string(),
+                         .seed = seed,
+                         .plan = plan,
+                         .sdk = find_radar_cfg(options).string().ends_with("_sdk3.4.cfg") ? 4U : 5U,
+                         .board = options.radar_board});
     depth = make_depth_feed(
         loop, player, {.socket_path = (dir / "depth.sock").string(), .seed = seed, .plan = plan});
     make_openni(dir);

@@ -43,7 +43,7 @@ struct LabOptions {
   Tagging tagging{.laser_rate_hz = 4e6};  // the brightest scenes click less than once in 20 pulses
   double window_s = 3;    // window of the daemon; signal and background counts are per window
   std::string radar_cfg;  // if empty, the paper's 50 cm profile
-  std::string radar_sdk = "3.5", radar_board = "isk";
+  std::string radar_board = "isk";
   std::string faults;  // a file of faults; if empty, there are none
   std::string log;     // a file for everything sent; if empty, there is none
   // Makes a time tagger that replaces the one behind the bridge; the maker sets its faults.
