@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: MIT
 # cmake -DSOURCE=ROOT -DOUT=commit.cpp -P commit.cmake: the commit of the sources as a function. Of an archive that
 # git made it is in commit.txt; "+" behind it: the sources were changed since.
+cmake_policy(VERSION 3.20)
 file(READ ${SOURCE}/drivers/program/commit.txt commit)
 string(STRIP "${commit}" commit)
 if(commit MATCHES "Format")

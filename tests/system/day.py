@@ -1,0 +1,96 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: MIT
+"""tests/system/day.py BIN_DIR: a run of 24 h whose radar has eight antennas, read by all programs. Their time and memory are
+compared with those for a tenth of the run: time grows as the run does, memory by much less than the file."""
+import os
+import pathlib
+import shutil
+import sqlite3
+import subprocess
+import sys
+import tempfile
+import unittest
+
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "view"))
+from websocket import Client  # noqa: E402
+
+bin_dir = pathlib.Path(sys.argv[1]).resolve()
+MADE, TENTH, DAY = 240, 2_880, 28_800  # records
+MEMORY_A_RECORD = 1024  # bytes that a program may keep of each record, which itself has 8 KiB
+RESERVE = 16 << 20  # bytes of buffers, and that the allocator holds back
+LONGER, START_S = 15, 0.5  # ten times the records, and what is not in proportion
+
+
+def grow(run, out, records):
+    """A copy of the run with its records again and again, each time 12 minutes later."""
+    shutil.copy(run, out)
+    db = sqlite3.connect(out)
+    columns = [row[1] for row in db.execute("PRAGMA table_info(record)")]
+    values = ", ".join("idx + ?1" if name == "idx" else f"{name} + ?1 * 3000000000" if name.endswith("_ns") else name
+                       for name in columns)
+    for first in range(MADE, records, MADE):
+        db.execute(f"INSERT INTO record SELECT {values} FROM record WHERE idx < {MADE}", (first,))
+    db.commit()
+    db.close()
+
+
+class Day(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.folder = tempfile.TemporaryDirectory(prefix="echofuse-")
+        cls.dir = pathlib.Path(cls.folder.name)
+        seed = cls.dir / "seed.sqlite"
+        subprocess.run([bin_dir / "echofuse-sim", "dataset", "-q", "--out", seed, "--records", str(MADE), "--set",
+                        "radar_antennas=8"], check=True)
+        subprocess.run([bin_dir / "echofuse-recon", "-q", "train", seed, "--model", "factorised-4", "--out", cls.dir / "model"],
+                       check=True)
+        for records in TENTH, DAY:
+            grow(seed, cls.dir / f"{records}.sqlite", records)
+
+    @classmethod
+    def tearDownClass(cls):
+        cls.folder.cleanup()
+
+    def cost(self, command, use=None):
+        """Processor time (s) and highest memory (bytes) of a program; `use` is given its first line and ends its work."""
+        with subprocess.Popen([bin_dir / command[0], *command[1:]], stdout=subprocess.PIPE, text=True) as process:
+            if use:
+                use(process.stdout.readline().strip())
+                process.terminate()
+            process.stdout.read()
+            _, status, used = os.wait4(process.pid, 0)
+            process.returncode = os.waitstatus_to_exitcode(status)
+        self.assertEqual(process.returncode, 0, command)
+        return used.ru_utime + used.ru_stime, used.ru_maxrss * 1024
+
+    def compare(self, command_of, use_of=lambda records: None):
+        (short_s, small), (long_s, large) = (
+            self.cost(command_of(self.dir / f"{records}.sqlite", records), use_of(records)) for records in (TENTH, DAY))
+        print(f"{command_of('RUN', '')[:2]}: {short_s:.2f} s and {small >> 20} MiB, {long_s:.2f} s and {large >> 20} MiB", flush=True)
+        self.assertLess(long_s, LONGER * short_s + START_S)
+        self.assertLess(large - small, MEMORY_A_RECORD * (DAY - TENTH) + RESERVE)
+
+    def test_info(self):
+        self.compare(lambda run, _: ["echofuse-acquire", "info", run, "--json"])
+
+    def test_reconstruct(self):
+        self.compare(lambda run, records: ["echofuse-recon", "-q", "reconstruct", self.dir / "model", run, "--follow",
+                                           "--format", "npy", "--out", self.dir / f"maps{records}"])
+
+    def test_view(self):
+        def look(records):
+            def use(address):
+                client = Client(address, timeout_s=300)
+                self.assertEqual(client.until("state")["records"], records)
+                self.assertTrue(client.until("strip")["arrays"]["first"])
+                client.ask({"show": records // 2})
+                self.assertEqual(client.until("record", lambda m: not m["live"])["index"], records // 2)
+                client.ask({"sheet": [0, records]})
+                self.assertLess(len(client.until("sheet")["index"]), TENTH)  # as many as a screen shows
+                client.socket.close()
+            return use
+        self.compare(lambda run, _: ["echofuse-view", run, "--listen", "127.0.0.1:0", "--model", self.dir / "model"], look)
+
+
+if __name__ == "__main__":
+    unittest.main(argv=sys.argv[:1] + sys.argv[2:])
