@@ -136,7 +136,7 @@ class KeptPort final : public port::BytePort {
   std::shared_ptr<Link> link_;
 };
 
-// When the live run did what.
+// Times of the live run: its start, its first slot, the offset of its clock.
 struct LiveRun {
   std::optional<HostTime> started, first_slot;
   UtcTime utc_offset{};

@@ -95,7 +95,7 @@ class RunWriter {
   bool close(const std::string& status);
   void close_as_one_file(const std::string& status);  // throws Error(failed) instead
   bool lost() const { return !harm_.empty(); }        // as the last call found
-  // Takes the room for the status on a full disk, which was not there when the run was opened.
+  // Reserves room on the disk again, so that the status can be written when it is full.
   void reserve() const;
 
   // Another program may hold the file by a write transaction. A call waits for its end, for 30 s,

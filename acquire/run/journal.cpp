@@ -107,7 +107,7 @@ void Journal::begin_part() {
   put([this](record::RunWriter& run) {
     std::shared_ptr<record::RunWriter> before;
     const auto [whole, number] = record::whole_and_number(run.path());
-    const bool again = part_ > number;  // the last one was not begun
+    const bool again = part_ > number;  // beginning this part failed before
     part_ = std::max(part_, number) + 1;
     while (again && std::filesystem::exists(record::part_path(whole, part_))) ++part_;
     try {

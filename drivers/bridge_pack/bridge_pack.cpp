@@ -29,7 +29,7 @@ std::uint32_t echofuse_bridge_pack_version() { return 2; }
 
 void echofuse_pack_tags(const void* from, void* to, std::size_t count, std::int32_t start_channel,
                         std::int32_t click_channel, EchofusePacked* packed) {
-  // So many that the CRC finds them in the first cache.
+  // Tags of 24 KiB: the CRC finds them in the processor's first cache.
   constexpr std::size_t piece = 1536;
   using Words [[gnu::vector_size(sizeof(Tag))]] = std::int32_t;
   const Words click{0, click_channel, 0, 0};

@@ -205,10 +205,10 @@ std::uint32_t frame_bytes(const Cfg& cfg, const RadarProfile& profile, std::uint
   const auto on = [&](std::size_t flag) { return cfg.number(gui, flag) != 0; };
   constexpr std::uint32_t header = 40, tlv = 8, unit = 32;
   std::uint32_t bytes = header;
-  if (on(2)) bytes += tlv;                            // points: those come on top
-  if (on(3)) bytes += tlv + 2 * bins;                 // range profile
-  if (on(4)) bytes += tlv + 2 * bins;                 // noise profile
-  if (on(5)) bytes += tlv + 4 * samples;              // heat map
+  if (on(2)) bytes += tlv;                // head of the list of points; the points add to it
+  if (on(3)) bytes += tlv + 2 * bins;     // range profile
+  if (on(4)) bytes += tlv + 2 * bins;     // noise profile
+  if (on(5)) bytes += tlv + 4 * samples;  // heat map
   if (on(6)) bytes += tlv + 2 * bins * doppler_bins;  // range-Doppler heat map
   if (on(7)) bytes += tlv + 24 + tlv + 28;            // stats and temperature
   return (bytes + unit - 1) / unit * unit;

@@ -178,7 +178,7 @@ Command add_train(CLI::App& app, const Common& common) {
         !wants_alignment(candidate_of(a->model, {}).model))
       throw Error(ExitCode::usage, "--empty: " + a->model +
                                        " takes the records as they are; a factorised model or the "
-                                       "silhouette knows what stands still");
+                                       "mean-shape knows what stands still");
     if (a->fit.hidden && a->model != "auto" &&
         kind_of(candidate_of(a->model, {}).model).size != ModelKind::Size::hidden)
       throw Error(ExitCode::usage,

@@ -156,7 +156,8 @@ void require_map(const Dataset& data, const record::MapGrid& grid, const std::st
 // otherwise; `whose` names the owner of the wanted ones.
 void match_axes(Dataset& data, const Axis& spd, const Axis& radar, Inputs inputs,
                 const std::string& whose = "the model's");
-// Same for the radar's antennas. An axis of count 0 (a model without them) drops them.
+// Brings the antennas' axis onto the model's, as match_axes. Count 0 (a model without antennas)
+// drops them. Throws Error(failed).
 void match_array(Dataset& data, const Axis& array);
 
 }  // namespace echofuse::recon

@@ -33,8 +33,8 @@ double PileUp::correct(std::span<float> counts, double pulses) const {
   double least = 1;
   for (std::size_t i = 0; i < counts.size(); ++i) {
     const double middle = static_cast<double>(i) + 0.5, since = middle - rest;
-    // Clicks block that come from this pulse, from the one before as far as the dead time reaches,
-    // and from all whole periods within the dead time.
+    // Detections that leave the detector dead in bin i: earlier ones of the same pulse, those of
+    // the pulse before within the dead time, and those of all whole periods within it.
     double blocked = before[i] - std::min(up_to(since), before[i]) + whole * all;
     if (!std::isinf(dead)) blocked += all - up_to(since + period);
     const auto found = double{counts[i]};

@@ -29,7 +29,7 @@ struct MethodConfig {
   double shift_to_m = 0.6;  // baseline of .5 m make .3 m, and the radar may read too long
   // Features of the radar's antennas.
   double part_from_m = -0.5;       // centres of the overlapping parts of the window
-  double part_to_m = 0.65;         // that show how the body spreads
+  double part_to_m = 0.65;         // last part, m; the parts show how far the body spreads
   double least_part_m = 0.15;      // a part of one fine bin would be noise
   std::int64_t lags_of_parts = 4;  // longer lags say no more of parts
   std::int64_t directions = 96;    // a third of the beam of eight antennas apart, or less

@@ -79,7 +79,7 @@ void score_similarity(MapScores& out, std::span<const float> raw, std::span<cons
   const auto map = ssim_map(raw, truth, size, scene.grid.far_m);
   out[metric_ssim] = out[metric_ssim_hard] = mean_of(map);
   out[metric_ssim_fg] = ssim_near(map, mask, size);
-  if (const auto hard = hard_map(raw, scene); !std::ranges::equal(hard, raw))
+  if (const auto hard = thresholded_map(raw, scene); !std::ranges::equal(hard, raw))
     out[metric_ssim_hard] = mean_of(ssim_map(hard, truth, size, scene.grid.far_m));
 }
 

@@ -118,7 +118,7 @@ std::vector<float> within_span(std::span<const float> prediction, const Scene& s
   return out;
 }
 
-std::vector<float> hard_map(std::span<const float> prediction, const Scene& scene) {
+std::vector<float> thresholded_map(std::span<const float> prediction, const Scene& scene) {
   if (!scene.has_body()) return {prediction.begin(), prediction.end()};
   std::vector<float> out = scene.background;
   const auto share = foreground_share(prediction, scene);

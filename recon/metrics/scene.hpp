@@ -7,7 +7,7 @@
 // A pixel of a prediction v is foreground if it lies nearer to m, the mean depth of the training
 // foreground, than to b. In the open room b = 0 and m is about 3.5 m, so the rule reads v > 1.75 m.
 // No body stands out if a quarter of what is off the background lies behind it, as when a wall is
-// moved to and fro. Then nothing is foreground, and the hard map is the raw one.
+// moved to and fro. Then nothing is foreground, and the thresholded map is the raw one.
 #pragma once
 #include <cstdint>
 #include <span>
@@ -57,7 +57,7 @@ std::vector<float> foreground_share(std::span<const float> prediction, const Sce
 // 0..far_m.
 std::vector<float> within_span(std::span<const float> prediction, const Scene& scene);
 
-// The hard map is the prediction where it is foreground, and the background elsewhere.
-std::vector<float> hard_map(std::span<const float> prediction, const Scene& scene);
+// The thresholded map is the prediction where it is foreground, and the background elsewhere.
+std::vector<float> thresholded_map(std::span<const float> prediction, const Scene& scene);
 
 }  // namespace echofuse::recon

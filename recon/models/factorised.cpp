@@ -244,6 +244,6 @@ FitOptions Factorised::sizes() const {
 }
 
 std::unique_ptr<Model> make_factorised() { return std::make_unique<Factorised>(true); }
-std::unique_ptr<Model> make_silhouette() { return std::make_unique<Factorised>(false); }
+std::unique_ptr<Model> make_mean_shape() { return std::make_unique<Factorised>(false); }
 
 }  // namespace echofuse::recon

@@ -2,8 +2,8 @@
 // Factorised model: takes the scene apart into place and appearance. Place: from the radar
 // profile's shift against the histogram. Appearance: a few masks and depths in a frame that moves
 // with the body, drawn into the map. Small networks give the place and the amounts of the shapes.
-// Needs both sensors, and one thing that stands out from the background. The silhouette is the same
-// without the last network: the mean body, placed.
+// Needs both sensors, and one thing that stands out from the background. The mean-shape model has
+// no network for the amounts: the mean body, placed.
 #pragma once
 #include <functional>
 #include <memory>

@@ -9,7 +9,7 @@ namespace echofuse::recon {
 namespace {
 
 // Shapes vary in more ways than places.
-constexpr double shape_pull = 10;
+constexpr double shape_penalty = 10;
 
 void move_mean(Components& components, const Matrix& seen, const Matrix& found) {
   const auto share = static_cast<float>(Tuning::belief(seen.rows)) / static_cast<float>(seen.rows);
@@ -41,7 +41,7 @@ std::unique_ptr<Model> Factorised::tuned(const Samples& train, const Tuning& tun
   out->move_mean_body(seen, train);
   if (!model_.has_shapes) return out;
   if (tuning.turn) training.redraw = out->turning_shapes(turned);
-  training.pull *= shape_pull;
+  training.l2_penalty *= shape_penalty;
   out->model_.shape.tune({seen.views, out->amounts(seen, train), rows}, training, "shape");
   return out;
 }

@@ -67,7 +67,7 @@ const std::vector<ModelKind>& model_kinds() {
   static const std::vector<ModelKind> kinds{
       {"empty", make_empty_room, nothing, fixed, {}},
       {"mean", make_mean, nothing, fixed, {}},
-      {"silhouette", make_silhouette, aligned, fixed, placed},
+      {"mean-shape", make_mean_shape, aligned, fixed, placed},
       {"factorised", make_factorised, aligned, basis, placed},
       {"ridge", make_ridge, inputs, fixed, {}},
       {"pca-mlp", [] { return make_pca(make_mlp()); }, inputs, hidden, with_basis(128, network)},
@@ -93,6 +93,9 @@ std::string model_help() {
 }
 
 const ModelKind& kind_of(const std::string& name) {
+  if (name == "silhouette")
+    throw Error(ExitCode::usage,
+                "model \"silhouette\" is called mean-shape; train it by that name");
   std::string known;
   for (const ModelKind& kind : model_kinds()) {
     if (kind.name == name) return kind;

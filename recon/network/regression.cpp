@@ -75,7 +75,7 @@ Training training_of(const Tuning& t, std::size_t records) {
   out.batch = (records + a_pass - 1) / a_pass;
   out.seed = t.seed;
   out.quiet = true;
-  out.pull = t.pull / static_cast<double>(records);
+  out.l2_penalty = t.l2_penalty / static_cast<double>(records);
   return out;
 }
 
@@ -183,9 +183,9 @@ void Regression::move_centre(const Examples& train) {
 }
 
 // Pulls towards the weights at the start of the training (L2 penalty).
-void Regression::pull_back(const std::vector<float>& parameters, float pull) {
+void Regression::shrink_to_start(const std::vector<float>& parameters, float l2_penalty) {
   for (std::size_t i = 0; i < parameters.size(); ++i)
-    gradient_[i] += pull * (parameters[i] - parameters_[i]);
+    gradient_[i] += l2_penalty * (parameters[i] - parameters_[i]);
 }
 
 // Trains to the end of the epoch, or until an interrupt.
@@ -247,7 +247,8 @@ double Regression::train_batch(const Examples& train, std::span<const std::size_
     }
   });
   backward(network_, s.parameters, x, rows.size(), activations_, gradient_);
-  if (training.pull > 0) pull_back(s.parameters, static_cast<float>(training.pull));
+  if (training.l2_penalty > 0)
+    shrink_to_start(s.parameters, static_cast<float>(training.l2_penalty));
   s.adam.step(s.parameters, gradient_, learning_rate);
   return std::accumulate(squares.begin(), squares.end(), 0.0);
 }

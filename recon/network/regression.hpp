@@ -40,7 +40,7 @@ struct Training {
   bool quiet;
   Redraw redraw = {};               // if empty, the examples stay as they are
   std::vector<float> weights = {};  // weights of each column's squared errors; if empty, all are 1
-  double pull = 0;                  // weight of half the squared distance from the first weights
+  double l2_penalty = 0;            // weight of half the squared distance from the first weights
 };
 
 Training training_of(const Tuning& tuning, std::size_t records);
@@ -81,7 +81,7 @@ class Regression {
   void standardise(const Examples& train, Spread spread, const std::vector<float>& weights);
   void train_epoch(const Examples& train, const Training& training, TrainingState& s);
   void move_centre(const Examples& train);
-  void pull_back(const std::vector<float>& parameters, float pull);
+  void shrink_to_start(const std::vector<float>& parameters, float l2_penalty);
   double train_batch(const Examples& train, std::span<const std::size_t> rows,
                      const Training& training, TrainingState& s, double learning_rate);
   void judge(const Examples& validation, TrainingState& s, const std::string& title);

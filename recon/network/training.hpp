@@ -35,7 +35,7 @@ struct TrainingLog {
 struct Tuning {
   // L2 penalty to the old weights: weight of the mean squared distance from them, times the number
   // of records. INFINITY leaves the networks unchanged.
-  double pull = 1;
+  double l2_penalty = 1;
   // With networks that stay, a model that places a body still learns its mean body. Also learns the
   // offset and scale of its places.
   bool correct = false;
@@ -44,8 +44,8 @@ struct Tuning {
   std::size_t steps = 200, batch = 64;  // a step takes at most so many records
   double learning_rate = 4e-3;          // the first rate; it falls to zero
   std::uint64_t seed = 1;
-  bool networks_stay() const { return std::isinf(pull); }
-  // Share, 0 to 1, of a mean residual over this number of records that is believed.
+  bool networks_stay() const { return std::isinf(l2_penalty); }
+  // Factor, 0 to 1, by which a residual's mean over so few records shrinks before it corrects.
   static double belief(std::size_t records) {
     return static_cast<double>(records) / static_cast<double>(records + 10);
   }

@@ -142,7 +142,7 @@ void TensorFile::parse(const std::string& header, ByteView values) try {
     at = end;
   }
   if (at != values.size()) refuse("data_offsets", "bytes that belong to no tensor");
-  // Copies once no two share their bytes: all together are no larger than the file.
+  // Copies the tensors only now: none shares bytes with another, so all fit in the file's size.
   for (const auto& [begin, end, own] : places)
     own->assign(values.begin() + static_cast<std::ptrdiff_t>(begin),
                 values.begin() + static_cast<std::ptrdiff_t>(end));

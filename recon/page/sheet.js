@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// The contact sheet: small maps of records spread over the run; a click shows the record.
+// Thumbnails: small maps of records spread over the run; a click shows the record.
 import {colour} from './charts.js';
 import {fill, picture, tables} from './maps.js';
 

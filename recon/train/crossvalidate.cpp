@@ -74,7 +74,7 @@ std::vector<std::string> candidates(Inputs inputs) {
   std::vector<std::string> out = {"empty", "mean"};
   if (both_sensors(inputs))
     for (const char* name :
-         {"silhouette", "factorised-4", "factorised-10", "factorised-16", "factorised-32"})
+         {"mean-shape", "factorised-4", "factorised-10", "factorised-16", "factorised-32"})
       out.emplace_back(name);
   for (const char* name : {"ridge", "pca-mlp-256-256", "mlp-512-256", "nearest"})
     out.emplace_back(name);

@@ -18,8 +18,8 @@
 namespace echofuse::recon {
 namespace {
 
-constexpr std::array pulls{100., 30., 10., 3., 1.};
-constexpr double usual_pull = 30, turned_pull = 30, least_pull_of_few = 10;
+constexpr std::array penalties{100., 30., 10., 3., 1.};
+constexpr double usual_penalty = 30, augmented_penalty = 30, least_penalty_of_few = 10;
 // Share of the pixels of the median map. People alone fill less, even if half of few records have
 // them in one place.
 constexpr double changed_share = 0.2;
@@ -28,8 +28,8 @@ const char* const as_it_was = "as it was";
 const char* const room_learnt = "the room learnt";
 const char* const corrected = "mean body, offset and scale learnt";
 const char* const alone = "these records alone";
-std::string tuned_name(double pull, bool turn) {
-  return formatted("%s with pull %g over N", turn ? "tuned and turned" : "tuned", pull);
+std::string tuned_name(double l2_penalty, bool turn) {
+  return formatted("tuned,%s L2 penalty %g over N", turn ? " bodies rotated," : "", l2_penalty);
 }
 
 bool can_be_tuned(const std::string& kind) {
@@ -98,7 +98,7 @@ void try_all(Choice& choice, const Start& start, const Split& split, const TuneO
   const Estimator& from = start.model.first();
   const Dataset& data = start.data;
   Tuning untouched = options.tuning;
-  untouched.pull = INFINITY;
+  untouched.l2_penalty = INFINITY;
   const bool aligned = wants_alignment(from.name);
   Room room = Room::kept;
   const auto add = [&](const std::string& name, Choice::Fit fit) {
@@ -123,15 +123,15 @@ void try_all(Choice& choice, const Start& start, const Split& split, const TuneO
       tuning.correct = true;
       return adapt(from, data, rows, room, tuning);
     });
-  const auto add_tuned = [&](double pull, bool turn) {
+  const auto add_tuned = [&](double l2_penalty, bool turn) {
     Tuning tuning = options.tuning;
-    tuning.pull = pull, tuning.turn = turn;
-    add(tuned_name(pull, turn),
+    tuning.l2_penalty = l2_penalty, tuning.turn = turn;
+    add(tuned_name(l2_penalty, turn),
         [&, tuning, room](const Rows& rows) { return adapt(from, data, rows, room, tuning); });
   };
-  for (const double pull : pulls)
-    if (many || !aligned || pull >= least_pull_of_few) add_tuned(pull, false);
-  if (many && aligned) add_tuned(turned_pull, true);
+  for (const double l2_penalty : penalties)
+    if (many || !aligned || l2_penalty >= least_penalty_of_few) add_tuned(l2_penalty, false);
+  if (many && aligned) add_tuned(augmented_penalty, true);
   if (many && with_alone)
     add(alone, [&](const Rows& rows) { return fit_alone(from, start.own, rows, options); });
   choice.choose(plainly(are_few(from, split)));
@@ -144,7 +144,7 @@ TrainingRows rows_of(const std::vector<Start>& starts) {
     if (!can_be_tuned(start.model->name))
       throw Error(ExitCode::failed,
                   "a model of kind " + start.model->name +
-                      " cannot be tuned; silhouette, factorised, mlp and pca-mlp can");
+                      " cannot be tuned; mean-shape, factorised, mlp and pca-mlp can");
     const TrainingRows found = rows_to_train(start.data, start.model->features.inputs);
     Rows both;
     std::ranges::set_intersection(out.rows, found.rows, std::back_inserter(both));
@@ -182,13 +182,13 @@ void keep_statements(Estimator& model, const Estimator& from) {
 }
 
 // Tunes the estimators for the range profile and the SPD alone, or fits them alone as the first
-// one. Their pull is not tested: they are seldom needed. With few records they learn no more than
-// the first estimator does.
+// one. Their penalty is not tested: they are seldom needed. With few records they learn no more
+// than the first estimator does.
 Estimator tune_other(const Estimator& from, const Dataset& data, const Split& split,
                      const TuneOptions& options, bool learns, bool by_alone) {
   const bool few = are_few(from, split);
   Tuning tuning = options.tuning;
-  tuning.pull = few ? INFINITY : usual_pull, tuning.correct = few && learns;
+  tuning.l2_penalty = few ? INFINITY : usual_penalty, tuning.correct = few && learns;
   const auto fit = [&](const Rows& rows) {
     return by_alone ? fit_alone(from, data, rows, options)
                     : adapt(from, data, rows, Room::kept, tuning);

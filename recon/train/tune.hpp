@@ -16,7 +16,7 @@ struct TuneOptions {
   static constexpr std::size_t least_records = 10;
   static constexpr std::size_t least_alone = 50;  // fewer records make no model of their own
   SplitOptions split;                             // no validation records, which nothing uses
-  Tuning tuning;                                  // its pull is chosen
+  Tuning tuning;                                  // its penalty is chosen
   bool quiet = true;                              // false: names the candidates on stderr
   std::string only = {};  // the one row of the table that is tried; empty: all are
 };

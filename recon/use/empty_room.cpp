@@ -118,7 +118,7 @@ std::string take_to_room(TrainedModel& model, const std::string& path, double ra
   if (!model->alignment.known() || !model->model->show_background(walls))
     throw Error(ExitCode::failed, model->name +
                                       " does not place a body: it cannot be taken to another "
-                                      "room; expected a factorised model or a silhouette");
+                                      "room; expected a factorised or a mean-shape model");
   const std::vector<float>& home = model->scene.background;
   if (!model->knows_empty_room &&
       std::any_of(home.begin(), home.end(), [](float depth_m) { return depth_m > 0; }))

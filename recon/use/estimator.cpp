@@ -154,7 +154,7 @@ Estimator fit_model(const Dataset& data, const Split& split, const Preprocessing
   out.features = fit_features(data, split.train, inputs, takes_views ? raw_scaling : scaling);
   if (takes_views && (out.features.spd_count() == 0 || out.features.radar_count() == 0))
     throw Error(ExitCode::usage,
-                "the silhouette and factorised models need both sensors: --inputs fused");
+                "the mean-shape and factorised models need both sensors: --inputs fused");
   out.scene = preprocessing.scene;
   if (takes_views) out.alignment = preprocessing.alignment;
   out.knows_empty_room = takes_views && data.empty_room.known();

@@ -89,7 +89,7 @@ std::vector<MapScores> score_maps(const Matrix& maps, const Dataset& data, const
                                   const Scene& scene);
 
 // Scores the rows, without baselines and cost. A `title` shows a progress line on stderr. Without
-// `judge` takes that of the model and the run (judge_of).
+// `judge` the scores are by judge_of(model, run).
 Evaluation evaluate(const TrainedModel& model, const Records& records, const Rows& rows,
                     const std::string& title = {}, const std::optional<Judge>& judge = {});
 

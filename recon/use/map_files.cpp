@@ -108,7 +108,7 @@ MapFiles::Ready MapFiles::prepare(std::int64_t index, std::span<const float> pre
   };
   // Only colours and points show it.
   std::vector<float> there;
-  if (wants("ply") || wants("colour")) there = hard_map(map, scene_);
+  if (wants("ply") || wants("colour")) there = thresholded_map(map, scene_);
   if (wants("ply")) picture(".ply", point_cloud(there, scene_.grid, span_));
   if (wants("colour")) picture(".png", depth_picture(there, span_, picture_zoom));
   if (wants("mm")) picture("_mm.png", millimetre_picture(map, scene_.grid.size));

@@ -17,8 +17,8 @@ namespace echofuse::recon {
 //   colour  NNNNNN.png: for the eye, where the map says that something is there
 //   mm      NNNNNN_mm.png: 16-bit grey, z in millimetres, 0 = no return
 //   ply     NNNNNN.ply: points x (right), y (down), z (away) in metres, the right-handed frame of
-//           camera.json, with the picture's colours, of the hard map (scene.hpp), as the ripple of
-//           a least-squares map would be a fog of points
+//           camera.json, with the picture's colours, of the thresholded map (scene.hpp), as the
+//           ripple of a least-squares map would be a fog of points
 //   npy     maps.npy for all: float32 [n, N, N], metres, NaN where nothing returned; records.csv
 //           names their records. `evaluate --maps` reads both.
 //   uncertainty  NNNNNN_sd.png: 16-bit grey, the standard deviation of z in millimetres, 0 if the

@@ -50,7 +50,8 @@ FileStamp stamp_of(const std::string& path) {
   return out;
 }
 
-// Empty: none. A file is read again when it changed, a live run's once.
+// Path of the run that began last; empty if the folder has none. Reads a file again only when it
+// changed, and that of a live run once.
 std::string FollowedRun::newest_file() {
   std::error_code none;
   std::map<std::string, Begun> begun;

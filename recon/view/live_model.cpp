@@ -36,7 +36,7 @@ Reconstruction made(const TrainedModel& whole, const record::RunReader& run, std
       predict(whole, records, {0}, states ? PredictionDetail::pixels : PredictionDetail::maps);
   if (const BodyPlace at = body_place(p.maps.row(0), whole->scene); std::isfinite(at.x_m))
     out.x_m = at.x_m, out.z_m = at.z_m;
-  out.map_m = hard_map(p.maps.row(0), whole->scene);
+  out.map_m = thresholded_map(p.maps.row(0), whole->scene);
   if (p.deviation.rows > 0 && !p.uncertainties.empty()) {
     const auto deviation = p.deviation.row(0);
     out.deviation_m.assign(deviation.begin(), deviation.end());

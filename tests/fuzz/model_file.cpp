@@ -84,7 +84,7 @@ const std::vector<crafted::Model>& bases() {
     out.push_back(make_base(records, "mlp-6-5", true));
     out.push_back(make_base(records, "pca-mlp-8", false));
     out.push_back(make_base(records, "nearest-3", false));
-    out.push_back(make_base(records, "silhouette", false));
+    out.push_back(make_base(records, "mean-shape", false));
     return out;
   }();
   return all;

@@ -113,7 +113,7 @@ class Freeze:
 
     def models(self) -> None:
         for world in WORLDS:
-            for kind in ("factorised-4", "silhouette", "ridge") if world != "fog" else ("mlp-32",):
+            for kind in ("factorised-4", "mean-shape", "ridge") if world != "fog" else ("mlp-32",):
                 model = f"{world}-{kind}.safetensors"
                 self.run("bin/echofuse-recon", "-q", "train", f"{world}1.sqlite", "--model", kind, "--epochs", "4", "--out", model)
                 self.weights(model)

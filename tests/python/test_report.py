@@ -52,7 +52,7 @@ def here(tmp_path_factory):
     made = tmp_path_factory.mktemp("report")
     for name, records, seed in (("run", 160, 1), ("fresh", 60, 8)):
         program("echofuse-sim", "dataset", "-q", "--out", made / f"{name}.sqlite", "--records", records, "--seed", seed)
-    for name, *words in (("fused", "ridge"), ("spd", "ridge", "--inputs", "spd"), ("radar", "ridge", "--inputs", "radar"), ("body", "silhouette"),
+    for name, *words in (("fused", "ridge"), ("spd", "ridge", "--inputs", "spd"), ("radar", "ridge", "--inputs", "radar"), ("body", "mean-shape"),
                          ("mean", "mean"), ("again", "ridge", "--seed", "2"), ("paper", "paper", "--inputs", "spd", "--epochs", "2")):
         program("echofuse-recon", "train", "-q", made / "run.sqlite", "--set", "fallback=false", "--out", made / name, "--model", *words)
     return made
@@ -86,7 +86,7 @@ def test_the_numbers_are_those_of_evaluate(here, tmp_path):
     assert cost[3] == blocks.three_digits(told["rows"][1]["cost"]["multiply_adds"])
 
 
-def test_the_maps_are_the_hard_maps_of_the_model(here, tmp_path):
+def test_the_maps_are_the_thresholded_maps_of_the_model(here, tmp_path):
     assert report(tmp_path, "--run", here / "fresh.sqlite", "--model", here / "body")[0] == 0
     page, maps = page_of(tmp_path), echofuse.load_model(here / "body").predict(here / "fresh.sqlite")
     for record in page["records"]:
@@ -125,7 +125,7 @@ def test_rows_of_equal_inputs_stand_together_each_by_its_name(here, tmp_path):
     assert code == 0, said
     page = page_of(tmp_path)
     assert [row[0] for row in page["first"][1]["rows"]][:5] == [
-        "ours (ridge, SPD + radar profile; 2 trainings)", "small (silhouette, SPD + radar profile)", "spd (ridge, SPD alone)",
+        "ours (ridge, SPD + radar profile; 2 trainings)", "small (mean-shape, SPD + radar profile)", "spd (ridge, SPD alone)",
         "paper (the paper's network, SPD alone)", "mean (no sensor)"]
     assert page["of"]["metrics"][2]["rows"][0][2] == "0.6389"  # beside the paper
     code, said = report(tmp_path / "no", "--run", here / "run.sqlite", "--model", f"a={here / 'spd'}", f"a={here / 'radar'}")

@@ -75,12 +75,12 @@ TEST_CASE("train --model auto keeps what does best for its cost, and says why") 
   const Folder dir;
   write_run(dir / "run", 160);
   const Outcome o =
-      recon_program("train --model auto --set candidates=empty,mean,silhouette,nearest --out " +
+      recon_program("train --model auto --set candidates=empty,mean,mean-shape,nearest --out " +
                     (dir / "m.h5") + " " + (dir / "run"));
   CAPTURE(o.text);
   REQUIRE(o.code == 0);
   CHECK_THAT(o.text, Catch::Contains("<- chosen"));
-  CHECK_THAT(o.text, Catch::Contains("silhouette on fused"));
+  CHECK_THAT(o.text, Catch::Contains("mean-shape on fused"));
   const Outcome bad = recon_program("train --model auto --set candidates=empty,oracle --out " +
                                     (dir / "m.h5") + " " + (dir / "run"));
   CHECK(bad.code == 2);
@@ -136,7 +136,7 @@ TEST_CASE("cross-validation of held poses does not call each record a new one") 
   Rows held;  // every record five times in a row
   for (std::size_t i = 0; i < 24; ++i) held.insert(held.end(), 5, once[i]);
   TrainOptions options;
-  options.candidates = {"silhouette"};
+  options.candidates = {"mean-shape"};
   options.split.kind = "blocked", options.split.gap = 5;
   options.fit.quiet = true;
   const double folds = crossvalidate(data, held, options).front().metrics[metric_iou].se;

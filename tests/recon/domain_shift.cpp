@@ -45,7 +45,7 @@ const Change blurred = [](record::FusedRecord& r) { blur(r.radar); };
 }  // namespace
 
 TEST_CASE("a run of another world is told from those of the own world") {
-  for (const auto& [name, inputs] : {std::pair{"silhouette", "fused"}, {"ridge", "radar"}}) {
+  for (const auto& [name, inputs] : {std::pair{"mean-shape", "fused"}, {"ridge", "radar"}}) {
     CAPTURE(inputs);
     const TrainedModel& model = trained(name, inputs);
     int alarms = 0;
@@ -65,7 +65,7 @@ TEST_CASE("a run of another world is told from those of the own world") {
 
 TEST_CASE(
     "gains are no other world, and few records and many of one pose are not tested too hard") {
-  const TrainedModel& model = trained("silhouette", "fused");
+  const TrainedModel& model = trained("mean-shape", "fused");
   CHECK_FALSE(shift_of(model, plates(100, 10,
                                      [](record::FusedRecord& r) {
                                        for (float& v : r.radar) v *= 5;
@@ -93,7 +93,7 @@ TEST_CASE("radar power before the body is what is nearer than half of its range"
 
 TEST_CASE("what the training was like stays in its file") {
   const Folder dir;
-  const TrainedModel& model = trained("silhouette", "fused");
+  const TrainedModel& model = trained("mean-shape", "fused");
   save_model(model, dir / "m");
   const Dataset data = plates(60, 12, blurred);
   const DomainShift a = shift_of(model, data), b = shift_of(load_model(dir / "m"), data);
@@ -141,7 +141,7 @@ TEST_CASE("a difference of few blocks has the error that their scatter about two
 }
 
 TEST_CASE("a radar whose ranges are too long is named with its error and what to do") {
-  const TrainedModel& model = trained("silhouette", "fused");
+  const TrainedModel& model = trained("mean-shape", "fused");
   const auto farther = [](record::FusedRecord& r) {  // a bin of 25 cm
     std::rotate(r.radar.begin(), r.radar.end() - 1, r.radar.end());
   };

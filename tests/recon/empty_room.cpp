@@ -75,7 +75,7 @@ TEST_CASE("a model that knows its empty room keeps its accuracy in another one, 
   write_room(dir / "here", here, 200, 1), write_room(dir / "here empty", here, 20, 2, false);
   write_room(dir / "there", elsewhere, 60, 3), write_room(dir / "again", here, 60, 3);
   write_room(dir / "there empty", elsewhere, 20, 4, false);
-  TrainedModel model = trained(dir / "here", dir / "here empty", "silhouette");
+  TrainedModel model = trained(dir / "here", dir / "here empty", "mean-shape");
   const double at_home = iou_of(model, dir / "again"), lost = iou_of(model, dir / "there");
   CHECK(at_home > 0.5);
   CHECK(lost < 0.5 * at_home);
@@ -97,7 +97,7 @@ TEST_CASE("how much too long the radar's ranges are is taken off those of the em
   write_room(dir / "here", here, 200, 1), write_room(dir / "here empty", here, 20, 2, false);
   write_room(dir / "there", elsewhere, 60, 3, true, longer_m);
   write_room(dir / "there empty", elsewhere, 20, 4, false, longer_m);
-  save_model(trained(dir / "here", dir / "here empty", "silhouette"), dir / "model");
+  save_model(trained(dir / "here", dir / "here empty", "mean-shape"), dir / "model");
   const auto iou_with = [&](double of_empty_m) {
     TrainedModel model = load_model(dir / "model");
     take_to_room(model, dir / "there empty", of_empty_m);
@@ -125,7 +125,7 @@ TEST_CASE("a dead radar stays dead in another room, and a few records make no em
 TEST_CASE("a network that does not place a body stays in its room") {
   const Folder dir;
   write_room(dir / "here", here, 60, 1), write_room(dir / "empty", here, 20, 2, false);
-  TrainedModel other = trained(dir / "here", "", "silhouette");
+  TrainedModel other = trained(dir / "here", "", "mean-shape");
   CHECK(take_to_room(other, dir / "empty") ==
         "the model was trained without --empty: what it learnt of its own walls may mislead it");
   const Outcome refused = recon_program("train -q --model mlp --empty " + (dir / "empty") +
@@ -135,7 +135,7 @@ TEST_CASE("a network that does not place a body stays in its room") {
   TrainedModel model = trained(dir / "here", "", "mlp-16");
   CHECK(error_of([&] { take_to_room(model, dir / "empty"); }) ==
         "mlp does not place a body: it cannot be taken to another room; expected a factorised "
-        "model or a silhouette");
+        "or a mean-shape model");
 }
 
 TEST_CASE("an empty room of other axes is refused before a training") {

@@ -164,7 +164,7 @@ TEST_CASE("clicks where but one training record had one move nobody") {
   *(around(0) - 8) = 1;
   TrainOptions options;
   options.uncertainty = options.fallback = false;
-  options.model = "silhouette", options.fit.quiet = true;
+  options.model = "mean-shape", options.fit.quiet = true;
   options.split.test_share = 0;
   const TrainedModel model = train(data, options);
   const Rows rows = all_rows(50);

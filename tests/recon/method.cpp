@@ -167,7 +167,7 @@ TEST_CASE("another window of the histogram makes views of another size, and a mo
   const Folder dir;
   const Dataset data = testing::load_plates(150);
   TrainOptions options;
-  options.model = "silhouette", options.uncertainty = false;
+  options.model = "mean-shape", options.uncertainty = false;
   options.fit.epochs = 2, options.fit.quiet = true;
   const TrainedModel usual = train(data, options);
   options.config.histogram_m = 0.9;

@@ -115,7 +115,7 @@ TEST_CASE("a fixed background is not foreground") {
   CHECK(score(empty, truth, scene)[metric_iou] == 0);
   CHECK(score(plate(10, 4.4f, 5.5f), truth, scene)[metric_iou] == 1);
   CHECK(score(plate(10, 4.6f, 5.5f), truth, scene)[metric_iou] == 0);
-  CHECK(hard_map(plate(10, 4.6f, 5.5f), scene) == empty);
+  CHECK(thresholded_map(plate(10, 4.6f, 5.5f), scene) == empty);
   CHECK(std::isnan(score(empty, empty, scene)[metric_iou]));
   CHECK_FALSE(true_foreground(5.45f, 5.5f));
   CHECK_FALSE(true_foreground(0, 5.5f));  // no return says nothing
@@ -152,7 +152,7 @@ TEST_CASE(
       CHECK(std::isnan(s[none]));
     CHECK(s[metric_rmse_m] == Approx(0.12));
     CHECK(s[metric_ssim] == s[metric_ssim_hard]);
-    CHECK(hard_map(off, scene) == off);
+    CHECK(thresholded_map(off, scene) == off);
   }
   // A door leaf: it covers half of the view, and swings.
   Matrix leaf(0, size * size);

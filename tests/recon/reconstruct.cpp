@@ -194,7 +194,7 @@ TEST_CASE("a dead sensor's records are left out by number") {
 TEST_CASE("records.csv says where the body is, and ten lines alike are a count") {
   const Folder dir;
   write_run(dir / "run", 120);
-  REQUIRE(recon_program("train -q --set fallback=false --model silhouette " + (dir / "run") +
+  REQUIRE(recon_program("train -q --set fallback=false --model mean-shape " + (dir / "run") +
                         " --out " + (dir / "m"))
               .code == 0);
   write_run(dir / "fresh", 16, 2, [](record::FusedRecord& r) {

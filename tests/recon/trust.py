@@ -103,7 +103,7 @@ def runs():
         for reference in (200, 3600):
             found = {100: [], 1000: [], "other": []}
             for k in range(references):
-                model = train(dataset(reference, kind=kind), "--model", "silhouette")
+                model = train(dataset(reference, kind=kind), "--model", "mean-shape")
                 for size, runs_of in ((100, 10), (1000, 10)):
                     found[size] += [evaluate(model, dataset(size, kind=kind))["domain_shift"]["p"] for _ in range(runs_of)]
                 found["other"] += [evaluate(model, dataset(100, kind=kind, twin=2 * k + n))["domain_shift"]["p"] for n in (0, 1)]
@@ -143,7 +143,7 @@ def laboratory():
     """A run of the laboratory without faults is like a data set of the same slot length."""
     for window_s, count in ((.2, 100), (1, 60)) if arguments.quick else ((.2, 200), (1, 100), (3, 60)):
         frames = round(20 * window_s)
-        model = train(dataset(2000, f"window_s={window_s}", f"radar_frames={frames}"), "--model", "silhouette")
+        model = train(dataset(2000, f"window_s={window_s}", f"radar_frames={frames}"), "--model", "mean-shape")
         run = folder / f"lab{window_s}.sqlite"
         program("sim", "lab", "--dir", folder / "lab", "--scene", "mixed", "--hold", max(window_s, 1), "--window", window_s,
                 "--laser-rate-hz", "2e7", "--", arguments.bin / "echofuse-acquire", "run", "--config",

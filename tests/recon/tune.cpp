@@ -59,7 +59,7 @@ double iou(const TrainedModel& model, const Dataset& data) {
 
 TEST_CASE("a few records take a model to another room") {
   const Dataset fresh = plates(100, 9, true);
-  for (const std::string kind : {"factorised", "silhouette", "mlp", "pca-mlp"}) {
+  for (const std::string kind : {"factorised", "mean-shape", "mlp", "pca-mlp"}) {
     CAPTURE(kind);
     const TrainedModel& old = old_model(kind);
     const TunedModel tuned = tune(old, plates(20, 5, true), all_records());
@@ -176,9 +176,10 @@ TEST_CASE("every outcome of a tuning is written, read back, and judged") {
     const Dataset fresh = plates_of(inputs, 6, 9);
     for (const std::int64_t records : {10, 49, 50}) {
       const Dataset data = plates_of(inputs, records, 5);
-      for (const char* only : {"as it was", "the room learnt", "mean body, offset and scale learnt",
-                               "tuned with pull 10 over N", "tuned and turned with pull 30 over N",
-                               "these records alone"}) {
+      for (const char* only :
+           {"as it was", "the room learnt", "mean body, offset and scale learnt",
+            "tuned, L2 penalty 10 over N", "tuned, bodies rotated, L2 penalty 30 over N",
+            "these records alone"}) {
         TuneOptions how = all_records();
         how.only = only, how.tuning.steps = 2;
         TunedModel tuned;

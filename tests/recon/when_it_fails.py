@@ -40,7 +40,7 @@ class WhenItFails(unittest.TestCase):
         for name, settings, count in (("profile", (), 1200), ("closed", ("background=closed",), 1200), ("antennas", antennas, 3000)):
             run = dataset(cls.folder / f"{name}.sqlite", 1, *settings, count=count)
             cls.models[name] = cls.folder / f"{name}.safetensors"
-            program("recon", "train", "-q", run, "--model", "silhouette", "--epochs", 30, "--set", "fallback=false", "--out", cls.models[name])
+            program("recon", "train", "-q", run, "--model", "mean-shape", "--epochs", 30, "--set", "fallback=false", "--out", cls.models[name])
 
     def see(self, beginning, *settings, model="profile", **how):
         """The words of the row, what the run's line is, and of each record the reason."""

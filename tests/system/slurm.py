@@ -174,7 +174,7 @@ class Slurm(unittest.TestCase):
 
     def test_study(self):
         bench = ["echofuse-bench", "stability", "-q", "--quick", "--seeds", "1", "--records", "120",
-                 "--test-records", "20", "--axes", "matched-side", "shifted-radar_offset", "--methods", "silhouette", "nearest",
+                 "--test-records", "20", "--axes", "matched-side", "shifted-radar_offset", "--methods", "mean-shape", "nearest",
                  "--out"]
         self.submit("study.sbatch", 4, *bench, "spread.csv")
         self.finish()

@@ -113,7 +113,7 @@ class Page(live_view.LiveView):
         self.wait("record 1", lambda: self.text("shown").startswith("record 1,"))
         self.key("End")
         self.wait("live record", lambda: int(self.text("shown").split()[1].rstrip(",")) > 1)
-        self.wait("contact sheet", lambda: self.js("return document.querySelectorAll('#sheet button').length") > 0)
+        self.wait("thumbnails", lambda: self.js("return document.querySelectorAll('#sheet button').length") > 0)
         self.key("m")
         self.wait("question", lambda: self.js("return document.getElementById('ask-text').checkVisibility()"))
         self.js("document.getElementById('ask-text').value = 'door opened'; document.getElementById('ask-ok').click()")
@@ -161,7 +161,7 @@ class Page(live_view.LiveView):
         self.assertIn("LOOK", self.text("lamp-spd"))
         self.wait("green lamp of the radar", lambda: self.lamp("radar") == "ok")
         self.wait("event of it", lambda: "SPD: record" in self.text("events") and "weak: " in self.text("events"))
-        self.wait("maps of the contact sheet", lambda: self.js(
+        self.wait("maps of the thumbnails", lambda: self.js(
             "return +document.querySelector('#sheet button:last-child').dataset.index") > before)
         daemon.send_signal(signal.SIGINT)
         log = self.finish(daemon)

@@ -144,7 +144,7 @@ TEST_CASE("the programs take the parts of a run as one") {
     CHECK(view.last() == 59);
   }
   const auto trained =
-      program("echofuse-recon train --model silhouette " + run + " --out " + model);
+      program("echofuse-recon train --model mean-shape " + run + " --out " + model);
   CAPTURE(trained.text);
   REQUIRE(trained.code == 0);
   CHECK(program("echofuse-recon evaluate --all " + model + " " + run).code == 0);

@@ -303,7 +303,7 @@ def main() -> None:
     one.add_argument("train", help="run to train on")
     one.add_argument("test", help="run to judge by")
     one.add_argument("--methods", nargs="+", metavar="METHOD",
-                     default=["empty", "mean", "nearest", "ridge", "silhouette", "factorised-16", "mlp-512-256"])
+                     default=["empty", "mean", "nearest", "ridge", "mean-shape", "factorised-16", "mlp-512-256"])
     one.add_argument("--sweep", nargs="*", metavar="METHOD", default=[], help="methods with fewer photons and records")
     one.add_argument("--photons", nargs="*", type=float, default=[0.1, 0.01, 0.001], help="shares of the photons")
     one.add_argument("--records", nargs="*", type=float, default=[0.05, 0.2, 0.5], help="shares of the training records")

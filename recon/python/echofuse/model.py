@@ -54,7 +54,7 @@ class Estimator:
 
     def predict(self, counts: NDArray[Any], power: NDArray[Any], lags: NDArray[Any]) -> NDArray[Any]:
         """counts [n, bins], power [n, points], lags [n, points, 2 D + 1] or [n, 0, 1]: maps [n, N, N] in metres."""
-        if self.kind in ("factorised", "silhouette"):
+        if self.kind in ("factorised", "mean-shape"):
             maps = Method(self.t, self.f).predict(counts, power, lags)
         else:
             maps = baselines.predict(self.t, self.f, counts, power)

@@ -43,7 +43,7 @@ TERMS = (
     ("ghost", "of the body that is drawn, beside the truth and beside its mirror image about the SPD's axis, how much is at the mirror image: "
               "0 none, 0.5 as much; a little below 0 by chance."),
     ("on the true side", "of the bodies more than 0.3 m off the axis."),
-    ("hard map", "what is nearer to the background than to the mean body is set to the background."),
+    ("thresholded map", "what is nearer to the background than to the mean body is set to the background."),
     ("p", "of a run as a whole: how probably a run like the training is as far from it; below 0.001 the run is unlike the training."),
     ("flagged", "a single record that is unlike the training records."),
     ("SSIM, RMSE", "similarity of structure; root of the mean squared depth error, over the map."))

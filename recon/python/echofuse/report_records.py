@@ -80,13 +80,13 @@ def reconstructed(mode: Mode, run: pathlib.Path, folder: pathlib.Path, room: Seq
 
 
 def map_of(mode: Mode, scored: Scores, at: int, judged: Judged, made: Map) -> Block:
-    """The hard map of a record, as it is scored, and what the model says of it."""
+    """The thresholded map of a record, as it is scored, and what the model says of it."""
     raw, deviation = made
     words = [f"IoU {scored['iou'][at]:.2f}"] + [f"{name} {100 * scored[metric][at]:.1f} cm" for name, metric in
              (("lateral error", "lateral_m"), ("depth error", "depth_mae_m")) if not np.isnan(scored[metric][at])]
     within = scored["lateral_interval_90_m"][at]
     stated = UNCALIBRATED if deviation is None else "the place is not known" if np.isnan(within) else f"within {100 * within:.0f} cm sideways (90 %)"
-    out = {"name": mode.title, "map": packed(judged.hard(raw), 1e-3, "<u2"), "share": packed(judged.share(raw), 0.005, "u1"),
+    out = {"name": mode.title, "map": packed(judged.thresholded(raw), 1e-3, "<u2"), "share": packed(judged.share(raw), 0.005, "u1"),
            "scores": ", ".join(words) + ".", "stated": stated}
     out |= {"warning": f"unlike the training: {scored.warnings[at]}"} if scored.warnings[at] else {}
     return out if deviation is None else out | {"deviation": packed(deviation, 0.01, "u1")}

@@ -116,7 +116,7 @@ class Judged(NamedTuple):
         tells = (np.abs(way) > np.float32(0.1)) & (self.body_m > 0)
         return np.where(tells, (maps - self.background) / np.where(tells, way, 1), 0).astype(np.float32)
 
-    def hard(self, maps: NDArray[np.float32]) -> NDArray[np.float32]:
+    def thresholded(self, maps: NDArray[np.float32]) -> NDArray[np.float32]:
         return np.where(self.share(maps) > 0.5, maps, self.background) if self.body_m > 0 else maps
 
     def span(self, far_m: float) -> tuple[float, float]:

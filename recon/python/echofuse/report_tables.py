@@ -35,7 +35,7 @@ class Words(NamedTuple):
 METRICS = {"iou": Words("IoU", "", 1, 2, "more"), "lateral_m": Words("lateral error", " cm", 100, 1, "less"),
            "depth_mae_m": Words("depth error", " cm", 100, 1, "less"), "ghost": Words("ghost", "", 1, 2, "0"),
            "left_right": Words("on the true side", "", 1, 2, "more"), "rmse_m": Words("RMSE", " m", 1, 2, "less"),
-           "ssim": Words("SSIM", "", 1, 2, "more"), "ssim_hard": Words("SSIM, hard map", "", 1, 2, "more"),
+           "ssim": Words("SSIM", "", 1, 2, "more"), "ssim_hard": Words("SSIM, thresholded map", "", 1, 2, "more"),
            "ssim_fg": Words("SSIM near the body", "", 1, 2, "more")}
 FIRST = ("iou", "lateral_m", "depth_mae_m")  # metrics of the first screen
 PAIRED = ("iou", "lateral_m", "depth_mae_m", "ssim_fg", "ssim_hard", "rmse_m", "ghost")
@@ -171,7 +171,7 @@ def all_table(modes: Sequence[Mode], told: dict[str, Any]) -> list[Block]:
     rows, own = rows_of(modes, told), modes[0].means
     lines = [[METRICS[m].head, *(value(row, m, best) for row, best in zip(rows, best_of(rows, m)))] for m in METRICS]
     raw, hard, empty = own["ssim"].mean, own["ssim_hard"].mean, means_of(told["trivial"]["empty"])["ssim"].mean
-    scores = f"{raw:.3f}" + (f" raw and {hard:.3f} as a hard map" if abs(raw - hard) >= 5e-4 else "")
+    scores = f"{raw:.3f}" + (f" raw and {hard:.3f} as a thresholded map" if abs(raw - hard) >= 5e-4 else "")
     out = [table("Best: and all that cannot be told apart from it", ["metric", *(row.name for row in rows)], lines), paragraph(
         "Do not read the SSIM row alone. Most of a depth map is empty room, and SSIM over the whole map mostly rewards leaving it empty: the empty "
         f"room, as the answer to every record, scores {empty:.3f}; the first model scores {scores}. IoU, lateral error and ghost say whether the "
