@@ -110,8 +110,8 @@ class Measurement {
     devices_.stop();
     if (config_.configured().contains(Sensor::radar)) fit_window();
   }
-  std::vector<Result> results() const {
-    std::vector<Result> out;
+  std::vector<CalibrationResult> results() const {
+    std::vector<CalibrationResult> out;
     if (config_.configured().contains(Sensor::spd)) out.push_back(spd());
     if (config_.configured().contains(Sensor::radar)) out.push_back(radar());
     return out;
@@ -137,10 +137,11 @@ class Measurement {
     return all;
   }
   // Response of the instruments to the reflector; `unstated` gets why a value is missing.
-  record::Response response(const std::vector<Result>& results, Unstated& unstated) const {
+  record::Response response(const std::vector<CalibrationResult>& results,
+                            Unstated& unstated) const {
     record::Response out;
     const auto& s = gatherer_.histogram().settings();
-    for (const Result& r : results) {
+    for (const CalibrationResult& r : results) {
       if (!r.peak.refusal.empty()) continue;
       if (r.sensor == Sensor::spd) {
         unstated["irf_fwhm_ps"] = fit_impulse_response(
@@ -214,9 +215,9 @@ class Measurement {
     if (spd.refusal.empty()) spd_ranges_.push_back(spd.range_m);
     repeats_.push_back(std::exchange(gatherer_.frames, {}));
   }
-  Result spd() const {
-    Result r{Sensor::spd, photons(all_counts_), spread_of(spd_ranges_),
-             "Gaussian by maximum likelihood"};
+  CalibrationResult spd() const {
+    CalibrationResult r{Sensor::spd, photons(all_counts_), spread_of(spd_ranges_),
+                        "Gaussian by maximum likelihood"};
     const double a_pulse =
         gatherer_.histogram().gaps().clicks_a_pulse(clicks_, starts_).value_or(0);
     if (r.peak.refusal.empty() && a_pulse > record::most_clicks_a_pulse)
@@ -225,8 +226,9 @@ class Measurement {
     r.peak.standard_error_m = honest_error(r.peak.standard_error_m, spd_ranges_);
     return r;
   }
-  Result radar() const {
-    Result r{Sensor::radar, echo(frames_), spread_of(radar_ranges_), "least squares of the lobe"};
+  CalibrationResult radar() const {
+    CalibrationResult r{Sensor::radar, echo(frames_), spread_of(radar_ranges_),
+                        "least squares of the lobe"};
     if (!devices_[Sensor::radar].delivers()) r.peak.refusal = devices_.describe(Sensor::radar);
     r.peak.standard_error_m = honest_error(r.peak.standard_error_m, radar_ranges_);
     return r;
@@ -247,12 +249,12 @@ class Measurement {
   std::vector<ArrayFrames> arrays_;  // by repeat
 };
 
-Calibration to_calibration(const std::vector<Result>& results,
+Calibration to_calibration(const std::vector<CalibrationResult>& results,
                            const std::optional<AntennaFit>& antennas,
                            const record::Response& response, const CalibrateOptions& options,
                            const std::optional<FirmwareBias>& firmware, const Clock& clock) {
   Calibration out;
-  for (const Result& r : results)
+  for (const CalibrationResult& r : results)
     if (r.peak.refusal.empty())
       out.entries.push_back({.sensor = r.sensor,
                              .date_utc = iso8601(clock.utc()),
@@ -359,7 +361,7 @@ ExitCode calibrate(const Config& config, const CalibrateOptions& options, port::
   nlohmann::ordered_json json{{"distance_m", options.search.distance_m},
                               {"repeats", options.repeats}};
   bool refused = false;
-  for (const Result& r : results) {
+  for (const CalibrationResult& r : results) {
     json["sensors"].push_back(json_of(r, options.search));
     if (!options.json) say(r, options.search);
     refused = refused || !r.peak.refusal.empty();

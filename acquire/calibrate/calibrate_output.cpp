@@ -7,7 +7,7 @@
 
 namespace echofuse::acquire {
 
-nlohmann::ordered_json json_of(const Result& r, const Search& search) {
+nlohmann::ordered_json json_of(const CalibrationResult& r, const Search& search) {
   nlohmann::ordered_json out{{"sensor", name_of(r.sensor)}};
   if (!r.peak.refusal.empty()) {
     out["refusal"] = r.peak.refusal;
@@ -21,7 +21,7 @@ nlohmann::ordered_json json_of(const Result& r, const Search& search) {
   return out;
 }
 
-void say(const Result& r, const Search& search) {
+void say(const CalibrationResult& r, const Search& search) {
   const Peak& p = r.peak;
   if (!p.refusal.empty())
     std::printf("%-6s refused: %s\n", name_of(r.sensor), printable(p.refusal).c_str());

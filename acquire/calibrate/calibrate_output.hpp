@@ -12,7 +12,7 @@
 
 namespace echofuse::acquire {
 
-struct Result {
+struct CalibrationResult {
   Sensor sensor{};
   Peak peak;            // fitted to all repeats together
   double spread_m = 0;  // standard deviation of the repeats
@@ -22,9 +22,9 @@ struct Result {
 // Response as a run would state it, or the reason why it cannot.
 using Unstated = std::map<std::string, std::string>;
 
-nlohmann::ordered_json json_of(const Result& result, const Search& search);
+nlohmann::ordered_json json_of(const CalibrationResult& result, const Search& search);
 nlohmann::ordered_json json_of(const AntennaFit& fit);
-void say(const Result& result, const Search& search);
+void say(const CalibrationResult& result, const Search& search);
 void say(const record::Response& response, const Unstated& unstated);
 
 }  // namespace echofuse::acquire

@@ -222,7 +222,8 @@ std::vector<std::string> files_to_read(const std::string& name) {
 }
 
 ExitCode info(const Options& o) {
-  std::fputs(describe_run(files_to_read(o.file), o.json).c_str(), stdout);
+  const std::string text = describe_run(files_to_read(o.file), o.json);
+  o.json ? static_cast<void>(std::fputs(text.c_str(), stdout)) : print(text);
   return ExitCode::ok;
 }
 
@@ -263,7 +264,7 @@ ExitCode list(const Options& o) {
     folder = config && !config->run_folder.empty() ? config->run_folder : ".";
   }
   const Catalogue found = list_runs(folder, o.folder.empty(), system_clock, o.json);
-  std::fputs(found.text.c_str(), stdout);
+  o.json ? static_cast<void>(std::fputs(found.text.c_str(), stdout)) : print(found.text);
   if (!found.left_out.empty()) spdlog::warn("left out: {}", found.left_out);
   return ExitCode::ok;
 }

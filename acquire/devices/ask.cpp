@@ -170,7 +170,7 @@ std::vector<Answer> ask(const Config& config, port::Loop& loop, const std::strin
 ExitCode list_devices(const std::optional<Config>& config, port::Loop& loop, bool json) {
   std::string camera_fault;
   Json all{{"configured", Json::array()}, {"attached", find_attached(camera_fault)}};
-  if (!json) std::printf("%s", text_of(all["attached"], camera_fault).c_str());
+  if (!json) print(text_of(all["attached"], camera_fault));
   std::fflush(stdout);
   SampleSink nobody;
   bool ok = true;
@@ -178,7 +178,7 @@ ExitCode list_devices(const std::optional<Config>& config, port::Loop& loop, boo
        config ? ask(*config, loop, "devices", nobody) : std::vector<Answer>{}) {
     ok = ok && answer.delivers;
     all["configured"].push_back(to_json(answer));
-    if (!json) std::printf("%s\n", text_of(answer).c_str());
+    if (!json) print(text_of(answer));
   }
   if (json)  // a device's strings are its own business: what is not UTF-8 is replaced
     std::printf("%s\n", all.dump(2, ' ', true, Json::error_handler_t::replace).c_str());

@@ -48,9 +48,12 @@ class Report {
 
  private:
   static void print(const Finding& finding) {
-    std::printf("%-8s %-13s %s%s%s\n", name_of(finding.grade), finding.check.c_str(),
-                printable(finding.found).c_str(), finding.advice.empty() ? "" : " -> ",
-                printable(finding.advice).c_str());
+    const std::string advice = finding.advice.empty() ? "" : " -> " + printable(finding.advice);
+    const auto padded = [](std::string text, std::size_t width) {
+      return text.append(std::max(width, text.size() + 1) - text.size(), ' ');
+    };
+    echofuse::print(padded(name_of(finding.grade), 9) + padded(finding.check, 14) +
+                    printable(finding.found) + advice);
     std::fflush(stdout);
   }
 

@@ -32,12 +32,12 @@ Finding check_modem_manager(const std::optional<Config>& config, const MachineRo
 Finding check_usb_memory(const std::optional<Config>& config, const MachineRoots& roots);
 
 // State of the clock by adjtimex(2).
-struct ClockState {
+struct KernelClock {
   bool readable = false, synchronised = false;
   double maximal_error_s = 0;
 };
-ClockState read_clock();
-Finding check_clock(const ClockState& clock);
+KernelClock read_clock();
+Finding check_clock(const KernelClock& clock);
 
 // ---- the configured devices, from two seconds of what they send
 

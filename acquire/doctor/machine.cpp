@@ -184,14 +184,14 @@ Finding check_usb_memory(const std::optional<Config>& config, const MachineRoots
           {{"limit_mib", limit}, {"needed_mib", needed}}};
 }
 
-ClockState read_clock() {
+KernelClock read_clock() {
   timex state{};
   const int answer = ::adjtimex(&state);  // modes 0: reads only
   return {answer >= 0, answer >= 0 && answer != TIME_ERROR && !(state.status & STA_UNSYNC),
           static_cast<double>(state.maxerror) * 1e-6};
 }
 
-Finding check_clock(const ClockState& clock) {
+Finding check_clock(const KernelClock& clock) {
   constexpr const char* check = "clock";
   constexpr double enough_s = 0.1;
   if (!clock.readable)

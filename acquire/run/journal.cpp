@@ -203,7 +203,7 @@ void Journal::put_counters(PerSensor<std::vector<Counter>> counters,
   put([rows = std::move(rows)](record::RunWriter& run) { run.put_counters(rows); });
 }
 
-Journal::Anchor Journal::put_anchor() {
+Journal::SlotAnchor Journal::put_anchor() {
   const HostTime mono = clock_.now();
   const UtcTime utc = clock_.utc();
   put([mono, utc](record::RunWriter& run) { run.put_anchor(mono, utc); });
@@ -211,7 +211,7 @@ Journal::Anchor Journal::put_anchor() {
 }
 
 void Journal::refresh_anchor(RunLog& log) {
-  Anchor& last = anchors_.back();
+  SlotAnchor& last = anchors_.back();
   const HostTime now = clock_.now();
   const UtcTime before = now + last.utc_offset, utc = clock_.utc();
   if (std::chrono::abs(utc - before) >= least_step) {

@@ -86,12 +86,12 @@ class Journal {
   bool finish(const std::string& status);
 
  private:
-  struct Anchor {
+  struct SlotAnchor {
     HostTime mono{};
     std::chrono::nanoseconds utc_offset{};  // UTC minus monotonic time
     HostTime from{};                        // the first slot start that it stands for
   };
-  Anchor put_anchor();
+  SlotAnchor put_anchor();
   void write(record::RunWriter& run, record::FusedRecord& record);
   void close_part(record::RunWriter& part, std::uint64_t labels);
   void take_label(std::optional<std::string> label);
@@ -104,9 +104,9 @@ class Journal {
   const Clock& clock_;
   std::set<std::string> axes_;         // by name
   PerSensor<std::string> identities_;  // devices already written
-  std::deque<Anchor> anchors_;  // the last one, and before it those that open slots began with
-  std::int64_t put_ = 0;        // records
-  std::string overflow_;        // why more jobs wait than may
+  std::deque<SlotAnchor> anchors_;  // the last one, and before it those that open slots began with
+  std::int64_t put_ = 0;            // records
+  std::string overflow_;            // why more jobs wait than may
 
   mutable std::mutex mutex_;
   std::atomic<std::size_t> waiting_ = 0;  // jobs that have not begun

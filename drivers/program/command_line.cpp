@@ -1,9 +1,6 @@
 // SPDX-License-Identifier: MIT
 #include "drivers/program/command_line.hpp"
 
-#include <sys/ioctl.h>
-#include <unistd.h>
-
 #include <algorithm>
 #include <cctype>
 #include <cstdlib>
@@ -14,6 +11,7 @@
 #include <utility>
 #include <vector>
 
+#include "drivers/program/console.hpp"
 #include "drivers/program/settings.hpp"
 
 namespace echofuse {
@@ -87,38 +85,17 @@ std::string readable(std::string text) {
   return std::regex_replace(text, std::regex("^Could not convert: (.*)"), "$1: expected a number");
 }
 
-// Width of the terminal at stdout, or $COLUMNS.
-std::size_t columns_of_help() {
-  const char* stated = std::getenv("COLUMNS");
-  winsize size{};
-  if (stated != nullptr && std::atoi(stated) > 0)
-    return static_cast<std::size_t>(std::atoi(stated));
-  const bool terminal = ::ioctl(STDOUT_FILENO, TIOCGWINSZ, &size) == 0 && size.ws_col > 0;
-  return terminal ? size.ws_col : 100;
-}
-
-// A line that is too long goes on below its text: that of an option begins at column `column`.
-std::string wrapped(const std::string& line, std::size_t columns, std::size_t column) {
-  const auto begin = line.find_first_not_of(' ');
-  const std::size_t indent = begin == 2 ? column : begin == line.npos ? 0 : begin;
-  if (line.size() <= columns || columns <= indent + 20) return line;
-  const auto at = line.rfind(' ', columns);
-  if (at == line.npos || at <= indent) return line;
-  return line.substr(0, at) + "\n" +
-         wrapped(std::string(indent, ' ') + line.substr(at + 1), columns, column);
-}
-
 // CLI11's help in lines that fit the terminal, with "(1 to 9)" for ":INT in [1 - 9]".
 class Readable final : public CLI::Formatter {
   std::string make_help(const CLI::App* app, std::string name,
                         CLI::AppFormatMode mode) const override {
     std::istringstream lines(Formatter::make_help(app, name, mode));
-    const std::size_t columns = columns_of_help();
+    const std::size_t known = columns_of_stdout(), columns = known > 0 ? known : 100;
     std::string out, line;
     for (bool examples = false; std::getline(lines, line);) {
       if (line.empty() && out.ends_with("\n\n")) continue;  // one blank line is enough
       examples = examples ? !line.empty() : line == "Examples:";
-      out += (examples ? line : wrapped(line, columns, get_column_width())) + '\n';
+      out += examples ? line + '\n' : wrapped(line + '\n', columns);
     }
     return out;
   }

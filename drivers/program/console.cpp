@@ -13,6 +13,7 @@
 #include <cstdlib>
 #include <cstring>
 #include <exception>
+#include <sstream>
 #include <utility>
 
 #include "drivers/program/printable.hpp"
@@ -115,6 +116,41 @@ std::string progress_line(const std::string& title, double share, const std::str
     out += '[' + bar + "] ";
   }
   return (out + behind).substr(0, columns);
+}
+
+std::string wrapped(const std::string& lines, std::size_t columns) {
+  std::istringstream in(lines);
+  std::string out;
+  for (std::string line; std::getline(in, line); out += line + '\n') {
+    const std::size_t begin = line.find_first_not_of(' '), gap = line.find("  ", begin);
+    std::size_t text = gap == line.npos ? begin : line.find_first_not_of(' ', gap);
+    const std::size_t indent =
+        std::min(gap == line.npos || text > columns / 2 ? begin + 2 : text, columns / 2);
+    while (line.size() > columns && begin < columns) {
+      std::size_t at = line.rfind(' ', columns);
+      if (at == line.npos || at < text) at = line.find(' ', std::max(text, columns));
+      const std::size_t next = line.find_first_not_of(' ', at);
+      if (next == line.npos) break;
+      out += line.substr(0, line.find_last_not_of(' ', at) + 1) + '\n';
+      line = std::string(indent, ' ') + line.substr(next);
+      text = indent;
+    }
+  }
+  return out;
+}
+
+std::size_t columns_of_stdout() {
+  winsize size{};
+  const char* stated = std::getenv("COLUMNS");
+  if (stated != nullptr && std::atoi(stated) > 0)
+    return static_cast<std::size_t>(std::atoi(stated));
+  return ::ioctl(STDOUT_FILENO, TIOCGWINSZ, &size) == 0 ? size.ws_col : 0;
+}
+
+void print(const std::string& lines) {
+  const std::size_t columns = ::isatty(STDOUT_FILENO) ? columns_of_stdout() : 0;
+  std::fputs((columns > 0 ? wrapped(lines, columns) : lines).c_str(), stdout);
+  if (columns == 0 && !lines.ends_with('\n')) std::fputc('\n', stdout);
 }
 
 std::size_t columns_of_terminal() {

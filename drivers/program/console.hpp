@@ -24,6 +24,15 @@ bool stderr_is_journal();
 void catch_interrupts();
 bool interrupted();
 
+// Lines of at most `columns`, broken at spaces: a longer one goes on below its text, which begins
+// behind the first gap of two spaces.
+std::string wrapped(const std::string& lines, std::size_t columns);
+// Columns of the terminal at stdout, or $COLUMNS; 0 if neither is known.
+std::size_t columns_of_stdout();
+// Writes lines to stdout, wrapped if that is a terminal. Adds a newline where the text ends in
+// none.
+void print(const std::string& lines);
+
 // Width of the terminal at stderr; 80 if unknown.
 std::size_t columns_of_terminal();
 // Makes a line of at most `columns`: a bar of `share` with `text` behind it. A narrow terminal gets

@@ -97,9 +97,11 @@ std::string paired_text(const std::vector<Judged>& all) {
   for (std::size_t k = 1; k < all.size(); ++k)
     for (const PairedDifference& d : differences_of(all, k))
       if (d.metric == metric_iou || d.metric == metric_lateral_m)
-        out += formatted("%s against %s: %s better by %.4f (95 %%: %.4f to %.4f)\n",
-                         all[k].name.c_str(), all[0].name.c_str(), metric_names[d.metric], d.mean,
-                         d.low, d.high);
+        out +=
+            formatted("%s against %s: %s better by %.4f (%s)\n", all[k].name.c_str(),
+                      all[0].name.c_str(), metric_names[d.metric], d.mean,
+                      std::isnan(d.low) ? "too few records for an interval"
+                                        : formatted("95 %%: %.4f to %.4f", d.low, d.high).c_str());
   return out;
 }
 
@@ -196,7 +198,7 @@ ExitCode evaluate_models(const Arguments& a, const Common& common) {
   std::string text;
   for (std::size_t k = 0; k < count; ++k)
     text += (k > 0 ? "\n" : "") + (count > 1 ? judged[k].name + ": " : "") + to_text(all[k]);
-  std::puts(printable_lines(text + paired_text(judged)).c_str());
+  print(printable_lines(text + paired_text(judged)));
   return ExitCode::ok;
 }
 
@@ -252,10 +254,9 @@ ExitCode evaluate_maps(const Arguments& a, const Common& common) {
   } else {
     std::vector<ScoredRow> table = scored;
     table.insert(table.end(), baselines.begin(), baselines.end());
-    std::puts(
+    print(
         printable_lines(formatted("%zu records; mean +- standard error over maps\n", rows.size()) +
-                        (note.empty() ? "" : note + "\n") + to_table(table) + paired_text(all))
-            .c_str());
+                        (note.empty() ? "" : note + "\n") + to_table(table) + paired_text(all)));
   }
   return ExitCode::ok;
 }

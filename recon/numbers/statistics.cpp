@@ -70,10 +70,12 @@ double upper_limit(std::vector<float> values, double share_above) {
 
 Rows resampled_blocks(std::size_t of, std::size_t count, Rng& rng) {
   constexpr std::size_t pose_records = 10;  // half a minute, for which a pose may be held
+  constexpr std::size_t least_blocks = 5;
+  const std::size_t block = std::clamp<std::size_t>(of / least_blocks, 1, pose_records);
   std::uniform_int_distribution<std::size_t> any(0, of - 1);
   Rows out;
   while (out.size() < count)
-    for (std::size_t first = any(rng), k = 0; k < pose_records && out.size() < count; ++k)
+    for (std::size_t first = any(rng), k = 0; k < block && out.size() < count; ++k)
       out.push_back((first + k) % of);
   return out;
 }

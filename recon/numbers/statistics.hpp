@@ -40,8 +40,9 @@ void subtract_median(std::span<float> values);
 // exponentially, so that a few hundred values place it.
 double upper_limit(std::vector<float> values, double share_above);
 
-// Returns which of `of` records in their order a resample of `count` takes: circular blocks
-// (Politis and Romano 1992). It needs more than a few blocks, or all resamples are alike.
+// Returns which of `of` records in their order a resample of `count` takes: circular blocks of ten
+// neighbours (Politis and Romano 1992), of fewer where there were not five blocks, or all resamples
+// would be alike.
 Rows resampled_blocks(std::size_t of, std::size_t count, Rng& rng);
 
 // Quantile of each column over `rows`, which is not empty.

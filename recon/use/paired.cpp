@@ -16,7 +16,7 @@ double gain(Metric metric, double first, double second) {
 
 std::vector<PairedDifference> paired_differences(const std::vector<MapScores>& first,
                                                  const std::vector<MapScores>& second) {
-  constexpr std::size_t resamples = 2000;
+  constexpr std::size_t resamples = 2000, least_records = 5;
   std::vector<PairedDifference> out;
   for (const Metric m : {metric_iou, metric_lateral_m, metric_depth_mae_m, metric_ssim_fg,
                          metric_ssim_hard, metric_rmse_m, metric_ghost}) {
@@ -39,7 +39,8 @@ std::vector<PairedDifference> paired_differences(const std::vector<MapScores>& f
         sum += differences[i];
       means.push_back(static_cast<float>(sum / n));
     }
-    row.low = double{quantile(means, 0.025)}, row.high = double{quantile(means, 0.975)};
+    if (row.records >= least_records)
+      row.low = double{quantile(means, 0.025)}, row.high = double{quantile(means, 0.975)};
     out.push_back(row);
   }
   return out;

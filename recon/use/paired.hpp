@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 // Two ways to make maps, compared record by record.
 #pragma once
+#include <cmath>
 #include <vector>
 
 #include "recon/metrics/metrics.hpp"
@@ -11,8 +12,8 @@ namespace echofuse::recon {
 struct PairedDifference {
   Metric metric{};
   std::size_t records = 0;  // records that define the metric in both
-  // Mean of both, the mean gain, and its 95 % interval.
-  double first = 0, second = 0, mean = 0, low = 0, high = 0;
+  // Mean of both, the mean gain, and its 95 % interval; NaN for fewer than five records.
+  double first = 0, second = 0, mean = 0, low = NAN, high = NAN;
 };
 double gain(Metric metric, double first, double second);
 // Gains in what both define, with intervals by resampled blocks of neighbours.

@@ -8,9 +8,9 @@
 #include <vector>
 
 #include "sim/devices/faults.hpp"
-#include "sim/devices/journal.hpp"
 #include "sim/devices/photon_source.hpp"
 #include "sim/devices/scene_player.hpp"
+#include "sim/devices/sent_log.hpp"
 
 namespace echofuse::port {
 class Loop;
@@ -21,10 +21,10 @@ namespace echofuse::sim {
 
 class Listener;
 
-// The plan holds the faults of the devices, and a journal of what the devices do, if there is one.
+// The plan holds the faults of the devices, and a log of what the devices do, if there is one.
 struct FaultPlan {
   std::vector<Fault> faults;
-  Journal* journal = nullptr;
+  SentLog* sent_log = nullptr;
 };
 
 class Device {

@@ -17,7 +17,7 @@ FaultInjector::FaultInjector(port::Loop& loop, ScenePlayer& player, const char* 
     : player_(player),
       device_(device),
       faults_(plan.faults, device),
-      journal_(plan.journal),
+      sent_log_(plan.sent_log),
       rng_(make_rng(seed, 100 + static_cast<std::uint64_t>(device[0]))),
       timer_(loop),
       on_poll_(std::move(on_poll)) {

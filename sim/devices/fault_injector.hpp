@@ -36,8 +36,8 @@ class FaultInjector {
   // Returns the time at which what is ready now goes out.
   HostTime due() const { return now() + from_seconds(amount(FaultKind::late).value_or(0)); }
 
-  void log(HostTime time, const char* what, Journal::Numbers numbers) {
-    if (journal_) journal_->put(time, device_, what, numbers);
+  void log(HostTime time, const char* what, SentLog::Numbers numbers) {
+    if (sent_log_) sent_log_->put(time, device_, what, numbers);
   }
 
  private:
@@ -47,7 +47,7 @@ class FaultInjector {
   ScenePlayer& player_;
   const char* device_;
   Faults faults_;
-  Journal* journal_;
+  SentLog* sent_log_;
   Rng rng_;
   port::Timer timer_;
   std::function<void()> on_poll_;

@@ -175,7 +175,7 @@ struct Lab::Parts {
         player(loop, o.conditions, o.schedule) {
     if (!lock.held()) throw Error(ExitCode::usage, dir.string() + ": another laboratory runs here");
     if (!o.faults.empty()) plan.faults = read_faults(read_config_text(o.faults), o.faults);
-    if (!o.log.empty()) plan.journal = &journal.emplace(o.log);
+    if (!o.log.empty()) plan.sent_log = &sent_log.emplace(o.log);
   }
 
   ~Parts() {
@@ -218,7 +218,7 @@ struct Lab::Parts {
   port::SystemLoop& loop;
   ScenePlayer player;
   FaultPlan plan;
-  std::optional<Journal> journal;
+  std::optional<SentLog> sent_log;
   LabTagger tagger;
   std::unique_ptr<Device> radar, depth;
 };
@@ -250,7 +250,7 @@ void Lab::serve(const std::function<bool()>& done) {
   parts_->loop.run_for(patience);
   parts_->remove(std::begin(transient), std::end(transient));
   write_atomically(parts_->dir / "sent.json", sent() + "\n");
-  if (parts_->journal) parts_->journal->close();
+  if (parts_->sent_log) parts_->sent_log->close();
 }
 
 std::string Lab::sent() const {

@@ -2,11 +2,8 @@
 // Shared by the tests of this folder: a folder that goes away, the program, sample records.
 #pragma once
 #include <sqlite3.h>
-#include <sys/wait.h>
 
-#include <array>
 #include <catch2/catch.hpp>
-#include <cstdio>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
@@ -15,7 +12,7 @@
 #include <vector>
 
 #include "../folder.hpp"
-#include "../paths.hpp"
+#include "../shell.hpp"
 #include "acquire/record/run_file.hpp"
 #include "drivers/program/exit_code.hpp"
 
@@ -25,6 +22,9 @@ namespace fs = std::filesystem;
 
 using echofuse::test::contents;
 using echofuse::test::Folder;
+using echofuse::test::has;
+using echofuse::test::Outcome;
+using echofuse::test::shell;
 
 inline void write_file(const std::string& path, const std::string& text) {
   std::ofstream(path, std::ios::binary) << text;
@@ -35,22 +35,6 @@ inline void sql(const std::string& path, const std::string& statement) {
   REQUIRE(sqlite3_open(path.c_str(), &db) == SQLITE_OK);
   REQUIRE(sqlite3_exec(db, statement.c_str(), nullptr, nullptr, nullptr) == SQLITE_OK);
   sqlite3_close(db);
-}
-
-struct Outcome {
-  int code = -1;
-  std::string text;  // stdout and stderr
-};
-
-inline Outcome shell(const std::string& command) {
-  FILE* pipe = popen((command + " 2>&1").c_str(), "r");
-  REQUIRE(pipe);
-  Outcome outcome;
-  std::array<char, 4096> buffer{};
-  while (const auto n = std::fread(buffer.data(), 1, buffer.size(), pipe))
-    outcome.text.append(buffer.data(), n);
-  outcome.code = WEXITSTATUS(pclose(pipe));
-  return outcome;
 }
 
 inline Outcome acquire(const std::string& arguments) {
@@ -66,10 +50,6 @@ std::pair<echofuse::ExitCode, std::string> error_of(Body body) {
     return {e.code(), e.what()};
   }
   return {echofuse::ExitCode::ok, ""};
-}
-
-inline bool has(const std::string& text, const std::string& part) {
-  return text.find(part) != std::string::npos;
 }
 
 // 8 SPD bins, 4 radar points, 3 x 2 pixels.

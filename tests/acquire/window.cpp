@@ -228,6 +228,8 @@ TEST_CASE("a sensor without usable data is not valid, and the row says why") {
     feed(windows, 10s, {start_at(0)});
     feed(windows, 10s + 499ms, {start_at(1)});
     spd = "tags for only 49 % of the slot";
+    feed(windows, 11s, {start_at(2)});
+    feed(windows, 11s + 500ms, {start_at(3)});
   }
   SECTION("frames of the wrong size") {
     windows.add(radar_frame(10s, 1, {1, 2, 3}));
@@ -253,6 +255,8 @@ TEST_CASE("a sensor without usable data is not valid, and the row says why") {
   CHECK(sync(r, Sensor::spd).verdict == spd);
   CHECK(sync(r, Sensor::radar).verdict == radar);
   CHECK(sync(r, Sensor::depth).verdict == depth);
+  CHECK(windows.close({1, false}).has(Sensor::spd) ==
+        spd.starts_with("tags for"));  // half of it is enough
 }
 
 TEST_CASE("no click refers to a start before tags that are of no open slot") {
@@ -281,13 +285,6 @@ TEST_CASE("after a standstill a slot is whole if its tags span nine tenths of it
   CHECK(sync(windows.close({0, true}), Sensor::spd).verdict == verdict);
 }
 
-TEST_CASE("tags of half a slot are enough") {
-  Windows windows = make_windows({Sensor::spd});
-  feed(windows, 10s, {start_at(0)});
-  feed(windows, 10s + 500ms, {start_at(1)});
-  CHECK(windows.close({0, false}).has(Sensor::spd));
-}
-
 TEST_CASE("sensors that take no part and slots in which the program stood still") {
   Windows windows = make_windows({Sensor::spd});
   feed(windows, 10s, {start_at(0)});
@@ -297,28 +294,4 @@ TEST_CASE("sensors that take no part and slots in which the program stood still"
   CHECK(r.spd_counts.tags == 3);  // counted, though not used
   CHECK(sync(r, Sensor::spd).verdict == "the program stood still");
   CHECK(sync(r, Sensor::radar).verdict == "not configured");
-}
-
-TEST_CASE("late, early and repeated samples are counted and move nothing") {
-  Windows windows = make_windows();
-  feed(windows, 10s - 1ns, {start_at(0), click_at(1)});
-  windows.add(radar_frame(9s, 1, {1, 2, 3, 4}));
-  windows.close({0, false});
-  feed(windows, 10s + 500ms, {start_at(0)});
-  windows.add(depth_frame(11s - 1ns, 1, {1, 2}));
-  windows.add(radar_frame(11s, 2, {1, 2, 3, 4}));
-  windows.add(radar_frame(11s + 1ms, 2, {5, 6, 7, 8}));
-  windows.add(depth_frame(11s, 2, {1, 2}));
-  windows.add(depth_frame(11s + 500ms, 2, {3, 4}));
-  windows.add(depth_frame(12s, 3, {3, 4}));
-  const auto r = windows.close({1, false});
-  CHECK(r.radar == std::vector<float>{1, 2, 3, 4});
-  CHECK(r.depth_mm == std::vector<std::uint16_t>{1, 2});
-  CHECK(r.spd_counts.tags == 0);
-  windows.finish();
-  const UnassignedSamples& unassigned = windows.unassigned();
-  CHECK(unassigned.early == std::array<std::uint64_t, 3>{2, 1, 0});
-  CHECK(unassigned.outside == std::array<std::uint64_t, 3>{0, 0, 1});
-  CHECK(unassigned.late == std::array<std::uint64_t, 3>{1, 0, 1});
-  CHECK(unassigned.duplicate == std::array<std::uint64_t, 3>{0, 1, 1});
 }

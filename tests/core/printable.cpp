@@ -34,6 +34,22 @@ TEST_CASE("a text in a table begins neither another cell nor a formula") {
   CHECK(csv_text("-1 m") == "\"'-1 m\"");
 }
 
+TEST_CASE("a line that is too long goes on below its text") {
+  CHECK(wrapped("ok       disk rate     64 MB/s in commits of 262 kB\n", 40) ==
+        "ok       disk rate     64 MB/s in\n         commits of 262 kB\n");
+  CHECK(wrapped("  a name of more than twenty  letters and a text\nshort", 40) ==
+        "  a name of more than twenty  letters\n    and a text\nshort\n");
+  const std::string path(60, 'x');
+  CHECK(wrapped("run  " + path + " and so on", 40) == "run  " + path + "\n     and so on\n");
+  for (std::size_t columns = 1; columns < 60; ++columns) {
+    std::string words =
+        wrapped("  --out RUN REQUIRED    run file to make, never overwritten", columns);
+    CHECK(std::count(words.begin(), words.end(), ' ') >= 6);
+    words.erase(std::remove_if(words.begin(), words.end(), ::isspace), words.end());
+    CHECK(words == "--outRUNREQUIREDrunfiletomake,neveroverwritten");
+  }
+}
+
 TEST_CASE("a progress line fits its terminal") {
   const std::string title = "training", counts = "7/60  ETA 3 s",
                     text = counts + "  validation 0.065 of the spread";

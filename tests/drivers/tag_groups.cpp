@@ -101,17 +101,3 @@ TEST_CASE("bin borders are exact in groups as well") {
   }
   compare({.bin_width_ps = width, .first_bin_ps = 0, .bins = bins}, tags, tags.size());
 }
-
-#if HWY_ARCH_X86
-TEST_CASE("a processor with AVX2 takes groups") {
-  if (!(hwy::SupportedTargets() & (HWY_AVX2 | HWY_AVX3))) return;
-  std::vector<Tag> tags(2 * max_group, Tag{.channel = 1});
-  std::uint32_t cells[2] = {};
-  TagRun run;
-  const ClickBins bins{.start_channel = 1, .click_channel = 2, .range_ps = 1, .bins_per_ps = 1};
-  CHECK(count_groups(tags.data(), tags.size(), bins, run, cells) == tags.size());
-  CHECK(run.starts == tags.size());
-  tags[max_group].type = TagType::error;
-  CHECK(count_groups(tags.data(), tags.size(), bins, run, cells) == max_group);
-}
-#endif

@@ -6,12 +6,11 @@
 
 #include <catch2/catch.hpp>
 #include <chrono>
-#include <cstdio>
 #include <filesystem>
 #include <mutex>
 #include <thread>
 
-#include "../paths.hpp"
+#include "../shell.hpp"
 #include "bed.hpp"
 #include "drivers/inventory/inventory.hpp"
 #include "drivers/port/loop.hpp"
@@ -298,13 +297,9 @@ TEST_CASE("the devices command finds it, in a program of its own") {
   const auto folder =
       std::filesystem::temp_directory_path() / ("echofuse-" + std::to_string(::getpid()));
   std::filesystem::create_directory(folder);
-  const std::string command =
-      "cd " + folder.string() + " && " + echofuse::test::bin_dir + "/echofuse-acquire devices";
-  FILE* pipe = ::popen(command.c_str(), "r");
-  REQUIRE(pipe);
-  std::string text;
-  for (int c = 0; (c = std::fgetc(pipe)) != EOF;) text += static_cast<char>(c);
-  CHECK(::pclose(pipe) == 0);
+  const auto [code, text] = echofuse::test::shell(
+      "cd " + folder.string() + " && " + echofuse::test::bin_dir + "/echofuse-acquire devices");
+  CHECK(code == 0);
   std::filesystem::remove_all(folder);
   CHECK_THAT(text, Catch::Contains("CP2110 HID serial bridge 10c4:ea80: model CP2110 HID "
                                    "USB-to-UART Bridge, serial 00A1, firmware 1.00") &&

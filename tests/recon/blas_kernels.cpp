@@ -2,13 +2,11 @@
 // A program of its own: the kernels are chosen once, before the first product of the process.
 #include "recon/numbers/blas_kernels.hpp"
 
-#include <array>
 #include <catch2/catch.hpp>
-#include <cstdio>
 #include <cstdlib>
 #include <vector>
 
-#include "../paths.hpp"
+#include "../shell.hpp"
 #include "recon/numbers/blas.hpp"
 
 using namespace echofuse;
@@ -39,14 +37,10 @@ bool forget_processor() {
 }
 
 std::string version_with(const std::string& environment) {
-  const std::string command =
-      "env " + environment + " " + echofuse::test::bin_dir + "/echofuse-recon --version";
-  FILE* pipe = popen(command.c_str(), "r");
-  REQUIRE(pipe);
-  std::array<char, 200> text{};
-  const std::size_t n = std::fread(text.data(), 1, text.size(), pipe);
-  REQUIRE(pclose(pipe) == 0);
-  return {text.data(), n};
+  const auto done = echofuse::test::shell("env " + environment + " " + echofuse::test::bin_dir +
+                                          "/echofuse-recon --version");
+  REQUIRE(done.code == 0);
+  return done.text;
 }
 
 }  // namespace

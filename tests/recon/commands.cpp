@@ -44,26 +44,6 @@ TEST_CASE("help and version") {
     CHECK_THAT(help.text, Catch::Contains(command));
 }
 
-TEST_CASE("wrong usage ends with 2") {
-  refuses("", 2, "subcommand");
-  refuses("train --out m", 2, "run");
-  refuses("train a --out m --inputs sonar", 2, "sonar");
-  refuses("train a --out m --model oracle", 2, "oracle");
-  refuses("evaluate a b --surprise", 2, "--surprise");
-}
-
-TEST_CASE("what is not a run or a model is refused in one line") {
-  const Folder dir;
-  std::ofstream(dir / "text") << "hello";
-  write_run(dir / "run", 3);
-  refuses("train " + (dir / "none") + " --out " + (dir / "m"), 1, "No such file");
-  refuses("train " + (dir / "text") + " --out " + (dir / "m"), 1, "not an echofuse run file");
-  refuses("evaluate " + (dir / "none") + " " + (dir / "run"), 1, "No such file");
-  refuses("evaluate " + (dir / "text") + " " + (dir / "run"), 1, dir / "text");
-  refuses("evaluate " + (dir / "run") + " " + (dir / "run"), 1, dir / "run");
-  refuses("train " + (dir / "run") + " --out " + (dir / "no/such/m"), 6, "no/such/m");
-}
-
 TEST_CASE("more records than the memory holds are refused before they are read") {
   const Folder dir;
   write_run(dir / "run", 3);

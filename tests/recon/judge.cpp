@@ -2,9 +2,11 @@
 // Ground of a run's scores: its own foreground and background, and the RMSE where there is none.
 #include <nlohmann/json.hpp>
 
+#include "recon/use/paired.hpp"
 #include "world.hpp"
 
 using namespace echofuse;
+using namespace echofuse::recon;
 using namespace echofuse::testing;
 
 TEST_CASE("foreground and background are the run's, whichever model is judged") {
@@ -61,4 +63,24 @@ TEST_CASE("a wall moved to and fro: said, judged by RMSE, and its uncertainty st
   const double stated_m = json["calibration"]["pixel_deviation_m"];
   CHECK(stated_m > error_m / 2);
   CHECK(stated_m < 2 * error_m);
+}
+
+TEST_CASE("few records have an interval of their own width, and fewer than five have none") {
+  const auto differences = [](std::size_t records) {
+    MapScores none;
+    none.fill(NAN);
+    std::vector<MapScores> first(records, none), second(records, none);
+    Rng rng = make_rng(5, 0);
+    std::normal_distribution<double> gain(0.1, 0.2);
+    for (std::size_t i = 0; i < records; ++i)
+      first[i][metric_iou] = 0.5, second[i][metric_iou] = 0.5 + gain(rng);
+    return paired_differences(first, second).at(0);
+  };
+  for (const std::size_t records : {5u, 9u, 10u, 11u, 40u}) {
+    const PairedDifference d = differences(records);
+    CAPTURE(records, d.low, d.high);
+    CHECK(d.high - d.low > 0.3 / std::sqrt(records));  // 4 standard errors are 0.8
+    CHECK((d.low < d.mean && d.mean < d.high));
+  }
+  CHECK((std::isnan(differences(4).low) && std::isnan(differences(4).high)));
 }

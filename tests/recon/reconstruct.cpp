@@ -20,15 +20,7 @@ namespace {
 
 // Returns what a line of Python with NumPy prints.
 std::string numpy(const std::string& line) {
-  const std::string command = "/usr/bin/python3 -c \"import numpy as n; " + line + "\" 2>&1";
-  FILE* pipe = popen(command.c_str(), "r");
-  REQUIRE(pipe);
-  std::string text;
-  std::array<char, 4096> buffer{};
-  while (const auto n = std::fread(buffer.data(), 1, buffer.size(), pipe))
-    text.append(buffer.data(), n);
-  pclose(pipe);
-  return text;
+  return test::shell("/usr/bin/python3 -c \"import numpy as n; " + line + "\"").text;
 }
 
 std::vector<float> points_of(const std::string& ply) {

@@ -7,12 +7,10 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <array>
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <complex>
 #include <csignal>
-#include <cstdio>
 #include <filesystem>
 #include <fstream>
 #include <functional>
@@ -21,7 +19,7 @@
 #include <vector>
 
 #include "../folder.hpp"
-#include "../paths.hpp"
+#include "../shell.hpp"
 #include "acquire/measurement/depth_map.hpp"
 #include "acquire/record/run_file.hpp"
 #include "drivers/core/random.hpp"
@@ -31,6 +29,7 @@ namespace echofuse::testing {
 
 using test::contents;
 using test::Folder;
+using test::Outcome;
 
 // Returns the message that `body` throws, or "no error".
 inline std::string error_of(const std::function<void()>& body) {
@@ -145,11 +144,6 @@ inline bool all_finite(std::span<const float> values) {
   return std::all_of(values.begin(), values.end(), [](float v) { return std::isfinite(v); });
 }
 
-struct Outcome {
-  int code = -1;
-  std::string text;  // stdout and stderr
-};
-
 // Runs a statement on an SQLite file, and returns the first column of its rows, one a line.
 inline std::string sql(const std::string& path, const std::string& statement) {
   sqlite3* db = nullptr;
@@ -168,15 +162,7 @@ inline std::string sql(const std::string& path, const std::string& statement) {
 
 // Runs echofuse-recon as a user does.
 inline Outcome recon_program(const std::string& arguments) {
-  const std::string command = echofuse::test::bin_dir + "/echofuse-recon " + arguments + " 2>&1";
-  FILE* pipe = popen(command.c_str(), "r");
-  REQUIRE(pipe);
-  Outcome outcome;
-  std::array<char, 4096> buffer{};
-  while (const auto n = std::fread(buffer.data(), 1, buffer.size(), pipe))
-    outcome.text.append(buffer.data(), n);
-  outcome.code = WEXITSTATUS(pclose(pipe));
-  return outcome;
+  return test::shell(test::bin_dir + "/echofuse-recon " + arguments);
 }
 
 // Checks that the program ends with this code and says so, in one line (with usage: three at most).

@@ -59,6 +59,27 @@ acquire run --duration 99999999999h | 2 | --duration: expected at most 87660h, t
 acquire calibrate --distance -1 | 2 | --distance: Value -1 not in range 0.1 to 100
 export seen.sqlite --to x.txt | 2 | --to x.txt: expected NAME.h5 or NAME.nc, or NAME.csv with --record N
 acquire info dark.toml | 1 | dark.toml
+recon | 2 | subcommand
+recon train --out m | 2 | run
+recon train x --out m --inputs sonar | 2 | sonar
+recon train three.toml --out m | 1 | three.toml: not an echofuse run file
+recon train seen.sqlite --out no/such/m | 6 | no/such/m
+recon evaluate three.toml seen.sqlite | 1 | three.toml
+recon evaluate nomodel seen.sqlite --surprise | 2 | --surprise
+acquire config | 2 | subcommand is required
+acquire run --out a --resume b | 2 | --resume
+acquire run --out a --duration -1h | 2 | positive
+acquire info three.toml | 1 | three.toml: not an echofuse run file
+sim dataset | 2 | --out
+sim dataset --out x --people 0 --letters 0 | 2 | no records
+sim dataset --out x --threads 0 | 2 | --threads
+sim dataset --out x --set irf_fwmh_ps=3 | 3 | irf_fwhm_ps
+sim dataset --out x --set irf_fwhm_ps=-3 | 3 | a number from 0.1
+sim dataset --out x --set radar_psf=kaiser | 3 | blackman
+sim dataset --out x --set target_z_min_m=4.5 | 3 | target_z_min_m
+sim dataset --out x --config none.toml | 3 | none.toml
+sim dataset --out three.toml --records 1 | 1 | exists already
+sim dataset --out no/such/x --records 1 | 6 | no/such/x
 acquire annotate seen.sqlite | 2 | expected either a text or --label TEXT
 acquire list nofolder | 1 | nofolder
 acquire devices --config closed.toml | 4 | Connection refused; is the bridge started? echofuse-bridge-timetagger

@@ -174,7 +174,7 @@ struct Laboratory::Parts {
             }),
         data(loop, [](ByteView) {}) {
     plan.faults = o.faults;
-    if (!o.log.empty()) plan.journal = &journal.emplace(o.log);
+    if (!o.log.empty()) plan.sent_log = &sent_log.emplace(o.log);
     auto listener = std::make_unique<MemoryListener>(loop);
     const Addresses at(o);
     loop.ports = {{at.tagger, listener->opener()},
@@ -217,7 +217,7 @@ struct Laboratory::Parts {
   LaboratoryOptions options;
   sim::ScenePlayer player;
   sim::FaultPlan plan;
-  std::optional<sim::Journal> journal;
+  std::optional<sim::SentLog> sent_log;
   MemoryListener camera_wire;
   sim::Uart::Receive receive;
   Wire cli, data;
@@ -260,7 +260,7 @@ void Laboratory::close() {
   parts_->radar->stop();
   parts_->camera->stop();
   loop.run_for(1s);
-  if (parts_->journal) parts_->journal->close();
+  if (parts_->sent_log) parts_->sent_log->close();
 }
 
 }  // namespace echofuse::test

@@ -247,7 +247,7 @@ def means(table: Table, axis: str = "model") -> list[Row]:
 
 def markdown(rows: Sequence[Row]) -> str:
     """A table for a README: rows of equal inputs together."""
-    head = ("inputs", "method", "IoU", "SSIM on the foreground", "lateral error", "ghost", "multiply-adds", "time of a map")
+    head = ("inputs", "method", "IoU", "SSIM on the foreground", "lateral error", "mirror fraction", "multiply-adds", "time of a map")
     lines = ["| " + " | ".join(head) + " |", "|---" * len(head) + "|"]
     order = {"-": 0, "fused": 1, "fused-profile": 2, "spd": 3, "radar": 4}
 

@@ -40,7 +40,7 @@ TERMS = (
     ("IoU", "intersection over union of the pixels of the body, in map and truth; 1 is perfect."),
     ("lateral error", "distance of the body's middle in the map from the true one, sideways."),
     ("depth error", "mean, over the pixels that are body in both maps."),
-    ("ghost", "of the body that is drawn, beside the truth and beside its mirror image about the SPD's axis, how much is at the mirror image: "
+    ("mirror fraction", "of the body that is drawn, beside the truth and beside its mirror image about the SPD's axis, how much is at the mirror image: "
               "0 none, 0.5 as much; a little below 0 by chance."),
     ("on the true side", "of the bodies more than 0.3 m off the axis."),
     ("thresholded map", "what is nearer to the background than to the mean body is set to the background."),

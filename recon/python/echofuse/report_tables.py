@@ -33,7 +33,7 @@ class Words(NamedTuple):
 
 
 METRICS = {"iou": Words("IoU", "", 1, 2, "more"), "lateral_m": Words("lateral error", " cm", 100, 1, "less"),
-           "depth_mae_m": Words("depth error", " cm", 100, 1, "less"), "ghost": Words("ghost", "", 1, 2, "0"),
+           "depth_mae_m": Words("depth error", " cm", 100, 1, "less"), "ghost": Words("mirror fraction", "", 1, 2, "0"),
            "left_right": Words("on the true side", "", 1, 2, "more"), "rmse_m": Words("RMSE", " m", 1, 2, "less"),
            "ssim": Words("SSIM", "", 1, 2, "more"), "ssim_hard": Words("SSIM, thresholded map", "", 1, 2, "more"),
            "ssim_fg": Words("SSIM near the body", "", 1, 2, "more")}
@@ -53,14 +53,23 @@ def baselines_of(told: dict[str, Any]) -> list[tuple[str, Means]]:
     return [(title, means_of(told["trivial"][name])) for name, title in BASELINES.items() if name in told["trivial"]]
 
 
+def better_of(d: dict[str, Any]) -> str:
+    """first, second, or nothing where the interval of the gain has 0, or is not known of so few records."""
+    return "" if d["low"] is None or d["low"] <= 0 <= d["high"] else "second" if d["mean"] > 0 else "first"
+
+
+def interval(d: dict[str, Any], word: Words) -> str:
+    return NONE if d["low"] is None else " to ".join(f"{word.scale * d[key]:+.{word.decimals + 1}f}" for key in ("low", "high"))
+
+
 # Sentences
 
 
 def comparison_verdict(second: Mode, simulated: str) -> str:
     d = second.differences["iou"]
-    which = "the two models cannot be told apart" if d["low"] <= 0 <= d["high"] else f"the {'second' if d['mean'] > 0 else 'first'} model is better"
+    which = f"the {better_of(d)} model is better" if better_of(d) else "the two models cannot be told apart"
     return (f"On {d['records']} {simulated} records {which}: IoU {d['first']:.3f} and {d['second']:.3f}, difference {d['mean']:+.3f} "
-            f"(95 %: {d['low']:+.3f} to {d['high']:+.3f}).")
+            f"(95 %: {interval(d, METRICS['iou'])}).")
 
 
 def models_verdict(modes: Sequence[Mode], judged: Judged, simulated: str, new_run: bool) -> str:
@@ -75,7 +84,7 @@ def models_verdict(modes: Sequence[Mode], judged: Judged, simulated: str, new_ru
     out += "".join(f", {METRICS[m].name} {plus_minus(own.means, m)}" for m in FIRST[1:] if own.means[m].maps) + "."
     for mode in modes[1:]:
         found = [(METRICS[m], mode.differences[m]) for m in PAIRED if m not in ("ssim_fg", "ghost") and m in mode.differences]
-        worse = [f"{word.name} ({word.text(d['first'])} against {word.text(d['second'])}{word.unit})" for word, d in found if d["low"] > 0]
+        worse = [f"{word.name} ({word.text(d['first'])} against {word.text(d['second'])}{word.unit})" for word, d in found if better_of(d) == "second"]
         out += f" Worse than {mode.title} in {', '.join(worse)}." if worse else ""
     return out
 
@@ -174,7 +183,7 @@ def all_table(modes: Sequence[Mode], told: dict[str, Any]) -> list[Block]:
     scores = f"{raw:.3f}" + (f" raw and {hard:.3f} as a thresholded map" if abs(raw - hard) >= 5e-4 else "")
     out = [table("Best: and all that cannot be told apart from it", ["metric", *(row.name for row in rows)], lines), paragraph(
         "Do not read the SSIM row alone. Most of a depth map is empty room, and SSIM over the whole map mostly rewards leaving it empty: the empty "
-        f"room, as the answer to every record, scores {empty:.3f}; the first model scores {scores}. IoU, lateral error and ghost say whether the "
+        f"room, as the answer to every record, scores {empty:.3f}; the first model scores {scores}. IoU, lateral error and mirror fraction say whether the "
         "body is found, and on its side.", "note")]
     papers = [[mode.title, summary(mode.means, "ssim", 1), f"{PAPER_SSIM.get(mode.inputs, 0.6576):.4f}"] for mode in modes if mode.papers]
     if papers:
@@ -305,9 +314,9 @@ def comparison(a: Mode, b: Mode) -> list[Block]:
     """Two models record by record; a gain is plus where the second is better, of an error too."""
     rows, charts = [], []
     for word, d in ((METRICS[m], b.differences[m]) for m in PAIRED if m in b.differences):
-        mean, low, high = (("" if d[key] < 0 else "+") + word.text(d[key], 1) for key in ("mean", "low", "high"))
-        better = "not told apart" if d["low"] <= 0 <= d["high"] else cell("second" if d["mean"] > 0 else "first", "", "good")
-        rows.append([word.title, str(d["records"]), word.text(d["first"], 1), word.text(d["second"], 1), mean, f"{low} to {high}", better])
+        better = cell(better_of(d), "", "good") if better_of(d) else "not told apart"
+        rows.append([word.title, str(d["records"]), word.text(d["first"], 1), word.text(d["second"], 1),
+                     f"{word.scale * d['mean']:+.{word.decimals + 1}f}", interval(d, word), better])
     for metric, name, unit in (("iou", "gain of IoU", 1), ("lateral_m", "gain: lateral error that is less (cm)", -100)):
         gain = unit * (b.first[metric] - a.first[metric])
         gain = gain[~np.isnan(gain)]
@@ -315,6 +324,6 @@ def comparison(a: Mode, b: Mode) -> list[Block]:
                             note=f"Right of the line the second is better: {Count(int((gain > 0).sum()), len(gain))}."))
         add_series(charts[-1], "all records", "both", "steps", *shares_below(gain))
     return [paragraph(f"First: {a.title}. Second: {b.title}."),
-            table("The same records; intervals of 95 % by resampled blocks of ten neighbours",
+            table("The same records; intervals of 95 % by resampled blocks of at most ten neighbours",
                   ["metric", "records", "first", "second", cell("difference", "plus: second is better"), "95 % interval", "better"], rows),
             {"kind": "charts", "blocks": charts}]

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// The journal says what a laboratory really did, one JSON object a line:
+// The log says what a laboratory really did, one JSON object a line:
 //   {"t": host monotonic ns, "device": "tdc", "what": "sent", NAME: NUMBER...}
 // sim/README.md lists what each device writes.
 #pragma once
@@ -13,12 +13,12 @@
 
 namespace echofuse::sim {
 
-class Journal {
+class SentLog {
  public:
   using Numbers = std::initializer_list<std::pair<const char*, std::int64_t>>;
 
   // Throws Error(disk) if the file cannot be made.
-  explicit Journal(const std::string& path) : path_(path), out_(path, std::ios::binary) { check(); }
+  explicit SentLog(const std::string& path) : path_(path), out_(path, std::ios::binary) { check(); }
 
   void put(HostTime time, const char* device, const char* what, Numbers numbers) {
     out_ << "{\"t\":" << time.count() << ",\"device\":\"" << device << "\",\"what\":\"" << what
