@@ -82,12 +82,12 @@ class Report:
             raise ReportError("the two models hold other records out; give a run that neither was trained on")
         self.span = self.judged.span(float(self.modes[0].facts[0]["0/scene/map_z_max_m"]))
         self.main, self.gallery = chosen(self.run, self.modes, self.judged, self.room)
-        order = ("both", "papers", "depth", "grey")
+        order = [colour for colour in ("both", "papers", "depth", "grey", "spd", "radar") if colour not in {mode.inputs for mode in self.modes}]
         #: of each mode's series: modes of both sensors, and further ones of equal inputs, take turns
         self.colours = ["grey", "both"]
         for at, mode in enumerate([] if compared else self.modes):
             before = sum(other.inputs == mode.inputs or other.both and mode.both for other in self.modes[:at])
-            self.colours[at:] = [order[min(before, 3)] if mode.both or before else mode.inputs]
+            self.colours[at:] = [order[min(before, len(order) - 1)] if mode.both or before else mode.inputs]
 
     def add_live(self) -> None:
         """The record of median quality or, without a model, one with the most sensors."""
