@@ -135,19 +135,22 @@ std::string range_advice(double difference_m, double error_m) {
 
 }  // namespace
 
-std::string DomainShift::p_text() const {
-  return p < most_p ? formatted("p < %g", most_p) : formatted("p = %.3f", p);
+bool DomainShift::mostly_flagged() const {
+  return judged >= DomainReference::least_records && 2 * flagged > judged;
 }
 
 std::string DomainShift::text() const {
   if (!tested()) return {};
+  const std::string p_text = p < most_p ? formatted("p < %g", most_p) : formatted("p = %.3f", p);
   if (!found())
     return std::string("this run is like the training") +
-           (p < most_p ? " (what surely differs is too little to matter): " : ": ") + p_text();
+           (p < most_p ? " (what surely differs is too little to matter): " : ": ") + p_text;
+  if (p >= most_p || differences.empty())
+    return formatted("this run is unlike the training: %zu of %zu records are (most: %s)", flagged,
+                     judged, reason.c_str());
   std::string all;
   for (const Difference& d : differences) all += (all.empty() ? ": " : ", ") + d.text;
-  return "this run is unlike the training: " + p_text() + all +
-         (advice.empty() ? "" : "; " + advice);
+  return "this run is unlike the training: " + p_text + all + (advice.empty() ? "" : "; " + advice);
 }
 
 DomainReference::DomainReference(const Alignment& alignment, const Dataset& data,

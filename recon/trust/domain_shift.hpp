@@ -29,11 +29,15 @@ struct DomainShift {
   double p = 1;             // probability that a run like the training is as far off
   std::vector<Difference> differences;  // the differences that stand out, the clearest first
   std::string advice;                   // the possible cause and what to do; may be empty
-  bool tested() const { return records > 0; }
+  // Records judged one by one, and those flagged as unlike the training, most of them for `reason`.
+  std::size_t judged = 0, flagged = 0;
+  std::string reason{};
+  bool tested() const { return records > 0 || mostly_flagged(); }
   // A sure difference does not count if it is less than a tenth of the records' own differences.
-  bool found() const { return tested() && p < most_p && !differences.empty(); }
-  std::string p_text() const;  // "p = 0.452"
-  std::string text() const;    // for the user; empty if not tested
+  bool found() const { return mostly_flagged() || (p < most_p && !differences.empty()); }
+  // A run is no more like the training than its records, of which about one in 140 is flagged.
+  bool mostly_flagged() const;
+  std::string text() const;  // for the user; empty if not tested
 };
 
 // Numbers of the training records, against which runs are tested.

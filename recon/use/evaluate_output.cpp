@@ -61,10 +61,9 @@ json to_json(const Evaluation& e) {
   if (const TwoPeopleSeen& two = e.two_people; two.records > 0)
     out["two_people"] = {{"records", two.records}, {"flagged", two.flagged}};
   if (e.domain_shift.tested())
-    out["domain_shift"] = {{"p", e.domain_shift.p},
-                           {"records", e.domain_shift.records},
-                           {"found", e.domain_shift.found()},
-                           {"text", e.domain_shift.text()}};
+    out["domain_shift"] = {{"p", e.domain_shift.p},           {"records", e.domain_shift.records},
+                           {"judged", e.domain_shift.judged}, {"flagged", e.domain_shift.flagged},
+                           {"found", e.domain_shift.found()}, {"text", e.domain_shift.text()}};
   out["calibrated"] = e.calibration.has_value();
   if (e.calibration)
     out["calibration"] = {{"within_lateral_interval_90", number(e.calibration->within_90)},

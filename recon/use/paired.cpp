@@ -27,7 +27,7 @@ std::vector<PairedDifference> paired_differences(const std::vector<MapScores>& f
       row.first += first[i][m], row.second += second[i][m];
       differences.push_back(gain(m, first[i][m], second[i][m]));
     }
-    if (differences.size() < 2) continue;
+    if (differences.empty()) continue;
     row.records = differences.size();
     const auto n = static_cast<double>(row.records);
     row.first /= n, row.second /= n, row.mean = mean_of(differences);

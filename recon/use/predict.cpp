@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstdint>
 #include <limits>
+#include <map>
 #include <tuple>
 
 #include "drivers/core/clones.hpp"
@@ -124,8 +125,22 @@ Records prepare_records(const TrainedModel& model, Dataset recorded, double rang
 }
 
 DomainShift domain_shift_of(const TrainedModel& model, const Records& records) {
+  constexpr std::size_t most_judged = 200;
   const Estimator& by = model.for_run(records.data);
-  return by.domain.judge(by.alignment, records.data, records.views);
+  DomainShift out = by.domain.judge(by.alignment, records.data, records.views);
+  Rows live, some;
+  for (const std::size_t row : all_rows(records.data.size()))
+    if (model.fault_of(records.data, row).empty()) live.push_back(row);
+  for (std::size_t i = 0; i < std::min(live.size(), most_judged); ++i)
+    some.push_back(live[i * live.size() / std::min(live.size(), most_judged)]);
+  std::map<std::string, std::size_t> reasons;
+  for (const auto& u : predict(model, records, some, PredictionDetail::uncertainty).uncertainties) {
+    out.judged += u.stated;
+    const std::string& reason = u.out_of_distribution.reason;
+    if (!reason.empty() && (++out.flagged, ++reasons[reason] > reasons[out.reason]))
+      out.reason = reason;
+  }
+  return out;
 }
 
 Prediction predict(const TrainedModel& model, const Records& records, const Rows& rows,

@@ -76,6 +76,26 @@ TEST_CASE(
   CHECK(shift_of(model, plates(15, 11)).text().empty());
 }
 
+TEST_CASE("a run of which most records are flagged one by one is not called like the training") {
+  const Change nobody = [](record::FusedRecord& r) {  // noise that is no dead sensor
+    Rng rng = make_rng(7, static_cast<std::uint64_t>(r.index));
+    for (auto& v : r.spd) v = 15 + static_cast<std::uint32_t>(rng() % 10);
+    for (float& v : r.radar) v = 1 + static_cast<float>(rng() % 100) / 100;
+  };
+  const TrainedModel& model = trained("mean-shape", "fused");
+  const DomainShift all = shift_of(model, plates(30, 10, nobody));
+  CAPTURE(all.text(), all.flagged, all.judged);
+  CHECK(all.found());
+  CHECK_THAT(all.text(), Catch::StartsWith("this run is unlike the training: ") &&
+                             Catch::Contains("of 30 records are ("));
+  const DomainShift half = shift_of(model, plates(60, 11, [&](record::FusedRecord& r) {
+                                      if (r.index % 3 == 0) nobody(r);
+                                    }));
+  CHECK(half.flagged >= 20);
+  CHECK_FALSE(half.mostly_flagged());
+  CHECK_FALSE(shift_of(model, plates(19, 10, nobody)).found());
+}
+
 TEST_CASE("radar power before the body is what is nearer than half of its range") {
   const TrainedModel& model = trained("ridge", "radar");
   // The plates stand in the bins from 12 on.

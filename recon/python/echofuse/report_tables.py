@@ -69,7 +69,7 @@ def comparison_verdict(second: Mode, simulated: str) -> str:
     d = second.differences["iou"]
     which = f"the {better_of(d)} model is better" if better_of(d) else "the two models cannot be told apart"
     return (f"On {d['records']} {simulated} records {which}: IoU {d['first']:.3f} and {d['second']:.3f}, difference {d['mean']:+.3f} "
-            f"(95 %: {interval(d, METRICS['iou'])}).")
+            f"({'too few records for an interval' if d['low'] is None else '95 %: ' + interval(d, METRICS['iou'])}).")
 
 
 def models_verdict(modes: Sequence[Mode], judged: Judged, simulated: str, new_run: bool) -> str:
