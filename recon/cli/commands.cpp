@@ -58,6 +58,7 @@ class ReconstructReport {
     if (r.after_slot_s) after_slot_s_.push_back(*r.after_slot_s);
     (r.fault.empty() ? good_ : left_out_) += 1;
     if (!r.note.empty()) ++notes_[r.note];
+    if (!r.doubt.empty()) ++doubts_[r.doubt];
     if (!r.fault.empty() && !follow_) faults_.push_back(r);
     if (r.uncertainty && !r.uncertainty->out_of_distribution.reason.empty())
       ++reasons_[r.uncertainty->out_of_distribution.reason];
@@ -87,6 +88,8 @@ class ReconstructReport {
                  good_, left_out_);
     for (const auto& [note, count] : notes_)
       std::fprintf(stderr, "; %zu with %s", count, note.c_str());
+    for (const auto& [doubt, count] : doubts_)
+      std::fprintf(stderr, "; %zu of doubtful data: %s", count, doubt.c_str());
     std::sort(after_slot_s_.begin(), after_slot_s_.end());
     if (!after_slot_s_.empty())
       std::fprintf(stderr, "; maps %.3f s after their slot's end (median; longest %.3f s)",
@@ -117,7 +120,7 @@ class ReconstructReport {
   std::size_t good_ = 0, left_out_ = 0;
   std::vector<RecordStatus> faults_;
   std::vector<double> after_slot_s_;
-  std::map<std::string, std::size_t> notes_, reasons_;  // records for each text
+  std::map<std::string, std::size_t> notes_, doubts_, reasons_;  // records for each text
 };
 
 }  // namespace

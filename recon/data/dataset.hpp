@@ -76,8 +76,8 @@ struct Dataset {
   std::string fault_of(std::size_t row, Inputs inputs) const;
   // Returns why the record is no example for a model with these inputs although it has all sensors,
   // as "camera frozen" or "SPD weak"; empty if it is one. A sensor that sees nobody ("no peak") is
-  // no doubt; any verdict of the depth is.
-  std::string doubt_of(std::size_t row, Inputs inputs) const;
+  // no doubt; any verdict of the depth is, unless the camera is not asked for.
+  std::string doubt_of(std::size_t row, Inputs inputs, bool with_camera = true) const;
   // Returns the rows that have the model's sensors and, if asked, a depth map to compare with and
   // no doubt.
   Rows usable(Inputs inputs, bool with_depth = true) const;

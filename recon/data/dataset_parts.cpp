@@ -33,13 +33,14 @@ Rows Dataset::usable(Inputs inputs, bool with_depth) const {
   return rows;
 }
 
-std::string Dataset::doubt_of(std::size_t row, Inputs inputs) const {
+std::string Dataset::doubt_of(std::size_t row, Inputs inputs, bool with_camera) const {
   if (row >= doubt.size()) return {};
   constexpr PerSensor<const char*> names{"SPD ", "radar ", "camera "};
   const SensorSet needed = sensors_of(inputs);
   for (const Sensor s : {Sensor::depth, Sensor::spd, Sensor::radar})
     if (const std::string& kind = doubt[row][s];
-        !kind.empty() && (s == Sensor::depth || (needed.contains(s) && kind != "no peak")))
+        !kind.empty() &&
+        (s == Sensor::depth ? with_camera : (needed.contains(s) && kind != "no peak")))
       return names[s] + kind;
   return {};
 }

@@ -47,7 +47,9 @@ class StatusTable {
     out_.open(path, std::ios::binary | std::ios::app);
   }
   void add(const RecordStatus& r) {
-    const std::string status = !r.fault.empty() ? r.fault : !r.note.empty() ? r.note : "ok";
+    const std::string made =
+        (r.note.empty() ? "ok" : r.note) + (r.doubt.empty() ? "" : "; " + r.doubt);
+    const std::string status = r.fault.empty() ? made : r.fault;
     out_ << r.index << "," << csv_text(status) << ","
          << (r.after_slot_s ? formatted("%.4f", *r.after_slot_s) : "")
          << (r.body ? formatted(",%.3f,%.3f,", r.body->x_m, r.body->z_m) : ",,,");
@@ -117,7 +119,7 @@ class Reconstruction {
 Dataset Reconstruction::read(const record::RunReader& run, std::size_t at_most) {
   Dataset out = load_part(run, next_, at_most, sensors_of(model_->features.inputs),
                           [&](std::int64_t index, const std::string& fault) {
-                            bad_.push_back({index, fault, {}});
+                            bad_.push_back({index, fault, {}, {}});
                           });
   read_ = clock_.now();
   return out;
@@ -184,8 +186,13 @@ Reconstruction::Made Reconstruction::make(const Records& records, std::size_t fi
   Made out;
   Rows rows;
   for (std::size_t row = first; row < first + count; ++row) {
-    out.push_back({{data.index[row], model_.fault_of(data, row), model_.note_of(data, row)}, {}});
-    if (out.back().first.fault.empty()) rows.push_back(row);
+    out.push_back(
+        {{data.index[row], model_.fault_of(data, row), model_.note_of(data, row), {}}, {}});
+    if (!out.back().first.fault.empty()) continue;
+    const Estimator* by = model_.answering(data, row);
+    out.back().first.doubt =
+        data.doubt_of(row, (by ? *by : model_.for_run(data)).features.inputs, false);
+    rows.push_back(row);
   }
   const bool deviations = wants_uncertainty(options_);
   const Prediction all = predict(

@@ -15,6 +15,7 @@ struct RecordStatus {
   std::int64_t index = 0;
   std::string fault;  // empty: reconstructed
   std::string note;   // sensors that the model had to do without
+  std::string doubt;  // quality flag of a sensor that the map is made of, as "SPD weak"
   // Delays of a map while following, s: from the end of its slot, and from its reading.
   std::optional<double> after_slot_s = {}, after_reading_s = {};
   // Set for a reconstructed record whose map shows a body.

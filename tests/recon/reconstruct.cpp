@@ -65,6 +65,30 @@ TEST_CASE("NumPy reads the array that was written row by row") {
   CHECK_THROWS_WITH(recon::NpyWriter(dir / "no/such.npy", {2}), Catch::Contains("no/such.npy"));
 }
 
+TEST_CASE("a map of a sensor that the run doubts says so, one of a doubtful camera does not") {
+  const Folder dir;
+  write_run(dir / "run", 60);
+  REQUIRE(recon_program("train -q --set fallback=false --model ridge " + (dir / "run") + " --out " +
+                        (dir / "m"))
+              .code == 0);
+  write_run(dir / "fresh", 4, 2, [](record::FusedRecord& r) {
+    if (r.index == 1) r.sync[Sensor::spd].verdict = "weak: 12 clicks above the background";
+    if (r.index == 2) r.sync[Sensor::depth].verdict = "stands still: the same as before";
+    if (r.index == 3) r.sync[Sensor::radar].verdict = "no peak: no bins stand out of the mean";
+  });
+  const Outcome o = recon_program("reconstruct --format npy " + (dir / "m") + " " +
+                                  (dir / "fresh") + " --out " + (dir / "o"));
+  CHECK(o.code == 0);
+  CHECK_THAT(o.text,
+             Catch::Contains("4 records reconstructed, 0 left out; 1 of doubtful data: SPD weak"));
+  const std::string csv = contents(dir / "o/records.csv");
+  for (const char* line : {"\n0,\"ok\",", "\n1,\"ok; SPD weak\",", "\n2,\"ok\",", "\n3,\"ok\","})
+    CHECK_THAT(csv, Catch::Contains(line));
+  CHECK(recon_program("-q evaluate --maps " + (dir / "o") + " " + (dir / "fresh") + " --train " +
+                      (dir / "run"))
+            .code == 0);
+}
+
 TEST_CASE("maps as they are written have the scores of the model that made them") {
   const Folder dir;
   write_run(dir / "run", 120);
