@@ -40,6 +40,12 @@ void blur(std::vector<float>& profile) {
   for (std::size_t i = profile.size() - 1; i > 0; --i) profile[i] += profile[i - 1] / 3;
 }
 
+const Change nobody = [](record::FusedRecord& r) {  // noise that is no dead sensor
+  Rng rng = make_rng(7, static_cast<std::uint64_t>(r.index));
+  for (auto& v : r.spd) v = 15 + static_cast<std::uint32_t>(rng() % 10);
+  for (float& v : r.radar) v = 1 + static_cast<float>(rng() % 100) / 100;
+};
+
 const Change blurred = [](record::FusedRecord& r) { blur(r.radar); };
 
 }  // namespace
@@ -77,11 +83,6 @@ TEST_CASE(
 }
 
 TEST_CASE("a run of which most records are flagged one by one is not called like the training") {
-  const Change nobody = [](record::FusedRecord& r) {  // noise that is no dead sensor
-    Rng rng = make_rng(7, static_cast<std::uint64_t>(r.index));
-    for (auto& v : r.spd) v = 15 + static_cast<std::uint32_t>(rng() % 10);
-    for (float& v : r.radar) v = 1 + static_cast<float>(rng() % 100) / 100;
-  };
   const TrainedModel& model = trained("mean-shape", "fused");
   const DomainShift all = shift_of(model, plates(30, 10, nobody));
   CAPTURE(all.text(), all.flagged, all.judged);
@@ -94,6 +95,34 @@ TEST_CASE("a run of which most records are flagged one by one is not called like
   CHECK(half.flagged >= 20);
   CHECK_FALSE(half.mostly_flagged());
   CHECK_FALSE(shift_of(model, plates(19, 10, nobody)).found());
+}
+
+TEST_CASE(
+    "a single record is saturated beside brighter ones only, and empty where all others show a "
+    "body") {
+  const auto reasons = [](const Dataset& training, const Dataset& fresh) {
+    TrainOptions options;
+    options.model = "ridge", options.fit.quiet = true;
+    const TrainedModel model = train(training, options);
+    std::vector<std::string> out;
+    for (const auto& u :
+         recon::predict(model, fresh, all_rows(fresh.size()), PredictionDetail::uncertainty)
+             .uncertainties)
+      out.push_back(u.out_of_distribution.reason);
+    return out;
+  };
+  Dataset training = plates(200, 1), fresh = plates(3, 2);
+  training.clicks_a_pulse.assign(training.size(), 0.2), fresh.clicks_a_pulse = {0.2, 0.24, 0.3};
+  const auto bright = reasons(training, fresh);
+  CHECK(bright[0] != "saturated");
+  CHECK(bright[1] != "saturated");  // within a quarter of the brightest
+  CHECK(bright[2] == "saturated");
+  const Dataset none = plates(3, 3, nobody);
+  CHECK(reasons(plates(200, 1), none)[0] == "empty");
+  const Change often = [](record::FusedRecord& r) {
+    if (r.index % 3 == 0) nobody(r);
+  };
+  CHECK(reasons(plates(200, 1, often), none)[0] != "empty");
 }
 
 TEST_CASE("radar power before the body is what is nearer than half of its range") {
