@@ -7,6 +7,7 @@
 
 #include "acquire/measurement/depth_map.hpp"
 #include "drivers/core/random.hpp"
+#include "recon/trust/pixel_error.hpp"
 
 using namespace echofuse;
 using namespace echofuse::recon;
@@ -174,4 +175,29 @@ TEST_CASE("mean and standard error leave undefined maps out") {
   CHECK(s[metric_iou].se == Approx(1));  // sqrt(((1-2)^2 + (3-2)^2) / 1 / 2)
   CHECK(std::isnan(summarise({c})[metric_iou].mean));
   CHECK(std::isnan(summarise({a})[metric_iou].se));
+}
+
+TEST_CASE("the edge of a body is as soft as its place is uncertain") {
+  const Scene scene = room(5.5f, 3.5f);
+  const std::size_t side = scene.grid.size, middle = side / 2;
+  SoftMaps own{Matrix(3, side * side), Matrix(3, side * side)};
+  std::fill(own.depth.values.begin(), own.depth.values.end(), 3.f);
+  for (std::size_t p = 0; p < own.foreground_probability.values.size(); ++p)
+    own.foreground_probability.values[p] = p % side >= middle;
+  const double pixel_m = 3 * scene.grid.step(), deviations_of_90_percent = 1.645;
+  std::vector<double> interval_90_m;
+  for (const double pixels : {4., 0.5, 0.1})
+    interval_90_m.push_back(deviations_of_90_percent * pixels * pixel_m);
+  const SoftMaps soft = soft_of(own, Matrix(3, side * side), scene, interval_90_m);
+  const auto share = [&](std::size_t map, std::size_t column) {
+    return double{soft.foreground_probability.row(map)[middle * side + column]};
+  };
+  const auto normal = [](double u) { return 0.5 * std::erfc(-u / std::sqrt(2.)); };
+  for (const int k : {-8, -5, -1, 0, 3, 7}) {
+    CAPTURE(k);
+    CHECK(share(0, middle + static_cast<std::size_t>(k)) ==
+          Approx(normal((k + 0.5) / 4)).margin(0.01));
+  }
+  CHECK(share(1, middle) == Approx(normal(1)).margin(0.06));  // sampled at pixels
+  CHECK(share(2, middle) == 1);
 }
