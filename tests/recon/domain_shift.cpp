@@ -125,6 +125,16 @@ TEST_CASE(
   CHECK(reasons(plates(200, 1, often), none)[0] != "empty");
 }
 
+TEST_CASE("a third of the records' own deviation counts, where so many records make it sure") {
+  const DomainShift slight =
+      shift_of(trained("mean-shape", "fused"), plates(400, 77, [](record::FusedRecord& r) {
+                 for (std::size_t i = r.radar.size() - 1; i > 0; --i)
+                   r.radar[i] += 0.025f * r.radar[i - 1];
+               }));
+  CHECK(slight.found());
+  CHECK_THAT(slight.text(), Catch::Contains("radar profile width 1.01 +- 0.00 times"));
+}
+
 TEST_CASE("radar power before the body is what is nearer than half of its range") {
   const TrainedModel& model = trained("ridge", "radar");
   // The plates stand in the bins from 12 on.
