@@ -79,6 +79,23 @@ for folder, places in vague_counts.items():
         faults.append(f"{folder}: {len(places)} comments begin with It, This, Of, What or the like, at most "
                       f"{vague_limits[folder]} may: {', '.join(places)}")
 
+# Optional functions: the files of the product that name one outside its own files (.github/ARCHITECTURE.md). The aim
+# is five; a limit only falls.
+wings = {  # an identifier of it, its own files, the limit
+    "response": (r"(radar|any|stated|widest|to)_response|RadarResponse|record::Response\b|response_(of|keys|filter|fit)",
+                 r"/response", 26),
+    "empty room": (r"empty_room|EmptyRoom|--empty", r"/empty_room\.|^sim/", 13),
+    "twin": (r"[Tt]win", r"^sim/twin/", 7),
+    "multipath": (r"[Mm]ultipath", r"/multipath_", 4),
+    "meshes": (r"\b[Mm]esh|_mesh", r"/mesh\.", 3)}
+product = {name: re.sub(r"//.*", "", (root / name).read_text(encoding="utf-8"))
+           for name in (str(pathlib.Path(source).relative_to(root)) for source in sources) if not name.startswith("tests/")}
+for wing, (identifier, own, limit) in wings.items():
+    named = [name for name, code in product.items() if not re.search(own, name) and re.search(identifier, code)]
+    if len(named) > limit:
+        faults.append(f"{wing} is named in {len(named)} files outside its own, at most {limit} may: "
+                      f"{', '.join(named)}")
+
 # The linker merges the functions of both, and one type's are called with the other's memory.
 faults += [f"{name} is defined in {' and '.join(sorted(files))}" for name, files in types.items() if len(files) > 1]
 
