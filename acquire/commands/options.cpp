@@ -169,7 +169,7 @@ void add_import(CLI::App& app, Options& o) {
   auto& i = o.import;
   c->add_option(
        "FILE", i.files,
-       "NAME.dat of a radar's data port, NAME.ptu or NAME.phu of PicoQuant, one a sensor; or "
+       "NAME.dat of a radar's data port, NAME.ptu of PicoQuant, one a sensor; or "
        "a folder of NumPy arrays (spd.npy, radar.npy, depth.npy, run.toml) or of run --keep-raw")
       ->required();
   c->add_option("--cfg", i.cfg,

@@ -45,21 +45,6 @@ void bind_policy(Settings& s, Config& c, const std::string& section, Sensor sens
         {"optional", "required"});
 }
 
-void bind_limits(Settings& s, SignalLimits& l) {
-  s.add(
-      "signal.weak_share", l.weak_share, 0, 1,
-      "a sensor whose signal is below this share of the median of the run's first minute is weak; "
-      "0: none");
-  s.add("signal.spd_clicks", l.spd_clicks, 0, 1e12,
-        "fewer clicks of a record above the background are weak; 0: none");
-  s.add("signal.clicks_a_pulse", l.clicks_a_pulse, 0, 1e3,
-        "more clicks a laser pulse are saturated; 0: none");
-  s.add("signal.radar_snr_db", l.radar_snr_db, 0, 200,
-        "a highest bin less above the median bin is no peak; 0: none");
-  s.add("signal.depth_share", l.depth_share, 0, 1,
-        "fewer of the pixels with a return are weak; 0: none");
-}
-
 void bind(Settings& s, Config& c, Keys& k) {
   constexpr std::int64_t channel_max = std::numeric_limits<std::int32_t>::max();
   s.add("run.window_s", c.window_s, 0.05, 3600, "length of a slot; every slot gives one record");
@@ -252,6 +237,21 @@ std::string variable(const char* name) {
 bool named_by_environment() { return !variable("ECHOFUSE_CONFIG").empty(); }
 
 }  // namespace
+
+void bind_limits(Settings& s, SignalLimits& l) {
+  s.add(
+      "signal.weak_share", l.weak_share, 0, 1,
+      "a sensor whose signal is below this share of the median of the run's first minute is weak; "
+      "0: none");
+  s.add("signal.spd_clicks", l.spd_clicks, 0, 1e12,
+        "fewer clicks of a record above the background are weak; 0: none");
+  s.add("signal.clicks_a_pulse", l.clicks_a_pulse, 0, 1e3,
+        "more clicks a laser pulse are saturated; 0: none");
+  s.add("signal.radar_snr_db", l.radar_snr_db, 0, 200,
+        "a highest bin less above the median bin is no peak; 0: none");
+  s.add("signal.depth_share", l.depth_share, 0, 1,
+        "fewer of the pixels with a return are weak; 0: none");
+}
 
 radar::RadarProfile parse_profile(const RadarConfig& radar) {
   return radar::parse_profile(radar.cfg_text, radar.cfg_name, radar.data_baud,

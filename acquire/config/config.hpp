@@ -14,6 +14,10 @@
 #include "drivers/radar/profile.hpp"
 #include "drivers/tdc/histogram.hpp"
 
+namespace echofuse {
+class Settings;
+}
+
 namespace echofuse::acquire {
 
 // Limits of SignalCheck; 0 switches one off.
@@ -24,6 +28,7 @@ struct SignalLimits {
   double radar_snr_db = 6;     // the highest bin over the median bin
   double depth_share = 0.005;  // pixels with a return / all pixels
 };
+void bind_limits(Settings& settings, SignalLimits& limits);  // keys signal.*
 
 struct Config {
   double window_s = 3;

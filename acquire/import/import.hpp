@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: MIT
 // The `import` command: recordings of other programs become a run.
 //   .dat        the radar's data port, with the .cfg that the board had
-//   .ptu .phu   PicoQuant's time tags and histograms
+//   .ptu        PicoQuant's time tags
 //   a folder    NumPy arrays or what `run --keep-raw` kept
 // A record is made of the samples of its slot as in a live run, by the times of the recording; slot
-// 0 begins with it. A .phu gives one record a curve, of the curve's length. Two recordings, one of
-// each sensor, are taken to begin at the same time.
+// 0 begins with it. Two recordings, one of each sensor, are taken to
+// begin at the same time.
 #pragma once
 #include <cstdint>
 #include <optional>
@@ -26,7 +26,8 @@ struct ImportOptions {
   std::string out{};       // the run to make
 };
 
-// "2024-02-07T12:34:56Z", with or without "Z", a fraction, or the time. Throws Error(usage).
+// "2024-02-07T12:34:56Z" or "...+01:00", with or without a fraction or the time. Throws
+// Error(usage), also for a day that the month does not have.
 UtcTime parse_utc(const std::string& text);
 
 // Makes the run and returns what is in it, and what is missing or taken for granted, a line each;
@@ -36,15 +37,15 @@ UtcTime parse_utc(const std::string& text);
 // is made, but one of its files gives it nothing (partial).
 std::string import_recordings(Config config, const ImportOptions& options);
 
-// A folder of NumPy arrays as a run: the way in for histograms and maps of other programs.
-//   spd.npy     [n, bins] counts; a row of NaN: no SPD in that record
-//   radar.npy   [n, points] linear power; a row of NaN: no radar
-//   depth.npy   [n, rows, columns] z, whole millimetres or float metres; 0, NaN: no return
-//   run.toml    axes with units, slot length, labels: bind() in arrays.cpp
-// One of the first two is enough. Slot i begins i slot lengths after `began`.
-// Makes the run file `out` and returns one line that says what is in it. Throws Error: run.toml
-// does not fit (config), arrays cannot be read or do not fit each other (failed), disk.
-std::string import_arrays(const std::string& folder, const std::string& out, UtcTime began);
+// A folder of NumPy arrays as a run (array_folder.hpp): the way in for histograms and maps of other
+// programs, and the only writer of runs from arrays. Slot i begins i slot lengths after `began`, or
+// after the time of the newest array. With run.toml's key `run` the arrays replace those of that
+// run; its axes, calibration, antennas, labels, times and metadata stay.
+// Makes the run file `out` and returns what is in it, then what is doubtful, a line each. Throws
+// Error: run.toml does not fit (config), arrays cannot be read, do not fit each other or give no
+// valid record (failed), disk.
+std::string import_arrays(const std::string& folder, const std::string& out,
+                          std::optional<UtcTime> began);
 
 // Recording of a folder of `run --keep-raw` as a run: the daemon's ports hand out the kept bytes at
 // the times at which they came (raw_tap.hpp). The loop's time jumps.

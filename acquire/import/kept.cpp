@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "acquire/import/import.hpp"
+#include "acquire/record/run_file.hpp"
 #include "acquire/run/daemon.hpp"
 #include "acquire/run/resume.hpp"
 #include "drivers/port/virtual_loop.hpp"
@@ -146,14 +147,24 @@ struct LiveRun {
 LiveRun read_live_run(const std::string& folder) {
   Times times(folder, "run");
   LiveRun run;
+  HostTime ended{};
   while (const auto line = times.next()) {
     if (line->what == "start")
       run.started = line->at, run.utc_offset = UtcTime(line->value) - line->at;
     if (line->what == "slots") run.first_slot = line->at, run.slot_ns = line->value;
-    run.slots += line->what == "closed";
+    if (line->what == "closed") ++run.slots, ended = std::max(ended, line->at);
   }
   if (!run.started || !run.first_slot || run.slots == 0)
     throw Error(ExitCode::failed, printable(times.path()) + ": tells of no slot that ended");
+  // One damaged number must not make slots without an end.
+  const double slot_s = seconds(HostTime(run.slot_ns)), lasted_s = seconds(ended - *run.first_slot);
+  constexpr double shortest_s = 0.05, longest_s = 3600;  // run.window_s
+  if (!(slot_s >= shortest_s && slot_s <= longest_s) ||
+      static_cast<double>(run.slots) * slot_s > lasted_s + slot_s)
+    throw Error(ExitCode::failed, printable(times.path()) + ": tells of " +
+                                      std::to_string(run.slots) + " slots of " +
+                                      std::to_string(slot_s) + " s in " + std::to_string(lasted_s) +
+                                      " s: is a number damaged?");
   return run;
 }
 
@@ -203,6 +214,10 @@ std::string import_kept(Config config, const std::string& folder, const std::str
   record_run(config, options, loop);
   if (interrupted())
     throw Error(ExitCode::interrupted, printable(out) + ": interrupted; nothing was written");
+  const record::RunSummary made = record::RunReader(file.path()).summary();
+  if (std::ranges::all_of(all_sensors, [&](Sensor s) { return made.valid[s] == 0; }))
+    throw Error(ExitCode::failed, printable(folder) + ": nothing to import: none of " +
+                                      std::to_string(made.records) + " records has a valid sensor");
   file.publish();
   return printable(out) + ": the run that these bytes are of, anew";
 }

@@ -119,7 +119,7 @@ struct PicoquantTags::File : TaggedFile {
 };
 
 PicoquantTags::PicoquantTags(const std::string& path, const tdc::HistogramSettings& use)
-    : file_(std::make_unique<File>(path, "PQTTTR")),
+    : file_(std::make_unique<File>(path)),
       records_([&] {
         try {
           return PicoquantRecords(
@@ -270,55 +270,6 @@ std::vector<std::string> PicoquantTags::doubts() const {
       inputs += (inputs.empty() ? "" : ", ") + std::to_string(c) + (c == 0 ? " (sync) " : " ") +
                 std::to_string(by_channel_[c]);
   out.push_back("events by input: " + (inputs.empty() ? "none" : inputs));
-  return out;
-}
-
-PicoquantHistograms read_histograms(const std::string& path) {
-  const TaggedFile file(path, "PQHISTO");
-  const Bytes data = file.file().rest<Bytes>();
-  const auto refuse = [&](const std::string& why) {
-    throw Error(ExitCode::failed, printable(path) + ": " + why);
-  };
-  constexpr std::int64_t most_curves = 100'000, most_bins = 1 << 24;
-  constexpr std::size_t most_counts = std::size_t{1} << 26;
-  PicoquantHistograms out{.device = device_of(file), .curves = {}};
-  const auto curves =
-      static_cast<std::int32_t>(file.whole("HistoResult_NumberOfCurves", 1, most_curves));
-  const double step_s = file.require("HistResDscr_MDescResolution", 0);
-  if (!(step_s >= 1e-15 && step_s <= 1)) refuse("its resolution is not between 1 fs and 1 s");
-  const auto bins_of = [&](std::int32_t i) {
-    return static_cast<std::size_t>(file.whole("HistResDscr_HistogramBins", 1, most_bins, i));
-  };
-  std::size_t used = 1, all_bins = 0;
-  for (std::int32_t i = 0; i < curves; ++i) all_bins += bins_of(i);
-  if (all_bins > most_counts) refuse("its curves together are too long");
-  for (std::int32_t i = 0; i < curves; ++i) {
-    const std::size_t bins = bins_of(i);
-    const auto place =
-        static_cast<std::size_t>(file.whole("HistResDscr_DataOffset", 0, std::int64_t{1} << 52, i));
-    if (place < file.tag_bytes() || place - file.tag_bytes() > data.size() ||
-        data.size() - (place - file.tag_bytes()) < 4 * bins)
-      refuse("curve " + std::to_string(i) + " lies outside the file");
-    if (std::abs(file.require("HistResDscr_MDescResolution", i) - step_s) > 1e-9 * step_s)
-      refuse("curve " + std::to_string(i) + " has another resolution than the first one");
-    PicoquantCurve curve{.recorded = file.time("HistResDscr_TimeofRecording", i),
-                         .length_s = file.require("MeasDesc_AcquisitionTime") / 1e3,
-                         .sync_hz = file.number("HistResDscr_SyncRate", i),
-                         .counts = to_values<std::uint32_t>(
-                             ByteView(data).subspan(place - file.tag_bytes(), 4 * bins))};
-    while (!curve.counts.empty() && curve.counts.back() == 0) curve.counts.pop_back();
-    used = std::max(used, curve.counts.size());
-    out.curves.push_back(std::move(curve));
-  }
-  // The run has all of them at the longest one's length.
-  if (used * out.curves.size() > most_counts) refuse("its curves together are too long");
-  out.device.axes.push_back({.name = "spd",
-                             .quantity = "counts",
-                             .unit = "ps",
-                             .count = static_cast<std::uint32_t>(used),
-                             .start = 0,
-                             .step = std::round(1e15 * step_s) / 1e3,
-                             .scale = 1});
   return out;
 }
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// PicoQuant's time tags (.ptu) as the tags of a tagger, and its histograms (.phu).
-// Source: Read_PTU.py and Read_PHU.py of PicoQuant's demos. A record is a u32:
+// PicoQuant's time tags (.ptu) as the tags of a tagger.
+// Source: Read_PTU.py of PicoQuant's demos. A record is a u32:
 //   HydraHarp, TimeHarp 260, MultiHarp, generic
 //     T2  31 special, 30:25 channel, 24:0 time    special 63: overflow of 33,554,432, as often as
 //                                                 `time` says (0: once; version 1: once, of
@@ -89,20 +89,5 @@ class PicoquantTags final : public Recording {
   std::array<std::uint64_t, 65> by_channel_{};
   bool beyond_ = false;
 };
-
-// The histograms of a .phu.
-struct PicoquantCurve {
-  std::optional<UtcTime> recorded;
-  double length_s = 0;
-  std::optional<double> sync_hz;
-  std::vector<std::uint32_t> counts;  // to its last bin that is not 0
-};
-struct PicoquantHistograms {
-  DeviceInfo device;  // including the axis
-  std::vector<PicoquantCurve> curves;
-};
-// Throws Error(failed): it is no .phu, its curves have no common axis, are not in the file, or have
-// more than 2^26 bins together.
-PicoquantHistograms read_histograms(const std::string& path);
 
 }  // namespace echofuse::acquire

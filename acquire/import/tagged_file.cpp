@@ -21,6 +21,7 @@ struct Tag {
 };
 static_assert(sizeof(Tag) == 48);
 
+constexpr const char* magic = "PQTTTR";
 constexpr std::uint32_t type_double = 0x20000008, type_time = 0x21000008, type_text = 0x4001ffff;
 constexpr std::size_t most_tags = 100'000, longest_text = 4096;
 
@@ -32,8 +33,7 @@ std::string until_nul(const char* bytes, std::size_t most) {
 
 }  // namespace
 
-TaggedFile::TaggedFile(const std::string& path, const std::string& magic)
-    : path_(path), file_(path, ExitCode::failed) {
+TaggedFile::TaggedFile(const std::string& path) : path_(path), file_(path, ExitCode::failed) {
   char head[16] = {};
   const std::size_t there = file_.read({reinterpret_cast<std::uint8_t*>(head), sizeof head});
   if (there < sizeof head || until_nul(head, 8) != magic)
@@ -53,51 +53,53 @@ void TaggedFile::read_tags() {
     Tag tag;
     if (size - std::min(size, tag_bytes_) < sizeof tag) break;
     take(&tag, sizeof tag);
-    const Key key{until_nul(tag.name, sizeof tag.name), tag.index};
-    if (key.first == "Header_End") return;
+    const std::string name = until_nul(tag.name, sizeof tag.name);
+    if (name == "Header_End") return;
+    const bool used = tag.index == -1;
     if (!is_long(tag.type)) {
-      numbers_[key] = tag.type == type_double || tag.type == type_time
-                          ? std::bit_cast<double>(tag.value)
-                          : static_cast<double>(tag.value);
+      if (used)
+        numbers_[name] = tag.type == type_double || tag.type == type_time
+                             ? std::bit_cast<double>(tag.value)
+                             : static_cast<double>(tag.value);
       continue;
     }
     const std::size_t left = size - std::min(size, tag_bytes_);
     if (tag.value < 0 || static_cast<std::uint64_t>(tag.value) > left) break;
     std::vector<char> text(static_cast<std::size_t>(tag.value));
     take(text.data(), text.size());
-    if (tag.type == type_text)
-      texts_[key] = until_nul(text.data(), std::min(text.size(), longest_text));
+    if (used && tag.type == type_text)
+      texts_[name] = until_nul(text.data(), std::min(text.size(), longest_text));
   }
   throw Error(ExitCode::failed, printable(path_) + ": damaged: its header has no end");
 }
 
-std::optional<double> TaggedFile::number(const std::string& name, std::int32_t index) const {
-  const auto found = numbers_.find({name, index});
+std::optional<double> TaggedFile::number(const std::string& name) const {
+  const auto found = numbers_.find(name);
   return found == numbers_.end() || !std::isfinite(found->second) ? std::nullopt
                                                                   : std::optional(found->second);
 }
 
-double TaggedFile::require(const std::string& name, std::int32_t index) const {
-  if (const auto found = number(name, index)) return *found;
+double TaggedFile::require(const std::string& name) const {
+  if (const auto found = number(name)) return *found;
   throw Error(ExitCode::failed, printable(path_) + ": has no " + name);
 }
 
-std::int64_t TaggedFile::whole(const std::string& name, std::int64_t least, std::int64_t most,
-                               std::int32_t index) const {
-  const double value = require(name, index);
+std::int64_t TaggedFile::whole(const std::string& name, std::int64_t least,
+                               std::int64_t most) const {
+  const double value = require(name);
   if (value >= static_cast<double>(least) && value <= static_cast<double>(most))
     return static_cast<std::int64_t>(value);
   throw Error(ExitCode::failed, printable(path_) + ": its " + name + " cannot be");
 }
 
 std::string TaggedFile::text(const std::string& name) const {
-  const auto found = texts_.find({name, -1});
+  const auto found = texts_.find(name);
   return found == texts_.end() ? "" : found->second;
 }
 
-std::optional<UtcTime> TaggedFile::time(const std::string& name, std::int32_t index) const {
+std::optional<UtcTime> TaggedFile::time(const std::string& name) const {
   constexpr double day_of_1970 = 25569, day_of_2250 = 127'839, day_s = 86400;
-  const auto days = number(name, index);
+  const auto days = number(name);
   if (!days || *days < day_of_1970 || *days > day_of_2250) return std::nullopt;
   // A day as a double is known to less than 10 us.
   const double since_s = std::round((*days - day_of_1970) * day_s * 1e3) / 1e3;

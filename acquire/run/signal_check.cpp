@@ -120,10 +120,11 @@ std::string SignalCheck::judge_radar(record::FusedRecord& r, const Axis& axis) {
   const double floor = median(power);
   const auto first = power.begin() + leakage_bins;
   const auto top = static_cast<std::size_t>(std::max_element(first, power.end()) - power.begin());
-  const double snr_db = 10 * std::log10(power[top] / floor);
+  // Noise that was subtracted leaves a floor of 0 or less, of which no ratio is known.
+  const double snr_db = power[top] <= 0 ? 0 : 10 * std::log10(power[top] / std::max(floor, 0.0));
   double strength = 0;
   for (auto p = first; p != power.end(); ++p) strength += std::max(0.0, *p - floor);
-  r.signal.radar_snr_db = snr_db;
+  if (std::isfinite(snr_db)) r.signal.radar_snr_db = snr_db;
   r.signal.radar_peak_m = axis.start + static_cast<double>(top) * axis.step;
   const std::string beside = beside_reference(Sensor::radar, strength, "the echo");
   const bool repeats = same_profile(r.radar, last_radar_);

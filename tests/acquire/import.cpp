@@ -232,6 +232,10 @@ TEST_CASE("import: the header of a .ptu is compared with its records") {
        "no event on --start 0; there are inputs 1, 2: --start 1 --click 2?");
   says(header(is_t2, 1e-12, 0).end().data(words(0, special, t2(2, 0))), ExitCode::failed,
        "no event on --click 1; there are inputs 0, 3: --start 0 --click 3?");
+  // a tenth of a slot
+  std::vector<std::uint32_t> begun(light.begin(), light.begin() + std::ssize(light) / 20);
+  begun.push_back(special | t2(63, 100'000));
+  says(header(is_t2, 1e-12, 0).end().data(begun), ExitCode::failed, "nothing to import: ");
   says(header(is_t2, 1e-12, 0).end(), ExitCode::failed,
        "no event on --start 0; events by input: none");
   says(header(is_t2, 1e-12, 0).end().data(light).data(std::vector<std::uint8_t>{1, 2, 3}),
@@ -256,53 +260,14 @@ TEST_CASE("import: the header of a .ptu is compared with its records") {
          has(both.second, "a.dat: nothing to import")));
 }
 
-TEST_CASE("import: histograms keep their axis and their times") {
-  const Folder folder;
-  constexpr double day_2024_02_07 = 45329;  // since 1899-12-30
-  const auto header = [&](std::int64_t place, int curves = 2, std::int64_t bins = 10) {
-    Tagged file("PQHISTO");
-    file.whole("HistoResult_NumberOfCurves", curves).whole("MeasDesc_AcquisitionTime", 2000);
-    for (int i = 0; i < curves; ++i) {
-      file.whole("HistResDscr_DataOffset", place + (curves == 2 ? 40 * i : 0), i);
-      file.whole("HistResDscr_HistogramBins", bins, i)
-          .real("HistResDscr_MDescResolution", 4e-12, i);
-      file.tag("HistResDscr_TimeofRecording", 0x21000008,
-               std::bit_cast<std::int64_t>(day_2024_02_07 + i / 24.0), i);
-      file.whole("HistResDscr_SyncRate", 1000, i);
-    }
-    return file.end();
-  };
-  std::vector<std::uint32_t> counts(20);
-  counts[3] = 40, counts[17] = 30;
-  header(static_cast<std::int64_t>(header(0).size())).data(counts).write(folder / "a.phu");
-  const acquire::Config config = config_of(folder);
-  acquire::import_recordings(config, {.files = {folder / "a.phu"}, .out = folder / "a.sqlite"});
-  const record::RunReader run(folder / "a.sqlite");
-  REQUIRE(run.count() == 2);
-  const Axis axis = run.axis("spd").value();
-  CHECK((axis.count == 8 && axis.start == 0 && axis.step == 4));
-  CHECK(run.read(0).spd == std::vector<std::uint32_t>{0, 0, 0, 40, 0, 0, 0, 0});
-  CHECK(run.read(1).spd_counts.in_range == 30);
-  CHECK(run.read(1).slot_utc - run.read(0).slot_utc == std::chrono::hours(1));
-  CHECK(run.read(1).slot_end - run.read(1).slot_start == from_seconds(2));
-  for (const Sensor s : {Sensor::radar, Sensor::depth})
-    CHECK(run.read(1).sync[s].verdict == "not configured");
-  // 40 clicks of 2000 pulses are 2 %
-  CHECK(run.read(0).signal.clicks_a_pulse == Approx(0.02));
-  // 65 curves over the same 2^20 bins
-  const auto place = static_cast<std::int64_t>(header(0, 65).size());
-  const std::vector<std::uint32_t> shared(1 << 20);
-  for (const auto& [file, why] :
-       {std::pair{header(1 << 23), "curve 0 lies outside the file"},
-        {header(place, 65, 1 << 20), "its curves together are too long"}}) {
-    Tagged(file).data(shared).write(folder / "b.phu");
-    CHECK(has(error_of([&] {
-                acquire::import_recordings(
-                    config, {.files = {folder / "b.phu"}, .out = folder / "b.sqlite"});
-              }).second,
-              why));
-  }
-  CHECK_FALSE(testing::fs::exists(folder / "b.sqlite"));
+TEST_CASE("import: a time is UTC, or says how far east it is") {
+  const auto at = [](const char* text) { return acquire::parse_utc(text).count() / 1'000'000; };
+  CHECK(at("2024-02-07T13:34:56.5+01:00") == at("2024-02-07T12:34:56.5Z"));
+  CHECK(at("2024-02-07 07:04:56.5-0530") == at("2024-02-07T12:34:56.5"));
+  CHECK(at("2024-02-29") == at("2024-02-29T00:00:00Z"));
+  for (const char* text : {"2024-02-30", "2023-02-29T12:00:00Z", "2024-02-07T12:00:00+1",
+                           "2024-02-07T12:00:00+15:00", "2024-02-07T12:00:00+01:00Z", "noon"})
+    CHECK(error_of([&] { at(text); }).first == ExitCode::usage);
 }
 
 TEST_CASE("import: what is refused, in one line") {
@@ -326,8 +291,10 @@ TEST_CASE("import: what is refused, in one line") {
   refuses("a.ptu", 1, "does not begin with PQTTTR");
   refuses("b.ptu", 1, "its header has no end");
   refuses("a.dat", 3, "without the .cfg that the board had");
+  write_file(folder / "a.phu", "");
+  refuses("a.phu", 2, "histograms become a run by echofuse.write_run");
   refuses("a.ttbin", 2, "only the Time Tagger's library reads .ttbin");
-  refuses("lab.toml", 2, "expected NAME.dat (radar), NAME.ptu, NAME.phu or one folder");
+  refuses("lab.toml", 2, "expected NAME.dat (radar), NAME.ptu or one folder");
   refuses("nowhere", 2, "nowhere: no such file or folder");
   testing::fs::create_directory(folder / "kept");
   refuses("kept --cfg " + folder / "radar.cfg", 2, "--cfg does not go with a folder");

@@ -1,11 +1,13 @@
 # SPDX-License-Identifier: MIT
 """Arrays of other programs become a run (echofuse.write_run, `echofuse-acquire import FOLDER`)."""
+import resource
 import subprocess
 
 import numpy as np
 import pytest
 
 import echofuse
+from echofuse import antennas, derive
 from programs import BIN
 
 ACQUIRE = str(BIN / "echofuse-acquire")
@@ -50,7 +52,13 @@ def test_a_row_of_nan_is_a_record_without_the_sensor(tmp_path):
     ("radar.npy: has 4 rows", {"spd": np.ones((3, 5)), "radar": np.ones((4, 4))}),
     ("spd.npy: its shape is [15]; expected 2 dimensions", {"spd": np.ones(15)}),
     ("expected counts from 0 on", {"spd": -np.ones((3, 5))}),
-    ("multiply a normalised histogram", {"spd": np.full((3, 5), 0.2)}),
+    ("not whole; expected photons a bin: multiply by 16", {"spd": np.arange(15).reshape(3, 5) / 16}),
+    ("multiply a normalised histogram by its photons", {"spd": np.random.default_rng(1).random((3, 5))}),
+    ("spd.npy: has no rows", {"spd": np.ones((0, 5))}),
+    ("nothing to import: 3 records, none with a valid sensor", {"spd": np.full((3, 5), np.nan)}),
+    ("expected that of radar.npy and of radar.antennas",
+     {"radar": np.ones((3, 5)), "array": np.ones((3, 5, 7)), "antennas": [(0, 0)]}),
+    ("\"1.0\"; expected at most 12 texts", {"radar": np.ones((3, 5)), "antennas": [(1,)]}),
     ("more than 32 bits", {"spd": np.full((3, 5), 2.0 ** 33)}),
     ("expected finite power", {"radar": np.array([[1, np.inf, 1]])}),
     ("expected little-endian numbers", {"spd": np.ones((3, 5), complex)}),
@@ -83,3 +91,96 @@ def test_a_response_is_kept_as_it_is_stated_and_no_laboratory_is_needed(tmp_path
     meta = echofuse.open(tmp_path / "own.sqlite").meta
     assert (meta["radar_cell_m"], meta["radar_taps"]) == ("0.04996540967", "1 0.9 0.5 0.2")
     assert meta["irf_fwhm_ps"] == "1234.56789"
+
+
+def events(run):
+    return [text for _, _, source, text in run.events() if source == "import"]
+
+
+def scene(n=12):
+    """Histograms with a peak and profiles with an echo, of independent noise."""
+    rng = np.random.default_rng(2)
+    peak, echo = 500 * (np.arange(90) // 5 == 7), 1000.0 * (np.arange(20) == 9)
+    return {"spd": rng.poisson(peak + 10, (n, 90)), "radar": rng.exponential(1, (n, 20)) + echo}
+
+
+def verdicts(run, sensor):
+    return [verdict.split(":")[0] for verdict in run.told()[f"verdict_{sensor}"]]
+
+
+def test_records_get_the_verdicts_of_a_live_run(tmp_path):
+    arrays = scene()
+    good = write(tmp_path / "good", **arrays)
+    assert verdicts(good, "spd") == verdicts(good, "radar") == ["ok"] * 12
+    assert good.told()["verdict_depth"][0] == "not configured"
+    frozen = write(tmp_path / "frozen", spd=np.repeat(arrays["spd"][:1], 12, 0), radar=np.repeat(arrays["radar"][:1], 12, 0))
+    assert verdicts(frozen, "spd") == verdicts(frozen, "radar") == ["ok"] + ["stands still"] * 11
+    dead = write(tmp_path / "dead", spd=np.zeros((3, 90)), radar=np.zeros((3, 20)))
+    assert verdicts(dead, "spd") == ["no peak"] * 3 and verdicts(dead, "radar")[0] == "no peak"
+    dim = {"spd": np.random.default_rng(1).poisson(arrays["spd"] / 10)}
+    assert verdicts(write(tmp_path / "dim", **dim), "spd") == ["weak"] * 12
+    assert verdicts(write(tmp_path / "limit", **dim, signal={"spd_clicks": 0}), "spd") == ["ok"] * 12
+
+
+def test_power_in_db_is_named(tmp_path):
+    radar = scene()["radar"]
+    assert "are they in dB?" in events(write(tmp_path / "db", radar=10 * np.log10(radar) + 60, began="2024-02-07"))[0]
+    assert "are they in dB?" in events(write(tmp_path / "negative", radar=10 * np.log10(radar) - 5, began="2024-02-07"))[0]
+    assert not events(write(tmp_path / "linear", radar=radar, began="2024-02-07"))
+
+
+def test_the_run_begins_when_it_is_said_to(tmp_path):
+    run = write(tmp_path / "own", began="2024-02-07T13:00:00+01:00", **scene())
+    assert run.time[1] == np.datetime64("2024-02-07T12:00:03") and run.info["started_utc"] == "2024-02-07T12:00:00.000Z"
+    assert run.info["ended_utc"] == "2024-02-07T12:00:36.000Z"
+    listed = subprocess.run([ACQUIRE, "list", tmp_path, "--json"], capture_output=True, text=True, check=True).stdout
+    assert "2024-02-07T12:00:00" in listed
+    assert events(write(tmp_path / "today", **scene())) == [
+        "when it began is not known: the time of radar.npy is taken; --began UTC says it"]
+    for text in ("2024-02-30", "2024-02-07T13:00:00+25:00", "2024-02-07T13:00:00+1", "noon"):
+        with pytest.raises(RuntimeError, match="expected a time like"):
+            write(tmp_path / "other", began=text, **scene())
+
+
+def test_an_odd_map_is_left_out(tmp_path):
+    depth = np.random.default_rng(1).integers(2000, 3000, (12, 16, 16)).astype(np.uint16)
+    depth[3] = 7
+    depth[5, :2] = 65535
+    run = write(tmp_path / "own", depth_m=depth, began="2024-02-07", **scene())
+    assert np.flatnonzero(~run.valid["depth"]).tolist() == [3]
+    assert run.told()["verdict_depth"][3].startswith("odd: its median is 7 mm")
+    assert "1 of 12 maps are odd and left out" in events(run)[0]
+    assert np.isnan(run.depth[5, :2]).all() and not np.isnan(run.depth[5, 2:]).any()
+
+
+def test_a_shape_is_compared_before_memory_is_taken(tmp_path):
+    head = "{'descr': '|u1', 'fortran_order': False, 'shape': (1, %d), }" % (2 ** 32 + 5)
+    with open(tmp_path / "spd.npy", "wb") as file:
+        file.write(b"\x93NUMPY\x01\x00\x76\x00" + head.ljust(117).encode() + b"\n")
+        file.truncate(128 + 2 ** 32 + 5)  # a hole
+    (tmp_path / "run.toml").write_text("")
+    done = subprocess.run([ACQUIRE, "import", tmp_path, "--out", tmp_path / "own"], capture_output=True, text=True, check=False,
+                          preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (1 << 30, 1 << 30)))
+    assert done.returncode == 1 and "has 4294967301 values a record; expected at most" in done.stderr
+
+
+def test_the_radar_s_response_and_antennas_are_stated(tmp_path):
+    values = np.random.default_rng(1).normal(0, 1, (12, 20, 10)).astype(np.float32)
+    values[:, :, 4:6] = 100  # power of either antenna
+    run = write(tmp_path / "own", **scene(), step_m=0.25, radar_cell_m=0.25, radar_taps=[1, 0.9, 0.5, 0.2], array=values,
+                antennas=[(0, 0), (1, 0, 1.5, 0.25)])
+    assert (run.meta["radar_cell_m"], run.meta["radar_taps"]) == ("0.25", "1.0 0.9 0.5 0.2")
+    assert run.antennas == [(0, 0, 1, 0), (1, 0, 1.5, 0.25)]
+    assert np.allclose(antennas.values(run), values, atol=0.01)
+
+
+def test_arrays_replace_those_of_a_run(tmp_path):
+    run = write(tmp_path / "base", **scene(), irf_fwhm_ps=300, labels=[f"x{i}" for i in range(12)], began="2024-02-07",
+                depth_m=np.random.default_rng(1).uniform(2, 3, (12, 16, 16)), notes="mine")
+    with echofuse.open(derive.copy(run.path, tmp_path / "few.sqlite", derive.gain(2), derive.range_offset(0.1),
+                                   lambda records: records.keep.__setitem__(slice(3), False))) as few:
+        assert few.index.tolist() == list(range(3, 12)) and few.labels == run.labels[3:] and few.axes == run.axes
+        assert np.array_equal(few.radar, 2 * run.radar[3:]) and np.array_equal(few.spd, run.spd[3:])
+        assert np.array_equal(few.depth, run.depth[3:]) and np.array_equal(few.time, run.time[3:])
+        assert few.meta == run.meta and few.info["notes"] == "mine" and few.info["started_utc"] == run.info["started_utc"]
+        assert few.info["uuid"] != run.info["uuid"] and few.offset_m == {"radar": pytest.approx(-0.1)}

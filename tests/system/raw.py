@@ -3,6 +3,7 @@
 """tests/system/raw.py BIN_DIR: `run --keep-raw` beside a run, and `import` of what it kept: the records are
 the same, through faults and reconnections as well."""
 import pathlib
+import re
 import sqlite3
 import subprocess
 import sys
@@ -80,6 +81,14 @@ class Raw(unittest.TestCase):
         self.run = self.dir / "again.sqlite"
         subprocess.run([bin_dir / "echofuse-acquire", "import", self.raw, "--out", self.run, "-q"], check=True, timeout=60)
         self.assertEqual((self.query(COLUMNS), self.counters("spd"), self.counters("radar")), live, self.log)
+        # one damaged number: a slot of 400 s, or of no time
+        times = (self.raw / "run.times").read_text()
+        for length in "400000000000", "4000000000000000000", "-400000000", "1":
+            (self.raw / "run.times").write_text(re.sub(r"( slots )\d+", rf"\g<1>{length}", times))
+            done = subprocess.run([bin_dir / "echofuse-acquire", "import", self.raw, "--out", self.dir / "other"],
+                                  capture_output=True, text=True, timeout=20)
+            self.assertEqual(done.returncode, 1, done.stderr)
+            self.assertIn("is a number damaged?", done.stderr)
 
 
 if __name__ == "__main__":

@@ -15,6 +15,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from . import run as runs
+from .programs import path_of
+
+
+def acquire_program(program: str | None) -> str:
+    """Its path: as given, of $ECHOFUSE_ACQUIRE, or where the other programs are."""
+    return str(program or os.environ.get("ECHOFUSE_ACQUIRE") or path_of("echofuse-acquire"))
 
 
 def record(config: str | pathlib.Path | None = None, count: int = 1, *, label: str | None = None,
@@ -23,7 +29,7 @@ def record(config: str | pathlib.Path | None = None, count: int = 1, *, label: s
     """Records so many slots and returns the closed run. settings: {"run.window_s": 1.0}, over the configuration's;
     program: echofuse-acquire of that path ($ECHOFUSE_ACQUIRE). Raises RuntimeError with the program's own line if it
     ends otherwise; Ctrl-C ends the run with its slot."""
-    words = [str(program or os.environ.get("ECHOFUSE_ACQUIRE", "echofuse-acquire")), "run", "--json", "-q", "--count", str(count)]
+    words = [acquire_program(program), "run", "--json", "-q", "--count", str(count)]
     given = dict(settings or {}) | ({} if label is None else {"run.label": label})
     for option, value in (("--config", config), ("--out", out), *(("--set", f"{k}={v}") for k, v in given.items())):
         words += [option, os.fspath(value)] if value is not None else []
@@ -56,30 +62,43 @@ def file_of(events: Iterator[dict[str, Any]]) -> str | None:
 
 def write_run(path: str | pathlib.Path, *, spd: ArrayLike | None = None, first_bin_ps: float = 0, bin_width_ps: float = 100,
               irf_fwhm_ps: float = 0, radar: ArrayLike | None = None, first_m: float = 0, step_m: float = 0.25,
-              depth_m: ArrayLike | None = None, half_tangent: float = 0.55, far_m: float = 6, window_s: float = 3, label: str = "",
-              labels: Iterable[str] = (), notes: str = "", program: str | None = None) -> runs.Run:
-    """Makes a run of arrays, by `echofuse-acquire import`, and opens it. spd: counts [n, bins] from first_bin_ps on (two-way
-    time); radar: linear power [n, points] from first_m on; a row of NaN is a record without that sensor. depth_m: z in metres
-    [n, rows, columns], from the top left, NaN or 0: no return; its width spans tangents of +-half_tangent,
-    and what lies beyond far_m is no return. Raises
-    RuntimeError with the program's own line."""
+              radar_cell_m: float = 0, radar_taps: Iterable[float] = (), array: ArrayLike | None = None,
+              antennas: Iterable[Iterable[float]] = (), depth_m: ArrayLike | None = None, half_tangent: float = 0.55,
+              far_m: float = 6, window_s: float = 3, began: str = "", label: str = "", labels: Iterable[str] = (),
+              notes: str = "", signal: dict[str, float] | None = None, program: str | None = None) -> runs.Run:
+    """Makes a run of arrays, by `echofuse-acquire import`, and opens it. spd: whole counts [n, bins] from first_bin_ps on
+    (two-way time); radar: linear power [n, points] from first_m on; a row of NaN is a record without that sensor.
+    radar_cell_m, radar_taps: the radar's response (run.toml); array [n, bins, values]: what antennas.values() gives, with
+    antennas as Run.antennas. depth_m: z in metres [n, rows, columns], from the top left, NaN or 0: no return; its width spans
+    tangents of +-half_tangent, and what lies beyond far_m is no return. began: UTC; signal: limits of the verdicts, as
+    in lab.toml. Raises RuntimeError with the program's own line."""
+    radar_keys = {"first_m": float(first_m), "step_m": float(step_m), "cell_m": float(radar_cell_m),
+                  "taps": " ".join(map(repr, map(float, radar_taps))),
+                  "antennas": [" ".join(map(repr, map(float, place))) for place in antennas]}
     sections: dict[str, dict[str, Any]] = {
         "": {"window_s": float(window_s), "label": label, "labels": list(labels), "notes": notes},
         "spd": {"first_bin_ps": float(first_bin_ps), "bin_width_ps": float(bin_width_ps), "irf_fwhm_ps": float(irf_fwhm_ps)},
-        "radar": {"first_m": float(first_m), "step_m": float(step_m)},
-        "depth": {"half_tangent": float(half_tangent), "map_z_max_m": float(far_m)},
-    }
+        "radar": radar_keys, "depth": {"half_tangent": float(half_tangent), "map_z_max_m": float(far_m)},
+        "signal": {key: float(value) for key, value in (signal or {}).items()}}
+    import_arrays(path, sections, {"spd": spd, "radar": radar, "array": array, "depth": depth_m},
+                  *(["--began", began] if began else []), program=program)
+    return runs.open(path)
+
+
+def import_arrays(out: str | pathlib.Path, sections: dict[str, dict[str, Any]], arrays: dict[str, ArrayLike | None],
+                  *options: str, program: str | None = None) -> None:
+    """Writes run.toml and the arrays into a folder beside `out`, and makes the run `out` of it (import, acquire/README.md).
+    Raises RuntimeError with the program's own line."""
     text = "".join((f"[{name}]\n" if name else "") + "".join(f"{key} = {json.dumps(value)}\n" for key, value in keys.items())
                    for name, keys in sections.items())
-    with tempfile.TemporaryDirectory(prefix="echofuse-") as folder:
+    with tempfile.TemporaryDirectory(prefix="echofuse-", dir=pathlib.Path(out).absolute().parent) as folder:
         pathlib.Path(folder, "run.toml").write_text(text)
-        for name, values in (("spd", spd), ("radar", radar), ("depth", depth_m)):
+        for name, values in arrays.items():
             if values is not None:
                 array = np.asarray(values)
                 kind = np.dtype("<f4") if array.dtype.kind == "f" else array.dtype.newbyteorder("<")
                 np.save(pathlib.Path(folder, f"{name}.npy"), np.ascontiguousarray(array, kind))
-        words = [str(program or os.environ.get("ECHOFUSE_ACQUIRE", "echofuse-acquire")), "import", folder, "--out", os.fspath(path)]
-        done = subprocess.run(words, capture_output=True, text=True, check=False)
+        words = [acquire_program(program), "import", folder, "--out", os.fspath(out)]
+        done = subprocess.run([*words, *options], capture_output=True, text=True, check=False)
     if done.returncode:
         raise RuntimeError((done.stderr.strip().splitlines() or [f"echofuse-acquire ended with exit code {done.returncode}"])[-1])
-    return runs.open(path)

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from . import run as runs
 from .maps import save_maps
+from .programs import BenchError, UsageError, call
 
 METRICS = ("iou", "ssim", "ssim_hard", "ssim_fg", "rmse_m", "rmse_fg_m", "depth_mae_m", "abs_rel", "delta_125", "lateral_m",
            "ghost", "left_right", "iou_person")
@@ -28,39 +29,6 @@ COSTS = ("multiply_adds", "infer_us_median", "infer_us_p99", "train_s")
 CONSTANT = ("empty", "mean")  # look at no sensor
 Path = str | pathlib.Path
 Row = dict[str, Any]
-
-
-class BenchError(RuntimeError):
-    """Last line that a program or a method said when it failed, and the exit code."""
-
-    code = 1
-
-    def __init__(self, text: str, code: int | None = None) -> None:
-        super().__init__(text)
-        self.code = code or self.code
-
-
-class UsageError(BenchError):
-    """A wrong word of the command line: no measurement can be made with it."""
-
-    code = 2
-
-
-def call(program: str, *words: object, ok: tuple[int, ...] = (0,)) -> subprocess.CompletedProcess[str]:
-    """Runs one of the programs: of $ECHOFUSE_BIN, else beside this program, else of PATH. Raises BenchError with its last
-    line and exit code; UsageError unless that is 1, so that no row says of a method what is another's fault."""
-    own, folder = pathlib.Path(sys.argv[0]).absolute().with_name(program), os.environ.get("ECHOFUSE_BIN")
-    path = os.path.join(folder, program) if folder else str(own) if own.exists() else program
-    try:
-        done = subprocess.run([path, *map(str, words)], capture_output=True, text=True, check=False, errors="replace")
-    except OSError as error:
-        raise UsageError(f"{path}: {error.strerror}; put the programs into PATH, or set ECHOFUSE_BIN") from None
-    if done.returncode not in ok:
-        kind = BenchError if done.returncode == 1 else UsageError
-        said = [line for line in done.stderr.splitlines() if line.strip() and line != "Run with --help for more information."]
-        last = (said or [f"{program}: exit code {done.returncode}"])[-1].removeprefix(f"{program}: ")
-        raise kind(last, done.returncode if done.returncode > 0 else 1)
-    return done
 
 
 @contextlib.contextmanager

@@ -1,0 +1,322 @@
+// SPDX-License-Identifier: MIT
+#include "acquire/import/array_folder.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <filesystem>
+#include <limits>
+
+#include "acquire/measurement/radar_array.hpp"
+#include "drivers/program/printable.hpp"
+
+namespace echofuse::acquire {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::size_t most_points = 1u << 24;  // bins of a record's histogram or profile
+constexpr std::size_t most_pixels = 1u << 23;  // of its depth image
+
+// Smallest factor that makes these counts whole; 0: none up to 1000. A mean of f exposures has
+// factor f.
+std::uint32_t factor_of(const std::vector<double>& counts) {
+  constexpr std::uint32_t most = 1000;
+  constexpr double rounding = 1e-6;  // of a float
+  const auto whole = [](double v, double count) {
+    return std::abs(v - std::round(v)) <= rounding * std::max(100.0, v) && (v >= 0.5 || count == 0);
+  };
+  for (std::uint32_t factor = 1; factor <= most; ++factor)
+    if (std::ranges::all_of(counts, [&](double count) { return whole(factor * count, count); }))
+      return factor;
+  return 0;
+}
+
+// Linear power of a scene spans more, and is negative only where noise was subtracted.
+bool looks_like_db(const std::vector<float>& power) {
+  constexpr float least_ratio = 6;
+  const auto [low, high] = std::ranges::minmax(power);
+  return low < high && (low < 0 || high < least_ratio * low);
+}
+
+record::Antennas antennas_of(const std::vector<std::string>& texts, const std::string& path) {
+  record::Antennas out;
+  for (const std::string& text : texts) {
+    record::Antenna a;
+    const int read =
+        std::sscanf(text.c_str(), "%lf %lf %lf %lf", &a.x, &a.y, &a.gain, &a.phase_rad);
+    if (read < 2 || out.size() == record::most_antennas)
+      throw Error(ExitCode::config, printable(path) + ": radar.antennas has \"" +
+                                        printable(text, 40) + "\"; expected at most " +
+                                        std::to_string(record::most_antennas) +
+                                        " texts \"X Y\" or \"X Y GAIN PHASE\"");
+    out.push_back(a);
+  }
+  return out;
+}
+
+}  // namespace
+
+void bind(Settings& settings, ArraySettings& s) {
+  settings.add("run", s.run,
+               "the run whose records the rows are: what is not an array here is as there");
+  settings.add("window_s", s.window_s, 1e-6, 1e6, "length of a slot");
+  settings.add("label", s.label, "of every record");
+  settings.add("labels", s.labels, "one a record; instead of label");
+  settings.add("notes", s.notes, "where the arrays come from");
+  settings.add("spd.first_bin_ps", s.first_bin_ps, -1e9, 1e9, "start of bin 0, two-way time");
+  settings.add("spd.bin_width_ps", s.bin_width_ps, 1e-3, 1e9, "width of a bin, two-way time");
+  settings.add("spd.irf_fwhm_ps", s.irf_fwhm_ps, 0, 1e6, "impulse response; 0: not stated");
+  settings.add("radar.first_m", s.first_m, -1e4, 1e4, "range of point 0");
+  settings.add("radar.step_m", s.step_m, 1e-6, 1e4, "from point to point");
+  settings.add("radar.cell_m", s.radar_cell_m, 0, 1e3, "c / 2B; 0: response not stated");
+  settings.add("radar.taps", s.radar_taps, "power at 0, 1/4, 2/4 ... of a cell, over its peak");
+  settings.add("radar.antennas", s.antennas,
+               "of array.npy: x and y in half wavelengths, and perhaps gain and phase in rad");
+  for (const Sensor sensor : {Sensor::spd, Sensor::radar})
+    settings.add(std::string(name_of(sensor)) + ".offset_m", s.offset_m[sensor], -1e3, 1e3,
+                 "how much too long its ranges are; beside what the run says");
+  settings.add("depth.unit", s.depth_unit, "default: mm of whole numbers, m of others",
+               {"", "mm", "m"});
+  settings.add("depth.half_tangent", s.half_tangent, record::least_map_half_tangent,
+               record::most_map_half_tangent, "x/z at the left and right edge");
+  settings.add("depth.map_z_max_m", s.far_m, record::least_map_far_m, record::most_map_far_m,
+               "what lies beyond is no return");
+  settings.add("depth.map_size", s.map_size, 0, record::most_map_size,
+               "pixels of the maps both ways; 0: as the images, or 64");
+  bind_limits(settings, s.limits);
+}
+
+ArrayFolder::ArrayFolder(const std::string& folder, const ArraySettings& settings)
+    : folder_(folder),
+      settings_(settings),
+      antennas_(antennas_of(settings.antennas, folder + "/run.toml")) {
+  const bool of_run = !settings_.run.empty();
+  spd_ = open("spd.npy", 2), radar_ = open("radar.npy", 2), depth_ = open("depth.npy", 3);
+  array_ = open("array.npy", 3), index_ = open("index.npy", 1), valid_ = open("valid.npy", 1);
+  const auto config_error = [&](const std::string& what) {
+    throw Error(ExitCode::config, printable(folder) + "/run.toml: " + what);
+  };
+  if (!spd_ && !radar_ && !of_run)
+    throw Error(ExitCode::failed,
+                printable(folder) + ": has neither spd.npy [n, bins] nor radar.npy [n, points]");
+  if (rows_ == 0)
+    throw Error(ExitCode::failed,
+                printable(first_ ? *first_ : folder) + ": has no rows; nothing to import");
+  if (of_run ? static_cast<bool>(depth_ || array_) : static_cast<bool>(index_ || valid_))
+    config_error(of_run ? "depth.npy and array.npy do not go with run, which has them"
+                        : "index.npy and valid.npy are of records of a run; name it by run");
+  if (!settings_.labels.empty() && settings_.labels.size() != rows_)
+    config_error(std::to_string(settings_.labels.size()) + " labels for " + std::to_string(rows_) +
+                 " records");
+  if (settings_.map_size > 0 && settings_.map_size < record::least_map_size)
+    config_error("depth.map_size = " + std::to_string(settings_.map_size) +
+                 "; expected 0 or 16 to 256");
+  if (array_ && (!radar_ || antennas_.empty() || array_->shape()[1] != axes().back().count ||
+                 array_->shape()[2] != record::values_of_bin(antennas_.size())))
+    refuse(*array_, "its shape is " + array_->shape_text() +
+                        "; expected that of radar.npy and of radar.antennas, with " +
+                        std::to_string(record::values_of_bin(antennas_.size())) +
+                        " values a bin up to " + std::to_string(std::lround(record::array_end_m)) +
+                        " m");
+  if (depth_)
+    millimetres_ =
+        settings_.depth_unit.empty() ? depth_->is_integer() : settings_.depth_unit == "mm";
+}
+
+std::unique_ptr<NpyFile> ArrayFolder::open(const char* name, std::size_t dimensions) {
+  const std::string path = (fs::path(folder_) / name).string();
+  if (!fs::exists(path)) return nullptr;
+  auto file = std::make_unique<NpyFile>(path);
+  if (file->shape().size() != dimensions || file->row_size() == 0)
+    refuse(*file, "its shape is " + file->shape_text() + "; expected " +
+                      std::to_string(dimensions) + " dimensions, a row for each record");
+  const std::size_t most = std::string(name) == "depth.npy" ? most_pixels : most_points;
+  if (file->row_size() > most)
+    refuse(*file, "has " + std::to_string(file->row_size()) +
+                      " values a record; expected at most " + std::to_string(most));
+  if (!first_) first_ = newest_ = path, rows_ = file->rows();
+  if (fs::last_write_time(path) > fs::last_write_time(newest_)) newest_ = path;
+  if (file->rows() != rows_)
+    refuse(*file, "has " + std::to_string(file->rows()) + " rows; " + printable(*first_) + " has " +
+                      std::to_string(rows_));
+  return file;
+}
+
+void ArrayFolder::refuse(const NpyFile& file, const std::string& what) const {
+  throw Error(ExitCode::failed, printable(file.path()) + ": " + what);
+}
+
+std::vector<Axis> ArrayFolder::axes() const {
+  std::vector<Axis> out;
+  const auto count = [](const NpyFile& f, std::size_t k) {  // open() has bounded it
+    return static_cast<std::uint32_t>(f.shape()[k]);
+  };
+  const ArraySettings& s = settings_;
+  if (spd_)
+    out.push_back({"spd", "counts", "ps", count(*spd_, 1), s.first_bin_ps, s.bin_width_ps, 1});
+  if (depth_) {
+    const auto height = count(*depth_, 1), width = count(*depth_, 2);
+    const double up = s.half_tangent * height / width;
+    out.push_back(record::depth_x_axis(width, s.half_tangent));
+    out.push_back(record::depth_y_axis(height, up));
+    const bool fits =
+        height == width && width >= record::least_map_size && width <= record::most_map_size;
+    record::MapGrid grid;
+    grid.half_tangent = s.half_tangent, grid.far_m = s.far_m;
+    if (s.map_size > 0 || fits)
+      grid.size = s.map_size > 0 ? static_cast<std::uint32_t>(s.map_size) : width;
+    for (const Axis& axis : grid.axes()) out.push_back(axis);
+  }
+  if (radar_) {
+    out.push_back({"radar", "power", "m", count(*radar_, 1), s.first_m, s.step_m, 1});
+    if (array_) out.push_back(record::array_axis(out.back(), antennas_.size()));
+  }
+  return out;
+}
+
+void ArrayFolder::require_axes(const std::vector<Axis>& axes) const {
+  for (const auto& [file, name] : {std::pair{spd_.get(), "spd"}, {radar_.get(), "radar"}}) {
+    const auto axis = std::ranges::find(axes, name, &Axis::name);
+    const std::size_t wanted = axis == axes.end() ? 0 : axis->count;
+    if (file && file->row_size() != wanted)
+      refuse(*file, "has " + std::to_string(file->row_size()) + " values a record; the run's " +
+                        name + " has " + std::to_string(wanted));
+  }
+}
+
+std::int64_t ArrayFolder::next_index() {
+  return index_ ? std::llround(index_->next_row().at(0)) : static_cast<std::int64_t>(row_);
+}
+
+void ArrayFolder::take_row(record::FusedRecord& r) {
+  const bool of_run = !settings_.run.empty();
+  if (!of_run) {
+    r.label = settings_.labels.empty() ? settings_.label : settings_.labels[row_];
+    for (const auto& [file, sensor] : {std::pair{spd_.get(), Sensor::spd},
+                                       {radar_.get(), Sensor::radar},
+                                       {depth_.get(), Sensor::depth}})
+      if (!file) r.sync[sensor].verdict = "not configured";
+  }
+  if (spd_) put_counts(r);
+  if (radar_) put_power(r);
+  if (depth_) put_depth(r);
+  if (valid_) {
+    const auto bits = static_cast<std::uint32_t>(valid_->next_row().at(0));
+    for (const Sensor s : all_sensors)
+      if (r.has(s) && !SensorSet::from_bits(bits).contains(s))
+        r.valid.erase(s), r.sync[s].verdict = "missing";
+  }
+  ++row_;
+}
+
+// The next row of numbers from `least` on, or nothing of a row of NaN. Noise makes power negative.
+std::vector<double> ArrayFolder::read(NpyFile& file, double least, const char* what) const {
+  std::vector<double> values = file.next_row();
+  if (std::ranges::all_of(values, [](double v) { return std::isnan(v); })) return {};
+  const auto bad =
+      std::ranges::find_if(values, [&](double v) { return !(v >= least && v < 1e30); });
+  if (bad == values.end()) return values;
+  refuse(file, "row " + std::to_string(row_) + " has " + std::to_string(*bad) + "; expected " +
+                   what + ", or a whole row of NaN for a missing sensor");
+}
+
+// A record of a run keeps its verdict and times if its values are the same.
+void ArrayFolder::mark(record::FusedRecord& r, Sensor sensor, std::uint64_t used) const {
+  if (!settings_.run.empty()) return;
+  r.valid.insert(sensor);
+  r.sync[sensor] = {0, settings_.window_s, used, 0, "ok"};
+}
+
+void ArrayFolder::put_counts(record::FusedRecord& r) {
+  const std::vector<double> values = read(*spd_, 0, "counts from 0 on");
+  if (values.empty()) return;
+  const std::string row = "row " + std::to_string(row_);
+  if (std::ranges::max(values) > std::numeric_limits<std::uint32_t>::max())
+    refuse(*spd_, row + " has a count of more than 32 bits");
+  const std::uint32_t factor = spd_->is_integer() ? 1 : factor_of(values);
+  if (factor != 1)
+    refuse(*spd_, row + " has counts that are not whole; expected photons a bin: " +
+                      (factor > 1 ? "multiply by " + std::to_string(factor) +
+                                        ", of a mean of so many exposures"
+                                  : "multiply a normalised histogram by its photons"));
+  std::vector<std::uint32_t> counts;
+  for (const double v : values) counts.push_back(static_cast<std::uint32_t>(std::llround(v)));
+  if (counts == r.spd) return;
+  r.spd = std::move(counts);
+  r.spd_counts.in_range = 0;
+  for (const std::uint32_t n : r.spd) r.spd_counts.in_range += n;
+  if (!settings_.run.empty()) {
+    r.sync[Sensor::spd].used = r.spd_counts.in_range, r.sync[Sensor::spd].verdict = "ok";
+    return;
+  }
+  r.spd_counts.tags = r.spd_counts.in_range;
+  mark(r, Sensor::spd, r.spd_counts.in_range);
+}
+
+void ArrayFolder::put_power(record::FusedRecord& r) {
+  const std::vector<double> values = read(*radar_, -1e30, "finite power");
+  const std::vector<double> array =
+      array_ ? read(*array_, -1e30, "finite numbers") : std::vector<double>{};
+  if (values.empty()) return;
+  const std::vector<float> power(values.begin(), values.end());
+  if (settings_.run.empty()) {
+    ++powers_, like_db_ += looks_like_db(power);
+  } else if (power != r.radar) {
+    r.sync[Sensor::radar].verdict = "ok";
+  }
+  r.radar = power;
+  mark(r, Sensor::radar, 1);
+  if (array.empty()) return;
+  r.array.assign(array.begin(), array.end());
+  r.array_frames = 1;
+}
+
+void ArrayFolder::put_depth(record::FusedRecord& r) {
+  const std::vector<double> values = depth_->next_row();
+  if (std::ranges::all_of(values, [](double v) { return std::isnan(v); })) return;
+  ++maps_;
+  const std::string odd = take_depth(r, values);
+  if (odd.empty()) return mark(r, Sensor::depth, 1);
+  r.depth_mm.clear();
+  r.sync[Sensor::depth].verdict = "odd: " + odd;
+  if (odd_maps_++ == 0)
+    first_odd_ = printable(depth_->path()) + ": row " + std::to_string(row_) + ": " + odd;
+}
+
+// Returns what cannot be, or nothing.
+std::string ArrayFolder::take_depth(record::FusedRecord& r,
+                                    const std::vector<double>& values) const {
+  constexpr double most_mm = std::numeric_limits<std::uint16_t>::max(), least_median_mm = 20;
+  std::vector<double> returns;
+  for (const double v : values) {
+    double mm = std::isnan(v) ? 0 : v * (millimetres_ ? 1 : 1000);
+    if (!(mm >= 0 && mm <= most_mm))
+      return "a depth of " + std::to_string(mm / 1000) + " m; expected 0 to 65.5 m" +
+             (millimetres_ ? "" : ", or depth.unit = \"mm\"");
+    if (millimetres_ && mm == most_mm) mm = 0;  // cameras' value of a pixel without a return
+    r.depth_mm.push_back(static_cast<std::uint16_t>(std::lround(mm)));
+    if (r.depth_mm.back() > 0) returns.push_back(mm);
+  }
+  if (returns.empty()) return {};
+  const auto middle = returns.begin() + static_cast<std::ptrdiff_t>(returns.size() / 2);
+  std::nth_element(returns.begin(), middle, returns.end());
+  if (*middle >= least_median_mm) return {};
+  return "its median is " + std::to_string(std::lround(*middle)) + " mm; expected " +
+         (millimetres_ ? "millimetres (of metres: depth.unit = \"m\")" : "metres");
+}
+
+std::vector<std::string> ArrayFolder::doubts() const {
+  if (2 * odd_maps_ > maps_) throw Error(ExitCode::failed, first_odd_);
+  std::vector<std::string> out;
+  if (2 * like_db_ > powers_)
+    out.push_back("radar: " + std::to_string(like_db_) + " of " + std::to_string(powers_) +
+                  " profiles are negative somewhere or span less than a ratio of 6: are they in "
+                  "dB? Expected linear power, 10^(dB/10)");
+  if (odd_maps_ > 0)
+    out.push_back("depth: " + std::to_string(odd_maps_) + " of " + std::to_string(maps_) +
+                  " maps are odd and left out; the first: " + first_odd_);
+  return out;
+}
+
+}  // namespace echofuse::acquire

@@ -1,0 +1,88 @@
+// SPDX-License-Identifier: MIT
+#include "acquire/import/imported_run.hpp"
+
+#include <sys/stat.h>
+
+#include <algorithm>
+#include <utility>
+
+#include "acquire/run/resume.hpp"
+#include "drivers/program/exit_code.hpp"
+#include "drivers/program/printable.hpp"
+
+namespace echofuse::acquire {
+
+UtcTime modified(const std::string& path) {
+  struct stat found {};
+  if (::stat(path.c_str(), &found) != 0) return {};
+  return std::chrono::seconds(found.st_mtim.tv_sec) +
+         std::chrono::nanoseconds(found.st_mtim.tv_nsec);
+}
+
+ImportedRun::ImportedRun(const std::string& out, const Beginning& began, const SignalCheck& check,
+                         const Make& make)
+    : file_((refuse_bad_target(out), out), NewFile::Staged{}), check_(check) {
+  refuse_late_clock(began.utc);
+  clock_.began = clock_.utc_at = began.utc;
+  run_ = make(file_.path(), clock_);
+  run_->put_anchor({}, began.utc);
+  if (!began.doubt.empty()) doubt(began.doubt);
+}
+
+void ImportedRun::put_axes(const std::vector<Axis>& axes) {
+  axes_ = axes;
+  for (const Axis& axis : axes_) run_->put_axis(axis);
+}
+
+void ImportedRun::put(record::FusedRecord record) {
+  check_.judge(record, axes_);
+  clock_.at = std::max(clock_.at, record.slot_end);
+  clock_.utc_at = std::max(clock_.utc_at, record.slot_utc + (record.slot_end - record.slot_start));
+  for (const Sensor s : all_sensors) {
+    valid_[s] += record.has(s);
+    if (!record.has(s)) verdict_[s] = record.sync[s].verdict;
+  }
+  tags_ += record.spd_counts;
+  batch_bytes_ += 4 * (record.spd.size() + record.radar.size() + record.array.size()) +
+                  2 * record.depth_mm.size();
+  batch_.push_back(std::move(record));
+  if (constexpr std::size_t most = 256, most_bytes = 4 << 20;
+      batch_.size() == most || batch_bytes_ > most_bytes)
+    flush();
+}
+
+void ImportedRun::flush() {  // in one transaction: each waits for the disk
+  run_->append(batch_);
+  batch_.clear(), batch_bytes_ = 0;
+}
+
+void ImportedRun::doubt(const std::string& text) {
+  run_->put_event(clock_.utc(), Severity::warning, "import", text);
+  lines_.append("\n").append(printable(text));
+}
+
+void ImportedRun::put_counters(Sensor sensor, const std::vector<Counter>& counters) {
+  for (const Counter& c : counters) counted_.push_back({name_of(sensor), c.name, c.value});
+}
+
+std::string ImportedRun::finish() {
+  flush();
+  run_->put_counters(counted_);
+  std::string counts, causes;
+  for (const Sensor s : all_sensors) {
+    if (valid_[s] > 0)
+      counts.append(", ").append(name_of(s)).append(" in ").append(std::to_string(valid_[s]));
+    else if (!verdict_[s].empty() && verdict_[s] != "not configured" && verdict_[s] != "missing")
+      causes.append("; ").append(name_of(s)).append(": ").append(verdict_[s]);
+  }
+  const std::string text = std::to_string(run_->records()) + " records" + counts;
+  if (counts.empty())
+    throw Error(ExitCode::failed, printable(file_.place()) +
+                                      ": nothing to import: " + printable(text + causes) +
+                                      ", none with a valid sensor");
+  run_->close_as_one_file("complete");
+  file_.publish();
+  return printable(file_.place()) + ": " + text + lines_;
+}
+
+}  // namespace echofuse::acquire
