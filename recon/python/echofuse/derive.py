@@ -13,11 +13,13 @@ import sqlite3
 import uuid
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from . import run as runs
+from .acquire import import_arrays
 from .run_files import connect
 
 
@@ -42,7 +44,8 @@ Change = Callable[[Records], None]
 
 
 def copy(path: str | pathlib.Path, out: str | pathlib.Path, *changes: Change) -> pathlib.Path:
-    """Writes the run `out` with these changes, one after the other. Raises FileExistsError."""
+    """Writes the run `out` with these changes, one after the other, by `echofuse-acquire import`: what no change names is as
+    in the run. No sensor is called weak, because the change makes it so. Raises FileExistsError, RuntimeError."""
     out = pathlib.Path(out)
     if out.exists():
         raise FileExistsError(f"{out}: exists already")
@@ -50,9 +53,13 @@ def copy(path: str | pathlib.Path, out: str | pathlib.Path, *changes: Change) ->
         records = Records(run)
         for change in changes:
             change(records)
-        if len(run.files) > 1:
-            raise ValueError(f"{path}: a run in parts; expected one file")
-        _write(run.files[0], out, run, records)
+        bits = sum(np.where(records.lost[name], 0, bit) for name, bit in runs.SENSORS.items())
+        tables = {"index": run.index, "valid": np.asarray(bits, np.uint8), "spd": records.spd, "radar": records.radar}
+        sections: dict[str, dict[str, Any]] = {
+            "": {"run": str(run.path.resolve())}, "radar": {"offset_m": -float(records.range_offset_m)},
+            "signal": dict.fromkeys(("weak_share", "spd_clicks", "clicks_a_pulse", "radar_snr_db", "depth_share"), 0.0)}
+        import_arrays(out, sections, {name: table[records.keep] for name, table in tables.items()
+                                      if table.ndim == 1 or table.shape[1]})
     return out
 
 
@@ -73,23 +80,6 @@ def _copied(path: pathlib.Path, out: pathlib.Path) -> Iterator[sqlite3.Connectio
             db.execute("PRAGMA journal_mode = DELETE")
             db.execute("UPDATE run SET uuid = ?", (str(uuid.uuid4()),))
             yield db
-
-
-def _write(path: pathlib.Path, out: pathlib.Path, run: runs.Run, records: Records) -> None:
-    bits = sum(np.where(records.lost[name], 0, bit) for name, bit in runs.SENSORS.items())
-    rows = zip(run.index.tolist(), records.keep.tolist(), np.asarray(bits).tolist(), records.spd, records.radar)
-    with _copied(path, out) as db:
-        for index, stays, valid, spd, radar in rows:
-            if not stays:
-                db.execute("DELETE FROM record WHERE idx = ?", (index,))
-                continue
-            db.execute("UPDATE record SET valid = ?, spd = CASE WHEN ? & 1 THEN ? END, radar = CASE WHEN ? & 2 THEN ? END"
-                       " WHERE idx = ?", (valid, valid, spd.astype("<u4").tobytes(), valid, radar.astype("<f4").tobytes(), index))
-        if records.range_offset_m:  # as a calibration that is wrong by it: the axes stay
-            by = -records.range_offset_m
-            if not db.execute("UPDATE calibration SET offset_m = offset_m + ? WHERE sensor = 'radar'", (by,)).rowcount:
-                db.execute("INSERT INTO calibration (sensor, date_utc, method, distance_m, offset_m, standard_error_m)"
-                           " VALUES ('radar', '', 'derived', 0, ?, 0)", (by,))
 
 
 def thinned(share: float, seed: int) -> Change:
