@@ -15,14 +15,14 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::size_t most_points = 1u << 24;  // bins of a record's histogram or profile
-constexpr std::size_t most_pixels = 1u << 23;  // of its depth image
+// Values of a record's histogram or profile, and of its depth image.
+constexpr std::size_t most_points = 1u << 24, most_pixels = 1u << 23;
 
 // Smallest factor that makes these counts whole; 0: none up to 1000. A mean of f exposures has
 // factor f.
 std::uint32_t factor_of(const std::vector<double>& counts) {
   constexpr std::uint32_t most = 1000;
-  constexpr double rounding = 1e-6;  // of a float
+  constexpr double rounding = 1e-6;  // relative error of a float
   const auto whole = [](double v, double count) {
     return std::abs(v - std::round(v)) <= rounding * std::max(100.0, v) && (v >= 0.5 || count == 0);
   };

@@ -77,9 +77,8 @@ std::string ImportedRun::finish() {
   }
   const std::string text = std::to_string(run_->records()) + " records" + counts;
   if (counts.empty())
-    throw Error(ExitCode::failed, printable(file_.place()) +
-                                      ": nothing to import: " + printable(text + causes) +
-                                      ", none with a valid sensor");
+    throw Error(ExitCode::failed, printable(file_.place()) + ": nothing to import: " +
+                                      printable(text + causes) + ", none with a valid sensor");
   run_->close_as_one_file("complete");
   file_.publish();
   return printable(file_.place()) + ": " + text + lines_;

@@ -40,7 +40,7 @@ class ImportedRun {
   void put_counters(Sensor sensor, const std::vector<Counter>& counters);
   const TagCounts& tags() const { return tags_; }
   std::int64_t valid(Sensor s) const { return valid_[s]; }
-  const std::string& verdict(Sensor s) const { return verdict_[s]; }  // of the last without it
+  const std::string& verdict(Sensor s) const { return verdict_[s]; }  // last one without data
   UtcTime utc_of(HostTime t) const { return clock_.began + t; }
   // Publishes the run and returns what is in it, then the doubts, a line each. Throws Error(failed)
   // if no record has a valid sensor; then nothing is written.

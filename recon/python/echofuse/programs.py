@@ -25,7 +25,7 @@ class UsageError(BenchError):
 
 
 def path_of(program: str) -> str:
-    """Of $ECHOFUSE_BIN, else beside this program, else of PATH."""
+    """Path of a program: in $ECHOFUSE_BIN, else beside this program, else of PATH."""
     own, folder = pathlib.Path(sys.argv[0]).absolute().with_name(program), os.environ.get("ECHOFUSE_BIN")
     return os.path.join(folder, program) if folder else str(own) if own.exists() else program
 
