@@ -30,13 +30,11 @@ enum Metric : std::size_t {
   // image.
   metric_ghost,       // raw; 0: at the truth only; 0.5: as much on either side; 1: mirror image
   metric_left_right,  // 1 if the foreground's centroid is on the true side
-  // Defined for records labelled two_people (people.hpp), but not by score().
-  metric_iou_person,  // mean of both
   metric_count
 };
 inline constexpr std::array<const char*, metric_count> metric_names = {
-    "iou",     "ssim",      "ssim_hard", "ssim_fg", "rmse_m",     "rmse_fg_m", "depth_mae_m",
-    "abs_rel", "delta_125", "lateral_m", "ghost",   "left_right", "iou_person"};
+    "iou",         "ssim",    "ssim_hard", "ssim_fg",   "rmse_m", "rmse_fg_m",
+    "depth_mae_m", "abs_rel", "delta_125", "lateral_m", "ghost",  "left_right"};
 static_assert(metric_names.back() != nullptr);  // one name for each, in the order of Metric
 
 using MapScores = std::array<double, metric_count>;

@@ -9,7 +9,6 @@
 
 #include "drivers/core/random.hpp"
 #include "recon/data/split.hpp"
-#include "recon/metrics/people.hpp"
 #include "recon/numbers/statistics.hpp"
 #include "recon/numbers/text.hpp"
 

@@ -14,6 +14,7 @@
 #pragma once
 #include <array>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "recon/data/features.hpp"
@@ -23,6 +24,9 @@
 #include "recon/numbers/components.hpp"
 
 namespace echofuse::recon {
+
+// Label of records of two people, for whom no single body is usual.
+inline constexpr std::string_view two_people_label = "two_people";
 
 // A small network tells whether a record shows two bodies. No training record does, but the sum of
 // two of them is what two bodies measure when neither hides the other (training on made-up

@@ -11,7 +11,6 @@
 
 #include "drivers/program/console.hpp"
 #include "drivers/program/exit_code.hpp"
-#include "recon/metrics/people.hpp"
 #include "recon/numbers/parallel.hpp"
 
 namespace echofuse::recon {
@@ -166,9 +165,6 @@ std::vector<MapScores> score_maps(const Matrix& maps, const Dataset& data, const
   std::vector<MapScores> out(rows.size());
   for_each_part(rows.size(), [&](std::size_t i) {
     out[i] = score(maps.row(i), data.depth.row(rows[i]), scene);
-    if (data.label[rows[i]] != two_people_label || !scene.has_body()) return;
-    if (const auto people = find_people(data.depth.row(rows[i]), scene))
-      out[i][metric_iou_person] = iou_per_person(maps.row(i), *people, scene);
   });
   return out;
 }

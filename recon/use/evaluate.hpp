@@ -33,7 +33,7 @@ struct UncertaintyCalibration {
   double error_m = 0, deviation_m = 0;  // pixels' root mean square: of the mean map, as stated
 };
 
-// Counts of records labelled two_people (metrics/people.hpp), and of the flagged ones.
+// Counts of records labelled two_people_label, and of the flagged ones.
 struct TwoPeopleSeen {
   std::size_t records = 0, flagged = 0;
 };

@@ -15,17 +15,12 @@ using nlohmann::json;
 
 json number(double value) { return std::isnan(value) ? json(nullptr) : json(value); }
 
-// Metrics that are defined only for records of some labels.
-bool is_of_labels(std::size_t metric) { return metric >= metric_iou_person; }
-
 json metrics_json(const Summaries& metrics) {
   json out = json::object();
-  for (std::size_t m = 0; m < metric_count; ++m) {
-    if (is_of_labels(m) && metrics[m].maps == 0) continue;
+  for (std::size_t m = 0; m < metric_count; ++m)
     out[metric_names[m]] = {{"mean", number(metrics[m].mean)},
                             {"se", number(metrics[m].se)},
                             {"maps", metrics[m].maps}};
-  }
   return out;
 }
 
@@ -90,10 +85,6 @@ std::string to_table(const std::vector<ScoredRow>& rows) {
   for (const auto& row : rows) out += formatted(" %15s", row.name.c_str());
   out += '\n';
   for (std::size_t m = 0; m < metric_count; ++m) {
-    if (is_of_labels(m) && std::all_of(rows.begin(), rows.end(), [&](const ScoredRow& row) {
-          return row.metrics[m].maps == 0;
-        }))
-      continue;
     out += formatted("%-12s", metric_names[m]);
     for (const auto& row : rows)
       out += formatted(" %15s", formatted(row.metrics[m], " +-").c_str());

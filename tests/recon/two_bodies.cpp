@@ -1,5 +1,4 @@
 // SPDX-License-Identifier: MIT
-#include "recon/metrics/people.hpp"
 #include "recon/train/train.hpp"
 #include "recon/trust/out_of_distribution.hpp"
 #include "recon/use/evaluate.hpp"
@@ -99,7 +98,6 @@ TEST_CASE("two people one behind the other are told from one, and counted") {
   const Evaluation e = evaluate(trained(), prepare_records(trained(), data), rows);
   CHECK(e.two_people.records == 60);
   CHECK(e.two_people.flagged == two);
-  CHECK(e.metrics[metric_iou_person].maps == 60);
 }
 
 TEST_CASE("side by side they are flagged, and one body's map stays as it is bit by bit") {
@@ -185,28 +183,6 @@ TEST_CASE("two people before a wall are flagged, though a record holds the wall 
   CHECK(flagged(two) > 200);
 }
 
-TEST_CASE("each person of a map has an IoU of his own") {
-  const Scene scene{std::vector<float>(64 * 64), std::vector<float>(64 * 64), 3.5f, {}};
-  std::vector<float> truth(64 * 64), left(64 * 64);
-  for (std::size_t row = 20; row < 40; ++row)
-    for (std::size_t c = 0; c < 20; ++c) {
-      truth[row * 64 + 12 + c] = left[row * 64 + 12 + c] = 3.2f;
-      if (c < 10) truth[row * 64 + 32 + c] = 3.9f;  // touching in the picture
-    }
-  const auto people = find_people(truth, scene);
-  REQUIRE(people);
-  CHECK(std::count(people->person.begin(), people->person.end(), 1) == 400);
-  CHECK(std::count(people->person.begin(), people->person.end(), 2) == 200);
-  CHECK(people->middle[1].z_m == Approx(3.9));
-  CHECK(iou_per_person(truth, *people, scene) == 1);
-  CHECK(iou_per_person(left, *people, scene) == 0.5);
-  std::vector<float> half = truth;
-  std::fill(half.begin(), half.begin() + 30 * 64, 0.f);
-  CHECK(iou_per_person(half, *people, scene) == 0.5);
-  CHECK(iou_per_person(scene.background, *people, scene) == 0);
-  CHECK_FALSE(find_people(scene.background, scene));
-}
-
 TEST_CASE("reconstruct and evaluate say which records show two bodies") {
   const Folder dir;
   save_model(trained(), dir / "m");
@@ -220,6 +196,5 @@ TEST_CASE("reconstruct and evaluate say which records show two bodies") {
                         Catch::Contains("\n0,\"ok\",") &&
                         Catch::Contains(",\"two bodies, or one unlike the training records'"));
   const auto e = recon_program("evaluate " + (dir / "m") + " " + (dir / "run"));
-  CHECK_THAT(e.text, Catch::Contains(" of 10 records of two people are flagged") &&
-                         Catch::Contains("iou_person"));
+  CHECK_THAT(e.text, Catch::Contains(" of 10 records of two people are flagged"));
 }

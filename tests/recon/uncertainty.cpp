@@ -3,7 +3,6 @@
 #include <nlohmann/json.hpp>
 #include <numeric>
 
-#include "recon/metrics/people.hpp"
 #include "recon/numbers/linear_fit.hpp"
 #include "recon/train/fit_uncertainty.hpp"
 #include "recon/train/train.hpp"

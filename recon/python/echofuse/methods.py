@@ -24,7 +24,7 @@ from .maps import save_maps
 from .programs import BenchError, UsageError, call
 
 METRICS = ("iou", "ssim", "ssim_hard", "ssim_fg", "rmse_m", "rmse_fg_m", "depth_mae_m", "abs_rel", "delta_125", "lateral_m",
-           "ghost", "left_right", "iou_person")
+           "ghost", "left_right")
 COSTS = ("multiply_adds", "infer_us_median", "infer_us_p99", "train_s")
 CONSTANT = ("empty", "mean")  # look at no sensor
 Path = str | pathlib.Path
