@@ -59,7 +59,6 @@ void bind(Settings& settings, TrainSettings& s) {
       {"leave", "take"});
   settings.add("candidates", s.candidates,
                "of the model auto, as mean,ridge; \"\": the usual ones");
-  bind(settings, o.config);
 }
 
 std::string train_settings_help() {

@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: MIT
-// `train --set` takes these settings beside the numbers of the method (method/config.hpp).
+// `train --set` takes these settings.
 #pragma once
 #include <string>
 #include <vector>
 
+#include "drivers/program/settings.hpp"
 #include "recon/train/train.hpp"
 
 namespace echofuse::recon {

@@ -24,19 +24,44 @@ std::vector<float> background_of(std::span<const float> low, std::span<const flo
   return out;
 }
 
+void archive_constants(Archive archive) {
+  for (const auto& [key, value] : {std::pair{"body_m", method::body_m},
+                                   {"significance", method::significance},
+                                   {"histogram_m", method::histogram_m},
+                                   {"histogram_step_m", method::histogram_step_m},
+                                   {"profile_from_m", method::profile_from_m},
+                                   {"profile_to_m", method::profile_to_m},
+                                   {"least_profile_step_m", method::least_profile_step_m},
+                                   {"coarse_step_m", method::coarse_step_m},
+                                   {"steps_a_resolution", method::steps_a_resolution},
+                                   {"shift_from_m", method::shift_from_m},
+                                   {"shift_to_m", method::shift_to_m},
+                                   {"part_from_m", method::part_from_m},
+                                   {"part_to_m", method::part_to_m},
+                                   {"least_part_m", method::least_part_m}}) {
+    double number = value;
+    archive.number(key, number, value, value);
+  }
+  for (const auto& [key, value] : {std::pair{"centroid_passes", method::centroid_passes},
+                                   {"lags_of_parts", method::lags_of_parts},
+                                   {"directions", method::directions},
+                                   {"refinements", method::refinements}}) {
+    int number = value;
+    archive.count(key, number, value, value);
+  }
+}
+
 }  // namespace
 
-Alignment::Alignment(const Layout& layout, const Matrix& observations, const Rows& rows,
-                     const MethodConfig& config)
-    : config_(config) {
+Alignment::Alignment(const Layout& layout, const Matrix& observations, const Rows& rows) {
   if (layout.spd.count == 0)
     throw Error(ExitCode::usage, "aligning records needs the detector's histogram");
   set_axes(layout);
-  const auto lows = column_quantile(observations, rows, config_.background_quantile);
+  const auto lows = column_quantile(observations, rows, method::background_quantile);
   const auto medians = column_quantile(observations, rows, 0.5);
   const std::span low(lows), median(medians);
   const std::size_t bins = layout.spd.count, points = layout.radar.count;
-  counts_background_ = background_of(low.first(bins), median.first(bins), config_.steadiness);
+  counts_background_ = background_of(low.first(bins), median.first(bins), method::steadiness);
   power_background_ = background_of(low.subspan(bins, points), median.subspan(bins, points), 0);
   lags_background_.resize(layout.inputs() - bins - points);
   if (array_.size() > 0) learn_array_background(observations, rows);
@@ -50,7 +75,7 @@ void Alignment::learn_array_background(const Matrix& observations, const Rows& r
   for (std::size_t at = 0; at < lags_background_.size(); at += lag_values_) {
     std::vector<float> power;
     for (const std::size_t row : rows) power.push_back(observations.row(row)[first + at]);
-    const float low = quantile(power, config_.background_quantile), median = quantile(power, 0.5);
+    const float low = quantile(power, method::background_quantile), median = quantile(power, 0.5);
     const float level = std::max(2 * low - median, 0.f);
     if (!(level > 0)) continue;
     const auto lags = std::span(lags_background_).subspan(at, lag_values_);
@@ -81,18 +106,18 @@ void Alignment::set_axes(const Layout& layout) {
   spd_step_m_ = layout.spd.step / ps_per_m;
   if (layout.radar.count > 0)
     radar_first_m_ = layout.radar.start, radar_step_m_ = layout.radar.step;
-  points_a_step_ = radar_step_m_ >= config_.coarse_step_m ? 2 : 1;
+  points_a_step_ = radar_step_m_ >= method::coarse_step_m ? 2 : 1;
   steps_a_point_ =
-      static_cast<std::ptrdiff_t>(std::ceil(config_.least_profile_step_m / radar_step_m_));
+      static_cast<std::ptrdiff_t>(std::ceil(method::least_profile_step_m / radar_step_m_));
   profile_step_m_ =
       radar_step_m_ * static_cast<double>(steps_a_point_) / static_cast<double>(points_a_step_);
-  array_ = ArrayView(layout.array, config_), lag_values_ = layout.lag_values();
+  array_ = ArrayView(layout.array), lag_values_ = layout.lag_values();
   correlation_ = {};
   if (layout.radar.count > 0)
-    correlation_ = ShiftCorrelation({-config_.histogram_m + config_.histogram_step_m / 2,
-                                     config_.histogram_step_m, histogram_bins()},
-                                    {config_.profile_from_m, profile_step_m_, points_with_radar()},
-                                    resolution_m(), config_.shift_from_m, config_.shift_to_m);
+    correlation_ = ShiftCorrelation({-method::histogram_m + method::histogram_step_m / 2,
+                                     method::histogram_step_m, histogram_bins()},
+                                    {method::profile_from_m, profile_step_m_, points_with_radar()},
+                                    resolution_m(), method::shift_from_m, method::shift_to_m);
 }
 
 std::size_t Alignment::cost() const {
@@ -101,7 +126,7 @@ std::size_t Alignment::cost() const {
 }
 
 std::size_t Alignment::histogram_bins() const {
-  return static_cast<std::size_t>(std::lround(2 * config_.histogram_m / config_.histogram_step_m));
+  return static_cast<std::size_t>(std::lround(2 * method::histogram_m / method::histogram_step_m));
 }
 
 std::size_t Alignment::profile_points() const {
@@ -109,11 +134,11 @@ std::size_t Alignment::profile_points() const {
 }
 
 std::size_t Alignment::points_with_radar() const {
-  return 1 + static_cast<std::size_t>((config_.profile_to_m - config_.profile_from_m) /
+  return 1 + static_cast<std::size_t>((method::profile_to_m - method::profile_from_m) /
                                       profile_step_m_);
 }
 
-double Alignment::resolution_m() const { return config_.steps_a_resolution * radar_step_m_; }
+double Alignment::resolution_m() const { return method::steps_a_resolution * radar_step_m_; }
 
 void Alignment::subtract_background(std::span<const float> observation, std::vector<float>& counts,
                                     std::vector<float>& power) const {
@@ -148,7 +173,7 @@ void Alignment::move_array(std::span<const float> recorded_lags, double farther_
 }
 
 void Alignment::archive(Archive archive, const Layout& layout) {
-  recon::archive(archive.in("config"), config_);
+  archive_constants(archive.in("config"));
   if (archive.reading()) set_axes(layout);
   archive.values("counts", counts_background_, layout.spd.count);
   archive.values("power", power_background_, layout.radar.count);

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "recon/method/array_view.hpp"
-#include "recon/method/config.hpp"
+#include "recon/method/constants.hpp"
 #include "recon/method/shift_correlation.hpp"
 #include "recon/numbers/layout.hpp"
 #include "recon/numbers/matrix.hpp"
@@ -42,11 +42,9 @@ class Alignment {
   Alignment() = default;
   // Learns the background from observations (counts, power, lags: method.hpp). Without a radar the
   // profile has no points. Throws Error(usage) without a histogram.
-  Alignment(const Layout& layout, const Matrix& observations, const Rows& rows,
-            const MethodConfig& config = {});
+  Alignment(const Layout& layout, const Matrix& observations, const Rows& rows);
 
   bool known() const { return !counts_background_.empty(); }
-  const MethodConfig& config() const { return config_; }
   std::size_t cost() const;  // multiply-adds of one record
   AlignmentRanges spd_ranges() const { return {spd_first_m_, spd_step_m_}; }
   double resolution_m() const;  // c/2B of the radar
@@ -114,7 +112,6 @@ class Alignment {
   void learn_array_background(const Matrix& observations, const Rows& rows);
   std::size_t points_with_radar() const;
 
-  MethodConfig config_;
   double spd_first_m_ = 0, spd_step_m_ = 1, radar_first_m_ = 0, radar_step_m_ = 1;
   double profile_step_m_ = 1;
   // Ratio of the radar's steps to the profile's points: one of the two is 1.

@@ -15,18 +15,18 @@ constexpr double pi = std::numbers::pi;
 
 }  // namespace
 
-ArrayView::ArrayView(const Axis& lags, const MethodConfig& config) : config_(config) {
+ArrayView::ArrayView(const Axis& lags) {
   if (lags.count == 0) return;
   up_ = lags_up(lags), across_ = static_cast<std::size_t>(lags.scale) - up_, bins_ = lags.count;
   first_m_ = lags.start, step_m_ = lags.step;
-  part_m_ = std::max(step_m_, config_.least_part_m);
-  parts_ = 1 + static_cast<std::size_t>((config_.part_to_m - config_.part_from_m) / part_m_ + 1e-9);
+  part_m_ = std::max(step_m_, method::least_part_m);
+  parts_ = 1 + static_cast<std::size_t>((method::part_to_m - method::part_from_m) / part_m_ + 1e-9);
 }
 
 std::size_t ArrayView::size() const {
   return across_ == 0 ? 0
                       : of_direction + 2 * lags_of(across_ + up_) +
-                            parts_ * 2 * lags_of(static_cast<std::size_t>(config_.lags_of_parts));
+                            parts_ * 2 * lags_of(std::size_t{method::lags_of_parts});
 }
 
 std::size_t ArrayView::lags_of(std::size_t most) const {
@@ -36,9 +36,9 @@ std::size_t ArrayView::lags_of(std::size_t most) const {
 std::size_t ArrayView::cost() const {
   if (across_ == 0) return 0;
   const auto in_window = static_cast<std::size_t>(
-      std::ceil((config_.profile_to_m - config_.profile_from_m) / step_m_));
+      std::ceil((method::profile_to_m - method::profile_from_m) / step_m_));
   return 3 * in_window * (2 * lags_of(across_ + up_) + 1) +
-         static_cast<std::size_t>(config_.directions) * 2 * across_;
+         std::size_t{method::directions} * 2 * across_;
 }
 
 void ArrayView::add(std::span<const float> bin, double weight, Lags& to) const {
@@ -51,8 +51,8 @@ void ArrayView::add(std::span<const float> bin, double weight, Lags& to) const {
 double ArrayView::direction_of(const Lags& sum) const {
   const auto antennas = static_cast<double>(across_ + 1);
   double best = 0, most = -INFINITY;
-  for (int k = 0; k < config_.directions; ++k) {
-    const double u = -1 + 2 * (k + 0.5) / static_cast<double>(config_.directions);
+  for (int k = 0; k < method::directions; ++k) {
+    const double u = -1 + 2 * (k + 0.5) / method::directions;
     const std::complex<double> turn = std::polar(1.0, -pi * u);
     std::complex<double> power = 1;
     double beam = 0;
@@ -62,7 +62,7 @@ double ArrayView::direction_of(const Lags& sum) const {
     }
     if (beam > most) most = beam, best = u;
   }
-  for (int i = 0; i < config_.refinements; ++i) {
+  for (int i = 0; i < method::refinements; ++i) {
     double slope = 0, curvature = 0;
     for (std::size_t d = 1; d <= across_; ++d) {
       const double phase = pi * static_cast<double>(d), weight = antennas - static_cast<double>(d);
@@ -85,13 +85,13 @@ void ArrayView::operator()(std::span<const float> lags, double range_m,
     const double at_m = first_m_ + static_cast<double>(b) * step_m_ - range_m;
     // A bin at the window's edge counts by its share within the window.
     const double within = std::clamp(
-        std::min(at_m - config_.profile_from_m, config_.profile_to_m - at_m) / step_m_ + 0.5, 0.0,
+        std::min(at_m - method::profile_from_m, method::profile_to_m - at_m) / step_m_ + 0.5, 0.0,
         1.0);
     if (within == 0) continue;
     const auto bin = lags.subspan(b * values, values);
     add(bin, within, all);
     for (std::size_t k = 0; k < parts_; ++k) {
-      const double off_m = at_m - config_.part_from_m - static_cast<double>(k) * part_m_;
+      const double off_m = at_m - method::part_from_m - static_cast<double>(k) * part_m_;
       const double weight = 1 - std::abs(off_m) / part_m_;
       if (weight > 0) add(bin, weight, parts[k]);
     }
@@ -110,7 +110,7 @@ void ArrayView::operator()(std::span<const float> lags, double range_m,
     for (std::size_t d = 1; d <= std::min(up_, most); ++d) put(sum[across_ + d]);
   };
   put_lags(all, lags_in_all);
-  for (const Lags& part : parts) put_lags(part, static_cast<std::size_t>(config_.lags_of_parts));
+  for (const Lags& part : parts) put_lags(part, std::size_t{method::lags_of_parts});
 }
 
 void ArrayView::turn(double by, double range_m, std::span<float> features) {

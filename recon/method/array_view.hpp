@@ -11,14 +11,14 @@
 #include <vector>
 
 #include "drivers/core/axis.hpp"
-#include "recon/method/config.hpp"
+#include "recon/method/constants.hpp"
 
 namespace echofuse::recon {
 
 class ArrayView {
  public:
   ArrayView() = default;
-  ArrayView(const Axis& lags, const MethodConfig& config);  // a count of 0 means no antennas
+  explicit ArrayView(const Axis& lags);  // a count of 0 means no antennas
 
   std::size_t size() const;                       // features of a body; 0 without antennas
   static constexpr std::size_t of_direction = 2;  // the number of features before the lags
@@ -40,7 +40,6 @@ class ArrayView {
   // Number of lags in use, at most `most` of each kind.
   std::size_t lags_of(std::size_t most) const;
 
-  MethodConfig config_;
   std::size_t across_ = 0, up_ = 0, bins_ = 0, parts_ = 0;
   double first_m_ = 0, step_m_ = 1, part_m_ = 1;
 };

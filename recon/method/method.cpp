@@ -47,22 +47,21 @@ ConstValues values(std::span<const float> v) { return {v.data(), std::ssize(v)};
 // deviations of all counts.
 float detected_range_m(std::span<const float> counts, std::span<const float> all,
                        const Alignment& scene) {
-  const MethodConfig& config = scene.config();
   const auto [first_m, step_m] = scene.spd_ranges();
   const auto bins = static_cast<double>(counts.size());
   double from = 0, to = bins, centre = 0;
   BinSums in;
-  for (int pass = 0; pass <= config.centroid_passes; ++pass) {
+  for (int pass = 0; pass <= method::centroid_passes; ++pass) {
     // The first pass goes over all bins, where noise of both signs would pull the centroid
     // anywhere.
     in = bin_sums(counts, all, static_cast<std::size_t>(from), static_cast<std::size_t>(to),
                   pass == 0 ? Negative::left_out : Negative::counted);
     if (in.counts <= 0) return 0;
     centre = in.moment / in.counts;
-    from = std::clamp(centre - scene.config().body_m / step_m, 0.0, bins);
-    to = std::clamp(centre + scene.config().body_m / step_m + 1, 0.0, bins);
+    from = std::clamp(centre - method::body_m / step_m, 0.0, bins);
+    to = std::clamp(centre + method::body_m / step_m + 1, 0.0, bins);
   }
-  const bool detected = in.counts > config.significance * std::sqrt(in.all);
+  const bool detected = in.counts > method::significance * std::sqrt(in.all);
   return detected ? static_cast<float>(first_m + centre * step_m) : 0;
 }
 
@@ -79,8 +78,8 @@ void histogram_about(float range_m, std::span<const float> counts, const Alignme
            static_cast<float>(x - static_cast<double>(i)) * (running[i + 1] - running[i]);
   };
   const auto [first_m, step_m] = scene.spd_ranges();
-  const double start = (double{range_m} - scene.config().histogram_m - first_m) / step_m + 0.5;
-  const double step = scene.config().histogram_step_m / step_m;
+  const double start = (double{range_m} - method::histogram_m - first_m) / step_m + 0.5;
+  const double step = method::histogram_step_m / step_m;
   const float first = up_to(start);
   float before = first;
   for (std::size_t j = 0; j < out.size(); ++j) {

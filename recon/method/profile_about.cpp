@@ -62,7 +62,7 @@ void Alignment::add_profile(double range_m, std::span<const float> power,
   std::vector<float> sums;  // sums of the points of one kind
   for (std::ptrdiff_t kind = 0; kind < points_a_step_; ++kind) {
     const double metres =
-        range_m + config_.profile_from_m + static_cast<double>(kind) * profile_step_m_;
+        range_m + method::profile_from_m + static_cast<double>(kind) * profile_step_m_;
     const double a =
         std::clamp((metres - radar_first_m_) / radar_step_m_, -farthest_steps, farthest_steps);
     const auto weights = lanczos(a - std::floor(a));
@@ -112,7 +112,7 @@ double Alignment::displacement_m(std::span<const float> view) const {
     const double square = double{profile[j]} * double{profile[j]};
     sum += square, moment += square * static_cast<double>(j);
   }
-  return config_.profile_from_m + (sum > 0 ? moment / sum : 0) * profile_step_m_;
+  return method::profile_from_m + (sum > 0 ? moment / sum : 0) * profile_step_m_;
 }
 
 }  // namespace echofuse::recon

@@ -15,6 +15,21 @@ namespace echofuse::recon {
 namespace {
 
 constexpr std::size_t cut_at_once = 4096;  // records at a time; it bounds the memory
+constexpr float nearest_m = 0.1f;          // no body is taken to be nearer
+constexpr double least_deviation = 0.05;   // least scale of an input, share of the median deviation
+// A model keeps the threshold of the mask, in percent, that is best on held-out records. With an
+// uncertain place a mask wider than that of 1/2 overlaps best.
+constexpr int least_threshold = 25, most_threshold = 60, threshold_step = 5;
+// Networks, each with two hidden layers. From many_records on they are wider, and learn in fewer
+// and larger steps.
+constexpr std::size_t many_records = 10'000, units = 48, units_of_many = 96;
+constexpr std::size_t place_networks = 3;  // the mean of several places better than one
+constexpr std::size_t shape_networks = 2;  // with many records one is as good
+// Relative to the side: the depth is nearly the range, and a network that cares for both learns
+// less of the side.
+constexpr float depth_weight = 0.1f;
+constexpr std::size_t many_bodies = 40'000;     // half of them are not turned: turning approximates
+constexpr std::size_t component_bodies = 3000;  // more hardly change the components
 
 float intersection_over_union(std::span<const float> map, std::span<const float> truth,
                               std::span<const float> background) {
@@ -32,16 +47,12 @@ std::array<float, 2> position_target(const Place& place, float range_m) {
   return {place.tangent * range_m, place.depth_m - range_m};
 }
 
-bool is_many(std::size_t records, const MethodConfig& config) {
-  return records >= static_cast<std::size_t>(config.many_records);
-}
-
 // Many records need fewer passes over them, in larger steps, and need less weight decay.
-void adapt_to(std::size_t records, const MethodConfig& config, Training& training) {
-  const bool many = is_many(records, config);
-  training.hidden.assign(2, static_cast<std::size_t>(many ? config.units_of_many : config.units));
+void adapt_to(std::size_t records, Training& training) {
+  const bool many = records >= many_records;
+  training.hidden.assign(2, many ? units_of_many : units);
   if (!many) return;
-  const double times = static_cast<double>(records) / static_cast<double>(config.many_records);
+  const double times = static_cast<double>(records) / static_cast<double>(many_records);
   const double epochs = static_cast<double>(training.epochs) / std::pow(times, 0.25);
   training.epochs = static_cast<std::size_t>(std::max(1L, std::lround(epochs)));
   training.batch *= 4;
@@ -63,7 +74,7 @@ Factorised::Bodies Factorised::bodies_in(const Samples& samples) const {
   return out;
 }
 
-void Factorised::learn_scale(const Matrix& features, double least_deviation) {
+void Factorised::learn_scale(const Matrix& features) {
   const ColumnStatistics columns = column_statistics(features, all_rows(features.rows));
   model_.centre.assign(columns.mean.begin(), columns.mean.end());
   model_.deviation.resize(features.cols);
@@ -84,22 +95,21 @@ TrainingLog Factorised::fit(const Samples& train, const Samples& validation,
   if (seen.rows.size() < 2)
     throw Error(ExitCode::failed,
                 "fewer than two training records show a body in depth map, histogram and profile");
-  const MethodConfig& config = train.alignment->config();
-  model_.nearest_m = static_cast<float>(config.nearest_m);
-  learn_scale(seen.views, config.least_deviation);
+  model_.nearest_m = nearest_m;
+  learn_scale(seen.views);
   for (Bodies* s : {&seen, &judged})
     for (std::size_t i = 0; i < s->views.rows; ++i) standardise(s->views.row(i), model_);
   TurnedBodies turned(*train.alignment, train.inputs, *train.radar, *train.array, seen.rows,
                       seen.places);
-  if (seen.rows.size() >= static_cast<std::size_t>(config.turned_records)) turned.turn_share(0.5);
-  TrainingLog log = fit_position(seen, turned, judged, options, config);
+  if (seen.rows.size() >= many_bodies) turned.turn_share(0.5);
+  TrainingLog log = fit_position(seen, turned, judged, options);
   fit_components(seen, train, options);
   if (model_.has_shapes)
     log.interrupted |= fit_shape(seen, train, turned, judged, validation, options);
   if (judged.rows.empty())
-    choose_threshold(seen, train, config);
+    choose_threshold(seen, train);
   else
-    choose_threshold(judged, validation, config);
+    choose_threshold(judged, validation);
   return log;
 }
 
@@ -137,17 +147,15 @@ Matrix Factorised::position_targets(const Bodies& seen) const {
 }
 
 TrainingLog Factorised::fit_position(const Bodies& train, const TurnedBodies& turned,
-                                     const Bodies& validation, const FitOptions& options,
-                                     const MethodConfig& config) {
+                                     const Bodies& validation, const FitOptions& options) {
   const Matrix wanted = position_targets(train), judged = position_targets(validation);
   const Rows rows = all_rows(train.rows.size()), judged_rows = all_rows(validation.rows.size());
   Training training = training_of(options);
-  adapt_to(rows.size(), config, training);
-  training.weights = {1, static_cast<float>(config.depth_weight)};
+  adapt_to(rows.size(), training);
+  training.weights = {1, depth_weight};
   training.redraw = turning_places(turned);
   return model_.place.fit({train.views, wanted, rows}, {validation.views, judged, judged_rows},
-                          Spread::each, training, static_cast<std::size_t>(config.place_networks),
-                          "position");
+                          Spread::each, training, place_networks, "position");
 }
 
 void Factorised::fit_components(const Bodies& train, const Samples& samples,
@@ -155,8 +163,7 @@ void Factorised::fit_components(const Bodies& train, const Samples& samples,
   model_.frame =
       BodyFrame(samples.maps, model_.background, train.rows, train.places, samples.scene->grid);
   const std::size_t basis = model_.has_shapes ? options.basis.value() : 0;
-  const std::size_t count = std::min(
-      train.rows.size(), static_cast<std::size_t>(samples.alignment->config().component_bodies));
+  const std::size_t count = std::min(train.rows.size(), component_bodies);
   Rows some;
   for (std::size_t i = 0; i < count; ++i) some.push_back(i * train.rows.size() / count);
   Shapes bodies = cut(train, samples, some);
@@ -171,14 +178,12 @@ bool Factorised::fit_shape(const Bodies& train, const Samples& train_samples,
   const Matrix wanted = amounts(train, train_samples);
   const Matrix judged = amounts(validation, validation_samples);
   const Rows rows = all_rows(train.rows.size()), judged_rows = all_rows(validation.rows.size());
-  const MethodConfig& config = train_samples.alignment->config();
   Training training = training_of(options);
-  adapt_to(rows.size(), config, training);
+  adapt_to(rows.size(), training);
   training.redraw = turning_shapes(turned);
-  const std::int64_t networks = is_many(rows.size(), config) ? 1 : config.shape_networks;
   return model_.shape
       .fit({train.views, wanted, rows}, {validation.views, judged, judged_rows}, Spread::common,
-           training, static_cast<std::size_t>(networks), "shape")
+           training, rows.size() >= many_records ? 1 : shape_networks, "shape")
       .interrupted;
 }
 
@@ -213,16 +218,12 @@ Matrix Factorised::amounts(const Bodies& seen, const Samples& samples) const {
   return out;
 }
 
-// With an uncertain place the mask that overlaps best is wider than the one at a share of 1/2.
-void Factorised::choose_threshold(const Bodies& seen, const Samples& samples,
-                                  const MethodConfig& config) {
+void Factorised::choose_threshold(const Bodies& seen, const Samples& samples) {
   const std::vector<Place> places = place(seen.views, model_);
   const Shapes shapes = shape(seen.views, model_);
   std::vector<float> map(model_.background.size());
   double best = -1;
-  const auto percents = [](double share) { return static_cast<int>(std::lround(100 * share)); };
-  for (int percent = percents(config.threshold_from); percent <= percents(config.threshold_to);
-       percent += 5) {
+  for (int percent = least_threshold; percent <= most_threshold; percent += threshold_step) {
     double sum = 0;
     for (std::size_t i = 0; i < places.size(); ++i) {
       map = model_.background;

@@ -44,7 +44,7 @@ class Factorised final : public Model {
     std::vector<Place> places;
   };
   Bodies bodies_in(const Samples& samples) const;
-  void learn_scale(const Matrix& views, double least_deviation);
+  void learn_scale(const Matrix& views);
   // Called for a turned body with its place, its range (metres) and the targets to write.
   using Retarget = std::function<void(const Place&, float, std::span<float>)>;
   Redraw turning(const TurnedBodies& turned, const Retarget& retarget) const;
@@ -52,8 +52,7 @@ class Factorised final : public Model {
   Redraw turning_shapes(const TurnedBodies& turned) const;
   Matrix position_targets(const Bodies& bodies) const;
   TrainingLog fit_position(const Bodies& train, const TurnedBodies& turned,
-                           const Bodies& validation, const FitOptions& options,
-                           const MethodConfig& config);
+                           const Bodies& validation, const FitOptions& options);
   void fit_components(const Bodies& train, const Samples& samples, const FitOptions& options);
   bool fit_shape(const Bodies& train, const Samples& train_samples, const TurnedBodies& turned,
                  const Bodies& validation, const Samples& validation_samples,
@@ -62,7 +61,7 @@ class Factorised final : public Model {
   Shapes cut(const Bodies& bodies, const Samples& samples, const Rows& which) const;
   Matrix amounts(const Bodies& bodies, const Samples& samples) const;
   void move_mean_body(const Bodies& bodies, const Samples& samples);
-  void choose_threshold(const Bodies& bodies, const Samples& samples, const MethodConfig& config);
+  void choose_threshold(const Bodies& bodies, const Samples& samples);
 
   BodyModel model_;
 };

@@ -77,7 +77,7 @@ Estimator train_one(const Wanted& wanted, const Dataset& data, const Split& spli
   const std::string which = name + " on " + name_of(inputs);
   say(options, which + ": aligning " + std::to_string(data.size()) + " records, then learning");
   const Preprocessing preprocessing(data, split.train, aligned ? inputs : without_antennas(inputs),
-                                    scene, uncertainties || aligned, options.config);
+                                    scene, uncertainties || aligned);
   Estimator out = fit_model(data, split, preprocessing, name, inputs, scaling, fit);
   out.alignment = preprocessing.alignment;
   if (!uncertainties || out.log.interrupted) return out;

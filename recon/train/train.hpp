@@ -15,7 +15,6 @@ struct TrainOptions {
   std::vector<std::string> candidates;  // tried by auto; if empty, those that make sense
   SplitOptions split;
   FitOptions fit;
-  MethodConfig config;
   // Parts kept beside the model. `fallback`: a model for the SPD alone (TrainedModel), beside a
   // fused one; `uncertainty`: the uncertainty of any model.
   bool fallback = false, uncertainty = true;

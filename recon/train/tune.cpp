@@ -60,8 +60,7 @@ Estimator adapt(const Estimator& from, const Dataset& data, const Rows& rows, Ro
   out.scene = with_scene ? scene_for(from, data, rows) : from.scene;
   const Rows all = all_rows(data.size());
   out.alignment = wants_alignment(from.name) && room == Room::learnt
-                      ? Alignment(out.features.layout(), observe(data, all, out.features), rows,
-                                  from.alignment.config())
+                      ? Alignment(out.features.layout(), observe(data, all, out.features), rows)
                       : from.alignment;
   const Matrix views = out.views(data, all, false);
   Matrix scaled;
@@ -78,8 +77,7 @@ Estimator fit_alone(const Estimator& from, const Dataset& data, const Rows& rows
   FitOptions fit = from.model->sizes();
   fit.seed = options.tuning.seed, fit.quiet = true;
   const Preprocessing preprocessing(data, rows, aligned ? inputs : without_antennas(inputs),
-                                    learn_scene(data.depth, rows, data.map), aligned,
-                                    from.alignment.config());
+                                    learn_scene(data.depth, rows, data.map), aligned);
   const std::string scaling = aligned ? "record" : from.features.scaling;
   return fit_model(data, {rows, {}, {}}, preprocessing, from.name, inputs, scaling, fit);
 }

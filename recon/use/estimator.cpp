@@ -124,14 +124,14 @@ void Estimator::archive(Archive archive) {
 }
 
 Preprocessing::Preprocessing(const Dataset& data, const Rows& train, Inputs inputs, Scene of_rows,
-                             bool wanted, const MethodConfig& config)
+                             bool wanted)
     : scene(std::move(of_rows)) {
   const auto started = std::chrono::steady_clock::now();
   views.rows = data.size();
   if (!wanted || inputs == Inputs::radar) return;
   const Features sensors = fit_features(data, train, inputs, raw_scaling);
   const Matrix observations = observe(data, all_rows(data.size()), sensors);
-  alignment = Alignment(sensors.layout(), observations, train, config);
+  alignment = Alignment(sensors.layout(), observations, train);
   if (data.empty_room.known()) {
     const EmptyRoom& room = data.empty_room;
     std::vector<float> still = room.spd;

@@ -50,8 +50,7 @@ struct Preprocessing {
   Alignment alignment;   // empty unless wanted, and without a detector
   Matrix views;          // views of every record of the data set
   double elapsed_s = 0;  // belongs to the time of each training
-  Preprocessing(const Dataset& data, const Rows& train, Inputs inputs, Scene scene, bool wanted,
-                const MethodConfig& config = {});
+  Preprocessing(const Dataset& data, const Rows& train, Inputs inputs, Scene scene, bool wanted);
 };
 
 // Fits scaling and model to the training rows. Throws Error(usage) if the model needs both sensors.

@@ -5,7 +5,6 @@
 #include <nlohmann/json.hpp>
 
 #include "drivers/program/console.hpp"
-#include "drivers/program/settings.hpp"
 #include "recon/method/bin_sums.hpp"
 #include "recon/numbers/blas_kernels.hpp"
 #include "recon/train/train.hpp"
@@ -13,58 +12,6 @@
 
 using namespace echofuse;
 using namespace echofuse::recon;
-using echofuse::testing::Folder;
-
-namespace {
-
-// Each key with a value that is neither its default nor a limit.
-const std::map<std::string, std::string> changed = {{"background_quantile", "0.125"},
-                                                    {"steadiness", "3.5"},
-                                                    {"centroid_passes", "5"},
-                                                    {"body_m", "0.75"},
-                                                    {"significance", "6.5"},
-                                                    {"histogram_m", "0.9"},
-                                                    {"histogram_step_m", "0.05"},
-                                                    {"profile_from_m", "-0.625"},
-                                                    {"profile_to_m", "1.25"},
-                                                    {"least_profile_step_m", "0.03125"},
-                                                    {"coarse_step_m", "0.0625"},
-                                                    {"steps_a_resolution", "1.5"},
-                                                    {"shift_from_m", "-0.375"},
-                                                    {"shift_to_m", "0.5"},
-                                                    {"part_from_m", "-0.25"},
-                                                    {"part_to_m", "0.5"},
-                                                    {"least_part_m", "0.25"},
-                                                    {"lags_of_parts", "3"},
-                                                    {"directions", "64"},
-                                                    {"refinements", "2"},
-                                                    {"nearest_m", "0.25"},
-                                                    {"least_deviation", "0.0625"},
-                                                    {"threshold_from", "0.375"},
-                                                    {"threshold_to", "0.75"},
-                                                    {"many_records", "5000"},
-                                                    {"units", "24"},
-                                                    {"units_of_many", "64"},
-                                                    {"place_networks", "2"},
-                                                    {"shape_networks", "1"},
-                                                    {"depth_weight", "0.5"},
-                                                    {"component_bodies", "500"},
-                                                    {"turned_records", "600"}};
-
-void set_all(MethodConfig& config) {
-  Settings settings;
-  bind(settings, config);
-  for (const auto& [key, value] : changed) settings.set(key + "=" + value);
-}
-
-// As facts of a file: all keys of a configuration are numbers.
-std::map<std::string, TensorFile::Fact> facts_of(MethodConfig config) {
-  TensorFile file;
-  archive({file, Archive::Direction::write}, config);
-  return file.facts;
-}
-
-}  // namespace
 
 TEST_CASE("sums over bins in four sums side by side are those of one plain loop") {
   Rng rng = make_rng(1, 0);
@@ -108,31 +55,27 @@ TEST_CASE("negative bins count as nothing where they are left out") {
   CHECK(with.all == 45);
 }
 
-TEST_CASE("a file keeps every number of the method that may be set") {
-  MethodConfig config;
-  set_all(config);
-  const auto before = facts_of({}), after = facts_of(config);
-  REQUIRE(after.size() == changed.size());
-  for (const auto& [key, value] : changed) {
-    CAPTURE(key);
-    REQUIRE(after.count(key) == 1);
-    CHECK(before.at(key) != after.at(key));
-  }
+TEST_CASE("a model file states the constants of a view, and other constants are refused") {
+  const Layout layout{testing::spd_axis(), testing::radar_axis()};
+  Alignment alignment(layout, Matrix(1, layout.inputs()), {0});
   TensorFile file;
-  archive({file, Archive::Direction::write}, config);
-  TensorFile again("a model", file.to_bytes());
-  MethodConfig read;
-  archive({again, Archive::Direction::read}, read);
-  CHECK(facts_of(read) == after);
-  // One that is missing, and one out of its range.
-  for (const TensorFile::Fact& fact : {TensorFile::Fact(-7.0), TensorFile::Fact("wide")}) {
+  alignment.archive({file, Archive::Direction::write}, layout);
+  CHECK(std::get<double>(file.facts.at("config/histogram_m")) == method::histogram_m);
+  CHECK(std::get<std::int64_t>(file.facts.at("config/directions")) == method::directions);
+  const auto fault_of = [&](const TensorFile& written) {
+    TensorFile read("a model", written.to_bytes());
+    return testing::error_of([&] { alignment.archive({read, Archive::Direction::read}, layout); });
+  };
+  CHECK(fault_of(file) == "no error");
+  for (const auto& [key, value] : {std::pair<const char*, TensorFile::Fact>{"histogram_m", 0.9},
+                                   {"histogram_m", "wide"},
+                                   {"directions", std::int64_t{64}}}) {
     TensorFile spoilt = file;
-    spoilt.facts["histogram_m"] = fact;
-    CHECK_THROWS_WITH(archive({spoilt, Archive::Direction::read}, read),
-                      Catch::Contains("histogram_m"));
+    spoilt.facts["config/" + std::string(key)] = value;
+    CHECK_THAT(fault_of(spoilt), Catch::Contains(key));
   }
-  file.facts.erase("directions");
-  CHECK_THROWS_WITH(archive({file, Archive::Direction::read}, read), Catch::Contains("directions"));
+  file.facts.erase("config/directions");
+  CHECK_THAT(fault_of(file), Catch::Contains("directions"));
 }
 
 TEST_CASE(
@@ -161,26 +104,4 @@ TEST_CASE(
   const TensorFile again("a model", bytes);
   CHECK(again.read<double>("c", {3}) == std::vector<double>(3, 2.5));
   CHECK(again.read<std::uint8_t>("a", {3}) == std::vector<std::uint8_t>(3, 7));
-}
-
-TEST_CASE("another window of the histogram makes views of another size, and a model keeps it") {
-  const Folder dir;
-  const Dataset data = testing::load_plates(150);
-  TrainOptions options;
-  options.model = "mean-shape", options.uncertainty = false;
-  options.fit.epochs = 2, options.fit.quiet = true;
-  const TrainedModel usual = train(data, options);
-  options.config.histogram_m = 0.9;
-  const TrainedModel wide = train(data, options);
-  CHECK(usual->alignment.histogram_bins() == 35);
-  CHECK(wide->alignment.histogram_bins() == 45);
-  CHECK(wide->alignment.inputs() == usual->alignment.inputs() + 10);
-  save_model(wide, dir / "m");
-  const TrainedModel loaded = load_model(dir / "m");
-  CHECK(loaded->alignment.config().histogram_m == 0.9);
-  const Rows rows = {0, 1, 149};
-  const Matrix views = loaded->views(data, rows, true);
-  CHECK(views.cols == wide->alignment.inputs());
-  CHECK(views.values == wide->views(data, rows, true).values);
-  CHECK(loaded.predict(data, rows).values == wide.predict(data, rows).values);
 }

@@ -66,7 +66,7 @@ TEST_CASE("each record of several runs counts once, whatever the order of the ru
   for (const std::size_t row : trained) sum += double{both.depth.row(row)[0]};
   CHECK(model.predict(both, {0}).values[0] ==
         Approx(sum / static_cast<double>(trained.size())).epsilon(1e-4));
-  for (const char* gone : {"weights=1,1", "validate_on=1"}) {
+  for (const char* gone : {"weights=1,1", "validate_on=1", "histogram_m=0.9"}) {
     const Outcome o = recon_program("train " + (dir / "a") + " --out " + (dir / "m") + " --set " +
                                     std::string(gone));
     CHECK(o.code == 3);

@@ -26,7 +26,7 @@ TAPS = np.arange(-7, 9)  # taps of the interpolation between points of a profile
 
 
 class Method:
-    """Method of one estimator: its tensors t, its facts f, and c, the numbers of recon/method/config.hpp."""
+    """Method of one estimator: its tensors t, its facts f, and c, the numbers of recon/method/constants.hpp."""
 
     def __init__(self, t: dict[str, Array], f: dict[str, Any]) -> None:
         self.t, self.f, self.size = t, f, f["scene/map_size"]
