@@ -102,7 +102,7 @@ void score_predictions(const TrainedModel& model, const Records& records, const 
   for (std::size_t first = 0; first < rows.size(); first += at_once) {
     const auto begin = rows.begin() + static_cast<std::ptrdiff_t>(first);
     const Rows part(begin, begin + std::min<std::ptrdiff_t>(at_once, rows.end() - begin));
-    Prediction one = predict(model, records, part, detail);
+    Prediction one = predict(model, records.data, part, detail);
     if (!one.uncertainties.empty() && model->uncertainty)
       uncertainty.add(one, records.data, part, judge);
     if (one.uncertainties.empty() && model->uncertainty) one.uncertainties.resize(part.size());
@@ -181,7 +181,7 @@ void add_doubtful(const TrainedModel& model, const Records& records, Evaluation&
     if (const std::string doubt = doubt_of(model, data, row); !doubt.empty())
       doubtful.push_back(row), ++out.doubtful[doubt];
   if (doubtful.empty()) return;
-  const Matrix maps = predict(model, records, doubtful, PredictionDetail::maps).maps;
+  const Matrix maps = predict(model, data, doubtful, PredictionDetail::maps).maps;
   const Scene& scene = out.judge.scene;
   std::vector<MapScores> all = score_maps(maps, data, doubtful, scene);
   all.insert(all.end(), out.scores.begin(), out.scores.end());
@@ -208,7 +208,7 @@ Evaluation evaluate(const TrainedModel& model, const Records& records, const Row
   out.inputs = model.for_run(data).features.inputs;
   out.records = rows.size(), out.rows = rows;
   out.antennas = records.antennas, out.response = records.response;
-  out.domain_shift = domain_shift_of(model, records);
+  out.domain_shift = domain_shift_of(model, data);
   for (const std::size_t row : rows)
     if (const std::string note = model.note_of(data, row); !note.empty()) ++out.fallbacks[note];
   out.left_out = data.damaged;

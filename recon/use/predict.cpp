@@ -26,11 +26,12 @@ ECHOFUSE_CLONES bool all_finite(const float* values, std::size_t count) {
   return beyond == 0;
 }
 
-// Predicts by one estimator. Row i of the views belongs to rows[i].
+// Predicts by one estimator.
 Prediction predict_by(const Estimator& by, const Dataset& data, const Rows& rows,
-                      const Matrix& views, PredictionDetail detail) {
+                      PredictionDetail detail) {
   Prediction out;
   SoftMaps soft;
+  const Matrix views = by.views(data, rows, detail != PredictionDetail::maps);
   out.maps = by.maps(data, rows, views, detail == PredictionDetail::pixels ? &soft : nullptr);
   require_finite(out.maps);
   if (detail == PredictionDetail::pixels && !by.uncertainty) {
@@ -66,10 +67,56 @@ void put(Prediction& whole, Prediction part, std::span<const std::size_t> places
     whole.uncertainties[places[i]] = std::move(part.uncertainties[i]);
 }
 
-// Predicts each record by its estimator, else by that of the run. `views`: of every record of the
-// data, or null.
+}  // namespace
+
+void require_finite(const Matrix& maps) {
+  if (all_finite(maps.values.data(), maps.values.size())) return;
+  throw Error(
+      ExitCode::failed,
+      "the model's maps are not finite numbers: its weights are none that a training makes; "
+      "train it again");
+}
+
+Records prepare_records(const TrainedModel& model, Dataset recorded, double range_offset_m) {
+  const Estimator& by = model.for_run(recorded);
+  Records out{std::move(recorded), {}, {}};
+  Dataset& data = out.data;
+  if (&by != &model.first())
+    out.antennas = std::string(data.array_axis.count == 0 ? "no samples of the radar's antennas"
+                                                          : "other antennas than in training") +
+                   ": of the radar, the range profile alone";
+  const bool stated = std::ranges::all_of(
+      data.sources, [](const Source& run) { return run.radar_response.known(); });
+  if (model.radar_response.known() && data.radar_axis.count > 0 && !stated)
+    out.response = "the run does not state its radar's response: it is taken as the training's";
+  subtract_range_offset(data, range_offset_m);
+  model.match(data);
+  if (model.room_change) exchange_room(*model.room_change, data);
+  return out;
+}
+
+DomainShift domain_shift_of(const TrainedModel& model, const Dataset& data) {
+  constexpr std::size_t most_judged = 200;
+  const Estimator& by = model.for_run(data);
+  const Rows all = all_rows(data.size());
+  DomainShift out = by.domain.judge(by.alignment, data, by.views(data, all, true));
+  Rows live, some;
+  for (const std::size_t row : all)
+    if (model.fault_of(data, row).empty()) live.push_back(row);
+  for (std::size_t i = 0; i < std::min(live.size(), most_judged); ++i)
+    some.push_back(live[i * live.size() / std::min(live.size(), most_judged)]);
+  std::map<std::string, std::size_t> reasons;
+  for (const auto& u : predict(model, data, some).uncertainties) {
+    out.judged += u.stated;
+    const std::string& reason = u.out_of_distribution.reason;
+    if (!reason.empty() && (++out.flagged, ++reasons[reason] > reasons[out.reason]))
+      out.reason = reason;
+  }
+  return out;
+}
+
 Prediction predict(const TrainedModel& model, const Dataset& data, const Rows& rows,
-                   const Matrix* views, PredictionDetail detail) {
+                   PredictionDetail detail) {
   if (detail == PredictionDetail::pixels) require_uncertainty(model);
   const Estimator& usual = model.for_run(data);
   std::vector<const Estimator*> answering;
@@ -84,73 +131,10 @@ Prediction predict(const TrainedModel& model, const Dataset& data, const Rows& r
       const auto some = std::span(places).subspan(first, std::min(at_once, places.size() - first));
       Rows own;
       for (const std::size_t place : some) own.push_back(rows[place]);
-      put(out,
-          predict_by(by, data, own,
-                     views && &by == &usual ? take_rows(*views, own)
-                                            : by.views(data, own, detail != PredictionDetail::maps),
-                     detail),
-          some, rows.size());
+      put(out, predict_by(by, data, own, detail), some, rows.size());
     }
   }
   return out;
-}
-
-}  // namespace
-
-void require_finite(const Matrix& maps) {
-  if (all_finite(maps.values.data(), maps.values.size())) return;
-  throw Error(
-      ExitCode::failed,
-      "the model's maps are not finite numbers: its weights are none that a training makes; "
-      "train it again");
-}
-
-Records prepare_records(const TrainedModel& model, Dataset recorded, double range_offset_m) {
-  const Estimator& by = model.for_run(recorded);
-  Records out{std::move(recorded), {}, {}, {}};
-  Dataset& data = out.data;
-  if (&by != &model.first())
-    out.antennas = std::string(data.array_axis.count == 0 ? "no samples of the radar's antennas"
-                                                          : "other antennas than in training") +
-                   ": of the radar, the range profile alone";
-  const bool stated = std::ranges::all_of(
-      data.sources, [](const Source& run) { return run.radar_response.known(); });
-  if (model.radar_response.known() && data.radar_axis.count > 0 && !stated)
-    out.response = "the run does not state its radar's response: it is taken as the training's";
-  subtract_range_offset(data, range_offset_m);
-  model.match(data);
-  if (model.room_change) exchange_room(*model.room_change, data);
-  out.views = by.views(data, all_rows(data.size()), true);
-  return out;
-}
-
-DomainShift domain_shift_of(const TrainedModel& model, const Records& records) {
-  constexpr std::size_t most_judged = 200;
-  const Estimator& by = model.for_run(records.data);
-  DomainShift out = by.domain.judge(by.alignment, records.data, records.views);
-  Rows live, some;
-  for (const std::size_t row : all_rows(records.data.size()))
-    if (model.fault_of(records.data, row).empty()) live.push_back(row);
-  for (std::size_t i = 0; i < std::min(live.size(), most_judged); ++i)
-    some.push_back(live[i * live.size() / std::min(live.size(), most_judged)]);
-  std::map<std::string, std::size_t> reasons;
-  for (const auto& u : predict(model, records, some, PredictionDetail::uncertainty).uncertainties) {
-    out.judged += u.stated;
-    const std::string& reason = u.out_of_distribution.reason;
-    if (!reason.empty() && (++out.flagged, ++reasons[reason] > reasons[out.reason]))
-      out.reason = reason;
-  }
-  return out;
-}
-
-Prediction predict(const TrainedModel& model, const Records& records, const Rows& rows,
-                   PredictionDetail detail) {
-  return predict(model, records.data, rows, &records.views, detail);
-}
-
-Prediction predict(const TrainedModel& model, const Dataset& data, const Rows& rows,
-                   PredictionDetail detail) {
-  return predict(model, data, rows, nullptr, detail);
 }
 
 Matrix TrainedModel::predict(const Dataset& data, const Rows& rows) const {

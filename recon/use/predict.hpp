@@ -12,13 +12,12 @@ namespace echofuse::recon {
 // Records as the model takes them.
 struct Records {
   Dataset data;          // on the model's axes
-  Matrix views;          // views of every record, by TrainedModel::for_run
   std::string antennas;  // a note about a run without the model's antennas, or empty
   std::string response;  // a note about a run that does not state its radar's response, or empty
 };
 
 // Tells whether the records as a whole are unlike the model's training records.
-DomainShift domain_shift_of(const TrainedModel& model, const Records& records);
+DomainShift domain_shift_of(const TrainedModel& model, const Dataset& data);
 
 // Prepares recorded runs (load_recorded, load_part) or changed records for TrainedModel::for_run.
 // `range_offset_m`: how much too long the radar's ranges are beyond their calibration; both are
@@ -40,13 +39,10 @@ struct Prediction {
   Matrix mean, deviation;
 };
 
-// Predicts; fallbacks answer for records that lack sensors of the first estimator. Throws
-// Error(usage) if the model has no uncertainty and pixels are asked for.
-Prediction predict(const TrainedModel& model, const Records& records, const Rows& rows,
-                   PredictionDetail detail);
-Prediction predict(
-    const TrainedModel& model, const Dataset& data, const Rows& rows,
-    PredictionDetail detail = PredictionDetail::uncertainty);  // the data are on the model's axes
+// Predicts from data on the model's axes. Fallbacks answer for records that lack sensors of the
+// first estimator. Throws Error(usage) if the model has no uncertainty and pixels are asked for.
+Prediction predict(const TrainedModel& model, const Dataset& data, const Rows& rows,
+                   PredictionDetail detail = PredictionDetail::uncertainty);
 
 // Throws Error(usage) if the model states no uncertainty: deviations need that.
 void require_uncertainty(const TrainedModel& model);

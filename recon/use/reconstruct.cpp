@@ -143,7 +143,7 @@ void Reconstruction::take_all(const record::RunReader& run) {
   for (std::size_t i = 0; i < ahead; ++i) start();
   tell_run(records.antennas);
   if (!options_.quiet) tell_run(records.response);
-  const DomainShift shift = domain_shift_of(model_, records);
+  const DomainShift shift = domain_shift_of(model_, records.data);
   if (shift.tested() && (shift.found() || !options_.quiet)) tell_run(shift.text());
   for (std::size_t done = 0; !next.empty() && !interrupted(); next.pop_front()) {
     Made made = next.front().get();
@@ -170,7 +170,7 @@ Records Reconstruction::prepare_new(Dataset data) {
   // A sensor's axis may come after the first records of a run that is being recorded.
   if (std::none_of(all.begin(), all.end(),
                    [&](std::size_t row) { return model_.fault_of(data, row).empty(); }))
-    return {std::move(data), {}, {}, {}};
+    return {std::move(data), {}, {}};
   Records out = prepare_records(model_, std::move(data), options_.range_offset_m);
   if (out.antennas != antennas_) tell_run(antennas_ = out.antennas);
   return out;
@@ -196,7 +196,7 @@ Reconstruction::Made Reconstruction::make(const Records& records, std::size_t fi
   }
   const bool deviations = wants_uncertainty(options_);
   const Prediction all = predict(
-      model_, records, rows, deviations ? PredictionDetail::pixels : PredictionDetail::uncertainty);
+      model_, data, rows, deviations ? PredictionDetail::pixels : PredictionDetail::uncertainty);
   for (std::size_t i = 0; i < rows.size(); ++i) {
     auto& [status, files] = out[rows[i] - first];
     if (const BodyPlace at = body_place(all.maps.row(i), model_->scene); !std::isnan(at.x_m))

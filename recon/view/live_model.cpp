@@ -33,7 +33,7 @@ Reconstruction made(const TrainedModel& whole, const record::RunReader& run, std
   out.note = whole.note_of(records.data, 0);
   const bool states = whole->uncertainty.has_value();
   const Prediction p =
-      predict(whole, records, {0}, states ? PredictionDetail::pixels : PredictionDetail::maps);
+      predict(whole, records.data, {0}, states ? PredictionDetail::pixels : PredictionDetail::maps);
   if (const BodyPlace at = body_place(p.maps.row(0), whole->scene); std::isfinite(at.x_m))
     out.x_m = at.x_m, out.z_m = at.z_m;
   out.map_m = thresholded_map(p.maps.row(0), whole->scene);
@@ -89,7 +89,7 @@ std::string LiveModel::doubt(const record::RunReader& run, std::int64_t first,
                   [](std::int64_t, const std::string&) {});
     if (data.size() == 0) return {};
     const Records records = prepare_records(model_, std::move(data));
-    const DomainShift shift = domain_shift_of(model_, records);
+    const DomainShift shift = domain_shift_of(model_, records.data);
     return shift.found() ? shift.text() : "";
   } catch (const Error&) {
     return {};  // each record says why

@@ -32,7 +32,7 @@ const TrainedModel& trained(const std::string& name, const std::string& inputs) 
 }
 
 DomainShift shift_of(const TrainedModel& model, const Dataset& data) {
-  return domain_shift_of(model, prepare_records(model, data));
+  return domain_shift_of(model, prepare_records(model, data).data);
 }
 
 // An echo behind each bin's own, a third as strong.

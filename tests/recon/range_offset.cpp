@@ -91,7 +91,7 @@ TEST_CASE("evaluate and reconstruct take off how much too long the radar's range
 
   const TrainedModel model = load_model(dir / "m");
   const Records records = prepare_records(model, load_recorded({dir / "long"}), 0.06);
-  const Matrix expected = predict(model, records, all_rows(100), PredictionDetail::maps).maps;
+  const Matrix expected = predict(model, records.data, all_rows(100), PredictionDetail::maps).maps;
   for (const std::string how : {"", " --follow"}) {
     const std::string out = dir / ("maps" + std::to_string(how.size()));
     REQUIRE(recon_program("reconstruct " + dir / "m" + " " + dir / "long" + how +

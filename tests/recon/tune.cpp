@@ -203,7 +203,7 @@ TEST_CASE("every outcome of a tuning is written, read back, and judged") {
         for (std::uint32_t& valid : lost.valid) valid &= ~2u;
         if (inputs == "spd") continue;
         const Records of_spd = prepare_records(read, lost);
-        const Prediction p = predict(read, of_spd, all_rows(6), PredictionDetail::uncertainty);
+        const Prediction p = predict(read, of_spd.data, all_rows(6));
         CHECK((p.uncertainties.empty() || !p.uncertainties[0].stated) == (records < 50));
       }
     }
