@@ -72,8 +72,8 @@ Matrix Features::apply(const Dataset& data, const Rows& rows) const {
 Features fit_features(const Dataset& data, const Rows& rows, Inputs inputs,
                       const std::string& scaling) {
   Features f{inputs, scaling, data.spd_axis, data.radar_axis, {}, 1, 1};
-  if (scaling == raw_scaling) {
-    if (inputs == Inputs::fused) f.array_axis = data.array_axis;
+  if (scaling == raw_scaling || rows.empty()) {
+    if (scaling == raw_scaling && inputs == Inputs::fused) f.array_axis = data.array_axis;
     f.centre.assign(f.count(), 0);
     return f;
   }

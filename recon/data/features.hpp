@@ -51,7 +51,8 @@ struct Features {
   Matrix apply(const Dataset& data, const Rows& rows) const;
 };
 
-// Learns centre and gains from `rows`: the inputs of each sensor get the same total variance.
+// Learns centre and gains from `rows`, if any: the inputs of each sensor get the same total
+// variance.
 Features fit_features(const Dataset& data, const Rows& rows, Inputs inputs,
                       const std::string& scaling);
 

@@ -73,7 +73,8 @@ Estimator train_one(const Wanted& wanted, const Dataset& data, const Split& spli
                     const Scene& scene, const TrainOptions& options) {
   const auto& [name, inputs, scaling, fit, enough_validation] = wanted;
   const bool aligned = wants_alignment(candidate_of(name, fit).model);
-  const bool uncertainties = options.uncertainty && has_enough_records(split);
+  const bool uncertainties = options.uncertainty && has_enough_records(split) &&
+                             !ignores_inputs(candidate_of(name, fit).model);
   const std::string which = name + " on " + name_of(inputs);
   say(options, which + ": aligning " + std::to_string(data.size()) + " records, then learning");
   const Preprocessing preprocessing(data, split.train, aligned ? inputs : without_antennas(inputs),

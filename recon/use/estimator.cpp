@@ -76,6 +76,7 @@ Matrix Estimator::views(const Dataset& data, const Rows& rows, bool wanted) cons
 const Matrix& Estimator::inputs(const Dataset& data, const Rows& rows, const Matrix& views,
                                 Matrix& scaled) const {
   if (wants_alignment(name)) return views;
+  if (ignores_inputs(name)) return scaled = Matrix(rows.size(), 0);
   return scaled = features.apply(data, rows);
 }
 
@@ -151,7 +152,8 @@ Estimator fit_model(const Dataset& data, const Split& split, const Preprocessing
   const Candidate candidate = candidate_of(name, options, split.train.size());
   const bool takes_views = wants_alignment(candidate.model);
   out.name = candidate.model;
-  out.features = fit_features(data, split.train, inputs, takes_views ? raw_scaling : scaling);
+  out.features = fit_features(data, ignores_inputs(out.name) ? Rows{} : split.train, inputs,
+                              takes_views ? raw_scaling : scaling);
   if (takes_views && (out.features.spd_count() == 0 || out.features.radar_count() == 0))
     throw Error(ExitCode::usage,
                 "the mean-shape and factorised models need both sensors: --inputs fused");

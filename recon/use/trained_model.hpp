@@ -80,10 +80,9 @@ inline const char* calibration_name(bool calibrated) {
 inline const char* calibration_of(const TrainedModel& model) {
   return calibration_name(model->uncertainty.has_value());
 }
-// Reason why a model that is not calibrated cannot say how far off its maps are.
+// Conditions under which a model is calibrated.
 constexpr const char* why_not_calibrated =
-    "fewer than 50 records of training, or a training that was interrupted, do not say how far off "
-    "the maps are";
+    "only a model of a sensor, trained to its end on 50 records or more, states its errors";
 
 SeenRecords seen_records(const Dataset& data, const Split& split);
 

@@ -74,6 +74,20 @@ TEST_CASE("each record of several runs counts once, whatever the order of the ru
   }
 }
 
+TEST_CASE("a model that takes no sensor learns neither its errors nor what records are usual") {
+  const Dataset data = testing::load_plates(120);
+  for (const std::string name : {"mean", "empty", "ridge"}) {
+    CAPTURE(name);
+    TrainOptions options;
+    options.model = name, options.fit.quiet = true;
+    const TrainedModel model = train(data, options);
+    const bool takes_sensors = name == "ridge";
+    CHECK(model->uncertainty.has_value() == takes_sensors);
+    CHECK(model->domain.known() == takes_sensors);
+    CHECK(model->alignment.known() == takes_sensors);
+  }
+}
+
 TEST_CASE("there is a thread for each core that the program may use") {
   cpu_set_t before, one;
   REQUIRE(::sched_getaffinity(0, sizeof before, &before) == 0);

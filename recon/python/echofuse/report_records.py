@@ -17,8 +17,7 @@ from .methods import call
 from .report_blocks import Block, packed, short
 from .report_scores import Judged, Mode, Scores
 
-UNCALIBRATED = ("no uncertainty: fewer than 50 records of training, or a training that was interrupted, do not say how far off "
-                "the maps are")
+UNCALIBRATED = "no uncertainty: only a model of a sensor, trained to its end on 50 records or more, states its errors"
 Map = tuple[NDArray[np.float32], NDArray[np.float32] | None]  # [N, N] metres as it is made, 0: no return; its deviation
 
 
