@@ -27,8 +27,6 @@ std::unique_ptr<Model> Factorised::tuned(const Samples& train, const Tuning& tun
   Bodies seen = out->bodies_in(train);
   if (seen.rows.empty()) return out;
   for (std::size_t i = 0; i < seen.views.rows; ++i) standardise(seen.views.row(i), model_);
-  const TurnedBodies turned(*train.alignment, train.inputs, *train.radar, *train.array, seen.rows,
-                            seen.places);
   const Rows rows = all_rows(seen.rows.size());
   if (tuning.networks_stay()) {
     out->model_.place.correct({seen.views, position_targets(seen), rows});
@@ -36,11 +34,9 @@ std::unique_ptr<Model> Factorised::tuned(const Samples& train, const Tuning& tun
     return out;
   }
   Training training = training_of(tuning, rows.size());
-  if (tuning.turn) training.redraw = out->turning_places(turned);
   out->model_.place.tune({seen.views, position_targets(seen), rows}, training, "position");
   out->move_mean_body(seen, train);
   if (!model_.has_shapes) return out;
-  if (tuning.turn) training.redraw = out->turning_shapes(turned);
   training.l2_penalty *= shape_penalty;
   out->model_.shape.tune({seen.views, out->amounts(seen, train), rows}, training, "shape");
   return out;

@@ -39,8 +39,6 @@ struct Tuning {
   // With networks that stay, a model that places a body still learns its mean body. Also learns the
   // offset and scale of its places.
   bool correct = false;
-  // Models that place a body turn the bodies (method/turned.hpp). With few records that does harm.
-  bool turn = false;
   std::size_t steps = 200, batch = 64;  // a step takes at most so many records
   double learning_rate = 4e-3;          // the first rate; it falls to zero
   std::uint64_t seed = 1;

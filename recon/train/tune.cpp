@@ -18,19 +18,15 @@
 namespace echofuse::recon {
 namespace {
 
-constexpr std::array penalties{100., 30., 10., 3., 1.};
-constexpr double usual_penalty = 30, augmented_penalty = 30, least_penalty_of_few = 10;
+constexpr std::array penalties{100., 10., 1.};
+constexpr double usual_penalty = 30, least_penalty_of_few = 10;
 // Share of the pixels of the median map. People alone fill less, even if half of few records have
 // them in one place.
 constexpr double changed_share = 0.2;
 
-const char* const as_it_was = "as it was";
-const char* const room_learnt = "the room learnt";
-const char* const corrected = "mean body, offset and scale learnt";
+const char* const unchanged = "unchanged";
+const char* const corrected = "background and position corrected";
 const char* const alone = "these records alone";
-std::string tuned_name(double l2_penalty, bool turn) {
-  return formatted("tuned,%s L2 penalty %g over N", turn ? " bodies rotated," : "", l2_penalty);
-}
 
 bool can_be_tuned(const std::string& kind) {
   return wants_alignment(kind) || kind_of(kind).size == ModelKind::Size::hidden;
@@ -90,46 +86,51 @@ bool are_few(const Estimator& from, const Split& split) {
 // records hardly show which is best, and what stays does no harm. More records choose the best.
 double plainly(bool few) { return few ? 2 : 0; }
 
+Tuning without_training(Tuning tuning) {
+  tuning.l2_penalty = INFINITY;
+  return tuning;
+}
+
+// Returns the background with which the unchanged networks score better: the learnt one if that is
+// better by a standard error.
+Room better_room(const Start& start, const Scene& judged_by, const Split& split,
+                 const TuneOptions& options) {
+  if (!wants_alignment(start.model->name) || !options.only.empty()) return Room::kept;
+  Choice choice(judged_by, split, options.split);
+  for (const Room room : {Room::kept, Room::learnt})
+    choice.add("background", start.data, [&, room](const Rows& rows) {
+      return adapt(start.model.first(), start.data, rows, room, without_training(options.tuning),
+                   room == Room::learnt);
+    });
+  choice.choose(1);
+  return choice.chosen() == 0 ? Room::kept : Room::learnt;
+}
+
 // A model of these records alone is the same from any start.
 void try_all(Choice& choice, const Start& start, const Split& split, const TuneOptions& options,
-             bool with_alone) {
+             Room room, bool with_alone) {
   const Estimator& from = start.model.first();
   const Dataset& data = start.data;
-  Tuning untouched = options.tuning;
-  untouched.l2_penalty = INFINITY;
   const bool aligned = wants_alignment(from.name);
-  Room room = Room::kept;
   const auto add = [&](const std::string& name, Choice::Fit fit) {
     if (!options.only.empty() && options.only != name) return;
     if (!options.quiet) std::fprintf(stderr, "cross-validation: %s\n", name.c_str());
     choice.add(name, name == alone ? start.own : data, std::move(fit));
   };
-  add(as_it_was, [&, untouched](const Rows& rows) {
-    return adapt(from, data, rows, Room::kept, untouched, false);
-  });
-  if (aligned) {
-    add(room_learnt, [&, untouched](const Rows& rows) {
-      return adapt(from, data, rows, Room::learnt, untouched);
-    });
-    if (options.only.empty()) choice.choose(1);
-    if (options.only.empty() && choice.is(room_learnt)) room = Room::learnt;
-  }
-  const bool many = split.train.size() >= TuneOptions::least_alone;
+  Tuning tuning = without_training(options.tuning);
+  add(unchanged,
+      [&, tuning](const Rows& rows) { return adapt(from, data, rows, Room::kept, tuning, false); });
+  tuning.correct = true;
   if (aligned)
-    add(corrected, [&, untouched, room](const Rows& rows) {
-      Tuning tuning = untouched;
-      tuning.correct = true;
-      return adapt(from, data, rows, room, tuning);
-    });
-  const auto add_tuned = [&](double l2_penalty, bool turn) {
-    Tuning tuning = options.tuning;
-    tuning.l2_penalty = l2_penalty, tuning.turn = turn;
-    add(tuned_name(l2_penalty, turn),
+    add(corrected,
         [&, tuning, room](const Rows& rows) { return adapt(from, data, rows, room, tuning); });
-  };
-  for (const double l2_penalty : penalties)
-    if (many || !aligned || l2_penalty >= least_penalty_of_few) add_tuned(l2_penalty, false);
-  if (many && aligned) add_tuned(augmented_penalty, true);
+  const bool many = split.train.size() >= TuneOptions::least_alone;
+  for (const double l2_penalty : penalties) {
+    if (!many && aligned && l2_penalty < least_penalty_of_few) continue;
+    tuning.l2_penalty = l2_penalty;
+    add(formatted("fine-tuned, L2 penalty %g over N", l2_penalty),
+        [&, tuning, room](const Rows& rows) { return adapt(from, data, rows, room, tuning); });
+  }
   if (many && with_alone)
     add(alone, [&](const Rows& rows) { return fit_alone(from, start.own, rows, options); });
   choice.choose(plainly(are_few(from, split)));
@@ -242,7 +243,8 @@ TunedModel tune(const std::vector<Start>& starts, const TuneOptions& options) {
   choices.reserve(starts.size());  // the candidates refer to them
   for (const Start& start : starts) {
     choices.emplace_back(judged_by, split, options.split);
-    try_all(choices.back(), start, split, options, choices.size() == 1);
+    try_all(choices.back(), start, split, options, better_room(start, judged_by, split, options),
+            choices.size() == 1);
   }
   if (choices.front().table().empty())
     throw Error(ExitCode::usage, options.only + ": nothing of this name is tried here");
@@ -274,7 +276,7 @@ TunedModel tune(const std::vector<Start>& starts, const TuneOptions& options) {
   model.data_hash = data.hash;
   model.radar_response = by_alone ? widest_response(data) : from.radar_response;
   model.any_response = !by_alone && from.any_response;
-  const bool stayed = split.train.size() < least_cross_fitted && choice.is(as_it_was);
+  const bool stayed = split.train.size() < least_cross_fitted && choice.is(unchanged);
   if (stayed)
     keep_statements(model.first(), from.first());
   else

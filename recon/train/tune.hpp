@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: MIT
 // Tuning makes a model of another room from a model and a few records of that room.
-// Cross-validation within the records finds how far the old model is to be trusted. Candidates: the
-// old model, fine-tuned ones with a stronger or weaker L2 penalty to its weights, and one of these
-// records alone. Takes the best start of several old models.
+// Cross-validation within the records compares four outcomes: the old model unchanged; with
+// background and position corrected; fine-tuned, with an L2 penalty to its weights that the
+// cross-validation also chooses; and a model of these records alone. Takes the best start of
+// several old models.
 #pragma once
 #include <string>
 #include <vector>

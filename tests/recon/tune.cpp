@@ -69,7 +69,7 @@ TEST_CASE("a few records take a model to another room") {
     // So small a network knows little in either room.
     CHECK(after > before + (kind == "mlp" ? 0 : 0.03));
     CHECK(tuned.chosen > 0);
-    CHECK(tuned.table.front().name == "as it was");
+    CHECK(tuned.table.front().name == "unchanged");
     CHECK_FALSE(tuned.model->uncertainty);
     CHECK(calibration_of(tuned.model) == std::string("not calibrated"));
     const Folder dir;  // the model kept is the one tuned
@@ -83,10 +83,10 @@ TEST_CASE("a few records take a model to another room") {
 TEST_CASE("ten records change a model only if they show that it gains") {
   const Dataset few = plates(10, 5, true), fresh = plates(150, 6, true);
   const TunedModel tuned = tune(old_model("factorised"), few, all_records());
-  CHECK(tuned.table[tuned.chosen].name != "as it was");
+  CHECK(tuned.table[tuned.chosen].name != "unchanged");
   CHECK(iou(tuned.model, fresh) > iou(old_model("factorised"), fresh));
   const TunedModel at_home = tune(old_model("factorised"), plates(10, 7, false), all_records());
-  CHECK(at_home.table.front().name == "as it was");
+  CHECK(at_home.table.front().name == "unchanged");
   const double before = at_home.table.front().metrics[metric_iou].mean;
   CHECK(at_home.table[at_home.chosen].metrics[metric_iou].mean >= before);
 }
@@ -148,7 +148,7 @@ TEST_CASE("an axis may lie within a bin of the model's, no further") {
   near.radar_axis.start += 0.1, far.radar_axis.start += 0.3;
   match_for_tuning(old, "m", near);
   CHECK(same_axis(near.radar_axis, old->features.radar_axis));
-  CHECK(tune(old, near, all_records()).table.front().name == "as it was");
+  CHECK(tune(old, near, all_records()).table.front().name == "unchanged");
   CHECK_THAT(error_of([&] { match_for_tuning(old, "m", far); }),
              Catch::Contains("further apart than a bin"));
   // One whose steps are others begins where the model's does, and ends elsewhere.
@@ -176,10 +176,8 @@ TEST_CASE("every outcome of a tuning is written, read back, and judged") {
     const Dataset fresh = plates_of(inputs, 6, 9);
     for (const std::int64_t records : {10, 49, 50}) {
       const Dataset data = plates_of(inputs, records, 5);
-      for (const char* only :
-           {"as it was", "the room learnt", "mean body, offset and scale learnt",
-            "tuned, L2 penalty 10 over N", "tuned, bodies rotated, L2 penalty 30 over N",
-            "these records alone"}) {
+      for (const char* only : {"unchanged", "background and position corrected",
+                               "fine-tuned, L2 penalty 10 over N", "these records alone"}) {
         TuneOptions how = all_records();
         how.only = only, how.tuning.steps = 2;
         TunedModel tuned;
@@ -194,7 +192,7 @@ TEST_CASE("every outcome of a tuning is written, read back, and judged") {
         std::filesystem::remove(dir / "m");
         save_model(tuned.model, dir / "m");
         const TrainedModel read = load_model(dir / "m");
-        CHECK(read->uncertainty.has_value() == (records == 50 || only == std::string("as it was")));
+        CHECK(read->uncertainty.has_value() == (records == 50 || only == std::string("unchanged")));
         const Records seen = prepare_records(read, fresh);
         CHECK(evaluate(read, seen, rows_to_evaluate(read, seen.data, false))
                   .calibration.has_value() == read->uncertainty.has_value());
@@ -224,7 +222,7 @@ TEST_CASE("a model of these records alone has their own axes and response, for e
   Dataset matched = own;
   match_for_tuning(old, "m", matched);
   REQUIRE(matched.radar.values != own.radar.values);
-  for (const char* only : {"as it was", "these records alone"}) {
+  for (const char* only : {"unchanged", "these records alone"}) {
     TuneOptions how = all_records();
     how.only = only;
     const TrainedModel model = recon::tune({{old, matched, own}}, how).model;
