@@ -272,7 +272,6 @@ ExitCode run(int argc, char** argv) {
   Command command;
   add_dataset(app, command);
   add_lab(app, command);
-  sim::add_study(app, command);
   add_config(app, command);
   try {
     parse_command_line(app, argc, argv);

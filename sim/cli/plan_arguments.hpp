@@ -39,10 +39,7 @@ void add_plan_options(CLI::App& app, PlanArguments& arguments);
 CLI::Option* add_twin_options(CLI::App& app, PlanArguments& arguments);
 
 // Reads the plan for a command with one laboratory only; the conditions are as drawn. A data set's
-// file can also configure a laboratory and a study.
+// file can also configure a laboratory.
 void read_plan(const PlanArguments& arguments, Plan& plan, Settings& settings);
-
-// Adds `study` and its subcommands (study_commands.cpp).
-void add_study(CLI::App& app, Command& command);
 
 }  // namespace echofuse::sim

@@ -157,9 +157,9 @@ void bind(Settings& settings, Conditions& conditions);
 void validate(const Conditions& conditions);
 
 // Number of the detector's rays across the field of view. The automatic number keeps the sampling
-// error below a tenth of the shot noise in variance. Per bin the error was measured (`study
-// fidelity --scenes 300`) as 0.29 of the shot noise of 1e5 photons at 256 rays, falling as
-// rays^-3.65 and growing with the photons. With a quarter in reserve it is
+// error below a tenth of the shot noise in variance. Per bin the error is 0.29 of the shot noise of
+// 1e5 photons at 256 rays (recon/python/examples/detail.py), falls as rays^-3.65 and grows with the
+// photons. With a quarter in reserve it is
 //   rays = 256 (3.6 signal_photons / 1e5)^(1/3.65), from 64 to 2048, even.
 std::int64_t rays_of(const Conditions& conditions);
 

@@ -52,12 +52,6 @@ double uniform(Rng& rng, double low, double high) {
   return low + (high - low) * unit * static_cast<double>(rng() >> 11);
 }
 
-double SceneSampler::uniform(double low, double high) {
-  const double move = draws_.size() < moves_.size() ? moves_[draws_.size()] : 0;
-  draws_.push_back({low, high, sim::uniform(rng_, low, high) + move});
-  return draws_.back().value;
-}
-
 std::int64_t poisson(double mean, Rng& rng) {
   if (mean < few) return count_poisson(mean, rng);
   const double b = 0.931 + 2.53 * std::sqrt(mean), a = -0.059 + 0.02483 * b;

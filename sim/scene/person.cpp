@@ -28,25 +28,21 @@ Vec3 limb(double side, double swing_deg, double spread_deg) {
 }
 
 // Returns 1, or a factor about 1. A size that does not vary draws no number.
-double varied(double by, SceneSampler& sampler) {
-  return by > 0 ? 1 + sampler.uniform(-by, by) : 1;
-}
-double varied_log(double by, SceneSampler& sampler) {
-  return by > 0 ? std::exp(sampler.uniform(-by, by)) : 1;
-}
+double varied(double by, Rng& rng) { return by > 0 ? 1 + uniform(rng, -by, by) : 1; }
+double varied_log(double by, Rng& rng) { return by > 0 ? std::exp(uniform(rng, -by, by)) : 1; }
 
 // Angle of a joint, in degrees.
-double pose(double low, double high, const Conditions& c, SceneSampler& sampler) {
+double pose(double low, double high, const Conditions& c, Rng& rng) {
   const double middle = (low + high) / 2, half = c.pose_spread * (high - low) / 2;
-  return sampler.uniform(middle - half, middle + half);
+  return uniform(rng, middle - half, middle + half);
 }
 
 struct Leg {
   Vec3 hip, knee, ankle;
 };
-Leg random_leg(double side, double length, const Conditions& c, SceneSampler& sampler) {
-  const double swing = pose(-15, 25, c, sampler), spread = pose(0, 14, c, sampler);
-  const double bend = pose(0, 30, c, sampler);
+Leg random_leg(double side, double length, const Conditions& c, Rng& rng) {
+  const double swing = pose(-15, 25, c, rng), spread = pose(0, 14, c, rng);
+  const double bend = pose(0, 30, c, rng);
   const Vec3 hip{side * hip_half_width, hip_height, 0};
   const Vec3 knee = hip + length * thigh * limb(side, swing, spread);
   return {hip, knee, knee + length * shin * limb(side, swing - bend, spread)};
@@ -59,10 +55,10 @@ struct Build {
   // height.
   double trunk() const { return 1 - (legs - 1) * hip_height / (1 - hip_height); }
 };
-Build random_build(const Conditions& c, SceneSampler& sampler) {
+Build random_build(const Conditions& c, Rng& rng) {
   const double by = c.body_spread;
-  return {c.girth * varied(by, sampler), c.shoulder_width * varied(by, sampler),
-          c.limb_width * varied(by, sampler), c.leg_length * varied(by / 4, sampler)};
+  return {c.girth * varied(by, rng), c.shoulder_width * varied(by, rng),
+          c.limb_width * varied(by, rng), c.leg_length * varied(by / 4, rng)};
 }
 
 // Reflectivities of a part of the body for light and for the radar.
@@ -72,9 +68,9 @@ struct Surface {
 struct Clothes {
   Surface top, trousers, shoes, skin;
 };
-Clothes random_clothes(const Conditions& c, double albedo, SceneSampler& sampler) {
+Clothes random_clothes(const Conditions& c, double albedo, Rng& rng) {
   const auto part = [&](double radar) {
-    const double own = std::min(1.0, albedo * varied_log(c.albedo_contrast, sampler));
+    const double own = std::min(1.0, albedo * varied_log(c.albedo_contrast, rng));
     constexpr double middle = 0.5;  // middle of the base's albedos
     return Surface{own, radar * (middle + c.radar_follows_albedo * (own - middle))};
   };
@@ -85,19 +81,19 @@ Clothes random_clothes(const Conditions& c, double albedo, SceneSampler& sampler
 // -z, y up from the floor, z to its front.
 class Body {
  public:
-  Body(Scene& scene, const Conditions& conditions, const Stand& stand, SceneSampler& sampler)
+  Body(Scene& scene, const Conditions& conditions, const Stand& stand, Rng& rng)
       : scene_(scene),
         conditions_(conditions),
         height_m_(conditions.target_scale *
-                  sampler.uniform(conditions.height_min_m, conditions.height_max_m)),
-        clothes_(random_clothes(
-            conditions, sampler.uniform(conditions.albedo_min, conditions.albedo_max), sampler)),
-        build_(random_build(conditions, sampler)),
+                  uniform(rng, conditions.height_min_m, conditions.height_max_m)),
+        clothes_(random_clothes(conditions,
+                                uniform(rng, conditions.albedo_min, conditions.albedo_max), rng)),
+        build_(random_build(conditions, rng)),
         ground_{stand.x_m, -conditions.camera_height_m, stand.z_m},
         right_{std::cos(stand.yaw_rad), 0, std::sin(stand.yaw_rad)},
         front_{std::sin(stand.yaw_rad), 0, -std::cos(stand.yaw_rad)} {
-    add_legs(sampler);
-    add_trunk(sampler);
+    add_legs(rng);
+    add_trunk(rng);
   }
 
   Vec3 shoulder(double side) const {
@@ -120,9 +116,9 @@ class Body {
         {world(a), world(b), height_m_ * radius, surface.albedo, surface.radar});
   }
   // The lower foot stands on the floor.
-  void add_legs(SceneSampler& sampler) {
-    const std::array<Leg, 2> legs{random_leg(-1, build_.legs, conditions_, sampler),
-                                  random_leg(1, build_.legs, conditions_, sampler)};
+  void add_legs(Rng& rng) {
+    const std::array<Leg, 2> legs{random_leg(-1, build_.legs, conditions_, rng),
+                                  random_leg(1, build_.legs, conditions_, rng)};
     const double lift = ankle_height - std::min(legs[0].ankle.y, legs[1].ankle.y);
     const Vec3 up{0, lift, 0};
     for (const Leg& leg : legs) {
@@ -133,9 +129,9 @@ class Body {
     }
     hip_ = Vec3{0, hip_height + lift, 0};
   }
-  void add_trunk(SceneSampler& sampler) {
-    const double bow = radians(pose(-5, 12, conditions_, sampler));
-    const double tilt = radians(pose(-6, 6, conditions_, sampler));
+  void add_trunk(Rng& rng) {
+    const double bow = radians(pose(-5, 12, conditions_, rng));
+    const double tilt = radians(pose(-6, 6, conditions_, rng));
     trunk_ = {std::sin(tilt), std::cos(tilt) * std::cos(bow), std::cos(tilt) * std::sin(bow)};
     const double girth = build_.girth;
     add_across(0.01, 0.05 * girth, 0.065 * girth, clothes_.trousers);  // pelvis
@@ -161,9 +157,9 @@ class Body {
 };
 
 // The plate has axes of its own: it leans forward or back.
-Plate held_plate(const Conditions& c, const Body& body, SceneSampler& sampler) {
+Plate held_plate(const Conditions& c, const Body& body, Rng& rng) {
   const double most_deg = c.letter_tilt_deg;
-  const double lean = most_deg > 0 ? radians(sampler.uniform(-most_deg, most_deg)) : 0;
+  const double lean = most_deg > 0 ? radians(uniform(rng, -most_deg, most_deg)) : 0;
   Plate plate;
   plate.u = body.right();
   plate.v = std::cos(lean) * Vec3{0, 1, 0} + std::sin(lean) * body.front();
@@ -174,35 +170,32 @@ Plate held_plate(const Conditions& c, const Body& body, SceneSampler& sampler) {
 
 }  // namespace
 
-void add_person(Scene& scene, const Conditions& conditions, const Stand& stand,
-                SceneSampler& sampler) {
-  Body body(scene, conditions, stand, sampler);
+void add_person(Scene& scene, const Conditions& conditions, const Stand& stand, Rng& rng) {
+  Body body(scene, conditions, stand, rng);
   for (const double side : {-1.0, 1.0}) {
-    const double swing = pose(-25, 80, conditions, sampler);
-    const double spread = pose(5, 70, conditions, sampler);
-    const double bend = pose(0, 90, conditions, sampler);
-    const double inward = pose(-15, 40, conditions, sampler);
+    const double swing = pose(-25, 80, conditions, rng);
+    const double spread = pose(5, 70, conditions, rng);
+    const double bend = pose(0, 90, conditions, rng);
+    const double inward = pose(-15, 40, conditions, rng);
     const Vec3 elbow = body.shoulder(side) + upper_arm * limb(side, swing, spread);
     body.add_arm(side, elbow, elbow + forearm_and_grip * limb(side, swing + bend, spread - inward));
   }
 }
 
-char add_letter_person(Scene& scene, const Conditions& conditions, const Stand& stand,
-                       SceneSampler& sampler) {
-  const char letter = record::letters[sampler.pick(record::letters.size())];
-  const record::LetterSize size =
-      record::letter_sizes[sampler.pick(record::letter_sizes.size())].scaled(
-          conditions.target_scale * conditions.letter_scale);
-  Body body(scene, conditions, stand, sampler);
+char add_letter_person(Scene& scene, const Conditions& conditions, const Stand& stand, Rng& rng) {
+  const char letter = record::letters[rng() % record::letters.size()];
+  const record::LetterSize size = record::letter_sizes[rng() % record::letter_sizes.size()].scaled(
+      conditions.target_scale * conditions.letter_scale);
+  Body body(scene, conditions, stand, rng);
   const Vec3 chest = 0.5 * (body.shoulder(-1) + body.shoulder(1));
-  const double lift = sampler.uniform(-0.12, 0.02) + conditions.letter_lift_m / body.height_m();
-  const Vec3 held = chest + Vec3{0, lift, conditions.letter_reach * sampler.uniform(0.33, 0.37)};
+  const double lift = uniform(rng, -0.12, 0.02) + conditions.letter_lift_m / body.height_m();
+  const Vec3 held = chest + Vec3{0, lift, conditions.letter_reach * uniform(rng, 0.33, 0.37)};
   for (const double side : {-1.0, 1.0}) {
     const Vec3 hand = held + Vec3{side * size.width_m / 2 / body.height_m(), 0, -0.02};
     const Vec3 middle = 0.5 * (body.shoulder(side) + hand);
     body.add_arm(side, middle + Vec3{side * 0.02, -0.03, 0}, hand);
   }
-  Plate plate = held_plate(conditions, body, sampler);
+  Plate plate = held_plate(conditions, body, rng);
   plate.centre = body.world(held);
   plate.strokes = record::letter_strokes(letter, size);
   scene.plates.push_back(std::move(plate));

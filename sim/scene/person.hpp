@@ -3,11 +3,10 @@
 #pragma once
 #include <cstdint>
 
+#include "drivers/core/random.hpp"
 #include "sim/scene/scene.hpp"
 
 namespace echofuse::sim {
-
-class SceneSampler;
 
 // Place and direction of a person: yaw 0 faces -z (the sensors), positive yaw turns to +x.
 struct Stand {
@@ -17,12 +16,10 @@ struct Stand {
 inline constexpr std::int32_t capsules_of_person = 16;
 
 // Height, build, clothes and reflectivities follow the conditions; the pose is random.
-void add_person(Scene& scene, const Conditions& conditions, const Stand& stand,
-                SceneSampler& sampler);
+void add_person(Scene& scene, const Conditions& conditions, const Stand& stand, Rng& rng);
 
 // Adds a person with a flat letter held in both hands at arm's length, facing where the person
 // faces. Its size is one of acquire/measurement/letter.hpp times letter_scale. Returns the letter.
-char add_letter_person(Scene& scene, const Conditions& conditions, const Stand& stand,
-                       SceneSampler& sampler);
+char add_letter_person(Scene& scene, const Conditions& conditions, const Stand& stand, Rng& rng);
 
 }  // namespace echofuse::sim

@@ -17,13 +17,13 @@ namespace {
 
 constexpr std::array kinds{"person", "letter", "two_people", "empty", "reflector", "object"};
 
-Stand random_place(const Conditions& c, SceneSampler& sampler) {
-  const double x = sampler.uniform(-c.target_x_m, c.target_x_m);
-  return {x, sampler.uniform(c.target_z_min_m, c.target_z_max_m), 0};
+Stand random_place(const Conditions& c, Rng& rng) {
+  const double x = uniform(rng, -c.target_x_m, c.target_x_m);
+  return {x, uniform(rng, c.target_z_min_m, c.target_z_max_m), 0};
 }
 
-double random_turn(double most_deg, SceneSampler& sampler) {
-  return sampler.uniform(-most_deg, most_deg) * std::numbers::pi / 180;
+double random_turn(double most_deg, Rng& rng) {
+  return uniform(rng, -most_deg, most_deg) * std::numbers::pi / 180;
 }
 
 // The random numbers are drawn in any case: what else is random does not depend on the place.
@@ -33,26 +33,26 @@ Stand chosen(const SceneSpec& spec, Stand random) {
           spec.yaw_deg ? *spec.yaw_deg * degree : random.yaw_rad};
 }
 
-Stand random_stand(const Conditions& c, double most_yaw_deg, SceneSampler& sampler) {
-  Stand stand = random_place(c, sampler);
-  stand.yaw_rad = random_turn(most_yaw_deg, sampler);
+Stand random_stand(const Conditions& c, double most_yaw_deg, Rng& rng) {
+  Stand stand = random_place(c, rng);
+  stand.yaw_rad = random_turn(most_yaw_deg, rng);
   return stand;
 }
 
-void add_letter(Scene& scene, const Conditions& c, const SceneSpec& spec, SceneSampler& sampler) {
-  Stand stand = random_place(c, sampler);
+void add_letter(Scene& scene, const Conditions& c, const SceneSpec& spec, Rng& rng) {
+  Stand stand = random_place(c, rng);
   const double towards_sensors = std::atan2(-stand.x_m, stand.z_m);
-  stand.yaw_rad = towards_sensors + random_turn(c.letter_yaw_deg, sampler);
+  stand.yaw_rad = towards_sensors + random_turn(c.letter_yaw_deg, rng);
   stand = chosen(spec, stand);
-  scene.label = std::string(record::letter_label) + add_letter_person(scene, c, stand, sampler);
+  scene.label = std::string(record::letter_label) + add_letter_person(scene, c, stand, rng);
 }
 
 // Each gets half of the width: they stand side by side.
-void add_two(Scene& scene, const Conditions& c, SceneSampler& sampler) {
+void add_two(Scene& scene, const Conditions& c, Rng& rng) {
   for (const double side : {-0.5, 0.5}) {
-    Stand stand = random_stand(c, c.person_yaw_deg, sampler);
+    Stand stand = random_stand(c, c.person_yaw_deg, rng);
     stand.x_m = stand.x_m / 2 + side * c.target_x_m;
-    add_person(scene, c, stand, sampler);
+    add_person(scene, c, stand, rng);
   }
   scene.label = "two_people";
 }
@@ -104,23 +104,19 @@ std::string kind_names() {
 
 Scene make_scene(const Conditions& c, const SceneSpec& spec, std::uint64_t seed,
                  std::uint64_t index) {
-  SceneSampler sampler(make_rng(seed, index));
-  return make_scene(c, spec, sampler);
-}
-
-Scene make_scene(const Conditions& c, const SceneSpec& spec, SceneSampler& sampler) {
+  Rng rng = make_rng(seed, index);
   Scene scene;
   scene.room = room_named(c.background);
   switch (spec.kind) {
     case SceneKind::person:
-      add_person(scene, c, chosen(spec, random_stand(c, c.person_yaw_deg, sampler)), sampler);
+      add_person(scene, c, chosen(spec, random_stand(c, c.person_yaw_deg, rng)), rng);
       scene.label = "person";
       break;
     case SceneKind::letter:
-      add_letter(scene, c, spec, sampler);
+      add_letter(scene, c, spec, rng);
       break;
     case SceneKind::two_people:
-      add_two(scene, c, sampler);
+      add_two(scene, c, rng);
       break;
     case SceneKind::empty:
       scene.label = "empty";
@@ -136,7 +132,7 @@ Scene make_scene(const Conditions& c, const SceneSpec& spec, SceneSampler& sampl
       break;
     }
     case SceneKind::object:
-      add_object(scene, c, chosen(spec, random_stand(c, 180, sampler)));
+      add_object(scene, c, chosen(spec, random_stand(c, 180, rng)));
       break;
   }
   return scene;

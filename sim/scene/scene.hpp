@@ -14,8 +14,6 @@
 
 namespace echofuse::sim {
 
-class SceneSampler;
-
 inline constexpr double as_albedo = -1;
 
 // A capsule holds all points within radius_m of the segment a-b.
@@ -54,10 +52,6 @@ struct Scene {
 // reflector is a small white plate at reflector_m straight ahead of the SPD. object is the mesh of
 // Conditions::object on the floor.
 enum class SceneKind : std::uint8_t { person, letter, two_people, empty, reflector, object };
-// Kind of scene i of a study: a quarter are people, the rest letters, as in Lai et al.
-inline SceneKind study_kind(std::uint64_t i) {
-  return i % 4 == 0 ? SceneKind::person : SceneKind::letter;
-}
 std::optional<SceneKind> kind_named(std::string_view name);
 std::string kind_names();  // with commas between
 
@@ -74,9 +68,6 @@ struct SceneSpec {
 // Scene `index` of `seed` is the same whatever was made before and on whichever thread.
 Scene make_scene(const Conditions& conditions, const SceneSpec& spec, std::uint64_t seed,
                  std::uint64_t index);
-// Makes the scene from these random numbers (sim/scene/draw.hpp), in this order: for a person or a
-// letter the first are x, z and the turn.
-Scene make_scene(const Conditions& conditions, const SceneSpec& spec, SceneSampler& sampler);
 
 // The first is true if a reflectivity is not the albedo. The second is the scene with the
 // reflectivities as albedos.

@@ -129,7 +129,8 @@ double mean_peak_power(const RadarAxis& axis, const Conditions& c) {
   base.baseline_m = c.baseline_m;
   double sum = 0;
   for (std::uint64_t i = 0; i < scenes; ++i) {
-    const Scene scene = make_scene(base, study_kind(i), seed, i);
+    const Scene scene =
+        make_scene(base, i % 4 == 0 ? SceneKind::person : SceneKind::letter, seed, i);
     const auto power = radar_power(radar_returns(scene, base), axis);
     sum += *std::max_element(power.begin(), power.end());
   }

@@ -2,7 +2,6 @@
 // echofuse-sim as a user meets it: exit codes, one line of error, what it prints.
 #include <sys/stat.h>
 
-#include <algorithm>
 #include <catch2/catch.hpp>
 #include <filesystem>
 #include <fstream>
@@ -72,56 +71,6 @@ TEST_CASE("dataset writes a run and says so") {
   CHECK(has(o.text, "\"records\":9"));
   CHECK(has(o.text, "\"people\":2"));
   CHECK(has(o.text, "\"letters\":7"));
-}
-
-TEST_CASE("study fidelity: a table") {
-  const Folder folder;
-  const Outcome study = sim("study fidelity --scenes 2 -q --out " + folder / "study");
-  CAPTURE(study.text);
-  CHECK(study.code == 0);
-  CHECK(has(study.text, "chosen: 364 rays for 100000 photons"));
-  std::ifstream csv(folder / "study/fidelity.csv");
-  int rows = 0;
-  for (std::string line; std::getline(csv, line);) ++rows;
-  CHECK(rows == 1 + 10 + 11 + 6 + 7);
-}
-
-TEST_CASE("study bound: a table, and no answer for another noise") {
-  const Folder folder;
-  const Outcome o = sim("study bound --scenes 2 -q --out " + folder / "study");
-  CAPTURE(o.text);
-  CHECK(o.code == 0);
-  std::ifstream csv(folder / "study/bound.csv");
-  int rows = 0;
-  for (std::string line; std::getline(csv, line);) {
-    ++rows;
-    CHECK(std::count(line.begin(), line.end(), ',') == 7);
-  }
-  CHECK(rows == 1 + 2 * (1 + 5 + 5 + 5 + 5));
-  const Outcome speckle = sim("study bound -q --set radar_sum=coherent --out " + folder / "no");
-  CHECK(speckle.code == 3);
-  CHECK(has(speckle.text, "speckle is not Gaussian"));
-  const Outcome scenes = sim("study bound -q --set people=9 --out " + folder / "never");
-  CHECK(scenes.code == 3);
-  CHECK(has(scenes.text, "people: a study draws its own scenes"));
-  CHECK_FALSE(fs::exists(folder / "never"));
-  std::ofstream(folder / "file") << "no folder";
-  CHECK(sim("study bound -q --out " + folder / "file").code == 6);
-}
-
-TEST_CASE("study fidelity: a row for each approximation, the same at each call") {
-  const Folder folder;
-  const auto table = [&](const char* name) {  // without the times and the machine, which end a row
-    REQUIRE(sim("study fidelity --scenes 2 -q --out " + folder / name).code == 0);
-    std::ifstream in(folder / (std::string(name) + "/fidelity.csv"));
-    std::string out;
-    for (std::string line; std::getline(in, line);)
-      out += line.substr(0, line.rfind(',', line.rfind(',') - 1)) + "\n";
-    return out;
-  };
-  const std::string one = table("one");
-  CHECK(std::count(one.begin(), one.end(), '\n') > 20);
-  CHECK(table("two") == one);
 }
 
 TEST_CASE("devices that were unplugged come back while a command runs in the laboratory") {

@@ -188,7 +188,7 @@ def timeline(run: runs.Run | Path, *, ax: Panels = None) -> Figure:
 
 
 def table(path: Path) -> list[dict[str, Any]]:
-    """Rows of a CSV of echofuse-bench or `echofuse-sim study`; numbers as float, NaN where there is none."""
+    """Rows of a CSV of echofuse-bench; numbers as float, NaN where there is none."""
     words = {"axis", "value", "model", "inputs", "machine", "known"}
 
     def number(text: str) -> float:
