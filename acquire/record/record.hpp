@@ -8,7 +8,6 @@
 #include <utility>
 #include <vector>
 
-#include "acquire/measurement/speckle.hpp"
 #include "drivers/core/driver.hpp"
 #include "drivers/core/sample.hpp"
 #include "drivers/core/tag_counts.hpp"
@@ -68,7 +67,6 @@ struct FusedRecord {
   // radar sends none.
   std::vector<float> array;
   std::uint64_t array_frames = 0;
-  std::optional<Speckle> speckle;
   std::vector<std::uint16_t> depth_mm;  // z, row-major on the run's depth axes, 0 = no return
   TagCounts spd_counts;                 // all tags of the slot
   PerSensor<SensorSync> sync;

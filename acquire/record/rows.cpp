@@ -234,11 +234,6 @@ void columns(Row& row, FusedRecord& r) {
       row(std::string("radar_") + temperature_places[i] + "_c", temperature.celsius[i]);
   });
   if (row.reading()) r.radar_temperature = sound;
-  row.group(r.speckle, [&](Speckle& speckle) {
-    row("speckle_over_frames", speckle.over_frames);
-    row("speckle_over_carriers", speckle.over_carriers);
-    row("speckle_over_150_ms", speckle.over_150_ms);
-  });
   row("array_frames", r.array_frames);
 }
 

@@ -119,12 +119,8 @@ std::string HalfRead::decode(const Blobs& blobs, const Shapes& shapes) {
   if (bad != r.radar.end())
     return "radar bin " + std::to_string(bad - r.radar.begin()) + " is not a finite number";
   if (r.has(Sensor::depth)) depth.assign(blobs.depth.begin(), blobs.depth.end());
-  const auto unsound = [](std::optional<double> v) { return v && !(*v >= 0 && *v < 1e9); };
-  const auto& speckle = r.speckle;
-  if (unsound(r.signal.clicks_a_pulse) ||
-      (speckle && (unsound(speckle->over_frames) || unsound(speckle->over_carriers) ||
-                   unsound(speckle->over_150_ms))))
-    return "its clicks a pulse or its speckle are not from 0 to 1e9";
+  const std::optional<double>& clicks = r.signal.clicks_a_pulse;
+  if (clicks && !(*clicks >= 0 && *clicks < 1e9)) return "its clicks a pulse are not from 0 to 1e9";
   if (blobs.array.empty() || shapes.array == 0 || !r.has(Sensor::radar)) return {};
   return unpack_array(blobs.array, shapes.array, shapes.antennas, r.array);
 }

@@ -154,14 +154,8 @@ void Windows::take_profile(Slot& slot, const RadarFrame& frame, HostTime taken) 
     slot.radar_fault = "frames of " + std::to_string(bins) + " bins do not fit the axis";
   } else {
     slot.power.resize(bins);
-    std::vector<float> power(bins);
-    for (std::size_t i = 0; i < bins; ++i) {
-      const double p = power_from_code(frame.range_profile[i], axis->second.scale);
-      slot.power[i] += p, power[i] = static_cast<float>(p);
-    }
-    if (!slot.speckle) slot.speckle.emplace(frame.subframes);
-    if (frame.subframe < frame.subframes)
-      slot.speckle->add(frame.frame_number, frame.subframe, seconds(taken), power);
+    for (std::size_t i = 0; i < bins; ++i)
+      slot.power[i] += power_from_code(frame.range_profile[i], axis->second.scale);
     if (slot.radar_times.count == 0) slot.first_codes = frame.range_profile;
     take_array(slot, frame);
     slot.radar_times.add(taken, taken, grid_.centre(grid_.slot_of(taken)));
@@ -252,7 +246,6 @@ void Windows::fill_radar(Slot& slot, record::FusedRecord& record) const {
     record.array_frames = slot.array->frames();
     record.array = slot.array->take();
   }
-  if (slot.speckle) record.speckle = slot.speckle->take();
   if (frames == 1) {
     record.radar.assign(slot.first_codes.begin(), slot.first_codes.end());
     return;

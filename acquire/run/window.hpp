@@ -96,7 +96,6 @@ class Windows {
     Times radar_times;
     std::optional<record::ArrayStatistics> array;
     std::uint32_t array_last = 0;  // number of its last frame
-    std::optional<record::SpeckleStatistics> speckle;
     std::string radar_fault;
     std::optional<RadarStats> stats;
     std::optional<RadarTemperature> temperature;

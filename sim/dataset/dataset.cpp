@@ -19,7 +19,6 @@
 #include "sim/scene/room.hpp"
 #include "sim/scene/scene_list.hpp"
 #include "sim/sensors/depth_camera.hpp"
-#include "sim/sensors/gaussian.hpp"
 #include "sim/sensors/optics.hpp"
 #include "sim/sensors/radar_echo.hpp"
 #include "sim/twin/twin.hpp"
@@ -30,16 +29,7 @@ namespace {
 constexpr std::int64_t batch_records = 128;
 
 // Independent random streams of one seed.
-enum class Stream : std::uint64_t {
-  scenes,
-  order,
-  noise,
-  antennas = 4,
-  room,
-  array,
-  depth = 8,
-  frames = 10
-};
+enum class Stream : std::uint64_t { scenes, order, noise, antennas = 4, room, array, depth = 8 };
 std::uint64_t seed_of(const Plan& plan, Stream stream) {
   return mix(static_cast<std::uint64_t>(plan.seed) + mix(static_cast<std::uint64_t>(stream)));
 }
@@ -228,9 +218,7 @@ Generator::Generator(Plan plan)
 }
 
 AntennaRadar Generator::radar_of(const Conditions& c) const {
-  AntennaRadar radar{radar_response(c), antennas_, seed_of(plan_, Stream::room)};
-  radar.carriers_hz = carriers_hz(c);
-  return radar;
+  return {radar_response(c), antennas_, seed_of(plan_, Stream::room)};
 }
 
 Scene Generator::scene(std::int64_t index) const {
@@ -282,32 +270,8 @@ std::vector<double> Generator::radar_profile(std::int64_t index, const Scene& sc
   }
   auto power = radar_power(returns, radar.axis);
   if (room) add_room(room->power, power);
-  if (!r.speckle) r.speckle = speckle_of_noise(index, power, c);
-  add_profile_noise(power, mean_peak_, c, c.radar_frames * c.radar_carriers, rng);
+  add_profile_noise(power, mean_peak_, c, c.radar_frames, rng);
   return power;
-}
-
-// Echoes that do not interfere are the same in every frame and carrier.
-std::optional<record::Speckle> Generator::speckle_of_noise(std::int64_t index,
-                                                           const std::vector<double>& power,
-                                                           const Conditions& c) const {
-  Rng rng = rng_of(plan_, Stream::frames, index);
-  GaussianNoise noise(rng);
-  const auto rms = static_cast<float>(std::sqrt(profile_noise(c, mean_peak_, 1) / 2));
-  std::vector<float> samples, powers(power.size());
-  const auto carriers = static_cast<std::size_t>(c.radar_carriers);
-  record::SpeckleStatistics speckle(carriers);
-  const std::size_t frames = static_cast<std::size_t>(c.radar_frames) * carriers;
-  const double later_s = c.window_s / static_cast<double>(frames);
-  for (std::size_t f = 0; f < frames; ++f) {
-    samples.assign(2 * power.size(), 0);
-    noise.add(samples, rms);
-    for (std::size_t i = 0; i < powers.size(); ++i)
-      powers[i] = static_cast<float>(power[i]) + samples[2 * i] * samples[2 * i] +
-                  samples[2 * i + 1] * samples[2 * i + 1];
-    speckle.add(f / carriers, f % carriers, static_cast<double>(f) * later_s, powers);
-  }
-  return speckle.take();
 }
 
 // Draws from a stream of its own, so that the rest of the record is the same with and without
@@ -322,9 +286,8 @@ std::vector<double> Generator::profile_of_antennas(std::int64_t index, const Ret
       antenna_record(returns, radar, kept, c, radar_noise_power(c, mean_peak_), rng);
   if (keeps_array_) {
     r.array = std::move(seen.array);
-    r.array_frames = static_cast<std::uint64_t>(c.radar_frames * c.radar_carriers);
+    r.array_frames = static_cast<std::uint64_t>(c.radar_frames);
   }
-  r.speckle = seen.speckle;
   return std::move(seen.power);
 }
 

@@ -71,9 +71,6 @@ class Generator {
   std::vector<double> profile_of_antennas(std::int64_t index, const Returns& returns,
                                           const AntennaRadar& radar, record::FusedRecord& r) const;
   AntennaRadar radar_of(const Conditions& c) const;
-  std::optional<record::Speckle> speckle_of_noise(std::int64_t index,
-                                                  const std::vector<double>& power,
-                                                  const Conditions& c) const;
   const RoomAlone* room_behind(const Scene& scene) const {
     return room_ && scene.room ? &*room_ : nullptr;
   }

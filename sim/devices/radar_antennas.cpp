@@ -40,10 +40,7 @@ RadarAntennas::RadarAntennas(const Conditions& conditions, std::uint64_t seed,
   }
 }
 
-void RadarAntennas::start(const std::vector<Chirp>& subframes, double mean_peak) {
-  const Chirp& chirp = subframes.front();
-  carriers_hz_.clear();
-  for (const Chirp& c : subframes) carriers_hz_.push_back(1e9 * (c.start_ghz - chirp.start_ghz));
+void RadarAntennas::start(const Chirp& chirp, double mean_peak) {
   axis_ = chirp.axis(conditions_);
   noise_power_ = radar_noise_power(conditions_, mean_peak);
   used_.clear();
@@ -68,19 +65,16 @@ void RadarAntennas::start(const std::vector<Chirp>& subframes, double mean_peak)
   echo_.reset();
 }
 
-void RadarAntennas::look(const RenderedScene& rendered, std::size_t subframe, double time_s,
-                         double gain, Rng& rng) {
+void RadarAntennas::look(const RenderedScene& rendered, double time_s, double gain, Rng& rng) {
   if (!echo_ || scene_ != rendered.index) {
     AntennaRadar radar{axis_, used_, seed_};
     radar.receivers = receivers_used_;
     radar.chirp_s = chirp_s_;
     radar.chirps = chirps_;
-    radar.carriers_hz = carriers_hz_;
     echo_.emplace(rendered.radar, radar, conditions_, rng);
     scene_ = rendered.index;
     seen_s_ = time_s;
   }
-  echo_->set_carrier(subframe);
   samples_.resize(echo_->samples());
   echo_->frame(std::max(0.0, time_s - seen_s_), rng, samples_);
   seen_s_ = time_s;

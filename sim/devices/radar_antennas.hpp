@@ -22,12 +22,11 @@ class RadarAntennas {
  public:
   RadarAntennas(const Conditions& conditions, std::uint64_t seed, const std::string& board = "isk");
 
-  // The board starts with these chirps, one for each subframe, which differ in their start
-  // frequency alone. The noise is that of range_profile_codes.
-  void start(const std::vector<Chirp>& subframes, double mean_peak);
-  // Samples a subframe at this time at all antennas, with `gain` times the true strength.
-  void look(const RenderedScene& rendered, std::size_t subframe, double time_s, double gain,
-            Rng& rng);
+  // The board starts with this chirp. The noise is that of range_profile_codes.
+  void start(const Chirp& chirp, double mean_peak);
+  // Samples a frame at this time at all antennas, with `gain` times the true strength. The start
+  // frequency of a subframe does not change its phases.
+  void look(const RenderedScene& rendered, double time_s, double gain, Rng& rng);
   // Range profile of this frame: coherent echoes only, from the same samples.
   std::vector<std::uint16_t> profile_codes() const;
   RadarTlv tlv() const;
@@ -49,7 +48,6 @@ class RadarAntennas {
   std::size_t receivers_used_ = receivers;
   std::vector<std::size_t> numbers_;  // numbers of used_ among channels_
   double noise_power_ = 0, seen_s_ = 0;
-  std::vector<double> carriers_hz_;
   std::int64_t scene_ = -1;
   std::optional<AntennaEcho> echo_;
   std::vector<std::complex<float>> samples_;  // in the firmware's integers

@@ -78,7 +78,7 @@ class RadarBoard final : public Device {
     frames_of_start_ = 0;
     axis_ = chirp().axis(player_.conditions());
     mean_peak_ = mean_peak_power(axis_, player_.conditions());
-    antennas_.start(firmware_.subframes(), mean_peak_);
+    antennas_.start(firmware_.subframes().front(), mean_peak_);
     subframe_ = 0;
     last_profile_.clear();
     next_frame_ = player_.now();
@@ -142,8 +142,7 @@ class RadarBoard final : public Device {
   void look() {
     const Conditions& c = player_.conditions();
     const bool heat_map = firmware_.outputs().heat_map, coherent = c.radar_sum == "coherent";
-    if (heat_map || coherent)
-      antennas_.look(player_.at(seen_s_), seen_subframe_, seen_s_, injector_.gain(), rng_);
+    if (heat_map || coherent) antennas_.look(player_.at(seen_s_), seen_s_, injector_.gain(), rng_);
     if (heat_map) last_heat_map_ = antennas_.tlv();
     last_profile_ = coherent
                         ? antennas_.profile_codes()

@@ -126,7 +126,6 @@ void bind_array(Settings& s, Conditions& c) {
   s.add("radar_phase_error_rad", c.radar_phase_error_rad, 0, 10, "rms over the antennas");
   s.add("radar_gain_error_db", c.radar_gain_error_db, 0, 20, "rms over the antennas");
   s.add("radar_array_calibrated", c.radar_array_calibrated, "the run knows these errors");
-  s.add("radar_carriers", c.radar_carriers, 1, 64, "frequencies at which each frame is taken");
   s.add("radar_sway_m", c.radar_sway_m, 0, 1, "rms each way, of a standing person's head");
   s.add("radar_twist_deg", c.radar_twist_deg, 0, 90, "rms, of a person about the upright axis");
   s.add("radar_breath_m", c.radar_breath_m, 0, 0.1, "amplitude of a person's chest");
@@ -153,12 +152,6 @@ Psf range_response(const Conditions& c) {
   if (!c.radar_taps.empty())
     out.measured = record::response_of({{"radar_cell_m", "1"}, {"radar_taps", c.radar_taps}}).radar;
   return out;
-}
-
-// Returns the band that a sweep of c / 2 resolution leaves free.
-double free_band_hz(const Conditions& c) {
-  constexpr double band_hz = 4e9;
-  return band_hz - speed_of_light_m_s / (2 * c.radar_resolution_m);
 }
 
 }  // namespace
@@ -195,9 +188,6 @@ void validate(const Conditions& c) {
   if (c.radar_antennas > 0 && c.radar_frames <= c.radar_antennas)
     throw Error(ExitCode::config, "radar_frames is " + std::to_string(c.radar_frames) +
                                       "; expected more than there are antennas");
-  if (c.radar_carriers > 1 && free_band_hz(c) <= 0)
-    throw Error(ExitCode::config, std::to_string(c.radar_carriers) +
-                                      " carriers of this resolution do not fit into 4 GHz");
   if (c.target_z_min_m > c.target_z_max_m)
     throw Error(ExitCode::config, "target_z_min_m is greater than target_z_max_m");
   if (c.height_min_m > c.height_max_m)
@@ -239,15 +229,6 @@ record::Response stated_response(const Conditions& c) {
 RadarAxis radar_response(const Conditions& c) {
   return {0, c.radar_step_m, static_cast<std::uint32_t>(c.radar_bins),
           c.radar_resolution_m * c.radar_psf_width, range_response(c)};
-}
-
-std::vector<double> carriers_hz(const Conditions& c) {
-  const double steps = static_cast<double>(c.radar_carriers - 1);
-  const double step_hz = steps > 0 ? free_band_hz(c) / steps : 0;
-  std::vector<double> out;
-  for (std::int64_t k = 0; k < c.radar_carriers; ++k)
-    out.push_back(static_cast<double>(k) * step_hz);
-  return out;
 }
 
 double radar_x_m(const Conditions& c) { return -(c.baseline_m + c.baseline_error_m); }

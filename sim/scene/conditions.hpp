@@ -6,7 +6,6 @@
 #pragma once
 #include <cstdint>
 #include <string>
-#include <vector>
 
 #include "acquire/measurement/depth_map.hpp"
 #include "drivers/core/axis.hpp"
@@ -129,9 +128,6 @@ struct Conditions {
   double radar_phase_error_rad = 0;  // rms over the antennas
   double radar_gain_error_db = 0;
   bool radar_array_calibrated = true;  // the run knows these errors
-  // Each frame is taken at this number of carriers, one after the other (carriers_hz). The first is
-  // radar_carrier_hz.
-  std::int64_t radar_carriers = 1;
   // Motions that change a standing person's echoes from frame to frame (BodyMotion).
   double radar_sway_m = 0.005;    // rms each way, at head height
   double radar_twist_deg = 0.3;   // rms, about the upright axis
@@ -169,9 +165,6 @@ Axis radar_axis(const Conditions& conditions);
 RadarAxis radar_response(const Conditions& conditions);
 // Response that a run states: nominal values, without radar_psf_width.
 record::Response stated_response(const Conditions& conditions);
-// Offsets of the carriers from the first one, in Hz. Carriers are as far apart as their sweeps
-// allow within the band of 60 to 64 GHz.
-std::vector<double> carriers_hz(const Conditions& conditions);
 double radar_x_m(const Conditions& conditions);  // true place of the radar
 
 }  // namespace echofuse::sim

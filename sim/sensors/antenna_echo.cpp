@@ -31,11 +31,6 @@ double slot_of(double range_m, const RadarAxis& axis) {
   return std::floor(range_m / axis.resolution_m * slots_per_cell);
 }
 
-// Phase lag of an echo, in turns, at a carrier that is higher by carrier_hz.
-double turns_of_carrier(double range_m, double carrier_hz) {
-  return -2 * range_m * carrier_hz / speed_of_light_m_s;
-}
-
 // Responses of the points of an axis (columns) to the middles of slots (rows).
 MatrixXf responses(const RadarAxis& axis, const std::vector<double>& slots) {
   const RangeResponse response(axis);
@@ -107,8 +102,7 @@ void add_points(const Returns& returns, const AntennaRadar& radar, Samples& samp
 }
 
 // The room and objects are coherent. Their hidden parts have a negative weight and are taken away.
-void add_still(const Returns& returns, const AntennaRadar& radar, double carrier_hz,
-               Samples& samples) {
+void add_still(const Returns& returns, const AntennaRadar& radar, Samples& samples) {
   std::vector<std::size_t> patches;
   double first = INFINITY, last = 0;
   for (std::size_t k = 0; k < returns.place.size(); ++k) {
@@ -125,8 +119,7 @@ void add_still(const Returns& returns, const AntennaRadar& radar, double carrier
     u[i] = returns.place[k].x, v[i] = returns.place[k].y;
     const double weight = returns.weight[k];
     amplitude[i] = static_cast<float>(std::copysign(std::sqrt(std::abs(weight)), weight));
-    ahead[i] = turns_of_patch(returns, k, radar.still_seed) +
-               static_cast<float>(turns_of_carrier(returns.range_m[k], carrier_hz));
+    ahead[i] = turns_of_patch(returns, k, radar.still_seed);
   }
   const MatrixXcf wave = waves(radar.antennas, u, v, amplitude, ahead);
   std::vector<double> slots;
@@ -144,7 +137,7 @@ void add_still(const Returns& returns, const AntennaRadar& radar, double carrier
 class AntennaEcho::Moving {
  public:
   virtual ~Moving() = default;
-  virtual void add(double later_s, std::size_t carrier, Rng& rng, Samples& samples) = 0;
+  virtual void add(double later_s, Rng& rng, Samples& samples) = 0;
 };
 
 // People's echoes are coherent.
@@ -154,7 +147,7 @@ class AntennaEcho::Speckle : public Moving {
       : receivers_(radar.chirp_s > 0 ? radar.receivers : radar.antennas.size()),
         chirp_s_(radar.chirp_s),
         chirps_(static_cast<float>(radar.chirps)),
-        cells_(echo_cells(returns, slot_m(radar), false)),
+        cells_(echo_cells(returns, radar.axis.resolution_m / slots_per_cell, false)),
         motion_(c, cells_.people, rng) {
     std::vector<double> slots;
     for (const double range_m : cells_.slot_range_m) slots.push_back(slot_of(range_m, radar.axis));
@@ -162,7 +155,6 @@ class AntennaEcho::Speckle : public Moving {
     const auto count = static_cast<Index>(cells_.cells.size());
     ArrayXf u(count), v(count), amplitude(count), ahead(count);
     turns_per_mode_.setZero(count, static_cast<Index>(cells_.people * BodyMotion::modes));
-    turns_of_carriers_.resize(count, static_cast<Index>(radar.carriers_hz.size()));
     const auto axes = upright_axes();
     for (Index k = count; k-- > 0;) {
       const EchoCell& cell = cells_.cells[static_cast<std::size_t>(k)];
@@ -176,25 +168,18 @@ class AntennaEcho::Speckle : public Moving {
       for (std::size_t i = 0; i < range.size(); ++i)
         turns_per_mode_(k, static_cast<Index>(person * range.size() + i)) =
             static_cast<float>(-2 * radar_carrier_hz / speed_of_light_m_s) * range[i];
-      for (std::size_t i = 0; i < radar.carriers_hz.size(); ++i)
-        turns_of_carriers_(k, static_cast<Index>(i)) =
-            static_cast<float>(turns_of_carrier(cell.range_m, radar.carriers_hz[i]));
     }
     waves_ = waves(radar.antennas, u, v, amplitude, ahead);
-    for (const double carrier_hz : radar.carriers_hz)
-      faster_.push_back(static_cast<float>(1 + carrier_hz / radar_carrier_hz));
   }
 
-  void add(double later_s, std::size_t carrier, Rng& rng, Samples& samples) override {
+  void add(double later_s, Rng& rng, Samples& samples) override {
     motion_.advance(later_s, rng);
     if (cells_.cells.empty()) return;
     const auto by_modes = [&](const std::vector<BodyMotion::Modes>& modes) -> ArrayXf {
-      return faster_[carrier] *
-             (turns_per_mode_ *
-              Eigen::Map<const Eigen::VectorXf>(modes.front().data(), turns_per_mode_.cols()));
+      return turns_per_mode_ *
+             Eigen::Map<const Eigen::VectorXf>(modes.front().data(), turns_per_mode_.cols());
     };
-    ArrayXf turns =
-        by_modes(motion_.places()) + turns_of_carriers_.col(static_cast<Index>(carrier)).array();
+    ArrayXf turns = by_modes(motion_.places());
     const ArrayXf speeds = chirp_s_ > 0 ? by_modes(motion_.speeds()) : ArrayXf();
     const auto antennas = static_cast<std::size_t>(waves_.rows());
     const std::size_t transmitters = (antennas + receivers_ - 1) / receivers_;
@@ -222,15 +207,6 @@ class AntennaEcho::Speckle : public Moving {
   }
 
  private:
-  // A slot is an eighth of the resolution. With several carriers it is so small that the phases
-  // within a cell differ by 1 rad at most from one carrier to the next.
-  static double slot_m(const AntennaRadar& radar) {
-    const double slot_m = radar.axis.resolution_m / slots_per_cell;
-    if (radar.carriers_hz.size() < 2) return slot_m;
-    const double step_hz = radar.carriers_hz[1] - radar.carriers_hz[0];
-    return std::min(slot_m, speed_of_light_m_s / (4 * pi * std::max(step_hz, 1.0)));
-  }
-
   // Keeps Doppler bin 0 only, with this number of turns from one chirp of a transmitter to its
   // next.
   void lose_doppler(const ArrayXf& turns, Eigen::VectorXcf& turned) const {
@@ -264,10 +240,6 @@ class AntennaEcho::Speckle : public Moving {
   MatrixXf response_;        // by slots and points
   MatrixXcf waves_;          // by antennas and cells, in the first frame's phases
   MatrixXf turns_per_mode_;  // by cells and modes, one person's after the other's
-  // Phase lead by cell and carrier, in turns. faster_: factor by which phases turn faster at each
-  // carrier.
-  MatrixXf turns_of_carriers_;
-  std::vector<float> faster_;
 };
 
 // People and the room are incoherent: x = L q, where L L^H is the covariance and q is orthonormal
@@ -275,7 +247,7 @@ class AntennaEcho::Speckle : public Moving {
 class AntennaEcho::Expectation : public Moving {
  public:
   Expectation(const Returns& returns, const AntennaRadar& radar, const Conditions& c)
-      : frames_(c.radar_frames * static_cast<std::int64_t>(radar.carriers_hz.size())) {
+      : frames_(c.radar_frames) {
     const auto n = static_cast<Index>(radar.antennas.size());
     const Index points = radar.axis.count;
     const double slot_m = radar.axis.resolution_m / slots_per_cell;
@@ -309,7 +281,7 @@ class AntennaEcho::Expectation : public Moving {
     }
   }
 
-  void add(double, std::size_t, Rng&, Samples& samples) override {
+  void add(double, Rng&, Samples& samples) override {
     // The phases are quadratic: successive frames, and their mean, behave as independent looks
     // (Chu, IEEE Trans. Inf. Theory 18, 531, 1972).
     const std::int64_t f = frame_ % frames_, apart = frames_ / roots_.cols();
@@ -348,13 +320,10 @@ AntennaEcho::AntennaEcho(const Returns& returns, const AntennaRadar& radar, cons
       antennas_(radar.antennas.size()),
       still_(radar.room.begin(), radar.room.end()) {
   const bool coherent = c.radar_sum == "coherent";
-  still_.resize(radar.carriers_hz.size() * samples());
-  for (std::size_t i = 0; i < radar.carriers_hz.size(); ++i) {
-    Samples of_carrier(still_.data() + i * samples(), static_cast<Index>(antennas_),
-                       static_cast<Index>(points_));
-    add_points(returns, radar, of_carrier);
-    if (coherent) add_still(returns, radar, radar.carriers_hz[i], of_carrier);
-  }
+  still_.resize(samples());
+  Samples still(still_.data(), static_cast<Index>(antennas_), static_cast<Index>(points_));
+  add_points(returns, radar, still);
+  if (coherent) add_still(returns, radar, still);
   if (coherent)
     moving_ = std::make_unique<Speckle>(returns, radar, c, rng);
   else
@@ -365,20 +334,17 @@ AntennaEcho::AntennaEcho(AntennaEcho&&) noexcept = default;
 AntennaEcho& AntennaEcho::operator=(AntennaEcho&&) noexcept = default;
 
 void AntennaEcho::frame(double later_s, Rng& rng, std::span<std::complex<float>> samples) {
-  std::copy_n(still_.data() + carrier_ * samples.size(), samples.size(), samples.data());
+  std::copy(still_.begin(), still_.end(), samples.begin());
   Samples all(samples.data(), static_cast<Index>(antennas_), static_cast<Index>(points_));
-  moving_->add(later_s, carrier_, rng, all);
+  moving_->add(later_s, rng, all);
 }
 
 std::vector<std::complex<float>> room_echo(const AntennaRadar& radar, const Conditions& c) {
-  const std::size_t samples = radar.antennas.size() * radar.axis.count;
-  std::vector<std::complex<float>> all(radar.carriers_hz.size() * samples);
+  std::vector<std::complex<float>> all(radar.antennas.size() * radar.axis.count);
   const Returns room = radar_returns(empty_room(*room_named(c.background)), c);
-  for (std::size_t i = 0; i < radar.carriers_hz.size(); ++i) {
-    Samples of_carrier(all.data() + i * samples, static_cast<Index>(radar.antennas.size()),
-                       static_cast<Index>(radar.axis.count));
-    add_still(room, radar, radar.carriers_hz[i], of_carrier);
-  }
+  Samples samples(all.data(), static_cast<Index>(radar.antennas.size()),
+                  static_cast<Index>(radar.axis.count));
+  add_still(room, radar, samples);
   return all;
 }
 

@@ -208,22 +208,16 @@ AntennaRecord antenna_record(const Returns& returns, const AntennaRadar& radar,
                              std::size_t kept_bins, const Conditions& c, double noise_power,
                              Rng& rng) {
   const std::size_t antennas = radar.antennas.size(), points = radar.axis.count;
-  const std::size_t carriers = radar.carriers_hz.size();
-  const std::size_t frames = static_cast<std::size_t>(c.radar_frames) * carriers;
+  const auto frames = static_cast<std::size_t>(c.radar_frames);
   const double later_s = c.window_s / static_cast<double>(frames);
   const auto rms = static_cast<float>(std::sqrt(noise_power / 2));
   AntennaEcho echo(returns, radar, c, rng);
   // Fresh memory would take the kernel as long as half of this computation.
   thread_local std::vector<std::complex<float>> samples;
   samples.resize(frames * echo.samples());
-  for (std::size_t f = 0; f < frames; ++f) {
-    echo.set_carrier(f % carriers);
+  for (std::size_t f = 0; f < frames; ++f)
     echo.frame(later_s, rng, std::span(samples).subspan(f * echo.samples(), echo.samples()));
-  }
   GaussianNoise noise(rng);
-  // Incoherent echoes are drawn per frame, but stand for echoes that do not vary.
-  const bool varies = c.radar_sum == "coherent";
-  MatrixXf of_frames(varies ? points : 0, frames);  // power of each point
   AntennaRecord out;
   out.array.reserve(kept_bins * record::values_of_bin(antennas));
   const auto n = static_cast<Index>(antennas);
@@ -242,11 +236,7 @@ AntennaRecord antenna_record(const Returns& returns, const AntennaRadar& radar,
       planes.topRightCorner(rows, n) = block.imag().transpose();
       noise.add(re, rms);
       noise.add(im, rms);
-      if (carriers > 1) sums.skip();  // the frame before was of another carrier
       sums.add_planes(re.data(), im.data());
-      if (varies)
-        of_frames.col(static_cast<Index>(f)).segment(static_cast<Index>(first), rows) =
-            planes.topRows(rows).square().rowwise().sum();
     }
     const auto array = sums.take();
     for (std::size_t i = 0; i < bins; ++i) {
@@ -256,12 +246,6 @@ AntennaRecord antenna_record(const Returns& returns, const AntennaRadar& radar,
         out.array.insert(out.array.end(), bin.values.begin(), bin.values.end());
     }
   }
-  if (!varies) return out;
-  record::SpeckleStatistics speckle(carriers);
-  for (std::size_t f = 0; f < frames; ++f)
-    speckle.add(f / carriers, f % carriers, static_cast<double>(f) * later_s,
-                {of_frames.col(static_cast<Index>(f)).data(), points});
-  out.speckle = speckle.take();
   return out;
 }
 

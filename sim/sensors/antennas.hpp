@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// The radar's virtual antennas receive, frame by frame and carrier by carrier:
+// The radar's virtual antennas receive, frame by frame:
 //   x_m = gain_m exp(i phase_m) sum_k a_k psf(R - R_k) exp(i pi (x_m u_k + y_m v_k)) + noise
 // with places x, y in half wavelengths and direction cosines u (right) and v (up). Power is in
 // units in which the mean scene as a single point has power 1 (radar_power).
@@ -7,13 +7,8 @@
 //               Gaussian (fully developed speckle), and its phase turns by 4 pi / wavelength times
 //               the way that sway, twist and breath take it (BodyMotion). The room and objects
 //               stand still: their phases belong to the seed, and the mean of all frames is theirs.
-//               At another carrier, df higher, what is at range R has a phase 4 pi R df / c less:
-//               the speckle of a body of depth L is another one from c / 2L on (Goodman, Speckle
-//               Phenomena in Optics, 2007, 5.3). Antennas stand in half wavelengths of each
-//               carrier.
-//   incoherent  As if there were infinitely many looks: over any radar_frames successive frames (of
-//               each carrier) the covariance is exactly sum_k w_k psf^2 a a^H. Successive ones are
-//               uncorrelated.
+//   incoherent  As if there were infinitely many looks: over any radar_frames successive frames
+//               the covariance is exactly sum_k w_k psf^2 a a^H. Successive ones are uncorrelated.
 // Leakage and the calibration reflector are points that stand still. The transmitters send in turn,
 // chirp_s apart and `chirps` times each. An echo that moves at v m/s has at transmitter t of T
 //   exp(-4 pi i v t chirp_s / wavelength) sin(pi f C) / (C sin(pi f)),
@@ -24,12 +19,10 @@
 #include <complex>
 #include <cstdint>
 #include <memory>
-#include <optional>
 #include <span>
 #include <vector>
 
 #include "acquire/measurement/radar_array.hpp"
-#include "acquire/measurement/speckle.hpp"
 #include "drivers/core/random.hpp"
 #include "sim/scene/conditions.hpp"
 #include "sim/scene/radar_axis.hpp"
@@ -117,8 +110,6 @@ struct AntennaRadar {
   std::int64_t chirps = 1;
   // Result of room_echo() if the room is subtracted from the returns (render.hpp); else empty.
   std::span<const std::complex<float>> room{};
-  // Offsets from the first carrier, Hz (carriers_hz).
-  std::vector<double> carriers_hz{0};
 };
 
 class AntennaEcho {
@@ -132,29 +123,24 @@ class AntennaEcho {
   std::size_t samples() const { return points_ * antennas_; }
   // Writes [points of the axis x antennas] without noise, `later_s` after the former frame.
   void frame(double later_s, Rng& rng, std::span<std::complex<float>> samples);
-  // Sets the carrier of the next frame, one of AntennaRadar::carriers_hz; the first one is the
-  // default.
-  void set_carrier(std::size_t carrier) { carrier_ = carrier; }
 
  private:
   class Moving;
   class Speckle;
   class Expectation;
 
-  std::size_t points_, antennas_, carrier_ = 0;
-  std::vector<std::complex<float>> still_;  // samples of each carrier
+  std::size_t points_, antennas_;
+  std::vector<std::complex<float>> still_;  // samples of what stands still
   std::unique_ptr<Moving> moving_;
 };
 
-// Samples of the room alone, coherent, at each carrier.
+// Samples of the room alone, coherent.
 std::vector<std::complex<float>> room_echo(const AntennaRadar& radar, const Conditions& conditions);
 
-// A record has radar_frames frames over window_s, each at all carriers, with noise of this power in
-// each sample.
+// A record has radar_frames frames over window_s, with noise of this power in each sample.
 struct AntennaRecord {
   std::vector<float> array;   // statistics of the first `kept_bins` points (ArrayStatistics)
-  std::vector<double> power;  // power of each point, mean over frames, carriers and antennas
-  std::optional<record::Speckle> speckle;
+  std::vector<double> power;  // power of each point, mean over frames and antennas
 };
 AntennaRecord antenna_record(const Returns& returns, const AntennaRadar& radar,
                              std::size_t kept_bins, const Conditions& conditions,

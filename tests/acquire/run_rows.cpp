@@ -96,11 +96,6 @@ FusedRecord record_of(std::int64_t index, const std::vector<Axis>& axes, Random&
     temperature.time_ms = random.whole<std::uint32_t>();
     for (auto& celsius : temperature.celsius) celsius = static_cast<std::int16_t>(random.real());
   }
-  if (random.coin()) {
-    Speckle& speckle = r.speckle.emplace(Speckle{std::abs(random.real()), {}, {}});
-    if (random.coin()) speckle.over_carriers = std::abs(random.real());
-    if (random.coin()) speckle.over_150_ms = std::abs(random.real());
-  }
   r.array_frames = random.whole<std::uint64_t>(100);
   if (r.has(Sensor::spd)) r.spd = random.values<std::uint32_t>(axes[0].count);
   if (r.has(Sensor::radar)) r.radar = random.values<float>(axes[1].count);
@@ -159,7 +154,6 @@ void testing::check_same(const FusedRecord& read, const FusedRecord& wrote) {
   CHECK(read.label == wrote.label);
   CHECK(read.spd_counts == wrote.spd_counts);
   CHECK(read.signal == wrote.signal);
-  CHECK(read.speckle == wrote.speckle);
   for (const Sensor s : all_sensors) {
     CHECK(read.sync[s].offset_s == wrote.sync[s].offset_s);
     CHECK(read.sync[s].verdict == wrote.sync[s].verdict);

@@ -5,6 +5,8 @@
 #include <cmath>
 #include <functional>
 
+#include "drivers/core/log2_codes.hpp"
+
 using namespace echofuse;
 using namespace echofuse::acquire;
 using namespace std::chrono_literals;
@@ -195,6 +197,26 @@ TEST_CASE("radar frames are averaged in linear power") {
   CHECK(r.radar[1] == Approx(100).epsilon(1e-6));
   CHECK(sync(r, Sensor::radar).used == 3);
   CHECK(sync(r, Sensor::radar).span_s == 0.2);
+}
+
+TEST_CASE("a profile is the mean power over frames and their subframes, each counted once") {
+  Windows windows = make_windows({Sensor::radar});
+  double sum = 0, count = 0;
+  for (std::uint32_t number = 1; number <= 5; ++number)
+    for (std::uint32_t k = 0; k < 4; ++k) {
+      const auto code = static_cast<std::uint16_t>(3000 + 40 * k + 17 * number * (k + 1));
+      RadarFrame frame = radar_frame(10s + number * 50ms + k * 12ms, number, {code, 0, 0, 0});
+      frame.time_cpu_cycles = number * 10'000'000 + k * 2'400'000;
+      frame.subframe = k, frame.subframes = 4;
+      windows.add(frame);
+      windows.add(frame);
+      sum += power_from_code(code, 12), ++count;
+    }
+  const auto r = windows.close({0, false});
+  REQUIRE(r.has(Sensor::radar));
+  CHECK(sync(r, Sensor::radar).used == 20);
+  CHECK(sync(r, Sensor::radar).lost == 0);
+  CHECK(power_from_code(r.radar[0], 12) == Approx(sum / count).epsilon(1e-4));
 }
 
 TEST_CASE("the last frame's stats and temperature go with the record") {

@@ -235,13 +235,13 @@ TEST_CASE("the cfgs that come with it can be sent in time") {
 
 namespace {
 
-std::string hopping() {
-  std::ifstream file(test::source_dir + "/config/radar/xwr68xx_hopping_50cm.cfg");
+std::string four_subframes() {
+  std::ifstream file(test::source_dir + "/tests/drivers/four_subframes.cfg");
   return {std::istreambuf_iterator<char>(file), {}};
 }
 
-std::string hopping_with(const std::string& from, const std::string& to) {
-  std::string text = hopping();
+std::string changed(const std::string& from, const std::string& to) {
+  std::string text = four_subframes();
   const std::size_t at = text.find(from);
   REQUIRE(at != text.npos);
   return text.replace(at, from.size(), to);
@@ -249,10 +249,11 @@ std::string hopping_with(const std::string& from, const std::string& to) {
 
 }  // namespace
 
-TEST_CASE("subframes at other carriers have the axis of one, and a packet each") {
+TEST_CASE("subframes at other frequencies have the axis of one, and a packet each") {
   std::ifstream file(test::source_dir + "/config/radar/xwr68xx_paper_50cm.cfg");
   const std::string paper{std::istreambuf_iterator<char>(file), {}};
-  const RadarProfile p = parse_profile(hopping(), "x.cfg"), one = parse_profile(paper, "y.cfg");
+  const RadarProfile p = parse_profile(four_subframes(), "x.cfg"),
+                     one = parse_profile(paper, "y.cfg");
   CHECK(p.warnings.empty());
   CHECK(p.subframes == 4);
   CHECK(one.subframes == 1);
@@ -266,15 +267,15 @@ TEST_CASE("subframes that differ in more than their start are refused, with the 
            {"0 0 18.75 1 60 2000 0 0 30\nchirp", "0 0 15 1 60 2000 0 0 30\nchirp"},  // slope
            {"1 60 2000 0 0 30\nchirp", "1 64 2000 0 0 30\nchirp"},                   // samples
            {"subFrameCfg 3 0 9 3", "subFrameCfg 3 0 9 2"}})                          // antennas
-    CHECK(refusal(hopping_with(from, to)) ==
+    CHECK(refusal(changed(from, to)) ==
           "x.cfg:" + std::to_string(33) +
               ": subFrameCfg has another range axis, or other antennas, than subframe 0; a record "
               "is the mean of all subframes");
-  CHECK(refusal(hopping_with("guiMonitor -1", "guiMonitor 2")) ==
+  CHECK(refusal(changed("guiMonitor -1", "guiMonitor 2")) ==
         "x.cfg:34: guiMonitor is of one subframe; expected -1, for all of them");
-  CHECK(refusal(hopping_with("subFrameCfg 2 0", "subFrameCfg 1 0")) ==
+  CHECK(refusal(changed("subFrameCfg 2 0", "subFrameCfg 1 0")) ==
         "x.cfg:29: advFrameCfg has no subFrameCfg 2");
-  CHECK(refusal(hopping_with("advFrameCfg 4", "% advFrameCfg 4")) == "x.cfg: has no advFrameCfg");
+  CHECK(refusal(changed("advFrameCfg 4", "% advFrameCfg 4")) == "x.cfg: has no advFrameCfg");
 }
 
 TEST_CASE("codes and powers are inverse, and doubling the magnitude is 6.02 dB") {

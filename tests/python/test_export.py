@@ -146,17 +146,6 @@ def test_netcdf_is_the_data_set_of_xarray(runs, tmp_path, monkeypatch):
         assert found.spd_verdict.values[9] == "unreadable: radar bin 1 is not a finite number"
 
 
-def test_netcdf_holds_a_speckle_that_begins_after_the_first_block(runs, tmp_path, monkeypatch):
-    xarray = pytest.importorskip("xarray")
-    pytest.importorskip("h5netcdf")
-    monkeypatch.setattr(blocks, "MOST_RECORDS", 3)
-    shutil.copy(runs / "far.sqlite", tmp_path / "late.sqlite")
-    change(tmp_path / "late.sqlite", ("UPDATE record SET speckle_over_frames = iif(idx < 5, NULL, 0.5), speckle_over_carriers = NULL",))
-    assert export(echofuse.open(tmp_path / "late"), tmp_path / "a.nc") == 0
-    with xarray.open_dataset(tmp_path / "a.nc", engine="h5netcdf") as found:
-        assert np.isnan(found.speckle_over_frames.values[:5]).all() and (found.speckle_over_frames.values[5:] == 0.5).all()
-
-
 def test_blocks_make_the_same_file(runs, tmp_path, monkeypatch):
     run = echofuse.open(runs / "own")
     export(run, tmp_path / "whole.h5")

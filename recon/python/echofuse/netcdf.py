@@ -14,18 +14,12 @@ from .run import PS_PER_M, SENSORS, Run
 SINCE_1970 = "nanoseconds since 1970-01-01T00:00:00Z"  # as xarray and netCDF read an epoch
 
 
-def has_speckle(run: Run) -> bool:
-    """Whether any record of the files has a speckle contrast."""
-    return any(count for count, in run.select("SELECT count(coalesce(speckle_over_frames, speckle_over_carriers)) FROM record"))
-
-
-def dataset(run: Run, with_speckle: bool | None = None) -> Any:
-    """Run.to_xarray(); with_speckle: of a block, what has_speckle says of the whole run."""
+def dataset(run: Run) -> Any:
+    """Run.to_xarray()."""
     import xarray
 
     columns = ("verdict", "used", "lost")
     rows = run.of_records(", ".join(f"{s}_{c}" for s in SENSORS for c in columns))
-    speckle = np.array(run.of_records("speckle_over_frames, speckle_over_carriers"), float).reshape(-1, 2)
     events = run.select("SELECT utc, level, source, text FROM event ORDER BY id")
     coords: dict[str, Any] = {"record": run.index, "time": ("record", run.time), "label": ("record", run.labels)}
     data: dict[str, Any] = {}
@@ -46,9 +40,6 @@ def dataset(run: Run, with_speckle: bool | None = None) -> Any:
         coords["spd_range"] = ("spd_bin", run.axes["spd"].values / PS_PER_M, {"units": "m"})
     if "radar" in data:
         coords["radar_range"] = ("radar_bin", run.axes["radar"].values, {"units": "m"})
-    for at, name in enumerate(("over_frames", "over_carriers")):
-        if has_speckle(run) if with_speckle is None else with_speckle:
-            data[f"speckle_{name}"] = ("record", speckle[:, at], {"units": "1"})
     if events:
         data["event"] = ("event_row", [" ".join(map(str, row[1:])) for row in events])
         coords["event_utc"] = ("event_row", [row[0] for row in events])
@@ -70,10 +61,10 @@ def write(run: Run, path: pathlib.Path, told: Told) -> int:
     import h5py
     from xarray.conventions import cf_encoder
 
-    unreadable, with_speckle = 0, has_speckle(run)
+    unreadable = 0
     for first, part, faults in blocks(run, told):
         unreadable += len(faults)
-        data = dataset(part, with_speckle)
+        data = dataset(part)
         data["time"].encoding = {"units": SINCE_1970, "dtype": np.int64}
         for name in (f"{sensor}_verdict" for sensor in SENSORS if f"{sensor}_verdict" in data):
             data[name] = "record", np.array(marked(data[name].values, faults), object)

@@ -102,8 +102,6 @@ def simulated_axes(base: dict[str, Any]) -> list[Axis]:
     cm = f"coherent {100 * resolution_m:g} cm"
     echoes = {"incoherent": World(("radar_sum=incoherent",)) if coherent else BASE,
               cm: BASE if coherent else World(("radar_sum=coherent",))}
-    if not coherent:
-        echoes["coherent 4 carriers"] = World(("radar_sum=coherent", "radar_carriers=4"))
     words("matched", "speckle", "radar's sum of echoes",
           {"incoherent": echoes["incoherent"], "coherent 4.4 cm": World((*at_resolution(0.044), "radar_sum=coherent")), **echoes},
           ("incoherent", cm))
@@ -111,8 +109,6 @@ def simulated_axes(base: dict[str, Any]) -> list[Axis]:
     numbers("matched", "antennas", "radar's antennas", counts, (1, 2, 8), lambda n: World((f"radar_antennas={n:g}",)), antennas)
     if antennas > 1 or coherent:
         setting("matched", "looks", "radar's frames a record", "radar_frames", (15, 60, 240), (15,))
-    if coherent:
-        setting("matched", "carriers", "radar's carriers", "radar_carriers", (1, 2, 4, 8), (1, 4))
 
     # Matched: scenes, slots, rooms
     numbers("matched", "records", "training records (factor)", (6.67, 3, 1, 0.28, 0.07), (0.28,), lambda v: World(records=v), 1)
@@ -149,7 +145,6 @@ def simulated_axes(base: dict[str, Any]) -> list[Axis]:
         words("shifted", "pile_up", "pile-up (photons to a laser pulse), corrected or not", piled, ("2", "2 uncorrected"))
     words("shifted", "speckle", "radar's sum of echoes", echoes, ("incoherent", cm))
     if coherent:
-        setting("shifted", "carriers", "radar's carriers", "radar_carriers", (1, 2, 4, 8), (1, 4))
         moving = ("radar_sway_m", "radar_twist_deg", "radar_breath_m")
         numbers("shifted", "motion", "people's motion (factor)", (1, 0.5, 0.2, 0), (0,),
                 lambda share: World(tuple(f"{key}={share * base[key]:.9g}" for key in moving)), 1)
