@@ -87,12 +87,6 @@ void bind_spd(Settings& s, Conditions& c) {
   s.add("slot_sway_m", c.slot_sway_m, 0, 1, "rms motion of people in a record, to and fro");
 }
 
-void bind_weather(Settings& s, Conditions& c) {
-  s.add("fog_visibility_m", c.fog_visibility_m, 0, 1e6, "visibility in fog; 0: none");
-  s.add("smoke_visibility_m", c.smoke_visibility_m, 0, 1e6, "visibility in smoke; 0: none");
-  s.add("rain_mm_h", c.rain_mm_h, 0, 300, "rain");
-}
-
 void bind_radar(Settings& s, Conditions& c) {
   s.add("radar_rays", c.radar_rays, 16, 2048, "rays across the field of view");
   s.add("radar_resolution_m", c.radar_resolution_m, 0.001, 10, "c / 2B");
@@ -161,7 +155,6 @@ void bind(Settings& settings, Conditions& conditions) {
   bind_people(settings, conditions);
   bind_letters(settings, conditions);
   bind_reflectivity(settings, conditions);
-  bind_weather(settings, conditions);
   bind_spd(settings, conditions);
   bind_radar(settings, conditions);
   bind_array(settings, conditions);

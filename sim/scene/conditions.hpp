@@ -65,11 +65,6 @@ struct Conditions {
   double radar_plate_lobe = 1;  // the letter
   double optical_lobe = 1;      // the same power for people and letters in the detector's light
 
-  // Weather (weather.hpp): the visibility is that of 550 nm at which 2 % of a contrast is left; 0
-  // means clear air.
-  double fog_visibility_m = 0, smoke_visibility_m = 0;
-  double rain_mm_h = 0;
-
   // SPD. spd_rays: number of rays across the field of view, both ways; 0 means as many as
   // signal_photons ask for (rays_of).
   std::int64_t spd_rays = 0;

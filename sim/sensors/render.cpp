@@ -4,13 +4,11 @@
 #include <algorithm>
 #include <cmath>
 #include <memory>
-#include <numbers>
 #include <optional>
 
 #include "acquire/measurement/depth_map.hpp"
 #include "sim/scene/person.hpp"
 #include "sim/scene/shapes.hpp"
-#include "sim/scene/weather.hpp"
 #include "sim/sensors/gaze.hpp"
 #include "sim/sensors/multipath_light.hpp"
 #include "sim/sensors/multipath_radar.hpp"
@@ -100,38 +98,6 @@ void look(const Scene& scene, const Gaze& gaze, const Axis& x, const Axis& y, Ro
   patches.end();
 }
 
-// Attenuates the returns by the air, and adds the air's own backscatter. Per solid angle a
-// Lambertian patch sends albedo cos(theta) / (pi R^2), and a slice of air sends backscatter dR /
-// R^2. Bodies hide none of it.
-void see_through_air(const Conditions& c, const Gaze& gaze, RoomIs room, Returns& returns) {
-  const Weather weather = weather_of(c);
-  if (weather.clear()) return;
-  const auto left = [&](double range_m) {
-    return std::exp(-2 * weather.extinction_per_m * range_m);
-  };
-  for (std::size_t k = 0; k < returns.range_m.size(); ++k)
-    returns.weight[k] *= left(std::max(0.0, returns.range_m[k] - gaze.extra_m));
-  if (room == RoomIs::subtracted) return;  // the air is in the room's part
-  constexpr double nearest_m = 1, farthest_m = 15, step_m = 0.01;
-  // The solid angle is that of the square field of view, weighted by the light's falloff towards
-  // its edges.
-  constexpr int cells = 32;  // a quarter of it, each way
-  const double cell = gaze.half_tangent / cells;
-  double solid_angle_sr = 0;
-  for (int i = 0; i < cells; ++i)
-    for (int k = 0; k < cells; ++k) {
-      const double tangent2 = cell * cell * ((i + 0.5) * (i + 0.5) + (k + 0.5) * (k + 0.5));
-      solid_angle_sr +=
-          4 * cell * cell * std::pow(1 + tangent2, -1.5) *
-          std::exp(-gaze.falloff * tangent2 / (gaze.half_tangent * gaze.half_tangent));
-    }
-  for (double r = nearest_m; r < farthest_m; r += step_m) {
-    returns.range_m.push_back(r + gaze.extra_m);
-    returns.weight.push_back(std::numbers::pi * weather.backscatter_per_m_sr * step_m *
-                             solid_angle_sr * left(r) / (r * r) / mean_scene_weight);
-  }
-}
-
 Axis x_rays(std::int64_t count, double half_tangent) {
   return record::depth_x_axis(static_cast<std::uint32_t>(count), half_tangent);
 }
@@ -193,7 +159,6 @@ void spd_returns(const Scene& scene, const Conditions& c, Returns& out, RoomIs r
   look(scene, gaze, moved(x_rays(rays, gaze.half_tangent), gaze.middle_x),
        y_rays(rays, gaze.half_tangent), room, out);
   add_light_by_walls(scene, gaze, c.multipath_order, room, out);
-  see_through_air(c, gaze, room, out);
 }
 
 void radar_returns(const Scene& scene, const Conditions& c, Returns& out, RoomIs room) {
@@ -206,9 +171,6 @@ void radar_returns(const Scene& scene, const Conditions& c, Returns& out, RoomIs
     see_with_radar(as_radar_sees(scene), c, gaze, x, y, room, out);
   else
     see_with_radar(scene, c, gaze, x, y, room, out);
-  if (const double db_m = weather_of(c).radar_attenuation_db_m; db_m > 0)
-    for (std::size_t k = 0; k < out.range_m.size(); ++k)
-      out.weight[k] *= std::pow(10, -0.2 * db_m * std::max(0.0, out.range_m[k] - c.radar_bias_m));
   if (c.radar_leakage <= 0) return;
   out.range_m.push_back(std::max(0.0, c.radar_bias_m));
   out.weight.push_back(c.radar_leakage);

@@ -24,7 +24,6 @@ WORLDS = {
     "base": [],
     "antennas": ["radar_antennas=8", "radar_sum=coherent", "radar_frames=20"],
     "room": ["background=room"],
-    "fog": ["fog_visibility_m=20"],
 }
 TABLES = ["all_ok", "run"]
 
@@ -113,7 +112,7 @@ class Freeze:
 
     def models(self) -> None:
         for world in WORLDS:
-            for kind in ("factorised-4", "mean-shape", "ridge") if world != "fog" else ("mlp-32",):
+            for kind in ("factorised-4", "mean-shape", "ridge", "mlp-32"):
                 model = f"{world}-{kind}.safetensors"
                 self.run("bin/echofuse-recon", "-q", "train", f"{world}1.sqlite", "--model", kind, "--epochs", "4", "--out", model)
                 self.weights(model)

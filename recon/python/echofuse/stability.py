@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from . import bench, derive
+from . import bench, derive, fog
 from .methods import BenchError, CONSTANT, Method, Row, UsageError, call, method, version
 
 TEST_SEEDS = 1000  # the test records' seed, after that of the training records
@@ -23,12 +23,13 @@ TEST_SEEDS = 1000  # the test records' seed, after that of the training records
 @dataclass(frozen=True)
 class World:
     """Differences from the base condition: settings, kind of scene, standing at |x|, a way through each record,
-    a factor of the training records, changes of the finished run."""
+    visibility in fog (0: clear), a factor of the training records, changes of the finished run."""
 
     set: tuple[str, ...] = ()
     scenes: str = "records"
     at_x_m: float | None = None
     walk_m: float = 0
+    fog_m: float = 0
     records: float = 1
     changes: tuple[derive.Change, ...] = ()
 
@@ -84,7 +85,8 @@ def simulated_axes(base: dict[str, Any]) -> list[Axis]:
         return World((f"bin_width_ps={ps:.9g}", f"bins={bins}"))
 
     def pile_up(v: float, stated: bool = True) -> World:
-        return World((f"pulses_per_window={photons / v:.9g}",) + (() if stated else ("spd_detector_stated=false",)))
+        return World((f"pulses_per_window={photons / v if v else 0:.9g}",
+                      *(() if stated else ("spd_detector_stated=false",))))
 
     # Matched: the sensors
     setting("matched", "irf", "SPD's impulse response, FWHM (ps)", "irf_fwhm_ps", (2, 50, 200, 500, 1000, 2000), (2, 2000))
@@ -153,11 +155,10 @@ def simulated_axes(base: dict[str, Any]) -> list[Axis]:
         numbers("shifted", "phase", "error of the antennas' phases (degrees, rms)", (0, 5, 15, 30, 60), (15, 30),
                 lambda deg: World((f"radar_phase_error_rad={np.radians(deg):.9g}", "radar_array_calibrated=false")), 0)
 
-    # Weather: trained in it, or in clear air
+    # Fog: trained in it, or in clear air
     for kind in ("matched", "shifted"):
-        setting(kind, "fog", "visibility in fog (m), 0: clear", "fog_visibility_m", (0, 1000, 300, 100, 50, 20, 10, 5), (100, 20))
-        setting(kind, "smoke", "visibility in smoke (m), 0: clear", "smoke_visibility_m", (0, 100, 20, 10, 5), (20,))
-        setting(kind, "rain", "rain (mm/h)", "rain_mm_h", (0, 1, 10, 50, 100), (100,))
+        numbers(kind, "fog", "visibility in fog (m), 0: clear", (0, 1000, 300, 100, 50, 20, 10, 5),
+                (100, 20), lambda m: World(fog_m=m), 0)
 
     # Shifted: surprises
     for sensor in ("radar", "spd"):
@@ -240,11 +241,30 @@ class Simulated:
             self._dataset(out, seed, words, [(("person" if i % 8 < 2 else "letter"), x if i % 2 else -x, None) for i in range(records)])
         else:
             call("echofuse-sim", "dataset", "-q", "--out", out, "--seed", seed, f"--{world.scenes}", records, *words)
-        if not world.changes:
+        changes = [*world.changes]
+        if world.fog_m > 0:
+            changes.append(self._in_fog(world, records, seed, out))
+        if not changes:
             return out
-        changed = derive.copy(out, out.with_name("changed-" + out.name), *world.changes)
+        changed = derive.copy(out, out.with_name("changed-" + out.name), *changes)
         out.unlink()
         return changed
+
+    def _in_fog(self, world: World, records: int, seed: int, out: pathlib.Path) -> derive.Change:
+        """The counts of the same scenes in fog; background and pile-up come behind it."""
+        if self.base["spd_dead_time_ps"] > 0:
+            raise BenchError("fog: not with a dead time of the detector")
+        clear = out.with_name("clear-" + out.name)
+        call("echofuse-sim", "dataset", "-q", "--out", clear, "--seed", seed, f"--{world.scenes}",
+             records, *self.settings, "--set", "background_counts=0",
+             "--set", "pulses_per_window=0")
+        counts = fog.seen(derive.read(clear).spd, world.fog_m, self.base, seed)
+        clear.unlink()
+
+        def change(target: derive.Records) -> None:
+            target.spd = counts
+
+        return change
 
     def _dataset(self, out: pathlib.Path, seed: int, words: Sequence[str],
                  scenes: Sequence[tuple[str, float, float | None]]) -> None:
