@@ -2,12 +2,15 @@
 // A TI mmWave radar on two byte ports: the cfg goes out on the command port, frames come in on the
 // data port.
 #pragma once
+#include <chrono>
+#include <cstdint>
 #include <memory>
 #include <optional>
 #include <set>
 #include <string>
 #include <vector>
 
+#include "drivers/core/bytes.hpp"
 #include "drivers/core/driver.hpp"
 #include "drivers/port/backoff.hpp"
 #include "drivers/port/byte_port.hpp"
@@ -15,9 +18,33 @@
 #include "drivers/radar/command_dialogue.hpp"
 #include "drivers/radar/frame_parser.hpp"
 #include "drivers/radar/profile.hpp"
-#include "drivers/radar/silence.hpp"
 
 namespace echofuse::radar {
+
+// Why does a radar that took its cfg send no frames? Its firmware is asked, on the command port:
+//   queryDemoStatus         "Sensor State: 2" if it runs
+//   sensorStop              configDataPort is not allowed while it runs
+//   configDataPort BAUD 1   it writes 16 bytes FF to the data port (SDK 3.x, mmw_cli.c)
+// Without ports and clocks: who uses it gives it `time` for all of that.
+class Silence {
+ public:
+  static constexpr std::chrono::seconds time{2};
+  // `bytes`: what has come on the data port since the cfg was sent.
+  Silence(std::uint32_t data_baud, std::uint64_t bytes);
+  void receive_cli(ByteView bytes);
+  void receive_data(ByteView bytes);
+  std::string take_output();
+  // The cause and its cure, in one line.
+  std::string verdict() const;
+
+ private:
+  std::uint32_t data_baud_;
+  std::uint64_t bytes_;
+  int answered_ = 0;       // commands
+  std::size_t pings_ = 0;  // bytes FF on the data port
+  bool runs_ = false;
+  std::string line_, output_;
+};
 
 struct RadarSetup {
   std::string address;  // for DeviceInfo: both ports
@@ -33,7 +60,7 @@ struct RadarSetup {
 
 // Each connection opens both ports and sends the whole cfg; or restarts the sensor with the cfg
 // that it has, if a port was away for less than 10 s and nothing else was wrong. It is `streaming`
-// from the first frame on. If none comes, the firmware is asked why (silence.hpp). Silence of the
+// from the first frame on. If none comes, the firmware is asked why (Silence). Silence of the
 // data port, an end of either port, a refused command, or a board that was reset (its banner, or
 // frame numbers that begin again) makes it `faulted`, and it starts over. At the end it is told to
 // stop: finished() when it says that it has. A frame whose heat map is not that of the cfg and the
