@@ -1,12 +1,11 @@
 // SPDX-License-Identifier: MIT
-#include "drivers/tdc/start_gaps.hpp"
-
 #include <algorithm>
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <random>
 
 #include "drivers/core/random.hpp"
+#include "drivers/tdc/histogram.hpp"
 
 using namespace echofuse;
 using namespace echofuse::tdc;
