@@ -7,7 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "acquire/record/run_parts.hpp"
-#include "drivers/depth/openni_list.hpp"
+#include "drivers/depth/openni_camera.hpp"
 #include "drivers/inventory/inventory.hpp"
 #include "drivers/program/console.hpp"
 #include "drivers/program/printable.hpp"

@@ -13,7 +13,7 @@
 #include <variant>
 
 #include "drivers/core/crc32c.hpp"
-#include "drivers/depth/openni_list.hpp"
+#include "drivers/depth/openni_camera.hpp"
 #include "drivers/port/address.hpp"
 #include "drivers/program/exit_code.hpp"
 #include "drivers/program/printable.hpp"

@@ -15,6 +15,13 @@ class RawKeeper;
 
 namespace echofuse::depth {
 
+struct OpenNiDevice {
+  std::string uri, model;
+};
+
+// The cameras that OpenNI2's modules see now. Throws Error(device) if there are no modules.
+std::vector<OpenNiDevice> list_openni_devices();
+
 struct OpenNiOptions {
   // Recordings are played at their own pace, else as fast as they are taken. Each frame comes once,
   // then the state is `ended`.

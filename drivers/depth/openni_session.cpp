@@ -246,4 +246,15 @@ void OpenNiSession::onDeviceDisconnected(const openni::DeviceInfo* info) {
   if (uri_ == info->getUri()) gone_ = true;
 }
 
+std::vector<OpenNiDevice> list_openni_devices() {
+  initialize_openni();
+  openni::Array<openni::DeviceInfo> found;
+  openni::OpenNI::enumerateDevices(&found);
+  std::vector<OpenNiDevice> out;
+  for (int i = 0; i < found.getSize(); ++i)
+    out.push_back(
+        {found[i].getUri(), std::string(found[i].getVendor()) + " " + found[i].getName()});
+  return out;
+}
+
 }  // namespace echofuse::depth
