@@ -13,7 +13,6 @@
 #include "drivers/core/crc32c.hpp"
 #include "drivers/program/command_line.hpp"
 #include "drivers/program/console.hpp"
-#include "drivers/program/csv.hpp"
 #include "drivers/program/printable.hpp"
 #include "recon/cli/commands.hpp"
 #include "recon/data/files.hpp"

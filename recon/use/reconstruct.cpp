@@ -18,7 +18,6 @@
 #include "acquire/record/run_file.hpp"
 #include "acquire/record/run_parts.hpp"
 #include "drivers/program/console.hpp"
-#include "drivers/program/csv.hpp"
 #include "drivers/program/new_file.hpp"
 #include "drivers/program/printable.hpp"
 #include "drivers/program/program.hpp"

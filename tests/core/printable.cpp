@@ -4,7 +4,6 @@
 #include <catch2/catch.hpp>
 
 #include "drivers/program/console.hpp"
-#include "drivers/program/csv.hpp"
 
 using namespace echofuse;
 
