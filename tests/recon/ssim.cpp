@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: MIT
-#include "recon/metrics/ssim.hpp"
-
 #include <catch2/catch.hpp>
 #include <chrono>
 #include <fstream>
@@ -8,6 +6,7 @@
 #include <string>
 
 #include "../paths.hpp"
+#include "recon/metrics/metrics.hpp"
 #include "recon/numbers/statistics.hpp"
 
 using namespace echofuse::recon;
