@@ -4,13 +4,27 @@
 // (fit_uncertainty.hpp) and is part of a prediction (predict.hpp). It serves any kind of model.
 #pragma once
 #include <limits>
+#include <span>
 #include <string>
 #include <vector>
 
+#include "recon/numbers/matrix.hpp"
 #include "recon/trust/out_of_distribution.hpp"
 #include "recon/trust/pixel_error.hpp"
 
 namespace echofuse::recon {
+
+// A linear fit gives one number from a few: it is weighted least squares in closed form.
+// Returns the weights w for which the rows of `inputs` times w come nearest to the targets; each
+// row counts as `counts` says. `penalty` applies to the squares of w, for columns of unit mean
+// square.
+std::vector<double> linear_fit(const Matrix& inputs, std::span<const float> targets,
+                               std::span<const float> counts, double penalty);
+
+double product(std::span<const float> row, std::span<const double> weights);
+
+// The terms are 1, every value, and every product of two values.
+std::vector<float> quadratic_terms(std::span<const float> values);
 
 // Predictors of a map's error that are known when it is made. Row i, of map i and record rows[i]:
 // |x/z| of the map's foreground (NaN if there is none); of the SPD log(1 + clicks above the

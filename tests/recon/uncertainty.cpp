@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: MIT
+#include "recon/trust/uncertainty.hpp"
+
 #include <fstream>
 #include <nlohmann/json.hpp>
 #include <numeric>
 
-#include "recon/numbers/linear_fit.hpp"
 #include "recon/train/fit_uncertainty.hpp"
 #include "recon/train/train.hpp"
 #include "recon/use/evaluate.hpp"
