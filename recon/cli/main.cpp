@@ -5,7 +5,7 @@
 #include "drivers/program/command_line.hpp"
 #include "drivers/program/console.hpp"
 #include "recon/cli/commands.hpp"
-#include "recon/numbers/blas_kernels.hpp"
+#include "recon/numbers/blas.hpp"
 #include "recon/numbers/parallel.hpp"
 
 namespace {

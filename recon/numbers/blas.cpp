@@ -9,7 +9,6 @@
 
 #include "drivers/core/clones.hpp"
 #include "drivers/program/exit_code.hpp"
-#include "recon/numbers/blas_kernels.hpp"
 #include "recon/numbers/parallel.hpp"
 
 // Only OpenBLAS has these; with another BLAS the calls are left out.

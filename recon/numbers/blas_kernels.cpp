@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT
-#include "recon/numbers/blas_kernels.hpp"
-
 #include <cstdlib>
 #include <initializer_list>
+
+#include "recon/numbers/blas.hpp"
 
 // An OpenBLAS with run-time dispatch exports these, without being an official interface. Where they
 // are missing, the library's own choice stands.

@@ -13,7 +13,7 @@
 #include "drivers/program/console.hpp"
 #include "drivers/program/exit_code.hpp"
 #include "drivers/program/printable.hpp"
-#include "recon/numbers/blas_kernels.hpp"
+#include "recon/numbers/blas.hpp"
 
 namespace echofuse::recon {
 namespace {

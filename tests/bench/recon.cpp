@@ -7,7 +7,7 @@
 #include <filesystem>
 
 #include "limits.hpp"
-#include "recon/numbers/blas_kernels.hpp"
+#include "recon/numbers/blas.hpp"
 #include "recon/numbers/parallel.hpp"
 #include "recon/use/estimator.hpp"
 

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: MIT
 // A program of its own: the kernels are chosen once, before the first product of the process.
-#include "recon/numbers/blas_kernels.hpp"
 
 #include <catch2/catch.hpp>
 #include <cstdlib>

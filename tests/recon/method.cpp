@@ -6,7 +6,7 @@
 
 #include "drivers/program/console.hpp"
 #include "recon/method/bin_sums.hpp"
-#include "recon/numbers/blas_kernels.hpp"
+#include "recon/numbers/blas.hpp"
 #include "recon/train/train.hpp"
 #include "world.hpp"
 
