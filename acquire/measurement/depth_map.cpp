@@ -99,15 +99,21 @@ Axis depth_y_axis(std::uint32_t size, double half_tangent) {
 
 std::vector<float> to_target(std::span<const std::uint16_t> depth_mm, const Axis& x, const Axis& y,
                              const MapGrid& target) {
+  std::vector<float> out(target.pixels());
+  to_target(depth_mm, x, y, target, out);
+  return out;
+}
+
+void to_target(std::span<const std::uint16_t> depth_mm, const Axis& x, const Axis& y,
+               const MapGrid& target, std::span<float> out) {
   const Axis target_x = target.x(), target_y = target.y();
   const auto limit_mm = static_cast<std::uint16_t>(std::lround(target.far_m * 1000));
-  std::vector<float> out(std::size_t{target_x.count} * target_y.count);
   if (same_axis(x, target_x) && same_axis(y, target_y)) {
     // A choice of numbers, not of divisions, becomes vector instructions.
     std::transform(depth_mm.begin(), depth_mm.end(), out.begin(), [limit_mm](std::uint16_t mm) {
       return static_cast<float>(mm <= limit_mm ? mm : 0) / 1000.0f;
     });
-    return out;
+    return;
   }
   const auto columns = cells_of(x, target_x);
   const auto rows = cells_of(y, target_y);
@@ -128,7 +134,6 @@ std::vector<float> to_target(std::span<const std::uint16_t> depth_mm, const Axis
       out[r * columns.size() + c] = static_cast<float>(*middle) / 1000.0f;
     }
   }
-  return out;
 }
 
 }  // namespace echofuse::record

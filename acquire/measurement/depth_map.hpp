@@ -51,5 +51,8 @@ Axis depth_y_axis(std::uint32_t size, double half_tangent);
 // pixels (0) and those beyond target.far_m never mix into a depth. Identity if the axes agree.
 std::vector<float> to_target(std::span<const std::uint16_t> depth_mm, const Axis& x, const Axis& y,
                              const MapGrid& target);
+// Fills `out`, target.pixels() zeros.
+void to_target(std::span<const std::uint16_t> depth_mm, const Axis& x, const Axis& y,
+               const MapGrid& target, std::span<float> out);
 
 }  // namespace echofuse::record

@@ -22,19 +22,15 @@ Bytes deflated(ByteView data, int level) {
   return out;
 }
 
-Bytes inflated(ByteView data, std::size_t size) {
-  // Deflate makes at most 1032 bytes of one (zlib, "maximum compression factor").
-  if (size > 1032 * std::uint64_t{data.size()}) return {};
+bool inflate(ByteView data, std::span<std::uint8_t> out) {
   using Decompressor =
       std::unique_ptr<libdeflate_decompressor, decltype([](libdeflate_decompressor* d) {
                         libdeflate_free_decompressor(d);
                       })>;
   thread_local const Decompressor decompressor(libdeflate_alloc_decompressor());
-  Bytes out(size);
-  if (!decompressor || libdeflate_zlib_decompress(decompressor.get(), data.data(), data.size(),
-                                                  out.data(), size, nullptr) != LIBDEFLATE_SUCCESS)
-    return {};
-  return out;
+  return decompressor &&
+         libdeflate_zlib_decompress(decompressor.get(), data.data(), data.size(), out.data(),
+                                    out.size(), nullptr) == LIBDEFLATE_SUCCESS;
 }
 
 }  // namespace echofuse::record

@@ -96,7 +96,7 @@ struct HalfRead {
   void decode_depth(const Shapes& shapes) {  // needs a record without a fault
     if (!fault.empty() || !record.has(Sensor::depth)) return;
     if (shapes.pixels() <= max_depth_pixels)
-      record.depth_mm = to_values<std::uint16_t>(inflated(depth, 2 * shapes.pixels()));
+      record.depth_mm = inflated<std::uint16_t>(depth, shapes.pixels());
     if (record.depth_mm.empty())
       fault = "depth is not a deflated image of " + std::to_string(shapes.width) + " x " +
               std::to_string(shapes.height);

@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: MIT
 #include "recon/data/depths_seen.hpp"
 
+#include <algorithm>
 #include <cmath>
+#include <numeric>
 
 #include "drivers/program/exit_code.hpp"
 #include "drivers/program/printable.hpp"
@@ -19,35 +21,49 @@ std::string length_text(double m) {
 }  // namespace
 
 void DepthsSeen::add(std::span<const std::uint16_t> mm, double far_m) {
-  const auto most = std::lround(1000 * far_m);
-  std::uint64_t returns = 0, beyond = 0;
-  for (const std::uint16_t depth : mm)
-    ++count_[depth], returns += depth > 0, beyond += depth > most;
-  returns_ += returns, beyond_ += beyond;
-  ++records_, records_beyond_ += beyond > 0;
+  std::size_t p = 0;
+  // An increment of a counter waits for the one before: neighbours, often equal, have their own.
+  for (; p + 4 <= mm.size(); p += 4)
+    if ((mm[p] | mm[p + 1] | mm[p + 2] | mm[p + 3]) != 0)
+      for (std::size_t k = 0; k < 4; ++k) ++counts_[k][mm[p + k]];
+  for (; p < mm.size(); ++p) ++counts_[0][mm[p]];
+  const std::uint16_t farthest = mm.empty() ? 0 : *std::ranges::max_element(mm);
+  ++records_, records_beyond_ += farthest > std::lround(1000 * far_m);
   far_m_ = far_m;
+}
+
+std::uint64_t DepthsSeen::farther_than(std::int64_t mm) const {
+  std::uint64_t out = 0;
+  for (const auto& count : counts_) out = std::accumulate(count.begin() + mm + 1, count.end(), out);
+  return out;
 }
 
 double DepthsSeen::median_m() const {
   std::size_t mm = 0;
-  for (std::uint64_t below = 0; 2 * below < returns_;) below += count_[++mm];
+  const std::uint64_t returns = farther_than(0);
+  for (std::uint64_t below = 0; 2 * below < returns;) {
+    ++mm;
+    for (const auto& count : counts_) below += count[mm];
+  }
   return static_cast<double>(mm) / 1000;
 }
 
 std::string DepthsSeen::text(const std::string& path, const Axis& spd) const {
-  if (returns_ == 0) return {};
+  const std::uint64_t returns = farther_than(0);
+  if (returns == 0) return {};
   const double median = median_m();
   const std::string run = printable(path) + ": ";
   if (median < nearest_m)
     throw Error(ExitCode::failed, run + "the median depth is " + length_text(median) +
                                       ": metres are expected, as millimetres in the images");
   std::string out;
-  if (beyond_ > 0)
+  if (records_beyond_ > 0)
     out = formatted(
         "%zu of %zu records have depths beyond %.4g m, taken as no return (%.3g %% of "
         "all depths, whose median is %s); map_z_max_m is the map's range",
         records_beyond_, records_, far_m_,
-        100 * static_cast<double>(beyond_) / static_cast<double>(returns_),
+        100 * static_cast<double>(farther_than(std::lround(1000 * far_m_))) /
+            static_cast<double>(returns),
         length_text(median).c_str());
   const double from_m = spd.start / ps_per_m, to_m = spd.at(spd.count) / ps_per_m;
   if (spd.unit == "ps" && (2 * median < from_m || median > to_m))

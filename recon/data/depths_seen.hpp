@@ -20,8 +20,9 @@ class DepthsSeen {
 
  private:
   double median_m() const;
-  std::array<std::uint64_t, 65536> count_{};  // returns of each depth in millimetres
-  std::uint64_t returns_ = 0, beyond_ = 0;
+  std::uint64_t farther_than(std::int64_t mm) const;  // returns
+  // Pixels of each depth in millimetres, in four parts; not all without return.
+  std::array<std::array<std::uint64_t, 65536>, 4> counts_{};
   std::size_t records_ = 0, records_beyond_ = 0;
   double far_m_ = 0;
 };
