@@ -18,7 +18,7 @@ namespace {
 // Values as the file spells them; whole numbers are 64 bits wide there.
 struct Keys {
   std::int64_t start_channel, click_channel, bins;
-  std::int64_t cli_baud, data_baud, width, height, fps, map_size;
+  std::int64_t data_baud, width, height, fps, map_size;
   std::string folder, cfg, calibration;
   bool first_photon_only;
 };
@@ -27,7 +27,6 @@ Keys defaults_of(const Config& c) {
   return {c.histogram.start_channel,
           c.histogram.click_channel,
           c.histogram.bins,
-          c.radar.cli_baud,
           c.radar.data_baud,
           c.depth.width,
           c.depth.height,
@@ -68,10 +67,8 @@ void bind(Settings& s, Config& c, Keys& k) {
         "start of bin 0 after the laser sync, two-way time");
   s.add("tdc.bins", k.bins, 1, 1 << 24, "number of bins");
   constexpr std::int64_t delay_max = 1'000'000'000;
-  s.add("tdc.start_delay_ps", c.histogram.start_delay_ps, -delay_max, delay_max,
-        "added to the start channel's times, for a tagger that cannot delay by itself");
   s.add("tdc.click_delay_ps", c.histogram.click_delay_ps, -delay_max, delay_max,
-        "added to the click channel's times");
+        "added to the click channel's times, for a tagger that cannot delay by itself");
   s.add("tdc.dead_time_ps", c.histogram.dead_time_ps, 0, delay_max,
         "a tag so soon after the last one of its channel is removed; 0: none");
   s.add(
@@ -89,7 +86,6 @@ void bind(Settings& s, Config& c, Keys& k) {
         "are installed");
   s.add("radar.board", c.radar.board, "whose antennas a heat map in the cfg is of",
         radar::board_names());
-  s.add("radar.cli_baud", k.cli_baud, 1200, 4'000'000, "of the command port");
   s.add("radar.data_baud", k.data_baud, 1200, 4'000'000, "of the data port");
   s.add("radar.keep_running", c.radar.keep_running,
         "leave the sensor radiating at the end; else it is sent sensorStop");
@@ -112,7 +108,6 @@ void take_numbers(Config& c, const Keys& k) {
   c.histogram.start_channel = static_cast<std::int32_t>(k.start_channel);
   c.histogram.click_channel = static_cast<std::int32_t>(k.click_channel);
   c.histogram.bins = static_cast<std::uint32_t>(k.bins);
-  c.radar.cli_baud = static_cast<std::uint32_t>(k.cli_baud);
   c.radar.data_baud = static_cast<std::uint32_t>(k.data_baud);
   c.depth.width = static_cast<std::uint32_t>(k.width);
   c.depth.height = static_cast<std::uint32_t>(k.height);
@@ -165,7 +160,7 @@ void judge_radar(Judge& judge, Config& c, const std::string& cfg,
     judge.complain({"radar.data", "radar.cli"},
                    "radar.cli and radar.data are the same port; the radar has two");
   if (!radar.cli.empty())
-    judge.attempt({"radar.cli"}, [&] { check_radar_port(radar.cli, radar.cli_baud); });
+    judge.attempt({"radar.cli"}, [&] { check_radar_port(radar.cli, RadarConfig::cli_baud); });
   if (!radar.data.empty())
     judge.attempt({"radar.data"}, [&] { check_radar_port(radar.data, radar.data_baud); });
   if (radar.cli.empty()) return;

@@ -23,9 +23,9 @@ namespace echofuse::acquire {
 namespace {
 
 const std::set<std::string> free_keys{
-    "run.label",          "run.operator",    "run.folder", "run.connect_timeout_s",
-    "radar.cli_baud",     "radar.data_baud", "radar.cfg",  "run.calibration",
-    "radar.keep_running", "radar.board"};  // by its antennas
+    "run.label",       "run.operator", "run.folder",      "run.connect_timeout_s",
+    "radar.data_baud", "radar.cfg",    "run.calibration", "radar.keep_running",
+    "radar.board"};  // by its antennas
 const std::set<std::string> places{"tdc.address", "radar.cli", "radar.data", "depth.address"};
 
 std::string text_of(const std::string& key, const toml::node& value) {

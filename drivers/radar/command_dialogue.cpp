@@ -89,10 +89,10 @@ void CommandDialogue::tick(HostTime now) {
   } else if (state_ == State::draining && tries_ < max_tries) {
     send_bare_line(now);
   } else if (state_ == State::draining) {
-    fail(heard_ ? "no prompt, but other bytes: is radar.cli_baud right, is the board's jumper set "
+    fail(heard_ ? "no prompt, but other bytes: is this the command port, is the board's jumper set "
                   "for flashing?"
-                : "no prompt: is this the radar's command port, is it powered, is the baud rate "
-                  "right, has its firmware stopped (reset the board)?");
+                : "no prompt: is this the radar's command port, is it powered, has its "
+                  "firmware stopped (reset the board)?");
   } else {
     if (!trimmed(line_).empty()) answer_.push_back(trimmed(line_));
     std::string said;

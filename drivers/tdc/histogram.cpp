@@ -30,8 +30,7 @@ void check(const HistogramSettings& s) {
   if (static_cast<std::uint64_t>(s.bin_width_ps) > max_range_ps / s.bins)
     refuse("the histogram is longer than 2^50 ps");
   constexpr std::int64_t max_delay_ps = 1'000'000'000;
-  if (std::abs(s.start_delay_ps) > max_delay_ps || std::abs(s.click_delay_ps) > max_delay_ps)
-    refuse("a delay is longer than 1 ms");
+  if (std::abs(s.click_delay_ps) > max_delay_ps) refuse("the delay is longer than 1 ms");
   if (s.dead_time_ps < 0 || s.dead_time_ps > max_delay_ps)
     refuse("the dead time must be from 0 to 1 ms");
 }
@@ -41,8 +40,8 @@ void check(const HistogramSettings& s) {
 Histogram::Histogram(const HistogramSettings& settings)
     : settings_(settings),
       gaps_(settings.start_channel),
-      filter_({settings.start_channel, settings.click_channel, settings.start_delay_ps,
-               settings.click_delay_ps, settings.dead_time_ps}) {
+      filter_({settings.start_channel, settings.click_channel, settings.click_delay_ps,
+               settings.dead_time_ps}) {
   check(settings);
   click_bins_ = {.start_channel = settings.start_channel,
                  .click_channel = settings.click_channel,

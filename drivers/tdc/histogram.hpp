@@ -59,14 +59,14 @@ struct HistogramSettings {
   std::int64_t first_bin_ps = 13343;  // start of bin 0; may be negative (cable delays)
   std::uint32_t bins = 336;
   // For taggers that do neither by themselves (tag_filter.hpp).
-  std::int64_t start_delay_ps = 0, click_delay_ps = 0, dead_time_ps = 0;
+  std::int64_t click_delay_ps = 0, dead_time_ps = 0;
 };
 
 class Histogram {
  public:
   // Throws Error(config): no bins (or above 2^24), a bin width below 1 ps, start and click channel
   // alike, or an axis longer than 2^50 ps.
-  // A dead time below 0, or delays of more than 1 ms.
+  // A dead time below 0, or a delay of more than 1 ms.
   explicit Histogram(const HistogramSettings& settings);
 
   void add(std::span<const Tag> tags);

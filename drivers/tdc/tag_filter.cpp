@@ -14,11 +14,11 @@ std::uint64_t time_of(const Tag& tag) { return static_cast<std::uint64_t>(tag.ti
 }  // namespace
 
 TagFilter::TagFilter(const FilterSettings& s)
-    : start_{.number = s.start_channel, .delay_ps = s.start_delay_ps},
-      click_{.number = s.click_channel, .delay_ps = s.click_delay_ps},
+    : start_{.number = s.start_channel},
+      click_{.number = s.click_channel},
+      click_delay_ps_(s.click_delay_ps),
       dead_time_ps_(static_cast<std::uint64_t>(s.dead_time_ps)),
-      least_delay_ps_(std::min({s.start_delay_ps, s.click_delay_ps, std::int64_t{0}})),
-      pass_through_(s.start_delay_ps == 0 && s.click_delay_ps == 0 && s.dead_time_ps == 0) {}
+      pass_through_(s.click_delay_ps == 0 && s.dead_time_ps == 0) {}
 
 std::span<const Tag> TagFilter::feed(std::span<const Tag> tags) {
   if (pass_through_) return tags;
@@ -30,7 +30,8 @@ std::span<const Tag> TagFilter::feed(std::span<const Tag> tags) {
     return ready_;
   }
   // No tag to come has a delayed time before this. Signed differences: right across the wrap.
-  const std::uint64_t settled = newest_ + static_cast<std::uint64_t>(least_delay_ps_);
+  const std::uint64_t settled =
+      newest_ + static_cast<std::uint64_t>(std::min(click_delay_ps_, std::int64_t{0}));
   const auto end = std::find_if(waiting_.begin(), waiting_.end(), [&](const Tag& tag) {
     return static_cast<std::int64_t>(time_of(tag) - settled) > 0;
   });
@@ -68,8 +69,9 @@ void TagFilter::take(Tag tag) {
                                                     : nullptr;
   if (channel) {
     if (!keep(*channel, newest_)) return;
-    tag.time_ps =
-        static_cast<std::int64_t>(newest_ + static_cast<std::uint64_t>(channel->delay_ps));
+    if (channel == &click_)
+      tag.time_ps =
+          static_cast<std::int64_t>(newest_ + static_cast<std::uint64_t>(click_delay_ps_));
   }
   waiting_.push_back(tag);
 }

@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: MIT
-// Input delays and a dead time, in software, before the histogram; for taggers that do neither.
+// A delay of the clicks and a dead time before the histogram, for taggers that have neither.
 //
 // Dead time: a tag that comes less than dead_time_ps after the last KEPT tag of its channel is
 // removed (non-extending). Start and click channel, each by itself.
-// Delays: added to the times of their channel. Tags are then in a new order, so those that a later
-// one may still overtake wait. A marker says that time information is missing: what waits goes out
-// before it.
+// Delay: added to the times of the click channel. Tags are then in a new order, so those that a
+// later one may still overtake wait. A marker says that time information is missing: what waits
+// goes out before it.
 //
-// With all three zero, feed() returns what it is given: no copy.
+// With both zero, feed() returns what it is given: no copy.
 #pragma once
 #include <cstdint>
 #include <span>
@@ -20,7 +20,7 @@ namespace echofuse::tdc {
 
 struct FilterSettings {
   std::int32_t start_channel = 1, click_channel = 2;
-  std::int64_t start_delay_ps = 0, click_delay_ps = 0;  // may be negative
+  std::int64_t click_delay_ps = 0;  // may be negative
   std::int64_t dead_time_ps = 0;
 };
 
@@ -41,7 +41,6 @@ class TagFilter {
  private:
   struct Channel {
     std::int32_t number = 0;
-    std::int64_t delay_ps = 0;
     std::uint64_t last_kept = 0;
     bool any_kept = false;
   };
@@ -51,8 +50,8 @@ class TagFilter {
   void release(std::size_t count);
 
   Channel start_, click_;
+  std::int64_t click_delay_ps_;
   std::uint64_t dead_time_ps_;
-  std::int64_t least_delay_ps_;
   bool pass_through_;
   std::uint64_t newest_ = 0;  // time of the last tag, before its delay
   std::vector<Tag> waiting_, ready_;

@@ -27,15 +27,15 @@ TEST_CASE("the shipped configuration loads, with the radar cfg beside it") {
   CHECK(has(config.text, "# The daemon's configuration"));
   CHECK(has(config.resolved, "window_s = 0.5"));
   REQUIRE(config.unfinished.size() == 2);  // the template's serial numbers
-  CHECK(has(config.unfinished[0], "config/lab.toml:39:1: radar.cli: still has the template's XXX"));
-  CHECK(has(config.unfinished[1], "config/lab.toml:40:1: radar.data: still has"));
+  CHECK(has(config.unfinished[0], "config/lab.toml:38:1: radar.cli: still has the template's XXX"));
+  CHECK(has(config.unfinished[1], "config/lab.toml:39:1: radar.data: still has"));
 }
 
 TEST_CASE("what was resolved loads again") {
   const Folder folder;
   write_file(folder / "a.toml",
              "[depth]\naddress = \"openni:\"\nmap_size = 256\nmap_half_tangent = "
-             "0.3\n[tdc]\nclick_channel = 7\nstart_delay_ps = 5\n"
+             "0.3\n[tdc]\nclick_channel = 7\n"
              "click_delay_ps = -6\ndead_time_ps = 22000\n");
   const Config once = load_config(folder / "a.toml");
   CHECK(once.configured() == SensorSet::from_bits(4));
@@ -43,7 +43,6 @@ TEST_CASE("what was resolved loads again") {
   const Config twice = load_config(folder / "b.toml");
   CHECK(twice.resolved == once.resolved);
   CHECK(twice.histogram.click_channel == 7);
-  CHECK(twice.histogram.start_delay_ps == 5);
   CHECK(twice.histogram.click_delay_ps == -6);
   CHECK(twice.histogram.dead_time_ps == 22'000);
   CHECK(twice.map == record::MapGrid{256, 0.3});

@@ -213,7 +213,8 @@ TEST_CASE("no prompt at all: three tries, then it says what to check") {
   Session deaf;
   deaf.say("\n");
   for (int i = 0; i < 3; ++i) deaf.wait(1s);
-  CHECK_THAT(deaf.d.failure(), Catch::StartsWith("no prompt, but other bytes: is radar.cli_baud"));
+  CHECK_THAT(deaf.d.failure(),
+             Catch::StartsWith("no prompt, but other bytes: is this the command port"));
 }
 
 TEST_CASE("endless output before the first command does not hold it up for ever") {

@@ -198,15 +198,15 @@ TEST_CASE("the filter passes through, delays and re-sorts, and removes in the de
   const std::vector<Tag> tags{tag(1, 100), tag(2, 110), tag(2, 115), tag(1, 200)};
   TagFilter plain(FilterSettings{});
   CHECK(plain.feed(tags).data() == tags.data());
-  TagFilter filter({.start_delay_ps = 50, .dead_time_ps = 10});
+  TagFilter filter({.click_delay_ps = 150, .dead_time_ps = 10});
   std::vector<std::int64_t> times;
   const auto note = [&](std::span<const Tag> out) {
     for (const Tag& t : out) times.push_back(t.time_ps);
   };
   note(filter.feed(tags));
-  CHECK(times == std::vector<std::int64_t>{110, 150});
+  CHECK(times == std::vector<std::int64_t>{100, 200});
   note(filter.feed(std::vector{marker(TagType::error)}));
-  CHECK(times == std::vector<std::int64_t>{110, 150, 250, 0});
+  CHECK(times == std::vector<std::int64_t>{100, 200, 260, 0});
   CHECK(filter.flush().empty());
   CHECK(filter.take_removed() == 1);
 }

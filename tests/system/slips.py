@@ -23,7 +23,7 @@ acquire run --uot x | 2 | --uot: no such option; the nearest is --out
 acquire run --count 0 | 2 | --count: Value 0: expected a positive number
 acquire run --count 1e30 | 2 | --count = 1e30: expected a number
 acquire run --meta x | 3 | no configuration
-acquire config check --config TEMPLATE | 3 | lab.toml:39:1: radar.cli: still has the template's XXXXXXXX; echofuse-acquire devices prints
+acquire config check --config TEMPLATE | 3 | lab.toml:38:1: radar.cli: still has the template's XXXXXXXX; echofuse-acquire devices prints
 acquire | 2 | a command is required
 acquire lst | 2 | lst: no such command; the nearest is list
 acquire info nofile | 1 | nofile
@@ -31,7 +31,6 @@ sim dataset --otu x | 2 | --otu: no such option; the nearest is --out
 sim dataset --records 1e30 --out x | 2 | --records: Value 1e30 not in range 0 to 10000000
 sim dataset --out x --set spd_bins=3 | 3 | unknown key; the nearest known one is "bins"
 sim dataset --out x --set reflector=3 | 3 | unknown key, and none is like it
-sim lab --duration -1 | 2 | --duration: Value -1: expected a positive number
 sim lab --bogus -- ls --foo | 2 | --bogus: no such option; --help lists them
 sim dataset --out x --like nofile | 3 | nofile
 view --recrod 3 x | 2 | --recrod: no such option; the nearest is --record
@@ -72,7 +71,6 @@ acquire run --out a --duration -1h | 2 | positive
 acquire info three.toml | 1 | three.toml: not an echofuse run file
 sim dataset | 2 | --out
 sim dataset --out x --people 0 --letters 0 | 2 | no records
-sim dataset --out x --threads 0 | 2 | --threads
 sim dataset --out x --set irf_fwmh_ps=3 | 3 | irf_fwhm_ps
 sim dataset --out x --set irf_fwhm_ps=-3 | 3 | a number from 0.1
 sim dataset --out x --set radar_psf=kaiser | 3 | blackman
