@@ -204,11 +204,9 @@ void add_dataset(CLI::App& app, Command& command) {
                   "record i is of the twin's laboratory i modulo this")
       ->check(CLI::Range(std::int64_t{1}, std::int64_t{1'000'000}));
   sub->add_option("--part", a->part, part_help);
-  sub->add_option("--threads", a->options.threads, "default: one per core")
-      ->check(CLI::Range(1, 256));
   sub->add_flag("--json", a->json, "summary as one JSON object");
-  more_options(*sub, {"--config", "--like", "--twin", "--laboratory", "--laboratories", "--part",
-                      "--threads", "--json"});
+  more_options(
+      *sub, {"--config", "--like", "--twin", "--laboratory", "--laboratories", "--part", "--json"});
   add_examples(*sub,
                {"echofuse-sim dataset --out scenes.sqlite --records 1000",
                 "echofuse-sim dataset --out empty.sqlite --empty 20 --set background_counts=200"});
@@ -223,7 +221,6 @@ void add_dataset(CLI::App& app, Command& command) {
 struct LabArguments : PlanArguments {
   sim::LabOptions options;
   std::optional<std::int64_t> seed;
-  double duration_s = 0;
   bool json = false;
   std::vector<std::string> command;  // the command to run in the laboratory
 };
@@ -258,8 +255,7 @@ ExitCode run_lab(LabArguments& a, bool quiet) {
   if (!a.command.empty()) return sim::serve_command(lab, a.command, quiet);
   if (!quiet) std::cerr << "the laboratory is open; Ctrl-C closes it. To record from it:\n";
   std::cout << lab.daemon_command() << std::endl;
-  const HostTime end = loop.now() + from_seconds(a.duration_s);
-  lab.serve([&] { return interrupted() || (a.duration_s > 0 && loop.now() >= end); });
+  lab.serve(interrupted);
   if (a.json)
     std::cout << lab.sent() << "\n";
   else
@@ -301,8 +297,6 @@ void add_lab(CLI::App& app, Command& command) {
       ->type_name("FILE");
   sub->add_option("--log", o.log, "write down everything that was sent, a JSON object a line")
       ->type_name("FILE");
-  sub->add_option("--duration", a->duration_s, "close by itself after so many seconds")
-      ->check(CLI::NonNegativeNumber);
   add_plan_options(*sub, *a);
   add_twin_options(*sub, *a);
   sub->add_flag("--json", a->json, "what was sent as one JSON object");

@@ -33,8 +33,8 @@ class Server(unittest.TestCase):
     def setUpClass(cls):
         cls.folder = tempfile.TemporaryDirectory(prefix="echofuse-")
         cls.run_file = pathlib.Path(cls.folder.name) / "scenes.sqlite"
-        subprocess.run([bin_dir / "echofuse-sim", "dataset", "--out", cls.run_file, "--records", str(RECORDS), "--threads",
-                        "1"], check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        subprocess.run([bin_dir / "echofuse-sim", "dataset", "--out", cls.run_file, "--records", str(RECORDS)],
+                       check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         cls.process, cls.address = cls.start(cls.folder.name)
 
     @classmethod
