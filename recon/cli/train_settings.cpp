@@ -37,7 +37,6 @@ void bind(Settings& settings, TrainSettings& s) {
                "records a step; 0: 64, of mlp and pca-mlp 128 from 3000 records on");
   settings.add("learning_rate", s.learning_rate, 0, 10,
                "at the beginning; 0: .002 (mlp; times the root of batch / 64), .003 (factorised)");
-  settings.add("weight_decay", s.weight_decay, -1, 10, "-1: .7 (mlp), .3 (factorised)");
   settings.add("patience", s.patience, 0, 100'000,
                "epochs without progress before stopping; 0: 15 (mlp), 100 (factorised)");
   settings.add("test_share", o.split.test_share, 0, 0.95, "of the records, held out for evaluate");
@@ -83,7 +82,6 @@ void take(const std::vector<std::string>& assignments, TrainSettings& s) {
   if (!s.hidden.empty()) o.fit.hidden = widths_of(s.hidden);
   o.fit.basis = wanted(s.basis), o.fit.batch = wanted(s.batch), o.fit.patience = wanted(s.patience);
   if (s.learning_rate > 0) o.fit.learning_rate = s.learning_rate;
-  if (s.weight_decay >= 0) o.fit.weight_decay = s.weight_decay;
   o.split.gap = static_cast<int>(s.gap);
   o.candidates = split_at_commas(s.candidates);
   for (const std::string& name : o.candidates) candidate_of(name, {});

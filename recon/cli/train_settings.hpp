@@ -15,7 +15,7 @@ struct TrainSettings {
   // Settings as typed; 0 and empty: the model's own.
   std::string hidden, candidates;
   std::int64_t basis = 0, batch = 0, patience = 0, gap = 0;
-  double learning_rate = 0, weight_decay = -1, radar_bin_m = 0;
+  double learning_rate = 0, radar_bin_m = 0;
   bool test_share_given = false;
 };
 

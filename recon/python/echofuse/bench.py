@@ -207,8 +207,8 @@ def fill(table: Table, cells: Sequence[Cell], *, jobs: int = 1, part: tuple[int,
                       file=sys.stderr, flush=True)
 
 
-def pareto_cells(train: Path, test: Path, methods: Iterable[Method], *, seeds: int = 3, photons: Sequence[float] = (),
-                 records: Sequence[float] = (), sweep: Iterable[Method] = (), axis: str = "model") -> list[Cell]:
+def pareto_cells(train: Path, test: Path, methods: Iterable[Method], *, seeds: int = 3,
+                 photons: Sequence[float] = (0.1, 0.01, 0.001), records: Sequence[float] = (0.05, 0.2, 0.5), sweep: Iterable[Method] = (), axis: str = "model") -> list[Cell]:
     """Every method with every seed; then those of `sweep` with shares of the photons and of the training records."""
     known, fresh = there(train), there(test)
     cells = [Cell(axis, "1", how, seed, known, fresh) for how in methods for seed in range(1, seeds + 1)]
@@ -305,8 +305,6 @@ def main() -> None:
     one.add_argument("--methods", nargs="+", metavar="METHOD",
                      default=["empty", "mean", "nearest", "ridge", "mean-shape", "factorised-16", "mlp-512-256"])
     one.add_argument("--sweep", nargs="*", metavar="METHOD", default=[], help="methods with fewer photons and records")
-    one.add_argument("--photons", nargs="*", type=float, default=[0.1, 0.01, 0.001], help="shares of the photons")
-    one.add_argument("--records", nargs="*", type=float, default=[0.05, 0.2, 0.5], help="shares of the training records")
     stability.add_command(command("stability", "where methods fail", stability.run))
     recipe.add_command(command("run", "the bench of a recipe (default: echofuse-bench-1)", recipe.run))
     one = commands.add_parser("letters", help="share of the letters that can be read off maps", description=letters.__doc__, formatter_class=wide)
@@ -329,8 +327,7 @@ def _pareto(args: argparse.Namespace) -> None:
         raise UsageError(f"{args.test}: the methods are trained on this run; judge them by another")
     table = Table(args.out, of_runs(args.train, args.test), args.part)
     methods, sweep = ([method(name) for name in names] for names in (args.methods, args.sweep))
-    fill(table, pareto_cells(args.train, args.test, methods, seeds=args.seeds or 3, photons=args.photons, records=args.records,
-                             sweep=sweep),
+    fill(table, pareto_cells(args.train, args.test, methods, seeds=args.seeds or 3, sweep=sweep),
          jobs=args.jobs, part=args.part, quiet=args.quiet)
     finish(table, args, lambda plot: plot.pareto(args.out))
 
