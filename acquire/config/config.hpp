@@ -22,19 +22,15 @@ namespace echofuse::acquire {
 
 // Limits of SignalCheck; 0 switches one off.
 struct SignalLimits {
-  double weak_share = 0.1;   // share of the median of the run's first minute
-  double spd_clicks = 1000;  // clicks a record, above the background
-  double clicks_a_pulse = record::most_clicks_a_pulse;
-  double radar_snr_db = 6;     // the highest bin over the median bin
-  double depth_share = 0.005;  // pixels with a return / all pixels
+  double weak_share = 0.1, spd_clicks = 1000, clicks_a_pulse = record::most_clicks_a_pulse;
+  double radar_snr_db = 6, depth_share = 0.005;
 };
 void bind_limits(Settings& settings, SignalLimits& limits);  // keys signal.*
 
+// bind() in config.cpp documents the keys.
 struct Config {
-  double window_s = 3;
-  double connect_timeout_s = 10;
-  std::string label, operator_name;
-  std::string run_folder;  // folder of runs without a name; empty: the working directory
+  double window_s = 3, connect_timeout_s = 10;
+  std::string label, operator_name, run_folder;
   TdcConfig tdc;
   tdc::HistogramSettings histogram;
   record::Detector detector;
