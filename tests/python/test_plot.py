@@ -59,12 +59,7 @@ def test_maps_and_runs_are_drawn_into_panels_of_ones_own(folder):
         plot.record(run, 0, ax=axes[3])
 
 
-def boxes_overlap(figure):
-    named = [text.get_window_extent() for ax in figure.axes[:1] for text in ax.texts if text.get_text()]
-    return any(a.overlaps(b) for i, a in enumerate(named) for b in named[:i])
-
-
-def test_pareto_names_all_models_without_overlap(folder):
+def test_pareto_names_each_model_in_its_own_colour(folder):
     head = "# study pareto\naxis,value,model,inputs,machine,seed,iou,lateral_m,multiply_adds,infer_us_median\n"
     rows = [f"model,1,factorised-{k},fused,m,{s},{0.58 + 0.001 * k + 0.01 * s},{0.03 + 0.001 * k},{40000 + 900 * k},{8 + 0.1 * k}\n"
             for k in range(8) for s in (1, 2)]
@@ -72,8 +67,9 @@ def test_pareto_names_all_models_without_overlap(folder):
     (folder / "pareto.csv").write_text(head + "".join(rows))
     figure = plot.pareto(folder / "pareto.csv", bound_m=0.014)
     assert len(figure.axes) == 3
-    assert {f"factorised-{k}" for k in range(8)} <= {text.get_text() for text in figure.axes[0].texts}
-    assert not boxes_overlap(figure)
+    _, names = figure.axes[0].get_legend_handles_labels()
+    assert {f"factorised-{k}" for k in range(8)} <= set(names)
+    assert len({container.lines[0].get_color() for container in figure.axes[0].containers}) == 8
     ticks = [label.get_text() for label in figure.axes[1].get_xticklabels() if label.get_text()]
     assert "40 000" in ticks and not any("$" in tick for tick in ticks)
 

@@ -10,21 +10,61 @@ as many as the plot has.
 from __future__ import annotations
 
 import csv
+import pathlib
 from collections.abc import Iterable, Sequence
 from typing import Any, Union
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from numpy.typing import ArrayLike, NDArray
 
 from . import model as models
 from . import run as runs
 from .maps import span_of
-from .panels import COLOURS, NO_RETURN, Panels, Path, figure, opened, place_names, plain_log
 
 __all__ = ["COLOURS", "figure", "learning_curve", "map", "maps", "opened", "pareto", "record", "shares", "stability", "table",
            "timeline"]
+
+COLOURS = {"spd": "#0b5cad", "radar": "#a64200", "depth": "#00695c", "both": "#16191d", "papers": "#5b0f75",
+           "grey": "#6a7078", "bad": "#b3201a"}
+NO_RETURN = "#e8eaed"
+Path = str | pathlib.Path
+Panels = Union[Axes, Sequence[Axes], None]
+
+# Panels
+
+
+def figure(columns: int = 1, rows: int = 1, wide: float = 4.6, high: float = 3.4, ax: Panels = None) -> tuple[Figure, NDArray[Any]]:
+    """A new figure and its panels, or those that are given. Raises ValueError for too few."""
+    if ax is not None:
+        axes = np.atleast_1d(np.array(ax, object)).ravel()
+        if len(axes) < columns * rows:
+            raise ValueError(f"ax: {len(axes)} panels; expected {columns * rows}")
+        return axes[0].figure, axes[:columns * rows]
+    made = Figure(figsize=(wide * columns, high * rows), layout="constrained")
+    FigureCanvasAgg(made)
+    axes = made.subplots(rows, columns, squeeze=False).ravel()
+    for panel in axes:
+        panel.spines[["top", "right"]].set_visible(False)
+    return made, axes
+
+
+def opened(run: runs.Run | Path) -> runs.Run:
+    return run if isinstance(run, runs.Run) else runs.open(run)
+
+
+def plain_log(ax: Axes, *sides: str) -> None:
+    """Logarithmic axes "x", "y" with plain numbers at their ticks: 0.1, 1, 10; of few decades also 3, or 2 and 5."""
+    for side in sides:
+        ax.set(**{f"{side}scale": "log"})
+        axis = getattr(ax, f"{side}axis")
+        low, high = sorted(getattr(ax, f"get_{side}lim")())
+        axis.set_major_locator(LogLocator(subs=(1, 2, 5) if high < 30 * low else (1, 3) if high < 300 * low else (1,)))
+        axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:,.10g}".replace(",", " ")))
+        axis.set_minor_formatter(NullFormatter())
 
 # Maps and records
 
@@ -231,8 +271,8 @@ def pareto(path: Path, *, bound_m: float | None = None, axis: str = "model", ax:
     shape = (2, 1 + (len(sweeps) + 1) // 2) if ax is None else (2 + len(sweeps), 1)
     made, axes = figure(*shape, wide=5.4, high=4.0, ax=ax)
     shown = {name: same for (kind, _, name), same in by_model.items() if kind == axis and over_seeds(same, "iou")[0] >= 0.01}
+    colours = {name: f"C{k % 10}" for k, name in enumerate(shown)}
     front: list[tuple[float, float]] = []
-    named: list[list[tuple[float, float, float, str, str]]] = []
     for panel, cost, metric, unit in ((axes[0], "infer_us_median", "iou", 1), (axes[1], "multiply_adds", "lateral_m", 100)):
         points = []
         for name, same in shown.items():
@@ -240,15 +280,16 @@ def pareto(path: Path, *, bound_m: float | None = None, axis: str = "model", ax:
             mean, spread = over_seeds(same, metric)
             if not x:
                 continue
-            panel.errorbar(x[-1], unit * mean, unit * spread or None, fmt="o", ms=5, capsize=3, color=colour_of(name))
-            points.append((x[-1], unit * mean, unit * spread, name, colour_of(name)))
+            panel.errorbar(x[-1], unit * mean, unit * spread or None, fmt="os^v"[list(shown).index(name) // 10 % 4], ms=5, capsize=3,
+                           color=colours[name], label=name)
+            points.append((x[-1], unit * mean))
         if metric == "iou":
-            for at, y, *_ in sorted(points):
+            for at, y in sorted(points):
                 if not front or y > front[-1][1]:
                     front.append((at, y))
             panel.step([x for x, _ in front], [y for _, y in front], where="post", color=COLOURS["grey"], lw=1, zorder=0,
                        label="Pareto front")
-            panel.legend(fontsize=8, frameon=False, loc="lower right")
+            panel.legend(fontsize=7, frameon=False, ncols=1 + len(shown) // 6, loc="upper left", bbox_to_anchor=(0, -0.15))
             panel.set(xlabel="time of one map on one thread (µs, median)", ylabel="IoU")
         else:
             if bound_m:
@@ -258,7 +299,6 @@ def pareto(path: Path, *, bound_m: float | None = None, axis: str = "model", ax:
             panel.set(xlabel="multiply-adds of one map", ylabel="lateral error (cm)")
         plain_log(panel, *("x" if metric == "iou" else "xy"))
         panel.margins(0.12)
-        named.append(points)
     for panel, sweep in zip(axes[2:], sweeps):
         taken: list[str] = []
         for name in dict.fromkeys(key[2] for key in by_model if key[0] == sweep):
@@ -271,11 +311,6 @@ def pareto(path: Path, *, bound_m: float | None = None, axis: str = "model", ax:
         panel.legend(fontsize=8, frameon=False)
     for panel in axes[2 + len(sweeps):]:
         panel.remove()
-    made.canvas.draw()
-    if ax is None:
-        made.set_layout_engine("none")
-    place_names(axes[0], named[0], front)
-    place_names(axes[1], named[1])
     return made
 
 
