@@ -28,7 +28,7 @@ struct RadarConfig {
   std::string cli, data;                             // addresses of the two ports
   std::string cfg_text;                              // sent verbatim, line by line
   std::string cfg_name;                              // for messages: usually the file's name
-  static constexpr std::uint32_t cli_baud = 115200;  // of the out-of-box demo
+  static constexpr std::uint32_t cli_baud = 115200;  // TI's out-of-box demo
   std::uint32_t data_baud = 921600;
   std::string board = "isk";  // named in drivers/radar/antennas.hpp
   bool keep_running = false;  // do not stop the sensor at the end

@@ -139,10 +139,13 @@ Command add_reconstruct(CLI::App& app, const Common& common) {
       ->capture_default_str();
   add_empty_option(app, a->empty);
   add_range_offset_option(app, a->range_offset_m);
+  CLI::Option* const rows = app.add_option(
+      "--rows", a->rows, "indices of the records to map, as 3,7; test: those that MODEL held out");
   app.add_flag("--follow", a->follow,
-               "of a run that is being recorded: new records as they come, until it is closed");
+               "of a run that is being recorded: new records as they come, until it is closed")
+      ->excludes(rows);
   app.add_flag("--force", a->force, "write into a folder that holds maps of another run");
-  more_options(app, {"--empty", "--range-offset", "--force"});
+  more_options(app, {"--rows", "--empty", "--range-offset", "--force"});
   add_examples(app,
                {"echofuse-recon reconstruct fused.safetensors monday.sqlite --out maps",
                 "echofuse-recon reconstruct fused.safetensors monday.sqlite --follow --out maps"});

@@ -27,7 +27,7 @@ namespace {
 
 struct Arguments {
   std::vector<std::string> files, maps, train;  // files: models, and last the run
-  std::string empty, records;
+  std::string empty, per_record;
   double range_offset_m = 0;
   bool all = false, json = false;
 };
@@ -56,7 +56,7 @@ std::string place_of(std::span<const float> truth, const Scene& scene) {
   return pixels > 0 ? formatted("%.9g,%.9g", range_m / pixels, side_m / pixels) : ",";
 }
 
-// A line for each way and record; the background beside it.
+// Writes a line for each way and record.
 void write_records(const std::string& path, const Dataset& data, const Scene& scene,
                    const std::vector<Judged>& all) {
   std::string out = "record,label,name";
@@ -78,10 +78,6 @@ void write_records(const std::string& path, const Dataset& data, const Scene& sc
              csv_text(stated.out_of_distribution.text()) + '\n';
     }
   write_file(path, Bytes(out.begin(), out.end()));
-  NpyWriter background(path + ".npy", {scene.grid.size});
-  for (std::size_t y = 0; y < scene.grid.size; ++y)
-    background.append(std::span(scene.background).subspan(y * scene.grid.size, scene.grid.size));
-  background.close();
 }
 
 // Compares the k-th with the first; gives none if their records differ.
@@ -185,7 +181,7 @@ ExitCode evaluate_models(const Arguments& a, const Common& common) {
     judged.push_back({count > 1 ? name : e.model, rows, e.scores, e.uncertainties});
     all.push_back(std::move(e));
   }
-  if (!a.records.empty()) write_records(a.records, data, judge->scene, judged);
+  if (!a.per_record.empty()) write_records(a.per_record, data, judge->scene, judged);
   if (a.json) {
     nlohmann::json out = to_json(all[0]), rows = nlohmann::json::array();
     for (const Evaluation& e : all) rows.push_back(to_json(e));
@@ -241,7 +237,7 @@ ExitCode evaluate_maps(const Arguments& a, const Common& common) {
   const std::vector<ScoredRow> baselines = score_baselines(
       data, rows, judge.scene, a.train.empty() ? data : other,
       a.train.empty() ? Rows{} : other.usable(Inputs::fused), title("scoring baselines"));
-  if (!a.records.empty()) write_records(a.records, data, judge.scene, all);
+  if (!a.per_record.empty()) write_records(a.per_record, data, judge.scene, all);
   std::vector<ScoredRow> scored;
   for (const Judged& one : all) scored.push_back({one.name, summarise(one.scores)});
   const std::string note = a.train.empty() && models.empty()
@@ -280,15 +276,13 @@ Command add_evaluate(CLI::App& app, const Common& common) {
                  "and have the nearest neighbours")
       ->type_name("RUN")
       ->allow_extra_args(false);
-  app.add_option(
-         "--records", a->records,
-         "table to write, of each record's scores, place and stated error; beside it FILE.npy, the "
-         "background that they are judged by")
+  app.add_option("--per-record", a->per_record,
+                 "CSV table to write: scores, true place and stated error of each record")
       ->type_name("FILE");
   add_empty_option(app, a->empty);
   add_range_offset_option(app, a->range_offset_m);
   app.add_flag("--json", a->json, "one JSON object instead of text");
-  more_options(app, {"--train", "--records", "--empty", "--range-offset", "--json"});
+  more_options(app, {"--train", "--per-record", "--empty", "--range-offset", "--json"});
   add_examples(app, {"echofuse-recon evaluate fused.safetensors scenes.sqlite",
                      "echofuse-recon evaluate small.safetensors fused.safetensors scenes.sqlite",
                      "echofuse-recon evaluate --maps mine fresh.sqlite --train scenes.sqlite"});

@@ -61,11 +61,12 @@ std::string camera_json(const record::MapGrid& grid) {
 struct MapFormat {
   const char *name, *what;
 };
-constexpr std::array<MapFormat, 5> map_formats = {
+constexpr std::array<MapFormat, 6> map_formats = {
     {{"colour", "PNG"},
      {"mm", "PNG of 16-bit millimetres"},
      {"ply", "points"},
      {"npy", "all maps in one array"},
+     {"foreground", "arrays of thresholded maps and of the foreground's share"},
      {"uncertainty", "standard deviations, as mm and npy"}}};
 
 }  // namespace
@@ -87,11 +88,13 @@ MapFiles::MapFiles(std::string folder, const std::vector<std::string>& formats, 
     : folder_(std::move(folder)), formats_(formats), scene_(scene), span_(span_of(scene)) {
   const std::string camera = camera_json(scene.grid);
   write_file(folder_ + "/camera.json", Bytes(camera.begin(), camera.end()));
-  const std::size_t size = scene.grid.size;
-  if (!wants("npy")) return;
-  maps_.emplace(folder_ + "/maps.npy", std::vector{size, size});
-  if (wants("uncertainty"))
-    deviations_.emplace(folder_ + "/deviation.npy", std::vector{size, size});
+  const auto add = [&](const char* name) {
+    arrays_.try_emplace(name, folder_ + "/" + name + ".npy",
+                        std::vector<std::size_t>(2, scene.grid.size));
+  };
+  if (wants("npy")) add("maps");
+  if (wants("npy") && wants("uncertainty")) add("deviation");
+  if (wants("foreground")) add("thresholded"), add("share");
 }
 
 bool MapFiles::wants(const char* format) const {
@@ -101,36 +104,37 @@ bool MapFiles::wants(const char* format) const {
 MapFiles::Ready MapFiles::prepare(std::int64_t index, std::span<const float> prediction,
                                   std::span<const float> deviation) const {
   const std::vector<float> map = within_span(prediction, scene_);
-  Ready out{index, {}, {}, {}};
+  Ready out{index, {}, {}};
   const auto picture = [&](const char* end, Bytes contents) {
     out.pictures.push_back(
         {folder_ + formatted("/%06lld", static_cast<long long>(index)) + end, std::move(contents)});
   };
-  // Only colours and points show it.
   std::vector<float> there;
-  if (wants("ply") || wants("colour")) there = thresholded_map(map, scene_);
+  if (wants("ply") || wants("colour") || wants("foreground")) there = thresholded_map(map, scene_);
   if (wants("ply")) picture(".ply", point_cloud(there, scene_.grid, span_));
   if (wants("colour")) picture(".png", depth_picture(there, span_, picture_zoom));
   if (wants("mm")) picture("_mm.png", millimetre_picture(map, scene_.grid.size));
   if (wants("uncertainty")) picture("_sd.png", millimetre_picture(deviation, scene_.grid.size));
-  if (!maps_) return out;
-  out.depths = map;
-  for (float& z : out.depths)
-    if (!(z > 0)) z = std::numeric_limits<float>::quiet_NaN();
-  if (deviations_) out.deviation.assign(deviation.begin(), deviation.end());
+  const auto with_gaps = [](std::vector<float> depths) {
+    for (float& z : depths)
+      if (!(z > 0)) z = std::numeric_limits<float>::quiet_NaN();
+    return depths;
+  };
+  for (const auto& [name, file] : arrays_)
+    out.rows[name] = name == "maps"          ? with_gaps(map)
+                     : name == "thresholded" ? with_gaps(there)
+                     : name == "share"       ? foreground_share(map, scene_)
+                                             : std::vector(deviation.begin(), deviation.end());
   return out;
 }
 
 void MapFiles::write(const Ready& ready) {
   for (const File& file : ready.pictures) write_file(file.path, file.contents);
-  if (!maps_) return;
-  maps_->append(ready.depths);
-  if (deviations_) deviations_->append(ready.deviation);
+  for (auto& [name, file] : arrays_) file.append(ready.rows.at(name));
 }
 
 void MapFiles::close() {
-  if (maps_) maps_->close();
-  if (deviations_) deviations_->close();
+  for (auto& [name, file] : arrays_) file.close();
 }
 
 }  // namespace echofuse::recon

@@ -2,7 +2,7 @@
 // Depth maps as files, in the formats that are asked for.
 #pragma once
 #include <cstdint>
-#include <optional>
+#include <map>
 #include <span>
 #include <string>
 #include <vector>
@@ -21,6 +21,7 @@ namespace echofuse::recon {
 //           ripple of a least-squares map would be a fog of points
 //   npy     maps.npy for all: float32 [n, N, N], metres, NaN where nothing returned; records.csv
 //           names their records. `evaluate --maps` reads both.
+//   foreground  thresholded.npy, as maps.npy, and share.npy: foreground_share (scene.hpp)
 //   uncertainty  NNNNNN_sd.png: 16-bit grey, the standard deviation of z in millimetres, 0 if the
 //           estimator that answered states none; beside npy also deviation.npy, NaN there
 // Beside all of them camera.json: the pinhole camera whose images they are, in pixels, and the
@@ -41,7 +42,7 @@ class MapFiles {
   struct Ready {
     std::int64_t index;
     std::vector<File> pictures;
-    std::vector<float> depths, deviation;  // rows of the .npy files
+    std::map<std::string, std::vector<float>> rows;  // appended to NAME.npy
   };
   Ready prepare(std::int64_t index, std::span<const float> prediction,
                 std::span<const float> deviation) const;
@@ -54,7 +55,7 @@ class MapFiles {
   std::vector<std::string> formats_;
   const Scene& scene_;
   DepthSpan span_;
-  std::optional<NpyWriter> maps_, deviations_;
+  std::map<std::string, NpyWriter> arrays_;  // by name
 };
 
 }  // namespace echofuse::recon

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <charconv>
 #include <cmath>
 #include <cstdio>
 #include <cstring>
@@ -12,6 +13,8 @@
 #include <future>
 #include <limits>
 #include <optional>
+#include <set>
+#include <span>
 #include <thread>
 #include <utility>
 
@@ -35,6 +38,20 @@ constexpr std::chrono::milliseconds pause_between_looks(20);
 bool wants_uncertainty(const ReconstructOptions& options) {
   const auto& formats = options.formats;
   return std::find(formats.begin(), formats.end(), "uncertainty") != formats.end();
+}
+
+// Throws Error(usage).
+std::set<std::int64_t> indices_of(const std::string& text) {
+  std::set<std::int64_t> out;
+  for (const std::string& word : split_at_commas(text)) {
+    std::int64_t index = -1;
+    const auto [end, error] = std::from_chars(word.data(), word.data() + word.size(), index);
+    if (error != std::errc{} || end != word.data() + word.size() || index < 0)
+      throw Error(ExitCode::usage,
+                  "--rows: \"" + word + "\": expected indices of records, as 3,7, or test");
+    out.insert(index);
+  }
+  return out;
 }
 
 class StatusTable {
@@ -93,11 +110,12 @@ class Reconstruction {
 
  private:
   Dataset read(const record::RunReader& run, std::size_t at_most);
+  Rows take_rows_asked(const Dataset& data);
   Records prepare_new(Dataset data);
   // Files and statuses of consecutive records; files only of those that have maps.
   using Made = std::vector<std::pair<RecordStatus, std::optional<MapFiles::Ready>>>;
-  Made make(const Records& records, std::size_t first, std::size_t count) const;
-  void write(const Records& records, std::size_t first, Made made);
+  Made make(const Records& records, std::span<const std::size_t> rows) const;
+  void write(const Records& records, std::span<const std::size_t> rows, Made made);
   void tell_run(const std::string& text) const;
   void tell(const RecordStatus& status);
   void tell_bad(std::int64_t before);
@@ -124,20 +142,43 @@ Dataset Reconstruction::read(const record::RunReader& run, std::size_t at_most) 
   return out;
 }
 
+// Returns the rows of a whole run that options.rows asks for, and forgets other unusable records.
+Rows Reconstruction::take_rows_asked(const Dataset& data) {
+  if (options_.rows.empty()) return all_rows(data.size());
+  if (options_.rows == "test") {
+    Rows rows = model_.rows_of(data, Part::test);
+    if (rows.empty())
+      throw Error(ExitCode::failed,
+                  "--rows test: the model was not trained on this run, or held "
+                  "none of its records out");
+    std::ranges::sort(rows);
+    return bad_.clear(), rows;
+  }
+  std::set<std::int64_t> wanted = indices_of(options_.rows);
+  std::erase_if(bad_, [&](const RecordStatus& r) { return !wanted.contains(r.index); });
+  for (const RecordStatus& r : bad_) wanted.erase(r.index);
+  Rows rows;
+  for (std::size_t row = 0; row < data.size(); ++row)
+    if (wanted.erase(data.index[row]) > 0) rows.push_back(row);
+  if (!wanted.empty())
+    throw Error(ExitCode::failed,
+                "--rows: the run has no record " + std::to_string(*wanted.begin()));
+  return rows;
+}
+
 void Reconstruction::take_all(const record::RunReader& run) {
   const auto count = static_cast<std::size_t>(run.count());
   Progress progress("reconstructing", count, options_.quiet);
   const Records records = prepare_records(model_, read(run, count), options_.range_offset_m);
-  const std::size_t last = records.data.size();
+  const Rows rows = take_rows_asked(records.data);
   // Threads: this one judges the run, then writes a part; others make the next maps and pictures.
   const std::size_t ahead = std::max(2u, usable_cores());
   std::deque<std::future<Made>> next;
-  auto start = [&, first = std::size_t{0}, end = last]() mutable {
-    if (first >= end) return;
-    const std::size_t size = std::min(part_records, end - first);
-    next.push_back(
-        std::async(std::launch::async, [&, first, size] { return make(records, first, size); }));
-    first += part_records;
+  auto start = [&, left = std::span(rows)]() mutable {
+    if (left.empty()) return;
+    const auto some = left.first(std::min(part_records, left.size()));
+    next.push_back(std::async(std::launch::async, [&, some] { return make(records, some); }));
+    left = left.subspan(some.size());
   };
   for (std::size_t i = 0; i < ahead; ++i) start();
   tell_run(records.antennas);
@@ -148,7 +189,7 @@ void Reconstruction::take_all(const record::RunReader& run) {
     Made made = next.front().get();
     start();
     const std::size_t more = made.size();
-    write(records, done, std::move(made));
+    write(records, std::span(rows).subspan(done, more), std::move(made));
     progress.update(done += more);
   }
   if (!interrupted()) tell_bad(std::numeric_limits<std::int64_t>::max());
@@ -158,7 +199,8 @@ void Reconstruction::take_all(const record::RunReader& run) {
 bool Reconstruction::take_new(const record::RunReader& run) {
   const std::int64_t before = next_;
   const Records records = prepare_new(read(run, part_records));
-  write(records, 0, make(records, 0, records.data.size()));
+  const Rows rows = all_rows(records.data.size());
+  write(records, rows, make(records, rows));
   tell_bad(std::numeric_limits<std::int64_t>::max());
   table_.flush();
   return next_ != before;
@@ -179,25 +221,25 @@ void Reconstruction::tell_run(const std::string& text) const {
   if (!text.empty() && options_.on_run) options_.on_run(text);
 }
 
-Reconstruction::Made Reconstruction::make(const Records& records, std::size_t first,
-                                          std::size_t count) const {
+Reconstruction::Made Reconstruction::make(const Records& records,
+                                          std::span<const std::size_t> all_rows) const {
   const Dataset& data = records.data;
   Made out;
-  Rows rows;
-  for (std::size_t row = first; row < first + count; ++row) {
+  Rows rows, places;
+  for (const std::size_t row : all_rows) {
     out.push_back(
         {{data.index[row], model_.fault_of(data, row), model_.note_of(data, row), {}}, {}});
     if (!out.back().first.fault.empty()) continue;
     const Estimator* by = model_.answering(data, row);
     out.back().first.doubt =
         data.doubt_of(row, (by ? *by : model_.for_run(data)).features.inputs, false);
-    rows.push_back(row);
+    rows.push_back(row), places.push_back(out.size() - 1);
   }
   const bool deviations = wants_uncertainty(options_);
   const Prediction all = predict(
       model_, data, rows, deviations ? PredictionDetail::pixels : PredictionDetail::uncertainty);
   for (std::size_t i = 0; i < rows.size(); ++i) {
-    auto& [status, files] = out[rows[i] - first];
+    auto& [status, files] = out[places[i]];
     if (const BodyPlace at = body_place(all.maps.row(i), model_->scene); !std::isnan(at.x_m))
       status.body = at;
     if (!all.uncertainties.empty() && all.uncertainties[i].stated)
@@ -208,10 +250,10 @@ Reconstruction::Made Reconstruction::make(const Records& records, std::size_t fi
   return out;
 }
 
-void Reconstruction::write(const Records& records, std::size_t first, Made made) {
+void Reconstruction::write(const Records& records, std::span<const std::size_t> rows, Made made) {
   for (std::size_t i = 0; i < made.size(); ++i)
     if (auto& [status, files] = made[i]; files)
-      files_.write(*files), time(status, records.data.slot_end[first + i]);
+      files_.write(*files), time(status, records.data.slot_end[rows[i]]);
   for (const auto& [status, files] : made) tell_bad(status.index), tell(status);
 }
 
@@ -259,6 +301,7 @@ void require_folder(const ReconstructOptions& options, const std::string& uuid) 
 void reconstruct(const TrainedModel& model, const std::string& path,
                  const ReconstructOptions& options) {
   if (wants_uncertainty(options)) require_uncertainty(model);
+  if (options.rows != "test") indices_of(options.rows);  // refused before anything is made
   auto [files, missing] = record::files_of(path);
   if (!missing.empty()) std::fprintf(stderr, "%s\n", missing.c_str());
   const std::string uuid = record::RunReader(files.front()).info().uuid;

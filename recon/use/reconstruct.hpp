@@ -27,6 +27,7 @@ struct RecordStatus {
 struct ReconstructOptions {
   std::string out;                                      // folder, made if need be
   std::vector<std::string> formats = {"colour", "mm"};  // names in map_files.hpp
+  std::string rows;           // indices of records, as "3,7", or "test": held out; empty: all
   bool follow = false;        // take records as they come, until the run is closed
   bool force = false;         // also into a folder that holds maps of another run
   bool quiet = false;         // no progress bar, and of the run only what is unusual
@@ -40,8 +41,9 @@ struct ReconstructOptions {
 // Reconstructs one run: reads records, predicts maps, writes files and OUT/records.csv as they
 // come. Notes and leaves out a record that cannot be used (bad blob, missing or dead sensor). Ends
 // early at an interrupt, with what it has finished. OUT/run.txt names the run of the maps (uuid,
-// path, whether calibrated). Throws Error(failed) if the run's axes are not the model's, and
-// Error(disk). Throws Error(usage) if there are maps of another run, unless forced.
+// path, whether calibrated). Throws Error(failed) if the run's axes are not the model's or lacks
+// one of the rows, and Error(disk). Throws Error(usage) if there are maps of another run, unless
+// forced.
 void reconstruct(const TrainedModel& model, const std::string& run,
                  const ReconstructOptions& options);
 

@@ -283,7 +283,7 @@ def judged_of(**baselines):
     from echofuse.report_scores import Judged
 
     trivial = {name: {"iou": {"mean": iou, "se": 0.0, "maps": 20}} for name, iou in baselines.items()}
-    return Judged([], {"trivial": trivial, "foreground_depth_m": 3.0}, np.zeros((2, 2), np.float32), "")
+    return Judged([], {"trivial": trivial, "foreground_depth_m": 3.0}, "")
 
 
 def test_the_verdict_names_an_opponent_that_draws_a_body_and_what_is_worse():

@@ -164,7 +164,7 @@ TEST_CASE(
       radar_axis(32));
   const auto judged = [&](const std::string& words) {
     const Outcome o = recon_program("-q evaluate --json " + words + (dir / "fresh") +
-                                    " --records " + (dir / "table.csv"));
+                                    " --per-record " + (dir / "table.csv"));
     CAPTURE(o.text);
     REQUIRE(o.code == 0);
     return nlohmann::json::parse(o.text);

@@ -126,6 +126,46 @@ TEST_CASE("maps as they are written have the scores of the model that made them"
   refused("os.remove(d + '/maps.npy'); os.remove(d + '/camera.json')", "has neither maps.npy");
 }
 
+TEST_CASE("only the named or the held-out records are mapped with --rows") {
+  const Folder dir;
+  write_run(dir / "run", 120);
+  write_run(dir / "fresh", 4, 2);
+  REQUIRE(recon_program("train -q --model ridge " + (dir / "run") + " --out " + (dir / "m")).code ==
+          0);
+  const auto reconstruct = [&](const std::string& run, const std::string& words) {
+    return recon_program("reconstruct -q --format npy,foreground " + (dir / "m") + " " +
+                         (dir / run) + " " + words);
+  };
+  REQUIRE(reconstruct("run", "--out " + (dir / "all")).code == 0);
+  REQUIRE(reconstruct("run", "--rows 7,3 --out " + (dir / "few")).code == 0);
+  const std::string names =
+      "a = lambda f, k: n.load('" + (dir / "") + "' + f + '/' + k + '.npy'); ";
+  CHECK(numpy(names + "print([n.array_equal(a('all', k)[[3, 7]], a('few', k), equal_nan=True) for "
+                      "k in ('maps', 'thresholded', 'share')])") == "[True, True, True]\n");
+  CHECK(numpy(names + "s = a('all', 'share') > .5; m = a('all', 'maps'); t = a('all', "
+                      "'thresholded'); print(s.any(), n.array_equal(t[s], m[s]), "
+                      "n.isnan(t[~s]).all())") == "True True True\n");
+  const std::string csv = contents(dir / "few/records.csv");
+  CHECK(std::count(csv.begin(), csv.end(), '\n') == 3);
+  CHECK_THAT(csv, Catch::Contains("\n3,\"ok\",") && Catch::Contains("\n7,\"ok\","));
+  REQUIRE(reconstruct("run", "--rows test --out " + (dir / "test")).code == 0);
+  const std::string held_out = contents(dir / "test/records.csv");
+  const Outcome judged = recon_program("-q evaluate --json " + (dir / "m") + " " + (dir / "run"));
+  CHECK(nlohmann::json::parse(judged.text)["records"] ==
+        std::count(held_out.begin(), held_out.end(), '\n') - 1);
+  const auto refused = [&](const std::string& run, const std::string& rows, int code,
+                           const std::string& text) {
+    const Outcome o = reconstruct(run, "--rows " + rows + " --out " + (dir / ("not-" + run)));
+    CAPTURE(rows);
+    CHECK(o.code == code);
+    CHECK_THAT(o.text, Catch::Contains(text));
+  };
+  refused("run", "3,x", 2, "--rows: \"x\": expected indices of records, as 3,7, or test");
+  refused("run", "3,900", 1, "--rows: the run has no record 900");
+  refused("fresh", "test", 1, "the model was not trained on this run");
+  refused("run", "3 --follow", 2, "--rows does not go with --follow");
+}
+
 TEST_CASE("beside maps a model is judged by the records it has not seen") {
   const Folder dir;
   write_run(dir / "run", 120);

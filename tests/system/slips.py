@@ -41,7 +41,7 @@ recon train seen.sqlite --out m.safetensors --from nomodel | 1 | nomodel: No suc
 recon train seen.sqlite --out seen.sqlite | 2 | seen.sqlite
 recon train seen.sqlite --out m --set scaling=log | 3 | expected
 recon reconstruct seen.sqlite seen.sqlite --out maps | 1 | seen.sqlite: is no model file, or is cut off; expected a safetensors file
-recon reconstruct nomodel seen.sqlite --out maps --format gif | 2 | --format: gif not in {colour,mm,ply,npy,uncertainty}
+recon reconstruct nomodel seen.sqlite --out maps --format gif | 2 | --format: gif not in {colour,mm,ply,npy,foreground,uncertainty}
 report page | 2 | nothing to report on: give --run with models, or --live
 report page --model x | 2 | models need --run
 recon --threads many train x --out m | 2 | --threads

@@ -11,7 +11,7 @@ import contextlib
 import pathlib
 import sqlite3
 import uuid
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -60,13 +60,6 @@ def copy(path: str | pathlib.Path, out: str | pathlib.Path, *changes: Change) ->
             "signal": dict.fromkeys(("weak_share", "spd_clicks", "clicks_a_pulse", "radar_snr_db", "depth_share"), 0.0)}
         import_arrays(out, sections, {name: table[records.keep] for name, table in tables.items()
                                       if table.ndim == 1 or table.shape[1]})
-    return out
-
-
-def only(path: pathlib.Path, out: pathlib.Path, index: Iterable[int]) -> pathlib.Path:
-    """Writes the run `out` with the records of these indices alone, as they are stored, whether they can be read or not."""
-    with _copied(path, out) as db:
-        db.execute(f"DELETE FROM record WHERE idx NOT IN ({', '.join(map(str, index))})")
     return out
 
 

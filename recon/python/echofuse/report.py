@@ -6,7 +6,7 @@ beside one another on the records that training held out, two models record by r
     echofuse-report page --run scenes.sqlite --compare a.safetensors b.safetensors
     echofuse-report page --live monday.sqlite
 
-The numbers are those of `echofuse-recon evaluate --json --records`, the maps those of `reconstruct`."""
+The numbers are those of `echofuse-recon evaluate --json --per-record`, the maps those of `reconstruct`."""
 from __future__ import annotations
 
 import argparse
@@ -80,8 +80,9 @@ class Report:
             mode.scores, (mode.differences, *_) = [next(scores) for _ in mode.files], [next(paired) for _ in mode.files]
         if compared and not self.modes[1].differences:
             raise ReportError("the two models hold other records out; give a run that neither was trained on")
-        self.span = self.judged.span(float(self.modes[0].facts[0]["0/scene/map_z_max_m"]))
-        self.main, self.gallery = chosen(self.run, self.modes, self.judged, self.room)
+        first = self.modes[0]
+        self.span = self.judged.span(float(first.tensors["0/scene/background_m"].max()), float(first.facts[0]["0/scene/map_z_max_m"]))
+        self.main, self.gallery = chosen(self.run, self.modes, self.room)
         order = [colour for colour in ("both", "papers", "depth", "grey", "spd", "radar") if colour not in {mode.inputs for mode in self.modes}]
         #: of each mode's series: modes of both sensors, and further ones of equal inputs, take turns
         self.colours = ["grey", "both"]
@@ -95,7 +96,7 @@ class Report:
         if self.modes:
             self.live = evaluated(self.modes[0].files[:1], self.args.live, self.room)
             order = self.live.scores[0].order
-            wanted, more = [order[len(order) // 2]], (self.modes[:1], self.live.scores, self.live, self.room)
+            wanted, more = [order[len(order) // 2]], (self.modes[:1], self.live.scores, self.room)
             caption = "Of the records that the daemon recorded, the one whose map has the median IoU."
         else:
             wanted, more, caption = self.story.typical(), (), "The record in the middle of those with the most sensors."

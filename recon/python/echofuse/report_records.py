@@ -2,6 +2,7 @@
 """Records as a report shows them: what was measured, the truth, and the maps that `echofuse-recon reconstruct` makes."""
 from __future__ import annotations
 
+import csv
 import pathlib
 import tempfile
 from collections.abc import Sequence
@@ -9,35 +10,28 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from . import derive
 from . import run as runs
 from .blocks import blocks
 from .maps import load_maps
 from .methods import call
 from .report_blocks import Block, packed, short
-from .report_scores import Judged, Mode, Scores
+from .report_scores import Mode, Scores
 
 UNCALIBRATED = "no uncertainty: only a model of a sensor, trained to its end on 50 records or more, states its errors"
-Map = tuple[NDArray[np.float32], NDArray[np.float32] | None]  # [N, N] metres as it is made, 0: no return; its deviation
+Map = dict[str, NDArray[np.float32]]  # [N, N] each: thresholded (metres, 0: no return), share, and deviation if stated
 
 
-def shown(run: str, wanted: Sequence[int], modes: Sequence[Mode] = (), scores: Sequence[Scores] = (), judged: Judged | None = None,
+def shown(run: str, wanted: Sequence[int], modes: Sequence[Mode] = (), scores: Sequence[Scores] = (),
           room: Sequence[str] = ()) -> dict[int, Block]:
     """Records of these indices by their index, with the map of each mode's first model, whose scores are given."""
     with runs.open(run) as whole:
         rows = np.flatnonzero(np.isin(whole.index, wanted)).tolist()
         out = {int(whole.index[row]): measured(whole.rows(row, row + 1)) for row in rows}
-    for path in whole.files if modes else []:
-        with runs.open(path) as part:
-            here = part.index[np.isin(part.index, wanted)].tolist()
-        with tempfile.TemporaryDirectory(prefix="echofuse-report-") as scratch:
-            few = derive.only(path, pathlib.Path(scratch) / "few.sqlite", here) if here else None
-            maps = [reconstructed(mode, few, pathlib.Path(scratch) / str(k), room) for k, mode in enumerate(modes)] if few else []
-        for mode, made, scored in zip(modes, maps, scores):
-            for index, one in made.items():
-                at = int(np.flatnonzero(scored.index == index)[0])
-                out[index]["body_m"] = short(scored["range_m"][at])
-                out[index]["maps"].append(map_of(mode, scored, at, judged, one))
+    for mode, scored in zip(modes if out else (), scores):
+        for index, (status, one) in reconstructed(mode, run, list(out), room).items():
+            at = int(np.flatnonzero(scored.index == index)[0])
+            out[index]["body_m"] = short(scored["range_m"][at])
+            out[index]["maps"].append(map_of(mode, scored, at, status, one))
     return out
 
 
@@ -68,27 +62,31 @@ def half_tangent(run: runs.Run) -> float:
     return round(axis.step * axis.count / 2, 9) if axis else 0.55
 
 
-def reconstructed(mode: Mode, run: pathlib.Path, folder: pathlib.Path, room: Sequence[str]) -> dict[int, Map]:
-    """By the record's index, of the mode's first model."""
+def reconstructed(mode: Mode, run: str, wanted: Sequence[int], room: Sequence[str]) -> dict[int, tuple[str, Map]]:
+    """Status and map by the record's index, of the mode's first model."""
     calibrated = bool(mode.facts[0]["0/calibrated"])
-    call("echofuse-recon", "-q", "reconstruct", mode.files[0], run, "--out", folder, "--format", "npy" + ",uncertainty" * calibrated, *room,
-         ok=(0, 5))
-    maps, index = load_maps(folder)
-    deviations = np.load(folder / "deviation.npy") if calibrated else [None] * len(maps)
-    return {int(i): (np.nan_to_num(z), deviation) for i, z, deviation in zip(index, maps, deviations)}
+    with tempfile.TemporaryDirectory(prefix="echofuse-report-") as scratch:
+        folder = pathlib.Path(scratch)
+        call("echofuse-recon", "-q", "reconstruct", mode.files[0], run, "--rows", ",".join(map(str, wanted)), "--out", folder,
+             "--format", "npy,foreground" + ",uncertainty" * calibrated, *room, ok=(0, 5))
+        index = load_maps(folder)[1].tolist()
+        with open(folder / "records.csv", newline="", encoding="utf-8") as file:
+            status = {int(row["record"]): row["status"] for row in csv.DictReader(file)}
+        arrays = {name: np.load(folder / f"{name}.npy") for name in ("thresholded", "share", *["deviation"] * calibrated)}
+    return {i: (status[i], {name: np.nan_to_num(values[k]) for name, values in arrays.items()}) for k, i in enumerate(index)}
 
 
-def map_of(mode: Mode, scored: Scores, at: int, judged: Judged, made: Map) -> Block:
-    """The thresholded map of a record, as it is scored, and what the model says of it."""
-    raw, deviation = made
+def map_of(mode: Mode, scored: Scores, at: int, status: str, made: Map) -> Block:
+    """Block of a record's thresholded map, with the statements of the model and of `reconstruct` about it."""
     words = [f"IoU {scored['iou'][at]:.2f}"] + [f"{name} {100 * scored[metric][at]:.1f} cm" for name, metric in
              (("lateral error", "lateral_m"), ("depth error", "depth_mae_m")) if not np.isnan(scored[metric][at])]
     within = scored["lateral_interval_90_m"][at]
-    stated = UNCALIBRATED if deviation is None else "the place is not known" if np.isnan(within) else f"within {100 * within:.0f} cm sideways (90 %)"
-    out = {"name": mode.title, "map": packed(judged.thresholded(raw), 1e-3, "<u2"), "share": packed(judged.share(raw), 0.005, "u1"),
+    stated = UNCALIBRATED if "deviation" not in made else "the place is not known" if np.isnan(within) else f"within {100 * within:.0f} cm sideways (90 %)"
+    out = {"name": mode.title, "map": packed(made["thresholded"], 1e-3, "<u2"), "share": packed(made["share"], 0.005, "u1"),
            "scores": ", ".join(words) + ".", "stated": stated}
-    out |= {"warning": f"unlike the training: {scored.warnings[at]}"} if scored.warnings[at] else {}
-    return out if deviation is None else out | {"deviation": packed(deviation, 0.01, "u1")}
+    warnings = [*([f"unlike the training: {scored.warnings[at]}"] if scored.warnings[at] else []), *([status] if status != "ok" else [])]
+    out |= {"warning": "; ".join(warnings)} if warnings else {}
+    return out | ({"deviation": packed(made["deviation"], 0.01, "u1")} if "deviation" in made else {})
 
 
 def said_of(made: Block, named: bool) -> str:
@@ -107,7 +105,7 @@ def middle_record(modes: Sequence[Mode], wanted: set[int]) -> int | None:
     return min(sorted(off), key=off.__getitem__, default=None)
 
 
-def chosen(run: str, modes: Sequence[Mode], judged: Judged, room: Sequence[str]) -> tuple[list[Block], list[Block]]:
+def chosen(run: str, modes: Sequence[Mode], room: Sequence[str]) -> tuple[list[Block], list[Block]]:
     """Record of median quality of person and letters, by all modes; then the worst, median and best of the first one."""
     first, main, captions = modes[0].first, [], []
     common = set.intersection(*(set(mode.first.index.tolist()) for mode in modes))
@@ -118,7 +116,7 @@ def chosen(run: str, modes: Sequence[Mode], judged: Judged, room: Sequence[str])
             captions.append(f"Of all {len(wanted)} records of this kind the one nearest to the median IoU of each model with these inputs.")
     order = first.order
     ends = {what: order[int(share * (len(order) - 1))] for what, share in (("Worst", 0), ("Median", 0.5), ("Best", 1))}
-    by_all = shown(run, main, modes, [mode.first for mode in modes], judged, room)
-    by_first = shown(run, list(ends.values()), modes[:1], [first], judged, room)
+    by_all = shown(run, main, modes, [mode.first for mode in modes], room)
+    by_first = shown(run, list(ends.values()), modes[:1], [first], room)
     return ([by_all[index] | {"caption": caption} for index, caption in zip(main, captions)],
             [by_first[index] | {"title": f"{what}: {by_first[index]['title']}"} for what, index in ends.items()])

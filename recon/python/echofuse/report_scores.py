@@ -99,29 +99,15 @@ class Scores:
 
 
 class Judged(NamedTuple):
-    """Scores of models on a run, by `evaluate`; the background [N, N] (metres) and mean depth of the body tell them apart."""
+    """Scores of models on a run, by `evaluate`."""
 
     scores: list[Scores]
     told: dict[str, Any]
-    background: NDArray[np.float32]
     said: str  # about another room
 
-    @property
-    def body_m(self) -> np.float32:
-        return np.float32(self.told["foreground_depth_m"])
-
-    def share(self, maps: NDArray[np.float32]) -> NDArray[np.float32]:
-        """How far each pixel has come from the background (0) to the mean body (1) (recon/metrics/scene.hpp)."""
-        way = self.body_m - self.background
-        tells = (np.abs(way) > np.float32(0.1)) & (self.body_m > 0)
-        return np.where(tells, (maps - self.background) / np.where(tells, way, 1), 0).astype(np.float32)
-
-    def thresholded(self, maps: NDArray[np.float32]) -> NDArray[np.float32]:
-        return np.where(self.share(maps) > 0.5, maps, self.background) if self.body_m > 0 else maps
-
-    def span(self, far_m: float) -> tuple[float, float]:
-        """Depths of the maps with a margin: one scale for all."""
-        body, wall = float(self.body_m), float(self.background.max())
+    def span(self, wall: float, far_m: float) -> tuple[float, float]:
+        """Depths of the maps with a margin: one scale for all. wall: the background's farthest depth."""
+        body = float(self.told["foreground_depth_m"])
         near = max(0.0, float(np.floor(2 * (body - 1)) / 2))
         return near, float(np.clip(np.ceil(2 * max(body + 1, wall)) / 2, near + 1, max(near + 1, far_m)))
 
@@ -130,8 +116,8 @@ def evaluated(models: Sequence[str], run: str, room: Sequence[str]) -> Judged:
     """Models judged together, on the records with every sensor that one of them asks for; room: [] or ["--empty", RUN]."""
     with tempfile.TemporaryDirectory(prefix="echofuse-report-") as folder:
         out = pathlib.Path(folder) / "records.csv"
-        done = call("echofuse-recon", "-q", "evaluate", *models, run, *room, "--json", "--records", out, ok=(0, 5))
-        background, told = np.load(f"{out}.npy"), json.loads(done.stdout)
+        done = call("echofuse-recon", "-q", "evaluate", *models, run, *room, "--json", "--per-record", out, ok=(0, 5))
+        told = json.loads(done.stdout)
         with open(out, newline="", encoding="utf-8") as file:
             lines = list(csv.DictReader(file))
     scores, first, words = [], 0, ("record", "label", "name", "out_of_distribution")
@@ -141,7 +127,7 @@ def evaluated(models: Sequence[str], run: str, room: Sequence[str]) -> Judged:
         scores.append(Scores(row, np.array([line["record"] for line in some], np.int64), [line["label"] for line in some],
                              [line["out_of_distribution"] for line in some],
                              {name: np.array([line[name] or "nan" for line in some], float) for name in lines[0] if name not in words}))
-    return Judged(scores, told, background, " ".join(done.stderr.split("\n")).strip())
+    return Judged(scores, told, " ".join(done.stderr.split("\n")).strip())
 
 
 @dataclass
