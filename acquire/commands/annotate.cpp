@@ -10,15 +10,12 @@
 namespace echofuse::acquire {
 namespace {
 
-// The record of the slot that runs now, counted on from the last one on disk; none if there is none
-// since the run began or was resumed.
+// The record of the slot that runs now, counted on from the last one on disk; none if there is
+// none.
 std::optional<std::int64_t> running_record(const record::RunReader& run, UtcTime now) {
   const record::RunSummary sum = run.summary();
   const double window_s = run.info().window_s;
   if (sum.records == 0 || !(window_s > 0)) return std::nullopt;
-  const std::string last = iso8601(sum.last_utc);
-  for (const record::Event& e : run.events())
-    if (e.source == "run" && e.text.starts_with("resumed") && e.utc > last) return std::nullopt;
   const double since = seconds(now - sum.last_utc) / window_s;
   return sum.last_index + 1 + static_cast<std::int64_t>(std::clamp(since, 0.0, 1e15));
 }

@@ -9,7 +9,6 @@
 #include <vector>
 
 #include "acquire/commands/commands.hpp"
-#include "acquire/devices/device_locks.hpp"
 #include "acquire/record/catalogue.hpp"
 #include "drivers/core/clock.hpp"
 #include "drivers/program/console.hpp"
@@ -25,18 +24,8 @@ struct Entry {
   Json live;  // null: it is not
 };
 
-using Holders = std::map<std::string, std::string>;  // run's path -> program that writes it
-
-Holders holders() {
-  Holders out;
-  for (const Holder& holder : holders_in(lock_folder()))
-    if (!holder.run.empty()) out[holder.run] = holder.who;
-  return out;
-}
-
-Json live_state(const record::RunReader& run, const record::RunSummary& sum, const std::string& who,
-                const Clock& clock) {
-  Json out{{"who", who}, {"last_index", nullptr}, {"age_s", nullptr}, {"label", ""}};
+Json live_state(const record::RunReader& run, const record::RunSummary& sum, const Clock& clock) {
+  Json out{{"last_index", nullptr}, {"age_s", nullptr}, {"label", ""}};
   out["sensors"] = Json::object();
   if (sum.records == 0) return out;
   const record::FusedRecord last = run.outlines(sum.last_index).at(0);
@@ -103,7 +92,6 @@ std::string live_text(const Entry& e) {
   out += printable(e.run.path) + " is live";
   if (!e.live["age_s"].is_null())
     out += ", its last record " + human_duration(e.live["age_s"].get<double>()) + " old";
-  if (const std::string who = e.live["who"]; !who.empty()) out.append("; ") += printable(who);
   out += "\n";
   for (const auto& [name, s] : e.live["sensors"].items())
     out += "  " + name + std::string(6 - std::min<std::size_t>(name.size(), 5), ' ') +
@@ -116,40 +104,18 @@ std::string live_text(const Entry& e) {
 
 }  // namespace
 
-Catalogue list_runs(const std::string& folder, bool elsewhere, const Clock& clock, bool json) {
+Catalogue list_runs(const std::string& folder, const Clock& clock, bool json) {
   Catalogue out;
-  std::map<record::Place, std::string> who;
-  auto paths = record::run_files(folder);
-  for (const auto& [run, holder] : holders()) {
-    auto named = record::named_like(run);
-    if (named.empty()) named[0] = run;  // not there yet
-    for (const auto& [number, file] : named) {
-      who[record::place_of(file)] = holder;
-      if (elsewhere) paths.try_emplace(record::place_of(file), file);
-      if (number == 0) break;  // parts of another run
-    }
-  }
-  const auto leave_out = [&](const std::string& text) {
-    if (!text.empty()) out.left_out.append(out.left_out.empty() ? "" : "\n") += text;
-  };
-  std::vector<record::RunEntry> files;
-  std::map<std::string, Json> live;  // by file
-  for (const auto& [place, path] : paths) {
+  std::vector<Entry> entries;
+  for (const std::string& path : record::run_files(folder)) {
     try {
       const record::RunReader run(path);
-      record::RunEntry e = record::entry_of(run);
-      if (e.info.status == "open") live[path] = live_state(run, e.sum, who[place], clock);
-      files.push_back(std::move(e));
+      Entry e{record::entry_of(run), {}};
+      if (e.run.info.status == "open") e.live = live_state(run, e.run.sum, clock);
+      entries.push_back(std::move(e));
     } catch (const Error& e) {
-      leave_out(e.what());
-      if (!who[place].empty()) out.left_out.append("; ") += printable(who[place]);
+      out.left_out.append(out.left_out.empty() ? "" : "\n") += e.what();
     }
-  }
-  std::vector<Entry> entries;
-  for (record::RunEntry& run : record::runs_of(std::move(files))) {
-    leave_out(run.missing);
-    Json state = std::move(live[run.files.back()]);
-    entries.push_back({std::move(run), std::move(state)});
   }
   std::stable_sort(entries.begin(), entries.end(), [](const Entry& a, const Entry& b) {
     return a.run.info.started_utc < b.run.info.started_utc;

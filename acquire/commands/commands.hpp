@@ -15,9 +15,8 @@ class formatter;
 namespace echofuse::acquire {
 
 // `info`: what is in a run, live, closed or crashed.
-// JSON (one object) or text for people, of one file or of the parts of a run in their order. Throws
-// Error if one is not a readable run.
-std::string describe_run(const std::vector<std::string>& files, bool json);
+// JSON (one object) or text. Throws Error if it is not a readable run.
+std::string describe_run(const std::string& path, bool json);
 
 // `annotate`: a note into a run, or another label into one that is being recorded.
 // Exactly one of `note` and `label` is given. Returns what was done, a line:
@@ -30,17 +29,16 @@ std::string annotate_run(const std::string& path, const std::optional<std::strin
 // systemd. Writes out whatever in a message would move the cursor.
 std::unique_ptr<spdlog::formatter> log_format();
 
-// `list`: the runs of a folder, and those that are being recorded.
+// `list`: the runs of a folder.
 struct Catalogue {
   std::string text;
   std::string left_out;  // files that are no run, or that cannot be read: a line each, with why
 };
 
 // Lists all runs (*.sqlite) of the folder, oldest first: a line each and more on live ones, or one
-// JSON array. A live run's object has `live`: who (by the locks of its devices), last_index, age_s
-// (since the last slot's end), label, and sensors: {NAME: {verdict, valid, used, lost}}. Values
-// used and verdict are of the last record, lost of the whole run. `elsewhere`: also lists runs that
-// this machine records into other folders. Throws Error(failed) if the folder cannot be read.
-Catalogue list_runs(const std::string& folder, bool elsewhere, const Clock& clock, bool json);
+// JSON array. A live run's object has `live`: last_index, age_s (since the last slot's end), label,
+// and sensors: {NAME: {verdict, valid, used, lost}}. Values used and verdict are of the last
+// record, lost of the whole run. Throws Error(failed) if the folder cannot be read.
+Catalogue list_runs(const std::string& folder, const Clock& clock, bool json);
 
 }  // namespace echofuse::acquire

@@ -4,7 +4,7 @@
 #include <nlohmann/json.hpp>
 
 #include "acquire/commands/commands.hpp"
-#include "acquire/record/run_parts.hpp"
+#include "acquire/record/run_file.hpp"
 #include "drivers/program/printable.hpp"
 
 namespace echofuse::acquire {
@@ -16,14 +16,6 @@ Json by_sensor(const PerSensor<std::int64_t>& values) {
   return {{"spd", values[Sensor::spd]},
           {"radar", values[Sensor::radar]},
           {"depth", values[Sensor::depth]}};
-}
-
-// {"part": 0, "spd": {"tags": 123, ...}, ...}
-void add_counters(Json& parts, const record::RunReader& run) {
-  for (const record::Counted& c : run.counters()) {
-    if (parts.empty() || parts.back()["part"] != c.part) parts.push_back({{"part", c.part}});
-    parts.back()[c.source][c.name] = c.value;
-  }
 }
 
 // Empty for a run without it.
@@ -47,26 +39,14 @@ Json array_of(const record::RunReader& run, const record::RunSummary& sum) {
           {"places", antennas}};
 }
 
-// Numbers are of all its parts; the rest is of the last one, which has what the others had.
-Json to_json(const std::vector<std::string>& files) {
-  std::optional<record::RunSummary> joined;
-  std::string started;
-  Json marks = Json::array(), counters = Json::array();
-  for (const std::string& file : files) {
-    const record::RunReader part(file);
-    if (joined)
-      record::add_part(*joined, part.summary());
-    else
-      joined = part.summary(), started = part.info().started_utc;
-    add_counters(counters, part);
-    for (const record::Event& e : part.events())
-      if (e.level == "mark" || e.level == "label" || e.level == "note")
-        marks.push_back(
-            {{"utc", e.utc}, {"kind", e.level}, {"source", e.source}, {"text", e.text}});
-  }
-  const record::RunReader run(files.back());
+Json to_json(const record::RunReader& run) {
   const record::RunInfo info = run.info();
-  const record::RunSummary& sum = *joined;
+  const record::RunSummary sum = run.summary();
+  Json marks = Json::array(), counters = Json::object();
+  for (const record::Counted& c : run.counters()) counters[c.source][c.name] = c.value;
+  for (const record::Event& e : run.events())
+    if (e.level == "mark" || e.level == "label" || e.level == "note")
+      marks.push_back({{"utc", e.utc}, {"kind", e.level}, {"source", e.source}, {"text", e.text}});
   Json axes = Json::array(), devices = Json::array();
   for (const Axis& a : run.axes())
     axes.push_back({{"name", a.name},
@@ -101,11 +81,7 @@ Json to_json(const std::vector<std::string>& files) {
                        {"model", d.model},
                        {"serial", d.serial},
                        {"firmware", d.firmware}});
-  const std::string whole = record::whole_and_number(run.path()).first;
-  auto names = Json::array();
-  for (const auto& file : files) names.push_back(utf8_text(file));
-  return {{"file", utf8_text(files.size() > 1 ? whole : run.path())},
-          {"files", names},
+  return {{"file", utf8_text(run.path())},
           {"uuid", info.uuid},
           {"status", info.status},
           {"records", sum.records},
@@ -120,7 +96,7 @@ Json to_json(const std::vector<std::string>& files) {
           {"labels", sum.labels},
           {"events", sum.events},
           {"window_s", info.window_s},
-          {"started_utc", started},
+          {"started_utc", info.started_utc},
           {"ended_utc", info.ended_utc},
           {"first_slot_utc", sum.records > 0 ? iso8601(sum.first_utc) : ""},
           {"last_slot_end_utc", sum.records > 0 ? iso8601(sum.last_utc) : ""},
@@ -170,11 +146,8 @@ std::string to_text(const Json& j) {
              printable(value, longest) + "\n";
   };
   if (j["status"] == record::crashed_without_wal)
-    line("missing", "its last records are in " + word(j["files"].back()) +
+    line("missing", "its last records are in " + word(j["file"]) +
                         "-wal, which is not here, if this is a copy of a run that was not closed");
-  if (j["files"].size() > 1)
-    line("parts", std::to_string(j["files"].size()) + ", " + word(j["files"].front()) + " to " +
-                      word(j["files"].back()));
   if (j["records"] > 0)
     line("slots", word(j["first_slot_utc"]) + " to " + word(j["last_slot_end_utc"]) + ", " +
                       word(j["window_s"]) + " s each");
@@ -186,11 +159,8 @@ std::string to_text(const Json& j) {
   for (const auto& [sensor, clock] : j["clocks"].items())
     line("clock", sensor + ": " + list(clock));
   line("lost", list(j["lost"]) + "; tags " + word(j["tags"]));
-  for (const auto& part : j["counters"])
-    for (const Sensor s : all_sensors)
-      if (part.contains(name_of(s)))
-        line("counted", "part " + word(part["part"]) + " " + name_of(s) + ": " +
-                            list(without_zeros(part[name_of(s)])));
+  for (const auto& [sensor, counts] : j["counters"].items())
+    line("counted", sensor + ": " + list(without_zeros(counts)));
   line("labels", list(j["labels"]));
   line("events", list(j["events"]));
   for (const auto& a : j["axes"])
@@ -218,8 +188,8 @@ std::string to_text(const Json& j) {
 
 }  // namespace
 
-std::string describe_run(const std::vector<std::string>& files, bool json) {
-  const Json description = to_json(files);
+std::string describe_run(const std::string& path, bool json) {
+  const Json description = to_json(record::RunReader(path));
   return json ? description.dump(2, ' ', true, Json::error_handler_t::replace) + "\n"
               : to_text(description);
 }

@@ -23,7 +23,6 @@
 #include "acquire/import/import.hpp"
 #include "acquire/record/run_file.hpp"
 #include "acquire/record/run_names.hpp"
-#include "acquire/record/run_parts.hpp"
 #include "acquire/run/viewer.hpp"
 #include "drivers/program/command_line.hpp"
 #include "drivers/program/console.hpp"
@@ -68,30 +67,15 @@ void plan_count(Options& o, const Config& config) {
     return static_cast<std::int64_t>(std::ceil(time_s / config.window_s - 1e-9));
   };
   if (o.duration_s > 0) o.run.count = slots(o.duration_s);
-  if (o.every_s > 0) o.run.part_records = slots(o.every_s);
+  if (o.every_s > 0) o.run.slots_a_file = slots(o.every_s);
 }
 
-// Path of the first part of a new run. Throws if any file has the run's name.
-std::string first_part(const std::string& whole) {
-  if (const auto like = record::named_like(whole); !like.empty())
-    throw Error(ExitCode::failed, printable(like.begin()->second) +
-                                      ": exists already; parts of a run stand under "
-                                      "its name, choose another");
-  return record::part_path(whole, 1);
-}
-
-std::string out_of(const Options& o, const Config& config) {
-  if (utf8_text(o.run.out) != o.run.out)
-    throw Error(ExitCode::usage, "--out " + printable(o.run.out) + ": expected UTF-8");
-  return o.run.out.empty() ? record::next_run(config.run_folder) : record::new_run(o.run.out);
-}
-
-// One, or the parts of the run; what is missing is named.
-std::vector<std::string> files_of(const std::string& name) {
-  auto [files, missing] = record::files_of(name);
-  if (!missing.empty()) spdlog::warn("{}", missing);
-  if (files.back() == name) return {record::old_run(name)};
-  return files;
+// Path of a new run; `numbered`: of one of many (run --every).
+std::string path_of(const std::string& out, bool numbered, const Config& config) {
+  if (utf8_text(out) != out)
+    throw Error(ExitCode::usage, "--out " + printable(out) + ": expected UTF-8");
+  if (out.empty()) return record::next_run(config.run_folder);
+  return numbered ? record::next_of(out) : record::new_run(out);
 }
 
 // Lines of `run --json`: one object each, for a program that reads while the run goes on.
@@ -131,46 +115,41 @@ ExitCode run(Options& o) {
   if (!o.model.empty() && !std::filesystem::exists(o.model))
     throw Error(ExitCode::usage, "--model " + o.model + ": there is no such file");
   const Config config = load(o);
-  o.run.label_given = std::any_of(o.assignments.begin(), o.assignments.end(),
-                                  [](auto& a) { return a.starts_with("run.label"); });
   for (const auto& pair : o.meta) {
     const auto equals = pair.find('=');
     if (equals == 0 || equals == std::string::npos)
       throw Error(ExitCode::usage, "--meta " + pair + ": expected key=value");
     const std::string key = pair.substr(0, equals);
-    if (record::is_key_of_part(key))
-      throw Error(ExitCode::usage, "--meta " + key + ": is what parts of a run have; another key");
     for (const auto& [before, value] : o.run.meta)
       if (before == key) throw Error(ExitCode::usage, "--meta " + key + ": given twice");
     o.run.meta.emplace_back(key, pair.substr(equals + 1));
   }
   plan_count(o, config);
-  o.run.resume = !o.resume.empty();
-  o.run.out = o.run.resume ? std::filesystem::absolute(files_of(o.resume).back()).string()
-                           : out_of(o, config);
-  const std::string whole = o.run.resume ? record::run_of(o.run.out) : o.run.out;
-  if (o.run.part_records > 0) o.run.out = first_part(whole);
+  const bool rotates = o.run.slots_a_file > 0;
+  o.run.next_out = [&config, out = o.run.out, rotates] { return path_of(out, rotates, config); };
+  o.run.out = o.run.next_out();
   o.run.quiet = o.quiet;
   if (!o.run.keep_raw.empty()) o.run.keep_raw = std::filesystem::absolute(o.run.keep_raw).string();
   catch_interrupts();
   // The allocator would keep what a burst of samples took, and more with each larger burst.
   mallopt(M_TRIM_THRESHOLD, 256 << 10);
   std::optional<Viewer> viewer;
-  if (o.view) viewer.emplace(whole, o.run.count, o.model);
+  if (o.view)
+    viewer.emplace(rotates ? std::filesystem::path(o.run.out).parent_path().string() : o.run.out,
+                   rotates ? o.run.slots_a_file : o.run.count, o.model);
   port::SystemLoop loop;
   std::int64_t on_disk = -1;
   Events events;
   if (o.json) events.begin();
-  events.put({{"event", "run"}, {"file", utf8_text(whole)}, {"window_s", config.window_s}});
+  o.run.opened = [&](const std::string& file) {
+    events.put({{"event", "run"}, {"file", utf8_text(file)}, {"window_s", config.window_s}});
+  };
   o.run.progress = [&](std::int64_t records) {
     if (std::exchange(on_disk, records) != records)
       events.put({{"event", "records"}, {"on_disk", records}});
   };
   const ExitCode code = record_run(config, o.run, loop);
-  nlohmann::ordered_json end{
-      {"event", "end"}, {"on_disk", on_disk}, {"code", static_cast<int>(code)}};
-  if (o.json && whole != o.run.out) end["parts"] = record::files_of(whole).paths.size();
-  events.put(end);
+  events.put({{"event", "end"}, {"on_disk", on_disk}, {"code", static_cast<int>(code)}});
   if (viewer) viewer->leave();
   events.end();
   return code;
@@ -215,14 +194,10 @@ ExitCode check_config(const Options& o) {
   return ExitCode::ok;
 }
 
-std::vector<std::string> files_to_read(const std::string& name) {
-  auto files = files_of(name);
-  for (const std::string& file : files) record::recover(file);
-  return files;
-}
-
 ExitCode info(const Options& o) {
-  const std::string text = describe_run(files_to_read(o.file), o.json);
+  const std::string file = record::old_run(o.file);
+  record::recover(file);
+  const std::string text = describe_run(file, o.json);
   o.json ? static_cast<void>(std::fputs(text.c_str(), stdout)) : print(text);
   return ExitCode::ok;
 }
@@ -238,32 +213,20 @@ ExitCode calibrate_sensors(Options& o) {
 ExitCode annotate(const Options& o) {
   if (o.text.has_value() == o.label.has_value())
     throw Error(ExitCode::usage, "expected either a text or --label TEXT");
-  constexpr int most_tries = 5;
-  for (int tries = 0; tries < most_tries; ++tries) {
-    const std::string file = record::last_file_of(o.file);
-    record::recover(file);
-    try {
-      std::printf("%s\n", printable_lines(annotate_run(file, o.text, o.label)).c_str());
-      static_cast<void>(files_of(o.file));  // names what is missing
-      return ExitCode::ok;
-    } catch (const Error&) {
-      if (record::last_file_of(o.file) == file)
-        throw;  // else it went on in the next part meanwhile
-    }
-  }
-  throw Error(ExitCode::failed, printable(o.file) + ": " + std::to_string(most_tries) +
-                                    " times it went on in a new part before anything could be "
-                                    "written; try again");
+  const std::string file = record::old_run(o.file);
+  record::recover(file);
+  std::printf("%s\n", printable_lines(annotate_run(file, o.text, o.label)).c_str());
+  return ExitCode::ok;
 }
 
-// Without a folder: that of the configuration, or this one, and what is live elsewhere.
+// Without a folder: that of the configuration, or this one.
 ExitCode list(const Options& o) {
   std::string folder = o.folder;
   if (folder.empty()) {
     const auto config = load_if_any(o);
     folder = config && !config->run_folder.empty() ? config->run_folder : ".";
   }
-  const Catalogue found = list_runs(folder, o.folder.empty(), system_clock, o.json);
+  const Catalogue found = list_runs(folder, system_clock, o.json);
   o.json ? static_cast<void>(std::fputs(found.text.c_str(), stdout)) : print(found.text);
   if (!found.left_out.empty()) spdlog::warn("left out: {}", found.left_out);
   return ExitCode::ok;
@@ -284,7 +247,7 @@ Config config_of_import(const Options& o) {
 
 ExitCode import_files(Options& o) {
   const Config config = config_of_import(o);
-  o.import.out = out_of(o, config);
+  o.import.out = path_of(o.run.out, false, config);
   catch_interrupts();
   spdlog::info("{}", import_recordings(config, o.import));
   return ExitCode::ok;

@@ -70,26 +70,16 @@ void add_run(CLI::App& app, Options& o) {
   c->add_flag("-v,--verbose", o.verbose, "one line for every record on stderr");
   c->add_flag("--json", o.json, "what happens, on stdout: one object a line (README)");
   auto* out = c->add_option("--out", o.run.out, out_help)->type_name("RUN");
-  auto* resume = c->add_option("--resume", o.resume,
-                               "run to continue, with the configuration it was begun with")
-                     ->type_name("RUN")
-                     ->excludes(out);
   c->add_flag("--align", o.align,
               "slots of 0.1 s in a run that is thrown away, and its view: to point laser and "
               "sensors")
-      ->excludes(out)
-      ->excludes(resume);
+      ->excludes(out);
   auto* count = c->add_option("--count", o.run.count, "stop after this many slots")
                     ->check(CLI::PositiveNumber);
   add_time(*c, "--duration", o.duration_s, "stop after this time: 2h, 30m, 10s, 2h30m")
       ->excludes(count);
-  auto* every = add_time(*c, "--every", o.every_s,
-                         "a new part of the run after this time: NAME-001, NAME-002 ...")
-                    ->excludes(resume);
-  c->add_option("--records", o.run.part_records, "the same after so many records")
-      ->check(CLI::PositiveNumber)
-      ->excludes(every)
-      ->excludes(resume);
+  add_time(*c, "--every", o.every_s,
+           "begin a new run after this time, named by the time in --out or NAME-001, NAME-002 ...");
   c->add_option("--countdown", o.run.countdown_s,
                 "s between the devices' answer and the first slot, told one by one")
       ->check(CLI::Range(std::int64_t{1}, std::int64_t{3600}));
@@ -102,14 +92,12 @@ void add_run(CLI::App& app, Options& o) {
   c->add_flag("--strict", o.run.strict, "exit code 5 if any record has a sensor that is not ok");
   c->add_option("--meta", o.meta, "kept in the run; may be repeated")
       ->type_name("KEY=VALUE")
-      ->allow_extra_args(false)
-      ->excludes(resume);
+      ->allow_extra_args(false);
   more_options(
       *c, {"--config", "--verbose", "--json", "--countdown", "--keep-raw", "--strict", "--meta"});
   add_examples(*c, {"echofuse-acquire run --out monday --set run.label=person",
-                    "echofuse-acquire run --out monday --duration 2h --every 30m",
-                    "echofuse-acquire run --out monday --view --model fused.safetensors",
-                    "echofuse-acquire run --resume monday.sqlite"});
+                    "echofuse-acquire run --out %Y%m%d-%H%M%S --every 1h",
+                    "echofuse-acquire run --out monday --view --model fused.safetensors"});
 }
 
 void add_calibrate(CLI::App& app, Options& o) {
@@ -155,9 +143,7 @@ void add_file_commands(CLI::App& app, Options& o) {
                            "echofuse-acquire annotate monday.sqlite --label person"});
 
   auto* list = app.add_subcommand("list", "the runs of a folder, and which of them are live");
-  list->add_option("FOLDER", o.folder,
-                   "default: run.folder of the configuration, or this folder, and the live runs of "
-                   "this machine wherever they are");
+  list->add_option("FOLDER", o.folder, "default: run.folder of the configuration, or this folder");
   list->add_flag("--json", o.json, "all of it; the table shortens long texts");
   add_examples(*list, {"echofuse-acquire list"});
 }

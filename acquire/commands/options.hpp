@@ -21,7 +21,7 @@ struct Options {
   ImportOptions import;
   std::optional<std::string> label, text;
   std::vector<std::string> meta;
-  std::string resume, model;
+  std::string model;
   double duration_s = 0, every_s = 0;
   std::string file, folder;
   bool json = false, quiet = false, verbose = false, view = false, align = false;

@@ -6,7 +6,7 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
-#include "acquire/record/run_parts.hpp"
+#include "acquire/record/run_file.hpp"
 #include "drivers/depth/openni_camera.hpp"
 #include "drivers/inventory/inventory.hpp"
 #include "drivers/program/console.hpp"
@@ -17,17 +17,15 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-// Takes the last record of the run that has the device. The last part may have none yet.
-void take_last_record(const std::vector<std::string>& files, const Clock& clock, Answer& out) {
-  for (auto file = files.rbegin(); file != files.rend(); ++file) {
-    const record::RunReader run(*file);
-    const std::string status = run.info().status;
-    if (file == files.rbegin() && status != "open") {
-      out.text += "; its run is " + printable(status);
-      return;
-    }
-    const std::int64_t last = run.summary().last_index;
-    if (last < 0) continue;
+// Takes the last record of the run that has the device.
+void take_last_record(const std::string& file, const Clock& clock, Answer& out) {
+  const record::RunReader run(file);
+  const std::int64_t last = run.summary().last_index;
+  if (const std::string status = run.info().status; status != "open") {
+    out.text += "; its run is " + printable(status);
+  } else if (last < 0) {
+    out.text += "; its run has no record yet";
+  } else {
     const record::FusedRecord r = run.read(last);
     const auto& sync = r.sync[out.sensor];
     const double age_s = seconds(clock.utc() - r.slot_utc) - seconds(r.slot_end - r.slot_start);
@@ -36,9 +34,7 @@ void take_last_record(const std::vector<std::string>& files, const Clock& clock,
                 human_duration(std::max(age_s, 0.0)) + " ago: " + printable(sync.verdict) + ", " +
                 std::to_string(sync.used) + (out.sensor == Sensor::spd ? " clicks" : " frames") +
                 " used, " + std::to_string(sync.lost) + " lost";
-    return;
   }
-  out.text += "; its run has no record yet";
 }
 
 Answer answer_of_holder(Answer out, const Clock& clock) {
@@ -46,13 +42,12 @@ Answer answer_of_holder(Answer out, const Clock& clock) {
   out.text = "in use by " + holder.who;
   out.delivers = false;
   std::error_code none;
-  const auto files = record::files_of(holder.run).paths;
-  if (!std::filesystem::is_regular_file(files.back(), none)) {
+  if (!std::filesystem::is_regular_file(holder.run, none)) {
     if (!holder.run.empty()) out.text += "; its run file is not there yet";
     return out;
   }
   try {
-    take_last_record(files, clock, out);
+    take_last_record(holder.run, clock, out);
   } catch (const Error& e) {
     out.text += std::string("; ") + printable(e.what());
   }

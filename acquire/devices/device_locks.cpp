@@ -63,6 +63,12 @@ std::optional<Holder> holder_of(const std::string& path) {
   }
 }
 
+std::string text_of(const std::string& command, const std::string& run) {
+  return printable("echofuse-acquire " + command + ", pid " + std::to_string(::getpid()) +
+                   (run.empty() ? "" : ", run " + run)) +
+         '\n' + run + '\n';
+}
+
 }  // namespace
 
 // Debian's /run/lock is everybody's, other systems' is root's.
@@ -72,17 +78,6 @@ std::string lock_folder() {
   struct stat is {};
   const bool shared = ::stat(usual, &is) == 0 && S_ISDIR(is.st_mode) && (is.st_mode & S_IWOTH) != 0;
   return shared ? usual : "/tmp";
-}
-
-std::vector<Holder> holders_in(const std::string& folder) {
-  std::vector<Holder> out;
-  std::error_code none;
-  for (const auto& entry : std::filesystem::directory_iterator(folder, none)) {
-    const std::string name = entry.path().filename().string();
-    if (!name.starts_with("echofuse-") || !name.ends_with(".lock")) continue;
-    if (auto holder = holder_of(entry.path())) out.push_back(std::move(*holder));
-  }
-  return out;
 }
 
 std::string lock_name(const std::string& address) {
@@ -96,10 +91,6 @@ std::string lock_name(const std::string& address) {
 }
 
 DeviceLocks::DeviceLocks(const Config& config, const std::string& command, const std::string& run) {
-  const std::string me =
-      printable("echofuse-acquire " + command + ", pid " + std::to_string(::getpid()) +
-                (run.empty() ? "" : ", run " + run)) +
-      '\n' + run + '\n';
   for (const Sensor s : all_sensors) {
     if (!config.configured().contains(s)) continue;
     for (const std::string& address : addresses_of(config, s)) {
@@ -111,13 +102,17 @@ DeviceLocks::DeviceLocks(const Config& config, const std::string& command, const
           others_[s] = holder_of(path).value_or(Holder{"another echofuse-acquire", ""});
           continue;
         }
-        lock->write(me);
+        lock->write(text_of(command, run));
         held_.push_back(std::move(lock));
       } catch (const Error& e) {
         throw Error(ExitCode::device, std::string("the device lock ") + e.what());
       }
     }
   }
+}
+
+void DeviceLocks::write(const std::string& command, const std::string& run) const {
+  for (const auto& lock : held_) lock->write(text_of(command, run));
 }
 
 }  // namespace echofuse::acquire

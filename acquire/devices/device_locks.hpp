@@ -21,9 +21,6 @@ struct Holder {
 // set.
 std::string lock_folder();
 
-// The holders of all locks in it. Takes none.
-std::vector<Holder> holders_in(const std::string& folder);
-
 // Name of the lock of a configured address. Another spelling of a serial, USB or HID device's
 // address has another lock, and finds the device opened exclusively. Empty: a recording, which
 // everybody may read, or an OpenNI2 camera without a URI that is not the only one.
@@ -36,6 +33,9 @@ class DeviceLocks {
   // `command`: "run"; `run`: the run file to come. Takes what is free; throws Error(device) if a
   // lock file cannot be used.
   DeviceLocks(const Config& config, const std::string& command, const std::string& run = {});
+
+  // Writes into the locks what this program does.
+  void write(const std::string& command, const std::string& run) const;
 
   // Holder in another process; none if the sensor's device is free or ours.
   const std::optional<Holder>& other(Sensor sensor) const { return others_[sensor]; }

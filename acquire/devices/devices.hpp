@@ -38,6 +38,8 @@ class Devices final : private SampleSink {
   // Makes the configured devices this program's, `command` of echofuse-acquire, that writes `run`.
   // Throws Error(device) that names who else has one.
   void take(const std::string& command, const std::string& run = {});
+  // Names the next run that `command` writes.
+  void name_run(const std::string& command, const std::string& run) { locks_->write(command, run); }
   // Makes those of them this program's that are free.
   void take_free(const std::string& command);
   void start();

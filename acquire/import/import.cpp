@@ -17,7 +17,7 @@
 #include "acquire/import/picoquant.hpp"
 #include "acquire/import/radar_recording.hpp"
 #include "acquire/run/clock_fit.hpp"
-#include "acquire/run/resume.hpp"
+#include "acquire/run/new_run.hpp"
 #include "acquire/run/window.hpp"
 #include "drivers/program/console.hpp"
 #include "drivers/program/printable.hpp"

@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <utility>
 
-#include "acquire/run/resume.hpp"
+#include "acquire/run/new_run.hpp"
 #include "drivers/program/exit_code.hpp"
 #include "drivers/program/printable.hpp"
 

@@ -11,7 +11,7 @@
 #include "acquire/import/import.hpp"
 #include "acquire/record/run_file.hpp"
 #include "acquire/run/daemon.hpp"
-#include "acquire/run/resume.hpp"
+#include "acquire/run/new_run.hpp"
 #include "drivers/port/virtual_loop.hpp"
 #include "drivers/program/console.hpp"
 #include "drivers/program/new_file.hpp"

@@ -101,7 +101,6 @@ struct RunInfo {
   std::string config_text, config_resolved, radar_cfg;
   std::string version, host, operator_name, notes;
   double window_s = 0;
-  std::int64_t first_index = 0;  // first record's; above 0 in a later part of a run
   std::vector<std::pair<std::string, std::string>> meta;  // --meta, in the order given
 };
 

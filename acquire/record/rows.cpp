@@ -9,15 +9,11 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-std::string text_of(const Json& json) {
-  return json.dump(-1, ' ', false, Json::error_handler_t::replace);
-}
-
 // meta: an object of texts.
 std::string meta_text(const RunInfo& info) {
   Json meta = Json::object();
   for (const auto& [key, value] : info.meta) meta[key] = value;
-  return text_of(meta);
+  return meta.dump(-1, ' ', false, Json::error_handler_t::replace);
 }
 
 bool take_meta(const std::string& text, RunInfo& info) {
@@ -27,21 +23,6 @@ bool take_meta(const std::string& text, RunInfo& info) {
     if (!value.is_string()) return false;
     info.meta.emplace_back(key, value.get<std::string>());
   }
-  return true;
-}
-
-// part: the run as it was begun, then one a resume, each from its first record on.
-std::string parts_text(const RunInfo& info) {
-  return text_of(
-      Json::array({{{"first_idx", info.first_index}, {"started_utc", info.started_utc}}}));
-}
-
-bool take_parts(const std::string& text, RunInfo& info) {
-  const Json parts = Json::parse(text, nullptr, false);
-  if (!parts.is_array() || parts.empty() || !parts[0].is_object()) return false;
-  const auto first = parts[0].find("first_idx");
-  if (first == parts[0].end() || !first->is_number_integer()) return false;
-  info.first_index = std::clamp<std::int64_t>(first->get<std::int64_t>(), 0, max_resumed_index);
   return true;
 }
 
@@ -91,12 +72,9 @@ void columns(Row& row, RunInfo& info) {
   row("host", info.host);
   row("operator", info.operator_name);
   row("notes", info.notes);
-  std::string meta = meta_text(info), parts = parts_text(info);
+  std::string meta = meta_text(info);
   row("meta", meta);
-  row("part", parts);
-  if (!row.reading()) return;
-  if (!take_meta(meta, info)) row.fail("meta is not a JSON object of texts");
-  if (!take_parts(parts, info)) row.fail("part is not a JSON array with first_idx");
+  if (row.reading() && !take_meta(meta, info)) row.fail("meta is not a JSON object of texts");
 }
 
 void columns(Row& row, DeviceRow& device) {
@@ -151,7 +129,6 @@ void columns(Row& row, Counted& counted) {
   row("source", counted.source);
   row("name", counted.name);
   row("value", counted.value);
-  row("part", counted.part);
 }
 
 void columns(Row& row, Event& event) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// The tables of a run file, format 2. One function describes a row: columns(Row&, T&); CREATE
+// The tables of a run file, format 3. One function describes a row: columns(Row&, T&); CREATE
 // TABLE, INSERT and SELECT are made from it. Times: *_ns are host monotonic nanoseconds, *_utc_ns
 // those of UTC, utc is ISO 8601. NULL: not known, or the sensor is missing.
 #pragma once

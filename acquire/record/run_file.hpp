@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 // Run file: one SQLite database (WAL, synchronous=FULL), one transaction per append. Survives
 // kill -9, power loss and a full disk with every committed record. Can be read while it is written.
-//   PRAGMA application_id = 0x4543464d ("ECFM"), user_version = 2
+//   PRAGMA application_id = 0x4543464d ("ECFM"), user_version = 3
 //   tables: rows.hpp; record.spd u32 LE counts | radar f32 LE | depth u16 LE millimetres, deflated
 #pragma once
 #include <atomic>
@@ -22,22 +22,18 @@ struct sqlite3;
 namespace echofuse::record {
 
 class FileWatch;
-class RunReader;
 class Statement;
 struct WriterLock;
 struct Budget;
 
 inline constexpr int application_id = 0x4543464d;  // "ECFM"
-inline constexpr int format_version = 2;
-// A record's index is not above the first, so that the one after it is a number too; a run is
-// resumed while there is room below it.
+inline constexpr int format_version = 3;
+// Largest index of a record, so that the one after it is a number too.
 inline constexpr std::int64_t max_index = std::int64_t{1} << 53;
-inline constexpr std::int64_t max_resumed_index = std::int64_t{1} << 52;
 
 struct Counted {
   std::string source, name;  // sensor, what was counted
   std::uint64_t value = 0;
-  std::int64_t part = 0;  // 0, or that of a resumed run
 };
 
 // Waiting time of writers while another program holds a write transaction. CLOCK_MONOTONIC, ns.
@@ -56,16 +52,11 @@ struct Patience {
 class RunWriter {
  public:
   // Refuses a path that exists. A run that has no uuid gets one. `clock`, which outlives this,
-  // tells when the run, or its part, began and ended. The file appears when it is whole, with what
+  // tells when the run began and ended. The file appears when it is whole, with what
   // `begin` puts: kill -9 before leaves PATH-new, which the next writer removes.
   using Begin = std::function<void(RunWriter&)>;
   RunWriter(const std::string& path, const RunInfo& info, const Clock& clock = system_clock,
             const Begin& begin = {});
-  // Continues a run that is not being written: complete, stopped or crashed. `look` sees it before
-  // anything is written, when nobody else can write any more; what it throws leaves the run alone.
-  using Look = std::function<void(const RunReader&)>;
-  explicit RunWriter(const std::string& path, const Clock& clock = system_clock,
-                     const Look& look = {});
   ~RunWriter();  // without close(): status stays "open", which readers show as crashed
   RunWriter(const RunWriter&) = delete;
   RunWriter& operator=(const RunWriter&) = delete;
@@ -77,11 +68,10 @@ class RunWriter {
   void put_calibration(const CalibrationEntry& entry);
   void put_policy(Sensor sensor, const std::string& policy);  // required or optional
   void put_anchor(HostTime mono, UtcTime utc);
-  // Call at the end with all counters of the part being written: one transaction.
+  // Call at the end with all counters: one transaction.
   void put_counters(std::span<const Counted> counters);
-  // Adds what came late to what is known of these records; `first` is the record of slot 0. All in
-  // one transaction.
-  void put_late(std::int64_t first, const LateCounts& late);
+  // Adds what came late to what is known of these records. All in one transaction.
+  void put_late(const LateCounts& late);
   void put_event(UtcTime utc, Severity severity, const std::string& source,
                  const std::string& text);
   void append(const FusedRecord& record);
@@ -103,13 +93,12 @@ class RunWriter {
   void wait_with(Patience& patience) { patience_ = &patience; }
   const std::string& path() const { return path_; }
   std::int64_t records() const { return records_; }
-  std::int64_t next_index() const { return next_index_; }  // next record's index
 
  private:
   void lock();
   void open(const std::string& path);
   void make(const RunInfo& info, const Begin& begin);
-  void go_on(bool resumed);
+  void begin_writing();
   void use_wal();
   void ready();
   void in_transaction(const std::function<void()>& body);
@@ -133,7 +122,7 @@ class RunWriter {
   std::int64_t waits_since_ns_ = 0;
   std::optional<std::string> left_label_;  // at the end
   std::vector<Axis> axes_;
-  std::int64_t records_ = 0, next_index_ = 0, last_event_ = 0, part_ = 0;
+  std::int64_t records_ = 0, last_event_ = 0;
 };
 
 struct Event {
@@ -164,8 +153,6 @@ struct RunSummary {
   PerSensor<std::optional<ClockState>> clocks;  // last record's that has them
 };
 
-// Adds up the numbers of a part and of the part after it.
-void add_part(RunSummary& sum, const RunSummary& next);
 // "28 of 75 doubtful: radar missing 11, weak 10; camera frozen 7"; empty if none is.
 std::string doubts_of(const RunSummary& sum);
 // A verdict without the figures behind its colon.
@@ -207,8 +194,6 @@ class RunReader {
   // The records from index `first` on, in order, without the sensors' data.
   std::vector<FusedRecord> outlines(std::int64_t first) const;
   PerSensor<std::int64_t> late() const;  // tags, radar frames, depth frames after their slot
-  // Label of the last record, or of a mark after it; none in a run without either.
-  std::optional<std::string> last_label() const;
   // Gives records in index order from `first` on; the callback returns false to stop. A record
   // whose blobs do not fit the axes or hold non-finite values throws Error naming the record. With
   // `on_bad` it is handed there instead and skipped. Sensors not in `sensors` are not decoded, and

@@ -68,7 +68,7 @@ void check_identity(sqlite3* db, const std::string& path) {
                 shown + ": run format " + std::to_string(found) + ", expected " +
                     std::to_string(format_version) + "; " +
                     (found > format_version ? "use a newer echofuse"
-                                            : "scripts/convert_run makes a run of this format"));
+                                            : "use the echofuse that recorded it"));
 }
 
 // Compares the tables' definitions word by word, so that nothing else in a file is ever asked.

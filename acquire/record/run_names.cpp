@@ -15,6 +15,7 @@ namespace echofuse::record {
 
 namespace {
 
+namespace fs = std::filesystem;
 constexpr const char* extension = ".sqlite";
 // Fields of strftime; %% is a percent sign.
 constexpr std::string_view fields = "YmdHMSyjFT%";
@@ -38,15 +39,29 @@ std::string with_date(const std::string& pattern) {
   return name;
 }
 
+// FOLDER/STEM-NNN.sqlite, with a number above all that are there.
+std::string numbered(const fs::path& folder, const std::string& stem) {
+  const std::string begin = stem + "-";
+  int last = 0;
+  std::error_code none;
+  for (fs::directory_iterator it(folder, none), end; !none && it != end; it.increment(none)) {
+    const std::string name = it->path().filename().string();
+    if (name.starts_with(begin)) last = std::max(last, std::atoi(name.c_str() + begin.size()));
+  }
+  char number[16];
+  std::snprintf(number, sizeof number, "%03d", last + 1);
+  return (folder / (begin + number + extension)).string();
+}
+
 }  // namespace
 
 std::string with_run_extension(const std::string& name) {
-  return std::filesystem::path(name).extension() == extension ? name : name + extension;
+  return fs::path(name).extension() == extension ? name : name + extension;
 }
 
 std::string old_run(const std::string& name) {
-  const auto found = std::filesystem::status(name);
-  const bool is_there = std::filesystem::exists(found) && !std::filesystem::is_directory(found);
+  const auto found = fs::status(name);
+  const bool is_there = fs::exists(found) && !fs::is_directory(found);
   return is_there ? name : with_run_extension(name);
 }
 
@@ -55,22 +70,18 @@ std::string new_run(const std::string& out) {
     throw Error(ExitCode::usage, "--out " + printable(out) + ": " + fault);
   const std::string name = with_date(out);
   if (name.empty()) throw Error(ExitCode::usage, "--out " + out + ": not a name");
-  return std::filesystem::absolute(with_run_extension(name)).string();
+  return fs::absolute(with_run_extension(name)).string();
 }
 
 std::string next_run(const std::string& folder) {
-  const std::string day = with_date("%Y%m%d-");
-  const std::filesystem::path place = std::filesystem::absolute(folder.empty() ? "." : folder);
-  int last = 0;
-  std::error_code error;
-  for (const auto& entry : std::filesystem::directory_iterator(place, error)) {
-    const std::string name = entry.path().filename().string();
-    if (name.starts_with(day)) last = std::max(last, std::atoi(name.c_str() + day.size()));
-  }
-  if (error) throw Error(ExitCode::disk, "run.folder: " + place.string() + ": " + error.message());
-  char number[16];
-  std::snprintf(number, sizeof number, "%03d", last + 1);
-  return (place / (day + number + extension)).lexically_normal().string();
+  const fs::path place = fs::absolute(folder.empty() ? "." : folder).lexically_normal();
+  return numbered(place, with_date("%Y%m%d"));
+}
+
+std::string next_of(const std::string& out) {
+  const fs::path path = new_run(out);
+  if (out.find('%') != out.npos && !fs::exists(path)) return path;
+  return numbered(path.parent_path(), path.stem());
 }
 
 }  // namespace echofuse::record

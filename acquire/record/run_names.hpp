@@ -13,8 +13,10 @@ std::string old_run(const std::string& name);
 // names each run anew. Fields: strftime's %Y %m %d %H %M %S %y %j %F %T, and %%. Throws
 // Error(usage), also for any other %.
 std::string new_run(const std::string& out);
-// FOLDER/DATE-NNN.sqlite, DATE of now (UTC), NNN one above the highest there. Throws Error(disk) if
-// the folder is not there.
+// FOLDER/DATE-NNN.sqlite, DATE of now (UTC), NNN one above the highest there.
 std::string next_run(const std::string& folder);
+// Name of the next run of `run --every`: new_run(out) if it has fields of the time and is free,
+// else NAME-NNN.sqlite, NNN one above the highest there.
+std::string next_of(const std::string& out);
 
 }  // namespace echofuse::record

@@ -431,23 +431,6 @@ RunSummary RunReader::summary() const {
   return sum;
 }
 
-std::optional<std::string> RunReader::last_label() const {
-  std::optional<std::string> label;
-  std::string end;
-  Statement record =
-      ask("SELECT label, slot_utc_ns + slot_end_ns - slot_start_ns FROM record ORDER BY "
-          "idx DESC LIMIT 1");
-  if (record.step()) {
-    label = record.text();
-    end = iso8601(UtcTime(record.integer()));
-  }
-  Statement mark =
-      ask("SELECT text FROM event WHERE level = 'label' AND utc >= ? ORDER BY id DESC LIMIT "
-          "1");
-  if (mark.bind(end).step()) label = mark.text();
-  return label;
-}
-
 std::vector<FusedRecord> RunReader::records(const std::string& which) const {
   std::vector<FusedRecord> out;
   Statement row = ask(table_of<FusedRecord>().select() + " WHERE " + which + " ORDER BY idx");

@@ -27,26 +27,6 @@ void count_verdicts(RunSummary& sum, const PerSensor<std::string>& verdicts) {
   sum.doubtful += doubt;
 }
 
-void add_part(RunSummary& sum, const RunSummary& next) {
-  if (next.records == 0) return;
-  if (sum.records == 0) sum.first_utc = next.first_utc;
-  sum.last_utc = next.last_utc;
-  sum.last_index = next.last_index;
-  const auto add = [](auto& into, const auto& from) {
-    for (const auto& [key, count] : from) into[key] += count;
-  };
-  add(sum.labels, next.labels), add(sum.events, next.events);
-  for (const Sensor s : all_sensors) {
-    sum.valid[s] += next.valid[s], sum.lost[s] += next.lost[s];
-    add(sum.verdicts[s], next.verdicts[s]);
-    if (next.clocks[s]) sum.clocks[s] = next.clocks[s];
-  }
-  for (const auto member :
-       {&RunSummary::records, &RunSummary::all_valid, &RunSummary::incomplete,
-        &RunSummary::doubtful, &RunSummary::tags, &RunSummary::arrays, &RunSummary::array_frames})
-    sum.*member += next.*member;
-}
-
 std::string doubts_of(const RunSummary& sum) {
   constexpr PerSensor<const char*> names{"SPD", "radar", "camera"};
   std::string out;

@@ -115,7 +115,7 @@ RunWriter::RunWriter(const std::string& path, const RunInfo& info, const Clock& 
     handle_.reset();
     ours = made.publish_new();
     if (!ours) refuse_existing(path);
-    go_on(false);
+    begin_writing();
   } catch (...) {
     handle_.reset();
     if (ours) ::unlink(path.c_str()), remove_side_files(path);  // without a record
@@ -142,37 +142,12 @@ void RunWriter::make(const RunInfo& info, const Begin& begin) {
   use_wal();  // before anybody can read it
 }
 
-RunWriter::RunWriter(const std::string& path, const Clock& clock, const Look& look)
-    : path_(path), clock_(clock), handle_(nullptr, sqlite3_close) {
-  static_cast<void>(RunReader(path).axes());  // a run file, or no lock file is made beside it
-  lock();
-  const RunReader begun(path);
-  if (look) look(begun);
-  axes_ = begun.axes();
-  go_on(true);
-}
-
-void RunWriter::go_on(bool resumed) {
+// The first write makes the WAL, which is watched from then on.
+void RunWriter::begin_writing() {
   open(path_);
   reserve();
   use_wal();
-  execute(db_, path_, "BEGIN IMMEDIATE", "cannot reopen");
-  execute(db_, path_, "UPDATE run SET status = 'open', ended_utc = ''", "cannot reopen");
-  Statement state(
-      db_, path_,
-      "SELECT count(*), ifnull(max(idx) + 1, (SELECT part ->> '$[0].first_idx' FROM run)), "
-      "(SELECT ifnull(max(id), 0) FROM event), (SELECT json_array_length(part) FROM run) "
-      "FROM record");
-  state.step();
-  for (std::int64_t* v : {&records_, &next_index_, &last_event_, &part_}) *v = state.integer();
-  constexpr const char* one_more =
-      "UPDATE run SET part = json_insert(part, '$[#]', json_object('first_idx', ?, 'started_utc', "
-      "?))";
-  if (resumed)
-    Statement(db_, path_, one_more).bind(next_index_).bind(iso8601(clock_.utc())).run();
-  else
-    part_ = 0;
-  execute(db_, path_, "COMMIT", "cannot reopen");
+  execute(db_, path_, "UPDATE run SET status = 'open'", "cannot open");
   ready();
 }
 
@@ -273,7 +248,6 @@ void RunWriter::append(std::span<const FusedRecord> batch) {
     Statement row(db_, path_, table_of<StoredRecord>().insert().c_str());
     for (const auto& r : batch) append_row(row, path_, axes_, r);
   });
-  for (const auto& r : batch) next_index_ = std::max(next_index_, r.index + 1);
   records_ += static_cast<std::int64_t>(batch.size());
 }
 
@@ -431,17 +405,14 @@ void RunWriter::put_anchor(HostTime mono, UtcTime utc) {
 
 void RunWriter::put_counters(std::span<const Counted> counters) {
   in_transaction([&] {
-    for (Counted c : counters) {
-      c.part = part_;
-      insert(db_, path_, c);
-    }
+    for (const Counted& c : counters) insert(db_, path_, c);
   });
 }
 
-void RunWriter::put_late(std::int64_t first, const LateCounts& late) {
+void RunWriter::put_late(const LateCounts& late) {
   in_transaction([&] {
-    for (const auto& [slot, counts] : late)
-      insert(db_, path_, LateRow{first + slot, counts},
+    for (const auto& [record, counts] : late)
+      insert(db_, path_, LateRow{record, counts},
              " ON CONFLICT (idx) DO UPDATE SET spd = spd + excluded.spd, radar = radar + "
              "excluded.radar, depth = depth + excluded.depth");
   });

@@ -8,10 +8,9 @@
 #include <utility>
 
 #include "acquire/devices/devices.hpp"
-#include "acquire/record/run_parts.hpp"
 #include "acquire/run/disk.hpp"
 #include "acquire/run/journal.hpp"
-#include "acquire/run/resume.hpp"
+#include "acquire/run/new_run.hpp"
 #include "acquire/run/scheduler.hpp"
 #include "acquire/run/signal_check.hpp"
 #include "acquire/run/status.hpp"
@@ -60,12 +59,11 @@ class Daemon final : private SampleSink {
  private:
   struct Recording {  // exists from the first slot on
     Recording(const SlotGrid& grid, const Config& config, const RunOptions& options,
-              const SensorClocks& clocks, port::Loop& loop, const std::vector<Axis>& begun_axes,
-              std::unique_ptr<record::RunWriter> file)
+              const SensorClocks& clocks, port::Loop& loop, std::unique_ptr<record::RunWriter> file)
         : scheduler(grid, options.count),
           windows(grid, config.histogram, clocks, config.configured(), config.required()),
           signal(config.signal, config.window_s),
-          journal(std::move(file), loop, begun_axes),
+          journal(std::move(file), loop),
           status(grid.first, config.window_s, options.count, options.quiet, options.show_status) {}
     Scheduler scheduler;
     Windows windows;
@@ -86,7 +84,14 @@ class Daemon final : private SampleSink {
   void require_devices() const;
   void count_down();
   void begin();
-  std::unique_ptr<record::RunWriter> open_file();
+  std::unique_ptr<record::RunWriter> make(const std::string& out, const std::string& uuid) {
+    return make_run(config_, out, options_.meta, uuid, loop_);
+  }
+  void describe_run();
+  void begin_next(std::int64_t slot);
+  void put_late();
+  void put_counters();
+  void report_file();
   void interrupt(HostTime now);
   void warn_of_full_disk();
   void announce(Sensor sensor);
@@ -102,14 +107,13 @@ class Daemon final : private SampleSink {
   }
   void close_due(HostTime now);
   void close_slot(const DueSlot& due, std::chrono::nanoseconds late);
-  void end_part(std::int64_t next_index);
   void end();
 
   const Config& config_;
   const RunOptions& options_;
   port::Loop& loop_;
   port::Timer timer_{loop_};
-  std::string name_;  // the run's name; in parts not the file's
+  std::string file_;  // being written
   std::string label_;
   RunLog log_;
   std::optional<port::RawKeeper> raw_;
@@ -118,7 +122,8 @@ class Daemon final : private SampleSink {
   std::optional<Recording> recording_;
   RunTotals totals_;
   PerSensor<std::uint64_t> early_{};  // samples from before there were slots
-  Resumption resumption_;
+  std::int64_t first_slot_ = 0;       // the run's: its record 0
+  std::int64_t files_ = 0;
   bool ending_ = false;  // interrupted
   bool done_ = false;    // there is no slot to be closed any more
   std::string status_ = "complete";
@@ -126,13 +131,8 @@ class Daemon final : private SampleSink {
 
 ExitCode Daemon::run() {
   refuse_late_clock(loop_.utc());
-  if (options_.resume)
-    refuse_resuming(record::RunReader(options_.out), config_);
-  else
-    refuse_bad_target(options_.out);
-  name_ = options_.part_records > 0 ? record::whole_and_number(options_.out).first
-                                    : record::run_of(options_.out);
-  if (!options_.kept_slot) devices_.take("run", name_);
+  refuse_bad_target(options_.out);
+  if (!options_.kept_slot) devices_.take("run", options_.out);
   if (raw_) raw_->note("run", loop_.now(), "start", loop_.utc().count());
   devices_.start();
   devices_.wait(config_.connect_timeout_s);
@@ -175,22 +175,6 @@ void Daemon::count_down() {
   require_devices();
 }
 
-// The index goes on; so does time, by UTC: the monotonic clock may have begun again.
-std::unique_ptr<record::RunWriter> Daemon::open_file() {
-  resumption_.part_records = resumption_.part_end = options_.part_records;
-  if (!options_.resume) {
-    auto meta = options_.meta;
-    if (options_.part_records > 0)
-      for (auto& pair : record::meta_of({1, options_.part_records})) meta.push_back(pair);
-    return make_run(config_, options_.out, meta, options_.uuid, loop_);
-  }
-  resumption_ = reopen_run(options_.out, loop_, [this](const record::RunReader& begun) {
-    for (const Sensor s : all_sensors) refuse_other_axes(begun.axes(), devices_[s].info);
-  });
-  if (resumption_.label && !options_.label_given) label_ = *resumption_.label;
-  return std::move(resumption_.file);
-}
-
 port::RawKeeper* Daemon::keep_raw(const RunOptions& options) {
   if (options.keep_raw.empty()) return nullptr;
   raw_.emplace(options.keep_raw, loop_.make_worker());
@@ -207,24 +191,43 @@ void Daemon::report_raw_trouble() {
 }
 
 void Daemon::begin() {
-  auto file = open_file();
+  auto file = make(options_.out, options_.uuid);
   const auto length = from_seconds(config_.window_s);
   const SlotGrid grid{options_.kept_slot.value_or(first_slot(loop_.now() + settle_time, length)),
                       length};
   if (raw_) raw_->note("run", grid.first, "slots", length.count());
-  recording_.emplace(grid, config_, options_, clocks_, loop_, resumption_.axes, std::move(file));
-  recording_->journal.put_config(config_);
-  end_part(resumption_.first_index);
-  if (!resumption_.gap.empty()) log(Severity::warning, "run", resumption_.gap);
+  recording_.emplace(grid, config_, options_, clocks_, loop_, std::move(file));
   log_.attach(recording_->journal);
+  describe_run();
+  warn_of_full_disk();
+  report_file();
+  notify_ready(config_.window_s);
+}
+
+// Puts configuration, devices and axes into a new run.
+void Daemon::describe_run() {
+  recording_->journal.put_config(config_);
+  recording_->journal.put_axes(recording_->windows.axes());
   for (const Sensor s : all_sensors)
     if (devices_[s].state == DeviceState::streaming)
       announce(s);
     else if (devices_[s].configured)
       log(Severity::warning, name_of(s), "not there at the start: " + devices_.describe(s));
-  warn_of_full_disk();
-  spdlog::info("recording into {}, slots of {} s", options_.out, config_.window_s);
-  notify_ready(config_.window_s);
+}
+
+void Daemon::begin_next(std::int64_t slot) {
+  put_counters();
+  first_slot_ = slot;
+  recording_->journal.begin_next([this] { return make(options_.next_out(), {}); });
+  describe_run();
+}
+
+void Daemon::report_file() {
+  const std::string file = recording_->journal.path();
+  if (std::exchange(file_, file) == file) return;
+  if (++files_ > 1 && !options_.kept_slot) devices_.name_run("run", file);
+  spdlog::info("recording into {}, slots of {} s", file, config_.window_s);
+  if (options_.opened) options_.opened(file);
 }
 
 void Daemon::warn_of_full_disk() {
@@ -287,6 +290,7 @@ void Daemon::tick() {
   close_due(now);
   r.journal.refresh_anchor(log_);
   report_raw_trouble();
+  report_file();
   const std::int64_t written = r.journal.written();
   if (std::exchange(totals_.written, written) != written) {
     notify_advance(written);
@@ -325,7 +329,8 @@ void Daemon::close_slot(const DueSlot& due, std::chrono::nanoseconds late) {
   if (raw_) raw_->note("run", loop_.now(), "closed", due.index);
   record::FusedRecord record = recording_->windows.close(due);
   recording_->signal.judge(record, recording_->windows.axes());
-  record.index += resumption_.first_index;
+  record.index -= first_slot_;
+  const std::int64_t index = record.index;
   record.statistics.closed_late_s = seconds(late);
   record.slot_utc = recording_->journal.utc_of(record.slot_start);
   record.label = label_;
@@ -338,25 +343,35 @@ void Daemon::close_slot(const DueSlot& due, std::chrono::nanoseconds late) {
                 record.sync[Sensor::depth].used);
   if (!recording_->journal.put(std::move(record)))
     log(Severity::error, "run file",
-        "record " + std::to_string(due.index + resumption_.first_index) +
-            ": its data are given up, " + recording_->journal.why_late());
-  recording_->journal.put_late(resumption_.first_index, recording_->windows.take_late());
-  if (!recording_->scheduler.done()) end_part(resumption_.first_index + due.index + 1);
+        "record " + std::to_string(index) + ": its data are given up, " +
+            recording_->journal.why_late());
+  put_late();
+  if (index + 1 == options_.slots_a_file && !recording_->scheduler.done())
+    begin_next(due.index + 1);
 }
 
-// Opens the next part together with the last record of this one, so that its file exists in time.
-void Daemon::end_part(std::int64_t next_index) {
-  if (resumption_.part_records == 0 || next_index < resumption_.part_end) return;
-  resumption_.part_end = next_index + resumption_.part_records;
-  recording_->journal.begin_part();
+// Late samples of the run before are in the counters only.
+void Daemon::put_late() {
+  record::LateCounts late;
+  for (const auto& [slot, counts] : recording_->windows.take_late())
+    if (slot >= first_slot_) late[slot - first_slot_] = counts;
+  recording_->journal.put_late(std::move(late));
+}
+
+// Puts the counts of this run.
+void Daemon::put_counters() {
+  PerSensor<std::vector<Counter>> counters;
+  for (const Sensor s : all_sensors) counters[s] = devices_.counters(s);
+  UnassignedSamples unassigned = recording_->windows.take_unassigned();
+  for (const Sensor s : all_sensors) unassigned.early[s] += std::exchange(early_[s], 0);
+  recording_->journal.put_counters(counters, unassigned);
+  report_unassigned(log_, unassigned);
 }
 
 void Daemon::end() {
   Recording& r = *recording_;
   notify_stopping();
   devices_.stop();
-  PerSensor<std::vector<Counter>> counters;
-  for (const Sensor s : all_sensors) counters[s] = devices_.counters(s);
   if (raw_) {
     const port::RawKeeper::Counts bytes = raw_->finish();
     report_raw_trouble();
@@ -367,28 +382,22 @@ void Daemon::end() {
       log(Severity::error, "raw", options_.keep_raw + " was moved or removed during the run");
   }
   r.windows.finish();
-  r.journal.put_late(resumption_.first_index, r.windows.take_late());
-  UnassignedSamples unassigned = r.windows.unassigned();
-  for (const Sensor s : all_sensors) unassigned.early[s] += early_[s];
-  r.journal.put_counters(std::move(counters), unassigned);
-  report_unassigned(log_, unassigned);
+  put_late();
+  put_counters();
   if (!r.journal.finish(status_))
     spdlog::warn(
         "{}: another program reads it; its last records stay in {}-wal until "
-        "`echofuse-acquire info` or the next --resume",
+        "`echofuse-acquire info`",
         r.journal.path(), r.journal.path());
+  report_file();
   totals_.written = r.journal.written();
   if (options_.progress) options_.progress(totals_.written);
   r.status.finish(loop_.now(), totals_);
-  std::string parts;
-  if (resumption_.part_records > 0) {
-    const auto count = record::files_of(name_).paths.size();
-    parts = ", in " + std::to_string(count) + (count == 1 ? " part" : " parts");
-  }
-  spdlog::info("{}: {}{}, {}{}; arrived: {} tags, {} radar frames, {} depth frames", name_,
-               count_text(totals_.written, options_.count, resumption_.records_before), parts,
-               status_, totals_.doubts(), devices_[Sensor::spd].samples,
-               devices_[Sensor::radar].samples, devices_[Sensor::depth].samples);
+  const std::string files = files_ > 1 ? " in " + std::to_string(files_) + " runs" : "";
+  spdlog::info("{}: {}{}, {}{}; arrived: {} tags, {} radar frames, {} depth frames",
+               r.journal.path(), count_text(totals_.written, options_.count), files, status_,
+               totals_.doubts(), devices_[Sensor::spd].samples, devices_[Sensor::radar].samples,
+               devices_[Sensor::depth].samples);
 }
 
 }  // namespace

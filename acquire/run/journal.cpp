@@ -7,7 +7,6 @@
 #include <filesystem>
 #include <utility>
 
-#include "acquire/record/run_parts.hpp"
 #include "acquire/run/disk.hpp"
 #include "drivers/program/exit_code.hpp"
 #include "drivers/program/printable.hpp"
@@ -44,15 +43,13 @@ spdlog::level::level_enum level_of(Severity s) {
 
 }  // namespace
 
-Journal::Journal(std::unique_ptr<record::RunWriter> run, port::Loop& loop,
-                 const std::vector<Axis>& begun_axes, std::size_t capacity)
+Journal::Journal(std::unique_ptr<record::RunWriter> run, port::Loop& loop, std::size_t capacity)
     : run_(std::move(run)),
       capacity_(capacity),
       clock_(loop),
       closer_(loop.make_worker()),
       worker_(loop.make_worker()) {
   run_->wait_with(patience_);
-  for (const Axis& axis : begun_axes) axes_.insert(axis.name);
   anchors_.push_back(put_anchor());
 }
 
@@ -72,7 +69,8 @@ void Journal::write(record::RunWriter& run, record::FusedRecord& record) {
   take_label(run.new_label(slot_end));
   if (const auto label = this->label()) record.label = *label;
   run.append(record);
-  spdlog::debug("record {}: committed", record.index);  // scripts/kill_test relies on this line
+  // scripts/kill_test relies on this line.
+  spdlog::debug("{}: record {}: committed", run.path(), record.index);
   const auto free = acquire::free_bytes(std::filesystem::path(run.path()).parent_path().string());
   const std::lock_guard lock(mutex_);
   free_ = free;
@@ -101,52 +99,45 @@ std::string Journal::why_late() const {
   return patience_.tried() ? "another program holds the run file" : "the disk does not keep up";
 }
 
-// The next part is there before this one is closed, so that who follows the run finds it, and no
-// record waits while this one is checked.
-void Journal::begin_part() {
-  put([this](record::RunWriter& run) {
+// The next run is there before this one is closed, so that no record waits while this one is
+// checked.
+void Journal::begin_next(Make make) {
+  axes_.clear(), identities_ = {};
+  put([this, make = std::move(make)](record::RunWriter&) {
     std::shared_ptr<record::RunWriter> before;
-    const auto [whole, number] = record::whole_and_number(run.path());
-    const bool again = part_ > number;  // beginning this part failed before
-    part_ = std::max(part_, number) + 1;
-    while (again && std::filesystem::exists(record::part_path(whole, part_))) ++part_;
-    try {
-      auto next = record::next_part(run.path(), part_, run.next_index(), clock_);
-      next->wait_with(patience_);
+    auto next = make();
+    next->wait_with(patience_);
+    {
       const std::lock_guard lock(mutex_);
       run_.swap(next);
       before = std::move(next);
-    } catch (const Error& e) {
-      const std::string text =
-          std::string("this part goes on, the next one cannot begin: ") + e.what();
-      spdlog::warn("run file: {}", printable(text));
-      return run.put_event(clock_.utc(), Severity::warning, "run file", text);
     }
-    // A label of the old part is of the next record; one that comes while it is closed is older
-    // than any that the new part had meanwhile.
+    // A label of the run before is of the next record; one that comes while it is closed is older
+    // than any that the new run had meanwhile.
     take_label(before->new_label(UtcTime::max()));
     const std::uint64_t labels = labels_;
     constexpr int most_closing = 4;
-    if (closing_ >= most_closing) return close_part(*before, labels);
+    if (closing_ >= most_closing) return close_before(*before, labels);
     ++closing_;
     closer_->put([this, before, labels] {
       try {
-        close_part(*before, labels);
+        close_before(*before, labels);
       } catch (...) {
         fail(std::current_exception());
       }
       --closing_;
     });
   });
+  renew_anchor();
 }
 
-// A label that the part got until its end is of the next one.
-void Journal::close_part(record::RunWriter& part, std::uint64_t labels) {
-  if (!part.close("complete"))
-    spdlog::warn("{}: another program reads it; its last records stay in its -wal", part.path());
-  if (auto left = part.new_label(UtcTime::max()); labels_ == labels) take_label(std::move(left));
+// A label that the run got until its end is of the next one.
+void Journal::close_before(record::RunWriter& before, std::uint64_t labels) {
+  if (!before.close("complete"))
+    spdlog::warn("{}: another program reads it; its last records stay in its -wal", before.path());
+  if (auto left = before.new_label(UtcTime::max()); labels_ == labels) take_label(std::move(left));
   const std::lock_guard lock(mutex_);
-  run_->reserve();  // takes over the room that this part gave back
+  run_->reserve();  // takes over the room that the run before gave back
 }
 
 void Journal::take_label(std::optional<std::string> label) {
@@ -183,14 +174,15 @@ void Journal::put_axes(const std::vector<Axis>& axes) {
     if (axes_.insert(axis.name).second) put([axis](record::RunWriter& run) { run.put_axis(axis); });
 }
 
-void Journal::put_late(std::int64_t first, record::LateCounts late) {
+void Journal::put_late(record::LateCounts late) {
   if (late.empty()) return;
-  put([first, late = std::move(late)](record::RunWriter& run) { run.put_late(first, late); });
+  put([late = std::move(late)](record::RunWriter& run) { run.put_late(late); });
 }
 
 void Journal::put_counters(PerSensor<std::vector<Counter>> counters,
                            const UnassignedSamples& unassigned) {
   for (const Sensor s : all_sensors) {
+    for (Counter& c : counters[s]) c.value -= std::exchange(counted_[s][c.name], c.value);
     counters[s].push_back({"early", unassigned.early[s]});
     counters[s].push_back({"late", unassigned.late[s]});
     counters[s].push_back({"outside", unassigned.outside[s]});
@@ -220,10 +212,14 @@ void Journal::refresh_anchor(RunLog& log) {
                 iso8601(utc) + "; slots that begin from now on bear the new time");
     anchors_.push_back(put_anchor());
   } else if (now - last.mono >= anchor_pause) {
-    const HostTime from = last.from;
-    last = put_anchor();
-    last.from = from;
+    renew_anchor();
   }
+}
+
+void Journal::renew_anchor() {
+  const HostTime from = anchors_.back().from;
+  anchors_.back() = put_anchor();
+  anchors_.back().from = from;
 }
 
 UtcTime Journal::utc_of(HostTime slot_start) {

@@ -27,18 +27,17 @@ namespace echofuse::acquire {
 class RunLog;
 
 // Threading: all members are for one thread. The worker alone writes with the RunWriter, and
-// replaces it where a part begins; a second worker closes the part before. No job is done after the
-// first that failed, and finish() tells why. While another program holds the run file by a write
-// transaction, jobs wait.
+// replaces it where the next run begins; a second worker closes the run before. No job is done
+// after the first that failed, and finish() tells why. While another program holds the run file by
+// a write transaction, jobs wait.
 class Journal {
  public:
   using Job = std::function<void(record::RunWriter&)>;
   static constexpr std::size_t default_capacity = 64;
 
-  // `loop`, which outlives this, is its clock and makes its workers. `begun_axes`: those that the
-  // file of a resumed run has. Puts an anchor.
+  // `loop`, which outlives this, is its clock and makes its workers. Puts an anchor.
   Journal(std::unique_ptr<record::RunWriter> run, port::Loop& loop,
-          const std::vector<Axis>& begun_axes = {}, std::size_t capacity = default_capacity);
+          std::size_t capacity = default_capacity);
   ~Journal();  // without finish(): the run stays as a crash would leave it
   Journal(const Journal&) = delete;
   Journal& operator=(const Journal&) = delete;
@@ -48,16 +47,18 @@ class Journal {
   // many the journal has failed for that reason: it takes no more, but does what is waiting.
   bool put(record::FusedRecord record);
   void put(Job job);
-  // Sends later records into the next part of the run (record/run_parts.hpp). If that cannot be
-  // begun (a file of its name is there), a warning and an event say so. The open part then goes on,
-  // and the next call takes the number behind.
-  void begin_part();
+  // Closes the run as complete and sends what comes later into the next one, which `make` opens.
+  // Puts an anchor; configuration, devices and axes are put by the caller as for the first run. The
+  // journal fails if `make` throws.
+  using Make = std::function<std::unique_ptr<record::RunWriter>()>;
+  void begin_next(Make make);
   void put_config(const Config& config);
   void put_device(const DeviceInfo& device);     // one row a device, not one a reconnection
   void put_axes(const std::vector<Axis>& axes);  // those that the file does not have
-  // `first`: the record of slot 0.
-  void put_late(std::int64_t first, record::LateCounts late);
-  // Writes the drivers' counters and the samples that are in no record; at the end, all or none.
+  // Late samples by record.
+  void put_late(record::LateCounts late);
+  // Writes what the drivers counted since the last call, and the samples that are in no record; at
+  // the end of a run, all or none.
   void put_counters(PerSensor<std::vector<Counter>> counters, const UnassignedSamples& unassigned);
 
   // A new anchor once a minute, and at once, with a warning, when the machine's clock was set or
@@ -92,8 +93,9 @@ class Journal {
     HostTime from{};                        // the first slot start that it stands for
   };
   SlotAnchor put_anchor();
+  void renew_anchor();
   void write(record::RunWriter& run, record::FusedRecord& record);
-  void close_part(record::RunWriter& part, std::uint64_t labels);
+  void close_before(record::RunWriter& before, std::uint64_t labels);
   void take_label(std::optional<std::string> label);
   void fail(const std::exception_ptr& why);
   void stop();
@@ -102,8 +104,9 @@ class Journal {
   std::unique_ptr<record::RunWriter> run_;  // replaced by the worker; guarded by mutex_
   const std::size_t capacity_;
   const Clock& clock_;
-  std::set<std::string> axes_;         // by name
-  PerSensor<std::string> identities_;  // devices already written
+  std::set<std::string> axes_;                               // by name
+  PerSensor<std::string> identities_;                        // devices already written
+  PerSensor<std::map<std::string, std::uint64_t>> counted_;  // by drivers, in the runs before
   std::deque<SlotAnchor> anchors_;  // the last one, and before it those that open slots began with
   std::int64_t put_ = 0;            // records
   std::string overflow_;            // why more jobs wait than may
@@ -116,8 +119,7 @@ class Journal {
   std::optional<std::string> label_;       // set by a mark, by the workers; guarded by mutex_
   std::optional<std::uint64_t> free_;      // on its disk; guarded by mutex_
   std::exception_ptr failure_;             // set once, before failed_
-  std::int64_t part_ = 0;         // number of the last part that was to be begun; the worker's
-  std::atomic<int> closing_ = 0;  // parts
+  std::atomic<int> closing_ = 0;           // runs
   std::unique_ptr<port::Worker> closer_, worker_;
 };
 

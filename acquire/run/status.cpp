@@ -125,13 +125,10 @@ std::string RunTotals::doubts() const {
   return text;
 }
 
-std::string count_text(std::int64_t written, std::optional<std::int64_t> planned,
-                       std::optional<std::int64_t> before) {
+std::string count_text(std::int64_t written, std::optional<std::int64_t> planned) {
   std::string text = std::to_string(written);
   if (planned) text += " of " + std::to_string(*planned);
-  text += " records";
-  if (before) text += ", " + std::to_string(*before + written) + " in all";
-  return text;
+  return text + " records";
 }
 
 std::vector<StatusField> status_fields(const RunTotals& now, const StatusTimes& times) {

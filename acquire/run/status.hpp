@@ -38,9 +38,8 @@ struct RunTotals {
   std::string doubts() const;
 };
 
-// "7 records", "3 of 3 records, 23 in all": of `planned` ones, and of a resumed run with `before`.
-std::string count_text(std::int64_t written, std::optional<std::int64_t> planned,
-                       std::optional<std::int64_t> before);
+// "7 records", or "3 of 3 records" if so many are planned.
+std::string count_text(std::int64_t written, std::optional<std::int64_t> planned);
 
 // Field of the status line. Fields keep their order; a narrow terminal drops those of low rank
 // first.

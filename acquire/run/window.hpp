@@ -73,6 +73,7 @@ class Windows {
   // The run is over: what was gathered for later slots becomes `outside`.
   void finish();
   const UnassignedSamples& unassigned() const { return unassigned_; }
+  UnassignedSamples take_unassigned() { return std::exchange(unassigned_, {}); }  // since last call
   // Returns late samples since the last call, of the first 256 slots; unassigned() has all.
   record::LateCounts take_late() { return std::exchange(late_, {}); }
 

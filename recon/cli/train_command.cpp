@@ -5,7 +5,7 @@
 #include <deque>
 #include <filesystem>
 
-#include "acquire/record/run_parts.hpp"
+#include "acquire/record/run_names.hpp"
 #include "drivers/program/command_line.hpp"
 #include "drivers/program/console.hpp"
 #include "drivers/program/printable.hpp"
@@ -100,17 +100,16 @@ Dataset load_to_train(Arguments& a, double radar_bin_m) {
 
 // Makes a map of one record that the model was trained on, as reconstruct does.
 void predict_one(const TrainedModel& model, const std::vector<std::string>& runs) {
-  for (const std::string& run : runs)
-    for (const std::string& path : record::files_of(run).paths) {
-      const record::RunReader file(path);
-      if (file.info().uuid != model.seen.runs[model.seen.run.front()]) continue;
-      const std::int64_t index = model.seen.index.front();
-      Dataset one = load_part(file, index, 1, sensors_of(model->features.inputs),
-                              [](std::int64_t, const std::string&) {});
-      if (one.size() == 0 || one.index[0] != index) continue;
-      predict(model, prepare_records(model, std::move(one)).data, {0});
-      return;
-    }
+  for (const std::string& run : runs) {
+    const record::RunReader file(record::old_run(run));
+    if (file.info().uuid != model.seen.runs[model.seen.run.front()]) continue;
+    const std::int64_t index = model.seen.index.front();
+    Dataset one = load_part(file, index, 1, sensors_of(model->features.inputs),
+                            [](std::int64_t, const std::string&) {});
+    if (one.size() == 0 || one.index[0] != index) continue;
+    predict(model, prepare_records(model, std::move(one)).data, {0});
+    return;
+  }
 }
 
 constexpr std::ptrdiff_t least_records = 100;

@@ -11,14 +11,13 @@
 #include <memory>
 #include <optional>
 
-#include "acquire/record/run_parts.hpp"
+#include "acquire/record/run_names.hpp"
 #include "drivers/core/crc32c.hpp"
 #include "drivers/core/log2_codes.hpp"
 #include "drivers/program/printable.hpp"
 #include "recon/data/depths_seen.hpp"
 #include "recon/data/lags.hpp"
 #include "recon/data/pile_up.hpp"
-#include "recon/data/run_order.hpp"
 #include "recon/data/shift.hpp"
 #include "recon/numbers/parallel.hpp"
 #include "recon/numbers/statistics.hpp"
@@ -87,7 +86,11 @@ class Appender {  // appends one run to a Dataset
       if (c.sensor == Sensor::radar && data.radar_axis.unit == "m") radar_offset_m = c.offset_m;
     }
     const record::RunInfo info = run.info();
-    if (!data.sources.empty() && data.sources.back().uuid == info.uuid) return;  // its next part
+    for (const Source& other : data.sources)
+      if (other.uuid == info.uuid)
+        throw Error(ExitCode::failed,
+                    printable(path_) + ": is the same run as " + printable(other.path) +
+                        "; give each run once, or its records leak into the test");
     const auto response = record::response_of(info.meta).radar;
     data.sources.push_back({path_, info.uuid, data.size(), 0, radar_offset_m, response});
   }
@@ -280,15 +283,11 @@ void append(Dataset& data, const record::RunReader& run, std::int64_t first, std
 
 Dataset load_recorded(const std::vector<std::string>& paths) {
   std::vector<std::string> files;
-  for (const auto& path : paths) {
-    const record::RunFiles run = record::files_of(path);
-    files.insert(files.end(), run.paths.begin(), run.paths.end());
-    if (!run.missing.empty()) std::fprintf(stderr, "%s\n", run.missing.c_str());
-  }
+  for (const auto& path : paths) files.push_back(record::old_run(path));
   require_memory(files);
   Dataset data;
   const auto depths = std::make_unique<DepthsSeen>();
-  for (const auto& path : in_order_of_records(files)) {
+  for (const auto& path : files) {
     const record::RunReader run(path);
     const auto note = [&](std::int64_t index, const std::string& fault) {
       if (data.damaged++ == 0)

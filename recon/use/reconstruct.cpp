@@ -19,7 +19,7 @@
 #include <utility>
 
 #include "acquire/record/run_file.hpp"
-#include "acquire/record/run_parts.hpp"
+#include "acquire/record/run_names.hpp"
 #include "drivers/program/console.hpp"
 #include "drivers/program/new_file.hpp"
 #include "drivers/program/printable.hpp"
@@ -302,29 +302,23 @@ void reconstruct(const TrainedModel& model, const std::string& path,
                  const ReconstructOptions& options) {
   if (wants_uncertainty(options)) require_uncertainty(model);
   if (options.rows != "test") indices_of(options.rows);  // refused before anything is made
-  auto [files, missing] = record::files_of(path);
-  if (!missing.empty()) std::fprintf(stderr, "%s\n", missing.c_str());
-  const std::string uuid = record::RunReader(files.front()).info().uuid;
+  const std::string file = record::old_run(path);
+  const std::string uuid = record::RunReader(file).info().uuid;
   require_folder(options, uuid);  // refused before it changes
   make_folder(options.out);
   write_atomically(options.out + "/run.txt", marker_of(path, uuid, model, options.range_offset_m));
   Reconstruction work(model, options);
-  for (const auto& file : files)
-    if (!options.follow && !interrupted()) work.take_all(record::RunReader(file));
-  for (std::size_t at = 0; options.follow && !interrupted();) {
+  if (!options.follow) work.take_all(record::RunReader(file));
+  while (options.follow && !interrupted()) {
     // Opened anew for each look: a run's writer leaves one single file only if nobody holds it.
     bool open = false;
     {
-      const record::RunReader run(files[at]);
+      const record::RunReader run(file);
       open = run.info().status == "open";  // asked first: what comes before the end is seen
       if (work.take_new(run)) continue;
     }
-    if (open) {
-      std::this_thread::sleep_for(pause_between_looks);
-      continue;
-    }
-    files = record::files_of(path).paths;  // the next part is there before this one closes
-    if (++at == files.size()) break;
+    if (!open) break;
+    std::this_thread::sleep_for(pause_between_looks);
   }
   work.close();
 }

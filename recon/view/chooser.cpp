@@ -7,7 +7,6 @@
 #include <nlohmann/json.hpp>
 
 #include "acquire/record/catalogue.hpp"
-#include "acquire/record/run_parts.hpp"
 #include "drivers/program/printable.hpp"
 #include "recon/view/pictures.hpp"
 
@@ -46,7 +45,7 @@ void add_picture(Json& told, const record::RunReader& run, std::int64_t first) {
 
 }  // namespace
 
-// A run, or a part of one; `more`: its picture, or why it cannot be read.
+// A run; `more`: its picture, or why it cannot be read.
 struct Chooser::Told {
   std::optional<record::RunEntry> entry;
   Json more = Json::object();
@@ -64,12 +63,8 @@ struct Chooser::Told {
 };
 
 std::string Chooser::path_of(const std::string& name) const {
-  for (const auto& [place, path] : record::run_files(folder_))
+  for (const std::string& path : record::run_files(folder_))
     if (name_of_run(path) == name) return path;
-  for (const auto& [place, path] : record::run_files(folder_))
-    if (const auto [whole, number] = record::whole_and_number(path);
-        name_of_run(whole) == name && fs::exists(record::files_of(whole).paths.front()))
-      return whole;
   return {};
 }
 
@@ -77,12 +72,7 @@ std::string Chooser::runs() {
   const HostTime begun = clock_.now();
   std::map<std::string, Known> known;
   std::vector<Json> all;
-  std::vector<record::RunEntry> files;
-  const auto add = [&](Json run, const Json& more) {
-    run.update(more);
-    all.push_back(std::move(run));
-  };
-  for (const auto& [place, path] : record::run_files(folder_)) {
+  for (const std::string& path : record::run_files(folder_)) {
     const FileStamp stamp = stamp_of(path);
     const HostTime now = clock_.now();
     Known& run = known[path] = known_[path];
@@ -90,16 +80,13 @@ std::string Chooser::runs() {
                                               seconds(now - run.read) < live_pause_s);
     if ((!run.told || !fresh) && seconds(now - begun) < longest_look_s)
       run = {stamp, now, std::make_shared<Told>(path)};
-    if (run.told && run.told->entry)
-      files.push_back(*run.told->entry);
-    else
-      add({{"name", name_of_run(path)}}, run.told ? run.told->more : Json{{"waits", true}});
+    const bool entered = run.told && run.told->entry;
+    Json& shown = all.emplace_back(entered ? record::to_json(*run.told->entry)
+                                           : Json{{"name", name_of_run(path)}});
+    shown.erase("path");
+    shown.update(run.told ? run.told->more : Json{{"waits", true}});
   }
   known_ = std::move(known);
-  for (const record::RunEntry& run : record::runs_of(std::move(files))) {
-    add(record::to_json(run), known_.at(run.files.front()).told->more);
-    all.back().erase("path");
-  }
   std::stable_sort(all.begin(), all.end(), [](const Json& a, const Json& b) {
     return a.value("started_utc", "") > b.value("started_utc", "");
   });

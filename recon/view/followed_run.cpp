@@ -10,7 +10,6 @@
 #include <utility>
 
 #include "acquire/record/run_names.hpp"
-#include "acquire/record/run_parts.hpp"
 #include "acquire/record/writer_lock.hpp"
 #include "drivers/program/console.hpp"
 #include "drivers/program/exit_code.hpp"
@@ -69,39 +68,18 @@ std::string FollowedRun::newest_file() {
   return newest.second;
 }
 
-// The file of the run, or the part of it that is known or the first; empty: none.
+// The file of the run; empty: none.
 std::string FollowedRun::find() {
   std::error_code none;
-  std::string run = record::old_run(target_);
-  if (fs::is_directory(target_, none)) {
-    const std::string newest = newest_file();
-    if (newest.empty()) return {};
-    run = newest == std::exchange(newest_, newest) ? run_ : record::run_of(newest);
-  }
-  if (std::exchange(run_, run) == run && !path_.empty() && fs::exists(path_, none)) return path_;
-  const std::string first = record::files_of(run).paths.front();
-  return fs::exists(first, none) ? first : "";
-}
-
-std::string FollowedRun::next() {
-  if (live() || path_ == run_) return {};
-  const auto named = record::named_like(run_);
-  const auto behind = named.upper_bound(record::whole_and_number(path_).second);
-  for (auto it = behind; it != named.end(); ++it) {
-    const std::uint64_t inode = stamp_of(it->second).inode;
-    const auto known = rejected_.find(it->second);
-    if (known != rejected_.end() && known->second == inode) continue;
-    const auto info = record::read_part(it->second);
-    if (info && info->uuid == info_.uuid) return it->second;
-    rejected_[it->second] = inode;
-  }
-  return {};
+  if (fs::is_directory(target_, none)) return newest_file();
+  const std::string run = record::old_run(target_);
+  return fs::exists(run, none) ? run : "";
 }
 
 bool FollowedRun::refresh() {
   const std::string path = find();
   const FileStamp stamp = stamp_of(path);
-  if (path == path_ && stamp == stamp_ && !path.empty() && next().empty()) return false;
+  if (path == path_ && stamp == stamp_ && !path.empty()) return false;
   if (path != path_ || stamp.inode != stamp_.inode) forget();
   const std::string before = std::exchange(trouble_, {});
   path_ = path, stamp_ = stamp;
@@ -118,23 +96,12 @@ bool FollowedRun::refresh() {
 
 void FollowedRun::forget() {
   info_ = {};
-  before_.clear();
   axes_.clear(), events_.clear(), outlines_.clear(), label_.clear();
   sensors_ = {}, verdicts_ = {}, temperatures_.clear();
   ++edition_;
 }
 
-// One part is closed when the next one is there.
 void FollowedRun::read() {
-  read_part();
-  for (std::string path; !interrupted() && !(path = next()).empty(); read_part()) {
-    Part& part = before_.emplace_back(Part{path_, last().value_or(-1) + 1, stamp_.bytes});
-    for (const Sensor s : all_sensors) part.late[s] = sensors_[s].late;
-    path_ = path, stamp_ = stamp_of(path);
-  }
-}
-
-void FollowedRun::read_part() {
   const record::RunReader run(path_);
   const record::RunInfo info = run.info();
   std::vector<Axis> axes = run.axes();
@@ -149,8 +116,7 @@ void FollowedRun::read_part() {
   for (const record::FusedRecord& o : run.outlines(last().value_or(-1) + 1)) take(o);
   const auto late = run.late();
   for (const Sensor s : all_sensors)
-    sensors_[s].late = (before_.empty() ? 0 : before_.back().late[s]) +
-                       static_cast<std::uint64_t>(std::max<std::int64_t>(late[s], 0));
+    sensors_[s].late = static_cast<std::uint64_t>(std::max<std::int64_t>(late[s], 0));
 }
 
 void FollowedRun::take(const record::FusedRecord& o) {
@@ -200,17 +166,9 @@ std::optional<std::uint64_t> FollowedRun::free_bytes() const {
   return space.available;
 }
 
-std::uint64_t FollowedRun::bytes() const {
-  std::uint64_t out = stamp_.bytes;
-  for (const Part& part : before_) out += part.bytes;
-  return out;
-}
-
-void FollowedRun::with_reader(std::optional<std::int64_t> record, const Look& look) const {
+void FollowedRun::with_reader(const Look& look) const {
   if (!trouble_.empty() || path_.empty()) throw Error(ExitCode::failed, trouble_);
-  const auto part =
-      std::ranges::find_if(before_, [&](const Part& p) { return record && *record < p.end; });
-  look(record::RunReader(part == before_.end() ? path_ : part->path));
+  look(record::RunReader(path_));
 }
 
 std::optional<double> age_s(const SensorState& sensor, UtcTime now) {

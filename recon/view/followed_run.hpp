@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// A run as it is now: live, finished or crashed, closed and resumed. Opens the file for each look
+// A run as it is now: live, finished or crashed. Opens the file for each look
 // and never holds it, because its writer leaves one single file only then.
 #pragma once
 #include <cstdint>
@@ -46,7 +46,7 @@ FileStamp stamp_of(const std::string& path);
 class FollowedRun {
  public:
   // target: a run file, or a folder (then its newest run, the one that began last); may not exist
-  // yet. Follows all parts of a run; path(), info() and axes() are of the last one.
+  // yet.
   explicit FollowedRun(std::string target) : target_(std::move(target)) {}
 
   // Looks whether anything is new, which costs next to nothing if not. Returns whether there was.
@@ -68,39 +68,27 @@ class FollowedRun {
   const record::RunSummary& verdicts() const { return verdicts_; }
   std::optional<std::int64_t> last() const;  // index
   bool live() const { return info_.status == "open"; }
-  std::uint64_t bytes() const;                      // bytes of its files
-  std::optional<std::uint64_t> free_bytes() const;  // free bytes of its disk
+  std::uint64_t bytes() const { return stamp_.bytes; }  // with the WAL
+  std::optional<std::uint64_t> free_bytes() const;      // free bytes of its disk
 
-  // Opens the run for one look; of a run in parts, that with this record, or the last one. Throws
-  // Error.
+  // Opens the run for one look. Throws Error.
   using Look = std::function<void(const record::RunReader&)>;
-  void with_reader(std::optional<std::int64_t> record, const Look& look) const;
-  void with_reader(const Look& look) const { with_reader(std::nullopt, look); }
+  void with_reader(const Look& look) const;
 
  private:
-  struct Part {  // that others follow
-    std::string path;
-    std::int64_t end = 0;  // index of the first record after it
-    std::uint64_t bytes = 0;
-    PerSensor<std::uint64_t> late{};
-  };
   struct Begun {  // a file of the folder
     FileStamp stamp;
     std::string utc;  // empty: it is no run
   };
   std::string newest_file();
   std::string find();
-  std::string next();  // the part after path_; empty: there is none
   void read();
-  void read_part();
   void forget();
   void take(const record::FusedRecord& outline);
 
-  std::string target_, newest_, run_, path_, trouble_, label_;  // newest_: file of a folder
-  std::map<std::string, Begun> begun_;                          // by path
+  std::string target_, path_, trouble_, label_;
+  std::map<std::string, Begun> begun_;  // by path
   FileStamp stamp_;
-  std::vector<Part> before_;                       // path_ are the parts before it
-  std::map<std::string, std::uint64_t> rejected_;  // named like a part, but of another run: inodes
   int edition_ = 0;
   record::RunInfo info_;
   std::vector<Axis> axes_;

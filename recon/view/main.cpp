@@ -7,7 +7,6 @@
 #include <csignal>
 #include <cstdio>
 
-#include "acquire/record/run_parts.hpp"
 #include "drivers/program/command_line.hpp"
 #include "drivers/program/console.hpp"
 #include "drivers/program/printable.hpp"
@@ -37,9 +36,6 @@ ExitCode show(const Options& o) {
   catch_interrupts();
   recon::set_threads(1);
   const SystemClock clock;
-  if (const std::string missing = record::files_of(o.server.run).missing;
-      !o.quiet && !missing.empty())
-    std::fprintf(stderr, "%s\n", missing.c_str());
   std::optional<LiveModel> model;
   try {
     if (!o.model.empty()) model.emplace(o.model);

@@ -98,8 +98,8 @@ class Server::Loop final : public SessionOwner {
                              : at.address().is_v6() ? "[" + at.address().to_string() + "]"
                                                     : at.address().to_string();
     return "http://" + host + ":" + std::to_string(at.port()) +
-           (access_.many && record ? "/newest/" : "/") + "?token=" + access_.token +
-           (record ? "#" + std::to_string(*record) : "");
+           (access_.many && (record || options_.until_closed) ? "/newest/" : "/") +
+           "?token=" + access_.token + (record ? "#" + std::to_string(*record) : "");
   }
 
   void run() {

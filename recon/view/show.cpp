@@ -145,7 +145,7 @@ Message Show::record(std::int64_t index, bool live) {
 Message Show::make_record(std::int64_t index, bool live) const {
   MessageWriter out;
   Json head{{"kind", "record"}, {"index", index}, {"live", live}};
-  run_.with_reader(index, [&](const record::RunReader& run) {
+  run_.with_reader([&](const record::RunReader& run) {
     const record::FusedRecord r = run.read(index);
     const std::vector<Axis> axes = run.axes();
     head["utc"] = iso8601(r.slot_utc);
@@ -257,7 +257,7 @@ Message Show::sheet(std::int64_t first, std::int64_t last) const {
   small.size = sheet_side;
   for (std::size_t k = 0; k < count; ++k) {
     const std::int64_t index = within[count > 1 ? k * (within.size() - 1) / (count - 1) : 0];
-    run_.with_reader(index, [&](const record::RunReader& run) {
+    run_.with_reader([&](const record::RunReader& run) {
       std::vector<float> map;
       std::string label;
       bool has_map = false;
@@ -300,7 +300,7 @@ Message Show::reference() {
   if (run_.live() && all.back().end < end) return nullptr;
   std::vector<double> sum;
   double records = 0;
-  run_.with_reader(all.front().index, [&](const record::RunReader& run) {
+  run_.with_reader([&](const record::RunReader& run) {
     run.for_each(
         [&](const record::FusedRecord& r) {
           if (r.slot_utc >= end || records >= most_reference_records) return false;

@@ -134,10 +134,11 @@ std::string files_of(const Plan& plan) {
   return out;
 }
 
-// Uuid (RFC 9562 version 8) that the parts of a data set share: it follows from version, settings
-// and the files that these name. FNV-1a of 64 bits, CRC-32C, and the length of the text.
-std::string data_set_uuid(const record::RunInfo& info, const std::string& files) {
-  const std::string text = info.version + "\n" + info.config_resolved + "\n" + files;
+// Uuid (RFC 9562 version 8) of a part of a data set: it follows from version, settings, the part
+// and the files that the settings name. FNV-1a of 64 bits, CRC-32C, and the length of the text.
+std::string part_uuid(const record::RunInfo& info, const JobPart& part, const std::string& files) {
+  const std::string text =
+      info.version + "\n" + info.config_resolved + "\n" + part.name() + "\n" + files;
   std::uint64_t mixed = 0xcbf29ce484222325;
   for (const char c : text) mixed = (mixed ^ static_cast<std::uint8_t>(c)) * 0x100000001b3;
   return record::uuid_text(
@@ -152,8 +153,7 @@ bool is_there(const std::string& path, const record::RunInfo& info, JobPart::Ran
   if (!std::filesystem::exists(path)) return false;
   const record::RunReader run(path);
   const record::RunInfo found = run.info();
-  return found.uuid == info.uuid && found.status == "complete" && run.count() == records.size() &&
-         found.first_index == records.begin;
+  return found.uuid == info.uuid && found.status == "complete" && run.count() == records.size();
 }
 
 void check_object(const std::vector<SceneSpec>& scenes, const Conditions& conditions) {
@@ -322,8 +322,7 @@ std::int64_t write_dataset(const Plan& plan, const DatasetOptions& options) {
   std::optional<NewFile> staged;
   if (options.part) {
     range = options.part->range(generator.records());
-    info.uuid = data_set_uuid(info, files_of(plan));
-    info.first_index = range.begin;
+    info.uuid = part_uuid(info, *options.part, files_of(plan));
     if (is_there(options.out, info, range)) return range.size();
     if (std::filesystem::exists(options.out))
       throw Error(ExitCode::failed, options.out + ": exists already, and is not this part");

@@ -165,8 +165,8 @@ TEST_CASE("a run whose WAL is shortened ends at the next record, with all of it 
   const UtcTime utc = small_record(0).slot_utc;
   const std::function<void()> next[] = {
       [&] { run->append(small_record(records)); },
-      [&] { run->put_event(utc, Severity::info, "test", "shortened"); },
-      [&] { run->put_late(0, {}); }, [&] { run->new_label(utc); }};
+      [&] { run->put_event(utc, Severity::info, "test", "shortened"); }, [&] { run->put_late({}); },
+      [&] { run->new_label(utc); }};
   const std::size_t which = GENERATE(0u, 1u, 2u, 3u, 4u);
   if (which < 4) CHECK(error_of(next[which]).first == ExitCode::disk);
   const auto [code, text] = error_of([&] { run->close("complete"); });

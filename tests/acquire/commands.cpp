@@ -264,8 +264,6 @@ TEST_CASE("a run goes by its file and by the name that --out gave it") {
   CHECK(has(acquire("annotate " + folder / "m1" + " door").text, "m1.sqlite: \"door\" noted\n"));
   refuses("annotate " + folder / "m1" + " --label door", 1, "m1.sqlite: nobody is recording");
   refuses("annotate " + folder / "m1", 2, "expected either a text or --label");
-  refuses("run --config " + folder / "lab.toml" + " --resume " + folder / "m1", 3,
-          "a run is resumed with its own configuration only");
   refuses("annotate " + folder / "m2" + " door", 1, "m2.sqlite: ");
 }
 

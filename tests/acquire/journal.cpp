@@ -8,9 +8,6 @@
 
 #include "../full_disk.hpp"
 #include "acquire/measurement/depth_map.hpp"
-#include "acquire/record/catalogue.hpp"
-#include "acquire/record/run_parts.hpp"
-#include "acquire/run/resume.hpp"
 #include "drivers/port/virtual_loop.hpp"
 #include "testing.hpp"
 
@@ -159,113 +156,80 @@ TEST_CASE("the first failed job ends the writing") {
   CHECK(run.info().status == "stopped:disk");
 }
 
-TEST_CASE("who holds the next part keeps the run's end for two seconds only") {
+// Begins the next run.
+static void rotate(Journal& journal, const std::string& path) {
+  journal.begin_next([path] { return open_run(path); });
+}
+
+TEST_CASE("who holds the next run keeps its end for two seconds only") {
   const Folder folder;
-  record::RunInfo info;
-  info.meta = record::meta_of({1, 1});
-  Journal journal(open_run(folder / "a-001.sqlite", info), loop);
-  journal.begin_part();
+  Journal journal(open_run(folder / "a.sqlite"), loop);
+  rotate(journal, folder / "b.sqlite");
   std::promise<void> begun;
   journal.put([&](record::RunWriter&) { begun.set_value(); });
   begun.get_future().wait();
-  const Holder holder(folder / "a-002.sqlite");
+  const Holder holder(folder / "b.sqlite");
   journal.put(small_record(1));
   ends_in_time(journal);
 }
 
-TEST_CASE("who holds a part by a write transaction keeps the run's end for two seconds only") {
+TEST_CASE("who holds the run before by a write transaction keeps the end for two seconds only") {
   const Folder folder;
-  const std::string path = folder / "a-001.sqlite";
-  record::RunInfo info;
-  info.meta = record::meta_of({1, 1});
-  Journal journal(open_run(path, info), loop);
+  const std::string path = folder / "a.sqlite";
+  Journal journal(open_run(path), loop);
   std::promise<void> written;
   journal.put([&](record::RunWriter&) { written.set_value(); });
   written.get_future().wait();
   Holder holder(path);
-  journal.begin_part();
-  while (!fs::exists(folder / "a-002.sqlite")) std::this_thread::yield();
+  rotate(journal, folder / "b.sqlite");
+  while (!fs::exists(folder / "b.sqlite")) std::this_thread::yield();
   SECTION("until then") { ends_in_time(journal); }
-  SECTION("a label that comes while the part is closed is the next one's") {
+  SECTION("a label that comes while the run before is closed is the next one's") {
     while (journal.why_late() != "another program holds the run file") std::this_thread::yield();
     holder.ask("INSERT INTO event (level, utc, text) VALUES ('label', '2026', 'door')");
     journal.put(small_record(1));
-    while (journal.written() == 0) std::this_thread::yield();  // does not wait for the old part
+    while (journal.written() == 0) std::this_thread::yield();  // does not wait for the old run
     holder.let_go();
     while (!journal.label()) std::this_thread::yield();
     journal.put(small_record(2));
     journal.finish("complete");
-    const record::RunReader part(folder / "a-002.sqlite");
-    CHECK(part.read(1).valid == SensorSet::from_bits(7));
-    CHECK(part.read(1).label != "door");
-    CHECK(part.read(2).label == "door");
+    const record::RunReader next(folder / "b.sqlite");
+    CHECK(next.read(1).valid == SensorSet::from_bits(7));
+    CHECK(next.read(1).label != "door");
+    CHECK(next.read(2).label == "door");
     CHECK_THROWS_WITH(record::put_label(path, "late", "me"),
                       Catch::Contains("nobody is recording"));
   }
 }
 
-TEST_CASE("what bears the next part's name is told of, and the part after next goes on") {
+TEST_CASE("a run whose next one cannot begin ends, with all its records") {
   const Folder folder;
-  record::RunInfo info;
-  info.meta = record::meta_of({1, 2});
-  const auto path = [&](int number) { return record::part_path(folder / "a.sqlite", number); };
-  const std::string saying = GENERATE("exists already", "not a lock file of echofuse");
-  {
-    Journal journal(open_run(path(1), info), loop);
-    for (int part = 0; part < 4; ++part) {
-      if (part == 1) write_file(path(3) + (saying == "exists already" ? "" : "-lock"), "others'");
-      if (part == 1 && saying == "exists already") write_file(path(4), "");
-      for (int i = 0; i < 2; ++i) journal.put(small_record(2 * part + i));
-      if (part < 3) journal.begin_part();
+  const std::string path = folder / "a.sqlite", next = folder / "b.sqlite";
+  Journal journal(open_run(path), loop);
+  journal.put(small_record(0));
+  while (journal.written() == 0) std::this_thread::yield();
+  SECTION("a file has its name") {
+    write_file(next, "others'");
+    rotate(journal, next);
+    journal.put(small_record(1));
+    const auto [code, text] = error_of([&] { journal.finish("complete"); });
+    CHECK(code == ExitCode::failed);
+    CHECK(has(text, next + ": exists already"));
+    CHECK(has(text, "its last 1 records are not written"));
+    CHECK(record::RunReader(path).info().status == "stopped:failed");
+    CHECK(contents(next) == "others'");
+  }
+  SECTION("the disk is full") {
+    {
+      const echofuse::test::FullDisk disk(40'000);  // a run without records has 12 pages of 4 KiB
+      rotate(journal, next);
+      while (!journal.failed()) std::this_thread::yield();
     }
-    journal.finish("complete");
+    CHECK(error_of([&] { journal.finish("complete"); }).first == ExitCode::disk);
+    CHECK(record::RunReader(path).info().status == "stopped:disk");
+    for (const char* beside : {"", "-new", "-new-journal"}) CHECK_FALSE(fs::exists(next + beside));
   }
-  const int last = saying == "exists already" ? 5 : 4;
-  const auto [files, missing] = record::files_of(folder / "a");
-  CHECK(files == std::vector{path(1), path(2), path(last)});
-  CHECK(missing.empty());
-  std::vector<std::int64_t> indices;
-  for (const auto& file : files)
-    for (const auto& r : record::RunReader(file).outlines(0)) indices.push_back(r.index);
-  CHECK(indices == std::vector<std::int64_t>{0, 1, 2, 3, 4, 5, 6, 7});
-  const auto events = record::RunReader(path(2)).events();
-  REQUIRE(events.size() == 1);
-  CHECK(events[0].level == "warning");
-  CHECK(has(events[0].text, "this part goes on, the next one cannot begin: " + path(3)));
-  CHECK(has(events[0].text, saying));
-  CHECK(record::RunReader(path(last)).info().first_index == 6);
-  for (const auto& run : record::runs_of({record::entry_of(record::RunReader(path(1))),
-                                          record::entry_of(record::RunReader(path(2))),
-                                          record::entry_of(record::RunReader(path(last)))}))
-    CHECK(run.missing.empty());
-  CHECK(reopen_run(path(last), system_clock).part_end == 8);
-}
-
-TEST_CASE("a disk that is full where a part begins leaves the parts before it, to be resumed") {
-  const Folder folder;
-  const std::string path = folder / "a-001.sqlite";
-  record::RunInfo info;
-  info.meta = record::meta_of({1, 1});
-  Journal journal(open_run(path, info), loop);
-  std::int64_t records = 0;
-  const auto put = [&] {
-    auto record = small_record(records++);
-    record.label.assign(5000, 'a');
-    journal.put(std::move(record));
-    while (journal.written() < records && !journal.failed()) std::this_thread::yield();
-  };
-  put();
-  {
-    const echofuse::test::FullDisk disk(40'000);  // an empty part has 12 pages of 4 KiB
-    journal.begin_part();
-    while (!journal.failed()) put();  // into the part that is open
-  }
-  CHECK(error_of([&] { journal.finish("complete"); }).first == ExitCode::disk);
-  CHECK(record::RunReader(path).info().status == "stopped:disk");
-  CHECK(record::RunReader(path).count() == journal.written());
-  for (const char* beside : {"", "-new", "-new-journal"})
-    CHECK_FALSE(fs::exists(folder / "a-002.sqlite" + beside));
-  CHECK(record::next_part(path, 2, 7, system_clock)->next_index() == 7);
+  CHECK(record::RunReader(path).count() == 1);
 }
 
 TEST_CASE("not every failure is the disk's") {

@@ -195,7 +195,7 @@ TEST_CASE("what a run says of itself is read as it was written") {
   RunInfo info;
   info.uuid = "u", info.started_utc = "2026-01-01T00:00:00.000Z", info.config_text = random.text();
   info.config_resolved = "b", info.radar_cfg = "c", info.version = "d", info.host = "e";
-  info.operator_name = "f", info.notes = "g", info.window_s = 0.25, info.first_index = 7;
+  info.operator_name = "f", info.notes = "g", info.window_s = 0.25;
   info.meta = {{"z", "1"}, {"a", "\"\n\xc3\xa9"}, {"", ""}};
   const std::vector<CalibrationEntry> calibrations{{Sensor::radar, "2026", "plate", 1, 2, 3}};
   const Antennas places{{0, 1, 2, 3}, {4, 5, 6, 7}};
@@ -211,17 +211,16 @@ TEST_CASE("what a run says of itself is read as it was written") {
     run.put_antennas({});
     run.put_antennas(places);
     run.put_anchor(HostTime(3), UtcTime(4));
-    run.put_late(2, {{0, {1, 2, 3}}, {1, {4, 5, 6}}});
-    run.put_late(2, {{1, {1, 1, 1}}});
+    run.put_late({{2, {1, 2, 3}}, {3, {4, 5, 6}}});
+    run.put_late({{3, {1, 1, 1}}});
     run.put_event(UtcTime(0), Severity::error, "radar", "x");
-    const Counted counted{"spd", "tags", 9, 0};
+    const Counted counted{"spd", "tags", 9};
     run.put_counters({&counted, 1});
     run.close("complete");
   }
   const RunReader run(path);
   const RunInfo read = run.info();
   CHECK(read.meta == info.meta);
-  CHECK(read.first_index == 7);
   CHECK(read.window_s == 0.25);
   for (const auto text : {&RunInfo::uuid, &RunInfo::started_utc, &RunInfo::config_text,
                           &RunInfo::config_resolved, &RunInfo::radar_cfg, &RunInfo::version,

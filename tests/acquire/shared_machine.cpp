@@ -6,9 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "acquire/record/run_names.hpp"
-#include "acquire/record/run_parts.hpp"
-#include "acquire/run/resume.hpp"
-#include "drivers/program/lock.hpp"
+#include "acquire/run/new_run.hpp"
 #include "drivers/program/program.hpp"
 #include "testing.hpp"
 
@@ -85,8 +83,6 @@ TEST_CASE("a run without a name is the next of its day, in the configured folder
   write_file(day + "009.rescued.sqlite", "");
   write_file(folder / "19990101-500.sqlite", "");
   CHECK(record::next_run(folder / "") == day + "010.sqlite");
-  CHECK_THROWS_WITH(record::next_run(folder / "none"),
-                    Catch::Contains("run.folder: ") && Catch::Contains("No such file"));
   write_file(folder / "lab.toml", "[run]\nfolder = \"runs\"\n" + tdc);
   const auto config = echofuse::acquire::load_config(folder / "lab.toml");
   CHECK(config.run_folder == folder / "runs");
@@ -156,34 +152,19 @@ TEST_CASE("the catalogue of a folder, with notes from during a run and after it"
   CHECK_FALSE(fs::exists(folder / "monday.sqlite-wal"));
 }
 
-TEST_CASE("a run in parts that is live elsewhere is listed once, with what is only named like it") {
-  const Folder folder, elsewhere, locks;
-  const auto part = [&](std::int64_t number, const std::string& uuid) {
-    record::RunInfo info;
-    info.uuid = uuid;
-    info.meta = record::meta_of({number, 2});
-    info.first_index = 2 * (number - 1);
-    record::RunWriter run(record::part_path(folder / "a.sqlite", number), info);
-    for (const auto& axis : small_axes()) run.put_axis(axis);
-    run.append(small_record(info.first_index));
-    run.close("complete");
-  };
-  part(1, "one"), part(2, "other"), part(3, "one");
-  write_file(folder / "a-004.sqlite", "no database");
-  const echofuse::Lock lock(locks / "echofuse-test.lock", 0666);
-  lock.write("me\n" + folder / "a.sqlite" + "\n");
-  const std::string own_locks = "ECHOFUSE_LOCKS=" + locks / "";
-  const Outcome told = at_home(elsewhere, own_locks, "list");
-  CAPTURE(told.text);
-  CHECK(told.code == 0);
-  CHECK(has(told.text, "\na      "));
-  CHECK(has(told.text, "\na-002  "));
-  for (const char* joined : {"\na-001", "\na-003"}) CHECK_FALSE(has(told.text, joined));
-  CHECK(has(told.text, "a-002.sqlite: not there, or not of this run; records 2 to 3 are missing"));
-  CHECK(has(told.text, "a-004.sqlite: not an echofuse run file; me"));
-  // A copy that bears the run's name is a run by itself.
-  fs::copy_file(folder / "a-001.sqlite", folder / "a.sqlite");
-  const Json copied = Json::parse(at_home(folder, own_locks, "list --json | cat").text);
-  CHECK(copied.size() == 4);
-  for (const Json& run : copied) CHECK(run["records"] == 1);
+TEST_CASE("list shows which runs of the folder are live, and what they record") {
+  const Folder folder, locks;
+  record::RunWriter run(folder / "live.sqlite", {});
+  for (const auto& axis : small_axes()) run.put_axis(axis);
+  run.append(small_record(0));
+  const Json told = Json::parse(
+      at_home(folder, "ECHOFUSE_LOCKS=" + locks / "", "list --json " + folder / "" + " | cat")
+          .text);
+  REQUIRE(told.size() == 1);
+  CHECK(told[0]["status"] == "open");
+  CHECK(told[0]["live"]["last_index"] == 0);
+  CHECK(told[0]["live"]["sensors"]["spd"]["verdict"] == "ok");
+  CHECK(has(acquire("list " + folder / "").text, "live.sqlite is live, its last record "));
+  const Folder elsewhere;
+  CHECK_FALSE(has(at_home(elsewhere, "", "list").text, "live"));
 }

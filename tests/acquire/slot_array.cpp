@@ -5,7 +5,6 @@
 #include "acquire/commands/commands.hpp"
 #include "acquire/doctor/doctor.hpp"
 #include "acquire/run/disk.hpp"
-#include "acquire/run/resume.hpp"
 #include "acquire/run/window.hpp"
 #include "drivers/program/settings.hpp"
 #include "testing.hpp"
@@ -146,30 +145,11 @@ TEST_CASE("array: info shows it") {
   const double bytes = record::array_bytes(windows.axes().front());
   CHECK(bytes == kept_bins * (4 + 2 * 82));
   CHECK(record_bytes(windows.axes()) == bytes + 4 * sent_bins);
-  CHECK(has(describe_run({path}, false),
+  CHECK(has(describe_run(path, false),
             "array     8 antennas, 32 bins to 7.75 m, in 2 records of 2 frames and 5376 bytes"));
-  CHECK(has(describe_run({path}, true), "\"phase_rad\": -0.25"));
+  CHECK(has(describe_run(path, true), "\"phase_rad\": -0.25"));
   const auto want = record::RunReader(path).read(0).array;  // as it is stored: rounded
   CHECK(want[0] == Approx(records[0].array[0]).margin(0.1));
-}
-
-TEST_CASE("array: a run is resumed with its own antennas only") {
-  Config config;
-  config.antennas = {{0, 0, 1, 0}, {1, 0, 1.1, 0.5}};
-  record::Antennas begun = config.antennas;
-  const auto verdict = [&] {
-    return error_of([&] { refuse_other_antennas(begun, config); }).second;
-  };
-  CHECK(verdict().empty());
-  begun[1].phase_rad = 0.4;
-  CHECK(has(verdict(), "run.calibration has other gains or phases"));
-  begun[1].x = 2;
-  CHECK(has(verdict(), "radar.board or radar.cfg make another array"));
-  begun.clear();
-  CHECK(has(verdict(), "it was recorded without the radar's antennas"));
-  DeviceInfo device = radar_info();
-  const std::vector<Axis> axes{device.axes[0], kept_axis(device.axes[1])};
-  CHECK(error_of([&] { refuse_other_axes(axes, device); }).first == ExitCode::ok);
 }
 
 TEST_CASE("array: doctor counts heat maps, and misses them") {

@@ -112,7 +112,7 @@ void fuzz::run(ByteView input) {
     refused_or_done([&] { run.info(); });
     refused_or_done([&] { run.devices(), run.calibrations(), run.events(), run.counters(); });
     refused_or_done([&] { require(run.count() >= 0, "there are no fewer than no records"); });
-    refused_or_done([&] { run.summary(), run.last_label(); });
+    refused_or_done([&] { run.summary(); });
     refused_or_done([&] { run.check(); });
     refused_or_done([&] { read_records(run); });
     refused_or_done([&] { read_parts(run); });

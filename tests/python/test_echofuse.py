@@ -4,7 +4,6 @@ import os
 import shutil
 import sqlite3
 import subprocess
-import warnings
 from contextlib import closing
 
 import numpy as np
@@ -99,45 +98,6 @@ def test_a_run_that_grows_is_followed(folder, tmp_path):
         db.execute("UPDATE run SET status = 'complete'")
     assert list(rows) == [4]
     assert "5 of 5" in run._repr_html_() and "<script" not in run._repr_html_()
-
-
-def parts_of(whole, folder, size):
-    """The run in parts of so many records each, as `echofuse-acquire run --records` makes them."""
-    count = len(echofuse.open(whole))
-    for k, first in enumerate(range(0, count, size), 1):
-        path = folder / f"long-{k:03}.sqlite"
-        shutil.copy(whole, path)
-        with closing(sqlite3.connect(path)) as db:
-            db.execute("DELETE FROM record WHERE idx < ? OR idx >= ?", (first, first + size))
-            db.execute("UPDATE run SET status = ?, part = json_set(part, '$[0].first_idx', ?), meta = json_set(meta, "
-                       "'$.part', ?, '$.part_records', ?)",
-                       ("complete" if first + size >= count else "stopped:part", first, str(k), str(size)))
-            db.commit()
-
-
-def test_a_run_in_parts_is_one_run(folder, tmp_path):
-    parts_of(folder / "monday.sqlite", tmp_path, 25)
-    whole = echofuse.open(folder / "monday")
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        run = echofuse.open(tmp_path / "long")
-    assert [path.name for path in run.files] == ["long-001.sqlite", "long-002.sqlite", "long-003.sqlite"]
-    assert run.index.tolist() == list(range(60)) and run.info["status"] == "complete" and run.missing == []
-    for name in ("spd", "radar", "depth"):
-        assert np.array_equal(getattr(run, name), getattr(whole, name), equal_nan=True)
-    assert np.array_equal(run.photons(), whole.photons())
-    assert len(echofuse.open(tmp_path / "long-002.sqlite")) == 25
-    (tmp_path / "long-002.sqlite").rename(tmp_path / "of another run")
-    with pytest.warns(UserWarning, match="long-002.sqlite: not there, or not of this run; records 25 to 49 are missing"):
-        run = echofuse.open(tmp_path / "long")
-    assert run.index.tolist() == [*range(25), *range(50, 60)] and np.array_equal(run.spd[25], whole.spd[50])
-    (tmp_path / "long-001.sqlite").write_text("no run")
-    (tmp_path / "long-004.sqlite").write_text("no run")
-    assert echofuse.open(tmp_path / "long-003.sqlite").missing == []
-    with pytest.warns(UserWarning) as said:
-        assert len(echofuse.open(tmp_path / "long")) == 10
-    assert [line.split(":")[0].rpartition("/")[2] for line in str(said[0].message).splitlines()] == [
-        "long-002.sqlite", "long-004.sqlite"]
 
 
 def test_no_connection_stays_open(folder):

@@ -17,7 +17,6 @@ from echofuse import staged as staging
 from echofuse.export import export
 from echofuse.run_files import NULL_INTEGER
 from programs import BIN, program
-from test_echofuse import parts_of
 
 h5py = pytest.importorskip("h5py")
 ACQUIRE = str(BIN / "echofuse-acquire")
@@ -157,20 +156,6 @@ def test_blocks_make_the_same_file(runs, tmp_path, monkeypatch):
             if isinstance(item, h5py.Dataset):
                 np.testing.assert_array_equal(item[()], parts[name][()], err_msg=name)
         whole.visititems(same)
-
-
-def test_a_run_in_parts(runs, tmp_path):
-    parts_of(runs / "far.sqlite", tmp_path, 3)
-    assert tool(tmp_path / "long", "--to", tmp_path / "a.h5").returncode == 0
-    with h5py.File(tmp_path / "a.h5") as file:
-        assert file["entry/data/index"][:].tolist() == list(range(8)) and file["entry/status"].asstr()[()] == "complete"
-        assert np.array_equal(file["entry/data/spd"][:], echofuse.open(runs / "far").spd)
-        assert len(file["entry/tables/record/idx"]) == 8
-        assert len(file["entry/tables/axis/count"]) == len(echofuse.open(runs / "far").axes)
-    assert tool(tmp_path / "long", "--record", 4, "--to", tmp_path / "a.csv").returncode == 0
-    assert (tmp_path / "a.csv").read_text().startswith(f"# record 4 of {tmp_path / 'long-002.sqlite'}, label ")
-    change(tmp_path / "long-003.sqlite", ("ALTER TABLE counter RENAME COLUMN value TO other",))
-    assert "other columns of the table counter" in tool(tmp_path / "long", "--to", tmp_path / "b.h5").stderr
 
 
 def test_a_run_without_records(runs, tmp_path):

@@ -43,6 +43,9 @@ TEST_CASE("two runs become one table") {
   CHECK(data.depth.row(4)[30 * 64 + 32] == Approx(r.depth_mm[30 * 64 + 32] * 1e-3));
   CHECK(load({dir / "a"}).hash == load({dir / "a"}).hash);
   CHECK(load({dir / "a"}).hash != load({dir / "b"}).hash);
+  std::filesystem::copy_file(dir / "a", dir / "copy");
+  CHECK_THROWS_WITH(load({dir / "a", dir / "copy"}), Catch::Contains("copy: is the same run as") &&
+                                                         Catch::Contains("each run once"));
 }
 
 TEST_CASE("a calibrated run stands at its true ranges") {

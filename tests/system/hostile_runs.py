@@ -89,15 +89,8 @@ class HostileRuns(unittest.TestCase):
             done = subprocess.run([bin_dir / f"echofuse-{command[0]}", *map(str, command[1:])], capture_output=True,
                                   text=True)
             assert done.returncode == 0, done.stderr
-        # A run is resumed with its own configuration only.
-        config = cls.dir / "lab.toml"
-        config.write_text("[tdc]\naddress = \"bridge:tcp://127.0.0.1:9\"\n")
-        shown = subprocess.run([bin_dir / "echofuse-acquire", "config", "show", "--config", config], check=True,
-                               capture_output=True, text=True).stdout
         db = sqlite3.connect(cls.seed)
         cls.shapes = dict(db.execute("SELECT name, count FROM axis"))
-        db.execute("UPDATE run SET config_resolved = ?, radar_cfg = ''", (re.sub(r"  # .*", "", shown),))
-        db.commit()
         db.close()
 
     @classmethod
@@ -150,9 +143,7 @@ class HostileRuns(unittest.TestCase):
                     "evaluate": ["recon", "evaluate", self.model, run, "--all"],
                     "reconstruct": ["recon", "reconstruct", self.model, run, "--out", d / "maps", "--format", "mm"],
                     "train": ["recon", "train", run, "--out", d / "x.model.h5", "--model", "mean", "-q"],
-                    "label": ["acquire", "annotate", run, "--label", "hello"], "note": ["acquire", "annotate", run, "hello"],
-                    "resume": ["acquire", "run", "--resume", run, "--config", d / "lab.toml", "--count", 1, "--set",
-                               "run.connect_timeout_s=0.1"]}
+                    "label": ["acquire", "annotate", run, "--label", "hello"], "note": ["acquire", "annotate", run, "hello"]}
         for name in only or ():
             self.assertIn(name, commands)
         commands = {name: words for name, words in commands.items() if not only or name in only}
@@ -162,7 +153,7 @@ class HostileRuns(unittest.TestCase):
             self.said += said
             if name == "json" and codes[name] == 0:
                 json.loads(out.decode("utf-8"))
-            if name not in ("note", "resume"):
+            if name != "note":
                 self.assertEqual(run.read_bytes(), before, f"{name} changed the run")
             for left in (d / "x.h5", d / "x.csv", d / "x.model.h5"):
                 left.unlink(missing_ok=True)
@@ -172,14 +163,14 @@ class HostileRuns(unittest.TestCase):
     def refused(self, cases, *commands):
         for name, (change, why) in cases.items():
             with self.subTest(name):
-                codes = self.attack(self.make(change), "info", "export", "reconstruct", "resume", *commands)
+                codes = self.attack(self.make(change), "info", "export", "reconstruct", *commands)
                 self.assertIn(codes.pop("export"), (0, 1, 5))  # Python leaves alone what it does not read
                 self.assertTrue(all(c == 1 for c in codes.values()), (codes, self.said))
                 self.assertIn(why, self.said)
 
     def test_seed_is_well(self):
         codes = self.attack(self.make(""))
-        self.assertEqual({n: c for n, c in codes.items() if c}, {"label": 1, "resume": 4}, (codes, self.said))
+        self.assertEqual({n: c for n, c in codes.items() if c}, {"label": 1}, (codes, self.said))
 
     def test_tables(self):
         only = "expected the tables of a run only"
@@ -212,7 +203,6 @@ class HostileRuns(unittest.TestCase):
                 else:
                     pages_that_repeat(run, table)
                 codes = self.attack(run)
-                self.assertEqual(codes["resume"], 1, self.said)
                 self.assertEqual(codes["info"], 0 if table == "run" else 1, self.said)  # one row of it is read
 
     def test_axes(self):
@@ -259,7 +249,6 @@ class HostileRuns(unittest.TestCase):
         for text in ("", "[", "[]", "{\"a\": 1}", "[" * 100000, "null"):
             with self.subTest(text[:9]):
                 self.refused({"meta": (f"UPDATE run SET meta = '{text}'", "meta is not a JSON object of texts")})
-        self.refused({"part": ("UPDATE run SET part = '{}'", "part is not a JSON array with first_idx")})
 
     def test_indices(self):
         last = f"idx = {RECORDS - 1}"
@@ -269,15 +258,10 @@ class HostileRuns(unittest.TestCase):
                 "far": (f"UPDATE record SET idx = 9007199254740993 WHERE {last}", "9007199254740993")}.items():
             with self.subTest(name):
                 codes = self.attack(self.make(change))
-                self.assertEqual((codes["reconstruct"], codes["resume"]), (1, 1), self.said)
+                self.assertEqual(codes["reconstruct"], 1, self.said)
                 self.assertIn(why, self.said)
         codes = self.attack(self.make("UPDATE record SET idx = idx - 9223372036854775807"))
         self.assertEqual((codes["info"], codes["export"]), (0, 0), self.said)
-
-    def test_resume_at_the_last_index(self):
-        run = self.make(f"UPDATE record SET idx = 9007199254740992 WHERE idx = {RECORDS - 1}")
-        self.assertEqual(self.attack(run, "resume"), {"resume": 1})
-        self.assertIn("its last record has the index 9007199254740992; there is no room for more", self.said)
 
     def test_texts(self):
         esc = "char(27) || '[2J' || char(10) || 'forged line' || char(7) || char(0) || 'x'"
@@ -366,7 +350,7 @@ class HostileRuns(unittest.TestCase):
                 "no offset": "INSERT INTO calibration VALUES ('radar', 'x', 'y', 1, 9e999, -1)",
                 "names": "INSERT INTO device VALUES ('../../../x', 'a', 'b', 'c', 'd', 'e'), (NULL, NULL, NULL, NULL, NULL, NULL)"}.items():
             with self.subTest(name):
-                self.attack(self.make(change), "info", "json", "export", "csv", "reconstruct", "train", "resume")
+                self.attack(self.make(change), "info", "json", "export", "csv", "reconstruct", "train")
 
 
 if __name__ == "__main__":

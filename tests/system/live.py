@@ -262,7 +262,6 @@ class Live(unittest.TestCase):
         told = tool(acquire, "annotate", self.run, "--label", "person").stdout
         first = int(re.fullmatch(re.escape(str(self.run)) + r': label "person" from record (\d+) on\n', told)[1])
         self.assertEqual(tool(acquire, "annotate", self.run).returncode, 2)
-        self.assertEqual(tool(acquire, "run", "--config", self.dir / "lab/lab.toml", "--resume", self.run).returncode, 1)
         wait_for("records", lambda: self.committed() >= first + 3)
         self.assertEqual(tool(bin_dir / "echofuse-export", self.run, "--to", self.dir / "live.h5").returncode, 0)
         daemon.send_signal(signal.SIGINT)

@@ -66,7 +66,6 @@ recon train seen.sqlite --out no/such/m | 6 | no/such/m
 recon evaluate three.toml seen.sqlite | 1 | three.toml
 recon evaluate nomodel seen.sqlite --surprise | 2 | --surprise
 acquire config | 2 | subcommand is required
-acquire run --out a --resume b | 2 | --resume
 acquire run --out a --duration -1h | 2 | positive
 acquire info three.toml | 1 | three.toml: not an echofuse run file
 sim dataset | 2 | --out

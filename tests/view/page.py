@@ -151,18 +151,19 @@ class Page(live_view.LiveView):
         self.view("--listen", address.split("/")[2])
         self.wait("page of the viewer started again", lambda: self.text("status") == "crashed")
 
-        # The run goes on, with a laser that is five hundred times too weak: the page says so by itself.
-        before = int(self.text("records"))
+        # A new run of this name, with a laser that is five hundred times too weak: the page says so by itself.
+        for file in self.dir.glob("*.sqlite*"):
+            file.unlink()
         self.open_again("--set", "signal_photons=100")
-        daemon = self.go_on()
-        self.wait("resumed run", lambda: self.text("status").startswith("recording") and int(self.text("records")) > before + 1)
+        daemon = self.record()
+        self.wait("new run", lambda: self.text("status").startswith("recording") and int(self.text("records")) > 1)
         self.wait("verdict of the weak laser", lambda: self.verdict("spd").startswith("weak: "))
         self.assertEqual(self.lamp("spd"), "look")
         self.assertIn("LOOK", self.text("lamp-spd"))
         self.wait("green lamp of the radar", lambda: self.lamp("radar") == "ok")
         self.wait("event of it", lambda: "SPD: record" in self.text("events") and "weak: " in self.text("events"))
         self.wait("maps of the thumbnails", lambda: self.js(
-            "return +document.querySelector('#sheet button:last-child').dataset.index") > before)
+            "return +document.querySelector('#sheet button:last-child').dataset.index") > 0)
         daemon.send_signal(signal.SIGINT)
         log = self.finish(daemon)
         self.assertEqual(daemon.returncode, 0, log)

@@ -249,25 +249,6 @@ TEST_CASE("no run begins when UTC no longer fits its type") {
   CHECK_THROWS_WITH(b.lab->record(b.run(1)), Catch::Contains("the machine's clock is at 226"));
 }
 
-TEST_CASE("a run is resumed: the index goes on, another configuration is refused") {
-  Bench b;
-  auto run = b.run(4);
-  run.meta = {{"room", "2"}};
-  CHECK(b.lab->record(run) == ExitCode::ok);
-  const auto before = b.records();
-  b.lab->loop.run_for(100s);
-  run.resume = true;
-  CHECK(b.lab->record(run) == ExitCode::ok);
-  const auto all = b.records();
-  REQUIRE(all.size() == 8);
-  for (std::size_t k = 0; k < all.size(); ++k) CHECK(all[k].index == static_cast<std::int64_t>(k));
-  for (std::size_t k = 0; k < before.size(); ++k) CHECK(all[k].spd == before[k].spd);
-  CHECK(all[4].slot_utc - all[3].slot_utc > 100s);
-  CHECK(has(b.events("run"), "resumed at record 4, was complete, 1 min 4"));
-  b.lab->set({"tdc.bins=99"});
-  CHECK_THROWS_WITH(b.lab->record(run), Catch::Contains("tdc.bins was"));
-}
-
 TEST_CASE("a device that is away stays ours: another run does not begin") {
   Bench b({.faults = {fault("radar", FaultKind::unplug, 20, 30)}});
   std::string refused;

@@ -201,7 +201,7 @@ def export(run: Run, place: pathlib.Path, record: int | None = None, told: Told 
 
 def main() -> None:
     parser = argparse.ArgumentParser(prog="echofuse-export", description="a run as HDF5 or netCDF, or one record as CSV")
-    parser.add_argument("run", metavar="RUN", help="a run file, or the name of a run in parts")
+    parser.add_argument("run", metavar="RUN", help="a run file")
     parser.add_argument("--to", required=True, type=pathlib.Path, metavar="FILE", help="NAME.h5, NAME.nc, or NAME.csv with --record")
     parser.add_argument("--record", type=int, metavar="INDEX", help="index of the record for CSV")
     parser.add_argument("-q", "--quiet", action="store_true", help="no progress")

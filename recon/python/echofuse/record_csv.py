@@ -15,8 +15,7 @@ def write(run: Run, index: int, path: pathlib.Path) -> int:
     """One record as lines "sensor,x,y,value" under a "#" header that names the units. Raises ValueError."""
     if index not in run.index:
         raise ValueError(f"{run.path}: no record {index}; it has {len(run)}")
-    whole = next(part for part in map(Run, reversed(run.files)) if index in part.index)
-    part = whole.rows(row := int(np.flatnonzero(whole.index == index)[0]), row + 1)
+    part = run.rows(row := int(np.flatnonzero(run.index == index)[0]), row + 1)
     load(part)
 
     def shown(text: str) -> str:

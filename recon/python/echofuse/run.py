@@ -7,7 +7,6 @@ import html
 import json
 import pathlib
 import time
-import warnings
 from contextlib import closing
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -19,7 +18,7 @@ from numpy.typing import NDArray
 from . import antennas, grid
 from .grid import inflated, read_only, shifted
 from .record import Record
-from .run_files import connect, files_of, parts_of, table
+from .run_files import connect, table
 
 SENSORS = {"spd": 1, "radar": 2, "depth": 4}  # bits of record.valid
 PS_PER_M = 2e12 / 299_792_458.0  # there and back
@@ -63,23 +62,19 @@ class Axis:
 
 
 def open(path: str | pathlib.Path) -> "Run":  # noqa: A001 (the name that is wanted)
-    """The run of this file, or of the name that `echofuse-acquire run --out` got; then all of its parts, with a warning
-    that names those that are missing. Raises FileNotFoundError, or ValueError for a file that is no run."""
+    """The run of this file, or of the name that `echofuse-acquire run --out` got. Raises FileNotFoundError, or ValueError
+    for a file that is no run."""
     found = pathlib.Path(path)
     if not found.is_file() and not found.suffix:
         found = found.with_name(found.name + ".sqlite")
-    if not found.is_file() and not parts_of(found):
+    if not found.is_file():
         raise FileNotFoundError(f"{path}: no such run")
-    run = Run(found)
-    if run.missing:
-        warnings.warn("\n".join(run.missing), stacklevel=2)
-    return run
+    return Run(found)
 
 
 class Run:
     """Values as recorded, a row a record. Of a sensor that a record lacks the row is 0 (counts) or NaN; `valid`
-    tells. The records are those of the moment of opening or of the last refresh(). A run in parts is one run: `files`
-    are its parts, `missing` says in a line each which are not there."""
+    tells. The records are those of the moment of opening or of the last refresh()."""
 
     def __init__(self, path: pathlib.Path) -> None:
         self.path = path
@@ -138,8 +133,7 @@ class Run:
             time.sleep(pause_s)
 
     def _read(self) -> None:
-        self.files, self.missing = files_of(self.path)
-        with closing(connect(self.files[0])) as db:
+        with closing(connect(self.path)) as db:
             self.axes: dict[str, Axis] = {row[0]: Axis(*row) for row in db.execute(
                 "SELECT name, quantity, unit, CAST(count AS INTEGER), CAST(start AS REAL), CAST(step AS REAL),"
                 " CAST(scale AS REAL) FROM axis")}
@@ -151,13 +145,11 @@ class Run:
             self.info: dict[str, Any] = dict(zip((column[0] for column in cursor.description), cursor.fetchone()))
             #: what a run says of itself beside its settings
             self.meta: dict[str, str] = self._meta_of(self.info.pop("meta"))
-            del self.info["part"]
             #: by how much the ranges of a sensor are too long, as its calibration says
             self.offset_m: dict[str, float] = dict(db.execute("SELECT sensor, offset_m FROM calibration"))
             #: x, y (half wavelengths), gain, phase (rad) of the radar's virtual antennas
             self.antennas: list[tuple[float, ...]] = db.execute(
                 "SELECT x, y, gain, phase_rad FROM antenna ORDER BY rowid").fetchall()
-        self.info["status"], self.info["ended_utc"] = self.select("SELECT status, ended_utc FROM run")[-1]
         rows = self.select("SELECT idx, valid, label, slot_utc_ns FROM record ORDER BY idx")
         index, bits, labels, utc = zip(*rows) if rows else ((), (), (), ())
         self.index: NDArray[np.int64] = np.array(index, np.int64)
@@ -176,12 +168,9 @@ class Run:
         raise ValueError(f"{self.path}: meta is not a JSON object of texts")
 
     def select(self, sql: str, *values: Any) -> list[Any]:
-        """Rows of this query, of all files in order."""
-        out = []
-        for path in self.files:
-            with closing(connect(path)) as db:
-                out += db.execute(sql, values).fetchall()
-        return out
+        """Rows of this query."""
+        with closing(connect(self.path)) as db:
+            return db.execute(sql, values).fetchall()
 
     def of_records(self, columns: str) -> list[Any]:
         """Columns of the table record, of the records at hand."""
@@ -192,12 +181,12 @@ class Run:
 
     @property
     def tables(self) -> list[str]:
-        """Names of all tables of the files."""
-        return sorted({name for (name,) in self.select("SELECT name FROM sqlite_master WHERE type = 'table'")})
+        """Names of all tables."""
+        return sorted(name for (name,) in self.select("SELECT name FROM sqlite_master WHERE type = 'table'"))
 
     def table(self, name: str) -> dict[str, NDArray[Any]]:
-        """All columns of a table but blobs, of all files (run_files.table)."""
-        return table(self.files, name)
+        """All columns of a table but blobs (run_files.table)."""
+        return table(self.path, name)
 
     def events(self) -> list[tuple[str, str, str, str]]:
         """UTC, level, source and text of each event."""

@@ -1,0 +1,111 @@
+// SPDX-License-Identifier: MIT
+// run --every: one run after another, without a lost slot.
+#include <map>
+#include <set>
+
+#include "../acquire/testing.hpp"
+#include "bench.hpp"
+#include "recon/view/followed_run.hpp"
+
+using namespace echofuse;
+using sim::FaultKind;
+using test::Bench;
+using namespace std::chrono_literals;
+
+namespace {
+
+// Names the files 1.sqlite, 2.sqlite ...
+struct Rotation {
+  acquire::RunOptions options;
+  std::vector<std::string> files;
+
+  Rotation(const Bench& b, std::int64_t count, std::int64_t slots_a_file) : options(b.run(count)) {
+    options.out = b.folder / "1.sqlite";
+    options.slots_a_file = slots_a_file;
+    options.next_out = [&b, n = 1]() mutable {
+      return b.folder / (std::to_string(++n) + ".sqlite");
+    };
+    options.opened = [this](const std::string& file) { files.push_back(file); };
+  }
+  Rotation(const Rotation&) = delete;
+  Rotation& operator=(const Rotation&) = delete;
+};
+
+std::vector<record::FusedRecord> records_of(const std::string& file) {
+  std::vector<record::FusedRecord> all;
+  record::RunReader(file).for_each(
+      [&](const record::FusedRecord& r) { return all.push_back(r), true; });
+  return all;
+}
+
+std::map<std::string, std::uint64_t> counters_of(const std::string& file) {
+  std::map<std::string, std::uint64_t> out;
+  for (const auto& c : record::RunReader(file).counters()) out[c.source + ' ' + c.name] = c.value;
+  return out;
+}
+
+}  // namespace
+
+TEST_CASE("a rotation loses no slot, and each file is a run of its own") {
+  Bench whole, b;
+  CHECK(whole.lab->record(whole.run(10)) == ExitCode::ok);
+  Rotation rotation(b, 10, 4);
+  CHECK(b.lab->record(rotation.options) == ExitCode::ok);
+  REQUIRE(rotation.files.size() == 3);
+  const auto expected = whole.records();
+  std::set<std::string> uuids;
+  std::size_t slot = 0;
+  for (const std::string& file : rotation.files) {
+    std::int64_t index = 0;
+    for (const auto& r : records_of(file)) {
+      CHECK(r.index == index++);
+      CHECK(r.slot_utc == expected.at(slot).slot_utc);
+      CHECK(r.valid == expected[slot].valid);
+      CHECK(r.spd == expected[slot].spd);
+      CHECK(r.radar == expected[slot].radar);
+      CHECK(r.depth_mm == expected[slot].depth_mm);
+      ++slot;
+    }
+    const record::RunReader run(file), first(rotation.files[0]);
+    uuids.insert(run.info().uuid);
+    CHECK(run.info().status == "complete");
+    CHECK(run.info().config_resolved == first.info().config_resolved);
+    CHECK(run.axes().size() == first.axes().size());
+    CHECK(run.devices().size() == 3);
+    CHECK(run.calibrations() == first.calibrations());
+    CHECK(run.policies() == first.policies());
+    CHECK(run.anchors().size() > 0);
+  }
+  CHECK(slot == 10);
+  CHECK(uuids.size() == 3);
+  view::FollowedRun newest(b.folder / "");
+  CHECK(newest.refresh());
+  CHECK(newest.path() == rotation.files.back());
+  std::map<std::string, std::uint64_t> sum;
+  for (const std::string& file : rotation.files)
+    for (const auto& [name, count] : counters_of(file)) sum[name] += count;
+  CHECK(sum == counters_of(whole.folder / "run.sqlite"));
+  CHECK(counters_of(rotation.files[1]).at("radar frames") == 4 * 12);
+}
+
+TEST_CASE("a rotation ends with a full file, and no empty one follows") {
+  Bench b;
+  Rotation rotation(b, 8, 4);
+  CHECK(b.lab->record(rotation.options) == ExitCode::ok);
+  REQUIRE(rotation.files.size() == 2);
+  for (const auto& file : rotation.files) CHECK(record::RunReader(file).count() == 4);
+}
+
+TEST_CASE("a device that is away when the next run begins is missing there, and comes back") {
+  Bench b({.faults = {test::fault("radar", FaultKind::unplug, 20, 30)}});
+  Rotation rotation(b, 24, 8);
+  CHECK(b.lab->record(rotation.options) == ExitCode::ok);
+  REQUIRE(rotation.files.size() == 3);
+  const record::RunReader second(rotation.files[1]);
+  std::string said;
+  for (const auto& e : second.events()) said += e.source + ": " + e.text + '\n';
+  CHECK(testing::has(said, "radar: not there at the start: "));
+  CHECK(records_of(rotation.files[1]).front().valid == SensorSet::from_bits(5));
+  CHECK(records_of(rotation.files[2]).back().valid == SensorSet::from_bits(7));
+  CHECK(second.axis("radar"));
+}
