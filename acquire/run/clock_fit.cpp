@@ -84,7 +84,6 @@ void ClockFit::add(std::uint64_t ticks, HostTime received) {
   if (history_.empty() || received - last_.received > longest_gap) return begin(receipt);
   Sample sample = sample_of(receipt);
   if (jumps(sample)) {
-    ++rejected_;
     const auto before = std::exchange(suspect_, receipt);
     if (!before || !agree(*before, receipt)) return;
     begin(*before);

@@ -50,7 +50,6 @@ class ClockFit {
   HostTime taken(std::uint64_t ticks, HostTime received) const;
   // State of the fit; none without a sound fit.
   std::optional<record::ClockState> state(HostTime at) const;
-  std::uint64_t rejected() const { return rejected_; }
 
  private:
   struct Receipt {
@@ -93,7 +92,6 @@ class ClockFit {
   double intercept_s_ = 0, slope_ = 0, residual_s_ = 0;
   std::optional<Receipt> suspect_;
   std::optional<Late> late_;
-  std::uint64_t rejected_ = 0;
 };
 
 // The clocks of the three sensors.

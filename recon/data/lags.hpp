@@ -59,9 +59,6 @@ inline std::size_t lag_values(std::size_t longest) { return 2 * longest + 1; }
 inline std::size_t lag_columns(const Axis& lags) {
   return lags.count > 0 ? lags.count * lag_values(longest_lag(lags)) : 0;
 }
-inline std::complex<float> lag_of(std::span<const float> bin, std::size_t d) {
-  return d == 0 ? bin[0] : std::complex<float>(bin[2 * d - 1], bin[2 * d]);
-}
 
 // Returns a run's array axis in lags; its count is 0 if the array tells no azimuth.
 Axis lags_axis(const Axis& array, const SpatialLags& lags);

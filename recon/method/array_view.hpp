@@ -30,7 +30,6 @@ class ArrayView {
   void operator()(std::span<const float> lags, double range_m, std::span<float> out) const;
   // Turns the features as if the same body stood in another direction.
   static void turn(double by, double range_m, std::span<float> features);
-  static double direction_cosine(std::span<const float> features) { return double{features[0]}; }
 
  private:
   using Lags = std::vector<std::complex<double>>;

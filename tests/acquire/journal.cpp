@@ -78,7 +78,7 @@ TEST_CASE("jobs are done in order, and all of them before the run is closed") {
 
 TEST_CASE("a slow disk costs data, never a row, a disk that stands still ends the run") {
   const Folder folder;
-  Journal journal(open_run(folder / "a.sqlite"), loop, {}, 2);
+  Journal journal(open_run(folder / "a.sqlite"), loop, 2);
   std::promise<void> begun, disk;
   journal.put([&begun, wait = disk.get_future().share()](record::RunWriter&) {
     begun.set_value();
@@ -110,7 +110,7 @@ TEST_CASE("a slow disk costs data, never a row, a disk that stands still ends th
 TEST_CASE("who holds the file is named, and what waits is written when they let go") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
-  Journal journal(open_run(path), loop, {}, 2);
+  Journal journal(open_run(path), loop, 2);
   std::promise<void> written;
   journal.put([&](record::RunWriter&) { written.set_value(); });
   written.get_future().wait();

@@ -74,6 +74,10 @@ double iou_of(const TrainedModel& model, const std::string& path) {
 
 }  // namespace
 
+static std::complex<float> lag_of(const std::vector<float>& bin, std::size_t d) {
+  return d == 0 ? bin[0] : std::complex<float>(bin[2 * d - 1], bin[2 * d]);
+}
+
 TEST_CASE("lags are those of the true waves, whatever gains and phases the antennas have") {
   const SpatialLags lags(line);
   REQUIRE(lags.longest() == 7);
@@ -139,9 +143,8 @@ TEST_CASE("the view of a body is the same in every direction but for the directi
   std::vector<float> middle(view.size()), right(view.size());
   view(body_lags(3.6, 0), 3.5, middle);
   view(body_lags(3.6, 0.41), 3.5, right);
-  CHECK(ArrayView::direction_cosine(middle) == Approx(0).margin(0.01));
-  CHECK(ArrayView::direction_cosine(right) - ArrayView::direction_cosine(middle) ==
-        Approx(0.41).margin(1e-3));
+  CHECK(middle[0] == Approx(0).margin(0.01));
+  CHECK(right[0] - middle[0] == Approx(0.41).margin(1e-3));
   ArrayView::turn(0.41, 3.5, middle);
   for (std::size_t i = 0; i < right.size(); ++i) CHECK(right[i] == Approx(middle[i]).margin(5e-3));
   CHECK(middle[1] == Approx(middle[0] * 3.5));
