@@ -18,7 +18,7 @@ namespace echofuse::sim {
 // A data set is made from this plan; the run stores it as config_resolved.
 struct Plan {
   std::int64_t seed = 1;
-  std::int64_t people = 1000, letters = 3000, two_people = 0, empty = 0;  // [S] 1000 and 3000
+  std::int64_t people = 1000, letters = 3000, two_people = 0, empty = 0;  // as in the paper
   std::int64_t objects = 0;
   std::string
       scenes;  // file of a list (sim/scene/scene_list.hpp), which replaces the numbers above

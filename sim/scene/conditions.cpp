@@ -26,7 +26,8 @@ void bind_scene(Settings& s, Conditions& c) {
   s.add("object_up", c.object_up, "the mesh's axis that points up; -y: in a camera's frame",
         {"y", "z", "-y"});
   s.add("background", c.background, "what stands behind", room_names());
-  s.add("multipath_order", c.multipath_order, 0, 2, "reflections by the room's walls on a way");
+  s.add("multipath_order", c.multipath_order, 0, 2,
+        "most reflections by walls, floor and ceiling on a path; 0: none");
 }
 
 void bind_people(Settings& s, Conditions& c) {
@@ -54,14 +55,15 @@ void bind_letters(Settings& s, Conditions& c) {
 }
 
 void bind_reflectivity(Settings& s, Conditions& c) {
-  s.add("radar_cloth", c.radar_cloth, 0, 100, "radar's reflectivity, of the optical albedo");
-  s.add("radar_skin", c.radar_skin, 0, 100, "the same of head and neck");
-  s.add("radar_plate", c.radar_plate, 0, 100, "the same of letters");
+  s.add("radar_cloth", c.radar_cloth, 0, 100,
+        "radar reflectivity of cloth, as a factor of the optical albedo");
+  s.add("radar_skin", c.radar_skin, 0, 100, "radar reflectivity of head and neck, as a factor");
+  s.add("radar_plate", c.radar_plate, 0, 100, "radar reflectivity of letters, as a factor");
   s.add("radar_follows_albedo", c.radar_follows_albedo, 0, 1,
         "share of the clothes' differences in albedo that the radar sees");
   s.add("radar_lobe", c.radar_lobe, 0, 20, "echo ~ cos^n of the incidence; 1: Lambert");
-  s.add("radar_plate_lobe", c.radar_plate_lobe, 0, 20, "the same of letters");
-  s.add("optical_lobe", c.optical_lobe, 0, 20, "the same of people and letters in light");
+  s.add("radar_plate_lobe", c.radar_plate_lobe, 0, 20, "the same exponent of letters");
+  s.add("optical_lobe", c.optical_lobe, 0, 20, "the same exponent of people and letters for light");
 }
 
 void bind_spd(Settings& s, Conditions& c) {
@@ -75,13 +77,15 @@ void bind_spd(Settings& s, Conditions& c) {
   s.add("bins", c.bins, 1, 65'536, "SPD histogram");
   s.add("signal_photons", c.signal_photons, 0, 1e9, "detections from the mean scene a window");
   s.add("background_counts", c.background_counts, 0, 1e9, "ambient and dark counts a window");
-  s.add("spd_delay_ps", c.spd_delay_ps, -1e6, 1e6, "of cables and electronics");
+  s.add("spd_delay_ps", c.spd_delay_ps, -1e6, 1e6,
+        "two-way delay of cables and electronics; the daemon does not know it");
   s.add("pulses_per_window", c.pulses_per_window, 0, 1'000'000'000'000,
-        "laser pulses, for pile-up; 0: low flux");
+        "laser pulses, for pile-up: the first photon of each counts; 0: low flux");
   s.add("spd_dead_time_ps", c.spd_dead_time_ps, 0, 1e9,
-        "of a free-running detector with pile-up; 0: one photon a pulse");
+        "of a free-running detector; 0: one photon a pulse");
   s.add("spd_detector_stated", c.spd_detector_stated, "the run says that the detector piles up");
-  s.add("spd_falloff", c.spd_falloff, 0, 10, "light exp(-falloff) at the field's edges");
+  s.add("spd_falloff", c.spd_falloff, 0, 10,
+        "light falls to exp(-falloff) at the edges of the field");
   s.add("spd_field", c.spd_field, 0.1, 3, "the detector's field of view, of half_tangent");
   s.add("spd_yaw_deg", c.spd_yaw_deg, -30, 30, "points to +x; the daemon does not know it");
   s.add("slot_sway_m", c.slot_sway_m, 0, 1, "rms motion of people in a record, to and fro");
@@ -93,12 +97,14 @@ void bind_radar(Settings& s, Conditions& c) {
   s.add("radar_step_m", c.radar_step_m, 0.001, 10, "between points");
   s.add("radar_bins", c.radar_bins, 1, 65'536, "points");
   s.add("radar_snr_db", c.radar_snr_db, -40, 200, "against the mean scene's peak power");
-  s.add("radar_bias_m", c.radar_bias_m, -10, 10, "by which its ranges are too long");
+  s.add("radar_bias_m", c.radar_bias_m, -10, 10,
+        "by which its ranges are too long; the daemon does not know it");
   s.add("radar_psf", c.radar_psf, "range response: window over the sweep, sinc is none",
         {"sinc", "hann", "hamming", "blackman"});
   s.add("radar_taper", c.radar_taper, 0, 1,
-        "window from hardly any to Blackman's (1); 0: radar_psf's");
-  s.add("radar_taps", c.radar_taps, "power of the response at 0, 1/4, 2/4 ... cells, from 1 on");
+        "window from nearly none to Blackman (1), instead of radar_psf; 0: radar_psf");
+  s.add("radar_taps", c.radar_taps,
+        "power of the range response at 0, 1/4, 2/4 ... cells, the first 1, instead of a window");
   s.add("radar_sum", c.radar_sum, "of scatterers", {"incoherent", "coherent"});
   s.add("radar_leakage", c.radar_leakage, 0, 1e6,
         "power of the transmitter's own echo at range 0, in mean scenes");
