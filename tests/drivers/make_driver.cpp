@@ -36,7 +36,7 @@ TEST_CASE("addresses that a device cannot have are refused at start-up") {
   CHECK_THAT(depth("usb:2bc5:0670"), Catch::Contains("a depth camera is"));
   CHECK_THAT(radar("hid:10c4:ea80:A", "hid:10c4:ea80:B"), Catch::Contains("has no profileCfg"));
   CHECK_THAT(refusal([&] {
-               make_radar(loop, {"hid:10c4:ea80", "serial:/dev/x", "", "x.cfg", 3'000'000});
+               make_radar(loop, {"serial:/dev/x", "hid:10c4:ea80", "", "x.cfg", 3'000'000});
              }),
              Catch::Contains("a CP2110 does 300 to 1000000"));
   CHECK_THAT(radar("serial:/dev/x", "bridge:tcp://a:1"), Catch::Contains("a radar port is"));

@@ -310,7 +310,7 @@ TEST_CASE("few records state their uncertainty by cross-fitting, too few say tha
   CHECK_FALSE(load_model(dir / "fewer.h5")->uncertainty);
   const auto o = recon_program("reconstruct " + (dir / "fewer.h5") + " " + (dir / "fresh") +
                                " --out " + (dir / "o") + " --format npy");
-  CHECK_THAT(o.text, Catch::Contains("not calibrated: fewer than 50 records"));
+  CHECK_THAT(o.text, Catch::Contains("not calibrated: only a model of a sensor"));
   CHECK_THAT(contents(dir / "o/records.csv"), Catch::Contains(",,,,,not calibrated\n"));
   CHECK_THAT(contents(dir / "o/run.txt"), Catch::EndsWith("not calibrated\n"));
   CHECK_THAT(recon_program("evaluate " + (dir / "fewer.h5") + " " + (dir / "fresh")).text,

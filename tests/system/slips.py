@@ -14,7 +14,7 @@ recon trian | 2 | trian: no such command; the nearest is train
 recon help train | 0 | fit a model to runs
 recon --help | 0 | evaluate
 recon train x --otu y | 2 | --otu: no such option; the nearest is --out
-recon train nofile --out m | 1 | nofile: No such file or directory; expected a run file
+recon train nofile --out m | 1 | nofile.sqlite: No such file or directory; expected a run file
 recon evaluate nomodel norun | 1 | nomodel: No such file or directory; expected a model file
 recon train x --out m --model factorisd | 2 | factorisd
 recon train x --out m --set epoch=3 | 3 | --set epoch=3: unknown key, and none is like it
