@@ -19,11 +19,12 @@ std::string size_of(std::uint32_t width, std::uint32_t height) {
   return std::to_string(width) + " x " + std::to_string(height);
 }
 
-}  // namespace
-
+// Returns the part of a device's axis that records keep.
 Axis kept_axis(const Axis& axis) {
   return axis.name == "array" ? record::array_axis(axis, record::antennas_of(axis)) : axis;
 }
+
+}  // namespace
 
 void Windows::Times::add(HostTime from, HostTime to, HostTime centre, double tags) {
   if (count == 0 || from < first) first = from;

@@ -50,9 +50,6 @@ struct UnassignedSamples {
   PerSensor<std::uint64_t> early{}, late{}, outside{}, duplicate{}, out_of_order{};
 };
 
-// Part of a device's axis that records keep.
-Axis kept_axis(const Axis& axis);
-
 class Windows {
  public:
   // `clocks` outlives this and observes every sample before it is added here.
