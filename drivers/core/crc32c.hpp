@@ -10,8 +10,4 @@ namespace echofuse {
 // Chainable: crc32c(b, crc32c(a)) is the CRC of a followed by b.
 std::uint32_t crc32c(ByteView bytes, std::uint32_t crc = 0);
 
-// Advances a CRC by `count` bytes without reading them (as crc32_combine of zlib):
-// crc32c(b, crc32c(a)) == crc32c_shift(crc32c(a), b.size()) ^ crc32c(b).
-std::uint32_t crc32c_shift(std::uint32_t crc, std::uint64_t count);
-
 }  // namespace echofuse

@@ -41,18 +41,17 @@ def require_packages():
     if pack.MISSING:  # --help needs none of them
         fail(f"{pack.MISSING}; the bridges need numpy and, without {pack.NAME}, crc32c "
              "(Debian: python3-numpy python3-crc32c)" + (f"; {pack.why_not}" if pack.why_not else ""))
-    if pack.why_not:
-        say(f"{pack.why_not}: checksums by the Python package crc32c, at a lower rate")
 
 
-def block(kind, sequence, payload, dropped=0, crc=None):
-    """The header of a block; the payload is anything with bytes in it, its CRC-32C may be known."""
-    header = struct.pack("<4sHHIIQI", b"EFBR", 1, kind, sequence & 0xFFFFFFFF, len(payload), dropped, 0)
-    return header + struct.pack("<I", pack.crc_of_block(header, payload, crc))
+def block(kind, sequence, payload, dropped=0):
+    """The header of a block; the payload is any object that contains bytes."""
+    header = struct.pack("<4sHHIIQI", b"EFBR", 1, kind, sequence & 0xFFFFFFFF, len(payload),
+                         dropped, 0)
+    return header + struct.pack("<I", pack.crc32c(payload, pack.crc32c(header)))
 
 
 # A block that waits to be sent.
-Waiting = collections.namedtuple("Waiting", "kind sequence payload dropped crc items")
+Waiting = collections.namedtuple("Waiting", "kind sequence payload dropped items")
 
 
 def listen_address(text):
@@ -124,8 +123,8 @@ class Server:
             self._part()
         self._wake()
 
-    def send(self, kind, payload, items, crc=None):
-        """To the client, if there is one. The payload must not change any more; its CRC-32C may be known."""
+    def send(self, kind, payload, items):
+        """To the client, if there is one. The payload must not change any more."""
         with self._lock:
             if self._client is None or self._leaving:
                 return
@@ -133,7 +132,7 @@ class Server:
                 self._count_lost(items)
                 return
             idle = not self._queue
-            self._put(kind, payload, items, crc)
+            self._put(kind, payload, items)
         if idle:
             self._wake()
 
@@ -162,8 +161,8 @@ class Server:
         self._lost += items
         self.dropped += items
 
-    def _put(self, kind, payload, items=0, crc=None):
-        self._queue.append(Waiting(kind, self._sequence, payload, self._lost, crc, items))
+    def _put(self, kind, payload, items=0):
+        self._queue.append(Waiting(kind, self._sequence, payload, self._lost, items))
         self._queued_bytes += HEADER_BYTES + len(payload)
         self._sequence += 1
         self._lost = 0
@@ -260,7 +259,7 @@ class Server:
         """What the socket takes of the first block."""
         if not self._rest:
             first = self._queue[0]
-            header = block(first.kind, first.sequence, first.payload, first.dropped, first.crc)
+            header = block(first.kind, first.sequence, first.payload, first.dropped)
             self._rest = [memoryview(piece) for piece in (header, first.payload) if len(piece)]
         done = left = self._client.sendmsg(self._rest)
         while self._rest and left >= len(self._rest[0]):

@@ -175,7 +175,7 @@ class Tagger:
             raise RuntimeError("the tag stream has stopped")
         blocks, lost = self._stream.take()
         for packed in blocks:
-            server.send(bridge.TAGS, packed.payload, packed.items, packed.crc)
+            server.send(bridge.TAGS, packed.payload, packed.items)
         if lost:
             server.lose(lost)
         self._losses.look(blocks, lost, server.dropped)
@@ -374,6 +374,9 @@ def main():
     vendor.use_python()
     options = parse_arguments(sys.argv[1:])
     bridge.require_packages()
+    if pack.why_not:
+        bridge.fail(f"{pack.why_not}; the build makes it: copy it beside the bridge, or name it in "
+                    "ECHOFUSE_BRIDGE_LIBRARY; it needs Debian's libisal2")
     pack.keep_freed_memory()
     library = vendor.library(["Swabian.TimeTagger", "TimeTagger"], "Swabian-TimeTagger")  # newer, older
     vendor.check_version("Swabian-TimeTagger", library.getVersion(), "2.17.4")

@@ -12,7 +12,7 @@ import unittest
 from unittest import mock
 
 import testing
-from testing import Client, Program, connect, crc32c, golden, np
+from testing import Client, Program, connect, golden, np
 
 import bridge
 import pack
@@ -46,9 +46,7 @@ class Outlet:
     def __init__(self):
         self.blocks, self.lost, self.dropped = [], 0, 0
 
-    def send(self, kind, payload, items, crc=None):
-        if crc is not None:
-            assert crc == crc32c.crc32c(bytes(payload)), "CRC"
+    def send(self, kind, payload, items):
         self.blocks.append((kind, bytes(payload), items))
 
     def lose(self, items):
@@ -157,14 +155,6 @@ class Tags(unittest.TestCase):
             outlet, _, _ = self.poll(columns, which=which)
             self.assertEqual(outlet.blocks, [(bridge.TAGS, golden()[1][32:], 4)])
 
-    def test_another_layout_is_copied_by_name(self):
-        tags = np.zeros(3, [("time", "i8"), ("type", "u4"), ("channel", "i4"), ("missed_events", "u4")])
-        tags["time"], tags["type"], tags["channel"], tags["missed_events"] = [5, 6, 7], [0, 4, 0], -2, 9
-        copy = pack.records(tags)
-        self.assertEqual(copy.dtype.itemsize, 16)
-        for name in copy.dtype.names:
-            np.testing.assert_array_equal(copy[name], tags[name])
-
     def test_long_blocks_are_divided(self):
         columns = self.pattern(150_000)
         for which in (library, old_library):
@@ -198,7 +188,7 @@ class Tags(unittest.TestCase):
         with mock.patch.object(time, "monotonic", lambda: self.now), contextlib.redirect_stderr(io.StringIO()) as said:
             self.now = 0.0
             losses = timetagger.Losses(options())
-            tags = [pack.Packed(b"", 1_000_000, None, starts=1_000_000, overflows=0)]
+            tags = [pack.Packed(b"", 1_000_000, starts=1_000_000, overflows=0)]
             for _ in range(20):
                 self.now += 0.05
                 losses.look(tags, 0, 0)

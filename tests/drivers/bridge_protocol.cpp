@@ -72,10 +72,6 @@ TEST_CASE("CRC-32C gives the test vectors of RFC 3720 B.4") {
   for (std::size_t at = 0; at < many.size(); at += 7)
     crc = crc32c(ByteView(many).subspan(at, std::min<std::size_t>(7, many.size() - at)), crc);
   CHECK(crc32c(many) == crc);
-  for (const std::size_t size : {0, 1, 7, 255, 256, 4096, 100'000}) {
-    const ByteView rest = ByteView(many).first(size);
-    CHECK((crc32c_shift(crc32c(up), size) ^ crc32c(rest)) == crc32c(rest, crc32c(up)));
-  }
 }
 
 TEST_CASE("the golden blocks come out whole, however they are cut") {
