@@ -8,6 +8,7 @@
 #include "drivers/port/open_port.hpp"
 #include "drivers/port/raw_tap.hpp"
 #include "drivers/program/exit_code.hpp"
+#include "drivers/radar/bridge_radar.hpp"
 #include "drivers/radar/radar_driver.hpp"
 #include "drivers/tdc/bridge_tdc.hpp"
 
@@ -28,6 +29,11 @@ bool is_one_of(const port::Address& address) {
 void check_tdc(const std::string& address) {
   if (!is_one_of<port::BridgeAddress, port::UsbAddress>(port::parse_address(address)))
     refuse(address, "a time tagger is bridge:tcp://HOST:PORT or usb:VVVV:PPPP");
+}
+
+void check_radar(const std::string& address) {
+  if (!is_one_of<port::BridgeAddress>(port::parse_address(address)))
+    refuse(address, "a radar is bridge:tcp://HOST:PORT, or the two ports radar.cli and radar.data");
 }
 
 void check_radar_port(const std::string& address, std::uint32_t baud) {
@@ -71,6 +77,12 @@ std::vector<std::string> radar_warnings(const RadarConfig& config) {
 
 std::unique_ptr<Driver> make_radar(port::Loop& loop, const RadarConfig& config,
                                    port::RawKeeper* raw) {
+  if (!config.address.empty()) {
+    check_radar(config.address);
+    return std::make_unique<radar::BridgeRadar>(
+        loop, config.address,
+        port::tap(loop, loop.opener(config.address), raw, "radar", ".blocks"));
+  }
   check_radar_port(config.cli, config.cli_baud);
   check_radar_port(config.data, config.data_baud);
   return std::make_unique<radar::RadarDriver>(

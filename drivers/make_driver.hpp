@@ -2,6 +2,7 @@
 // The only list of device kinds: an address from the configuration -> a driver.
 //   tdc    bridge:tcp://HOST:PORT | usb:VVVV:PPPP[:serial]
 //   radar  serial:/dev/... | hid:VVVV:PPPP[:serial]           (two ports: command line and data)
+//          bridge:tcp://HOST:PORT
 //   depth  openni:[URI or file.oni] | bridge:tcp://HOST:PORT
 // A bad or unsupported address, and a radar cfg that cannot work, throw Error(ExitCode::config)
 // here, at start-up. Whether a device answers is seen later, in DeviceState.
@@ -32,6 +33,7 @@ struct RadarConfig {
   std::uint32_t data_baud = 921600;
   std::string board = "isk";  // named in drivers/radar/antennas.hpp
   bool keep_running = false;  // do not stop the sensor at the end
+  std::string address = {};   // of any radar behind a bridge, which has none of the above
 };
 
 struct DepthConfig {
@@ -41,11 +43,12 @@ struct DepthConfig {
 
 // Checks the address of such a device; throws as make_... does, and opens nothing.
 void check_tdc(const std::string& address);
+void check_radar(const std::string& address);
 void check_radar_port(const std::string& address, std::uint32_t baud);
 void check_depth(const std::string& address);
 
 // `loop` and `raw` must outlive the driver. Into `raw`, if any, go the bytes of the device:
-// radar-001.dat and radar-cli-001.txt, tags-001.blocks or tags-001.usb, depth-001.blocks.
+// radar-001.dat and radar-cli-001.txt or radar-001.blocks, tags-001.blocks, depth-001.blocks.
 std::unique_ptr<Driver> make_tdc(port::Loop& loop, const TdcConfig& config,
                                  port::RawKeeper* raw = nullptr);
 std::unique_ptr<Driver> make_radar(port::Loop& loop, const RadarConfig& config,

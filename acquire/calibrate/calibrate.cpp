@@ -345,6 +345,10 @@ ExitCode calibrate(const Config& config, const CalibrateOptions& options, port::
   if ((config.configured() - SensorSet{Sensor::depth}).empty())
     throw Error(ExitCode::config,
                 "neither tdc.address nor radar.cli is given: nothing to calibrate");
+  if (!config.radar.address.empty())
+    throw Error(ExitCode::config,
+                "radar.address: the radar of a bridge cannot be calibrated; --set radar.address= "
+                "calibrates the detector alone");
   if (options.check && config.calibration.entries.empty())
     throw Error(ExitCode::config, "--check: run.calibration names no calibration to compare with");
   const Calibration stored =

@@ -77,6 +77,9 @@ void bind(Settings& s, Config& c, Keys& k) {
       "corrected on reading");
   s.add("tdc.first_photon_only", k.first_photon_only,
         "the detector is armed once a laser pulse, and sees its first photon only");
+  s.add(
+      "radar.address", c.radar.address,
+      "bridge:tcp://HOST:PORT of any other radar, instead of radar.cli, radar.data and radar.cfg");
   s.add("radar.cli", c.radar.cli,
         "command port: serial:/dev/... or hid:VVVV:PPPP[:serial]; empty: none");
   bind_policy(s, c, "radar", Sensor::radar);
@@ -153,6 +156,13 @@ class Judge {
 void judge_radar(Judge& judge, Config& c, const std::string& cfg,
                  const std::filesystem::path& folder) {
   RadarConfig& radar = c.radar;
+  if (!radar.address.empty()) {
+    if (!radar.cli.empty() || !radar.data.empty())
+      judge.complain(
+          {"radar.address"},
+          "a radar has radar.address or the two ports radar.cli and radar.data, not both");
+    return judge.attempt({"radar.address"}, [&] { check_radar(radar.address); });
+  }
   if (radar.cli.empty() != radar.data.empty())
     judge.complain({"radar.cli", "radar.data"},
                    "radar.cli and radar.data belong together; one of them is empty");
@@ -196,8 +206,9 @@ void calibrate_antennas(Config& c) {
 void judge(Judge judge, Config& c, const Keys& k, const std::filesystem::path& folder,
            bool with_calibration) {
   if (c.configured().empty())
-    judge.complain({"tdc.address", "radar.cli", "depth.address"},
-                   "no device; expected at least one of tdc.address, radar.cli, depth.address");
+    judge.complain({"tdc.address", "radar.cli", "radar.address", "depth.address"},
+                   "no device; expected at least one of tdc.address, radar.cli, radar.address, "
+                   "depth.address");
   struct PolicyKeys {
     const char *policy, *address;
   };
@@ -256,7 +267,7 @@ radar::RadarProfile parse_profile(const RadarConfig& radar) {
 SensorSet Config::configured() const {
   SensorSet set;
   if (!tdc.address.empty()) set.insert(Sensor::spd);
-  if (!radar.cli.empty()) set.insert(Sensor::radar);
+  if (!radar.cli.empty() || !radar.address.empty()) set.insert(Sensor::radar);
   if (!depth.address.empty()) set.insert(Sensor::depth);
   return set;
 }

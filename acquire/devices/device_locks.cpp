@@ -24,6 +24,7 @@ namespace {
 std::vector<std::string> addresses_of(const Config& config, Sensor s) {
   if (s == Sensor::spd) return {config.tdc.address};
   if (s == Sensor::depth) return {config.depth.address};
+  if (!config.radar.address.empty()) return {config.radar.address};
   return {config.radar.cli, config.radar.data};
 }
 

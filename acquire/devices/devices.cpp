@@ -14,7 +14,8 @@ constexpr auto stop_timeout = std::chrono::milliseconds(300);  // limit for all 
 
 std::string address_of(const Config& config, Sensor s) {
   if (s == Sensor::spd) return config.tdc.address;
-  return s == Sensor::radar ? config.radar.cli : config.depth.address;
+  if (s == Sensor::depth) return config.depth.address;
+  return config.radar.address.empty() ? config.radar.cli : config.radar.address;
 }
 
 }  // namespace
@@ -109,6 +110,11 @@ std::string Devices::describe(Sensor s) const {
 void Devices::on_tags(const TagBlock& block) {
   status(Sensor::spd).samples += block.tags.size();
   next_->on_tags(block);
+}
+
+void Devices::on_histogram(HistogramFrame frame) {
+  status(Sensor::spd).samples += frame.pulses + frame.clicks();
+  next_->on_histogram(std::move(frame));
 }
 
 void Devices::on_radar(RadarFrame frame) {

@@ -60,6 +60,7 @@ class Devices final : private SampleSink {
 
  private:
   void on_tags(const TagBlock& block) override;
+  void on_histogram(HistogramFrame frame) override;
   void on_radar(RadarFrame frame) override;
   void on_depth(DepthFrame frame) override;
   void on_state(Sensor sensor, DeviceState state, const DeviceInfo& info) override;

@@ -52,7 +52,8 @@ std::string serial_path(const std::string& address) {
 
 std::vector<std::string> configured_addresses(const std::optional<Config>& config) {
   if (!config) return {};
-  return {config->tdc.address, config->radar.cli, config->radar.data, config->depth.address};
+  return {config->tdc.address, config->radar.address, config->radar.cli, config->radar.data,
+          config->depth.address};
 }
 
 struct Port {

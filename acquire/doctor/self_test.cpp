@@ -62,6 +62,7 @@ std::string channel_list(const Capture& capture, double time_s) {
 void Capture::end() {
   histogram_.flush();
   tags = histogram_.tag_counts();
+  tags += summed_;
   running_ = false;
 }
 
@@ -75,11 +76,19 @@ void Capture::on_tags(const TagBlock& block) {
     if (tag.type == TagType::time_tag) ++channels[tag.channel];
 }
 
+void Capture::on_histogram(HistogramFrame frame) {
+  if (!running_) return;
+  ++histograms;
+  lost_blocks += frame.lost;
+  summed_ += {.starts = frame.pulses, .in_range = frame.clicks()};
+}
+
 void Capture::on_radar(RadarFrame frame) {
   if (!running_) return;
   ++radar_frames;
   radar_lost += frame.lost_before;
   arrays += !frame.array.empty();
+  power_bins = frame.power.size();
   if (frame.range_profile.empty()) return;
   ++profiles;
   profile = std::move(frame.range_profile);
@@ -115,11 +124,13 @@ Finding judge_spd(const Capture& capture, const Config& config, double time_s) {
                 {"share_in_range", share(n.in_range, clicks)},
                 {"lost_tags", static_cast<double>(lost)},
                 {"lost_blocks", static_cast<double>(capture.lost_blocks)}}};
-  if (n.starts == 0)
+  if (n.starts == 0 && capture.histograms == 0)
     mark(out, Grade::problem,
          "no starts on tdc.start_channel = " + std::to_string(config.histogram.start_channel) +
              ": is the laser on? " + channel_list(capture, time_s));
-  if (clicks == 0)
+  if (clicks == 0 && capture.histograms > 0)
+    mark(out, Grade::problem, "no counts, not even dark counts: is the detector on?");
+  else if (clicks == 0)
     mark(out, Grade::problem,
          "no clicks on tdc.click_channel = " + std::to_string(config.histogram.click_channel) +
              ", not even dark counts: is the detector on? " + channel_list(capture, time_s));
@@ -135,6 +146,14 @@ Finding judge_spd(const Capture& capture, const Config& config, double time_s) {
 }
 
 Finding judge_radar(const Capture& capture, const Config& config, double time_s) {
+  if (!config.radar.address.empty())
+    return {
+        .check = "radar",
+        .found = format("%.4g range profiles/s of %zu bins, %" PRIu64 " lost",
+                        rate(capture.radar_frames, time_s), capture.power_bins, capture.radar_lost),
+        .facts = {{"frames_per_s", rate(capture.radar_frames, time_s)},
+                  {"lost_frames", static_cast<double>(capture.radar_lost)},
+                  {"bins", static_cast<double>(capture.power_bins)}}};
   const radar::RadarProfile cfg = parse_profile(config.radar);
   const double nominal_hz = 1 / cfg.frame_period_s;
   const double fps = rate(capture.radar_frames, time_s);
@@ -215,7 +234,9 @@ double estimate_record_bytes(const Capture& capture, const Config& config) {
   const SensorSet sensors = config.configured();
   double bytes = 0;
   if (sensors.contains(Sensor::spd)) bytes += 4.0 * config.histogram.bins;
-  if (sensors.contains(Sensor::radar)) {
+  if (sensors.contains(Sensor::radar) && !config.radar.address.empty()) {
+    bytes += 4.0 * static_cast<double>(capture.power_bins);
+  } else if (sensors.contains(Sensor::radar)) {
     const radar::RadarProfile cfg = parse_profile(config.radar);
     bytes += 4.0 * cfg.bins;
     if (!cfg.array.empty())

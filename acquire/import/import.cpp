@@ -204,6 +204,7 @@ std::string import_recordings(Config config, const ImportOptions& options) {
         options.files[0], options.out,
         options.began.empty() ? std::nullopt : std::optional(parse_utc(options.began)));
   config.tdc.address = config.radar.cli = config.radar.data = config.depth.address = "";
+  config.radar.address = "";
   config.policy = {"optional", "optional", "optional"};
   std::vector<std::unique_ptr<Recording>> recordings;
   Beginning began;

@@ -195,6 +195,7 @@ std::string import_kept(Config config, const std::string& folder, const std::str
   // The frames of an OpenNI2 camera are kept as a bridge sends them.
   if (config.depth.address.starts_with("openni:")) config.depth.address = "bridge:tcp://kept:1";
   attach(config.tdc.address, "tags", ".blocks");
+  attach(config.radar.address, "radar", ".blocks");
   attach(config.radar.cli, "radar-cli", ".txt");
   attach(config.radar.data, "radar", ".dat");
   attach(config.depth.address, "depth", ".blocks");

@@ -180,6 +180,10 @@ void SensorClocks::observe(const TagBlock& block) {
     of(Sensor::spd).add(static_cast<std::uint64_t>(last->time_ps), block.received);
 }
 
+void SensorClocks::observe(const HistogramFrame& frame) {
+  of(Sensor::spd).add(device_clock_of(frame), frame.received);
+}
+
 void SensorClocks::observe(const RadarFrame& frame) {
   of(Sensor::radar).add(frame.time_cpu_cycles, frame.received);
 }

@@ -94,10 +94,16 @@ class ClockFit {
   std::optional<Late> late_;
 };
 
+// Device time of a histogram in the tagger's ps, modulo 2^64.
+inline std::uint64_t device_clock_of(const HistogramFrame& frame) {
+  return 1'000'000 * frame.device_time_us;
+}
+
 // The clocks of the three sensors.
 class SensorClocks {
  public:
   void observe(const TagBlock& block);
+  void observe(const HistogramFrame& frame);
   void observe(const RadarFrame& frame);
   void observe(const DepthFrame& frame);
   const ClockFit& operator[](Sensor s) const { return fits_[s]; }

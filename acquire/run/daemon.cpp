@@ -74,6 +74,7 @@ class Daemon final : private SampleSink {
   };
 
   void on_tags(const TagBlock& block) override;
+  void on_histogram(HistogramFrame frame) override;
   void on_radar(RadarFrame frame) override;
   void on_depth(DepthFrame frame) override;
   void on_state(Sensor sensor, DeviceState state, const DeviceInfo& info) override;
@@ -253,6 +254,11 @@ void Daemon::announce(Sensor sensor) {
 void Daemon::on_tags(const TagBlock& block) {
   clocks_.observe(block);
   if (!is_early(Sensor::spd, block.tags.size())) recording_->windows.add(block);
+}
+
+void Daemon::on_histogram(HistogramFrame frame) {
+  clocks_.observe(frame);
+  if (!is_early(Sensor::spd, frame.pulses + frame.clicks())) recording_->windows.add(frame);
 }
 
 void Daemon::on_radar(RadarFrame frame) {

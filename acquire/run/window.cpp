@@ -59,7 +59,9 @@ Windows::Windows(const SlotGrid& grid, const tdc::HistogramSettings& tdc,
 
 bool Windows::announce(const DeviceInfo& info) {
   bool fits = true;
-  for (const auto& sent : info.axes) {
+  const bool tagger = info.sensor == Sensor::spd && info.axes.empty();
+  if (info.sensor == Sensor::spd) sends_histograms_ = !tagger;
+  for (const auto& sent : tagger ? std::vector{histogram_->axis()} : info.axes) {
     const Axis axis = kept_axis(sent);
     const auto [known, is_new] = axes_.try_emplace(axis.name, axis);
     fits = fits && (is_new || same_axis(known->second, axis));
@@ -70,8 +72,7 @@ bool Windows::announce(const DeviceInfo& info) {
 
 std::vector<Axis> Windows::axes() const {
   std::vector<Axis> all;
-  if (configured_.contains(Sensor::spd)) all.push_back(histogram_->axis());
-  for (const auto& [name, axis] : axes_) all.push_back(axis);
+  for (const auto& [name, axis] : axes_) all.insert(name == "spd" ? all.begin() : all.end(), axis);
   return all;
 }
 
@@ -130,6 +131,21 @@ void Windows::add_part(std::span<const Tag> tags, HostTime from, HostTime to) {
                       static_cast<double>(tags.size()));
 }
 
+void Windows::add(const HistogramFrame& frame) {
+  const HostTime end = clocks_[Sensor::spd].taken(device_clock_of(frame), frame.received);
+  const HostTime begin = end - std::chrono::microseconds(frame.exposure_us);
+  const HostTime middle = begin + (end - begin) / 2;
+  add_lost(&Slot::spd_lost, middle, frame.lost);
+  const std::uint64_t clicks = frame.clicks();
+  Slot* slot = find(Sensor::spd, middle, frame.pulses + clicks);
+  if (!slot || refused_[Sensor::spd]) return;
+  slot->summed.resize(frame.counts.size());
+  for (std::size_t i = 0; i < frame.counts.size(); ++i)
+    slot->summed[i] += std::min(frame.counts[i], UINT32_MAX - slot->summed[i]);
+  slot->summed_tags += {.tags = frame.pulses + clicks, .starts = frame.pulses, .in_range = clicks};
+  slot->spd_times.add(begin, end, grid_.centre(grid_.slot_of(middle)));
+}
+
 void Windows::add(const RadarFrame& frame) {
   const HostTime taken = clocks_[Sensor::radar].taken(frame.time_cpu_cycles, frame.received);
   add_lost(&Slot::radar_lost, taken, frame.lost_before);
@@ -146,7 +162,8 @@ void Windows::add(const RadarFrame& frame) {
 
 void Windows::take_profile(Slot& slot, const RadarFrame& frame, HostTime taken) {
   const auto axis = axes_.find("radar");
-  const std::size_t bins = frame.range_profile.size();
+  const bool linear = !frame.power.empty();
+  const std::size_t bins = linear ? frame.power.size() : frame.range_profile.size();
   if (bins == 0) {
     slot.radar_fault = "frames without a range profile";
   } else if (refused_[Sensor::radar]) {
@@ -156,7 +173,8 @@ void Windows::take_profile(Slot& slot, const RadarFrame& frame, HostTime taken) 
   } else {
     slot.power.resize(bins);
     for (std::size_t i = 0; i < bins; ++i)
-      slot.power[i] += power_from_code(frame.range_profile[i], axis->second.scale);
+      slot.power[i] += linear ? double{frame.power[i]}
+                              : power_from_code(frame.range_profile[i], axis->second.scale);
     if (slot.radar_times.count == 0) slot.first_codes = frame.range_profile;
     take_array(slot, frame);
     slot.radar_times.add(taken, taken, grid_.centre(grid_.slot_of(taken)));
@@ -203,12 +221,15 @@ void Windows::add(DepthFrame frame) {
 
 std::string Windows::spd_fault(const Slot& slot) const {
   const TagCounts tags = slot.tags();
-  if (tags.tags == 0) return "no tags";
-  if (tags.starts == 0)
+  if (refused_[Sensor::spd]) return axis_changed;
+  if (sends_histograms_ && slot.summed.empty()) return "no histograms";
+  if (!sends_histograms_ && tags.tags == 0) return "no tags";
+  if (!sends_histograms_ && tags.starts == 0)
     return "no start tags on channel " + std::to_string(histogram_->settings().start_channel);
   const auto span = slot.spd_times.last - slot.spd_times.first;
   if (span < grid_.length / 2)
-    return "tags for only " + std::to_string(100 * span / grid_.length) + " % of the slot";
+    return (sends_histograms_ ? "histograms" : "tags") + std::string(" for only ") +
+           std::to_string(100 * span / grid_.length) + " % of the slot";
   return {};
 }
 
@@ -231,7 +252,9 @@ void Windows::fill_spd(const Slot& slot, record::FusedRecord& record) const {
   if (slot.histogram)
     record.signal.clicks_a_pulse =
         slot.histogram->gaps().clicks_a_pulse(c.in_range + c.out_of_range, c.starts);
-  if (record.has(Sensor::spd)) record.spd = slot.histogram->counts();
+  else if (c.starts > 0)
+    record.signal.clicks_a_pulse = static_cast<double>(c.in_range) / static_cast<double>(c.starts);
+  if (record.has(Sensor::spd)) record.spd = slot.histogram ? slot.histogram->counts() : slot.summed;
 }
 
 void Windows::fill_radar(Slot& slot, record::FusedRecord& record) const {
@@ -247,14 +270,16 @@ void Windows::fill_radar(Slot& slot, record::FusedRecord& record) const {
     record.array_frames = slot.array->frames();
     record.array = slot.array->take();
   }
-  if (frames == 1) {
+  const bool linear = slot.first_codes.empty();
+  if (frames == 1 && !linear) {
     record.radar.assign(slot.first_codes.begin(), slot.first_codes.end());
     return;
   }
   const double antennas = axes_.at("radar").scale;
-  for (const double sum : slot.power)
-    record.radar.push_back(
-        static_cast<float>(code_from_power(sum / static_cast<double>(frames), antennas)));
+  for (const double sum : slot.power) {
+    const double mean = sum / static_cast<double>(frames);
+    record.radar.push_back(static_cast<float>(linear ? mean : code_from_power(mean, antennas)));
+  }
 }
 
 void Windows::fill_depth(Slot& slot, record::FusedRecord& record) const {

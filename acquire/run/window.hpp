@@ -20,7 +20,9 @@
 // What a record holds
 //   spd    every click of the slot's tags against the last start before it; a start survives the
 //          border between slots, but no gap in the tags. Valid if there was a start and the tags
-//          span half of the slot (counts are not rates: a short stream cannot be compared).
+//          span half of the slot (counts are not rates: a short stream cannot be compared). Of a
+//          detector that sends histograms, the sum of those with the middle of their exposure in
+//          the slot, under the same rule.
 //   radar  mean over the frames of linear power, in log2_q8 codes again; a single frame is kept as
 //          it came. Valid with one usable frame.
 //   array  of the same frames, as far as they have a heat map (measurement/radar_array.hpp).
@@ -62,6 +64,7 @@ class Windows {
   // The axes known so far.
   std::vector<Axis> axes() const;
   void add(const TagBlock& block);
+  void add(const HistogramFrame& frame);
   void add(const RadarFrame& frame);
   void add(DepthFrame frame);
 
@@ -84,9 +87,11 @@ class Windows {
   };
   struct Slot {
     std::shared_ptr<tdc::Histogram> histogram;  // from its first tags on
+    std::vector<std::uint32_t> summed;          // of a detector that sends histograms
+    TagCounts summed_tags;
     std::uint64_t spd_lost = 0;
     Times spd_times;
-    TagCounts tags() const { return histogram ? histogram->tag_counts() : TagCounts{}; }
+    TagCounts tags() const { return histogram ? histogram->tag_counts() : summed_tags; }
 
     std::vector<double> power;
     std::vector<std::uint16_t> first_codes;
@@ -133,7 +138,8 @@ class Windows {
   const SensorClocks& clocks_;
   SensorSet configured_, required_;
   std::shared_ptr<tdc::Histogram> histogram_;  // slot of the last tags
-  std::map<std::string, Axis> axes_;           // array, depth_x, depth_y, radar
+  std::map<std::string, Axis> axes_;           // array, depth_x, depth_y, radar, spd
+  bool sends_histograms_ = false;
   PerSensor<bool> refused_{};
   std::map<std::int64_t, Slot> open_;
   std::int64_t next_ = 0;  // first slot that is not closed

@@ -103,12 +103,16 @@ void BridgeClient::on_block(Block block, HostTime received) {
 }
 
 void BridgeClient::reject(const Block& block, const char* expected) {
-  constexpr const char* kinds[] = {"hellos", "tags", "depth frames", "goodbyes"};
+  constexpr const char* kinds[] = {"hellos",   "tags",       "depth frames",
+                                   "goodbyes", "histograms", "range profiles"};
   const auto kind = static_cast<std::size_t>(block.kind);
   if (kind < std::size(kinds) && std::string(kinds[kind]) != expected &&
       !std::exchange(told_kind_, true))
-    handlers_.event(Severity::warning, std::string("this bridge sends ") + kinds[kind] + ", not " +
-                                           expected + ": is it the port of the other device?");
+    handlers_.event(Severity::warning,
+                    std::string("this bridge sends ") + kinds[kind] + ", not " + expected +
+                        (block.kind == BlockKind::histogram
+                             ? ": is \"sends\": \"histograms\" missing in its hello?"
+                             : ": is it the port of the other device?"));
   ++bad_payloads_;
   lost_blocks_ += block.lost_blocks + 1;
   dropped_items_ += block.dropped_items;

@@ -31,7 +31,8 @@ class BridgeClient {
   void start(Handlers handlers);
   void stop();
   // Counts a delivered block of a wrong kind or payload; it is lost for the block after it.
-  // `expected`: the blocks that the driver takes, "tags" or "depth frames".
+  // `expected`: the blocks that the driver takes, "tags", "histograms", "depth frames" or "range
+  // profiles".
   void reject(const Block& block, const char* expected);
   std::vector<Counter> counters() const;
 

@@ -20,7 +20,8 @@ struct Header {
   std::uint32_t reserved, crc;
 
   bool plausible() const {
-    return version == protocol_version && kind <= static_cast<std::uint16_t>(BlockKind::bye) &&
+    return version == protocol_version &&
+           kind <= static_cast<std::uint16_t>(BlockKind::range_profile) &&
            payload_bytes <= (kind == static_cast<std::uint16_t>(BlockKind::hello)
                                  ? max_hello_bytes
                                  : max_payload_bytes) &&
@@ -149,6 +150,58 @@ std::optional<DepthPayload> read_depth(ByteView payload) {
   out.y = tangent_axis("depth_y", frame.height, axes[2], axes[3]);
   if (!usable(out.x) || !usable(out.y)) return std::nullopt;
   frame.depth_mm = to_values<std::uint16_t>(in.take(in.left()));
+  return out;
+}
+
+std::optional<HistogramPayload> read_histogram(ByteView payload) {
+  ByteReader in(payload);
+  HistogramPayload out;
+  HistogramFrame& frame = out.frame;
+  frame.zones = in.get<std::uint32_t>();
+  const auto bins = in.get<std::uint32_t>();
+  frame.device_time_us = in.get<std::uint64_t>();
+  frame.pulses = in.get<std::uint64_t>();
+  const auto start_ps = in.get<double>(), width_ps = in.get<double>();
+  frame.exposure_us = in.get<std::uint32_t>();
+  constexpr std::uint32_t most_zones = 64;
+  if (!in.ok() || frame.zones < 1 || frame.zones > most_zones || bins < 1 ||
+      in.left() != sizeof(std::uint32_t) * frame.zones * std::uint64_t{bins} ||
+      frame.exposure_us == 0 || frame.pulses > max_dropped_items || !(std::abs(start_ps) <= 1e12) ||
+      !(width_ps >= 1e-3 && width_ps <= 1e9))
+    return std::nullopt;
+  frame.counts = to_values<std::uint32_t>(in.take(in.left()));
+  out.axis = {.name = "spd",
+              .quantity = "counts",
+              .unit = "ps",
+              .count = bins,
+              .start = start_ps,
+              .step = width_ps};
+  return out;
+}
+
+std::optional<ProfilePayload> read_profile(ByteView payload) {
+  ByteReader in(payload);
+  ProfilePayload out;
+  RadarFrame& frame = out.frame;
+  const auto bins = in.get<std::uint32_t>();
+  frame.frame_number = in.get<std::uint32_t>();
+  // In the cycles of TI's counter, which wraps.
+  frame.time_cpu_cycles = static_cast<std::uint32_t>(200 * in.get<std::uint64_t>());
+  const auto start_m = in.get<float>(), step_m = in.get<float>();
+  constexpr float farthest_m = 1e4F, least_step_m = 1e-6F;
+  if (!in.ok() || bins < 4 || in.left() != sizeof(float) * std::uint64_t{bins} ||
+      !(std::abs(start_m) <= farthest_m) || !(step_m >= least_step_m) ||
+      !(step_m * static_cast<float>(bins) <= farthest_m))
+    return std::nullopt;
+  frame.power = to_values<float>(in.take(in.left()));
+  if (!std::ranges::all_of(frame.power, [](float p) { return p >= 0 && std::isfinite(p); }))
+    return std::nullopt;
+  out.axis = {.name = "radar",
+              .quantity = "power",
+              .unit = "m",
+              .count = bins,
+              .start = start_m,
+              .step = step_m};
   return out;
 }
 

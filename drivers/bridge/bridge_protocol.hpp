@@ -6,7 +6,7 @@
 //   off type   field
 //     0 u8[4]  "EFBR"
 //     4 u16    version = 1
-//     6 u16    kind: 0 hello, 1 tags, 2 depth, 3 bye
+//     6 u16    kind: 0 hello, 1 tags, 2 depth, 3 bye, 4 histogram, 5 range profile
 //     8 u32    sequence: 0 for a connection's first block, +1 for each block, wraps
 //    12 u32    payload bytes, at most 16 MiB; of a hello at most 64 KiB
 //    16 u64    items (tags or frames) the sender dropped between the previous block and this one,
@@ -17,12 +17,21 @@
 //
 //   hello  UTF-8 JSON {"model": "...", "serial": "...", "firmware": "..."}; other keys are ignored.
 //          The first block, and again about every second, as a heartbeat: a sender is silent for
-//          at most 1 s. Blocks before a hello are not used.
+//          at most 1 s. Blocks before a hello are not used. A detector that sends histograms adds
+//          "sends": "histograms". One with several zones adds "zones", an array in the order of the
+//          counts of {"x", "y", "width", "zero_ps"}: tangents of its centre, tangent of its full
+//          width, and the time of range 0.
 //   tags   n * 16 bytes as in drivers/core/sample.hpp; n may be 0
 //   depth  u32 width, u32 height, u64 device time in us, u32 frame index,
 //          f32 x_start, x_step, y_start, y_step (tangents, drivers/core/axis.hpp),
 //          then width * height (at most 8192 each) u16 z in mm, row-major, top row first, 0 = no
 //          measurement
+//   histogram  u32 zones (1 to 64), u32 bins, u64 device time in us at the end of the exposure,
+//          u64 laser pulses (0: unknown), f64 start of the first bin and f64 bin width in ps,
+//          u32 exposure in us (above 0), then zones * bins u32 counts, zone after zone
+//   range profile  u32 bins, u32 frame number, u64 device time in us, f32 range of the first bin
+//   and
+//          f32 step in m, then bins f32 of linear power (any scale)
 //   bye    empty; the sender closes the connection
 #pragma once
 #include <cstdint>
@@ -45,7 +54,7 @@ inline constexpr std::uint32_t max_hello_bytes = 64u << 10;
 inline constexpr std::uint64_t max_dropped_items = std::uint64_t{1} << 40;
 inline constexpr std::uint16_t protocol_version = 1;
 
-enum class BlockKind : std::uint16_t { hello = 0, tags = 1, depth = 2, bye = 3 };
+enum class BlockKind : std::uint16_t { hello, tags, depth, bye, histogram, range_profile };
 
 struct Block {
   BlockKind kind{};
@@ -99,6 +108,7 @@ class BlockParser {
 
 struct Hello {
   std::string model, serial, firmware;
+  std::string sends;  // of a detector: "histograms", else tags
 };
 // No value: not JSON, not an object, a key of another type than text, more than 64 KiB, 1024 values
 // or 8 levels.
@@ -115,5 +125,21 @@ struct DepthPayload {
 // No value: the size does not fit, a side is not 1 to 8192 pixels, or a tangent is above 100, a
 // step below 1e-6 or not finite.
 std::optional<DepthPayload> read_depth(ByteView payload);
+
+struct HistogramPayload {
+  HistogramFrame frame;  // without receive time and losses
+  Axis axis;             // name "spd", quantity "counts", unit "ps"
+};
+// No value: the size does not fit, not 1 to 64 zones, no exposure, a start beyond 1e12 ps, or bins
+// that are not .001 to 1e9 ps wide.
+std::optional<HistogramPayload> read_histogram(ByteView payload);
+
+struct ProfilePayload {
+  RadarFrame frame;  // with its power, without receive time and lost_before
+  Axis axis;         // name "radar", quantity "power", unit "m"
+};
+// No value: the size does not fit, fewer than 4 bins, a power below 0 or not finite, a range beyond
+// 10 km, or a step below 1 um.
+std::optional<ProfilePayload> read_profile(ByteView payload);
 
 }  // namespace echofuse::bridge

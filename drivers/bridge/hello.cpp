@@ -10,7 +10,7 @@ namespace {
 constexpr int deepest = 8;
 constexpr int most_values = 1024;
 
-// Keeps three texts and no tree: what else a hello holds costs nothing but its own bytes.
+// Keeps four texts and no tree: what else a hello holds costs nothing but its own bytes.
 class HelloReader final : public nlohmann::json_sax<nlohmann::json> {
  public:
   Hello hello;
@@ -21,6 +21,7 @@ class HelloReader final : public nlohmann::json_sax<nlohmann::json> {
     if (name == "model") text_ = &hello.model;
     if (name == "serial") text_ = &hello.serial;
     if (name == "firmware") text_ = &hello.firmware;
+    if (name == "sends") text_ = &hello.sends;
     return true;
   }
   bool string(string_t& value) override {

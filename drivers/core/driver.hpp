@@ -34,6 +34,7 @@ class SampleSink {
  public:
   virtual ~SampleSink() = default;
   virtual void on_tags(const TagBlock&) {}
+  virtual void on_histogram(HistogramFrame) {}
   virtual void on_radar(RadarFrame) {}
   virtual void on_depth(DepthFrame) {}
   virtual void on_state(Sensor, DeviceState, const DeviceInfo&) {}

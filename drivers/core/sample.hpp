@@ -3,6 +3,7 @@
 // monotonic time at which the last byte of the sample was read.
 #pragma once
 #include <cstdint>
+#include <numeric>
 #include <optional>
 #include <span>
 #include <string>
@@ -42,6 +43,21 @@ struct TagBlock {
   std::uint64_t lost_items = 0;   // tags the sender says it dropped before this one
 };
 
+// Counts of an exposure, of a detector that sends no tags.
+struct HistogramFrame {
+  HostTime received{};
+  std::uint64_t device_time_us = 0;  // at the end of the exposure
+  std::uint32_t exposure_us = 0;
+  std::uint64_t pulses = 0;           // laser pulses; 0: unknown
+  std::uint32_t zones = 1;            // parts of the field of view
+  std::vector<std::uint32_t> counts;  // zone after zone
+  std::uint64_t lost = 0;             // histograms missing before this one
+
+  std::uint64_t clicks() const {
+    return std::accumulate(counts.begin(), counts.end(), std::uint64_t{0});
+  }
+};
+
 // TI mmWave demo, TLV 6 (SDK 3.x mmw_output.h): microseconds and per cent.
 struct RadarStats {
   std::uint32_t inter_frame_processing_us, transmit_us, inter_frame_margin_us,
@@ -62,6 +78,7 @@ struct RadarFrame {
   std::uint32_t subframe = 0;                // those of a frame have the same number,
   std::uint32_t subframes = 1;               // and the cfg asks for so many
   std::vector<std::uint16_t> range_profile;  // log2_q8 codes; empty if the frame had no TLV 2
+  std::vector<float> power;  // linear, of a radar behind a bridge, which has no range_profile
   // TLV 4 (azimuth antennas) or 8 (all of them): for each range bin and virtual antenna the
   // imaginary, then the real part; empty if the frame had neither.
   std::vector<std::int16_t> array;

@@ -1,46 +1,43 @@
 // SPDX-License-Identifier: MIT
 #include "drivers/tdc/bridge_tdc.hpp"
 
+#include <utility>
+
 namespace echofuse::tdc {
 
-BridgeTdc::BridgeTdc(port::Loop& loop, std::string address, port::ByteOpener opener)
-    : address_(std::move(address)), client_(loop, std::move(opener)) {}
-
-void BridgeTdc::start(SampleSink& sink) {
-  sink_ = &sink;
-  client_.start(
-      {.state =
-           [this](DeviceState state, const bridge::Hello& hello) {
-             sink_->on_state(Sensor::spd, state,
-                             {.sensor = Sensor::spd,
-                              .address = address_,
-                              .model = hello.model,
-                              .serial = hello.serial,
-                              .firmware = hello.firmware,
-                              .axes = {}});
-           },
-       .block = [this](const bridge::Block& block,
-                       HostTime received) { on_block(block, received); },
-       .event = [this](Severity severity,
-                       const std::string& text) { sink_->on_event(Sensor::spd, severity, text); }});
+void BridgeTdc::on_block(const bridge::Block& block, HostTime received) {
+  histograms_ ? on_histogram(block, received) : on_tags(block, received);
 }
 
-void BridgeTdc::on_block(const bridge::Block& block, HostTime received) {
+void BridgeTdc::on_tags(const bridge::Block& block, HostTime received) {
   const auto tags = bridge::read_tags(block.payload, scratch_);
   if (block.kind != bridge::BlockKind::tags || !tags) return client_.reject(block, "tags");
-  tags_ += tags->size();
-  lost_items_ += block.dropped_items;
+  items_ += tags->size();
+  lost_ += block.dropped_items;
   sink_->on_tags({.received = received,
                   .tags = *tags,
                   .lost_blocks = block.lost_blocks,
                   .lost_items = block.dropped_items});
 }
 
-std::vector<Counter> BridgeTdc::counters() const {
-  auto all = client_.counters();
-  all.push_back({"tags", tags_});
-  all.push_back({"lost_items", lost_items_});
-  return all;
+void BridgeTdc::on_histogram(const bridge::Block& block, HostTime received) {
+  auto read = bridge::read_histogram(block.payload);
+  if (block.kind != bridge::BlockKind::histogram || !read)
+    return client_.reject(block, "histograms");
+  HistogramFrame& frame = read->frame;
+  if (frame.zones > 1) {
+    if (!std::exchange(told_zones_, true))
+      sink_->on_event(Sensor::spd, Severity::error,
+                      "its histograms have " + std::to_string(frame.zones) +
+                          " zones, a run has 1: send one zone, or their sum");
+    return client_.reject(block, "histograms");
+  }
+  announce({read->axis});
+  frame.received = received;
+  frame.lost = block.lost_blocks + block.dropped_items;
+  ++items_;
+  lost_ += frame.lost;
+  sink_->on_histogram(std::move(frame));
 }
 
 }  // namespace echofuse::tdc

@@ -1,28 +1,26 @@
 // SPDX-License-Identifier: MIT
-// A time tagger that speaks the bridge protocol, over TCP or USB.
+// A detector behind the bridge protocol, over TCP or USB: its hello says whether it sends tags or
+// histograms.
 #pragma once
 #include <string>
 #include <vector>
 
-#include "drivers/bridge/bridge_client.hpp"
+#include "drivers/bridge/bridge_driver.hpp"
 
 namespace echofuse::tdc {
 
-class BridgeTdc final : public Driver {
+class BridgeTdc final : public bridge::BridgeDriver {
  public:
-  BridgeTdc(port::Loop& loop, std::string address, port::ByteOpener opener);
-  void start(SampleSink& sink) override;
-  void stop() override { client_.stop(); }
-  std::vector<Counter> counters() const override;
+  BridgeTdc(port::Loop& loop, std::string address, port::ByteOpener opener)
+      : BridgeDriver(Sensor::spd, loop, std::move(address), std::move(opener)) {}
 
  private:
-  void on_block(const bridge::Block& block, HostTime received);
+  void on_block(const bridge::Block& block, HostTime received) override;
+  void on_tags(const bridge::Block& block, HostTime received);
+  void on_histogram(const bridge::Block& block, HostTime received);
 
-  std::string address_;
-  bridge::BridgeClient client_;
-  SampleSink* sink_ = nullptr;
   std::vector<Tag> scratch_;
-  std::uint64_t tags_ = 0, lost_items_ = 0;
+  bool told_zones_ = false;
 };
 
 }  // namespace echofuse::tdc

@@ -16,7 +16,7 @@ import time
 import pack
 from pack import np
 
-HELLO, TAGS, DEPTH, BYE = range(4)
+HELLO, TAGS, DEPTH, BYE, HISTOGRAM, RANGE_PROFILE = range(6)
 HEADER_BYTES, MAX_PAYLOAD_BYTES = 32, 16 << 20
 USAGE, NO_DEVICE = 2, 4  # exit codes, as of the echofuse programs
 
@@ -48,6 +48,26 @@ def block(kind, sequence, payload, dropped=0):
     header = struct.pack("<4sHHIIQI", b"EFBR", 1, kind, sequence & 0xFFFFFFFF, len(payload),
                          dropped, 0)
     return header + struct.pack("<I", pack.crc32c(payload, pack.crc32c(header)))
+
+
+def histogram(counts, first_bin_ps, bin_width_ps, exposure_s, pulses=0, time_us=None):
+    """The payload of a histogram block: counts [bins], or [zones, bins]; pulses of the laser (0:
+    unknown); time_us of the device at the end of the exposure (None: this machine's clock)."""
+    counts = np.atleast_2d(np.asarray(counts, "<u4"))
+    return struct.pack("<IIQQddI", *counts.shape, microseconds(time_us), pulses, first_bin_ps,
+                       bin_width_ps, round(1e6 * exposure_s)) + counts.tobytes()
+
+
+def range_profile(power, first_m, step_m, number, time_us=None):
+    """The payload of a range profile block: linear power of each bin, in any scale; the number of
+    the frame; time_us of the device (None: this machine's clock)."""
+    power = np.asarray(power, "<f4")
+    return struct.pack("<IIQff", len(power), number & 0xFFFFFFFF, microseconds(time_us), first_m,
+                       step_m) + power.tobytes()
+
+
+def microseconds(time_us):
+    return round(time.monotonic() * 1e6 if time_us is None else time_us)
 
 
 # A block that waits to be sent.
@@ -293,6 +313,18 @@ def send_away(client):
             client.send(block(BYE, 0, b""))  # an empty socket takes 32 bytes
         except OSError:
             pass
+
+
+def choose(attached, serial, what):
+    """Returns the serial number of the device to open, of those that are attached."""
+    listed = ", ".join(attached)
+    if not attached:
+        raise RuntimeError(f"no {what} is connected")
+    if serial and serial not in attached:
+        raise RuntimeError(f"no {what} with the serial number {serial}; there is {listed}")
+    if not serial and len(attached) > 1:
+        raise RuntimeError(f"several of {what} are connected, choose one with --serial: {listed}")
+    return serial or attached[0]
 
 
 class Finished(Exception):

@@ -26,7 +26,7 @@ def parse_arguments(arguments, text, epilog, height):
     add, number = parser.add_argument, bridge.number
     add("--listen", metavar="HOST:PORT", type=bridge.listen_address, default=("127.0.0.1", 41111),
         help="where echofuse connects (127.0.0.1:41111); there is no password: keep it in the laboratory")
-    add("--serial", default="", help="of the camera; without it, the first one")
+    add("--serial", default="", help="of the camera, if several are attached")
     add("--width", type=number(int, 1, 4096), default=640, help="of the depth image (640)")
     add("--height", type=number(int, 1, 2048), default=height, help=f"({height})")
     add("--fps", type=number(int, 1, 120), default=15, help="frames a second (15)")

@@ -51,11 +51,9 @@ class Camera(camera.Camera):
 
     def _find(self):
         devices = self._context.query_devices()
-        if devices.get_count() == 0:
-            raise RuntimeError("no Orbbec camera is connected")
-        if self._options.serial:
-            return devices.get_device_by_serial_number(self._options.serial)
-        return devices.get_device_by_index(0)
+        found = [devices.get_device_serial_number_by_index(i) for i in range(devices.get_count())]
+        serial = bridge.choose(found, self._options.serial, "Orbbec camera")
+        return devices.get_device_by_serial_number(serial)
 
     def _unmirror(self, device):
         mirror = self._sdk.OBPropertyID.OB_PROP_DEPTH_MIRROR_BOOL

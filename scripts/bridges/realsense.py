@@ -26,12 +26,8 @@ class Camera(camera.Camera):
         super().__init__(options)
         self._sdk = sdk
         found = [device.get_info(sdk.camera_info.serial_number) for device in sdk.context().query_devices()]
-        if not found:
-            raise RuntimeError("no RealSense camera is connected")
-        if options.serial and options.serial not in found:
-            raise RuntimeError(f"no camera with the serial number {options.serial}; there is {', '.join(found)}")
         self._pipeline, self._config = sdk.pipeline(), sdk.config()
-        self._config.enable_device(options.serial or found[0])
+        self._config.enable_device(bridge.choose(found, options.serial, "RealSense camera"))
         self._config.enable_stream(sdk.stream.depth, options.width, options.height, sdk.format.z16, options.fps)
         self.start()
 

@@ -59,7 +59,7 @@ def parse_arguments(arguments):
     add = parser.add_argument
     add("--listen", metavar="HOST:PORT", type=bridge.listen_address, default=("127.0.0.1", 41110),
         help="where echofuse connects (127.0.0.1:41110); there is no password: keep it in the laboratory")
-    add("--serial", default="", help="of the device; without it, the first one")
+    add("--serial", default="", help="of the device, if several are attached")
     add("--network", metavar="HOST[:PORT]", help="a Time Tagger server in place of a device here (port 41101)")
     add("--file", metavar="X.ttbin", type=pathlib.Path, help="a recording, in real time from the first client on")
     add("--resolution", choices=RESOLUTIONS, help="of the device; a finer one has fewer channels")
@@ -218,9 +218,10 @@ def open_tagger(library, options):
             raise RuntimeError(f"{options.file}: no such file")
         new = hasattr(library.TimeTaggerVirtual, "run")
         return library.createTimeTaggerVirtual(*[str(options.file)] * new)
+    serial = bridge.choose(list(library.scanTimeTagger()), options.serial, "Time Tagger")
     if options.resolution:
-        return library.createTimeTagger(options.serial, getattr(library.Resolution, options.resolution))
-    return library.createTimeTagger(*filter(None, [options.serial]))
+        return library.createTimeTagger(serial, getattr(library.Resolution, options.resolution))
+    return library.createTimeTagger(serial)
 
 
 class Replay:

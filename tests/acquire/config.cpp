@@ -91,6 +91,13 @@ TEST_CASE("what one key alone cannot show") {
     CHECK(has(refusal(path).second, "radar.cli and radar.data belong together"));
     CHECK(has(refusal(path).second, "radar.cfg is empty"));
   }
+  SECTION("a radar behind a bridge needs no cfg, and no ports") {
+    write_file(path, "[radar]\naddress = \"bridge:tcp://h:1\"\n");
+    CHECK(load_config(path).configured() == SensorSet::from_bits(2));
+    CHECK(has(refusal(path, {"radar.cli=serial:/a", "radar.data=serial:/b"}).second,
+              path + ":2:1: radar.address: a radar has radar.address or the two ports"));
+    CHECK(has(refusal(path, {"radar.address=usb:1234:5678"}).second, "a radar is bridge:tcp:"));
+  }
   SECTION("a cfg that is not there, or cannot work") {
     write_file(path, "[radar]\ncli = \"serial:/a\"\ndata = \"serial:/b\"\ncfg = \"r.cfg\"\n");
     CHECK(has(refusal(path).second, folder / "r.cfg: cannot read"));

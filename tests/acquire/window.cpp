@@ -317,3 +317,73 @@ TEST_CASE("sensors that take no part and slots in which the program stood still"
   CHECK(sync(r, Sensor::spd).verdict == "the program stood still");
   CHECK(sync(r, Sensor::radar).verdict == "not configured");
 }
+
+namespace {
+
+DeviceInfo board_info(double width_ps = 92.5) {
+  DeviceInfo info;
+  info.sensor = Sensor::spd;
+  info.axes = {{"spd", "counts", "ps", 3, 13343, width_ps, 1}};
+  return info;
+}
+
+// Of 200 ms.
+HistogramFrame histogram(HostTime received, std::vector<std::uint32_t> counts,
+                         std::uint64_t lost = 0) {
+  return {.received = received,
+          .exposure_us = 200'000,
+          .pulses = 1000,
+          .counts = std::move(counts),
+          .lost = lost};
+}
+
+}  // namespace
+
+TEST_CASE("a slot sums the histograms with the middle of their exposure in it") {
+  Windows windows = make_windows();
+  REQUIRE(windows.announce(board_info()));
+  CHECK(same_axis(windows.axes().front(), board_info().axes[0]));
+  windows.add(histogram(10s + 50ms, {100, 0, 0}));  // from 9.85 s: early
+  windows.add(histogram(10s + 150ms, {1, 2, 3}));
+  windows.add(histogram(10s + 700ms, {10, 20, 4'000'000'000}, 2));
+  windows.add(histogram(11s + 50ms, {5, 5, 4'000'000'000}));  // to 11.05 s
+  windows.add(histogram(11s + 150ms, {7, 7, 7}));             // the next slot's
+  const auto r = windows.close({0, false});
+  CHECK(r.has(Sensor::spd));
+  CHECK(r.spd == std::vector<std::uint32_t>{16, 27, UINT32_MAX});
+  CHECK(r.spd_counts.starts == 3000);
+  CHECK(r.spd_counts.in_range == 8'000'000'046);
+  CHECK(parts(r.spd_counts) == r.spd_counts.tags);
+  CHECK(sync(r, Sensor::spd).lost == 2);
+  CHECK(sync(r, Sensor::spd).span_s == Approx(1.1));
+  CHECK(windows.unassigned().early[Sensor::spd] == 1100);
+  const auto next = windows.close({1, false});
+  CHECK(sync(next, Sensor::spd).verdict == "histograms for only 20 % of the slot");
+  CHECK(sync(windows.close({2, false}), Sensor::spd).verdict == "no histograms");
+}
+
+TEST_CASE("a counting board that came back with other bins is not used") {
+  Windows windows = make_windows();
+  REQUIRE(windows.announce(board_info()));
+  CHECK_FALSE(windows.announce(board_info(100)));
+  windows.add(histogram(10s + 500ms, {1, 2, 3}));
+  CHECK(sync(windows.close({0, false}), Sensor::spd).verdict ==
+        "axis differs from the one at the start of the run");
+}
+
+TEST_CASE("linear power of a radar behind a bridge is averaged") {
+  Windows windows(grid, tdc_settings, no_clocks, {Sensor::radar});
+  DeviceInfo info;
+  info.sensor = Sensor::radar;
+  info.axes = {{"radar", "power", "m", 4, 0, 0.5, 1}};
+  REQUIRE(windows.announce(info));
+  for (std::uint32_t i = 1; i < 3; ++i) {
+    RadarFrame frame = radar_frame(10s + i * 100ms, i, {});
+    const auto f = static_cast<float>(i);
+    frame.power = {f, 2 * f, 0, 1e9F};
+    windows.add(frame);
+  }
+  const auto r = windows.close({0, false});
+  CHECK(r.radar == std::vector<float>{1.5F, 3, 0, 1e9F});
+  CHECK(sync(r, Sensor::radar).used == 2);
+}

@@ -41,14 +41,14 @@ class CameraCase(unittest.TestCase):
 
 class Calls(CameraCase):
     def test_opening_and_closing(self):
-        self.open("--serial", "CP1").close()
+        self.open("--serial", "STAND-IN-2").close()
         self.assertEqual(recorder.calls, [
-            ("query_devices",), ("get_device_by_serial_number", "CP1"), ("set_bool_property", "mirror", False),
+            ("query_devices",), ("get_device_by_serial_number", "STAND-IN-2"), ("set_bool_property", "mirror", False),
             ("get_stream_profile_list", "depth"), ("enable_stream", 64, 64, "y16", 30), ("start",), ("stop",)])
 
     def test_first_camera(self):
         self.assertEqual(self.open().hello(), {"model": "Orbbec Gemini 2", "serial": "STAND-IN-2", "firmware": "1.4.98"})
-        self.assertIn(("get_device_by_index", 0), recorder.calls)
+        self.assertIn(("get_device_by_serial_number", "STAND-IN-2"), recorder.calls)
 
     def test_a_mode_that_is_not_there(self):
         with self.assertRaisesRegex(RuntimeError, "^no depth mode 64 x 48 at 30 frames/s: Invalid input"):
@@ -163,6 +163,11 @@ class Process(unittest.TestCase):
         with Program("orbbec.py", STAND_IN_CAMERAS="0") as program:
             self.assertEqual(program.process.wait(10), 4)
             self.assertEqual(program.said(), "orbbec: no Orbbec camera is connected\n")
+
+    def test_two_cameras(self):
+        with Program("orbbec.py", STAND_IN_CAMERAS="2") as program:
+            self.assertEqual(program.process.wait(10), 4)
+            self.assertIn("choose one with --serial: STAND-IN-2, STAND-IN-4", program.said())
 
     def test_zero_intrinsics_are_refused(self):
         with Program("orbbec.py", *SIZE, STAND_IN_INTRINSICS="zero") as program:

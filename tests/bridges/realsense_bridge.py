@@ -54,7 +54,8 @@ class Process(unittest.TestCase):
 
     def test_what_is_refused(self):
         for words, env, why in (([], {"STAND_IN_CAMERAS": "0"}, "no RealSense camera is connected"),
-                                (["--serial", "1"], {}, "no camera with the serial number 1; there is STAND-IN-3"),
+                                (["--serial", "1"], {}, "no RealSense camera with the serial number 1; there is STAND-IN-3"),
+                                ([], {"STAND_IN_CAMERAS": "2"}, "choose one with --serial: STAND-IN-3, STAND-IN-3"),
                                 (["--width", "65"], {}, "no depth of 65 x 48 pixels at 30 frames/s: Couldn't resolve"),
                                 ([], {"STAND_IN_INTRINSICS": "zero"}, "the SDK tells no intrinsics")):
             with self.subTest(why), Program("realsense.py", *SIZE, *words, **env) as program:

@@ -31,6 +31,17 @@ class Framing(unittest.TestCase):
         self.assertEqual(bridge.listen_address("tagger.lab:0"), ("tagger.lab", 0))
 
 
+class Devices(unittest.TestCase):
+    def test_choice(self):
+        self.assertEqual(bridge.choose(["A"], "", "board"), "A")
+        self.assertEqual(bridge.choose(["A", "B"], "B", "board"), "B")
+        for attached, serial, why in (([], "", "no board is connected"),
+                                      (["A", "B"], "", "choose one with --serial: A, B"),
+                                      (["A", "B"], "C", "no board with the serial number C")):
+            with self.assertRaisesRegex(RuntimeError, why):
+                bridge.choose(attached, serial, "board")
+
+
 class OneClient(unittest.TestCase):
     def test_hello_comes_first_and_again(self):
         server = make_server(self)

@@ -30,6 +30,7 @@ SWABIAN = {
     "createTimeTaggerNetwork": ["address"],
     "createTimeTaggerVirtual": ["filename", "begin", "duration"],
     "getVersion": [],
+    "scanTimeTagger": [],
     "freeTimeTagger": ["tagger"],
     "TimeTagger.getTriggerLevel": ["channel"],
     "TimeTagger.getDACRange": [],
@@ -75,7 +76,7 @@ SWABIAN_FIELDS = {"size", "mutex"}
 ORBBEC = {
     "Context.query_devices": 0,
     "DeviceList.get_count": 0,
-    "DeviceList.get_device_by_index": 1,
+    "DeviceList.get_device_serial_number_by_index": 1,
     "DeviceList.get_device_by_serial_number": 1,
     "Device.get_device_info": 0,
     "Device.is_property_supported": 2,

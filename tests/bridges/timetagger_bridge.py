@@ -78,10 +78,10 @@ class Arguments(unittest.TestCase):
 
 class Calls(unittest.TestCase):
     def test_every_setting_in_order(self):
-        tagger, said = open_tagger("--serial", "2138000X", *SETTINGS)
+        tagger, said = open_tagger("--serial", "STAND-IN-1", *SETTINGS)
         tagger.close()
         self.assertEqual(recorder.calls, [
-            ("createTimeTagger", "2138000X"),
+            ("createTimeTagger", "STAND-IN-1"),
             ("setTestSignal", -1, False), ("setTestSignal", 2, False),
             ("setTriggerLevel", -1, -0.25), ("setTriggerLevel", 2, 0.1),
             ("setInputDelay", 2, -1500),
@@ -100,7 +100,7 @@ class Calls(unittest.TestCase):
 
     def test_first_device(self):
         open_tagger("--test-signal")
-        self.assertEqual(recorder.calls[0], ("createTimeTagger", ""))
+        self.assertEqual(recorder.calls[0], ("createTimeTagger", "STAND-IN-1"))
         self.assertIn(("setTestSignal", 1, True), recorder.calls)
 
     def test_filter_keeps_the_pulse_before_the_photon(self):

@@ -74,7 +74,7 @@ class Shared(unittest.TestCase):
 
     def test_resolution(self):
         open_tagger("--resolution", "HighResB")
-        self.assertEqual(recorder.calls[0], ("createTimeTagger", "", 2))
+        self.assertEqual(recorder.calls[0], ("createTimeTagger", "STAND-IN-1", 2))
 
     def test_scan_finds_the_plateau(self):
         said = scan("2")

@@ -215,3 +215,72 @@ TEST_CASE("a camera's gaps are exact, by its own numbers, also over a reconnecti
   for (std::size_t i = 0; i < 5; ++i) CHECK(b.sink.depth[i].lost_before == lost[i]);
   CHECK(test::counter(*driver, "lost_frames") == 34);
 }
+
+TEST_CASE("a counting board's histograms come through a bridge with their axis") {
+  Bench b;
+  Server server(b.loop);
+  const auto pieces = test::read_golden("bridge_sensors.hex");
+  const ByteView counts = ByteView(pieces[1]).subspan(bridge::header_bytes);
+  const auto driver = make_tdc(b.loop, {server.address()});
+  driver->start(b.sink);
+  REQUIRE(server.accept());
+  server.send(pieces[0]);
+  b.loop.run_for(std::chrono::milliseconds(30));
+  CHECK(b.sink.state() == DeviceState::connecting);  // until its first histogram
+
+  SECTION("losses are counted by block numbers") {
+    server.send(
+        test::join({pieces[1], test::make_block(bridge::BlockKind::histogram, 4, counts, 3)}));
+    REQUIRE(run_until(b.loop, [&] { return b.sink.histograms.size() == 2; }));
+    CHECK(b.sink.state() == DeviceState::streaming);
+    CHECK(b.sink.info.serial == "B7");
+    REQUIRE(b.sink.info.axes.size() == 1);
+    CHECK(b.sink.info.axes[0].step == 92.5);
+    CHECK(b.sink.histograms[0].lost == 0);
+    CHECK(b.sink.histograms[1].lost == 5);  // 3 dropped, blocks 2 and 3 missing
+    CHECK(test::counter(*driver, "histograms") == 2);
+  }
+  SECTION("zones are refused with one line") {
+    Bytes zones(counts.begin(), counts.end());
+    zones[0] = 5, zones[4] = 1;  // 5 zones of 1 bin
+    for (std::uint32_t i = 1; i < 3; ++i)
+      server.send(test::make_block(bridge::BlockKind::histogram, i, zones));
+    REQUIRE(run_until(b.loop, [&] { return test::counter(*driver, "bad_payloads") == 2; }));
+    CHECK(b.sink.events ==
+          std::vector<std::string>{
+              "its histograms have 5 zones, a run has 1: send one zone, or their sum"});
+    CHECK(b.sink.state() == DeviceState::connecting);
+  }
+}
+
+TEST_CASE("histograms that the hello does not announce are refused with the missing key") {
+  Bench b;
+  Server server(b.loop);
+  const auto driver = make_tdc(b.loop, {server.address()});
+  driver->start(b.sink);
+  REQUIRE(server.accept());
+  server.send(test::join({b.golden[0], test::read_golden("bridge_sensors.hex")[1]}));
+  REQUIRE(run_until(b.loop, [&] { return !b.sink.events.empty(); }));
+  CHECK_THAT(b.sink.events[0], Catch::Contains("\"sends\": \"histograms\" missing"));
+}
+
+TEST_CASE("any radar's range profiles come through a bridge") {
+  Bench b;
+  Server server(b.loop);
+  const auto pieces = test::read_golden("bridge_sensors.hex");
+  Bytes later(pieces[2].begin() + bridge::header_bytes, pieces[2].end());
+  later[4] = 45;  // frame number
+  RadarConfig config;
+  config.address = server.address();
+  const auto driver = make_radar(b.loop, config);
+  driver->start(b.sink);
+  REQUIRE(server.accept());
+  server.send(test::join(
+      {pieces[0], pieces[2], test::make_block(bridge::BlockKind::range_profile, 3, later)}));
+  REQUIRE(run_until(b.loop, [&] { return b.sink.radar.size() == 2; }));
+  CHECK(b.sink.state() == DeviceState::streaming);
+  CHECK(b.sink.info.sensor == Sensor::radar);
+  CHECK(b.sink.info.axes.at(0).quantity == "power");
+  CHECK(b.sink.radar[0].power == std::vector<float>{1, 0, 2.5F, 1e9F});
+  CHECK(b.sink.radar[1].lost_before == 2);  // frames 43 and 44
+}

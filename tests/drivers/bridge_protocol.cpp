@@ -159,6 +159,48 @@ TEST_CASE("payloads that lie are refused") {
   CHECK_FALSE(read_depth(nan));
 }
 
+TEST_CASE("histograms and range profiles are read, and impossible ones refused") {
+  const auto pieces = read_golden("bridge_sensors.hex");
+  const ByteView counts = ByteView(pieces[1]).subspan(header_bytes);
+  const ByteView power = ByteView(pieces[2]).subspan(header_bytes);
+  BlockParser parser;
+  const auto seen = feed(parser, join(pieces));
+  REQUIRE(seen.size() == 3);
+  CHECK(read_hello(ByteView(pieces[0]).subspan(header_bytes)).value().sends == "histograms");
+
+  const auto histogram = read_histogram(counts);
+  REQUIRE(histogram);
+  CHECK(histogram->frame.counts == std::vector<std::uint32_t>{3, 1, 4, 0, 4'000'000'000});
+  CHECK(histogram->frame.clicks() == 4'000'000'008);
+  CHECK(histogram->frame.pulses == 5000);
+  CHECK(histogram->frame.exposure_us == 50'000);
+  CHECK(histogram->frame.device_time_us == 123'456'789'012);
+  CHECK(same_axis(histogram->axis, {"spd", "counts", "ps", 5, 13343, 92.5, 1}));
+
+  const auto profile = read_profile(power);
+  REQUIRE(profile);
+  CHECK(profile->frame.power == std::vector<float>{1, 0, 2.5F, 1e9F});
+  CHECK(profile->frame.frame_number == 42);
+  CHECK(same_axis(profile->axis, {"radar", "power", "m", 4, 0.25, 0.5, 1}));
+
+  const auto with = [](ByteView good, std::size_t at, auto value) {
+    Bytes bytes(good.begin(), good.end());
+    std::memcpy(bytes.data() + at, &value, sizeof value);
+    return bytes;
+  };
+  CHECK_FALSE(read_histogram(counts.first(counts.size() - 1)));
+  CHECK_FALSE(read_histogram(with(counts, 0, std::uint32_t{0})));   // zones
+  CHECK_FALSE(read_histogram(with(counts, 4, std::uint32_t{6})));   // bins
+  CHECK_FALSE(read_histogram(with(counts, 40, std::uint32_t{0})));  // exposure
+  CHECK_FALSE(read_histogram(with(counts, 32, std::nan(""))));      // bin width
+  CHECK_FALSE(read_histogram(with(counts, 24, -2e12)));             // first bin
+  CHECK_FALSE(read_profile(power.first(power.size() - 1)));
+  CHECK_FALSE(read_profile(with(power, 20, 0.0F)));           // step
+  CHECK_FALSE(read_profile(with(power, 16, std::nanf(""))));  // first range
+  CHECK_FALSE(read_profile(with(power, 24, -1.0F)));          // power
+  CHECK_FALSE(read_profile(with(power, 28, std::nanf(""))));
+}
+
 TEST_CASE("missing blocks are counted where they are missing") {
   const auto pieces = read_golden("bridge.hex");
   BlockParser parser;
@@ -203,7 +245,7 @@ TEST_CASE("damage is graded") {
     CHECK(parser.counts().lost_blocks == 0);
     return parser.counts();
   };
-  for (const auto& [at, flip] : {std::pair{4, 2}, {6, 4}, {15, 2}, {24, 1}}) {
+  for (const auto& [at, flip] : {std::pair{4, 2}, {6, 8}, {15, 2}, {24, 1}}) {
     const BlockCounts counts =
         damaged(static_cast<std::size_t>(at), static_cast<std::uint8_t>(flip));
     CHECK(counts.bad_headers == 1);

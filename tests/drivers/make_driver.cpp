@@ -40,5 +40,8 @@ TEST_CASE("addresses that a device cannot have are refused at start-up") {
              }),
              Catch::Contains("a CP2110 does 300 to 1000000"));
   CHECK_THAT(radar("serial:/dev/x", "bridge:tcp://a:1"), Catch::Contains("a radar port is"));
+  RadarConfig bridge;
+  bridge.address = "serial:/dev/x";
+  CHECK_THAT(refusal([&] { make_radar(loop, bridge); }), Catch::Contains("a radar is bridge:tcp:"));
   CHECK_THAT(radar("serial:/dev/x", "serial:/dev/y"), Catch::Contains("x.cfg: has no profileCfg"));
 }

@@ -16,6 +16,7 @@ struct KeepingSink : SampleSink {
     tags.insert(tags.end(), block.tags.begin(), block.tags.end());
     blocks.back().tags = {};
   }
+  void on_histogram(HistogramFrame frame) override { histograms.push_back(std::move(frame)); }
   void on_radar(RadarFrame frame) override { radar.push_back(std::move(frame)); }
   void on_depth(DepthFrame frame) override { depth.push_back(std::move(frame)); }
   void on_state(Sensor, DeviceState state, const DeviceInfo& device) override {
@@ -32,6 +33,7 @@ struct KeepingSink : SampleSink {
 
   std::vector<TagBlock> blocks;
   std::vector<Tag> tags;
+  std::vector<HistogramFrame> histograms;
   std::vector<RadarFrame> radar;
   std::vector<DepthFrame> depth;
   std::vector<DeviceState> states;

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Input: u8 kind, then the payload of a hello, of tags or of a depth frame.
+// Input: u8 kind, then the payload of a hello, of tags, of a depth frame, of a histogram or of a
+// range profile.
 #include <cmath>
 
 #include "drivers/bridge/bridge_protocol.hpp"
@@ -64,12 +65,43 @@ void depth(ByteView payload) {
   require(std::ranges::equal(as_bytes(frame.depth_mm), in.take(in.left())), "so are the pixels");
 }
 
+void histogram(ByteView payload) {
+  const auto read = read_histogram(payload);
+  ByteReader in(payload);
+  const std::uint64_t zones = in.get<std::uint32_t>(), bins = in.get<std::uint32_t>();
+  const auto time = in.get<std::uint64_t>(), pulses = in.get<std::uint64_t>();
+  const auto start = in.get<double>(), width = in.get<double>();
+  const auto exposure = in.get<std::uint32_t>();
+  const bool fits = in.ok() && zones >= 1 && zones <= 64 && bins >= 1 && exposure > 0 &&
+                    in.left() == 4 * zones * bins && pulses <= max_dropped_items &&
+                    std::abs(start) <= 1e12 && width >= 1e-3 && width <= 1e9;
+  require(read.has_value() == fits, "a histogram is taken if its size and axis are right");
+  if (!read) return;
+  const HistogramFrame& frame = read->frame;
+  require(frame.zones == zones && frame.device_time_us == time && frame.pulses == pulses &&
+              frame.exposure_us == exposure && read->axis.count == bins &&
+              read->axis.start == start && read->axis.step == width,
+          "the header's values are the histogram's");
+  require(std::ranges::equal(as_bytes(frame.counts), in.take(in.left())), "so are the counts");
+}
+
+void profile(ByteView payload) {
+  const auto read = read_profile(payload);
+  if (!read) return;
+  const RadarFrame& frame = read->frame;
+  require(payload.size() == 24 + 4 * std::uint64_t{read->axis.count}, "a profile is whole");
+  require(std::ranges::equal(as_bytes(frame.power), payload.subspan(24)), "with its power");
+  require(std::ranges::all_of(frame.power, [](float p) { return p >= 0 && std::isfinite(p); }),
+          "a power is not negative");
+  require(std::abs(read->axis.at(read->axis.count)) < 1e5 && read->axis.step > 0,
+          "its ranges are finite");
+}
+
 }  // namespace
 
 void fuzz::run(ByteView input) {
   if (input.empty()) return;
   const ByteView payload = input.subspan(1);
-  if (input[0] % 3 == 0) hello(payload);
-  if (input[0] % 3 == 1) tags(payload);
-  if (input[0] % 3 == 2) depth(payload);
+  constexpr void (*kinds[])(ByteView) = {hello, tags, depth, histogram, profile};
+  kinds[input[0] % std::size(kinds)](payload);
 }

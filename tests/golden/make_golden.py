@@ -51,6 +51,21 @@ write(
 )
 
 
+counts = struct.pack("<IIQQddI", 1, 5, 123_456_789_012, 5000, 13343.0, 92.5, 50_000)
+counts += struct.pack("<5I", 3, 1, 4, 0, 4_000_000_000)
+power = struct.pack("<IIQff", 4, 42, 123_456_789_012, 0.25, 0.5) + struct.pack("<4f", 1, 0, 2.5, 1e9)
+hello = json.dumps({"model": "Board", "serial": "B7", "firmware": "1", "sends": "histograms"}).encode()
+write(
+    "bridge_sensors.hex",
+    ["Bridge protocol: blocks of other sensors. Made by make_golden.py (Python struct, bitwise CRC-32C)."],
+    [
+        ("hello, sequence 0", block(0, 0, hello)),
+        ("histogram of one zone and 5 bins, sequence 1", block(4, 1, counts)),
+        ("range profile of 4 bins, frame 42, sequence 2", block(5, 2, power)),
+    ],
+)
+
+
 def tlv(kind, payload):
     return struct.pack("<II", kind, len(payload)) + payload
 

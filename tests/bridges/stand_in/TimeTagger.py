@@ -45,6 +45,10 @@ def getVersion():
     return os.environ.get("STAND_IN_VERSION", "2.22.0")
 
 
+def scanTimeTagger():
+    return os.environ.get("STAND_IN_SERIALS", "STAND-IN-1").split()
+
+
 def createTimeTagger(serial="", resolution=0):
     called("createTimeTagger", serial, *[resolution] * bool(resolution))
     return TimeTagger()

@@ -41,9 +41,8 @@ class DeviceList:
     def get_count(self):
         return int(os.environ.get("STAND_IN_CAMERAS", "1"))
 
-    def get_device_by_index(self, index):
-        called("get_device_by_index", index)
-        return Device()
+    def get_device_serial_number_by_index(self, index):
+        return os.environ.get("STAND_IN_SERIALS", "STAND-IN-2 STAND-IN-4").split()[index]
 
     def get_device_by_serial_number(self, serial_number):
         called("get_device_by_serial_number", serial_number)

@@ -1,0 +1,58 @@
+#!/usr/bin/python3
+# SPDX-License-Identifier: MIT
+"""A bridge to copy for a sensor of your own: a simulated counting board that sends histograms.
+echofuse connects with tdc.address = "bridge:tcp://HOST:PORT". For a radar send RANGE_PROFILE blocks
+(bridge.range_profile) and connect with radar.address."""
+import argparse
+import sys
+import time
+
+import bridge
+from pack import np
+
+BINS, BIN_WIDTH_PS, FIRST_BIN_PS = 336, 100.0, 13343.0  # two-way time of 2 to 7 m
+EXPOSURE_S, PULSES = 0.05, 50_000                       # of the laser within an exposure
+
+
+def list_boards():
+    return ["SIM-1"]  # your library's list of attached devices, by serial number
+
+
+class Board:
+    """Calls of your library. Whatever it raises means that the device is gone: bridge.run() then
+    closes it and opens it again until it is back."""
+
+    def __init__(self, serial):
+        self._serial = bridge.choose(list_boards(), serial, "board")
+        self._random = np.random.default_rng()
+
+    def hello(self):
+        return {"model": "Simulated board", "serial": self._serial, "firmware": "1.0",
+                "sends": "histograms"}  # leave this key out for a radar
+
+    def poll(self, server):
+        """Sends what the device has; returns the seconds until the next call."""
+        time.sleep(EXPOSURE_S)  # a real board counts here
+        body = 150 + 40 * np.sin(time.monotonic())
+        expected = 2 + 60 * np.exp(-0.5 * ((np.arange(BINS) - body) / 3) ** 2)
+        counts = self._random.poisson(expected)
+        server.send(bridge.HISTOGRAM, bridge.histogram(counts, FIRST_BIN_PS, BIN_WIDTH_PS,
+                                                       EXPOSURE_S, PULSES), items=1)
+        # server.lose(n) reports n exposures that the device dropped before the next block.
+        return 0
+
+    def close(self):
+        pass  # free the device
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--listen", type=bridge.listen_address, default=("127.0.0.1", 41112))
+    parser.add_argument("--serial", default="", help="serial number of the board")
+    options = parser.parse_args()
+    bridge.require_packages()
+    return bridge.run(options.listen, lambda: Board(options.serial), "histograms")
+
+
+if __name__ == "__main__":
+    sys.exit(main())
