@@ -73,6 +73,17 @@ std::vector<std::string> radar_warnings(const RadarConfig& config) {
   return out;
 }
 
+void refuse_two_boards(const RadarConfig& config) {
+  const port::Address cli = port::parse_address(config.cli),
+                      data = port::parse_address(config.data);
+  const auto *command = std::get_if<port::SerialAddress>(&cli),
+             *frames = std::get_if<port::SerialAddress>(&data);
+  if (!command || !frames) return;
+  const std::string boards = inventory::two_boards(command->path, frames->path);
+  if (!boards.empty())
+    throw Error(ExitCode::config, "radar.cli and radar.data are ports of two boards: " + boards);
+}
+
 }  // namespace
 
 std::unique_ptr<Driver> make_radar(port::Loop& loop, const RadarConfig& config,
@@ -85,6 +96,7 @@ std::unique_ptr<Driver> make_radar(port::Loop& loop, const RadarConfig& config,
   }
   check_radar_port(config.cli, config.cli_baud);
   check_radar_port(config.data, config.data_baud);
+  refuse_two_boards(config);
   return std::make_unique<radar::RadarDriver>(
       loop, radar::RadarSetup{.address = config.cli + " " + config.data,
                               .cli = port::tap(loop, loop.opener(config.cli, config.cli_baud), raw,

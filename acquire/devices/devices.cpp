@@ -127,9 +127,20 @@ void Devices::on_depth(DepthFrame frame) {
   next_->on_depth(std::move(frame));
 }
 
+void Devices::warn_of_another(Sensor sensor, const DeviceInfo& info) {
+  constexpr PerSensor<const char*> nouns{"time tagger ", "radar ", "camera "};
+  const std::string now = info.serial.empty() ? info.model : info.serial;
+  const std::string before = std::exchange(identities_[sensor], now);
+  if (before.empty() || before == now) return;
+  next_->on_event(
+      sensor, Severity::warning,
+      nouns[sensor] + now + ", was " + before + ": the calibration may belong to another device");
+}
+
 void Devices::on_state(Sensor sensor, DeviceState state, const DeviceInfo& info) {
   Status& device = status(sensor);
   device.state = state;
+  if (state == DeviceState::streaming) warn_of_another(sensor, info);
   if (state == DeviceState::streaming || !info.firmware.empty()) device.info = info;
   next_->on_state(sensor, state, info);
 }

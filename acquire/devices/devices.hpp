@@ -66,6 +66,8 @@ class Devices final : private SampleSink {
   void on_state(Sensor sensor, DeviceState state, const DeviceInfo& info) override;
   void on_firmware_bias(const FirmwareBias& bias) override { next_->on_firmware_bias(bias); }
   void on_event(Sensor sensor, Severity severity, const std::string& text) override;
+  // Warns if this is not the device that streamed before.
+  void warn_of_another(Sensor sensor, const DeviceInfo& info);
   std::vector<Sensor> halt();
   Status& status(Sensor s) { return status_[s]; }
 
@@ -74,6 +76,7 @@ class Devices final : private SampleSink {
   SampleSink* next_;
   std::optional<DeviceLocks> locks_;  // outlive the drivers
   PerSensor<Status> status_;
+  PerSensor<std::string> identities_;  // serial numbers, or models without one
   PerSensor<std::unique_ptr<Driver>> drivers_;
   PerSensor<std::vector<Counter>> last_counters_;  // kept from drivers that ended
 };

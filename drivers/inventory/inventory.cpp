@@ -25,6 +25,7 @@ struct UsbInterface {
 struct UsbDevice {
   std::uint16_t vendor = 0, product = 0, release_bcd = 0;
   unsigned bus = 0, number = 0;
+  std::string place;  // on the bus: "1-2"
   std::string model, serial;
   std::vector<UsbInterface> interfaces;  // by number
 };
@@ -92,6 +93,7 @@ UsbDevice read_device(const fs::path& folder) {
   d.release_bcd = static_cast<std::uint16_t>(number_of(folder / "bcdDevice", 16));
   d.bus = number_of(folder / "busnum", 10);
   d.number = number_of(folder / "devnum", 10);
+  d.place = folder.filename().string();
   d.model = text_of(folder / "product");
   d.serial = text_of(folder / "serial");
   std::error_code error;
@@ -174,10 +176,11 @@ std::string firmware_of(unsigned bcd) {
   return text;
 }
 
-// The name that survives replugging, or the node itself if udev made none.
-std::string stable_path(const std::string& node, const Roots& roots) {
+// Returns the name that survives replugging, or the node itself if udev made none. Names by-id of
+// devices that share a serial number are ambiguous.
+std::string stable_path(const std::string& node, const Roots& roots, bool shared_serial) {
   std::error_code error;
-  const fs::path folder = fs::path(roots.dev) / "serial/by-id";
+  const fs::path folder = fs::path(roots.dev) / (shared_serial ? "serial/by-path" : "serial/by-id");
   for (fs::directory_iterator it(folder, error), end; !error && it != end; it.increment(error)) {
     std::error_code not_a_link;
     if (fs::read_symlink(it->path(), not_a_link).filename() == node) return it->path().string();
@@ -207,7 +210,8 @@ std::string by_serial(const char* scheme, const UsbDevice& d) {
          (d.serial.empty() ? "" : ':' + d.serial);
 }
 
-std::vector<Node> serial_nodes(const Kind& kind, const UsbDevice& d, const Roots& roots) {
+std::vector<Node> serial_nodes(const Kind& kind, const UsbDevice& d, const Roots& roots,
+                               bool shared_serial) {
   std::vector<Node> out;
   for (const UsbInterface& interface : d.interfaces) {
     if (interface.number != 0 && interface.number != kind.data_interface) continue;
@@ -215,7 +219,7 @@ std::vector<Node> serial_nodes(const Kind& kind, const UsbDevice& d, const Roots
     if (interface.nodes.empty()) out.push_back(no_node(key, "", "cdc_acm or cp210x"));
     for (const std::string& name : interface.nodes)
       out.push_back(node_of((fs::path(roots.dev) / name).string(), key,
-                            "serial:" + stable_path(name, roots)));
+                            "serial:" + stable_path(name, roots, shared_serial)));
   }
   return out;
 }
@@ -241,10 +245,13 @@ std::vector<Node> usb_nodes(const UsbDevice& d, const Roots& roots) {
   return {node};
 }
 
-Attached describe(const Kind& kind, const UsbDevice& d, const Roots& roots) {
+Attached describe(const Kind& kind, const UsbDevice& d, const Roots& roots, bool shared_serial) {
   Attached out{d.vendor,    d.product, kind.name, d.model, d.serial, firmware_of(d.release_bcd),
                kind.advice, {}};
-  if (kind.access == Access::serial) out.nodes = serial_nodes(kind, d, roots);
+  if (kind.access == Access::serial) out.nodes = serial_nodes(kind, d, roots, shared_serial);
+  if (kind.access == Access::serial && shared_serial)
+    out.advice = "another board has the serial number " + d.serial +
+                 ", so these names stand for the USB socket: keep each board in its socket";
   if (kind.access == Access::hid) out.nodes = hid_nodes(d, roots);
   if (kind.access == Access::usb) out.nodes = usb_nodes(d, roots);
   return out;
@@ -260,9 +267,29 @@ std::optional<RadarPort> role_in(unsigned data_interface, unsigned number) {
 
 std::vector<Attached> list_attached(const Roots& roots) {
   std::vector<Attached> out;
-  for (const UsbDevice& device : read_usb_tree(roots.sys))
-    if (const Kind* kind = kind_of(device)) out.push_back(describe(*kind, device, roots));
+  const auto tree = read_usb_tree(roots.sys);
+  for (const UsbDevice& device : tree) {
+    const auto same = std::count_if(tree.begin(), tree.end(), [&](const UsbDevice& d) {
+      return d.vendor == device.vendor && d.product == device.product && d.serial == device.serial;
+    });
+    if (const Kind* kind = kind_of(device))
+      out.push_back(describe(*kind, device, roots, same > 1 && !device.serial.empty()));
+  }
   return out;
+}
+
+std::string two_boards(const std::string& command_path, const std::string& data_path,
+                       const Roots& roots) {
+  const auto board_of = [&](const std::string& path) -> std::string {
+    std::error_code error;
+    const auto owner = owner_of(fs::canonical(path, error).filename().string(), roots.sys);
+    const Kind* kind = owner ? kind_of(owner->device) : nullptr;
+    if (!kind || kind->access != Access::serial) return {};
+    return std::string(kind->name) + ' ' + owner->device.serial + " at USB " + owner->device.place;
+  };
+  const std::string command = board_of(command_path), data = board_of(data_path);
+  if (command.empty() || data.empty() || command == data) return {};
+  return command + ", " + data;
 }
 
 std::optional<RadarPort> radar_port(const std::string& path, const Roots& roots) {

@@ -41,4 +41,8 @@ enum class RadarPort { command, data };
 // XDS110 interface 00 is the command line and 03 the data port, CP2105 interface 00 and 01.
 std::optional<RadarPort> radar_port(const std::string& path, const Roots& roots = {});
 
+// Names both boards if these serial ports belong to two radar boards; empty: one board, or unknown.
+std::string two_boards(const std::string& command_path, const std::string& data_path,
+                       const Roots& roots = {});
+
 }  // namespace echofuse::inventory

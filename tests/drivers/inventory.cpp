@@ -53,8 +53,10 @@ class Tree {
     write(folder / "bInterfaceNumber", number);
     if (!node.empty()) write(root_ / "dev" / fs::path(node).filename(), "");
   }
-  void by_id(const std::string& name, const std::string& node) {
-    fs::create_symlink("../../" + node, root_ / "dev/serial/by-id" / name);
+  void by_id(const std::string& name, const std::string& node) { link("by-id", name, node); }
+  void link(const std::string& kind, const std::string& name, const std::string& node) {
+    fs::create_directories(root_ / "dev/serial" / kind);
+    fs::create_symlink("../../" + node, root_ / "dev/serial" / kind / name);
   }
 
  private:
@@ -163,4 +165,38 @@ TEST_CASE("which of a board's ports a path is") {
   CHECK(role("/dev/ttyACM0") == RadarPort::data);
   CHECK_FALSE(role("/dev/ttyUSB0"));  // another maker's
   CHECK_FALSE(role("/dev/ttyS0"));
+}
+
+TEST_CASE("two boards: ports of both are named, and one serial number gives names by the socket") {
+  Tree tree;
+  const std::string serial = GENERATE("R0081038", "R0099999");
+  for (const auto& [place, number, node] :
+       {std::tuple("1-1", "R0081038", 0), {"1-2", serial.c_str(), 2}}) {
+    tree.device(place, "0451", "bef3", number);
+    for (const int port : {0, 3}) {
+      const std::string tty = "ttyACM" + std::to_string(node + (port > 0));
+      tree.interface(place, "0" + std::to_string(port), "tty/" + tty);
+      tree.link("by-path", std::string("pci-usb-") + place + ":1." + std::to_string(port), tty);
+    }
+  }
+  tree.by_id("usb-TI_XDS110_R0081038-if00", "ttyACM2");
+  const auto list = list_attached(tree.roots());
+  REQUIRE(list.size() == 2);
+  if (serial == "R0081038") {
+    CHECK(list[0].nodes[0].address == "serial:" + tree.dir("dev/serial/by-path/pci-usb-1-1:1.0"));
+    CHECK(list[1].nodes[1].address == "serial:" + tree.dir("dev/serial/by-path/pci-usb-1-2:1.3"));
+    CHECK(list[1].advice.find("another board has the serial number R0081038") == 0);
+  } else {
+    CHECK(list[1].nodes[0].address ==
+          "serial:" + tree.dir("dev/serial/by-id/usb-TI_XDS110_R0081038-if00"));
+    CHECK(list[1].advice.empty());
+  }
+  const auto boards = [&](const std::string& cli, const std::string& data) {
+    return two_boards(tree.dir(cli), tree.dir(data), tree.roots());
+  };
+  CHECK(boards("dev/ttyACM0", "dev/ttyACM1").empty());
+  CHECK(boards("dev/serial/by-path/pci-usb-1-1:1.0", "dev/serial/by-path/pci-usb-1-2:1.3") ==
+        "TI XDS110 (radar board) R0081038 at USB 1-1, TI XDS110 (radar board) " + serial +
+            " at USB 1-2");
+  CHECK(boards("dev/ttyACM0", "dev/ttyS9").empty());
 }
