@@ -33,7 +33,7 @@ struct RadarConfig {
   std::uint32_t data_baud = 921600;
   std::string board = "isk";  // named in drivers/radar/antennas.hpp
   bool keep_running = false;  // do not stop the sensor at the end
-  std::string address = {};   // of any radar behind a bridge, which has none of the above
+  std::string address = {};   // bridge of any other radar, which has none of the above
 };
 
 struct DepthConfig {

@@ -110,6 +110,7 @@ class Measurement {
     devices_.stop();
     if (config_.configured().contains(Sensor::radar)) fit_window();
   }
+  const DeviceInfo& device(Sensor s) const { return devices_[s].info; }
   std::vector<CalibrationResult> results() const {
     std::vector<CalibrationResult> out;
     if (config_.configured().contains(Sensor::spd)) out.push_back(spd());
@@ -384,6 +385,10 @@ ExitCode calibrate(const Config& config, const CalibrateOptions& options, port::
   Calibration fresh =
       to_calibration(results, antennas, response, options, measurement.firmware(), loop);
   fresh.axes = axes_of(config, fresh);
+  for (auto& entry : fresh.entries) {
+    entry.model = measurement.device(entry.sensor).model;
+    entry.serial = measurement.device(entry.sensor).serial;
+  }
   bool well = true;
   if (options.check) {
     well = compare(fresh, stored, json, options.json);

@@ -25,6 +25,8 @@ void bind(Settings& s, const std::string& section, record::CalibrationEntry& e) 
   s.add(section + ".distance_m", e.distance_m, 0, most_m, "true distance of the reflector");
   s.add(section + ".offset_m", e.offset_m, -most_m, most_m, "measured minus true range");
   s.add(section + ".standard_error_m", e.standard_error_m, 0, most_m, "of the offset");
+  s.add(section + ".model", e.model, "of the device");
+  s.add(section + ".serial", e.serial, "of the device");
 }
 
 // Lists are texts of numbers: settings are single values.

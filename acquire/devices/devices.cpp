@@ -10,12 +10,19 @@
 namespace echofuse::acquire {
 namespace {
 
+constexpr auto calibration_keeps = std::chrono::hours(90 * 24);
 constexpr auto stop_timeout = std::chrono::milliseconds(300);  // limit for all drivers together
 
 std::string address_of(const Config& config, Sensor s) {
   if (s == Sensor::spd) return config.tdc.address;
   if (s == Sensor::depth) return config.depth.address;
   return config.radar.address.empty() ? config.radar.cli : config.radar.address;
+}
+
+// Returns the serial number, or the model without one, of a calibration or a device.
+template <class Device>
+const std::string& identity_of(const Device& device) {
+  return device.serial.empty() ? device.model : device.serial;
 }
 
 }  // namespace
@@ -25,6 +32,7 @@ Devices::Devices(port::Loop& loop, const Config& config, SampleSink& next, port:
   for (const Sensor s : all_sensors) {
     status(s).configured = config.configured().contains(s);
     status(s).info.address = address_of(config, s);
+    if (const auto* entry = config.calibration.find(s)) identities_[s] = identity_of(*entry);
   }
   if (status(Sensor::spd).configured) drivers_[Sensor::spd] = make_tdc(loop, config.tdc, raw);
   if (status(Sensor::radar).configured)
@@ -53,6 +61,12 @@ void Devices::take(const std::string& command, const std::string& run) {
 }
 
 void Devices::start() {
+  const std::string oldest = iso8601(loop_.utc() - calibration_keeps);
+  for (const auto& entry : config_.calibration.entries)
+    if (status(entry.sensor).configured && entry.date_utc < oldest)  // texts of one form
+      next_->on_event(entry.sensor, Severity::warning,
+                      "its calibration of " + printable(entry.date_utc, 40) +
+                          " is older than 90 days: calibrate again");
   for (const Sensor s : all_sensors)
     if (auto& driver = drivers_[s]; driver && !status(s).holder) driver->start(*this);
 }
@@ -129,12 +143,12 @@ void Devices::on_depth(DepthFrame frame) {
 
 void Devices::warn_of_another(Sensor sensor, const DeviceInfo& info) {
   constexpr PerSensor<const char*> nouns{"time tagger ", "radar ", "camera "};
-  const std::string now = info.serial.empty() ? info.model : info.serial;
+  const std::string& now = identity_of(info);
   const std::string before = std::exchange(identities_[sensor], now);
   if (before.empty() || before == now) return;
-  next_->on_event(
-      sensor, Severity::warning,
-      nouns[sensor] + now + ", was " + before + ": the calibration may belong to another device");
+  next_->on_event(sensor, Severity::warning,
+                  nouns[sensor] + printable(now, 80) + ", was " + printable(before, 80) +
+                      ": the calibration may belong to another device");
 }
 
 void Devices::on_state(Sensor sensor, DeviceState state, const DeviceInfo& info) {

@@ -56,11 +56,11 @@ class Capture final : public SampleSink {
 
   TagCounts tags;
   std::uint64_t lost_blocks = 0, lost_tags = 0;
-  std::uint64_t histograms = 0;                    // of a detector that sends no tags
+  std::uint64_t histograms = 0;                    // from a detector without tags
   std::map<std::int32_t, std::uint64_t> channels;  // time tags of each
   std::uint64_t radar_frames = 0, radar_lost = 0, profiles = 0, arrays = 0;
   std::vector<std::uint16_t> profile;  // the last one
-  std::size_t power_bins = 0;          // of a radar behind a bridge
+  std::size_t power_bins = 0;          // bins of a radar behind a bridge
   std::uint64_t depth_frames = 0, depth_lost = 0, pixels = 0, valid_pixels = 0;
   std::optional<DepthFrame> depth;                 // the last one
   PerSensor<std::vector<std::string>> complaints;  // each once

@@ -87,7 +87,7 @@ class Windows {
   };
   struct Slot {
     std::shared_ptr<tdc::Histogram> histogram;  // from its first tags on
-    std::vector<std::uint32_t> summed;          // of a detector that sends histograms
+    std::vector<std::uint32_t> summed;          // counts of a detector that sends histograms
     TagCounts summed_tags;
     std::uint64_t spd_lost = 0;
     Times spd_times;

@@ -108,7 +108,7 @@ class BlockParser {
 
 struct Hello {
   std::string model, serial, firmware;
-  std::string sends;  // of a detector: "histograms", else tags
+  std::string sends;  // "histograms" of a detector, otherwise it sends tags
 };
 // No value: not JSON, not an object, a key of another type than text, more than 64 KiB, 1024 values
 // or 8 levels.

@@ -45,12 +45,39 @@ class ShortBridge final : public port::BytePort {
 
 struct Warnings final : SampleSink {
   void on_event(Sensor, Severity severity, const std::string& text) override {
-    if (severity == Severity::warning && text.find(", was ") != text.npos) texts.push_back(text);
+    if (severity == Severity::warning && text.find("calibrat") != text.npos) texts.push_back(text);
   }
   std::vector<std::string> texts;
 };
 
 }  // namespace
+
+TEST_CASE("a calibration of another device, or an old one, is a warning") {
+  port::VirtualLoop loop(std::chrono::hours(24 * 365 * 56));
+  Config config;
+  config.tdc.address = "bridge:tcp://tagger:1";
+  config.calibration.entries = {{.sensor = Sensor::spd,
+                                 .date_utc = iso8601(loop.utc() - std::chrono::hours(24 * 89)),
+                                 .method = "m",
+                                 .serial = "T1"}};
+  loop.ports[config.tdc.address] = [&] { return std::make_unique<ShortBridge>(loop, "T2"); };
+  Warnings warnings;
+  const auto run = [&] {
+    Devices devices(loop, config, warnings);
+    devices.start();
+    loop.run_until([] { return false; }, loop.now() + 5s);
+    devices.stop();
+  };
+  run();
+  CHECK(warnings.texts ==
+        std::vector<std::string>{
+            "time tagger T2, was T1: the calibration may belong to another device"});
+  config.calibration.entries[0].date_utc = iso8601(loop.utc() - std::chrono::hours(24 * 91));
+  config.calibration.entries[0].serial = "T2";
+  run();
+  REQUIRE(warnings.texts.size() == 2);
+  CHECK(warnings.texts[1].find("is older than 90 days: calibrate again") != std::string::npos);
+}
 
 TEST_CASE("another device after a reconnection is a warning, the same one is not") {
   port::VirtualLoop loop;

@@ -327,7 +327,7 @@ DeviceInfo board_info(double width_ps = 92.5) {
   return info;
 }
 
-// Of 200 ms.
+// Exposed for 200 ms.
 HistogramFrame histogram(HostTime received, std::vector<std::uint32_t> counts,
                          std::uint64_t lost = 0) {
   return {.received = received,
