@@ -34,19 +34,26 @@ std::optional<Board> board_named(std::string_view name) {
   return std::nullopt;
 }
 
-std::vector<AntennaPlace> heat_map_antennas(Board board, std::span<const std::uint32_t> tx,
-                                            std::uint32_t rx) {
+std::vector<AntennaPair> heat_map_pairs(Board board, std::span<const std::uint32_t> tx,
+                                        std::uint32_t rx) {
   const Layout& layout = layouts[static_cast<std::size_t>(board)];
   if (!is_planar(board)) {
     constexpr std::uint32_t above = 1;  // transmitter 2 stands in another row
     const auto elevated = static_cast<std::size_t>(std::count(tx.begin(), tx.end(), above));
     if (tx.size() > elevated) tx = tx.first(tx.size() - elevated);
   }
-  std::vector<AntennaPlace> places;
+  std::vector<AntennaPair> pairs;
   for (const std::uint32_t t : tx)
     for (std::uint32_t r = 0; r < layout.rx.size(); ++r)
-      if (rx >> r & 1)
-        places.push_back({layout.tx[t].x + layout.rx[r].x, layout.tx[t].y + layout.rx[r].y});
+      if (rx >> r & 1) pairs.push_back({layout.tx[t], layout.rx[r]});
+  return pairs;
+}
+
+std::vector<AntennaPlace> heat_map_antennas(Board board, std::span<const std::uint32_t> tx,
+                                            std::uint32_t rx) {
+  std::vector<AntennaPlace> places;
+  for (const auto& [from, to] : heat_map_pairs(board, tx, rx))
+    places.push_back({from.x + to.x, from.y + to.y});
   return places;
 }
 

@@ -21,6 +21,8 @@
 #include <string_view>
 #include <vector>
 
+#include "drivers/core/axis.hpp"
+
 namespace echofuse::radar {
 
 enum class Board { isk, aop, ods };
@@ -31,16 +33,25 @@ std::optional<Board> board_named(std::string_view name);
 // A planar array is sent as TLV 8 with all antennas, a linear one as TLV 4 with those of a row.
 constexpr bool is_planar(Board board) { return board != Board::isk; }
 
+constexpr double half_wavelength_m = speed_of_light_m_s / (2 * 62e9);
+
 struct AntennaPlace {
   int x = 0, y = 0;  // half wavelengths
   bool operator==(const AntennaPlace&) const = default;
 };
 
-// Places of the antennas of the heat map that guiMonitor asks for, in the order of its TLV: the
+struct AntennaPair {
+  AntennaPlace tx, rx;
+};
+
+// Pairs of the antennas of the heat map that guiMonitor asks for, in the order of its TLV: the
 // receivers of the frame's first transmitter, then those of the next. `tx`: the transmitters from
 // 0, in the order of the frame's chirps; of a linear array the firmware takes as many of the first
 // ones as stand in the row (SDK 3.4, AoAProcDSP_RangeAzimuthHeatmap). `rx`: mask of the receivers
 // that are on.
+std::vector<AntennaPair> heat_map_pairs(Board board, std::span<const std::uint32_t> tx,
+                                        std::uint32_t rx);
+// Their places.
 std::vector<AntennaPlace> heat_map_antennas(Board board, std::span<const std::uint32_t> tx,
                                             std::uint32_t rx);
 

@@ -9,21 +9,12 @@
 
 #include "drivers/program/exit_code.hpp"
 #include "drivers/radar/cfg.hpp"
+#include "drivers/radar/ramp.hpp"
 
 namespace echofuse::radar {
 namespace {
 
 constexpr double firmware_speed_of_light_m_s = 3.0e8;
-
-// The front end of xWR6x43.
-constexpr double band_start_ghz = 60, band_end_ghz = 64;
-constexpr double shortest_period_ms = 0.3, longest_period_ms = 1342;
-
-std::string digits(double value) {
-  std::ostringstream text;
-  text << std::round(value * 1e3) / 1e3;
-  return text.str();
-}
 
 struct Antennas {
   std::uint32_t receivers = 0;              // enabled: a mask
@@ -117,19 +108,74 @@ Sampling sampling_of(const Cfg& cfg, const Command& chirp) {
   return out;
 }
 
-// Idle time and ramp of all chirps of a frame.
-double active_s(const Cfg& cfg, const Frame& frame) {
-  const Command& chirp = profile_of(cfg, frame);
-  return 1e-6 * frame.chirps(cfg) * (cfg.number(chirp, 3) + cfg.number(chirp, 5));
+// Command that defines chirp `number`; none: nullptr.
+const Command* chirp_cfg_of(const Cfg& cfg, std::uint32_t number) {
+  for (const Command& c : cfg.all("chirpCfg"))
+    if (cfg.integer(c, 1, 0, 511) <= number && number <= cfg.integer(c, 2, 0, 511)) return &c;
+  return nullptr;
 }
 
-void check_front_end(const Cfg& cfg, const Frame& frame) {
-  const Command& used = profile_of(cfg, frame);
-  const auto n = [&](std::size_t i) { return cfg.number(used, i); };
-  const double period_ms = 1e3 * frame.period_s(cfg), chirps = frame.chirps(cfg);
-  for (const auto& [of_frame, words] :
-       refusals_of({n(2), n(3), n(4), n(5), n(8), n(10), n(11), chirps, period_ms}))
-    cfg.refuse(cfg.complaint(of_frame ? frame.line : used, words));
+// The last profile of the chirp's number counts, as in the firmware; none: nullptr.
+const Command* profile_cfg_of(const Cfg& cfg, const Command& chirp) {
+  const Command* found = nullptr;
+  for (const Command& c : cfg.all("profileCfg"))
+    if (cfg.number(c, 1) == cfg.number(chirp, 3)) found = &c;
+  return found;
+}
+
+Ramp ramp_of(const Cfg& cfg, const Command& profile) {
+  const auto n = [&](std::size_t i) { return cfg.number(profile, i); };
+  return {n(2), n(3), n(4), n(5), n(8), n(10), n(11)};
+}
+
+// chirpCfg <first> <last> <profile> <start, Hz> <slope, kHz/us> <idle, us> <ADC start, us> <tx>:
+// the four in the middle are added to the profile's.
+Ramp ramp_of(const Cfg& cfg, const Command& profile, const Command& chirp) {
+  Ramp ramp = ramp_of(cfg, profile);
+  ramp.start_ghz += 1e-9 * cfg.number(chirp, 4);
+  ramp.slope_mhz_us += 1e-3 * cfg.number(chirp, 5);
+  ramp.idle_us += cfg.number(chirp, 6);
+  ramp.adc_start_us += cfg.number(chirp, 7);
+  return ramp;
+}
+
+// Idle time and ramp of all chirps of a frame.
+double active_s(const Cfg& cfg, const Frame& frame) {
+  double sum_us = 0;
+  for (std::uint32_t k = frame.first_chirp(cfg); k <= frame.last_chirp(cfg); ++k) {
+    const Command* chirp = chirp_cfg_of(cfg, k);
+    const Command* own = chirp ? profile_cfg_of(cfg, *chirp) : nullptr;
+    const Ramp ramp = own ? ramp_of(cfg, *own, *chirp) : ramp_of(cfg, profile_of(cfg, frame));
+    sum_us += ramp.idle_us + ramp.end_us;
+  }
+  return 1e-6 * frame.loops(cfg) * sum_us;
+}
+
+// The front end takes all profiles and chirps, also those that no frame uses.
+void check_ramps(const Cfg& cfg) {
+  for (const Command& profile : cfg.all("profileCfg"))
+    for (const auto& words : refusals_of(ramp_of(cfg, profile)))
+      cfg.refuse(cfg.complaint(profile, words));
+  for (const Command& chirp : cfg.all("chirpCfg")) {
+    const Command* profile = profile_cfg_of(cfg, chirp);
+    if (!profile) {
+      cfg.refuse(cfg.complaint(
+          chirp, "takes profile " + std::string(chirp.words[3]) + ", which no profileCfg defines"));
+    } else if (refusals_of(ramp_of(cfg, *profile)).empty()) {
+      for (const auto& words : refusals_of(ramp_of(cfg, *profile, chirp)))
+        cfg.refuse(cfg.complaint(chirp, words));
+    }
+  }
+}
+
+void check_frame(const Cfg& cfg, const Frame& frame) {
+  for (std::uint32_t k = frame.first_chirp(cfg); k <= frame.last_chirp(cfg); ++k)
+    if (!chirp_cfg_of(cfg, k))
+      return cfg.refuse(cfg.complaint(
+          frame.line, "has chirp " + std::to_string(k) + ", which no chirpCfg defines"));
+  for (const auto& words :
+       frame_refusals_of(frame.chirps(cfg), 1e3 * active_s(cfg, frame), 1e3 * frame.period_s(cfg)))
+    cfg.refuse(cfg.complaint(frame.line, words));
 }
 
 // The firmware takes one profile for the range axis, whichever the other chirps have.
@@ -182,6 +228,7 @@ void read_gui_monitor(const Cfg& cfg, RadarProfile& profile) {
 void read_heat_map(const Cfg& cfg, const Antennas& antennas, Board board, RadarProfile& profile) {
   if (cfg.number(cfg.last("guiMonitor"), 5) == 0) return;
   profile.planar = is_planar(board);
+  profile.pairs = heat_map_pairs(board, antennas.transmitters, antennas.receivers);
   profile.array = heat_map_antennas(board, antennas.transmitters, antennas.receivers);
   const bool in_row = std::ranges::all_of(
       profile.array, [&](const AntennaPlace& a) { return a.y == profile.array[0].y; });
@@ -271,27 +318,6 @@ void read_warnings(const Cfg& cfg, RadarProfile& profile, std::uint32_t data_bau
 
 }  // namespace
 
-std::vector<std::pair<bool, std::string>> refusals_of(const ChirpTiming& c) {
-  std::vector<std::pair<bool, std::string>> out;
-  const double end_ghz = c.start_ghz + 1e-3 * c.slope_mhz_us * c.ramp_end_us;
-  const double sampled_us = c.adc_start_us + 1e3 * c.samples / c.rate_ksps;
-  const double active_ms = 1e-3 * c.chirps * (c.idle_us + c.ramp_end_us);
-  if (c.start_ghz < band_start_ghz || end_ghz > band_end_ghz + 1e-6)
-    out.emplace_back(false, "sweeps " + digits(c.start_ghz) + " to " + digits(end_ghz) +
-                                " GHz; the chip has 60 to 64 GHz" +
-                                (c.start_ghz > 75 ? ": a cfg for xWR14xx, 16xx or 18xx?" : ""));
-  if (sampled_us > c.ramp_end_us + 1e-6)
-    out.emplace_back(false, "samples from " + digits(c.adc_start_us) + " to " + digits(sampled_us) +
-                                " us, but the ramp ends at " + digits(c.ramp_end_us) + " us");
-  if (c.frame_period_ms < shortest_period_ms || c.frame_period_ms > longest_period_ms)
-    out.emplace_back(true, "has a period of " + digits(c.frame_period_ms) +
-                               " ms; the chip takes 0.3 to 1342 ms");
-  else if (active_ms >= c.frame_period_ms)
-    out.emplace_back(true, "has " + digits(c.chirps) + " chirps, which take " + digits(active_ms) +
-                               " ms, in a period of " + digits(c.frame_period_ms) + " ms");
-  return out;
-}
-
 RadarProfile parse_profile(std::string_view cfg_text, const std::string& name,
                            std::uint32_t data_baud, Board board) {
   require_plain_text(cfg_text, name);
@@ -318,9 +344,10 @@ RadarProfile parse_profile(std::string_view cfg_text, const std::string& name,
   cfg.attempt([&] { read_gui_monitor(cfg, profile); });
   cfg.stop_if_faulty();
   cfg.attempt([&] { require_alike(cfg, frames); });
+  cfg.attempt([&] { check_ramps(cfg); });
   for (const Frame& f : frames) {
     cfg.attempt([&] { require_one_axis(cfg, f); });
-    cfg.attempt([&] { check_front_end(cfg, f); });
+    cfg.attempt([&] { check_frame(cfg, f); });
   }
   cfg.stop_if_faulty();
   profile.subframes = static_cast<std::uint32_t>(frames.size());
@@ -332,6 +359,7 @@ RadarProfile parse_profile(std::string_view cfg_text, const std::string& name,
   profile.range_step_m =
       firmware_speed_of_light_m_s * sampling.rate_hz / (2 * sampling.slope_hz_per_s * fft);
   profile.active_s = active_s(cfg, frames.front());
+  profile.carrier_hz = ramp_of(cfg, profile_of(cfg, frames.front())).in_steps().carrier_hz();
   profile.frame_bytes = frame_bytes(cfg, profile, frames.front().loops(cfg));
   cfg.attempt([&] { read_warnings(cfg, profile, data_baud); });
   cfg.stop_if_faulty();

@@ -5,7 +5,6 @@
 #include <cstdint>
 #include <string>
 #include <string_view>
-#include <utility>
 #include <vector>
 
 #include "drivers/core/axis.hpp"
@@ -21,20 +20,6 @@ struct CfgLine {
 };
 std::vector<CfgLine> command_lines(std::string_view cfg_text);
 
-// Demands of a cfg on the chip's front end.
-struct ChirpTiming {
-  double start_ghz = 0, idle_us = 0, adc_start_us = 0, ramp_end_us = 0, slope_mhz_us = 0;
-  double samples = 0, rate_ksps = 0;
-  double chirps = 0;  // chirps a frame
-  double frame_period_ms = 0;
-};
-// The limits that it is beyond, with the numbers; true: of the frame, false: of the profile. The
-// board answers sensorStart with a bare "Error -1" then.
-std::vector<std::pair<bool, std::string>> refusals_of(const ChirpTiming& chirp);
-constexpr const char* front_end_limits =
-    "sweeps within 60 to 64 GHz, samples within the ramp, chirps within the frame's period, and "
-    "this from 0.3 to 1342 ms";
-
 struct RadarProfile {
   std::uint32_t adc_samples = 0;
   // Next power of two of adc_samples; 1022 for 1024 with 12 antennas (SDK, mss_main.c).
@@ -47,12 +32,14 @@ struct RadarProfile {
   std::uint32_t subframes = 1;
   double frame_period_s = 0;  // s, shortest subframe
   double active_s = 0;        // s a frame in which chirps are sent
+  double carrier_hz = 0;      // centre of the sampled sweep
   // Bytes a frame that guiMonitor asks for, without detected points, rounded up to 32.
   std::uint32_t frame_bytes = 0;
   bool range_profile_on = false;  // guiMonitor sends TLV 2
   // Antennas of the heat map (TLV 4, on planar boards 8), in its order; empty: not sent.
   std::vector<AntennaPlace> array;
-  bool planar = false;  // true: the heat map is TLV 8
+  std::vector<AntennaPair> pairs;  // transmitter and receiver of each
+  bool planar = false;             // true: the heat map is TLV 8
   std::vector<std::string> warnings;
   // Why a board will not take it, a line "NAME:LINE: ..." each. A recording of another board, or of
   // another SDK, has its axis all the same.

@@ -6,6 +6,8 @@
 #include <cstdlib>
 #include <sstream>
 
+#include "drivers/radar/ramp.hpp"
+
 namespace echofuse::radar {
 namespace {
 

@@ -5,19 +5,26 @@
 #include <bit>
 #include <cmath>
 
-#include "drivers/radar/profile.hpp"
 #include "sim/wire/encode.hpp"
 
 namespace echofuse::sim {
 double Chirp::active_us() const { return chirps_per_frame * (idle_us + ramp_end_us); }
 
 bool Chirp::possible() const {
-  return samples > 0 && sample_rate_ksps > 0 && slope_mhz_us > 0 && antennas > 0 &&
-         chirps_per_frame > 0 &&
-         radar::refusals_of({start_ghz, idle_us, adc_start_us, ramp_end_us, slope_mhz_us,
-                             static_cast<double>(samples), sample_rate_ksps,
-                             static_cast<double>(chirps_per_frame), frame_period_ms})
-             .empty();
+  return antennas > 0 && chirps_per_frame > 0 && ramp_possible() && frame_period_ms >= 0.3 &&
+         frame_period_ms <= 1342 && 1e-3 * active_us() < frame_period_ms;
+}
+
+bool Chirp::ramp_possible() const {
+  if (samples == 0 || sample_rate_ksps <= 0 || slope_mhz_us <= 0) return false;
+  constexpr std::int64_t one = 1 << 26, slope_units = 900;  // one: 2.7 GHz
+  const auto start = static_cast<std::int64_t>(start_ghz * one / 2.7);
+  const auto slope = static_cast<std::int64_t>(slope_mhz_us * one / (2700.0 * slope_units));
+  const auto ramp = std::llround(100 * ramp_end_us);
+  const auto end = start + slope * slope_units * ramp / 100;
+  const double sampled_us = adc_start_us + 1e3 * samples / sample_rate_ksps;
+  return start >= 60 * one * 10 / 27 && end <= 64 * one * 10 / 27 &&
+         sampled_us <= 0.01 * static_cast<double>(ramp) + 1e-6;
 }
 
 RadarAxis Chirp::axis(const Conditions& c) const {

@@ -25,9 +25,11 @@ struct Chirp {
 
   bool operator==(const Chirp&) const = default;
 
-  // True if the front end takes it (radar::refusals_of).
+  // True if the front end takes it. The start frequency (2.7 GHz / 2^26) and the slope (900 of
+  // these a microsecond) reach it as whole numbers, truncated; the times in units of 10 ns.
   bool possible() const;
-  double active_us() const;  // active time of a frame
+  bool ramp_possible() const;  // the same, of the ramp alone
+  double active_us() const;    // active time of a frame
   // bins = samples rounded up to a power of two (1022 for 1024 bins and 12 antennas),
   // step = 3e8 fs / (2 slope bins), resolution = c / 2B with B = slope samples / fs
   // The response is that of the conditions, over these cells.

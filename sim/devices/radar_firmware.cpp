@@ -71,6 +71,18 @@ void add_transmitters(unsigned mask, std::vector<unsigned>& transmitters) {
       transmitters.push_back(t);
 }
 
+// Takes the ramp from a profileCfg, and what a chirpCfg adds to it.
+void set_ramp(const std::vector<std::string>& profile, const std::vector<std::string>& added,
+              Chirp& chirp) {
+  chirp.start_ghz = number(profile, 2) + 1e-9 * number(added, 4);
+  chirp.idle_us = number(profile, 3) + number(added, 6);
+  chirp.adc_start_us = number(profile, 4) + number(added, 7);
+  chirp.ramp_end_us = number(profile, 5);
+  chirp.slope_mhz_us = number(profile, 8) + 1e-3 * number(added, 5);
+  chirp.samples = whole(profile, 10);
+  chirp.sample_rate_ksps = number(profile, 11);
+}
+
 // Splits at spaces and line ends only: a tab is a part of a word.
 std::vector<std::string> split(const std::string& line) {
   std::vector<std::string> words;
@@ -182,6 +194,7 @@ int RadarFirmware::configure(const Arguments& words, const std::string& key) {
     for (const char* part : {"frameCfg", "advFrameCfg", "dfeDataOutputMode"}) config_.erase(part);
     for (const char* part : latched_commands) config_.erase(part);
   }
+  if (name == "chirpCfg" && !profiles_.contains(whole(words, 3))) return -1;
   if (name == "chirpCfg") chirps_.push_back(words);
   if (name == "profileCfg") profiles_[whole(words, 1)] = last_profile_ = words;
   if (name == "subFrameCfg") subframe_cfgs_[whole(words, 1)] = words;
@@ -342,6 +355,20 @@ std::vector<Chirp> RadarFirmware::subframes_configured() {
   return out;
 }
 
+// The front end takes every profile, and every chirp with its own part.
+bool RadarFirmware::ramps_possible() {
+  Chirp ramp;
+  const auto refused = [&](const Arguments& profile, const Arguments& added) {
+    set_ramp(profile, added, ramp);
+    return !ramp.ramp_possible();
+  };
+  return std::none_of(profiles_.begin(), profiles_.end(),
+                      [&](const auto& profile) { return refused(profile.second, {}); }) &&
+         std::none_of(chirps_.begin(), chirps_.end(), [&](const Arguments& chirp) {
+           return refused(profiles_[whole(chirp, 3)], chirp);
+         });
+}
+
 // Profile of this chirp, or of the last one.
 std::optional<Chirp> RadarFirmware::chirp(const FramePart& frame,
                                           std::optional<unsigned> of_chirp) {
@@ -357,20 +384,15 @@ std::optional<Chirp> RadarFirmware::chirp(const FramePart& frame,
         ++chirps;
         break;
       }
-  chirp.start_ghz = number(profile, 2);
-  chirp.idle_us = number(profile, 3);
-  chirp.adc_start_us = number(profile, 4);
-  chirp.ramp_end_us = number(profile, 5);
-  chirp.slope_mhz_us = number(profile, 8);
-  chirp.samples = whole(profile, 10);
-  chirp.sample_rate_ksps = number(profile, 11);
+  const bool all_defined = chirps == frame.last - frame.first + 1;
+  set_ramp(profile, {}, chirp);
   chirp.receivers = whole(channel, 1) & 0xf;
   chirp.antennas = static_cast<unsigned>(static_cast<std::size_t>(std::popcount(chirp.receivers)) *
                                          chirp.transmitters.size());
   chirp.chirps_per_frame = chirps * frame.loops;
   chirp.frames = frame.frames;
   chirp.frame_period_ms = frame.period_ms;
-  if (!chirp.possible()) return {};
+  if (!all_defined || !ramps_possible() || !chirp.possible()) return {};
   return chirp;
 }
 

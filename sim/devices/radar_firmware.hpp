@@ -78,6 +78,7 @@ class RadarFirmware {
     double period_ms;
   };
   std::vector<Chirp> subframes_configured();
+  bool ramps_possible();
   std::optional<Chirp> chirp(const FramePart& frame, std::optional<unsigned> of_chirp);
 
   Write cli_, data_;

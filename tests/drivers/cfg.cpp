@@ -23,16 +23,30 @@ TEST_CASE("what the board will refuse is named with its numbers, and leaves the 
   const std::vector<std::array<std::string, 3>> cases{
       {"% a", "% b", ""},
       {"0 60 7", "0 77 7",
-       "x.cfg:5: profileCfg sweeps 77 to 80.984 GHz; the chip has 60 to 64 GHz: a cfg for xWR14xx, "
+       "x.cfg:5: profileCfg sweeps 77 to 80.9837 GHz; the chip has 60 to 64 GHz: a cfg for "
+       "xWR14xx, "
        "16xx or 18xx?"},
       {"0 60 7", "0 60.5 7",
-       "x.cfg:5: profileCfg sweeps 60.5 to 64.484 GHz; the chip has 60 to 64 GHz"},
+       "x.cfg:5: profileCfg sweeps 60.5 to 64.4837 GHz; the chip has 60 to 64 GHz"},
       {"1 256 12500", "1 512 12500",
        "x.cfg:5: profileCfg samples from 3 to 43.96 us, but the ramp ends at 24 us"},
       {"0 100 1", "0 2.5 1",
        "x.cfg:9: frameCfg has 96 chirps, which take 2.976 ms, in a period of 2.5 ms"},
       {"0 100 1", "0 1500 1",
        "x.cfg:9: frameCfg has a period of 1500 ms; the chip takes 0.3 to 1342 ms"},
+      {"frameCfg 0 2", "frameCfg 0 3", "x.cfg:9: frameCfg has chirp 3, which no chirpCfg defines"},
+      {"chirpCfg 1 1 0", "chirpCfg 1 1 4",
+       "x.cfg:7: chirpCfg takes profile 4, which no profileCfg defines"},
+      {"chirpCfg 1 1 0 0", "chirpCfg 1 1 0 50000000",
+       "x.cfg:7: chirpCfg sweeps 60.05 to 64.0337 GHz; the chip has 60 to 64 GHz"},
+      {"chirpCfg 1 1 0 0 0", "chirpCfg 1 1 0 0 1200",
+       "x.cfg:7: chirpCfg sweeps 60 to 64.0123 GHz; the chip has 60 to 64 GHz"},
+      {"chirpCfg 1 1 0 0 0 0 0", "chirpCfg 1 1 0 0 0 0 3",
+       "x.cfg:7: chirpCfg samples from 6 to 26.48 us, but the ramp ends at 24 us"},
+      {"chirpCfg 1 1 0 0 0 0", "chirpCfg 1 1 0 0 0 3100",
+       "x.cfg:9: frameCfg has 96 chirps, which take 102.176 ms, in a period of 100 ms"},
+      {"chirpCfg 0", "profileCfg 1 63.5 7 3 24 0 0 166 1 256 12500 0 0 30\nchirpCfg 0",
+       "x.cfg:6: profileCfg sweeps 63.5 to 67.4837 GHz; the chip has 60 to 64 GHz"},
       {"frameCfg 0", "frameCfg\t0",
        "x.cfg:9: column 9 has a tab; the firmware parts words at spaces only"},
       {"sensorStop", "\tsensorStop",
@@ -54,6 +68,17 @@ TEST_CASE("what the board will refuse is named with its numbers, and leaves the 
   for (const auto& [from, to, line] : cases) CHECK(refusals(from, to) == line);
   CHECK(refusals("15 7 0", "15 7") ==
         "x.cfg:4: channelCfg has 2 numbers, SDK 3.4 to 3.6 take 3 (SDK 1 and 2 others)");
+}
+
+TEST_CASE("a sweep is that of the chip's steps: 45 MHz/us over 88.89 us ends below 64 GHz") {
+  const std::string profile = "0 60 7 3 24 0 0 166 1 256 12500 0 0 30";
+  const RadarProfile p =
+      parse_profile(with(profile, "0 60 84 7 88.89 0 0 45 1 176 2175 0 0 158"), "x.cfg");
+  CHECK(p.refusals.empty());
+  CHECK(p.carrier_hz == Approx(60e9 + 44.9724e12 * (7 + 0.5 * 176 / 2.175) * 1e-6).epsilon(1e-6));
+  CHECK(parse_profile(with(profile, "0 60 84 7 88.89 0 0 45.04 1 176 2175 0 0 158"), "x.cfg")
+            .refusals.at(0) ==
+        "x.cfg:5: profileCfg sweeps 60 to 64.0008 GHz; the chip has 60 to 64 GHz");
 }
 
 TEST_CASE("what an editor makes of a cfg is harmless, or told in one line") {

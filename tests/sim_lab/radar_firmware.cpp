@@ -171,7 +171,7 @@ TEST_CASE("an incomplete configuration does not start") {
 
 TEST_CASE("no chirp, or one that the front end cannot make") {
   Console console;
-  SECTION("no profile") { configure(console, "profileCfg"); }
+  SECTION("no chirp") { configure(console, "chirpCfg"); }
   SECTION("no frame") { configure(console, "frameCfg"); }
   SECTION("ramp ends before the samples") {
     configure(console);
@@ -181,11 +181,39 @@ TEST_CASE("no chirp, or one that the front end cannot make") {
     configure(console);
     console.send("profileCfg 0 62 7 3 24 0 0 166 1 256 12500 0 0 30\n");
   }
+  SECTION("a profile of no chirp is beyond 64 GHz") {
+    configure(console);
+    console.send("profileCfg 1 63.5 7 6 40 0 0 18.75 1 60 2000 0 0 30\n");
+    console.send("profileCfg 0 60 7 6 40 0 0 18.75 1 60 2000 0 0 30\n");
+  }
+  SECTION("a chirp's own start frequency takes it beyond 64 GHz") {
+    configure(console);
+    console.send("chirpCfg 3 3 0 3500000000 0 0 0 1\n");
+  }
+  SECTION("a chirp's own ADC start takes its samples beyond the ramp") {
+    configure(console);
+    console.send("chirpCfg 3 3 0 0 0 0 5 1\n");
+  }
+  SECTION("a chirp of the frame is not defined") {
+    configure(console);
+    console.send("frameCfg 0 3 32 0 50 1 0\n");
+  }
   SECTION("more chirps than fit into the period") {
     configure(console);
     console.send("frameCfg 0 2 512 0 50 1 0\n");
   }
   CHECK(console.send("sensorStart\n") == "sensorStart\nError -1\n\rmmwDemo:/>");
+}
+
+TEST_CASE(
+    "a chirp of a missing profile is refused, and a sweep that the steps end below 64 GHz not") {
+  Console console;
+  configure(console, "calibData");
+  CHECK(console.send("chirpCfg 0 0 4 0 0 0 0 1\n") ==
+        "chirpCfg 0 0 4 0 0 0 0 1\nError -1\n\rmmwDemo:/>");
+  console.send("profileCfg 0 60 84 7 88.89 0 0 45 1 176 2175 0 0 158\n");
+  console.send("calibData 0 0 0\n");
+  CHECK(console.send("sensorStart\n") == "sensorStart\nDone\n\rmmwDemo:/>");
 }
 
 TEST_CASE("start, stop, restart") {

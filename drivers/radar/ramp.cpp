@@ -1,0 +1,68 @@
+// SPDX-License-Identifier: MIT
+#include "drivers/radar/ramp.hpp"
+
+#include <cmath>
+#include <sstream>
+
+namespace echofuse::radar {
+namespace {
+
+constexpr double band_start_ghz = 60, band_end_ghz = 64;
+constexpr double shortest_period_ms = 0.3, longest_period_ms = 1342;
+constexpr double start_step_ghz = 2.7 / (1 << 26);
+constexpr double slope_step_mhz_us = 2.7e3 * 900 / (1 << 26);
+constexpr double time_step_us = 0.01;
+
+// A value that is a whole number of steps stays, whichever way its quotient is rounded.
+double truncated(double value, double step) { return std::trunc(value / step + 1e-6) * step; }
+
+std::string digits(double value, double unit = 1e-3) {
+  std::ostringstream text;
+  text.precision(9);
+  text << std::round(value / unit) * unit;
+  return text.str();
+}
+
+}  // namespace
+
+Ramp Ramp::in_steps() const {
+  return {truncated(start_ghz, start_step_ghz),
+          truncated(idle_us, time_step_us),
+          truncated(adc_start_us, time_step_us),
+          truncated(end_us, time_step_us),
+          truncated(slope_mhz_us, slope_step_mhz_us),
+          samples,
+          rate_ksps};
+}
+
+double Ramp::sampled_until_us() const { return adc_start_us + 1e3 * samples / rate_ksps; }
+
+double Ramp::carrier_hz() const {
+  return 1e9 * start_ghz + 1e6 * slope_mhz_us * (adc_start_us + sampled_until_us()) / 2;
+}
+
+std::vector<std::string> refusals_of(const Ramp& ramp) {
+  std::vector<std::string> out;
+  const Ramp r = ramp.in_steps();
+  const double end_ghz = r.start_ghz + 1e-3 * r.slope_mhz_us * r.end_us;
+  constexpr double unit_ghz = 1e-4;
+  if (r.start_ghz < band_start_ghz - 2 * start_step_ghz || end_ghz > band_end_ghz)
+    out.push_back("sweeps " + digits(r.start_ghz, unit_ghz) + " to " + digits(end_ghz, unit_ghz) +
+                  " GHz; the chip has 60 to 64 GHz" +
+                  (r.start_ghz > 75 ? ": a cfg for xWR14xx, 16xx or 18xx?" : ""));
+  if (r.sampled_until_us() > r.end_us + 1e-6)
+    out.push_back("samples from " + digits(r.adc_start_us) + " to " + digits(r.sampled_until_us()) +
+                  " us, but the ramp ends at " + digits(r.end_us) + " us");
+  return out;
+}
+
+std::vector<std::string> frame_refusals_of(double chirps, double active_ms, double period_ms) {
+  if (period_ms < shortest_period_ms || period_ms > longest_period_ms)
+    return {"has a period of " + digits(period_ms) + " ms; the chip takes 0.3 to 1342 ms"};
+  if (active_ms >= period_ms)
+    return {"has " + digits(chirps) + " chirps, which take " + digits(active_ms) +
+            " ms, in a period of " + digits(period_ms) + " ms"};
+  return {};
+}
+
+}  // namespace echofuse::radar
