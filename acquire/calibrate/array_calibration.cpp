@@ -123,6 +123,14 @@ void widen(AntennaGains& all, const std::vector<AntennaGains>& repeats) {
   }
 }
 
+void remove_steering(AntennaGains& gains, const Steering& steering) {
+  gains.sine = steering.sine;
+  for (std::size_t m = 0; m < gains.phase_rad.size(); ++m) {
+    gains.phase_rad[m] = turn(gains.phase_rad[m] - steering.phase_rad[m]);
+    gains.standard_error[m] = std::hypot(gains.standard_error[m], steering.error_rad[m]);
+  }
+}
+
 double largest_residual(const AntennaGains& a, const AntennaGains& b) {
   double worst = 0;
   for (std::size_t m = 1; m < std::min(a.gain.size(), b.gain.size()); ++m) {

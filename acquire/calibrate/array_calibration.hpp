@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Gain and phase of each virtual antenna of the radar, from a reflector straight ahead.
+// Gain and phase of each virtual antenna of the radar, from a reflector in a known direction.
 // Pure.
 #pragma once
 #include <cstddef>
@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "acquire/calibrate/reflector.hpp"
 #include "acquire/config/calibration.hpp"
 
 namespace echofuse::acquire {
@@ -20,13 +21,14 @@ struct AntennaFit {
 // Samples of some frames, laid out as RadarFrame::array: bins times antennas.
 using ArrayFrames = std::vector<std::vector<std::int16_t>>;
 
-// Fits the antennas to a reflector that fills the bin, or one beside it. A reflector straight ahead
-// reaches all antennas alike. The principal eigenvector of their covariance over the frames, at
-// least 8, is what the channels add. Frames need not agree in phase. Standard error: what is left
-// beside this one wave, and the samples' rounding, which does not average out. N frames with power
-// P and noise s^2 of an antenna give s / sqrt(2 N P), and antenna 0's. The wave is taken
-// as flat: at 1 m the board's own width turns the outer antennas by some degrees.
+// Fits the antennas to a reflector that fills the bin, or one beside it: the principal eigenvector
+// of their covariance over the frames, at least 8. Frames need not agree in phase. Standard error:
+// what is left beside this one wave, and the samples' rounding, which does not average out. N
+// frames with power P and noise s^2 of an antenna give s / sqrt(2 N P), and antenna 0's.
 AntennaFit fit_antennas(const ArrayFrames& frames, std::size_t antennas, std::size_t bin);
+// Subtracts the phases of the reflector's wave; the rest is what the channels add. The errors of
+// its place join the standard errors.
+void remove_steering(AntennaGains& gains, const Steering& steering);
 // The errors become what the repeats' scatter says where that is significantly more.
 void widen(AntennaGains& all, const std::vector<AntennaGains>& repeats);
 

@@ -17,6 +17,7 @@
 #include "acquire/calibrate/calibrate_output.hpp"
 #include "acquire/calibrate/peak.hpp"
 #include "acquire/calibrate/response_fit.hpp"
+#include "acquire/calibrate/stored.hpp"
 #include "acquire/config/calibration.hpp"
 #include "acquire/devices/devices.hpp"
 #include "drivers/core/log2_codes.hpp"
@@ -30,20 +31,20 @@ constexpr double spd_reach_m = 15;  // beyond the reflector: cables delay by met
 constexpr std::int64_t spd_bin_ps = 10;
 
 // Axis that starts at the laser's sync: a click counts from the last sync before it.
-tdc::HistogramSettings fine_axis(const Config& config, const Search& search) {
+tdc::HistogramSettings fine_axis(const Config& config, double distance_m) {
   tdc::HistogramSettings s = config.histogram;
   s.bin_width_ps = spd_bin_ps;
   s.first_bin_ps = 0;
-  s.bins = static_cast<std::uint32_t>((search.distance_m + spd_reach_m) * ps_per_m / spd_bin_ps);
+  s.bins = static_cast<std::uint32_t>((distance_m + spd_reach_m) * ps_per_m / spd_bin_ps);
   return s;
 }
 
 // Collects the samples of a repeat.
 class Gatherer final : public SampleSink {
  public:
-  Gatherer(const Config& config, const Search& search)
+  Gatherer(const Config& config, double distance_m)
       : bins_(config.configured().contains(Sensor::radar) ? parse_profile(config.radar).bins : 0),
-        histogram_(fine_axis(config, search)) {}
+        histogram_(fine_axis(config, distance_m)) {}
 
   void on_tags(const TagBlock& block) override {
     if (block.lost_blocks + block.lost_items > 0) histogram_.forget_start();
@@ -83,11 +84,13 @@ class Gatherer final : public SampleSink {
 
 class Measurement {
  public:
-  Measurement(const Config& config, const CalibrateOptions& options, port::Loop& loop)
+  Measurement(const Config& config, const CalibrateOptions& options, const Reflector& reflector,
+              port::Loop& loop)
       : config_(config),
         options_(options),
+        reflector_(reflector),
         loop_(loop),
-        gatherer_(config, options.search),
+        gatherer_(config, reflector.distance_m),
         devices_(loop, config, gatherer_) {}
 
   void run() {
@@ -117,10 +120,18 @@ class Measurement {
     if (config_.configured().contains(Sensor::radar)) out.push_back(radar());
     return out;
   }
-  // None if the cfg asks for no heat map. Known by the range that the profile has of the reflector.
+  // None if the cfg asks for no heat map. Without the phases of the reflector's direction.
   std::optional<AntennaFit> antennas() const {
     if (config_.antennas.empty()) return std::nullopt;
-    const Peak peak = radar().peak;
+    AntennaFit fit = wave();
+    const radar::RadarProfile profile = parse_profile(config_.radar);
+    remove_steering(
+        fit.gains, steering_of(reflector_, profile.pairs, speed_of_light_m_s / profile.carrier_hz));
+    return fit;
+  }
+  // The reflector's wave at the antennas, in the bin of the profile's peak.
+  AntennaFit wave() const {
+    const Peak peak = options_.side ? echo(frames_) : radar().peak;
     AntennaFit all{.gains = {}, .snr_db = 0, .refusal = "the range profile has no such peak"};
     if (!peak.refusal.empty()) return all;
     const auto fit = [&](const ArrayFrames& frames) {
@@ -180,10 +191,30 @@ class Measurement {
       throw Error(ExitCode::interrupted, "interrupted; no calibration was written");
   }
   void listen() { loop_.run_until(interrupted, loop_.now() + from_seconds(options_.time_s)); }
+  Search search_of(Sensor sensor) const {
+    constexpr double side_window_m = 0.4;  // the reflector moves by hand
+    if (options_.side)
+      return {place_at(*options_.side, reflector_, config_.calibration.antennas.sine).range_m +
+                  stored_offset_m(),
+              side_window_m};
+    return {reflector_.range_m(sensor), options_.search.window_m};
+  }
+  double stored_offset_m() const {
+    const auto* entry = config_.calibration.find(Sensor::radar);
+    return entry ? entry->offset_m : 0;
+  }
+  CalibrationResult result_of(Sensor sensor, Peak peak, double spread_m, const char* method) const {
+    return {sensor,
+            std::move(peak),
+            spread_m,
+            method,
+            reflector_.range_m(sensor),
+            reflector_.error_m(sensor)};
+  }
   Peak photons(std::span<const std::uint32_t> counts) const {
     const auto& s = gatherer_.histogram().settings();
     return fit_photons(counts, static_cast<double>(s.first_bin_ps),
-                       static_cast<double>(s.bin_width_ps), options_.search);
+                       static_cast<double>(s.bin_width_ps), search_of(Sensor::spd));
   }
   using Frames = std::vector<std::vector<std::uint16_t>>;
   EchoAxis echo_axis() const {
@@ -196,7 +227,7 @@ class Measurement {
             .log2_power_step = log2_power_step(profile.antennas)};
   }
   Peak echo(const Frames& frames) const {
-    return fit_echo(frames, echo_axis(), options_.search, window_.window);
+    return fit_echo(frames, echo_axis(), search_of(Sensor::radar), window_.window);
   }
   // Places every echo by the window that the reflector shows; by Blackman's if it shows none.
   void fit_window() {
@@ -217,8 +248,8 @@ class Measurement {
     repeats_.push_back(std::exchange(gatherer_.frames, {}));
   }
   CalibrationResult spd() const {
-    CalibrationResult r{Sensor::spd, photons(all_counts_), spread_of(spd_ranges_),
-                        "Gaussian by maximum likelihood"};
+    CalibrationResult r = result_of(Sensor::spd, photons(all_counts_), spread_of(spd_ranges_),
+                                    "Gaussian by maximum likelihood");
     const double a_pulse =
         gatherer_.histogram().gaps().clicks_a_pulse(clicks_, starts_).value_or(0);
     if (r.peak.refusal.empty() && a_pulse > record::most_clicks_a_pulse)
@@ -228,8 +259,12 @@ class Measurement {
     return r;
   }
   CalibrationResult radar() const {
-    CalibrationResult r{Sensor::radar, echo(frames_), spread_of(radar_ranges_),
-                        "least squares of the lobe"};
+    CalibrationResult r = result_of(Sensor::radar, echo(frames_), spread_of(radar_ranges_),
+                                    "least squares of the lobe");
+    if (r.peak.refusal.empty() || r.peak.outside)
+      if (const auto why = other_mounting(reflector_, r.peak.range_m, options_.search.window_m);
+          !why.empty())
+        r.peak.refusal = why;
     if (!devices_[Sensor::radar].delivers()) r.peak.refusal = devices_.describe(Sensor::radar);
     r.peak.standard_error_m = honest_error(r.peak.standard_error_m, radar_ranges_);
     return r;
@@ -237,6 +272,7 @@ class Measurement {
 
   const Config& config_;
   const CalibrateOptions& options_;
+  const Reflector& reflector_;
   port::Loop& loop_;
   Gatherer gatherer_;
   Devices devices_;
@@ -252,7 +288,7 @@ class Measurement {
 
 Calibration to_calibration(const std::vector<CalibrationResult>& results,
                            const std::optional<AntennaFit>& antennas,
-                           const record::Response& response, const CalibrateOptions& options,
+                           const record::Response& response, const Reflector& reflector,
                            const std::optional<FirmwareBias>& firmware, const Clock& clock) {
   Calibration out;
   for (const CalibrationResult& r : results)
@@ -260,115 +296,46 @@ Calibration to_calibration(const std::vector<CalibrationResult>& results,
       out.entries.push_back({.sensor = r.sensor,
                              .date_utc = iso8601(clock.utc()),
                              .method = r.method,
-                             .distance_m = options.search.distance_m,
-                             .offset_m = r.peak.range_m - options.search.distance_m,
-                             .standard_error_m = r.peak.standard_error_m});
+                             .distance_m = r.true_range_m,
+                             .offset_m = r.offset_m(),
+                             .standard_error_m = r.standard_error_m()});
+  out.baseline_m = reflector.baseline_m;
   out.firmware = firmware;
   out.response = response;
   if (!antennas || !antennas->refusal.empty()) return out;
   out.antennas = antennas->gains;
   out.antennas.date_utc = iso8601(clock.utc());
-  out.antennas.distance_m = options.search.distance_m;
+  out.antennas.distance_m = reflector.range_m(Sensor::radar);
   return out;
 }
 
-// One of many antennas is four standard errors off more seldom than one range is three.
-bool compare_antennas(const AntennaGains& now, const AntennaGains& then,
-                      nlohmann::ordered_json& json, bool quiet) {
-  if (now.empty()) return true;
-  const bool same = now.gain.size() == then.gain.size();
-  const double worst = largest_residual(now, then);
-  const bool holds = same && worst <= 4;
-  json["array_residual"] = {{"standard_errors", worst}, {"holds", holds}};
-  if (!quiet && !same)
-    std::printf("array  the calibration has %zu antennas; calibrate anew\n", then.gain.size());
-  else if (!quiet)
-    std::printf("array  differs by at most %.1f standard errors: the calibration of %s %s\n", worst,
-                then.date_utc.c_str(), holds ? "holds" : "has slipped; calibrate anew");
-  return holds;
+// The configuration with the ranging sensors that are measured.
+Config with_chosen(const Config& all, const CalibrateOptions& options) {
+  Config config = all;
+  const auto only = options.side ? std::optional(Sensor::radar) : options.only;
+  if (only == Sensor::radar) config.tdc.address.clear();
+  if (only == Sensor::spd) config.radar = {}, config.antennas.clear();
+  return config;
 }
 
-// Residuals against the stored calibration. False: one is more than three of its standard errors.
-bool compare(const Calibration& fresh, const Calibration& stored, nlohmann::ordered_json& json,
-             bool quiet) {
-  bool well = true;
-  for (const auto& now : fresh.entries) {
-    const auto* then = stored.find(now.sensor);
-    if (!then) continue;
-    const double residual = now.offset_m - then->offset_m;
-    const double error = std::hypot(now.standard_error_m, then->standard_error_m);
-    const bool holds = std::abs(residual) <= 3 * error;
-    well = well && holds;
-    json["residuals"].push_back({{"sensor", name_of(now.sensor)},
-                                 {"residual_m", residual},
-                                 {"standard_error_m", error},
-                                 {"holds", holds}});
-    if (!quiet)
-      std::printf("%-6s residual %+.2f mm +- %.2f mm: the calibration of %s %s\n",
-                  name_of(now.sensor), 1e3 * residual, 1e3 * error, then->date_utc.c_str(),
-                  holds ? "holds" : "has slipped; calibrate anew");
-  }
-  return compare_antennas(fresh.antennas, stored.antennas, json, quiet) && well;
+void print(const nlohmann::ordered_json& json) {
+  std::printf("%s\n",
+              json.dump(-1, ' ', true, nlohmann::ordered_json::error_handler_t::replace).c_str());
 }
 
-// Calibration that the target file holds already; never overwritten unread.
-Calibration stored_in(const std::string& path) {
-  std::error_code none;
-  if (!std::filesystem::exists(path, none)) return {};
-  try {
-    return read_calibration(path);
-  } catch (const Error& e) {
-    throw Error(
-        e.code(),
-        std::string(e.what()) + "\n" + path +
-            " is not overwritten; to begin anew, remove it or name another run.calibration");
-  }
-}
-
-void store(const Calibration& fresh, const Calibration& stored, const std::string& path,
-           nlohmann::ordered_json& json, bool quiet) {
-  write_calibration(path, fresh.over(stored));
-  json["file"] = path;
-  for (const auto& e : stored.entries) {
-    if (fresh.find(e.sensor)) continue;
-    json["kept"].push_back(
-        {{"sensor", name_of(e.sensor)}, {"offset_m", e.offset_m}, {"date_utc", e.date_utc}});
-    if (!quiet)
-      std::printf("%-6s kept: offset %+.2f mm of %s\n", name_of(e.sensor), 1e3 * e.offset_m,
-                  e.date_utc.c_str());
-  }
-  if (!quiet) std::printf("written to %s\n", printable(path).c_str());
-}
-
-}  // namespace
-
-ExitCode calibrate(const Config& config, const CalibrateOptions& options, port::Loop& loop) {
-  if ((config.configured() - SensorSet{Sensor::depth}).empty())
-    throw Error(ExitCode::config,
-                "neither tdc.address nor radar.cli is given: nothing to calibrate");
-  if (!config.radar.address.empty())
-    throw Error(ExitCode::config,
-                "radar.address: the radar of a bridge cannot be calibrated; --set radar.address= "
-                "calibrates the detector alone");
-  if (options.check && config.calibration.entries.empty())
-    throw Error(ExitCode::config, "--check: run.calibration names no calibration to compare with");
-  const Calibration stored =
-      options.check ? config.calibration : stored_in(config.calibration_path);
-  if (!options.json)
-    std::printf(
-        "reflector taken to be %.3f m from each sensor, its echo sought from %.3f to %.3f m\n",
-        options.search.distance_m, options.search.distance_m - options.search.window_m / 2,
-        options.search.distance_m + options.search.window_m / 2);
-  std::fflush(stdout);
-  Measurement measurement(config, options, loop);
-  measurement.run();
+// Prints the results, and stores them or compares them with the stored ones.
+ExitCode finish(const Measurement& measurement, const Config& config,
+                const CalibrateOptions& options, const Reflector& reflector,
+                const Calibration& stored, const Clock& clock) {
   const auto results = measurement.results();
-  nlohmann::ordered_json json{{"distance_m", options.search.distance_m},
+  nlohmann::ordered_json json{{"distance_m", reflector.distance_m},
+                              {"reflector", name_of(reflector.mounting)},
+                              {"baseline_m", reflector.baseline_m},
                               {"repeats", options.repeats}};
   bool refused = false;
   for (const CalibrationResult& r : results) {
-    json["sensors"].push_back(json_of(r, options.search));
-    if (!options.json) say(r, options.search);
+    json["sensors"].push_back(json_of(r));
+    if (!options.json) say(r);
     refused = refused || !r.peak.refusal.empty();
   }
   const auto antennas = measurement.antennas();
@@ -383,7 +350,7 @@ ExitCode calibrate(const Config& config, const CalibrateOptions& options, port::
   for (const auto& [key, text] : response.meta()) json["response"][key] = text;
   if (!options.json) say(response, unstated);
   Calibration fresh =
-      to_calibration(results, antennas, response, options, measurement.firmware(), loop);
+      to_calibration(results, antennas, response, reflector, measurement.firmware(), clock);
   fresh.axes = axes_of(config, fresh);
   for (auto& entry : fresh.entries) {
     entry.model = measurement.device(entry.sensor).model;
@@ -395,9 +362,79 @@ ExitCode calibrate(const Config& config, const CalibrateOptions& options, port::
   } else if (!fresh.entries.empty()) {
     store(fresh, stored, config.calibration_path, json, options.json);
   }
-  if (options.json)
-    std::printf("%s\n", json.dump(-1, ' ', true, decltype(json)::error_handler_t::replace).c_str());
+  if (options.json) print(json);
   return refused ? ExitCode::device : well ? ExitCode::ok : ExitCode::failed;
+}
+
+ExitCode check_side(const Config& config, const CalibrateOptions& options,
+                    const Reflector& reflector, port::Loop& loop) {
+  const AntennaGains& calibrated = config.calibration.antennas;
+  if (calibrated.empty() || config.antennas.empty())
+    throw Error(ExitCode::config,
+                "--side: expected a radar.cfg that sends the antennas' samples, and a "
+                "run.calibration with their gains and phases");
+  const SidePlace place = place_at(*options.side, reflector, calibrated.sine);
+  if (!options.json)
+    std::printf("expects the reflector at x = %+.2f m, z = %.2f m: %.3f m from the radar\n",
+                place.x_m, reflector.distance_m, place.range_m);
+  std::fflush(stdout);
+  Measurement measurement(config, options, reflector, loop);
+  measurement.run();
+  const AntennaFit wave = measurement.wave();
+  SideFinding found;
+  found.refusal = wave.refusal;
+  const radar::RadarProfile profile = parse_profile(config.radar);
+  if (wave.refusal.empty())
+    found = find_side(*options.side, reflector, wave.gains, calibrated, profile.pairs,
+                      speed_of_light_m_s / profile.carrier_hz);
+  if (!options.json)
+    std::printf("%s", to_text(*options.side, found).c_str());
+  else if (!found.refusal.empty())
+    print({{"refusal", found.refusal}});
+  else
+    print({{"sine", found.sine}, {"expected", found.expected}, {"swapped", found.swapped}});
+  return !found.refusal.empty() ? ExitCode::device
+         : found.swapped        ? ExitCode::failed
+                                : ExitCode::ok;
+}
+
+void announce(const Config& config, const Reflector& reflector, double window_m) {
+  std::printf("reflector %.3f m in front of %s\n", reflector.distance_m,
+              reflector.mounting == Mounting::detector ? "the detector" : "each sensor");
+  for (const Sensor sensor : {Sensor::spd, Sensor::radar})
+    if (config.configured().contains(sensor))
+      std::printf("%-6s expects it at %.3f m, searches from %.3f to %.3f m\n", name_of(sensor),
+                  reflector.range_m(sensor), reflector.range_m(sensor) - window_m / 2,
+                  reflector.range_m(sensor) + window_m / 2);
+  std::fflush(stdout);
+}
+
+}  // namespace
+
+ExitCode calibrate(const Config& all, const CalibrateOptions& options, port::Loop& loop) {
+  const Config config = with_chosen(all, options);
+  if ((config.configured() - SensorSet{Sensor::depth}).empty())
+    throw Error(ExitCode::config, std::string("neither tdc.address nor radar.cli is given") +
+                                      (options.only ? " for --only" : "") +
+                                      ": nothing to calibrate");
+  if (!config.radar.address.empty())
+    throw Error(ExitCode::config,
+                "radar.address: the radar of a bridge cannot be calibrated; --only spd calibrates "
+                "the detector alone");
+  if (options.check && config.calibration.entries.empty())
+    throw Error(ExitCode::config, "--check: run.calibration names no calibration to compare with");
+  const Reflector reflector{.mounting = options.mounting,
+                            .distance_m = options.search.distance_m,
+                            .baseline_m = config.baseline_m,
+                            .distance_error_m = options.distance_error_m,
+                            .baseline_error_m = options.baseline_error_m};
+  if (options.side) return check_side(config, options, reflector, loop);
+  const Calibration stored =
+      options.check ? config.calibration : stored_in(config.calibration_path);
+  if (!options.json) announce(config, reflector, options.search.window_m);
+  Measurement measurement(config, options, reflector, loop);
+  measurement.run();
+  return finish(measurement, config, options, reflector, stored, loop);
 }
 
 }  // namespace echofuse::acquire

@@ -7,29 +7,33 @@
 
 namespace echofuse::acquire {
 
-nlohmann::ordered_json json_of(const CalibrationResult& r, const Search& search) {
+nlohmann::ordered_json json_of(const CalibrationResult& r) {
   nlohmann::ordered_json out{{"sensor", name_of(r.sensor)}};
   if (!r.peak.refusal.empty()) {
     out["refusal"] = r.peak.refusal;
     return out;
   }
   out["range_m"] = r.peak.range_m;
-  out["offset_m"] = r.peak.range_m - search.distance_m;
-  out["standard_error_m"] = r.peak.standard_error_m;
+  out["true_range_m"] = r.true_range_m;
+  out["offset_m"] = r.offset_m();
+  out["standard_error_m"] = r.standard_error_m();
+  out["measurement_error_m"] = r.peak.standard_error_m;
+  out["reflector_error_m"] = r.reflector_error_m;
   out["spread_m"] = r.spread_m;
   out["snr_db"] = r.peak.snr_db;
   return out;
 }
 
-void say(const CalibrationResult& r, const Search& search) {
+void say(const CalibrationResult& r) {
   const Peak& p = r.peak;
   if (!p.refusal.empty())
     std::printf("%-6s refused: %s\n", name_of(r.sensor), printable(p.refusal).c_str());
   else
     std::printf(
-        "%-6s %.4f m, offset %+.2f mm +- %.2f mm; spread of the repeats %.2f mm, SNR %.0f dB\n",
-        name_of(r.sensor), p.range_m, 1e3 * (p.range_m - search.distance_m),
-        1e3 * p.standard_error_m, 1e3 * r.spread_m, p.snr_db);
+        "%-6s %.4f m, offset %+.2f mm +- %.2f mm (measurement %.2f, reflector %.2f); spread of the "
+        "repeats %.2f mm, SNR %.0f dB\n",
+        name_of(r.sensor), p.range_m, 1e3 * r.offset_m(), 1e3 * r.standard_error_m(),
+        1e3 * p.standard_error_m, 1e3 * r.reflector_error_m, 1e3 * r.spread_m, p.snr_db);
 }
 
 nlohmann::ordered_json json_of(const AntennaFit& fit) {

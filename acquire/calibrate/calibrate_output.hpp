@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 // Prints the results of `calibrate` as text and as JSON.
 #pragma once
+#include <cmath>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <string>
@@ -17,14 +18,19 @@ struct CalibrationResult {
   Peak peak;            // fitted to all repeats together
   double spread_m = 0;  // standard deviation of the repeats
   std::string method;
+  double true_range_m = 0;
+  double reflector_error_m = 0;  // standard error of the true range
+
+  double offset_m() const { return peak.range_m - true_range_m; }
+  double standard_error_m() const { return std::hypot(peak.standard_error_m, reflector_error_m); }
 };
 
 // Response as a run would state it, or the reason why it cannot.
 using Unstated = std::map<std::string, std::string>;
 
-nlohmann::ordered_json json_of(const CalibrationResult& result, const Search& search);
+nlohmann::ordered_json json_of(const CalibrationResult& result);
 nlohmann::ordered_json json_of(const AntennaFit& fit);
-void say(const CalibrationResult& result, const Search& search);
+void say(const CalibrationResult& result);
 void say(const record::Response& response, const Unstated& unstated);
 
 }  // namespace echofuse::acquire

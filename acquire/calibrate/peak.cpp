@@ -29,9 +29,20 @@ bool inside(const Search& search, double range_m) {
   return std::abs(range_m - search.distance_m) <= search.window_m / 2;
 }
 
-std::string outside_text(double range_m) {
-  return at("no peak in the window; the strongest is at %.3f m (a larger --window reaches it)",
-            range_m);
+// The peak is at range_m, outside the window; `advice` is for a sensor that reads so far off.
+void refuse_outside(Peak& peak, double range_m, const std::string& advice) {
+  peak.range_m = range_m;
+  peak.outside = true;
+  peak.refusal = at("no peak in the window; the strongest is at %.3f m: ", range_m) + advice;
+}
+
+constexpr char place_advice[] = "is --distance right, and does the reflector face the radar?";
+
+std::string delay_advice(const Search& search, double range_m) {
+  return at(
+      "is --distance right? For the delay of a cable or fibre add %.0f ps to "
+      "tdc.click_delay_ps",
+      (search.distance_m - range_m) * ps_per_m);
 }
 
 // ---- SPD
@@ -292,12 +303,13 @@ Peak fit_photons(std::span<const std::uint32_t> counts, double start_ps, double 
   const Bump bump = other_bump(counts, fit.peak, window);
   if (fit.snr < least_photon_snr) {
     const Fit strongest = fit_around(counts, wide, all);
-    peak.refusal = strongest.snr < least_photon_snr
-                       ? at("SNR too low: the strongest peak stands at %.3f m",
-                            range_of(strongest.peak.centre))
-                       : outside_text(range_of(strongest.peak.centre));
+    const double range_m = range_of(strongest.peak.centre);
+    if (strongest.snr < least_photon_snr)
+      peak.refusal = at("SNR too low: the strongest peak stands at %.3f m", range_m);
+    else
+      refuse_outside(peak, range_m, delay_advice(search, range_m));
   } else if (!inside(search, peak.range_m)) {
-    peak.refusal = outside_text(peak.range_m);
+    refuse_outside(peak, peak.range_m, delay_advice(search, peak.range_m));
   } else if (bump.photons > 0.2 * fit.peak.photons &&
              bump.photons > 5 * std::sqrt(fit.peak.photons)) {
     peak.refusal = at("two peaks: another one at %.3f m", range_of(bump.bin));
@@ -345,9 +357,10 @@ Peak fit_echo(const std::vector<std::vector<std::uint16_t>>& frames, const EchoA
   }
   if (peak.snr_db < least_echo_db) {
     const std::size_t strongest = highest(2, last);
-    peak.refusal = db_over_floor(strongest) < least_echo_db
-                       ? at("SNR too low: %.1f dB over the median, 10 needed", peak.snr_db)
-                       : outside_text(static_cast<double>(strongest) * axis.step_m);
+    if (db_over_floor(strongest) < least_echo_db)
+      peak.refusal = at("SNR too low: %.1f dB over the median, 10 needed", peak.snr_db);
+    else
+      refuse_outside(peak, static_cast<double>(strongest) * axis.step_m, place_advice);
     return peak;
   }
   const double cells_per_bin = axis.step_m / axis.resolution_m;
@@ -360,7 +373,7 @@ Peak fit_echo(const std::vector<std::vector<std::uint16_t>>& frames, const EchoA
   peak.refusal = unlike_one_echo(profile, fit, top, frames.size());
   if (const std::size_t other = other_top(mean, low, high, top, cells_per_bin))
     peak.refusal = at("two peaks: another one at %.3f m", static_cast<double>(other) * axis.step_m);
-  if (!inside(search, peak.range_m)) peak.refusal = outside_text(peak.range_m);
+  if (!inside(search, peak.range_m)) refuse_outside(peak, peak.range_m, place_advice);
   return peak;
 }
 

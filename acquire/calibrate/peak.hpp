@@ -11,7 +11,7 @@
 
 namespace echofuse::acquire {
 
-// Window in which the reflector is searched: its true distance and the full width.
+// Window in which the reflector is searched: its true range from the sensor and the full width.
 struct Search {
   double distance_m = 1, window_m = 0.2;
 };
@@ -19,8 +19,9 @@ struct Search {
 struct Peak {
   double range_m = 0;
   double standard_error_m = 0;
-  double snr_db = 0;    // SPD: amplitude over its standard error; radar: power over the median
-  std::string refusal;  // why it is none; empty: it is one
+  double snr_db = 0;     // SPD: amplitude over its standard error; radar: power over the median
+  bool outside = false;  // the strongest peak, outside the window
+  std::string refusal;   // why it is none; empty: it is one
 };
 
 // SPD: counts per bin of two-way time, bin i from start_ps + i*step_ps. Maximum likelihood, by

@@ -203,7 +203,11 @@ ExitCode info(const Options& o) {
 }
 
 ExitCode calibrate_sensors(Options& o) {
-  const Config config = load_config(place_of(o).path, o.assignments, o.calibrate.check);
+  CalibrateOptions& k = o.calibrate;
+  if (o.reflector == "each") k.mounting = Mounting::each;
+  if (!o.only.empty()) k.only = o.only == "spd" ? Sensor::spd : Sensor::radar;
+  if (!o.side.empty()) k.side = o.side == "left" ? Side::left : Side::right;
+  const Config config = load_config(place_of(o).path, o.assignments, k.check || k.side);
   o.calibrate.json = o.json;
   catch_interrupts();
   port::SystemLoop loop;

@@ -105,10 +105,22 @@ void add_calibrate(CLI::App& app, Options& o) {
       "calibrate", "measure a reflector at a known distance: by how much each range is too long");
   add_config_options(*c, o);
   auto& k = o.calibrate;
-  c->add_option("--distance", k.search.distance_m, "of the reflector from each sensor, m")
+  c->add_option("--reflector", o.reflector,
+                "place: in front of the detector (the radar's distance follows from "
+                "radar.baseline_m), or of each sensor in turn (--only)")
+      ->check(CLI::IsMember({"detector", "each"}))
+      ->capture_default_str();
+  c->add_option("--only", o.only, "measure this sensor, keep the other's calibration")
+      ->check(CLI::IsMember({"spd", "radar"}));
+  auto* side = c->add_option("--side", o.side,
+                             "with the reflector moved by the baseline to this side: check that "
+                             "the antenna row is not swapped")
+                   ->check(CLI::IsMember({"left", "right"}));
+  c->add_option("--distance", k.search.distance_m, "reflector distance in front of the sensor, m")
       ->check(CLI::Range(0.1, 100.0))
       ->capture_default_str();
-  c->add_option("--window", k.search.window_m, "where its echo may lie, m, centred on the distance")
+  c->add_option("--window", k.search.window_m,
+                "search window, m, centred on the reflector's range; offsets up to half of it")
       ->check(CLI::Range(0.01, 30.0))
       ->capture_default_str();
   c->add_option("--repeat", k.repeats, "how often to measure")
@@ -117,10 +129,23 @@ void add_calibrate(CLI::App& app, Options& o) {
   c->add_option("--time", k.time_s, "s of each measurement")
       ->check(CLI::Range(0.1, 3600.0))
       ->capture_default_str();
-  c->add_flag("--check", k.check, "measure and compare with run.calibration; write nothing");
+  const CLI::Range error(0.0, 1.0);
+  c->add_option("--distance-error", k.distance_error_m,
+                "standard error of the reflector's place, each way, m")
+      ->check(error)
+      ->capture_default_str();
+  c->add_option("--baseline-error", k.baseline_error_m, "standard error of radar.baseline_m, m")
+      ->check(error)
+      ->capture_default_str();
+  auto* check =
+      c->add_flag("--check", k.check, "measure and compare with run.calibration; write nothing");
   c->add_flag("--json", o.json, "the same as JSON, with the numbers by name");
-  more_options(*c, {"--config", "--set", "--window", "--time", "--json"});
+  side->excludes(check);
+  more_options(*c, {"--config", "--set", "--window", "--time", "--distance-error",
+                    "--baseline-error", "--side", "--json"});
   add_examples(*c, {"echofuse-acquire calibrate --distance 1.0 --repeat 5",
+                    "echofuse-acquire calibrate --reflector each --only radar",
+                    "echofuse-acquire calibrate --side right",
                     "echofuse-acquire calibrate --distance 1.0 --check"});
 }
 

@@ -22,6 +22,7 @@ struct Options {
   std::optional<std::string> label, text;
   std::vector<std::string> meta;
   std::string model;
+  std::string reflector = "detector", only, side;  // calibrate
   double duration_s = 0, every_s = 0;
   std::string file, folder;
   bool json = false, quiet = false, verbose = false, view = false, align = false;

@@ -16,6 +16,9 @@
 namespace echofuse::acquire {
 namespace {
 
+constexpr char baseline_key[] = "radar.baseline_m";
+constexpr char baseline_text[] = "of the laboratory when the radar was measured";
+
 constexpr Sensor ranging[] = {Sensor::spd, Sensor::radar};
 
 void bind(Settings& s, const std::string& section, record::CalibrationEntry& e) {
@@ -37,6 +40,7 @@ struct AntennaTexts {
 void bind(Settings& s, AntennaGains& a, AntennaTexts& t) {
   s.add("antennas.date_utc", a.date_utc, "when they were measured");
   s.add("antennas.distance_m", a.distance_m, 0, 1000, "true distance of the reflector");
+  s.add("antennas.sine", a.sine, -1, 1, "of the reflector's direction, to the right");
   s.add("antennas.gain", t.gain, "of each antenna of the heat map, antenna 0 is 1");
   s.add("antennas.phase_rad", t.phase_rad, "by which its samples are ahead of antenna 0's");
   s.add("antennas.standard_error", t.standard_error, "of the phase, and of the gain as a share");
@@ -107,6 +111,7 @@ Calibration Calibration::over(const Calibration& older) const {
   Calibration out;
   for (const Sensor sensor : ranging)
     if (const auto* e = find(sensor) ? find(sensor) : older.find(sensor)) out.entries.push_back(*e);
+  out.baseline_m = find(Sensor::radar) ? baseline_m : older.baseline_m;
   out.firmware = firmware ? firmware : older.firmware;
   out.antennas = antennas.empty() ? older.antennas : antennas;
   const record::Response &spd = response.irf_fwhm_ps.value > 0 ? response : older.response,
@@ -145,6 +150,7 @@ Calibration read_calibration(const std::string& path) {
   settings.add("firmware.line", line, "mean of the radar's own compRangeBiasAndRxChanPhase lines");
   settings.add("firmware.lines", firmware.lines, 0, 1'000'000'000, "how many came");
   Calibration out;
+  settings.add(baseline_key, out.baseline_m, 0, most_baseline_m, baseline_text);
   AntennaTexts texts;
   bind(settings, out.antennas, texts);
   bind(settings, out.axes, true, true);
@@ -182,6 +188,8 @@ void write_calibration(const std::string& path, const Calibration& calibration) 
   auto entries = calibration.entries;
   Settings settings;
   for (auto& e : entries) bind(settings, name_of(e.sensor), e);
+  double baseline_m = calibration.baseline_m;
+  if (baseline_m > 0) settings.add(baseline_key, baseline_m, 0, most_baseline_m, baseline_text);
   std::string line;
   std::int64_t lines = 0;
   if (const auto& f = calibration.firmware) {

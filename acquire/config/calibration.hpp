@@ -19,6 +19,7 @@ namespace echofuse::acquire {
 struct AntennaGains {
   std::string date_utc;
   double distance_m = 0;
+  double sine = 0;  // sine of the reflector's direction, positive to the right
   std::vector<double> gain, phase_rad, standard_error;
 
   bool empty() const { return gain.empty(); }
@@ -32,12 +33,15 @@ struct CalibratedAxes {
   bool operator==(const CalibratedAxes&) const = default;
 };
 
+inline constexpr double most_baseline_m = 10;
+
 struct Calibration {
   std::vector<record::CalibrationEntry> entries;  // one or both ranging sensors
   std::optional<FirmwareBias> firmware;
   AntennaGains antennas;
   record::Response response;
   CalibratedAxes axes = {};
+  double baseline_m = 0;  // radar.baseline_m when the radar was measured; 0: not stated
 
   const record::CalibrationEntry* find(Sensor sensor) const;  // null: none
   // Returns this calibration, completed from `older`.

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "acquire/config/config.hpp"
 
+#include <cmath>
 #include <cstdlib>
 #include <filesystem>
 #include <initializer_list>
@@ -89,6 +90,8 @@ void bind(Settings& s, Config& c, Keys& k) {
         "are installed");
   s.add("radar.board", c.radar.board, "whose antennas a heat map in the cfg is of",
         radar::board_names());
+  s.add("radar.baseline_m", c.baseline_m, 0, most_baseline_m,
+        "from the detector's axis to the left, to the middle of the radar's antennas");
   s.add("radar.data_baud", k.data_baud, 1200, 4'000'000, "of the data port");
   s.add("radar.keep_running", c.radar.keep_running,
         "leave the sensor radiating at the end; else it is sent sensorStop");
@@ -203,6 +206,19 @@ void calibrate_antennas(Config& c) {
   }
 }
 
+// The offset of the radar depends on the baseline with which it was measured.
+void refuse_other_baseline(const Config& c) {
+  constexpr double allowed_m = 5e-3;
+  const double measured_m = c.calibration.baseline_m;
+  if (!c.configured().contains(Sensor::radar) || measured_m <= 0 ||
+      std::abs(measured_m - c.baseline_m) <= allowed_m)
+    return;
+  std::ostringstream text;
+  text << c.calibration_path << ": the radar was measured with radar.baseline_m = " << measured_m
+       << ", which is " << c.baseline_m << " here: calibrate again";
+  throw Error(ExitCode::config, text.str());
+}
+
 void judge(Judge judge, Config& c, const Keys& k, const std::filesystem::path& folder,
            bool with_calibration) {
   if (c.configured().empty())
@@ -229,6 +245,7 @@ void judge(Judge judge, Config& c, const Keys& k, const std::filesystem::path& f
   if (with_calibration && !k.calibration.empty())
     judge.attempt({"run.calibration"}, [&] {
       c.calibration = read_calibration(c.calibration_path);
+      refuse_other_baseline(c);
       calibrate_antennas(c);
     });
   if (!c.depth.address.empty())

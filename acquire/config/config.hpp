@@ -35,6 +35,7 @@ struct Config {
   tdc::HistogramSettings histogram;
   record::Detector detector;
   RadarConfig radar;
+  double baseline_m = 0.5;  // from the detector to the left, to the middle of the radar's antennas
   DepthConfig depth;
   record::MapGrid map;
   SignalLimits signal;

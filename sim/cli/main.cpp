@@ -25,8 +25,8 @@ namespace {
 using namespace echofuse;
 using Command = std::function<ExitCode(bool quiet)>;
 
-// Returns the settings of the instruments whose response (acquire/measurement/response.hpp) and
-// axes this calibration file states. Throws Error(config) if it states no response.
+// Returns the settings of the instruments whose response (acquire/measurement/response.hpp), axes
+// and baseline this calibration file states. Throws Error(config) if it states no response.
 std::vector<std::string> settings_like(const std::string& path) try {
   std::vector<std::pair<std::string, std::string>> stated;
   const toml::table file = toml::parse(read_config_text(path), path);
@@ -44,12 +44,15 @@ std::vector<std::string> settings_like(const std::string& path) try {
   if (out.empty())
     throw Error(ExitCode::config,
                 path + ": states no response; expected a file of echofuse-acquire calibrate");
+  const auto add = [&](std::string_view key, double value) {
+    char number[40];
+    std::snprintf(number, sizeof number, "=%.17g", value);
+    out.push_back(std::string(key) + number);
+  };
+  if (const auto baseline_m = file["radar"]["baseline_m"].value<double>())
+    add("baseline_m", *baseline_m);
   if (const toml::table* axes = file["axes"].as_table())
-    for (const auto& [key, value] : *axes) {
-      char number[40];
-      std::snprintf(number, sizeof number, "=%.17g", value.value_or(0.0));
-      out.push_back(std::string(key.str()) + number);
-    }
+    for (const auto& [key, value] : *axes) add(key.str(), value.value_or(0.0));
   return out;
 } catch (const toml::parse_error& e) {
   throw Error(ExitCode::config, path + ": not TOML: " + std::string(e.description()));

@@ -16,6 +16,22 @@ namespace {
 constexpr float sample_gain = 1 << 10;
 constexpr unsigned above = 1;  // the ISK's transmitter that stands in another row
 
+constexpr double layout_hz = 62e9;  // antennas stand in half wavelengths of it
+
+std::vector<AntennaRadar::Pair> about_their_middle(std::vector<AntennaRadar::Pair> pairs) {
+  AntennaRadar::Pair middle;
+  const auto n = static_cast<double>(pairs.size());
+  for (const auto& p : pairs) {
+    middle.tx_x += p.tx_x / n, middle.tx_y += p.tx_y / n;
+    middle.rx_x += p.rx_x / n, middle.rx_y += p.rx_y / n;
+  }
+  for (auto& p : pairs) {
+    p.tx_x -= middle.tx_x, p.tx_y -= middle.tx_y;
+    p.rx_x -= middle.rx_x, p.rx_y -= middle.rx_y;
+  }
+  return pairs;
+}
+
 Conditions with_all_antennas(Conditions c) {
   c.radar_antennas = 12;
   return c;
@@ -31,12 +47,14 @@ RadarAntennas::RadarAntennas(const Conditions& conditions, std::uint64_t seed,
       channels_(simulated_antennas(with_all_antennas(conditions), seed)) {
   using Places = std::array<std::array<double, 2>, transmitters + receivers>;
   constexpr Places isk{{{0, 0}, {2, -1}, {4, 0}, {0, 0}, {1, 0}, {2, 0}, {3, 0}}},
+      aop{{{0, 0}, {2, 2}, {0, 2}, {1, 1}, {1, 0}, {0, 1}, {0, 0}}},
       ods{{{0, 0}, {2, 0}, {2, 2}, {0, 0}, {0, 1}, {1, 1}, {1, 0}}};
-  if (planar_ && board != "ods") return;  // the AOP's
-  const Places& places = planar_ ? ods : isk;
+  const Places& places = !planar_ ? isk : board == "ods" ? ods : aop;
+  constexpr double unit_m = speed_of_light_m_s / (2 * layout_hz);
   for (std::size_t m = 0; m < channels_.size(); ++m) {
     const auto &tx = places[m / receivers], &rx = places[transmitters + m % receivers];
     channels_[m].x = tx[0] + rx[0], channels_[m].y = tx[1] + rx[1];
+    pairs_.push_back({unit_m * tx[0], unit_m * tx[1], unit_m * rx[0], unit_m * rx[1]});
   }
 }
 
@@ -44,6 +62,7 @@ void RadarAntennas::start(const Chirp& chirp, double mean_peak) {
   axis_ = chirp.axis(conditions_);
   noise_power_ = radar_noise_power(conditions_, mean_peak);
   used_.clear();
+  used_pairs_.clear();
   numbers_.clear();
   chirp_s_ = 1e-6 * (chirp.idle_us + chirp.ramp_end_us);
   receivers_used_ = static_cast<std::size_t>(std::popcount(chirp.receivers));
@@ -57,8 +76,14 @@ void RadarAntennas::start(const Chirp& chirp, double mean_peak) {
       if (chirp.receivers >> r & 1) {
         numbers_.push_back(t * receivers + r);
         used_.push_back(channels_[numbers_.back()]);
+        used_pairs_.push_back(pairs_[numbers_.back()]);
       }
   }
+  used_pairs_ = about_their_middle(used_pairs_);
+  wavelength_m_ = speed_of_light_m_s /
+                  (1e9 * chirp.start_ghz +
+                   1e6 * chirp.slope_mhz_us *
+                       (chirp.adc_start_us + 500.0 * chirp.samples / chirp.sample_rate_ksps));
   // The firmware takes the first antennas, however many stand in the row.
   if (of_row == 0) of_row = tx.size();
   sent_ = tx.empty() ? 0 : used_.size() / tx.size() * of_row;
@@ -71,6 +96,8 @@ void RadarAntennas::look(const RenderedScene& rendered, double time_s, double ga
     radar.receivers = receivers_used_;
     radar.chirp_s = chirp_s_;
     radar.chirps = chirps_;
+    radar.pairs = used_pairs_;
+    radar.wavelength_m = wavelength_m_;
     echo_.emplace(rendered.radar, radar, conditions_, rng);
     scene_ = rendered.index;
     seen_s_ = time_s;

@@ -39,9 +39,12 @@ class RadarAntennas {
   const Conditions& conditions_;
   std::uint64_t seed_;
   bool planar_;
-  record::Antennas channels_;  // one for each transmitter with each receiver
-  record::Antennas used_;      // those of the chirp, in the order of its transmitters
-  std::size_t sent_ = 0;       // number of them that are sent, from the first
+  record::Antennas channels_;              // one for each transmitter with each receiver
+  std::vector<AntennaRadar::Pair> pairs_;  // transmitters and receivers of channels_
+  std::vector<AntennaRadar::Pair> used_pairs_;
+  double wavelength_m_ = 0;
+  record::Antennas used_;  // those of the chirp, in the order of its transmitters
+  std::size_t sent_ = 0;   // number of them that are sent, from the first
   RadarAxis axis_;
   double chirp_s_ = 0;
   std::int64_t chirps_ = 1;

@@ -10,6 +10,22 @@
 
 namespace echofuse::sim {
 
+namespace {
+
+// A corner reflector echoes from its apex, whichever way it points: all patches of the plate come
+// from its centre.
+void gather_reflector(Vec3 centre, const Conditions& c, Returns& returns) {
+  const double x = centre.x - radar_x_m(c), range = std::hypot(x, centre.y, centre.z);
+  for (std::size_t k = 0; k < returns.place.size(); ++k) {
+    if (returns.place[k].person != Returns::reflector) continue;
+    returns.range_m[k] = range + c.radar_bias_m;
+    returns.place[k].x = static_cast<float>(x / range);
+    returns.place[k].y = static_cast<float>(centre.y / range);
+  }
+}
+
+}  // namespace
+
 ScenePlayer::ScenePlayer(const Clock& clock, const Conditions& conditions,
                          const SceneSchedule& schedule)
     : clock_(clock), conditions_(conditions), schedule_(schedule), start_(clock.now()) {}
@@ -47,12 +63,14 @@ const RenderedScene& ScenePlayer::at(double time_s) {
       make_scene(conditions_, spec_of(schedule_, index), static_cast<std::uint64_t>(schedule_.seed),
                  static_cast<std::uint64_t>(index));
   rendered_.spd = spd_returns(rendered_.scene, conditions_);
-  // The reflector is put before each sensor in turn; here it stands before both at once.
   Scene for_radar = rendered_.scene;
-  if (for_radar.label == "reflector") for_radar.plates[0].centre.x = radar_x_m(conditions_);
+  const bool reflector = for_radar.label == "reflector";
+  if (reflector && conditions_.reflector_before == "each")
+    for_radar.plates[0].centre.x = radar_x_m(conditions_);
   Conditions with_places = conditions_;
   with_places.radar_antennas = std::max<std::int64_t>(1, conditions_.radar_antennas);
   rendered_.radar = radar_returns(for_radar, with_places);
+  if (reflector) gather_reflector(for_radar.plates[0].centre, conditions_, rendered_.radar);
   rendered_.index = index;
   return rendered_;
 }

@@ -152,6 +152,7 @@ std::string lab_toml(const LabOptions& o, const fs::path& dir, const std::string
       << "\n\n[radar]\ncli = " << toml_text("serial:" + (dir / "radar-cli").string())
       << "\ndata = " << toml_text("serial:" + (dir / "radar-data").string())
       << "\ncfg = \"radar.cfg\"\nboard = " << toml_text(o.radar_board)
+      << "\nbaseline_m = " << Json(o.conditions.baseline_m).dump()
       << "\n\n[depth]\naddress = \"openni:\"\nmap_size = " << map.size
       << "\nmap_half_tangent = " << Json(map.half_tangent).dump()
       << "\nmap_z_max_m = " << Json(map.far_m).dump() << "\n";

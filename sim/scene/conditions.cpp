@@ -13,6 +13,10 @@ namespace {
 void bind_scene(Settings& s, Conditions& c) {
   s.add("window_s", c.window_s, 0.01, 3600, "length of a record; photons and frames are of one");
   s.add("baseline_m", c.baseline_m, 0, 10, "radar at (-baseline, 0, 0)");
+  s.add("reflector_before", c.reflector_before,
+        "calibration reflector, 1 m away: in front of the detector or of each sensor, or by "
+        "baseline_m to the left or right of the detector",
+        {"detector", "each", "left", "right"});
   s.add("half_tangent", c.half_tangent, 0.05, 1, "field of view of SPD and depth camera");
   s.add("camera_height_m", c.camera_height_m, 0, 3, "sensors above the floor");
   s.add("target_x_m", c.target_x_m, 0, 5, "people stand at -x..x");

@@ -19,6 +19,7 @@ struct Conditions {
   double target_x_m = 1.0, target_z_min_m = 3.0, target_z_max_m = 4.0, target_scale = 1.0;
   double person_yaw_deg = 60, letter_yaw_deg = 30;
   std::string background = "none";
+  std::string reflector_before = "detector";
   std::int64_t multipath_order = 0;
   std::string object, object_up = "y";
   double object_scale = 1;
@@ -76,7 +77,7 @@ struct Conditions {
   double depth_noise_m = 0, depth_dropout = 0, depth_offset_m = 0;
 };
 
-inline constexpr double reflector_m = 1;  // distance of the calibration target before each sensor
+inline constexpr double reflector_m = 1;           // distance of the calibration reflector, along z
 inline constexpr double radar_half_tangent = 1.2;  // its antenna's field of view, +-50 degrees
 inline constexpr double radar_carrier_hz = 60.25e9;
 

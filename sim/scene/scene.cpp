@@ -125,8 +125,11 @@ Scene make_scene(const Conditions& c, const SceneSpec& spec, std::uint64_t seed,
       // The plate is so small that its edges are farther than its middle by 0.02 mm at most, at 1
       // m. There it is as bright as the mean scene.
       const double half = 0.006 * reflector_m;
+      const double x_m = c.reflector_before == "right"  ? c.baseline_m
+                         : c.reflector_before == "left" ? -c.baseline_m
+                                                        : 0;
       scene.plates.push_back(
-          {{0, 0, reflector_m}, {1, 0, 0}, {0, 1, 0}, {{-half, 0, half, 0, 2 * half}}, 11});
+          {{x_m, 0, reflector_m}, {1, 0, 0}, {0, 1, 0}, {{-half, 0, half, 0, 2 * half}}, 11});
       scene.room = nullptr;
       scene.label = "reflector";
       break;

@@ -49,7 +49,8 @@ struct Scene {
   std::string label;           // person, letter:A, two_people, empty, object:chair
 };
 
-// reflector is a small white plate at reflector_m straight ahead of the SPD. object is the mesh of
+// reflector is a small white plate at reflector_m, straight ahead of the SPD or to its side
+// (Conditions::reflector_before). object is the mesh of
 // Conditions::object on the floor.
 enum class SceneKind : std::uint8_t { person, letter, two_people, empty, reflector, object };
 std::optional<SceneKind> kind_named(std::string_view name);

@@ -86,6 +86,23 @@ float turns_of_patch(const Returns& returns, std::size_t k, std::uint64_t seed) 
   return static_cast<float>(mix(seed ^ mix(range ^ mix(x ^ mix(y)))) >> 40) * 0x1p-24f;
 }
 
+// Wave of a point near the antennas.
+MatrixXcf near_wave(const AntennaRadar& radar, const EchoCell& point) {
+  const double z = point.range_m * std::sqrt(1 - point.x * point.x - point.y * point.y);
+  const auto way_m = [&](double x, double y) {
+    return std::hypot(point.range_m * point.x - x, point.range_m * point.y - y, z);
+  };
+  MatrixXcf out(radar.pairs.size(), 1);
+  for (std::size_t m = 0; m < radar.pairs.size(); ++m) {
+    const auto& p = radar.pairs[m];
+    const double longer_m = way_m(p.tx_x, p.tx_y) + way_m(p.rx_x, p.rx_y) - 2 * point.range_m;
+    out(static_cast<Index>(m), 0) = std::complex<float>(
+        std::polar(radar.antennas[m].gain * std::sqrt(point.weight),
+                   radar.antennas[m].phase_rad - 2 * pi * longer_m / radar.wavelength_m));
+  }
+  return out;
+}
+
 // The reflector and the leakage are points.
 void add_points(const Returns& returns, const AntennaRadar& radar, Samples& samples) {
   const RangeResponse response(radar.axis);
@@ -95,9 +112,11 @@ void add_points(const Returns& returns, const AntennaRadar& radar, Samples& samp
     if (cell.weight <= 0) continue;
     const auto one = [](double value) { return ArrayXf::Constant(1, static_cast<float>(value)); };
     response.at(cell.range_m / radar.axis.resolution_m, psf);
-    samples +=
-        waves(radar.antennas, one(cell.x), one(cell.y), one(std::sqrt(cell.weight)), one(0)) *
-        Eigen::Map<Eigen::RowVectorXd>(psf.data(), samples.cols()).cast<float>();
+    const MatrixXcf wave =
+        kind == Returns::reflector && !radar.pairs.empty()
+            ? near_wave(radar, cell)
+            : waves(radar.antennas, one(cell.x), one(cell.y), one(std::sqrt(cell.weight)), one(0));
+    samples += wave * Eigen::Map<Eigen::RowVectorXd>(psf.data(), samples.cols()).cast<float>();
   }
 }
 

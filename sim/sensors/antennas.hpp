@@ -9,7 +9,9 @@
 //               stand still: their phases belong to the seed, and the mean of all frames is theirs.
 //   incoherent  As if there were infinitely many looks: over any radar_frames successive frames
 //               the covariance is exactly sum_k w_k psf^2 a a^H. Successive ones are uncorrelated.
-// Leakage and the calibration reflector are points that stand still. The transmitters send in turn,
+// Leakage and the calibration reflector are points that stand still. The reflector is near: with
+// the places of transmitters t and receivers r its phase is
+//   -2 pi (|P - t| + |P - r| - 2 |P|) / wavelength. The transmitters send in turn,
 // chirp_s apart and `chirps` times each. An echo that moves at v m/s has at transmitter t of T
 //   exp(-4 pi i v t chirp_s / wavelength) sin(pi f C) / (C sin(pi f)),
 // with C = chirps, f = 2 v T chirp_s / wavelength (Doppler bin 0).
@@ -110,6 +112,13 @@ struct AntennaRadar {
   std::int64_t chirps = 1;
   // Result of room_echo() if the room is subtracted from the returns (render.hpp); else empty.
   std::span<const std::complex<float>> room{};
+  // Transmitter and receiver of each antenna, m from the middle of either's places, and the
+  // wavelength; empty: the reflector's wave is plane.
+  struct Pair {
+    double tx_x = 0, tx_y = 0, rx_x = 0, rx_y = 0;
+  };
+  std::vector<Pair> pairs{};
+  double wavelength_m = 0;
 };
 
 class AntennaEcho {

@@ -123,11 +123,12 @@ TEST_CASE("antennas: a calibration file keeps them, and one without them loads")
   c.entries = {{Sensor::radar, "2026-11-21T10:00:00Z", "some method", 1, -0.0375, 2e-4}};
   write_calibration(path, c);
   CHECK(read_calibration(path).antennas.empty());
-  c.antennas = {"2026-11-22T10:00:00Z", 1, {1, 0.912345}, {0, -3.14159}, {0, 0.00123}};
+  c.antennas = {"2026-11-22T10:00:00Z", 1, 0.447214, {1, 0.912345}, {0, -3.14159}, {0, 0.00123}};
   write_calibration(path, c);
   const AntennaGains back = read_calibration(path).antennas;
   CHECK(back.date_utc == "2026-11-22T10:00:00Z");
   CHECK(back.distance_m == 1);
+  CHECK(back.sine == 0.447214);
   CHECK(back.gain == c.antennas.gain);
   CHECK(back.phase_rad == c.antennas.phase_rad);
   CHECK(back.standard_error == c.antennas.standard_error);
@@ -155,10 +156,7 @@ TEST_CASE("antennas: the configuration has the board's places and the calibratio
              "[run]\ncalibration = \"c.toml\"\n");
   Calibration c;
   c.entries = {{Sensor::radar, "2026-11-21T10:00:00Z", "some method", 1, -0.0375, 2e-4}};
-  c.antennas = {"2026-11-22T10:00:00Z",
-                1,
-                {1, 2, 1, 1, 1, 1, 1, 3},
-                {0, 1, 2, 3, 1, 1, 1, 1},
+  c.antennas = {"2026-11-22T10:00:00Z",  1, 0, {1, 2, 1, 1, 1, 1, 1, 3}, {0, 1, 2, 3, 1, 1, 1, 1},
                 {0, 0, 0, 0, 0, 0, 0, 0}};
   write_calibration(folder / "c.toml", c);
   const Config config = load_config(path);

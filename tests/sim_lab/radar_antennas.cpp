@@ -30,12 +30,12 @@ Chirp chirp_of(std::vector<unsigned> transmitters) {
   return chirp;
 }
 
-// A point of power 1 at 3 m.
+// A point of power 1 at 3 m, whose wave is plane.
 RenderedScene point_at(double x, double y, std::int64_t index = 0) {
   RenderedScene scene;
   scene.index = index;
   scene.radar = {
-      {3.0}, {1.0}, {{static_cast<float>(x), static_cast<float>(y), 1, Returns::reflector}}};
+      {3.0}, {1.0}, {{static_cast<float>(x), static_cast<float>(y), 1, Returns::leakage}}};
   return scene;
 }
 

@@ -10,6 +10,7 @@ import sqlite3
 import subprocess
 import sys
 import tempfile
+import tomllib
 import unittest
 
 bin_dir = pathlib.Path(sys.argv[1]).resolve()
@@ -42,9 +43,13 @@ class Calibrate(unittest.TestCase):
         spd, radar = json.loads(done.stdout.splitlines()[-1])["sensors"]
         for sensor, true_m in (spd, SPD_M), (radar, RADAR_M):
             # The plate's edges are farther than its middle: by less than 0.02 mm on average.
-            self.assertLess(abs(sensor["offset_m"] - true_m), 5 * sensor["standard_error_m"] + 2e-5, sensor)
-            self.assertLess(sensor["standard_error_m"], 3e-4)
+            self.assertLess(abs(sensor["offset_m"] - true_m), 5 * sensor["measurement_error_m"] + 2e-5, sensor)
+            self.assertLess(sensor["measurement_error_m"], 3e-4)
             self.assertGreater(sensor["snr_db"], 10)
+        # 2 mm of the distance; across 2 mm of the baseline, too.
+        self.assertAlmostEqual(spd["reflector_error_m"], 2e-3, 6)
+        self.assertAlmostEqual(radar["reflector_error_m"], math.sqrt(1 + .5 * .5 * 2) / math.sqrt(1.25) * 2e-3, 5)
+        self.assertAlmostEqual(radar["true_range_m"], math.sqrt(1.25), 6)
         self.assertNotIn("kept", json.loads(done.stdout.splitlines()[-1]))
         run = self.lab("run", "--config", self.dir / "lab/lab.toml", "--out", self.dir / "run", "--count", "1", *uses)
         self.assertEqual(run.returncode, 0, run.stderr)
@@ -78,15 +83,98 @@ class Calibrate(unittest.TestCase):
         for kept, measured in zip(info["calibrations"], (spd, radar)):
             self.assertAlmostEqual(kept["offset_m"], measured["offset_m"], 12)
 
+    def test_mountings(self):
+        """The wrong command is refused with what the peak fits better; two steps fill one file."""
+        stored = self.dir / "calibration.toml"
+
+        def measure(before, *options, bias_m=.05):
+            sets = [f"reflector_before={before}", f"radar_bias_m={bias_m}", "baseline_m=0.4"]
+            done = self.lab("calibrate", "--config", self.dir / "lab/lab.toml", "--json", "--repeat",
+                            "4", "--time", "0.3", "--set", f"run.calibration={stored}", *options,
+                            sets=[word for one in sets for word in ("--set", one)])
+            return done.returncode, json.loads(done.stdout.splitlines()[-1])["sensors"][0]
+
+        for before, command, place in (("each", "detector", "radar"), ("detector", "each", "detector")):
+            code, said = measure(before, "--reflector", command, "--only", "radar")
+            self.assertEqual(code, 4)
+            self.assertIn(f"fits --reflector {before}", said["refusal"])
+            self.assertIn(f"in front of the {place}?", said["refusal"])
+            self.assertNotIn("--window", said["refusal"])
+        self.assertFalse(stored.exists())
+        far = measure("detector", "--only", "radar", bias_m=.3)[1]["refusal"]
+        self.assertIn("is --distance right", far)
+        self.assertNotIn("--window", far)
+        for sensor in "spd", "radar":
+            code, said = measure("each", "--reflector", "each", "--only", sensor)
+            self.assertEqual((code, said["sensor"]), (0, sensor))
+        first = tomllib.loads(stored.read_text())
+        self.assertLess(abs(first["spd"]["offset_m"] - SPD_M), 2e-3)
+        self.assertLess(abs(first["radar"]["offset_m"] - .05), 2e-3)
+        self.assertEqual(first["radar"]["baseline_m"], .4)
+        self.assertEqual(measure("detector", "--only", "radar")[0], 0)
+        second = tomllib.loads(stored.read_text())
+        self.assertEqual(second["spd"], first["spd"])
+        self.assertLess(abs(second["radar"]["offset_m"] - .05), 2e-3)
+        like = self.dir / "like.sqlite"
+        subprocess.run([bin_dir / "echofuse-sim", "dataset", "-q", "--out", like, "--records", "4",
+                        "--like", stored], check=True)
+        with contextlib.closing(sqlite3.connect(like)) as db:
+            resolved = "\n".join(str(v) for row in db.execute("SELECT * FROM run") for v in row)
+        self.assertIn("baseline_m = 0.4", resolved)
+
+    def test_side(self):
+        """One echo at a known side is found there; one at the other side is not taken for it."""
+        stored = self.dir / "calibration.toml"
+
+        def calibrate(before, *options):
+            return self.lab("calibrate", "--config", self.dir / "lab/lab.toml", "--repeat", "4",
+                            "--time", "0.5", "--set", f"run.calibration={stored}", *options,
+                            cfg=config / "xwr68xx_azimuth_44mm.cfg",
+                            sets=("--set", f"reflector_before={before}", "--set",
+                                  "radar_phase_error_rad=1"))
+
+        self.assertEqual(calibrate("detector", "--only", "radar").returncode, 0)
+        for side in "left", "right":
+            done = calibrate(side, "--side", side)
+            self.assertEqual(done.returncode, 0, done.stdout + done.stderr)
+            self.assertIn(f"the echo at the {side} is at", done.stdout)
+            self.assertIn("the antenna row is not swapped", done.stdout)
+        self.assertEqual(calibrate("left", "--side", "right").returncode, 4)
+
+    def test_antennas(self):
+        """Eight antennas with errors, calibrated with one reflector in front of the detector, make
+        a usable model."""
+        stored, cfg = self.dir / "calibration.toml", config / "xwr68xx_azimuth_50cm.cfg"
+        sets = "--set", "radar_phase_error_rad=1", "--set", "radar_gain_error_db=1"
+        uses = "--config", self.dir / "lab/lab.toml", "--set", f"run.calibration={stored}"
+        done = self.lab("calibrate", *uses, "--repeat", "5", cfg=cfg, sets=sets)
+        self.assertEqual(done.returncode, 0, done.stdout + done.stderr)
+        run = subprocess.run(
+            [bin_dir / "echofuse-sim", "lab", "--dir", self.dir / "lab", "--scene", "mixed", "--hold",
+             "1", "--window", "1", "--radar-cfg", cfg, *sets, "--set", f"spd_delay_ps={SPD_PS}",
+             "--set", "radar_sum=coherent", "--", bin_dir / "echofuse-acquire", "run", "-q", *uses,
+             "--out", self.dir / "run", "--count", "30"], capture_output=True, text=True)
+        self.assertIn(run.returncode, (0, 5), run.stderr)
+        scenes, model = self.dir / "scenes.sqlite", self.dir / "model.safetensors"
+        slots = "--set radar_antennas=8 --set radar_sum=coherent --set window_s=1 --set radar_frames=20"
+        for program, *words in (
+                ("sim", "dataset", "-q", "--out", scenes, "--records", "1500", "--like", stored,
+                 *slots.split()),
+                ("recon", "train", "-q", scenes, "--model", "factorised-16", "--out", model)):
+            subprocess.run([bin_dir / f"echofuse-{program}", *words], check=True)
+        done = subprocess.run([bin_dir / "echofuse-recon", "evaluate", model, self.dir / "run.sqlite",
+                               "--all", "--json"], capture_output=True, text=True, check=True)
+        self.assertGreater(json.loads(done.stdout)["metrics"]["iou"]["mean"], .4, done.stdout)
+
     def test_windows(self):
         """A radar with cells of 50 cm and another window states its response at 3 m, and nearer than its cells why not."""
         hann = " ".join(str(((1, .25)[int(u)] if u in (0, 1) else (math.sin(math.pi * u) / (math.pi * u * (1 - u * u))) ** 2))
                         for u in (k / 4 for k in range(24)))
         for farther_m in 2, -.4:
             delay_ps = farther_m * 2e12 / 299792458
-            sets = [f"radar_bias_m={farther_m}", "radar_leakage=1", f"radar_taps={hann}", f"spd_delay_ps={delay_ps}"]
+            sets = ["reflector_before=each", f"radar_bias_m={farther_m}", "radar_leakage=1", f"radar_taps={hann}", f"spd_delay_ps={delay_ps}"]
             done = self.lab("calibrate", "--config", self.dir / "lab/lab.toml", "--json", "--repeat", "4", "--distance", str(1 + farther_m),
-                            "--window", "0.6", "--set", f"run.calibration={self.dir / 'windows.toml'}",
+                            "--window", "0.6", "--reflector", "each", "--set", f"run.calibration={self.dir / 'windows.toml'}",
                             cfg=config / "xwr68xx_paper_50cm.cfg", sets=[word for one in sets for word in ("--set", one)])
             said = json.loads(done.stdout.splitlines()[-1])
             self.assertEqual(farther_m > 0, "radar_taps" in said["response"], said)

@@ -56,6 +56,8 @@ acquire run --duration 5 | 2 | --duration: expected a number with its unit, as 2
 acquire run --count 3 --duration 5s | 2 | --count does not go with --duration
 acquire run --duration 99999999999h | 2 | --duration: expected at most 87660h, ten years
 acquire calibrate --distance -1 | 2 | --distance: Value -1 not in range 0.1 to 100
+acquire calibrate --reflector front | 2 | --reflector: front not in {detector,each}
+acquire calibrate --side right --check | 2 | --side
 export seen.sqlite --to x.txt | 2 | --to x.txt: expected NAME.h5 or NAME.nc, or NAME.csv with --record N
 acquire info dark.toml | 1 | dark.toml
 recon | 2 | subcommand

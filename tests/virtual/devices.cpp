@@ -79,20 +79,22 @@ class Keeper {
 
 constexpr double spd_m = 437 * speed_of_light_m_s / 2e12, radar_m = 0.037;
 
-// A plate at 1 m, and offsets that only the laboratory knows.
-LaboratoryOptions reflector(double more_ps = 0) {
+// A reflector at 1 m, and offsets that only the laboratory knows.
+LaboratoryOptions reflector(double more_ps = 0, const std::string& before = "detector") {
   return {.signal_photons = 4e5,
           .scene = "reflector",
           .radar_cfg = "xwr68xx_44mm.cfg",
           .change = [=](sim::Conditions& c) {
             c.first_bin_ps = 1000, c.spd_rays = sim::Conditions{}.spd_rays,
             c.spd_delay_ps = 437 + more_ps, c.radar_bias_m = radar_m;
+            c.reflector_before = before;
           }};
 }
 
-ExitCode calibrate(Laboratory& lab, bool check = false) {
-  acquire::CalibrateOptions options;
+// The reflector's place is exact, so the standard errors are those of the measurement.
+ExitCode calibrate(Laboratory& lab, bool check = false, acquire::CalibrateOptions options = {}) {
   options.check = check;
+  options.distance_error_m = options.baseline_error_m = 0;
   options.repeats = 6, options.time_s = 0.4;
   options.search.window_m = 0.3;
   options.json = true;
@@ -198,6 +200,58 @@ TEST_CASE("offsets are measured, stored, named by a run, and found again") {
   Bench slipped(reflector(200));
   slipped.lab->set({"run.calibration=" + stored});
   CHECK(calibrate(*slipped.lab, true) == ExitCode::failed);
+}
+
+TEST_CASE("both mountings of the reflector give the same offsets, the wrong one none") {
+  const auto stated = GENERATE(acquire::Mounting::detector, acquire::Mounting::each);
+  const std::string placed = GENERATE("detector", "each");
+  CAPTURE(acquire::name_of(stated), placed);
+  Bench b(reflector(0, placed));
+  const std::string stored = b.folder / "c.toml";
+  b.lab->set({"run.calibration=" + stored}, false);
+  acquire::CalibrateOptions options;
+  options.mounting = stated;
+  const bool right = placed == acquire::name_of(stated);
+  options.only = Sensor::radar;
+  CHECK(calibrate(*b.lab, false, options) == (right ? ExitCode::ok : ExitCode::device));
+  CHECK(std::filesystem::exists(stored) == right);
+  options.only = Sensor::spd;
+  CHECK(calibrate(*b.lab, false, options) == ExitCode::ok);
+  const acquire::Calibration c = acquire::read_calibration(stored);
+  REQUIRE(c.find(Sensor::spd));
+  CHECK(std::abs(c.find(Sensor::spd)->offset_m - spd_m) < 2e-3);
+  REQUIRE((c.find(Sensor::radar) != nullptr) == right);
+  if (!right) return;
+  CHECK(std::abs(c.find(Sensor::radar)->offset_m - radar_m) < 2e-3);
+  CHECK(c.find(Sensor::radar)->distance_m ==
+        Approx(stated == acquire::Mounting::detector ? 1.118034 : 1));
+  CHECK(c.baseline_m == 0.5);
+}
+
+TEST_CASE("antennas: both mountings give the channels' gains and phases") {
+  const std::string placed = GENERATE("detector", "each");
+  LaboratoryOptions options = reflector(0, placed);
+  options.radar_cfg = "xwr68xx_azimuth_44mm.cfg";
+  options.change = [change = options.change](sim::Conditions& c) {
+    change(c);
+    c.radar_snr_db = 45;
+  };
+  CAPTURE(placed);
+  Bench b(options);
+  const std::string stored = b.folder / "c.toml";
+  b.lab->set({"run.calibration=" + stored}, false);
+  acquire::CalibrateOptions calibration;
+  if (placed == "each") calibration.mounting = acquire::Mounting::each;
+  calibration.only = Sensor::radar;
+  REQUIRE(calibrate(*b.lab, false, calibration) == ExitCode::ok);
+  const acquire::AntennaGains& gains = acquire::read_calibration(stored).antennas;
+  REQUIRE(gains.gain.size() == 8);
+  CHECK(gains.sine == Approx(placed == "each" ? 0 : 0.447214));
+  for (std::size_t m = 1; m < gains.gain.size(); ++m) {  // the simulated channels are alike
+    CHECK(std::abs(gains.phase_rad[m]) < 5 * gains.standard_error[m] + 4e-3);
+    CHECK(std::abs(gains.gain[m] - 1) < 5 * gains.standard_error[m]);
+    CHECK(gains.standard_error[m] < 0.003);
+  }
 }
 
 TEST_CASE("what cannot be measured is not stored") {

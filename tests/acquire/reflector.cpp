@@ -1,0 +1,136 @@
+// SPDX-License-Identifier: MIT
+// Place of the calibration reflector, its errors, and the antennas' phases that follow.
+#include "acquire/calibrate/reflector.hpp"
+
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <complex>
+#include <numbers>
+
+#include "acquire/calibrate/side.hpp"
+#include "drivers/core/axis.hpp"
+
+using namespace echofuse;
+using namespace echofuse::acquire;
+using Catch::Contains;
+
+namespace {
+
+constexpr double pi = std::numbers::pi;
+constexpr double wavelength_m = speed_of_light_m_s / 60.2e9;
+
+std::vector<radar::AntennaPair> row() {
+  const std::vector<std::uint32_t> tx{0, 2};
+  return radar::heat_map_pairs(radar::Board::isk, tx, 15);
+}
+
+}  // namespace
+
+TEST_CASE("reflector: the radar's range follows from the baseline") {
+  Reflector r;
+  CHECK(r.range_m(Sensor::spd) == 1);
+  CHECK(r.range_m(Sensor::radar) == Approx(1.118034).epsilon(1e-6));
+  CHECK(r.other().range_m(Sensor::radar) == 1);
+  r.distance_m = 3;
+  CHECK(r.range_m(Sensor::radar) == Approx(3.041381).epsilon(1e-6));
+  r.mounting = Mounting::each;
+  CHECK(r.range_m(Sensor::radar) == 3);
+}
+
+TEST_CASE("reflector: the range's error has distance, tilt, baseline and height") {
+  Reflector r;
+  CHECK(r.error_m(Sensor::spd) == 2e-3);
+  const double along = 2e-3 / 1.118034, aside = 0.5 * 2e-3 * std::sqrt(2.0) / 1.118034;
+  CHECK(r.error_m(Sensor::radar) == Approx(std::hypot(along, aside)).epsilon(1e-4));
+  r.distance_error_m = 0, r.baseline_error_m = 0.01;
+  CHECK(r.error_m(Sensor::radar) == Approx(0.01 * 0.5 / 1.118034).epsilon(1e-6));
+  Reflector longer = r;
+  longer.baseline_m += 0.01;
+  CHECK(longer.range_m(Sensor::radar) - r.range_m(Sensor::radar) ==
+        Approx(r.error_m(Sensor::radar)).epsilon(0.02));
+  CHECK(r.other().error_m(Sensor::radar) == 0);
+}
+
+TEST_CASE("reflector: a peak that fits the other mounting better is refused") {
+  const auto refusal = [](Mounting stated, double distance_m, double measured_m) {
+    return other_mounting({.mounting = stated, .distance_m = distance_m}, measured_m, 0.2);
+  };
+  const auto detector = Mounting::detector, each = Mounting::each;
+  CHECK(refusal(detector, 1, 1.118) == "");
+  CHECK(refusal(detector, 1, 1.118 + 0.08) == "");
+  CHECK(refusal(detector, 1, 1.118 - 0.02) == "");
+  CHECK(refusal(each, 1, 1.0) == "");
+  CHECK(refusal(each, 1, 1.08) == "");
+  CHECK_THAT(refusal(detector, 1, 1.0), Contains("fits --reflector each (true range 1.000 m"));
+  CHECK_THAT(refusal(detector, 1, 1.05), Contains("in front of the radar?"));  // inside the window
+  CHECK_THAT(refusal(each, 1, 1.168), Contains("fits --reflector detector (true range 1.118 m") &&
+                                          Contains("in front of the detector?"));
+  CHECK_THAT(refusal(detector, 3, 3.0), Contains("fits --reflector each"));
+  CHECK_THAT(refusal(each, 3, 3.041), Contains("fits --reflector detector"));
+  CHECK(refusal(detector, 3, 3.041 + 0.037) == "");
+  CHECK(refusal(detector, 1, 1.5) == "");                        // neither
+  CHECK(other_mounting({.baseline_m = 0.02}, 1.03, 0.2) == "");  // 0.2 mm apart
+}
+
+TEST_CASE("reflector: the wave is plane from afar and spherical near the antennas") {
+  const auto antennas = row();
+  const double sine = 0.5 / std::hypot(1, 0.5),
+               per_place = 2 * pi / wavelength_m * radar::half_wavelength_m * sine;
+  const auto far = steering_phases(antennas, {5000, 0, 10000}, wavelength_m);
+  const auto near = steering_phases(antennas, {0.5, 0, 1}, wavelength_m);
+  double bent = 0;
+  for (std::size_t m = 0; m < 8; ++m) {
+    CHECK(far[m] == Approx(static_cast<double>(m) * per_place).margin(1e-4));
+    bent = std::max(bent, std::abs(near[m] - far[m]));
+  }
+  CHECK(bent > 0.005);
+  CHECK(bent < 0.1);
+  const Steering ahead = steering_of({.mounting = Mounting::each}, antennas, wavelength_m);
+  CHECK(ahead.sine == 0);
+  CHECK(std::abs(ahead.phase_rad[7]) < 0.01);  // symmetric to the middle
+  const Steering aside = steering_of({}, antennas, wavelength_m);
+  CHECK(aside.sine == Approx(sine));
+  CHECK(aside.error_rad[0] == 0);
+  // 2 mm of the distance and, across, 2.8 mm: each times the slope of the sine.
+  const double slope = std::hypot(2.83e-3 / 1.398, 2e-3 * 0.5 / 1.398);
+  CHECK(aside.error_rad[7] == Approx(7 * per_place / sine * slope).epsilon(0.05));
+}
+
+TEST_CASE("side: an echo at a known side shows whether the antenna row is swapped") {
+  const auto antennas = row();
+  const std::vector<double> channels{0, 1.1, -2, 0.4, 3, -0.7, 1.9, -1.2};
+  for (const auto mounting : {Mounting::detector, Mounting::each})
+    for (const bool swapped : {false, true}) {
+      const Reflector reflector{.mounting = mounting};
+      // The phases of a board, which has its right side left if swapped.
+      const auto measured = [&](double x_m) {
+        AntennaGains out;
+        out.phase_rad = steering_phases(antennas, {swapped ? -x_m : x_m, 0, 1}, wavelength_m);
+        for (std::size_t m = 0; m < 8; ++m) out.phase_rad[m] += channels[m];
+        out.gain.assign(8, 1), out.standard_error.assign(8, 0);
+        return out;
+      };
+      AntennaGains calibrated = measured(mounting == Mounting::detector ? 0.5 : 0);
+      const Steering steering = steering_of(reflector, antennas, wavelength_m);
+      calibrated.sine = steering.sine;
+      for (std::size_t m = 0; m < 8; ++m) calibrated.phase_rad[m] -= steering.phase_rad[m];
+      const double place_m = mounting == Mounting::detector ? 0.5 : 0;
+      for (const auto& [side, x_m] :
+           {std::pair{Side::right, place_m + 0.5}, {Side::left, place_m - 0.5}}) {
+        const SidePlace place = place_at(side, reflector, calibrated.sine);
+        CHECK(place.x_m == Approx(x_m - 0.5).margin(1e-9));
+        CHECK(place.range_m == Approx(std::hypot(x_m, 1)));
+        const SideFinding found =
+            find_side(side, reflector, measured(x_m), calibrated, antennas, wavelength_m);
+        CAPTURE(swapped, found.sine, found.expected, found.if_swapped);
+        CHECK(found.refusal.empty());
+        CHECK(found.swapped == swapped);
+        CHECK_THAT(to_text(side, found), Contains(swapped ? "is swapped" : "is not swapped"));
+      }
+      if (!swapped)
+        CHECK_THAT(find_side(Side::right, reflector, measured(place_m - 1.2), calibrated, antennas,
+                             wavelength_m)
+                       .refusal,
+                   Contains("is the reflector at its place?"));
+    }
+}
