@@ -14,7 +14,7 @@ struct Range {
   double least, most;
 };
 constexpr Range widths_ps{0.1, 100'000}, tails_ps{0, 100'000}, shares{0, 1}, cells_m{1e-3, 10},
-    exponents{-2, 0}, powers{0, 1.05};
+    exponents{-2, 0}, powers{0, 1.05}, baselines_m{0, 10};
 
 // Reads numbers, and perhaps "+- ERROR" behind them. Returns none for any other text or a number
 // out of range.
@@ -118,6 +118,13 @@ Response response_of(const std::vector<std::pair<std::string, std::string>>& met
   out.radar.cell_m = cell.value;
   if (!out.radar.known()) out.radar = {}, out.taps_standard_error = 0;
   return out;
+}
+
+double radar_baseline_m(const std::vector<std::pair<std::string, std::string>>& meta) {
+  Measured out;
+  for (const auto& [key, text] : meta)
+    if (key == "radar_baseline_m") take(text, baselines_m, out);
+  return out.value;
 }
 
 }  // namespace echofuse::record

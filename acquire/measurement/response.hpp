@@ -52,4 +52,7 @@ struct Response {
 // Response from a run's metadata. Parts not stated, or impossible, are not known.
 Response response_of(const std::vector<std::pair<std::string, std::string>>& meta);
 
+// Distance between detector and radar that a run states as radar_baseline_m; 0 if it states none.
+double radar_baseline_m(const std::vector<std::pair<std::string, std::string>>& meta);
+
 }  // namespace echofuse::record

@@ -79,8 +79,10 @@ class Appender {  // appends one run to a Dataset
     own_lags_ = array_.count > 0 ? lags_axis(array_, lags_) : Axis{};
     adopt_array(own_lags_);
     adopt_map(run.axes());
-    double radar_offset_m = 0;
+    double radar_offset_m = 0, range_error_m = 0;
+    SensorSet calibrated;
     for (const auto& c : run.calibrations()) {
+      calibrated.insert(c.sensor), range_error_m = std::hypot(range_error_m, c.standard_error_m);
       if (c.sensor == Sensor::spd && data.spd_axis.unit == "ps")
         spd_shift_.emplace(c.offset_m * ps_per_m / spd_.step);
       if (c.sensor == Sensor::radar && data.radar_axis.unit == "m") radar_offset_m = c.offset_m;
@@ -92,7 +94,11 @@ class Appender {  // appends one run to a Dataset
                     printable(path_) + ": is the same run as " + printable(other.path) +
                         "; give each run once, or its records leak into the test");
     const auto response = record::response_of(info.meta).radar;
-    data.sources.push_back({path_, info.uuid, data.size(), 0, radar_offset_m, response});
+    Source& source = data.sources.emplace_back(
+        Source{path_, info.uuid, data.size(), 0, radar_offset_m, response});
+    if (calibrated.contains(Sensor::spd) && calibrated.contains(Sensor::radar))
+      source.range_error_m = range_error_m;
+    source.baseline_m = record::radar_baseline_m(info.meta);
   }
 
   // Reserves memory, because a growing table would be there twice. Many runs do not each allocate

@@ -3,6 +3,7 @@
 #pragma once
 #include <cstdint>
 #include <functional>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -31,6 +32,12 @@ struct Source {
   std::size_t first = 0, count = 0;
   double radar_offset_m = 0;  // its profiles are still too long by this (subtract_range_offset)
   record::RadarResponse radar_response = {};  // as stated, or brought to (data/response.hpp)
+  // Effect of that step: width of the stated response over the new one, and factor of white noise.
+  double times_wider = 1, noise_factor = 1;
+  // Standard error of the difference of both sensors' offsets, if the run states a calibration of
+  // both. The baseline is 0 if it is not stated.
+  std::optional<double> range_error_m = {};
+  double baseline_m = 0;
 };
 
 // EmptyRoom holds what the sensors see of a room without people, on a Dataset's axes: one row for
@@ -70,6 +77,8 @@ struct Dataset {
   bool has(std::size_t row, Sensor s) const { return SensorSet::from_bits(valid[row]).contains(s); }
   bool lacks_array(std::size_t row) const;  // true if the run has an array and the record does not
   std::size_t source_of(std::size_t row) const;  // index into sources
+  // Width of the row's response as measured over its response here; 1 if it is as measured.
+  double times_wider(std::size_t row) const;
   bool has_inputs(std::size_t row, Inputs inputs) const;
   // Reason why a model with these inputs cannot use the record; empty if it can. A sensor with the
   // same value in every bin is dead.

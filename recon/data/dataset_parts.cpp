@@ -51,6 +51,10 @@ std::size_t Dataset::source_of(std::size_t row) const {
   return run;
 }
 
+double Dataset::times_wider(std::size_t row) const {
+  return sources.empty() ? 1 : sources[source_of(row)].times_wider;
+}
+
 std::string Dataset::fault_of(std::size_t row, Inputs inputs) const {
   if (inputs == Inputs::fused && has_inputs(row, Inputs::fused_profile) && lacks_array(row))
     return "lacks the samples of the radar's antennas, which the model needs";

@@ -4,6 +4,9 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
+#include <numbers>
+#include <numeric>
+#include <random>
 
 #include "recon/data/lags.hpp"
 #include "recon/numbers/parallel.hpp"
@@ -36,6 +39,51 @@ void filter(std::span<float> row, std::size_t stride, const std::vector<double>&
       row[static_cast<std::size_t>(i) * stride + k] = static_cast<float>(sum);
     }
   }
+}
+
+double sinc(double u) {
+  const double x = std::numbers::pi * u;
+  return std::abs(u) < 1e-9 ? 1 : std::sin(x) / x;
+}
+
+// Window cos^(2 order) = sum over k of C(2 order, order + k) cos(2 pi k t), up to a factor.
+record::RadarResponse response_of_cosine(int order, double cell_m) {
+  constexpr int taps = 24;
+  record::RadarResponse out{cell_m, {}};
+  for (int tap = 0; tap < taps; ++tap) {
+    const double u = double{1} / record::RadarResponse::taps_a_cell * tap;
+    double amplitude = sinc(u), share = 1;
+    for (int k = 1; k <= order; ++k) {
+      share *= static_cast<double>(order - k + 1) / (order + k);
+      amplitude += share * (sinc(u - k) + sinc(u + k));
+    }
+    out.taps.push_back(amplitude * amplitude);
+  }
+  return out;
+}
+
+// Standard deviation of the values in the quietest quarter of every `stride`-th column from `first`
+// on. The lower half of a column's values gives it, because echoes are in the upper one.
+float quiet_deviation(const Matrix& table, const Rows& rows, std::size_t first,
+                      std::size_t stride) {
+  constexpr double one_deviation_below = 0.1587;
+  std::vector<float> deviations;
+  for (std::size_t c = first; c < table.cols; c += stride) {
+    std::vector<float> values;
+    for (const std::size_t row : rows) values.push_back(table.row(row)[c]);
+    const float middle = quantile(values, 0.5);
+    deviations.push_back(middle - quantile(values, one_deviation_below));
+  }
+  return deviations.empty() ? 0 : quantile(deviations, 0.25);
+}
+
+// Number of values a bin in the table of lags; 0 without them.
+std::size_t lags_of(const Dataset& data) {
+  return data.array_axis.count > 0 ? lag_values(longest_lag(data.array_axis)) : 0;
+}
+
+double noise_factor_of(const std::vector<double>& weights) {
+  return std::sqrt(std::inner_product(weights.begin(), weights.end(), weights.begin(), 0.));
 }
 
 }  // namespace
@@ -78,14 +126,51 @@ void bring_to_response(Dataset& data, const record::RadarResponse& wanted, bool 
     if (!source.radar_response.known() || source.radar_response == wanted) continue;
     if (knows_any && source.radar_response.width_m() < much_narrower * wanted.width_m()) continue;
     const auto weights = response_filter(source.radar_response, wanted, data.radar_axis.step);
-    const std::size_t lags =
-        data.array_axis.count > 0 ? lag_values(longest_lag(data.array_axis)) : 0;
+    const std::size_t lags = lags_of(data);
     for_each_part(source.count, [&](std::size_t i) {
       const std::size_t row = source.first + i;
       if (!all_same(data.radar.row(row))) filter(data.radar.row(row), 1, weights);
       if (lags > 0) filter(data.array.row(row), lags, weights);
     });
+    source.times_wider = source.radar_response.width_m() / wanted.width_m();
+    source.noise_factor = noise_factor_of(weights);
     source.radar_response = wanted;
+  }
+}
+
+std::vector<record::RadarResponse> wider_responses(const record::RadarResponse& than) {
+  constexpr double least = 1.05;
+  std::vector<record::RadarResponse> out;
+  for (int order = 1; than.known() && order <= 4; ++order)
+    if (auto response = response_of_cosine(order, than.cell_m);
+        response.width_m() > least * than.width_m())
+      out.push_back(std::move(response));
+  return out;
+}
+
+RadarNoise::RadarNoise(const Dataset& data, const Rows& rows)
+    : power(quiet_deviation(data.radar, rows, 0, 1)) {
+  const std::size_t count = lags_of(data);
+  for (std::size_t k = 0; k < count; ++k)
+    lags.push_back(quiet_deviation(data.array, rows, k, count));
+}
+
+void imitate_brought(Dataset& data, const record::RadarResponse& own,
+                     const record::RadarResponse& wider, const RadarNoise& noise, Rng& rng) {
+  const double step_m = data.radar_axis.step;
+  const auto widen = response_filter(own, wider, step_m),
+             back = response_filter(wider, own, step_m);
+  std::normal_distribution<float> normal;
+  const auto bring = [&](std::span<float> row, std::size_t stride, auto deviation_of) {
+    if (row.empty() || all_same(row)) return;
+    filter(row, stride, widen);
+    for (std::size_t i = 0; i < row.size(); ++i) row[i] += deviation_of(i) * normal(rng);
+    filter(row, stride, back);
+  };
+  for (std::size_t row = 0; row < data.size(); ++row) {
+    bring(data.radar.row(row), 1, [&](std::size_t) { return noise.power; });
+    if (const std::size_t count = noise.lags.size(); count > 0)
+      bring(data.array.row(row), count, [&](std::size_t i) { return noise.lags[i % count]; });
   }
 }
 

@@ -66,15 +66,21 @@ std::vector<Judged> Choice::judged() const {
   return out;
 }
 
-// The gain is 0 if it is less than so many standard errors of the records' paired differences.
-double Choice::gain_of(const Entry& entry, const Entry& than, double errors) {
+// The differences are paired: both models held out the same records in the same folds.
+std::pair<double, double> Choice::gain_and_error_of(const Entry& entry, const Entry& than) {
   std::vector<double> gains;
   for (std::size_t i = 0; i < entry.score.size(); ++i)
     if (const double gain = entry.score[i] - than.score[i]; !std::isnan(gain))
       gains.push_back(gain);
-  if (gains.size() < 2) return 0;
-  const double error = standard_deviation(gains) / std::sqrt(static_cast<double>(gains.size() - 1));
-  return mean_of(gains) > errors * error ? mean_of(gains) : 0;
+  if (gains.size() < 2) return {0, 0};
+  return {mean_of(gains),
+          standard_deviation(gains) / std::sqrt(static_cast<double>(gains.size() - 1))};
+}
+
+// The gain is 0 if it is less than so many standard errors.
+double Choice::gain_of(const Entry& entry, const Entry& than, double errors) {
+  const auto [gain, error] = gain_and_error_of(entry, than);
+  return gain > errors * error ? gain : 0;
 }
 
 }  // namespace echofuse::recon

@@ -3,6 +3,7 @@
 #pragma once
 #include <functional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "recon/train/crossvalidate.hpp"
@@ -29,6 +30,10 @@ class Choice {
   double gain_over(const Choice& other, double errors) const {
     return gain_of(entries_[chosen_], other.entries_[other.chosen_], errors);
   }
+  // Returns the mean gain in score and its standard error, without a limit.
+  std::pair<double, double> gain_and_error(const Choice& other) const {
+    return gain_and_error_of(entries_[chosen_], other.entries_[other.chosen_]);
+  }
   Estimator fit() const { return entries_[chosen_].fit(split_.train); }
   std::vector<CrossvalidatedRow> table() const;
   // Returns each fold's model of the chosen kind, and the rows that it has not seen.
@@ -41,6 +46,7 @@ class Choice {
     std::vector<Estimator> models = {};
     std::vector<double> score = {};  // IoU and lateral error of each record
   };
+  static std::pair<double, double> gain_and_error_of(const Entry& entry, const Entry& than);
   static double gain_of(const Entry& entry, const Entry& than, double errors);
 
   const Scene& judged_by_;

@@ -6,6 +6,7 @@
 #include <random>
 
 #include "drivers/program/console.hpp"
+#include "recon/data/response.hpp"
 #include "recon/metrics/metrics.hpp"
 
 namespace echofuse::recon {
@@ -24,6 +25,32 @@ std::vector<double> lateral_errors(const Matrix& maps, const Matrix& truth, cons
   for (std::size_t i = 0; i < maps.rows; ++i)
     out.push_back(lateral_error(maps.row(i), truth.row(i), scene));
   return out;
+}
+
+// Of records whose radar was brought from a wider response the errors are larger (imitate_brought).
+void learn_brought(LateralError& lateral, const Estimator& model, const Dataset& data,
+                   const Rows& usual, const std::vector<Judged>& judged, Rng& rng) {
+  constexpr std::size_t most_records = 500;  // of each model: standard error .013 of the share
+  const Inputs inputs = model.features.inputs;
+  if (inputs == Inputs::spd) return;
+  const record::RadarResponse own = widest_response(data);
+  const RadarNoise noise(data, usual);
+  for (const record::RadarResponse& wider : wider_responses(own)) {
+    Matrix predictors;
+    std::vector<double> errors;
+    for (const Judged& part : judged) {
+      Rows some = part.rows;
+      some.resize(std::min(some.size(), most_records));
+      Dataset records = part_of(data, some);
+      imitate_brought(records, own, wider, noise, rng);
+      const Rows all = all_rows(some.size());
+      const Matrix made = part.model.maps(records, all);
+      append_rows(predictors, predictors_of(made, model.scene, records, all, inputs));
+      const auto more = lateral_errors(made, records.depth, model.scene);
+      errors.insert(errors.end(), more.begin(), more.end());
+    }
+    lateral.add_brought(wider.width_m() / own.width_m(), predictors, errors);
+  }
 }
 
 }  // namespace
@@ -79,6 +106,7 @@ UncertaintyModel fit_uncertainty(const Estimator& model, const Dataset& data, co
       append_rows(soft.depth, own.depth);
     }
   out.lateral.fit(predictors, errors, maps.rows);
+  learn_brought(out.lateral, model, data, usual, judged, rng);
   std::vector<double> lateral_interval_90_m;
   for (std::size_t i = 0; i < maps.rows; ++i)
     lateral_interval_90_m.push_back(out.lateral(predictors.row(i)));

@@ -203,6 +203,17 @@ Estimator tune_other(const Estimator& from, const Dataset& data, const Split& sp
   return out;
 }
 
+// Compares two starts by the score of the choice.
+std::string compared(const std::vector<Start>& starts, const std::vector<Choice>& choices,
+                     std::size_t best, std::size_t other) {
+  constexpr double clear_errors = 2;
+  const auto [gain, error] = choices[best].gain_and_error(choices[other]);
+  return formatted("start %s over %s, on the same folds: IoU - 2.4 x lateral m %+.3f +- %.3f%s\n",
+                   printable(starts[best].name).c_str(), printable(starts[other].name).c_str(),
+                   gain, error,
+                   gain < clear_errors * error ? "; either may be the better one" : "");
+}
+
 // Returns the records of the old model and of this one.
 SeenRecords both(const SeenRecords& old, SeenRecords seen) {
   const auto first = static_cast<std::uint32_t>(seen.runs.size());
@@ -257,6 +268,8 @@ TunedModel tune(const std::vector<Start>& starts, const TuneOptions& options) {
       best = k, most = gain;
   TunedModel out;
   out.left_out = left_out;
+  for (std::size_t k = 0; k < choices.size(); ++k)
+    if (k != best) out.starts += compared(starts, choices, best, k);
   for (std::size_t k = 0; k < choices.size(); ++k) {
     if (k == best) out.chosen = out.table.size() + choices[k].chosen();
     for (CrossvalidatedRow& row : choices[k].table()) {
@@ -298,7 +311,7 @@ std::string to_text(const TunedModel& tuned) {
                      formatted(m[metric_lateral_m], " +-").c_str(), tuned.table[i].train_s,
                      i == tuned.chosen ? "  <- chosen" : "");
   }
-  return out;
+  return out + tuned.starts;
 }
 
 }  // namespace echofuse::recon

@@ -36,6 +36,7 @@ struct TunedModel {
   std::vector<CrossvalidatedRow> table;  // the models that were tried
   std::size_t chosen = 0;                // row of the table
   std::string left_out;                  // as of TrainingRows, by the first start
+  std::string starts;                    // difference between the starts; empty with one
 };
 
 // Brings the data onto the model's axes and to its response. `path` is the model's. Throws

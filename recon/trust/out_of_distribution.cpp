@@ -8,7 +8,9 @@
 #include <random>
 
 #include "drivers/core/random.hpp"
+#include "recon/data/response.hpp"
 #include "recon/data/split.hpp"
+#include "recon/method/method.hpp"
 #include "recon/numbers/statistics.hpp"
 #include "recon/numbers/text.hpp"
 
@@ -97,14 +99,39 @@ OutOfDistributionDetector::OutOfDistributionDetector(const Alignment& alignment,
   const std::size_t parts = rows.size() < many_records ? folds_of_few : folds_of_many;
   std::vector<Found> held;
   std::vector<bool> held_two;
+  const record::RadarResponse own =
+      inputs == Inputs::spd ? record::RadarResponse{} : widest_response(data);
+  const auto wider = wider_responses(own);
+  const RadarNoise noise(data, rows);
+  std::vector<std::vector<Found>> held_brought(wider.size());
+  // Returns the descriptions of records as if they had been brought from this response.
+  const auto describe_brought = [&](const Rows& some, const record::RadarResponse& from) {
+    Rows taken;
+    for (const std::size_t i : some) taken.push_back(rows[i]);
+    Dataset brought = part_of(data, taken);
+    imitate_brought(brought, own, from, noise, rng);
+    const Rows every = all_rows(taken.size());
+    const Matrix seen = sensors.spd_count() > 0 ? align(observe(brought, every, sensors), alignment)
+                                                : Matrix(taken.size(), 0);
+    Matrix out(0, first_[groups]);
+    for (const std::size_t i : every) out.add_row(describe(seen.row(i), brought, i));
+    return out;
+  };
   for (std::size_t part = few ? 0 : parts - 1; part < parts; ++part) {
     const Split fold = make_fold(order, part, parts, 0);
     learn(fold.train);
     for (const std::size_t i : fold.test)
       held.push_back(find(all.row(i))), held_two.push_back(shows_two(i));
+    for (std::size_t k = 0; k < wider.size(); ++k) {
+      const Matrix brought = describe_brought(fold.test, wider[k]);
+      for (std::size_t i = 0; i < brought.rows; ++i)
+        held_brought[k].push_back(find(brought.row(i)));
+    }
   }
   if (few) learn(order);
-  set_limits(held, held_two);
+  limits_ = limits_of(held, held_two);
+  for (std::size_t k = 0; k < wider.size(); ++k)
+    brought_.push_back({wider[k].width_m() / own.width_m(), limits_of(held_brought[k], held_two)});
 }
 
 std::vector<float> OutOfDistributionDetector::describe(std::span<const float> view,
@@ -168,8 +195,9 @@ OutOfDistributionDetector::Found OutOfDistributionDetector::find(
   return out;
 }
 
-void OutOfDistributionDetector::set_limits(const std::vector<Found>& held,
-                                           const std::vector<bool>& shows_two) {
+OutOfDistributionDetector::Limits OutOfDistributionDetector::limits_of(
+    const std::vector<Found>& held, const std::vector<bool>& shows_two) {
+  Limits out;
   for (std::size_t s = 0; s < statistics; ++s) {
     std::vector<float> values;
     for (std::size_t i = 0; i < held.size(); ++i)
@@ -177,8 +205,22 @@ void OutOfDistributionDetector::set_limits(const std::vector<Found>& held,
     if (values.empty()) continue;  // all records are of two people
     const double usual = double{quantile(values, 0.5)};
     const double above = above_limit / (s < groups ? static_cast<double>(groups) : 1.);
-    limits_[s] = {usual, std::max(upper_limit(std::move(values), above), usual + 1e-6)};
+    out[s] = {usual, std::max(upper_limit(std::move(values), above), usual + 1e-6)};
   }
+  return out;
+}
+
+OutOfDistributionDetector::Limits OutOfDistributionDetector::limits_for(double times_wider) const {
+  Limits out = limits_;
+  double from = 1;
+  for (const BroughtLimits& next : brought_) {
+    const double t = std::clamp((times_wider - from) / (next.times_wider - from), 0., 1.);
+    for (std::size_t s = 0; s < statistics; ++s)
+      out[s] = {std::lerp(out[s].usual, next.limits[s].usual, t),
+                std::lerp(out[s].most, next.limits[s].most, t)};
+    from = next.times_wider;
+  }
+  return out;
 }
 
 std::vector<OutOfDistributionScore> OutOfDistributionDetector::judge(const Matrix& views,
@@ -189,13 +231,14 @@ std::vector<OutOfDistributionScore> OutOfDistributionDetector::judge(const Matri
   for (std::size_t i = 0; i < rows.size(); ++i) {
     const auto description = describe(views.row(i), data, rows[i]);
     const Found found = find(description);
-    OutOfDistributionScore s{limits_[t2].share(found.values[t2]),
-                             two_bodies_.known() ? limits_[two].share(found.values[two]) : NAN,
+    const Limits limits = limits_for(data.times_wider(rows[i]));
+    OutOfDistributionScore s{limits[t2].share(found.values[t2]),
+                             two_bodies_.known() ? limits[two].share(found.values[two]) : NAN,
                              {},
                              {}};
     Group group = found.along;
     for (std::size_t g = 0; g < groups; ++g)
-      if (const double q = limits_[g].share(found.values[g]);
+      if (const double q = limits[g].share(found.values[g]);
           first_[g + 1] > first_[g] && q > s.distance)
         s.distance = q, group = static_cast<Group>(g);
     const bool has_range = has_spd && shows_body(description);
@@ -218,6 +261,16 @@ std::vector<OutOfDistributionScore> OutOfDistributionDetector::judge(const Matri
   return out;
 }
 
+void OutOfDistributionDetector::archive(Archive archive, Limits& limits) {
+  std::vector<double> values;
+  for (const Limit& l : limits) values.push_back(l.usual), values.push_back(l.most);
+  archive.values("limits", values, 2 * statistics);
+  for (std::size_t s = 0; s < statistics; ++s) {
+    limits[s] = {values[2 * s], values[2 * s + 1]};
+    archive.require(limits[s].most >= limits[s].usual, "limits", "expected none below the usual");
+  }
+}
+
 void OutOfDistributionDetector::archive(Archive archive, const Features& of_model,
                                         const Alignment& alignment) {
   use(of_model, alignment);
@@ -228,12 +281,18 @@ void OutOfDistributionDetector::archive(Archive archive, const Features& of_mode
                   "components/deviation", "expected all above 0");
   Archive of_two = archive.in("two_bodies");
   if (of_two.part("known", two_bodies_.known())) two_bodies_.archive(of_two, first_[range + 1]);
-  std::vector<double> limits;
-  for (const Limit& l : limits_) limits.push_back(l.usual), limits.push_back(l.most);
-  archive.values("limits", limits, 2 * statistics);
-  for (std::size_t s = 0; s < statistics; ++s) {
-    limits_[s] = {limits[2 * s], limits[2 * s + 1]};
-    archive.require(limits_[s].most >= limits_[s].usual, "limits", "expected none below the usual");
+  OutOfDistributionDetector::archive(archive, limits_);
+  std::size_t brought = brought_.size();
+  archive.count("brought", brought, 0, 16);
+  brought_.resize(brought);
+  double narrower = 1;
+  for (std::size_t k = 0; k < brought; ++k) {
+    Archive one = archive.in("brought_" + std::to_string(k));
+    double& times_wider = brought_[k].times_wider;
+    one.number("times_wider", times_wider, 1, 1e3);
+    archive.require(times_wider > narrower, "times_wider", "expected them in rising order above 1");
+    narrower = times_wider;
+    OutOfDistributionDetector::archive(one, brought_[k].limits);
   }
   archive.number("nearest_m", nearest_m_, -1e18, 1e18);
   archive.number("farthest_m", farthest_m_, -1e18, 1e18);

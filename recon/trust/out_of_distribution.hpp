@@ -8,9 +8,11 @@
 //               1979), the greatest one
 //   two bodies  learn_two_bodies(); it needs a detector
 // Each is given as a share of its limit, so that a number above 1 is unusual. The limits are such
-// that about one of 140 records like the training ones is above one of them. Beside these there are
-// checks with a name: no body, a body farther or nearer than in any training record, a saturated
-// detector.
+// that about one of 140 records like the training ones is above one of them. Records that were
+// brought from a wider radar response (data/response.hpp) have limits of their own, learnt from
+// imitations: the filter makes their noise larger. Between two widths they are interpolated. Beside
+// these there are checks with a name: no body, a body farther or nearer than in any training
+// record, a saturated detector.
 #pragma once
 #include <array>
 #include <string>
@@ -78,8 +80,15 @@ class OutOfDistributionDetector {
     double share(double value) const { return (value - usual) / (most - usual); }
   };
   void use(const Features& sensors, const Alignment& alignment);
+  using Limits = std::array<Limit, statistics>;
+  struct BroughtLimits {
+    double times_wider;  // width of the response as measured over that of the model
+    Limits limits;
+  };
   void learn_components(const Matrix& descriptions, std::uint64_t seed);
-  void set_limits(const std::vector<Found>& held, const std::vector<bool>& shows_two);
+  static Limits limits_of(const std::vector<Found>& held, const std::vector<bool>& shows_two);
+  Limits limits_for(double times_wider) const;
+  static void archive(Archive archive, Limits& limits);
   // A view without its correlation, and the normalised profile.
   std::vector<float> describe(std::span<const float> view, const Dataset& data,
                               std::size_t row) const;
@@ -90,7 +99,8 @@ class OutOfDistributionDetector {
   std::vector<float> scale_;                     // factor of each value of a description
   Components components_;                        // components of scaled descriptions
   Classifier two_bodies_;
-  std::array<Limit, statistics> limits_;
+  Limits limits_;
+  std::vector<BroughtLimits> brought_;  // narrowest first
   double nearest_m_ = 0, farthest_m_ = 0, most_clicks_per_start_ = 0, share_with_body_ = 0;
 };
 

@@ -30,9 +30,33 @@ float significance(std::span<const float> counts) {
   return static_cast<float>(std::max(above, 0.0) / std::sqrt(all + 1));
 }
 
+// Value that this share of new ratios is below (conformal prediction).
+double factor_of(std::vector<double> ratios) {
+  std::sort(ratios.begin(), ratios.end());
+  const auto rank = static_cast<std::size_t>(
+      std::ceil(LateralError::share_within * static_cast<double>(ratios.size() + 1)));
+  return ratios[std::min(rank, ratios.size()) - 1];
+}
+
+// Lateral error that 90 % of calibrations with the run's stated error cause at this body; 0 if the
+// run states none, or nothing but both ranges tells the side.
+double calibration_error_m(const Dataset& data, std::size_t row, Inputs inputs,
+                           std::span<const float> map, const Scene& scene) {
+  constexpr double deviations_90 = 1.645;
+  if (data.sources.empty() || !side_by_ranges(data, inputs)) return 0;
+  const Source& run = data.sources[data.source_of(row)];
+  const BodyPlace body = body_place(map, scene);
+  if (!run.range_error_m || run.baseline_m <= 0 || std::isnan(body.x_m)) return 0;
+  return deviations_90 * *run.range_error_m * std::hypot(body.x_m, body.z_m) / run.baseline_m;
+}
+
 std::size_t predictor_count(Inputs inputs) { return both_sensors(inputs) ? 3 : 2; }
 
 }  // namespace
+
+bool side_by_ranges(const Dataset& data, Inputs inputs) {
+  return inputs == Inputs::fused_profile || (inputs == Inputs::fused && data.array_axis.count == 0);
+}
 
 Matrix predictors_of(const Matrix& maps, const Scene& scene, const Dataset& data, const Rows& rows,
                      Inputs inputs) {
@@ -41,7 +65,11 @@ Matrix predictors_of(const Matrix& maps, const Scene& scene, const Dataset& data
     const auto row = out.row(i);
     row.front() = static_cast<float>(std::abs(foreground_tangent(maps.row(i), scene)));
     if (inputs != Inputs::radar) row[1] = std::log(significance(data.spd.row(rows[i])) + 1);
-    if (inputs != Inputs::spd) row.back() = std::log(peak_to_noise(data.radar.row(rows[i])));
+    if (inputs == Inputs::spd) return;
+    const double smoothed =
+        data.sources.empty() ? 1 : data.sources[data.source_of(rows[i])].noise_factor;
+    row.back() = std::log(peak_to_noise(data.radar.row(rows[i])) *
+                          static_cast<float>(std::min(smoothed, 1.)));
   });
   return out;
 }
@@ -89,22 +117,47 @@ void LateralError::fit(const Matrix& predictors, const std::vector<double>& erro
       if (counts[i] == 0)
         ratios.push_back(error_m[known[i]] / std::exp(product(terms.row(i), weights)));
   }
-  std::sort(ratios.begin(), ratios.end());
-  const auto rank =
-      static_cast<std::size_t>(std::ceil(share_within * static_cast<double>(ratios.size() + 1)));
-  factor_ = ratios[std::min(rank, ratios.size()) - 1];
+  factor_ = factor_of(std::move(ratios));
 }
 
-double LateralError::operator()(std::span<const float> predictors) const {
+void LateralError::add_brought(double times_wider, const Matrix& predictors,
+                               const std::vector<double>& error_m) {
+  std::vector<double> ratios;
+  for (std::size_t i = 0; i < predictors.rows && !weights_.empty(); ++i)
+    if (!std::isnan(error_m[i]))
+      ratios.push_back(error_m[i] / std::exp(product(terms_of(predictors.row(i)), weights_)));
+  if (ratios.size() < least_records) return;
+  brought_times_wider_.push_back(times_wider);
+  brought_factor_.push_back(factor_of(std::move(ratios)));
+}
+
+double LateralError::factor_for(double times_wider) const {
+  double out = factor_, from = 1;
+  for (std::size_t k = 0; k < brought_factor_.size(); ++k) {
+    const double t = std::clamp((times_wider - from) / (brought_times_wider_[k] - from), 0., 1.);
+    out = std::lerp(out, brought_factor_[k], t), from = brought_times_wider_[k];
+  }
+  return out;
+}
+
+double LateralError::operator()(std::span<const float> predictors, double times_wider) const {
   if (weights_.empty() || std::isnan(predictors.front()))
     return std::numeric_limits<double>::quiet_NaN();
-  return factor_ * std::exp(product(terms_of(predictors), weights_));
+  return factor_for(times_wider) * std::exp(product(terms_of(predictors), weights_));
 }
 
 void LateralError::archive(Archive archive, std::size_t predictors) {
   if (!archive.part("known", !weights_.empty())) return;
   const std::size_t n = predictors;
   archive.number("factor", factor_, 0, 1e18);
+  std::size_t brought = brought_factor_.size();
+  archive.count("brought", brought, 0, 16);
+  archive.values("brought_times_wider", brought_times_wider_, brought);
+  archive.values("brought_factor", brought_factor_, brought);
+  for (std::size_t k = 0; k < brought; ++k)
+    archive.require(brought_times_wider_[k] > (k > 0 ? brought_times_wider_[k - 1] : 1) &&
+                        brought_factor_[k] >= 0,
+                    "brought_times_wider", "expected them in rising order above 1");
   archive.values("weights", weights_, (n + 1) * (n + 2) / 2);
   archive.values("least", least_, n);
   archive.values("most", most_, n);
@@ -118,7 +171,10 @@ std::vector<PredictionUncertainty> UncertaintyModel::trust(const Matrix& views, 
   const Matrix predictors = predictors_of(maps, scene, data, rows, inputs);
   std::vector<PredictionUncertainty> out;
   for (OutOfDistributionScore& score : detector.judge(views, data, rows)) {
-    const double interval_m = lateral(predictors.row(out.size()));
+    const std::size_t i = out.size();
+    const double interval_m =
+        std::hypot(lateral(predictors.row(i), data.times_wider(rows[i])),
+                   calibration_error_m(data, rows[i], inputs, maps.row(i), scene));
     const bool like_training = score.reason.empty();
     out.push_back({like_training ? interval_m : std::numeric_limits<double>::quiet_NaN(),
                    std::move(score), true});

@@ -26,10 +26,14 @@ double product(std::span<const float> row, std::span<const double> weights);
 // The terms are 1, every value, and every product of two values.
 std::vector<float> quadratic_terms(std::span<const float> values);
 
+// True if a model with these inputs finds the side of a body by the difference of both ranges
+// alone.
+bool side_by_ranges(const Dataset& data, Inputs inputs);
+
 // Predictors of a map's error that are known when it is made. Row i, of map i and record rows[i]:
 // |x/z| of the map's foreground (NaN if there is none); of the SPD log(1 + clicks above the
 // background, in deviations of all clicks); of the radar log(peak over the scatter of the weaker
-// half of the profile).
+// half of the profile). A filter that smooths the radar's noise is taken into account.
 Matrix predictors_of(const Matrix& maps, const Scene& scene, const Dataset& data, const Rows& rows,
                      Inputs inputs);
 
@@ -46,22 +50,31 @@ class LateralError {
   // these, in the same order. It learns nothing from fewer than least_records known errors.
   static constexpr std::size_t least_records = 30;
   void fit(const Matrix& predictors, const std::vector<double>& error_m, std::size_t plain);
-  double operator()(std::span<const float> predictors) const;  // metres; NaN if nothing was learnt
+  // Learns the factor of records whose radar was brought from a response so many times as wide,
+  // from imitations of validation records. Narrowest first; the factor is interpolated.
+  void add_brought(double times_wider, const Matrix& predictors,
+                   const std::vector<double>& error_m);
+  // Returns metres; NaN if nothing was learnt.
+  double operator()(std::span<const float> predictors, double times_wider = 1) const;
 
   void archive(Archive archive, std::size_t predictors);
 
  private:
   std::vector<float> terms_of(std::span<const float> predictors) const;
+  double factor_for(double times_wider) const;
 
   std::vector<float> least_, most_;  // ranges of the predictors
   std::vector<double> weights_;
   double factor_ = 0;
+  std::vector<double> brought_times_wider_, brought_factor_;
 };
 
 // Statements about one reconstruction.
 struct PredictionUncertainty {
   // The body is at most this far (metres) from where it is shown in 90 % of the records like the
-  // training ones. It is NaN if the record is unlike them, or shows nobody.
+  // training ones. It contains the error that the run states of its calibration: an error s of the
+  // difference of both ranges moves a body at range r sideways by s r / b (baseline b). It is NaN
+  // if the record is unlike the training ones, or shows nobody.
   double lateral_interval_90_m = std::numeric_limits<double>::quiet_NaN();
   OutOfDistributionScore out_of_distribution = {};
   bool stated = false;  // false if the estimator that answered states no uncertainty

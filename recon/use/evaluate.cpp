@@ -208,6 +208,7 @@ Evaluation evaluate(const TrainedModel& model, const Records& records, const Row
   out.inputs = model.for_run(data).features.inputs;
   out.records = rows.size(), out.rows = rows;
   out.antennas = records.antennas, out.response = records.response;
+  out.ranges = records.ranges;
   out.domain_shift = domain_shift_of(model, data);
   for (const std::size_t row : rows)
     if (const std::string note = model.note_of(data, row); !note.empty()) ++out.fallbacks[note];

@@ -42,6 +42,7 @@ json to_json(const Evaluation& e) {
               {"foreground_depth_m", e.judge.scene.foreground_depth_m},
               {"antennas", e.antennas},
               {"response", e.response},
+              {"ranges", e.ranges},
               {"metrics", metrics_json(e.metrics)},
               {"trivial", baselines},
               {"cost",
@@ -155,7 +156,7 @@ std::string to_text(const Evaluation& e) {
              e.cost.infer_us_p99) +
          formatted("trained in %.1f s, model file %.1f MB\n", e.cost.train_s,
                    static_cast<double>(e.cost.model_bytes) / 1e6) +
-         to_text(e.calibration) + to_text(e.two_people);
+         to_text(e.calibration) + (e.ranges.empty() ? "" : e.ranges + '\n') + to_text(e.two_people);
 }
 
 }  // namespace echofuse::recon

@@ -67,6 +67,20 @@ void put(Prediction& whole, Prediction part, std::span<const std::size_t> places
     whole.uncertainties[places[i]] = std::move(part.uncertainties[i]);
 }
 
+// Returns what the intervals assume of the ranges, or nothing if the run states a calibration.
+std::string assumption_of(const Estimator& by, const Dataset& data) {
+  if (!by.uncertainty || data.radar_axis.count == 0 || !side_by_ranges(data, by.features.inputs))
+    return {};
+  const auto all = [&](auto stated) { return std::ranges::all_of(data.sources, stated); };
+  if (!all([](const Source& run) { return run.range_error_m.has_value(); }))
+    return "intervals assume exact ranges, because the run states no calibration of both sensors: "
+           "a range offset of 2 cm moves a body sideways by 2 cm x range / baseline";
+  if (!all([](const Source& run) { return run.baseline_m > 0; }))
+    return "intervals leave out the error of the calibration, because the run states no "
+           "radar_baseline_m";
+  return {};
+}
+
 }  // namespace
 
 void require_finite(const Matrix& maps) {
@@ -79,7 +93,7 @@ void require_finite(const Matrix& maps) {
 
 Records prepare_records(const TrainedModel& model, Dataset recorded, double range_offset_m) {
   const Estimator& by = model.for_run(recorded);
-  Records out{std::move(recorded), {}, {}};
+  Records out{std::move(recorded), {}, {}, {}};
   Dataset& data = out.data;
   if (&by != &model.first())
     out.antennas = std::string(data.array_axis.count == 0 ? "no samples of the radar's antennas"
@@ -91,6 +105,7 @@ Records prepare_records(const TrainedModel& model, Dataset recorded, double rang
     out.response = "the run does not state its radar's response: it is taken as the training's";
   subtract_range_offset(data, range_offset_m);
   model.match(data);
+  out.ranges = assumption_of(by, data);
   if (model.room_change) exchange_room(*model.room_change, data);
   return out;
 }

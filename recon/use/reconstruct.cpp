@@ -128,8 +128,8 @@ class Reconstruction {
   SystemClock clock_;
   HostTime started_, read_{};
   std::int64_t next_ = 0;
-  std::deque<RecordStatus> bad_;  // read, not yet reported
-  std::string antennas_;          // the last note about them
+  std::deque<RecordStatus> bad_;   // read, not yet reported
+  std::string antennas_, ranges_;  // the last notes about them
 };
 
 // Reads records without the depth camera's pictures, which no map needs.
@@ -182,7 +182,7 @@ void Reconstruction::take_all(const record::RunReader& run) {
   };
   for (std::size_t i = 0; i < ahead; ++i) start();
   tell_run(records.antennas);
-  if (!options_.quiet) tell_run(records.response);
+  if (!options_.quiet) tell_run(records.response), tell_run(records.ranges);
   const DomainShift shift = domain_shift_of(model_, records.data);
   if (shift.tested() && (shift.found() || !options_.quiet)) tell_run(shift.text());
   for (std::size_t done = 0; !next.empty() && !interrupted(); next.pop_front()) {
@@ -211,9 +211,10 @@ Records Reconstruction::prepare_new(Dataset data) {
   // A sensor's axis may come after the first records of a run that is being recorded.
   if (std::none_of(all.begin(), all.end(),
                    [&](std::size_t row) { return model_.fault_of(data, row).empty(); }))
-    return {std::move(data), {}, {}};
+    return {std::move(data), {}, {}, {}};
   Records out = prepare_records(model_, std::move(data), options_.range_offset_m);
   if (out.antennas != antennas_) tell_run(antennas_ = out.antennas);
+  if (!options_.quiet && out.ranges != ranges_) tell_run(ranges_ = out.ranges);
   return out;
 }
 

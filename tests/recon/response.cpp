@@ -116,3 +116,60 @@ TEST_CASE("runs that state no response, and binned power, stay as they are") {
   binned.sources.push_back({"other", "", 2, 0, 0, hann});
   CHECK(widest_response(binned) == hann);
 }
+
+TEST_CASE("a run that was brought to another response states how it changed") {
+  Dataset same = run_of(sinc, profile(sinc)), wider = run_of(hann, profile(hann)),
+          narrower = run_of(sinc, profile(sinc));
+  bring_to_response(same, sinc), bring_to_response(wider, sinc), bring_to_response(narrower, hann);
+  CHECK(same.times_wider(0) == 1);
+  CHECK(same.sources[0].noise_factor == 1);
+  CHECK(wider.times_wider(0) == Approx(hann.width_m() / sinc.width_m()));
+  CHECK(wider.sources[0].noise_factor > 1);
+  CHECK(narrower.times_wider(0) < 1);
+  CHECK(narrower.sources[0].noise_factor < 1);
+}
+
+TEST_CASE("imitated records have the noise of those that were brought from a wider response") {
+  constexpr std::size_t records = 400;
+  constexpr float deviation = 0.01f;
+  Rng rng = make_rng(1, 1);
+  std::normal_distribution<float> normal;
+  const auto noisy = [&](const record::RadarResponse& response) {
+    Dataset data = run_of(response, profile(response));
+    data.radar = Matrix(0, 29), data.valid.assign(records, 7);
+    for (std::size_t i = 0; i < records; ++i) {
+      std::vector<float> row = profile(response);
+      for (float& v : row) v += deviation * normal(rng);
+      data.radar.add_row(row);
+    }
+    data.sources[0].count = records;
+    return data;
+  };
+  const Rows all = all_rows(records);
+  Dataset imitated = noisy(sinc);
+  const RadarNoise noise(imitated, all);
+  CHECK(noise.power == Approx(deviation).epsilon(0.15));
+  for (const auto& wider : {hann, blackman}) {
+    Dataset brought = noisy(wider), imitation = imitated;
+    bring_to_response(brought, sinc);
+    imitate_brought(imitation, sinc, wider, noise, rng);
+    const RadarNoise of_brought(brought, all), of_imitation(imitation, all);
+    CHECK(of_brought.power > 1.5f * deviation);
+    CHECK(of_imitation.power == Approx(of_brought.power).epsilon(0.2));
+  }
+}
+
+TEST_CASE("the wider responses are wider than the training's, in rising order") {
+  for (const auto& own : {sinc, hann, blackman}) {
+    double last_m = own.width_m();
+    const auto wider = wider_responses(own);
+    CHECK(wider.size() >= 2);
+    for (const auto& response : wider) {
+      CHECK(response.width_m() > last_m);
+      CHECK(response.taps[0] == Approx(1));
+      last_m = response.width_m();
+    }
+  }
+  CHECK(wider_responses(sinc)[0].width_m() == Approx(hann.width_m()).epsilon(0.01));
+  CHECK(wider_responses({}).empty());
+}

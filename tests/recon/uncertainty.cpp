@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 #include <numeric>
 
+#include "recon/data/response.hpp"
 #include "recon/train/fit_uncertainty.hpp"
 #include "recon/train/train.hpp"
 #include "recon/use/evaluate.hpp"
@@ -217,6 +218,82 @@ TEST_CASE("the factor comes from records that the regression has not seen") {
     held.push_back(within / static_cast<double>(fresh.rows));
   }
   CHECK(std::accumulate(held.begin(), held.end(), 0.0) / 200 == Approx(0.9).margin(0.03));
+}
+
+namespace {
+
+// Response of the plates' radar, or one so many times as wide.
+record::RadarResponse bell(double times) {
+  record::RadarResponse out{0.5, {}};
+  for (int k = 0; k < 24; ++k) out.taps.push_back(std::exp(-std::pow(k * 0.125 / 0.4 / times, 2)));
+  return out;
+}
+
+}  // namespace
+
+TEST_CASE("records brought from a wider response are seldom flagged, and their intervals hold") {
+  Dataset training = testing::load_plates(800);
+  training.sources[0].radar_response = bell(1);
+  TrainOptions options;
+  options.model = "factorised-4", options.split.validation_share = 0.3, options.fit.quiet = true;
+  const TrainedModel model = train(training, options);
+  for (const double times : {1.2, 1.5, 1.8}) {
+    CAPTURE(times);
+    const auto weights = response_filter(bell(1), bell(times), testing::radar_axis().step);
+    Rng rng = make_rng(3, 3);
+    std::normal_distribution<float> noise(0, 0.002f);
+    Dataset data = fresh_plates(400, [&](record::FusedRecord& r) {
+      const std::vector<float> narrow = r.radar;
+      const auto count = std::ssize(narrow), reach = std::ssize(weights) / 2;
+      for (std::ptrdiff_t i = 0; i < count; ++i) {
+        float sum = noise(rng);
+        for (auto j = std::max(-reach, -i); j <= std::min(reach, count - 1 - i); ++j)
+          sum += static_cast<float>(weights[static_cast<std::size_t>(j + reach)]) *
+                 narrow[static_cast<std::size_t>(i + j)];
+        r.radar[static_cast<std::size_t>(i)] = sum;
+      }
+    });
+    data.sources[0].radar_response = bell(times);
+    const UncertaintyCalibration c = calibration_of(model, data);
+    CHECK(c.flagged < 0.05);
+    CHECK(c.within_90 > 0.8);
+  }
+}
+
+TEST_CASE("the interval contains the stated error of the calibration, or says what it assumes") {
+  const Dataset plain = fresh_plates(40);
+  const Records records = prepare_records(trained(), plain);
+  CHECK_THAT(records.ranges, Catch::Contains("states no calibration of both sensors"));
+  const auto assumed = uncertainties_of(records.data);
+
+  Dataset calibrated = plain;
+  calibrated.sources[0].range_error_m = 0.01;
+  CHECK_THAT(prepare_records(trained(), calibrated).ranges,
+             Catch::Contains("states no radar_baseline_m"));
+  calibrated.sources[0].baseline_m = 0.5;
+  const Records stated = prepare_records(trained(), calibrated);
+  CHECK(stated.ranges.empty());
+  const Prediction p = predict(trained(), stated.data, all_rows(40));
+  for (std::size_t i = 0; i < 40; ++i) {
+    const double before_m = assumed[i].lateral_interval_90_m,
+                 after_m = p.uncertainties[i].lateral_interval_90_m;
+    if (std::isnan(before_m)) continue;
+    const BodyPlace body = body_place(p.maps.row(i), trained()->scene);
+    CHECK(after_m ==
+          Approx(std::hypot(before_m, 1.645 * 0.01 * std::hypot(body.x_m, body.z_m) / 0.5)));
+  }
+}
+
+TEST_CASE("a run's range error is that of both calibrated sensors") {
+  const Folder dir;
+  const record::CalibrationEntry spd{Sensor::spd, "2026-01-01T00:00:00Z", "", 1, 0, 0.003},
+      radar{Sensor::radar, "2026-01-01T00:00:00Z", "", 1, 0, 0.004};
+  write_run(dir / "both", 3, 1, {}, testing::radar_axis(), testing::spd_axis(), {spd, radar});
+  write_run(dir / "one", 3, 2, {}, testing::radar_axis(), testing::spd_axis(), {radar});
+  CHECK(load({dir / "both"}).sources[0].range_error_m.value() == Approx(0.005));
+  CHECK_FALSE(load({dir / "one"}).sources[0].range_error_m);
+  CHECK(record::radar_baseline_m({{"operator", "x"}, {"radar_baseline_m", "0.52"}}) == 0.52);
+  CHECK(record::radar_baseline_m({{"radar_baseline_m", "half"}}) == 0);
 }
 
 TEST_CASE("models of one sensor flag as well") {
