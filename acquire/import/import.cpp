@@ -18,6 +18,7 @@
 #include "acquire/import/radar_recording.hpp"
 #include "acquire/run/clock_fit.hpp"
 #include "acquire/run/new_run.hpp"
+#include "acquire/run/tag_check.hpp"
 #include "acquire/run/window.hpp"
 #include "drivers/program/console.hpp"
 #include "drivers/program/printable.hpp"
@@ -33,13 +34,22 @@ namespace fs = std::filesystem;
 class Slots final : public SampleSink {
  public:
   Slots(const Config& config, const SlotGrid& grid)
-      : grid_(grid), windows_(grid, config.histogram, clocks_, config.configured()) {}
+      : grid_(grid),
+        tag_check_(config.histogram, false,
+                   [this](const std::string& text) { tag_faults_.push_back(text); }),
+        windows_(grid, config.histogram, clocks_, config.configured()) {}
   void on_tags(const TagBlock& block) override {
-    clocks_.observe(block);
-    windows_.add(block);
+    const TagBlock repaired = tag_check_.take(block);
+    clocks_.observe(repaired);
+    windows_.add(repaired);
   }
   void on_radar(RadarFrame frame) override { windows_.add(frame); }  // dated by its clock already
   Windows& windows() { return windows_; }
+  const std::vector<std::string>& finish() {
+    windows_.finish();
+    tag_check_.finish();
+    return tag_faults_;
+  }
   // All that ended by then, and with `last` the slot that runs.
   void close(HostTime now, bool last, const std::function<void(record::FusedRecord)>& take) {
     for (; grid_.end(next_) <= now || (last && grid_.start(next_) <= now); ++next_) {
@@ -50,6 +60,8 @@ class Slots final : public SampleSink {
 
  private:
   SlotGrid grid_;
+  std::vector<std::string> tag_faults_;
+  TagCheck tag_check_;
   SensorClocks clocks_;
   Windows windows_;
   std::int64_t next_ = 0;
@@ -124,7 +136,7 @@ std::string import_streams(const Config& config, const ImportOptions& options,
   HostTime end{};
   for (const auto& r : recordings) end = std::max(end, r->at());
   slots.close(end, true, take);
-  slots.windows().finish();
+  for (const auto& text : slots.finish()) import.doubt("spd: " + text);
   std::string nothing;  // texts of recordings of which no record is valid
   std::size_t empty = 0;
   for (const auto& r : recordings) {
@@ -216,6 +228,9 @@ std::string import_recordings(Config config, const ImportOptions& options) {
       "when it began is PicoQuant's local time, taken in this machine's time zone; --began UTC "
       "says "
       "it exactly";
+  constexpr const char* local_time_twice =
+      "when it began is PicoQuant's local time, which came twice on that day because summer time "
+      "ended: it may have been an hour later; --began UTC says it exactly";
   for (const std::string& path : options.files) {
     const std::string kind = kind_of(path);
     if (kind == ".dat") {
@@ -232,7 +247,7 @@ std::string import_recordings(Config config, const ImportOptions& options) {
       config.histogram.start_channel = options.start;
       config.histogram.click_channel = options.click;
       auto tags = std::make_unique<PicoquantTags>(path, config.histogram);
-      begins(tags->began(), local_time);
+      begins(tags->began(), tags->began_twice() ? local_time_twice : local_time);
       recordings.push_back(std::move(tags));
     } else {
       throw Error(ExitCode::usage,

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "acquire/import/tagged_file.hpp"
+#include "acquire/run/tag_check.hpp"
 #include "drivers/core/bytes.hpp"
 #include "drivers/program/printable.hpp"
 
@@ -42,7 +43,7 @@ std::string number_text(long double value) {
 }  // namespace
 
 PicoquantRecords::PicoquantRecords(std::uint32_t type, double global_resolution_s,
-                                   double resolution_s)
+                                   double resolution_s, double offset)
     : unit_ps_(static_cast<long double>(global_resolution_s) * 1e12L),
       dtime_ps_(static_cast<long double>(resolution_s) * 1e12L) {
   const std::uint32_t kind = type & 0xffffff, mode = type >> 8 & 0xff, device = type & 0xff;
@@ -54,6 +55,8 @@ PicoquantRecords::PicoquantRecords(std::uint32_t type, double global_resolution_
                                       "TimeHarp 260 and MultiHarp");
   pico_harp_ = device == 3;
   t3_ = mode == 3;
+  // In ps by a PicoHarp, in ns by the others.
+  if (t3_ && offset > 0 && offset < 1e12) offset_ps_ = offset * (pico_harp_ ? 1 : 1000);
   once_ = pico_harp_ || (device == 4 && type >> 24 == 0);
   wrap_ = pico_harp_ ? (t3_ ? 65536u : 210'698'240u)
           : t3_      ? 1024u
@@ -107,7 +110,9 @@ bool PicoquantRecords::put(std::int32_t channel, std::uint64_t unit, std::uint64
   if (t3_) {
     tag.channel = sync_channel;
     if (std::exchange(pulse_, unit) != unit) out.push_back(tag);
-    tag.time_ps += std::llround(static_cast<long double>(dtime) * dtime_ps_);
+    const long double after_ps = static_cast<long double>(dtime) * dtime_ps_ + offset_ps_;
+    behind_period_ += after_ps > 1.05L * unit_ps_;
+    tag.time_ps += std::llround(after_ps);
   }
   tag.channel = channel;
   out.push_back(tag);
@@ -125,7 +130,8 @@ PicoquantTags::PicoquantTags(const std::string& path, const tdc::HistogramSettin
           return PicoquantRecords(
               static_cast<std::uint32_t>(file_->whole("TTResultFormat_TTTRRecType", 0, all)),
               file_->require("MeasDesc_GlobalResolution"),
-              file_->number("MeasDesc_Resolution").value_or(0));
+              file_->number("MeasDesc_Resolution").value_or(0),
+              file_->number("MeasDesc_Offset").value_or(0));
         } catch (const Error& e) {
           throw Error(e.code(), printable(path) + ": " + e.what());
         }
@@ -151,6 +157,8 @@ DeviceInfo PicoquantTags::device() const { return device_of(*file_); }
 
 std::optional<UtcTime> PicoquantTags::began() const { return file_->time("File_CreatingTime"); }
 
+bool PicoquantTags::began_twice() const { return file_->came_twice("File_CreatingTime"); }
+
 // Appends a record's tags behind the last ones; false at the end.
 bool PicoquantTags::read_record() {
   if (in_chunk_ == chunk_.size()) {
@@ -165,8 +173,12 @@ bool PicoquantTags::read_record() {
   const std::size_t before = tags_.size();
   beyond_ = !records_.add(chunk_[in_chunk_++], tags_);
   ++count_;
-  for (std::size_t i = before; i < tags_.size(); ++i)
+  for (std::size_t i = before; i < tags_.size(); ++i) {
     ++by_channel_[static_cast<std::size_t>(tags_[i].channel)];
+    if (tags_[i].channel != sync_channel) continue;
+    if (first_sync_ps_ < 0) first_sync_ps_ = tags_[i].time_ps;
+    last_sync_ps_ = std::max(last_sync_ps_, tags_[i].time_ps);
+  }
   if (before < tags_.size()) {
     last_ps_ = std::max(last_ps_, static_cast<long double>(tags_.back().time_ps));
     if (header_s_ > 0 && later(last_ps_ / ps_per_s, header_s_)) tags_.resize(before);
@@ -225,6 +237,30 @@ std::string PicoquantTags::missing_input() const {
   return there.size() < 2 ? text : text + ": --start " + there[0] + " --click " + there[1] + "?";
 }
 
+// The pulse rate by the header against the records.
+std::vector<std::string> PicoquantTags::rate_doubts() const {
+  const double rate_hz = file_->number("TTResult_SyncRate").value_or(0);
+  if (rate_hz <= 0) return {};
+  const auto unit_s = static_cast<double>(records_.unit_ps() / ps_per_s);
+  const double divider = std::max(1.0, file_->number("HWSync_Divider").value_or(1));
+  const double share = rate_hz * unit_s;  // time step / pulse period; 1 in T3
+  const auto alike = [&](double value, double wanted) {
+    return std::abs(value / wanted - 1) <= rate_share;
+  };
+  if (records_.is_t3() ? !alike(share, 1) && !alike(share, divider) && !alike(share, 1 / divider)
+                       : share > rate_share)
+    return {"pulses of " + number_text(rate_hz) +
+            " Hz by TTResult_SyncRate, but its times are in steps of " + number_text(unit_s) +
+            " s by MeasDesc_GlobalResolution"};
+  const std::uint64_t pulses = by_channel_[sync_channel];
+  if (records_.is_t3() || pulses < 100 || last_sync_ps_ <= first_sync_ps_) return {};
+  const auto between_s = static_cast<double>((last_sync_ps_ - first_sync_ps_) / ps_per_s);
+  const double counted_hz = static_cast<double>(pulses - 1) / between_s;
+  if (alike(counted_hz, rate_hz) || alike(counted_hz, rate_hz / divider)) return {};
+  return {"pulses of " + number_text(rate_hz) + " Hz by TTResult_SyncRate, " +
+          number_text(counted_hz) + " Hz by its records"};
+}
+
 std::vector<std::string> PicoquantTags::doubts() const {
   std::vector<std::string> out;
   if (const std::string text = missing_input(); !text.empty()) out.push_back(text);
@@ -238,29 +274,23 @@ std::vector<std::string> PicoquantTags::doubts() const {
                   (behind ? ": what lies behind its end by the header is left out; is a record "
                             "damaged?"
                           : ""));
-  const double rate_hz = file_->number("TTResult_SyncRate").value_or(0);
-  const auto unit_s = static_cast<double>(records_.unit_ps() / ps_per_s);
-  const double divider = std::max(1.0, file_->number("HWSync_Divider").value_or(1));
-  const double share = rate_hz * unit_s;  // time step / pulse period; 1 in T3
-  const auto alike = [&](double wanted) { return std::abs(share / wanted - 1) <= rate_share; };
-  if (rate_hz > 0 &&
-      (records_.is_t3() ? !alike(1) && !alike(divider) && !alike(1 / divider) : share > rate_share))
-    out.push_back("pulses of " + number_text(rate_hz) +
-                  " Hz by TTResult_SyncRate, but its times are in steps of " + number_text(unit_s) +
-                  " s by MeasDesc_GlobalResolution");
-  // Bins of few steps are uneven: some have one step more than their neighbours.
-  const long double steps = static_cast<long double>(use_.bin_width_ps) / records_.step_ps();
-  if (constexpr long double few = 20;
-      steps < few && std::abs(steps - std::round(steps)) > 1e-6L * steps)
-    out.push_back("its tags are in steps of " + number_text(records_.step_ps()) + " ps: bins of " +
-                  std::to_string(use_.bin_width_ps) + " ps become a comb; --set tdc.bin_width_ps=" +
-                  number_text(std::max(1.0L, std::round(steps)) * records_.step_ps()) + " fits");
+  for (auto& text : rate_doubts()) out.push_back(std::move(text));
+  if (records_.offset_ps() > 0)
+    out.push_back("MeasDesc_Offset: " + number_text(records_.offset_ps() / 1000) +
+                  " ns were subtracted from the times of its clicks, and are added");
+  if (records_.behind_period() > 0)
+    out.push_back(std::to_string(records_.behind_period()) +
+                  " clicks lie behind the sync's period of " +
+                  number_text(records_.unit_ps() / ps_per_s) + " s: is MeasDesc_Resolution right?");
+  if (const std::string text = comb_text(records_.step_ps(), use_.bin_width_ps); !text.empty())
+    out.push_back(text);
   const double told = file_->number("TTResult_NumberOfRecords").value_or(0);
   if (told > 0 && told != static_cast<double>(count_))
     out.push_back("its header tells of " + std::to_string(std::llround(told)) +
                   " records, it has " + std::to_string(count_));
   if (bytes_cut_ > 0) out.push_back("its last record is cut");
   if (beyond_) out.push_back("a time beyond 106 days: what follows is left out");
+  const double divider = file_->number("HWSync_Divider").value_or(1);
   if (divider > 1 && !records_.is_t3())
     out.push_back("its sync was divided by " + std::to_string(std::llround(divider)) +
                   ": only so many of the laser's pulses are in it");

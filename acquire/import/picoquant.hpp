@@ -36,12 +36,16 @@ inline constexpr std::int32_t sync_channel = 0;
 class PicoquantRecords {
  public:
   // Throws Error(failed): no known type, no resolution above 0.
-  PicoquantRecords(std::uint32_t type, double global_resolution_s, double resolution_s);
+  // `offset`: MeasDesc_Offset, which the device subtracted from the times of T3 clicks.
+  PicoquantRecords(std::uint32_t type, double global_resolution_s, double resolution_s,
+                   double offset = 0);
   bool is_t3() const { return t3_; }
   // Appends the record's tags: none, one, or in T3 the pulse's start and its click. T3 files leave
   // out pulses without a click, as behind a conditional filter. False: its time is beyond 2^63 ps.
   bool add(std::uint32_t record, std::vector<Tag>& out);
   std::uint64_t markers() const { return markers_; }
+  std::uint64_t behind_period() const { return behind_period_; }  // T3 clicks
+  long double offset_ps() const { return offset_ps_; }
   // Time of the last overflow, and the time between two, ps.
   long double overflowed_ps() const { return static_cast<long double>(base_) * unit_ps_; }
   long double wrap_ps() const { return static_cast<long double>(wrap_) * unit_ps_; }
@@ -52,7 +56,8 @@ class PicoquantRecords {
  private:
   bool put(std::int32_t channel, std::uint64_t unit, std::uint64_t dtime, std::vector<Tag>& out);
   bool pico_harp_ = false, t3_ = false, once_ = false;
-  std::uint64_t wrap_ = 0, base_ = 0, markers_ = 0;
+  std::uint64_t wrap_ = 0, base_ = 0, markers_ = 0, behind_period_ = 0;
+  long double offset_ps_ = 0;
   std::uint64_t pulse_ = ~std::uint64_t{0};  // number of the last start
   long double unit_ps_, dtime_ps_;
 };
@@ -70,17 +75,20 @@ class PicoquantTags final : public Recording {
   std::vector<Counter> counters() const override;
   std::vector<std::string> doubts() const override;
   std::optional<UtcTime> began() const;  // as the file has it, in local time
+  bool began_twice() const;              // summer time ended in that hour
 
  private:
   struct File;
   bool read_record();
   long double end_ps() const { return std::max(last_ps_, records_.overflowed_ps()); }
   std::string missing_input() const;
+  std::vector<std::string> rate_doubts() const;
   std::unique_ptr<File> file_;
   PicoquantRecords records_;
   tdc::HistogramSettings use_;
   double stopped_s_ = 0, header_s_ = 0;  // length by the header, s: measured, longest; 0: not known
   long double last_ps_ = 0;              // time of the last tag
+  std::int64_t first_sync_ps_ = -1, last_sync_ps_ = 0;
   std::vector<Tag> tags_;  // the block, then the tags of a record that goes on behind its end
   std::vector<std::uint32_t> chunk_;
   std::size_t in_chunk_ = 0;

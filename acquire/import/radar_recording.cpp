@@ -52,7 +52,7 @@ void RadarRecording::step(Reading now, const Reading* next) {
   const std::uint32_t usual = 101 * profile_.subframes, most = profile_.subframes << 20;
   const std::uint32_t to_now = now.position - last_->position;
   const std::uint32_t to_next = next ? next->position - now.position : 0, both = to_now + to_next;
-  const bool damaged = next && both <= usual && to_now > both;
+  const bool damaged = next && both > 1 && both <= usual && to_now > both;
   if (damaged) now.position = last_->position + 1;
   const double n = to_now < most && !damaged ? to_now : 1;
   const double more = damaged ? both - 1.0 : to_next <= usual ? to_next : 1;
@@ -63,7 +63,7 @@ void RadarRecording::step(Reading now, const Reading* next) {
     return tick_s * static_cast<double>(ticks_passed(from.cycles, to.cycles, expected, 32));
   };
   const auto fits = [&](double s, double periods) {
-    return s >= 0 && std::abs(s - periods * period_s) < 0.1 + period_s / 2;
+    return s > 0 && std::abs(s - periods * period_s) < 0.1 + period_s / 2;
   };
   double step_s = passed_s(*last_, now, n);
   const double more_s = next ? passed_s(now, *next, more) : 0;
@@ -75,9 +75,13 @@ void RadarRecording::step(Reading now, const Reading* next) {
   const std::string frame = std::to_string(now.frame_number), at = fixed(seconds(last_at_)) + " s";
   const std::string between = "frames " + std::to_string(last_->frame_number) + " and " + frame;
   bool believed = true;
+  stood_ += now.cycles == last_->cycles;
   if (next && !damaged && to_now >= most && to_next <= usual) {
     step_s = period_s * profile_.subframes;
     began_anew_.add("between " + between + " at " + at);
+  } else if (goes_on && !goes_on_without && !confirmed_) {  // the first frame's time is damaged
+    impossible_.add("frame " + std::to_string(last_->frame_number) + " at the start");
+    step_s = n * period_s;
   } else if (goes_on_without ? right && goes_on : right || even) {
     steps_ += n, stepped_s_ += step_s;
   } else if (goes_on && !goes_on_without) {
@@ -88,6 +92,7 @@ void RadarRecording::step(Reading now, const Reading* next) {
     step_s = goes_on_without ? both_s * n / std::max(1.0, n + more) : n * period_s;
     if (next) impossible_.add("frame " + frame + " behind " + at);
   }
+  confirmed_ = confirmed_ || believed;
   at_ = std::max(at_, last_at_ + from_seconds(step_s));
   if (believed) last_ = now, last_at_ = at_;
 }
@@ -138,6 +143,9 @@ std::vector<std::string> RadarRecording::doubts() const {
     out.push_back("holds no frame of TI's demo: " + radar::why_no_frames(beginning_));
   else if (c.range_profiles == 0)
     out.emplace_back("no frame has a range profile: guiMonitor's third number was 0 on the board");
+  else if (c.range_profiles < c.frames)
+    out.push_back(std::to_string(c.frames - c.range_profiles) + " of " + std::to_string(c.frames) +
+                  " frames have no range profile");
   if (others_ > 0)
     out.push_back(std::to_string(others_) + " frames are of " + std::to_string(other_bins_) +
                   " bins, the cfg says " + std::to_string(profile_.bins) +
@@ -147,7 +155,11 @@ std::vector<std::string> RadarRecording::doubts() const {
   tell(began_anew_, " times the board began anew",
        "; how long it was away is not known and left out");
   tell(paused_, " times the board's clock ran on alone", "; the times behind are not known");
-  tell(impossible_, " frames bear a time that cannot be", "; their numbers tell it");
+  if (2 * stood_ > c.frames)
+    out.push_back("the board's clock stands still in " + std::to_string(stood_ + 1) +
+                  " frames; their numbers tell the time");
+  else
+    tell(impossible_, " frames bear a time that cannot be", "; their numbers tell it");
   if (c.lost_frames > 0) out.push_back(std::to_string(c.lost_frames) + " frames are missing");
   const std::uint64_t broken = c.truncated_frames + c.bad_headers + c.bad_tlvs;
   if (broken > 0 || c.junk_bytes > 0)

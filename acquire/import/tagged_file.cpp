@@ -97,6 +97,20 @@ std::string TaggedFile::text(const std::string& name) const {
   return found == texts_.end() ? "" : found->second;
 }
 
+bool TaggedFile::came_twice(const std::string& name) const {
+  const auto first = time(name);
+  if (!first) return false;
+  const auto whole_s = std::chrono::duration_cast<std::chrono::seconds>(*first).count();
+  const auto hour_of = [](std::time_t at) {
+    std::tm local{};
+    localtime_r(&at, &local);
+    return 60 * local.tm_hour + local.tm_min;
+  };
+  constexpr std::time_t hour_s = 3600;
+  return hour_of(whole_s) == hour_of(whole_s + hour_s) ||
+         hour_of(whole_s) == hour_of(whole_s - hour_s);
+}
+
 std::optional<UtcTime> TaggedFile::time(const std::string& name) const {
   constexpr double day_of_1970 = 25569, day_of_2250 = 127'839, day_s = 86400;
   const auto days = number(name);

@@ -30,6 +30,8 @@ class TaggedFile {
   // Time of a tag. The files store local days since 1899-12-30, read in this machine's time zone.
   // None if the tag is missing or its time is not between 1970 and 2250.
   std::optional<UtcTime> time(const std::string& name) const;
+  // Whether that local time came twice, as summer time ended.
+  bool came_twice(const std::string& name) const;
   const std::string& path() const { return path_; }
   const RegularFile& file() const { return file_; }  // positioned where the tags end
 

@@ -14,6 +14,7 @@
 #include "acquire/run/scheduler.hpp"
 #include "acquire/run/signal_check.hpp"
 #include "acquire/run/status.hpp"
+#include "acquire/run/tag_check.hpp"
 #include "acquire/run/window.hpp"
 #include "drivers/port/raw_tap.hpp"
 #include "drivers/program/console.hpp"
@@ -119,6 +120,8 @@ class Daemon final : private SampleSink {
   RunLog log_;
   std::optional<port::RawKeeper> raw_;
   Devices devices_;
+  TagCheck tag_check_{config_.histogram, true,
+                      [this](const std::string& text) { log(Severity::warning, "spd", text); }};
   SensorClocks clocks_;  // observe what comes before the first slot as well
   std::optional<Recording> recording_;
   RunTotals totals_;
@@ -252,8 +255,9 @@ void Daemon::announce(Sensor sensor) {
 }
 
 void Daemon::on_tags(const TagBlock& block) {
-  clocks_.observe(block);
-  if (!is_early(Sensor::spd, block.tags.size())) recording_->windows.add(block);
+  const TagBlock repaired = tag_check_.take(block);
+  clocks_.observe(repaired);
+  if (!is_early(Sensor::spd, block.tags.size())) recording_->windows.add(repaired);
 }
 
 void Daemon::on_histogram(HistogramFrame frame) {
@@ -378,6 +382,7 @@ void Daemon::end() {
   Recording& r = *recording_;
   notify_stopping();
   devices_.stop();
+  tag_check_.finish();
   if (raw_) {
     const port::RawKeeper::Counts bytes = raw_->finish();
     report_raw_trouble();

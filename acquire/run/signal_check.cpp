@@ -15,7 +15,7 @@ namespace {
 
 constexpr double reference_s = 60;
 constexpr std::size_t least_records = 5;
-constexpr std::size_t leakage_bins = 2;  // the radar's transmitter into its receivers
+constexpr double leakage_m = 0.5;  // the radar's transmitter into its receivers
 
 template <class... Values>
 std::string format(const char* pattern, Values... values) {
@@ -116,7 +116,9 @@ std::string SignalCheck::judge_radar(record::FusedRecord& r, const Axis& axis) {
   for (const float v : r.radar)
     power.push_back(axis.quantity == "log2_q8" ? power_from_code(double{v}, axis.scale)
                                                : double{v});
-  if (power.size() <= leakage_bins + 2) return {};
+  const auto leakage_bins =
+      static_cast<std::ptrdiff_t>(std::max(2.0, std::ceil((leakage_m - axis.start) / axis.step)));
+  if (std::ssize(power) <= leakage_bins + 2) return {};
   const double floor = median(power);
   const auto first = power.begin() + leakage_bins;
   const auto top = static_cast<std::size_t>(std::max_element(first, power.end()) - power.begin());

@@ -2,6 +2,7 @@
 #include "acquire/run/window.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <complex>
 #include <functional>
 #include <utility>
@@ -127,6 +128,10 @@ void Windows::add_part(std::span<const Tag> tags, HostTime from, HostTime to) {
   if (slot->histogram != histogram_) slot->histogram->follow(*histogram_);
   histogram_ = slot->histogram;
   histogram_->add(tags);
+  if (!histogram_->in_overflow())
+    overflow_from_.reset();
+  else if (!overflow_from_)
+    overflow_from_ = to;
   slot->spd_times.add(from, to, grid_.centre(grid_.slot_of(from)),
                       static_cast<double>(tags.size()));
 }
@@ -219,13 +224,16 @@ void Windows::add(DepthFrame frame) {
   }
 }
 
-std::string Windows::spd_fault(const Slot& slot) const {
+std::string Windows::spd_fault(const Slot& slot, HostTime end) const {
   const TagCounts tags = slot.tags();
   if (refused_[Sensor::spd]) return axis_changed;
   if (sends_histograms_ && slot.summed.empty()) return "no histograms";
   if (!sends_histograms_ && tags.tags == 0) return "no tags";
   if (!sends_histograms_ && tags.starts == 0)
     return "no start tags on channel " + std::to_string(histogram_->settings().start_channel);
+  if (overflow_from_ && tags.in_range + tags.out_of_range == 0 && tags.without_start > 0)
+    return "in overflow since " + std::to_string(std::llround(seconds(end - *overflow_from_))) +
+           " s: no click counts before the tagger reports the end";
   const auto span = slot.spd_times.last - slot.spd_times.first;
   if (span < grid_.length / 2)
     return (sends_histograms_ ? "histograms" : "tags") + std::string(" for only ") +
@@ -306,7 +314,8 @@ record::FusedRecord Windows::close(const DueSlot& due) {
                        .radar_last = slot.radar_last,
                        .depth_last = slot.depth_last};
   const auto span = slot.spd_times.last - slot.spd_times.first;
-  const PerSensor<std::string> faults{spd_fault(slot), radar_fault(slot), depth_fault(slot)};
+  const PerSensor<std::string> faults{spd_fault(slot, record.slot_end), radar_fault(slot),
+                                      depth_fault(slot)};
   for (const Sensor s : all_sensors) {
     std::string& verdict = record.sync[s].verdict;
     // A short span counts as cut, because the loss is reported by a later sample.

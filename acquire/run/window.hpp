@@ -127,7 +127,7 @@ class Windows {
   void add_part(std::span<const Tag> tags, HostTime from, HostTime to);
   void take_profile(Slot& slot, const RadarFrame& frame, HostTime taken);
   void take_array(Slot& slot, const RadarFrame& frame) const;
-  std::string spd_fault(const Slot& slot) const;
+  std::string spd_fault(const Slot& slot, HostTime end) const;
   std::string radar_fault(const Slot& slot) const;
   std::string depth_fault(const Slot& slot) const;
   void fill_spd(const Slot& slot, record::FusedRecord& record) const;
@@ -138,6 +138,7 @@ class Windows {
   const SensorClocks& clocks_;
   SensorSet configured_, required_;
   std::shared_ptr<tdc::Histogram> histogram_;  // slot of the last tags
+  std::optional<HostTime> overflow_from_;      // of the overflow that lasts
   std::map<std::string, Axis> axes_;           // array, depth_x, depth_y, radar, spd
   bool sends_histograms_ = false;
   PerSensor<bool> refused_{};

@@ -91,6 +91,12 @@ std::string why_no_frames(ByteView bytes) {
     return plain ? "it is text; expected the data port's bytes"
                  : "no frame begins in it: was it recorded at the data port's baud rate?";
   }
+  constexpr std::ptrdiff_t enough = 4;  // the platform's number has a line feed in each frame
+  const auto feeds = std::ranges::count(bytes, '\n');
+  std::ptrdiff_t pairs = 0;
+  for (std::size_t i = 1; i < bytes.size(); ++i) pairs += bytes[i] == '\n' && bytes[i - 1] == '\r';
+  if (feeds >= enough && pairs == feeds)
+    return "its line ends were changed (saved as text): each line feed has a carriage return";
   const ByteView packet = bytes.subspan(first, end - first);
   if (fill(packet, 36, 0)) return "its frames are of SDK 1 or 2.0 (header of 36 bytes)";
   for (const std::size_t header : {36u, 40u})

@@ -88,6 +88,8 @@ class Histogram {
   // Gaps between the starts as they came, from the beginning on.
   const StartGaps& gaps() const { return gaps_; }
 
+  bool in_overflow() const { return in_overflow_; }  // clicks do not count
+
   const HistogramSettings& settings() const { return settings_; }
   // name "spd", quantity "counts", unit "ps"
   Axis axis() const;

@@ -3,6 +3,7 @@
 #include "acquire/import/import.hpp"
 
 #include <bit>
+#include <cstdlib>
 
 #include "acquire/config/config.hpp"
 #include "acquire/import/picoquant.hpp"
@@ -106,6 +107,8 @@ TEST_CASE("import: the records of each of PicoQuant's devices") {
   CHECK(tags_of({0x00010303, 1e-7, 4e-12},
                 {1u << 28 | 10u << 16 | 3, 15u << 28, 2u << 28 | 1u << 16}) ==
         Tags{{0, 300'000}, {1, 300'040}, {0, 65536LL * 100'000}, {2, 65536LL * 100'000 + 4}});
+  // with MeasDesc_Offset, ns
+  CHECK(tags_of({0x00010307, 1e-7, 5e-12, 40}, {t3(0, 20, 4)}) == Tags{{0, 400'000}, {1, 440'100}});
   CHECK(error_of([] { acquire::PicoquantRecords(0x00010408, 1e-12, 0); }).first ==
         ExitCode::failed);
   CHECK(error_of([] { acquire::PicoquantRecords(0x00010304, 1e-7, 0); }).first == ExitCode::failed);
@@ -252,12 +255,49 @@ TEST_CASE("import: the header of a .ptu is compared with its records") {
                   .second,
               "by TTResult_SyncRate") == (rate_hz == 1e6));
 
+  says(header(is_t2, 1e-12, 0).real("TTResult_SyncRate", 80e6).end().data(light), ExitCode::ok,
+       "pulses of 8e+07 Hz by TTResult_SyncRate, 1000 Hz by its records");
+  CHECK_FALSE(
+      has(import(header(is_t2, 1e-12, 0).real("TTResult_SyncRate", 1e3).end().data(light)).second,
+          "TTResult_SyncRate"));
+  says(header(is_t3, 1e-6, 25e-9).end().data(pulses), ExitCode::failed,
+       "1000 clicks lie behind the sync's period of 1e-06 s: is MeasDesc_Resolution right?");
+  auto swapped = light;
+  for (std::size_t i = 1; i < swapped.size(); ++i)
+    if (swapped[i] >> 25 == 0 && swapped[i - 1] >> 25 == special >> 25)
+      std::swap(swapped[i - 1], swapped[i]), ++i;
+  says(header(is_t2, 1e-12, 0).end().data(swapped), ExitCode::ok,
+       "spd: 1000 events out of order by up to 1 us, sorted");
+
   // one of two recordings has nothing: the run is there, and the exit says so
   write_file(folder / "a.dat", "nothing");
   const auto both = import(header(is_t2, 1e-12, 0).end().data(light), folder / "a.dat");
   CAPTURE(both.second);
   CHECK((both.first == ExitCode::partial && has(both.second, "spd in 2") &&
          has(both.second, "a.dat: nothing to import")));
+}
+
+TEST_CASE("import: a local time that came twice as summer time ended is named") {
+  const Folder folder;
+  const char* const zone = std::getenv("TZ");
+  const std::string before = zone ? zone : "";
+  ::setenv("TZ", "CET-1CEST,M3.5.0,M10.5.0/3", 1);
+  ::tzset();
+  for (const double utc_s : {1698546600.0, 1698557400.0}) {  // 29 October 2023, 02:30 and 05:30
+    std::vector<std::uint32_t> words;
+    for (std::uint32_t k = 0; k < 1000; ++k) words.push_back(t3(0, 200, k));
+    Tagged file("PQTTTR");
+    file.whole("TTResultFormat_TTTRRecType", 0x01010304).real("MeasDesc_GlobalResolution", 1e-3);
+    file.real("MeasDesc_Resolution", 25e-12);
+    file.tag("File_CreatingTime", 0x21000008, std::bit_cast<std::int64_t>(25569 + utc_s / 86400));
+    file.end().data(words).write(folder / "a.ptu");
+    const std::string out = folder / std::to_string(utc_s);
+    const std::string said = acquire::import_recordings(
+        config_of(folder), {.files = {folder / "a.ptu"}, .out = out + ".sqlite"});
+    CHECK(has(said, "which came twice on that day") == (utc_s == 1698546600.0));
+  }
+  zone ? ::setenv("TZ", before.c_str(), 1) : ::unsetenv("TZ");
+  ::tzset();
 }
 
 TEST_CASE("import: a time is UTC, or says how far east it is") {

@@ -99,6 +99,17 @@ TEST_CASE("import: a radar's times are its clock's, as far as the frame numbers 
   check(RadarFile().frames(1, 19).frame(20, 9).frame(21, 3).frames(22, 60), even,
         "2 frames bear a time");
   check(RadarFile().frames(1, 59).frame(60, 9), even, "");
+  check(RadarFile().frame(1, 10.8).frames(2, 60), even,
+        "1 frames bear a time that cannot be (frame 1 at the start); their numbers tell it");
+  RadarFile still, twos;
+  for (std::uint32_t n = 1; n <= 60; ++n) still.frame(n, 0), twos.frames(1 + n % 2, 1 + n % 2);
+  check(still, {20, 20, 20}, "the board's clock stands still in 60 frames; their numbers tell");
+  check(twos, even, "times the board began anew");
+  RadarFile points;
+  points.tlv = 1;
+  points.frames(1, 59);
+  points.tlv = 2;
+  check(points.frames(60, 60), {0, 0, 1}, "59 of 60 frames have no range profile");
   for (const std::uint32_t number : {36u, 1044u, 0x80000014u})  // a flipped bit
     check(RadarFile().frames(1, 19).frame(number, 20 * 0.0499).frames(21, 60), even,
           number == 36 ? "16 frames are missing" : "");
@@ -125,6 +136,12 @@ TEST_CASE("import: a radar recording without a profile is refused with its cause
   refuses({}, "it is empty");
   refuses(text("{\"frame\": 1}\n"), "it is text; expected the data port's bytes");
   refuses(text("sensorStart\r\nDone\r\nmmwDemo:/>"), "it is text of the command port");
+  Bytes mangled;
+  for (const std::uint8_t b : RadarFile().frames(1, 20).bytes) {
+    if (b == '\n') mangled.push_back('\r');
+    mangled.push_back(b);
+  }
+  refuses(mangled, "its line ends were changed (saved as text)");
   refuses(Bytes(5000, 0xf3), "was it recorded at the data port's baud rate?");
   refuses(RadarFile{.header = 36}.frames(1, 20).bytes, "of SDK 1 or 2.0 (header of 36 bytes)");
   refuses(RadarFile{.header = 48}.frames(1, 20).bytes, "of another demo (header of 48 bytes)");

@@ -211,3 +211,20 @@ TEST_CASE("a change is told by the verdict's kind, not by its figures") {
   CHECK(kind_of(r, Sensor::radar) == "missing");
   CHECK(kind_of(r, Sensor::depth) == "ok");
 }
+
+TEST_CASE("a radar's own leakage, up to 0.5 m, is no echo") {
+  SignalCheck check({}, 3);
+  const std::vector<Axis> fine = {{.name = "radar",
+                                   .quantity = "power",
+                                   .unit = "m",
+                                   .count = 128,
+                                   .start = 0,
+                                   .step = 0.044,
+                                   .scale = 1}};
+  record::FusedRecord r;
+  r.valid = {Sensor::radar};
+  r.sync[Sensor::radar].verdict = "ok";
+  for (int i = 0; i < 128; ++i) r.radar.push_back(i < 10 ? 1e6F : 1.0F + 0.1F * (i % 3));
+  check.judge(r, fine);
+  CHECK_THAT(r.sync[Sensor::radar].verdict, StartsWith("no peak"));
+}

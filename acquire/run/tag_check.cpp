@@ -1,0 +1,334 @@
+// SPDX-License-Identifier: MIT
+#include "acquire/run/tag_check.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <numeric>
+#include <utility>
+
+namespace echofuse::acquire {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr std::uint64_t sorted_within_ps = 1'000'000;
+constexpr std::size_t most_moves = 1000;  // of one event
+constexpr std::size_t most_events = 20'000;
+constexpr auto clock_time = 2s, overflow_time = 3s;
+constexpr double clock_share = 0.1, like_before = 0.05;
+constexpr std::uint64_t enough = 20;
+
+template <class... Values>
+std::string format(const char* pattern, Values... values) {
+  char text[240];
+  std::snprintf(text, sizeof text, pattern, values...);
+  return text;
+}
+
+std::string time_text(double ps) {
+  if (ps >= 1e12) return format("%.4g s", ps / 1e12);
+  if (ps >= 1e9) return format("%.4g ms", ps / 1e9);
+  if (ps >= 1e6) return format("%.4g us", ps / 1e6);
+  return format("%.4g ns", ps / 1e3);
+}
+
+std::string rate_text(double hz) {
+  if (hz >= 1e6) return format("%.4g MHz", hz / 1e6);
+  return hz >= 1e3 ? format("%.4g kHz", hz / 1e3) : format("%.4g Hz", hz);
+}
+
+bool near(double value, double wanted, double share) {
+  return std::abs(value - wanted) <= share * wanted;
+}
+
+double median(std::vector<std::uint64_t>& values) {
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return static_cast<double>(*middle);
+}
+
+// The shortest of the sorted gaps that occurs often: a damaged time does not repeat.
+double shortest_often(const std::vector<std::uint64_t>& gaps_ps) {
+  for (std::size_t i = 0; i + enough <= gaps_ps.size(); ++i) {
+    const auto from = static_cast<double>(gaps_ps[i]);
+    if (static_cast<double>(gaps_ps[i + enough - 1]) <= from * 1.05) return from;
+  }
+  return 0;
+}
+
+std::uint64_t count_near(const std::vector<std::uint64_t>& values, double wanted, double share) {
+  return static_cast<std::uint64_t>(std::ranges::count_if(
+      values, [&](std::uint64_t v) { return near(static_cast<double>(v), wanted, share); }));
+}
+
+}  // namespace
+
+std::string comb_text(long double step_ps, std::int64_t bin_width_ps) {
+  // Bins of few steps are uneven: some have one step more than their neighbours.
+  constexpr long double few = 20;
+  const long double steps = static_cast<long double>(bin_width_ps) / step_ps;
+  if (steps >= few || std::abs(steps - std::round(steps)) <= 1e-6L * steps) return {};
+  return format(
+      "its tags are in steps of %.5Lg ps: bins of %lld ps become a comb; --set "
+      "tdc.bin_width_ps=%.5Lg fits",
+      step_ps, static_cast<long long>(bin_width_ps), std::max(1.0L, std::round(steps)) * step_ps);
+}
+
+TagCheck::TagCheck(const tdc::HistogramSettings& use, bool live, Report report)
+    : use_(use), live_(live), report_(std::move(report)) {}
+
+TagBlock TagCheck::take(const TagBlock& block) {
+  if (block.lost_blocks > 0) {  // another connection
+    last_ps_.reset(), clock_from_.reset(), clock_ratio_.reset(), overflow_from_.reset();
+    highest_ps_ = offset_ps_ = 0;
+  }
+  if (block.lost_blocks > 0 || block.lost_items > 0) last_start_ps_.reset();
+  TagBlock out = block;
+  if (offset_ps_ > 0 || !in_order(block)) {
+    repaired_.assign(block.tags.begin(), block.tags.end());
+    for (Tag& tag : repaired_)
+      if (tag.is_time_tag()) repair(tag);
+    sort();
+    out.tags = repaired_;
+  } else {
+    for (auto tag = block.tags.rbegin(); tag != block.tags.rend(); ++tag)
+      if (tag->is_time_tag()) {
+        last_ps_ = static_cast<std::uint64_t>(tag->time_ps);
+        highest_ps_ = std::max(highest_ps_, *last_ps_);
+        break;
+      }
+  }
+  for (const Tag& tag : out.tags) look_at(tag, block.received);
+  if (!second_from_) second_from_ = block.received;
+  if (block.received - *second_from_ >= 1s) judge_second(block.received);
+  return out;
+}
+
+bool TagCheck::in_order(const TagBlock& block) const {
+  auto last = last_ps_;
+  for (const Tag& tag : block.tags) {
+    if (!tag.is_time_tag()) continue;
+    const auto time = static_cast<std::uint64_t>(tag.time_ps);
+    if (last && static_cast<std::int64_t>(time - *last) < 0) return false;
+    last = time;
+  }
+  return true;
+}
+
+// Puts an event behind the wraps before it.
+void TagCheck::repair(Tag& tag) {
+  const auto time = static_cast<std::uint64_t>(tag.time_ps);
+  const auto step = static_cast<std::int64_t>(time - last_ps_.value_or(time));
+  highest_ps_ = std::max(highest_ps_, time);
+  if (step < 0) {
+    const auto down = static_cast<std::uint64_t>(-step);
+    const auto wraps_at = [&](unsigned bits) {
+      const std::uint64_t end = std::uint64_t{1} << bits;
+      return highest_ps_ < end && highest_ps_ >= end - end / 4 && down >= end / 2;
+    };
+    if (const unsigned bits = wraps_at(32) ? 32 : wraps_at(40) ? 40 : 0; bits > 0) {
+      offset_ps_ += std::uint64_t{1} << bits;
+      wrap_bits_ = bits, ++wrapped_;
+    } else if (down > sorted_within_ps) {
+      ++stepped_back_;
+      farthest_back_ps_ = std::max(farthest_back_ps_, down);
+    }
+  }
+  last_ps_ = time;
+  tag.time_ps = static_cast<std::int64_t>(time + offset_ps_);
+}
+
+void TagCheck::sort() {
+  for (std::size_t i = 1; i < repaired_.size(); ++i) {
+    const Tag tag = repaired_[i];
+    std::size_t to = i;
+    const auto before = [&](const Tag& other) {
+      const std::uint64_t by =
+          static_cast<std::uint64_t>(other.time_ps) - static_cast<std::uint64_t>(tag.time_ps);
+      return tag.is_time_tag() && other.is_time_tag() && by > 0 && by <= sorted_within_ps;
+    };
+    while (to > 0 && i - to < most_moves && before(repaired_[to - 1])) {
+      repaired_[to] = repaired_[to - 1];
+      --to;
+    }
+    if (to == i) continue;
+    repaired_[to] = tag;
+    ++sorted_;
+  }
+}
+
+void TagCheck::take_marker(const Tag& tag, HostTime received) {
+  last_start_ps_.reset();
+  if (tag.reserved != 0) return;
+  if (tag.type == TagType::overflow_end || tag.type == TagType::error) overflow_from_.reset();
+  if (tag.type == TagType::overflow_begin || (overflow_from_ && tag.type == TagType::missed_events))
+    overflow_from_ = received, overflow_told_ = false;
+}
+
+void TagCheck::look_at(const Tag& tag, HostTime received) {
+  if (!tag.is_time_tag()) return take_marker(tag, received);
+  if (sample_.events >= most_events) {
+    last_start_ps_.reset();
+    return;
+  }
+  const auto time = static_cast<std::uint64_t>(tag.time_ps);
+  ++sample_.events;
+  if (tag.channel == use_.start_channel) {
+    ++sample_.starts;
+    if (last_start_ps_ && static_cast<std::int64_t>(time - *last_start_ps_) > 0)
+      sample_.gaps_ps.push_back(time - *last_start_ps_);
+    last_start_ps_ = time, clicks_ = 0;
+  } else if (tag.channel == use_.click_channel && last_start_ps_) {
+    const auto after = static_cast<std::int64_t>(time - *last_start_ps_);
+    sample_.step_ps = std::gcd(sample_.step_ps, static_cast<std::uint64_t>(std::abs(after)));
+    sample_.firsts += clicks_ == 0;
+    if (clicks_ == 1) {
+      ++sample_.seconds;
+      sample_.delays_ps.push_back(time - *last_click_ps_);
+    }
+    last_click_ps_ = time, ++clicks_;
+  }
+}
+
+void TagCheck::judge_second(HostTime received) {
+  if (live_) judge_clock(received);
+  judge_overflow(received);
+  if (wrapped_ > 0)
+    found(wrap, std::exchange(wrapped_, 0),
+          format("restarts of its times at 2^%u ps: they go on in the run", wrap_bits_));
+  if (sorted_ > 0)
+    found(order, std::exchange(sorted_, 0), "events out of order by up to 1 us, sorted");
+  if (stepped_back_ > 0)
+    found(back, std::exchange(stepped_back_, 0),
+          "steps back of its times, by up to " + time_text(static_cast<double>(farthest_back_ps_)) +
+              ": does its time wrap, or did it restart?");
+  judge_starts();
+  judge_clicks();
+  sample_ = {};
+  last_start_ps_.reset();
+  second_from_ = received;
+}
+
+void TagCheck::judge_clock(HostTime received) {
+  if (!last_ps_) return;
+  const Reading now{received, *last_ps_ + offset_ps_};
+  if (stepped_back_ > 0 || !clock_from_) {
+    clock_from_ = now, clock_ratio_.reset();
+    return;
+  }
+  if (received - clock_from_->received < clock_time) return;
+  const double ratio = static_cast<double>(now.device_ps - clock_from_->device_ps) * 1e-12 /
+                       seconds(received - clock_from_->received);
+  clock_from_ = now;
+  const auto before = std::exchange(clock_ratio_, ratio);
+  if (near(ratio, 1, clock_share) || ratio <= 0 || !before || !near(ratio, *before, like_before))
+    return;
+  const double slower = std::round(1 / ratio);
+  const std::string at = ratio < 1 && near(1 / ratio, slower, 0.03) ? format("1/%.0f of", slower)
+                                                                    : format("%.4g times", ratio);
+  found(clock, 1,
+        "intervals of 2 s in which its clock runs at " + at +
+            " the host's: are its times in ps? The samples are dated by their receipt");
+}
+
+void TagCheck::judge_overflow(HostTime received) {
+  if (!overflow_from_ || overflow_told_ || received - *overflow_from_ < overflow_time) return;
+  overflow_told_ = true;
+  found(overflow, 1,
+        "overflows that began and did not end within 3 s: no click counts until the end");
+}
+
+void TagCheck::judge_starts() {
+  auto& gaps = sample_.gaps_ps;
+  if (gaps.size() < 5 * enough) return;
+  std::ranges::sort(gaps);
+  const auto count = static_cast<double>(gaps.size());
+  const bool filtered = sample_.starts < 2 * sample_.firsts;
+  double period_ps = shortest_often(gaps);
+  // A second start splits a period into a short gap and the rest.
+  const double long_ps = static_cast<double>(gaps[gaps.size() * 9 / 10]) / 4;
+  const auto border = std::ranges::lower_bound(gaps, static_cast<std::uint64_t>(long_ps));
+  std::vector<std::uint64_t> shorts(gaps.begin(), border), longs(border, gaps.end());
+  if (static_cast<double>(shorts.size()) > 0.02 * count && shorts.size() >= enough) {
+    const double usual_ps = median(shorts), rest_ps = median(longs);
+    if (static_cast<double>(count_near(longs, rest_ps, 0.05)) >
+            0.8 * static_cast<double>(longs.size()) &&
+        static_cast<double>(count_near(shorts, usual_ps, 0.2)) >
+            0.8 * static_cast<double>(shorts.size())) {
+      found(doubled, shorts.size(),
+            "starts with a second one " + time_text(usual_ps) +
+                " behind them: a reflection on the start line, or its trigger level?");
+      period_ps = static_cast<double>(gaps.back());
+    }
+  }
+  // Whole numbers of periods, apart from a few: else the starts have none, or too few to tell it.
+  std::uint64_t lost = 0;
+  double whole = 0, next = 0;
+  for (const std::uint64_t gap : gaps) {
+    const double periods = static_cast<double>(gap) / std::max(1.0, period_ps);
+    if (std::abs(periods - std::round(periods)) > 0.1 || periods < 0.5 || periods > 20) continue;
+    ++whole;
+    next += std::round(periods) == 1;
+    lost += static_cast<std::uint64_t>(std::round(periods)) - 1;
+  }
+  next_share_ = next / count;
+  const bool split = period_ps == static_cast<double>(gaps.back());
+  if (period_ps <= 0 || next_share_ < 0.02 || whole < (split ? 0.4 : 0.9) * count) return;
+  if (period_ps_ > 0 && !near(period_ps, period_ps_, 0.05))
+    found(period, 1,
+          "changes of the start rate, from " + rate_text(1e12 / period_ps_) + " to " +
+              rate_text(1e12 / period_ps));
+  period_ps_ = period_ps;
+  const double share = static_cast<double>(lost) / (static_cast<double>(lost) + count);
+  if (!filtered && share > 0.02 && whole > 0.9 * count)
+    found(missing, lost,
+          format("start pulses are missing, %.0f %% of them (intervals of several periods of ",
+                 100 * share) +
+              time_text(period_ps) + "): is the trigger level right?");
+}
+
+void TagCheck::judge_clicks() {
+  if (sample_.firsts < 5 * enough) return;
+  if (const auto step = static_cast<long double>(sample_.step_ps); live_ && step > 1)
+    if (const std::string text = comb_text(step, use_.bin_width_ps); !text.empty())
+      found(steps, 1, text);
+  const auto firsts = static_cast<double>(sample_.firsts);
+  const double share = static_cast<double>(sample_.seconds) / firsts;
+  const bool filtered = sample_.starts < 2 * sample_.firsts;
+  const double chance = filtered ? next_share_ : firsts / static_cast<double>(sample_.starts);
+  if (sample_.seconds < enough || share < 0.1 || share < 2 * chance) return;
+  const double delay_ps = median(sample_.delays_ps);
+  const auto around = std::ranges::count_if(sample_.delays_ps, [&](std::uint64_t d) {
+    return std::abs(static_cast<double>(d) - delay_ps) < 1000;
+  });
+  if (static_cast<double>(around) < 0.5 * static_cast<double>(sample_.seconds)) return;
+  if (delay_ps < static_cast<double>(use_.dead_time_ps)) return;
+  found(second, sample_.seconds,
+        "clicks are followed by a second one after " + time_text(delay_ps) +
+            format(", a second peak %.2f m behind the first: afterpulses or a reflection? "
+                   "tdc.dead_time_ps removes it",
+                   delay_ps / ps_per_m));
+}
+
+void TagCheck::found(Kind kind, std::uint64_t count, const std::string& cause) {
+  Fault& fault = faults_[kind];
+  fault.count += count;
+  fault.cause = cause;
+  if (live_ && fault.reported == 0) report(kind);
+}
+
+void TagCheck::report(Kind kind) {
+  Fault& fault = faults_[kind];
+  report_(kind == steps ? fault.cause : std::to_string(fault.count) + " " + fault.cause);
+  fault.reported = fault.count;
+}
+
+void TagCheck::finish() {
+  if (second_from_) judge_second(*second_from_);
+  for (int kind = 0; kind < kinds; ++kind)
+    if (kind != steps || faults_[kind].reported == 0)
+      if (faults_[kind].count > faults_[kind].reported) report(static_cast<Kind>(kind));
+}
+
+}  // namespace echofuse::acquire

@@ -1,0 +1,93 @@
+// SPDX-License-Identifier: MIT
+// Checks a time tagger's stream, and repairs two faults of it. Pure.
+//   wrap         times restart at 2^32 or 2^40 ps: they go on
+//   order        an event is up to 1 us earlier than the one before it in its block: sorted
+//   back         other steps back
+//   clock        the device's clock runs at another rate than the host's
+//   overflow     an overflow does not end
+//   missing      intervals between starts of several laser periods, without a conditional filter
+//   doubled      a start is followed by a second one within its period
+//   period       the laser's period changes
+//   steps        a step of the tags that does not divide the bins
+//   second       a click is followed by a second one after a fixed time
+// The first 20,000 events of each second are looked at for the last five.
+#pragma once
+#include <array>
+#include <cstdint>
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "drivers/core/sample.hpp"
+#include "drivers/tdc/histogram.hpp"
+
+namespace echofuse::acquire {
+
+// Says that tags in steps of `step_ps` make a comb of these bins, and which bins fit; empty if not.
+std::string comb_text(long double step_ps, std::int64_t bin_width_ps);
+
+class TagCheck {
+ public:
+  using Report = std::function<void(const std::string&)>;
+  // `live`: reports each fault when it is found, and judges the device's clock and its steps. A
+  // recording is dated by its tags, and its header contains the steps.
+  TagCheck(const tdc::HistogramSettings& use, bool live, Report report);
+
+  // Returns the block with its times repaired; its tags are valid until the next call.
+  TagBlock take(const TagBlock& block);
+  // Reports faults that are not reported yet, and the counts of those that went on.
+  void finish();
+
+ private:
+  enum Kind { wrap, order, back, clock, overflow, missing, doubled, period, steps, second, kinds };
+  struct Fault {
+    std::uint64_t count = 0, reported = 0;
+    std::string cause;
+  };
+  struct Sample {  // of the second that runs
+    std::size_t events = 0;
+    std::uint64_t starts = 0, firsts = 0, seconds = 0;
+    std::vector<std::uint64_t> gaps_ps, delays_ps;  // between starts, from first to second click
+    std::uint64_t step_ps = 0;
+  };
+
+  bool in_order(const TagBlock& block) const;
+  void repair(Tag& tag);
+  void sort();
+  void look_at(const Tag& tag, HostTime received);
+  void take_marker(const Tag& tag, HostTime received);
+  void judge_clock(HostTime received);
+  void judge_overflow(HostTime received);
+  void judge_starts();
+  void judge_clicks();
+  void judge_second(HostTime received);
+  void found(Kind kind, std::uint64_t count, const std::string& cause);
+  void report(Kind kind);
+
+  tdc::HistogramSettings use_;
+  bool live_;
+  Report report_;
+  std::array<Fault, kinds> faults_;
+  std::vector<Tag> repaired_;
+  std::optional<std::uint64_t> last_ps_;  // as the device sent it
+  std::uint64_t highest_ps_ = 0, offset_ps_ = 0;
+  // In the second that runs.
+  std::uint64_t wrapped_ = 0, stepped_back_ = 0, sorted_ = 0, farthest_back_ps_ = 0;
+  unsigned wrap_bits_ = 0;
+  struct Reading {
+    HostTime received;
+    std::uint64_t device_ps;
+  };
+  std::optional<Reading> clock_from_;
+  std::optional<double> clock_ratio_;
+  std::optional<HostTime> second_from_, overflow_from_;
+  bool overflow_told_ = false;
+  std::optional<std::uint64_t> last_start_ps_, last_click_ps_;
+  unsigned clicks_ = 0;  // since the last start
+  Sample sample_;
+  double period_ps_ = 0;   // of the starts; 0: not known
+  double next_share_ = 0;  // share of starts that the next pulse's follows
+};
+
+}  // namespace echofuse::acquire

@@ -1,0 +1,220 @@
+// SPDX-License-Identifier: MIT
+// Faults of a time tagger's stream become events and verdicts of the run. On virtual time.
+#include <functional>
+#include <memory>
+#include <random>
+
+#include "bench.hpp"
+#include "drivers/bridge/bridge_writer.hpp"
+#include "drivers/core/bytes.hpp"
+
+using namespace echofuse;
+using namespace std::chrono_literals;
+using test::has;
+using test::Strings;
+
+namespace {
+
+constexpr std::int64_t ps = 1, ns = 1000 * ps, us = 1000 * ns, s = 1'000'000 * us;
+constexpr std::int64_t period = 250 * us;
+
+struct Stream {
+  // Adds the tags of pulse `i` at time `at`.
+  std::function<void(std::vector<Tag>& out, std::int64_t i, std::int64_t at)> pulse;
+  std::function<std::int64_t(std::int64_t)> time = [](std::int64_t t) { return t; };
+};
+
+Tag tag(std::int32_t channel, std::int64_t time, TagType type = TagType::time_tag) {
+  return {.type = type, .channel = channel, .time_ps = time};
+}
+
+std::int64_t click_after(std::int64_t i) { return 20 * ns + (i * 7919) % 300 - 150; }
+
+void ordinary(std::vector<Tag>& out, std::int64_t i, std::int64_t at) {
+  out.push_back(tag(1, at));
+  if (i % 25 == 0) out.push_back(tag(2, at + click_after(i)));
+}
+
+// A tagger with starts at 4 kHz behind the bridge protocol.
+class Tagger final : public port::BytePort {
+ public:
+  Tagger(port::Loop& loop, Stream stream) : loop_(loop), timer_(loop), stream_(std::move(stream)) {}
+  void open(port::PortHandlers handlers) override {
+    handlers_ = std::move(handlers);
+    timer_.after(1ms, [this] {
+      began_ = loop_.now();
+      handlers_.opened();
+      send();
+    });
+  }
+  void write(ByteView) override {}
+
+ private:
+  void send() {
+    put(bridge::BlockKind::hello, bridge::hello_payload({.sensor = Sensor::spd,
+                                                         .address = "",
+                                                         .model = "Tagger",
+                                                         .serial = "T1",
+                                                         .firmware = "1",
+                                                         .axes = {}}));
+    std::vector<Tag> tags;
+    const std::int64_t end = (loop_.now() - began_).count() * ns / period;
+    for (; pulse_ < end; ++pulse_) stream_.pulse(tags, pulse_, pulse_ * period);
+    for (Tag& t : tags) t.time_ps = stream_.time(t.time_ps);
+    const auto* bytes = reinterpret_cast<const std::uint8_t*>(tags.data());
+    if (!tags.empty())
+      put(bridge::BlockKind::tags, Bytes(bytes, bytes + tags.size() * sizeof(Tag)));
+    timer_.after(50ms, [this] { send(); });
+  }
+  void put(bridge::BlockKind kind, const Bytes& payload) {
+    handlers_.bytes(bridge::make_block(kind, number_++, 0, payload));
+  }
+
+  port::Loop& loop_;
+  port::Timer timer_;
+  Stream stream_;
+  port::PortHandlers handlers_;
+  HostTime began_{};
+  std::int64_t pulse_ = 0;
+  std::uint32_t number_ = 0;
+};
+
+struct Outcome {
+  Strings events;
+  std::vector<record::FusedRecord> records;
+  std::string verdict(std::size_t i) const { return records.at(i).sync[Sensor::spd].verdict; }
+};
+
+Outcome run_of(const Stream& stream) {
+  test::Bench b({.window_s = 1, .assignments = "[signal]\nspd_clicks = 10\n"});
+  b.lab->set({"radar.cli=", "radar.data=", "depth.address=", "tdc.first_bin_ps=13343",
+              "tdc.bins=336", "tdc.bin_width_ps=100"});
+  auto& loop = b.lab->loop;
+  loop.ports[b.lab->config().tdc.address] = [&] { return std::make_unique<Tagger>(loop, stream); };
+  REQUIRE(b.lab->record(b.run(10)) == ExitCode::ok);
+  Strings events = b.events("spd");
+  std::erase_if(events, [](const auto& e) { return e.starts_with("record "); });  // verdicts
+  return {events, b.records()};
+}
+
+}  // namespace
+
+TEST_CASE("a stream of tags without a fault makes no event") {
+  const Outcome run = run_of({.pulse = ordinary});
+  CHECK(run.events == Strings{});
+  for (const auto& r : run.records) CHECK(r.sync[Sensor::spd].verdict == "ok");
+}
+
+TEST_CASE("times that wrap go on, and the wrap is an event") {
+  const int bits = GENERATE(32, 40);
+  const Outcome run = run_of(
+      {.pulse = ordinary, .time = [=](std::int64_t t) { return t % (std::int64_t{1} << bits); }});
+  CHECK(run.events.size() == 2);  // when it is found, and the count at the end
+  CHECK_THAT(run.events.at(0),
+             Catch::Contains("restarts of its times at 2^" + std::to_string(bits) + " ps"));
+  for (std::size_t i = 2; i < 10; ++i) {
+    CHECK(run.verdict(i) == "ok");
+    CHECK(run.records[i].spd_counts.out_of_range == 0);
+    CHECK(run.records[i].clocks[Sensor::spd].has_value());
+  }
+}
+
+TEST_CASE("times that step back at another place are counted") {
+  const Outcome run =
+      run_of({.pulse = ordinary, .time = [](std::int64_t t) { return t % (3 * s); }});
+  CHECK_THAT(run.events.at(0), Catch::Contains("1 steps back of its times, by up to 3 s"));
+}
+
+TEST_CASE("a clock at another rate than the host's is named") {
+  const auto [divisor, text] =
+      GENERATE(table<std::int64_t, const char*>({{1000, "1/1000 of the host's"}, {2, "1/2 of"}}));
+  const Outcome run =
+      run_of({.pulse = ordinary, .time = [d = divisor](std::int64_t t) { return t / d; }});
+  CHECK(std::ranges::any_of(run.events, [&, t = std::string(text)](const auto& e) {
+    return e.find("its clock runs at " + t) != std::string::npos;
+  }));
+}
+
+TEST_CASE("an overflow without an end is the record's verdict and an event") {
+  const Outcome run = run_of({.pulse = [](auto& out, std::int64_t i, std::int64_t at) {
+    if (i == 16'000) out.push_back(tag(0, at, TagType::overflow_begin));
+    ordinary(out, i, at);
+  }});
+  CHECK_THAT(run.verdict(9), Catch::StartsWith("in overflow since "));
+  CHECK_FALSE(run.records[9].has(Sensor::spd));
+  CHECK(std::ranges::any_of(run.events, [](const auto& e) {
+    return e.find("1 overflows that began and did not end within 3 s") != std::string::npos;
+  }));
+}
+
+TEST_CASE("an overflow that ends, or goes on with missed events, is no endless one") {
+  const Outcome run = run_of({.pulse = [](auto& out, std::int64_t i, std::int64_t at) {
+    if (i == 16'000) out.push_back(tag(0, at, TagType::overflow_begin));
+    if (i == 18'000) out.push_back(tag(0, at, TagType::overflow_end));
+    ordinary(out, i, at);
+  }});
+  CHECK_FALSE(has(run.events, "1 overflows"));
+  CHECK(run.verdict(9) == "ok");
+}
+
+TEST_CASE("missing, doubled and faster starts are events") {
+  std::mt19937 random(1);
+  const Outcome missing = run_of({.pulse = [&](auto& out, std::int64_t i, std::int64_t at) {
+    if (random() % 10 >= 3) out.push_back(tag(1, at));
+    if (i % 25 == 0) out.push_back(tag(2, at + click_after(i)));
+  }});
+  CHECK_THAT(missing.events.at(0), Catch::Contains("start pulses are missing, ") &&
+                                       Catch::Contains("of several periods of 250 us"));
+  const Outcome doubled = run_of({.pulse = [](auto& out, std::int64_t i, std::int64_t at) {
+    out.push_back(tag(1, at));
+    if (i > 20'000) out.push_back(tag(1, at + 12 * ns));
+    if (i % 25 == 0) out.push_back(tag(2, at + click_after(i)));
+  }});
+  CHECK_THAT(doubled.events.at(0), Catch::Contains("starts with a second one 12 ns behind them"));
+  const Outcome faster = run_of({.pulse = [](auto& out, std::int64_t i, std::int64_t at) {
+    ordinary(out, i, at);
+    if (i > 20'000) out.push_back(tag(1, at + period / 2));
+  }});
+  CHECK_THAT(faster.events.at(0),
+             Catch::Contains("changes of the start rate, from 4 kHz to 8 kHz"));
+}
+
+TEST_CASE("a conditional filter, which passes starts with a click, makes no event") {
+  std::mt19937 random(1);
+  const Outcome run = run_of({.pulse = [&](auto& out, std::int64_t i, std::int64_t at) {
+    if (random() % 5 > 0) return;
+    out.push_back(tag(1, at));
+    out.push_back(tag(2, at + click_after(i)));
+  }});
+  CHECK(run.events == Strings{});
+}
+
+TEST_CASE("steps of the tags that do not divide the bins are an event with the width that fits") {
+  const auto [step, fits] =
+      GENERATE(table<std::int64_t, const char*>({{81, "81 fits"}, {250, "250 fits"}}));
+  const Outcome run =
+      run_of({.pulse = ordinary, .time = [d = step](std::int64_t t) { return t / d * d; }});
+  CAPTURE(run.events);
+  REQUIRE(run.events.size() == 1);
+  CHECK_THAT(run.events[0],
+             Catch::Contains("become a comb; --set tdc.bin_width_ps=" + std::string(fits)));
+}
+
+TEST_CASE("afterpulses are an event that names the second peak") {
+  const Outcome run = run_of({.pulse = [](auto& out, std::int64_t i, std::int64_t at) {
+    ordinary(out, i, at);
+    if (i % 25 == 0) out.push_back(tag(2, at + click_after(i) + 15 * ns));
+  }});
+  CHECK_THAT(run.events.at(0), Catch::Contains("clicks are followed by a second one after 15 ns, "
+                                               "a second peak 2.25 m behind the first"));
+}
+
+TEST_CASE("events out of order within 1 us are sorted and counted") {
+  const Outcome run = run_of({.pulse = [](auto& out, std::int64_t i, std::int64_t at) {
+    if (i % 25 == 0 && i % 50 == 0) out.push_back(tag(2, at + click_after(i)));
+    out.push_back(tag(1, at));
+    if (i % 50 == 25) out.push_back(tag(2, at + click_after(i)));
+  }});
+  CHECK_THAT(run.events.at(0), Catch::Contains("events out of order by up to 1 us, sorted"));
+  for (const auto& r : run.records) CHECK(r.spd_counts.out_of_range == 0);
+}
