@@ -108,6 +108,8 @@ void RadarRecording::take(std::optional<RadarFrame> next, SampleSink& sink) {
   const std::size_t bins = frame->range_profile.size();
   if (bins > 0 && bins != profile_.bins) ++others_, other_bins_ = bins;
   frame->received = at_;
+  // A frame after a restart is no repetition of one before it.
+  frame->time_cpu_cycles += static_cast<std::uint32_t>(began_anew_.count);
   frame->subframes = profile_.subframes;
   sink.on_radar(std::move(*frame));
 }

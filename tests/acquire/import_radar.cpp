@@ -136,8 +136,9 @@ TEST_CASE("import: a radar recording without a profile is refused with its cause
   refuses({}, "it is empty");
   refuses(text("{\"frame\": 1}\n"), "it is text; expected the data port's bytes");
   refuses(text("sensorStart\r\nDone\r\nmmwDemo:/>"), "it is text of the command port");
+  const Bytes whole = RadarFile().frames(1, 20).bytes;
   Bytes mangled;
-  for (const std::uint8_t b : RadarFile().frames(1, 20).bytes) {
+  for (const std::uint8_t b : whole) {
     if (b == '\n') mangled.push_back('\r');
     mangled.push_back(b);
   }

@@ -224,7 +224,7 @@ TEST_CASE("a radar's own leakage, up to 0.5 m, is no echo") {
   record::FusedRecord r;
   r.valid = {Sensor::radar};
   r.sync[Sensor::radar].verdict = "ok";
-  for (int i = 0; i < 128; ++i) r.radar.push_back(i < 10 ? 1e6F : 1.0F + 0.1F * (i % 3));
+  for (int i = 0; i < 128; ++i) r.radar.push_back(i < 10 ? 1e6F : i % 3 == 0 ? 1.1F : 1);
   check.judge(r, fine);
   CHECK_THAT(r.sync[Sensor::radar].verdict, StartsWith("no peak"));
 }
