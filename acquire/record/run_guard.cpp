@@ -2,6 +2,7 @@
 #include "acquire/record/run_guard.hpp"
 
 #include <algorithm>
+#include <cctype>
 #include <map>
 #include <set>
 
@@ -71,6 +72,23 @@ void check_identity(sqlite3* db, const std::string& path) {
                                             : "use the echofuse that recorded it"));
 }
 
+// Tables of ANALYZE and PRAGMA optimize, which another program may run on any database.
+bool is_statistics(const std::string& sql) {
+  for (const char* columns : {"1(tbl,idx,stat)", "2(tbl,idx,sampleno,sample)",
+                              "3(tbl,idx,neq,nlt,ndlt,sample)", "4(tbl,idx,neq,nlt,ndlt,sample)"})
+    if (sql == std::string("CREATE TABLE sqlite_stat") + columns) return true;
+  return false;
+}
+
+// The statement that removes an entry of the schema from the file.
+std::string removal(const std::string& type, const std::string& name) {
+  std::string quoted;
+  for (const char c : name) quoted += c == '"' ? "\"\"" : std::string(1, c);
+  std::string kind = type;
+  for (char& c : kind) c = static_cast<char>(std::toupper(static_cast<unsigned char>(c)));
+  return "; remove it by: DROP " + printable(kind, 20) + " \"" + printable(quoted, 80) + "\"";
+}
+
 // Compares the tables' definitions word by word, so that nothing else in a file is ever asked.
 void check_tables(sqlite3* db, const std::string& path) {
   static const auto known = [] {
@@ -87,9 +105,10 @@ void check_tables(sqlite3* db, const std::string& path) {
     const std::string type = entries.text(), name = entries.text(), sql = entries.text();
     const bool of_a_key = sql.empty() && type == "index", stored = entries.integer() > 0;
     if (of_a_key && name.starts_with("sqlite_autoindex_")) continue;
+    if (type == "table" && stored && is_statistics(sql)) continue;
     if (type != "table" || !stored || !known.contains(name))
       refuse("holds the " + printable(type, 20) + " \"" + printable(name, 40) +
-             "\"; expected the tables of a run only");
+             "\"; expected the tables of a run only" + removal(type, name));
     if (sql != known.at(name)) refuse("its table " + name + " is not made as that of a run");
     found.insert(name);
   }

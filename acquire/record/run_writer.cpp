@@ -50,6 +50,17 @@ std::string damage_during_the_run(sqlite3* db, const std::string& path) {
   return fault.empty() ? "" : "was damaged during the run: " + fault;
 }
 
+// Error that readers of the run throw, because another program changed its tables; empty: none.
+std::string refusal_of_readers(sqlite3* db, const std::string& path) {
+  try {
+    check_identity(db, path);
+    check_tables(db, path);
+    return {};
+  } catch (const Error& e) {
+    return e.what();
+  }
+}
+
 std::int64_t now_ns() {
   return std::chrono::nanoseconds(std::chrono::steady_clock::now().time_since_epoch()).count();
 }
@@ -318,10 +329,13 @@ bool RunWriter::close(const std::string& status) {
     leave(status);
   }
   left_label_ = new_label(UtcTime::max());
+  const std::string refusal = refusal_of_readers(db_, path_);
   const bool folded = fold();
   handle_.reset();
   db_ = nullptr;
   lock_.reset();
+  if (!refusal.empty())
+    throw Error(ExitCode::failed, refusal + " (" + std::to_string(records_) + " records are kept)");
   return folded;
 }
 
