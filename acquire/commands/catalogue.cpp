@@ -132,8 +132,11 @@ Catalogue list_runs(const std::string& folder, const Clock& clock, bool json) {
   std::vector<Row> rows{titles};
   for (const Entry& e : entries) rows.push_back(row_of(e));
   out.text = table_of(rows);
-  for (const Entry& e : entries)
+  for (const Entry& e : entries) {
     if (!e.live.is_null()) out.text += live_text(e);
+    for (const std::string& file : e.run.leftovers)
+      out.text += printable(file) + ": not read, because the run is closed; move it away\n";
+  }
   return out;
 }
 

@@ -39,6 +39,12 @@ Json array_of(const record::RunReader& run, const record::RunSummary& sum) {
           {"places", antennas}};
 }
 
+Json paths(const std::vector<std::string>& files) {
+  Json out = Json::array();
+  for (const std::string& file : files) out.push_back(utf8_text(file));
+  return out;
+}
+
 Json to_json(const record::RunReader& run) {
   const record::RunInfo info = run.info();
   const record::RunSummary sum = run.summary();
@@ -84,6 +90,7 @@ Json to_json(const record::RunReader& run) {
   return {{"file", utf8_text(run.path())},
           {"uuid", info.uuid},
           {"status", info.status},
+          {"leftovers", paths(run.leftovers())},
           {"records", sum.records},
           {"all_valid", sum.all_valid},
           {"incomplete", sum.incomplete},
@@ -148,6 +155,8 @@ std::string to_text(const Json& j) {
   if (j["status"] == record::crashed_without_wal)
     line("missing", "its last records are in " + word(j["file"]) +
                         "-wal, which is not here, if this is a copy of a run that was not closed");
+  for (const auto& file : j["leftovers"])
+    line("leftover", word(file) + ": not read, because the run is closed; move it away");
   if (j["records"] > 0)
     line("slots", word(j["first_slot_utc"]) + " to " + word(j["last_slot_end_utc"]) + ", " +
                       word(j["window_s"]) + " s each");

@@ -18,7 +18,11 @@ std::string RunEntry::name() const { return fs::path(path).stem().string(); }
 double RunEntry::length_s() const { return seconds(sum.last_utc) - seconds(sum.first_utc); }
 
 RunEntry entry_of(const RunReader& run) {
-  RunEntry e{.path = run.path(), .info = run.info(), .sum = run.summary(), .notes = {}};
+  RunEntry e{.path = run.path(),
+             .info = run.info(),
+             .sum = run.summary(),
+             .notes = {},
+             .leftovers = run.leftovers()};
   if (!e.info.notes.empty()) e.notes.push_back(e.info.notes);
   for (const Event& event : run.events())
     if (event.level == "note") e.notes.push_back(event.text);
@@ -28,6 +32,8 @@ RunEntry entry_of(const RunReader& run) {
 Json to_json(const RunEntry& e) {
   Json valid = Json::object();
   for (const Sensor s : all_sensors) valid[name_of(s)] = e.sum.valid[s];
+  Json leftovers = Json::array();
+  for (const std::string& file : e.leftovers) leftovers.push_back(utf8_text(file));
   return {{"name", utf8_text(e.name())},
           {"path", utf8_text(e.path)},
           {"started_utc", e.info.started_utc},
@@ -40,7 +46,8 @@ Json to_json(const RunEntry& e) {
           {"labels", e.sum.labels},
           {"operator", e.info.operator_name},
           {"notes", e.notes},
-          {"window_s", e.info.window_s}};
+          {"window_s", e.info.window_s},
+          {"leftovers", leftovers}};
 }
 
 std::vector<std::string> run_files(const std::string& folder) {

@@ -14,6 +14,7 @@ struct RunEntry {
   RunInfo info;
   RunSummary sum;
   std::vector<std::string> notes;
+  std::vector<std::string> leftovers;  // RunReader::leftovers()
 
   std::string name() const;  // file name without extension
   double length_s() const;   // from the first slot's start to the last one's end
@@ -22,7 +23,7 @@ struct RunEntry {
 RunEntry entry_of(const RunReader& run);
 
 // An object with name, path, started_utc, length_s, records, status, valid, doubtful, verdict,
-// labels, operator, notes, window_s.
+// labels, operator, notes, window_s, leftovers.
 nlohmann::ordered_json to_json(const RunEntry& entry);
 
 // Paths of the run files (*.sqlite) of a folder, sorted. Throws Error(failed) if the folder cannot

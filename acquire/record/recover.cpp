@@ -25,7 +25,9 @@ void recover(const std::string& path) {
   const auto may = [&](const std::string& name, int mode) {
     return ::access(name.c_str(), mode) == 0;
   };
-  if (!may(path + "-wal", F_OK) || !may(path, W_OK) || WriterLock::someone_writes(path)) return;
+  if (!may(path + "-wal", F_OK) || !may(path, W_OK) || WriterLock::someone_writes(path) ||
+      is_closed(path))
+    return;
   try {
     fold_back(path);
   } catch (const Error&) {  // another program reads it, or it is no run: reading it will tell

@@ -79,7 +79,8 @@ class RunWriter {
   // none if there is none. After close(): the last one that came until then.
   std::optional<std::string> new_label(UtcTime before);
   void append(std::span<const FusedRecord> batch);  // one transaction: for the generator
-  // Folds the WAL back, so that one single file is left. False if another program reads the run
+  // Folds the WAL back, so that one single file is left. Throws Error(failed) at the end if another
+  // program added tables, so that readers refuse the file. False if another program reads the run
   // just now: close() waits half a second for it, and then the last records stay in the WAL until
   // recover() or a writer folds them back.
   bool close(const std::string& status);
@@ -167,9 +168,9 @@ inline constexpr const char* crashed_without_wal = "crashed, no -wal";
 // Reads closed, live and crashed runs alike. Threading: one thread at a time.
 class RunReader {
  public:
-  // Throws Error(failed): not there, not a run file, of another format, damaged, with a -wal of
-  // another run, or with anything but a run's tables. Size bounds the cost of reading a file. On a
-  // network file system only a closed run is read, because nobody changes it.
+  // Throws Error(failed): not there, not a run file, of another format, damaged, or with anything
+  // but a run's tables. Size bounds the cost of reading a file. A closed run is immutable: files of
+  // SQLite next to it are not read. On a network file system only a closed run is read.
   explicit RunReader(const std::string& path);
   RunReader(const std::string& path, const std::string& network);  // as network_of(path) says
   ~RunReader();
@@ -177,6 +178,8 @@ class RunReader {
   RunReader& operator=(const RunReader&) = delete;
 
   const std::string& path() const { return path_; }
+  // Files of SQLite next to a closed run. They are not part of it.
+  std::vector<std::string> leftovers() const;
   // status "crashed", or crashed_without_wal, if it is "open" and no writer holds the file
   RunInfo info() const;
   std::vector<DeviceInfo> devices() const;
@@ -218,6 +221,7 @@ class RunReader {
   std::vector<T> rows(const std::string& tail = {}) const;  // rows of T's table
   std::string path_, shown_;                                // shown_: printable
   sqlite3* db_ = nullptr;
+  bool closed_ = false;      // is_closed(): immutable
   bool lacks_wal_ = false;   // claims a WAL, but there is none, and nobody writes it
   std::uint64_t bytes_ = 0;  // when it was opened
   std::unique_ptr<Budget> budget_;

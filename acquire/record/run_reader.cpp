@@ -133,7 +133,7 @@ RunReader::RunReader(const std::string& path, const std::string& network)
     : path_(path), shown_(printable(path)), budget_(std::make_unique<Budget>()) {
   if (::access(path.c_str(), R_OK) != 0)
     throw Error(ExitCode::failed, shown_ + ": " + std::strerror(errno) + "; expected a run file");
-  require_regular_files(path);
+  require_regular(path, ExitCode::failed);
   bytes_ = bytes_of(path) + bytes_of(path + "-wal");
   *budget_ = Budget::of_file(bytes_);
   try {
@@ -152,9 +152,6 @@ void RunReader::open(const std::string& network) {
     db_ = nullptr;
     const int code = sqlite3_open_v2(name.c_str(), &db_, flags | SQLITE_OPEN_NOMUTEX, nullptr);
     if (code != SQLITE_OK) return code;
-    refuse_foreign_wal(db_, path_);
-    lacks_wal_ = journal_version(db_) == 2 && !is_there(path_ + "-wal") &&
-                 bytes_of(path_ + "-journal") == 0 && !WriterLock::someone_writes(path_);
     harden(db_);
     limit(db_, *budget_);
     return lacks_wal_ && flags == SQLITE_OPEN_READONLY ? SQLITE_CANTOPEN : look(db_);
@@ -166,15 +163,22 @@ void RunReader::open(const std::string& network) {
     uri += "?immutable=1";
     try_to_open(uri, SQLITE_OPEN_READONLY | SQLITE_OPEN_URI);
   };
+  closed_ = is_closed(path_);
+  if (closed_) return unchanging();
+  require_regular_files(path_);
   if (!network.empty()) {
     require_closed(path_, network);
     return unchanging();
   }
+  lacks_wal_ = !is_there(path_ + "-wal") && bytes_of(path_ + "-journal") == 0 &&
+               !WriterLock::someone_writes(path_);
   // Read-only, but a WAL left by a live or crashed writer needs its shared-memory file beside it.
   // Without a WAL or on a read-only medium there is no writer, and `immutable` reads without one.
   int code = try_to_open(path_, SQLITE_OPEN_READONLY);
   // Killed as it began or closed, with one page half written: a writer has to undo that.
   if (code == SQLITE_READONLY) code = try_to_open(path_, SQLITE_OPEN_READWRITE);
+  closed_ = journal_version(db_) == 1;  // its writer may have closed it meanwhile
+  if (closed_) return unchanging();
   if (code == SQLITE_CANTOPEN || code == SQLITE_READONLY) {
     // There it would hide the records in a WAL, and what undoes a half written page.
     for (const char* beside : {"-wal", "-journal"})
@@ -185,6 +189,11 @@ void RunReader::open(const std::string& network) {
     unchanging();
   }
   sqlite3_busy_timeout(db_, 5000);
+}
+
+std::vector<std::string> RunReader::leftovers() const {
+  if (!closed_ || WriterLock::someone_writes(path_)) return {};
+  return side_files(path_);
 }
 
 Statement RunReader::ask(const std::string& sql) const {

@@ -9,6 +9,7 @@
 #include <memory>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "drivers/core/bytes.hpp"
 #include "drivers/program/exit_code.hpp"
@@ -35,11 +36,18 @@ inline Error damaged(const std::string& path) {
                         : printable(sqlite3_errmsg(db))));
 }
 
-// Checks every file that SQLite opens for the database of this name.
+// Files of SQLite next to a database of this name.
+inline std::vector<std::string> side_files(const std::string& path) {
+  std::vector<std::string> out;
+  for (const char* suffix : {"-wal", "-shm", "-journal"})
+    if (::access((path + suffix).c_str(), F_OK) == 0) out.push_back(path + suffix);
+  return out;
+}
+
+// Checks every file that SQLite opens for a database of this name that is not closed.
 inline void require_regular_files(const std::string& path) {
-  for (const char* beside : {"", "-wal", "-shm", "-journal"})
-    if (::access((path + beside).c_str(), F_OK) == 0)
-      require_regular(path + beside, ExitCode::failed);
+  require_regular(path, ExitCode::failed);
+  for (const std::string& file : side_files(path)) require_regular(file, ExitCode::failed);
 }
 
 using DatabaseHandle = std::unique_ptr<sqlite3, int (*)(sqlite3*)>;
@@ -52,6 +60,14 @@ inline int journal_version(sqlite3* db) {
   sqlite3_file_control(db, "main", SQLITE_FCNTL_FILE_POINTER, static_cast<void*>(&file));
   if (file && file->pMethods) file->pMethods->xRead(file, versions, sizeof versions, 18);
   return versions[0] == versions[1] ? versions[0] : 0;
+}
+
+// A closed run is immutable: no file next to it is applied. False if it cannot be opened.
+inline bool is_closed(const std::string& path) {
+  sqlite3* db = nullptr;
+  const int code = sqlite3_open_v2(path.c_str(), &db, SQLITE_OPEN_READONLY, nullptr);
+  const DatabaseHandle file(db, sqlite3_close);
+  return code == SQLITE_OK && journal_version(db) == 1;
 }
 
 // Call before the first statement, because SQLite takes any -wal of the database's name for its

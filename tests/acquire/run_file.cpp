@@ -168,37 +168,6 @@ TEST_CASE("a full disk: the run keeps what was committed and says what happened"
   CHECK(run.check().empty());
 }
 
-TEST_CASE("a run whose end was half written is read all the same") {
-  const Folder folder;
-  const std::string path = folder / "a.sqlite";
-  write_run(path, 3);
-  // As a kill leaves it between the journal and the page: another process holds both open.
-  int ready[2];
-  REQUIRE(pipe(ready) == 0);
-  const pid_t child = fork();
-  if (child == 0) {
-    sqlite3* db = nullptr;
-    sqlite3_open(path.c_str(), &db);
-    sqlite3_exec(db,
-                 "PRAGMA journal_mode=DELETE; PRAGMA cache_size=1; BEGIN IMMEDIATE; UPDATE run SET "
-                 "status = 'x'; UPDATE record SET spd = zeroblob(100000), radar = zeroblob(100000)",
-                 nullptr, nullptr, nullptr);
-    sqlite3_db_cacheflush(db);
-    (void)!write(ready[1], "r", 1);
-    pause();
-  }
-  char c = 0;
-  REQUIRE(read(ready[0], &c, 1) == 1);
-  kill(child, SIGKILL);
-  REQUIRE(waitpid(child, nullptr, 0) == child);
-  close(ready[0]), close(ready[1]);
-  REQUIRE(fs::exists(path + "-journal"));
-  const RunReader run(path);
-  CHECK(run.count() == 3);
-  CHECK(run.info().status == "complete");
-  CHECK(run.read(2).spd == small_record(2).spd);
-}
-
 TEST_CASE("files that are not to be read or written") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";

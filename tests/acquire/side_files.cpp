@@ -1,39 +1,72 @@
 // SPDX-License-Identifier: MIT
 // Files beside a run file by its name: a -wal of its own, of another run, or none.
+#include <sys/stat.h>
+#include <sys/wait.h>
 #include <unistd.h>
 
+#include <csignal>
+
 #include "acquire/commands/commands.hpp"
+#include "acquire/record/sqlite.hpp"
+#include "drivers/core/clock.hpp"
 #include "testing.hpp"
 
 using namespace echofuse;
 using namespace echofuse::record;
 using namespace testing;
 
-TEST_CASE("a -wal of another run beside a closed one is named, and nothing is written") {
+// Kills a program in a transaction of journal_mode=DELETE, some pages of which are written.
+static void hot_journal(const std::string& path) {
+  const pid_t child = fork();
+  if (child == 0) {
+    sqlite3* db = nullptr;
+    sqlite3_open(path.c_str(), &db);
+    sqlite3_exec(db, "BEGIN IMMEDIATE; UPDATE record SET spd = zeroblob(100000), label = 'x'",
+                 nullptr, nullptr, nullptr);
+    sqlite3_db_cacheflush(db);
+    ::kill(::getpid(), SIGKILL);
+  }
+  REQUIRE(waitpid(child, nullptr, 0) == child);
+  REQUIRE(fs::file_size(path + "-journal") > 0);
+}
+
+TEST_CASE("a closed run is immutable: files of SQLite next to it are named, not read") {
   const Folder folder;
-  const std::string path = folder / "a.sqlite", wal = path + "-wal";
-  RunWriter other(folder / "b.sqlite", {});
-  for (const auto& axis : small_axes()) other.put_axis(axis);
-  for (int i = 0; i < 14; ++i) other.append(small_record(i));
+  const std::string path = folder / "a.sqlite", other = folder / "b.sqlite";
+  const std::string kind = GENERATE("-wal", "hot -journal", "-shm", "fifo");
+  CAPTURE(kind);
   write_run(path, 3);
-  const auto contents = [&] { return testing::contents(path); };
-  const std::string before = contents();
-  fs::copy_file(folder / "b.sqlite-wal", wal);
-  const auto refuses = [&](const auto& body) {
-    const auto [code, text] = error_of(body);
-    CHECK(code == ExitCode::failed);
-    CHECK(has(text, path + ": is closed, and " + wal + " beside it is of another run"));
-  };
-  refuses([&] { RunReader run(path); });
-  refuses([&] { RunReader run(path, ""); });
-  refuses([&] { put_note(path, "a note", "me"); });
-  refuses([&] { put_label(path, "a", "me"); });
+  const std::string before = contents(path);
+  std::string leftover = path + "-wal";
+  if (kind == "hot -journal") {
+    leftover = path + "-journal";
+    write_run(other, 14);
+    hot_journal(other);
+    fs::copy_file(other + "-journal", leftover);
+  } else if (kind == "fifo") {
+    REQUIRE(::mkfifo(leftover.c_str(), 0666) == 0);
+  } else {
+    leftover = path + kind;
+    RunWriter run(other, {});
+    for (const auto& axis : small_axes()) run.put_axis(axis);
+    for (int i = 0; i < 14; ++i) run.append(small_record(i));
+    fs::copy_file(other + kind, leftover);
+  }
   recover(path);
-  CHECK(contents() == before);
-  CHECK_FALSE(fs::exists(path + "-shm"));
-  fs::remove(wal);
-  CHECK(RunReader(path).count() == 3);
-  CHECK(RunReader(folder / "b.sqlite").count() == 14);
+  for (const char* network : {"", "NFS"}) {
+    const RunReader run(path, network);
+    CHECK(run.count() == 3);
+    CHECK(run.info().status == "complete");
+    CHECK(run.check().empty());
+    CHECK(run.leftovers() == std::vector{leftover});
+  }
+  CHECK(contents(path) == before);
+  CHECK(side_files(path) == std::vector{leftover});
+  const std::string text = leftover + ": not read, because the run is closed";
+  CHECK(has(acquire::describe_run(path, false), text));
+  CHECK(has(acquire::list_runs(folder.path, system_clock, false).text, text));
+  fs::remove(leftover);
+  CHECK(RunReader(path).leftovers().empty());
 }
 
 TEST_CASE("a copy without the -wal of its run says so, and stays as it is") {
@@ -89,4 +122,34 @@ TEST_CASE("a run whose header alone was not closed is read, also where nothing m
   fs::permissions(folder / "in", all);
   CHECK(RunReader(path).count() == 3);
   for (const char* beside : {"-wal", "-shm"}) CHECK_FALSE(fs::exists(path + beside));
+}
+
+TEST_CASE("tables of ANALYZE are accepted, other tables are refused when the run closes") {
+  const Folder folder;
+  const std::string path = folder / "a.sqlite";
+  RunWriter run(path, {});
+  for (const auto& axis : small_axes()) run.put_axis(axis);
+  run.append(small_record(0));
+  SECTION("ANALYZE") {
+    sql(path, "CREATE INDEX i ON record (label); ANALYZE; DROP INDEX i; PRAGMA optimize");
+    run.append(small_record(1));
+    CHECK(run.close("complete"));
+    CHECK(RunReader(path).count() == 2);
+  }
+  SECTION("what a reader refuses") {
+    const auto [make, statement] = GENERATE(
+        table<std::string, std::string>({{"CREATE TABLE \"m\"\"y\" (a)", "DROP TABLE \"m\"\"y\""},
+                                         {"CREATE INDEX i ON record (label)", "DROP INDEX \"i\""},
+                                         {"CREATE VIEW v AS SELECT 1", "DROP VIEW \"v\""}}));
+    sql(path, make);
+    run.append(small_record(1));
+    const auto [code, text] = error_of([&] { run.close("complete"); });
+    CHECK(code == ExitCode::failed);
+    CHECK(has(text, "remove it by: " + statement + " (2 records are kept)"));
+    CHECK(has(error_of([&] { RunReader reader(path); }).second, statement));
+    CHECK_FALSE(fs::exists(path + "-wal"));
+    sql(path, statement);
+    CHECK(RunReader(path).info().status == "complete");
+    CHECK(RunReader(path).count() == 2);
+  }
 }

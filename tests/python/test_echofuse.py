@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: MIT
 """The Python package (recon/python) on simulated runs."""
+import json
 import os
 import shutil
 import sqlite3
@@ -10,6 +11,7 @@ import numpy as np
 import pytest
 
 import echofuse
+from echofuse import run_files
 from programs import BIN, program
 
 
@@ -98,6 +100,80 @@ def test_a_run_that_grows_is_followed(folder, tmp_path):
         db.execute("UPDATE run SET status = 'complete'")
     assert list(rows) == [4]
     assert "5 of 5" in run._repr_html_() and "<script" not in run._repr_html_()
+
+
+def outcome(name, *words):
+    return subprocess.run([BIN / name, *map(str, words)], capture_output=True, text=True)
+
+
+def another_run(folder, path, files):
+    """Leaves a killed program's files of another run at `path`: its -wal and -shm, or its hot -journal."""
+    path.write_bytes((folder / "monday.sqlite").read_bytes())
+    mode = "WAL" if "-wal" in files else "DELETE"
+    kill = (f"import os, sqlite3; db = sqlite3.connect({str(path)!r}); db.execute('PRAGMA journal_mode={mode}');"
+            "db.execute('PRAGMA cache_size=1'); db.execute('BEGIN IMMEDIATE');"
+            "db.execute('UPDATE record SET label = \"x\", spd = zeroblob(100000)');"
+            f"{'db.commit();' if mode == 'WAL' else ''} os._exit(0)")
+    subprocess.run(["/usr/bin/python3", "-c", kill], check=True)
+
+
+@pytest.mark.parametrize("files", [["-wal"], ["-wal", "-shm"], ["-journal"]])
+def test_files_next_to_a_closed_run_are_not_applied(folder, tmp_path, files):
+    path, other = tmp_path / "closed.sqlite", tmp_path / "other.sqlite"
+    path.write_bytes((folder / "monday.sqlite").read_bytes())
+    another_run(folder, other, files)
+    for suffix in files:
+        shutil.copy(f"{other}{suffix}", f"{path}{suffix}")
+    before = {file.name: file.read_bytes() for file in tmp_path.glob("closed*")}
+    with pytest.warns(UserWarning) as warned:
+        run = echofuse.open(path)
+    assert [str(one.message) for one in warned] == [
+        f"{path}{suffix}: not read, because the run is closed; move it away" for suffix in files]
+    assert (run.spd == echofuse.open(folder / "monday").spd).all() and run.info["status"] == "complete"
+    done = outcome("echofuse-export", path, "--to", tmp_path / "x.h5")
+    assert done.returncode == 0 and all(f"{path}{suffix}: not read" in done.stderr for suffix in files)
+    assert {file.name: file.read_bytes() for file in tmp_path.glob("closed*")} == before
+
+
+def test_a_descriptor_of_a_run_stays_open_with_its_connections(folder, tmp_path):
+    """SQLite's locks end when the process closes any descriptor of the file."""
+    path = tmp_path / "live.sqlite"
+    path.write_bytes((folder / "monday.sqlite").read_bytes())
+    with closing(sqlite3.connect(path)) as db:
+        db.execute("PRAGMA journal_mode = WAL")
+        db.execute("UPDATE run SET status = 'open'")
+        db.commit()
+        with closing(run_files.connect(path)) as first:
+            first.execute("SELECT count(*) FROM record").fetchone()
+            run_files.connect(path).close()
+            code = f"import sqlite3; print(*sqlite3.connect({str(path)!r}, timeout=0).execute('PRAGMA journal_mode=DELETE').fetchone())"
+            db.close()
+            other = subprocess.run(["/usr/bin/python3", "-c", code], capture_output=True, text=True)
+            assert "locked" in other.stderr or other.stdout.strip() == "wal"
+
+
+@pytest.mark.parametrize("name", ["T4.2K", "gain1.5", "2026.11.25", "a.sqlite.b", ".hidden"])
+def test_a_name_with_a_dot_is_the_same_file_in_all_programs(folder, tmp_path, name):
+    shutil.copy(folder / "monday.sqlite", tmp_path / f"{name}.sqlite")
+    for given in (name, f"{name}.sqlite"):
+        assert len(echofuse.open(tmp_path / given)) == 60
+        said = outcome("echofuse-acquire", "info", "--json", tmp_path / given)
+        assert json.loads(said.stdout)["file"] == str(tmp_path / f"{name}.sqlite")
+    program("echofuse-export", tmp_path / name, "--to", tmp_path / "x.h5")
+
+
+def test_tables_of_analyze_are_accepted_and_others_refused(folder, tmp_path):
+    path = tmp_path / "a.sqlite"
+    path.write_bytes((folder / "monday.sqlite").read_bytes())
+    with closing(sqlite3.connect(path)) as db:
+        db.executescript("CREATE INDEX i ON record (label); ANALYZE; DROP INDEX i")
+    assert echofuse.open(path).tables == echofuse.open(folder / "monday").tables
+    with closing(sqlite3.connect(path)) as db:
+        db.execute('CREATE TABLE "m""y" (a)')
+    said = outcome("echofuse-acquire", "info", path).stderr
+    with pytest.raises(ValueError, match='DROP TABLE "m""y"$') as refused:
+        echofuse.open(path)
+    assert str(refused.value) in said
 
 
 def test_no_connection_stays_open(folder):

@@ -23,6 +23,7 @@ import pathlib
 import re
 import sqlite3
 import sys
+import warnings
 from collections.abc import Callable
 from typing import Any, NoReturn
 
@@ -209,6 +210,7 @@ def main() -> None:
     if args.to.suffix not in ((".h5", ".nc") if args.record is None else (".csv",)):
         parser.error(f"--to {args.to}: expected NAME.h5 or NAME.nc, or NAME.csv with --record N")
     stopped = stop_by_signal()
+    warnings.showwarning = lambda message, *_: print(f"echofuse-export: {message}", file=sys.stderr)
 
     def end(code: int, text: str) -> NoReturn:
         """Ends without the interpreter, at whose end HDF5 tries again to write what a full disk did not take, and crashes."""

@@ -7,6 +7,7 @@ import html
 import json
 import pathlib
 import time
+import warnings
 from contextlib import closing
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -18,7 +19,7 @@ from numpy.typing import NDArray
 from . import antennas, grid
 from .grid import inflated, read_only, shifted
 from .record import Record
-from .run_files import connect, table
+from .run_files import STATISTICS, connect, leftovers, table
 
 SENSORS = {"spd": 1, "radar": 2, "depth": 4}  # bits of record.valid
 PS_PER_M = 2e12 / 299_792_458.0  # there and back
@@ -65,10 +66,12 @@ def open(path: str | pathlib.Path) -> "Run":  # noqa: A001 (the name that is wan
     """The run of this file, or of the name that `echofuse-acquire run --out` got. Raises FileNotFoundError, or ValueError
     for a file that is no run."""
     found = pathlib.Path(path)
-    if not found.is_file() and not found.suffix:
-        found = found.with_name(found.name + ".sqlite")
+    if not found.is_file() and found.suffix != ".sqlite":
+        found = pathlib.Path(f"{found}.sqlite")
     if not found.is_file():
         raise FileNotFoundError(f"{path}: no such run")
+    for file in leftovers(found):
+        warnings.warn(f"{file}: not read, because the run is closed; move it away", stacklevel=2)
     return Run(found)
 
 
@@ -182,7 +185,8 @@ class Run:
     @property
     def tables(self) -> list[str]:
         """Names of all tables."""
-        return sorted(name for (name,) in self.select("SELECT name FROM sqlite_master WHERE type = 'table'"))
+        names = self.select("SELECT name FROM sqlite_master WHERE type = 'table'")
+        return sorted(name for (name,) in names if name not in STATISTICS)
 
     def table(self, name: str) -> dict[str, NDArray[Any]]:
         """All columns of a table but blobs (run_files.table)."""

@@ -2,9 +2,12 @@
 """A run file, opened to be read only."""
 from __future__ import annotations
 
+import os
 import pathlib
 import re
 import sqlite3
+import threading
+from collections import Counter
 from contextlib import closing
 from typing import Any
 
@@ -13,16 +16,91 @@ from numpy.typing import NDArray
 
 APPLICATION_ID, FORMAT_VERSION = 0x4543464D, 3
 NULL_INTEGER = -1 << 63
+TABLES = {"run", "axis", "record", "device", "calibration", "antenna", "anchor", "counter", "event", "late"}
+STATISTICS = {f"sqlite_stat{n}" for n in range(1, 5)}  # of ANALYZE
 KINDS: dict[str, tuple[str, Any]] = {"INTEGER": ("ifnull(CAST({} AS INTEGER), -9223372036854775807 - 1)", np.int64),
                                      "REAL": ("CAST({} AS REAL)", float), "TEXT": ("ifnull(CAST({} AS BLOB), x'')", "S")}
 
 
+_lock = threading.Lock()
+_descriptors: dict[tuple[int, int], list[int]] = {}  # by device and inode
+_connections: Counter[tuple[int, int]] = Counter()
+
+
+class Connection(sqlite3.Connection):
+    """Connection to a run with a descriptor of the same file. Closing any descriptor of a file ends all locks that SQLite has
+    on it in this process, so the descriptor stays open as long as a connection to that file."""
+
+    inode: tuple[int, int] | None = None
+
+    def close(self) -> None:
+        super().close()
+        inode, self.inode = self.inode, None
+        release(inode)
+
+    def is_closed(self) -> bool:
+        return header_is_closed(self.inode)
+
+
+def hold(path: pathlib.Path) -> tuple[int, int]:
+    """Keeps a descriptor of this file open until release(). Returns its device and inode."""
+    with _lock:
+        found = path.stat()
+        if (found.st_dev, found.st_ino) not in _descriptors:
+            descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK)
+            found = os.fstat(descriptor)
+            _descriptors.setdefault((found.st_dev, found.st_ino), []).append(descriptor)
+        _connections[found.st_dev, found.st_ino] += 1
+        return found.st_dev, found.st_ino
+
+
+def release(inode: tuple[int, int] | None) -> None:
+    with _lock:
+        if inode is None:
+            return
+        _connections[inode] -= 1
+        if not _connections[inode]:
+            del _connections[inode]
+            for descriptor in _descriptors.pop(inode):
+                os.close(descriptor)
+
+
+def header_is_closed(inode: tuple[int, int] | None) -> bool:
+    """Whether bytes 18 and 19 of a held file are 1, as in every closed run. Such a run is immutable."""
+    return inode is not None and os.pread(_descriptors[inode][0], 2, 18) == b"\1\1"
+
+
+def is_closed(path: pathlib.Path) -> bool:
+    inode = hold(path)
+    try:
+        return header_is_closed(inode)
+    finally:
+        release(inode)
+
+
+def leftovers(path: pathlib.Path) -> list[pathlib.Path]:
+    """Files of SQLite next to a closed run. They are not part of it and are not read."""
+    found = [file for suffix in ("-wal", "-shm", "-journal") if (file := path.with_name(path.name + suffix)).exists()]
+    return found if found and is_closed(path) else []
+
+
+def opened(path: pathlib.Path, inode: tuple[int, int], how: str) -> Connection:
+    try:
+        db = sqlite3.connect(f"{path.resolve().as_uri()}?{how}", uri=True, factory=Connection)
+    except BaseException:
+        release(inode)
+        raise
+    db.inode = inode
+    return db
+
+
 def connect(path: pathlib.Path) -> sqlite3.Connection:
-    """To read a run file. Of one that was closed nothing is written beside it, where that is not allowed. Raises
-    ValueError for a file that is no run."""
-    address = path.resolve().as_uri()
-    for how in ("mode=ro", "immutable=1"):
-        db = sqlite3.connect(f"{address}?{how}", uri=True)
+    """Opens a run file for reading. Nothing next to a closed run is read or written. Raises ValueError for a file that is no
+    run."""
+    for how in ("mode=ro", "mode=ro&immutable=1"):
+        inode = hold(path)
+        closed = header_is_closed(inode)
+        db = opened(path, inode, "mode=ro&immutable=1" if closed else how)
         try:
             identity = db.execute("PRAGMA application_id").fetchone()[0]
             version = db.execute("PRAGMA user_version").fetchone()[0]
@@ -36,8 +114,15 @@ def connect(path: pathlib.Path) -> sqlite3.Connection:
                     raise ValueError(f"{path}: was not closed, and its last records are in {rest}; copy both to a folder "
                                      "that can be written") from None
             continue
+        if db.is_closed() and not closed:  # its writer closed it meanwhile
+            db.close()
+            return connect(path)
         if identity == APPLICATION_ID and version == FORMAT_VERSION:
-            guard(db, path)
+            try:
+                guard(db, path)
+            except BaseException:
+                db.close()
+                raise
             return db
         db.close()
         raise ValueError(f"{path}: not a run of echofuse" if identity != APPLICATION_ID else
@@ -56,8 +141,11 @@ def guard(db: sqlite3.Connection, path: pathlib.Path) -> None:
     db.set_progress_handler(lambda: next(left, None) is None, 10_000)
     db.execute("PRAGMA trusted_schema = OFF")
     for kind, name, sql, page in db.execute("SELECT type, name, sql, rootpage FROM sqlite_schema WHERE sql IS NOT NULL"):
-        if kind != "table" or page == 0 or re.search(r"\bAS\s*\(", sql, re.IGNORECASE):  # virtual, or with computed columns
-            raise ValueError(f"{path}: holds the {kind} {name!r}; expected the tables of a run only")
+        computed = page == 0 or re.search(r"\bAS\s*\(", sql, re.IGNORECASE)  # a virtual table, or computed columns
+        if kind != "table" or name not in TABLES | STATISTICS or computed:
+            quoted = name.replace('"', '""')
+            raise ValueError(f'{path}: holds the {kind} "{name}"; expected the tables of a run only; remove it by: '
+                             f'DROP {kind.upper()} "{quoted}"')
 
 
 def table(path: pathlib.Path, name: str) -> dict[str, NDArray[Any]]:
