@@ -160,7 +160,7 @@ void check_object(const std::vector<SceneSpec>& scenes, const Conditions& condit
   if (conditions.object.empty() &&
       std::find_if(scenes.begin(), scenes.end(),
                    [](const SceneSpec& s) { return s.kind == SceneKind::object; }) != scenes.end())
-    throw Error(ExitCode::config, "object scenes need a mesh; set object = \"FILE.ply\" or .obj");
+    throw Error(ExitCode::config, "object scenes need a mesh; set object = \"FILE.obj\"");
 }
 
 }  // namespace

@@ -25,7 +25,7 @@ void bind_scene(Settings& s, Conditions& c) {
   s.add("target_scale", c.target_scale, 0.1, 3, "size of people and letters");
   s.add("person_yaw_deg", c.person_yaw_deg, 0, 180, "people turn up to this much");
   s.add("letter_yaw_deg", c.letter_yaw_deg, 0, 80, "letters turn up to this much");
-  s.add("object", c.object, "OBJ or PLY file of the mesh that stands in object scenes");
+  s.add("object", c.object, "OBJ file of the mesh that stands in object scenes");
   s.add("object_scale", c.object_scale, 1e-6, 1e6, "metres to one unit of the mesh");
   s.add("object_up", c.object_up, "the mesh's axis that points up; -y: in a camera's frame",
         {"y", "z", "-y"});

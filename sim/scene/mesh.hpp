@@ -15,10 +15,8 @@ struct Mesh {
   std::vector<std::array<std::uint32_t, 3>> triangles;  // without those that have no area
 };
 
-// Reads Wavefront OBJ (v and f; polygons become fans, everything else is passed over) or PLY
-// (ASCII, or binary of either byte order; vertex x, y, z and face vertex_indices). The first line
-// tells them apart. `name` stands in messages. Throws Error(config) with one line: NAME:line, or
-// NAME: byte of a binary part, what was found and what was expected.
+// Reads Wavefront OBJ: v and f; polygons become fans, everything else is passed over. `name` stands
+// in messages. Throws Error(config) with one line: NAME:line, what was found and what was expected.
 Mesh read_mesh(const std::string& text, const std::string& name);
 
 // Reads the mesh in a file once. Threading: any thread may call it.

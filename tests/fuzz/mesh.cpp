@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Input: the text of an OBJ or PLY file.
+// Input: the text of an OBJ file.
 #include "sim/scene/mesh.hpp"
 
 #include <cmath>

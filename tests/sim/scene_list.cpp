@@ -115,6 +115,6 @@ TEST_CASE("record k of a listed set is the same in any order, and in a shorter l
   }
   plan.scenes.clear();
   plan.objects = 1;
-  CHECK_THROWS_WITH(scenes_of(plan), Catch::Contains("object = \"FILE.ply\""));
+  CHECK_THROWS_WITH(scenes_of(plan), Catch::Contains("object = \"FILE.obj\""));
   std::filesystem::remove_all(folder);
 }
