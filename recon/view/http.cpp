@@ -88,9 +88,7 @@ Caller caller_of(const HttpRequest& request, const Access& access, bool socket) 
     return refuse(http::status::unauthorized,
                   "expected the token: open the whole address that the program printed");
   const bool list = out.path == "/runs" && !out.page;
-  const bool metrics = out.path == "/metrics" && out.run.empty();
-  if (!part && !list && !metrics && out.path != "/live")
-    return refuse(http::status::not_found, "nothing here");
+  if (!part && !list && out.path != "/live") return refuse(http::status::not_found, "nothing here");
   if ((out.path == "/live") != socket)
     return refuse(http::status::upgrade_required,
                   "no WebSocket comes through: a proxy before the viewer has to pass on "
@@ -99,12 +97,10 @@ Caller caller_of(const HttpRequest& request, const Access& access, bool socket) 
 }
 
 HttpResponse respond(const HttpRequest& request, const Caller& caller,
-                     const std::function<std::string()>& text) {
+                     const std::function<std::string()>& runs) {
   if (caller.refusal != http::status::ok)
     return make(request, caller.refusal, "text/plain; charset=utf-8", caller.why + "\n");
-  if (caller.path == "/metrics")
-    return make(request, http::status::ok, "text/plain; version=0.0.4; charset=utf-8", text());
-  if (caller.path == "/runs") return make(request, http::status::ok, "application/json", text());
+  if (caller.path == "/runs") return make(request, http::status::ok, "application/json", runs());
   const PageFile& part = *part_of(caller);
   HttpResponse out = make(request, http::status::ok, part.type, std::string(part.contents));
   out.set("Content-Security-Policy", policy(host_of(request)));

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// A request that is no WebSocket gets a page, its parts, the metrics, the runs, or a refusal.
+// A request that is no WebSocket gets a page, its parts, the runs, or a refusal.
 #pragma once
 #include <utility>  // std::exchange, which Boost 1.74's asio/awaitable.hpp uses without it
 // clang-format off: the header above comes first
@@ -31,9 +31,9 @@ struct Caller {
 // `socket`: it wants to become a WebSocket, whose Origin is checked as well.
 Caller caller_of(const HttpRequest& request, const Access& access, bool socket);
 
-// `text` makes what is no part of the page: /metrics, and /runs of a folder.
+// `runs` makes /runs of a folder.
 HttpResponse respond(const HttpRequest& request, const Caller& caller,
-                     const std::function<std::string()>& text);
+                     const std::function<std::string()>& runs);
 
 // A part of the page, as the build has put it into the program.
 struct PageFile {

@@ -114,11 +114,7 @@ class Server::Loop final : public SessionOwner {
   bool has_run(const std::string& name) override {
     return name.empty() || !chooser_.path_of(name).empty();
   }
-  std::string text_of(const Caller& caller) override {
-    if (caller.path == "/runs") return chooser_.runs();
-    home_.run.refresh();
-    return home_.show.metrics();
-  }
+  std::string runs() override { return chooser_.runs(); }
   void opened(const std::shared_ptr<Session>& session) override;
   void closed(const std::shared_ptr<Session>& session) override;
   Message answer_to(Session& session, const Request& request) override;

@@ -50,7 +50,7 @@ void Session::on_request() {
   if (caller_.refusal == http::status::ok && !program && !owner_.has_run(caller_.run))
     caller_.refusal = http::status::not_found, caller_.why = "no such run in the folder";
   if (socket && caller_.refusal == http::status::ok) return upgrade();
-  response_ = respond(request_, caller_, [this] { return owner_.text_of(caller_); });
+  response_ = respond(request_, caller_, [this] { return owner_.runs(); });
   http::async_write(stream_.next_layer(), response_,
                     [self = shared_from_this()](beast::error_code, std::size_t) {
                       beast::error_code none;

@@ -27,7 +27,7 @@ class SessionOwner {
   virtual ~SessionOwner() = default;
   virtual const Access& access() const = 0;
   virtual bool has_run(const std::string& name) = 0;
-  virtual std::string text_of(const Caller& caller) = 0;             // its metrics, or the runs
+  virtual std::string runs() = 0;                                    // JSON
   virtual void opened(const std::shared_ptr<Session>& session) = 0;  // as a WebSocket
   virtual void closed(const std::shared_ptr<Session>& session) = 0;
   virtual Message answer_to(Session& session, const Request& request) = 0;  // null: none

@@ -30,7 +30,6 @@ class Show {
   Message sheet(std::int64_t first, std::int64_t last) const;
   // Null until the first minute is over, or the run is.
   Message reference();
-  std::string metrics() const;  // Prometheus text exposition format, version 0.0.4
 
  private:
   nlohmann::json sensors() const;

@@ -31,7 +31,7 @@ std::string frame(std::string_view text) {
 struct Owner final : SessionOwner {
   const Access& access() const override { return access_; }
   bool has_run(const std::string&) override { return true; }
-  std::string text_of(const Caller&) override { throw std::out_of_range("metrics"); }
+  std::string runs() override { throw std::out_of_range("runs"); }
   void opened(const std::shared_ptr<Session>& session) override {
     ++openings;
     if (greeting) session->send(Kind::sheet, greeting);
@@ -75,7 +75,7 @@ TEST_CASE("what a handler throws ends its own session only") {
   Owner owner;
   tcp::socket healthy = owner.connect(handshake);
   REQUIRE(owner.waits_for([&] { return owner.openings == 1; }));
-  const tcp::socket metrics = owner.connect("GET /metrics HTTP/1.1\r\nHost: localhost\r\n\r\n");
+  const tcp::socket runs = owner.connect("GET /runs HTTP/1.1\r\nHost: localhost\r\n\r\n");
   CHECK(owner.waits_for([&] { return owner.open == 1; }));
   tcp::socket asking = owner.connect(handshake);
   CHECK(owner.waits_for([&] { return owner.openings == 2; }));
