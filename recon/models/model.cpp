@@ -130,9 +130,6 @@ Candidate candidate_of(const std::string& name, const FitOptions& base, std::siz
   if (numbers.empty() || !(hidden || (basis && numbers.size() == 1 && numbers[0] <= 1024)))
     throw Error(ExitCode::usage,
                 "model \"" + name + "\": sizes follow as in mlp-512-256 or factorised-16");
-  if (hidden ? base.hidden.has_value() : base.basis.has_value())
-    throw Error(ExitCode::usage, "model \"" + name + "\": its size is given once more by " +
-                                     (hidden ? "hidden" : "basis"));
   if (hidden)
     out.fit.hidden = numbers;
   else

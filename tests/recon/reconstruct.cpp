@@ -191,8 +191,8 @@ TEST_CASE("beside maps a model is judged by the records it has not seen") {
 TEST_CASE("points, arrays and pictures show the same map") {
   const Folder dir;
   write_run(dir / "run", 240);
-  REQUIRE(recon_program("train -q --model mlp --set hidden=48,24 --epochs 25 --set batch=16 " +
-                        (dir / "run") + " --out " + (dir / "m"))
+  REQUIRE(recon_program("train -q --model mlp-48-24 --epochs 90 " + (dir / "run") + " --out " +
+                        (dir / "m"))
               .code == 0);
   write_run(dir / "live", 3, 2);
   REQUIRE(recon_program("reconstruct -q --format mm,ply,npy " + (dir / "m") + " " + (dir / "live") +
