@@ -48,15 +48,4 @@ BinSums bin_sums(std::span<const float> counts, std::span<const float> all, std:
   return sum(counts.data(), all.data(), from, to, least_of(negative));
 }
 
-BinSums plain_bin_sums(std::span<const float> counts, std::span<const float> all, std::size_t from,
-                       std::size_t to, Negative negative) {
-  BinSums out;
-  for (std::size_t i = from; i < to; ++i) {
-    const double weight = double{std::max(counts[i], least_of(negative))};
-    out.counts += weight, out.moment += weight * static_cast<double>(i);
-    out.all += double{all[i]};
-  }
-  return out;
-}
-
 }  // namespace echofuse::recon

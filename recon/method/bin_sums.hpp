@@ -20,8 +20,4 @@ enum class Negative : bool { left_out, counted };
 BinSums bin_sums(std::span<const float> counts, std::span<const float> all, std::size_t from,
                  std::size_t to, Negative negative);
 
-// Same in one plain loop: the reference of the tests, equal to 1e-12.
-BinSums plain_bin_sums(std::span<const float> counts, std::span<const float> all, std::size_t from,
-                       std::size_t to, Negative negative);
-
 }  // namespace echofuse::recon

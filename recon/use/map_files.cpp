@@ -5,8 +5,10 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <opencv2/imgproc.hpp>
 #include <utility>
 
+#include "drivers/program/exit_code.hpp"
 #include "recon/data/files.hpp"
 #include "recon/numbers/text.hpp"
 #include "recon/use/png.hpp"
@@ -15,6 +17,56 @@ namespace echofuse::recon {
 namespace {
 
 constexpr int picture_zoom = 4;
+
+// Returns the depths of the training maps with a margin.
+DepthSpan span_of(const Scene& scene) {
+  const double body = double{scene.foreground_depth_m};
+  const double wall = double{*std::max_element(scene.background.begin(), scene.background.end())};
+  const double near = std::max(0.0, std::floor(2 * (body - 1)) / 2);
+  const double far = std::ceil(2 * std::max(body + 1, wall)) / 2;
+  return {near, std::clamp(far, near + 1, std::max(near + 1, scene.grid.far_m))};
+}
+
+// Near is bright.
+cv::Mat coloured(const cv::Mat1f& depths, const DepthSpan& span) {
+  cv::Mat share, colours;
+  depths.convertTo(share, CV_8U, -255 / (span.far - span.near),
+                   255 * span.far / (span.far - span.near));
+  cv::applyColorMap(share, colours, cv::COLORMAP_VIRIDIS);
+  cv::cvtColor(colours, colours, cv::COLOR_BGR2RGB);
+  return colours;
+}
+
+// Returns red, green and blue of each value of a map.
+Bytes depth_colours(std::span<const float> map, const DepthSpan& span) {
+  cv::Mat1f depths(1, static_cast<int>(map.size()));
+  std::copy(map.begin(), map.end(), depths.begin());
+  const cv::Mat colours = coloured(depths, span);
+  return {colours.data, colours.data + 3 * colours.total()};
+}
+
+// Returns a PNG of a square map, row-major, metres; light grey is no return. Each pixel is `zoom` x
+// `zoom`; from 3 on a line surrounds what is there. Throws Error(failed) if it cannot be encoded.
+Bytes depth_picture(std::span<const float> map, const DepthSpan& span, int zoom) {
+  const cv::Scalar no_return(232, 234, 237), line(60, 65, 72);
+  const int side = static_cast<int>(std::lround(std::sqrt(static_cast<double>(map.size()))));
+  cv::Mat1f depths(side, side);
+  std::copy(map.begin(), map.end(), depths.begin());
+  cv::Mat there = depths > 0, colours = coloured(depths, span);
+  colours.setTo(no_return, ~there);
+  cv::resize(colours, colours, {}, zoom, zoom, cv::INTER_NEAREST);
+  if (zoom >= 3) {
+    cv::resize(there, there, {}, zoom, zoom, cv::INTER_NEAREST);
+    cv::Mat wider;
+    cv::dilate(there, wider, cv::getStructuringElement(cv::MORPH_CROSS, {3, 3}));
+    colours.setTo(line, wider & ~there);
+  }
+  const Bytes out =
+      encode_png_rgb({colours.data, 3 * colours.total()}, static_cast<std::uint32_t>(colours.cols),
+                     static_cast<std::uint32_t>(colours.rows));
+  if (out.empty()) throw Error(ExitCode::failed, "cannot encode a PNG picture");
+  return out;
+}
 
 Bytes millimetre_picture(std::span<const float> map, std::uint32_t size) {
   std::vector<std::uint16_t> mm(map.size());

@@ -7,10 +7,16 @@
 #include <string>
 #include <vector>
 
-#include "recon/use/map_pictures.hpp"
+#include "drivers/core/bytes.hpp"
+#include "recon/metrics/scene.hpp"
 #include "recon/use/written_maps.hpp"
 
 namespace echofuse::recon {
+
+// One scale of colours for all maps of a model.
+struct DepthSpan {
+  double near = 2.5, far = 5;  // m
+};
 
 // Maps of N x N pixels, as the model's. To add one: a row in map_files.cpp, and its branch in
 // MapFiles::prepare.
