@@ -2,15 +2,18 @@
 // Simulated devices of a laboratory. Each lives in one loop and never blocks it.
 #pragma once
 #include <cstdint>
+#include <fstream>
+#include <initializer_list>
 #include <memory>
 #include <string>
 #include <utility>
 #include <vector>
 
+#include "drivers/core/clock.hpp"
+#include "drivers/program/exit_code.hpp"
 #include "sim/devices/faults.hpp"
 #include "sim/devices/photon_source.hpp"
 #include "sim/devices/scene_player.hpp"
-#include "sim/devices/sent_log.hpp"
 
 namespace echofuse::port {
 class Loop;
@@ -18,6 +21,37 @@ class SystemLoop;
 }  // namespace echofuse::port
 
 namespace echofuse::sim {
+
+// The log says what a laboratory really did, one JSON object a line:
+//   {"t": host monotonic ns, "device": "tdc", "what": "sent", NAME: NUMBER...}
+// sim/README.md lists what each device writes.
+class SentLog {
+ public:
+  using Numbers = std::initializer_list<std::pair<const char*, std::int64_t>>;
+
+  // Throws Error(disk) if the file cannot be made.
+  explicit SentLog(const std::string& path) : path_(path), out_(path, std::ios::binary) { check(); }
+
+  void put(HostTime time, const char* device, const char* what, Numbers numbers) {
+    out_ << "{\"t\":" << time.count() << ",\"device\":\"" << device << "\",\"what\":\"" << what
+         << '"';
+    for (const auto& [name, value] : numbers) out_ << ",\"" << name << "\":" << value;
+    out_ << "}\n";
+  }
+  // Closes the file. Throws Error(disk) if not all was written.
+  void close() {
+    out_.close();
+    check();
+  }
+
+ private:
+  void check() {
+    if (!out_) throw Error(ExitCode::disk, path_ + ": cannot write the log");
+  }
+
+  std::string path_;
+  std::ofstream out_;
+};
 
 class Listener;
 
