@@ -62,15 +62,10 @@ std::vector<std::string> settings_like(const std::string& path) try {
 struct PlanArguments {
   std::string config, like;
   std::vector<std::string> settings;
-  std::string twin;
-  std::optional<std::int64_t> laboratory, laboratories;
 
   std::vector<std::string> assignments() const {
     std::vector<std::string> all = like.empty() ? std::vector<std::string>{} : settings_like(like);
     all.insert(all.end(), settings.begin(), settings.end());
-    if (!twin.empty()) all.push_back("twin=" + twin);
-    if (laboratory) all.push_back("laboratory=" + std::to_string(*laboratory));
-    if (laboratories) all.push_back("laboratories=" + std::to_string(*laboratories));
     return all;
   }
 };
@@ -80,14 +75,6 @@ void add_plan_options(CLI::App& app, PlanArguments& a) {
   app.add_option("--set", a.settings, "over the file's")
       ->type_name("KEY=VALUE")
       ->allow_extra_args(false);
-}
-
-// Returns --twin.
-CLI::Option* add_twin_options(CLI::App& app, PlanArguments& a) {
-  app.add_option("--laboratory", a.laboratory, "which of the twin's laboratories")
-      ->check(CLI::NonNegativeNumber);
-  return app.add_option("--twin", a.twin, "FILE of ranges that laboratories draw from, or default")
-      ->type_name("FILE");
 }
 
 // Reads the plan for a command with one laboratory only; the conditions are as drawn. A data set's
@@ -110,7 +97,6 @@ struct DatasetArguments : PlanArguments {
   sim::DatasetOptions options;
   std::string part;
   std::optional<std::int64_t> records, people, letters, two_people, empty, objects, seed;
-  bool json = false;
 };
 
 // The numbers of records on the command line replace the configured ones as a whole.
@@ -159,19 +145,7 @@ ExitCode run_dataset(DatasetArguments& a) {
   if (!a.part.empty()) a.options.part = JobPart::of(a.part);
   const std::int64_t written = sim::write_dataset(plan, a.options);
   const double seconds = std::chrono::duration<double>(Clock::now() - start).count();
-  if (a.json)
-    std::cout << nlohmann::json{{"file", a.options.out},
-                                {"records", written},
-                                {"people", plan.people},
-                                {"letters", plan.letters},
-                                {"two_people", plan.two_people},
-                                {"empty", plan.empty},
-                                {"objects", plan.objects},
-                                {"seed", plan.seed},
-                                {"seconds", seconds}}
-                     .dump(-1, ' ', true, nlohmann::json::error_handler_t::replace)
-              << "\n";
-  else if (!a.options.quiet)
+  if (!a.options.quiet)
     std::cout << printable(a.options.out) << ": " << written << " records in "
               << human_duration(seconds) << "\n";
   const auto all = static_cast<std::int64_t>(scenes_of(plan).size());
@@ -202,14 +176,8 @@ void add_dataset(CLI::App& app, Command& command) {
   sub->add_option("--like", a->like,
                   "calibration: simulate the instruments whose response and axes it states")
       ->type_name("FILE");
-  add_twin_options(*sub, *a);
-  sub->add_option("--laboratories", a->laboratories,
-                  "record i is of the twin's laboratory i modulo this")
-      ->check(CLI::Range(std::int64_t{1}, std::int64_t{1'000'000}));
   sub->add_option("--part", a->part, part_help);
-  sub->add_flag("--json", a->json, "summary as one JSON object");
-  more_options(
-      *sub, {"--config", "--like", "--twin", "--laboratory", "--laboratories", "--part", "--json"});
+  more_options(*sub, {"--config", "--like", "--part"});
   add_examples(*sub,
                {"echofuse-sim dataset --out scenes.sqlite --records 1000",
                 "echofuse-sim dataset --out empty.sqlite --empty 20 --set background_counts=200"});
@@ -224,7 +192,6 @@ void add_dataset(CLI::App& app, Command& command) {
 struct LabArguments : PlanArguments {
   sim::LabOptions options;
   std::optional<std::int64_t> seed;
-  bool json = false;
   std::vector<std::string> command;  // the command to run in the laboratory
 };
 
@@ -259,10 +226,7 @@ ExitCode run_lab(LabArguments& a, bool quiet) {
   if (!quiet) std::cerr << "the laboratory is open; Ctrl-C closes it. To record from it:\n";
   std::cout << lab.daemon_command() << std::endl;
   lab.serve(interrupted);
-  if (a.json)
-    std::cout << lab.sent() << "\n";
-  else
-    print_sent(lab.sent());
+  print_sent(lab.sent());
   return ExitCode::ok;
 }
 
@@ -301,12 +265,10 @@ void add_lab(CLI::App& app, Command& command) {
   sub->add_option("--log", o.log, "write down everything that was sent, a JSON object a line")
       ->type_name("FILE");
   add_plan_options(*sub, *a);
-  add_twin_options(*sub, *a);
-  sub->add_flag("--json", a->json, "what was sent as one JSON object");
   sub->add_option("command", a->command, "run this in the laboratory, and close it afterwards")
       ->option_text("-- COMMAND ...");
-  more_options(*sub, {"--config", "--laser-rate-hz", "--radar-cfg", "--radar-board", "--faults",
-                      "--log", "--twin", "--laboratory", "--json"});
+  more_options(
+      *sub, {"--config", "--laser-rate-hz", "--radar-cfg", "--radar-board", "--faults", "--log"});
   add_examples(*sub, {"echofuse-sim lab --scene mixed --hold 3",
                       "echofuse-sim lab --dir . --scene reflector -- bash"});
   sub->callback([&command, a] { command = [a](bool quiet) { return run_lab(*a, quiet); }; });
@@ -315,21 +277,24 @@ void add_lab(CLI::App& app, Command& command) {
 void add_config(CLI::App& app, Command& command) {
   auto* sub = app.add_subcommand("config", "print every setting with its meaning, range and value");
   struct Arguments : PlanArguments {
+    std::string ranges;
     bool json = false;
   };
   auto a = std::make_shared<Arguments>();
   add_plan_options(*sub, *a);
-  add_twin_options(*sub, *a)->description(
-      "print the ranges of this FILE or default; with --laboratory the settings as drawn");
+  sub->add_option("--twin", a->ranges,
+                  "print the ranges of this FILE, or of the default twin, instead")
+      ->type_name("FILE");
   sub->add_flag("--json", a->json, "as one JSON object: value, range and meaning of every key");
-  add_examples(*sub, {"echofuse-sim config", "echofuse-sim config --twin default --laboratory 3"});
+  add_examples(
+      *sub, {"echofuse-sim config", "echofuse-sim config --set twin=default --set laboratory=3"});
   sub->callback([&command, a] {
     command = [a](bool) {
       sim::Plan plan;
       Settings settings;
-      if (!a->twin.empty() && !a->laboratory) {
-        std::cout << (a->twin == "default" ? sim::default_twin()
-                                           : to_text(sim::twin_named(a->twin)));
+      if (!a->ranges.empty()) {
+        std::cout << (a->ranges == "default" ? sim::default_twin()
+                                             : to_text(sim::twin_named(a->ranges)));
         return ExitCode::ok;
       }
       read_plan(*a, plan, settings);

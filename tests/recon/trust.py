@@ -38,7 +38,7 @@ def dataset(records, *settings, kind="--records", twin=None):
     path = folder / f"{next_seed}.sqlite"
     words = [word for setting in settings for word in ("--set", setting)]
     if twin is not None:
-        words += ["--twin", "default", "--laboratory", twin]
+        words += ["--set", "twin=default", "--set", f"laboratory={twin}"]
     program("sim", "dataset", "-q", "--out", path, kind, records, "--seed", next_seed, *words)
     return path
 

@@ -54,7 +54,7 @@ class Installed(unittest.TestCase):
             echofuse-sim lab --scene person --hold 0.2 --window 0.2 --laser-rate-hz 2e7 --set signal_photons=5e4 -- \\
               echofuse-acquire run --config lab/lab.toml --count 3 --out live -q || [ $? = 5 ]
             echofuse-acquire info --json live >info.json
-            echofuse-sim dataset --people 20 --letters 20 --out scenes.sqlite -q --twin default --laboratories 40
+            echofuse-sim dataset --people 20 --letters 20 --out scenes.sqlite -q --set twin=default --set laboratories=40
             echofuse-recon train scenes.sqlite --model mean --out mean.h5 -q
             echofuse-report page --run scenes.sqlite --model mean.h5 --live live.sqlite
             mkdir -p home/.config/echofuse
@@ -132,7 +132,7 @@ class Installed(unittest.TestCase):
                              [f"{a}.{end}" for end in ("csv", "safetensors", "sqlite", "toml")])
         self.assertEqual(offered("echofuse-sim", "lab", "--lase"), ["--laser-rate-hz"])
         self.assertEqual(offered("echofuse-bench", "stab"), ["stability"])
-        self.assertEqual(offered("echofuse-bench", "stability", "--qu"), ["--quick", "--quiet"])
+        self.assertEqual(offered("echofuse-bench", "stability", "--qu"), ["--quick"])
         self.assertEqual(offered("echofuse-view", "--mod"), ["--model"])
         self.assertEqual(offered("echofuse-report", "page", "--comp"), ["--compare"])
 
