@@ -93,9 +93,6 @@ std::string model_help() {
 }
 
 const ModelKind& kind_of(const std::string& name) {
-  if (name == "silhouette")
-    throw Error(ExitCode::usage,
-                "model \"silhouette\" is called mean-shape; train it by that name");
   std::string known;
   for (const ModelKind& kind : model_kinds()) {
     if (kind.name == name) return kind;
