@@ -19,7 +19,6 @@ using namespace echofuse::view;
 
 struct Options {
   std::string model;
-  std::optional<std::int64_t> record;
   ServerOptions server;
   bool quiet = false;
 };
@@ -48,7 +47,7 @@ ExitCode show(const Options& o) {
   if (!o.server.until_closed)
     if (const std::string why = server.missing(); !why.empty())
       std::fprintf(stderr, "echofuse-view: %s\n", printable(why).c_str());
-  std::printf("%s\n", server.address(o.record).c_str());
+  std::printf("%s\n", server.address().c_str());
   std::fflush(stdout);
   if (o.server.until_closed) leave_terminal();
   server.run();
@@ -66,10 +65,6 @@ int run(int argc, char** argv) {
       ->type_name("RUN")
       ->required();
   app.add_option("--model", o.model, "model whose reconstructions are shown")->type_name("MODEL");
-  app.add_option(
-         "--record", o.record,
-         "index of the record that the printed address opens; of a folder in its newest run")
-      ->check(CLI::NonNegativeNumber);
   app.add_option("--listen", o.server.listen,
                  "ADDRESS:PORT; by default 127.0.0.1:8410, or another free port. Another address "
                  "than this machine's own asks everybody for the token");

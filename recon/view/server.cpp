@@ -91,15 +91,14 @@ class Server::Loop final : public SessionOwner {
     return why;
   }
 
-  std::string address(std::optional<std::int64_t> record) const {
+  std::string address() const {
     const auto at = acceptor_.local_endpoint();
     const bool any = at.address().is_unspecified();
     const std::string host = any                    ? access_.host_name
                              : at.address().is_v6() ? "[" + at.address().to_string() + "]"
                                                     : at.address().to_string();
     return "http://" + host + ":" + std::to_string(at.port()) +
-           (access_.many && (record || options_.until_closed) ? "/newest/" : "/") +
-           "?token=" + access_.token + (record ? "#" + std::to_string(*record) : "");
+           (access_.many && options_.until_closed ? "/newest/" : "/") + "?token=" + access_.token;
   }
 
   void run() {
@@ -355,9 +354,7 @@ Message Server::Loop::mark(const Session& session, const Mark& mark) {
 Server::Server(const ServerOptions& options, const LiveModel* model, const Clock& clock)
     : loop_(std::make_unique<Loop>(options, model, clock)) {}
 Server::~Server() = default;
-std::string Server::address(std::optional<std::int64_t> record) const {
-  return loop_->address(record);
-}
+std::string Server::address() const { return loop_->address(record); }
 std::string Server::missing() { return loop_->missing(); }
 void Server::run() { loop_->run(); }
 

@@ -32,8 +32,7 @@ class Server {
   // `model` may be null; it outlives this.
   Server(const ServerOptions& options, const LiveModel* model, const Clock& clock);
   ~Server();
-  // Address for a browser, with the token; of a folder with a record its newest run.
-  std::string address(std::optional<std::int64_t> record = {}) const;
+  std::string address() const;  // for a browser, with the token
   // Returns why there is no run to see yet, or empty. Throws Error(failed) if something else is
   // there.
   std::string missing();

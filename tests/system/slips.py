@@ -33,7 +33,7 @@ sim dataset --out x --set spd_bins=3 | 3 | unknown key; the nearest known one is
 sim dataset --out x --set reflector=3 | 3 | unknown key, and none is like it
 sim lab --bogus -- ls --foo | 2 | --bogus: no such option; --help lists them
 sim dataset --out x --like nofile | 3 | nofile
-view --recrod 3 x | 2 | --recrod: no such option; the nearest is --record
+view --modle m x | 2 | --modle: no such option; the nearest is --model
 view | 2 | RUN is required
 acquire config check --config three.toml | 3 | three.toml:2:13: not TOML
 recon train dark.sqlite --out m | 1 | dark.sqlite: no record has a depth map: a model learns from the camera's truth
