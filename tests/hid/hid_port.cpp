@@ -321,38 +321,3 @@ TEST_CASE("a port that is destroyed at any moment says no more") {
     CHECK(host.received.empty());
   }
 }
-
-// Not a check but a measurement: test_hid "[.measure]"
-TEST_CASE("throughput and latency", "[.measure]") {
-  Bridge bridge;
-  Host host;
-  host.opens();
-  const auto start = std::chrono::steady_clock::now();
-  std::size_t given = 0;
-  while (std::chrono::steady_clock::now() - start < 3s) {
-    given += bridge.device.receive(pattern(480));
-    host.loop.run_for(1ms);
-  }
-  host.until([&] { return host.received.size() >= given; }, 2s);
-  const double s = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-  WARN("to the host: " << double(host.received.size()) / s << " bytes/s of " << given
-                       << ", dropped " << bridge.device.host_dropped());
-  std::vector<double> down, up;
-  for (int i = 0; i < 200; ++i) {
-    const auto sent = bridge.sent().size();
-    const auto got = host.received.size();
-    const auto t0 = std::chrono::steady_clock::now();
-    host.port->write(Bytes{1});
-    while (bridge.sent().size() == sent) std::this_thread::yield();
-    const auto t1 = std::chrono::steady_clock::now();
-    bridge.device.receive(Bytes{1});
-    host.until([&] { return host.received.size() > got; });
-    const auto t2 = std::chrono::steady_clock::now();
-    down.push_back(std::chrono::duration<double, std::milli>(t1 - t0).count());
-    up.push_back(std::chrono::duration<double, std::milli>(t2 - t1).count());
-  }
-  std::sort(down.begin(), down.end());
-  std::sort(up.begin(), up.end());
-  WARN("one byte out: median " << down[100] << " ms, worst " << down[199]
-                               << "; one byte in: median " << up[100] << " ms, worst " << up[199]);
-}
