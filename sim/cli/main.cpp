@@ -191,7 +191,6 @@ void add_dataset(CLI::App& app, Command& command) {
 
 struct LabArguments : PlanArguments {
   sim::LabOptions options;
-  std::optional<std::int64_t> seed;
   std::vector<std::string> command;  // the command to run in the laboratory
 };
 
@@ -219,7 +218,7 @@ ExitCode run_lab(LabArguments& a, bool quiet) {
     a.options.schedule.kind = plan.scenes;
   }
   if (a.options.schedule.kind == "object") plan.objects = 1, scenes_of(plan);  // checks for a mesh
-  a.options.schedule.seed = a.seed.value_or(plan.seed);
+  a.options.schedule.seed = plan.seed;
   port::SystemLoop loop;
   sim::Lab lab(loop, a.options);
   if (!a.command.empty()) return sim::serve_command(lab, a.command, quiet);
@@ -246,8 +245,6 @@ void add_lab(CLI::App& app, Command& command) {
          "seconds that each scene stands, from a multiple of them on the host's clock on, as "
          "slots begin; 0: for ever")
       ->check(CLI::Range(0.0, 0.0) | CLI::Range(0.01, 86'400.0));
-  sub->add_option("--seed", a->seed, "the same seed shows the same scenes")
-      ->check(CLI::NonNegativeNumber);
   sub->add_option("--window", o.window_s, "seconds of one record, to which photon numbers refer")
       ->check(CLI::Range(0.05, 3600.0))
       ->capture_default_str();
