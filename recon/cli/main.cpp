@@ -29,6 +29,7 @@ int run(int argc, char** argv) {
     sub->callback([&chosen, command] { chosen = command; });
   };
   add("train", "fit a model to runs", add_train);
+  add("rows", "which records train, validate and test, and why others are left out", add_rows);
   add("evaluate", "score a model on a run", add_evaluate);
   add("reconstruct", "depth maps of a run as pictures", add_reconstruct);
   try {

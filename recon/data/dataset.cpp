@@ -38,6 +38,11 @@ Error axis_error(const std::string& path, const Axis& found, const Axis& wanted,
                                 ": they lie further apart than a bin"};
 }
 
+std::string to_text(const DamagedRecord& damaged) {
+  return printable(damaged.path) + ": record " + std::to_string(damaged.index) + ": " +
+         printable(damaged.why);
+}
+
 bool agree(const Axis& a, const Axis& b) {
   return a.count == b.count && (!a.count || same_axis(a, b));
 }
@@ -296,19 +301,17 @@ Dataset load_recorded(const std::vector<std::string>& paths) {
   for (const auto& path : files) {
     const record::RunReader run(path);
     const auto note = [&](std::int64_t index, const std::string& fault) {
-      if (data.damaged++ == 0)
-        data.first_damaged =
-            printable(path) + ": record " + std::to_string(index) + ": " + printable(fault);
+      data.damaged.push_back({path, index, fault});
     };
     append(data, run, 0, static_cast<std::size_t>(run.count()),
            {Sensor::spd, Sensor::radar, Sensor::depth}, note, for_each_part, depths.get());
   }
   if (const std::string said = depths->text(paths.front(), data.spd_axis); !said.empty())
     std::fprintf(stderr, "%s\n", said.c_str());
-  const std::size_t all = data.size() + data.damaged;
-  if (static_cast<double>(data.damaged) > most_damaged * static_cast<double>(all))
-    throw Error(ExitCode::failed, data.first_damaged + "; so are " + std::to_string(data.damaged) +
-                                      " of " + std::to_string(all) +
+  const std::size_t damaged = data.damaged.size(), all = data.size() + damaged;
+  if (static_cast<double>(damaged) > most_damaged * static_cast<double>(all))
+    throw Error(ExitCode::failed, to_text(data.damaged.front()) + "; so are " +
+                                      std::to_string(damaged) + " of " + std::to_string(all) +
                                       " records: more than a tenth is no run to go by");
   return data;
 }

@@ -47,6 +47,16 @@ struct EmptyRoom {
   bool known() const { return !spd.empty() || !radar.empty(); }
 };
 
+struct DamagedRecord {
+  std::string path;  // its run
+  std::int64_t index = 0;
+  std::string why;
+};
+std::string to_text(const DamagedRecord& damaged);  // "RUN: record 3: REASON"
+
+// Reason of a record whose detector or radar has one value in every bin.
+inline constexpr const char* dead_record = "the same in every bin";
+
 // Records as tables. A sensor that a record lacks has zeros in its row; `has` tells. A sensor that
 // the run lacks, or that was not loaded, has an axis of count 0.
 struct Dataset {
@@ -68,10 +78,9 @@ struct Dataset {
   std::vector<double> clicks_a_pulse;  // 0: not known, or pile-up is corrected
   std::vector<std::string> label;
   std::vector<Source> sources;
-  std::size_t damaged = 0;    // records of the runs that cannot be read, and have no row
-  std::string first_damaged;  // "RUN: record 3: REASON"
-  EmptyRoom empty_room;       // the room of these records; empty if not known
-  std::uint32_t hash = 0;     // CRC-32C of the tables
+  std::vector<DamagedRecord> damaged;  // cannot be read, and have no row
+  EmptyRoom empty_room;                // the room of these records; empty if not known
+  std::uint32_t hash = 0;              // CRC-32C of the tables
 
   std::size_t size() const { return valid.size(); }
   bool has(std::size_t row, Sensor s) const { return SensorSet::from_bits(valid[row]).contains(s); }
@@ -87,9 +96,10 @@ struct Dataset {
   // as "camera frozen" or "SPD weak"; empty if it is one. A sensor that sees nobody ("no peak") is
   // no doubt; any verdict of the depth is, unless the camera is not asked for.
   std::string doubt_of(std::size_t row, Inputs inputs, bool with_camera = true) const;
-  // Returns the rows that have the model's sensors and, if asked, a depth map to compare with and
-  // no doubt.
-  Rows usable(Inputs inputs, bool with_depth = true) const;
+  // Returns why each row is no example for a model with these inputs; empty if it is one. Reasons:
+  // a sensor missing, dead or doubtful; a copy of a record of an earlier run.
+  std::vector<std::string> left_out(Inputs inputs) const;
+  Rows usable(Inputs inputs) const;  // rows that are examples
 };
 
 // Called with the number of a record that cannot be used, and with the reason.
@@ -103,7 +113,7 @@ void require_memory(const std::vector<std::string>& paths);
 
 // Reads runs into one table, with true ranges, on the axes of the first one (is_near). Their map
 // grids agree. Damaged records (wrong size, not a finite number, more clicks than a tagger gives)
-// are counted. Throws Error(failed) that names the file, or the first damaged record if those are
+// are listed. Throws Error(failed) that names the file, or the first damaged record if those are
 // more than most_damaged of all. Throws as require_memory, and for depths in another unit
 // (depths_seen.hpp).
 Dataset load(const std::vector<std::string>& paths);

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 
 #include "drivers/program/printable.hpp"
 #include "recon/data/dataset.hpp"
@@ -24,12 +25,29 @@ bool Dataset::has_inputs(std::size_t row, Inputs inputs) const {
          !(inputs == Inputs::fused && lacks_array(row));
 }
 
-Rows Dataset::usable(Inputs inputs, bool with_depth) const {
-  Rows rows;
-  for (std::size_t i = 0; i < size(); ++i)
-    if (has_inputs(i, inputs) &&
-        (!with_depth || (has(i, Sensor::depth) && doubt_of(i, inputs).empty())))
-      rows.push_back(i);
+std::vector<std::string> Dataset::left_out(Inputs inputs) const {
+  constexpr PerSensor<const char*> missing{"SPD missing", "radar missing", "camera missing"};
+  std::map<std::int64_t, std::size_t> first_of_content;
+  const auto reason = [&](std::size_t row) -> std::string {
+    for (const Sensor s : all_sensors)
+      if ((s == Sensor::depth || sensors_of(inputs).contains(s)) && !has(row, s)) return missing[s];
+    if (!has_inputs(row, inputs)) return "antennas missing";
+    if (std::string kind = doubt_of(row, inputs); !kind.empty()) return kind;
+    if (!fault_of(row, inputs).empty()) return dead_record;
+    const std::int64_t own = content.empty() ? 0 : content[row];
+    const std::size_t first = first_of_content.try_emplace(own, row).first->second;
+    if (own == 0 || sources.size() < 2 || source_of(first) == source_of(row)) return {};
+    return "also in " + printable(sources[source_of(first)].path);
+  };
+  std::vector<std::string> out;
+  for (std::size_t row = 0; row < size(); ++row) out.push_back(reason(row));
+  return out;
+}
+
+Rows Dataset::usable(Inputs inputs) const {
+  const std::vector<std::string> reasons = left_out(inputs);
+  Rows rows = all_rows(size());
+  std::erase_if(rows, [&](std::size_t row) { return !reasons[row].empty(); });
   return rows;
 }
 

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "drivers/core/random.hpp"
 #include "drivers/program/exit_code.hpp"
@@ -26,14 +27,17 @@ Rows take_last(Rows& rows, std::size_t n) {
 
 }  // namespace
 
+Rows drawn(Rows rows, std::uint64_t seed, std::uint64_t stream) {
+  const std::uint64_t key = mix(seed ^ mix(stream));
+  std::ranges::sort(rows, {}, [&](std::size_t row) { return std::pair(mix(key ^ row), row); });
+  return rows;
+}
+
 Split make_split(const Rows& rows, const SplitOptions& options) {
   const bool blocked = options.kind == "blocked";
   Split split;
   split.train = rows;
-  if (!blocked) {
-    Rng rng = make_rng(options.seed, split_stream);
-    std::shuffle(split.train.begin(), split.train.end(), rng);
-  }
+  if (!blocked) split.train = drawn(std::move(split.train), options.seed, split_stream);
   const auto cut = [&](double share) {
     Rows part = take_last(split.train, share_of(share, split.train.size()));
     if (blocked && !part.empty()) take_last(split.train, options.gap);
@@ -68,8 +72,7 @@ Split make_fold(const Rows& rows, std::size_t fold, std::size_t folds, std::size
 std::vector<Split> make_folds(Rows rows, std::size_t folds, const SplitOptions& options,
                               std::uint64_t stream) {
   const bool blocked = options.kind == "blocked";
-  Rng rng = make_rng(options.seed, stream);
-  if (!blocked) std::shuffle(rows.begin(), rows.end(), rng);
+  if (!blocked) rows = drawn(std::move(rows), options.seed, stream);
   const std::size_t gap = blocked ? std::min(options.gap, rows.size() / (4 * folds)) : 0;
   std::vector<Split> out;
   for (std::size_t k = 0; k < folds; ++k) out.push_back(make_fold(rows, k, folds, gap));

@@ -23,13 +23,18 @@ struct Split {
   Rows train, validation, test;
 };
 
-// Splits `rows`. Throws Error(failed) if nothing is left to train on.
+// Rows in a random order that any program can repeat: sorted by mix(mix(seed ^ mix(stream)) ^ row),
+// where mix is one step of SplitMix64 (drivers/core/random.hpp).
+Rows drawn(Rows rows, std::uint64_t seed, std::uint64_t stream);
+
+// Splits `rows`; a random split draws the last ones of drawn(). Throws Error(failed) if nothing is
+// left to train on.
 Split make_split(const Rows& rows, const SplitOptions& options);
 
 // Block `fold` of `folds` is the test rows; the training rows stay `gap` records away from it.
 Split make_fold(const Rows& rows, std::size_t fold, std::size_t folds, std::size_t gap);
 // Returns all folds. They are blocked with their gap, as far as so few records allow one, or else
-// made of shuffled rows.
+// made of drawn rows.
 std::vector<Split> make_folds(Rows rows, std::size_t folds, const SplitOptions& options,
                               std::uint64_t stream);
 

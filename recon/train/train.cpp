@@ -3,8 +3,8 @@
 
 #include <algorithm>
 #include <cstdio>
+#include <utility>
 
-#include "drivers/core/random.hpp"
 #include "drivers/program/console.hpp"
 #include "recon/data/response.hpp"
 #include "recon/train/crossvalidate.hpp"
@@ -22,8 +22,8 @@ std::string choose(const Dataset& data, const Split& split, const TrainOptions& 
   Rows rows = split.train;
   rows.insert(rows.end(), split.validation.begin(), split.validation.end());
   std::sort(rows.begin(), rows.end());
-  Rng rng = make_rng(options.split.seed, fold_stream);
-  if (options.split.kind != "blocked") std::shuffle(rows.begin(), rows.end(), rng);
+  if (options.split.kind != "blocked")
+    rows = drawn(std::move(rows), options.split.seed, fold_stream);
   const auto table = crossvalidate(data, rows, options);
   const std::size_t chosen = cheapest_within_one_se(table);
   if (!options.fit.quiet) std::fputs(to_choice_table(table, chosen).c_str(), stderr);
@@ -121,12 +121,10 @@ TrainedModel train_split(const Dataset& data, const Split& split, const std::str
 }
 
 Split split_of(const Dataset& data, const TrainOptions& options) {
-  const Inputs inputs = inputs_of(options.inputs);
-  // Other models do not take the antennas' lags.
-  const bool one_antenna = options.model != "auto" && !looks_at_body(options.model, options);
-  if (inputs == Inputs::fused && !one_antenna && data.arrays_differ)
+  const Inputs inputs = inputs_to_train(options);
+  if (inputs == Inputs::fused && data.arrays_differ)
     say(options, "the runs differ in the radar's antennas: of the radar, the profile is taken");
-  const TrainingRows rows = rows_to_train(data, one_antenna ? without_antennas(inputs) : inputs);
+  const TrainingRows rows = rows_to_train(data, inputs);
   if (!rows.left_out.empty()) say(options, rows.left_out);
   if (options.split.kind == "random" && options.split.test_share > 0)
     if (const std::string text = alike_neighbours(data, rows.rows); !text.empty())
@@ -135,6 +133,13 @@ Split split_of(const Dataset& data, const TrainOptions& options) {
 }
 
 }  // namespace
+
+Inputs inputs_to_train(const TrainOptions& options) {
+  const Inputs inputs = inputs_of(options.inputs);
+  return options.model == "auto" || looks_at_body(options.model, options)
+             ? inputs
+             : without_antennas(inputs);
+}
 
 TrainedModel train(const Dataset& data, const TrainOptions& options) {
   const Split split = split_of(data, options);

@@ -33,6 +33,9 @@ struct TrainingRows {
 // most_damaged of the records are dead or damaged.
 TrainingRows rows_to_train(const Dataset& data, Inputs inputs);
 
+// The inputs that the model of these options takes: only some take the antennas' lags.
+Inputs inputs_to_train(const TrainOptions& options);
+
 // Returns a line if a random split would judge records by their likes, else nothing. Criterion: for
 // many of a sample of rows the nearest depth map is that of a neighbour in time.
 std::string alike_neighbours(const Dataset& data, const Rows& rows);

@@ -10,8 +10,6 @@
 namespace echofuse::recon {
 namespace {
 
-constexpr const char* dead = "the same in every bin";
-
 std::string path_of(const Dataset& data, std::size_t row) {
   return data.sources.empty() ? "run" : printable(data.sources[data.source_of(row)].path);
 }
@@ -36,53 +34,37 @@ void require_sensors(const Dataset& data, Inputs inputs) {
   }
 }
 
-// Returns why the record does not train; empty if it does. A copy within one run is none of this.
-std::string reason_of(const Dataset& data, std::size_t row, Inputs inputs,
-                      std::map<std::int64_t, std::size_t>& first_of_content) {
-  constexpr PerSensor<const char*> missing{"SPD missing", "radar missing", "camera missing"};
-  for (const Sensor s : all_sensors)
-    if ((s == Sensor::depth || sensors_of(inputs).contains(s)) && !data.has(row, s))
-      return missing[s];
-  if (!data.has_inputs(row, inputs)) return "antennas missing";
-  if (const std::string doubt = data.doubt_of(row, inputs); !doubt.empty()) return doubt;
-  if (!data.fault_of(row, inputs).empty()) return dead;
-  const std::int64_t content = data.content.empty() ? 0 : data.content[row];
-  const std::size_t first = first_of_content.try_emplace(content, row).first->second;
-  if (content == 0 || data.sources.size() < 2 || data.source_of(first) == data.source_of(row))
-    return {};
-  return "also in " + path_of(data, first);
-}
-
 }  // namespace
 
 TrainingRows rows_to_train(const Dataset& data, Inputs inputs) {
   if (data.size() > 0) require_sensors(data, inputs);
-  std::map<std::int64_t, std::size_t> first_of_content;
   std::map<std::string, std::size_t> reasons;
-  std::string first_fault = data.first_damaged;
+  std::string first_fault = data.damaged.empty() ? "" : to_text(data.damaged.front());
   bool doubtful = false;
   TrainingRows out;
+  const std::vector<std::string> left_out = data.left_out(inputs);
   for (std::size_t row = 0; row < data.size(); ++row) {
-    const std::string why = reason_of(data, row, inputs, first_of_content);
+    const std::string& why = left_out[row];
     if (why.empty()) {
       out.rows.push_back(row);
       continue;
     }
     ++reasons[why];
     doubtful |= why == data.doubt_of(row, inputs);
-    if (why == dead && first_fault.empty())
+    if (why == dead_record && first_fault.empty())
       first_fault =
           formatted("%s: record %lld: %s", path_of(data, row).c_str(),
                     static_cast<long long>(data.index[row]), data.fault_of(row, inputs).c_str());
   }
-  const std::size_t all = data.size() + data.damaged, none = reasons[dead] + data.damaged;
+  const std::size_t all = data.size() + data.damaged.size();
+  const std::size_t none = reasons[dead_record] + data.damaged.size();
   if (static_cast<double>(none) > most_damaged * static_cast<double>(all))
     throw Error(
         ExitCode::failed,
         first_fault + formatted(": a dead sensor, or nobody and no light; so are %zu of %zu "
                                 "records: of more than a tenth nothing can be learned",
                                 none, all));
-  reasons["damaged"] = data.damaged;
+  reasons["damaged"] = data.damaged.size();
   std::string text;
   for (const auto& [why, count] : reasons)
     if (count > 0) text += formatted("%s%s %zu", text.empty() ? "" : ", ", why.c_str(), count);

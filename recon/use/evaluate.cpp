@@ -118,26 +118,49 @@ void score_predictions(const TrainedModel& model, const Records& records, const 
 
 }  // namespace
 
-Rows rows_to_evaluate(const TrainedModel& model, const Dataset& data, bool all) {
+std::vector<std::string> left_out_of_evaluation(const TrainedModel& model, const Dataset& data,
+                                                bool all) {
   const bool held_out = !all && model.knows(data);
-  Rows rows = held_out ? model.rows_of(data, Part::test) : with_map_and_depth(model, data);
-  const bool any = !rows.empty();
-  if (!all && !held_out) rows = without(rows, model.rows_trained_on(data));
-  if (any && rows.empty())
-    throw Error(ExitCode::failed, (data.sources.empty() ? "run" : data.sources.front().path) +
-                                      ": the model was trained on all of its records, as those of "
-                                      "another run; use --all to score it on what it has seen");
-  Rows sound = rows;
-  std::erase_if(sound, [&](auto row) { return !doubt_of(model, data, row).empty(); });
+  std::vector<std::string> out(data.size());
+  for (std::size_t row = 0; row < data.size(); ++row)
+    out[row] = held_out                        ? "in no part of the training"
+               : !data.has(row, Sensor::depth) ? "camera missing"
+                                               : model.fault_of(data, row);
+  if (held_out)
+    for (const Part part : {Part::train, Part::validation, Part::test})
+      for (const std::size_t row : model.rows_of(data, part))
+        out[row] = part == Part::test ? "" : trained_on_record;
+  else if (!all)
+    for (const std::size_t row : model.rows_trained_on(data))
+      if (out[row].empty()) out[row] = trained_on_record;
+  for (std::size_t row = 0; row < data.size(); ++row)
+    if (out[row].empty()) out[row] = doubt_of(model, data, row);
+  return out;
+}
+
+Rows rows_to_evaluate(const TrainedModel& model, const Dataset& data, bool all) {
+  const std::vector<std::string> left_out = left_out_of_evaluation(model, data, all);
+  Rows sound, doubtful;
+  bool trained_on = false;
+  for (std::size_t row = 0; row < data.size(); ++row) {
+    trained_on |= left_out[row] == trained_on_record;
+    if (left_out[row].empty()) sound.push_back(row);
+    if (left_out[row] == doubt_of(model, data, row)) doubtful.push_back(row);
+  }
   if (!sound.empty()) return sound;
-  if (!rows.empty()) return rows;
+  if (!doubtful.empty()) return doubtful;
   const std::string path = data.sources.empty() ? "run" : data.sources.front().path;
-  throw Error(ExitCode::failed,
-              held_out ? path +
-                             ": the model was trained on this run and held none of its records "
-                             "out; use --all to score it on what it has seen"
-                       : path + ": no record has depth and the live sensors of a \"" +
-                             name_of(model->features.inputs) + "\" model");
+  const char* const use_all = "; use --all to score it on what it has seen";
+  throw Error(
+      ExitCode::failed,
+      path + (!all && model.knows(data)
+                  ? ": the model was trained on this run and held none of its records out" +
+                        std::string(use_all)
+              : trained_on
+                  ? ": the model was trained on all of its records, as those of another run" +
+                        std::string(use_all)
+                  : ": no record has depth and the live sensors of a \"" +
+                        name_of(model->features.inputs) + "\" model"));
 }
 
 Judge judge_of(const Dataset& training) {
@@ -212,7 +235,7 @@ Evaluation evaluate(const TrainedModel& model, const Records& records, const Row
   out.domain_shift = domain_shift_of(model, data);
   for (const std::size_t row : rows)
     if (const std::string note = model.note_of(data, row); !note.empty()) ++out.fallbacks[note];
-  out.left_out = data.damaged;
+  out.left_out = data.damaged.size();
   if (!model.knows(data)) {
     for (const std::size_t row : with_depth(data))
       out.left_out += !model.fault_of(data, row).empty();

@@ -80,6 +80,11 @@ struct Evaluation {
   std::optional<UncertaintyCalibration> calibration;
 };
 
+// Reason of a record that trained or validated the model.
+inline constexpr const char* trained_on_record = "trained on";
+// Returns why each row is left out of an evaluation of the model; empty if it is judged.
+std::vector<std::string> left_out_of_evaluation(const TrainedModel& model, const Dataset& data,
+                                                bool all);
 // Returns the rows to judge a model by. A run it was trained on gives its held-out rows. Another
 // run gives those with depth that the model has a map of and, unless `all`, was not trained on.
 // Leaves doubtful ones out unless all are doubtful. Throws Error(failed) if there are none.

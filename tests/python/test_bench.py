@@ -2,7 +2,9 @@
 """Splits, the truth on the grid, derived runs, and the table of the bench."""
 import errno
 import os
+import shutil
 import sqlite3
+import types
 
 import numpy as np
 import pytest
@@ -33,6 +35,22 @@ def test_the_split_is_the_programs(run, tmp_path, kind, seed, gap):
     split = echofuse.split(run, kind, seed, gap=gap)
     for number, rows in enumerate((split.train, split.validation, split.test)):
         assert sorted(index[part == number].tolist()) == run.index[rows].tolist()
+
+
+def test_the_split_and_methods_of_ones_own_leave_out_what_training_does(run, tmp_path):
+    path = tmp_path / "frozen.sqlite"
+    shutil.copy(run.path, path)
+    with sqlite3.connect(path) as db:
+        db.execute("UPDATE record SET depth_verdict = 'stands still: the same' WHERE idx % 3 = 0")
+        db.execute("UPDATE record SET valid = valid - 2 WHERE idx = 4")
+    sound = [i for i in range(61) if i % 3 and i != 4]
+    with echofuse.open(path) as frozen:
+        split = echofuse.split(frozen)
+        assert sorted(np.concatenate([split.train, split.validation, split.test]).tolist()) == sound
+    seen = []
+    bench.python_method("mine", lambda: types.SimpleNamespace(fit=lambda run, rows: seen.extend(rows.tolist()))).fit(
+        path, tmp_path, 1, True)
+    assert seen == sound
 
 
 def test_the_truth_on_the_grid_is_the_programs(run, tmp_path):

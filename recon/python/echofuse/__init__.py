@@ -13,21 +13,9 @@ from .model import Estimator, Maps, Model, load_model
 from .maps import load_maps, save_maps
 from .record import Record
 from .run import Axis, Run, open  # noqa: A004 (the name that is wanted)
-from .splits import Split, split_rows
+from .splits import Split, split
 
 __version__ = "0.2.0"
-
-
-
-def split(run: Run, kind: str = "random", seed: int = 1, *, inputs: str = "fused", test_share: float = 0.1,
-          validation_share: float = 0.05, gap: int = 0) -> Split:
-    """Rows of the run as `echofuse-recon train` splits them: usable records have depth and the sensors of the inputs."""
-    needed = ("spd", "radar") if inputs.startswith("fused") else (inputs,)
-    usable = run.valid["depth"].copy()
-    for sensor in needed:
-        usable &= run.valid[sensor]
-    return split_rows(usable.nonzero()[0], kind, seed, test_share=test_share, validation_share=validation_share, gap=gap)
-
 
 __all__ = ["Axis", "Estimator", "Maps", "Model", "Record", "Run", "Split", "load_maps", "load_model", "open", "record",
            "save_maps", "split", "write_run"]

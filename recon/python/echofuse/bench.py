@@ -306,7 +306,7 @@ def main() -> None:
                      default=["empty", "mean", "nearest", "ridge", "mean-shape", "factorised-16", "mlp-512-256"])
     one.add_argument("--sweep", nargs="*", metavar="METHOD", default=[], help="methods with fewer photons and records")
     stability.add_command(command("stability", "where methods fail", stability.run))
-    recipe.add_command(command("run", "the bench of a recipe (default: echofuse-bench-1)", recipe.run))
+    recipe.add_command(command("run", "the bench of a recipe (default: echofuse-bench-2)", recipe.run))
     one = commands.add_parser("letters", help="share of the letters that can be read off maps", description=letters.__doc__, formatter_class=wide)
     one.add_argument("maps", metavar="MAPS", help="folder of maps.npy and records.csv, as `echofuse-recon reconstruct --format npy` makes it")
     one.add_argument("of", metavar="RUN", help="run with labels as letter:A, and the truth")

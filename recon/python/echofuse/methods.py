@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from . import run as runs
 from .maps import save_maps
 from .programs import BenchError, UsageError, call
+from .splits import split
 
 METRICS = ("iou", "ssim", "ssim_hard", "ssim_fg", "rmse_m", "rmse_fg_m", "depth_mae_m", "abs_rel", "delta_125", "lateral_m",
            "ghost", "left_right")
@@ -105,7 +106,9 @@ def _by_object(make: Callable[..., Fitted], train: pathlib.Path, seed: int) -> A
         one = make()
     with runs.open(train) as known:
         started = time.perf_counter()
-        one.fit(known, np.flatnonzero(known.valid["depth"]))
+        ranging = [sensor for sensor in ("spd", "radar") if known.valid[sensor].any()]
+        inputs = ranging[0] if len(ranging) == 1 else "fused-profile"
+        one.fit(known, split(known, inputs=inputs, test_share=0, validation_share=0).train)
         train_s = time.perf_counter() - started
 
     def answer(test: pathlib.Path, folder: pathlib.Path) -> tuple[list[str], Row]:

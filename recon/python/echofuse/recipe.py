@@ -49,8 +49,8 @@ def made(track: dict[str, Any], part: str, folder: pathlib.Path, data: pathlib.P
 
 
 def add_command(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--recipe", type=pathlib.Path, default=pathlib.Path(__file__).with_name("echofuse-bench-1.toml"),
-                        help="TOML file (default: echofuse-bench-1)")
+    parser.add_argument("--recipe", type=pathlib.Path, default=pathlib.Path(__file__).with_name("echofuse-bench-2.toml"),
+                        help="TOML file (default: echofuse-bench-2)")
     parser.add_argument("--runs", type=pathlib.Path, default=pathlib.Path("bench-runs"), help="folder of the runs, made unless there")
     parser.add_argument("--data", type=pathlib.Path, default=os.environ.get("ECHOFUSE_DATA"),
                         help="folder of the public data of real photons; without it that track is left out")
