@@ -14,13 +14,14 @@
 #include "recon/cli/commands.hpp"
 #include "recon/cli/train_settings.hpp"
 #include "recon/numbers/text.hpp"
+#include "recon/train/crossvalidate.hpp"
 #include "recon/train/train.hpp"
 #include "recon/use/evaluate.hpp"
 
 namespace echofuse::recon {
 namespace {
 
-constexpr std::array parts{"train", "validation", "test"};  // by Part
+constexpr std::array parts{"train", "validation", "test"};  // as Part
 
 struct Arguments : TrainOptions {
   std::vector<std::string> runs, assignments;

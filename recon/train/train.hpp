@@ -33,7 +33,7 @@ struct TrainingRows {
 // most_damaged of the records are dead or damaged.
 TrainingRows rows_to_train(const Dataset& data, Inputs inputs);
 
-// The inputs that the model of these options takes: only some take the antennas' lags.
+// Returns the inputs that the model of these options takes: only some take the lags of antennas.
 Inputs inputs_to_train(const TrainOptions& options);
 
 // Returns a line if a random split would judge records by their likes, else nothing. Criterion: for

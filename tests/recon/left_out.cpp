@@ -113,7 +113,10 @@ TEST_CASE("rows says of each record its part or why it is left out, as train and
     CHECK((row.contains("part") || row["left_out"] == "trained on"));
   }
   CHECK(judged(dir / "b") == test);
-  CHECK(rows((dir / "a") + " --split blocked --set gap=2")[51]["part"] == "train");
+  const nlohmann::json blocked = rows((dir / "a") + " --split blocked --set gap=2");
+  CHECK(blocked[59]["part"] == "test");
+  CHECK(std::ranges::count(blocked, "in the gap of the split",
+                           [](const auto& row) { return row.value("left_out", ""); }) == 4);
   CHECK(recon_program("rows --seed 2 " + (dir / "a") + " --model " + (dir / "m")).code == 2);
 }
 
