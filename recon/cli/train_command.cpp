@@ -13,7 +13,6 @@
 #include "recon/cli/commands.hpp"
 #include "recon/cli/train_settings.hpp"
 #include "recon/data/response.hpp"
-#include "recon/numbers/text.hpp"
 #include "recon/train/crossvalidate.hpp"
 #include "recon/train/train.hpp"
 #include "recon/train/tune.hpp"

@@ -228,7 +228,7 @@ def test_recording_from_python(tmp_path, monkeypatch):
 
 def test_xarray(folder):
     pytest.importorskip("xarray")
-    data = echofuse.open(folder / "monday").to_xarray()
+    data = echofuse.to_xarray(echofuse.open(folder / "monday"))
     assert data.spd.dims == ("record", "spd_bin") and data.spd_bin.attrs["units"] == "ps"
     assert data.depth.sizes["depth_y"] == 64
     assert data.spd_range.attrs["units"] == data.depth.attrs["units"] == "m" and data.spd_range[0] == pytest.approx(2, abs=0.01)

@@ -134,7 +134,7 @@ def test_netcdf_is_the_data_set_of_xarray(runs, tmp_path, monkeypatch):
     monkeypatch.setattr(blocks, "MOST_RECORDS", 3)
     run = echofuse.open(runs / "far")
     assert export(run, tmp_path / "a.nc") == 0 and export(echofuse.open(runs / "own"), tmp_path / "own.nc") == 2
-    wanted = run.to_xarray()
+    wanted = echofuse.to_xarray(run)
     with xarray.open_dataset(tmp_path / "a.nc", engine="h5netcdf") as found:
         assert set(found.variables) == set(wanted.variables) and found.sizes == wanted.sizes
         for name, each in wanted.variables.items():

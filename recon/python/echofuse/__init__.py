@@ -11,11 +11,11 @@
 from .acquire import record, write_run
 from .model import Estimator, Maps, Model, load_model
 from .maps import load_maps, save_maps
-from .record import Record
-from .run import Axis, Run, open  # noqa: A004 (the name that is wanted)
+from .netcdf import dataset as to_xarray
+from .run import Axis, Record, Run, open  # noqa: A004 (the name that is wanted)
 from .splits import Split, split
 
 __version__ = "0.2.0"
 
 __all__ = ["Axis", "Estimator", "Maps", "Model", "Record", "Run", "Split", "load_maps", "load_model", "open", "record",
-           "save_maps", "split", "write_run"]
+           "save_maps", "split", "to_xarray", "write_run"]

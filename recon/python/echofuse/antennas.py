@@ -2,32 +2,10 @@
 """Samples of the radar's antennas as a record keeps them (acquire/measurement/radar_array.hpp), and beams of them."""
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any
-
 import numpy as np
 from numpy.typing import NDArray
 
-if TYPE_CHECKING:
-    from .run import Run
-
-
-def bins(run: Run) -> Iterator[tuple[int, NDArray[Any]]]:
-    """Rows of the records that have it, and of each bin its power, and integers in units of it. Raises ValueError."""
-    axis, blobs = run.axes["array"], dict(run.of_records("idx, array"))
-    count = int(axis.scale)
-    stored = np.dtype([("power", "<f4"), ("values", "<i2", count * (count + 2) + 2)])
-    for row in np.flatnonzero(run.valid["radar"]).tolist():
-        blob = blobs.get(int(run.index[row]))
-        if not blob:
-            continue
-        if len(blob) != axis.count * stored.itemsize:
-            raise ValueError(f"{run.path}: record {run.index[row]}: array has {len(blob)} bytes, its axis asks for "
-                             f"{axis.count * stored.itemsize}")
-        found = np.frombuffer(blob, stored)
-        if bad := np.flatnonzero(~(np.isfinite(found["power"]) & (found["power"] >= 0))).tolist():
-            raise ValueError(f"{run.path}: record {run.index[row]}: array bin {bad[0]} has no finite power")
-        yield row, found
+from .run import Run
 
 
 def frames(run: Run) -> NDArray[np.uint64]:
@@ -40,7 +18,7 @@ def values(run: Run) -> NDArray[np.float32]:
     axis = run.axes["array"]
     count = int(axis.scale)
     out = np.full((len(run), axis.count, count * (count + 2) + 2), np.nan, np.float32)
-    for row, found in bins(run):
+    for row, found in run.array_bins():
         power, shares = found["power"][:, None], found["values"] / np.float32(32767)
         out[row, :, :2 * count] = shares[:, :2 * count] * np.sqrt(power)
         out[row, :, 2 * count:] = shares[:, 2 * count:] * power

@@ -7,11 +7,8 @@ run of its own (another uuid), so that no program takes it for the first one.
 """
 from __future__ import annotations
 
-import contextlib
 import pathlib
-import sqlite3
-import uuid
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -20,7 +17,6 @@ from numpy.typing import NDArray
 
 from . import run as runs
 from .acquire import import_arrays
-from .run_files import connect
 
 
 @dataclass
@@ -61,18 +57,6 @@ def copy(path: str | pathlib.Path, out: str | pathlib.Path, *changes: Change) ->
         import_arrays(out, sections, {name: table[records.keep] for name, table in tables.items()
                                       if table.ndim == 1 or table.shape[1]})
     return out
-
-
-@contextlib.contextmanager
-def _copied(path: pathlib.Path, out: pathlib.Path) -> Iterator[sqlite3.Connection]:
-    """Copies a run file under another uuid; yields the copy, in a transaction."""
-    with contextlib.closing(sqlite3.connect(out)) as db:
-        with contextlib.closing(connect(path)) as source:
-            source.backup(db)
-        with db:
-            db.execute("PRAGMA journal_mode = DELETE")
-            db.execute("UPDATE run SET uuid = ?", (str(uuid.uuid4()),))
-            yield db
 
 
 def thinned(share: float, seed: int) -> Change:

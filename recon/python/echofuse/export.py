@@ -12,7 +12,7 @@ HDF5 is NeXus-like, with units on every array and a scale along every dimension;
   /entry/instrument/SENSOR   address, model, serial, firmware
   /entry/tables/TABLE  columns of the run file: i64 with `missing_value`, f64 with NaN, text; the first one, or `row` where
                        that is a text, is their scale
-Where a sensor is not valid, spd holds zeros, and radar, array and depth hold NaN. netCDF holds what Run.to_xarray() has.
+Where a sensor is not valid, spd holds zeros, and radar, array and depth hold NaN. netCDF holds what to_xarray() has.
 """
 from __future__ import annotations
 

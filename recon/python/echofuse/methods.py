@@ -9,7 +9,6 @@ import os
 import pathlib
 import shlex
 import subprocess
-import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator

@@ -15,7 +15,8 @@ SINCE_1970 = "nanoseconds since 1970-01-01T00:00:00Z"  # as xarray and netCDF re
 
 
 def dataset(run: Run) -> Any:
-    """Run.to_xarray()."""
+    """The run as an xarray.Dataset (python3-xarray) with named axes and units. spd_range and radar_range are metres
+    as measured; attrs has the offsets to take off. The radar's power is linear, whatever it sent."""
     import xarray
 
     columns = ("verdict", "used", "lost")

@@ -10,7 +10,8 @@ import sys
 import tomllib
 from typing import Any
 
-from . import bench, tmf8820
+from . import table as tables
+from . import tmf8820
 from . import run as runs
 from .methods import BenchError, call, method, version
 
@@ -65,8 +66,8 @@ def run(args: argparse.Namespace) -> None:
     data = pathlib.Path(args.data) if args.data else None
     if data and (data / "spad-tmf8820").is_dir():
         data = data / "spad-tmf8820"
-    table = bench.Table(args.out, f"{version()}: {recipe['name']}", args.part)
-    cells: list[bench.Cell] = []
+    table = tables.Table(args.out, f"{version()}: {recipe['name']}", args.part)
+    cells: list[tables.Cell] = []
     titles: dict[str, str] = {}
     for track in recipe["track"]:
         if args.tracks and track["name"] not in args.tracks:
@@ -81,11 +82,11 @@ def run(args: argparse.Namespace) -> None:
             continue
         titles[track["name"]] = track["title"]
         methods = [method(name) for name in (*track.get("methods", recipe["methods"]), *args.methods)]
-        cells += bench.pareto_cells(train, test, methods, seeds=args.seeds or recipe["seeds"], axis=track["name"])
-    bench.fill(table, cells, jobs=args.jobs, part=args.part, quiet=args.quiet)
+        cells += tables.pareto_cells(train, test, methods, seeds=args.seeds or recipe["seeds"], axis=track["name"])
+    tables.fill(table, cells, jobs=args.jobs, part=args.part, quiet=args.quiet)
     if args.markdown:
         for name, title in titles.items():
-            print(f"\n**{title}**\n\n{bench.markdown(bench.means(table, name))}")
+            print(f"\n**{title}**\n\n{tables.markdown(tables.means(table, name))}")
     if args.figure:
         from . import plot
 

@@ -16,9 +16,8 @@ from typing import Any, Iterator, Sequence, overload
 import numpy as np
 from numpy.typing import NDArray
 
-from . import antennas, grid
+from . import grid
 from .grid import inflated, read_only, shifted
-from .record import Record
 from .run_files import STATISTICS, connect, leftovers, table
 
 SENSORS = {"spd": 1, "radar": 2, "depth": 4}  # bits of record.valid
@@ -60,6 +59,46 @@ class Axis:
         first = place.astype(int)
         part = (place - first).astype(np.float32).reshape(-1, *[1] * (table.ndim - 2))
         return np.asarray((1 - part) * table[:, first] + part * table[:, np.minimum(first + 1, self.count - 1)])
+
+
+@dataclass(frozen=True)
+class Record:
+    """One record of a run: run[3]. Its depth image is read when it is asked for."""
+
+    run: Run
+    row: int
+
+    @property
+    def index(self) -> int:
+        return int(self.run.index[self.row])
+
+    @property
+    def label(self) -> str:
+        return self.run.labels[self.row]
+
+    @property
+    def time(self) -> np.datetime64:
+        return np.datetime64(self.run.time[self.row])
+
+    @property
+    def spd(self) -> NDArray[np.uint32]:
+        """Counts [bins]."""
+        return np.asarray(self.run.spd[self.row])
+
+    @property
+    def radar(self) -> NDArray[np.float32]:
+        """Linear power [points]."""
+        return np.asarray(self.run.radar[self.row])
+
+    @property
+    def depth(self) -> NDArray[np.float32]:
+        """z in metres [rows, columns] of the camera's image, NaN: no return."""
+        image = self.run.depth_mm(self.row)
+        return np.where(image > 0, image / np.float32(1000), np.float32(np.nan))
+
+    def __repr__(self) -> str:
+        valid = ", ".join(name for name, mask in self.run.valid.items() if mask[self.row]) or "no sensor"
+        return f"<record {self.index} of {self.run.path.name}: {valid}; {self.label or 'no label'}>"
 
 
 def open(path: str | pathlib.Path) -> "Run":  # noqa: A001 (the name that is wanted)
@@ -328,7 +367,7 @@ class Run:
         first, last = np.triu_indices(count, 1)
         response = np.array([gain * np.exp(1j * phase) for *_, gain, phase in self.antennas])
         out = np.zeros((len(self), axis.count, 1 + 2 * int(axis.scale)))
-        for row, bins in antennas.bins(self):
+        for row, bins in self.array_bins():
             values = bins["values"] / 32767 * bins["power"][:, None].astype(float)
             r = np.zeros((axis.count, count, count), complex)
             of_two = values[:, 3 * count:-2]
@@ -343,6 +382,24 @@ class Run:
         by_m = range_offset_m + self.offset_m.get("radar", 0)
         flat = np.moveaxis(out.astype(np.float32), 2, 1).reshape(-1, axis.count)
         return np.moveaxis(shifted(flat, by_m / axis.step).reshape(len(self), -1, axis.count), 1, 2)
+
+    def array_bins(self) -> Iterator[tuple[int, NDArray[Any]]]:
+        """Rows of the records that have samples of the antennas (acquire/measurement/radar_array.hpp), and of each bin its
+        power, and integers in units of it. Raises ValueError."""
+        axis, blobs = self.axes["array"], dict(self.of_records("idx, array"))
+        count = int(axis.scale)
+        stored = np.dtype([("power", "<f4"), ("values", "<i2", count * (count + 2) + 2)])
+        for row in np.flatnonzero(self.valid["radar"]).tolist():
+            blob = blobs.get(int(self.index[row]))
+            if not blob:
+                continue
+            place = f"{self.path}: record {self.index[row]}: array"
+            if len(blob) != (size := axis.count * stored.itemsize):
+                raise ValueError(f"{place} has {len(blob)} bytes, its axis asks for {size}")
+            found = np.frombuffer(blob, stored)
+            if bad := np.flatnonzero(~(np.isfinite(found["power"]) & (found["power"] >= 0))).tolist():
+                raise ValueError(f"{place} bin {bad[0]} has no finite power")
+            yield row, found
 
     @cached_property
     def _pairs(self) -> tuple[dict[int, list[tuple[int, int]]], dict[int, list[tuple[int, int]]]]:
@@ -378,13 +435,6 @@ class Run:
             blocked += before[-1] - np.interp(since + period, places, before)
         ready = np.maximum(pulses - blocked, counts + 0.5)
         return np.asarray(-pulses * np.log1p(-counts / ready), np.float32)
-
-    def to_xarray(self) -> Any:
-        """The same as an xarray.Dataset (python3-xarray) with named axes and units. spd_range and radar_range are metres
-        as measured; attrs has the offsets to take off. The radar's power is linear, whatever it sent."""
-        from . import netcdf
-
-        return netcdf.dataset(self)
 
     def _blobs(self, sensor: str) -> list[tuple[int, bytes]]:
         blobs = dict(self.of_records(f"idx, CAST(CASE WHEN valid & {SENSORS[sensor]} THEN {sensor} END AS BLOB)"))

@@ -14,7 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from . import bench, derive, fog
+from . import derive, fog
+from . import table as tables
 from .methods import BenchError, CONSTANT, Method, Row, UsageError, call, method, version
 
 TEST_SEEDS = 1000  # the test records' seed, after that of the training records
@@ -309,7 +310,7 @@ class Recorded:
 
     @property
     def of(self) -> str:
-        return bench.of_runs(*self.runs)
+        return tables.of_runs(*self.runs)
 
     def axes(self) -> list[Axis]:
         return recorded_axes()
@@ -323,7 +324,7 @@ class Recorded:
 
 
 def cells(source: Simulated | Recorded, axes: Sequence[Axis], methods: Sequence[Method], *, seeds: int,
-          quick: bool) -> list[bench.Cell]:
+          quick: bool) -> list[tables.Cell]:
     """Every method with every seed at the base and at all values of the axes."""
     places = [("base", "base", BASE, BASE)]
     for axis in axes:
@@ -331,11 +332,11 @@ def cells(source: Simulated | Recorded, axes: Sequence[Axis], methods: Sequence[
             if world != BASE and (not quick or not axis.quick or label in axis.quick):
                 places.append((axis.id, label, world if axis.kind == "matched" else BASE, world))
 
-    def cell(axis: str, label: str, known: World, world: World, how: Method, seed: int) -> bench.Cell:
-        return bench.Cell(axis, label, how, seed,
-                          bench.Source(f"train {key(known, axis, label)} {seed}", lambda folder: source.train(known, seed, folder)),
-                          bench.Source(f"test {key(world, axis, label)} {seed}", lambda folder: source.test(world, seed, folder)),
-                          fallback=known == BASE)
+    def cell(axis: str, label: str, known: World, world: World, how: Method, seed: int) -> tables.Cell:
+        return tables.Cell(axis, label, how, seed,
+                           tables.Source(f"train {key(known, axis, label)} {seed}", lambda folder: source.train(known, seed, folder)),
+                           tables.Source(f"test {key(world, axis, label)} {seed}", lambda folder: source.test(world, seed, folder)),
+                           fallback=known == BASE)
 
     def key(world: World, axis: str, label: str) -> str:
         return "base" if world == BASE else f"{axis} {label}"
@@ -387,8 +388,8 @@ def run(args: argparse.Namespace) -> None:
         raise UsageError(f"axis {unknown[0]}: expected some of {', '.join(known)}")
     axes = [known[name] for name in args.axes or known]
     names = [*CONSTANT, *(name for name in args.methods if name not in CONSTANT)]
-    table = bench.Table(args.out, source.of, args.part)
-    bench.fill(table, cells(source, axes, [method(name) for name in names], seeds=args.seeds or 3, quick=args.quick),
+    table = tables.Table(args.out, source.of, args.part)
+    tables.fill(table, cells(source, axes, [method(name) for name in names], seeds=args.seeds or 3, quick=args.quick),
                jobs=args.jobs, part=args.part, quiet=args.quiet)
     rows = list(table.rows.values())
     if args.markdown:
