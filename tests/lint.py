@@ -43,6 +43,8 @@ for path in tracked():
     if len(lines) > 500:
         faults.append(f"{name}: {len(lines)} lines; at most 500")
     if name.is_relative_to("recon/python"):
+        faults += [f"{name}:{number}: {len(line)} characters; at most 100"
+                   for number, line in enumerate(lines, 1) if len(line) > 100]
         for number, line in enumerate(lines):
             text = re.search(r'"""(.+)', line)
             if text and vague.match(text[1]):

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""Runs of echofuse as NumPy arrays, and maps of its models, made in NumPy as well (method.py: the method on one page).
+"""Runs of echofuse as NumPy arrays, and maps of its models, made in NumPy as well (method.py: the
+method on one page).
 
 >>> import echofuse
 >>> run = echofuse.open("monday")
@@ -17,5 +18,6 @@ from .splits import Split, split
 
 __version__ = "0.2.0"
 
-__all__ = ["Axis", "Estimator", "Maps", "Model", "Record", "Run", "Split", "load_maps", "load_model", "open", "record",
+__all__ = ["Axis", "Estimator", "Maps", "Model", "Record", "Run", "Split", "load_maps",
+           "load_model", "open", "record",
            "save_maps", "split", "to_xarray", "write_run"]

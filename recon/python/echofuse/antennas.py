@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""Samples of the radar's antennas as a record keeps them (acquire/measurement/radar_array.hpp), and beams of them."""
+"""Samples of the radar's antennas as a record keeps them (acquire/measurement/radar_array.hpp), and
+beams of them."""
 from __future__ import annotations
 
 import numpy as np
@@ -26,8 +27,8 @@ def values(run: Run) -> NDArray[np.float32]:
 
 
 def beams(run: Run, sines: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Power [n, bins, sines] from these sines of the azimuth (Bartlett's beam, gains and phases taken off); NaN where there
-    is none."""
+    """Power [n, bins, sines] from these sines of the azimuth (Bartlett's beam, gains and phases
+    taken off); NaN where there is none."""
     count, array = len(run.antennas), values(run).astype(float)
     first, last = np.triu_indices(count, 1)
     across, _, gain, phase = np.array(run.antennas).T

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""Baselines of the method (recon/models): maps from counts and power as they are. [n, d]: n records of d
-values; t and f are the tensors and facts of one estimator."""
+"""Baselines of the method (recon/models): maps from counts and power as they are. [n, d]: n records
+of d values; t and f are the tensors and facts of one estimator."""
 from __future__ import annotations
 
 from typing import Any
@@ -26,12 +26,15 @@ def predict(t: dict[str, Array], f: dict[str, Any], counts: Array, power: Array)
 
 
 def scaled(t: dict[str, Array], f: dict[str, Any], counts: Array, power: Array) -> Array:
-    """[n, bins + points]: each sensor brought to a common strength, so that neither drowns the other."""
-    strength = {"plain": lambda x: x, "sqrt": lambda x: np.sqrt(np.maximum(x, 0)), "record": normalised}[f["scaling"]]
+    """[n, bins + points]: each sensor brought to a common strength, so that neither drowns the
+    other."""
+    strength = {"plain": lambda x: x, "sqrt": lambda x: np.sqrt(np.maximum(x, 0)),
+                "record": normalised}[f["scaling"]]
     taken = [(counts, f["features/spd_gain"])] * (f["inputs"] != "radar") + [
         (power, f["features/radar_gain"])] * (f["inputs"] != "spd")
     gains = np.repeat([gain for _, gain in taken], [x.shape[1] for x, _ in taken])
-    return np.asarray((np.concatenate([strength(x) for x, _ in taken], 1) - t["features/centre"]) * gains, np.float32)
+    return np.asarray((np.concatenate([strength(x) for x, _ in taken], 1) - t["features/centre"])
+                      * gains, np.float32)
 
 
 def normalised(x: Array) -> Array:

@@ -4,8 +4,10 @@ bench of three tracks that anybody can make again (run).
 
 A method is
     factorised-16, mlp-512-256:spd   a candidate of `echofuse-recon train`, perhaps with its inputs
-    package.module:Class             a class with fit(run, rows) and predict(run) -> maps [n, N, N], metres, NaN: no return
-    ./mine                           a command, called as ./mine TRAIN TEST OUT; it writes OUT/maps.npy and OUT/records.csv
+    package.module:Class             a class with fit(run, rows) and predict(run) -> maps [n, N, N],
+                                     metres, NaN: no return
+    ./mine                           a command, called as ./mine TRAIN TEST OUT; it writes
+                                     OUT/maps.npy and OUT/records.csv
 
 >>> from echofuse import bench
 >>> bench.measure(bench.method("nearest"), "train.sqlite", "test.sqlite")["iou"]
@@ -27,7 +29,8 @@ from .methods import BenchError, Method, UsageError, measure, method, python_met
 from .table import (Cell, Source, Table, fill, finish, markdown, means, of_runs, pareto_cells,
                     there)
 
-__all__ = ["BenchError", "Cell", "Method", "Source", "Table", "UsageError", "fill", "markdown", "means", "measure", "method",
+__all__ = ["BenchError", "Cell", "Method", "Source", "Table", "UsageError", "fill", "markdown",
+           "means", "measure", "method",
            "pareto_cells", "python_method", "there"]
 
 
@@ -46,18 +49,25 @@ def main() -> None:
     def wide(prog: str) -> argparse.HelpFormatter:
         return argparse.RawDescriptionHelpFormatter(prog, max_help_position=32)
 
-    parser = argparse.ArgumentParser(prog="echofuse-bench", description=(__doc__ or "").partition("\n\n>>>")[0], formatter_class=wide)
+    parser = argparse.ArgumentParser(prog="echofuse-bench",
+                                     description=(__doc__ or "").partition("\n\n>>>")[0],
+                                     formatter_class=wide)
     parser.add_argument("--version", action="version", version=f"echofuse-bench {__version__}")
     commands = parser.add_subparsers(required=True, metavar="COMMAND", title="Subcommands")
 
-    def command(name: str, text: str, run: Callable[[argparse.Namespace], None]) -> argparse.ArgumentParser:
+    def command(name: str, text: str,
+                run: Callable[[argparse.Namespace], None]) -> argparse.ArgumentParser:
         one = commands.add_parser(name, help=text, description=text, formatter_class=wide)
-        one.add_argument("--out", required=True, metavar="CSV", help="table to write; rows that are there are not measured again")
-        one.add_argument("--seeds", type=int, help="trainings of each method (default: 3, or the recipe's)")
+        one.add_argument("--out", required=True, metavar="CSV",
+                         help="table to write; rows that are there are not measured again")
+        one.add_argument("--seeds", type=int,
+                         help="trainings of each method (default: 3, or the recipe's)")
         one.add_argument("--jobs", type=int, default=1, help="cells at a time (default 1)")
-        one.add_argument("--part", type=part_of, default=(1, 1), metavar="K/N", help="only the K-th of N parts, as of a Slurm array")
+        one.add_argument("--part", type=part_of, default=(1, 1), metavar="K/N",
+                         help="only the K-th of N parts, as of a Slurm array")
         one.add_argument("--markdown", action="store_true", help="print the table for a README")
-        one.add_argument("--figure", metavar="FILE", help="draw it (python3-matplotlib): NAME.svg, NAME.pdf or NAME.png")
+        one.add_argument("--figure", metavar="FILE",
+                         help="draw it (python3-matplotlib): NAME.svg, NAME.pdf or NAME.png")
         one.add_argument("-q", "--quiet", action="store_true", help="no progress")
         one.set_defaults(run=run)
         return one
@@ -66,12 +76,18 @@ def main() -> None:
     one.add_argument("train", help="run to train on")
     one.add_argument("test", help="run to judge by")
     one.add_argument("--methods", nargs="+", metavar="METHOD",
-                     default=["empty", "mean", "nearest", "ridge", "mean-shape", "factorised-16", "mlp-512-256"])
-    one.add_argument("--sweep", nargs="*", metavar="METHOD", default=[], help="methods with fewer photons and records")
+                     default=["empty", "mean", "nearest", "ridge", "mean-shape", "factorised-16",
+                              "mlp-512-256"])
+    one.add_argument("--sweep", nargs="*", metavar="METHOD", default=[],
+                     help="methods with fewer photons and records")
     stability.add_command(command("stability", "where methods fail", stability.run))
-    recipe.add_command(command("run", "the bench of a recipe (default: echofuse-bench-2)", recipe.run))
-    one = commands.add_parser("letters", help="share of the letters that can be read off maps", description=letters.__doc__, formatter_class=wide)
-    one.add_argument("maps", metavar="MAPS", help="folder of maps.npy and records.csv, as `echofuse-recon reconstruct --format npy` makes it")
+    recipe.add_command(command("run", "the bench of a recipe (default: echofuse-bench-2)",
+                               recipe.run))
+    one = commands.add_parser("letters", help="share of the letters that can be read off maps",
+                              description=letters.__doc__, formatter_class=wide)
+    one.add_argument("maps", metavar="MAPS",
+                     help="folder of maps.npy and records.csv, as `echofuse-recon reconstruct "
+                          "--format npy` makes it")
     one.add_argument("of", metavar="RUN", help="run with labels as letter:A, and the truth")
     one.set_defaults(run=_letters)
     args = parser.parse_args()
@@ -79,7 +95,8 @@ def main() -> None:
         args.run(args)
     except (RuntimeError, ValueError, OSError, sqlite3.Error) as error:
         print(f"echofuse-bench: {error}", file=sys.stderr)
-        full = getattr(error, "errno", 0) in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG) or "disk" in str(error)
+        full = getattr(error, "errno", 0) in (errno.ENOSPC, errno.EDQUOT,
+                                              errno.EFBIG) or "disk" in str(error)
         sys.exit(getattr(error, "code", 6 if full else 1))
     except KeyboardInterrupt:
         sys.exit(130)
@@ -100,13 +117,17 @@ def _letters(args: argparse.Namespace) -> None:
     with runs.open(args.of) as run:
         row_of = {one: row for row, one in enumerate(run.index.tolist())}
         if missing := [one for one in index.tolist() if one not in row_of]:
-            raise BenchError(f"{args.maps}: a map of record {missing[0]}, which {run.path} does not have")
+            raise BenchError(
+                f"{args.maps}: a map of record {missing[0]}, which {run.path} does not have")
         rows = [row_of[one] for one in index.tolist()]
         truth = run.maps()[rows]
         if truth.shape != maps.shape:
-            raise BenchError(f"{args.maps}: maps of {maps.shape[1]} x {maps.shape[2]}; the run's are {truth.shape[1]} x {truth.shape[2]}")
+            raise BenchError(
+                f"{args.maps}: maps of {maps.shape[1]} x {maps.shape[2]}; the run's are "
+                f"{truth.shape[1]} x {truth.shape[2]}")
         axis = run.axes.get("map_x")
-        found = letters.read(maps, truth, [run.labels[row] for row in rows], axis.step * axis.count / 2 if axis else 0.55)
+        found = letters.read(maps, truth, [run.labels[row] for row in rows],
+                             axis.step * axis.count / 2 if axis else 0.55)
     known = found[np.isfinite(found)]
     if not len(known):
         raise BenchError(f"{args.of}: no record with depth is labelled letter:A or the like")

@@ -22,16 +22,20 @@ def load(part: Run) -> None:
         getattr(part, name)  # stays in memory
     if not part.valid["radar"].any():
         return
-    for row, bin_ in np.argwhere(~np.isfinite(part.stored_radar()) & part.valid["radar"][:, None])[:1]:
-        raise ValueError(f"{part.path}: record {part.index[row]}: radar bin {bin_} is not a finite number")
+    for row, bin_ in np.argwhere(~np.isfinite(part.stored_radar())
+                                 & part.valid["radar"][:, None])[:1]:
+        raise ValueError(
+            f"{part.path}: record {part.index[row]}: radar bin {bin_} is not a finite number")
     if "array" in part.axes:
         antennas.values(part)
 
 
 def blocks(run: Run, told: Told = lambda done: None) -> Iterator[tuple[int, Run, dict[int, str]]]:
-    """The run in blocks: the first row, the records, and by row why one cannot be read, which then has no valid sensor."""
+    """The run in blocks: the first row, the records, and by row why one cannot be read, which then
+    has no valid sensor."""
     count = {name: axis.count for name, axis in run.axes.items()}
-    size = sum(count.get(name, 0) for name in ("spd", "radar")) + 2 * count.get("depth_x", 0) * count.get("depth_y", 0)
+    size = sum(count.get(name, 0)
+               for name in ("spd", "radar")) + 2 * count.get("depth_x", 0) * count.get("depth_y", 0)
     size += count["array"] * (int(run.axes["array"].scale) + 1) ** 2 if "array" in count else 0
     step = min(max(MOST_BYTES // (4 * size + 1), 1), MOST_RECORDS)
     for first in range(0, max(len(run), 1), step):

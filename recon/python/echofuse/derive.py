@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""Copies of a run with changed records: fewer photons or records, background light, noise, lost sensors. The copy is a
-run of its own (another uuid), so that no program takes it for the first one.
+"""Copies of a run with changed records: fewer photons or records, background light, noise, lost
+sensors. The copy is a run of its own (another uuid), so that no program takes it for the first one.
 
 >>> from echofuse import derive
 >>> derive.copy("monday.sqlite", "dim.sqlite", derive.thinned(0.1, seed=1))
@@ -21,7 +21,8 @@ from .acquire import import_arrays
 
 @dataclass
 class Records:
-    """Parts of a run that may change: rows that stay, counts [n, bins], linear or coded profiles [n, points] as stored, valid bits [n]."""
+    """Parts of a run that may change: rows that stay, counts [n, bins], linear or coded profiles
+    [n, points] as stored, valid bits [n]."""
 
     run: runs.Run
     keep: NDArray[np.bool_] = field(init=False)
@@ -40,8 +41,9 @@ Change = Callable[[Records], None]
 
 
 def copy(path: str | pathlib.Path, out: str | pathlib.Path, *changes: Change) -> pathlib.Path:
-    """Writes the run `out` with these changes, one after the other, by `echofuse-acquire import`: what no change names is as
-    in the run. No sensor is called weak, because the change makes it so. Raises FileExistsError, RuntimeError."""
+    """Writes the run `out` with these changes, one after the other, by `echofuse-acquire import`:
+    what no change names is as in the run. No sensor is called weak, because the change makes it so.
+    Raises FileExistsError, RuntimeError."""
     out = pathlib.Path(out)
     if out.exists():
         raise FileExistsError(f"{out}: exists already")
@@ -50,10 +52,13 @@ def copy(path: str | pathlib.Path, out: str | pathlib.Path, *changes: Change) ->
         for change in changes:
             change(records)
         bits = sum(np.where(records.lost[name], 0, bit) for name, bit in runs.SENSORS.items())
-        tables = {"index": run.index, "valid": np.asarray(bits, np.uint8), "spd": records.spd, "radar": records.radar}
+        tables = {"index": run.index, "valid": np.asarray(bits, np.uint8), "spd": records.spd,
+                  "radar": records.radar}
         sections: dict[str, dict[str, Any]] = {
-            "": {"run": str(run.path.resolve())}, "radar": {"offset_m": -float(records.range_offset_m)},
-            "signal": dict.fromkeys(("weak_share", "spd_clicks", "clicks_a_pulse", "radar_snr_db", "depth_share"), 0.0)}
+            "": {"run": str(run.path.resolve())},
+            "radar": {"offset_m": -float(records.range_offset_m)},
+            "signal": dict.fromkeys(("weak_share", "spd_clicks", "clicks_a_pulse", "radar_snr_db",
+                                     "depth_share"), 0.0)}
         import_arrays(out, sections, {name: table[records.keep] for name, table in tables.items()
                                       if table.ndim == 1 or table.shape[1]})
     return out
@@ -62,7 +67,8 @@ def copy(path: str | pathlib.Path, out: str | pathlib.Path, *changes: Change) ->
 def thinned(share: float, seed: int) -> Change:
     """A shorter exposure: each photon stays with this chance (binomial)."""
     def change(records: Records) -> None:
-        records.spd = np.random.default_rng(seed).binomial(records.spd.astype(np.int64), share).astype(np.uint32)
+        records.spd = np.random.default_rng(seed).binomial(
+            records.spd.astype(np.int64), share).astype(np.uint32)
     return change
 
 
@@ -70,20 +76,23 @@ def background(counts: float, seed: int) -> Change:
     """Room light: so many counts more a record, spread over all bins (Poisson)."""
     def change(records: Records) -> None:
         rate = counts / max(records.spd.shape[1], 1)
-        records.spd = records.spd + np.random.default_rng(seed).poisson(rate, records.spd.shape).astype(np.uint32)
+        more = np.random.default_rng(seed).poisson(rate, records.spd.shape)
+        records.spd = records.spd + more.astype(np.uint32)
     return change
 
 
 def fewer(share: float, seed: int) -> Change:
     """A share of the records, drawn at random; at least one."""
     def change(records: Records) -> None:
-        kept = np.random.default_rng(seed).permutation(len(records.keep))[:max(1, int(np.ceil(share * len(records.keep))))]
+        kept = np.random.default_rng(seed).permutation(len(records.keep))[:max(
+            1, int(np.ceil(share * len(records.keep))))]
         records.keep &= np.isin(np.arange(len(records.keep)), kept)
     return change
 
 
 def noise(snr_db: float, seed: int) -> Change:
-    """White noise of power on each profile, so that its highest point is so many dB above the noise (linear axes)."""
+    """White noise of power on each profile, so that its highest point is so many dB above the noise
+    (linear axes)."""
     def change(records: Records) -> None:
         require_linear(records)
         peak = np.nanmax(records.radar, axis=1, keepdims=True)
@@ -117,8 +126,11 @@ def gain(factor: float) -> Change:
 def require_linear(records: Records) -> None:
     """Raises ValueError unless the radar's profile is linear power, and nothing else holds it."""
     axis = records.run.axes.get("radar")
-    if axis is None or axis.quantity not in ("power", "binned_power") or "array" in records.run.axes:
-        raise ValueError(f"{records.run.path}: only a profile of linear power can be changed, without antennas beside it")
+    if axis is None or axis.quantity not in ("power",
+                                             "binned_power") or "array" in records.run.axes:
+        raise ValueError(
+            f"{records.run.path}: only a profile of linear power can be changed, without antennas "
+            "beside it")
 
 
 def read(path: str | pathlib.Path) -> Records:

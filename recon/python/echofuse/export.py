@@ -1,19 +1,22 @@
 # SPDX-License-Identifier: MIT
 """A run for other people's tools: HDF5 (h5py), netCDF (xarray), or one record as CSV.
 
-HDF5 is NeXus-like, with units on every array and a scale along every dimension; n records in the order of the run:
+HDF5 is NeXus-like, with units on every array and a scale along every dimension; n records in the
+order of the run:
   /entry               title, entry_identifier, start_time, end_time, configuration, radar_cfg
-  /entry/data          spd u32 [n, bins]; radar f32 [n, bins]; depth f32 [n, rows, columns] mm; array f32 [n, bins, values] of a
-                       radar's antennas, values as acquire/measurement/radar_array.hpp has them, array_frames u64 [n]; their
-                       axes spd_time (ps, start of each bin), radar_range, array_range (m), depth_x, depth_y (tangents);
-                       valid u8 [n] (bit 0 SPD, 1 radar, 2 depth); index, slot_start, slot_end, slot_utc i64 [n] (ns); label
+  /entry/data          spd u32 [n, bins]; radar f32 [n, bins]; depth f32 [n, rows, columns] mm;
+                       array f32 [n, bins, values] of a radar's antennas, values as
+                       acquire/measurement/radar_array.hpp has them, array_frames u64 [n]; their
+                       axes spd_time (ps, start of each bin), radar_range, array_range (m),
+                       depth_x, depth_y (tangents); valid u8 [n] (bit 0 SPD, 1 radar, 2 depth);
+                       index, slot_start, slot_end, slot_utc i64 [n] (ns); label
   /entry/SENSOR        each of these arrays as NXdata
   /entry/sync/SENSOR   offset, span (s), used, lost, verdict, each [n]
   /entry/instrument/SENSOR   address, model, serial, firmware
-  /entry/tables/TABLE  columns of the run file: i64 with `missing_value`, f64 with NaN, text; the first one, or `row` where
-                       that is a text, is their scale
-Where a sensor is not valid, spd holds zeros, and radar, array and depth hold NaN. netCDF holds what to_xarray() has.
-"""
+  /entry/tables/TABLE  columns of the run file: i64 with `missing_value`, f64 with NaN, text; the
+                       first one, or `row` where that is a text, is their scale
+Where a sensor is not valid, spd holds zeros, and radar, array and depth hold NaN. netCDF holds what
+to_xarray() has. """
 from __future__ import annotations
 
 import argparse
@@ -38,22 +41,33 @@ from .run_files import NULL_INTEGER
 from .staged import staged, stop_by_signal
 
 OF_THE_MACHINE = {"units": "ns", "long_name": "since the start of the machine (CLOCK_MONOTONIC)"}
-UNITS = {"db": "dB", "ns": "ns", "us": "us", "ms": "ms", "s": "s", "m": "m", "rad": "rad", "ppm": "1e-6", "percent": "%", "c": "degC"}
+UNITS = {"db": "dB", "ns": "ns", "us": "us", "ms": "ms", "s": "s", "m": "m", "rad": "rad",
+         "ppm": "1e-6", "percent": "%", "c": "degC"}
 LINEAR = "linear power on an arbitrary scale"
-RADAR = {"log2_q8": "256 * log2(magnitude), summed over the axis's `scale` virtual antennas and divided by the next power of two",
+RADAR = {"log2_q8":
+         "256 * log2(magnitude), summed over the axis's `scale` virtual antennas and divided by "
+         "the next power of two",
          "binned_power": f"{LINEAR}, added up over a step around each point"}
-ARRAY = ("of each range bin, over a record's frames: mean sample of each antenna (real, imaginary); power of each; mean of x_m "
-         "conj(x_n) for m < n, row by row; mean of sum_m x_m(t) conj(x_m(t-1)); antennas as /entry/tables/antenna")
+ARRAY = ("of each range bin, over a record's frames: mean sample of each antenna (real, "
+         "imaginary); power of each; mean of x_m "
+         "conj(x_n) for m < n, row by row; mean of sum_m x_m(t) conj(x_m(t-1)); antennas as "
+         "/entry/tables/antenna")
 # Arrays by name: axes beside the index, units, meaning, and the values of some records.
 SIGNALS: dict[str, tuple[list[str], str, str, Callable[[Run], Any]]] = {
-    "spd": (["spd_time"], "counts", "detections per bin of two-way time of flight", lambda part: part.spd),
+    "spd": (["spd_time"], "counts", "detections per bin of two-way time of flight",
+            lambda part: part.spd),
     "radar": (["radar_range"], "1", LINEAR, lambda part: part.stored_radar()),
     "radar_power": (["radar_range"], "1", LINEAR, lambda part: part.radar),
-    "array": (["array_range", "array_value"], "the firmware's integers, squared where it is a power", ARRAY, antennas.values),
-    "depth": (["depth_y", "depth_x"], "mm", "z of each pixel, NaN: no return", lambda part: np.rint(part.depth * 1000))}
-TEXTS = {"title": "notes", "entry_identifier": "uuid", "start_time": "started_utc", "end_time": "ended_utc", "status": "status",
-         "operator": "operator", "configuration": "config_resolved", "radar_cfg": "radar_cfg"}  # by name: column of the run
-AXES = {"spd_time": "spd", "radar_range": "radar", "array_range": "array", "depth_x": "depth_x", "depth_y": "depth_y"}
+    "array": (["array_range", "array_value"],
+              "the firmware's integers, squared where it is a power", ARRAY, antennas.values),
+    "depth": (["depth_y", "depth_x"], "mm", "z of each pixel, NaN: no return",
+              lambda part: np.rint(part.depth * 1000))}
+TEXTS = {"title": "notes", "entry_identifier": "uuid", "start_time": "started_utc",
+         "end_time": "ended_utc", "status": "status",
+         # by name: column of the run
+         "operator": "operator", "configuration": "config_resolved", "radar_cfg": "radar_cfg"}
+AXES = {"spd_time": "spd", "radar_range": "radar", "array_range": "array", "depth_x": "depth_x",
+        "depth_y": "depth_y"}
 
 
 def units_of(table: str, column: str) -> str:
@@ -62,15 +76,17 @@ def units_of(table: str, column: str) -> str:
         return "half wavelengths" if table == "antenna" else "as the row's unit says"
     if column.endswith("utc_ns"):
         return SINCE_1970
-    return UNITS.get(column.rpartition("_")[2], "1") if "_" in column and "over_150_ms" not in column else "1"
+    return UNITS.get(column.rpartition("_")[2],
+                     "1") if "_" in column and "over_150_ms" not in column else "1"
 
 
 def put(group: Any, name: str, values: Any, scale: Any = None, **attributes: Any) -> Any:
-    """A column, or a text: of fixed length, as not every reader takes others, and ASCII where it is, for Octave. A column
-    without a scale is one itself."""
+    """A column, or a text: of fixed length, as not every reader takes others, and ASCII where it
+    is, for Octave. A column without a scale is one itself."""
     import h5py
 
-    values = np.array(values.encode("utf-8", "surrogateescape") if isinstance(values, str) else values)
+    values = np.array(values.encode("utf-8", "surrogateescape") if isinstance(values, str)
+                      else values)
     if values.dtype.kind == "S":
         coding = "utf-8" if (np.frombuffer(values.tobytes(), np.uint8) > 127).any() else "ascii"
         values = values.astype(h5py.string_dtype(coding, max(values.dtype.itemsize, 1)))
@@ -96,14 +112,19 @@ def write_head(entry: Any, run: Run, tables: dict[str, dict[str, Any]]) -> None:
     for name, key in TEXTS.items():
         put(entry, name, str(run.info[key] or ""))
     put(entry, "program_name", f"echofuse {run.info['version']}")
-    # The first row of a device that was reconnected. Values are as they were measured: true range = range - offset_m.
-    for sensor, (table, group) in ((s, t) for s in SENSORS for t in (("device", "instrument/"), ("calibration", "calibration_"))):
+    # The first row of a device that was reconnected. Values are as they were measured: true range =
+    # range - offset_m.
+    for sensor, (table, group) in ((s, t) for s in SENSORS
+                                   for t in (("device", "instrument/"),
+                                             ("calibration", "calibration_"))):
         columns = tables.get(table, {})
         for row in np.flatnonzero(columns.get("sensor", np.array([])) == sensor.encode())[:1]:
-            about = {name: values[row] for name, values in columns.items() if name not in ("sensor", "policy")}
+            about = {name: values[row] for name, values in columns.items()
+                     if name not in ("sensor", "policy")}
             made = entry.require_group(group + sensor)
             if table == "calibration":
-                made.attrs.update({name: value.decode() if isinstance(value, bytes) else value for name, value in about.items()})
+                made.attrs.update({name: value.decode() if isinstance(value, bytes) else value
+                                   for name, value in about.items()})
                 continue
             made.attrs["NX_class"] = "NXdetector"
             for name, value in about.items():
@@ -111,31 +132,39 @@ def write_head(entry: Any, run: Run, tables: dict[str, dict[str, Any]]) -> None:
 
 
 def make_signals(entry: Any, run: Run) -> list[str]:
-    """Empty arrays of the sensors that the run has, with axes; each also in a group of NXdata. Returns their names."""
+    """Empty arrays of the sensors that the run has, with axes; each also in a group of NXdata.
+    Returns their names."""
     data, axes = entry["data"], {name: axis for name, axis in run.axes.items() if axis.count > 0}
     for name, axis in ((name, axes[key]) for name, key in AXES.items() if key in axes):
-        put(data, name, axis.values, units=axis.unit, quantity=axis.quantity).attrs["scale"] = axis.scale
+        put(data, name, axis.values, units=axis.unit,
+            quantity=axis.quantity).attrs["scale"] = axis.scale
     if "array" in axes:
         put(data, "array_value", np.arange(int(axes["array"].scale + 1) ** 2 + 1))
     codes = "radar" in axes and axes["radar"].quantity == "log2_q8"
-    made = [name for name, (along, *_) in SIGNALS.items() if all(each in data for each in along) and (codes or name != "radar_power")]
+    made = [name for name, (along, *_) in SIGNALS.items() if all(each in data for each in along)
+            and (codes or name != "radar_power")]
     for name in made:
         along, units, meaning, _ = SIGNALS[name]
         if name == "radar":
-            units, meaning = "log2_q8" if codes else units, RADAR.get(axes["radar"].quantity, meaning)
+            units, meaning = "log2_q8" if codes else units, RADAR.get(
+                axes["radar"].quantity, meaning)
         scales = [data[each] for each in ("index", *along)]
         shape = tuple(len(scale) for scale in scales)
         line = int(np.prod(shape[2:])) * 4
-        layout: dict[str, Any] = {"dtype": "u4"} if name == "spd" else {"dtype": "f4", "fillvalue": np.nan}
+        layout: dict[str, Any] = {"dtype":
+                                  "u4"} if name == "spd" else {"dtype": "f4", "fillvalue": np.nan}
         if shape[0] and line * shape[1] >= 64:  # bytes; a filter costs more than it saves below
-            layout |= {"chunks": (1, min(max((16 << 20) // line, 1), shape[1]), *shape[2:]), "shuffle": True, "compression": 1}
-        data.create_dataset(name, shape, **layout).attrs.update({"units": units, "long_name": meaning})
+            layout |= {"chunks": (1, min(max((16 << 20) // line, 1), shape[1]), *shape[2:]),
+                       "shuffle": True, "compression": 1}
+        data.create_dataset(name, shape,
+                            **layout).attrs.update({"units": units, "long_name": meaning})
         attach(data[name], scales)
         group = entry.create_group(name)
         for each in ("index", *along, name):
             group[each] = data[each]
         group.attrs.update({"NX_class": "NXdata", "signal": name, "axes": ["index", *along]})
-    data.attrs.update({"NX_class": "NXdata", "signal": "spd"} | ({"axes": ["index", "spd_time"]} if "spd" in made else {}))
+    data.attrs.update({"NX_class": "NXdata", "signal": "spd"}
+                      | ({"axes": ["index", "spd_time"]} if "spd" in made else {}))
     return made
 
 
@@ -144,7 +173,8 @@ def write_h5(run: Run, path: pathlib.Path, told: Told) -> int:
 
     with h5py.File(path, "x") as file:
         tables = {name: run.table(name) for name in run.tables}
-        record = {name: values[:len(run)] for name, values in tables["record"].items()}  # a live run may have more by now
+        # a live run may have more by now
+        record = {name: values[:len(run)] for name, values in tables["record"].items()}
         entry = file.create_group("entry")
         data = entry.create_group("data")
         index = put(data, "index", run.index, units="1")
@@ -154,7 +184,8 @@ def write_h5(run: Run, path: pathlib.Path, told: Told) -> int:
         for first, part, faults in blocks(run, told):
             last = first + len(part)
             unreadable |= {first + row: fault.encode() for row, fault in faults.items()}
-            valid[first:last] = sum(part.valid[sensor] * np.uint8(bit) for sensor, bit in SENSORS.items())
+            valid[first:last] = sum(part.valid[sensor] * np.uint8(bit)
+                                    for sensor, bit in SENSORS.items())
             for name in signals:
                 if part.valid[name if name in SENSORS else "radar"].any():
                     data[name][first:last] = SIGNALS[name][-1](part)
@@ -170,8 +201,10 @@ def write_h5(run: Run, path: pathlib.Path, told: Told) -> int:
             group["index"] = index
             for name in "offset_s", "span_s", "used", "lost":
                 of_time, values = name.endswith("_s"), record[f"{sensor}_{name}"]
-                put(group, name.removesuffix("_s"), values if of_time else values.astype("u8"), index, units="s" if of_time else "1")
-            put(group, "verdict", np.array(marked(record[f"{sensor}_verdict"], unreadable), "S"), index)
+                put(group, name.removesuffix("_s"), values if of_time else values.astype("u8"),
+                    index, units="s" if of_time else "1")
+            put(group, "verdict", np.array(marked(record[f"{sensor}_verdict"], unreadable), "S"),
+                index)
         for table, columns in tables.items():
             group, first = entry.require_group(f"tables/{table}"), next(iter(columns.values()))
             along = put(group, "row", np.arange(len(first))) if first.dtype.kind == "S" else None
@@ -186,14 +219,17 @@ def write_h5(run: Run, path: pathlib.Path, told: Told) -> int:
     return len(unreadable)
 
 
-def export(run: Run, place: pathlib.Path, record: int | None = None, told: Told = lambda done: None) -> int:
-    """Writes the run to NAME.h5 or NAME.nc, or a record of it to NAME.csv; returns how many records cannot be read. Raises
-    ValueError, FileExistsError, ImportError, and OSError where the disk does not take it."""
+def export(run: Run, place: pathlib.Path, record: int | None = None,
+           told: Told = lambda done: None) -> int:
+    """Writes the run to NAME.h5 or NAME.nc, or a record of it to NAME.csv; returns how many records
+    cannot be read. Raises ValueError, FileExistsError, ImportError, and OSError where the disk does
+    not take it."""
     for module in {".h5": ["h5py"], ".nc": ["xarray", netcdf.engine()]}.get(place.suffix, []):
         try:
             importlib.import_module(module)
         except ImportError:
-            raise ImportError(f"{place}: needs python3-{module} (apt-get install python3-{module})") from None
+            raise ImportError(
+                f"{place}: needs python3-{module} (apt-get install python3-{module})") from None
     with staged(place) as path:
         if record is not None:
             return record_csv.write(run, record, path)
@@ -201,9 +237,11 @@ def export(run: Run, place: pathlib.Path, record: int | None = None, told: Told 
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(prog="echofuse-export", description="a run as HDF5 or netCDF, or one record as CSV")
+    parser = argparse.ArgumentParser(prog="echofuse-export",
+                                     description="a run as HDF5 or netCDF, or one record as CSV")
     parser.add_argument("run", metavar="RUN", help="a run file")
-    parser.add_argument("--to", required=True, type=pathlib.Path, metavar="FILE", help="NAME.h5, NAME.nc, or NAME.csv with --record")
+    parser.add_argument("--to", required=True, type=pathlib.Path, metavar="FILE",
+                        help="NAME.h5, NAME.nc, or NAME.csv with --record")
     parser.add_argument("--record", type=int, metavar="INDEX", help="index of the record for CSV")
     parser.add_argument("-q", "--quiet", action="store_true", help="no progress")
     args = parser.parse_args()
@@ -213,13 +251,15 @@ def main() -> None:
     warnings.showwarning = lambda message, *_: print(f"echofuse-export: {message}", file=sys.stderr)
 
     def end(code: int, text: str) -> NoReturn:
-        """Ends without the interpreter, at whose end HDF5 tries again to write what a full disk did not take, and crashes."""
+        """Ends without the interpreter, at whose end HDF5 tries again to write what a full disk did
+        not take, and crashes."""
         print(f"echofuse-export: {text}", file=sys.stderr, flush=True)
         os._exit(code)
 
     def told(done: int) -> None:
         if sys.stderr.isatty() and not args.quiet:
-            print(f"\rexport {done}/{len(run)} ", end="" if done < len(run) else "\n", file=sys.stderr)
+            print(f"\rexport {done}/{len(run)} ", end="" if done < len(run) else "\n",
+                  file=sys.stderr)
 
     sys.excepthook = sys.unraisablehook = lambda *_: None  # said by objects of HDF5 at their end
     try:
@@ -231,10 +271,14 @@ def main() -> None:
     except (KeyboardInterrupt, Exception) as error:
         if stopped:
             end(130, "interrupted; nothing is exported")
-        if isinstance(error, (OSError, RuntimeError)) and not isinstance(error, (FileExistsError, BlockingIOError)):
-            number = getattr(error, "errno", None) or int((re.findall(r"errno = (\d+)", str(error)) or "0")[0])
+        if isinstance(error, (OSError,
+                              RuntimeError)) and not isinstance(
+                                  error, (FileExistsError, BlockingIOError)):
+            number = getattr(error, "errno",
+                             None) or int((re.findall(r"errno = (\d+)", str(error)) or "0")[0])
             end(6, f"{args.to}: cannot write ({os.strerror(number) if number else error})")
-        end(1, f"{args.run}: {error}" if isinstance(error, (sqlite3.Error, TypeError, OverflowError)) else str(error))
+        end(1, f"{args.run}: {error}"
+            if isinstance(error, (sqlite3.Error, TypeError, OverflowError)) else str(error))
     if bad:
         end(5, f"{bad} records could not be read; they are marked in {args.to}")
 

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""Depth images as they are stored, the truth on the maps' grid (acquire/measurement/depth_map.cpp), and tables that are moved."""
+"""Depth images as they are stored, the truth on the maps' grid (acquire/measurement/depth_map.cpp),
+and tables that are moved."""
 from __future__ import annotations
 
 import zlib
@@ -10,15 +11,17 @@ from numpy.typing import NDArray
 
 
 def cells(source: Any, target: Any) -> list[tuple[int, int]]:
-    """Source pixels [first, last) whose centres fall into each target pixel; the nearest one if none does, (0, 0) outside
-    the camera's view. Both axes have count, start and step (run.Axis)."""
+    """Source pixels [first, last) whose centres fall into each target pixel; the nearest one if
+    none does, (0, 0) outside the camera's view. Both axes have count, start and step (run.Axis)."""
     out = []
     for i in range(target.count):
-        a, b, centre = ((target.start + (i + off) * target.step - source.start) / source.step for off in (-0.5, 0.5, 0.0))
+        a, b, centre = ((target.start + (i + off) * target.step - source.start) / source.step
+                        for off in (-0.5, 0.5, 0.0))
         if centre < -0.5 or centre > source.count - 0.5:
             out.append((0, 0))
             continue
-        first, last = (int(min(max(np.ceil(edge - 1e-9), -1), source.count)) for edge in (min(a, b), max(a, b)))
+        first, last = (int(min(max(np.ceil(edge - 1e-9), -1), source.count))
+                       for edge in (min(a, b), max(a, b)))
         if first >= last:
             first = int(np.floor(centre + 0.5))
             last = first + 1
@@ -26,10 +29,11 @@ def cells(source: Any, target: Any) -> list[tuple[int, int]]:
     return out
 
 
-def to_map(depth_mm: NDArray[np.uint16], columns: list[tuple[int, int]], rows: list[tuple[int, int]],
+def to_map(depth_mm: NDArray[np.uint16], columns: list[tuple[int, int]],
+           rows: list[tuple[int, int]],
            far_m: float) -> NDArray[np.float32]:
-    """z in metres on the target pixels, NaN: no return. A pixel takes the upper median of the valid source pixels in it,
-    if at least half of them are valid; nearer than far_m."""
+    """z in metres on the target pixels, NaN: no return. A pixel takes the upper median of the valid
+    source pixels in it, if at least half of them are valid; nearer than far_m."""
     out = np.full((len(rows), len(columns)), np.nan, np.float32)
     limit = round(far_m * 1000)
     for r, (top, bottom) in enumerate(rows):
@@ -56,7 +60,8 @@ def shifted(table: NDArray[np.float32], steps: float) -> NDArray[np.float32]:
     weights = np.sinc(x) * np.sinc(x / 4)
     padded = np.pad(table, ((0, 0), (abs(whole) + 8, abs(whole) + 8)))
     first = abs(whole) + 8 + whole - 3
-    out = sum(w * padded[:, first + k:first + k + table.shape[1]] for k, w in enumerate(weights / weights.sum()))
+    out = sum(w * padded[:, first + k:first + k + table.shape[1]]
+              for k, w in enumerate(weights / weights.sum()))
     return np.where((table == table[:, :1]).all(1, keepdims=True), table, out).astype(np.float32)
 
 

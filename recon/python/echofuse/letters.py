@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: MIT
-"""Which of the paper's ten letters a map shows. The near layer of a map is what lies up to 20 cm behind the plate's middle
-or before it. In cells of 2 cm it is correlated with templates of the letters. Size and place of the plate are where the true
-map is most like the true letter; from there up to 8 cm both ways each letter's best normalised correlation counts."""
+"""Which of the paper's ten letters a map shows. The near layer of a map is what lies up to 20 cm
+behind the plate's middle or before it. In cells of 2 cm it is correlated with templates of the
+letters. Size and place of the plate are where the true map is most like the true letter; from there
+up to 8 cm both ways each letter's best normalised correlation counts."""
 from __future__ import annotations
 
 from collections.abc import Sequence
@@ -10,13 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 LETTERS = "ACEHLNOTUX"
-SIZES = ((0.30, 0.40, 0.07), (0.20, 0.30, 0.05))  # width, height, stroke (acquire/measurement/letter.hpp), metres
+# width, height, stroke (acquire/measurement/letter.hpp), metres
+SIZES = ((0.30, 0.40, 0.07), (0.20, 0.30, 0.05))
 CELL_M, MOST_SHIFT_M, NEAR_M = 0.02, 0.08, 0.2
 BLUR_DEPTH_M = 3.0  # depth at which templates are blurred by one pixel of the map
 Floats = NDArray[np.float64]
 
 
-def strokes(letter: str, width: float, height: float, stroke: float) -> list[tuple[float, float, float, float]]:
+def strokes(letter: str, width: float, height: float,
+            stroke: float) -> list[tuple[float, float, float, float]]:
     """Middle lines (u0, v0, u1, v1) of the bands, u to the right, v up, metres."""
     right, top = width / 2, height / 2
     a, b = right - stroke / 2, top - stroke / 2
@@ -24,22 +27,27 @@ def strokes(letter: str, width: float, height: float, stroke: float) -> list[tup
     u = a * (top - foot) / (2 * top)
     post_left, post_right = (-a, -top, -a, top), (a, -top, a, top)
     roof, base, bar = (-right, b, right, b), (-right, -b, right, -b), (-right, 0, right, 0)
-    return {"A": [(-a, -top, 0, top), (0, top, a, -top), (-u, foot, u, foot)], "C": [post_left, roof, base],
-            "E": [post_left, roof, bar, base], "H": [post_left, post_right, bar], "L": [post_left, base],
-            "N": [post_left, post_right, (-a, top, a, -top)], "O": [post_left, post_right, roof, base],
+    return {"A": [(-a, -top, 0, top), (0, top, a, -top), (-u, foot, u, foot)],
+            "C": [post_left, roof, base],
+            "E": [post_left, roof, bar, base], "H": [post_left, post_right, bar],
+            "L": [post_left, base],
+            "N": [post_left, post_right, (-a, top, a, -top)],
+            "O": [post_left, post_right, roof, base],
             "T": [roof, (0, -top, 0, top)], "U": [post_left, post_right, base],
             "X": [(-a, -top, a, top), (-a, top, a, -top)]}[letter]
 
 
 def template(letter: str, size: tuple[float, float, float], step: float) -> Floats:
-    """The letter on its plate and one cell about it [rows, columns], drawn four times as fine. step: tangent of a pixel."""
+    """The letter on its plate and one cell about it [rows, columns], drawn four times as fine.
+    step: tangent of a pixel."""
     fine, (width, height, stroke) = 4, size
     shape = [round(length / CELL_M) + 2 for length in (height, width)]
     v, u = ((np.arange(fine * n) + 0.5 - fine * n / 2) * CELL_M / fine for n in shape)
     u, v = np.meshgrid(u, -v)
     drawn = np.zeros(u.shape)
     for u0, v0, u1, v1 in strokes(letter, *size):
-        along, across = ((u - u0) * (u1 - u0) + (v - v0) * (v1 - v0), (u - u0) * (v1 - v0) - (v - v0) * (u1 - u0))
+        along, across = ((u - u0) * (u1 - u0) + (v - v0) * (v1 - v0),
+                         (u - u0) * (v1 - v0) - (v - v0) * (u1 - u0))
         length = np.hypot(u1 - u0, v1 - v0)
         drawn[(along >= 0) & (along <= length ** 2) & (abs(across) <= stroke / 2 * length)] = 1
     wide = 1 + 2 * int(fine * step * BLUR_DEPTH_M / CELL_M / 2)
@@ -48,23 +56,28 @@ def template(letter: str, size: tuple[float, float, float], step: float) -> Floa
     return np.asarray(drawn.reshape(shape[0], fine, shape[1], fine).mean((1, 3)))
 
 
-def near_layer(depth_m: NDArray[np.float32], half_tangent: float, plate: tuple[float, float, float], shape: tuple[int, int]) -> Floats:
-    """Cells about a place (tangents x, y; depth): 1 where the map shows something there or before it."""
+def near_layer(depth_m: NDArray[np.float32], half_tangent: float, plate: tuple[float, float, float],
+               shape: tuple[int, int]) -> Floats:
+    """Cells about a place (tangents x, y; depth): 1 where the map shows something there or before
+    it."""
     x, y, at_m = plate
     side = len(depth_m)
     near = np.pad(np.nan_to_num(depth_m, nan=np.inf) < at_m + NEAR_M, 1).astype(float)
     per_m = side / (2 * half_tangent) / at_m  # pixels
     rows, columns = ((np.arange(n) - (n - 1) / 2) * CELL_M * per_m + middle
-                     for n, middle in zip(shape, (-y * at_m * per_m + (side - 1) / 2, x * at_m * per_m + (side - 1) / 2)))
+                     for n, middle in zip(shape, (-y * at_m * per_m + (side - 1) / 2,
+                                                  x * at_m * per_m + (side - 1) / 2)))
     rows, columns = (np.clip(at + 1, 0, side + 1) for at in (rows, columns))
     top, left = (np.minimum(at.astype(int), side) for at in (rows, columns))
     down, right = (rows - top)[:, None], columns - left
-    upper, lower = (near[top + k][:, left] * (1 - right) + near[top + k][:, left + 1] * right for k in (0, 1))
+    upper, lower = (near[top + k][:, left] * (1 - right) + near[top + k][:, left + 1] * right
+                    for k in (0, 1))
     return np.asarray(upper * (1 - down) + lower * down)
 
 
 def match(patch: Floats, wanted: Floats) -> tuple[float, float, float]:
-    """Greatest normalised correlation, and how far right and down of the patch's middle it is, in cells."""
+    """Greatest normalised correlation, and how far right and down of the patch's middle it is, in
+    cells."""
     rows, columns = (n - k + 1 for n, k in zip(patch.shape, wanted.shape))
 
     def correlated(values: Floats, kernel: Floats) -> Floats:
@@ -76,24 +89,30 @@ def match(patch: Floats, wanted: Floats) -> tuple[float, float, float]:
     norm = np.sqrt(np.maximum(spread, 0) * (wanted ** 2).sum())
     found = np.where(norm > 1e-5, correlated(patch, wanted) / np.maximum(norm, 1e-5), 0)
     row, column = np.unravel_index(found.argmax(), found.shape)
-    return float(found.max()), float(column - (found.shape[1] - 1) / 2), float(row - (found.shape[0] - 1) / 2)
+    return float(found.max()), float(column - (found.shape[1] - 1)
+                                     / 2), float(row - (found.shape[0] - 1) / 2)
 
 
-def read(maps: NDArray[np.float32], truth: NDArray[np.float32], labels: Sequence[str], half_tangent: float) -> Floats:
-    """[n]: 1 if the letter of the label "letter:A" is read off the map [n, N, N] (metres, NaN: no return), its share in a
-    tie, else 0; NaN of other labels. Chance is 0.1. For people before nothing nearer than 20 cm behind the plate."""
+def read(maps: NDArray[np.float32], truth: NDArray[np.float32], labels: Sequence[str],
+         half_tangent: float) -> Floats:
+    """[n]: 1 if the letter of the label "letter:A" is read off the map [n, N, N] (metres, NaN: no
+    return), its share in a tie, else 0; NaN of other labels. Chance is 0.1. For people before
+    nothing nearer than 20 cm behind the plate."""
     step, out = 2 * half_tangent / truth.shape[1], np.full(len(maps), np.nan)
     known = [{letter: template(letter, size, step) for letter in LETTERS} for size in SIZES]
     for row, label in enumerate(labels):
         letter = label.removeprefix("letter:")
-        if letter == label or len(letter) != 1 or letter not in LETTERS or not (truth[row] > 0).any():
+        known = letter != label and len(letter) == 1 and letter in LETTERS
+        if not (known and (truth[row] > 0).any()):
             continue
         at_m = float(np.nanmin(truth[row])) + 0.1
         side = round(2 * half_tangent * at_m / CELL_M)
         layer = near_layer(truth[row], half_tangent, (0, 0, at_m), (side, side))
-        (_, x, y), drawn = max(((match(layer, one[letter]), one) for one in known), key=lambda found: found[0][0])
+        (_, x, y), drawn = max(((match(layer, one[letter]), one) for one in known),
+                               key=lambda found: found[0][0])
         shape = [n + 2 * round(MOST_SHIFT_M / CELL_M) for n in drawn[letter].shape]
-        patch = near_layer(maps[row], half_tangent, (x * CELL_M / at_m, -y * CELL_M / at_m, at_m), (shape[0], shape[1]))
+        patch = near_layer(maps[row], half_tangent, (x * CELL_M / at_m, -y * CELL_M / at_m, at_m),
+                           (shape[0], shape[1]))
         alike = [match(patch, drawn[one])[0] for one in LETTERS]
         own = alike[LETTERS.index(letter)]
         out[row] = 0 if max(alike) > own else 1 / alike.count(own)

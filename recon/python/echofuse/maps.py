@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""Maps as files that `echofuse-recon evaluate --maps` reads: FOLDER/maps.npy and FOLDER/records.csv."""
+"""Maps as files that `echofuse-recon evaluate --maps` reads: FOLDER/maps.npy and
+FOLDER/records.csv."""
 from __future__ import annotations
 
 import csv
@@ -21,13 +22,16 @@ def save_maps(folder: str | pathlib.Path, depth_m: ArrayLike, index: ArrayLike) 
 
 
 def load_maps(folder: str | pathlib.Path) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
-    """Maps [n, N, N] and the indices [n] of their records, as written by save_maps or `reconstruct --format npy`."""
+    """Maps [n, N, N] and the indices [n] of their records, as written by save_maps or `reconstruct
+    --format npy`."""
     folder = pathlib.Path(folder)
     with open(folder / "records.csv", newline="") as file:
-        index = [int(row["record"]) for row in csv.DictReader(file) if row["status"].startswith(("ok", "radar lost", "antennas lost"))]
+        index = [int(row["record"]) for row in csv.DictReader(file)
+                 if row["status"].startswith(("ok", "radar lost", "antennas lost"))]
     maps = np.load(folder / "maps.npy")
     if len(maps) != len(index):
-        raise ValueError(f"{folder}: maps.npy has {len(maps)} maps, records.csv {len(index)} records with one")
+        raise ValueError(
+            f"{folder}: maps.npy has {len(maps)} maps, records.csv {len(index)} records with one")
     return maps, np.array(index, np.int64)
 
 

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""Methods of the bench: candidates of `echofuse-recon train`, Python classes, commands; and their one judge."""
+"""Methods of the bench: candidates of `echofuse-recon train`, Python classes, commands; and their
+one judge."""
 from __future__ import annotations
 
 import contextlib
@@ -23,7 +24,8 @@ from .maps import save_maps
 from .programs import BenchError, UsageError, call
 from .splits import split
 
-METRICS = ("iou", "ssim", "ssim_hard", "ssim_fg", "rmse_m", "rmse_fg_m", "depth_mae_m", "abs_rel", "delta_125", "lateral_m",
+METRICS = ("iou", "ssim", "ssim_hard", "ssim_fg", "rmse_m", "rmse_fg_m", "depth_mae_m", "abs_rel",
+           "delta_125", "lateral_m",
            "ghost", "left_right")
 COSTS = ("multiply_adds", "infer_us_median", "infer_us_p99", "train_s")
 CONSTANT = ("empty", "mean")  # look at no sensor
@@ -46,7 +48,8 @@ def version() -> str:
 
 
 class Fitted(Protocol):
-    """The interface of a method in Python. `rows` are indices into the run's records to learn from."""
+    """The interface of a method in Python. `rows` are indices into the run's records to learn
+    from."""
 
     def fit(self, run: runs.Run, rows: NDArray[np.int64]) -> None: ...
 
@@ -58,8 +61,9 @@ Answer = Callable[[pathlib.Path, pathlib.Path], tuple[list[str], Row]]
 
 @dataclass(frozen=True)
 class Method:
-    """A name, and how to learn from a run: fit(train, folder, seed, fallback) gives answer(test, folder), and this the words
-    that `evaluate` takes, and costs. fallback: a candidate of both sensors answers for records of one, too."""
+    """A name, and how to learn from a run: fit(train, folder, seed, fallback) gives answer(test,
+    folder), and this the words that `evaluate` takes, and costs. fallback: a candidate of both
+    sensors answers for records of one, too."""
 
     model: str
     inputs: str
@@ -73,7 +77,8 @@ class Method:
 def method(text: str) -> Method:
     """The method of this name (bench.py). Raises UsageError for a class that is not there."""
     if "/" in text:
-        return Method(text, "-", lambda train, folder, seed, fallback: _by_command(text, train, seed))
+        return Method(text, "-", lambda train, folder, seed,
+                      fallback: _by_command(text, train, seed))
     module, _, name = text.partition(":")
     if "." in module or importlib.util.find_spec(module) is not None and name[:1].isupper():
         try:
@@ -82,7 +87,8 @@ def method(text: str) -> Method:
             raise UsageError(f"method {text}: {error}") from None
         return python_method(text, made)
     inputs = "-" if module in CONSTANT and not name else name or "fused"
-    return Method(module, inputs, lambda train, folder, seed, fallback: _by_candidate(module, inputs, train, folder, seed, fallback))
+    return Method(module, inputs, lambda train, folder, seed,
+                  fallback: _by_candidate(module, inputs, train, folder, seed, fallback))
 
 
 def python_method(name: str, make: Callable[..., Fitted]) -> Method:
@@ -90,10 +96,12 @@ def python_method(name: str, make: Callable[..., Fitted]) -> Method:
     return Method(name, "-", lambda train, folder, seed, fallback: _by_object(make, train, seed))
 
 
-def _by_candidate(model: str, inputs: str, train: pathlib.Path, folder: pathlib.Path, seed: int, fallback: bool) -> Answer:
+def _by_candidate(model: str, inputs: str, train: pathlib.Path, folder: pathlib.Path, seed: int,
+                  fallback: bool) -> Answer:
     out = folder / "model.safetensors"
     words = ["--inputs", inputs] if inputs not in ("fused", "-") else []
-    call("echofuse-recon", "-q", "train", train, "--model", model, *words, "--seed", seed, "--set", "test_share=0",
+    call("echofuse-recon", "-q", "train", train, "--model", model, *words, "--seed", seed, "--set",
+         "test_share=0",
          "--set", f"fallback={'true' if fallback else 'false'}", "--out", out)
     return lambda test, scratch: ([str(out)], {})
 
@@ -116,7 +124,9 @@ def _by_object(make: Callable[..., Fitted], train: pathlib.Path, seed: int) -> A
             maps = np.asarray(one.predict(fresh), np.float32)
             us = 1e6 * (time.perf_counter() - started) / max(len(fresh), 1)
             if maps.ndim != 3 or len(maps) != len(fresh) or maps.shape[1] != maps.shape[2]:
-                raise BenchError(f"{type(one).__name__}.predict gave {maps.shape}; expected [{len(fresh)}, N, N]")
+                raise BenchError(
+                    f"{type(one).__name__}.predict gave {maps.shape}; expected [{len(fresh)}, N, "
+                    "N]")
             save_maps(folder / "maps", maps, fresh.index)
         return ["--maps", str(folder / "maps")], {"train_s": train_s, "infer_us_median": us}
 
@@ -126,7 +136,8 @@ def _by_object(make: Callable[..., Fitted], train: pathlib.Path, seed: int) -> A
 def _by_command(text: str, train: pathlib.Path, seed: int) -> Answer:
     def answer(test: pathlib.Path, folder: pathlib.Path) -> tuple[list[str], Row]:
         started = time.perf_counter()
-        done = subprocess.run([*shlex.split(text), train, test, folder / "maps"], capture_output=True, text=True,
+        done = subprocess.run([*shlex.split(text), train, test, folder / "maps"],
+                              capture_output=True, text=True,
                               env=os.environ | {"ECHOFUSE_SEED": str(seed)}, check=False)
         if done.returncode:
             raise BenchError(f"{text}: {(done.stderr.strip().splitlines() or ['no message'])[-1]}")
@@ -136,13 +147,15 @@ def _by_command(text: str, train: pathlib.Path, seed: int) -> Answer:
 
 
 def judge(answer: Answer, train: pathlib.Path, test: pathlib.Path) -> Row:
-    """Metrics (means over the records) and costs. Multiply-adds and times of a map are the program's own for its
-    candidates; of others a record's share of the whole prediction."""
+    """Metrics (means over the records) and costs. Multiply-adds and times of a map are the
+    program's own for its candidates; of others a record's share of the whole prediction."""
     with tempfile.TemporaryDirectory(prefix="echofuse-bench-") as scratch:
         words, costs = answer(test, pathlib.Path(scratch))
-        told = json.loads(call("echofuse-recon", "-q", "evaluate", *words, test, "--train", train, "--json").stdout)
+        told = json.loads(call("echofuse-recon", "-q", "evaluate", *words, test, "--train", train,
+                               "--json").stdout)
     row: Row = {name: nan_if_none(told["metrics"].get(name, {}).get("mean")) for name in METRICS}
-    return row | {name: nan_if_none((told.get("cost") or {}).get(name, costs.get(name))) for name in COSTS}
+    return row | {name: nan_if_none((told.get("cost") or {}).get(name, costs.get(name)))
+                  for name in COSTS}
 
 
 def measure(how: Method, train: Path, test: Path, seed: int = 1) -> Row:

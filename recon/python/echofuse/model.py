@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""Maps of a model, made in NumPy by the method of method.py: of each record the first estimator answers whose sensors
-it has."""
+"""Maps of a model, made in NumPy by the method of method.py: of each record the first estimator
+answers whose sensors it has."""
 from __future__ import annotations
 
 import json
@@ -20,7 +20,8 @@ from .response import MUCH_NARROWER, Response, filter_between, filtered, stated_
 
 
 def read_safetensors(path: str | pathlib.Path) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
-    """Tensors and facts of a model file (recon/numbers/tensor_file.hpp). Raises ValueError for any other file."""
+    """Tensors and facts of a model file (recon/numbers/tensor_file.hpp). Raises ValueError for any
+    other file."""
     kinds = {"F32": "<f4", "F64": "<f8", "I64": "<i8", "U32": "<u4", "U8": "u1"}
     contents = pathlib.Path(path).read_bytes()
     try:
@@ -29,7 +30,8 @@ def read_safetensors(path: str | pathlib.Path) -> tuple[dict[str, NDArray[Any]],
         facts = json.loads(head.pop("__metadata__")["facts"])
         if facts["format"] != "echofuse model":
             raise ValueError
-        return {name: np.frombuffer(data[slice(*t["data_offsets"])], kinds[t["dtype"]]).reshape(t["shape"])
+        return {name: np.frombuffer(data[slice(*t["data_offsets"])],
+                                    kinds[t["dtype"]]).reshape(t["shape"])
                 for name, t in head.items()}, facts
     except (ValueError, KeyError, TypeError, AttributeError, struct.error):
         raise ValueError(f"{path}: not a model of echofuse, or damaged") from None
@@ -39,21 +41,29 @@ class Estimator:
     """One way from records to maps: its tensors t and its facts f, as the file names them."""
 
     def __init__(self, tensors: dict[str, NDArray[Any]], facts: dict[str, Any], group: str) -> None:
-        self.t = {name[len(group):]: values for name, values in tensors.items() if name.startswith(group)}
-        self.f = {name[len(group):]: value for name, value in facts.items() if name.startswith(group)}
-        self.kind, self.inputs, self.size = self.f["model"], self.f["inputs"], self.f["scene/map_size"]
+        self.t = {name[len(group):]: values for name, values in tensors.items()
+                  if name.startswith(group)}
+        self.f = {name[len(group):]: value for name, value in facts.items()
+                  if name.startswith(group)}
+        self.kind, self.inputs, self.size = (self.f["model"], self.f["inputs"],
+                                             self.f["scene/map_size"])
         keys = ("quantity", "unit", "count", "start", "step", "scale")
-        takes = {"spd": self.inputs != "radar", "radar": self.inputs != "spd", "array": self.inputs == "fused"}
+        takes = {"spd": self.inputs != "radar", "radar": self.inputs != "spd",
+                 "array": self.inputs == "fused"}
         #: what a record must have, by sensor
         self.axes = {name: {key: self.f[f"axes/{name}/{key}"] for key in keys}
-                     for name, taken in takes.items() if taken and self.f.get(f"axes/{name}/count", 0)}
+                     for name, taken in takes.items() if taken
+                     and self.f.get(f"axes/{name}/count", 0)}
 
     def matched(self, name: str, axis: runs.Axis | None, table: NDArray[Any]) -> NDArray[Any]:
         """Values on the axis that the estimator takes of the sensor; none if it does without."""
-        return table[:, :0] if axis is None or name not in self.axes else axis.resampled(table, self.axes[name])
+        return (table[:, :0] if axis is None
+                or name not in self.axes else axis.resampled(table, self.axes[name]))
 
-    def predict(self, counts: NDArray[Any], power: NDArray[Any], lags: NDArray[Any]) -> NDArray[Any]:
-        """counts [n, bins], power [n, points], lags [n, points, 2 D + 1] or [n, 0, 1]: maps [n, N, N] in metres."""
+    def predict(self, counts: NDArray[Any], power: NDArray[Any],
+                lags: NDArray[Any]) -> NDArray[Any]:
+        """counts [n, bins], power [n, points], lags [n, points, 2 D + 1] or [n, 0, 1]: maps [n, N,
+        N] in metres."""
         if self.kind in ("factorised", "mean-shape"):
             maps = Method(self.t, self.f).predict(counts, power, lags)
         else:
@@ -62,19 +72,25 @@ class Estimator:
 
 
 class Arrays:
-    """Arrays in place of a run, at true ranges, of records that have all that is given: counts [n, bins], linear power
-    [n, points], lags [n, points, 2 D + 1] (Run.lags)."""
+    """Arrays in place of a run, at true ranges, of records that have all that is given: counts [n,
+    bins], linear power [n, points], lags [n, points, 2 D + 1] (Run.lags)."""
 
-    def __init__(self, axes: dict[str, runs.Axis], spd: ArrayLike | None, radar: ArrayLike | None, lags: ArrayLike | None) -> None:
-        given = {name: np.asarray(table, np.float32) for name, table in (("spd", spd), ("radar", radar), ("array", lags))
+    def __init__(self, axes: dict[str, runs.Axis], spd: ArrayLike | None, radar: ArrayLike | None,
+                 lags: ArrayLike | None) -> None:
+        given = {name: np.asarray(table, np.float32)
+                 for name, table in (("spd", spd), ("radar", radar), ("array", lags))
                  if table is not None}
         for name, table in given.items():
-            if name not in axes or table.ndim != (3 if name == "array" else 2) or table.shape[1] != axes[name].count:
-                wanted = f"[n, {axes[name].count}]" if name in axes else "none, as there is no axis of it"
+            if name not in axes or table.ndim != (3 if name == "array"
+                                                  else 2) or table.shape[1] != axes[name].count:
+                wanted = (f"[n, {axes[name].count}]" if name in axes
+                          else "none, as there is no axis of it")
                 raise ValueError(f"{name}: an array {list(table.shape)}; expected {wanted}")
         if len({len(table) for table in given.values()}) != 1:
-            raise ValueError("spd and radar: expected arrays of as many records each, at least of one sensor")
-        self.path, self.meta, self.axes = "arrays", dict[str, str](), {name: axes[name] for name in given}
+            raise ValueError(
+                "spd and radar: expected arrays of as many records each, at least of one sensor")
+        self.path, self.meta, self.axes = "arrays", dict[str, str](), {
+            name: axes[name] for name in given}
         self.index = np.arange(len(next(iter(given.values()))))
         self.power_axis, self.lags_axis = self.axes.get("radar"), self.axes.get("array")
         self.valid = {name: np.full(len(self.index), name in given) for name in ("spd", "radar")}
@@ -88,7 +104,8 @@ class Arrays:
 
     def power(self, range_offset_m: float = 0) -> NDArray[np.float32]:
         table = self._given.get("radar", np.zeros((len(self), 0), np.float32))
-        return grid.shifted(table, range_offset_m / self.axes["radar"].step) if range_offset_m else table
+        return grid.shifted(table, range_offset_m
+                            / self.axes["radar"].step) if range_offset_m else table
 
     def lags(self, range_offset_m: float = 0) -> NDArray[np.float32]:
         return self._given.get("array", np.zeros((len(self), 0, 1), np.float32))
@@ -96,7 +113,8 @@ class Arrays:
 
 @dataclass(frozen=True, repr=False)
 class Maps:
-    """Depth maps of records of a run, by a model: len(maps), maps.depth_m[i] is that of the record maps.index[i]."""
+    """Depth maps of records of a run, by a model: len(maps), maps.depth_m[i] is that of the record
+    maps.index[i]."""
 
     depth_m: NDArray[np.float32]  #: z in metres [n, N, N], from the top left; NaN: nothing returned
     index: NDArray[np.int64]  #: of the records that have a map [n]
@@ -110,30 +128,35 @@ class Maps:
 
     def __repr__(self) -> str:
         size = self.depth_m.shape[1]
-        return f"<echofuse maps: {len(self)} of {size} x {size} pixels, metres, tangents within {self.half_tangent:g}>"
+        return (f"<echofuse maps: {len(self)} of {size} x {size} pixels, metres, tangents within "
+                f"{self.half_tangent:g}>")
 
     def to_xarray(self) -> Any:
-        """depth_m as an xarray.DataArray (python3-xarray) over record, depth_y and depth_x, with its unit."""
+        """depth_m as an xarray.DataArray (python3-xarray) over record, depth_y and depth_x, with
+        its unit."""
         import xarray
 
-        return xarray.DataArray(self.depth_m, {"record": self.index, "depth_y": self.depth_y, "depth_x": self.depth_x,
+        return xarray.DataArray(self.depth_m, {"record": self.index, "depth_y": self.depth_y,
+                                               "depth_x": self.depth_x,
                                                "inputs": ("record", self.inputs)},
                                 ("record", "depth_y", "depth_x"), "depth_m", {"units": "m"})
 
     def save(self, folder: str | pathlib.Path) -> None:
-        """Writes FOLDER/maps.npy and FOLDER/records.csv, which `echofuse-recon evaluate --maps` reads."""
+        """Writes FOLDER/maps.npy and FOLDER/records.csv, which `echofuse-recon evaluate --maps`
+        reads."""
         save_maps(folder, self.depth_m, self.index)
 
 
 class Model:
-    """A model file that `echofuse-recon train` wrote. `takes` are the axes of its first estimator; records that lack a
-    sensor go to another one, if the model has it."""
+    """A model file that `echofuse-recon train` wrote. `takes` are the axes of its first estimator;
+    records that lack a sensor go to another one, if the model has it."""
 
     def __init__(self, path: str | pathlib.Path) -> None:
         tensors, facts = read_safetensors(path)
         self.path, self.facts = pathlib.Path(path), facts
         #: of the radar, in training; None if it was not stated
-        self.response = (Response(facts["response/cell_m"], tuple(tensors["response/taps"].ravel().tolist()))
+        self.response = (Response(facts["response/cell_m"],
+                                  tuple(tensors["response/taps"].ravel().tolist()))
                          if facts.get("response/known") else None)
         self.any_response = bool(facts["response/any"])  #: much narrower runs are taken as they are
         self.estimators = [Estimator(tensors, facts, f"{k}/") for k in range(facts["estimators"])]
@@ -141,21 +164,27 @@ class Model:
     def __repr__(self) -> str:
         first = self.estimators[0]
         return (f"<echofuse model {self.path}: {first.kind}, {first.inputs}; takes "
-                + ", ".join(f"{name} [n, {axis.count}] from {axis.start:g} {axis.unit} by {axis.step:g}"
-                            for name, axis in self.takes.items()) + f"; maps of {first.size} x {first.size}>")
+                + ", ".join(f"{name} [n, {axis.count}] from {axis.start:g} {axis.unit} by "
+                            f"{axis.step:g}"
+                            for name, axis in self.takes.items())
+                + f"; maps of {first.size} x {first.size}>")
 
     @property
     def takes(self) -> dict[str, runs.Axis]:
-        """The axes of "spd" (counts), "radar" (linear power) and "array" (lags of antennas) that it was trained on."""
+        """The axes of "spd" (counts), "radar" (linear power) and "array" (lags of antennas) that it
+        was trained on."""
         return {name: runs.Axis(name, **axis) for name, axis in self.estimators[0].axes.items()}
 
-    def predict(self, run: runs.Run | str | pathlib.Path | None = None, *, spd: ArrayLike | None = None,
-                radar: ArrayLike | None = None, lags: ArrayLike | None = None, axes: dict[str, runs.Axis] | None = None,
+    def predict(self, run: runs.Run | str | pathlib.Path | None = None, *,
+                spd: ArrayLike | None = None,
+                radar: ArrayLike | None = None, lags: ArrayLike | None = None,
+                axes: dict[str, runs.Axis] | None = None,
                 range_offset_m: float = 0) -> Maps:
-        """Maps of all records that an estimator can answer for: of a run (or its path), or of arrays: counts spd [n, bins] and
-        linear power radar [n, points] at true ranges, on these axes (default: `takes`); their index is 0, 1, 2.
-        range_offset_m: by how much the radar's ranges are too long, beside what the run's calibration says.
-        Raises ValueError for other axes."""
+        """Maps of all records that an estimator can answer for: of a run (or its path), or of
+        arrays: counts spd [n, bins] and linear power radar [n, points] at true ranges, on these
+        axes (default: `takes`); their index is 0, 1, 2. range_offset_m: by how much the radar's
+        ranges are too long, beside what the run's calibration says. Raises ValueError for other
+        axes."""
         if run is None:
             return self._maps(Arrays(self.takes | (axes or {}), spd, radar, lags), range_offset_m)
         return self._maps(run if isinstance(run, runs.Run) else runs.open(run), range_offset_m)
@@ -164,8 +193,10 @@ class Model:
         counts, power, lags = run.photons(), run.power(range_offset_m), run.lags(range_offset_m)
         stated = stated_in(run.meta)
         weights = None
-        if stated and self.response and stated != self.response and run.power_axis and run.power_axis.unit == "m":
-            if not (self.any_response and stated.width_m() < MUCH_NARROWER * self.response.width_m()):
+        if (stated and self.response and stated != self.response and run.power_axis
+            and run.power_axis.unit == "m"):
+            if not (self.any_response and stated.width_m() < MUCH_NARROWER
+                    * self.response.width_m()):
                 weights = filter_between(stated, self.response, run.power_axis.step)
         spd = run.valid["spd"] & ~same(counts)
         radar = run.valid["radar"] & ~same(power)
@@ -174,9 +205,11 @@ class Model:
         by = np.full(len(run), -1)
         for k, estimator in enumerate(self.estimators):
             antennas = estimator.axes.get("array")
-            if antennas is not None and (run.lags_axis is None or not run.lags_axis.is_near(antennas)):
+            if antennas is not None and (run.lags_axis is None
+                                         or not run.lags_axis.is_near(antennas)):
                 continue
-            able = {"fused": spd & radar, "fused-profile": spd & radar, "spd": spd, "radar": radar}[estimator.inputs]
+            able = {"fused": spd & radar, "fused-profile": spd & radar, "spd": spd,
+                    "radar": radar}[estimator.inputs]
             if antennas is not None:
                 able = able & (lags != 0).any((1, 2))
             rows = np.flatnonzero(able & (by < 0))
@@ -185,9 +218,12 @@ class Model:
             axes = {"spd": run.axes.get("spd"), "radar": run.power_axis, "array": run.lags_axis}
             for name, axis in axes.items():
                 if name in estimator.axes and not (axis and axis.is_near(estimator.axes[name])):
-                    raise ValueError(f"{run.path}: its {name} axis is {axis}; {self.path} takes {estimator.axes[name]}")
+                    raise ValueError(
+                        f"{run.path}: its {name} axis is {axis}; {self.path} takes "
+                        f"{estimator.axes[name]}")
             by[rows] = k
-            spd_part, *of_radar = (estimator.matched(name, axes[name], table[rows]) for name, table in
+            spd_part, *of_radar = (estimator.matched(name, axes[name], table[rows])
+                                   for name, table in
                                    (("spd", counts), ("radar", power), ("array", lags)))
             if weights is not None:
                 of_radar = [filtered(table, weights) for table in of_radar]
@@ -195,14 +231,16 @@ class Model:
         seen = np.flatnonzero(by >= 0)
         half = first.f["scene/map_half_tangent"]
         pixel = half * ((2 * np.arange(first.size) + 1) / first.size - 1)
-        depth_m = np.minimum(np.where(maps[seen] > 0, maps[seen], np.float32(np.nan)), np.float32(first.f["scene/map_z_max_m"]))
+        depth_m = np.minimum(np.where(maps[seen] > 0, maps[seen], np.float32(np.nan)),
+                             np.float32(first.f["scene/map_z_max_m"]))
         return Maps(depth_m, run.index[seen], pixel, -pixel,
                     [self.estimators[k].inputs for k in by[seen]], half)
 
 
 def same(table: NDArray[np.float32]) -> NDArray[np.bool_]:
     """Rows with the same value in every bin: of a dead sensor."""
-    return np.asarray((table == table[:, :1]).all(1)) if table.shape[1] > 1 else np.zeros(len(table), bool)
+    return np.asarray(
+        (table == table[:, :1]).all(1)) if table.shape[1] > 1 else np.zeros(len(table), bool)
 
 
 def load_model(path: str | pathlib.Path) -> Model:

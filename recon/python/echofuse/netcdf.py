@@ -15,14 +15,16 @@ SINCE_1970 = "nanoseconds since 1970-01-01T00:00:00Z"  # as xarray and netCDF re
 
 
 def dataset(run: Run) -> Any:
-    """The run as an xarray.Dataset (python3-xarray) with named axes and units. spd_range and radar_range are metres
-    as measured; attrs has the offsets to take off. The radar's power is linear, whatever it sent."""
+    """The run as an xarray.Dataset (python3-xarray) with named axes and units. spd_range and
+    radar_range are metres as measured; attrs has the offsets to take off. The radar's power is
+    linear, whatever it sent."""
     import xarray
 
     columns = ("verdict", "used", "lost")
     rows = run.of_records(", ".join(f"{s}_{c}" for s in SENSORS for c in columns))
     events = run.select("SELECT utc, level, source, text FROM event ORDER BY id")
-    coords: dict[str, Any] = {"record": run.index, "time": ("record", run.time), "label": ("record", run.labels)}
+    coords: dict[str, Any] = {"record": run.index, "time": ("record", run.time),
+                              "label": ("record", run.labels)}
     data: dict[str, Any] = {}
     told = {"spd": ("spd_bin",), "radar": ("radar_bin",), "depth": ("depth_y", "depth_x")}
     axes = {"spd_bin": "spd", "radar_bin": "radar", "depth_y": "depth_y", "depth_x": "depth_x"}
@@ -48,11 +50,13 @@ def dataset(run: Run) -> Any:
         data["antenna"] = (("antenna_row", "antenna_column"), np.array(run.antennas, float))
         coords["antenna_column"] = ["x_half_wavelengths", "y_half_wavelengths", "gain", "phase_rad"]
     attributes = {key: str(value) for key, value in run.info.items()} | run.meta
-    return xarray.Dataset(data, coords, attributes | {f"{s}_offset_m": m for s, m in run.offset_m.items()})
+    return xarray.Dataset(data, coords, attributes | {f"{s}_offset_m": m
+                                                      for s, m in run.offset_m.items()})
 
 
 def engine() -> str:
-    """The module by which xarray writes netCDF-4: h5netcdf, or netCDF4 where that alone is installed."""
+    """The module by which xarray writes netCDF-4: h5netcdf, or netCDF4 where that alone is
+    installed."""
     h5netcdf, netcdf4 = (importlib.util.find_spec(name) for name in ("h5netcdf", "netCDF4"))
     return "netCDF4" if netcdf4 and not h5netcdf else "h5netcdf"
 
@@ -72,9 +76,11 @@ def write(run: Run, path: pathlib.Path, told: Told) -> int:
         if first == 0:
             layout = {"zlib": True, "complevel": 1, "shuffle": True}
             data.to_netcdf(path, engine=engine().lower(), unlimited_dims=["record"],
-                           encoding={name: layout | {"chunksizes": (1, *data[name].shape[1:])} for name in SENSORS if name in data})
+                           encoding={name: layout | {"chunksizes": (1, *data[name].shape[1:])}
+                                     for name in SENSORS if name in data})
             continue
-        of_records = {name: each for name, each in data.variables.items() if each.dims[:1] == ("record",)}
+        of_records = {name: each for name, each in data.variables.items()
+                      if each.dims[:1] == ("record",)}
         with h5py.File(path, "a") as file:
             for name, each in cf_encoder(of_records, {})[0].items():
                 file[name].resize(first + len(part), 0)

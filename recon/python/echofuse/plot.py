@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
-"""Figures for papers, by matplotlib (python3-matplotlib), in the colours of the live page. Each function returns a
-Figure; its savefig("NAME.pdf") or ("NAME.svg") writes vectors. ax: panels of a figure of one's own to draw into, one or
-as many as the plot has.
+"""Figures for papers, by matplotlib (python3-matplotlib), in the colours of the live page. Each
+function returns a Figure; its savefig("NAME.pdf") or ("NAME.svg") writes vectors. ax: panels of a
+figure of one's own to draw into, one or as many as the plot has.
 
 >>> from echofuse import plot
 >>> plot.record("monday", 7).savefig("record.pdf")
@@ -25,10 +25,12 @@ from . import model as models
 from . import run as runs
 from .maps import span_of
 
-__all__ = ["COLOURS", "figure", "learning_curve", "map", "maps", "opened", "pareto", "record", "shares", "stability", "table",
+__all__ = ["COLOURS", "figure", "learning_curve", "map", "maps", "opened", "pareto", "record",
+           "shares", "stability", "table",
            "timeline"]
 
-COLOURS = {"spd": "#0b5cad", "radar": "#a64200", "depth": "#00695c", "both": "#16191d", "papers": "#5b0f75",
+COLOURS = {"spd": "#0b5cad", "radar": "#a64200", "depth": "#00695c", "both": "#16191d",
+           "papers": "#5b0f75",
            "grey": "#6a7078", "bad": "#b3201a"}
 NO_RETURN = "#e8eaed"
 Path = str | pathlib.Path
@@ -37,7 +39,8 @@ Panels = Union[Axes, Sequence[Axes], None]
 # Panels
 
 
-def figure(columns: int = 1, rows: int = 1, wide: float = 4.6, high: float = 3.4, ax: Panels = None) -> tuple[Figure, NDArray[Any]]:
+def figure(columns: int = 1, rows: int = 1, wide: float = 4.6, high: float = 3.4,
+           ax: Panels = None) -> tuple[Figure, NDArray[Any]]:
     """A new figure and its panels, or those that are given. Raises ValueError for too few."""
     if ax is not None:
         axes = np.atleast_1d(np.array(ax, object)).ravel()
@@ -57,22 +60,25 @@ def opened(run: runs.Run | Path) -> runs.Run:
 
 
 def plain_log(ax: Axes, *sides: str) -> None:
-    """Logarithmic axes "x", "y" with plain numbers at their ticks: 0.1, 1, 10; of few decades also 3, or 2 and 5."""
+    """Logarithmic axes "x", "y" with plain numbers at their ticks: 0.1, 1, 10; of few decades also
+    3, or 2 and 5."""
     for side in sides:
         ax.set(**{f"{side}scale": "log"})
         axis = getattr(ax, f"{side}axis")
         low, high = sorted(getattr(ax, f"get_{side}lim")())
-        axis.set_major_locator(LogLocator(subs=(1, 2, 5) if high < 30 * low else (1, 3) if high < 300 * low else (1,)))
+        axis.set_major_locator(LogLocator(subs=(1, 2, 5) if high < 30 * low else (1, 3)
+                                          if high < 300 * low else (1,)))
         axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:,.10g}".replace(",", " ")))
         axis.set_minor_formatter(NullFormatter())
 
 # Maps and records
 
 
-def draw_map(ax: Axes, depth_m: ArrayLike, x: ArrayLike, y: ArrayLike, span: tuple[float, float] | None = None,
+def draw_map(ax: Axes, depth_m: ArrayLike, x: ArrayLike, y: ArrayLike,
+             span: tuple[float, float] | None = None,
              title: str = "", bar: bool = True) -> None:
-    """Metres [rows, columns] over the tangents x and y of the pixel centres, near is bright; what is not above 0 is no
-    return. Without a span shares of 0 to 1."""
+    """Metres [rows, columns] over the tangents x and y of the pixel centres, near is bright; what
+    is not above 0 is no return. Without a span shares of 0 to 1."""
     values, x, y = np.asarray(depth_m, float), np.asarray(x, float), np.asarray(y, float)
     shown = np.where(values > 0, values, np.nan) if span else values
     dx, dy = abs(x[1] - x[0]) / 2, abs(y[1] - y[0]) / 2
@@ -80,7 +86,8 @@ def draw_map(ax: Axes, depth_m: ArrayLike, x: ArrayLike, y: ArrayLike, span: tup
         shown, y = shown[::-1], y[::-1]
     edges = (x[0] - dx, x[-1] + dx, y[-1] - dy, y[0] + dy)
     low, high = span or (0, 1)
-    image = ax.imshow(shown, cmap="viridis_r" if span else "inferno", vmin=low, vmax=high, extent=edges, interpolation="nearest")
+    image = ax.imshow(shown, cmap="viridis_r" if span else "inferno", vmin=low, vmax=high,
+                      extent=edges, interpolation="nearest")
     ax.set_facecolor(NO_RETURN)
     ax.spines[:].set_visible(False)
     for axis, first, last in ((ax.xaxis, *edges[:2]), (ax.yaxis, *edges[2:])):
@@ -94,9 +101,10 @@ def draw_map(ax: Axes, depth_m: ArrayLike, x: ArrayLike, y: ArrayLike, span: tup
 Shown = Union[ArrayLike, models.Maps, runs.Run]
 
 
-def one_map(shown: Shown, index: int | None, half_tangent: float | None) -> tuple[NDArray[Any], float]:
-    """A map [N, N] and the tangent of its edges. Of Maps the one of this record, of a run its truth. Raises KeyError for
-    an index that is not there, TypeError without half_tangent."""
+def one_map(shown: Shown, index: int | None,
+            half_tangent: float | None) -> tuple[NDArray[Any], float]:
+    """A map [N, N] and the tangent of its edges. Of Maps the one of this record, of a run its
+    truth. Raises KeyError for an index that is not there, TypeError without half_tangent."""
     if isinstance(shown, models.Maps):
         return shown.depth_m[row_of(shown, index)], shown.half_tangent
     if isinstance(shown, runs.Run):
@@ -116,14 +124,15 @@ def row_of(shown: models.Maps | runs.Run, index: int | None) -> int:
 
 def map(shown: Shown, half_tangent: float | None = None, *, index: int | None = None,  # noqa: A001
         span: tuple[float, float] | None = None, title: str = "", ax: Panels = None) -> Figure:
-    """One map: [N, N] with the tangent of the edges of its field, or that of this record (default: the first) of Maps, or
-    of a run, which is the truth."""
+    """One map: [N, N] with the tangent of the edges of its field, or that of this record (default:
+    the first) of Maps, or of a run, which is the truth."""
     return maps({title: shown}, half_tangent, index=index, span=span, ax=ax)
 
 
 def maps(named: dict[str, Shown], half_tangent: float | None = None, *, index: int | None = None,
          span: tuple[float, float] | None = None, ax: Panels = None) -> Figure:
-    """Maps of the same record side by side, over the same span: {"truth": run, "ours": maps}, index=7."""
+    """Maps of the same record side by side, over the same span: {"truth": run, "ours": maps},
+    index=7."""
     found = [one_map(shown, index, half_tangent) for shown in named.values()]
     span = span or span_of(np.concatenate([np.ravel(values) for values, _ in found]))
     return side_by_side(named.keys(), found, [span] * len(named), ax)
@@ -135,17 +144,20 @@ def shares(named: dict[str, ArrayLike], half_tangent: float, *, ax: Panels = Non
     return side_by_side(named.keys(), found, [span_of(found[0][0])] + [None] * (len(named) - 1), ax)
 
 
-def side_by_side(titles: Iterable[str], found: Sequence[tuple[NDArray[Any], float]], spans: Sequence[tuple[float, float] | None],
+def side_by_side(titles: Iterable[str], found: Sequence[tuple[NDArray[Any], float]],
+                 spans: Sequence[tuple[float, float] | None],
                  ax: Panels) -> Figure:
     made, axes = figure(len(found), wide=2.9, high=2.7, ax=ax)
-    for k, (panel, title, (values, half_tangent), span) in enumerate(zip(axes, titles, found, spans)):
+    for k, (panel, title, (values, half_tangent),
+            span) in enumerate(zip(axes, titles, found, spans)):
         at = half_tangent * ((2 * np.arange(len(values)) + 1) / len(values) - 1)
         draw_map(panel, values, at, -at, span, title, k == len(found) - 1 or span != spans[k + 1])
     return made
 
 
 def power_by_direction(run: runs.Run, row: int, sines: NDArray[np.float64]) -> NDArray[np.float64]:
-    """[points, sines] of the radar's antennas side by side: linear, by their correlations (Bartlett's beam)."""
+    """[points, sines] of the radar's antennas side by side: linear, by their correlations
+    (Bartlett's beam)."""
     lags = run.lags()[row].astype(float)
     out = np.ones((len(lags), len(sines)))
     axis = run.lags_axis
@@ -155,7 +167,8 @@ def power_by_direction(run: runs.Run, row: int, sines: NDArray[np.float64]) -> N
     for lag in range(1, across + 1):
         phase = np.pi * lag * sines
         real, imaginary = lags[:, 2 * lag - 1, None], lags[:, 2 * lag, None]
-        out += 2 * (1 - lag / (across + 1)) * (real * np.cos(phase) - imaginary * np.sin(phase)) / np.maximum(lags[:, :1], 1e-30)
+        out += 2 * (1 - lag / (across + 1)) * (real * np.cos(phase) - imaginary
+                                               * np.sin(phase)) / np.maximum(lags[:, :1], 1e-30)
     return np.asarray(np.maximum(out, 0) * lags[:, :1])
 
 
@@ -170,26 +183,33 @@ def record(run: runs.Run | Path, index: int, *, ax: Panels = None) -> Figure:
     made, axes = figure(4 if antennas else 3, wide=3.7, high=2.9, ax=ax)
     label = run.labels[row]
     if ax is None:
-        made.suptitle(", ".join(filter(None, [run.path.name, f"record {index}", label])), fontsize=10)
+        made.suptitle(", ".join(filter(None, [run.path.name, f"record {index}", label])),
+                      fontsize=10)
     camera, spd, radar = axes[:3]
     if run.valid["depth"][row] and "depth_x" in run.axes:
         depth = np.nan_to_num(run.depth[row])
-        draw_map(camera, depth, run.axes["depth_x"].values, run.axes["depth_y"].values, span_of(depth), "depth camera")
+        draw_map(camera, depth, run.axes["depth_x"].values, run.axes["depth_y"].values,
+                 span_of(depth), "depth camera")
     else:
         camera.set_title("no depth in this record", fontsize=10)
     if "spd" in run.axes and run.valid["spd"][row]:
-        spd.step(run.axes["spd"].values / runs.PS_PER_M, run.spd[row], where="post", color=COLOURS["spd"], lw=0.9)
+        spd.step(run.axes["spd"].values / runs.PS_PER_M, run.spd[row], where="post",
+                 color=COLOURS["spd"], lw=0.9)
     spd.set(xlabel="range (m)", ylabel="clicks")
     spd.set_title("SPD", fontsize=10)
     if "radar" in run.axes and run.valid["radar"][row]:
         decibels = 10 * np.log10(np.maximum(run.radar[row], 1e-30))
-        radar.plot(run.axes["radar"].values, decibels - np.median(decibels), color=COLOURS["radar"], lw=1.1)
-    radar.set(xlabel="range (m)", ylabel="dB over the median", ylim=(-10, max(30, radar.get_ylim()[1])))
+        radar.plot(run.axes["radar"].values, decibels - np.median(decibels), color=COLOURS["radar"],
+                   lw=1.1)
+    radar.set(xlabel="range (m)", ylabel="dB over the median",
+              ylim=(-10, max(30, radar.get_ylim()[1])))
     radar.set_title("radar", fontsize=10)
     if antennas and run.lags_axis is not None:
         degrees, axis = np.linspace(-72, 72, 97), run.lags_axis
-        decibels = 10 * np.log10(np.maximum(power_by_direction(run, row, np.sin(np.radians(degrees))), 1e-30))
-        image = axes[3].pcolormesh(degrees, axis.values, decibels - decibels.max(), cmap="viridis", vmin=-25, vmax=0, rasterized=True)
+        decibels = 10 * np.log10(
+            np.maximum(power_by_direction(run, row, np.sin(np.radians(degrees))), 1e-30))
+        image = axes[3].pcolormesh(degrees, axis.values, decibels - decibels.max(), cmap="viridis",
+                                   vmin=-25, vmax=0, rasterized=True)
         axes[3].set(xlabel="azimuth (degrees)", ylabel="range (m)")
         axes[3].set_title("radar's antennas", fontsize=10)
         made.colorbar(image, ax=axes[3], label="dB")
@@ -197,23 +217,30 @@ def record(run: runs.Run | Path, index: int, *, ax: Panels = None) -> Figure:
 
 
 def timeline(run: runs.Run | Path, *, ax: Panels = None) -> Figure:
-    """Rates of the sensors over the run, red where a record has no data; residuals of the clocks."""
+    """Rates of the sensors over the run, red where a record has no data; residuals of the
+    clocks."""
     run = opened(run)
     window = float(run.info["window_s"])
-    used = np.array(run.select("SELECT spd_used, radar_used, depth_used FROM record ORDER BY idx"), float)
-    clocks = np.array(run.select("SELECT idx, spd_clock_residual_s, radar_clock_residual_s, depth_clock_residual_s FROM "
-                                 "record ORDER BY idx"), float)
-    names = {"spd": "SPD (clicks/s)", "radar": "radar (frames/s)", "depth": "camera (frames/s used)"}
+    used = np.array(run.select("SELECT spd_used, radar_used, depth_used FROM record ORDER BY idx"),
+                    float)
+    clocks = np.array(
+        run.select("SELECT idx, spd_clock_residual_s, radar_clock_residual_s, "
+                   "depth_clock_residual_s FROM "
+                   "record ORDER BY idx"), float)
+    names = {"spd": "SPD (clicks/s)", "radar": "radar (frames/s)",
+             "depth": "camera (frames/s used)"}
     made, axes = figure(1, 4, wide=6.4, high=1.25, ax=ax)
     minutes = (run.time - run.time[0]) / np.timedelta64(1, "s") / 60 if len(run) else np.zeros(0)
     for k, (panel, (sensor, name)) in enumerate(zip(axes, names.items())):
         panel.plot(minutes, used[:, k] / window if len(used) else [], color=COLOURS[sensor], lw=1)
-        panel.vlines(minutes[~run.valid[sensor]], 0, 1, color=COLOURS["bad"], lw=1, alpha=0.6, transform=panel.get_xaxis_transform())
+        panel.vlines(minutes[~run.valid[sensor]], 0, 1, color=COLOURS["bad"], lw=1, alpha=0.6,
+                     transform=panel.get_xaxis_transform())
         panel.set_ylabel(name.replace(" ", "\n", 1), fontsize=8)
         panel.set_ylim(bottom=0)
     for k, sensor in enumerate(names):
         if len(clocks):
-            axes[3].plot(np.interp(clocks[:, 0], run.index, minutes), 1e6 * clocks[:, 1 + k], color=COLOURS[sensor], lw=1,
+            axes[3].plot(np.interp(clocks[:, 0], run.index, minutes), 1e6 * clocks[:, 1 + k],
+                         color=COLOURS[sensor], lw=1,
                          label={"spd": "SPD", "depth": "camera"}.get(sensor, sensor))
     axes[3].set_ylabel("residual\n(µs)", fontsize=8)
     if axes[3].lines:
@@ -239,7 +266,8 @@ def table(path: Path) -> list[dict[str, Any]]:
 
     with open(path, encoding="utf-8") as lines:
         rows = csv.DictReader(line for line in lines if not line.startswith("#"))
-        return [{key: text if key in words else number(text) for key, text in row.items()} for row in rows]
+        return [{key: text if key in words else number(text)
+                 for key, text in row.items()} for row in rows]
 
 
 def name_of(row: dict[str, Any]) -> str:
@@ -248,10 +276,13 @@ def name_of(row: dict[str, Any]) -> str:
 
 
 def colour_of(name: str, taken: Iterable[str] = ()) -> str:
-    """Colour of a row: that of its sensor if it takes one; no colour twice in a chart of few lines."""
-    first = ("spd" if "SPD" in name else "radar" if "radar" in name else "papers" if name.startswith("mlp") else
+    """Colour of a row: that of its sensor if it takes one; no colour twice in a chart of few
+    lines."""
+    first = ("spd" if "SPD" in name else "radar" if "radar" in name else "papers"
+             if name.startswith("mlp") else
              "both" if name.startswith("factorised") else "grey" if name == "nearest" else "depth")
-    free = [c for c in (first, "depth", "radar", "spd", "papers", "both") if COLOURS[c] not in set(taken)]
+    free = [c for c in (first, "depth", "radar", "spd", "papers", "both")
+            if COLOURS[c] not in set(taken)]
     return COLOURS[free[0] if free else "grey"]
 
 
@@ -260,41 +291,50 @@ def over_seeds(rows: Sequence[dict[str, Any]], metric: str) -> tuple[float, floa
     return float(values.mean()), float(values.std(ddof=1)) if len(values) > 1 else 0.0
 
 
-def pareto(path: Path, *, bound_m: float | None = None, axis: str = "model", ax: Panels = None) -> Figure:
-    """The table of `echofuse-bench pareto`: IoU against time with the front, lateral error against the cost, and IoU with
-    fewer photons and fewer training records. bound_m: the least lateral error that noise allows. axis: or a track's name."""
+def pareto(path: Path, *, bound_m: float | None = None, axis: str = "model",
+           ax: Panels = None) -> Figure:
+    """The table of `echofuse-bench pareto`: IoU against time with the front, lateral error against
+    the cost, and IoU with fewer photons and fewer training records. bound_m: the least lateral
+    error that noise allows. axis: or a track's name."""
     rows = table(path)
     by_model: dict[tuple[str, str, str], list[dict[str, Any]]] = {}
     for row in rows:
         by_model.setdefault((row["axis"], row["value"], name_of(row)), []).append(row)
-    sweeps = [sweep for sweep in ("photons", "records") if any(row["axis"] == sweep for row in rows)]
+    sweeps = [sweep for sweep in ("photons", "records")
+              if any(row["axis"] == sweep for row in rows)]
     shape = (2, 1 + (len(sweeps) + 1) // 2) if ax is None else (2 + len(sweeps), 1)
     made, axes = figure(*shape, wide=5.4, high=4.0, ax=ax)
-    shown = {name: same for (kind, _, name), same in by_model.items() if kind == axis and over_seeds(same, "iou")[0] >= 0.01}
+    shown = {name: same for (kind, _, name), same in by_model.items() if kind == axis
+             and over_seeds(same, "iou")[0] >= 0.01}
     colours = {name: f"C{k % 10}" for k, name in enumerate(shown)}
     front: list[tuple[float, float]] = []
-    for panel, cost, metric, unit in ((axes[0], "infer_us_median", "iou", 1), (axes[1], "multiply_adds", "lateral_m", 100)):
+    for panel, cost, metric, unit in ((axes[0], "infer_us_median", "iou", 1),
+                                      (axes[1], "multiply_adds", "lateral_m", 100)):
         points = []
         for name, same in shown.items():
             x = [row[cost] for row in same if row[cost] > 0]
             mean, spread = over_seeds(same, metric)
             if not x:
                 continue
-            panel.errorbar(x[-1], unit * mean, unit * spread or None, fmt="os^v"[list(shown).index(name) // 10 % 4], ms=5, capsize=3,
+            panel.errorbar(x[-1], unit * mean, unit * spread or None,
+                           fmt="os^v"[list(shown).index(name) // 10 % 4], ms=5, capsize=3,
                            color=colours[name], label=name)
             points.append((x[-1], unit * mean))
         if metric == "iou":
             for at, y in sorted(points):
                 if not front or y > front[-1][1]:
                     front.append((at, y))
-            panel.step([x for x, _ in front], [y for _, y in front], where="post", color=COLOURS["grey"], lw=1, zorder=0,
+            panel.step([x for x, _ in front], [y for _, y in front], where="post",
+                       color=COLOURS["grey"], lw=1, zorder=0,
                        label="Pareto front")
-            panel.legend(fontsize=7, frameon=False, ncols=1 + len(shown) // 6, loc="upper left", bbox_to_anchor=(0, -0.15))
+            panel.legend(fontsize=7, frameon=False, ncols=1 + len(shown) // 6, loc="upper left",
+                         bbox_to_anchor=(0, -0.15))
             panel.set(xlabel="time of one map on one thread (µs, median)", ylabel="IoU")
         else:
             if bound_m:
                 panel.axhline(100 * bound_m, color=COLOURS["grey"], ls="--", lw=1)
-                panel.text(0.01, 100 * bound_m, f"least possible: {100 * bound_m:g} cm", transform=panel.get_yaxis_transform(),
+                panel.text(0.01, 100 * bound_m, f"least possible: {100 * bound_m:g} cm",
+                           transform=panel.get_yaxis_transform(),
                            va="bottom", fontsize=8)
             panel.set(xlabel="multiply-adds of one map", ylabel="lateral error (cm)")
         plain_log(panel, *("x" if metric == "iou" else "xy"))
@@ -302,22 +342,26 @@ def pareto(path: Path, *, bound_m: float | None = None, axis: str = "model", ax:
     for panel, sweep in zip(axes[2:], sweeps):
         taken: list[str] = []
         for name in dict.fromkeys(key[2] for key in by_model if key[0] == sweep):
-            line = sorted((float(value), *over_seeds(same, "iou")) for (kind, value, other), same in by_model.items()
+            line = sorted((float(value), *over_seeds(same, "iou"))
+                          for (kind, value, other), same in by_model.items()
                           if other == name and kind in (sweep, axis))
             taken.append(colour_of(name, taken))
             panel.errorbar(*zip(*line), fmt="o-", ms=4, capsize=3, color=taken[-1], label=name)
         plain_log(panel, "x")
-        panel.set(xlabel="share of the record's photons" if sweep == "photons" else "share of the training records", ylabel="IoU")
+        panel.set(xlabel="share of the record's photons" if sweep == "photons"
+                  else "share of the training records", ylabel="IoU")
         panel.legend(fontsize=8, frameon=False)
     for panel in axes[2 + len(sweeps):]:
         panel.remove()
     return made
 
 
-def stability(path: Path, axis: str, *, base: str | None = None, title: str = "", ax: Panels = None) -> Figure:
-    """The table of `echofuse-bench stability`: IoU at each value of the axis. Shaded is what the best
-    baseline that draws a body reaches (empty room, mean map, nearest record); a cross: not above it by more than the
-    spread over seeds. base: the value of the axis at the base condition, which the table does not say."""
+def stability(path: Path, axis: str, *, base: str | None = None, title: str = "",
+              ax: Panels = None) -> Figure:
+    """The table of `echofuse-bench stability`: IoU at each value of the axis. Shaded is what the
+    best baseline that draws a body reaches (empty room, mean map, nearest record); a cross: not
+    above it by more than the spread over seeds. base: the value of the axis at the base condition,
+    which the table does not say."""
     rows = [row for row in table(path) if row["axis"] in (axis, "base")]
     values = list(dict.fromkeys(row["value"] for row in rows if row["axis"] == axis))
     values = [base or "base", *values]
@@ -327,11 +371,13 @@ def stability(path: Path, axis: str, *, base: str | None = None, title: str = ""
         pass
     by: dict[str, list[tuple[float, float]]] = {}
     for name in dict.fromkeys(name_of(row) for row in rows):
-        found = [[row for row in rows if name_of(row) == name and row["value"] in (value, "base" if value == (base or "base") else value)]
+        found = [[row for row in rows if name_of(row) == name
+                  and row["value"] in (value, "base" if value == (base or "base") else value)]
               for value in values]
         by[name] = [over_seeds(same, "iou") if same else (float("nan"), 0.0) for same in found]
     baselines = {name for name in by if name in ("empty", "mean", "nearest")}
-    best = np.nanmax([[0.0] * len(values), *([point[0] for point in by[name]] for name in baselines)], axis=0)
+    best = np.nanmax([[0.0] * len(values), *([point[0] for point in by[name]]
+                                             for name in baselines)], axis=0)
     made, (panel, *_) = figure(wide=7.2, high=3.8, ax=ax)
     at = np.arange(len(values))
     panel.fill_between(at, 0, best, color="#fdf0d2", zorder=0)
@@ -344,7 +390,8 @@ def stability(path: Path, axis: str, *, base: str | None = None, title: str = ""
         panel.errorbar(at, mean, spread, fmt="o-", ms=4, capsize=3, color=taken[-1], label=name)
         panel.plot(at[below], mean[below], "x", ms=10, mew=2.5, color=taken[-1])
     panel.axvline(values.index(base or "base"), color=COLOURS["grey"], lw=0.8, ls=":")
-    panel.set_xticks(at, values, rotation=30 if max(len(v) for v in values) > 5 else 0, ha="right" if max(len(v) for v in values) > 5 else "center")
+    panel.set_xticks(at, values, rotation=30 if max(len(v) for v in values) > 5 else 0,
+                     ha="right" if max(len(v) for v in values) > 5 else "center")
     panel.set(xlabel=title or axis, ylabel="IoU")
     panel.set_ylim(bottom=0)
     panel.legend(fontsize=8, frameon=False, loc="upper left", bbox_to_anchor=(1, 1))
@@ -352,14 +399,16 @@ def stability(path: Path, axis: str, *, base: str | None = None, title: str = ""
 
 
 def learning_curve(path: Path, *, ax: Panels = None) -> Figure:
-    """Losses of a model file while it was trained, of training and validation records. Raises ValueError for a model
-    that has none."""
+    """Losses of a model file while it was trained, of training and validation records. Raises
+    ValueError for a model that has none."""
     tensors, facts = models.read_safetensors(path)
     made, (panel, *_) = figure(ax=ax)
-    for name, label, colour in (("loss_m", "training", "grey"), ("validation_loss_m", "validation", "both")):
+    for name, label, colour in (("loss_m", "training", "grey"),
+                                ("validation_loss_m", "validation", "both")):
         found = [key for key in tensors if key.endswith("/" + name)]
         if found and len(tensors[found[0]]):
-            panel.plot(np.arange(1, 1 + len(tensors[found[0]])), tensors[found[0]], color=COLOURS[colour], label=label)
+            panel.plot(np.arange(1, 1 + len(tensors[found[0]])), tensors[found[0]],
+                       color=COLOURS[colour], label=label)
     if not panel.lines:
         raise ValueError(f"{path}: a model without epochs")
     plain_log(panel, "y")

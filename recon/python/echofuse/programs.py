@@ -26,21 +26,26 @@ class UsageError(BenchError):
 
 def path_of(program: str) -> str:
     """Path of a program: in $ECHOFUSE_BIN, else beside this program, else of PATH."""
-    own, folder = pathlib.Path(sys.argv[0]).absolute().with_name(program), os.environ.get("ECHOFUSE_BIN")
+    own, folder = (pathlib.Path(sys.argv[0]).absolute().with_name(program),
+                   os.environ.get("ECHOFUSE_BIN"))
     return os.path.join(folder, program) if folder else str(own) if own.exists() else program
 
 
-def call(program: str, *words: object, ok: tuple[int, ...] = (0,)) -> subprocess.CompletedProcess[str]:
-    """Runs one of the programs. Raises BenchError with its last line and exit code; UsageError unless that is 1, so that no
-    row says of a method what is another's fault."""
+def call(program: str, *words: object,
+         ok: tuple[int, ...] = (0,)) -> subprocess.CompletedProcess[str]:
+    """Runs one of the programs. Raises BenchError with its last line and exit code; UsageError
+    unless that is 1, so that no row says of a method what is another's fault."""
     path = path_of(program)
     try:
-        done = subprocess.run([path, *map(str, words)], capture_output=True, text=True, check=False, errors="replace")
+        done = subprocess.run([path, *map(str, words)], capture_output=True, text=True, check=False,
+                              errors="replace")
     except OSError as error:
-        raise UsageError(f"{path}: {error.strerror}; put the programs into PATH, or set ECHOFUSE_BIN") from None
+        raise UsageError(
+            f"{path}: {error.strerror}; put the programs into PATH, or set ECHOFUSE_BIN") from None
     if done.returncode not in ok:
         kind = BenchError if done.returncode == 1 else UsageError
-        said = [line for line in done.stderr.splitlines() if line.strip() and line != "Run with --help for more information."]
-        last = (said or [f"{program}: exit code {done.returncode}"])[-1].removeprefix(f"{program}: ")
+        said = [line for line in done.stderr.splitlines() if line.strip()
+                and line != "Run with --help for more information."]
+        last = (said or [f"exit code {done.returncode}"])[-1].removeprefix(f"{program}: ")
         raise kind(last, done.returncode if done.returncode > 0 else 1)
     return done

@@ -12,32 +12,42 @@ from .run import Run
 
 
 def write(run: Run, index: int, path: pathlib.Path) -> int:
-    """One record as lines "sensor,x,y,value" under a "#" header that names the units. Raises ValueError."""
+    """One record as lines "sensor,x,y,value" under a "#" header that names the units. Raises
+    ValueError."""
     if index not in run.index:
         raise ValueError(f"{run.path}: no record {index}; it has {len(run)}")
     part = run.rows(row := int(np.flatnonzero(run.index == index)[0]), row + 1)
     load(part)
 
     def shown(text: str) -> str:
-        """Text of a line that is no cell: nothing in it begins another one, whatever the separator."""
-        return "".join(f"\\x{ord(c):02x}" if c in ',;"' else c if c.isprintable() else repr(c)[1:-1] for c in text)
+        """Text of a line that is no cell: nothing in it begins another one, whatever the
+        separator."""
+        return "".join(f"\\x{ord(c):02x}" if c in ',;"' else c if c.isprintable() else repr(c)[1:-1]
+                       for c in text)
 
     lines = [f"# record {index} of {shown(str(part.path))}, label {shown(part.labels[0])}",
-             "# spd: x = two-way time in ps, value = counts", "# radar: x = range in m, value = as in the run's radar axis",
+             "# spd: x = two-way time in ps, value = counts",
+             "# radar: x = range in m, value = as in the run's radar axis",
              "# depth: x, y = tangents, value = mm, 0 = no return"]
-    beams = antennas.beams(part, sines := (2 * np.arange(32) + 1) / 32 - 1) if "array" in part.axes and part.antennas else None
+    beams = antennas.beams(part, sines := (2 * np.arange(32) + 1) / 32
+                           - 1) if "array" in part.axes and part.antennas else None
     if has_array := beams is not None and not np.isnan(beams).any():
-        lines.append("# array: x = range in m, y = sine of the azimuth (right: above 0), value = power that comes from there, "
+        lines.append(
+            "# array: x = range in m, y = sine of the azimuth (right: above 0), value = power that "
+            "comes from there, "
                      f"mean over {antennas.frames(part)[0]} frames")
     lines.append("sensor,x,y,value")
     for name, values in ("spd", part.spd), ("radar", part.stored_radar()):
         if part.valid[name][0]:
-            lines += [f"{name},{x:.9g},,{value:.9g}" for x, value in zip(part.axes[name].values, values[0].tolist())]
+            lines += [f"{name},{x:.9g},,{value:.9g}"
+                      for x, value in zip(part.axes[name].values, values[0].tolist())]
     if has_array:
-        lines += [f"array,{x:.9g},{y:.9g},{power:.9g}" for x, powers in zip(part.axes["array"].values, beams[0])
+        lines += [f"array,{x:.9g},{y:.9g},{power:.9g}"
+                  for x, powers in zip(part.axes["array"].values, beams[0])
                   for y, power in zip(sines, powers)]
     if part.valid["depth"][0]:
-        lines += [f"depth,{x:.9g},{y:.9g},{mm}" for y, row in zip(part.axes["depth_y"].values, part.depth_mm(0))
+        lines += [f"depth,{x:.9g},{y:.9g},{mm}"
+                  for y, row in zip(part.axes["depth_y"].values, part.depth_mm(0))
                   for x, mm in zip(part.axes["depth_x"].values, row)]
     path.write_text("\n".join(lines) + "\n", encoding="utf-8", errors="surrogateescape")
     return 0

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: MIT
 """The page of a report as JSON, which the scripts of the live page (recon/page) draw:
-    {"title", "verdict", "fails": [text], "more": text, "origin": text, "span": [near_m, far_m], "records": [record],
+    {"title", "verdict", "fails": [text], "more": text, "origin": text, "span": [near_m, far_m],
+    "records": [record],
      "first": [block], "sections": [{"id", "heading", "blocks": [block]}]}
-A block has a "kind"; recon/page/report.js has a function for each. Depths of records are whole millimetres (16 bits,
-base64), deviations centimetres and shares 1/200 (8 bits)."""
+A block has a "kind"; recon/page/report.js has a function for each. Depths of records are whole
+millimetres (16 bits, base64), deviations centimetres and shares 1/200 (8 bits)."""
 from __future__ import annotations
 
 import base64
@@ -18,14 +19,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 Block = dict[str, Any]
-PAGE = pathlib.Path(__file__).resolve().with_name("page")  # scripts and styles; in the sources a link to recon/page
+# scripts and styles; in the sources a link to recon/page
+PAGE = pathlib.Path(__file__).resolve().with_name("page")
 NONE = "\N{EN DASH}"
 
 
-def table(caption: str, head: Sequence[Any], rows: Sequence[Sequence[Any]], baselines: int = 0) -> Block:
-    """The first cell of a row is its head; so many rows at the end are quiet. A head may be {"text", "words": True}: of a
-    column of words, which stands at the left."""
-    return {"kind": "table", "caption": caption, "head": list(head), "rows": [list(row) for row in rows], "baselines": baselines}
+def table(caption: str, head: Sequence[Any], rows: Sequence[Sequence[Any]],
+          baselines: int = 0) -> Block:
+    """The first cell of a row is its head; so many rows at the end are quiet. A head may be
+    {"text", "words": True}: of a column of words, which stands at the left."""
+    return {"kind": "table", "caption": caption, "head": list(head),
+            "rows": [list(row) for row in rows], "baselines": baselines}
 
 
 def cell(text: str, small: str = "", mark: str = "") -> Block:
@@ -50,8 +54,8 @@ def details(summary: str, *blocks: Block) -> Block:
 
 
 def pictures(record: int, show: Sequence[str], caption: str, **more: Any) -> Block:
-    """Pictures of a record of the page's list: each "truth", "spd", "radar", or "map", "error", "deviation", "share" and the
-    number of its model."""
+    """Pictures of a record of the page's list: each "truth", "spd", "radar", or "map", "error",
+    "deviation", "share" and the number of its model."""
     return {"kind": "pictures", "record": record, "show": list(show), "caption": caption} | more
 
 
@@ -59,9 +63,11 @@ def chart(title: str, x: str, y: str, **more: Any) -> Block:
     return {"kind": "chart", "title": title, "x": x, "y": y, "series": [], "rules": []} | more
 
 
-def add_series(one: Block, name: str, colour: str, look: str, x: Iterable[float], y: Iterable[float]) -> None:
+def add_series(one: Block, name: str, colour: str, look: str, x: Iterable[float],
+               y: Iterable[float]) -> None:
     """look: "dots", "points", "line", "marked" (a line with its points) or "steps"."""
-    one["series"].append({"name": name, "colour": colour, "look": look, "x": [*map(short, x)], "y": [*map(short, y)]})
+    one["series"].append({"name": name, "colour": colour, "look": look, "x": [*map(short, x)],
+                          "y": [*map(short, y)]})
 
 
 def short(value: float) -> float | None:
@@ -72,7 +78,8 @@ def short(value: float) -> float | None:
 def three_digits(value: float) -> str:
     """103 k"""
     value = float(f"{value:.3g}")
-    size, ending = (1e6, " M") if abs(value) >= 1e6 else (1e3, " k") if abs(value) >= 1e4 else (1, "")
+    size, ending = ((1e6, " M") if abs(value) >= 1e6 else (1e3, " k") if abs(value) >= 1e4
+                    else (1, ""))
     return f"{value / size:.4g}{ending}"
 
 
@@ -85,7 +92,8 @@ def packed(values: NDArray[Any], unit: float, kind: str) -> str:
 def printable(value: Any) -> Any:
     """Texts that came from outside, in one line each, without what reorders them."""
     if isinstance(value, str):
-        return "".join(c if c.isprintable() else c.encode("unicode_escape", "surrogatepass").decode() for c in value)
+        return "".join(c if c.isprintable()
+                       else c.encode("unicode_escape", "surrogatepass").decode() for c in value)
     if isinstance(value, dict):
         return {key: printable(part) for key, part in value.items()}
     return [printable(part) for part in value] if isinstance(value, (list, tuple)) else value
@@ -94,13 +102,19 @@ def printable(value: Any) -> Any:
 def html_of(page: Block) -> str:
     """The page: recon/page/report.html with its styles, scripts and what it says."""
     read = lambda name: (PAGE / name).read_text(encoding="utf-8")  # noqa: E731
-    scripts = "".join(re.sub(r"(?m)^export ", "", re.sub(r"import [^\n]*\n", "", read(name)))  # all are one script there
+    # all are one script there
+    scripts = "".join(re.sub(r"(?m)^export ", "", re.sub(r"import [^\n]*\n", "", read(name)))
                       for name in ("charts.js", "maps.js", "cloud.js", "report.js"))
-    parts = {"styles": "\n" + "".join(read(name) + "\n" for name in ("uPlot.min.css", "view.css", "report.css")),
-             "uplot": f"\n/*\n{read('uPlot.LICENSE')}*/\n{read('uPlot.iife.min.js')}\n", "scripts": "\n" + scripts}
+    parts = {"styles": "\n" + "".join(read(name) + "\n"
+                                      for name in ("uPlot.min.css", "view.css", "report.css")),
+             "uplot": f"\n/*\n{read('uPlot.LICENSE')}*/\n{read('uPlot.iife.min.js')}\n",
+             "scripts": "\n" + scripts}
     # The page's policy: the browser obeys nothing of another hash.
-    style, uplot, script = (f"'sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}'" for text in parts.values())
+    style, uplot, script = (
+        f"'sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}'"
+        for text in parts.values())
     # A "<" could end the script, or begin a comment that hides its end.
-    data = json.dumps(printable(page), ensure_ascii=False, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
+    data = json.dumps(printable(page), ensure_ascii=False, separators=(",", ":"),
+                      allow_nan=False).replace("<", "\\u003c")
     parts |= {"data": data, "style_hash": style, "script_hashes": f"{uplot} {script}"}
     return re.sub(r"{{(\w+)}}", lambda found: parts[found[1]], read("report.html"))

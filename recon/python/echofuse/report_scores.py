@@ -31,7 +31,8 @@ class Mean(NamedTuple):
     @classmethod
     def of(cls, values: Values) -> Mean:
         known = values[~np.isnan(values)]
-        return cls(known.mean(), known.std(ddof=1) / np.sqrt(len(known)) if len(known) > 1 else np.nan, len(known)) if len(known) else cls()
+        return cls(known.mean(), known.std(ddof=1) / np.sqrt(len(known)) if len(known) > 1
+                   else np.nan, len(known)) if len(known) else cls()
 
 
 class Means(dict[str, Mean]):
@@ -42,7 +43,8 @@ class Means(dict[str, Mean]):
 
 
 def means_of(told: dict[str, Any]) -> Means:
-    return Means({name: Mean(*(np.nan if m[key] is None else m[key] for key in ("mean", "se")), m["maps"]) for name, m in told.items()})
+    return Means({name: Mean(*(np.nan if m[key] is None else m[key] for key in ("mean", "se")),
+                             m["maps"]) for name, m in told.items()})
 
 
 class Count(NamedTuple):
@@ -70,7 +72,8 @@ class Count(NamedTuple):
 
 @dataclass
 class Scores:
-    """One model on the records of a run: the JSON of `evaluate`, and columns [n] of its table of records."""
+    """One model on the records of a run: the JSON of `evaluate`, and columns [n] of its table of
+    records."""
 
     told: dict[str, Any]
     index: NDArray[np.int64]
@@ -106,17 +109,21 @@ class Judged(NamedTuple):
     said: str  # about another room
 
     def span(self, wall: float, far_m: float) -> tuple[float, float]:
-        """Depths of the maps with a margin: one scale for all. wall: the background's farthest depth."""
+        """Depths of the maps with a margin: one scale for all. wall: the background's farthest
+        depth."""
         body = float(self.told["foreground_depth_m"])
         near = max(0.0, float(np.floor(2 * (body - 1)) / 2))
-        return near, float(np.clip(np.ceil(2 * max(body + 1, wall)) / 2, near + 1, max(near + 1, far_m)))
+        return near, float(np.clip(np.ceil(2 * max(body + 1, wall)) / 2, near + 1,
+                                   max(near + 1, far_m)))
 
 
 def evaluated(models: Sequence[str], run: str, room: Sequence[str]) -> Judged:
-    """Models judged together, on the records with every sensor that one of them asks for; room: [] or ["--empty", RUN]."""
+    """Models judged together, on the records with every sensor that one of them asks for; room: []
+    or ["--empty", RUN]."""
     with tempfile.TemporaryDirectory(prefix="echofuse-report-") as folder:
         out = pathlib.Path(folder) / "records.csv"
-        done = call("echofuse-recon", "-q", "evaluate", *models, run, *room, "--json", "--per-record", out, ok=(0, 5))
+        done = call("echofuse-recon", "-q", "evaluate", *models, run, *room, "--json",
+                    "--per-record", out, ok=(0, 5))
         told = json.loads(done.stdout)
         with open(out, newline="", encoding="utf-8") as file:
             lines = list(csv.DictReader(file))
@@ -124,9 +131,11 @@ def evaluated(models: Sequence[str], run: str, room: Sequence[str]) -> Judged:
     for row in told.get("rows", [told]):
         some = lines[first:first + row["records"]]
         first += len(some)
-        scores.append(Scores(row, np.array([line["record"] for line in some], np.int64), [line["label"] for line in some],
+        scores.append(Scores(row, np.array([line["record"] for line in some], np.int64),
+                             [line["label"] for line in some],
                              [line["out_of_distribution"] for line in some],
-                             {name: np.array([line[name] or "nan" for line in some], float) for name in lines[0] if name not in words}))
+                             {name: np.array([line[name] or "nan" for line in some], float)
+                              for name in lines[0] if name not in words}))
     return Judged(scores, told, " ".join(done.stderr.split("\n")).strip())
 
 
@@ -140,13 +149,15 @@ class Mode:
     tensors: dict[str, NDArray[Any]]  # tensors of the first file
     takes: str  # "SPD + 8 antennas", "SPD alone"; "no sensor" of a constant map
     scores: list[Scores] = field(default_factory=list)
-    differences: dict[str, dict[str, float]] = field(default_factory=dict)  # to the report's first, by metric
+    # to the report's first, by metric
+    differences: dict[str, dict[str, float]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.short = self.name.rpartition("/")[2]
         self.inputs = str(self.facts[0]["0/inputs"])
         self.both = self.inputs.startswith("fused")
-        self.papers = self.facts[0]["0/model"] == "mlp" and self.tensors["0/training/hidden"].tolist() == [512, 256]
+        self.papers = (self.facts[0]["0/model"] == "mlp"
+                       and self.tensors["0/training/hidden"].tolist() == [512, 256])
 
     @property
     def first(self) -> Scores:
@@ -160,9 +171,11 @@ class Mode:
 
     @property
     def means(self) -> Means:
-        """As evaluated; of several trainings mean and standard error over these: the spread is the honest error."""
+        """As evaluated; of several trainings mean and standard error over these: the spread is the
+        honest error."""
         all_means = [means_of(s.told["metrics"]) for s in self.scores]
-        return all_means[0] if len(all_means) == 1 else Means({m: Mean.of(np.array([one[m].mean for one in all_means])) for m in all_means[0]})
+        return all_means[0] if len(all_means) == 1 else Means(
+            {m: Mean.of(np.array([one[m].mean for one in all_means])) for m in all_means[0]})
 
 
 def takes_of(facts: dict[str, Any]) -> str:
@@ -173,12 +186,13 @@ def takes_of(facts: dict[str, Any]) -> str:
     if not facts["0/takes_antennas"]:
         return "SPD + radar profile"
     # A row without gaps tells the number of antennas.
-    return f"SPD + {facts['0/axes/array/scale'] + 1:.0f} antennas" if facts["0/axes/array/quantity"] == "lags" else "SPD + antennas"
+    return (f"SPD + {facts['0/axes/array/scale'] + 1:.0f} antennas"
+            if facts["0/axes/array/quantity"] == "lags" else "SPD + antennas")
 
 
 def modes_of(models: Sequence[str], compared: bool) -> list[Mode]:
-    """FILE or NAME=FILE each: a seed of the mode of that name, or a mode behind the last of equal inputs. Compared models
-    stay as they are given."""
+    """FILE or NAME=FILE each: a seed of the mode of that name, or a mode behind the last of equal
+    inputs. Compared models stay as they are given."""
     modes: list[Mode] = []
     for given in models:
         name, equals, path = given.partition("=")
@@ -192,9 +206,12 @@ def modes_of(models: Sequence[str], compared: bool) -> list[Mode]:
         known = next((mode for mode in modes if mode.name == name and not compared), None)
         if known is None:
             like = [k for k, mode in enumerate(modes, 1) if compared or mode.takes == takes]
-            modes.insert(like[-1] if like else len(modes), Mode(name, [path], [facts], tensors, takes))
+            modes.insert(like[-1] if like else len(modes),
+                         Mode(name, [path], [facts], tensors, takes))
         elif known.takes != takes:
-            raise ReportError(f"{path}: takes {takes}, and {known.files[0]} of the same name {known.takes}; expected --model NAME={path}")
+            raise ReportError(
+                f"{path}: takes {takes}, and {known.files[0]} of the same name {known.takes}; "
+                f"expected --model NAME={path}")
         else:
             known.files.append(path), known.facts.append(facts)
     return modes

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""A run as it was recorded, whatever a model makes of it: what was there when, and what was lost."""
+"""A run as it was recorded, whatever a model makes of it: what was there when, and what was
+lost."""
 from __future__ import annotations
 
 import json
@@ -34,7 +35,8 @@ class Story:
         seconds = (self.run.time - self.run.time[:1]) / np.timedelta64(1, "s")
         whole = seconds[-1] if len(seconds) else 0
         self.unit, by = ("h", 3600) if whole > 7200 else ("min", 60) if whole > 180 else ("s", 1)
-        self.at, self.end = seconds / by, (whole + self.told["length_s"][-1]) / by if len(seconds) else 1
+        self.at, self.end = seconds / by, (
+            whole + self.told["length_s"][-1]) / by if len(seconds) else 1
 
     @property
     def verdict(self) -> str:
@@ -43,14 +45,20 @@ class Story:
         out = f"{self.info['status']}: {n} record{'' if n == 1 else 's'}"
         if n == 0:
             return out
-        out += ", all with all three sensors" if whole == n else f", of which {whole} have all three sensors"
-        out += f"; {self.info['incomplete']} lack a sensor that the run requires" if self.info["incomplete"] else ""
-        doubts = {s: sorted((-count, kind) for kind, count in self.info["verdicts"][s].items() if kind not in ("ok", "not configured", ""))
+        out += (", all with all three sensors" if whole == n
+                else f", of which {whole} have all three sensors")
+        out += (f"; {self.info['incomplete']} lack a sensor that the run requires"
+                if self.info["incomplete"] else "")
+        doubts = {s: sorted((-count, kind) for kind, count in self.info["verdicts"][s].items()
+                            if kind not in ("ok", "not configured", ""))
                   for s in SENSORS}
         if any(doubts.values()):
-            bad = [[text.partition(":")[0] in [kind for _, kind in doubts[s]] for text in self.told[f"verdict_{s}"]] for s in SENSORS]
+            bad = [[text.partition(":")[0] in [kind for _, kind in doubts[s]]
+                    for text in self.told[f"verdict_{s}"]] for s in SENSORS]
             out += f"; {np.any(bad, 0).sum()} of {n} doubtful: " + "; ".join(
-                f"{SENSORS[s].removeprefix('depth ')} " + ", ".join(f"{kind} {-count}" for count, kind in kinds) for s, kinds in doubts.items() if kinds)
+                f"{SENSORS[s].removeprefix('depth ')} "
+                + ", ".join(f"{kind} {-count}" for count, kind in kinds)
+                for s, kinds in doubts.items() if kinds)
         return out + "."
 
     def gaps(self, sensor: str) -> list[list[float]]:
@@ -58,11 +66,13 @@ class Story:
         lacks = np.concatenate([[False], ~self.run.valid[sensor], [False]]).astype(int)
         times, steps = np.append(self.at, self.end), np.diff(lacks)
         found = np.column_stack([times[steps > 0], times[steps < 0]])
-        return sorted(found[np.argsort(found[:, 0] - found[:, 1], kind="stable")][:MOST_POINTS].tolist())
+        return sorted(found[np.argsort(found[:, 0] - found[:, 1],
+                                       kind="stable")][:MOST_POINTS].tolist())
 
     @property
     def gone(self) -> list[str]:
-        """Sensors that are missing for good, or in many records: a sentence each. One that never was is not of this run."""
+        """Sensors that are missing for good, or in many records: a sentence each. One that never
+        was is not of this run."""
         out, by_time, n = [], {}, self.info["records"]
         for sensor, name in SENSORS.items():
             if (lacking := n - self.info["valid"][sensor]) in (0, n):
@@ -72,40 +82,51 @@ class Story:
                 by_time.setdefault(f"{begin:.4g} {self.unit}", []).append(name)
             elif lacking * 20 > n:
                 out.append(f"{lacking} of {n} records lack the {name}.")
-        return out + [f"no data of {', '.join(names)} from {time} to the end." for time, names in sorted(by_time.items())]
+        return out + [f"no data of {', '.join(names)} from {time} to the end."
+                      for time, names in sorted(by_time.items())]
 
     def curve(self, values: Values, gather: Callable[..., Any] = np.mean) -> list[float | None]:
-        """Neighbours as one point, so that no curve has more than can be seen; None without any, or a sum of 0."""
+        """Neighbours as one point, so that no curve has more than can be seen; None without any, or
+        a sum of 0."""
         step = len(values) // MOST_POINTS + 1
-        parts = (part[~np.isnan(part)] for part in (values[i:i + step] for i in range(0, len(values), step)))
+        parts = (part[~np.isnan(part)] for part in (values[i:i + step]
+                                                    for i in range(0, len(values), step)))
         return [short(gather(part)) if len(part) or gather is np.sum else None for part in parts]
 
     def strips(self) -> Block:
-        """Arrays for the strips of the live page (recon/page/charts.js), and where a sensor is missing."""
+        """Arrays for the strips of the live page (recon/page/charts.js), and where a sensor is
+        missing."""
         arrays = {"first": self.curve(self.at)}
         for s, valid in self.run.valid.items():
-            arrays |= {f"{name}_{s}": self.curve(np.where(valid, self.told[f"{name}_{s}"], np.nan)) for name in ("used", "residual_s")}
+            arrays |= {f"{name}_{s}": self.curve(np.where(valid, self.told[f"{name}_{s}"], np.nan))
+                       for name in ("used", "residual_s")}
             arrays[f"lost_{s}"] = self.curve(self.told[f"lost_{s}"], np.sum)
         gaps = {s: [[short(begin), short(end)] for begin, end in self.gaps(s)] for s in SENSORS}
-        return {"kind": "strips", "unit": self.unit, "end": short(self.end), "arrays": arrays, "gaps": gaps, "window_s": self.info["window_s"]}
+        return {"kind": "strips", "unit": self.unit, "end": short(self.end), "arrays": arrays,
+                "gaps": gaps, "window_s": self.info["window_s"]}
 
     def waterfalls(self) -> list[Block]:
-        """Counts and power over the run, as the live page shows them: clicks as their logarithm, the radar in dB over its
-        median; a column some records, of bins from the nearest on. 8 bits, 254: `most`, 255: no data."""
+        """Counts and power over the run, as the live page shows them: clicks as their logarithm,
+        the radar in dB over its median; a column some records, of bins from the nearest on. 8 bits,
+        254: `most`, 255: no data."""
         def over_median(values: NDArray[np.float64]) -> NDArray[np.float64]:
             return np.maximum(values - np.sort(values, 1)[:, [values.shape[1] // 2]], 0)
 
         seen, step = self.run.rows(0, len(self.run)), len(self.run) // MOST_POINTS + 1
         seen.valid["depth"][:] = False  # not shown here
-        axes = {sensor: self.run.axes[sensor] for sensor in ("spd", "radar") if sensor in self.run.axes}
-        sums = {sensor: np.zeros(((len(seen) - 1) // step + 1, axis.count)) for sensor, axis in axes.items()}
+        axes = {sensor: self.run.axes[sensor]
+                for sensor in ("spd", "radar") if sensor in self.run.axes}
+        sums = {sensor: np.zeros(((len(seen) - 1) // step + 1, axis.count))
+                for sensor, axis in axes.items()}
         records = {sensor: np.zeros((len(table), 1)) for sensor, table in sums.items()}
         for first, part, faults in in_blocks(seen):
-            self.unreadable += [f"record {part.index[row]}: {fault}" for row, fault in faults.items()]
+            self.unreadable += [f"record {part.index[row]}: {fault}"
+                                for row, fault in faults.items()]
             for sensor in axes:
                 valid = part.valid[sensor]
                 if valid.any():
-                    values = np.log1p(part.spd[valid]) if sensor == "spd" else over_median(decibels(np.nan_to_num(part.radar[valid])))
+                    values = np.log1p(part.spd[valid]) if sensor == "spd" else over_median(
+                        decibels(np.nan_to_num(part.radar[valid])))
                     columns = (first + np.flatnonzero(valid)) // step
                     np.add.at(sums[sensor], columns, values)
                     np.add.at(records[sensor], columns, 1)
@@ -113,12 +134,17 @@ class Story:
         for sensor, axis in axes.items():
             if not records[sensor].any():
                 continue
-            means = np.divide(sums[sensor], records[sensor], out=np.full_like(sums[sensor], np.nan), where=records[sensor] > 0)
-            most, unit_m = max(float(np.nanmax(means)), 1), 1 / runs.PS_PER_M if sensor == "spd" else 1
+            means = np.divide(sums[sensor], records[sensor], out=np.full_like(sums[sensor], np.nan),
+                              where=records[sensor] > 0)
+            most, unit_m = max(float(np.nanmax(means)),
+                               1), 1 / runs.PS_PER_M if sensor == "spd" else 1
             image = np.nan_to_num(254 * means / most, nan=255)
-            out.append({"sensor": sensor, "values": packed(image, 1, "u1"), "columns": len(image), "bins": axis.count, "most": short(most),
-                        "start_m": axis.start * unit_m, "end_m": (axis.start + axis.count * axis.step) * unit_m})
-        return [{"kind": "waterfalls", "unit": self.unit, "end": short(self.end), "tables": out}] if out else []
+            out.append({"sensor": sensor, "values": packed(image, 1, "u1"), "columns": len(image),
+                        "bins": axis.count, "most": short(most),
+                        "start_m": axis.start * unit_m,
+                        "end_m": (axis.start + axis.count * axis.step) * unit_m})
+        return [{"kind": "waterfalls", "unit": self.unit, "end": short(self.end),
+                 "tables": out}] if out else []
 
     def typical(self) -> list[int]:
         """The index of the record in the middle of those with the most sensors."""
@@ -130,15 +156,25 @@ class Story:
         """Tables and strips over the run; `between`: blocks after the verdict."""
         rows = []
         for s, name in SENSORS.items():
-            why = "; ".join(f"{count} {kind}" for kind, count in sorted(self.info["verdicts"][s].items()) if kind != "ok")
+            why = "; ".join(f"{count} {kind}"
+                            for kind, count in sorted(self.info["verdicts"][s].items())
+                            if kind != "ok")
             there, lost = self.info["valid"][s], self.info["lost"][s]
-            rows.append([name, str(there), str(self.info["records"] - there), f"{lost} {'tags' if s == 'spd' else 'frames'}", why or NONE])
+            rows.append([name, str(there), str(self.info["records"] - there),
+                         f"{lost} {'tags' if s == 'spd' else 'frames'}", why or NONE])
         why = {"text": "why a record is without", "words": True}
         out = [paragraph(f"{self.path}: {self.verdict}"), *between,
-               table("", ["sensor", "records with it", "records without", "lost in records", why], rows)]
+               table("", ["sensor", "records with it", "records without", "lost in records", why],
+                     rows)]
         out += [self.strips(), *self.waterfalls(), *pictures] if len(self.run) else []
-        out += [paragraph(f"{len(self.unreadable)} record{'s' * (len(self.unreadable) > 1)} cannot be read: {'; '.join(self.unreadable[:10])}.")] if self.unreadable else []
-        labels = [[label or "(none)", str(count)] for label, count in sorted(self.info["labels"].items())]
-        out += [details("Labels", table("", ["label", "records"], labels))] if len(labels) > 1 else []
-        events, heads = self.run.events(), ["UTC", "level", {"text": "source", "words": True}, {"text": "what", "words": True}]
-        return out + ([details(f"Events ({len(events)})", table("", heads, events[:200]))] if events else [])
+        out += [paragraph(
+            f"{len(self.unreadable)} record{'s' * (len(self.unreadable) > 1)} cannot be read: "
+            f"{'; '.join(self.unreadable[:10])}.")] if self.unreadable else []
+        labels = [[label or "(none)", str(count)]
+                  for label, count in sorted(self.info["labels"].items())]
+        out += [details("Labels", table("", ["label", "records"],
+                                        labels))] if len(labels) > 1 else []
+        events, heads = self.run.events(), ["UTC", "level", {"text": "source", "words": True},
+                                            {"text": "what", "words": True}]
+        return out + ([details(f"Events ({len(events)})", table("", heads, events[:200]))] if events
+                      else [])

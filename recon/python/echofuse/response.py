@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""A run is brought to the radar's response of the model's training, as recon/data/response.cpp does it."""
+"""A run is brought to the radar's response of the model's training, as recon/data/response.cpp does
+it."""
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -9,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 TAPS_A_CELL = 4  # acquire/measurement/response.hpp
-REACH_CELLS, MOST_REACH, PARTS, NOISE_TO_SIGNAL, MUCH_NARROWER = 3, 48, 8, 1e-3, .75  # recon/data/response.cpp
+# recon/data/response.cpp
+REACH_CELLS, MOST_REACH, PARTS, NOISE_TO_SIGNAL, MUCH_NARROWER = 3, 48, 8, 1e-3, .75
 
 
 @dataclass(frozen=True)
@@ -24,26 +26,31 @@ class Response:
         t = place - whole
         root = np.sqrt(np.array([*self.taps, 0, 0]))
         a, b, c, d = (root[np.minimum(abs(whole + k), len(self.taps))] for k in (-1, 0, 1, 2))
-        amplitude = b + t / 2 * (c - a + t * (2 * a - 5 * b + 4 * c - d + t * (3 * (b - c) + d - a)))
+        amplitude = b + t / 2 * (c - a + t * (2 * a - 5 * b + 4 * c - d + t
+                                              * (3 * (b - c) + d - a)))
         return np.asarray(np.where(place < len(self.taps), amplitude, 0) ** 2, float)
 
     def width_m(self) -> float:
         """The full width at half of the peak."""
         step_m = self.cell_m / TAPS_A_CELL / 64
-        return float(2 * step_m * np.argmax(self.power(step_m * np.arange(64 * (len(self.taps) + 1))) <= .5))
+        return float(2 * step_m
+                     * np.argmax(self.power(step_m * np.arange(64 * (len(self.taps) + 1))) <= .5))
 
 
 def stated_in(meta: Mapping[str, str]) -> Response | None:
     """As a run's metadata have it; None if they do not, or not as numbers."""
     try:
-        return Response(float(meta["radar_cell_m"]), tuple(map(float, meta["radar_taps"].split(" +- ")[0].split())))
+        return Response(float(meta["radar_cell_m"]),
+                        tuple(map(float, meta["radar_taps"].split(" +- ")[0].split())))
     except (KeyError, ValueError):
         return None
 
 
 def filter_between(own: Response, wanted: Response, step_m: float) -> NDArray[np.float64]:
-    """Weights of 2 reach + 1 points that make of one response the other, as far as noise lets them."""
-    reach = int(np.clip(np.ceil(REACH_CELLS * max(own.cell_m, wanted.cell_m) / step_m), 1, MOST_REACH))
+    """Weights of 2 reach + 1 points that make of one response the other, as far as noise lets
+    them."""
+    reach = int(np.clip(np.ceil(REACH_CELLS * max(own.cell_m, wanted.cell_m) / step_m), 1,
+                        MOST_REACH))
     at_m = np.arange(-2 * PARTS * reach, 2 * PARTS * reach + 1) / PARTS * step_m
     responses = own.power(at_m[:, None] - np.arange(-reach, reach + 1) * step_m)
     square = responses.T @ responses / PARTS + NOISE_TO_SIGNAL * np.eye(2 * reach + 1)
@@ -51,7 +58,8 @@ def filter_between(own: Response, wanted: Response, step_m: float) -> NDArray[np
 
 
 def filtered(table: NDArray[np.float32], weights: NDArray[np.float64]) -> NDArray[np.float32]:
-    """[n, points, ...] along the points. A row that is the same throughout, of a dead sensor, stays."""
+    """[n, points, ...] along the points. A row that is the same throughout, of a dead sensor,
+    stays."""
     reach, points = len(weights) // 2, table.shape[1]
     if points == 0:
         return table

@@ -42,10 +42,12 @@ class Axis:
         return self.start + self.step * np.arange(self.count)
 
     def is_near(self, wanted: dict[str, Any]) -> bool:
-        """Whether this axis lies nowhere farther than a bin from the wanted one; it may have more bins."""
+        """Whether this axis lies nowhere farther than a bin from the wanted one; it may have more
+        bins."""
         start = self.start - wanted["start"]
         end = start + (self.step - wanted["step"]) * wanted["count"]
-        return bool(self.quantity == wanted["quantity"] and self.scale == wanted["scale"] and self.count >= wanted["count"]
+        return bool(self.quantity == wanted["quantity"] and self.scale == wanted["scale"]
+                    and self.count >= wanted["count"]
                     and max(abs(start), abs(end)) <= abs(wanted["step"]))
 
     def resampled(self, table: NDArray[np.float32], wanted: dict[str, Any]) -> NDArray[np.float32]:
@@ -55,10 +57,12 @@ class Axis:
         end = start + (self.step - wanted["step"]) * count
         if max(abs(start), abs(end)) <= 1e-3 * abs(wanted["step"]):
             return table[:, :count]
-        place = ((wanted["start"] - self.start + wanted["step"] * np.arange(count)) / self.step).clip(0, self.count - 1)
+        place = ((wanted["start"] - self.start + wanted["step"] * np.arange(count))
+                 / self.step).clip(0, self.count - 1)
         first = place.astype(int)
         part = (place - first).astype(np.float32).reshape(-1, *[1] * (table.ndim - 2))
-        return np.asarray((1 - part) * table[:, first] + part * table[:, np.minimum(first + 1, self.count - 1)])
+        return np.asarray((1 - part) * table[:, first] + part
+                          * table[:, np.minimum(first + 1, self.count - 1)])
 
 
 @dataclass(frozen=True)
@@ -97,13 +101,14 @@ class Record:
         return np.where(image > 0, image / np.float32(1000), np.float32(np.nan))
 
     def __repr__(self) -> str:
-        valid = ", ".join(name for name, mask in self.run.valid.items() if mask[self.row]) or "no sensor"
+        valid = ", ".join(name for name, mask in self.run.valid.items()
+                          if mask[self.row]) or "no sensor"
         return f"<record {self.index} of {self.run.path.name}: {valid}; {self.label or 'no label'}>"
 
 
 def open(path: str | pathlib.Path) -> "Run":  # noqa: A001 (the name that is wanted)
-    """The run of this file, or of the name that `echofuse-acquire run --out` got. Raises FileNotFoundError, or ValueError
-    for a file that is no run."""
+    """The run of this file, or of the name that `echofuse-acquire run --out` got. Raises
+    FileNotFoundError, or ValueError for a file that is no run."""
     found = pathlib.Path(path)
     if not found.is_file() and found.suffix != ".sqlite":
         found = pathlib.Path(f"{found}.sqlite")
@@ -115,8 +120,8 @@ def open(path: str | pathlib.Path) -> "Run":  # noqa: A001 (the name that is wan
 
 
 class Run:
-    """Values as recorded, a row a record. Of a sensor that a record lacks the row is 0 (counts) or NaN; `valid`
-    tells. The records are those of the moment of opening or of the last refresh()."""
+    """Values as recorded, a row a record. Of a sensor that a record lacks the row is 0 (counts) or
+    NaN; `valid` tells. The records are those of the moment of opening or of the last refresh()."""
 
     def __init__(self, path: pathlib.Path) -> None:
         self.path = path
@@ -139,9 +144,11 @@ class Run:
     def __getitem__(self, row: slice) -> list[Record]: ...
 
     def __getitem__(self, row: int | slice) -> Record | list[Record]:
-        """run[3], run[-1]: a record; run[10:20]: a list of them. Rows count from 0, whatever the records' indices."""
+        """run[3], run[-1]: a record; run[10:20]: a list of them. Rows count from 0, whatever the
+        records' indices."""
         found = range(len(self))[row]
-        return Record(self, found) if isinstance(found, int) else [Record(self, one) for one in found]
+        return Record(self, found) if isinstance(found, int) else [Record(self, one)
+                                                                   for one in found]
 
     def refresh(self) -> "Run":
         """Takes the records that came since; of use while the run is recorded."""
@@ -150,11 +157,12 @@ class Run:
         return self
 
     def rows(self, first: int, last: int) -> "Run":
-        """The records of rows first to last - 1 as a run, to go through a long one in blocks; axes, tables and events stay
-        those of the whole."""
+        """The records of rows first to last - 1 as a run, to go through a long one in blocks; axes,
+        tables and events stay those of the whole."""
         part = copy.copy(self)
         part._forget()
-        part.index, part.labels, part.time = self.index[first:last], self.labels[first:last], self.time[first:last]
+        part.index, part.labels, part.time = (self.index[first:last], self.labels[first:last],
+                                              self.time[first:last])
         part.valid = {name: mask[first:last].copy() for name, mask in self.valid.items()}
         return part
 
@@ -163,8 +171,9 @@ class Run:
             self.__dict__.pop(name, None)
 
     def follow(self, *, pause_s: float = 0.2) -> Iterator[int]:
-        """The rows of the records, those that are there and then each one that comes, until the run is closed. The arrays
-        hold the row when it is given: for row in run.follow(): run.spd[row]."""
+        """The rows of the records, those that are there and then each one that comes, until the run
+        is closed. The arrays hold the row when it is given: for row in run.follow():
+        run.spd[row]."""
         row = 0
         while True:
             ended = self.refresh().info["status"] != "open"
@@ -177,18 +186,24 @@ class Run:
     def _read(self) -> None:
         with closing(connect(self.path)) as db:
             self.axes: dict[str, Axis] = {row[0]: Axis(*row) for row in db.execute(
-                "SELECT name, quantity, unit, CAST(count AS INTEGER), CAST(start AS REAL), CAST(step AS REAL),"
+                "SELECT name, quantity, unit, CAST(count AS INTEGER), CAST(start AS REAL), "
+                "CAST(step AS REAL),"
                 " CAST(scale AS REAL) FROM axis")}
             for name, axis in self.axes.items():
-                if not 0 <= axis.count <= MOST_POINTS or not abs(axis.start) < 1e15 or not 1e-15 < abs(axis.step) < 1e15:
-                    raise ValueError(f"{self.path}: axis {name}: {axis.count} points from {axis.start:g} by {axis.step:g}; "
+                if (not 0 <= axis.count <= MOST_POINTS or not abs(axis.start) < 1e15
+                    or not 1e-15 < abs(axis.step) < 1e15):
+                    raise ValueError(
+                        f"{self.path}: axis {name}: {axis.count} points from {axis.start:g} by "
+                        f"{axis.step:g}; "
                                      f"expected those of a measurement, at most {MOST_POINTS}")
             cursor = db.execute("SELECT * FROM run")
-            self.info: dict[str, Any] = dict(zip((column[0] for column in cursor.description), cursor.fetchone()))
+            self.info: dict[str, Any] = dict(zip((column[0] for column in cursor.description),
+                                                 cursor.fetchone()))
             #: what a run says of itself beside its settings
             self.meta: dict[str, str] = self._meta_of(self.info.pop("meta"))
             #: by how much the ranges of a sensor are too long, as its calibration says
-            self.offset_m: dict[str, float] = dict(db.execute("SELECT sensor, offset_m FROM calibration"))
+            self.offset_m: dict[str, float] = dict(
+                db.execute("SELECT sensor, offset_m FROM calibration"))
             #: x, y (half wavelengths), gain, phase (rad) of the radar's virtual antennas
             self.antennas: list[tuple[float, ...]] = db.execute(
                 "SELECT x, y, gain, phase_rad FROM antenna ORDER BY rowid").fetchall()
@@ -199,7 +214,8 @@ class Run:
         #: the start of each record's slot, UTC
         self.time: NDArray[np.datetime64] = np.array(utc, "datetime64[ns]")
         mask = np.array(bits, np.int64)
-        self.valid: dict[str, NDArray[np.bool_]] = {name: (mask & bit) != 0 for name, bit in SENSORS.items()}
+        self.valid: dict[str, NDArray[np.bool_]] = {name: (mask & bit) != 0
+                                                    for name, bit in SENSORS.items()}
 
     def _meta_of(self, text: Any) -> dict[str, str]:
         try:
@@ -236,12 +252,14 @@ class Run:
         return self.select("SELECT utc, level, source, text FROM event ORDER BY id")
 
     def told(self) -> dict[str, NDArray[Any]]:
-        """Columns [n] of the records: length_s, and of each sensor used_spd, lost_spd, verdict_spd, residual_s_spd (of its clock)."""
+        """Columns [n] of the records: length_s, and of each sensor used_spd, lost_spd, verdict_spd,
+        residual_s_spd (of its clock)."""
         columns = {"length_s": "(slot_end_ns - slot_start_ns) * 1e-9"} | {
             f"{name}_{s}": f"{s}_{name}" for s in SENSORS for name in ("used", "lost", "verdict")}
         columns |= {f"residual_s_{s}": f"{s}_clock_residual_s" for s in SENSORS}
         rows = self.of_records(', '.join(columns.values()))
-        return {name: np.array([row[k] for row in rows], object if "verdict" in name else float) for k, name in enumerate(columns)}
+        return {name: np.array([row[k] for row in rows], object if "verdict" in name else float)
+                for k, name in enumerate(columns)}
 
     def __len__(self) -> int:
         return len(self.index)
@@ -251,11 +269,16 @@ class Run:
 
     def _repr_html_(self) -> str:
         """For notebooks: what the run holds, a line a sensor."""
-        cells = "".join(f"<tr><td>{name}</td><td>{mask.sum()} of {len(self)}</td><td>{axis.count} x {axis.step:.4g} "
-                        f"{html.escape(axis.unit)} from {axis.start:.4g}</td></tr>" for name, mask in self.valid.items()
+        cells = "".join(
+            f"<tr><td>{name}</td><td>{mask.sum()} of {len(self)}</td><td>{axis.count} x "
+            f"{axis.step:.4g} "
+                        f"{html.escape(axis.unit)} from {axis.start:.4g}</td></tr>"
+            for name, mask in self.valid.items()
                         if (axis := self.axes.get("depth_x" if name == "depth" else name)))
-        title = html.escape(f"{self.path.name}: {len(self)} records of {self.info['window_s']:g} s, {self.info['status']}")
-        return f"<b>{title}</b><table><tr><th>sensor</th><th>valid</th><th>axis</th></tr>{cells}</table>"
+        title = html.escape(
+            f"{self.path.name}: {len(self)} records of {self.info['window_s']:g} s, "
+            f"{self.info['status']}")
+        return (f"<b>{title}</b><table><tr><th>sensor</th><th>valid</th><th>axis</th></tr>{cells}</table>")
 
     @cached_property
     def spd(self) -> NDArray[np.uint32]:
@@ -267,17 +290,22 @@ class Run:
         """Linear power [n, bins], in an arbitrary unit."""
         table = self.stored_radar()
         axis = self.axes.get("radar")
-        if axis is not None and axis.quantity == "log2_q8":  # TI's codes (drivers/core/log2_codes.hpp)
+        # TI's codes (drivers/core/log2_codes.hpp)
+        if axis is not None and axis.quantity == "log2_q8":
             antennas = max(1, int(axis.scale))
-            table = np.exp2(table.astype(np.float64) * (2 / 256 * (1 << (antennas - 1).bit_length()) / antennas))
+            table = np.exp2(table.astype(np.float64)
+                            * (2 / 256 * (1 << (antennas - 1).bit_length()) / antennas))
         return read_only(table.astype(np.float32))
 
     @cached_property
     def depth(self) -> NDArray[np.float32]:
         """z in metres [n, rows, columns] of the camera's image; NaN where nothing came back."""
-        size = tuple(self.axes[name].count if name in self.axes else 0 for name in ("depth_y", "depth_x"))
+        size = tuple(self.axes[name].count if name in self.axes else 0
+                     for name in ("depth_y", "depth_x"))
         if size[0] * size[1] > MOST_PIXELS:
-            raise ValueError(f"{self.path}: depth has {size[0] * size[1]} pixels; expected at most {MOST_PIXELS}")
+            raise ValueError(
+                f"{self.path}: depth has {size[0] * size[1]} pixels; expected at most "
+                f"{MOST_PIXELS}")
         out = np.full((len(self), *size), np.nan, np.float32)
         for row, blob in self._blobs("depth"):
             image = inflated(blob, (size[0], size[1]))
@@ -285,14 +313,18 @@ class Run:
         return read_only(out)
 
     def depth_mm(self, row: int) -> NDArray[np.uint16]:
-        """The camera's image of one record as recorded [rows, columns], millimetres, 0: no return."""
-        size = tuple(self.axes[name].count if name in self.axes else 0 for name in ("depth_y", "depth_x"))
-        blob = self.select("SELECT CAST(depth AS BLOB) FROM record WHERE idx = ? AND valid & 4", int(self.index[row]))
-        return inflated(blob[0][0] or b"", (size[0], size[1])) if blob else np.zeros(size, np.uint16)
+        """The camera's image of one record as recorded [rows, columns], millimetres, 0: no
+        return."""
+        size = tuple(self.axes[name].count if name in self.axes else 0
+                     for name in ("depth_y", "depth_x"))
+        blob = self.select("SELECT CAST(depth AS BLOB) FROM record WHERE idx = ? AND valid & 4",
+                           int(self.index[row]))
+        return inflated(blob[0][0] or b"", (size[0],
+                                            size[1])) if blob else np.zeros(size, np.uint16)
 
     def maps(self, rows: Sequence[int] | None = None) -> NDArray[np.float32]:
-        """The truth [n, N, N] on the grid of the maps as training and judge have it, metres (NaN: no return, no depth), of
-        these rows or all. Images are read one by one."""
+        """The truth [n, N, N] on the grid of the maps as training and judge have it, metres (NaN:
+        no return, no depth), of these rows or all. Images are read one by one."""
         wanted = np.arange(len(self))[slice(None) if rows is None else rows]
         out = np.full((len(wanted), len(self._cells[1]), len(self._cells[0])), np.nan, np.float32)
         for k in np.flatnonzero(self.valid["depth"][wanted]):
@@ -317,20 +349,24 @@ class Run:
         return grid.cells(x, to_x), grid.cells(y, to_y)
 
     def stored_radar(self) -> NDArray[np.float32]:
-        """The profiles [n, points] as recorded: linear power, or TI's codes (axes["radar"].quantity)."""
+        """The profiles [n, points] as recorded: linear power, or TI's codes
+        (axes["radar"].quantity)."""
         return self._table("radar", "<f4", np.nan)
 
-    # Inputs of the method (recon/README.md, "the way of a record"): at true ranges, pile-up corrected.
+    # Inputs of the method (recon/README.md, "the way of a record"): at true ranges, pile-up
+    # corrected.
     def photons(self) -> NDArray[np.float32]:
         """[n, bins]"""
         table = self.spd.astype(np.float32)
         if self.meta.get("detector_dead_time_ps") is not None:
-            table = np.array([self._pile_up(row, clicks) for row, clicks in zip(table, self._clicks())], np.float32)
+            table = np.array([self._pile_up(row, clicks)
+                              for row, clicks in zip(table, self._clicks())], np.float32)
         offset_m = self.offset_m.get("spd", 0)
         return shifted(table, offset_m * PS_PER_M / self.axes["spd"].step) if offset_m else table
 
     def power(self, range_offset_m: float = 0) -> NDArray[np.float32]:
-        """[n, points], linear, of TI's codes less the noise that most points show; 0 where there is no radar"""
+        """[n, points], linear, of TI's codes less the noise that most points show; 0 where there is
+        no radar"""
         if "radar" not in self.axes:
             return np.zeros((len(self), 0), np.float32)
         power = np.nan_to_num(self.radar)
@@ -343,23 +379,28 @@ class Run:
     def power_axis(self) -> Axis | None:
         """Axis of power(), where TI's codes are power."""
         axis = self.axes.get("radar")
-        return replace(axis, quantity="power", scale=1.0) if axis and axis.quantity == "log2_q8" else axis
+        return replace(axis, quantity="power",
+                       scale=1.0) if axis and axis.quantity == "log2_q8" else axis
 
     @cached_property
     def lags_axis(self) -> Axis | None:
-        """Axis of the antennas' spatial lags (recon/data/lags.hpp); None without antennas in a row."""
+        """Axis of the antennas' spatial lags (recon/data/lags.hpp); None without antennas in a
+        row."""
         pairs = self._pairs
         if "array" not in self.axes or not pairs[0]:
             return None
         across, up = (max(lags, default=0) for lags in pairs)
         known = sorted({*pairs[0], *(across + lag for lag in pairs[1])})
-        quantity = "lags" + ("" if len(known) == across + up else "".join(f" {lag}" for lag in known))
+        quantity = "lags" + ("" if len(known) == across + up
+                             else "".join(f" {lag}" for lag in known))
         axis = self.axes["array"]
-        return Axis("array", quantity + (f", {up} up" if up else ""), axis.unit, axis.count, axis.start, axis.step,
+        return Axis("array", quantity + (f", {up} up" if up else ""), axis.unit, axis.count,
+                    axis.start, axis.step,
                     across + up)
 
     def lags(self, range_offset_m: float = 0) -> NDArray[np.float32]:
-        """[n, points, 2 D + 1]: power, then real and imaginary part of the mean correlation at each spacing"""
+        """[n, points, 2 D + 1]: power, then real and imaginary part of the mean correlation at each
+        spacing"""
         axis = self.lags_axis
         if axis is None:
             return np.zeros((len(self), 0, 1), np.float32)
@@ -377,15 +418,18 @@ class Run:
             across = max(self._pairs[0])
             for before, lags in zip((0, across), self._pairs):
                 for lag, pairs in lags.items():
-                    c = np.mean([r[:, m, n] / (response[m] * response[n].conj()) for m, n in pairs], 0)
-                    out[row, :, 2 * (before + lag) - 1], out[row, :, 2 * (before + lag)] = c.real, c.imag
+                    c = np.mean([r[:, m, n] / (response[m] * response[n].conj()) for m, n in pairs],
+                                0)
+                    out[row, :, 2 * (before + lag) - 1], out[row, :, 2
+                                                             * (before + lag)] = c.real, c.imag
         by_m = range_offset_m + self.offset_m.get("radar", 0)
         flat = np.moveaxis(out.astype(np.float32), 2, 1).reshape(-1, axis.count)
         return np.moveaxis(shifted(flat, by_m / axis.step).reshape(len(self), -1, axis.count), 1, 2)
 
     def array_bins(self) -> Iterator[tuple[int, NDArray[Any]]]:
-        """Rows of the records that have samples of the antennas (acquire/measurement/radar_array.hpp), and of each bin its
-        power, and integers in units of it. Raises ValueError."""
+        """Rows of the records that have samples of the antennas
+        (acquire/measurement/radar_array.hpp), and of each bin its power, and integers in units of
+        it. Raises ValueError."""
         axis, blobs = self.axes["array"], dict(self.of_records("idx, array"))
         count = int(axis.scale)
         stored = np.dtype([("power", "<f4"), ("values", "<i2", count * (count + 2) + 2)])
@@ -397,7 +441,8 @@ class Run:
             if len(blob) != (size := axis.count * stored.itemsize):
                 raise ValueError(f"{place} has {len(blob)} bytes, its axis asks for {size}")
             found = np.frombuffer(blob, stored)
-            if bad := np.flatnonzero(~(np.isfinite(found["power"]) & (found["power"] >= 0))).tolist():
+            if bad := np.flatnonzero(~(np.isfinite(found["power"])
+                                       & (found["power"] >= 0))).tolist():
                 raise ValueError(f"{place} bin {bad[0]} has no finite power")
             yield row, found
 
@@ -407,7 +452,8 @@ class Run:
         found: tuple[dict[int, list[tuple[int, int]]], ...] = ({}, {})
         for m, (xm, ym, *_) in enumerate(self.antennas):
             for n, (xn, yn, *_) in enumerate(self.antennas):
-                for lags, along, aside in ((found[0], xm - xn, ym - yn), (found[1], ym - yn, xm - xn)):
+                for lags, along, aside in ((found[0], xm - xn, ym - yn),
+                                           (found[1], ym - yn, xm - xn)):
                     lag = round(along)
                     if 1 <= lag <= 16 and abs(along - lag) <= 0.01 and abs(aside) <= 0.01:
                         lags.setdefault(lag, []).append((m, n))
@@ -416,9 +462,11 @@ class Run:
     def _clicks(self) -> list[tuple[float, float]]:
         """Clicks of each record, and clicks a laser pulse (0: not known)."""
         rows = self.of_records("in_range + out_of_range, starts, clicks_a_pulse")
-        return [(clicks, known or (clicks / starts if clicks < 0.95 * starts else 0.0)) for clicks, starts, known in rows]
+        return [(clicks, known or (clicks / starts if clicks < 0.95 * starts
+                                   else 0.0)) for clicks, starts, known in rows]
 
-    def _pile_up(self, counts: NDArray[np.float32], clicks: tuple[float, float]) -> NDArray[np.float32]:
+    def _pile_up(self, counts: NDArray[np.float32],
+                 clicks: tuple[float, float]) -> NDArray[np.float32]:
         """Coates' correction, of a detector with a dead time (recon/data/pile_up.hpp)."""
         if not clicks[1] > 0:
             return counts
@@ -430,21 +478,27 @@ class Run:
         period = 1e12 * self.info["window_s"] / pulses / width
         whole = 0 if np.isinf(dead) else np.floor(dead / period)
         since = np.arange(len(counts)) + 0.5 - (dead - whole * period)
-        blocked = before[:-1] - np.minimum(np.interp(since, places, before), before[:-1]) + whole * before[-1]
+        blocked = before[:-1] - np.minimum(np.interp(since, places, before),
+                                           before[:-1]) + whole * before[-1]
         if not np.isinf(dead):
             blocked += before[-1] - np.interp(since + period, places, before)
         ready = np.maximum(pulses - blocked, counts + 0.5)
         return np.asarray(-pulses * np.log1p(-counts / ready), np.float32)
 
     def _blobs(self, sensor: str) -> list[tuple[int, bytes]]:
-        blobs = dict(self.of_records(f"idx, CAST(CASE WHEN valid & {SENSORS[sensor]} THEN {sensor} END AS BLOB)"))
-        return [(row, blobs[int(self.index[row])] or b"") for row in np.flatnonzero(self.valid[sensor]).tolist()]
+        blobs = dict(
+            self.of_records(
+                f"idx, CAST(CASE WHEN valid & {SENSORS[sensor]} THEN {sensor} END AS BLOB)"))
+        return [(row, blobs[int(self.index[row])]
+                 or b"") for row in np.flatnonzero(self.valid[sensor]).tolist()]
 
     def _table(self, sensor: str, kind: str, missing: float) -> NDArray[Any]:
         count = self.axes[sensor].count if sensor in self.axes else 0
         out = np.full((len(self), count), missing, kind)
         for row, blob in self._blobs(sensor):
             if len(blob) != (size := count * out.itemsize):
-                raise ValueError(f"{self.path}: record {self.index[row]}: {sensor} has {len(blob)} bytes, its axis asks for {size}")
+                raise ValueError(
+                    f"{self.path}: record {self.index[row]}: {sensor} has {len(blob)} bytes, its "
+                    f"axis asks for {size}")
             out[row] = np.frombuffer(blob, kind)
         return out

@@ -16,10 +16,14 @@ from numpy.typing import NDArray
 
 APPLICATION_ID, FORMAT_VERSION = 0x4543464D, 3
 NULL_INTEGER = -1 << 63
-TABLES = {"run", "axis", "record", "device", "calibration", "antenna", "anchor", "counter", "event", "late"}
+TABLES = {"run", "axis", "record", "device", "calibration", "antenna", "anchor", "counter", "event",
+          "late"}
 STATISTICS = {f"sqlite_stat{n}" for n in range(1, 5)}  # of ANALYZE
-KINDS: dict[str, tuple[str, Any]] = {"INTEGER": ("ifnull(CAST({} AS INTEGER), -9223372036854775807 - 1)", np.int64),
-                                     "REAL": ("CAST({} AS REAL)", float), "TEXT": ("ifnull(CAST({} AS BLOB), x'')", "S")}
+KINDS: dict[str, tuple[str, Any]] = {"INTEGER":
+                                     ("ifnull(CAST({} AS INTEGER), -9223372036854775807 - 1)",
+                                      np.int64),
+                                     "REAL": ("CAST({} AS REAL)", float),
+                                     "TEXT": ("ifnull(CAST({} AS BLOB), x'')", "S")}
 
 
 _lock = threading.Lock()
@@ -28,8 +32,9 @@ _connections: Counter[tuple[int, int]] = Counter()
 
 
 class Connection(sqlite3.Connection):
-    """Connection to a run with a descriptor of the same file. Closing any descriptor of a file ends all locks that SQLite has
-    on it in this process, so the descriptor stays open as long as a connection to that file."""
+    """Connection to a run with a descriptor of the same file. Closing any descriptor of a file ends
+    all locks that SQLite has on it in this process, so the descriptor stays open as long as a
+    connection to that file."""
 
     inode: tuple[int, int] | None = None
 
@@ -66,7 +71,8 @@ def release(inode: tuple[int, int] | None) -> None:
 
 
 def header_is_closed(inode: tuple[int, int] | None) -> bool:
-    """Whether bytes 18 and 19 of a held file are 1, as in every closed run. Such a run is immutable."""
+    """Whether bytes 18 and 19 of a held file are 1, as in every closed run. Such a run is
+    immutable."""
     return inode is not None and os.pread(_descriptors[inode][0], 2, 18) == b"\1\1"
 
 
@@ -80,7 +86,8 @@ def is_closed(path: pathlib.Path) -> bool:
 
 def leftovers(path: pathlib.Path) -> list[pathlib.Path]:
     """Files of SQLite next to a closed run. They are not part of it and are not read."""
-    found = [file for suffix in ("-wal", "-shm", "-journal") if (file := path.with_name(path.name + suffix)).exists()]
+    found = [file for suffix in ("-wal", "-shm", "-journal")
+             if (file := path.with_name(path.name + suffix)).exists()]
     return found if found and is_closed(path) else []
 
 
@@ -95,8 +102,8 @@ def opened(path: pathlib.Path, inode: tuple[int, int], how: str) -> Connection:
 
 
 def connect(path: pathlib.Path) -> sqlite3.Connection:
-    """Opens a run file for reading. Nothing next to a closed run is read or written. Raises ValueError for a file that is no
-    run."""
+    """Opens a run file for reading. Nothing next to a closed run is read or written. Raises
+    ValueError for a file that is no run."""
     for how in ("mode=ro", "mode=ro&immutable=1"):
         inode = hold(path)
         closed = header_is_closed(inode)
@@ -106,12 +113,15 @@ def connect(path: pathlib.Path) -> sqlite3.Connection:
             version = db.execute("PRAGMA user_version").fetchone()[0]
         except sqlite3.DatabaseError as error:
             db.close()
-            if error.sqlite_errorcode & 255 not in (sqlite3.SQLITE_READONLY, sqlite3.SQLITE_CANTOPEN):
+            if error.sqlite_errorcode & 255 not in (sqlite3.SQLITE_READONLY,
+                                                    sqlite3.SQLITE_CANTOPEN):
                 raise ValueError(f"{path}: not a run of echofuse: {error}") from None
             for beside in ("-wal", "-journal"):
                 rest = path.with_name(path.name + beside)
                 if rest.is_file() and rest.stat().st_size:
-                    raise ValueError(f"{path}: was not closed, and its last records are in {rest}; copy both to a folder "
+                    raise ValueError(
+                        f"{path}: was not closed, and its last records are in {rest}; copy both to "
+                        "a folder "
                                      "that can be written") from None
             continue
         if db.is_closed() and not closed:  # its writer closed it meanwhile
@@ -133,25 +143,32 @@ def connect(path: pathlib.Path) -> sqlite3.Connection:
 
 
 def guard(db: sqlite3.Connection, path: pathlib.Path) -> None:
-    """Guards against files of strangers (acquire/README.md, threat model, 1): nothing in them runs by itself, and a statement
-    ends. Raises ValueError."""
-    left = iter(range(200 + path.stat().st_size * 4 // 10_000))  # steps of 10 000 instructions; less than one a byte is needed
+    """Guards against files of strangers (acquire/README.md, threat model, 1): nothing in them runs
+    by itself, and a statement ends. Raises ValueError."""
+    # steps of 10 000 instructions; less than one a byte is needed
+    left = iter(range(200 + path.stat().st_size * 4 // 10_000))
     db.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, min(max(path.stat().st_size, 16 << 20), 128 << 20))
     db.text_factory = lambda text: text.decode("utf-8", "backslashreplace")
     db.set_progress_handler(lambda: next(left, None) is None, 10_000)
     db.execute("PRAGMA trusted_schema = OFF")
-    for kind, name, sql, page in db.execute("SELECT type, name, sql, rootpage FROM sqlite_schema WHERE sql IS NOT NULL"):
-        computed = page == 0 or re.search(r"\bAS\s*\(", sql, re.IGNORECASE)  # a virtual table, or computed columns
+    for kind, name, sql, page in db.execute(
+        "SELECT type, name, sql, rootpage FROM sqlite_schema WHERE sql IS NOT NULL"):
+        # a virtual table, or computed columns
+        computed = page == 0 or re.search(r"\bAS\s*\(", sql, re.IGNORECASE)
         if kind != "table" or name not in TABLES | STATISTICS or computed:
             quoted = name.replace('"', '""')
-            raise ValueError(f'{path}: holds the {kind} "{name}"; expected the tables of a run only; remove it by: '
+            raise ValueError(
+                f'{path}: holds the {kind} "{name}"; expected the tables of a run only; remove it '
+                'by: '
                              f'DROP {kind.upper()} "{quoted}"')
 
 
 def table(path: pathlib.Path, name: str) -> dict[str, NDArray[Any]]:
-    """All columns of a table but blobs: int64 (NULL: NULL_INTEGER), float64 (NULL: NaN) or UTF-8 (kind S)."""
+    """All columns of a table but blobs: int64 (NULL: NULL_INTEGER), float64 (NULL: NaN) or UTF-8
+    (kind S)."""
     with closing(connect(path)) as db:
-        columns = db.execute("SELECT name, type FROM pragma_table_info(?) WHERE type != 'BLOB'", (name,)).fetchall()
+        columns = db.execute("SELECT name, type FROM pragma_table_info(?) WHERE type != 'BLOB'",
+                             (name,)).fetchall()
         if not columns:
             return {}
         reads, kinds = zip(*((read.format(f'"{column}"'), array) for column, kind in columns

@@ -15,8 +15,8 @@ from typing import Any, NoReturn
 
 
 def stop_by_signal() -> list[int]:
-    """SIGINT, SIGTERM and SIGHUP raise KeyboardInterrupt from now on. Returns where their numbers come, because SQLite makes
-    an error of its own of one that its progress handler raises."""
+    """SIGINT, SIGTERM and SIGHUP raise KeyboardInterrupt from now on. Returns where their numbers
+    come, because SQLite makes an error of its own of one that its progress handler raises."""
     stopped: list[int] = []
 
     def stop(number: int, _: Any) -> NoReturn:
@@ -34,7 +34,8 @@ def refuse_existing(place: pathlib.Path) -> None:
 
 
 def locked(lock: pathlib.Path) -> int:
-    """Descriptor of the lock file, made and held: the one that is at this path, and no link. Raises BlockingIOError, OSError."""
+    """Descriptor of the lock file, made and held: the one that is at this path, and no link. Raises
+    BlockingIOError, OSError."""
     while True:
         held = os.open(lock, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o666)
         try:
@@ -60,11 +61,14 @@ def publish(beside: pathlib.Path, place: pathlib.Path) -> None:
 
 @contextlib.contextmanager
 def staged(place: pathlib.Path) -> Iterator[pathlib.Path]:
-    """Yields the path where the file grows: in $TMPDIR, or hidden beside its place. Nobody else makes it meanwhile, and the
-    rest that a process left when it died is made anew. Raises FileExistsError, BlockingIOError, OSError."""
+    """Yields the path where the file grows: in $TMPDIR, or hidden beside its place. Nobody else
+    makes it meanwhile, and the rest that a process left when it died is made anew. Raises
+    FileExistsError, BlockingIOError, OSError."""
     refuse_existing(place)
-    name = f".{place.name}.{socket.gethostname()}-{zlib.crc32(os.fsencode(place.absolute())):08x}.unfinished"
-    grown, beside = pathlib.Path(os.environ.get("TMPDIR") or place.parent) / name, place.parent / name
+    key = zlib.crc32(os.fsencode(place.absolute()))
+    name = f".{place.name}.{socket.gethostname()}-{key:08x}.unfinished"
+    grown, beside = pathlib.Path(os.environ.get("TMPDIR")
+                                 or place.parent) / name, place.parent / name
     lock = grown.with_name(f"{name}.lock")
     try:
         held = locked(lock)

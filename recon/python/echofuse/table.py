@@ -27,14 +27,16 @@ COLUMNS = ("axis", "value", "model", "inputs", "seed", *METRICS, *COSTS)
 
 
 class Table:
-    """Rows of a CSV file, by axis, value, model, inputs and seed. A row that is there is not measured again; each new
-    one is on the disk before the next. `of`: what it is a table of, its first line; another one is refused (BenchError).
-    A part (k, n) is a file beside it, NAME-part-k-of-n.csv; the whole takes the rows of all parts that are there. Files
-    one behind the other (cat) are one, too."""
+    """Rows of a CSV file, by axis, value, model, inputs and seed. A row that is there is not
+    measured again; each new one is on the disk before the next. `of`: what it is a table of, its
+    first line; another one is refused (BenchError). A part (k, n) is a file beside it,
+    NAME-part-k-of-n.csv; the whole takes the rows of all parts that are there. Files one behind the
+    other (cat) are one, too."""
 
     def __init__(self, path: Path, of: str = "", part: tuple[int, int] = (1, 1)) -> None:
         whole = pathlib.Path(path)
-        self.path = whole if part[1] == 1 else whole.with_name(f"{whole.stem}-part-{part[0]}-of-{part[1]}{whole.suffix}")
+        self.path = whole if part[1] == 1 else whole.with_name(
+            f"{whole.stem}-part-{part[0]}-of-{part[1]}{whole.suffix}")
         self.of = of
         self.rows: dict[tuple[str, ...], Row] = {}
         here = self._read(self.path)
@@ -55,7 +57,8 @@ class Table:
         lines = whole.decode(errors="replace").splitlines()
         for line in lines:
             if self.of and line.startswith("# ") and line[2:] != self.of:
-                raise UsageError(f"{path}: is of {line[2:]}; expected {self.of}; name another --out")
+                raise UsageError(
+                    f"{path}: is of {line[2:]}; expected {self.of}; name another --out")
         rows = csv.DictReader(line for line in lines if not line.startswith("#"))
         if data and tuple(rows.fieldnames or ()) != COLUMNS:
             raise UsageError(f"{path}: is no table of a bench; name another --out")
@@ -82,17 +85,20 @@ class Table:
             if file.tell() == 0:
                 file.write(f"# {self.of}\n" if self.of else "")
                 out.writeheader()
-            out.writerow({name: f"{value:.9g}" if isinstance(value, float) else value for name, value in row.items()})
+            out.writerow({name: f"{value:.9g}" if isinstance(value, float) else value
+                          for name, value in row.items()})
 
 
 def of_runs(train: Path, test: Path) -> str:
     """Source line of a table of these runs: version and uuids."""
-    return f"{version()}: runs " + " ".join(str(runs.open(path).info["uuid"]) for path in (train, test))
+    return f"{version()}: runs " + " ".join(str(runs.open(path).info["uuid"])
+                                            for path in (train, test))
 
 
 @dataclass(frozen=True)
 class Source:
-    """A run to come: make(folder) writes it there, and returns its path. Equal keys are the same run."""
+    """A run to come: make(folder) writes it there, and returns its path. Equal keys are the same
+    run."""
 
     key: str
     make: Callable[[pathlib.Path], pathlib.Path]
@@ -118,7 +124,8 @@ class Cell:
 
     @property
     def head(self) -> Row:
-        return {"axis": self.axis, "value": self.value, "model": self.how.model, "inputs": self.how.inputs, "seed": self.seed}
+        return {"axis": self.axis, "value": self.value, "model": self.how.model,
+                "inputs": self.how.inputs, "seed": self.seed}
 
     @property
     def fitted(self) -> str:
@@ -131,14 +138,16 @@ class Shared:
 
     def __init__(self, cells: Sequence[Cell], folder: pathlib.Path) -> None:
         self.folder, self.lock = folder, threading.Lock()
-        self.left = collections.Counter(key for cell in cells for key in (cell.train.key, cell.test.key, cell.fitted))
+        self.left = collections.Counter(key for cell in cells
+                                        for key in (cell.train.key, cell.test.key, cell.fitted))
         self.made: dict[str, tuple[pathlib.Path, concurrent.futures.Future[Any]]] = {}
 
     def get(self, key: str, make: Callable[[pathlib.Path], Any]) -> Any:
         with self.lock:
             first = key not in self.made
             if first:
-                self.made[key] = pathlib.Path(tempfile.mkdtemp(dir=self.folder)), concurrent.futures.Future()
+                self.made[key] = pathlib.Path(
+                    tempfile.mkdtemp(dir=self.folder)), concurrent.futures.Future()
             folder, made = self.made[key]
         if first:
             try:
@@ -150,7 +159,8 @@ class Shared:
     def row(self, cell: Cell) -> Row:
         try:
             train = self.get(cell.train.key, cell.train.make)
-            answer = self.get(cell.fitted, lambda folder: cell.how.fit(train, folder, cell.seed, cell.fallback))
+            answer = self.get(cell.fitted,
+                              lambda folder: cell.how.fit(train, folder, cell.seed, cell.fallback))
             return judge(answer, train, self.get(cell.test.key, cell.test.make))
         finally:
             with self.lock:
@@ -160,12 +170,15 @@ class Shared:
                         shutil.rmtree(self.made.pop(key)[0])
 
 
-def fill(table: Table, cells: Sequence[Cell], *, jobs: int = 1, part: tuple[int, int] = (1, 1), quiet: bool = False) -> None:
-    """Measures what the table lacks, or this part of it. Cells with the same fitted method are in one part. A candidate
-    that fails at a value has a row of NaN; a method of one's own is tried again next time. Reasons are said once. Raises
-    OSError, sqlite3.Error: a missing file and a full disk say nothing of a method."""
+def fill(table: Table, cells: Sequence[Cell], *, jobs: int = 1, part: tuple[int, int] = (1, 1),
+         quiet: bool = False) -> None:
+    """Measures what the table lacks, or this part of it. Cells with the same fitted method are in
+    one part. A candidate that fails at a value has a row of NaN; a method of one's own is tried
+    again next time. Reasons are said once. Raises OSError, sqlite3.Error: a missing file and a full
+    disk say nothing of a method."""
     pieces = {key: k for k, key in enumerate(dict.fromkeys(cell.fitted for cell in cells))}
-    mine = [cell for cell in cells if pieces[cell.fitted] % part[1] == part[0] - 1 and Table.key(cell.head) not in table.rows]
+    mine = [cell for cell in cells if pieces[cell.fitted] % part[1] == part[0] - 1
+            and Table.key(cell.head) not in table.rows]
     said: set[str] = set()
 
     def one(cell: Cell) -> tuple[Row, str]:
@@ -174,9 +187,11 @@ def fill(table: Table, cells: Sequence[Cell], *, jobs: int = 1, part: tuple[int,
         except (UsageError, OSError, sqlite3.Error):  # no fault of the method
             raise
         except Exception as error:  # noqa: BLE001 (a method of anybody's)
-            return cell.head | dict.fromkeys(METRICS + COSTS, float("nan")), str(error) or type(error).__name__
+            return cell.head | dict.fromkeys(METRICS + COSTS,
+                                             float("nan")), str(error) or type(error).__name__
 
-    with tempfile.TemporaryDirectory(prefix="echofuse-bench-") as scratch, concurrent.futures.ThreadPoolExecutor(jobs) as pool:
+    with (tempfile.TemporaryDirectory(prefix="echofuse-bench-") as scratch,
+          concurrent.futures.ThreadPoolExecutor(jobs) as pool):
         shared = Shared(mine, pathlib.Path(scratch))
         started = time.monotonic()
         for done, (row, fault) in enumerate(pool.map(one, mine), 1):
@@ -186,24 +201,34 @@ def fill(table: Table, cells: Sequence[Cell], *, jobs: int = 1, part: tuple[int,
                 print(f"echofuse-bench: {row['model']}: {fault}", file=sys.stderr)
             if not quiet:
                 left_s = (time.monotonic() - started) / done * (len(mine) - done)
-                print(f"\rbench {done} of {len(mine)}, {left_s:.0f} s left   ", end="" if sys.stderr.isatty() else "\n",
+                print(f"\rbench {done} of {len(mine)}, {left_s:.0f} s left   ",
+                      end="" if sys.stderr.isatty() else "\n",
                       file=sys.stderr, flush=True)
 
 
 def pareto_cells(train: Path, test: Path, methods: Iterable[Method], *, seeds: int = 3,
-                 photons: Sequence[float] = (0.1, 0.01, 0.001), records: Sequence[float] = (0.05, 0.2, 0.5), sweep: Iterable[Method] = (), axis: str = "model") -> list[Cell]:
-    """Every method with every seed; then those of `sweep` with shares of the photons and of the training records."""
+                 photons: Sequence[float] = (0.1, 0.01, 0.001),
+                 records: Sequence[float] = (0.05, 0.2, 0.5), sweep: Iterable[Method] = (),
+                 axis: str = "model") -> list[Cell]:
+    """Every method with every seed; then those of `sweep` with shares of the photons and of the
+    training records."""
     known, fresh = there(train), there(test)
-    cells = [Cell(axis, "1", how, seed, known, fresh) for how in methods for seed in range(1, seeds + 1)]
+    cells = [Cell(axis, "1", how, seed, known, fresh) for how in methods
+             for seed in range(1, seeds + 1)]
 
     def derived(source: Source, what: str, *changes: derive.Change) -> Source:
-        return Source(f"{source.key} {what}", lambda folder: derive.copy(source.make(folder), folder / "run.sqlite", *changes))
+        return Source(f"{source.key} {what}",
+                      lambda folder: derive.copy(source.make(folder), folder / "run.sqlite",
+                                                 *changes))
 
     for how in sweep:
         for seed in range(1, seeds + 1):
-            cells += [Cell("photons", f"{share:g}", how, seed, derived(known, f"thinned {share} {seed}", derive.thinned(share, seed)),
-                           derived(fresh, f"thinned {share} {seed}", derive.thinned(share, 1000 + seed))) for share in photons]
-            cells += [Cell("records", f"{share:g}", how, seed, derived(known, f"fewer {share} {seed}", derive.fewer(share, seed)),
+            cells += [Cell("photons", f"{share:g}", how, seed,
+                           derived(known, f"thinned {share} {seed}", derive.thinned(share, seed)),
+                           derived(fresh, f"thinned {share} {seed}",
+                                   derive.thinned(share, 1000 + seed))) for share in photons]
+            cells += [Cell("records", f"{share:g}", how, seed,
+                           derived(known, f"fewer {share} {seed}", derive.fewer(share, seed)),
                            fresh) for share in records]
     return cells
 
@@ -212,7 +237,8 @@ def pareto_cells(train: Path, test: Path, methods: Iterable[Method], *, seeds: i
 
 
 def means(table: Table, axis: str = "model") -> list[Row]:
-    """Mean and spread (standard deviation over the seeds) of each metric and cost, a row a method and value."""
+    """Mean and spread (standard deviation over the seeds) of each metric and cost, a row a method
+    and value."""
     groups: dict[tuple[str, ...], list[Row]] = {}
     for key, row in table.rows.items():
         if row["axis"] == axis:
@@ -230,7 +256,8 @@ def means(table: Table, axis: str = "model") -> list[Row]:
 
 def markdown(rows: Sequence[Row]) -> str:
     """A table for a README: rows of equal inputs together."""
-    head = ("inputs", "method", "IoU", "SSIM on the foreground", "lateral error", "mirror fraction", "multiply-adds", "time of a map")
+    head = ("inputs", "method", "IoU", "SSIM on the foreground", "lateral error", "mirror fraction",
+            "multiply-adds", "time of a map")
     lines = ["| " + " | ".join(head) + " |", "|---" * len(head) + "|"]
     order = {"-": 0, "fused": 1, "fused-profile": 2, "spd": 3, "radar": 4}
 
@@ -238,18 +265,24 @@ def markdown(rows: Sequence[Row]) -> str:
         mean, spread = unit * row[name], unit * row[name + "_spread"]
         if np.isnan(mean):
             return ""
-        return f"{mean:.{digits}f}" + ("" if np.isnan(spread) else f" ± {spread:.{digits}f}") + behind
+        return f"{mean:.{digits}f}" + ("" if np.isnan(spread)
+                                       else f" ± {spread:.{digits}f}") + behind
 
     for row in sorted(rows, key=lambda row: order.get(row["inputs"], 9)):
-        cost = "" if np.isnan(row["multiply_adds"]) else f"{row['multiply_adds']:,.0f}".replace(",", " ")
-        lines.append("| " + " | ".join((row["inputs"], f"`{row['model']}`", number(row, "iou", 3), number(row, "ssim_fg", 3),
-                                        number(row, "lateral_m", 1, 100, " cm"), number(row, "ghost", 3), cost,
-                                        number(row | {"infer_us_median_spread": float("nan")}, "infer_us_median", 0, 1, " µs")))
+        cost = ("" if np.isnan(row["multiply_adds"])
+                else f"{row['multiply_adds']:,.0f}".replace(",", " "))
+        lines.append("| " + " | ".join((row["inputs"], f"`{row['model']}`", number(row, "iou", 3),
+                                        number(row, "ssim_fg", 3),
+                                        number(row, "lateral_m", 1, 100, " cm"),
+                                        number(row, "ghost", 3), cost,
+                                        number(row | {"infer_us_median_spread": float("nan")},
+                                               "infer_us_median", 0, 1, " µs")))
                      + " |")
     return "\n".join(lines)
 
 
-def finish(table: Table, args: argparse.Namespace, draw: Callable[[Any], Any], axis: str = "model") -> None:
+def finish(table: Table, args: argparse.Namespace, draw: Callable[[Any], Any],
+           axis: str = "model") -> None:
     """Ends each command: prints the table for a README, draws the figure."""
     if args.markdown:
         print(markdown(means(table, axis)))

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: MIT
-"""A regressor of scikit-learn as a method (Debian's python3-sklearn): extremely randomised trees from histogram and
-profile to 64 components of the map.
+"""A regressor of scikit-learn as a method (Debian's python3-sklearn): extremely randomised trees
+from histogram and profile to 64 components of the map.
 
-    PYTHONPATH=. python3 -m echofuse.bench pareto train.sqlite test.sqlite --out mine.csv --markdown --methods nearest forest:Forest
+    PYTHONPATH=. python3 -m echofuse.bench pareto train.sqlite test.sqlite --out mine.csv --markdown
+    --methods nearest forest:Forest
 """
 import numpy as np
 from sklearn.decomposition import PCA
@@ -22,10 +23,13 @@ class Forest:
         maps = np.nan_to_num(run.maps()[rows])
         self.size = maps.shape[1]
         self.nearest = 0.5 * float(np.median(maps[maps > 0]))  # below it: no return
-        self.components = PCA(min(64, len(maps) - 1), random_state=0).fit(maps.reshape(len(maps), -1))
-        self.trees.fit(self.inputs(run)[rows], self.components.transform(maps.reshape(len(maps), -1)))
+        self.components = PCA(min(64, len(maps) - 1),
+                              random_state=0).fit(maps.reshape(len(maps), -1))
+        self.trees.fit(self.inputs(run)[rows],
+                       self.components.transform(maps.reshape(len(maps), -1)))
 
     def predict(self, run) -> np.ndarray:
         """[n, N, N] in metres, NaN: no return."""
         maps = self.components.inverse_transform(self.trees.predict(self.inputs(run)))
-        return np.where(maps > self.nearest, maps, np.nan).reshape(-1, self.size, self.size).astype(np.float32)
+        return np.where(maps > self.nearest, maps,
+                        np.nan).reshape(-1, self.size, self.size).astype(np.float32)

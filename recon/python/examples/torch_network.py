@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: MIT
 """A network of one's own beside those of echofuse (Debian's python3-torch):
 
-    PYTHONPATH=. python3 -m echofuse.bench pareto train.sqlite test.sqlite --out mine.csv --markdown --methods nearest torch_network:Network
+    PYTHONPATH=. python3 -m echofuse.bench pareto train.sqlite test.sqlite --out mine.csv --markdown
+    --methods nearest torch_network:Network
 """
 import numpy as np
 import torch
@@ -17,8 +18,10 @@ class Network:
 
     def inputs(self, run) -> torch.Tensor:
         """[n, bins + points], each sensor scaled by itself, record by record."""
-        parts = [np.sqrt(run.photons())] + ([np.sqrt(np.maximum(run.power(), 0))] if "radar" in run.axes else [])
-        return torch.tensor(np.hstack([part / (np.linalg.norm(part, axis=1, keepdims=True) + 1e-9) for part in parts]))
+        parts = [np.sqrt(run.photons())] + ([np.sqrt(np.maximum(run.power(), 0))]
+                                            if "radar" in run.axes else [])
+        return torch.tensor(np.hstack([part / (np.linalg.norm(part, axis=1, keepdims=True) + 1e-9)
+                                       for part in parts]))
 
     def fit(self, run, rows: np.ndarray) -> None:
         x, maps = self.inputs(run)[rows], run.maps()[rows]
@@ -28,7 +31,8 @@ class Network:
         self.mean, self.scale = x.mean(0), x.std(0) + 0.05 * x.std(0).median() + 1e-9
         self.depth_mean = float(depth[there > 0].mean())
         pixels = self.size ** 2
-        self.net = nn.Sequential(nn.Linear(x.shape[1], 256), nn.ReLU(), nn.Linear(256, 256), nn.ReLU(),
+        self.net = nn.Sequential(nn.Linear(x.shape[1], 256), nn.ReLU(), nn.Linear(256, 256),
+                                 nn.ReLU(),
                                  nn.Linear(256, 128), nn.Linear(128, 2 * pixels))
         steps = torch.optim.AdamW(self.net.parameters(), 1e-3, weight_decay=1e-2)
         rate = torch.optim.lr_scheduler.CosineAnnealingLR(steps, self.epochs)
@@ -36,16 +40,19 @@ class Network:
             for batch in torch.randperm(len(x)).split(64):
                 mask, off = self.net((x[batch] - self.mean) / self.scale).split(pixels, 1)
                 seen = there[batch]
-                error = ((off + self.depth_mean - depth[batch]) * seen).abs().sum() / seen.sum().clamp(min=1)
+                error = ((off + self.depth_mean - depth[batch])
+                         * seen).abs().sum() / seen.sum().clamp(min=1)
                 loss = nn.functional.binary_cross_entropy_with_logits(mask, seen) + 0.3 * error
                 steps.zero_grad()
                 loss.backward()
                 steps.step()
             rate.step()
-        with torch.no_grad():  # the mask is wide where the side is not known: what share of it is best drawn
+        # the mask is wide where the side is not known: what share of it is best drawn
+        with torch.no_grad():
             mask = self.net((x - self.mean) / self.scale)[:, :pixels]
         self.least = max(torch.linspace(-2.5, 0.5, 13).tolist(), key=lambda at: float(
-            (((mask > at) * there).sum(1) / ((mask > at) + there).gt(0).sum(1).clamp(min=1)).mean()))
+            (((mask > at) * there).sum(1) / ((mask > at)
+                                             + there).gt(0).sum(1).clamp(min=1)).mean()))
 
     @torch.no_grad()
     def predict(self, run) -> np.ndarray:
