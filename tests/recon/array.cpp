@@ -31,11 +31,6 @@ std::vector<float> point(const record::Antennas& antennas, double u, double v, f
   return sums.take();
 }
 
-// Correlation at lag d of a bin as SpatialLags writes it.
-std::complex<float> lag_of(std::span<const float> bin, std::size_t d) {
-  return d == 0 ? bin[0] : std::complex<float>(bin[2 * d - 1], bin[2 * d]);
-}
-
 void write_plates(const std::string& path, std::int64_t count, std::uint64_t seed,
                   const testing::Change& change = {}, double wrong_offset_m = 0) {
   write_run(path, count, seed, change, testing::radar_axis(), testing::spd_axis(),
