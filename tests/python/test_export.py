@@ -219,6 +219,7 @@ def test_a_wave_is_seen_in_its_direction_with_its_power():
         antennas = [(m, 0, gain[m], phase[m]) for m in range(count)]
         valid, index, path = {"radar": np.array([True])}, np.array([0]), "one"
         of_records = staticmethod(lambda columns, table="": [(0, blob)])
+        array_bins = echofuse.Run.array_bins
         __len__ = lambda self: 1  # noqa: E731
 
     seen = antennas.beams(One(), np.array([sine, sine + 0.1]))[0, 0]

@@ -102,8 +102,8 @@ def read(maps: NDArray[np.float32], truth: NDArray[np.float32], labels: Sequence
     known = [{letter: template(letter, size, step) for letter in LETTERS} for size in SIZES]
     for row, label in enumerate(labels):
         letter = label.removeprefix("letter:")
-        known = letter != label and len(letter) == 1 and letter in LETTERS
-        if not (known and (truth[row] > 0).any()):
+        is_one = letter != label and len(letter) == 1 and letter in LETTERS
+        if not (is_one and (truth[row] > 0).any()):
             continue
         at_m = float(np.nanmin(truth[row])) + 0.1
         side = round(2 * half_tangent * at_m / CELL_M)

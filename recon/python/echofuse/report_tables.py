@@ -136,7 +136,8 @@ def problems_of(scores: Scores) -> list[str]:
 def remarks_of(scores: Scores) -> list[str]:
     """Remarks that are no failure: a run like the training, corrections."""
     like = [scores.shift["text"]] if scores.shift and not scores.shift["found"] else []
-    return like + [scores.told[key] for key in ("antennas", "response", "ranges") if scores.told[key]]
+    return like + [scores.told[key] for key in ("antennas", "response", "ranges")
+                   if scores.told[key]]
 
 
 # Tables

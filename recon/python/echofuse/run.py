@@ -278,7 +278,8 @@ class Run:
         title = html.escape(
             f"{self.path.name}: {len(self)} records of {self.info['window_s']:g} s, "
             f"{self.info['status']}")
-        return (f"<b>{title}</b><table><tr><th>sensor</th><th>valid</th><th>axis</th></tr>{cells}</table>")
+        return (f"<b>{title}</b><table><tr><th>sensor</th><th>valid</th><th>axis</th></tr>"
+                f"{cells}</table>")
 
     @cached_property
     def spd(self) -> NDArray[np.uint32]:
