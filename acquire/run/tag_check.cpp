@@ -13,7 +13,7 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr std::uint64_t sorted_within_ps = 1'000'000;
-constexpr std::size_t most_moves = 1000;  // of one event
+constexpr std::size_t most_moves = 1000;  // listed in one event
 constexpr std::size_t most_events = 20'000;
 constexpr auto clock_time = 2s, overflow_time = 3s;
 constexpr double clock_share = 0.1, like_before = 0.05;

@@ -45,7 +45,7 @@ class TagCheck {
     std::uint64_t count = 0, reported = 0;
     std::string cause;
   };
-  struct Sample {  // of the second that runs
+  struct Sample {  // the current second
     std::size_t events = 0;
     std::uint64_t starts = 0, firsts = 0, seconds = 0;
     std::vector<std::uint64_t> gaps_ps, delays_ps;  // between starts, from first to second click
@@ -86,7 +86,7 @@ class TagCheck {
   std::optional<std::uint64_t> last_start_ps_, last_click_ps_;
   unsigned clicks_ = 0;  // since the last start
   Sample sample_;
-  double period_ps_ = 0;   // of the starts; 0: not known
+  double period_ps_ = 0;   // start period; 0: unknown
   double next_share_ = 0;  // share of starts that the next pulse's follows
 };
 

@@ -138,7 +138,7 @@ class Windows {
   const SensorClocks& clocks_;
   SensorSet configured_, required_;
   std::shared_ptr<tdc::Histogram> histogram_;  // slot of the last tags
-  std::optional<HostTime> overflow_from_;      // of the overflow that lasts
+  std::optional<HostTime> overflow_from_;      // begin of the current overflow
   std::map<std::string, Axis> axes_;           // array, depth_x, depth_y, radar, spd
   bool sends_histograms_ = false;
   PerSensor<bool> refused_{};

@@ -27,10 +27,11 @@ std::vector<double> lateral_errors(const Matrix& maps, const Matrix& truth, cons
   return out;
 }
 
-// Of records whose radar was brought from a wider response the errors are larger (imitate_brought).
+// Learns how much larger errors are if the radar was brought from a wider response
+// (imitate_brought).
 void learn_brought(LateralError& lateral, const Estimator& model, const Dataset& data,
                    const Rows& usual, const std::vector<Judged>& judged, Rng& rng) {
-  constexpr std::size_t most_records = 500;  // of each model: standard error .013 of the share
+  constexpr std::size_t most_records = 500;  // per model: standard error .013 of the share
   const Inputs inputs = model.features.inputs;
   if (inputs == Inputs::spd) return;
   const record::RadarResponse own = widest_response(data);

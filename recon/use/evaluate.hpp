@@ -70,7 +70,7 @@ struct Evaluation {
   Judge judge;
   std::string antennas;      // a note about them (Records)
   std::string response;      // a note about it (Records)
-  std::string ranges;        // what its intervals assume (Records)
+  std::string ranges;        // assumptions of its intervals (Records)
   DomainShift domain_shift;  // over all records of the run
   Summaries metrics;
   std::vector<ScoredRow> baselines;  // empty room, mean map, nearest neighbour

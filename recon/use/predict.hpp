@@ -14,7 +14,7 @@ struct Records {
   Dataset data;          // on the model's axes
   std::string antennas;  // a note about a run without the model's antennas, or empty
   std::string response;  // a note about a run that does not state its radar's response, or empty
-  std::string ranges;    // what the intervals assume of a run without calibration, or empty
+  std::string ranges;    // assumptions of the intervals without a calibration, or empty
 };
 
 // Tells whether the records as a whole are unlike the model's training records.

@@ -354,7 +354,7 @@ Message Server::Loop::mark(const Session& session, const Mark& mark) {
 Server::Server(const ServerOptions& options, const LiveModel* model, const Clock& clock)
     : loop_(std::make_unique<Loop>(options, model, clock)) {}
 Server::~Server() = default;
-std::string Server::address() const { return loop_->address(record); }
+std::string Server::address() const { return loop_->address(); }
 std::string Server::missing() { return loop_->missing(); }
 void Server::run() { loop_->run(); }
 
