@@ -109,7 +109,8 @@ void RadarRecording::take(std::optional<RadarFrame> next, SampleSink& sink) {
   if (bins > 0 && bins != profile_.bins) ++others_, other_bins_ = bins;
   frame->received = at_;
   // A frame after a restart is no repetition of one before it.
-  frame->time_cpu_cycles += static_cast<std::uint32_t>(began_anew_.count);
+  epoch_ += frame->frame_number < std::exchange(number_, frame->frame_number);
+  frame->time_cpu_cycles += epoch_;
   frame->subframes = profile_.subframes;
   sink.on_radar(std::move(*frame));
 }

@@ -50,6 +50,38 @@ bool rename_to_new(const char* from, const char* to) {
   return std::rename(from, to) == 0;
 }
 
+// Writes a new name in this folder to the disk, so that a power cut does not undo a rename. Does
+// nothing where a folder cannot be read, or the file system has no fsync of folders.
+bool sync_folder(const std::string& path) {
+  const int fd = ::open(folder_of(path).c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+  if (fd < 0) return errno == EACCES;
+  const int fault = ::fsync(fd) == 0 ? 0 : errno;
+  ::close(fd);
+  errno = fault;
+  return fault == 0 || fault == EINVAL || fault == ENOTSUP;
+}
+
+// A -wal or -journal with contents, without its database, belongs to another program: it gets
+// another name. The -shm holds no data.
+void move_side_files_away(const std::string& database) {
+  for (const char* suffix : {"-wal", "-journal"}) {
+    const std::string file = database + suffix;
+    struct stat found {};
+    constexpr off_t header = 32;  // bytes of a -wal without frames
+    if (::lstat(file.c_str(), &found) != 0 || found.st_size <= (suffix[1] == 'w' ? header : 0))
+      continue;
+    std::string kept = file + ".kept";
+    for (int n = 2; !rename_to_new(file.c_str(), kept.c_str()); ++n) {
+      if (errno != EEXIST)
+        throw Error(ExitCode::disk, printable(file) + ": is of another run and cannot be renamed");
+      kept = file + ".kept-" + std::to_string(n);
+    }
+    std::fprintf(stderr, "%s: is of another run of this name; it is now %s\n",
+                 printable(file).c_str(), printable(kept).c_str());
+  }
+  remove_side_files(database);
+}
+
 // Names the folder of files that are soon removed: $TMPDIR, else that of PLACE.
 fs::path scratch_folder(const std::string& place) {
   const char* const given = std::getenv("TMPDIR");
@@ -116,6 +148,7 @@ void NewFile::publish() { static_cast<void>(move(true)); }
 bool NewFile::publish_new() { return move(false); }
 
 bool NewFile::move(bool over) {
+  if (fd_ >= 0 && ::fsync(fd_) != 0) fail();
   if (fd_ >= 0 && ::close(std::exchange(fd_, -1)) != 0) fail();
   std::error_code error;
   if (database_ && !fs::equivalent(folder_of(path_), folder_of(place_), error)) {
@@ -133,11 +166,12 @@ bool NewFile::move(bool over) {
     if (fd_ < 0 || ::fsync(fd_) != 0) fail();
     ::close(std::exchange(fd_, -1));
     if (!over && ::access(place_.c_str(), F_OK) == 0) return false;
-    remove_side_files(place_);
+    move_side_files_away(place_);
   }
   const bool moved = over ? std::rename(path_.c_str(), place_.c_str()) == 0
                           : rename_to_new(path_.c_str(), place_.c_str());
   if (!moved && (over || errno != EEXIST)) fail();
+  if (moved && !sync_folder(place_)) fail();
   if (moved) remove(), path_.clear();
   return moved;
 }
@@ -150,6 +184,15 @@ void write_atomically(const std::string& path, std::string_view text) {
   NewFile file(path);
   file.append(text);
   file.publish();
+}
+
+void sync_file(const std::string& path) {
+  const int fd = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
+  const bool done = fd >= 0 && ::fsync(fd) == 0;
+  const int fault = errno;
+  if (fd >= 0) ::close(fd);
+  if (!done)
+    throw Error(ExitCode::disk, printable(path) + ": cannot be written: " + std::strerror(fault));
 }
 
 void let_group_read(int file) {

@@ -32,7 +32,9 @@ class NewFile {
   void create();                       // makes it, empty; throws Error(disk)
   void append(std::string_view text);  // throws Error(disk)
   void keep() { keep_ = true; }        // leaves what was not published
-  // Moves the file, which nobody holds open any more, to its place, over what is there. Throws
+  // Moves the file, which nobody holds open any more, to its place, over what is there. The file
+  // and its name are on the disk then: fsync of the file, rename, fsync of the folder. A database
+  // gives the -wal or -journal of another one at its place another name, and warns. Throws
   // Error(disk).
   void publish();
   // Publishes, but returns false if something is there. Two steps on some file systems.
@@ -50,6 +52,9 @@ class NewFile {
 
 // The whole file. If it cannot be written, PATH is as before. Throws Error(disk).
 void write_atomically(const std::string& path, std::string_view text);
+
+// Waits until what was written to this file is on the disk. Throws Error(disk).
+void sync_file(const std::string& path);
 
 // Adds the permission to read for the file's group, whatever the umask says: a measuring PC has
 // several users. Does nothing to a file of others.

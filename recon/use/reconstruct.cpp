@@ -77,6 +77,10 @@ class StatusTable {
     out_.flush();
     if (!out_) throw Error(ExitCode::disk, path_ + ": cannot write: " + std::strerror(errno));
   }
+  void close() {
+    flush();
+    sync_file(path_);
+  }
 
  private:
   void add(const PredictionUncertainty& c) {
@@ -106,7 +110,7 @@ class Reconstruction {
   void take_all(const record::RunReader& run);
   // Reconstructs what has come since the last call; true if there was any record.
   bool take_new(const record::RunReader& run);
-  void close() { files_.close(); }
+  void close() { files_.close(), table_.close(); }
 
  private:
   Dataset read(const record::RunReader& run, std::size_t at_most);

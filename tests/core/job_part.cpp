@@ -78,8 +78,7 @@ TEST_CASE("a staged file appears when it is whole, and debris is begun anew") {
       NewFile file(place, NewFile::Staged{});
       left = file.path();
       std::ofstream(left) << "new";
-      for (const char* beside : {"-wal", "-shm", "-journal"})
-        std::ofstream(place + beside) << "of another database that had this name";
+      for (const char* beside : {"-wal", "-shm"}) std::ofstream(place + beside) << "no frames";
       CHECK(fs::path(left).parent_path() == (elsewhere ? scratch.path : dir.path));
       file.publish();
     }

@@ -43,6 +43,23 @@ TEST_CASE("a file is replaced as a whole, or stays as it was") {
   CHECK_THROWS_AS(write_atomically(folder.path / "none" / "a.txt", "new"), Error);
 }
 
+TEST_CASE("a -wal of another database gets another name, and is not deleted") {
+  const Folder folder;
+  const std::string path = folder.path / "a.sqlite";
+  const std::string frames(5000, 'f');
+  for (const char* name : {"a.sqlite-wal", "a.sqlite-journal", "a.sqlite-wal.kept"})
+    std::ofstream(folder.path / name) << (std::string(name).ends_with("kept") ? "older" : frames);
+  {
+    NewFile file(path, path + "-new");
+    file.create();
+    REQUIRE(file.publish_new());
+  }
+  CHECK(contents(path + "-wal.kept") == "older");
+  CHECK(contents(path + "-wal.kept-2") == frames);
+  CHECK(contents(path + "-journal.kept") == frames);
+  for (const char* suffix : {"-wal", "-journal"}) CHECK_FALSE(fs::exists(path + suffix));
+}
+
 TEST_CASE("what is written follows no link that was put there before") {
   const Folder folder;
   const std::string path = folder.path / "a.txt", victim = folder.path / "victim";

@@ -35,7 +35,7 @@ from .report_blocks import (Block, details, fails, html_of, listed, paragraph, p
 from .report_records import chosen, half_tangent, said_of, shown
 from .report_scores import Judged, Mode, ReportError, Scores, evaluated, modes_of
 from .report_story import Story, info_of
-from .staged import stop_by_signal
+from .staged import stop_by_signal, sync
 
 TERMS = (
     ("SPD", "single-photon detector of one pixel; its clicks are counted by time of flight."),
@@ -335,7 +335,9 @@ def write_page(page: pathlib.Path, text: str) -> None:
         try:
             with open(new, "x", encoding="utf-8") as file:
                 file.write(text)
+            sync(new)
             new.replace(page)
+            sync(page.parent)
         finally:
             new.unlink(missing_ok=True)
 

@@ -42,8 +42,7 @@ class Axis:
         return self.start + self.step * np.arange(self.count)
 
     def is_near(self, wanted: dict[str, Any]) -> bool:
-        """Whether this axis lies nowhere farther than a bin from the wanted one; it may have more
-        bins."""
+        """Whether this axis is within a bin of the wanted one; it may have more bins."""
         start = self.start - wanted["start"]
         end = start + (self.step - wanted["step"]) * wanted["count"]
         return bool(self.quantity == wanted["quantity"] and self.scale == wanted["scale"]
@@ -144,8 +143,7 @@ class Run:
     def __getitem__(self, row: slice) -> list[Record]: ...
 
     def __getitem__(self, row: int | slice) -> Record | list[Record]:
-        """run[3], run[-1]: a record; run[10:20]: a list of them. Rows count from 0, whatever the
-        records' indices."""
+        """run[3], run[-1]: a record by row, from 0; run[10:20]: a list of them."""
         found = range(len(self))[row]
         return Record(self, found) if isinstance(found, int) else [Record(self, one)
                                                                    for one in found]
@@ -314,8 +312,7 @@ class Run:
         return read_only(out)
 
     def depth_mm(self, row: int) -> NDArray[np.uint16]:
-        """The camera's image of one record as recorded [rows, columns], millimetres, 0: no
-        return."""
+        """The camera's image of one record [rows, columns], millimetres, 0: no return."""
         size = tuple(self.axes[name].count if name in self.axes else 0
                      for name in ("depth_y", "depth_x"))
         blob = self.select("SELECT CAST(depth AS BLOB) FROM record WHERE idx = ? AND valid & 4",
@@ -350,8 +347,7 @@ class Run:
         return grid.cells(x, to_x), grid.cells(y, to_y)
 
     def stored_radar(self) -> NDArray[np.float32]:
-        """The profiles [n, points] as recorded: linear power, or TI's codes
-        (axes["radar"].quantity)."""
+        """Profiles [n, points] as recorded: power or TI's codes (axes["radar"].quantity)."""
         return self._table("radar", "<f4", np.nan)
 
     # Inputs of the method (recon/README.md, "the way of a record"): at true ranges, pile-up
@@ -385,8 +381,7 @@ class Run:
 
     @cached_property
     def lags_axis(self) -> Axis | None:
-        """Axis of the antennas' spatial lags (recon/data/lags.hpp); None without antennas in a
-        row."""
+        """Axis of the antennas' spatial lags (recon/data/lags.hpp), or None."""
         pairs = self._pairs
         if "array" not in self.axes or not pairs[0]:
             return None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import fcntl
 import os
 import pathlib
@@ -50,13 +51,27 @@ def locked(lock: pathlib.Path) -> int:
         os.close(held)
 
 
+def sync(path: pathlib.Path) -> None:
+    """Waits until this file or folder is on the disk."""
+    descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
+    try:
+        os.fsync(descriptor)
+    except OSError as error:
+        if error.errno not in (errno.EINVAL, errno.ENOTSUP):  # of a file system without fsync of folders
+            raise
+    finally:
+        os.close(descriptor)
+
+
 def publish(beside: pathlib.Path, place: pathlib.Path) -> None:
-    """Gives the file its name. Raises FileExistsError."""
+    """Gives the file its name: fsync of the file, rename, fsync of the folder. Raises FileExistsError."""
+    sync(beside)
     try:
         os.link(beside, place)
     except OSError:  # exists already, or there are no links on this disk
         refuse_existing(place)
         beside.rename(place)
+    sync(place.parent)
 
 
 @contextlib.contextmanager
@@ -80,8 +95,6 @@ def staged(place: pathlib.Path) -> Iterator[pathlib.Path]:
         yield grown
         if grown.parent.resolve() != beside.parent.resolve():
             shutil.copyfile(grown, beside)
-        with open(beside, "rb") as file:
-            os.fsync(file.fileno())
         publish(beside, place)
     finally:
         for path in (grown, beside, lock):

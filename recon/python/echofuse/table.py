@@ -22,6 +22,7 @@ import numpy as np
 from . import derive
 from . import run as runs
 from .methods import COSTS, METRICS, Method, Path, Row, UsageError, judge, version, writing
+from .staged import sync
 
 COLUMNS = ("axis", "value", "model", "inputs", "seed", *METRICS, *COSTS)
 
@@ -82,11 +83,14 @@ class Table:
         self.path.parent.mkdir(parents=True, exist_ok=True)
         with open(self.path, "a", newline="") as file:
             out = csv.DictWriter(file, COLUMNS, restval="nan", lineterminator="\n")
-            if file.tell() == 0:
+            if new := file.tell() == 0:
                 file.write(f"# {self.of}\n" if self.of else "")
                 out.writeheader()
             out.writerow({name: f"{value:.9g}" if isinstance(value, float) else value
                           for name, value in row.items()})
+        sync(self.path)
+        if new:
+            sync(self.path.parent)
 
 
 def of_runs(train: Path, test: Path) -> str:

@@ -1,0 +1,55 @@
+# SPDX-License-Identifier: MIT
+"""on_disk.py BIN: what a program writes is on the disk at its end. strace shows fsync of the file, rename, fsync of the folder."""
+import pathlib
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+
+BIN = pathlib.Path(sys.argv[1]).resolve()
+CALLS = "trace=fsync,fdatasync,rename,renameat,renameat2,link,linkat"
+MOVED = re.compile(r'(?:rename|link)\w*\((?:AT_FDCWD\S*, )?"([^"]+)", (?:AT_FDCWD\S*, )?"([^"]+)".*\) = 0')
+
+
+def traced(folder, *words):
+    """System calls of this command, each as (what, path or paths)."""
+    log = folder / "strace"
+    subprocess.run(["strace", "-f", "-y", "-s", "4096", "-e", CALLS, "-o", log, *map(str, words)], cwd=folder, check=True,
+                   stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    out = []
+    for line in log.read_text().splitlines():
+        if found := re.search(r"f(?:data)?sync\(\d+<(.*)>\) += 0", line):
+            out.append(("sync", found[1]))
+        elif found := MOVED.search(line):
+            out.append(("move", tuple(str(folder / path) for path in found.groups())))
+    return out
+
+
+def check(calls, place):
+    """Whether `place` got its name between an fsync of the file and one of the folder, or was appended to and then synced."""
+    moves = [k for k, (what, path) in enumerate(calls) if what == "move" and path[1] == str(place)]
+    assert moves, f"{place}: no rename in {calls}"
+    source = calls[moves[-1]][1][0]
+    assert ("sync", source) in calls[:moves[-1]], f"{place}: no fsync of {source} before the rename"
+    assert ("sync", str(place.parent)) in calls[moves[-1]:], f"{place}: no fsync of its folder after the rename"
+
+
+def main():
+    if not shutil.which("strace"):
+        sys.exit(77)
+    with tempfile.TemporaryDirectory() as made:
+        folder = pathlib.Path(made).resolve()
+        run, model = folder / "a.sqlite", folder / "m.safetensors"
+        check(traced(folder, BIN / "echofuse-sim", "dataset", "-q", "--records", 40, "--out", run), run)
+        check(traced(folder, BIN / "echofuse-recon", "train", run, "--model", "mean", "--out", model), model)
+        check(traced(folder, BIN / "echofuse-export", run, "--to", folder / "a.h5"), folder / "a.h5")
+        check(traced(folder, BIN / "echofuse-report", folder / "page", "--live", run), folder / "page/report.html")
+        calls = traced(folder, BIN / "echofuse-recon", "reconstruct", model, run, "--out", folder / "maps", "--format", "npy,mm")
+        for name in ("maps.npy", "records.csv", "run.txt", "camera.json", "000003_mm.png"):
+            check(calls, folder / "maps" / name)
+        last = max(k for k, call in enumerate(calls) if call == ("sync", str(folder / "maps/records.csv")))
+        assert last > max(k for k, (what, _) in enumerate(calls) if what == "move"), "records.csv: no fsync at the end"
+
+
+main()
