@@ -272,7 +272,7 @@ def mode_of(name, kind, iou, rmse_m, **columns):
     wobble = 0.001 * (np.arange(20) % 3)
     values = {"iou": iou + wobble, "rmse_m": rmse_m + wobble, "lateral_m": 0.03 + wobble, "depth_mae_m": 0.1 + wobble,
               "lateral_interval_90_m": np.full(20, 0.1)} | columns
-    told = {"model": kind, "records": 20, "left_out": 0, "fallbacks": {}, "antennas": "", "response": "", "calibrated": False, "metrics": {
+    told = {"model": kind, "records": 20, "left_out": 0, "fallbacks": {}, "antennas": "", "response": "", "ranges": "", "calibrated": False, "metrics": {
         metric: dict(zip(("mean", "se", "maps"), Mean.of(column))) for metric, column in values.items()}}
     facts = {"0/model": kind, "0/inputs": "spd", "0/calibrated": 0}
     scores = Scores(told, np.arange(20), ["letter:A"] * 20, [""] * 20, values)

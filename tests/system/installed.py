@@ -132,7 +132,7 @@ class Installed(unittest.TestCase):
                              [f"{a}.{end}" for end in ("csv", "safetensors", "sqlite", "toml")])
         self.assertEqual(offered("echofuse-sim", "lab", "--lase"), ["--laser-rate-hz"])
         self.assertEqual(offered("echofuse-bench", "stab"), ["stability"])
-        self.assertEqual(offered("echofuse-bench", "stability", "--qu"), ["--quick"])
+        self.assertEqual(offered("echofuse-bench", "stability", "--qu"), ["--quick", "--quiet"])
         self.assertEqual(offered("echofuse-view", "--mod"), ["--model"])
         self.assertEqual(offered("echofuse-report", "page", "--comp"), ["--compare"])
 

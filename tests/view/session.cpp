@@ -75,8 +75,10 @@ TEST_CASE("what a handler throws ends its own session only") {
   Owner owner;
   tcp::socket healthy = owner.connect(handshake);
   REQUIRE(owner.waits_for([&] { return owner.openings == 1; }));
+  owner.access_.many = true;  // a folder of runs has a list
   const tcp::socket runs = owner.connect("GET /runs HTTP/1.1\r\nHost: localhost\r\n\r\n");
   CHECK(owner.waits_for([&] { return owner.open == 1; }));
+  owner.access_.many = false;
   tcp::socket asking = owner.connect(handshake);
   CHECK(owner.waits_for([&] { return owner.openings == 2; }));
   Owner::write(asking, frame(R"({"show": 1})"));

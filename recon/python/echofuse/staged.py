@@ -57,14 +57,14 @@ def sync(path: pathlib.Path) -> None:
     try:
         os.fsync(descriptor)
     except OSError as error:
-        if error.errno not in (errno.EINVAL, errno.ENOTSUP):  # of a file system without fsync of folders
+        if error.errno not in (errno.EINVAL, errno.ENOTSUP):  # the file system syncs no folders
             raise
     finally:
         os.close(descriptor)
 
 
 def publish(beside: pathlib.Path, place: pathlib.Path) -> None:
-    """Gives the file its name: fsync of the file, rename, fsync of the folder. Raises FileExistsError."""
+    """Gives the file its name: fsync of file, rename, fsync of folder. Raises FileExistsError."""
     sync(beside)
     try:
         os.link(beside, place)
