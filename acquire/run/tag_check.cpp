@@ -326,7 +326,7 @@ void TagCheck::report(Kind kind) {
 
 void TagCheck::finish() {
   if (second_from_) judge_second(*second_from_);
-  for (int kind = 0; kind < kinds; ++kind)
+  for (std::size_t kind = 0; kind < faults_.size(); ++kind)
     if (kind != steps || faults_[kind].reported == 0)
       if (faults_[kind].count > faults_[kind].reported) report(static_cast<Kind>(kind));
 }

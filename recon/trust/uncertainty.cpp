@@ -190,7 +190,7 @@ void UncertaintyModel::archive(Archive archive, const Features& of_model,
 }
 
 std::vector<double> linear_fit(const Matrix& inputs, std::span<const float> targets,
-                               std::span<const float> counts, double penalty) {
+                               std::span<const float> counts, double l2_penalty) {
   const std::size_t n = inputs.rows, d = inputs.cols;
   std::vector<float> x = inputs.values;
   std::vector<float> squares(d * d), scale(d);
@@ -212,7 +212,7 @@ std::vector<double> linear_fit(const Matrix& inputs, std::span<const float> targ
   multiply({d, d, n, Transpose::yes, Transpose::no}, x.data(), x.data(), squares.data());
   const auto size = static_cast<Eigen::Index>(d);
   Eigen::MatrixXd normal = Eigen::Map<Eigen::MatrixXf>(squares.data(), size, size).cast<double>();
-  normal.diagonal().array() += penalty;
+  normal.diagonal().array() += l2_penalty;
   const Eigen::VectorXd solved =
       normal.ldlt().solve(Eigen::Map<Eigen::VectorXd>(wanted.data(), size));
   std::vector<double> out(d);

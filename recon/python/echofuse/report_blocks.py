@@ -18,6 +18,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from . import run_files
+
 Block = dict[str, Any]
 # scripts and styles; in the sources a link to recon/page
 PAGE = pathlib.Path(__file__).resolve().with_name("page")
@@ -92,8 +94,7 @@ def packed(values: NDArray[Any], unit: float, kind: str) -> str:
 def printable(value: Any) -> Any:
     """Texts that came from outside, in one line each, without what reorders them."""
     if isinstance(value, str):
-        return "".join(c if c.isprintable()
-                       else c.encode("unicode_escape", "surrogatepass").decode() for c in value)
+        return run_files.printable(value)
     if isinstance(value, dict):
         return {key: printable(part) for key, part in value.items()}
     return [printable(part) for part in value] if isinstance(value, (list, tuple)) else value

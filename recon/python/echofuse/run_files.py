@@ -26,6 +26,12 @@ KINDS: dict[str, tuple[str, Any]] = {"INTEGER":
                                      "TEXT": ("ifnull(CAST({} AS BLOB), x'')", "S")}
 
 
+def printable(text: str) -> str:
+    """Text from outside in one line; control characters and what reorders text are escaped."""
+    return "".join(c if c.isprintable() else c.encode("unicode_escape", "surrogatepass").decode()
+                   for c in text)
+
+
 _lock = threading.Lock()
 _descriptors: dict[tuple[int, int], list[int]] = {}  # by device and inode
 _connections: Counter[tuple[int, int]] = Counter()
@@ -156,11 +162,10 @@ def guard(db: sqlite3.Connection, path: pathlib.Path) -> None:
         # a virtual table, or computed columns
         computed = page == 0 or re.search(r"\bAS\s*\(", sql, re.IGNORECASE)
         if kind != "table" or name not in TABLES | STATISTICS or computed:
-            quoted = name.replace('"', '""')
+            shown, quoted = printable(name), printable(name.replace('"', '""'))
             raise ValueError(
-                f'{path}: holds the {kind} "{name}"; expected the tables of a run only; remove it '
-                'by: '
-                             f'DROP {kind.upper()} "{quoted}"')
+                f'{path}: holds the {kind} "{shown}"; expected the tables of a run only; '
+                f'remove it by: DROP {kind.upper()} "{quoted}"')
 
 
 def table(path: pathlib.Path, name: str) -> dict[str, NDArray[Any]]:
