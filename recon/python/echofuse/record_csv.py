@@ -9,6 +9,7 @@ import numpy as np
 from . import antennas
 from .blocks import load
 from .run import Run
+from .run_files import printable
 
 
 def write(run: Run, index: int, path: pathlib.Path) -> int:
@@ -22,8 +23,7 @@ def write(run: Run, index: int, path: pathlib.Path) -> int:
     def shown(text: str) -> str:
         """Text of a line that is no cell: nothing in it begins another one, whatever the
         separator."""
-        return "".join(f"\\x{ord(c):02x}" if c in ',;"' else c if c.isprintable() else repr(c)[1:-1]
-                       for c in text)
+        return "".join(f"\\x{ord(c):02x}" if c in ',;"' else c for c in printable(text))
 
     lines = [f"# record {index} of {shown(str(part.path))}, label {shown(part.labels[0])}",
              "# spd: x = two-way time in ps, value = counts",
