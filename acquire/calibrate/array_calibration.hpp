@@ -22,9 +22,10 @@ struct AntennaFit {
 using ArrayFrames = std::vector<std::vector<std::int16_t>>;
 
 // Fits the antennas to a reflector that fills the bin, or one beside it: the principal eigenvector
-// of their covariance over the frames, at least 8. Frames need not agree in phase. Standard error:
-// what is left beside this one wave, and the samples' rounding, which does not average out. N
-// frames with power P and noise s^2 of an antenna give s / sqrt(2 N P), and antenna 0's.
+// of their covariance over the frames, at least 8. The phase may differ from frame to frame. The
+// standard error contains the residual of this one wave and the samples' rounding, which does not
+// average out: N frames with power P and noise s^2 of an antenna give s / sqrt(2 N P), combined
+// with that of antenna 0.
 AntennaFit fit_antennas(const ArrayFrames& frames, std::size_t antennas, std::size_t bin);
 // Subtracts the phases of the reflector's wave; the rest is what the channels add. The errors of
 // its place join the standard errors.

@@ -21,7 +21,7 @@ struct Peak {
   double standard_error_m = 0;
   double snr_db = 0;     // SPD: amplitude over its standard error; radar: power over the median
   bool outside = false;  // the strongest peak, outside the window
-  std::string refusal;   // why it is none; empty: it is one
+  std::string refusal;   // reason to refuse the peak, or empty
 };
 
 // SPD: counts per bin of two-way time, bin i from start_ps + i*step_ps. Maximum likelihood, by

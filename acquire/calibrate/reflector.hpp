@@ -7,8 +7,8 @@
 // from the radar (theorem of Pythagoras): 1.118 m and 26.6 degrees at d = 1 m and b = 0.5 m.
 //
 // The errors of the distance (s_d) and the baseline (s_b) are propagated to first order (JCGM
-// 100:2008, GUM, 5.1.2). A reflector that is placed with s_d along z is as uncertain across (a tilt
-// of s_d / d of the sensors' mount) and in height:
+// 100:2008, GUM, 5.1.2). A reflector that is placed with s_d along z is as uncertain across (if
+// the sensors' mount is tilted by s_d / d) and in height:
 //   detector  s^2 = s_d^2
 //   radar     s^2 = (d / r)^2 s_d^2 + (b / r)^2 (s_b^2 + s_d^2) + (s_d^2 / 2r)^2
 // In front of the radar d = r and b = 0.

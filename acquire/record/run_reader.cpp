@@ -177,7 +177,7 @@ void RunReader::open(const std::string& network) {
   int code = try_to_open(path_, SQLITE_OPEN_READONLY);
   // Killed as it began or closed, with one page half written: a writer has to undo that.
   if (code == SQLITE_READONLY) code = try_to_open(path_, SQLITE_OPEN_READWRITE);
-  closed_ = journal_version(db_) == 1;  // its writer may have closed it meanwhile
+  closed_ = journal_version(db_) == 1;  // its writer may have closed it since
   if (closed_) return unchanging();
   if (code == SQLITE_CANTOPEN || code == SQLITE_READONLY) {
     // There it would hide the records in a WAL, and what undoes a half written page.

@@ -10,7 +10,7 @@
 //   period       the laser's period changes
 //   steps        a step of the tags that does not divide the bins
 //   second       a click is followed by a second one after a fixed time
-// The first 20,000 events of each second are looked at for the last five.
+// The last five faults are judged from the first 20,000 events of each second.
 #pragma once
 #include <array>
 #include <cstdint>
@@ -72,7 +72,7 @@ class TagCheck {
   std::vector<Tag> repaired_;
   std::optional<std::uint64_t> last_ps_;  // as the device sent it
   std::uint64_t highest_ps_ = 0, offset_ps_ = 0;
-  // In the second that runs.
+  // Counts of the current second.
   std::uint64_t wrapped_ = 0, stepped_back_ = 0, sorted_ = 0, farthest_back_ps_ = 0;
   unsigned wrap_bits_ = 0;
   struct Reading {
