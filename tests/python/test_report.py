@@ -272,7 +272,7 @@ def mode_of(name, kind, iou, rmse_m, **columns):
     wobble = 0.001 * (np.arange(20) % 3)
     values = {"iou": iou + wobble, "rmse_m": rmse_m + wobble, "lateral_m": 0.03 + wobble, "depth_mae_m": 0.1 + wobble,
               "lateral_interval_90_m": np.full(20, 0.1)} | columns
-    told = {"model": kind, "records": 20, "left_out": 0, "fallbacks": {}, "antennas": "", "response": "", "ranges": "", "calibrated": False, "metrics": {
+    told = {"model": kind, "records": 20, "left_out": 0, "notes": "", "fallbacks": {}, "antennas": "", "response": "", "ranges": "", "calibrated": False, "metrics": {
         metric: dict(zip(("mean", "se", "maps"), Mean.of(column))) for metric, column in values.items()}}
     facts = {"0/model": kind, "0/inputs": "spd", "0/calibrated": 0}
     scores = Scores(told, np.arange(20), ["letter:A"] * 20, [""] * 20, values)
@@ -304,7 +304,7 @@ def test_what_fails_stands_first():
     assert tables.problems_of(fused) == []
     fused = mode_of("fused", "factorised", 0.6, 0.46, lateral_interval_90_m=np.full(20, 0.01)).first
     fused.told["domain_shift"] = {"found": True, "text": "this run is unlike the training: range +30.0 +- 2.0 cm", "p": 1e-4}
-    fused.told["fallbacks"] = {"radar lost: SPD alone": 3}
+    fused.told["notes"] = "3 records: radar lost: SPD alone\n"
     assert tables.problems_of_run(fused, "Recorded run: ") == [
         "Recorded run: this run is unlike the training: range +30.0 +- 2.0 cm.",
         "Recorded run: the body is within the stated interval in only 0 of 20 records; it is stated for 90 % (18).",

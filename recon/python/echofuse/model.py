@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import baselines, grid
 from . import run as runs
+from .crc32c import crc32c
 from .maps import save_maps
 from .method import Method
 from .response import MUCH_NARROWER, Response, filter_between, filtered, stated_in
@@ -21,11 +22,14 @@ from .response import MUCH_NARROWER, Response, filter_between, filtered, stated_
 
 def read_safetensors(path: str | pathlib.Path) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
     """Tensors and facts of a model file (recon/numbers/tensor_file.hpp). Raises ValueError for any
-    other file."""
+    other file, and for another checksum."""
     kinds = {"F32": "<f4", "F64": "<f8", "I64": "<i8", "U32": "<u4", "U8": "u1"}
     contents = pathlib.Path(path).read_bytes()
     try:
         length, = struct.unpack_from("<Q", contents)
+        at = contents.index(b'"crc32c":"', 8, 8 + length) + 10
+        if int(contents[at:at + 8], 16) != crc32c(contents[:at] + b"0" * 8 + contents[at + 8:]):
+            raise ValueError
         head, data = json.loads(contents[8:8 + length]), contents[8 + length:]
         facts = json.loads(head.pop("__metadata__")["facts"])
         if facts["format"] != "echofuse model":

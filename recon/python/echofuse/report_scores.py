@@ -90,6 +90,11 @@ class Scores:
         return self.told.get("domain_shift") or {}
 
     @property
+    def notes(self) -> list[str]:
+        """Sentences of `evaluate` but that about the run as a whole."""
+        return [line for line in self.told["notes"].splitlines() if line != self.shift.get("text")]
+
+    @property
     def kept(self) -> Count:
         """Bodies within what was stated."""
         off, stated = self["lateral_m"], self["lateral_interval_90_m"]

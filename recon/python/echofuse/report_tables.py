@@ -112,14 +112,12 @@ def models_verdict(modes: Sequence[Mode], judged: Judged, simulated: str, new_ru
 
 
 def problems_of_run(scores: Scores, where: str = "") -> list[str]:
-    kept, left = scores.kept, scores.told["left_out"]
+    kept = scores.kept
     out = [f"{where}{scores.shift['text']}."] if scores.shift.get("found") else []
     if kept.of and kept.interval[1] < 0.9:
         out.append(f"{where}the body is within the stated interval in only {kept} records; it is "
                    f"stated for 90 % ({0.9 * kept.of:.0f}).")
-    out += [f"{where}{count} records: {note}." for note, count in scores.told["fallbacks"].items()]
-    return out + ([f"{where}{left} records with depth left out: a sensor missing or dead."] if left
-                  else [])
+    return out + [f"{where}{note}." for note in scores.notes]
 
 
 def problems_of(scores: Scores) -> list[str]:
@@ -134,10 +132,8 @@ def problems_of(scores: Scores) -> list[str]:
 
 
 def remarks_of(scores: Scores) -> list[str]:
-    """Remarks that are no failure: a run like the training, corrections."""
-    like = [scores.shift["text"]] if scores.shift and not scores.shift["found"] else []
-    return like + [scores.told[key] for key in ("antennas", "response", "ranges")
-                   if scores.told[key]]
+    """Remarks that are no failure: a run like the training."""
+    return [scores.shift["text"]] if scores.shift and not scores.shift["found"] else []
 
 
 # Tables

@@ -16,13 +16,14 @@ from typing import Any, Iterator, Sequence, overload
 import numpy as np
 from numpy.typing import NDArray
 
-from . import grid
+from . import grid, pile_up
+from .damaged import names_its_file
 from .grid import inflated, read_only, shifted
 from .run_files import STATISTICS, connect, leftovers, table
 
 SENSORS = {"spd": 1, "radar": 2, "depth": 4}  # bits of record.valid
 PS_PER_M = 2e12 / 299_792_458.0  # there and back
-MOST_POINTS, MOST_PIXELS = 1 << 24, 1 << 23
+LEAST_BOUND, MOST_PIXELS = 1 << 16, 1 << 23  # points of an axis whatever the size of the file
 
 
 @dataclass(frozen=True)
@@ -181,19 +182,20 @@ class Run:
                 return
             time.sleep(pause_s)
 
+    @names_its_file
     def _read(self) -> None:
+        most = max(self.path.stat().st_size, LEAST_BOUND)
         with closing(connect(self.path)) as db:
             self.axes: dict[str, Axis] = {row[0]: Axis(*row) for row in db.execute(
                 "SELECT name, quantity, unit, CAST(count AS INTEGER), CAST(start AS REAL), "
                 "CAST(step AS REAL),"
                 " CAST(scale AS REAL) FROM axis")}
             for name, axis in self.axes.items():
-                if (not 0 <= axis.count <= MOST_POINTS or not abs(axis.start) < 1e15
+                if (not 0 <= axis.count <= most or not abs(axis.start) < 1e15
                     or not 1e-15 < abs(axis.step) < 1e15):
-                    raise ValueError(
-                        f"{self.path}: axis {name}: {axis.count} points from {axis.start:g} by "
-                        f"{axis.step:g}; "
-                                     f"expected those of a measurement, at most {MOST_POINTS}")
+                    raise ValueError(f"{self.path}: axis {name}: {axis.count} points from "
+                                     f"{axis.start:g} by {axis.step:g}; expected those of a "
+                                     f"measurement, at most {most}")
             cursor = db.execute("SELECT * FROM run")
             self.info: dict[str, Any] = dict(zip((column[0] for column in cursor.description),
                                                  cursor.fetchone()))
@@ -223,6 +225,7 @@ class Run:
             pass
         raise ValueError(f"{self.path}: meta is not a JSON object of texts")
 
+    @names_its_file
     def select(self, sql: str, *values: Any) -> list[Any]:
         """Rows of this query."""
         with closing(connect(self.path)) as db:
@@ -249,6 +252,7 @@ class Run:
         """UTC, level, source and text of each event."""
         return self.select("SELECT utc, level, source, text FROM event ORDER BY id")
 
+    @names_its_file
     def told(self) -> dict[str, NDArray[Any]]:
         """Columns [n] of the records: length_s, and of each sensor used_spd, lost_spd, verdict_spd,
         residual_s_spd (of its clock)."""
@@ -280,11 +284,13 @@ class Run:
                 f"{cells}</table>")
 
     @cached_property
+    @names_its_file
     def spd(self) -> NDArray[np.uint32]:
         """Counts [n, bins]; read-only, as all arrays that the run keeps."""
         return read_only(self._table("spd", "<u4", 0))
 
     @cached_property
+    @names_its_file
     def radar(self) -> NDArray[np.float32]:
         """Linear power [n, bins], in an arbitrary unit."""
         table = self.stored_radar()
@@ -297,28 +303,33 @@ class Run:
         return read_only(table.astype(np.float32))
 
     @cached_property
+    @names_its_file
     def depth(self) -> NDArray[np.float32]:
         """z in metres [n, rows, columns] of the camera's image; NaN where nothing came back."""
-        size = tuple(self.axes[name].count if name in self.axes else 0
-                     for name in ("depth_y", "depth_x"))
-        if size[0] * size[1] > MOST_PIXELS:
-            raise ValueError(
-                f"{self.path}: depth has {size[0] * size[1]} pixels; expected at most "
-                f"{MOST_PIXELS}")
+        size, blobs = self._image_size(), self._blobs("depth")
+        for _, blob in blobs[:1]:
+            inflated(blob, size)  # refuses the axes' size before the table is made
         out = np.full((len(self), *size), np.nan, np.float32)
-        for row, blob in self._blobs("depth"):
-            image = inflated(blob, (size[0], size[1]))
+        for row, blob in blobs:
+            image = inflated(blob, size)
             out[row] = np.where(image > 0, image / np.float32(1000), np.float32(np.nan))
         return read_only(out)
 
+    def _image_size(self) -> tuple[int, int]:
+        rows, columns = (self.axes[name].count if name in self.axes else 0
+                         for name in ("depth_y", "depth_x"))
+        if rows * columns > MOST_PIXELS:
+            raise ValueError(f"{self.path}: depth has {rows * columns} pixels; expected at most "
+                             f"{MOST_PIXELS}")
+        return rows, columns
+
+    @names_its_file
     def depth_mm(self, row: int) -> NDArray[np.uint16]:
         """The camera's image of one record [rows, columns], millimetres, 0: no return."""
-        size = tuple(self.axes[name].count if name in self.axes else 0
-                     for name in ("depth_y", "depth_x"))
+        size = self._image_size()
         blob = self.select("SELECT CAST(depth AS BLOB) FROM record WHERE idx = ? AND valid & 4",
                            int(self.index[row]))
-        return inflated(blob[0][0] or b"", (size[0],
-                                            size[1])) if blob else np.zeros(size, np.uint16)
+        return inflated(blob[0][0] or b"", size) if blob else np.zeros(size, np.uint16)
 
     def maps(self, rows: Sequence[int] | None = None) -> NDArray[np.float32]:
         """The truth [n, N, N] on the grid of the maps as training and judge have it, metres (NaN:
@@ -329,6 +340,7 @@ class Run:
             out[k] = self.map_of(int(wanted[k]))
         return out
 
+    @names_its_file
     def map_of(self, row: int) -> NDArray[np.float32]:
         """The truth of one record [N, N], as in maps()."""
         to_z = self.axes.get("map_z")
@@ -352,15 +364,17 @@ class Run:
 
     # Inputs of the method (recon/README.md, "the way of a record"): at true ranges, pile-up
     # corrected.
+    @names_its_file
     def photons(self) -> NDArray[np.float32]:
         """[n, bins]"""
         table = self.spd.astype(np.float32)
         if self.meta.get("detector_dead_time_ps") is not None:
-            table = np.array([self._pile_up(row, clicks)
+            table = np.array([pile_up.corrected(self, row, *clicks)
                               for row, clicks in zip(table, self._clicks())], np.float32)
         offset_m = self.offset_m.get("spd", 0)
         return shifted(table, offset_m * PS_PER_M / self.axes["spd"].step) if offset_m else table
 
+    @names_its_file
     def power(self, range_offset_m: float = 0) -> NDArray[np.float32]:
         """[n, points], linear, of TI's codes less the noise that most points show; 0 where there is
         no radar"""
@@ -394,6 +408,7 @@ class Run:
                     axis.start, axis.step,
                     across + up)
 
+    @names_its_file
     def lags(self, range_offset_m: float = 0) -> NDArray[np.float32]:
         """[n, points, 2 D + 1]: power, then real and imaginary part of the mean correlation at each
         spacing"""
@@ -461,26 +476,6 @@ class Run:
         return [(clicks, known or (clicks / starts if clicks < 0.95 * starts
                                    else 0.0)) for clicks, starts, known in rows]
 
-    def _pile_up(self, counts: NDArray[np.float32],
-                 clicks: tuple[float, float]) -> NDArray[np.float32]:
-        """Coates' correction, of a detector with a dead time (recon/data/pile_up.hpp)."""
-        if not clicks[1] > 0:
-            return counts
-        pulses, width = clicks[0] / clicks[1], self.axes["spd"].step
-        before = np.concatenate([[0], np.cumsum(counts, dtype=np.float64)])
-        places = np.arange(len(before))
-        text = self.meta["detector_dead_time_ps"]
-        dead = np.inf if text == "until the next pulse" else float(text) / width
-        period = 1e12 * self.info["window_s"] / pulses / width
-        whole = 0 if np.isinf(dead) else np.floor(dead / period)
-        since = np.arange(len(counts)) + 0.5 - (dead - whole * period)
-        blocked = before[:-1] - np.minimum(np.interp(since, places, before),
-                                           before[:-1]) + whole * before[-1]
-        if not np.isinf(dead):
-            blocked += before[-1] - np.interp(since + period, places, before)
-        ready = np.maximum(pulses - blocked, counts + 0.5)
-        return np.asarray(-pulses * np.log1p(-counts / ready), np.float32)
-
     def _blobs(self, sensor: str) -> list[tuple[int, bytes]]:
         blobs = dict(
             self.of_records(
@@ -490,11 +485,12 @@ class Run:
 
     def _table(self, sensor: str, kind: str, missing: float) -> NDArray[Any]:
         count = self.axes[sensor].count if sensor in self.axes else 0
+        size, blobs = count * np.dtype(kind).itemsize, self._blobs(sensor)
+        for row, blob in blobs:
+            if len(blob) != size:
+                raise ValueError(f"{self.path}: record {self.index[row]}: {sensor} has {len(blob)} "
+                                 f"bytes, its axis asks for {size}")
         out = np.full((len(self), count), missing, kind)
-        for row, blob in self._blobs(sensor):
-            if len(blob) != (size := count * out.itemsize):
-                raise ValueError(
-                    f"{self.path}: record {self.index[row]}: {sensor} has {len(blob)} bytes, its "
-                    f"axis asks for {size}")
+        for row, blob in blobs:
             out[row] = np.frombuffer(blob, kind)
         return out

@@ -1,0 +1,29 @@
+# SPDX-License-Identifier: MIT
+"""Coates' correction of a detector with a dead time (recon/data/pile_up.hpp)."""
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+def corrected(run: Any, counts: NDArray[np.float32], clicks: float,
+              clicks_a_pulse: float) -> NDArray[np.float32]:
+    """Counts of one record of this run (run.Run); clicks_a_pulse 0: not known."""
+    if not clicks_a_pulse > 0:
+        return counts
+    pulses, width = clicks / clicks_a_pulse, run.axes["spd"].step
+    before = np.concatenate([[0], np.cumsum(counts, dtype=np.float64)])
+    places = np.arange(len(before))
+    text = run.meta["detector_dead_time_ps"]
+    dead = np.inf if text == "until the next pulse" else float(text) / width
+    period = 1e12 * run.info["window_s"] / pulses / width
+    whole = 0 if np.isinf(dead) else np.floor(dead / period)
+    since = np.arange(len(counts)) + 0.5 - (dead - whole * period)
+    blocked = before[:-1] - np.minimum(np.interp(since, places, before),
+                                       before[:-1]) + whole * before[-1]
+    if not np.isinf(dead):
+        blocked += before[-1] - np.interp(since + period, places, before)
+    ready = np.maximum(pulses - blocked, counts + 0.5)
+    return np.asarray(-pulses * np.log1p(-counts / ready), np.float32)

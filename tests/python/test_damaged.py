@@ -1,0 +1,101 @@
+# SPDX-License-Identifier: MIT
+"""Damaged runs and models raise ValueError or OSError that names the file."""
+import sqlite3
+
+import numpy as np
+import pytest
+
+import echofuse
+from programs import program
+
+MUTANTS = 300
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    made = tmp_path_factory.mktemp("damaged")
+    program("echofuse-sim", "dataset", "-q", "--records", 20, "--out", made / "run.sqlite")
+    program("echofuse-recon", "train", "-q", made / "run.sqlite", "--model", "mlp-8", "--epochs", 2,
+            "--out", made / "m.safetensors")
+    return made
+
+
+def mutated(data, rng):
+    """Bytes flipped, a stretch overwritten, cut off, or doubled."""
+    data = bytearray(data)
+    first, length = rng.integers(len(data)), int(rng.integers(1, 200))
+    kind = rng.integers(4)
+    if kind == 0:
+        for at in rng.integers(len(data), size=rng.integers(1, 9)):
+            data[at] ^= 1 << rng.integers(8)
+    elif kind == 1:
+        data[first:first + length] = rng.bytes(length)
+    elif kind == 2:
+        del data[first:]
+    else:
+        data[first:first] = data[first:first + length]
+    return bytes(data)
+
+
+def read_all(path):
+    with echofuse.open(path) as run:
+        for read in (lambda: run.spd, lambda: run.radar, lambda: run.depth, run.photons, run.power,
+                     run.lags, run.told, run.events, lambda: run.maps([0]), lambda: repr(run),
+                     lambda: [run.table(name) for name in run.tables]):
+            read()
+
+
+def survives(use, path):
+    """Whether it was read; any other error than the two ends the test."""
+    try:
+        use(path)
+        return True
+    except (ValueError, OSError) as error:
+        assert str(path) in str(error), repr(error)
+        return False
+
+
+def test_mutated_runs_raise_value_errors_with_their_name(folder, tmp_path):
+    data, rng = (folder / "run.sqlite").read_bytes(), np.random.default_rng(1)
+    path = tmp_path / "run.sqlite"
+    for _ in range(MUTANTS):
+        path.write_bytes(mutated(data, rng))
+        survives(read_all, path)
+
+
+def test_odd_values_in_a_run_raise_value_errors_with_its_name(folder, tmp_path):
+    rng, path = np.random.default_rng(2), tmp_path / "run.sqlite"
+    values = [None, -1, 0, 2 ** 40, 2 ** 63 - 1, 1e300, "text", b"\xff\xfe", ""]
+    with sqlite3.connect(folder / "run.sqlite") as db:
+        columns = [(table, column) for table in ("run", "axis", "record", "calibration", "antenna")
+                   for (column,) in db.execute(f"SELECT name FROM pragma_table_info('{table}')")]
+    for _ in range(MUTANTS):
+        path.write_bytes((folder / "run.sqlite").read_bytes())
+        table, column = columns[rng.integers(len(columns))]
+        with sqlite3.connect(path) as db:
+            db.execute("PRAGMA ignore_check_constraints = ON")
+            try:
+                db.execute(f"UPDATE {table} SET {column} = ? WHERE rowid = "
+                           f"(SELECT rowid FROM {table} ORDER BY rowid LIMIT 1 OFFSET ?)",
+                           (values[rng.integers(len(values))], int(rng.integers(4))))
+            except sqlite3.Error:
+                continue
+        survives(read_all, path)
+
+
+def test_no_mutated_model_is_loaded(folder, tmp_path):
+    data, rng = (folder / "m.safetensors").read_bytes(), np.random.default_rng(3)
+    path = tmp_path / "m.safetensors"
+    for _ in range(MUTANTS):
+        changed = mutated(data, rng)
+        path.write_bytes(changed)
+        assert survives(echofuse.load_model, path) == (changed == data)
+
+
+def test_an_axis_is_bounded_by_the_size_of_the_file(folder, tmp_path):
+    path = tmp_path / "run.sqlite"
+    path.write_bytes((folder / "run.sqlite").read_bytes())
+    with sqlite3.connect(path) as db:
+        db.execute("UPDATE axis SET count = 1 << 23 WHERE name = 'spd'")
+    with pytest.raises(ValueError, match="axis spd: 8388608 points"):
+        echofuse.open(path)
