@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
+#include <map>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
@@ -16,6 +17,7 @@
 #include "drivers/program/printable.hpp"
 #include "recon/cli/commands.hpp"
 #include "recon/data/files.hpp"
+#include "recon/data/late_truth.hpp"
 #include "recon/numbers/parallel.hpp"
 #include "recon/numbers/text.hpp"
 #include "recon/use/evaluate.hpp"
@@ -197,6 +199,16 @@ ExitCode evaluate_models(const Arguments& a, const Common& common) {
   return ExitCode::ok;
 }
 
+// Lines about a truth that does not fit the sensors.
+std::vector<std::string> notes_on_truth(const Dataset& data, const std::vector<ScoredRow>& scored) {
+  std::vector<std::string> out{late_truth(data)};
+  for (const ScoredRow& row : scored)
+    if (const std::string line = mirrored_truth(row.metrics); !line.empty())
+      out.push_back(row.name + ": " + line);
+  std::erase(out, "");
+  return out;
+}
+
 // Folders of maps, and models, on the records that all of them have.
 ExitCode evaluate_maps(const Arguments& a, const Common& common) {
   const auto title = [&](const char* text) { return common.quiet || a.json ? "" : text; };
@@ -219,13 +231,19 @@ ExitCode evaluate_maps(const Arguments& a, const Common& common) {
                                         : judge_of(data);
   std::vector<WrittenMaps> written;
   for (const std::string& folder : a.maps) written.push_back(read_written_maps(folder, data.map));
-  Rows rows = rows_with_maps(written, data);
+  std::vector<std::string> left_out = left_out_of_maps(written, data, a.all);
   for (std::size_t k = 0; k < models.size(); ++k) {
-    Rows of_model = rows_to_evaluate(models[k], records[k].data, a.all);
-    std::ranges::sort(of_model);
-    std::erase_if(rows, [&](auto row) { return !std::ranges::binary_search(of_model, row); });
+    const auto of_model = left_out_of_evaluation(models[k], records[k].data, a.all);
+    for (std::size_t row = 0; row < left_out.size(); ++row)
+      if (left_out[row].empty()) left_out[row] = of_model[row];
   }
-  if (rows.empty()) throw Error(ExitCode::failed, run + ": no record of which all have a map");
+  Rows rows;
+  std::map<std::string, std::size_t> reasons{{"damaged", data.damaged.size()}};
+  for (std::size_t row = 0; row < left_out.size(); ++row)
+    left_out[row].empty() ? rows.push_back(row) : void(++reasons[left_out[row]]);
+  std::erase_if(reasons, [](const auto& reason) { return reason.second == 0; });
+  const std::string left_out_line = left_out_text(reasons, data.size() + data.damaged.size());
+  if (rows.empty()) throw Error(ExitCode::failed, run + ": no record to judge: " + left_out_line);
 
   std::vector<Judged> all;
   for (const WrittenMaps& maps : written)
@@ -240,17 +258,22 @@ ExitCode evaluate_maps(const Arguments& a, const Common& common) {
   if (!a.per_record.empty()) write_records(a.per_record, data, judge.scene, all);
   std::vector<ScoredRow> scored;
   for (const Judged& one : all) scored.push_back({one.name, summarise(one.scores)});
-  const std::string note = a.train.empty() && models.empty()
-                               ? "foreground and background are those of this run's own maps; "
-                                 "--train RUN names others"
-                               : judge.note;
+  std::string note = a.train.empty() && models.empty()
+                         ? "foreground and background are those of this run's own maps; "
+                           "--train RUN names others"
+                         : judge.note;
+  for (const std::string& line : notes_on_truth(data, scored))
+    note += (note.empty() ? "" : "\n") + line;
   if (a.json) {
-    put(to_json(scored, baselines, rows.size(), note));
+    nlohmann::json out = to_json(scored, baselines, rows.size(), note);
+    out["left_out"] = reasons;
+    put(out);
   } else {
     std::vector<ScoredRow> table = scored;
     table.insert(table.end(), baselines.begin(), baselines.end());
     print(
         printable_lines(formatted("%zu records; mean +- standard error over maps\n", rows.size()) +
+                        (left_out_line.empty() ? "" : left_out_line + "\n") +
                         (note.empty() ? "" : note + "\n") + to_table(table) + paired_text(all)));
   }
   return ExitCode::ok;

@@ -94,7 +94,8 @@ Dataset load_to_train(Arguments& a, double radar_bin_m) {
   if (!a.empty.empty() && radar_bin_m > 0)
     throw Error(ExitCode::usage, "--empty does not go with radar_bin_m: give runs of such bins");
   bring_to_response(data, widest_response(data));
-  if (!a.empty.empty()) state_empty_room(data, a.empty);
+  const std::string left_out = a.empty.empty() ? "" : state_empty_room(data, a.empty);
+  if (!left_out.empty() && !a.fit.quiet) std::fprintf(stderr, "%s\n", left_out.c_str());
   if (radar_bin_m > 0) rebin_radar(data, radar_bins(radar_bin_m));
   return data;
 }

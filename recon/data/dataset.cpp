@@ -9,6 +9,7 @@
 #include <cstdio>
 #include <limits>
 #include <memory>
+#include <numeric>
 #include <optional>
 
 #include "acquire/record/run_names.hpp"
@@ -179,16 +180,30 @@ class Appender {  // appends one run to a Dataset
     }
     return out;
   }
-  // FNV-1a over words instead of bytes.
+  // Returns 0 for a histogram that a photon or two could repeat by chance.
   static std::int64_t hash_of(const record::FusedRecord& r) {
+    constexpr double least_clicks = 100;  // above the background
+    if (!r.has(Sensor::spd)) return r.radar.empty() ? 0 : hash_of_words(r.radar);
+    const std::string kind = record::verdict_kind(r.sync[Sensor::spd].verdict);
+    if (kind == "weak" || kind == "stands still") return 0;
+    const auto first = std::ranges::find_if(r.spd, [](auto n) { return n > 0; });
+    const auto last = std::find_if(r.spd.rbegin(), r.spd.rend(), [](auto n) { return n > 0; });
+    if (first == r.spd.end()) return 0;
+    const std::span<const std::uint32_t> counts(first, last.base());
+    std::vector<float> values(counts.begin(), counts.end());
+    const double clicks = std::accumulate(values.begin(), values.end(), 0.0);
+    const double background = double{quantile(values, 0.5)} * static_cast<double>(values.size());
+    return clicks - background < least_clicks ? 0 : hash_of_words(counts);
+  }
+  // FNV-1a over words instead of bytes.
+  template <class Words>
+  static std::int64_t hash_of_words(const Words& words) {
     std::uint64_t hash = 0xcbf29ce484222325;
-    const auto add = [&](std::uint32_t word) {
-      hash = (hash ^ word) * 0x100000001b3;
+    for (const auto word : words) {
+      hash = (hash ^ std::bit_cast<std::uint32_t>(word)) * 0x100000001b3;
       hash ^= hash >> 32;
-    };
-    for (const std::uint32_t count : r.spd) add(count);
-    for (const float power : r.radar) add(std::bit_cast<std::uint32_t>(power));
-    return r.spd.empty() && r.radar.empty() ? 0 : static_cast<std::int64_t>(hash);
+    }
+    return static_cast<std::int64_t>(hash);
   }
   // The limit leaves room for what an interpolation adds.
   static bool is_power(float v) { return std::abs(v) < 1e38f; }

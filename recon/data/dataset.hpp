@@ -3,6 +3,7 @@
 #pragma once
 #include <cstdint>
 #include <functional>
+#include <map>
 #include <optional>
 #include <span>
 #include <string>
@@ -44,6 +45,7 @@ struct Source {
 // each of its tables.
 struct EmptyRoom {
   std::vector<float> spd, radar, array;
+  std::string left_out = {};  // text that counts the records left out of the mean, or empty
   bool known() const { return !spd.empty() || !radar.empty(); }
 };
 
@@ -56,6 +58,10 @@ std::string to_text(const DamagedRecord& damaged);  // "RUN: record 3: REASON"
 
 // Reason of a record whose detector or radar has one value in every bin.
 inline constexpr const char* dead_record = "the same in every bin";
+// Reason of a record that trained or validated a model.
+inline constexpr const char* trained_on_record = "trained on";
+// Reason of a record whose counts an earlier record of the run has.
+inline constexpr const char* twice_in_run = "twice in the run";
 
 // Records as tables. A sensor that a record lacks has zeros in its row; `has` tells. A sensor that
 // the run lacks, or that was not loaded, has an axis of count 0.
@@ -71,7 +77,8 @@ struct Dataset {
   std::vector<std::uint32_t> valid;  // bit 0 SPD, 1 radar, 2 depth
   // Verdicts of valid sensors without their figures; "" if ok. No entries: nothing is doubted.
   std::vector<PerSensor<std::string>> doubt;
-  // Hash of what the detector and the radar recorded; 0 or no entries: not known.
+  // Hash of the detector's counts between its empty bins at both ends, by which copies are found;
+  // without a detector that of the radar. 0 or no entries: too few clicks, or a doubt about them.
   std::vector<std::int64_t> content;
   std::vector<std::int64_t> index;  // the record's number in its run
   std::vector<HostTime> slot_end;
@@ -97,10 +104,14 @@ struct Dataset {
   // no doubt; any verdict of the depth is, unless the camera is not asked for.
   std::string doubt_of(std::size_t row, Inputs inputs, bool with_camera = true) const;
   // Returns why each row is no example for a model with these inputs; empty if it is one. Reasons:
-  // a sensor missing, dead or doubtful; a copy of a record of an earlier run.
+  // a sensor missing, dead or doubtful; a copy of an earlier record.
   std::vector<std::string> left_out(Inputs inputs) const;
-  Rows usable(Inputs inputs) const;  // rows that are examples
+  bool sound_depth(std::size_t row) const;  // true if it has a depth map without a doubt
+  Rows usable(Inputs inputs) const;         // rows that are examples
 };
+
+// Returns "3 of 60 records left out: camera frozen 2, damaged 1", or nothing without reasons.
+std::string left_out_text(const std::map<std::string, std::size_t>& reasons, std::size_t all);
 
 // Called with the number of a record that cannot be used, and with the reason.
 using OnBadRecord = std::function<void(std::int64_t, const std::string&)>;

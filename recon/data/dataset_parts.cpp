@@ -8,6 +8,7 @@
 #include "drivers/program/printable.hpp"
 #include "recon/data/dataset.hpp"
 #include "recon/numbers/statistics.hpp"
+#include "recon/numbers/text.hpp"
 
 namespace echofuse::recon {
 
@@ -36,7 +37,8 @@ std::vector<std::string> Dataset::left_out(Inputs inputs) const {
     if (!fault_of(row, inputs).empty()) return dead_record;
     const std::int64_t own = content.empty() ? 0 : content[row];
     const std::size_t first = first_of_content.try_emplace(own, row).first->second;
-    if (own == 0 || sources.size() < 2 || source_of(first) == source_of(row)) return {};
+    if (own == 0 || first == row) return {};
+    if (source_of(first) == source_of(row)) return twice_in_run;
     return "also in " + printable(sources[source_of(first)].path);
   };
   std::vector<std::string> out;
@@ -51,6 +53,17 @@ Rows Dataset::usable(Inputs inputs) const {
   return rows;
 }
 
+std::string left_out_text(const std::map<std::string, std::size_t>& reasons, std::size_t all) {
+  std::size_t left_out = 0;
+  std::string text;
+  for (const auto& [why, count] : reasons) {
+    if (count == 0) continue;
+    text += formatted("%s%s %zu", text.empty() ? "" : ", ", why.c_str(), count);
+    left_out += count;
+  }
+  return text.empty() ? text : formatted("%zu of %zu records left out: ", left_out, all) + text;
+}
+
 std::string Dataset::doubt_of(std::size_t row, Inputs inputs, bool with_camera) const {
   if (row >= doubt.size()) return {};
   constexpr PerSensor<const char*> names{"SPD ", "radar ", "camera "};
@@ -61,6 +74,10 @@ std::string Dataset::doubt_of(std::size_t row, Inputs inputs, bool with_camera) 
         (s == Sensor::depth ? with_camera : (needed.contains(s) && kind != "no peak")))
       return names[s] + kind;
   return {};
+}
+
+bool Dataset::sound_depth(std::size_t row) const {
+  return has(row, Sensor::depth) && (row >= doubt.size() || doubt[row][Sensor::depth].empty());
 }
 
 std::size_t Dataset::source_of(std::size_t row) const {

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "drivers/program/console.hpp"
+#include "recon/data/late_truth.hpp"
 #include "recon/data/response.hpp"
 #include "recon/train/crossvalidate.hpp"
 #include "recon/train/fit_uncertainty.hpp"
@@ -126,6 +127,7 @@ Split split_of(const Dataset& data, const TrainOptions& options) {
     say(options, "the runs differ in the radar's antennas: of the radar, the profile is taken");
   const TrainingRows rows = rows_to_train(data, inputs);
   if (!rows.left_out.empty()) say(options, rows.left_out);
+  if (const std::string text = late_truth(data); !text.empty()) say(options, text);
   if (options.split.kind == "random" && options.split.test_share > 0)
     if (const std::string text = alike_neighbours(data, rows.rows); !text.empty())
       say(options, text);

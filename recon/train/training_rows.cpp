@@ -65,12 +65,9 @@ TrainingRows rows_to_train(const Dataset& data, Inputs inputs) {
                                 "records: of more than a tenth nothing can be learned",
                                 none, all));
   reasons["damaged"] = data.damaged.size();
-  std::string text;
-  for (const auto& [why, count] : reasons)
-    if (count > 0) text += formatted("%s%s %zu", text.empty() ? "" : ", ", why.c_str(), count);
+  const std::string text = left_out_text(reasons, all);
   if (text.empty()) return out;
-  out.left_out = formatted("%zu of %zu records left out: ", all - out.rows.size(), all) + text +
-                 (first_fault.empty() ? "" : " (" + first_fault + ")") +
+  out.left_out = text + (first_fault.empty() ? "" : " (" + first_fault + ")") +
                  (doubtful ? "; --set doubtful=take trains with what is doubtful" : "");
   if (out.rows.empty()) throw Error(ExitCode::failed, path_of(data, 0) + ": " + out.left_out);
   return out;

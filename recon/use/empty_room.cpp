@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
+#include <map>
 #include <numeric>
 
 #include "drivers/program/printable.hpp"
@@ -41,8 +42,9 @@ EmptyRoom take(Estimator& model, const std::string& path, const Dataset& empty) 
   const auto radar_at = std::ssize(now.spd), array_at = radar_at + std::ssize(now.radar);
   const EmptyRoom before{{then.begin(), then.begin() + radar_at},
                          {then.begin() + radar_at, then.begin() + array_at},
-                         {then.begin() + array_at, then.end()}};
-  EmptyRoom change{{}, less(before.radar, now.radar), {}};
+                         {then.begin() + array_at, then.end()},
+                         {}};
+  EmptyRoom change{{}, less(before.radar, now.radar), {}, now.left_out};
   if (before.array.size() == now.array.size()) change.array = less(before.array, now.array);
   std::vector<float> background = then;
   std::copy(now.spd.begin(), now.spd.end(), background.begin());
@@ -68,19 +70,27 @@ double scatter(const Matrix& counts, const Rows& rows, const std::vector<float>&
 }  // namespace
 
 EmptyRoom empty_room_of(const Dataset& empty, const std::string& path) {
-  Rows rows;
   const Inputs all = empty.radar_axis.count == 0   ? Inputs::spd
                      : empty.spd_axis.count == 0   ? Inputs::radar
                      : empty.array_axis.count == 0 ? Inputs::fused_profile
                                                    : Inputs::fused;
-  for (std::size_t row = 0; row < empty.size(); ++row)
-    if (empty.has_inputs(row, all)) rows.push_back(row);
+  Rows rows;
+  std::map<std::string, std::size_t> reasons;
+  for (std::size_t row = 0; row < empty.size(); ++row) {
+    std::string why =
+        empty.has_inputs(row, all) ? empty.doubt_of(row, all, false) : "a sensor missing";
+    if (why.empty() && !empty.fault_of(row, all).empty()) why = dead_record;
+    why.empty() ? rows.push_back(row) : void(++reasons[why]);
+  }
+  const std::string left_out = left_out_text(reasons, empty.size());
   if (rows.size() < least_records)
     throw Error(ExitCode::failed, printable(path) + ": " + std::to_string(rows.size()) +
                                       " records have all sensors; expected at least 5 of the empty "
-                                      "room");
+                                      "room" +
+                                      (left_out.empty() ? "" : "; " + left_out));
   EmptyRoom out{mean_of_rows(empty.spd, rows), mean_of_rows(empty.radar, rows),
-                mean_of_rows(empty.array, rows)};
+                mean_of_rows(empty.array, rows),
+                left_out.empty() ? "" : printable(path) + ": " + left_out};
   const double counts = out.spd.empty() ? 0
                                         : std::accumulate(out.spd.begin(), out.spd.end(), 0.0) /
                                               static_cast<double>(out.spd.size());
@@ -91,7 +101,7 @@ EmptyRoom empty_room_of(const Dataset& empty, const std::string& path) {
   return out;
 }
 
-void state_empty_room(Dataset& data, const std::string& path) {
+std::string state_empty_room(Dataset& data, const std::string& path) {
   Dataset empty = load({path});
   bring_to_response(empty, widest_response(data));
   const Inputs sensors = data.radar_axis.count == 0 ? Inputs::spd
@@ -100,6 +110,7 @@ void state_empty_room(Dataset& data, const std::string& path) {
   match_axes(empty, data.spd_axis, data.radar_axis, sensors, "the training runs'");
   match_array(empty, data.array_axis);
   data.empty_room = empty_room_of(empty, path);
+  return data.empty_room.left_out;
 }
 
 std::string take_to_room(TrainedModel& model, const std::string& path, double range_offset_m) {
@@ -137,7 +148,9 @@ std::string take_to_room(TrainedModel& model, const std::string& path, double ra
   for (Estimator& e : model.estimators) {
     e.scene.background = walls;
     EmptyRoom change = take(e, path, empty);
-    if (&e == &model.first()) model.room_change = std::move(change);
+    if (&e != &model.first()) continue;
+    if (!change.left_out.empty()) text += (text.empty() ? "" : "; ") + change.left_out;
+    model.room_change = std::move(change);
   }
   return text;
 }

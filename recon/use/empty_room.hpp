@@ -9,9 +9,9 @@
 
 namespace echofuse::recon {
 
-// Returns the mean of the records of `empty`, a run without people on its own axes. Throws
-// Error(failed) if fewer than five records have all sensors of these data, or if people are in the
-// run.
+// Returns the mean of the records of `empty`, a run without people on its own axes. Dead and
+// doubtful records are left out and counted. Throws Error(failed) if fewer than five have all
+// sensors of these data, or if people are in the run.
 EmptyRoom empty_room_of(const Dataset& empty, const std::string& path);
 
 // Changes the model's estimators by the run without people at `path`. Returns a text for the user,
@@ -21,9 +21,9 @@ EmptyRoom empty_room_of(const Dataset& empty, const std::string& path);
 // people are in the run, or the model does not place a body.
 std::string take_to_room(TrainedModel& model, const std::string& path, double range_offset_m = 0);
 
-// States the room of the records, before a training. Throws Error(failed) if the axes differ, or as
-// empty_room_of().
-void state_empty_room(Dataset& data, const std::string& path);
+// States the room of the records, before a training. Returns a text that counts the records left
+// out, or nothing. Throws Error(failed) if the axes differ, or as empty_room_of().
+std::string state_empty_room(Dataset& data, const std::string& path);
 
 // Turns the radar's values into those that it would have seen in the room of the training. `data`
 // is on the model's axes. The histogram stays, because its scatter belongs to its counts.

@@ -8,9 +8,11 @@
 #include <iterator>
 #include <limits>
 #include <optional>
+#include <set>
 
 #include "drivers/program/console.hpp"
 #include "drivers/program/exit_code.hpp"
+#include "recon/data/late_truth.hpp"
 #include "recon/numbers/parallel.hpp"
 
 namespace echofuse::recon {
@@ -42,6 +44,13 @@ Matrix nearest_maps(const Dataset& data, const Rows& rows, const Dataset& neighb
 Rows with_depth(const Dataset& data) {
   Rows rows = all_rows(data.size());
   std::erase_if(rows, [&](std::size_t row) { return !data.has(row, Sensor::depth); });
+  return rows;
+}
+
+// Rows that show what stands still.
+Rows with_sound_depth(const Dataset& data) {
+  Rows rows = all_rows(data.size());
+  std::erase_if(rows, [&](std::size_t row) { return !data.sound_depth(row); });
   return rows;
 }
 
@@ -133,23 +142,31 @@ std::vector<std::string> left_out_of_evaluation(const TrainedModel& model, const
   else if (!all)
     for (const std::size_t row : model.rows_trained_on(data))
       if (out[row].empty()) out[row] = trained_on_record;
-  for (std::size_t row = 0; row < data.size(); ++row)
+  std::set<std::int64_t> counts;
+  for (std::size_t row = 0; row < data.size(); ++row) {
     if (out[row].empty()) out[row] = doubt_of(model, data, row);
+    if (!out[row].empty() || data.content.empty() || data.content[row] == 0) continue;
+    if (!counts.insert(data.content[row]).second) out[row] = twice_in_run;
+  }
   return out;
 }
 
 Rows rows_to_evaluate(const TrainedModel& model, const Dataset& data, bool all) {
   const std::vector<std::string> left_out = left_out_of_evaluation(model, data, all);
-  Rows sound, doubtful;
-  bool trained_on = false;
+  Rows sound;
+  bool trained_on = false, doubtful = false;
   for (std::size_t row = 0; row < data.size(); ++row) {
     trained_on |= left_out[row] == trained_on_record;
     if (left_out[row].empty()) sound.push_back(row);
-    if (left_out[row] == doubt_of(model, data, row)) doubtful.push_back(row);
+    doubtful |= left_out[row] == doubt_of(model, data, row);
   }
   if (!sound.empty()) return sound;
-  if (!doubtful.empty()) return doubtful;
   const std::string path = data.sources.empty() ? "run" : data.sources.front().path;
+  if (doubtful) {
+    std::map<std::string, std::size_t> reasons;
+    for (const std::string& why : left_out) ++reasons[why];
+    throw Error(ExitCode::failed, path + ": " + left_out_text(reasons, data.size()));
+  }
   const char* const use_all = "; use --all to score it on what it has seen";
   throw Error(
       ExitCode::failed,
@@ -164,14 +181,15 @@ Rows rows_to_evaluate(const TrainedModel& model, const Dataset& data, bool all) 
 }
 
 Judge judge_of(const Dataset& training) {
-  const Rows seen = with_depth(training);
+  const Rows seen = with_sound_depth(training);
   if (seen.empty())
-    throw Error(ExitCode::failed, training.sources.front().path + ": no record has a depth map");
+    throw Error(ExitCode::failed,
+                training.sources.front().path + ": no record has a depth map without a doubt");
   return {learn_scene(training.depth, seen, training.map), {}};
 }
 
 Judge judge_of(const TrainedModel& model, const Dataset& data) {
-  const Rows seen = with_depth(data);
+  const Rows seen = with_sound_depth(data);
   if (model.knows(data) || seen.size() < least_of_room) return {model->scene, {}};
   Scene own = learn_scene(data.depth, seen, data.map);
   std::size_t moved = 0;
@@ -232,7 +250,12 @@ Evaluation evaluate(const TrainedModel& model, const Records& records, const Row
   out.records = rows.size(), out.rows = rows;
   out.antennas = records.antennas, out.response = records.response;
   out.ranges = records.ranges;
-  out.domain_shift = domain_shift_of(model, data);
+  out.late_truth = late_truth(data);
+  out.domain_shift = model.knows(data)
+                         ? domain_shift_of(model, part_of(data, model.rows_of(data, Part::test)))
+                         : domain_shift_of(model, data);
+  if (!data.sources.empty())
+    out.tested = data.sources.front().path + (model.knows(data) ? ", held-out records: " : ": ");
   for (const std::size_t row : rows)
     if (const std::string note = model.note_of(data, row); !note.empty()) ++out.fallbacks[note];
   out.left_out = data.damaged.size();
@@ -242,6 +265,8 @@ Evaluation evaluate(const TrainedModel& model, const Records& records, const Row
     out.trained_on = model.rows_trained_on(data).size();
     out.of = data.size();
   }
+  out.twice = static_cast<std::size_t>(
+      std::ranges::count(left_out_of_evaluation(model, data, false), twice_in_run));
   score_predictions(model, records, rows, title, out);
   add_doubtful(model, records, out);
   out.two_people = count_two_people(out, data);

@@ -63,6 +63,7 @@ struct Evaluation {
   // Records of a fresh run that the model was trained on as those of another run, out of `of`. Left
   // out unless all are judged.
   std::size_t trained_on = 0, of = 0;
+  std::size_t twice = 0;  // records left out because an earlier one of the run has their counts
   // Records left out because of a verdict (Dataset::doubt_of), by verdict; and all scores with them
   // included.
   std::map<std::string, std::size_t> doubtful;
@@ -71,7 +72,9 @@ struct Evaluation {
   std::string antennas;      // a note about them (Records)
   std::string response;      // a note about it (Records)
   std::string ranges;        // assumptions of its intervals (Records)
-  DomainShift domain_shift;  // over all records of the run
+  std::string late_truth;    // line of late_truth(), or empty
+  DomainShift domain_shift;  // tested: the run, or its held-out records
+  std::string tested;        // begins the text of domain_shift: "RUN: "
   Summaries metrics;
   std::vector<ScoredRow> baselines;  // empty room, mean map, nearest neighbour
   RunningCost cost;
@@ -80,14 +83,12 @@ struct Evaluation {
   std::optional<UncertaintyCalibration> calibration;
 };
 
-// Reason of a record that trained or validated the model.
-inline constexpr const char* trained_on_record = "trained on";
 // Returns why each row is left out of an evaluation of the model; empty if it is judged.
 std::vector<std::string> left_out_of_evaluation(const TrainedModel& model, const Dataset& data,
                                                 bool all);
 // Returns the rows to judge a model by. A run it was trained on gives its held-out rows. Another
 // run gives those with depth that the model has a map of and, unless `all`, was not trained on.
-// Leaves doubtful ones out unless all are doubtful. Throws Error(failed) if there are none.
+// Leaves doubtful ones out. Throws Error(failed) if there are none.
 Rows rows_to_evaluate(const TrainedModel& model, const Dataset& data, bool all);
 
 // Scores one map a row against the depth table's rows.
@@ -114,6 +115,8 @@ nlohmann::json to_json(const Evaluation& evaluation);
 // "trivial"}. The first row's "model" and "metrics" stand beside them, as for a single model.
 nlohmann::json to_json(const std::vector<ScoredRow>& rows, const std::vector<ScoredRow>& baselines,
                        std::size_t records, const std::string& note);
+// Returns a line if nearly all bodies are on the other side than in the truth, otherwise nothing.
+std::string mirrored_truth(const Summaries& metrics);
 // Returns the metrics as aligned rows of text, lengths in metres.
 std::string to_table(const std::vector<ScoredRow>& rows);
 std::string to_text(const Evaluation& evaluation);

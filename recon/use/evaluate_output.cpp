@@ -36,6 +36,7 @@ json to_json(const Evaluation& e) {
               {"records", e.records},
               {"left_out", e.left_out},
               {"trained_on", e.trained_on},
+              {"twice", e.twice},
               {"fallback_records", fallback_records},
               {"fallbacks", e.fallbacks},
               {"note", e.judge.note},
@@ -57,9 +58,11 @@ json to_json(const Evaluation& e) {
   if (const TwoPeopleSeen& two = e.two_people; two.records > 0)
     out["two_people"] = {{"records", two.records}, {"flagged", two.flagged}};
   if (e.domain_shift.tested())
-    out["domain_shift"] = {{"p", e.domain_shift.p},           {"records", e.domain_shift.records},
-                           {"judged", e.domain_shift.judged}, {"flagged", e.domain_shift.flagged},
-                           {"found", e.domain_shift.found()}, {"text", e.domain_shift.text()}};
+    out["domain_shift"] = {
+        {"p", e.domain_shift.p},           {"records", e.domain_shift.records},
+        {"judged", e.domain_shift.judged}, {"flagged", e.domain_shift.flagged},
+        {"found", e.domain_shift.found()}, {"text", e.tested + e.domain_shift.text()}};
+  out["notes"] = notes(e);
   out["calibrated"] = e.calibration.has_value();
   if (e.calibration)
     out["calibration"] = {{"within_lateral_interval_90", number(e.calibration->within_90)},
@@ -114,8 +117,21 @@ std::string to_text(const TwoPeopleSeen& two) {
   return formatted("%zu of %zu records of two people are flagged\n", two.flagged, two.records);
 }
 
+std::string mirrored_truth(const Summaries& metrics) {
+  constexpr std::size_t least_maps = 10;
+  constexpr double most_share = 0.1;  // a model that knows no side has 0.5
+  const Summary& right = metrics[metric_left_right];
+  if (right.maps < least_maps || !(right.mean < most_share)) return {};
+  return formatted(
+      "%.0f of %zu bodies are on the other side than in the depth maps: the image of "
+      "the camera is mirrored here or in training; flip these depth maps left to right",
+      (1 - right.mean) * static_cast<double>(right.maps), right.maps);
+}
+
 std::string notes(const Evaluation& e) {
-  std::string out = e.domain_shift.tested() ? e.domain_shift.text() + '\n' : "";
+  std::string out = e.domain_shift.tested() ? e.tested + e.domain_shift.text() + '\n' : "";
+  for (const std::string& fault : {e.late_truth, mirrored_truth(e.metrics)})
+    if (!fault.empty()) out += fault + '\n';
   if (!e.judge.note.empty()) out += e.judge.note + '\n';
   if (!e.judge.scene.has_body()) out += std::string(no_body) + '\n';
   if (!e.antennas.empty()) out += e.antennas + '\n';
@@ -125,6 +141,7 @@ std::string notes(const Evaluation& e) {
   if (e.left_out > 0)
     out += formatted("%zu records with depth left out: damaged, or a sensor missing or dead\n",
                      e.left_out);
+  if (e.twice > 0) out += formatted("records left out: %s %zu\n", twice_in_run, e.twice);
   if (e.trained_on > 0)
     out += formatted("%zu of %zu records are copies of records that the model was trained on%s\n",
                      e.trained_on, e.of,

@@ -28,6 +28,7 @@
 #include "recon/numbers/text.hpp"
 #include "recon/use/map_files.hpp"
 #include "recon/use/predict.hpp"
+#include "recon/use/written_maps.hpp"
 
 namespace echofuse::recon {
 namespace {
@@ -281,7 +282,14 @@ void Reconstruction::time(RecordStatus& status, HostTime slot_end) const {
 // Returns the text of OUT/run.txt, which names the run of the maps.
 std::string marker_of(const std::string& path, const std::string& uuid, const TrainedModel& model,
                       double range_offset_m) {
-  return uuid + "\n" + printable(path) + "\n" + calibration_of(model) + "\n" +
+  std::string trained_on;
+  for (std::size_t i = 0; i < model.seen.index.size(); ++i)
+    if (model.seen.runs[model.seen.run[i]] == uuid &&
+        model.seen.part[i] != static_cast<std::uint8_t>(Part::test))
+      trained_on +=
+          (trained_on.empty() ? trained_on_records : ",") + std::to_string(model.seen.index[i]);
+  return uuid + "\n" + printable(path) + "\n" + trained_on + (trained_on.empty() ? "" : "\n") +
+         calibration_of(model) + "\n" +
          (range_offset_m == 0 ? "" : formatted("range offset %.9g m\n", range_offset_m));
 }
 

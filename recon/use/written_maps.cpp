@@ -148,6 +148,22 @@ void read_pictures(const std::string& folder, const record::MapGrid& grid, Writt
   }
 }
 
+void read_run(const std::string& path, WrittenMaps& out) {
+  std::istringstream text(read_text(path));
+  std::getline(text, out.uuid);
+  std::getline(text, out.path);
+  std::string line;
+  while (std::getline(text, line)) {
+    if (!line.starts_with(trained_on_records)) continue;
+    std::istringstream numbers(line.substr(std::string(trained_on_records).size()));
+    for (std::string word; std::getline(numbers, word, ',');) {
+      std::int64_t index = 0;
+      const auto read = std::from_chars(word.data(), word.data() + word.size(), index);
+      if (read.ec == std::errc{}) out.trained_on.insert(index);
+    }
+  }
+}
+
 }  // namespace
 
 WrittenMaps read_written_maps(const std::string& folder, const record::MapGrid& grid) {
@@ -161,28 +177,44 @@ WrittenMaps read_written_maps(const std::string& folder, const record::MapGrid& 
   else
     refuse(folder, "has neither maps.npy with records.csv nor PNGs with camera.json");
   if (out.of_index.empty()) refuse(folder, "has no map");
+  if (fs::exists(folder + "/run.txt")) read_run(folder + "/run.txt", out);
   return out;
 }
 
-Rows rows_with_maps(const std::vector<WrittenMaps>& all, const Dataset& data) {
-  Rows rows;
+namespace {
+
+void require_known(const WrittenMaps& maps, const Dataset& data, std::size_t row) {
+  const std::int64_t index = data.index[row];
+  if (maps.of_index.contains(index) || std::ranges::find(maps.without, index) != maps.without.end())
+    return;
+  refuse(maps.name, formatted("has %zu maps and none of record %lld; expected one of every record "
+                              "with depth, or its line in records.csv",
+                              maps.of_index.size(), static_cast<long long>(index)));
+}
+
+}  // namespace
+
+std::vector<std::string> left_out_of_maps(const std::vector<WrittenMaps>& folders,
+                                          const Dataset& data, bool all) {
+  const Source& run = data.sources.front();
+  for (const WrittenMaps& maps : folders)
+    if (!maps.uuid.empty() && maps.uuid != run.uuid)
+      refuse(maps.name, "holds maps of another run, " + printable(maps.path) +
+                            "; expected maps of " + printable(run.path));
+  std::set<std::int64_t> counts;
+  std::vector<std::string> out(data.size());
   for (std::size_t row = 0; row < data.size(); ++row) {
-    if (!data.has(row, Sensor::depth) || !data.doubt_of(row, Inputs::fused).empty()) continue;
-    bool everywhere = true;
-    for (const WrittenMaps& maps : all) {
-      const std::int64_t index = data.index[row];
-      const bool has = maps.of_index.contains(index);
-      if (!has && std::ranges::find(maps.without, index) == maps.without.end())
-        refuse(maps.name, formatted("has %zu maps and none of record %lld; expected one of every "
-                                    "record with depth, or its line in records.csv",
-                                    maps.of_index.size(), static_cast<long long>(index)));
-      everywhere = everywhere && has;
+    const std::int64_t index = data.index[row], content = data.content[row];
+    out[row] = data.has(row, Sensor::depth) ? data.doubt_of(row, Inputs::fused) : "camera missing";
+    if (!out[row].empty()) continue;
+    for (const WrittenMaps& maps : folders) {
+      require_known(maps, data, row);
+      if (!maps.of_index.contains(index)) out[row] = "no map";
+      if (!all && maps.trained_on.contains(index)) out[row] = trained_on_record;
     }
-    if (everywhere) rows.push_back(row);
+    if (out[row].empty() && content != 0 && !counts.insert(content).second) out[row] = twice_in_run;
   }
-  if (rows.empty())
-    refuse(data.sources.front().path, "no record with depth has a map in every folder");
-  return rows;
+  return out;
 }
 
 Matrix maps_of(const WrittenMaps& maps, const Dataset& data, const Rows& rows) {

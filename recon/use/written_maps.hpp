@@ -5,10 +5,13 @@
 //                        a status that begins with "ok", "radar lost" or "antennas lost" has a map
 // or 16-bit pictures FOLDER/NNNNNN_mm.png (else NNNNNN.png), NNNNNN the record's index, with
 //   FOLDER/camera.json   width, fx, and depth_scale, the steps a metre
+// FOLDER/run.txt, if there is one, names the run (uuid, path) and the records "trained on records
+// 0,1,5": on which the maps' model was trained
 #pragma once
 #include <cstdint>
 #include <fstream>
 #include <map>
+#include <set>
 #include <span>
 #include <string>
 #include <vector>
@@ -19,17 +22,25 @@
 
 namespace echofuse::recon {
 
+// Begins the line of run.txt with the records that trained the model.
+inline constexpr const char* trained_on_records = "trained on records ";
+
 struct WrittenMaps {
   std::string name;                                     // the folder's
   std::map<std::int64_t, std::vector<float>> of_index;  // metres, 0: no return
   std::vector<std::int64_t> without;                    // records that are listed and have no map
+  std::string uuid, path;             // run.txt: uuid and path of the run, or empty
+  std::set<std::int64_t> trained_on;  // records that trained the maps' model
 };
 // Throws Error(failed): neither kind of files, another grid, values that are no depths in metres.
 WrittenMaps read_written_maps(const std::string& folder, const record::MapGrid& grid);
 
-// Rows with a depth of which every folder has a map. Throws Error(failed) that names the first
-// record with depth that a folder does not know.
-Rows rows_with_maps(const std::vector<WrittenMaps>& all, const Dataset& data);
+// Returns why each row is not judged; empty if it is. Reasons: no map in a folder, no depth, a
+// doubt, twice in the run, and, unless `all`, in the training of a folder's model. Throws
+// Error(failed) that names the first record with depth that a folder does not know, and for maps of
+// another run.
+std::vector<std::string> left_out_of_maps(const std::vector<WrittenMaps>& folders,
+                                          const Dataset& data, bool all);
 Matrix maps_of(const WrittenMaps& maps, const Dataset& data, const Rows& rows);
 
 // Writes a .npy file row by row; it appears at its place when it is closed. Throws Error(disk).

@@ -122,6 +122,30 @@ TEST_CASE("a dead radar stays dead in another room, and a few records make no em
         (dir / "four") + ": 4 records have all sensors; expected at least 5 of the empty room");
 }
 
+TEST_CASE("dead and doubtful records are left out of the empty room, and counted") {
+  const Folder dir;
+  write_room(dir / "here", here, 20, 1), write_room(dir / "empty", here, 20, 2, false);
+  const auto spoil = [&](const std::string& values, const std::string& rows) {
+    std::filesystem::copy_file(dir / "empty", dir / "bad",
+                               std::filesystem::copy_options::overwrite_existing);
+    testing::sql(dir / "bad", "UPDATE record SET " + values + " WHERE " + rows);
+    Dataset data = load({dir / "here"});
+    const std::string text = state_empty_room(data, dir / "bad");
+    return std::pair(text, data.empty_room.spd);
+  };
+  Dataset sound = load({dir / "empty"});
+  Rows rows;
+  for (std::size_t row = 0; row < 20; ++row)
+    if (row < 3 || row >= 15) rows.push_back(row);
+  const std::vector<float> mean = empty_room_of(part_of(sound, rows), "sound").spd;
+  const std::string dead = "spd = zeroblob(length(spd))", of = "idx >= 3 AND idx < 15";
+  CHECK(spoil(dead + ", spd_verdict = 'weak: 0 clicks'", of) ==
+        std::pair((dir / "bad") + ": 12 of 20 records left out: SPD weak 12", mean));
+  CHECK(spoil("spd_verdict = 'weak: 0 clicks'", of).second == mean);
+  CHECK_THAT(error_of([&] { spoil("spd_verdict = 'weak: 0 clicks'", "idx < 17"); }),
+             Catch::Contains("17 of 20 records left out: SPD weak 17"));
+}
+
 TEST_CASE("a network that does not place a body stays in its room") {
   const Folder dir;
   write_room(dir / "here", here, 60, 1), write_room(dir / "empty", here, 20, 2, false);

@@ -147,9 +147,11 @@ TEST_CASE("train and evaluate say which records they leave out, and why") {
   CHECK_THAT(judged.text, Catch::StartsWith("22 records; ") &&
                               Catch::Contains("doubtful records left out: camera frozen 8; with "
                                               "them IoU 0."));
-  write_run(dir / "all frozen", 4, 2, doubtful);
-  CHECK_THAT(recon_program("evaluate -q " + (dir / "m") + " '" + (dir / "all frozen") + "'").text,
-             Catch::StartsWith("4 records; "));
+  write_run(dir / "frozen", 4, 2, doubtful);
+  refuses("evaluate -q " + (dir / "m") + " " + (dir / "frozen"), 1,
+          (dir / "frozen") + ": 4 of 4 records left out: camera frozen 4");
+  refuses("train -q " + (dir / "frozen") + " --out " + (dir / "no"), 1,
+          (dir / "frozen") + ": 4 of 4 records left out: camera frozen 4");
   write_run(dir / "dead", 60, 1, [](record::FusedRecord& r) {
     if (r.index % 8 == 3) std::ranges::fill(r.radar, 1.f);
   });
@@ -178,6 +180,64 @@ TEST_CASE("copies of records under another name neither train twice nor judge") 
                           "on: left out\n"));
   CHECK_THAT(recon_program(evaluate + (dir / "more") + " --all").text,
              Catch::StartsWith("70 records; ") && Catch::Contains("trained on, and are judged\n"));
+}
+
+TEST_CASE("a copy is known by its counts, whatever else was changed") {
+  const Folder dir;
+  write_run(dir / "a", 60, 1);
+  const std::string model = dir / "m";
+  REQUIRE(recon_program("train -q --model ridge --set fallback=false --set test_share=0 " +
+                        (dir / "a") + " --out " + model)
+              .code == 0);
+  const auto change = [](const std::string& how, record::FusedRecord& r) {
+    if (how == "scaled")
+      for (float& power : r.radar) power *= 2;
+    if (how == "dropped") r.valid.erase(Sensor::radar), r.radar.clear();
+    if (how == "label") r.label = "other";
+  };
+  for (const std::string how : {"scaled", "dropped", "label"}) {
+    CAPTURE(how);
+    write_run(dir / how, 60, 1, [&](record::FusedRecord& r) { change(how, r); });
+    CHECK(load({dir / how}).content == load({dir / "a"}).content);
+  }
+  refuses("evaluate -q " + model + " " + (dir / "scaled"), 1, "trained on all of its records");
+  Axis longer = testing::spd_axis();
+  longer.count += 4;
+  write_run(
+      dir / "padded", 60, 1, [](record::FusedRecord& r) { std::fill_n(r.spd.end() - 4, 4, 0u); },
+      testing::radar_axis(), longer);
+  CHECK(load({dir / "padded"}).content == load({dir / "a"}).content);
+}
+
+TEST_CASE("hardly any clicks, and weak or frozen counts, make no copy") {
+  const Folder dir;
+  write_run(dir / "run", 8, 1, [](record::FusedRecord& r) {
+    if (r.index < 2) {
+      std::ranges::fill(r.spd, 0u);
+      r.spd[3] = 99;
+    }
+    if (r.index == 2 || r.index == 3)
+      r.sync[Sensor::spd].verdict = r.index == 2 ? "weak: 40 clicks" : "stands still: the same";
+  });
+  const Dataset data = load({dir / "run"});
+  for (std::size_t row = 0; row < 8; ++row) CHECK((data.content[row] == 0) == (row < 4));
+}
+
+TEST_CASE("of a record that is twice in a run one trains and one judges") {
+  const Folder dir;
+  const auto twice = [](record::FusedRecord& r) {
+    Rng rng = make_rng(3, static_cast<std::uint64_t>(r.index % 30));
+    std::uniform_real_distribution<double> x(-1, 1), z(3, 4);
+    const double at_x = x(rng), at_z = z(rng);
+    r = testing::plate_record(r.index, at_x, at_z, rng);
+  };
+  write_run(dir / "twice", 60, 1, twice), write_run(dir / "a", 60, 2);
+  const std::string train = "train --model ridge --set fallback=false ";
+  CHECK_THAT(recon_program(train + (dir / "twice") + " --out " + (dir / "no")).text,
+             Catch::Contains("30 of 60 records left out: twice in the run 30\n"));
+  REQUIRE(recon_program(train + "-q " + (dir / "a") + " --out " + (dir / "m")).code == 0);
+  CHECK_THAT(recon_program("evaluate -q " + (dir / "m") + " " + (dir / "twice")).text,
+             Catch::StartsWith("30 records; ") && Catch::Contains("twice in the run 30"));
 }
 
 TEST_CASE("a sensor that no record has is named, and a split of a held sequence") {

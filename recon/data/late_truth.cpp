@@ -1,0 +1,84 @@
+// SPDX-License-Identifier: MIT
+#include "recon/data/late_truth.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+#include "drivers/program/printable.hpp"
+#include "recon/numbers/statistics.hpp"
+#include "recon/numbers/text.hpp"
+
+namespace echofuse::recon {
+namespace {
+
+constexpr std::size_t least_pairs = 30;
+constexpr double least_correlation = 0.3;
+constexpr double clear = 5;  // standard errors of Fisher's z between two correlations
+
+// Mean bin of the counts above the median; NaN without any.
+double mean_bin(std::span<const float> counts) {
+  std::vector<float> over(counts.begin(), counts.end());
+  subtract_median(over);
+  double sum = 0, weight = 0;
+  for (std::size_t i = 0; i < over.size(); ++i) {
+    const double n = std::max(over[i], 0.f);
+    sum += n * static_cast<double>(i), weight += n;
+  }
+  return weight > 0 ? sum / weight : NAN;
+}
+
+// Mean depth of the pixels with a return; NaN without any.
+double mean_depth(std::span<const float> map) {
+  double sum = 0, pixels = 0;
+  for (const float z : map)
+    if (z > 0) sum += double{z}, ++pixels;
+  return pixels > 0 ? sum / pixels : NAN;
+}
+
+double correlation(const std::vector<double>& a, const std::vector<double>& b) {
+  const double mean_a = mean_of(a), mean_b = mean_of(b);
+  double aa = 0, bb = 0, ab = 0;
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    aa += (a[i] - mean_a) * (a[i] - mean_a), bb += (b[i] - mean_b) * (b[i] - mean_b);
+    ab += (a[i] - mean_a) * (b[i] - mean_b);
+  }
+  return aa > 0 && bb > 0 ? ab / std::sqrt(aa * bb) : 0;
+}
+
+double fisher_z(double correlation) { return std::atanh(std::clamp(correlation, -0.999, 0.999)); }
+
+}  // namespace
+
+std::string late_truth(const Dataset& data) {
+  if (data.spd_axis.count == 0 || data.depth.cols == 0) return {};
+  std::vector<double> range(data.size(), NAN), depth(data.size(), NAN);
+  for (std::size_t row = 0; row < data.size(); ++row) {
+    if (data.has(row, Sensor::spd) && data.doubt_of(row, Inputs::spd, false).empty())
+      range[row] = mean_bin(data.spd.row(row));
+    if (data.sound_depth(row)) depth[row] = mean_depth(data.depth.row(row));
+  }
+  // The rows of which all three maps are known, so that the lags are compared on the same rows.
+  std::vector<double> ranges;
+  std::vector<std::vector<double>> depths(3);
+  for (std::size_t row = 1; row + 1 < data.size(); ++row) {
+    const auto follows = [&](std::size_t i) { return data.index[i] + 1 == data.index[i + 1]; };
+    if (!follows(row - 1) || !follows(row) || std::isnan(range[row]) ||
+        std::isnan(depth[row - 1] + depth[row] + depth[row + 1]))
+      continue;
+    ranges.push_back(range[row]);
+    for (std::size_t k = 0; k < 3; ++k) depths[k].push_back(depth[row + k - 1]);
+  }
+  if (ranges.size() < least_pairs) return {};
+  const double before = correlation(ranges, depths[0]), own = correlation(ranges, depths[1]),
+               after = correlation(ranges, depths[2]), best = std::max(before, after);
+  const double error = std::sqrt(2 / static_cast<double>(ranges.size() - 3));
+  if (best < least_correlation || fisher_z(best) - fisher_z(own) < clear * error) return {};
+  return (data.sources.empty() ? "run" : printable(data.sources.front().path)) +
+         formatted(
+             ": the histogram's range fits the depth map of the record %s (correlation %.2f) "
+             "better than its own (%.2f): the maps are one record %s; shift them by one",
+             after > before ? "after" : "before", best, own, after > before ? "late" : "early");
+}
+
+}  // namespace echofuse::recon

@@ -1,0 +1,115 @@
+// SPDX-License-Identifier: MIT
+// Depth maps that contradict the sensors, and maps of records that trained their model.
+#include <nlohmann/json.hpp>
+
+#include "recon/data/late_truth.hpp"
+#include "world.hpp"
+
+using namespace echofuse;
+using namespace echofuse::recon;
+using testing::Folder;
+using testing::recon_program;
+using testing::refuses;
+using testing::write_run;
+
+namespace {
+
+// Gives each record the depth map of the one `lag` records before it.
+testing::Change late_by(int lag) {
+  return [lag, last = std::vector<std::vector<std::uint16_t>>()](record::FusedRecord& r) mutable {
+    last.push_back(r.depth_mm);
+    const std::size_t of = std::min<std::size_t>(static_cast<std::size_t>(lag), last.size() - 1);
+    r.depth_mm = last[last.size() - 1 - of];
+  };
+}
+
+void mirror(record::FusedRecord& r) {
+  for (std::size_t row = 0; row < 64; ++row)
+    std::reverse(r.depth_mm.begin() + static_cast<std::ptrdiff_t>(64 * row),
+                 r.depth_mm.begin() + static_cast<std::ptrdiff_t>(64 * (row + 1)));
+}
+
+}  // namespace
+
+TEST_CASE("maps that are one record late are named, by train and evaluate") {
+  const Folder dir;
+  write_run(dir / "good", 120, 1), write_run(dir / "late", 120, 1, late_by(1));
+  write_run(dir / "two", 120, 1, late_by(2));
+  const auto said =
+      (dir / "late") + ": the histogram's range fits the depth map of the record after";
+  CHECK(late_truth(load({dir / "good"})).empty());
+  CHECK(late_truth(load({dir / "two"})).empty());
+  CHECK_THAT(late_truth(load({dir / "late"})),
+             Catch::StartsWith(said) && Catch::Contains("one record late; shift them by one"));
+  Dataset early = load({dir / "good"});
+  for (std::size_t row = 0; row + 1 < early.size(); ++row)
+    std::ranges::copy(early.depth.row(row + 1), early.depth.row(row).begin());
+  CHECK_THAT(late_truth(early), Catch::Contains("one record early"));
+  const std::string train = "train --model ridge --set fallback=false ";
+  CHECK_THAT(recon_program(train + (dir / "late") + " --out " + (dir / "no")).text,
+             Catch::Contains(said));
+  REQUIRE(recon_program(train + "-q " + (dir / "good") + " --out " + (dir / "m")).code == 0);
+  write_run(dir / "fresh late", 60, 2, late_by(1));
+  const std::string evaluate =
+      "-q evaluate --json " + (dir / "m") + " '" + (dir / "fresh late") + "'";
+  CHECK_THAT(nlohmann::json::parse(recon_program(evaluate).text)["notes"].get<std::string>(),
+             Catch::Contains("one record late"));
+}
+
+TEST_CASE("mirrored depth maps are named with what to do") {
+  const Folder dir;
+  write_run(dir / "good", 200, 1), write_run(dir / "fresh", 60, 2);
+  write_run(dir / "mirrored", 60, 2, mirror);
+  REQUIRE(recon_program("train -q --model ridge --set fallback=false " + (dir / "good") +
+                        " --out " + (dir / "m"))
+              .code == 0);
+  const auto text = [&](const std::string& run) {
+    return recon_program("-q evaluate " + (dir / "m ") + run).text;
+  };
+  CHECK_THAT(text(dir / "fresh"), !Catch::Contains("other side"));
+  CHECK_THAT(text(dir / "mirrored"),
+             Catch::Contains("bodies are on the other side than in the depth maps") &&
+                 Catch::Contains("flip these depth maps"));
+}
+
+TEST_CASE("maps of another run are refused, and those of training records left out") {
+  const Folder dir;
+  write_run(dir / "a", 60, 1), write_run(dir / "b", 60, 2);
+  REQUIRE(recon_program("train -q --model ridge --set fallback=false " + (dir / "a") + " --out " +
+                        (dir / "m"))
+              .code == 0);
+  REQUIRE(recon_program("-q reconstruct --format npy " + (dir / "m ") + (dir / "a") + " --out " +
+                        (dir / "maps"))
+              .code == 0);
+  refuses("-q evaluate --maps " + (dir / "maps ") + (dir / "b"), 1,
+          "maps: holds maps of another run, " + (dir / "a"));
+  const auto judged = [&](const std::string& words) {
+    const auto o =
+        recon_program("-q evaluate --json --maps " + (dir / "maps ") + (dir / "a") + words);
+    CAPTURE(o.text);
+    REQUIRE(o.code == 0);
+    return nlohmann::json::parse(o.text);
+  };
+  CHECK(judged("")["records"] == 6);
+  CHECK(judged("")["left_out"]["trained on"] == 54);
+  CHECK(judged(" --all")["records"] == 60);
+  CHECK_THAT(recon_program("-q evaluate --maps " + (dir / "maps ") + (dir / "a")).text,
+             Catch::Contains("54 of 60 records left out: trained on 54\n"));
+}
+
+TEST_CASE("maps of doubtful records are not judged") {
+  const Folder dir;
+  write_run(dir / "run", 40, 1, [](record::FusedRecord& r) {
+    if (r.index < 10) r.sync[Sensor::depth].verdict = "stands still: the same as before";
+  });
+  write_run(dir / "a", 60, 2);
+  REQUIRE(recon_program("train -q --model ridge --set fallback=false " + (dir / "a") + " --out " +
+                        (dir / "m"))
+              .code == 0);
+  REQUIRE(recon_program("-q reconstruct --format npy " + (dir / "m ") + (dir / "run") + " --out " +
+                        (dir / "maps"))
+              .code == 0);
+  CHECK_THAT(recon_program("-q evaluate --maps " + (dir / "maps ") + (dir / "run")).text,
+             Catch::StartsWith("30 records; ") &&
+                 Catch::Contains("10 of 40 records left out: camera frozen 10\n"));
+}
