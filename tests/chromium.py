@@ -10,7 +10,7 @@ try:
 except ImportError:
     webdriver = None
 if not (webdriver and shutil.which("chromium") and shutil.which("chromedriver")):
-    print("chromium, chromium-driver and python3-selenium are not installed: scripts/test --all")
+    print("skipped: chromium, chromium-driver or python3-selenium is not installed (./scripts/setup --tests)")
     sys.exit(77)
 
 

@@ -17,7 +17,7 @@ int main(int argc, char** argv) {
   echofuse::sim::UsbBed::enter(argv);
   echofuse::sim::UsbBed bed;
   if (!umockdev_in_mock_environment()) {
-    std::puts("umockdev's preload library is not installed");
+    std::puts("skipped: umockdev's preload library is not installed (./scripts/setup)");
     return 77;
   }
   the_bed = &bed;

@@ -13,7 +13,7 @@ import tempfile
 
 octave = shutil.which("octave-cli")
 if not octave:
-    print("skipped: octave is not installed")
+    print("skipped: octave is not installed (./scripts/setup --all)")
     sys.exit(77)
 bin_dir = pathlib.Path(sys.argv[1])
 text = (pathlib.Path(__file__).resolve().parents[2] / "recon/README.md").read_text(encoding="utf-8")
@@ -31,7 +31,7 @@ a.tofile('h5read.bin')
 print({'f4': 'single', 'f8': 'double'}.get(a.dtype.str[1:], a.dtype.name), *a.shape[::-1])
 """
 if subprocess.run(["/usr/bin/python3", "-c", "import h5py"], stderr=subprocess.DEVNULL).returncode:
-    print("skipped: python3-h5py is not installed")
+    print("skipped: python3-h5py is not installed (./scripts/setup)")
     sys.exit(77)
 with tempfile.TemporaryDirectory(prefix="octave-") as name:
     folder = pathlib.Path(name)

@@ -11,6 +11,7 @@ import sys
 import tempfile
 
 if importlib.util.find_spec("torch") is None:
+    print("skipped: python3-torch is not installed (apt-get install python3-torch)")
     sys.exit(77)
 examples = pathlib.Path(__file__).resolve().parents[2] / "recon/python/examples"
 commands = """

@@ -12,7 +12,7 @@ import tempfile
 here, bin_dir = pathlib.Path(__file__).resolve().parent, pathlib.Path(sys.argv[1]).resolve()
 data = pathlib.Path(os.environ.get("ECHOFUSE_DATA", here.parents[2] / "shared/data")) / "turpin-radar"
 if not data.exists():
-    print("skipped: no recordings in", data)
+    print("skipped: no recordings in", data, "(set ECHOFUSE_DATA)")
     sys.exit(77)
 
 

@@ -37,6 +37,7 @@ def check(calls, place):
 
 def main():
     if not shutil.which("strace"):
+        print("skipped: strace is not installed (./scripts/setup --tests)")
         sys.exit(77)
     with tempfile.TemporaryDirectory() as made:
         folder = pathlib.Path(made).resolve()

@@ -183,6 +183,7 @@ class Exposure(unittest.TestCase):
 if __name__ == "__main__":
     if "test_unit" in sys.argv[2:]:
         if not shutil.which("systemd-analyze"):
-            sys.exit(77)  # skipped
+            print("skipped: systemd-analyze is not installed (apt-get install systemd)")
+            sys.exit(77)
         unittest.main(argv=[sys.argv[0], "Exposure.test_unit"])
     unittest.main(argv=[sys.argv[0], *(f"Service.{name}" for name in sys.argv[2:])])

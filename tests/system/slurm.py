@@ -212,6 +212,6 @@ class Resubmitted(unittest.TestCase):
 
 
 if "Resubmitted" not in sys.argv and (os.geteuid() != 0 or not all(shutil.which(name) for name in NEEDED)):
-    print("skipped: needs root, and", ", ".join(NEEDED))
+    print("skipped: needs root and", ", ".join(NEEDED), "(./scripts/setup --all)")
     sys.exit(77)
 unittest.main()
