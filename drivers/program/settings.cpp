@@ -14,8 +14,6 @@
 namespace echofuse {
 namespace {
 
-constexpr std::size_t enough_faults = 20;  // in what is not TOML; probably not meant to be
-
 // Number in the fewest digits, 15 or 17, from which it reads back the same.
 std::string text_of(double v) {
   char text[32];
@@ -91,7 +89,10 @@ bool blank_out(std::string& text, std::size_t n) {
 
 void refuse(const std::vector<std::string>& faults) {
   std::string all;
-  for (const auto& f : faults) all.append(all.empty() ? "" : "\n") += printable(f);
+  for (std::size_t i = 0; i < std::min(faults.size(), max_faults); ++i)
+    all.append(i == 0 ? "" : "\n") += printable(faults[i]);
+  if (faults.size() > max_faults)
+    all += "\nmore faults follow; these are the first " + std::to_string(max_faults);
   throw Error(ExitCode::config, all);
 }
 
@@ -235,6 +236,7 @@ void Settings::read_table(const Table& table, const std::string& prefix, const s
     return a->first.source().begin < b->first.source().begin;
   });
   for (const auto& it : order) {
+    if (faults.size() > max_faults) return;
     const auto& node = it->second;
     const std::string key = prefix + std::string(it->first.str());
     const std::string here = place(name, it->first.source().begin);
@@ -256,7 +258,7 @@ void Settings::read_table(const Table& table, const std::string& prefix, const s
 
 void Settings::parse(std::string text, const std::string& name, Faults& faults) {
   std::size_t last = 0;
-  for (std::size_t rounds = 0; rounds < enough_faults; ++rounds) {
+  for (std::size_t rounds = 0; rounds < max_faults; ++rounds) {
     try {
       return read_table(toml::parse(text, name), "", name, faults);
     } catch (const toml::parse_error& e) {

@@ -15,7 +15,10 @@ namespace echofuse {
 // A whole configuration file, as it is; throws Error(config) if it cannot be read.
 std::string read_config_text(const std::string& path);
 
-// Throws Error(config) that lists these faults, one a line.
+// Faults of a text beyond this number are not listed: the text probably is of another kind.
+inline constexpr std::size_t max_faults = 20;
+
+// Throws Error(config) that lists the first max_faults of these faults, one per line.
 [[noreturn]] void refuse(const std::vector<std::string>& faults);
 
 // Returns the known word that needs the fewest changes to become `word`; half as many count where

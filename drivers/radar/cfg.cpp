@@ -17,6 +17,9 @@ namespace {
 
 constexpr std::size_t max_line = 255, max_words = 40;  // SDK, utils/cli and UART text mode
 
+// The cfgs of TI's demos have 1 to 4 kB.
+constexpr std::size_t max_cfg_bytes = 64 << 10;
+
 std::string quoted(std::string_view word) { return std::string(1, '\'').append(word) += '\''; }
 
 std::optional<double> to_number(std::string_view word) {
@@ -39,6 +42,9 @@ void require_plain_text(std::string_view text, const std::string& name) {
   const auto fail = [&](const std::string& what) {
     throw Error(ExitCode::config, printable(name + ":" + what));
   };
+  if (text.size() > max_cfg_bytes)
+    fail(" has " + std::to_string(text.size()) + " bytes; expected a cfg of at most " +
+         std::to_string(max_cfg_bytes));
   if (text.find('\0') != text.npos)
     fail(" is in UTF-16, or no text; expected UTF-8 or ASCII: save it anew");
   for (std::size_t at = 0; (at = text.find('\r', at)) != text.npos; ++at)
@@ -78,7 +84,8 @@ void Cfg::stop_if_faulty() const {
 }
 
 void Cfg::refuse(const std::string& line) const {
-  if (std::ranges::count(profile_.refusals, line) == 0) profile_.refusals.push_back(line);
+  if (profile_.refusals.size() <= max_faults && std::ranges::count(profile_.refusals, line) == 0)
+    profile_.refusals.push_back(line);
 }
 
 std::string Cfg::complaint(const Command& c, const std::string& what) const {
@@ -150,7 +157,7 @@ void Cfg::check_words(const Command& c) const {
     return refuse(complaint(c, "begins no command, and a comment begins with %"));
   const auto expected = numbers_of(name);
   if (name == "peakGrouping") return refuse(complaint(c, "is a command of SDK 1 or 2"));
-  if (!expected)
+  if (!expected && profile_.warnings.size() < max_faults)
     profile_.warnings.push_back(complaint(c, "is no command of the demo of SDK 3.4 to 3.6"));
   for (std::size_t i = 1; i < c.words.size(); ++i)
     if (!to_number(c.words[i]))

@@ -67,6 +67,14 @@ TEST_CASE("all faults come at once, each with its place and what would be right"
   CHECK(std::count(faults.begin(), faults.end(), '\n') == 4);
 }
 
+TEST_CASE("of thousands of faults the first 20 are listed") {
+  std::string text;
+  for (int i = 0; i < 5000; ++i) text += "key_" + std::to_string(i) + " = 1\n";
+  const std::string faults = faults_of(text);
+  CHECK(std::count(faults.begin(), faults.end(), '\n') == 20);
+  CHECK(faults.ends_with("more faults follow; these are the first 20"));
+}
+
 TEST_CASE("a section given as a value, and text that is not TOML, are faults with a place") {
   CHECK(faults_of("tdc = 3\n") ==
         "lab.toml:1:1: tdc is a section; expected [tdc] and its keys below");

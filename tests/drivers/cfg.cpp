@@ -106,6 +106,17 @@ TEST_CASE("a cfg of another demo is told in one line, before a board is asked") 
         "x.cfg:10: guiMonitor has 6 numbers, SDK 3.4 to 3.6 take 7 (SDK 1 and 2 others)");
 }
 
+TEST_CASE("a cfg with thousands of faulty lines lists the first faults and no more") {
+  std::string text = stock;
+  for (int i = 0; i < 2000; ++i) text += "chirpCfg x" + std::to_string(i) + "\n";
+  const std::string lines = refusal(text);
+  CHECK(std::ranges::count(lines, '\n') == 20);
+  CHECK_THAT(lines, Catch::EndsWith("more faults follow; these are the first 20"));
+  CHECK(refusal(stock + std::string(1 << 19, '%')) ==
+        "x.cfg: has " + std::to_string(stock.size() + (1 << 19)) +
+            " bytes; expected a cfg of at most 65536");
+}
+
 TEST_CASE("two profiles in a frame are two axes, unless they sample alike") {
   const std::string second = "chirpCfg 1 1 1 0 0 0 0 4\r\n";
   std::string text = with("chirpCfg 1 1 0 0 0 0 0 4\r\n", second);
