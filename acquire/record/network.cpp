@@ -2,17 +2,23 @@
 #include "acquire/record/network.hpp"
 
 #include <linux/magic.h>
+#include <sys/stat.h>
+#include <sys/sysmacros.h>
 #include <sys/vfs.h>
 #include <unistd.h>
 
+#include <algorithm>
+#include <array>
 #include <filesystem>
+#include <fstream>
+#include <sstream>
 
 #include "drivers/program/exit_code.hpp"
 #include "drivers/program/printable.hpp"
 
 namespace echofuse::record {
 
-// The last five have no name in linux/magic.h: statfs(2), and the projects' own headers.
+// linux/magic.h names no type after V9FS: statfs(2), and the headers of the file systems.
 std::string network_of_type(std::uint64_t type) {
   switch (type) {
     case NFS_SUPER_MAGIC:
@@ -26,6 +32,10 @@ std::string network_of_type(std::uint64_t type) {
       return "AFS";
     case CEPH_SUPER_MAGIC:
       return "Ceph";
+    case V9FS_MAGIC:
+      return "9p";
+    case 0x786f4256:
+      return "vboxsf";
     case 0x0bd00bd0:
       return "Lustre";
     case 0x47504653:
@@ -39,6 +49,23 @@ std::string network_of_type(std::uint64_t type) {
   }
 }
 
+std::string network_of_mount(std::istream& mountinfo, const std::string& device) {
+  constexpr std::array network_types = {
+      "virtiofs",       "fuse.sshfs", "fuse.rclone", "fuse.s3fs",    "fuse.gvfsd-fuse",
+      "fuse.glusterfs", "fuse.ceph",  "fuse.davfs",  "fuse.juicefs", "fuse.vmhgfs-fuse"};
+  for (std::string line; std::getline(mountinfo, line);) {
+    std::istringstream words(line);
+    std::string id, parent, of_line;
+    words >> id >> parent >> of_line;
+    const auto end = line.find(" - ");
+    if (of_line != device || end == std::string::npos) continue;
+    const std::string type = line.substr(end + 3, line.find(' ', end + 3) - end - 3);
+    const bool on_network = std::ranges::find(network_types, type) != network_types.end();
+    return on_network ? type.substr(type.starts_with("fuse.") ? 5 : 0) : "";
+  }
+  return {};
+}
+
 std::string network_of(const std::string& path) {
   struct statfs found {};
   std::string at = path;
@@ -46,7 +73,13 @@ std::string network_of(const std::string& path) {
     at = std::filesystem::path(path).parent_path().string();
     if (::statfs(at.empty() ? "." : at.c_str(), &found) != 0) return {};
   }
-  return network_of_type(static_cast<std::uint32_t>(found.f_type));
+  const auto type = static_cast<std::uint32_t>(found.f_type);
+  struct stat status {};
+  if (type != FUSE_SUPER_MAGIC || ::stat(at.empty() ? "." : at.c_str(), &status) != 0)
+    return network_of_type(type);
+  std::ifstream mountinfo("/proc/self/mountinfo");
+  return network_of_mount(
+      mountinfo, std::to_string(major(status.st_dev)) + ":" + std::to_string(minor(status.st_dev)));
 }
 
 void require_closed(const std::string& path, const std::string& network) {

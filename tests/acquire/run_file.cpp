@@ -291,7 +291,22 @@ TEST_CASE("on a network file system only a closed run is read") {
   CHECK(network_of_type(0x6969) == "NFS");
   CHECK(network_of_type(0xff534d42) == "SMB");
   CHECK(network_of_type(0x0bd00bd0) == "Lustre");
+  CHECK(network_of_type(0x01021997) == "9p");
+  CHECK(network_of_type(0x786f4256) == "vboxsf");
   CHECK(network_of_type(0xef53).empty());  // ext4
+  const auto mounted = [](const std::string& device) {
+    std::istringstream lines(
+        "36 27 0:31 / /mnt/host rw,relatime shared:1 - virtiofs data rw\n"
+        "37 27 0:32 / /mnt/lab rw,nosuid - fuse.sshfs lab@nas:/runs rw,user_id=0\n"
+        "38 27 8:17 / /mnt/stick rw - fuseblk /dev/sdb1 rw\n"
+        "39 27 0:33 / /mnt/joined rw - fuse.mergerfs a:b rw\n");
+    return record::network_of_mount(lines, device);
+  };
+  CHECK(mounted("0:31") == "virtiofs");
+  CHECK(mounted("0:32") == "sshfs");
+  CHECK(mounted("8:17").empty());
+  CHECK(mounted("0:33").empty());
+  CHECK(mounted("9:9").empty());
   const Folder folder;
   const std::string path = folder / "a.sqlite";
   CHECK(network_of(path).empty());
