@@ -187,13 +187,29 @@ class Slurm(unittest.TestCase):
         self.assertEqual(len(list((self.dir / "work").glob("spread-part-*-of-4.csv"))), 4)
 
 
+IN_ARRAY = {"SLURM_JOB_ID": "9", "SLURM_ARRAY_TASK_ID": "3", "SLURM_ARRAY_TASK_COUNT": "2", "SLURM_ARRAY_TASK_MIN": "3"}
+
+
 class Resubmitted(unittest.TestCase):
     """Tasks of an array that is submitted again in part: by the scripts alone, without Slurm."""
 
     def task(self, folder, script, *words):
-        return subprocess.run([scripts / script, *words], cwd=folder, text=True, capture_output=True,
-                              env={**os.environ, "PATH": f"{bin_dir}:{os.environ['PATH']}", "SLURM_JOB_ID": "9",
-                                   "SLURM_ARRAY_TASK_ID": "3", "SLURM_ARRAY_TASK_COUNT": "2", "SLURM_ARRAY_TASK_MIN": "3"})
+        with tempfile.TemporaryDirectory() as spool:
+            copy = shutil.copy(scripts / script, f"{spool}/slurm_script")
+            return subprocess.run([copy, *words], cwd=folder, text=True, capture_output=True,
+                                  env={**os.environ, "PATH": f"{bin_dir}:{os.environ['PATH']}", **IN_ARRAY})
+
+    def test_in_an_allocation_or_another_array_the_scripts_submit(self):
+        with tempfile.TemporaryDirectory() as folder:
+            fake = pathlib.Path(folder, "sbatch")
+            fake.write_text('#!/bin/sh\necho "$@" >> submitted\necho 7\n')
+            fake.chmod(0o755)
+            for environment in ({"SLURM_JOB_ID": "77"}, IN_ARRAY):
+                for script in ("dataset.sbatch", "study.sbatch"):
+                    subprocess.run([scripts / script, "4", "base"], cwd=folder, check=True, stdout=subprocess.DEVNULL,
+                                   env={**os.environ, "PATH": f"{folder}:{os.environ['PATH']}", **environment})
+            submitted = pathlib.Path(folder, "submitted").read_text().splitlines()
+            self.assertEqual(sum("--array=1-4" in line for line in submitted), 4, submitted)
 
     def test_a_task_makes_its_own_part(self):
         with tempfile.TemporaryDirectory() as folder:
