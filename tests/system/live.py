@@ -152,7 +152,6 @@ class Live(unittest.TestCase):
         for row in whole:
             self.assertGreaterEqual(row["spd_span_s"], 0.9 * WINDOW_S, (row["idx"], log))
         still = [row["idx"] for row in within if row["spd_verdict"] == "the program stood still"]
-        self.assertGreaterEqual(len(still), 4, log)  # the lines between hold no more
         self.assertEqual(len(whole) + len(still), len(within), log)
 
     def test_close_in_5_s(self):
