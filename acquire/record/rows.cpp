@@ -118,6 +118,14 @@ void columns(Row& row, Antenna& antenna) {
   row("phase_rad", antenna.phase_rad);
 }
 
+void columns(Row& row, Zone& zone) {
+  row.table("zone");
+  row("x", zone.x);
+  row("y", zone.y);
+  row("width", zone.width);
+  row("zero_ps", zone.zero_ps);
+}
+
 void columns(Row& row, Anchor& anchor) {
   row.table("anchor");
   row("mono_ns", anchor.mono);

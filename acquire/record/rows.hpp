@@ -104,7 +104,7 @@ struct LateRow {  // samples that came after this record's slot was closed: in n
 };
 // A record's row: its data stand last, so that the other columns are read without them.
 struct Blobs {
-  ByteView spd, radar;    // u32 LE counts; f32 LE
+  ByteView spd, radar;    // u32 LE counts, zone after zone; f32 LE
   ByteView array, depth;  // pack_array(); deflated u16 LE, millimetres
 };
 struct StoredRecord {
@@ -117,6 +117,7 @@ void columns(Row& row, DeviceRow& device);
 void columns(Row& row, CalibrationEntry& entry);
 void columns(Row& row, Axis& axis);
 void columns(Row& row, Antenna& antenna);
+void columns(Row& row, Zone& zone);
 void columns(Row& row, Anchor& anchor);
 void columns(Row& row, Counted& counted);
 void columns(Row& row, Event& event);
@@ -137,7 +138,7 @@ const Row& table_of() {
   return table;
 }
 
-// All tables of a run.
+// Tables of every run. A run of a detector with zones has the table zone as well.
 const std::vector<const Row*>& tables();
 
 // Runs an INSERT of a row whose columns these are in turn.

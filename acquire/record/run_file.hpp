@@ -2,7 +2,8 @@
 // Run file: one SQLite database (WAL, synchronous=FULL), one transaction per append. Survives
 // kill -9, power loss and a full disk with every committed record. Can be read while it is written.
 //   PRAGMA application_id = 0x4543464d ("ECFM"), user_version = 3
-//   tables: rows.hpp; record.spd u32 LE counts | radar f32 LE | depth u16 LE millimetres, deflated
+//   tables: rows.hpp; record.spd u32 LE counts [zones, bins] | radar f32 LE | depth u16 LE
+//   millimetres, deflated
 #pragma once
 #include <atomic>
 #include <functional>
@@ -16,6 +17,7 @@
 
 #include "acquire/measurement/radar_array.hpp"
 #include "acquire/record/record.hpp"
+#include "drivers/core/zone.hpp"
 
 struct sqlite3;
 
@@ -65,6 +67,7 @@ class RunWriter {
   void put_axis(const Axis& axis);
   void put_device(const DeviceInfo& device);    // a row more if one of this sensor answered before
   void put_antennas(const Antennas& antennas);  // replaces those of the array axis
+  void put_zones(const Zones& zones);           // once, before the first record
   void put_calibration(const CalibrationEntry& entry);
   void put_policy(Sensor sensor, const std::string& policy);  // required or optional
   void put_anchor(HostTime mono, UtcTime utc);
@@ -123,6 +126,7 @@ class RunWriter {
   std::int64_t waits_since_ns_ = 0;
   std::optional<std::string> left_label_;  // at the end
   std::vector<Axis> axes_;
+  std::size_t histograms_ = 1;  // of a record
   std::int64_t records_ = 0, last_event_ = 0;
 };
 
@@ -187,6 +191,7 @@ class RunReader {
   std::vector<Anchor> anchors() const;
   std::vector<CalibrationEntry> calibrations() const;
   Antennas antennas() const;  // empty if the radar sent no samples of them
+  Zones zones() const;        // empty of a single pixel
   std::vector<Event> events() const;
   std::vector<Event> last_events(std::size_t most) const;  // oldest first
   std::vector<Counted> counters() const;

@@ -55,9 +55,9 @@ std::string fault_of_slot(const FusedRecord& r) {
 
 // Sizes of a record's data by the run's axes, looked up once per pass.
 struct Shapes {
-  explicit Shapes(const std::vector<Axis>& axes) {
+  Shapes(const std::vector<Axis>& axes, std::size_t histograms) {
     for (const auto& a : axes) {
-      if (a.name == "spd") spd = a.count;
+      if (a.name == "spd") spd = histograms * a.count;
       if (a.name == "radar") radar = a.count;
       if (a.name == "depth_x") width = a.count;
       if (a.name == "depth_y") height = a.count;
@@ -265,6 +265,19 @@ Antennas RunReader::antennas() const {
   return out;
 }
 
+// Looks for the table of exactly this definition: a live run may have got it since it was opened.
+Zones RunReader::zones() const {
+  const Row& table = table_of<Zone>();
+  Statement stored = ask("SELECT sql FROM sqlite_schema WHERE name = '" + table.name() + "'");
+  if (!stored.step() || stored.text() != table.create()) return {};
+  Zones out = rows<Zone>(" ORDER BY rowid LIMIT " + std::to_string(most_zones + 1));
+  if (out.size() > most_zones || !std::ranges::all_of(out, &Zone::plausible))
+    throw Error(ExitCode::failed, shown_ + ": damaged: table zone: expected at most " +
+                                      std::to_string(most_zones) +
+                                      " zones with centre, width and time zero");
+  return out;
+}
+
 std::vector<Anchor> RunReader::anchors() const { return rows<Anchor>(); }
 std::vector<Counted> RunReader::counters() const { return rows<Counted>(); }
 std::vector<Event> RunReader::events() const { return rows<Event>(" ORDER BY id"); }
@@ -302,6 +315,7 @@ void RunReader::check_axis(const Axis& axis) const {
   const double most = std::max(1e9, 256 * static_cast<double>(bytes_));
   // A map is as high as it is wide.
   double values = std::pow(static_cast<double>(points), axis.name == "map_x" ? 2 : 1);
+  if (axis.name == "spd") values *= static_cast<double>(histograms_of(zones()));
   const std::size_t antennas = axis.name == "array" ? antennas_of(axis) : 1;
   if (antennas == 0) refuse("is of " + short_text(axis.scale) + " antennas; expected 1 to 12");
   if (axis.name == "array") values *= static_cast<double>(values_of_bin(antennas)) / 2;
@@ -363,7 +377,7 @@ void RunReader::for_each(const std::function<bool(const FusedRecord&)>& visit, s
   };
   while (step()) {
     // Read while the records are, so that a live run's new axis is not missed by its first record.
-    if (!known) known.emplace(axes());
+    if (!known) known.emplace(axes(), histograms_of(zones()));
     HalfRead one;
     one.read(row, *known, sensors);
     const std::int64_t index = one.record.index;

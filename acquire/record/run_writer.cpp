@@ -67,7 +67,7 @@ std::int64_t now_ns() {
 
 // Throws Error(failed) for a valid sensor whose data do not fit its axis.
 void append_row(Statement& row, const std::string& path, const std::vector<Axis>& axes,
-                const FusedRecord& r) {
+                std::size_t histograms, const FusedRecord& r) {
   const std::string place = path + ": record " + std::to_string(r.index) + ": ";
   const auto count_of = [&](const char* name) -> std::size_t {
     const auto axis = std::ranges::find(axes, name, &Axis::name);
@@ -81,7 +81,7 @@ void append_row(Statement& row, const std::string& path, const std::vector<Axis>
   Blobs blobs;
   Bytes array, depth;
   if (r.has(Sensor::spd)) {
-    expect("spd", r.spd.size(), count_of("spd"));
+    expect("spd", r.spd.size(), histograms * count_of("spd"));
     blobs.spd = as_bytes(r.spd);
   }
   if (r.has(Sensor::radar)) {
@@ -103,7 +103,7 @@ void append_row(Statement& row, const std::string& path, const std::vector<Axis>
       FusedRecord without = r;
       without.valid.erase(Sensor::depth);
       without.sync[Sensor::depth].verdict = "cannot be stored";
-      return append_row(row, path, axes, without);
+      return append_row(row, path, axes, histograms, without);
     }
     blobs.depth = depth;
   }
@@ -257,7 +257,7 @@ void RunWriter::append(const FusedRecord& record) { append(std::span(&record, 1)
 void RunWriter::append(std::span<const FusedRecord> batch) {
   in_transaction([&] {
     Statement row(db_, path_, table_of<StoredRecord>().insert().c_str());
-    for (const auto& r : batch) append_row(row, path_, axes_, r);
+    for (const auto& r : batch) append_row(row, path_, axes_, histograms_, r);
   });
   records_ += static_cast<std::int64_t>(batch.size());
 }
@@ -407,6 +407,15 @@ void RunWriter::put_antennas(const Antennas& antennas) {
     execute(db_, path_, "DELETE FROM antenna", "cannot store the antennas");
     for (const Antenna& antenna : antennas) insert(db_, path_, antenna);
   });
+}
+
+void RunWriter::put_zones(const Zones& zones) {
+  if (zones.empty()) return;
+  in_transaction([&] {
+    execute(db_, path_, table_of<Zone>().create().c_str(), "cannot store the zones");
+    for (const Zone& zone : zones) insert(db_, path_, zone);
+  });
+  histograms_ = zones.size();
 }
 
 void RunWriter::put_calibration(const CalibrationEntry& entry) {

@@ -1,0 +1,64 @@
+// SPDX-License-Identifier: MIT
+#include <catch2/catch.hpp>
+
+#include "acquire/record/run_file.hpp"
+#include "../folder.hpp"
+
+using namespace echofuse;
+using namespace echofuse::record;
+using Catch::Contains;
+using test::Folder;
+
+namespace {
+
+const Axis spd_axis{"spd", "counts", "ps", 3, 0, 100, 1};
+const Zones three{{-0.2, 0.1, 0.2, 1100}, {0, 0.1, 0.2, 1150.5}, {}};
+
+FusedRecord record_of(std::size_t counts) {
+  FusedRecord r;
+  r.slot_end = HostTime(1'000'000'000);
+  r.valid.insert(Sensor::spd);
+  for (std::size_t i = 0; i < counts; ++i) r.spd.push_back(static_cast<std::uint32_t>(i));
+  return r;
+}
+
+void write(const std::string& path, const Zones& zones, std::size_t counts) {
+  RunWriter run(path, {});
+  run.put_axis(spd_axis);
+  run.put_zones(zones);
+  run.append(record_of(counts));
+  run.close("complete");
+}
+
+}  // namespace
+
+TEST_CASE("zones of a run are read as written, an unknown direction as unknown") {
+  const Folder folder;
+  write(folder / "a", three, 9);
+  const RunReader run(folder / "a");
+  CHECK(run.zones() == three);
+  CHECK_FALSE(run.zones()[2].has_direction());
+  CHECK(run.read(0).spd == record_of(9).spd);
+}
+
+TEST_CASE("a run of a single pixel has no table of zones") {
+  const Folder folder;
+  write(folder / "a", {}, 3);
+  const RunReader run(folder / "a");
+  CHECK(run.zones().empty());
+  CHECK(run.read(0).spd.size() == 3);
+  CHECK(histograms_of(run.zones()) == 1);
+}
+
+TEST_CASE("a histogram that does not fit the zones is refused") {
+  const Folder folder;
+  CHECK_THROWS_WITH(write(folder / "a", three, 6), Contains("spd has 6 values, its axis 9"));
+}
+
+TEST_CASE("a zone without width, or with a time zero beyond a second, is not plausible") {
+  CHECK(Zone{}.plausible());
+  CHECK(Zone{0, 0, 0.1, -50}.plausible());
+  CHECK_FALSE(Zone{0, 0, 0, 0}.plausible());
+  CHECK_FALSE(Zone{0, 101, 0.1, 0}.plausible());
+  CHECK_FALSE(Zone{0, 0, 0.1, 2e12}.plausible());
+}
