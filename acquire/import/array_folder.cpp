@@ -55,6 +55,15 @@ record::Antennas antennas_of(const std::vector<std::string>& texts, const std::s
   return out;
 }
 
+Zone zone_of(const std::string& text, const std::string& path) {
+  Zone z;
+  const int read = std::sscanf(text.c_str(), "%lf %lf %lf %lf", &z.x, &z.y, &z.width, &z.zero_ps);
+  if (read < 3 || !z.plausible())
+    throw Error(ExitCode::config, printable(path) + ": spd.zones has \"" + printable(text, 40) +
+                                      "\"; expected \"X Y WIDTH\" or \"X Y WIDTH ZERO_PS\"");
+  return z;
+}
+
 }  // namespace
 
 void bind(Settings& settings, ArraySettings& s) {
@@ -67,6 +76,9 @@ void bind(Settings& settings, ArraySettings& s) {
   settings.add("spd.first_bin_ps", s.first_bin_ps, -1e9, 1e9, "start of bin 0, two-way time");
   settings.add("spd.bin_width_ps", s.bin_width_ps, 1e-3, 1e9, "width of a bin, two-way time");
   settings.add("spd.irf_fwhm_ps", s.irf_fwhm_ps, 0, 1e6, "impulse response; 0: not stated");
+  settings.add("spd.zones", s.zones,
+               "of spd.npy [n, zones, bins]: tangents of the centre and of the width, and perhaps "
+               "the time zero in ps; nan nan nan: direction not known");
   settings.add("radar.first_m", s.first_m, -1e4, 1e4, "range of point 0");
   settings.add("radar.step_m", s.step_m, 1e-6, 1e4, "from point to point");
   settings.add("radar.cell_m", s.radar_cell_m, 0, 1e3, "c / 2B; 0: response not stated");
@@ -119,6 +131,7 @@ ArrayFolder::ArrayFolder(const std::string& folder, const ArraySettings& setting
                         std::to_string(record::values_of_bin(antennas_.size())) +
                         " values a bin up to " + std::to_string(std::lround(record::array_end_m)) +
                         " m");
+  zones_ = stated_zones();
   if (depth_)
     millimetres_ =
         settings_.depth_unit.empty() ? depth_->is_integer() : settings_.depth_unit == "mm";
@@ -128,9 +141,12 @@ std::unique_ptr<NpyFile> ArrayFolder::open(const char* name, std::size_t dimensi
   const std::string path = (fs::path(folder_) / name).string();
   if (!fs::exists(path)) return nullptr;
   auto file = std::make_unique<NpyFile>(path);
-  if (file->shape().size() != dimensions || file->row_size() == 0)
+  const bool zones = std::string(name) == "spd.npy";
+  const std::size_t found = file->shape().size();
+  if ((found != dimensions && !(zones && found == 3)) || file->row_size() == 0)
     refuse(*file, "its shape is " + file->shape_text() + "; expected " +
-                      std::to_string(dimensions) + " dimensions, a row for each record");
+                      std::to_string(dimensions) + " dimensions, a row for each record" +
+                      (zones ? ", or 3: [records, zones, bins]" : ""));
   const std::size_t most = std::string(name) == "depth.npy" ? most_pixels : most_points;
   if (file->row_size() > most)
     refuse(*file, "has " + std::to_string(file->row_size()) +
@@ -141,6 +157,24 @@ std::unique_ptr<NpyFile> ArrayFolder::open(const char* name, std::size_t dimensi
     refuse(*file, "has " + std::to_string(file->rows()) + " rows; " + printable(*first_) + " has " +
                       std::to_string(rows_));
   return file;
+}
+
+Zones ArrayFolder::stated_zones() const {
+  const std::size_t histograms = spd_ && spd_->shape().size() == 3 ? spd_->shape()[1] : 1;
+  if (histograms > most_zones)
+    refuse(*spd_, "has " + std::to_string(histograms) + " zones; expected at most " +
+                      std::to_string(most_zones));
+  Zones out;
+  for (const std::string& text : settings_.zones)
+    out.push_back(zone_of(text, folder_ + "/run.toml"));
+  if (out.empty()) return Zones(histograms > 1 ? histograms : 0);
+  if (!spd_ || out.size() != histograms)
+    throw Error(ExitCode::config,
+                printable(folder_) + "/run.toml: spd.zones has " + std::to_string(out.size()) +
+                    " zones; expected " +
+                    (spd_ ? std::to_string(histograms) + " as spd.npy " + spd_->shape_text()
+                          : "spd.npy [n, zones, bins]"));
+  return out;
 }
 
 void ArrayFolder::refuse(const NpyFile& file, const std::string& what) const {
@@ -154,7 +188,8 @@ std::vector<Axis> ArrayFolder::axes() const {
   };
   const ArraySettings& s = settings_;
   if (spd_)
-    out.push_back({"spd", "counts", "ps", count(*spd_, 1), s.first_bin_ps, s.bin_width_ps, 1});
+    out.push_back({"spd", "counts", "ps", count(*spd_, spd_->shape().size() - 1), s.first_bin_ps,
+                   s.bin_width_ps, 1});
   if (depth_) {
     const auto height = count(*depth_, 1), width = count(*depth_, 2);
     const double up = s.half_tangent * height / width;
@@ -175,13 +210,17 @@ std::vector<Axis> ArrayFolder::axes() const {
   return out;
 }
 
-void ArrayFolder::require_axes(const std::vector<Axis>& axes) const {
+void ArrayFolder::require_shapes(const std::vector<Axis>& axes, const Zones& zones) const {
+  if (spd_ && histograms_of(zones_) != histograms_of(zones))
+    refuse(*spd_, "its shape is " + spd_->shape_text() + "; the run has " +
+                      std::to_string(histograms_of(zones)) + " zones");
   for (const auto& [file, name] : {std::pair{spd_.get(), "spd"}, {radar_.get(), "radar"}}) {
     const auto axis = std::ranges::find(axes, name, &Axis::name);
     const std::size_t wanted = axis == axes.end() ? 0 : axis->count;
-    if (file && file->row_size() != wanted)
+    const std::size_t values = wanted * (file == spd_.get() ? histograms_of(zones) : 1);
+    if (file && file->row_size() != values)
       refuse(*file, "has " + std::to_string(file->row_size()) + " values a record; the run's " +
-                        name + " has " + std::to_string(wanted));
+                        name + " has " + std::to_string(values));
   }
 }
 

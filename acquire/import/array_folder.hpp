@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
 // A folder of NumPy arrays, a row for each record, and what its run.toml says of them.
-//   spd.npy     [n, bins] whole counts; a row of NaN: no SPD in that record
+//   spd.npy     [n, bins] or [n, zones, bins] whole counts; a row of NaN: no SPD in that record
 //   radar.npy   [n, points] linear power; a row of NaN: no radar
 //   array.npy   [n, bins, values] of the antennas, as ArrayBin (measurement/radar_array.hpp)
 //   depth.npy   [n, rows, columns] z, whole millimetres or float metres; 0, NaN, 65535: no return
@@ -18,6 +18,7 @@
 #include "acquire/config/config.hpp"
 #include "acquire/measurement/depth_map.hpp"
 #include "acquire/record/record.hpp"
+#include "drivers/core/zone.hpp"
 #include "drivers/program/npy.hpp"
 #include "drivers/program/settings.hpp"
 
@@ -29,7 +30,7 @@ struct ArraySettings {
   PerSensor<double> offset_m{};
   std::string run, label, notes, depth_unit, radar_taps;
   std::int64_t map_size = 0;
-  std::vector<std::string> labels, antennas;
+  std::vector<std::string> labels, antennas, zones;
   SignalLimits limits;
 };
 void bind(Settings& settings, ArraySettings& s);
@@ -44,9 +45,10 @@ class ArrayFolder {
   std::size_t rows() const { return rows_; }
   const std::string& newest() const { return newest_; }  // the array that was changed last
   const record::Antennas& antennas() const { return antennas_; }
+  const Zones& zones() const { return zones_; }
   std::vector<Axis> axes() const;
-  // Throws Error(failed) if values of a record are not those of these axes.
-  void require_axes(const std::vector<Axis>& axes) const;
+  // Throws Error(failed) if values of a record are not those of these axes and zones.
+  void require_shapes(const std::vector<Axis>& axes, const Zones& zones) const;
   // The record that the next row is, by index.npy.
   std::int64_t next_index();
   // Puts the next row's values into the record. Throws Error(failed): counts that are not whole, or
@@ -57,6 +59,7 @@ class ArrayFolder {
 
  private:
   std::unique_ptr<NpyFile> open(const char* name, std::size_t dimensions);
+  Zones stated_zones() const;
   [[noreturn]] void refuse(const NpyFile& file, const std::string& what) const;
   std::vector<double> read(NpyFile& file, double least, const char* what) const;
   void put_counts(record::FusedRecord& r);
@@ -68,6 +71,7 @@ class ArrayFolder {
   std::string folder_;
   ArraySettings settings_;
   record::Antennas antennas_;
+  Zones zones_;
   std::optional<std::string> first_;  // path of the first array
   std::string newest_;
   std::size_t rows_ = 0, row_ = 0;
