@@ -127,7 +127,7 @@ std::optional<Inputs> asked_by(const std::vector<TrainedModel>& models) {
 // CRC-32C of the tables, as of a training's (Dataset::hash).
 std::uint32_t crc32c_of(const Dataset& data) {
   std::uint32_t out = 0;
-  for (const Matrix* table : {&data.spd, &data.radar, &data.depth, &data.array})
+  for (const Matrix* table : {&data.spd, &data.radar, &data.depth, &data.array, &data.zone_spd})
     out = crc32c({reinterpret_cast<const std::uint8_t*>(table->values.data()),
                   table->values.size() * sizeof(float)},
                  out);

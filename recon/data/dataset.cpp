@@ -80,6 +80,8 @@ class Appender {  // appends one run to a Dataset
     if (radar_.quantity == "log2_q8") radar_.quantity = "power", radar_.scale = 1;
     adopt(data.spd_axis, spd_, "spd");
     pile_up_ = PileUp(run, spd_);
+    if (spd_.count > 0) zones_ = run.zones();
+    adopt_zones();
     adopt(data.radar_axis, radar_, "radar");
     if (array_.count > 0) lags_ = SpatialLags(run.antennas());
     own_lags_ = array_.count > 0 ? lags_axis(array_, lags_) : Axis{};
@@ -90,9 +92,13 @@ class Appender {  // appends one run to a Dataset
     for (const auto& c : run.calibrations()) {
       calibrated.insert(c.sensor), range_error_m = std::hypot(range_error_m, c.standard_error_m);
       if (c.sensor == Sensor::spd && data.spd_axis.unit == "ps")
-        spd_shift_.emplace(c.offset_m * ps_per_m / spd_.step);
+        spd_offset_ps_ = c.offset_m * ps_per_m;
       if (c.sensor == Sensor::radar && data.radar_axis.unit == "m") radar_offset_m = c.offset_m;
     }
+    shifts_.resize(histograms_of(zones_));
+    for (std::size_t z = 0; z < shifts_.size(); ++z)
+      if (const double ps = spd_offset_ps_ + (zones_.empty() ? 0 : zones_[z].zero_ps); ps != 0)
+        shifts_[z].emplace(ps / spd_.step);
     const record::RunInfo info = run.info();
     for (const Source& other : data.sources)
       if (other.uuid == info.uuid)
@@ -117,29 +123,25 @@ class Appender {  // appends one run to a Dataset
       advise_large_pages(table.values.data(), table.values.capacity() * sizeof(float));
     };
     reserve(data_.spd, data_.spd_axis.count), reserve(data_.radar, data_.radar_axis.count);
-    reserve(data_.array, lag_columns(data_.array_axis));
+    reserve(data_.array, lag_columns(data_.array_axis)), reserve(data_.zone_spd, zone_columns());
     reserve(data_.depth, depth_columns());
   }
 
   // Returns what is wrong with the record, or nothing.
   std::string add(const record::FusedRecord& r) {
     if (const std::string fault = absurd_counts(r); !fault.empty()) return fault;
-    std::vector<float> spd, radar;
-    if (r.has(Sensor::spd)) spd.assign(r.spd.begin(), r.spd.end());
     double a_pulse = clicks_a_pulse(r);
-    if (pile_up_.known() && a_pulse > 0) {
-      const std::uint64_t clicks = r.spd_counts.in_range + r.spd_counts.out_of_range;
-      constexpr double hardly_any = 0.03;  // least share of pulses: below it only scatter is left
-      if (pile_up_.correct(spd, static_cast<double>(clicks) / a_pulse) > hardly_any) a_pulse = 0;
-    }
-    if (spd_shift_ && !spd.empty()) spd = spd_shift_->apply(spd);
+    const std::vector<float> spd = photons(r, a_pulse);
+    std::vector<float> radar;
     if (r.has(Sensor::radar)) radar = linear(r);
     std::vector<float> lags = lags_of(r);
     if (!std::ranges::all_of(radar, is_power) || !std::ranges::all_of(lags, is_power))
       return "a radar code is too large for a power";
-    to_common(spd, spd_, data_.spd_axis, 1), to_common(radar, radar_, data_.radar_axis, 1);
+    to_common(radar, radar_, data_.radar_axis, 1);
     if (depths_ && r.has(Sensor::depth)) depths_->add(r.depth_mm, data_.map.far_m);
-    add_row(data_.spd, spd, data_.spd_axis.count);
+    add_row(data_.spd, sum_of_zones(spd, spd.empty() ? 0 : data_.spd_axis.count),
+            data_.spd_axis.count);
+    if (zone_columns() > 0) add_row(data_.zone_spd, spd, zone_columns());
     add_row(data_.radar, radar, data_.radar_axis.count);
     add_row(data_.array, lags, lag_columns(data_.array_axis));
     add_row(data_.depth, {}, depth_columns());
@@ -159,6 +161,27 @@ class Appender {  // appends one run to a Dataset
  private:
   std::size_t depth_columns() const {
     return sensors_.contains(Sensor::depth) ? data_.map.pixels() : 0;
+  }
+  std::size_t zone_columns() const { return zones_.size() * data_.spd_axis.count; }
+  // Returns the photons of each zone at true ranges, on the common axis. Where pile-up is
+  // corrected, `a_pulse` becomes 0.
+  std::vector<float> photons(const record::FusedRecord& r, double& a_pulse) const {
+    if (!r.has(Sensor::spd)) return {};
+    const auto clicks = static_cast<double>(r.spd_counts.in_range + r.spd_counts.out_of_range);
+    const double pulses = pile_up_.known() && a_pulse > 0 ? clicks / a_pulse : 0;
+    double ready = 1;  // least share of the pulses that found a zone ready
+    std::vector<float> out;
+    for (std::size_t z = 0; z < shifts_.size(); ++z) {
+      const auto first = r.spd.begin() + static_cast<std::ptrdiff_t>(z * spd_.count);
+      std::vector<float> zone(first, first + spd_.count);
+      if (pulses > 0) ready = std::min(ready, pile_up_.correct(zone, pulses));
+      if (shifts_[z]) zone = shifts_[z]->apply(zone);
+      to_common(zone, spd_, data_.spd_axis, 1);
+      out.insert(out.end(), zone.begin(), zone.end());
+    }
+    constexpr double hardly_any = 0.03;  // below it only scatter is left
+    if (pulses > 0 && ready > hardly_any) a_pulse = 0;
+    return out;
   }
   static std::string absurd_counts(const record::FusedRecord& r) {
     constexpr double most_a_second = 1e8;  // detections, of any detector and tagger
@@ -229,6 +252,21 @@ class Appender {  // appends one run to a Dataset
       throw axis_error(path_, found, common, data_.sources.front().path);
     }
   }
+  // Directions may differ by a hundredth, as between two boards of one kind.
+  void adopt_zones() {
+    if (data_.sources.empty()) data_.zones = zones_;
+    const auto near = [](const Zone& a, const Zone& b) {
+      constexpr double least = 0.01;
+      return a.has_direction() == b.has_direction() &&
+             (!a.has_direction() || (std::abs(a.x - b.x) < least && std::abs(a.y - b.y) < least));
+    };
+    if (!std::ranges::equal(zones_, data_.zones, near))
+      throw Error(ExitCode::failed,
+                  printable(path_) + ": its detector has " + std::to_string(histograms_of(zones_)) +
+                      " zones, " + printable(data_.sources.front().path) + " has " +
+                      std::to_string(histograms_of(data_.zones)) +
+                      ", or they look elsewhere; use runs of one kind of detector");
+  }
   void adopt_array(const Axis& found) {
     if (data_.sources.empty()) data_.array_axis = found;
     data_.arrays_differ = data_.arrays_differ || !is_near(found, data_.array_axis);
@@ -277,7 +315,9 @@ class Appender {  // appends one run to a Dataset
   Axis spd_, raw_radar_, radar_, x_, y_, array_, own_lags_;
   SpatialLags lags_;
   PileUp pile_up_;
-  std::optional<Shift> spd_shift_;  // set for a calibrated run
+  Zones zones_;
+  double spd_offset_ps_ = 0;
+  std::vector<std::optional<Shift>> shifts_;  // of each histogram; none where it is at true ranges
 };
 
 void append(Dataset& data, const record::RunReader& run, std::int64_t first, std::size_t at_most,
@@ -334,7 +374,7 @@ Dataset load_recorded(const std::vector<std::string>& paths) {
 Dataset load(const std::vector<std::string>& paths) {
   Dataset data = load_recorded(paths);
   subtract_range_offset(data, 0);
-  for (const Matrix* table : {&data.spd, &data.radar, &data.depth, &data.array})
+  for (const Matrix* table : {&data.spd, &data.radar, &data.depth, &data.array, &data.zone_spd})
     data.hash = crc32c({reinterpret_cast<const std::uint8_t*>(table->values.data()),
                         table->values.size() * sizeof(float)},
                        data.hash);

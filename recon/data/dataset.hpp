@@ -13,6 +13,7 @@
 #include "acquire/measurement/response.hpp"
 #include "acquire/record/run_file.hpp"
 #include "drivers/core/axis.hpp"
+#include "drivers/core/zone.hpp"
 #include "drivers/program/exit_code.hpp"
 #include "recon/numbers/matrix.hpp"
 
@@ -71,9 +72,13 @@ struct Dataset {
   // ones do.
   Axis array_axis;
   bool arrays_differ = false;
-  record::MapGrid map;               // grid of the depth maps
-  Matrix spd, radar, depth;          // photons | linear power | maps in metres, 0 = no return
-  Matrix array;                      // the spatial lags of each bin
+  record::MapGrid map;       // grid of the depth maps
+  Matrix spd, radar, depth;  // photons | linear power | maps in metres, 0 = no return
+  Matrix array;              // the spatial lags of each bin
+  Zones zones;               // of the detector; empty for a single pixel
+  // Photons of each zone on spd_axis, zone after zone; no columns for a single pixel. `spd` is
+  // their sum.
+  Matrix zone_spd;
   std::vector<std::uint32_t> valid;  // bit 0 SPD, 1 radar, 2 depth
   // Verdicts of valid sensors without their figures; "" if ok. No entries: nothing is doubted.
   std::vector<PerSensor<std::string>> doubt;

@@ -128,6 +128,7 @@ Dataset part_of(const Dataset& data, const Rows& rows) {
   out.array_axis = data.array_axis;
   out.spd = take_rows(data.spd, rows), out.radar = take_rows(data.radar, rows);
   out.array = take_rows(data.array, rows);
+  out.zones = data.zones, out.zone_spd = take_rows(data.zone_spd, rows);
   out.empty_room = data.empty_room;
   out.depth = take_rows(data.depth, rows);
   for (const std::size_t row : rows) {

@@ -16,6 +16,18 @@ void resample(Matrix& table, const Axis& found, const Axis& wanted, std::size_t 
   table = std::move(out);
 }
 
+void resample_zones(Dataset& data, const Axis& wanted) {
+  Matrix out(0, data.zones.size() * wanted.count);
+  for (std::size_t row = 0; row < data.zone_spd.rows; ++row, ++out.rows)
+    for (std::size_t z = 0; z < data.zones.size(); ++z) {
+      const auto zone =
+          data.zone_spd.row(row).subspan(z * data.spd_axis.count, data.spd_axis.count);
+      const std::vector<float> values = resampled(zone, data.spd_axis, wanted, 1);
+      out.values.insert(out.values.end(), values.begin(), values.end());
+    }
+  data.zone_spd = std::move(out);
+}
+
 }  // namespace
 
 std::vector<float> resampled(std::span<const float> row, const Axis& found, const Axis& wanted,
@@ -53,6 +65,7 @@ void match_axes(Dataset& data, const Axis& spd, const Axis& radar, Inputs inputs
   if (inputs != Inputs::radar && !agree(data.spd_axis, spd)) {
     if (!is_near(data.spd_axis, spd)) throw axis_error(path, data.spd_axis, spd, whose);
     resample(data.spd, data.spd_axis, spd, 1);
+    if (!data.zones.empty()) resample_zones(data, spd);
     data.spd_axis = spd;
   }
   if (inputs == Inputs::spd) return;

@@ -1,0 +1,81 @@
+// SPDX-License-Identifier: MIT
+#include <catch2/catch.hpp>
+
+#include "recon/data/dataset.hpp"
+#include "world.hpp"
+
+using namespace echofuse;
+using namespace echofuse::recon;
+using namespace echofuse::testing;
+using Catch::Contains;
+
+namespace {
+
+constexpr std::uint32_t bins = 40;
+const Axis spd{"spd", "counts", "ps", bins, 0, 100, 1};
+
+// A peak of 100 counts in bin `first`, and in one more bin for each zone.
+void write_zones(const std::string& path, const Zones& zones, std::uint32_t first,
+                 double offset_m = 0) {
+  record::RunWriter run(path, {});
+  run.put_axis(spd);
+  run.put_zones(zones);
+  if (offset_m != 0) run.put_calibration({Sensor::spd, "", "", 1, offset_m, 0});
+  record::FusedRecord r;
+  r.slot_end = HostTime(1'000'000'000);
+  r.valid.insert(Sensor::spd);
+  r.sync[Sensor::spd].verdict = "ok";
+  r.spd.resize(histograms_of(zones) * bins);
+  for (std::uint32_t z = 0; z < histograms_of(zones); ++z) r.spd[z * bins + first + z] = 100;
+  run.append(r);
+  run.close("complete");
+}
+
+const Zones two{{-0.1, 0, 0.2, 200}, {0.1, 0, 0.2, 300}};
+
+}  // namespace
+
+TEST_CASE("zones of a data set are at true ranges, and the histogram is their sum") {
+  const Folder folder;
+  write_zones(folder / "a", two, 12, 500 / ps_per_m);
+  const Dataset data = load({folder / "a"});
+  CHECK(data.zones == two);
+  REQUIRE(data.zone_spd.cols == 2 * bins);
+  CHECK(data.zone_spd.row(0)[5] == Approx(100));
+  CHECK(data.zone_spd.row(0)[bins + 5] == Approx(100));
+  CHECK(data.spd.cols == bins);
+  CHECK(data.spd.row(0)[5] == Approx(200));
+  CHECK(part_of(data, {0}).zone_spd.values == data.zone_spd.values);
+}
+
+TEST_CASE("a data set of a single pixel has no zones") {
+  const Folder folder;
+  write_zones(folder / "a", {}, 12);
+  const Dataset data = load({folder / "a"});
+  CHECK(data.zones.empty());
+  CHECK(data.zone_spd.cols == 0);
+  CHECK(data.spd.row(0)[12] == 100);
+}
+
+TEST_CASE("zones are brought to a model's axis one by one") {
+  const Folder folder;
+  write_zones(folder / "a", Zones(2), 10);
+  Dataset data = load({folder / "a"});
+  Axis wanted = data.spd_axis;
+  wanted.start = 50;
+  match_axes(data, wanted, data.radar_axis, Inputs::spd);
+  CHECK(data.zone_spd.row(0)[10] == Approx(50));
+  CHECK(data.zone_spd.row(0)[bins + 10] == Approx(50));
+  CHECK(data.zone_spd.row(0)[bins + 11] == Approx(50));
+}
+
+TEST_CASE("runs of detectors with different zones do not make one data set") {
+  const Folder folder;
+  write_zones(folder / "a", two, 12);
+  write_zones(folder / "b", Zones(3), 12);
+  write_zones(folder / "c", {{-0.1, 0, 0.2, 0}, {0.1, 0.05, 0.2, 0}}, 12);
+  write_zones(folder / "d", {{-0.1, 0, 0.2, 0}, {0.1, 0.005, 0.2, 0}}, 12);
+  CHECK_THROWS_WITH(load({folder / "a", folder / "b"}), Contains("has 3 zones"));
+  CHECK_THROWS_WITH(load({folder / "a", folder / "c"}), Contains("or they look elsewhere"));
+  CHECK(load({folder / "a", folder / "d"}).size() == 2);
+}
