@@ -126,7 +126,7 @@ class RunWriter {
   std::int64_t waits_since_ns_ = 0;
   std::optional<std::string> left_label_;  // at the end
   std::vector<Axis> axes_;
-  std::size_t histograms_ = 1;  // of a record
+  std::size_t histograms_ = 1;  // number in a record
   std::int64_t records_ = 0, last_event_ = 0;
 };
 

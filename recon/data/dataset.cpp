@@ -317,7 +317,7 @@ class Appender {  // appends one run to a Dataset
   PileUp pile_up_;
   Zones zones_;
   double spd_offset_ps_ = 0;
-  std::vector<std::optional<Shift>> shifts_;  // of each histogram; none where it is at true ranges
+  std::vector<std::optional<Shift>> shifts_;  // one a histogram; none if at true ranges
 };
 
 void append(Dataset& data, const record::RunReader& run, std::int64_t first, std::size_t at_most,

@@ -75,7 +75,7 @@ struct Dataset {
   record::MapGrid map;       // grid of the depth maps
   Matrix spd, radar, depth;  // photons | linear power | maps in metres, 0 = no return
   Matrix array;              // the spatial lags of each bin
-  Zones zones;               // of the detector; empty for a single pixel
+  Zones zones;               // empty for a single pixel
   // Photons of each zone on spd_axis, zone after zone; no columns for a single pixel. `spd` is
   // their sum.
   Matrix zone_spd;

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT
 #include <catch2/catch.hpp>
 
-#include "acquire/record/run_file.hpp"
 #include "../folder.hpp"
+#include "acquire/record/run_file.hpp"
 
 using namespace echofuse;
 using namespace echofuse::record;

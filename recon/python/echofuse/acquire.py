@@ -64,7 +64,7 @@ def file_of(events: Iterator[dict[str, Any]]) -> str | None:
 
 
 def write_run(path: str | pathlib.Path, *, spd: ArrayLike | None = None, first_bin_ps: float = 0,
-              bin_width_ps: float = 100,
+              bin_width_ps: float = 100, zones: Iterable[Iterable[float]] = (),
               irf_fwhm_ps: float = 0, radar: ArrayLike | None = None, first_m: float = 0,
               step_m: float = 0.25,
               radar_cell_m: float = 0, radar_taps: Iterable[float] = (),
@@ -76,20 +76,21 @@ def write_run(path: str | pathlib.Path, *, spd: ArrayLike | None = None, first_b
               notes: str = "", signal: dict[str, float] | None = None,
               program: str | None = None) -> runs.Run:
     """Makes a run of arrays, by `echofuse-acquire import`, and opens it. spd: whole counts [n,
-    bins] from first_bin_ps on (two-way time); radar: linear power [n, points] from first_m on; a
-    row of NaN is a record without that sensor. radar_cell_m, radar_taps: the radar's response
-    (run.toml); array [n, bins, values]: what antennas.values() gives, with antennas as
-    Run.antennas. depth_m: z in metres [n, rows, columns], from the top left, NaN or 0: no return;
-    its width spans tangents of +-half_tangent, and what lies beyond far_m is no return. began: UTC;
-    signal: limits of the verdicts, as in lab.toml. Raises RuntimeError with the program's own
-    line."""
+    bins] from first_bin_ps on (two-way time), or [n, zones, bins] with zones as Run.zones; radar:
+    linear power [n, points] from first_m on; a row of NaN is a record without that sensor.
+    radar_cell_m, radar_taps: the radar's response (run.toml); array [n, bins, values]: what
+    antennas.values() gives, with antennas as Run.antennas. depth_m: z in metres [n, rows, columns],
+    from the top left, NaN or 0: no return; its width spans tangents of +-half_tangent, and what
+    lies beyond far_m is no return. began: UTC; signal: limits of the verdicts, as in lab.toml.
+    Raises RuntimeError with the program's own line."""
     radar_keys = {"first_m": float(first_m), "step_m": float(step_m), "cell_m": float(radar_cell_m),
                   "taps": " ".join(map(repr, map(float, radar_taps))),
                   "antennas": [" ".join(map(repr, map(float, place))) for place in antennas]}
     sections: dict[str, dict[str, Any]] = {
         "": {"window_s": float(window_s), "label": label, "labels": list(labels), "notes": notes},
         "spd": {"first_bin_ps": float(first_bin_ps), "bin_width_ps": float(bin_width_ps),
-                "irf_fwhm_ps": float(irf_fwhm_ps)},
+                "irf_fwhm_ps": float(irf_fwhm_ps),
+                "zones": [" ".join(map(repr, map(float, zone))) for zone in zones]},
         "radar": radar_keys, "depth": {"half_tangent": float(half_tangent),
                                        "map_z_max_m": float(far_m)},
         "signal": {key: float(value) for key, value in (signal or {}).items()}}

@@ -34,6 +34,7 @@ def blocks(run: Run, told: Told = lambda done: None) -> Iterator[tuple[int, Run,
     """The run in blocks: the first row, the records, and by row why one cannot be read, which then
     has no valid sensor."""
     count = {name: axis.count for name, axis in run.axes.items()}
+    count["spd"] = count.get("spd", 0) * (len(run.zones) or 1)
     size = sum(count.get(name, 0)
                for name in ("spd", "radar")) + 2 * count.get("depth_x", 0) * count.get("depth_y", 0)
     size += count["array"] * (int(run.axes["array"].scale) + 1) ** 2 if "array" in count else 0

@@ -21,7 +21,8 @@ from .acquire import import_arrays
 
 @dataclass
 class Records:
-    """Parts of a run that may change: rows that stay, counts [n, bins], linear or coded profiles
+    """Parts of a run that may change: rows that stay, counts [n, bins] or [n, zones,
+    bins], linear or coded profiles
     [n, points] as stored, valid bits [n]."""
 
     run: runs.Run
@@ -75,7 +76,7 @@ def thinned(share: float, seed: int) -> Change:
 def background(counts: float, seed: int) -> Change:
     """Room light: so many counts more a record, spread over all bins (Poisson)."""
     def change(records: Records) -> None:
-        rate = counts / max(records.spd.shape[1], 1)
+        rate = counts / max(int(np.prod(records.spd.shape[1:])), 1)
         more = np.random.default_rng(seed).poisson(rate, records.spd.shape)
         records.spd = records.spd + more.astype(np.uint32)
     return change

@@ -4,7 +4,8 @@
 HDF5 is NeXus-like, with units on every array and a scale along every dimension; n records in the
 order of the run:
   /entry               title, entry_identifier, start_time, end_time, configuration, radar_cfg
-  /entry/data          spd u32 [n, bins]; radar f32 [n, bins]; depth f32 [n, rows, columns] mm;
+  /entry/data          spd u32 [n, bins], of a detector with zones [n, zones, bins];
+                       radar f32 [n, bins]; depth f32 [n, rows, columns] mm;
                        array f32 [n, bins, values] of a radar's antennas, values as
                        acquire/measurement/radar_array.hpp has them, array_frames u64 [n]; their
                        axes spd_time (ps, start of each bin), radar_range, array_range (m),
@@ -41,7 +42,8 @@ from .run_files import NULL_INTEGER
 from .staged import staged, stop_by_signal
 
 OF_THE_MACHINE = {"units": "ns", "long_name": "since the start of the machine (CLOCK_MONOTONIC)"}
-UNITS = {"db": "dB", "ns": "ns", "us": "us", "ms": "ms", "s": "s", "m": "m", "rad": "rad",
+UNITS = {"db": "dB", "ps": "ps", "ns": "ns", "us": "us", "ms": "ms", "s": "s", "m": "m",
+         "rad": "rad",
          "ppm": "1e-6", "percent": "%", "c": "degC"}
 LINEAR = "linear power on an arbitrary scale"
 RADAR = {"log2_q8":
@@ -143,8 +145,12 @@ def make_signals(entry: Any, run: Run) -> list[str]:
     codes = "radar" in axes and axes["radar"].quantity == "log2_q8"
     made = [name for name, (along, *_) in SIGNALS.items() if all(each in data for each in along)
             and (codes or name != "radar_power")]
+    if run.zones:
+        put(data, "zone", np.arange(len(run.zones)))
+    along_spd = ["zone"] * bool(run.zones) + ["spd_time"]
     for name in made:
         along, units, meaning, _ = SIGNALS[name]
+        along = along_spd if name == "spd" else along
         if name == "radar":
             units, meaning = "log2_q8" if codes else units, RADAR.get(
                 axes["radar"].quantity, meaning)
@@ -164,7 +170,7 @@ def make_signals(entry: Any, run: Run) -> list[str]:
             group[each] = data[each]
         group.attrs.update({"NX_class": "NXdata", "signal": name, "axes": ["index", *along]})
     data.attrs.update({"NX_class": "NXdata", "signal": "spd"}
-                      | ({"axes": ["index", "spd_time"]} if "spd" in made else {}))
+                      | ({"axes": ["index", *along_spd]} if "spd" in made else {}))
     return made
 
 

@@ -18,6 +18,7 @@ from .crc32c import crc32c
 from .maps import save_maps
 from .method import Method
 from .response import MUCH_NARROWER, Response, filter_between, filtered, stated_in
+from .zones import summed
 
 
 def read_safetensors(path: str | pathlib.Path) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
@@ -194,7 +195,8 @@ class Model:
         return self._maps(run if isinstance(run, runs.Run) else runs.open(run), range_offset_m)
 
     def _maps(self, run: runs.Run | Arrays, range_offset_m: float) -> Maps:
-        counts, power, lags = run.photons(), run.power(range_offset_m), run.lags(range_offset_m)
+        counts = summed(run.photons())
+        power, lags = run.power(range_offset_m), run.lags(range_offset_m)
         stated = stated_in(run.meta)
         weights = None
         if (stated and self.response and stated != self.response and run.power_axis

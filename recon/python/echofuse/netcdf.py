@@ -10,6 +10,7 @@ import numpy as np
 
 from .blocks import Told, blocks, marked
 from .run import PS_PER_M, SENSORS, Run
+from .zones import Zone
 
 SINCE_1970 = "nanoseconds since 1970-01-01T00:00:00Z"  # as xarray and netCDF read an epoch
 
@@ -26,23 +27,26 @@ def dataset(run: Run) -> Any:
     coords: dict[str, Any] = {"record": run.index, "time": ("record", run.time),
                               "label": ("record", run.labels)}
     data: dict[str, Any] = {}
-    told = {"spd": ("spd_bin",), "radar": ("radar_bin",), "depth": ("depth_y", "depth_x")}
+    of_zone = ("zone",) if run.zones else ()
+    told = {"spd": (*of_zone, "spd_bin"), "radar": ("radar_bin",), "depth": ("depth_y", "depth_x")}
     axes = {"spd_bin": "spd", "radar_bin": "radar", "depth_y": "depth_y", "depth_x": "depth_x"}
     unit = {"spd": "counts", "radar": "1", "depth": "m"}
     for place, (sensor, dims) in enumerate(told.items()):
-        if not all(axes[dim] in run.axes for dim in dims):
+        if not all(axes[dim] in run.axes for dim in dims if dim != "zone"):
             continue
         data[sensor] = (("record", *dims), getattr(run, sensor), {"units": unit[sensor]})
         coords[f"{sensor}_valid"] = ("record", run.valid[sensor])
         for at, column in enumerate(columns):
             coords[f"{sensor}_{column}"] = ("record", [row[3 * place + at] for row in rows])
-        for dim in dims:
+        for dim in filter(axes.get, dims):
             axis = run.axes[axes[dim]]
             coords[dim] = (dim, axis.values, {"units": axis.unit})
     if "spd" in data:
         coords["spd_range"] = ("spd_bin", run.axes["spd"].values / PS_PER_M, {"units": "m"})
     if "radar" in data:
         coords["radar_range"] = ("radar_bin", run.axes["radar"].values, {"units": "m"})
+    for place, column in enumerate(Zone._fields if run.zones else ()):
+        coords[f"zone_{column}"] = ("zone", [zone[place] for zone in run.zones])
     if events:
         data["event"] = ("event_row", [" ".join(map(str, row[1:])) for row in events])
         coords["event_utc"] = ("event_row", [row[0] for row in events])

@@ -193,8 +193,9 @@ def record(run: runs.Run | Path, index: int, *, ax: Panels = None) -> Figure:
     else:
         camera.set_title("no depth in this record", fontsize=10)
     if "spd" in run.axes and run.valid["spd"][row]:
-        spd.step(run.axes["spd"].values / runs.PS_PER_M, run.spd[row], where="post",
-                 color=COLOURS["spd"], lw=0.9)
+        for counts in np.atleast_2d(run.spd[row]):  # of each zone
+            spd.step(run.axes["spd"].values / runs.PS_PER_M, counts, where="post",
+                     color=COLOURS["spd"], lw=0.9)
     spd.set(xlabel="range (m)", ylabel="clicks")
     spd.set_title("SPD", fontsize=10)
     if "radar" in run.axes and run.valid["radar"][row]:

@@ -26,7 +26,7 @@ def write(run: Run, index: int, path: pathlib.Path) -> int:
         return "".join(f"\\x{ord(c):02x}" if c in ',;"' else c for c in printable(text))
 
     lines = [f"# record {index} of {shown(str(part.path))}, label {shown(part.labels[0])}",
-             "# spd: x = two-way time in ps, value = counts",
+             "# spd: x = two-way time in ps, value = counts" + ", y = zone" * bool(part.zones),
              "# radar: x = range in m, value = as in the run's radar axis",
              "# depth: x, y = tangents, value = mm, 0 = no return"]
     beams = antennas.beams(part, sines := (2 * np.arange(32) + 1) / 32
@@ -37,10 +37,13 @@ def write(run: Run, index: int, path: pathlib.Path) -> int:
             "comes from there, "
                      f"mean over {antennas.frames(part)[0]} frames")
     lines.append("sensor,x,y,value")
+    zones: list[int | str] = [*range(len(part.zones))] or [""]
     for name, values in ("spd", part.spd), ("radar", part.stored_radar()):
         if part.valid[name][0]:
-            lines += [f"{name},{x:.9g},,{value:.9g}"
-                      for x, value in zip(part.axes[name].values, values[0].tolist())]
+            of_zones = values[0].reshape(-1, values.shape[-1]).tolist()
+            lines += [f"{name},{x:.9g},{zone},{value:.9g}"
+                      for zone, row in zip(zones if name == "spd" else [""], of_zones)
+                      for x, value in zip(part.axes[name].values, row)]
     if has_array:
         lines += [f"array,{x:.9g},{y:.9g},{power:.9g}"
                   for x, powers in zip(part.axes["array"].values, beams[0])

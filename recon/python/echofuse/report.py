@@ -36,6 +36,7 @@ from .report_records import chosen, half_tangent, said_of, shown
 from .report_scores import Judged, Mode, ReportError, Scores, evaluated, modes_of
 from .report_story import Story, info_of
 from .staged import stop_by_signal, sync
+from .zones import summed
 
 TERMS = (
     ("SPD", "single-photon detector of one pixel; its clicks are counted by time of flight."),
@@ -181,7 +182,7 @@ class Report:
                "notes": info["notes"]} | info["meta"]
         if self.modes:
             with runs.open(self.run) as run:
-                clicks = [part.photons()[part.valid["spd"]].sum(1)
+                clicks = [summed(part.photons())[part.valid["spd"]].sum(1)
                           for _, part, _ in in_blocks(run)] if "spd" in run.axes else [np.zeros(0)]
                 counts = np.sort(np.concatenate(clicks))
                 half, size = (half_tangent(run),

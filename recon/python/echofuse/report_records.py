@@ -17,6 +17,7 @@ from .maps import load_maps
 from .methods import call
 from .report_blocks import Block, packed, short
 from .report_scores import Mode, Scores
+from .zones import summed
 
 UNCALIBRATED = (
     "no uncertainty: only a model of a sensor, trained to its end on 50 records or more, states "
@@ -53,7 +54,7 @@ def measured(one: runs.Run) -> Block:
         out[sensor] = {"start": axis.start, "step": axis.step,
                        "count": axis.count} if axis else {"start": 0, "step": 1, "count": 0}
     if run.valid["spd"][0]:
-        out["spd"]["clicks"] = [*map(short, run.photons()[0])]
+        out["spd"]["clicks"] = [*map(short, summed(run.photons())[0])]
     if run.valid["radar"][0]:
         out["radar"]["db"] = [*map(short, decibels(run.power()[0]))]
     return out

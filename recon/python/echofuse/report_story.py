@@ -16,6 +16,7 @@ from .methods import call
 from .report_blocks import NONE, Block, details, packed, paragraph, short, table
 from .report_records import decibels
 from .report_scores import Values
+from .zones import summed
 
 SENSORS = {"spd": "SPD", "radar": "radar", "depth": "depth camera"}
 MOST_POINTS = 400  # points of a curve: more cannot be seen
@@ -125,7 +126,7 @@ class Story:
             for sensor in axes:
                 valid = part.valid[sensor]
                 if valid.any():
-                    values = np.log1p(part.spd[valid]) if sensor == "spd" else over_median(
+                    values = np.log1p(summed(part.spd)[valid]) if sensor == "spd" else over_median(
                         decibels(np.nan_to_num(part.radar[valid])))
                     columns = (first + np.flatnonzero(valid)) // step
                     np.add.at(sums[sensor], columns, values)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import copy
 import html
-import json
 import pathlib
 import time
 import warnings
@@ -16,10 +15,10 @@ from typing import Any, Iterator, Sequence, overload
 import numpy as np
 from numpy.typing import NDArray
 
-from . import grid, pile_up
+from . import grid, pile_up, zones
 from .damaged import names_its_file
 from .grid import inflated, read_only, shifted
-from .run_files import STATISTICS, connect, leftovers, table
+from .run_files import STATISTICS, connect, leftovers, meta_of, table
 
 SENSORS = {"spd": 1, "radar": 2, "depth": 4}  # bits of record.valid
 PS_PER_M = 2e12 / 299_792_458.0  # there and back
@@ -86,7 +85,7 @@ class Record:
 
     @property
     def spd(self) -> NDArray[np.uint32]:
-        """Counts [bins]."""
+        """Counts [bins], or [zones, bins]."""
         return np.asarray(self.run.spd[self.row])
 
     @property
@@ -200,13 +199,15 @@ class Run:
             self.info: dict[str, Any] = dict(zip((column[0] for column in cursor.description),
                                                  cursor.fetchone()))
             #: what a run says of itself beside its settings
-            self.meta: dict[str, str] = self._meta_of(self.info.pop("meta"))
+            self.meta: dict[str, str] = meta_of(self.path, self.info.pop("meta"))
             #: by how much the ranges of a sensor are too long, as its calibration says
             self.offset_m: dict[str, float] = dict(
                 db.execute("SELECT sensor, offset_m FROM calibration"))
             #: x, y (half wavelengths), gain, phase (rad) of the radar's virtual antennas
             self.antennas: list[tuple[float, ...]] = db.execute(
                 "SELECT x, y, gain, phase_rad FROM antenna ORDER BY rowid").fetchall()
+            #: of the detector; empty of a single pixel
+            self.zones: list[zones.Zone] = zones.stored(db)
         rows = self.select("SELECT idx, valid, label, slot_utc_ns FROM record ORDER BY idx")
         index, bits, labels, utc = zip(*rows) if rows else ((), (), (), ())
         self.index: NDArray[np.int64] = np.array(index, np.int64)
@@ -216,14 +217,6 @@ class Run:
         mask = np.array(bits, np.int64)
         self.valid: dict[str, NDArray[np.bool_]] = {name: (mask & bit) != 0
                                                     for name, bit in SENSORS.items()}
-
-    def _meta_of(self, text: Any) -> dict[str, str]:
-        try:
-            if isinstance(meta := json.loads(text), dict):
-                return meta
-        except (TypeError, ValueError, RecursionError):
-            pass
-        raise ValueError(f"{self.path}: meta is not a JSON object of texts")
 
     @names_its_file
     def select(self, sql: str, *values: Any) -> list[Any]:
@@ -286,8 +279,11 @@ class Run:
     @cached_property
     @names_its_file
     def spd(self) -> NDArray[np.uint32]:
-        """Counts [n, bins]; read-only, as all arrays that the run keeps."""
-        return read_only(self._table("spd", "<u4", 0))
+        """Counts [n, bins], or [n, zones, bins] of a detector with zones; read-only, as all arrays
+        that the run keeps."""
+        table = self._table("spd", "<u4", 0)
+        return read_only(table.reshape(len(self), len(self.zones), table.shape[1]
+                                       // len(self.zones)) if self.zones else table)
 
     @cached_property
     @names_its_file
@@ -366,13 +362,19 @@ class Run:
     # corrected.
     @names_its_file
     def photons(self) -> NDArray[np.float32]:
-        """[n, bins]"""
-        table = self.spd.astype(np.float32)
+        """[n, bins], or [n, zones, bins] of a detector with zones"""
+        table, axis = self.spd.astype(np.float32), self.axes.get("spd")
+        if axis is None:
+            return table
+        zeros_ps = [zone.zero_ps for zone in self.zones] or [0.0]
+        parts = table.reshape(len(self), len(zeros_ps), axis.count)  # of the same memory
         if self.meta.get("detector_dead_time_ps") is not None:
-            table = np.array([pile_up.corrected(self, row, *clicks)
-                              for row, clicks in zip(table, self._clicks())], np.float32)
-        offset_m = self.offset_m.get("spd", 0)
-        return shifted(table, offset_m * PS_PER_M / self.axes["spd"].step) if offset_m else table
+            for part, clicks in zip(parts, self._clicks()):
+                part[:] = [pile_up.corrected(self, row, *clicks) for row in part]
+        offset_ps = self.offset_m.get("spd", 0) * PS_PER_M
+        for k, zero_ps in enumerate(zeros_ps):
+            parts[:, k] = shifted(parts[:, k], (offset_ps + zero_ps) / axis.step)
+        return table
 
     @names_its_file
     def power(self, range_offset_m: float = 0) -> NDArray[np.float32]:
@@ -485,6 +487,7 @@ class Run:
 
     def _table(self, sensor: str, kind: str, missing: float) -> NDArray[Any]:
         count = self.axes[sensor].count if sensor in self.axes else 0
+        count *= (len(self.zones) or 1) if sensor == "spd" else 1
         size, blobs = count * np.dtype(kind).itemsize, self._blobs(sensor)
         for row, blob in blobs:
             if len(blob) != size:

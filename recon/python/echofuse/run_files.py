@@ -2,6 +2,7 @@
 """A run file, opened to be read only."""
 from __future__ import annotations
 
+import json
 import os
 import pathlib
 import re
@@ -17,7 +18,7 @@ from numpy.typing import NDArray
 APPLICATION_ID, FORMAT_VERSION = 0x4543464D, 3
 NULL_INTEGER = -1 << 63
 TABLES = {"run", "axis", "record", "device", "calibration", "antenna", "anchor", "counter", "event",
-          "late"}
+          "late", "zone"}
 STATISTICS = {f"sqlite_stat{n}" for n in range(1, 5)}  # of ANALYZE
 KINDS: dict[str, tuple[str, Any]] = {"INTEGER":
                                      ("ifnull(CAST({} AS INTEGER), -9223372036854775807 - 1)",
@@ -166,6 +167,15 @@ def guard(db: sqlite3.Connection, path: pathlib.Path) -> None:
             raise ValueError(
                 f'{path}: holds the {kind} "{shown}"; expected the tables of a run only; '
                 f'remove it by: DROP {kind.upper()} "{quoted}"')
+
+
+def meta_of(path: pathlib.Path, text: Any) -> dict[str, str]:
+    try:
+        if isinstance(meta := json.loads(text), dict):
+            return meta
+    except (TypeError, ValueError, RecursionError):
+        pass
+    raise ValueError(f"{path}: meta is not a JSON object of texts")
 
 
 def table(path: pathlib.Path, name: str) -> dict[str, NDArray[Any]]:

@@ -16,7 +16,8 @@ class Forest:
 
     def inputs(self, run) -> np.ndarray:
         """[n, bins + points], each sensor scaled by itself, record by record."""
-        parts = [run.photons()] + ([run.power()] if "radar" in run.axes else [])
+        counts = run.photons().reshape(len(run), -1)
+        parts = [counts] + ([run.power()] if "radar" in run.axes else [])
         return np.hstack([part / (np.abs(part).sum(1, keepdims=True) + 1e-9) for part in parts])
 
     def fit(self, run, rows: np.ndarray) -> None:

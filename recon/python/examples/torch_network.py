@@ -18,8 +18,9 @@ class Network:
 
     def inputs(self, run) -> torch.Tensor:
         """[n, bins + points], each sensor scaled by itself, record by record."""
-        parts = [np.sqrt(run.photons())] + ([np.sqrt(np.maximum(run.power(), 0))]
-                                            if "radar" in run.axes else [])
+        counts = run.photons().reshape(len(run), -1)
+        parts = [np.sqrt(counts)] + ([np.sqrt(np.maximum(run.power(), 0))]
+                                     if "radar" in run.axes else [])
         return torch.tensor(np.hstack([part / (np.linalg.norm(part, axis=1, keepdims=True) + 1e-9)
                                        for part in parts]))
 

@@ -1,0 +1,52 @@
+# SPDX-License-Identifier: MIT
+"""Zones of a detector: parts of its field of view with a histogram each."""
+from __future__ import annotations
+
+import math
+import sqlite3
+from typing import Any, NamedTuple, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+MOST = 64
+Number = TypeVar("Number", bound=np.generic)
+
+
+class Zone(NamedTuple):
+    """Tangents of the centre (x to the right, y up) and of the full width, NaN: not known; two-way
+    time of range 0."""
+
+    x: float
+    y: float
+    width: float
+    zero_ps: float = 0.0
+
+    @property
+    def text(self) -> str:
+        """As run.toml has it."""
+        return " ".join(map(repr, map(float, self)))
+
+
+def stored(db: sqlite3.Connection) -> list[Zone]:
+    """Zones of a run; none of a single pixel. Raises ValueError."""
+    if not db.execute("SELECT 1 FROM sqlite_schema WHERE name = 'zone'").fetchone():
+        return []
+    rows = db.execute("SELECT x, y, width, zero_ps FROM zone ORDER BY rowid").fetchmany(MOST + 1)
+    if len(rows) > MOST:
+        raise ValueError(f"more than {MOST} zones")
+    return [Zone(*(math.nan if value is None else float(value) for value in row)) for row in rows]
+
+
+def summed(counts: NDArray[Number]) -> NDArray[Number]:
+    """[n, bins] of counts [n, bins] or [n, zones, bins]."""
+    return np.asarray(counts.sum(1, dtype=counts.dtype)) if counts.ndim == 3 else counts
+
+
+def directions(run: Any) -> NDArray[np.float64]:
+    """Tangents x, y, width [zones, 3]. Raises ValueError if the run does not state them."""
+    table = np.array([zone[:3] for zone in run.zones], float).reshape(-1, 3)
+    if not len(table) or not np.isfinite(table).all():
+        raise ValueError(f"{run.path}: its detector's zones have no directions; state them by "
+                         "spd.zones in run.toml, or in the hello of the bridge")
+    return table

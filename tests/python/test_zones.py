@@ -1,0 +1,91 @@
+# SPDX-License-Identifier: MIT
+"""Detectors with zones: runs of arrays, their inputs, and what is refused."""
+import subprocess
+
+import numpy as np
+import pytest
+
+import echofuse
+from echofuse import derive, zones
+from programs import BIN
+
+ACQUIRE = str(BIN / "echofuse-acquire")
+TWO = [zones.Zone(-0.17, 0.02, 0.3, 1100.0), zones.Zone(0.17, 0.02, 0.3, 1000.5)]
+
+
+def write(path, **arrays):
+    return echofuse.write_run(path, program=ACQUIRE, **arrays)
+
+
+def counts(records=3, histograms=2, bins=30):
+    return np.random.default_rng(1).poisson(20, (records, histograms, bins)).astype(np.uint32)
+
+
+def test_zones_are_read_as_written(tmp_path):
+    run = write(tmp_path / "own", spd=counts(), zones=TWO)
+    assert run.spd.shape == (3, 2, 30) and np.array_equal(run.spd, counts())
+    assert run.zones == TWO and np.array_equal(run[1].spd, counts()[1])
+    assert run.info["status"] == "complete" and run.rows(1, 3).spd.shape == (2, 2, 30)
+    assert np.allclose(zones.directions(run)[:, 0], [-0.17, 0.17])
+
+
+def test_one_zone_is_a_single_pixel(tmp_path):
+    run = write(tmp_path / "own", spd=counts(histograms=1))
+    assert run.zones == [] and run.spd.shape == (3, 30) and "zone" not in run.tables
+
+
+def test_photons_are_at_true_ranges_zone_by_zone(tmp_path):
+    spd = np.zeros((1, 2, 60), np.uint32)
+    spd[0, 0, 31], spd[0, 1, 30] = 100, 100
+    run = write(tmp_path / "own", spd=spd, bin_width_ps=100, zones=[(-0.1, 0, 0.2, 1100), (0.1, 0, 0.2, 1000)])
+    assert run.photons().shape == (1, 2, 60)
+    assert run.photons()[0].argmax(1).tolist() == [20, 20]
+    assert zones.summed(run.photons())[0, 20] == pytest.approx(200)
+
+
+def test_a_copy_keeps_the_zones(tmp_path):
+    write(tmp_path / "own", spd=counts(), zones=TWO)
+    derive.copy(tmp_path / "own.sqlite", tmp_path / "dim.sqlite", derive.thinned(0.5, seed=1))
+    run = echofuse.open(tmp_path / "dim")
+    assert run.zones == TWO and run.spd.sum() < counts().sum()
+
+
+@pytest.mark.parametrize("said, arrays", [
+    ("spd.zones has 2 zones; expected 3 as spd.npy [3, 3, 30]", {"spd": counts(histograms=3), "zones": TWO}),
+    ("spd.zones has 2 zones; expected 1 as spd.npy [3, 30]", {"spd": counts()[:, 0], "zones": TWO}),
+    ("spd.zones has 2 zones; expected spd.npy [n, zones, bins]", {"radar": np.ones((3, 5)), "zones": TWO}),
+    ("has 65 zones; expected at most 64", {"spd": counts(histograms=65)}),
+    ("expected \"X Y WIDTH\" or \"X Y WIDTH ZERO_PS\"", {"spd": counts(), "zones": [(0, 0, 0.1), (0, 0, 0)]}),
+    ("expected 2 dimensions, a row for each record, or 3: [records, zones, bins]", {"spd": np.ones((3, 2, 2, 2))}),
+])
+def test_zones_that_do_not_fit_are_refused(tmp_path, said, arrays):
+    with pytest.raises(RuntimeError) as refused:
+        write(tmp_path / "own", **arrays)
+    assert said in str(refused.value)
+
+
+def test_unknown_directions_are_refused_where_they_are_needed(tmp_path):
+    run = write(tmp_path / "own", spd=counts())
+    assert len(run.zones) == 2 and np.isnan(run.zones[0].x)
+    with pytest.raises(ValueError, match="zones have no directions; state them by spd.zones"):
+        zones.directions(run)
+
+
+def test_exports_have_an_axis_of_zones(tmp_path):
+    h5py, xarray = pytest.importorskip("h5py"), pytest.importorskip("xarray")
+    run = write(tmp_path / "own", spd=counts(), zones=TWO)
+    data = echofuse.to_xarray(run)
+    assert data["spd"].dims == ("record", "zone", "spd_bin") and data["zone_zero_ps"].values.tolist() == [1100.0, 1000.5]
+    for kind in "h5", "nc", "csv":
+        words = ["--record", "1"] if kind == "csv" else []
+        subprocess.run([BIN / "echofuse-export", run.path, "--to", tmp_path / f"own.{kind}", *words], check=True)
+    with h5py.File(tmp_path / "own.h5") as file:
+        spd = file["entry/data/spd"]
+        assert np.array_equal(spd, counts()) and [dim.label for dim in spd.dims] == ["index", "zone", "spd_time"]
+        assert np.allclose(file["entry/tables/zone/x"], [-0.17, 0.17])
+        assert file["entry/tables/zone/zero_ps"].attrs["units"] == "ps"
+    with xarray.open_dataset(tmp_path / "own.nc") as read:
+        assert np.array_equal(read["spd"], counts()) and np.allclose(read["zone_x"], [-0.17, 0.17])
+    lines = (tmp_path / "own.csv").read_text().splitlines()
+    assert "# spd: x = two-way time in ps, value = counts, y = zone" in lines
+    assert f"spd,2900,1,{counts()[1, 1, 29]}" in lines
