@@ -20,7 +20,7 @@ Frame = collections.namedtuple("Frame", "index time_us width height steps mm_per
 Lens = collections.namedtuple("Lens", "width height fx fy cx cy")
 
 
-def parse_arguments(arguments, text, epilog, height):
+def parse_arguments(arguments, text, epilog, height, depth_modes=False):
     parser = argparse.ArgumentParser(description=text, epilog=epilog,
                                      formatter_class=argparse.RawDescriptionHelpFormatter)
     add, number = parser.add_argument, bridge.number
@@ -30,12 +30,28 @@ def parse_arguments(arguments, text, epilog, height):
     add("--width", type=number(int, 1, 4096), default=640, help="of the depth image (640)")
     add("--height", type=number(int, 1, 2048), default=height, help=f"({height})")
     add("--fps", type=number(int, 1, 120), default=15, help="frames a second (15)")
+    add("--no-projector", action="store_true",
+        help="switch the infrared projector (850 nm) off; silicon detectors see it")
+    add("--preset", metavar="NAME", help="preset of the SDK, as \"High Accuracy\"; a wrong name lists them")
+    if depth_modes:
+        add("--depth-mode", metavar="NAME",
+            help="as \"Unbinned Dense Default\"; a wrong name lists them")
     return parser.parse_args(arguments)
+
+
+def known_name(kind, wanted, names):
+    """Returns the one of the camera's names that is equal but for upper and lower case."""
+    for name in names:
+        if name.casefold() == wanted.casefold():
+            return name
+    raise RuntimeError(f"no {kind} \"{wanted}\"; this camera has "
+                       + (", ".join(f'"{name}"' for name in names) or "none"))
 
 
 class Camera:
     """An open camera. Of a vendor's: start() begins the stream, wait() gives its next Frame or None,
-    stop() ends it; at its beginning it calls began(lens)."""
+    stop() ends it; at its beginning it calls began(lens). set_preset(name), set_depth_mode(name) return
+    the camera's name; projector_off() returns False if the camera cannot."""
 
     def __init__(self, options):
         self._options = options
@@ -53,6 +69,20 @@ class Camera:
         if size != asked:
             raise RuntimeError(f"the intrinsics are those of {size[0]} x {size[1]} pixels, not {mode}")
         self._axes = -lens.cx / lens.fx, 1 / lens.fx, lens.cy / lens.fy, -1 / lens.fy
+
+    def configure(self):
+        """Sets what the options ask for, and prints it. All else stays as the camera has it."""
+        options, done = self._options, []
+        for kind in ("depth mode", "preset"):
+            key = kind.replace(" ", "_")
+            if (wanted := getattr(options, key, None)) is not None:
+                done.append(f'{kind} "{getattr(self, "set_" + key)(wanted)}"')
+        if options.no_projector:
+            if not self.projector_off():
+                raise RuntimeError("the projector of this camera cannot be switched off")
+            done.append("projector off")
+        if done:
+            bridge.say(", ".join(done))
 
     def poll(self, server):
         frame = self.wait(WAIT_MS)

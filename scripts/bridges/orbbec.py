@@ -17,7 +17,7 @@ SDK's intrinsics; lens distortion is not corrected, its size in the corners is p
 
 
 def parse_arguments(arguments):
-    return camera.parse_arguments(arguments, __doc__, EPILOG, height=400)
+    return camera.parse_arguments(arguments, __doc__, EPILOG, height=400, depth_modes=True)
 
 
 class Camera(camera.Camera):
@@ -31,7 +31,9 @@ class Camera(camera.Camera):
         info = device.get_device_info()
         self._hello = {"model": info.get_name(), "serial": info.get_serial_number(),
                        "firmware": info.get_firmware_version()}
+        self._device = device
         self._unmirror(device)
+        self.configure()
         self._pipeline = sdk.Pipeline(device)
         self._config = sdk.Config()
         profile = self._profile()
@@ -59,6 +61,32 @@ class Camera(camera.Camera):
         mirror = self._sdk.OBPropertyID.OB_PROP_DEPTH_MIRROR_BOOL
         if device.is_property_supported(mirror, self._sdk.OBPermissionType.PERMISSION_WRITE):
             device.set_bool_property(mirror, False)
+
+    def set_depth_mode(self, name):
+        device = self._device
+        modes = device.get_depth_work_mode_list()
+        found = [modes.get_depth_work_mode_by_index(i) for i in range(modes.get_count())]
+        name = camera.known_name("depth mode", name, [mode.name for mode in found])
+        device.set_depth_work_mode(next(mode for mode in found if mode.name == name))
+        return name
+
+    def set_preset(self, name):
+        device = self._device
+        presets = device.get_available_preset_list()
+        names = [presets.get_name_by_index(i) for i in range(presets.get_count())]
+        name = camera.known_name("preset", name, names)
+        device.load_preset(name)
+        return name
+
+    def projector_off(self):
+        device, ids = self._device, self._sdk.OBPropertyID
+        write = self._sdk.OBPermissionType.PERMISSION_WRITE
+        for switch, set_to, off in ((ids.OB_PROP_LASER_CONTROL_INT, device.set_int_property, 0),
+                                    (ids.OB_PROP_LASER_BOOL, device.set_bool_property, False)):
+            if device.is_property_supported(switch, write):
+                set_to(switch, off)
+                return True
+        return False
 
     def _profile(self):
         o = self._options

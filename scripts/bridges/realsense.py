@@ -42,6 +42,8 @@ class Camera(camera.Camera):
             self._hello = {"model": device.get_info(sdk.camera_info.name),
                            "serial": device.get_info(sdk.camera_info.serial_number),
                            "firmware": device.get_info(sdk.camera_info.firmware_version)}
+            self._sensor = device.first_depth_sensor()
+            self.configure()
             lens = profile.get_stream(sdk.stream.depth).as_video_stream_profile().get_intrinsics()
             self.began(camera.Lens(lens.width, lens.height, lens.fx, lens.fy, lens.ppx, lens.ppy))
             if any(lens.coeffs):
@@ -53,6 +55,21 @@ class Camera(camera.Camera):
 
     def stop(self):
         self._pipeline.stop()
+
+    def set_preset(self, name):
+        sensor, option = self._sensor, self._sdk.option.visual_preset
+        values = range(int(sensor.get_option_range(option).max) + 1) if sensor.supports(option) else ()
+        names = [sensor.get_option_value_description(option, value) for value in values]
+        name = camera.known_name("preset", name, names)
+        sensor.set_option(option, names.index(name))
+        return name
+
+    def projector_off(self):
+        sensor, option = self._sensor, self._sdk.option.emitter_enabled
+        if not sensor.supports(option):
+            return False
+        sensor.set_option(option, 0)
+        return True
 
     def hello(self):
         return self._hello

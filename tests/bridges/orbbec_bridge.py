@@ -50,6 +50,33 @@ class Calls(CameraCase):
         self.assertEqual(self.open().hello(), {"model": "Orbbec Gemini 2", "serial": "STAND-IN-2", "firmware": "1.4.98"})
         self.assertIn(("get_device_by_serial_number", "STAND-IN-2"), recorder.calls)
 
+    def test_projector_preset_and_depth_mode(self):
+        self.open().close()
+        self.assertFalse({"load_preset", "set_depth_work_mode", "set_int_property"} & {call[0] for call in recorder.calls})
+        self.assertNotIn("projector", self.said)
+        recorder.reset()
+        self.open("--no-projector", "--preset", "high accuracy", "--depth-mode", "binned sparse default")
+        start = recorder.calls.index(("start",))
+        for call in (("set_depth_work_mode", "Binned Sparse Default"), ("load_preset", "High Accuracy"),
+                     ("set_bool_property", "laser", False)):
+            self.assertLess(recorder.calls.index(call), start)
+        self.assertIn('depth mode "Binned Sparse Default", preset "High Accuracy", projector off\n', self.said)
+
+    def test_a_projector_with_another_switch_or_none(self):
+        with mock.patch.object(sdk, "supported", {"laser", "laser control"}):
+            self.open("--no-projector")
+        self.assertIn(("set_int_property", "laser control", 0), recorder.calls)
+        with mock.patch.object(sdk, "supported", set()):
+            self.assertRaisesRegex(RuntimeError, "cannot be switched off", self.open, "--no-projector")
+
+    def test_unknown_names_list_the_known_ones(self):
+        with self.assertRaisesRegex(RuntimeError, '^no preset "x"; this camera has "Default", "High Accuracy"$'):
+            self.open("--preset", "x")
+        with self.assertRaisesRegex(RuntimeError, '^no depth mode "x"; this camera has "Unbinned Dense Default", '):
+            self.open("--depth-mode", "x")
+        with mock.patch.object(sdk, "presets", []), self.assertRaisesRegex(RuntimeError, "has none$"):
+            self.open("--preset", "Default")
+
     def test_a_mode_that_is_not_there(self):
         with self.assertRaisesRegex(RuntimeError, "^no depth mode 64 x 48 at 30 frames/s: Invalid input"):
             self.open("--height", "48")

@@ -30,6 +30,16 @@ class Process(unittest.TestCase):
         self.assertEqual(self.calls[:4], [("query_devices",), ("enable_device", "STAND-IN-3"),
                                           ("enable_stream", "depth", 64, 48, "z16", 30), ("start",)])
 
+    def test_projector_and_preset(self):
+        with Program("realsense.py", *SIZE, "--no-projector", "--preset", "high accuracy", STAND_IN_SILENT="5") as program:
+            with Client(program.address) as client:
+                client.until(bridge.DEPTH)
+                # A restarted stream has them, too.
+                testing.wait_for("restart", lambda: program.calls().count(("set_option", "emitter", 0)) == 2)
+            self.assertEqual(program.calls().count(("set_option", "preset", 3)), 2)
+            self.assertIn('preset "High Accuracy", projector off\n', program.said())
+            self.assertEqual(program.stop(), 0)
+
     def test_tenths_of_a_millimetre(self):
         head, z = self.frame(STAND_IN_SCALE="0.0001")
         np.testing.assert_array_equal(z, np.rint(sdk.values(head[3], 64 * 48) * 0.1))
@@ -57,6 +67,9 @@ class Process(unittest.TestCase):
                                 (["--serial", "1"], {}, "no RealSense camera with the serial number 1; there is STAND-IN-3"),
                                 ([], {"STAND_IN_CAMERAS": "2"}, "choose one with --serial: STAND-IN-3, STAND-IN-3"),
                                 (["--width", "65"], {}, "no depth of 65 x 48 pixels at 30 frames/s: Couldn't resolve"),
+                                (["--preset", "x"], {}, 'no preset "x"; this camera has "Custom", "Default"'),
+                                (["--preset", "x"], {"STAND_IN_LACKS": "preset"}, "this camera has none"),
+                                (["--no-projector"], {"STAND_IN_LACKS": "emitter"}, "cannot be switched off"),
                                 ([], {"STAND_IN_INTRINSICS": "zero"}, "the SDK tells no intrinsics")):
             with self.subTest(why), Program("realsense.py", *SIZE, *words, **env) as program:
                 self.assertEqual(program.process.wait(10), 4)

@@ -14,7 +14,7 @@ Orbbec, orbbec/pyorbbecsdk: stubs/pyorbbecsdk.pyi at commit 9fcf324, whose argum
 version 2 and are in its bindings (src/pyorbbecsdk/stream_profile.cpp).
 
 RealSense, IntelRealSense/librealsense: wrappers/python/pyrs_pipeline.cpp at commit 09696f9 and pyrs_frame.cpp at
-005e21b. The network and virtual taggers are those of TimeTagger.h 2.16.2; run() came later."""
+005e21b, pyrs_device.cpp, pyrs_options.cpp. The network and virtual taggers are those of TimeTagger.h 2.16.2; run() came later."""
 import ast
 import inspect
 import unittest
@@ -81,6 +81,15 @@ ORBBEC = {
     "Device.get_device_info": 0,
     "Device.is_property_supported": 2,
     "Device.set_bool_property": 2,
+    "Device.set_int_property": 2,
+    "Device.get_available_preset_list": 0,
+    "Device.load_preset": 1,
+    "Device.get_depth_work_mode_list": 0,
+    "Device.set_depth_work_mode": 1,
+    "DevicePresetList.get_count": 0,
+    "DevicePresetList.get_name_by_index": 1,
+    "OBDepthWorkModeList.get_count": 0,
+    "OBDepthWorkModeList.get_depth_work_mode_by_index": 1,
     "DeviceInfo.get_name": 0,
     "DeviceInfo.get_serial_number": 0,
     "DeviceInfo.get_firmware_version": 0,
@@ -106,6 +115,11 @@ ORBBEC = {
 REALSENSE = {
     "context.query_devices": 0,
     "device.get_info": 1,
+    "device.first_depth_sensor": 0,
+    "depth_sensor.supports": 1,
+    "depth_sensor.set_option": 2,
+    "depth_sensor.get_option_range": 1,
+    "depth_sensor.get_option_value_description": 2,
     "config.enable_device": 1,
     "config.enable_stream": 5,
     "pipeline.start": 1,
@@ -170,13 +184,13 @@ class Signatures(unittest.TestCase):
         self.assertGreater(len(called), 15)
         known = {name.split(".")[-1] for name in ORBBEC} | {"Context", "Config", "Pipeline"}
         called = calls("orbbec.py", {"_sdk", "sdk", "_context", "devices", "device", "info", "_pipeline", "_config",
-                                     "profiles", "profile", "frames", "frame"})
+                                     "profiles", "profile", "frames", "frame", "modes", "presets"})
         self.assertEqual(called - known, set())
-        self.assertGreater(len(called), 15)
+        self.assertGreater(len(called), 20)
         known = {name.split(".")[-1] for name in REALSENSE} | {"context", "config", "pipeline"}
-        called = calls("realsense.py", {"sdk", "_pipeline", "_config", "device", "profile", "frames", "frame"})
+        called = calls("realsense.py", {"sdk", "_pipeline", "_config", "device", "profile", "frames", "frame", "sensor"})
         self.assertEqual(called - known, set())
-        self.assertGreater(len(called), 12)
+        self.assertGreater(len(called), 16)
 
 
 if __name__ == "__main__":

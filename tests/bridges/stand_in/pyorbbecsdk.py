@@ -17,9 +17,13 @@ from recorder import called, happen
 
 OBSensorType = types.SimpleNamespace(DEPTH_SENSOR="depth")
 OBFormat = types.SimpleNamespace(Y16="y16")
-OBPropertyID = types.SimpleNamespace(OB_PROP_DEPTH_MIRROR_BOOL="mirror")
+OBPropertyID = types.SimpleNamespace(OB_PROP_DEPTH_MIRROR_BOOL="mirror", OB_PROP_LASER_BOOL="laser",
+                                     OB_PROP_LASER_CONTROL_INT="laser control")
 OBPermissionType = types.SimpleNamespace(PERMISSION_WRITE="write")
 silent = False       # no frames
+supported = {"mirror", "laser"}  # properties of the camera
+presets = ["Default", "High Accuracy"]
+depth_modes = ["Unbinned Dense Default", "Binned Sparse Default"]
 skip = 0             # frames to leave out before the next one
 scale = 1.0          # of the frames
 intrinsics = os.environ.get("STAND_IN_INTRINSICS", "")
@@ -54,10 +58,41 @@ class Device:
         return DeviceInfo()
 
     def is_property_supported(self, property_id, permission_type):
-        return (property_id, permission_type) == ("mirror", "write")
+        return property_id in supported and permission_type == "write"
 
     def set_bool_property(self, property_id, value):
         called("set_bool_property", property_id, value)
+
+    def set_int_property(self, property_id, value):
+        called("set_int_property", property_id, value)
+
+    def get_available_preset_list(self):
+        return DevicePresetList()
+
+    def load_preset(self, name):
+        called("load_preset", name)
+
+    def get_depth_work_mode_list(self):
+        return OBDepthWorkModeList()
+
+    def set_depth_work_mode(self, mode):
+        called("set_depth_work_mode", mode.name)
+
+
+class DevicePresetList:
+    def get_count(self):
+        return len(presets)
+
+    def get_name_by_index(self, index):
+        return presets[index]
+
+
+class OBDepthWorkModeList:
+    def get_count(self):
+        return len(depth_modes)
+
+    def get_depth_work_mode_by_index(self, index):
+        return types.SimpleNamespace(name=depth_modes[index])
 
 
 class DeviceInfo:

@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: MIT
 """The calls of RealSense's Python SDK that the bridge makes, with the names and arguments of its bindings
-(IntelRealSense/librealsense, wrappers/python/pyrs_pipeline.cpp and pyrs_frame.cpp at 09696f9 and 005e21b);
+(IntelRealSense/librealsense, wrappers/python/pyrs_pipeline.cpp and pyrs_frame.cpp at 09696f9 and 005e21b,
+pyrs_device.cpp and pyrs_options.cpp);
 signatures.py compares them. Frame n has the values 500 + (7 n + 3 i) % 5000 in its pixels i. What can go wrong:
 STAND_IN_CAMERAS=n cameras (1), STAND_IN_SCALE=m a step, in metres (.001), which is a tenth from frame STAND_IN_FINER
 on, STAND_IN_SILENT=n no frame after the n-th until the stream is started again, STAND_IN_INTRINSICS=zero,
-STAND_IN_TIMES=n:ms,... the times of these frames."""
+STAND_IN_TIMES=n:ms,... the times of these frames, STAND_IN_LACKS=option,... options that the camera does not have."""
 import os
 import time
 import types
@@ -15,6 +16,8 @@ from recorder import called, happen
 stream = types.SimpleNamespace(depth="depth")
 format = types.SimpleNamespace(z16="z16")
 camera_info = types.SimpleNamespace(name="name", serial_number="serial", firmware_version="firmware")
+option = types.SimpleNamespace(emitter_enabled="emitter", visual_preset="preset")
+PRESETS = ["Custom", "Default", "Hand", "High Accuracy"]
 WIDTH, HEIGHT = 64, 48
 
 
@@ -25,6 +28,23 @@ def values(index, pixels):
 class device:
     def get_info(self, info):
         return {"name": "Intel RealSense D435", "serial": "STAND-IN-3", "firmware": "5.16.0.1"}[info]
+
+    def first_depth_sensor(self):
+        return depth_sensor()
+
+
+class depth_sensor:
+    def supports(self, option):
+        return option not in os.environ.get("STAND_IN_LACKS", "").split(",")
+
+    def set_option(self, option, value):
+        called("set_option", option, value)
+
+    def get_option_range(self, option):
+        return types.SimpleNamespace(min=0.0, max=len(PRESETS) - 1.0)
+
+    def get_option_value_description(self, option, value):
+        return PRESETS[int(value)]
 
 
 class context:
