@@ -81,6 +81,10 @@ std::string readable(std::string text) {
     return text.substr(0, at) + ": expected a positive number";
   if (at != text.npos)
     text = std::regex_replace(text, std::regex(R"((\.\d*[1-9])0+\b|\.0+\b)"), "$1");
+  // A value that is no number is reported as out of range, too.
+  text = std::regex_replace(
+      text, std::regex(R"(Value (-?[\d.]+)([A-Za-z]+) not in range (\S+) to (\S+)$)"),
+      "$1$2: expected a number from $3 to $4, without a unit");
   text = std::regex_replace(text, std::regex(" excludes "), " does not go with ");
   return std::regex_replace(text, std::regex("^Could not convert: (.*)"), "$1: expected a number");
 }

@@ -55,6 +55,17 @@ toml::table parse_value(const std::string& value) {
   }
 }
 
+// Returns the shortest known name that begins with this text, or empty.
+std::string begun_by(const std::vector<std::string>& known, const std::string& text) {
+  constexpr std::size_t telling = 3;
+  std::string out;
+  for (const auto& name : known)
+    if (text.size() >= telling && name.starts_with(text) &&
+        (out.empty() || name.size() < out.size()))
+      out = name;
+  return out;
+}
+
 std::string or_nearest(const std::vector<std::string>& known, const std::string& key) {
   const std::string name = nearest(known, key);
   return name.empty() ? ", and none is like it" : "; the nearest known one is \"" + name + "\"";
@@ -291,7 +302,10 @@ void Settings::take(const std::string& assignment, Faults& faults) {
       table.insert_or_assign("v", value);
     const std::string expected =
         table.size() == 1 ? assign(*entry, *table.get("v"), origin) : expectation(*entry);
-    if (!expected.empty()) complain("expected " + expected);
+    const std::string longer = begun_by(keys(), key + "_");
+    if (!expected.empty())
+      complain("expected " + expected +
+               (longer.empty() ? "" : "; another key is \"" + longer + "\""));
   } catch (const toml::parse_error&) {
     complain("expected UTF-8");
   }
@@ -406,6 +420,8 @@ std::size_t edit_distance(const std::string& a, const std::string& b) {
 }  // namespace
 
 std::string nearest(const std::vector<std::string>& known, const std::string& key) {
+  const std::string begun = begun_by(known, key);
+  if (!begun.empty()) return begun;
   const auto changes = [&](const std::string& name) {
     const bool part = key.find(name) != key.npos || name.find(key) != name.npos;
     return edit_distance(name, key) * (part ? 1 : 2);

@@ -21,8 +21,9 @@ inline constexpr std::size_t max_faults = 20;
 // Throws Error(config) that lists the first max_faults of these faults, one per line.
 [[noreturn]] void refuse(const std::vector<std::string>& faults);
 
-// Returns the known word that needs the fewest changes to become `word`; half as many count where
-// one is a part of the other. Empty if that is more than half of its letters.
+// Returns the shortest known word that begins with `word` (of 3 letters or more), otherwise the one
+// that needs the fewest changes to become it; half as many count where one is a part of the other.
+// Empty if that is more than half of its letters.
 std::string nearest(const std::vector<std::string>& known, const std::string& word);
 
 class Settings {

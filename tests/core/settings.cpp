@@ -102,6 +102,7 @@ TEST_CASE("an assignment (--set) takes TOML values and bare words, and nothing e
   }
   CHECK_THROWS_WITH(s.set("tdc.address=[8]"), Catch::Contains("expected a text"));
   CHECK_THROWS_WITH(s.set("windw_s=1"), Catch::Contains("nearest known one is \"window_s\""));
+  CHECK_THROWS_WITH(s.set("win=1"), Catch::Contains("nearest known one is \"window_s\""));
   CHECK_THROWS_WITH(s.set("tdc.bins=many"), Catch::Contains("whole number"));
   CHECK_THROWS_WITH(s.set("tdc.bins"), Catch::Contains("key=value"));
   CHECK_THROWS_WITH(s.set("window_s=1\ntdc = 2"), Catch::Contains("expected a number"));

@@ -56,6 +56,9 @@ acquire run --duration 5 | 2 | --duration: expected a number with its unit, as 2
 acquire run --count 3 --duration 5s | 2 | --count does not go with --duration
 acquire run --duration 99999999999h | 2 | --duration: expected at most 87660h, ten years
 acquire calibrate --distance -1 | 2 | --distance: Value -1 not in range 0.1 to 100
+acquire calibrate --distance 1m | 2 | --distance: 1m: expected a number from 0.1 to 100, without a unit
+sim dataset --out x --set background=200 | 3 | "corridor"; another key is "background_counts"
+sim dataset --out x --set signal=3 | 3 | unknown key; the nearest known one is "signal_photons"
 acquire calibrate --reflector front | 2 | --reflector: front not in {detector,each}
 acquire calibrate --side right --check | 2 | --side
 export seen.sqlite --to x.txt | 2 | --to x.txt: expected NAME.h5 or NAME.nc, or NAME.csv with --record N
