@@ -13,8 +13,8 @@ constexpr int timeout_checks = 4;
 
 }  // namespace
 
-BridgeClient::BridgeClient(port::Loop& loop, port::ByteOpener opener)
-    : opener_(std::move(opener)), loop_(loop), timer_(loop) {}
+BridgeClient::BridgeClient(port::Loop& loop, port::ByteOpener opener, std::string programs)
+    : opener_(std::move(opener)), programs_(std::move(programs)), loop_(loop), timer_(loop) {}
 
 void BridgeClient::start(Handlers handlers) {
   handlers_ = std::move(handlers);
@@ -56,9 +56,7 @@ void BridgeClient::connect() {
                    [this](const Failure& failure) {
                      const bool refused = failure.code == std::errc::connection_refused;
                      fail(failure.text() +
-                          (refused ? "; is the bridge started? echofuse-bridge-timetagger, "
-                                     "-orbbec or -realsense"
-                                   : ""));
+                          (refused ? "; is its bridge started? " + programs_ : ""));
                    }});
   watch();
 }

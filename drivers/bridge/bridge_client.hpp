@@ -27,7 +27,8 @@ class BridgeClient {
     std::function<void(Severity, const std::string&)> event;
   };
 
-  BridgeClient(port::Loop& loop, port::ByteOpener opener);
+  // `programs`: what a message about a refused connection says to start; may be empty.
+  BridgeClient(port::Loop& loop, port::ByteOpener opener, std::string programs);
   void start(Handlers handlers);
   void stop();
   // Counts a delivered block of a wrong kind or payload; it is lost for the block after it.
@@ -45,6 +46,7 @@ class BridgeClient {
   void fail(const std::string& why);
 
   port::ByteOpener opener_;
+  std::string programs_;
   port::Loop& loop_;
   port::Timer timer_;
   port::Backoff backoff_;

@@ -2,18 +2,43 @@
 #include "drivers/bridge/bridge_driver.hpp"
 
 #include <algorithm>
+#include <filesystem>
 #include <utility>
+
+#include "drivers/program/program.hpp"
 
 namespace echofuse::bridge {
 namespace {
 
 constexpr std::uint32_t longest_gap = 1u << 20;
 
+namespace fs = std::filesystem;
+
+// Returns the path of one of our bridges, installed or in the tree of a build; its name if there is
+// neither.
+std::string path_of(const std::string& bridge) {
+  std::error_code none;
+  const std::string name = "echofuse-bridge-" + bridge;
+  if (fs::exists(program_folder() / name, none)) return (program_folder() / name).string();
+  for (fs::path folder = program_folder(); folder.has_relative_path();
+       folder = folder.parent_path())
+    if (const fs::path script = folder / "scripts/bridges" / (bridge + ".py");
+        fs::exists(script, none))
+      return script.string();
+  return name;
+}
+
+std::string programs_for(Sensor sensor) {
+  if (sensor == Sensor::spd) return path_of("timetagger");
+  if (sensor == Sensor::depth) return path_of("orbbec") + " or " + path_of("realsense");
+  return "your own, as " + path_of("example");
+}
+
 }  // namespace
 
 BridgeDriver::BridgeDriver(Sensor sensor, port::Loop& loop, std::string address,
                            port::ByteOpener opener)
-    : client_(loop, std::move(opener)) {
+    : client_(loop, std::move(opener), programs_for(sensor)) {
   info_.sensor = sensor;
   info_.address = std::move(address);
 }

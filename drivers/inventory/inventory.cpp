@@ -11,6 +11,8 @@
 #include <filesystem>
 #include <fstream>
 
+#include "drivers/program/program.hpp"
+
 namespace echofuse::inventory {
 namespace {
 
@@ -134,6 +136,7 @@ struct Kind {
   Access access;
   unsigned data_interface;  // serial: the radar's data port; 00 is the command line
   const char* advice;
+  const char* model = "";  // part of the product's name; empty: any
 };
 
 constexpr Kind kinds[] = {
@@ -146,6 +149,9 @@ constexpr Kind kinds[] = {
     {0x2bc5, 0, "Orbbec camera", Access::usb, 0,
      "start echofuse-bridge-orbbec: depth.address = \"bridge:tcp://127.0.0.1:41111\"; one that "
      "OpenNI2 sees is listed below with its URI"},
+    {0x8086, 0, "RealSense camera", Access::usb, 0,
+     "start echofuse-bridge-realsense: depth.address = \"bridge:tcp://127.0.0.1:41111\"",
+     "RealSense"},
 };
 
 // Known by its interface, whoever made it (drivers/README.md, "Over USB").
@@ -160,7 +166,9 @@ bool streams_tags(const UsbDevice& d) {
 const Kind* kind_of(const UsbDevice& d) {
   if (streams_tags(d)) return &tag_stream;
   for (const Kind& k : kinds)
-    if (k.vendor == d.vendor && (k.product == 0 || k.product == d.product)) return &k;
+    if (k.vendor == d.vendor && (k.product == 0 || k.product == d.product) &&
+        d.model.find(k.model) != d.model.npos)
+      return &k;
   return nullptr;
 }
 
@@ -190,8 +198,7 @@ std::string stable_path(const std::string& node, const Roots& roots, bool shared
 
 std::string lack_of(const std::string& path) {
   if (::access(path.c_str(), R_OK | W_OK) == 0) return {};
-  if (errno == EACCES)
-    return "no read/write permission on " + path + ": install config/70-echofuse.rules";
+  if (errno == EACCES) return "no read/write permission on " + path + ": " + permission_hint(path);
   return path + ": " + std::strerror(errno);
 }
 

@@ -14,6 +14,7 @@
 #include "drivers/port/open_port.hpp"
 #include "drivers/port/thread_port.hpp"
 #include "drivers/program/exit_code.hpp"
+#include "drivers/program/program.hpp"
 
 namespace echofuse::port {
 namespace {
@@ -86,7 +87,7 @@ Result<Device> open_device(const HidAddress& address) {
   }
   if (fd >= 0) ::close(fd);
   return Failure{{error, std::generic_category()},
-                 doing + (error == EACCES  ? " (config/70-echofuse.rules grants access)"
+                 doing + (error == EACCES  ? " (" + permission_hint(*node) + ")"
                           : error == EBUSY ? " (in use by another program)"
                                            : "")};
 }

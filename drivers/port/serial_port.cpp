@@ -12,6 +12,7 @@
 
 #include "drivers/port/open_port.hpp"
 #include "drivers/port/stream_port.hpp"
+#include "drivers/program/program.hpp"
 
 namespace echofuse::port {
 namespace {
@@ -76,10 +77,12 @@ class SerialPort final : public StreamPort<serial_port> {
     // Only the baud rate can be one that the system does not know.
     const bool unknown_rate = error == boost::asio::error::invalid_argument;
     const bool taken = error == boost::system::errc::device_or_resource_busy;
+    const bool denied = error == boost::system::errc::permission_denied;
     const std::string doing = unknown_rate ? "baud rate " + std::to_string(baud_) +
                                                  " (115200, 921600 or another usual one)"
-                              : taken ? "open (in use by another program)"
-                                      : "open";
+                              : taken  ? "open (in use by another program)"
+                              : denied ? "open (" + permission_hint(path_) + ")"
+                                       : "open";
     boost::asio::post(link_->stream.get_executor(), [link = link_, error, doing] {
       if (error) return link->fail(error, doing.c_str());
       begin(link);

@@ -76,7 +76,8 @@ class Worker {
   bool fail(const std::string& doing, int error) {
     switch (error) {
       case LIBUSB_ERROR_ACCESS:
-        return fail(std::errc::permission_denied, doing + " (see config/70-echofuse.rules)");
+        return fail(std::errc::permission_denied,
+                    doing + " (install config/70-echofuse.rules and join the group plugdev)");
       case LIBUSB_ERROR_BUSY:
         return fail(std::errc::device_or_resource_busy, doing + " (another program uses it)");
       case LIBUSB_ERROR_NO_MEM:

@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: MIT
 #include "drivers/program/program.hpp"
 
+#include <grp.h>
 #include <pwd.h>
 #include <sched.h>
 #include <spawn.h>
+#include <sys/stat.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -35,6 +37,16 @@ unsigned usable_cores() {
   if (::sched_getaffinity(0, sizeof cores, &cores) != 0)
     return std::max(1u, std::thread::hardware_concurrency());
   return static_cast<unsigned>(CPU_COUNT(&cores));
+}
+
+std::string permission_hint(const std::string& node) {
+  constexpr mode_t group_access = S_IRGRP | S_IWGRP;
+  struct stat file {};
+  if (::stat(node.c_str(), &file) == 0 && (file.st_mode & group_access) == group_access &&
+      file.st_gid != 0)
+    if (const group* owner = ::getgrgid(file.st_gid))
+      return std::string("join the group ") + owner->gr_name + " and log in again";
+  return "install config/70-echofuse.rules";
 }
 
 std::string machine_name() {

@@ -28,6 +28,8 @@ std::filesystem::path here_or_installed(const std::filesystem::path& name,
 std::string login_name();
 // The cores that this program may use (taskset, cgroups' cpusets); at least 1.
 unsigned usable_cores();
+// How this user gets access to a device node: by the node's group, or else by our udev rules.
+std::string permission_hint(const std::string& node);
 // Host name.
 std::string machine_name();
 // First word by which to start our program: its path beside this one, else NAME, as PATH has it.

@@ -126,6 +126,8 @@ TEST_CASE("a bridge that is not there is asked for again, and told once") {
   CHECK(b.sink.state() == DeviceState::faulted);
   REQUIRE(b.sink.events.size() == 1);
   CHECK_THAT(b.sink.events[0], Catch::Contains("127.0.0.1:" + std::to_string(port) + ": connect"));
+  CHECK_THAT(b.sink.events[0],
+             Catch::Contains("is its bridge started? /") && Catch::EndsWith("/timetagger.py"));
   Server server(b.loop, port);
   REQUIRE(server.accept());
   server.send(b.golden[0]);

@@ -2,6 +2,7 @@
 // On a tree with the kernel's layout: /sys/bus/usb/devices links to devices, interfaces below them.
 #include "drivers/inventory/inventory.hpp"
 
+#include <grp.h>
 #include <unistd.h>
 
 #include <catch2/catch.hpp>
@@ -32,7 +33,7 @@ class Tree {
   std::string dir(const std::string& name) const { return (root_ / name).string(); }
 
   void device(const std::string& place, const std::string& vendor, const std::string& product,
-              const std::string& serial) {
+              const std::string& serial, const std::string& model = "A model") {
     const fs::path folder = root_ / "sys/devices/pci0/usb1" / place;
     fs::create_directories(folder);
     write(folder / "idVendor", vendor);
@@ -40,7 +41,7 @@ class Tree {
     write(folder / "bcdDevice", "0302");
     write(folder / "busnum", "1");
     write(folder / "devnum", "7");
-    write(folder / "product", "A model");
+    write(folder / "product", model);
     if (!serial.empty()) write(folder / "serial", serial);
     fs::create_directory_symlink("../../../devices/pci0/usb1/" + place,
                                  root_ / "sys/bus/usb/devices" / place);
@@ -126,17 +127,35 @@ TEST_CASE("CP2110, Orbbec and Time Tagger: address by serial number, advice") {
   CHECK_THAT(list[3].advice, Catch::Contains("bridge:tcp"));
 }
 
-TEST_CASE("a node that may not be opened is told with the rules that help") {
+TEST_CASE(
+    "RealSense cameras are known by their name, other devices of that vendor are not listed") {
+  Tree tree;
+  tree.device("1-1", "8086", "0b07", "R1", "Intel(R) RealSense(TM) Depth Camera 435");
+  tree.device("1-2", "8086", "0b63", "", "USB Bridge");
+  const auto list = list_attached(tree.roots());
+  REQUIRE(list.size() == 1);
+  CHECK(list[0].kind == "RealSense camera");
+  CHECK_THAT(list[0].advice, Catch::Contains("echofuse-bridge-realsense: depth.address = "));
+}
+
+TEST_CASE("a node that may not be opened is told with its group, or with the rules that help") {
   Tree tree;
   tree.device("1-2", "0451", "bef3", "R1");
   tree.interface("1-2", "00", "tty/ttyACM0");
   fs::permissions(tree.dir("dev/ttyACM0"), fs::perms(0));
   const bool root = ::geteuid() == 0;
+  const group* const dialout = root ? ::getgrnam("dialout") : nullptr;
+  std::string help = "install config/70-echofuse.rules";
+  if (dialout && GENERATE(false, true)) {
+    REQUIRE(::chown(tree.dir("dev/ttyACM0").c_str(), 0, dialout->gr_gid) == 0);
+    fs::permissions(tree.dir("dev/ttyACM0"), fs::perms(0660));
+    help = "join the group dialout and log in again";
+  }
   if (root) REQUIRE(::setresuid(65534, 65534, 0) == 0);
   const auto list = list_attached(tree.roots());
   if (root) REQUIRE(::setresuid(0, 0, 0) == 0);
-  CHECK(list.at(0).nodes.at(0).missing == "no read/write permission on " + tree.dir("dev/ttyACM0") +
-                                              ": install config/70-echofuse.rules");
+  CHECK(list.at(0).nodes.at(0).missing ==
+        "no read/write permission on " + tree.dir("dev/ttyACM0") + ": " + help);
 }
 
 TEST_CASE("no tree, no devices") {

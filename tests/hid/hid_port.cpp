@@ -265,7 +265,7 @@ TEST_CASE("no permission: told what grants it, and listed so") {
   if (is_root) REQUIRE(::setresuid(0, 0, 0) == 0);
   REQUIRE(told);
   CHECK(host.why ==
-        "hid:10c4:ea80:A: open /dev/hidraw0 (config/70-echofuse.rules grants access): "
+        "hid:10c4:ea80:A: open /dev/hidraw0 (install config/70-echofuse.rules): "
         "Permission denied");
   REQUIRE(list.size() == 1);
   CHECK(list[0].serial == "A");

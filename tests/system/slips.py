@@ -84,7 +84,7 @@ sim dataset --out three.toml --records 1 | 1 | exists already
 sim dataset --out no/such/x --records 1 | 6 | no/such/x
 acquire annotate seen.sqlite | 2 | expected either a text or --label TEXT
 acquire list nofolder | 1 | nofolder
-acquire devices --config closed.toml | 4 | Connection refused; is the bridge started? echofuse-bridge-timetagger
+acquire devices --config closed.toml | 4 | Connection refused; is its bridge started? /
 """
 
 faults = []
