@@ -7,6 +7,7 @@
 
 #include "acquire/doctor/doctor.hpp"
 #include "acquire/record/deflate.hpp"
+#include "acquire/run/signal_check.hpp"
 #include "drivers/core/log2_codes.hpp"
 
 namespace echofuse::acquire {
@@ -134,10 +135,10 @@ Finding judge_spd(const Capture& capture, const Config& config, double time_s) {
     mark(out, Grade::problem,
          "no clicks on tdc.click_channel = " + std::to_string(config.histogram.click_channel) +
              ", not even dark counts: is the detector on? " + channel_list(capture, time_s));
-  if (clicks > 0 && n.in_range == 0)
+  if (const std::string question = swap_question(n); !question.empty())
     mark(out, Grade::warning,
-         "no click lies in the histogram: look at tdc.first_bin_ps, tdc.bins and the cables' "
-         "delays");
+         "clicks outside the histogram, or several a start" + question +
+             " If not, set tdc.click_delay_ps (cables, fibres), tdc.first_bin_ps and tdc.bins");
   if (lost + capture.lost_blocks + n.overflows > 0)
     mark(out, Grade::warning, "the tagger or the way to here is too slow for these rates");
   if (n.errors + n.bad_tags + n.backwards > 0)

@@ -94,16 +94,18 @@ std::string SignalCheck::judge_spd(record::FusedRecord& r, const Axis& axis) {
   const double a_pulse = r.signal.clicks_a_pulse.value_or(0);
   if (limits_.clicks_a_pulse > 0 && a_pulse > limits_.clicks_a_pulse)
     return format("saturated: %.3g clicks a laser pulse, %.3g wanted at most", a_pulse,
-                  limits_.clicks_a_pulse);
+                  limits_.clicks_a_pulse) +
+           swap_question(r.spd_counts);
   const TagCounts& c = r.spd_counts;
   if (even && c.out_of_range > c.in_range)
     return format(
-        "no peak: no bins stand out of the mean, and %.0f %% of the clicks lie outside "
-        "the histogram's %.2f to %.2f m",
-        100.0 * static_cast<double>(c.out_of_range) /
-            static_cast<double>(c.in_range + c.out_of_range),
-        axis.start / ps_per_m,
-        (axis.start + axis.step * static_cast<double>(r.spd.size())) / ps_per_m);
+               "no peak: no bins stand out of the mean, and %.0f %% of the clicks lie outside "
+               "the histogram's %.2f to %.2f m",
+               100.0 * static_cast<double>(c.out_of_range) /
+                   static_cast<double>(c.in_range + c.out_of_range),
+               axis.start / ps_per_m,
+               (axis.start + axis.step * static_cast<double>(r.spd.size())) / ps_per_m) +
+           swap_question(c);
   if (even) return "no peak: no bins stand out of the mean";
   if (clicks < limits_.spd_clicks)
     return format("weak: %.0f clicks above the background, %.0f wanted", clicks,
@@ -172,6 +174,16 @@ void SignalCheck::judge(record::FusedRecord& record, std::span<const Axis> axes)
   if (record.has(Sensor::depth)) found[Sensor::depth] = judge_depth(record);
   for (const Sensor s : all_sensors)
     if (!found[s].empty()) record.sync[s].verdict = found[s];
+}
+
+std::string swap_question(const TagCounts& c) {
+  constexpr double nearly_all = 0.98, clicks_a_start = 4;
+  const auto inside = static_cast<double>(c.in_range),
+             outside = static_cast<double>(c.out_of_range);
+  const bool outside_all = outside > 0 && outside >= nearly_all * (inside + outside);
+  const bool many =
+      c.starts > 0 && inside + outside > clicks_a_start * static_cast<double>(c.starts);
+  return outside_all || many ? ": are start and click swapped?" : "";
 }
 
 std::string kind_of(const record::FusedRecord& record, Sensor sensor) {

@@ -49,6 +49,10 @@ class SignalCheck {
   std::vector<std::uint16_t> last_depth_;
 };
 
+// Asks whether the tagger's inputs are swapped if 98 % of the clicks lie outside the histogram, or
+// more than four clicks follow each start. Empty otherwise.
+std::string swap_question(const TagCounts& counts);
+
 // "ok", "weak", ... of a valid sensor's verdict, "missing" of any other: what a change is told by.
 std::string kind_of(const record::FusedRecord& record, Sensor sensor);
 

@@ -89,7 +89,14 @@ TEST_CASE("a detector: rates, share in the histogram, and what is wrong with it"
   CHECK(fact(good, "share_in_range") == 1);
   const Finding far = spd_verdict(pairs(1, 2, 900'000));
   CHECK(far.grade == Grade::warning);
-  CHECK(has(far.advice, "no click lies in the histogram"));
+  CHECK(has(far.advice, "are start and click swapped? If not, set tdc.click_delay_ps"));
+  std::vector<Tag> swapped = pairs(1, 2, 20'000);
+  for (std::size_t i = 0, n = swapped.size(); i < n; ++i)
+    if (swapped[i].channel == 2)
+      for (int k = 1; k <= 9; ++k)
+        swapped.push_back({.channel = 2, .time_ps = swapped[i].time_ps + 50'000 * k});
+  std::ranges::sort(swapped, {}, &Tag::time_ps);
+  CHECK(has(spd_verdict(swapped).advice, "several a start: are start and click swapped?"));
   const Finding lossy = spd_verdict(pairs(1, 2, 20'000), 5);
   CHECK(lossy.grade == Grade::warning);
   CHECK(fact(lossy, "lost_tags") == 5);

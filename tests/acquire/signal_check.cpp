@@ -149,6 +149,9 @@ TEST_CASE("background alone has no peak, noise alone no echo") {
   SignalCheck checked({}, 3);
   CHECK_THAT(verdicts(checked, far)[0],
              EndsWith("90 % of the clicks lie outside the histogram's 2.00 to 7.04 m"));
+  far.spd_counts = {.in_range = 1, .out_of_range = 99};
+  ++far.spd[0];
+  CHECK_THAT(verdicts(checked, far)[0], EndsWith("7.04 m: are start and click swapped?"));
   lab.photons = 3e4, lab.radar_snr_db = 20, lab.background = 1e6;
   SignalCheck check({}, 3);
   CHECK(verdicts(check, lab.record()) == all_ok);
@@ -167,6 +170,9 @@ TEST_CASE("more than one click in 20 pulses is saturated, and so is a lobe witho
   v = verdicts(check, r);
   CHECK(v[0] == "saturated: 0.06 clicks a laser pulse, 0.05 wanted at most");
   CHECK(v[1] == "saturated: the lobe at 3.25 m is cut off");
+  r.spd_counts = {.starts = 100, .in_range = 100, .out_of_range = 1900};  // 20 laser pulses a click
+  ++r.spd[0];
+  CHECK_THAT(verdicts(check, r)[0], EndsWith("wanted at most: are start and click swapped?"));
   r.sync[Sensor::radar].used = 1;  // two bins of a single frame may well have one code
   for (float& p : r.radar) p = p == 5500.F ? p : p - 1;
   CHECK(verdicts(check, r)[1] == "ok");

@@ -211,6 +211,20 @@ TEST_CASE("the filter passes through, delays and re-sorts, and removes in the de
   CHECK(filter.take_removed() == 1);
 }
 
+TEST_CASE("a delay of a cable beyond the pulse period is compensated") {
+  constexpr std::int64_t period_ps = 50'000, flight_ps = 26'350, cable_ps = 50'000;
+  constexpr std::uint32_t pulses = 1000;
+  std::vector<Tag> tags;
+  for (std::int64_t k = 0; k < pulses; ++k) {
+    tags.push_back(tag(1, k * period_ps));
+    if (k > 0) tags.push_back(tag(2, (k - 1) * period_ps + flight_ps + cable_ps));
+  }
+  Histogram histogram({.click_delay_ps = -cable_ps});
+  histogram.add(tags);
+  histogram.flush();
+  CHECK(histogram.counts()[(flight_ps - 13343) / 100] == pulses - 1);
+}
+
 TEST_CASE("the axis says what the bins are") {
   CHECK(same_axis(Histogram({}).axis(), Axis{"spd", "counts", "ps", 336, 13343, 100}));
 }
