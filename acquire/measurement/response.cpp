@@ -56,7 +56,11 @@ std::string to_text(const Measured& m) {
          (m.standard_error > 0 ? " +- " + number_text(m.standard_error) : std::string());
 }
 
-// Catmull and Rom's cubic; the response is symmetric about 0.
+double catmull_rom(const std::array<double, 4>& values, double t) {
+  const auto [a, b, c, d] = values;
+  return b + t / 2 * (c - a + t * (2 * a - 5 * b + 4 * c - d + t * (3 * (b - c) + d - a)));
+}
+
 double RadarResponse::amplitude(double cells) const {
   const double place = std::abs(cells) * taps_a_cell, whole = std::floor(place), t = place - whole;
   if (!(place < static_cast<double>(taps.size()))) return 0;
@@ -64,8 +68,7 @@ double RadarResponse::amplitude(double cells) const {
     const auto k = static_cast<std::size_t>(std::abs(i));
     return k < taps.size() ? std::sqrt(taps[k]) : 0;
   };
-  const double a = value(whole - 1), b = value(whole), c = value(whole + 1), d = value(whole + 2);
-  return b + t / 2 * (c - a + t * (2 * a - 5 * b + 4 * c - d + t * (3 * (b - c) + d - a)));
+  return catmull_rom({value(whole - 1), value(whole), value(whole + 1), value(whole + 2)}, t);
 }
 
 double RadarResponse::power(double distance_m) const {
@@ -78,6 +81,29 @@ double RadarResponse::width_m() const {
   double half_m = 0;
   while (power(half_m) > 0.5) half_m += step_m;
   return 2 * half_m;
+}
+
+Symmetry symmetry_of(const std::function<double(double)>& power, double first, double last) {
+  constexpr double reach = 4, step = 1. / 32;  // cells
+  const auto overlap = [&](double z) {
+    double sum = 0;
+    for (double u = 0; u < reach; u += step) sum += power(z + u) * power(z - u);
+    return sum;
+  };
+  const auto top_of = [&](const std::function<double(double)>& f) {
+    double top = first, most = 0;
+    for (double z = first; z <= last; z += step)
+      if (const double here = f(z); here > most) most = here, top = z;
+    const double before = f(top - step), behind = f(top + step);
+    return top + step * (before - behind) / 2 / (before - 2 * most + behind);  // a parabola's
+  };
+  Symmetry out{.zero = top_of(overlap), .peak = top_of(power)};
+  for (double u = 0; u < reach; u += step)
+    if (const double odd = power(out.zero + u) - power(out.zero - u);
+        std::abs(odd) > std::abs(out.lopsided))
+      out.lopsided = odd;
+  out.lopsided /= power(out.zero);
+  return out;
 }
 
 std::vector<std::pair<std::string, std::string>> Response::meta() const {

@@ -4,10 +4,13 @@
 //   irf_fwhm_ps, irf_tail_ps, irf_tail_share   the SPD's impulse response: a Gaussian, and the
 //                        time constant of the exponential tail that a share of the photons has
 //   radar_cell_m         c / 2B of the radar
-//   radar_taps           the power of its range response at 0, 1/4, 2/4 ... of that, over its peak
+//   radar_taps           the power of its range response at 0, 1/4, 2/4 ... of that, over the power
+//                        at 0; of a lopsided response the even part (symmetry_of)
 //   radar_noise_exponent the power of the number of frames with which the noise of their mean goes
 // A value may have its standard error behind it, "203 +- 2"; the one behind the taps is of each.
 #pragma once
+#include <array>
+#include <functional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -25,6 +28,9 @@ struct Measured {
 };
 std::string to_text(const Measured& measured);
 
+// Cubic through four values at -1, 0, 1 and 2, between the middle two (Catmull and Rom, 1974).
+double catmull_rom(const std::array<double, 4>& values, double t);
+
 struct RadarResponse {
   static constexpr std::size_t taps_a_cell = 4, most_taps = 64;
   double cell_m = 0;
@@ -38,6 +44,16 @@ struct RadarResponse {
   double width_m() const;  // the full width at half of the peak
   bool operator==(const RadarResponse&) const = default;
 };
+
+// A response need not be symmetric. Its range zero is then where a symmetric lobe fits best,
+// because a lobe's peak moves the ranges more. Least squares of the powers: the zero z maximises
+// the integral of power(z + u) power(z - u), and the even part about z is the lobe.
+struct Symmetry {
+  double zero = 0, peak = 0;  // cells
+  double lopsided = 0;        // greatest power(z + u) - power(z - u), over that at z; signed
+};
+// Searches zero and peak from `first` to `last`.
+Symmetry symmetry_of(const std::function<double(double)>& power, double first, double last);
 
 struct Response {
   Measured irf_fwhm_ps, irf_tail_ps, irf_tail_share;  // not known if the width is 0

@@ -3,6 +3,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <locale>
+#include <sstream>
 
 #include "sim/scene/mesh.hpp"
 #include "sim/scene/room.hpp"
@@ -109,6 +111,9 @@ void bind_radar(Settings& s, Conditions& c) {
         "window from nearly none to Blackman (1), instead of radar_psf; 0: radar_psf");
   s.add("radar_taps", c.radar_taps,
         "power of the range response at 0, 1/4, 2/4 ... cells, the first 1, instead of a window");
+  s.add("radar_flanks", c.radar_flanks,
+        "the same from flank to flank, for a lopsided response; ranges refer to its best symmetric "
+        "fit");
   s.add("radar_sum", c.radar_sum, "of scatterers", {"incoherent", "coherent"});
   s.add("radar_leakage", c.radar_leakage, 0, 1e6,
         "power of the transmitter's own echo at range 0, in mean scenes");
@@ -147,15 +152,47 @@ void bind_depth(Settings& s, Conditions& c) {
   s.add("depth_offset_m", c.depth_offset_m, -1, 1, "by which it reads too far");
 }
 
+// Amplitudes of radar_flanks; none if the text is not 5 to 128 powers, the greatest 1.
+std::vector<double> flanks_of(const std::string& text) {
+  constexpr std::size_t least = 5, most = 2 * record::RadarResponse::most_taps;
+  std::vector<double> out;
+  std::istringstream words(text);
+  words.imbue(std::locale::classic());
+  for (double power = 0; words >> power; out.push_back(std::sqrt(power)))
+    if (!(power >= 0 && power <= 1)) return {};
+  const bool sound = words.eof() && out.size() >= least && out.size() <= most &&
+                     *std::max_element(out.begin(), out.end()) == 1;
+  return sound ? out : std::vector<double>{};
+}
+
+Psf measured_response(const Conditions& c) {
+  Psf out;
+  if (c.radar_flanks.empty()) {
+    const auto even =
+        record::response_of({{"radar_cell_m", "1"}, {"radar_taps", c.radar_taps}}).radar.taps;
+    const auto last = std::ssize(even) - 1;
+    for (auto k = -last; k <= last; ++k)
+      out.taps.push_back(std::sqrt(even[static_cast<std::size_t>(std::abs(k))]));
+    out.zero = static_cast<double>(last);
+    return out;
+  }
+  out.taps = flanks_of(c.radar_flanks);
+  if (out.taps.empty()) return out;
+  const auto power = [&](double u) { return out.at(u) * out.at(u); };
+  const auto top =
+      static_cast<double>(std::max_element(out.taps.begin(), out.taps.end()) - out.taps.begin()) /
+      record::RadarResponse::taps_a_cell;
+  out.zero = record::symmetry_of(power, top - 1, top + 1).zero * record::RadarResponse::taps_a_cell;
+  return out;
+}
+
 Psf range_response(const Conditions& c) {
   Psf out = c.radar_psf == "hann"       ? Psf::hann()
             : c.radar_psf == "hamming"  ? Psf::hamming()
             : c.radar_psf == "blackman" ? Psf::blackman()
                                         : Psf::sinc();
   if (c.radar_taper > 0) out = Psf::tapered(c.radar_taper);
-  if (!c.radar_taps.empty())
-    out.measured = record::response_of({{"radar_cell_m", "1"}, {"radar_taps", c.radar_taps}}).radar;
-  return out;
+  return c.radar_taps.empty() && c.radar_flanks.empty() ? out : measured_response(c);
 }
 
 }  // namespace
@@ -197,7 +234,10 @@ void validate(const Conditions& c) {
     throw Error(ExitCode::config, "height_min_m is greater than height_max_m");
   if (c.albedo_min > c.albedo_max)
     throw Error(ExitCode::config, "albedo_min is greater than albedo_max");
-  if (!c.radar_taps.empty() && !range_response(c).measured.known())
+  if (!c.radar_flanks.empty() && range_response(c).taps.empty())
+    throw Error(ExitCode::config,
+                "radar_flanks: expected 5 to 128 numbers from 0 to 1, the greatest one 1");
+  if (!c.radar_taps.empty() && c.radar_flanks.empty() && range_response(c).taps.empty())
     throw Error(ExitCode::config,
                 "radar_taps: expected 3 to 64 numbers from 0 to 1.05, the first one 1");
   if (!c.object.empty()) mesh_of(c.object);
@@ -224,8 +264,9 @@ record::Response stated_response(const Conditions& c) {
   out.irf_fwhm_ps.value = c.irf_fwhm_ps;
   out.irf_tail_ps.value = c.irf_tail_ps, out.irf_tail_share.value = c.irf_tail_share;
   out.radar.cell_m = c.radar_resolution_m;
+  const auto even = [&](double u) { return std::pow(psf.at(u), 2) + std::pow(psf.at(-u), 2); };
   for (double u = 0; u < farthest_cells; u += step_cells)
-    out.radar.taps.push_back(psf.at(u) * psf.at(u));
+    out.radar.taps.push_back(even(u) / even(0));
   return out;
 }
 

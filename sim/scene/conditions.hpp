@@ -7,6 +7,7 @@
 #include <string>
 
 #include "acquire/measurement/depth_map.hpp"
+#include "acquire/measurement/response.hpp"
 #include "drivers/core/axis.hpp"
 #include "drivers/program/settings.hpp"
 #include "sim/scene/radar_axis.hpp"
@@ -59,7 +60,7 @@ struct Conditions {
   double radar_resolution_m = 0.5, radar_step_m = 0.25;
   std::int64_t radar_bins = 29;
   double radar_snr_db = 20, radar_bias_m = 0;
-  std::string radar_psf = "sinc", radar_taps, radar_sum = "incoherent";
+  std::string radar_psf = "sinc", radar_taps, radar_flanks, radar_sum = "incoherent";
   double radar_taper = 0, radar_leakage = 0;
   // Upright concrete: permittivity 5.24 at 60 GHz (ITU-R P.2040-3). Plaster mirrors 0.97 of sound.
   double radar_wall_reflectivity = 0.15, radar_wall_scatter = 1;

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <numbers>
 
+#include "acquire/measurement/response.hpp"
+
 namespace echofuse::sim {
 
 double Psf::at_sine(double u, double sine) const {
@@ -14,7 +16,14 @@ double Psf::at_sine(double u, double sine) const {
 }
 
 double Psf::at(double u) const {
-  return measured.known() ? measured.amplitude(u) : at_sine(u, std::sin(std::numbers::pi * u));
+  if (taps.empty()) return at_sine(u, std::sin(std::numbers::pi * u));
+  const double place = zero + u * record::RadarResponse::taps_a_cell, whole = std::floor(place);
+  if (!(place > -1 && place < static_cast<double>(taps.size()))) return 0;
+  const auto tap = [&](double i) {
+    return i >= 0 && i < static_cast<double>(taps.size()) ? taps[static_cast<std::size_t>(i)] : 0;
+  };
+  return record::catmull_rom({tap(whole - 1), tap(whole), tap(whole + 1), tap(whole + 2)},
+                             place - whole);
 }
 
 }  // namespace echofuse::sim

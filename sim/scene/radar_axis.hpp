@@ -3,16 +3,17 @@
 #include <cstdint>
 #include <vector>
 
-#include "acquire/measurement/response.hpp"
-
 namespace echofuse::sim {
 
 // Point-spread function of the radar over range: the amplitude, 1 at the middle. Transform of the
 // window 1 + first cos(2 pi t) + second cos(4 pi t) over the sweep, -1/2 < t < 1/2 (Harris, Proc.
-// IEEE 66, 1978). A measured one is the root of the power, all of one sign.
+// IEEE 66, 1978). A measured one is the root of the power, all of one sign: `taps` of the
+// amplitude, a quarter of a cell apart, with the range zero at place `zero`, by Catmull and Rom's
+// cubic.
 struct Psf {
   double first = 0, second = 0;
-  record::RadarResponse measured = {};
+  std::vector<double> taps = {};
+  double zero = 0;
 
   static Psf sinc() { return {}; }
   static Psf hann() { return {1, 0}; }

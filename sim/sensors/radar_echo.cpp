@@ -92,7 +92,7 @@ RangeResponse::RangeResponse(const RadarAxis& axis)
 void RangeResponse::at(double cell, std::vector<double>& psf) const {
   psf.resize(cells_.size());
   if (psf.empty()) return;
-  if (psf_.measured.known()) {
+  if (!psf_.taps.empty()) {
     for (std::size_t i = 0; i < psf.size(); ++i) psf[i] = psf_.at(cells_[i] - cell);
     return;
   }

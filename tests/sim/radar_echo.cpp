@@ -45,6 +45,37 @@ TEST_CASE("the sinc's nulls lie at multiples of c / 2B") {
     CHECK(power[null] == Approx(0).margin(1e-20));
 }
 
+TEST_CASE("a lopsided response has its zero where a symmetric lobe fits best") {
+  Conditions c;
+  c.radar_taps = "1 0.81 0.41 0.09 0";
+  const Psf even = radar_response(c).psf;
+  const std::string flanks[] = {"0 0.09 0.41 0.81 1 0.81 0.41 0.09 0", "0 0.3 0.7 1 0.8 0.2 0",
+                                "0 0.2 0.8 1 0.7 0.3 0"};
+  const auto psf_of = [&](const std::string& text) {
+    Conditions lopsided;
+    lopsided.radar_flanks = text;
+    validate(lopsided);
+    CHECK(stated_response(lopsided).radar.taps[0] == 1);
+    return radar_response(lopsided).psf;
+  };
+  const Psf same = psf_of(flanks[0]), near = psf_of(flanks[1]), far = psf_of(flanks[2]);
+  const auto odd = [&](double zero) {
+    double sum = 0;
+    for (double u = 0; u < 2; u += 0.01)
+      sum += std::pow(std::pow(near.at(zero + u), 2) - std::pow(near.at(zero - u), 2), 2);
+    return sum;
+  };
+  for (double u = -1.5; u < 1.5; u += 0.1) {
+    CHECK(same.at(u) == Approx(even.at(u)).margin(1e-9));
+    CHECK(near.at(u) == Approx(far.at(-u)).margin(1e-3));
+    if (std::abs(u) > 0.05) CHECK(odd(0) < odd(u / 10));
+  }
+  for (const char* text : {"1 0.5", "0 0.5 0.9 0.5 0", "0 0.5 1 1.2 0", "0 0.5 1 x 0"}) {
+    c.radar_flanks = text;
+    CHECK_THROWS_WITH(validate(c), Catch::Contains("radar_flanks: expected 5 to 128 numbers"));
+  }
+}
+
 TEST_CASE("the Blackman response is the window's transform") {
   for (const double u : {0.0, 0.3, 0.8, 0.99999, 1.0, 1.5, 2.0, 2.0000001, 2.5, 3.0, 3.4, 7.7})
     CHECK(Psf::blackman().at(u) == Approx(blackman_by_sum(u)).margin(1e-7));
