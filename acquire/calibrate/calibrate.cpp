@@ -113,6 +113,7 @@ class Measurement {
     devices_.stop();
     if (config_.configured().contains(Sensor::radar)) fit_window();
   }
+  const WindowFit& window() const { return window_; }
   const DeviceInfo& device(Sensor s) const { return devices_[s].info; }
   std::vector<CalibrationResult> results() const {
     std::vector<CalibrationResult> out;
@@ -266,7 +267,8 @@ class Measurement {
           !why.empty())
         r.peak.refusal = why;
     if (!devices_[Sensor::radar].delivers()) r.peak.refusal = devices_.describe(Sensor::radar);
-    r.peak.standard_error_m = honest_error(r.peak.standard_error_m, radar_ranges_);
+    r.peak.standard_error_m =
+        std::hypot(honest_error(r.peak.standard_error_m, radar_ranges_), window_.zero_error_m);
     return r;
   }
 
@@ -348,7 +350,9 @@ ExitCode finish(const Measurement& measurement, const Config& config,
   const record::Response response = measurement.response(results, unstated);
   for (const auto& [key, why] : unstated) json["unstated"][key] = why;
   for (const auto& [key, text] : response.meta()) json["response"][key] = text;
+  if (response.radar.known()) json["lopsided"] = json_of(measurement.window());
   if (!options.json) say(response, unstated);
+  if (!options.json && response.radar.known()) say(measurement.window());
   Calibration fresh =
       to_calibration(results, antennas, response, reflector, measurement.firmware(), clock);
   fresh.axes = axes_of(config, fresh);

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: MIT
 #include "acquire/calibrate/calibrate_output.hpp"
 
+#include <algorithm>
+#include <cmath>
 #include <cstdio>
 
 #include "drivers/program/printable.hpp"
@@ -43,6 +45,24 @@ nlohmann::ordered_json json_of(const AntennaFit& fit) {
           {"gain", g.gain},
           {"phase_rad", g.phase_rad},
           {"standard_error", g.standard_error}};
+}
+
+nlohmann::ordered_json json_of(const WindowFit& fit) {
+  return {{"flank_difference", fit.lopsided.value},
+          {"standard_error", fit.lopsided.standard_error},
+          {"peak_m", fit.peak_m}};
+}
+
+void say(const WindowFit& fit) {
+  constexpr double least = 0.02, least_errors = 4;
+  const auto& [difference, error] = fit.lopsided;
+  if (std::abs(difference) < std::max(least, least_errors * error)) return;
+  std::printf(
+      "radar  response is lopsided: the %s flank is up to %.1f +- %.1f %% of the power higher; "
+      "ranges refer to the symmetric part, %.1f mm %s the peak. If another place of the reflector "
+      "gives another value, a second echo is near\n",
+      difference > 0 ? "far" : "near", 100 * std::abs(difference), 100 * error,
+      1e3 * std::abs(fit.peak_m), fit.peak_m < 0 ? "beyond" : "before");
 }
 
 void say(const record::Response& r, const Unstated& unstated) {

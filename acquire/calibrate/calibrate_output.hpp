@@ -8,6 +8,7 @@
 
 #include "acquire/calibrate/array_calibration.hpp"
 #include "acquire/calibrate/peak.hpp"
+#include "acquire/calibrate/response_fit.hpp"
 #include "acquire/measurement/response.hpp"
 #include "drivers/core/sample.hpp"
 
@@ -31,6 +32,9 @@ using Unstated = std::map<std::string, std::string>;
 nlohmann::ordered_json json_of(const CalibrationResult& result);
 nlohmann::ordered_json json_of(const AntennaFit& fit);
 void say(const CalibrationResult& result);
+nlohmann::ordered_json json_of(const WindowFit& fit);
+// Prints a lopsided response; nothing for one that may be symmetric.
+void say(const WindowFit& fit);
 void say(const record::Response& response, const Unstated& unstated);
 
 }  // namespace echofuse::acquire

@@ -10,34 +10,48 @@
 
 namespace echofuse::acquire {
 
-// The transform of cos k x over the sweep; u in cells of c / 2B (Harris, Proc. IEEE 66, 1978).
-inline double term_amplitude(double u, double k) {
-  const auto sinc = [](double v) {
-    const double x = std::numbers::pi * v;
-    return std::abs(v) < 1e-9 ? 1.0 : std::sin(x) / x;
-  };
-  return (sinc(u - k) + sinc(u + k)) / 2;
-}
-
-// Amplitude of the window 1 + a cos x + b cos 2x + ...; terms: a, b, ...; 1 at u = 0.
-inline double window_amplitude(double u, std::span<const double> terms) {
-  double sum = term_amplitude(u, 0), k = 0;
-  for (const double term : terms) sum += term * term_amplitude(u, ++k);
-  return sum;
-}
-
 // The terms of the firmware's Blackman window (SDK 3.x, mmwDemo_genWindow).
 inline constexpr std::array blackman{0.5 / 0.42, 0.08 / 0.42};
 
-// Window by which echoes are placed.
+// Window by which echoes are placed: 1 + a cos x + b cos 2x + ... with x = 2 pi t over the sweep,
+// -1/2 < t < 1/2 (Harris, Proc. IEEE 66, 1978); terms: a, b, ... An error of the ramp turns the
+// phase by skew_rad (y^3 - y/4), y = 2t, the cubic that moves the lobe of a Hann window least. It
+// makes the lobe lopsided.
 struct Window {
   std::vector<double> terms{blackman.begin(), blackman.end()};
   double adding = 0;  // from 0 to 1: noise interferes with the echo, or its power adds
+  double skew_rad = 0;
+  double zero_cells = 0;  // from the transform's own zero to the one that ranges refer to
+};
 
-  // log2 of the lobe's power, 0 at its top.
-  double lobe(double u) const {
-    return 2 * std::log2(std::max(1e-6, std::abs(window_amplitude(u, terms))));
+// Transform of a window: the response to an echo, over cells of c / 2B.
+class Lobe {
+ public:
+  explicit Lobe(const Window& window) : zero_(window.zero_cells) {
+    for (std::size_t i = 0; i < samples; ++i) {
+      const double y = (static_cast<double>(i) + 0.5) / samples, x = std::numbers::pi * y;
+      double k = 0;
+      weights_[i] = 1;
+      for (const double term : window.terms) weights_[i] += term * std::cos(++k * x);
+      weights_[i] /= samples;
+      phases_[i] = window.skew_rad * (y * y * y - y / 4);
+    }
   }
+  double amplitude(double u) const {
+    double sum = 0;
+    for (std::size_t i = 0; i < samples; ++i)
+      sum += weights_[i] *
+             std::cos(std::numbers::pi * (u + zero_) * (static_cast<double>(i) + 0.5) / samples +
+                      phases_[i]);
+    return sum;
+  }
+  double power(double u) const { return amplitude(u) * amplitude(u); }
+  double log2_power(double u) const { return std::log2(std::max(1e-12, power(u))); }
+
+ private:
+  static constexpr std::size_t samples = 48;  // points over half the sweep
+  double zero_;
+  std::array<double, samples> weights_, phases_;
 };
 
 // The power of a signal over the noise; the arguments are log2 of powers.

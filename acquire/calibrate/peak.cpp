@@ -173,15 +173,17 @@ Bump other_bump(std::span<const std::uint32_t> counts, const Gaussian& g, Span w
 constexpr std::size_t near = 5;  // bins of a lobe that are fitted
 using Near = Eigen::Matrix<double, near, 1>;
 
-struct Lobe {
+struct EchoPlace {
   double top = 0;     // bins from the middle one
   Near model, power;  // expected log2 of the power; the power over the noise
   Near share;         // part of each bin's value in `top`
 };
 
 // Gauss-Newton of amplitude and place, each bin weighted with its power.
-Lobe fit_lobe(const Near& mean, double log2_noise, double cells_per_bin, const Window& window) {
-  Lobe fit;
+EchoPlace fit_lobe(const Near& mean, double log2_noise, double cells_per_bin,
+                   const Window& window) {
+  const Lobe lobe(window);
+  EchoPlace fit;
   fit.top = (mean[1] - mean[3]) / 2 / (mean[1] - 2 * mean[2] + mean[3] - 1e-9);  // a parabola's
   double peak = mean.maxCoeff();
   for (int step = 0; step < 50; ++step) {
@@ -189,7 +191,7 @@ Lobe fit_lobe(const Near& mean, double log2_noise, double cells_per_bin, const W
     for (Eigen::Index i = 0; i < fit.model.size(); ++i) {
       const double u = (static_cast<double>(i) - 2 - fit.top) * cells_per_bin, d = 1e-5;
       const auto expected = [&](double log2_peak, double cells) {
-        fit.power[i] = power_over_noise(log2_peak + window.lobe(cells), log2_noise);
+        fit.power[i] = power_over_noise(log2_peak + lobe.log2_power(cells), log2_noise);
         return mean_log2_power(fit.power[i], log2_noise, window.adding);
       };
       slope(i, 0) = (expected(peak, u - d) - expected(peak, u + d)) / (2 * d) * cells_per_bin;
@@ -210,7 +212,7 @@ Lobe fit_lobe(const Near& mean, double log2_noise, double cells_per_bin, const W
 // The standard error of the place, in bins, from the frames' own scatter; and from the codes'
 // steps, as far as the noise does not make them even out.
 double place_error(const std::vector<std::vector<std::uint16_t>>& frames, const Profile& profile,
-                   const Lobe& fit, std::size_t first, double log2_power_step) {
+                   const EchoPlace& fit, std::size_t first, double log2_power_step) {
   const auto n = static_cast<double>(frames.size());
   double squares = 0, steps = 0;
   for (const auto& frame : frames) {
@@ -229,7 +231,7 @@ double place_error(const std::vector<std::vector<std::uint16_t>>& frames, const 
 }
 
 // Two reflectors within each other's lobes show in its shape.
-std::string unlike_one_echo(const Profile& profile, const Lobe& fit, std::size_t top,
+std::string unlike_one_echo(const Profile& profile, const EchoPlace& fit, std::size_t top,
                             std::size_t frames) {
   constexpr double allowed = 0.66;        // 2 dB in log2 of the power
   constexpr double weakest = 1 / 316.0;   // 25 dB below the top, where skirts begin
@@ -366,7 +368,7 @@ Peak fit_echo(const std::vector<std::vector<std::uint16_t>>& frames, const EchoA
   const double cells_per_bin = axis.step_m / axis.resolution_m;
   Near values;
   for (std::size_t i = 0; i < near; ++i) values[static_cast<Eigen::Index>(i)] = mean[top - 2 + i];
-  const Lobe fit = fit_lobe(values, log2_noise_of(profile.floor), cells_per_bin, window);
+  const EchoPlace fit = fit_lobe(values, log2_noise_of(profile.floor), cells_per_bin, window);
   peak.range_m = (static_cast<double>(top) + fit.top) * axis.step_m;
   peak.standard_error_m =
       axis.step_m * place_error(frames, profile, fit, top - 2, axis.log2_power_step);

@@ -7,6 +7,7 @@
 #include <functional>
 #include <numbers>
 #include <numeric>
+#include <utility>
 
 #include "acquire/calibrate/echo_model.hpp"
 #include "acquire/calibrate/peak.hpp"
@@ -203,115 +204,204 @@ Index free_bins(const VectorXd& power, Index top, Index side, Index reach, doubl
     double most = 0;
     for (Index i = k - 1; i <= reach; ++i) most = std::max(most, at(top - side * i));
     const double here = at(top + side * k);
-    if (here < 0 || here > 2 * most + 4 * noise) return k - 1;
+    if (here < 0 || here > 3 * most + 4 * noise) return k - 1;
   }
   return reach;
 }
 
 }  // namespace
 
+namespace {
+
+// Least squares fit of a window to the bins of an echo.
+class EchoFit {
+ public:
+  enum : Index { place, log2_peak, adding, skew, terms };  // parameters; place in bins
+  static constexpr double most_misfit = 2;                 // chi2 over the degrees of freedom
+
+  EchoFit(const Profile& profile, const EchoAxis& axis, std::size_t frames, double range_m)
+      : cells_per_bin_(axis.step_m / axis.resolution_m), log2_noise_(log2_noise_of(profile.floor)) {
+    const auto mean =
+        Eigen::Map<const VectorXd>(profile.mean.data(), static_cast<Index>(profile.mean.size()));
+    top_ = std::clamp<Index>(std::lround(range_m / axis.step_m), 1, mean.size() - 2);
+    Index nearest = 0;
+    highest_ = mean.segment(top_ - 1, 3).maxCoeff(&nearest);
+    top_ += nearest - 1;
+    // Powers are over the peak's.
+    const VectorXd power =
+        (mean.array() - highest_).unaryExpr([](double v) { return std::exp2(v); });
+    const double noise = std::exp2(log2_noise_ - highest_);
+    const auto free_of = [&](Index side) {
+      return free_bins(power, top_, side, std::lround(std::ceil(reach_cells / cells_per_bin_)),
+                       least_error + noise);
+    };
+    first_ = top_ - free_of(-1), count_ = top_ + free_of(1) + 1 - first_;
+    // Prior knowledge stands behind the bins: noise interferes (0) or adds (1), and a window has
+    // no faults.
+    problem_.measured = VectorXd(count_ + 3);
+    problem_.measured << power.segment(first_, count_), 0.5, 0, 0;
+    errors_ = VectorXd(count_ + 3);
+    for (Index i = 0; i < count_; ++i) {
+      const auto bin = static_cast<std::size_t>(first_ + i);
+      const double log2_error = std::hypot(model_error, profile.deviation[bin] / std::sqrt(frames));
+      errors_[i] =
+          std::hypot(least_error + noise / 10, std::numbers::ln2 * power[first_ + i] * log2_error);
+    }
+    errors_.tail(3) << 0.5, 0.05, 0.15;
+    problem_.model = [this](const VectorXd& p) { return values(p); };
+    problem_.weights = [this](const VectorXd&) {
+      return VectorXd(errors_.cwiseAbs2().cwiseInverse());
+    };
+    problem_.chi2 = [this](const VectorXd& v) {
+      return (problem_.measured - v).cwiseQuotient(errors_).squaredNorm();
+    };
+  }
+  EchoFit(const EchoFit&) = delete;
+  EchoFit& operator=(const EchoFit&) = delete;
+
+  // False if another echo leaves too few bins of a flank.
+  bool enough() const {
+    constexpr Index least_bins = 2;
+    return std::min(top_ - first_, first_ + count_ - 1 - top_) >= least_bins;
+  }
+  // Fits even windows, and windows with a phase error; each parameter must be worth least_gain. A
+  // second echo is seldom fitted well by one.
+  void fit() {
+    constexpr std::pair<double, double> shapes[] = {
+        {0, 0}, {1, 0}, {blackman[0], blackman[1]}, {0.6, -0.3}, {1.9, 1.3}};
+    for (const auto& [a, b] : shapes)
+      for (const double off : {-0.3, 0., 0.3}) try_from(start_of(off, 0, a, b));
+    add_terms();
+    const Fitted even = std::exchange(best, {});
+    for (const auto& [a, b] : std::span(shapes).first(3))
+      for (const double rad : {1.5, 4., 8.})
+        for (const double side : {-1., 1.}) try_from(start_of(0, side * rad, a, b));
+    add_terms();
+    if (misfit() > most_misfit || cost_of(even) <= cost_of(best) + least_gain) best = even;
+  }
+  bool of_one_point() const {
+    constexpr double most_off = 0.05;
+    const VectorXd off =
+        (problem_.measured - problem_.model(best.parameters)).cwiseAbs() - 4 * errors_;
+    return off.head(count_).maxCoeff() < most_off;
+  }
+  double misfit() const {
+    return std::max(1., best.chi2 / static_cast<double>(count_ + 3 - best.parameters.size()));
+  }
+  static Window window_of(const VectorXd& p) {
+    return {{p.begin() + terms, p.end()}, p[adding], p[skew]};
+  }
+
+  Fitted best;
+
+ private:
+  static constexpr double reach_cells = 5, least_error = 1e-3, least_gain = 9;
+  static constexpr double model_error = 0.02;  // log2: the firmware's arithmetic
+  static constexpr Index most_terms = 6;
+
+  VectorXd values(const VectorXd& p) const {
+    const Window window = window_of(p);
+    const Lobe lobe(window);
+    VectorXd out(count_ + 3);
+    for (Index i = 0; i < count_; ++i) {
+      const double u = (static_cast<double>(first_ + i) - p[place]) * cells_per_bin_,
+                   over = power_over_noise(p[log2_peak] + lobe.log2_power(u), log2_noise_);
+      out[i] = std::exp2(mean_log2_power(over, log2_noise_, window.adding) - highest_);
+    }
+    out.tail(3) << window.adding, fault_of(window.terms),
+        window.terms[1] - 1.3 * std::max(window.terms[0] - 1, 0.);
+    return out;
+  }
+  VectorXd start_of(double off, double rad, double a, double b) const {
+    VectorXd out(terms + 2);
+    out << static_cast<double>(top_) + off, highest_, 0.5, rad, a, b;
+    return out;
+  }
+  static double cost_of(const Fitted& f) {
+    return f.chi2 + least_gain * static_cast<double>(f.parameters.size());
+  }
+  void try_from(VectorXd start) {
+    constexpr double most_rad = 12;
+    problem_.least = VectorXd::Constant(start.size(), -0.5);
+    problem_.most = VectorXd::Constant(start.size(), 2.2);
+    const double rad = start[skew] == 0 ? 0 : most_rad, at = static_cast<double>(top_);
+    problem_.least.head(terms) << at - 1, highest_ - 3, 0, -rad;
+    problem_.most.head(terms) << at + 1, highest_ + 3, 1, rad;
+    if (Fitted f = minimise(problem_, std::move(start)); cost_of(f) < cost_of(best))
+      best = std::move(f);
+  }
+  void add_terms() {
+    const Index most = std::min(terms + most_terms, count_ - 2);
+    for (Index size = 0; size < best.parameters.size() && best.parameters.size() < most;) {
+      const VectorXd last = best.parameters;
+      size = last.size() + 1;
+      for (const double term : {0., 0.3}) {
+        VectorXd start(size);
+        start << last, term;
+        try_from(std::move(start));
+      }
+    }
+  }
+
+  double cells_per_bin_, log2_noise_, highest_ = 0;
+  Index top_ = 0, first_ = 0, count_ = 0;
+  VectorXd errors_;
+  Problem problem_;
+};
+
+constexpr Index most_taps = 16;
+
+// The taps, and behind them zero, peak and lopsidedness.
+VectorXd shape_of(const Window& window) {
+  const Lobe lobe(window);
+  const record::Symmetry found =
+      window.skew_rad == 0 ? record::Symmetry{}
+                           : record::symmetry_of([&](double u) { return lobe.power(u); }, -1, 1);
+  VectorXd out(most_taps + 3);
+  for (Index k = 0; k < most_taps; ++k) {
+    const double u = static_cast<double>(k) / record::RadarResponse::taps_a_cell;
+    out[k] = (lobe.power(found.zero + u) + lobe.power(found.zero - u)) / 2 / lobe.power(found.zero);
+  }
+  out.tail(3) << found.zero, found.peak, found.lopsided;
+  return out;
+}
+
+// Standard errors of the shape, without those of the misfit.
+VectorXd shape_errors(const Fitted& fit, const VectorXd& shape) {
+  constexpr double d = 1e-3;
+  MatrixXd slope = MatrixXd::Zero(shape.size(), fit.parameters.size());
+  for (Index j = EchoFit::skew; j < fit.parameters.size(); ++j) {
+    VectorXd moved = fit.parameters;
+    if (j == EchoFit::skew && moved[j] == 0) continue;
+    moved[j] += d;
+    slope.col(j) = (shape_of(EchoFit::window_of(moved)) - shape) / d;
+  }
+  return (slope * fit.covariance * slope.transpose()).diagonal().cwiseMax(0).cwiseSqrt();
+}
+
+}  // namespace
+
 WindowFit fit_radar_response(const std::vector<std::vector<std::uint16_t>>& frames,
                              const EchoAxis& axis, double range_m, record::Response& out) {
-  constexpr double reach_cells = 5, least_error = 1e-3, most_off = 0.05;  // powers of the peak's
-  constexpr double model_error = 0.02;  // log2: the firmware's arithmetic
-  constexpr double least_gain = 9, most_misfit = 2;
-  constexpr std::size_t taps = 16, least_frames = 8;
-  constexpr Index most_terms = 6, least_bins = 2;
+  constexpr std::size_t least_frames = 8;
   constexpr const char* advice = "put it alone, away from the radar (with cells of 50 cm at 3 m)";
-  enum : Index { place, log2_peak, adding, terms };
   if (frames.size() < least_frames) return {{}, "fewer than 8 frames came"};
-  const Profile profile = profile_of(frames, axis.log2_power_step);
-  const auto mean =
-      Eigen::Map<const VectorXd>(profile.mean.data(), static_cast<Index>(profile.mean.size()));
-  const double log2_noise = log2_noise_of(profile.floor), root = std::sqrt(frames.size()),
-               cells_per_bin = axis.step_m / axis.resolution_m;
-  Index top = std::clamp<Index>(std::lround(range_m / axis.step_m), 1, mean.size() - 2),
-        nearest = 0;
-  const double highest = mean.segment(top - 1, 3).maxCoeff(&nearest);
-  top += nearest - 1;
-  const double noise = std::exp2(log2_noise - highest);  // over the peak, as all powers here
-  const VectorXd power = (mean.array() - highest).unaryExpr([](double v) { return std::exp2(v); });
-  const auto free_of = [&](Index side) {
-    return free_bins(power, top, side, std::lround(std::ceil(reach_cells / cells_per_bin)),
-                     least_error + noise);
-  };
-  const Index first = top - free_of(-1), count = top + free_of(1) + 1 - first;
-  if (std::min(top - first, first + count - 1 - top) < least_bins)
-    return {{}, std::string("another echo reaches the reflector's; ") + advice};
-  // Prior knowledge stands behind the bins: noise interferes (0) or adds (1), and a window has no
-  // faults.
-  Problem problem;
-  problem.measured = VectorXd(count + 3);
-  problem.measured << power.segment(first, count), 0.5, 0, 0;
-  VectorXd errors(count + 3);
-  for (Index i = first; i < first + count; ++i)
-    errors[i - first] = std::hypot(
-        least_error + noise / 10,
-        std::numbers::ln2 * power[i] *
-            std::hypot(model_error, profile.deviation[static_cast<std::size_t>(i)] / root));
-  errors.tail(3) << 0.5, 0.05, 0.15;
-  const auto window_of = [](const VectorXd& p) {
-    return Window{{p.begin() + terms, p.end()}, p[adding]};
-  };
-  problem.model = [&](const VectorXd& p) {
-    const Window window = window_of(p);
-    VectorXd values(count + 3);
-    for (Index i = 0; i < count; ++i) {
-      const double u = (static_cast<double>(first + i) - p[place]) * cells_per_bin,
-                   over = power_over_noise(p[log2_peak] + window.lobe(u), log2_noise);
-      values[i] = std::exp2(mean_log2_power(over, log2_noise, window.adding) - highest);
-    }
-    values.tail(3) << window.adding, fault_of(window.terms),
-        window.terms[1] - 1.3 * std::max(window.terms[0] - 1, 0.);
-    return values;
-  };
-  problem.weights = [&](const VectorXd&) { return VectorXd(errors.cwiseAbs2().cwiseInverse()); };
-  problem.chi2 = [&](const VectorXd& values) {
-    return (problem.measured - values).cwiseQuotient(errors).squaredNorm();
-  };
-  const auto fit = [&](VectorXd start) {
-    problem.least = VectorXd::Constant(start.size(), -0.5);
-    problem.most = VectorXd::Constant(start.size(), 2.2);
-    problem.least.head(terms) << static_cast<double>(top) - 1, highest - 3, 0;
-    problem.most.head(terms) << static_cast<double>(top) + 1, highest + 3, 1;
-    return minimise(problem, std::move(start));
-  };
-  Fitted best;
-  for (const auto& [a, b] :
-       {std::pair{0., 0.}, {0.6, -0.3}, {1., 0.}, {blackman[0], blackman[1]}, {1.9, 1.3}})
-    for (const double off : {-0.3, 0., 0.3}) {
-      VectorXd start(terms + 2);
-      start << static_cast<double>(top) + off, highest, 0.5, a, b;
-      if (Fitted f = fit(start); f.chi2 < best.chi2) best = std::move(f);
-    }
-  for (Fitted last; best.chi2 < last.chi2 - least_gain;) {
-    last = best;
-    for (const double term : {0., 0.3}) {
-      VectorXd start(last.parameters.size() + 1);
-      start << last.parameters, term;
-      if (start.size() > std::min(terms + most_terms, count - 2)) break;
-      if (Fitted f = fit(start); f.chi2 < best.chi2 - least_gain) best = std::move(f);
-    }
-  }
-  const VectorXd off = (problem.measured - problem.model(best.parameters)).cwiseAbs() - 4 * errors;
-  if (!(off.head(count).maxCoeff() < most_off))
+  EchoFit echo(profile_of(frames, axis.log2_power_step), axis, frames.size(), range_m);
+  if (!echo.enough()) return {{}, std::string("another echo reaches the reflector's; ") + advice};
+  echo.fit();
+  if (!echo.of_one_point())
     return {{}, std::string("the echo is not that of one point; ") + advice};
-  const Window window = window_of(best.parameters);
-  const double misfit =
-      std::max(1., best.chi2 / static_cast<double>(count + 3 - best.parameters.size()));
-  out.radar = {axis.resolution_m, {}};
-  double greatest = 0;
-  for (std::size_t k = 0; k < taps; ++k) {
-    const double u = static_cast<double>(k) / record::RadarResponse::taps_a_cell,
-                 amplitude = window_amplitude(u, window.terms);
-    out.radar.taps.push_back(amplitude * amplitude);
-    VectorXd slope = VectorXd::Zero(best.parameters.size());
-    for (Index j = terms; j < slope.size(); ++j)
-      slope[j] = 2 * amplitude * term_amplitude(u, static_cast<double>(j - terms + 1));
-    greatest = std::max(greatest, slope.dot(best.covariance * slope));
-  }
-  out.taps_standard_error = std::sqrt(greatest * misfit);
-  return {misfit < most_misfit ? window : Window{}, {}};
+  WindowFit found{EchoFit::window_of(echo.best.parameters), {}};
+  const VectorXd shape = shape_of(found.window),
+                 errors = std::sqrt(echo.misfit()) * shape_errors(echo.best, shape);
+  out.radar = {axis.resolution_m, {shape.begin(), shape.begin() + most_taps}};
+  out.taps_standard_error = errors.head(most_taps).maxCoeff();
+  found.window.zero_cells = shape[most_taps];
+  found.zero_error_m = errors[most_taps] * axis.resolution_m;
+  found.peak_m = (shape[most_taps + 1] - shape[most_taps]) * axis.resolution_m;
+  found.lopsided = {shape[most_taps + 2], errors[most_taps + 2]};
+  if (echo.misfit() > EchoFit::most_misfit) found.window = {};
+  return found;
 }
 
 std::string fit_noise_exponent(const std::vector<std::vector<std::uint16_t>>& frames,

@@ -23,13 +23,18 @@ std::string fit_impulse_response(std::span<const std::uint32_t> counts, double s
 struct WindowFit {
   Window window{};  // Blackman's if the fit is too bad to place echoes by
   std::string refusal{};
+  record::Measured lopsided{};  // far flank less near flank where they differ most, of the power
+  double peak_m = 0;            // from the range zero to the peak
+  double zero_error_m = 0;
 };
 
 // Fits the transform of a window 1 + a cos(2 pi t) + b cos(4 pi t) + ... over the sweep (Harris,
 // Proc. IEEE 66, 1978) to the powers about the peak. Least squares; up to six terms, as many as are
-// worth 9 in chi2. Terms are the amplitudes at whole cells, so any window has them. Errors are
-// those of ten repeats, and of the firmware's arithmetic; a misfit widens them. Bins that another
-// echo reaches stay out: a flank there is higher than the other. Sets the radar's cell, its taps
+// worth 9 in chi2. Terms are the amplitudes at whole cells, so any window has them. A cubic phase
+// error must be worth 9, too; it makes the flanks differ, and the taps are then those of the even
+// part (record::symmetry_of). Errors are those of ten repeats, and of the firmware's arithmetic; a
+// misfit widens them. Bins that another echo reaches stay out: a flank there has more than three
+// times the power of the other. Sets the radar's cell, its taps
 // and their standard error, unless a bin is off by 5 % of the peak.
 WindowFit fit_radar_response(const std::vector<std::vector<std::uint16_t>>& frames,
                              const EchoAxis& axis, double range_m, record::Response& out);

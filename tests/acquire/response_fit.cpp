@@ -50,6 +50,7 @@ constexpr Place fine{0.044, 0.0469, 1.01};
 struct NamedWindow {
   const char* name;
   std::function<double(double)> at;  // over the sweep, from -1/2 to 1/2
+  double cubic_rad = 0;              // phase error at the sweep's end
 };
 double cosines(double t, std::initializer_list<double> terms) {
   double sum = 0, k = 0;
@@ -100,7 +101,7 @@ Amplitude response(const NamedWindow& window, double cells) {
   double all = 0;
   for (unsigned k = 0; k < samples; ++k) {
     const double t = (k + 0.5) / samples - 0.5;
-    sum += window.at(t) * std::polar(1.0, 2 * pi * t * cells);
+    sum += window.at(t) * std::polar(1.0, 2 * pi * t * cells + window.cubic_rad * 8 * t * t * t);
     all += window.at(t);
   }
   return sum / all;
@@ -173,6 +174,7 @@ TEST_CASE("the radar's response is that of the window over its sweep, whichever 
         REQUIRE(fit.refusal == "");
         REQUIRE(found.radar.known());
         CHECK(found.radar.taps[0] == 1);
+        CHECK(std::abs(fit.lopsided.value) < 0.02);
         CHECK(found.radar.cell_m == place.cell_m);
         CHECK(found.taps_standard_error < (noise_db < -30 ? 0.02 : 0.04));
         for (std::size_t k = 0; k < found.radar.taps.size(); ++k) {
@@ -195,6 +197,52 @@ TEST_CASE("echoes are placed by the window that the radar has") {
       CAPTURE(window.name, range_m, peak.range_m);
       CHECK(peak.refusal == "");
       CHECK(peak.range_m == Approx(range_m).margin(1e-3));
+    }
+}
+
+TEST_CASE("a lopsided response is reported, and placed where a symmetric lobe fits best") {
+  Rng rng = make_rng(6, 1);
+  constexpr double step = 0.01;
+  constexpr int reach = 400;  // steps
+  for (const std::size_t name : {1u, 2u})
+    for (const double cubic_rad : {4., 6., -6., 8.}) {
+      const NamedWindow window{windows[name].name, windows[name].at, cubic_rad};
+      std::vector<double> power;
+      for (int i = -2 * reach; i <= 2 * reach; ++i)
+        power.push_back(std::norm(response(window, i * step)));
+      const auto difference = [&](int zero, int i) {
+        return power[static_cast<std::size_t>(2 * reach + zero + i)] -
+               power[static_cast<std::size_t>(2 * reach + zero - i)];
+      };
+      int zero = 0;
+      double least = INFINITY, greatest = 0;
+      for (int z = -100; z <= 100; ++z) {
+        double odd = 0;
+        for (int i = 1; i < reach; ++i) odd += std::pow(difference(z, i), 2);
+        if (odd < least) least = odd, zero = z;
+      }
+      for (int i = 1; i < reach; ++i)
+        if (std::abs(difference(zero, i)) > std::abs(greatest)) greatest = difference(zero, i);
+      const double middle = power[static_cast<std::size_t>(2 * reach + zero)];
+      for (const Place& place : {fine, Place{0.25, 0.27, 3}}) {
+        const auto all = frames(window, place, -35, rng);
+        record::Response found;
+        const double true_m = place.range_m + zero * step * place.cell_m;
+        const WindowFit fit = fit_radar_response(all, place.axis(), true_m, found);
+        CAPTURE(window.name, cubic_rad, place.range_m, fit.refusal);
+        REQUIRE(found.radar.known());
+        CHECK(std::abs(fit.lopsided.value - greatest / middle) < 0.015);
+        CHECK(std::abs(fit.lopsided.value) > 4 * fit.lopsided.standard_error);
+        const Peak peak = fit_echo(all, place.axis(), {true_m, 2 * place.cell_m}, fit.window);
+        CHECK(peak.refusal == "");
+        CHECK(std::abs(peak.range_m - true_m) < 0.015 * place.cell_m);
+        for (int k = 0; k < 16; ++k) {
+          const double even = (power[static_cast<std::size_t>(2 * reach + zero + 25 * k)] +
+                               power[static_cast<std::size_t>(2 * reach + zero - 25 * k)]) /
+                              2 / middle;
+          CHECK(found.radar.taps[static_cast<std::size_t>(k)] == Approx(even).margin(0.03));
+        }
+      }
     }
 }
 

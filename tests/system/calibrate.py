@@ -186,6 +186,44 @@ class Calibrate(unittest.TestCase):
                 self.assertLess(abs(float(tap) - float(true)), 4 * float(error), said)
             self.assertLess(float(error), .04)
 
+    def lopsided(self):
+        """Powers of Hann's window with a cubic phase error of 6 rad, a quarter of a cell apart."""
+        sweep = [(k + .5) / 400 - .5 for k in range(400)]
+        powers = [sum((1 + math.cos(2 * math.pi * t)) * math.cos(2 * math.pi * t * u + 48 * t ** 3)
+                      for t in sweep) ** 2 for u in (k / 4 for k in range(-20, 17))]
+        return [f"{power / max(powers):.5f}" for power in powers]
+
+    def test_lopsided(self):
+        """A lopsided response is reported with its size; the range zero is the simulator's."""
+        powers = self.lopsided()
+        for flanks, higher in (powers, "far"), (powers[::-1], "near"):
+            flanks = f"radar_flanks={' '.join(flanks)}"
+            delay_ps = 2 * 2e12 / 299792458
+            sets = ["reflector_before=each", "radar_bias_m=2", flanks, f"spd_delay_ps={delay_ps}"]
+            stored = self.dir / f"{higher}.toml"
+            done = self.lab("calibrate", "--config", self.dir / "lab/lab.toml", "--json",
+                            "--repeat", "4", "--distance", "3", "--window", "0.6", "--reflector",
+                            "each", "--set", f"run.calibration={stored}",
+                            cfg=config / "xwr68xx_paper_50cm.cfg",
+                            sets=[word for one in sets for word in ("--set", one)])
+            self.assertEqual(done.returncode, 0, done.stdout + done.stderr)
+            said = json.loads(done.stdout.splitlines()[-1])
+            found, radar = said["lopsided"], said["sensors"][1]
+            self.assertAlmostEqual(abs(found["flank_difference"]), .129, delta=.03, msg=said)
+            self.assertEqual(found["flank_difference"] > 0, higher == "far", said)
+            cell_m = float(said["response"]["radar_cell_m"])
+            self.assertAlmostEqual(abs(found["peak_m"]), .08 * cell_m, delta=.005)
+            self.assertLess(abs(radar["offset_m"]), .01, said)
+            like = self.dir / f"{higher}.sqlite"
+            subprocess.run([bin_dir / "echofuse-sim", "dataset", "-q", "--out", like, "--records",
+                            "4", "--like", stored, "--set", flanks], check=True)
+            info = subprocess.run([bin_dir / "echofuse-acquire", "info", "--json", like],
+                                  check=True, stdout=subprocess.PIPE)
+            stated = json.loads(info.stdout)["meta"]["radar_taps"].split()
+            measured = said["response"]["radar_taps"].partition(" +- ")[0].split()
+            for tap, true in zip(measured, stated):
+                self.assertLess(abs(float(tap) - float(true)), .05, said)
+
     def test_reconstruction(self):
         """Ranges that are too long spoil what a model makes of a run; the run's calibration brings all of it back."""
         def program(name, *words):
