@@ -8,6 +8,7 @@
 
 #include "acquire/record/rows.hpp"
 #include "drivers/program/printable.hpp"
+#include "drivers/program/regular_file.hpp"
 
 namespace echofuse::record {
 namespace {
@@ -50,6 +51,13 @@ int look(sqlite3* db) {
   return sqlite3_exec(db, "SELECT 1 FROM sqlite_schema", nullptr, nullptr, nullptr);
 }
 
+// Returns whether the file begins as a safetensors file does: its header's length in 8 bytes, then
+// "{".
+bool is_model(const std::string& path) {
+  const auto start = RegularFile(path, ExitCode::failed).rest<std::string>(9);
+  return start.size() > 8 && start[8] == '{';
+}
+
 void check_identity(sqlite3* db, const std::string& path) {
   const std::string shown = printable(path);
   const int code = look(db);
@@ -62,7 +70,8 @@ void check_identity(sqlite3* db, const std::string& path) {
                 shown + ": is empty: its run was killed before it began, or its records were in " +
                     shown + "-wal, which is not there; look for a copy named *.rescued.sqlite");
   if (code != SQLITE_OK || pragma(db, path, "PRAGMA application_id") != application_id)
-    throw Error(ExitCode::failed, shown + ": not an echofuse run file");
+    throw Error(ExitCode::failed, shown + (is_model(path) ? ": is a model; expected a run file"
+                                                          : ": not an echofuse run file"));
   const auto found = pragma(db, path, "PRAGMA user_version");
   if (found != format_version)
     throw Error(ExitCode::failed,

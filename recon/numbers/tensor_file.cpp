@@ -96,6 +96,10 @@ TensorFile::TensorFile(std::string path, ByteView contents) : path_(std::move(pa
   const auto length = in.get<std::uint64_t>();
   if (contents.size() >= 4 && std::memcmp(contents.data(), "ECHO", 4) == 0)
     refuse_file("is a model of an older version; train it again");
+  constexpr std::string_view sqlite = "SQLite format 3";
+  if (contents.size() > sqlite.size() &&
+      std::memcmp(contents.data(), sqlite.data(), sqlite.size()) == 0)
+    refuse_file("is a run; expected a model file");
   if (!in.ok() || length > most_header || length > in.left())
     refuse_file("is no model file, or is cut off; expected a safetensors file");
   const ByteView raw = in.take(length);

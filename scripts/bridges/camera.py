@@ -24,6 +24,7 @@ def parse_arguments(arguments, text, epilog, height, depth_modes=False):
     parser = argparse.ArgumentParser(description=text, epilog=epilog,
                                      formatter_class=argparse.RawDescriptionHelpFormatter)
     add, number = parser.add_argument, bridge.number
+    add("--version", action="version", version=f"%(prog)s {bridge.VERSION}")
     add("--listen", metavar="HOST:PORT", type=bridge.listen_address, default=("127.0.0.1", 41111),
         help="where echofuse connects (127.0.0.1:41111); there is no password: keep it in the laboratory")
     add("--serial", default="", help="of the camera, if several are attached")

@@ -3,6 +3,7 @@
 """tests/system/slips.py BIN_DIR: slips of the finger at the command line: each is answered by its text and exit code."""
 import pathlib
 import sqlite3
+import struct
 import subprocess
 import sys
 import tempfile
@@ -40,7 +41,7 @@ recon train dark.sqlite --out m | 1 | dark.sqlite: no record has a depth map: a 
 recon train seen.sqlite --out m.safetensors --from nomodel | 1 | nomodel: No such file or directory; expected a model file
 recon train seen.sqlite --out seen.sqlite | 2 | seen.sqlite
 recon train seen.sqlite --out m --set doubtful=log | 3 | expected
-recon reconstruct seen.sqlite seen.sqlite --out maps | 1 | seen.sqlite: is no model file, or is cut off; expected a safetensors file
+recon reconstruct seen.sqlite seen.sqlite --out maps | 1 | seen.sqlite: is a run; expected a model file
 recon reconstruct nomodel seen.sqlite --out maps --format gif | 2 | --format: gif not in {colour,mm,ply,npy,foreground,uncertainty}
 report page | 2 | nothing to report on: give --run with models, or --live
 report page --model x | 2 | models need --run
@@ -82,6 +83,11 @@ sim dataset --out x --set target_z_min_m=4.5 | 3 | target_z_min_m
 sim dataset --out x --config none.toml | 3 | none.toml
 sim dataset --out three.toml --records 1 | 1 | exists already
 sim dataset --out no/such/x --records 1 | 6 | no/such/x
+acquire info swapped.safetensors | 1 | swapped.safetensors: is a model; expected a run file
+recon evaluate seen.sqlite swapped.safetensors | 1 | seen.sqlite: is a run; expected a model file
+view seen.sqlite --model seen.sqlite | 1 | seen.sqlite: is a run; expected a model file
+export --version | 0 | echofuse-export 
+report --version | 0 | echofuse-report 
 acquire annotate seen.sqlite | 2 | expected either a text or --label TEXT
 acquire list nofolder | 1 | nofolder
 acquire devices --config closed.toml | 4 | Connection refused; is its bridge started? /
@@ -93,6 +99,7 @@ with tempfile.TemporaryDirectory() as folder:
     (written / "three.toml").write_text("[run]\nwindow_s = three\n")
     (written / "closed.toml").write_text('[tdc]\naddress = "bridge:tcp://127.0.0.1:9"\n')
     (written / "dark.toml").write_text("")
+    (written / "swapped.safetensors").write_bytes(struct.pack("<Q", 2) + b"{}")
     for name in ("seen.sqlite", "dark.sqlite"):
         subprocess.run([bin_dir / "echofuse-sim", "dataset", "-q", "--out", written / name, "--records", "12"], check=True)
     with sqlite3.connect(written / "dark.sqlite") as file:

@@ -33,7 +33,7 @@ from typing import Any, NoReturn
 
 import numpy as np
 
-from . import antennas, netcdf, record_csv
+from . import __version__, antennas, netcdf, record_csv
 from . import run as runs
 from .blocks import Told, blocks, marked
 from .netcdf import SINCE_1970
@@ -245,6 +245,9 @@ def export(run: Run, place: pathlib.Path, record: int | None = None,
 def main() -> None:
     parser = argparse.ArgumentParser(prog="echofuse-export",
                                      description="a run as HDF5 or netCDF, or one record as CSV")
+    parser.add_argument("--version", action="version",
+                        version=f"echofuse-export {__version__}",
+                        help="print the version and exit")
     parser.add_argument("run", metavar="RUN", help="a run file")
     parser.add_argument("--to", required=True, type=pathlib.Path, metavar="FILE",
                         help="NAME.h5, NAME.nc, or NAME.csv with --record")

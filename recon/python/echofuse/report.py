@@ -24,6 +24,7 @@ from typing import NoReturn
 
 import numpy as np
 
+from . import __version__
 from . import report_tables as tables
 from . import run as runs
 from .blocks import blocks as in_blocks
@@ -165,8 +166,6 @@ class Report:
 
     def how_made(self) -> dict[str, str]:
         """Program, host, run and models."""
-        from . import __version__
-
         info, host, started = self.info, os.uname(), self.info["started_utc"]
         recorded = f"{started[:10]} {started[11:16]} UTC" if started[10:11] == "T" else started
         recorded += (f", echofuse {info['version']}" if info["version"]
@@ -353,6 +352,9 @@ def main() -> None:
                                      epilog="Examples:\n" + __doc__.split("\n\n")[1],
                                      formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.error = refuse  # type: ignore[method-assign]
+    parser.add_argument("--version", action="version",
+                        version=f"echofuse-report {__version__}",
+                        help="print the version and exit")
     parser.add_argument("dir", metavar="FOLDER", help="folder for report.html")
     parser.add_argument("--run", metavar="RUN", help="run file; its held-out records are scored")
     parser.add_argument("--model", metavar="MODEL", nargs="+", action="extend", default=[],
