@@ -39,12 +39,13 @@ class Slots final : public SampleSink {
                    [this](const std::string& text) { tag_faults_.push_back(text); }),
         windows_(grid, config.histogram, clocks_, config.configured()) {}
   void on_tags(const TagBlock& block) override {
-    const TagBlock repaired = tag_check_.take(block);
-    clocks_.observe(repaired);
-    windows_.add(repaired);
+    tag_check_.take(block, [this](const TagBlock& repaired) { take_tags(repaired); });
   }
   void on_radar(RadarFrame frame) override { windows_.add(frame); }  // dated by its clock already
   Windows& windows() { return windows_; }
+  void flush() {
+    tag_check_.flush([this](const TagBlock& rest) { take_tags(rest); });
+  }
   const std::vector<std::string>& finish() {
     windows_.finish();
     tag_check_.finish();
@@ -59,6 +60,10 @@ class Slots final : public SampleSink {
   }
 
  private:
+  void take_tags(const TagBlock& block) {
+    clocks_.observe(block);
+    windows_.add(block);
+  }
   SlotGrid grid_;
   std::vector<std::string> tag_faults_;
   TagCheck tag_check_;
@@ -128,15 +133,18 @@ std::string import_streams(const Config& config, const ImportOptions& options,
                       std::to_string(std::llround(seconds((*behind)->at()))) +
                       " s, more slots than it has bytes: is one damaged? A longer slot (--set "
                       "run.window_s) makes fewer");
-    if (more)
+    if (more) {
       slots.close(now, false, take);
-    else
+    } else {
+      slots.flush();
       running.erase(behind);
+    }
   }
   HostTime end{};
   for (const auto& r : recordings) end = std::max(end, r->at());
   slots.close(end, true, take);
-  for (const auto& text : slots.finish()) import.doubt("spd: " + text);
+  const std::vector<std::string>& faults = slots.finish();
+  for (const auto& text : faults) import.doubt("spd: " + text);
   std::string nothing;  // texts of recordings of which no record is valid
   std::size_t empty = 0;
   for (const auto& r : recordings) {
@@ -144,7 +152,8 @@ std::string import_streams(const Config& config, const ImportOptions& options,
     import.put_counters(device.sensor, r->counters());
     std::string causes;
     for (const auto& text : r->doubts()) {
-      import.doubt(std::string(name_of(device.sensor)) + ": " + text);
+      if (std::ranges::find(faults, text) == faults.end())
+        import.doubt(std::string(name_of(device.sensor)) + ": " + text);
       causes += (causes.empty() ? "" : "; ") + text;
     }
     const bool events = import.tags().in_range + import.tags().out_of_range > 0;

@@ -55,8 +55,8 @@ PicoquantRecords::PicoquantRecords(std::uint32_t type, double global_resolution_
                                       "TimeHarp 260 and MultiHarp");
   pico_harp_ = device == 3;
   t3_ = mode == 3;
-  // In ps by a PicoHarp, in ns by the others.
-  if (t3_ && offset > 0 && offset < 1e12) offset_ps_ = offset * (pico_harp_ ? 1 : 1000);
+  // In ns, also by the PicoHarp (whose library takes ps): as in the headers of .pt3 and .ht3.
+  if (t3_ && offset > 0 && offset < 1e9) offset_ps_ = offset * 1000;
   once_ = pico_harp_ || (device == 4 && type >> 24 == 0);
   wrap_ = pico_harp_ ? (t3_ ? 65536u : 210'698'240u)
           : t3_      ? 1024u

@@ -36,7 +36,7 @@ inline constexpr std::int32_t sync_channel = 0;
 class PicoquantRecords {
  public:
   // Throws Error(failed): no known type, no resolution above 0.
-  // `offset`: MeasDesc_Offset, which the device subtracted from the times of T3 clicks.
+  // `offset`: MeasDesc_Offset, ns, which the device subtracted from the times of T3 clicks.
   PicoquantRecords(std::uint32_t type, double global_resolution_s, double resolution_s,
                    double offset = 0);
   bool is_t3() const { return t3_; }

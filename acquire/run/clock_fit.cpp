@@ -20,6 +20,7 @@ constexpr double enough_s = 0.5;
 constexpr auto longest_gap = 10s;
 constexpr double early_limit_s = 0.25, back_limit_s = 1, agreement_s = 1;
 constexpr double late_limit_s = 0.1;
+constexpr double other_rate = 0.05;
 constexpr auto late_long = 3s;
 constexpr unsigned late_samples = 10;
 // A damaged time may be anything; as nanoseconds it still has to fit into 64 bits.
@@ -43,7 +44,7 @@ void ClockFit::begin(const Receipt& receipt) {
   last_ticks_ = 0;
   first_s_ = static_cast<double>(static_cast<std::int64_t>(receipt.ticks)) * tick_s_;
   began_ = receipt.received;
-  newest_s_ = intercept_s_ = slope_ = residual_s_ = 0;
+  newest_s_ = intercept_s_ = slope_ = edge_slope_ = residual_s_ = 0;
   take({0, 0});
 }
 
@@ -130,15 +131,15 @@ void ClockFit::fit() {
     hull.push_back(p);
     middle_s += p.device_s / static_cast<double>(history_.size());
   }
-  slope_ = 0;
+  slope_ = edge_slope_ = 0;
   if (hull.size() >= 2) {
     const auto right = std::find_if(hull.begin() + 1, hull.end() - 1,
                                     [&](const Sample& p) { return p.device_s >= middle_s; });
     const auto left = right - 1;
     const double limit =
         steepest * std::min(1.0, (newest_s_ - hull.front().device_s) / steepest_after_s);
-    slope_ = std::clamp((right->excess_s - left->excess_s) / (right->device_s - left->device_s),
-                        -limit, limit);
+    edge_slope_ = (right->excess_s - left->excess_s) / (right->device_s - left->device_s);
+    slope_ = std::clamp(edge_slope_, -limit, limit);
   }
   intercept_s_ = std::numeric_limits<double>::max();
   for (const Sample& p : hull)
@@ -150,7 +151,7 @@ void ClockFit::fit() {
 }
 
 bool ClockFit::sound() const {
-  return samples_ >= enough_samples && !suspect_ &&
+  return samples_ >= enough_samples && !suspect_ && std::abs(edge_slope_) < other_rate &&
          newest_s_ - history_.front().sample.device_s >= enough_s;
 }
 

@@ -43,7 +43,8 @@ class ClockFit {
   // Call in the order of receipt.
   void add(std::uint64_t ticks, HostTime received);
 
-  // Enough samples (32, over at least 0.5 s), and the latest is not a doubtful one.
+  // Enough samples (32, over at least 0.5 s), the latest is not a doubtful one, and the device's
+  // clock runs at the host's rate within 5 %.
   bool sound() const;
   // Host time at which the sample was taken, never after its receipt. Equals the receipt without a
   // sound fit.
@@ -90,6 +91,7 @@ class ClockFit {
   std::deque<Least> history_;  // empty: nothing was observed yet
   std::uint64_t samples_ = 0;  // that the history stands for
   double intercept_s_ = 0, slope_ = 0, residual_s_ = 0;
+  double edge_slope_ = 0;  // before it is limited
   std::optional<Receipt> suspect_;
   std::optional<Late> late_;
 };

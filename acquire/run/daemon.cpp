@@ -74,7 +74,10 @@ class Daemon final : private SampleSink {
     StatusLine status;
   };
 
-  void on_tags(const TagBlock& block) override;
+  void on_tags(const TagBlock& block) override {
+    tag_check_.take(block, [this](const TagBlock& repaired) { take_tags(repaired); });
+  }
+  void take_tags(const TagBlock& block);
   void on_histogram(HistogramFrame frame) override;
   void on_radar(RadarFrame frame) override;
   void on_depth(DepthFrame frame) override;
@@ -254,10 +257,9 @@ void Daemon::announce(Sensor sensor) {
   recording_->journal.put_axes(recording_->windows.axes());
 }
 
-void Daemon::on_tags(const TagBlock& block) {
-  const TagBlock repaired = tag_check_.take(block);
-  clocks_.observe(repaired);
-  if (!is_early(Sensor::spd, block.tags.size())) recording_->windows.add(repaired);
+void Daemon::take_tags(const TagBlock& block) {
+  clocks_.observe(block);
+  if (!is_early(Sensor::spd, block.tags.size())) recording_->windows.add(block);
 }
 
 void Daemon::on_histogram(HistogramFrame frame) {
@@ -382,6 +384,7 @@ void Daemon::end() {
   Recording& r = *recording_;
   notify_stopping();
   devices_.stop();
+  tag_check_.flush([this](const TagBlock& rest) { take_tags(rest); });
   tag_check_.finish();
   if (raw_) {
     const port::RawKeeper::Counts bytes = raw_->finish();

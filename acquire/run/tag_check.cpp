@@ -78,19 +78,29 @@ std::string comb_text(long double step_ps, std::int64_t bin_width_ps) {
 TagCheck::TagCheck(const tdc::HistogramSettings& use, bool live, Report report)
     : use_(use), live_(live), report_(std::move(report)) {}
 
-TagBlock TagCheck::take(const TagBlock& block) {
+void TagCheck::take(const TagBlock& block, const Take& out) {
   if (block.lost_blocks > 0) {  // another connection
     last_ps_.reset(), clock_from_.reset(), clock_ratio_.reset(), overflow_from_.reset();
     highest_ps_ = offset_ps_ = 0;
   }
   if (block.lost_blocks > 0 || block.lost_items > 0) last_start_ps_.reset();
-  TagBlock out = block;
-  if (offset_ps_ > 0 || !in_order(block)) {
-    repaired_.assign(block.tags.begin(), block.tags.end());
-    for (Tag& tag : repaired_)
+  const bool orderly = is_plain(block) || in_order(block);
+  hold_ = hold_ || !orderly;
+  if (offset_ps_ > 0 || hold_ || !held_.empty()) {
+    const std::size_t waited = held_.size();
+    repaired_ = std::exchange(held_, {});
+    repaired_.insert(repaired_.end(), block.tags.begin(), block.tags.end());
+    for (Tag& tag : std::span(repaired_).subspan(waited))
       if (tag.is_time_tag()) repair(tag);
     sort();
-    out.tags = repaired_;
+    const auto all = std::span(repaired_).first(hold_ ? ready() : repaired_.size());
+    const std::size_t first = std::min(waited, all.size());
+    if (first > 0) pass({.received = held_received_, .tags = all.first(first)}, out);
+    held_.assign(repaired_.begin() + std::ssize(all), repaired_.end());
+    held_received_ = block.received;
+    TagBlock rest = block;
+    rest.tags = all.subspan(first);
+    pass(rest, out);
   } else {
     for (auto tag = block.tags.rbegin(); tag != block.tags.rend(); ++tag)
       if (tag->is_time_tag()) {
@@ -98,11 +108,52 @@ TagBlock TagCheck::take(const TagBlock& block) {
         highest_ps_ = std::max(highest_ps_, *last_ps_);
         break;
       }
+    pass(block, out);
   }
-  for (const Tag& tag : out.tags) look_at(tag, block.received);
   if (!second_from_) second_from_ = block.received;
   if (block.received - *second_from_ >= 1s) judge_second(block.received);
-  return out;
+}
+
+void TagCheck::pass(const TagBlock& block, const Take& out) {
+  auto rest = block.tags;
+  for (; !rest.empty() && sample_.events < most_events; rest = rest.subspan(1))
+    look_at(rest.front(), block.received);
+  if (!rest.empty()) last_start_ps_.reset();
+  for (const Tag& tag : rest)
+    if (!tag.is_time_tag()) take_marker(tag, block.received);
+  out(block);
+}
+
+// Only time tags, in order. Without branches, because each tag of a run passes here.
+bool TagCheck::is_plain(const TagBlock& block) const {
+  if (block.tags.empty()) return true;
+  auto last = last_ps_.value_or(static_cast<std::uint64_t>(block.tags.front().time_ps));
+  bool odd = false;
+  for (const Tag& tag : block.tags) {
+    const auto time = static_cast<std::uint64_t>(tag.time_ps);
+    odd |= !tag.is_time_tag() | (static_cast<std::int64_t>(time - last) < 0);
+    last = time;
+  }
+  return !odd;
+}
+
+// Number of events that none of the next block may precede.
+std::size_t TagCheck::ready() const {
+  std::size_t count = repaired_.size();
+  const auto may_be_preceded = [&](const Tag& tag) {
+    return tag.is_time_tag() && static_cast<std::uint64_t>(repaired_.back().time_ps) -
+                                        static_cast<std::uint64_t>(tag.time_ps) <=
+                                    sorted_within_ps;
+  };
+  while (count > 0 && repaired_.size() - count < most_moves &&
+         may_be_preceded(repaired_[count - 1]))
+    --count;
+  return count;
+}
+
+void TagCheck::flush(const Take& out) {
+  repaired_ = std::exchange(held_, {});
+  if (!repaired_.empty()) pass({.received = held_received_, .tags = repaired_}, out);
 }
 
 bool TagCheck::in_order(const TagBlock& block) const {
@@ -168,10 +219,6 @@ void TagCheck::take_marker(const Tag& tag, HostTime received) {
 
 void TagCheck::look_at(const Tag& tag, HostTime received) {
   if (!tag.is_time_tag()) return take_marker(tag, received);
-  if (sample_.events >= most_events) {
-    last_start_ps_.reset();
-    return;
-  }
   const auto time = static_cast<std::uint64_t>(tag.time_ps);
   ++sample_.events;
   if (tag.channel == use_.start_channel) {
@@ -199,15 +246,16 @@ void TagCheck::judge_second(HostTime received) {
           format("restarts of its times at 2^%u ps: they go on in the run", wrap_bits_));
   if (sorted_ > 0)
     found(order, std::exchange(sorted_, 0), "events out of order by up to 1 us, sorted");
+  judge_starts();
+  judge_clicks();
   if (stepped_back_ > 0)
     found(back, std::exchange(stepped_back_, 0),
           "steps back of its times, by up to " + time_text(static_cast<double>(farthest_back_ps_)) +
               ": does its time wrap, or did it restart?");
-  judge_starts();
-  judge_clicks();
   sample_ = {};
   last_start_ps_.reset();
   second_from_ = received;
+  hold_ = faults_[order].count > 0;
 }
 
 void TagCheck::judge_clock(HostTime received) {
@@ -242,6 +290,7 @@ void TagCheck::judge_overflow(HostTime received) {
 void TagCheck::judge_starts() {
   auto& gaps = sample_.gaps_ps;
   if (gaps.size() < 5 * enough) return;
+  const std::vector<std::uint64_t> in_time = gaps;
   std::ranges::sort(gaps);
   const auto count = static_cast<double>(gaps.size());
   const bool filtered = sample_.starts < 2 * sample_.firsts;
@@ -281,7 +330,13 @@ void TagCheck::judge_starts() {
               rate_text(1e12 / period_ps));
   period_ps_ = period_ps;
   const double share = static_cast<double>(lost) / (static_cast<double>(lost) + count);
-  if (!filtered && share > 0.02 && whole > 0.9 * count)
+  // Lost starts lie between others, unlike a change of the rate. Steps back displace starts.
+  std::uint64_t changes = 0;
+  for (std::size_t i = 1; i < in_time.size(); ++i)
+    changes += near(static_cast<double>(in_time[i - 1]), period_ps, 0.1) !=
+               near(static_cast<double>(in_time[i]), period_ps, 0.1);
+  if (!filtered && share > 0.02 && whole > 0.9 * count && changes >= enough &&
+      2 * stepped_back_ < lost)
     found(missing, lost,
           format("start pulses are missing, %.0f %% of them (intervals of several periods of ",
                  100 * share) +
@@ -290,7 +345,7 @@ void TagCheck::judge_starts() {
 
 void TagCheck::judge_clicks() {
   if (sample_.firsts < 5 * enough) return;
-  if (const auto step = static_cast<long double>(sample_.step_ps); live_ && step > 1)
+  if (const auto step = static_cast<long double>(sample_.step_ps); step > 1)
     if (const std::string text = comb_text(step, use_.bin_width_ps); !text.empty())
       found(steps, 1, text);
   const auto firsts = static_cast<double>(sample_.firsts);

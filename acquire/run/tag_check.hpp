@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: MIT
 // Checks a time tagger's stream, and repairs two faults of it. Pure.
 //   wrap         times restart at 2^32 or 2^40 ps: they go on
-//   order        an event is up to 1 us earlier than the one before it in its block: sorted
+//   order        an event is up to 1 us earlier than the one before it: sorted. For this, events of
+//                the last 1 us of a block wait for the next one: in the stream's first second, and
+//                after any disorder
 //   back         other steps back
 //   clock        the device's clock runs at another rate than the host's
 //   overflow     an overflow does not end
@@ -30,12 +32,15 @@ std::string comb_text(long double step_ps, std::int64_t bin_width_ps);
 class TagCheck {
  public:
   using Report = std::function<void(const std::string&)>;
-  // `live`: reports each fault when it is found, and judges the device's clock and its steps. A
-  // recording is dated by its tags, and its header contains the steps.
+  // `live`: reports each fault when it is found, and judges the device's clock. A recording is
+  // dated by its tags.
   TagCheck(const tdc::HistogramSettings& use, bool live, Report report);
 
-  // Returns the block with its times repaired; its tags are valid until the next call.
-  TagBlock take(const TagBlock& block);
+  using Take = std::function<void(const TagBlock&)>;
+  // Calls `out` with the events that waited, then with those of the block; times are repaired.
+  void take(const TagBlock& block, const Take& out);
+  // Calls `out` with the events that still wait: the stream has ended.
+  void flush(const Take& out);
   // Reports faults that are not reported yet, and the counts of those that went on.
   void finish();
 
@@ -52,9 +57,12 @@ class TagCheck {
     std::uint64_t step_ps = 0;
   };
 
+  bool is_plain(const TagBlock& block) const;
   bool in_order(const TagBlock& block) const;
   void repair(Tag& tag);
   void sort();
+  std::size_t ready() const;
+  void pass(const TagBlock& block, const Take& out);
   void look_at(const Tag& tag, HostTime received);
   void take_marker(const Tag& tag, HostTime received);
   void judge_clock(HostTime received);
@@ -69,7 +77,9 @@ class TagCheck {
   bool live_;
   Report report_;
   std::array<Fault, kinds> faults_;
-  std::vector<Tag> repaired_;
+  std::vector<Tag> repaired_, held_;
+  HostTime held_received_{};
+  bool hold_ = true;
   std::optional<std::uint64_t> last_ps_;  // as the device sent it
   std::uint64_t highest_ps_ = 0, offset_ps_ = 0;
   // Counts of the current second.

@@ -109,6 +109,8 @@ TEST_CASE("import: the records of each of PicoQuant's devices") {
         Tags{{0, 300'000}, {1, 300'040}, {0, 65536LL * 100'000}, {2, 65536LL * 100'000 + 4}});
   // with MeasDesc_Offset, ns
   CHECK(tags_of({0x00010307, 1e-7, 5e-12, 40}, {t3(0, 20, 4)}) == Tags{{0, 400'000}, {1, 440'100}});
+  CHECK(tags_of({0x00010303, 1e-7, 4e-12, 40}, {1u << 28 | 10u << 16 | 3}) ==
+        Tags{{0, 300'000}, {1, 340'040}});
   CHECK(error_of([] { acquire::PicoquantRecords(0x00010408, 1e-12, 0); }).first ==
         ExitCode::failed);
   CHECK(error_of([] { acquire::PicoquantRecords(0x00010304, 1e-7, 0); }).first == ExitCode::failed);

@@ -12,6 +12,7 @@
 #include <limits>
 #include <string>
 
+#include "acquire/run/tag_check.hpp"
 #include "drivers/bridge/bridge_protocol.hpp"
 #include "drivers/core/crc32c.hpp"
 #include "drivers/core/random.hpp"
@@ -178,9 +179,37 @@ bool transport() {
   return seen == 7 * count * sizeof(Tag) && sum > 0;
 }
 
+// Blocks to the histogram, with and without the checks of a run (acquire/run/tag_check.hpp).
+bool checked() {
+  const auto tags = make_tags(true);
+  std::uint64_t starts[2] = {};
+  const auto path = [&](bool check) {
+    tdc::Histogram histogram({});
+    const auto add = [&](const TagBlock& block) { histogram.add(block.tags); };
+    acquire::TagCheck checks({}, true, [](const std::string&) {});
+    for (std::size_t i = 0; i < count; i += tags_a_block) {
+      // The stream's first second, in which events wait at each block's end, has one block.
+      const HostTime received{i == 0 ? 0 : 1'000'000'000 + tags[i].time_ps / 1000};
+      const TagBlock block{.received = received, .tags = std::span(tags).subspan(i, tags_a_block)};
+      check ? checks.take(block, add) : add(block);
+    }
+    checks.flush(add);
+    starts[check] = histogram.tag_counts().starts;
+  };
+  std::uint64_t sum = 0;
+  std::vector<Row> rows{{"histogram", [&] { path(false); }},
+                        {"checks and histogram", [&] { path(true); }},
+                        {"reading the tags", [&] { sum += read(tags); }}};
+  measure(rows);
+  print("blocks of tags", rows);
+  bench::print_row("checks and histogram of tags", "Mtags/s", rows[1].mtags_per_s(),
+                   rows.back().mtags_per_s(), "reading the tags");
+  return starts[0] == starts[1] && sum > 0;
+}
+
 }  // namespace
 
 int main() {
   const bool random = histograms("random", true), alternating = histograms("alternating", false);
-  return random && alternating && transport() ? 0 : 1;
+  return random && alternating && transport() && checked() ? 0 : 1;
 }

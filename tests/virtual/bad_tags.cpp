@@ -85,10 +85,11 @@ struct Outcome {
   std::string verdict(std::size_t i) const { return records.at(i).sync[Sensor::spd].verdict; }
 };
 
-Outcome run_of(const Stream& stream) {
+Outcome run_of(const Stream& stream, const std::vector<std::string>& settings = {}) {
   test::Bench b({.window_s = 1, .assignments = "[signal]\nspd_clicks = 10\n"});
   b.lab->set({"radar.cli=", "radar.data=", "depth.address=", "tdc.first_bin_ps=13343",
               "tdc.bins=336", "tdc.bin_width_ps=100"});
+  for (const auto& setting : settings) b.lab->set({setting}, false);
   auto& loop = b.lab->loop;
   loop.ports[b.lab->config().tdc.address] = [&] { return std::make_unique<Tagger>(loop, stream); };
   REQUIRE(b.lab->record(b.run(10)) == ExitCode::ok);
@@ -133,6 +134,10 @@ TEST_CASE("a clock at another rate than the host's is named") {
   CHECK(std::ranges::any_of(run.events, [&, t = std::string(text)](const auto& e) {
     return e.find("its clock runs at " + t) != std::string::npos;
   }));
+  for (const auto& r : run.records) {  // dated by their receipt
+    CHECK(r.has(Sensor::spd));
+    CHECK_FALSE(r.clocks[Sensor::spd].has_value());
+  }
 }
 
 TEST_CASE("an overflow without an end is the record's verdict and an event") {
@@ -177,6 +182,8 @@ TEST_CASE("missing, doubled and faster starts are events") {
   }});
   CHECK_THAT(faster.events.at(0),
              Catch::Contains("changes of the start rate, from 4 kHz to 8 kHz"));
+  // The second of the change has both rates, and no start is missing.
+  CHECK(faster.events.size() == 1);
 }
 
 TEST_CASE("a conditional filter, which passes starts with a click, makes no event") {
@@ -217,4 +224,21 @@ TEST_CASE("events out of order within 1 us are sorted and counted") {
   }});
   CHECK_THAT(run.events.at(0), Catch::Contains("events out of order by up to 1 us, sorted"));
   for (const auto& r : run.records) CHECK(r.spd_counts.out_of_range == 0);
+}
+
+TEST_CASE("events out of order between two blocks are sorted, none is lost") {
+  // The start of each block's last click comes with the next block.
+  const Outcome run = run_of({.pulse = [](auto& out, std::int64_t i, std::int64_t at) {
+    if (out.empty() && i > 0) out.push_back(tag(1, at - period));
+    if ((i + 1) % 200 == 0) {
+      out.push_back(tag(2, at + click_after(i)));
+      return;
+    }
+    ordinary(out, i, at);
+  }});
+  CHECK_THAT(run.events.at(0), Catch::Contains("events out of order by up to 1 us, sorted"));
+  for (const auto& r : run.records) {
+    CHECK(r.spd_counts.out_of_range == 0);
+    CHECK(r.spd_counts.starts == 4000);
+  }
 }
