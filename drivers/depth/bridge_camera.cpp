@@ -1,9 +1,16 @@
 // SPDX-License-Identifier: MIT
 #include "drivers/depth/bridge_camera.hpp"
 
+#include <algorithm>
+#include <cstdint>
 #include <utility>
 
 namespace echofuse::depth {
+namespace {
+
+constexpr std::uint16_t invalid_mm = 65535;  // some cameras mark pixels without a return so
+
+}  // namespace
 
 void BridgeCamera::on_block(const bridge::Block& block, HostTime received) {
   auto depth = bridge::read_depth(block.payload);
@@ -12,6 +19,7 @@ void BridgeCamera::on_block(const bridge::Block& block, HostTime received) {
   announce({depth->x, depth->y});
   DepthFrame& frame = depth->frame;
   frame.received = received;
+  std::ranges::replace(frame.depth_mm, invalid_mm, std::uint16_t{0});
   frame.lost_before = lost_before(frame.frame_index, block);
   ++items_;
   sink_->on_depth(std::move(frame));
