@@ -63,6 +63,8 @@ void bind(Settings& s, Config& c, Keys& k) {
   s.add("tdc.start_channel", k.start_channel, -channel_max, channel_max,
         "laser sync; negative for falling edges");
   s.add("tdc.click_channel", k.click_channel, -channel_max, channel_max, "detector");
+  s.add("tdc.laser_rate_hz", c.laser_rate_hz, 0, 1e10,
+        "pulses a second; a record with too few starts is lossy; 0: not known");
   s.add("tdc.bin_width_ps", c.histogram.bin_width_ps, 1, 1'000'000'000, "two-way time");
   s.add("tdc.first_bin_ps", c.histogram.first_bin_ps, -1'000'000'000'000, 1'000'000'000'000,
         "start of bin 0 after the laser sync, two-way time");
@@ -274,6 +276,8 @@ void bind_limits(Settings& s, SignalLimits& l) {
         "a highest bin less above the median bin is no peak; 0: none");
   s.add("signal.depth_share", l.depth_share, 0, 1,
         "fewer of the pixels with a return are weak; 0: none");
+  s.add("signal.lossy_share", l.lossy_share, 0, 1,
+        "fewer of the expected radar frames, camera frames or starts are lossy; 0: none");
 }
 
 radar::RadarProfile parse_profile(const RadarConfig& radar) {
@@ -287,6 +291,12 @@ SensorSet Config::configured() const {
   if (!radar.cli.empty() || !radar.address.empty()) set.insert(Sensor::radar);
   if (!depth.address.empty()) set.insert(Sensor::depth);
   return set;
+}
+
+PerSensor<double> Config::nominal_hz() const {
+  const bool has_cfg = !radar.cli.empty() && !radar.cfg_text.empty();
+  return {laser_rate_hz, has_cfg ? 1 / parse_profile(radar).frame_period_s : 0.0,
+          static_cast<double>(depth.fps)};
 }
 
 SensorSet Config::required() const {

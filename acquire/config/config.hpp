@@ -23,7 +23,7 @@ namespace echofuse::acquire {
 // Limits of SignalCheck; 0 switches one off.
 struct SignalLimits {
   double weak_share = 0.1, spd_clicks = 1000, clicks_a_pulse = record::most_clicks_a_pulse;
-  double radar_snr_db = 6, depth_share = 0.005;
+  double radar_snr_db = 6, depth_share = 0.005, lossy_share = 0.8;
 };
 void bind_limits(Settings& settings, SignalLimits& limits);  // keys signal.*
 
@@ -33,6 +33,7 @@ struct Config {
   std::string label, operator_name, run_folder;
   TdcConfig tdc;
   tdc::HistogramSettings histogram;
+  double laser_rate_hz = 0;  // 0: not known
   record::Detector detector;
   RadarConfig radar;
   double baseline_m = 0.5;  // from the detector to the left, to the middle of the radar's antennas
@@ -51,6 +52,8 @@ struct Config {
 
   SensorSet configured() const;  // the sensors that have an address
   SensorSet required() const;    // those that the run does not start without
+  // Starts, radar frames and camera frames a second as configured; 0: not known.
+  PerSensor<double> nominal_hz() const;
 };
 
 // Reads the file, then applies `assignments` ("key=value"). A radar cfg named in it is read

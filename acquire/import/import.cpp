@@ -99,7 +99,8 @@ std::string import_streams(const Config& config, const ImportOptions& options,
   std::string names;
   for (const auto& file : options.files)
     names.append(names.empty() ? "" : " ").append(fs::path(file).filename().string());
-  ImportedRun import(options.out, began, SignalCheck(config.signal, config.window_s),
+  ImportedRun import(options.out, began,
+                     SignalCheck(config.signal, config.window_s, config.nominal_hz()),
                      [&](const std::string& path, const Clock& clock) {
                        return make_run(config, path, {{"imported_from", names}}, "", clock);
                      });

@@ -63,7 +63,7 @@ class Daemon final : private SampleSink {
               const SensorClocks& clocks, port::Loop& loop, std::unique_ptr<record::RunWriter> file)
         : scheduler(grid, options.count),
           windows(grid, config.histogram, clocks, config.configured(), config.required()),
-          signal(config.signal, config.window_s),
+          signal(config.signal, config.window_s, config.nominal_hz(), config.map.far_m),
           journal(std::move(file), loop),
           status(grid.first, config.window_s, options.count, options.quiet, options.show_status) {}
     Scheduler scheduler;

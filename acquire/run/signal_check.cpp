@@ -54,12 +54,35 @@ bool same_profile(const std::vector<float>& a, const std::vector<float>& b) {
                     [](float x, float y) { return std::abs(x - y) <= rounding; });
 }
 
+// Events of the tagger in the record, and those that are known to be missing.
+std::string judge_missed(const TagCounts& counts, double limit) {
+  const auto arrived = static_cast<double>(counts.tags);
+  const double sent = arrived + static_cast<double>(counts.missed);
+  if (arrived >= limit * sent) return {};
+  return format("lossy: %.0f %% of the tagger's events, %.0f were missed", 100 * arrived / sent,
+                sent - arrived);
+}
+
+// True if starts without a click may be left out: a conditional filter at the tagger, or T3.
+bool may_be_filtered(const record::FusedRecord& r) {
+  const TagCounts& c = r.spd_counts;
+  const auto clicks = static_cast<double>(c.in_range + c.out_of_range);
+  const auto starts = static_cast<double>(c.starts);
+  if (starts >= 2 * clicks) return false;
+  constexpr double most_share = 0.5;  // share of pulses that a filter passes
+  const auto& a_pulse = r.signal.clicks_a_pulse;
+  return !a_pulse || *a_pulse * starts < most_share * clicks;
+}
+
 constexpr const char* still = "stands still: the same as in the record before, to the last ";
 
 }  // namespace
 
-SignalCheck::SignalCheck(const SignalLimits& limits, double window_s)
+SignalCheck::SignalCheck(const SignalLimits& limits, double window_s, PerSensor<double> nominal_hz,
+                         double far_m)
     : limits_(limits),
+      nominal_hz_(nominal_hz),
+      far_mm_(far_m * 1000),
       reference_records_(
           std::max(least_records, static_cast<std::size_t>(std::ceil(reference_s / window_s)))) {}
 
@@ -149,8 +172,8 @@ std::string SignalCheck::judge_radar(record::FusedRecord& r, const Axis& axis) {
 
 std::string SignalCheck::judge_depth(record::FusedRecord& r) {
   const auto& mm = r.depth_mm;
-  const double share =
-      1 - static_cast<double>(std::count(mm.begin(), mm.end(), 0)) / static_cast<double>(mm.size());
+  const auto returns = std::ranges::count_if(mm, [&](auto z) { return z > 0 && z <= far_mm_; });
+  const double share = static_cast<double>(returns) / static_cast<double>(mm.size());
   r.signal.depth_share = share;
   const std::string beside = beside_reference(Sensor::depth, share, "the pixels with a return");
   const bool repeats = mm == last_depth_ && share > 0;
@@ -160,6 +183,27 @@ std::string SignalCheck::judge_depth(record::FusedRecord& r) {
     return format("weak: %.2f %% of the pixels have a return, %.2g %% wanted", 100 * share,
                   100 * limits_.depth_share);
   return beside;
+}
+
+// Expected frames, without a nominal rate: the median of the first minute's slots, lost ones
+// included; before it is known those that arrived or were lost in this slot.
+std::string SignalCheck::judge_losses(const record::FusedRecord& r, Sensor sensor) {
+  const bool spd = sensor == Sensor::spd;
+  const auto arrived = static_cast<double>(spd                       ? r.spd_counts.starts
+                                           : sensor == Sensor::radar ? r.sync[sensor].used
+                                                                     : r.statistics.depth_frames);
+  if (arrived == 0) return {};
+  double expected = nominal_hz_[sensor] * seconds(r.slot_end - r.slot_start);
+  if (!spd && expected == 0) {
+    const double sent = arrived + static_cast<double>(r.sync[sensor].lost);
+    expected = frames_[sensor].add(sent, reference_records_).value_or(sent);
+  }
+  if (spd && expected == 0) return judge_missed(r.spd_counts, limits_.lossy_share);
+  // A slot border moves one frame at most.
+  if (arrived >= limits_.lossy_share * expected || expected - arrived < 2) return {};
+  if (spd && may_be_filtered(r)) return {};
+  return format("lossy: %.0f %% of the %.0f expected %s", 100 * arrived / expected, expected,
+                spd ? "start pulses" : "frames");
 }
 
 void SignalCheck::judge(record::FusedRecord& record, std::span<const Axis> axes) {
@@ -172,8 +216,11 @@ void SignalCheck::judge(record::FusedRecord& record, std::span<const Axis> axes)
   if (const auto a = axis("radar"); record.has(Sensor::radar) && a != axes.end())
     found[Sensor::radar] = judge_radar(record, *a);
   if (record.has(Sensor::depth)) found[Sensor::depth] = judge_depth(record);
-  for (const Sensor s : all_sensors)
-    if (!found[s].empty()) record.sync[s].verdict = found[s];
+  for (const Sensor s : all_sensors) {
+    const std::string lossy = record.has(s) ? judge_losses(record, s) : "";
+    if (!found[s].empty() || !lossy.empty())
+      record.sync[s].verdict = found[s].empty() ? lossy : found[s];
+  }
 }
 
 std::string swap_question(const TagCounts& c) {

@@ -6,6 +6,7 @@
 //   no peak       SPD: no 5 bins stand out of the mean; radar: no bin of the median
 //   weak          SPD: few clicks, or few beside the run's first minute; radar: little power beside
 //                 it; depth: few pixels with a return, or few beside it
+//   lossy         fewer samples arrived than wanted: radar frames, camera frames, start pulses
 // each followed by ": " and the figures. The sensor stays valid: its data are what they are.
 #pragma once
 #include <optional>
@@ -14,13 +15,17 @@
 #include <vector>
 
 #include "acquire/config/config.hpp"
+#include "acquire/measurement/depth_map.hpp"
 #include "acquire/record/record.hpp"
 
 namespace echofuse::acquire {
 
 class SignalCheck {
  public:
-  SignalCheck(const SignalLimits& limits, double window_s);
+  // `nominal_hz`: rates of starts, radar frames and camera frames; 0: not known. Depths beyond
+  // `far_m` are no return.
+  SignalCheck(const SignalLimits& limits, double window_s, PerSensor<double> nominal_hz = {},
+              double far_m = record::most_map_far_m);
   // Fills record.signal, but for the clicks a pulse, and judges the sensors that are valid. Records
   // come in order; `axes` are the run's.
   void judge(record::FusedRecord& record, std::span<const Axis> axes);
@@ -39,10 +44,13 @@ class SignalCheck {
   std::string judge_radar(record::FusedRecord& record, const Axis& axis);
   std::string judge_depth(record::FusedRecord& record);
   std::string beside_reference(Sensor sensor, double strength, const char* what);
+  std::string judge_losses(const record::FusedRecord& record, Sensor sensor);
 
   SignalLimits limits_;
+  PerSensor<double> nominal_hz_;
+  double far_mm_;
   std::size_t reference_records_;
-  PerSensor<Reference> references_;
+  PerSensor<Reference> references_, frames_;
   std::vector<std::uint32_t> last_spd_;
   std::vector<float> last_radar_;
   bool radar_was_flat_ = false;  // the last record's lobe had no top

@@ -207,6 +207,76 @@ TEST_CASE("what repeats to the last bit stands still") {
   }
 }
 
+TEST_CASE("a record with fewer than 80 % of the expected frames or pulses is lossy") {
+  Laboratory lab;
+  SignalCheck check({}, 3, {1000, 20, 0});
+  const auto with = [&](std::uint64_t starts, std::uint64_t radar, std::uint64_t depth) {
+    auto r = lab.record();
+    r.slot_end = std::chrono::seconds(3);
+    r.spd_counts = {.tags = starts + 100, .starts = starts, .in_range = 100};
+    r.sync[Sensor::radar].used = radar;
+    r.statistics.depth_frames = depth;
+    r.sync[Sensor::depth].lost = depth < 90 ? 90 - depth : 0;
+    return verdicts(check, r);
+  };
+  for (int i = 0; i < 6; ++i) CHECK(with(3000, 60, 90) == all_ok);
+  CHECK(with(2400, 48, 72) == all_ok);
+  CHECK(with(2100, 47, 45) == Verdicts{"lossy: 70 % of the 3000 expected start pulses",
+                                       "lossy: 78 % of the 60 expected frames",
+                                       "lossy: 50 % of the 90 expected frames"});
+  SignalLimits off;
+  off.lossy_share = 0;
+  check = SignalCheck(off, 3, {1000, 20, 30});
+  CHECK(with(300, 3, 3) == all_ok);
+}
+
+TEST_CASE("frames that the border of a short slot moves are not lost") {
+  Laboratory lab;
+  SignalCheck check({}, 0.1, {0, 20, 30});
+  auto r = lab.record();
+  r.slot_end = std::chrono::milliseconds(100);
+  r.sync[Sensor::radar].used = 1;
+  r.statistics.depth_frames = 2;
+  CHECK(verdicts(check, r) == all_ok);
+}
+
+TEST_CASE("starts behind a conditional filter are not judged") {
+  Laboratory lab;
+  SignalCheck check({}, 1, {1e6, 0, 0});
+  auto r = lab.record();
+  r.slot_end = std::chrono::seconds(1);
+  r.spd_counts = {.tags = 20'000, .starts = 10'000, .in_range = 10'000};
+  r.signal.clicks_a_pulse = 0.01;
+  CHECK(verdicts(check, r)[0] == "ok");
+  // Every start arrives, and the detector has as many dark counts: one laser pulse in 100 came.
+  r.spd[0] += 1, r.radar[0] += 1, r.depth_mm[0] += 1;
+  r.signal.clicks_a_pulse = 1;
+  SignalLimits bright;
+  bright.clicks_a_pulse = 0;
+  check = SignalCheck(bright, 1, {1e6, 0, 0});
+  CHECK_THAT(verdicts(check, r)[0], StartsWith("lossy: 1 % of the 1000000 expected start pulses"));
+}
+
+TEST_CASE("without a laser rate the tagger's missed events make a record lossy") {
+  Laboratory lab;
+  SignalCheck check({}, 1);
+  auto r = lab.record();
+  r.spd_counts = {.tags = 6000, .starts = 5000, .in_range = 1000, .missed = 4000};
+  CHECK(verdicts(check, r)[0] == "lossy: 60 % of the tagger's events, 4000 were missed");
+  r.spd[0] += 1;
+  r.spd_counts.missed = 1000;
+  CHECK(verdicts(check, r)[0] == "ok");
+}
+
+TEST_CASE("depths beyond the map's range are no return") {
+  Laboratory lab;
+  SignalCheck check({}, 3, {}, 6);
+  auto r = lab.record();
+  for (auto& z : r.depth_mm) z = z == 0 ? 40'000 : z;
+  check.judge(r, axes());
+  CHECK(*r.signal.depth_share == Approx(0.05));
+}
+
 TEST_CASE("a change is told by the verdict's kind, not by its figures") {
   record::FusedRecord r;
   r.valid = SensorSet::from_bits(5);

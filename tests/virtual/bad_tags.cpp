@@ -186,6 +186,21 @@ TEST_CASE("missing, doubled and faster starts are events") {
   CHECK(faster.events.size() == 1);
 }
 
+TEST_CASE("with the laser's rate, records with lost starts are lossy") {
+  std::mt19937 random(1);
+  const Outcome lossy = run_of({.pulse =
+                                    [&](auto& out, std::int64_t i, std::int64_t at) {
+                                      if (i < 20'000 || random() % 10 >= 3)
+                                        out.push_back(tag(1, at));
+                                      if (i % 25 == 0) out.push_back(tag(2, at + click_after(i)));
+                                    }},
+                               {"tdc.laser_rate_hz=4000"});
+  CHECK(lossy.verdict(1) == "ok");
+  CHECK(lossy.records[9].has(Sensor::spd));
+  CHECK_THAT(lossy.verdict(9), Catch::StartsWith("lossy: ") &&
+                                   Catch::EndsWith(" % of the 4000 expected start pulses"));
+}
+
 TEST_CASE("a conditional filter, which passes starts with a click, makes no event") {
   std::mt19937 random(1);
   const Outcome run = run_of({.pulse = [&](auto& out, std::int64_t i, std::int64_t at) {

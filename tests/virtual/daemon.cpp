@@ -204,6 +204,24 @@ TEST_CASE("a laser that fades, a camera and a radar that freeze: each is told on
   }
 }
 
+TEST_CASE("records that lost most of their frames are lossy, stay valid, and are told once") {
+  Bench b({.faults = {fault("radar", FaultKind::drop, 60, 15, 0.6),
+                      fault("depth", FaultKind::drop, 90, 15, 0.6)}});
+  CHECK(b.lab->record(b.run(50)) == ExitCode::ok);
+  for (const Sensor sensor : {Sensor::radar, Sensor::depth}) {
+    const Strings all = b.verdicts(sensor);
+    CAPTURE(name_of(sensor), all);
+    CHECK(std::count(all.begin(), all.end(), "lossy") >= 4);
+    CHECK(std::count(all.begin(), all.end(), "ok") >= 43);
+    const Strings events = b.events(name_of(sensor));
+    CHECK(std::ranges::count_if(events, [](const auto& e) {
+            return e.find(" % of the ") != std::string::npos;
+          }) <= 2);
+  }
+  for (const auto& r : b.records()) CHECK(r.valid == SensorSet::from_bits(7));
+  CHECK_THAT(record::doubts_of(b.reader().summary()), Catch::Contains("radar lossy "));
+}
+
 TEST_CASE("a laboratory's scenes keep to the slots: no record sees two") {
   Bench b({.window_s = 1,
            .hold_s = 1,
