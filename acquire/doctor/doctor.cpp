@@ -4,9 +4,13 @@
 #include <cstdio>
 #include <filesystem>
 #include <nlohmann/json.hpp>
+#include <utility>
 
 #include "acquire/devices/ask.hpp"
+#include "acquire/run/clock_fit.hpp"
 #include "acquire/run/disk.hpp"
+#include "acquire/run/signal_check.hpp"
+#include "acquire/run/window.hpp"
 #include "drivers/program/console.hpp"
 #include "drivers/program/printable.hpp"
 
@@ -62,8 +66,68 @@ class Report {
   nlohmann::ordered_json checks_ = nlohmann::ordered_json::array();
 };
 
+constexpr double capture_s = 2;
+
+// Passes samples to a capture, and from begin() on into one slot, as in a run.
+class Trial final : public SampleSink {
+ public:
+  Trial(Capture& capture, const Config& config) : capture_(capture), config_(config) {}
+  void begin(HostTime now) {
+    windows_.emplace(SlotGrid{now, from_seconds(capture_s)}, config_.histogram, clocks_,
+                     config_.configured());
+    for (const Sensor s : all_sensors)
+      if (devices_[s]) windows_->announce(*devices_[s]);
+  }
+  // The slot's record with the verdicts of a run.
+  record::FusedRecord judged() {
+    record::FusedRecord record = windows_->close({0, false});
+    SignalLimits limits = config_.signal;
+    limits.spd_clicks *= capture_s / config_.window_s;
+    SignalCheck(limits, capture_s, config_.nominal_hz(), config_.map.far_m)
+        .judge(record, windows_->axes());
+    return record;
+  }
+
+  void on_tags(const TagBlock& block) override {
+    capture_.on_tags(block);
+    put(block);
+  }
+  void on_histogram(HistogramFrame frame) override {
+    put(frame);
+    capture_.on_histogram(std::move(frame));
+  }
+  void on_radar(RadarFrame frame) override {
+    put(frame);
+    capture_.on_radar(std::move(frame));
+  }
+  void on_depth(DepthFrame frame) override {
+    put(frame);
+    capture_.on_depth(std::move(frame));
+  }
+  void on_state(Sensor sensor, DeviceState state, const DeviceInfo& info) override {
+    if (state != DeviceState::streaming) return;
+    devices_[sensor] = info;
+    if (windows_) windows_->announce(info);
+  }
+  void on_event(Sensor sensor, Severity severity, const std::string& text) override {
+    capture_.on_event(sensor, severity, text);
+  }
+
+ private:
+  template <class Sample>
+  void put(const Sample& sample) {
+    clocks_.observe(sample);
+    if (windows_) windows_->add(sample);
+  }
+  Capture& capture_;
+  const Config& config_;
+  PerSensor<std::optional<DeviceInfo>> devices_;
+  SensorClocks clocks_;
+  std::optional<Windows> windows_;
+};
+
 std::vector<Finding> judge(const Answer& answer, const Capture& capture, const Config& config,
-                           double time_s) {
+                           double time_s, const std::optional<record::FusedRecord>& record) {
   const char* check = name_of(answer.sensor);
   if (answer.status.holder)
     return {{check, answer.delivers ? Grade::warning : Grade::problem, answer.text,
@@ -75,6 +139,11 @@ std::vector<Finding> judge(const Answer& answer, const Capture& capture, const C
   }
   constexpr PerSensor<decltype(&judge_spd)> judges{judge_spd, judge_radar, judge_depth};
   std::vector<Finding> out{judges[answer.sensor](capture, config, time_s)};
+  if (record && record->has(answer.sensor) && out[0].grade == Grade::ok)
+    if (const std::string& verdict = record->sync[answer.sensor].verdict; verdict != "ok") {
+      out[0].grade = Grade::warning;
+      out[0].advice = verdict;
+    }
   for (const auto& complaint : capture.complaints[answer.sensor])
     out.push_back({check, Grade::warning, complaint});
   return out;
@@ -82,18 +151,21 @@ std::vector<Finding> judge(const Answer& answer, const Capture& capture, const C
 
 // Listens for 2 s to the devices that answer. Returns the size of a record of them.
 double judge_devices(const Config& config, port::Loop& loop, Report& report) {
-  constexpr double capture_s = 2;
   Capture capture(config.histogram);
+  Trial trial(capture, config);
+  std::optional<record::FusedRecord> record;
   double time_s = 0;
-  const auto answers = ask(config, loop, "doctor", capture, [&] {
+  const auto answers = ask(config, loop, "doctor", trial, [&] {
     capture.begin();
     const HostTime begin = loop.now();
+    trial.begin(begin);
     loop.run_until(interrupted, begin + from_seconds(capture_s));
     time_s = seconds(loop.now() - begin);
     capture.end();
+    record = trial.judged();
   });
   if (interrupted()) throw Error(ExitCode::interrupted, "interrupted; nothing was judged");
-  for (const Answer& answer : answers) report.add(judge(answer, capture, config, time_s));
+  for (const Answer& answer : answers) report.add(judge(answer, capture, config, time_s, record));
   return estimate_record_bytes(capture, config);
 }
 

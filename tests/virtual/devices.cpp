@@ -1,8 +1,14 @@
 // SPDX-License-Identifier: MIT
 // Acts of the commands on the devices: stop them, tell their firmware, keep what comes late,
 // calibrate and examine them. On virtual time.
+#include <fcntl.h>
+#include <unistd.h>
+
+#include <cstdio>
 #include <deque>
 #include <filesystem>
+#include <fstream>
+#include <iterator>
 #include <utility>
 
 #include "acquire/calibrate/calibrate.hpp"
@@ -277,6 +283,30 @@ TEST_CASE("what cannot be measured is not stored") {
     CHECK_THROWS_WITH(calibrate(*b.lab, true),
                       Catch::Contains("run.calibration names no calibration"));
   }
+}
+
+TEST_CASE("doctor: a blocked laser is a warning with the verdict of a run") {
+  const auto said = [](double photons) {
+    Bench b({.signal_photons = photons,
+             .change = [](sim::Conditions& c) { c.background_counts = 1000; }});
+    b.lab->set({"run.folder=" + b.folder / "", "radar.cli=", "radar.data="});
+    const std::string path = b.folder / "said";
+    std::fflush(stdout);
+    const int before = ::dup(STDOUT_FILENO);
+    const int file = ::open(path.c_str(), O_CREAT | O_WRONLY, 0600);
+    ::dup2(file, STDOUT_FILENO);
+    const ExitCode code = acquire::examine(b.lab->config(), {}, b.lab->loop);
+    std::fflush(stdout);
+    ::dup2(before, STDOUT_FILENO);
+    ::close(before), ::close(file);
+    CHECK(code == ExitCode::ok);
+    std::ifstream in(path);
+    return std::string(std::istreambuf_iterator<char>(in), {});
+  };
+  CHECK_THAT(said(3000), Catch::Contains("\nok       spd  "));
+  const std::string blocked = said(0.1);
+  CHECK_THAT(blocked,
+             Catch::Contains("\nwarning  spd  ") && Catch::Contains("-> no peak: no bins"));
 }
 
 TEST_CASE("doctor: the exit code is that of the first problem, of a device before the disk's") {
