@@ -32,6 +32,8 @@ const say = (id, text) => {
 const faultOf = made => made.fault.replace(/\bspd\b/, names.spd);
 const rate = (n, name) => `${n < 10 ? +n.toPrecision(2) : count(Math.round(n))} ${name === 'spd' ? 'clicks' : 'frames'}/s`;
 
+const doubtsOf = shown => sensors.filter(name => !['ok', 'not configured'].includes(shown.sensors[name].verdict))
+  .map(name => `${names[name]}: ${shown.sensors[name].verdict}`);
 // Lamps: the word says it, the colour repeats it.
 function lampOf(sensor, over, old) {
   if (!sensor.configured) return ['off', 'OFF'];
@@ -81,7 +83,7 @@ function drawMapsLamp() {
   if (!made) return light('maps', ['off', '–'], run.model ? 'none yet' : '', '');
   const met = made.iou == null ? '' : `camera: IoU ${made.iou.toFixed(2)}` +
     (made.lateral_error_m == null ? '' : `, ${(made.lateral_error_m * 100).toFixed(0)}\u00a0cm off`);
-  const why = faultOf(made) || made.note || (state?.doubt ? 'run unlike the training' : '');
+  const why = faultOf(made) || [...doubtsOf(record), made.note, state?.doubt && 'run unlike the training'].filter(Boolean).join('; ');
   light('maps', made.fault ? ['bad', 'NONE'] : made.seen ? ['look', 'TRAINED ON THIS RECORD'] : !run.calibrated ? ['look', 'NOT CALIBRATED'] : why ? ['look', 'DOUBT'] : ['ok', 'OK'],
         [why, made.x_m == null ? '' : `x\u00a0${made.x_m.toFixed(2)}\u00a0m` + (made.lateral_interval_90_m == null ? '' :
           ` ±${(made.lateral_interval_90_m * 100).toFixed(0)}\u00a0cm (90\u00a0%)`) + `, z\u00a0${made.z_m.toFixed(2)}\u00a0m`].filter(Boolean).join('; '), met);
@@ -164,10 +166,8 @@ function drawRecord() {
   }
   const points = cloudOf === 'reconstruction' && a.reconstruction ? a.reconstruction : a.map;
   if (points || !live) cloud.set(points, cloudOf === 'reconstruction' && made ? made.half_tangent : grid, span);
-  const words = sensors.filter(name => record.sensors[name].verdict !== 'ok' && record.sensors[name].verdict !== 'not configured')
-    .map(name => `${names[name]}: ${record.sensors[name].verdict}`);
-  // Of the newest record the lamps tell the verdicts.
-  say('shown', $('shown').title = [`record ${record.index}${live ? ' (newest)' : ''}`, `${record.utc.slice(11, 21)} UTC`, record.label, ...(live ? [] : ['held', ...words])].filter(Boolean).join(', '));
+  // The lamps show the verdicts of the newest record.
+  say('shown', $('shown').title = [`record ${record.index}${live ? ' (newest)' : ''}`, `${record.utc.slice(11, 21)} UTC`, record.label, ...(live ? [] : ['held', ...doubtsOf(record)])].filter(Boolean).join(', '));
   sheet.point(record.index);
 }
 

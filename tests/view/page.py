@@ -148,7 +148,7 @@ class Page(live_view.LiveView):
         viewer.terminate()
         self.assertEqual(viewer.wait(10), 0)
         self.wait("word of it", lambda: "no connection" in self.text("status"))
-        self.view("--listen", address.split("/")[2])
+        self.view("--listen", address.split("/")[2], "--model", model)
         self.wait("page of the viewer started again", lambda: self.text("status") == "crashed")
 
         # A new run of this name, with a laser that is five hundred times too weak: the page says so by itself.
@@ -160,6 +160,7 @@ class Page(live_view.LiveView):
         self.wait("verdict of the weak laser", lambda: self.verdict("spd").startswith("weak: "))
         self.assertEqual(self.lamp("spd"), "look")
         self.assertIn("LOOK", self.text("lamp-spd"))
+        self.wait("maps lamp with the verdict", lambda: self.lamp("maps") == "look" and "SPD: weak: " in self.verdict("maps"))
         self.wait("green lamp of the radar", lambda: self.lamp("radar") == "ok")
         self.wait("event of it", lambda: "SPD: record" in self.text("events") and "weak: " in self.text("events"))
         self.wait("maps of the thumbnails", lambda: self.js(
