@@ -126,7 +126,7 @@ Command add_rows(CLI::App& app, const Common& common) {
           throw Error(ExitCode::usage,
                       std::string(option) + " does not go with --model: the model has its split");
     Dataset data = load_recorded(a->runs);
-    if (a->doubtful == "take") data.doubt.clear();
+    apply_doubts(data, *a);
     std::vector<ListedRow> rows =
         a->model_file.empty() ? rows_of_training(data, *a) : rows_of_model(a->model_file, data);
     for (const DamagedRecord& damaged : data.damaged)

@@ -47,13 +47,13 @@ void check_from(const CLI::App& app, const std::vector<std::string>& assignments
     if (app.get_option(option)->count() > 0) refuse(option);
   for (const std::string& text : assignments)
     if (!text.starts_with("test_share=") && !text.starts_with("gap=") &&
-        !text.starts_with("doubtful="))
+        !text.starts_with("doubtful=") && !text.starts_with("lossy="))
       refuse("--set " + text);
 }
 
 Dataset load_runs(const Arguments& a) {
   Dataset data = load(a.runs);
-  if (a.doubtful == "take") data.doubt.clear();
+  apply_doubts(data, a);
   return data;
 }
 

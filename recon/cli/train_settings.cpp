@@ -43,6 +43,9 @@ void bind(Settings& settings, TrainSettings& s) {
       "records with a sensor that the run says is weak, saturated or stands still, or with a "
       "doubtful camera: leave them out, or take them",
       {"leave", "take"});
+  settings.add("lossy", o.lossy,
+               "records for which fewer frames or pulses arrived than signal.lossy_share",
+               {"take", "leave"});
   settings.add("candidates", s.candidates,
                "of the model auto, as mean,ridge; \"\": the usual ones");
 }

@@ -82,6 +82,7 @@ struct Dataset {
   std::vector<std::uint32_t> valid;  // bit 0 SPD, 1 radar, 2 depth
   // Verdicts of valid sensors without their figures; "" if ok. No entries: nothing is doubted.
   std::vector<PerSensor<std::string>> doubt;
+  bool leave_lossy = false;  // true: the verdict "lossy" is a doubt
   // Hash of the detector's counts between its empty bins at both ends, by which copies are found;
   // without a detector that of the radar. 0 or no entries: too few clicks, or a doubt about them.
   std::vector<std::int64_t> content;
@@ -104,10 +105,13 @@ struct Dataset {
   // Reason why a model with these inputs cannot use the record; empty if it can. A sensor with the
   // same value in every bin is dead.
   std::string fault_of(std::size_t row, Inputs inputs) const;
+  bool is_doubt(const std::string& kind) const;
   // Returns why the record is no example for a model with these inputs although it has all sensors,
   // as "camera frozen" or "SPD weak"; empty if it is one. A sensor that sees nobody ("no peak") is
-  // no doubt; any verdict of the depth is, unless the camera is not asked for.
+  // no doubt; any other verdict of the depth is, unless the camera is not asked for.
   std::string doubt_of(std::size_t row, Inputs inputs, bool with_camera = true) const;
+  // True if one of these sensors, or the camera, lost samples.
+  bool is_lossy(std::size_t row, Inputs inputs) const;
   // Returns why each row is no example for a model with these inputs; empty if it is one. Reasons:
   // a sensor missing, dead or doubtful; a copy of an earlier record.
   std::vector<std::string> left_out(Inputs inputs) const;

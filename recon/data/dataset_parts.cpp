@@ -70,14 +70,26 @@ std::string Dataset::doubt_of(std::size_t row, Inputs inputs, bool with_camera) 
   const SensorSet needed = sensors_of(inputs);
   for (const Sensor s : {Sensor::depth, Sensor::spd, Sensor::radar})
     if (const std::string& kind = doubt[row][s];
-        !kind.empty() &&
+        is_doubt(kind) &&
         (s == Sensor::depth ? with_camera : (needed.contains(s) && kind != "no peak")))
       return names[s] + kind;
   return {};
 }
 
+bool Dataset::is_doubt(const std::string& kind) const {
+  return !kind.empty() && (leave_lossy || kind != "lossy");
+}
+
 bool Dataset::sound_depth(std::size_t row) const {
-  return has(row, Sensor::depth) && (row >= doubt.size() || doubt[row][Sensor::depth].empty());
+  return has(row, Sensor::depth) && (row >= doubt.size() || !is_doubt(doubt[row][Sensor::depth]));
+}
+
+bool Dataset::is_lossy(std::size_t row, Inputs inputs) const {
+  SensorSet sensors = sensors_of(inputs);
+  sensors.insert(Sensor::depth);
+  return row < doubt.size() && std::ranges::any_of(all_sensors, [&](Sensor s) {
+           return sensors.contains(s) && doubt[row][s] == "lossy";
+         });
 }
 
 std::size_t Dataset::source_of(std::size_t row) const {
@@ -130,6 +142,7 @@ Dataset part_of(const Dataset& data, const Rows& rows) {
   out.array = take_rows(data.array, rows);
   out.zones = data.zones, out.zone_spd = take_rows(data.zone_spd, rows);
   out.empty_room = data.empty_room;
+  out.leave_lossy = data.leave_lossy;
   out.depth = take_rows(data.depth, rows);
   for (const std::size_t row : rows) {
     out.valid.push_back(data.valid[row]);

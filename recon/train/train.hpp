@@ -21,10 +21,12 @@ struct TrainOptions {
   // True: the runs that state no response have various ones, as those of a twin.
   bool any_response = false;
   std::string doubtful = "leave";  // or take: records whose verdict is not ok (Dataset::doubt_of)
+  std::string lossy = "take";      // or leave: records of which samples were lost
 };
 
-// Records that a training learns from, and a line that counts the others by reason. Reasons: a
-// sensor missing, dead or doubtful; a copy of a record before; damaged. Empty if all train.
+// Records that a training learns from, and a line that counts the others by reason, and the lossy
+// ones among them. Reasons: a sensor missing, dead or doubtful; a copy of a record before; damaged.
+// Empty if all train and none is lossy.
 struct TrainingRows {
   Rows rows;
   std::string left_out;
@@ -32,6 +34,9 @@ struct TrainingRows {
 // Throws Error(failed) if no record has a sensor, or all are left out. Throws it also if more than
 // most_damaged of the records are dead or damaged.
 TrainingRows rows_to_train(const Dataset& data, Inputs inputs);
+
+// Applies the options' treatment of doubtful and lossy records.
+void apply_doubts(Dataset& data, const TrainOptions& options);
 
 // Returns the inputs that the model of these options takes: only some take the lags of antennas.
 Inputs inputs_to_train(const TrainOptions& options);

@@ -36,6 +36,11 @@ void require_sensors(const Dataset& data, Inputs inputs) {
 
 }  // namespace
 
+void apply_doubts(Dataset& data, const TrainOptions& options) {
+  if (options.doubtful == "take") data.doubt.clear();
+  data.leave_lossy = options.lossy == "leave";
+}
+
 TrainingRows rows_to_train(const Dataset& data, Inputs inputs) {
   if (data.size() > 0) require_sensors(data, inputs);
   std::map<std::string, std::size_t> reasons;
@@ -65,10 +70,16 @@ TrainingRows rows_to_train(const Dataset& data, Inputs inputs) {
                                 "records: of more than a tenth nothing can be learned",
                                 none, all));
   reasons["damaged"] = data.damaged.size();
-  const std::string text = left_out_text(reasons, all);
-  if (text.empty()) return out;
-  out.left_out = text + (first_fault.empty() ? "" : " (" + first_fault + ")") +
-                 (doubtful ? "; --set doubtful=take trains with what is doubtful" : "");
+  out.left_out = left_out_text(reasons, all);
+  if (!out.left_out.empty())
+    out.left_out += (first_fault.empty() ? "" : " (" + first_fault + ")") +
+                    (doubtful ? "; --set doubtful=take trains with what is doubtful" : "");
+  const auto lossy =
+      std::ranges::count_if(out.rows, [&](std::size_t row) { return data.is_lossy(row, inputs); });
+  if (lossy > 0)
+    out.left_out +=
+        formatted("%s%td records are lossy and train; --set lossy=leave leaves them out",
+                  out.left_out.empty() ? "" : "; ", lossy);
   if (out.rows.empty()) throw Error(ExitCode::failed, path_of(data, 0) + ": " + out.left_out);
   return out;
 }

@@ -57,6 +57,25 @@ TEST_CASE("doubtful records are no examples") {
   CHECK(data.usable(Inputs::fused) == Rows{0, 3, 5, 6, 7});
 }
 
+TEST_CASE("lossy records train and are counted, unless a setting leaves them out") {
+  const Folder dir;
+  write_run(dir / "a", 40, 1, [](record::FusedRecord& r) {
+    if (r.index == 1) r.sync[Sensor::depth].verdict = "lossy: 50 % of the 90 expected frames";
+    if (r.index == 2) r.sync[Sensor::radar].verdict = "lossy: 50 % of the 60 expected frames";
+    if (r.index == 3) r.sync[Sensor::spd].verdict = "weak: 12 clicks above the background";
+  });
+  Dataset data = load({dir / "a"});
+  CHECK(data.usable(Inputs::fused).size() == 39);
+  const std::string train = "train --model mean " + (dir / "a") + " --out ";
+  CHECK_THAT(recon_program(train + (dir / "m")).text,
+             Catch::Contains("2 records are lossy and train; --set lossy=leave leaves them out"));
+  CHECK_THAT(
+      recon_program(train + (dir / "n") + " --set lossy=leave").text,
+      Catch::Contains("3 of 40 records left out: SPD weak 1, camera lossy 1, radar lossy 1"));
+  data.leave_lossy = true;
+  CHECK(data.usable(Inputs::spd).size() == 38);
+}
+
 TEST_CASE("a copy of a record has its hash, whatever its run") {
   const Folder dir;
   write_run(dir / "a", 6, 1), write_run(dir / "b", 3, 1), write_run(dir / "c", 3, 2);

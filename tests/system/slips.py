@@ -41,6 +41,7 @@ recon train dark.sqlite --out m | 1 | dark.sqlite: no record has a depth map: a 
 recon train seen.sqlite --out m.safetensors --from nomodel | 1 | nomodel: No such file or directory; expected a model file
 recon train seen.sqlite --out seen.sqlite | 2 | seen.sqlite
 recon train seen.sqlite --out m --set doubtful=log | 3 | expected
+recon train seen.sqlite --out m --set lossy=log | 3 | expected
 recon reconstruct seen.sqlite seen.sqlite --out maps | 1 | seen.sqlite: is a run; expected a model file
 recon reconstruct nomodel seen.sqlite --out maps --format gif | 2 | --format: gif not in {colour,mm,ply,npy,foreground,uncertainty}
 report page | 2 | nothing to report on: give --run with models, or --live
