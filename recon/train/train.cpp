@@ -128,10 +128,13 @@ Split split_of(const Dataset& data, const TrainOptions& options) {
   const TrainingRows rows = rows_to_train(data, inputs);
   if (!rows.left_out.empty()) say(options, rows.left_out);
   if (const std::string text = late_truth(data); !text.empty()) say(options, text);
-  if (options.split.kind == "random" && options.split.test_share > 0)
-    if (const std::string text = alike_neighbours(data, rows.rows); !text.empty())
-      say(options, text);
-  return make_split(rows.rows, options.split);
+  const Split split = make_split(rows.rows, options.split);
+  const bool random = options.split.kind == "random" && !split.test.empty();
+  std::string text = random ? alike_neighbours(data, rows.rows) : "";
+  if (text.empty() && !options.fit.quiet)
+    text = recurring_scenes(data, split, learn_scene(data.depth, split.train, data.map));
+  if (!text.empty()) say(options, text);
+  return split;
 }
 
 }  // namespace

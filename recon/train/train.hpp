@@ -45,6 +45,11 @@ Inputs inputs_to_train(const TrainOptions& options);
 // many of a sample of rows the nearest depth map is that of a neighbour in time.
 std::string alike_neighbours(const Dataset& data, const Rows& rows);
 
+// Returns a line if held-out scenes are also in the training although they are no neighbours, else
+// nothing. Criterion: around most held-out maps with a body a few training maps are much nearer
+// than all others.
+std::string recurring_scenes(const Dataset& data, const Split& split, const Scene& scene);
+
 // Splits the usable records, fits, and returns the model with the records it has seen. Throws
 // Error(failed) if there are too few records.
 TrainedModel train(const Dataset& data, const TrainOptions& options);

@@ -4,6 +4,7 @@
 #include <map>
 
 #include "drivers/program/printable.hpp"
+#include "recon/numbers/parallel.hpp"
 #include "recon/numbers/text.hpp"
 #include "recon/train/train.hpp"
 
@@ -84,15 +85,42 @@ TrainingRows rows_to_train(const Dataset& data, Inputs inputs) {
   return out;
 }
 
+namespace {
+
+double distance_of_maps(const Dataset& data, std::size_t row, std::size_t other) {
+  constexpr std::size_t pixel_step = 7;
+  const auto a = data.depth.row(row), b = data.depth.row(other);
+  double sum = 0;
+  for (std::size_t p = 0; p < a.size(); p += pixel_step) sum += std::abs(double{a[p]} - b[p]);
+  return sum;
+}
+
+bool shows_body(std::span<const float> map, const Scene& scene) {
+  constexpr double least_share = 0.005;
+  double pixels = 0;
+  for (std::size_t p = 0; p < map.size(); ++p)
+    pixels += true_foreground(map[p], scene.background[p]);
+  return pixels >= least_share * static_cast<double>(map.size());
+}
+
+// Greatest ratio of successive distances from a map to the nearer half of others. Independent maps
+// have ratios below 2; a map that recurs has a gap behind its likes.
+double greatest_gap(std::vector<double> distances) {
+  std::ranges::sort(distances);
+  double gap = 1;
+  for (std::size_t k = 0; k < distances.size() / 2; ++k)
+    if (distances[k + 1] > 0) gap = std::max(gap, distances[k + 1] / std::max(distances[k], 1e-9));
+  return gap;
+}
+
+}  // namespace
+
 std::string alike_neighbours(const Dataset& data, const Rows& rows) {
-  constexpr std::size_t sample = 200, others = 50, pixel_step = 7;
+  constexpr std::size_t sample = 200, others = 50;
   constexpr double most_share = 0.3;  // 2 of 52 independent scenes reach it
   if (rows.size() < others) return {};
   const auto distance = [&](std::size_t i, std::size_t k) {
-    const auto a = data.depth.row(rows[i]), b = data.depth.row(rows[k]);
-    double sum = 0;
-    for (std::size_t p = 0; p < a.size(); p += pixel_step) sum += std::abs(double{a[p]} - b[p]);
-    return sum;
+    return distance_of_maps(data, rows[i], rows[k]);
   };
   std::size_t judged = 0, alike = 0;
   for (std::size_t i = 1; i + 1 < rows.size(); i += rows.size() / sample + 1, ++judged) {
@@ -108,6 +136,29 @@ std::string alike_neighbours(const Dataset& data, const Rows& rows) {
       "neighbours in time are alike: of %zu of %zu records a neighbour's depth map is nearer than "
       "those of %zu records far away; a random split flatters the scores, --split blocked does not",
       alike, judged, others);
+}
+
+std::string recurring_scenes(const Dataset& data, const Split& split, const Scene& scene) {
+  constexpr std::size_t sample = 100, least = 5;
+  constexpr double least_gap = 3, most_share = 0.5;
+  Rows judged;
+  const std::size_t step = split.test.size() / sample + 1;
+  for (std::size_t i = 0; i < split.test.size(); i += step)
+    if (shows_body(data.depth.row(split.test[i]), scene)) judged.push_back(split.test[i]);
+  if (judged.size() < least) return {};
+  std::vector<double> gaps(judged.size());
+  for_each_part(judged.size(), [&](std::size_t i) {
+    std::vector<double> distances;
+    for (const std::size_t row : split.train)
+      distances.push_back(distance_of_maps(data, judged[i], row));
+    gaps[i] = greatest_gap(std::move(distances));
+  });
+  const auto recur = std::ranges::count_if(gaps, [](double gap) { return gap > least_gap; });
+  if (static_cast<double>(recur) <= most_share * static_cast<double>(judged.size())) return {};
+  return formatted(
+      "scenes recur: %td of %zu held-out depth maps have a much nearer training map than "
+      "independent scenes have; the scores are flattered; judge by a run of other scenes",
+      recur, judged.size());
 }
 
 }  // namespace echofuse::recon

@@ -287,3 +287,37 @@ TEST_CASE("a sensor that no record has is named, and a split of a held sequence"
   CHECK_THAT(says("held", " --split blocked"), !Catch::Contains("alike"));
   CHECK_THAT(says("free", ""), !Catch::Contains("alike"));
 }
+
+TEST_CASE("scenes that recur without being neighbours are named, whatever the split") {
+  const Folder dir;
+  // Each scene comes back after 30 others, with another noise.
+  const auto recurring = [](std::int64_t scenes) {
+    return [scenes](record::FusedRecord& r) {
+      Rng rng = make_rng(1, static_cast<std::uint64_t>(r.index % scenes));
+      std::uniform_real_distribution<double> x(-1, 1), z(3, 4);
+      const double at_x = x(rng), at_z = z(rng);
+      Rng of_record = make_rng(2, static_cast<std::uint64_t>(r.index));
+      std::normal_distribution<double> noise_m(0, 0.003);
+      r = testing::plate_record(r.index, at_x, at_z + noise_m(of_record), of_record);
+    };
+  };
+  write_run(dir / "recurring", 240, 1, recurring(30));
+  write_run(dir / "pairs", 240, 1, recurring(120)), write_run(dir / "free", 240, 1);
+  write_run(dir / "nobody", 240, 1, [](record::FusedRecord& r) {
+    if (r.index % 3) std::ranges::fill(r.depth_mm, std::uint16_t{0});
+  });
+  for (const std::string split : {"random", "blocked"}) {
+    CAPTURE(split);
+    const auto said = [&](const std::string& name) {
+      std::filesystem::remove(dir / "m");
+      return recon_program("train --model mean --set fallback=false --split " + split + " " +
+                           (dir / name) + " --out " + (dir / "m"))
+          .text;
+    };
+    CHECK_THAT(said("recurring"), Catch::Contains("scenes recur: 24 of 24 held-out depth maps") &&
+                                      Catch::Contains("judge by a run of other scenes"));
+    CHECK_THAT(said("pairs"), Catch::Contains("scenes recur: "));
+    CHECK_THAT(said("free"), !Catch::Contains("scenes recur"));
+    CHECK_THAT(said("nobody"), !Catch::Contains("scenes recur"));
+  }
+}
