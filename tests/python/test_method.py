@@ -1,13 +1,15 @@
 # SPDX-License-Identifier: MIT
 """The method in Python (recon/python/echofuse/method.py) makes the maps of the program: the same pixels show a body, and
 their depths agree to 0.1 mm."""
+import json
 import sqlite3
+import subprocess
 
 import numpy as np
 import pytest
 
 import echofuse
-from programs import program
+from programs import BIN, program
 
 # Name of the run: what makes it.
 RUNS = {
@@ -126,6 +128,10 @@ def test_a_model_says_what_it_takes_and_takes_arrays(runs, tmp_path):
     maps.save(tmp_path / "maps")
     again, index = echofuse.load_maps(tmp_path / "maps")
     assert np.array_equal(again, maps.depth_m, equal_nan=True) and index.tolist() == maps.index.tolist()
+    # The judge of maps leaves out the records of this training.
+    told = json.loads(subprocess.run([BIN / "echofuse-recon", "-q", "evaluate", "--json", "--maps", tmp_path / "maps", run.path],
+                                     capture_output=True, check=True).stdout)
+    assert (told["records"], told["left_out"]) == (6, {"trained on": 54})
     pytest.importorskip("xarray")
     data = maps.to_xarray()
     assert data.dims == ("record", "depth_y", "depth_x") and data.attrs["units"] == "m" and float(data.depth_y[0]) > 0

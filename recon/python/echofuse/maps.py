@@ -10,10 +10,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 
-def save_maps(folder: str | pathlib.Path, depth_m: ArrayLike, index: ArrayLike) -> None:
-    """Writes maps [n, N, N] (metres, NaN: no return) of the records with these indices [n]."""
+def save_maps(folder: str | pathlib.Path, depth_m: ArrayLike, index: ArrayLike,
+              origin: str = "") -> None:
+    """Writes maps [n, N, N] (metres, NaN: no return) of the records with these indices [n]. origin:
+    the text of run.txt; without it the folder names no run."""
     folder = pathlib.Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
+    (folder / "run.txt").unlink(missing_ok=True)
+    if origin:
+        (folder / "run.txt").write_text(origin)
     np.save(folder / "maps.npy", np.ascontiguousarray(depth_m, "<f4"))
     with open(folder / "records.csv", "w", newline="") as file:
         out = csv.writer(file, lineterminator="\n")

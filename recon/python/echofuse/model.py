@@ -18,6 +18,7 @@ from .crc32c import crc32c
 from .maps import save_maps
 from .method import Method
 from .response import MUCH_NARROWER, Response, filter_between, filtered, stated_in
+from .run_files import printable
 from .zones import summed
 
 
@@ -127,6 +128,7 @@ class Maps:
     depth_y: NDArray[np.float64]  #: y / z [N], upwards: from the top row down
     inputs: list[str]  #: of the estimator that answered [n]: fused, fused-profile, spd, radar
     half_tangent: float  #: of the edges of the field
+    origin: str = ""  #: text of run.txt (recon/use/written_maps.hpp)
 
     def __len__(self) -> int:
         return len(self.index)
@@ -147,9 +149,9 @@ class Maps:
                                 ("record", "depth_y", "depth_x"), "depth_m", {"units": "m"})
 
     def save(self, folder: str | pathlib.Path) -> None:
-        """Writes FOLDER/maps.npy and FOLDER/records.csv, which `echofuse-recon evaluate --maps`
+        """Writes FOLDER/maps.npy, records.csv and run.txt, which `echofuse-recon evaluate --maps`
         reads."""
-        save_maps(folder, self.depth_m, self.index)
+        save_maps(folder, self.depth_m, self.index, self.origin)
 
 
 class Model:
@@ -163,6 +165,8 @@ class Model:
         self.response = (Response(facts["response/cell_m"],
                                   tuple(tensors["response/taps"].ravel().tolist()))
                          if facts.get("response/known") else None)
+        #: of each record of the training: its run, its index, its part (2: held out)
+        self.split = {key: tensors[f"split/{key}"].ravel() for key in ("run", "index", "part")}
         self.any_response = bool(facts["response/any"])  #: much narrower runs are taken as they are
         self.estimators = [Estimator(tensors, facts, f"{k}/") for k in range(facts["estimators"])]
 
@@ -240,7 +244,18 @@ class Model:
         depth_m = np.minimum(np.where(maps[seen] > 0, maps[seen], np.float32(np.nan)),
                              np.float32(first.f["scene/map_z_max_m"]))
         return Maps(depth_m, run.index[seen], pixel, -pixel,
-                    [self.estimators[k].inputs for k in by[seen]], half)
+                    [self.estimators[k].inputs for k in by[seen]], half, self._origin(run))
+
+    def _origin(self, run: runs.Run | Arrays) -> str:
+        """The run, and its records that trained this model."""
+        if isinstance(run, Arrays):
+            return ""
+        uuid = run.info["uuid"]
+        known = np.array([self.facts[f"split/run/{k}"] == uuid
+                          for k in range(self.facts["split/runs"])], bool)
+        index = self.split["index"][known[self.split["run"]] & (self.split["part"] < 2)]
+        trained = "trained on records " + ",".join(map(str, index)) + "\n" if len(index) else ""
+        return f"{uuid}\n{printable(str(run.path))}\n{trained}"
 
 
 def same(table: NDArray[np.float32]) -> NDArray[np.bool_]:
