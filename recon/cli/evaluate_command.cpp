@@ -171,7 +171,8 @@ ExitCode evaluate_models(const Arguments& a, const Common& common) {
     const std::string name = std::filesystem::path(a.files[k]).stem().string();
     if (!judge) judge = judge_of(model, records.data);
     Evaluation e = evaluate(model, records, rows, title("scoring " + name), judge);
-    e.left_out += whole.size() - rows.size();
+    if (const std::size_t lacking = whole.size() - rows.size(); lacking > 0)
+      e.left_out += lacking, e.faults["a sensor of another model missing"] += lacking;
     if (k == 0)
       e.baselines = score_baselines(data, rows, judge->scene, trained_on,
                                     a.train.empty() ? model.rows_of(trained_on, Part::train)

@@ -203,9 +203,11 @@ class Appender {  // appends one run to a Dataset
     }
     return out;
   }
-  // Returns 0 for a histogram that a photon or two could repeat by chance.
+  // Returns 0 for a histogram that another record could repeat by chance. Two draws of the same
+  // light agree in a bin of n counts with a probability of 1 / (2 sqrt(pi n)).
   static std::int64_t hash_of(const record::FusedRecord& r) {
     constexpr double least_clicks = 100;  // above the background
+    constexpr double most_log_chance = -30;
     if (!r.has(Sensor::spd)) return r.radar.empty() ? 0 : hash_of_words(r.radar);
     const std::string kind = record::verdict_kind(r.sync[Sensor::spd].verdict);
     if (kind == "weak" || kind == "stands still") return 0;
@@ -216,7 +218,11 @@ class Appender {  // appends one run to a Dataset
     std::vector<float> values(counts.begin(), counts.end());
     const double clicks = std::accumulate(values.begin(), values.end(), 0.0);
     const double background = double{quantile(values, 0.5)} * static_cast<double>(values.size());
-    return clicks - background < least_clicks ? 0 : hash_of_words(counts);
+    double log_chance = 0;
+    for (const float n : values)
+      if (n > 0) log_chance -= std::log(4 * M_PI * double{n}) / 2;
+    const bool known = clicks - background >= least_clicks && log_chance <= most_log_chance;
+    return known ? hash_of_words(counts) : 0;
   }
   // FNV-1a over words instead of bytes.
   template <class Words>

@@ -48,20 +48,13 @@ double correlation(const std::vector<double>& a, const std::vector<double>& b) {
 
 double fisher_z(double correlation) { return std::atanh(std::clamp(correlation, -0.999, 0.999)); }
 
-}  // namespace
-
-std::string late_truth(const Dataset& data) {
-  if (data.spd_axis.count == 0 || data.depth.cols == 0) return {};
-  std::vector<double> range(data.size(), NAN), depth(data.size(), NAN);
-  for (std::size_t row = 0; row < data.size(); ++row) {
-    if (data.has(row, Sensor::spd) && data.doubt_of(row, Inputs::spd, false).empty())
-      range[row] = mean_bin(data.spd.row(row));
-    if (data.sound_depth(row)) depth[row] = mean_depth(data.depth.row(row));
-  }
+// Returns the line of one run, or nothing. `range` and `depth` have a value for each row.
+std::string late_truth_of(const Dataset& data, const Source& run, const std::vector<double>& range,
+                          const std::vector<double>& depth) {
   // The rows of which all three maps are known, so that the lags are compared on the same rows.
   std::vector<double> ranges;
   std::vector<std::vector<double>> depths(3);
-  for (std::size_t row = 1; row + 1 < data.size(); ++row) {
+  for (std::size_t row = run.first + 1; row + 1 < run.first + run.count; ++row) {
     const auto follows = [&](std::size_t i) { return data.index[i] + 1 == data.index[i + 1]; };
     if (!follows(row - 1) || !follows(row) || std::isnan(range[row]) ||
         std::isnan(depth[row - 1] + depth[row] + depth[row + 1]))
@@ -74,11 +67,28 @@ std::string late_truth(const Dataset& data) {
                after = correlation(ranges, depths[2]), best = std::max(before, after);
   const double error = std::sqrt(2 / static_cast<double>(ranges.size() - 3));
   if (best < least_correlation || fisher_z(best) - fisher_z(own) < clear * error) return {};
-  return (data.sources.empty() ? "run" : printable(data.sources.front().path)) +
+  return printable(run.path) +
          formatted(
              ": the histogram's range fits the depth map of the record %s (correlation %.2f) "
              "better than its own (%.2f): the maps are one record %s; shift them by one",
              after > before ? "after" : "before", best, own, after > before ? "late" : "early");
+}
+
+}  // namespace
+
+std::string late_truth(const Dataset& data) {
+  if (data.spd_axis.count == 0 || data.depth.cols == 0) return {};
+  std::vector<double> range(data.size(), NAN), depth(data.size(), NAN);
+  for (std::size_t row = 0; row < data.size(); ++row) {
+    if (data.has(row, Sensor::spd) && data.doubt_of(row, Inputs::spd, false).empty())
+      range[row] = mean_bin(data.spd.row(row));
+    if (data.sound_depth(row)) depth[row] = mean_depth(data.depth.row(row));
+  }
+  std::string out;
+  for (const Source& run : data.sources)
+    if (const std::string line = late_truth_of(data, run, range, depth); !line.empty())
+      out += (out.empty() ? "" : "\n") + line;
+  return out;
 }
 
 }  // namespace echofuse::recon

@@ -251,22 +251,22 @@ Evaluation evaluate(const TrainedModel& model, const Records& records, const Row
   out.antennas = records.antennas, out.response = records.response;
   out.ranges = records.ranges;
   out.late_truth = late_truth(data);
-  out.domain_shift = model.knows(data)
-                         ? domain_shift_of(model, part_of(data, model.rows_of(data, Part::test)))
-                         : domain_shift_of(model, data);
+  out.domain_shift = domain_shift_of(model, data);
   if (!data.sources.empty())
     out.tested = data.sources.front().path + (model.knows(data) ? ", held-out records: " : ": ");
   for (const std::size_t row : rows)
     if (const std::string note = model.note_of(data, row); !note.empty()) ++out.fallbacks[note];
-  out.left_out = data.damaged.size();
+  if (!data.damaged.empty()) out.faults["damaged"] = data.damaged.size();
   if (!model.knows(data)) {
     for (const std::size_t row : with_depth(data))
-      out.left_out += !model.fault_of(data, row).empty();
+      if (!model.fault_of(data, row).empty())
+        ++out.faults[data.has_inputs(row, out.inputs) ? dead_record : "a sensor missing"];
     out.trained_on = model.rows_trained_on(data).size();
     out.of = data.size();
   }
   out.twice = static_cast<std::size_t>(
       std::ranges::count(left_out_of_evaluation(model, data, false), twice_in_run));
+  for (const auto& [why, count] : out.faults) out.left_out += count;
   score_predictions(model, records, rows, title, out);
   add_doubtful(model, records, out);
   out.two_people = count_two_people(out, data);
@@ -274,9 +274,15 @@ Evaluation evaluate(const TrainedModel& model, const Records& records, const Row
 }
 
 std::vector<ScoredRow> score_baselines(const Dataset& data, const Rows& rows, const Scene& scene,
-                                       const Dataset& neighbours_data, const Rows& neighbours,
+                                       const Dataset& neighbours_data, Rows neighbours,
                                        const std::string& title) {
   const auto inputs = common_inputs(data, neighbours_data);
+  std::set<std::int64_t> judged;
+  for (const std::size_t row : rows)
+    if (!data.content.empty() && data.content[row] != 0) judged.insert(data.content[row]);
+  std::erase_if(neighbours, [&](std::size_t row) {
+    return !neighbours_data.content.empty() && judged.contains(neighbours_data.content[row]);
+  });
   const bool with_nearest = !neighbours.empty() && inputs;
   Progress progress(title, with_nearest ? 3 : 2, title.empty());
   const auto scored = [&](const Matrix& maps) {

@@ -59,7 +59,9 @@ struct Evaluation {
   std::vector<MapScores> scores;
   std::vector<PredictionUncertainty> uncertainties;
   std::map<std::string, std::size_t> fallbacks;  // records for each TrainedModel::note_of
-  std::size_t left_out = 0;  // records of a fresh run with depth, of which no map can be made
+  // Records of a fresh run with depth, of which no map can be made: all, and by reason.
+  std::size_t left_out = 0;
+  std::map<std::string, std::size_t> faults = {};
   // Records of a fresh run that the model was trained on as those of another run, out of `of`. Left
   // out unless all are judged.
   std::size_t trained_on = 0, of = 0;
@@ -102,9 +104,10 @@ Evaluation evaluate(const TrainedModel& model, const Records& records, const Row
 
 // Scores what needs no model: the empty room, the mean map, and the map of the nearest of the
 // neighbours. Finds the nearest one by the sensors that both data sets have on the same axes, in
-// the scaling "record". Leaves it out if there are no neighbours. `title` as above.
+// the scaling "record". No copy of a judged record is a neighbour. Leaves it out if there are no
+// neighbours. `title` as above.
 std::vector<ScoredRow> score_baselines(const Dataset& data, const Rows& rows, const Scene& scene,
-                                       const Dataset& neighbours_data, const Rows& neighbours,
+                                       const Dataset& neighbours_data, Rows neighbours,
                                        const std::string& title = {});
 
 RunningCost measure_cost(const TrainedModel& model, const Dataset& data, const Rows& rows,
@@ -120,8 +123,7 @@ std::string mirrored_truth(const Summaries& metrics);
 // Returns the metrics as aligned rows of text, lengths in metres.
 std::string to_table(const std::vector<ScoredRow>& rows);
 std::string to_text(const Evaluation& evaluation);
-// Returns the notes needed to read the scores (antennas, fallbacks, records left out): a line each,
-// or empty.
+// Returns all sentences about the run and its scores but the figures: a line each, or empty.
 std::string notes(const Evaluation& evaluation);
 // Returns one line.
 std::string to_text(const std::optional<UncertaintyCalibration>& calibration);

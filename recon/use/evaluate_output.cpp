@@ -13,6 +13,11 @@ namespace {
 
 using nlohmann::json;
 
+std::string to_text(const TwoPeopleSeen& two) {
+  if (two.records == 0) return "";
+  return formatted("%zu of %zu records of two people are flagged", two.flagged, two.records);
+}
+
 json number(double value) { return std::isnan(value) ? json(nullptr) : json(value); }
 
 json metrics_json(const Summaries& metrics) {
@@ -56,7 +61,8 @@ json to_json(const Evaluation& e) {
   if (!e.doubtful.empty())
     out["doubtful"] = {{"records", e.doubtful}, {"metrics", metrics_json(e.with_doubtful)}};
   if (const TwoPeopleSeen& two = e.two_people; two.records > 0)
-    out["two_people"] = {{"records", two.records}, {"flagged", two.flagged}};
+    out["two_people"] = {
+        {"records", two.records}, {"flagged", two.flagged}, {"text", to_text(two)}};
   if (e.domain_shift.tested())
     out["domain_shift"] = {
         {"p", e.domain_shift.p},           {"records", e.domain_shift.records},
@@ -112,11 +118,6 @@ std::string to_text(const std::optional<UncertaintyCalibration>& c) {
                        100 * c->flagged, c->error_m, c->deviation_m);
 }
 
-std::string to_text(const TwoPeopleSeen& two) {
-  if (two.records == 0) return "";
-  return formatted("%zu of %zu records of two people are flagged\n", two.flagged, two.records);
-}
-
 std::string mirrored_truth(const Summaries& metrics) {
   constexpr std::size_t least_maps = 10;
   constexpr double most_share = 0.1;  // a model that knows no side has 0.5
@@ -134,13 +135,16 @@ std::string notes(const Evaluation& e) {
     if (!fault.empty()) out += fault + '\n';
   if (!e.judge.note.empty()) out += e.judge.note + '\n';
   if (!e.judge.scene.has_body()) out += std::string(no_body) + '\n';
-  if (!e.antennas.empty()) out += e.antennas + '\n';
-  if (!e.response.empty()) out += e.response + '\n';
+  for (const std::string& remark : {e.antennas, e.response, e.ranges, to_text(e.two_people)})
+    if (!remark.empty()) out += remark + '\n';
   for (const auto& [note, records] : e.fallbacks)
     out += formatted("%zu records: %s\n", records, note.c_str());
-  if (e.left_out > 0)
-    out += formatted("%zu records with depth left out: damaged, or a sensor missing or dead\n",
-                     e.left_out);
+  if (e.left_out > 0) {
+    out += formatted("%zu records with depth left out: ", e.left_out);
+    for (std::string separator; const auto& [why, count] : e.faults)
+      out += separator + formatted("%s %zu", why.c_str(), count), separator = ", ";
+    out += '\n';
+  }
   if (e.twice > 0) out += formatted("records left out: %s %zu\n", twice_in_run, e.twice);
   if (e.trained_on > 0)
     out += formatted("%zu of %zu records are copies of records that the model was trained on%s\n",
@@ -173,7 +177,7 @@ std::string to_text(const Evaluation& e) {
              e.cost.infer_us_p99) +
          formatted("trained in %.1f s, model file %.1f MB\n", e.cost.train_s,
                    static_cast<double>(e.cost.model_bytes) / 1e6) +
-         to_text(e.calibration) + (e.ranges.empty() ? "" : e.ranges + '\n') + to_text(e.two_people);
+         to_text(e.calibration);
 }
 
 }  // namespace echofuse::recon

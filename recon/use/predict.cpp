@@ -5,6 +5,7 @@
 #include <bit>
 #include <cmath>
 #include <cstdint>
+#include <iterator>
 #include <limits>
 #include <map>
 #include <tuple>
@@ -110,8 +111,27 @@ Records prepare_records(const TrainedModel& model, Dataset recorded, double rang
   return out;
 }
 
-DomainShift domain_shift_of(const TrainedModel& model, const Dataset& data) {
+namespace {
+
+Rows unseen_rows(const TrainedModel& model, const Dataset& data) {
+  if (model.knows(data)) return model.rows_of(data, Part::test);
+  Rows out;
+  std::ranges::set_difference(all_rows(data.size()), model.rows_trained_on(data),
+                              std::back_inserter(out));
+  return out;
+}
+
+}  // namespace
+
+DomainShift domain_shift_of(const TrainedModel& model, const Dataset& run) {
   constexpr std::size_t most_judged = 200;
+  const Rows rows = unseen_rows(model, run);
+  Dataset part;
+  if (rows.size() < run.size()) {
+    part = part_of(run, rows);
+    if (run.sources.size() == 1) part.sources = run.sources, part.sources[0].count = rows.size();
+  }
+  const Dataset& data = rows.size() < run.size() ? part : run;
   const Estimator& by = model.for_run(data);
   const Rows all = all_rows(data.size());
   DomainShift out = by.domain.judge(by.alignment, data, by.views(data, all, true));

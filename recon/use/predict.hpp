@@ -17,7 +17,9 @@ struct Records {
   std::string ranges;    // assumptions of the intervals without a calibration, or empty
 };
 
-// Tells whether the records as a whole are unlike the model's training records.
+// Tells whether the records as a whole are unlike the model's training records. Of a run that the
+// model was trained on it takes the records that training held out; of another run it leaves out
+// copies of training records.
 DomainShift domain_shift_of(const TrainedModel& model, const Dataset& data);
 
 // Prepares recorded runs (load_recorded, load_part) or changed records for TrainedModel::for_run.

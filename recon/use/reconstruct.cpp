@@ -55,6 +55,30 @@ std::set<std::int64_t> indices_of(const std::string& text) {
   return out;
 }
 
+// Indices of the run's records that trained the model, as far as their numbers tell.
+std::set<std::int64_t> trained_on(const TrainedModel& model, const std::string& uuid) {
+  std::set<std::int64_t> out;
+  for (std::size_t i = 0; i < model.seen.index.size(); ++i)
+    if (model.seen.runs[model.seen.run[i]] == uuid &&
+        model.seen.part[i] != static_cast<std::uint8_t>(Part::test))
+      out.insert(model.seen.index[i]);
+  return out;
+}
+
+// Writes OUT/run.txt, which names the run of the maps and its records that trained the model.
+void mark(const ReconstructOptions& options, const TrainedModel& model,
+          const record::RunReader& run, const std::set<std::int64_t>& trained) {
+  std::string numbers;
+  for (const std::int64_t index : trained)
+    numbers += (numbers.empty() ? trained_on_records : ",") + std::to_string(index);
+  write_atomically(options.out + "/run.txt",
+                   run.info().uuid + "\n" + printable(run.path()) + "\n" + numbers +
+                       (numbers.empty() ? "" : "\n") + calibration_of(model) + "\n" +
+                       (options.range_offset_m == 0
+                            ? ""
+                            : formatted("range offset %.9g m\n", options.range_offset_m)));
+}
+
 class StatusTable {
  public:
   explicit StatusTable(const std::string& path) : path_(path) {
@@ -176,6 +200,11 @@ void Reconstruction::take_all(const record::RunReader& run) {
   Progress progress("reconstructing", count, options_.quiet);
   const Records records = prepare_records(model_, read(run, count), options_.range_offset_m);
   const Rows rows = take_rows_asked(records.data);
+  // Copies of training records under another name have the counts of those.
+  std::set<std::int64_t> trained = trained_on(model_, run.info().uuid);
+  for (const std::size_t row : model_.rows_trained_on(records.data))
+    trained.insert(records.data.index[row]);
+  mark(options_, model_, run, trained);
   // Threads: this one judges the run, then writes a part; others make the next maps and pictures.
   const std::size_t ahead = std::max(2u, usable_cores());
   std::deque<std::future<Made>> next;
@@ -279,20 +308,6 @@ void Reconstruction::time(RecordStatus& status, HostTime slot_end) const {
   status.after_reading_s = seconds(clock_.now() - read_);
 }
 
-// Returns the text of OUT/run.txt, which names the run of the maps.
-std::string marker_of(const std::string& path, const std::string& uuid, const TrainedModel& model,
-                      double range_offset_m) {
-  std::string trained_on;
-  for (std::size_t i = 0; i < model.seen.index.size(); ++i)
-    if (model.seen.runs[model.seen.run[i]] == uuid &&
-        model.seen.part[i] != static_cast<std::uint8_t>(Part::test))
-      trained_on +=
-          (trained_on.empty() ? trained_on_records : ",") + std::to_string(model.seen.index[i]);
-  return uuid + "\n" + printable(path) + "\n" + trained_on + (trained_on.empty() ? "" : "\n") +
-         calibration_of(model) + "\n" +
-         (range_offset_m == 0 ? "" : formatted("range offset %.9g m\n", range_offset_m));
-}
-
 // Refuses a folder with maps of another run, which would stay among the new ones unnoticed.
 void require_folder(const ReconstructOptions& options, const std::string& uuid) {
   const std::string marker = options.out + "/run.txt";
@@ -316,10 +331,13 @@ void reconstruct(const TrainedModel& model, const std::string& path,
   if (wants_uncertainty(options)) require_uncertainty(model);
   if (options.rows != "test") indices_of(options.rows);  // refused before anything is made
   const std::string file = record::old_run(path);
-  const std::string uuid = record::RunReader(file).info().uuid;
-  require_folder(options, uuid);  // refused before it changes
-  make_folder(options.out);
-  write_atomically(options.out + "/run.txt", marker_of(path, uuid, model, options.range_offset_m));
+  {
+    const record::RunReader run(file);
+    const std::string uuid = run.info().uuid;
+    require_folder(options, uuid);  // refused before it changes
+    make_folder(options.out);
+    mark(options, model, run, trained_on(model, uuid));
+  }
   Reconstruction work(model, options);
   if (!options.follow) work.take_all(record::RunReader(file));
   while (options.follow && !interrupted()) {

@@ -103,10 +103,12 @@ Rows TrainedModel::rows_trained_on(const Dataset& data) const {
   for (std::size_t i = 0; i < seen.hash.size(); ++i)
     if (seen.part[i] != static_cast<std::uint8_t>(Part::test)) known.insert(seen.hash[i]);
   known.erase(0);
-  Rows rows;
+  std::set<std::size_t> rows;
   for (std::size_t row = 0; row < data.content.size(); ++row)
-    if (known.contains(data.content[row])) rows.push_back(row);
-  return rows;
+    if (known.contains(data.content[row])) rows.insert(row);
+  for (const Part part : {Part::train, Part::validation})
+    for (const std::size_t row : rows_of(data, part)) rows.insert(row);
+  return {rows.begin(), rows.end()};
 }
 
 Rows TrainedModel::rows_of(const Dataset& data, Part part) const {

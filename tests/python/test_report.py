@@ -186,6 +186,31 @@ def test_a_run_that_lost_a_sensor_says_when(here, tmp_path):
     assert of_kind(page_of(tmp_path)["of"]["live"], "strips")["gaps"]["radar"] == [[120.0, 180.0]]
 
 
+def test_the_report_repeats_every_sentence_of_evaluate(here, tmp_path):
+    shutil.copy(here / "fresh.sqlite", tmp_path / "odd.sqlite")
+    with sqlite3.connect(tmp_path / "odd.sqlite") as db:
+        db.execute("UPDATE record SET depth_verdict = 'stands still: the same', depth = (SELECT depth FROM record WHERE idx = 0) WHERE idx < 25")
+        db.execute("UPDATE record SET valid = valid - 2 WHERE idx = 40")
+        db.execute("UPDATE record SET spd = (SELECT spd FROM record WHERE idx = 51) WHERE idx = 50")
+    db.close()
+    said_by_evaluate = evaluated(here / "body", tmp_path / "odd.sqlite")["notes"].splitlines()
+    for part in ("camera frozen 25; with them IoU", "twice in the run 1", "1 records with depth left out: a sensor missing 1"):
+        assert any(part in line for line in said_by_evaluate), said_by_evaluate
+    code, said = report(tmp_path, "--run", tmp_path / "odd.sqlite", "--model", here / "body")
+    assert code == 0, said
+    page = json.dumps(page_of(tmp_path), ensure_ascii=False)
+    assert [line for line in said_by_evaluate if line not in said or line not in page] == []
+
+
+def test_a_run_of_doubtful_records_only_is_refused(here, tmp_path):
+    shutil.copy(here / "fresh.sqlite", tmp_path / "frozen.sqlite")
+    with sqlite3.connect(tmp_path / "frozen.sqlite") as db:
+        db.execute("UPDATE record SET depth_verdict = 'stands still: the same'")
+    db.close()
+    code, said = report(tmp_path / "page", "--run", tmp_path / "frozen.sqlite", "--model", here / "body")
+    assert code == 1 and "60 of 60 records left out: camera frozen 60" in said and not (tmp_path / "page/report.html").exists()
+
+
 def test_a_record_that_cannot_be_read_is_named_on_the_page(here, tmp_path):
     """Record 30 is the one in the middle, which the page shows."""
     shutil.copy(here / "fresh.sqlite", tmp_path / "bad.sqlite")

@@ -241,3 +241,20 @@ TEST_CASE("like runs are seldom called unlike, by references of few records and 
     CHECK(below_5_percent <= 5);  // out of 30; more by chance once in 300 times
   }
 }
+
+TEST_CASE("records that trained the model do not show whether a run is like the training") {
+  const Folder dir;
+  write_run(dir / "a", 300, 1), write_run(dir / "more", 360, 1);
+  write_run(dir / "copies", 300, 1, [](record::FusedRecord& r) { r.label = "other"; });
+  REQUIRE(recon_program("train -q --model ridge --set fallback=false " + (dir / "a") + " --out " +
+                        (dir / "m"))
+              .code == 0);
+  const TrainedModel model = load_model(dir / "m");
+  CHECK(shift_of(model, load_recorded({dir / "a"})).records == 30);
+  CHECK(shift_of(model, load_recorded({dir / "more"})).records == 60 + 30);
+  CHECK(shift_of(model, load_recorded({dir / "copies"})).records == 30);
+  CHECK_THAT(recon_program("evaluate -q " + (dir / "m") + " " + (dir / "a")).text,
+             Catch::Contains("\n" + (dir / "a") + ", held-out records: this run is "));
+  CHECK_THAT(recon_program("evaluate -q " + (dir / "m") + " " + (dir / "more")).text,
+             Catch::Contains("\n" + (dir / "more") + ": this run is "));
+}

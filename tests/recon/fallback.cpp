@@ -127,5 +127,5 @@ TEST_CASE("records that no map can be made of are not scored, and the user is to
   CHECK(json["fallback_records"] == 1);
   CHECK(json["left_out"] == 2);
   CHECK_THAT(recon_program("evaluate " + (dir / "m") + " " + (dir / "live")).text,
-             Catch::Contains("2 records with depth left out"));
+             Catch::Contains("2 records with depth left out: a sensor missing "));
 }

@@ -253,9 +253,9 @@ class Report:
                                            for scores in live]
         return [*fails(self.problems), tables.failures_table(self.modes[0]),
                 tables.stated_table(rows),
-                *(paragraph(f"Scored run: {text}.") for text in tables.remarks_of(self.first)),
+                *(paragraph(f"Scored run: {text}.") for text in self.first.remarks),
                 *(paragraph(f"Recorded run: {text}.") for scores in live
-                  for text in tables.remarks_of(scores))]
+                  for text in scores.remarks)]
 
     def live_blocks(self) -> list[Block]:
         between, last = [], len(self.main) - 1
@@ -380,7 +380,7 @@ def main() -> None:
             sys.exit(130)
         print(f"echofuse-report: {printable(str(error))}", file=sys.stderr)
         sys.exit(getattr(error, "code", 1))
-    remarks = tables.remarks_of(report.first) if report.modes else []
+    remarks = report.first.remarks if report.modes else []
     print("\n".join(map(printable, (report.verdict, *report.problems, *remarks, str(report.page)))))
 
 

@@ -90,9 +90,19 @@ class Scores:
         return self.told.get("domain_shift") or {}
 
     @property
+    def remarks(self) -> list[str]:
+        """Sentences of `evaluate` that are no failure: a run like the training, assumptions."""
+        found = [*(self.told.get(key) for key in ("note", "antennas", "response", "ranges")),
+                 self.told.get("two_people", {}).get("text")]
+        return [text for text in ("" if self.shift.get("found") else self.shift.get("text"),
+                                  *found) if text]
+
+    @property
     def notes(self) -> list[str]:
-        """Sentences of `evaluate` but that about the run as a whole."""
-        return [line for line in self.told["notes"].splitlines() if line != self.shift.get("text")]
+        """All other sentences of `evaluate`: records left out, a truth that contradicts the
+        sensors."""
+        told = [self.shift.get("text"), *self.remarks]
+        return [line for line in self.told["notes"].splitlines() if line not in told]
 
     @property
     def kept(self) -> Count:

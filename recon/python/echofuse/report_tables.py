@@ -131,11 +131,6 @@ def problems_of(scores: Scores) -> list[str]:
     return out
 
 
-def remarks_of(scores: Scores) -> list[str]:
-    """Remarks that are no failure: a run like the training."""
-    return [scores.shift["text"]] if scores.shift and not scores.shift["found"] else []
-
-
 # Tables
 
 
