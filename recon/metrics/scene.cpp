@@ -12,7 +12,9 @@ namespace echofuse::recon {
 namespace {
 
 constexpr float foreground_step_m = 0.1f;
-constexpr double most_behind = 0.25;  // share of the metres off the background
+constexpr double most_behind = 0.25;     // share of the metres off the background
+constexpr float nearest_share = 0.125f;  // share of the mean foreground depth: no body is nearer
+constexpr double most_nearer = 0.1;      // share of a map's values
 
 std::vector<float> median_map(const Matrix& depth, const Rows& rows) {
   // A thousand maps place the median as well as all of them would.
@@ -90,6 +92,16 @@ void archive(Archive archive, Scene& scene) {
   }
 }
 
+bool holds_returns(std::span<const float> map, const Scene& scene) {
+  const float nearest_m = nearest_share * scene.foreground_depth_m;
+  std::size_t values = 0, nearer = 0;
+  for (std::size_t p = 0; p < map.size(); ++p) {
+    if (scene.background[p] > 0 || !(map[p] > 0)) continue;
+    ++values, nearer += map[p] < nearest_m;
+  }
+  return static_cast<double>(nearer) <= most_nearer * static_cast<double>(values);
+}
+
 namespace {
 
 ECHOFUSE_CLONES void share_of(const float* prediction, const float* background, float depth_m,
@@ -109,6 +121,9 @@ std::vector<float> foreground_share(std::span<const float> prediction, const Sce
   if (!scene.has_body()) return out;
   share_of(prediction.data(), scene.background.data(), scene.foreground_depth_m, out.size(),
            out.data());
+  if (!holds_returns(prediction, scene)) return out;
+  for (std::size_t p = 0; p < out.size(); ++p)
+    if (scene.background[p] <= 0) out[p] = prediction[p] > 0 ? 1 : 0;
   return out;
 }
 

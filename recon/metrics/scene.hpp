@@ -5,8 +5,9 @@
 // A pixel of a true map is foreground if d > 0 and b = 0 or |d - b| > 0.1 m, where b is the
 // background map: the median of the training maps, 0 where a fifth of them has no return.
 // A pixel of a prediction v is foreground if it lies nearer to m, the mean depth of the training
-// foreground, than to b. In the open room b = 0 and m is about 3.5 m, so the rule reads v > 1.75 m.
-// No body stands out if a quarter of what is off the background lies behind it, as when a wall is
+// foreground, than to b. Where b = 0, the rule depends on the map: if it holds returns, v > 0; if
+// it holds expected depths (probability of a return times depth, from a regression), v > m / 2. No
+// body stands out if a quarter of what is off the background lies behind it, as when a wall is
 // moved to and fro. Then nothing is foreground, and the thresholded map is the raw one.
 #pragma once
 #include <cstdint>
@@ -48,9 +49,13 @@ Scene learn_scene(const Matrix& depth, const Rows& rows, const record::MapGrid& 
 
 bool true_foreground(float depth_m, float background_m);
 
+// True if at most a tenth of the map's values without a background are below m / 8. Expected depths
+// have many such values at the edges of a body and in their ripple; returns have none.
+bool holds_returns(std::span<const float> map, const Scene& scene);
+
 // Position of each predicted pixel between background (0) and mean foreground depth (1); above 0.5
 // it is foreground. For a least-squares prediction over an open room it estimates the probability
-// of foreground, but ripple may leave 0..1.
+// of foreground, but ripple may leave 0..1. Returns over an open room give 0 or 1.
 std::vector<float> foreground_share(std::span<const float> prediction, const Scene& scene);
 
 // Returns the prediction as it is shown, stored and compared: clipped to the grid's depths,

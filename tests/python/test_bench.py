@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import echofuse
-from echofuse import bench, derive, letters, stability, tmf8820
+from echofuse import bench, derive, letters, stability
 from echofuse.methods import call
 from echofuse.model import read_safetensors
 from programs import BIN, program
@@ -134,7 +134,25 @@ def test_a_bench_judges_anybodys_method_and_goes_on_where_it_stopped(run, tmp_pa
     before = (tmp_path / "b.csv").read_text()
     bench.fill(again, cells, quiet=True)
     assert (tmp_path / "b.csv").read_text() == before and again.rows.keys() == table.rows.keys()
-    assert "`constant`" in bench.markdown(bench.means(again))
+    text = bench.markdown(bench.means(again))
+    assert "`constant`" in text and "| IoU | depth error |" in text
+
+
+class Truth:
+    def fit(self, known, rows):
+        pass
+
+    def predict(self, fresh):
+        return fresh.maps()
+
+
+def test_the_truth_scores_1_also_with_people_who_stand_nearer_than_in_training(run, tmp_path):
+    near = tmp_path / "near.sqlite"
+    program("echofuse-sim", "dataset", "-q", "--out", near, "--people", 12, "--set", "target_z_min_m=1.2", "--set",
+            "target_z_max_m=1.4")
+    for fresh in (near, run.path):
+        row = bench.measure(bench.python_method("truth", Truth), run.path, fresh)
+        assert row["iou"] == 1 and row["depth_mae_m"] == 0
 
 
 def test_what_no_table_may_hold_ends_the_bench(run, tmp_path):
@@ -233,16 +251,3 @@ def test_letters_are_read_off_true_maps_and_none_off_empty_ones(tmp_path):
 def test_axes_have_one_base(run):
     for axis in stability.Simulated([], 10, 10).axes() + stability.recorded_axes():
         assert sum(world == stability.BASE for world in axis.values.values()) == 1, axis.id
-
-
-def test_rendered_photons_lie_at_the_range_of_the_object():
-    reference = np.zeros(128)
-    reference[14] = 1e5
-    triangles = tmf8820.box(0.05, 0.05, 0.1)
-    pose = np.zeros((4, 4))
-    pose[:3, 0], pose[:3, 1], pose[:3, 2], pose[:3, 3] = (1, 0, 0), (0, -1, 0), (0, 0, -1), (0, 0, 0.3)
-    depth, cosine, height = tmf8820.cast(pose, triangles)
-    truth = tmf8820.truth_of(depth, height, 0)
-    assert np.nanmin(truth) == pytest.approx(0.2) and 30 < np.isfinite(truth).sum() < 400
-    counts = tmf8820.histogram(depth, cosine, np.ones(len(depth)), reference)
-    assert counts.argmax() in (26, 27)  # 0.2 m, and a little more for rays aside: 26.5 bins

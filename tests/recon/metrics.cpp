@@ -34,6 +34,11 @@ Map average(const Map& a, const Map& b) {
   for (std::size_t p = 0; p < out.size(); ++p) out[p] = (a[p] + b[p]) / 2;
   return out;
 }
+// Noise of a regression about a map, away from its plate.
+Map with_ripple(Map map) {
+  for (std::size_t p = 0; p < size * 20; ++p) map[p] = 0.05f;
+  return map;
+}
 Scene room(float background_m = 0, float foreground_m = 3.5f) {
   return {Map(size * size, background_m), Map(size * size, background_m), foreground_m, {}};
 }
@@ -62,7 +67,7 @@ TEST_CASE("the mirror image instead of the truth, and both at once") {
   // From one side to the other: twice the centroid's tangent, at 3.5 m.
   const double tangent = record::MapGrid{}.x().at(6 + 4.5);
   CHECK(wrong[metric_lateral_m] == Approx(2 * std::abs(tangent) * 3.5).epsilon(1e-9));
-  const MapScores both = score(average(truth, ghost), truth, room());
+  const MapScores both = score(with_ripple(average(truth, ghost)), truth, room());
   CHECK(both[metric_ghost] == Approx(0.5).epsilon(1e-12));
   CHECK(std::isnan(both[metric_lateral_m]));  // half a body on either side is no foreground
 }
@@ -71,7 +76,7 @@ TEST_CASE("the place is that of the foreground of the map as it is written") {
   const Map truth = plate(6, 3.5f);
   Map ripple = truth;
   for (std::size_t p = 40; p < 60; ++p) ripple[p] = -30;             // clipped to 0
-  for (std::size_t p = 64 * 60; p < 64 * 64; ++p) ripple[p] = 1.7f;  // no foreground
+  for (std::size_t p = 64 * 60; p < 64 * 64; ++p) ripple[p] = 0.4f;  // no foreground
   const MapScores s = score(ripple, truth, room());
   CHECK(s[metric_lateral_m] == Approx(0).margin(1e-12));
   CHECK(s[metric_ghost] == 0);
@@ -103,10 +108,24 @@ TEST_CASE("IoU, RMSE and depth errors of a shifted and nearer plate") {
   CHECK(s[metric_delta_125] == Approx(0.5));  // 3.5 / 3.0 < 1.25, and half is missed
 }
 
-TEST_CASE("in the open room the mask of a prediction is what lies beyond half the mean depth") {
+TEST_CASE("in the open room expected depths are foreground beyond half the mean depth") {
   const Map truth = plate(10, 3.5f);
-  CHECK(score(plate(10, 1.76f), truth, room())[metric_iou] == 1);
-  CHECK(score(plate(10, 1.74f), truth, room())[metric_iou] == 0);
+  CHECK(score(with_ripple(plate(10, 1.76f)), truth, room())[metric_iou] == 1);
+  CHECK(std::isnan(score(with_ripple(plate(10, 1.74f)), truth, room())[metric_lateral_m]));
+}
+
+TEST_CASE("in the open room every return is foreground, so the truth of a near body scores 1") {
+  for (const float depth_m : {0.6f, 1.2f, 1.4f, 1.74f, 5.5f}) {
+    const Map near = plate(10, depth_m);
+    CHECK(score(near, near, room())[metric_iou] == 1);
+    CHECK(thresholded_map(near, room()) == near);
+  }
+  // Two bodies, one in front, and a view that a near body fills.
+  Map two = plate(6, 1.2f);
+  const Map behind = plate(30, 5.2f), all(size * size, 1.3f);
+  for (std::size_t p = 0; p < two.size(); ++p) two[p] += behind[p];
+  CHECK(score(two, two, room())[metric_iou] == 1);
+  CHECK(score(all, all, room())[metric_iou] == 1);
 }
 
 TEST_CASE("a fixed background is not foreground") {

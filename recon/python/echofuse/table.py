@@ -260,8 +260,8 @@ def means(table: Table, axis: str = "model") -> list[Row]:
 
 def markdown(rows: Sequence[Row]) -> str:
     """A table for a README: rows of equal inputs together."""
-    head = ("inputs", "method", "IoU", "SSIM on the foreground", "lateral error", "mirror fraction",
-            "multiply-adds", "time of a map")
+    head = ("inputs", "method", "IoU", "depth error", "SSIM on the foreground", "lateral error",
+            "mirror fraction", "multiply-adds", "time of a map")
     lines = ["| " + " | ".join(head) + " |", "|---" * len(head) + "|"]
     order = {"-": 0, "fused": 1, "fused-profile": 2, "spd": 3, "radar": 4}
 
@@ -275,7 +275,9 @@ def markdown(rows: Sequence[Row]) -> str:
     for row in sorted(rows, key=lambda row: order.get(row["inputs"], 9)):
         cost = ("" if np.isnan(row["multiply_adds"])
                 else f"{row['multiply_adds']:,.0f}".replace(",", " "))
-        lines.append("| " + " | ".join((row["inputs"], f"`{row['model']}`", number(row, "iou", 3),
+        inputs = row["inputs"] + (f", {row['value']}" if row["value"] != "1" else "")
+        lines.append("| " + " | ".join((inputs, f"`{row['model']}`", number(row, "iou", 3),
+                                        number(row, "depth_mae_m", 1, 100, " cm"),
                                         number(row, "ssim_fg", 3),
                                         number(row, "lateral_m", 1, 100, " cm"),
                                         number(row, "ghost", 3), cost,
