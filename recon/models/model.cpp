@@ -33,6 +33,12 @@ const FitOptions network{.hidden = {{512, 256}},
                          .weight_decay = 0.7,
                          .patience = 15,
                          .batch = 64};
+const FitOptions masked{.hidden = {{512, 512}},
+                        .epochs = 30,
+                        .learning_rate = 1e-3,
+                        .weight_decay = 0.1,
+                        .patience = 30,
+                        .batch = 64};
 // From this number of records on the batch is doubled. The maps are as good, and the network is
 // fitted in three quarters of the time. Fewer records need the smaller steps.
 constexpr std::size_t many_records = 3000;
@@ -72,6 +78,7 @@ const std::vector<ModelKind>& model_kinds() {
       {"ridge", make_ridge, inputs, fixed, {}},
       {"pca-mlp", [] { return make_pca(make_mlp()); }, inputs, hidden, with_basis(128, network)},
       {"mlp", make_mlp, inputs, hidden, network},
+      {"mlp-mask", make_mlp_mask, inputs, hidden, masked},
       {"nearest", make_nearest, inputs, basis, with_basis(1)}};
   return kinds;
 }

@@ -79,6 +79,7 @@ std::unique_ptr<Model> make_mean();        // the mean training map
 std::unique_ptr<Model> make_nearest();     // from the maps of the nearest training records
 std::unique_ptr<Model> make_ridge();       // linear, penalty chosen by generalised cross-validation
 std::unique_ptr<Model> make_mlp();         // the paper's plain network
+std::unique_ptr<Model> make_mlp_mask();    // a network with two outputs, mask and depth
 std::unique_ptr<Model> make_pca(std::unique_ptr<Model> inner);  // maps from few components
 std::unique_ptr<Model> make_mean_shape();                       // the mean body, placed
 std::unique_ptr<Model> make_factorised();  // place, and shape in the body's own frame

@@ -97,10 +97,13 @@ void Regression::standardise(const Examples& train, Spread spread,
 
 TrainingLog Regression::fit(const Examples& train, const Examples& validation, Spread spread,
                             const Training& training, const std::string& title, const Told& told) {
-  standardise(train, spread, training.weights);
+  if (training.loss.to_slopes)
+    centre_ = training.loss.centre, spread_ = training.loss.spread, unit_ = 1;
+  else
+    standardise(train, spread, training.weights);
   std::vector<std::size_t> widths{train.inputs.cols};
   widths.insert(widths.end(), training.hidden.begin(), training.hidden.end());
-  widths.push_back(train.targets.cols);
+  widths.push_back(centre_.size());
   network_ = make_network(widths);
   Rng weight_rng = make_rng(training.seed, weight_stream);
   TrainingState s{.parameters = initial_parameters(network_, weight_rng),
@@ -113,12 +116,12 @@ TrainingLog Regression::fit(const Examples& train, const Examples& validation, S
                   .least = most};
   s.best = s.parameters;
   // Weights that never do better than the mean of the targets are not kept.
-  if (!validation.rows.empty()) s.least = rms_error(validation, s.parameters);
+  if (!validation.rows.empty()) s.least = rms_error(validation, training.loss, s.parameters);
   while (s.epoch < training.epochs && s.epoch - s.log.best_epoch < training.patience) {
     train_epoch(train, training, s);
     const bool broken = interrupted();
     if (s.row == 0) break;
-    judge(validation, s, title);
+    judge(validation, training.loss, s, title);
     if (told) told(s.epoch, s.log.validation_loss.back());
     if (broken) break;
   }
@@ -204,13 +207,14 @@ void Regression::train_epoch(const Examples& train, const Training& training, Tr
 }
 
 // Ends the epoch: logs the losses, and keeps the weights if they are the best so far.
-void Regression::judge(const Examples& validation, TrainingState& s, const std::string& title) {
+void Regression::judge(const Examples& validation, const Loss& loss, TrainingState& s,
+                       const std::string& title) {
   const double values = static_cast<double>(std::max<std::size_t>(s.row, 1) * centre_.size());
   s.log.loss.push_back(std::sqrt(s.squares / values) * unit_);
   // Without validation records the last epoch is the best.
   const bool unvalidated = validation.rows.empty();
   const double judged =
-      unvalidated ? -static_cast<double>(s.epoch) : rms_error(validation, s.parameters);
+      unvalidated ? -static_cast<double>(s.epoch) : rms_error(validation, loss, s.parameters);
   // The loss does not yet show the damage of the last step.
   if (!(s.log.loss.back() <= most && judged <= most) || !sound(s.parameters))
     throw Error(ExitCode::failed, title + " diverged in epoch " + std::to_string(s.epoch + 1) +
@@ -242,8 +246,12 @@ double Regression::train_batch(const Examples& train, std::span<const std::size_
     const std::size_t first = part * at_once, last = std::min(first + at_once, rows.size());
     for (std::size_t i = first; i < last; ++i) {
       const auto truth = training.redraw ? batch_targets_.row(i) : train.targets.row(rows[i]);
-      squares[i] = to_slopes({truth.data(), centre_.data(), per_spread.data(), 2 * per_value},
-                             columns, output.data() + i * columns);
+      float* const row = output.data() + i * columns;
+      squares[i] =
+          training.loss.to_slopes
+              ? to_slopes(training.loss, truth, {row, columns}, per_value)
+              : recon::to_slopes({truth.data(), centre_.data(), per_spread.data(), 2 * per_value},
+                                 columns, row);
     }
   });
   backward(network_, s.parameters, x, rows.size(), activations_, gradient_);
@@ -267,9 +275,23 @@ Matrix Regression::outputs_of(const Matrix& inputs, const std::vector<float>& pa
   return out;
 }
 
-double Regression::rms_error(const Examples& examples, const std::vector<float>& parameters) const {
-  const Matrix found = outputs_of(take_rows(examples.inputs, examples.rows), parameters);
+// Returns the loss of a row of the network's outputs, and puts its slopes in their place.
+double Regression::to_slopes(const Loss& loss, std::span<const float> target,
+                             std::span<float> outputs, float times) const {
+  for (std::size_t c = 0; c < outputs.size(); ++c)
+    outputs[c] = centre_[c] + spread_[c] * outputs[c];
+  const double value = loss.to_slopes(target, outputs);
+  for (std::size_t c = 0; c < outputs.size(); ++c) outputs[c] *= spread_[c] * times;
+  return value;
+}
+
+double Regression::rms_error(const Examples& examples, const Loss& loss,
+                             const std::vector<float>& parameters) const {
+  Matrix found = outputs_of(take_rows(examples.inputs, examples.rows), parameters);
   double sum = 0;
+  for (std::size_t i = 0; i < found.rows && loss.to_slopes; ++i)
+    sum += loss.to_slopes(examples.targets.row(examples.rows[i]), found.row(i));
+  if (loss.to_slopes) return std::sqrt(sum / static_cast<double>(found.values.size()));
   for (std::size_t i = 0; i < found.rows; ++i)
     for (std::size_t c = 0; c < found.cols; ++c)
       sum += square((double{found.row(i)[c]} - double{examples.targets.row(examples.rows[i])[c]}) /

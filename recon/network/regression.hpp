@@ -31,6 +31,13 @@ enum class Spread : bool { common, each };
 using Redraw = std::function<void(std::span<const std::size_t> rows, Matrix& inputs,
                                   Matrix& targets, Rng& rng)>;
 
+// A loss takes the place of the squared error between outputs and targets.
+struct Loss {
+  std::vector<float> centre, spread;  // an output is centre + spread x that of the network
+  // Replaces the outputs by the loss's slopes and returns the loss. Threading: any thread.
+  std::function<double(std::span<const float> target, std::span<float> outputs)> to_slopes;
+};
+
 struct Training {
   std::vector<std::size_t> hidden;  // width of each hidden layer
   std::size_t epochs, patience;
@@ -41,6 +48,7 @@ struct Training {
   Redraw redraw = {};               // if empty, the examples stay as they are
   std::vector<float> weights = {};  // weights of each column's squared errors; if empty, all are 1
   double l2_penalty = 0;            // weight of half the squared distance from the first weights
+  Loss loss = {};                   // without to_slopes: squared errors
 };
 
 Training training_of(const Tuning& tuning, std::size_t records);
@@ -60,9 +68,9 @@ struct TrainingState {
 
 class Regression {
  public:
-  // The log is in units of the targets (common) or of their standard deviations (each). `told`
-  // takes the epochs that are done and the validation loss. Throws Error(failed), which begins with
-  // the title, if training diverges.
+  // The log is in units of the targets (common) or of their standard deviations (each); of a loss
+  // of its own the root of the mean. `told` takes the epochs that are done and the validation loss.
+  // Throws Error(failed), which begins with the title, if training diverges.
   using Told = std::function<void(std::size_t epochs, double validation_loss)>;
   TrainingLog fit(const Examples& train, const Examples& validation, Spread spread,
                   const Training& training, const std::string& title, const Told& told = {});
@@ -84,9 +92,13 @@ class Regression {
   void shrink_to_start(const std::vector<float>& parameters, float l2_penalty);
   double train_batch(const Examples& train, std::span<const std::size_t> rows,
                      const Training& training, TrainingState& s, double learning_rate);
-  void judge(const Examples& validation, TrainingState& s, const std::string& title);
+  void judge(const Examples& validation, const Loss& loss, TrainingState& s,
+             const std::string& title);
   Matrix outputs_of(const Matrix& inputs, const std::vector<float>& parameters) const;
-  double rms_error(const Examples& examples, const std::vector<float>& parameters) const;
+  double rms_error(const Examples& examples, const Loss& loss,
+                   const std::vector<float>& parameters) const;
+  double to_slopes(const Loss& loss, std::span<const float> target, std::span<float> outputs,
+                   float times) const;
 
   Network network_;
   std::vector<float> parameters_;

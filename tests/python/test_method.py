@@ -22,7 +22,7 @@ RUNS = {
 }
 # Which kinds of models are tried on it.
 KINDS = {
-    "50cm": [["factorised-8"], ["mean-shape"], ["mlp-64-32"], ["pca-mlp-64"], ["ridge"], ["mean"],
+    "50cm": [["factorised-8"], ["mean-shape"], ["mlp-64-32"], ["mlp-mask-32"], ["pca-mlp-64"], ["ridge"], ["mean"],
              ["pca-mlp-64", "--inputs", "spd"]],
     "4cm": [["factorised-8"]],
     "antennas": [["factorised-8"]],
@@ -89,7 +89,7 @@ def test_a_run_unlike_the_training(runs, tmp_path, name, change):
 @pytest.mark.parametrize(("name", "kind"), [(name, kind) for name, kinds in KINDS.items() for kind in kinds])
 def test_maps_are_those_of_the_program(runs, tmp_path, name, kind):
     model, run = tmp_path / "model", runs / f"{name}.sqlite"
-    epochs = ["--epochs", 1] if kind[0].rstrip("-0123456789") in ("factorised", "mean-shape", "mlp", "pca-mlp") else []
+    epochs = ["--epochs", 1] if kind[0].rstrip("-0123456789") in ("factorised", "mean-shape", "mlp", "mlp-mask", "pca-mlp") else []
     program("echofuse-recon", "train", "-q", run, "--model", *kind, *epochs, "--set", "fallback=false", "--out", model)
     program("echofuse-recon", "reconstruct", "-q", model, run, "--out", tmp_path / "maps", "--format", "npy")
     compare(model, run, tmp_path / "maps")

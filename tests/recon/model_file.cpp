@@ -17,8 +17,9 @@ using namespace echofuse::testing;
 
 namespace {
 
-const std::vector<std::string> kinds = {"factorised-4", "mean-shape", "ridge", "mlp-12-10",
-                                        "pca-mlp-6-5",  "nearest-3",  "empty", "mean"};
+const std::vector<std::string> kinds = {"factorised-4", "mean-shape",  "ridge",
+                                        "mlp-12-10",    "pca-mlp-6-5", "mlp-mask-8",
+                                        "nearest-3",    "empty",       "mean"};
 
 // Models of every kind; the factorised one states its uncertainty, the mlp has one of the SPD alone
 // beside it.

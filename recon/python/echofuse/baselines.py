@@ -22,6 +22,11 @@ def predict(t: dict[str, Array], f: dict[str, Any], counts: Array, power: Array)
     answer = network(t, "model", x)
     if kind == "pca-mlp":
         return np.asarray(t["model/components/mean"] + answer @ t["model/components/basis"])
+    if kind == "mlp-mask":
+        odds, depth = np.split(answer, 2, 1)
+        with np.errstate(over="ignore"):
+            there = 1 / (1 + np.exp(-odds)) > f["model/threshold"]
+        return np.where(there, np.maximum(depth, 1e-3), t["model/background_m"])
     return answer
 
 

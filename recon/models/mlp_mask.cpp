@@ -1,0 +1,137 @@
+// SPDX-License-Identifier: MIT
+// Network with two outputs a pixel, mask and depth (mask_loss.hpp). A regressed depth with a fixed
+// threshold makes the mask depend on the distance of the body; this one does not.
+#include <algorithm>
+#include <cmath>
+#include <random>
+
+#include "drivers/program/console.hpp"
+#include "recon/models/mask_loss.hpp"
+#include "recon/models/model.hpp"
+#include "recon/network/regression.hpp"
+#include "recon/numbers/parallel.hpp"
+
+namespace echofuse::recon {
+namespace {
+
+// Thresholds of the mask, in percent. The one with the best IoU on held-out records is kept.
+constexpr int least_threshold = 30, most_threshold = 60, threshold_step = 5;
+constexpr float input_noise = 0.1f;  // standard deviation, in units of the inputs' mean spread
+constexpr float nearest_m = 1e-3f;   // a return has a depth above 0
+
+float probability(float log_odds) { return 1 / (1 + std::exp(-log_odds)); }
+
+class MlpMask final : public Model {
+ public:
+  TrainingLog fit(const Samples& train, const Samples& validation,
+                  const FitOptions& options) override {
+    background_ = train.scene->background;
+    Training training = training_of(options);
+    training.loss = loss_of(train);
+    training.redraw = with_noise(train);
+    Progress progress("mask and depth", training.epochs, training.quiet);
+    const TrainingLog log =
+        regression_.fit({train.inputs, train.maps, train.rows},
+                        {validation.inputs, validation.maps, validation.rows}, Spread::common,
+                        training, "training", [&](std::size_t epochs, double loss) {
+                          progress.update(epochs, "validation loss " + std::to_string(loss));
+                        });
+    if (!log.interrupted)
+      progress.update(training.epochs, "best epoch " + std::to_string(log.best_epoch));
+    choose_threshold(validation.rows.empty() ? train : validation);
+    return log;
+  }
+  Matrix predict(const Matrix& inputs, SoftMaps* soft) const override {
+    const Matrix outputs = regression_.predict(inputs);
+    Matrix out(inputs.rows, background_.size()), body(soft ? inputs.rows : 0, out.cols),
+        depth = body;
+    for (std::size_t i = 0; i < out.rows; ++i) {
+      const auto both = outputs.row(i);
+      for (std::size_t p = 0; p < out.cols; ++p) {
+        const float chance = probability(both[p]), z = std::max(both[out.cols + p], nearest_m);
+        out.row(i)[p] = chance > threshold_ ? z : background_[p];
+        if (soft) body.row(i)[p] = chance, depth.row(i)[p] = z;
+      }
+    }
+    if (soft) *soft = {std::move(body), std::move(depth)};
+    return out;
+  }
+  Cost cost() const override { return regression_.cost(); }
+  FitOptions sizes() const override { return {.hidden = regression_.hidden()}; }
+  void archive(Archive archive, const Shape& shape) override {
+    regression_.archive(archive, shape.inputs, 2 * shape.outputs);
+    archive.values("background_m", background_, shape.outputs);
+    archive.number("threshold", threshold_, 0.0, 1.0);
+  }
+
+ private:
+  // The network starts from the mean mask and from the mean depth of each pixel's returns.
+  Loss loss_of(const Samples& train) const {
+    const std::size_t pixels = background_.size();
+    std::vector<double> count(pixels), sum(pixels);
+    double all = 0, total = 0, squares = 0;
+    for (const std::size_t row : train.rows)
+      for (std::size_t p = 0; p < pixels; ++p)
+        if (const float z = train.maps.row(row)[p]; true_foreground(z, background_[p]))
+          ++count[p], sum[p] += double{z}, ++all, total += double{z},
+              squares += double{z} * double{z};
+    const double mean = all > 0 ? total / all : 1;
+    const double variance = all > 0 ? squares / all - mean * mean : 0;
+    const auto spread =
+        static_cast<float>(std::max(std::sqrt(std::max(variance, 0.0)), 0.01 * mean));
+    Loss out{std::vector<float>(2 * pixels), std::vector<float>(2 * pixels, 1), {}};
+    for (std::size_t p = 0; p < pixels; ++p) {
+      const double without = static_cast<double>(train.rows.size()) - count[p];
+      out.centre[p] = static_cast<float>(std::log((count[p] + 1) / (without + 1)));
+      // Few returns are drawn to the mean of all.
+      out.centre[pixels + p] = static_cast<float>((sum[p] + 10 * mean) / (count[p] + 10));
+      out.spread[pixels + p] = spread;
+    }
+    out.to_slopes = [this, spread](std::span<const float> target, std::span<float> outputs) {
+      return mask_loss<float>(target, background_, spread, outputs);
+    };
+    return out;
+  }
+  // Noise on the inputs keeps the network from learning the records by heart.
+  static Redraw with_noise(const Samples& train) {
+    double squares = 0;
+    for (const std::size_t row : train.rows)
+      for (const float v : train.inputs.row(row)) squares += double{v} * double{v};
+    const double values = static_cast<double>(train.rows.size() * train.inputs.cols);
+    const float deviation =
+        input_noise * static_cast<float>(std::sqrt(squares / std::max(values, 1.0)));
+    return [deviation](std::span<const std::size_t>, Matrix& inputs, Matrix&, Rng& rng) {
+      std::normal_distribution<float> noise(0, deviation);
+      for (float& v : inputs.values) v += noise(rng);
+    };
+  }
+  void choose_threshold(const Samples& samples) {
+    const Matrix outputs = regression_.predict(take_rows(samples.inputs, samples.rows));
+    const std::size_t pixels = background_.size();
+    double best = -1;
+    for (int percent = least_threshold; percent <= most_threshold; percent += threshold_step) {
+      const float share = static_cast<float>(percent) / 100, odds = std::log(share / (1 - share));
+      double sum = 0;
+      for (std::size_t i = 0; i < outputs.rows; ++i) {
+        std::size_t both = 0, any = 0;
+        for (std::size_t p = 0; p < pixels; ++p) {
+          const bool found = outputs.row(i)[p] > odds;
+          const bool body = true_foreground(samples.maps.row(samples.rows[i])[p], background_[p]);
+          both += found && body, any += found || body;
+        }
+        if (any > 0) sum += static_cast<double>(both) / static_cast<double>(any);
+      }
+      if (sum > best) best = sum, threshold_ = share;
+    }
+  }
+
+  Regression regression_;
+  std::vector<float> background_;  // metres
+  float threshold_ = 0.5f;
+};
+
+}  // namespace
+
+std::unique_ptr<Model> make_mlp_mask() { return std::make_unique<MlpMask>(); }
+
+}  // namespace echofuse::recon
