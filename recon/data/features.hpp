@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: MIT
 // Features make the input of a model from the raw inputs of the sensors: [SPD histogram ++ radar
-// profile]. Each sensor is scaled by itself, so that hundreds of SPD bins do not drown tens of
-// radar bins. Models that scale by themselves also get the lags of the radar's antennas, behind the
-// profile.
+// profile]. Of a detector with zones the
+// histograms of all zones stand side by side. Each sensor is scaled by itself, so that hundreds of
+// SPD bins do not drown tens of radar bins. Models that scale by themselves also get the lags of
+// the radar's antennas, behind the profile.
 #pragma once
+#include <algorithm>
 #include <span>
 #include <string>
 #include <vector>
@@ -38,12 +40,16 @@ struct Features {
   std::vector<float> centre;           // one an input; it is subtracted
   float spd_gain = 1, radar_gain = 1;  // factors that follow
   Axis array_axis = {};                // count 0: the model does not take it
+  std::size_t zones = 0;               // 0: one histogram, the sum of the zones if there are any
 
-  std::size_t spd_count() const { return inputs == Inputs::radar ? 0 : spd_axis.count; }
+  std::size_t spd_count() const {
+    return inputs == Inputs::radar ? 0 : spd_axis.count * std::max<std::size_t>(zones, 1);
+  }
   std::size_t radar_count() const { return inputs == Inputs::spd ? 0 : radar_axis.count; }
   std::size_t array_count() const { return lag_columns(array_axis); }
   std::size_t count() const { return spd_count() + radar_count() + array_count(); }
-  // Returns [SPD ++ radar ++ array] of each of `rows`, as they are.
+  // Returns [SPD ++ radar ++ array] of each of `rows`, as they are. Throws Error(failed) if the
+  // data have another number of zones.
   Matrix raw_inputs(const Dataset& data, const Rows& rows) const;
   // Inputs of the rows, brought to a common strength by `scaling` only.
   Matrix normalised_inputs(const Dataset& data, const Rows& rows) const;

@@ -31,6 +31,8 @@ void archive_features(Archive archive, Features& f, bool views) {
   f.spd_axis.name = "spd", f.radar_axis.name = "radar", f.array_axis.name = "array";
   archive_axis(archive.in("axes/spd"), f.spd_axis);
   archive_axis(archive.in("axes/radar"), f.radar_axis);
+  archive.count("zones", f.zones, 0, static_cast<std::int64_t>(most_zones));
+  archive.require(f.zones == 0 || !views, "zones", "expected 0 of a model that looks at the body");
   if (archive.part("takes_antennas", f.array_axis.count > 0)) {
     archive_axis(archive.in("axes/array"), f.array_axis);
     const double lags = f.array_axis.scale;
@@ -114,7 +116,7 @@ void Estimator::archive(Archive archive) {
     alignment.archive(archive.in("alignment"), layout);
   }
   if (archive.reading()) model = kind_of(name).make();
-  model->archive(archive.in("model"), {takes_views ? alignment.inputs() : layout.inputs(),
+  model->archive(archive.in("model"), {takes_views ? alignment.inputs() : features.count(),
                                        scene.grid.pixels(), scene.grid});
   if (archive.part("knows_domain", domain.known()))
     domain.archive(archive.in("domain"), features.inputs);

@@ -22,7 +22,8 @@ constexpr std::size_t least_of_room = 20;  // records that show what stands stil
 
 // Returns the inputs that both hold on the same axes; there may be none.
 std::optional<Inputs> common_inputs(const Dataset& data, const Dataset& other) {
-  const bool spd = other.spd_axis.count > 0 && is_near(data.spd_axis, other.spd_axis);
+  const bool spd = other.spd_axis.count > 0 && is_near(data.spd_axis, other.spd_axis) &&
+                   data.zones.size() == other.zones.size();
   const bool radar = other.radar_axis.count > 0 && is_near(data.radar_axis, other.radar_axis);
   if (spd && radar) return Inputs::fused;
   if (!spd && !radar) return std::nullopt;

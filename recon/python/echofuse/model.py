@@ -199,7 +199,8 @@ class Model:
         return self._maps(run if isinstance(run, runs.Run) else runs.open(run), range_offset_m)
 
     def _maps(self, run: runs.Run | Arrays, range_offset_m: float) -> Maps:
-        counts = summed(run.photons())
+        photons = run.photons()
+        counts = summed(photons)
         power, lags = run.power(range_offset_m), run.lags(range_offset_m)
         stated = stated_in(run.meta)
         weights = None
@@ -235,6 +236,8 @@ class Model:
             spd_part, *of_radar = (estimator.matched(name, axes[name], table[rows])
                                    for name, table in
                                    (("spd", counts), ("radar", power), ("array", lags)))
+            if zones := estimator.f.get("zones", 0):
+                spd_part = side_by_side(estimator, run, photons, rows, zones)
             if weights is not None:
                 of_radar = [filtered(table, weights) for table in of_radar]
             maps[rows] = estimator.predict(spd_part, *of_radar)
@@ -256,6 +259,17 @@ class Model:
         index = self.split["index"][known[self.split["run"]] & (self.split["part"] < 2)]
         trained = "trained on records " + ",".join(map(str, index)) + "\n" if len(index) else ""
         return f"{uuid}\n{printable(str(run.path))}\n{trained}"
+
+
+def side_by_side(estimator: Estimator, run: runs.Run | Arrays, photons: NDArray[Any],
+                 rows: NDArray[np.int64], zones: int) -> NDArray[Any]:
+    """[n, zones * bins] of these records, for an estimator that takes all zones. Raises
+    ValueError."""
+    if photons.ndim != 3 or photons.shape[1] != zones:
+        found = photons.shape[1] if photons.ndim == 3 else 1
+        raise ValueError(f"{run.path}: its detector has {found} zones; the model takes {zones}")
+    return np.concatenate([estimator.matched("spd", run.axes["spd"], photons[rows, k])
+                           for k in range(zones)], 1)
 
 
 def same(table: NDArray[np.float32]) -> NDArray[np.bool_]:
