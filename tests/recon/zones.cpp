@@ -2,6 +2,7 @@
 #include <catch2/catch.hpp>
 
 #include "recon/data/dataset.hpp"
+#include "recon/data/features.hpp"
 #include "world.hpp"
 
 using namespace echofuse;
@@ -78,4 +79,17 @@ TEST_CASE("runs of detectors with different zones do not make one data set") {
   CHECK_THROWS_WITH(load({folder / "a", folder / "b"}), Contains("has 3 zones"));
   CHECK_THROWS_WITH(load({folder / "a", folder / "c"}), Contains("or they look elsewhere"));
   CHECK(load({folder / "a", folder / "d"}).size() == 2);
+}
+
+TEST_CASE("a model takes all zones side by side, one that looks at the body takes their sum") {
+  const Folder folder;
+  write_zones(folder / "a", two, 12);
+  write_zones(folder / "b", Zones(3), 12);
+  const Dataset data = load({folder / "a"});
+  const Features all = fit_features(data, {}, Inputs::spd, "plain"),
+                 sum = fit_features(data, {}, Inputs::spd, raw_scaling);
+  CHECK(all.raw_inputs(data, {0}).values == data.zone_spd.values);
+  CHECK(sum.raw_inputs(data, {0}).values == data.spd.values);
+  CHECK_THROWS_WITH(all.raw_inputs(load({folder / "b"}), {0}),
+                    Contains("has 3 zones; the model takes 2"));
 }
