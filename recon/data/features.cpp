@@ -23,10 +23,9 @@ void normalise(std::span<float> values) {
 namespace {
 
 void bring_to_strength(std::span<float> values, const std::string& scaling) {
-  if (scaling == "sqrt")
+  if (scaling == "record" || scaling == "root") normalise(values);
+  if (scaling == "sqrt" || scaling == "root")
     for (float& v : values) v = std::sqrt(std::max(v, 0.f));
-  else if (scaling == "record")
-    normalise(values);
 }
 
 // Returns the factor that brings columns of these variances to a total of `wanted`.

@@ -22,7 +22,8 @@ namespace echofuse::recon {
 //   raw     as they are, and not scaled by the training set either (models that do it themselves)
 //   record  minus the record's own median (background), divided by its own sum: laser power,
 //           exposure and radar gain do not matter
-inline const std::vector<std::string> scaling_names = {"plain", "sqrt", "record"};
+//   root    square root of "record", 0 below the background
+inline const std::vector<std::string> scaling_names = {"plain", "sqrt", "record", "root"};
 
 inline const std::string raw_scaling = "raw";
 

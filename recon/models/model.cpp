@@ -78,7 +78,7 @@ const std::vector<ModelKind>& model_kinds() {
       {"ridge", make_ridge, inputs, fixed, {}},
       {"pca-mlp", [] { return make_pca(make_mlp()); }, inputs, hidden, with_basis(128, network)},
       {"mlp", make_mlp, inputs, hidden, network},
-      {"mlp-mask", make_mlp_mask, inputs, hidden, masked},
+      {"mlp-mask", make_mlp_mask, inputs, hidden, masked, "root"},
       {"nearest", make_nearest, inputs, basis, with_basis(1)}};
   return kinds;
 }

@@ -64,7 +64,8 @@ struct ModelKind {
   std::unique_ptr<Model> (*make)();
   Takes takes;
   Size size;
-  FitOptions own;  // the best options on validation records at the base condition
+  FitOptions own;                  // the best options on validation records at the base condition
+  const char* scaling = "record";  // scaling of the inputs (data/features.hpp)
 };
 // A new kind needs a row there and its own file. If `--model auto` shall try it, also a place in
 // candidates() in train/crossvalidate.cpp.

@@ -155,7 +155,9 @@ Estimator fit_model(const Dataset& data, const Split& split, const Preprocessing
   const bool takes_views = wants_alignment(candidate.model);
   out.name = candidate.model;
   out.features = fit_features(data, ignores_inputs(out.name) ? Rows{} : split.train, inputs,
-                              takes_views ? raw_scaling : scaling);
+                              takes_views           ? raw_scaling
+                              : scaling == "record" ? kind_of(out.name).scaling
+                                                    : scaling);
   if (takes_views && (out.features.spd_count() == 0 || out.features.radar_count() == 0))
     throw Error(ExitCode::usage,
                 "the mean-shape and factorised models need both sensors: --inputs fused");

@@ -53,7 +53,8 @@ struct Preprocessing {
   Preprocessing(const Dataset& data, const Rows& train, Inputs inputs, Scene scene, bool wanted);
 };
 
-// Fits scaling and model to the training rows. Throws Error(usage) if the model needs both sensors.
+// Fits scaling and model to the training rows. The scaling "record" stands for the kind's own.
+// Throws Error(usage) if the model needs both sensors.
 Estimator fit_model(const Dataset& data, const Split& split, const Preprocessing& preprocessing,
                     const std::string& name, Inputs inputs, const std::string& scaling,
                     const FitOptions& options);

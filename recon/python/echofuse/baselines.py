@@ -34,7 +34,8 @@ def scaled(t: dict[str, Array], f: dict[str, Any], counts: Array, power: Array) 
     """[n, bins + points]: each sensor brought to a common strength, so that neither drowns the
     other."""
     strength = {"plain": lambda x: x, "sqrt": lambda x: np.sqrt(np.maximum(x, 0)),
-                "record": normalised}[f["scaling"]]
+                "record": normalised,
+                "root": lambda x: np.sqrt(np.maximum(normalised(x), 0))}[f["scaling"]]
     taken = [(counts, f["features/spd_gain"])] * (f["inputs"] != "radar") + [
         (power, f["features/radar_gain"])] * (f["inputs"] != "spd")
     gains = np.repeat([gain for _, gain in taken], [x.shape[1] for x, _ in taken])
