@@ -11,8 +11,8 @@ import sys
 import tomllib
 from typing import Any
 
+from . import photon_track
 from . import table as tables
-from . import tmf8820
 from . import run as runs
 from .methods import BenchError, call, method, version
 
@@ -29,31 +29,40 @@ def checksum(path: str | pathlib.Path) -> str:
     return total.hexdigest()
 
 
-def made(track: dict[str, Any], part: str, folder: pathlib.Path,
-         data: pathlib.Path | None) -> pathlib.Path | None:
-    """The run `part` ("train", "test") of a track, made unless it is there. None: its data are not
-    there. Raises BenchError for records of another checksum."""
+def made(track: dict[str, Any], part: str, folder: pathlib.Path) -> pathlib.Path:
+    """The run `part` ("train", "test") of a track, made unless it is there. Raises BenchError."""
     out = folder / f"{track['name']}-{part}.sqlite"
     if not out.exists():
-        plan = track.get(part, {})
-        if "shape" in track:
-            shape = data / f"{track['shape']}.json.gz" if data else None
-            if shape is None or not shape.exists():
-                return None
-            meshes = [shape.with_name(f"{track['shape']}{kind}") for kind in (".stl", ".obj")]
-            mesh = next((mesh for mesh in meshes if mesh.exists()), None)
-            tmf8820.make("rendered" if part == "train" else "measured", shape, mesh,
-                         plan.get("records", 0), plan.get("seed", 1), out)
-        else:
-            words = [word for setting in track["settings"] for word in ("--set", setting)]
-            call("echofuse-sim", "dataset", "-q", "--out", out, "--records", plan["records"],
-                 "--seed", plan["seed"], *words)
-    wanted = track.get(f"{part}_sha256")
-    if wanted and checksum(out) != wanted:
-        raise BenchError(
-            f"{out}: its records are not those of the recipe (sha256 {checksum(out)}; expected "
-            f"{wanted})")
+        plan = track[part]
+        words = [word for setting in track["settings"] for word in ("--set", setting)]
+        call("echofuse-sim", "dataset", "-q", "--out", out, "--records", plan["records"],
+             "--seed", plan["seed"], *words)
+    require(out, track.get(f"{part}_sha256"))
     return out
+
+
+def require(path: pathlib.Path, wanted: str | None) -> None:
+    """Raises BenchError for records of another checksum."""
+    if wanted and checksum(path) != wanted:
+        raise BenchError(
+            f"{path}: its records are not those of the recipe (sha256 {checksum(path)}; expected "
+            f"{wanted})")
+
+
+def parts_of(track: dict[str, Any], folder: pathlib.Path,
+             data: pathlib.Path | None) -> list[photon_track.Part]:
+    """Training and test runs of a track; none if its data are not there."""
+    if "fit" not in track:
+        return [photon_track.Part("", "1", *(made(track, part, folder)
+                                             for part in ("train", "test")))]
+    if data is None or not (data / f"{track['fit']['shape']}.json.gz").exists():
+        return []
+    parts = list(photon_track.made(track, folder, data))
+    for part in parts:
+        sums = track.get("sha256", {})
+        require(part.train, sums.get(f"{part.zones}-train"))
+        require(part.test, sums.get(f"{part.zones}-{part.shape}"))
+    return parts
 
 
 def add_command(parser: argparse.ArgumentParser) -> None:
@@ -84,20 +93,22 @@ def run(args: argparse.Namespace) -> None:
     for track in recipe["track"]:
         if args.tracks and track["name"] not in args.tracks:
             continue
-        train, test = (made(track, part, args.runs, data) for part in ("train", "test"))
-        if train is None or test is None:
+        parts = parts_of(track, args.runs, data)
+        if not parts:
             print(f"echofuse-bench: track {track['name']} left out: --data has no "
-                  f"{track['shape']}.json.gz", file=sys.stderr)
-            continue
-        if args.checksums:
-            for part, path in (("train", train), ("test", test)):
-                print(f'{track["name"]}: {part}_sha256 = "{checksum(path)}"')
-            continue
-        titles[track["name"]] = track["title"]
-        methods = [method(name) for name in (*track.get("methods", recipe["methods"]),
-                                             *args.methods)]
-        cells += tables.pareto_cells(train, test, methods, seeds=args.seeds or recipe["seeds"],
-                                     axis=track["name"])
+                  f"{track['fit']['shape']}.json.gz", file=sys.stderr)
+        for part in parts:
+            if args.checksums:
+                for path in (part.train, part.test):
+                    print(f'{path.stem} = "{checksum(path)}"')
+                continue
+            axis = " ".join(filter(None, (track["name"], part.shape)))
+            titles[axis] = ": ".join(filter(None, (track["title"], part.shape)))
+            names = track.get(part.zones) or track.get("methods") or recipe["methods"]
+            cells += [tables.Cell(axis, part.zones, method(name), seed, tables.there(part.train),
+                                  tables.there(part.test))
+                      for name in (*names, *args.methods)
+                      for seed in range(1, (args.seeds or recipe["seeds"]) + 1)]
     tables.fill(table, cells, jobs=args.jobs, part=args.part, quiet=args.quiet)
     if args.markdown:
         for name, title in titles.items():

@@ -4,11 +4,13 @@
 The data set is public (Mu et al., "Towards 3D Vision with Low-Cost Single-Photon Cameras", CVPR
 2024; the file NAME.json.gz of a shape has 128 poses, `hists` 9 zones x 128 bins, `reference_hist`,
 `pose` 4 x 4; NAME.stl or NAME.obj has the shape on its table). The truth is cast from mesh and
-pose; the table is no return. Training records are rendered: random boxes, wedges and cylinders on a
-table, with the chip's reference as response.
+pose; the table is no return. `fit` finds the fields, time zeros and response of the zones from a
+few poses (zone_fit.py); `rendered` are random boxes, wedges and cylinders on a table, seen by these
+zones.
 
     python3 -m echofuse.tmf8820 measured tall_block.json.gz tall_block.stl --out test
-    python3 -m echofuse.tmf8820 rendered tall_block.json.gz --records 4000 --seed 1 --out train
+    python3 -m echofuse.tmf8820 fit block.json.gz block.stl --poses 0,11,22,33,44,55 --out fit.json
+    python3 -m echofuse.tmf8820 rendered block.json.gz --fit fit.json --records 3000 --out train
 """
 from __future__ import annotations
 
@@ -17,23 +19,26 @@ import gzip
 import json
 import pathlib
 import sys
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from . import zone_fit
 from .acquire import write_run
 
 Array = NDArray[np.float64]
 # metres of range a bin; bin of range 0: fitted once to a block at known poses
-BINS, BIN_M, ZERO_BIN = 128, 0.0138, 12.0
+BINS, BIN_M, ZERO_BIN = 128, zone_fit.BIN_M, 12.0
+OBJECT_M = 0.003  # height above the table from which a hit belongs to the object
 SIZE, HALF_TANGENT = 32, 0.3  # rays and pixels both ways; half of the chip's 33 degrees
 PS_PER_M = 2e12 / 299_792_458.0
 COUNTS, BACKGROUND = 3e6, 600.0  # usual record: photons of all zones, counts a bin
 
 
 def read_measured(path: str | pathlib.Path) -> tuple[Array, Array, Array]:
-    """Counts [n, 128] of all zones, references [n, 128], poses [n, 4, 4] of a shape's file. Raises
+    """Counts [n, zones, 128], references [n, 128], poses [n, 4, 4] of a shape's file. Raises
     ValueError."""
     try:
         with gzip.open(path) as file:
@@ -47,7 +52,7 @@ def read_measured(path: str | pathlib.Path) -> tuple[Array, Array, Array]:
         raise ValueError(
             f"{path}: hists {hists.shape}, pose {pose.shape}; expected [n, zones, {BINS}] and [n, "
             "4, 4]")
-    return hists.sum(1), reference, pose
+    return hists, reference, pose
 
 
 def read_mesh(path: str | pathlib.Path) -> Array:
@@ -78,12 +83,12 @@ def table_height(triangles: Array) -> float:
     return max(z for z, area in areas.items() if area >= max(areas.values()) / 2)
 
 
-def cast(pose: Array, triangles: Array) -> tuple[Array, Array, Array]:
-    """From a pose (columns: x, y, view, place) through SIZE x SIZE pixels, row-major from the top
+def cast(pose: Array, triangles: Array, size: int = SIZE,
+         half_tangent: float = HALF_TANGENT) -> tuple[Array, Array, Array]:
+    """From a pose (columns: x, y, view, place) through size x size pixels, row-major from the top
     left: z along the view (inf: nothing), cosine at the surface, height of the hit. Moeller and
     Trumbore's test."""
-    at = HALF_TANGENT * ((2 * np.arange(SIZE) + 1) / SIZE - 1)
-    x, y = np.meshgrid(at, -at)
+    x, y = zone_fit.tangents(size, half_tangent)
     rays = np.stack([x, y, np.ones_like(x)], -1).reshape(-1, 3) @ pose[:3, :3].T
     first, one, two = (triangles[:, 0], triangles[:, 1] - triangles[:, 0],
                        triangles[:, 2] - triangles[:, 0])
@@ -107,7 +112,7 @@ def cast(pose: Array, triangles: Array) -> tuple[Array, Array, Array]:
 
 def truth_of(depth: Array, height: Array, table_m: float) -> NDArray[np.float32]:
     """Map [SIZE, SIZE] in metres: the object's pixels, NaN for the table and beyond."""
-    return np.where(np.isfinite(depth) & (height > table_m + 0.003), depth,
+    return np.where(np.isfinite(depth) & (height > table_m + OBJECT_M), depth,
                     np.nan).astype(np.float32).reshape(SIZE, SIZE)
 
 
@@ -164,80 +169,128 @@ def any_pose(rng: np.random.Generator, high: float) -> Array:
     return pose
 
 
-def histogram(depth: Array, cosine: Array, albedo: Array, response: Array) -> Array:
-    """Relative counts [128] of a scene: cos / r^2 of each ray at its range, blurred by the
-    response."""
-    at = HALF_TANGENT * ((2 * np.arange(SIZE) + 1) / SIZE - 1)
-    slant = np.sqrt(1 + np.add.outer(at ** 2, at ** 2)).ravel()
-    seen = np.isfinite(depth)
-    range_m = (depth * slant)[seen]
-    place = np.clip(range_m / BIN_M + ZERO_BIN, 0, BINS - 2)
-    low, weight = place.astype(int), (albedo * cosine)[seen] / range_m ** 2
-    sharp = np.bincount(low, weight * (1 - (place - low)),
-                        BINS) + np.bincount(low + 1, weight * (place - low), BINS)
-    return np.convolve(sharp, response)[int(response.argmax()):][:BINS]
+def histograms(depth: Array, gain: Array, fit: zone_fit.ZoneFit, zero_bin: Array,
+               response: tuple[Array, int]) -> Array:
+    """Relative counts [zones, 128] of a scene of G * G rays: field x gain / r^2 of each ray at its
+    range, blurred by the response."""
+    met = np.isfinite(depth)
+    range_m = np.where(met, depth, 1) * zone_fit.slant()
+    weights = fit.fields * np.where(met, gain / range_m**2, 0)
+    taps, peak = response
+    out = np.zeros((len(fit.fields), BINS))
+    for k, zero in enumerate(zero_bin):
+        place = np.clip(range_m / BIN_M + zero, 0, BINS - 2)
+        low = place.astype(int)
+        sharp = np.bincount(low, weights[k] * (1 - (place - low)), BINS)
+        sharp += np.bincount(low + 1, weights[k] * (place - low), BINS)
+        out[k] = np.convolve(sharp, taps)[peak:][:BINS]
+    return out
 
 
-def rendered(reference: Array, records: int,
+def rendered(fit: zone_fit.ZoneFit, reference: Array, records: int,
              seed: int) -> tuple[NDArray[np.uint32], NDArray[np.float32]]:
-    """Counts [n, 128] and maps [n, SIZE, SIZE] of random objects. reference [128]: the chip's own
-    response."""
+    """Counts [n, zones, 128] and maps [n, SIZE, SIZE] of random objects. reference [128]: the
+    chip's own. Albedo, response, time zeros and gains vary by more than the fit's errors."""
     rng = np.random.default_rng(seed)
-    response = np.clip(reference - np.median(reference[-20:]), 0,
-                       None)[max(int(reference.argmax()) - 3, 0):][:40]
     table = np.array([[(-1, -1, 0), (1, -1, 0), (1, 1, 0)], [(-1, -1, 0), (1, 1, 0), (-1, 1, 0)]],
                      float)
-    counts, maps = [], []
+    counts, maps, zones = [], [], len(fit.fields)
     for _ in range(records):
         solid, high = any_object(rng)
-        depth, cosine, height = cast(any_pose(rng, high), np.concatenate([table, solid]))
-        maps.append(truth_of(depth, height, 0))
-        albedo = np.where(height > 0.003, np.exp(rng.uniform(-1, 1)), 1.0)
-        bare = histogram(depth, cosine, albedo, response ** rng.uniform(1, 1.6))
-        total = COUNTS * np.exp(rng.uniform(-1, 1))
-        counts.append(rng.poisson(total * bare / max(bare.sum(),
-                                                     1e-30) + BACKGROUND * rng.uniform(0.5, 1.5)))
+        pose, scene = any_pose(rng, high), np.concatenate([table, solid])
+        maps.append(truth_of(*cast(pose, scene)[::2], 0))
+        depth, cosine, height = cast(pose, scene, zone_fit.G, zone_fit.FIELD_TANGENT)
+        gain = cosine * np.where(height > OBJECT_M, 1.0, np.exp(rng.uniform(-1.2, 1.2)))
+        response = zone_fit.response_of(reference, fit.exponent * rng.uniform(0.82, 1.18))
+        zero_bin = fit.zero_bin + rng.normal(0, 0.2) + rng.normal(0, 0.1, zones)
+        bare = histograms(depth, gain, fit, zero_bin, response)
+        bare *= np.exp(rng.normal(0, 0.1, zones))[:, None]
+        total = COUNTS * np.exp(rng.uniform(-1, 1)) / max(bare.sum(), 1e-30)
+        counts.append(rng.poisson(total * bare + BACKGROUND / zones * rng.uniform(0.5, 1.5)))
     return np.array(counts, np.uint32), np.array(maps)
+
+
+def seen_by(poses: Array, mesh: str | pathlib.Path) -> zone_fit.Scenes:
+    """Hits of the rays of a zone's field from these poses."""
+    triangles = read_mesh(mesh)
+    found = [cast(pose, triangles, zone_fit.G, zone_fit.FIELD_TANGENT) for pose in poses]
+    depth, cosine, height = (np.array(part) for part in zip(*found))
+    return zone_fit.Scenes(depth, cosine, height > table_height(triangles) + OBJECT_M)
+
+
+def fitted(data: str | pathlib.Path, mesh: str | pathlib.Path,
+           poses: Sequence[int]) -> zone_fit.ZoneFit:
+    """The zones of the chip, from these poses of a shape."""
+    counts, references, places = read_measured(data)
+    rows = list(poses)
+    if not rows or not all(0 <= row < len(counts) for row in rows):
+        raise ValueError(f"poses {rows}: expected some of 0 to {len(counts) - 1}")
+    return zone_fit.fit_zones(counts[rows], references.mean(0), seen_by(places[rows], mesh))
+
+
+def write(out: str | pathlib.Path, counts: NDArray[Any], maps: NDArray[np.float32],
+          fit: zone_fit.ZoneFit | None, label: str, notes: str) -> None:
+    """Makes a run of counts [n, zones, 128] and maps. Without a fit: of the sum of the zones."""
+    zones = []
+    if fit is None:
+        counts = counts.sum(1)
+    else:
+        first = [BIN_M * PS_PER_M * (zero - ZERO_BIN) for zero in fit.zero_bin]
+        zones = [(x, y, 2 * deviation, zero_ps)
+                 for (x, y, deviation), zero_ps in zip(fit.centres().tolist(), first)]
+    write_run(out, spd=counts.astype(np.uint32), zones=zones,
+              first_bin_ps=-ZERO_BIN * BIN_M * PS_PER_M, bin_width_ps=BIN_M * PS_PER_M,
+              depth_m=maps, half_tangent=HALF_TANGENT, label=label, notes=f"TMF8820: {notes}")
+
+
+def measured(data: str | pathlib.Path, mesh: str | pathlib.Path,
+             without: Sequence[int] = ()) -> tuple[NDArray[np.uint32], NDArray[np.float32]]:
+    """Counts [n, zones, 128] and true maps of a shape's poses, but for some."""
+    counts, _, poses = read_measured(data)
+    triangles = read_mesh(mesh)
+    table_m = table_height(triangles)
+    rows = np.setdiff1d(np.arange(len(poses)), without)
+    maps = [truth_of(*cast(poses[row], triangles)[::2], table_m) for row in rows]
+    return counts[rows].astype(np.uint32), np.array(maps)
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(prog="python3 -m echofuse.tmf8820",
                                      description=__doc__.split("\n\n")[0])
-    parser.add_argument("what", choices=("measured", "rendered"))
-    parser.add_argument(
-        "data", help="NAME.json.gz of a shape: its records, or the response of the rendered ones")
+    parser.add_argument("what", choices=("measured", "fit", "rendered"))
+    parser.add_argument("data", help="NAME.json.gz of a shape; rendered: whose reference is used")
     parser.add_argument("mesh", nargs="?", help="NAME.stl or NAME.obj, of measured records")
-    parser.add_argument("--records", type=int, default=4000)
+    parser.add_argument("--poses", help="fit: numbers of the poses, as 0,8,16 (default: all)")
+    parser.add_argument("--fit", help="what `fit` wrote; without it the zones are added up")
+    parser.add_argument("--records", type=int, default=3000)
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--out", required=True, help="run to make")
+    parser.add_argument("--out", required=True, help="run to make, or the fit's JSON file")
     args = parser.parse_args()
     try:
-        make(args.what, args.data, args.mesh, args.records, args.seed, args.out)
+        _make(args)
     except (ValueError, OSError, RuntimeError) as error:
         sys.exit(f"tmf8820: {error}")
 
 
-def make(what: str, data: str | pathlib.Path, mesh: str | pathlib.Path | None, records: int,
-         seed: int,
-         out: str | pathlib.Path) -> None:
-    """Makes a run of the measured records of a shape, or of rendered ones with its chip's
-    response."""
-    counts: NDArray[Any]
-    counts, references, poses = read_measured(data)
-    if what == "measured":
-        if mesh is None:
-            raise ValueError("measured records need the mesh of their shape")
-        triangles = read_mesh(mesh)
-        table_m = table_height(triangles)
-        maps = np.array([truth_of(*(found := cast(pose, triangles))[::2], table_m)
-                         for pose in poses])
+def _make(args: argparse.Namespace) -> None:
+    fit = zone_fit.load(args.fit) if args.fit else None
+    if args.what != "rendered" and args.mesh is None:
+        raise ValueError("expected the mesh of the shape")
+    if args.what == "fit":
+        poses = ([int(word) for word in args.poses.split(",")] if args.poses
+                 else range(len(read_measured(args.data)[0])))
+        found = fitted(args.data, args.mesh, poses)
+        found.save(args.out)
+        print(found.text())
+    elif args.what == "measured":
+        label = pathlib.Path(args.data).name.split(".")[0]
+        write(args.out, *measured(args.data, args.mesh), fit, label, "measured")
+    elif fit is None:
+        raise ValueError("rendered records need --fit")
     else:
-        counts, maps = rendered(references.mean(0), records, seed)
-    write_run(out, spd=counts, first_bin_ps=-ZERO_BIN * BIN_M * PS_PER_M,
-              bin_width_ps=BIN_M * PS_PER_M, depth_m=maps,
-              half_tangent=HALF_TANGENT, label=pathlib.Path(data).name.split(".")[0]
-              if what == "measured" else "solid",
-              notes=f"TMF8820: {what}")
+        reference = read_measured(args.data)[1].mean(0)
+        records = rendered(fit, reference, args.records, args.seed)
+        write(args.out, *records, fit, "solid", "rendered")
 
 
 if __name__ == "__main__":

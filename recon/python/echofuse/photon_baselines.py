@@ -1,0 +1,91 @@
+# SPDX-License-Identifier: MIT
+"""Methods of the bench for a detector with zones, without a network: the mean map, the mean map of
+the test itself (an oracle), and the first return of each zone."""
+from __future__ import annotations
+
+import warnings
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import run as runs
+from . import zones
+
+Maps = NDArray[np.float32]
+PS_PER_M = 2e12 / 299_792_458.0
+LEAST_PEAK = 0.08  # of the zone's highest bin
+TABLE_M = 0.035  # a return this much nearer than the farthest one is the object's
+
+
+def mean_map(maps: Maps) -> Maps:
+    """[N, N]: mean depth of the returns, where at least half of the maps have one."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # a pixel without any return
+        return np.where(np.isfinite(maps).mean(0) >= 0.5, np.nanmean(maps, 0),
+                        np.nan).astype(np.float32)
+
+
+class MeanMap:
+    """The mean map of the training."""
+
+    def fit(self, run: runs.Run, rows: NDArray[np.int64]) -> None:
+        self.map = mean_map(run.maps()[rows])
+
+    def predict(self, run: runs.Run) -> Maps:
+        return np.repeat(self.map[None], len(run), 0)
+
+
+class OwnMeanMap:
+    """Oracle: the mean map of the records that are judged."""
+
+    def fit(self, run: runs.Run, rows: NDArray[np.int64]) -> None:
+        pass
+
+    def predict(self, run: runs.Run) -> Maps:
+        return np.repeat(mean_map(run.maps())[None], len(run), 0)
+
+
+class FirstReturn:
+    """Without training: each pixel belongs to the zone whose centre is nearest. It shows the zone's
+    first return, if most of the zone's light comes from before the table."""
+
+    def fit(self, run: runs.Run, rows: NDArray[np.int64]) -> None:
+        self.size = run.maps().shape[1]
+
+    def predict(self, run: runs.Run) -> Maps:
+        axis, half = run.axes["spd"], run.axes["map_x"].step * self.size / 2
+        range_m = (axis.start + axis.step * (np.arange(axis.count) + 0.5)) / PS_PER_M
+        at = half * ((2 * np.arange(self.size) + 1) / self.size - 1)
+        x, y = np.meshgrid(at, -at)
+        centres = zones.directions(run)
+        nearest = np.argmin([(x - cx) ** 2 + (y - cy) ** 2 for cx, cy, _ in centres], 0)
+        depth = np.array([self.depths(record, range_m) for record in run.photons()])
+        return np.asarray(depth[:, nearest] / np.sqrt(1 + x**2 + y**2), np.float32)
+
+    @staticmethod
+    def depths(record: NDArray[np.float32], range_m: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Range of the object in each zone, NaN: none; counts [zones, bins]."""
+        found = [peaks(zone, range_m) for zone in record]
+        table_m = max((returns[-1][0] for returns in found if returns), default=0.0)
+        out = np.full(len(found), np.nan)
+        for k, returns in enumerate(found):
+            near = [one for one in returns if one[0] < table_m - TABLE_M]
+            if near and sum(one[1] for one in near) > 0.5 * sum(one[1] for one in returns):
+                out[k] = near[0][0]
+        return out
+
+
+def peaks(counts: NDArray[np.float32],
+          range_m: NDArray[np.float64]) -> list[tuple[float, float]]:
+    """Range and light (counts times squared range) of each return, the nearest first."""
+    h = np.maximum(counts - np.median(counts), 0)
+    out = []
+    for b in np.flatnonzero((h[1:-1] >= h[:-2]) & (h[1:-1] > h[2:])) + 1:
+        rises = h[b] > 1.3 * max(float(h[max(b - 3, 0):b].min()), 1e-9)
+        if h[b] < LEAST_PEAK * h.max() or not rises or range_m[b] <= 0:
+            continue
+        bend = h[b - 1] - 2 * h[b] + h[b + 1]
+        away = 0.5 * (h[b - 1] - h[b + 1]) / bend if bend < 0 else 0.0
+        r = float(range_m[b] + away * (range_m[1] - range_m[0]))
+        out.append((r, float(h[b]) * r * r))
+    return out

@@ -1,0 +1,192 @@
+# SPDX-License-Identifier: MIT
+"""Fits the zones of a detector to captures of one known object: the field and the time zero of each
+zone, and the exponent of the response.
+
+A zone k counts in bin b
+    r_kb = sum over rays i of  w_ki a_i cos_i / R_i^2  h^g(b - zero_k - R_i / bin)
+with weights w_ki of the field on G x G tangents, the albedo a_i (1 on the object), and the power g
+of the chip's reference histogram h. The weights are the non-negative least squares solution, with
+Poisson weights of the bins (Beck and Teboulle's accelerated projected gradient)."""
+from __future__ import annotations
+
+import json
+import pathlib
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+G, FIELD_TANGENT = 30, 0.46  # grid of a field: 14 % of the weight lies outside +-0.3
+KNOTS = 8  # a field is a sum of KNOTS x KNOTS hats, because few poses do not determine every ray
+BIN_M = 0.0138
+FIRST, LAST = 11, 60  # bins that are fitted
+FINE = 0.05  # step of the tabulated response, bins
+EXPONENTS, ALBEDOS = (1.0, 1.35, 1.7, 2.0), (0.8, 1.2, 1.8)
+
+
+def tangents(size: int, half: float) -> tuple[Array, Array]:
+    """x and y of size x size pixels, from the top left."""
+    at = half * ((2 * np.arange(size) + 1) / size - 1)
+    x, y = np.meshgrid(at, -at)
+    return x, y
+
+
+def slant() -> Array:
+    """Range over depth of each ray of a field [G * G]."""
+    x, y = tangents(G, FIELD_TANGENT)
+    return np.asarray(np.sqrt(1 + x**2 + y**2).ravel())
+
+
+def response_of(reference: Array, exponent: float) -> tuple[Array, int]:
+    """Response of unit sum [bins] and its peak, of a mean reference histogram."""
+    above = np.clip(reference - np.median(reference[-20:]), 0, None)
+    response = (above / above.sum()) ** exponent
+    return response / response.sum(), int(response.argmax())
+
+
+def hats() -> Array:
+    """[G * G, KNOTS * KNOTS]: hats of linear interpolation between knots."""
+    at = (np.arange(G) + 0.5) / G * KNOTS - 0.5
+    one = np.clip(1 - np.abs(at[:, None] - np.arange(KNOTS)), 0, None)
+    return np.asarray(np.einsum("ik,jl->ijkl", one, one).reshape(G * G, KNOTS * KNOTS))
+
+
+@dataclass(frozen=True)
+class Scenes:
+    """Hits of the rays of a field [poses, G * G]: depth (m, inf: nothing), cosine, object."""
+
+    depth_m: Array
+    cosine: Array
+    is_object: NDArray[np.bool_]
+
+    def unit_counts(self, response: tuple[Array, int], zero_bin: float, albedo: float) -> Array:
+        """[poses * bins, G * G]: counts in the fitted bins by a ray of weight 1. albedo: of the
+        table, relative to the object's."""
+        taps, peak = response
+        fine = np.interp(np.arange(-20, 100, FINE) + peak, np.arange(len(taps)), taps)
+        met = np.isfinite(self.depth_m)
+        range_m = np.where(met, self.depth_m, 1) * slant()
+        gain = np.where(met, self.cosine * np.where(self.is_object, 1, albedo) / range_m**2, 0)
+        place = range_m / BIN_M + zero_bin
+        out = np.empty((len(place), LAST - FIRST, G * G), np.float32)
+        for k in range(LAST - FIRST):
+            at = np.rint((FIRST + k - place + 20) / FINE).astype(int)
+            out[:, k] = fine[np.clip(at, 0, len(fine) - 1)] * gain
+        return out.reshape(-1, G * G)
+
+
+def non_negative(a: Array, y: Array, steps: int) -> Array:
+    """x >= 0 with the least |a x - y|."""
+    squares, to = a.T @ a, a.T @ y
+    # power iterations give the largest eigenvalue
+    v = np.ones(len(to), squares.dtype)
+    for _ in range(30):
+        v = squares @ v
+        v /= max(np.linalg.norm(v), 1e-30)
+    step = 1 / max(1.02 * float(v @ squares @ v), 1e-30)
+    x = z = np.zeros(len(to), squares.dtype)
+    t = 1.0
+    for _ in range(steps):
+        after = np.maximum(z - step * (squares @ z - to), 0)
+        t_after = (1 + np.sqrt(1 + 4 * t * t)) / 2
+        z = after + (t - 1) / t_after * (after - x)
+        x, t = after, t_after
+    return x
+
+
+def fitted_field(a: Array, counts: Array, steps: int) -> tuple[Array, float]:
+    """Field of one zone, and the share of the weighted power that it explains; counts [poses,
+    bins]."""
+    y = counts[:, FIRST:LAST].ravel()
+    weight = 1 / np.sqrt(np.maximum(y, 0) + 0.02 * y.max())
+    basis = hats()
+    x = basis @ non_negative((a @ basis) * weight[:, None], y * weight, steps)
+    return x, explained(a, x, counts)
+
+
+def explained(a: Array, field: Array, counts: Array) -> float:
+    y = counts[:, FIRST:LAST].ravel()
+    weight = 1 / np.sqrt(np.maximum(y, 0) + 0.02 * y.max())
+    return float(1 - (((a @ field - y) * weight)**2).sum() / (((y - y.mean()) * weight)**2).sum())
+
+
+@dataclass(frozen=True)
+class ZoneFit:
+    """Fields [zones, G * G], time zeros (bins), the response's exponent, the table's albedo
+    relative to the object's, and the share of the power that each zone's fit explains."""
+
+    fields: Array
+    zero_bin: Array
+    exponent: float
+    albedo: float
+    explained: Array
+
+    def centres(self) -> Array:
+        """[zones, 3]: mean x, mean y and standard deviation of each field, as tangents."""
+        x, y = (part.ravel() for part in tangents(G, FIELD_TANGENT))
+        w = self.fields / self.fields.sum(1, keepdims=True)
+        cx, cy = w @ x, w @ y
+        return np.stack([cx, cy, np.sqrt((w @ (x**2 + y**2) - cx**2 - cy**2) / 2)], 1)
+
+    def text(self) -> str:
+        """A line for each zone."""
+        lines = [f"response to the power of {self.exponent:g}, albedo of the table "
+                 f"{self.albedo:g} times the object's"]
+        for k, (x, y, deviation) in enumerate(self.centres()):
+            lines.append(f"zone {k}: centre {x:.3f}, {y:.3f}, deviation {deviation:.3f}, zero at "
+                         f"bin {self.zero_bin[k]:.1f}, {self.explained[k]:.3f} of the power "
+                         "explained")
+        return "\n".join(lines)
+
+    def save(self, path: str | pathlib.Path) -> None:
+        facts = {key: np.asarray(value).tolist() for key, value in asdict(self).items()}
+        pathlib.Path(path).write_text(json.dumps(facts))
+
+
+def load(path: str | pathlib.Path) -> ZoneFit:
+    """The fit that save() wrote. Raises ValueError."""
+    try:
+        facts: dict[str, Any] = json.loads(pathlib.Path(path).read_text())
+        fit = ZoneFit(np.array(facts["fields"], float), np.array(facts["zero_bin"], float),
+                      float(facts["exponent"]), float(facts["albedo"]),
+                      np.array(facts["explained"], float))
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise ValueError(f"{path}: no fit of zones: {error}") from None
+    if fit.fields.shape != (len(fit.zero_bin), G * G):
+        raise ValueError(f"{path}: fields {fit.fields.shape}; expected [zones, {G * G}]")
+    return fit
+
+
+def fit_zones(counts: Array, reference: Array, scenes: Scenes) -> ZoneFit:
+    """Fits counts [poses, zones, bins] of a known object. First a common time zero, exponent and
+    albedo by every fourth pose, which is left out of the fit; then each zone's own time zero."""
+    counts = counts - np.median(counts[:, :, -30:], axis=2, keepdims=True)
+    zones = counts.shape[1]
+
+    def left_out(exponent: float, albedo: float, zero: float) -> float:
+        a = scenes.unit_counts(response_of(reference, exponent), zero, albedo)
+        by_pose = a.reshape(len(counts), LAST - FIRST, -1)
+        shares = []
+        for fold in range(4):
+            held = np.arange(len(counts)) % 4 == fold
+            known, rest = (by_pose[part].reshape(-1, G * G) for part in (~held, held))
+            for k in range(0, zones, max(1, zones // 3)):
+                field = fitted_field(known, counts[~held, k], 100)[0]
+                shares.append(explained(rest, field, counts[held, k]))
+        return float(np.mean(shares))
+
+    zero = max(np.arange(11, 13.6, 0.5), key=lambda zero: left_out(1.7, 1.2, zero))
+    exponent, albedo = max(((e, a) for e in EXPONENTS for a in ALBEDOS),
+                           key=lambda one: left_out(*one, zero))
+    response = response_of(reference, exponent)
+    best: list[tuple[float, float, Array]] = [(-np.inf, 0.0, np.zeros(0))] * zones
+    for own in zero + np.arange(-1.2, 1.3, 0.1):
+        a = scenes.unit_counts(response, own, albedo)
+        for k in range(zones):
+            field, share = fitted_field(a, counts[:, k], 200)
+            if share > best[k][0]:
+                best[k] = (share, float(own), field)
+    return ZoneFit(np.array([one[2] for one in best]), np.array([one[1] for one in best]), exponent,
+                   albedo, np.array([one[0] for one in best]))

@@ -1,0 +1,137 @@
+# SPDX-License-Identifier: MIT
+"""Zones of a TMF8820: the fit on one known object, rendered solids, and the bench's track from files to the table."""
+import csv
+import gzip
+import json
+import os
+import struct
+
+import numpy as np
+import pytest
+
+import echofuse
+from echofuse import photon_baselines, photon_track, tmf8820, zone_fit
+from programs import BIN, program
+
+os.environ["ECHOFUSE_BIN"] = str(BIN)
+REFERENCE = 1e5 * np.exp(-(((np.arange(128) - 14) / 1.2) ** 2)) + 5
+BLOCK = tmf8820.box(0.06, 0.05, 0.1)
+TABLE = np.array([[(-1, -1, 0), (1, -1, 0), (1, 1, 0)], [(-1, -1, 0), (1, 1, 0), (-1, 1, 0)]], float)
+
+
+def chip():
+    """Four zones: round fields about +-0.12, time zeros of their own."""
+    x, y = (part.ravel() for part in zone_fit.tangents(zone_fit.G, zone_fit.FIELD_TANGENT))
+    fields = [np.exp(-((x - cx) ** 2 + (y - cy) ** 2) / (2 * 0.1**2)) for cx, cy in
+              ((-0.12, 0.12), (0.12, 0.12), (-0.12, -0.12), (0.12, -0.12))]
+    return zone_fit.ZoneFit(np.array(fields), np.array([11.6, 12.0, 12.2, 12.6]), 1.7, 1.2, np.ones(4))
+
+
+def captures(count, seed):
+    """Counts [n, zones, 128] and poses [n, 4, 4] before the block."""
+    rng, zones, counts, poses = np.random.default_rng(seed), chip(), [], []
+    for _ in range(count):
+        pose = tmf8820.any_pose(rng, 0.1)
+        depth, cosine, height = tmf8820.cast(pose, np.concatenate([TABLE, BLOCK]), zone_fit.G, zone_fit.FIELD_TANGENT)
+        bare = tmf8820.histograms(depth, cosine * np.where(height > 0.003, 1, zones.albedo), zones, zones.zero_bin,
+                                  zone_fit.response_of(REFERENCE, zones.exponent))
+        counts.append(rng.poisson(40 * bare + 60))
+        poses.append(pose)
+    return np.array(counts), np.array(poses)
+
+
+@pytest.fixture(scope="module")
+def data(tmp_path_factory):
+    """A folder as the public one: block.json.gz, block_random.json.gz and block.stl."""
+    folder = tmp_path_factory.mktemp("data")
+    mesh = np.concatenate([TABLE, BLOCK])
+    body = b"".join(struct.pack("<12fH", 0, 0, 0, *corners.ravel(), 0) for corners in mesh)
+    (folder / "block.stl").write_bytes(bytes(80) + struct.pack("<I", len(mesh)) + body)
+    for seed, name in enumerate(("block", "block_random")):
+        counts, poses = captures(24, seed)
+        records = [{"hists": h.tolist(), "reference_hist": REFERENCE.tolist(), "pose": pose.tolist()}
+                   for h, pose in zip(counts, poses)]
+        (folder / f"{name}.json.gz").write_bytes(gzip.compress(json.dumps(records).encode()))
+    return folder
+
+
+def test_rays_through_a_block_meet_its_top(data):
+    pose = np.zeros((4, 4))
+    pose[:3, 0], pose[:3, 1], pose[:3, 2], pose[:3, 3] = (1, 0, 0), (0, -1, 0), (0, 0, -1), (0, 0, 0.3)
+    triangles = tmf8820.read_mesh(data / "block.stl")
+    truth = tmf8820.truth_of(*tmf8820.cast(pose, triangles)[::2], tmf8820.table_height(triangles))
+    assert np.nanmin(truth) == pytest.approx(0.2) and 30 < np.isfinite(truth).sum() < 400
+
+
+def test_the_fit_finds_fields_time_zeros_and_response_of_a_known_chip(data, tmp_path):
+    zones = chip()
+    found = tmf8820.fitted(data / "block_random.json.gz", data / "block.stl", range(16))
+    assert (found.fields >= 0).all() and (found.explained > 0.97).all()
+    assert np.abs(found.zero_bin - zones.zero_bin).max() < 0.25 and found.exponent == zones.exponent
+    assert np.abs(found.centres()[:, :2] - zones.centres()[:, :2]).max() < 0.05
+    counts, poses = captures(8, 5)  # poses that were not fitted
+    counts = counts - np.median(counts[:, :, -30:], axis=2, keepdims=True)
+    scenes = tmf8820.seen_by(poses, data / "block.stl")
+    for k in range(4):
+        unit = scenes.unit_counts(zone_fit.response_of(REFERENCE, found.exponent), found.zero_bin[k], found.albedo)
+        assert zone_fit.explained(unit, found.fields[k], counts[:, k]) > 0.9
+    found.save(tmp_path / "fit.json")
+    assert np.array_equal(zone_fit.load(tmp_path / "fit.json").fields, found.fields)
+    (tmp_path / "fit.json").write_text("{}")
+    with pytest.raises(ValueError, match="no fit of zones"):
+        zone_fit.load(tmp_path / "fit.json")
+    with pytest.raises(ValueError, match="expected some of 0 to 23"):
+        tmf8820.fitted(data / "block.json.gz", data / "block.stl", [24])
+
+
+def test_rendered_photons_lie_at_the_range_of_the_object_in_the_zone_that_looks_at_it():
+    zones = chip()
+    depth = np.full(zone_fit.G**2, np.inf)
+    x, y = (part.ravel() for part in zone_fit.tangents(zone_fit.G, zone_fit.FIELD_TANGENT))
+    depth[(np.abs(x - 0.12) < 0.05) & (np.abs(y - 0.12) < 0.05)] = 0.276  # 20 bins
+    counts = tmf8820.histograms(depth, np.ones_like(depth), zones, zones.zero_bin, zone_fit.response_of(REFERENCE, 1.7))
+    assert counts.sum(1).argmax() == 1 and counts[1].argmax() == 32  # 20 bins behind the time zero
+    counts, maps = tmf8820.rendered(zones, REFERENCE, 3, 1)
+    assert counts.shape == (3, 4, 128) and maps.shape == (3, 32, 32)
+    assert np.array_equal(tmf8820.rendered(zones, REFERENCE, 3, 1)[0], counts)
+
+
+def test_first_returns_are_those_before_the_table():
+    range_m = np.arange(60) * 0.01
+    bump = lambda at: np.exp(-(((np.arange(60) - at) / 1.5) ** 2))  # noqa: E731
+    both, table, nothing = 1000 * bump(20) + 200 * bump(40), 500 * bump(40), np.zeros(60)
+    found = photon_baselines.FirstReturn.depths(np.array([both, table, nothing], np.float32), range_m)
+    assert found[0] == pytest.approx(0.2, abs=0.003) and np.isnan(found[1:]).all()
+
+
+def test_the_track_goes_from_the_files_to_the_table(data, tmp_path):
+    recipe = tmp_path / "recipe.toml"
+    recipe.write_text("""
+name = "small"
+seeds = 1
+[[track]]
+name = "photons"
+title = "rendered captures"
+fit = {shape = "block_random", poses = [0, 2, 4, 6, 8, 10, 12, 14, 16, 18]}
+train = {records = 120, seed = 1}
+zones = ["echofuse.photon_baselines:OwnMeanMap", "echofuse.photon_baselines:FirstReturn", "mlp-mask-32:spd"]
+sum = ["nearest:spd"]
+""")
+    program("echofuse-bench", "run", "-q", "--recipe", recipe, "--data", data, "--runs", tmp_path / "runs", "--out",
+            tmp_path / "photons.csv", "--markdown")
+    lines = (tmp_path / "photons.csv").read_text().splitlines()
+    rows = {(row["axis"], row["value"], row["model"]): row for row in csv.DictReader(lines[1:])}
+    assert len(rows) == 8
+    for axis in ("photons block", "photons block_random"):
+        for row in (value for key, value in rows.items() if key[0] == axis):
+            assert 0.1 < float(row["iou"]) < 1 and float(row["depth_mae_m"]) < 0.1, row
+    assert photon_track.shapes_in(data) == ["block", "block_random"]
+    test = tmp_path / "runs/photons-zones-block.sqlite"
+    program("echofuse-recon", "-q", "train", tmp_path / "runs/photons-zones-train.sqlite", "--model", "mlp-mask-16", "--inputs",
+            "spd", "--epochs", 3, "--out", tmp_path / "model")
+    program("echofuse-recon", "-q", "reconstruct", tmp_path / "model", test, "--format", "npy", "--out", tmp_path / "maps")
+    maps = echofuse.load_model(tmp_path / "model").predict(test).depth_m
+    assert np.allclose(np.load(tmp_path / "maps/maps.npy"), maps, atol=1e-4, equal_nan=True)
+    sums = tmp_path / "runs/photons-sum-block.sqlite"
+    with pytest.raises(ValueError, match="has 1 zones; the model takes 4"):
+        echofuse.load_model(tmp_path / "model").predict(sums)
