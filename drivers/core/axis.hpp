@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Axis of one sensor's numbers: written once per run, checked by every reader.
+// Axis of a sensor's values: written once per run, checked by every reader.
 #pragma once
 #include <cmath>
 #include <cstdint>
@@ -8,23 +8,23 @@
 namespace echofuse {
 
 inline constexpr double speed_of_light_m_s = 299'792'458.0;
-inline constexpr double ps_per_m = 2e12 / speed_of_light_m_s;  // there and back
+inline constexpr double ps_per_m = 2e12 / speed_of_light_m_s;  // two-way
 
-// A regular axis. Bin i of the SPD covers [start + i*step, start + (i+1)*step); point i of the
-// radar and pixel i of the depth map stand *at* start + i*step.
+// Regular axis. Bin i of the SPD covers [start + i*step, start + (i+1)*step). Point i of the radar
+// and pixel i of the depth map are *at* start + i*step.
 //   name      quantity                unit  meaning of the values along it
 //   spd       counts                  ps    detections per bin of two-way time of flight
 //   radar     power                   m     linear power (arbitrary scale)
-//   radar     binned_power            m     linear power added up over a step around each point
+//   radar     binned_power            m     linear power, summed over one step around each point
 //   radar     log2_q8                 m     256*log2(magnitude), summed over `scale` virtual
 //                                   antennas, divided by the next power of two (TI SDK 3.x TLV 2)
-//   array     covariance            m     of the radar's `scale` virtual antennas
+//   array     covariance            m     between the radar's `scale` virtual antennas
 //                                   (acquire/measurement/radar_array.hpp)
 //   depth_x   tangent                 1     x/z of a pixel column, x to the right
 //   depth_y   tangent                 1     y/z of a pixel row, y up (step is negative)
-//   map_x     tangent                 1     of the depth map that the depth images are brought to
-//   map_y     tangent                 1     (acquire/measurement/depth_map.hpp)
-//   map_z     depth                   m     its range: one bin, from 0 on
+//   map_x     tangent                 1     x/z of the map grid onto which depth images are
+//   projected map_y     tangent                 1     y/z (acquire/measurement/depth_map.hpp) map_z
+//   depth                   m     range of the map grid: one bin, starting at 0
 struct Axis {
   std::string name;
   std::string quantity;
@@ -37,7 +37,7 @@ struct Axis {
   double at(double i) const { return start + i * step; }
 };
 
-// Same meaning, and no point further apart than a thousandth of a step.
+// Compares all fields; positions may differ by up to 0.001 of a step.
 inline bool same_axis(const Axis& a, const Axis& b) {
   const double tolerance = 1e-3 * std::abs(a.step);
   return a.name == b.name && a.quantity == b.quantity && a.unit == b.unit && a.count == b.count &&

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Checked little-endian access to wire bytes. Reading past the end yields zeros and clears ok():
-// a parser checks ok() once after a group of fields and can never over-read.
+// Bounds-checked little-endian access to wire bytes. A read past the end returns zeros and clears
+// ok(). A parser checks ok() once after a group of fields.
 #pragma once
 #include <bit>
 #include <cstdint>
@@ -28,7 +28,7 @@ class ByteReader {
     if (!raw.empty()) std::memcpy(&value, raw.data(), sizeof(T));
     return value;
   }
-  // The next n bytes, or an empty view if fewer are left.
+  // Returns the next n bytes, or an empty view if fewer are left.
   ByteView take(std::size_t n) {
     if (n > bytes_.size()) {
       ok_ = false;
@@ -55,8 +55,7 @@ void put(Bytes& out, T value) {
   std::memcpy(out.data() + size, &value, sizeof(T));
 }
 
-// n values of T from raw bytes, for blobs and payloads of known type; a rest shorter than T is
-// left.
+// Converts raw bytes of a known type to values. Ignores trailing bytes that do not fill a value.
 template <class T>
 std::vector<T> to_values(ByteView raw) {
   static_assert(std::is_trivially_copyable_v<T>);

@@ -17,7 +17,7 @@ const Clock& system_clock = the_system_clock;
 
 HostTime SystemClock::now() const { return std::chrono::steady_clock::now().time_since_epoch(); }
 
-// Not by system_clock, which overflows in 2262: this clock stands still from 2260 on.
+// Uses clock_gettime because system_clock overflows in 2262. Clamps the seconds in 2260.
 UtcTime SystemClock::utc() const {
   using Seconds = std::chrono::seconds;
   constexpr Seconds last =
@@ -28,7 +28,8 @@ UtcTime SystemClock::utc() const {
 }
 
 std::string iso8601(UtcTime time) {
-  // Not by floor<seconds>, which overflows for the first times that the type holds.
+  // Computes the second by hand because floor<seconds> overflows for the earliest times of the
+  // type.
   constexpr std::int64_t second = 1'000'000'000;
   const std::int64_t rest = (time.count() % second + second) % second;
   const std::time_t t = time.count() / second - (time.count() % second < 0 ? 1 : 0);

@@ -1,15 +1,14 @@
 // SPDX-License-Identifier: MIT
-// Time as every sample carries it. Clocks are injected: what does not run in a loop is given
-// `system_clock`.
+// Clocks and the time of samples. Clocks are injected; code without a loop receives `system_clock`.
 #pragma once
 #include <chrono>
 #include <string>
 
 namespace echofuse {
 
-// CLOCK_MONOTONIC since boot. Never compared across a reboot; UTC only through anchors in the run.
+// CLOCK_MONOTONIC since boot. Not comparable across a reboot; anchors in the run map it to UTC.
 using HostTime = std::chrono::nanoseconds;
-// Since 1970-01-01T00:00:00Z.
+// Nanoseconds since 1970-01-01T00:00:00Z.
 using UtcTime = std::chrono::nanoseconds;
 
 class Clock {
@@ -27,7 +26,7 @@ class SystemClock final : public Clock {
 
 extern const Clock& system_clock;
 
-// Moves only when told to.
+// Clock that a test advances.
 class ManualClock final : public Clock {
  public:
   HostTime now() const override { return now_; }

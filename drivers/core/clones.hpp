@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: MIT
-// For inner loops: one version for processors with AVX2, one for others, with the same bits.
+// Compiles inner loops for AVX2 and for older processors; both give identical bits.
 #pragma once
 #include <cstddef>
 #include <cstring>
 
-// Not FMA: contracted products would make other bits. Sanitizers are not up yet when the loader
-// chooses a clone.
+// Without FMA, because contracted products change the bits. Off with sanitizers, which are not
+// initialised when the loader selects a clone.
 #if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__) && \
     !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
 #define ECHOFUSE_CLONES __attribute__((target_clones("avx2", "default")))
@@ -15,8 +15,8 @@
 
 namespace echofuse {
 
-// Eight numbers that are worked on at once, as GCC and clang have it. By reference: how they are
-// passed by value depends on the processor.
+// Eight floats for SIMD, as a vector type of GCC and clang. Pass by reference: the calling
+// convention by value depends on the processor.
 inline constexpr std::size_t lanes = 8;
 using Eight [[gnu::vector_size(4 * lanes)]] = float;
 [[gnu::always_inline]] inline void load(Eight& to, const float* from) {

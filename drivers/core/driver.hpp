@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// The one interface of all devices.
+// Common interface of all drivers.
 #pragma once
 #include <cstdint>
 #include <string>
@@ -15,7 +15,7 @@ inline const char* name_of(DeviceState s) {
   return names[static_cast<std::size_t>(s)];
 }
 
-// Identity and axes of a device, known once it answers.
+// Identity and axes of a device, available after its first answer.
 struct DeviceInfo {
   Sensor sensor{};
   std::string address, model, serial, firmware;
@@ -29,7 +29,7 @@ struct Counter {
   std::uint64_t value;
 };
 
-// Overrides what it wants to hear; the rest goes nowhere.
+// Receives samples and events. The default implementations ignore them.
 class SampleSink {
  public:
   virtual ~SampleSink() = default;
@@ -42,19 +42,20 @@ class SampleSink {
   virtual void on_event(Sensor, Severity, const std::string& /*text*/) {}
 };
 
-// Threading: built, started, stopped and destroyed on the loop's thread, and calls its sink there
-// only. A driver with threads of its own copies and posts. It reconnects by itself, with back-off,
-// until stopped. Stop all drivers before you destroy one: a destructor waits.
+// Threading: created, started, stopped and destroyed on the loop's thread; calls its sink only
+// there. A driver with its own threads copies and posts. Reconnects with back-off until stopped.
+// Stop all drivers before destroying one, because a destructor blocks.
 class Driver {
  public:
   virtual ~Driver() = default;
   virtual void start(SampleSink& sink) = 0;
-  // Asks it to end, and does not wait: its destructor does.
+  // Requests the end without waiting; the destructor waits.
   virtual void stop() = 0;
-  // After stop(): whether all commands are with the device, and all that had come from it is
-  // with the sink. Until then the loop has to run, for as long as its user likes to wait.
+  // After stop(): returns true when the device has received all commands and the sink has received
+  // all data. The caller runs the loop until then, or until its own timeout.
   virtual bool finished() const { return true; }
-  // Counters by cause since start (bytes, short, not_ours, corrupt, resynced, reconnects, ...).
+  // Returns counters by cause since start (bytes, short, not_ours, corrupt, resynced, reconnects,
+  // ...).
   virtual std::vector<Counter> counters() const = 0;
 };
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Buffer of a stream parser: bytes of an unfinished frame wait for the rest; a frame that lies
-// whole in one piece of input is never copied.
+// Buffer of a stream parser. Keeps the bytes of an incomplete frame; a frame that is complete in
+// one input is not copied.
 #pragma once
 #include <algorithm>
 
@@ -8,18 +8,18 @@
 
 namespace echofuse {
 
-// Result of a parser's look at the buffered bytes.
+// Result of one parser call on the buffered bytes.
 struct Step {
-  std::size_t used = 0;    // done with; 0 means that it needs more
-  std::size_t wanted = 0;  // bytes in all before the next call can succeed (0: any more)
+  std::size_t used = 0;    // bytes consumed; 0: more are needed
+  std::size_t wanted = 0;  // total bytes before the next call can succeed (0: any number)
 };
 
 class FrameBuffer {
  public:
-  // Keeps the memory of frames up to so many bytes, until clear() or give_back().
+  // Keeps up to `most_kept` bytes of memory until clear() or give_back().
   explicit FrameBuffer(std::size_t most_kept = 1 << 20) : most_kept_(most_kept) {}
-  // Shows consume(view) the unused bytes, in order and contiguous, until it wants more than there
-  // are. consume must return {0, wanted} at the latest when its view is empty.
+  // Calls consume(view) with the unused bytes, in order and contiguous, until it needs more than
+  // are available. consume must return {0, wanted} at the latest when its view is empty.
   template <class Consume>
   void feed(ByteView bytes, const Consume& consume) {
     while (!held().empty() && !bytes.empty()) {
@@ -42,18 +42,18 @@ class FrameBuffer {
     used_ = wanted_ = 0;
   }
   std::size_t kept_bytes() const { return held_.capacity(); }
-  // Between two frames.
+  // Frees the memory if no frame is incomplete.
   void give_back() {
     if (held_.empty()) clear();
   }
 
  private:
-  // Shows it what is held once more.
+  // Calls consume again with the buffered bytes.
   template <class Consume>
   void again(const Consume& consume) {
     used_ += run(held(), consume);
-    // Drops used bytes when they are a quarter of the buffer, because each small frame would
-    // otherwise move all bytes behind it.
+    // Drops consumed bytes only once they fill a quarter of the buffer. Otherwise each small frame
+    // would move all bytes behind it.
     if (used_ == held_.size()) {
       held_.clear();
       if (held_.capacity() > most_kept_) held_.shrink_to_fit();
@@ -79,7 +79,7 @@ class FrameBuffer {
 
   std::size_t most_kept_;
   Bytes held_;
-  std::size_t used_ = 0;  // bytes of held_ that are done with, from its beginning
+  std::size_t used_ = 0;  // consumed bytes at the beginning of held_
   std::size_t wanted_ = 0;
 };
 

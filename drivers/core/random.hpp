@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Reproducible random streams: the same (seed, stream) gives the same numbers whatever was drawn
-// before and on whichever thread.
+// Reproducible random streams: the same (seed, stream) gives the same numbers on any thread,
+// whatever was drawn before.
 #pragma once
 #include <cstdint>
 #include <random>

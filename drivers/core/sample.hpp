@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Samples of the three drivers. Raw device values and raw device clocks; the host time is the
+// Samples of the three drivers, with raw device values and raw device clocks. The host time is the
 // monotonic time at which the last byte of the sample was read.
 #pragma once
 #include <cstdint>
@@ -31,7 +31,7 @@ struct Tag {
   std::int32_t channel = 0;  // rising edge n, falling edge -n
   std::int64_t time_ps = 0;  // wraps at 2^63 ps
 
-  // A well-formed event; what is not may bear any time.
+  // Returns true for a well-formed event; other records may contain any time.
   bool is_time_tag() const { return type == TagType::time_tag && reserved == 0; }
 };
 static_assert(sizeof(Tag) == 16);
@@ -40,17 +40,17 @@ struct TagBlock {
   HostTime received{};
   std::span<const Tag> tags;      // valid only during the call that delivers it
   std::uint64_t lost_blocks = 0;  // transport blocks missing before this one
-  std::uint64_t lost_items = 0;   // tags the sender says it dropped before this one
+  std::uint64_t lost_items = 0;   // tags dropped by the sender before this one, as it reports
 };
 
-// Counts of an exposure, of a detector that sends no tags.
+// Counts of one exposure from a detector without time tags.
 struct HistogramFrame {
   HostTime received{};
   std::uint64_t device_time_us = 0;  // at the end of the exposure
   std::uint32_t exposure_us = 0;
   std::uint64_t pulses = 0;           // laser pulses; 0: unknown
   std::uint32_t zones = 1;            // parts of the field of view
-  std::vector<std::uint32_t> counts;  // zone after zone
+  std::vector<std::uint32_t> counts;  // all bins of zone 0, then of zone 1, ...
   std::uint64_t lost = 0;             // histograms missing before this one
 
   std::uint64_t clicks() const {
@@ -71,23 +71,23 @@ struct RadarTemperature {
 };
 
 struct RadarFrame {
-  HostTime received{};                       // less the known time since its first chirp
+  HostTime received{};                       // minus the known delay since the first chirp
   std::uint32_t frame_number = 0;            // since power-up
   std::uint32_t time_cpu_cycles = 0;         // 200 MHz, wraps every 21.47 s
   std::uint32_t lost_before = 0;             // frame numbers missing before this one
-  std::uint32_t subframe = 0;                // those of a frame have the same number,
-  std::uint32_t subframes = 1;               // and the cfg asks for so many
+  std::uint32_t subframe = 0;                // subframes of one frame share its number
+  std::uint32_t subframes = 1;               // number per frame in the cfg
   std::vector<std::uint16_t> range_profile;  // log2_q8 codes; empty if the frame had no TLV 2
-  std::vector<float> power;  // linear, of a radar behind a bridge, which has no range_profile
-  // TLV 4 (azimuth antennas) or 8 (all of them): for each range bin and virtual antenna the
-  // imaginary, then the real part; empty if the frame had neither.
+  std::vector<float> power;                  // linear; from a bridge, which sends no range_profile
+  // TLV 4 (azimuth antennas) or 8 (all antennas): for each range bin and virtual antenna the
+  // imaginary part, then the real part. Empty if the frame had neither.
   std::vector<std::int16_t> array;
   bool planar = false;  // true: TLV 8, false: TLV 4
   std::optional<RadarStats> stats;
   std::optional<RadarTemperature> temperature;
 };
 
-// Answer of TI's own calibration (measureRangeBiasAndRxChanPhase), or the mean of several. Kept for
+// Result of TI's calibration (measureRangeBiasAndRxChanPhase), or the mean of several. Intended for
 // the .cfg: the firmware applies it to its points, not to the range profile.
 struct FirmwareBias {
   double range_bias_m = 0;
@@ -96,7 +96,7 @@ struct FirmwareBias {
   std::int64_t lines = 0;
 };
 
-// Drivers take no frame with a longer side.
+// Drivers reject frames with a longer side.
 inline constexpr std::uint32_t max_depth_side = 8192;
 
 struct DepthFrame {

@@ -4,21 +4,21 @@
 
 namespace echofuse {
 
-// Counts of tags by their use: tags == starts + in_range + out_of_range + without_start + other.
+// Tag counts by category: tags == starts + in_range + out_of_range + without_start + other.
 struct TagCounts {
   std::uint64_t tags = 0;
   std::uint64_t starts = 0;
   std::uint64_t in_range = 0;       // clicks in the histogram
   std::uint64_t out_of_range = 0;   // clicks with a start, outside the axis
-  std::uint64_t without_start = 0;  // clicks before any start
-  std::uint64_t other = 0;  // other channels, markers of every kind, removed by the dead time
+  std::uint64_t without_start = 0;  // clicks before the first start
+  std::uint64_t other = 0;          // other channels, markers, and tags removed by the dead time
   // Not part of the sum:
-  std::uint64_t missed = 0;     // events on the two channels that the device says it lost
-  std::uint64_t overflows = 0;  // times an overflow began
+  std::uint64_t missed = 0;     // events on the two channels that the device reports as lost
+  std::uint64_t overflows = 0;  // number of overflow periods
   std::uint64_t errors = 0;     // error markers
-  std::uint64_t bad_tags = 0;   // unknown type, or reserved byte not 0; all are in `other`
-  std::uint64_t backwards = 0;  // time tags before the tag that precedes them
-  std::uint64_t removed = 0;    // by the dead time; all are in `other`
+  std::uint64_t bad_tags = 0;   // unknown type, or reserved byte not 0; included in `other`
+  std::uint64_t backwards = 0;  // time tags earlier than their predecessor
+  std::uint64_t removed = 0;    // removed by the dead time; included in `other`
 
   TagCounts& operator+=(const TagCounts& more) {
     tags += more.tags;
