@@ -28,24 +28,27 @@ bool is_one_of(const port::Address& address) {
 
 void check_tdc(const std::string& address) {
   if (!is_one_of<port::BridgeAddress, port::UsbAddress>(port::parse_address(address)))
-    refuse(address, "a time tagger is bridge:tcp://HOST:PORT or usb:VVVV:PPPP");
+    refuse(address, "expected for a time tagger: bridge:tcp://HOST:PORT or usb:VVVV:PPPP");
 }
 
 void check_radar(const std::string& address) {
   if (!is_one_of<port::BridgeAddress>(port::parse_address(address)))
-    refuse(address, "a radar is bridge:tcp://HOST:PORT, or the two ports radar.cli and radar.data");
+    refuse(
+        address,
+        "expected for a radar: bridge:tcp://HOST:PORT, or the two ports radar.cli and radar.data");
 }
 
 void check_radar_port(const std::string& address, std::uint32_t baud) {
   const port::Address parsed = port::parse_address(address);
   if (!is_one_of<port::SerialAddress, port::HidAddress>(parsed))
-    refuse(address, "a radar port is serial:/dev/... or hid:VVVV:PPPP");
+    refuse(address, "expected for a radar port: serial:/dev/... or hid:VVVV:PPPP");
   if (const auto* hid = std::get_if<port::HidAddress>(&parsed)) port::check_hid_baud(*hid, baud);
 }
 
 void check_depth(const std::string& address) {
   if (!is_one_of<port::OpenNiAddress, port::BridgeAddress>(port::parse_address(address)))
-    refuse(address, "a depth camera is openni:[URI or file.oni] or bridge:tcp://HOST:PORT");
+    refuse(address,
+           "expected for a depth camera: openni:[URI or file.oni] or bridge:tcp://HOST:PORT");
 }
 
 std::unique_ptr<Driver> make_tdc(port::Loop& loop, const TdcConfig& config, port::RawKeeper* raw) {
@@ -56,7 +59,7 @@ std::unique_ptr<Driver> make_tdc(port::Loop& loop, const TdcConfig& config, port
 
 namespace {
 
-// Warnings about the ports' roles, before anything is opened.
+// Checks the roles of the ports before opening them.
 std::vector<std::string> radar_warnings(const RadarConfig& config) {
   using inventory::RadarPort;
   const auto is = [](const std::string& text, RadarPort wanted) {

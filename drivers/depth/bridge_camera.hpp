@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// A depth camera behind the bridge protocol.
+// Depth camera behind the bridge protocol.
 #pragma once
 #include <string>
 

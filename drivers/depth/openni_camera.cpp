@@ -19,14 +19,14 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr auto wait_limit = 100ms;
-constexpr auto silence_limit = 3s;  // a live camera that sends no whole frame is reopened
-constexpr auto recording_end = 1s;  // the same of a recording of unknown length is its end
+constexpr auto silence_limit = 3s;  // a live camera without a complete frame is reopened
+constexpr auto recording_end = 1s;  // a recording of unknown length ends after this silence
 constexpr int max_queued = 4;
 
 }  // namespace
 
-// Shared by the loop and the camera's thread. Threading: start(), stop(), finished() and join() on
-// the loop's thread; the others on the camera's.
+// State shared by the loop and the camera's thread. Threading: start(), stop(), finished() and
+// join() on the loop's thread; other functions on the camera's.
 struct OpenNiCamera::Shared : std::enable_shared_from_this<Shared> {
   explicit Shared(port::Loop& l) : loop(l) {}
 
@@ -42,22 +42,22 @@ struct OpenNiCamera::Shared : std::enable_shared_from_this<Shared> {
       });
     });
   }
-  // Pauses end; what was posted is still carried out.
+  // Ends pauses; posted actions still run.
   void stop() {
     const std::lock_guard lock(mutex);
     stopping = true;
     wake.notify_all();
   }
   bool finished() const { return ended || !thread; }
-  // Drops the work that was posted.
+  // Discards posted actions.
   void join() {
     stop();
     sink = nullptr;
     thread.reset();
   }
 
-  // Sessions, each until the camera fails (why) or has nothing more (empty), with pauses between
-  // them. `info`: of the camera, as the session has it.
+  // Runs sessions with pauses between them. A session returns why the camera failed, or an empty
+  // text at the end of a recording. `info`: camera of the current session.
   void run(const DeviceInfo& info, port::Backoff& backoff,
            const std::function<std::string()>& session) {
     do {
@@ -69,28 +69,28 @@ struct OpenNiCamera::Shared : std::enable_shared_from_this<Shared> {
       report(info, DeviceState::faulted);
     } while (pause(backoff.next()));
   }
-  // Once until it changes.
+  // Reports a state once until it changes.
   void report(const DeviceInfo& info, DeviceState now) {
     if (std::exchange(state, now) == now) return;
     post([now, info](SampleSink& to) { to.on_state(info.sensor, now, info); });
   }
-  // On the loop's thread, with the driver's sink.
+  // Runs the action on the loop's thread with the driver's sink.
   void post(std::function<void(SampleSink&)> action) {
     loop.post([self = shared_from_this(), action = std::move(action)] {
       if (self->sink) action(*self->sink);
     });
   }
-  // False: it is time to end.
+  // Returns false if the thread should end.
   bool pause(std::chrono::nanoseconds time) {
     std::unique_lock lock(mutex);
     return !wake.wait_for(lock, time, [this] { return stopping.load(); });
   }
 
   port::Loop& loop;
-  SampleSink* sink = nullptr;  // the loop's thread only
-  bool ended = false;          // the loop's thread only
+  SampleSink* sink = nullptr;  // loop's thread only
+  bool ended = false;          // loop's thread only
   std::unique_ptr<port::Worker> thread;
-  DeviceState state = DeviceState::connecting;  // the camera's thread only
+  DeviceState state = DeviceState::connecting;  // camera's thread only
   std::mutex mutex;
   std::condition_variable wake;
   std::atomic<bool> stopping{false};
@@ -99,7 +99,7 @@ struct OpenNiCamera::Shared : std::enable_shared_from_this<Shared> {
       connections{0};
 };
 
-// The camera's thread.
+// Runs on the camera's thread.
 class OpenNiCamera::Worker {
  public:
   Worker(std::shared_ptr<Shared> shared, DeviceInfo info, std::string uri, const Clock& clock,
@@ -119,7 +119,7 @@ class OpenNiCamera::Worker {
  private:
   using Read = OpenNiSession::Read;
 
-  // Until the camera fails: why; or a recording ends: empty.
+  // Returns why the camera failed, or an empty text at the end of a recording.
   std::string run_session() {
     OpenNiSession session;
     if (std::string wrong = session.open(uri_, options_); !wrong.empty()) return wrong;
@@ -137,7 +137,7 @@ class OpenNiCamera::Worker {
       const Read read = session.read(wait_limit, frame);
       const auto now = std::chrono::steady_clock::now();
       if (read == Read::end) return {};
-      if (read == Read::gone) return "the camera is gone";
+      if (read == Read::gone) return "camera disconnected";
       if (read == Read::bad_frame) ++shared_->bad_frames;
       if (read == Read::frame) {
         backoff_.alive(clock_.now());
@@ -145,7 +145,7 @@ class OpenNiCamera::Worker {
         last_frame = now;
       }
       if (session.recording() && now - last_frame > recording_end) return {};
-      if (now - last_frame > silence_limit) return "the camera sent no whole frame for 3 s";
+      if (now - last_frame > silence_limit) return "camera sent no complete frame for 3 s";
     }
     return {};
   }
@@ -172,15 +172,15 @@ class OpenNiCamera::Worker {
     });
   }
 
-  // Many cameras go on to number their frames while nobody looks. One that began anew has lost one
-  // at least.
+  // Returns missing frames by the camera's index. Many cameras count frames while closed; a camera
+  // that restarted its count has lost at least one.
   std::uint32_t lost_before(std::uint32_t index) {
     const bool rejoined = std::exchange(rejoined_, false);
     if (last_index_ && index > *last_index_) return index - *last_index_ - 1;
     return rejoined;
   }
 
-  // One file a session, which a hello opens.
+  // Writes one file per session, which starts with a hello block.
   void keep(const DepthFrame& frame) {
     if (!raw_) return;
     using bridge::BlockKind;
@@ -200,7 +200,8 @@ class OpenNiCamera::Worker {
       raw_->note("depth", at, "bytes", static_cast<std::int64_t>(block.size()));
   }
 
-  // A recording waits for its time and for room in the queue. False: stopped meanwhile.
+  // Delays a recording's frame until its time and until the queue has space. Returns false if
+  // stopped.
   bool hold_back(std::uint64_t device_time_us) {
     const auto now = std::chrono::steady_clock::now();
     if (!pace_) pace_ = {now, device_time_us};
@@ -224,7 +225,7 @@ class OpenNiCamera::Worker {
   DeviceInfo info_;
   port::Backoff backoff_;
   std::optional<std::uint32_t> last_index_;
-  bool rejoined_ = false;  // no frame since it was opened again
+  bool rejoined_ = false;  // no frame since the camera was reopened
   std::uint32_t dropped_since_ = 0;
   std::optional<std::pair<std::chrono::steady_clock::time_point, std::uint64_t>> pace_;
 };

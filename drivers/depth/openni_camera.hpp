@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Any depth camera that OpenNI2 knows, or one of its recordings (.oni).
+// Depth camera that OpenNI2 supports, or an OpenNI2 recording (.oni).
 #pragma once
 #include <memory>
 #include <string>
@@ -19,29 +19,29 @@ struct OpenNiDevice {
   std::string uri, model;
 };
 
-// The cameras that OpenNI2's modules see now. Throws Error(device) if there are no modules.
+// Lists the cameras that OpenNI2's modules detect. Throws Error(device) if there are no modules.
 std::vector<OpenNiDevice> list_openni_devices();
 
 struct OpenNiOptions {
-  // Recordings are played at their own pace, else as fast as they are taken. Each frame comes once,
-  // then the state is `ended`.
+  // Plays recordings in real time; false: as fast as frames are processed. Each frame is delivered
+  // once, then the state is `ended`.
   bool paced = true;
-  // Mode of a live camera; 0: the camera's own choice.
+  // Mode of a live camera; 0: camera's default.
   std::uint32_t width = 0, height = 0, fps = 0;
   port::Backoff backoff{};
 };
 
-// A camera that was named by its place on the bus (VENDOR/PRODUCT@BUS/ADDRESS) and comes back at
-// another is found again, if it is the only one of its kind.
-// Threading: as every driver. Its own thread talks to OpenNI, copies, and posts to the io context;
-// at most 4 frames are on their way, a live camera's further ones are dropped and counted.
-// Into `raw`, if any, goes every frame, as a depth block of the bridge protocol.
+// Driver of an OpenNI2 camera. A camera with a bus address (VENDOR/PRODUCT@BUS/ADDRESS) that
+// reappears at another address is found if it is the only one of its kind.
+// Threading: as every driver. An own thread calls OpenNI, copies, and posts to the loop. At most 4
+// frames are queued; further frames of a live camera are dropped and counted. With `raw`, every
+// frame is stored as a depth block of the bridge protocol.
 class OpenNiCamera final : public Driver {
  public:
   // Loads OpenNI's modules; throws Error(device) if there are none.
   OpenNiCamera(port::Loop& loop, std::string address, std::string uri, OpenNiOptions options = {},
                port::RawKeeper* raw = nullptr);
-  ~OpenNiCamera() override;  // waits for the thread: a tenth of a second
+  ~OpenNiCamera() override;  // waits up to 0.1 s for the thread
   void start(SampleSink& sink) override;
   void stop() override;
   bool finished() const override;

@@ -16,12 +16,12 @@ namespace {
 using openni::OpenNI;
 using openni::Status;
 
-// The player thread of OpenNI's file module walks its list of streams without a lock, and at the
-// end of a file without a pause (2.2, PlayerDevice::MainLoop): destroying a stream under it
-// crashes. Once no stream is started it looks every 10 ms only; this is half way between two looks.
+// Delay before a stream is destroyed. The player thread of OpenNI's file module (2.2,
+// PlayerDevice::MainLoop) iterates its streams without a lock, and crashes if one is destroyed.
+// Without a started stream it polls every 10 ms; 15 ms is half way between two polls.
 constexpr std::chrono::milliseconds player_rest{15};
 
-// OpenNI's own words are several lines with tabs.
+// Joins OpenNI's error text, which has several lines with tabs.
 std::string failure(const char* doing) {
   std::istringstream words(OpenNI::getExtendedError());
   std::string text;
@@ -38,7 +38,8 @@ std::string describe_mode(const openni::VideoMode& mode) {
          " at " + std::to_string(mode.getFps()) + (is_depth(mode.getPixelFormat()) ? "" : " (raw)");
 }
 
-// Present address of the camera that was at `uri`: the only one with the same words before the "@".
+// Returns the current URI of the camera that was at `uri`: the only one with the same text before
+// "@".
 std::string moved(const std::string& uri) {
   const std::size_t at = uri.find('@');
   if (at == uri.npos) return {};
@@ -54,7 +55,7 @@ std::string moved(const std::string& uri) {
   return found;
 }
 
-// Why "the first camera" names none: there are several.
+// Returns an error text if the empty address matches several cameras.
 std::string several_cameras() {
   openni::Array<openni::DeviceInfo> all;
   OpenNI::enumerateDevices(&all);
@@ -66,10 +67,10 @@ std::string several_cameras() {
     if (std::filesystem::is_regular_file(uri, none)) continue;  // a recording that was opened
     list += (count++ > 0 ? ", openni:" : "openni:") + uri;
   }
-  return count > 1 ? "the address fits several cameras; give one of " + list : "";
+  return count > 1 ? "the address matches several cameras; use one of " + list : "";
 }
 
-// Pixel i of `count` looks along tangent (i - (count - 1) / 2) * step.
+// Pixel i of `count` is at tangent (i - (count - 1) / 2) * step.
 Axis tangent_axis(const char* name, int count, double field_of_view, double sign) {
   const double step = sign * 2 * std::tan(field_of_view / 2) / count;
   return {.name = name,
@@ -114,7 +115,7 @@ bool OpenNiSession::open_device(const std::string& uri) {
 std::string OpenNiSession::open(const std::string& uri, const OpenNiOptions& wanted) {
   if (uri.empty())
     if (std::string several = several_cameras(); !several.empty()) return several;
-  // isFile() and its like crash on a device that is not open.
+  // isFile() and similar calls crash on a device that is not open.
   if (!open_device(uri)) return failure("open");
   uri_ = device_.getDeviceInfo().getUri();
   recording_ = device_.isFile();
@@ -132,7 +133,7 @@ std::string OpenNiSession::open_stream(const OpenNiOptions& wanted) {
   return wrong;
 }
 
-// The camera's present mode if it will do, else the first one that will.
+// Keeps the camera's current mode if it matches, otherwise sets the first match.
 std::string OpenNiSession::choose_mode(const OpenNiOptions& wanted) {
   const auto like = [](std::uint32_t wish, int is) {
     return wish == 0 || wish == static_cast<std::uint32_t>(is);
@@ -149,33 +150,33 @@ std::string OpenNiSession::choose_mode(const OpenNiOptions& wanted) {
       return stream_.setVideoMode(modes[i]) == openni::STATUS_OK ? "" : failure("set the mode");
     offered += (offered.empty() ? "" : ", ") + describe_mode(modes[i]);
   }
-  return "it has no such depth mode; it offers " + offered;
+  return "camera does not support this depth mode; it offers " + offered;
 }
 
 std::string OpenNiSession::set_up(const OpenNiOptions& wanted) {
   if (recording_) {
     openni::PlaybackControl* playback = device_.getPlaybackControl();
     playback->setRepeatEnabled(false);
-    // -1: readFrame() itself makes the next frame, so that each comes once. A recording that was
-    // not closed does not know its length: it plays in real time, and ends by silence.
+    // Speed -1: readFrame() produces the next frame, so that each is delivered once. A recording
+    // that was not closed has no length: it plays in real time and ends by silence.
     frames_left_ = playback->getNumberOfFrames(stream_);
     stepped_ = frames_left_ > 0 && playback->setSpeed(-1) == openni::STATUS_OK;
   } else {
     if (std::string wrong = choose_mode(wanted); !wrong.empty()) return wrong;
     stream_.setMirroringEnabled(false);
   }
-  mirrored_ = stream_.getMirroringEnabled();  // still: then rows are turned here
+  mirrored_ = stream_.getMirroringEnabled();  // if still set, rows are mirrored here
   const openni::VideoMode mode = stream_.getVideoMode();
   const openni::PixelFormat format = mode.getPixelFormat();
   if (!is_depth(format))
-    return "its pixel format " + std::to_string(format) + " is not a depth in mm or 0.1 mm";
+    return "pixel format " + std::to_string(format) + " is not a depth in mm or 0.1 mm";
   units_per_mm_ = format == openni::PIXEL_FORMAT_DEPTH_100_UM ? 10 : 1;
   const double h = stream_.getHorizontalFieldOfView(), v = stream_.getVerticalFieldOfView();
-  if (!(h > 0 && h < 3.1 && v > 0 && v < 3.1)) return "it does not tell its field of view";
+  if (!(h > 0 && h < 3.1 && v > 0 && v < 3.1)) return "camera does not report its field of view";
   for (const int side : {mode.getResolutionX(), mode.getResolutionY()})
     if (side < 1 || side > static_cast<int>(max_depth_side))
-      return "its frames have a side of " + std::to_string(side) + " pixels, not 1 to " +
-             std::to_string(max_depth_side);
+      return "frames have a side of " + std::to_string(side) + " pixels (limit 1 to " +
+             std::to_string(max_depth_side) + ")";
   describe(mode);
   return {};
 }
@@ -215,7 +216,7 @@ OpenNiSession::Read OpenNiSession::read(std::chrono::milliseconds timeout, Depth
   return convert(raw, frame) ? Read::frame : Read::bad_frame;
 }
 
-// False: the frame is not what the stream's mode promised.
+// Returns false if the frame contradicts the stream's mode.
 bool OpenNiSession::convert(const openni::VideoFrameRef& raw, DepthFrame& frame) const {
   const std::uint32_t width = info_.axes[0].count, height = info_.axes[1].count;
   const auto stride = static_cast<std::size_t>(raw.getStrideInBytes());

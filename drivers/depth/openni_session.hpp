@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// One opened OpenNI2 depth stream, live or recorded.
+// Opened OpenNI2 depth stream, live or recorded.
 #pragma once
 #include <OpenNI.h>
 
@@ -12,14 +12,13 @@
 
 namespace echofuse::depth {
 
-// Loads the camera modules, once per process; they are unloaded when it ends. It changes the
-// working directory while it loads: call it before other threads use relative paths. Throws
+// Loads the camera modules once per process; they are unloaded at its end. Changes the working
+// directory during the load, so call it before other threads use relative paths. Throws
 // Error(device).
 void initialize_openni();
 
-// Never waits without a limit: OpenNI's readFrame() blocks for ever on an unplugged camera, so it
-// is called only when a frame is known to be there. Never seeks: PlaybackControl::seek() crashes in
-// OpenNI 2.2. A session that failed is thrown away; another one is made.
+// Single-use session. readFrame() blocks for ever on an unplugged camera, so it is called only when
+// a frame is available. Never seeks, because PlaybackControl::seek() crashes in OpenNI 2.2.
 // Threading: one thread, apart from onDeviceDisconnected.
 class OpenNiSession final : private openni::OpenNI::DeviceDisconnectedListener {
  public:
@@ -28,12 +27,12 @@ class OpenNiSession final : private openni::OpenNI::DeviceDisconnectedListener {
   OpenNiSession(const OpenNiSession&) = delete;
   OpenNiSession& operator=(const OpenNiSession&) = delete;
 
-  // A device URI, a recording's file name, or empty for the only camera. Empty if it went well,
-  // else what went wrong.
+  // `uri`: device URI, file name of a recording, or empty for the only camera. Returns an error
+  // text, or an empty string.
   std::string open(const std::string& uri, const OpenNiOptions& wanted);
 
   enum class Read { frame, nothing, bad_frame, end, gone };
-  // Fills all of `frame` but `received` and `lost_before`.
+  // Fills all fields of `frame` except `received` and `lost_before`.
   Read read(std::chrono::milliseconds timeout, DepthFrame& frame);
 
   bool recording() const { return recording_; }

@@ -18,7 +18,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// The kernel's USB devices under /sys/bus/usb/devices, read without a library.
+// USB devices of the kernel under /sys/bus/usb/devices, read without a library.
 struct UsbInterface {
   unsigned number = 0, device_class = 0, subclass = 0, protocol = 0;
   std::vector<std::string> nodes;  // names below /dev: "ttyACM0", "hidraw3"
@@ -32,9 +32,9 @@ struct UsbDevice {
   std::vector<UsbInterface> interfaces;  // by number
 };
 
-constexpr int deepest_node = 5;  // 1-2:1.0/0003:10C4:EA80.0001/hidraw/hidraw0, and some air
+constexpr int deepest_node = 5;  // 1-2:1.0/0003:10C4:EA80.0001/hidraw/hidraw0, and some reserve
 
-// The first line of an attribute; empty if it cannot be read.
+// Returns the first line of an attribute; empty if it cannot be read.
 std::string text_of(const fs::path& file) {
   std::ifstream in(file);
   std::string line;
@@ -49,7 +49,7 @@ unsigned number_of(const fs::path& file, int base) {
   return value;
 }
 
-// Sorted, so that a listing does not depend on the file system; errors are an empty list.
+// Returns sorted entries, so that a listing does not depend on the file system; empty on errors.
 std::vector<fs::path> entries(const fs::path& folder) {
   std::vector<fs::path> out;
   std::error_code error;
@@ -64,7 +64,8 @@ bool real_folder(const fs::path& path) {
   return fs::is_directory(fs::symlink_status(path, error));
 }
 
-// Character devices lie in a folder named after their class: .../tty/ttyUSB0, .../hidraw/hidraw0.
+// Collects character devices, which are in a folder named after their class: .../tty/ttyUSB0,
+// .../hidraw/hidraw0.
 void find_nodes(const fs::path& folder, int depth, std::vector<std::string>& nodes) {
   for (const fs::path& entry : entries(folder)) {
     if (!real_folder(entry)) continue;
@@ -105,7 +106,7 @@ UsbDevice read_device(const fs::path& folder) {
   return d;
 }
 
-// All devices, by their place in the tree; empty if it cannot be read.
+// Returns all devices by their place in the tree; empty if it cannot be read.
 std::vector<UsbDevice> read_usb_tree(const std::string& sys_root) {
   std::vector<UsbDevice> out;
   for (const fs::path& entry : entries(fs::path(sys_root) / "bus/usb/devices")) {
@@ -115,7 +116,7 @@ std::vector<UsbDevice> read_usb_tree(const std::string& sys_root) {
   return out;
 }
 
-// The device with this node of its own ("ttyACM0"), and which of its interfaces that is.
+// Device that owns a node ("ttyACM0"), and the interface of the node.
 struct NodeOwner {
   UsbDevice device;
   unsigned interface_number = 0;
@@ -134,7 +135,7 @@ struct Kind {
   std::uint16_t vendor, product;  // product 0: any of this vendor
   const char* name;
   Access access;
-  unsigned data_interface;  // serial: the radar's data port; 00 is the command line
+  unsigned data_interface;  // radar boards: interface of the data port; the command port is 00
   const char* advice;
   const char* model = "";  // part of the product's name; empty: any
 };
@@ -147,14 +148,14 @@ constexpr Kind kinds[] = {
     {0x151f, 0, "Opal Kelly FPGA (Swabian Time Tagger)", Access::usb, 0,
      "start echofuse-bridge-timetagger: tdc.address = \"bridge:tcp://127.0.0.1:41110\""},
     {0x2bc5, 0, "Orbbec camera", Access::usb, 0,
-     "start echofuse-bridge-orbbec: depth.address = \"bridge:tcp://127.0.0.1:41111\"; one that "
-     "OpenNI2 sees is listed below with its URI"},
+     "start echofuse-bridge-orbbec: depth.address = \"bridge:tcp://127.0.0.1:41111\"; cameras that "
+     "OpenNI2 supports are listed below with their URI"},
     {0x8086, 0, "RealSense camera", Access::usb, 0,
      "start echofuse-bridge-realsense: depth.address = \"bridge:tcp://127.0.0.1:41111\"",
      "RealSense"},
 };
 
-// Known by its interface, whoever made it (drivers/README.md, "Over USB").
+// Identified by its interface, for any vendor (drivers/README.md, "Over USB").
 constexpr Kind tag_stream{0, 0, "USB time tagger", Access::usb, 0, ""};
 
 bool streams_tags(const UsbDevice& d) {
@@ -184,8 +185,8 @@ std::string firmware_of(unsigned bcd) {
   return text;
 }
 
-// Returns the name that survives replugging, or the node itself if udev made none. Names by-id of
-// devices that share a serial number are ambiguous.
+// Returns the path that survives replugging, or the node itself if udev made none. by-id names of
+// devices with the same serial number are ambiguous.
 std::string stable_path(const std::string& node, const Roots& roots, bool shared_serial) {
   std::error_code error;
   const fs::path folder = fs::path(roots.dev) / (shared_serial ? "serial/by-path" : "serial/by-id");
@@ -257,8 +258,8 @@ Attached describe(const Kind& kind, const UsbDevice& d, const Roots& roots, bool
                kind.advice, {}};
   if (kind.access == Access::serial) out.nodes = serial_nodes(kind, d, roots, shared_serial);
   if (kind.access == Access::serial && shared_serial)
-    out.advice = "another board has the serial number " + d.serial +
-                 ", so these names stand for the USB socket: keep each board in its socket";
+    out.advice = "another board has the same serial number " + d.serial +
+                 ", so these names identify the USB socket: keep each board in its socket";
   if (kind.access == Access::hid) out.nodes = hid_nodes(d, roots);
   if (kind.access == Access::usb) out.nodes = usb_nodes(d, roots);
   return out;

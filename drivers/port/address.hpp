@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// The address syntax of the configuration, in one place.
+// Address syntax of the configuration.
 //   bridge:tcp://HOST:PORT      HOST a name, an IPv4 address or an IPv6 address in brackets
 //   usb:VVVV:PPPP[:serial]      vendor and product in hexadecimal
 //   hid:VVVV:PPPP[:serial]
@@ -38,7 +38,7 @@ struct OpenNiAddress {
 };
 using Address = std::variant<BridgeAddress, UsbAddress, HidAddress, SerialAddress, OpenNiAddress>;
 
-// Throws Error(config) that shows the text and what would be right.
+// Throws Error(config) with the text and the expected syntax.
 Address parse_address(std::string_view text);
 
 }  // namespace echofuse::port

@@ -8,9 +8,9 @@
 
 namespace echofuse::port {
 
-// Reconnecting of every driver: how long to wait before the next attempt, and what to report.
-// Pauses of 100 ms, doubled up to 2 s. Starts anew only after 5 s of health: a device that answers
-// once and dies is retried ever more rarely.
+// Retry policy of all drivers: the pause before the next attempt, and whether to report a failure.
+// Pauses grow from 100 ms to 2 s by doubling and are reset only after 5 s without failure. A device
+// that answers once and fails is therefore retried ever more rarely.
 class Backoff {
  public:
   using Time = std::chrono::nanoseconds;
@@ -19,14 +19,14 @@ class Backoff {
                    std::chrono::milliseconds longest = std::chrono::seconds(2))
       : first_(first), longest_(longest), next_(first) {}
 
-  // The device failed for this reason: whether it is to be reported. Once, not at every attempt.
+  // Returns true if this failure is not a repetition of the last one and should be reported.
   bool is_news(const std::string& why) { return std::exchange(reason_, why) != why; }
-  // The pause after it.
+  // Returns the pause before the next attempt.
   std::chrono::milliseconds next() {
     healthy_since_.reset();
     return std::exchange(next_, std::min(2 * next_, longest_));
   }
-  // The device did its work at this time (of a monotonic clock).
+  // Records that the device delivered data at this time (of a monotonic clock).
   void alive(Time now) {
     reason_.clear();
     if (!healthy_since_) healthy_since_ = now;
@@ -36,7 +36,7 @@ class Backoff {
  private:
   std::chrono::milliseconds first_, longest_, next_;
   std::optional<Time> healthy_since_;
-  std::string reason_;  // last failure since the device did its work
+  std::string reason_;  // last failure since the device delivered data
 };
 
 }  // namespace echofuse::port

@@ -22,10 +22,10 @@ namespace {
 using SteadyClock = std::chrono::steady_clock;
 
 constexpr auto status_period = std::chrono::seconds(1);
-constexpr int read_wait_ms = 2;                 // bytes to send wait for so long at most
-constexpr std::size_t max_waiting = 256 << 10;  // 4 s of a full pipe
+constexpr int read_wait_ms = 2;                 // longest wait before pending bytes are sent
+constexpr std::size_t max_waiting = 256 << 10;  // 4 s at the maximum rate
 
-// hidraw lets everybody in. A lock of the node keeps other programs of ours out.
+// hidraw allows several readers. A lock on the node excludes our other programs.
 struct CloseDevice {
   int lock = -1;
   void operator()(hid_device* device) const {
@@ -48,7 +48,7 @@ std::string narrow(const wchar_t* text) {
   return out;
 }
 
-// The /dev/hidraw node of the first match.
+// Finds the /dev/hidraw node of the only match.
 Result<std::string> find_node(const HidAddress& address) {
   hid_device_info* list = hid_enumerate(address.vendor, address.product);
   std::string node, others;
@@ -65,8 +65,8 @@ Result<std::string> find_node(const HidAddress& address) {
   if (fitting == 1) return node;
   if (fitting > 1)
     return failure(std::errc::device_or_resource_busy,
-                   name_of(address) + ": open; the address fits several" + others +
-                       "): give the serial number behind it");
+                   name_of(address) + ": open; the address matches several devices" + others +
+                       "): append the serial number");
   if (!others.empty()) others += ')';
   return failure(std::errc::no_such_device, name_of(address) + ": open" + others);
 }
@@ -83,7 +83,7 @@ Result<Device> open_device(const HidAddress& address) {
     error = errno == EWOULDBLOCK ? EBUSY : errno;
   if (error == 0) {
     if (hid_device* device = hid_open_path(node->c_str())) return Device(device, CloseDevice{fd});
-    error = EIO;  // hidapi does not say why
+    error = EIO;  // hidapi does not return the reason
   }
   if (fd >= 0) ::close(fd);
   return Failure{{error, std::generic_category()},
@@ -94,10 +94,10 @@ Result<Device> open_device(const HidAddress& address) {
 
 struct Link : ThreadLink {
   using ThreadLink::ThreadLink;
-  std::mutex mutex;  // guards the rest
+  std::mutex mutex;  // guards the members below
   Bytes in, out;
   bool posted = false;
-  std::uint64_t dropped = 0;  // bytes of either direction, not yet told
+  std::uint64_t dropped = 0;  // in either direction, not yet reported
 };
 using LinkPtr = std::shared_ptr<Link>;
 
@@ -117,13 +117,13 @@ void deliver(Link& link) {
   link.handlers.bytes(bytes);
 }
 
-// The thread that owns the device.
+// Owns the device on its own thread.
 class Worker {
  public:
   Worker(LinkPtr link, HidAddress address, std::uint32_t baud)
       : link_(std::move(link)), address_(std::move(address)), baud_(baud) {}
 
-  // Until the port is closed: nothing; or the device fails: why.
+  // Runs until the port is closed (returns nullopt) or the device fails (returns the failure).
   std::optional<Failure> serve() {
     Result<Device> opened = open_device(address_);
     if (!opened) return opened.failure();
@@ -134,8 +134,8 @@ class Worker {
     discard();
     post_opened(link_);
     if (baud_ / 10 > cp2110::pipe_bytes_per_s)
-      warn(std::to_string(baud_) + " baud brings up to " + std::to_string(baud_ / 10) +
-               " bytes/s, its USB pipe carries 63000: keep frames short or lower the baud rate",
+      warn(std::to_string(baud_) + " baud delivers up to " + std::to_string(baud_ / 10) +
+               " bytes/s, but the USB pipe carries 63000: keep frames short or lower the baud rate",
            0);
     auto next_status = SteadyClock::now() + status_period;
     while (!link_->stopping) {
@@ -150,7 +150,7 @@ class Worker {
   }
 
  private:
-  // Discards reports that came in between opening and purging; the kernel keeps 64.
+  // Discards reports that arrived between open and purge; the kernel buffers 64.
   void discard() {
     std::array<std::uint8_t, cp2110::report_bytes> report;
     for (int i = 0; i < 64; ++i)
@@ -197,15 +197,16 @@ class Worker {
     return true;
   }
 
-  // A bridge that does not tell its status is no reason to stop: reading shows whether it is there.
+  // Polls the UART status. A failed request is only a warning, because a read detects a missing
+  // bridge.
   void check() {
     std::array<std::uint8_t, cp2110::status_bytes> report{cp2110::status_id};
     const int n = hid_get_feature_report(device_.get(), report.data(), report.size());
     const auto size = static_cast<std::size_t>(std::max(n, 0));
     const auto status = cp2110::parse_status(ByteView(report).first(std::min(size, report.size())));
-    if (!status) return warn("does not tell its status; overruns go unseen", 0);
+    if (!status) return warn("does not report its status; overruns are not detected", 0);
     if (status->overrun) warn("overrun: the bridge lost bytes", 1);
-    if (status->parity_error) warn("the bridge received damaged bytes", 1);
+    if (status->parity_error) warn("parity errors: the bridge received damaged bytes", 1);
   }
 
   void tell_dropped() {
@@ -214,7 +215,7 @@ class Worker {
       const std::lock_guard lock(link_->mutex);
       std::swap(dropped, link_->dropped);
     }
-    if (dropped > 0) warn("bytes were dropped because they were not fetched in time", dropped);
+    if (dropped > 0) warn("bytes dropped because the program did not read them in time", dropped);
   }
 
   LinkPtr link_;
@@ -238,7 +239,7 @@ class HidPort final : public ThreadPort<Link, Worker> {
 void check_hid_baud(const HidAddress& address, std::uint32_t baud) {
   if (baud < cp2110::min_baud || baud > cp2110::max_baud)
     throw Error(ExitCode::config, name_of(address) + ": " + std::to_string(baud) +
-                                      " baud; a CP2110 does 300 to 1000000");
+                                      " baud; a CP2110 supports 300 to 1000000");
 }
 
 std::unique_ptr<BytePort> make_hid_port(boost::asio::io_context& io, const HidAddress& address,

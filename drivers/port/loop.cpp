@@ -17,8 +17,8 @@
 
 namespace echofuse::port {
 
-// Runs posted actions before a timer that is due, because the timer may wait for one of them. At
-// most 32 in a row, so that a flood does not hold up a timer.
+// Runs posted actions before due timers, because a timer may wait for an action. Limited to 32 in a
+// row, so that a flood of actions does not delay timers.
 void Loop::run_until(const std::function<bool()>& done, HostTime until) {
   constexpr int most_before_a_timer = 32;
   for (int before = 0; !done();) {
@@ -100,9 +100,9 @@ class Thread final : public Worker {
 struct SystemLoop::Parts {
   boost::asio::io_context io;
   boost::asio::executor_work_guard<boost::asio::io_context::executor_type> work{
-      io.get_executor()};  // waits even while nothing is pending
+      io.get_executor()};  // keeps run_one() waiting without pending operations
   boost::asio::steady_timer timer{io};
-  std::optional<HostTime> armed;  // when the timer ends the waiting
+  std::optional<HostTime> armed;  // expiry of the wait timer
 };
 
 SystemLoop::SystemLoop() : parts_(std::make_unique<Parts>()) {}
@@ -126,10 +126,10 @@ boost::asio::io_context& SystemLoop::io() { return parts_->io; }
 bool SystemLoop::poll() { return parts_->io.poll_one() > 0; }
 
 void SystemLoop::wait(HostTime until) {
-  // Wakes now and then, because the user's signals are seen only when asked for.
+  // Wakes every 20 ms, because signals only set a flag that `done` polls.
   constexpr std::chrono::milliseconds longest{20};
   const HostTime end = std::min(until, now() + longest);
-  // Not by run_one_until, which waits for whole milliseconds.
+  // Not run_one_until(), which waits in whole milliseconds.
   if (Parts& p = *parts_; !p.armed || end < *p.armed) {
     p.armed = end;
     p.timer.expires_at(std::chrono::steady_clock::time_point(end));

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Time, what is to be done when, and the ways to the devices. A program has one loop on Boost.Asio;
-// tests have one whose time jumps.
+// Event loop: clock, timers and ports to the devices. Programs use one loop on Boost.Asio; tests
+// use a loop with virtual time.
 #pragma once
 #include <cstdint>
 #include <functional>
@@ -16,43 +16,42 @@ namespace echofuse::port {
 
 using Action = std::function<void()>;
 
-// Runs jobs one after the other, beside the loop.
+// Runs jobs in sequence, outside the loop.
 class Worker {
  public:
-  virtual ~Worker() = default;       // returns once the jobs that it has are done
+  virtual ~Worker() = default;       // waits for queued jobs
   virtual void put(Action job) = 0;  // must not throw
 };
 
-// Threading: one thread has the loop, but post() may be called from any thread. Exceptions of an
-// action leave run_until(), which can be called again.
+// Threading: one thread runs the loop; post() may be called from any thread. An exception of an
+// action leaves run_until(), which can be called again.
 class Loop : public Clock {
  public:
-  // The action runs in the loop, never inside post().
+  // Runs the action in the loop, never inside post().
   virtual void post(Action action) = 0;
-  // Runs until `done`, which is asked again after everything that ran, or until this time.
+  // Runs until `done` returns true, checked after each action, or until this time.
   void run_until(const std::function<bool()>& done, HostTime until = HostTime::max());
   void run_for(std::chrono::nanoseconds time);
-  // true: now() stands still for the thread that holds it.
+  // With true, freezes now() for the calling thread.
   virtual void hold_time(bool /*hold*/) {}
 
   virtual std::unique_ptr<Worker> make_worker() = 0;
-  // Throws Error(config) for an address that carries no byte stream, or a baud rate that the
-  // transport cannot do.
+  // Throws Error(config) for an address without a byte stream, or an unsupported baud rate.
   virtual ByteOpener opener(const std::string& address, std::uint32_t baud = 115200) = 0;
 
  private:
   friend class Timer;
   using Alarms = std::multimap<HostTime, Action>;
-  // Runs one action that is posted, or waits for one until this time; may return sooner.
+  // Runs one posted action, or waits for one until this time; may return early.
   virtual void wait(HostTime until) = 0;
-  // Runs one that is posted already; false if there is none.
+  // Runs one posted action; returns false if there is none.
   virtual bool poll() = 0;
 
   Alarms alarms_;
 };
 
-// Runs an action once. Threading: the loop's thread only. The loop outlives it. After cancel(), a
-// new at() or destruction the old action does not run, even if its time has already come.
+// Runs an action once. Threading: loop's thread only. The loop must outlive it. After cancel(), a
+// new at() or destruction the old action does not run, even if it is already due.
 class Timer {
  public:
   explicit Timer(Loop& loop) : loop_(loop) {}
@@ -71,7 +70,7 @@ class Timer {
   std::optional<Loop::Alarms::iterator> alarm_;
 };
 
-// Loop on Boost.Asio and the system's clocks; its workers are threads.
+// Loop on Boost.Asio and the system clocks; its workers are threads.
 class SystemLoop final : public Loop {
  public:
   SystemLoop();

@@ -35,15 +35,15 @@ struct RawKeeper::Shared {
 
   const std::string folder;
   const RawLimits limits;
-  std::uint64_t unlooked = look_at_room_every;  // bytes since the last look at the room; worker's
+  std::uint64_t unlooked = look_at_room_every;  // bytes since the last check of free space
 
-  std::mutex mutex;  // guards all below
+  std::mutex mutex;  // guards the members below
   std::condition_variable done;
   std::size_t queued_bytes = 0;  // including those being written
   Counts counts;
   std::map<std::string, int> numbers;
   std::string trouble;
-  bool closing = false, ended = false;  // ended: nothing more is written
+  bool closing = false, ended = false;  // ended: writing has stopped
 };
 
 // Runs on the worker.
@@ -56,13 +56,13 @@ void RawKeeper::Shared::take(const std::string& name, ByteView bytes) {
   queued_bytes -= bytes.size();
   (keeps && wrong.empty() ? counts.kept : counts.dropped) += bytes.size();
   if (!wrong.empty()) {
-    trouble = wrong + "; raw bytes are no longer kept, the run goes on";
+    trouble = wrong + "; raw capture stopped, the run continues";
     ended = true;
   }
   done.notify_all();
 }
 
-// Empty, or what is wrong.
+// Returns an error text, or an empty string.
 std::string RawKeeper::Shared::write(const std::string& path, ByteView bytes) {
   unlooked += bytes.size();
   if (unlooked >= look_at_room_every) {
@@ -71,7 +71,7 @@ std::string RawKeeper::Shared::write(const std::string& path, ByteView bytes) {
     if (::statvfs(folder.c_str(), &room) == 0 &&
         std::uint64_t{room.f_bavail} * room.f_frsize < limits.reserve_bytes)
       return folder + ": less than " + std::to_string(limits.reserve_bytes >> 20) +
-             " MiB are free, which are left to the run";
+             " MiB free (reserved for the run)";
   }
   const int fd = ::open(path.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_NOFOLLOW | O_CLOEXEC, 0644);
   int error = fd < 0 ? errno : 0;
@@ -90,11 +90,11 @@ RawKeeper::RawKeeper(std::string folder, std::unique_ptr<Worker> worker, RawLimi
   std::error_code error;
   fs::create_directories(dir, error);
   if (!error && !fs::is_empty(dir, error) && !error)
-    throw Error(ExitCode::usage, dir + ": is not empty; raw bytes want a folder of their own");
+    throw Error(ExitCode::usage, dir + ": is not empty; raw capture needs an empty folder");
   if (error) throw Error(ExitCode::disk, dir + ": " + error.message());
 }
 
-// A disk that hangs holds its thread, not the run's end.
+// A blocked disk holds the worker's thread, not the end of the run.
 RawKeeper::~RawKeeper() {
   finish();
   const std::lock_guard lock(shared_->mutex);
@@ -167,7 +167,7 @@ class TapPort final : public BytePort {
         ending_(std::move(ending)) {}
   void open(PortHandlers handlers) override {
     keeper_->note(name_, loop_.now(), "open");
-    // The handlers outlive this port while one of them runs.
+    // A running handler keeps these objects alive after the port is destroyed.
     handlers.opened = [&loop = loop_, keeper = keeper_, name = name_,
                        next = std::move(handlers.opened)] {
       const HeldTime held(loop);

@@ -22,9 +22,9 @@ using boost::system::error_code;
 
 error_code last_error() { return {errno, boost::system::system_category()}; }
 
-// Also against root, whom TIOCEXCL does not stop, and who asks politely is not disturbed by an open
-// that fails: nothing was set or flushed. A pseudo-terminal has no TIOCEXCL from us: it would stay
-// with the other end, which keeps the terminal, after we are gone.
+// Takes an exclusive lock that also excludes root, unlike TIOCEXCL. A failed open leaves the other
+// program's settings and buffers unchanged. Skips TIOCEXCL on a pseudo-terminal, because the master
+// would keep the flag after we close.
 error_code make_ours(int fd) {
   struct stat is {};
   if (::flock(fd, LOCK_EX | LOCK_NB) != 0) {
@@ -74,7 +74,7 @@ class SerialPort final : public StreamPort<serial_port> {
   void open(PortHandlers handlers) override {
     link_->handlers = std::move(handlers);
     const error_code error = set_up(link_->stream, path_, baud_);
-    // Only the baud rate can be one that the system does not know.
+    // Only the baud rate, of all our settings, can be unsupported.
     const bool unknown_rate = error == boost::asio::error::invalid_argument;
     const bool taken = error == boost::system::errc::device_or_resource_busy;
     const bool denied = error == boost::system::errc::permission_denied;

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
-// The part that all Asio streams share. For the .cpp files of this folder only: it pulls in Asio.
+// Common part of all Asio streams. Include only in .cpp files of this folder, because it includes
+// Asio.
 #pragma once
 #include <boost/asio/buffer.hpp>
 #include <boost/asio/post.hpp>
@@ -11,8 +12,8 @@
 
 namespace echofuse::port {
 
-// The connection's state is shared with the pending operations, so that their handlers find it
-// after the port itself is gone.
+// Pending operations share the connection's state, so that their handlers can use it after the port
+// is destroyed.
 template <class Stream>
 class StreamPort : public BytePort {
  public:

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// The part that all ports share whose device has a thread of its own. For the .cpp files of this
-// folder only: it pulls in Asio.
+// Common part of all ports with a device thread. Include only in .cpp files of this folder, because
+// it includes Asio.
 #pragma once
 #include <atomic>
 #include <boost/asio/io_context.hpp>
@@ -21,18 +21,18 @@
 namespace echofuse::port {
 
 // State shared by both threads. `handlers`, `open` and `closed` belong to the loop's thread. The
-// loop's thread waits for posted work as long as it runs.
+// loop runs as long as posted work is expected.
 struct ThreadLink {
   explicit ThreadLink(boost::asio::io_context& context) : io(&context) {}
 
   std::mutex io_mutex;
-  boost::asio::io_context* io;  // null once the port is gone
+  boost::asio::io_context* io;  // null after the port is destroyed
   PortHandlers handlers;
   bool open = false, closed = false;
   std::atomic<bool> stopping{false};
 };
 
-// Posts the action to the loop's thread; it runs if the port is still there.
+// Posts the action to the loop's thread; it is skipped if the port is destroyed.
 template <class Link, class Action>
 void post(const std::shared_ptr<Link>& link, Action action) {
   const std::lock_guard lock(link->io_mutex);
@@ -54,8 +54,8 @@ inline Failure failure(std::errc code, std::string what) {
   return {std::make_error_code(code), std::move(what)};
 }
 
-// `Worker` is made of the link and what else the constructor gets. Its serve() uses the device on
-// the port's thread, and returns nothing once the link is `stopping`, or why the device failed.
+// `Worker` is constructed from the link and the further constructor arguments. Its serve() runs the
+// device on the port's thread and returns nullopt once the link is `stopping`, or the failure.
 template <class Link, class Worker>
 class ThreadPort : public BytePort {
  public:
@@ -63,8 +63,8 @@ class ThreadPort : public BytePort {
   explicit ThreadPort(boost::asio::io_context& io, const Args&... args)
       : link_(std::make_shared<Link>(io)), worker_(std::make_unique<Worker>(link_, args...)) {}
   ~ThreadPort() override {
-    // Limit for the loop's thread, because a request to a device in trouble may take seconds and
-    // blocks other devices.
+    // Limits the wait of the loop's thread, because a request to a faulty device may take seconds
+    // and would block other devices.
     constexpr auto close_timeout = std::chrono::milliseconds(200);
     link_->closed = true;
     link_->stopping = true;

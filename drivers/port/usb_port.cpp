@@ -14,14 +14,14 @@ constexpr std::size_t transfer_count = 8, transfer_bytes = usb_ring_bytes / tran
 constexpr std::size_t most_queued = 64u << 20;
 constexpr unsigned request_limit_ms = 500;
 constexpr auto cancel_limit = std::chrono::seconds(2);
-constexpr int turn_ms = 10;  // longest time a closed port holds the device
+constexpr int turn_ms = 10;  // longest time that a closed port holds the device
 
 struct Link : ThreadLink {
   using ThreadLink::ThreadLink;
-  std::atomic<std::size_t> queued{0};  // bytes on their way to the loop's thread
+  std::atomic<std::size_t> queued{0};  // bytes posted to the loop's thread, not yet delivered
 };
 
-// The thread that owns the device.
+// Owns the device on its own thread.
 class Worker {
  public:
   Worker(std::shared_ptr<Link> link, std::string name, UsbAddress address)
@@ -30,7 +30,7 @@ class Worker {
     stopping_ = true;
     cancel();
     if (started_) request(usb_stop);
-    if (any_busy()) {  // libusb still writes into them: better lost than freed
+    if (any_busy()) {  // libusb still writes into these buffers: leak them
       for (Slot& slot : slots_) new Bytes(std::move(slot.buffer));
       static_cast<void>(handle_.release());
       static_cast<void>(context_.release());
@@ -68,7 +68,7 @@ class Worker {
     bool busy = false;
   };
 
-  // Keeps the first reason; returns false.
+  // Keeps the first failure; returns false.
   bool fail(std::errc code, const std::string& why) {
     if (!failure_) failure_ = failure(code, name_ + ": " + why);
     return false;
@@ -116,15 +116,15 @@ class Worker {
     handle_.reset();
     bool found = false;
     if (fitting > 1)
-      fail(std::errc::device_or_resource_busy, "the address fits several (attached: " + serials +
-                                                   "): give the serial number behind it");
+      fail(std::errc::device_or_resource_busy, "the address matches several devices (attached: " +
+                                                   serials + "): append the serial number");
     else if (fitting == 0)
       fail(std::errc::no_such_device,
            others.empty() ? "open" : "open; only " + others + " is attached");
     else
       found = open_device(only) && find_interface(only);
     libusb_free_device_list(list, 1);
-    if (found) failure_.reset();  // one that may not be opened was another
+    if (found) failure_.reset();  // drop the failure of another device that could not be opened
     return found;
   }
 
@@ -168,8 +168,8 @@ class Worker {
                          "it has no interface for blocks (class ff, subclass 45, protocol 01)");
   }
 
-  // Starts an interface that a former program may have left halted, and running. Old data are gone
-  // once the device has answered the start, so nothing is asked for before that.
+  // Starts an interface that a previous program may have left halted or running. Requests no data
+  // before the device answered the start, because older data are discarded by then.
   bool start() {
     if (const int error = libusb_claim_interface(handle_.get(), interface_))
       return fail("claim", error);
@@ -209,8 +209,9 @@ class Worker {
     slot.worker->on_completed(slot);
   }
 
-  // Takes the transfer's bytes whatever its status: the device sent them before it stalled or went.
-  // Once it went, libusb ends all transfers in any order, and one holds bytes.
+  // Takes the transfer's bytes whatever its status, because the device sent them before it stalled
+  // or disconnected. After a disconnect libusb completes the transfers in any order, and one may
+  // contain bytes.
   void on_completed(const Slot& slot) {
     const libusb_transfer& t = *slot.transfer;
     const bool in_order = !failure_ || t.status == LIBUSB_TRANSFER_NO_DEVICE;

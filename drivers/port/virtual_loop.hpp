@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// A loop whose time stands while there is something to do, and then jumps to the next timer: what
-// a recording, or a simulated laboratory, does in a day takes seconds, and happens in one order.
+// Loop with virtual time: time is constant while actions are pending, then jumps to the next timer.
+// A simulated day or a replayed recording takes seconds, in a deterministic order.
 #pragma once
 #include <algorithm>
 #include <deque>
@@ -15,16 +15,16 @@
 
 namespace echofuse::port {
 
-// Threading: one thread has it; there is no other.
+// Threading: one thread.
 class VirtualLoop final : public Loop {
  public:
-  // No time of a sample is 0.
+  // Starts at 1 s, because sample times must not be 0.
   explicit VirtualLoop(UtcTime utc = {}, HostTime now = std::chrono::seconds(1))
       : now_(now), utc_offset_(utc) {}
 
   HostTime now() const override { return now_; }
   UtcTime utc() const override { return utc_offset_ + now_; }
-  // Somebody sets the machine's clock.
+  // Steps the system clock, like an administrator or NTP.
   void step_utc(std::chrono::nanoseconds by) { utc_offset_ += by; }
 
   void post(Action action) override { posted_.push_back(std::move(action)); }
@@ -52,7 +52,7 @@ class VirtualLoop final : public Loop {
     std::string address;
     std::shared_ptr<int> alive = std::make_shared<int>();
   };
-  // Worker whose jobs run in the loop, one at a time.
+  // Worker that runs its jobs in the loop, one at a time.
   class Queue final : public Worker {
    public:
     explicit Queue(VirtualLoop& loop) : loop_(loop) {}
@@ -78,7 +78,7 @@ class VirtualLoop final : public Loop {
 
   void wait(HostTime until) override {
     if (poll()) return;
-    if (until == HostTime::max()) throw std::logic_error("nothing can happen any more");
+    if (until == HostTime::max()) throw std::logic_error("no timer and no action is pending");
     now_ = std::max(now_, until);
   }
   bool poll() override {

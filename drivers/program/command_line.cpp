@@ -17,7 +17,7 @@
 namespace echofuse {
 namespace {
 
-// Option of this name in the command or those above it.
+// Returns the option of this name in the command or its parents.
 const CLI::Option* option_named(const CLI::App* app, const std::string& name) {
   for (; app != nullptr; app = app->get_parent())
     if (const CLI::Option* option = app->get_option_no_throw(name)) return option;
@@ -47,7 +47,7 @@ std::vector<std::string> commands_of(const CLI::App* app) {
       CLI::ExitCodes::ExtrasError);
 }
 
-// Refuses the first word that is no command where one is needed, and the first unknown option.
+// Refuses the first unknown command and the first unknown option.
 void check_names(CLI::App& app, const std::vector<std::string>& words) {
   CLI::App* command = &app;
   for (std::size_t i = 0; i < words.size(); ++i) {
@@ -74,7 +74,7 @@ void check_names(CLI::App& app, const std::vector<std::string>& words) {
   }
 }
 
-// CLI11 writes the ends of a range of numbers with all their digits.
+// Shortens CLI11's messages, which print the limits of a range with all digits.
 std::string readable(std::string text) {
   const auto at = text.find(" not in range ");
   if (text.find(" 17976931348623157", std::min(at, text.size())) != text.npos)
@@ -89,7 +89,7 @@ std::string readable(std::string text) {
   return std::regex_replace(text, std::regex("^Could not convert: (.*)"), "$1: expected a number");
 }
 
-// CLI11's help in lines that fit the terminal, with "(1 to 9)" for ":INT in [1 - 9]".
+// Formats CLI11's help for the terminal width, with "(1 to 9)" for ":INT in [1 - 9]".
 class Readable final : public CLI::Formatter {
   std::string make_help(const CLI::App* app, std::string name,
                         CLI::AppFormatMode mode) const override {
@@ -97,7 +97,7 @@ class Readable final : public CLI::Formatter {
     const std::size_t known = columns_of_stdout(), columns = known > 0 ? known : 100;
     std::string out, line;
     for (bool examples = false; std::getline(lines, line);) {
-      if (line.empty() && out.ends_with("\n\n")) continue;  // one blank line is enough
+      if (line.empty() && out.ends_with("\n\n")) continue;  // keep a single blank line
       examples = examples ? !line.empty() : line == "Examples:";
       out += examples ? line + '\n' : wrapped(line + '\n', columns);
     }
@@ -116,7 +116,7 @@ class Readable final : public CLI::Formatter {
     for (const auto& [was, now] : plain) text = std::regex_replace(text, std::regex(was), now);
     text = text.substr(0, std::min(text.find(" Needs:"), text.find(" Excludes:")));
     if (option->get_positional() && std::isupper(option->get_name(true).front()) != 0)
-      text.erase(0, text.find(' ', 1));  // its name says what it is
+      text.erase(0, text.find(' ', 1));  // drop CLI11's type text
     return text;
   }
   std::string make_option_desc(const CLI::Option* option) const override {
@@ -128,7 +128,7 @@ class Readable final : public CLI::Formatter {
   }
 };
 
-// `above` says where the options are told that a command takes from those above it.
+// `above`: names the help that lists the inherited options.
 void set_up(CLI::App& app, const std::shared_ptr<CLI::FormatterBase>& formatter,
             const std::string& above = {}, const std::string& path = {}) {
   app.formatter(formatter);

@@ -33,7 +33,7 @@ void on_signal(int number) {
 int run_main(const std::string& program, const std::function<ExitCode()>& body) {
   const auto complain = [&](const char* what, ExitCode code) {
     std::string text = program + ": " + printable_lines(what);
-    if (stderr_is_journal()) {  // each line is an entry of its own
+    if (stderr_is_journal()) {  // each line is a journal entry
       constexpr const char* error = "<3>";
       for (std::size_t at = 0; at != text.npos; at = text.find('\n', at + 1))
         text.insert(at == 0 ? 0 : at + 1, error);
@@ -45,7 +45,7 @@ int run_main(const std::string& program, const std::function<ExitCode()>& body) 
     const bool failed = std::ferror(stdout) != 0;
     errno = 0;
     if (std::fflush(stdout) == 0 && !failed) return static_cast<int>(code);
-    if (errno == 0) {  // a long text failed before: once more, for the reason
+    if (errno == 0) {  // a long text failed: write again to get errno
       std::clearerr(stdout);
       std::fputc('\n', stdout);
       std::fflush(stdout);
@@ -65,8 +65,8 @@ int run_main(const std::string& program, const std::function<ExitCode()>& body) 
   }
 }
 
-// Follows sd_journal's documentation: a process with its stderr elsewhere may inherit the variable
-// alone.
+// Compares device and inode, as sd_journal's documentation requires: a child process with another
+// stderr inherits the variable too.
 bool stderr_is_journal() {
   const char* stream = std::getenv("JOURNAL_STREAM");
   struct stat is {};
@@ -83,7 +83,7 @@ void catch_interrupts() {
   struct sigaction hangup {};
   sigaction(SIGHUP, nullptr, &hangup);
   if (hangup.sa_handler != SIG_IGN) sigaction(SIGHUP, &action, nullptr);
-  action.sa_handler = [](int) {};  // programs that this one starts do not inherit it
+  action.sa_handler = [](int) {};  // child processes do not inherit a handler
   sigaction(SIGPIPE, &action, nullptr);
 }
 
@@ -103,7 +103,7 @@ Progress::~Progress() {
 
 std::string progress_line(const std::string& title, double share, const std::string& counts,
                           const std::string& text, std::size_t columns) {
-  constexpr std::size_t widest = 30, narrowest = 5, brackets = 4;  // and the spaces beside them
+  constexpr std::size_t widest = 30, narrowest = 5, brackets = 4;  // brackets and spaces
   const auto room = [&](const std::string& behind) {
     const std::size_t taken = title.size() + brackets + behind.size();
     return columns > taken ? std::min(columns - taken, widest) : 0;

@@ -10,33 +10,32 @@
 
 namespace echofuse {
 
-// Runs body and returns its exit code; an exception becomes one line "PROGRAM: text" on stderr, and
-// so does stdout that cannot be written (code failed), unless its reader is gone. A limit on the
-// size of files is an error of the file, not the end of the process.
+// Runs body and returns its exit code. Prints an exception as one line "PROGRAM: text" on stderr.
+// Reports a failed write to stdout in the same way (code failed), unless the reader closed the
+// pipe. A file size limit (RLIMIT_FSIZE) becomes a write error instead of a signal.
 int run_main(const std::string& program, const std::function<ExitCode()>& body);
 
-// True if stderr goes to systemd's journal. The journal keeps the time by itself and takes "<N>" in
-// front of a line as its priority (syslog's numbers).
+// Returns true if stderr goes to systemd's journal. The journal adds the time and takes "<N>" at
+// the start of a line as its priority (syslog numbers).
 bool stderr_is_journal();
 
 // SIGINT, SIGTERM and SIGHUP set a flag; a second SIGINT ends the process at once (exit code 130).
-// SIGHUP stays ignored where nohup ignores it. A reader that goes away costs the output only.
+// SIGHUP stays ignored under nohup. SIGPIPE is ignored.
 void catch_interrupts();
 bool interrupted();
 
-// Lines of at most `columns`, broken at spaces: a longer one goes on below its text, which begins
-// behind the first gap of two spaces.
+// Breaks lines at spaces to at most `columns`. Continuation lines are indented to the text behind
+// the first gap of two spaces.
 std::string wrapped(const std::string& lines, std::size_t columns);
-// Columns of the terminal at stdout, or $COLUMNS; 0 if neither is known.
+// Returns the width of the terminal at stdout, or $COLUMNS; 0 if neither is known.
 std::size_t columns_of_stdout();
-// Writes lines to stdout, wrapped if that is a terminal. Adds a newline where the text ends in
-// none.
+// Writes lines to stdout, wrapped on a terminal. Adds a final newline if it is missing.
 void print(const std::string& lines);
 
-// Width of the terminal at stderr; 80 if unknown.
+// Returns the width of the terminal at stderr; 80 if unknown.
 std::size_t columns_of_terminal();
-// Makes a line of at most `columns`: a bar of `share` with `text` behind it. A narrow terminal gets
-// only `counts`, or no bar.
+// Returns a line of at most `columns` with a bar of `share` and `text` behind it. A narrow terminal
+// gets only `counts`, or no bar.
 std::string progress_line(const std::string& title, double share, const std::string& counts,
                           const std::string& text, std::size_t columns);
 
@@ -61,11 +60,11 @@ class Progress {
 // 75.3 -> "1 min 15 s"
 std::string human_duration(double seconds);
 
-// The program's version, as in CMakeLists.txt.
+// Returns the program's version, from CMakeLists.txt.
 const char* version();
-// The commit of the sources, "d8b7bc3f0"; with "+" if they were changed since (commit.cmake).
+// Returns the commit of the sources, "d8b7bc3f0", with "+" if files were modified (commit.cmake).
 const char* commit();
-// Line that --version prints: "echofuse-sim 0.1.0 (d8b7bc3f0)".
+// Returns the text of --version: "echofuse-sim 0.1.0 (d8b7bc3f0)".
 std::string version_line(const std::string& program);
 
 }  // namespace echofuse

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// The exit codes of all three programs, and the exception that carries one to main.
+// Exit codes of all programs, and the exception that carries one to main.
 #pragma once
 #include <stdexcept>
 #include <string>
@@ -12,14 +12,13 @@ enum class ExitCode : int {
   usage = 2,
   config = 3,
   device = 4,
-  partial = 5,  // the job finished, but some of its parts were bad
+  partial = 5,  // the job finished, but some of its parts failed
   disk = 6,
   interrupted = 130,
 };
 
-// Thrown at start-up and in batch programs; only main catches it. The text is one clear line: the
-// file, line or key, what was wrong, what would be right. Several faults at once make several
-// lines.
+// Thrown at start-up and in batch programs; only main catches it. The text is one line: file, line
+// or key, fault, expected value. Several faults make several lines.
 class Error : public std::runtime_error {
  public:
   Error(ExitCode code, const std::string& text) : std::runtime_error(text), code_(code) {}

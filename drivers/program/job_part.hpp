@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Part of a work that the tasks of a cluster's job array share. A part's number alone gives its
-// pieces, so that no part needs to know of another.
+// One part of a job that the tasks of a cluster's job array share. The number of a part determines
+// its pieces, so parts need no communication.
 #pragma once
 #include <cstdint>
 #include <string>
@@ -9,12 +9,12 @@ namespace echofuse {
 
 class JobPart {
  public:
-  // "K/N", 1 <= K <= N <= 100000. Throws Error(usage).
+  // Parses "K/N", 1 <= K <= N <= 100000. Throws Error(usage).
   static JobPart of(const std::string& text);
 
-  std::string name() const;  // "part-2-of-4", of files
+  std::string name() const;  // "part-2-of-4", for file names
 
-  // Pieces in a row: [begin, end).
+  // Consecutive pieces [begin, end).
   struct Range {
     std::int64_t begin, end;
     std::int64_t size() const { return end - begin; }
@@ -23,10 +23,10 @@ class JobPart {
 
  private:
   JobPart(std::int64_t number, std::int64_t count) : number_(number), count_(count) {}
-  std::int64_t number_, count_;  // from 1
+  std::int64_t number_, count_;  // number_ counts from 1
 };
 
-// Help of the option --part.
+// Help text of --part.
 inline constexpr const char* part_help =
     "K/N: only the K-th of N parts of the work; in a Slurm array $SLURM_ARRAY_TASK_ID/N";
 

@@ -23,15 +23,16 @@ constexpr int flags = O_NOFOLLOW | O_NONBLOCK | O_NOCTTY | O_CLOEXEC;
 constexpr off_t most_bytes = 1 << 20;
 
 struct flock whole_file() {
-  struct flock lock {};  // such a lock wants 0 as its process
+  struct flock lock {};  // F_OFD_SETLK requires l_pid 0
   lock.l_type = F_WRLCK;
   lock.l_whence = SEEK_SET;
   return lock;
 }
 
-// Without O_CREAT first: the kernel may refuse it for another user's file in a shared folder.
+// Opens without O_CREAT first, because the kernel may refuse O_CREAT for another user's file in a
+// shared folder.
 int open_or_make(const std::string& path, mode_t mode) {
-  for (int tries = 0; tries < 10; ++tries) {  // its holder may remove it meanwhile
+  for (int tries = 0; tries < 10; ++tries) {  // the holder may remove the file in between
     int fd = ::open(path.c_str(), flags | O_RDWR);
     if (fd >= 0 || errno != ENOENT) return fd;
     fd = ::open(path.c_str(), flags | O_RDWR | O_CREAT | O_EXCL, mode ? mode : 0644);
@@ -49,7 +50,8 @@ std::string contents(int fd, off_t bytes) {
   return text;
 }
 
-// Begins like one, as its holder may be about to write; or is empty, or zeros that reserve() made.
+// Returns true for an empty file, zeros from reserve(), or a beginning of our header, which the
+// holder may be writing.
 bool is_ours(int fd) {
   struct stat is {};
   if (::fstat(fd, &is) != 0 || !S_ISREG(is.st_mode) || is.st_nlink > 1 || is.st_size > most_bytes)
@@ -81,9 +83,9 @@ Lock::Lock(std::string path, mode_t mode) : path_(std::move(path)) {
     const struct flock lock = whole_file();
     held_ = ::fcntl(fd_, F_OFD_SETLK, &lock) == 0;
     if (!held_ && errno != EAGAIN && errno != EACCES)
-      fail(std::string("this file system does not lock: ") + std::strerror(errno));
+      fail(std::string("file system does not support locks:  ") + std::strerror(errno));
     if (!held_ || stands_at(path_, fd_)) return;
-    ::close(fd_);  // file of a former holder, which has removed it
+    ::close(fd_);  // file that a previous holder removed
   }
 }
 
@@ -108,7 +110,7 @@ void Lock::reserve(off_t bytes) const {
 }
 
 void Lock::empty() const {
-  if (held_ && ::ftruncate(fd_, 0) != 0) return;  // then there is no room: what follows says so
+  if (held_ && ::ftruncate(fd_, 0) != 0) return;  // no space then: the code below reports it
 }
 
 void Lock::remove() const {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// A lock that other programs see: that of an open file description (fcntl) on a file of its own.
+// Lock between processes: an open file description lock (fcntl) on a separate file.
 #pragma once
 #include <sys/types.h>
 
@@ -8,26 +8,28 @@
 
 namespace echofuse {
 
-// Ends with this object or its process. The file stays, empty, unless its holder removes it.
+// Released by the destructor or at the end of the process. The empty file stays unless the holder
+// removes it.
 class Lock {
  public:
-  // Takes the lock if it is free. A new file has this mode, whatever the umask; of
-  // mode 0 that of the umask, and the group may read it. Throws Error:
-  // failed if PATH is something else than a lock file (a link, a folder, a file with contents),
-  // which is left alone; disk if the file can neither be opened nor made.
+  // Takes the lock if it is free. A new file gets `mode`, whatever the umask; with mode 0 the umask
+  // applies and the group may read. Throws Error: failed if PATH is not a lock file (a link, a
+  // folder, a file with contents) and leaves it unchanged; disk if the file can neither be opened
+  // nor created.
   Lock(std::string path, mode_t mode);
   ~Lock();
   Lock(const Lock&) = delete;
   Lock& operator=(const Lock&) = delete;
 
   bool held() const { return held_; }
-  void write(const std::string& text) const;  // as much as the disk takes
-  void reserve(off_t bytes) const;            // room on a disk that is full later; all or nothing
+  void write(const std::string& text) const;  // space for later writes; all or nothing
+  void reserve(
+      off_t bytes) const;  // reserves space for later writes on a full disk; all or nothing
   void empty() const;
   void remove() const;
 
-  // Text of the lock's holder; none: the lock is free. Takes no lock, so that nobody finds it
-  // taken.
+  // Returns the text of the lock's holder, or nullopt if the lock is free. Does not take the lock,
+  // so that concurrent callers do not find it held.
   static std::optional<std::string> holder(const std::string& path);
 
  private:

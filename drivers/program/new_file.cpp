@@ -32,8 +32,8 @@ fs::path folder_of(const std::string& path) {
   return folder.empty() ? "." : folder;
 }
 
-// Name that every process making this file agrees on, different for another file. Machines that
-// share a folder have each its own, because locks may not hold between them.
+// Returns a name that all processes creating this file share, and that differs for other files. It
+// contains the machine name, because locks may not work between machines with a shared folder.
 std::string unfinished(const fs::path& place) {
   const std::string whole = fs::absolute(place).lexically_normal().string();
   char hash[12];
@@ -42,7 +42,7 @@ std::string unfinished(const fs::path& place) {
   return "." + place.filename().string() + "." + machine_name() + "-" + hash + ".unfinished";
 }
 
-// Replaces nothing. A file system that cannot do that in one step does it in two.
+// Renames without replacing. Takes two steps if the file system has no RENAME_NOREPLACE.
 bool rename_to_new(const char* from, const char* to) {
   if (::renameat2(AT_FDCWD, from, AT_FDCWD, to, RENAME_NOREPLACE) == 0) return true;
   if (errno != EINVAL && errno != ENOSYS) return false;
@@ -50,8 +50,8 @@ bool rename_to_new(const char* from, const char* to) {
   return std::rename(from, to) == 0;
 }
 
-// Writes a new name in this folder to the disk, so that a power cut does not undo a rename. Does
-// nothing where a folder cannot be read, or the file system has no fsync of folders.
+// Syncs the folder, so that a power cut does not undo a rename. Does nothing if the folder cannot
+// be read or its file system does not support fsync of folders.
 bool sync_folder(const std::string& path) {
   const int fd = ::open(folder_of(path).c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
   if (fd < 0) return errno == EACCES;
@@ -61,28 +61,29 @@ bool sync_folder(const std::string& path) {
   return fault == 0 || fault == EINVAL || fault == ENOTSUP;
 }
 
-// A -wal or -journal with contents, without its database, belongs to another program: it gets
-// another name. The -shm holds no data.
+// Renames a non-empty -wal or -journal without a database, because it belongs to another program.
+// The -shm holds no data.
 void move_side_files_away(const std::string& database) {
   for (const char* suffix : {"-wal", "-journal"}) {
     const std::string file = database + suffix;
     struct stat found {};
-    constexpr off_t header = 32;  // bytes of a -wal without frames
+    constexpr off_t header = 32;  // size of a -wal without frames
     if (::lstat(file.c_str(), &found) != 0 || found.st_size <= (suffix[1] == 'w' ? header : 0))
       continue;
     std::string kept = file + ".kept";
     for (int n = 2; !rename_to_new(file.c_str(), kept.c_str()); ++n) {
       if (errno != EEXIST)
-        throw Error(ExitCode::disk, printable(file) + ": is of another run and cannot be renamed");
+        throw Error(ExitCode::disk,
+                    printable(file) + ": belongs to another run and cannot be renamed");
       kept = file + ".kept-" + std::to_string(n);
     }
-    std::fprintf(stderr, "%s: is of another run of this name; it is now %s\n",
+    std::fprintf(stderr, "%s: belongs to another run with this name; renamed to %s\n",
                  printable(file).c_str(), printable(kept).c_str());
   }
   remove_side_files(database);
 }
 
-// Names the folder of files that are soon removed: $TMPDIR, else that of PLACE.
+// Returns the folder for temporary files: $TMPDIR, otherwise the folder of `place`.
 fs::path scratch_folder(const std::string& place) {
   const char* const given = std::getenv("TMPDIR");
   return given && *given ? fs::path(given) : folder_of(place);
@@ -132,7 +133,7 @@ void NewFile::remove() const {
 void NewFile::create() {
   fd_ = ::open(path_.c_str(), flags, 0644);
   if (fd_ < 0) fail();
-  let_group_read(fd_);  // SQLite gives -wal and -shm these permissions
+  let_group_read(fd_);  // SQLite copies these permissions to -wal and -shm
 }
 
 void NewFile::append(std::string_view text) {

@@ -12,7 +12,7 @@
 namespace echofuse {
 namespace {
 
-// Value of a key of the header, up to the comma or bracket that ends it; empty if there is none.
+// Returns the value of a header key, up to the comma or bracket that ends it; empty if missing.
 std::string value_of(const std::string& header, const std::string& key) {
   const auto at = header.find("'" + key + "':");
   if (at == std::string::npos) return "";
@@ -44,24 +44,24 @@ void NpyFile::read_header() {
       file_.read({head.data(), 10}) == 10 && std::memcmp(head.data(), "\x93NUMPY", 6) == 0
           ? head[6]
           : std::size_t{0};
-  if (version_bytes < 1 || version_bytes > 3) refuse("no .npy file of NumPy");
+  if (version_bytes < 1 || version_bytes > 3) refuse("is not a .npy file of NumPy");
   const bool wide = head[6] > 1;
-  if (wide && file_.read({head.data() + 10, 2}) != 2) refuse("its header is cut");
+  if (wide && file_.read({head.data() + 10, 2}) != 2) refuse("header is truncated");
   ByteReader sizes({head.data() + 8, std::size_t{wide ? 4U : 2U}});
   const std::size_t length = wide ? sizes.get<std::uint32_t>() : sizes.get<std::uint16_t>();
-  if (length > 65536) refuse("its header is longer than 64 KiB");
+  if (length > 65536) refuse("header is longer than 64 KiB");
   std::string header(length, ' ');
   if (file_.read({reinterpret_cast<std::uint8_t*>(header.data()), length}) != length)
-    refuse("its header is cut");
+    refuse("header is truncated");
 
   const std::string type = value_of(header, "descr");
   const bool known = type.size() == 5 && std::strchr("<|", type[1]) &&
                      std::strchr("biuf", type[2]) && std::strchr("1248", type[3]) &&
                      !(type[2] == 'f' && type[3] < '4') && !(type[2] == 'b' && type[3] != '1');
-  if (!known) refuse("its type is " + printable(type) + "; expected little-endian numbers");
+  if (!known) refuse("has type " + printable(type) + "; expected little-endian numbers");
   kind_ = type[2], item_bytes_ = static_cast<std::size_t>(type[3] - '0');
   if (value_of(header, "fortran_order") != "False")
-    refuse("is in Fortran's order; expected C order (numpy.ascontiguousarray)");
+    refuse("is in Fortran order; expected C order (numpy.ascontiguousarray)");
 
   const std::string shape = value_of(header, "shape");
   std::size_t values = 1;
@@ -69,16 +69,16 @@ void NpyFile::read_header() {
     std::size_t used = 0;
     const std::uint64_t n = std::stoull(shape.substr(at, 19), &used);
     at += used;
-    if (n != 0 && values > (std::size_t{1} << 48) / n) refuse("its shape is too large");
+    if (n != 0 && values > (std::size_t{1} << 48) / n) refuse("shape is too large");
     values *= n;
     if (!shape_.empty()) row_size_ *= n;
     shape_.push_back(n);
   }
-  if (shape_.empty()) refuse("has no dimension; expected a row for each record");
+  if (shape_.empty()) refuse("has no dimensions; expected one row per record");
   const std::size_t begin = 8 + (wide ? 4U : 2U) + length;
   if (file_.size() != begin + values * item_bytes_)
     refuse("has " + std::to_string(file_.size() - std::min(begin, file_.size())) +
-           " bytes of values; its shape " + shape_text() + " asks for " +
+           " bytes of values; its shape " + shape_text() + " needs " +
            std::to_string(values * item_bytes_));
 }
 
@@ -119,7 +119,7 @@ std::string npy_header(const std::string& type, std::uint64_t rows,
                        const std::vector<std::size_t>& row_shape) {
   std::string shape = std::to_string(rows) + ",";
   for (const std::size_t n : row_shape) shape += " " + std::to_string(n) + ",";
-  // Version 1.0, and the length of the rest: 118 bytes.
+  // Version 1.0, then the length of the rest: 118 bytes.
   std::string out("\x93NUMPY\x01\x00\x76\x00", 10);
   out += "{'descr': '" + type + "', 'fortran_order': False, 'shape': (" + shape + "), }";
   out.resize(127, ' ');

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Output that never keeps its writer waiting: a terminal may be held (Ctrl-S), a pipe unread.
+// Output that never blocks its writer, even if the terminal is stopped (Ctrl-S) or a pipe is not
+// read.
 #pragma once
 #include <cstddef>
 #include <cstdio>
@@ -10,8 +11,8 @@
 
 namespace echofuse {
 
-// Texts for one file descriptor, in order, written by a thread of its own. The newest 1 MiB of what
-// is not taken is kept; `note` makes the text in place of so many that were left out.
+// Writes texts to one file descriptor in order, on its own thread. Keeps the newest 1 MiB of
+// unwritten text; `note` makes the text that replaces N dropped ones.
 // Threading: put() and the stream from any thread.
 class OutputQueue {
  public:
@@ -22,18 +23,18 @@ class OutputQueue {
   OutputQueue(const OutputQueue&) = delete;
   OutputQueue& operator=(const OutputQueue&) = delete;
 
-  // False if older texts are left out for this one. A `state` replaces the one before if that still
-  // waits.
+  // Returns false if older texts were dropped. A `state` replaces the previous state if that is not
+  // yet written.
   bool put(std::string text, bool state = false);
-  // Stream whose flushed text is put. Closed with the queue.
+  // Stream that puts its text when flushed. Closed with the queue.
   std::FILE* stream() const { return stream_; }
-  // Waits until all is written, or nothing was taken for a second; nothing is put after it. Returns
-  // the errno of the last text that could not be written, or 0.
+  // Waits until all text is written, or until nothing was written for 1 s; later texts are dropped.
+  // Returns the errno of the last failed write, or 0.
   int close();
 
  private:
   struct Shared;
-  std::shared_ptr<Shared> shared_;  // outlives this while a write stands still
+  std::shared_ptr<Shared> shared_;  // outlives this object while a write blocks
   std::FILE* stream_;
   std::thread thread_;
 };

@@ -14,7 +14,7 @@ struct Character {
   bool valid = false;
 };
 
-// The character that the text begins with (RFC 3629: no overlong forms, no surrogates).
+// Decodes the first character (RFC 3629: no overlong forms, no surrogates).
 Character first_of(std::string_view text) {
   const auto byte = [&](std::size_t i) { return static_cast<unsigned char>(text[i]); };
   const std::uint32_t lead = byte(0);
@@ -32,7 +32,8 @@ Character first_of(std::string_view text) {
   return {bytes, code, true};
 }
 
-// Control characters (C0, delete, C1), and those that end a line or turn its direction.
+// Control characters (C0, delete, C1), line separators and characters that change the text
+// direction.
 bool is_obeyed(std::uint32_t c) {
   return c < 0x20 || (c >= 0x7f && c < 0xa0) || c == 0x61c || (c >= 0x200e && c <= 0x200f) ||
          (c >= 0x2028 && c <= 0x202e) || (c >= 0x2066 && c <= 0x2069) || c == 0xfeff;
@@ -53,7 +54,7 @@ void put_written_out(std::string& out, std::string_view bytes, const Character& 
   }
 }
 
-enum class Kept { printed, lines, all };  // characters that stay as they are, if UTF-8
+enum class Kept { printed, lines, all };  // characters that are not escaped
 
 std::string escaped(std::string_view text, std::size_t longest, Kept kept) {
   std::string out;

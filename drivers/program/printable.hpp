@@ -6,8 +6,8 @@
 
 namespace echofuse {
 
-// A text as a cell of a table (RFC 4180: in quotes, as it may hold commas, quotes and lines). An
-// apostrophe before =, +, -, @ and the like keeps a spreadsheet from taking it for a formula.
+// Quotes a text as a CSV cell (RFC 4180). An apostrophe before =, +, -, @ and similar characters
+// prevents a spreadsheet from evaluating it as a formula.
 inline std::string csv_text(std::string_view text) {
   constexpr std::string_view begins_formula = "=+-@\t\r\n|%";
   std::string out = "\"";
@@ -16,16 +16,16 @@ inline std::string csv_text(std::string_view text) {
   return out + '"';
 }
 
-// Makes a text from outside (a file, a device, a command line) fit for a terminal, a log or a
-// message. Returns valid UTF-8 in one line. Characters that a terminal obeys or that reorder the
-// line are written out (\n, \x1b, \u202e). So are bytes that are not UTF-8 (\xff). More than
-// `longest` bytes are cut at a character and end in "...".
+// Makes external text (from a file, device or command line) safe for a terminal, log or message.
+// Returns valid UTF-8 in one line. Escapes control characters, characters that reorder the line
+// (\n, \x1b, \u202e) and bytes that are not UTF-8 (\xff). Cuts texts longer than `longest` bytes at
+// a character and appends "...".
 std::string printable(std::string_view text, std::size_t longest = std::string_view::npos);
 
-// Text as by printable(), but lines stay lines: for messages such as the faults of a configuration.
+// Like printable(), but keeps line breaks: for messages of several lines.
 std::string printable_lines(std::string_view text);
 
-// A name for JSON: only what is not UTF-8 is written out (\xff).
+// Escapes only bytes that are not UTF-8 (\xff), for a name in JSON.
 std::string utf8_text(std::string_view text);
 
 }  // namespace echofuse

@@ -17,7 +17,7 @@ namespace {
   throw Error(code, printable(path) + ": cannot read: " + std::strerror(errno));
 }
 
-// `failed`: what stat() or fstat() returned.
+// `failed`: return value of stat() or fstat().
 void judge(int failed, const struct stat& file, const std::string& path, ExitCode code) {
   if (failed) cannot_read(path, code);
   if (S_ISREG(file.st_mode)) return;
@@ -36,8 +36,8 @@ void require_regular(const std::string& path, ExitCode code) {
   judge(failed, file, path, code);
 }
 
-// Asked before, as some devices do something when they are opened; and after, as another file may
-// be there by then.
+// Checks before opening, because opening some devices has an effect, and after opening, because the
+// file may have been replaced.
 RegularFile::RegularFile(const std::string& path, ExitCode code) : path_(path), code_(code) {
   require_regular(path, code);
   fd_ = ::open(path.c_str(), O_RDONLY | O_NONBLOCK | O_NOCTTY | O_CLOEXEC);

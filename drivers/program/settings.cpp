@@ -14,7 +14,7 @@
 namespace echofuse {
 namespace {
 
-// Number in the fewest digits, 15 or 17, from which it reads back the same.
+// Shortest decimal text (15 or 17 digits) that reads back as the same number.
 std::string text_of(double v) {
   char text[32];
   std::snprintf(text, sizeof text, "%.15g", v);
@@ -27,8 +27,8 @@ std::string literal(double v) {
   return text.find_first_of(".en") == std::string::npos ? text + ".0" : text;
 }
 
-// Text on one line, with escapes. The library's own printer writes some texts with line ends, and
-// does not read them back.
+// Quotes and escapes a text on one line. The library's printer writes some texts over several lines
+// and cannot read them back.
 std::string in_quotes(const std::string& text) {
   constexpr char digits[] = "0123456789abcdef";
   std::string out = "\"";
@@ -42,7 +42,7 @@ std::string in_quotes(const std::string& text) {
   return out + '"';
 }
 
-// A bare word is a text. Throws toml::parse_error for one that is not UTF-8.
+// Parses a value; a bare word is a string. Throws toml::parse_error if it is not UTF-8.
 toml::table parse_value(const std::string& value) {
   try {
     return toml::parse("v = " + value);
@@ -68,7 +68,7 @@ std::string begun_by(const std::vector<std::string>& known, const std::string& t
 
 std::string or_nearest(const std::vector<std::string>& known, const std::string& key) {
   const std::string name = nearest(known, key);
-  return name.empty() ? ", and none is like it" : "; the nearest known one is \"" + name + "\"";
+  return name.empty() ? "; no similar name" : "; the nearest known one is \"" + name + "\"";
 }
 
 std::string section_of(const std::string& key) {
@@ -80,14 +80,14 @@ std::string place(const std::string& name, const toml::source_position& where) {
   return name + ":" + std::to_string(where.line) + ":" + std::to_string(where.column);
 }
 
-// Line n, from 1; empty behind the end.
+// Returns line n, from 1; empty behind the end.
 std::string_view line_of(std::string_view text, std::size_t n) {
   while (--n > 0) text.remove_prefix(std::min(text.find('\n'), text.size() - 1) + 1);
   return text.substr(0, text.find('\n'));
 }
 
-// Empties a line that cannot be read; false if what follows depends on it: a section's name, or
-// the open end of a text.
+// Blanks a line that is not TOML. Returns false if later lines depend on it: a section header, or
+// an open multi-line string.
 bool blank_out(std::string& text, std::size_t n) {
   const std::string_view line = line_of(text, n);
   const std::size_t first = line.find_first_not_of(" \t\r");
@@ -178,15 +178,15 @@ std::string Settings::expectation(const Entry& entry) {
     return "a whole number from " + std::to_string(i->min) + " to " + std::to_string(i->max);
   if (std::holds_alternative<bool*>(entry.target)) return "true or false";
   if (std::holds_alternative<std::vector<std::string>*>(entry.target))
-    return "a list of texts in quotes";
+    return "a list of quoted strings";
   const auto& allowed = std::get<Text>(entry.target).allowed;
-  if (allowed.empty()) return "a text in quotes";
+  if (allowed.empty()) return "a quoted string";
   std::string list = "one of";
   for (const auto& a : allowed) list += " \"" + a + "\"";
   return list;
 }
 
-// Sets the entry from a TOML node; returns what was expected if it does not fit.
+// Sets the entry from a TOML node. Returns the expected value if the node is invalid.
 template <class Node>
 std::string Settings::assign(Entry& entry, const Node& node, const std::string& origin) {
   bool fits = false;
@@ -226,7 +226,7 @@ std::string Settings::assign(Entry& entry, const Node& node, const std::string& 
   return fits ? "" : expectation(entry);
 }
 
-// Fault of a key that is unknown.
+// Returns the fault text of an unknown key.
 template <class Node>
 std::string Settings::unknown(const std::string& key, const Node& node) const {
   if (is_section(key)) return key + " is a section; expected [" + key + "] and its keys below";
@@ -241,7 +241,7 @@ std::string Settings::unknown(const std::string& key, const Node& node) const {
 template <class Table>
 void Settings::read_table(const Table& table, const std::string& prefix, const std::string& name,
                           Faults& faults) {
-  std::vector<typename Table::const_iterator> order;  // the table has its keys by name
+  std::vector<typename Table::const_iterator> order;  // the table is sorted by name
   for (auto it = table.cbegin(); it != table.cend(); ++it) order.push_back(it);
   std::sort(order.begin(), order.end(), [](const auto& a, const auto& b) {
     return a->first.source().begin < b->first.source().begin;
@@ -261,7 +261,7 @@ void Settings::read_table(const Table& table, const std::string& prefix, const s
       node.visit([&](const auto& n) {
         if constexpr (requires { got << n; }) got << n;
       });
-      faults.push_back(here + ": " + key + " = " + got.str() + " does not fit; expected " +
+      faults.push_back(here + ": " + key + " = " + got.str() + " is not valid; expected " +
                        expected);
     }
   }
@@ -276,7 +276,7 @@ void Settings::parse(std::string text, const std::string& name, Faults& faults) 
       whole_ = false;
       const auto where = e.source().begin;
       if (where.line <= last) return;
-      // The rest of a value whose first line is lost is no fault of its own.
+      // Ignores the continuation lines of a value with a bad first line.
       if (last == 0 || line_of(text, where.line).find('=') != std::string_view::npos)
         faults.push_back(place(name, where) + ": not TOML: " + std::string(e.description()));
       if (!blank_out(text, where.line)) return;
@@ -296,7 +296,7 @@ void Settings::take(const std::string& assignment, Faults& faults) {
   try {
     const std::string value = assignment.substr(equals + 1);
     toml::table table = parse_value(value);
-    // A text needs no quotes where it looks like a number either.
+    // Accepts a text without quotes even if it looks like a number.
     if (std::holds_alternative<Text>(entry->target) && table.get("v")->is_value() &&
         !table.get("v")->is_string())
       table.insert_or_assign("v", value);
@@ -343,8 +343,8 @@ std::string Settings::value_of(const Entry& entry) {
   return in_quotes(*std::get<Text>(entry.target).value);
 }
 
-// Keys without a section first, then the sections as they were bound, each once: TOML takes no
-// section twice.
+// Returns keys without a section first, then each section once in binding order, because TOML
+// rejects repeated sections.
 std::vector<const Settings::Entry*> Settings::by_section() const {
   std::vector<std::string> sections{""};
   std::vector<const Entry*> out;
@@ -377,7 +377,7 @@ std::string Settings::resolved(bool with_docs) const { return print(with_docs, f
 
 std::string Settings::with_origins() const { return print(true, true); }
 
-// Numbers, texts and booleans of ours are the same in TOML and JSON.
+// Our numbers, strings and booleans have the same syntax in TOML and JSON.
 std::string Settings::json() const {
   std::string out;
   for (const Entry& e : entries_) {
@@ -400,7 +400,7 @@ std::string Settings::json() const {
 
 namespace {
 
-// Letters that are added, left out, exchanged or swapped with their neighbour.
+// Edit distance: insertion, deletion, substitution, swap of neighbours.
 std::size_t edit_distance(const std::string& a, const std::string& b) {
   std::vector<std::vector<std::size_t>> at(a.size() + 1, std::vector<std::size_t>(b.size() + 1));
   for (std::size_t i = 0; i <= a.size(); ++i)

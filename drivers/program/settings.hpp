@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
-// Strict settings: plain structs bound to TOML keys. Rejects an unknown key, a wrong type or a
-// value out of range, all faults of a file at once. A fault names file:line:column, what was
-// expected and the nearest known key. The struct's own initialisers are the defaults.
+// Strict settings: plain structs bound to TOML keys. Rejects unknown keys, wrong types and values
+// out of range, and reports all faults of a file at once. A fault names file:line:column, the
+// expected value and the nearest known key. The struct's initialisers are the defaults.
 #pragma once
 #include <cstdint>
 #include <string>
@@ -12,23 +12,23 @@
 
 namespace echofuse {
 
-// A whole configuration file, as it is; throws Error(config) if it cannot be read.
+// Reads a whole configuration file; throws Error(config) if it cannot be read.
 std::string read_config_text(const std::string& path);
 
-// Faults of a text beyond this number are not listed: the text probably is of another kind.
+// Limit of listed faults: a text with more is probably not TOML.
 inline constexpr std::size_t max_faults = 20;
 
-// Throws Error(config) that lists the first max_faults of these faults, one per line.
+// Throws Error(config) with the first max_faults of these faults, one per line.
 [[noreturn]] void refuse(const std::vector<std::string>& faults);
 
 // Returns the shortest known word that begins with `word` (of 3 letters or more), otherwise the one
-// that needs the fewest changes to become it; half as many count where one is a part of the other.
-// Empty if that is more than half of its letters.
+// with the smallest edit distance. The distance counts half if one word contains the other. Empty
+// if it exceeds half of the word's length.
 std::string nearest(const std::vector<std::string>& known, const std::string& word);
 
 class Settings {
  public:
-  // Binding. Keys are dotted ("tdc.bins"); the reference must outlive this object.
+  // Binds a dotted key ("tdc.bins"). The reference must outlive this object.
   void add(std::string key, double& value, double min, double max, std::string doc);
   void add(std::string key, std::int64_t& value, std::int64_t min, std::int64_t max,
            std::string doc);
@@ -36,32 +36,33 @@ class Settings {
   // Any text, or one of `allowed` if that is not empty.
   void add(std::string key, std::string& value, std::string doc,
            std::vector<std::string> allowed = {});
-  void add(std::string key, std::vector<std::string>& value, std::string doc);  // a list of texts
+  void add(std::string key, std::vector<std::string>& value, std::string doc);  // list of strings
 
-  // Reading: takes what fits and returns every fault, one line each. The text comes first, so that
-  // an assignment ("key=value" from a command line; a bare word is a text) wins over it. After a
-  // line that is not TOML the lines below it are looked at too, unless it begins a section.
+  // Reads the text, then the assignments, which override it ("key=value" from a command line; a
+  // bare word is a string). Sets valid values and returns all faults, one per line. After a line
+  // that is not TOML it continues with the next line, unless the bad line is a section header.
   std::vector<std::string> read(const std::string& text, const std::string& name,
                                 const std::vector<std::string>& assignments);
-  // Parts of read(); each throws Error(ExitCode::config) that lists every fault.
+  // Variants of read(); each throws Error(ExitCode::config) with all faults.
   void read_file(const std::string& path);
   void read_text(const std::string& text, const std::string& name);
   void set(const std::string& assignment);
 
   bool given(const std::string& key) const { return !origin(key).empty(); }
-  // Origin of a key's value: "FILE:line:column", "--set key=value", or empty for the default.
+  // Returns the origin of a key's value: "FILE:line:column", "--set key=value", or empty for the
+  // default.
   std::string origin(const std::string& key) const;
-  // Grounds to judge no settings together: the key's value does not fit; or lines of the text are
-  // lost, because they are not TOML.
+  // Conditions that rule out cross-checks of settings: refused() is true if the key's value is
+  // invalid; whole() is false if lines were skipped because they are not TOML.
   bool refused(const std::string& key) const;
   bool whole() const { return whole_; }
-  // The settings as TOML with all values, which read_text takes back; with each key's meaning and
-  // range as a comment if asked.
+  // Returns all values as TOML that read_text accepts, optionally with each key's meaning and range
+  // as a comment.
   std::string resolved(bool with_docs = false) const;
-  // TOML as by resolved() with docs, and the origin of each value behind it.
+  // Like resolved() with docs, and with the origin behind each value.
   std::string with_origins() const;
-  // JSON object: {KEY: {"value", "help", and "min", "max" of a number, "allowed" of a text that has
-  // but some values}, ...}.
+  // Returns a JSON object: {KEY: {"value", "help", "min" and "max" of a number, "allowed" of an
+  // enumeration}, ...}.
   std::string json() const;
 
  private:

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Any radar behind the bridge protocol: range profiles of linear power.
+// Radar behind the bridge protocol: range profiles of linear power.
 #pragma once
 #include <string>
 

@@ -31,13 +31,13 @@ std::optional<double> to_number(std::string_view word) {
 
 std::string miscounted(const Command& c) {
   const std::size_t expected = numbers_of(c.words[0]).value_or(0);
-  return "has " + std::to_string(c.words.size() - 1) + " numbers, SDK 3.4 to 3.6 take " +
-         std::to_string(expected) + " (SDK 1 and 2 others)";
+  return "has " + std::to_string(c.words.size() - 1) + " numbers; SDK 3.4 to 3.6 expect " +
+         std::to_string(expected) + " (SDK 1 and 2 differ)";
 }
 
 }  // namespace
 
-// Faults that an editor may have put into the text.
+// Rejects encoding faults that an editor may have introduced.
 void require_plain_text(std::string_view text, const std::string& name) {
   const auto fail = [&](const std::string& what) {
     throw Error(ExitCode::config, printable(name + ":" + what));
@@ -45,8 +45,7 @@ void require_plain_text(std::string_view text, const std::string& name) {
   if (text.size() > max_cfg_bytes)
     fail(" has " + std::to_string(text.size()) + " bytes; expected a cfg of at most " +
          std::to_string(max_cfg_bytes));
-  if (text.find('\0') != text.npos)
-    fail(" is in UTF-16, or no text; expected UTF-8 or ASCII: save it anew");
+  if (text.find('\0') != text.npos) fail(" is UTF-16, or not text; save it as UTF-8 or ASCII");
   for (std::size_t at = 0; (at = text.find('\r', at)) != text.npos; ++at)
     if (at + 1 < text.size() && text[at + 1] != '\n' && text[at + 1] != '\r')
       fail(std::to_string(1 + std::ranges::count(text.substr(0, at), '\n')) +
@@ -123,8 +122,7 @@ std::uint32_t Cfg::integer(const Command& c, std::size_t i, double min, double m
   return static_cast<std::uint32_t>(value);
 }
 
-// The firmware parts words at spaces only; what an editor puts in their place is named, and read as
-// a space.
+// The firmware splits words at spaces only. Other separators are reported and then read as spaces.
 void Cfg::add(const CfgLine& line) {
   Command c{line.number, {}};
   const std::string_view text = line.text;
@@ -142,7 +140,7 @@ void Cfg::add(const CfgLine& line) {
            (from[0] == '\t'                                            ? "tab"
             : from.starts_with("\xc2\xa0") || from.starts_with("\xa0") ? "no-break space"
                                                                        : "character beyond ASCII") +
-           "; the firmware parts words at spaces only");
+           "; the firmware splits words at spaces only");
   if (text.size() > max_line)
     fail(c, "line has " + std::to_string(text.size()) + " characters; the firmware takes 255");
   if (c.words.size() > max_words) fail(c, "line has more than the 40 words the firmware takes");
@@ -154,16 +152,16 @@ void Cfg::add(const CfgLine& line) {
 void Cfg::check_words(const Command& c) const {
   const std::string_view name = c.words[0];
   if (!std::isalpha(static_cast<unsigned char>(name[0])))
-    return refuse(complaint(c, "begins no command, and a comment begins with %"));
+    return refuse(complaint(c, "is not a command; comments begin with %"));
   const auto expected = numbers_of(name);
   if (name == "peakGrouping") return refuse(complaint(c, "is a command of SDK 1 or 2"));
   if (!expected && profile_.warnings.size() < max_faults)
-    profile_.warnings.push_back(complaint(c, "is no command of the demo of SDK 3.4 to 3.6"));
+    profile_.warnings.push_back(complaint(c, "is not a command of the demo of SDK 3.4 to 3.6"));
   for (std::size_t i = 1; i < c.words.size(); ++i)
     if (!to_number(c.words[i]))
       return refuse(complaint(
           c, quoted(c.words[i]) + (i == expected.value_or(0) + 1
-                                       ? " stands behind its numbers; a comment has its own line"
+                                       ? " follows the numbers; put comments on their own line"
                                        : " is not a number")));
   if (expected && *expected + 1 != c.words.size() && !name.starts_with("sensorSt"))
     refuse(complaint(c, miscounted(c)));

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// One .cfg file, split into commands, with complaints that name its lines.
+// A .cfg file split into commands, with errors that name its lines.
 #pragma once
 #include <map>
 #include <string>
@@ -11,21 +11,21 @@
 
 namespace echofuse::radar {
 
-// Throws Error(config) for a text in UTF-16, or with a CR that no LF follows.
+// Throws Error(config) for UTF-16, or a CR without LF.
 void require_plain_text(std::string_view text, const std::string& name);
 
 struct Command {
   int line = 0;
-  std::vector<std::string_view> words;  // the name first
+  std::vector<std::string_view> words;  // command name first
 };
 
 class Cfg {
  public:
-  // Everything that the board will refuse, or the demo does not know, goes to the profile, which
-  // has to outlive it. Throws Error(config) for a cfg of another demo.
+  // Adds commands that the board refuses or the demo does not know to the faults of the profile,
+  // which must outlive this object. Throws Error(config) for a cfg of another demo.
   Cfg(const std::vector<CfgLine>& lines, std::string name, RadarProfile& profile);
 
-  // Faults come together: those of one attempt do not hide the next one's.
+  // Runs body and collects its fault, so that later checks still run.
   template <class Body>
   void attempt(Body body) const {
     try {
@@ -35,25 +35,25 @@ class Cfg {
       refuse(e.what());
     }
   }
-  // With a fault, all that the board would refuse is one as well.
+  // Throws all collected faults, including the board's refusals, if there are any.
   void stop_if_faulty() const;
   void refuse(const std::string& line) const;
   std::string complaint(const Command& c, const std::string& what) const;
   [[noreturn]] void fail(const Command& c, const std::string& what) const;
 
-  // All commands of a name; at least one, or an error.
+  // Returns all commands of this name; an error if there are none.
   const std::vector<Command>& all(const std::string& command) const;
-  // The last one counts, as in the firmware.
+  // Returns the last command of this name, which is the effective one in the firmware.
   const Command& last(const std::string& command) const { return all(command).back(); }
   bool has(const std::string& command) const { return commands_.count(command) != 0; }
-  // Frames of subframes (advFrameCfg), as dfeDataOutputMode says.
+  // Returns true for frames with subframes (advFrameCfg), from dfeDataOutputMode.
   bool advanced() const {
     return has("dfeDataOutputMode") && number(last("dfeDataOutputMode"), 1) == 3;
   }
 
-  // The i-th argument, from 1.
+  // Returns the i-th argument, from 1.
   double number(const Command& c, std::size_t i) const;
-  // Wider than any board's, and narrow enough for the range axis to be finite.
+  // Allows a wider range than any board, but keeps the range axis finite.
   double positive(const Command& c, std::size_t i, const char* meaning) const;
   std::uint32_t integer(const Command& c, std::size_t i, double min, double max) const;
   const std::string& name() const { return name_; }

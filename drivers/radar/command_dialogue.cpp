@@ -9,9 +9,9 @@
 namespace echofuse::radar {
 namespace {
 
-constexpr std::string_view prompt_end = ":/>";  // "mmwDemo:/>"; labs have other names before it
+constexpr std::string_view prompt_end = ":/>";  // "mmwDemo:/>"; lab demos have another prefix
 constexpr std::size_t max_line = 512, max_answer_lines = 64;
-constexpr std::size_t longest_answer = 4096;  // to sensorStop, bytes
+constexpr std::size_t longest_answer = 4096;  // limit for the answer to sensorStop, bytes
 constexpr int max_tries = 3;
 
 std::string trimmed(std::string_view text) {
@@ -20,7 +20,7 @@ std::string trimmed(std::string_view text) {
   return std::string(text.substr(first, text.find_last_not_of(" \t") + 1 - first));
 }
 
-// For messages: one short line whatever the UART delivered.
+// Shortens UART text to one line for messages.
 std::string shown(std::string_view text) { return printable(text, 256); }
 
 bool has(const std::vector<std::string>& lines, std::string_view whole) {
@@ -33,7 +33,7 @@ bool is_refusal(const std::string& line) {
   return line.find("is not recognized as a CLI command") != line.npos;
 }
 
-// The lines that explain a failure, joined.
+// Joins the lines that explain a failure.
 std::string explanation(const std::vector<std::string>& answer) {
   std::string text;
   for (const std::string& line : answer)
@@ -96,7 +96,7 @@ void CommandDialogue::tick(HostTime now) {
   } else {
     if (!trimmed(line_).empty()) answer_.push_back(trimmed(line_));
     std::string said;
-    for (const std::string& line : answer_) said += (said.empty() ? " behind '" : "; ") + line;
+    for (const std::string& line : answer_) said += (said.empty() ? " after '" : "; ") + line;
     fail("no answer" + (said.empty() ? "" : shown(said) + "'") +
          ": the firmware has stopped, reset the board");
   }
@@ -106,7 +106,7 @@ void CommandDialogue::on_line() {
   const std::string line = trimmed(line_);
   if (line.find_first_not_of('*') == line.npos || state_ == State::failed) return;
   const bool commanding = state_ == State::commanding;
-  // Once per frame while measureRangeBiasAndRxChanPhase is on; it may cut into an echo.
+  // Sent once per frame while measureRangeBiasAndRxChanPhase is on; may interrupt an echo.
   const std::size_t calibration = line.find("compRangeBiasAndRxChanPhase ");
   if (line.find("Exception:") != line.npos) {
     const bool starts = commanding && commands_[next_].text.find("sensorStart") != line.npos;
@@ -142,12 +142,12 @@ void CommandDialogue::on_prompt(HostTime now) {
   }
 }
 
-// A prompt without a verdict is a leftover: the command's own is still to come.
+// A prompt without a verdict belongs to an earlier command; the current answer follows.
 void CommandDialogue::judge_answer(HostTime now) {
   const bool refused = std::any_of(answer_.begin(), answer_.end(), is_refusal);
   if (has(answer_, "Done") || has(answer_, "Skipped")) {
     const std::string& command = commands_[next_].text;
-    const bool stop = command.find("sensorStop") != command.npos;  // ignored at every cold start
+    const bool stop = command.find("sensorStop") != command.npos;  // refused at a cold start
     for (const std::string& line : answer_)
       if (line.starts_with("Ignored") || line.starts_with("Error"))
         report(stop ? Severity::info : Severity::warning, command + ": " + line);
@@ -157,9 +157,9 @@ void CommandDialogue::judge_answer(HostTime now) {
   } else if (refused && is_probe() && tries_ < 2) {
     send_command(now);
   } else if (refused && is_probe()) {
-    next_command(now);  // a firmware without `version`
+    next_command(now);  // the firmware does not know `version`
   } else if (const std::string why = explanation(answer_); !why.empty() && send_ == Send::restart) {
-    report(Severity::info, "restart refused, the cfg is sent again: " + why);
+    report(Severity::info, "restart refused, sending the cfg again: " + why);
     send_whole_cfg();
     next_ = 0;
     next_command(now);
@@ -196,8 +196,8 @@ void CommandDialogue::next_command(HostTime now) {
   deadline_.reset();
 }
 
-// "mmWave SDK Version      : 03.04.00.03", "Platform                : xWR68xx", and the banner
-// "xWR68xx MMW Demo 03.04.00.03" (or xWR64xx) of a board that has just started.
+// Reads "mmWave SDK Version      : 03.04.00.03", "Platform                : xWR68xx", or the
+// start-up banner "xWR68xx MMW Demo 03.04.00.03" (or xWR64xx).
 void CommandDialogue::read_version(const std::string& line) {
   const std::size_t colon = line.find(':'), demo = line.find(" MMW Demo ");
   if (is_banner(line)) {
@@ -233,7 +233,7 @@ void StopDialogue::receive(ByteView bytes) {
     const std::string answer = std::exchange(answer_, {});
     if (!std::exchange(sent_, true))
       output_ = line;
-    else  // a prompt without a verdict is a leftover
+    else  // a prompt without a verdict belongs to an earlier command
       done_ = done_ || answer.find("Done") != answer.npos;
   }
 }

@@ -1,26 +1,26 @@
 // SPDX-License-Identifier: MIT
-// The command line of TI's mmWave demos (SDK utils/cli), as a state machine without ports or
-// clocks.
+// Dialogue with the command line of TI's mmWave demos (SDK utils/cli): a state machine without
+// ports or clocks.
 //
 //   we send   the firmware answers (echo on; text mode puts CR after LF)
-//   "\n"      ["\n\r"] "mmwDemo:/>"                          until it is quiet: leftovers are gone
-//   "version\n"  echo, lines, "Done\n\r", "mmwDemo:/>"     may still meet garbage: sent twice at
-//   most "LINE\n"  echo, then one of                            for each line of the cfg, verbatim
+//   "\n"      ["\n\r"] "mmwDemo:/>"                          repeated until no more input arrives
+//   "version\n"  echo, lines, "Done\n\r", "mmwDemo:/>"       sent up to twice, if garbage precedes
+//   it "LINE\n"    echo, then one of                            for each line of the cfg, unchanged
 //               Done                                         good
-//               Ignored: ... / Done                          good, told
+//               Ignored: ... / Done                          good, reported
 //               Skipped                                      good (a comment)
-//               Error -1 (often an explaining line before)   failed; bare: the front end's limits
-//               'LINE' is not recognized as a CLI command    failed; sdk.hpp says why
+//               Error -1 (often an explaining line before)   failed; alone: front end limit
+//               exceeded 'LINE' is not recognized as a CLI command    failed; sdk.hpp explains it
 //               ... Exception: FILE, line N.                 failed: the firmware has stopped
-//               nothing, or lines without a verdict          failed, with these lines
-//             "mmwDemo:/>"                                   before which nothing more is sent: the
+//               nothing, or lines without a verdict          failed; the lines are reported
+//             "mmwDemo:/>"                                   required before the next line: the
 //                                                            firmware's receiver has no buffer
-// Lines that come unasked (calibration results) are told as they are. The firmware's banner where
-// none belongs is a board that was reset, which is a failure.
+// Unsolicited lines (calibration results) are reported unchanged. A banner in the middle of a
+// dialogue means that the board was reset, and is a failure.
 //
-// A restart sends `sensorStop` and `sensorStart 0` instead of the cfg: the firmware then runs with
-// what it was given before, and refuses if it was given nothing (a board that was reset) or a part.
-// In both cases the whole cfg follows.
+// A restart sends `sensorStop` and `sensorStart 0` instead of the cfg. The firmware reuses its
+// stored cfg, and refuses if it has none (after a reset) or an incomplete one. The whole cfg is
+// then sent.
 #pragma once
 #include <optional>
 #include <string>
@@ -37,10 +37,10 @@
 namespace echofuse::radar {
 
 struct DialogueTimeouts {
-  std::chrono::milliseconds quiet{60};     // after a prompt, before the first command
-  std::chrono::milliseconds prompt{1000};  // for the answer to a bare line; tried 3 times
-  std::chrono::milliseconds answer{2000};  // for a command: sensorStop waits for a frame's end
-  std::chrono::milliseconds start{8000};   // for sensorStart, which calibrates for seconds
+  std::chrono::milliseconds quiet{60};     // silence after a prompt, before the first command
+  std::chrono::milliseconds prompt{1000};  // for the answer to an empty line; 3 attempts
+  std::chrono::milliseconds answer{2000};  // for a command; sensorStop waits for the end of a frame
+  std::chrono::milliseconds start{8000};   // for sensorStart, which calibrates for several seconds
 };
 
 class CommandDialogue {
@@ -59,21 +59,21 @@ class CommandDialogue {
   void start(HostTime now);
   void receive(ByteView bytes, HostTime now);
   void tick(HostTime now);
-  // When tick() must be called at the latest; no value once done or failed.
+  // Latest time for tick(); no value once done or failed.
   std::optional<HostTime> deadline() const { return deadline_; }
 
   State state() const { return state_; }
-  // How it is or was done: Send::cfg also after a restart that was refused.
+  // Returns the method used: Send::cfg also after a refused restart.
   Send sent() const { return send_; }
-  bool answered() const { return answered_; }              // with a prompt, at least
-  const std::string& failure() const { return failure_; }  // one line, with the cfg line's number
-  // Takes the bytes to write since the last call.
+  bool answered() const { return answered_; }              // at least one prompt was received
+  const std::string& failure() const { return failure_; }  // one line, names the cfg line
+  // Returns the bytes to write and clears them.
   std::string take_output() { return std::exchange(output_, {}); }
   std::vector<Event> take_events() { return std::exchange(events_, {}); }
-  // Takes the answers of the board's own calibration since the last call.
+  // Returns the results of the board's calibration and clears them.
   std::vector<FirmwareBias> take_biases() { return std::exchange(biases_, {}); }
-  const std::string& remark() const { return remark_; }  // "Debug: ...", of a command that worked
-  // From the answer to `version`: "xWR68xx" and "mmWave SDK 03.04.00.03"; empty if it gave none.
+  const std::string& remark() const { return remark_; }  // "Debug: ..." of a successful command
+  // From the answer to `version`: "xWR68xx" and "mmWave SDK 03.04.00.03"; empty if unknown.
   const std::string& platform() const { return platform_; }
   const std::string& firmware() const { return firmware_; }
 
@@ -95,29 +95,29 @@ class CommandDialogue {
   DialogueTimeouts timeouts_;
   std::vector<CfgLine> cfg_, commands_;  // `version` first, as line 0
   Send send_;
-  std::size_t next_ = 0;  // the command that is being answered
+  std::size_t next_ = 0;  // command that waits for its answer
   int tries_ = 0;
   State state_ = State::draining;
   bool heard_ = false, answered_ = false;
   std::optional<HostTime> deadline_, drain_end_;  // drain_end_: set by the first prompt
-  std::string line_;                              // since the last line end or prompt
-  std::vector<std::string> answer_;               // the lines since it was sent
+  std::string line_;                              // received since the last line end or prompt
+  std::vector<std::string> answer_;               // lines received since the command was sent
   std::string failure_, remark_, output_, platform_, firmware_;
   std::vector<Event> events_;
   std::vector<FirmwareBias> biases_;
 };
 
-// The last words to a radar: `sensorStop`, so that it does not radiate when nobody listens.
-// As CommandDialogue without ports, and without clocks: who uses it gives up in time.
+// Sends `sensorStop` before the connection ends, so that the radar stops transmitting. Has no port
+// or clock; the caller sets the time limit.
 class StopDialogue {
  public:
-  // `busy`: the firmware carries out a command. It has no room for another one until its prompt.
+  // `busy`: the firmware is executing a command and cannot buffer another one before its prompt.
   explicit StopDialogue(bool busy) : sent_(!busy) {
     if (sent_) output_ = line;
   }
   void receive(ByteView bytes);
   std::string take_output();
-  // The firmware answered that it has stopped.
+  // Returns true if the firmware has confirmed the stop.
   bool done() const { return done_; }
 
  private:

@@ -15,9 +15,9 @@ constexpr std::size_t tlv_header_bytes = 8;
 constexpr std::uint32_t max_packet_bytes = 64u << 10;
 constexpr std::uint32_t max_tlvs = 16;
 constexpr std::size_t padding_limit = 32;
-// A frame number further ahead was corrupted or restarted: no one lost a day of frames unnoticed.
+// Larger jumps of the frame number are corruption or a restart, not a loss.
 constexpr std::uint32_t max_lost_frames = 1u << 20;
-constexpr std::uint32_t usual_gap = 100;  // more is not believed of one number alone
+constexpr std::uint32_t usual_gap = 100;  // a larger gap needs confirmation by the next number
 constexpr std::size_t max_types = 64;
 
 std::uint32_t between(std::uint32_t earlier, std::uint32_t later) { return later - earlier - 1; }
@@ -31,7 +31,7 @@ bool starts_with_part_of_magic(ByteView bytes) {
   return std::equal(bytes.begin(), bytes.begin() + static_cast<std::ptrdiff_t>(n), magic.begin());
 }
 
-// Position at or after `from` of the next magic, or of its beginning at the end.
+// Position at or after `from` of the next magic, or of a partial magic at the end.
 std::size_t find_magic(ByteView bytes, std::size_t from) {
   while (from < bytes.size()) {
     const void* first = std::memchr(bytes.data() + from, magic[0], bytes.size() - from);
@@ -65,7 +65,8 @@ bool read_tlv(std::uint32_t type, ByteView payload, RadarFrame& frame) {
   return false;
 }
 
-// Whether TLVs fill a packet behind a header of this length, if their lengths are so much too long.
+// Returns true if the TLVs fill the packet, for this header length and with `extra` bytes in each
+// TLV length.
 bool fill(ByteView packet, std::size_t header, std::size_t extra) {
   std::size_t at = header;
   while (packet.size() >= at + padding_limit) {
@@ -89,26 +90,27 @@ std::string why_no_frames(ByteView bytes) {
       return "it is text of the command port; expected the data port's bytes";
     const bool plain = std::ranges::all_of(text, [](char c) { return c >= '\t' && c <= '~'; });
     return plain ? "it is text; expected the data port's bytes"
-                 : "no frame begins in it: was it recorded at the data port's baud rate?";
+                 : "it contains no frame: was it recorded at the data port's baud rate?";
   }
-  constexpr std::ptrdiff_t enough = 4;  // the platform's number has a line feed in each frame
+  constexpr std::ptrdiff_t enough = 4;  // the platform field contains a line feed in each frame
   const auto feeds = std::ranges::count(bytes, '\n');
   std::ptrdiff_t pairs = 0;
   for (std::size_t i = 1; i < bytes.size(); ++i) pairs += bytes[i] == '\n' && bytes[i - 1] == '\r';
   if (feeds >= enough && pairs == feeds)
-    return "its line ends were changed (saved as text): each line feed has a carriage return";
+    return "line ends were converted (saved as text): a carriage return precedes each line feed";
   const ByteView packet = bytes.subspan(first, end - first);
-  if (fill(packet, 36, 0)) return "its frames are of SDK 1 or 2.0 (header of 36 bytes)";
+  if (fill(packet, 36, 0)) return "frames are from SDK 1 or 2.0 (header of 36 bytes)";
   for (const std::size_t header : {36u, 40u})
     if (fill(packet, header, tlv_header_bytes))
       return "the lengths of its TLVs include their headers, as in SDK 1";
   for (const std::size_t header : {44u, 48u, 52u, 56u})
     if (fill(packet, header, 0) || fill(packet, header, tlv_header_bytes))
-      return "its frames are of another demo (header of " + std::to_string(header) + " bytes)";
-  return end == bytes.size() ? "it has only a part of a frame" : "its frames are of another demo";
+      return "frames are from another demo (header of " + std::to_string(header) + " bytes)";
+  return end == bytes.size() ? "it contains only a part of a frame"
+                             : "frames are from another demo";
 }
 
-// The fields in wire order.
+// Header fields in wire order.
 struct FrameParser::Header {
   std::array<std::uint8_t, 8> magic_word;
   std::uint32_t version, packet_bytes, platform, frame_number, cpu_cycles, objects, tlvs, subframe;
@@ -125,7 +127,7 @@ struct FrameParser::Header {
   }
 };
 
-// From at least header_bytes.
+// Needs at least header_bytes.
 std::optional<FrameParser::Header> FrameParser::read_header(ByteView bytes) {
   static_assert(sizeof(Header) == header_bytes);
   const auto header = ByteReader(bytes).get<Header>();
@@ -141,7 +143,7 @@ void FrameParser::settle(const OnFrame& on_frame) {
   if (!complete_) return;
   const HostTime received = *complete_;
   const Bytes held(buffer_.held().begin(), buffer_.held().end());
-  if (held.size() < header_bytes) return forget_progress();  // the consumer threw meanwhile
+  if (held.size() < header_bytes) return forget_progress();  // the consumer threw in between
   const Header header = *read_header(held);
   buffer_.clear();
   forget_progress();
@@ -202,8 +204,8 @@ Step FrameParser::skip_truncated(std::size_t bytes) {
   return {bytes, 0};
 }
 
-// Start of a later frame inside this one (not sure with fewer than header_bytes there); else the
-// end of the packet's bytes.
+// Returns the start of a later frame inside this one, otherwise the end of the packet. With fewer
+// than header_bytes there the result is not certain.
 std::size_t FrameParser::find_successor(ByteView bytes, const Header& header) {
   const std::size_t end = std::min<std::size_t>(bytes.size(), header.packet_bytes);
   searched_ = std::max(searched_, magic.size());
@@ -234,9 +236,9 @@ void FrameParser::deliver(ByteView packet, const Header& header, HostTime receiv
   on_frame(std::move(frame));
 }
 
-// False where the structure is broken: a TLV leaves the packet, or more is left than can be
-// padding. A TLV too many within the padding is only a wrong count: some guiMonitor values make the
-// firmware announce a TLV that it does not send.
+// Returns false for broken structure: a TLV exceeds the packet, or the rest is longer than padding.
+// One TLV too many within the padding is only a wrong count, because some guiMonitor values make
+// the firmware announce a TLV that it does not send.
 bool FrameParser::read_tlvs(ByteView body, std::uint32_t count, RadarFrame& frame) {
   ByteReader in(body);
   for (std::uint32_t i = 0; i < count; ++i) {
@@ -272,7 +274,7 @@ std::uint32_t FrameParser::lost_before(std::uint32_t number) {
   const std::uint32_t onwards = number_before_ ? number - *number_before_ : 0;
   std::uint32_t lost = 0;
   if ((jump || !follows) && number_before_ && onwards <= usual_gap + 1) {
-    // The last number was corrupt, or an old one: this one goes on where the one before left off.
+    // The previous number was corrupt or stale: continue from the one before it.
     lost = jump && onwards > 2 ? onwards - 2 : 0;
     counts_.lost_frames += lost;
     return lost;

@@ -17,7 +17,7 @@ namespace {
 constexpr double firmware_speed_of_light_m_s = 3.0e8;
 
 struct Antennas {
-  std::uint32_t receivers = 0;              // enabled: a mask
+  std::uint32_t receivers = 0;              // mask of enabled receivers
   std::vector<std::uint32_t> transmitters;  // from 0, in the order of the frame's chirps
   std::uint32_t virtuals() const {
     return static_cast<std::uint32_t>(std::popcount(receivers)) *
@@ -59,13 +59,13 @@ std::vector<Frame> read_frames(const Cfg& cfg) {
   return frames;
 }
 
-// As SDK, mmwdemo_rfparser.c.
+// Source: SDK, mmwdemo_rfparser.c.
 Antennas read_antennas(const Cfg& cfg, const Frame& of) {
   const Command& channels = cfg.last("channelCfg");
   const Command& frame = of.line;
   const auto enabled = cfg.integer(channels, 2, 1, 7);
   const auto first = of.first_chirp(cfg), last = of.last_chirp(cfg);
-  std::multimap<std::uint32_t, std::uint32_t> used;  // masks, by the chirp at which they begin
+  std::multimap<std::uint32_t, std::uint32_t> used;  // masks by first chirp
   for (const Command& chirp : cfg.all("chirpCfg")) {
     const auto begin = cfg.integer(chirp, 1, 0, 511), end = cfg.integer(chirp, 2, 0, 511);
     if (begin <= last && end >= first)
@@ -80,14 +80,15 @@ Antennas read_antennas(const Cfg& cfg, const Frame& of) {
   return out;
 }
 
-// Parameters of the range axis.
+// Parameters that define the range axis.
 struct Sampling {
   std::uint32_t samples = 0;
   double slope_hz_per_s = 0, rate_hz = 0;
   bool operator==(const Sampling&) const = default;
 };
 
-// Profile of the first subframe's first chirp, else the last one, as in the firmware.
+// Returns the profile of the first subframe's first chirp, otherwise the last profile, as in the
+// firmware.
 const Command& profile_of(const Cfg& cfg, const Frame& frame) {
   const Command* found = &cfg.last("profileCfg");
   if (!cfg.advanced()) return *found;
@@ -108,14 +109,14 @@ Sampling sampling_of(const Cfg& cfg, const Command& chirp) {
   return out;
 }
 
-// Command that defines chirp `number`; none: nullptr.
+// Returns the command that defines chirp `number`, or nullptr.
 const Command* chirp_cfg_of(const Cfg& cfg, std::uint32_t number) {
   for (const Command& c : cfg.all("chirpCfg"))
     if (cfg.integer(c, 1, 0, 511) <= number && number <= cfg.integer(c, 2, 0, 511)) return &c;
   return nullptr;
 }
 
-// The last profile of the chirp's number counts, as in the firmware; none: nullptr.
+// Returns the last command that defines the chirp's profile, as in the firmware, or nullptr.
 const Command* profile_cfg_of(const Cfg& cfg, const Command& chirp) {
   const Command* found = nullptr;
   for (const Command& c : cfg.all("profileCfg"))
@@ -129,7 +130,7 @@ Ramp ramp_of(const Cfg& cfg, const Command& profile) {
 }
 
 // chirpCfg <first> <last> <profile> <start, Hz> <slope, kHz/us> <idle, us> <ADC start, us> <tx>:
-// the four in the middle are added to the profile's.
+// the four middle values are added to the profile's.
 Ramp ramp_of(const Cfg& cfg, const Command& profile, const Command& chirp) {
   Ramp ramp = ramp_of(cfg, profile);
   ramp.start_ghz += 1e-9 * cfg.number(chirp, 4);
@@ -139,7 +140,7 @@ Ramp ramp_of(const Cfg& cfg, const Command& profile, const Command& chirp) {
   return ramp;
 }
 
-// Idle time and ramp of all chirps of a frame.
+// Returns the sum of idle times and ramps of all chirps of a frame.
 double active_s(const Cfg& cfg, const Frame& frame) {
   double sum_us = 0;
   for (std::uint32_t k = frame.first_chirp(cfg); k <= frame.last_chirp(cfg); ++k) {
@@ -151,7 +152,7 @@ double active_s(const Cfg& cfg, const Frame& frame) {
   return 1e-6 * frame.loops(cfg) * sum_us;
 }
 
-// The front end takes all profiles and chirps, also those that no frame uses.
+// The front end checks all profiles and chirps, including unused ones.
 void check_ramps(const Cfg& cfg) {
   for (const Command& profile : cfg.all("profileCfg"))
     for (const auto& words : refusals_of(ramp_of(cfg, profile)))
@@ -178,7 +179,7 @@ void check_frame(const Cfg& cfg, const Frame& frame) {
     cfg.refuse(cfg.complaint(frame.line, words));
 }
 
-// The firmware takes one profile for the range axis, whichever the other chirps have.
+// The firmware uses one profile for the range axis, even if other chirps have another.
 void require_one_axis(const Cfg& cfg, const Frame& frame) {
   const Command& used = profile_of(cfg, frame);
   for (const Command& chirp : cfg.all("chirpCfg")) {
@@ -188,12 +189,12 @@ void require_one_axis(const Cfg& cfg, const Frame& frame) {
     for (const Command& c : cfg.all("profileCfg"))
       if (cfg.number(c, 1) == cfg.number(chirp, 3) && sampling_of(cfg, c) != sampling_of(cfg, used))
         cfg.fail(chirp, "takes profileCfg " + std::string(c.words[1]) +
-                            ", other chirps of the frame " + std::string(used.words[1]) +
-                            ": these have two range axes");
+                            ", but other chirps of the frame take " + std::string(used.words[1]) +
+                            ": their range axes differ");
   }
 }
 
-// A record is the mean over them.
+// Requires the same range axis and antennas in all subframes, because a record is their mean.
 void require_alike(const Cfg& cfg, const std::vector<Frame>& frames) {
   const auto of = [&](const Frame& f) {
     const Antennas antennas = read_antennas(cfg, f);
@@ -207,7 +208,7 @@ void require_alike(const Cfg& cfg, const std::vector<Frame>& frames) {
                "the mean of all subframes");
   const Command& gui = cfg.last("guiMonitor");
   if (cfg.advanced() && cfg.number(gui, 1) != -1)
-    cfg.fail(gui, "is of one subframe; expected -1, for all of them");
+    cfg.fail(gui, "selects one subframe; expected -1 for all");
 }
 
 void read_gui_monitor(const Cfg& cfg, RadarProfile& profile) {
@@ -239,11 +240,11 @@ void read_heat_map(const Cfg& cfg, const Antennas& antennas, Board board, RadarP
         "mixes neighbouring bins");
   if (profile.planar || in_row) return;
   profile.warnings.push_back(cfg.where(cfg.last("chirpCfg").line) +
-                             "chirpCfg has transmitter 2 before 3: the heat map is of the frame's "
-                             "first transmitters, and these do not stand in one row");
+                             "chirpCfg has transmitter 2 before 3: the heat map uses the frame's "
+                             "first transmitters, which are not in one row");
 }
 
-// The parts of a frame as SDK's MmwDemo_transmitProcessedOutput sends them.
+// Sizes of the packet's parts, from SDK's MmwDemo_transmitProcessedOutput.
 std::uint32_t frame_bytes(const Cfg& cfg, const RadarProfile& profile, std::uint32_t loops) {
   const std::uint32_t bins = profile.bins;
   const auto samples = static_cast<std::uint32_t>(profile.array.size()) * bins;
@@ -252,7 +253,7 @@ std::uint32_t frame_bytes(const Cfg& cfg, const RadarProfile& profile, std::uint
   const auto on = [&](std::size_t flag) { return cfg.number(gui, flag) != 0; };
   constexpr std::uint32_t header = 40, tlv = 8, unit = 32;
   std::uint32_t bytes = header;
-  if (on(2)) bytes += tlv;                // head of the list of points; the points add to it
+  if (on(2)) bytes += tlv;                // header of the point list; its points are not included
   if (on(3)) bytes += tlv + 2 * bins;     // range profile
   if (on(4)) bytes += tlv + 2 * bins;     // noise profile
   if (on(5)) bytes += tlv + 4 * samples;  // heat map
@@ -268,7 +269,7 @@ std::string milliseconds(double s) {
 }
 
 void check_rates(const Cfg& cfg, RadarProfile& profile, std::uint32_t data_baud) {
-  constexpr std::uint32_t firmware_baud = 921600;  // until configDataPort
+  constexpr std::uint32_t firmware_baud = 921600;  // before configDataPort
   const bool given = cfg.has("configDataPort");
   const std::uint32_t baud =
       given ? cfg.integer(cfg.last("configDataPort"), 1, 1, 1e9) : firmware_baud;
@@ -281,10 +282,11 @@ void check_rates(const Cfg& cfg, RadarProfile& profile, std::uint32_t data_baud)
   const double transmit_s = profile.frame_bytes * 10.0 / baud;
   if (transmit_s < profile.frame_period_s) return;
   const std::string command = cfg.advanced() ? "subFrameCfg" : "frameCfg";
-  const std::string what = "wants a frame every " + milliseconds(profile.frame_period_s) +
-                           ", but one of " + std::to_string(profile.frame_bytes) + " bytes takes " +
-                           milliseconds(transmit_s) + " at " + std::to_string(baud) + " baud";
-  // With a heat map behind its time the demo stops sending anything at all.
+  const std::string what = "requests a frame every " + milliseconds(profile.frame_period_s) +
+                           ", but a frame of " + std::to_string(profile.frame_bytes) +
+                           " bytes takes " + milliseconds(transmit_s) + " at " +
+                           std::to_string(baud) + " baud";
+  // If the heat map is late, the demo stops sending completely.
   const Command& gui = cfg.last("guiMonitor");
   if (cfg.number(gui, 5) != 0 || cfg.number(gui, 6) != 0)
     cfg.fail(cfg.last(command), what +
@@ -299,20 +301,19 @@ void read_warnings(const Cfg& cfg, RadarProfile& profile, std::uint32_t data_bau
   const std::string where = cfg.where(frame.line) + std::string(frame.words[0]);
   if (cfg.number(frame, count) != 0)
     profile.warnings.push_back(where + " ends after " + std::string(frame.words[count]) +
-                               " frames; 0 goes on without end");
+                               " frames; 0 is endless");
   if (cfg.number(frame, trigger) != 1)
     profile.warnings.push_back(where + " trigger " + std::string(frame.words[trigger]) +
                                " waits for a pulse at the board's pin for each frame; 1 does not");
   if (cfg.has("clutterRemoval")) {
     const Command& c = cfg.last("clutterRemoval");
     if (cfg.number(c, 2) != 0)
-      profile.warnings.push_back(cfg.where(c.line) +
-                                 "clutterRemoval 1 removes everything that stands still");
+      profile.warnings.push_back(cfg.where(c.line) + "clutterRemoval 1 removes all static echoes");
   }
   if (profile.bins == 1022)
     profile.warnings.push_back(cfg.where(cfg.last("profileCfg").line) +
-                               "profileCfg makes 1024 bins for 12 antennas: more than the firmware "
-                               "has room for, it sends 1022");
+                               "profileCfg gives 1024 bins for 12 antennas, but the firmware has "
+                               "memory for 1022");
   check_rates(cfg, profile, data_baud);
 }
 

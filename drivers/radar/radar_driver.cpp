@@ -6,9 +6,9 @@
 
 namespace echofuse::radar {
 namespace {
-// A board that was away for longer may have been used by someone else.
+// After a longer absence another program may have changed the board's cfg.
 constexpr std::chrono::seconds cfg_keeps{10};
-// Bytes of one frame come closer together than this: USB bridges hold them for up to 16 ms.
+// Longest gap within a frame, because USB bridges hold bytes for up to 16 ms.
 constexpr std::chrono::milliseconds quiet{20};
 }  // namespace
 
@@ -42,7 +42,7 @@ void RadarDriver::stop() {
   const bool connected = cli_ && dialogue_;
   if (!connected || setup_.keep_running) return disconnect();
   stop_timers();
-  drop_data();  // later bytes are not passed on, nor kept as raw bytes
+  drop_data();  // later bytes are neither passed on nor captured
   last_words_.emplace(dialogue_->state() == CommandDialogue::State::commanding);
   advance_last_words();
 }
@@ -92,7 +92,7 @@ void RadarDriver::on_opened() {
   advance();
 }
 
-// Carries out what the dialogue wants after it was told something.
+// Executes the pending actions of the dialogue.
 void RadarDriver::advance() {
   for (const auto& event : dialogue_->take_events()) {
     sink_->on_event(Sensor::radar, event.severity, event.text);
@@ -110,7 +110,7 @@ void RadarDriver::advance() {
       info_.firmware = dialogue_->firmware();
     }
     const bool before = std::exchange(answered_, answered_ || answered);
-    return fail(before && !answered ? "it answers no more: reset the board" : failure);
+    return fail(before && !answered ? "no more answers, reset the board" : failure);
   }
   if (const auto deadline = dialogue_->deadline())
     return dialogue_timer_.after(*deadline - loop_.now(), [this] {
@@ -161,7 +161,7 @@ void RadarDriver::on_frame(RadarFrame frame) {
   if (!configured || !data_) return discard(frame);
   if (board_was_reset()) {
     discard(frame);
-    return fail("the board was reset: its frame numbers began again");
+    return fail("the board was reset: frame numbers restarted");
   }
   alive_ = loop_.now();
   said_.clear();
@@ -174,8 +174,8 @@ void RadarDriver::on_frame(RadarFrame frame) {
   check_array(frame);
   if (!running_) return;
   frame.subframes = profile_.subframes;
-  // Time of the first chirp: chirps, the firmware's work and the transmission (25 to 96 ms with a
-  // heat map) come after it.
+  // Sets the time of the first chirp. Chirps, the firmware's processing and the transmission (25 to
+  // 96 ms with a heat map) follow it.
   const double work_s = frame.stats ? 1e-6 * frame.stats->inter_frame_processing_us : 0;
   frame.received -= from_seconds(profile_.active_s + std::min(work_s, profile_.frame_period_s) +
                                  profile_.frame_bytes * 10.0 / setup_.data_baud);
@@ -188,23 +188,23 @@ void RadarDriver::check_array(RadarFrame& frame) {
   if (frame.array.empty() || (frame.array.size() == wanted && frame.planar == profile_.planar))
     return;
   ++bad_arrays_;
-  const std::string text = "its heat map is of " + std::to_string(frame.array.size() / 2) +
+  const std::string text = "heat map has " + std::to_string(frame.array.size() / 2) +
                            " samples in TLV " + (frame.planar ? "8" : "4") +
-                           ", the cfg and radar.board ask for " + std::to_string(wanted / 2) +
-                           " in TLV " + (profile_.planar ? "8" : "4") + "; it is not used";
+                           ", but the cfg and radar.board give " + std::to_string(wanted / 2) +
+                           " in TLV " + (profile_.planar ? "8" : "4") + "; heat map ignored";
   frame.array.clear();
   if (std::exchange(array_told_, true)) return;
   sink_->on_event(Sensor::radar, Severity::warning, text);
 }
 
-// Drops a frame of an earlier connection, before the cfg was accepted, or after a fault: it may be
-// of another cfg. It counts as lost, except before the first connection.
+// Drops a frame of an earlier connection, before the cfg was accepted, or after a fault, because it
+// may belong to another cfg. It counts as lost, except before the first connection.
 void RadarDriver::discard(const RadarFrame& frame) {
   ++early_frames_;
   if (configured_ > 0) discarded_ += 1 + frame.lost_before;
 }
 
-// The first two frames of a start may belong to a board that was reset before: we know.
+// Ignores a restart within the first two frames of a start, which may follow a known reset.
 bool RadarDriver::board_was_reset() {
   const FrameCounts& counts = parser_.counts();
   const bool again = counts.restarts > restarts_seen_;
@@ -225,7 +225,7 @@ void RadarDriver::ask_why() {
   watch_timer_.after(Silence::time, [this] {
     const std::string& remark = dialogue_->remark();
     fail(said_ = "no frames on the data port: " + silence_->verdict() +
-                 (remark.empty() ? "" : "; at its start it said: " + remark));
+                 (remark.empty() ? "" : "; message at start: " + remark));
   });
 }
 
@@ -296,24 +296,26 @@ std::string Silence::take_output() { return std::exchange(output_, {}); }
 std::string Silence::verdict() const {
   constexpr std::size_t most_of_16 = 12;
   if (answered_ == 0)
-    return "the firmware answers no more: its processor has stopped; reset the board, and ask for "
-           "less in guiMonitor or for a longer frame";
+    return "the firmware does not answer: its processor has stopped; reset the board, and disable "
+           "outputs in guiMonitor or set a longer frame period";
   if (!runs_)
-    return "the firmware says that the sensor does not run: reset the board, its cfg is sent again";
+    return "the firmware reports that the sensor is stopped: reset the board; the cfg is then sent "
+           "again";
   if (answered_ < 2)
-    return "the sensor does not stop: its signal processor has stopped; reset the board, and ask "
-           "for less in guiMonitor or for a longer frame";
+    return "the sensor does not stop: its signal processor has stopped; reset the board, and "
+           "disable outputs in guiMonitor or set a longer frame period";
   if (pings_ >= most_of_16)
-    return "the data port works, but no frame is sent: the image is for another board (an ISK's on "
-           "an AOP or ODS, or the other way round), or its signal processor has stopped; flash the "
-           "demo of this board";
+    return "the data port works, but no frame is sent: the firmware image is for another board "
+           "(ISK image on "
+           "an AOP or ODS, or vice versa), or its signal processor has stopped; flash the "
+           "demo for this board";
   if (bytes_ > 0)
     return std::to_string(bytes_) +
-           " bytes came that are no frames: is radar.data_baud the rate of the firmware's data "
+           " bytes received, but no frame: is radar.data_baud the rate of the firmware's data "
            "port?";
-  return "nothing arrives there, also not what the firmware writes for a test: radar.data is "
-         "another port (of the board's two it is the one with the higher interface number), or its "
-         "wire is loose";
+  return "no bytes received, not even the firmware's test bytes: radar.data is "
+         "the wrong port (expected the board's port with the higher interface number), or its "
+         "cable is loose";
 }
 
 }  // namespace echofuse::radar

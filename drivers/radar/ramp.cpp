@@ -13,7 +13,8 @@ constexpr double start_step_ghz = 2.7 / (1 << 26);
 constexpr double slope_step_mhz_us = 2.7e3 * 900 / (1 << 26);
 constexpr double time_step_us = 0.01;
 
-// A value that is a whole number of steps stays, whichever way its quotient is rounded.
+// Truncates to a multiple of `step`. The margin keeps exact multiples despite rounding of the
+// quotient.
 double truncated(double value, double step) { return std::trunc(value / step + 1e-6) * step; }
 
 std::string digits(double value, double unit = 1e-3) {
@@ -58,7 +59,7 @@ std::vector<std::string> refusals_of(const Ramp& ramp) {
 
 std::vector<std::string> frame_refusals_of(double chirps, double active_ms, double period_ms) {
   if (period_ms < shortest_period_ms || period_ms > longest_period_ms)
-    return {"has a period of " + digits(period_ms) + " ms; the chip takes 0.3 to 1342 ms"};
+    return {"has a period of " + digits(period_ms) + " ms; limits 0.3 to 1342 ms"};
   if (active_ms >= period_ms)
     return {"has " + digits(chirps) + " chirps, which take " + digits(active_ms) +
             " ms, in a period of " + digits(period_ms) + " ms"};

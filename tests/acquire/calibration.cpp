@@ -58,7 +58,7 @@ TEST_CASE("calibration files that cannot be are refused with their place") {
     return error_of([&] { read_calibration(path); }).second;
   };
   CHECK(has(refusal(""), path + ": no offset; expected spd.offset_m or radar.offset_m"));
-  CHECK(has(refusal("[spd]\noffset_m = 5000\n"), path + ":2:1: spd.offset_m = 5000 does not fit"));
+  CHECK(has(refusal("[spd]\noffset_m = 5000\n"), path + ":2:1: spd.offset_m = 5000 is not valid"));
   CHECK(has(refusal("[spd]\noffset_cm = 5\n"), path + ":2:1: unknown key"));
   CHECK(has(
       refusal("[spd]\noffset_m = 0.1\n[response]\nradar_cell_m = \"0.5\"\nradar_taps = \"2 1\"\n"),

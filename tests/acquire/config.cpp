@@ -57,7 +57,7 @@ TEST_CASE("all faults at once, each with its place") {
   CHECK(code == ExitCode::config);
   CHECK(has(text,
             path + ":2:1: unknown key \"run.window\"; the nearest known one is \"run.window_s\""));
-  CHECK(has(text, path + ":4:1: tdc.bins = 'many' does not fit; expected a whole number"));
+  CHECK(has(text, path + ":4:1: tdc.bins = 'many' is not valid; expected a whole number"));
   CHECK(has(text, path + ":6:1: unknown key \"depth.addres\""));
 }
 
@@ -76,12 +76,16 @@ TEST_CASE("what one key alone cannot show") {
                "data = \"hid:10c4:ea80\"\ncfg = \"r.cfg\"\ndata_baud = 200\n");
     const std::string text =
         refusal(path, {"depth.address=carrier:pigeon", "radar.data_baud=4000000"}).second;
-    CHECK(has(text, path + ":2:1: tdc.address: address \"openni:\": a time tagger is bridge:"));
     CHECK(
-        has(text, path + ":4:1: radar.cli: address \"bridge:tcp://h:1\": a radar port is serial:"));
+        has(text,
+            path + ":2:1: tdc.address: address \"openni:\": expected for a time tagger: bridge:"));
+    CHECK(has(
+        text,
+        path +
+            ":4:1: radar.cli: address \"bridge:tcp://h:1\": expected for a radar port: serial:"));
     CHECK(has(text, path + ":5:1: radar.data: "));
     CHECK(has(text, path + ":6:1: radar.cfg: " + folder / "r.cfg: cannot read"));
-    CHECK(has(text, path + ":7:1: radar.data_baud = 200 does not fit"));
+    CHECK(has(text, path + ":7:1: radar.data_baud = 200 is not valid"));
     CHECK(
         has(text,
             "--set depth.address=carrier:pigeon: address \"carrier:pigeon\": expected bridge:tcp"));
@@ -96,7 +100,8 @@ TEST_CASE("what one key alone cannot show") {
     CHECK(load_config(path).configured() == SensorSet::from_bits(2));
     CHECK(has(refusal(path, {"radar.cli=serial:/a", "radar.data=serial:/b"}).second,
               path + ":2:1: radar.address: a radar has radar.address or the two ports"));
-    CHECK(has(refusal(path, {"radar.address=usb:1234:5678"}).second, "a radar is bridge:tcp:"));
+    CHECK(has(refusal(path, {"radar.address=usb:1234:5678"}).second,
+              "expected for a radar: bridge:tcp:"));
   }
   SECTION("a cfg that is not there, or cannot work") {
     write_file(path, "[radar]\ncli = \"serial:/a\"\ndata = \"serial:/b\"\ncfg = \"r.cfg\"\n");

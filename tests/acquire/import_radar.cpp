@@ -142,11 +142,11 @@ TEST_CASE("import: a radar recording without a profile is refused with its cause
     if (b == '\n') mangled.push_back('\r');
     mangled.push_back(b);
   }
-  refuses(mangled, "its line ends were changed (saved as text)");
+  refuses(mangled, "line ends were converted (saved as text)");
   refuses(Bytes(5000, 0xf3), "was it recorded at the data port's baud rate?");
-  refuses(RadarFile{.header = 36}.frames(1, 20).bytes, "of SDK 1 or 2.0 (header of 36 bytes)");
-  refuses(RadarFile{.header = 48}.frames(1, 20).bytes, "of another demo (header of 48 bytes)");
-  refuses(RadarFile{.header = 52}.frames(1, 20).bytes, "of another demo (header of 52 bytes)");
+  refuses(RadarFile{.header = 36}.frames(1, 20).bytes, "from SDK 1 or 2.0 (header of 36 bytes)");
+  refuses(RadarFile{.header = 48}.frames(1, 20).bytes, "from another demo (header of 48 bytes)");
+  refuses(RadarFile{.header = 52}.frames(1, 20).bytes, "from another demo (header of 52 bytes)");
   refuses(RadarFile{.length_error = 8}.frames(1, 20).bytes,
           "the lengths of its TLVs include their headers");
   refuses(RadarFile{.tlv = 1}.frames(1, 20).bytes,
@@ -155,5 +155,5 @@ TEST_CASE("import: a radar recording without a profile is refused with its cause
           "20 frames are of 256 bins, the cfg says 64: is it");
   Bytes part = RadarFile().frames(1, 1).bytes;
   part.resize(100);
-  refuses(part, "it has only a part of a frame");
+  refuses(part, "it contains only a part of a frame");
 }

@@ -10,7 +10,7 @@
 
 using namespace echofuse;
 
-TEST_CASE("a reader gives what was put, and zeros once past the end") {
+TEST_CASE("a reader returns the values written, and zeros past the end") {
   Bytes bytes;
   put(bytes, std::uint16_t{0x0201});
   put(bytes, std::int64_t{-5});
@@ -23,7 +23,7 @@ TEST_CASE("a reader gives what was put, and zeros once past the end") {
   CHECK_FALSE(in.ok());
 }
 
-TEST_CASE("a failed read does not hand out the rest") {
+TEST_CASE("a failed read does not return the remaining bytes") {
   const Bytes bytes{1, 2, 3};
   ByteReader in(bytes);
   CHECK(in.get<std::uint32_t>() == 0);
@@ -32,7 +32,7 @@ TEST_CASE("a failed read does not hand out the rest") {
   CHECK(to_values<std::uint16_t>(bytes) == std::vector<std::uint16_t>{0x0201});
 }
 
-TEST_CASE("axes are the same within a thousandth of a step") {
+TEST_CASE("axes are equal within a thousandth of a step") {
   const Axis a{"spd", "counts", "ps", 336, 13343, 100, 1};
   Axis b = a;
   b.start += 0.05;
@@ -53,7 +53,7 @@ TEST_CASE("random streams depend on seed and stream only") {
   CHECK(make_rng(1, 2)() != make_rng(1, 3)());
 }
 
-TEST_CASE("times are written for people and machines") {
+TEST_CASE("times are printed for users and for programs") {
   CHECK(iso8601(std::chrono::milliseconds(1'707'309'296'789)) == "2024-02-07T12:34:56.789Z");
   CHECK(iso8601(UtcTime::min()) == "1677-09-21T00:12:43.145Z");
   CHECK(iso8601(UtcTime::max()) == "2262-04-11T23:47:16.854Z");

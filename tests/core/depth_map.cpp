@@ -12,7 +12,7 @@ namespace {
 using Image = std::vector<std::uint16_t>;
 }
 
-TEST_CASE("a map on the target's own axes comes back as it was") {
+TEST_CASE("a map on the target's axes is unchanged") {
   const Axis x = MapGrid{}.x(), y = MapGrid{}.y();
   CHECK(x.at(0) == Approx(-0.55 * 63 / 64));
   CHECK(y.at(0) == Approx(0.55 * 63 / 64));
@@ -30,7 +30,7 @@ TEST_CASE("a run states its map as three axes, or has the default") {
   CHECK(axes[0].at(0) == Approx(grid.x().at(0)));
   CHECK(axes[1].at(99) == Approx(grid.y().at(99)));
   CHECK(axes[2].at(1) == 23);
-  CHECK(map_grid_of(std::span(axes).first(2)) == MapGrid{100, 0.3, 6});  // an older run
+  CHECK(map_grid_of(std::span(axes).first(2)) == MapGrid{100, 0.3, 6});  // run file without map_z
   CHECK(map_grid_of({}) == MapGrid{64, 0.55, 6});
   CHECK_FALSE(grid == MapGrid{100, 0.301, 23});
   CHECK_FALSE(grid == MapGrid{99, 0.3, 23});
@@ -41,12 +41,12 @@ TEST_CASE("a run states its map as three axes, or has the default") {
   CHECK_THROWS_AS(map_grid_of(MapGrid{64, 0.3, 66}.axes()), Error);
 }
 
-TEST_CASE("every source pixel falls into exactly one target pixel, and invalid ones never mix in") {
+TEST_CASE("every source pixel is used for exactly one target pixel, and invalid ones are ignored") {
   const Axis x = depth_x_axis(256, 0.55), y = depth_y_axis(256, 0.55);
   Image image(256 * 256, 3000);
   for (std::size_t j = 0; j < 256; ++j)
     for (std::size_t i = 0; i < 256; ++i) {
-      if (i % 4 == 3) image[j * 256 + i] = 0;                // a quarter missing: no harm
+      if (i % 4 == 3) image[j * 256 + i] = 0;                // a quarter is missing: no effect
       if (j < 4) image[j * 256 + i] = i % 4 < 3 ? 0 : 2500;  // three quarters missing: no return
       if (j >= 252) image[j * 256 + i] = 6001;               // beyond the depth span
     }
@@ -57,7 +57,7 @@ TEST_CASE("every source pixel falls into exactly one target pixel, and invalid o
   CHECK(to_target(image, x, y, {64, 0.55, 7})[64 * 63 + 10] == 6.001f);
 }
 
-TEST_CASE("a camera that sees less than the target leaves the rest empty, up is up") {
+TEST_CASE("a camera with a smaller field of view leaves the rest empty, with y up") {
   const Axis x = depth_x_axis(64, 0.275), y = depth_y_axis(64, 0.275);
   Image image(64 * 64, 2000);
   for (std::size_t i = 0; i < 64 * 32; ++i) image[i] = 4000;  // upper half

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Parts of a work, and files that appear when they are whole.
+// Parts of a job array, and files that are published atomically.
 #include "drivers/program/job_part.hpp"
 
 #include <catch2/catch.hpp>
@@ -21,7 +21,7 @@ namespace {
 using test::contents;
 using test::Folder;
 
-// An environment variable for the time of a test.
+// Sets an environment variable during a test.
 struct Variable {
   std::string name, before;
   Variable(const char* key, const std::string& value)
@@ -41,14 +41,14 @@ int files_in(const fs::path& folder) {
 
 }  // namespace
 
-TEST_CASE("a part is K/N, and what is none is refused") {
+TEST_CASE("a part is K/N, other texts are refused") {
   CHECK(JobPart::of("2/4").name() == "part-2-of-4");
   for (const char* text : {"", "2", "0/4", "5/4", "1/0", "-1/4", "1/4x", "x/4", "1/", "/4",
                            "1/100001", "1/99999999999999999999", "auto"})
     CHECK_THROWS_WITH(JobPart::of(text), Contains("expected K/N with 1 <= K <= N"));
 }
 
-TEST_CASE("each piece is of exactly one part") {
+TEST_CASE("each piece belongs to exactly one part") {
   for (const std::int64_t parts : {1, 3, 7, 50}) {
     std::int64_t next = 0;
     for (std::int64_t k = 1; k <= parts; ++k) {
@@ -60,7 +60,7 @@ TEST_CASE("each piece is of exactly one part") {
   }
 }
 
-TEST_CASE("a staged file appears when it is whole, and debris is begun anew") {
+TEST_CASE("a staged file appears when complete, and leftovers of a killed process are replaced") {
   const Folder dir, scratch;
   const std::string place = dir / "a.sqlite";
   for (const bool elsewhere : {false, true}) {
@@ -96,7 +96,7 @@ TEST_CASE("a staged file appears when it is whole, and debris is begun anew") {
   }
 }
 
-TEST_CASE("a disk that is full leaves nothing of a staged file") {
+TEST_CASE("a full disk leaves no staged file") {
   const Folder dir, scratch;
   const std::string place = dir / "a.sqlite";
   const Variable tmp("TMPDIR", scratch.path.string());
@@ -112,7 +112,7 @@ TEST_CASE("a disk that is full leaves nothing of a staged file") {
   CHECK(files_in(scratch.path) == 0);
 }
 
-TEST_CASE("a new file takes the place of none, and brings side files of none") {
+TEST_CASE("a new file does not replace an existing one or inherit its side files") {
   const Folder dir;
   const std::string place = dir / "a", grows = dir / "a-new";
   NewFile file(place, grows);

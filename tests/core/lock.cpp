@@ -21,7 +21,7 @@ using test::contents;
 using test::Folder;
 namespace fs = std::filesystem;
 
-TEST_CASE("a lock is its holder's alone, who says who he is") {
+TEST_CASE("a lock excludes others and names its holder") {
   const Folder folder;
   const std::string path = folder / "x.lock";
   CHECK_FALSE(Lock::holder(path));
@@ -33,7 +33,7 @@ TEST_CASE("a lock is its holder's alone, who says who he is") {
     const std::string before = contents(path);
     const Lock refused(path, 0644);
     CHECK_FALSE(refused.held());
-    refused.remove(), refused.empty();  // not its own
+    refused.remove(), refused.empty();  // no effect on the other's file
     CHECK(contents(path) == before);
     CHECK(Lock::holder(path) == "me\n");
     CHECK(Lock(folder / "y.lock", 0644).held());
@@ -43,7 +43,7 @@ TEST_CASE("a lock is its holder's alone, who says who he is") {
   CHECK(Lock(path, 0644).held());
 }
 
-TEST_CASE("of many who want a lock at once one has it, also where its holders remove the file") {
+TEST_CASE("one of many concurrent callers gets the lock, also if holders remove the file") {
   const Folder folder;
   const std::string path = folder / "x.lock";
   const bool removes = GENERATE(false, true);
@@ -69,7 +69,7 @@ TEST_CASE("of many who want a lock at once one has it, also where its holders re
   CHECK(fs::exists(path) == !removes);
 }
 
-TEST_CASE("a lock that its holder removed is nobody's: the next one makes its own") {
+TEST_CASE("a lock file removed by its holder is recreated by the next one") {
   const Folder folder;
   const std::string path = folder / "x.lock";
   const Lock former(path, 0600);
@@ -79,7 +79,7 @@ TEST_CASE("a lock that its holder removed is nobody's: the next one makes its ow
   CHECK_FALSE(Lock(path, 0600).held());
 }
 
-TEST_CASE("a lock's file has the mode that was asked for, whatever the umask") {
+TEST_CASE("a lock file has the requested mode, whatever the umask") {
   const Folder folder;
   const mode_t mode = GENERATE(0666, 0644, 0600), before = ::umask(0077);
   const Lock lock(folder / "x.lock", mode);
@@ -88,7 +88,7 @@ TEST_CASE("a lock's file has the mode that was asked for, whatever the umask") {
         static_cast<fs::perms>(mode));
 }
 
-TEST_CASE("a link or another's file in the lock's place is refused and stays as it is") {
+TEST_CASE("a link or foreign file at the lock's path is refused and unchanged") {
   const Folder folder;
   const std::string precious = folder / "precious", lock = folder / "x.lock";
   std::ofstream(precious) << "precious";
@@ -112,7 +112,7 @@ TEST_CASE("a link or another's file in the lock's place is refused and stays as 
   if (is == fs::file_type::regular) CHECK(contents(lock) == stays);
 }
 
-TEST_CASE("a lock that cannot be made is the disk's fault") {
+TEST_CASE("a lock that cannot be created is a disk error") {
   const Folder folder;
   try {
     Lock(folder / "none/x.lock", 0600);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Output to what stands still or goes away never keeps its writer waiting.
+// A blocked or closed output never blocks its writer.
 #include "drivers/program/output_queue.hpp"
 
 #include <fcntl.h>
@@ -37,7 +37,7 @@ std::string left_out(std::size_t count) { return "<" + std::to_string(count) + "
 
 }  // namespace
 
-TEST_CASE("texts come in order, and all before the queue is closed") {
+TEST_CASE("texts are written in order, and completely before close") {
   const Pipe pipe;
   OutputQueue queue(pipe.ends[1], left_out);
   for (int i = 0; i < 1000; ++i) CHECK(queue.put(std::to_string(i) + ' '));
@@ -47,10 +47,10 @@ TEST_CASE("texts come in order, and all before the queue is closed") {
   CHECK(text.ends_with(" 998 999 "));
 }
 
-TEST_CASE("the end goes on as long as texts are taken") {
+TEST_CASE("close waits as long as texts are read") {
   const Pipe pipe;
   OutputQueue queue(pipe.ends[1], left_out);
-  for (int i = 0; i < 8; ++i) queue.put(std::string(1 << 16, '.'));  // a pipe holds one
+  for (int i = 0; i < 8; ++i) queue.put(std::string(1 << 16, '.'));  // a pipe holds one of these
   std::size_t taken = 0;
   std::thread reader([&] {
     while (taken < 8 << 16) taken += pipe.read().size(), std::this_thread::yield();
@@ -60,10 +60,10 @@ TEST_CASE("the end goes on as long as texts are taken") {
   CHECK(taken == 8 << 16);
 }
 
-TEST_CASE("of what a reader that stands still does not take the newest is kept") {
+TEST_CASE("if the reader stops, the newest texts are kept") {
   const Pipe pipe;
   OutputQueue queue(pipe.ends[1], left_out);
-  const std::string filling(1 << 18, '.');  // more than a pipe holds twice
+  const std::string filling(1 << 18, '.');  // more than two pipes hold
   queue.put(filling);
   while (pipe.read().empty()) std::this_thread::yield();  // its write has begun
   const std::string half(OutputQueue::most_bytes / 2, 'a');
@@ -82,11 +82,11 @@ TEST_CASE("of what a reader that stands still does not take the newest is kept")
   CHECK(queue.close() == 0);
 }
 
-TEST_CASE("the end waits a second for a reader that takes nothing, and not for one that is gone") {
+TEST_CASE("close waits one second for a stopped reader, and not for a closed one") {
   std::signal(SIGPIPE, SIG_IGN);
   const auto begin = std::chrono::steady_clock::now();
   const auto waited = [&] { return std::chrono::steady_clock::now() - begin; };
-  SECTION("stands still") {
+  SECTION("stopped reader") {
     Pipe pipe;
     OutputQueue queue(pipe.ends[1], left_out);
     queue.put(std::string(1 << 18, '.'));
@@ -94,9 +94,9 @@ TEST_CASE("the end waits a second for a reader that takes nothing, and not for o
     CHECK(queue.close() == 0);
     CHECK(waited() >= std::chrono::seconds(1));
     CHECK(waited() < std::chrono::seconds(20));
-    std::exchange(pipe.ends[1], -1);  // stays open for the write that stands still
+    std::exchange(pipe.ends[1], -1);  // stays open for the blocked write
   }
-  SECTION("gone") {
+  SECTION("closed reader") {
     Pipe pipe;
     ::close(std::exchange(pipe.ends[0], -1));
     OutputQueue queue(pipe.ends[1], left_out);

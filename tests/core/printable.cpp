@@ -7,14 +7,14 @@
 
 using namespace echofuse;
 
-TEST_CASE("a printable text is valid UTF-8 in one line that moves no cursor") {
+TEST_CASE("a printable text is valid UTF-8 in one line without control characters") {
   CHECK(printable("letter:A \xc3\xa9 \xe2\x82\xac \xf0\x9f\x98\x80 \\") ==
         "letter:A \xc3\xa9 \xe2\x82\xac \xf0\x9f\x98\x80 \\");
   CHECK(printable(std::string("a\0b\x1b[2J\r\n\t\x7f", 11)) == "a\\x00b\\x1b[2J\\x0d\\n\\t\\x7f");
   CHECK(printable("\xc2\x9b"
                   "31m \xe2\x80\xae"
                   "cod.exe \xe2\x80\xa8") == "\\u009b31m \\u202ecod.exe \\u2028");
-  // RFC 3629: overlong, surrogate, beyond the last character, cut, a tail alone.
+  // RFC 3629: overlong, surrogate, beyond the last character, truncated, lone continuation byte.
   CHECK(printable("\xc0\xaf \xe0\x80\xaf \xed\xa0\x80 \xf4\x90\x80\x80 \xe2\x82 \x80") ==
         "\\xc0\\xaf \\xe0\\x80\\xaf \\xed\\xa0\\x80 \\xf4\\x90\\x80\\x80 \\xe2\\x82 \\x80");
   CHECK(printable("\xf0\x9f\x98") == "\\xf0\\x9f\\x98");
@@ -24,7 +24,7 @@ TEST_CASE("a printable text is valid UTF-8 in one line that moves no cursor") {
   CHECK(utf8_text("a\n\x1b\xff \xc3\xa9") == "a\n\x1b\\xff \xc3\xa9");
 }
 
-TEST_CASE("a text in a table begins neither another cell nor a formula") {
+TEST_CASE("a text in a table does not start another cell or a formula") {
   CHECK(csv_text("ok") == "\"ok\"");
   CHECK(csv_text("") == "\"\"");
   CHECK(csv_text("a \"b\", c\nd") == "\"a \"\"b\"\", c\nd\"");
@@ -33,7 +33,7 @@ TEST_CASE("a text in a table begins neither another cell nor a formula") {
   CHECK(csv_text("-1 m") == "\"'-1 m\"");
 }
 
-TEST_CASE("a line that is too long goes on below its text") {
+TEST_CASE("a long line continues below its text") {
   CHECK(wrapped("ok       disk rate     64 MB/s in commits of 262 kB\n", 40) ==
         "ok       disk rate     64 MB/s in\n         commits of 262 kB\n");
   CHECK(wrapped("  a name of more than twenty  letters and a text\nshort", 40) ==

@@ -26,7 +26,7 @@ using test::contents;
 using test::Folder;
 namespace fs = std::filesystem;
 
-TEST_CASE("a file is replaced as a whole, or stays as it was") {
+TEST_CASE("a file is replaced completely or remains unchanged") {
   const Folder folder;
   const std::string path = folder.path / "a.txt";
   write_atomically(path, "old");
@@ -43,7 +43,7 @@ TEST_CASE("a file is replaced as a whole, or stays as it was") {
   CHECK_THROWS_AS(write_atomically(folder.path / "none" / "a.txt", "new"), Error);
 }
 
-TEST_CASE("a -wal of another database gets another name, and is not deleted") {
+TEST_CASE("a -wal of another database is renamed, not deleted") {
   const Folder folder;
   const std::string path = folder.path / "a.sqlite";
   const std::string frames(5000, 'f');
@@ -60,7 +60,7 @@ TEST_CASE("a -wal of another database gets another name, and is not deleted") {
   for (const char* suffix : {"-wal", "-journal"}) CHECK_FALSE(fs::exists(path + suffix));
 }
 
-TEST_CASE("what is written follows no link that was put there before") {
+TEST_CASE("a new file does not follow an existing link") {
   const Folder folder;
   const std::string path = folder.path / "a.txt", victim = folder.path / "victim";
   std::ofstream(victim) << "precious";
@@ -97,18 +97,18 @@ TEST_CASE("only regular files are read") {
     return RegularFile(folder.path / "link", ExitCode::failed).rest<std::string>(most);
   };
   for (const std::size_t most : {5, 6, 100}) CHECK(read(most) == "12345");
-  CHECK(read(4) == "12345");  // one byte more than the most tells that it is longer
+  CHECK(read(4) == "12345");  // one byte above the limit shows that the file is longer
   CHECK(read(1) == "12");
   CHECK(read(0) == "1");
   std::ofstream(folder.path / "large") << std::string(100'000, 'x') << "end";
   const auto large = RegularFile(folder.path / "large", ExitCode::failed).rest<Bytes>();
   CHECK(large.size() == 100'003);
   CHECK(large.back() == 'd');
-  // The kernel says that it is empty.
+  // The kernel reports size 0.
   CHECK(RegularFile("/proc/self/maps", ExitCode::failed).rest<std::string>().size() > 100);
 }
 
-TEST_CASE("a FIFO that takes a file's place as it is opened is seen") {
+TEST_CASE("a FIFO that replaces a file during the open is detected") {
   const Folder folder;
   const std::string path = folder.path / "a", file = folder.path / "file",
                     fifo = folder.path / "fifo";
@@ -136,7 +136,7 @@ TEST_CASE("a FIFO that takes a file's place as it is opened is seen") {
   CHECK(read <= 20'000);
 }
 
-TEST_CASE("a program is started in its folder with no other file of ours") {
+TEST_CASE("a program starts in its folder without our other descriptors") {
   const Folder folder;
   const int mine = ::open("/dev/null", O_RDONLY);
   const auto program = start_program({"sh", "-c", "pwd > out; ls /proc/self/fd > fds; exit 7"},
@@ -147,7 +147,7 @@ TEST_CASE("a program is started in its folder with no other file of ours") {
   CHECK(contents(folder.path / "out") == folder.path.string() + "\n");
   CHECK(contents(folder.path / "fds") == "0\n1\n2\n3\n");  // 3: ls reads the folder
   CHECK(wait_for_program(*start_program({"sh", "-c", "kill -9 $$"})) == 128 + 9);
-  catch_interrupts();  // are not the program's business
+  catch_interrupts();  // not inherited by the program
   CHECK(wait_for_program(*start_program({"sh", "-c", "kill -PIPE $$"})) == 128 + SIGPIPE);
   CHECK(start_program({"echofuse-no-such-program"}).failure().text() ==
         "echofuse-no-such-program: cannot start: No such file or directory");

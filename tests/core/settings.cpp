@@ -18,7 +18,7 @@ struct Sample {
     s.add("window_s", window_s, 0.01, 3600, "slot length");
     s.add("tdc.bins", bins, 1, 65536, "number of bins");
     s.add("tdc.filter", filter, "conditional filter");
-    s.add("tdc.address", address, "where the tagger is");
+    s.add("tdc.address", address, "address of the tagger");
     s.add("radar.psf", psf, "point spread function", {"sinc", "blackman"});
     return s;
   }
@@ -38,7 +38,7 @@ std::string faults_of(const std::string& toml) {
 
 }  // namespace
 
-TEST_CASE("values land in their fields, an integer is a number too") {
+TEST_CASE("values are stored in their fields, and integers are accepted as numbers") {
   Sample sample;
   Settings s = sample.bound();
   s.read_text("window_s = 2\n[tdc]\nbins = 8\nfilter = false\naddress = \"a\\\"b\"\n", "x");
@@ -51,7 +51,7 @@ TEST_CASE("values land in their fields, an integer is a number too") {
   CHECK_FALSE(s.given("radar.psf"));
 }
 
-TEST_CASE("all faults come at once, each with its place and what would be right") {
+TEST_CASE("all faults are reported at once, with position and expected value") {
   const std::string faults = faults_of(
       "windw_s = 3\nwindow_s = \"long\"\n[tdc]\nbins = 0\nfilter = 1\n[radar]\npsf = \"gauss\"\n");
   CHECK(
@@ -60,7 +60,7 @@ TEST_CASE("all faults come at once, each with its place and what would be right"
   CHECK(faults.find("lab.toml:2:1: window_s") != std::string::npos);
   CHECK(faults.find("a number from 0.01 to 3600") != std::string::npos);
   CHECK(faults.find(
-            "lab.toml:4:1: tdc.bins = 0 does not fit; expected a whole number from 1 to 65536") !=
+            "lab.toml:4:1: tdc.bins = 0 is not valid; expected a whole number from 1 to 65536") !=
         std::string::npos);
   CHECK(faults.find("lab.toml:5:1: tdc.filter") != std::string::npos);
   CHECK(faults.find("one of \"sinc\" \"blackman\"") != std::string::npos);
@@ -75,7 +75,7 @@ TEST_CASE("of thousands of faults the first 20 are listed") {
   CHECK(faults.ends_with("more faults follow; these are the first 20"));
 }
 
-TEST_CASE("a section given as a value, and text that is not TOML, are faults with a place") {
+TEST_CASE("a section given as a value, and text that is not TOML, are reported with a position") {
   CHECK(faults_of("tdc = 3\n") ==
         "lab.toml:1:1: tdc is a section; expected [tdc] and its keys below");
   CHECK(faults_of("[[radar]]\n").find("lab.toml:1:3: radar is a section") == 0);
@@ -85,7 +85,7 @@ TEST_CASE("a section given as a value, and text that is not TOML, are faults wit
   CHECK(faults_of("window_s = nan\n").find("expected a number") != std::string::npos);
 }
 
-TEST_CASE("an assignment (--set) takes TOML values and bare words, and nothing else") {
+TEST_CASE("an assignment (--set) accepts TOML values and bare words only") {
   Sample sample;
   Settings s = sample.bound();
   s.set("window_s=0.2");
@@ -100,7 +100,7 @@ TEST_CASE("an assignment (--set) takes TOML values and bare words, and nothing e
     s.set(std::string("tdc.address=") + text);
     CHECK(sample.address == text);
   }
-  CHECK_THROWS_WITH(s.set("tdc.address=[8]"), Catch::Contains("expected a text"));
+  CHECK_THROWS_WITH(s.set("tdc.address=[8]"), Catch::Contains("expected a quoted string"));
   CHECK_THROWS_WITH(s.set("windw_s=1"), Catch::Contains("nearest known one is \"window_s\""));
   CHECK_THROWS_WITH(s.set("win=1"), Catch::Contains("nearest known one is \"window_s\""));
   CHECK_THROWS_WITH(s.set("tdc.bins=many"), Catch::Contains("whole number"));
@@ -109,9 +109,9 @@ TEST_CASE("an assignment (--set) takes TOML values and bare words, and nothing e
   CHECK_THROWS_WITH(s.set("tdc.address=\xff"), Catch::EndsWith("expected UTF-8"));
 }
 
-TEST_CASE("a fault is one line whatever the file holds") {
+TEST_CASE("a fault is one line for any file content") {
   CHECK(faults_of("\"a\\nb\\u001b\" = 1\n") ==
-        "lab.toml:1:1: unknown key \"a\\nb\\x1b\", and none is like it");
+        "lab.toml:1:1: unknown key \"a\\nb\\x1b\"; no similar name");
 }
 
 TEST_CASE("resolved settings read back to the same values") {
@@ -126,7 +126,7 @@ TEST_CASE("resolved settings read back to the same values") {
   CHECK(other.bound().resolved() == sample.bound().resolved());
 }
 
-TEST_CASE("lines that are not TOML, and keys given twice, do not hide the faults below them") {
+TEST_CASE("lines that are not TOML and repeated keys do not hide later faults") {
   CHECK(faults_of("window_s = 3\nwindow_s = 4\n").find("lab.toml:2:12: not TOML: ") == 0);
   const std::string faults = faults_of(
       "window_s = = 3\n[tdc]\naddress = \"open\nbins = 8\nbins = 9\nfilter = 1\n"
@@ -136,7 +136,7 @@ TEST_CASE("lines that are not TOML, and keys given twice, do not hide the faults
     places.push_back(faults.substr(at, std::string("lab.toml:N").size()));
   CHECK(places == std::vector<std::string>{"lab.toml:1", "lab.toml:3", "lab.toml:5", "lab.toml:6",
                                            "lab.toml:8"});
-  // One fault that spans lines is told once.
+  // A fault over several lines is reported once.
   for (const char* text :
        {"[tdc]\naddress = \"\"\"open\nbins = 3\n", "[tdc]\nbins =\n3\nfilter = true\n",
         "window_s = [1 2,\n3\n]\n[tdc]\nbins = 3\n"}) {
@@ -144,7 +144,7 @@ TEST_CASE("lines that are not TOML, and keys given twice, do not hide the faults
     CHECK(faults_of(text).find('\n') == std::string::npos);
     CHECK(faults_of(text).find("not TOML") != std::string::npos);
   }
-  // The section's name is lost: what is below would be judged wrongly.
+  // Without the section header, later keys would be assigned to the wrong section.
   CHECK(faults_of("[tdc\nbins = 0\n").find('\n') == std::string::npos);
   CHECK(faults_of("[tdc]\nbins = 3\n[tdc]\n").find("lab.toml:3:") == 0);
   std::string lines(1000, '=');
@@ -153,7 +153,9 @@ TEST_CASE("lines that are not TOML, and keys given twice, do not hide the faults
   CHECK(std::count(many.begin(), many.end(), '\n') == 19);
 }
 
-TEST_CASE("text and assignments are read at once, the assignment wins, faults of both are told") {
+TEST_CASE(
+    "text and assignments are read together, the assignment has priority, faults of both are "
+    "reported") {
   Sample sample;
   Settings s = sample.bound();
   const auto faults =
@@ -165,7 +167,7 @@ TEST_CASE("text and assignments are read at once, the assignment wins, faults of
   CHECK(sample.window_s == 2);
 }
 
-TEST_CASE("every value has its origin, which the settings as TOML tell and still load again") {
+TEST_CASE("every value has an origin, which is printed in TOML that can be loaded") {
   Sample sample;
   Settings s = sample.bound();
   REQUIRE(s.read("window_s = 1\n[tdc]\nbins = 7\n", "lab.toml", {"radar.psf=blackman"}).empty());
@@ -185,7 +187,7 @@ TEST_CASE("every value has its origin, which the settings as TOML tell and still
   CHECK(other.bound().resolved() == s.resolved());
 }
 
-TEST_CASE("a file's name cannot break the line that tells an origin") {
+TEST_CASE("a file name cannot break the line with an origin") {
   Sample sample;
   Settings s = sample.bound();
   REQUIRE(s.read("window_s = 1\n", "a\nwindow_s = 5\n", {}).empty());
@@ -194,7 +196,7 @@ TEST_CASE("a file's name cannot break the line that tells an origin") {
   CHECK(other.window_s == 1);
 }
 
-TEST_CASE("a section is printed once, however its keys are bound") {
+TEST_CASE("a section is printed once, in any binding order") {
   std::int64_t n[] = {1, 2, 3, 4, 5};
   const auto bound = [&] {
     Settings s;

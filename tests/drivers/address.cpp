@@ -9,7 +9,7 @@
 using namespace echofuse;
 using namespace echofuse::port;
 
-TEST_CASE("every kind of address is understood") {
+TEST_CASE("all kinds of addresses are parsed") {
   CHECK(parse_address("bridge:tcp://127.0.0.1:41110") ==
         Address(BridgeAddress{"127.0.0.1", 41110}));
   CHECK(parse_address("bridge:tcp://lab-pc.local:1") == Address(BridgeAddress{"lab-pc.local", 1}));
@@ -23,7 +23,7 @@ TEST_CASE("every kind of address is understood") {
   CHECK(parse_address("openni:a/b.oni") == Address(OpenNiAddress{"a/b.oni"}));
 }
 
-TEST_CASE("a bad address is refused with the text and the right form") {
+TEST_CASE("a bad address is refused with its text and the expected form") {
   const auto [text, expected] = GENERATE(table<std::string, std::string>({
       {"", "bridge:tcp://HOST:PORT, usb"},
       {"tcp://127.0.0.1:1", "bridge:tcp://HOST:PORT, usb"},
@@ -57,7 +57,7 @@ TEST_CASE("the pause before a new attempt doubles up to 2 s") {
   std::vector<long> pauses;
   for (int i = 0; i < 7; ++i) pauses.push_back(backoff.next().count());
   CHECK(pauses == std::vector<long>{100, 200, 400, 800, 1600, 2000, 2000});
-  // One sign of life, or several that end too soon, change nothing.
+  // Single or brief successes do not reset the pause.
   using std::chrono::seconds;
   backoff.alive(seconds(100));
   CHECK(backoff.next().count() == 2000);
@@ -69,7 +69,7 @@ TEST_CASE("the pause before a new attempt doubles up to 2 s") {
   CHECK(backoff.next().count() == 100);
 }
 
-TEST_CASE("the reason of a failure is news until it comes again") {
+TEST_CASE("a failure is reported once until the reason changes") {
   Backoff backoff;
   CHECK(backoff.is_news("gone"));
   CHECK_FALSE(backoff.is_news("gone"));

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Blocks of the bridge protocol, with the same bits as golden, to build longer streams from. The
-// data block number n carries n: the time of its one tag, or the index of its one frame.
+// Blocks of the bridge protocol, as in the golden file, for longer streams. Data block n contains n
+// as the time of its only tag or the index of its only frame.
 #pragma once
 #include "drivers/bridge/bridge_protocol.hpp"
 #include "drivers/core/crc32c.hpp"

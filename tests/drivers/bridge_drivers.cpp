@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// The two bridge drivers over real TCP connections.
+// Both bridge drivers over real TCP connections.
 #include <boost/asio/ip/tcp.hpp>
 #include <boost/asio/write.hpp>
 #include <catch2/catch.hpp>
@@ -15,7 +15,7 @@ using test::run_until;
 
 namespace {
 
-// One connection at a time; the driver is its only client.
+// Accepts one connection at a time, from the driver only.
 struct Server {
   explicit Server(port::SystemLoop& context, std::uint16_t port = 0)
       : loop(context), acceptor(context.io(), {boost::asio::ip::address_v4::loopback(), port}) {}
@@ -44,7 +44,7 @@ struct Bench {
 
 }  // namespace
 
-TEST_CASE("tags come through a bridge, and every connection is told") {
+TEST_CASE("tags arrive through a bridge, and every connection is reported") {
   Bench b;
   Server server(b.loop);
   const auto driver = make_tdc(b.loop, {server.address()});
@@ -63,14 +63,14 @@ TEST_CASE("tags come through a bridge, and every connection is told") {
   CHECK(b.sink.blocks[0].received <= b.loop.now());
   CHECK(b.sink.tags[1].time_ps == 1'013'443);
 
-  SECTION("a depth block is none of ours") {
+  SECTION("a depth block is rejected") {
     server.send(b.golden[2]);
     REQUIRE(run_until(b.loop, [&] { return test::counter(*driver, "bad_payloads") == 1; }));
     server.send(test::tags_block(3));
     REQUIRE(run_until(b.loop, [&] { return b.sink.blocks.size() == 2; }));
-    CHECK(b.sink.blocks[1].lost_blocks == 1);  // the refused one
+    CHECK(b.sink.blocks[1].lost_blocks == 1);  // the rejected block
   }
-  SECTION("a lost connection is made again, with one block lost at least") {
+  SECTION("a lost connection is restored and counts one lost block") {
     server.client.reset();
     REQUIRE(run_until(b.loop, [&] { return b.sink.state() == DeviceState::faulted; }));
     CHECK(b.sink.events.size() == 1);
@@ -89,7 +89,7 @@ TEST_CASE("tags come through a bridge, and every connection is told") {
           std::vector<std::string>{
               "the bridge said goodbye: its device is gone, or it serves another client"});
   }
-  SECTION("after stop() nothing more is said") {
+  SECTION("after stop() there are no events") {
     server.send(b.golden[1]);
     driver->stop();
     const std::size_t calls = b.sink.calls();
@@ -98,13 +98,13 @@ TEST_CASE("tags come through a bridge, and every connection is told") {
   }
 }
 
-TEST_CASE("blocks and items that are missing reach the sink") {
+TEST_CASE("missing blocks and items are reported to the sink") {
   Bench b;
   Server server(b.loop);
   const auto driver = make_tdc(b.loop, {server.address()});
   driver->start(b.sink);
   REQUIRE(server.accept());
-  server.send(test::join({b.golden[0], b.golden[2]}));  // the block between them is missing
+  server.send(test::join({b.golden[0], b.golden[2]}));  // the block in between is missing
   REQUIRE(run_until(b.loop, [&] { return test::counter(*driver, "bad_payloads") == 1; }));
   CHECK(test::counter(*driver, "lost_blocks") == 1);
   CHECK(b.sink.blocks.empty());
@@ -113,7 +113,7 @@ TEST_CASE("blocks and items that are missing reach the sink") {
             "this bridge sends depth frames, not tags: is it the port of the other device?"});
 }
 
-TEST_CASE("a bridge that is not there is asked for again, and told once") {
+TEST_CASE("an unreachable bridge is retried and reported once") {
   Bench b;
   std::uint16_t port = 0;
   {
@@ -134,7 +134,7 @@ TEST_CASE("a bridge that is not there is asked for again, and told once") {
   CHECK(run_until(b.loop, [&] { return b.sink.state() == DeviceState::streaming; }));
 }
 
-TEST_CASE("what is no bridge is refused, and told once") {
+TEST_CASE("a server without the bridge protocol is refused and reported once") {
   Bench b;
   Server server(b.loop);
   const auto driver = make_tdc(b.loop, {server.address()});
@@ -153,20 +153,20 @@ TEST_CASE("what is no bridge is refused, and told once") {
   CHECK(b.sink.states == std::vector<DeviceState>{DeviceState::connecting, DeviceState::faulted});
 }
 
-TEST_CASE("a driver may be destroyed at any moment") {
+TEST_CASE("a driver may be destroyed at any time") {
   Bench b;
   Server server(b.loop);
   for (int steps = 0; steps < 12; ++steps) {
     auto driver = make_tdc(b.loop, {server.address()});
     driver->start(b.sink);
-    int left = steps;  // and each ends after a millisecond
+    int left = steps;  // each ends after a millisecond
     b.loop.run_until([&] { return left-- == 0; }, b.loop.now() + std::chrono::milliseconds(steps));
     driver.reset();
     b.loop.run_for(std::chrono::milliseconds(5));
   }
 }
 
-TEST_CASE("depth frames come through a bridge with their axes") {
+TEST_CASE("depth frames arrive through a bridge with their axes") {
   Bench b;
   Server server(b.loop);
   const auto driver = make_depth(b.loop, {server.address()});
@@ -174,7 +174,7 @@ TEST_CASE("depth frames come through a bridge with their axes") {
   REQUIRE(server.accept());
   server.send(b.golden[0]);
   b.loop.run_for(std::chrono::milliseconds(30));
-  CHECK(b.sink.state() == DeviceState::connecting);  // until it shows a frame
+  CHECK(b.sink.state() == DeviceState::connecting);  // until the first frame
   const Bytes depth = b.golden[2];
   const Bytes next =
       test::make_block(bridge::BlockKind::depth, 3, ByteView(depth).subspan(bridge::header_bytes));
@@ -192,7 +192,7 @@ TEST_CASE("depth frames come through a bridge with their axes") {
   CHECK(run_until(b.loop, [&] { return test::counter(*driver, "bad_payloads") == 1; }));
 }
 
-TEST_CASE("a camera's gaps are exact, by its own numbers, also over a reconnection") {
+TEST_CASE("lost frames of a camera are counted by its frame index, also across a reconnection") {
   Bench b;
   Server server(b.loop);
   const auto driver = make_depth(b.loop, {server.address()});
@@ -203,7 +203,7 @@ TEST_CASE("a camera's gaps are exact, by its own numbers, also over a reconnecti
     return test::make_block(bridge::BlockKind::depth, sequence, payload);
   };
   REQUIRE(server.accept());
-  server.send(test::join({b.golden[0], frame(1, 7), frame(2, 10)}));  // 8 and 9 before the bridge
+  server.send(test::join({b.golden[0], frame(1, 7), frame(2, 10)}));  // 8 and 9 lost before
   REQUIRE(run_until(b.loop, [&] { return b.sink.depth.size() == 2; }));
   server.client.reset();
   REQUIRE(server.accept());
@@ -211,14 +211,14 @@ TEST_CASE("a camera's gaps are exact, by its own numbers, also over a reconnecti
   REQUIRE(run_until(b.loop, [&] { return b.sink.depth.size() == 4; }));
   server.client.reset();
   REQUIRE(server.accept());
-  server.send(test::join({b.golden[0], frame(1, 1)}));  // numbered anew: one at least
+  server.send(test::join({b.golden[0], frame(1, 1)}));  // index restarted: at least one is lost
   REQUIRE(run_until(b.loop, [&] { return b.sink.depth.size() == 5; }));
   const std::uint32_t lost[] = {0, 2, 29, 2, 1};
   for (std::size_t i = 0; i < 5; ++i) CHECK(b.sink.depth[i].lost_before == lost[i]);
   CHECK(test::counter(*driver, "lost_frames") == 34);
 }
 
-TEST_CASE("a counting board's histograms come through a bridge with their axis") {
+TEST_CASE("histograms of a counting board arrive through a bridge with their axis") {
   Bench b;
   Server server(b.loop);
   const auto pieces = test::read_golden("bridge_sensors.hex");
@@ -228,9 +228,9 @@ TEST_CASE("a counting board's histograms come through a bridge with their axis")
   REQUIRE(server.accept());
   server.send(pieces[0]);
   b.loop.run_for(std::chrono::milliseconds(30));
-  CHECK(b.sink.state() == DeviceState::connecting);  // until its first histogram
+  CHECK(b.sink.state() == DeviceState::connecting);  // until the first histogram
 
-  SECTION("losses are counted by block numbers") {
+  SECTION("losses are counted by block number") {
     server.send(
         test::join({pieces[1], test::make_block(bridge::BlockKind::histogram, 4, counts, 3)}));
     REQUIRE(run_until(b.loop, [&] { return b.sink.histograms.size() == 2; }));
@@ -242,7 +242,7 @@ TEST_CASE("a counting board's histograms come through a bridge with their axis")
     CHECK(b.sink.histograms[1].lost == 5);  // 3 dropped, blocks 2 and 3 missing
     CHECK(test::counter(*driver, "histograms") == 2);
   }
-  SECTION("zones are refused with one line") {
+  SECTION("several zones are refused with one message") {
     Bytes zones(counts.begin(), counts.end());
     zones[0] = 5, zones[4] = 1;  // 5 zones of 1 bin
     for (std::uint32_t i = 1; i < 3; ++i)
@@ -255,7 +255,7 @@ TEST_CASE("a counting board's histograms come through a bridge with their axis")
   }
 }
 
-TEST_CASE("histograms that the hello does not announce are refused with the missing key") {
+TEST_CASE("histograms without their keys in the hello are refused with the missing key") {
   Bench b;
   Server server(b.loop);
   const auto driver = make_tdc(b.loop, {server.address()});
@@ -266,7 +266,7 @@ TEST_CASE("histograms that the hello does not announce are refused with the miss
   CHECK_THAT(b.sink.events[0], Catch::Contains("\"sends\": \"histograms\" missing"));
 }
 
-TEST_CASE("any radar's range profiles come through a bridge") {
+TEST_CASE("range profiles of any radar arrive through a bridge") {
   Bench b;
   Server server(b.loop);
   const auto pieces = test::read_golden("bridge_sensors.hex");

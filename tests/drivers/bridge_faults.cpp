@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Yield of a damaged stream of blocks: the blocks before the damage, and the damage told.
+// Damaged streams of blocks: the blocks before the damage are delivered, and the damage is
+// reported.
 #include <catch2/catch.hpp>
 
 #include "blocks.hpp"
@@ -13,9 +14,9 @@ using test::tags_block;
 
 namespace {
 
-constexpr std::uint32_t last = 40, hit = 20;  // data blocks 1..last; the fault is at `hit`
+constexpr std::uint32_t last = 40, hit = 20;  // data blocks 1..last; the fault is in block `hit`
 
-// hello and the data blocks
+// Returns the hello and the data blocks.
 std::vector<Bytes> sound_stream() {
   std::vector<Bytes> stream = {hello_block()};
   for (std::uint32_t n = 1; n <= last; ++n) stream.push_back(tags_block(n));
@@ -39,7 +40,7 @@ Outcome receive(const std::vector<Bytes>& stream) {
   parser.feed(join(stream), keep);
   out.broken = parser.broken() ? parser.broken() : "";
   out.counts = parser.counts();
-  // The next connection is as good as the first.
+  // The next connection must work normally.
   parser.reset();
   CHECK_FALSE(parser.broken());
   const std::size_t before = out.delivered;
@@ -60,7 +61,7 @@ void check_broken(const std::vector<Bytes>& stream) {
 
 }  // namespace
 
-TEST_CASE("every single flipped bit is seen, and nothing behind it is taken") {
+TEST_CASE("every flipped bit is detected, and no later block is accepted") {
   const std::size_t bits = 8 * tags_block(hit).size();
   for (std::size_t bit = 0; bit < bits; ++bit) {
     CAPTURE(bit);
@@ -71,24 +72,24 @@ TEST_CASE("every single flipped bit is seen, and nothing behind it is taken") {
         header_bytes + length > (last + 1 - hit) * stream[hit].size()) {
       const Outcome out = receive(stream);
       CHECK(out.delivered == hit);
-      CHECK(out.broken.empty());  // the rest of the block is waited for
+      CHECK(out.broken.empty());  // waits for the rest of the block
     } else {
       check_broken(stream);
     }
   }
 }
 
-TEST_CASE("a block cut anywhere is seen") {
+TEST_CASE("a block truncated at any byte is detected") {
   for (std::size_t size = 1; size < tags_block(hit).size(); ++size) {
     CAPTURE(size);
     auto stream = sound_stream();
     stream[hit].resize(size);
-    stream.emplace_back(70'000);  // cut after 8 bytes it has a length of 64 KiB
+    stream.emplace_back(70'000);  // if truncated after 8 bytes, its length becomes 64 KiB
     check_broken(stream);
   }
 }
 
-TEST_CASE("garbage between blocks is seen at its first byte that fits no block") {
+TEST_CASE("garbage between blocks is detected at its first byte") {
   for (std::uint64_t seed = 0; seed < 200; ++seed) {
     Rng rng = make_rng(seed, 1);
     Bytes garbage(1 + rng() % 5000);
@@ -103,7 +104,8 @@ TEST_CASE("garbage between blocks is seen at its first byte that fits no block")
   }
 }
 
-TEST_CASE("oversize, another version and an unknown kind are refused, though their sum is sound") {
+TEST_CASE(
+    "oversized blocks, other versions and unknown kinds are refused despite a valid checksum") {
   for (const auto& [at, value] : {std::pair{15, 1}, {15, 255}, {4, 2}, {5, 1}, {6, 6}, {24, 1}}) {
     Bytes bad = tags_block(hit);
     bad[static_cast<std::size_t>(at)] = static_cast<std::uint8_t>(value);
@@ -119,7 +121,7 @@ TEST_CASE("oversize, another version and an unknown kind are refused, though the
   }
 }
 
-TEST_CASE("a gap in the sender's numbers is counted, and breaks nothing") {
+TEST_CASE("a gap in the sender's numbers is counted and reading continues") {
   auto stream = sound_stream();
   stream.erase(stream.begin() + hit, stream.begin() + hit + 2);
   const Outcome out = receive(stream);

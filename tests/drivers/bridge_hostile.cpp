@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Payloads of a sender that lies.
+// Payloads of a sender with wrong values.
 #include <catch2/catch.hpp>
 
 #include "blocks.hpp"
@@ -7,7 +7,7 @@
 using namespace echofuse;
 using namespace echofuse::bridge;
 
-TEST_CASE("a hello is short, flat and text") {
+TEST_CASE("a hello with nesting, excess length or control characters is refused") {
   const auto refused = [](const std::string& text) { return !read_hello(test::view_of(text)); };
   const std::string half(30'000, '[');
   CHECK(refused(half));
@@ -33,7 +33,7 @@ TEST_CASE("a hello is short, flat and text") {
   CHECK(hello->firmware.empty());
 }
 
-TEST_CASE("a hello's header that claims more than 64 KiB is refused before its bytes come") {
+TEST_CASE("a hello header with more than 64 KiB is refused before its payload") {
   Bytes liar = test::hello_block();
   liar.resize(header_bytes);
   liar[14] = 2;  // 128 KiB
@@ -43,7 +43,7 @@ TEST_CASE("a hello's header that claims more than 64 KiB is refused before its b
   CHECK(parser.counts().bad_headers == 1);
 }
 
-TEST_CASE("sides and axes of a depth frame are those of a camera") {
+TEST_CASE("a depth frame with impossible sides or axes is refused") {
   const auto frame = [](std::uint32_t width, std::uint32_t height, std::array<float, 4> axes) {
     Bytes payload;
     put(payload, width);

@@ -22,7 +22,7 @@ struct Seen {
   bool operator==(const Seen&) const = default;
 };
 
-// Feeds pieces of the sizes that `piece` gives.
+// Feeds pieces of the sizes that `piece` returns.
 template <class Piece>
 std::vector<Seen> feed(BlockParser& parser, ByteView bytes, Piece piece) {
   std::vector<Seen> seen;
@@ -64,8 +64,7 @@ TEST_CASE("CRC-32C gives the test vectors of RFC 3720 B.4") {
   CHECK(crc32c(down) == 0x113fdb5c);
   CHECK(crc32c(test::view_of("123456789")) == 0xe3069283);
   CHECK(crc32c(ByteView(up).subspan(7), crc32c(ByteView(up).first(7))) == 0x46dd794e);
-  // Long pieces are summed up by the processor in three stretches, those below 8 bytes by the
-  // table.
+  // Inputs above 8 bytes use three parallel CRC instructions, shorter ones the table.
   Bytes many(100'003);
   for (std::size_t i = 0; i < many.size(); ++i) many[i] = static_cast<std::uint8_t>(i * i >> 3);
   std::uint32_t crc = 0;
@@ -74,7 +73,7 @@ TEST_CASE("CRC-32C gives the test vectors of RFC 3720 B.4") {
   CHECK(crc32c(many) == crc);
 }
 
-TEST_CASE("the golden blocks come out whole, however they are cut") {
+TEST_CASE("the golden blocks are parsed whole with any split") {
   const auto pieces = read_golden("bridge.hex");
   REQUIRE(pieces.size() == 4);
   const Bytes all = join(pieces);
@@ -96,7 +95,7 @@ TEST_CASE("the golden blocks come out whole, however they are cut") {
   CHECK(bytewise.counts().junk_bytes + bytewise.counts().gaps == 0);
 }
 
-TEST_CASE("payloads of the golden blocks") {
+TEST_CASE("payloads of the golden blocks are decoded") {
   BlockParser parser;
   const auto seen = feed(parser, join(read_golden("bridge.hex")));
   REQUIRE(seen.size() == 4);
@@ -127,7 +126,7 @@ TEST_CASE("payloads of the golden blocks") {
   CHECK(same_axis(depth->y, Axis{"depth_y", "tangent", "1", 2, 0.25, -0.5}));
 }
 
-TEST_CASE("tags at an odd address are read like others") {
+TEST_CASE("tags at an odd address are decoded") {
   Bytes shifted(1);
   for (int i = 0; i < 3; ++i) put(shifted, Tag{.channel = i, .time_ps = -i});
   std::vector<Tag> scratch;
@@ -138,7 +137,7 @@ TEST_CASE("tags at an odd address are read like others") {
   CHECK_FALSE(read_tags(shifted, scratch));
 }
 
-TEST_CASE("payloads that lie are refused") {
+TEST_CASE("payloads with inconsistent sizes are refused") {
   CHECK_FALSE(read_hello(test::view_of("{\"model\":")));
   CHECK_FALSE(read_hello(test::view_of("[1]")));
   CHECK_FALSE(read_hello(test::view_of("{\"model\": 5}")));
@@ -159,7 +158,7 @@ TEST_CASE("payloads that lie are refused") {
   CHECK_FALSE(read_depth(nan));
 }
 
-TEST_CASE("histograms and range profiles are read, and impossible ones refused") {
+TEST_CASE("histograms and range profiles are decoded, impossible ones are refused") {
   const auto pieces = read_golden("bridge_sensors.hex");
   const ByteView counts = ByteView(pieces[1]).subspan(header_bytes);
   const ByteView power = ByteView(pieces[2]).subspan(header_bytes);
@@ -201,7 +200,7 @@ TEST_CASE("histograms and range profiles are read, and impossible ones refused")
   CHECK_FALSE(read_profile(with(power, 28, std::nanf(""))));
 }
 
-TEST_CASE("missing blocks are counted where they are missing") {
+TEST_CASE("missing blocks are counted at their position") {
   const auto pieces = read_golden("bridge.hex");
   BlockParser parser;
   const auto seen = feed(parser, join({pieces[0], pieces[3]}));
@@ -211,7 +210,7 @@ TEST_CASE("missing blocks are counted where they are missing") {
   CHECK(parser.counts().lost_blocks == 2);
 }
 
-TEST_CASE("the sequence may wrap, and a renumbered one is one loss") {
+TEST_CASE("the sequence may wrap, and a restarted one counts as one loss") {
   BlockParser parser;
   const auto seen =
       feed(parser,
@@ -223,7 +222,7 @@ TEST_CASE("the sequence may wrap, and a renumbered one is one loss") {
   CHECK(seen[3].lost == 1);
 }
 
-TEST_CASE("a new connection starts at 0 again, and what waited is junk") {
+TEST_CASE("a new connection starts at 0, and buffered bytes become junk") {
   const auto pieces = read_golden("bridge.hex");
   BlockParser parser;
   feed(parser, ByteView(pieces[0]).first(50));
@@ -234,7 +233,7 @@ TEST_CASE("a new connection starts at 0 again, and what waited is junk") {
   CHECK(parser.counts().gaps == 0);
 }
 
-TEST_CASE("damage is graded") {
+TEST_CASE("damage is classified") {
   const auto pieces = read_golden("bridge.hex");
   const auto damaged = [&](std::size_t at, std::uint8_t flip) {
     Bytes bytes = join(pieces);
@@ -257,7 +256,7 @@ TEST_CASE("damage is graded") {
   CHECK(damaged(2, 1).junk_bytes == 3);
 }
 
-TEST_CASE("a stream that ends in a wrong magic is broken, wherever it is cut") {
+TEST_CASE("a stream that ends in a wrong magic is broken for any split") {
   for (const std::string end : {"X", "EX", "EFX", "EFBX", "EFB", "EFBR", "EFBRXX"}) {
     Bytes bytes = tag_block(0, 1);
     bytes.insert(bytes.end(), end.begin(), end.end());
@@ -272,7 +271,7 @@ TEST_CASE("a stream that ends in a wrong magic is broken, wherever it is cut") {
   }
 }
 
-TEST_CASE("the memory of a large block serves the next one until it is given back") {
+TEST_CASE("memory of a large block is reused until it is given back") {
   const Bytes large = tag_block(0, 1 << 17);  // 2 MiB
   BlockParser parser;
   std::vector<const std::uint8_t*> places;
@@ -286,7 +285,7 @@ TEST_CASE("the memory of a large block serves the next one until it is given bac
   CHECK((places[1] == places[0] && places[2] == places[0]));
   CHECK(parser.kept_bytes() >= large.size());
   parser.feed(ByteView(large).first(100), [](const Block&) {});
-  parser.give_back();  // not in the middle of one
+  parser.give_back();  // no effect inside a block
   CHECK(parser.kept_bytes() >= large.size());
   parser.reset();
   CHECK(parser.kept_bytes() == 0);
@@ -295,7 +294,7 @@ TEST_CASE("the memory of a large block serves the next one until it is given bac
   CHECK(parser.kept_bytes() == 0);
 }
 
-TEST_CASE("a magic inside a payload is not a block") {
+TEST_CASE("a magic inside a payload does not start a block") {
   Bytes evil = tag_block(0, 2);
   const Bytes inner = tag_block(9, 0);
   std::copy(inner.begin(), inner.end(), evil.begin() + header_bytes);
@@ -308,7 +307,7 @@ TEST_CASE("a magic inside a payload is not a block") {
   CHECK(seen[0].payload.size() == 32);
 }
 
-TEST_CASE("random damage: every byte up to it is accounted for, and pieces do not matter") {
+TEST_CASE("random damage: every byte before it is counted, for any split") {
   for (std::uint64_t seed = 0; seed < 300; ++seed) {
     Rng rng = make_rng(seed, 1);
     Bytes bytes;

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
-// The two bridge drivers when a bridge falls silent, lies, closes and comes back, on virtual time.
+// Both bridge drivers with bridges that fall silent, send wrong lengths, close and return, on
+// virtual time.
 #include <algorithm>
 #include <catch2/catch.hpp>
 #include <deque>
@@ -22,7 +23,7 @@ namespace {
 
 constexpr auto limit = std::chrono::seconds(10);  // for a reconnection
 
-// A driver of either kind and a bridge for it.
+// Driver of either kind with its bridge.
 struct Pair {
   Pair(port::VirtualLoop& l, Sensor sensor) : loop(l), kind(sensor), listener(loop) {
     listener.start({.connected = [this] { ++clients, connected = true; },
@@ -77,7 +78,7 @@ using Numbers = std::vector<std::uint64_t>;
 
 }  // namespace
 
-TEST_CASE("silence, a byte now and then, a lying length and a missing hello end a connection") {
+TEST_CASE("silence, single bytes, a wrong length and a missing hello end a connection") {
   port::VirtualLoop loop;
   Pair pair(loop, GENERATE(Sensor::spd, Sensor::depth));
   const std::string what = GENERATE("silent", "slow", "lying", "rude");
@@ -96,16 +97,16 @@ TEST_CASE("silence, a byte now and then, a lying length and a missing hello end 
   for (std::size_t at = 0; at < drip.size() && !run_until(loop, back, std::chrono::seconds(1));
        ++at)
     if (what == "slow") pair.send({drip[at]});
-  CHECK(seconds(loop.now() - begin) == Approx(what == "rude" ? 4.1 : 5.1));  // checks, and a pause
+  CHECK(seconds(loop.now() - begin) == Approx(what == "rude" ? 4.1 : 5.1));  // checks and a pause
   pair.send(test::join({hello_block(), pair.block(1), pair.block(2)}));
   const std::size_t before = what == "rude" ? 0 : 1;
   REQUIRE(run_until(loop, [&] { return pair.has(before + 2); }));
-  CHECK(pair.lost() == (what == "rude" ? 3 : 1));  // rude: its hello and the block without it
+  CHECK(pair.lost() == (what == "rude" ? 3 : 1));  // rude: its hello and the block without a hello
   CHECK(counter(*pair.driver, "connections") == 2);
   CHECK(pair.sink.events.size() == 1);
 }
 
-TEST_CASE("a bridge that closes in the middle of a block costs that block") {
+TEST_CASE("a bridge that closes inside a block loses that block") {
   port::VirtualLoop loop;
   Pair pair(loop, GENERATE(Sensor::spd, Sensor::depth));
   REQUIRE(run_until(loop, [&] { return pair.connected; }));
@@ -122,7 +123,8 @@ TEST_CASE("a bridge that closes in the middle of a block costs that block") {
   CHECK(counter(*pair.driver, "junk_bytes") == half.size());
 }
 
-TEST_CASE("a damaged block is told in one line, and ends the connection, the next one goes on") {
+TEST_CASE(
+    "a damaged block is reported in one line and ends the connection, and the driver reconnects") {
   port::VirtualLoop loop;
   Pair pair(loop, GENERATE(Sensor::spd, Sensor::depth));
   REQUIRE(run_until(loop, [&] { return pair.connected; }));
@@ -145,7 +147,7 @@ TEST_CASE("a damaged block is told in one line, and ends the connection, the nex
   CHECK(counter(*pair.driver, "connections") == 2);
 }
 
-TEST_CASE("unplugged and plugged in a hundred times") {
+TEST_CASE("a bridge reconnects after each of 100 disconnections") {
   port::VirtualLoop loop;
   Pair pair(loop, GENERATE(Sensor::spd, Sensor::depth));
   REQUIRE(run_until(loop, [&] { return pair.connected; }));
@@ -159,12 +161,12 @@ TEST_CASE("unplugged and plugged in a hundred times") {
     longest = std::max(longest, loop.now() - begin);
   }
   CHECK(longest == std::chrono::seconds(2));  // the longest pause
-  CHECK(pair.lost() == 99);                   // one for every connection but the first
+  CHECK(pair.lost() == 99);                   // one for every connection except the first
   CHECK(pair.clients == 101);
   CHECK(counter(*pair.driver, "connections") == 101);
 }
 
-TEST_CASE("tags that a bridge dropped are told with the block behind them, and counted") {
+TEST_CASE("tags dropped by a bridge are reported with the next block and counted") {
   port::VirtualLoop loop;
   Pair pair(loop, Sensor::spd);
   REQUIRE(run_until(loop, [&] { return pair.connected; }));

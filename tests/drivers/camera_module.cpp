@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
-// A camera for the stock OpenNI2 library to load, with faults on demand: 8 x 6 pixels, 100 frames a
-// second, or 16 x 12 at 50; z = 1000 + 100 y + 10 x + index % 10 in its unit. Lives in the test's
-// own process, which reaches it through test_camera().
+// Camera module for the stock OpenNI2 library, with faults on demand: 8 x 6 pixels at 100 frames/s,
+// or 16 x 12 at 50; z = 1000 + 100 y + 10 x + index % 10 in its unit. Runs in the test's process
+// and is controlled by test_camera().
 #include <Driver/OniDriverAPI.h>
 
 #include <atomic>
@@ -11,7 +11,7 @@
 #include <string_view>
 #include <thread>
 
-// ONI_EXPORT_DRIVER needs these of XnLib, which is not installed.
+// ONI_EXPORT_DRIVER needs these macros of XnLib, which is not installed.
 #define XN_NEW(type, arg) new (std::nothrow) type(arg)
 #define XN_DELETE(p) delete (p)
 
@@ -22,10 +22,10 @@ using namespace oni::driver;
 constexpr int base_width = 8, base_height = 6;
 constexpr const char* uris[] = {"test/camera@1/4", "test/camera@1/5"};
 std::atomic<bool> present{true}, stalled{false}, mirrored{false}, tenths{false};
-std::atomic<bool> shifts{false};  // until a mode is set, it sends raw shifts
+std::atomic<bool> shifts{false};  // sends raw shifts until a mode is set
 std::atomic<int> scale{1}, place{0};
 enum class Fault { none, cut, wide, twice, skipped };
-std::atomic<Fault> fault{Fault::none};  // in every fourth frame
+std::atomic<Fault> fault{Fault::none};  // applies to every fourth frame
 
 OniVideoMode mode_of(int s) {
   const OniPixelFormat format =
@@ -68,7 +68,7 @@ class Stream final : public StreamBase {
     });
     return status;
   }
-  // Without STRIDE and CROPPING a recording plays no frames.
+  // Without STRIDE and CROPPING, recordings play no frames.
   void notifyAllProperties() override {
     for (const int id :
          {ONI_STREAM_PROPERTY_VIDEO_MODE, ONI_STREAM_PROPERTY_HORIZONTAL_FOV,

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Faults of a .cfg that a board would refuse, and marks that editors leave in one.
+// Cfg faults that a board would refuse, and artefacts of editors.
 #include "drivers/radar/cfg.hpp"
 
 #include <algorithm>
@@ -12,7 +12,7 @@
 using namespace echofuse::radar;
 using namespace echofuse::test;
 
-TEST_CASE("what the board will refuse is named with its numbers, and leaves the axis") {
+TEST_CASE("values that the board would refuse are reported, and the range axis is still computed") {
   const auto refusals = [](const std::string& from, const std::string& to) {
     const RadarProfile p = parse_profile(with(from, to), "x.cfg");
     CHECK(p.bins == std::bit_ceil(p.adc_samples));
@@ -32,8 +32,7 @@ TEST_CASE("what the board will refuse is named with its numbers, and leaves the 
        "x.cfg:5: profileCfg samples from 3 to 43.96 us, but the ramp ends at 24 us"},
       {"0 100 1", "0 2.5 1",
        "x.cfg:9: frameCfg has 96 chirps, which take 2.976 ms, in a period of 2.5 ms"},
-      {"0 100 1", "0 1500 1",
-       "x.cfg:9: frameCfg has a period of 1500 ms; the chip takes 0.3 to 1342 ms"},
+      {"0 100 1", "0 1500 1", "x.cfg:9: frameCfg has a period of 1500 ms; limits 0.3 to 1342 ms"},
       {"frameCfg 0 2", "frameCfg 0 3", "x.cfg:9: frameCfg has chirp 3, which no chirpCfg defines"},
       {"chirpCfg 1 1 0", "chirpCfg 1 1 4",
        "x.cfg:7: chirpCfg takes profile 4, which no profileCfg defines"},
@@ -48,29 +47,29 @@ TEST_CASE("what the board will refuse is named with its numbers, and leaves the 
       {"chirpCfg 0", "profileCfg 1 63.5 7 3 24 0 0 166 1 256 12500 0 0 30\nchirpCfg 0",
        "x.cfg:6: profileCfg sweeps 63.5 to 67.4837 GHz; the chip has 60 to 64 GHz"},
       {"frameCfg 0", "frameCfg\t0",
-       "x.cfg:9: column 9 has a tab; the firmware parts words at spaces only"},
+       "x.cfg:9: column 9 has a tab; the firmware splits words at spaces only"},
       {"sensorStop", "\tsensorStop",
-       "x.cfg:2: column 1 has a tab; the firmware parts words at spaces only"},
+       "x.cfg:2: column 1 has a tab; the firmware splits words at spaces only"},
       {"15 7 0",
        "15\xc2\xa0"
        "7 0",
-       "x.cfg:4: column 14 has a no-break space; the firmware parts words at spaces only"},
+       "x.cfg:4: column 14 has a no-break space; the firmware splits words at spaces only"},
       {"15 7 0", "15 7 0\xe2\x80\x8b",
-       "x.cfg:4: column 18 has a character beyond ASCII; the firmware parts words at spaces only"},
+       "x.cfg:4: column 18 has a character beyond ASCII; the firmware splits words at spaces only"},
       {"0 100 1 0", "0 100 1 0 % 10 Hz",
-       "x.cfg:9: frameCfg '%' stands behind its numbers; a comment has its own line"},
+       "x.cfg:9: frameCfg '%' follows the numbers; put comments on their own line"},
       {"0 100 1 0", "0 100 1 0 8",
-       "x.cfg:9: frameCfg has 8 numbers, SDK 3.4 to 3.6 take 7 (SDK 1 and 2 others)"},
-      {"% a", "# a", "x.cfg:1: # begins no command, and a comment begins with %"},
+       "x.cfg:9: frameCfg has 8 numbers; SDK 3.4 to 3.6 expect 7 (SDK 1 and 2 differ)"},
+      {"% a", "# a", "x.cfg:1: # is not a command; comments begin with %"},
       {"sensorStart", "peakGrouping 1 1 1 1 229\nsensorStart",
        "x.cfg:11: peakGrouping is a command of SDK 1 or 2"},
       {"sensorStart", "bpmCfg -1 0 0 a\nsensorStart", "x.cfg:11: bpmCfg 'a' is not a number"}};
   for (const auto& [from, to, line] : cases) CHECK(refusals(from, to) == line);
   CHECK(refusals("15 7 0", "15 7") ==
-        "x.cfg:4: channelCfg has 2 numbers, SDK 3.4 to 3.6 take 3 (SDK 1 and 2 others)");
+        "x.cfg:4: channelCfg has 2 numbers; SDK 3.4 to 3.6 expect 3 (SDK 1 and 2 differ)");
 }
 
-TEST_CASE("a sweep is that of the chip's steps: 45 MHz/us over 88.89 us ends below 64 GHz") {
+TEST_CASE("a sweep is computed in the chip's steps: 45 MHz/us over 88.89 us ends below 64 GHz") {
   const std::string profile = "0 60 7 3 24 0 0 166 1 256 12500 0 0 30";
   const RadarProfile p =
       parse_profile(with(profile, "0 60 84 7 88.89 0 0 45 1 176 2175 0 0 158"), "x.cfg");
@@ -81,15 +80,14 @@ TEST_CASE("a sweep is that of the chip's steps: 45 MHz/us over 88.89 us ends bel
         "x.cfg:5: profileCfg sweeps 60 to 64.0008 GHz; the chip has 60 to 64 GHz");
 }
 
-TEST_CASE("what an editor makes of a cfg is harmless, or told in one line") {
+TEST_CASE("encoding changes by an editor are harmless, or reported in one line") {
   CHECK(parse_profile("\xef\xbb\xbf" + stock, "x.cfg").refusals.empty());
   CHECK(parse_profile("\xef\xbb\xbf" + stock.substr(13), "x.cfg").refusals.empty());
   std::string other = stock, wide;
   std::erase(other, '\r');
   CHECK(parse_profile(other, "x.cfg").refusals.empty());
   for (const char c : other) (wide += c) += '\0';
-  CHECK(refusal("\xff\xfe" + wide) ==
-        "x.cfg: is in UTF-16, or no text; expected UTF-8 or ASCII: save it anew");
+  CHECK(refusal("\xff\xfe" + wide) == "x.cfg: is UTF-16, or not text; save it as UTF-8 or ASCII");
   std::ranges::replace(other, '\n', '\r');
   const std::string ends =
       ": has a carriage return without a line feed; expected lines that end in LF or CR LF";
@@ -97,13 +95,13 @@ TEST_CASE("what an editor makes of a cfg is harmless, or told in one line") {
   CHECK(refusal(with("15 7 0\r\n", "15 7 0\r")) == "x.cfg:4" + ends);
 }
 
-TEST_CASE("a cfg of another demo is told in one line, before a board is asked") {
+TEST_CASE("a cfg of another demo is reported in one line, before a board is opened") {
   for (const auto& [line, whose] : {std::pair{"chirpComnCfg 8 0 0 128 4 28 0", "xWRL6432"},
                                     {"trackingCfg 1 2 800 30 46 96 55", "people counting"}})
     CHECK_THAT(refusal(line), Catch::StartsWith("x.cfg:1: ") && Catch::Contains(whose) &&
                                   Catch::Contains("out-of-box demo of SDK 3.4 to 3.6"));
   CHECK(refusal(with("-1 1 1 0 0 0 1", "1 1 0 0 0 1")) ==
-        "x.cfg:10: guiMonitor has 6 numbers, SDK 3.4 to 3.6 take 7 (SDK 1 and 2 others)");
+        "x.cfg:10: guiMonitor has 6 numbers; SDK 3.4 to 3.6 expect 7 (SDK 1 and 2 differ)");
 }
 
 TEST_CASE("a cfg with thousands of faulty lines lists the first faults and no more") {
@@ -117,7 +115,7 @@ TEST_CASE("a cfg with thousands of faulty lines lists the first faults and no mo
             " bytes; expected a cfg of at most 65536");
 }
 
-TEST_CASE("two profiles in a frame are two axes, unless they sample alike") {
+TEST_CASE("two profiles in a frame are refused unless they sample alike") {
   const std::string second = "chirpCfg 1 1 1 0 0 0 0 4\r\n";
   std::string text = with("chirpCfg 1 1 0 0 0 0 0 4\r\n", second);
   const auto add = [&](const std::string& profile) {
@@ -127,6 +125,6 @@ TEST_CASE("two profiles in a frame are two axes, unless they sample alike") {
   CHECK(parse_profile(add("profileCfg 1 60.01 7 3 24 0 0 166 1 256 12500 0 0 30"), "x.cfg").bins ==
         256);
   CHECK(refusal(add("profileCfg 1 60 7 3 24 0 0 83 1 256 12500 0 0 30")) ==
-        "x.cfg:7: chirpCfg takes profileCfg 0, other chirps of the frame 1: these have two range "
-        "axes");
+        "x.cfg:7: chirpCfg takes profileCfg 0, but other chirps of the frame take 1: their range "
+        "axes differ");
 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Expected bytes: AN434 and what libsigrok and pyserial send.
+// Expected bytes from AN434, libsigrok and pyserial.
 #include "drivers/port/cp2110.hpp"
 
 #include <catch2/catch.hpp>
@@ -17,7 +17,7 @@ TEST_CASE("the UART configuration has its baud rate big-endian") {
         std::array<std::uint8_t, 9>{0x50, 0x00, 0x0E, 0x10, 0x00, 0, 0, 3, 0});
 }
 
-TEST_CASE("status reports: errors, and what is none") {
+TEST_CASE("status reports are parsed, other bytes are refused") {
   const Bytes quiet{0x42, 0, 0, 1, 0x20, 0, 0}, both{0x42, 0, 0, 0, 0, 3, 0};
   CHECK_FALSE(cp2110::parse_status(quiet)->overrun);
   CHECK_FALSE(cp2110::parse_status(quiet)->parity_error);
@@ -29,7 +29,7 @@ TEST_CASE("status reports: errors, and what is none") {
   CHECK_FALSE(cp2110::parse_status({}));
 }
 
-TEST_CASE("data of a report, whatever its count says") {
+TEST_CASE("data length of a report is limited to the bytes received") {
   Bytes report(64, 7);
   const auto taken = [&](std::uint8_t count, std::size_t bytes) {
     report[0] = count;
@@ -37,16 +37,16 @@ TEST_CASE("data of a report, whatever its count says") {
   };
   CHECK(taken(1, 64) == 1);
   CHECK(taken(63, 64) == 63);
-  CHECK(taken(63, 11) == 10);  // promises more than came
+  CHECK(taken(63, 11) == 10);  // the count exceeds the bytes
   CHECK(taken(5, 6) == 5);
   CHECK(taken(5, 1) == 0);
   CHECK(taken(0, 64) == 0);
-  CHECK(taken(64, 64) == 0);  // no data report
+  CHECK(taken(64, 64) == 0);  // not a data report
   CHECK(taken(255, 64) == 0);
   CHECK(cp2110::data_of({}).empty());
 }
 
-TEST_CASE("a long write is cut into reports") {
+TEST_CASE("a long write is split into reports") {
   Bytes bytes(130);
   for (std::size_t i = 0; i < bytes.size(); ++i) bytes[i] = static_cast<std::uint8_t>(i);
   Bytes joined;
@@ -61,10 +61,10 @@ TEST_CASE("a long write is cut into reports") {
   CHECK(joined == bytes);
 }
 
-TEST_CASE("baud rates that the bridge cannot do are refused") {
+TEST_CASE("baud rates that the bridge does not support are refused") {
   CHECK_NOTHROW(check_hid_baud({0x10c4, 0xea80, ""}, 300));
   CHECK_NOTHROW(check_hid_baud({0x10c4, 0xea80, ""}, 1'000'000));
   CHECK_THROWS_AS(check_hid_baud({0x10c4, 0xea80, ""}, 299), Error);
   CHECK_THROWS_WITH(check_hid_baud({0x10c4, 0xea80, "A"}, 1'000'001),
-                    "hid:10c4:ea80:A: 1000001 baud; a CP2110 does 300 to 1000000");
+                    "hid:10c4:ea80:A: 1000001 baud; a CP2110 supports 300 to 1000000");
 }

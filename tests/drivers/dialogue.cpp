@@ -19,7 +19,7 @@ const std::string cfg =
     "sensorStart\r\n";
 const std::string prompt = "mmwDemo:/>";
 
-// The echo, the answer and the prompt, as the SDK's UART text mode sends them.
+// Returns echo, answer and prompt, as the SDK's UART text mode sends them.
 std::string answer(const std::string& command, const std::string& lines) {
   std::string wire = command + "\r\n";
   for (const char c : lines) {
@@ -39,7 +39,7 @@ struct Session {
     now += time;
     d.tick(now);
   }
-  // Up to the first line of the cfg.
+  // Runs the dialogue up to the first line of the cfg.
   void begin() {
     CHECK(d.take_output() == "\n");
     say("\r\n" + prompt);
@@ -57,7 +57,7 @@ struct Session {
 
 }  // namespace
 
-TEST_CASE("the cfg goes out line by line, each after the prompt of the one before") {
+TEST_CASE("the cfg is sent line by line, each after the previous prompt") {
   Session s;
   s.begin();
   CHECK(s.d.take_output() == "sensorStop\n");
@@ -65,7 +65,7 @@ TEST_CASE("the cfg goes out line by line, each after the prompt of the one befor
   CHECK(s.told() == std::vector<std::string>{"sensorStop: Ignored: Sensor is already stopped"});
   CHECK(s.d.take_output() == "  flushCfg\n");
   s.say("  flushCfg\r\nDone\n\r");
-  CHECK(s.d.take_output().empty());  // the prompt is still to come
+  CHECK(s.d.take_output().empty());  // the prompt is still missing
   s.say(prompt);
   CHECK(s.d.take_output() == "sensorStart\n");
   CHECK(s.d.state() == State::commanding);
@@ -77,7 +77,7 @@ TEST_CASE("the cfg goes out line by line, each after the prompt of the one befor
   CHECK(s.told().empty());
 }
 
-TEST_CASE("the dialogue does not mind how the bytes are cut") {
+TEST_CASE("the dialogue works with any split of the bytes") {
   const std::string wire = answer("sensorStop", "Done\n") + answer("flushCfg", "Done\n");
   for (std::size_t cut = 0; cut <= wire.size(); ++cut) {
     Session s;
@@ -90,19 +90,19 @@ TEST_CASE("the dialogue does not mind how the bytes are cut") {
   }
 }
 
-TEST_CASE("leftovers before the first prompt, and further prompts, are drained") {
+TEST_CASE("garbage and extra prompts before the first prompt are discarded") {
   Session s;
   s.d.take_output();
   s.say("\x01\xff~?garb\r\n'garb' is not recognized as a CLI command\n\r" + prompt);
   s.wait(40ms);
-  s.say("\n\r" + prompt);  // a second answer: quiet starts again
+  s.say("\n\r" + prompt);  // another answer restarts the quiet time
   s.wait(40ms);
   CHECK(s.d.take_output().empty());
   s.wait(40ms);
   CHECK(s.d.take_output() == "version\n");
 }
 
-TEST_CASE("the first command is sent again when garbage got before it") {
+TEST_CASE("the first command is repeated if garbage precedes it") {
   Session s;
   s.d.take_output();
   s.say(prompt);
@@ -110,18 +110,18 @@ TEST_CASE("the first command is sent again when garbage got before it") {
   CHECK(s.d.take_output() == "version\n");
   s.say(answer("\x7f?version", "'?version' is not recognized as a CLI command\n"));
   CHECK(s.d.take_output() == "version\n");
-  SECTION("and is then understood") {
+  SECTION("and is then accepted") {
     s.say(answer("version", "Done\n"));
     CHECK(s.d.take_output() == "sensorStop\n");
   }
-  SECTION("or is unknown to this firmware, which is no harm") {
+  SECTION("or is unknown to this firmware, without harm") {
     s.say(answer("version", "'version' is not recognized as a CLI command\n"));
     CHECK(s.d.take_output() == "sensorStop\n");
   }
 }
 
 namespace {
-// End of `cfg` on a radar with this SDK that refuses its last line with these words.
+// Runs `cfg` on a radar with this SDK that answers its last line with `words`.
 std::string refusal(const std::string& text, const std::string& sdk, const std::string& words) {
   Session s(text);
   s.say("\r\n" + prompt);
@@ -134,7 +134,7 @@ std::string refusal(const std::string& text, const std::string& sdk, const std::
 }
 }  // namespace
 
-TEST_CASE("a cfg of another SDK is told with the SDKs and the file to use") {
+TEST_CASE("a cfg of another SDK is reported with both SDKs and the file to use") {
   const std::string unknown = "'calibData' is not recognized as a CLI command\n";
   CHECK(refusal("flushCfg\ncalibData 0 0 0\n", "03.04.00.03", unknown) ==
         "x.cfg:2: calibData 0 0 0: 'calibData' is not recognized as a CLI command; SDK 3.5 and 3.6 "
@@ -149,14 +149,14 @@ TEST_CASE("a cfg of another SDK is told with the SDKs and the file to use") {
   CHECK_THAT(refusal("flushCfg\nsensorStart\n", "03.04.00.03", "Error -1\n"),
              Catch::StartsWith("x.cfg:2: sensorStart: Error -1; the chip's front end refuses") &&
                  Catch::Contains("60 to 64 GHz"));
-  // Not the SDK's fault:
+  // Failures for other reasons than the SDK:
   CHECK_THAT(refusal("flushCfg\nsensorStart\n", "03.04.00.03", partial),
              Catch::EndsWith("Error -1"));
   CHECK_THAT(refusal("calibData 0 0 0\nsensorStart\n", "03.06.00.00", partial),
              Catch::EndsWith("Error -1"));
 }
 
-TEST_CASE("a refused line fails with its place and the firmware's words") {
+TEST_CASE("a refused line fails with its line number and the firmware's message") {
   Session s;
   s.begin();
   s.say(answer("sensorStop", "Done\n"));
@@ -171,7 +171,7 @@ TEST_CASE("a refused line fails with its place and the firmware's words") {
           "x.cfg:4:   flushCfg: 'flushCfg' is not recognized as a CLI command; this radar has "
           "mmWave SDK 03.05.00.04: is the cfg for another demo?");
   }
-  SECTION("the firmware dies") {
+  SECTION("the firmware crashes") {
     s.say("flushCfg\r\nException: ../mss_main.c, line 1234.\n\r");
     CHECK_THAT(s.d.failure(),
                Catch::Contains("Exception: ../mss_main.c, line 1234. (the firmware"));
@@ -184,12 +184,12 @@ TEST_CASE("a refused line fails with its place and the firmware's words") {
     CHECK(s.d.failure() ==
           "x.cfg:4:   flushCfg: no answer: the firmware has stopped, reset the board");
   }
-  SECTION("silence behind half an answer") {
+  SECTION("silence after half an answer") {
     s.say("flushCfg\r\nDebug: Init Calibration Status = 0xffe\n\rErro");
     s.wait(2s);
     CHECK(
         s.d.failure() ==
-        "x.cfg:4:   flushCfg: no answer behind 'Debug: Init Calibration Status = 0xffe; Erro': the "
+        "x.cfg:4:   flushCfg: no answer after 'Debug: Init Calibration Status = 0xffe; Erro': the "
         "firmware has stopped, reset the board");
   }
   SECTION("an exception of another demo") {
@@ -201,7 +201,7 @@ TEST_CASE("a refused line fails with its place and the firmware's words") {
   CHECK_FALSE(s.d.deadline());
 }
 
-TEST_CASE("no prompt at all: three tries, then it says what to check") {
+TEST_CASE("without a prompt it fails after three attempts with advice") {
   Session s;
   for (int i = 0; i < 3; ++i) {
     CHECK(s.d.take_output() == "\n");
@@ -217,7 +217,7 @@ TEST_CASE("no prompt at all: three tries, then it says what to check") {
              Catch::StartsWith("no prompt, but other bytes: is this the command port"));
 }
 
-TEST_CASE("endless output before the first command does not hold it up for ever") {
+TEST_CASE("endless output before the first command does not block the dialogue") {
   Session s;
   s.d.take_output();
   s.say(prompt);
@@ -228,11 +228,12 @@ TEST_CASE("endless output before the first command does not hold it up for ever"
   CHECK(s.d.take_output() == "version\n");
 }
 
-TEST_CASE("skipped is fine, a prompt without a verdict is not one, unasked lines are told") {
+TEST_CASE(
+    "Skipped is success, a prompt without a verdict is ignored, unsolicited lines are reported") {
   Session s("sensorStop\nsensorStart\n");
   s.begin();
   s.d.take_output();
-  s.say("\n\r" + prompt);  // a leftover prompt
+  s.say("\n\r" + prompt);  // an extra prompt
   CHECK(s.d.take_output().empty());
   s.say(answer("sensorStop", "Skipped\n"));
   CHECK(s.d.take_output() == "sensorStart\n");
@@ -251,7 +252,7 @@ TEST_CASE("skipped is fine, a prompt without a verdict is not one, unasked lines
   CHECK(s.d.state() == State::failed);
 }
 
-TEST_CASE("a calibration line that cuts into an echo is told, and spoils nothing") {
+TEST_CASE("a calibration line inside an echo is reported and does no harm") {
   Session s("sensorStop\nsensorStart\n");
   const std::string line = "compRangeBiasAndRxChanPhase 0.0123456 1.00000 -0.50000";
   s.d.take_output();
@@ -266,7 +267,7 @@ TEST_CASE("a calibration line that cuts into an echo is told, and spoils nothing
   CHECK(s.d.take_output() == "sensorStart\n");
 }
 
-TEST_CASE("a restart sends two lines, refused, or after a banner, the whole cfg") {
+TEST_CASE("a restart sends two lines, or the whole cfg after a refusal or a banner") {
   CommandDialogue d(cfg, "x.cfg", {}, CommandDialogue::Send::restart);
   const auto say = [&](const std::string& wire) { d.receive(test::view_of(wire), HostTime{0}); };
   d.start(HostTime{0});
@@ -283,7 +284,7 @@ TEST_CASE("a restart sends two lines, refused, or after a banner, the whole cfg"
     return;
   }
   CHECK(d.take_output() == "version\nsensorStop\nsensorStart 0\n");
-  SECTION("taken") {
+  SECTION("accepted") {
     say(answer("sensorStart 0", "Done\n"));
     CHECK(d.state() == State::done);
     CHECK(d.sent() == CommandDialogue::Send::restart);
@@ -308,7 +309,7 @@ TEST_CASE("a flood without line ends stays bounded and harmless") {
   CHECK(s.d.take_output() == "  flushCfg\n");
 }
 
-TEST_CASE("the last words wait for the prompt of a running command, and for their own answer") {
+TEST_CASE("the stop dialogue waits for the prompt of a running command and for its own answer") {
   const bool busy = GENERATE(false, true);
   StopDialogue d(busy);
   if (busy) {
@@ -318,7 +319,7 @@ TEST_CASE("the last words wait for the prompt of a running command, and for thei
     d.receive(test::view_of(prompt));
   }
   CHECK(d.take_output() == "sensorStop\n");
-  d.receive(test::view_of("\r\n" + prompt));  // a leftover
+  d.receive(test::view_of("\r\n" + prompt));  // an earlier prompt
   CHECK_FALSE(d.done());
   const std::string wire =
       answer("sensorStop", GENERATE("Done\n", "Ignored: Sensor is already stopped\nDone\n"));
@@ -330,7 +331,7 @@ TEST_CASE("the last words wait for the prompt of a running command, and for thei
   CHECK(d.take_output().empty());
 }
 
-TEST_CASE("a refused last word is no end") {
+TEST_CASE("a refused sensorStop does not finish the stop dialogue") {
   StopDialogue d(false);
   d.receive(test::view_of(answer("sensorStop", "Error -1\n")));
   CHECK_FALSE(d.done());

@@ -23,7 +23,7 @@ struct Parsed {
   }
 };
 
-// Feeds pieces of the sizes that `piece` gives; piece i arrives at i seconds.
+// Feeds pieces of the sizes that `piece` returns; piece i arrives at i seconds.
 template <class Piece>
 Parsed parse(ByteView bytes, Piece piece) {
   FrameParser parser;
@@ -59,7 +59,7 @@ void check_sum(const FrameCounts& c) {
 
 }  // namespace
 
-TEST_CASE("the golden frames") {
+TEST_CASE("the golden frames are parsed") {
   const Parsed p = parse(join(golden()));
   REQUIRE(p.numbers() == Numbers{209, 210, 213});
   const std::vector<std::uint16_t> profile{5000, 6000, 65535, 0, 1, 258, 772, 4097};
@@ -89,7 +89,7 @@ TEST_CASE("the golden frames") {
   check_sum(p.counts);
 }
 
-TEST_CASE("the golden heat maps") {
+TEST_CASE("the golden heat maps are parsed") {
   const auto pieces = read_golden("radar_array.hex");
   const Parsed p = parse(join(pieces));
   REQUIRE(p.numbers() == Numbers{301, 302, 303, 304});
@@ -103,7 +103,7 @@ TEST_CASE("the golden heat maps") {
   };
   check(p.frames[0], 8);
   check(p.frames[1], 12);
-  check(p.frames[2], 8);  // the first one counts
+  check(p.frames[2], 8);  // the first TLV is used
   CHECK_FALSE(p.frames[0].planar);
   CHECK(p.frames[1].planar);
   CHECK_FALSE(p.frames[2].planar);
@@ -116,7 +116,7 @@ TEST_CASE("the golden heat maps") {
   check_sum(p.counts);
 }
 
-TEST_CASE("heat maps with damaged types and lengths are counted and survived") {
+TEST_CASE("heat maps with damaged types and lengths are counted, and parsing continues") {
   const auto pieces = read_golden("radar_array.hex");
   for (std::uint64_t seed = 0; seed < 300; ++seed) {
     Rng rng = make_rng(seed, 9);
@@ -148,7 +148,7 @@ TEST_CASE("heat maps with damaged types and lengths are counted and survived") {
   }
 }
 
-TEST_CASE("cuts at every byte change nothing, and the time is that of the last byte") {
+TEST_CASE("any split gives the same frames, with the time of the last byte") {
   const Bytes all = join(golden());
   for (std::size_t cut = 1; cut < all.size(); ++cut) {
     std::size_t next = cut;
@@ -162,8 +162,8 @@ TEST_CASE("cuts at every byte change nothing, and the time is that of the last b
   CHECK(bytewise.frames[0].received == std::chrono::seconds(golden()[0].size() - 1));
 }
 
-TEST_CASE("junk before, between and behind is skipped and counted") {
-  const Bytes junk(16, 0xff);  // the firmware's own: configDataPort with ackPing
+TEST_CASE("junk before, between and after frames is skipped and counted") {
+  const Bytes junk(16, 0xff);  // sent by the firmware: configDataPort with ackPing
   const auto& g = golden();
   const Parsed p = parse(join({junk, g[0], junk, g[1], junk}));
   CHECK(p.numbers() == Numbers{209, 210});
@@ -172,7 +172,7 @@ TEST_CASE("junk before, between and behind is skipped and counted") {
   check_sum(p.counts);
 }
 
-TEST_CASE("a frame that lost bytes is truncated, the next one is whole") {
+TEST_CASE("a frame with missing bytes is truncated, the next one is complete") {
   const auto& g = golden();
   for (std::size_t lost = 1; lost < g[0].size() - 40; ++lost)
     for (const std::size_t at : {std::size_t{40}, g[0].size() - lost}) {
@@ -200,7 +200,7 @@ TEST_CASE("implausible headers are refused at once") {
   check_sum(p.counts);
 }
 
-TEST_CASE("a length that is far too long costs one frame, not all that it spans") {
+TEST_CASE("a far too large length costs one frame only") {
   const auto& g = golden();
   Bytes bad = g[0];
   set_u32(bad, 12, 60'000);
@@ -209,7 +209,7 @@ TEST_CASE("a length that is far too long costs one frame, not all that it spans"
   CHECK(p.counts.truncated_frames == 1);
 }
 
-TEST_CASE("a TLV that leaves its packet spoils the frame") {
+TEST_CASE("a TLV that exceeds its packet invalidates the frame") {
   const auto& g = golden();
   Bytes bad = g[1];
   set_u32(bad, 44, 5000);  // the range profile's length
@@ -220,7 +220,7 @@ TEST_CASE("a TLV that leaves its packet spoils the frame") {
   check_sum(p.counts);
 }
 
-TEST_CASE("a frame that announces one TLV too many keeps the others") {
+TEST_CASE("a frame with one TLV too many in its count keeps the others") {
   Bytes bad = golden()[1];  // 20 bytes of padding
   set_u32(bad, 32, 4);
   const Parsed p = parse(bad);
@@ -229,9 +229,9 @@ TEST_CASE("a frame that announces one TLV too many keeps the others") {
   CHECK(p.frames[0].temperature);
 }
 
-TEST_CASE("a frame whose padding ends like a magic waits for the next one, or for quiet") {
+TEST_CASE("a frame with padding that ends like a magic waits for the next bytes or for silence") {
   Bytes doubtful = golden()[2];
-  doubtful.back() = 2;  // the magic's first byte
+  doubtful.back() = 2;  // first byte of the magic
   FrameParser parser;
   std::vector<RadarFrame> frames;
   const auto keep = [&](RadarFrame f) { frames.push_back(std::move(f)); };
@@ -239,14 +239,14 @@ TEST_CASE("a frame whose padding ends like a magic waits for the next one, or fo
   parser.feed(doubtful, whole, keep);
   REQUIRE(frames.empty());
   REQUIRE(parser.in_doubt());
-  SECTION("quiet") {
+  SECTION("silence") {
     parser.settle(keep);
     CHECK_FALSE(parser.in_doubt());
     REQUIRE(frames.size() == 1);
     parser.settle(keep);
     parser.feed(golden()[2], later, keep);
   }
-  SECTION("the next one") { parser.feed(golden()[2], later, keep); }
+  SECTION("the next frame") { parser.feed(golden()[2], later, keep); }
   REQUIRE(frames.size() == 2);
   CHECK(frames[0].received == whole);
   CHECK(frames[1].received == later);
@@ -254,7 +254,7 @@ TEST_CASE("a frame whose padding ends like a magic waits for the next one, or fo
   check_sum(parser.counts());
 }
 
-TEST_CASE("after finish() the next input starts afresh") {
+TEST_CASE("after finish() the parser starts again") {
   FrameParser parser;
   Numbers numbers;
   const auto keep = [&](const RadarFrame& f) { numbers.push_back(f.frame_number); };
@@ -266,7 +266,7 @@ TEST_CASE("after finish() the next input starts afresh") {
   CHECK(parser.counts().truncated_frames == 1);
 }
 
-TEST_CASE("random damage: bytes add up, pieces do not matter, whole frames survive") {
+TEST_CASE("random damage: byte counts add up, for any split, and complete frames survive") {
   for (std::uint64_t seed = 0; seed < 400; ++seed) {
     Rng rng = make_rng(seed, 4);
     Bytes bytes;

@@ -12,8 +12,7 @@
 
 namespace echofuse::test {
 
-// A golden file: lines of hexadecimal bytes; each "#" line that is followed by bytes begins a
-// piece.
+// Reads a golden file: lines of hexadecimal bytes; a "#" line before bytes starts a new piece.
 inline std::vector<Bytes> read_golden(const std::string& name) {
   const std::string path = echofuse::test::source_dir + "/tests/golden/" + name;
   std::ifstream file(path);

@@ -22,7 +22,7 @@ Tag marker(TagType type, std::int32_t channel = 0, std::uint16_t missed = 0) {
   return {.type = type, .missed_events = missed, .channel = channel};
 }
 
-// The definition, one tag at a time in 128 bits.
+// Reference implementation: one tag at a time in 128 bits.
 struct Reference {
   HistogramSettings settings;
   std::vector<std::uint32_t> bins;
@@ -104,7 +104,7 @@ TEST_CASE("each click counts once, in the bin of its distance from the last star
         TagCounts{.tags = 9, .starts = 2, .in_range = 5, .out_of_range = 2, .backwards = 2});
 }
 
-TEST_CASE("clicks without a start, other channels and markers are told apart") {
+TEST_CASE("clicks without a start, other channels and markers are counted separately") {
   Histogram h({.bin_width_ps = 100, .first_bin_ps = 0, .bins = 10});
   h.add(std::vector{tag(2, 5), tag(3, 6), tag(1, 10), marker(TagType::missed_events, 2, 40),
                     marker(TagType::missed_events, 9, 1000), marker(TagType::missed_events, 1, 2),
@@ -120,7 +120,7 @@ TEST_CASE("clicks without a start, other channels and markers are told apart") {
                                     .errors = 1});
 }
 
-TEST_CASE("the last start survives the border of a slot, but not a gap") {
+TEST_CASE("the last start is kept across slots, but not across a gap") {
   Histogram h({.bin_width_ps = 100, .first_bin_ps = 0, .bins = 10});
   h.add(std::vector{tag(1, 0), tag(2, 50)});
   CHECK(h.take()[0] == 1);
@@ -133,7 +133,7 @@ TEST_CASE("the last start survives the border of a slot, but not a gap") {
   CHECK(h.counts() == std::vector<std::uint32_t>(10));
 }
 
-TEST_CASE("random tags agree with the definition, across the wrap of the clock") {
+TEST_CASE("random tags match the reference, across the wrap of the clock") {
   for (std::uint64_t seed = 0; seed < 120; ++seed) {
     Rng rng = make_rng(seed, 2);
     const std::int64_t widths[] = {1, 3, 7, 100, 1000, 4096, 999'983};
@@ -157,8 +157,8 @@ TEST_CASE("random tags agree with the definition, across the wrap of the clock")
   }
 }
 
-TEST_CASE("bin borders are exact over the longest axis") {
-  const std::int64_t width = 67'108'863;  // 2^26 - 1: no power of two to help
+TEST_CASE("bin edges are exact over the longest axis") {
+  const std::int64_t width = 67'108'863;  // 2^26 - 1: not a power of two
   const std::uint32_t bins = 1u << 24;
   Histogram h({.bin_width_ps = width, .first_bin_ps = 0, .bins = bins});
   std::vector<std::uint32_t> expected(bins);
@@ -174,7 +174,7 @@ TEST_CASE("bin borders are exact over the longest axis") {
   CHECK((h.counts() == expected));
 }
 
-TEST_CASE("starts inside an overflow interval do not serve") {
+TEST_CASE("starts inside an overflow interval are ignored") {
   Histogram h({.bin_width_ps = 100, .first_bin_ps = 0, .bins = 10});
   h.add(std::vector{marker(TagType::overflow_begin), tag(1, 0), tag(2, 50),
                     marker(TagType::overflow_end), tag(2, 60), tag(1, 100), tag(2, 150)});
@@ -183,7 +183,7 @@ TEST_CASE("starts inside an overflow interval do not serve") {
             .tags = 7, .starts = 2, .in_range = 1, .without_start = 2, .other = 2, .overflows = 1});
 }
 
-TEST_CASE("bad tags and times that go backwards are counted") {
+TEST_CASE("bad tags and backward times are counted") {
   Histogram h({.bin_width_ps = 100, .first_bin_ps = 0, .bins = 10});
   Tag reserved = tag(2, 20);
   reserved.reserved = 1;
@@ -194,7 +194,7 @@ TEST_CASE("bad tags and times that go backwards are counted") {
       TagCounts{.tags = 5, .starts = 1, .in_range = 2, .other = 2, .bad_tags = 2, .backwards = 1});
 }
 
-TEST_CASE("the filter passes through, delays and re-sorts, and removes in the dead time") {
+TEST_CASE("the filter passes tags, delays and re-sorts them, and removes tags in the dead time") {
   const std::vector<Tag> tags{tag(1, 100), tag(2, 110), tag(2, 115), tag(1, 200)};
   TagFilter plain(FilterSettings{});
   CHECK(plain.feed(tags).data() == tags.data());
@@ -225,11 +225,11 @@ TEST_CASE("a delay of a cable beyond the pulse period is compensated") {
   CHECK(histogram.counts()[(flight_ps - 13343) / 100] == pulses - 1);
 }
 
-TEST_CASE("the axis says what the bins are") {
+TEST_CASE("the axis matches the bin settings") {
   CHECK(same_axis(Histogram({}).axis(), Axis{"spd", "counts", "ps", 336, 13343, 100}));
 }
 
-TEST_CASE("settings that cannot work are refused") {
+TEST_CASE("invalid settings are refused") {
   CHECK_THROWS_AS(Histogram({.bins = 0}), Error);
   CHECK_THROWS_AS(Histogram({.bin_width_ps = 0}), Error);
   CHECK_THROWS_AS(Histogram({.start_channel = 2}), Error);

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
-// On a tree with the kernel's layout: /sys/bus/usb/devices links to devices, interfaces below them.
+// Tests on a tree with the kernel's layout: /sys/bus/usb/devices links to devices, interfaces below
+// them.
 #include "drivers/inventory/inventory.hpp"
 
 #include <grp.h>
@@ -46,7 +47,7 @@ class Tree {
     fs::create_directory_symlink("../../../devices/pci0/usb1/" + place,
                                  root_ / "sys/bus/usb/devices" / place);
   }
-  // `nodes`: the folder of the node below the interface, or empty.
+  // `nodes`: folder of the node below the interface, or empty.
   void interface(const std::string& place, const std::string& number, const std::string& node) {
     const fs::path folder =
         root_ / "sys/devices/pci0/usb1" / place / (place + ":1." + std::to_string(stoi(number)));
@@ -69,7 +70,7 @@ class Tree {
 
 }  // namespace
 
-TEST_CASE("an XDS110: two ports with their roles and stable names") {
+TEST_CASE("an XDS110 has two ports with roles and stable names") {
   Tree tree;
   tree.device("1-2", "0451", "bef3", "R0081038");
   tree.interface("1-2", "00", "tty/ttyACM1");
@@ -88,11 +89,11 @@ TEST_CASE("an XDS110: two ports with their roles and stable names") {
   CHECK(list[0].nodes[0].address ==
         "serial:" + tree.dir("dev/serial/by-id") + "/usb-Texas_Instruments_XDS110_R0081038-if00");
   CHECK(list[0].nodes[1].key == "radar.data");
-  CHECK(list[0].nodes[1].address == "serial:" + tree.dir("dev/ttyACM0"));  // udev made no link
+  CHECK(list[0].nodes[1].address == "serial:" + tree.dir("dev/ttyACM0"));  // udev created no link
   CHECK(list[0].nodes[0].missing.empty());
 }
 
-TEST_CASE("a CP2105, whose nodes lie one level deeper, and one without its driver") {
+TEST_CASE("a CP2105 has nodes one level deeper, and may lack its driver") {
   Tree tree;
   tree.device("1-2", "10c4", "ea70", "00E2");
   tree.interface("1-2", "00", "ttyUSB0/tty/ttyUSB0");
@@ -106,7 +107,7 @@ TEST_CASE("a CP2105, whose nodes lie one level deeper, and one without its drive
   CHECK_THAT(list[0].nodes[1].missing, Catch::Contains("cdc_acm or cp210x"));
 }
 
-TEST_CASE("CP2110, Orbbec and Time Tagger: address by serial number, advice") {
+TEST_CASE("CP2110, Orbbec and Time Tagger have an address by serial number and advice") {
   Tree tree;
   tree.device("1-1", "10c4", "ea80", "00A1");
   tree.interface("1-1", "00", "0003:10C4:EA80.0001/hidraw/hidraw3");
@@ -127,8 +128,7 @@ TEST_CASE("CP2110, Orbbec and Time Tagger: address by serial number, advice") {
   CHECK_THAT(list[3].advice, Catch::Contains("bridge:tcp"));
 }
 
-TEST_CASE(
-    "RealSense cameras are known by their name, other devices of that vendor are not listed") {
+TEST_CASE("RealSense cameras are identified by name, other devices of the vendor are not listed") {
   Tree tree;
   tree.device("1-1", "8086", "0b07", "R1", "Intel(R) RealSense(TM) Depth Camera 435");
   tree.device("1-2", "8086", "0b63", "", "USB Bridge");
@@ -138,7 +138,7 @@ TEST_CASE(
   CHECK_THAT(list[0].advice, Catch::Contains("echofuse-bridge-realsense: depth.address = "));
 }
 
-TEST_CASE("a node that may not be opened is told with its group, or with the rules that help") {
+TEST_CASE("a node without permission is reported with its group, or with the udev rules") {
   Tree tree;
   tree.device("1-2", "0451", "bef3", "R1");
   tree.interface("1-2", "00", "tty/ttyACM0");
@@ -158,12 +158,12 @@ TEST_CASE("a node that may not be opened is told with its group, or with the rul
         "no read/write permission on " + tree.dir("dev/ttyACM0") + ": " + help);
 }
 
-TEST_CASE("no tree, no devices") {
+TEST_CASE("a missing tree gives no devices") {
   CHECK(list_attached({"/nowhere/sys", "/nowhere/dev"}).empty());
   CHECK_FALSE(radar_port("/dev/ttyACM0", {"/nowhere/sys", "/nowhere/dev"}));
 }
 
-TEST_CASE("which of a board's ports a path is") {
+TEST_CASE("the radar port of a path is determined") {
   Tree tree;
   tree.device("1-2", "0451", "bef3", "R1");
   tree.interface("1-2", "00", "tty/ttyACM1");
@@ -182,11 +182,12 @@ TEST_CASE("which of a board's ports a path is") {
   CHECK_FALSE(role(by_id + "XDS110-if"));
   CHECK(role("/dev/ttyACM1") == RadarPort::command);
   CHECK(role("/dev/ttyACM0") == RadarPort::data);
-  CHECK_FALSE(role("/dev/ttyUSB0"));  // another maker's
+  CHECK_FALSE(role("/dev/ttyUSB0"));  // another vendor
   CHECK_FALSE(role("/dev/ttyS0"));
 }
 
-TEST_CASE("two boards: ports of both are named, and one serial number gives names by the socket") {
+TEST_CASE(
+    "two boards: ports of both are named, and a repeated serial number gives names by socket") {
   Tree tree;
   const std::string serial = GENERATE("R0081038", "R0099999");
   for (const auto& [place, number, node] :
@@ -204,7 +205,7 @@ TEST_CASE("two boards: ports of both are named, and one serial number gives name
   if (serial == "R0081038") {
     CHECK(list[0].nodes[0].address == "serial:" + tree.dir("dev/serial/by-path/pci-usb-1-1:1.0"));
     CHECK(list[1].nodes[1].address == "serial:" + tree.dir("dev/serial/by-path/pci-usb-1-2:1.3"));
-    CHECK(list[1].advice.find("another board has the serial number R0081038") == 0);
+    CHECK(list[1].advice.find("another board has the same serial number R0081038") == 0);
   } else {
     CHECK(list[1].nodes[0].address ==
           "serial:" + tree.dir("dev/serial/by-id/usb-TI_XDS110_R0081038-if00"));

@@ -23,7 +23,7 @@ std::string refusal(Make make) {
 
 }  // namespace
 
-TEST_CASE("addresses that a device cannot have are refused at start-up") {
+TEST_CASE("addresses of the wrong device kind are refused at start-up") {
   port::SystemLoop loop;
   const auto tdc = [&](const char* a) { return refusal([&] { make_tdc(loop, {a}); }); };
   const auto depth = [&](const char* a) { return refusal([&] { make_depth(loop, {a}); }); };
@@ -31,17 +31,19 @@ TEST_CASE("addresses that a device cannot have are refused at start-up") {
     return refusal([&] { make_radar(loop, {cli, data, "", "x.cfg"}); });
   };
   CHECK_THAT(tdc("usb:04b4"), Catch::Contains("usb:VVVV:PPPP"));
-  CHECK_THAT(tdc("serial:/dev/ttyUSB0"), Catch::Contains("a time tagger is"));
+  CHECK_THAT(tdc("serial:/dev/ttyUSB0"), Catch::Contains("expected for a time tagger"));
   CHECK_THAT(tdc("nonsense"), Catch::Contains("\"nonsense\": expected"));
-  CHECK_THAT(depth("usb:2bc5:0670"), Catch::Contains("a depth camera is"));
+  CHECK_THAT(depth("usb:2bc5:0670"), Catch::Contains("expected for a depth camera"));
   CHECK_THAT(radar("hid:10c4:ea80:A", "hid:10c4:ea80:B"), Catch::Contains("has no profileCfg"));
   CHECK_THAT(refusal([&] {
                make_radar(loop, {"serial:/dev/x", "hid:10c4:ea80", "", "x.cfg", 3'000'000});
              }),
-             Catch::Contains("a CP2110 does 300 to 1000000"));
-  CHECK_THAT(radar("serial:/dev/x", "bridge:tcp://a:1"), Catch::Contains("a radar port is"));
+             Catch::Contains("a CP2110 supports 300 to 1000000"));
+  CHECK_THAT(radar("serial:/dev/x", "bridge:tcp://a:1"),
+             Catch::Contains("expected for a radar port"));
   RadarConfig bridge;
   bridge.address = "serial:/dev/x";
-  CHECK_THAT(refusal([&] { make_radar(loop, bridge); }), Catch::Contains("a radar is bridge:tcp:"));
+  CHECK_THAT(refusal([&] { make_radar(loop, bridge); }),
+             Catch::Contains("expected for a radar: bridge:tcp:"));
   CHECK_THAT(radar("serial:/dev/x", "serial:/dev/y"), Catch::Contains("x.cfg: has no profileCfg"));
 }

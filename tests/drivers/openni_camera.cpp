@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// The OpenNI2 driver through the stock library, which loads camera_module.cpp.
+// OpenNI2 driver with the stock library, which loads camera_module.cpp.
 #include "drivers/depth/openni_camera.hpp"
 
 #include <OpenNI.h>
@@ -20,10 +20,9 @@ using namespace std::chrono_literals;
 using test::counter;
 using test::run_until;
 
-// The library and the modules that it has unloaded leak a little, once; no suppression can name
-// them.
+// The library and its unloaded modules leak once; no suppression can name them.
 extern "C" const char* __asan_default_options() { return "detect_leaks=0"; }
-// The thread sanitizer does not see into the library, and misreads its mutexes.
+// The thread sanitizer does not instrument the library, and misreports its mutexes.
 extern "C" const char* __tsan_default_suppressions() {
   return "mutex:libOpenNI2.so\ndeadlock:libOpenNI2.so\nmutex:libOniFile.so\ndeadlock:libOniFile."
          "so\n";
@@ -48,7 +47,7 @@ struct Bench {
   bool reaches(DeviceState state) {
     return run_until(loop, [&] { return sink.state() == state; });
   }
-  // 1000 + 100 y + 10 x + index % 10, in the camera's unit
+  // Expects 1000 + 100 y + 10 x + index % 10, in the camera's unit.
   void check_pixels(std::uint32_t per_mm = 1) const {
     for (const DepthFrame& f : sink.depth) {
       REQUIRE(f.depth_mm.size() == 48);
@@ -64,7 +63,7 @@ struct Bench {
   OpenNiCamera driver;
 };
 
-// A recording of `count` frames made by OpenNI's own recorder.
+// Recording of `count` frames, made by OpenNI's recorder.
 struct Recording {
   explicit Recording(int count)
       : path((std::filesystem::temp_directory_path() /
@@ -92,7 +91,7 @@ struct Recording {
     frames = static_cast<std::size_t>(device.getPlaybackControl()->getNumberOfFrames(stream));
     stream.destroy();
     device.close();
-    REQUIRE(frames > 10);  // the last ones of a busy machine may not have been written
+    REQUIRE(frames > 10);  // on a busy machine the last ones may be missing
   }
   ~Recording() { std::filesystem::remove(path); }
   Recording(const Recording&) = delete;
@@ -103,7 +102,7 @@ struct Recording {
 
 }  // namespace
 
-TEST_CASE("a live camera: frames, axes, names") {
+TEST_CASE("a live camera delivers frames, axes and names") {
   Bench b;
   const HostTime begin = b.loop.now();
   b.start();
@@ -119,7 +118,7 @@ TEST_CASE("a live camera: frames, axes, names") {
     CHECK(f.received > begin);
     CHECK(f.received <= b.loop.now());
   }
-  // The outer edges of the outer pixels are at the field of view's tangents.
+  // The outer edges of the border pixels are at the tangents of the field of view.
   REQUIRE(b.sink.info.axes.size() == 2);
   const Axis& x = b.sink.info.axes[0];
   const Axis& y = b.sink.info.axes[1];
@@ -129,21 +128,21 @@ TEST_CASE("a live camera: frames, axes, names") {
   CHECK(y.at(5.5) == Approx(-std::tan(0.4)));
 }
 
-TEST_CASE("two cameras and no URI: none is opened, and both are listed") {
+TEST_CASE("two cameras without a URI: none is opened, and both are listed") {
   initialize_openni();
   camera("plug second");
   Bench b;
   b.start();
   REQUIRE(b.reaches(DeviceState::faulted));
   CHECK(b.sink.events ==
-        std::vector<std::string>{"the address fits several cameras; give one of "
+        std::vector<std::string>{"the address matches several cameras; use one of "
                                  "openni:test/camera@1/4, openni:test/camera@1/5"});
   CHECK(b.sink.depth.empty());
   camera("unplug second");
   CHECK(b.frames(3));
 }
 
-TEST_CASE("a camera that mirrors and cannot be told not to is turned back") {
+TEST_CASE("images of a camera with fixed mirroring are mirrored back") {
   Bench b;
   camera("mirror");
   b.start();
@@ -159,13 +158,13 @@ TEST_CASE("tenths of a millimetre are rounded to millimetres") {
   b.check_pixels(10);
 }
 
-TEST_CASE("a camera that is unplugged is told, and found again") {
+TEST_CASE("an unplugged camera is reported, and found again") {
   Bench b;
   b.start();
   REQUIRE(b.frames(3));
   camera("unplug");
   REQUIRE(b.reaches(DeviceState::faulted));
-  CHECK(b.sink.events.at(0) == "the camera is gone");
+  CHECK(b.sink.events.at(0) == "camera disconnected");
   b.loop.run_for(350ms);
   camera("plug");
   REQUIRE(b.reaches(DeviceState::streaming));
@@ -174,18 +173,18 @@ TEST_CASE("a camera that is unplugged is told, and found again") {
   CHECK(counter(b.driver, "connections") == 2);
 }
 
-TEST_CASE("a camera that falls silent is opened again") {
+TEST_CASE("a silent camera is reopened") {
   Bench b;
   b.start();
   REQUIRE(b.frames(3));
   camera("stall");
   REQUIRE(b.reaches(DeviceState::faulted));
-  CHECK(b.sink.events.at(0) == "the camera sent no whole frame for 3 s");
+  CHECK(b.sink.events.at(0) == "camera sent no complete frame for 3 s");
   camera("run");
   CHECK(b.reaches(DeviceState::streaming));
 }
 
-TEST_CASE("the mode can be chosen, and one that is not there is answered with those that are") {
+TEST_CASE("a mode can be selected, and an unsupported one is refused with a list") {
   SECTION("by its size") {
     Bench b("", {.width = 16, .height = 12});
     b.start();
@@ -204,23 +203,24 @@ TEST_CASE("the mode can be chosen, and one that is not there is answered with th
     REQUIRE(b.frames(2));
     CHECK(b.sink.info.axes[0].count == 16);
   }
-  SECTION("a camera that sends no millimetres at first is told to") {
+  SECTION("a camera with raw shifts is switched to millimetres") {
     Bench b;
     camera("shifts");
     b.start();
     REQUIRE(b.frames(5));
     b.check_pixels();
   }
-  SECTION("not there") {
+  SECTION("unsupported") {
     Bench b("", {.width = 640});
     b.start();
     REQUIRE(b.reaches(DeviceState::faulted));
     CHECK(b.sink.events.at(0) ==
-          "it has no such depth mode; it offers 8 x 6 at 100 (raw), 8 x 6 at 100, 16 x 12 at 50");
+          "camera does not support this depth mode; it offers 8 x 6 at 100 (raw), 8 x 6 at 100, 16 "
+          "x 12 at 50");
   }
 }
 
-TEST_CASE("a camera that comes back at another place of the bus is found there") {
+TEST_CASE("a camera that returns at another bus address is found") {
   Bench b("test/camera@1/4");
   b.start();
   REQUIRE(b.frames(3));
@@ -232,7 +232,7 @@ TEST_CASE("a camera that comes back at another place of the bus is found there")
   CHECK(b.sink.info.address == "openni:test/camera@1/4");
 }
 
-TEST_CASE("damaged frames: none is delivered, no other is lost, and all are counted") {
+TEST_CASE("damaged frames are not delivered, others are not lost, and all are counted") {
   const auto [name, bad] = GENERATE(table<const char*, bool>(
       {{"cut", true}, {"wide", true}, {"skipped", false}, {"twice", false}}));
   Bench b;
@@ -262,7 +262,7 @@ TEST_CASE("damaged frames: none is delivered, no other is lost, and all are coun
   camera("well");
 }
 
-TEST_CASE("unplugged a hundred times, the camera is found again each time") {
+TEST_CASE("a camera is found again after each of 100 disconnections") {
   Bench b("", {.backoff = port::Backoff(1ms, 4ms)});
   b.start();
   double longest_s = 0;
@@ -281,14 +281,14 @@ TEST_CASE("unplugged a hundred times, the camera is found again each time") {
   CHECK(counter(b.driver, "connections") == 101);
 }
 
-TEST_CASE("a camera that dies after one frame is tried ever more rarely") {
+TEST_CASE("a camera that fails after one frame is retried ever more rarely") {
   Bench b;
   b.start();
   for (int i = 0; i < 5; ++i) {
     const std::size_t before = b.sink.depth.size();
     const HostTime from = b.loop.now();
     REQUIRE(b.frames(before + 1));
-    // Heard of a little later than it began.
+    // The failure is noticed shortly after it occurs.
     if (i > 0) CHECK(seconds(b.loop.now() - from) > 0.04 * (1 << i));
     camera("unplug");
     REQUIRE(b.reaches(DeviceState::faulted));
@@ -296,7 +296,7 @@ TEST_CASE("a camera that dies after one frame is tried ever more rarely") {
   }
 }
 
-TEST_CASE("a busy loop costs frames, and every one is counted") {
+TEST_CASE("a busy loop drops frames, and all are counted") {
   Bench b;
   b.start();
   REQUIRE(b.frames(3));
@@ -309,9 +309,7 @@ TEST_CASE("a busy loop costs frames, and every one is counted") {
           b.sink.depth[i - 1].frame_index + 1 + b.sink.depth[i].lost_before);
 }
 
-TEST_CASE(
-    "stop() ends the thread soon, all that was counted is delivered, and nothing is said after "
-    "it") {
+TEST_CASE("stop() ends the thread soon, delivers all counted frames, and no event follows") {
   Bench b;
   b.start();
   REQUIRE(b.frames(3));
@@ -325,7 +323,7 @@ TEST_CASE(
   CHECK(b.sink.calls() == calls);
 }
 
-TEST_CASE("a recording gives each frame once, then ends") {
+TEST_CASE("a recording delivers each frame once, then ends") {
   initialize_openni();
   const Recording recording(30);
   for (const bool paced : {false, true}) {
@@ -342,10 +340,10 @@ TEST_CASE("a recording gives each frame once, then ends") {
   }
 }
 
-TEST_CASE("a recording that was cut off is refused, as OpenNI does, and does no harm") {
+TEST_CASE("a truncated recording is refused, as by OpenNI, without harm") {
   initialize_openni();
   const Recording recording(30);
-  // Frames stand in its first half; the rest is room that OpenNI's recorder reserves.
+  // The frames are in its first half; the rest is space that OpenNI's recorder reserves.
   std::filesystem::resize_file(recording.path, std::filesystem::file_size(recording.path) / 4);
   Bench b(recording.path, {.paced = false});
   b.start();
@@ -354,7 +352,7 @@ TEST_CASE("a recording that was cut off is refused, as OpenNI does, and does no 
   CHECK(b.sink.depth.empty());
 }
 
-TEST_CASE("a recording that is not there is told once, and tried again") {
+TEST_CASE("a missing recording is reported once and retried") {
   Bench b("/nowhere/at-all.oni");
   b.start();
   REQUIRE(b.reaches(DeviceState::faulted));

@@ -25,7 +25,7 @@ TEST_CASE("TI's stock profile has 256 bins of 4.4 cm and 12 antennas") {
   CHECK(same_axis(radar_axis(p), Axis{"radar", "log2_q8", "m", 256, 0, p.range_step_m, 12}));
 }
 
-TEST_CASE("only chirps of the frame count, bins are the next power of two, 12 x 1024 is 1022") {
+TEST_CASE("antennas follow the frame's chirps, bins are the next power of two, 12 x 1024 is 1022") {
   CHECK(parse_profile(with("frameCfg 0 2", "frameCfg 0 1"), "").antennas == 8);
   CHECK(parse_profile(with("channelCfg 15 7", "channelCfg 5 5"), "").antennas == 4);
   const RadarProfile odd = parse_profile(with("1 256 12500", "1 240 12500"), "");
@@ -36,7 +36,7 @@ TEST_CASE("only chirps of the frame count, bins are the next power of two, 12 x 
   CHECK(big.range_step_m == Approx(3.0e8 * 12.5e6 / (2 * 166e12 * 1024)).epsilon(1e-14));
 }
 
-TEST_CASE("lines to send: verbatim but for CR, blank lines and comments") {
+TEST_CASE("lines are sent unchanged without CR, blank lines and comments") {
   const auto lines = command_lines("a  b \r\n\r\n% c\n  % d\n  e\n\nf");
   REQUIRE(lines.size() == 3);
   CHECK(lines[0].text == "a  b ");
@@ -53,7 +53,7 @@ TEST_CASE("errors name the line of the cfg") {
   CHECK(refusal(with("sensorStart", "")) == "x.cfg: has no sensorStart");
   CHECK(refusal(with("guiMonitor -1 1 1 0 0 0 1\r\n", "")) == "x.cfg: has no guiMonitor");
   CHECK(refusal(with("1 256 12500 0 0 30", "1 256")) ==
-        "x.cfg:5: profileCfg has 10 numbers, SDK 3.4 to 3.6 take 14 (SDK 1 and 2 others)");
+        "x.cfg:5: profileCfg has 10 numbers; SDK 3.4 to 3.6 expect 14 (SDK 1 and 2 differ)");
   CHECK(refusal(with("1 256 12500", "1 256 fast")) == "x.cfg:5: profileCfg 'fast' is not a number");
   CHECK(refusal(with("166 1 256", "0 1 256")) ==
         "x.cfg:5: profileCfg the frequency slope must be from 1e-6 to 1e9");
@@ -67,20 +67,20 @@ TEST_CASE("errors name the line of the cfg") {
              Catch::StartsWith("x.cfg:1: calib line has 306 characters"));
 }
 
-TEST_CASE("all faults of a cfg come at once") {
+TEST_CASE("all faults of a cfg are reported at once") {
   const std::string bad = refusal(
       "channelCfg 15 9 0\nprofileCfg 0 60 7 3 24 0 0 fast 1 1 0 0 0 30\nchirpCfg 0 0 0 0 0 0 0 1\n"
       "frameCfg 0 0 16 0 -1 1 0\nguiMonitor -1 0\nsensorStart\n");
   CHECK(bad ==
         "x.cfg:2: profileCfg 'fast' is not a number\n"
-        "x.cfg:5: guiMonitor has 2 numbers, SDK 3.4 to 3.6 take 7 (SDK 1 and 2 others)\n"
+        "x.cfg:5: guiMonitor has 2 numbers; SDK 3.4 to 3.6 expect 7 (SDK 1 and 2 differ)\n"
         "x.cfg:1: channelCfg '9' should be a whole number from 1 to 7\n"
         "x.cfg:2: profileCfg '1' should be a whole number from 2 to 2048\n"
         "x.cfg:2: profileCfg the sample rate must be from 1e-6 to 1e9\n"
         "x.cfg:4: frameCfg the frame period must be from 1e-6 to 1e9");
 }
 
-TEST_CASE("what will disappoint is told") {
+TEST_CASE("settings with unwanted effects give warnings") {
   const auto warnings = [](const std::string& text) {
     return parse_profile(text, "x.cfg").warnings;
   };
@@ -92,17 +92,17 @@ TEST_CASE("what will disappoint is told") {
   CHECK_THAT(warnings(with("sensorStart", "clutterRemoval -1 1\nsensorStart")).at(0),
              Catch::StartsWith("x.cfg:11: clutterRemoval"));
   CHECK(warnings(with("0 100 1 0", "30 100 2 0")) ==
-        std::vector<std::string>{"x.cfg:9: frameCfg ends after 30 frames; 0 goes on without end",
+        std::vector<std::string>{"x.cfg:9: frameCfg ends after 30 frames; 0 is endless",
                                  "x.cfg:9: frameCfg trigger 2 waits for a pulse at the board's pin "
                                  "for each frame; 1 does not"});
   CHECK(warnings(with("sensorStart", "myCfg 1\nsensorStart")) ==
-        std::vector<std::string>{"x.cfg:11: myCfg is no command of the demo of SDK 3.4 to 3.6"});
+        std::vector<std::string>{"x.cfg:11: myCfg is not a command of the demo of SDK 3.4 to 3.6"});
   CHECK_THAT(warnings(with("1 256 12500", "1 1024 12500")).at(0),
-             Catch::StartsWith("x.cfg:5: profileCfg makes 1024 bins for 12 antennas") &&
-                 Catch::EndsWith("it sends 1022"));
+             Catch::StartsWith("x.cfg:5: profileCfg gives 1024 bins for 12 antennas") &&
+                 Catch::EndsWith("memory for 1022"));
 }
 
-TEST_CASE("the data port's rate: the cfg, the configuration and the frame period must agree") {
+TEST_CASE("data rates of the cfg, the configuration and the frame period must agree") {
   const auto warnings = [](const std::string& text, std::uint32_t baud) {
     return parse_profile(text, "x.cfg", baud).warnings;
   };
@@ -115,12 +115,13 @@ TEST_CASE("the data port's rate: the cfg, the configuration and the frame period
         std::vector<std::string>{"x.cfg: without configDataPort the firmware sends at 921600 baud, "
                                  "radar.data_baud is 460800"});
   CHECK(warnings(with("0 100 1 0", "0 5 1 0"), 921600) ==
-        std::vector<std::string>{"x.cfg:9: frameCfg wants a frame every 5 ms, but one of 640 bytes "
-                                 "takes 6.9 ms at 921600 baud"});
+        std::vector<std::string>{
+            "x.cfg:9: frameCfg requests a frame every 5 ms, but a frame of 640 bytes "
+            "takes 6.9 ms at 921600 baud"});
   CHECK(warnings(with("0 100 1 0", "0 7 1 0"), 921600).empty());
 }
 
-TEST_CASE("the size of a frame, as the firmware's tables of rates have it") {
+TEST_CASE("the frame size matches the firmware's tables") {
   const auto bytes = [](const std::string& from, const std::string& to) {
     std::string text = with(from, to);
     const std::string fast = "0 100 1 0";  // too fast for a heat map
@@ -130,8 +131,8 @@ TEST_CASE("the size of a frame, as the firmware's tables of rates have it") {
   CHECK(bytes(gui, "guiMonitor -1 0 1 0 0 0 0") == 576);
   CHECK(bytes(gui, "guiMonitor -1 0 1 0 0 0 1") == 640);
   CHECK(bytes(gui, "guiMonitor -1 0 1 1 0 0 1") == 1152);
-  CHECK(bytes(gui, "guiMonitor -1 0 0 0 1 0 0") == 8256);   // 40 + 8 + 256 * 8 * 4, in 32s
-  CHECK(bytes(gui, "guiMonitor -1 0 0 0 0 1 0") == 16448);  // 40 + 8 + 256 * 32 * 2, in 32s
+  CHECK(bytes(gui, "guiMonitor -1 0 0 0 1 0 0") == 8256);   // 40 + 8 + 256 * 8 * 4, rounded to 32
+  CHECK(bytes(gui, "guiMonitor -1 0 0 0 0 1 0") == 16448);  // 40 + 8 + 256 * 32 * 2, rounded to 32
 }
 
 namespace {
@@ -144,7 +145,7 @@ std::vector<int> columns(const RadarProfile& p) {
 
 }  // namespace
 
-TEST_CASE("the heat map's antennas are those of the board, in the order of the chirps") {
+TEST_CASE("the heat map's antennas follow the board and the order of the chirps") {
   const std::string gui = "guiMonitor -1 1 1 0 0 0 1", on = "guiMonitor -1 0 1 0 1 0 1";
   const auto profile = [&](const std::string& text, Board board = Board::isk) {
     std::string with_map = text;
@@ -157,7 +158,7 @@ TEST_CASE("the heat map's antennas are those of the board, in the order of the c
   CHECK(columns(isk) == std::vector<int>{0, 1, 2, 3, 4, 5, 6, 7});
   CHECK_FALSE(isk.planar);
   CHECK(isk.warnings.empty());
-  CHECK(isk.frame_bytes == 8832);  // 40 + 8 + 512 + 8 + 8192 + 8 + 24 + 8 + 28, in 32s
+  CHECK(isk.frame_bytes == 8832);  // 40 + 8 + 512 + 8 + 8192 + 8 + 24 + 8 + 28, rounded to 32
   CHECK(same_axis(array_axis(isk), Axis{"array", "covariance", "m", 256, 0, isk.range_step_m, 8}));
   CHECK(columns(profile(with("channelCfg 15 7", "channelCfg 5 1"))) == std::vector<int>{0, 2});
   CHECK(columns(profile(with("channelCfg 15 7", "channelCfg 15 4"))) ==
@@ -165,8 +166,7 @@ TEST_CASE("the heat map's antennas are those of the board, in the order of the c
   const RadarProfile aop = profile(stock, Board::aop), ods = profile(stock, Board::ods);
   CHECK(aop.planar);
   CHECK(aop.frame_bytes == 12928);
-  // Each pair of places once: 12 antennas on a grid, of which the two boards leave out other
-  // places.
+  // Each position occurs once: 12 antennas on a grid, with different gaps on the two boards.
   const std::vector<AntennaPlace> of_aop{{1, 1}, {1, 0}, {0, 1}, {0, 0}, {1, 3}, {1, 2},
                                          {0, 3}, {0, 2}, {3, 3}, {3, 2}, {2, 3}, {2, 2}};
   const std::vector<AntennaPlace> of_ods{{0, 0}, {0, 1}, {1, 1}, {1, 0}, {2, 2}, {2, 3},
@@ -175,7 +175,7 @@ TEST_CASE("the heat map's antennas are those of the board, in the order of the c
   CHECK(ods.array == of_ods);
 }
 
-TEST_CASE("a heat map that cannot be used or sent in time is told") {
+TEST_CASE("an unusable or late heat map is reported") {
   const std::string gui = "guiMonitor -1 1 1 0 0 0 1", on = "guiMonitor -1 0 1 0 1 0 1";
   std::string text = with(gui, on);
   const auto warnings = [&](const std::string& from, const std::string& to, Board board) {
@@ -192,25 +192,26 @@ TEST_CASE("a heat map that cannot be used or sent in time is told") {
       return e.what();
     }
   };
-  CHECK(refusal("0 90 1 0", Board::isk) ==
-        "x.cfg:9: frameCfg wants a frame every 90 ms, but one of 8832 bytes takes 95.8 ms at "
-        "921600 baud; "
-        "with a heat map the firmware then sends nothing: expected a longer period, fewer bins or "
-        "no heat map");
+  CHECK(
+      refusal("0 90 1 0", Board::isk) ==
+      "x.cfg:9: frameCfg requests a frame every 90 ms, but a frame of 8832 bytes takes 95.8 ms at "
+      "921600 baud; "
+      "with a heat map the firmware then sends nothing: expected a longer period, fewer bins or "
+      "no heat map");
   CHECK_THAT(refusal("0 100 1 0", Board::aop),
-             Catch::Contains("frameCfg wants a frame every 100 ms"));
+             Catch::Contains("frameCfg requests a frame every 100 ms"));
   CHECK(warnings("0 100 1 0", "0 150 1 0", Board::aop).empty());
   CHECK_THAT(warnings("channelCfg 15 7", "channelCfg 7 5", Board::isk).at(0),
              Catch::StartsWith("x.cfg:4: channelCfg has fewer than 4 receivers"));
   const std::string other =
-      "chirpCfg 1 1 0 0 0 0 0 2\r\nchirpCfg 2 2 0 0 0 0 0 4\r\n";  // transmitter 2 second
+      "chirpCfg 1 1 0 0 0 0 0 2\r\nchirpCfg 2 2 0 0 0 0 0 4\r\n";  // transmitter 2 comes second
   const std::string usual = "chirpCfg 1 1 0 0 0 0 0 4\r\nchirpCfg 2 2 0 0 0 0 0 2\r\n";
   CHECK_THAT(warnings(usual, other, Board::isk).at(0),
              Catch::StartsWith("x.cfg:8: chirpCfg has transmitter 2 before 3"));
   CHECK_THAT(refusal("0 100 1 0", Board::ods), Catch::Contains("takes"));  // 12.9 kB take longer
 }
 
-TEST_CASE("the cfgs that come with it can be sent in time") {
+TEST_CASE("the installed cfgs can be sent in time") {
   for (const char* name :
        {"xwr68xx_azimuth_50cm", "xwr68xx_azimuth_44mm", "xwr68xx_44mm", "xwr68xx_paper_50cm",
         "xwr64xx_aop_50cm", "xwr64xx_aop_44mm", "xwr64xx_aop_azimuth_88mm", "xwr64xx_ods_50cm",
@@ -249,7 +250,7 @@ std::string changed(const std::string& from, const std::string& to) {
 
 }  // namespace
 
-TEST_CASE("subframes at other frequencies have the axis of one, and a packet each") {
+TEST_CASE("subframes with other frequencies share one axis and send one packet each") {
   std::ifstream file(test::source_dir + "/config/radar/xwr68xx_paper_50cm.cfg");
   const std::string paper{std::istreambuf_iterator<char>(file), {}};
   const RadarProfile p = parse_profile(four_subframes(), "x.cfg"),
@@ -262,7 +263,7 @@ TEST_CASE("subframes at other frequencies have the axis of one, and a packet eac
   CHECK(p.frame_period_s == 0.0125);
 }
 
-TEST_CASE("subframes that differ in more than their start are refused, with the line") {
+TEST_CASE("subframes that differ in more than the start frequency are refused with the line") {
   for (const auto& [from, to] : std::vector<std::pair<std::string, std::string>>{
            {"0 0 18.75 1 60 2000 0 0 30\nchirp", "0 0 15 1 60 2000 0 0 30\nchirp"},  // slope
            {"1 60 2000 0 0 30\nchirp", "1 64 2000 0 0 30\nchirp"},                   // samples
@@ -272,7 +273,7 @@ TEST_CASE("subframes that differ in more than their start are refused, with the 
               ": subFrameCfg has another range axis, or other antennas, than subframe 0; a record "
               "is the mean of all subframes");
   CHECK(refusal(changed("guiMonitor -1", "guiMonitor 2")) ==
-        "x.cfg:34: guiMonitor is of one subframe; expected -1, for all of them");
+        "x.cfg:34: guiMonitor selects one subframe; expected -1 for all");
   CHECK(refusal(changed("subFrameCfg 2 0", "subFrameCfg 1 0")) ==
         "x.cfg:29: advFrameCfg has no subFrameCfg 2");
   CHECK(refusal(changed("advFrameCfg 4", "% advFrameCfg 4")) == "x.cfg: has no advFrameCfg");
@@ -288,6 +289,6 @@ TEST_CASE("codes and powers are inverse, and doubling the magnitude is 6.02 dB")
   CHECK(power_from_code(0, 12) == 1);
   CHECK(code_from_power(0.2, 12) == 0);
   CHECK(code_from_power(0, 12) == 0);
-  // The CFAR threshold of the SDK: code = dB * 256/6 * antennas / 2^ceil(log2 antennas).
+  // CFAR threshold of the SDK: code = dB * 256/6 * antennas / 2^ceil(log2 antennas).
   CHECK(code_from_power(1e6, 12) == Approx(60 * 256 / 6.0206 * 12 / 16).epsilon(1e-5));
 }

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: MIT
-// The radar driver over real pseudo-terminals, with as much of the firmware behind them as it
-// takes.
+// Radar driver over real pseudo-terminals, with a minimal firmware.
 #include <pty.h>
 #include <unistd.h>
 
@@ -29,7 +28,7 @@ const std::string cfg =
     "guiMonitor -1 0 1 0 0 0 1\n"
     "sensorStart\n";
 
-// One end of a line; the other is published under a name.
+// One end of a serial line; the other end is published under a name.
 class Line {
  public:
   Line(port::SystemLoop& loop, const std::string& link) : master_(loop.io()), link_(link) {
@@ -64,11 +63,11 @@ class Line {
  private:
   boost::asio::posix::stream_descriptor master_;
   std::string link_;
-  int slave_ = -1;  // kept open, as a board keeps its end of the wire
+  int slave_ = -1;  // kept open, like the board's end of the line
   std::array<std::uint8_t, 256> buffer_{};
 };
 
-// Echo, answer, prompt. Unknown lines are answered with Done.
+// Sends echo, answer and prompt. Answers unknown lines with Done.
 struct Board {
   Board(port::SystemLoop& loop, const std::string& dir)
       : cli(loop, dir + "/cli"), data(loop, dir + "/data") {
@@ -117,7 +116,7 @@ struct Bench {
 
 }  // namespace
 
-TEST_CASE("the cfg goes to the board verbatim, then frames come") {
+TEST_CASE("the cfg is sent to the board unchanged, then frames arrive") {
   Bench b;
   Board board(b.loop, b.dir);
   board.answers["version"] = "mmWave SDK Version      : 03.05.00.04\n\rDone\n\r";
@@ -156,7 +155,7 @@ TEST_CASE("the cfg goes to the board verbatim, then frames come") {
   CHECK(b.sink.calls() == calls);
 }
 
-TEST_CASE("a heat map of another board than the configured is dropped, its profile is kept") {
+TEST_CASE("a heat map that does not match the configured board is dropped, its profile is kept") {
   Bench b;
   Board board(b.loop, b.dir);
   std::string text = cfg;
@@ -182,12 +181,12 @@ TEST_CASE("a heat map of another board than the configured is dropped, its profi
   CHECK(test::counter(*driver, "arrays") == 3);
   CHECK(test::counter(*driver, "bad_arrays") == 1);
   CHECK(b.sink.events ==
-        std::vector<std::string>{"its heat map is of 48 samples in TLV 8, the cfg and radar.board "
-                                 "ask for 32 in TLV 4; it is not used"});
+        std::vector<std::string>{"heat map has 48 samples in TLV 8, but the cfg and radar.board "
+                                 "give 32 in TLV 4; heat map ignored"});
   driver->stop();
 }
 
-TEST_CASE("a port that is not there is told with its name") {
+TEST_CASE("a missing port is reported with its name") {
   Bench b;
   const auto driver = b.make();
   driver->start(b.sink);
@@ -195,7 +194,7 @@ TEST_CASE("a port that is not there is told with its name") {
   CHECK_THAT(b.sink.events.at(0), Catch::Contains(b.dir + "/cli: open: No such file or directory"));
 }
 
-TEST_CASE("swapped ports are told at the start, if their names tell") {
+TEST_CASE("swapped ports are reported at the start if their names reveal it") {
   Bench b;
   const std::string by_id = "serial:/dev/serial/by-id/usb-Texas_Instruments_XDS110_R1-if0";
   const auto swapped = make_radar(b.loop, {by_id + "3", by_id + "0", cfg, "x.cfg"});

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
-// Data-port streams as recordings of other boards and labs have them, each built here byte by byte:
-// other headers behind the same magic, other TLVs, starts in the middle, ends in the middle, frames
-// that are shorter than they say. Nothing of it goes through an encoder of ours.
+// Data-port streams like those of other boards and labs, built byte by byte without our encoder:
+// other headers with the same magic, other TLVs, starts and ends inside a frame, frames shorter
+// than their header states.
 #include <catch2/catch.hpp>
 
 #include "drivers/core/random.hpp"
@@ -20,8 +20,8 @@ struct Tlv {
   std::size_t bytes;
 };
 
-// A frame with the demo's 40-byte header. `unit`: its length is a multiple of that. `claimed`: what
-// its header says, if not the truth.
+// Frame with the demo's 40-byte header. `unit`: its length is a multiple of this. `claimed`: length
+// in the header, if wrong.
 struct Lab {
   std::uint32_t version = 0x03030002, platform = 0xa6843;
   std::vector<Tlv> tlvs;
@@ -70,7 +70,7 @@ Bytes frame_48(std::uint32_t number, std::uint32_t track_us) {
   return out;
 }
 
-// People counting, older: 52 bytes; platform and time stand before the length.
+// People counting, older: 52 bytes; platform and time precede the length.
 Bytes frame_52(std::uint32_t number) {
   Bytes out;
   put_magic(out);
@@ -81,7 +81,7 @@ Bytes frame_52(std::uint32_t number) {
   put(out, std::uint16_t{1});
   put(out, static_cast<std::uint16_t>(0x1234 + number));
   put(out, std::uint32_t{7});
-  put(out, std::uint32_t{48});  // with its own header
+  put(out, std::uint32_t{48});  // including its header
   put_payload(out, 40, number);
   return out;
 }
@@ -110,7 +110,7 @@ struct Seen {
   FrameCounts counts;
 };
 
-// Whole and in pieces: the same must come out, and every byte must be accounted for.
+// Parses the whole and in pieces; the results must match, and every byte must be counted.
 Seen parse(ByteView bytes) {
   std::vector<Seen> runs;
   for (const std::size_t piece : {bytes.size(), std::size_t{1}, std::size_t{61}}) {
@@ -163,7 +163,7 @@ TEST_CASE("every TLV type is counted") {
   CHECK(s.bins == std::map<std::size_t, int>{{256, 50}});
 }
 
-TEST_CASE("frames with heat maps: a start or an end anywhere costs one frame, a lost piece too") {
+TEST_CASE("frames with heat maps: a start, an end or a gap at any byte costs one frame") {
   const Bytes all = stream(3, azimuth);
   const std::size_t size = all.size() / 3;
   CHECK(size == 8832);
@@ -173,7 +173,7 @@ TEST_CASE("frames with heat maps: a start or an end anywhere costs one frame, a 
     REQUIRE(late.numbers == from_to(2, 3));
     REQUIRE(early.numbers == from_to(1, 2));
     REQUIRE(late.counts.arrays == 2);
-    Bytes hole = all;  // the bytes that a full buffer drops
+    Bytes hole = all;  // bytes dropped by a full buffer
     const auto from = hole.begin() + static_cast<std::ptrdiff_t>(at);
     hole.erase(from, from + 256);
     const Seen s = parse(hole);
@@ -183,7 +183,7 @@ TEST_CASE("frames with heat maps: a start or an end anywhere costs one frame, a 
   }
 }
 
-TEST_CASE("a start at any byte of a frame costs that frame only") {
+TEST_CASE("a start at any byte of a frame loses only that frame") {
   const Bytes all = stream(4, demo);
   const std::size_t size = all.size() / 4;
   for (std::size_t from = 1; from < size; from += 7) {
@@ -194,7 +194,7 @@ TEST_CASE("a start at any byte of a frame costs that frame only") {
   }
 }
 
-TEST_CASE("an end at any byte of a frame gives all before it, and that one not") {
+TEST_CASE("an end at any byte of a frame delivers all earlier frames") {
   const Bytes all = stream(3, exact);
   const std::size_t size = all.size() / 3;
   for (std::size_t cut = 1; cut < size; ++cut) {
@@ -204,7 +204,7 @@ TEST_CASE("an end at any byte of a frame gives all before it, and that one not")
   }
 }
 
-TEST_CASE("where every frame is shorter than its header says, none is delivered") {
+TEST_CASE("frames that are all shorter than their header states are not delivered") {
   const std::size_t missing = GENERATE(1u, 7u, 31u, 32u, 100u, 500u);
   const Bytes one = frame_of(demo, 1);
   const Bytes all =
@@ -216,7 +216,7 @@ TEST_CASE("where every frame is shorter than its header says, none is delivered"
   CHECK(s.counts.truncated_bytes == all.size());
 }
 
-TEST_CASE("a board that is reset in the middle of a frame: the part is not completed by the next") {
+TEST_CASE("a partial frame before a reset is not completed by later bytes") {
   const Bytes before = frame_of(demo, 5000), after = stream(3, demo);
   for (const std::size_t cut : {41u, 100u, 400u, 600u}) {
     Bytes all = part(before, 0, cut);
@@ -229,21 +229,21 @@ TEST_CASE("a board that is reset in the middle of a frame: the part is not compl
   }
 }
 
-TEST_CASE("TLVs of other labs under the demo's header") {
-  SECTION("vital signs: type 6 is no stats, type 2 is some other profile") {
+TEST_CASE("TLVs of other labs with the demo's header") {
+  SECTION("vital signs: type 6 is not stats, type 2 is another profile") {
     const Seen s = parse(stream(30, vital_signs));
     CHECK(s.numbers == from_to(1, 30));
     CHECK(s.counts.tlvs == std::map<std::uint32_t, std::uint64_t>{{2, 30}, {6, 30}});
     CHECK(s.counts.other_tlvs == 30);
     CHECK(s.bins == std::map<std::size_t, int>{{38, 30}});
   }
-  SECTION("lengths that are no multiple of 32") {
+  SECTION("lengths that are not multiples of 32") {
     const Seen s = parse(stream(30, exact));
     CHECK(s.numbers == from_to(1, 30));
     CHECK(s.counts.tlvs == std::map<std::uint32_t, std::uint64_t>{{2, 30}, {1010, 30}});
     CHECK(s.counts.junk_bytes == 0);
   }
-  SECTION("endless new types take no endless memory") {
+  SECTION("new types do not use unlimited memory") {
     const Seen s = parse(stream(300, [](std::uint32_t i) {
       return frame_of(Lab{.tlvs = {{1000 + i, 12}}}, i);
     }));
@@ -253,7 +253,7 @@ TEST_CASE("TLVs of other labs under the demo's header") {
   }
 }
 
-TEST_CASE("other headers behind the same magic are refused, frame by frame") {
+TEST_CASE("other headers with the same magic are refused, frame by frame") {
   SECTION("48 bytes") {
     for (const std::uint32_t track_us : {0u, 1u, 16u, 400u, 100'000u}) {
       const Seen s = parse(stream(60, [&](std::uint32_t i) { return frame_48(i, track_us); }));
@@ -268,7 +268,7 @@ TEST_CASE("other headers behind the same magic are refused, frame by frame") {
     CHECK(s.counts.bad_headers == 60);
     CHECK(s.counts.junk_bytes == s.counts.bytes);
   }
-  SECTION("and the demo's frames between them come through") {
+  SECTION("frames of the demo between them are delivered") {
     const Seen s = parse(stream(60, [](std::uint32_t i) {
       return i % 3 == 0 ? frame_48(i, 300) : i % 3 == 1 ? frame_52(i) : frame_of(demo, i);
     }));
@@ -277,7 +277,7 @@ TEST_CASE("other headers behind the same magic are refused, frame by frame") {
   }
 }
 
-TEST_CASE("a count of TLVs that does not fill the packet is a damaged header") {
+TEST_CASE("a TLV count that does not fill the packet is a damaged header") {
   const Seen s = parse(stream(3, [](std::uint32_t i) {
     Bytes one = frame_of(demo, i);
     if (i == 2) one[32] = 1;
@@ -288,7 +288,7 @@ TEST_CASE("a count of TLVs that does not fill the packet is a damaged header") {
   CHECK(s.counts.lost_frames == 1);
 }
 
-TEST_CASE("frame numbers that jump are believed when the next one follows") {
+TEST_CASE("frame numbers that jump are accepted once the next one follows") {
   const auto lost = [](const Numbers& numbers) {
     FrameParser parser;
     std::uint64_t told = 0;
@@ -303,18 +303,18 @@ TEST_CASE("frame numbers that jump are believed when the next one follows") {
   using Result = std::pair<std::uint64_t, std::uint64_t>;
   CHECK(lost({7, 8, 11, 12}) == Result{2, 0});
   CHECK(lost({7, 8, 5000, 5001}) == Result{4991, 0});
-  CHECK(lost({7, 8, 5000}) == Result{4991, 0});                 // nothing contradicts it
+  CHECK(lost({7, 8, 5000}) == Result{4991, 0});                 // not contradicted
   CHECK(lost({7, 8, 9 + (1u << 18), 10, 11}) == Result{0, 0});  // a flipped bit
   CHECK(lost({7, 8, 9 + (1u << 30), 10, 11}) == Result{0, 0});
   CHECK(lost({70, 71, 8, 73, 74}) == Result{0, 0});
   CHECK(lost({70, 71, 8, 75, 76}) == Result{2, 0});
-  CHECK(lost({70, 71, 70, 71, 72}) == Result{0, 0});              // came twice
+  CHECK(lost({70, 71, 70, 71, 72}) == Result{0, 0});              // repeated
   CHECK(lost({500, 501, 1, 2, 3}) == Result{0, 1});               // a reset
   CHECK(lost({500, 501, 1, 3, 500, 501}) == Result{1 + 496, 1});  // and a gap after it
-  CHECK(lost({0xfffffffe, 0xffffffff, 0, 1}) == Result{0, 0});    // the count wraps
+  CHECK(lost({0xfffffffe, 0xffffffff, 0, 1}) == Result{0, 0});    // the counter wraps
 }
 
-TEST_CASE("a jump at the end of a connection is a loss of the next one's first frame") {
+TEST_CASE("a jump at the end of a connection is a loss before the next connection's first frame") {
   FrameParser parser;
   std::vector<std::uint32_t> lost;
   const auto add = [&](const RadarFrame& f) { lost.push_back(f.lost_before); };
@@ -325,7 +325,7 @@ TEST_CASE("a jump at the end of a connection is a loss of the next one's first f
   CHECK(parser.counts().lost_frames == 491 + 2);
 }
 
-TEST_CASE("any mixture of all this ends, and delivers exactly the frames that were sent whole") {
+TEST_CASE("random mixtures of all faults end, and deliver exactly the complete frames") {
   for (std::uint32_t seed = 1; seed <= 150; ++seed) {
     Rng rng = make_rng(seed, 6);
     Bytes bytes;
@@ -336,7 +336,7 @@ TEST_CASE("any mixture of all this ends, and delivers exactly the frames that we
                   : kind == 1 ? frame_52(i)
                   : kind == 2 ? frame_of(Lab{.tlvs = vital_signs.tlvs}, i)
                               : frame_of(demo, i);
-      if (kind == 3) one.resize(1 + rng() % (one.size() - 33));  // more than padding is missing
+      if (kind == 3) one.resize(1 + rng() % (one.size() - 33));  // more than the padding is missing
       if (kind == 4) one.assign(rng() % 300, static_cast<std::uint8_t>(rng() % 9));
       if (kind == 2 || kind > 4) whole.push_back(i);
       bytes.insert(bytes.end(), one.begin(), one.end());

@@ -38,7 +38,7 @@ struct Folder {
 
 std::unique_ptr<Worker> thread() { return SystemLoop().make_worker(); }
 
-// Tells `hello` as soon as it is opened.
+// Sends `hello` as soon as it is opened.
 struct Speaker final : BytePort {
   void open(PortHandlers handlers) override { handlers.bytes(test::view_of("hello")); }
   void write(ByteView bytes) override { written.assign(bytes.begin(), bytes.end()); }
@@ -47,7 +47,7 @@ struct Speaker final : BytePort {
 
 }  // namespace
 
-TEST_CASE("every connection has a file of its own, made with its first bytes") {
+TEST_CASE("every connection has its own file, created with its first bytes") {
   const Folder folder;
   RawKeeper keeper(folder.path, thread());
   std::string heard;
@@ -73,7 +73,7 @@ TEST_CASE("every connection has a file of its own, made with its first bytes") {
   CHECK(keeper.finish().dropped == 4);
 }
 
-TEST_CASE("without a keeper the opener stays as it is") {
+TEST_CASE("without a keeper the opener is unchanged") {
   VirtualLoop loop;
   const auto port = tap(
       loop, [] { return std::make_unique<Speaker>(); }, nullptr, "x", ".y")();
@@ -81,7 +81,7 @@ TEST_CASE("without a keeper the opener stays as it is") {
   CHECK(dynamic_cast<Speaker&>(*port).written == Bytes{'w'});
 }
 
-TEST_CASE("what the disk does not take in time is dropped and counted") {
+TEST_CASE("bytes that the disk does not write in time are dropped and counted") {
   const Folder folder;
   RawKeeper keeper(folder.path, thread(), {.queue_bytes = 10, .reserve_bytes = 0});
   keeper.put("a", Bytes(11));
@@ -91,14 +91,14 @@ TEST_CASE("what the disk does not take in time is dropped and counted") {
   CHECK(counts.kept == 10);
 }
 
-TEST_CASE("the first failure ends the keeping, once told") {
+TEST_CASE("the first failure ends the capture and is reported once") {
   const Folder folder;
   RawLimits limits{.reserve_bytes = 0};
   const char* why = "";
-  SECTION("no folder any more") { why = "No such file or directory"; }
-  SECTION("no room") {
+  SECTION("removed folder") { why = "No such file or directory"; }
+  SECTION("disk full") {
     limits.reserve_bytes = UINT64_MAX;
-    why = "are left to the run";
+    why = "(reserved for the run)";
   }
   RawKeeper keeper(folder.path, thread(), limits);
   if (limits.reserve_bytes == 0) fs::remove(folder.path);
@@ -108,14 +108,14 @@ TEST_CASE("the first failure ends the keeping, once told") {
     std::this_thread::sleep_for(std::chrono::milliseconds(5));
     trouble = keeper.take_trouble();
   }
-  CHECK_THAT(trouble, Catch::Contains(why) &&
-                          Catch::EndsWith("raw bytes are no longer kept, the run goes on"));
+  CHECK_THAT(trouble,
+             Catch::Contains(why) && Catch::EndsWith("raw capture stopped, the run continues"));
   CHECK(keeper.take_trouble().empty());
   keeper.put("a", Bytes(6));
   CHECK(keeper.finish().dropped == 11);
 }
 
-TEST_CASE("a folder with something in it is refused") {
+TEST_CASE("a folder that is not empty is refused") {
   const Folder folder;
   fs::create_directories(folder.path);
   std::ofstream(fs::path(folder.path) / "x") << "y";
@@ -123,7 +123,7 @@ TEST_CASE("a folder with something in it is refused") {
   CHECK_THROWS_AS(RawKeeper((fs::path(folder.path) / "x").string(), thread()), Error);
 }
 
-TEST_CASE("the blocks of a run's camera are those of the protocol") {
+TEST_CASE("stored blocks of a run's camera match the bridge protocol") {
   using namespace echofuse::bridge;
   const auto golden = test::read_golden("bridge.hex");
   for (std::size_t i = 0; i < golden.size(); ++i) {

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
-// Recorded and damaged bytes with what a parser makes of them beside: tests/fuzz/corpus holds the
-// bytes, recorded/NAME.txt a line for each file. A parser that reads one of them in another way
-// fails here; who changes it on purpose checks the line that is printed and puts it into the table.
+// Recorded and damaged bytes with the expected parser result: tests/fuzz/corpus holds the bytes,
+// recorded/NAME.txt one line per file. A parser with another result fails here. After an intended
+// change, check the printed line and copy it into the table.
 #include <algorithm>
 #include <catch2/catch.hpp>
 #include <filesystem>
@@ -18,7 +18,7 @@ using namespace echofuse;
 
 namespace {
 
-// The first byte says how the fuzzer cuts the stream.
+// The first byte selects the split of the stream.
 Bytes stream_of(const std::filesystem::path& path) {
   std::ifstream in(path, std::ios::binary);
   in.get();
@@ -54,7 +54,7 @@ std::string bridge_blocks(const Bytes& stream) {
   return line_of(counters_of(parser.counts()), delivered.str());
 }
 
-using Table = std::map<std::string, std::string>;  // by file
+using Table = std::map<std::string, std::string>;  // file to line
 
 Table expected(const std::string& name) {
   std::ifstream in(test::source_dir + "/tests/drivers/recorded/" + name + ".txt");
@@ -65,7 +65,7 @@ Table expected(const std::string& name) {
 
 }  // namespace
 
-TEST_CASE("recorded bytes are what the table beside them says") {
+TEST_CASE("recorded bytes give the results in the table") {
   const auto [name, parse] = GENERATE(table<std::string, std::string (*)(const Bytes&)>(
       {{"radar_frames", radar_frames}, {"bridge_blocks", bridge_blocks}}));
   const Table table = expected(name);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Recordings of real devices, made by others: they are not part of the repository. Without them
-// this program exits with 77, which ctest shows as skipped.
+// Recordings of real devices by others, not part of the repository. Without them this program exits
+// with 77, which ctest shows as skipped.
 #include <catch2/catch.hpp>
 #include <cstdlib>
 #include <filesystem>
@@ -36,7 +36,7 @@ const char* const automated_doors = "ti-radar/xwr68xx_oob_automated_doors.dat";
 
 }  // namespace
 
-TEST_CASE("automated doors: 101 frames, nothing lost, whatever the pieces") {
+TEST_CASE("automated doors: 101 frames without loss, for any split") {
   const Bytes bytes = read(data_folder() / automated_doors);
   REQUIRE(bytes.size() == 79'360);
   for (const std::size_t piece :
@@ -70,7 +70,7 @@ TEST_CASE("automated doors: 101 frames, nothing lost, whatever the pieces") {
   }
 }
 
-TEST_CASE("automated doors: imported, each frame is in the record of its time") {
+TEST_CASE("automated doors: after the import each frame is in the record of its time") {
   const test::Folder folder;
   const std::string config = folder / "lab.toml";
   std::ofstream(config) << "[tdc]\naddress = \"bridge:tcp://127.0.0.1:9\"\n[run]\nwindow_s = 1.0\n";
@@ -94,7 +94,7 @@ TEST_CASE("automated doors: imported, each frame is in the record of its time") 
   CHECK(frames == 101);
   CHECK(run.info().started_utc == "2024-02-07T12:00:00.000Z");
   CHECK(run.info().ended_utc == "2024-02-07T12:00:10.000Z");
-  // The cfg is not that of the recording, whose frames come ten times a second.
+  // The cfg differs from the recording, which has ten frames per second.
   CHECK(run.events().at(0).text.find("a frame came every 100.0 ms, the cfg says 50.0 ms") !=
         std::string::npos);
 }

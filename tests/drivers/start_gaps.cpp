@@ -12,7 +12,8 @@ using namespace echofuse::tdc;
 
 namespace {
 
-// Pulses of 50 ns with a click each by this chance; the device passes all starts or only theirs.
+// Pulses every 50 ns with a click probability `chance`; the device passes all starts or only those
+// with a click.
 std::vector<Tag> pulses(double chance, bool filtered, std::int64_t count, Rng& rng) {
   std::bernoulli_distribution clicks(chance);
   std::vector<Tag> tags;
@@ -33,7 +34,7 @@ double share_of(const std::vector<Tag>& tags) {
 
 }  // namespace
 
-TEST_CASE("with a conditional filter the gaps between starts tell the chance of a click") {
+TEST_CASE("with a conditional filter the gaps between starts give the click probability") {
   Rng rng = make_rng(7, 0);
   for (const double chance : {0.03, 0.1, 0.5, 0.95}) {
     const double n = 1e6 * chance, gaps = std::min(n, 1e5);
@@ -44,13 +45,13 @@ TEST_CASE("with a conditional filter the gaps between starts tell the chance of 
     CHECK(share_of(pulses(chance, true, 10'000'000, rng)) < 0.02);
 }
 
-TEST_CASE("without a filter every pulse arrives, however bright it is") {
+TEST_CASE("without a filter all pulses arrive, at any brightness") {
   Rng rng = make_rng(7, 1);
   for (const double chance : {0.001, 0.5, 1.0})
     CHECK(share_of(pulses(chance, false, 20'000, rng)) == 1);
 }
 
-TEST_CASE("gaps in the stream and damaged times are no pulses") {
+TEST_CASE("gaps in the stream and damaged times do not count as pulses") {
   Rng rng = make_rng(7, 2);
   auto tags = pulses(0.1, true, 1'000'000, rng);
   const double whole = share_of(tags);
@@ -66,7 +67,7 @@ TEST_CASE("gaps in the stream and damaged times are no pulses") {
   CHECK_FALSE(gaps.share());
 }
 
-TEST_CASE("clicks a laser pulse are the same, whether all starts arrive or those with a click") {
+TEST_CASE("clicks per laser pulse are equal with and without a conditional filter") {
   Rng rng = make_rng(7, 3);
   for (const double chance : {0.03, 0.1, 0.5}) {
     for (const bool filtered : {false, true}) {
@@ -79,7 +80,7 @@ TEST_CASE("clicks a laser pulse are the same, whether all starts arrive or those
             Approx(chance).epsilon(0.1));
     }
   }
-  // Too few to say.
+  // Too few tags for an estimate.
   StartGaps few(1);
   CHECK_FALSE(few.clicks_a_pulse(0, 0));
   few.add(pulses(1e-3, true, 100'000, rng));

@@ -8,7 +8,7 @@
 
 namespace echofuse::test {
 
-// TI's stock xwr68xx profile, the lines that matter.
+// Relevant lines of TI's stock xwr68xx profile.
 inline const std::string stock =
     "% a comment\r\n"
     "sensorStop\r\n"

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Every instruction set of this processor against single tags (SCALAR never takes a group), which
-// histogram.cpp and the fuzz target hold against the definition.
+// Compares every instruction set of this processor with single tags (SCALAR never uses a group).
+// histogram.cpp and the fuzz target compare those with the reference.
 #include "drivers/tdc/tag_groups.hpp"
 
 #include <hwy/highway.h>
@@ -23,7 +23,7 @@ struct Outcome {
   bool operator==(const Outcome&) const = default;
 };
 
-// In blocks of this many tags.
+// Counts the tags in blocks of `block` tags.
 Outcome count(const HistogramSettings& settings, std::span<const Tag> tags, std::size_t block) {
   Histogram histogram(settings);
   for (; !tags.empty(); tags = tags.subspan(std::min(block, tags.size())))
@@ -41,11 +41,11 @@ void compare(const HistogramSettings& settings, std::span<const Tag> tags, std::
     INFO(hwy::TargetName(target));
     REQUIRE((with(target) == singly));
   }
-  hwy::GetChosenTarget().DeInit();  // the best, as before
+  hwy::GetChosenTarget().DeInit();  // restore the best target
 }
 
-// Starts, clicks and others, now and then back in time; from near the wrap of the clock, and with a
-// marker or a bad tag among 40 or 4 tags, in some streams.
+// Random starts, clicks and other tags, some backwards in time; optionally near the wrap of the
+// clock, and with a marker or bad tag among 40 or 4 tags.
 std::vector<Tag> stream(Rng& rng, std::size_t size, bool near_wrap, std::uint64_t marker_among) {
   std::vector<Tag> tags(size);
   std::uint64_t time = near_wrap ? (std::uint64_t{1} << 63) - 5'000'000 : rng() >> 20;
@@ -68,7 +68,7 @@ std::vector<Tag> stream(Rng& rng, std::size_t size, bool near_wrap, std::uint64_
 
 }  // namespace
 
-TEST_CASE("groups of tags count what single tags do") {
+TEST_CASE("groups of tags give the counts of single tags") {
   const int streams = std::getenv("ECHOFUSE_LONG") ? 200'000 : 2000;
   constexpr std::uint64_t marker_among[] = {0, 40, 4};
   for (int i = 0; i < streams; ++i) {
@@ -83,14 +83,14 @@ TEST_CASE("groups of tags count what single tags do") {
   }
 }
 
-TEST_CASE("groups of tags count what single tags do, in a long block") {
+TEST_CASE("groups of tags give the counts of single tags, in a long block") {
   Rng rng = make_rng(1, 19);
   for (const std::uint64_t marker_among : {0, 1000})
     compare({}, stream(rng, 100'000, true, marker_among), 65'536);
 }
 
-TEST_CASE("bin borders are exact in groups as well") {
-  const std::int64_t width = 67'108'863;  // 2^26 - 1: no power of two to help
+TEST_CASE("bin edges are exact in groups") {
+  const std::int64_t width = 67'108'863;  // 2^26 - 1: not a power of two
   const std::uint32_t bins = 1u << 24;
   std::vector<Tag> tags{{.channel = 1, .time_ps = 5}};
   Rng rng = make_rng(3, 4);

@@ -4,7 +4,7 @@
 
 namespace echofuse::test {
 
-// The emulated bus of this program.
+// Returns the emulated bus of this program.
 sim::UsbBed& bed();
 
 }  // namespace echofuse::test

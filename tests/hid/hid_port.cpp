@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// The HID port, and the stock hidapi below it, against an emulated CP2110.
+// HID port and stock hidapi against an emulated CP2110.
 #include <hidapi/hidapi.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -22,7 +22,7 @@ using namespace std::chrono_literals;
 
 namespace {
 
-// A bridge whose UART keeps what the host sends.
+// Bridge with a UART that stores the bytes sent by the host.
 class Bridge {
  public:
   explicit Bridge(const std::string& serial = "A", unsigned number = 0)
@@ -49,7 +49,7 @@ class Bridge {
   sim::HidCp2110 device;
 };
 
-// A port and what it told.
+// Port with its recorded events.
 struct Host {
   void open(const std::string& serial = "", std::uint32_t baud = 115200) {
     opened = gone = 0;
@@ -98,7 +98,7 @@ Bytes pattern(std::size_t n) {
 
 }  // namespace
 
-TEST_CASE("the bridge with the wanted serial number is opened and configured") {
+TEST_CASE("the bridge with the requested serial number is opened and configured") {
   Bridge a("A", 0), b("B", 1);
   Host host;
   host.opens("B", 921600);
@@ -110,16 +110,16 @@ TEST_CASE("the bridge with the wanted serial number is opened and configured") {
   CHECK(a.device.baud() == 115200);
 }
 
-TEST_CASE("an address that fits two bridges is refused") {
+TEST_CASE("an address that matches two bridges is refused") {
   Bridge a("A", 0), b("B", 1);
   Host host;
   host.open();
   host.goes();
-  CHECK_THAT(host.why,
-             Catch::StartsWith("hid:10c4:ea80: open; the address fits several (attached: "));
+  CHECK_THAT(host.why, Catch::StartsWith(
+                           "hid:10c4:ea80: open; the address matches several devices (attached: "));
 }
 
-TEST_CASE("bytes both ways, long writes are cut") {
+TEST_CASE("bytes are transferred both ways, long writes are split") {
   Bridge bridge;
   Host host;
   host.opens();
@@ -134,7 +134,7 @@ TEST_CASE("bytes both ways, long writes are cut") {
   CHECK(host.warnings.empty());
 }
 
-TEST_CASE("what was received before the port was opened is thrown away") {
+TEST_CASE("bytes received before the port was opened are discarded") {
   Bridge bridge;
   Host host;
   host.opens();
@@ -147,11 +147,11 @@ TEST_CASE("what was received before the port was opened is thrown away") {
   CHECK(host.received == fresh);
 }
 
-TEST_CASE("reports with a wrong count") {
+TEST_CASE("reports with a wrong count are limited to their bytes") {
   Bridge bridge;
   Host host;
   host.opens();
-  bridge.device.raw_input(Bytes{63, 1, 2, 3});  // promises more than it holds
+  bridge.device.raw_input(Bytes{63, 1, 2, 3});  // the count exceeds the bytes
   bridge.device.raw_input(Bytes(64, 0));
   bridge.device.raw_input(Bytes(64, 200));
   bridge.device.raw_input(Bytes{1, 9, 9, 9});
@@ -159,7 +159,7 @@ TEST_CASE("reports with a wrong count") {
   CHECK(host.received == Bytes{1, 2, 3, 9});
 }
 
-TEST_CASE("an overrun in the bridge is told, and counted once") {
+TEST_CASE("an overrun in the bridge is reported and counted once") {
   Bridge bridge;
   Host host;
   host.opens();
@@ -172,7 +172,7 @@ TEST_CASE("an overrun in the bridge is told, and counted once") {
   CHECK(host.losses == 1);
 }
 
-TEST_CASE("a baud rate beyond the USB pipe is told") {
+TEST_CASE("a baud rate beyond the USB pipe gives a warning") {
   Bridge bridge;
   Host host;
   host.opens("A", 921600);
@@ -186,7 +186,7 @@ TEST_CASE("a baud rate beyond the USB pipe is told") {
   CHECK(host.warnings.empty());
 }
 
-TEST_CASE("unplugged: gone, once, then the address is not there") {
+TEST_CASE("after an unplug the port fails once, and the address is not found") {
   Bridge bridge;
   Host host;
   host.opens("A");
@@ -204,7 +204,7 @@ TEST_CASE("unplugged: gone, once, then the address is not there") {
   CHECK(bridge.sent().empty());
 }
 
-TEST_CASE("unplugged and replugged 100 times") {
+TEST_CASE("a bridge is reopened after each of 100 disconnections") {
   Bridge bridge;
   Host host;
   const auto start = std::chrono::steady_clock::now();
@@ -223,7 +223,7 @@ TEST_CASE("unplugged and replugged 100 times") {
        << std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count() << " s");
 }
 
-TEST_CASE("another serial number: told which ones are there") {
+TEST_CASE("a wrong serial number is refused with the attached ones") {
   Bridge bridge("A");
   Host host;
   host.open("Z");
@@ -231,7 +231,7 @@ TEST_CASE("another serial number: told which ones are there") {
   CHECK(host.why == "hid:10c4:ea80:Z: open (attached: A): No such device");
 }
 
-TEST_CASE("a bridge that another program has is left alone, and is free once that is gone") {
+TEST_CASE("a bridge in use by another program is left alone, and can be opened later") {
   Bridge bridge;
   Host first, second;
   first.opens("A");
@@ -239,8 +239,8 @@ TEST_CASE("a bridge that another program has is left alone, and is free once tha
   second.goes();
   CHECK(second.why ==
         "hid:10c4:ea80: open /dev/hidraw0 (in use by another program): Device or resource busy");
-  // The emulation hears of an open after it, and empties the buffer then: of the lock's, of
-  // hidapi's, and of the second program's.
+  // The emulation notices an open later and then empties the buffer: for the lock, for hidapi, and
+  // for the second program.
   REQUIRE(second.until([&] { return bridge.device.opened() == 3; }));
   bridge.device.receive(pattern(100));
   CHECK(first.until([&] { return first.received == pattern(100); }));
@@ -248,10 +248,10 @@ TEST_CASE("a bridge that another program has is left alone, and is free once tha
   second.opens();
 }
 
-TEST_CASE("no permission: told what grants it, and listed so") {
+TEST_CASE("a missing permission is reported with its remedy, also in the listing") {
   Bridge bridge;
   const std::string root = test::bed().root(), node = root + "/dev/hidraw0";
-  // The emulation's own files are for everyone; only the node is not.
+  // The emulation's files are readable for everyone; only the node is not.
   std::filesystem::permissions(root, std::filesystem::perms(0755));
   for (const auto& entry : std::filesystem::recursive_directory_iterator(root + "/ioctl"))
     std::filesystem::permissions(entry, std::filesystem::perms(0777));
@@ -274,14 +274,14 @@ TEST_CASE("no permission: told what grants it, and listed so") {
         "no read/write permission on /dev/hidraw0: install config/70-echofuse.rules");
 }
 
-TEST_CASE("a slow consumer: what does not fit is dropped, and every byte counted") {
+TEST_CASE("a slow consumer loses bytes, and all are counted") {
   Bridge bridge;
   Host host;
   host.opens();
   constexpr std::uint64_t reports = 6000, kept = 256 << 10;
   const Bytes report(64, 63);
   for (std::uint64_t i = 0; i < reports; ++i) {
-    // The kernel's buffer is not at issue here: wait until the port has emptied it.
+    // Wait until the port has emptied the kernel's buffer, which must not overflow here.
     while (bridge.device.host_waiting() > 1000) std::this_thread::sleep_for(1ms);
     bridge.device.raw_input(report);
   }
@@ -289,10 +289,10 @@ TEST_CASE("a slow consumer: what does not fit is dropped, and every byte counted
   CHECK(bridge.device.host_dropped() == 0);
   CHECK(host.received.size() >= kept);
   CHECK(host.losses > 0);
-  CHECK_THAT(host.warnings.at(0), Catch::Contains("not fetched in time"));
+  CHECK_THAT(host.warnings.at(0), Catch::Contains("did not read them in time"));
 }
 
-TEST_CASE("the devices command finds it, in a program of its own") {
+TEST_CASE("the devices command of the program finds the bridge") {
   Bridge bridge("00A1");
   const auto folder =
       std::filesystem::temp_directory_path() / ("echofuse-" + std::to_string(::getpid()));
@@ -306,7 +306,7 @@ TEST_CASE("the devices command finds it, in a program of its own") {
                        Catch::Contains("radar.cli or radar.data = \"hid:10c4:ea80:00A1\""));
 }
 
-TEST_CASE("a port that is destroyed at any moment says no more") {
+TEST_CASE("a port may be destroyed at any time without later events") {
   Bridge bridge;
   Host host;
   for (int i = 0; i < 20; ++i) {

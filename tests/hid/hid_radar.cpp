@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// The simulated radar board behind two CP2110, the unmodified driver above.
+// Simulated radar board behind two CP2110, with the unmodified driver.
 #include <algorithm>
 #include <catch2/catch.hpp>
 #include <fstream>
@@ -17,7 +17,7 @@ using test::run_until;
 
 namespace {
 
-// Board and driver share one loop.
+// Board and driver on one loop.
 struct Bench {
   Bench() {
     const auto uart = [this](unsigned number, const char* serial, sim::HidUart*& made) {
@@ -49,7 +49,7 @@ struct Bench {
 
 }  // namespace
 
-TEST_CASE("dialogue and frames over two HID ports, unplug and back") {
+TEST_CASE("dialogue and frames over two HID ports, also after a reconnection") {
   Bench b;
   b.driver->start(b.sink);
   REQUIRE(run_until(
@@ -78,7 +78,7 @@ TEST_CASE("dialogue and frames over two HID ports, unplug and back") {
   b.board->stop();
 }
 
-TEST_CASE("an overrun becomes an event and a count") {
+TEST_CASE("an overrun is reported and counted") {
   Bench b;
   b.driver->start(b.sink);
   REQUIRE(run_until(

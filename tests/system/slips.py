@@ -18,7 +18,7 @@ recon train x --otu y | 2 | --otu: no such option; the nearest is --out
 recon train nofile --out m | 1 | nofile.sqlite: No such file or directory; expected a run file
 recon evaluate nomodel norun | 1 | nomodel: No such file or directory; expected a model file
 recon train x --out m --model factorisd | 2 | factorisd
-recon train x --out m --set epoch=3 | 3 | --set epoch=3: unknown key, and none is like it
+recon train x --out m --set epoch=3 | 3 | --set epoch=3: unknown key; no similar name
 acquire run --cont 3 | 2 | --cont: no such option; the nearest is --count
 acquire run --uot x | 2 | --uot: no such option; the nearest is --out
 acquire run --count 0 | 2 | --count: Value 0: expected a positive number

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// One process is both the device and the host: it has to run below umockdev.
+// Device and host in one process, which must run under umockdev.
 #include <catch2/catch.hpp>
 
 #include "../catch.hpp"

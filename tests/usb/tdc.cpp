@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// A time tagger on USB: the unmodified driver and libusb, the device emulated below usbfs.
+// USB time tagger: the unmodified driver and libusb, with a device emulated below usbfs.
 #include <catch2/catch.hpp>
 
 #include "../drivers/blocks.hpp"
@@ -16,7 +16,7 @@ namespace {
 
 constexpr char address[] = "usb:1209:0001:T1";
 
-// A tagger that sends what the test tells it to.
+// Tagger that sends the blocks of the test.
 struct Bench {
   Bench()
       : device(bed,
@@ -44,7 +44,7 @@ struct Bench {
     driver->start(sink);
     greet();
   }
-  // Its next start is answered with a hello.
+  // Answers the next start with a hello.
   void greet() {
     REQUIRE(run_until(loop, [&] { return starts > greeted; }));
     greeted = starts;
@@ -52,7 +52,7 @@ struct Bench {
     device.send(hello_block(sequence++));
     REQUIRE(run_until(loop, [&] { return sink.state() == DeviceState::streaming; }));
   }
-  // A block of tags 1, 2, 3 ... the k-th with time k.
+  // Block of tags 1, 2, 3 ...; tag k has time k.
   Bytes tags(std::size_t count) {
     Bytes payload;
     for (std::size_t i = 0; i < count; ++i) put(payload, Tag{.channel = 2, .time_ps = ++sent});
@@ -64,7 +64,7 @@ struct Bench {
   bool faulted() {
     return run_until(loop, [&] { return sink.state() == DeviceState::faulted; });
   }
-  // All tags that came have these times, in order.
+  // Checks that the received tags have these times, in order.
   void check_times(std::vector<std::pair<std::int64_t, std::int64_t>> ranges) const {
     std::vector<std::int64_t> expected, times;
     for (const auto& [first, last] : ranges)
@@ -91,7 +91,7 @@ struct Bench {
   std::unique_ptr<Driver> driver;
 };
 
-// The laboratory's tagger, with so much memory.
+// Simulated laboratory tagger with this FIFO size.
 struct Simulated {
   explicit Simulated(std::size_t fifo_bytes = sim::TdcOptions{}.send_queue_bytes) {
     options.window_s = 0.5;
@@ -148,18 +148,18 @@ TEST_CASE("all tags of the simulated device arrive") {
                        [](const Tag& a, const Tag& b) { return a.time_ps < b.time_ps; }));
 }
 
-TEST_CASE("a device whose memory is full says what it lost") {
-  Simulated s(22'000);  // about what it makes between two transfers
+TEST_CASE("a device with a full FIFO reports its lost tags") {
+  Simulated s(22'000);  // about the data between two transfers
   CHECK(run_until(s.loop, [&] { return s.sent(1) > 0 && counter(*s.driver, "lost_items") > 0; }));
   CHECK(counter(*s.driver, "lost_items") <= s.sent(1));
   CHECK(s.sink.state() == DeviceState::streaming);
 }
 
-TEST_CASE("blocks may be cut anywhere between transfers, short and empty packets are no loss") {
+TEST_CASE("blocks may be split anywhere between transfers, short and empty packets lose nothing") {
   Bench b;
   b.connect();
   const Bytes all = join({b.tags(50'000), b.tags(0), b.tags(50'000)});
-  // 37 KiB pieces end in the middle of tags, and the long run fills whole transfers.
+  // Pieces of 37 KiB end inside tags, and the long run fills whole transfers.
   const ByteView wire = all;
   for (std::size_t at = 0; at < wire.size(); at += 37'000)
     b.device.send_more(wire.subspan(at, std::min<std::size_t>(37'000, wire.size() - at)));
@@ -175,7 +175,8 @@ TEST_CASE("blocks may be cut anywhere between transfers, short and empty packets
   CHECK(b.count("junk_bytes") == 0);
 }
 
-TEST_CASE("a lost byte and a halted endpoint end the connection, in one line, the next goes on") {
+TEST_CASE(
+    "a lost byte or a halted endpoint ends the connection with one message, and it is restored") {
   Bench b;
   b.connect();
   b.device.send(b.tags(5));
@@ -202,14 +203,14 @@ TEST_CASE("a lost byte and a halted endpoint end the connection, in one line, th
   CHECK(b.count("connections") == 2);
 }
 
-TEST_CASE("unplugged in mid-transfer and plugged in again") {
+TEST_CASE("a tagger is reopened after an unplug during a transfer") {
   Bench b;
   b.connect();
   const std::size_t cycles = std::getenv("ECHOFUSE_LONG") ? 100 : 3;
   for (std::size_t i = 1; i <= cycles; ++i) {
     Bytes cut = join({b.tags(1000), b.tags(1000)});
     cut.resize(cut.size() - 5);
-    b.device.send_more(cut);  // waits in a transfer that is not full
+    b.device.send_more(cut);  // waits in an incomplete transfer
     b.device.unplug();
     REQUIRE(b.faulted());
     CHECK(b.sink.tags.size() == i * 1000 + (i - 1) * 4);
@@ -223,12 +224,12 @@ TEST_CASE("unplugged in mid-transfer and plugged in again") {
   CHECK(b.count("connections") == cycles + 1);
 }
 
-TEST_CASE("what a slow consumer does not take waits in the device") {
+TEST_CASE("data that a slow consumer does not read wait in the device") {
   Bench b;
   b.connect();
-  constexpr std::size_t runs = 90, per_run = 65'536;  // 90 MiB: more than may be on its way
+  constexpr std::size_t runs = 90, per_run = 65'536;  // 90 MiB: above the limit of queued bytes
   for (std::size_t i = 0; i < runs; ++i) b.device.send(b.tags(per_run));
-  std::uint64_t fetched = 1, before = 0;  // the loop stands still meanwhile
+  std::uint64_t fetched = 1, before = 0;  // the loop is not running
   for (; fetched != before; fetched = b.device.fetched()) {
     before = fetched;
     std::this_thread::sleep_for(500ms);
@@ -240,7 +241,7 @@ TEST_CASE("what a slow consumer does not take waits in the device") {
   CHECK(b.lost_blocks() == 0);
 }
 
-TEST_CASE("what keeps a tagger from being used is said in one line") {
+TEST_CASE("a tagger that cannot be used is reported in one line") {
   const auto refusal = [](Bench& b, const char* at) {
     b.driver = make_tdc(b.loop, {at});
     b.driver->start(b.sink);
@@ -254,12 +255,12 @@ TEST_CASE("what keeps a tagger from being used is said in one line") {
     CHECK(refusal(b, "usb:1209:0001:T2") ==
           "usb:1209:0001:T2: open; only T1 is attached: No such device");
   }
-  SECTION("not there") {
+  SECTION("not attached") {
     Bench b;
     b.device.unplug();
     CHECK(refusal(b, address) == std::string(address) + ": open: No such device");
   }
-  SECTION("two, and no serial number") {
+  SECTION("two taggers, no serial number") {
     Bench b;
     sim::UsbDevice other(b.bed,
                          {.vendor = 0x1209,
@@ -272,8 +273,9 @@ TEST_CASE("what keeps a tagger from being used is said in one line") {
                           .number = 4},
                          [&](const sim::UsbDevice::Setup& setup) { return b.control(setup); });
     other.plug();
-    CHECK_THAT(refusal(b, "usb:1209:0001"), Catch::Contains("the address fits several (") &&
-                                                Catch::Contains("T0") && Catch::Contains("T1"));
+    CHECK_THAT(refusal(b, "usb:1209:0001"),
+               Catch::Contains("the address matches several devices (") && Catch::Contains("T0") &&
+                   Catch::Contains("T1"));
     CHECK(b.starts == 0);
     b.sink = {};
     b.connect();
