@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// echofuse-sim is the simulated world. Each add_... function describes one subcommand and, when it
-// was chosen, sets the function to run.
+// echofuse-sim: simulated data sets and laboratories. Each add_... function defines one subcommand
+// and sets the function to run when it is selected.
 #include <toml++/toml.h>
 
 #include <CLI/CLI.hpp>
@@ -25,8 +25,8 @@ namespace {
 using namespace echofuse;
 using Command = std::function<ExitCode(bool quiet)>;
 
-// Returns the settings of the instruments whose response (acquire/measurement/response.hpp), axes
-// and baseline this calibration file states. Throws Error(config) if it states no response.
+// Returns settings for the response (acquire/measurement/response.hpp), axes and baseline that this
+// calibration file states. Throws Error(config) if it states no response.
 std::vector<std::string> settings_like(const std::string& path) try {
   std::vector<std::pair<std::string, std::string>> stated;
   const toml::table file = toml::parse(read_config_text(path), path);
@@ -43,7 +43,7 @@ std::vector<std::string> settings_like(const std::string& path) try {
   }
   if (out.empty())
     throw Error(ExitCode::config,
-                path + ": states no response; expected a file of echofuse-acquire calibrate");
+                path + ": contains no response; expected a file of echofuse-acquire calibrate");
   const auto add = [&](std::string_view key, double value) {
     char number[40];
     std::snprintf(number, sizeof number, "=%.17g", value);
@@ -58,7 +58,7 @@ std::vector<std::string> settings_like(const std::string& path) try {
   throw Error(ExitCode::config, path + ": not TOML: " + std::string(e.description()));
 }
 
-// Arguments that describe a plan on the command line.
+// Command-line arguments of a plan.
 struct PlanArguments {
   std::string config, like;
   std::vector<std::string> settings;
@@ -72,13 +72,13 @@ struct PlanArguments {
 
 void add_plan_options(CLI::App& app, PlanArguments& a) {
   app.add_option("--config", a.config, "TOML file of settings")->type_name("FILE");
-  app.add_option("--set", a.settings, "over the file's")
+  app.add_option("--set", a.settings, "override a setting of the file")
       ->type_name("KEY=VALUE")
       ->allow_extra_args(false);
 }
 
-// Reads the plan for a command with one laboratory only; the conditions are as drawn. A data set's
-// file can also configure a laboratory.
+// Reads the plan for a command with one laboratory, with its drawn conditions. Accepts the settings
+// file of a data set.
 void read_plan(const PlanArguments& a, sim::Plan& plan, Settings& settings) {
   bind(settings, plan);
   if (!a.config.empty()) settings.read_file(a.config);
@@ -99,11 +99,12 @@ struct DatasetArguments : PlanArguments {
   std::optional<std::int64_t> records, people, letters, two_people, empty, objects, seed;
 };
 
-// The numbers of records on the command line replace the configured ones as a whole.
+// Record counts on the command line replace all configured counts.
 void apply_counts(const DatasetArguments& a, sim::Plan& plan) {
   const bool by_kind = a.people || a.letters || a.two_people || a.empty || a.objects;
   if (!plan.scenes.empty() && (by_kind || a.records))
-    throw Error(ExitCode::usage, "the records are listed in " + plan.scenes + "; give no numbers");
+    throw Error(ExitCode::usage,
+                "the records are listed in " + plan.scenes + "; remove the record counts");
   if (by_kind) {
     plan.people = a.people.value_or(0);
     plan.letters = a.letters.value_or(0);
@@ -118,8 +119,8 @@ void apply_counts(const DatasetArguments& a, sim::Plan& plan) {
   const auto count = static_cast<std::int64_t>(scenes_of(plan).size());
   if (a.records && *a.records != count)
     throw Error(ExitCode::usage, "--records " + std::to_string(*a.records) + " differs from the " +
-                                     std::to_string(count) + " records asked for by kind");
-  if (count == 0) throw Error(ExitCode::usage, "no records asked for");
+                                     std::to_string(count) + " records requested by kind");
+  if (count == 0) throw Error(ExitCode::usage, "no records requested");
 }
 
 sim::Plan make_plan(DatasetArguments& a) {
@@ -154,27 +155,26 @@ ExitCode run_dataset(DatasetArguments& a) {
 }
 
 void add_dataset(CLI::App& app, Command& command) {
-  auto* sub = app.add_subcommand("dataset", "make a run file of simulated records");
+  auto* sub = app.add_subcommand("dataset", "create a run file of simulated records");
   auto a = std::make_shared<DatasetArguments>();
   a->options.threads = static_cast<int>(usable_cores());
   const auto count = CLI::Range(std::int64_t{0}, std::int64_t{10'000'000});
-  sub->add_option("--out", a->options.out, "run file to make (never overwritten)")
+  sub->add_option("--out", a->options.out, "run file to create (never overwritten)")
       ->type_name("RUN")
       ->required();
-  sub->add_option("--records", a->records, "a quarter people, the rest letters")->check(count);
-  sub->add_option("--people", a->people, "records of one person")->check(count);
-  sub->add_option("--letters", a->letters, "records of a person holding a letter")->check(count);
-  sub->add_option("--two-people", a->two_people, "records of two people")->check(count);
-  sub->add_option("--empty", a->empty,
-                  "records of nobody (to train with they need --set background_counts)")
+  sub->add_option("--records", a->records, "number of records: a quarter people, the rest letters")
       ->check(count);
-  sub->add_option("--objects", a->objects, "records of the object (--set object=FILE)")
+  sub->add_option("--people", a->people, "number of records of one person")->check(count);
+  sub->add_option("--letters", a->letters, "number of records of a person with a letter")
       ->check(count);
-  sub->add_option("--seed", a->seed, "the same seed makes the same records")
-      ->check(CLI::NonNegativeNumber);
+  sub->add_option("--two-people", a->two_people, "number of records of two people")->check(count);
+  sub->add_option("--empty", a->empty, "number of empty records (to train, set background_counts)")
+      ->check(count);
+  sub->add_option("--objects", a->objects, "number of records of the object (--set object=FILE)")
+      ->check(count);
+  sub->add_option("--seed", a->seed, "random seed")->check(CLI::NonNegativeNumber);
   add_plan_options(*sub, *a);
-  sub->add_option("--like", a->like,
-                  "calibration: simulate the instruments whose response and axes it states")
+  sub->add_option("--like", a->like, "calibration file: simulate its response and axes")
       ->type_name("FILE");
   sub->add_option("--part", a->part, part_help);
   more_options(*sub, {"--config", "--like", "--part"});
@@ -191,7 +191,7 @@ void add_dataset(CLI::App& app, Command& command) {
 
 struct LabArguments : PlanArguments {
   sim::LabOptions options;
-  std::vector<std::string> command;  // the command to run in the laboratory
+  std::vector<std::string> command;  // command to run in the laboratory
 };
 
 void print_sent(const std::string& sent) {
@@ -208,7 +208,7 @@ ExitCode run_lab(LabArguments& a, bool quiet) {
   sim::Plan plan;
   Settings settings;
   read_plan(a, plan, settings);
-  // Two frames of a real camera are never the same.
+  // Frames of a real camera always differ.
   if (!settings.given("depth_noise_m") && plan.conditions.depth_noise_m == 0)
     plan.conditions.depth_noise_m = 0.0005;
   if (!settings.given("radar_psf")) plan.conditions.radar_psf = a.options.conditions.radar_psf;
@@ -222,7 +222,7 @@ ExitCode run_lab(LabArguments& a, bool quiet) {
   port::SystemLoop loop;
   sim::Lab lab(loop, a.options);
   if (!a.command.empty()) return sim::serve_command(lab, a.command, quiet);
-  if (!quiet) std::cerr << "the laboratory is open; Ctrl-C closes it. To record from it:\n";
+  if (!quiet) std::cerr << "laboratory is running; Ctrl-C stops it. To record from it:\n";
   std::cout << lab.daemon_command() << std::endl;
   lab.serve(interrupted);
   print_sent(lab.sent());
@@ -233,36 +233,35 @@ void add_lab(CLI::App& app, Command& command) {
   auto* sub = app.add_subcommand("lab", "start a laboratory of simulated devices");
   auto a = std::make_shared<LabArguments>();
   auto& o = a->options;
-  sub->add_option("--dir", o.dir, "where lab.toml and the devices' links go")
+  sub->add_option("--dir", o.dir, "folder for lab.toml and the device links")
       ->type_name("FOLDER")
       ->capture_default_str();
-  sub->add_option("--scene", o.schedule.kind, "what the devices see")
+  sub->add_option("--scene", o.schedule.kind, "scene in front of the devices")
       ->check(CLI::IsMember(
           {"person", "letter", "mixed", "two_people", "empty", "reflector", "object"}))
       ->capture_default_str();
-  sub->add_option(
-         "--hold", o.schedule.hold_s,
-         "seconds that each scene stands, from a multiple of them on the host's clock on, as "
-         "slots begin; 0: for ever")
+  sub->add_option("--hold", o.schedule.hold_s,
+                  "seconds per scene, aligned to slot starts; "
+                  "0 = one scene")
       ->check(CLI::Range(0.0, 0.0) | CLI::Range(0.01, 86'400.0));
-  sub->add_option("--window", o.window_s, "seconds of one record, to which photon numbers refer")
+  sub->add_option("--window", o.window_s, "seconds per record, to which photon numbers refer")
       ->check(CLI::Range(0.05, 3600.0))
       ->capture_default_str();
-  sub->add_option("--laser-rate-hz", o.tagging.laser_rate_hz, "pulses a second")
+  sub->add_option("--laser-rate-hz", o.tagging.laser_rate_hz, "laser pulses per second")
       ->check(CLI::Range(1.0, 1e9))
       ->capture_default_str();
-  sub->add_option("--radar-cfg", o.radar_cfg,
-                  "TI .cfg file, or the name of an installed one (the paper's 50 cm profile); "
-                  "that of an ..._sdk3.4.cfg is a board of SDK 3.4, else of 3.5");
-  sub->add_option("--radar-board", o.radar_board, "which of TI's boards it is")
+  sub->add_option(
+      "--radar-cfg", o.radar_cfg,
+      "TI .cfg file, or the name of an installed one (default: the paper's 50 cm profile); "
+      "an ..._sdk3.4.cfg simulates a board with SDK 3.4, others 3.5");
+  sub->add_option("--radar-board", o.radar_board, "TI board to simulate")
       ->check(CLI::IsMember({"isk", "aop", "ods"}))
       ->capture_default_str();
-  sub->add_option("--faults", o.faults, "TOML file of what goes wrong, and when")
-      ->type_name("FILE");
-  sub->add_option("--log", o.log, "write down everything that was sent, a JSON object a line")
-      ->type_name("FILE");
+  sub->add_option("--faults", o.faults, "TOML file of faults with their times")->type_name("FILE");
+  sub->add_option("--log", o.log, "log all sent data, one JSON object per line")->type_name("FILE");
   add_plan_options(*sub, *a);
-  sub->add_option("command", a->command, "run this in the laboratory, and close it afterwards")
+  sub->add_option("command", a->command,
+                  "run this command in the laboratory, then stop the laboratory")
       ->option_text("-- COMMAND ...");
   more_options(
       *sub, {"--config", "--laser-rate-hz", "--radar-cfg", "--radar-board", "--faults", "--log"});
@@ -272,17 +271,16 @@ void add_lab(CLI::App& app, Command& command) {
 }
 
 void add_config(CLI::App& app, Command& command) {
-  auto* sub = app.add_subcommand("config", "print every setting with its meaning, range and value");
+  auto* sub = app.add_subcommand("config", "print all settings with meaning, range and value");
   struct Arguments : PlanArguments {
     std::string ranges;
     bool json = false;
   };
   auto a = std::make_shared<Arguments>();
   add_plan_options(*sub, *a);
-  sub->add_option("--twin", a->ranges,
-                  "print the ranges of this FILE, or of the default twin, instead")
+  sub->add_option("--twin", a->ranges, "print the ranges of this twin FILE, or of the default twin")
       ->type_name("FILE");
-  sub->add_flag("--json", a->json, "as one JSON object: value, range and meaning of every key");
+  sub->add_flag("--json", a->json, "print JSON: value, range and meaning of every key");
   add_examples(
       *sub, {"echofuse-sim config", "echofuse-sim config --set twin=default --set laboratory=3"});
   sub->callback([&command, a] {
@@ -302,12 +300,11 @@ void add_config(CLI::App& app, Command& command) {
 }
 
 ExitCode run(int argc, char** argv) {
-  CLI::App app("The simulated world: data sets and a laboratory of simulated devices.",
-               "echofuse-sim");
+  CLI::App app("Simulated data sets, and a laboratory of simulated devices.", "echofuse-sim");
   app.set_version_flag("--version", version_line("echofuse-sim"));
   app.require_subcommand(1);
   bool quiet = false;
-  app.add_flag("-q,--quiet", quiet, "of every command: no progress, no talk");
+  app.add_flag("-q,--quiet", quiet, "print errors only");
   Command command;
   add_dataset(app, command);
   add_lab(app, command);

@@ -13,146 +13,158 @@ namespace echofuse::sim {
 namespace {
 
 void bind_scene(Settings& s, Conditions& c) {
-  s.add("window_s", c.window_s, 0.01, 3600, "length of a record; photons and frames are of one");
-  s.add("baseline_m", c.baseline_m, 0, 10, "radar at (-baseline, 0, 0)");
+  s.add("window_s", c.window_s, 0.01, 3600,
+        "length of a record; photons and frames are per record");
+  s.add("baseline_m", c.baseline_m, 0, 10, "radar position is (-baseline, 0, 0)");
   s.add("reflector_before", c.reflector_before,
-        "calibration reflector, 1 m away: in front of the detector or of each sensor, or by "
-        "baseline_m to the left or right of the detector",
+        "calibration reflector at 1 m: in front of the detector or of each sensor, or "
+        "baseline_m left or right of the detector",
         {"detector", "each", "left", "right"});
-  s.add("half_tangent", c.half_tangent, 0.05, 1, "field of view of SPD and depth camera");
-  s.add("camera_height_m", c.camera_height_m, 0, 3, "sensors above the floor");
-  s.add("target_x_m", c.target_x_m, 0, 5, "people stand at -x..x");
-  s.add("target_z_min_m", c.target_z_min_m, 1.2, 20, "nearest place to stand");
-  s.add("target_z_max_m", c.target_z_max_m, 1.2, 20, "farthest place to stand");
-  s.add("target_scale", c.target_scale, 0.1, 3, "size of people and letters");
-  s.add("person_yaw_deg", c.person_yaw_deg, 0, 180, "people turn up to this much");
-  s.add("letter_yaw_deg", c.letter_yaw_deg, 0, 80, "letters turn up to this much");
-  s.add("object", c.object, "OBJ file of the mesh that stands in object scenes");
-  s.add("object_scale", c.object_scale, 1e-6, 1e6, "metres to one unit of the mesh");
-  s.add("object_up", c.object_up, "the mesh's axis that points up; -y: in a camera's frame",
+  s.add("half_tangent", c.half_tangent, 0.05, 1,
+        "tangent of half the field of view of SPD and depth camera");
+  s.add("camera_height_m", c.camera_height_m, 0, 3, "height of the sensors above the floor");
+  s.add("target_x_m", c.target_x_m, 0, 5, "people are at -x..x");
+  s.add("target_z_min_m", c.target_z_min_m, 1.2, 20, "smallest distance of people");
+  s.add("target_z_max_m", c.target_z_max_m, 1.2, 20, "largest distance of people");
+  s.add("target_scale", c.target_scale, 0.1, 3, "scale factor of people and letters");
+  s.add("person_yaw_deg", c.person_yaw_deg, 0, 180, "largest yaw of people");
+  s.add("letter_yaw_deg", c.letter_yaw_deg, 0, 80, "largest yaw of letters");
+  s.add("object", c.object, "OBJ file of the mesh in object scenes");
+  s.add("object_scale", c.object_scale, 1e-6, 1e6, "metres per unit of the mesh");
+  s.add("object_up", c.object_up, "axis of the mesh that points up; -y: camera frame",
         {"y", "z", "-y"});
-  s.add("background", c.background, "what stands behind", room_names());
+  s.add("background", c.background, "room behind the people", room_names());
   s.add("multipath_order", c.multipath_order, 0, 2,
-        "most reflections by walls, floor and ceiling on a path; 0: none");
+        "largest number of reflections by walls, floor and ceiling on a path");
 }
 
 void bind_people(Settings& s, Conditions& c) {
   s.add("height_min_m", c.height_min_m, 0.5, 2.5, "shortest person");
   s.add("height_max_m", c.height_max_m, 0.5, 2.5, "tallest person");
-  s.add("girth", c.girth, 0.3, 3, "trunk, of the base body's");
-  s.add("shoulder_width", c.shoulder_width, 0.3, 3, "of the base body's");
-  s.add("limb_width", c.limb_width, 0.3, 3, "arms and legs, of the base body's");
-  s.add("leg_length", c.leg_length, 0.7, 1.4, "of the base body's; the trunk makes up for it");
-  s.add("body_spread", c.body_spread, 0, 0.5,
-        "share by which each of these four varies between people");
-  s.add("pose_spread", c.pose_spread, 0, 1.5, "ranges of the joints' angles, of the base's");
-  s.add("albedo_min", c.albedo_min, 0, 1, "darkest clothes");
-  s.add("albedo_max", c.albedo_max, 0, 1, "brightest clothes");
+  s.add("girth", c.girth, 0.3, 3, "trunk width, relative to the base body");
+  s.add("shoulder_width", c.shoulder_width, 0.3, 3, "shoulder width, relative to the base body");
+  s.add("limb_width", c.limb_width, 0.3, 3, "width of arms and legs, relative to the base body");
+  s.add("leg_length", c.leg_length, 0.7, 1.4,
+        "leg length, relative to the base body; total height is kept");
+  s.add("body_spread", c.body_spread, 0, 0.5, "relative variation of these four between people");
+  s.add("pose_spread", c.pose_spread, 0, 1.5, "range of joint angles, relative to the base pose");
+  s.add("albedo_min", c.albedo_min, 0, 1, "albedo of the darkest clothes");
+  s.add("albedo_max", c.albedo_max, 0, 1, "albedo of the brightest clothes");
   s.add("albedo_contrast", c.albedo_contrast, 0, 3,
-        "top, trousers, shoes and skin differ: exp(+-contrast)");
+        "albedos of top, trousers, shoes and skin vary by exp(+-contrast)");
 }
 
 void bind_letters(Settings& s, Conditions& c) {
-  s.add("letter_albedo", c.letter_albedo, 0, 1, "of letters");
-  s.add("letter_scale", c.letter_scale, 0.2, 3, "size of letters");
-  s.add("letter_reach", c.letter_reach, 0.3, 1.5, "distance from the chest, of the base's");
-  s.add("letter_lift_m", c.letter_lift_m, -1, 1, "held higher than in the base");
-  s.add("letter_tilt_deg", c.letter_tilt_deg, 0, 80, "leans forward or back by up to this");
+  s.add("letter_albedo", c.letter_albedo, 0, 1, "albedo of letters");
+  s.add("letter_scale", c.letter_scale, 0.2, 3, "scale factor of letters");
+  s.add("letter_reach", c.letter_reach, 0.3, 1.5, "distance from the chest, relative to the base");
+  s.add("letter_lift_m", c.letter_lift_m, -1, 1, "height added to the base position");
+  s.add("letter_tilt_deg", c.letter_tilt_deg, 0, 80, "largest tilt forward or back");
 }
 
 void bind_reflectivity(Settings& s, Conditions& c) {
   s.add("radar_cloth", c.radar_cloth, 0, 100,
-        "radar reflectivity of cloth, as a factor of the optical albedo");
-  s.add("radar_skin", c.radar_skin, 0, 100, "radar reflectivity of head and neck, as a factor");
-  s.add("radar_plate", c.radar_plate, 0, 100, "radar reflectivity of letters, as a factor");
+        "radar reflectivity of cloth, relative to the optical albedo");
+  s.add("radar_skin", c.radar_skin, 0, 100,
+        "radar reflectivity of head and neck, relative to the optical albedo");
+  s.add("radar_plate", c.radar_plate, 0, 100,
+        "radar reflectivity of letters, relative to the optical albedo");
   s.add("radar_follows_albedo", c.radar_follows_albedo, 0, 1,
-        "share of the clothes' differences in albedo that the radar sees");
-  s.add("radar_lobe", c.radar_lobe, 0, 20, "echo ~ cos^n of the incidence; 1: Lambert");
-  s.add("radar_plate_lobe", c.radar_plate_lobe, 0, 20, "the same exponent of letters");
-  s.add("optical_lobe", c.optical_lobe, 0, 20, "the same exponent of people and letters for light");
+        "share of the clothes' albedo differences that affects the radar");
+  s.add("radar_lobe", c.radar_lobe, 0, 20,
+        "exponent n: echo ~ cos^n of the angle of incidence; 1: Lambert");
+  s.add("radar_plate_lobe", c.radar_plate_lobe, 0, 20, "exponent n for letters");
+  s.add("optical_lobe", c.optical_lobe, 0, 20, "exponent n of people and letters for light");
 }
 
 void bind_spd(Settings& s, Conditions& c) {
   s.add("spd_rays", c.spd_rays, 0, 2048,
-        "rays across the field of view, at least 16; 0: as many as the photons ask for");
-  s.add("irf_fwhm_ps", c.irf_fwhm_ps, 0.1, 100'000, "Gaussian impulse response");
-  s.add("irf_tail_ps", c.irf_tail_ps, 0, 100'000, "exponential tail, 0: none");
-  s.add("irf_tail_share", c.irf_tail_share, 0, 1, "share of the photons that have this tail");
-  s.add("bin_width_ps", c.bin_width_ps, 1, 100'000, "SPD histogram");
-  s.add("first_bin_ps", c.first_bin_ps, 0, 1e6, "two-way time where bin 0 starts");
-  s.add("bins", c.bins, 1, 65'536, "SPD histogram");
-  s.add("signal_photons", c.signal_photons, 0, 1e9, "detections from the mean scene a window");
-  s.add("background_counts", c.background_counts, 0, 1e9, "ambient and dark counts a window");
+        "rays across the field of view, at least 16; 0: chosen from signal_photons");
+  s.add("irf_fwhm_ps", c.irf_fwhm_ps, 0.1, 100'000, "width of the Gaussian impulse response");
+  s.add("irf_tail_ps", c.irf_tail_ps, 0, 100'000,
+        "time constant of the exponential tail; 0: no tail");
+  s.add("irf_tail_share", c.irf_tail_share, 0, 1, "share of photons in the tail");
+  s.add("bin_width_ps", c.bin_width_ps, 1, 100'000, "bin width of the SPD histogram");
+  s.add("first_bin_ps", c.first_bin_ps, 0, 1e6, "two-way time at the start of bin 0");
+  s.add("bins", c.bins, 1, 65'536, "bins of the SPD histogram");
+  s.add("signal_photons", c.signal_photons, 0, 1e9, "detections per record for the mean scene");
+  s.add("background_counts", c.background_counts, 0, 1e9, "ambient and dark counts per record");
   s.add("spd_delay_ps", c.spd_delay_ps, -1e6, 1e6,
-        "two-way delay of cables and electronics; the daemon does not know it");
+        "two-way delay of cables and electronics; not in the run file");
   s.add("pulses_per_window", c.pulses_per_window, 0, 1'000'000'000'000,
-        "laser pulses, for pile-up: the first photon of each counts; 0: low flux");
+        "laser pulses per record, for pile-up (first photon per pulse); 0: no pile-up");
   s.add("spd_dead_time_ps", c.spd_dead_time_ps, 0, 1e9,
-        "of a free-running detector; 0: one photon a pulse");
-  s.add("spd_detector_stated", c.spd_detector_stated, "the run says that the detector piles up");
+        "dead time of a free-running detector; 0: one photon per pulse");
+  s.add("spd_detector_stated", c.spd_detector_stated,
+        "state the detector's pile-up in the run file");
   s.add("spd_falloff", c.spd_falloff, 0, 10,
-        "light falls to exp(-falloff) at the edges of the field");
-  s.add("spd_field", c.spd_field, 0.1, 3, "the detector's field of view, of half_tangent");
-  s.add("spd_yaw_deg", c.spd_yaw_deg, -30, 30, "points to +x; the daemon does not know it");
-  s.add("slot_sway_m", c.slot_sway_m, 0, 1, "rms motion of people in a record, to and fro");
+        "signal is exp(-falloff) at the edges of the field of view");
+  s.add("spd_field", c.spd_field, 0.1, 3,
+        "field of view of the detector, relative to half_tangent");
+  s.add("spd_yaw_deg", c.spd_yaw_deg, -30, 30, "detector yaw towards +x; not in the run file");
+  s.add("slot_sway_m", c.slot_sway_m, 0, 1, "rms range motion of people within a record");
 }
 
 void bind_radar(Settings& s, Conditions& c) {
   s.add("radar_rays", c.radar_rays, 16, 2048, "rays across the field of view");
-  s.add("radar_resolution_m", c.radar_resolution_m, 0.001, 10, "c / 2B");
-  s.add("radar_step_m", c.radar_step_m, 0.001, 10, "between points");
-  s.add("radar_bins", c.radar_bins, 1, 65'536, "points");
-  s.add("radar_snr_db", c.radar_snr_db, -40, 200, "against the mean scene's peak power");
-  s.add("radar_bias_m", c.radar_bias_m, -10, 10,
-        "by which its ranges are too long; the daemon does not know it");
-  s.add("radar_psf", c.radar_psf, "range response: window over the sweep, sinc is none",
+  s.add("radar_resolution_m", c.radar_resolution_m, 0.001, 10, "range resolution, c / 2B");
+  s.add("radar_step_m", c.radar_step_m, 0.001, 10, "distance between range points");
+  s.add("radar_bins", c.radar_bins, 1, 65'536, "range points");
+  s.add("radar_snr_db", c.radar_snr_db, -40, 200, "SNR at the mean scene's peak");
+  s.add("radar_bias_m", c.radar_bias_m, -10, 10, "bias added to ranges; not in the run file");
+  s.add("radar_psf", c.radar_psf, "range response by its window over the sweep; sinc: no window",
         {"sinc", "hann", "hamming", "blackman"});
   s.add("radar_taper", c.radar_taper, 0, 1,
-        "window from nearly none to Blackman (1), instead of radar_psf; 0: radar_psf");
-  s.add("radar_taps", c.radar_taps,
-        "power of the range response at 0, 1/4, 2/4 ... cells, the first 1, instead of a window");
+        "window between none (near 0) and Blackman (1); 0: use radar_psf");
+  s.add(
+      "radar_taps", c.radar_taps,
+      "power of the range response at 0, 1/4, 2/4 ... cells, starting with 1; replaces the window");
   s.add("radar_flanks", c.radar_flanks,
-        "the same from flank to flank, for a lopsided response; ranges refer to its best symmetric "
-        "fit");
-  s.add("radar_sum", c.radar_sum, "of scatterers", {"incoherent", "coherent"});
+        "like radar_taps, but over both flanks of an asymmetric response; ranges refer to its best "
+        "symmetric fit");
+  s.add("radar_sum", c.radar_sum, "sum of scatterers", {"incoherent", "coherent"});
   s.add("radar_leakage", c.radar_leakage, 0, 1e6,
-        "power of the transmitter's own echo at range 0, in mean scenes");
+        "power of the transmitter leakage at range 0, relative to the mean scene");
   s.add("radar_wall_reflectivity", c.radar_wall_reflectivity, 0, 1,
-        "power that walls mirror, for multipath_order");
+        "specular power reflectivity of walls, for multipath_order");
   s.add("radar_wall_scatter", c.radar_wall_scatter, 0, 1,
-        "what walls and furniture scatter, of their optical albedo");
+        "diffuse reflectivity of walls and furniture, relative to the optical albedo");
   s.add("baseline_error_m", c.baseline_error_m, -1, 1, "true baseline minus baseline_m");
-  s.add("radar_falloff", c.radar_falloff, 0, 10, "echo exp(-falloff) at its field's edges");
-  s.add("radar_yaw_deg", c.radar_yaw_deg, -45, 45, "points to +x; the daemon does not know it");
-  s.add("radar_psf_width", c.radar_psf_width, 0.3, 3, "true range response's, of the stated");
+  s.add("radar_falloff", c.radar_falloff, 0, 10,
+        "echo is exp(-falloff) at the edges of the field of view");
+  s.add("radar_yaw_deg", c.radar_yaw_deg, -45, 45, "radar yaw towards +x; not in the run file");
+  s.add("radar_psf_width", c.radar_psf_width, 0.3, 3,
+        "true width of the range response, relative to the stated one");
 }
 
 void bind_array(Settings& s, Conditions& c) {
   s.add("radar_antennas", c.radar_antennas, 0, 12,
-        "virtual antennas: 1 to 8 in a row, 12 in a plane; 0: one, not kept");
+        "virtual antennas: 1 to 8 in a row, 12 in a plane; 0: one, without an array in the run");
   s.add("radar_frames", c.radar_frames, 1, 10'000,
-        "of the radar, in a record; with antennas more than there are of these");
-  s.add("radar_phase_error_rad", c.radar_phase_error_rad, 0, 10, "rms over the antennas");
-  s.add("radar_gain_error_db", c.radar_gain_error_db, 0, 20, "rms over the antennas");
-  s.add("radar_array_calibrated", c.radar_array_calibrated, "the run knows these errors");
-  s.add("radar_sway_m", c.radar_sway_m, 0, 1, "rms each way, of a standing person's head");
-  s.add("radar_twist_deg", c.radar_twist_deg, 0, 90, "rms, of a person about the upright axis");
-  s.add("radar_breath_m", c.radar_breath_m, 0, 0.1, "amplitude of a person's chest");
+        "radar frames per record; must exceed radar_antennas");
+  s.add("radar_phase_error_rad", c.radar_phase_error_rad, 0, 10, "rms phase error of the antennas");
+  s.add("radar_gain_error_db", c.radar_gain_error_db, 0, 20, "rms gain error of the antennas");
+  s.add("radar_array_calibrated", c.radar_array_calibrated, "state these errors in the run file");
+  s.add("radar_sway_m", c.radar_sway_m, 0, 1, "rms sway of a standing person's head, per axis");
+  s.add("radar_twist_deg", c.radar_twist_deg, 0, 90,
+        "rms rotation of a person about the vertical axis");
+  s.add("radar_breath_m", c.radar_breath_m, 0, 0.1, "amplitude of the chest motion by breathing");
 }
 
 void bind_depth(Settings& s, Conditions& c) {
   s.add("map_size", c.map_size, record::least_map_size, record::most_map_size,
-        "pixels of the depth maps, both ways");
+        "pixels per side of the depth maps");
   s.add("map_half_tangent", c.map_half_tangent, 0, record::most_map_half_tangent,
-        "x/z and y/z at the depth maps' edges; 0: half_tangent");
+        "x/z and y/z at the edges of the depth maps; 0: half_tangent");
   s.add("map_z_max_m", c.map_z_max_m, record::least_map_far_m, record::most_map_far_m,
-        "depths of the maps: from 0 to this; what is farther is no return");
-  s.add("depth_noise_m", c.depth_noise_m, 0, 1, "sigma at 1 m, grows with the distance's square");
-  s.add("depth_dropout", c.depth_dropout, 0, 1, "share of the pixels at edges without return");
-  s.add("depth_offset_m", c.depth_offset_m, -1, 1, "by which it reads too far");
+        "largest depth of the maps; farther points are no return");
+  s.add("depth_noise_m", c.depth_noise_m, 0, 1,
+        "noise sigma at 1 m; grows with the square of the distance");
+  s.add("depth_dropout", c.depth_dropout, 0, 1, "share of edge pixels without a return");
+  s.add("depth_offset_m", c.depth_offset_m, -1, 1, "bias added to the depth");
 }
 
-// Amplitudes of radar_flanks; none if the text is not 5 to 128 powers, the greatest 1.
+// Returns the amplitudes of radar_flanks; empty unless the text has 5 to 128 powers with maximum 1.
 std::vector<double> flanks_of(const std::string& text) {
   constexpr std::size_t least = 5, most = 2 * record::RadarResponse::most_taps;
   std::vector<double> out;

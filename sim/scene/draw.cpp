@@ -8,7 +8,7 @@
 namespace echofuse::sim {
 namespace {
 
-// Below this mean it is as fast to count events one by one, and the rejection methods do not hold.
+// Below this mean, counting events one by one is as fast, and the rejection methods are not valid.
 constexpr double few = 10;
 
 double log_factorial(double k) {

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Random numbers for photon counts. The standard library's poisson_distribution and
-// binomial_distribution call lgamma, whose global sign is a data race between threads, and give
-// other numbers with each library.
+// Random numbers for photon counts. The distributions of the standard library call lgamma, a data
+// race because of its global sign, and differ between libraries.
 #pragma once
 #include <cstdint>
 
@@ -9,7 +8,7 @@
 
 namespace echofuse::sim {
 
-// The number is in [low, high) and has 53 random bits.
+// Returns a number in [low, high) with 53 random bits.
 double uniform(Rng& rng, double low, double high);
 
 // Poisson number by PTRS of Hormann, "The transformed rejection method for generating Poisson

@@ -17,9 +17,9 @@ namespace echofuse::sim {
 namespace {
 
 constexpr std::size_t most_triangles = 1'000'000;
-constexpr double farthest = 1e6;  // largest coordinate: anything beyond is damage
+constexpr double farthest = 1e6;  // largest valid coordinate
 
-// Reads the words of a text, line by line.
+// Splits a text into words, line by line.
 class Text {
  public:
   Text(std::string_view text, const std::string& name) : text_(text), name_(name) {}
@@ -32,7 +32,7 @@ class Text {
     ++line_;
     return true;
   }
-  // The word is empty at the end of the line.
+  // Returns the next word, empty at the end of the line.
   std::string_view word() {
     const std::size_t begin = std::min(rest_.find_first_not_of(" \t\r"), rest_.size());
     const std::size_t end = std::min(rest_.find_first_of(" \t\r", begin), rest_.size());
@@ -65,7 +65,7 @@ class Text {
   std::size_t at_ = 0, line_ = 0;
 };
 
-// Adds the fan of a polygon.
+// Adds a polygon as a triangle fan.
 void add_polygon(Mesh& mesh, const std::vector<std::uint32_t>& corners) {
   for (std::size_t i = 2; i < corners.size(); ++i) {
     const Vec3 a = mesh.points[corners[0]], b = mesh.points[corners[i - 1]],

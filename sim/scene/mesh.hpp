@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Triangle meshes come from files: they are a laboratory's own objects.
+// Triangle meshes of a laboratory's own objects, read from files.
 #pragma once
 #include <array>
 #include <cstdint>
@@ -12,14 +12,14 @@ namespace echofuse::sim {
 
 struct Mesh {
   std::vector<Vec3> points;
-  std::vector<std::array<std::uint32_t, 3>> triangles;  // without those that have no area
+  std::vector<std::array<std::uint32_t, 3>> triangles;  // without triangles of zero area
 };
 
-// Reads Wavefront OBJ: v and f; polygons become fans, everything else is passed over. `name` stands
-// in messages. Throws Error(config) with one line: NAME:line, what was found and what was expected.
+// Reads Wavefront OBJ: v and f; polygons become triangle fans, other lines are ignored. `name` is
+// used in messages. Throws Error(config) with one line: NAME:line, found and expected text.
 Mesh read_mesh(const std::string& text, const std::string& name);
 
-// Reads the mesh in a file once. Threading: any thread may call it.
+// Reads the mesh of a file once. Threading: any thread.
 const Mesh& mesh_of(const std::string& path);
 
 }  // namespace echofuse::sim

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
 // Segment lengths are fractions of the body height by Drillis & Contini 1966, as tabulated by
-// Winter, Biomechanics and Motor Control of Human Movement. Radii are chosen to look right.
+// Winter, Biomechanics and Motor Control of Human Movement. Radii are chosen by eye.
 #include "sim/scene/person.hpp"
 
 #include <algorithm>
@@ -20,18 +20,18 @@ constexpr double shoulder_half_width = 0.115, hip_half_width = 0.055;
 
 double radians(double degrees) { return degrees * std::numbers::pi / 180; }
 
-// A limb's direction starts hanging down, swings forward, then spreads out to its side (+-1).
+// Returns a limb's direction: hanging down, then swung forward, then spread to its side (+-1).
 Vec3 limb(double side, double swing_deg, double spread_deg) {
   const double swing = radians(swing_deg), spread = radians(spread_deg);
   return {side * std::sin(spread), -std::cos(spread) * std::cos(swing),
           std::cos(spread) * std::sin(swing)};
 }
 
-// Returns 1, or a factor about 1. A size that does not vary draws no number.
+// Returns a random factor around 1. Without variation it draws no random number.
 double varied(double by, Rng& rng) { return by > 0 ? 1 + uniform(rng, -by, by) : 1; }
 double varied_log(double by, Rng& rng) { return by > 0 ? std::exp(uniform(rng, -by, by)) : 1; }
 
-// Angle of a joint, in degrees.
+// Returns a joint angle in degrees.
 double pose(double low, double high, const Conditions& c, Rng& rng) {
   const double middle = (low + high) / 2, half = c.pose_spread * (high - low) / 2;
   return uniform(rng, middle - half, middle + half);
@@ -48,11 +48,10 @@ Leg random_leg(double side, double length, const Conditions& c, Rng& rng) {
   return {hip, knee, knee + length * shin * limb(side, swing - bend, spread)};
 }
 
-// Factors of the base body's sizes.
+// Factors on the sizes of the base body.
 struct Build {
   double girth, shoulders, limbs, legs;
-  // Factor of the body above the hip; larger for shorter legs, so that the whole body keeps its
-  // height.
+  // Factor on the part above the hip; larger for shorter legs, so that the height is kept.
   double trunk() const { return 1 - (legs - 1) * hip_height / (1 - hip_height); }
 };
 Build random_build(const Conditions& c, Rng& rng) {
@@ -61,7 +60,7 @@ Build random_build(const Conditions& c, Rng& rng) {
           c.limb_width * varied(by, rng), c.leg_length * varied(by / 4, rng)};
 }
 
-// Reflectivities of a part of the body for light and for the radar.
+// Reflectivity for light and for the radar.
 struct Surface {
   double albedo, radar;
 };
@@ -71,14 +70,14 @@ struct Clothes {
 Clothes random_clothes(const Conditions& c, double albedo, Rng& rng) {
   const auto part = [&](double radar) {
     const double own = std::min(1.0, albedo * varied_log(c.albedo_contrast, rng));
-    constexpr double middle = 0.5;  // middle of the base's albedos
+    constexpr double middle = 0.5;  // middle of the base albedos
     return Surface{own, radar * (middle + c.radar_follows_albedo * (own - middle))};
   };
   return {part(c.radar_cloth), part(c.radar_cloth), part(c.radar_cloth), part(c.radar_skin)};
 }
 
-// Builds one body. Its own coordinates are in body heights: x to the image's right when it faces
-// -z, y up from the floor, z to its front.
+// Builds one body. Local coordinates are in body heights: x to the image's right if it faces -z, y
+// up from the floor, z to its front.
 class Body {
  public:
   Body(Scene& scene, const Conditions& conditions, const Stand& stand, Rng& rng)
@@ -115,7 +114,7 @@ class Body {
     scene_.capsules.push_back(
         {world(a), world(b), height_m_ * radius, surface.albedo, surface.radar});
   }
-  // The lower foot stands on the floor.
+  // Puts the lower foot on the floor.
   void add_legs(Rng& rng) {
     const std::array<Leg, 2> legs{random_leg(-1, build_.legs, conditions_, rng),
                                   random_leg(1, build_.legs, conditions_, rng)};
@@ -156,7 +155,7 @@ class Body {
   Vec3 ground_, right_, front_, hip_, trunk_;
 };
 
-// The plate has axes of its own: it leans forward or back.
+// The plate has separate axes, because it leans forward or back.
 Plate held_plate(const Conditions& c, const Body& body, Rng& rng) {
   const double most_deg = c.letter_tilt_deg;
   const double lean = most_deg > 0 ? radians(uniform(rng, -most_deg, most_deg)) : 0;

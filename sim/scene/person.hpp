@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// People consist of 16 capsules; they stand alone or hold a letter.
+// People as 16 capsules, alone or with a letter.
 #pragma once
 #include <cstdint>
 
@@ -15,11 +15,12 @@ struct Stand {
 
 inline constexpr std::int32_t capsules_of_person = 16;
 
-// Height, build, clothes and reflectivities follow the conditions; the pose is random.
+// Adds a person with height, build, clothes and reflectivity from the conditions, and a random
+// pose.
 void add_person(Scene& scene, const Conditions& conditions, const Stand& stand, Rng& rng);
 
-// Adds a person with a flat letter held in both hands at arm's length, facing where the person
-// faces. Its size is one of acquire/measurement/letter.hpp times letter_scale. Returns the letter.
+// Adds a person who holds a flat letter in both hands at arm's length, facing the same direction.
+// The size is one of acquire/measurement/letter.hpp times letter_scale. Returns the letter.
 char add_letter_person(Scene& scene, const Conditions& conditions, const Stand& stand, Rng& rng);
 
 }  // namespace echofuse::sim

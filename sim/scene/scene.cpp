@@ -26,7 +26,7 @@ double random_turn(double most_deg, Rng& rng) {
   return uniform(rng, -most_deg, most_deg) * std::numbers::pi / 180;
 }
 
-// The random numbers are drawn in any case: what else is random does not depend on the place.
+// Random numbers are drawn in any case, so that other random values do not depend on the place.
 Stand chosen(const SceneSpec& spec, Stand random) {
   const double degree = std::numbers::pi / 180;
   return {spec.x_m.value_or(random.x_m), spec.z_m.value_or(random.z_m),
@@ -47,7 +47,7 @@ void add_letter(Scene& scene, const Conditions& c, const SceneSpec& spec, Rng& r
   scene.label = std::string(record::letter_label) + add_letter_person(scene, c, stand, rng);
 }
 
-// Each gets half of the width: they stand side by side.
+// Puts two people side by side, each in one half of the width.
 void add_two(Scene& scene, const Conditions& c, Rng& rng) {
   for (const double side : {-0.5, 0.5}) {
     Stand stand = random_stand(c, c.person_yaw_deg, rng);
@@ -57,12 +57,12 @@ void add_two(Scene& scene, const Conditions& c, Rng& rng) {
   scene.label = "two_people";
 }
 
-// The middle of its ground plan stands at the place, its lowest point on the floor.
+// The centre of its ground plan is at the place, its lowest point on the floor.
 constexpr double object_albedo = 0.5;
 
 void add_object(Scene& scene, const Conditions& c, const Stand& stand) {
   const Mesh& mesh = mesh_of(c.object);
-  // Files are right-handed; the world, with y up and z away, is left-handed.
+  // Files are right-handed; scene coordinates, with y up and z away, are left-handed.
   const auto upright = [&](Vec3 p) {
     return c.object_up == "z"    ? Vec3{p.x, p.z, p.y}
            : c.object_up == "-y" ? Vec3{p.x, -p.y, p.z}
@@ -79,7 +79,7 @@ void add_object(Scene& scene, const Conditions& c, const Stand& stand) {
   const double cosine = std::cos(stand.yaw_rad), sine = std::sin(stand.yaw_rad);
   const auto world = [&](std::uint32_t corner) {
     const Vec3 p = c.object_scale * (upright(mesh.points[corner]) - foot);
-    // Turns as a person does: it faces the sensors, and turns to +x.
+    // Turns like a person: faces the sensors at yaw 0, and turns to +x.
     return Vec3{stand.x_m + cosine * p.x - sine * p.z, p.y - c.camera_height_m,
                 stand.z_m + sine * p.x + cosine * p.z};
   };
@@ -122,8 +122,8 @@ Scene make_scene(const Conditions& c, const SceneSpec& spec, std::uint64_t seed,
       scene.label = "empty";
       break;
     case SceneKind::reflector: {
-      // The plate is so small that its edges are farther than its middle by 0.02 mm at most, at 1
-      // m. There it is as bright as the mean scene.
+      // The plate is small: at 1 m its edges are at most 0.02 mm farther than its centre. Its
+      // signal at 1 m equals the mean scene's.
       const double half = 0.006 * reflector_m;
       const double x_m = c.reflector_before == "right"  ? c.baseline_m
                          : c.reflector_before == "left" ? -c.baseline_m

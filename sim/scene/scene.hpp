@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// A scene stands in front of the sensors. It has capsules (people), flat plates made of strokes
-// (letters, walls, faces of boxes) and triangles (a laboratory's own object).
+// Scene in front of the sensors: capsules (people), flat plates made of strokes (letters, walls,
+// faces of boxes) and triangles (a laboratory's own object).
 #pragma once
 #include <cstdint>
 #include <optional>
@@ -16,17 +16,17 @@ namespace echofuse::sim {
 
 inline constexpr double as_albedo = -1;
 
-// A capsule holds all points within radius_m of the segment a-b.
+// Capsule: all points within radius_m of the segment a-b.
 struct Capsule {
   Vec3 a, b;
   double radius_m = 0, albedo = 0;
-  double radar = as_albedo;  // the radar's reflectivity
+  double radar = as_albedo;  // reflectivity for the radar
 };
 
 using record::Stroke;
 
-// A plate is the union of its strokes in the plane centre + u*U + v*V; U and V are orthonormal.
-// Both sides reflect.
+// Plate: union of its strokes in the plane centre + u*U + v*V, with orthonormal U and V. Reflects
+// on both sides.
 struct Plate {
   Vec3 centre, u, v;
   std::vector<Stroke> strokes;
@@ -45,33 +45,32 @@ struct Scene {
   std::vector<Capsule> capsules;
   std::vector<Plate> plates;
   std::vector<Triangle> triangles;
-  const Room* room = nullptr;  // stands behind everything
+  const Room* room = nullptr;  // behind everything else
   std::string label;           // person, letter:A, two_people, empty, object:chair
 };
 
-// reflector is a small white plate at reflector_m, straight ahead of the SPD or to its side
-// (Conditions::reflector_before). object is the mesh of
-// Conditions::object on the floor.
+// reflector: small white plate at reflector_m, in front of the SPD or to its side
+// (Conditions::reflector_before). object: mesh of Conditions::object on the floor.
 enum class SceneKind : std::uint8_t { person, letter, two_people, empty, reflector, object };
 std::optional<SceneKind> kind_named(std::string_view name);
-std::string kind_names();  // with commas between
+std::string kind_names();  // separated by commas
 
-// Kind of a scene, and place and turn of person, letter or object unless drawn at random.
+// Kind of a scene, with place and yaw of the person, letter or object; random if not given.
 struct SceneSpec {
   SceneKind kind = SceneKind::empty;
   std::optional<double> x_m{}, z_m{}, yaw_deg{};
 
   SceneSpec() = default;
-  SceneSpec(SceneKind k) : kind(k) {}  // NOLINT: a kind alone is a specification
+  SceneSpec(SceneKind k) : kind(k) {}  // NOLINT: implicit, because a kind alone is a specification
   bool operator==(const SceneSpec&) const = default;
 };
 
-// Scene `index` of `seed` is the same whatever was made before and on whichever thread.
+// Scene `index` of `seed` does not depend on other scenes or on the thread.
 Scene make_scene(const Conditions& conditions, const SceneSpec& spec, std::uint64_t seed,
                  std::uint64_t index);
 
-// The first is true if a reflectivity is not the albedo. The second is the scene with the
-// reflectivities as albedos.
+// radar_sees_apart() is true if a reflectivity differs from the albedo. as_radar_sees() returns the
+// scene with the radar reflectivities as albedos.
 bool radar_sees_apart(const Scene& scene);
 Scene as_radar_sees(Scene scene);
 

@@ -38,7 +38,7 @@ class Reader : TableReader {
         has_kind = true;
       } else if (name == "count") {
         count = static_cast<std::int64_t>(number(node, "count", 1, 1e6).value_or(1));
-        if (!node.is_integer()) say(node, "count: expected a whole number");
+        if (!node.is_integer()) say(node, "count: expected an integer");
       } else if (name == "x_m") {
         spec.x_m = number(node, "x_m", -20, 20);
       } else if (name == "z_m") {
@@ -53,9 +53,9 @@ class Reader : TableReader {
     const bool placed = spec.kind == SceneKind::person || spec.kind == SceneKind::letter ||
                         spec.kind == SceneKind::object;
     if (!placed && (spec.x_m || spec.z_m || spec.yaw_deg))
-      say(table, "x_m, z_m and yaw_deg place a person, letter or object");
+      say(table, "x_m, z_m and yaw_deg are for a person, letter or object only");
     if (static_cast<std::int64_t>(all.size()) + count > most_scenes)
-      return say(table, "more than ten million scenes");
+      return say(table, "more than 10 million scenes");
     all.insert(all.end(), static_cast<std::size_t>(count), spec);
   }
 

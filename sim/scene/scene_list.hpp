@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: MIT
-// A TOML file lists scenes one by one:
+// TOML list of scenes:
 //   [[scene]]
 //   kind = "person"     # person, letter, two_people, empty, reflector, object
-//   count = 3           # so many of these in a row; 1 if not given
-//   x_m = 0.5           # where it stands and turns; random if not given
+//   count = 3           # number of consecutive records; default 1
+//   x_m = 0.5           # place and yaw; random if not given
 //   z_m = 3.5
 //   yaw_deg = 20
 #pragma once
@@ -14,7 +14,7 @@
 
 namespace echofuse::sim {
 
-// Throws Error(config) that lists every fault as NAME:line:column: the fault.
+// Throws Error(config) with all faults, one line "NAME:line:column: fault" each.
 std::vector<SceneSpec> read_scene_list(const std::string& text, const std::string& name);
 
 }  // namespace echofuse::sim

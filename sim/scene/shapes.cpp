@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Compiled without errno and traps for its square roots (CMakeLists.txt), so that they vectorise.
+// Compiled without errno and traps for square roots (CMakeLists.txt), so that they are vectorised.
 #include "sim/scene/shapes.hpp"
 
 #include <cmath>
@@ -9,11 +9,11 @@
 namespace echofuse::sim {
 namespace {
 
-// A shape that reaches nearer to the sensor's plane is tested against every ray.
+// Shapes closer than this to the sensor's plane are tested against every ray.
 constexpr double near_m = 0.05;
 constexpr Interval everything{-INFINITY, INFINITY}, none{INFINITY, -INFINITY};
 
-// Tangents under which a disc of this radius at (s, z) appears in its plane. It is the exact
+// Returns the tangents under which a disc of this radius at (s, z) appears in its plane: the exact
 // silhouette of a sphere along one axis, (s - t z)^2 = radius^2 (1 + t^2).
 Interval disc_tangents(double s, double z, double radius) {
   if (z - radius < near_m) return everything;
@@ -36,7 +36,7 @@ constexpr auto y_of = [](Vec3 p) { return p.y; };
 
 ECHOFUSE_CLONES void meet_capsule(const CapsuleShape& c, const double* x, const double* y,
                                   double* z, std::size_t count) {
-  const CapsuleShape s = c;  // no store to z can change it
+  const CapsuleShape s = c;  // local copy: stores to z cannot alias it
   for (std::size_t i = 0; i < count; ++i) {
     const double ray2 = x[i] * x[i] + y[i] * y[i] + 1;
     const double along = s.axis.x * x[i] + s.axis.y * y[i] + s.axis.z;
@@ -45,8 +45,8 @@ ECHOFUSE_CLONES void meet_capsule(const CapsuleShape& c, const double* x, const 
     const double square = s.axis2 * ray2 - along * along;  // 0: parallel, or the axis is a point
     const double half = s.axis2 * to_a - s.axis_a * along;
     const double root = half * half - square * s.outside;
-    // The ray is nearest to the axis at foot = from_a - sqrt(root) along, from 0 at a to axis2
-    // square at b. Signed squares tell as much, without the root.
+    // The point of the axis nearest to the ray is at foot = from_a - sqrt(root) along, from 0 at a
+    // to axis2 * square at b. Comparing signed squares avoids the root.
     const double from_a = half * along - s.axis_a * square, from_b = from_a - s.axis2 * square;
     const double bound = along * std::abs(along) * root;
     const bool after_a = from_a * std::abs(from_a) > bound;
@@ -92,7 +92,7 @@ ECHOFUSE_CLONES void meet_triangle(const TriangleShape& t, const double* x, cons
   }
 }
 
-// Computes where rays cross the plate's plane, in space and on the plate.
+// Computes where rays cross the plate's plane: depth and plate coordinates.
 ECHOFUSE_CLONES void cross_plane(const PlateShape& p, const double* x, const double* y,
                                  double* __restrict met, double* __restrict along_u,
                                  double* __restrict along_v, std::size_t count) {
@@ -131,7 +131,7 @@ ECHOFUSE_CLONES void aim_rays(const double* columns, const double* sides, const 
   }
 }
 
-// Shades a surface with a unit normal.
+// Computes |cos| of the incidence on a surface with a unit normal.
 ECHOFUSE_CLONES void shade_flat(Vec3 n, const double* x, const double* y, double* cosine,
                                 std::size_t count) {
   for (std::size_t i = 0; i < count; ++i)
@@ -192,7 +192,7 @@ CapsuleShape::CapsuleShape(const Capsule& capsule, Vec3 sensor)
       end_a(dot(a, a) - radius * radius),
       end_b(dot(b, b) - radius * radius) {}
 
-// The ray meets the cylinder about a-b, or else the sphere at the end on whose side it passes.
+// Computes where rays meet the cylinder about a-b, otherwise the sphere at the nearer end.
 void CapsuleShape::meet(const double* x, const double* y, double* z, std::size_t count) const {
   meet_capsule(*this, x, y, z, count);
 }

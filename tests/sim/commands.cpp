@@ -93,7 +93,7 @@ TEST_CASE("lists and objects are asked for by settings") {
   const std::string object = " --set object=" + folder / "plate.obj";
   const std::string out = "--out " + folder / "x.sqlite";
   refuses(out + list, 3, "object = \"FILE.obj\"");
-  refuses(out + list + object + " --people 3", 2, "give no numbers");
+  refuses(out + list + object + " --people 3", 2, "remove the record counts");
   refuses(out + " --objects 1 --set object=" + folder / "no.obj", 3, "no.obj: cannot read");
   CHECK_FALSE(fs::exists(folder / "x.sqlite"));
   const Outcome o = sim("dataset " + out + list + object);
@@ -124,7 +124,7 @@ TEST_CASE("every setting as JSON, for programs") {
   CAPTURE(o.text);
   CHECK(o.code == 0);
   CHECK(o.text.starts_with("{\n  \""));
-  CHECK(has(o.text, "\"bins\": {\"value\": 100, \"min\": 1, \"max\": 65536, \"help\": \"SPD hist"));
+  CHECK(has(o.text, "\"bins\": {\"value\": 100, \"min\": 1, \"max\": 65536, \"help\": \"bins of"));
   CHECK(has(o.text, "\"radar_step_m\": {\"value\": 0.25, \"min\": 0.001, \"max\": 10, "));
   CHECK(has(o.text, "\"radar_array_calibrated\": {\"value\": true, \"help\": "));
   CHECK(has(o.text, "\"scenes\": {\"value\": \"a\\\"b\\\\c\", \"help\": "));
