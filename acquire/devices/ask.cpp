@@ -17,7 +17,7 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-// Takes the last record of the run that has the device.
+// Reads the run's last record with data of this device.
 void take_last_record(const std::string& file, const Clock& clock, Answer& out) {
   const record::RunReader run(file);
   const std::int64_t last = run.summary().last_index;
@@ -43,7 +43,7 @@ Answer answer_of_holder(Answer out, const Clock& clock) {
   out.delivers = false;
   std::error_code none;
   if (!std::filesystem::is_regular_file(holder.run, none)) {
-    if (!holder.run.empty()) out.text += "; its run file is not there yet";
+    if (!holder.run.empty()) out.text += "; its run file does not exist yet";
     return out;
   }
   try {
@@ -58,7 +58,7 @@ std::string field(const Json& object, const char* key) {
   return printable(object[key].get<std::string>());
 }
 
-// "model A, serial B, firmware C", of those that are known.
+// Returns "model A, serial B, firmware C" without unknown parts.
 std::string names_of(const Json& device) {
   std::string text;
   for (const char* key : {"model", "serial", "firmware"})
@@ -96,7 +96,7 @@ Json find_attached(std::string& camera_fault) {
   return {{"usb", usb}, {"openni", cameras}};
 }
 
-// Text with the lines to write into lab.toml.
+// Returns the text with the lines for lab.toml.
 std::string text_of(const Json& attached, const std::string& camera_fault) {
   std::string text;
   const auto setting = [&](const std::string& key, const Json& node) {
@@ -116,7 +116,7 @@ std::string text_of(const Json& attached, const std::string& camera_fault) {
     setting("depth.address", camera);
   }
   if (!camera_fault.empty()) text += printable(camera_fault) + '\n';
-  return text.empty() ? "nothing that could be one of our devices is attached\n" : text;
+  return text.empty() ? "no supported device is attached\n" : text;
 }
 
 Json to_json(const Answer& answer) {
@@ -175,7 +175,7 @@ ExitCode list_devices(const std::optional<Config>& config, port::Loop& loop, boo
     all["configured"].push_back(to_json(answer));
     if (!json) print(text_of(answer));
   }
-  if (json)  // a device's strings are its own business: what is not UTF-8 is replaced
+  if (json)  // replace bytes of device strings that are not UTF-8
     std::printf("%s\n", all.dump(2, ' ', true, Json::error_handler_t::replace).c_str());
   return ok ? ExitCode::ok : ExitCode::device;
 }

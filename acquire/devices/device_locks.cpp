@@ -28,15 +28,15 @@ std::vector<std::string> addresses_of(const Config& config, Sensor s) {
   return {config.radar.cli, config.radar.data};
 }
 
-// Name of a device: a bridge's host and port, a serial port's path, a camera's URI, else the
-// address.
+// Returns the name of a device: host and port of a bridge, path of a serial port, URI of a camera,
+// otherwise the address.
 std::string known_as(const std::string& address) {
   const port::Address parsed = port::parse_address(address);
   if (const auto* camera = std::get_if<port::OpenNiAddress>(&parsed)) {
     std::error_code none;
     if (!camera->uri.empty())
       return std::filesystem::is_regular_file(camera->uri, none) ? "" : camera->uri;
-    const auto cameras = depth::list_openni_devices();  // several: the driver takes none
+    const auto cameras = depth::list_openni_devices();  // if several, the driver refuses
     return cameras.size() == 1 ? cameras[0].uri : "";
   }
   if (const auto* bridge = std::get_if<port::BridgeAddress>(&parsed)) {
@@ -49,10 +49,10 @@ std::string known_as(const std::string& address) {
   return address;
 }
 
-// None: the lock is free.
+// Returns nullopt if the lock is free.
 std::optional<Holder> holder_of(const std::string& path) {
   constexpr auto write_time =
-      std::chrono::milliseconds(20);  // between a lock and its holder's name
+      std::chrono::milliseconds(20);  // between taking a lock and writing the holder
   for (int tries = 0;; ++tries) {
     const auto text = Lock::holder(path);
     if (!text) return std::nullopt;
@@ -72,7 +72,7 @@ std::string text_of(const std::string& command, const std::string& run) {
 
 }  // namespace
 
-// Debian's /run/lock is everybody's, other systems' is root's.
+// /run/lock is writable for all users on Debian, but only for root on other systems.
 std::string lock_folder() {
   if (const char* named = std::getenv("ECHOFUSE_LOCKS"); named && *named) return named;
   constexpr const char* usual = "/run/lock";

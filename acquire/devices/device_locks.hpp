@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Locks of the configured devices: one program at a time has a device, across all users.
+// Locks of the configured devices: one program per device, across all users.
 #pragma once
 #include <memory>
 #include <optional>
@@ -14,30 +14,30 @@ namespace echofuse::acquire {
 
 struct Holder {
   std::string who;  // "echofuse-acquire run, pid 4711, run /data/monday.sqlite"
-  std::string run;  // the run file that it writes; empty: none
+  std::string run;  // run file that it writes; may be empty
 };
 
-// A folder that all users share, so that they see each other's locks; $ECHOFUSE_LOCKS, if it is
-// set.
+// Returns a folder common to all users, so that their locks are visible to each other;
+// $ECHOFUSE_LOCKS overrides it.
 std::string lock_folder();
 
-// Name of the lock of a configured address. Another spelling of a serial, USB or HID device's
-// address has another lock, and finds the device opened exclusively. Empty: a recording, which
-// everybody may read, or an OpenNI2 camera without a URI that is not the only one.
+// Returns the lock name of a configured address. Another spelling of a serial, USB or HID address
+// has another lock, but the exclusive open then fails. Empty for a recording, which several
+// programs may read, and for an OpenNI2 address without a URI if there are several cameras.
 std::string lock_name(const std::string& address);
 
-// Held as long as this lives, also while a device is away or being opened again: nobody else may
-// come in between.
+// Locks of this process, held until destruction, including while a device is disconnected or
+// reopened.
 class DeviceLocks {
  public:
-  // `command`: "run"; `run`: the run file to come. Takes what is free; throws Error(device) if a
-  // lock file cannot be used.
+  // Takes the free locks. `command`: "run"; `run`: path of the future run file. Throws
+  // Error(device) if a lock file cannot be used.
   DeviceLocks(const Config& config, const std::string& command, const std::string& run = {});
 
-  // Writes into the locks what this program does.
+  // Writes command and run file of this program into its locks.
   void write(const std::string& command, const std::string& run) const;
 
-  // Holder in another process; none if the sensor's device is free or ours.
+  // Returns the holder in another process; nullopt if the device is free or ours.
   const std::optional<Holder>& other(Sensor sensor) const { return others_[sensor]; }
 
  private:

@@ -11,7 +11,7 @@ namespace echofuse::acquire {
 namespace {
 
 constexpr auto calibration_keeps = std::chrono::hours(90 * 24);
-constexpr auto stop_timeout = std::chrono::milliseconds(300);  // limit for all drivers together
+constexpr auto stop_timeout = std::chrono::milliseconds(300);  // for all drivers together
 
 std::string address_of(const Config& config, Sensor s) {
   if (s == Sensor::spd) return config.tdc.address;
@@ -19,7 +19,7 @@ std::string address_of(const Config& config, Sensor s) {
   return config.radar.address.empty() ? config.radar.cli : config.radar.address;
 }
 
-// Returns the serial number, or the model without one, of a calibration or a device.
+// Returns the serial number, or the model if there is none.
 template <class Device>
 const std::string& identity_of(const Device& device) {
   return device.serial.empty() ? device.model : device.serial;
@@ -41,7 +41,7 @@ Devices::Devices(port::Loop& loop, const Config& config, SampleSink& next, port:
     drivers_[Sensor::depth] = make_depth(loop, config.depth, raw);
 }
 
-Devices::~Devices() { abandon(); }  // the listener may be gone
+Devices::~Devices() { abandon(); }  // the sink may be destroyed
 
 void Devices::take_free(const std::string& command) {
   locks_.emplace(config_, command);
@@ -63,9 +63,9 @@ void Devices::take(const std::string& command, const std::string& run) {
 void Devices::start() {
   const std::string oldest = iso8601(loop_.utc() - calibration_keeps);
   for (const auto& entry : config_.calibration.entries)
-    if (status(entry.sensor).configured && entry.date_utc < oldest)  // texts of one form
+    if (status(entry.sensor).configured && entry.date_utc < oldest)  // text order is time order
       next_->on_event(entry.sensor, Severity::warning,
-                      "its calibration of " + printable(entry.date_utc, 40) +
+                      "calibration of " + printable(entry.date_utc, 40) +
                           " is older than 90 days: calibrate again");
   for (const Sensor s : all_sensors)
     if (auto& driver = drivers_[s]; driver && !status(s).holder) driver->start(*this);
@@ -73,10 +73,11 @@ void Devices::start() {
 
 void Devices::stop() {
   for (const Sensor s : halt())
-    next_->on_event(s, Severity::warning, "did not confirm that it stopped: is it still sending?");
+    next_->on_event(s, Severity::warning,
+                    "device did not confirm the stop and may still be sending");
 }
 
-// Those that did not confirm it.
+// Stops all drivers. Returns the sensors that did not confirm it.
 std::vector<Sensor> Devices::halt() {
   for (auto& driver : drivers_)
     if (driver) driver->stop();

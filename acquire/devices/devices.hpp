@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// The drivers of a configuration, and the status of each device.
+// Drivers of a configuration, and the status of each device.
 #pragma once
 #include <cstdint>
 #include <functional>
@@ -16,7 +16,7 @@
 
 namespace echofuse::acquire {
 
-// Threading: the loop's thread only. Passes everything on to `next`, after taking note of it.
+// Threading: loop's thread only. Updates the status and forwards everything to `next`.
 class Devices final : private SampleSink {
  public:
   struct Status {
@@ -24,38 +24,39 @@ class Devices final : private SampleSink {
     DeviceState state = DeviceState::connecting;
     DeviceInfo info;
     std::uint64_t samples = 0;       // tags or frames
-    std::string last_event;          // why it does not stream, if it said so
-    std::optional<Holder> holder{};  // another program that has it: it is not touched
+    std::string last_event;          // reason for not streaming, if the driver reported one
+    std::optional<Holder> holder{};  // other program that uses the device, which is then not opened
 
     bool delivers() const { return state == DeviceState::streaming && samples > 0; }
   };
 
-  // Throws Error(config) for an address that cannot be. `loop`, `config` and `next` must outlive
-  // this. Into `raw`, if any, go the devices' bytes.
+  // Throws Error(config) for an invalid address. `loop`, `config` and `next` must outlive this
+  // object. With `raw`, the devices' bytes are captured.
   Devices(port::Loop& loop, const Config& config, SampleSink& next, port::RawKeeper* raw = nullptr);
   ~Devices() override;
 
-  // Makes the configured devices this program's, `command` of echofuse-acquire, that writes `run`.
-  // Throws Error(device) that names who else has one.
+  // Takes the locks of all configured devices, for `command` of echofuse-acquire with run file
+  // `run`. Throws Error(device) that names another holder.
   void take(const std::string& command, const std::string& run = {});
-  // Names the next run that `command` writes.
+  // Writes the next run file of `command` into the locks.
   void name_run(const std::string& command, const std::string& run) { locks_->write(command, run); }
-  // Makes those of them this program's that are free.
+  // Takes the locks of the free devices only.
   void take_free(const std::string& command);
   void start();
-  // Stops all drivers at once, and waits. A device that does not confirm its end is an event.
+  // Stops all drivers in parallel and waits. Reports a device that does not confirm as an event.
   void stop();
-  // Stops all drivers without telling anybody: after an exception.
+  // Stops all drivers without events; for use after an exception.
   void abandon();
-  // Runs the loop until every configured device that is ours delivers, the time is up or the user
+  // Runs the loop until all our devices deliver data, until the timeout, or until the user
   // interrupts.
   void wait(double timeout_s);
   const Status& operator[](Sensor s) const { return status_[s]; }
-  // Counters of the sensor's driver, until it ends; empty if the sensor is not configured.
+  // Returns the counters of the sensor's driver, also after its end; empty if the sensor is not
+  // configured.
   std::vector<Counter> counters(Sensor s) const;
-  // Asks it of every configured device.
+  // Returns true if the predicate holds for every configured device.
   bool all(const std::function<bool(const Status&)>& predicate) const;
-  // "radar serial:/dev/ttyUSB0: faulted: no such file or directory", or by whom it is in use
+  // Returns "radar serial:/dev/ttyUSB0: faulted: no such file or directory", or the holder.
   std::string describe(Sensor s) const;
 
  private:
@@ -66,7 +67,7 @@ class Devices final : private SampleSink {
   void on_state(Sensor sensor, DeviceState state, const DeviceInfo& info) override;
   void on_firmware_bias(const FirmwareBias& bias) override { next_->on_firmware_bias(bias); }
   void on_event(Sensor sensor, Severity severity, const std::string& text) override;
-  // Warns if this is not the device that streamed before.
+  // Warns if another device than before streams.
   void warn_of_another(Sensor sensor, const DeviceInfo& info);
   std::vector<Sensor> halt();
   Status& status(Sensor s) { return status_[s]; }
@@ -74,11 +75,11 @@ class Devices final : private SampleSink {
   port::Loop& loop_;
   const Config& config_;
   SampleSink* next_;
-  std::optional<DeviceLocks> locks_;  // outlive the drivers
+  std::optional<DeviceLocks> locks_;  // must outlive the drivers
   PerSensor<Status> status_;
-  PerSensor<std::string> identities_;  // serial numbers, or models without one
+  PerSensor<std::string> identities_;  // serial number, or model if there is none
   PerSensor<std::unique_ptr<Driver>> drivers_;
-  PerSensor<std::vector<Counter>> last_counters_;  // kept from drivers that ended
+  PerSensor<std::vector<Counter>> last_counters_;  // from drivers that ended
 };
 
 }  // namespace echofuse::acquire

@@ -15,7 +15,7 @@ Axis tangent_axis(const char* name, std::uint32_t size, double half_tangent, dou
   return {name, "tangent", "1", size, -sign * (half_tangent - step / 2), sign * step, 1};
 }
 
-// Source indices [first, last) whose centres fall into target cell i; the nearest one if none does.
+// Source indices [first, last) with centres inside target cell i; the nearest one if there is none.
 struct Cell {
   std::uint32_t first, last;
 };
@@ -26,8 +26,8 @@ std::vector<Cell> cells_of(const Axis& source, const Axis& target) {
     const double b = (target.at(i + 0.5) - source.start) / source.step;
     const double centre = (target.at(i) - source.start) / source.step;
     const double n = source.count;
-    if (centre < -0.5 || centre > n - 0.5) continue;  // outside the camera's view: {0, 0}
-    // A hair to the left, so that a centre on a cell's edge falls into one cell only.
+    if (centre < -0.5 || centre > n - 0.5) continue;  // outside the camera's field of view: {0, 0}
+    // Shifts slightly to the left, so that a centre on an edge belongs to one cell only.
     auto first = static_cast<std::int64_t>(std::clamp(std::ceil(std::min(a, b) - 1e-9), -1.0, n));
     auto last = static_cast<std::int64_t>(std::clamp(std::ceil(std::max(a, b) - 1e-9), -1.0, n));
     if (first >= last) first = std::lround(centre), last = first + 1;
@@ -109,7 +109,7 @@ void to_target(std::span<const std::uint16_t> depth_mm, const Axis& x, const Axi
   const Axis target_x = target.x(), target_y = target.y();
   const auto limit_mm = static_cast<std::uint16_t>(std::lround(target.far_m * 1000));
   if (same_axis(x, target_x) && same_axis(y, target_y)) {
-    // A choice of numbers, not of divisions, becomes vector instructions.
+    // A conditional value instead of a conditional division, because it vectorises.
     std::transform(depth_mm.begin(), depth_mm.end(), out.begin(), [limit_mm](std::uint16_t mm) {
       return static_cast<float>(mm <= limit_mm ? mm : 0) / 1000.0f;
     });

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// The single-photon detector as the run's meta names it, for the correction of pile-up on reading.
+// Single-photon detector as stated in the run's meta, for the pile-up correction on reading.
 #pragma once
 #include <optional>
 #include <string>
@@ -8,17 +8,16 @@
 
 namespace echofuse::record {
 
-using Meta =
-    std::vector<std::pair<std::string, std::string>>;  // names and texts, in the order given
+using Meta = std::vector<std::pair<std::string, std::string>>;  // names and texts, in file order
 
 struct Detector {
-  double dead_time_ps = 0;  // after a click; 0: not known; infinite: until the laser's next pulse
+  double dead_time_ps = 0;  // after a click; 0: unknown; infinite: until the next laser pulse
 
   bool known() const { return dead_time_ps > 0; }
-  std::pair<std::string, std::string> meta() const;  // entries of a known detector
+  std::pair<std::string, std::string> meta() const;  // meta entries of a known detector
 };
 
-// None if the run says nothing of it, or what cannot be.
+// Returns nullopt if the run states no detector, or an impossible one.
 std::optional<Detector> detector_of(const Meta& meta);
 
 }  // namespace echofuse::record

@@ -5,7 +5,7 @@ namespace echofuse::record {
 
 std::vector<Stroke> letter_strokes(char letter, const LetterSize& size) {
   const double w = size.stroke_m, right = size.width_m / 2, top = size.height_m / 2;
-  const double a = right - w / 2, b = top - w / 2;  // middle lines of the outer strokes
+  const double a = right - w / 2, b = top - w / 2;  // centre lines of the outer strokes
   const Stroke left_post{-a, -top, -a, top, w}, right_post{a, -top, a, top, w};
   const Stroke roof{-right, b, right, b, w}, base{-right, -b, right, -b, w};
   const Stroke bar{-right, 0, right, 0, w};

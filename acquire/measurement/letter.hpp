@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: MIT
-// The flat letters that people hold before the sensors, for true and simulated ones alike. A
-// record's label names its letter.
+// Flat letters that people hold, real and simulated. A record's label names its letter.
 #pragma once
 #include <array>
 #include <cstddef>
@@ -10,7 +9,7 @@
 namespace echofuse::record {
 
 inline constexpr std::string_view letters = "ACEHLNOTUX";    // [S]
-inline constexpr std::string_view letter_label = "letter:";  // and the letter
+inline constexpr std::string_view letter_label = "letter:";  // followed by the letter
 
 struct LetterSize {
   double width_m, height_m, stroke_m;
@@ -19,12 +18,12 @@ struct LetterSize {
 inline constexpr std::array<LetterSize, 2> letter_sizes{
     {{0.30, 0.40, 0.07}, {0.20, 0.30, 0.05}}};  // [S] large, small
 
-// A band of the given width about the segment (u0, v0)-(u1, v1), its ends cut square; u to the
-// right, v up, metres.
+// Band of the given width around the segment (u0, v0)-(u1, v1) with square ends; u to the right, v
+// up, metres.
 struct Stroke {
   double u0 = 0, v0 = 0, u1 = 0, v1 = 0, width_m = 0;
 };
-// The strokes of one of `letters`, centred.
+// Returns the strokes of one of `letters`, centred.
 std::vector<Stroke> letter_strokes(char letter, const LetterSize& size);
 
 }  // namespace echofuse::record

@@ -16,8 +16,8 @@ struct Range {
 constexpr Range widths_ps{0.1, 100'000}, tails_ps{0, 100'000}, shares{0, 1}, cells_m{1e-3, 10},
     exponents{-2, 0}, powers{0, 1.05}, baselines_m{0, 10};
 
-// Reads numbers, and perhaps "+- ERROR" behind them. Returns none for any other text or a number
-// out of range.
+// Reads numbers with an optional "+- ERROR". Returns an empty list for other text, or numbers out
+// of range.
 std::vector<double> numbers_of(const std::string& text, const Range& range, double& error) {
   const auto plus = text.find("+-");
   const auto read = [](const std::string& part) {
@@ -61,6 +61,7 @@ double catmull_rom(const std::array<double, 4>& values, double t) {
   return b + t / 2 * (c - a + t * (2 * a - 5 * b + 4 * c - d + t * (3 * (b - c) + d - a)));
 }
 
+// The response is symmetric about 0.
 double RadarResponse::amplitude(double cells) const {
   const double place = std::abs(cells) * taps_a_cell, whole = std::floor(place), t = place - whole;
   if (!(place < static_cast<double>(taps.size()))) return 0;

@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: MIT
-// A run states in its table meta how its instruments respond to a point, as `calibrate` has
-// measured it or as somebody has written it by hand (`run --meta`):
-//   irf_fwhm_ps, irf_tail_ps, irf_tail_share   the SPD's impulse response: a Gaussian, and the
-//                        time constant of the exponential tail that a share of the photons has
+// Response of the instruments to a point target, stated in a run's table meta, as `calibrate`
+// measured it or as a user entered it (`run --meta`):
+//   irf_fwhm_ps, irf_tail_ps, irf_tail_share   impulse response of the SPD: a Gaussian, and the
+//                        time constant and photon share of its exponential tail
 //   radar_cell_m         c / 2B of the radar
-//   radar_taps           the power of its range response at 0, 1/4, 2/4 ... of that, over the power
-//                        at 0; of a lopsided response the even part (symmetry_of)
-//   radar_noise_exponent the power of the number of frames with which the noise of their mean goes
-// A value may have its standard error behind it, "203 +- 2"; the one behind the taps is of each.
+//   radar_taps           power of its range response at 0, 1/4, 2/4 ... cells, relative to the
+//                        power at 0; of an asymmetric response the even part (symmetry_of)
+//   radar_noise_exponent exponent n: the noise of a mean over N frames is ~ N^n
+// Values may include a standard error, "203 +- 2"; behind the taps it applies to each tap.
 #pragma once
 #include <array>
 #include <functional>
@@ -22,7 +22,7 @@ inline constexpr const char* response_keys[] = {"irf_fwhm_ps",    "irf_tail_ps",
                                                 "radar_taps",     "radar_noise_exponent"};
 
 struct Measured {
-  double value = 0, standard_error = 0;  // the error is 0 if it is not known
+  double value = 0, standard_error = 0;  // standard_error is 0 if unknown
 
   bool operator==(const Measured&) const = default;
 };
@@ -34,14 +34,14 @@ double catmull_rom(const std::array<double, 4>& values, double t);
 struct RadarResponse {
   static constexpr std::size_t taps_a_cell = 4, most_taps = 64;
   double cell_m = 0;
-  std::vector<double> taps;  // from 1 on; empty if it is not known
+  std::vector<double> taps;  // starting with 1; empty if unknown
 
   bool known() const { return cell_m > 0 && !taps.empty(); }
-  // Amplitude at a distance in cells, over the peak's: the root of the power, interpolated by a
-  // cubic; 0 beyond the taps.
+  // Returns the amplitude at a distance in cells, relative to the peak: square root of the power,
+  // with cubic interpolation; 0 beyond the taps.
   double amplitude(double cells) const;
   double power(double distance_m) const;
-  double width_m() const;  // the full width at half of the peak
+  double width_m() const;  // full width at half maximum
   bool operator==(const RadarResponse&) const = default;
 };
 
@@ -56,19 +56,20 @@ struct Symmetry {
 Symmetry symmetry_of(const std::function<double(double)>& power, double first, double last);
 
 struct Response {
-  Measured irf_fwhm_ps, irf_tail_ps, irf_tail_share;  // not known if the width is 0
+  Measured irf_fwhm_ps, irf_tail_ps, irf_tail_share;  // unknown if the width is 0
   RadarResponse radar;
   double taps_standard_error = 0;
-  Measured radar_noise_exponent;  // -1/2 of independent frames; 0 if it is not known
+  Measured radar_noise_exponent;  // -1/2 for independent frames; 0 if unknown
 
-  std::vector<std::pair<std::string, std::string>> meta() const;  // entries of the known parts
+  std::vector<std::pair<std::string, std::string>> meta() const;  // meta entries of the known parts
   bool operator==(const Response&) const = default;
 };
 
-// Response from a run's metadata. Parts not stated, or impossible, are not known.
+// Returns the response from a run's metadata; missing or impossible parts are unknown.
 Response response_of(const std::vector<std::pair<std::string, std::string>>& meta);
 
-// Distance between detector and radar that a run states as radar_baseline_m; 0 if it states none.
+// Returns the stated distance between detector and radar (radar_baseline_m), or 0 if it is not
+// stated.
 double radar_baseline_m(const std::vector<std::pair<std::string, std::string>>& meta);
 
 }  // namespace echofuse::record

@@ -134,7 +134,7 @@ TEST_CASE("a radar that does not answer sensorStop costs little, and is warned o
   port::Timer choke(b.lab->loop);
   choke.after(10s, [&] { b.lab->choke_radar(true); });
   CHECK(b.lab->record(b.run(6)) == ExitCode::ok);
-  CHECK(has(b.events("radar"), "did not confirm that it stopped"));
+  CHECK(has(b.events("radar"), "did not confirm the stop"));
 }
 
 TEST_CASE(
