@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-# Completion of the echofuse programs for bash: asks the program's own --help.
+# Completion of the echofuse programs for bash: reads the --help of the program.
 _echofuse() {
   local current=${COMP_WORDS[COMP_CWORD]} before=${COMP_WORDS[COMP_CWORD - 1]} asked=("${COMP_WORDS[0]}")
   local help word options line
@@ -7,9 +7,9 @@ _echofuse() {
   for word in "${COMP_WORDS[@]:1:COMP_CWORD-1}"; do  # the subcommands before the cursor
     sed -n '/^Subcommands:/,$p' <<<"$help" | grep -qE "^ {2,4}$word( |$)" || break
     asked+=("$word")
-    help=$("${asked[@]}" --help 2>/dev/null) options+=$'\n'$help  # a command takes its parents' options
+    help=$("${asked[@]}" --help 2>/dev/null) options+=$'\n'$help  # a command accepts its parents' options
   done
-  # What stands here: an option, the value of the option before, or else a command or an argument.
+  # The current word is an option, the value of the preceding option, or a command or argument.
   case $before in
     -*) line=$(grep -E -- "^ {2,4}(-[a-z], ?)?$before [A-Z]" <<<"$options" 2>/dev/null | head -n 1) ;;
     *) line=$(sed -n '/^[Pp]ositional/,/^$/p' <<<"$help") ;;
@@ -22,7 +22,7 @@ _echofuse() {
     word=$(sed -n '/^Subcommands:/,$p' <<<"$help" | grep -oE '^ {2,4}[a-z]+')
   fi
   mapfile -t COMPREPLY < <({
-    compgen -W "$word" -- "$current"  # words of --help alone: the shell would run what a file's name says
+    compgen -W "$word" -- "$current"  # only words from --help, because the shell would execute code in a file name
     if [[ $current != -* && ! $line =~ \{ ]]; then
       compgen -d -- "$current"
       [[ $line == *' RUN'* ]] && compgen -f -X '!*.sqlite' -- "$current"
