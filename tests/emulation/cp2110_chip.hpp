@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// A CP2110 as its application note AN434 has it, between the reports of a host and the wires of a
-// UART. Knows no time and no USB. Written apart from the product's drivers/port/cp2110.hpp.
+// CP2110 according to application note AN434, between the host's reports and the UART lines.
+// Without time or USB. Independent of the product's drivers/port/cp2110.hpp.
 #pragma once
 #include <array>
 #include <cstdint>
@@ -18,23 +18,23 @@ class Cp2110Chip {
   using Report = std::array<std::uint8_t, 64>;
   static constexpr std::size_t fifo_bytes = 480;
 
-  // `transmit` gets what the host sends, while the UART is on.
+  // `transmit` receives the host's bytes while the UART is on.
   explicit Cp2110Chip(std::function<void(ByteView)> transmit) : transmit_(std::move(transmit)) {}
 
-  // Host side. False or nothing: the request stalls.
+  // Host side. A return value of false or nullopt is a stalled request.
   bool set_feature(ByteView report);
   std::optional<Bytes> get_feature(std::uint8_t id);
   bool output(ByteView report);
-  // Bytes that one interrupt IN takes; nothing if there is nothing.
+  // Returns the data of one interrupt IN; nullopt if there are none.
   std::optional<Report> next_input();
 
-  // UART side: how many of the bytes fit. While the UART is off none do; what does not fit sets the
-  // overrun flag.
+  // UART side: returns the number of accepted bytes, 0 while the UART is off. Rejected bytes set
+  // the overrun flag.
   std::size_t receive(ByteView bytes);
 
   bool on() const { return on_; }
   std::uint32_t baud() const { return baud_; }
-  const Bytes& config() const { return config_; }  // the last 0x50 report, all of it
+  const Bytes& config() const { return config_; }  // complete last report 0x50
   bool waiting() const { return !fifo_.empty(); }
 
  private:

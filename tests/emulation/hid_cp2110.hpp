@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
-// A CP2110 on an emulated USB bus: programs below umockdev's preload library find it in /sys, open
-// /dev/hidrawN with whatever library they like, and see feature and data reports, a packet a
-// millisecond, lost bytes and an unplug as from the kernel.
+// CP2110 on an emulated USB bus. Programs under umockdev's preload library find it in /sys and open
+// /dev/hidrawN with any library. Reports, lost bytes and an unplug behave as with the kernel, at
+// one packet per millisecond.
 #pragma once
 #include <cstdint>
 #include <functional>
@@ -15,16 +15,16 @@ namespace echofuse::sim {
 class UsbBed;
 
 struct HidOptions {
-  unsigned number = 0;  // the node's: /dev/hidraw<number>; one device each
+  unsigned number = 0;  // node number: /dev/hidraw<number>
   std::string serial = "0001";
 };
 
-// Threading: safe from any thread. `transmit` is called from the testbed's thread, and must not
-// call back.
+// Threading: any thread. `transmit` is called on the testbed's thread, and must not call this
+// object.
 class HidCp2110 {
  public:
-  // Plugged in when made. `transmit` gets what the host sends over the UART. `bed` must outlive
-  // this, and makes one device of a number in its life. Throws Error(failed).
+  // Plugs the device in. `transmit` receives the host's UART bytes. `bed` must outlive this object,
+  // and supports one device per number. Throws Error(failed).
   HidCp2110(UsbBed& bed, HidOptions options, std::function<void(ByteView)> transmit);
   ~HidCp2110();
   HidCp2110(const HidCp2110&) = delete;
@@ -32,18 +32,19 @@ class HidCp2110 {
 
   void unplug();
   void plug();
-  // Bytes on the UART's wire: how many the bridge had room for (480, a report drains 63 a ms).
+  // Delivers bytes on the UART line. Returns how many fitted (buffer 480 bytes; a report drains 63
+  // per ms).
   std::size_t receive(ByteView bytes);
-  // A report as it is, past the bridge: for what a broken one might send.
+  // Sends a raw report that bypasses the bridge, for faults.
   void raw_input(ByteView report);
 
   std::uint32_t baud() const;
-  Bytes config() const;                // the last configuration report
+  Bytes config() const;                // last configuration report
   bool on() const;                     // the UART is enabled
-  std::size_t host_waiting() const;    // bytes of reports that the host did not yet read
-  std::uint64_t host_dropped() const;  // reports that found the host's buffer of 64 full
+  std::size_t host_waiting() const;    // report bytes not yet read by the host
+  std::uint64_t host_dropped() const;  // reports dropped because the host's buffer of 64 was full
   std::uint64_t output_reports() const;
-  std::uint64_t opened() const;  // how often programs opened the node
+  std::uint64_t opened() const;  // number of opens of the node
 
  private:
   struct Parts;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// A board's UART behind a CP2110.
+// UART of a board behind a CP2110.
 #pragma once
 #include <memory>
 #include <utility>
@@ -19,7 +19,7 @@ class HidUart final : public Uart {
  private:
   std::size_t deliver(Bytes chunk) override { return bridge_->receive(chunk); }
 
-  std::shared_ptr<Receive> receive_;  // empty once this is gone: bytes may still be on their way
+  std::shared_ptr<Receive> receive_;  // empty after destruction, because bytes may still arrive
   std::unique_ptr<HidCp2110> bridge_;
 };
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// A time tagger on emulated USB: the device side of drivers/README.md, "Over USB".
+// Time tagger on emulated USB: the device side of drivers/README.md, "Over USB".
 #pragma once
 #include <memory>
 
@@ -9,14 +9,14 @@
 
 namespace echofuse::sim {
 
-// The device ends a transfer every 5 ms. What the host does not fetch waits in its FIFO; of tags
-// that have no room there the next block says how many they are. Threading: the loop's thread.
+// Ends a transfer every 5 ms. Unread data wait in the FIFO; tags that do not fit are dropped, and
+// counted in the next block. Threading: loop's thread.
 class TdcUsb : public Device {
  public:
   static constexpr std::uint16_t vendor = 0x1209, product = 0x0001;  // pid.codes: private tests
 
   virtual std::string address() const = 0;  // "usb:1209:0001:SERIAL"
-  virtual UsbDevice& usb() = 0;             // to plug, unplug, halt
+  virtual UsbDevice& usb() = 0;             // for plug, unplug and halt
 };
 std::unique_ptr<TdcUsb> make_tdc_usb(port::SystemLoop& loop, ScenePlayer& player, UsbBed& bed,
                                      const TdcOptions& options);

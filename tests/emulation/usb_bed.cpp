@@ -31,13 +31,12 @@ void UsbBed::enter(char** argv) {
   if (now && std::strstr(now, preload)) return;
   const std::string all = now && *now ? std::string(now) + ":" + preload : preload;
   ::setenv("LD_PRELOAD", all.c_str(), 1);
-  // A sanitizer's runtime insists on being first in the list, which it need not be for this
-  // library.
+  // A sanitizer runtime requires the first place in LD_PRELOAD, which this library does not need.
   const char* options = std::getenv("ASAN_OPTIONS");
   const std::string asan = (options ? std::string(options) + ":" : "") + "verify_asan_link_order=0";
   ::setenv("ASAN_OPTIONS", asan.c_str(), 1);
   ::execv("/proc/self/exe", argv);
-  throw Error(ExitCode::failed, std::string("cannot start anew: ") + std::strerror(errno));
+  throw Error(ExitCode::failed, std::string("cannot restart the program: ") + std::strerror(errno));
 }
 
 UsbBed::UsbBed() : testbed_(umockdev_testbed_new()) {
@@ -52,8 +51,8 @@ std::vector<std::pair<std::string, std::string>> UsbBed::environment() const {
   return {{"LD_PRELOAD", preload}, {"UMOCKDEV_DIR", root_}};
 }
 
-// Shared with umockdev's thread, which may outlive the node. Every signal and every client has a
-// share of it.
+// Shared with umockdev's thread, which may outlive the node. Every signal and every client holds a
+// reference.
 struct BedNode::Callbacks {
   using Share = std::shared_ptr<Callbacks>;
   std::mutex mutex;
@@ -83,7 +82,7 @@ struct BedNode::Callbacks {
     const std::lock_guard lock((*self)->mutex);
     if ((*self)->owner) (*self)->owner->on_client();
   }
-  // The only sign in umockdev 0.17.16 that a client closed the node or died.
+  // In umockdev 0.17.16 the only sign that a client closed the node or ended.
   static void gone(gpointer data, GObject* client) {
     const std::unique_ptr<Share> self(static_cast<Share*>(data));
     const std::lock_guard lock((*self)->mutex);
@@ -139,7 +138,7 @@ void BedNode::make_fifo() {
   if (fifo_ < 0) refuse("open " + path, nullptr);
 }
 
-// The FIFO comes first: adding the device sends the uevent.
+// Creates the FIFO first, because adding the device sends the uevent.
 void BedNode::plug() {
   if (std::exchange(plugged_, true)) return;
   make_fifo();

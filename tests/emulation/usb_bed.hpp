@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
-// Devices below the kernel's usbfs and hidraw interfaces, for unmodified programs: umockdev answers
-// their system calls and shows them a sysfs of its own. A program sees the bed if it was started
-// with environment(); this process must have gone through enter() itself.
+// Devices below the kernel's usbfs and hidraw interfaces, for unmodified programs. umockdev answers
+// their system calls and provides a separate sysfs. A program uses it if it was started with
+// environment(); this process must have called enter().
 #pragma once
 #include <functional>
 #include <memory>
@@ -21,16 +21,16 @@ namespace echofuse::sim {
 
 class UsbBed {
  public:
-  // Starts this program anew below umockdev's preload library, once; call it first in main().
+  // Restarts this program under umockdev's preload library, once. Call it first in main().
   static void enter(char** argv);
 
-  // One at a time in a process (umockdev's rule). Throws Error(failed).
+  // Only one per process (limit of umockdev). Throws Error(failed).
   UsbBed();
   ~UsbBed();
   UsbBed(const UsbBed&) = delete;
   UsbBed& operator=(const UsbBed&) = delete;
 
-  // Environment that a program needs to see the devices.
+  // Returns the environment for programs that use the devices.
   std::vector<std::pair<std::string, std::string>> environment() const;
   const std::string& root() const { return root_; }
   UMockdevTestbed* testbed() const { return testbed_; }
@@ -40,17 +40,17 @@ class UsbBed {
   std::string root_;
 };
 
-// A node in /dev whose system calls a simulated device answers. Behind it is a FIFO, so that poll()
-// on it means something.
-// Threading: made, plugged and unplugged on one thread; the on_ functions are called on umockdev's.
+// Node in /dev with system calls answered by a simulated device. It has a FIFO behind it, so that
+// poll() works.
+// Threading: created, plugged and unplugged on one thread; on_ functions run on umockdev's thread.
 class BedNode {
  public:
   struct Answer {
-    long result;    // the system call's
+    long result;    // return value of the system call
     int error = 0;  // errno if the result is -1
   };
   static Answer fail(int error) { return {-1, error}; }
-  // Who has the node open; never dereferenced.
+  // Identifies the client that opened the node; never dereferenced.
   using Client = const void*;
 
   virtual ~BedNode();
@@ -61,18 +61,18 @@ class BedNode {
   void unplug();
 
  protected:
-  // `description` is umockdev's text (P: E: A: H: L: lines, no N:), `folders` the devices in it
-  // below /sys, parents first.
+  // `description` is umockdev's text (P: E: A: H: L: lines, no N:). `folders` are its devices below
+  // /sys, parents first.
   BedNode(UsbBed& bed, std::string node, std::string description, std::vector<std::string> folders);
-  // Answers nothing more: first thing in the destructor of the class that answers.
+  // Stops all answers; call it first in the destructor of the derived class.
   void detach();
 
-  // When the node's FIFO is new, before the device is announced; and when the device is gone,
-  // before that is announced.
+  // on_plug: after creating the FIFO, before announcing the device. on_unplug: after removing the
+  // device, before announcing it.
   virtual void on_plug(int fifo) = 0;
   virtual void on_unplug() = 0;
   virtual Answer on_ioctl(Client client, unsigned long request, UMockdevIoctlData* argument) = 0;
-  // No value: the FIFO answers.
+  // Without a value the FIFO answers.
   virtual std::optional<Answer> on_read() { return std::nullopt; }
   virtual std::optional<Answer> on_write(ByteView) { return std::nullopt; }
   virtual void on_client() {}
@@ -91,9 +91,9 @@ class BedNode {
   bool attached_ = false, plugged_ = false;
 };
 
-// The client's memory behind a system call's argument: `bytes` from `offset`, or from the pointer
-// that stands there. Null if he is gone. Released when it goes out of scope; writes reach the
-// client when the call is answered.
+// Client memory behind a system call's argument: `bytes` from `offset`, or from the pointer stored
+// there. Null if the client is gone. Released at the end of the scope; writes reach the client with
+// the answer.
 struct DataRelease {
   void operator()(UMockdevIoctlData* data) const;
 };

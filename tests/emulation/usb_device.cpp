@@ -35,7 +35,7 @@ std::string interface_of(const UsbIdentity& id) {
   return folder_of(id) + "/1-" + std::to_string(id.number) + ":1.0";
 }
 
-// USB 2.0, chapter 9.6: device, configuration, interface, endpoint.
+// Descriptors of USB 2.0, chapter 9.6: device, configuration, interface, endpoint.
 std::string descriptors(const UsbIdentity& id) {
   return "12010002000000" + std::string("40") + hex16le(id.vendor) + hex16le(id.product) +
          hex16le(id.release_bcd) + "01020301" + "09021900010100" + "8032" + "090400000" + "1ff" +
@@ -125,8 +125,8 @@ bool UsbDevice::claimed() const {
   return owner_ != nullptr;
 }
 
-// A pipe of one page: while a byte is in it, the client's poll() says that it cannot be written,
-// which is how usbfs says that there is nothing to reap.
+// Pipe of one page. While it contains a byte, the client's poll() reports it as not writable; in
+// usbfs this means that no URB is ready.
 void UsbDevice::on_plug(int fifo) {
   const std::lock_guard lock(mutex_);
   fifo_ = fifo;
@@ -139,7 +139,7 @@ void UsbDevice::on_plug(int fifo) {
 void UsbDevice::on_unplug() {
   const std::lock_guard lock(mutex_);
   gone_ = true;
-  // The end of an unfinished run is in its transfer.
+  // The end of an unfinished run belongs to its transfer.
   if (!pending_.empty() && !data_.empty()) {
     Transfer transfer = std::move(pending_.front());
     pending_.pop_front();
@@ -209,7 +209,7 @@ UsbDevice::Answer UsbDevice::on_ioctl(Client client, unsigned long request,
   }
 }
 
-// Without scatter-gather libusb cuts each transfer into pieces of 16 KiB.
+// Without scatter-gather libusb splits transfers into pieces of 16 KiB.
 UsbDevice::Answer UsbDevice::capabilities(UMockdevIoctlData* argument) {
   const ClientData data = resolve(argument, 0, sizeof(std::uint32_t));
   if (!data) return fail(EFAULT);
@@ -297,7 +297,7 @@ void UsbDevice::control(Transfer transfer) {
   finish(std::move(transfer), 0, bytes);
 }
 
-// GET_DESCRIPTOR of type string; the only standard request that libusb leaves to the device.
+// GET_DESCRIPTOR of type string: the only standard request that libusb passes to the device.
 std::optional<Bytes> UsbDevice::string_descriptor(const Setup& setup) const {
   if (setup.type != 0x80 || setup.request != 6 || setup.value >> 8 != 3) return std::nullopt;
   const unsigned index = setup.value & 0xffu;
@@ -313,15 +313,15 @@ std::optional<Bytes> UsbDevice::string_descriptor(const Setup& setup) const {
   return answer;
 }
 
-// Waiting data into waiting transfers. A transfer ends when it is full, or with the packet that
-// ends a run; full packets go as they come, so what is not yet a whole packet stays here.
+// Moves waiting data into waiting transfers. A transfer ends when it is full, or with the packet
+// that ends a run. Full packets are sent at once, partial ones are kept.
 void UsbDevice::fill() {
   while (!pending_.empty() && !halted_ && (!data_.empty() || !ends_.empty())) {
     const usbdevfs_urb& urb = urb_of(pending_.front().urb.get());
     const auto room = static_cast<std::size_t>(urb.buffer_length);
     const bool ends = !ends_.empty() && ends_.front() < room;
     const std::size_t bytes = ends ? ends_.front() : std::min(room, data_.size());
-    if (!ends && bytes < room) return;  // neither full nor ended: the host waits
+    if (!ends && bytes < room) return;  // neither full nor ended: wait for more data
     std::copy_n(data_.begin(), bytes, static_cast<std::uint8_t*>(urb.buffer));
     data_.erase(data_.begin(), data_.begin() + static_cast<std::ptrdiff_t>(bytes));
     if (ends) ends_.pop_front();

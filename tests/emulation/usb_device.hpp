@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// A USB device with one vendor-specific interface and one bulk IN endpoint below Linux usbfs
-// (linux/usbdevice_fs.h): transfers wait until the device has data, packets end them early.
+// USB device with one vendor-specific interface and one bulk IN endpoint below Linux usbfs
+// (linux/usbdevice_fs.h). Transfers wait until the device has data; packets may end them early.
 #pragma once
 #include <array>
 #include <condition_variable>
@@ -18,12 +18,12 @@ struct UsbIdentity {
   std::uint16_t vendor = 0, product = 0, release_bcd = 0x0100;
   std::string manufacturer, name, serial;
   std::uint8_t interface_subclass = 0, interface_protocol = 0;
-  unsigned number = 9;  // on its bus
+  unsigned number = 9;  // bus number
 };
 
-// Threading: made, plugged, unplugged and destroyed on one thread; send(), halt(), waiting() on
-// any; the control handler is called on umockdev's thread, under the device's lock, and may call
-// clear().
+// Threading: created, plugged, unplugged and destroyed on one thread. send(), halt() and waiting()
+// on any thread. The control handler runs on umockdev's thread under the device's lock, and may
+// call clear().
 class UsbDevice final : public BedNode {
  public:
   static constexpr std::uint8_t bulk_in = 0x81;
@@ -34,21 +34,21 @@ class UsbDevice final : public BedNode {
     std::uint16_t value, index, length;
     bool in() const { return type & 0x80; }
   };
-  // Answers to vendor requests: the bytes (none for OUT); no value: the device stalls.
+  // Answers a vendor request with bytes (empty for OUT), or nullopt to stall.
   using Control = std::function<std::optional<Bytes>(const Setup&)>;
 
   UsbDevice(UsbBed& bed, const UsbIdentity& identity, Control control);
   ~UsbDevice() override;
 
-  // A run of full packets and the short or empty packet that ends it.
+  // Sends a run of full packets, ended by a short or empty packet.
   void send(ByteView run);
-  // The same, but more packets will follow: what is not a whole packet waits for them.
+  // Like send(), but more packets follow: a partial packet waits for them.
   void send_more(ByteView bytes);
-  std::size_t waiting() const;  // bytes sent that the host has not fetched
-  void clear();                 // forgets them
-  // The endpoint answers with STALL until the host clears it.
+  std::size_t waiting() const;  // sent bytes that the host has not read
+  void clear();                 // drops them
+  // Stalls the endpoint until the host clears it.
   void halt();
-  std::uint64_t fetched() const;  // bytes that completed transfers carried
+  std::uint64_t fetched() const;  // bytes in completed transfers
   bool claimed() const;
 
  private:
@@ -79,7 +79,7 @@ class UsbDevice final : public BedNode {
   mutable std::recursive_mutex mutex_;
   std::deque<Transfer> pending_, done_;
   std::deque<std::uint8_t> data_;
-  std::deque<std::size_t> ends_;  // places in data_ after which a transfer ends
+  std::deque<std::size_t> ends_;  // positions in data_ that end a transfer
   Client owner_ = nullptr;
   int fifo_ = -1;
   bool reapable_ = false, gone_ = true, halted_ = false;

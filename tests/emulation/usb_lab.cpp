@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
 // usb_lab [--dir DIR] [--scene KIND] [--hold S] [--window S] -- COMMAND ...: runs the command in a
-// laboratory whose time tagger is an emulated USB device.
+// laboratory with an emulated USB time tagger.
 #include <CLI/CLI.hpp>
 
 #include "drivers/port/loop.hpp"
@@ -29,7 +29,7 @@ ExitCode run(int argc, char** argv) {
   } catch (const CLI::ParseError& e) {
     return app.exit(e) == 0 ? ExitCode::ok : ExitCode::usage;
   }
-  options.conditions.depth_noise_m = 0.0005;  // two frames of a real camera are never the same
+  options.conditions.depth_noise_m = 0.0005;  // frames of a real camera always differ
   sim::UsbBed bed;
   options.make_tagger = [&](auto& loop, auto& player, const auto& wanted) {
     auto tagger = sim::make_tdc_usb(loop, player, bed, wanted);

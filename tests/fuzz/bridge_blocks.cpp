@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Input: u8 how the stream is cut, then the stream. A header with a CRC of zero gets the right one
-// first, or no mutation would ever make a sound block.
+// Input: u8 split of the stream, then the stream. A header CRC of zero is replaced by the right
+// one, because mutations would not find a valid block.
 #include "drivers/bridge/bridge_protocol.hpp"
 #include "drivers/core/crc32c.hpp"
 #include "fuzz.hpp"
@@ -29,7 +29,7 @@ void put_in_crcs(Bytes& stream) {
   }
 }
 
-// The only bytes that may have made this block.
+// Returns the only bytes that give this block.
 Bytes bytes_of(const Block& block) {
   Bytes bytes;
   for (const char c : {'E', 'F', 'B', 'R'}) put(bytes, c);
@@ -59,7 +59,7 @@ struct Session {
     Bytes bytes = bytes_of(block);
     const ByteView rest = stream.subspan(searched);
     const auto at = std::search(rest.begin(), rest.end(), bytes.begin(), bytes.end());
-    require(at != rest.end(), "each block stands whole in the stream, in this order");
+    require(at != rest.end(), "the stream contains each block, in this order");
     searched += static_cast<std::size_t>(at - rest.begin()) + 1;
     block_bytes += bytes.size();
     lost += block.lost_blocks;
@@ -74,8 +74,8 @@ struct Session {
     require(broken ? n.bytes <= stream.size() : n.bytes == stream.size(),
             "every byte up to the damage is counted");
     require(n.bad_headers + n.bad_crcs == (broken ? 1 : 0), "the damage is counted");
-    require(n.blocks == blocks.size(), "every block is handed on");
-    require(n.lost_blocks == lost && n.gaps == gaps, "losses are told with the block after them");
+    require(n.blocks == blocks.size(), "every block is delivered");
+    require(n.lost_blocks == lost && n.gaps == gaps, "losses are reported with the next block");
   }
 };
 
@@ -96,6 +96,6 @@ void fuzz::run(ByteView input) {
   in_pieces(stream, input[0], [&](ByteView piece) { pieces.feed(piece); });
   whole.end();
   pieces.end();
-  require(whole.blocks == pieces.blocks, "the same blocks however the stream is cut");
+  require(whole.blocks == pieces.blocks, "any split gives the same blocks");
   require(same(whole.parser.counts(), pieces.parser.counts()), "and the same counters");
 }

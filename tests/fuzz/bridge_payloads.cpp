@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Input: u8 kind, then the payload of a hello, of tags, of a depth frame, of a histogram or of a
-// range profile.
+// Input: u8 kind, then the payload of a hello, tags, a depth frame, a histogram or a range profile.
 #include <cmath>
 
 #include "drivers/bridge/bridge_protocol.hpp"
@@ -16,7 +15,7 @@ void hello(ByteView payload) {
   const auto hello = read_hello(payload);
   Bytes longer(payload.begin(), payload.end());
   longer.push_back('x');
-  const bool has_nul = std::ranges::find(payload, 0) != payload.end();  // the end for the library
+  const bool has_nul = std::ranges::find(payload, 0) != payload.end();  // ends the text
   require(has_nul || !read_hello(longer), "nothing may follow the object");
   const auto begin = fuzz::text_of(payload).find('{');
   if (!hello) return;
@@ -33,7 +32,7 @@ void tags(ByteView payload) {
     const auto read = read_tags(bytes, scratch);
     require(read.has_value() == (payload.size() % 16 == 0), "tags are whole or none");
     if (!read) continue;
-    require(read->size() == payload.size() / 16, "all tags are there");
+    require(read->size() == payload.size() / 16, "no tag is missing");
     const auto* first = reinterpret_cast<const std::uint8_t*>(read->data());
     require(std::equal(payload.begin(), payload.end(), first), "they are the payload's bytes");
   }
@@ -47,7 +46,7 @@ void depth(ByteView payload) {
   const auto index = in.get<std::uint32_t>();
   float axes[4];
   for (float& value : axes) value = in.get<float>();
-  // Fewer than 2^31 pixels, so the product cannot wrap to what is left.
+  // Fewer than 2^31 pixels, so that the product cannot wrap.
   const bool fits = in.ok() && width && height && in.left() / 2 / width == height &&
                     in.left() == std::uint64_t{width} * height * 2;
   const auto lens = [&](std::size_t at, std::uint32_t count) {
@@ -56,13 +55,14 @@ void depth(ByteView payload) {
            std::abs(step) >= 1e-6 && count <= max_depth_side;
   };
   require(read.has_value() == (fits && lens(0, width) && lens(2, height)),
-          "a frame is taken if its size and axes are right, and only then");
+          "a frame is accepted exactly if its size and axes are valid");
   if (!read) return;
   const DepthFrame& frame = read->frame;
   require(frame.width == width && frame.height == height && frame.device_time_us == time &&
               frame.frame_index == index && read->x.count == width && read->y.count == height,
-          "the header's values are the frame's");
-  require(std::ranges::equal(as_bytes(frame.depth_mm), in.take(in.left())), "so are the pixels");
+          "the frame has the header's values");
+  require(std::ranges::equal(as_bytes(frame.depth_mm), in.take(in.left())),
+          "the frame has the payload's pixels");
 }
 
 void histogram(ByteView payload) {
@@ -75,22 +75,25 @@ void histogram(ByteView payload) {
   const bool fits = in.ok() && zones >= 1 && zones <= 64 && bins >= 1 && exposure > 0 &&
                     in.left() == 4 * zones * bins && pulses <= max_dropped_items &&
                     std::abs(start) <= 1e12 && width >= 1e-3 && width <= 1e9;
-  require(read.has_value() == fits, "a histogram is taken if its size and axis are right");
+  require(read.has_value() == fits,
+          "a histogram is accepted exactly if its size and axis are valid");
   if (!read) return;
   const HistogramFrame& frame = read->frame;
   require(frame.zones == zones && frame.device_time_us == time && frame.pulses == pulses &&
               frame.exposure_us == exposure && read->axis.count == bins &&
               read->axis.start == start && read->axis.step == width,
-          "the header's values are the histogram's");
-  require(std::ranges::equal(as_bytes(frame.counts), in.take(in.left())), "so are the counts");
+          "the histogram has the header's values");
+  require(std::ranges::equal(as_bytes(frame.counts), in.take(in.left())),
+          "the histogram has the payload's counts");
 }
 
 void profile(ByteView payload) {
   const auto read = read_profile(payload);
   if (!read) return;
   const RadarFrame& frame = read->frame;
-  require(payload.size() == 24 + 4 * std::uint64_t{read->axis.count}, "a profile is whole");
-  require(std::ranges::equal(as_bytes(frame.power), payload.subspan(24)), "with its power");
+  require(payload.size() == 24 + 4 * std::uint64_t{read->axis.count}, "a profile is complete");
+  require(std::ranges::equal(as_bytes(frame.power), payload.subspan(24)),
+          "the profile has the payload's power");
   require(std::ranges::all_of(frame.power, [](float p) { return p >= 0 && std::isfinite(p); }),
           "a power is not negative");
   require(std::abs(read->axis.at(read->axis.count)) < 1e5 && read->axis.step > 0,

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Input: a report from the bridge. The same bytes are also sent through reports to the bridge.
+// Input: a report from the bridge. The same bytes are also encoded as reports to the bridge.
 #include "drivers/port/cp2110.hpp"
 #include "fuzz.hpp"
 
@@ -16,9 +16,10 @@ void receive(ByteView report) {
   if (is_data)
     require(data.data() == report.data() + 1 &&
                 data.size() == std::min<std::size_t>(report[0], report.size() - 1),
-            "it is what the report counts, as far as it came");
+            "data has the reported length, limited to the bytes received");
   const auto status = cp2110::parse_status(report);
-  require(status.has_value() == (report.size() >= 7 && report[0] == 0x42), "a status is whole");
+  require(status.has_value() == (report.size() >= 7 && report[0] == 0x42),
+          "a status report is complete");
   if (status)
     require(
         status->parity_error == (report[5] % 2 == 1) && status->overrun == (report[5] / 2 % 2 == 1),
@@ -33,8 +34,8 @@ void send(ByteView bytes) {
     const ByteView data = cp2110::data_of(report);
     arrived.insert(arrived.end(), data.begin(), data.end());
   }
-  require(std::ranges::equal(arrived, bytes), "what is sent arrives");
-  require(reports == (bytes.size() + 62) / 63, "in as few reports as will do");
+  require(std::ranges::equal(arrived, bytes), "all sent bytes arrive");
+  require(reports == (bytes.size() + 62) / 63, "the number of reports is minimal");
 }
 
 }  // namespace
@@ -47,5 +48,5 @@ void fuzz::run(ByteView input) {
   const auto config = cp2110::config_report(baud);
   std::uint32_t sent = 0;
   for (std::size_t i = 1; i <= 4; ++i) sent = sent << 8 | config[i];
-  require(config[0] == 0x50 && sent == baud, "the baud rate goes out big-endian");
+  require(config[0] == 0x50 && sent == baud, "the baud rate is sent big-endian");
 }

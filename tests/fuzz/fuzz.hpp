@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Shared by the fuzz targets. A target is one run(); entry.cpp hands it to libFuzzer (preset
-// "fuzz"), replay.cpp runs it over the files of its corpus (every other preset).
+// Common part of the fuzz targets. A target is one run(): entry.cpp passes it to libFuzzer (preset
+// "fuzz"), replay.cpp runs it on its corpus (other presets).
 #pragma once
 #include <algorithm>
 #include <cstdint>
@@ -15,14 +15,14 @@ namespace echofuse::fuzz {
 
 void run(ByteView input);
 
-// Ends the program where an invariant does not hold: then the fuzzer keeps the input.
+// Aborts if an invariant is violated, so that the fuzzer keeps the input.
 inline void require(bool holds, const char* invariant) {
   if (holds) return;
   std::fprintf(stderr, "does not hold: %s\n", invariant);
   std::abort();
 }
 
-// Calls take(piece) for pieces of 0 to 63 bytes that make up all of them; the seed says how.
+// Calls take(piece) for consecutive pieces of 0 to 63 bytes; the seed selects the split.
 template <class Take>
 void in_pieces(ByteView bytes, std::uint32_t seed, const Take& take) {
   while (!bytes.empty()) {
@@ -37,7 +37,7 @@ inline std::string_view text_of(ByteView bytes) {
   return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};
 }
 
-// For texts that are told to a person: nothing in them moves a terminal's cursor.
+// Returns true if the text contains no control characters of a terminal.
 inline bool is_printable(std::string_view text, std::string_view also = "") {
   return std::all_of(text.begin(), text.end(), [&](char c) {
     const auto code = static_cast<unsigned char>(c);

@@ -14,7 +14,7 @@ using fuzz::require;
 
 namespace {
 
-// In memory, under a name that can be opened.
+// File in memory, under a path that can be opened.
 class File {
  public:
   explicit File(ByteView bytes) {
@@ -46,11 +46,11 @@ Sink read(Recording& recording) {
   HostTime at = recording.at();
   for (bool more = true; more;) {
     more = recording.next(sink);
-    require(recording.at() >= at, "time never goes back");
+    require(recording.at() >= at, "time never decreases");
     at = recording.at();
   }
   for (const std::string& text : recording.doubts())
-    require(fuzz::is_printable(text) && text.size() < 1000, "what is doubtful is a line");
+    require(fuzz::is_printable(text) && text.size() < 1000, "a doubt is one line");
   return sink;
 }
 
@@ -71,7 +71,7 @@ void fuzz::run(ByteView input) {
       require(read(frames).frames <= bytes.size() / 40, "a frame has a header");
     }
   } catch (const Error& error) {
-    require(error.code() == ExitCode::failed, "a fault is the file's");
-    require(is_printable(error.what()) && std::strlen(error.what()) < 500, "and told in a line");
+    require(error.code() == ExitCode::failed, "a fault has the code of a file");
+    require(is_printable(error.what()) && std::strlen(error.what()) < 500, "a fault is one line");
   }
 }

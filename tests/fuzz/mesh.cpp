@@ -15,13 +15,13 @@ void fuzz::run(ByteView input) {
     const sim::Mesh mesh = sim::read_mesh(std::string(text_of(input)), "x.mesh");
     require(!mesh.triangles.empty(), "a mesh has triangles");
     for (const sim::Vec3& p : mesh.points)
-      require(std::isfinite(p.x) && std::isfinite(p.y) && std::isfinite(p.z), "points are places");
+      require(std::isfinite(p.x) && std::isfinite(p.y) && std::isfinite(p.z), "points are finite");
     for (const auto& corners : mesh.triangles)
       for (const std::uint32_t corner : corners)
-        require(corner < mesh.points.size(), "a corner is a point");
+        require(corner < mesh.points.size(), "a corner refers to a point");
   } catch (const Error& error) {
     const std::string_view what = error.what();
-    require(error.code() == ExitCode::config, "a fault is the configuration's");
+    require(error.code() == ExitCode::config, "a fault has the code of a configuration");
     require(what.starts_with("x.mesh:") && is_printable(what), "a fault is one line with the name");
   }
 }

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
-// Input: u8 which. 0: what follows is a model file, whose checksum is put right. Else one of the
-// models that are trained at the start, then edits to it until the input ends: u8 kind, and what it
-// needs. The file is sealed again, so that they reach behind the checksum.
+// Input: u8 kind. 0: a model file follows, and its checksum is corrected. Otherwise one of the
+// models trained at the start, with edits until the input ends: u8 kind, and its arguments. The
+// checksum of the edited file is corrected, so that the edits reach the code behind it.
 #include <unistd.h>
 
 #include <cmath>
@@ -22,7 +22,7 @@ namespace {
 
 constexpr std::size_t spd_bins = 30, radar_bins_ = 24, pixels = 64 * 64;
 
-// Plates at places that depend on their number, seen by both sensors.
+// Returns plates at positions that depend on their index, seen by both sensors.
 Dataset plates(std::size_t count) {
   Dataset d;
   d.spd_axis = {"spd", "counts", "ps", spd_bins, 16000, 400, 1};
@@ -95,7 +95,7 @@ const T& one_of(const std::vector<T>& all, std::size_t which) {
   return all[which % all.size()];
 }
 
-// One edit of a model file.
+// Applies one edit to a model file.
 class Editor {
  public:
   Editor(crafted::Model& model, ByteReader& in) : model_(model), in_(in) {}
@@ -119,7 +119,7 @@ class Editor {
  private:
   std::uint8_t byte() { return in_.get<std::uint8_t>(); }
 
-  // A size that matters, or any.
+  // Returns a special size, or any.
   double number() {
     const std::vector<double> some = {0,    -1,    1,   1e-30,    1e18, -1e18,
                                       3e38, 1e300, NAN, INFINITY, 7,    100};
@@ -166,12 +166,12 @@ class Editor {
     model_.replace(name, type, shape, bytes < (1u << 20) ? bytes : 0, byte());
   }
 
-  // The first value of a tensor, or all of them.
+  // Edits the first value of a tensor, or all of them.
   void value(const std::string& name) {
     const bool all = byte() % 2 == 0;
     const double wanted = number();
     if (!sound(name)) return;
-    const nlohmann::json& type = model_.head[name]["dtype"];  // any kind, after an entry()
+    const nlohmann::json& type = model_.head[name]["dtype"];  // any type after an entry()
     const auto narrow = static_cast<float>(wanted);
     Bytes one;
     if (type == "F32")
@@ -187,7 +187,7 @@ class Editor {
       std::copy(one.begin(), one.end(), model_.values.begin() + static_cast<std::ptrdiff_t>(at));
   }
 
-  // Fields of the header for a tensor.
+  // Edits the header fields of a tensor.
   void entry(const std::string& name) {
     const std::vector<const char*> keys = {"dtype", "shape", "data_offsets"};
     const std::string key = one_of(keys, byte());
@@ -196,13 +196,13 @@ class Editor {
     model_.head[name][key] = byte() % 4 == 0 ? any_json() : list;
   }
 
-  // More tensors over the same bytes: up to 8192.
+  // Adds tensors over the same bytes, up to 8192.
   void again(const std::string& name) {
     const nlohmann::json same = model_.head[name];
     for (int n = 1 << byte() % 14; n > 0; --n) model_.head["z" + std::to_string(n)] = same;
   }
 
-  // Whether the tensor's place can still be reckoned with.
+  // Returns true if the tensor's position can still be computed.
   bool sound(const std::string& name) const {
     for (const auto& [other, e] : model_.head.items()) {
       if (!e.contains("data_offsets") || e["data_offsets"].size() != 2) return false;
@@ -217,11 +217,11 @@ class Editor {
   ByteReader& in_;
 };
 
-// Checks that a model which loads answers with numbers, or says that it cannot.
+// Checks that a loaded model returns finite values or an error.
 void check_answers(const TrainedModel& model) {
   static const Dataset few = plates(3);
   Dataset data = few;
-  std::fill_n(data.radar.row(2).begin(), radar_bins_, 0.f);  // for a fallback
+  std::fill_n(data.radar.row(2).begin(), radar_bins_, 0.f);  // triggers a fallback
   model.match(data);
   Rows rows;
   for (std::size_t row = 0; row < data.size(); ++row)
@@ -229,9 +229,9 @@ void check_answers(const TrainedModel& model) {
   const Prediction found =
       predict(model, data, rows,
               model->uncertainty ? PredictionDetail::pixels : PredictionDetail::uncertainty);
-  require(found.maps.values.size() == rows.size() * pixels, "there is a map of each record");
-  for (const float v : found.maps.values) require(std::isfinite(v), "a map is made of numbers");
-  for (const float v : found.deviation.values) require(v >= 0, "a deviation is one");
+  require(found.maps.values.size() == rows.size() * pixels, "every record has a map");
+  for (const float v : found.maps.values) require(std::isfinite(v), "map values are finite");
+  for (const float v : found.deviation.values) require(v >= 0, "a deviation is not negative");
   for (const PredictionUncertainty& uncertainty : found.uncertainties)
     require(fuzz::is_printable(uncertainty.out_of_distribution.text()), "reasons can be printed");
 }
@@ -262,14 +262,14 @@ void fuzz::run(ByteView input) {
   try {
     check_answers(load_model("crafted", file));
   } catch (const Error& error) {
-    require(!whole, "a model as it was trained is taken");
-    require(error.code() == ExitCode::failed, "a fault is the file's");
-    require(is_printable(error.what()) && std::strlen(error.what()) < 500, "and told in a line");
+    require(!whole, "an unchanged model is accepted");
+    require(error.code() == ExitCode::failed, "a fault has the code of a file");
+    require(is_printable(error.what()) && std::strlen(error.what()) < 500, "a fault is one line");
   }
 }
 
-// The models are trained before the first input: with the sanitizers that takes longer than an
-// input may.
+// Trains the models before the first input, because with sanitizers that exceeds the time limit of
+// an input.
 extern "C" int LLVMFuzzerInitialize(int*, char***) {
   bases();
   return 0;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Input: a first byte 'r' for a restart or another for a cfg, then what the firmware says, in which
-// 0x01 lets 100 ms pass and 0x02 nine seconds.
+// Input: 'r' for a restart or another byte for a cfg, then the firmware's text, in which 0x01 is a
+// pause of 100 ms and 0x02 of 9 s.
 #include "drivers/radar/command_dialogue.hpp"
 #include "fuzz.hpp"
 
@@ -42,17 +42,18 @@ struct Session {
       if (c != '\n') line += c;
       if (c == '\n') sent.push_back(std::exchange(line, {}));
     }
-    require(line.empty(), "only whole lines are sent");
+    require(line.empty(), "only complete lines are sent");
     for (const auto& event : dialogue.take_events()) told.push_back(event.text);
     for (const std::string& text : {dialogue.failure(), dialogue.platform(), dialogue.firmware()})
       require(fuzz::is_printable(text) && text.size() <= longest_text, "a text is one short line");
     require(dialogue.failure().empty() == (state != State::failed), "a failure has a reason");
     const bool waits = state == State::draining || state == State::commanding;
-    require(dialogue.deadline().has_value() == waits, "it never waits for ever");
+    require(dialogue.deadline().has_value() == waits, "every waiting state has a deadline");
   }
 };
 
-// Bare lines, `version` up to twice, then the cfg in order; or the two of a restart before it.
+// Expects empty lines, `version` up to twice, then the cfg in order; with a restart, its two lines
+// before the cfg.
 void check_sent(const Session& s) {
   auto at = s.sent.begin();
   const auto many = [&](const std::string& line, std::size_t most) {
@@ -60,7 +61,7 @@ void check_sent(const Session& s) {
     for (; at != s.sent.end() && *at == line && count < most; ++at) ++count;
     return count > 0;
   };
-  require(many("", most_tries), "it begins with a bare line");
+  require(many("", most_tries), "the dialogue begins with an empty line");
   bool all = many("version", 2);
   if (all && s.sent.end() - at >= 1 && *at == "sensorStop" &&
       (s.dialogue.sent() == CommandDialogue::Send::restart ||
@@ -72,7 +73,7 @@ void check_sent(const Session& s) {
   require(at == s.sent.end(), "nothing else is sent");
   const bool done = s.dialogue.state() == CommandDialogue::State::done;
   if (done && s.dialogue.sent() == CommandDialogue::Send::cfg)
-    require(all, "done is when the whole cfg was sent");
+    require(all, "done means that the whole cfg was sent");
 }
 
 }  // namespace
@@ -101,8 +102,8 @@ void fuzz::run(ByteView input) {
               whole.dialogue.failure() == bytewise.dialogue.failure() &&
               whole.dialogue.state() == bytewise.dialogue.state() &&
               whole.dialogue.deadline() == bytewise.dialogue.deadline(),
-          "the same dialogue however the bytes come");
+          "any split gives the same dialogue");
   for (const std::string& text : whole.told)
-    require(fuzz::is_printable(text) && text.size() <= longest_text, "what is told is one line");
+    require(fuzz::is_printable(text) && text.size() <= longest_text, "an event is one line");
   check_sent(whole);
 }

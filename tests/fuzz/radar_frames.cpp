@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Input: u8 how the stream is cut, then the stream of the data port.
+// Input: u8 split of the stream, then the stream of the data port.
 #include <numeric>
 
 #include "drivers/radar/frame_parser.hpp"
@@ -34,14 +34,14 @@ struct Session {
     fed += bytes.size();
     parser.feed(bytes, HostTime{}, [this](RadarFrame frame) { take(std::move(frame)); });
     const FrameCounts& n = parser.counts();
-    require(n.lost_frames == lost, "lost frames are told with the frame after them");
+    require(n.lost_frames == lost, "lost frames are reported with the next frame");
     require(n.bytes == fed && n.frame_bytes + n.junk_bytes + n.truncated_bytes <= fed,
             "no byte is used twice");
   }
   void take(RadarFrame frame) {
     const ByteView seen = stream.first(fed);
     while (!holds(seen.subspan(searched), frame)) {
-      require(searched < fed, "each frame stands whole in what was read, in this order");
+      require(searched < fed, "the input contains each frame, in this order");
       ++searched;
     }
     ++searched;
@@ -59,9 +59,9 @@ struct Session {
   void end() {
     parser.finish([this](RadarFrame frame) { take(std::move(frame)); });
     const FrameCounts& n = parser.counts();
-    require(n.frame_bytes + n.junk_bytes + n.truncated_bytes == n.bytes, "no byte is left out");
-    require(n.frames == frames.size(), "the frames that were handed on are counted");
-    require(n.lost_frames >= lost, "the end may add a loss, not take one away");
+    require(n.frame_bytes + n.junk_bytes + n.truncated_bytes == n.bytes, "every byte is counted");
+    require(n.frames == frames.size(), "delivered frames are counted");
+    require(n.lost_frames >= lost, "the end may only add losses");
     const auto profiles = std::count_if(frames.begin(), frames.end(),
                                         [](auto& frame) { return !frame.range_profile.empty(); });
     const auto arrays = std::count_if(frames.begin(), frames.end(),
@@ -69,7 +69,7 @@ struct Session {
     require(n.arrays == static_cast<std::uint64_t>(arrays), "heat maps are counted");
     require(std::all_of(frames.begin(), frames.end(),
                         [](auto& frame) { return frame.array.size() % 2 == 0; }),
-            "a heat map is of whole samples");
+            "a heat map has complete samples");
     require(n.range_profiles == static_cast<std::uint64_t>(profiles), "range profiles are counted");
     require(n.tlvs.size() <= 64, "the table of types is bounded");
   }
@@ -110,6 +110,6 @@ void fuzz::run(ByteView input) {
   pieces.end();
   require(std::equal(whole.frames.begin(), whole.frames.end(), pieces.frames.begin(),
                      pieces.frames.end(), [](auto& a, auto& b) { return same(a, b); }),
-          "the same frames however the stream is cut");
+          "any split gives the same frames");
   require(same(whole.parser.counts(), pieces.parser.counts()), "and the same counters");
 }

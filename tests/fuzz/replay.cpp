@@ -21,5 +21,5 @@ int main(int argc, char** argv) {
   echofuse::fuzz::require(files > 0, "there are inputs");
   rusage used{};
   ::getrusage(RUSAGE_SELF, &used);
-  echofuse::fuzz::require(used.ru_maxrss < 2 << 20, "2 GiB are enough, as to libFuzzer");
+  echofuse::fuzz::require(used.ru_maxrss < 2 << 20, "memory is below 2 GiB, libFuzzer's limit");
 }

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Input: a run file. All that info and reconstruct read of it is read. SQLite itself is not
-// instrumented. Runs with pages of 512 bytes make small inputs.
+// Input: a run file. Reads everything that info and reconstruct read. SQLite is not instrumented.
+// Runs with pages of 512 bytes keep inputs small.
 #include "acquire/record/run_file.hpp"
 
 #include <unistd.h>
@@ -21,7 +21,7 @@ using fuzz::require;
 
 namespace {
 
-// In memory where the system has it; goes away with the process.
+// Folder in memory if the system has one; removed at the end of the process.
 class Folder {
  public:
   Folder() {
@@ -55,7 +55,7 @@ void refused_or_done(Body body) {
     body();
   } catch (const Error& error) {
     require(error.code() == ExitCode::failed || error.code() == ExitCode::disk,
-            "a fault is the file's");
+            "a fault has the code of a file");
     require(fuzz::is_printable(error.what()), "a fault is one line");
   }
 }
@@ -67,12 +67,13 @@ void check_record(const FusedRecord& r, const std::vector<Axis>& axes) {
     for (std::size_t i = 0; i < 4; ++i)
       if (a.name == names[i]) points[i] = a.count;
   }
-  require(r.index <= max_index && r.valid.bits() < 8, "index and mask are those of a record");
-  require(r.spd.size() == (r.has(Sensor::spd) ? points[0] : 0), "spd has its axis's values");
-  require(r.radar.size() == (r.has(Sensor::radar) ? points[1] : 0), "radar has its axis's values");
+  require(r.index <= max_index && r.valid.bits() < 8, "index and mask are valid");
+  require(r.spd.size() == (r.has(Sensor::spd) ? points[0] : 0), "spd has the length of its axis");
+  require(r.radar.size() == (r.has(Sensor::radar) ? points[1] : 0),
+          "radar has the length of its axis");
   require(r.depth_mm.size() == (r.has(Sensor::depth) ? points[2] * points[3] : 0),
-          "depth has its axes' pixels");
-  for (const float v : r.radar) require(std::isfinite(v), "radar values are numbers");
+          "depth has the size of its axes");
+  for (const float v : r.radar) require(std::isfinite(v), "radar values are finite");
 }
 
 void read_records(const RunReader& run) {
@@ -88,7 +89,7 @@ void read_records(const RunReader& run) {
       last, [](std::int64_t, const std::string&) {});
 }
 
-// As `reconstruct` does it.
+// Reads like `reconstruct`.
 void read_parts(const RunReader& run) {
   std::int64_t next = 0;
   for (int parts = 0; parts < 4; ++parts) {
@@ -98,7 +99,7 @@ void read_parts(const RunReader& run) {
                          [&](std::int64_t index, const std::string&) { bad = index; });
     if (data.size() == 0 && bad < 0) return;
     if (data.size() > 0) bad = std::max(bad, data.index.back());
-    require(bad >= next, "the reading goes on");
+    require(bad >= next, "reading advances");
     next = bad + 1;
   }
 }
@@ -111,7 +112,7 @@ void fuzz::run(ByteView input) {
     const RunReader run(path);
     refused_or_done([&] { run.info(); });
     refused_or_done([&] { run.devices(), run.calibrations(), run.events(), run.counters(); });
-    refused_or_done([&] { require(run.count() >= 0, "there are no fewer than no records"); });
+    refused_or_done([&] { require(run.count() >= 0, "the number of records is not negative"); });
     refused_or_done([&] { run.summary(); });
     refused_or_done([&] { run.check(); });
     refused_or_done([&] { read_records(run); });

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Input: a first byte '=' for a key=value of the command line, another for a file; then its text.
+// Input: '=' for a key=value of the command line, or another byte for a file; then the text.
 #include "drivers/program/settings.hpp"
 
 #include "fuzz.hpp"
@@ -20,9 +20,9 @@ struct Sample {
     settings.add("window_s", window_s, 0.01, 3600, "slot length");
     settings.add("offset", offset, -1e300, 1e300, "any number");
     settings.add("tdc.bins", bins, 1, 65536, "number of bins");
-    settings.add("tdc.seed", seed, INT64_MIN, INT64_MAX, "any whole number");
+    settings.add("tdc.seed", seed, INT64_MIN, INT64_MAX, "any integer");
     settings.add("tdc.filter", filter, "conditional filter");
-    settings.add("tdc.address", address, "where the tagger is");
+    settings.add("tdc.address", address, "address of the tagger");
     settings.add("radar.psf", psf, "point spread function", {"sinc", "blackman"});
   }
   Sample(const Sample&) = delete;
@@ -30,18 +30,18 @@ struct Sample {
 
   void check() const {
     require(window_s >= 0.01 && window_s <= 3600, "a number is in its range");
-    require(offset >= -1e300 && offset <= 1e300, "a number is a number");
-    require(bins >= 1 && bins <= 65536, "a whole number is in its range");
+    require(offset >= -1e300 && offset <= 1e300, "an unlimited number is finite");
+    require(bins >= 1 && bins <= 65536, "an integer is in its range");
     require(psf == "sinc" || psf == "blackman", "a text is one of the allowed ones");
   }
 };
 
 void check_fault(const Error& error, std::string_view begin) {
-  require(error.code() == ExitCode::config, "a fault is the configuration's");
+  require(error.code() == ExitCode::config, "a fault has the code of a configuration");
   std::string_view rest = error.what();
   require(!rest.empty() && fuzz::is_printable(rest, "\n"), "faults can be printed");
   while (!rest.empty()) {
-    require(rest.starts_with(begin), "each line is one fault and says where it is");
+    require(rest.starts_with(begin), "each line is one fault with its position");
     rest.remove_prefix(std::min(rest.find('\n'), rest.size() - 1) + 1);
   }
 }
@@ -71,12 +71,12 @@ void fuzz::run(ByteView input) {
   } catch (const Error&) {
     require(false, "the resolved settings can be read");
   }
-  require(again.settings.resolved(true) == resolved, "and are the same");
+  require(again.settings.resolved(true) == resolved, "resolved settings read back unchanged");
   const std::string shown = sample.settings.with_origins();
   try {
     Sample third;
     third.settings.read_text(shown, "shown");
-    require(third.settings.resolved(true) == resolved, "origins change no value");
+    require(third.settings.resolved(true) == resolved, "origins do not change values");
   } catch (const Error&) {
     require(false, "the settings with their origins can be read");
   }

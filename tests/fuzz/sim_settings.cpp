@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Input: a first byte 's' for a list of scenes, 'f' for a timetable of faults, another for the
-// settings of the simulated world; then the text of the file.
+// Input: 's' for a list of scenes, 'f' for a timetable of faults, another byte for the simulator's
+// settings; then the text of the file.
 #include <cmath>
 
 #include "drivers/program/exit_code.hpp"
@@ -18,7 +18,7 @@ namespace {
 void read_scenes(const std::string& text) {
   for (const sim::SceneSpec& scene : sim::read_scene_list(text, "x.toml"))
     for (const auto& number : {scene.x_m, scene.z_m, scene.yaw_deg})
-      require(!number || std::isfinite(*number), "a place is a number");
+      require(!number || std::isfinite(*number), "a place is finite");
 }
 
 void read_faults(const std::string& text) {
@@ -26,7 +26,7 @@ void read_faults(const std::string& text) {
   for (const char* device : {"tdc", "radar", "depth"}) {
     const sim::Faults faults(all, device);
     for (const double time : {0.0, 0.5, 1e3, 1e6})
-      require(std::isfinite(faults.clock_error_s(time)), "a clock is off by a number");
+      require(std::isfinite(faults.clock_error_s(time)), "a clock error is finite");
   }
 }
 
@@ -37,7 +37,7 @@ void read_settings(const std::string& text) {
   settings.read_text(text, "x.toml");
   const std::string resolved = settings.resolved(true);
   settings.read_text(resolved, "resolved");
-  require(settings.resolved(true) == resolved, "the resolved settings are the same when read");
+  require(settings.resolved(true) == resolved, "resolved settings read back unchanged");
 }
 
 }  // namespace
@@ -51,9 +51,9 @@ void fuzz::run(ByteView input) {
     read_settings(text);
   } catch (const Error& error) {
     std::string_view rest = error.what();
-    require(error.code() == ExitCode::config, "a fault is the configuration's");
+    require(error.code() == ExitCode::config, "a fault has the code of a configuration");
     require(!rest.empty() && is_printable(rest, "\n"), "faults can be printed");
     for (; !rest.empty(); rest.remove_prefix(std::min(rest.find('\n'), rest.size() - 1) + 1))
-      require(rest.starts_with("x.toml:"), "each line is one fault and says where it is");
+      require(rest.starts_with("x.toml:"), "each line is one fault with its position");
   }
 }

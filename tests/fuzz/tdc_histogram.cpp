@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
-// Input: i32 start channel, i32 click channel, i64 bin width, i64 first bin, u32 bins, then tags as
-// on the wire. The histogram, with every instruction set of this processor, against whole-number
-// arithmetic, tag by tag; and the filter's counts.
+// Input: i32 start channel, i32 click channel, i64 bin width, i64 first bin, u32 bins, then tags in
+// wire format. Compares the histogram, with every instruction set of this processor, with integer
+// arithmetic tag by tag, and checks the filter's counts.
 #include <hwy/highway.h>
 
 #include "drivers/program/exit_code.hpp"
@@ -14,7 +14,7 @@ using fuzz::require;
 
 namespace {
 
-constexpr std::uint32_t most_bins = 1u << 14;  // more only cost time
+constexpr std::uint32_t most_bins = 1u << 14;  // more bins only take longer
 
 struct Reference {
   HistogramSettings s;
@@ -24,7 +24,7 @@ struct Reference {
   std::uint64_t last_time = 0;
   bool has_start = false, in_overflow = false;
 
-  // The first sound tag of a stream has nothing to run backwards from.
+  // The first valid tag of a stream cannot run backwards.
   explicit Reference(const HistogramSettings& settings, std::span<const Tag> tags) : s(settings) {
     for (const Tag& tag : tags) {
       if (tag.type != TagType::time_tag || tag.reserved != 0) continue;
@@ -103,7 +103,7 @@ void fuzz::run(ByteView input) {
       Histogram whole(s);
       whole.add(tags);
       require(whole.counts() == reference.counts, "every click is in its bin");
-      require(whole.tag_counts() == reference.n, "every tag is counted once, for what it is");
+      require(whole.tag_counts() == reference.n, "every tag is counted in exactly one category");
     }
 
     std::uint64_t in_slots = 0;
@@ -123,8 +123,8 @@ void fuzz::run(ByteView input) {
     filtered.flush();
     require(filtered.tag_counts().tags == tags.size(), "delays and dead time lose no tag");
 
-    require(in_slots == reference.n.in_range, "slots of one tag hold what one long slot does");
+    require(in_slots == reference.n.in_range, "slots of one tag sum to one long slot");
   } catch (const Error& error) {
-    require(error.code() == ExitCode::config && !allowed(s), "good settings are taken");
+    require(error.code() == ExitCode::config && !allowed(s), "valid settings are accepted");
   }
 }

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Input: what a client of echofuse-view sends: a byte that chooses, then an HTTP request or a text
-// of the WebSocket.
+// Input: data of a client of echofuse-view: a byte that selects the kind, then an HTTP request or a
+// WebSocket text.
 #include "fuzz.hpp"
 #include "recon/view/http.hpp"
 #include "recon/view/message.hpp"
@@ -19,7 +19,7 @@ void take_text(std::string_view text) {
   if (const auto* record = std::get_if<ShowRecord>(&request))
     require(record->index >= 0, "a record has an index");
   if (const auto* sheet = std::get_if<ShowSheet>(&request))
-    require(sheet->first >= 0 && sheet->first <= sheet->last, "a sheet has an order");
+    require(sheet->first >= 0 && sheet->first <= sheet->last, "a page of records is in order");
 }
 
 void take_http(std::string_view bytes, bool everybody, bool many) {
@@ -43,13 +43,14 @@ void take_http(std::string_view bytes, bool everybody, bool many) {
   const auto host = request[http::field::host];
   require(access.takes_host({host.data(), host.size()}) ||
               http::to_status_class(response.result()) == http::status_class::client_error,
-          "another host's name gets nothing");
+          "a foreign host name is refused");
   require(knows || !everybody || !asked, "no metrics without the token");
   const Caller caller = caller_of(request, access, true);
-  require(knows || !caller.may_write, "nobody writes without the token");
-  require(knows || !everybody || caller.refusal != http::status::ok, "nor looks from afar");
+  require(knows || !caller.may_write, "writing needs the token");
+  require(knows || !everybody || caller.refusal != http::status::ok,
+          "remote reading needs the token");
   require(response["Content-Security-Policy"].find('\n') == boost::string_view::npos,
-          "no header of the client's own");
+          "the answer contains no header of the client");
 }
 
 }  // namespace

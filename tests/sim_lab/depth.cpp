@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// The depth camera through the real OpenNI2 library, in a process of its own.
+// Depth camera through the real OpenNI2 library, in a separate process.
 #include <sys/wait.h>
 
 #include <catch2/catch.hpp>
@@ -18,7 +18,7 @@ class Reader {
  public:
   Reader(const std::string& lab_dir, const std::string& file, const std::string& arguments) {
     const auto folder = std::filesystem::read_symlink("/proc/self/exe").parent_path();
-    // OpenNI2 leaks some, and is not built for the thread sanitizer.
+    // OpenNI2 leaks memory, and is not built for the thread sanitizer.
     const std::string sanitizers = "ASAN_OPTIONS=detect_leaks=0 TSAN_OPTIONS=suppressions='" +
                                    echofuse::test::source_dir + "/tests/tsan.supp' ";
     const std::string command = sanitizers + "LD_LIBRARY_PATH='" + lab_dir + "/openni' '" +
@@ -33,7 +33,7 @@ class Reader {
   Reader(const Reader&) = delete;
   Reader& operator=(const Reader&) = delete;
 
-  // Empty at the end.
+  // Returns the next line, empty at the end.
   std::string line() {
     char text[256];
     if (!std::fgets(text, sizeof text, pipe_)) return {};
@@ -41,7 +41,7 @@ class Reader {
     all.pop_back();
     return all;
   }
-  // The first line that begins so.
+  // Returns the first line with this beginning.
   std::string line_with(const std::string& beginning) {
     for (std::string text = line(); !text.empty(); text = line()) {
       INFO(text);
@@ -59,8 +59,8 @@ class Reader {
   std::FILE* pipe_;
 };
 
-// Rendered once more, with the axes of a 320 x 240 camera of half tangents 0.8 and 0.6 written out:
-// pixel centres at tangents of 0.005 steps.
+// Renders the scene again with explicit axes of a 320 x 240 camera with half tangents 0.8 and 0.6:
+// pixel centres in steps of 0.005.
 std::vector<std::uint16_t> expected_picture(const sim::LabOptions& options) {
   const Axis x{"depth_x", "tangent", "1", 320, -159.5 * 0.005, 0.005};
   const Axis y{"depth_y", "tangent", "1", 240, 119.5 * 0.005, -0.005};
@@ -83,7 +83,7 @@ sim::LabOptions options_in(const TemporaryDirectory& dir) {
 
 }  // namespace
 
-TEST_CASE("frames of the scene at 30 a second") {
+TEST_CASE("the camera delivers frames of the scene at 30 per second") {
   const TemporaryDirectory dir;
   const sim::LabOptions options = options_in(dir);
   LabThread lab(options);
@@ -108,7 +108,7 @@ TEST_CASE("frames of the scene at 30 a second") {
   CHECK(read_picture(dir / "picture") == expected);
 }
 
-TEST_CASE("the camera goes and comes back with the laboratory") {
+TEST_CASE("the camera disappears and returns with the laboratory") {
   const TemporaryDirectory dir;
   sim::LabOptions options = options_in(dir);
   auto lab = std::make_unique<LabThread>(options);

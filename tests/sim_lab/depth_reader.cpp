@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT
-// Reads the laboratory's depth camera through the stock OpenNI2 library. Says on stdout what
-// happens, one line each.
-//   depth_reader FILE FRAMES PLUG    FRAMES frames, the last one to FILE; with PLUG = 1 then waits
-//                                    until the camera goes and comes back, and reads one more
+// Reads the laboratory's depth camera with the stock OpenNI2 library. Prints one line per event.
+//   depth_reader FILE FRAMES PLUG    reads FRAMES frames and writes the last one to FILE; with
+//                                    PLUG = 1 waits until the camera disappears and returns, and
+//                                    reads one more
 #include <OpenNI.h>
 
 #include <atomic>

@@ -29,7 +29,7 @@ const std::string good = "[[fault]]\ndevice = \"tdc\"\nkind = \"drop\"\nat_s = 1
 
 }  // namespace
 
-TEST_CASE("a faults file") {
+TEST_CASE("a faults file is parsed") {
   const auto faults = read_faults(good + R"(every_s = 4
 [[fault]]
 device = "depth"
@@ -43,13 +43,13 @@ amount = 0.25
   CHECK(faults[0].device == "tdc");
   CHECK(faults[0].kind == FaultKind::drop);
   CHECK(faults[0].every_s == 4);
-  CHECK(faults[0].amount == 1);  // all of it
+  CHECK(faults[0].amount == 1);  // default: all
   CHECK(faults[1].kind == FaultKind::late);
   CHECK(faults[1].amount == 0.25);
   CHECK(read_faults("", "empty").empty());
 }
 
-TEST_CASE("mistakes in a faults file are told with their places, all at once") {
+TEST_CASE("mistakes in a faults file are reported with their positions, all at once") {
   CHECK(has(complaint("[[fault"), "f.toml:1:"));
   CHECK(complaint("x = 1\n") == "f.toml:1:5: x: expected [[fault]] tables only");
   CHECK(complaint(good + "colour = 3\n") ==
@@ -75,7 +75,7 @@ amount = 3
             "a time tagger has no frame to stand still"));
 }
 
-TEST_CASE("faults act in their time, again and again, on their device") {
+TEST_CASE("faults act at their times, repeatedly, on their device") {
   const Faults faults(
       {{"tdc", FaultKind::drop, 1, 0.5, 4, 0.3}, {"radar", FaultKind::stall, 0, 9, 0, 0}}, "tdc");
   for (const double t : {1.0, 1.4, 5.0, 9.4}) CHECK(faults.at(FaultKind::drop, t) == 0.3);
@@ -83,7 +83,7 @@ TEST_CASE("faults act in their time, again and again, on their device") {
   CHECK_FALSE(faults.at(FaultKind::stall, 1));
   CHECK(Faults({}, "tdc").empty());
 
-  const auto changes = faults.changes(1, 9.2);  // a fault that begins at 1 was told before
+  const auto changes = faults.changes(1, 9.2);  // the change at 1 is not repeated
   REQUIRE(changes.size() == 4);
   const double times[] = {1.5, 5, 5.5, 9};
   for (std::size_t i = 0; i < 4; ++i) {
@@ -92,7 +92,7 @@ TEST_CASE("faults act in their time, again and again, on their device") {
   }
 }
 
-TEST_CASE("a device's clock: an offset goes, a drift stays") {
+TEST_CASE("a clock offset ends, a clock drift persists") {
   const Faults faults({{"tdc", FaultKind::clock_offset, 10, 1, 0, -0.5},
                        {"tdc", FaultKind::clock_drift, 2, 3, 20, 200}},
                       "tdc");
@@ -104,7 +104,7 @@ TEST_CASE("a device's clock: an offset goes, a drift stays") {
   CHECK(faults.clock_error_s(24) == Approx(1000e-6));
 }
 
-TEST_CASE("a laboratory refuses a bad faults file and a log that cannot be") {
+TEST_CASE("a laboratory refuses a bad faults file and an impossible log") {
   test::TemporaryDirectory place;
   std::ofstream(place / "f.toml") << "[[fault]]\n";
   port::SystemLoop loop;

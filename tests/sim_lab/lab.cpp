@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// The laboratory's directory, from opening to closing.
+// Laboratory folder, from start to stop.
 #include "sim/lab/lab.hpp"
 
 #include <catch2/catch.hpp>
@@ -41,7 +41,7 @@ sim::LabOptions options_in(const TemporaryDirectory& dir) {
 
 }  // namespace
 
-TEST_CASE("what an open laboratory has, and what a closed one leaves") {
+TEST_CASE("a running laboratory creates its files, and a stopped one removes its devices") {
   const TemporaryDirectory dir;
   sim::LabOptions options = options_in(dir);
   options.window_s = 0.2;
@@ -66,7 +66,7 @@ TEST_CASE("what an open laboratory has, and what a closed one leaves") {
   CHECK_THAT(read_text(options.dir + "/sent.json"), Catch::StartsWith("{\"play\":{\"scene\":"));
 }
 
-TEST_CASE("a directory in use, foreign, or with too long a path is refused") {
+TEST_CASE("a folder that is in use, foreign, or has too long a path is refused") {
   const TemporaryDirectory dir;
   sim::LabOptions options = options_in(dir);
   SECTION("in use") {
@@ -86,7 +86,7 @@ TEST_CASE("a directory in use, foreign, or with too long a path is refused") {
   }
 }
 
-TEST_CASE("a former laboratory's directory is used again, with what else was put there") {
+TEST_CASE("the folder of a previous laboratory is reused with its other files") {
   const TemporaryDirectory dir;
   const sim::LabOptions options = options_in(dir);
   LabThread(options).stop();
@@ -104,11 +104,11 @@ TEST_CASE("start-up faults name their cause, and leave nothing open") {
     options.radar_cfg = dir / "missing.cfg";
     CHECK_THAT(refusal(options, ExitCode::config), Catch::Contains("missing.cfg: cannot read"));
   }
-  SECTION("bins that the daemon cannot make") {
+  SECTION("bins that the daemon does not support") {
     options.conditions.bin_width_ps = 12.5;
     CHECK_THAT(refusal(options, ExitCode::config), Catch::Contains("whole picoseconds"));
   }
-  SECTION("a laser that is too fast") {
+  SECTION("a laser with too high a rate") {
     options.tagging.laser_rate_hz = 80e6;
     CHECK_THAT(refusal(options, ExitCode::config), Catch::Contains("before the last bin"));
   }
@@ -127,7 +127,7 @@ TEST_CASE("scenes follow one another, and mixed ones keep the paper's proportion
   clock.advance(std::chrono::seconds(2));
   CHECK(player.now_s() == 2.0);
   CHECK(player.at(player.now_s()).index == 4);
-  clock.set(std::chrono::milliseconds(10'200));  // a laboratory opened amid a scene's time
+  clock.set(std::chrono::milliseconds(10'200));  // a laboratory started during a scene
   sim::ScenePlayer later(clock, conditions, {"mixed", 3, 0.5});
   CHECK(later.at(0.299).index == 0);
   CHECK(later.scene_end_s(0.1) == Approx(0.3).epsilon(1e-12));

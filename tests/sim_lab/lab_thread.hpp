@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// A laboratory that serves on a thread of its own, and a directory for it.
+// Laboratory that runs on a separate thread, and a folder for it.
 #pragma once
 #include <atomic>
 #include <chrono>
@@ -58,7 +58,7 @@ inline std::string read_text(const std::string& path) {
   return text.str();
 }
 
-// The text between `before` and the next quotation mark.
+// Returns the text between `before` and the next quotation mark.
 inline std::string quoted_after(const std::string& text, const std::string& before) {
   const std::size_t start = text.find(before) + before.size();
   return text.substr(start, text.find('"', start) - start);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// The photon stream against the histogram's law, by chi2 over the bins.
+// Compares the photon stream with the expected histogram, by chi2 over the bins.
 #include "sim/devices/photon_source.hpp"
 
 #include <catch2/catch.hpp>
@@ -21,7 +21,7 @@ constexpr double window_s = 0.5;
 
 struct Stream {
   std::vector<Tag> tags;
-  std::vector<double> counts;  // by the product's own histogram
+  std::vector<double> counts;  // from the product's histogram
 };
 
 Stream draw(const Conditions& c, const Tagging& tagging, const Returns& returns,
@@ -42,7 +42,7 @@ Stream draw(const Conditions& c, const Tagging& tagging, const Returns& returns,
   return stream;
 }
 
-// (chi2 - n) / sqrt(2 n) over the bins with at least 5 expected counts.
+// Returns (chi2 - n) / sqrt(2 n) over the bins with at least 5 expected counts.
 double z_of_chi2(const std::vector<double>& counts, const std::vector<double>& expected) {
   double chi2 = 0, n = 0;
   for (std::size_t i = 0; i < counts.size(); ++i) {
@@ -95,12 +95,12 @@ TEST_CASE("with pile-up only the first photon of a pulse is kept") {
     REQUIRE(stream.tags[i].channel != stream.tags[i - 1].channel);
 }
 
-TEST_CASE("a dead time loses the same photons as the histogram's law") {
+TEST_CASE("a dead time loses the same photons as the histogram's model") {
   Conditions c;
   c.signal_photons = 3e4;
   c.background_counts = 1e4;
   c.pulses_per_window = 20'000;
-  c.spd_dead_time_ps = 2'000;  // within the light of one person
+  c.spd_dead_time_ps = 2'000;  // within the signal of one person
   const Returns returns = person(c);
   const Stream stream = draw(c, {}, returns);
   const auto rate = spd_rate(returns, c);
@@ -111,9 +111,8 @@ TEST_CASE("a dead time loses the same photons as the histogram's law") {
     const auto counts = draw_counts(rate, c, rng);
     for (std::size_t i = 0; i < mean.size(); ++i) mean[i] += 1.0 * counts[i] / draws;
   }
-  CHECK(z_of_chi2(stream.counts, rate) > 50);  // without: far off
-  // A detector blind now and then scatters less than Poisson, and the mean over the draws adds
-  // 1/40.
+  CHECK(z_of_chi2(stream.counts, rate) > 50);  // far off without dead time
+  // Dead time reduces the scatter below Poisson, and the mean over the draws adds 1/40.
   const double z = z_of_chi2(stream.counts, mean);
   CHECK(z < 5);
   std::int64_t last_ps = -1'000'000;
@@ -124,7 +123,7 @@ TEST_CASE("a dead time loses the same photons as the histogram's law") {
   }
 }
 
-TEST_CASE("the stream is sorted, and a sync stands before its photons only") {
+TEST_CASE("the stream is sorted, and with a filter a sync precedes photons only") {
   Conditions c;
   Tagging tagging;
   const Returns returns = person(c);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// The laboratory's radar and a data set have the same noise.
+// The laboratory's radar and a data set have equal noise.
 #include <algorithm>
 #include <catch2/catch.hpp>
 #include <cmath>
@@ -26,7 +26,7 @@ Moments moments(const std::vector<double>& values) {
   return m;
 }
 
-// Logarithm of the peak over the scatter of the weaker half.
+// Returns the logarithm of the peak over the scatter of the weaker half.
 double peak_over_scatter(std::vector<double> power) {
   std::sort(power.begin(), power.end());
   const double peak = power.back();
@@ -37,7 +37,7 @@ double peak_over_scatter(std::vector<double> power) {
 
 }  // namespace
 
-TEST_CASE("a slot of the laboratory's radar is as noisy as a record of a data set") {
+TEST_CASE("a slot of the laboratory's radar has the noise of a data set's record") {
   const auto [frames, window_s] =
       GENERATE(std::pair<std::int64_t, double>{4, 0.2}, std::pair<std::int64_t, double>{20, 1.0},
                std::pair<std::int64_t, double>{60, 3.0});
@@ -56,7 +56,7 @@ TEST_CASE("a slot of the laboratory's radar is as noisy as a record of a data se
   for (std::int64_t i = 0; i < generator.records(); ++i) {
     const auto record = generator.make(i).radar;
     of_dataset.push_back(peak_over_scatter({record.begin(), record.end()}));
-    // Averaged as the daemon does (acquire/run/window.hpp).
+    // Averaged like the daemon (acquire/run/window.hpp).
     const auto echoes = radar_power(radar_returns(generator.scene(i), c), axis);
     std::vector<double> slot(echoes.size());
     for (std::int64_t f = 0; f < frames; ++f) {

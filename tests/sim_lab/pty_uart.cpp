@@ -36,7 +36,7 @@ Bytes pattern(std::size_t size) {
 
 }  // namespace
 
-TEST_CASE("a UART sends at its rate, and loses what nobody fetches") {
+TEST_CASE("a UART sends at its rate, and loses unread bytes") {
   const TemporaryDirectory dir;
   port::SystemLoop loop;
   const std::string link = dir / "port";
@@ -45,8 +45,8 @@ TEST_CASE("a UART sends at its rate, and loses what nobody fetches") {
   const Bytes all = pattern(40'000);
   Bytes heard;
   bool listens = true;
-  SECTION("somebody reads") {}
-  SECTION("nobody reads") { listens = false; }
+  SECTION("with a reader") {}
+  SECTION("without a reader") { listens = false; }
   const auto start = std::chrono::steady_clock::now();
   uart.send(all);
   while (!uart.idle()) {

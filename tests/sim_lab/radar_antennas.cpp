@@ -18,7 +18,7 @@ namespace {
 constexpr double pi = std::numbers::pi;
 using Complex = std::complex<double>;
 
-// 64 bins of 0.25 m
+// Chirp with 64 bins of 0.25 m.
 Chirp chirp_of(std::vector<unsigned> transmitters) {
   Chirp chirp;
   chirp.samples = 60;
@@ -30,7 +30,7 @@ Chirp chirp_of(std::vector<unsigned> transmitters) {
   return chirp;
 }
 
-// A point of power 1 at 3 m, whose wave is plane.
+// Point of power 1 at 3 m with a plane wave.
 RenderedScene point_at(double x, double y, std::int64_t index = 0) {
   RenderedScene scene;
   scene.index = index;
@@ -52,7 +52,7 @@ Conditions quiet() {
   return c;
 }
 
-// Coherent echoes, two transmitters.
+// Board with coherent echoes and two transmitters.
 struct CoherentBoard {
   Conditions conditions = coherent();
   RadarAntennas antennas{conditions, 3};
@@ -68,7 +68,7 @@ struct CoherentBoard {
 
 }  // namespace
 
-TEST_CASE("a row's samples are those of its eight antennas, whatever else transmits") {
+TEST_CASE("a linear array sends the samples of its eight antennas, with any other transmitters") {
   const Conditions c = quiet();
   for (const auto& transmitters : {std::vector<unsigned>{0, 2}, std::vector<unsigned>{0, 2, 1}}) {
     RadarAntennas board(c, 3);
@@ -85,7 +85,7 @@ TEST_CASE("a row's samples are those of its eight antennas, whatever else transm
   }
 }
 
-TEST_CASE("a board in a plane sends all antennas, with its errors") {
+TEST_CASE("a planar board sends all antennas, with their errors") {
   Conditions c = quiet();
   c.radar_antennas = 12;
   c.radar_phase_error_rad = 0.4;
@@ -104,7 +104,7 @@ TEST_CASE("a board in a plane sends all antennas, with its errors") {
     CHECK(std::abs(samples[12 * 12 + m] -
                    std::polar(2048 * a.gain, pi * (-0.1 * a.x + 0.2 * a.y) + a.phase_rad)) < 1.5);
   }
-  // The firmware's own coefficients take them off.
+  // The firmware's coefficients remove the errors.
   std::istringstream words(board.coefficients());
   double re = 0, im = 0, first = 0;
   for (std::size_t m = 0; words >> re >> im; ++m) {
@@ -115,7 +115,7 @@ TEST_CASE("a board in a plane sends all antennas, with its errors") {
   CHECK(first > 0);
 }
 
-TEST_CASE("a profile of coherent echoes is that of the same samples") {
+TEST_CASE("a profile of coherent echoes matches the array samples") {
   CoherentBoard board;
   board.antennas.look(point_at(0.25, 0), 0, 1, board.rng);
   const auto codes = board.antennas.profile_codes();
@@ -125,7 +125,7 @@ TEST_CASE("a profile of coherent echoes is that of the same samples") {
   CHECK(std::abs(codes[13] - 256 * (10 + std::log2(std::abs(samples[13 * 8])))) < 2);
 }
 
-TEST_CASE("a new scene has new speckle, the same one goes on") {
+TEST_CASE("a new scene has new speckle, the same scene continues") {
   CoherentBoard board;
   RenderedScene person = point_at(0, 0);
   person.radar.place[0].person = 0;
@@ -136,7 +136,7 @@ TEST_CASE("a new scene has new speckle, the same one goes on") {
   };
   const Complex first = peak(0, 10), again = peak(0, 10), later = peak(0, 11), other = peak(1, 11);
   CHECK(std::abs(again - first) < 2);
-  CHECK(std::abs(std::abs(later) - std::abs(first)) < 2);  // one point: its phase alone turns
+  CHECK(std::abs(std::abs(later) - std::abs(first)) < 2);  // one point: only its phase changes
   CHECK(std::abs(later - first) > 2);
   CHECK(std::abs(std::abs(other) - std::abs(first)) > 2);
 }

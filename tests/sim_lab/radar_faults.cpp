@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Faults of a radar, and the driver's answer to each.
+// Faults of a radar, and the driver's reaction.
 #include <algorithm>
 #include <catch2/catch.hpp>
 #include <set>
@@ -32,7 +32,7 @@ radar::RadarSetup hasty() {
 
 }  // namespace
 
-TEST_CASE("unplugged for a moment: the sensor is restarted with the cfg that it has") {
+TEST_CASE("after a short unplug the sensor is restarted with its stored cfg") {
   Bench b;
   b.start();
   b.plug(false);
@@ -50,7 +50,7 @@ TEST_CASE("unplugged for a moment: the sensor is restarted with the cfg that it 
   b.check_all_accounted_for();
 }
 
-TEST_CASE("unplugged with its power: the restart is refused, and the whole cfg follows") {
+TEST_CASE("after a power cycle the restart is refused, and the whole cfg is sent") {
   Bench b;
   b.start();
   b.plug(false);
@@ -65,12 +65,12 @@ TEST_CASE("unplugged with its power: the restart is refused, and the whole cfg f
   expected.insert(expected.end(), b.whole_cfg.begin() + 1, b.whole_cfg.end());
   CHECK(b.board.heard() == expected);
   CHECK(b.count("configured") == 2);
-  CHECK(b.told("restart refused, the cfg is sent again: Error: Full"));
+  CHECK(b.told("restart refused, sending the cfg again: Error: Full"));
   REQUIRE(b.until([&] { return b.frames() > 20; }));
-  CHECK(b.count("connections") == 2);  // numbers that begin again are no surprise here
+  CHECK(b.count("connections") == 2);  // frame numbers that restart are expected here
 }
 
-TEST_CASE("a reset in mid-run shows in the banner, at once") {
+TEST_CASE("a reset during a run is detected at once by the banner") {
   Bench b;
   b.start();
   b.board.power_up();
@@ -83,19 +83,19 @@ TEST_CASE("a reset in mid-run shows in the banner, at once") {
   CHECK(b.count("restarted") == 0);
 }
 
-TEST_CASE("a reset without a banner shows in the frame numbers") {
+TEST_CASE("a reset without a banner is detected by the frame numbers") {
   Bench b;
   b.start();
   REQUIRE(b.until([&] { return b.board.number >= 20; }));
-  SECTION("and is configured again") {
+  SECTION("and the board is configured again") {
     b.board.number = 0;
     REQUIRE(b.faulted());
-    CHECK(b.sink.events.back() == "the board was reset: its frame numbers began again");
+    CHECK(b.sink.events.back() == "the board was reset: frame numbers restarted");
     b.seconds_to_frame();
     CHECK(b.board.heard() == b.whole_cfg);
     CHECK(b.count("configured") == 2);
   }
-  SECTION("but not in a number with flipped bits") {
+  SECTION("but not by a number with flipped bits") {
     for (const unsigned bit : {0u, 2u, 4u, 9u, 20u, 31u}) {
       Bytes frame = b.board.frame();
       frame[20 + bit / 8] ^= static_cast<std::uint8_t>(1u << bit % 8);
@@ -108,7 +108,7 @@ TEST_CASE("a reset without a banner shows in the frame numbers") {
   }
 }
 
-TEST_CASE("a reset while the cfg is sent: it begins again") {
+TEST_CASE("after a reset during the cfg the dialogue restarts") {
   Bench b;
   b.driver->start(b.sink);
   REQUIRE(b.until([&] { return b.board.lines_heard() == 12; }));
@@ -120,14 +120,14 @@ TEST_CASE("a reset while the cfg is sent: it begins again") {
   CHECK(b.count("configured") == 1);
 }
 
-TEST_CASE("garbage before the first prompt, and calibration lines everywhere") {
+TEST_CASE("garbage before the first prompt and calibration lines do no harm") {
   Bench b;
   const std::string garbage = "\xff~\x80?`\r\nsens'?\xff' is not recognized as a CLI command\n\r";
   b.board.cli.send(garbage);
   b.driver->start(b.sink);
   std::size_t said = 0;
   REQUIRE(b.until([&] {
-    // Behind every answer, and in front of the first.
+    // Sends it after every answer, and before the first.
     if (b.board.lines_heard() >= said) {
       b.board.cli.send(said++ == 0 ? garbage : std::string());
       b.board.say(calibration + "\n");
@@ -141,7 +141,7 @@ TEST_CASE("garbage before the first prompt, and calibration lines everywhere") {
   CHECK(told == said);
 }
 
-TEST_CASE("the firmware's exception is a failure with its words, whenever it comes") {
+TEST_CASE("an exception of the firmware is a failure with its text, at any time") {
   Bench b(hasty());
   b.start();
   b.board.say("Exception: ../mss_main.c, line 1234.\n");
@@ -151,14 +151,14 @@ TEST_CASE("the firmware's exception is a failure with its words, whenever it com
   CHECK(b.seconds_to_frame() < 10);
 }
 
-TEST_CASE("what the board said last is not hidden by its silence, until a frame comes") {
+TEST_CASE("the last error of the board is reported until a frame arrives") {
   Bench b(hasty());
   b.start();
   b.board.say("Exception: mmw_cli.c, line 263.\n");
   b.board.cli.cut = true;
   REQUIRE(
       b.until([&] { return b.told("Exception: mmw_cli.c, line 263. (the firmware has stopped"); }));
-  const std::string then = "; then: it answers no more: reset the board";
+  const std::string then = "; then: no more answers, reset the board";
   REQUIRE(b.until([&] { return b.sink.events.back().ends_with(then); }));
   CHECK(b.sink.events.back().starts_with("Exception: mmw_cli.c, line 263."));
   b.board.power_up();
@@ -169,7 +169,7 @@ TEST_CASE("what the board said last is not hidden by its silence, until a frame 
   CHECK(b.sink.events.back().find("Exception") == std::string::npos);
 }
 
-TEST_CASE("damaged data: at most one frame is lost beyond the damaged ones, and all are counted") {
+TEST_CASE("damaged data lose at most one further frame, and all are counted") {
   using Damage = std::function<void(Bytes&, Rng&)>;
   const auto at = [](Rng& rng, std::size_t end) {
     return static_cast<std::ptrdiff_t>(rng() % end);
@@ -199,7 +199,7 @@ TEST_CASE("damaged data: at most one frame is lost beyond the damaged ones, and 
        }},
       {"bit flip in the length",
        [&](Bytes& f, Rng& rng) { f[12 + rng() % 4] ^= static_cast<std::uint8_t>(1 << rng() % 8); }},
-      {"came twice",
+      {"repeated",
        [&](Bytes& f, Rng&) {
          const Bytes copy = f;
          f.insert(f.end(), copy.begin(), copy.end());
@@ -230,23 +230,23 @@ TEST_CASE("damaged data: at most one frame is lost beyond the damaged ones, and 
       ++(seen.insert(f.frame_number).second ? delivered : twice);
       if (good.erase(f.frame_number) == 0) continue;
       REQUIRE(f.range_profile.size() == 64);
-      if (std::string_view(name) != "bit flip")  // there is no checksum: content may be wrong
+      if (std::string_view(name) != "bit flip")  // no checksum: content may be wrong
         REQUIRE(f.range_profile[5] == 3000 + f.frame_number % 500 + 5);
     }
     CAPTURE(name, delivered, twice, b.count("lost_frames"), b.count("truncated_frames"),
             b.count("junk_bytes"), b.count("bad_headers"), b.count("bad_tlvs"));
     WARN(name << ": 100 damaged of 601, " << good.size() << " undamaged ones lost, " << twice
-              << " came twice, " << b.count("lost_frames") << " counted as lost");
+              << " repeated, " << b.count("lost_frames") << " counted as lost");
     CHECK(good.size() <= 100);
-    const std::size_t sent = std::string_view(name) == "came twice" ? 701 : 601;
+    const std::size_t sent = std::string_view(name) == "repeated" ? 701 : 601;
     const std::size_t accounted = delivered + twice + b.count("lost_frames");
-    // A flipped bit in a frame's number may make a small gap that is not there.
+    // A flipped bit in a frame number may look like a small gap.
     CHECK((std::string_view(name) == "bit flip" ? accounted >= sent : accounted == sent));
     CHECK(b.count("connections") == 1);
   }
 }
 
-TEST_CASE("silence and a byte now and then on the data port: configured again") {
+TEST_CASE("after silence or single bytes on the data port the board is configured again") {
   Bench b;
   b.start();
   const HostTime from = b.loop.now();
@@ -263,7 +263,7 @@ TEST_CASE("silence and a byte now and then on the data port: configured again") 
   CHECK(b.count("configured") == 2);
 }
 
-TEST_CASE("a command port of which a byte comes through now and then") {
+TEST_CASE("a command port with sporadic bytes fails with a message") {
   Bench b(hasty());
   b.board.cli.choked = true;
   b.driver->start(b.sink);
@@ -274,12 +274,12 @@ TEST_CASE("a command port of which a byte comes through now and then") {
   CHECK(b.seconds_to_frame() < 10);
 }
 
-TEST_CASE("one of the two ports stays away") {
+TEST_CASE("one of the two ports is missing after an unplug") {
   Bench b(hasty());
   b.start();
   b.plug(false);
   REQUIRE(b.faulted());
-  b.board.cli.plug(true);  // the data port stays away
+  b.board.cli.plug(true);  // the data port is missing
   REQUIRE(b.until([&] { return b.count("connections") == 1; }));
   b.plug(true);
   CHECK(b.seconds_to_frame() < 10);
@@ -304,7 +304,7 @@ TEST_CASE("unplugged a hundred times, at every step of the dialogue") {
   CHECK(b.count("bad_headers") == 0);
 }
 
-TEST_CASE("a board that sends one frame and dies is tried ever more rarely") {
+TEST_CASE("a board that fails after one frame is retried ever more rarely") {
   Bench b;
   b.start();
   std::vector<double> pauses;
@@ -314,11 +314,11 @@ TEST_CASE("a board that sends one frame and dies is tried ever more rarely") {
     b.plug(true);
     pauses.push_back(b.seconds_to_frame());
   }
-  // 0.1, 0.2, 0.4, 0.8 and 1.6 s of pause
+  // Pauses of 0.1, 0.2, 0.4, 0.8 and 1.6 s.
   for (std::size_t i = 0; i < pauses.size(); ++i) CHECK(pauses[i] > 0.1 * (1 << i));
 }
 
-TEST_CASE("what keeps the first frame away is told with its cure") {
+TEST_CASE("a missing first frame is reported with cause and remedy") {
   const auto told = [](const std::function<void(RadarBoard&)>& fault) {
     Bench b;
     b.driver->start(b.sink);
@@ -332,16 +332,16 @@ TEST_CASE("what keeps the first frame away is told with its cure") {
   CHECK_THAT(told([](RadarBoard&) {}), Catch::Contains("image is for another board"));
   CHECK_THAT(
       told([](RadarBoard& board) { board.data.cut = true; }),
-      Catch::Contains("nothing arrives there") && Catch::Contains("radar.data is another port"));
+      Catch::Contains("no bytes received") && Catch::Contains("radar.data is the wrong port"));
   CHECK_THAT(told([](RadarBoard& b) { b.cli.cut = true; }),
              Catch::Contains("processor has stopped"));
   CHECK_THAT(told([](RadarBoard& board) {
                board.data.noise(std::string(500, 'x')), board.data.cut = true;
              }),
-             Catch::Contains("500 bytes came that are no frames"));
+             Catch::Contains("500 bytes received, but no frame"));
 }
 
-TEST_CASE("a frame is dated at its first chirp") {
+TEST_CASE("the time of a frame is that of its first chirp") {
   Bench b;
   b.start();
   const HostTime sent = b.loop.now();

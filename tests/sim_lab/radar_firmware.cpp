@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// The firmware's dialogue, as transcripts: what the host sends and all that comes back.
+// Dialogue of the simulated firmware, as transcripts of host and firmware.
 #include "sim/devices/radar_firmware.hpp"
 
 #include <catch2/catch.hpp>
@@ -23,7 +23,7 @@ class Console {
                   [this](const std::string& raw) { data_ += raw; }, sdk, demo) {}
 
   RadarFirmware& firmware() { return firmware_; }
-  // All that the firmware says to these bytes.
+  // Returns the firmware's answer to these bytes.
   std::string send(const std::string& text) {
     said_.clear();
     firmware_.receive({reinterpret_cast<const std::uint8_t*>(text.data()), text.size()});
@@ -45,7 +45,7 @@ std::vector<std::string> profile_lines(const std::string& name) {
   return lines;
 }
 
-// Sends all lines but the last, which is sensorStart, and but those that begin with `without`.
+// Sends all lines except the last one (sensorStart) and those that begin with `without`.
 void configure(Console& console, const std::string& without = "none",
                const std::string& name = "xwr68xx_paper_50cm.cfg") {
   auto lines = profile_lines(name);
@@ -63,7 +63,7 @@ void configure(Console& console, const std::string& without = "none",
 
 }  // namespace
 
-TEST_CASE("banner and prompt at power-up") {
+TEST_CASE("the firmware sends banner and prompt at power-up") {
   Console console;
   console.firmware().boot();
   CHECK(console.said() ==
@@ -73,11 +73,11 @@ TEST_CASE("banner and prompt at power-up") {
         "mmwDemo:/>");
 }
 
-TEST_CASE("echo, answers and prompt") {
+TEST_CASE("the firmware sends echo, answer and prompt") {
   Console console;
   CHECK(console.send("\n") == "\nmmwDemo:/>");
   CHECK(console.send("flushCfg\n") == "flushCfg\nDone\n\rmmwDemo:/>");
-  // A carriage return is echoed as two and read as a line feed: CR LF gives a second prompt.
+  // A carriage return is echoed twice and read as a line feed, so CR LF gives a second prompt.
   CHECK(console.send("flushCfg\r\n") == "flushCfg\r\nDone\n\rmmwDemo:/>\nmmwDemo:/>");
   CHECK(console.send("% a comment\n") == "% a comment\nSkipped\n\rmmwDemo:/>");
   CHECK(console.send("sensorSTART\n") ==
@@ -90,13 +90,13 @@ TEST_CASE("echo, answers and prompt") {
         "queryDemoStatus\nSensor State: 0\n\rData port baud rate: 921600\n\rDone\n\rmmwDemo:/>");
 }
 
-TEST_CASE("a tab parts no words") {
+TEST_CASE("a tab does not separate words") {
   Console console;
   CHECK_THAT(console.send("\tsensorStop\n"), Catch::Contains("'\tsensorStop' is not recognized"));
   CHECK_THAT(console.send("frameCfg\t0 2 32 0 50 1 0\n"), Catch::Contains("is not recognized"));
 }
 
-TEST_CASE("a line of more than 255 characters is cut there") {
+TEST_CASE("a line is truncated after 255 characters") {
   Console console;
   const std::string long_line = "% " + std::string(300, 'x') + "\n";
   const std::string reply = console.send(long_line);
@@ -122,7 +122,7 @@ TEST_CASE("subframes start one after the other, each with its own profile") {
   CHECK_THAT(other.send("sensorStart\n"), Catch::Contains("Error -1"));
 }
 
-TEST_CASE("a complete configuration starts, and gives the axis") {
+TEST_CASE("a complete configuration starts, and defines the axis") {
   Console console;
   SECTION("50 cm") {
     configure(console);
@@ -145,7 +145,7 @@ TEST_CASE("a complete configuration starts, and gives the axis") {
   }
 }
 
-TEST_CASE("SDK 3.4 has no calibData, and starts without") {
+TEST_CASE("SDK 3.4 has no calibData, and starts without it") {
   Console console(4);
   CHECK_THAT(console.send("version\n"), Catch::Contains("mmWave SDK Version      : 03.04.00.03"));
   CHECK_THAT(console.send("calibData 0 0 0\n"),
@@ -169,7 +169,7 @@ TEST_CASE("an incomplete configuration does not start") {
   CHECK_FALSE(console.firmware().running());
 }
 
-TEST_CASE("no chirp, or one that the front end cannot make") {
+TEST_CASE("a missing chirp, or one beyond the front end's limits, is refused") {
   Console console;
   SECTION("no chirp") { configure(console, "chirpCfg"); }
   SECTION("no frame") { configure(console, "frameCfg"); }
@@ -181,16 +181,16 @@ TEST_CASE("no chirp, or one that the front end cannot make") {
     configure(console);
     console.send("profileCfg 0 62 7 3 24 0 0 166 1 256 12500 0 0 30\n");
   }
-  SECTION("a profile of no chirp is beyond 64 GHz") {
+  SECTION("an unused profile is beyond 64 GHz") {
     configure(console);
     console.send("profileCfg 1 63.5 7 6 40 0 0 18.75 1 60 2000 0 0 30\n");
     console.send("profileCfg 0 60 7 6 40 0 0 18.75 1 60 2000 0 0 30\n");
   }
-  SECTION("a chirp's own start frequency takes it beyond 64 GHz") {
+  SECTION("the start frequency offset of a chirp exceeds 64 GHz") {
     configure(console);
     console.send("chirpCfg 3 3 0 3500000000 0 0 0 1\n");
   }
-  SECTION("a chirp's own ADC start takes its samples beyond the ramp") {
+  SECTION("the ADC start offset of a chirp moves its samples beyond the ramp") {
     configure(console);
     console.send("chirpCfg 3 3 0 0 0 0 5 1\n");
   }
@@ -198,7 +198,7 @@ TEST_CASE("no chirp, or one that the front end cannot make") {
     configure(console);
     console.send("frameCfg 0 3 32 0 50 1 0\n");
   }
-  SECTION("more chirps than fit into the period") {
+  SECTION("more chirps than the period allows") {
     configure(console);
     console.send("frameCfg 0 2 512 0 50 1 0\n");
   }
@@ -206,7 +206,8 @@ TEST_CASE("no chirp, or one that the front end cannot make") {
 }
 
 TEST_CASE(
-    "a chirp of a missing profile is refused, and a sweep that the steps end below 64 GHz not") {
+    "a chirp with a missing profile is refused, a sweep that ends below 64 GHz after rounding is "
+    "not") {
   Console console;
   configure(console, "calibData");
   CHECK(console.send("chirpCfg 0 0 4 0 0 0 0 1\n") ==
@@ -216,7 +217,7 @@ TEST_CASE(
   CHECK(console.send("sensorStart\n") == "sensorStart\nDone\n\rmmwDemo:/>");
 }
 
-TEST_CASE("start, stop, restart") {
+TEST_CASE("the sensor starts, stops and restarts") {
   Console console;
   configure(console);
   console.send("sensorStart\n");
@@ -226,7 +227,7 @@ TEST_CASE("start, stop, restart") {
         "bpmCfg -1 0 0 1\nIgnored: This command is not allowed after sensor has started\n\r"
         "Done\n\rmmwDemo:/>");
 
-  // The stop waits for the frame; what the host sends meanwhile is lost.
+  // The stop waits for the end of the frame; input during the wait is lost.
   CHECK(console.send("sensorStop\n") == "sensorStop\n");
   CHECK(console.send("version\n").empty());
   console.firmware().between_frames();
@@ -239,7 +240,7 @@ TEST_CASE("start, stop, restart") {
   CHECK(console.firmware().running());
 }
 
-TEST_CASE("partial configuration between stop and start") {
+TEST_CASE("a partial configuration between stop and start is refused") {
   Console console;
   configure(console);
   console.send("sensorStart\n");
@@ -253,7 +254,7 @@ TEST_CASE("partial configuration between stop and start") {
   CHECK(console.send("sensorStart\n") == "sensorStart\nDone\n\rmmwDemo:/>");
 }
 
-TEST_CASE("antennas that change after the first start end the command line") {
+TEST_CASE("changed antennas after the first start crash the command line") {
   Console console;
   configure(console);
   console.send("sensorStart\n");
@@ -265,7 +266,7 @@ TEST_CASE("antennas that change after the first start end the command line") {
   CHECK(console.send("version\n").empty());
 }
 
-TEST_CASE("data port rate and ping") {
+TEST_CASE("the data port changes its rate and sends a ping") {
   Console console;
   CHECK(console.send("configDataPort 460800 1\n") ==
         "configDataPort 460800 1\nData port baud rate changed to 460800\n\rDone\n\rmmwDemo:/>");
@@ -274,7 +275,7 @@ TEST_CASE("data port rate and ping") {
   CHECK_THAT(console.send("configDataPort 4000000 0\n"), Catch::Contains("Ignored: Invalid baud"));
 }
 
-TEST_CASE("codes of a strong echo and of the noise floor") {
+TEST_CASE("codes of a strong echo and of the noise floor match") {
   Conditions c;
   c.radar_snr_db = 60;
   Rng rng(5);
@@ -283,7 +284,7 @@ TEST_CASE("codes of a strong echo and of the noise floor") {
   power[0] = 0.25;  // magnitude 2^19: 256 * 19 * 12 / 16
   const auto codes = range_profile_codes(power, mean_peak, 12, c, rng);
   CHECK(std::abs(codes[0] - 3648) <= 1);
-  // The frame's noise, and a little of the antennas' own.
+  // Noise of the frame, and a little noise of each antenna.
   double mean = 0;
   for (std::size_t i = 1; i < codes.size(); ++i)
     mean += power_from_code(codes[i], 12) / static_cast<double>(codes.size() - 1);
@@ -292,11 +293,11 @@ TEST_CASE("codes of a strong echo and of the noise floor") {
         own / 2 + 5 * rms / std::sqrt(3999.0));
 }
 
-TEST_CASE("range bias from a parabola through the peak") {
+TEST_CASE("the range bias follows from a parabola through the peak") {
   RadarAxis axis;
   axis.step_m = 0.1;
   std::vector<double> power(40, 1e-6);
-  // Magnitudes of a parabola with its top at bin 10.3
+  // Magnitudes of a parabola with its peak at bin 10.3.
   for (const int i : {9, 10, 11})
     power[static_cast<std::size_t>(i)] = std::pow(5 - std::pow(i - 10.3, 2), 2);
   CHECK(measured_range_bias_m(power, axis, 1.0, 0.2) == Approx(0.03).margin(1e-9));
@@ -304,7 +305,7 @@ TEST_CASE("range bias from a parabola through the peak") {
 
 namespace {
 
-// The dialogue with a firmware that answers at once: empty if the cfg was taken, else its failure.
+// Runs the dialogue with a firmware that answers at once. Returns its failure, or an empty text.
 std::string failure_of(const std::string& name, unsigned sdk, RadarDemo demo) {
   std::ifstream file(echofuse::test::source_dir + "/config/radar/" + name);
   const std::string text{std::istreambuf_iterator<char>(file), {}};
@@ -329,7 +330,7 @@ std::string failure_of(const std::string& name, unsigned sdk, RadarDemo demo) {
 
 }  // namespace
 
-TEST_CASE("each board takes the cfgs that are made for it, and says which one to use instead") {
+TEST_CASE("each board accepts its own cfgs, and names the right file for others") {
   std::size_t files = 0;
   for (const auto& entry :
        std::filesystem::directory_iterator(echofuse::test::source_dir + "/config/radar")) {
@@ -354,7 +355,7 @@ TEST_CASE("each board takes the cfgs that are made for it, and says which one to
                                   Catch::Contains("Then use config/radar/xwr68xx_"));
         else if (!right_sdk && right_demo)
           CHECK_THAT(failure, Catch::Contains("use a cfg for SDK 3."));
-        // Each file that is named is there.
+        // Each suggested file exists.
         if (const auto at = failure.find("config/radar/"); at != failure.npos) {
           const std::string other = failure.substr(at, failure.find_first_of(" ,;", at) - at);
           CHECK(std::filesystem::exists(echofuse::test::source_dir + "/" + other));

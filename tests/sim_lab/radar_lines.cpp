@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// The radar driver on the pseudo-terminals of a laboratory, which run at the speed of their UARTs.
+// Radar driver on the pseudo-terminals of a laboratory, at the speed of their UARTs.
 #include <catch2/catch.hpp>
 #include <optional>
 
@@ -34,7 +34,7 @@ struct Lines {
 
 }  // namespace
 
-TEST_CASE("a consumer that stands still costs frames of a real line, and they are counted") {
+TEST_CASE("a blocked consumer loses frames of a real line, and they are counted") {
   const TemporaryDirectory dir;
   sim::LabOptions options;
   options.dir = dir / "lab";
@@ -45,12 +45,12 @@ TEST_CASE("a consumer that stands still costs frames of a real line, and they ar
   LabThread lab(options);
   Lines lines(options);
   REQUIRE(lines.frames(3));
-  std::this_thread::sleep_for(3s);  // 192 kB, of which the kernel keeps a part
-  // At least half of the 300 frames of that time are gone; a busy machine may skip some more.
+  std::this_thread::sleep_for(3s);  // 192 kB, some of it buffered by the kernel
+  // At least half of the 300 frames in that time are lost; a busy machine may skip more.
   REQUIRE(run_until(lines.loop, [&] { return counter(*lines.driver, "lost_frames") > 150; }));
   const std::uint32_t first = lines.sink.radar.front().frame_number;
   const std::uint32_t last = lines.sink.radar.back().frame_number;
-  WARN("3 s of standstill: " << counter(*lines.driver, "lost_frames") << " frames lost");
+  WARN("3 s blocked: " << counter(*lines.driver, "lost_frames") << " frames lost");
   CHECK(lines.sink.radar.size() + counter(*lines.driver, "lost_frames") == last - first + 1);
   CHECK(counter(*lines.driver, "connections") == 1);
 }

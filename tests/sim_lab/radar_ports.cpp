@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// The radar's two ports through termios, as a program without any of our drivers sees them.
+// The radar's two ports through termios, without our drivers.
 #include <fcntl.h>
 #include <poll.h>
 #include <termios.h>
@@ -44,7 +44,7 @@ class Port {
   void write(const std::string& text) {
     REQUIRE(::write(fd_, text.data(), text.size()) == static_cast<ssize_t>(text.size()));
   }
-  // All bytes until `enough` says so or the time is over.
+  // Reads until `enough` returns true or the time is over.
   template <class Enough>
   std::string read(double patience_s, Enough enough) {
     std::string all;
@@ -80,7 +80,7 @@ struct Frame {
   std::vector<std::uint32_t> types;
 };
 
-// A frame at the front of `bytes`, taken off them.
+// Removes a frame from the front of `bytes`.
 Frame take_frame(std::string& bytes) {
   REQUIRE(bytes.size() >= 40);
   REQUIRE(std::memcmp(bytes.data(), "\x02\x01\x04\x03\x06\x05\x08\x07", 8) == 0);
@@ -112,8 +112,7 @@ void configure(Port& cli, const std::string& cfg_path) {
   }
 }
 
-// The board on virtual time. A pty holds 4 KiB, and a host that is late to read loses what is
-// behind.
+// Board on virtual time. A pty holds 4 KiB; a host that reads late loses the rest.
 struct BoardInMemory {
   class Line final : public sim::Uart {
    public:
@@ -127,7 +126,7 @@ struct BoardInMemory {
     std::string& to_;
   };
 
-  // The paper's cfg with one line for another.
+  // Starts the paper's cfg with one line replaced.
   void start(const std::string& instead_of, const std::string& put) {
     std::ifstream cfg(source_dir + "/config/radar/xwr68xx_paper_50cm.cfg");
     REQUIRE(cfg);
@@ -166,13 +165,13 @@ sim::LabOptions options_in(const TemporaryDirectory& dir) {
 
 }  // namespace
 
-TEST_CASE("frames come only while started, at their period, with the scene's profile") {
+TEST_CASE("frames are sent only while started, at their period, with the scene's profile") {
   const TemporaryDirectory dir;
   sim::LabOptions options = options_in(dir);
   options.conditions.radar_snr_db = 40;
   LabThread lab(options);
   Port cli(options.dir + "/radar-cli", B115200), data(options.dir + "/radar-data", B921600);
-  cli.bytes(1 << 20, 0.1);  // the end of the banner, or nothing
+  cli.bytes(1 << 20, 0.1);  // end of the banner, or nothing
   CHECK(cli.command("") == "\nmmwDemo:/>");
   CHECK(cli.command("sensorStop") ==
         "sensorStop\nIgnored: Sensor is already stopped\n\rDone\n\rmmwDemo:/>");
@@ -193,12 +192,12 @@ TEST_CASE("frames come only while started, at their period, with the scene's pro
     CHECK(frame.types == std::vector<std::uint32_t>{2, 6, 9});
     REQUIRE(frame.profile.size() == 64);
     for (std::size_t bin = 0; bin < 64; ++bin) mean[bin] += frame.profile[bin] / double(frames);
-    // 200 MHz over 50 ms, give or take the scheduler of a busy machine
+    // 200 MHz over 50 ms, with a tolerance for the scheduler of a busy machine.
     if (i > 1) CHECK(std::abs(double(frame.cycles - cycles) / 1e7 - 1) < 0.8);
     cycles = frame.cycles;
   }
 
-  // Well above the noise the mean code is that of the noise-free power.
+  // Far above the noise the mean code is that of the noise-free power.
   sim::RadarAxis axis{0, 0.25, 64, 299'792'458.0 / (2 * 562.5e6), sim::Psf::blackman()};
   const auto scene = sim::make_scene(options.conditions, sim::SceneKind::person, 11, 0);
   const auto power = sim::radar_power(sim::radar_returns(scene, options.conditions), axis);
@@ -211,7 +210,7 @@ TEST_CASE("frames come only while started, at their period, with the scene's pro
   for (std::size_t bin = 0; bin < 64; ++bin) {
     if (power[bin] < 20 * noise) continue;
     const double code = 256 * 12.0 / 16 * 0.5 * std::log2((power[bin] + noise) * std::pow(2.0, 40));
-    // ln|x|^2 has the noise's variance, and 2 own / power of each of 12 antennas; 20 frames are
+    // ln|x|^2 has the noise's variance, plus 2 own / power of each of 12 antennas; 20 frames are
     // averaged.
     const double variance = std::pow(noise / power[bin], 2) + 2 * own / power[bin] / 12;
     const double sigma = 256 * 12 / 16.0 * 0.5 / std::log(2.0) * std::sqrt(variance / frames);
@@ -229,7 +228,7 @@ TEST_CASE("frames come only while started, at their period, with the scene's pro
   CHECK(take_frame(wire).number == last + 1);  // counted since power-up
 }
 
-TEST_CASE("a heat map comes behind the profile when the cfg asks for it") {
+TEST_CASE("a heat map follows the profile if the cfg requests it") {
   BoardInMemory board;
   board.start("guiMonitor", "guiMonitor -1 0 1 0 1 0 1");
   constexpr std::size_t frame_bytes = 2304;  // 40 + 8 + 128 + 8 + 64 8 4 + 8 + 24 + 8 + 28, padded
@@ -244,7 +243,7 @@ TEST_CASE("a heat map comes behind the profile when the cfg asks for it") {
   }
 }
 
-TEST_CASE("calibration lines come unasked, once a frame, when they are wanted") {
+TEST_CASE("calibration lines are sent once per frame if requested") {
   BoardInMemory board;
   board.start("measureRangeBias", "measureRangeBiasAndRxChanPhase 1 3.5 1.0");
   board.loop.run_for(500ms);

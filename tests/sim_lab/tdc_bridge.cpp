@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// The time tagger read with plain sockets.
+// Reads the time tagger with plain sockets.
 #include <arpa/inet.h>
 #include <netinet/in.h>
 #include <sys/socket.h>
@@ -19,7 +19,7 @@ using namespace echofuse::test;
 
 namespace {
 
-// Bit by bit: the table in the product is not to check itself.
+// Bitwise CRC, independent of the product's table.
 std::uint32_t slow_crc32c(ByteView bytes, std::uint32_t crc) {
   crc = ~crc;
   for (const std::uint8_t b : bytes) {
@@ -91,7 +91,7 @@ sim::LabOptions options_in(const TemporaryDirectory& dir) {
 
 }  // namespace
 
-TEST_CASE("hello, then tags at the rate of the scene") {
+TEST_CASE("a hello is sent, then tags at the rate of the scene") {
   const TemporaryDirectory dir;
   const sim::LabOptions options = options_in(dir);
   LabThread lab(options);
@@ -122,8 +122,8 @@ TEST_CASE("hello, then tags at the rate of the scene") {
     const auto more = block->tags();
     tags.insert(tags.end(), more.begin(), more.end());
   }
-  CHECK(blocks >= 75);  // one every 20 ms at least
-  CHECK(hellos >= 1);   // about one a second
+  CHECK(blocks >= 75);  // at least one every 20 ms
+  CHECK(hellos >= 1);   // about one per second
   double photons = 0;
   for (std::size_t i = 1; i < tags.size(); ++i) {
     REQUIRE(tags[i].type == TagType::time_tag);
@@ -140,7 +140,7 @@ TEST_CASE("hello, then tags at the rate of the scene") {
   CHECK(std::abs(photons - expected) < 5 * std::sqrt(expected));
 }
 
-TEST_CASE("a new client starts anew, and the end is announced") {
+TEST_CASE("a new client starts a new stream, and the end is announced") {
   const TemporaryDirectory dir;
   const sim::LabOptions options = options_in(dir);
   LabThread lab(options);
@@ -163,10 +163,10 @@ TEST_CASE("a new client starts anew, and the end is announced") {
   CHECK(last->crc_good);
 }
 
-TEST_CASE("what a slow client misses is counted in the next header") {
+TEST_CASE("items lost by a slow client are counted in the next header") {
   const TemporaryDirectory dir;
   sim::LabOptions options = options_in(dir);
-  options.window_s = 0.05;  // 4e6 tags or 64 MB a second: more than queue and socket hold
+  options.window_s = 0.05;  // 4e6 tags or 64 MB per second: more than queue and socket hold
   LabThread lab(options);
   Client client(options.dir + "/lab.toml");
   REQUIRE(client.read());
@@ -184,7 +184,7 @@ TEST_CASE("what a slow client misses is counted in the next header") {
     if (dropped > 0) gap_ps = more.front().time_ps - last_ps;
     last_ps = more.back().time_ps;
   }
-  // The dropped ones would have filled the gap at the rate of the others.
+  // The dropped tags would have filled the gap at the rate of the others.
   const auto returns = sim::spd_returns(
       sim::make_scene(options.conditions, sim::SceneKind::person, 5, 0), options.conditions);
   const double pulses_hz = options.tagging.laser_rate_hz,
