@@ -28,8 +28,8 @@ std::vector<std::string> addresses_of(const Config& config, Sensor s) {
   return {config.radar.cli, config.radar.data};
 }
 
-// Returns the name of a device: host and port of a bridge, path of a serial port, URI of a camera,
-// otherwise the address.
+// Returns the name of a device: host and port of a bridge, path of a serial port or URI of a
+// camera. Other devices have their address.
 std::string known_as(const std::string& address) {
   const port::Address parsed = port::parse_address(address);
   if (const auto* camera = std::get_if<port::OpenNiAddress>(&parsed)) {

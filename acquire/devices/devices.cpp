@@ -19,7 +19,7 @@ std::string address_of(const Config& config, Sensor s) {
   return config.radar.address.empty() ? config.radar.cli : config.radar.address;
 }
 
-// Returns the serial number, or the model if there is none.
+// Returns the serial number, otherwise the model.
 template <class Device>
 const std::string& identity_of(const Device& device) {
   return device.serial.empty() ? device.model : device.serial;

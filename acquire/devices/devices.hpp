@@ -77,7 +77,7 @@ class Devices final : private SampleSink {
   SampleSink* next_;
   std::optional<DeviceLocks> locks_;  // must outlive the drivers
   PerSensor<Status> status_;
-  PerSensor<std::string> identities_;  // serial number, or model if there is none
+  PerSensor<std::string> identities_;  // serial number, otherwise the model
   PerSensor<std::unique_ptr<Driver>> drivers_;
   PerSensor<std::vector<Counter>> last_counters_;  // from drivers that ended
 };

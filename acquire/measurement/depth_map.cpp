@@ -15,7 +15,7 @@ Axis tangent_axis(const char* name, std::uint32_t size, double half_tangent, dou
   return {name, "tangent", "1", size, -sign * (half_tangent - step / 2), sign * step, 1};
 }
 
-// Source indices [first, last) with centres inside target cell i; the nearest one if there is none.
+// Source indices [first, last) with centres inside target cell i, otherwise the nearest one.
 struct Cell {
   std::uint32_t first, last;
 };

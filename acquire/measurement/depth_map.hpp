@@ -46,8 +46,8 @@ MapGrid map_grid_of(std::span<const Axis> axes);
 Axis depth_x_axis(std::uint32_t size, double half_tangent);
 Axis depth_y_axis(std::uint32_t size, double half_tangent);
 
-// Returns z in metres on the target grid, row-major, 0 = no return. Each target pixel is the median
-// of the valid source pixels with centres inside it, and "no return" unless at least half of them
+// Returns z in metres on the target grid, row-major, 0 = no return. A target pixel is the median of
+// the valid source pixels with centres inside it. It is "no return" unless at least half of them
 // are valid. A source coarser than the target is sampled at the nearest pixel. Invalid source
 // pixels (0) and pixels beyond target.far_m never contribute to a depth. Identity if the axes
 // agree.

@@ -1,10 +1,9 @@
 // SPDX-License-Identifier: MIT
-// Statistics of the radar's virtual antennas (TLV 4 or 8 of TI's demo) per slot: for each range bin
-// the second-order statistics of the complex samples x over the slot's frames. Beam power, its mean
-// over looks, and static background subtraction are linear in them. A later phase calibration can
-// still be applied. Angle estimators need no other data (Van Trees, Optimum Array Processing, 2002,
-// 2.5 and 7.1).
-// angles uses is lost (Van Trees, Optimum Array Processing, 2002, 2.5 and 7.1).
+// Statistics of the radar's virtual antennas per slot (TLV 4 or 8 of TI's demo): second-order
+// statistics of the complex samples x over the slot's frames, for each range bin. Beam power, its
+// mean over looks, and static background subtraction are linear in them. A later phase calibration
+// can still be applied. Angle estimators need no other data (Van Trees, Optimum Array Processing,
+// 2002, 2.5 and 7.1).
 #pragma once
 #include <complex>
 #include <cstddef>
@@ -18,8 +17,8 @@
 
 namespace echofuse::record {
 
-// Virtual antenna: position in half wavelengths (right and up as seen from behind the radar; table
-// antenna of the run file), and gain and phase error of its samples.
+// Virtual antenna with the gain and phase error of its samples. Position in half wavelengths, right
+// and up as seen from behind the radar (table antenna of the run file).
 struct Antenna {
   double x = 0, y = 0;
   double gain = 1, phase_rad = 0;
@@ -85,8 +84,8 @@ class ArrayStatistics {
   std::vector<float> sums_, before_;
 };
 
-// Packs the array for storage: for each bin f32 LE s = its power, then i16 LE round(32767 v) of
-// each value in units of s (means: of sqrt(s)). The rounding error is 2^-16 of the bin's power.
+// Packs the array for storage. Each bin has f32 LE s = its power, then i16 LE round(32767 v) of
+// each value v in units of s (means: of sqrt(s)). The rounding error is 2^-16 of the bin's power.
 Bytes pack_array(std::span<const float> array, std::size_t antennas);
 // Unpacks the statistics. Returns the fault of the bytes, or an empty string.
 std::string unpack_array(ByteView bytes, std::size_t bins, std::size_t antennas,

@@ -124,7 +124,7 @@ std::string OpenNiSession::open(const std::string& uri, const OpenNiOptions& wan
 }
 
 std::string OpenNiSession::open_stream(const OpenNiOptions& wanted) {
-  if (!device_.hasSensor(openni::SENSOR_DEPTH)) return "it has no depth sensor";
+  if (!device_.hasSensor(openni::SENSOR_DEPTH)) return "camera has no depth sensor";
   if (stream_.create(device_, openni::SENSOR_DEPTH) != openni::STATUS_OK)
     return failure("create the depth stream");
   std::string wrong = set_up(wanted);

@@ -44,7 +44,7 @@ class Loop : public Clock {
   using Alarms = std::multimap<HostTime, Action>;
   // Runs one posted action, or waits for one until this time; may return early.
   virtual void wait(HostTime until) = 0;
-  // Runs one posted action; returns false if there is none.
+  // Runs one posted action; returns false if no action was posted.
   virtual bool poll() = 0;
 
   Alarms alarms_;

@@ -26,9 +26,9 @@ std::unique_ptr<BytePort> make_tcp_port(boost::asio::io_context& io, const std::
 
 // Opens a UART behind a CP2110 HID bridge (cp2110.hpp) with hidapi's hidraw backend, exclusively,
 // 8N1, no flow control. Discards bytes received before. Selects by serial number, or the only
-// device if the address has none. Warns if the baud rate exceeds the USB pipe, if the io thread
-// reads too late, and, once a second, of overruns in the bridge. The destructor waits for the
-// current transfer.
+// device if the address has none. Warns if the baud rate exceeds the USB pipe, and if the io thread
+// reads too late. Polls the bridge once a second and warns of overruns. The destructor waits for
+// the current transfer.
 std::unique_ptr<BytePort> make_hid_port(boost::asio::io_context& io, const HidAddress& address,
                                         std::uint32_t baud);
 // Throws Error(config) for a rate that the bridge does not support.

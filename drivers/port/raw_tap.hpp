@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Raw capture: stores the received bytes of each device in the run's folder, so that `import` can
+// Raw capture: stores the received bytes of each device in files, so that `import` can
 // repeat the run. NAME.times logs the port's events, one line each, "HOST_NS WHAT VALUE":
 //   open 0      start of a connection attempt, up to the next "open"
 //   opened 0    the port is open

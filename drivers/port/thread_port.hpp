@@ -21,7 +21,7 @@
 namespace echofuse::port {
 
 // State shared by both threads. `handlers`, `open` and `closed` belong to the loop's thread. The
-// loop runs as long as posted work is expected.
+// loop waits for posted work even if nothing else is pending.
 struct ThreadLink {
   explicit ThreadLink(boost::asio::io_context& context) : io(&context) {}
 

@@ -165,7 +165,7 @@ class Worker {
     }
     libusb_free_config_descriptor(config);
     return found || fail(std::errc::no_such_device,
-                         "it has no interface for blocks (class ff, subclass 45, protocol 01)");
+                         "no interface for blocks (class ff, subclass 45, protocol 01)");
   }
 
   // Starts an interface that a previous program may have left halted or running. Requests no data
@@ -222,7 +222,7 @@ class Worker {
     if (t.status == LIBUSB_TRANSFER_NO_DEVICE)
       fail(std::errc::no_such_device, "read");
     else if (t.status == LIBUSB_TRANSFER_STALL)
-      fail(std::errc::broken_pipe, "its endpoint halted");
+      fail(std::errc::broken_pipe, "endpoint halted");
     else
       fail(std::errc::io_error, "a transfer failed");
   }

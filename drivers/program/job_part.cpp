@@ -29,8 +29,8 @@ JobPart JobPart::of(const std::string& text) {
   }
   if (!number || !count || *number < 1 || *number > *count || *count > most_parts)
     throw Error(ExitCode::usage, "--part " + printable(text, 40) +
-                                     ": expected K/N with 1 <= K <= N <= 100000, as " +
-                                     "$SLURM_ARRAY_TASK_ID/16 in a job array of Slurm");
+                                     ": expected K/N with 1 <= K <= N <= 100000, for example " +
+                                     "$SLURM_ARRAY_TASK_ID/16 in a Slurm job array");
   return {*number, *count};
 }
 

@@ -26,8 +26,7 @@ class JobPart {
   std::int64_t number_, count_;  // number_ counts from 1
 };
 
-// Help text of --part.
 inline constexpr const char* part_help =
-    "K/N: only the K-th of N parts of the work; in a Slurm array $SLURM_ARRAY_TASK_ID/N";
+    "K/N: process part K of N only; in a Slurm array use $SLURM_ARRAY_TASK_ID/N";
 
 }  // namespace echofuse

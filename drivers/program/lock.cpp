@@ -73,17 +73,17 @@ Lock::Lock(std::string path, mode_t mode) : path_(std::move(path)) {
   while (true) {
     fd_ = open_or_make(path_, mode);
     const bool other = errno == ELOOP || errno == EISDIR || errno == ENXIO || errno == ENODEV;
-    if (fd_ < 0 && !other) fail(std::string("cannot make the lock file: ") + std::strerror(errno));
+    if (fd_ < 0 && !other)
+      fail(std::string("cannot create the lock file: ") + std::strerror(errno));
     if (fd_ < 0 || !is_ours(fd_)) {
       ::close(fd_);
-      throw Error(ExitCode::failed, printable(path_) +
-                                        ": is not a lock file of echofuse (an empty file of that "
-                                        "name); move it away");
+      throw Error(ExitCode::failed,
+                  printable(path_) + ": is not a lock file of echofuse; move it away");
     }
     const struct flock lock = whole_file();
     held_ = ::fcntl(fd_, F_OFD_SETLK, &lock) == 0;
     if (!held_ && errno != EAGAIN && errno != EACCES)
-      fail(std::string("file system does not support locks:  ") + std::strerror(errno));
+      fail(std::string("file system does not support locks: ") + std::strerror(errno));
     if (!held_ || stands_at(path_, fd_)) return;
     ::close(fd_);  // file that a previous holder removed
   }
@@ -110,7 +110,7 @@ void Lock::reserve(off_t bytes) const {
 }
 
 void Lock::empty() const {
-  if (held_ && ::ftruncate(fd_, 0) != 0) return;  // no space then: the code below reports it
+  if (held_ && ::ftruncate(fd_, 0) != 0) return;  // no space: later writes report it
 }
 
 void Lock::remove() const {

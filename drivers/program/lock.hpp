@@ -13,9 +13,9 @@ namespace echofuse {
 class Lock {
  public:
   // Takes the lock if it is free. A new file gets `mode`, whatever the umask; with mode 0 the umask
-  // applies and the group may read. Throws Error: failed if PATH is not a lock file (a link, a
-  // folder, a file with contents) and leaves it unchanged; disk if the file can neither be opened
-  // nor created.
+  // applies and the group may read.
+  // Throws Error(failed) if PATH is not a lock file (a link, a folder, a file with contents), and
+  // leaves it unchanged. Throws Error(disk) if the file can neither be opened nor created.
   Lock(std::string path, mode_t mode);
   ~Lock();
   Lock(const Lock&) = delete;

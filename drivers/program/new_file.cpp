@@ -113,7 +113,7 @@ NewFile::NewFile(const std::string& place, Staged)
       lock_(std::make_unique<Lock>(path_ + ".lock", 0600)),
       database_(true) {
   if (!lock_->held())
-    throw Error(ExitCode::failed, printable(place_) + ": another process is making it");
+    throw Error(ExitCode::failed, printable(place_) + ": another process is creating this file");
   remove();
 }
 

@@ -19,9 +19,9 @@ class NewFile {
   // Writes to `path`, which must not be used by other processes. Removes a file that a killed
   // process left there. May be a database, which must not inherit the side files of an older one.
   NewFile(std::string place, std::string path);
-  // Writes in $TMPDIR on a local disk, because SQLite's WAL does not work on network file systems;
-  // without TMPDIR, in the folder of `place`. Restarts a file that a killed process left. Throws
-  // Error(failed) if another process of this machine creates the same file.
+  // Writes in $TMPDIR on a local disk, because SQLite's WAL does not work on network file systems.
+  // Without TMPDIR it writes in the folder of `place`. Restarts a file that a killed process left.
+  // Throws Error(failed) if another process of this machine creates the same file.
   struct Staged {};
   NewFile(const std::string& place, Staged);
   ~NewFile();  // removes an unpublished file

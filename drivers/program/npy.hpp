@@ -24,7 +24,7 @@ class NpyFile {
   std::size_t row_size() const { return row_size_; }  // values per row; 1 for a plain list
   bool is_integer() const { return kind_ != 'f'; }
   std::string shape_text() const;  // "[300, 64, 64]"
-  // Returns the values of the next row. Throws Error(failed) behind the last row.
+  // Returns the values of the next row. Throws Error(failed) past the last row.
   std::vector<double> next_row();
 
  private:

@@ -80,7 +80,7 @@ std::string place(const std::string& name, const toml::source_position& where) {
   return name + ":" + std::to_string(where.line) + ":" + std::to_string(where.column);
 }
 
-// Returns line n, from 1; empty behind the end.
+// Returns line n, from 1; empty past the end.
 std::string_view line_of(std::string_view text, std::size_t n) {
   while (--n > 0) text.remove_prefix(std::min(text.find('\n'), text.size() - 1) + 1);
   return text.substr(0, text.find('\n'));

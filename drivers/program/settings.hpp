@@ -52,8 +52,8 @@ class Settings {
   // Returns the origin of a key's value: "FILE:line:column", "--set key=value", or empty for the
   // default.
   std::string origin(const std::string& key) const;
-  // Conditions that rule out cross-checks of settings: refused() is true if the key's value is
-  // invalid; whole() is false if lines were skipped because they are not TOML.
+  // refused(): the key's value is invalid. whole(): no line was skipped as not TOML. Cross-checks
+  // of settings require whole(), and !refused() for their keys.
   bool refused(const std::string& key) const;
   bool whole() const { return whole_; }
   // Returns all values as TOML that read_text accepts, optionally with each key's meaning and range

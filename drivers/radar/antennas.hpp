@@ -44,10 +44,10 @@ struct AntennaPair {
   AntennaPlace tx, rx;
 };
 
-// Returns the antenna pairs of the heat map that guiMonitor requests, in the order of its TLV: all
-// receivers of the first transmitter, then those of the next. `tx`: transmitters from 0, in chirp
-// order. With a linear array the firmware uses the first N transmitters, N being the number in the
-// row (SDK 3.4, AoAProcDSP_RangeAzimuthHeatmap). `rx`: mask of enabled receivers.
+// Returns the antenna pairs of the heat map requested by guiMonitor, in the order of its TLV. All
+// receivers of the first transmitter come first, then those of the next. `tx`: transmitters from 0,
+// in chirp order. With a linear array the firmware uses the first N transmitters, N being the
+// number in the row (SDK 3.4, AoAProcDSP_RangeAzimuthHeatmap). `rx`: mask of enabled receivers.
 std::vector<AntennaPair> heat_map_pairs(Board board, std::span<const std::uint32_t> tx,
                                         std::uint32_t rx);
 // Returns the positions of heat_map_pairs().

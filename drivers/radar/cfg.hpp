@@ -21,8 +21,8 @@ struct Command {
 
 class Cfg {
  public:
-  // Adds commands that the board refuses or the demo does not know to the faults of the profile,
-  // which must outlive this object. Throws Error(config) for a cfg of another demo.
+  // Adds the commands. Records refusals of the board and unknown commands in the profile, which
+  // must outlive this object. Throws Error(config) for a cfg of another demo.
   Cfg(const std::vector<CfgLine>& lines, std::string name, RadarProfile& profile);
 
   // Runs body and collects its fault, so that later checks still run.
@@ -35,7 +35,7 @@ class Cfg {
       refuse(e.what());
     }
   }
-  // Throws all collected faults, including the board's refusals, if there are any.
+  // If there is a fault, throws it together with the board's refusals.
   void stop_if_faulty() const;
   void refuse(const std::string& line) const;
   std::string complaint(const Command& c, const std::string& what) const;

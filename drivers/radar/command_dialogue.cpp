@@ -111,7 +111,7 @@ void CommandDialogue::on_line() {
   if (line.find("Exception:") != line.npos) {
     const bool starts = commanding && commands_[next_].text.find("sensorStart") != line.npos;
     fail(shown(line) + " (the firmware has stopped: reset the board" +
-         (starts ? "; channelCfg, adcCfg and lowPower cannot change without)" : ")"));
+         (starts ? "; channelCfg, adcCfg and lowPower can change only after a reset)" : ")"));
   } else if (is_banner(line) && state_ != State::draining) {
     fail("the board was reset");
   } else if (commanding && line == trimmed(commands_[next_].text)) {

@@ -291,7 +291,7 @@ void check_rates(const Cfg& cfg, RadarProfile& profile, std::uint32_t data_baud)
   if (cfg.number(gui, 5) != 0 || cfg.number(gui, 6) != 0)
     cfg.fail(cfg.last(command), what +
                                     "; with a heat map the firmware then sends nothing: "
-                                    "expected a longer period, fewer bins or no heat map");
+                                    "use a longer period, fewer bins or no heat map");
   profile.warnings.push_back(cfg.where(cfg.last(command).line) + command + ' ' + what);
 }
 

@@ -29,7 +29,7 @@ struct RadarProfile {
   // Number of subframes, 1 to 4 (advFrameCfg), each sent as a separate packet. They differ only in
   // their start frequency.
   std::uint32_t subframes = 1;
-  double frame_period_s = 0;  // s, shortest subframe
+  double frame_period_s = 0;  // period of the shortest subframe, s
   double active_s = 0;        // time per frame in which chirps are sent, s
   double carrier_hz = 0;      // centre of the sampled sweep
   // Frame size for the outputs enabled in guiMonitor, without detected points, rounded up to 32
@@ -46,10 +46,11 @@ struct RadarProfile {
   std::vector<std::string> refusals;
 };
 
-// Throws Error(config) with one line "NAME:LINE: ..." per fault. Faults are a command with too few
-// numbers, a missing command, and a line that exceeds the firmware's buffer (255 characters, 40
-// words). Faults are also a command of another demo, profiles that differ in range axis or
-// antennas, UTF-16, and line ends other than LF and CR LF.
+// Throws Error(config) with one line "NAME:LINE: ..." per fault:
+//   a missing command, one with too few numbers, or one of another demo
+//   a line that exceeds the firmware's buffer (255 characters, 40 words)
+//   profiles in a frame or its subframes that differ in range axis or antennas
+//   UTF-16, or line ends other than LF and CR LF
 // `data_baud`: rate at which the data port will be read, for the warnings. `board` selects the
 // antennas of the heat map, because one cfg runs on all boards.
 RadarProfile parse_profile(std::string_view cfg_text, const std::string& name,

@@ -197,8 +197,8 @@ void RadarDriver::check_array(RadarFrame& frame) {
   sink_->on_event(Sensor::radar, Severity::warning, text);
 }
 
-// Drops a frame of an earlier connection, before the cfg was accepted, or after a fault, because it
-// may belong to another cfg. It counts as lost, except before the first connection.
+// Drops a frame of an earlier connection, before the cfg was accepted, or after a fault: it may
+// belong to another cfg. It counts as lost, except before the first connection.
 void RadarDriver::discard(const RadarFrame& frame) {
   ++early_frames_;
   if (configured_ > 0) discarded_ += 1 + frame.lost_before;

@@ -70,7 +70,7 @@ TEST_CASE("a staged file appears when complete, and leftovers of a killed proces
       const NewFile cut(place, NewFile::Staged{});
       std::ofstream(cut.path()) << "half";
       CHECK_THROWS_WITH(NewFile(place, NewFile::Staged{}),
-                        Contains("another process is making it"));
+                        Contains("another process is creating this file"));
     }
     CHECK(contents(place) == "old");
     std::string left;

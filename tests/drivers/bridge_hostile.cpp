@@ -7,7 +7,7 @@
 using namespace echofuse;
 using namespace echofuse::bridge;
 
-TEST_CASE("a hello with nesting, excess length or control characters is refused") {
+TEST_CASE("a hello with deep nesting, excess length or wrong types is refused") {
   const auto refused = [](const std::string& text) { return !read_hello(test::view_of(text)); };
   const std::string half(30'000, '[');
   CHECK(refused(half));
@@ -34,11 +34,11 @@ TEST_CASE("a hello with nesting, excess length or control characters is refused"
 }
 
 TEST_CASE("a hello header with more than 64 KiB is refused before its payload") {
-  Bytes liar = test::hello_block();
-  liar.resize(header_bytes);
-  liar[14] = 2;  // 128 KiB
+  Bytes block = test::hello_block();
+  block.resize(header_bytes);
+  block[14] = 2;  // 128 KiB
   BlockParser parser;
-  parser.feed(liar, [](const Block&) { FAIL(); });
+  parser.feed(block, [](const Block&) { FAIL(); });
   CHECK(parser.broken());
   CHECK(parser.counts().bad_headers == 1);
 }

@@ -13,34 +13,34 @@ using test::read_golden;
 
 namespace {
 
-struct Seen {
+struct ParsedBlock {
   BlockKind kind;
   std::uint32_t sequence;
   std::uint64_t dropped;
   std::uint64_t lost;
   Bytes payload;
-  bool operator==(const Seen&) const = default;
+  bool operator==(const ParsedBlock&) const = default;
 };
 
 // Feeds pieces of the sizes that `piece` returns.
 template <class Piece>
-std::vector<Seen> feed(BlockParser& parser, ByteView bytes, Piece piece) {
-  std::vector<Seen> seen;
+std::vector<ParsedBlock> feed(BlockParser& parser, ByteView bytes, Piece piece) {
+  std::vector<ParsedBlock> parsed;
   while (!bytes.empty()) {
     const std::size_t n = std::min<std::size_t>(bytes.size(), piece());
     parser.feed(bytes.first(n), [&](const Block& b) {
-      seen.push_back({b.kind,
-                      b.sequence,
-                      b.dropped_items,
-                      b.lost_blocks,
-                      {b.payload.begin(), b.payload.end()}});
+      parsed.push_back({b.kind,
+                        b.sequence,
+                        b.dropped_items,
+                        b.lost_blocks,
+                        {b.payload.begin(), b.payload.end()}});
     });
     bytes = bytes.subspan(n);
   }
-  return seen;
+  return parsed;
 }
 
-std::vector<Seen> feed(BlockParser& parser, ByteView bytes) {
+std::vector<ParsedBlock> feed(BlockParser& parser, ByteView bytes) {
   return feed(parser, bytes, [&] { return bytes.size(); });
 }
 
@@ -64,7 +64,7 @@ TEST_CASE("CRC-32C gives the test vectors of RFC 3720 B.4") {
   CHECK(crc32c(down) == 0x113fdb5c);
   CHECK(crc32c(test::view_of("123456789")) == 0xe3069283);
   CHECK(crc32c(ByteView(up).subspan(7), crc32c(ByteView(up).first(7))) == 0x46dd794e);
-  // Inputs above 8 bytes use three parallel CRC instructions, shorter ones the table.
+  // The processor handles long inputs in three streams, and inputs below 8 bytes by the table.
   Bytes many(100'003);
   for (std::size_t i = 0; i < many.size(); ++i) many[i] = static_cast<std::uint8_t>(i * i >> 3);
   std::uint32_t crc = 0;
@@ -97,16 +97,16 @@ TEST_CASE("the golden blocks are parsed whole with any split") {
 
 TEST_CASE("payloads of the golden blocks are decoded") {
   BlockParser parser;
-  const auto seen = feed(parser, join(read_golden("bridge.hex")));
-  REQUIRE(seen.size() == 4);
-  const auto hello = read_hello(seen[0].payload);
+  const auto parsed = feed(parser, join(read_golden("bridge.hex")));
+  REQUIRE(parsed.size() == 4);
+  const auto hello = read_hello(parsed[0].payload);
   REQUIRE(hello);
   CHECK(hello->model == "Time Tagger Ultra");
   CHECK(hello->serial == "1808000BBV");
   CHECK(hello->firmware == "2.10");
 
   std::vector<Tag> scratch;
-  const auto tags = read_tags(seen[1].payload, scratch);
+  const auto tags = read_tags(parsed[1].payload, scratch);
   REQUIRE(tags);
   REQUIRE(tags->size() == 4);
   CHECK((*tags)[1].channel == 2);
@@ -115,7 +115,7 @@ TEST_CASE("payloads of the golden blocks are decoded") {
   CHECK((*tags)[2].missed_events == 7);
   CHECK((*tags)[3].type == TagType::overflow_begin);
 
-  const auto depth = read_depth(seen[2].payload);
+  const auto depth = read_depth(parsed[2].payload);
   REQUIRE(depth);
   CHECK(depth->frame.width == 3);
   CHECK(depth->frame.height == 2);
@@ -163,8 +163,8 @@ TEST_CASE("histograms and range profiles are decoded, impossible ones are refuse
   const ByteView counts = ByteView(pieces[1]).subspan(header_bytes);
   const ByteView power = ByteView(pieces[2]).subspan(header_bytes);
   BlockParser parser;
-  const auto seen = feed(parser, join(pieces));
-  REQUIRE(seen.size() == 3);
+  const auto parsed = feed(parser, join(pieces));
+  REQUIRE(parsed.size() == 3);
   CHECK(read_hello(ByteView(pieces[0]).subspan(header_bytes)).value().sends == "histograms");
 
   const auto histogram = read_histogram(counts);
@@ -203,23 +203,23 @@ TEST_CASE("histograms and range profiles are decoded, impossible ones are refuse
 TEST_CASE("missing blocks are counted at their position") {
   const auto pieces = read_golden("bridge.hex");
   BlockParser parser;
-  const auto seen = feed(parser, join({pieces[0], pieces[3]}));
-  REQUIRE(seen.size() == 2);
-  CHECK(seen[1].lost == 2);
+  const auto parsed = feed(parser, join({pieces[0], pieces[3]}));
+  REQUIRE(parsed.size() == 2);
+  CHECK(parsed[1].lost == 2);
   CHECK(parser.counts().gaps == 1);
   CHECK(parser.counts().lost_blocks == 2);
 }
 
 TEST_CASE("the sequence may wrap, and a restarted one counts as one loss") {
   BlockParser parser;
-  const auto seen =
+  const auto parsed =
       feed(parser,
            join({tag_block(0xffffffff, 1), tag_block(0, 1), tag_block(107, 1), tag_block(3, 1)}));
-  REQUIRE(seen.size() == 4);
-  CHECK(seen[0].lost == 1);
-  CHECK(seen[1].lost == 0);
-  CHECK(seen[2].lost == 106);
-  CHECK(seen[3].lost == 1);
+  REQUIRE(parsed.size() == 4);
+  CHECK(parsed[0].lost == 1);
+  CHECK(parsed[1].lost == 0);
+  CHECK(parsed[2].lost == 106);
+  CHECK(parsed[3].lost == 1);
 }
 
 TEST_CASE("a new connection starts at 0, and buffered bytes become junk") {
@@ -227,8 +227,8 @@ TEST_CASE("a new connection starts at 0, and buffered bytes become junk") {
   BlockParser parser;
   feed(parser, ByteView(pieces[0]).first(50));
   parser.reset();
-  const auto seen = feed(parser, join(pieces));
-  CHECK(seen.size() == 4);
+  const auto parsed = feed(parser, join(pieces));
+  CHECK(parsed.size() == 4);
   CHECK(parser.counts().junk_bytes == 50);
   CHECK(parser.counts().gaps == 0);
 }
@@ -302,9 +302,9 @@ TEST_CASE("a magic inside a payload does not start a block") {
   const std::uint32_t crc = crc32c(ByteView(evil).subspan(header_bytes), crc32c(head));
   std::memcpy(evil.data() + 28, &crc, 4);
   BlockParser parser;
-  const auto seen = feed(parser, join({evil, tag_block(1, 1)}));
-  REQUIRE(seen.size() == 2);
-  CHECK(seen[0].payload.size() == 32);
+  const auto parsed = feed(parser, join({evil, tag_block(1, 1)}));
+  REQUIRE(parsed.size() == 2);
+  CHECK(parsed[0].payload.size() == 32);
 }
 
 TEST_CASE("random damage: every byte before it is counted, for any split") {
@@ -322,7 +322,7 @@ TEST_CASE("random damage: every byte before it is counted, for any split") {
     const auto expected = feed(whole, bytes);
     CHECK(feed(pieces, bytes, [&] { return 1 + rng() % 60; }) == expected);
     std::size_t in_blocks = 0;
-    for (const Seen& block : expected) in_blocks += header_bytes + block.payload.size();
+    for (const ParsedBlock& block : expected) in_blocks += header_bytes + block.payload.size();
     const bool broken = whole.broken();
     CHECK(broken == static_cast<bool>(pieces.broken()));
     whole.reset();

@@ -81,15 +81,15 @@ using Numbers = std::vector<std::uint64_t>;
 TEST_CASE("silence, single bytes, a wrong length and a missing hello end a connection") {
   port::VirtualLoop loop;
   Pair pair(loop, GENERATE(Sensor::spd, Sensor::depth));
-  const std::string what = GENERATE("silent", "slow", "lying", "rude");
+  const std::string what = GENERATE("silent", "slow", "wrong length", "no hello");
   CAPTURE(what);
   REQUIRE(run_until(loop, [&] { return pair.connected; }));
-  if (what != "rude") pair.send(hello_block());
+  if (what != "no hello") pair.send(hello_block());
   pair.send(pair.block(1));
-  Bytes liar = pair.block(2);
-  liar[14] = 0xff;  // 16 MiB
-  if (what == "lying") pair.send(test::join({liar, pair.block(3), pair.block(4)}));
-  if (what != "rude") REQUIRE(run_until(loop, [&] { return pair.has(1); }));
+  Bytes too_long = pair.block(2);
+  too_long[14] = 0xff;  // 16 MiB
+  if (what == "wrong length") pair.send(test::join({too_long, pair.block(3), pair.block(4)}));
+  if (what != "no hello") REQUIRE(run_until(loop, [&] { return pair.has(1); }));
   const HostTime begin = loop.now();
   pair.listener.accept();
   const Bytes drip = pair.block(2);
@@ -97,11 +97,12 @@ TEST_CASE("silence, single bytes, a wrong length and a missing hello end a conne
   for (std::size_t at = 0; at < drip.size() && !run_until(loop, back, std::chrono::seconds(1));
        ++at)
     if (what == "slow") pair.send({drip[at]});
-  CHECK(seconds(loop.now() - begin) == Approx(what == "rude" ? 4.1 : 5.1));  // checks and a pause
+  CHECK(seconds(loop.now() - begin) ==
+        Approx(what == "no hello" ? 4.1 : 5.1));  // checks and a pause
   pair.send(test::join({hello_block(), pair.block(1), pair.block(2)}));
-  const std::size_t before = what == "rude" ? 0 : 1;
+  const std::size_t before = what == "no hello" ? 0 : 1;
   REQUIRE(run_until(loop, [&] { return pair.has(before + 2); }));
-  CHECK(pair.lost() == (what == "rude" ? 3 : 1));  // rude: its hello and the block without a hello
+  CHECK(pair.lost() == (what == "no hello" ? 3 : 1));  // no hello: hello and block
   CHECK(counter(*pair.driver, "connections") == 2);
   CHECK(pair.sink.events.size() == 1);
 }

@@ -48,7 +48,7 @@ struct Session {
     say(answer("version",
                "Platform                : xWR68xx\nmmWave SDK Version      : 03.05.00.04\nDone\n"));
   }
-  std::vector<std::string> told() {
+  std::vector<std::string> reported() {
     std::vector<std::string> all;
     for (const auto& event : d.take_events()) all.push_back(event.text);
     return all;
@@ -62,7 +62,7 @@ TEST_CASE("the cfg is sent line by line, each after the previous prompt") {
   s.begin();
   CHECK(s.d.take_output() == "sensorStop\n");
   s.say(answer("sensorStop", "Ignored: Sensor is already stopped\nDone\n"));
-  CHECK(s.told() == std::vector<std::string>{"sensorStop: Ignored: Sensor is already stopped"});
+  CHECK(s.reported() == std::vector<std::string>{"sensorStop: Ignored: Sensor is already stopped"});
   CHECK(s.d.take_output() == "  flushCfg\n");
   s.say("  flushCfg\r\nDone\n\r");
   CHECK(s.d.take_output().empty());  // the prompt is still missing
@@ -74,7 +74,7 @@ TEST_CASE("the cfg is sent line by line, each after the previous prompt") {
   CHECK_FALSE(s.d.deadline());
   CHECK(s.d.platform() == "xWR68xx");
   CHECK(s.d.firmware() == "mmWave SDK 03.05.00.04");
-  CHECK(s.told().empty());
+  CHECK(s.reported().empty());
 }
 
 TEST_CASE("the dialogue works with any split of the bytes") {
@@ -240,13 +240,14 @@ TEST_CASE(
   s.say("sensorStart\r\ncompRangeBiasAndRxChanPhase 0.0123456 1.00000 0.00000\n\rDone\n\r" +
         prompt);
   CHECK(s.d.state() == State::done);
-  CHECK(s.told() ==
+  CHECK(s.reported() ==
         std::vector<std::string>{"compRangeBiasAndRxChanPhase 0.0123456 1.00000 0.00000"});
   const auto biases = s.d.take_biases();
   REQUIRE(biases.size() == 1);
   CHECK(biases[0].range_bias_m == 0.0123456);
   s.say("compRangeBiasAndRxChanPhase 0.01\n\rsome\x80thing\n\r");
-  CHECK(s.told() == std::vector<std::string>{"compRangeBiasAndRxChanPhase 0.01", "some\\x80thing"});
+  CHECK(s.reported() ==
+        std::vector<std::string>{"compRangeBiasAndRxChanPhase 0.01", "some\\x80thing"});
   CHECK(s.d.take_biases().empty());
   s.say("Exception: x.c, line 3.\n\r");
   CHECK(s.d.state() == State::failed);
@@ -258,12 +259,12 @@ TEST_CASE("a calibration line inside an echo is reported and does no harm") {
   s.d.take_output();
   s.say(line + "\n\r" + prompt + line + "\n\r");  // before the first command
   s.wait(100ms);
-  CHECK(s.told() == std::vector<std::string>{line, line});
+  CHECK(s.reported() == std::vector<std::string>{line, line});
   CHECK(s.d.take_output() == "version\n");
   s.say(answer("version", "Done\n"));
   s.d.take_output();
   s.say("sensor" + line + "\n\rStop\r\n" + line + "\n\rDone\n\r" + line + "\n\r" + prompt);
-  CHECK(s.told() == std::vector<std::string>{line, line, line});
+  CHECK(s.reported() == std::vector<std::string>{line, line, line});
   CHECK(s.d.take_output() == "sensorStart\n");
 }
 

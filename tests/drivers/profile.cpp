@@ -196,7 +196,7 @@ TEST_CASE("an unusable or late heat map is reported") {
       refusal("0 90 1 0", Board::isk) ==
       "x.cfg:9: frameCfg requests a frame every 90 ms, but a frame of 8832 bytes takes 95.8 ms at "
       "921600 baud; "
-      "with a heat map the firmware then sends nothing: expected a longer period, fewer bins or "
+      "with a heat map the firmware then sends nothing: use a longer period, fewer bins or "
       "no heat map");
   CHECK_THAT(refusal("0 100 1 0", Board::aop),
              Catch::Contains("frameCfg requests a frame every 100 ms"));

@@ -104,33 +104,33 @@ Bytes stream(std::uint32_t count, const Lab& lab) {
   return stream(count, [&](std::uint32_t i) { return frame_of(lab, i); });
 }
 
-struct Seen {
+struct Parsed {
   Numbers numbers;
   std::map<std::size_t, int> bins;
   FrameCounts counts;
 };
 
 // Parses the whole and in pieces; the results must match, and every byte must be counted.
-Seen parse(ByteView bytes) {
-  std::vector<Seen> runs;
+Parsed parse(ByteView bytes) {
+  std::vector<Parsed> runs;
   for (const std::size_t piece : {bytes.size(), std::size_t{1}, std::size_t{61}}) {
-    Seen seen;
+    Parsed parsed;
     FrameParser parser;
     const auto keep = [&](const RadarFrame& f) {
-      seen.numbers.push_back(f.frame_number);
-      ++seen.bins[f.range_profile.size()];
+      parsed.numbers.push_back(f.frame_number);
+      ++parsed.bins[f.range_profile.size()];
     };
     for (std::size_t at = 0; at < bytes.size(); at += piece)
       parser.feed(bytes.subspan(at, std::min(piece, bytes.size() - at)), HostTime{}, keep);
     parser.finish(keep);
-    seen.counts = parser.counts();
-    const FrameCounts& c = seen.counts;
+    parsed.counts = parser.counts();
+    const FrameCounts& c = parsed.counts;
     REQUIRE(c.bytes == bytes.size());
     REQUIRE(c.bytes == c.frame_bytes + c.junk_bytes + c.truncated_bytes);
-    REQUIRE(c.frames == seen.numbers.size());
-    runs.push_back(std::move(seen));
+    REQUIRE(c.frames == parsed.numbers.size());
+    runs.push_back(std::move(parsed));
   }
-  for (const Seen& other : runs) {
+  for (const Parsed& other : runs) {
     REQUIRE(other.numbers == runs[0].numbers);
     REQUIRE(other.counts.truncated_frames == runs[0].counts.truncated_frames);
     REQUIRE(other.counts.junk_bytes == runs[0].counts.junk_bytes);
@@ -155,7 +155,7 @@ Bytes part(const Bytes& whole, std::size_t from, std::size_t to) {
 }  // namespace
 
 TEST_CASE("every TLV type is counted") {
-  const Seen s = parse(stream(50, demo));
+  const Parsed s = parse(stream(50, demo));
   CHECK(s.numbers == from_to(1, 50));
   CHECK(s.counts.tlvs ==
         std::map<std::uint32_t, std::uint64_t>{{1, 50}, {2, 50}, {6, 50}, {9, 50}});
@@ -169,14 +169,15 @@ TEST_CASE("frames with heat maps: a start, an end or a gap at any byte costs one
   CHECK(size == 8832);
   for (std::size_t at = 1; at < size; at += 397) {
     CAPTURE(at);
-    const Seen late = parse(part(all, at, all.size())), early = parse(part(all, 0, 2 * size + at));
+    const Parsed late = parse(part(all, at, all.size())),
+                 early = parse(part(all, 0, 2 * size + at));
     REQUIRE(late.numbers == from_to(2, 3));
     REQUIRE(early.numbers == from_to(1, 2));
     REQUIRE(late.counts.arrays == 2);
     Bytes hole = all;  // bytes dropped by a full buffer
     const auto from = hole.begin() + static_cast<std::ptrdiff_t>(at);
     hole.erase(from, from + 256);
-    const Seen s = parse(hole);
+    const Parsed s = parse(hole);
     REQUIRE(s.counts.arrays == s.counts.frames);
     REQUIRE(s.numbers.back() == 3);
     REQUIRE(s.numbers.size() + s.counts.lost_frames + (s.numbers[0] - 1) == 3);
@@ -187,7 +188,7 @@ TEST_CASE("a start at any byte of a frame loses only that frame") {
   const Bytes all = stream(4, demo);
   const std::size_t size = all.size() / 4;
   for (std::size_t from = 1; from < size; from += 7) {
-    const Seen s = parse(part(all, from, all.size()));
+    const Parsed s = parse(part(all, from, all.size()));
     REQUIRE(s.numbers == from_to(2, 4));
     REQUIRE(s.counts.junk_bytes == size - from);
     REQUIRE(s.counts.resyncs == 1);
@@ -198,7 +199,7 @@ TEST_CASE("an end at any byte of a frame delivers all earlier frames") {
   const Bytes all = stream(3, exact);
   const std::size_t size = all.size() / 3;
   for (std::size_t cut = 1; cut < size; ++cut) {
-    const Seen s = parse(part(all, 0, all.size() - cut));
+    const Parsed s = parse(part(all, 0, all.size() - cut));
     REQUIRE(s.numbers == from_to(1, 2));
     REQUIRE(s.counts.truncated_bytes + s.counts.junk_bytes == size - cut);
   }
@@ -210,7 +211,7 @@ TEST_CASE("frames that are all shorter than their header states are not delivere
   const Bytes all =
       stream(40, [&](std::uint32_t i) { return part(frame_of(demo, i), 0, one.size() - missing); });
   CAPTURE(missing);
-  const Seen s = parse(all);
+  const Parsed s = parse(all);
   CHECK(s.numbers.empty());
   CHECK(s.counts.truncated_frames == 40);
   CHECK(s.counts.truncated_bytes == all.size());
@@ -221,7 +222,7 @@ TEST_CASE("a partial frame before a reset is not completed by later bytes") {
   for (const std::size_t cut : {41u, 100u, 400u, 600u}) {
     Bytes all = part(before, 0, cut);
     all.insert(all.end(), after.begin(), after.end());
-    const Seen s = parse(all);
+    const Parsed s = parse(all);
     CAPTURE(cut);
     CHECK(s.numbers == from_to(1, 3));
     CHECK(s.counts.truncated_frames == 1);
@@ -231,20 +232,20 @@ TEST_CASE("a partial frame before a reset is not completed by later bytes") {
 
 TEST_CASE("TLVs of other labs with the demo's header") {
   SECTION("vital signs: type 6 is not stats, type 2 is another profile") {
-    const Seen s = parse(stream(30, vital_signs));
+    const Parsed s = parse(stream(30, vital_signs));
     CHECK(s.numbers == from_to(1, 30));
     CHECK(s.counts.tlvs == std::map<std::uint32_t, std::uint64_t>{{2, 30}, {6, 30}});
     CHECK(s.counts.other_tlvs == 30);
     CHECK(s.bins == std::map<std::size_t, int>{{38, 30}});
   }
   SECTION("lengths that are not multiples of 32") {
-    const Seen s = parse(stream(30, exact));
+    const Parsed s = parse(stream(30, exact));
     CHECK(s.numbers == from_to(1, 30));
     CHECK(s.counts.tlvs == std::map<std::uint32_t, std::uint64_t>{{2, 30}, {1010, 30}});
     CHECK(s.counts.junk_bytes == 0);
   }
   SECTION("new types do not use unlimited memory") {
-    const Seen s = parse(stream(300, [](std::uint32_t i) {
+    const Parsed s = parse(stream(300, [](std::uint32_t i) {
       return frame_of(Lab{.tlvs = {{1000 + i, 12}}}, i);
     }));
     CHECK(s.counts.frames == 300);
@@ -256,20 +257,20 @@ TEST_CASE("TLVs of other labs with the demo's header") {
 TEST_CASE("other headers with the same magic are refused, frame by frame") {
   SECTION("48 bytes") {
     for (const std::uint32_t track_us : {0u, 1u, 16u, 400u, 100'000u}) {
-      const Seen s = parse(stream(60, [&](std::uint32_t i) { return frame_48(i, track_us); }));
+      const Parsed s = parse(stream(60, [&](std::uint32_t i) { return frame_48(i, track_us); }));
       CAPTURE(track_us);
       CHECK(s.numbers.empty());
       CHECK(s.counts.bad_headers + s.counts.bad_tlvs == 60);
     }
   }
   SECTION("52 bytes") {
-    const Seen s = parse(stream(60, frame_52));
+    const Parsed s = parse(stream(60, frame_52));
     CHECK(s.numbers.empty());
     CHECK(s.counts.bad_headers == 60);
     CHECK(s.counts.junk_bytes == s.counts.bytes);
   }
   SECTION("frames of the demo between them are delivered") {
-    const Seen s = parse(stream(60, [](std::uint32_t i) {
+    const Parsed s = parse(stream(60, [](std::uint32_t i) {
       return i % 3 == 0 ? frame_48(i, 300) : i % 3 == 1 ? frame_52(i) : frame_of(demo, i);
     }));
     CHECK(s.counts.frames == 20);
@@ -278,7 +279,7 @@ TEST_CASE("other headers with the same magic are refused, frame by frame") {
 }
 
 TEST_CASE("a TLV count that does not fill the packet is a damaged header") {
-  const Seen s = parse(stream(3, [](std::uint32_t i) {
+  const Parsed s = parse(stream(3, [](std::uint32_t i) {
     Bytes one = frame_of(demo, i);
     if (i == 2) one[32] = 1;
     return one;
@@ -291,13 +292,13 @@ TEST_CASE("a TLV count that does not fill the packet is a damaged header") {
 TEST_CASE("frame numbers that jump are accepted once the next one follows") {
   const auto lost = [](const Numbers& numbers) {
     FrameParser parser;
-    std::uint64_t told = 0;
-    const auto add = [&](const RadarFrame& f) { told += f.lost_before; };
+    std::uint64_t sum = 0;
+    const auto add = [&](const RadarFrame& f) { sum += f.lost_before; };
     for (const std::uint32_t n : numbers) parser.feed(frame_of(exact, n), HostTime{}, add);
     parser.finish(add);
     const FrameCounts& c = parser.counts();
     CHECK(c.frames == numbers.size());
-    CHECK(c.lost_frames >= told);
+    CHECK(c.lost_frames >= sum);
     return std::pair(c.lost_frames, c.restarts);
   };
   using Result = std::pair<std::uint64_t, std::uint64_t>;
@@ -341,7 +342,7 @@ TEST_CASE("random mixtures of all faults end, and deliver exactly the complete f
       if (kind == 2 || kind > 4) whole.push_back(i);
       bytes.insert(bytes.end(), one.begin(), one.end());
     }
-    const Seen s = parse(bytes);
+    const Parsed s = parse(bytes);
     CAPTURE(seed);
     REQUIRE(s.numbers == whole);
   }

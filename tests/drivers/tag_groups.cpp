@@ -23,7 +23,6 @@ struct Outcome {
   bool operator==(const Outcome&) const = default;
 };
 
-// Counts the tags in blocks of `block` tags.
 Outcome count(const HistogramSettings& settings, std::span<const Tag> tags, std::size_t block) {
   Histogram histogram(settings);
   for (; !tags.empty(); tags = tags.subspan(std::min(block, tags.size())))
@@ -44,7 +43,7 @@ void compare(const HistogramSettings& settings, std::span<const Tag> tags, std::
   hwy::GetChosenTarget().DeInit();  // restore the best target
 }
 
-// Random starts, clicks and other tags, some backwards in time; optionally near the wrap of the
+// Random starts, clicks and other tags, some backwards in time. Optionally near the wrap of the
 // clock, and with a marker or bad tag among 40 or 4 tags.
 std::vector<Tag> stream(Rng& rng, std::size_t size, bool near_wrap, std::uint64_t marker_among) {
   std::vector<Tag> tags(size);

@@ -50,7 +50,7 @@ Sink read(Recording& recording) {
     at = recording.at();
   }
   for (const std::string& text : recording.doubts())
-    require(fuzz::is_printable(text) && text.size() < 1000, "a doubt is one line");
+    require(fuzz::is_printable(text) && text.size() < 1000, "a warning is one line");
   return sink;
 }
 

@@ -23,7 +23,7 @@ struct Session {
   }
   CommandDialogue dialogue;
   HostTime now{0};
-  std::vector<std::string> sent{}, told{};
+  std::vector<std::string> sent{}, events{};
 
   void receive(ByteView bytes) {
     dialogue.receive(bytes, now);
@@ -43,7 +43,7 @@ struct Session {
       if (c == '\n') sent.push_back(std::exchange(line, {}));
     }
     require(line.empty(), "only complete lines are sent");
-    for (const auto& event : dialogue.take_events()) told.push_back(event.text);
+    for (const auto& event : dialogue.take_events()) events.push_back(event.text);
     for (const std::string& text : {dialogue.failure(), dialogue.platform(), dialogue.firmware()})
       require(fuzz::is_printable(text) && text.size() <= longest_text, "a text is one short line");
     require(dialogue.failure().empty() == (state != State::failed), "a failure has a reason");
@@ -98,12 +98,12 @@ void fuzz::run(ByteView input) {
     require(whole.sent.size() <= 1 + prompts + waits, "a command waits for the prompt before it");
   }
   require(whole.sent.size() <= 1 + prompts + waits, "a command waits for the prompt before it");
-  require(whole.sent == bytewise.sent && whole.told == bytewise.told &&
+  require(whole.sent == bytewise.sent && whole.events == bytewise.events &&
               whole.dialogue.failure() == bytewise.dialogue.failure() &&
               whole.dialogue.state() == bytewise.dialogue.state() &&
               whole.dialogue.deadline() == bytewise.dialogue.deadline(),
           "any split gives the same dialogue");
-  for (const std::string& text : whole.told)
+  for (const std::string& text : whole.events)
     require(fuzz::is_printable(text) && text.size() <= longest_text, "an event is one line");
   check_sent(whole);
 }

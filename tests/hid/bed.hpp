@@ -4,7 +4,6 @@
 
 namespace echofuse::test {
 
-// Returns the emulated bus of this program.
 sim::UsbBed& bed();
 
 }  // namespace echofuse::test

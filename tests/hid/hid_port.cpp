@@ -260,10 +260,10 @@ TEST_CASE("a missing permission is reported with its remedy, also in the listing
   if (is_root) REQUIRE(::setresuid(65534, 65534, 0) == 0);
   Host host;
   host.open("A");
-  const bool told = host.until([&] { return host.gone > 0; });
+  const bool reported = host.until([&] { return host.gone > 0; });
   const auto list = inventory::list_attached();
   if (is_root) REQUIRE(::setresuid(0, 0, 0) == 0);
-  REQUIRE(told);
+  REQUIRE(reported);
   CHECK(host.why ==
         "hid:10c4:ea80:A: open /dev/hidraw0 (install config/70-echofuse.rules): "
         "Permission denied");

@@ -34,7 +34,7 @@ struct Bench {
     text << cfg.rdbuf();
     driver = make_radar(loop, {"hid:10c4:ea80:CLI", "hid:10c4:ea80:DATA", text.str(), "paper.cfg"});
   }
-  auto told(const std::string& start) const {
+  auto reported(const std::string& start) const {
     return std::count_if(sink.events.begin(), sink.events.end(),
                          [&](const std::string& text) { return text.starts_with(start); });
   }
@@ -60,8 +60,8 @@ TEST_CASE("dialogue and frames over two HID ports, also after a reconnection") {
   CHECK(test::counter(*b.driver, "lost_frames") == 0);
   CHECK(test::counter(*b.driver, "junk_bytes") == 0);
   CHECK(test::counter(*b.driver, "port_losses") == 0);
-  CHECK(b.told("hid:10c4:ea80:DATA: 921600 baud") == 1);
-  CHECK(b.told("hid:") == 1);
+  CHECK(b.reported("hid:10c4:ea80:DATA: 921600 baud") == 1);
+  CHECK(b.reported("hid:") == 1);
 
   b.data->bridge().unplug();
   REQUIRE(run_until(b.loop, [&] { return b.sink.state() == DeviceState::faulted; }));
@@ -85,7 +85,7 @@ TEST_CASE("an overrun is reported and counted") {
       b.loop, [&] { return b.sink.radar.size() >= 2; }, std::chrono::seconds(20)));
   b.data->bridge().receive(Bytes(900, 0x55));
   REQUIRE(run_until(b.loop, [&] { return test::counter(*b.driver, "port_losses") > 0; }));
-  CHECK(b.told("hid:10c4:ea80:DATA: overrun: the bridge lost bytes") == 1);
+  CHECK(b.reported("hid:10c4:ea80:DATA: overrun: the bridge lost bytes") == 1);
   const std::size_t before = b.sink.radar.size();
   REQUIRE(run_until(b.loop, [&] { return b.sink.radar.size() >= before + 20; }));
   CHECK(test::counter(*b.driver, "connections") == 1);

@@ -285,7 +285,7 @@ def test_a_file_grows_under_the_lock_that_is_at_its_path(tmp_path, monkeypatch):
     monkeypatch.setattr(staging.fcntl, "flock", gone)
     with staging.staged(place) as path:
         path.write_text("ours")
-        with pytest.raises(BlockingIOError, match="another process is making it"), staging.staged(place):
+        with pytest.raises(BlockingIOError, match="another process is creating this file"), staging.staged(place):
             pass
         assert late[0].exists()
     assert os.listdir(tmp_path) == ["a.h5"] and place.read_text() == "ours"

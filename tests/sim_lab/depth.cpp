@@ -33,7 +33,7 @@ class Reader {
   Reader(const Reader&) = delete;
   Reader& operator=(const Reader&) = delete;
 
-  // Returns the next line, empty at the end.
+  // Empty at the end.
   std::string line() {
     char text[256];
     if (!std::fgets(text, sizeof text, pipe_)) return {};
@@ -41,7 +41,6 @@ class Reader {
     all.pop_back();
     return all;
   }
-  // Returns the first line with this beginning.
   std::string line_with(const std::string& beginning) {
     for (std::string text = line(); !text.empty(); text = line()) {
       INFO(text);

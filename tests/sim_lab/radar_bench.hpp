@@ -119,12 +119,11 @@ struct RadarBench {
   bool faulted() {
     return until([&] { return state() == DeviceState::faulted; });
   }
-  bool told(const std::string& beginning) const {
+  bool reported(const std::string& beginning) const {
     return std::any_of(sink.events.begin(), sink.events.end(),
                        [&](const std::string& event) { return event.starts_with(beginning); });
   }
-  // Checks that nothing before the first frame was counted, and that every later frame is delivered
-  // or counted as lost.
+  // Checks that every frame after the first one is delivered or counted as lost.
   void check_all_accounted_for() const {
     std::uint32_t lost = 0;
     for (const RadarFrame& f : sink.radar) lost += f.lost_before;

@@ -46,7 +46,7 @@ TEST_CASE("after a short unplug the sensor is restarted with its stored cfg") {
   CHECK(b.count("configured") == 1);
   CHECK(b.count("restarted") == 1);
   CHECK(b.state() == DeviceState::streaming);
-  CHECK(b.told("read: No such device"));
+  CHECK(b.reported("read: No such device"));
   b.check_all_accounted_for();
 }
 
@@ -65,7 +65,7 @@ TEST_CASE("after a power cycle the restart is refused, and the whole cfg is sent
   expected.insert(expected.end(), b.whole_cfg.begin() + 1, b.whole_cfg.end());
   CHECK(b.board.heard() == expected);
   CHECK(b.count("configured") == 2);
-  CHECK(b.told("restart refused, sending the cfg again: Error: Full"));
+  CHECK(b.reported("restart refused, sending the cfg again: Error: Full"));
   REQUIRE(b.until([&] { return b.frames() > 20; }));
   CHECK(b.count("connections") == 2);  // frame numbers that restart are expected here
 }
@@ -77,7 +77,7 @@ TEST_CASE("a reset during a run is detected at once by the banner") {
   const double took_s = b.seconds_to_frame();
   WARN("reset seen by its banner: " << took_s << " s to the first frame");
   CHECK(took_s < 10);
-  CHECK(b.told("the board was reset"));
+  CHECK(b.reported("the board was reset"));
   CHECK(b.board.heard() == b.whole_cfg);
   CHECK(b.count("configured") == 2);
   CHECK(b.count("restarted") == 0);
@@ -136,9 +136,9 @@ TEST_CASE("garbage before the first prompt and calibration lines do no harm") {
   }));
   CHECK(b.board.heard() == b.whole_cfg);
   CHECK(b.count("connections") == 1);
-  std::size_t told = 0;
-  for (const std::string& event : b.sink.events) told += event == calibration;
-  CHECK(told == said);
+  std::size_t reported = 0;
+  for (const std::string& event : b.sink.events) reported += event == calibration;
+  CHECK(reported == said);
 }
 
 TEST_CASE("an exception of the firmware is a failure with its text, at any time") {
@@ -156,8 +156,8 @@ TEST_CASE("the last error of the board is reported until a frame arrives") {
   b.start();
   b.board.say("Exception: mmw_cli.c, line 263.\n");
   b.board.cli.cut = true;
-  REQUIRE(
-      b.until([&] { return b.told("Exception: mmw_cli.c, line 263. (the firmware has stopped"); }));
+  REQUIRE(b.until(
+      [&] { return b.reported("Exception: mmw_cli.c, line 263. (the firmware has stopped"); }));
   const std::string then = "; then: no more answers, reset the board";
   REQUIRE(b.until([&] { return b.sink.events.back().ends_with(then); }));
   CHECK(b.sink.events.back().starts_with("Exception: mmw_cli.c, line 263."));
@@ -268,7 +268,7 @@ TEST_CASE("a command port with sporadic bytes fails with a message") {
   b.board.cli.choked = true;
   b.driver->start(b.sink);
   REQUIRE(b.until([&] { return b.count("connections") >= 3; }));
-  CHECK(b.told("no prompt"));
+  CHECK(b.reported("no prompt"));
   CHECK(b.frames() == 0);
   b.board.cli.choked = false;
   CHECK(b.seconds_to_frame() < 10);
@@ -319,7 +319,7 @@ TEST_CASE("a board that fails after one frame is retried ever more rarely") {
 }
 
 TEST_CASE("a missing first frame is reported with cause and remedy") {
-  const auto told = [](const std::function<void(RadarBoard&)>& fault) {
+  const auto reported = [](const std::function<void(RadarBoard&)>& fault) {
     Bench b;
     b.driver->start(b.sink);
     REQUIRE(run_until(b.loop, [&] { return b.board.running(); }));
@@ -329,13 +329,13 @@ TEST_CASE("a missing first frame is reported with cause and remedy") {
     CHECK(b.sink.events.back().starts_with("no frames on the data port: "));
     return b.sink.events.back();
   };
-  CHECK_THAT(told([](RadarBoard&) {}), Catch::Contains("image is for another board"));
+  CHECK_THAT(reported([](RadarBoard&) {}), Catch::Contains("image is for another board"));
   CHECK_THAT(
-      told([](RadarBoard& board) { board.data.cut = true; }),
+      reported([](RadarBoard& board) { board.data.cut = true; }),
       Catch::Contains("no bytes received") && Catch::Contains("radar.data is the wrong port"));
-  CHECK_THAT(told([](RadarBoard& b) { b.cli.cut = true; }),
+  CHECK_THAT(reported([](RadarBoard& b) { b.cli.cut = true; }),
              Catch::Contains("processor has stopped"));
-  CHECK_THAT(told([](RadarBoard& board) {
+  CHECK_THAT(reported([](RadarBoard& board) {
                board.data.noise(std::string(500, 'x')), board.data.cut = true;
              }),
              Catch::Contains("500 bytes received, but no frame"));

@@ -133,7 +133,7 @@ struct BoardInMemory {
     for (std::string line; std::getline(cfg, line);) {
       if (line.rfind(instead_of, 0) == 0) line = put;
       line += '\n';
-      hear({reinterpret_cast<const std::uint8_t*>(line.data()), line.size()});
+      to_board({reinterpret_cast<const std::uint8_t*>(line.data()), line.size()});
       do loop.run_for(4ms);
       while (!said.ends_with("mmwDemo:/>"));
     }
@@ -144,11 +144,11 @@ struct BoardInMemory {
   port::VirtualLoop loop;
   sim::ScenePlayer player{loop, {}, {"person", 11, 0}};
   std::string said, data;
-  sim::Uart::Receive hear;
+  sim::Uart::Receive to_board;
   std::unique_ptr<sim::Device> board = sim::make_radar_board(
       loop, player, {},
       [this](unsigned baud, sim::Uart::Receive receive) {
-        hear = std::move(receive);
+        to_board = std::move(receive);
         return std::make_unique<Line>(loop, baud, said);
       },
       [this](unsigned baud, const sim::Uart::Receive&) {

@@ -190,7 +190,7 @@ TEST_CASE(
   }
   SECTION("a halted endpoint") {
     b.device.halt();
-    expected = std::string(address) + ": its endpoint halted: Broken pipe";
+    expected = std::string(address) + ": endpoint halted: Broken pipe";
   }
   REQUIRE(b.faulted());
   CHECK(b.sink.events == std::vector<std::string>{expected});

@@ -88,7 +88,7 @@ def staged(place: pathlib.Path) -> Iterator[pathlib.Path]:
     try:
         held = locked(lock)
     except BlockingIOError:
-        raise BlockingIOError(f"{place}: another process is making it") from None
+        raise BlockingIOError(f"{place}: another process is creating this file") from None
     try:
         for path in (grown, beside):
             path.unlink(missing_ok=True)
