@@ -24,7 +24,7 @@ TEST_CASE("the shipped configuration loads, with the radar cfg beside it") {
   CHECK(config.window_s == 0.5);
   CHECK(config.histogram.bins == 336);
   CHECK(has(config.radar.cfg_text, "sensorStart"));
-  CHECK(has(config.text, "# The daemon's configuration"));
+  CHECK(has(config.text, "# Configuration of the daemon"));
   CHECK(has(config.resolved, "window_s = 0.5"));
   REQUIRE(config.unfinished.size() == 2);  // the template's serial numbers
   CHECK(has(config.unfinished[0], "config/lab.toml:38:1: radar.cli: still has the template's XXX"));

@@ -115,7 +115,9 @@ TEST_CASE("peculiar sets of records make finite maps or are refused in one line"
           const Evaluation e = evaluate(model, records, rows);
           if (name == "ridge") {  // the same for every model
             const Rows seen = model.rows_of(data, Part::train);
-            CHECK(score_baselines(*judged, rows, model->scene, data, seen).size() == 3);
+            // No neighbour is left where all judged records are copies of training records.
+            const auto baselines = score_baselines(*judged, rows, model->scene, data, seen).size();
+            CHECK((baselines == 3 || (judged == &data && baselines == 2)));
           }
           CHECK(std::isfinite(e.metrics[metric_rmse_m].mean));
         }
