@@ -70,27 +70,22 @@ inline bool is_closed(const std::string& path) {
   return code == SQLITE_OK && journal_version(db) == 1;
 }
 
-// Call before the first statement, because SQLite takes any -wal of the database's name for its
-// own. Throws Error(failed).
-inline void refuse_foreign_wal(sqlite3* db, const std::string& path) {
-  const std::string wal = path + "-wal";
-  const auto is_there = [&] { return ::access(wal.c_str(), F_OK) == 0; };
-  // Asked again, as a run may be closed between.
-  if (is_there() && journal_version(db) == 1 && is_there())
-    throw Error(ExitCode::failed, printable(path) + ": is closed, and " + printable(wal) +
-                                      " beside it is of another run that had this name; move " +
-                                      "that away, and its -shm");
+// URI of a file of which SQLite reads the database alone.
+inline std::string immutable_uri(const std::string& path) {
+  std::string uri = "file:";
+  for (const char c : path)
+    uri += c == '%' ? "%25" : c == '?' ? "%3f" : c == '#' ? "%23" : std::string(1, c);
+  return uri + "?immutable=1";
 }
 
 // Opens an existing file for reading and writing; `flags`: more of SQLITE_OPEN_*. Throws as
-// sqlite_fail(), and as refuse_foreign_wal().
+// sqlite_fail().
 inline DatabaseHandle open_database(const std::string& path, const char* doing, int flags = 0) {
   require_regular_files(path);
   sqlite3* db = nullptr;
   const int code = sqlite3_open_v2(path.c_str(), &db, SQLITE_OPEN_READWRITE | flags, nullptr);
   DatabaseHandle out(db, sqlite3_close);
   if (code != SQLITE_OK) sqlite_fail(db, path, doing);
-  refuse_foreign_wal(db, path);
   return out;
 }
 

@@ -6,13 +6,14 @@
 #include <string>
 
 #include "drivers/program/lock.hpp"
+#include "drivers/program/regular_file.hpp"
 
 namespace echofuse::record {
 
 struct WriterLock : Lock {
   explicit WriterLock(const std::string& run_path) : Lock(run_path + "-lock", 0) {}
   static bool someone_writes(const std::string& run_path) {
-    return holder(run_path + "-lock").has_value();
+    return holder(real_path(run_path) + "-lock").has_value();
   }
 };
 

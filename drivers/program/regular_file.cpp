@@ -7,6 +7,7 @@
 
 #include <cerrno>
 #include <cstring>
+#include <filesystem>
 
 #include "drivers/program/printable.hpp"
 
@@ -34,6 +35,12 @@ void require_regular(const std::string& path, ExitCode code) {
   struct stat file {};
   const int failed = ::stat(path.c_str(), &file);
   judge(failed, file, path, code);
+}
+
+std::string real_path(const std::string& path) {
+  std::error_code error;
+  const auto found = std::filesystem::canonical(path, error);
+  return error ? path : found.string();
 }
 
 // Checks before opening, because opening some devices has an effect, and after opening, because the

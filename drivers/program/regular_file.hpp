@@ -16,6 +16,10 @@ namespace echofuse {
 // SQLite's locks of this process.
 void require_regular(const std::string& path, ExitCode code);
 
+// Path of the file behind links, or PATH if nothing is there. SQLite makes -wal and -journal next
+// to that file.
+std::string real_path(const std::string& path);
+
 // Regular file, open for reading. Does not block if the file is replaced by a FIFO during the
 // check.
 class RegularFile {

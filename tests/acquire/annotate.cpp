@@ -1,0 +1,120 @@
+// SPDX-License-Identifier: MIT
+// Notes in closed runs.
+#include <sys/stat.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <csignal>
+#include <future>
+#include <random>
+#include <set>
+
+#include "../full_disk.hpp"
+#include "acquire/record/sqlite.hpp"
+#include "acquire/record/writer_lock.hpp"
+#include "testing.hpp"
+
+using namespace echofuse;
+using namespace echofuse::record;
+using namespace testing;
+
+namespace {
+
+struct stat status_of(const std::string& path) {
+  struct stat out {};
+  REQUIRE(::stat(path.c_str(), &out) == 0);
+  return out;
+}
+
+std::set<std::string> names_in(const std::string& folder) {
+  std::set<std::string> out;
+  for (const auto& entry : fs::directory_iterator(folder)) out.insert(entry.path().filename());
+  return out;
+}
+
+}  // namespace
+
+TEST_CASE("a note replaces a closed run by a copy of the same owner and mode, behind links") {
+  const Folder folder;
+  fs::create_directory(folder / "real");
+  const std::string path = folder / "real/a.sqlite", link = folder / "link.sqlite";
+  write_run(path, 3);
+  fs::remove(path + "-lock");
+  REQUIRE(::chmod(path.c_str(), 0664) == 0);
+  constexpr uid_t nobody = 65534;
+  if (::geteuid() == 0) REQUIRE(::chown(path.c_str(), nobody, nobody) == 0);
+  fs::create_symlink("real/a.sqlite", link);
+  const struct stat before = status_of(path);
+  const RunReader reader(path);  // does not hinder
+  put_note(link, "door", "me");
+  const struct stat now = status_of(path);
+  CHECK(now.st_ino != before.st_ino);
+  CHECK(now.st_mode == before.st_mode);
+  CHECK(now.st_uid == before.st_uid);
+  CHECK(now.st_gid == before.st_gid);
+  CHECK(fs::is_symlink(link));
+  CHECK(names_in(folder / "real") == std::set<std::string>{"a.sqlite"});
+  CHECK(reader.events().empty());
+  CHECK(RunReader(path).events().at(0).text == "door");
+  CHECK(RunReader(path).count() == 3);
+  CHECK(is_closed(path));
+}
+
+TEST_CASE("a note waits for the lock of a closed run") {
+  const Folder folder;
+  const std::string path = folder / "a.sqlite";
+  write_run(path, 3);
+  std::future<void> note;
+  {
+    const WriterLock lock(path);
+    REQUIRE(lock.held());
+    note = std::async(std::launch::async, [&] { put_note(path, "door", "me"); });
+    ::usleep(200'000);
+    CHECK(RunReader(path).events().empty());
+  }
+  note.get();
+  CHECK(RunReader(path).events().size() == 1);
+}
+
+TEST_CASE("a note that does not fit on the disk leaves the run as it was") {
+  const Folder folder;
+  const std::string path = folder / "a.sqlite";
+  write_run(path, 3);
+  const std::string before = contents(path);
+  const auto names = names_in(folder.path);
+  {
+    const test::FullDisk disk(before.size() / 2);
+    CHECK(error_of([&] { put_note(path, "door", "me"); }).first == ExitCode::disk);
+  }
+  CHECK(contents(path) == before);
+  CHECK(names_in(folder.path) == names);
+}
+
+TEST_CASE("kill -9 of annotate leaves the old or the new file, and no file of SQLite next to it") {
+  const Folder folder;
+  const std::string path = folder / "a.sqlite";
+  write_run(path, 200);
+  std::minstd_rand random(1);
+  std::size_t notes = 0;
+  for (int round = 0; round < 60; ++round) {
+    const pid_t child = fork();
+    if (child == 0) {
+      for (int n = 0;; ++n) put_note(path, std::to_string(n), "me");
+    }
+    ::usleep(static_cast<useconds_t>(random() % 50'000));
+    ::kill(child, SIGKILL);
+    REQUIRE(waitpid(child, nullptr, 0) == child);
+    CHECK(side_files(path).empty());
+    for (const std::string& name : names_in(folder.path))
+      CHECK(std::set<std::string>{"a.sqlite", "a.sqlite-lock", "a.sqlite-new"}.contains(name));
+    const RunReader run(path);
+    REQUIRE(is_closed(path));
+    CHECK(run.check().empty());
+    CHECK(run.count() == 200);
+    CHECK(run.events().size() >= notes);
+    notes = run.events().size();
+  }
+  CHECK(notes > 0);
+  put_note(path, "last", "me");
+  CHECK_FALSE(fs::exists(path + "-new"));
+}
