@@ -11,6 +11,7 @@
 #include "acquire/record/rows.hpp"
 #include "acquire/record/run_file.hpp"
 #include "acquire/record/run_guard.hpp"
+#include "acquire/record/side_files.hpp"
 #include "acquire/record/writer_lock.hpp"
 #include "drivers/program/new_file.hpp"
 #include "drivers/program/regular_file.hpp"
@@ -48,6 +49,7 @@ bool put_into_open(const std::string& path, const Event& event) {
     cannot_annotate(path, ExitCode::failed, "its recording was killed, and it cannot be closed");
   insert(db, path, event);
   execute(db, path, "COMMIT", "cannot write");
+  rebind_wal(db, path);
   return true;
 }
 

@@ -9,6 +9,7 @@
 #include <filesystem>
 #include <memory>
 
+#include "acquire/record/side_files.hpp"
 #include "acquire/record/sqlite.hpp"
 #include "drivers/program/new_file.hpp"
 
@@ -54,10 +55,9 @@ void remove_copy(const std::string& name) {
 }  // namespace
 
 void put_end(sqlite3* db, const std::string& path, const std::string& status, UtcTime ended) {
-  Statement(db, path, "UPDATE run SET status = ?, ended_utc = ?")
-      .bind(status)
-      .bind(iso8601(ended))
-      .run();
+  const std::string end =
+      std::string("UPDATE run SET status = ?, ended_utc = ?, ") + without_wal_key;
+  Statement(db, path, end.c_str()).bind(status).bind(iso8601(ended)).run();
 }
 
 std::string damage(sqlite3* db, const std::string& path) {

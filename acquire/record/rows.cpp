@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
+#include "acquire/record/side_files.hpp"
+
 namespace echofuse::record {
 namespace {
 
@@ -21,7 +23,7 @@ bool take_meta(const std::string& text, RunInfo& info) {
   if (!meta.is_object()) return false;
   for (const auto& [key, value] : meta.items()) {
     if (!value.is_string()) return false;
-    info.meta.emplace_back(key, value.get<std::string>());
+    if (key != wal_key_name) info.meta.emplace_back(key, value.get<std::string>());
   }
   return true;
 }

@@ -168,6 +168,9 @@ void count_verdicts(RunSummary& sum, const PerSensor<std::string>& verdicts);
 // The status of a copy of a run that was not closed, without the RUN-wal that has its last records.
 // A run that was killed as it began looks the same.
 inline constexpr const char* crashed_without_wal = "crashed, no -wal";
+// The status of a copy that SQLite made of an open run (VACUUM INTO): a closed file with the
+// records of that moment.
+inline constexpr const char* copy_of_open = "copy of an open run";
 
 // Reads closed, live and crashed runs alike. Threading: one thread at a time.
 class RunReader {
@@ -184,7 +187,7 @@ class RunReader {
   const std::string& path() const { return path_; }
   // Files of SQLite next to a closed run. They are not part of it.
   std::vector<std::string> leftovers() const;
-  // status "crashed", or crashed_without_wal, if it is "open" and no writer holds the file
+  // status "crashed", crashed_without_wal or copy_of_open, if it is "open" and no writer holds it
   RunInfo info() const;
   std::vector<DeviceInfo> devices() const;
   std::map<std::string, std::string> policies() const;  // by sensor
@@ -224,15 +227,18 @@ class RunReader {
   std::vector<FusedRecord> records(const std::string& which) const;
   template <class T>
   std::vector<T> rows(const std::string& tail = {}) const;  // rows of T's table
-  std::string path_, shown_;                                // shown_: printable
+  std::string path_, file_, shown_;                         // as given; behind links; printable
   sqlite3* db_ = nullptr;
   bool closed_ = false;      // is_closed(): immutable
-  bool lacks_wal_ = false;   // claims a WAL, but there is none, and nobody writes it
+  bool lacks_wal_ = false;   // claims a WAL, but there is none or an empty one, and no writer
   std::uint64_t bytes_ = 0;  // when it was opened
   std::unique_ptr<Budget> budget_;
 };
 
-// An event of level "note" into a run, also while another process records it. `who` is its source.
+// An event of level "note" into a run; `who` is its source. A transaction of a run that is being
+// recorded. A closed run is replaced by a copy with the note, of the same mode and owner, under the
+// run's lock: no other file is made next to it. Throws Error(disk) without room for the copy, and
+// Error(failed) for a run that lacks its -wal.
 void put_note(const std::string& path, const std::string& text, const std::string& who);
 // Writes an event of level "label". The recording process labels its records so, from the running
 // slot on. Throws Error(failed) if nobody is recording this run.

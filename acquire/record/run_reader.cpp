@@ -15,6 +15,7 @@
 #include "acquire/record/rows.hpp"
 #include "acquire/record/run_file.hpp"
 #include "acquire/record/run_guard.hpp"
+#include "acquire/record/side_files.hpp"
 #include "acquire/record/sqlite.hpp"
 #include "acquire/record/writer_lock.hpp"
 
@@ -33,8 +34,6 @@ std::uint64_t bytes_of(const std::string& path) {
   struct stat file {};
   return ::stat(path.c_str(), &file) == 0 ? static_cast<std::uint64_t>(file.st_size) : 0;
 }
-
-bool is_there(const std::string& path) { return ::access(path.c_str(), F_OK) == 0; }
 
 // A slot ends a year at least before the last time that UtcTime holds, in 2262: what is within a
 // year of it can be computed.
@@ -130,11 +129,14 @@ std::string HalfRead::decode(const Blobs& blobs, const Shapes& shapes) {
 RunReader::RunReader(const std::string& path) : RunReader(path, network_of(path)) {}
 
 RunReader::RunReader(const std::string& path, const std::string& network)
-    : path_(path), shown_(printable(path)), budget_(std::make_unique<Budget>()) {
+    : path_(path),
+      file_(real_path(path)),
+      shown_(printable(path)),
+      budget_(std::make_unique<Budget>()) {
   if (::access(path.c_str(), R_OK) != 0)
     throw Error(ExitCode::failed, shown_ + ": " + std::strerror(errno) + "; expected a run file");
   require_regular(path, ExitCode::failed);
-  bytes_ = bytes_of(path) + bytes_of(path + "-wal");
+  bytes_ = bytes_of(file_) + bytes_of(file_ + "-wal");
   *budget_ = Budget::of_file(bytes_);
   try {
     open(network);
@@ -157,34 +159,33 @@ void RunReader::open(const std::string& network) {
     return lacks_wal_ && flags == SQLITE_OPEN_READONLY ? SQLITE_CANTOPEN : look(db_);
   };
   const auto unchanging = [&] {
-    std::string uri = "file:";
-    for (const char c : path_)
-      uri += c == '%' ? "%25" : c == '?' ? "%3f" : c == '#' ? "%23" : std::string(1, c);
-    uri += "?immutable=1";
-    try_to_open(uri, SQLITE_OPEN_READONLY | SQLITE_OPEN_URI);
+    try_to_open(immutable_uri(file_), SQLITE_OPEN_READONLY | SQLITE_OPEN_URI);
   };
-  closed_ = is_closed(path_);
+  closed_ = is_closed(file_);
   if (closed_) return unchanging();
-  require_regular_files(path_);
+  require_regular_files(file_);
   if (!network.empty()) {
     require_closed(path_, network);
     return unchanging();
   }
-  lacks_wal_ = !is_there(path_ + "-wal") && bytes_of(path_ + "-journal") == 0 &&
-               !WriterLock::someone_writes(path_);
+  if (!WriterLock::someone_writes(file_)) {
+    require_own_journal(file_);
+    require_own_wal(file_);
+    lacks_wal_ = lacks_wal(file_) && bytes_of(file_ + "-journal") == 0;
+  }
   // Read-only, but a WAL left by a live or crashed writer needs its shared-memory file beside it.
   // Without a WAL or on a read-only medium there is no writer, and `immutable` reads without one.
-  int code = try_to_open(path_, SQLITE_OPEN_READONLY);
+  int code = try_to_open(file_, SQLITE_OPEN_READONLY);
   // Killed as it began or closed, with one page half written: a writer has to undo that.
-  if (code == SQLITE_READONLY) code = try_to_open(path_, SQLITE_OPEN_READWRITE);
+  if (code == SQLITE_READONLY) code = try_to_open(file_, SQLITE_OPEN_READWRITE);
   closed_ = journal_version(db_) == 1;  // its writer may have closed it since
   if (closed_) return unchanging();
   if (code == SQLITE_CANTOPEN || code == SQLITE_READONLY) {
     // There it would hide the records in a WAL, and what undoes a half written page.
     for (const char* beside : {"-wal", "-journal"})
-      if (bytes_of(path_ + beside) > 0)
+      if (bytes_of(file_ + beside) > 0 && !lacks_wal_)
         throw Error(ExitCode::failed, shown_ + ": was not closed, and its last records are in " +
-                                          shown_ + beside +
+                                          printable(file_) + beside +
                                           "; copy both to a folder that can be written");
     unchanging();
   }
@@ -192,8 +193,8 @@ void RunReader::open(const std::string& network) {
 }
 
 std::vector<std::string> RunReader::leftovers() const {
-  if (!closed_ || WriterLock::someone_writes(path_)) return {};
-  return side_files(path_);
+  if (!closed_ || WriterLock::someone_writes(file_)) return {};
+  return side_files(file_);
 }
 
 Statement RunReader::ask(const std::string& sql) const {
@@ -218,7 +219,10 @@ RunInfo RunReader::info() const {
   std::vector<RunInfo> found = rows<RunInfo>(" LIMIT 1");
   if (found.empty()) throw Error(ExitCode::failed, shown_ + ": the run table is empty");
   RunInfo& info = found.front();
-  if (info.status == "open" && !WriterLock::someone_writes(path_))
+  if (info.status != "open") return info;
+  if (closed_)
+    info.status = copy_of_open;
+  else if (!WriterLock::someone_writes(file_))
     info.status = lacks_wal_ ? crashed_without_wal : "crashed";
   return info;
 }

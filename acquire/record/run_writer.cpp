@@ -15,6 +15,7 @@
 #include "acquire/record/rows.hpp"
 #include "acquire/record/run_file.hpp"
 #include "acquire/record/run_guard.hpp"
+#include "acquire/record/side_files.hpp"
 #include "acquire/record/sqlite.hpp"
 #include "acquire/record/uuid.hpp"
 #include "acquire/record/writer_lock.hpp"
@@ -153,12 +154,12 @@ void RunWriter::make(const RunInfo& info, const Begin& begin) {
   use_wal();  // before anybody can read it
 }
 
-// The first write makes the WAL, which is watched from then on.
+// The WAL is bound to the run, and watched from then on.
 void RunWriter::begin_writing() {
   open(path_);
   reserve();
   use_wal();
-  execute(db_, path_, "UPDATE run SET status = 'open'", "cannot open");
+  bind_wal(db_, path_);
   ready();
 }
 

@@ -14,6 +14,7 @@
 #include "drivers/program/console.hpp"
 #include "drivers/program/exit_code.hpp"
 #include "drivers/program/printable.hpp"
+#include "drivers/program/regular_file.hpp"
 
 namespace echofuse::view {
 namespace {
@@ -38,9 +39,10 @@ std::string start_of(const std::string& path) {
 
 FileStamp stamp_of(const std::string& path) {
   FileStamp out;
+  const std::string file_path = real_path(path);
   for (const char* suffix : {"", "-wal"}) {
     struct stat file {};
-    if (::stat((path + suffix).c_str(), &file) != 0) continue;
+    if (::stat((file_path + suffix).c_str(), &file) != 0) continue;
     if (!*suffix) out.inode = file.st_ino;
     out.bytes += static_cast<std::uint64_t>(file.st_size);
     out.changed_ns = std::max(out.changed_ns, changed_ns(file));

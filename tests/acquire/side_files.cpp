@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: MIT
 // Files beside a run file by its name: a -wal of its own, of another run, or none.
+#include "acquire/record/side_files.hpp"
+
 #include <sys/stat.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -83,12 +85,83 @@ TEST_CASE("a copy without the -wal of its run says so, and stays as it is") {
     recover(path);
     CHECK(RunReader(path).info().status == crashed_without_wal);
     for (const char* beside : {"-wal", "-shm"}) CHECK_FALSE(fs::exists(path + beside));
+    const auto [code, text] = error_of([&] { put_note(path, "door", "me"); });
+    CHECK(code == ExitCode::failed);
+    CHECK(has(text, "a copy without its -wal"));
   }
+  write_file(path + "-wal", "");  // as SQLite makes it for a reader
+  recover(path);
+  CHECK(RunReader(path).info().status == crashed_without_wal);
+  fs::remove(path + "-wal");
   CHECK(has(acquire::describe_run(path, false),
             "its last records are in " + path + "-wal, which is not here"));
   fs::copy_file(folder / "kept", path + "-wal");
   CHECK(RunReader(path).info().status == "crashed");
   CHECK(RunReader(path).count() == 3);
+}
+
+// Leaves a run as a kill does, with records enough for SQLite to write its -wal from the start
+// more than once.
+static void killed_run(const std::string& path, int records) {
+  RunWriter run(path, {});
+  for (const auto& axis : small_axes()) run.put_axis(axis);
+  for (int i = 0; i < records; ++i) {
+    run.append(small_record(i));
+    if (i % 10 == 9) sql(path, "PRAGMA wal_checkpoint(TRUNCATE)");
+    if (i == 19) put_note(path, "makes the header of the -wal", "me");
+  }
+}
+
+TEST_CASE("an open run is read with its own -wal only") {
+  const Folder folder;
+  const std::string path = folder / "a.sqlite", other = folder / "b.sqlite";
+  killed_run(path, 35);
+  killed_run(other, 38);
+  fs::copy_file(path, folder / "whole.sqlite");
+  fs::copy_file(path + "-wal", folder / "whole.sqlite-wal");
+  CHECK(RunReader(folder / "whole.sqlite").count() == 35);
+  CHECK(RunReader(folder / "whole.sqlite").info().meta.empty());
+  recover(folder / "whole.sqlite");
+  CHECK(RunReader(folder / "whole.sqlite").count() == 35);
+  const std::string keyed = "SELECT 1 FROM run WHERE json_extract(meta, '$.wal_key') NOTNULL";
+  const auto has_key = [&](const std::string& file) {
+    const DatabaseHandle db = open_database(file, "cannot open");
+    return Statement(db.get(), file, keyed.c_str()).step();
+  };
+  CHECK_FALSE(has_key(folder / "whole.sqlite"));
+
+  fs::copy_file(other + "-wal", path + "-wal", fs::copy_options::overwrite_existing);
+  fs::remove(path + "-shm");
+  const std::string before = contents(path);
+  recover(path);
+  const auto [code, text] = error_of([&] { RunReader run(path); });
+  CHECK(code == ExitCode::failed);
+  CHECK(has(text, path + "-wal is of another run (key "));
+  CHECK(error_of([&] { put_note(path, "door", "me"); }).second == text);
+  CHECK(contents(path) == before);
+  CHECK_FALSE(fs::exists(path + "-shm"));
+  fs::remove(path + "-wal");
+  CHECK(RunReader(path).info().status == crashed_without_wal);
+  CHECK(RunReader(path).count() == 30);
+}
+
+TEST_CASE("a -journal of another run next to an open one is refused") {
+  const Folder folder;
+  const std::string path = folder / "a.sqlite", other = folder / "b.sqlite";
+  killed_run(path, 5);
+  write_run(other, 14);
+  hot_journal(other);
+  fs::copy_file(other + "-journal", path + "-journal");
+  const std::string before = contents(path);
+  recover(path);
+  const auto refusal = [&] { return error_of([&] { RunReader run(path); }).second; };
+  CHECK(has(refusal(), path + "-journal is of another run (a run with a -wal has none)"));
+  fs::rename(path + "-wal", folder / "wal");
+  CHECK(has(refusal(), path + "-journal is of another run (it has more than one page)"));
+  CHECK(contents(path) == before);
+  fs::remove(path + "-journal");
+  fs::rename(folder / "wal", path + "-wal");
+  CHECK(RunReader(path).count() == 5);
 }
 
 // As a kill leaves it between the two steps of SQLite's journal_mode=DELETE.

@@ -1,0 +1,145 @@
+// SPDX-License-Identifier: MIT
+#include "acquire/record/side_files.hpp"
+
+#include <unistd.h>
+
+#include <array>
+#include <cstdio>
+#include <cstdlib>
+#include <filesystem>
+#include <string_view>
+
+#include "acquire/record/run_guard.hpp"
+#include "acquire/record/sqlite.hpp"
+#include "drivers/program/regular_file.hpp"
+
+namespace echofuse::record {
+namespace {
+
+using Header = std::array<std::uint8_t, 32>;
+constexpr std::size_t most_of_journal = 1 << 18;  // more than a sector and a page
+
+// The first bytes of a file; zeros follow its end.
+Header header_of(const RegularFile& file) {
+  Header out{};
+  static_cast<void>(file.read(out));
+  return out;
+}
+
+std::uint32_t big_endian(const std::uint8_t* bytes) {
+  std::uint32_t out = 0;
+  for (int i = 0; i < 4; ++i) out = out << 8 | bytes[i];
+  return out;
+}
+
+Header wal_header(const std::string& path) {
+  const std::string name = path + "-wal";
+  return ::access(name.c_str(), F_OK) == 0 ? header_of({name, ExitCode::failed}) : Header{};
+}
+
+std::string text_of(std::optional<std::uint32_t> key) {
+  char text[16] = "none";
+  if (key) std::snprintf(text, sizeof text, "%08x", *key);
+  return text;
+}
+
+// Without a stored key any -wal is taken for the run's own.
+bool is_own(std::uint32_t found, const std::string& stored) {
+  constexpr std::int64_t most_restarts = 1 << 16;
+  std::uint32_t expected = 0;
+  if (stored.size() != 8 || std::sscanf(stored.c_str(), "%8x", &expected) != 1) return true;
+  return std::abs(std::int64_t{static_cast<std::int32_t>(found - expected)}) <= most_restarts;
+}
+
+void put_key(sqlite3* db, const std::string& path, const std::string& key) {
+  Statement(db, path, "UPDATE run SET meta = json_set(meta, '$.wal_key', ?)").bind(key).run();
+}
+
+std::string key_in(sqlite3* db, const std::string& path) {
+  Statement key(db, path, "SELECT json_extract(meta, '$.wal_key') FROM run");
+  return key.step() ? key.text() : "";
+}
+
+// Readers without SQLite's WAL see the key then.
+void checkpoint(sqlite3* db, const std::string& path) {
+  if (sqlite3_wal_checkpoint_v2(db, nullptr, SQLITE_CHECKPOINT_PASSIVE, nullptr, nullptr) !=
+      SQLITE_OK)
+    sqlite_fail(db, path, "cannot bind its -wal");
+}
+
+// Key that the database file itself holds; empty: none. No side file is read.
+std::string stored_key(const std::string& path) {
+  std::error_code none;
+  Budget budget = Budget::of_file(std::filesystem::file_size(path, none));
+  sqlite3* db = nullptr;
+  const int code = sqlite3_open_v2(immutable_uri(path).c_str(), &db,
+                                   SQLITE_OPEN_READONLY | SQLITE_OPEN_URI, nullptr);
+  const DatabaseHandle file(db, sqlite3_close);
+  if (code != SQLITE_OK) return {};
+  harden(db);
+  limit(db, budget);
+  try {
+    return key_in(db, path);
+  } catch (const Error&) {  // not a run, or damaged: its reader says so
+    return {};
+  }
+}
+
+[[noreturn]] void refuse(const std::string& path, const std::string& file, const std::string& why) {
+  throw Error(ExitCode::failed, printable(path) + ": was not closed, and " + printable(file) +
+                                    " is of another run (" + why + "); move it away");
+}
+
+}  // namespace
+
+std::optional<std::uint32_t> wal_key(const std::string& path) {
+  const Header header = wal_header(path);
+  constexpr std::uint32_t magic = 0x377f0682;  // the last bit is the byte order of checksums
+  if ((big_endian(header.data()) & ~1u) != magic) return std::nullopt;
+  return big_endian(header.data() + 16) - big_endian(header.data() + 12);
+}
+
+bool lacks_wal(const std::string& path) { return wal_header(path) == Header{}; }
+
+// The first write makes the header; SQLite writes nothing for a value that is there. TRUNCATE
+// begins the count of this connection: at 0 SQLite may take new salts.
+void bind_wal(sqlite3* db, const std::string& path) {
+  put_key(db, path, "none");
+  const std::string key = text_of(wal_key(path));
+  sqlite3_wal_checkpoint_v2(db, nullptr, SQLITE_CHECKPOINT_TRUNCATE, nullptr, nullptr);
+  put_key(db, path, key);
+  checkpoint(db, path);
+}
+
+void rebind_wal(sqlite3* db, const std::string& path) {
+  const auto found = wal_key(path);
+  if (!found || is_own(*found, key_in(db, path))) return;
+  put_key(db, path, text_of(found));
+  checkpoint(db, path);
+}
+
+void require_own_wal(const std::string& path) {
+  const auto found = wal_key(path);
+  if (!found) return;
+  const std::string expected = stored_key(path);
+  if (!is_own(*found, expected))
+    refuse(path, path + "-wal", "key " + text_of(found) + ", expected " + expected);
+}
+
+void require_own_journal(const std::string& path) {
+  const std::string name = path + "-journal";
+  if (::access(name.c_str(), F_OK) != 0) return;
+  const auto bytes = RegularFile(name, ExitCode::failed).rest<Bytes>(most_of_journal);
+  constexpr std::string_view magic = "\xd9\xd5\x05\xf9\x20\xa1\x63\xd7";
+  if (bytes.size() < sizeof(Header) ||
+      std::string_view(reinterpret_cast<const char*>(bytes.data()), magic.size()) != magic)
+    return;
+  // A header of one sector, then the number of a page, the page and a checksum.
+  const std::size_t sector = big_endian(bytes.data() + 20), page = big_endian(bytes.data() + 24);
+  if (!lacks_wal(path)) refuse(path, name, "a run with a -wal has none");
+  if (bytes.size() > sector + page + 8) refuse(path, name, "it has more than one page");
+  if (bytes.size() >= sector + 4 && big_endian(bytes.data() + sector) != 1)
+    refuse(path, name, "it has page " + std::to_string(big_endian(bytes.data() + sector)));
+}
+
+}  // namespace echofuse::record
