@@ -85,8 +85,9 @@ class RunWriter {
   // Folds the WAL back, so that one single file is left. Throws Error(failed) at the end if another
   // program added tables, so that readers refuse the file. False if another program reads the run
   // just now: close() waits half a second for it, and then the last records stay in the WAL until
-  // recover() or a writer folds them back.
-  bool close(const std::string& status);
+  // recover() or a writer folds them back. `unwritten`: records that could not be written; an event
+  // and the counter run/unwritten state them.
+  bool close(const std::string& status, std::int64_t unwritten = 0);
   void close_as_one_file(const std::string& status);  // throws Error(failed) instead
   bool lost() const { return !harm_.empty(); }        // as the last call found
   // Reserves room on the disk again, so that the status can be written when it is full.
@@ -113,6 +114,7 @@ class RunWriter {
   bool fold();
   bool waits_on(int tries);
   void wait_for_others();
+  void put_unwritten(std::int64_t records);
   [[noreturn]] void leave(const std::string& status);
   std::string path_;
   const Clock& clock_;

@@ -309,7 +309,7 @@ void RunWriter::throw_harm() const {
   if (!harm_.empty()) throw Error(ExitCode::disk, path_ + ": " + harm_);
 }
 
-bool RunWriter::close(const std::string& status) {
+bool RunWriter::close(const std::string& status, std::int64_t unwritten) {
   try {
     require_sound();
     require_whole();
@@ -324,6 +324,7 @@ bool RunWriter::close(const std::string& status) {
   lock_->empty();
   wait_for_others();
   put_end(db_, path_, status, clock_.utc());
+  if (unwritten > 0) put_unwritten(unwritten);
   try {
     require_sound();
   } catch (const Error&) {
@@ -338,6 +339,16 @@ bool RunWriter::close(const std::string& status) {
   if (!refusal.empty())
     throw Error(ExitCode::failed, refusal + " (" + std::to_string(records_) + " records are kept)");
   return folded;
+}
+
+void RunWriter::put_unwritten(std::int64_t records) {
+  const Counted counted{"run", "unwritten", static_cast<std::uint64_t>(records)};
+  try {
+    put_counters({&counted, 1});
+    put_event(clock_.utc(), Severity::error, "run",
+              "its last " + std::to_string(records) + " records are not written");
+  } catch (const Error&) {  // no room for that either
+  }
 }
 
 void RunWriter::close_as_one_file(const std::string& status) {

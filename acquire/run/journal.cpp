@@ -265,10 +265,10 @@ bool Journal::finish(const std::string& status) {
   } catch (const std::exception& error) {
     why = error.what();
   }
-  if (const std::int64_t missing = put_ - written_; missing > 0)
-    why += "; its last " + std::to_string(missing) + " records are not written";
+  const std::int64_t missing = put_ - written_;
+  if (missing > 0) why += "; its last " + std::to_string(missing) + " records are not written";
   try {
-    run_->close(code == ExitCode::disk ? "stopped:disk" : "stopped:failed");
+    run_->close(code == ExitCode::disk ? "stopped:disk" : "stopped:failed", missing);
   } catch (const Error&) {  // the first reason is the one to tell, unless this says what is left
     if (run_->lost()) throw;
   }

@@ -153,6 +153,9 @@ TEST_CASE("the first failed job ends the writing") {
         "no space left; its last 2 records are not written");
   const record::RunReader run(folder / "a.sqlite");
   CHECK(run.count() == 1);
+  CHECK(run.counters().back().name == "unwritten");
+  CHECK(run.counters().back().value == 2);
+  CHECK(run.events().back().text == "its last 2 records are not written");
   CHECK(run.info().status == "stopped:disk");
 }
 

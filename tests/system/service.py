@@ -129,7 +129,11 @@ class Service(live.Live):
         rows = self.rows()
         self.assertGreater(len(rows), 3)
         self.check_slots(rows)
-        self.assertEqual(self.info()["status"], "stopped:disk")
+        info = self.info()
+        self.assertEqual(info["status"], "stopped:disk")
+        lost = info["counters"]["run"]["unwritten"]
+        self.assertIn(f"its last {lost} records are not written", log)
+        self.assertEqual(info["events"]["error"], 1)
         self.assertIn("6", Unit()["Service"]["RestartPreventExitStatus"].split())
         lines = self.notify.close()
         self.assertLessEqual(lines.count("WATCHDOG=1"), len(rows))
