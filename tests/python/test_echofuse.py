@@ -1,11 +1,13 @@
 # SPDX-License-Identifier: MIT
 """The Python package (recon/python) on simulated runs."""
+import fcntl
 import json
 import os
 import shutil
 import sqlite3
+import struct
 import subprocess
-from contextlib import closing
+from contextlib import closing, contextmanager
 
 import numpy as np
 import pytest
@@ -82,24 +84,95 @@ def test_what_is_no_run_or_model_is_refused(folder, tmp_path):
             echofuse.load_model(tmp_path / "m")
 
 
+@contextmanager
+def writer_of(path):
+    """Holds the lock of a run's writer."""
+    with open(f"{path}-lock", "w") as lock:
+        fcntl.fcntl(lock, fcntl.F_OFD_SETLK, struct.pack("hhqqi", fcntl.F_WRLCK, os.SEEK_SET, 0, 0, 0))
+        yield
+
+
+def open_run(folder, path):
+    """Makes an open run of three records, in WAL mode. Returns its writer's connection."""
+    path.write_bytes((folder / "monday.sqlite").read_bytes())
+    db = sqlite3.connect(path, isolation_level=None)
+    db.execute("DELETE FROM record WHERE idx >= 3")
+    db.execute("UPDATE run SET status = 'open'")
+    db.execute("PRAGMA journal_mode = WAL")
+    db.execute("ATTACH ? AS whole", (str(folder / "monday.sqlite"),))
+    return db
+
+
+def killed_run(folder, path, records):
+    """Leaves an open run as a kill does, with a -wal that has `records` records and whose key is stored in the run."""
+    live = path.with_suffix(".live")
+    with closing(open_run(folder, live)) as db:
+        db.execute("UPDATE run SET version = 'killed'")
+        db.execute("UPDATE run SET meta = json_set(meta, '$.wal_key', ?)", (f"{run_files.wal_key(live):08x}",))
+        db.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+        db.execute("INSERT INTO record SELECT * FROM whole.record WHERE idx BETWEEN 3 AND ?", (records + 2,))
+        for suffix in ("", "-wal"):
+            shutil.copy(f"{live}{suffix}", f"{path}{suffix}")
+
+
 def test_a_run_that_grows_is_followed(folder, tmp_path):
-    whole, path = folder / "monday.sqlite", tmp_path / "live.sqlite"
-    path.write_bytes(whole.read_bytes())
-    with sqlite3.connect(path) as db:
-        db.execute("UPDATE run SET status = 'open'")
-        db.execute("DELETE FROM record WHERE idx >= 3")
-    run = echofuse.open(path)
-    assert len(run) == len(run.spd) == 3
-    rows = run.follow(pause_s=0.01)
-    assert [next(rows) for _ in range(3)] == [0, 1, 2]
-    with sqlite3.connect(path) as db:
-        db.execute("ATTACH ? AS whole", (str(whole),))
+    path = tmp_path / "live.sqlite"
+    with closing(open_run(folder, path)) as db, writer_of(path):
+        run = echofuse.open(path)
+        assert len(run) == len(run.spd) == 3 and run.info["status"] == "open"
+        rows = run.follow(pause_s=0.01)
+        assert [next(rows) for _ in range(3)] == [0, 1, 2]
         db.execute("INSERT INTO record SELECT * FROM whole.record WHERE idx IN (3, 4)")
-    assert next(rows) == 3 and len(run.spd) == 5
-    with sqlite3.connect(path) as db:
+        assert next(rows) == 3 and len(run.spd) == 5
         db.execute("UPDATE run SET status = 'complete'")
-    assert list(rows) == [4]
+        assert list(rows) == [4]
     assert "5 of 5" in run._repr_html_() and "<script" not in run._repr_html_()
+
+
+def test_a_killed_run_is_crashed_and_following_it_ends(folder, tmp_path):
+    path, link = tmp_path / "a.sqlite", tmp_path / "link.sqlite"
+    killed_run(folder, path, 7)
+    link.symlink_to(path)
+    for name in path, link:
+        run = echofuse.open(name)
+        assert run.info["status"] == "crashed" and list(run.follow()) == list(range(10)) and "wal_key" not in run.meta
+    program("echofuse-export", path, "--to", tmp_path / "a.h5")
+    listed = json.loads(outcome("echofuse-acquire", "list", "--json", tmp_path).stdout)
+    assert {(run["status"], run["records"]) for run in listed} == {("crashed", 10)}
+
+
+def test_a_wal_of_another_run_is_refused(folder, tmp_path):
+    path = tmp_path / "a.sqlite"
+    killed_run(folder, path, 7)
+    killed_run(folder, tmp_path / "b.sqlite", 12)
+    shutil.copy(f"{tmp_path / 'b.sqlite'}-wal", f"{path}-wal")
+    with pytest.raises(ValueError, match=r"a\.sqlite-wal is of another run \(key ") as refused:
+        echofuse.open(path)
+    assert outcome("echofuse-acquire", "info", path).stderr == f"echofuse-acquire: {refused.value}\n"
+    assert outcome("echofuse-export", path, "--to", tmp_path / "a.h5").returncode == 1
+    assert sorted(file.name for file in tmp_path.glob("a.sqlite*")) == ["a.sqlite", "a.sqlite-wal"]
+
+
+@pytest.mark.parametrize("wal", [None, b"", bytes(4096)])
+def test_a_copy_without_its_wal_is_named_whatever_opened_it(folder, tmp_path, wal):
+    path = tmp_path / "copy.sqlite"
+    killed_run(folder, tmp_path / "a.sqlite", 7)
+    shutil.copy(tmp_path / "a.sqlite", path)
+    if wal is not None:
+        path.with_name("copy.sqlite-wal").write_bytes(wal)
+    for _ in range(2):
+        run = echofuse.open(path)
+        assert run.info["status"] == "crashed, no -wal" and list(run.follow()) == [0, 1, 2]
+        assert outcome("echofuse-acquire", "annotate", path, "x").returncode == 1
+        assert json.loads(outcome("echofuse-acquire", "info", "--json", path).stdout)["status"] == "crashed, no -wal"
+    assert sorted(file.name for file in tmp_path.glob("copy*")) == ["copy.sqlite", *["copy.sqlite-wal"] * (wal is not None)]
+
+
+def test_a_copy_by_sqlite_of_an_open_run_is_named(folder, tmp_path):
+    with closing(open_run(folder, tmp_path / "a.sqlite")) as db:
+        db.execute("VACUUM INTO ?", (str(tmp_path / "copy.sqlite"),))
+    run = echofuse.open(tmp_path / "copy")
+    assert run.info["status"] == "copy of an open run" and list(run.follow()) == [0, 1, 2]
 
 
 def outcome(name, *words):

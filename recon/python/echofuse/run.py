@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from . import grid, pile_up, zones
 from .damaged import names_its_file
 from .grid import inflated, read_only, shifted
-from .run_files import STATISTICS, connect, leftovers, meta_of, table
+from .run_files import STATISTICS, connect, leftovers, meta_of, status_of, table
 
 SENSORS = {"spd": 1, "radar": 2, "depth": 4}  # bits of record.valid
 PS_PER_M = 2e12 / 299_792_458.0  # there and back
@@ -170,8 +170,8 @@ class Run:
 
     def follow(self, *, pause_s: float = 0.2) -> Iterator[int]:
         """The rows of the records, those that are there and then each one that comes, until the run
-        is closed. The arrays hold the row when it is given: for row in run.follow():
-        run.spd[row]."""
+        is closed or its recording was killed. The arrays hold the row when it is given: for row in
+        run.follow(): run.spd[row]."""
         row = 0
         while True:
             ended = self.refresh().info["status"] != "open"
@@ -200,6 +200,7 @@ class Run:
                                                  cursor.fetchone()))
             #: what a run says of itself beside its settings
             self.meta: dict[str, str] = meta_of(self.path, self.info.pop("meta"))
+            self.info["status"] = status_of(db, self.path, self.info["status"])
             #: by how much the ranges of a sensor are too long, as its calibration says
             self.offset_m: dict[str, float] = dict(
                 db.execute("SELECT sensor, offset_m FROM calibration"))

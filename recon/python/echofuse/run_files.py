@@ -2,11 +2,14 @@
 """A run file, opened to be read only."""
 from __future__ import annotations
 
+import fcntl
 import json
 import os
 import pathlib
 import re
 import sqlite3
+import stat
+import struct
 import threading
 from collections import Counter
 from contextlib import closing
@@ -17,6 +20,8 @@ from numpy.typing import NDArray
 
 APPLICATION_ID, FORMAT_VERSION = 0x4543464D, 3
 NULL_INTEGER = -1 << 63
+WAL_KEY = "wal_key"  # member of run.meta of an open run
+MOST_RESTARTS = 1 << 16  # by which the key of a run's own -wal may differ
 TABLES = {"run", "axis", "record", "device", "calibration", "antenna", "anchor", "counter", "event",
           "late", "zone"}
 STATISTICS = {f"sqlite_stat{n}" for n in range(1, 5)}  # of ANALYZE
@@ -44,6 +49,7 @@ class Connection(sqlite3.Connection):
     connection to that file."""
 
     inode: tuple[int, int] | None = None
+    lacks_wal = False  # of an open run that nobody records
 
     def close(self) -> None:
         super().close()
@@ -91,14 +97,75 @@ def is_closed(path: pathlib.Path) -> bool:
         release(inode)
 
 
+def beside(path: pathlib.Path, suffix: str) -> pathlib.Path:
+    """File that a program keeps next to a run, next to the file behind links."""
+    real = path.resolve()
+    return real.with_name(real.name + suffix)
+
+
 def leftovers(path: pathlib.Path) -> list[pathlib.Path]:
     """Files of SQLite next to a closed run. They are not part of it and are not read."""
     found = [file for suffix in ("-wal", "-shm", "-journal")
-             if (file := path.with_name(path.name + suffix)).exists()]
-    return found if found and is_closed(path) else []
+             if (file := beside(path, suffix)).exists()]
+    return found if found and is_closed(path) and not is_written(path) else []
 
 
-def opened(path: pathlib.Path, inode: tuple[int, int], how: str) -> Connection:
+def is_written(path: pathlib.Path) -> bool:
+    """Whether a process holds the lock RUN-lock of a run's writer. Takes no lock."""
+    try:
+        descriptor = os.open(beside(path, "-lock"),
+                             os.O_RDONLY | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK)
+    except OSError:
+        return False
+    try:
+        wanted = struct.pack("hhqqi", fcntl.F_WRLCK, os.SEEK_SET, 0, 0, 0)
+        found = fcntl.fcntl(descriptor, fcntl.F_OFD_GETLK, wanted)
+        return bool(struct.unpack_from("h", found)[0] != fcntl.F_UNLCK)
+    except OSError:
+        return False
+    finally:
+        os.close(descriptor)
+
+
+def wal_header(path: pathlib.Path) -> bytes:
+    """The first 32 bytes of the -wal next to a run; zeros where there are none."""
+    try:
+        descriptor = os.open(beside(path, "-wal"), os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK)
+    except FileNotFoundError:
+        return bytes(32)
+    try:
+        if not stat.S_ISREG(os.fstat(descriptor).st_mode):
+            raise ValueError(f"{beside(path, '-wal')}: is not a regular file")
+        return os.read(descriptor, 32).ljust(32, b"\0")
+    finally:
+        os.close(descriptor)
+
+
+def wal_key(path: pathlib.Path) -> int | None:
+    """Key of the -wal next to a run, as in acquire/record/side_files.hpp; None: no header."""
+    magic, *_, number, salt, _ = struct.unpack(">6I8x", wal_header(path))
+    return (salt - number) % (1 << 32) if magic & ~1 == 0x377F0682 else None
+
+
+def refuse_foreign_wal(path: pathlib.Path) -> None:
+    """Raises ValueError if the -wal has another key than the open run. Reads the run alone."""
+    if (found := wal_key(path)) is None:
+        return
+    with closing(opened(path, "mode=ro&immutable=1")) as db:
+        try:
+            guard(db, path)
+            stored = json.loads(db.execute("SELECT meta FROM run").fetchone()[0])[WAL_KEY]
+            expected = int(stored, 16)
+        except (sqlite3.Error, ValueError, LookupError, TypeError, RecursionError):
+            return  # not a run, or a run without a key
+    away = (found - expected) % (1 << 32)
+    if min(away, (1 << 32) - away) > MOST_RESTARTS:
+        raise ValueError(f"{path}: was not closed, and {beside(path, '-wal')} is of another run "
+                         f"(key {found:08x}, expected {expected:08x}); move it away")
+
+
+def opened(path: pathlib.Path, how: str) -> Connection:
+    inode = hold(path)
     try:
         db = sqlite3.connect(f"{path.resolve().as_uri()}?{how}", uri=True, factory=Connection)
     except BaseException:
@@ -108,13 +175,31 @@ def opened(path: pathlib.Path, inode: tuple[int, int], how: str) -> Connection:
     return db
 
 
-def connect(path: pathlib.Path) -> sqlite3.Connection:
+def lacks_wal(path: pathlib.Path) -> bool:
+    """Whether an open run is a copy without its -wal. Raises ValueError for the -wal of another
+    run. The -wal of a run that is being recorded is its own."""
+    if is_written(path):
+        return False
+    refuse_foreign_wal(path)
+    journal = beside(path, "-journal")
+    return not any(wal_header(path)) and not (journal.is_file() and journal.stat().st_size)
+
+
+def connect(path: pathlib.Path) -> Connection:
     """Opens a run file for reading. Nothing next to a closed run is read or written. Raises
     ValueError for a file that is no run."""
+    inode = hold(path)  # until a connection has it
+    try:
+        return connected(path, header_is_closed(inode))
+    finally:
+        release(inode)
+
+
+def connected(path: pathlib.Path, closed: bool) -> Connection:
+    alone = not closed and lacks_wal(path)
     for how in ("mode=ro", "mode=ro&immutable=1"):
-        inode = hold(path)
-        closed = header_is_closed(inode)
-        db = opened(path, inode, "mode=ro&immutable=1" if closed else how)
+        db = opened(path, "mode=ro&immutable=1" if closed or alone else how)
+        db.lacks_wal = alone
         try:
             identity = db.execute("PRAGMA application_id").fetchone()[0]
             version = db.execute("PRAGMA user_version").fetchone()[0]
@@ -123,13 +208,12 @@ def connect(path: pathlib.Path) -> sqlite3.Connection:
             if error.sqlite_errorcode & 255 not in (sqlite3.SQLITE_READONLY,
                                                     sqlite3.SQLITE_CANTOPEN):
                 raise ValueError(f"{path}: not a run of echofuse: {error}") from None
-            for beside in ("-wal", "-journal"):
-                rest = path.with_name(path.name + beside)
+            for suffix in ("-wal", "-journal"):
+                rest = beside(path, suffix)
                 if rest.is_file() and rest.stat().st_size:
                     raise ValueError(
                         f"{path}: was not closed, and its last records are in {rest}; copy both to "
-                        "a folder "
-                                     "that can be written") from None
+                        "a folder that can be written") from None
             continue
         if db.is_closed() and not closed:  # its writer closed it meanwhile
             db.close()
@@ -147,6 +231,17 @@ def connect(path: pathlib.Path) -> sqlite3.Connection:
                              "use a newer echofuse" if version > FORMAT_VERSION else
                              "use the echofuse that recorded it"))
     raise ValueError(f"{path}: cannot be read")
+
+
+def status_of(db: Connection, path: pathlib.Path, stored: str) -> str:
+    """Status of a run as the programs show it (RunReader::info())."""
+    if stored != "open":
+        return stored
+    if db.is_closed():
+        return "copy of an open run"
+    if is_written(path):
+        return stored
+    return "crashed, no -wal" if db.lacks_wal else "crashed"
 
 
 def guard(db: sqlite3.Connection, path: pathlib.Path) -> None:
@@ -172,6 +267,7 @@ def guard(db: sqlite3.Connection, path: pathlib.Path) -> None:
 def meta_of(path: pathlib.Path, text: Any) -> dict[str, str]:
     try:
         if isinstance(meta := json.loads(text), dict):
+            meta.pop(WAL_KEY, None)
             return meta
     except (TypeError, ValueError, RecursionError):
         pass
