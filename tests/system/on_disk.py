@@ -7,6 +7,7 @@ import subprocess
 import sys
 import tempfile
 
+PACKAGE = pathlib.Path(__file__).resolve().parents[2] / "recon/python"
 BIN = pathlib.Path(sys.argv[1]).resolve()
 CALLS = "trace=fsync,fdatasync,rename,renameat,renameat2,link,linkat"
 MOVED = re.compile(r'(?:rename|link)\w*\((?:AT_FDCWD\S*, )?"([^"]+)", (?:AT_FDCWD\S*, )?"([^"]+)".*\) = 0')
@@ -51,6 +52,11 @@ def main():
             check(calls, folder / "maps" / name)
         last = max(k for k, call in enumerate(calls) if call == ("sync", str(folder / "maps/records.csv")))
         assert last > max(k for k, (what, _) in enumerate(calls) if what == "move"), "records.csv: no fsync at the end"
+        python = ("import echofuse; maps, index = echofuse.load_maps('maps'); echofuse.save_maps('maps', maps, index);"
+                  "echofuse.save_maps('new', maps, index)")
+        calls = traced(folder, "env", f"PYTHONPATH={PACKAGE}", "/usr/bin/python3", "-c", python)
+        for name in ("maps/maps.npy", "maps/records.csv", "new/maps.npy", "new/records.csv"):
+            check(calls, folder / name)
 
 
 main()

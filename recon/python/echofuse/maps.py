@@ -9,6 +9,8 @@ import pathlib
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .staged import replaced
+
 
 def save_maps(folder: str | pathlib.Path, depth_m: ArrayLike, index: ArrayLike,
               origin: str = "") -> None:
@@ -18,12 +20,13 @@ def save_maps(folder: str | pathlib.Path, depth_m: ArrayLike, index: ArrayLike,
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "run.txt").unlink(missing_ok=True)
     if origin:
-        (folder / "run.txt").write_text(origin)
-    np.save(folder / "maps.npy", np.ascontiguousarray(depth_m, "<f4"))
-    with open(folder / "records.csv", "w", newline="") as file:
-        out = csv.writer(file, lineterminator="\n")
-        out.writerow(("record", "status"))
-        out.writerows((int(i), "ok") for i in np.asarray(index).tolist())
+        with replaced(folder / "run.txt") as new:
+            new.write_text(origin)
+    with replaced(folder / "maps.npy") as new, open(new, "wb") as binary:
+        np.save(binary, np.ascontiguousarray(depth_m, "<f4"))
+    lines = ["record,status", *(f"{int(i)},ok" for i in np.asarray(index).tolist())]
+    with replaced(folder / "records.csv") as new:
+        new.write_text("\n".join(lines) + "\n")
 
 
 def load_maps(folder: str | pathlib.Path) -> tuple[NDArray[np.float32], NDArray[np.int64]]:

@@ -16,7 +16,6 @@ import base64
 import datetime
 import os
 import pathlib
-import secrets
 import sqlite3
 import sys
 from collections.abc import Sequence
@@ -36,7 +35,7 @@ from .report_blocks import (Block, details, fails, html_of, listed, paragraph, p
 from .report_records import chosen, half_tangent, said_of, shown
 from .report_scores import Judged, Mode, ReportError, Scores, evaluated, modes_of
 from .report_story import Story, info_of
-from .staged import stop_by_signal, sync
+from .staged import replaced, stop_by_signal
 from .zones import summed
 
 TERMS = (
@@ -329,17 +328,10 @@ def require(args: argparse.Namespace) -> None:
 
 
 def write_page(page: pathlib.Path, text: str) -> None:
-    new = page.with_name(f"{page.name}.{secrets.token_hex(8)}.part")
     with writing(page):
         page.parent.mkdir(parents=True, exist_ok=True)
-        try:
-            with open(new, "x", encoding="utf-8") as file:
-                file.write(text)
-            sync(new)
-            new.replace(page)
-            sync(page.parent)
-        finally:
-            new.unlink(missing_ok=True)
+        with replaced(page) as new:
+            new.write_text(text, encoding="utf-8")
 
 
 def refuse(text: str) -> NoReturn:

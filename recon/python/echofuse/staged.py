@@ -7,6 +7,7 @@ import errno
 import fcntl
 import os
 import pathlib
+import secrets
 import shutil
 import signal
 import socket
@@ -72,6 +73,21 @@ def publish(beside: pathlib.Path, place: pathlib.Path) -> None:
         refuse_existing(place)
         beside.rename(place)
     sync(place.parent)
+
+
+@contextlib.contextmanager
+def replaced(place: pathlib.Path) -> Iterator[pathlib.Path]:
+    """Yields the path of a new file, which then replaces the one at `place`: fsync of file, rename,
+    fsync of folder. Raises OSError."""
+    new = place.with_name(f"{place.name}.{secrets.token_hex(8)}.part")
+    try:
+        new.open("xb").close()
+        yield new
+        sync(new)
+        new.replace(place)
+        sync(place.parent)
+    finally:
+        new.unlink(missing_ok=True)
 
 
 @contextlib.contextmanager
