@@ -94,6 +94,8 @@ Json to_json(const record::RunReader& run) {
           {"records", sum.records},
           {"all_valid", sum.all_valid},
           {"incomplete", sum.incomplete},
+          {"doubtful", sum.doubtful},
+          {"doubts", record::doubts_of(sum)},
           {"policy", sum.policies},
           {"clocks", clocks},
           {"valid", by_sensor(sum.valid)},
@@ -163,6 +165,7 @@ std::string to_text(const Json& j) {
   line("valid", list(j["valid"]) + "; all three " + word(j["all_valid"]));
   for (const auto& [sensor, counts] : j["verdicts"].items())
     line("verdicts", counts.empty() ? "" : sensor + ": " + list(counts));
+  line("doubts", word(j["doubts"]));
   if (!j["policy"].empty())
     line("policy", list(j["policy"]) + "; incomplete " + word(j["incomplete"]));
   for (const auto& [sensor, clock] : j["clocks"].items())

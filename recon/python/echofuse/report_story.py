@@ -50,17 +50,7 @@ class Story:
                 else f", of which {whole} have all three sensors")
         out += (f"; {self.info['incomplete']} lack a sensor that the run requires"
                 if self.info["incomplete"] else "")
-        doubts = {s: sorted((-count, kind) for kind, count in self.info["verdicts"][s].items()
-                            if kind not in ("ok", "not configured", ""))
-                  for s in SENSORS}
-        if any(doubts.values()):
-            bad = [[text.partition(":")[0] in [kind for _, kind in doubts[s]]
-                    for text in self.told[f"verdict_{s}"]] for s in SENSORS]
-            out += f"; {np.any(bad, 0).sum()} of {n} doubtful: " + "; ".join(
-                f"{SENSORS[s].removeprefix('depth ')} "
-                + ", ".join(f"{kind} {-count}" for count, kind in kinds)
-                for s, kinds in doubts.items() if kinds)
-        return out + "."
+        return out + (f"; {self.info['doubts']}." if self.info["doubts"] else ".")
 
     def gaps(self, sensor: str) -> list[list[float]]:
         """Beginnings and ends of the records without the sensor; of very many the longest."""

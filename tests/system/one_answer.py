@@ -1,0 +1,248 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: MIT
+"""tests/system/one_answer.py BIN_DIR [TEST]: every program gives the same answer about a run: info, list, the live page, Python, HDF5,
+report and evaluate, on odd runs: sensors that fail, a full disk, a kill, copies, one record, none."""
+import json
+import os
+import pathlib
+import re
+import resource
+import shutil
+import signal
+import sqlite3
+import subprocess
+import sys
+import unittest
+import warnings
+from collections import Counter
+from contextlib import closing
+
+import live
+from live import WINDOW_S, bin_dir, wait_for
+
+ROOT = pathlib.Path(__file__).resolve().parents[2]
+sys.path += [str(ROOT / "tests/view"), str(ROOT / "recon/python")]
+os.environ |= {"ECHOFUSE_BIN": str(bin_dir), "PYTHONPATH": str(ROOT / "recon/python")}
+from websocket import Client
+
+try:
+    import h5py
+    import numpy as np
+
+    import echofuse
+except ImportError:
+    sys.exit(77)
+warnings.simplefilter("ignore")  # of leftover files
+SENSORS = {"spd": 1, "radar": 2, "depth": 4}
+FAULTS = "".join(f'[[fault]]\ndevice = "{device}"\nkind = "{kind}"\nat_s = {at}\nfor_s = 1\n{amount}\n'
+                 for device, kind, at, amount in (("depth", "stall", 3.5, ""), ("radar", "drop", 5, "amount = 0.5"),
+                                                  ("tdc", "gain", 6, "amount = 0.002"), ("depth", "freeze", 7, "")))
+
+
+def outcome(name, *words):
+    return subprocess.run([bin_dir / name, *map(str, words)], capture_output=True, text=True, timeout=120)
+
+
+def kinds(verdicts):
+    """Records by verdict, without the figures behind its colon."""
+    return dict(Counter(verdict.partition(":")[0] for verdict in verdicts))
+
+
+def doubtful(verdicts):
+    """Records with a verdict against one of their sensors; verdicts: those of each sensor."""
+    return sum(any(v.partition(":")[0] not in ("", "ok", "not configured") for v in row) for row in zip(*verdicts.values()))
+
+
+def of_info(run):
+    told = json.loads(outcome("echofuse-acquire", "info", "--json", run).stdout)
+    out = {key: told[key] for key in ("records", "status", "valid", "lost", "labels", "verdicts", "uuid", "meta", "doubtful", "doubts")}
+    return out | {"started": told["started_utc"], "ended": told["ended_utc"], "incomplete": told["incomplete"],
+                  "all_valid": told["all_valid"], "operator": told["operator"], "window_s": told["window_s"],
+                  "unwritten": told["counters"].get("run", {}).get("unwritten", 0), "events": sum(told["events"].values()),
+                  "notes": [told["notes"]] * bool(told["notes"]) + [m["text"] for m in told["marks"] if m["kind"] == "note"],
+                  "first_slot": told["first_slot_utc"], "leftovers": [pathlib.Path(file).name for file in told["leftovers"]],
+                  "unconfigured": [s for s in SENSORS if set(told["verdicts"][s]) == {"not configured"}]}
+
+
+def of_list(run):
+    told = json.loads(outcome("echofuse-acquire", "list", "--json", run.parent).stdout)
+    one, = (entry for entry in told if entry["path"] == str(run))
+    return {key: one[key] for key in ("records", "status", "valid", "labels", "doubtful", "notes", "operator", "window_s")} | {
+        "doubts": one["verdict"], "started": one["started_utc"], "leftovers": [pathlib.Path(file).name for file in one["leftovers"]],
+        "length_s": round(one["length_s"], 3)}
+
+
+def of_view(run):
+    view = subprocess.Popen([bin_dir / "echofuse-view", run, "--listen", "127.0.0.1:0"], stdout=subprocess.PIPE,
+                            stderr=subprocess.DEVNULL, text=True)
+    try:
+        client = Client(view.stdout.readline().strip())
+        head = client.until("run")
+        state = client.until("state")
+        client.socket.close()
+    finally:
+        view.kill()
+        view.communicate()
+    sensors, n = state["sensors"], state["records"]
+    facts = dict(map(tuple, head["facts"]))
+    there = [s for s in SENSORS if sensors[s]["configured"]]
+    return {"records": n, "status": state["status"], "doubts": state["doubts"], "uuid": head["uuid"], "operator": head["operator"],
+            "lost": {s: sensors[s]["lost"] for s in SENSORS}, "started": head["started_utc"], "ended": facts.get("ended", ""),
+            "window_s": head["window_s"], "length_s": round(state["elapsed_s"], 3),
+            "valid": {s: n - sensors[s]["missing"] if s in there else 0 for s in SENSORS},
+            "notes": [head["notes"]] * bool(head["notes"]) + [e["text"] for e in state["events"] if e["level"] == "note"],
+            "unconfigured": [s for s in SENSORS if n and s not in there]}
+
+
+def of_python(run):
+    with echofuse.open(run) as opened:
+        told, info = opened.told(), opened.info
+        verdicts = {s: told[f"verdict_{s}"].tolist() for s in SENSORS}
+        counters = opened.table("counter")
+        record = opened.table("record")
+        notes = [text for _, level, _, text in opened.events() if level == "note"]
+        return {"records": len(opened), "status": info["status"], "uuid": info["uuid"], "meta": opened.meta, "started": info["started_utc"],
+                "ended": info["ended_utc"], "operator": info["operator"], "window_s": info["window_s"],
+                "valid": {s: int(opened.valid[s].sum()) for s in SENSORS}, "labels": dict(Counter(opened.labels)),
+                "all_valid": int(np.all(list(opened.valid.values()), 0).sum()),
+                "lost": {s: int(told[f"lost_{s}"].sum()) for s in SENSORS}, "verdicts": {s: kinds(verdicts[s]) for s in SENSORS},
+                "doubtful": doubtful(verdicts), "incomplete": int((record["missing"] > 0).sum()), "events": len(opened.events()),
+                "notes": [info["notes"]] * bool(info["notes"]) + notes, "follow": len(list(opened.follow())),
+                "unwritten": int(counters["value"][counters["name"] == b"unwritten"].sum()),
+                "first_slot": f"{np.datetime64(opened.time[0], 'ms')}Z" if len(opened) else "",
+                "unconfigured": [s for s in SENSORS if set(verdicts[s]) == {"not configured"}]}
+
+
+def of_hdf5(run, folder):
+    place = folder / "x.h5"
+    place.unlink(missing_ok=True)
+    done = outcome("echofuse-export", run, "--to", place)
+    assert done.returncode == 0, done.stderr
+    with h5py.File(place) as file:
+        entry, text = file["entry"], lambda values: [value.decode() for value in values]
+        valid = entry["data/valid"][()]
+        verdicts = {s: text(entry[f"sync/{s}/verdict"][()]) for s in SENSORS}
+        counter, event, record = (entry[f"tables/{name}"] for name in ("counter", "event", "record"))
+        title, one = entry["title"][()].decode(), lambda name: entry[name][()].decode()
+        notes = [what for level, what in zip(text(event["level"][()]), text(event["text"][()])) if level == "note"]
+        meta = json.loads(entry["tables/run/meta"][0])
+        meta.pop("wal_key", None)
+        return {"records": len(valid), "status": one("status"), "started": one("start_time"), "ended": one("end_time"),
+                "operator": one("operator"), "uuid": one("entry_identifier"), "meta": meta,
+                "valid": {s: int((valid & bit > 0).sum()) for s, bit in SENSORS.items()}, "all_valid": int((valid == 7).sum()),
+                "labels": dict(Counter(text(entry["data/label"][()]))), "verdicts": {s: kinds(verdicts[s]) for s in SENSORS},
+                "lost": {s: int(entry[f"sync/{s}/lost"][()].sum()) for s in SENSORS}, "doubtful": doubtful(verdicts),
+                "incomplete": int((record["missing"][()] > 0).sum()), "notes": [title] * bool(title) + notes,
+                "unwritten": sum(int(value) for name, value in zip(counter["name"][()], counter["value"][()])
+                                 if name == b"unwritten"),
+                "events": len(event["id"]), "leftovers": [pathlib.Path(line.split(": ")[1]).name for line in done.stderr.splitlines()]}
+
+
+def of_report(run, folder):
+    shutil.rmtree(folder / "page", ignore_errors=True)
+    done = outcome("echofuse-report", folder / "page", "--live", run)
+    assert done.returncode == 0, done.stderr
+    page = (folder / "page/report.html").read_text(encoding="utf-8")
+    status, n = re.search(r'\.sqlite: ([^"]*?): (\d+) records?\b', page).groups()
+    doubts = re.search(r'; (\d+ of \d+ doubtful: [^"]*?)\."', page)
+    lack = re.search(r"(\d+) lack a sensor that the run requires", page)
+    return {"records": int(n), "status": status, "doubts": doubts[1] if doubts else "", "incomplete": int(lack[1]) if lack else 0}
+
+
+class OneAnswer(live.Live):
+    @property
+    def lab_options(self):
+        (self.dir / "faults.toml").write_text(FAULTS)
+        return (*live.Live.lab_options, "--faults", self.dir / "faults.toml")
+
+    def recorded(self, name, *options, limit=None, kill_at=None):
+        """Records self.dir/NAME.sqlite; returns the exit code."""
+        def limit_file_size():
+            resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
+
+        self.run = self.dir / f"{name}.sqlite"
+        daemon = self.record(*options, preexec_fn=limit_file_size if limit else None)
+        if kill_at is not None:
+            wait_for("records", lambda: self.committed() >= kill_at and self.run.exists())
+            daemon.send_signal(signal.SIGKILL)
+        log = self.finish(daemon)
+        self.assertIn(daemon.returncode, (0, 6, -signal.SIGKILL), log)
+        return daemon.returncode
+
+    def answers(self, run):
+        """What each program says of a run; info and the report come last, because info closes a run that was killed."""
+        out = {"list": of_list(run), "view": of_view(run), "Python": of_python(run), "HDF5": of_hdf5(run, self.dir)}
+        return out | {"info": of_info(run), "report": of_report(run, self.dir)}
+
+    def check(self, name, **expected):
+        run = self.dir / f"{name}.sqlite"
+        told = self.answers(run)
+        asked = {question for answers in told.values() for question in answers}
+        for question in sorted(asked):
+            with self.subTest(run=name, question=question):
+                found = {program: answers[question] for program, answers in told.items() if question in answers}
+                values = list(found.values())
+                self.assertTrue(all(value == values[0] for value in values), found)
+        for question, value in expected.items():
+            with self.subTest(run=name, question=question):
+                self.assertEqual(told["Python"].get(question, told["info"].get(question)), value)
+        return told["info"]
+
+    def check_scored(self):
+        """evaluate scores the records with a map that no verdict is against, and counts the others as info does."""
+        model, run = self.dir / "m.safetensors", self.dir / "scored.sqlite"
+        for name, seed in (("base", 1), ("scored", 5)):
+            outcome("echofuse-sim", "dataset", "-q", "--records", 60, "--seed", seed, "--out", self.dir / f"{name}.sqlite")
+        outcome("echofuse-recon", "train", self.dir / "base.sqlite", "--model", "ridge", "--out", model)
+        with closing(sqlite3.connect(run)) as db:
+            db.executescript("""
+                UPDATE record SET depth_verdict = 'frozen: 3' WHERE idx BETWEEN 5 AND 10;
+                UPDATE record SET spd_verdict = 'weak: 1 clicks' WHERE idx BETWEEN 20 AND 22;
+                UPDATE record SET valid = 5, radar = NULL, radar_verdict = 'no frames' WHERE idx IN (30, 31);
+                UPDATE record SET valid = 3, missing = 4, depth = NULL, depth_verdict = 'no frames' WHERE idx IN (40, 41, 42);
+                UPDATE record SET spd_lost = 7, radar_lost = 2, depth_lost = 1 WHERE idx = 50""")
+        info = self.check("scored", status="complete", doubtful=14, incomplete=3, lost={"spd": 7, "radar": 2, "depth": 1})
+        scored = json.loads(outcome("echofuse-recon", "evaluate", model, run, "--json").stdout)
+        left_out = scored["doubtful"]["records"]
+        self.assertEqual(left_out, {"SPD weak": info["verdicts"]["spd"]["weak"], "camera frozen": info["verdicts"]["depth"]["frozen"]})
+        self.assertEqual(scored["records"] + sum(left_out.values()), info["valid"]["depth"])
+        self.assertEqual(scored["fallback_records"], info["records"] - info["valid"]["radar"])
+
+    def test_odd_runs(self):
+        required = "--set", "depth.policy=required"
+        self.assertEqual(self.recorded("odd", *required, "--set", "run.label=first", "--meta", "lens=50mm", "--count", str(round(6 / WINDOW_S))), 0)
+        for words in (["the lens was dirty"], ["<b>a second note</b>"]):
+            self.assertEqual(outcome("echofuse-acquire", "annotate", self.run, *words).returncode, 0)
+        self.assertEqual(self.recorded("full", "--set", "depth.address=", "--set", "run.label=x", limit=256 << 10), 6)
+        self.recorded("killed", "--meta", "lens=50mm", kill_at=4)
+        self.recorded("one", "--count", "1", "--set", "run.label=a b")
+        self.recorded("zero", kill_at=0)
+        self.recorded("T4.2K", "--count", "2")
+        killed = self.dir / "killed.sqlite"
+        shutil.copy(killed, self.dir / "alone.sqlite")
+        shutil.copy(killed, self.dir / "emptied.sqlite")
+        (self.dir / "emptied.sqlite-wal").touch()
+        for suffix in ("", "-wal"):
+            shutil.copy(f"{killed}{suffix}", self.dir / f"whole.sqlite{suffix}")
+        shutil.copy(f"{killed}-wal", self.dir / "one.sqlite-wal")
+        with closing(sqlite3.connect(self.dir / "whole.sqlite")) as db:
+            db.execute("VACUUM INTO ?", (str(self.dir / "snapshot.sqlite"),))
+
+        odd = self.check("odd", status="complete", meta={"lens": "50mm"} | of_info(self.dir / "odd.sqlite")["meta"],
+                         notes=["the lens was dirty", "<b>a second note</b>"])
+        self.assertGreater(odd["doubtful"], 0)
+        self.assertGreater(odd["incomplete"], 0)
+        full = self.check("full", status="stopped:disk", unconfigured=["depth"], leftovers=[])
+        self.assertGreater(full["unwritten"], 0)
+        self.check("one", records=1, labels={"a b": 1}, leftovers=["one.sqlite-wal"])
+        self.check("T4.2K", records=2, status="complete")
+        self.check("alone", status="crashed, no -wal", ended="")
+        self.check("emptied", status="crashed, no -wal")
+        self.check("snapshot", status="copy of an open run")
+        self.assertGreaterEqual(self.check("killed", status="crashed", ended="")["records"], 4)
+        self.check("zero")
+        self.check_scored()
+
+
+if __name__ == "__main__":
+    unittest.main(argv=[sys.argv[0], *(f"OneAnswer.{name}" for name in sys.argv[2:])])
