@@ -39,6 +39,26 @@ Json array_of(const record::RunReader& run, const record::RunSummary& sum) {
           {"places", antennas}};
 }
 
+// Clicks of each zone over all records, with its direction; empty for a single pixel.
+Json zones_of(const record::RunReader& run) {
+  const Zones zones = run.zones();
+  std::vector<double> clicks(zones.size());
+  const auto add = [&](const record::FusedRecord& r) {
+    for (std::size_t i = 0; i < r.spd.size(); ++i)
+      clicks[i * zones.size() / r.spd.size()] += r.spd[i];
+    return true;
+  };
+  if (!zones.empty()) run.for_each(add, 0, [](std::int64_t, const std::string&) {}, {Sensor::spd});
+  Json out = Json::array();
+  for (std::size_t z = 0; z < zones.size(); ++z) {
+    Json zone{{"clicks", clicks[z]}, {"zero_ps", zones[z].zero_ps}};
+    if (zones[z].has_direction())
+      zone.update({{"x", zones[z].x}, {"y", zones[z].y}, {"width", zones[z].width}});
+    out.push_back(zone);
+  }
+  return out;
+}
+
 Json paths(const std::vector<std::string>& files) {
   Json out = Json::array();
   for (const std::string& file : files) out.push_back(utf8_text(file));
@@ -118,6 +138,7 @@ Json to_json(const record::RunReader& run) {
           {"counters", counters},
           {"axes", axes},
           {"array", array_of(run, sum)},
+          {"zones", zones_of(run)},
           {"calibrations", calibrations},
           {"devices", devices}};
 }
@@ -178,6 +199,11 @@ std::string to_text(const Json& j) {
   for (const auto& a : j["axes"])
     line("axis", word(a["name"]) + ": " + word(a["count"]) + " x " + word(a["step"]) + " " +
                      word(a["unit"]) + " from " + word(a["start"]) + ", " + word(a["quantity"]));
+  std::string clicks;
+  for (const auto& zone : j["zones"]) clicks += " " + word(zone["clicks"]);
+  if (!clicks.empty())
+    line("zones", word(j["zones"].size()) + ", clicks" + clicks +
+                      (j["zones"][0].contains("x") ? "" : "; directions are not known"));
   if (const Json& a = j["array"]; !a.empty())
     line("array", word(a["antennas"]) + " antennas, " + word(a["bins"]) + " bins to " +
                       word(a["end_m"]) + " m, in " + word(a["records"]) + " records of " +

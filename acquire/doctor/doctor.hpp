@@ -57,6 +57,8 @@ class Capture final : public SampleSink {
   TagCounts tags;
   std::uint64_t lost_blocks = 0, lost_tags = 0;
   std::uint64_t histograms = 0;                    // from a detector without tags
+  std::vector<std::uint64_t> zone_clicks;          // in them
+  std::size_t histogram_counts = 0;                // bins of all zones
   std::map<std::int32_t, std::uint64_t> channels;  // time tags of each
   std::uint64_t radar_frames = 0, radar_lost = 0, profiles = 0, arrays = 0;
   std::vector<std::uint16_t> profile;  // the last one

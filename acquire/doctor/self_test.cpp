@@ -58,6 +58,19 @@ std::string channel_list(const Capture& capture, double time_s) {
   return text.empty() ? "no channel has any tags" : "the channels with tags are " + text;
 }
 
+// Rate of each zone; a zone without counts is marked.
+void add_zones(Finding& finding, const std::vector<std::uint64_t>& clicks, double time_s) {
+  if (clicks.size() < 2) return;
+  finding.found += "; zones";
+  for (std::size_t z = 0; z < clicks.size(); ++z) {
+    finding.found += " " + hertz(rate(clicks[z], time_s));
+    finding.facts.push_back(
+        {"zone_" + std::to_string(z) + "_clicks_per_s", rate(clicks[z], time_s)});
+    if (clicks[z] == 0)
+      mark(finding, Grade::warning, "zone " + std::to_string(z) + " counts nothing");
+  }
+}
+
 }  // namespace
 
 void Capture::end() {
@@ -81,6 +94,10 @@ void Capture::on_histogram(HistogramFrame frame) {
   if (!running_) return;
   ++histograms;
   lost_blocks += frame.lost;
+  histogram_counts = frame.counts.size();
+  zone_clicks.resize(frame.zones);
+  for (std::size_t i = 0; i < histogram_counts; ++i)
+    zone_clicks[i * frame.zones / histogram_counts] += frame.counts[i];
   summed_ += {.starts = frame.pulses, .in_range = frame.clicks()};
 }
 
@@ -125,6 +142,7 @@ Finding judge_spd(const Capture& capture, const Config& config, double time_s) {
                 {"share_in_range", share(n.in_range, clicks)},
                 {"lost_tags", static_cast<double>(lost)},
                 {"lost_blocks", static_cast<double>(capture.lost_blocks)}}};
+  add_zones(out, capture.zone_clicks, time_s);
   if (n.starts == 0 && capture.histograms == 0)
     mark(out, Grade::problem,
          "no starts on tdc.start_channel = " + std::to_string(config.histogram.start_channel) +
@@ -234,7 +252,9 @@ double estimate_record_bytes(const Capture& capture, const Config& config) {
   constexpr std::uint32_t usual_width = 640, usual_height = 480;
   const SensorSet sensors = config.configured();
   double bytes = 0;
-  if (sensors.contains(Sensor::spd)) bytes += 4.0 * config.histogram.bins;
+  if (sensors.contains(Sensor::spd))
+    bytes += 4.0 * (capture.histograms > 0 ? static_cast<double>(capture.histogram_counts)
+                                           : static_cast<double>(config.histogram.bins));
   if (sensors.contains(Sensor::radar) && !config.radar.address.empty()) {
     bytes += 4.0 * static_cast<double>(capture.power_bins);
   } else if (sensors.contains(Sensor::radar)) {

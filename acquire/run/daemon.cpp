@@ -214,7 +214,7 @@ void Daemon::begin() {
 // Puts configuration, devices and axes into a new run.
 void Daemon::describe_run() {
   recording_->journal.put_config(config_);
-  recording_->journal.put_axes(recording_->windows.axes());
+  recording_->journal.put_axes(recording_->windows.axes(), recording_->windows.zones());
   for (const Sensor s : all_sensors)
     if (devices_[s].state == DeviceState::streaming)
       announce(s);
@@ -238,10 +238,11 @@ void Daemon::report_file() {
 }
 
 void Daemon::warn_of_full_disk() {
-  const PlannedRun plan{.folder = std::filesystem::path(options_.out).parent_path(),
-                        .record_bytes = record_bytes(recording_->windows.axes()),
-                        .window_s = config_.window_s,
-                        .count = options_.count};
+  const PlannedRun plan{
+      .folder = std::filesystem::path(options_.out).parent_path(),
+      .record_bytes = record_bytes(recording_->windows.axes(), recording_->windows.zones()),
+      .window_s = config_.window_s,
+      .count = options_.count};
   constexpr double day_s = 86'400;
   const auto free = static_cast<double>(free_bytes(plan.folder).value_or(1ull << 62));
   const Finding space = judge_space(free, plan, day_s);
@@ -253,8 +254,9 @@ void Daemon::announce(Sensor sensor) {
   const DeviceInfo& info = devices_[sensor].info;
   recording_->journal.put_device(info);
   if (!recording_->windows.announce(info))
-    log(Severity::error, name_of(sensor), "came back with another axis; its samples are not used");
-  recording_->journal.put_axes(recording_->windows.axes());
+    log(Severity::error, name_of(sensor),
+        "came back with another axis or zones; its samples are not used");
+  recording_->journal.put_axes(recording_->windows.axes(), recording_->windows.zones());
 }
 
 void Daemon::take_tags(const TagBlock& block) {

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "drivers/core/axis.hpp"
+#include "drivers/core/zone.hpp"
 #include "drivers/program/exit_code.hpp"
 
 namespace echofuse::acquire {
@@ -43,7 +44,7 @@ DiskEstimate estimate_disk(const PlannedRun& plan, double free_bytes);
 
 // Bytes of one record's data with these axes, depth maps as if PNG did not shrink them: rather too
 // many.
-double record_bytes(const std::vector<Axis>& axes);
+double record_bytes(const std::vector<Axis>& axes, const Zones& zones);
 
 // Free bytes of the file system that holds this folder; none if it does not tell.
 std::optional<std::uint64_t> free_bytes(const std::string& folder);

@@ -169,9 +169,13 @@ void Journal::put_device(const DeviceInfo& device) {
     put([device](record::RunWriter& run) { run.put_device(device); });
 }
 
-void Journal::put_axes(const std::vector<Axis>& axes) {
+void Journal::put_axes(const std::vector<Axis>& axes, const Zones& zones) {
   for (const Axis& axis : axes)
-    if (axes_.insert(axis.name).second) put([axis](record::RunWriter& run) { run.put_axis(axis); });
+    if (axes_.insert(axis.name).second)
+      put([axis, zones = axis.name == "spd" ? zones : Zones{}](record::RunWriter& run) {
+        run.put_axis(axis);
+        run.put_zones(zones);
+      });
 }
 
 void Journal::put_late(record::LateCounts late) {

@@ -53,8 +53,9 @@ class Journal {
   using Make = std::function<std::unique_ptr<record::RunWriter>()>;
   void begin_next(Make make);
   void put_config(const Config& config);
-  void put_device(const DeviceInfo& device);     // one row a device, not one a reconnection
-  void put_axes(const std::vector<Axis>& axes);  // those that the file does not have
+  void put_device(const DeviceInfo& device);  // one row a device, not one a reconnection
+  // Those that the file does not have; the zones with the axis spd.
+  void put_axes(const std::vector<Axis>& axes, const Zones& zones = {});
   // Late samples by record.
   void put_late(record::LateCounts late);
   // Writes what the drivers counted since the last call, and the samples that are in no record; at

@@ -101,23 +101,28 @@ std::string SignalCheck::beside_reference(Sensor sensor, double strength, const 
 }
 
 std::string SignalCheck::judge_spd(record::FusedRecord& r, const Axis& axis) {
-  const double background = median(r.spd);
-  double clicks = 0;
-  for (const std::uint32_t n : r.spd) clicks += n - background;
+  bool even = true;                      // in every zone
+  double clicks = 0, all = 0, most = 0;  // above the background; in all; in the brightest zone
+  for (auto from = r.spd.begin(); from < r.spd.end(); from += axis.count) {
+    const std::vector<std::uint32_t> zone(from, from + axis.count);
+    const double sum = std::accumulate(zone.begin(), zone.end(), 0.0);
+    clicks += sum - static_cast<double>(median(zone)) * axis.count;
+    all += sum, most = std::max(most, sum);
+    even = even && is_even(zone);
+  }
   clicks = std::max(0.0, clicks);
-  const auto top = std::max_element(r.spd.begin(), r.spd.end()) - r.spd.begin();
+  const auto top = (std::max_element(r.spd.begin(), r.spd.end()) - r.spd.begin()) % axis.count;
   r.signal.spd_clicks = clicks;
-  const bool even = is_even(r.spd);
   if (!even)
     r.signal.spd_peak_m = (axis.start + (static_cast<double>(top) + 0.5) * axis.step) / ps_per_m;
   const std::string beside = beside_reference(Sensor::spd, clicks, "the light");
   const bool repeats = r.spd == last_spd_ && r.spd_counts.in_range > 0;
   last_spd_ = r.spd;
   if (repeats) return still + std::string("click");
-  const double a_pulse = r.signal.clicks_a_pulse.value_or(0);
+  const double a_pulse = r.signal.clicks_a_pulse.value_or(0) * (all > 0 ? most / all : 1);
   if (limits_.clicks_a_pulse > 0 && a_pulse > limits_.clicks_a_pulse)
-    return format("saturated: %.3g clicks a laser pulse, %.3g wanted at most", a_pulse,
-                  limits_.clicks_a_pulse) +
+    return format("saturated: %.3g clicks a laser pulse%s, %.3g wanted at most", a_pulse,
+                  most < all ? " in the brightest zone" : "", limits_.clicks_a_pulse) +
            swap_question(r.spd_counts);
   const TagCounts& c = r.spd_counts;
   if (even && c.out_of_range > c.in_range)
@@ -126,8 +131,7 @@ std::string SignalCheck::judge_spd(record::FusedRecord& r, const Axis& axis) {
                "the histogram's %.2f to %.2f m",
                100.0 * static_cast<double>(c.out_of_range) /
                    static_cast<double>(c.in_range + c.out_of_range),
-               axis.start / ps_per_m,
-               (axis.start + axis.step * static_cast<double>(r.spd.size())) / ps_per_m) +
+               axis.start / ps_per_m, axis.at(axis.count) / ps_per_m) +
            swap_question(c);
   if (even) return "no peak: no bins stand out of the mean";
   if (clicks < limits_.spd_clicks)

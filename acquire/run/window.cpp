@@ -65,7 +65,9 @@ bool Windows::announce(const DeviceInfo& info) {
   for (const auto& sent : tagger ? std::vector{histogram_->axis()} : info.axes) {
     const Axis axis = kept_axis(sent);
     const auto [known, is_new] = axes_.try_emplace(axis.name, axis);
+    if (is_new && axis.name == "spd") zones_ = info.zones;
     fits = fits && (is_new || same_axis(known->second, axis));
+    fits = fits && (axis.name != "spd" || zones_ == info.zones);
   }
   refused_[info.sensor] = !fits;
   return fits;

@@ -59,10 +59,11 @@ class Windows {
           SensorSet configured, SensorSet required = {});
 
   // Takes the meaning of a device's samples. The first announcement of an axis holds for the run.
-  // False for a device with another axis: its samples are not used until it fits again.
+  // False for a device with another axis or zones: its samples are not used until it fits again.
   bool announce(const DeviceInfo& info);
   // The axes known so far.
   std::vector<Axis> axes() const;
+  const Zones& zones() const { return zones_; }
   void add(const TagBlock& block);
   void add(const HistogramFrame& frame);
   void add(const RadarFrame& frame);
@@ -140,6 +141,7 @@ class Windows {
   std::shared_ptr<tdc::Histogram> histogram_;  // slot of the last tags
   std::optional<HostTime> overflow_from_;      // begin of the current overflow
   std::map<std::string, Axis> axes_;           // array, depth_x, depth_y, radar, spd
+  Zones zones_;                                // announced with the axis spd
   bool sends_histograms_ = false;
   PerSensor<bool> refused_{};
   std::map<std::int64_t, Slot> open_;

@@ -20,7 +20,7 @@ class BridgeDriver : public Driver {
  protected:
   BridgeDriver(Sensor sensor, port::Loop& loop, std::string address, port::ByteOpener opener);
   virtual void on_block(const Block& block, HostTime received) = 0;
-  void announce(std::vector<Axis> axes);
+  void announce(std::vector<Axis> axes, const Zones& zones = {});
   // Returns the frames missing before this one by the device's own numbers, which also count what
   // it lost before the bridge and without one; by the bridge's where they make no sense.
   std::uint32_t lost_before(std::uint32_t number, const Block& block);
@@ -28,6 +28,7 @@ class BridgeDriver : public Driver {
   BridgeClient client_;
   SampleSink* sink_ = nullptr;
   bool histograms_ = false;  // the hello of a detector announces them
+  Zones stated_zones_;       // in the hello
   std::uint64_t items_ = 0, lost_ = 0;
 
  private:

@@ -163,7 +163,6 @@ std::optional<HistogramPayload> read_histogram(ByteView payload) {
   frame.pulses = in.get<std::uint64_t>();
   const auto start_ps = in.get<double>(), width_ps = in.get<double>();
   frame.exposure_us = in.get<std::uint32_t>();
-  constexpr std::uint32_t most_zones = 64;
   if (!in.ok() || frame.zones < 1 || frame.zones > most_zones || bins < 1 ||
       in.left() != sizeof(std::uint32_t) * frame.zones * std::uint64_t{bins} ||
       frame.exposure_us == 0 || frame.pulses > max_dropped_items || !(std::abs(start_ps) <= 1e12) ||

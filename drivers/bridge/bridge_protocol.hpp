@@ -109,9 +109,10 @@ class BlockParser {
 struct Hello {
   std::string model, serial, firmware;
   std::string sends;  // "histograms" of a detector, otherwise it sends tags
+  Zones zones;        // empty: not stated
 };
-// No value: not JSON, not an object, a key of another type than text, more than 64 KiB, 1024 values
-// or 8 levels.
+// No value: not JSON, not an object, a known key of another type, a zone that is not plausible,
+// more than 64 KiB, 64 zones, 1024 values or 8 levels.
 std::optional<Hello> read_hello(ByteView payload);
 
 // The tags in place where the payload is aligned for them, else copied into `scratch`. No value:

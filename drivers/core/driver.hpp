@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "drivers/core/sample.hpp"
+#include "drivers/core/zone.hpp"
 
 namespace echofuse {
 
@@ -20,6 +21,7 @@ struct DeviceInfo {
   Sensor sensor{};
   std::string address, model, serial, firmware;
   std::vector<Axis> axes;  // axes of the samples that it sends
+  Zones zones = {};        // empty for a single pixel
 };
 
 enum class Severity : std::uint8_t { info, warning, error };

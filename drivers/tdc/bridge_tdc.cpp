@@ -25,14 +25,15 @@ void BridgeTdc::on_histogram(const bridge::Block& block, HostTime received) {
   if (block.kind != bridge::BlockKind::histogram || !read)
     return client_.reject(block, "histograms");
   HistogramFrame& frame = read->frame;
-  if (frame.zones > 1) {
+  if (!stated_zones_.empty() && stated_zones_.size() != frame.zones) {
     if (!std::exchange(told_zones_, true))
       sink_->on_event(Sensor::spd, Severity::error,
                       "its histograms have " + std::to_string(frame.zones) +
-                          " zones, a run has 1: send one zone, or their sum");
+                          " zones, its hello states " + std::to_string(stated_zones_.size()));
     return client_.reject(block, "histograms");
   }
-  announce({read->axis});
+  const bool unknown = stated_zones_.empty() && frame.zones > 1;
+  announce({read->axis}, unknown ? Zones(frame.zones) : stated_zones_);
   frame.received = received;
   frame.lost = block.lost_blocks + block.dropped_items;
   ++items_;

@@ -147,6 +147,19 @@ TEST_CASE("a camera: its rate, and how much it sees") {
   CHECK(has(covered.advice, "covered"));
 }
 
+TEST_CASE("a detector with zones: the rate of each, and one that counts nothing") {
+  const Config config = lab();
+  Capture capture(config.histogram);
+  capture.begin();
+  capture.on_histogram({.exposure_us = 1000, .zones = 3, .counts = {1, 3, 0, 0, 2, 0}});
+  capture.end();
+  const Finding found = judge_spd(capture, config, 2);
+  CHECK(has(found.found, "; zones 2 Hz 0 Hz 1 Hz"));
+  CHECK(found.grade == Grade::warning);
+  CHECK(has(found.advice, "zone 1 counts nothing"));
+  CHECK(estimate_record_bytes(capture, config) == 4.0 * 6 + 4.0 * 64 + 2.0 * 640 * 480);
+}
+
 TEST_CASE("a complaint is kept once, at any time, information is none") {
   const Config config = lab();
   Capture capture(config.histogram);
@@ -194,7 +207,8 @@ TEST_CASE("a disk has space for the planned run, or for hours, or not") {
   CHECK(has(judge_space(3.9e9, plan).found, "enough for 3 h"));
   CHECK(judge_space(0.5e9, plan).grade == Grade::warning);
   CHECK(judge_space(3.9e9, plan, 86'400).grade == Grade::warning);
-  CHECK(record_bytes(small_axes()) == 4 * 8 + 4 * 4 + 2 * 3 * 2);
+  CHECK(record_bytes(small_axes(), {}) == 4 * 8 + 4 * 4 + 2 * 3 * 2);
+  CHECK(record_bytes(small_axes(), Zones(9)) == 9 * 4 * 8 + 4 * 4 + 2 * 3 * 2);
   // 100 kB each, and 17 MB for any run.
   plan = {.record_bytes = 97'952, .window_s = 3, .count = 1000};
   CHECK(judge_space(117e6, plan).grade == Grade::ok);

@@ -304,3 +304,27 @@ TEST_CASE("a radar's own leakage, up to 0.5 m, is no echo") {
   check.judge(r, fine);
   CHECK_THAT(r.sync[Sensor::radar].verdict, StartsWith("no peak"));
 }
+
+TEST_CASE("zones are judged one by one") {
+  SignalCheck check({.clicks_a_pulse = 0.05}, 3);
+  const std::vector<Axis> spd{{"spd", "counts", "ps", 40, 0, 100, 1}};
+  record::FusedRecord r;
+  r.valid = {Sensor::spd};
+  r.spd.assign(80, 0);
+  std::fill_n(r.spd.begin(), 40, 1000);  // background of the first zone alone
+  r.spd[40 + 12] = 5000;
+  r.signal.clicks_a_pulse = 0.04;
+  r.sync[Sensor::spd].verdict = "ok";
+  check.judge(r, spd);
+  CHECK(r.sync[Sensor::spd].verdict == "ok");
+  CHECK(*r.signal.spd_clicks == 5000);
+  r.spd[40 + 12] = 30'000;  // 30/70 of the clicks, 4/7 in the first zone
+  r.signal.clicks_a_pulse = 0.1;
+  check.judge(r, spd);
+  CHECK(r.sync[Sensor::spd].verdict ==
+        "saturated: 0.0571 clicks a laser pulse in the brightest zone, 0.05 wanted at most");
+  std::fill(r.spd.begin(), r.spd.end(), 3);
+  r.signal.clicks_a_pulse = 0.01;
+  check.judge(r, spd);
+  CHECK(r.sync[Sensor::spd].verdict == "no peak: no bins stand out of the mean");
+}

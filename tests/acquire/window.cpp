@@ -371,6 +371,18 @@ TEST_CASE("a counting board that came back with other bins is not used") {
         "axis differs from the one at the start of the run");
 }
 
+TEST_CASE("a detector that came back with other zones is not used") {
+  Windows windows = make_windows();
+  DeviceInfo info = board_info();
+  info.zones = {{0, 0, 0.2, 0}, {0.2, 0, 0.2, 0}};
+  REQUIRE(windows.announce(info));
+  CHECK(windows.zones() == info.zones);
+  for (const auto end : {10s + 300ms, 10s + 900ms}) windows.add(histogram(end, {1, 2, 3, 4, 5, 6}));
+  CHECK(windows.close({0, false}).spd == std::vector<std::uint32_t>{2, 4, 6, 8, 10, 12});
+  CHECK_FALSE(windows.announce(board_info()));
+  CHECK(windows.announce(info));
+}
+
 TEST_CASE("linear power of a radar behind a bridge is averaged") {
   Windows windows(grid, tdc_settings, no_clocks, {Sensor::radar});
   DeviceInfo info;

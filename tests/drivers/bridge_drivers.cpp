@@ -242,16 +242,28 @@ TEST_CASE("histograms of a counting board arrive through a bridge with their axi
     CHECK(b.sink.histograms[1].lost == 5);  // 3 dropped, blocks 2 and 3 missing
     CHECK(test::counter(*driver, "histograms") == 2);
   }
-  SECTION("several zones are refused with one message") {
-    Bytes zones(counts.begin(), counts.end());
-    zones[0] = 5, zones[4] = 1;  // 5 zones of 1 bin
-    for (std::uint32_t i = 1; i < 3; ++i)
+  Bytes zones(counts.begin(), counts.end());
+  zones[0] = 5, zones[4] = 1;  // 5 zones of 1 bin
+  SECTION("zones that the hello does not state have no directions") {
+    server.send(test::make_block(bridge::BlockKind::histogram, 1, zones));
+    REQUIRE(run_until(b.loop, [&] { return b.sink.histograms.size() == 1; }));
+    CHECK(b.sink.info.zones == Zones(5));
+    CHECK(b.sink.info.axes[0].count == 1);
+    CHECK(b.sink.histograms[0].counts.size() == 5);
+  }
+  SECTION("zones are those of the hello, another number is refused with one line") {
+    const auto hello = test::view_of(
+        R"({"sends": "histograms", "zones": [{"x": -0.1, "y": 0, "width": 0.2, "zero_ps": 7.5}]})");
+    server.send(test::make_block(bridge::BlockKind::hello, 1, hello));
+    for (std::uint32_t i = 2; i < 4; ++i)
       server.send(test::make_block(bridge::BlockKind::histogram, i, zones));
     REQUIRE(run_until(b.loop, [&] { return test::counter(*driver, "bad_payloads") == 2; }));
     CHECK(b.sink.events ==
-          std::vector<std::string>{
-              "its histograms have 5 zones, a run has 1: send one zone, or their sum"});
+          std::vector<std::string>{"its histograms have 5 zones, its hello states 1"});
     CHECK(b.sink.state() == DeviceState::connecting);
+    server.send(test::make_block(bridge::BlockKind::histogram, 4, counts));
+    REQUIRE(run_until(b.loop, [&] { return b.sink.histograms.size() == 1; }));
+    CHECK(b.sink.info.zones == Zones{{-0.1, 0, 0.2, 7.5}});
   }
 }
 

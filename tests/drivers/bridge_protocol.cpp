@@ -158,6 +158,30 @@ TEST_CASE("payloads with inconsistent sizes are refused") {
   CHECK_FALSE(read_depth(nan));
 }
 
+TEST_CASE("a hello states zones, and impossible ones are refused") {
+  const auto zones_of = [](const std::string& list) -> std::optional<Zones> {
+    const auto hello = read_hello(test::view_of("{\"zones\": " + list + ", \"model\": \"m\"}"));
+    if (!hello) return std::nullopt;
+    CHECK(hello->model == "m");
+    return hello->zones;
+  };
+  CHECK(zones_of(R"([{"x": -0.5, "y": 1, "width": 0.2, "zero_ps": -3}, {"zero_ps": 12.5}])") ==
+        Zones{{-0.5, 1, 0.2, -3}, {Zone{}.x, Zone{}.y, Zone{}.width, 12.5}});
+  CHECK(zones_of(R"([{"x": 0, "y": 0, "width": 1, "name": "left", "more": [{"x": 5}]}])") ==
+        Zones{{0, 0, 1, 0}});
+  CHECK(zones_of("[]") == Zones{});
+  for (const char* list :
+       {"3", "\"a\"", "{}", "null", "[3]", "[[]]", R"([{"x": "a"}])", R"([{"x": 0}])",
+        R"([{"x": 0, "y": 0, "width": 0}])", R"([{"x": null}])", R"([{"x": {}}])"}) {
+    CAPTURE(list);
+    CHECK_FALSE(zones_of(list));
+  }
+  std::string many = "[{}";
+  for (int i = 1; i < 64; ++i) many += ", {}";
+  CHECK(zones_of(many + "]").value().size() == 64);
+  CHECK_FALSE(zones_of(many + ", {}]"));
+}
+
 TEST_CASE("histograms and range profiles are decoded, impossible ones are refused") {
   const auto pieces = read_golden("bridge_sensors.hex");
   const ByteView counts = ByteView(pieces[1]).subspan(header_bytes);
