@@ -139,9 +139,10 @@ class Appender {  // appends one run to a Dataset
       return "a radar code is too large for a power";
     to_common(radar, radar_, data_.radar_axis, 1);
     if (depths_ && r.has(Sensor::depth)) depths_->add(r.depth_mm, data_.map.far_m);
-    add_row(data_.spd, sum_of_zones(spd, spd.empty() ? 0 : data_.spd_axis.count),
+    const bool has_zones = !zones_.empty();
+    add_row(data_.spd, has_zones ? sum_of_zones(spd, data_.spd_axis.count) : spd,
             data_.spd_axis.count);
-    if (zone_columns() > 0) add_row(data_.zone_spd, spd, zone_columns());
+    if (has_zones) add_row(data_.zone_spd, spd, zone_columns());
     add_row(data_.radar, radar, data_.radar_axis.count);
     add_row(data_.array, lags, lag_columns(data_.array_axis));
     add_row(data_.depth, {}, depth_columns());
