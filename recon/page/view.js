@@ -5,6 +5,7 @@ import {Cloud} from './cloud.js';
 import {Link} from './link.js';
 import {MapView, picture, spanOf, tables} from './maps.js';
 import {Sheet} from './sheet.js';
+import {Zones} from './zones.js';
 
 const $ = id => document.getElementById(id);
 const sensors = ['spd', 'radar', 'depth'];
@@ -14,7 +15,7 @@ const antennas = new Waterfall('beams', 230, {splits: () => [-90, -60, -30, 0, 3
 histogram.partner = profile, profile.partner = histogram;
 const views = {map: new MapView('map'), camera: new MapView('camera'), reconstruction: new MapView('reconstruction'),
                deviation: new MapView('deviation', 'sure')};
-const seen = {};  // the newest record that has it
+const zones = new Zones(), seen = {};  // the newest record that has it
 const sheet = new Sheet(index => show(index));
 let run = null, state = null, record = null, strip = null, span = [2.5, 5], spanKnown = false;
 let received = 0, connected = false, live = true, wanted = null, cloudOf = 'map', sheetAt = -1;
@@ -133,6 +134,8 @@ function drawRecord() {
     return has ? '' : live && seen[at] != null ? `no data; last in record ${seen[at]}` : 'no data in this record';
   };
   histogram.take(a.spd ?? null, here('spd', a.spd), live);
+  $('card-zones').hidden = !a.zones;
+  if (a.zones) zones.show(a.zones, record.zones);
   profile.take(a.radar ?? null, here('radar', a.radar), live);
   const square = (values, half, kind = 'near', of = span) => values &&
     [picture(values, ...values.shape, of, tables[kind], 1, kind === 'sure'), [-half, half, -half, half], of];

@@ -37,7 +37,7 @@ void add_picture(Json& told, const record::RunReader& run, std::int64_t first) {
         if (!map.empty())
           told["map"] = whole(map, 100);
         else if (r.has(Sensor::spd))
-          told["histogram"] = whole(column_of({r.spd.begin(), r.spd.end()}), 1);
+          told["histogram"] = whole(column_of(clicks_of(r, axes)), 1);
         return false;
       },
       first, [](std::int64_t, const std::string&) {}, {Sensor::spd, Sensor::depth});

@@ -67,6 +67,12 @@ std::vector<float> map_of(const record::FusedRecord& r, const std::vector<Axis>&
   return record::to_target(r.depth_mm, *x, *y, grid);
 }
 
+std::vector<float> clicks_of(const record::FusedRecord& r, const std::vector<Axis>& axes) {
+  const Axis* axis = find(axes, "spd");
+  const auto sum = sum_of_zones(r.spd, axis ? axis->count : 0);
+  return {sum.begin(), sum.end()};
+}
+
 std::vector<float> to_db(std::span<const float> profile, const Axis& axis) {
   std::vector<float> out;
   out.reserve(profile.size());

@@ -31,6 +31,9 @@ std::vector<float> column_of(const std::vector<float>& values);
 std::vector<float> map_of(const record::FusedRecord& r, const std::vector<Axis>& axes,
                           const record::MapGrid& grid);
 
+// SPD histogram: the sum over the zones.
+std::vector<float> clicks_of(const record::FusedRecord& r, const std::vector<Axis>& axes);
+
 // A profile in dB: of power, or of the firmware's codes (drivers/core/axis.hpp).
 std::vector<float> to_db(std::span<const float> profile, const Axis& axis);
 

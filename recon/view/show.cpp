@@ -30,6 +30,18 @@ Json axis_json(const Axis& a) {
           {"step", a.step}};
 }
 
+// The histogram, and of a detector with zones the histogram and direction of each.
+void add_clicks(MessageWriter& out, Json& head, const record::FusedRecord& r,
+                const record::RunReader& run) {
+  const Zones zones = run.zones();
+  const std::size_t bins = r.spd.size() / histograms_of(zones);
+  out.add("spd", sum_of_zones(r.spd, bins));
+  if (zones.size() < 2) return;
+  out.add<std::uint32_t>("zones", r.spd, {zones.size(), bins});
+  for (const Zone& z : zones)
+    head["zones"].push_back(z.has_direction() ? Json{z.x, z.y, z.width} : Json());
+}
+
 }  // namespace
 
 Message answer(bool ok, const std::string& text) {
@@ -156,7 +168,7 @@ Message Show::make_record(std::int64_t index, bool live) const {
                                      {"used", r.sync[s].used},
                                      {"lost", r.sync[s].lost}};
     head["clicks_a_pulse"] = r.signal.clicks_a_pulse ? number(*r.signal.clicks_a_pulse) : Json();
-    if (r.has(Sensor::spd)) out.add("spd", r.spd);
+    if (r.has(Sensor::spd)) add_clicks(out, head, r, run);
     const Axis* radar = find(axes, "radar");
     if (r.has(Sensor::radar) && radar) out.add("radar", to_db(r.radar, *radar));
     if (const Axis* array = find(axes, "array"))
@@ -268,7 +280,7 @@ Message Show::sheet(std::int64_t first, std::int64_t last) const {
             if (r.index != index) return false;
             map = map_of(r, axes, small), label = r.label;
             at_s = seconds(r.slot_utc - run_.outlines().front().start);
-            if (r.has(Sensor::spd)) clicks = column_of({r.spd.begin(), r.spd.end()});
+            if (r.has(Sensor::spd)) clicks = column_of(clicks_of(r, axes));
             const Axis* radar_axis = find(axes, "radar");
             if (r.has(Sensor::radar) && radar_axis) power = column_of(to_db(r.radar, *radar_axis));
             has_map = !map.empty();
@@ -305,8 +317,9 @@ Message Show::reference() {
         [&](const record::FusedRecord& r) {
           if (r.slot_utc >= end || records >= most_reference_records) return false;
           if (!r.has(Sensor::spd)) return true;
-          sum.resize(r.spd.size());
-          for (std::size_t i = 0; i < sum.size(); ++i) sum[i] += r.spd[i];
+          const std::vector<float> clicks = clicks_of(r, run_.axes());
+          sum.resize(clicks.size());
+          for (std::size_t i = 0; i < sum.size(); ++i) sum[i] += double{clicks[i]};
           ++records;
           return true;
         },

@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: MIT
+// Histograms of a detector's zones, each in its place in the field of view; one scale for all.
+import {colour, siNumber, text, textSize} from './charts.js';
+
+// Centres [x, y] and the side of a square around each that overlaps no other. Without directions: rows of equal length.
+export function places(directions) {
+  const columns = Math.ceil(Math.sqrt(directions.length));
+  if (directions.some(zone => !zone)) return {side: 1, centres: directions.map((_, i) => [i % columns, -Math.floor(i / columns)])};
+  const apart = directions.flatMap(([x, y], i) => directions.slice(i + 1).map(other => Math.max(Math.abs(x - other[0]), Math.abs(y - other[1]))));
+  return {side: Math.min(directions[0][2] * 4, ...apart.filter(d => d > 1e-6)), centres: directions};
+}
+
+export class Zones {
+  constructor() {
+    this.canvas = document.getElementById('zones');
+  }
+  // counts: [zones, bins]; directions: [x, y, width] of each zone, or null.
+  show(counts, directions) {
+    const {canvas} = this, ratio = devicePixelRatio, c = canvas.getContext('2d');
+    const {side, centres} = places(directions), half = side / 2;
+    const [left, right, low, top] = [[0, -1], [0, 1], [1, -1], [1, 1]].map(([at, sign]) => sign * Math.max(...centres.map(centre => sign * centre[at])) + sign * half);
+    const width = canvas.clientWidth, scale = Math.min(width / (right - left), 420 / (top - low)), box = side * scale;
+    canvas.style.height = `${Math.round((top - low) * scale)}px`;
+    canvas.width = width * ratio, canvas.height = (top - low) * scale * ratio;
+    c.scale(ratio, ratio);
+    c.font = text(), c.textBaseline = 'top';
+    const bins = counts.shape[1], most = Math.max(1, counts.reduce((high, n) => n > high ? n : high, 0));
+    const middle = (width - (right - left) * scale) / 2;
+    centres.forEach(([x, y], zone) => {
+      const from = middle + (x - half - left) * scale, floor = (top - y + half) * scale - 2, high = box - textSize() - 8;
+      let sum = 0;
+      c.beginPath(), c.moveTo(from + 2, floor);
+      for (let i = 0; i < bins; ++i) {
+        const n = counts[zone * bins + i], at = from + 2 + (box - 4) * i / bins, level = floor - high * n / most;
+        sum += n;
+        c.lineTo(at, level), c.lineTo(at + (box - 4) / bins, level);
+      }
+      c.lineTo(from + box - 2, floor), c.closePath();
+      c.fillStyle = colour('--spd-fill'), c.strokeStyle = colour('--spd'), c.fill(), c.stroke();
+      c.strokeStyle = colour('--grid'), c.strokeRect(from + 0.5, floor - box + 2.5, box - 1, box - 1);
+      c.fillStyle = colour('--ink'), c.fillText(siNumber(sum), from + 5, floor - box + 6);
+    });
+  }
+}
