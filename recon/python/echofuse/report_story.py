@@ -157,6 +157,11 @@ class Story:
         out = [paragraph(f"{self.path}: {self.verdict}"), *between,
                table("", ["sensor", "records with it", "records without", "lost in records", why],
                      rows)]
+        if self.info["zones"]:
+            out.append(table("clicks of the zones", ["zone", "clicks", "x", "y"], [
+                [str(k), f"{zone['clicks']:.0f}", *(f"{zone[at]:+.3f}" if at in zone else NONE
+                                                    for at in "xy")]
+                for k, zone in enumerate(self.info["zones"])]))
         out += [self.strips(), *self.waterfalls(), *pictures] if len(self.run) else []
         out += [paragraph(
             f"{len(self.unreadable)} record{'s' * (len(self.unreadable) > 1)} cannot be read: "

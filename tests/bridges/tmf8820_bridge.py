@@ -1,0 +1,143 @@
+#!/usr/bin/python3
+# SPDX-License-Identifier: MIT
+"""tmf8820_bridge.py BIN_DIR: scripts/bridges/tmf8820.py reads the chip's log from a serial port or a
+file; a recording of it is shown, trained with and reported."""
+import gzip
+import json
+import os
+import pathlib
+import pty
+import struct
+import subprocess
+import sys
+import tempfile
+import unittest
+
+import testing
+from testing import Client, Program, here, np, root
+
+sys.path.append(str(here.parent / "view"))
+import bridge
+import tmf8820
+import websocket
+
+bin_dir = pathlib.Path(sys.argv[1])
+SLOTS = 60
+
+
+def measurement(counts, number=1):
+    """Lines of the maker's program for counts [9, 128], with a reference before them."""
+    channels = np.vstack([np.full(128, 7), counts]).astype(np.int64)
+    lines = [f"#Raw,65,{10 * byte + channel}," + ",".join(str(n >> 8 * byte & 255) for n in row)
+             for byte in range(3) for channel, row in enumerate(channels)]
+    return "".join(line + "\r\n" for line in [*lines, f"#Obj,65,{number},30,9,{number * 1000}" + ",0" * 72])
+
+
+def body(seed):
+    """Counts of the nine zones before a body."""
+    rng = np.random.default_rng(seed)
+    near = 40 + 30 * rng.random()
+    return rng.poisson(50 + 8e4 * rng.random((9, 1)) * np.exp(-0.5 * ((np.arange(128) - near) / 2) ** 2))
+
+
+class Reader(unittest.TestCase):
+    def test_counts_of_three_bytes(self):
+        counts = np.arange(9 * 128).reshape(9, 128) * 14_000
+        log = tmf8820.Log()
+        found = [taken for line in measurement(counts).splitlines() if (taken := log.take(line)) is not None]
+        self.assertEqual(len(found), 1)
+        self.assertTrue(np.array_equal(found[0], counts))
+        self.assertEqual(log.lost, 0)
+
+    def test_a_damaged_measurement_is_lost(self):
+        lines = measurement(body(1)).splitlines()
+        for damage in (lambda text: text[:12], lambda text: text.replace(",", ",x", 3), lambda text: "",
+                       lambda text: text + ",1", lambda text: text.replace("#Raw,65,", "#Raw,65,3")):
+            log = tmf8820.Log()
+            for line in [*lines[:12], damage(lines[12]), *lines[13:]]:
+                self.assertIsNone(log.take(line))
+            self.assertEqual(log.lost, 1)
+            self.assertEqual(sum(log.take(line) is not None for line in lines), 1)
+
+    def test_it_begins_in_the_middle_of_a_measurement(self):
+        log, lines = tmf8820.Log(), measurement(body(1)).splitlines()
+        self.assertEqual(sum(log.take(line) is not None for line in lines[5:] + lines), 1)
+
+    def test_files(self):
+        with tempfile.TemporaryDirectory() as folder:
+            log, public = pathlib.Path(folder, "log.txt"), pathlib.Path(folder, "object.json.gz")
+            log.write_text("noise\n" + measurement(body(1)) + measurement(body(2)), encoding="utf-8")
+            with gzip.open(public, "wt") as file:
+                json.dump([{"hists": body(3).tolist(), "pose": []}], file)
+            self.assertTrue(np.array_equal(tmf8820.captured(log), [body(1), body(2)]))
+            self.assertTrue(np.array_equal(tmf8820.captured(public), [body(3)]))
+            log.write_text("noise\n", encoding="utf-8")
+            with self.assertRaisesRegex(ValueError, "expected measurements of 9 zones"):
+                tmf8820.captured(log)
+
+    def test_a_serial_port(self):
+        board, port = pty.openpty()
+        with Program("tmf8820.py", "--port", os.ttyname(port)) as program, Client(program.address) as client:
+            os.write(board, (measurement(body(1)) + measurement(body(2))[:500] + "\n" + measurement(body(4))).encode())
+            blocks = client.until(bridge.HISTOGRAM)
+            hello = json.loads(blocks[0].payload)
+            self.assertEqual((hello["sends"], len(hello["zones"])), ("histograms", 9))
+            zones, bins = struct.unpack_from("<II", blocks[-1].payload)
+            counts = np.frombuffer(blocks[-1].payload, "<u4", offset=44).reshape(zones, bins)
+            self.assertTrue(np.array_equal(counts, body(1)))
+            last = client.until(bridge.HISTOGRAM)[-1]
+            self.assertTrue(np.array_equal(np.frombuffer(last.payload, "<u4", offset=44).reshape(9, 128), body(4)))
+            self.assertEqual(program.stop(), 0)
+        os.close(board)
+        os.close(port)
+
+
+class Recording(unittest.TestCase):
+    def run_program(self, *words):
+        done = subprocess.run([bin_dir / words[0], *map(str, words[1:])], capture_output=True, text=True, timeout=300)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        return done.stdout
+
+    def check_page(self, run):
+        with subprocess.Popen([bin_dir / "echofuse-view", run, "--listen", "127.0.0.1:0"], stdout=subprocess.PIPE,
+                              stderr=subprocess.DEVNULL, text=True) as view:
+            client = websocket.Client(view.stdout.readline().strip())
+            with client.socket:
+                record = client.until("record")
+            view.terminate()
+        zones, histogram = (np.array(record["arrays"][name]) for name in ("zones", "spd"))
+        self.assertTrue(np.array_equal(zones.reshape(9, 128).sum(0), histogram))
+        self.assertEqual(len(record["zones"]), 9)
+        self.assertEqual(record["zones"][0], [0.17, 0.17, 0.3])
+
+    def test_record_show_train_and_report(self):
+        with tempfile.TemporaryDirectory(prefix="echofuse-") as folder:
+            place = pathlib.Path(folder)
+            (place / "log.txt").write_text("".join(measurement(body(k), k) for k in range(50)), encoding="utf-8")
+            with Program("tmf8820.py", "--replay", place / "log.txt", "--exposure", "0.05") as chip, \
+                    Program(here / "own_camera.py", path=f"{root}/scripts/bridges:{here}") as camera:
+                (place / "lab.toml").write_text(
+                    'run.window_s = 0.2\ntdc.address = "bridge:tcp://%s:%d"\ndepth.address = "bridge:tcp://%s:%d"\n'
+                    % (*chip.address, *camera.address), encoding="utf-8")
+                self.run_program("echofuse-acquire", "run", "--config", place / "lab.toml", "--out", place / "run",
+                                 "--count", SLOTS)
+                self.assertIn("; zones ", self.run_program("echofuse-acquire", "doctor", "--config",
+                                                           place / "lab.toml"))
+            run = place / "run.sqlite"
+            told = json.loads(self.run_program("echofuse-acquire", "info", run, "--json"))
+            self.assertEqual(len(told["zones"]), 9)
+            self.assertTrue(all(zone["clicks"] > 0 and abs(zone["x"]) <= 0.17 for zone in told["zones"]))
+            self.assertIn("zones     9, clicks ", self.run_program("echofuse-acquire", "info", run))
+            self.assertGreater(told["valid"]["spd"], 0.8 * SLOTS)
+            self.check_page(run)
+            model = place / "model.safetensors"
+            self.run_program("echofuse-recon", "train", run, "--model", "ridge", "--inputs", "spd", "--out", model, "-q")
+            self.run_program("echofuse-recon", "reconstruct", model, run, "--out", place / "maps", "-q")
+            self.assertGreaterEqual(len(list((place / "maps").glob("*.png"))), SLOTS // 2)
+            self.run_program("echofuse-report", place / "page", "--run", run, "--model", model,
+                             "--live", run)
+            self.assertIn("clicks of the zones", (place / "page/report.html").read_text(encoding="utf-8"))
+
+
+if __name__ == "__main__":
+    testing.main()
