@@ -21,6 +21,7 @@
 #include "sim/sensors/depth_camera.hpp"
 #include "sim/sensors/optics.hpp"
 #include "sim/sensors/radar_echo.hpp"
+#include "sim/sensors/zone_fields.hpp"
 #include "sim/twin/twin.hpp"
 
 namespace echofuse::sim {
@@ -192,7 +193,7 @@ RoomAlone room_alone(const Conditions& conditions, const AntennaRadar& radar) {
   c.radar_leakage = 0;
   const Scene scene = empty_room(*room_named(c.background));
   RoomAlone room;
-  room.light = spd_rate(spd_returns(scene, c), c);
+  room.light = zone_rates(spd_returns(scene, c), c);
   if (c.radar_sum != "coherent")
     room.power = radar_power(radar_returns(scene, c), radar.axis);
   else if (!radar.antennas.empty())
@@ -247,9 +248,9 @@ std::vector<std::uint32_t> Generator::count_photons(const Scene& scene, const Co
   const RoomAlone* room = room_behind(scene);
   thread_local Returns returns;
   spd_returns(scene, c, returns, room ? RoomIs::subtracted : RoomIs::seen);
-  auto rate = spd_rate(returns, c);
+  auto rate = zone_rates(returns, c);
   if (room) add_room(room->light, rate);
-  return draw_counts(rate, c, rng);
+  return draw_zone_counts(rate, c, rng);
 }
 
 std::vector<double> Generator::radar_profile(std::int64_t index, const Scene& scene,
@@ -330,6 +331,7 @@ std::int64_t write_dataset(const Plan& plan, const DatasetOptions& options) {
   }
   record::RunWriter writer(staged ? staged->path() : options.out, info);
   writer.put_axis(spd_axis(plan.conditions));
+  writer.put_zones(zones_of(plan.conditions));
   writer.put_axis(radar_axis(plan.conditions));
   for (const Axis& axis : map_grid(plan.conditions).run_axes()) writer.put_axis(axis);
   if (const auto antennas = generator.stated_antennas(); !antennas.empty()) {

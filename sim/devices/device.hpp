@@ -85,6 +85,11 @@ std::unique_ptr<Device> make_tdc_bridge(port::Loop& loop, ScenePlayer& player,
                                         const TdcOptions& options,
                                         std::unique_ptr<Listener> listener);
 
+// Detector with zones (spd_zones > 1) behind the bridge protocol: histograms instead of tags.
+std::unique_ptr<Device> make_histogram_bridge(port::Loop& loop, ScenePlayer& player,
+                                              const TdcOptions& options,
+                                              std::unique_ptr<Listener> listener);
+
 // The two UARTs of a radar board are pseudo-terminals, published as symbolic links.
 struct RadarOptions {
   std::string cli_link, data_link;

@@ -80,6 +80,7 @@ void bind_reflectivity(Settings& s, Conditions& c) {
 void bind_spd(Settings& s, Conditions& c) {
   s.add("spd_rays", c.spd_rays, 0, 2048,
         "rays across the field of view, at least 16; 0: chosen from signal_photons");
+  s.add("spd_zones", c.spd_zones, 1, 8, "zones of the detector in x and in y: 1, 3, 4 or 8");
   s.add("irf_fwhm_ps", c.irf_fwhm_ps, 0.1, 100'000, "width of the Gaussian impulse response");
   s.add("irf_tail_ps", c.irf_tail_ps, 0, 100'000,
         "time constant of the exponential tail; 0: no tail");
@@ -230,6 +231,12 @@ void validate(const Conditions& c) {
   if (c.spd_rays > 0 && c.spd_rays < 16)
     throw Error(ExitCode::config, "spd_rays is " + std::to_string(c.spd_rays) +
                                       "; expected 0 or a whole number from 16 to 2048");
+  if (c.spd_zones == 2 || (c.spd_zones > 4 && c.spd_zones < 8))
+    throw Error(ExitCode::config,
+                "spd_zones is " + std::to_string(c.spd_zones) + "; expected 1, 3, 4 or 8");
+  if (c.spd_zones > 1 && c.multipath_order > 0)
+    throw Error(ExitCode::config,
+                "spd_zones > 1 with multipath_order > 0: light by walls has no direction");
   if (c.spd_dead_time_ps > 0 && c.pulses_per_window == 0)
     throw Error(ExitCode::config, "spd_dead_time_ps needs pulses_per_window, the laser's pulses");
   if (c.map_half_tangent > 0 && c.map_half_tangent < record::least_map_half_tangent)

@@ -43,7 +43,7 @@ struct Conditions {
   double radar_lobe = 1, radar_plate_lobe = 1, optical_lobe = 1;
 
   // SPD.
-  std::int64_t spd_rays = 0;
+  std::int64_t spd_rays = 0, spd_zones = 1;
   double irf_fwhm_ps = 200, irf_tail_ps = 0, irf_tail_share = 1;
   double bin_width_ps = 100, first_bin_ps = 13343;
   std::int64_t bins = 336;

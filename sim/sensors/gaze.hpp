@@ -24,6 +24,7 @@ struct Gaze {
   double sway_m = 0;
   double room = 1;                   // factor of the room's light or echo
   std::optional<double> height_m{};  // sensor above the floor; if set, places are kept
+  bool zones = false;                // true: directions are kept
 
   // Weights of Lambert's law become those of the lobes, and fall off from the middle:
   //   cos -> (n + 2)/3 cos^n, with which a sphere's image integrates to the same.

@@ -34,7 +34,7 @@ class Patches {
         // dOmega = dtx dty / |(tx, ty, 1)|^3
         pixel_(std::abs(x.step * y.step) / mean_scene_weight),
         returns_(returns) {
-    returns.place.clear();
+    returns.place.clear(), returns.tangent_x.clear(), returns.tangent_y.clear();
   }
 
   // Adds the rays first..last-1 of the row, with weights times `sign`.
@@ -51,6 +51,10 @@ class Patches {
               static_cast<std::int32_t>(scene_.capsules.size()), weight, count);
     for (std::size_t i = 0; gaze_.height_m && i < count; ++i)
       returns_.place.push_back(place_of(scene_, row, first + i, range[i], *gaze_.height_m));
+    if (gaze_.zones) {
+      returns_.tangent_x.insert(returns_.tangent_x.end(), row.x + first, row.x + last);
+      returns_.tangent_y.insert(returns_.tangent_y.end(), row.y + first, row.y + last);
+    }
     for (std::size_t i = 0; gaze_.extra_m != 0 && i < count; ++i) range[i] += gaze_.extra_m;
     for (std::size_t i = 0; gaze_.sway_m > 0 && i < count; ++i)
       if (row.shape[first + i] != nothing) range[i] += gaze_.sway(seen_ + i);

@@ -36,6 +36,7 @@ std::vector<std::uint16_t> render_depth_mm(const Scene& scene, const Axis& x, co
 struct Returns {
   std::vector<double> range_m;
   std::vector<double> weight;
+  std::vector<float> tangent_x{}, tangent_y{};  // directions; only for a detector with zones
   // The radar's returns have places if it has antennas (radar_antennas > 0) or its echoes
   // interfere. A place has the direction cosines x/R and y/R, the height above the floor, and the
   // owner of the patch: person 0, 1..., or something that stands still.

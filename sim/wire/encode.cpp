@@ -49,6 +49,21 @@ void put_tag(Bytes& out, std::int32_t channel, std::int64_t time_ps) {
   put(out, time_ps);
 }
 
+Bytes histogram_payload(std::span<const std::uint32_t> counts, std::uint32_t bins,
+                        std::uint64_t time_us, std::uint64_t pulses, double first_bin_ps,
+                        double bin_width_ps, std::uint32_t exposure_us) {
+  Bytes out;
+  put(out, static_cast<std::uint32_t>(counts.size() / bins));
+  put(out, bins);
+  put(out, time_us);
+  put(out, pulses);
+  put(out, first_bin_ps);
+  put(out, bin_width_ps);
+  put(out, exposure_us);
+  for (const std::uint32_t n : counts) put(out, n);
+  return out;
+}
+
 Bytes radar_frame(const RadarHeader& header, const std::vector<RadarTlv>& tlvs, Rng& junk) {
   std::size_t size = 40;
   for (const auto& tlv : tlvs) size += 8 + tlv.payload.size();

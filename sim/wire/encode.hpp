@@ -16,9 +16,16 @@ namespace echofuse::sim {
 // One block of the bridge protocol, version 1, is little-endian:
 //   0 u8[4] "EFBR" | 4 u16 version | 6 u16 kind | 8 u32 sequence | 12 u32 payload bytes
 //   16 u64 items dropped before this block | 24 u32 0 | 28 u32 CRC-32C of bytes 0..27 and payload
-enum class BlockKind : std::uint16_t { hello = 0, tags = 1, depth = 2, bye = 3 };
+enum class BlockKind : std::uint16_t { hello = 0, tags = 1, depth = 2, bye = 3, histogram = 4 };
 inline constexpr std::size_t bridge_header_bytes = 32;
 Bytes bridge_block(BlockKind kind, std::uint32_t sequence, std::uint64_t dropped, ByteView payload);
+
+// Payload of a histogram block:
+//   0 u32 zones | 4 u32 bins | 8 u64 device time, us | 16 u64 pulses | 24 f64 first bin, ps
+//   32 f64 bin width, ps | 40 u32 exposure, us | 44 u32 counts, zone after zone
+Bytes histogram_payload(std::span<const std::uint32_t> counts, std::uint32_t bins,
+                        std::uint64_t time_us, std::uint64_t pulses, double first_bin_ps,
+                        double bin_width_ps, std::uint32_t exposure_us);
 
 // A detection is a 16-byte tag: u8 type 0 | u8 0 | u16 0 | i32 channel | i64 time_ps
 inline constexpr std::size_t tag_bytes = 16;

@@ -27,7 +27,7 @@ inline Conditions of_sum(const char* sum) {
 
 inline Returns points(std::initializer_list<Returns::Place> places, std::vector<double> ranges,
                       std::vector<double> weights) {
-  return {std::move(ranges), std::move(weights), places};
+  return {.range_m = std::move(ranges), .weight = std::move(weights), .place = places};
 }
 
 inline void check_near(Complex a, Complex b, double margin) {

@@ -5,6 +5,7 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <numeric>
@@ -138,6 +139,42 @@ TEST_CASE("a hello is sent, then tags at the rate of the scene") {
       per_s * static_cast<double>(tags.back().time_ps - tags.front().time_ps) * 1e-12;
   REQUIRE(expected > 1e4);
   CHECK(std::abs(photons - expected) < 5 * std::sqrt(expected));
+}
+
+TEST_CASE("a detector with zones sends their histograms at the rate of the scene") {
+  const TemporaryDirectory dir;
+  sim::LabOptions options = options_in(dir);
+  options.conditions.spd_zones = 3;
+  LabThread lab(options);
+  Client client(options.dir + "/lab.toml");
+  const auto hello = client.read();
+  REQUIRE(hello);
+  const std::string text(hello->payload.begin(), hello->payload.end());
+  CHECK(text.find("\"sends\":\"histograms\"") != std::string::npos);
+  CHECK(std::count(text.begin(), text.end(), '{') == 1 + 9);
+  double counts = 0;
+  int histograms = 0;
+  while (histograms < 20) {
+    const auto block = client.read();
+    REQUIRE(block);
+    REQUIRE(block->crc_good);
+    if (block->kind == 0) continue;
+    REQUIRE(block->kind == 4);
+    ByteReader in(block->payload);
+    CHECK(in.get<std::uint32_t>() == 9);
+    const auto bins = in.get<std::uint32_t>();
+    CHECK(bins == options.conditions.bins);
+    CHECK(in.take(36).size() == 36);
+    REQUIRE(in.left() == std::size_t{4} * 9 * bins);
+    for (const auto n : to_values<std::uint32_t>(in.take(in.left()))) counts += n;
+    ++histograms;
+  }
+  const auto returns = sim::spd_returns(
+      sim::make_scene(options.conditions, sim::SceneKind::person, 5, 0), options.conditions);
+  const double expected = std::accumulate(returns.weight.begin(), returns.weight.end(), 0.0) *
+                          options.conditions.signal_photons / options.window_s * 0.05 * histograms;
+  REQUIRE(expected > 1e4);
+  CHECK(std::abs(counts - expected) < 5 * std::sqrt(expected));
 }
 
 TEST_CASE("a new client starts a new stream, and the end is announced") {

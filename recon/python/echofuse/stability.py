@@ -307,6 +307,8 @@ class Simulated:
         """The counts of the same scenes in fog; background and pile-up come behind it."""
         if self.base["spd_dead_time_ps"] > 0:
             raise BenchError("fog: not with a dead time of the detector")
+        if self.base["spd_zones"] > 1:
+            raise BenchError("fog: not with zones of the detector")
         clear = out.with_name("clear-" + out.name)
         call("echofuse-sim", "dataset", "-q", "--out", clear, "--seed", seed, f"--{world.scenes}",
              records, *self.settings, "--set", "background_counts=0",

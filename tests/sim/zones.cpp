@@ -1,0 +1,112 @@
+// SPDX-License-Identifier: MIT
+#include <catch2/catch.hpp>
+#include <cmath>
+
+#include "../folder.hpp"
+#include "acquire/record/run_file.hpp"
+#include "scenes.hpp"
+#include "sim/dataset/dataset.hpp"
+#include "sim/sensors/optics.hpp"
+#include "sim/sensors/zone_fields.hpp"
+
+using namespace echofuse;
+using namespace echofuse::sim;
+using Catch::Contains;
+
+namespace {
+
+Conditions with_zones(std::int64_t side) {
+  Conditions c;
+  c.spd_zones = side, c.background_counts = 900;
+  return c;
+}
+
+// Expected counts of each zone, over all bins.
+std::vector<double> light(const Scene& scene, const Conditions& c) {
+  const std::vector<double> rates = zone_rates(spd_returns(scene, c), c);
+  const auto bins = static_cast<std::size_t>(c.bins);
+  std::vector<double> out(rates.size() / bins);
+  for (std::size_t i = 0; i < rates.size(); ++i) out[i / bins] += rates[i];
+  return out;
+}
+
+}  // namespace
+
+TEST_CASE("zones together count what a single pixel counts, bin by bin") {
+  const Conditions one = with_zones(1);
+  for (const std::int64_t side : {3, 4, 8}) {
+    const Conditions c = with_zones(side);
+    for (std::uint64_t k = 0; k < 4; ++k) {
+      const Scene scene = some_scene(c, k);
+      const std::vector<double> single = spd_rate(spd_returns(scene, one), one);
+      const std::vector<double> sum =
+          sum_of_zones(zone_rates(spd_returns(scene, c), c), single.size());
+      for (std::size_t i = 0; i < single.size(); ++i) CHECK(sum[i] == Approx(single[i]));
+    }
+  }
+}
+
+TEST_CASE("a body lights the zones that look at it") {
+  const Conditions c = with_zones(3);
+  const Zones zones = zones_of(c);
+  REQUIRE(zones.size() == 9);
+  for (std::size_t z = 0; z < 9; ++z) {
+    Scene scene;
+    scene.capsules = {sphere({3 * zones[z].x, 3 * zones[z].y, 3}, 0.1)};
+    const std::vector<double> counts = light(scene, c);
+    CHECK(std::max_element(counts.begin(), counts.end()) - counts.begin() ==
+          static_cast<std::ptrdiff_t>(z));
+  }
+}
+
+TEST_CASE("stated zones have the pitch and width of their fields") {
+  const Zones zones = zones_of(with_zones(4));
+  REQUIRE(zones.size() == 16);
+  CHECK(zones[0].x == Approx(-0.4125));
+  CHECK(zones[0].y == Approx(0.4125));
+  CHECK(zones[1].x - zones[0].x == Approx(0.275));
+  CHECK(zones[0].width == Approx(2.3548 * 0.75 * 0.275).epsilon(1e-3));
+  CHECK(zones_of(with_zones(1)).empty());
+}
+
+TEST_CASE("a field is Gaussian inside: e^-1/2 beside its neighbours at 0.75 of the pitch") {
+  const Conditions c = with_zones(8);
+  const Zones zones = zones_of(c);
+  const auto at = [&](double x) {
+    Scene scene;
+    scene.capsules = {sphere({5 * x, 5 * zones[27].y, 5}, 0.1)};
+    return light(scene, c)[27] - c.background_counts / 64;
+  };
+  const double pitch = zones[1].x - zones[0].x;
+  CHECK(at(zones[27].x + 0.75 * pitch) / at(zones[27].x) == Approx(std::exp(-0.5)).epsilon(0.05));
+}
+
+TEST_CASE("a data set with zones has the other sensors' data of a single pixel's") {
+  const test::Folder folder;
+  Plan plan;
+  plan.people = 3, plan.letters = 3;
+  plan.conditions.background = "room";
+  write_dataset(plan, {folder / "one", "", 2, true});
+  plan.conditions.spd_zones = 3;
+  write_dataset(plan, {folder / "nine", "", 2, true});
+  const record::RunReader one(folder / "one"), nine(folder / "nine");
+  CHECK(nine.zones() == zones_of(plan.conditions));
+  CHECK(one.zones().empty());
+  for (std::int64_t i = 0; i < 6; ++i) {
+    const auto single = one.read(i), zones = nine.read(i);
+    REQUIRE(zones.spd.size() == 9 * single.spd.size());
+    CHECK(zones.depth_mm == single.depth_mm);
+    const auto clicks = static_cast<double>(single.spd_counts.in_range);
+    CHECK(std::abs(static_cast<double>(zones.spd_counts.in_range) - clicks) <
+          5 * std::sqrt(2 * clicks));
+  }
+}
+
+TEST_CASE("zones that cannot be simulated are refused") {
+  CHECK_NOTHROW(validate(with_zones(8)));
+  CHECK_THROWS_WITH(validate(with_zones(2)), Contains("expected 1, 3, 4 or 8"));
+  CHECK_THROWS_WITH(validate(with_zones(5)), Contains("expected 1, 3, 4 or 8"));
+  Conditions walls = with_zones(3);
+  walls.multipath_order = 1;
+  CHECK_THROWS_WITH(validate(walls), Contains("light by walls has no direction"));
+}
