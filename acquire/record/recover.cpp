@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: MIT
 #include <unistd.h>
 
+#include <filesystem>
+
 #include "acquire/record/run_file.hpp"
 #include "acquire/record/run_guard.hpp"
 #include "acquire/record/side_files.hpp"
@@ -25,6 +27,9 @@ void fold_back(const std::string& path) {
 
 void recover(const std::string& name) {
   const std::string path = real_path(name);
+  // SQLite would wait for the writer of a FIFO.
+  std::error_code error;
+  if (!std::filesystem::is_regular_file(path, error)) return;
   if (::access(path.c_str(), W_OK) != 0 || WriterLock::someone_writes(path) || is_closed(path))
     return;
   try {
