@@ -20,7 +20,7 @@ bool same_name(std::string_view a, std::string_view b) {
   });
 }
 
-// The name without its port; empty if it is none.
+// Returns the host name without its port; empty if the name is not valid.
 std::string_view name_in(std::string_view host) {
   const std::size_t end = host.starts_with('[') ? host.find(']') + 1 : host.find(':');
   const std::string_view name = host.substr(0, end), rest = host.substr(name.size());
@@ -55,7 +55,7 @@ bool Access::takes_origin(std::string_view origin, std::string_view host) const 
   return false;
 }
 
-// In a time that does not tell how much of it was right.
+// Compares in constant time, against timing attacks.
 bool Access::is_token(std::string_view given) const {
   if (token.empty() || given.size() != token.size()) return false;
   unsigned differs = 0;
@@ -67,7 +67,7 @@ bool Access::is_token(std::string_view given) const {
 std::string make_token() {
   std::array<unsigned char, 16> bytes{};
   if (::getrandom(bytes.data(), bytes.size(), 0) != static_cast<ssize_t>(bytes.size()))
-    throw Error(ExitCode::failed, "the system gives no random numbers for a token");
+    throw Error(ExitCode::failed, "cannot make a token: the system returned no random numbers");
   constexpr std::string_view digits = "0123456789abcdef";
   std::string out;
   for (const unsigned char b : bytes) out += {digits[b >> 4], digits[b & 15]};

@@ -16,11 +16,11 @@ namespace {
 namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
 constexpr double longest_look_s = 0.5;
-constexpr double live_pause_s = 5;  // a live run changes with each record
+constexpr double live_pause_s = 5;  // because a live run changes with each record
 
 std::string name_of_run(const std::string& path) { return fs::path(path).stem().string(); }
 
-// Numbers without a fraction are the shortest in JSON.
+// Writes whole numbers without ".0".
 Json whole(const std::vector<float>& values, double scale) {
   Json out = Json::array();
   for (const float v : values) out.push_back(std::lround(scale * double{v}));
@@ -45,7 +45,7 @@ void add_picture(Json& told, const record::RunReader& run, std::int64_t first) {
 
 }  // namespace
 
-// A run; `more`: its picture, or why it cannot be read.
+// Describes a run; with `more` also its picture, or why it cannot be read.
 struct Chooser::Told {
   std::optional<record::RunEntry> entry;
   Json more = Json::object();

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// The runs of a folder, of which a browser chooses one.
+// Lists the runs of a folder for the start page.
 #pragma once
 #include <map>
 #include <memory>
@@ -16,13 +16,14 @@ class Chooser {
  public:
   Chooser(std::string folder, const Clock& clock) : folder_(std::move(folder)), clock_(clock) {}
 
-  // The run file of this name (without its extension) in the folder itself; empty: there is none.
+  // Returns the path of the folder's run with this name (without extension); empty if there is
+  // none.
   std::string path_of(const std::string& name) const;
-  // JSON array of the runs, the newest first. An entry has one of:
-  //   run     what `echofuse-acquire list --json` tells but its path; of a record in its middle
-  //           `map` (cm, chooser_side^2, 0: no return) or, without a camera, `histogram` (clicks)
+  // Returns a JSON array of the runs, newest first. Each entry has one of:
+  //   run     the fields of `echofuse-acquire list --json` except its path; of the middle record
+  //           `map` (cm, chooser_side^2, 0 = no return) or, without a camera, `histogram` (clicks)
   //   fault   name, and why the file cannot be read
-  //   waits   name; ask again, because a look takes half a second at most
+  //   waits   name; ask again, because one call takes at most half a second
   std::string runs();
 
  private:

@@ -9,7 +9,7 @@
 
 namespace echofuse::view {
 
-// Facts about the making of the run: [name, text] each.
+// Settings and devices of the run as pairs [name, text].
 nlohmann::json Show::facts() const {
   const record::RunInfo& info = run_.info();
   nlohmann::json out = nlohmann::json::array();

@@ -10,14 +10,15 @@ std::string_view field(const HttpRequest& request, Name name) {
   return {value.data(), value.size()};
 }
 
-// The host in the browser's address, which a proxy says if it asks for another one.
+// Returns the host in the browser's address bar; a proxy reports it in X-Forwarded-Host.
 std::string_view host_of(const HttpRequest& request) {
   const std::string_view forwarded = field(request, "X-Forwarded-Host");
   return forwarded.empty() ? field(request, http::field::host)
                            : forwarded.substr(0, forwarded.find(','));
 }
 
-// connect-src names the socket's address: not every browser takes 'self' for ws: and wss:.
+// connect-src names the socket's address, because some browsers do not apply 'self' to ws: and
+// wss:.
 std::string policy(std::string_view host) {
   const std::string name(host.substr(0, host.find_first_of(";, \t")));
   return "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; "
@@ -40,7 +41,7 @@ HttpResponse make(const HttpRequest& request, http::status status, std::string_v
   return out;
 }
 
-// "/run/NAME/live" and "/newest/live" -> "/live".
+// Maps "/run/NAME/live" and "/newest/live" to "/live".
 void choose(Caller& caller) {
   constexpr std::string_view newest = "/newest/", run = "/run/";
   const std::string asked = caller.path;
@@ -72,26 +73,26 @@ Caller caller_of(const HttpRequest& request, const Access& access, bool socket) 
     return out;
   };
   if (request.count(http::field::host) != 1 || request.count(http::field::origin) > 1)
-    return refuse(http::status::bad_request, "expected one Host");
+    return refuse(http::status::bad_request, "expected exactly one Host header");
   if (!access.takes_host(host))
     return refuse(http::status::misdirected_request,
-                  "this is not the server of that name; a proxy names itself in X-Forwarded-Host");
+                  "unknown host name; behind a proxy, set X-Forwarded-Host");
   if (request.method() != http::verb::get && request.method() != http::verb::head)
     return refuse(http::status::method_not_allowed, "expected GET");
   if (!out.path.starts_with('/'))
     return refuse(http::status::bad_request, "expected a path that begins with /");
   const PageFile* part = part_of(out);
-  const bool open = part && out.path != "/";  // programs that everybody may have
+  const bool open = part && out.path != "/";  // scripts and styles are public
   if (!open && !access.takes_origin(field(request, http::field::origin), host_of(request)))
-    return refuse(http::status::forbidden, "not for pages of others");
+    return refuse(http::status::forbidden, "request from a page of another origin");
   if (!open && !access.may_look(asked.token))
     return refuse(http::status::unauthorized,
-                  "expected the token: open the whole address that the program printed");
+                  "token missing or wrong: open the full address printed by the program");
   const bool list = out.path == "/runs" && !out.page;
-  if (!part && !list && out.path != "/live") return refuse(http::status::not_found, "nothing here");
+  if (!part && !list && out.path != "/live") return refuse(http::status::not_found, "not found");
   if ((out.path == "/live") != socket)
     return refuse(http::status::upgrade_required,
-                  "no WebSocket comes through: a proxy before the viewer has to pass on "
+                  "expected a WebSocket upgrade: configure the proxy to forward "
                   "X-Forwarded-Host, Upgrade and Connection");
   return out;
 }

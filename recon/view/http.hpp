@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: MIT
-// A request that is no WebSocket gets a page, its parts, the runs, or a refusal.
+// Answers an HTTP request that is not a WebSocket: a page, its scripts, the list of runs, or an
+// error.
 #pragma once
-#include <utility>  // std::exchange, which Boost 1.74's asio/awaitable.hpp uses without it
+#include <utility>  // std::exchange: Boost 1.74's asio/awaitable.hpp uses it without the include
 // clang-format off: the header above comes first
 #include <boost/beast/http.hpp>
 // clang-format on
@@ -18,27 +19,27 @@ using HttpRequest = http::request<http::empty_body>;
 using HttpResponse = http::response<http::string_body>;
 inline constexpr std::uint32_t most_header_bytes = 8192;
 
-// Sender and target of a request. A `refusal` other than ok is the answer. In a folder /run/NAME/
-// is the page of a run, whether it exists or not. /newest/ is that of the newest.
+// Access rights and target of a request. If `refusal` is not ok, it is the response. In a folder,
+// /run/NAME/ is the page of a run, whether it exists or not; /newest/ is that of the newest run.
 struct Caller {
   http::status refusal = http::status::ok;
   std::string why;
-  std::string path;   // below that of the run
-  std::string run;    // its name; empty: the only one, or the newest of the folder
-  bool page = false;  // page of a run; else / chooses one
+  std::string path;   // below the run's path
+  std::string run;    // run name; empty: the only run, or the newest of the folder
+  bool page = false;  // page of a run; otherwise / is the list of runs
   bool may_write = false;
 };
-// `socket`: it wants to become a WebSocket, whose Origin is checked as well.
+// `socket`: the request asks for a WebSocket, so its Origin is checked as well.
 Caller caller_of(const HttpRequest& request, const Access& access, bool socket);
 
-// `runs` makes /runs of a folder.
+// `runs` returns the body of /runs for a folder.
 HttpResponse respond(const HttpRequest& request, const Caller& caller,
                      const std::function<std::string()>& runs);
 
-// A part of the page, as the build has put it into the program.
+// A file of the page, embedded by the build.
 struct PageFile {
   std::string_view name, type, contents;
 };
-const PageFile* page_file(std::string_view name);  // null: there is none
+const PageFile* page_file(std::string_view name);  // null if there is none
 
 }  // namespace echofuse::view

@@ -22,7 +22,7 @@ Reconstruction made(const TrainedModel& whole, const record::RunReader& run, std
                              if (at == index) bad = why;
                            });
   if (data.size() == 0 || data.index[0] != index) {
-    out.fault = bad.empty() ? "the record cannot be read" : bad;
+    out.fault = bad.empty() ? "cannot read the record" : bad;
     return out;
   }
   out.fault = whole.fault_of(data, 0);
@@ -92,7 +92,7 @@ std::string LiveModel::doubt(const record::RunReader& run, std::int64_t first,
     const DomainShift shift = domain_shift_of(model_, records.data);
     return shift.found() ? shift.text() : "";
   } catch (const Error&) {
-    return {};  // each record says why
+    return {};  // each record reports the reason
   }
 }
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// A model that is asked about single records of a run.
+// Applies a model to single records of a run.
 #pragma once
 #include <cstdint>
 #include <optional>
@@ -14,11 +14,11 @@ namespace echofuse::view {
 
 struct Reconstruction {
   std::vector<float> map_m,
-      deviation_m;  // on `grid`, metres; the deviation is empty if the model states none
+      deviation_m;  // on `grid`, m; no deviation if the model does not estimate it
   record::MapGrid grid;
-  std::string fault;               // why there is none; or empty
-  std::string note;                // sensors that the model lacked, or oddities of the record
-  std::optional<double> x_m, z_m;  // metres, if the map shows a body
+  std::string fault;               // why there is no map; may be empty
+  std::string note;                // missing sensors, or irregularities of the record
+  std::optional<double> x_m, z_m;  // body position, if the map shows one
   std::optional<double> lateral_interval_90_m;
   std::optional<double> iou, lateral_error_m;  // against the depth camera
 };
@@ -28,14 +28,14 @@ class LiveModel {
   explicit LiveModel(const std::string& path);  // throws as recon::load_model
   const std::string& name() const { return name_; }
   bool calibrated() const { return model_->uncertainty.has_value(); }
-  // True if the training used this record of the run.
+  // True if this record was in the training data.
   bool saw(const std::string& run_uuid, std::int64_t index) const;
-  // Never throws for what a record or a run is like: that is a fault.
+  // Does not throw if the record or the run is unusable; sets `fault` instead.
   Reconstruction reconstruct(const record::RunReader& run, std::int64_t index) const;
-  // Compares with the camera's map, if that is on the same grid.
+  // Compares with the camera's map if both have the same grid.
   void compare(Reconstruction& made, std::span<const float> camera_map_m) const;
-  // Why maps of these records are not to be trusted as a whole (recon::DomainShift); empty if
-  // nothing speaks against it, or too few records tell.
+  // Returns why maps of these records are unreliable as a group (recon::DomainShift); empty if the
+  // test passes or has too few records.
   std::string doubt(const record::RunReader& run, std::int64_t first, std::int64_t count) const;
 
  private:

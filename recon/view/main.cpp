@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// echofuse-view: a run as it is now, for a browser.
+// echofuse-view: shows a run in a browser.
 #include <fcntl.h>
 #include <unistd.h>
 
@@ -23,12 +23,12 @@ struct Options {
   bool quiet = false;
 };
 
-// Moves the streams to /dev/null, because the parent process may wait for their end.
+// Moves the streams to /dev/null, because the parent process may wait until they are closed.
 void leave_terminal() {
   const int none = ::open("/dev/null", O_RDWR | O_CLOEXEC);
   for (const int stream : {STDIN_FILENO, STDOUT_FILENO, STDERR_FILENO})
     if (none >= 0) ::dup2(none, stream);
-  std::signal(SIGINT, SIG_IGN);  // Ctrl-C is meant for the acquisition
+  std::signal(SIGINT, SIG_IGN);  // Ctrl-C goes to the acquisition
 }
 
 ExitCode show(const Options& o) {
@@ -40,7 +40,7 @@ ExitCode show(const Options& o) {
     if (!o.model.empty()) model.emplace(o.model);
   } catch (const Error& e) {
     if (!o.server.until_closed) throw;
-    // Beside a run the page counts more than its maps.
+    // Without its model the page is still useful.
     std::fprintf(stderr, "echofuse-view: %s; no maps are shown\n", printable(e.what()).c_str());
   }
   Server server(o.server, model ? &*model : nullptr, clock);
@@ -57,23 +57,21 @@ ExitCode show(const Options& o) {
 int run(int argc, char** argv) {
   Options o;
   CLI::App app(
-      "Shows a run in a browser: live, finished or crashed. Of a folder the browser chooses the "
-      "run.",
+      "show a run in a browser, live or finished; for a folder, the page lists its "
+      "runs",
       "echofuse-view");
   app.set_version_flag("--version", version_line("echofuse-view"));
-  app.add_option("RUN", o.server.run, "run file, or a folder: its runs to choose from")
-      ->type_name("RUN")
-      ->required();
-  app.add_option("--model", o.model, "model whose reconstructions are shown")->type_name("MODEL");
+  app.add_option("RUN", o.server.run, "run file, or folder of runs")->type_name("RUN")->required();
+  app.add_option("--model", o.model, "model for live reconstructions")->type_name("MODEL");
   app.add_option("--listen", o.server.listen,
-                 "ADDRESS:PORT; by default 127.0.0.1:8410, or another free port. Another address "
-                 "than this machine's own asks everybody for the token");
+                 "ADDRESS:PORT to listen on (default 127.0.0.1:8410, or another free port); on "
+                 "an address that other machines can reach, viewing needs the token");
   app.add_option("--planned", o.server.planned,
-                 "records that the run shall have: shows what remains")
+                 "planned number of records, to show how many remain")
       ->check(CLI::PositiveNumber);
   app.add_flag("--until-closed", o.server.until_closed,
-               "end by itself when the run is over and nobody looks");
-  app.add_flag("-q,--quiet", o.quiet, "no messages but errors");
+               "exit when the run is over and no browser is connected");
+  app.add_flag("-q,--quiet", o.quiet, "print errors only");
   more_options(app, {"--planned", "--until-closed", "--quiet"});
   add_examples(app, {"echofuse-view monday.sqlite", "echofuse-view . --model fused.safetensors"});
   try {

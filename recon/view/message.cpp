@@ -41,11 +41,11 @@ bool is_index(const Json& value) {
 }
 
 Request mark_of(const Json& text, bool label) {
-  if (!text.is_string()) return BadRequest{"a mark is a text"};
+  if (!text.is_string()) return BadRequest{"mark and label: expected a string"};
   Mark mark{label, text.get<std::string>()};
   if (mark.text.size() > most_text_bytes || (mark.text.empty() && !label))
-    return BadRequest{"a mark has 1 to 200 bytes, a label at most 200"};
-  if (printable(mark.text) != mark.text) return BadRequest{"a mark is one line of text"};
+    return BadRequest{"text too long or empty: a mark takes 1 to 200 bytes, a label at most 200"};
+  if (printable(mark.text) != mark.text) return BadRequest{"expected one line of printable text"};
   return mark;
 }
 
@@ -87,8 +87,8 @@ Message MessageWriter::finish(Json header) const {
 }
 
 Request parse_request(std::string_view text) {
-  if (text.size() > most_request_bytes) return BadRequest{"too long"};
-  // Deep nesting costs the parser stack and time; no request has any.
+  if (text.size() > most_request_bytes) return BadRequest{"request too long"};
+  // The parser's stack and time grow with nesting; no valid request is nested.
   int depth = 0, deepest = 0;
   for (const char c : text) {
     depth += (c == '[' || c == '{') - (c == ']' || c == '}');
@@ -104,7 +104,7 @@ Request parse_request(std::string_view text) {
       is_index(value[1]) && value[0] <= value[1])
     return ShowSheet{value[0].get<std::int64_t>(), value[1].get<std::int64_t>()};
   if (key == "mark" || key == "label") return mark_of(value, key == "label");
-  return BadRequest{"expected show, sheet, mark or label"};
+  return BadRequest{"unknown request: expected show, sheet, mark or label"};
 }
 
 }  // namespace echofuse::view

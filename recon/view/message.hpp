@@ -1,39 +1,38 @@
 // SPDX-License-Identifier: MIT
 // Messages of the WebSocket /live.
 //
-// From the server, one binary message each:
-//   off 0   u32 LE n, the length of the header
-//   off 4   header: a JSON object, UTF-8; then zeros up to the next multiple of 8
-//   off a   the arrays, each at a multiple of 8 from a; header["arrays"] names them:
-//           {NAME: {"type": "u8"|"u16"|"u32"|"f32"|"f64", "offset": from a, "shape": [...]}},
-//           little-endian, row-major
+// Each message from the server is binary:
+//   offset 0   u32 LE n, length of the header
+//   offset 4   header: a JSON object, UTF-8; then zeros up to the next multiple of 8
+//   offset a   arrays, each at a multiple of 8 from a; header["arrays"] describes them:
+//              {NAME: {"type": "u8"|"u16"|"u32"|"f32"|"f64", "offset": from a, "shape": [...]}},
+//              little-endian, row-major
 // header["kind"] is one of
-//   run        what does not change: file, uuid, window_s, axes, the grid of the maps, who made it,
-//              the model's name, whether it states its uncertainty (calibrated), facts
+//   run        constants of the run: file, uuid, window_s, axes, grid of the maps, creator,
+//              model name, whether the model estimates its uncertainty (calibrated), facts
 //              (settings, devices: [name, text] each), may_write
-//   state      every second, and with each record: status, records, first_index, last_index,
+//   state      every second and with each record: status, records, first_index, last_index,
 //              elapsed_s, remaining_s, label, disk, events, and sensors: {NAME: {verdict, valid,
-//              age_s (since the end of its last valid slot), used, arrived (frames of its slot),
-//              lost, late, missing (records without it), residual_s}}; with a model doubt: why the
-//              newest maps as a whole are not to be trusted, or null; doubts: the verdict over the
-//              whole run
+//              age_s (since the end of its last valid slot), used, arrived (frames in its slot),
+//              lost, late, missing (records without it), residual_s}}; with a model doubt: why
+//              the newest maps are unreliable as a group, or null; doubts: summary of the verdicts
+//              of the whole run
 //   record     index, utc, label, live, sensors, and spd (counts), radar (dB), beams (dB by range
-//              and sine of the azimuth, of a radar with antennas), camera (mm), map (m,
-//              what the camera sees on the grid of the maps); with a model reconstruction (m) and
-//              deviation (m), or the reason why there is none, where the body is (x_m, z_m), how
-//              far to trust it, whether the model was trained on this record (seen), and
-//              how well it meets what the camera sees (iou, lateral_error_m)
+//              and sine of azimuth, for radars with antennas), camera (mm), map (m, the camera's
+//              depth on the grid of the maps); with a model reconstruction (m) and deviation (m),
+//              or why there is none; body position (x_m, z_m), reliability, whether this record
+//              was in the training data (seen), errors against the camera (iou, lateral_error_m)
 //   reference  spd: mean histogram of the first minute
-//   strip      the whole run in at most strip_columns columns: first (index), time_s; used,
-//              lost, residual_s of each sensor, and the share of its records that are valid
-//   sheet      small maps of records spread over the run: index, maps (m) of sheet_side pixels, and
-//              which of them lack a depth picture (lacks); time_s of each since the first record,
-//              and columns of a waterfall: spd (clicks), radar (dB), NaN without
-//   answer     what became of a mark or a label: ok, text
-//   trouble    why there is nothing to see: text
-// From the client, text, at most 1024 bytes: one of
+//   strip      the whole run in at most strip_columns columns: first (index), time_s; for each
+//              sensor used, lost, residual_s and the share of valid records
+//   sheet      thumbnails of records spread over the run: index, maps (m) of sheet_side pixels,
+//              which of them lack a depth map (lacks); time_s since the first record; and columns
+//              of a waterfall: spd (clicks), radar (dB), NaN if missing
+//   answer     result of a mark or label: ok, text
+//   trouble    why the run cannot be shown: text
+// From the client: text of at most 1024 bytes, one of
 //   {"show": "live"}  {"show": 17}  {"sheet": [0, 500]}  {"mark": "door opened"}  {"label": "two"}
-// A client that asks quickly gets the answer to its last question only.
+// If a client sends requests faster than they are answered, only the last is answered.
 #pragma once
 #include <cstdint>
 #include <memory>
@@ -90,7 +89,7 @@ struct BadRequest {
 };
 using Request = std::variant<ShowLive, ShowRecord, ShowSheet, Mark, BadRequest>;
 
-// Takes anything.
+// Accepts any input.
 Request parse_request(std::string_view text);
 
 }  // namespace echofuse::view

@@ -32,8 +32,8 @@ constexpr auto pulse_pause = std::chrono::milliseconds(250);
 constexpr auto longest_pause = std::chrono::milliseconds(200);
 constexpr auto shortest_pause = std::chrono::milliseconds(25);
 constexpr double state_pause_s = 1, strip_pause_s = 2;
-constexpr double last_look_s = 5;    // until_closed: after the run's end
-constexpr double first_look_s = 60;  // the same: until there is a run
+constexpr double last_look_s = 5;    // until_closed: wait after the run's end
+constexpr double first_look_s = 60;  // until_closed: wait for a run to start
 
 tcp::endpoint endpoint_of(const std::string& text) {
   const std::size_t colon = text.rfind(':');
@@ -47,12 +47,12 @@ tcp::endpoint endpoint_of(const std::string& text) {
   const bool digits = !port.empty() && port.find_first_not_of("0123456789") == port.npos;
   if (bad || !digits || *end || number > 65'535)
     throw Error(ExitCode::usage, "--listen " + printable(text) +
-                                     ": expected ADDRESS:PORT with a number as its address, as "
+                                     ": expected ADDRESS:PORT with a numeric address, e.g. "
                                      "127.0.0.1:8410 or 0.0.0.0:8410");
   return {address, static_cast<unsigned short>(number)};
 }
 
-// A run that somebody looks at, and who does.
+// A run with connected browsers.
 struct Shown {
   Shown(const std::string& target, const LiveModel* model, std::optional<std::int64_t> planned,
         const Clock& clock)
@@ -129,28 +129,28 @@ class Server::Loop final : public SessionOwner {
   void greet(Shown& shown, Session& session);
   Message newest(Shown& shown);
   Shown& shown_to(const Session& session);
-  // Calls look(shown) for each run that somebody looks at.
+  // Calls look(shown) for each run with connected browsers.
   template <class Look>
   void each(Look look);
   template <class Make>
   Message attempt(Make make);
 
-  int open_ = 0;        // connections: counted down by the last of them, below
-  net::io_context io_;  // destroyed last of what uses it
+  int open_ = 0;  // connections; declared first because sessions in io_ decrement it when destroyed
+  net::io_context io_;  // destroyed after its users below
   tcp::acceptor acceptor_{io_};
   net::steady_timer pulse_{io_}, look_{io_}, retry_{io_};
   const ServerOptions options_;
   const LiveModel* model_;
   const Clock& clock_;
   Access access_;
-  Shown home_;  // the only run, or the newest of the folder
+  Shown home_;  // the only run, or the folder's newest
   Chooser chooser_;
   std::map<std::string, Shown> chosen_;  // by name
   bool armed_ = false;
   HostTime begun_{}, seen_live_{};
 };
 
-// The first free port of ten, else any, unless somebody says which.
+// Takes --listen if given, otherwise the first free port of ten, otherwise any.
 void Server::Loop::listen() {
   const bool said = !options_.listen.empty();
   tcp::endpoint at = said ? endpoint_of(options_.listen)
@@ -163,14 +163,14 @@ void Server::Loop::listen() {
     if (!error) acceptor_.listen(net::socket_base::max_listen_connections, error);
     if (!error) return;
     if (tries == 1)
-      throw Error(ExitCode::failed, "cannot listen at " + at.address().to_string() + ":" +
+      throw Error(ExitCode::failed, "cannot listen on " + at.address().to_string() + ":" +
                                         std::to_string(at.port()) + ": " + error.message());
     acceptor_.close();
     at.port(tries > 2 ? static_cast<unsigned short>(at.port() + 1) : 0);
   }
 }
 
-// One too many is closed at once. After an error, as of too many open files, there is a pause.
+// Closes a connection above the limit at once. Waits after an error such as too many open files.
 void Server::Loop::accept() {
   acceptor_.async_accept([this](Error_code error, tcp::socket socket) {
     if (error == net::error::operation_aborted) return;
@@ -218,7 +218,7 @@ void Server::Loop::opened(const std::shared_ptr<Session>& session) {
   if (!armed_) arm();
 }
 
-// Nothing is kept of a run at which nobody looks any more.
+// Frees the state of a run when its last browser disconnects.
 void Server::Loop::closed(const std::shared_ptr<Session>& session) {
   if (!session->run().empty() && !chosen_.contains(session->run())) return;
   Shown& shown = shown_to(*session);
@@ -333,8 +333,7 @@ Message Server::Loop::answer_to(Session& session, const Request& request) {
 
 Message Server::Loop::mark(const Session& session, const Mark& mark) {
   if (!session.may_write())
-    return answer(false,
-                  "marking needs the token: open the whole address that the program printed");
+    return answer(false, "marking needs the token: open the full address printed by the program");
   Shown& shown = shown_to(session);
   const std::string& run = shown.run.path();
   try {
@@ -343,7 +342,7 @@ Message Server::Loop::mark(const Session& session, const Mark& mark) {
       return answer(true, "label set: " + mark.text);
     }
     if (!shown.run.live())
-      return answer(false, "nobody is recording this run; only a live one is marked");
+      return answer(false, "this run is not being recorded; only a live run can be marked");
     record::put_note(run, mark.text, "view");
     return answer(true, "marked: " + mark.text);
   } catch (const std::exception& e) {

@@ -26,7 +26,7 @@ bool guarded(const std::function<void()>& body) {
   }
 }
 
-// An exception of a handler ends this session only.
+// An exception in a handler ends only this session.
 void Session::handle(const std::function<void()>& body) {
   if (!guarded(body)) close();
 }
@@ -66,7 +66,7 @@ void Session::upgrade() {
       .handshake_timeout = patience, .idle_timeout = patience, .keep_alive_pings = true});
   stream_.read_message_max(most_request_bytes);
   stream_.binary(true);
-  stream_.auto_fragment(false);  // a message is a frame
+  stream_.auto_fragment(false);  // one frame per message
   stream_.async_accept(request_, [self = shared_from_this()](beast::error_code error) {
     if (error) return;
     self->handle([&] {
@@ -101,7 +101,7 @@ void Session::on_message() {
   serve();
 }
 
-// Only while nothing waits to be sent: who does not read makes no work.
+// Works only if nothing waits to be sent, so a client that does not read causes no work.
 void Session::serve() {
   if (writing_ || over_) return;
   for (auto [asked, kind] : {std::pair{&record_, Kind::record}, std::pair{&sheet_, Kind::sheet}})

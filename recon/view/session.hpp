@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// One connection: a request, and what becomes of it.
+// One connection, from its request to its end.
 #pragma once
 #include <utility>  // before Asio (http.hpp)
 // clang-format off: the header above comes first
@@ -21,23 +21,23 @@ inline constexpr std::size_t kinds = 8;
 
 class Session;
 
-// Owner of sessions: answers their requests.
+// Owns the sessions and answers their requests.
 class SessionOwner {
  public:
   virtual ~SessionOwner() = default;
   virtual const Access& access() const = 0;
   virtual bool has_run(const std::string& name) = 0;
   virtual std::string runs() = 0;                                    // JSON
-  virtual void opened(const std::shared_ptr<Session>& session) = 0;  // as a WebSocket
+  virtual void opened(const std::shared_ptr<Session>& session) = 0;  // called for a WebSocket
   virtual void closed(const std::shared_ptr<Session>& session) = 0;
-  virtual Message answer_to(Session& session, const Request& request) = 0;  // null: none
+  virtual Message answer_to(Session& session, const Request& request) = 0;  // null: no answer
 };
 
-// Runs the body of a handler; false if it threw. Writes the exception to stderr, because it would
-// end the whole program.
+// Runs the body of a handler; returns false if it threw. Writes the exception to stderr, because it
+// would otherwise end the program.
 bool guarded(const std::function<void()>& body);
 
-// Threading: that of its owner, which outlives it.
+// Threading: the owner's thread. The owner outlives the session.
 class Session : public std::enable_shared_from_this<Session> {
  public:
   Session(boost::asio::ip::tcp::socket socket, SessionOwner& owner, int& open)
@@ -49,12 +49,12 @@ class Session : public std::enable_shared_from_this<Session> {
   Session& operator=(const Session&) = delete;
 
   void start();
-  // Sends a message; replaces one of this kind that has not been sent yet.
+  // Sends a message. It replaces a queued one of the same kind.
   void send(Kind kind, Message message);
   bool may_write() const { return caller_.may_write; }
   const std::string& run() const { return caller_.run; }
 
-  bool live = true;  // shown the newest record
+  bool live = true;  // follows the newest record
 
  private:
   void handle(const std::function<void()>& body);
@@ -77,8 +77,8 @@ class Session : public std::enable_shared_from_this<Session> {
   bool over_ = false;
   Message writing_;
   std::array<Message, kinds> waiting_;
-  std::optional<Request> record_, sheet_;  // asked, and not answered yet
-  std::deque<Request> marks_;              // the same; every one of them counts
+  std::optional<Request> record_, sheet_;  // received, not answered yet; the newest only
+  std::deque<Request> marks_;              // received, not answered yet; all of them
 };
 
 }  // namespace echofuse::view

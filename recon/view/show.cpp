@@ -96,7 +96,7 @@ Json Show::sensors() const {
   return out;
 }
 
-// Free disk, and how long it lasts at the rate of the records so far.
+// Free disk space, and how long it lasts at the run's mean rate.
 Json Show::disk() const {
   const auto free = run_.free_bytes();
   if (!free) return nullptr;
@@ -201,7 +201,7 @@ Message Show::make_record(std::int64_t index, bool live) const {
   return out.finish(std::move(head));
 }
 
-// The test of the run changes slowly, and costs some milliseconds.
+// Tested at intervals, because the result changes slowly and the test takes some milliseconds.
 void Show::judge_maps() {
   const auto last = run_.last();
   if (!model_ || !last || *last == judged_last_) return;
@@ -214,7 +214,7 @@ void Show::judge_maps() {
       doubt_ = model_->doubt(run, first, *last - first + 1);
     });
   } catch (const Error&) {
-    doubt_.clear();  // the run cannot be read: that is said elsewhere
+    doubt_.clear();  // the run cannot be read, which is reported elsewhere
   }
 }
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// The messages that tell of a run (message.hpp), made when somebody asks.
+// Builds the messages that describe a run (message.hpp), on demand.
 #pragma once
 #include <cstdint>
 #include <nlohmann/json_fwd.hpp>
@@ -14,10 +14,10 @@
 
 namespace echofuse::view {
 
-// Threading: one thread. The messages of a record throw Error if it cannot be read.
+// Threading: one thread. Messages about a record throw Error if it cannot be read.
 class Show {
  public:
-  // `model` may be null; both outlive this. `planned`: records that the run shall have.
+  // `model` may be null; `run` and `model` outlive this. `planned`: planned number of records.
   Show(FollowedRun& run, const LiveModel* model, std::optional<std::int64_t> planned,
        const Clock& clock)
       : run_(run), model_(model), planned_(planned), clock_(clock) {}
@@ -25,10 +25,10 @@ class Show {
   FollowedRun& run() { return run_; }
   Message about_run(bool may_write) const;
   Message state();
-  Message record(std::int64_t index, bool live);  // the last one is kept
+  Message record(std::int64_t index, bool live);  // the last one is cached
   Message strip() const;
   Message sheet(std::int64_t first, std::int64_t last) const;
-  // Null until the first minute is over, or the run is.
+  // Null until the first minute or the run is over.
   Message reference();
 
  private:
@@ -45,7 +45,7 @@ class Show {
   std::int64_t last_index_ = -1;
   int last_edition_ = -1, reference_edition_ = -1;
   bool last_live_ = false;
-  // Doubt about the newest records' maps as a whole.
+  // Why the newest records' maps are unreliable as a group.
   std::string doubt_;
   HostTime judged_{};
   std::int64_t judged_last_ = -1;

@@ -204,7 +204,7 @@ class Page(live_view.LiveView):
         self.browser.find_element("id", "runs").click()
         self.wait("list once more", lambda: self.js(card) == scenes.stem)
         self.browser.get(f"{before.address}/plain/newest/")
-        self.wait("reason", lambda: "no WebSocket comes through" in self.text("trouble"))
+        self.wait("reason", lambda: "expected a WebSocket" in self.text("trouble"))
         self.assertEqual(self.text("status"), "no connection to the viewer")
         process.terminate()
         process.wait(10)

@@ -107,7 +107,7 @@ class Server(unittest.TestCase):
         self.assertEqual(arrays["spd"][3 * columns:4 * columns], tuple(float(max(clicks[i:i + by])) for i in range(0, bins, by)))
         self.assertEqual(arrays["time_s"][3], 3 * run["window_s"])
         client.ask({"mark": "a finished run is not marked"})
-        self.assertIn("nobody is recording", client.until("answer")["text"])
+        self.assertIn("not being recorded", client.until("answer")["text"])
         client.ask({"show": 10 ** 6})
         self.assertIn("no record 1000000", client.until("trouble")["text"])
 
