@@ -14,9 +14,9 @@ namespace {
 
 constexpr double undefined = std::numeric_limits<double>::quiet_NaN();
 constexpr double side_threshold_m = 0.3;
-constexpr double least_mass = 1;  // pixels' worth of foreground; less has no position
+constexpr double least_mass = 1;  // pixels; a smaller foreground has no position
 
-// Mean of the added values; undefined without any.
+// Mean of the added values; NaN without values.
 struct Mean {
   double sum = 0;
   double weight = 0;
@@ -54,8 +54,7 @@ double centroid_tangent(const Mask& mask, const record::MapGrid& grid) {
   return tangent.value(least_mass);
 }
 
-// Mean of the SSIM map over the mask dilated by the window: where the 11 x 11 window holds a pixel
-// of the mask.
+// Mean of the SSIM map over the mask dilated by the 11 x 11 window.
 double ssim_near(const std::vector<double>& map, const Mask& mask, std::size_t size) {
   const std::size_t inner = size - 2 * ssim_border, window = 2 * ssim_border + 1;
   std::vector<char> across(size * inner);
@@ -193,7 +192,7 @@ cv::Mat1d image_of(std::span<const float> values, std::size_t size) {
   return out;
 }
 
-// Windowed means at the pixels whose window lies inside.
+// Windowed means of all pixels with a complete window.
 cv::Mat1d blur(const cv::Mat& image) {
   cv::Mat1d out;
   cv::GaussianBlur(image, out, {2 * border + 1, 2 * border + 1}, 1.5);

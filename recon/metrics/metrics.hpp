@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// The metrics say how good a depth map is: one number a map and metric, then mean and standard
-// error over maps.
+// Metrics of depth maps: one number for each map and metric, then mean and standard error over
+// maps.
 #pragma once
 #include <array>
 #include <cstddef>
@@ -16,15 +16,14 @@ namespace echofuse::recon {
 // with an 11 x 11 Gaussian window of sigma 1.5, K1 0.01, K2 0.03, population covariance.
 inline constexpr std::size_t ssim_border = 5;  // half the window: pixels cropped on each side
 
-// Structural similarity at each pixel whose window lies inside the two size x size maps:
-// (size-10)^2 values, row-major. `data_range` is the span of possible values (6 m), not of those
-// that occur.
+// Returns SSIM at each pixel of two size x size maps with a complete window: (size-10)^2 values,
+// row-major. `data_range` is the span of possible values (6 m), not of the actual ones.
 std::vector<double> ssim_map(std::span<const float> a, std::span<const float> b, std::size_t size,
                              double data_range);
 
-// "raw" is the prediction clipped to the grid's depths, as it is written; "hard" is the map of
-// scene.hpp. A metric that a map does not define (the depth error of an empty mask, say) is NaN
-// there and left out of the mean. Without a body that stands out only those of raw maps are
+// "raw": the prediction clipped to the grid's depths, as it is written. "hard": the thresholded map
+// (scene.hpp). A metric that is undefined for a map (e.g. the depth error of an empty mask) is NaN
+// and left out of the mean. Without a foreground only the metrics of raw maps are
 // defined.
 enum Metric : std::size_t {
   metric_iou,          // foreground masks; undefined if both are empty
@@ -37,16 +36,16 @@ enum Metric : std::size_t {
   metric_abs_rel,      // raw, mean |error|/truth over pixels with a true return
   metric_delta_125,    // raw, share of those with max(v/d, d/v) < 1.25
   metric_lateral_m,    // |x/z| between the centroids of both foregrounds, times the true mean z (m)
-  // The next two are only for maps with |x| > 0.3 m; nearer to the axis a body is its own mirror
+  // The next two need |x| > 0.3 m, because a body on the axis is its own mirror
   // image.
-  metric_ghost,       // raw; 0: at the truth only; 0.5: as much on either side; 1: mirror image
+  metric_ghost,  // raw; 0: at the true position only; 0.5: equal on both sides; 1: mirror image
   metric_left_right,  // 1 if the foreground's centroid is on the true side
   metric_count
 };
 inline constexpr std::array<const char*, metric_count> metric_names = {
     "iou",         "ssim",    "ssim_hard", "ssim_fg",   "rmse_m", "rmse_fg_m",
     "depth_mae_m", "abs_rel", "delta_125", "lateral_m", "ghost",  "left_right"};
-static_assert(metric_names.back() != nullptr);  // one name for each, in the order of Metric
+static_assert(metric_names.back() != nullptr);  // as many names as metrics
 
 using MapScores = std::array<double, metric_count>;
 
@@ -54,10 +53,10 @@ using MapScores = std::array<double, metric_count>;
 MapScores score(std::span<const float> prediction, std::span<const float> truth,
                 const Scene& scene);
 
-// Centroid of a prediction's foreground as x/z; NaN if there is no foreground.
+// Centroid of the predicted foreground as x/z; NaN without foreground.
 double foreground_tangent(std::span<const float> prediction, const Scene& scene);
 
-// Place of a body in a prediction, in metres: x to the right, z away. NaN if it shows none.
+// Body position in a prediction, m: x to the right, z away. NaN if it shows no body.
 struct BodyPlace {
   double x_m, z_m;
 };
@@ -74,8 +73,7 @@ struct Summary {
 };
 using Summaries = std::array<Summary, metric_count>;
 Summaries summarise(const std::vector<MapScores>& scores);
-// The text is "0.483 ± 0.005", or "-" if no map defines the metric; `plus_minus` stands between the
-// two numbers.
+// Returns "0.483 ± 0.005", or "-" if no map defines the metric; `plus_minus` is between.
 std::string formatted(const Summary& summary, const char* plus_minus);
 
 }  // namespace echofuse::recon

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Compiled with -fno-trapping-math: otherwise no division beside a condition is vectorised.
+// Compiled with -fno-trapping-math, because a division next to a condition is not vectorised
+// otherwise.
 #include "recon/metrics/scene.hpp"
 
 #include <algorithm>
@@ -12,20 +13,20 @@ namespace echofuse::recon {
 namespace {
 
 constexpr float foreground_step_m = 0.1f;
-constexpr double most_behind = 0.25;     // share of the metres off the background
-constexpr float nearest_share = 0.125f;  // share of the mean foreground depth: no body is nearer
+constexpr double most_behind = 0.25;     // share of the foreground distance behind the background
+constexpr float nearest_share = 0.125f;  // minimum depth of a body over the mean foreground depth
 constexpr double most_nearer = 0.1;      // share of a map's values
 
 std::vector<float> median_map(const Matrix& depth, const Rows& rows) {
-  // A thousand maps place the median as well as all of them would.
+  // A thousand maps are enough for the median.
   const std::size_t stride = std::max<std::size_t>(1, rows.size() / 1000);
   Rows some;
   for (std::size_t i = 0; i < rows.size(); i += stride) some.push_back(rows[i]);
   return column_quantile(depth, some, 0.5);
 }
 
-// Nothing stands behind a pixel that has no return in at least a fifth of the maps, even if bodies
-// are there in most of them. A camera loses fewer.
+// A pixel has no background if at least a fifth of the maps have no return there, even if most maps
+// show bodies there. A camera loses fewer returns.
 void clear_behind_bodies(std::vector<float>& background, const Matrix& depth, const Rows& rows) {
   std::vector<std::size_t> empty(depth.cols);
   for (const std::size_t row : rows)
@@ -108,7 +109,7 @@ ECHOFUSE_CLONES void share_of(const float* prediction, const float* background, 
                               std::size_t count, float* __restrict__ out) {
   for (std::size_t p = 0; p < count; ++p) {
     const float off = prediction[p] - background[p], way = depth_m - background[p];
-    // False if background and foreground have the same depth, because nothing tells them apart.
+    // False if background and foreground have equal depth, so that they cannot be distinguished.
     const bool tells = std::abs(way) > foreground_step_m;
     out[p] = (tells ? off : 0.f) / (tells ? way : 1.f);
   }

@@ -15,7 +15,7 @@ namespace {
 
 constexpr std::size_t spare_directions = 10;
 constexpr int iterations = 6;
-constexpr std::size_t most_centred = 1024;  // records at a time; it bounds the memory
+constexpr std::size_t most_centred = 1024;  // rows centred at a time, to bound the memory
 
 using RowMajor = Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
@@ -60,7 +60,7 @@ Components principal_components(Matrix table, std::size_t count, std::uint64_t s
   const Eigen::MatrixXd in = as_eigen(seen).cast<double>();
   const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(in.transpose() * in /
                                                              static_cast<double>(table.rows));
-  Matrix turn(count, q.rows);  // eigenvalues come in rising order
+  Matrix turn(count, q.rows);  // eigenvalues are in ascending order
   for (std::size_t k = 0; k < count; ++k) {
     const auto last = eigen.eigenvalues().size() - 1 - static_cast<Eigen::Index>(k);
     out.deviation.push_back(
@@ -104,7 +104,7 @@ void archive(Archive archive, Components& c, std::size_t columns) {
   archive.values("deviation", c.deviation, c.basis.rows);
   archive.require(
       std::all_of(c.deviation.begin(), c.deviation.end(), [](float d) { return d >= 0; }),
-      "deviation", "expected none below 0");
+      "deviation", "expected no negative value");
 }
 
 }  // namespace echofuse::recon

@@ -11,20 +11,20 @@ namespace echofuse::recon {
 
 struct Components {
   std::vector<float> mean;       // mean of each column
-  Matrix basis;                  // one orthonormal direction a row, the strongest first
-  std::vector<float> deviation;  // standard deviation of the table along each
+  Matrix basis;                  // orthonormal directions, one per row, strongest first
+  std::vector<float> deviation;  // standard deviation of the table along each direction
 };
 
-// Returns min(count, rows, columns) components. The method is subspace iteration (Halko, Martinsson
-// and Tropp, SIAM Rev. 53, 217, 2011), for few directions of many columns.
+// Returns min(count, rows, columns) components. Uses subspace iteration (Halko, Martinsson and
+// Tropp, SIAM Rev. 53, 217, 2011), which is fast for few components of many columns.
 Components principal_components(Matrix table, std::size_t count, std::uint64_t seed);
 
-// Computes (table - mean) basis': one row of coordinates a row.
+// Computes (table - mean) basis': one row of coordinates per row.
 Matrix coordinates(const Components& components, const Matrix& table);
 // Inverse of coordinates() within the span of the basis: mean + amounts basis.
 Matrix from_coordinates(const Components& components, const Matrix& amounts);
 
-// Common unit of the amounts along the components, so that several kinds weigh alike in a loss.
+// Common scale of the coordinates, so that several sets of components have equal weight in a loss.
 float unit_of(const Components& components);
 
 // Reads or writes the components of a table with this number of columns.

@@ -9,8 +9,8 @@
 
 namespace echofuse::recon {
 
-// Returns how many lags of such an axis (data/lags.hpp) belong to antennas one above the other;
-// they come last. The axis's quantity says so: "lags", or "lags, 3 up".
+// Returns how many lags of such an axis (data/lags.hpp) belong to vertical pairs of antennas; they
+// come last. Read from the axis's quantity: "lags", or "lags, 3 up".
 inline std::size_t lags_up(const Axis& lags) {
   const std::size_t comma = std::min(lags.quantity.find(", "), lags.quantity.size());
   std::size_t out = 0;
@@ -19,9 +19,9 @@ inline std::size_t lags_up(const Axis& lags) {
   return out;
 }
 
-// The layout says which columns of the inputs are what. The SPD's bins come first, then the
-// radar's. Then each of its array's bins has c_0 and the real and imaginary parts of `scale` more
-// lags (data/lags.hpp). A count of 0 means that the sensor is not there.
+// Columns of the inputs: the SPD's bins, then the radar's, then for each bin of its array c_0 and
+// the real and imaginary parts of `scale` more lags (data/lags.hpp). A count of 0 means that the
+// sensor is missing.
 struct Layout {
   Axis spd, radar;
   Axis array = {};

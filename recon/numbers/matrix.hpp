@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// A matrix is a row-major table of floats: one row per record.
+// Row-major table of floats: one row per record.
 #pragma once
 #include <algorithm>
 #include <cstddef>

@@ -12,7 +12,7 @@
 namespace echofuse::recon {
 namespace {
 
-// A thread that comes late finds nothing left in its job, even if the next one has begun.
+// A late thread finds no part left in its job, even if the next job has begun.
 struct Job {
   Job(std::size_t part_count, const std::function<void(std::size_t)>& what)
       : parts(part_count), work(what) {}
@@ -31,7 +31,7 @@ struct Job {
   }
 };
 
-// Threads beside the one that calls for_each_part().
+// Threads in addition to the caller of for_each_part().
 struct Helpers {
   explicit Helpers(std::size_t threads) : count(threads), pool(threads) {}
   std::size_t count;

@@ -1,16 +1,16 @@
 // SPDX-License-Identifier: MIT
-// The parts of a calculation run on several threads. The result is the same bit by bit with any
-// number of threads if the parts depend on the shape of the calculation alone.
+// Runs the parts of a calculation on several threads. The result is bitwise identical for any
+// number of threads if the parts depend only on the shape of the calculation.
 //
 // Threading: any thread may call for_each_part(), but not from within a part; set_threads() may be
-// called while none calculates.
+// called while no calculation runs.
 #pragma once
 #include <cstddef>
 #include <functional>
 
 namespace echofuse::recon {
 
-void set_threads(int count);  // counts this thread too; 0, the default, means one per core
+void set_threads(int count);  // includes the calling thread; 0, the default, means one per core
 
 // Calls work(0) ... work(parts - 1) in any order, and returns when all are done. `work` must not
 // throw.

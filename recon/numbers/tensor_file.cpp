@@ -55,7 +55,7 @@ ByteView as_bytes(const std::string& text) {
   return {reinterpret_cast<const std::uint8_t*>(text.data()), text.size()};
 }
 
-// Returns the number of values, or nothing if that is more than a file can hold.
+// Returns the number of values, or nothing if a file cannot hold as much.
 std::size_t size_of(const TensorShape& shape) {
   std::size_t out = 1;
   for (const std::size_t n : shape)
@@ -95,47 +95,48 @@ TensorFile::TensorFile(std::string path, ByteView contents) : path_(std::move(pa
   ByteReader in(contents);
   const auto length = in.get<std::uint64_t>();
   if (contents.size() >= 4 && std::memcmp(contents.data(), "ECHO", 4) == 0)
-    refuse_file("is a model of an older version; train it again");
+    refuse_file("model of an older version; train it again");
   constexpr std::string_view sqlite = "SQLite format 3";
   if (contents.size() > sqlite.size() &&
       std::memcmp(contents.data(), sqlite.data(), sqlite.size()) == 0)
     refuse_file("is a run; expected a model file");
   if (!in.ok() || length > most_header || length > in.left())
-    refuse_file("is no model file, or is cut off; expected a safetensors file");
+    refuse_file("not a model file, or truncated; expected a safetensors file");
   const ByteView raw = in.take(length);
   std::string header(raw.begin(), raw.end());
   const ByteView values = contents.subspan(8 + length);
   const auto mark = header.find("\"crc32c\":\"");
   if (mark == std::string::npos || mark + 18 > header.size())
-    refuse_file("has no checksum; expected a model that echofuse-recon train wrote");
+    refuse_file("has no checksum; expected a model written by echofuse-recon train");
   const std::string said = header.substr(mark + 10, 8);
   header.replace(mark + 10, 8, no_crc);
   const std::uint32_t crc = crc32c(values, crc32c(as_bytes(header), crc32c(contents.first(8))));
-  if (said != hex(crc)) refuse_file("is damaged: its checksum does not fit");
+  if (said != hex(crc)) refuse_file("damaged: checksum mismatch");
   parse(header, values);
 }
 
-// No exception of the JSON library gets out: its faults are told in our words.
+// Converts exceptions of the JSON library into our errors.
 void TensorFile::parse(const std::string& header, ByteView values) try {
   std::vector<std::tuple<std::size_t, std::size_t, Bytes*>> places;
   const json head = json::parse(header);
   for (const auto& [name, entry] : head.items()) {
     if (name == "__metadata__") continue;
     const json &shape = entry.at("shape"), &offsets = entry.at("data_offsets");
-    // The JSON library would turn any number into a count.
+    // The JSON library would convert any number to an unsigned one.
     for (const json* list : {&shape, &offsets})
       if (!std::all_of(list->begin(), list->end(),
                        [](const json& n) { return n.is_number_unsigned(); }))
-        refuse(name, "expected whole numbers as shape and data_offsets");
+        refuse(name, "expected whole numbers in shape and data_offsets");
     Tensor tensor{entry.at("dtype").get<std::string>(), shape.get<TensorShape>(), {}};
     const auto begin = offsets.at(0).get<std::size_t>(), end = offsets.at(1).get<std::size_t>();
     const std::size_t width = bytes_of(tensor.type), count = size_of(tensor.shape);
     if (width == 0) refuse(name, "type " + tensor.type + ", expected F32, F64, I64, U32 or U8");
     if (tensor.shape.size() > most_rank)
-      refuse(name, "has " + std::to_string(tensor.shape.size()) + " sides; expected at most 4");
-    if (begin > end || end > values.size()) refuse(name, "lies beyond the end of the file");
+      refuse(name,
+             "has " + std::to_string(tensor.shape.size()) + " dimensions; expected at most 4");
+    if (begin > end || end > values.size()) refuse(name, "data end beyond the end of the file");
     if (count > values.size() || count * width != end - begin)
-      refuse(name, "its size is not that of its shape " + to_text(tensor.shape));
+      refuse(name, "data size does not match shape " + to_text(tensor.shape));
     const auto taken = tensors_.emplace(name, std::move(tensor)).first;
     places.emplace_back(begin, end, &taken->second.values);
   }
@@ -145,8 +146,8 @@ void TensorFile::parse(const std::string& header, ByteView values) try {
     if (begin != at) refuse("data_offsets", "tensors overlap or leave a gap");
     at = end;
   }
-  if (at != values.size()) refuse("data_offsets", "bytes that belong to no tensor");
-  // Copies the tensors only now: none shares bytes with another, so all fit in the file's size.
+  if (at != values.size()) refuse("data_offsets", "the file has bytes that belong to no tensor");
+  // Copies only after this check: tensors do not overlap, so all of them fit in the file's size.
   for (const auto& [begin, end, own] : places)
     own->assign(values.begin() + static_cast<std::ptrdiff_t>(begin),
                 values.begin() + static_cast<std::ptrdiff_t>(end));
@@ -159,10 +160,10 @@ void TensorFile::parse(const std::string& header, ByteView values) try {
     else if (fact.is_number_integer())
       facts[name] = fact.get<std::int64_t>();
     else
-      refuse(name, "expected a number or a text");
+      refuse(name, "expected a number or a string");
   }
 } catch (const json::exception&) {
-  throw Error(ExitCode::failed, path_ + ": is no model file: its header is not the JSON of one");
+  throw Error(ExitCode::failed, path_ + ": not a model file: invalid JSON header");
 }
 
 Bytes TensorFile::to_bytes() const {
@@ -216,7 +217,7 @@ template <class T>
 std::vector<T> TensorFile::read(const std::string& name, const TensorShape& shape) const {
   const Tensor& tensor = found(name);
   if (tensor.type != type_of<T>())
-    refuse(name, "is of type " + tensor.type + "; expected " + type_of<T>());
+    refuse(name, "has type " + tensor.type + "; expected " + type_of<T>());
   const bool fits =
       std::equal(shape.begin(), shape.end(), tensor.shape.begin(), tensor.shape.end(),
                  [](std::size_t wanted, std::size_t is) { return wanted == any || wanted == is; });
@@ -225,7 +226,7 @@ std::vector<T> TensorFile::read(const std::string& name, const TensorShape& shap
   if constexpr (std::is_floating_point_v<T>)
     if (!std::all_of(out.begin(), out.end(),
                      [](T v) { return std::abs(v) <= static_cast<T>(most_size); }))
-      refuse(name, "expected finite numbers of at most 1e18 in size");
+      refuse(name, "expected finite numbers up to 1e18");
   return out;
 }
 

@@ -1,19 +1,18 @@
 // SPDX-License-Identifier: MIT
-// A TensorFile holds tensors and facts in one safetensors file
-// (github.com/huggingface/safetensors). Python opens it with the package of that name or with
-// twenty lines of NumPy.
+// Tensors and facts in one safetensors file (github.com/huggingface/safetensors). Python reads it
+// with the package safetensors or with twenty lines of NumPy.
 //
 //   off 0  u64 N: length of the header, at most 1 MiB
 //   off 8  u8[N]: JSON, {"__metadata__": {"crc32c": "89abcdef", "facts": "TEXT", "kernel",
 //   "commit"},
 //                        NAME: {"dtype": "F32", "shape": [64, 48], "data_offsets": [0, 12288]},
 //                        ...}
-//   then   the tensors: row-major, little-endian, one behind the other without a gap; those of
-//          8 bytes a value first, then of 4, then of 1, so that each is aligned
+//   then   the tensors: row-major, little-endian, contiguous; those of 8 bytes a
+//          value first, then of 4, then of 1, so that each is aligned
 //
-// TEXT is a JSON object of numbers and texts by name, as the format takes only texts there. crc32c
-// is the CRC-32C of the whole file, in which these eight digits are zeros. kernel (of the matrix
-// product) and commit are of the program that wrote the file; nothing reads them.
+// TEXT is a JSON object of numbers and strings by name, because the format allows only strings
+// there. crc32c is the CRC-32C of the whole file with zeros for these eight digits. kernel (of the
+// matrix product) and commit describe the program that wrote the file; they are not read.
 #pragma once
 #include <cstdint>
 #include <limits>
@@ -32,21 +31,21 @@ using TensorShape = std::vector<std::size_t>;
 
 class TensorFile {
  public:
-  // Length of a dimension that is not checked.
+  // Length of an unchecked dimension.
   static constexpr std::size_t any = std::numeric_limits<std::size_t>::max();
   using Fact = std::variant<std::int64_t, double, std::string>;
 
-  TensorFile() = default;  // an empty one, to be filled
-  // Checks all of the file before anything of it is used. `path` is the name that messages show.
-  // Throws Error(failed) that names what is wrong and what would be right.
+  TensorFile() = default;  // empty, for writing
+  // Checks the whole file first. `path` appears in messages. Throws Error(failed) with the fault
+  // and the expected value.
   TensorFile(std::string path, ByteView contents);
   Bytes to_bytes() const;
 
   // T is float, double, std::int64_t, std::uint32_t or std::uint8_t.
   template <class T>
   void write(const std::string& name, std::span<const T> values, const TensorShape& shape);
-  // Throws Error(failed) unless the tensor is there, is of type T and of this shape, and holds
-  // finite numbers of at most 1e18 in size.
+  // Throws Error(failed) unless the tensor exists, has type T and this shape, and holds finite
+  // numbers up to 1e18.
   template <class T>
   std::vector<T> read(const std::string& name, const TensorShape& shape) const;
   bool has(const std::string& name) const { return tensors_.count(name) > 0; }
@@ -68,15 +67,15 @@ class TensorFile {
   std::map<std::string, Tensor> tensors_;
 };
 
-// Visits the parts of an object, either to write them or to read and check them, so that one
-// function of each class serves both ways:
+// Visits the members of an object, either to write them or to read and check them, so that one
+// function of each class does both:
 //
 //   void Ridge::archive(Archive& a) {
 //     a.table("weights", weights_, inputs, outputs);
 //     a.number("penalty", penalty_, 0, 1e18);
 //   }
 //
-// Every member throws Error(failed) if what is read is not as it should be.
+// Every member throws Error(failed) if a value read is invalid.
 class Archive {
  public:
   enum class Direction : bool { write, read };
@@ -85,7 +84,7 @@ class Archive {
   Archive(TensorFile& file, Direction direction, std::string group = {})
       : file_(&file), direction_(direction), group_(std::move(group)) {}
   bool reading() const { return direction_ == Direction::read; }
-  // The names in the returned archive begin with the group's: "group/name".
+  // Returns an archive that prefixes names with "group/".
   Archive in(const std::string& group) const { return {*file_, direction_, group_ + group + "/"}; }
 
   template <class T>
@@ -99,13 +98,13 @@ class Archive {
     whole_number(name, whole, least, most);
     value = static_cast<Integer>(whole);
   }
-  // The text is one of `allowed`, or any text if that list is empty.
+  // The text must be one of `allowed`; an empty list allows any.
   void text(const std::string& name, std::string& value, const std::vector<std::string>& allowed);
-  // Writes, or reads and returns, whether an optional part is there.
+  // Writes, or reads and returns, whether an optional part exists.
   bool part(const std::string& name, bool there);
-  // When it reads, it refuses the file unless the file has a tensor of this shape.
+  // On reading, refuses the file unless it has a tensor of this shape.
   void require_shape(const std::string& name, const TensorShape& shape) const;
-  // When it reads, it refuses the file unless `sound` holds.
+  // On reading, refuses the file unless `sound` is true.
   void require(bool sound, const std::string& name, const std::string& expected) const;
 
  private:

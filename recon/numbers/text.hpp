@@ -8,7 +8,7 @@ namespace echofuse::recon {
 // Formats as printf does.
 __attribute__((format(printf, 1, 2))) std::string formatted(const char* format, ...);
 
-// "512,256" becomes "512" and "256". An empty text has no parts.
+// Splits "512,256" into "512" and "256". An empty text has no parts.
 std::vector<std::string> split_at_commas(const std::string& text);
 
 }  // namespace echofuse::recon

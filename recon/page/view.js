@@ -84,7 +84,7 @@ function drawMapsLamp() {
   if (!made) return light('maps', ['off', '–'], run.model ? 'none yet' : '', '');
   const met = made.iou == null ? '' : `camera: IoU ${made.iou.toFixed(2)}` +
     (made.lateral_error_m == null ? '' : `, ${(made.lateral_error_m * 100).toFixed(0)}\u00a0cm off`);
-  const why = faultOf(made) || [...doubtsOf(record), made.note, state?.doubt && 'run unlike the training'].filter(Boolean).join('; ');
+  const why = faultOf(made) || [...doubtsOf(record), made.note, state?.doubt && 'run differs from the training data'].filter(Boolean).join('; ');
   light('maps', made.fault ? ['bad', 'NONE'] : made.seen ? ['look', 'TRAINED ON THIS RECORD'] : !run.calibrated ? ['look', 'NOT CALIBRATED'] : why ? ['look', 'DOUBT'] : ['ok', 'OK'],
         [why, made.x_m == null ? '' : `x\u00a0${made.x_m.toFixed(2)}\u00a0m` + (made.lateral_interval_90_m == null ? '' :
           ` ±${(made.lateral_interval_90_m * 100).toFixed(0)}\u00a0cm (90\u00a0%)`) + `, z\u00a0${made.z_m.toFixed(2)}\u00a0m`].filter(Boolean).join('; '), met);

@@ -11,8 +11,8 @@ namespace echofuse::recon {
 namespace {
 
 constexpr std::size_t folds = 4;
-// IoU that counts as much as a centimetre of lateral error. By quarters of the lateral error (0.5
-// to 7.3 cm) the maps of one model have an IoU of .671 to .510.
+// Weight of the lateral error against IoU, 1/m. Over the quarters of the lateral error (0.5 to 7.3
+// cm) the IoU of one model falls from .671 to .510.
 constexpr double iou_a_metre = 2.4;
 constexpr std::uint64_t fold_stream = 0x74756e65;  // "tune"
 
@@ -32,7 +32,7 @@ void Choice::add(const std::string& name, const Dataset& data, Fit fit) {
     entry.models.push_back(entry.fit(fold.train));
     const Estimator& model = entry.models.back();
     scores.push_back(score_maps(model.maps(data, fold.test), data, fold.test, judged_by_));
-    if (interrupted()) throw Error(ExitCode::interrupted, "interrupted while choosing");
+    if (interrupted()) throw Error(ExitCode::interrupted, "interrupted during cross-validation");
   }
   entry.row.metrics = summarise(scores, sequence_);
   for (const auto& fold : scores)
@@ -66,7 +66,7 @@ std::vector<Judged> Choice::judged() const {
   return out;
 }
 
-// The differences are paired: both models held out the same records in the same folds.
+// Paired differences: both models were tested on the same records in the same folds.
 std::pair<double, double> Choice::gain_and_error_of(const Entry& entry, const Entry& than) {
   std::vector<double> gains;
   for (std::size_t i = 0; i < entry.score.size(); ++i)
@@ -77,7 +77,7 @@ std::pair<double, double> Choice::gain_and_error_of(const Entry& entry, const En
           standard_deviation(gains) / std::sqrt(static_cast<double>(gains.size() - 1))};
 }
 
-// The gain is 0 if it is less than so many standard errors.
+// A gain below this many standard errors counts as 0.
 double Choice::gain_of(const Entry& entry, const Entry& than, double errors) {
   const auto [gain, error] = gain_and_error_of(entry, than);
   return gain > errors * error ? gain : 0;

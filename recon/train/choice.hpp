@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// `train --from` tries what an old model can become, and chooses among that by cross-validation.
+// Cross-validation of `train --from`: compares what an old model can become, and chooses one.
 #pragma once
 #include <functional>
 #include <string>
@@ -11,32 +11,33 @@
 
 namespace echofuse::recon {
 
-// Keeps references to its arguments. Scores the maps in this scene. All data hold the same records.
+// Keeps references to its arguments. Scores the maps in this scene. All datasets have the same
+// records.
 class Choice {
  public:
   Choice(const Scene& judged_by, const Split& split, const SplitOptions& options);
 
   using Fit = std::function<Estimator(const Rows& rows)>;
-  // Fits one model a fold, and scores it on the held-out records. Throws Error(interrupted).
+  // Fits one model per fold and scores it on the held-out records. Throws Error(interrupted).
   void add(const std::string& name, const Dataset& data, Fit fit);
-  // Chooses the best of the models that beat the first one by this many standard errors, else the
-  // first one.
+  // Chooses the best model that beats the first one by this many standard errors, otherwise the
+  // first.
   void choose(double errors);
 
-  std::size_t chosen() const { return chosen_; }  // in the order of the tries
+  std::size_t chosen() const { return chosen_; }  // index in the order of add()
   bool is(const std::string& name) const { return entries_[chosen_].row.name == name; }
-  // Returns the gain of this choice over another one of the same records. 0 if it is below so many
-  // standard errors.
+  // Returns the gain over another choice on the same records; 0 if it is below this many standard
+  // errors.
   double gain_over(const Choice& other, double errors) const {
     return gain_of(entries_[chosen_], other.entries_[other.chosen_], errors);
   }
-  // Returns the mean gain in score and its standard error, without a limit.
+  // Returns the mean gain in score and its standard error.
   std::pair<double, double> gain_and_error(const Choice& other) const {
     return gain_and_error_of(entries_[chosen_], other.entries_[other.chosen_]);
   }
   Estimator fit() const { return entries_[chosen_].fit(split_.train); }
   std::vector<CrossvalidatedRow> table() const;
-  // Returns each fold's model of the chosen kind, and the rows that it has not seen.
+  // Returns each fold's model of the chosen kind, and its held-out rows.
   std::vector<Judged> judged() const;
 
  private:
@@ -44,7 +45,7 @@ class Choice {
     CrossvalidatedRow row;
     Fit fit;
     std::vector<Estimator> models = {};
-    std::vector<double> score = {};  // IoU and lateral error of each record
+    std::vector<double> score = {};  // combined IoU and lateral error of each record
   };
   static std::pair<double, double> gain_and_error_of(const Entry& entry, const Entry& than);
   static double gain_of(const Entry& entry, const Entry& than, double errors);

@@ -15,7 +15,7 @@ Summaries summarise(const Folds& folds, bool sequence) {
   for (const auto& fold : folds) all.insert(all.end(), fold.begin(), fold.end());
   Summaries out = summarise(all);
   for (std::size_t m = 0; m < metric_count && sequence; ++m) {
-    double squares = 0, defined = 0;  // folds with a map that defines the metric
+    double squares = 0, defined = 0;  // defined: folds with a map that defines the metric
     for (const auto& fold : folds) {
       double rest = 0;
       std::size_t maps = 0;
@@ -52,7 +52,7 @@ std::vector<CrossvalidatedRow> crossvalidate(const Dataset& data, const Rows& ro
     const Preprocessing preprocessing(data, split.train, inputs,
                                       learn_scene(data.depth, split.train, data.map), aligned);
     for (std::size_t m = 0; m < out.size(); ++m) {
-      if (interrupted()) throw Error(ExitCode::interrupted, "interrupted while choosing");
+      if (interrupted()) throw Error(ExitCode::interrupted, "interrupted during cross-validation");
       if (out[m].fault.empty()) try {
           const Estimator model =
               fit_model(data, split, preprocessing, names[m], inputs, options.scaling, fit);
@@ -96,7 +96,7 @@ std::size_t cheapest_within_one_se(const std::vector<CrossvalidatedRow>& rows) {
   for (std::size_t i = 0; i < rows.size(); ++i)
     if (!std::isnan(quality(i)) && (best == rows.size() || quality(i) > quality(best))) best = i;
   if (best == rows.size())
-    throw Error(ExitCode::failed, "no model can be judged: " + rows.front().fault);
+    throw Error(ExitCode::failed, "no candidate could be tested: " + rows.front().fault);
   const double enough = quality(best) - rows[best].metrics[by_iou ? metric_iou : metric_rmse_m].se;
   std::size_t chosen = best;
   for (std::size_t i = 0; i < rows.size(); ++i)

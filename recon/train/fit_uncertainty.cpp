@@ -15,10 +15,11 @@ namespace {
 constexpr std::uint64_t noise_stream = 0x6e6f6973;  // "nois"
 constexpr std::uint64_t fold_stream = 0x756e6366;   // "uncf"
 constexpr std::size_t worse_copies = 3;
-// From here on a half of the records teaches nearly as much as all of them.
+// From this number on, a model of half of the records is nearly as good as one of all.
 constexpr std::size_t enough_for_halves = 2000;
-constexpr double fewest_photons_log10 = -2.5;  // log10 share of the photons that a copy keeps
-constexpr double least_noise_log10 = -2, most_noise_log10 = -0.3;  // radar, against its peak
+constexpr double fewest_photons_log10 = -2.5;  // log10 share of photons kept in a copy
+constexpr double least_noise_log10 = -2,
+                 most_noise_log10 = -0.3;  // radar noise, relative to its peak
 
 std::vector<double> lateral_errors(const Matrix& maps, const Matrix& truth, const Scene& scene) {
   std::vector<double> out;
@@ -27,7 +28,7 @@ std::vector<double> lateral_errors(const Matrix& maps, const Matrix& truth, cons
   return out;
 }
 
-// Learns how much larger errors are if the radar was brought from a wider response
+// Learns how much the errors grow if the radar was converted from a wider response
 // (imitate_brought).
 void learn_brought(LateralError& lateral, const Estimator& model, const Dataset& data,
                    const Rows& usual, const std::vector<Judged>& judged, Rng& rng) {
@@ -62,7 +63,7 @@ void degrade(Dataset& data, Rng& rng) {
   std::normal_distribution<float> normal;
   for (std::size_t i = 0; i < data.size(); ++i) {
     const double share = std::pow(10, photons(rng));
-    for (float& v : data.spd.row(i))  // counts of a calibrated run are not whole
+    for (float& v : data.spd.row(i))  // counts of a calibrated run are not integers
       v = static_cast<float>(
           std::binomial_distribution<long>(std::max(std::lround(v), 0L), share)(rng));
     const auto power = data.radar.row(i);
@@ -88,7 +89,7 @@ UncertaintyModel fit_uncertainty(const Estimator& model, const Dataset& data, co
   Matrix predictors, maps, truth(0, data.depth.cols);
   SoftMaps soft;
   std::vector<double> errors;
-  // The rows cover all records; the unchanged records come first.
+  // The rows cover all records; the unmodified records come first.
   for (std::size_t copy = 0; copy <= worse_copies; ++copy)
     for (const Judged& part : judged) {
       Dataset records = part_of(data, part.rows);
@@ -129,7 +130,7 @@ std::optional<UncertaintyModel> fit_uncertainty(const Estimator& model, const Da
   std::sort(rows.begin(), rows.end());
   const bool few = rows.size() < enough_for_halves;
   std::vector<Split> folds = make_folds(rows, few ? 4 : 2, options, fold_stream);
-  if (!few) folds.resize(1);  // the errors of one half tell enough
+  if (!few) folds.resize(1);  // the errors of one half are enough
   std::vector<Estimator> models;
   std::vector<Judged> judged;
   models.reserve(folds.size());

@@ -14,11 +14,11 @@
 namespace echofuse::recon {
 namespace {
 
-// In front of a room the SPD alone sees nearly everything, but only a network learns it.
+// In a furnished room the SPD alone is nearly as good, but only with a network.
 constexpr const char* fallback_candidate = "pca-mlp-256-256";
 constexpr std::uint64_t fold_stream = 0x666f6c64;  // "fold"
 
-// The choice uses the training records alone: the test records choose nothing.
+// The choice uses the training records only, never the test records.
 std::string choose(const Dataset& data, const Split& split, const TrainOptions& options) {
   Rows rows = split.train;
   rows.insert(rows.end(), split.validation.begin(), split.validation.end());
@@ -39,22 +39,21 @@ void say(const TrainOptions& options, const std::string& text) {
   if (!options.fit.quiet) std::fprintf(stderr, "%s\n", text.c_str());
 }
 
-// Describes one of the estimators of a model.
+// One of the estimators of a model.
 struct Wanted {
   std::string name;  // candidate
   Inputs inputs;
   std::string scaling;
   FitOptions fit;
-  std::size_t enough_validation;  // records that tell of its errors
+  std::size_t enough_validation;  // validation records that suffice for its errors
 };
 
-// Returns the estimators that a training makes, in the order in which they are asked. The first is
-// as named. If that one takes the radar's antennas, the next is the same with the range profile
-// alone. If it takes both sensors, the last is a network for the SPD alone, for records whose radar
-// is lost.
+// Returns the estimators to train, in order of use: the named one; if it uses the radar's antennas,
+// the same with the range profile only; if it uses both sensors, a network for the SPD alone, for
+// records without radar.
 std::vector<Wanted> wanted_of(const Dataset& data, const std::string& name,
                               const TrainOptions& options) {
-  constexpr std::size_t enough = 500, enough_of_spd = 150;  // the SPD's model is seldom used
+  constexpr std::size_t enough = 500, enough_of_spd = 150;  // the SPD's model is rarely used
   const Inputs inputs = inputs_of(options.inputs);
   const bool aligned = looks_at_body(name, options);
   std::vector<Wanted> out{{name, inputs, options.scaling, options.fit, enough}};
@@ -77,7 +76,7 @@ Estimator train_one(const Wanted& wanted, const Dataset& data, const Split& spli
   const bool uncertainties = options.uncertainty && has_enough_records(split) &&
                              !ignores_inputs(candidate_of(name, fit).model);
   const std::string which = name + " on " + name_of(inputs);
-  say(options, which + ": aligning " + std::to_string(data.size()) + " records, then learning");
+  say(options, which + ": aligning " + std::to_string(data.size()) + " records, then fitting");
   const Preprocessing preprocessing(data, split.train, aligned ? inputs : without_antennas(inputs),
                                     scene, uncertainties || aligned);
   Estimator out = fit_model(data, split, preprocessing, name, inputs, scaling, fit);
@@ -86,14 +85,14 @@ Estimator train_one(const Wanted& wanted, const Dataset& data, const Split& spli
   if (inputs != Inputs::spd || options.inputs == name_of(Inputs::spd))
     out.domain =
         DomainReference(preprocessing.alignment, data, preprocessing.views, split.train, inputs);
-  say(options, which + ": how far off its maps are, by records that it has not seen");
+  say(options, which + ": estimating its errors on held-out records");
   FitOptions quiet = fit;
   quiet.quiet = true;
   std::size_t models = 0;
   out.uncertainty = fit_uncertainty(
       out, data, preprocessing.views, split, options.split,
       [&](const Split& part) {
-        say(options, "  model " + std::to_string(++models) + " of a part of the records");
+        say(options, "  model " + std::to_string(++models) + " on part of the records");
         return fit_model(data, part, preprocessing, wanted.name, wanted.inputs, wanted.scaling,
                          quiet);
       },
@@ -114,7 +113,7 @@ TrainedModel train_split(const Dataset& data, const Split& split, const std::str
   for (const Wanted& wanted : wanted_of(data, name, options)) {
     if (!model.estimators.empty() && interrupted()) break;
     Estimator one = train_one(wanted, data, split, scene, options);
-    if (!model.estimators.empty() && interrupted()) break;  // half trained
+    if (!model.estimators.empty() && interrupted()) break;  // training was interrupted
     model.estimators.push_back(std::move(one));
   }
   model->log.interrupted |= interrupted();
@@ -124,7 +123,7 @@ TrainedModel train_split(const Dataset& data, const Split& split, const std::str
 Split split_of(const Dataset& data, const TrainOptions& options) {
   const Inputs inputs = inputs_to_train(options);
   if (inputs == Inputs::fused && data.arrays_differ)
-    say(options, "the runs differ in the radar's antennas: of the radar, the profile is taken");
+    say(options, "the runs differ in the radar's antennas: only the radar profile is used");
   const TrainingRows rows = rows_to_train(data, inputs);
   if (!rows.left_out.empty()) say(options, rows.left_out);
   if (const std::string text = late_truth(data); !text.empty()) say(options, text);

@@ -24,8 +24,8 @@ void require_sensors(const Dataset& data, Inputs inputs) {
        {Needed{Sensor::spd, "spd", "--inputs radar"},
         Needed{Sensor::radar, "radar", "--inputs spd"},
         Needed{Sensor::depth, "a depth map",
-               "a model learns from the camera's truth; record with depth.address, or reconstruct "
-               "this run with a model of another"}}) {
+               "training needs the depth camera; record with depth.address, or reconstruct "
+               "this run with a model of another run"}}) {
     if (sensor != Sensor::depth && !sensors_of(inputs).contains(sensor)) continue;
     bool found = false;
     for (std::size_t row = 0; row < data.size(); ++row) found |= data.has(row, sensor);
@@ -65,16 +65,15 @@ TrainingRows rows_to_train(const Dataset& data, Inputs inputs) {
   const std::size_t all = data.size() + data.damaged.size();
   const std::size_t none = reasons[dead_record] + data.damaged.size();
   if (static_cast<double>(none) > most_damaged * static_cast<double>(all))
-    throw Error(
-        ExitCode::failed,
-        first_fault + formatted(": a dead sensor, or nobody and no light; so are %zu of %zu "
-                                "records: of more than a tenth nothing can be learned",
-                                none, all));
+    throw Error(ExitCode::failed,
+                first_fault + formatted(": dead sensor, or an empty room without light; %zu of %zu "
+                                        "records are dead or damaged (limit 10 %%)",
+                                        none, all));
   reasons["damaged"] = data.damaged.size();
   out.left_out = left_out_text(reasons, all);
   if (!out.left_out.empty())
     out.left_out += (first_fault.empty() ? "" : " (" + first_fault + ")") +
-                    (doubtful ? "; --set doubtful=take trains with what is doubtful" : "");
+                    (doubtful ? "; --set doubtful=take includes doubtful records" : "");
   const auto lossy =
       std::ranges::count_if(out.rows, [&](std::size_t row) { return data.is_lossy(row, inputs); });
   if (lossy > 0)
@@ -126,15 +125,15 @@ std::string alike_neighbours(const Dataset& data, const Rows& rows) {
   for (std::size_t i = 1; i + 1 < rows.size(); i += rows.size() / sample + 1, ++judged) {
     const double near = std::min(distance(i, i - 1), distance(i, i + 1));
     bool nearest = true;
-    for (std::size_t k = 0; k < others && nearest; ++k)  // an eighth of the records away, or more
+    for (std::size_t k = 0; k < others && nearest; ++k)  // at least an eighth of the records away
       nearest = near <
                 distance(i, (i + rows.size() / 8 + k * rows.size() * 3 / 4 / others) % rows.size());
     alike += nearest;
   }
   if (static_cast<double>(alike) <= most_share * static_cast<double>(judged)) return {};
   return formatted(
-      "neighbours in time are alike: of %zu of %zu records a neighbour's depth map is nearer than "
-      "those of %zu records far away; a random split flatters the scores, --split blocked does not",
+      "neighbours in time are alike: for %zu of %zu records a neighbour's depth map is nearer than "
+      "those of %zu distant records; a random split gives optimistic scores, use --split blocked",
       alike, judged, others);
 }
 

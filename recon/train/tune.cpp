@@ -20,8 +20,8 @@ namespace {
 
 constexpr std::array penalties{100., 10., 1.};
 constexpr double usual_penalty = 30, least_penalty_of_few = 10;
-// Share of the pixels of the median map. People alone fill less, even if half of few records have
-// them in one place.
+// Share of the pixels of the median map. People cover less, even if they are in one place in half
+// of a few records.
 constexpr double changed_share = 0.2;
 
 const char* const unchanged = "unchanged";
@@ -32,7 +32,8 @@ bool can_be_tuned(const std::string& kind) {
   return wants_alignment(kind) || kind_of(kind).size == ModelKind::Size::hidden;
 }
 
-// Scene behind people by the maps: the new place, if it differs from the one that the model knows.
+// Returns the background learnt from `rows` if more than 20 % of its pixels changed, otherwise the
+// model's.
 Scene scene_for(const Estimator& from, const Dataset& data, const Rows& rows) {
   Scene scene = learn_scene(data.depth, rows, data.map);
   std::size_t changed = 0;
@@ -43,8 +44,7 @@ Scene scene_for(const Estimator& from, const Dataset& data, const Rows& rows) {
   return scene;
 }
 
-// The background of the sensors is the one that the model has learnt, or is learnt from the new
-// records.
+// Background in the sensors' data: kept from the model, or learnt from the new records.
 enum class Room : bool { kept, learnt };
 
 Estimator adapt(const Estimator& from, const Dataset& data, const Rows& rows, Room room,
@@ -82,8 +82,8 @@ bool are_few(const Estimator& from, const Split& split) {
   return split.train.size() < TuneOptions::least_alone && wants_alignment(from.name);
 }
 
-// Returns the standard errors by which something has to be better than the model as it was. So few
-// records hardly show which is best, and what stays does no harm. More records choose the best.
+// Returns by how many standard errors a candidate must beat the unchanged model. Few records cannot
+// show which is best, and the unchanged model does no harm. With more records the best wins.
 double plainly(bool few) { return few ? 2 : 0; }
 
 Tuning without_training(Tuning tuning) {
@@ -91,8 +91,8 @@ Tuning without_training(Tuning tuning) {
   return tuning;
 }
 
-// Returns the background with which the unchanged networks score better: the learnt one if that is
-// better by a standard error.
+// Returns the background that gives the unchanged networks the better score: the learnt one if it
+// is better by a standard error.
 Room better_room(const Start& start, const Scene& judged_by, const Split& split,
                  const TuneOptions& options) {
   if (!wants_alignment(start.model->name) || !options.only.empty()) return Room::kept;
@@ -106,7 +106,8 @@ Room better_room(const Start& start, const Scene& judged_by, const Split& split,
   return choice.chosen() == 0 ? Room::kept : Room::learnt;
 }
 
-// A model of these records alone is the same from any start.
+// Tries `alone` for one start only, because a model of these records alone does not depend on the
+// start.
 void try_all(Choice& choice, const Start& start, const Split& split, const TuneOptions& options,
              Room room, bool with_alone) {
   const Estimator& from = start.model.first();
@@ -136,13 +137,13 @@ void try_all(Choice& choice, const Start& start, const Split& split, const TuneO
   choice.choose(plainly(are_few(from, split)));
 }
 
-// Returns the rows that every start can learn from.
+// Returns the rows that every start can be tuned on.
 TrainingRows rows_of(const std::vector<Start>& starts) {
   TrainingRows out;
   for (const Start& start : starts) {
     if (!can_be_tuned(start.model->name))
       throw Error(ExitCode::failed,
-                  "a model of kind " + start.model->name +
+                  "a model of type " + start.model->name +
                       " cannot be tuned; mean-shape, factorised, mlp and pca-mlp can");
     const TrainingRows found = rows_to_train(start.data, start.model->features.inputs);
     Rows both;
@@ -155,7 +156,7 @@ TrainingRows rows_of(const std::vector<Start>& starts) {
   return out;
 }
 
-// Adds the parts beside the chosen model; no uncertainty with too few records.
+// Adds the other parts of the chosen model; no uncertainty if there are too few records.
 void finish(Estimator& model, const Dataset& data, const Split& split,
             const std::vector<Judged>& judged, std::uint64_t seed) {
   const Rows all = all_rows(data.size());
@@ -175,14 +176,14 @@ void finish(Estimator& model, const Dataset& data, const Split& split,
     model.uncertainty = fit_uncertainty(model, data, views, split.train, judged, seed);
 }
 
-// Few records say nothing of an estimator that stays as it was; its own training did.
+// Keeps the uncertainty and domain of an unchanged estimator: its training had more records.
 void keep_statements(Estimator& model, const Estimator& from) {
   model.uncertainty = from.uncertainty, model.domain = from.domain;
 }
 
-// Tunes the estimators for the range profile and the SPD alone, or fits them alone as the first
-// one. Their penalty is not tested: they are seldom needed. With few records they learn no more
-// than the first estimator does.
+// Tunes the estimators for the range profile and the SPD alone, or fits them alone like the first
+// one. Their penalty is not cross-validated, because they are rarely used. With few records they
+// get no more freedom than the first estimator.
 Estimator tune_other(const Estimator& from, const Dataset& data, const Split& split,
                      const TuneOptions& options, bool learns, bool by_alone) {
   const bool few = are_few(from, split);
@@ -210,11 +211,10 @@ std::string compared(const std::vector<Start>& starts, const std::vector<Choice>
   const auto [gain, error] = choices[best].gain_and_error(choices[other]);
   return formatted("start %s over %s, on the same folds: IoU - 2.4 x lateral m %+.3f +- %.3f%s\n",
                    printable(starts[best].name).c_str(), printable(starts[other].name).c_str(),
-                   gain, error,
-                   gain < clear_errors * error ? "; either may be the better one" : "");
+                   gain, error, gain < clear_errors * error ? "; not significant" : "");
 }
 
-// Returns the records of the old model and of this one.
+// Joins the record lists of the old model and of this one.
 SeenRecords both(const SeenRecords& old, SeenRecords seen) {
   const auto first = static_cast<std::uint32_t>(seen.runs.size());
   seen.runs.insert(seen.runs.end(), old.runs.begin(), old.runs.end());
@@ -246,22 +246,23 @@ TunedModel tune(const std::vector<Start>& starts, const TuneOptions& options) {
   const auto started = std::chrono::steady_clock::now();
   const auto [rows, left_out] = rows_of(starts);
   if (rows.size() < TuneOptions::least_records)
-    throw Error(ExitCode::failed, std::to_string(rows.size()) +
-                                      " usable records; at least 10 are needed to tune a model");
+    throw Error(ExitCode::failed,
+                std::to_string(rows.size()) + " usable records; tuning needs at least 10");
   const Split split = make_split(rows, options.split);
   const Scene judged_by = scene_for(starts.front().model.first(), starts.front().data, split.train);
   std::vector<Choice> choices;
-  choices.reserve(starts.size());  // the candidates refer to them
+  choices.reserve(starts.size());  // the candidates hold references into it
   for (const Start& start : starts) {
     choices.emplace_back(judged_by, split, options.split);
     try_all(choices.back(), start, split, options, better_room(start, judged_by, split, options),
             choices.size() == 1);
   }
   if (choices.front().table().empty())
-    throw Error(ExitCode::usage, options.only + ": nothing of this name is tried here");
+    throw Error(ExitCode::usage, options.only + ": no candidate of this name");
   std::size_t best = 0;
   double most = 0;
-  // Between starts with few records one error: none harmed 2 of 21 draws of seven worlds, one 0.
+  // With few records another start must win by one standard error: of 21 draws of seven worlds none
+  // got worse (2 did without a limit).
   const double errors = plainly(are_few(starts.front().model.first(), split)) / 2;
   for (std::size_t k = 1; k < choices.size(); ++k)
     if (const double gain = choices[k].gain_over(choices[0], errors); gain > most)

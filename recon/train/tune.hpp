@@ -1,9 +1,8 @@
 // SPDX-License-Identifier: MIT
-// Tuning makes a model of another room from a model and a few records of that room.
-// Cross-validation within the records compares four outcomes: the old model unchanged; with
-// background and position corrected; fine-tuned, with an L2 penalty to its weights that the
-// cross-validation also chooses; and a model of these records alone. Takes the best start of
-// several old models.
+// Adapts a model to another room with a few records from there. Compares four candidates by
+// cross-validation on these records: the old model unchanged; with background and position
+// corrected; fine-tuned, with an L2 penalty that cross-validation chooses too; and a model of these
+// records alone. Given several old models, it takes the best start.
 #pragma once
 #include <string>
 #include <vector>
@@ -15,37 +14,37 @@ namespace echofuse::recon {
 
 struct TuneOptions {
   static constexpr std::size_t least_records = 10;
-  static constexpr std::size_t least_alone = 50;  // fewer records make no model of their own
-  SplitOptions split;                             // no validation records, which nothing uses
-  Tuning tuning;                                  // its penalty is chosen
-  bool quiet = true;                              // false: names the candidates on stderr
-  std::string only = {};  // the one row of the table that is tried; empty: all are
+  static constexpr std::size_t least_alone = 50;  // below, no model of these records alone
+  SplitOptions split;                             // without validation records, which are not used
+  Tuning tuning;                                  // its penalty is chosen by cross-validation
+  bool quiet = true;                              // false: print the candidates on stderr
+  std::string only = {};                          // try this row of the table only; empty: all
 };
 
-// A model to start from, and the records as match_for_tuning has made them for it. Also the same
-// records on their own axes, with one response, for a model of these alone.
+// A model to start from, and the records after match_for_tuning() for it. Also the same records on
+// their own axes, with one response, for a model of these alone.
 struct Start {
   const TrainedModel& model;
   const Dataset& data;
   const Dataset& own;
-  std::string name = {};  // in the table, if there are several
+  std::string name = {};  // prefix in the table if there are several starts
 };
 
 struct TunedModel {
   TrainedModel model;
-  std::vector<CrossvalidatedRow> table;  // the models that were tried
+  std::vector<CrossvalidatedRow> table;  // the models tried
   std::size_t chosen = 0;                // row of the table
-  std::string left_out;                  // as of TrainingRows, by the first start
-  std::string starts;                    // difference between the starts; empty with one
+  std::string left_out;                  // TrainingRows::left_out, for the first start
+  std::string starts;                    // comparison of the starts; empty if there is one
 };
 
-// Brings the data onto the model's axes and to its response. `path` is the model's. Throws
-// Error(failed) that names what does not fit.
+// Brings the data to the model's axes and response. `path` is the model's. Throws Error(failed) if
+// they do not fit.
 void match_for_tuning(const TrainedModel& from, const std::string& path, Dataset& data);
 
-// Tunes from the start whose outcome has the best score. All starts have the same records. With few
-// records the old model stays unless an outcome is plainly better within its start. Throws
-// Error(failed) for fewer than least_records records, or a kind that cannot be tuned.
+// Tunes each start and returns the best result. All starts have the same records. With few records
+// the old model stays unless a candidate is clearly better. Throws Error(failed) for fewer than
+// least_records records, or a kind that cannot be tuned.
 TunedModel tune(const std::vector<Start>& starts, const TuneOptions& options);
 
 // Returns one line for each row of the table: accuracy, and which is chosen.

@@ -22,13 +22,12 @@ constexpr std::size_t block = 10;  // records
 constexpr int permutations = 4000;
 constexpr std::uint64_t permutation_stream = 0x646f6d61;  // "doma"
 constexpr double clearly = 4;                             // standard errors
-// Limits in units of a record's usual deviation, and of its square; smaller differences do not
-// matter.
+// Smaller differences do not matter. Units: a record's standard deviation, and its square.
 constexpr double least_mean = 0.1, least_square = 0.3;
-constexpr double most_square = 16;  // one stray record does not make another world
+constexpr double most_square = 16;  // limits the weight of a single outlier
 
-// Numbers as deviations from the training's means, and their squares: [m x 2 numbers]. An unknown
-// number counts as the mean.
+// Converts numbers to deviations from the training's means, and their squares: [m x 2 numbers]. A
+// missing number counts as the mean.
 class Standard {
  public:
   explicit Standard(const Matrix& known) {
@@ -61,7 +60,7 @@ class Standard {
   std::array<double, record_number_count> centre_{}, deviation_{};
 };
 
-// Returns means of ten rows each; the rows left over at the end belong to no block.
+// Returns means of ten rows each; drops the remaining rows.
 MatrixXd block_means(const MatrixXd& rows) {
   const auto size = Index(block), blocks = rows.rows() / size;
   MatrixXd out(blocks, rows.cols());
@@ -69,8 +68,8 @@ MatrixXd block_means(const MatrixXd& rows) {
   return out;
 }
 
-// Draws `drawn` blocks at random, and returns the differences of their mean and the mean of the
-// others: one draw a row.
+// Draws `drawn` blocks at random and returns the difference between their mean and the mean of the
+// others: one row per draw.
 MatrixXd permuted(const MatrixXd& blocks, Index drawn) {
   const VectorXd all = blocks.colwise().sum();
   const auto others = static_cast<double>(blocks.rows() - drawn);
@@ -90,8 +89,8 @@ MatrixXd permuted(const MatrixXd& blocks, Index drawn) {
   return out;
 }
 
-// Returns p. It tests the number whose difference of means is the greatest, in units of what
-// permutations give, against the greatest of each permutation (Westfall and Young, Resampling-Based
+// Returns p of the greatest difference of means, in units of its standard deviation over the
+// permutations, against the greatest of each permutation (Westfall and Young, Resampling-Based
 // Multiple Testing, 1993).
 double p_of(const VectorXd& difference, const MatrixXd& chance, double least_error) {
   const ArrayXd error = chance.array().square().colwise().mean().sqrt().max(least_error);
@@ -104,8 +103,7 @@ double p_of(const VectorXd& difference, const MatrixXd& chance, double least_err
   return static_cast<double>(above + 1) / (permutations + 1);
 }
 
-// Returns the standard errors of the difference of two means, from the scatter of the blocks about
-// each mean.
+// Returns the standard errors of the difference of two means, from the variance between blocks.
 ArrayXd standard_errors(const MatrixXd& a, const MatrixXd& b, double least_error) {
   const auto about_mean = [](const MatrixXd& m) -> ArrayXd {
     return (m.rowwise() - m.colwise().mean()).array().square().colwise().sum().transpose();
@@ -127,8 +125,8 @@ std::string describe(const RecordNumber& number, double difference, double error
 
 std::string range_advice(double difference_m, double error_m) {
   return formatted(
-      "the radar's ranges look %.1f +- %.1f cm too %s, or people stand further %s, or reflect "
-      "otherwise; if it is the radar: --range-offset %.3f, and calibrate",
+      "radar ranges appear %.1f +- %.1f cm too %s, or people are further %s, or reflect "
+      "differently; if the radar is the cause: --range-offset %.3f, and calibrate",
       100 * std::abs(difference_m), 100 * error_m, difference_m > 0 ? "long" : "short",
       difference_m > 0 ? "right" : "left", difference_m);
 }
@@ -143,14 +141,15 @@ std::string DomainShift::text() const {
   if (!tested()) return {};
   const std::string p_text = p < most_p ? formatted("p < %g", most_p) : formatted("p = %.3f", p);
   if (!found())
-    return std::string("this run is like the training") +
-           (p < most_p ? " (what surely differs is too little to matter): " : ": ") + p_text;
+    return std::string("this run matches the training data") +
+           (p < most_p ? " (significant differences are too small to matter): " : ": ") + p_text;
   if (p >= most_p || differences.empty())
-    return formatted("this run is unlike the training: %zu of %zu records are (most: %s)", flagged,
-                     judged, reason.c_str());
+    return formatted("this run differs from the training data: %zu of %zu records do (most: %s)",
+                     flagged, judged, reason.c_str());
   std::string all;
   for (const Difference& d : differences) all += (all.empty() ? ": " : ", ") + d.text;
-  return "this run is unlike the training: " + p_text + all + (advice.empty() ? "" : "; " + advice);
+  return "this run differs from the training data: " + p_text + all +
+         (advice.empty() ? "" : "; " + advice);
 }
 
 DomainReference::DomainReference(const Alignment& alignment, const Dataset& data,
@@ -174,7 +173,7 @@ DomainShift DomainReference::judge(const Alignment& alignment, const Dataset& da
   DomainShift out{found.rows, 1, {}, {}};
   for (std::size_t k = 0; k < record_number_count; ++k) {
     if (!standard.known(k) || own.known(k)) continue;
-    // A number that this run does not have is not compared.
+    // Skips a number that this run does not have.
     for (const Index c : {Index(k), count + Index(k)})
       before.col(c).setZero(), now.col(c).setZero();
   }

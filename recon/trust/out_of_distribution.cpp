@@ -19,17 +19,16 @@ namespace {
 
 constexpr std::uint64_t held_stream = 0x68656c64;  // "held"
 constexpr std::size_t most_components = 36, rows_a_component = 60;
-constexpr std::size_t folds_of_few = 4, folds_of_many = 10;  // one fold sets the limits
+constexpr std::size_t folds_of_few = 4, folds_of_many = 10;  // the limits come from one fold
 constexpr std::size_t few_records = 400, many_records = 3000;
-// Share of records like the training ones that lies above the limit of T^2, that of two bodies, and
-// those of Q, which share it.
+// False alarm rate of each limit: T^2, two bodies, and all Q together.
 constexpr double above_limit = 0.002;
-constexpr double nobody = -30;               // log odds of two bodies
-constexpr double range_reserve = 0.05;       // share of the span of the training records' ranges
-constexpr double clicks_reserve = 1.25;      // factor of the brightest training record's clicks
-constexpr double nearly_all_records = 0.99;  // share of the training records that show a body
+constexpr double nobody = -30;               // log odds of two bodies if there is no body
+constexpr double range_reserve = 0.05;       // share of the span of the training ranges
+constexpr double clicks_reserve = 1.25;      // factor of the maximum of the training records
+constexpr double nearly_all_records = 0.99;  // share of training records that show a body
 
-// The reason names the group that stands out.
+// Reasons by group of values.
 constexpr std::array unusual{"unusual histogram",
                              "unusual radar profile",
                              "unusual samples of the radar's antennas",
@@ -69,7 +68,8 @@ OutOfDistributionDetector::OutOfDistributionDetector(const Alignment& alignment,
     all.add_row(describe(views.row(rows[i]), data, rows[i]));
     most_clicks_per_start_ = std::max(most_clicks_per_start_, data.clicks_a_pulse[rows[i]]);
     if (!shows_body(all.row(i))) continue;
-    const auto range_m = double{all.row(i)[first_[range]]};  // without a detector it means nothing
+    const auto range_m =
+        double{all.row(i)[first_[range]]};  // without a detector the range is undefined
     nearest_m_ = with_body.empty() ? range_m : std::min(nearest_m_, range_m);
     farthest_m_ = with_body.empty() ? range_m : std::max(farthest_m_, range_m);
     with_body.push_back(i);
@@ -77,7 +77,7 @@ OutOfDistributionDetector::OutOfDistributionDetector(const Alignment& alignment,
   const double reserve_m = range_reserve * (farthest_m_ - nearest_m_);
   nearest_m_ -= reserve_m, farthest_m_ += reserve_m;
   share_with_body_ = static_cast<double>(with_body.size()) / static_cast<double>(rows.size());
-  // Records whose label says two people do not show what is usual for one.
+  // Records labelled as two people do not define what one person looks like.
   const auto shows_two = [&](std::size_t i) { return data.label[rows[i]] == two_people_label; };
   const auto learn = [&](Rows part) {
     std::sort(part.begin(), part.end());
@@ -90,8 +90,8 @@ OutOfDistributionDetector::OutOfDistributionDetector(const Alignment& alignment,
     if (sensors.spd_count() > 0)
       two_bodies_ = learn_two_bodies(alignment, sensors, data, usual, scene, seed);
   };
-  // The rows are shuffled, as runs and kinds of records lie behind each other. With so few records
-  // none is set aside for the limits alone: each is judged by what the others teach.
+  // Shuffles the rows, because runs and kinds of records are contiguous. With few records none are
+  // reserved for the limits: each is tested by a fit to the others.
   Rows order = all_rows(rows.size());
   Rng rng = make_rng(seed, held_stream);
   std::shuffle(order.begin(), order.end(), rng);
@@ -104,7 +104,7 @@ OutOfDistributionDetector::OutOfDistributionDetector(const Alignment& alignment,
   const auto wider = wider_responses(own);
   const RadarNoise noise(data, rows);
   std::vector<std::vector<Found>> held_brought(wider.size());
-  // Returns the descriptions of records as if they had been brought from this response.
+  // Returns the descriptions of records as if they were converted from this response.
   const auto describe_brought = [&](const Rows& some, const record::RadarResponse& from) {
     Rows taken;
     for (const std::size_t i : some) taken.push_back(rows[i]);
@@ -144,7 +144,7 @@ std::vector<float> OutOfDistributionDetector::describe(std::span<const float> vi
   return out;
 }
 
-// Each group gets the same total variance.
+// Gives each group the same total variance.
 void OutOfDistributionDetector::learn_components(const Matrix& descriptions, std::uint64_t seed) {
   const auto variance = column_statistics(descriptions, all_rows(descriptions.rows)).variance;
   scale_.clear();
@@ -176,7 +176,7 @@ OutOfDistributionDetector::Found OutOfDistributionDetector::find(
       vector(description).cwiseProduct(vector(scale_)) - vector(components_.mean);
   const VectorXf amounts = basis * from_mean;
   const VectorXf off = from_mean - basis.transpose() * amounts;
-  // T^2 = sum (amount / deviation)^2 is also the sum of what each value adds.
+  // T^2 = sum (amount / deviation)^2; each value's share of it finds the group.
   const auto variance = vector(components_.deviation).array().square();
   const VectorXf weights = basis.transpose() * (amounts.array() / variance).matrix();
   Found out{{}, histogram};
@@ -202,7 +202,7 @@ OutOfDistributionDetector::Limits OutOfDistributionDetector::limits_of(
     std::vector<float> values;
     for (std::size_t i = 0; i < held.size(); ++i)
       if (s != two || !shows_two[i]) values.push_back(static_cast<float>(held[i].values[s]));
-    if (values.empty()) continue;  // all records are of two people
+    if (values.empty()) continue;  // all records show two people
     const double usual = double{quantile(values, 0.5)};
     const double above = above_limit / (s < groups ? static_cast<double>(groups) : 1.);
     out[s] = {usual, std::max(upper_limit(std::move(values), above), usual + 1e-6)};
@@ -267,7 +267,8 @@ void OutOfDistributionDetector::archive(Archive archive, Limits& limits) {
   archive.values("limits", values, 2 * statistics);
   for (std::size_t s = 0; s < statistics; ++s) {
     limits[s] = {values[2 * s], values[2 * s + 1]};
-    archive.require(limits[s].most >= limits[s].usual, "limits", "expected none below the usual");
+    archive.require(limits[s].most >= limits[s].usual, "limits",
+                    "expected at least the usual value");
   }
 }
 
@@ -278,7 +279,7 @@ void OutOfDistributionDetector::archive(Archive archive, const Features& of_mode
   archive.values("scale", scale_, values);
   recon::archive(archive.in("components"), components_, values);
   archive.require(std::ranges::all_of(components_.deviation, [](float d) { return d > 0; }),
-                  "components/deviation", "expected all above 0");
+                  "components/deviation", "expected positive values");
   Archive of_two = archive.in("two_bodies");
   if (of_two.part("known", two_bodies_.known())) two_bodies_.archive(of_two, first_[range + 1]);
   OutOfDistributionDetector::archive(archive, limits_);
@@ -290,7 +291,7 @@ void OutOfDistributionDetector::archive(Archive archive, const Features& of_mode
     Archive one = archive.in("brought_" + std::to_string(k));
     double& times_wider = brought_[k].times_wider;
     one.number("times_wider", times_wider, 1, 1e3);
-    archive.require(times_wider > narrower, "times_wider", "expected them in rising order above 1");
+    archive.require(times_wider > narrower, "times_wider", "expected ascending values above 1");
     narrower = times_wider;
     OutOfDistributionDetector::archive(one, brought_[k].limits);
   }

@@ -1,18 +1,17 @@
 // SPDX-License-Identifier: MIT
-// Test whether a record is out of the training records' distribution, whatever the model. A record
-// is described by its histogram, radar profile and view of the radar's antennas, if the model takes
-// these, aligned to the body's range (method/alignment.hpp). The description also holds that range
-// and the radar profile as it is. None of these depends on gains. The numbers are
-//   distance    from the training records in their principal components: T^2 along the components,
-//               Q of each group of values off them (Jackson and Mudholkar, Technometrics 21, 341,
-//               1979), the greatest one
-//   two bodies  learn_two_bodies(); it needs a detector
-// Each is given as a share of its limit, so that a number above 1 is unusual. The limits are such
-// that about one of 140 records like the training ones is above one of them. Records that were
-// brought from a wider radar response (data/response.hpp) have limits of their own, learnt from
-// imitations: the filter makes their noise larger. Between two widths they are interpolated. Beside
-// these there are checks with a name: no body, a body farther or nearer than in any training
-// record, a saturated detector.
+// Tests whether a record is out of the distribution of the training records, independent of the
+// model. A record is described by its histogram, radar profile and view of the radar's antennas (if
+// the model uses them), aligned to the body's range (method/alignment.hpp), by that range, and by
+// the unaligned radar profile. None of these depends on gains. The statistics are
+//   distance    from the training records in their principal components: the greatest of T^2 along
+//               the components and Q of each group of values off them (Jackson and Mudholkar,
+//               Technometrics 21, 341, 1979)
+//   two bodies  learn_two_bodies(); needs a detector
+// Each is a ratio to its limit, so a value above 1 is unusual. About one in 140 records like the
+// training exceeds a limit. Records converted from a wider radar response (data/response.hpp) have
+// limits of their own, learnt from imitations, because the filter amplifies their noise. Limits are
+// interpolated between two widths. Further named checks: no body, a body outside the training
+// ranges, a saturated detector.
 #pragma once
 #include <array>
 #include <string>
@@ -27,24 +26,24 @@
 
 namespace echofuse::recon {
 
-// Label of records of two people, for whom no single body is usual.
+// Label of records of two people.
 inline constexpr std::string_view two_people_label = "two_people";
 
-// A small network tells whether a record shows two bodies. No training record does, but the sum of
-// two of them is what two bodies measure when neither hides the other (training on made-up
-// outliers: Hendrycks et al., ICLR 2019). The network tells views of such sums from views of single
-// records. A view is about the centroid of all that is there. The bodies of a sum stand apart
-// sideways, as two bodies cannot stand in one place. With both sensors and a baseline all bodies
-// are turned about the SPD (method/turned.hpp), so that few records make many. The rows have one
-// body each at most; their maps tell where. The classifier takes a view without its correlation
-// that shows a body. Fewer than two bodies teach nothing.
+// A small network detects whether a record shows two bodies. No training record does, but the sum
+// of two records is what two bodies measure if neither hides the other (outlier exposure: Hendrycks
+// et al., ICLR 2019). The network separates views of such sums from views of single records. A view
+// is centred on the centroid of all bodies. The bodies of a sum must be apart sideways, because two
+// bodies cannot occupy one place. With both sensors and a baseline, all bodies are rotated about
+// the SPD (method/turned.hpp) to augment the data. The rows have at most one body each; their maps
+// give its position. The classifier takes a view without its correlation. Fewer than two bodies
+// cannot be learnt from.
 Classifier learn_two_bodies(const Alignment& alignment, const Features& sensors,
                             const Dataset& data, const Rows& rows, const Scene& scene,
                             std::uint64_t seed);
 
 struct OutOfDistributionScore {
-  double distance = 0, two_bodies = 0;  // above 1: unusual; two_bodies is NaN if it is not known
-  std::string reason;                   // empty if the record is like the training ones
+  double distance = 0, two_bodies = 0;  // above 1: unusual; two_bodies is NaN if unknown
+  std::string reason;                   // empty if the record is in distribution
   std::string details;                  // details of the reason; may be empty
   std::string text() const { return details.empty() ? reason : reason + " (" + details + ")"; }
 };
@@ -55,7 +54,7 @@ class OutOfDistributionDetector {
 
   OutOfDistributionDetector() = default;
   // Learns from these rows, at least least_records. Row i of the views belongs to record i of the
-  // data; without a detector there are none. The scene tells where bodies are.
+  // data; without a detector the views are empty. The scene finds the bodies in the maps.
   OutOfDistributionDetector(const Alignment& alignment, const Dataset& data, const Matrix& views,
                             const Rows& rows, Inputs inputs, const Scene& scene,
                             std::uint64_t seed);
@@ -66,23 +65,23 @@ class OutOfDistributionDetector {
   void archive(Archive archive, const Features& of_model, const Alignment& alignment);
 
  private:
-  // A description has these groups of values, in this order.
+  // Groups of values of a description, in order.
   enum Group : std::size_t { histogram, radar, direction, spread, range, profile, groups };
-  // Each group has a Q. Behind them come T^2 and two bodies.
+  // One Q per group, then T^2 and two bodies.
   enum Statistic : std::size_t { t2 = groups, two, statistics };
   struct Found {
-    std::array<double, statistics> values;  // logarithms of Q and T^2; of the odds of two bodies
-    Group along;                            // the group that adds most to T^2
+    std::array<double, statistics> values;  // logarithms of Q and T^2; log odds of two bodies
+    Group along;                            // group with the greatest share of T^2
   };
-  // The limit of a statistic is set by records that took no part in the fit.
+  // Limit of a statistic, set by records that were not fitted.
   struct Limit {
-    double usual = 0, most = 1;  // the median, and the value that few records exceed
+    double usual = 0, most = 1;  // median, and the limit
     double share(double value) const { return (value - usual) / (most - usual); }
   };
   void use(const Features& sensors, const Alignment& alignment);
   using Limits = std::array<Limit, statistics>;
   struct BroughtLimits {
-    double times_wider;  // width of the response as measured over that of the model
+    double times_wider;  // width of the measured response over the model's
     Limits limits;
   };
   void learn_components(const Matrix& descriptions, std::uint64_t seed);
@@ -95,9 +94,9 @@ class OutOfDistributionDetector {
   bool shows_body(std::span<const float> description) const;  // true without a detector
   Found find(std::span<const float> description) const;
 
-  std::array<std::size_t, groups + 1> first_{};  // first value of each group, and the end
+  std::array<std::size_t, groups + 1> first_{};  // start of each group, and the end
   std::vector<float> scale_;                     // factor of each value of a description
-  Components components_;                        // components of scaled descriptions
+  Components components_;                        // of scaled descriptions
   Classifier two_bodies_;
   Limits limits_;
   std::vector<BroughtLimits> brought_;  // narrowest first

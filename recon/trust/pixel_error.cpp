@@ -15,7 +15,7 @@ struct Between {
   double part;
 };
 
-// Returns where a share lies among the nodes of a curve.
+// Returns the position of a share among the nodes of a curve.
 Between node_of(double share, std::size_t nodes) {
   const double at = std::clamp(share, 0.0, 1.0) * static_cast<double>(nodes - 1);
   const auto low = std::min(static_cast<std::size_t>(at), nodes - 2);
@@ -29,11 +29,11 @@ SoftMaps probabilities_of(const Matrix& maps, const Scene& scene) {
   for (float& v : out.foreground_probability.values)
     v = scene.has_body() ? std::clamp(v, 0.f, 1.f) : 1;
   std::fill(out.depth.values.begin(), out.depth.values.end(), scene.foreground_depth_m);
-  if (!scene.has_body()) out.depth = maps;  // all of it counts as the body
+  if (!scene.has_body()) out.depth = maps;  // the whole map counts as the body
   return out;
 }
 
-// Blurs each row of shares sideways by the deviation of the same row of the list (metres), at the
+// Blurs each row of shares horizontally by its entry of the list (standard deviation, m), at the
 // row's depths.
 void blur(SoftMaps& maps, const record::MapGrid& grid, const std::vector<double>& deviation_m) {
   constexpr double least_pixels = 0.2;
@@ -76,7 +76,7 @@ void PixelError::fit(const SoftMaps& soft, const Matrix& truth, const Scene& sce
       squares += std::pow(double{map[p]} - double{depth[p]}, 2), ++count;
     }
   }
-  double below = 0;  // more mask is never less probable
+  double below = 0;  // the curve must not fall
   for (std::size_t k = 0; k < curve_.size(); ++k)
     below = curve_[k] = std::max(below, weight[k] > 0 ? body[k] / weight[k] : 0);
   depth_deviation_m_ = count > 0 ? std::sqrt(squares / count) : 0;
@@ -103,7 +103,7 @@ void PixelError::archive(Archive archive) {
   archive.values("curve", curve, curve_.size());
   archive.require(
       std::all_of(curve.begin(), curve.end(), [](double s) { return s >= 0 && s <= 1; }), "curve",
-      "expected shares, from 0 to 1");
+      "expected shares from 0 to 1");
   std::copy(curve.begin(), curve.end(), curve_.begin());
   archive.number("depth_deviation_m", depth_deviation_m_, 0, record::most_map_far_m);
 }

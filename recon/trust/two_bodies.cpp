@@ -13,9 +13,9 @@
 namespace echofuse::recon {
 namespace {
 
-// Each of the two bodies is as deep as its outstretched arms.
+// Depth range of each body, including outstretched arms.
 constexpr double least_apart_m = 0.4;  // sideways
-constexpr int most_tries = 20;         // tries to draw two bodies that are so far apart
+constexpr int most_tries = 20;         // attempts to draw two bodies far enough apart
 constexpr std::uint64_t pair_stream = 0x70616972, turn_stream = 0x7475726e;  // "pair", "turn"
 constexpr std::size_t most_pairs = 96'000, pairs_a_record = 32;
 constexpr std::size_t most_turned = 48'000, turned_a_record = 16;
@@ -29,8 +29,8 @@ Classifier learn_two_bodies(const Alignment& alignment, const Features& sensors,
                             const Dataset& data, const Rows& rows, const Scene& scene,
                             std::uint64_t seed) {
   Classifier out;
-  // One row is a record of a body whose place the map tells: its observation, its view without the
-  // correlation, its radar.
+  // Records with a body of known position, one per row: observation, view without correlation,
+  // radar.
   Matrix observations(0, sensors.count()), views(0, alignment.size()),
       radar(0, sensors.radar_count());
   std::vector<Place> places;
@@ -53,7 +53,7 @@ Classifier learn_two_bodies(const Alignment& alignment, const Features& sensors,
   }
 
   struct Body {
-    std::size_t k, as;  // which one, and the one whose azimuth it takes
+    std::size_t k, as;  // which record, and the record of its azimuth
   };
   const auto any = [&](Rng& rng) {
     return std::uniform_int_distribution<std::size_t>(0, bodies.size() - 1)(rng);
@@ -62,7 +62,7 @@ Classifier learn_two_bodies(const Alignment& alignment, const Features& sensors,
     const auto tangent = double{places[body.as].tangent};
     return double{views.row(body.k).back()} * tangent / std::hypot(1.0, tangent);
   };
-  // A sum of bodies holds the background once, as a record does.
+  // Subtracts one background, because a record contains it only once.
   const std::vector<float> background = alignment.background();
   const auto add_up = [&](std::span<const Body> some, std::span<float> view) {
     const auto first = observations.row(some[0].k);

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
-// A model states of its own answers how far off a body may be, how sure each pixel is, and whether
-// the record is one that it can know anything about. This is learnt after the training
-// (fit_uncertainty.hpp) and is part of a prediction (predict.hpp). It serves any kind of model.
+// Uncertainty that a model states for its predictions: position error of the body, error of each
+// pixel, and whether the record is in distribution. Learnt after the training (fit_uncertainty.hpp)
+// and part of a prediction (predict.hpp). Works with any model.
 #pragma once
 #include <limits>
 #include <span>
@@ -14,43 +14,41 @@
 
 namespace echofuse::recon {
 
-// A linear fit gives one number from a few: it is weighted least squares in closed form.
-// Returns the weights w for which the rows of `inputs` times w come nearest to the targets; each
-// row counts as `counts` says. `penalty` applies to the squares of w, for columns of unit mean
-// square.
+// Weighted least squares in closed form: returns the w that minimises |inputs w - targets|^2 with
+// row weights `counts`. `penalty` applies to the squares of w, for columns of unit mean square.
 std::vector<double> linear_fit(const Matrix& inputs, std::span<const float> targets,
                                std::span<const float> counts, double penalty);
 
 double product(std::span<const float> row, std::span<const double> weights);
 
-// The terms are 1, every value, and every product of two values.
+// The terms are 1, each value, and each product of two values.
 std::vector<float> quadratic_terms(std::span<const float> values);
 
-// True if a model with these inputs finds the side of a body by the difference of both ranges
+// True if a model with these inputs derives the side of a body from the difference of both ranges
 // alone.
 bool side_by_ranges(const Dataset& data, Inputs inputs);
 
-// Predictors of a map's error that are known when it is made. Row i, of map i and record rows[i]:
+// Predictors of a map's error that are known when it is made. Row i, for map i and record rows[i]:
 // |x/z| of the map's foreground (NaN if there is none); of the SPD log(1 + clicks above the
-// background, in deviations of all clicks); of the radar log(peak over the scatter of the weaker
-// half of the profile). A filter that smooths the radar's noise is taken into account.
+// background, in standard deviations of all clicks); of the radar log(peak over the standard
+// deviation of the weaker half of the profile), corrected for a filter that smooths the noise.
 Matrix predictors_of(const Matrix& maps, const Scene& scene, const Dataset& data, const Rows& rows,
                      Inputs inputs);
 
-// The usual lateral error grows with |x/z| and with noise. A regression gives its logarithm from
-// these predictors. A factor then widens it so that it holds 90 % of the validation records, each
-// against a regression without it (cross-conformal prediction; Vovk, Ann. Math. Artif. Intell. 74,
-// 9, 2015).
+// Interval of the lateral error, which grows with |x/z| and with noise. A regression on the
+// predictors gives the logarithm of the typical error. A factor widens it to contain 90 % of the
+// validation records, each tested on a regression without it (cross-conformal prediction; Vovk,
+// Ann. Math. Artif. Intell. 74, 9, 2015).
 class LateralError {
  public:
   static constexpr double share_within = 0.9;
 
-  // Row i of both belongs together; an error that is NaN is left out. The first `plain` rows are
-  // records as they were measured, which set the factor. The rows behind them are copies of all of
-  // these, in the same order. It learns nothing from fewer than least_records known errors.
+  // Row i of both belongs together; a NaN error is skipped. The first `plain` rows are unmodified
+  // records, which set the factor. The others are copies of them, in the same order. Learns nothing
+  // from fewer than least_records known errors.
   static constexpr std::size_t least_records = 30;
   void fit(const Matrix& predictors, const std::vector<double>& error_m, std::size_t plain);
-  // Learns the factor of records whose radar was brought from a response so many times as wide,
+  // Learns the factor for records whose radar was converted from a response this many times wider,
   // from imitations of validation records. Narrowest first; the factor is interpolated.
   void add_brought(double times_wider, const Matrix& predictors,
                    const std::vector<double>& error_m);
@@ -69,15 +67,15 @@ class LateralError {
   std::vector<double> brought_times_wider_, brought_factor_;
 };
 
-// Statements about one reconstruction.
+// Uncertainty of one reconstruction.
 struct PredictionUncertainty {
-  // The body is at most this far (metres) from where it is shown in 90 % of the records like the
-  // training ones. It contains the error that the run states of its calibration: an error s of the
-  // difference of both ranges moves a body at range r sideways by s r / b (baseline b). It is NaN
-  // if the record is unlike the training ones, or shows nobody.
+  // Radius around the shown position that contains the body in 90 % of the records like the
+  // training, in m. Includes the calibration error stated by the run: an error s of the difference
+  // of both ranges moves a body at range r sideways by s r / b (baseline b). NaN if the record is
+  // out of distribution or shows no body.
   double lateral_interval_90_m = std::numeric_limits<double>::quiet_NaN();
   OutOfDistributionScore out_of_distribution = {};
-  bool stated = false;  // false if the estimator that answered states no uncertainty
+  bool stated = false;  // false if the estimator used has no uncertainty
 };
 
 struct UncertaintyModel {
@@ -85,9 +83,8 @@ struct UncertaintyModel {
   LateralError lateral;
   PixelError pixels;
 
-  // Step 6 of the method (method/method.hpp) says how far off each map may be, and whether the
-  // record is one that the model can know anything about. Row i of views and maps belongs to
-  // rows[i].
+  // Step 6 of the method (method/method.hpp): returns the error to expect of each map, and whether
+  // its record is in distribution. Row i of views and maps belongs to rows[i].
   std::vector<PredictionUncertainty> trust(const Matrix& views, const Matrix& maps,
                                            const Scene& scene, const Dataset& data,
                                            const Rows& rows, Inputs inputs) const;

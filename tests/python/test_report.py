@@ -328,10 +328,10 @@ def test_what_fails_stands_first():
     fused = mode_of("fused", "factorised", 0.6, 0.46).first
     assert tables.problems_of(fused) == []
     fused = mode_of("fused", "factorised", 0.6, 0.46, lateral_interval_90_m=np.full(20, 0.01)).first
-    fused.told["domain_shift"] = {"found": True, "text": "this run is unlike the training: range +30.0 +- 2.0 cm", "p": 1e-4}
+    fused.told["domain_shift"] = {"found": True, "text": "this run differs from the training data: range +30.0 +- 2.0 cm", "p": 1e-4}
     fused.told["notes"] = "3 records: radar lost: SPD alone\n"
     assert tables.problems_of_run(fused, "Recorded run: ") == [
-        "Recorded run: this run is unlike the training: range +30.0 +- 2.0 cm.",
+        "Recorded run: this run differs from the training data: range +30.0 +- 2.0 cm.",
         "Recorded run: the body is within the stated interval in only 0 of 20 records; it is stated for 90 % (18).",
         "Recorded run: 3 records: radar lost: SPD alone."]
     assert tables.problems_of(fused)[-1] == "Record 2 is 3 cm off to the side; stated was: within 1 cm (90 %)."

@@ -59,11 +59,12 @@ TEST_CASE("a run of another world is told from those of the own world") {
       const DomainShift own = shift_of(model, plates(100, seed));
       const DomainShift other = shift_of(model, plates(100, seed + 100, blurred));
       alarms += own.found();
-      CHECK_THAT(own.text(), Catch::StartsWith("this run is like the training: p = "));
+      CHECK_THAT(own.text(), Catch::StartsWith("this run matches the training data: p = "));
       CHECK(other.found());
       CHECK(other.p == Approx(1. / 4001));  // the greatest of the permutations and its own
-      CHECK_THAT(other.text(), Catch::StartsWith("this run is unlike the training: p < 0.001: ") &&
-                                   Catch::Contains("radar"));
+      CHECK_THAT(other.text(),
+                 Catch::StartsWith("this run differs from the training data: p < 0.001: ") &&
+                     Catch::Contains("radar"));
     }
     CHECK(alarms == 0);
   }
@@ -87,8 +88,8 @@ TEST_CASE("a run of which most records are flagged one by one is not called like
   const DomainShift all = shift_of(model, plates(30, 10, nobody));
   CAPTURE(all.text(), all.flagged, all.judged);
   CHECK(all.found());
-  CHECK_THAT(all.text(), Catch::StartsWith("this run is unlike the training: ") &&
-                             Catch::Contains("of 30 records are ("));
+  CHECK_THAT(all.text(), Catch::StartsWith("this run differs from the training data: ") &&
+                             Catch::Contains("of 30 records do ("));
   const DomainShift half = shift_of(model, plates(60, 11, [&](record::FusedRecord& r) {
                                       if (r.index % 3 == 0) nobody(r);
                                     }));
@@ -206,9 +207,9 @@ TEST_CASE("a radar whose ranges are too long is named with its error and what to
   };
   const DomainShift shift = shift_of(model, plates(200, 30, farther));
   CHECK(shift.found());
-  CHECK_THAT(shift.text(), Catch::Contains("the radar's ranges look ") &&
-                               Catch::Contains(" cm too long, or people stand further right, or "
-                                               "reflect otherwise; if it is the radar: "
+  CHECK_THAT(shift.text(), Catch::Contains("radar ranges appear ") &&
+                               Catch::Contains(" cm too long, or people are further right, or "
+                                               "reflect differently; if the radar is the cause: "
                                                "--range-offset 0.2") &&
                                Catch::Contains("radar range +"));
   // The advice stays when another number differs, as in shorter slots.

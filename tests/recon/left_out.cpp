@@ -175,7 +175,7 @@ TEST_CASE("train and evaluate say which records they leave out, and why") {
     if (r.index % 8 == 3) std::ranges::fill(r.radar, 1.f);
   });
   refuses("train -q " + (dir / "dead") + " --out " + (dir / "no"), 1,
-          "record 3: radar is the same in every bin: a dead sensor, or nobody and no light; so are "
+          "record 3: radar is the same in every bin: dead sensor, or an empty room without light; "
           "8 of 60 records");
 }
 
@@ -296,7 +296,7 @@ TEST_CASE("a sensor that no record has is named, and a split of a held sequence"
         .text;
   };
   CHECK_THAT(says("held", ""), Catch::Contains("neighbours in time are alike") &&
-                                   Catch::Contains("--split blocked does not"));
+                                   Catch::Contains("use --split blocked"));
   CHECK_THAT(says("held", " --split blocked"), !Catch::Contains("alike"));
   CHECK_THAT(says("free", ""), !Catch::Contains("alike"));
 }

@@ -34,5 +34,5 @@ TEST_CASE("a shape whose bytes wrap to those of the file is refused") {
   const std::uint64_t values = (std::uint64_t{1} << 62) + 2;  // in bytes: 8, modulo 2^64
   head["t"] = {{"dtype", "F32"}, {"shape", {values}}, {"data_offsets", {0, 8}}};
   CHECK_THROWS_WITH(recon::TensorFile("crafted", crafted::sealed(head.dump(), Bytes(8))),
-                    Catch::Contains("t: its size is not that of its shape"));
+                    Catch::Contains("t: data size does not match shape"));
 }

@@ -60,7 +60,7 @@ class WhenItFails(unittest.TestCase):
 
     def line(self, beginning, *settings, **how):
         words, said, reasons = self.see(beginning, *settings, **how)
-        self.assertIn("this run is unlike the training", said)
+        self.assertIn("this run differs from the training data", said)
         self.assertTrue(any(word in said for word in words), f"{beginning}: {words}: {said}")
         return reasons[""] / sum(reasons.values())
 

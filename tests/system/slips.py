@@ -37,7 +37,7 @@ sim dataset --out x --like nofile | 3 | nofile
 view --modle m x | 2 | --modle: no such option; the nearest is --model
 view | 2 | RUN is required
 acquire config check --config three.toml | 3 | three.toml:2:13: not TOML
-recon train dark.sqlite --out m | 1 | dark.sqlite: no record has a depth map: a model learns from the camera's truth
+recon train dark.sqlite --out m | 1 | dark.sqlite: no record has a depth map: training needs the depth camera
 recon train seen.sqlite --out m.safetensors --from nomodel | 1 | nomodel: No such file or directory; expected a model file
 recon train seen.sqlite --out seen.sqlite | 2 | seen.sqlite
 recon train seen.sqlite --out m --set doubtful=log | 3 | expected

@@ -75,7 +75,7 @@ class LiveView(live.Live):
         self.assertEqual([e["file"] for e in events if e["event"] == "run"], files)
         self.assertEqual(events[-1]["on_disk"], 5)
         self.assertIn(f"{files[1]}: 5 of 5 records in 2 runs, complete", log)
-        self.assertIn("is no model file, or is cut off; expected a safetensors file; no maps are shown", log)
+        self.assertIn("not a model file, or truncated; expected a safetensors file; no maps are shown", log)
 
     def test_life(self):
         """Waits for the run, moves with it, marks it, shows lost devices and the daemon's end."""
