@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: MIT
-// Histogram, range profile, waterfall and the strips over the run (uPlot).
+// Histogram, range profile, waterfall and strips over the run (uPlot).
 /* global uPlot */
 export const metresPerPs = 299792458 / 2e12;
 export const colour = name => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
-// Large type (the page's key f) is for the charts' words as well.
+// Font size of the charts; the large type of key f applies to them too.
 export const textSize = () => parseFloat(colour('--chart-text'));
 export const text = () => `${textSize()}px ${getComputedStyle(document.body).fontFamily}`;
 
@@ -16,13 +16,13 @@ export const siNumber = v => Math.abs(v) >= 1e6 ? `${+(v / 1e6).toPrecision(3)}M
   : Math.abs(v) >= 1e3 ? `${+(v / 1e3).toPrecision(3)}k` : `${+v.toPrecision(3)}`;
 export const short = (_, values) => values.map(v => v == null ? '' : siNumber(v));
 
-// A chart that fills its element and is made anew when its look changes.
+// A chart that fills its element; it is rebuilt when its style changes.
 export class Chart {
   constructor(id, height) {
     this.at = document.getElementById(id);
     this.height = height;
     this.data = null;
-    this.gaps = [], this.rules = [];  // stretches of x, and {at, name}: lines across
+    this.gaps = [], this.rules = [];  // gaps: intervals of x; rules: {at, name}, lines across
     new ResizeObserver(() => this.plot?.setSize(this.size())).observe(this.at);
   }
   size() {
@@ -34,7 +34,7 @@ export class Chart {
                            hooks: {drawClear: [u => this.under(u)]}, ...this.options()},
                           this.data ?? [[]], this.at);
   }
-  // What lies under the curves.
+  // Draws what is below the curves.
   under(u) {
     const c = u.ctx, {left, top, width, height} = u.bbox, at = x => u.valToPos(x, 'x', true), ratio = devicePixelRatio;
     c.save();
@@ -69,9 +69,8 @@ export function save(blob, name) {
   setTimeout(() => URL.revokeObjectURL(link.href), 1000);
 }
 
-// A chart of one record over the range. A drag shows a part, in its partner as well; a double click shows all. Two
-// clicks set a pair of cursors, of which the distance is told; the highest point between them (or of what is shown) has
-// its full width at half of its height.
+// A chart of one record over range. Dragging zooms it and its partner; a double click resets. Two clicks set cursors A
+// and B, and the readout shows their distance and the FWHM of the highest peak between them (or of the visible part).
 class Bench extends Chart {
   constructor(id, height) {
     super(id, height);
@@ -82,7 +81,7 @@ class Bench extends Chart {
     super.set(data);
     this.tell(this.plot.cursor.idx);
   }
-  // What the newest record lacks stays as it was, dimmed; of a record that is held nothing is shown.
+  // If the newest record has no data, the last curve stays, dimmed; a held record without data shows nothing.
   lack(why, live) {
     this.lacks = why;
     this.at.classList.toggle('old', !!why && live);
@@ -121,7 +120,8 @@ class Bench extends Chart {
       this.show_part(null);
     });
   }
-  // Of the highest point there: its index, and its width where its height is halved; null where it does not fall so far.
+  // Index and full width at half maximum of the highest visible point; the width is null if one side does not fall to
+  // half.
   peak([from, to] = this.marks.length === 2 ? this.marks.map(mark => mark.at).sort((a, b) => a - b) : this.zoom ?? [-Infinity, Infinity]) {
     const [x, y] = this.data ?? [[], []];
     let top = -1;
@@ -136,7 +136,7 @@ class Bench extends Chart {
     const width = end(1) - end(-1);
     return {top, width: width > 0 ? width : null};
   }
-  // What stands under the cursor; without one, the highest.
+  // Shows the value under the cursor, otherwise the peak.
   tell(index) {
     if (this.lacks) return void (this.readout.textContent = this.lacks);
     const [x, y] = this.data ?? [[], []], found = this.peak(), cm = v => `${+(100 * v).toPrecision(3)} cm`;
@@ -159,7 +159,7 @@ class Bench extends Chart {
   }
 }
 
-// The top follows a rise at once and a fall slowly, so that the eye can compare.
+// Upper end of the axis: follows a rise at once and a fall slowly, so that records can be compared by eye.
 function calmTop(before, values, least) {
   let top = least;
   for (const v of values) if (v > top) top = v;
@@ -167,7 +167,7 @@ function calmTop(before, values, least) {
 }
 
 const ofTen = v => Number.isInteger(+Math.log10(v).toFixed(9)) ? v : null;
-const floor = 0.5;  // where nothing is drawn on a logarithmic axis
+const floor = 0.5;  // lower end of the logarithmic axis
 
 export class Histogram extends Bench {
   constructor(id = 'histogram') {
@@ -204,7 +204,7 @@ export class Histogram extends Bench {
   words(range, clicks) {
     return `${range.toFixed(2)} m, ${siNumber(clicks)} clicks`;
   }
-  // Between the peak and the middle one of all bins: what is always there. A difference has no height to halve.
+  // Half of the height above the median bin (the background). A difference has no width.
   half(peak, y) {
     if (this.difference) return NaN;
     const sorted = y.filter(v => v != null).sort((a, b) => a - b);
@@ -262,7 +262,7 @@ export class Profile extends Bench {
   }
 }
 
-// The next round number: the upper end of an axis.
+// Returns the next round number, for the upper end of an axis.
 const niceTop = most => {
   const ten = 10 ** Math.floor(Math.log10(Math.max(most, 1)));
   return [1, 1.5, 2, 3, 4, 5, 6, 8, 10].map(n => n * ten).find(v => v >= most);
@@ -270,7 +270,7 @@ const niceTop = most => {
 const fromZero = {range: (_, low, high) => [0, niceTop(Math.max(high, 1))]};
 const endsOnly = {values: short, size: 52, splits: (u, i, low, high) => [0, high]};
 
-// A rate, and marks at its upper edge where something was lost: how much is said in words.
+// Rate of a sensor, with marks at the top where data were lost; the amount is in the text.
 class Strip extends Chart {
   constructor(sensor) {
     super(`strip-${sensor}`, 64);
@@ -287,7 +287,7 @@ class Strip extends Chart {
     };
   }
 }
-// Seconds as m:ss or h:mm:ss, as on the terminal, at round times.
+// Formats seconds as m:ss or h:mm:ss, as in the terminal.
 export const clock = s => {
   if (s == null) return '–';
   const whole = Math.max(0, Math.floor(s)), two = n => String(n).padStart(2, '0');
@@ -296,14 +296,14 @@ export const clock = s => {
 };
 const times = {incrs: [1, 2, 5, 10, 20, 30, ...[1, 2, 5, 10, 20, 30, 60, 120, 180, 360, 720, 1440].map(min => 60 * min)], space: 70,
                values: (_, at) => at.map(clock)};
-// What one sensor saw, by range and time (or direction): brighter where there is more; nothing where it saw nothing.
+// Intensity of one sensor by range and time (or direction): bright is more; blank without data.
 export class Waterfall extends Chart {
   constructor(id, height = 150, x = {...times}, label = '') {
     super(id, height);
     Object.assign(this, {x, label});
   }
-  // image: columns side by side, the farthest range above; span: start of the first, end of the last one. table: the
-  // colours of the bar; ends: the words at its foot and head.
+  // image: one column per record, the farthest range on top. span: start of the first and end of the last column.
+  // table: colour map. ends: labels at the bottom and top of the colour bar.
   show(image, span, farthest, table, ends) {
     Object.assign(this, {image, span, farthest, table, ends});
     this.set([span, [null, null]]);

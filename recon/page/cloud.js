@@ -19,11 +19,11 @@ function program(gl) {
   return out;
 }
 
-// Perspective of 40 degrees times an orbit about (0, -0.5, middle), column by column.
+// Projection of 40 degrees times an orbit around (0, -0.5, middle), column-major.
 function viewOf(turn, tilt, away, middle, aspect) {
   const [cy, sy, cx, sx] = [Math.cos(turn), Math.sin(turn), Math.cos(tilt), Math.sin(tilt)];
   const f = 1 / Math.tan(Math.PI / 9), near = 0.05, far = 60, a = (far + near) / (near - far), b = 2 * far * near / (near - far);
-  // Camera space: z towards the viewer, so that the scene's z (away from the sensors) is turned round.
+  // Camera space has z towards the viewer, so the scene's z (away from the sensors) is negated.
   const rows = [[cy, 0, -sy], [sx * sy, cx, sx * cy], [-cx * sy, sx, -cx * cy]];
   const t = rows.map((r, i) => r[1] * 0.5 - r[2] * middle - (i === 2 ? away : 0));
   const out = new Float32Array(16);
@@ -35,7 +35,7 @@ function viewOf(turn, tilt, away, middle, aspect) {
   return out;
 }
 
-// Of a point: x, y and w of the picture.
+// Projects a point to clip coordinates x, y and w.
 const placed = (view, x, y, z) => [0, 1, 3].map(i => view[i] * x + view[4 + i] * y + view[8 + i] * z + view[12 + i]);
 
 export class Cloud {
@@ -44,10 +44,10 @@ export class Cloud {
     this.box = document.getElementById('cloud-box');
     this.gl = this.canvas.getContext('webgl', {antialias: true, preserveDrawingBuffer: true});
     if (!this.gl) {
-      this.box.textContent = 'This browser has no WebGL: no points.';
+      this.box.textContent = 'Points need WebGL, which this browser lacks.';
       return;
     }
-    this.turn = -0.6, this.tilt = 0.3, this.away = null, this.middle = 3.5;  // away: null until somebody zooms, the whole floor
+    this.turn = -0.6, this.tilt = 0.3, this.away = null, this.middle = 3.5;  // away: null shows the whole floor, until the first zoom
     this.program = program(this.gl);
     this.labels = [2, 3, 4, 5].map(z => {
       const at = document.createElement('span');

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// The WebSocket to the server: messages as recon/view/message.hpp has them.
+// WebSocket to the server; messages as defined in recon/view/message.hpp.
 const types = {u8: Uint8Array, u16: Uint16Array, u32: Uint32Array, f32: Float32Array, f64: Float64Array};
 
 export function decode(buffer) {
@@ -15,12 +15,12 @@ export function decode(buffer) {
   return message;
 }
 
-// Why an answer is none of the viewer: its own line, or what a web server between says of itself.
+// Returns why a request was refused: the viewer's own text, or the status line of a web server in between.
 export const refusal = async answer => answer.headers.get('content-type')?.startsWith('text/plain')
-  ? (await answer.text()).trim() : `${answer.status} ${answer.statusText}, from a web server before the viewer`;
+  ? (await answer.text()).trim() : `${answer.status} ${answer.statusText}, from a web server in front of the viewer`;
 
-// take(message) gets each message; changed(open, why) hears of the connection, and why there is none. Tries again for
-// ever, at most every 5 s.
+// Calls take(message) for each message, and changed(open, why) when the connection opens or closes. Reconnects for
+// ever, at least every 5 s.
 export class Link {
   constructor(take, changed) {
     this.take = take;

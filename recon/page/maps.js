@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: MIT
-// Depth maps as pictures: viridis over the scene's own span, near is bright; no return is the paper, with a line about
-// what returns, as some colours are near it; degrees at the edges, metres at the bar.
+// Depth maps as images: viridis over the distances in the scene, near is bright. No return is the background colour; an
+// outline surrounds all returns, because some colours are similar. Axes in degrees, colour bar in metres.
 import {colour, text, textSize} from './charts.js';
 
 const viridis = ['440154', '482475', '414487', '355f8d', '2a788e', '21918c', '22a884', '44bf70', '7ad151', 'bddf26', 'fde725'];
 const inferno = ['000004', '1b0c41', '4a0c6b', '781c6d', 'a52c60', 'cf4446', 'ed6925', 'fb9b06', 'f7d13d', 'fcffa4'];
-// Blue is too near, orange too far; even lightness.
+// Blue: too near; orange: too far; equal lightness.
 const twoEnds = ['08306b', '1c5a9c', '4585bf', '84b0d8', 'c5d8ec', 'f7f7f7', 'f5d5b8', 'eaa96c', 'd37b2c', 'a95308', '6e3003'];
 const table = anchors => {
   const rgb = anchors.map(hex => [0, 2, 4].map(i => parseInt(hex.slice(i, i + 2), 16)));
@@ -26,7 +26,7 @@ export function rgbOf(value, span, map) {
   return map[Math.round(255 * Math.min(Math.max(share, 0), 1))];
 }
 
-// The span that 96 % of the returns lie in, to half a metre; 2.5 to 5 m without any.
+// Returns the range of 96 % of the returns, rounded outwards to half a metre; 2.5 to 5 m without returns.
 export function spanOf(values) {
   const there = Float32Array.from(values).filter(v => v > 0).sort();
   if (there.length < 50) return [2.5, 5];
@@ -35,7 +35,7 @@ export function spanOf(values) {
   return [near, Math.max(far, near + 1)];
 }
 
-// values: row-major, shape [rows, columns]; 0 is no return unless `zero` is a value; NaN is none ever.
+// values: row-major, shape [rows, columns]; 0 means no return unless `zero` is true; NaN always does.
 export function picture(values, rows, columns, span, map, scale = 1, zero = false) {
   const image = new ImageData(columns, rows), grey = noReturn();
   for (let i = 0; i < rows * columns; ++i) {
@@ -49,7 +49,7 @@ export function picture(values, rows, columns, span, map, scale = 1, zero = fals
   return canvas;
 }
 
-// A line about all that returns, in a picture whose pixels are this wide and high on the canvas.
+// Draws an outline around all returns; width and height are those of the image on the canvas.
 function outline(c, image, left, top, width, height) {
   if (!image.returns || width < image.width) return;
   const {width: columns, height: rows, returns} = image, dx = width / columns, dy = height / rows;
@@ -66,7 +66,7 @@ function outline(c, image, left, top, width, height) {
   c.stroke();
 }
 
-// The picture fills a small canvas.
+// Draws the image over the whole of a small canvas.
 export function fill(canvas, image) {
   const c = canvas.getContext('2d'), {width, height} = canvas;
   c.imageSmoothingEnabled = false;
@@ -74,13 +74,13 @@ export function fill(canvas, image) {
   outline(c, image, 0, 0, width, height);
 }
 
-// Map minus truth where both return; the rest is marked.
+// Map minus truth where both have a return; marks the other pixels.
 export function errorPicture(map, truth, rows, columns, span) {
   const both = map.map((v, i) => v > 0 && truth[i] > 0 ? v - truth[i] : NaN), image = picture(both, rows, columns, span, tables.error, 1, true);
   image.missed = map.map((v, i) => truth[i] > 0 && !(v > 0)), image.invented = map.map((v, i) => v > 0 && !(truth[i] > 0));
   return image;
 }
-// What is missed is hatched, what is invented dotted.
+// Hatches missed pixels and dots false ones.
 function mark(c, image, left, top, width, height) {
   const dx = width / image.width, dy = height / image.height;
   const over = marked => {
@@ -99,12 +99,12 @@ function mark(c, image, left, top, width, height) {
   c.restore();
 }
 
-// Room round a picture for words of this size: elevation at the left, azimuth below, the bar at the right.
+// Margins around a map for labels of this size: elevation left, azimuth below, colour bar right.
 const top = 8;
 const roomOf = size => ({left: 3.9 * size, bottom: 2.8 * size, bar: 28 + 4.4 * size});
 
 export class MapView {
-  // ratio: height over width of the picture; kind: of the tables.
+  // ratio: height over width of the image; kind: key of `tables`.
   constructor(id, kind = 'near') {
     this.canvas = document.getElementById(id);
     this.kind = kind;
@@ -112,13 +112,13 @@ export class MapView {
     this.ratio = 1;
     new ResizeObserver(() => this.draw()).observe(this.canvas.parentElement);
   }
-  // tangents: [left, right, bottom, top] of the picture's edges.
+  // tangents: [left, right, bottom, top] of the image edges.
   set(image, tangents, span) {
     Object.assign(this, {image, tangents, span, why: ''});
     this.ratio = (tangents[3] - tangents[2]) / (tangents[1] - tangents[0]);
     this.draw();
   }
-  // There is none: the last one stays, dimmed, if `keep`.
+  // No new image: the last one stays, dimmed, if `keep` is true.
   lack(why, keep) {
     this.why = why;
     if (!keep) this.image = null;
@@ -197,7 +197,7 @@ export class MapView {
     const [low, far] = this.span, step = [0.25, 0.5, 1].find(s => s / (far - low) * high > 2.6 * size) ?? 2;
     for (let v = Math.ceil(low / step) * step; v <= far + 1e-9; v += step) {
       const y = top + (1 - (v - low) / (far - low)) * high;
-      // The ends hold what lies beyond them.
+      // The end colours include all values beyond.
       const last = v + step > far + 1e-9, end = !this.unit ? '' : Math.abs(v - far) < 1e-9 ? '≥ ' : Math.abs(v - low) < 1e-9 && this.kind !== 'sure' ? '≤ ' : '';
       c.fillText(`${end}${+v.toFixed(2)}${last ? this.unit : ''}`, x + 16, Math.min(Math.max(y + size / 3, top + 0.8 * size), top + high));
     }

@@ -1,15 +1,15 @@
 // SPDX-License-Identifier: MIT
-// A page that was written by a program (recon/python/echofuse/report_blocks.py): one function for each kind of block.
+// Draws the report from the blocks that recon/python/echofuse/report_blocks.py wrote: one function per kind of block.
 /* global uPlot */
 import {Chart, Histogram, Profile, Strips, Waterfall, axis, colour, metresPerPs, short, siNumber, text, textSize} from './charts.js';
 import {Cloud} from './cloud.js';
 import {MapView, errorPicture, isDark, picture, tables} from './maps.js';
 
 const said = JSON.parse(document.getElementById('data').textContent), errorSpan = [-0.5, 0.5];
-const redraws = [];  // of all that has the colours and the width of its time
+const redraws = [];  // drawing functions to repeat after a change of theme or width
 let ids = 0;
 const newId = kind => `${kind}-${++ids}`;
-// An element at the end of another one.
+// Appends an element to another one.
 function make(parent, kind, more = {}) {
   const {data, ...properties} = more, at = Object.assign(document.createElement(kind), properties);
   if (data) Object.assign(at.dataset, data);
@@ -18,9 +18,9 @@ function make(parent, kind, more = {}) {
 }
 const add = (parent, blocks) => blocks.forEach(block => kinds[block.kind](parent, block));
 
-// A chart with series of points of their own: all x in one row, as uPlot has it. A series may have "bars" ([low, high] of a
-// point), "crossed" and "names" (of a point, too), and be dashed with what lies below it shaded. Words at the x axis
-// ("ticks") are those of x = 0, 1, 2 ...
+// A chart of series with separate x values, merged into one row as uPlot requires. A series may have "bars" ([low,
+// high] per point), "crossed" and "names" (per point), and may be dashed with the area below shaded. "ticks" are labels
+// at x = 0, 1, 2 ...
 class Plot extends Chart {
   constructor(parent, block) {
     const id = newId('chart');
@@ -61,14 +61,14 @@ class Plot extends Chart {
                ...block.series.map(s => ({label: s.name, value: tell, width: 2, stroke: colour(`--${s.colour}`), ...s.shaded && {dash: [6, 4], fill: colour('--look-paper')}, ...look[s.look](colour(`--${s.colour}`))}))],
     };
   }
-  // Words that have no room side by side stand aslant.
+  // Rotates labels that do not fit side by side.
   turned(words) {
     const c = document.createElement('canvas').getContext('2d');
     c.font = text();
     const widest = Math.max(...words.map(word => c.measureText(word).width)), fits = u => widest + 8 < (u.width - 5 * textSize()) / words.length;
     return {rotate: u => fits(u) ? 0 : 45, size: u => fits(u) ? 2 * textSize() : 0.72 * widest + 1.6 * textSize()};
   }
-  // Bars, crosses and names, over the points.
+  // Draws bars, crosses and names over the points.
   over(u) {
     const c = u.ctx, ratio = devicePixelRatio, points = [], taken = [];
     const stroke = (...lines) => (c.beginPath(), lines.forEach(([a, b, x, y]) => (c.moveTo(a * ratio, b * ratio), c.lineTo(x * ratio, y * ratio))), c.stroke());
@@ -88,7 +88,7 @@ class Plot extends Chart {
     const wide = u.over.clientWidth, high = u.over.clientHeight;
     for (const {x, y, name, colour: ink} of points.sort((a, b) => a.y - b.y)) {
       const at = make(u.over, 'span', {className: 'named', textContent: name}), w = at.offsetWidth, h = at.offsetHeight;
-      // How much of this place is taken, or outside.
+      // Area of this place that is occupied or outside the chart.
       const cost = ([left, top]) => taken.reduce((sum, b) => sum + Math.max(0, Math.min(left + w, b[2]) - Math.max(left, b[0])) * Math.max(0, Math.min(top + h, b[3]) - Math.max(top, b[1])), 0)
         + 1e4 * (Math.max(0, -left) + Math.max(0, left + w - wide) + Math.max(0, -top) + Math.max(0, top + h - high));
       let best = null, least = Infinity;
@@ -107,7 +107,7 @@ class Plot extends Chart {
   }
 }
 
-// What a record's text holds: whole numbers of so many bytes each.
+// Decodes base64 text into integers of this many bytes.
 function unpacked(text, bytes, unit) {
   const raw = Uint8Array.from(atob(text), c => c.charCodeAt(0));
   return Float32Array.from({length: raw.length / bytes}, (_, i) => (bytes === 2 ? raw[2 * i] + 256 * raw[2 * i + 1] : raw[i]) * unit);
@@ -124,7 +124,7 @@ const record = i => {
   return r;
 };
 
-// The part of the field that the bodies of truth and maps are in, with room about it.
+// Returns the part of the field that contains the bodies in truth and maps, with a margin.
 function about(r) {
   const all = {left: 0, top: 0, size: r.side}, at = [];
   for (const map of [r.truth, ...r.maps.map(m => m.map)])
@@ -139,8 +139,8 @@ function squareOf(r, low, high, room) {
   return size > 0.8 * r.side ? {left: 0, top: 0, size: r.side} : {left, top, size};
 }
 
-// Pictures of one record that show the same part of the field: dragging chooses a part, a double click takes the whole
-// and back; what is under the pointer is told of all.
+// Maps of one record that share the visible part of the field. Dragging selects a part; a double click toggles the
+// whole field. The text shows the values of all maps under the pointer.
 class Pictures {
   constructor(parent, block) {
     Object.assign(this, {r: record(block.record), views: [], start: about(record(block.record))});
@@ -177,7 +177,7 @@ class Pictures {
     const missed = what === 'error' && model.map.reduce((sum, v, i) => sum + (r.truth[i] > 0 && !(v > 0)), 0);
     const invented = what === 'error' && model.map.reduce((sum, v, i) => sum + (v > 0 && !(r.truth[i] > 0)), 0);
     note.textContent = what === 'map' ? model.scores : what === 'deviation' ? `Place of the body: ${model.stated}.`
-      : what === 'error' ? `${missed} of ${r.truth.reduce((sum, v) => sum + (v > 0), 0)} pixels missed, ${invented} invented.` : '';
+      : what === 'error' ? `${missed} of ${r.truth.reduce((sum, v) => sum + (v > 0), 0)} pixels missed, ${invented} false.` : '';
     const view = new MapView(id, what === 'error' ? 'error' : what === 'deviation' || what === 'share' ? 'sure' : 'near');
     if (what === 'share') view.unit = '';
     Object.assign(view, {what, values, model, note, said: note.textContent, cross: make(box, 'i', {className: 'cross', hidden: true}), box});
@@ -194,7 +194,7 @@ class Pictures {
               : picture(cut(v.values), size, size, span, tables[v.kind], 1, v.kind === 'sure'), edges, span);
     }
   }
-  // Of the pointer: shares of the picture from its left and top, within it.
+  // Pointer position as fractions of the image from its left and top.
   place(event, view) {
     const box = view.canvas.getBoundingClientRect(), {left, top, width, height} = view.inner;
     return [(event.clientX - box.left - left) / width, (event.clientY - box.top - top) / height].map(v => Math.min(Math.max(v, 0), 0.9999));
@@ -208,7 +208,7 @@ class Pictures {
       const tangents = [(x + 0.5) / side * 2 - 1, 1 - (y + 0.5) / side * 2].map(t => t * half), degrees = t => `${(Math.atan(t) * 180 / Math.PI).toFixed(1)}°`;
       const [there, drawn] = [this.r.truth[y * side + x] > 0, v.model?.map[y * side + x] > 0];
       const words = v.what === 'share' ? value.toFixed(2) : v.what === 'deviation' ? `±${value.toFixed(2)} m`
-        : v.what === 'error' ? there && drawn ? `${value > 0 ? '+' : ''}${(100 * value).toFixed(0)} cm` : there ? 'missed' : drawn ? 'invented' : 'nothing in both'
+        : v.what === 'error' ? there && drawn ? `${value > 0 ? '+' : ''}${(100 * value).toFixed(0)} cm` : there ? 'missed' : drawn ? 'invented' : 'no return in both'
           : value > 0 ? `${value.toFixed(2)} m` : 'no return';
       v.note.textContent = `${words} at ${degrees(tangents[0])}, ${degrees(tangents[1])}`;
       v.cross.style.left = `${v.canvas.offsetLeft + v.inner.left + at[0] * v.inner.width}px`;
@@ -306,18 +306,18 @@ const kinds = {
       if (block.gaps[sensor].length) make(small, 'span', {className: 'lost', textContent: '; no data where red'});
       make(box, 'div', {id: `strip-${sensor}`, className: 'strip', role: 'img', ariaLabel: `${key[sensor]} over the run`});
     }
-    const head = make(make(box, 'h3', {textContent: 'residual of the clocks '}), 'small', {textContent: 'µs: '});
+    const head = make(make(box, 'h3', {textContent: 'clock residuals '}), 'small', {textContent: 'µs: '});
     for (const sensor in key) {
       make(make(head, 'span'), 'i', {className: `key ${sensor}`});
       head.lastChild.append(` ${key[sensor]} `);
     }
-    make(box, 'div', {id: 'strip-clock', className: 'strip', role: 'img', ariaLabel: 'residuals of the clocks over the run'});
+    make(box, 'div', {id: 'strip-clock', className: 'strip', role: 'img', ariaLabel: 'clock residuals over the run'});
     const strips = new Strips(`time, ${block.unit}`);
     for (const strip of strips.rates) strip.gaps = block.gaps[strip.sensor];
     strips.take(block.arrays, block.window_s);
     redraws.push(() => strips.renew());
   },
-  // What a sensor saw over the run: a column some records, from the nearest bin on; 255 where there is no data.
+  // Data of a sensor over the run: one column for some records, from the nearest bin on; 255 = no data.
   waterfalls(parent, {tables: all, unit, end}) {
     const box = make(parent, 'figure', {className: 'card waterfalls'}), head = {spd: ['SPD', 'clicks by range and time'], radar: ['radar', 'power by range and time']};
     for (const {sensor, values, columns, bins, start_m: start, end_m: far, most} of all) {
@@ -326,7 +326,7 @@ const kinds = {
       make(box, 'div', {id, className: 'chart', role: 'img', ariaLabel: `${name}: ${what}`});
       const words = sensor === 'spd' ? ['0', siNumber(Math.expm1(most))] : ['0 dB', `${siNumber(most)} dB`];
       const chart = new Waterfall(id, 150, {values: short}, `time, ${unit}`), below = Math.max(0, Math.round(bins * start / (far - start)));
-      // The farthest range is above; below the sensor's first bin nothing is known.
+      // The farthest range is on top; rows below the sensor's first bin are blank.
       const image = Float32Array.from({length: (bins + below) * columns}, (_, i) => {
         const v = raw[i % columns * bins + bins - 1 - Math.floor(i / columns)];
         return i < bins * columns && v < 255 ? v : NaN;
@@ -387,7 +387,7 @@ said.sections.forEach(({id, heading, blocks}, i) => {
 });
 if (location.hash) document.getElementById(location.hash.slice(1))?.scrollIntoView();
 matchMedia('(prefers-color-scheme: dark)').addEventListener('change', redraw);
-// On paper all is light, and as wide as the paper.
+// On paper the theme is light and the width fixed.
 let theme;
 addEventListener('beforeprint', () => {
   theme = root.dataset.theme, root.dataset.theme = 'light', root.classList.add('paper');

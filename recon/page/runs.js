@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// The runs of a folder: what each is like, and the way to its page.
+// The runs of a folder: an overview of each, with a link to its page.
 import {clock, colour, siNumber} from './charts.js';
 import {refusal} from './link.js';
 import {fill, picture, spanOf, tables} from './maps.js';
@@ -11,7 +11,7 @@ let told = '';
 function thumbnail(run, span) {
   const canvas = document.createElement('canvas'), c = canvas.getContext('2d'), high = side * devicePixelRatio;
   canvas.width = canvas.height = high;
-  canvas.role = 'img', canvas.ariaLabel = run.map ? 'depth map of its middle' : run.histogram ? 'histogram of its middle' : 'no record';
+  canvas.role = 'img', canvas.ariaLabel = run.map ? 'depth map of the middle record' : run.histogram ? 'histogram of the middle record' : 'no record';
   if (run.map) {
     const rows = Math.sqrt(run.map.length);
     fill(canvas, picture(run.map, rows, rows, span, tables.near, 0.01));
@@ -31,7 +31,7 @@ function card(run, span) {
   at.className = 'card run', at.href = `run/${encodeURIComponent(run.name)}/${location.search}`;
   add('h2', run.name);
   if (run.waits || run.fault) {
-    add('p', run.fault ?? 'is being read', run.fault ? 'doubts' : 'quiet');
+    add('p', run.fault ?? 'reading', run.fault ? 'doubts' : 'quiet');
   } else {
     const labels = labelsOf(run), shown = labels.slice(0, 4).join(', ');
     add('p', run.status === 'open' ? 'recording' : run.status, 'status');
@@ -45,10 +45,10 @@ function card(run, span) {
 }
 function draw() {
   const runs = JSON.parse(told), span = spanOf(runs.flatMap(run => run.map ?? []).map(cm => cm / 100));
-  $('about').textContent = runs.length ? `${runs.length}, the newest first` : 'none in this folder yet';
+  $('about').textContent = runs.length ? `${runs.length}, newest first` : 'none in this folder yet';
   $('runs-list').replaceChildren(...runs.map(run => card(run, span)));
 }
-// Asks anew, at once while some are not read yet; draws only what is new, so that nobody clicks into nothing.
+// Polls the list, quickly while some runs are not read yet; redraws only on a change, so that a click does not miss.
 async function look() {
   let wait = pause.all;
   try {

@@ -15,7 +15,7 @@ export class Sheet {
     if (!this.message) return;
     const {index, label, lacks, arrays: {maps}} = this.message, side = maps.shape[1], shown = 3 * side;
     const step = index.length > 1 ? (index.at(-1) - index[0]) / (index.length - 1) : 1;
-    document.getElementById('sheet-of').textContent = index.length ? `what the camera saw in ${index.length} records`
+    document.getElementById('sheet-of').textContent = index.length ? `camera images of ${index.length} records`
       + (step > 1.01 ? `, one in ${+step.toFixed(1)}` : '') : '';
     this.box.replaceChildren(...index.map((at, i) => {
       const button = document.createElement('button'), canvas = document.createElement('canvas');

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// The page: what the server sends goes where it belongs; keys and buttons ask for more.
+// The page of a run: dispatches messages of the server; keys and buttons send requests.
 import {Histogram, Profile, Strips, Waterfall, clock, metresPerPs, siNumber} from './charts.js';
 import {Cloud} from './cloud.js';
 import {Link} from './link.js';
@@ -35,12 +35,12 @@ const rate = (n, name) => `${n < 10 ? +n.toPrecision(2) : count(Math.round(n))} 
 
 const doubtsOf = shown => sensors.filter(name => !['ok', 'not configured'].includes(shown.sensors[name].verdict))
   .map(name => `${names[name]}: ${shown.sensors[name].verdict}`);
-// Lamps: the word says it, the colour repeats it.
+// Lamps: a word, with a colour that repeats it.
 function lampOf(sensor, over, old) {
   if (!sensor.configured) return ['off', 'OFF'];
   if (!over && (sensor.stale || (sensor.age_s ?? Infinity) + old > 2 * run.window_s + 1)) return ['bad', 'LOST'];
-  if (!sensor.valid) return [over ? 'bad' : 'look', over ? 'LOST' : 'LOOK'];
-  return sensor.verdict === 'ok' ? ['ok', 'OK'] : ['look', 'LOOK'];
+  if (!sensor.valid) return [over ? 'bad' : 'look', over ? 'LOST' : 'CHECK'];
+  return sensor.verdict === 'ok' ? ['ok', 'OK'] : ['look', 'CHECK'];
 }
 function light(name, [lamp, word], verdict, note) {
   const at = $(`lamp-${name}`);
@@ -58,26 +58,26 @@ function drawLamps() {
     const shown = !live && record?.sensors[name], sensor = shown ? {...state.sensors[name], ...shown, arrived: null} : state.sensors[name];
     const lamp = !connected ? ['off', '?'] : lampOf(sensor, over || shown, old);
     if (lamp[1] === 'LOST') lost.push(name);
-    if (lamp[1] === 'LOOK') look.push(name);
+    if (lamp[1] === 'CHECK') look.push(name);
     light(name, lamp, !connected ? 'no connection' : !sensor.configured ? 'not configured' : sensor.verdict !== 'ok' ? sensor.verdict
             : sensor.arrived > sensor.used ? `${rate(sensor.arrived / run.window_s, name)}, ${sensor.used} used` : rate(sensor.used / run.window_s, name),
-          !sensor.configured ? '' : shown ? `in record ${record.index}` : over ? 'run is over' : sensor.age_s == null ? 'never any data' : `last data ${age(sensor.age_s + old)}`);
+          !sensor.configured ? '' : shown ? `in record ${record.index}` : over ? 'run is over' : sensor.age_s == null ? 'no data yet' : `last data ${age(sensor.age_s + old)}`);
   }
   drawStatus(over || !live ? [] : lost, over || !live ? [] : look);
   say('doubts', state.doubts || 'no record is doubtful');
   $('doubts').hidden = false, $('doubts').dataset.none = !state.doubts;
   drawMapsLamp();
 }
-// The worst of the run and its sensors.
+// The worst state of the run and its sensors.
 function drawStatus(lost, look) {
   const of = list => list.map(name => names[name]).join(', '), words = {open: 'recording', complete: 'complete'};
   const all = sensors.filter(name => state.sensors[name].configured);
   const text = !connected ? 'no connection to the viewer' : lost.length === all.length && lost.length ? 'NO DATA from any sensor'
-    : lost.length ? `recording without ${of(lost)}` : look.length ? `recording; look at ${of(look)}` : words[state.status] ?? state.status;
+    : lost.length ? `recording without ${of(lost)}` : look.length ? `recording; check ${of(look)}` : words[state.status] ?? state.status;
   say('status', text);
   $('status').dataset.status = !connected || lost.length ? 'lost' : look.length ? 'look' : state.status.split(':')[0];
 }
-// Whether the maps can be believed.
+// Whether the maps are reliable.
 function drawMapsLamp() {
   $('lamp-maps').hidden = !run.model;
   const made = record?.reconstruction;
@@ -128,7 +128,7 @@ function drawNumbers() {
 function drawRecord() {
   if (!record || !run) return;
   const a = record.arrays, grid = run.map.half_tangent, made = record.reconstruction;
-  // What the newest record lacks stays as it was last, dimmed.
+  // If the newest record lacks data, the last data stay, dimmed.
   const here = (at, has) => {
     if (has) seen[at] = record.index;
     return has ? '' : live && seen[at] != null ? `no data; last in record ${seen[at]}` : 'no data in this record';
@@ -162,7 +162,7 @@ function drawRecord() {
   const [bins, beams] = a.beams?.shape ?? [0, 0], most = a.beams ? a.beams.reduce((top, v) => v > top ? v : top, -Infinity) : 0;
   $('card-beams').hidden = !(most > -Infinity && bins);
   if (!$('card-beams').hidden) {
-    // Beams lie evenly over the azimuth's sine, columns over its degrees: two each.
+    // Beams are equidistant in the sine of the azimuth, columns in degrees (2 each).
     const beam = Array.from({length: 90}, (_, k) => Math.floor((Math.sin((2 * k - 89) * Math.PI / 180) + 1) / 2 * beams)), {array} = run.axes;
     const turned = Float32Array.from({length: 90 * bins}, (_, i) => a.beams[(bins - 1 - Math.floor(i / 90)) * beams + beam[i % 90]]);
     antennas.show(picture(turned, bins, 90, [most - 30, most], tables.level, 1, true), [-90, 90], array.start + array.count * array.step, tables.level, ['-30 dB', '0 dB']);
@@ -184,7 +184,7 @@ const take = {
     document.body.classList.toggle('with-model', !!run.model);
     for (const id of ['box-reconstruction', 'box-deviation', 'cloud-of']) $(id).hidden = !run.model;
     for (const id of ['mark', 'relabel']) $(id).disabled = !run.may_write;
-    $('mark').title = run.may_write ? '' : 'for a live run, with the token of the address';
+    $('mark').title = run.may_write ? '' : 'needs a live run and the token in the address';
     if (other) {
       spanKnown = false, sheetAt = -1, strip = null;
       for (const at in seen) delete seen[at];
@@ -193,7 +193,7 @@ const take = {
     $('facts').replaceChildren(...run.facts.flatMap(words => ['dt', 'dd'].map((kind, i) => Object.assign(document.createElement(kind), {textContent: words[i]}))));
     const {spd, radar} = run.axes;
     const end = spd ? (spd.start + spd.count * spd.step) * metresPerPs : radar ? radar.start + radar.count * radar.step : 1;
-    histogram.farthest = profile.farthest = end;  // one axis for both: peaks stand one above the other
+    histogram.farthest = profile.farthest = end;  // a common axis: peaks at equal range are aligned
     if (run.axes.spd && (other || histogram.x?.length !== run.axes.spd.count)) histogram.axes(run.axes.spd);
     if (run.axes.radar) profile.axes(run.axes.radar);
     trouble('');
@@ -246,7 +246,7 @@ const take = {
   },
 };
 
-// Clicks as their logarithm, the radar over its median: each to the brightest of the run.
+// Waterfalls: logarithm of the clicks, radar over its median; scaled to the maximum of the run.
 function drawWaterfalls() {
   const {message} = sheet;
   if (!message || !run) return;
@@ -262,7 +262,7 @@ function drawWaterfalls() {
         row.forEach((v, b) => { turned[(bins - 1 - b) * records + r] = sensor === 'spd' ? Math.log1p(v) : Math.max(v - middle, 0); });
     }
     const most = turned.reduce((top, v) => v > top ? v : top, 1), unit = sensor === 'spd' ? metresPerPs : 1;
-    // The axis begins where the sensor's does: below it nothing is known.
+    // The axis starts at 0; ranges below the sensor's first bin stay blank.
     const nothing = Math.max(0, Math.round(bins * a.start / (a.count * a.step)));
     const whole = new Float32Array((bins + nothing) * records).fill(NaN);
     whole.set(turned);
@@ -316,8 +316,8 @@ const actions = {
     spanKnown = false;
     collect();
   },
-  m: () => ask('mark', 'mark the running record with'),
-  l: () => ask('label', 'label of the records from now on'),
+  m: () => ask('mark', 'text of the mark'),
+  l: () => ask('label', 'label for the following records'),
   f: () => {
     $('far').setAttribute('aria-pressed', document.documentElement.classList.toggle('far'));
     redraw();
@@ -344,7 +344,7 @@ function redraw() {
   sheet.draw(span);
 }
 function ask(what, words) {
-  if (!run?.may_write) return toast('only a live run is marked, with the token of the address', true);
+  if (!run?.may_write) return toast('marking needs a live run and the token in the address', true);
   say('ask-what', words);
   $('ask').dataset.what = what;
   $('ask-text').value = what === 'label' ? state.label : '';

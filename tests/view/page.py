@@ -29,7 +29,7 @@ header_jumps = """
   };
   const label = 'a person who holds the letter C and walks from the wall on the left to the window and back again, slowly, '.repeat(2);
   const short = say({status: 'complete', label: '–', shown: '–', records: '1', elapsed: '0:01', disk: '1 GB', about: 'records of 3 s'}),
-    long = say({status: 'recording; look at SPD, radar, depth camera', label, shown: `record 7, ${label}`, records: '123456 / 200000',
+    long = say({status: 'recording; check SPD, radar, depth camera', label, shown: `record 7, ${label}`, records: '123456 / 200000',
                 elapsed: '123:45:06', disk: '81.5 GB (123:45:06)', about: `records of 3 s on a-long-name.${'department.'.repeat(9)}example.org by ${label}`});
   return Math.max(...short.map((v, i) => Math.abs(v - long[i])));
 """
@@ -159,7 +159,7 @@ class Page(live_view.LiveView):
         self.wait("new run", lambda: self.text("status").startswith("recording") and int(self.text("records")) > 1)
         self.wait("verdict of the weak laser", lambda: self.verdict("spd").startswith("weak: "))
         self.assertEqual(self.lamp("spd"), "look")
-        self.assertIn("LOOK", self.text("lamp-spd"))
+        self.assertIn("CHECK", self.text("lamp-spd"))
         self.wait("maps lamp with the verdict", lambda: self.lamp("maps") == "look" and "SPD: weak: " in self.verdict("maps"))
         self.wait("green lamp of the radar", lambda: self.lamp("radar") == "ok")
         self.wait("event of it", lambda: "SPD: record" in self.text("events") and "weak: " in self.text("events"))
