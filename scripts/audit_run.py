@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""scripts/audit_run.py RUN.sqlite LOG [--json]: compares a run with the log of the simulated laboratory that it was
-recorded from (echofuse-sim lab --log LOG), record by record, and accounts for every tag and every frame. Exit code 1
-if a difference has no explanation."""
+"""scripts/audit_run.py RUN.sqlite LOG [--json]: compares a run, record by record, with the log of the simulated
+laboratory (echofuse-sim lab --log LOG), and accounts for every tag and every frame. Exits with 1 if a difference has no
+explanation."""
 import argparse
 import bisect
 import collections
@@ -11,16 +11,16 @@ import json
 import sqlite3
 import sys
 
-# How long a sample may be on its way: the shortest of these that explains a run is part of its account.
+# Candidates for the longest transport delay: the account names the shortest one that explains the run.
 LATENCIES_NS = [20_000_000 * 2**i for i in range(8)]
 LATENCY_NS = 250_000_000
-GRACE_NS = 500_000_000  # a frame belongs to the slot in which it was taken, as long as that is open
-SETTLING_NS = 5_000_000_000  # after a clock went back, until its fit is believed again
+GRACE_NS = 500_000_000  # a slot stays open this long for frames taken in it
+SETTLING_NS = 5_000_000_000  # after a clock was set back, until its fit is valid again
 PATIENCE_NS = 5_000_000_000
-CLOCK_ERROR_NS = 100_000_000  # a clock that went back by no more is not seen to
-SETTLED = 200  # samples of a clock
-NUMBER_FIELD = range(20, 24)  # of a radar frame
-BELIEVED_GAP = 100  # of radar frame numbers
+CLOCK_ERROR_NS = 100_000_000  # a smaller step back of a clock is not detected
+SETTLED = 200  # samples until a clock fit is valid
+NUMBER_FIELD = range(20, 24)  # bytes of the number in a radar frame
+BELIEVED_GAP = 100  # largest gap in radar frame numbers that counts as loss at once
 RECEIVED_WHOLE = {"sent", "garbage"}
 
 
@@ -61,8 +61,8 @@ class Account:
 
 
 def bounded(account, what, run, column, items, late):
-    """items: (earliest time, time by which it is in a record or None, amount). The sum over the records up to each one
-    lies between what must and what may have been counted by then; the constant is what came before the first slot."""
+    """Checks sums over the records. items: (earliest time, time by which a record has it or None, amount). The sum up to
+    each record must lie between what must and what may have arrived by then. The constant is what came before the run."""
     may_t, may = accumulate(sorted((first, amount) for first, _, amount in items))
     must_t, must = accumulate(sorted((by, amount) for _, by, amount in items if by is not None))
     low, high, total = 0, float("inf"), 0
@@ -82,7 +82,7 @@ def accumulate(pairs):
 
 
 def connections(entries):
-    """The blocks of each connection."""
+    """Returns the blocks of each connection."""
     all_of_them = []
     for entry in entries:
         if entry["what"] == "connected":
@@ -94,21 +94,21 @@ def connections(entries):
 
 
 class Tags:
-    """What the daemon's bridge client makes of the blocks."""
+    """Model of how the daemon's bridge client counts the blocks."""
 
     def __init__(self, entries, latency_ns):
         connection_list = connections(entries)
         self.latency_ns = latency_ns
-        self.jumps = clock_jumps(entries)  # in which tags may stand in earlier slots
+        self.jumps = clock_jumps(entries)  # tags may be in earlier slots then
         self.clock_faults = min((e["t"] for e in entries if e["what"].startswith("begin clock_")), default=float("inf"))
-        self.sums = collections.Counter()  # tags by what became of their block
-        self.delivered, self.losses = [], []  # (earliest, latest, amount); prefix of tags for the driver's counter
-        self.pending = 0  # lost, as no delivered block has told yet, over connections
+        self.sums = collections.Counter()  # tags by the fate of their block
+        self.delivered, self.losses = [], []  # (earliest, latest, amount)
+        self.pending = 0  # lost since the last delivered block, over connections
         for number, connection in enumerate(connection_list):
             self.take(connection, number > 0)
 
     def earliest(self, block):
-        """Where its first tag may stand."""
+        """Returns the earliest time stamp of its first tag."""
         if any(begin < block["t"] < end for begin, end in self.jumps):
             return block["first"] - GRACE_NS
         return block["first"] - (CLOCK_ERROR_NS if block["t"] > self.clock_faults else 0)
@@ -148,7 +148,7 @@ def audit_tags(run, entries):
         account = audit_tags_within(run, entries, latency_ns)
         if not account.unexplained:
             break
-    account.put("on their way for less than, ms", latency_ns // 1_000_000)
+    account.put("longest transport delay, ms", latency_ns // 1_000_000)
     return account
 
 
@@ -164,16 +164,16 @@ def audit_tags_within(run, entries, latency_ns):
     sums = [0, *itertools.accumulate(n for *_, n, _ in tags.delivered)]
     if heard not in set(sums):
         near = sums[bisect.bisect_left(sums, heard) - 1]
-        account.fault(f"the driver heard {heard} tags, which is no sum of whole blocks sent ({near} to the block before)")
+        account.fault(f"the driver received {heard} tags, which is not a sum of complete blocks sent (the previous block ends at {near})")
     before = heard - in_records - late - outside
     if before != run.counters["spd", "early"]:
-        account.fault(f"{before} tags were heard and are in no record, not late and not outside; "
+        account.fault(f"{before} received tags are in no record and neither late nor outside; "
                       f"{run.counters['spd', 'early']} were counted as early")
     start = run.records[0]["start"]
     may_before = sum(n for first, _, n, _ in tags.delivered if first < start)
     if not 0 <= before <= may_before:
-        account.fault(f"{before} tags were heard and are in no record, not late and not outside; before the run came at "
-                      f"most {may_before}")
+        account.fault(f"{before} received tags are in no record and neither late nor outside; at most {may_before} came "
+                      "before the run")
     after = sum(tags.sums.values()) - heard - sum(v for k, v in tags.sums.items() if k != "sent")
     account.put("made", sum(tags.sums.values()))
     for what in ("dropped", "corrupt", "garbage", "behind damage", "cut", "unsent", "overrun", "before a hello"):
@@ -181,10 +181,10 @@ def audit_tags_within(run, entries, latency_ns):
     account.put("in records", in_records)
     account.put("late", late)
     account.put("outside the run's slots", outside)
-    account.put("heard before the run", before)
+    account.put("received before the run", before)
     account.put("after the daemon ended", after)
-    account.put("blocks lost, as the log has it", sum(n for *_, n in tags.losses))
-    account.put("blocks and items lost, as records have it", lost)
+    account.put("blocks lost according to the log", sum(n for *_, n in tags.losses))
+    account.put("blocks and items lost according to the records", lost)
     return account
 
 
@@ -196,13 +196,13 @@ class Frames:
             if "frame" not in entry:
                 continue
             known = self.by_number.get(entry["frame"])
-            if not known or entry["what"] in RECEIVED_WHOLE:  # of several viewers, one that got it
+            if not known or entry["what"] in RECEIVED_WHOLE:  # prefers the viewer that received it
                 self.by_number[entry["frame"]] = entry
 
     def certain(self, number):
         return number in self.by_number and self.by_number[number]["what"] in RECEIVED_WHOLE
 
-    def doubtful(self, number):  # no checksum: a damaged frame may pass, by its own or another number
+    def doubtful(self, number):  # without a checksum a damaged frame may pass, with its own or another number
         entry = self.by_number.get(number)
         return self.sensor == "radar" and entry is not None and entry["what"] == "corrupt"
 
@@ -216,7 +216,7 @@ class Frames:
 
 
 def clock_jumps(entries):
-    """Host times (from, to) between which a device's clock was ahead and its frames stand in other slots."""
+    """Returns host times (from, to) in which a device's clock was ahead, so that its frames are in other slots."""
     jumps, begun, lasting = [], None, 0  # several may overlap
     for entry in entries:
         if entry["what"] == "begin clock_offset":
@@ -230,7 +230,7 @@ def clock_jumps(entries):
 
 
 class Range:
-    """Records up to one whose last frame is known by its number, and the frames (previous, last] that are theirs."""
+    """Records up to one with a known last frame number, and their frames (previous, last]."""
 
     def __init__(self, sensor, records, previous, last):
         self.records, self.previous, self.last = records, previous, last
@@ -239,14 +239,14 @@ class Range:
         self.settling = any(r[f"{sensor}_samples"] < SETTLED for r in records)
 
     def movable(self, frames):
-        """How many of its frames may stand in a neighbour: a late one may have a higher number than the last one of its
-        record; a damaged one is placed by its receipt, as all are while the clock is not known; and one that was much
-        delayed when only a few others have been heard is placed too late."""
+        """Returns how many of its frames may be in a neighbour. A late frame may have a higher number than the last one of
+        its record. A damaged frame is placed by its time of receipt, and so are all before the clock is known. A delayed
+        frame among the first few is placed too late."""
         return self.late + (self.got if self.settling else sum(map(frames.doubtful, self.numbers)))
 
 
 def ranges_of(account, run, frames, jumps):
-    """And the records after the last of them."""
+    """Returns the ranges, and the records after the last range."""
     sensor, found, records, previous = frames.sensor, [], [], None
     for record in run.records:
         records.append(record)
@@ -257,7 +257,7 @@ def ranges_of(account, run, frames, jumps):
             got = sum(r[f"{sensor}_frames"] for r in records)
             if last is not None and not frames.certain(last) and frames.renumbered(previous or 0, (previous or 0) + got + 20) == 0:
                 account.fault(f"record {record['idx']}: its last frame {last} was never sent")
-            continue  # a damaged number, or a frame that stands too late: the next record shows what became of it
+            continue  # a damaged number, or a frame placed too late: the next record resolves it
         if previous is None:
             previous = last - sum(r[f"{sensor}_frames"] + r[f"{sensor}_lost"] + r[f"{sensor}_late"] for r in records)
         found.append(Range(sensor, records, previous, last))
@@ -277,36 +277,36 @@ def audit_frames(run, sensor, entries):
     for i, each in enumerate(ranges):
         near = sum(r.movable(frames) for r in ranges[max(0, i - 1):i + 2])
         left += audit_range(account, frames, each, near, left, counts)
-    # Those that stand with a neighbour of the last range are among the records after it.
+    # Frames moved out of the last range are in the records after it.
     if abs(left) > (ranges[-1].movable(frames) if rest else 0):
-        account.fault(f"{abs(left)} frames more or less are in records, late or lost than were sent")
+        account.fault(f"records, late and lost frames together differ by {abs(left)} from the frames sent")
     got = sum(r[f"{sensor}_frames"] for r in rest)
     previous = ranges[-1].last if ranges else None
     may = sum(1 for n in frames.by_number if frames.plausible(n, previous, run.records[-1]))
-    if got > may:  # after the last record whose frames are known by their numbers
+    if got > may:  # after the last range
         account.fault(f"the last records have {got} {sensor} frames, at most {may} were sent")
     counts["in records"] += got
     late, outside, early = (run.counters[sensor, what] for what in ("late", "outside", "early"))
     if (of_records := sum(r[f"{sensor}_late"] for r in run.records)) != late:
-        account.fault(f"{late} frames were counted as late, {of_records} in the records that they belong to")
+        account.fault(f"{late} frames were counted as late, but {of_records} in their records")
     nowhere = (run.counters[sensor, "frames"] - run.counters[sensor, "early_frames"] - late - outside - early -
                run.counters[sensor, "duplicate"] - sum(r[f"{sensor}_frames"] for r in run.records))
     if nowhere:
-        account.fault(f"{nowhere} frames were heard and are nowhere")
-    # A clock that is behind puts a frame into an earlier slot that would still be open.
+        account.fault(f"{nowhere} received frames are not accounted for")
+    # A slow clock may put a frame into an earlier slot.
     may = sum(1 for e in frames.by_number.values() if e["t"] < run.records[0]["start"] + GRACE_NS)
     if early > may:
-        account.fault(f"{early} frames were counted as early; before the run came at most {may}")
+        account.fault(f"{early} frames were counted as early; at most {may} came before the run")
     for what, number in counts.items():
         account.put(what, number)
     account.put("late", late)
     account.put("outside the run's slots", outside)
-    account.put("heard before the run", early)
+    account.put("received before the run", early)
     return account
 
 
 def move_jump(before, after):
-    """A number that jumps far is believed once the next one follows it: with that one the loss is counted."""
+    """A large jump of the number counts as loss only when the next number confirms it."""
     missing = len(before.numbers) - before.got - before.late - before.lost
     if missing > BELIEVED_GAP:
         move = min(missing, after.lost)
@@ -315,8 +315,8 @@ def move_jump(before, after):
 
 
 def audit_range(account, frames, part, near, before, counts):
-    """Returns how many frames too few (or too many) are accounted for. Frames that stand with a neighbour explain them, of
-    which there may be `near`, if they come to nothing in the end; `before`: those of all ranges before this one."""
+    """Returns how many frames are missing (or surplus). Up to `near` frames may be in a neighbouring range; over all
+    ranges they must cancel. `before`: the sum over the ranges before this one."""
     numbers, arrived = part.numbers, part.got + part.late
     certain = sum(map(frames.certain, numbers))
     doubtful = sum(map(frames.doubtful, numbers))
@@ -324,17 +324,17 @@ def audit_range(account, frames, part, near, before, counts):
         counts["sent: " + (frames.by_number[n]["what"] if n in frames.by_number else "never")] += 1
     counts["in records"] += part.got
     counts["counted as lost"] += part.lost
-    counts["sent whole, lost on the way"] += max(0, certain - arrived)
+    counts["sent, lost in transport"] += max(0, certain - arrived)
     where = f"record {part.records[-1]['idx']}: {frames.sensor} frames {part.previous + 1} to {part.last}: "
     if arrived > certain + doubtful + near:
         account.fault(where + f"{arrived} arrived, {certain + doubtful} were sent")
     left = len(numbers) - arrived - part.lost
     if left == 0:
         return 0
-    # The damaged number of the last frame may be that of one before it.
+    # The damaged number of the last frame may equal that of an earlier one.
     if frames.renumbered(part.previous - 2, max(part.last, part.previous + arrived)):
         settled = -before if left * before < 0 and abs(before) <= abs(left) else 0
-        counts["miscounted for damaged numbers"] += left - settled
+        counts["miscounted because of damaged numbers"] += left - settled
         return settled
     if abs(left) > near:
         account.fault(where + f"{len(numbers) - arrived} did not arrive, {part.lost} were counted as lost")
@@ -346,7 +346,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("run")
     parser.add_argument("log")
-    parser.add_argument("--json", action="store_true", help="the account as one JSON object")
+    parser.add_argument("--json", action="store_true", help="print the account as one JSON object")
     args = parser.parse_args()
     run, log = Run(args.run), read_log(args.log)
     general = Account("run")

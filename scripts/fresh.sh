@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: MIT
-# Sourced by check_fresh and package: a bare Debian 12 in $root (debootstrap), with the package mirror of this
-# machine's own apt configuration. Needs root and ~4 GB; the folder goes when the script ends.
+# Sourced by check_fresh and package: a bare Debian 12 in $root (debootstrap), from the package mirror of this
+# machine's apt configuration. Needs root and ~4 GB; the folder is removed when the script ends.
 
-# fresh_mirror: sets $mirror; false, and why on stderr, if there is none or no root.
+# fresh_mirror: sets $mirror; fails with a message if there is none, or without root.
 fresh_mirror() {
   if [ "$(id -u)" != 0 ]; then
     echo "$(basename "$0"): needs root (debootstrap, chroot)" >&2
@@ -12,7 +12,7 @@ fresh_mirror() {
   mirror=$(apt-get indextargets --format '$(REPO_URI) $(CODENAME) $(ORIGIN)' 'Created-By: Packages' |
     awk '$2 == "bookworm" && $3 == "Debian" {print $1; exit}')
   [ -n "$mirror" ] && return
-  echo "$(basename "$0"): this machine's apt knows no Debian 12 (bookworm) mirror" >&2
+  echo "$(basename "$0"): apt on this machine has no Debian 12 (bookworm) mirror" >&2
   return 1
 }
 
@@ -22,7 +22,7 @@ fresh_cleanup() {
   mountpoint -q "$root/dev" || mountpoint -q "$root/ccache" || rm -rf --one-file-system "$root"
 }
 
-# fresh_root PACKAGE...: makes $root, from $mirror, with these packages.
+# fresh_root PACKAGE...: installs $root from $mirror, with these packages.
 fresh_root() {
   root=$(mktemp -d "${TMPDIR:-/tmp}/echofuse-fresh.XXXXXX")
   trap fresh_cleanup EXIT
@@ -30,7 +30,7 @@ fresh_root() {
   debootstrap --variant=minbase bookworm "$root" "$mirror" >"$root.log" 2>&1 ||
     { tail "$root.log" >&2; rm "$root.log"; exit 1; }
   rm -f "$root.log"
-  chmod 755 "$root"  # as / is elsewhere: mktemp lets nobody but root in
+  chmod 755 "$root"  # mktemp allows root only
   mount -t proc proc "$root/proc"
   mount --bind /dev "$root/dev"
   mount --bind /dev/pts "$root/dev/pts"
@@ -39,7 +39,7 @@ fresh_root() {
   in_root "apt-get update -q && apt-get install -q -y --no-install-recommends ca-certificates $*" >/dev/null
 }
 
-# fresh_ccache: if CCACHE_DIR is set, commands in $root keep the compiler's results there (package: ccache).
+# fresh_ccache: if CCACHE_DIR is set, commands in $root use ccache with it (package: ccache).
 fresh_ccache() {
   [ -n "${CCACHE_DIR:-}" ] || return 0
   mkdir -p "$CCACHE_DIR" "$root/ccache"
@@ -47,13 +47,13 @@ fresh_ccache() {
   cached="CCACHE_DIR=/ccache CCACHE_SLOPPINESS=pch_defines,time_macros CMAKE_CXX_COMPILER_LAUNCHER=ccache"
 }
 
-# in_root COMMAND: a shell command in there.
+# in_root COMMAND: runs a shell command in $root.
 in_root() {
   chroot "$root" env -i HOME=/root PATH=/usr/sbin:/usr/bin:/sbin:/bin LANG=C.UTF-8 DEBIAN_FRONTEND=noninteractive \
     ${cached:-} sh -c "$1"
 }
 
-# timed COMMAND...: says what and how long.
+# timed COMMAND...: runs it and prints its duration.
 timed() {
   echo "== $*" >&2
   began=$(date +%s)

@@ -96,7 +96,7 @@ class OutOfDistributionDetector {
 
   std::array<std::size_t, groups + 1> first_{};  // start of each group, and the end
   std::vector<float> scale_;                     // factor of each value of a description
-  Components components_;                        // of scaled descriptions
+  Components components_;                        // components of scaled descriptions
   Classifier two_bodies_;
   Limits limits_;
   std::vector<BroughtLimits> brought_;  // narrowest first

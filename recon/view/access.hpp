@@ -16,7 +16,7 @@ struct Access {
   bool token_asked = false;  // reading needs the token; writing always does
   bool loopback = true;      // true: listens on this machine only
   bool many = false;         // serves a folder of runs
-  std::string host_name;     // of this machine
+  std::string host_name;     // name of this machine
 
   // Accepts "127.0.0.1:8410", "[::1]", "localhost"; refuses the name of another machine.
   bool takes_host(std::string_view host) const;

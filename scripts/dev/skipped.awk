@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
-# Filter of ctest's output for scripts/test: prints the skipped tests and their reasons before the closing lines.
-# A test names its reason in a line "skipped: REASON"; pytest prints one "SKIPPED [N] PLACE: REASON" for each of its
-# own (-rs). Exits with 1 if CI is set and a skipped test names no reason.
+# Filters ctest's output for scripts/test: prints the skipped tests and their reasons before the closing lines.
+# A test prints its reason in a line "skipped: REASON"; pytest prints "SKIPPED [N] PLACE: REASON" for each test (-rs).
+# Exits with 1 if CI is set and a skipped test has no reason.
 /tests passed, / { closing = 1 }
 closing { held = held $0 "\n"; next }
 /\*\*\*Skipped/ { match($0, /: [^ ]+/); unnamed[substr($0, RSTART + 2, RLENGTH - 2)] = 1 }
