@@ -45,7 +45,7 @@ enum Metric : std::size_t {
 inline constexpr std::array<const char*, metric_count> metric_names = {
     "iou",         "ssim",    "ssim_hard", "ssim_fg",   "rmse_m", "rmse_fg_m",
     "depth_mae_m", "abs_rel", "delta_125", "lateral_m", "ghost",  "left_right"};
-static_assert(metric_names.back() != nullptr);  // as many names as metrics
+static_assert(metric_names.back() != nullptr);  // each metric has a name
 
 using MapScores = std::array<double, metric_count>;
 

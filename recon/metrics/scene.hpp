@@ -22,7 +22,7 @@ namespace echofuse::recon {
 struct Scene {
   std::vector<float> background;  // b: per-pixel median of the training maps, metres
   std::vector<float> mean_map;    // metres
-  float foreground_depth_m = 0;   // m; 0: no body stands out
+  float foreground_depth_m = 0;   // m; 0: no foreground
   record::MapGrid grid;           // grid of these and of all maps used with them
 
   bool has_body() const { return foreground_depth_m > 0; }

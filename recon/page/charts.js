@@ -34,7 +34,7 @@ export class Chart {
                            hooks: {drawClear: [u => this.under(u)]}, ...this.options()},
                           this.data ?? [[]], this.at);
   }
-  // Draws what is below the curves.
+  // Draws the background of the curves.
   under(u) {
     const c = u.ctx, {left, top, width, height} = u.bbox, at = x => u.valToPos(x, 'x', true), ratio = devicePixelRatio;
     c.save();

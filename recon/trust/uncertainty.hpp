@@ -48,7 +48,7 @@ class LateralError {
   // from fewer than least_records known errors.
   static constexpr std::size_t least_records = 30;
   void fit(const Matrix& predictors, const std::vector<double>& error_m, std::size_t plain);
-  // Learns the factor for records whose radar was converted from a response this many times wider,
+  // Learns the factor for records with a radar converted from a response this many times wider,
   // from imitations of validation records. Narrowest first; the factor is interpolated.
   void add_brought(double times_wider, const Matrix& predictors,
                    const std::vector<double>& error_m);

@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""freeze.py BUILD [--keep FOLDER]: prints the SHA-256 of what the programs below BUILD make, one line each.
+"""freeze.py BUILD [--keep FOLDER]: prints the SHA-256 of each output of the programs below BUILD.
 
-Run it before and after a change that should change nothing, and compare both texts with diff. Left out of each
-hash: uuids, the hour of the making, the host, the commit, times that were measured. Takes three minutes on two cores.
+Run it before and after a change that should not change results, and compare the outputs with diff. The hashes ignore
+uuids, creation times, the host, the commit and measured times. Takes three minutes on two cores.
 """
 import argparse
 import hashlib
@@ -40,7 +40,7 @@ def masked(text: str) -> bytes:
 
 
 def h5_digest(path: pathlib.Path) -> str:
-    """Hash of each array and attribute of an HDF5 file but those that name the making."""
+    """Hashes each array and attribute of an HDF5 file, except creation times, host and commit."""
     total = hashlib.sha256()
 
     def attributes(item: h5py.Dataset | h5py.Group) -> None:
@@ -62,7 +62,7 @@ def h5_digest(path: pathlib.Path) -> str:
 
 
 def json_digest(text: str) -> str:
-    """Hash of a JSON object without measured times and the run's path."""
+    """Hashes a JSON object without measured times and the run's path."""
 
     def without(item: object) -> object:
         if isinstance(item, dict):
@@ -73,7 +73,7 @@ def json_digest(text: str) -> str:
 
 
 def csv_digest(path: pathlib.Path) -> str:
-    """Hash of a table without its columns of measured times."""
+    """Hashes a table without its columns of measured times."""
     lines = [line.split(",") for line in path.read_text().splitlines() if not line.startswith("#")]
     timed = {i for i, name in enumerate(lines[0]) if name.endswith(("_us", "_s", "_ms")) or "_us_" in name}
     return digest(*(masked(",".join(c for i, c in enumerate(line) if i not in timed)) + b"\n" for line in lines))
@@ -149,8 +149,8 @@ class Freeze:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("build", type=pathlib.Path, help="folder of a build, as build/release")
-    parser.add_argument("--keep", type=pathlib.Path, help="keep what was made here")
+    parser.add_argument("build", type=pathlib.Path, help="build folder, e.g. build/release")
+    parser.add_argument("--keep", type=pathlib.Path, help="keep the outputs in this folder")
     args = parser.parse_args()
     with tempfile.TemporaryDirectory() as scratch:
         work = args.keep or pathlib.Path(scratch)

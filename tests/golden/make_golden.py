@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""Writes the golden bytes beside it: encoders of their own, from the published layouts, that share
-no line with the parsers or the simulator. Run it only when a layout changes, and say why."""
+"""Writes the golden bytes in this folder with its own encoders, from the published layouts, independent
+of parsers and simulator. Run it only when a layout changes, and give the reason in the commit."""
 import json
 import pathlib
 import struct

@@ -19,7 +19,7 @@ namespace {
 const record::Antennas line = {{0, 0, 1, 0}, {1, 0, 1.3, 0.4},  {2, 0, 0.8, -1},  {3, 0, 1, 2},
                                {4, 0, 1, 0}, {5, 0, 1.1, -2.5}, {6, 0, 0.9, 0.1}, {7, 0, 1, 1}};
 
-// The covariance of one scatterer.
+// Covariance of one point scatterer.
 std::vector<float> point(const record::Antennas& antennas, double u, double v, float power) {
   record::ArrayStatistics sums(1, antennas.size());
   std::vector<std::complex<float>> samples;
@@ -41,7 +41,7 @@ Axis lags_of_plates() {
   return lags_axis(record::array_axis(testing::radar_axis(), line.size()), SpatialLags(line));
 }
 
-// A body of three scatterers about u, one direction to the other 0.05.
+// A body of three scatterers around direction u, 0.05 apart.
 std::vector<float> body_lags(double range_m, double u) {
   const Axis axis = lags_of_plates();
   std::vector<float> out;
@@ -78,7 +78,7 @@ static std::complex<float> lag_of(const std::vector<float>& bin, std::size_t d) 
   return d == 0 ? bin[0] : std::complex<float>(bin[2 * d - 1], bin[2 * d]);
 }
 
-TEST_CASE("lags are those of the true waves, whatever gains and phases the antennas have") {
+TEST_CASE("lags do not depend on gains and phases of the antennas") {
   const SpatialLags lags(line);
   REQUIRE(lags.longest() == 7);
   std::vector<float> out(lag_values(7));
@@ -90,8 +90,7 @@ TEST_CASE("lags are those of the true waves, whatever gains and phases the anten
   }
 }
 
-TEST_CASE(
-    "of a planar array antennas side by side and one above the other make lags, one makes none") {
+TEST_CASE("a planar array has horizontal and vertical lags, a single antenna has none") {
   const SpatialLags planar({{0, 0, 1, 0}, {1, 0, 1, 0}, {0, 1, 1, 0}, {3, 1, 1, 0}});
   REQUIRE(planar.longest() == 4);
   const Axis axis = lags_axis({"array", "covariance", "m", 20, 0, 0.25, 4}, planar);
@@ -109,7 +108,7 @@ TEST_CASE(
   CHECK(lags_axis({"array", "covariance", "m", 20, 0, 0.25, 1}, one).count == 0);
 }
 
-TEST_CASE("runs keep their antennas, as lags, and records without them are said to lack them") {
+TEST_CASE("loading converts antennas to lags and reports records without them") {
   const Folder dir;
   write_plates(dir / "run", 4, 1, [](record::FusedRecord& r) {
     if (r.index == 2) r.array.clear(), r.array_frames = 0;
@@ -138,7 +137,7 @@ TEST_CASE("runs keep their antennas, as lags, and records without them are said 
                  Catch::Contains("--inputs fused-profile"));
 }
 
-TEST_CASE("the view of a body is the same in every direction but for the direction") {
+TEST_CASE("array view of a body is the same in every direction, except for the direction itself") {
   const ArrayView view(lags_of_plates());
   std::vector<float> middle(view.size()), right(view.size());
   view(body_lags(3.6, 0), 3.5, middle);
@@ -153,8 +152,7 @@ TEST_CASE("the view of a body is the same in every direction but for the directi
   CHECK(ArrayView(Axis{}).size() == 0);
 }
 
-TEST_CASE(
-    "a model with antennas needs them, stays right with a range bias, and says so in its file") {
+TEST_CASE("model with antennas requires them, tolerates a range bias and stores its inputs") {
   const Folder dir;
   write_plates(dir / "train", 500, 1);
   write_plates(dir / "fresh", 60, 2);
@@ -181,8 +179,7 @@ TEST_CASE(
   CHECK_THAT(refused.text, Catch::Contains("has no samples of the radar's antennas"));
 }
 
-TEST_CASE(
-    "antennas that are not what the run says of them are out of distribution, others seldom") {
+TEST_CASE("wrong antenna metadata makes records out of distribution") {
   const Folder dir;
   write_plates(dir / "train", 500, 1);
   write_plates(dir / "fresh", 200, 2);
@@ -205,7 +202,7 @@ TEST_CASE(
         0.9);
 }
 
-TEST_CASE("without its antennas the radar's range profile answers, without the radar the SPD") {
+TEST_CASE("fallback is the range profile without antennas, and the SPD without radar") {
   const Folder dir;
   write_plates(dir / "train", 200, 1);
   write_plates(dir / "fresh", 6, 2, [](record::FusedRecord& r) {
@@ -239,13 +236,13 @@ TEST_CASE("without its antennas the radar's range profile answers, without the r
   for (const auto& [row, alone] : by)
     for (std::size_t p = 0; p < maps.cols; ++p)
       REQUIRE(maps.row(row)[p] == Approx(alone->row(0)[p]).margin(1e-4));
-  // Each estimator takes less than the one before.
+  // Each estimator has fewer inputs than the one before.
   model.estimators[1] = std::move(load_model(dir / "model.h5").first());
   CHECK_THAT(testing::error_of([&] { save_model(model, dir / "chain.h5"); }),
              Catch::Contains("1/inputs") && Catch::Contains("fewer sensors"));
 }
 
-TEST_CASE("the program with runs that have antennas, runs without them or with others, and both") {
+TEST_CASE("train, evaluate and reconstruct handle runs with, without and with other antennas") {
   const Folder dir;
   write_plates(dir / "new", 60, 1, [](record::FusedRecord&) {});
   write_plates(dir / "fresh", 8, 2, [](record::FusedRecord&) {});

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
-// A program of its own: the kernels are chosen once, before the first product of the process.
+// A separate program, because the kernels are selected once, before the first product of the
+// process.
 
 #include <catch2/catch.hpp>
 #include <cstdlib>
@@ -25,7 +26,7 @@ bool avx512() {
          __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512vl");
 }
 
-// OpenBLAS as it is on a processor that it does not know by name.
+// Makes OpenBLAS behave as on an unknown processor.
 bool forget_processor() {
   if (!openblas_get_corename || !gotoblas_dynamic_quit || !gotoblas_dynamic_init) return false;
   setenv("OPENBLAS_CORETYPE", "Prescott", 1);
@@ -44,7 +45,7 @@ std::string version_with(const std::string& environment) {
 
 }  // namespace
 
-TEST_CASE("a processor that OpenBLAS does not know gets the kernels that it can run") {
+TEST_CASE("kernels are selected by features on a processor unknown to OpenBLAS") {
   const bool dispatched = forget_processor();
   const std::string kernels = blas_kernels();
   CAPTURE(kernels);
@@ -59,7 +60,7 @@ TEST_CASE("a processor that OpenBLAS does not know gets the kernels that it can 
   CHECK(std::vector<float>(c, c + 4) == std::vector<float>{19, 22, 43, 50});
 }
 
-TEST_CASE("the version names the matrix kernels, the environment chooses others") {
+TEST_CASE("version prints the matrix kernels, which the environment can override") {
   const std::string own = version_with("-u OPENBLAS_CORETYPE");
   CHECK_THAT(own, Catch::Contains("matrix kernels "));
   if (avx2()) CHECK_THAT(own, !Catch::Contains("SSE"));

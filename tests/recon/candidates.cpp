@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Which model: sizes by name, and the one-standard-error rule.
+// Model selection: sizes in names, and the one-standard-error rule.
 #include <cmath>
 
 #include "recon/train/crossvalidate.hpp"
@@ -15,7 +15,7 @@ namespace {
 CrossvalidatedRow row(const std::string& name, double iou, double se, std::size_t multiply_adds) {
   CrossvalidatedRow out{{name, {}}, {multiply_adds, 0}, 0, {}};
   out.metrics[metric_iou] = {iou, se, 100};
-  if (std::isnan(iou)) out.metrics[metric_rmse_m] = {iou, iou, 0};  // no map at all
+  if (std::isnan(iou)) out.metrics[metric_rmse_m] = {iou, iou, 0};  // no map
   return out;
 }
 
@@ -25,7 +25,7 @@ std::string chosen(const std::vector<CrossvalidatedRow>& rows) {
 
 }  // namespace
 
-TEST_CASE("a model's name may carry its size, and options fill the rest") {
+TEST_CASE("model name may contain sizes, options supply the rest") {
   FitOptions given;
   given.epochs = 7;
   const Candidate wide = candidate_of("mlp-1024-512-256", given);
@@ -44,7 +44,7 @@ TEST_CASE("a model's name may carry its size, and options fill the rest") {
   CHECK(candidate_of("factorised", {}, 3000).fit.batch.value() == 64);
   CHECK(candidate_of("mlp", {}, 2999).fit.learning_rate.value() == 0.002);
   CHECK(candidate_of("mlp", {}, 3000).fit.learning_rate.value() == Approx(0.002 * std::sqrt(2)));
-  given.batch = 32;  // smaller batches are slow enough
+  given.batch = 32;  // because smaller batches are too slow
   CHECK(candidate_of("mlp", given, 3000).fit.batch.value() == 32);
   CHECK(candidate_of("mlp", given, 3000).fit.learning_rate.value() == 0.002);
   given.batch = 256;
@@ -71,7 +71,7 @@ TEST_CASE("the cheapest model within one standard error of the best is chosen") 
   CHECK_THROWS_AS(chosen({row("unfit", none, none, 0)}), Error);
 }
 
-TEST_CASE("train --model auto keeps what does best for its cost, and says why") {
+TEST_CASE("train --model auto chooses by accuracy and cost, and prints the reason") {
   const Folder dir;
   write_run(dir / "run", 160);
   const Outcome o =
@@ -87,7 +87,7 @@ TEST_CASE("train --model auto keeps what does best for its cost, and says why") 
   CHECK_THAT(bad.text, Catch::Contains("oracle"));
 }
 
-TEST_CASE("where no body stands out the RMSE chooses") {
+TEST_CASE("model selection uses RMSE without foreground") {
   const auto of_rmse = [](const std::string& name, double rmse_m, std::size_t multiply_adds) {
     CrossvalidatedRow out = row(name, std::nan(""), std::nan(""), multiply_adds);
     out.metrics[metric_rmse_m] = {rmse_m, 0.001, 100};
@@ -99,7 +99,7 @@ TEST_CASE("where no body stands out the RMSE chooses") {
   CHECK_THAT(to_choice_table(rows, 2), !Catch::Contains("nan"));
 }
 
-TEST_CASE("the standard error of a sequence is that of its folds") {
+TEST_CASE("standard error of a sequence is computed between folds") {
   const auto fold = [](std::initializer_list<double> ious) {
     std::vector<MapScores> out;
     for (const double iou : ious) {
@@ -111,7 +111,7 @@ TEST_CASE("the standard error of a sequence is that of its folds") {
     return out;
   };
   const double none = std::nan("");
-  // Ten records of each pose: three poses, not thirty.
+  // Ten records of each pose: effectively three records, not thirty.
   const auto held = [&](double iou) {
     return fold({iou, iou, iou, iou, iou, iou, iou, iou, iou, iou});
   };
@@ -119,7 +119,8 @@ TEST_CASE("the standard error of a sequence is that of its folds") {
   CHECK(sequence.mean == Approx(0.5));
   CHECK(sequence.se == Approx(0.1 / std::sqrt(3)));
   CHECK(sequence.maps == 30);
-  // Unequal folds, one without a value: K = 2, n = 4, mean 0.4; rests 0.6 - 3 * 0.4 and 1 - 0.4.
+  // Unequal folds, one without a value: K = 2, n = 4, mean 0.4; residuals 0.6 - 3 * 0.4 and 1 -
+  // 0.4.
   const Summary uneven =
       summarise({fold({0.2, 0.2, 0.2}), fold({none}), fold({1.0, none})}, true)[metric_iou];
   CHECK(uneven.mean == Approx(0.4));
@@ -128,12 +129,12 @@ TEST_CASE("the standard error of a sequence is that of its folds") {
   CHECK(std::isnan(summarise({held(0.4), held(0.5)}, true)[metric_lateral_m].mean));
 }
 
-TEST_CASE("cross-validation of held poses does not call each record a new one") {
+TEST_CASE("cross-validation does not count records of one pose as independent") {
   const Folder dir;
   write_run(dir / "run", 120);
   Dataset data = load({dir / "run"});
   const Rows once = rows_to_train(data, Inputs::fused).rows;
-  Rows held;  // every record five times in a row
+  Rows held;  // each record five times in a row
   for (std::size_t i = 0; i < 24; ++i) held.insert(held.end(), 5, once[i]);
   TrainOptions options;
   options.candidates = {"mean-shape"};
@@ -145,10 +146,10 @@ TEST_CASE("cross-validation of held poses does not call each record a new one") 
   CHECK(folds > 1.5 * maps);
 }
 
-TEST_CASE("train says that a network never beat the mean map") {
+TEST_CASE("train warns if a network never beat the mean map") {
   const Folder dir;
   write_run(dir / "moving", 160);
-  // The mean of equal maps has no error.
+  // Equal maps: the mean map has no error.
   write_run(dir / "still", 160, 1, [](record::FusedRecord& r) {
     r.depth_mm.assign(r.depth_mm.size(), 0);
     std::fill_n(r.depth_mm.begin() + 1000, 1000, std::uint16_t{3000});

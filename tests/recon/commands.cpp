@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// echofuse-recon as a user meets it: exit codes, one line of error, what it prints and leaves.
+// echofuse-recon from the user's side: exit codes, error lines, output and files.
 #include <signal.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -18,8 +18,8 @@ using namespace echofuse::testing;
 
 namespace {
 
-// True once the program has its handler for SIGINT (signal 2) in place; before the exec it was the
-// tests' own.
+// True once the program has installed its own SIGINT handler (signal 2); before the exec it has the
+// test's.
 bool catches_interrupts(pid_t process) {
   const std::string status = contents("/proc/" + std::to_string(process) + "/status");
   if (!status.starts_with("Name:\techofuse-recon\n")) return false;
@@ -32,7 +32,7 @@ constexpr const char* quick = " -q --model mlp-32-16 --epochs 30";
 
 }  // namespace
 
-TEST_CASE("help and version") {
+TEST_CASE("help and version are printed") {
   const Outcome version = recon_program("--version");
   CHECK(version.code == 0);
   CHECK_THAT(version.text,
@@ -44,7 +44,7 @@ TEST_CASE("help and version") {
     CHECK_THAT(help.text, Catch::Contains(command));
 }
 
-TEST_CASE("more records than the memory holds are refused before they are read") {
+TEST_CASE("records exceeding the memory are refused before reading") {
   const Folder dir;
   write_run(dir / "run", 3);
   const auto pages = static_cast<double>(sysconf(_SC_PHYS_PAGES));
@@ -62,7 +62,7 @@ TEST_CASE("more records than the memory holds are refused before they are read")
         0);
 }
 
-TEST_CASE("too few records, a bad record, other axes") {
+TEST_CASE("too few records, a damaged record or other axes are reported") {
   const Folder dir;
   write_run(dir / "one", 1);
   refuses("train " + (dir / "one") + " --out " + (dir / "m"), 1, "1 usable records");
@@ -84,7 +84,7 @@ TEST_CASE("too few records, a bad record, other axes") {
   CHECK(recon_program("evaluate " + (dir / "m") + " '" + (dir / "one more") + "'").code == 0);
 }
 
-TEST_CASE("train and evaluate: the JSON object") {
+TEST_CASE("evaluate --json has all metrics and costs") {
   const Folder dir;
   write_run(dir / "run", 120);
   REQUIRE(recon_program("train " + (dir / "run") + " --out " + (dir / "m") + quick).code == 0);
@@ -104,7 +104,7 @@ TEST_CASE("train and evaluate: the JSON object") {
        {"multiply_adds", "parameters", "infer_us_median", "infer_us_p99", "train_s", "model_bytes"})
     CHECK(json["cost"][name].get<double>() > 0);
   CHECK(json["cost"]["multiply_adds"] == 54 * 32 + 32 * 16 + 16 * 4096);
-  // A fresh run has no neighbours of its own; the training run lends them.
+  // A new run has no nearest neighbours of its own; --train provides the records.
   write_run(dir / "fresh", 20, 3);
   const std::string fresh = "evaluate --json " + (dir / "m") + " " + (dir / "fresh");
   CHECK(nlohmann::json::parse(recon_program(fresh).text)["trivial"].size() == 2);
@@ -113,7 +113,7 @@ TEST_CASE("train and evaluate: the JSON object") {
   CHECK(lent["records"] == 20);
 }
 
-TEST_CASE("a bad record does not stop a reconstruction") {
+TEST_CASE("reconstruct continues after a damaged record") {
   const Folder dir;
   write_run(dir / "run", 60);
   REQUIRE(recon_program("train -q --set fallback=false --model ridge " + (dir / "run") + " --out " +
@@ -122,7 +122,7 @@ TEST_CASE("a bad record does not stop a reconstruction") {
   write_run(dir / "mixed", 6, 2, [](record::FusedRecord& r) {
     if (r.index == 1) r.radar[5] = std::numeric_limits<float>::quiet_NaN();
     if (r.index == 3) r.valid.erase(Sensor::spd), r.spd.clear();
-    if (r.index == 4) r.valid.erase(Sensor::depth), r.depth_mm.clear();  // live: no truth is needed
+    if (r.index == 4) r.valid.erase(Sensor::depth), r.depth_mm.clear();  // live: no truth
   });
   const Outcome o = recon_program("reconstruct " + (dir / "m") + " " + (dir / "mixed") + " --out " +
                                   (dir / "maps"));
@@ -144,8 +144,7 @@ TEST_CASE("a bad record does not stop a reconstruction") {
   CHECK_FALSE(std::filesystem::exists(dir / "good/000000.png"));
 }
 
-TEST_CASE(
-    "models on other axes and with other sensors are judged on the records that all can answer") {
+TEST_CASE("models with different axes or sensors are compared on their common records") {
   const Folder dir;
   write_run(dir / "run", 120, 1, {}, radar_axis(32));
   const auto train = [&](const std::string& name, const std::string& rest) {
@@ -175,7 +174,7 @@ TEST_CASE(
   CHECK(all["paired"][0]["metrics"]["iou"]["records"] == 45);
   const std::string table = contents(dir / "table.csv");
   CHECK(std::count(table.begin(), table.end(), '\n') == 1 + 3 * 45);
-  // Alone the SPD answers for all; a model beside itself is itself, and no better.
+  // The SPD alone can use all records; a model compared with itself has equal scores.
   CHECK(judged(dir / "spd ")["records"] == 60);
   const nlohmann::json twice = judged((dir / "fused ") + (dir / "fused "));
   CHECK(twice["rows"][0]["metrics"] == twice["rows"][1]["metrics"]);
@@ -183,7 +182,7 @@ TEST_CASE(
   CHECK(twice["paired"][0]["metrics"]["iou"]["high"] == 0);
 }
 
-TEST_CASE("the nearest neighbour depends on the records, not on the model that is judged") {
+TEST_CASE("nearest-neighbour baseline does not depend on the evaluated model") {
   const Folder dir;
   write_run(dir / "run", 100);
   const auto nearest = [&](const std::string& how) {
@@ -199,7 +198,7 @@ TEST_CASE("the nearest neighbour depends on the records, not on the model that i
   CHECK(nearest("factorised-4 --epochs 2") == record);
 }
 
-TEST_CASE("a model never replaces what it is made of") {
+TEST_CASE("train does not overwrite its input") {
   const Folder dir;
   write_run(dir / "run", 60);
   const auto refused = [](const std::string& arguments, const std::string& why) {
@@ -212,7 +211,7 @@ TEST_CASE("a model never replaces what it is made of") {
   CHECK(recon::load({dir / "run"}).size() == 60);
 }
 
-TEST_CASE("interrupted training keeps the best so far") {
+TEST_CASE("interrupted training keeps the best model so far") {
   const Folder dir;
   write_run(dir / "run", 200);
   const std::string run = dir / "run", model = dir / "m";
@@ -223,11 +222,11 @@ TEST_CASE("interrupted training keeps the best so far") {
   CHECK(recon_program("evaluate " + model + " " + run).code == 0);
 }
 
-TEST_CASE("a training interrupted on the way to its fallback has none, and exits with 130") {
+TEST_CASE("training interrupted before the fallback saves a model without it, exit code 130") {
   const Folder dir;
   write_run(dir / "run", 1000);
   const std::string model = dir / "m";
-  // The ridge itself takes no notice.
+  // The ridge fit ignores the interrupt.
   const pid_t child = start_recon({"train", dir / "run", "--out", model, "-q", "--model", "ridge"});
   while (!catches_interrupts(child)) ::usleep(1'000);
   CHECK(interrupted_code(child) == 130);

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Model files that no training made: header, facts or values changed by hand, then sealed again, so
-// that the checksum is right and only what stands behind it is wrong. Also for the fuzz target, so
-// without Catch.
+// Builds invalid model files: changes header, facts or values and corrects the checksum. Used by
+// the fuzz target too, so it does not need Catch.
 #pragma once
 #include <algorithm>
 #include <cstdio>
@@ -15,7 +14,7 @@
 
 namespace echofuse::crafted {
 
-// A header of any text in front of values. Its checksum, if it has one, is put right.
+// Puts any header text in front of values and corrects its checksum, if it has one.
 inline Bytes sealed(const std::string& header, ByteView values) {
   Bytes out(8 + header.size() + values.size());
   const std::uint64_t length = header.size();
@@ -33,9 +32,9 @@ inline Bytes sealed(const std::string& header, ByteView values) {
   return out;
 }
 
-// A file that a training made, taken apart.
+// A trained model file, parsed.
 struct Model {
-  nlohmann::json head;   // entries of the tensors, by name
+  nlohmann::json head;   // tensor entries by name
   nlohmann::json facts;  // by name
   Bytes values;
 
@@ -69,17 +68,17 @@ struct Model {
   std::size_t begin_of(const std::string& name) const { return head[name]["data_offsets"][0]; }
   std::size_t end_of(const std::string& name) const { return head[name]["data_offsets"][1]; }
 
-  // The first value of a tensor.
+  // First value of a tensor.
   template <class T>
   void set_first(const std::string& name, T value) {
     std::memcpy(values.data() + begin_of(name), &value, sizeof value);
   }
-  // One more tensor, over these bytes.
+  // Adds a tensor over these bytes.
   void add(const std::string& name, const std::string& type, const std::vector<std::size_t>& shape,
            std::size_t begin, std::size_t end) {
     head[name] = {{"dtype", type}, {"shape", shape}, {"data_offsets", {begin, end}}};
   }
-  // In its place one of another type and shape, filled with a byte, behind all others.
+  // Replaces a tensor by one of another type and shape, filled with a byte, at the end.
   void replace(const std::string& name, const std::string& type,
                const std::vector<std::size_t>& shape, std::size_t bytes, std::uint8_t fill) {
     const std::size_t from = begin_of(name), length = end_of(name) - from;

@@ -22,7 +22,7 @@ void without(record::FusedRecord& r, Sensor s) {
 
 }  // namespace
 
-TEST_CASE("two runs become one table") {
+TEST_CASE("two runs are loaded into one table") {
   const Folder dir;
   write_run(dir / "a", 3, 1);
   write_run(dir / "b", 2, 2);
@@ -48,7 +48,7 @@ TEST_CASE("two runs become one table") {
                                                          Catch::Contains("each run once"));
 }
 
-TEST_CASE("a calibrated run stands at its true ranges") {
+TEST_CASE("calibrated run is loaded at true ranges") {
   const Folder dir;
   write_run(dir / "a", 2, 1);
   const Dataset raw = load({dir / "a"});
@@ -66,7 +66,7 @@ TEST_CASE("a calibrated run stands at its true ranges") {
     CHECK(moved.radar.row(1)[i] == Approx(raw.radar.row(1)[i - 1]).epsilon(1e-3).margin(1e-3));
 }
 
-TEST_CASE("clicks a laser pulse: as recorded, or from counts that tell") {
+TEST_CASE("clicks per laser pulse are read, or derived from the counts") {
   const Folder dir;
   const auto clicks = [&](const char* name, std::uint64_t in_range, std::uint64_t starts,
                           std::optional<double> recorded) {
@@ -77,14 +77,14 @@ TEST_CASE("clicks a laser pulse: as recorded, or from counts that tell") {
     return load({dir / name}).clicks_a_pulse.at(0);
   };
   CHECK(clicks("a", 1020, 1000, 0.02) == 0.02);
-  // Runs of before: with as many clicks as starts the laser's rate is not known.
+  // Older runs: if there are as many clicks as starts, the laser rate is unknown.
   CHECK(clicks("b", 1020, 1000, std::nullopt) == 0);
   CHECK(clicks("c", 999, 1000, std::nullopt) == 0);
   CHECK(clicks("d", 400, 1000, std::nullopt) == 0.4);
   CHECK(clicks("e", 1000, 0, std::nullopt) == 0);
 }
 
-TEST_CASE("runs whose axes differ are refused by name") {
+TEST_CASE("runs with different axes are refused") {
   const Folder dir;
   write_run(dir / "a", 2);
   write_run(dir / "b", 2, 1, {}, {"radar", "power", "m", 24, 0, 0.5, 1});
@@ -93,7 +93,7 @@ TEST_CASE("runs whose axes differ are refused by name") {
                        Catch::Contains(dir / "a"));
 }
 
-TEST_CASE("records that lack a sensor keep their row and are not trained on") {
+TEST_CASE("records with a missing sensor keep their row and are left out of training") {
   const Folder dir;
   write_run(dir / "a", 8, 1, [](record::FusedRecord& r) {
     if (r.index == 2) without(r, Sensor::spd);
@@ -107,7 +107,7 @@ TEST_CASE("records that lack a sensor keep their row and are not trained on") {
   CHECK(data.usable(Inputs::radar) == Rows{0, 1, 2, 4, 6, 7});
 }
 
-TEST_CASE("a run within a bin of the first one's axes is brought to them") {
+TEST_CASE("run is interpolated to axes less than a bin apart") {
   const Folder dir;
   Axis near = radar_axis();
   near.start += 0.1;
@@ -118,7 +118,7 @@ TEST_CASE("a run within a bin of the first one's axes is brought to them") {
   CHECK(moved[10] == Approx(0.4 * first[9] + 0.6 * first[10]));
 }
 
-TEST_CASE("depths beyond the map and in another unit are said in one line") {
+TEST_CASE("depths beyond the map or in another unit give a one-line error") {
   const Folder dir;
   const auto scaled = [](double by, std::int64_t every) {
     return [by, every](record::FusedRecord& r) {
@@ -166,7 +166,7 @@ TEST_CASE("TI codes become linear power above the noise") {
   CHECK(data.radar.row(0)[8] == 0);
 }
 
-TEST_CASE("a longer radar axis is cropped to the model's, any other difference refused") {
+TEST_CASE("longer radar axis is cropped, other axes are refused") {
   const Folder dir;
   write_run(dir / "long", 2, 1, {}, radar_axis(40));
   Dataset data = load({dir / "long"});
@@ -184,7 +184,7 @@ TEST_CASE("a longer radar axis is cropped to the model's, any other difference r
              Catch::Contains("radar axis"));
   CHECK_THAT(refused({"spd", "counts", "ps", 30, 16000, 500, 1}, radar_axis(40), Inputs::spd),
              Catch::Contains("spd axis"));
-  CHECK(refused(spd, radar_axis(50), Inputs::spd) == "no error");  // the radar is not looked at
+  CHECK(refused(spd, radar_axis(50), Inputs::spd) == "no error");  // the radar is not checked
 }
 
 TEST_CASE("values within a bin of the model's axis are interpolated") {
@@ -209,7 +209,7 @@ TEST_CASE("values within a bin of the model's axis are interpolated") {
              Catch::Contains("spd axis is 5"));
 }
 
-TEST_CASE("power is added up in wider bins, and none is lost") {
+TEST_CASE("radar power is summed into wider bins without loss") {
   const Axis paper = radar_bins(0.5);
   CHECK(paper.count == 14);
   CHECK(paper.at(-0.5) == 0);
@@ -222,13 +222,13 @@ TEST_CASE("power is added up in wider bins, and none is lost") {
     data.radar.add_row(power);
     return data;
   };
-  SECTION("exactly, where the numbers are exact") {
+  SECTION("exact for integer ratios") {
     std::vector<float> power(256);
     for (std::size_t i = 0; i < power.size(); ++i) power[i] = static_cast<float>(8 + i * i % 64);
     Dataset data = profile({"radar", "power", "m", 256, 0, 0.0625, 1}, power);
     rebin_radar(data, paper);
     REQUIRE(same_axis(data.radar_axis, paper));
-    double sum = 0, expected = power[112] / 2.0;  // point 112 stands at 7 m: half of it is within
+    double sum = 0, expected = power[112] / 2.0;  // half of point 112 (7 m) is inside
     for (std::size_t i = 0; i < 112; ++i) expected += power[i];
     for (const float v : data.radar.row(0)) sum += v;
     CHECK(sum == expected);
@@ -239,7 +239,7 @@ TEST_CASE("power is added up in wider bins, and none is lost") {
     for (std::size_t i = 25; i < 32; ++i) fourth += power[i];
     CHECK(data.radar.row(0)[3] == fourth);
   }
-  SECTION("to a float's precision at the steps of real chirps, 4.4 cm and 25 cm") {
+  SECTION("to float precision for real chirps of 4.4 cm and 25 cm") {
     for (const double step : {3.0e8 * 12.5e6 / (2 * 166e12 * 256), 0.25, 0.5}) {
       for (std::uint32_t at = 0; (at + 0.5) * step <= 7; ++at) {
         std::vector<float> power(256, 0.0f);
@@ -256,7 +256,7 @@ TEST_CASE("power is added up in wider bins, and none is lost") {
       }
     }
   }
-  SECTION("but not from a coarser or a shorter profile") {
+  SECTION("a coarser or shorter profile is refused") {
     Dataset coarse = profile({"radar", "power", "m", 24, 0, 0.6, 1}, std::vector<float>(24));
     CHECK_THAT(error_of([&] { rebin_radar(coarse, paper); }),
                Catch::Contains("cannot be added up"));
@@ -265,7 +265,7 @@ TEST_CASE("power is added up in wider bins, and none is lost") {
   }
 }
 
-TEST_CASE("a model of binned power takes runs as they were recorded") {
+TEST_CASE("model of binned power accepts unbinned runs") {
   const Folder dir;
   write_run(dir / "run", 60, 1, {}, radar_axis(40));
   Dataset data = load({dir / "run"});
@@ -286,7 +286,7 @@ TEST_CASE("a model of binned power takes runs as they were recorded") {
   CHECK(echofuse::testing::recon_program("evaluate " + model + " " + (dir / "near")).code == 1);
 }
 
-TEST_CASE("per-record scaling does not depend on either sensor's gain or a flat background") {
+TEST_CASE("per-record scaling is invariant to gains and flat background") {
   const Folder dir;
   write_run(dir / "a", 40);
   const Dataset data = load({dir / "a"});
@@ -302,7 +302,7 @@ TEST_CASE("per-record scaling does not depend on either sensor's gain or a flat 
   CHECK(plain.apply(changed, rows).values[10] != Approx(plain.apply(data, rows).values[10]));
 }
 
-TEST_CASE("each sensor enters with the same total variance and no mean") {
+TEST_CASE("scaled inputs have zero mean and equal variance per sensor") {
   const Folder dir;
   write_run(dir / "a", 60);
   const Dataset data = load({dir / "a"});
@@ -320,12 +320,12 @@ TEST_CASE("each sensor enters with the same total variance and no mean") {
     CAPTURE(scaling);
     CHECK(sum[0] == Approx(27).epsilon(1e-4));
     CHECK(sum[1] == Approx(27).epsilon(1e-4));
-    // A column's mean is a float, and its error the same in all 60 rows.
+    // The float rounding of a column's mean is the same in all 60 rows.
     CHECK(std::abs(mean) < 60 * size * std::numeric_limits<float>::epsilon());
   }
 }
 
-TEST_CASE("splits are disjoint, complete and as large as asked") {
+TEST_CASE("splits are disjoint, complete and of the requested size") {
   Rows rows(4000);
   for (std::size_t i = 0; i < rows.size(); ++i) rows[i] = i;
   const Split s = make_split(rows, {});
@@ -338,14 +338,14 @@ TEST_CASE("splits are disjoint, complete and as large as asked") {
   std::sort(all.begin(), all.end());
   CHECK(all == rows);
   CHECK(make_split(rows, {}).test == s.test);
-  // as any program can repeat it: rows sorted by two steps of SplitMix64 of seed and row
+  // reproducible elsewhere: rows sorted by two steps of SplitMix64 of seed and row
   CHECK(drawn({0, 1, 2, 3, 4, 5, 6, 7}, 1, 0x73706c6974) == Rows{3, 1, 6, 7, 5, 2, 4, 0});
   SplitOptions other;
   other.seed = 2;
   CHECK(make_split(rows, other).test != s.test);
 }
 
-TEST_CASE("of sensors that are not asked for nothing is there") {
+TEST_CASE("sensors that are not requested are not loaded") {
   const Folder dir;
   write_run(dir / "run", 3);
   const record::RunReader run(dir / "run");
@@ -360,7 +360,7 @@ TEST_CASE("of sensors that are not asked for nothing is there") {
   CHECK(data.spd.values.size() == 2 * testing::spd_axis().count);
 }
 
-TEST_CASE("blocked splits and folds keep their distance") {
+TEST_CASE("blocked splits and folds have gaps") {
   Rows rows(100);
   for (std::size_t i = 0; i < rows.size(); ++i) rows[i] = i;
   SplitOptions options;

@@ -35,12 +35,12 @@ DomainShift shift_of(const TrainedModel& model, const Dataset& data) {
   return domain_shift_of(model, prepare_records(model, data).data);
 }
 
-// An echo behind each bin's own, a third as strong.
+// Adds a third of each bin's echo to the next bin.
 void blur(std::vector<float>& profile) {
   for (std::size_t i = profile.size() - 1; i > 0; --i) profile[i] += profile[i - 1] / 3;
 }
 
-const Change nobody = [](record::FusedRecord& r) {  // noise that is no dead sensor
+const Change nobody = [](record::FusedRecord& r) {  // noise, not a dead sensor
   Rng rng = make_rng(7, static_cast<std::uint64_t>(r.index));
   for (auto& v : r.spd) v = 15 + static_cast<std::uint32_t>(rng() % 10);
   for (float& v : r.radar) v = 1 + static_cast<float>(rng() % 100) / 100;
@@ -50,7 +50,7 @@ const Change blurred = [](record::FusedRecord& r) { blur(r.radar); };
 
 }  // namespace
 
-TEST_CASE("a run of another world is told from those of the own world") {
+TEST_CASE("domain test separates changed runs from unchanged ones") {
   for (const auto& [name, inputs] : {std::pair{"mean-shape", "fused"}, {"ridge", "radar"}}) {
     CAPTURE(inputs);
     const TrainedModel& model = trained(name, inputs);
@@ -61,7 +61,7 @@ TEST_CASE("a run of another world is told from those of the own world") {
       alarms += own.found();
       CHECK_THAT(own.text(), Catch::StartsWith("this run matches the training data: p = "));
       CHECK(other.found());
-      CHECK(other.p == Approx(1. / 4001));  // the greatest of the permutations and its own
+      CHECK(other.p == Approx(1. / 4001));  // greatest among the permutations and itself
       CHECK_THAT(other.text(),
                  Catch::StartsWith("this run differs from the training data: p < 0.001: ") &&
                      Catch::Contains("radar"));
@@ -70,8 +70,7 @@ TEST_CASE("a run of another world is told from those of the own world") {
   }
 }
 
-TEST_CASE(
-    "gains are no other world, and few records and many of one pose are not tested too hard") {
+TEST_CASE("domain test ignores gains and does not test few records") {
   const TrainedModel& model = trained("mean-shape", "fused");
   CHECK_FALSE(shift_of(model, plates(100, 10,
                                      [](record::FusedRecord& r) {
@@ -83,7 +82,7 @@ TEST_CASE(
   CHECK(shift_of(model, plates(15, 11)).text().empty());
 }
 
-TEST_CASE("a run of which most records are flagged one by one is not called like the training") {
+TEST_CASE("run with mostly flagged records differs from the training data") {
   const TrainedModel& model = trained("mean-shape", "fused");
   const DomainShift all = shift_of(model, plates(30, 10, nobody));
   CAPTURE(all.text(), all.flagged, all.judged);
@@ -98,9 +97,7 @@ TEST_CASE("a run of which most records are flagged one by one is not called like
   CHECK_FALSE(shift_of(model, plates(19, 10, nobody)).found());
 }
 
-TEST_CASE(
-    "a single record is saturated beside brighter ones only, and empty where all others show a "
-    "body") {
+TEST_CASE("saturated and empty are relative to the training records") {
   const auto reasons = [](const Dataset& training, const Dataset& fresh) {
     TrainOptions options;
     options.model = "ridge", options.fit.quiet = true;
@@ -116,7 +113,7 @@ TEST_CASE(
   training.clicks_a_pulse.assign(training.size(), 0.2), fresh.clicks_a_pulse = {0.2, 0.24, 0.3};
   const auto bright = reasons(training, fresh);
   CHECK(bright[0] != "saturated");
-  CHECK(bright[1] != "saturated");  // within a quarter of the brightest
+  CHECK(bright[1] != "saturated");  // within a quarter of the brightest record
   CHECK(bright[2] == "saturated");
   const Dataset none = plates(3, 3, nobody);
   CHECK(reasons(plates(200, 1), none)[0] == "empty");
@@ -126,7 +123,7 @@ TEST_CASE(
   CHECK(reasons(plates(200, 1, often), none)[0] != "empty");
 }
 
-TEST_CASE("a third of the records' own deviation counts, where so many records make it sure") {
+TEST_CASE("domain test needs a difference above the least effect size") {
   const DomainShift slight =
       shift_of(trained("mean-shape", "fused"), plates(400, 77, [](record::FusedRecord& r) {
                  for (std::size_t i = r.radar.size() - 1; i > 0; --i)
@@ -136,9 +133,9 @@ TEST_CASE("a third of the records' own deviation counts, where so many records m
   CHECK_THAT(slight.text(), Catch::Contains("radar profile width 1.01 +- 0.00 times"));
 }
 
-TEST_CASE("radar power before the body is what is nearer than half of its range") {
+TEST_CASE("radar power before the body is the power below half of its range") {
   const TrainedModel& model = trained("ridge", "radar");
-  // The plates stand in the bins from 12 on.
+  // The plates are in the bins from 12 on.
   const auto said = [&](std::size_t from, std::size_t to) {
     const DomainShift shift = shift_of(model, plates(100, 10, [=](record::FusedRecord& r) {
                                          for (std::size_t i = from; i < to; ++i) r.radar[i] += 0.3f;
@@ -151,7 +148,7 @@ TEST_CASE("radar power before the body is what is nearer than half of its range"
   CHECK_THAT(said(9, 11), !Catch::Contains(name));
 }
 
-TEST_CASE("what the training was like stays in its file") {
+TEST_CASE("domain reference is saved in the model file") {
   const Folder dir;
   const TrainedModel& model = trained("mean-shape", "fused");
   save_model(model, dir / "m");
@@ -166,7 +163,7 @@ TEST_CASE("what the training was like stays in its file") {
     CHECK_THAT(recon_program(command).text, Catch::Contains(a.text()));
 }
 
-TEST_CASE("a difference of few blocks has the error that their scatter about two means gives") {
+TEST_CASE("standard error of a difference comes from the variance between blocks") {
   const std::size_t known = 60, count = 20;  // six blocks, and two
   const Dataset all = plates(known + count, 50, [&](record::FusedRecord& r) {
     if (r.index >= std::int64_t(known))  // 48 cm nearer
@@ -178,7 +175,7 @@ TEST_CASE("a difference of few blocks has the error that their scatter about two
   const Matrix views = take_rows(p.views, now);
   const Dataset run = part_of(all, now);
   const DomainReference reference(p.alignment, all, p.views, before, Inputs::fused);
-  // Means of ten ranges each.
+  // Means of ten ranges.
   const auto blocks = [](const Matrix& numbers) {
     std::vector<double> means(numbers.rows / 10);
     for (std::size_t i = 0; i < numbers.rows; ++i) means[i / 10] += double{numbers.row(i)[3]} / 10;
@@ -200,7 +197,7 @@ TEST_CASE("a difference of few blocks has the error that their scatter about two
   CHECK(range->standard_errors == Approx(std::abs(mean_of(b) - mean_of(a)) / error).epsilon(1e-3));
 }
 
-TEST_CASE("a radar whose ranges are too long is named with its error and what to do") {
+TEST_CASE("domain test reports a radar range bias and its correction") {
   const TrainedModel& model = trained("mean-shape", "fused");
   const auto farther = [](record::FusedRecord& r) {  // a bin of 25 cm
     std::rotate(r.radar.begin(), r.radar.end() - 1, r.radar.end());
@@ -212,15 +209,15 @@ TEST_CASE("a radar whose ranges are too long is named with its error and what to
                                                "reflect differently; if the radar is the cause: "
                                                "--range-offset 0.2") &&
                                Catch::Contains("radar range +"));
-  // The advice stays when another number differs, as in shorter slots.
+  // The advice remains if another number differs too, as with shorter slots.
   const DomainShift more =
       shift_of(model, plates(200, 30, [&](record::FusedRecord& r) { farther(r), blur(r.radar); }));
   CHECK(more.differences.size() > 1);
-  CHECK_THAT(more.text(), Catch::Contains("if it is the radar: --range-offset "));
+  CHECK_THAT(more.text(), Catch::Contains("if the radar is the cause: --range-offset "));
   CHECK(shift_of(model, plates(200, 31)).advice.empty());
 }
 
-TEST_CASE("like runs are seldom called unlike, by references of few records and of many") {
+TEST_CASE("domain test has few false alarms for small and large references") {
   const Dataset all = plates(3000, 40);
   const Rows rows = all_rows(3000);
   for (const std::size_t known : {60, 1500}) {
@@ -239,7 +236,7 @@ TEST_CASE("like runs are seldom called unlike, by references of few records and 
       CHECK_FALSE(shift.found());
       below_5_percent += shift.p < 0.05;
     }
-    CHECK(below_5_percent <= 5);  // out of 30; more by chance once in 300 times
+    CHECK(below_5_percent <= 5);  // out of 30; chance of more: 1 in 300
   }
 }
 

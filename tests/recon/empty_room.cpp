@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// A model that was trained in front of one wall, in front of another one.
+// Moving a model from one room with a wall to another.
 #include "recon/use/empty_room.hpp"
 
 #include <nlohmann/json.hpp>
@@ -18,7 +18,7 @@ namespace {
 
 const Axis longer{"spd", "counts", "ps", 60, 16000, 400, 1};
 
-// A wall in histogram, profile and maps.
+// Adds a wall to histogram, profile and maps.
 struct Wall {
   std::size_t spd_bin, radar_bin;
   std::uint16_t mm;
@@ -70,7 +70,7 @@ double evaluated_iou(const std::string& words) {
 
 }  // namespace
 
-TEST_CASE("a model that knows its empty room keeps its accuracy in another one, given that") {
+TEST_CASE("model trained with an empty room keeps its accuracy in another room") {
   const Folder dir;
   write_room(dir / "here", here, 200, 1), write_room(dir / "here empty", here, 20, 2, false);
   write_room(dir / "there", elsewhere, 60, 3), write_room(dir / "again", here, 60, 3);
@@ -91,7 +91,7 @@ TEST_CASE("a model that knows its empty room keeps its accuracy in another one, 
   CHECK(evaluated_iou(there + " --empty '" + (dir / "there empty") + "'") > 0.9 * at_home);
 }
 
-TEST_CASE("how much too long the radar's ranges are is taken off those of the empty room as well") {
+TEST_CASE("range offset also applies to the empty room") {
   const Folder dir;
   const double longer_m = radar_axis().step;
   write_room(dir / "here", here, 200, 1), write_room(dir / "here empty", here, 20, 2, false);
@@ -108,7 +108,7 @@ TEST_CASE("how much too long the radar's ranges are is taken off those of the em
   CHECK(iou_with(0) < 0.6 * iou_with(longer_m));
 }
 
-TEST_CASE("a dead radar stays dead in another room, and a few records make no empty room") {
+TEST_CASE("dead radar stays dead in another room, and an empty room needs five records") {
   const Folder dir;
   write_room(dir / "here", here, 60, 1);
   Dataset data = load({dir / "here"});
@@ -122,7 +122,7 @@ TEST_CASE("a dead radar stays dead in another room, and a few records make no em
         (dir / "four") + ": 4 records have all sensors; expected at least 5 of the empty room");
 }
 
-TEST_CASE("dead and doubtful records are left out of the empty room, and counted") {
+TEST_CASE("empty room leaves out and counts dead and doubtful records") {
   const Folder dir;
   write_room(dir / "here", here, 20, 1), write_room(dir / "empty", here, 20, 2, false);
   const auto spoil = [&](const std::string& values, const std::string& rows) {
@@ -146,7 +146,7 @@ TEST_CASE("dead and doubtful records are left out of the empty room, and counted
              Catch::Contains("17 of 20 records left out: SPD weak 17"));
 }
 
-TEST_CASE("a network that does not place a body stays in its room") {
+TEST_CASE("plain network is refused for another room") {
   const Folder dir;
   write_room(dir / "here", here, 60, 1), write_room(dir / "empty", here, 20, 2, false);
   TrainedModel other = trained(dir / "here", "", "mean-shape");
@@ -162,7 +162,7 @@ TEST_CASE("a network that does not place a body stays in its room") {
         "or a mean-shape model");
 }
 
-TEST_CASE("an empty room of other axes is refused before a training") {
+TEST_CASE("empty room with other axes is refused before training") {
   const Folder dir;
   write_room(dir / "here", here, 20, 1);
   write_run(dir / "other", 5);

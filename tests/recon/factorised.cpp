@@ -32,7 +32,7 @@ const TrainedModel& trained() {
 
 Layout plate_layout() { return {testing::spd_axis(), testing::radar_axis()}; }
 
-// Inputs of a body at a range with nothing else: both sensors' bumps about it.
+// Inputs of a body at a range: a bump in each sensor, no background.
 std::vector<float> raw_inputs(double range_m, double shift_m, double gain = 1, double offset = 0) {
   std::vector<float> out;
   for (std::uint32_t i = 0; i < testing::spd_axis().count; ++i) {
@@ -46,7 +46,7 @@ std::vector<float> raw_inputs(double range_m, double shift_m, double gain = 1, d
   return out;
 }
 
-// Learnt from nothing: no background.
+// Learnt without records: no background.
 Alignment blank_alignment() {
   Matrix nothing(1, testing::spd_axis().count + testing::radar_axis().count);
   return {plate_layout(), nothing, {0}};
@@ -70,7 +70,7 @@ double centroid(std::span<const float> values) {
 
 }  // namespace
 
-TEST_CASE("aligned inputs do not know gain, exposure or an even background") {
+TEST_CASE("aligned inputs are invariant to gain, exposure and flat background") {
   const auto plain = aligned(raw_inputs(3.5, 0.05));
   for (const auto& other : {aligned(raw_inputs(3.5, 0.05, 4)), aligned(raw_inputs(3.5, 0.05, 0.25)),
                             aligned(raw_inputs(3.5, 0.05, 1, 40))})
@@ -78,23 +78,23 @@ TEST_CASE("aligned inputs do not know gain, exposure or an even background") {
       REQUIRE(other[i] == Approx(plain[i]).epsilon(1e-3).margin(1e-5));
 }
 
-TEST_CASE("the radar's shift against the histogram is what moves in the aligned profile") {
+TEST_CASE("shift of the radar against the histogram moves the aligned profile") {
   const auto a = aligned(raw_inputs(3.3, 0.05)), b = aligned(raw_inputs(3.7, 0.25));
   const double near_m = double{a.back()}, far_m = double{b.back()};
-  // Bins of 6 cm, half of them near the body: the background's median is a little too high.
+  // Bins of 6 cm, half of them near the body, so the median overestimates the background.
   CHECK(near_m == Approx(3.3).margin(0.01));
   CHECK(far_m == Approx(3.7).margin(0.01));
   const std::size_t bins = 35;
   const std::span<const float> profile_a = std::span(a).subspan(bins, a.size() - bins - 1);
   const std::span<const float> profile_b = std::span(b).subspan(bins, b.size() - bins - 1);
-  const double step_m = 0.125;  // half the radar's
+  const double step_m = 0.125;  // half the radar's bin
   CHECK((centroid(profile_b) - centroid(profile_a)) * step_m ==
         Approx(0.2 - (far_m - near_m - 0.4)).margin(0.002));
   CHECK(centroid(std::span(b).first(bins)) ==
         Approx(centroid(std::span(a).first(bins))).margin(0.2));
 }
 
-TEST_CASE("where nobody is, there is no body") {
+TEST_CASE("empty room has no body") {
   Rng rng = make_rng(3, 0);
   std::poisson_distribution<int> counts(50);
   int seen = 0;
@@ -112,7 +112,7 @@ TEST_CASE("where nobody is, there is no body") {
   CHECK_FALSE(shows_body(features));
 }
 
-TEST_CASE("what is cut out of a map is drawn back to where it was") {
+TEST_CASE("body cut out of a map is drawn back at its position") {
   const Matrix& maps = plates().depth;
   const std::vector<float> background(maps.cols, 0);
   const Rows rows = all_rows(50);
@@ -130,11 +130,11 @@ TEST_CASE("what is cut out of a map is drawn back to where it was") {
       both += a && b, any += a || b;
       if (a && b) REQUIRE(drawn[p] == Approx(maps.row(row)[p]).margin(1e-3));
     }
-    CHECK(both > 0.85 * any);  // a plate of 24 x 12 pixels, half a pixel at its edges
+    CHECK(both > 0.85 * any);  // 24 x 12 pixels; half a pixel at the edges
   }
 }
 
-TEST_CASE("the factorised model places bodies, on the right side, whatever the gains") {
+TEST_CASE("factorised model places bodies on the correct side for any gain") {
   const Rows rows = trained().rows_of(plates(), Part::test);
   const auto scores = [&](const Dataset& data) {
     std::vector<MapScores> out;
@@ -152,7 +152,7 @@ TEST_CASE("the factorised model places bodies, on the right side, whatever the g
   CHECK(scores(louder)[metric_iou].mean > 0.98 * plain[metric_iou].mean);
 }
 
-TEST_CASE("clicks where but one training record had one move nobody") {
+TEST_CASE("clicks in a bin that only one training record used do not move a body") {
   Dataset data = testing::load_plates(200);
   const auto around = [&](std::size_t row) {
     const auto clicks = data.spd.row(row);
@@ -179,7 +179,7 @@ TEST_CASE("clicks where but one training record had one move nobody") {
   }
 }
 
-TEST_CASE("one record alone is reconstructed as it is among others, an empty room stays empty") {
+TEST_CASE("reconstruction of a record does not depend on others, an empty room stays empty") {
   const Matrix many = trained().predict(plates(), {3, 7, 11});
   const Matrix one = trained().predict(plates(), {7});
   for (std::size_t p = 0; p < one.cols; ++p)
@@ -189,7 +189,7 @@ TEST_CASE("one record alone is reconstructed as it is among others, an empty roo
   CHECK(std::ranges::equal(trained().predict(dark, {5}).values, trained()->scene.background));
 }
 
-TEST_CASE("a body's frame that no training made is refused") {
+TEST_CASE("invalid body frame in a model file is refused") {
   const Folder dir;
   save_model(trained(), dir / "m");
   const Bytes contents = read_file(dir / "m");
@@ -206,7 +206,7 @@ TEST_CASE("a body's frame that no training made is refused") {
   refused("pitch_m", 0.0, "0/model/frame/pitch_m: expected a number from");
 }
 
-TEST_CASE("the factorised model needs both sensors, and bodies to learn from") {
+TEST_CASE("factorised model needs both sensors and records with bodies") {
   TrainOptions options;
   options.uncertainty = false;
   options.model = "factorised";

@@ -37,7 +37,7 @@ void lose_radar(record::FusedRecord& r) {
 
 }  // namespace
 
-TEST_CASE("without the radar a fused model answers as a model of the SPD alone, and comes back") {
+TEST_CASE("fused model falls back to the SPD without radar, and recovers") {
   const TrainedModel model = trained_with("factorised-4");
   Dataset lost = plates();
   const Rows rows = {1, 2, 3, 4};
@@ -56,12 +56,12 @@ TEST_CASE("without the radar a fused model answers as a model of the SPD alone, 
     for (std::size_t p = 0; p < maps.cols; ++p)
       REQUIRE(maps.row(i)[p] == Approx(expected[p]).margin(1e-4));
   }
-  lost.valid[2] &= ~1u;  // the SPD: nobody answers
+  lost.valid[2] &= ~1u;  // the SPD: no estimator left
   CHECK(model.answering(lost, 2) == nullptr);
   CHECK_THAT(model.fault_of(lost, 2), Catch::Contains("lacks "));
 }
 
-TEST_CASE("the fallback lives in the model's file, and a model may do without") {
+TEST_CASE("fallback is stored in the model file and is optional") {
   const Folder dir;
   TrainedModel model = trained_with("ridge");
   save_model(model, dir / "with");
@@ -85,7 +85,7 @@ TEST_CASE("the fallback lives in the model's file, and a model may do without") 
   }
 }
 
-TEST_CASE("reconstruct and evaluate say which maps the SPD made alone") {
+TEST_CASE("reconstruct and evaluate report maps made from the SPD alone") {
   const Folder dir;
   write_run(dir / "run", 100);
   REQUIRE(
@@ -104,14 +104,14 @@ TEST_CASE("reconstruct and evaluate say which maps the SPD made alone") {
   CHECK_THAT(recon_program("evaluate " + (dir / "m") + " " + (dir / "live")).text,
              Catch::Contains("4 records") && Catch::Contains("1 records: radar lost: SPD alone"));
 
-  // A run without any radar.
+  // A run without radar.
   write_run(dir / "dark", 3, 3, lose_radar, Axis{"radar", "power", "m", 0, 0, 1, 1});
   const auto dark = recon_program("evaluate --json " + (dir / "m") + " " + (dir / "dark"));
   REQUIRE(dark.code == 0);
   CHECK(nlohmann::json::parse(dark.text.substr(dark.text.find('{')))["fallback_records"] == 3);
 }
 
-TEST_CASE("records that no map can be made of are not scored, and the user is told how many") {
+TEST_CASE("records without a map are not scored but counted") {
   const Folder dir;
   const TrainedModel model = trained_with("ridge");
   REQUIRE(model.estimators.size() == 2);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Ground of a run's scores: its own foreground and background, and the RMSE where there is none.
+// Reference of a run's scores: its own foreground and background, or RMSE without foreground.
 #include <nlohmann/json.hpp>
 
 #include "recon/use/paired.hpp"
@@ -9,7 +9,7 @@ using namespace echofuse;
 using namespace echofuse::recon;
 using namespace echofuse::testing;
 
-TEST_CASE("foreground and background are the run's, whichever model is judged") {
+TEST_CASE("scores use foreground and background of the run, not of the model") {
   const Folder dir;
   const Change wall = [](record::FusedRecord& r) {
     for (auto& mm : r.depth_mm) mm = mm > 0 ? mm : 5000;
@@ -40,7 +40,7 @@ TEST_CASE("foreground and background are the run's, whichever model is judged") 
              !Catch::Contains("another room"));
 }
 
-TEST_CASE("a wall moved to and fro: said, judged by RMSE, and its uncertainty stated") {
+TEST_CASE("moving wall is reported and scored by RMSE, with its uncertainty") {
   const Folder dir;
   write_run(dir / "run", 200, 1, [](record::FusedRecord& r) {
     Rng rng = make_rng(9, static_cast<std::uint64_t>(r.index));
@@ -53,7 +53,7 @@ TEST_CASE("a wall moved to and fro: said, judged by RMSE, and its uncertainty st
                     (dir / "run") + " --out " + (dir / "m"));
   CAPTURE(train.text);
   CHECK(train.code == 0);
-  CHECK_THAT(train.text, Catch::Contains("no body stands out from the background"));
+  CHECK_THAT(train.text, Catch::Contains("no body differs from the background"));
   const auto json = nlohmann::json::parse(
       recon_program("evaluate --json " + (dir / "m") + " " + (dir / "run")).text);
   CHECK(json["model"] == "ridge");
@@ -65,7 +65,7 @@ TEST_CASE("a wall moved to and fro: said, judged by RMSE, and its uncertainty st
   CHECK(stated_m < 2 * error_m);
 }
 
-TEST_CASE("few records have an interval of their own width, and fewer than five have none") {
+TEST_CASE("few records widen the interval, fewer than five have none") {
   const auto differences = [](std::size_t records) {
     MapScores none;
     none.fill(NAN);

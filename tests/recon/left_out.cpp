@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Records that are no examples: damaged, dead, doubtful, or copies of others.
+// Records left out of training and evaluation: damaged, dead, doubtful or duplicates.
 #include <limits>
 #include <nlohmann/json.hpp>
 
@@ -10,7 +10,7 @@ using namespace echofuse;
 using namespace echofuse::recon;
 using namespace echofuse::testing;
 
-TEST_CASE("damaged records are counted, of more than a tenth there is no going on") {
+TEST_CASE("damaged records are counted, and refused above a tenth") {
   const Folder dir;
   const auto spoil = [&](const std::string& name, std::int64_t from) {
     write_run(dir / name, 20, 1, [&](record::FusedRecord& r) {
@@ -26,13 +26,14 @@ TEST_CASE("damaged records are counted, of more than a tenth there is no going o
   CHECK_THAT(to_text(data.damaged.front()),
              Catch::Contains("record 4: spd bin 7 holds 4294967295 clicks, more than"));
   spoil("b", 18);
-  CHECK_THAT(error_of([&] { load({dir / "b"}); }),
-             Catch::Contains("record 4: ") && Catch::Contains("so are 3 of 20 records"));
+  CHECK_THAT(
+      error_of([&] { load({dir / "b"}); }),
+      Catch::Contains("record 4: ") && Catch::Contains("3 of 20 records are dead or damaged"));
   std::vector<std::int64_t> bad;
   load_part(record::RunReader(dir / "a"), 0, 20, sensors_of(Inputs::fused),
             [&](std::int64_t index, const std::string&) { bad.push_back(index); });
   CHECK(bad == std::vector<std::int64_t>{4, 19});
-  // 100 million clicks a second are more than a detector gives.
+  // 100 million clicks per second exceed any detector.
   write_run(dir / "c", 20, 1, [](record::FusedRecord& r) {
     r.slot_end = r.slot_start + std::chrono::seconds(3);
     if (r.index == 4) r.spd[7] = 300'000'001;
@@ -40,7 +41,7 @@ TEST_CASE("damaged records are counted, of more than a tenth there is no going o
   CHECK(load({dir / "c"}).damaged.size() == 1);
 }
 
-TEST_CASE("doubtful records are no examples") {
+TEST_CASE("doubtful records are left out of training") {
   const Folder dir;
   write_run(dir / "a", 8, 1, [](record::FusedRecord& r) {
     if (r.index == 1) r.sync[Sensor::depth].verdict = "stands still: the same as before";
@@ -57,7 +58,7 @@ TEST_CASE("doubtful records are no examples") {
   CHECK(data.usable(Inputs::fused) == Rows{0, 3, 5, 6, 7});
 }
 
-TEST_CASE("lossy records train and are counted, unless a setting leaves them out") {
+TEST_CASE("lossy records are used and counted, unless a setting excludes them") {
   const Folder dir;
   write_run(dir / "a", 40, 1, [](record::FusedRecord& r) {
     if (r.index == 1) r.sync[Sensor::depth].verdict = "lossy: 50 % of the 90 expected frames";
@@ -76,7 +77,7 @@ TEST_CASE("lossy records train and are counted, unless a setting leaves them out
   CHECK(data.usable(Inputs::spd).size() == 38);
 }
 
-TEST_CASE("a copy of a record has its hash, whatever its run") {
+TEST_CASE("copy of a record has the same hash in any run") {
   const Folder dir;
   write_run(dir / "a", 6, 1), write_run(dir / "b", 3, 1), write_run(dir / "c", 3, 2);
   const Dataset a = load({dir / "a"});
@@ -85,7 +86,7 @@ TEST_CASE("a copy of a record has its hash, whatever its run") {
   CHECK(c.content != b.content);
 }
 
-TEST_CASE("rows says of each record its part or why it is left out, as train and evaluate do") {
+TEST_CASE("rows prints the part of each record, or why it is left out") {
   const Folder dir;
   const auto change = [](record::FusedRecord& r) {
     if (r.index == 2) r.sync[Sensor::depth].verdict = "stands still: the same as before";
@@ -111,7 +112,7 @@ TEST_CASE("rows says of each record its part or why it is left out, as train and
   CHECK(both[67]["run"] == dir / "b");
   REQUIRE(recon_program("train -q --model mean --seed 3 " + (dir / "a") + " --out " + (dir / "m"))
               .code == 0);
-  // the model's own split is the one of the same seed
+  // the model's split has the same seed
   const nlohmann::json split = rows((dir / "a") + " --seed 3");
   const nlohmann::json own = rows((dir / "a") + " --model " + (dir / "m"));
   std::size_t held_out = 0;
@@ -124,7 +125,7 @@ TEST_CASE("rows says of each record its part or why it is left out, as train and
         recon_program("-q evaluate --json " + (dir / "m ") + run).text)["records"];
   };
   CHECK(judged(dir / "a") == held_out);
-  // another run: copies of records that the model was trained on
+  // another run: copies of training records
   const nlohmann::json fresh = rows((dir / "b") + " --model " + (dir / "m"));
   std::size_t test = 0;
   for (const auto& row : fresh) {
@@ -139,7 +140,7 @@ TEST_CASE("rows says of each record its part or why it is left out, as train and
   CHECK(recon_program("rows --seed 2 " + (dir / "a") + " --model " + (dir / "m")).code == 2);
 }
 
-TEST_CASE("train and evaluate say which records they leave out, and why") {
+TEST_CASE("train and evaluate print which records they leave out and why") {
   const Folder dir;
   const auto doubtful = [](record::FusedRecord& r) {
     if (r.index < 8)
@@ -179,7 +180,7 @@ TEST_CASE("train and evaluate say which records they leave out, and why") {
           "8 of 60 records");
 }
 
-TEST_CASE("copies of records under another name neither train twice nor judge") {
+TEST_CASE("copied records are neither trained twice nor evaluated") {
   const Folder dir;
   write_run(dir / "a", 60, 1), write_run(dir / "b", 20, 1), write_run(dir / "c", 20, 2);
   write_run(dir / "more", 70, 1);
@@ -210,7 +211,7 @@ TEST_CASE("copies of records under another name neither train twice nor judge") 
              Catch::StartsWith("70 records; ") && Catch::Contains("trained on, and are judged\n"));
 }
 
-TEST_CASE("a copy is known by its counts, whatever else was changed") {
+TEST_CASE("copy is recognised by its counts") {
   const Folder dir;
   write_run(dir / "a", 60, 1);
   const std::string model = dir / "m";
@@ -237,7 +238,7 @@ TEST_CASE("a copy is known by its counts, whatever else was changed") {
   CHECK(load({dir / "padded"}).content == load({dir / "a"}).content);
 }
 
-TEST_CASE("few clicks or bins, and weak or frozen counts, make no copy") {
+TEST_CASE("records with few clicks or bins, or weak or frozen counts, are not copies") {
   const Folder dir;
   write_run(dir / "run", 8, 1, [](record::FusedRecord& r) {
     if (r.index < 2) {
@@ -255,7 +256,7 @@ TEST_CASE("few clicks or bins, and weak or frozen counts, make no copy") {
   for (std::size_t row = 0; row < 8; ++row) CHECK((data.content[row] == 0) == (row < 5));
 }
 
-TEST_CASE("of a record that is twice in a run one trains and one judges") {
+TEST_CASE("record that occurs twice in a run is used once") {
   const Folder dir;
   const auto twice = [](record::FusedRecord& r) {
     Rng rng = make_rng(3, static_cast<std::uint64_t>(r.index % 30));
@@ -272,7 +273,7 @@ TEST_CASE("of a record that is twice in a run one trains and one judges") {
              Catch::StartsWith("30 records; ") && Catch::Contains("twice in the run 30"));
 }
 
-TEST_CASE("a sensor that no record has is named, and a split of a held sequence") {
+TEST_CASE("train reports a sensor missing in all records, and a sequence with a random split") {
   const Folder dir;
   const auto run = [&](const std::string& name, Sensor lost) {
     write_run(dir / name, 12, 1, [&](record::FusedRecord& r) { r.valid.erase(lost); });

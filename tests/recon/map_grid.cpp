@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// A run's own depth map: from its axes through training and model file to the maps.
+// Depth maps of any grid: from the run's axes through training and model file to the maps.
 #include <nlohmann/json.hpp>
 
 #include "recon/use/png.hpp"
@@ -12,7 +12,7 @@ using namespace echofuse::testing;
 
 namespace {
 
-// Returns what a run says of its map.
+// Returns the map's description in a run.
 void put_map(const std::string& path, const record::MapGrid& grid) {
   for (const Axis& a : grid.axes()) {
     char row[200];
@@ -31,13 +31,13 @@ void write_mapped(const std::string& path, std::int64_t count, const record::Map
 
 }  // namespace
 
-TEST_CASE("a run's depth images are brought to its own map") {
+TEST_CASE("depth images are resampled to the run's map") {
   const Folder dir;
   write_mapped(dir / "run", 3, {32, 0.275});
   const Dataset data = load({dir / "run"});
   CHECK(data.map == record::MapGrid{32, 0.275});
   REQUIRE(data.depth.cols == 32 * 32);
-  // The middle half of 64 x 64 pixels over twice the field.
+  // The central half of 64 x 64 pixels, over twice the field.
   const auto r = record::RunReader(dir / "run").read(1);
   for (std::size_t row = 0; row < 32; ++row)
     for (std::size_t c = 0; c < 32; ++c)
@@ -45,7 +45,7 @@ TEST_CASE("a run's depth images are brought to its own map") {
               Approx(r.depth_mm[(row + 16) * 64 + c + 16] * 1e-3));
 }
 
-TEST_CASE("runs with other maps are told apart, and what is no map is refused") {
+TEST_CASE("different maps and invalid map axes are refused") {
   const Folder dir;
   write_run(dir / "a", 2, 1);
   write_mapped(dir / "b", 2, {32, 0.55}, 2);
@@ -70,7 +70,7 @@ TEST_CASE("runs with other maps are told apart, and what is no map is refused") 
   refused("UPDATE axis SET start = 0 WHERE name = 'map_x'");
 }
 
-TEST_CASE("a model has the map of its training, and judges no other") {
+TEST_CASE("model uses the map grid of its training and refuses others") {
   const Folder dir;
   const record::MapGrid grid{24, 0.55};
   write_mapped(dir / "run", 200, grid);

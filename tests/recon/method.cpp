@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// The method's steps and numbers, each alone.
+// Steps and constants of the method.
 #include "recon/method/method.hpp"
 
 #include <nlohmann/json.hpp>
@@ -13,7 +13,7 @@
 using namespace echofuse;
 using namespace echofuse::recon;
 
-TEST_CASE("sums over bins in four sums side by side are those of one plain loop") {
+TEST_CASE("sums in four accumulators equal those of a plain loop") {
   Rng rng = make_rng(1, 0);
   std::poisson_distribution<int> photons(40);
   std::normal_distribution<float> background(40, 3);
@@ -31,7 +31,7 @@ TEST_CASE("sums over bins in four sums side by side are those of one plain loop"
         CAPTURE(bins, from, to, negative);
         const BinSums fast = bin_sums(counts, all, from, to, negative);
         BinSums plain;
-        // The tolerance follows the terms of the sum, as terms of both signs may cancel.
+        // The tolerance scales with the terms, because terms of both signs may cancel.
         double sizes = 1e-300, moments = 1e-300;
         for (std::size_t i = from; i < to; ++i) {
           const double count = double{counts[i]}, bin = static_cast<double>(i);
@@ -46,7 +46,7 @@ TEST_CASE("sums over bins in four sums side by side are those of one plain loop"
   }
 }
 
-TEST_CASE("negative bins count as nothing where they are left out") {
+TEST_CASE("negative bins count as zero where they are excluded") {
   const std::vector<float> counts = {2, -3, 4, -5, 6, -1, 1}, all = {9, 9, 9, 9, 9, 9, 9};
   const BinSums without = bin_sums(counts, all, 0, 7, Negative::left_out);
   CHECK(without.counts == 13);
@@ -58,7 +58,7 @@ TEST_CASE("negative bins count as nothing where they are left out") {
   CHECK(with.all == 45);
 }
 
-TEST_CASE("a model file states the constants of a view, and other constants are refused") {
+TEST_CASE("model file stores the view constants, and refuses others") {
   const Layout layout{testing::spd_axis(), testing::radar_axis()};
   Alignment alignment(layout, Matrix(1, layout.inputs()), {0});
   TensorFile file;
@@ -81,9 +81,7 @@ TEST_CASE("a model file states the constants of a view, and other constants are 
   CHECK_THAT(fault_of(file), Catch::Contains("directions"));
 }
 
-TEST_CASE(
-    "each tensor of a file stands at a multiple of its type's size, and the file says what wrote "
-    "it") {
+TEST_CASE("tensors are aligned to their type's size, and the file names its program version") {
   TensorFile file;
   const auto write = [&](const std::string& name, auto value) {
     const std::vector<decltype(value)> three(3, value);

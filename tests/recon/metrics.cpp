@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Closed forms: what the metrics must say of maps whose score is known beforehand.
+// Metrics of maps with a known score.
 #include "recon/metrics/metrics.hpp"
 
 #include <catch2/catch.hpp>
@@ -17,7 +17,7 @@ namespace {
 constexpr std::size_t size = 64;
 using Map = std::vector<float>;
 
-// A plate over the columns [left, left + 10) and the rows 20..43 before a background.
+// A plate over columns [left, left + 10) and rows 20..43, in front of a background.
 Map plate(std::size_t left, float depth_m, float background_m = 0) {
   Map out(size * size, background_m);
   for (std::size_t r = 20; r < 44; ++r)
@@ -45,7 +45,7 @@ Scene room(float background_m = 0, float foreground_m = 3.5f) {
 
 }  // namespace
 
-TEST_CASE("a perfect prediction") {
+TEST_CASE("perfect prediction has perfect scores") {
   const Map truth = plate(6, 3.4f);
   const MapScores s = score(truth, truth, room());
   for (const Metric one : {metric_iou, metric_ssim, metric_ssim_hard, metric_ssim_fg,
@@ -57,22 +57,22 @@ TEST_CASE("a perfect prediction") {
   CHECK(s[metric_lateral_m] == Approx(0).margin(1e-12));
 }
 
-TEST_CASE("the mirror image instead of the truth, and both at once") {
+TEST_CASE("ghost is 1 for the mirror image and 0.5 for both") {
   const Map truth = plate(6, 3.5f), ghost = mirrored(truth);
   const MapScores wrong = score(ghost, truth, room());
   CHECK(wrong[metric_ghost] == 1);
   CHECK(wrong[metric_left_right] == 0);
   CHECK(wrong[metric_iou] == 0);
   CHECK(std::isnan(wrong[metric_depth_mae_m]));
-  // From one side to the other: twice the centroid's tangent, at 3.5 m.
+  // From one side to the other: twice the centroid's tangent, times 3.5 m.
   const double tangent = record::MapGrid{}.x().at(6 + 4.5);
   CHECK(wrong[metric_lateral_m] == Approx(2 * std::abs(tangent) * 3.5).epsilon(1e-9));
   const MapScores both = score(with_ripple(average(truth, ghost)), truth, room());
   CHECK(both[metric_ghost] == Approx(0.5).epsilon(1e-12));
-  CHECK(std::isnan(both[metric_lateral_m]));  // half a body on either side is no foreground
+  CHECK(std::isnan(both[metric_lateral_m]));  // half a body on each side is not foreground
 }
 
-TEST_CASE("the place is that of the foreground of the map as it is written") {
+TEST_CASE("body position is the centroid of the written map's foreground") {
   const Map truth = plate(6, 3.5f);
   Map ripple = truth;
   for (std::size_t p = 40; p < 60; ++p) ripple[p] = -30;             // clipped to 0
@@ -81,21 +81,21 @@ TEST_CASE("the place is that of the foreground of the map as it is written") {
   CHECK(s[metric_lateral_m] == Approx(0).margin(1e-12));
   CHECK(s[metric_ghost] == 0);
   CHECK(lateral_error(ripple, truth, room()) == s[metric_lateral_m]);
-  // Beyond the map's depths a pixel counts as at its end.
+  // A pixel beyond the map's depths counts as the nearest valid depth.
   Scene far = room();
   far.grid.far_m = 10;
   CHECK(score(plate(6, 30), truth, far)[metric_depth_mae_m] == Approx(6.5));
   CHECK(score(plate(6, 30), truth, room())[metric_depth_mae_m] == Approx(2.5));
 }
 
-TEST_CASE("near the axis there is no left, right or ghost") {
+TEST_CASE("ghost and left/right are undefined near the axis") {
   const Map truth = plate(28, 3.5f);  // centre at column 32.5, x = 3 cm
   const MapScores s = score(mirrored(truth), truth, room());
   CHECK(std::isnan(s[metric_ghost]));
   CHECK(std::isnan(s[metric_left_right]));
 }
 
-TEST_CASE("IoU, RMSE and depth errors of a shifted and nearer plate") {
+TEST_CASE("shifted and nearer plate has the expected IoU, RMSE and depth errors") {
   const Map truth = plate(10, 3.5f), prediction = plate(15, 3.0f);
   const MapScores s = score(prediction, truth, room());
   CHECK(s[metric_iou] == Approx(5.0 / 15));
@@ -105,7 +105,7 @@ TEST_CASE("IoU, RMSE and depth errors of a shifted and nearer plate") {
   CHECK(s[metric_rmse_m] == Approx(std::sqrt(squares / (size * size))));
   CHECK(s[metric_rmse_fg_m] == Approx(std::sqrt((3.5 * 3.5 + 0.5 * 0.5) / 2)));
   CHECK(s[metric_abs_rel] == Approx((1 + 0.5 / 3.5) / 2));
-  CHECK(s[metric_delta_125] == Approx(0.5));  // 3.5 / 3.0 < 1.25, and half is missed
+  CHECK(s[metric_delta_125] == Approx(0.5));  // 3.5 / 3.0 < 1.25, and half of the pixels are missed
 }
 
 TEST_CASE("in the open room expected depths are foreground beyond half the mean depth") {
@@ -114,13 +114,13 @@ TEST_CASE("in the open room expected depths are foreground beyond half the mean 
   CHECK(std::isnan(score(with_ripple(plate(10, 1.74f)), truth, room())[metric_lateral_m]));
 }
 
-TEST_CASE("in the open room every return is foreground, so the truth of a near body scores 1") {
+TEST_CASE("in the open room every return is foreground, also of a near body") {
   for (const float depth_m : {0.6f, 1.2f, 1.4f, 1.74f, 5.5f}) {
     const Map near = plate(10, depth_m);
     CHECK(score(near, near, room())[metric_iou] == 1);
     CHECK(thresholded_map(near, room()) == near);
   }
-  // Two bodies, one in front, and a view that a near body fills.
+  // Two bodies, one in front of the other, and a near body that fills the view.
   Map two = plate(6, 1.2f);
   const Map behind = plate(30, 5.2f), all(size * size, 1.3f);
   for (std::size_t p = 0; p < two.size(); ++p) two[p] += behind[p];
@@ -128,7 +128,7 @@ TEST_CASE("in the open room every return is foreground, so the truth of a near b
   CHECK(score(all, all, room())[metric_iou] == 1);
 }
 
-TEST_CASE("a fixed background is not foreground") {
+TEST_CASE("fixed background is not foreground") {
   const Scene scene = room(5.5f, 3.5f);
   const Map truth = plate(10, 3.5f, 5.5f), empty(size * size, 5.5f);
   CHECK(score(truth, truth, scene)[metric_iou] == 1);
@@ -138,16 +138,16 @@ TEST_CASE("a fixed background is not foreground") {
   CHECK(thresholded_map(plate(10, 4.6f, 5.5f), scene) == empty);
   CHECK(std::isnan(score(empty, empty, scene)[metric_iou]));
   CHECK_FALSE(true_foreground(5.45f, 5.5f));
-  CHECK_FALSE(true_foreground(0, 5.5f));  // no return says nothing
+  CHECK_FALSE(true_foreground(0, 5.5f));  // no return: unknown
 }
 
-TEST_CASE("an empty prediction has no position") {
+TEST_CASE("empty prediction has no position") {
   const MapScores s = score(Map(size * size), plate(6, 3.5f), room());
   for (const Metric m : {metric_lateral_m, metric_ghost, metric_left_right})
     CHECK(std::isnan(s[m]));
 }
 
-TEST_CASE("learning the scene from its maps") {
+TEST_CASE("scene is learnt from its maps") {
   Matrix maps(0, size * size);
   for (const std::size_t left : {2u, 20u, 50u}) maps.add_row(plate(left, 3.2f, 5.0f));
   const Scene scene = learn_scene(maps, {0, 1, 2}, {});
@@ -156,10 +156,9 @@ TEST_CASE("learning the scene from its maps") {
   CHECK(scene.mean_map[30 * size + 2] == Approx((3.2 + 5 + 5) / 3));
 }
 
-TEST_CASE(
-    "of a surface that is moved to and fro no body stands out, and only raw maps are judged") {
+TEST_CASE("moving surface has no foreground, so that only raw maps are scored") {
   Rng rng = make_rng(3, 3);
-  for (const float nearest : {0.5f, 1.8f}) {  // also where most stand far away
+  for (const float nearest : {0.5f, 1.8f}) {  // also if most are far away
     Matrix walls(0, size * size);
     std::uniform_real_distribution<float> z(nearest, 3);
     for (int i = 0; i < 160; ++i) walls.add_row(Map(size * size, i % 3 ? z(rng) : 2.9f));
@@ -174,7 +173,7 @@ TEST_CASE(
     CHECK(s[metric_ssim] == s[metric_ssim_hard]);
     CHECK(thresholded_map(off, scene) == off);
   }
-  // A door leaf: it covers half of the view, and swings.
+  // A swinging door leaf that covers half of the view.
   Matrix leaf(0, size * size);
   for (int i = 0; i < 60; ++i) {
     Map map(size * size, 4.f);
@@ -196,7 +195,7 @@ TEST_CASE("mean and standard error leave undefined maps out") {
   CHECK(std::isnan(summarise({a})[metric_iou].se));
 }
 
-TEST_CASE("the edge of a body is as soft as its place is uncertain") {
+TEST_CASE("body edges are blurred by the uncertainty of its position") {
   const Scene scene = room(5.5f, 3.5f);
   const std::size_t side = scene.grid.size, middle = side / 2;
   SoftMaps own{Matrix(3, side * side), Matrix(3, side * side)};
@@ -217,6 +216,6 @@ TEST_CASE("the edge of a body is as soft as its place is uncertain") {
     CHECK(share(0, middle + static_cast<std::size_t>(k)) ==
           Approx(normal((k + 0.5) / 4)).margin(0.01));
   }
-  CHECK(share(1, middle) == Approx(normal(1)).margin(0.06));  // sampled at pixels
+  CHECK(share(1, middle) == Approx(normal(1)).margin(0.06));  // pixel sampling
   CHECK(share(2, middle) == 1);
 }

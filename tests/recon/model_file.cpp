@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Model files that came by mail: cut off, changed on the way, or made by somebody on purpose.
+// Untrusted model files: truncated, corrupted, or crafted.
 #include <chrono>
 #include <cmath>
 #include <cstdlib>
@@ -21,8 +21,7 @@ const std::vector<std::string> kinds = {"factorised-4", "mean-shape",  "ridge",
                                         "mlp-12-10",    "pca-mlp-6-5", "mlp-mask-8",
                                         "nearest-3",    "empty",       "mean"};
 
-// Models of every kind; the factorised one states its uncertainty, the mlp has one of the SPD alone
-// beside it.
+// Models of every kind; the factorised one has an uncertainty, the mlp an additional SPD estimator.
 const Folder& models() {
   static const Folder dir;
   static const bool made = [] {
@@ -47,7 +46,7 @@ const Folder& models() {
   return dir;
 }
 
-// Returns the fault of the file in one line, or nothing if it is taken; then the model answers.
+// Returns the one-line error of the file, or nothing if it loads; then the model must predict.
 std::string fault_of(ByteView file) {
   static const Dataset few = load({models() / "few"});
   try {
@@ -76,7 +75,7 @@ struct Hostile {
   Spoil change;
 };
 
-// A tensor beside those that are there, over bytes that are counted from the end of the values.
+// Adds a tensor over bytes counted from the end of the values.
 Spoil beside(const std::string& type, std::size_t from, std::size_t to, std::size_t more) {
   return [=](crafted::Model& m) {
     const std::size_t end = m.values.size();
@@ -111,32 +110,32 @@ const char *const map_name = "0/scene/background_m", *const map_fault = "0/scene
 const std::vector<Hostile> hostile_files = {
     {"an offset beyond the end", "ridge", "crafted: zz: data end beyond the end of the file",
      beside("U8", 0, 8, 0)},
-    {"offsets the wrong way round", "ridge", "crafted: zz: data end beyond the end of the file",
+    {"reversed offsets", "ridge", "crafted: zz: data end beyond the end of the file",
      [](auto& m) { m.add("zz", "U8", {1}, 9, 8); }},
-    {"an offset that is no whole number", "ridge", "zz: expected whole numbers",
+    {"a fractional offset", "ridge", "zz: expected whole numbers",
      [](auto& m) { m.add("zz", "U8", {1}, 0, 1), m.head["zz"]["data_offsets"][1] = 1e300; }},
     {"an overlap", "ridge", "data_offsets: tensors overlap or leave a gap",
      [](auto& m) { m.add("zz", "U8", {4}, 0, 4); }},
     {"a gap", "ridge", "data_offsets: tensors overlap or leave a gap", beside("U8", 4, 8, 8)},
-    {"bytes of nobody", "ridge", "data_offsets: the file has bytes that belong to no tensor",
+    {"unassigned bytes", "ridge", "data_offsets: the file has bytes that belong to no tensor",
      beside("U8", 0, 4, 8)},
     {"a shape that is too small", "ridge", "data size does not match shape 4095",
      shape_of(map_name, {4095})},
-    {"a shape that nobody can hold", "ridge", "data size does not match shape",
+    {"a shape beyond any memory", "ridge", "data size does not match shape",
      shape_of(map_name, {9e14, 9e14, 9e14})},
-    {"a negative side", "ridge", "0/scene/background_m: expected whole numbers",
+    {"a negative dimension", "ridge", "0/scene/background_m: expected whole numbers",
      shape_of(map_name, {-4096})},
-    {"five sides", "ridge", "0/scene/background_m: has 5 dimensions; expected at most 4",
+    {"five dimensions", "ridge", "0/scene/background_m: has 5 dimensions; expected at most 4",
      shape_of(map_name, {1, 1, 1, 1, 4096})},
     {"another shape", "ridge", "0/scene/background_m: has shape 64 x 64; expected 4096",
      shape_of(map_name, {64, 64})},
-    {"a type that is not known", "ridge", "0/scene/background_m: type F16, expected F32",
+    {"an unknown type", "ridge", "0/scene/background_m: type F16, expected F32",
      [](auto& m) { m.head[map_name]["dtype"] = "F16"; }},
     {"another type", "ridge", "0/scene/background_m: has type U32; expected F32",
      [](auto& m) { m.head[map_name]["dtype"] = "U32"; }},
-    {"no number", "ridge", map_fault, first_value(map_name, std::nanf(""))},
+    {"NaN", "ridge", map_fault, first_value(map_name, std::nanf(""))},
     {"an infinite number", "ridge", map_fault, first_value(map_name, INFINITY)},
-    {"a weight that is no number", "ridge", "0/model/weights: expected finite numbers",
+    {"a NaN weight", "ridge", "0/model/weights: expected finite numbers",
      first_value("0/model/weights", std::nanf(""))},
     {"a huge weight", "ridge", "0/model/weights: expected finite numbers up to 1e18",
      first_value("0/model/weights", 2e18f)},
@@ -152,17 +151,17 @@ const std::vector<Hostile> hostile_files = {
      fact("estimators", 1.5)},
     {"a list for a fact", "ridge", "0/train_s: expected a number or a string",
      fact("0/train_s", std::vector<int>{1, 2})},
-    {"a kind that is not known", "ridge", "0/model: expected one of", fact("0/model", "oracle")},
+    {"an unknown kind", "ridge", "0/model: expected one of", fact("0/model", "oracle")},
     {"no estimator", "ridge", "estimators: expected a number from 1 to 3", fact("estimators", 0)},
     {"four estimators", "ridge", "estimators: expected a number from 1 to 3",
      fact("estimators", 4)},
-    {"more estimators than there are", "ridge", "1/", fact("estimators", 2)},
-    {"two on other axes", "mlp-12-10", "1/axes: expected those of the first estimator",
+    {"a wrong number of estimators", "ridge", "1/", fact("estimators", 2)},
+    {"an estimator with other axes", "mlp-12-10", "1/axes: expected those of the first estimator",
      fact("1/axes/spd/step", 401.0)},
-    {"two of both sensors", "mlp-12-10", "1/", fact("1/inputs", "fused")},
+    {"two fused estimators", "mlp-12-10", "1/", fact("1/inputs", "fused")},
     {"fewer bins than weights", "ridge", "0/features/centre: has shape 54; expected 53",
      fact("0/axes/spd/count", 29)},
-    {"layers that do not chain", "mlp-12-10", "0/model/layer1/weights: expected shape 12 x 10",
+    {"layers of different sizes", "mlp-12-10", "0/model/layer1/weights: expected shape 12 x 10",
      shape_of("0/model/layer1/weights", {10, 12})},
     {"another number of layers", "mlp-12-10", "0/model/",
      [](auto& m) { m.replace("0/model/widths", "I64", {2}, 16, 1); }},
@@ -170,7 +169,7 @@ const std::vector<Hostile> hostile_files = {
      [](auto& m) {
        m.facts["0/model/frame/columns"] = m.facts["0/model/frame/columns"].template get<int>() + 1;
      }},
-    {"a text that moves the cursor", "ridge", "crafted: ",
+    {"a text with an escape sequence", "ridge", "crafted: ",
      [](auto& m) { m.head["\x1b[2J"] = m.head[map_name], m.head["\x1b[2J"]["dtype"] = "\x1b[2J"; }},
     {"another format", "ridge", "format: expected one of echofuse model", fact("format", "recipe")},
     {"a newer version", "ridge", "use a newer echofuse", fact("format_version", 1000)},
@@ -191,7 +190,7 @@ Bytes with_length(const Bytes& whole, std::uint64_t length) {
 }
 
 const std::vector<Spoilt> spoilt_files = {
-    {"nothing", "not a model file", [](const Bytes&) { return Bytes{}; }},
+    {"an empty file", "not a model file", [](const Bytes&) { return Bytes{}; }},
     {"seven bytes", "not a model file",
      [](const Bytes& w) { return Bytes(w.begin(), w.begin() + 7); }},
     {"a huge header", "not a model file",
@@ -200,9 +199,9 @@ const std::vector<Spoilt> spoilt_files = {
      [](const Bytes& w) {
        return with_length({w.begin(), w.begin() + 500}, 600);
      }},
-    {"the last byte lost", "is damaged",
+    {"the last byte missing", "damaged: checksum mismatch",
      [](const Bytes& w) { return Bytes(w.begin(), w.end() - 1); }},
-    {"a byte more", "is damaged",
+    {"an extra byte", "damaged: checksum mismatch",
      [](const Bytes& w) {
        Bytes out = w;
        out.push_back(0);
@@ -215,29 +214,29 @@ const std::vector<Spoilt> spoilt_files = {
        head["__metadata__"] = {{"facts", m.facts.dump()}};
        return crafted::sealed(head.dump(), m.values);
      }},
-    {"a checksum that is cut off", "has no checksum",
+    {"a truncated checksum", "has no checksum",
      [](const Bytes&) { return crafted::sealed("{\"crc32c\":\"0000", {}); }},
-    {"a header that is no JSON", "invalid JSON header",
+    {"a header that is not JSON", "invalid JSON header",
      [](const Bytes&) { return crafted::sealed("{\"crc32c\":\"00000000\",", {}); }},
     {"a header that is a list", "invalid JSON header",
      [](const Bytes&) { return crafted::sealed("[{\"crc32c\":\"00000000\"}]", {}); }},
-    {"a header as deep as it is long", "invalid JSON header",
+    {"a deeply nested header", "invalid JSON header",
      [](const Bytes&) {
        return crafted::sealed("{\"crc32c\":\"00000000\",\"a\":" + std::string(500'000, '['), {});
      }},
-    {"facts that are no JSON", "invalid JSON header",
+    {"facts that are not JSON", "invalid JSON header",
      [](const Bytes&) {
        return crafted::sealed("{\"__metadata__\":{\"crc32c\":\"00000000\",\"facts\":\"{\"}}", {});
      }},
-    {"an HDF5 file of before", "not a model file",
+    {"an old HDF5 file", "not a model file",
      [](const Bytes&) { return text_file("\x89HDF\r\n\x1a\n" + std::string(4096, '\0')); }},
-    {"a sealed file of before", "model of an older version; train it again",
+    {"an old safetensors file", "model of an older version; train it again",
      [](const Bytes&) {
        return text_file("ECHOFUSE" + std::string(504, '\0') + "\x89HDF\r\n\x1a\n");
      }},
 };
 
-// All kinds take a minute: the long form of the test (scripts/test_slow).
+// All kinds take a minute; only the long form of the test covers them (scripts/test_slow).
 std::vector<std::string> kinds_tried() {
   if (std::getenv("ECHOFUSE_LONG")) return kinds;
   return {"factorised-4"};
@@ -245,7 +244,7 @@ std::vector<std::string> kinds_tried() {
 
 }  // namespace
 
-TEST_CASE("models load, answer as before to the bit, and are the same file again") {
+TEST_CASE("saved models load, predict bitwise the same, and save to the same file") {
   const Folder dir;
   Dataset data = load({models() / "few"});
   const Rows rows = all_rows(data.size());
@@ -264,7 +263,7 @@ TEST_CASE("models load, answer as before to the bit, and are the same file again
     std::filesystem::remove(dir / "twice");
     save_model(again, dir / "twice");
     CHECK(read_file(dir / "twice") == read_file(dir / kind));
-    // But for what a training says of itself to people, which is not read.
+    // Except for training information for the user, which is not read.
     crafted::Model first(whole), second(read_file(dir / kind));
     for (crafted::Model* m : {&first, &second})
       for (const std::string& name : m->names_of_facts())
@@ -273,7 +272,7 @@ TEST_CASE("models load, answer as before to the bit, and are the same file again
   }
 }
 
-TEST_CASE("a model answers after loading as the one that was saved") {
+TEST_CASE("loaded model predicts as the saved one") {
   const Folder dir;
   const Dataset data = load({models() / "run"}), few = load({models() / "few"});
   for (const char* kind : {"factorised-4", "mlp-12-10"}) {
@@ -289,7 +288,7 @@ TEST_CASE("a model answers after loading as the one that was saved") {
   }
 }
 
-TEST_CASE("one line says what of a crafted model file is wrong") {
+TEST_CASE("crafted model file gives a one-line error") {
   for (const Hostile& h : hostile_files) {
     CAPTURE(h.what);
     crafted::Model model(whole_file(h.from));
@@ -301,7 +300,7 @@ TEST_CASE("one line says what of a crafted model file is wrong") {
   }
 }
 
-TEST_CASE("a model file that was cut off, changed or written before is refused in one line") {
+TEST_CASE("truncated, changed or old model file gives a one-line error") {
   const Folder dir;
   const Bytes whole = whole_file("ridge");
   for (const Spoilt& s : spoilt_files) {
@@ -318,14 +317,14 @@ TEST_CASE("a model file that was cut off, changed or written before is refused i
   CHECK(recon_program("evaluate /dev/zero " + run).code == 1);
 }
 
-TEST_CASE("no flipped byte of a model file is read") {
+TEST_CASE("flipped byte in a model file is detected") {
   const Bytes whole = whole_file("ridge");
   std::uint64_t length = 0;
   std::memcpy(&length, whole.data(), sizeof length);
   std::mt19937_64 random(3);
   for (int i = 0; i < 300; ++i) {
     Bytes file = whole;
-    // A third of them within the header.
+    // A third of them in the header.
     const std::size_t at = random() % (i % 3 == 0 ? 8 + length : file.size());
     file[at] = static_cast<std::uint8_t>(file[at] ^ (1 + random() % 255));
     CAPTURE(at);
@@ -333,7 +332,7 @@ TEST_CASE("no flipped byte of a model file is read") {
   }
 }
 
-TEST_CASE("no array of another type or shape is read") {
+TEST_CASE("array of another type or shape is refused") {
   for (const std::string& from : kinds_tried()) {
     const Bytes whole = whole_file(from);
     for (const std::string& name : crafted::Model(whole).tensors()) {
@@ -347,7 +346,7 @@ TEST_CASE("no array of another type or shape is read") {
       const auto shape = model.head[name]["shape"].get<std::vector<std::size_t>>();
       const std::string type = model.head[name]["dtype"];
       const std::size_t bytes = model.end_of(name) - model.begin_of(name);
-      if (name.find("training/hidden") != std::string::npos) continue;  // is not read
+      if (name.find("training/hidden") != std::string::npos) continue;  // not read
       CHECK_THAT(after([&](auto& m) {
                    m.replace(name, type == "F32" ? "U32" : "F32", shape, 0, 0),
                        m.head[name]["shape"] = {0};
@@ -357,10 +356,10 @@ TEST_CASE("no array of another type or shape is read") {
                    m.replace(name, type, {1, 1, 1}, bytes == 0 ? 0 : 4, 0);
                  }),
                  Catch::Contains(name));
-      // 0xff in every byte: no number, for those that are floating point ones.
+      // 0xff in every byte: NaN for floating-point types.
       const std::string fault = after([&](auto& m) { m.replace(name, type, shape, bytes, 0xff); });
       if (type[0] == 'F' && bytes > 0) CHECK_THAT(fault, Catch::Contains(name));
-      // One more of each side, and none: refused, or an answer.
+      // One more and one less in each dimension: refused, or the model predicts.
       for (const std::size_t by : {std::size_t{1}, ~std::size_t{0}, std::size_t{0}}) {
         std::vector<std::size_t> other = shape;
         std::size_t count = type == "F64" || type == "I64" ? 8 : type == "U8" ? 1 : 4;
@@ -371,12 +370,12 @@ TEST_CASE("no array of another type or shape is read") {
   }
 }
 
-TEST_CASE("no fact of another type is read, and no value of it ends the program") {
+TEST_CASE("fact of another type is refused, and no value crashes the program") {
   for (const std::string& from : kinds_tried()) {
     const crafted::Model whole(whole_file(from));
     CHECK(whole.names_of_facts().size() > 20);
     for (const std::string& name : whole.names_of_facts()) {
-      if (name.find("/training/") != std::string::npos) continue;  // is not read
+      if (name.find("/training/") != std::string::npos) continue;  // not read
       CAPTURE(from, name);
       const auto with = [&](const nlohmann::json& value) {
         crafted::Model model = whole;

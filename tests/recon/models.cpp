@@ -33,7 +33,7 @@ TrainOptions quick(const std::string& model) {
   return options;
 }
 
-// One run of plates, loaded once for all cases.
+// A run of plates, loaded once for all cases.
 const Dataset& plates() {
   static const Dataset data = testing::load_plates(600);
   return data;
@@ -46,7 +46,7 @@ Summaries scores_of(const TrainedModel& model) {
 
 }  // namespace
 
-TEST_CASE("ridge equals a dense solve with the penalty that it chose") {
+TEST_CASE("ridge equals a dense solve with its chosen penalty") {
   const Matrix x = random_matrix(50, 8, 1), noise = random_matrix(50, 4096, 2);
   Matrix y(50, 4096);
   for (std::size_t i = 0; i < 50; ++i)
@@ -74,10 +74,10 @@ TEST_CASE("ridge equals a dense solve with the penalty that it chose") {
       worst = std::max(
           worst, std::abs(double{found.row(i)[p]} -
                           expected(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(p))));
-  CHECK(worst < 1e-5);  // maps of up to 8, in single precision
+  CHECK(worst < 1e-5);  // maps of up to 8, single precision
 }
 
-TEST_CASE("ridge bears repeated, constant and too many inputs") {
+TEST_CASE("ridge handles repeated, constant and surplus inputs") {
   Matrix x = random_matrix(30, 60, 3);
   for (std::size_t i = 0; i < 30; ++i) {
     x.row(i)[1] = x.row(i)[0];
@@ -92,7 +92,7 @@ TEST_CASE("ridge bears repeated, constant and too many inputs") {
   for (const float v : ridge->predict(same).values) REQUIRE(std::isfinite(v));
 }
 
-TEST_CASE("the nearest neighbour of a training record is itself") {
+TEST_CASE("nearest neighbour of a training record is itself") {
   const Matrix x = random_matrix(20, 10, 5), y = random_matrix(20, 4096, 6);
   const auto nearest = make_nearest();
   nearest->fit({x, y, all_rows(20)}, {x, y, {}}, {});
@@ -105,7 +105,7 @@ TEST_CASE("the nearest neighbour of a training record is itself") {
   CHECK(nearest->cost().multiply_adds == looked_up + 5 * y.cols);
 }
 
-TEST_CASE("the same seed makes the same model, another seed another one") {
+TEST_CASE("model is reproducible by its seed") {
   const auto predict = [](std::uint64_t seed) {
     TrainOptions options = quick("mlp");
     options.fit.epochs = 3;
@@ -117,7 +117,7 @@ TEST_CASE("the same seed makes the same model, another seed another one") {
   CHECK(predict(5).values != a.values);
 }
 
-TEST_CASE("every model predicts the same after it was saved and loaded") {
+TEST_CASE("every model predicts the same after saving and loading") {
   const Folder dir;
   for (const auto& name : model_names()) {
     CAPTURE(name);
@@ -141,7 +141,7 @@ TEST_CASE("every model predicts the same after it was saved and loaded") {
   }
 }
 
-TEST_CASE("fused beats either sensor alone, and the SPD alone cannot tell left from right") {
+TEST_CASE("fused beats either sensor, and the SPD alone cannot separate left from right") {
   const auto scores = [](const char* inputs) {
     TrainOptions options = quick("mlp");
     options.inputs = inputs;
@@ -152,15 +152,15 @@ TEST_CASE("fused beats either sensor alone, and the SPD alone cannot tell left f
   CHECK(fused[metric_left_right].mean > 0.95);
   CHECK(fused[metric_ghost].mean < spd[metric_ghost].mean / 4);
   CHECK(fused[metric_iou].mean > spd[metric_iou].mean + 0.3);
-  // Without a side: a blur that is no foreground and has no position, or one within 4 standard
-  // deviations of a coin; and a ghost as strong as the truth.
+  // Without a side: a blur without foreground and position, or a side within 4 standard deviations
+  // of chance; and a ghost as strong as the body.
   if (const double n = static_cast<double>(spd[metric_left_right].maps); n > 0)
     CHECK(std::abs(spd[metric_left_right].mean - 0.5) < 4 * 0.5 / std::sqrt(n));
   CHECK(spd[metric_lateral_m].maps < fused[metric_lateral_m].maps / 2);
   CHECK(spd[metric_ghost].mean > 0.4);
 }
 
-TEST_CASE("training stops early, keeps the best epoch and shows its course") {
+TEST_CASE("training stops early, keeps the best epoch and prints its progress") {
   TrainOptions options = quick("mlp");
   options.fit.epochs = 400;
   options.fit.patience = 5;
@@ -172,13 +172,13 @@ TEST_CASE("training stops early, keeps the best epoch and shows its course") {
         log.validation_loss[log.best_epoch - 1]);
 }
 
-TEST_CASE("a learning rate that blows up is said, not saved") {
+TEST_CASE("diverging learning rate is reported and not saved") {
   TrainOptions options = quick("mlp");
   options.fit.learning_rate = 1e9;
   CHECK_THROWS_WITH(train(plates(), options), Catch::Contains("learning_rate"));
 }
 
-TEST_CASE("identical records make a model, not a NaN") {
+TEST_CASE("identical records give a finite model") {
   const Folder dir;
   write_run(dir / "same", 12, 1, [](record::FusedRecord& r) {
     Rng rng = make_rng(1, 1);
@@ -187,10 +187,10 @@ TEST_CASE("identical records make a model, not a NaN") {
     r.index = index;
   });
   Dataset data = load({dir / "same"});
-  data.content.clear();  // so that they are no copies of one record
+  data.content.clear();  // otherwise they count as copies
   for (const auto& name : model_names()) {
     CAPTURE(name);
-    if (wants_alignment(name)) {  // background is alike in all maps
+    if (wants_alignment(name)) {  // equal maps: no body
       CHECK_THROWS_WITH(train(data, quick(name)), Catch::Contains("show a body"));
       continue;
     }
@@ -199,7 +199,7 @@ TEST_CASE("identical records make a model, not a NaN") {
   }
 }
 
-TEST_CASE("evaluation: the baselines, and what was held out") {
+TEST_CASE("evaluation reports baselines and held-out records") {
   const TrainedModel model = train(plates(), quick("ridge"));
   const Rows rows = rows_to_evaluate(model, plates(), false);
   CHECK(rows.size() == 60);
@@ -211,7 +211,7 @@ TEST_CASE("evaluation: the baselines, and what was held out") {
   CHECK(baselines[0].metrics[metric_iou].mean == 0);
   CHECK(baselines[2].metrics[metric_iou].mean > 0.3);
   const Folder dir;
-  // The runs hold a plate and its mirror image: the ghost of one is the truth of the other.
+  // The runs contain a plate and its mirror image: the ghost of one is the other's body.
   write_run(dir / "pairs", 60, 5, [](record::FusedRecord& r) {
     Rng rng = make_rng(5, static_cast<std::uint64_t>(r.index / 2));
     std::uniform_real_distribution<double> any_x(-1, 1), any_z(3, 4);

@@ -29,7 +29,7 @@ struct Problem {
     inputs = normal(batch * 7, rng);
     targets = normal(batch * 6, rng);
   }
-  // Half the sum of squared errors.
+  // Half of the sum of squared errors.
   double loss(const std::vector<double>& p) const {
     Activations<double> a;
     forward(network, p, inputs.data(), batch, a);
@@ -41,7 +41,7 @@ struct Problem {
 
 }  // namespace
 
-TEST_CASE("the gradient equals central differences for every parameter") {
+TEST_CASE("gradient equals central differences for every parameter") {
   const Problem q(3);
   Activations<double> a;
   forward(q.network, q.parameters, q.inputs.data(), q.batch, a);
@@ -49,8 +49,8 @@ TEST_CASE("the gradient equals central differences for every parameter") {
   std::vector<double> gradient;
   backward(q.network, q.parameters, q.inputs.data(), q.batch, a, gradient);
   REQUIRE(gradient.size() == q.network.parameters);
-  // The loss is quadratic in each single parameter between two kinks of the rectifiers, so central
-  // differences are exact there but for rounding: about 1e-16 * loss / step.
+  // Between two kinks of the rectifiers the loss is quadratic in each parameter. Central
+  // differences are exact there except for rounding, about 1e-16 * loss / step.
   constexpr double step = 1e-5;
   const double rounding = 1e-15 * q.loss(q.parameters) / step;
   for (std::size_t i = 0; i < gradient.size(); ++i) {
@@ -62,8 +62,8 @@ TEST_CASE("the gradient equals central differences for every parameter") {
   }
 }
 
-// Sizes of a few rows and of one, whose product is made another way.
-TEST_CASE("a product of matrices equals its sums, transposed or not, for one row as for many") {
+// Products of several rows and of one row use different code.
+TEST_CASE("matrix product equals plain sums, transposed or not, for one or many rows") {
   const std::size_t m = GENERATE(1, 5), n = GENERATE(1, 7), k = 4;
   const auto ta = GENERATE(Transpose::no, Transpose::yes);
   const auto tb = GENERATE(Transpose::no, Transpose::yes);
@@ -81,8 +81,8 @@ TEST_CASE("a product of matrices equals its sums, transposed or not, for one row
     }
 }
 
-// Parts of one map.
-TEST_CASE("a row times a matrix is added to what is there, however few rows the matrix has") {
+// Sizes as for parts of one map.
+TEST_CASE("row times matrix is accumulated for any number of rows") {
   const std::size_t n = GENERATE(1, 2, 7, 48), k = GENERATE(1, 3, 4, 7, 61);
   const float beta = GENERATE(0.f, 1.f, -2.f);
   Rng rng = make_rng(9, 0);
@@ -97,7 +97,7 @@ TEST_CASE("a row times a matrix is added to what is there, however few rows the 
   }
 }
 
-TEST_CASE("single precision follows double precision") {
+TEST_CASE("training in single precision follows double precision") {
   const Problem q(5);
   Activations<double> a;
   forward(q.network, q.parameters, q.inputs.data(), q.batch, a);
@@ -109,13 +109,13 @@ TEST_CASE("single precision follows double precision") {
     CHECK(double{b.back()[i]} == Approx(a.back()[i]).margin(1e-4));
 }
 
-TEST_CASE("sizes: the paper's network has 1.37 million weights") {
+TEST_CASE("the paper's network has 1.37 million weights") {
   const Network n = make_network({365, 512, 256, 4096});
   CHECK(n.weights == 365 * 512 + 512 * 256 + 256 * 4096);
   CHECK(n.parameters == n.weights + 512 + 256 + 4096);
 }
 
-TEST_CASE("Adam's first step has the length of the learning rate, whatever the gradient's") {
+TEST_CASE("first step of Adam has the size of the learning rate for any gradient") {
   std::vector<float> p = {1, 1, 1};
   Adam adam(3, 0);
   std::vector<float> gradient = {1e-3f, -50, 0};
@@ -131,7 +131,7 @@ TEST_CASE("Adam's first step has the length of the learning rate, whatever the g
   CHECK(weight[0] == Approx(2 * (1 - 0.1 * 0.5)));
 }
 
-TEST_CASE("Adam's moments are never subnormal, with which processors work slowly, and NaN stays") {
+TEST_CASE("Adam's moments are never subnormal (slow), and NaN is kept") {
   for (const float first : {1e-3f, 1e-16f, 1e-18f, 3e-20f, 1e-22f, 1e-38f}) {
     std::vector<float> p = {1}, gradient;
     Adam adam(1, 0);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Numbers that stay numbers: whatever the seed and the learning rate, a model makes finite maps or
-// is refused; single precision is enough; ridge bears what is nearly singular.
+// Finite numbers: for any seed and learning rate a model predicts finite maps or is refused; single
+// precision suffices; ridge handles nearly singular inputs.
 #include <Eigen/SVD>
 #include <cstdlib>
 
@@ -44,7 +44,7 @@ std::vector<T> values_of(const TensorFile& file, const std::string& name) {
   return {values.begin(), values.end()};
 }
 
-// Every weight that a model file holds.
+// Returns every weight in a model file.
 std::vector<float> weights_of(const std::string& path) {
   const TensorFile file = opened(path);
   std::vector<float> out;
@@ -58,7 +58,7 @@ std::vector<float> weights_of(const std::string& path) {
   return out;
 }
 
-// IoU of the held-out records; fails if a weight or a pixel is no finite number.
+// Returns the IoU of the held-out records; fails if a weight or pixel is not finite.
 double iou_of(const TrainOptions& options) {
   const Folder dir;
   const TrainedModel model = train(plates(), options);
@@ -73,7 +73,7 @@ double iou_of(const TrainOptions& options) {
       .mean;
 }
 
-// A network's layers as Regression keeps them, in double precision.
+// Returns the layers of a network (Regression) in double precision.
 struct DoubleRegression {
   Network network;
   std::vector<double> parameters, centre, spread;
@@ -121,7 +121,7 @@ double farthest(const Matrix& a, const Eigen::MatrixXd& b) {
   return (in_double(a) - b).cwiseAbs().maxCoeff();
 }
 
-// mean + amounts basis, both as the model file has them.
+// Returns mean + amounts basis, both from the model file.
 Eigen::MatrixXd composed(TensorFile& file, const std::string& group,
                          const Eigen::MatrixXd& amounts) {
   Components c;
@@ -133,7 +133,7 @@ Eigen::MatrixXd composed(TensorFile& file, const std::string& group,
 
 }  // namespace
 
-TEST_CASE("a hundred seeds and a hundredfold range of learning rates: never a NaN") {
+TEST_CASE("a hundred seeds and learning rates over two decades give no NaN") {
   const bool longer = std::getenv("ECHOFUSE_LONG");
   for (const std::string name : {"mlp", "pca-mlp", "factorised"})
     for (const double factor : {0.1, 0.3, 1.0, 3.0, 10.0}) {
@@ -153,7 +153,7 @@ TEST_CASE("a hundred seeds and a hundredfold range of learning rates: never a Na
     }
 }
 
-TEST_CASE("a rate that blows up is said, or what it spoilt is not kept") {
+TEST_CASE("diverging learning rate is reported or its epochs are discarded") {
   int refused_at_most = 0;
   for (const std::string name : {"mlp", "pca-mlp", "factorised"})
     for (const double factor : {1e2, 1e3, 1e4, 1e6, 1e12})
@@ -173,7 +173,7 @@ TEST_CASE("a rate that blows up is said, or what it spoilt is not kept") {
   CHECK(refused_at_most > 0);
 }
 
-TEST_CASE("a training that never does better than the mean keeps the mean") {
+TEST_CASE("training that never beats the mean keeps the mean") {
   Rng rng = make_rng(4, 0);
   std::normal_distribution<float> normal;
   Matrix x(80, 5), y(80, 3), opposite(80, 3);
@@ -192,7 +192,7 @@ TEST_CASE("a training that never does better than the mean keeps the mean") {
   for (const float v : regression.predict(x).values) REQUIRE(v == Approx(7).margin(0.5));
 }
 
-TEST_CASE("single precision makes the maps of double precision, to a tenth of a millimetre") {
+TEST_CASE("maps in single and double precision agree to 0.1 mm") {
   const Folder dir;
   const Rows rows = all_rows(plates().size());
   for (const std::string name : {"mlp", "pca-mlp"}) {
@@ -211,9 +211,9 @@ TEST_CASE("single precision makes the maps of double precision, to a tenth of a 
   }
 }
 
-// The test covers the networks of the factorised model, and the masks and reliefs that they stand
-// for. Drawing compares masks with a threshold: there a pixel may go either way.
-TEST_CASE("single precision places and shapes a body as double precision does") {
+// Covers the networks of the factorised model, with their masks and reliefs. Drawing compares masks
+// with a threshold, where a pixel may go either way.
+TEST_CASE("body position and shape agree in single and double precision") {
   const Folder dir;
   TrainOptions o = options_for("factorised", 3, 1);
   o.fit.basis = 16;
@@ -274,7 +274,7 @@ TEST_CASE("principal components are the singular vectors") {
   CHECK(coordinates(found, table).cols == 3);
 }
 
-TEST_CASE("ridge of nearly and wholly collinear inputs is the singular value solution") {
+TEST_CASE("ridge equals the singular value solution for collinear inputs") {
   constexpr Eigen::Index n = 60, d = 12, pixels = 40;
   Rng rng = make_rng(9, 0);
   std::normal_distribution<double> normal;
@@ -285,8 +285,8 @@ TEST_CASE("ridge of nearly and wholly collinear inputs is the singular value sol
     const Eigen::JacobiSVD<Eigen::MatrixXd> svd(random(rows, cols), Eigen::ComputeThinU);
     return svd.matrixU();
   };
-  // Condition 1e4 to 1e14 (single precision keeps 1e-7 of that), then rank 5 of 12; more records
-  // than inputs and fewer; with noise and without.
+  // Condition numbers 1e4 to 1e14 (single precision resolves 1e7), then rank 5 of 12; more and
+  // fewer records than inputs; with and without noise.
   for (const double condition : {1e4, 1e8, 1e14, 0.0})
     for (const Eigen::Index records : {n, d / 2})
       for (const double noise : {0.0, 0.1}) {
@@ -321,7 +321,7 @@ TEST_CASE("ridge of nearly and wholly collinear inputs is the singular value sol
         const Eigen::MatrixXd w = svd.matrixV() * shrink.asDiagonal() * svd.matrixU().transpose() *
                                   (y.cast<double>().rowwise() - level);
         const double scale = y.cwiseAbs().maxCoeff();
-        // Seen records, and others.
+        // Training records, and others.
         Matrix others = inputs;
         for (float& v : others.values) v += static_cast<float>(normal(rng));
         for (const Matrix& asked : {inputs, others}) {

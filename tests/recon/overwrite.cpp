@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Files that are there stay unless the user says that they may go; devices and links are refused.
+// Existing files are kept unless the user allows overwriting; devices and links are refused.
 #include <sys/stat.h>
 
 #include "../full_disk.hpp"
@@ -27,7 +27,7 @@ std::string trained(const Folder& dir, const std::string& model, const std::stri
 
 }  // namespace
 
-TEST_CASE("train never writes over a file") {
+TEST_CASE("train never overwrites a file") {
   const Folder dir;
   write_run(dir / "run", 40);
   REQUIRE(recon_program(trained(dir, "m")).code == 0);
@@ -39,7 +39,7 @@ TEST_CASE("train never writes over a file") {
   }
 }
 
-TEST_CASE("a model that came during the training stays, and the new one is kept beside it") {
+TEST_CASE("model file created during training is kept, the new model gets another name") {
   const Folder dir;
   write_run(dir / "run", 40);
   REQUIRE(recon_program(trained(dir, "a")).code == 0);
@@ -53,7 +53,7 @@ TEST_CASE("a model that came during the training stays, and the new one is kept 
   CHECK(load_model(dir / "m.part")->name == "ridge");
 }
 
-TEST_CASE("maps of two runs do not share a folder unless told to") {
+TEST_CASE("maps of two runs share a folder only with --force") {
   const Folder dir;
   write_run(dir / "run", 40);
   write_run(dir / "other", 3, 2);
@@ -67,14 +67,14 @@ TEST_CASE("maps of two runs do not share a folder unless told to") {
   CHECK_THAT(contents(dir / "maps/run.txt"), Catch::Contains(dir / "run"));
   refuses(maps("other"), "maps: holds maps of another run, " + (dir / "run"));
   CHECK(contents(dir / "maps/000000_mm.png") == first);
-  CHECK(recon_program(maps("run")).code == 0);  // its own
+  CHECK(recon_program(maps("run")).code == 0);  // maps of the same run
   CHECK(recon_program(maps("other", " --force")).code == 0);
   CHECK(contents(dir / "maps/000000_mm.png") != first);
   std::filesystem::remove(dir / "maps/run.txt");
   refuses(maps("run"), "maps: holds maps of another run, an unknown one");
 }
 
-TEST_CASE("a FIFO in place of a run or a model is refused, and nobody waits for its writer") {
+TEST_CASE("FIFO as run or model is refused without waiting") {
   const Folder dir;
   write_run(dir / "run", 60);
   REQUIRE(recon_program("train -q --set fallback=false --model ridge " + (dir / "run") + " --out " +
@@ -90,7 +90,7 @@ TEST_CASE("a FIFO in place of a run or a model is refused, and nobody waits for 
     refuses(command, "f: is a FIFO; expected a regular file", 1);
 }
 
-TEST_CASE("a full disk leaves no half picture, and no planted link is followed") {
+TEST_CASE("full disk leaves no partial picture, and symbolic links are not followed") {
   const Folder dir;
   write_run(dir / "run", 60);
   REQUIRE(recon_program("train -q --set fallback=false --model ridge " + (dir / "run") + " --out " +
@@ -109,7 +109,7 @@ TEST_CASE("a full disk leaves no half picture, and no planted link is followed")
     return files;
   };
   {
-    const test::FullDisk disk(400);  // room for the head of the table, not for a picture
+    const test::FullDisk disk(400);  // space for the table's header, but not for a picture
     const Outcome o = recon_program(command + " --force");
     CAPTURE(o.text);
     CHECK(o.code == 6);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Sets of records that no laboratory wants: every model makes finite maps of them or refuses.
+// Degenerate data sets: every model predicts finite maps or refuses them.
 #include "recon/train/train.hpp"
 #include "recon/use/evaluate.hpp"
 #include "world.hpp"
@@ -35,12 +35,12 @@ const std::vector<Peculiar> peculiar_sets = {
        const auto same = plate(1, 0.5, 3.5);
        r.spd = same.spd, r.radar = same.radar, r.depth_mm = same.depth_mm;
      }},
-    {"one reading, other maps", 12,
+    {"equal inputs, different maps", 12,
      [](record::FusedRecord& r) {
        const auto same = plate(1, 0.5, 3.5);
        r.spd = same.spd, r.radar = same.radar;
      }},
-    {"one map, other inputs", 12,
+    {"equal maps, different inputs", 12,
      [](record::FusedRecord& r) { r.depth_mm = plate(1, 0.5, 3.5).depth_mm; }},
     {"empty maps", 12,
      [](record::FusedRecord& r) { std::fill(r.depth_mm.begin(), r.depth_mm.end(), 0); }},
@@ -52,13 +52,13 @@ const std::vector<Peculiar> peculiar_sets = {
        for (std::size_t i = 0; i < r.radar.size(); i += 2) r.radar[i] = 0.5f;
      },
      "plain"},
-    {"one click a record", 12,
+    {"one click per record", 12,
      [](record::FusedRecord& r) {
        std::fill(r.spd.begin(), r.spd.end(), 0);
        r.spd[static_cast<std::size_t>(r.index) % r.spd.size()] = 1;
      }},
     {"one label", 12, [](record::FusedRecord& r) { r.label = "person"; }},
-    {"counts at their limit", 40,
+    {"counts at the limit", 40,
      [](record::FusedRecord& r) {
        for (auto& n : r.spd) n = n > 1000 ? 0xfffffffeu : n;
      },
@@ -78,7 +78,7 @@ const std::vector<Peculiar> peculiar_sets = {
        for (auto& v : r.radar) v = -v;
      },
      "plain"},
-    {"nobody in half of them", 40,
+    {"empty room in half of the records", 40,
      [](record::FusedRecord& r) {
        if (r.index % 2 == 0) return;
        for (auto& n : r.spd) n = static_cast<std::uint32_t>(&n - r.spd.data()) % 2;
@@ -88,7 +88,7 @@ const std::vector<Peculiar> peculiar_sets = {
 
 }  // namespace
 
-TEST_CASE("peculiar sets of records make finite maps or are refused in one line") {
+TEST_CASE("degenerate data sets give finite maps or a one-line error") {
   std::vector<std::string> names = model_names();
   names.insert(names.end(), {"nearest-16", "auto"});
   for (const auto& set : peculiar_sets) {
@@ -97,13 +97,13 @@ TEST_CASE("peculiar sets of records make finite maps or are refused in one line"
     write_run(dir / "others", 6, 2);
     const Dataset data = load({dir / "run"}), others = load({dir / "others"});
     for (const auto& name : names) {
-      if (name == "auto" && set.count > 3) continue;  // trains all of its candidates five times
+      if (name == "auto" && set.count > 3) continue;  // fits all of its candidates five times
       CAPTURE(set.name, name);
       TrainOptions o;
       o.model = name, o.scaling = set.scaling;
-      o.uncertainty = name == "ridge" || name == "factorised";  // the same for every model
+      o.uncertainty = name == "ridge" || name == "factorised";  // does not depend on the model
       o.fit.quiet = true, o.fit.epochs = 3;
-      o.fallback = name == "ridge";  // the same for every model
+      o.fallback = name == "ridge";  // does not depend on the model
       if (name.ends_with("mlp")) o.fit.hidden = {24};
       if (name == "auto") o.candidates = {"empty", "mean", "factorised-4", "ridge", "nearest"};
       try {
@@ -113,7 +113,7 @@ TEST_CASE("peculiar sets of records make finite maps or are refused in one line"
           CHECK(all_finite(model.predict(*judged, rows).values));
           const Records records = prepare_records(model, *judged);
           const Evaluation e = evaluate(model, records, rows);
-          if (name == "ridge") {  // the same for every model
+          if (name == "ridge") {  // does not depend on the model
             const Rows seen = model.rows_of(data, Part::train);
             // No neighbour is left where all judged records are copies of training records.
             const auto baselines = score_baselines(*judged, rows, model->scene, data, seen).size();
@@ -123,16 +123,16 @@ TEST_CASE("peculiar sets of records make finite maps or are refused in one line"
         }
       } catch (const Error& error) {
         CHECK(error.code() == ExitCode::failed);
-        CHECK_THAT(error.what(), Catch::Contains("records") || Catch::Contains("judged: the maps"));
+        CHECK_THAT(error.what(), Catch::Contains("records") || Catch::Contains("tested: the maps"));
         CHECK_THAT(error.what(), !Catch::Contains("\n"));
-        // A laboratory's number of records is enough for these, whatever is in them.
+        // Such sets have enough records, so a model is required.
         if (set.count == 40) CHECK((name != "mean" && name != "ridge" && name != "mlp"));
       }
     }
   }
 }
 
-TEST_CASE("the program with one record, with two, and with nobody in half of them") {
+TEST_CASE("train and evaluate handle one record, two records and half-empty runs") {
   const auto& half = peculiar_sets.back();
   const Folder dir;
   write_run(dir / "1", 1);

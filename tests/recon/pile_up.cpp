@@ -19,7 +19,7 @@ constexpr std::size_t bins = 60;
 constexpr int pulses = 4000;
 constexpr double window_s = 1e-12 * period_ps * pulses;
 
-// Photons a pulse in each bin: a floor, and a peak that the floor shadows.
+// Photons per pulse in each bin: a floor, and a peak that the floor shadows.
 std::vector<double> photons_a_pulse(double all) {
   std::vector<double> out(bins, 0.3 / bins);
   for (std::size_t i = 30; i < 36; ++i) out[i] += 0.7 / 6;
@@ -27,7 +27,7 @@ std::vector<double> photons_a_pulse(double all) {
   return out;
 }
 
-// Photon by photon, as a detector sees them.
+// Simulates a detector photon by photon.
 std::vector<float> detected(const std::vector<double>& q, double dead_ps, Rng& rng) {
   std::vector<float> out(bins);
   double ready_ps = 0;
@@ -51,7 +51,7 @@ std::vector<float> detected(const std::vector<double>& q, double dead_ps, Rng& r
 
 }  // namespace
 
-TEST_CASE("pile-up is undone: the photons of every bin, within their known scatter") {
+TEST_CASE("pile-up correction recovers the photons of every bin within their error") {
   const double dead_ps = GENERATE(std::numeric_limits<double>::infinity(), 1000., 7000., 45'000.);
   const double all = GENERATE(0.1, 2.);
   const auto q = photons_a_pulse(all);
@@ -81,14 +81,14 @@ TEST_CASE("pile-up is undone: the photons of every bin, within their known scatt
   if (all > 1) CHECK(raw_chi2 > 10);
 }
 
-TEST_CASE("where hardly any pulse finds the detector ready, that is told") {
+TEST_CASE("bins with a dead detector are reported") {
   const PileUp pile_up(std::numeric_limits<double>::infinity(), 1, 100);
   std::vector<float> some{0, 500, 0}, nearly_all{0, 990, 0};
   CHECK(pile_up.correct(some, 1000) == Approx(0.5));
   CHECK(pile_up.correct(nearly_all, 1000) == Approx(0.01));
 }
 
-TEST_CASE("counts stay where the detector or the pulses are not known") {
+TEST_CASE("counts are kept if detector or pulses are unknown") {
   std::vector<float> counts{5, 700, 3};
   const auto before = counts;
   PileUp().correct(counts, 1000);
@@ -97,7 +97,7 @@ TEST_CASE("counts stay where the detector or the pulses are not known") {
   CHECK(counts == before);
 }
 
-TEST_CASE("more clicks than pulses give no infinite photons") {
+TEST_CASE("more clicks than pulses give finite photons") {
   std::vector<float> counts{500, 700, 3};
   PileUp(std::numeric_limits<double>::infinity(), 1, 100).correct(counts, 600);
   for (const float n : counts) CHECK((std::isfinite(n) && n >= 0));

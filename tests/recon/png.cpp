@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// PNG files as other programs make them, and damaged ones.
+// PNG files of other programs, and damaged ones.
 #include "recon/use/png.hpp"
 
 #include <zlib.h>
@@ -46,7 +46,7 @@ int paeth(int a, int b, int c) {
   return pb <= pc ? b : c;
 }
 
-// Row y has the filter (first + y) % 5; a filter of 5 is none of PNG's.
+// Row y has filter (first + y) % 5; filter 5 is invalid.
 Bytes filtered(const std::vector<std::uint16_t>& pixels, int first) {
   Bytes out, above(row_bytes), row(row_bytes);
   for (std::size_t y = 0; y < height; ++y, above = row) {
@@ -73,7 +73,7 @@ Bytes packed(const Bytes& bytes) {
   return out;
 }
 
-// `parts`: how many chunks the compressed rows are in.
+// `parts`: number of chunks of the compressed rows.
 Bytes png_of(const Bytes& rows, std::size_t parts) {
   const Bytes data = packed(rows);
   Bytes out = {0x89, 'P', 'N', 'G', '\r', '\n', 0x1a, '\n'}, head;
@@ -90,7 +90,7 @@ Bytes png_of(const Bytes& rows, std::size_t parts) {
 
 }  // namespace
 
-TEST_CASE("png: every filter, in one chunk or several") {
+TEST_CASE("PNG with every filter is read, in one or several chunks") {
   const auto pixels = some_pixels();
   for (int first = 0; first < filters; ++first)
     for (const std::size_t parts : {1, 3})
@@ -98,15 +98,15 @@ TEST_CASE("png: every filter, in one chunk or several") {
   CHECK(recon::decode_png16(png_of(filtered(pixels, filters), 1), width, height).empty());
 }
 
-// Paeth's predictor meets ties only where neighbours are few levels apart.
-TEST_CASE("png: every filter of few grey levels") {
+// Ties of the Paeth predictor occur only if neighbours differ by few levels.
+TEST_CASE("PNG with every filter and few grey levels is read") {
   std::vector<std::uint16_t> pixels = some_pixels();
   for (auto& v : pixels) v = static_cast<std::uint16_t>(0x101 * (v % 5));
   for (int first = 0; first < filters; ++first)
     CHECK(recon::decode_png16(png_of(filtered(pixels, first), 1), width, height) == pixels);
 }
 
-TEST_CASE("png: a byte behind the picture, or one too few, is refused") {
+TEST_CASE("PNG with an extra or a missing byte is refused") {
   Bytes png = recon::encode_png16(some_pixels(), width, height);
   png.push_back(0);
   CHECK(recon::decode_png16(png, width, height).empty());
@@ -114,13 +114,13 @@ TEST_CASE("png: a byte behind the picture, or one too few, is refused") {
   CHECK(recon::decode_png16(png, width, height).empty());
 }
 
-TEST_CASE("png: bytes ask for no more memory than they can fill, and get that") {
+TEST_CASE("PNG decoder allocates only what the bytes can fill") {
   CHECK(record::inflated(Bytes(100), std::numeric_limits<std::size_t>::max()).empty());
   const Bytes flat(1 << 20);
-  CHECK(record::inflated(packed(flat), flat.size()) == flat);  // from a thousandth of it
+  CHECK(record::inflated(packed(flat), flat.size()) == flat);  // compressed a thousandfold
 }
 
-TEST_CASE("png: rows too few or too many are refused") {
+TEST_CASE("PNG with too few or too many rows is refused") {
   Bytes rows = filtered(some_pixels(), 0);
   rows.push_back(0);
   CHECK(recon::decode_png16(png_of(rows, 1), width, height).empty());
@@ -128,7 +128,7 @@ TEST_CASE("png: rows too few or too many are refused") {
   CHECK(recon::decode_png16(png_of(rows, 1), width, height).empty());
 }
 
-TEST_CASE("png: a bit that is flipped makes no other map") {
+TEST_CASE("PNG with a flipped bit gives the same map or none") {
   const auto pixels = some_pixels();
   const Bytes png = recon::encode_png16(pixels, width, height);
   REQUIRE(recon::decode_png16(png, width, height) == pixels);

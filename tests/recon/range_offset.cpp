@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// The calibration of a run and the operator's --range-offset make the radar's ranges shorter.
+// The run's calibration and the operator's --range-offset shorten the radar's ranges.
 #include <nlohmann/json.hpp>
 
 #include "recon/data/shift.hpp"
@@ -28,8 +28,7 @@ testing::Change longer_by(double metres) {
 
 }  // namespace
 
-TEST_CASE(
-    "a calibration's offset and the operator's are taken off a profile in one interpolation") {
+TEST_CASE("calibration offset and --range-offset are subtracted in one interpolation") {
   const Folder dir;
   write_run(dir / "run", 3, 1, {}, testing::radar_axis(), testing::spd_axis(),
             {{Sensor::radar, "2026-01-01T00:00:00Z", "", 1, 0.06, 0.001}});
@@ -47,11 +46,11 @@ TEST_CASE(
     CHECK(std::ranges::equal(calibrated.radar.row(row), moved(0.06, row)));
     CHECK(std::ranges::equal(recorded.radar.row(row), moved(0.06 + 0.05, row)));
   }
-  subtract_range_offset(recorded, 0);  // there is nothing left to take off
+  subtract_range_offset(recorded, 0);  // nothing is left to subtract
   CHECK(std::ranges::equal(recorded.radar.row(1), moved(0.06 + 0.05, 1)));
 }
 
-TEST_CASE("a dead radar is seen in a calibrated run, after a correction and in wide bins") {
+TEST_CASE("dead radar is detected in a calibrated run, after a correction and in wide bins") {
   const Folder dir;
   write_run(dir / "run", 3, 1,
             [](record::FusedRecord& r) {
@@ -70,7 +69,7 @@ TEST_CASE("a dead radar is seen in a calibrated run, after a correction and in w
   CHECK(data.fault_of(1, Inputs::fused) == "radar is the same in every bin");
 }
 
-TEST_CASE("evaluate and reconstruct take off how much too long the radar's ranges are said to be") {
+TEST_CASE("evaluate and reconstruct subtract --range-offset") {
   const Folder dir;
   write_run(dir / "train", 200);
   write_run(dir / "fresh", 100, 2);

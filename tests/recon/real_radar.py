@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""real_radar.py BIN_DIR: on the published recordings of Turpin et al. models of the radar beat the mean map on records
-behind those of the training. Skipped where there are no recordings (ECHOFUSE_DATA)."""
+"""real_radar.py BIN_DIR: radar models beat the mean map on later records of the published recordings of Turpin et al.
+Skipped without recordings (ECHOFUSE_DATA)."""
 import json
 import os
 import pathlib

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Other programs read the files of `reconstruct`; a run is followed while it is recorded.
+// Output files of `reconstruct` for other programs, and a run followed while it is recorded.
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -18,7 +18,7 @@ using namespace echofuse::testing;
 
 namespace {
 
-// Returns what a line of Python with NumPy prints.
+// Returns the output of one line of Python with NumPy.
 std::string numpy(const std::string& line) {
   return test::shell("/usr/bin/python3 -c \"import numpy as n; " + line + "\"").text;
 }
@@ -33,7 +33,7 @@ std::vector<float> points_of(const std::string& ply) {
              Catch::Contains("element vertex " + std::to_string(raw.size() / 15) + "\nproperty"));
   CHECK_THAT(ply, Catch::Contains("x right, y down, z away"));
   CHECK(raw.size() % 15 == 0);
-  Bytes places;  // without their three colours
+  Bytes places;  // without colours
   for (std::size_t i = 0; i < raw.size(); ++i)
     if (i % 15 < 12) places.push_back(raw[i]);
   return to_values<float>(places);
@@ -49,7 +49,7 @@ void wait_for(const std::string& what, const Condition& condition) {
 
 }  // namespace
 
-TEST_CASE("NumPy reads the array that was written row by row") {
+TEST_CASE("NumPy reads an array written row by row") {
   const Folder dir;
   recon::NpyWriter out(dir / "a.npy", {2, 3});
   for (int i = 0; i < 3; ++i) {
@@ -65,7 +65,7 @@ TEST_CASE("NumPy reads the array that was written row by row") {
   CHECK_THROWS_WITH(recon::NpyWriter(dir / "no/such.npy", {2}), Catch::Contains("no/such.npy"));
 }
 
-TEST_CASE("a map of a sensor that the run doubts says so, one of a doubtful camera does not") {
+TEST_CASE("status of a map names doubtful sensors, but not the camera") {
   const Folder dir;
   write_run(dir / "run", 60);
   REQUIRE(recon_program("train -q --set fallback=false --model ridge " + (dir / "run") + " --out " +
@@ -89,7 +89,7 @@ TEST_CASE("a map of a sensor that the run doubts says so, one of a doubtful came
             .code == 0);
 }
 
-TEST_CASE("maps as they are written have the scores of the model that made them") {
+TEST_CASE("written maps have the scores of their model") {
   const Folder dir;
   write_run(dir / "run", 120);
   write_run(dir / "fresh", 20, 2);
@@ -126,7 +126,7 @@ TEST_CASE("maps as they are written have the scores of the model that made them"
   refused("os.remove(d + '/maps.npy'); os.remove(d + '/camera.json')", "has neither maps.npy");
 }
 
-TEST_CASE("only the named or the held-out records are mapped with --rows") {
+TEST_CASE("option --rows reconstructs only the given or held-out records") {
   const Folder dir;
   write_run(dir / "run", 120);
   write_run(dir / "fresh", 4, 2);
@@ -166,7 +166,7 @@ TEST_CASE("only the named or the held-out records are mapped with --rows") {
   refused("run", "3 --follow", 2, "--rows does not go with --follow");
 }
 
-TEST_CASE("beside maps a model is judged by the records it has not seen") {
+TEST_CASE("model compared with maps is scored on records that it was not trained on") {
   const Folder dir;
   write_run(dir / "run", 120);
   REQUIRE(recon_program("train -q --model ridge " + (dir / "run") + " --out " + (dir / "m")).code ==
@@ -188,7 +188,7 @@ TEST_CASE("beside maps a model is judged by the records it has not seen") {
   CHECK(judged("--all --maps " + (dir / "o"))["records"] == 120);
 }
 
-TEST_CASE("points, arrays and pictures show the same map") {
+TEST_CASE("points, arrays and pictures contain the same map") {
   const Folder dir;
   write_run(dir / "run", 240);
   REQUIRE(recon_program("train -q --model mlp-48-24 --epochs 90 " + (dir / "run") + " --out " +
@@ -204,9 +204,9 @@ TEST_CASE("points, arrays and pictures show the same map") {
   REQUIRE(mm.size() == 4096);
 
   const auto points = points_of(contents(dir / "o/000002.ply"));
-  REQUIRE(points.size() > 3 * 50);  // the plate: about 24 rows of 10 pixels
+  REQUIRE(points.size() > 3 * 50);  // the plate covers about 24 rows of 10 pixels
   REQUIRE(points.size() < 3 * 800);
-  // The picture's points in the pinhole camera's frame, as OpenCV and Open3D make them.
+  // Points of the picture for a pinhole camera, as OpenCV and Open3D compute them.
   const auto pinhole = nlohmann::json::parse(contents(dir / "o/camera.json"));
   const double fx = pinhole["fx"], fy = pinhole["fy"], cx = pinhole["cx"], cy = pinhole["cy"];
   std::size_t strangers = 0;
@@ -230,7 +230,7 @@ TEST_CASE("points, arrays and pictures show the same map") {
         "(3, 64, 64) " + peak + "\n");
 }
 
-TEST_CASE("a dead sensor's records are left out by number") {
+TEST_CASE("records with a dead sensor are left out and listed") {
   const Folder dir;
   write_run(dir / "run", 60);
   REQUIRE(recon_program("train -q --set fallback=false --model ridge " + (dir / "run") + " --out " +
@@ -247,7 +247,7 @@ TEST_CASE("a dead sensor's records are left out by number") {
                          Catch::Contains("record 4: radar is the same in every bin"));
 }
 
-TEST_CASE("records.csv says where the body is, and ten lines alike are a count") {
+TEST_CASE("records.csv has the body position, and ten equal lines are summarised") {
   const Folder dir;
   write_run(dir / "run", 120);
   REQUIRE(recon_program("train -q --set fallback=false --model mean-shape " + (dir / "run") +
@@ -271,7 +271,7 @@ TEST_CASE("records.csv says where the body is, and ten lines alike are a count")
   CHECK(z_m == Approx(3.5).margin(0.2));
 }
 
-TEST_CASE("a run is followed while it is recorded, until it is closed") {
+TEST_CASE("option --follow reconstructs a live run until it is closed") {
   const Folder dir;
   write_run(dir / "run", 60);
   const std::string model = dir / "m", live = dir / "live", out = dir / "o", log = dir / "log";
@@ -287,7 +287,7 @@ TEST_CASE("a run is followed while it is recorded, until it is closed") {
     r.slot_end = system_clock.now();
     return r;
   };
-  // The radar is still missing, and so is its axis.
+  // The radar and its axis are still missing.
   auto first = record(0);
   first.valid.erase(Sensor::radar), first.radar.clear();
   run.append(first);

@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""tests/recon/report_page.py BIN_DIR: a report in Chromium: nothing overflows or lies over something else, nothing is
-asked of others, all is drawn, light and dark, wide and narrow; maps and charts answer the pointer; paper; a text that
-came from outside neither hides nor runs. Exit code 77 without Chromium."""
+"""tests/recon/report_page.py BIN_DIR: a report in Chromium, light and dark, wide, narrow and printed: nothing overflows
+or overlaps, all is drawn, no other server is contacted, maps and charts follow the pointer, and untrusted text is shown
+but not executed. Exit code 77 without Chromium."""
 import pathlib
 import sqlite3
 import subprocess
@@ -26,14 +26,14 @@ def check(name, holds):
         faults.append(name)
 
 
-# What stands out of the page to the right, unless it is within a box that scrolls.
+# Elements beyond the right edge of the page, except in scrolling boxes.
 OUTSIDE = """return [...document.querySelectorAll('main *, header *')].filter(e =>
   e.getBoundingClientRect().right > innerWidth + 1 && !e.closest('.scroll')).map(e => e.outerHTML.slice(0, 80))"""
-# Tables that are cut off: their first column must stay, and the edge must show it.
+# Scrolling tables without a sticky first column or without a gradient at the edge.
 SCROLLED = """return [...document.querySelectorAll('.scroll')].filter(s => s.scrollWidth > s.clientWidth + 1 && !(
   getComputedStyle(s.querySelector('tbody th')).position == 'sticky' && getComputedStyle(s).backgroundImage.includes('gradient')))
   .map(s => s.textContent.slice(0, 60))"""
-# Texts that lie over each other.
+# Overlapping texts.
 OVERLAPS = """const all = [...document.querySelectorAll('h1, h2, h3, p:not(.readout), figcaption, .named, .u-legend th, .u-legend td, summary, li, button')]
   .filter(e => e.textContent && e.checkVisibility()).map(e => [e, e.getBoundingClientRect()]), out = [];
 for (let i = 0; i < all.length; ++i) for (let j = i + 1; j < all.length; ++j) {
@@ -44,12 +44,12 @@ return out"""
 NAMES_OUT = """return [...document.querySelectorAll('.named')].filter(n => {
   const a = n.getBoundingClientRect(), b = n.parentElement.getBoundingClientRect();
   return a.left < b.left - 1 || a.right > b.right + 1 || a.top < b.top - 1 || a.bottom > b.bottom + 1; }).map(n => n.textContent)"""
-# Canvases that show nothing: fewer than so many colours.
+# Blank canvases: fewer than 8 colours.
 EMPTY = """return [...document.querySelectorAll('main canvas:not(#cloud)')].filter(c => c.checkVisibility() && c.width).filter(c => {
   const p = c.getContext('2d').getImageData(0, 0, c.width, c.height).data, seen = new Set();
   for (let i = 0; i < p.length; i += 4) seen.add(p[i] << 16 | p[i + 1] << 8 | p[i + 2]);
   return seen.size < 8; }).map(c => c.id || c.parentElement.className)"""
-# What the maps of the first figure tell, and where each map's axis has its words.
+# Readouts of the maps in the first figure, and positions of their axis labels.
 TOLD = "return [...document.querySelector('.maps').querySelectorAll('.told')].map(p => p.textContent)"
 DRAWN = """const gl = document.getElementById('cloud').getContext('webgl'); if (!gl) return -1;
 const p = new Uint8Array(4 * gl.drawingBufferWidth * gl.drawingBufferHeight);
@@ -57,9 +57,9 @@ gl.readPixels(0, 0, gl.drawingBufferWidth, gl.drawingBufferHeight, gl.RGBA, gl.U
 return p.filter((v, i) => i % 4 == 3 && v > 0).length"""
 
 
-# Legends that tell nothing: values, and what is the x axis, while no pointer is there.
+# Legends that show values although the pointer is elsewhere.
 LEGENDS = """return [...document.querySelectorAll('.u-live .u-value')].filter(v => getComputedStyle(v).visibility === 'visible').length"""
-# Corners of the floor below the points that are outside of their picture.
+# Corners of the floor below the points that are cut off by the canvas.
 FLOOR = """const c = document.getElementById('cloud'), gl = c.getContext('webgl'), wide = gl.drawingBufferWidth, high = gl.drawingBufferHeight;
 const row = (x, y, w, h) => { const p = new Uint8Array(4 * w * h); gl.readPixels(x, y, w, h, gl.RGBA, gl.UNSIGNED_BYTE, p); return p.some((v, i) => i % 4 === 3 && v > 0); };
 return row(0, 0, wide, 1) || row(0, 0, 1, high) || row(wide - 1, 0, 1, high)"""
@@ -67,7 +67,7 @@ UNNAMED = """return [...document.querySelectorAll('.chart, .strip, main canvas[i
 
 
 def look(browser, page):
-    """Whether all fits, light and dark, wide and narrow, and on paper."""
+    """Checks the layout, light and dark, wide and narrow, and on paper."""
     for width in (1280, 390):
         for scheme in ("light", "dark"):
             chromium.resize(browser, width, 900)
@@ -76,11 +76,11 @@ def look(browser, page):
             chromium.drawn(browser)
             name = f"{page}, {width} px, {scheme}"
             fits(browser, name)
-            check(f"{name}: it is wider than the window",
+            check(f"{name}: wider than the window",
                   browser.execute_script("return document.documentElement.scrollWidth") <= width)
             asked = browser.execute_script("return performance.getEntriesByType('resource').map(e => e.name)"
                                            ".filter(n => !n.startsWith('data:'))")
-            check(f"{name}: asks for {asked}", not asked)
+            check(f"{name}: requests {asked}", not asked)
             paper = browser.execute_script("return getComputedStyle(document.body).backgroundColor")
             check(f"{name}: {paper}", (max(map(int, paper[4:-1].split(","))) < 60) == (scheme == "dark"))
     chromium.resize(browser, 1280, 900)
@@ -92,8 +92,8 @@ def look(browser, page):
 
 
 def fits(browser, name):
-    for what, script in (("out of the page", OUTSIDE), ("one over the other", OVERLAPS), ("empty", EMPTY),
-                         ("tables cut without a sign", SCROLLED), ("names out of their chart", NAMES_OUT)):
+    for what, script in (("outside of the page", OUTSIDE), ("overlapping", OVERLAPS), ("blank", EMPTY),
+                         ("tables cut off without a sign", SCROLLED), ("names outside of their chart", NAMES_OUT)):
         found = browser.execute_script(script)
         check(f"{name}: {what}: {found[:3]}", not found)
 
@@ -117,36 +117,36 @@ with tempfile.TemporaryDirectory() as folder:
         look(browser, "report")
         chromium.drawn(browser)
         check("no points in space", browser.execute_script(DRAWN) != 0)
-        check("the floor is cut", not browser.execute_script(FLOOR))
+        check("the floor is cut off", not browser.execute_script(FLOOR))
         check(f"charts without a name: {browser.execute_script(UNNAMED)}", not browser.execute_script(UNNAMED))
-        check("legends that tell nothing", browser.execute_script(LEGENDS) == 0)
+        check("legends with values", browser.execute_script(LEGENDS) == 0)
         chromium.resize(browser, 1280, 900)
         headings = browser.execute_script("return [...document.querySelectorAll('h2')].map(h => h.id)")
         check(f"sections: {headings}", headings == ["failures", "gallery", "errors", "labels", "metrics", "cost", "records",
                                                     "space", "live", "made", "terms"])
         labels = browser.execute_script("return document.getElementById('labels').parentElement.textContent")
-        check(f"the label of a stranger is shown as {labels}", "<!--<script>" in labels)
-        # The pointer on one map tells of all, a drag shows a part, a double click the whole.
+        check(f"untrusted label is shown as {labels}", "<!--<script>" in labels)
+        # The pointer on one map shows the values of all, dragging zooms, a double click resets.
         maps = browser.find_elements("css selector", ".maps")[0].find_elements("css selector", "canvas")
         browser.execute_script("arguments[0].scrollIntoView({block: 'center'})", maps[0])
         quiet = browser.execute_script(TOLD)
         ActionChains(browser).move_to_element_with_offset(maps[0], -20, 10).perform()
         told = browser.execute_script(TOLD)
-        check(f"the maps tell {told}", len(told) == 3 and all("\N{DEGREE SIGN}" in t for t in told) and told != quiet)
+        check(f"readouts of the maps: {told}", len(told) == 3 and all("\N{DEGREE SIGN}" in t for t in told) and told != quiet)
         before = browser.execute_script("return arguments[0].toDataURL()", maps[1])
         ActionChains(browser).move_to_element_with_offset(maps[0], -60, -60).click_and_hold().move_by_offset(60, 60).release().perform()
         part = browser.execute_script("return arguments[0].toDataURL()", maps[1])
         ActionChains(browser).double_click(maps[0]).perform()
         whole = browser.execute_script("return arguments[0].toDataURL()", maps[1])
-        check("a drag on a map shows no part of the other", part != before)
-        check("a double click does not show the whole", whole not in (part, before))
-        # A chart tells what is under the pointer.
+        check("dragging on a map does not zoom the other", part != before)
+        check("a double click does not reset the zoom", whole not in (part, before))
+        # A chart shows the values under the pointer.
         plot = browser.find_element("css selector", ".charts .u-over")
         browser.execute_script("arguments[0].scrollIntoView({block: 'center'})", plot)
         ActionChains(browser).move_to_element(plot).perform()
         values = browser.execute_script("return [...document.querySelector('.charts .u-legend').querySelectorAll('.u-value')].map(v => v.textContent)")
-        check(f"a chart tells {values}", len(values) >= 2 and all(v not in ("", "--", "\N{EN DASH}") for v in values))
-        # On paper all is light, and on the screen as it was again.
+        check(f"readout of a chart: {values}", len(values) >= 2 and all(v not in ("", "--", "\N{EN DASH}") for v in values))
+        # On paper the theme is light, and afterwards as before.
         browser.find_element("id", "theme").click()
         looks = []
         for event in ("", "beforeprint", "afterprint"):
@@ -159,13 +159,13 @@ with tempfile.TemporaryDirectory() as folder:
             look(browser, other)
         size = (folder / "page/report.html").stat().st_size
         check(f"{size} bytes", size < 3e6)
-        check("the browser complains", not [m for m in browser.get_log("browser") if m["level"] == "SEVERE"])
+        check("the browser logs errors", not [m for m in browser.get_log("browser") if m["level"] == "SEVERE"])
         ran = browser.execute_script("""const text = "document.title = 'ran'", script = document.createElement('script');
             script.textContent = text, document.body.append(script);
             document.body.insertAdjacentHTML('beforeend', `<img src="data:," onerror="${text}">`);
             return new Promise(done => setTimeout(() => done(document.title), 200))""")
-        check(f"a script of strangers runs: {ran}", ran != "ran")
+        check(f"an untrusted script runs: {ran}", ran != "ran")
     finally:
         browser.quit()
-print("\n".join(faults) or "the report fits")
+print("\n".join(faults) or "the report passes")
 sys.exit(bool(faults))

@@ -10,7 +10,7 @@ using namespace echofuse::recon;
 
 namespace {
 
-// The response to a window 1 + a cos(2 pi t) + b cos(4 pi t) over the sweep, in cells of 0.5 m.
+// Response of a window 1 + a cos(2 pi t) + b cos(4 pi t) over the sweep, in cells of 0.5 m.
 record::RadarResponse windowed(double a, double b) {
   const auto sinc = [](double u) {
     return std::abs(u) < 1e-9 ? 1.0 : std::sin(std::numbers::pi * u) / (std::numbers::pi * u);
@@ -52,7 +52,7 @@ double greatest_difference(std::span<const float> a, std::span<const float> b) {
 
 }  // namespace
 
-TEST_CASE("a profile is brought from a narrow response to a wide one") {
+TEST_CASE("profile is converted from a narrow response to a wide one") {
   for (const auto& [own, wanted] : {std::pair{sinc, hann}, {sinc, blackman}, {hann, blackman}}) {
     Dataset data = run_of(own, profile(own));
     bring_to_response(data, wanted);
@@ -65,7 +65,7 @@ TEST_CASE("a profile is brought from a narrow response to a wide one") {
   }
 }
 
-TEST_CASE("the antennas' lags are brought to another response as the profile is") {
+TEST_CASE("antenna lags are converted like the profile") {
   const std::vector<float> factors{1, 0.5f, -0.3f, 0.2f, 0.7f};  // two lags
   const auto lags = [&](const record::RadarResponse& response) {
     std::vector<float> out;
@@ -81,7 +81,7 @@ TEST_CASE("the antennas' lags are brought to another response as the profile is"
   CHECK(greatest_difference(data.array.row(0), lags(blackman)) < 0.02);
 }
 
-TEST_CASE("a filter to a narrower response is bounded by the noise") {
+TEST_CASE("conversion to a narrower response limits the noise") {
   const auto widening = response_filter(sinc, blackman, 0.25),
              narrowing = response_filter(blackman, sinc, 0.25);
   const auto noise = [](const std::vector<double>& weights) {
@@ -96,7 +96,7 @@ TEST_CASE("a filter to a narrower response is bounded by the noise") {
     CHECK(widening[i] == Approx(widening[widening.size() - 1 - i]).margin(1e-9));
 }
 
-TEST_CASE("a model that knows any response takes a much narrower run as it is") {
+TEST_CASE("model trained on any response takes a narrower run unchanged") {
   for (const auto& [own, stays] : {std::pair{sinc, true}, {hann, false}, {blackman, true}}) {
     Dataset data = run_of(own, profile(own));
     bring_to_response(data, blackman, true);
@@ -105,7 +105,7 @@ TEST_CASE("a model that knows any response takes a much narrower run as it is") 
   }
 }
 
-TEST_CASE("runs that state no response, and binned power, stay as they are") {
+TEST_CASE("runs without a response, and binned power, are not converted") {
   Dataset unstated = run_of({}, profile(sinc)), binned = run_of(sinc, profile(sinc));
   binned.radar_axis.quantity = "binned_power";
   for (Dataset* data : {&unstated, &binned}) {
@@ -117,7 +117,7 @@ TEST_CASE("runs that state no response, and binned power, stay as they are") {
   CHECK(widest_response(binned) == hann);
 }
 
-TEST_CASE("a run that was brought to another response states how it changed") {
+TEST_CASE("converted run reports the change of its response") {
   Dataset same = run_of(sinc, profile(sinc)), wider = run_of(hann, profile(hann)),
           narrower = run_of(sinc, profile(sinc));
   bring_to_response(same, sinc), bring_to_response(wider, sinc), bring_to_response(narrower, hann);
@@ -129,7 +129,7 @@ TEST_CASE("a run that was brought to another response states how it changed") {
   CHECK(narrower.sources[0].noise_factor < 1);
 }
 
-TEST_CASE("imitated records have the noise of those that were brought from a wider response") {
+TEST_CASE("imitated records have the noise of records converted from a wider response") {
   constexpr std::size_t records = 400;
   constexpr float deviation = 0.01f;
   Rng rng = make_rng(1, 1);
@@ -159,7 +159,7 @@ TEST_CASE("imitated records have the noise of those that were brought from a wid
   }
 }
 
-TEST_CASE("the wider responses are wider than the training's, in rising order") {
+TEST_CASE("wider responses exceed the training's, in ascending order") {
   for (const auto& own : {sinc, hann, blackman}) {
     double last_m = own.width_m();
     const auto wider = wider_responses(own);

@@ -9,7 +9,7 @@
 
 using namespace echofuse;
 
-TEST_CASE("tensors that share their bytes are refused before they are copied") {
+TEST_CASE("overlapping tensors are refused before copying") {
   const std::size_t size = 1 << 20;
   nlohmann::json head;
   head["__metadata__"] = {{"crc32c", "00000000"}, {"facts", "{}"}};
@@ -25,10 +25,10 @@ TEST_CASE("tensors that share their bytes are refused before they are copied") {
   const auto before = peak_kib();
   CHECK_THROWS_WITH(recon::TensorFile("crafted", file),
                     Catch::Contains("data_offsets: tensors overlap or leave a gap"));
-  CHECK(peak_kib() - before < 256 << 10);  // copies take 3 GB
+  CHECK(peak_kib() - before < 256 << 10);  // copies would take 3 GB
 }
 
-TEST_CASE("a shape whose bytes wrap to those of the file is refused") {
+TEST_CASE("shape with an overflowing size is refused") {
   nlohmann::json head;
   head["__metadata__"] = {{"crc32c", "00000000"}, {"facts", "{}"}};
   const std::uint64_t values = (std::uint64_t{1} << 62) + 2;  // in bytes: 8, modulo 2^64

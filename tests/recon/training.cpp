@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// A training done by several threads ends in the same bits.
+// Training with several threads gives bitwise the same model.
 #include <sched.h>
 
 #include "drivers/program/program.hpp"
@@ -46,7 +46,7 @@ TEST_CASE("one, two and three threads train the same model") {
   set_threads(0);
 }
 
-TEST_CASE("each record of several runs counts once, whatever the order of the runs") {
+TEST_CASE("each record counts once, independent of the order of runs") {
   const Folder dir;
   write_run(dir / "a", 60);
   write_run(dir / "b", 20, 2, [](record::FusedRecord& r) {
@@ -74,7 +74,7 @@ TEST_CASE("each record of several runs counts once, whatever the order of the ru
   }
 }
 
-TEST_CASE("a model that takes no sensor learns neither its errors nor what records are usual") {
+TEST_CASE("model without inputs has no uncertainty and no outlier detection") {
   const Dataset data = testing::load_plates(120);
   for (const std::string name : {"mean", "empty", "ridge"}) {
     CAPTURE(name);
@@ -88,7 +88,7 @@ TEST_CASE("a model that takes no sensor learns neither its errors nor what recor
   }
 }
 
-TEST_CASE("there is a thread for each core that the program may use") {
+TEST_CASE("there is one thread per available core") {
   cpu_set_t before, one;
   REQUIRE(::sched_getaffinity(0, sizeof before, &before) == 0);
   CHECK(usable_cores() == static_cast<unsigned>(CPU_COUNT(&before)));
@@ -100,7 +100,7 @@ TEST_CASE("there is a thread for each core that the program may use") {
   ::sched_setaffinity(0, sizeof before, &before);
 }
 
-TEST_CASE("every part is worked on once, whatever the number of threads") {
+TEST_CASE("every part is computed once for any number of threads") {
   for (const int threads : {1, 2, 5}) {
     set_threads(threads);
     for (const std::size_t parts : {0u, 1u, 2u, 7u, 1000u}) {
@@ -112,7 +112,7 @@ TEST_CASE("every part is worked on once, whatever the number of threads") {
   set_threads(0);
 }
 
-TEST_CASE("a dead sensor is refused by the record's number") {
+TEST_CASE("dead sensor is refused with the record number") {
   const Folder dir;
   write_run(dir / "good", 20);
   write_run(dir / "dead", 20, 2, [](record::FusedRecord& r) {

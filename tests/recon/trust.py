@@ -1,9 +1,9 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: MIT
-"""trust.py BIN [--quick] [PART...]: measures what a model says of its own answers, on simulated
-records, and fails where that is wrong. Parts: intervals, records, runs, two_bodies,
-windows, laboratory. The tables go
-into recon/RESULTS.md. --quick: fewer draws, for the slow tests."""
+"""trust.py BIN [--quick] [PART...]: measures how well the uncertainty and the warnings of models are
+calibrated, on simulated records, and fails outside the limits. Parts: intervals, records, runs,
+two_bodies, windows, laboratory. The tables go into recon/RESULTS.md. --quick: fewer draws, for the
+slow tests."""
 import argparse
 import csv
 import json
@@ -58,13 +58,13 @@ def evaluate(model, run):
 
 def expect(what, value, least, most):
     good = least <= value <= most
-    print(f"{'' if good else 'NOT '}as wanted: {what}: {value:.4g} (wanted {least:g} to {most:g})", flush=True)
+    print(f"{'ok' if good else 'FAILED'}: {what}: {value:.4g} (limits {least:g} to {most:g})", flush=True)
     if not good:
         failures.append(what)
 
 
 def intervals():
-    """The stated lateral interval of 90 % holds in 86 to 94 %, each draw in 84 to 96 %."""
+    """The 90 % lateral interval contains 86 to 94 % of the bodies, in each draw 84 to 96 %."""
     draws = 2 if arguments.quick else 5
     kinds = [(records, ()) for records in (50, 200, 400, 1000)]
     if not arguments.quick:
@@ -82,7 +82,7 @@ def intervals():
 
 
 def records():
-    """Of records like the training ones .5 to 1 % are flagged, with stated pile-up too."""
+    """.5 to 1 % of the records like the training are flagged, with stated pile-up too."""
     for name, settings in (("base", ()), ("pile-up", ("pulses_per_window=300000",)), ("4.4 cm", fine)):
         shares = []
         for _ in range(2 if arguments.quick else 5):
@@ -93,11 +93,11 @@ def records():
 
 
 def runs():
-    """Like runs are called unlike in 1 % at most, those of other laboratories in 95 % at least.
+    """The run test flags at most 1 % of equal runs, and at least 95 % of other laboratories.
 
-    Ten runs share a reference, as the share of a single one would tell of its draw alone. Runs of
-    --records hold a quarter people exactly, so that their means differ less than those of chance
-    draws do: their p is larger. For runs of people alone p is a probability."""
+    Ten runs share a reference, because a single run would measure one draw only. With --records
+    exactly a quarter are people, so their means differ less than at random, and p is larger. For
+    runs of people only, p is uniform."""
     references = 4 if arguments.quick else 20
     for kind in ("--people", "--records"):
         for reference in (200, 3600):
@@ -119,11 +119,11 @@ def runs():
             seen = np.mean(np.array(found["other"]) < .001)
             print(f"| {kind} | {reference} | runs of 100 of other laboratories | {seen:.3f} |")
             if reference == 3600:
-                expect("runs of 100 of other laboratories that are seen", seen, .95, 1)
+                expect("flagged runs of 100 records of other laboratories", seen, .95, 1)
 
 
 def two_bodies():
-    """Records of two bodies are told from those of one."""
+    """Records of two bodies are separated from records of one."""
     for settings in ((), fine):
         model = train(dataset(4000, *settings))
         def scores(run):
@@ -140,7 +140,7 @@ def two_bodies():
 
 
 def taps_of(window):
-    """The response to a window over the sweep, as the setting radar_taps."""
+    """Returns the response to a window over the sweep, as the setting radar_taps."""
     t = np.linspace(-.5, .5, 4001)
     values = window(t)
     powers = [abs(np.trapz(values * np.exp(2j * np.pi * u * t), t)) ** 2 for u in np.arange(0, 6, .25)]
@@ -148,9 +148,9 @@ def taps_of(window):
 
 
 def windows():
-    """Of records of a stated wider window 5 % at most are flagged, and the intervals hold.
+    """At most 5 % of records with a stated wider window are flagged, and the intervals hold.
 
-    The limits are learnt on windows cos^2n; Nuttall's and Kaiser's are none of these."""
+    The limits are learnt on cos^2n windows, which do not include Nuttall's and Kaiser's."""
     nuttall = taps_of(lambda t: .355768 + .487396 * np.cos(2 * np.pi * t) + .144232 * np.cos(4 * np.pi * t) + .012604 * np.cos(6 * np.pi * t))
     kaiser = taps_of(lambda t: np.i0(12 * np.sqrt(np.maximum(1 - 4 * t * t, 0))))
     model = train(dataset(2000 if arguments.quick else 4000))
@@ -163,7 +163,7 @@ def windows():
 
 
 def laboratory():
-    """A run of the laboratory without faults is like a data set of the same slot length."""
+    """A laboratory run without faults matches a data set of the same slot length."""
     for window_s, count in ((.2, 100), (1, 60)) if arguments.quick else ((.2, 200), (1, 100), (3, 60)):
         frames = round(20 * window_s)
         model = train(dataset(2000, f"window_s={window_s}", f"radar_frames={frames}"), "--model", "mean-shape")
@@ -173,10 +173,10 @@ def laboratory():
                 folder / "lab/lab.toml", "--out", run, "--count", count, "--quiet")
         text = evaluate(model, run)["domain_shift"]["text"]
         print(f"| {window_s} s | {text} |")
-        expect(f"slots of {window_s} s are like the training", ": this run matches the training data" in text, 1, 1)
+        expect(f"run with slots of {window_s} s matches the training", ": this run matches the training data" in text, 1, 1)
 
 
 for part in arguments.parts or ["intervals", "records", "runs", "two_bodies", "windows", "laboratory"]:
     print(f"{part}: {globals()[part].__doc__}", flush=True)
     globals()[part]()
-sys.exit(f"{len(failures)} of the figures are not as wanted: {'; '.join(failures)}" if failures else 0)
+sys.exit(f"{len(failures)} figures are outside their limits: {'; '.join(failures)}" if failures else 0)

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Depth maps that contradict the sensors, and maps of records that trained their model.
+// Depth maps that contradict the sensors, and maps of training records.
 #include <nlohmann/json.hpp>
 
 #include "recon/data/late_truth.hpp"
@@ -14,7 +14,7 @@ using testing::write_run;
 
 namespace {
 
-// Gives each record the depth map of the one `lag` records before it.
+// Gives each record the depth map of the record `lag` before it.
 testing::Change late_by(int lag) {
   return [lag, last = std::vector<std::vector<std::uint16_t>>()](record::FusedRecord& r) mutable {
     last.push_back(r.depth_mm);
@@ -31,7 +31,7 @@ void mirror(record::FusedRecord& r) {
 
 }  // namespace
 
-TEST_CASE("maps that are one record late are named, by train and evaluate") {
+TEST_CASE("train and evaluate report depth maps that are one record late") {
   const Folder dir;
   write_run(dir / "good", 120, 1), write_run(dir / "late", 120, 1, late_by(1));
   write_run(dir / "two", 120, 1, late_by(2));
@@ -59,7 +59,7 @@ TEST_CASE("maps that are one record late are named, by train and evaluate") {
              Catch::Contains("one record late"));
 }
 
-TEST_CASE("mirrored depth maps are named with what to do") {
+TEST_CASE("mirrored depth maps are reported with a remedy") {
   const Folder dir;
   write_run(dir / "good", 200, 1), write_run(dir / "fresh", 60, 2);
   write_run(dir / "mirrored", 60, 2, mirror);
@@ -75,7 +75,7 @@ TEST_CASE("mirrored depth maps are named with what to do") {
                  Catch::Contains("flip these depth maps"));
 }
 
-TEST_CASE("maps of another run are refused, and those of training records left out") {
+TEST_CASE("maps of another run are refused, those of training records left out") {
   const Folder dir;
   write_run(dir / "a", 60, 1), write_run(dir / "b", 60, 2);
   REQUIRE(recon_program("train -q --model ridge --set fallback=false " + (dir / "a") + " --out " +
@@ -107,7 +107,7 @@ TEST_CASE("maps of another run are refused, and those of training records left o
              Catch::Contains("54 of 70 records left out: trained on 54\n"));
 }
 
-TEST_CASE("maps of doubtful records are not judged") {
+TEST_CASE("maps of doubtful records are not scored") {
   const Folder dir;
   write_run(dir / "run", 40, 1, [](record::FusedRecord& r) {
     if (r.index < 10) r.sync[Sensor::depth].verdict = "stands still: the same as before";

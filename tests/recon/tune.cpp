@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// A model goes on from one room to another, where the radar sees everything farther.
+// Tuning a model to another room, where the radar reports other ranges.
 #include "recon/train/tune.hpp"
 
 #include <map>
@@ -16,7 +16,7 @@ namespace {
 
 constexpr double other_start_m = -0.1;
 
-// In the other room the radar's ranges are 10 cm shorter.
+// In the other room the radar ranges are 10 cm shorter.
 Dataset plates(std::int64_t count, std::uint64_t seed, bool other) {
   const Folder dir;
   write_run(dir / "run", count, seed);
@@ -57,7 +57,7 @@ double iou(const TrainedModel& model, const Dataset& data) {
 
 }  // namespace
 
-TEST_CASE("a few records take a model to another room") {
+TEST_CASE("a few records adapt a model to another room") {
   const Dataset fresh = plates(100, 9, true);
   for (const std::string kind : {"factorised", "mean-shape", "mlp", "pca-mlp"}) {
     CAPTURE(kind);
@@ -66,13 +66,13 @@ TEST_CASE("a few records take a model to another room") {
     CHECK(tuned.model->name == kind);
     const double before = iou(old, fresh), after = iou(tuned.model, fresh);
     CAPTURE(before, after, to_text(tuned));
-    // So small a network knows little in either room.
+    // So small a network is inaccurate in either room.
     CHECK(after > before + (kind == "mlp" ? 0 : 0.03));
     CHECK(tuned.chosen > 0);
     CHECK(tuned.table.front().name == "unchanged");
     CHECK_FALSE(tuned.model->uncertainty);
     CHECK(calibration_of(tuned.model) == std::string("not calibrated"));
-    const Folder dir;  // the model kept is the one tuned
+    const Folder dir;  // the saved model is the tuned one
     std::filesystem::remove(dir / "m");
     save_model(tuned.model, dir / "m");
     CHECK(load_model(dir / "m").predict(fresh, {3}).values ==
@@ -80,7 +80,7 @@ TEST_CASE("a few records take a model to another room") {
   }
 }
 
-TEST_CASE("ten records change a model only if they show that it gains") {
+TEST_CASE("ten records change a model only if the gain is significant") {
   const Dataset few = plates(10, 5, true), fresh = plates(150, 6, true);
   const TunedModel tuned = tune(old_model("factorised"), few, all_records());
   CHECK(tuned.table[tuned.chosen].name != "unchanged");
@@ -91,7 +91,7 @@ TEST_CASE("ten records change a model only if they show that it gains") {
   CHECK(at_home.table[at_home.chosen].metrics[metric_iou].mean >= before);
 }
 
-TEST_CASE("in its own room a tuned model is no worse than it was, and states its uncertainty") {
+TEST_CASE("model tuned in its own room is not worse, and has an uncertainty") {
   const TrainedModel& old = old_model("factorised");
   const Dataset fresh = plates(100, 9, false);
   const TunedModel tuned = tune(old, plates(60, 6, false), all_records());
@@ -102,7 +102,7 @@ TEST_CASE("in its own room a tuned model is no worse than it was, and states its
   CHECK(tuned.model.knows(fresh) == false);
 }
 
-TEST_CASE("of two models the one that comes out better is the start, in either order") {
+TEST_CASE("better of two start models is chosen in either order") {
   const TrainedModel& old = old_model("factorised");
   TrainOptions options;
   options.model = "factorised", options.inputs = "fused", options.uncertainty = false;
@@ -123,19 +123,19 @@ TEST_CASE("of two models the one that comes out better is the start, in either o
     CHECK(iou(far_first.model, fresh) > iou(tune(old, data, all_records()).model, fresh));
     CHECK_THAT(row(tuned({{there, data, data, "there"}, {old, data, data, "far"}})),
                Catch::StartsWith("there: "));
-    // With ten records a gain between models that are alike is no gain.
+    // With ten records the difference between similar models does not count.
     const auto a = tuned({{there, data, data, "there"}, {twice, data, data, "twice"}}),
                b = tuned({{twice, data, data, "twice"}, {there, data, data, "there"}});
     CAPTURE(to_text(a), to_text(b));
     if (records > 10) CHECK(row(a) == row(b));
-    // The first of equal models stays.
+    // The first of equal models wins.
     const auto equal = tuned({{there, data, data, "first"}, {there, data, data, "same"}});
     CHECK_THAT(row(equal), Catch::StartsWith("first: "));
     CHECK_THAT(to_text(equal), Catch::Contains("+0.000 +- 0.000"));
   }
 }
 
-TEST_CASE("tuning again gives the same model, bit by bit") {
+TEST_CASE("tuning is bitwise reproducible") {
   const Dataset data = plates(20, 5, true);
   const TrainedModel& old = old_model("factorised");
   const auto maps = [&] {
@@ -144,7 +144,7 @@ TEST_CASE("tuning again gives the same model, bit by bit") {
   CHECK(maps() == maps());
 }
 
-TEST_CASE("an axis may lie within a bin of the model's, no further") {
+TEST_CASE("axis may differ from the model's by less than a bin") {
   const TrainedModel& old = old_model("factorised");
   Dataset near = plates(20, 5, false), far = near;
   near.radar_axis.start += 0.1, far.radar_axis.start += 0.3;
@@ -153,14 +153,14 @@ TEST_CASE("an axis may lie within a bin of the model's, no further") {
   CHECK(tune(old, near, all_records()).table.front().name == "unchanged");
   CHECK_THAT(error_of([&] { match_for_tuning(old, "m", far); }),
              Catch::Contains("further apart than a bin"));
-  // One whose steps are others begins where the model's does, and ends elsewhere.
+  // Another step: equal start, different end.
   Dataset longer = plates(20, 5, false);
   longer.radar_axis.step *= 1 + 1.5 / longer.radar_axis.count;
   CHECK_THAT(error_of([&] { match_for_tuning(old, "m", longer); }),
              Catch::Contains("further apart than a bin"));
 }
 
-TEST_CASE("every outcome of a tuning is written, read back, and judged") {
+TEST_CASE("every result of tuning can be saved, loaded and evaluated") {
   const record::Antennas line = {{0, 0, 1, 0}, {1, 0, 1, 0}, {2, 0, 1, 0}, {3, 0, 1, 0}};
   const auto plates_of = [&](const std::string& inputs, std::int64_t count, std::uint64_t seed) {
     const Folder dir;
@@ -185,7 +185,7 @@ TEST_CASE("every outcome of a tuning is written, read back, and judged") {
         TunedModel tuned;
         try {
           tuned = tune(old, data, how);
-        } catch (const Error&) {  // a few records of the SPD alone leave some untried
+        } catch (const Error&) {  // some need more records for the SPD alone
           CHECK((inputs == "spd" || records < 50));
           continue;
         }
@@ -198,7 +198,7 @@ TEST_CASE("every outcome of a tuning is written, read back, and judged") {
         const Records seen = prepare_records(read, fresh);
         CHECK(evaluate(read, seen, rows_to_evaluate(read, seen.data, false))
                   .calibration.has_value() == read->uncertainty.has_value());
-        // Each estimator answers alone, and states its uncertainty or none.
+        // Each estimator predicts alone, with or without uncertainty.
         Dataset lost = fresh;
         for (std::uint32_t& valid : lost.valid) valid &= ~2u;
         if (inputs == "spd") continue;
@@ -210,7 +210,7 @@ TEST_CASE("every outcome of a tuning is written, read back, and judged") {
   }
 }
 
-TEST_CASE("a model of these records alone has their own axes and response, for every estimator") {
+TEST_CASE("model of the new records alone has their axes and response") {
   const record::RadarResponse narrow{0.5, {1, 0.8, 0.4, 0.1, 0}},
       wide{0.5, {1, 0.94, 0.77, 0.54, 0.3, 0.1, 0}};
   TrainOptions options;
@@ -232,7 +232,7 @@ TEST_CASE("a model of these records alone has their own axes and response, for e
     CAPTURE(only);
     CHECK(model.radar_response == (by_alone ? narrow : wide));
     CHECK(same_axis(model->features.radar_axis, own.radar_axis) == by_alone);
-    // The use brings a run to where it was learnt from.
+    // Use converts a run to the axes and response of the training.
     Dataset used = own;
     model.match(used);
     CHECK((used.radar.values == own.radar.values) == by_alone);
@@ -242,7 +242,7 @@ TEST_CASE("a model of these records alone has their own axes and response, for e
   }
 }
 
-TEST_CASE("what cannot be tuned is refused in one line") {
+TEST_CASE("model that cannot be tuned gives a one-line error") {
   const Folder dir;
   save_model(old_model("factorised"), dir / "old");
   write_run(dir / "few", 9);
@@ -259,8 +259,8 @@ TEST_CASE("what cannot be tuned is refused in one line") {
     CHECK_THAT(o.text, Catch::Contains(text));
     CHECK(std::count(o.text.begin(), o.text.end(), '\n') == 1);
   };
-  says(old + run("few"), 1, "9 usable records; at least 10");
-  says(old + " --from " + old + run("few"), 1, "9 usable records; at least 10");
+  says(old + run("few"), 1, "9 usable records; tuning needs at least 10");
+  says(old + " --from " + old + run("few"), 1, "9 usable records; tuning needs at least 10");
   says(old + " --model mlp" + run("run"), 2, "--model does not go with --from");
   says(old + run("blind"), 1, "");
   says((dir / "run") + run("run"), 1, "");

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// The place is learnt from profiles on their own grid, correlations and turned bodies.
+// Position learning: profiles on their own grid, correlations and rotated bodies.
 #include "recon/method/turned.hpp"
 
 #include "recon/method/method.hpp"
@@ -19,7 +19,7 @@ Alignment blank_alignment(const Axis& radar) {
   return {layout, Matrix(1, layout.inputs()), {0}};
 }
 
-// Returns the record of a body alone at these ranges from the SPD and from the radar.
+// Returns the record of a single body at these ranges from SPD and radar.
 std::vector<float> raw_inputs(double range_m, double radar_range_m, const Axis& radar,
                               double radar_width_m) {
   std::vector<float> out;
@@ -63,8 +63,7 @@ struct Bodies {
 
 }  // namespace
 
-TEST_CASE(
-    "the profile of a fine radar is read at its own distance of points, a coarse one at half") {
+TEST_CASE("fine radar profile is sampled at its own step, a coarse one at half a step") {
   const auto check = [](const Axis& radar, double width_m, double step_m) {
     const Alignment alignment = blank_alignment(radar);
     CHECK(alignment.profile_points() == 1 + static_cast<std::size_t>(1.9 / step_m));
@@ -87,7 +86,7 @@ TEST_CASE(
   check({"radar", "power", "m", 1400, 0, 0.005, 1}, 0.04, 0.02);
 }
 
-TEST_CASE("the correlation is highest where the profile is the histogram, blurred and shifted") {
+TEST_CASE("correlation peaks where the profile is the blurred and shifted histogram") {
   const ShiftCorrelation correlation({-0.68, 0.04, 35}, {-1, 0.02, 116}, 0.05, -0.3, 0.6);
   std::vector<float> histogram, profile, found(correlation.shifts());
   for (int i = 0; i < 35; ++i)
@@ -103,7 +102,7 @@ TEST_CASE("the correlation is highest where the profile is the histogram, blurre
   CHECK(std::all_of(found.begin(), found.end(), [](float v) { return v == 0; }));
 }
 
-TEST_CASE("the radar's place beside the SPD shows in the records, if their places mean anything") {
+TEST_CASE("radar position is found from records if body positions matter") {
   const Bodies bodies;
   const auto found = [&](const std::vector<Place>& places) {
     return TurnedBodies(bodies.alignment, bodies.inputs, bodies.radar, bodies.array, bodies.rows,
@@ -121,7 +120,7 @@ TEST_CASE("the radar's place beside the SPD shows in the records, if their place
   CHECK(found(others) == 0);
 }
 
-TEST_CASE("a turned body is what both sensors see of one that stands there") {
+TEST_CASE("rotated body equals a body measured at that position") {
   const Bodies bodies;
   const TurnedBodies turned(bodies.alignment, bodies.inputs, bodies.radar, bodies.array,
                             bodies.rows, bodies.places);

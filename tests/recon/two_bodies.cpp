@@ -17,7 +17,7 @@ namespace {
 struct Plate {
   double x, z;
 };
-// Longer than the plates need: else two of them fill half of the bins, and there is no background.
+// Longer than the plates need: otherwise two of them fill half of the bins, without background.
 Axis long_axis() {
   Axis axis = testing::spd_axis();
   axis.count *= 3;
@@ -31,7 +31,7 @@ record::FusedRecord record_of(std::int64_t index, const Plate& p, Rng& rng) {
 
 constexpr Plate near_left{-0.6, 3.05}, far_right{0.5, 3.85};
 
-// Adds what both measure if neither hides the other. The map shows the nearer one.
+// Adds the data of both bodies if neither hides the other. The map shows the nearer one.
 void add(record::FusedRecord& to, const record::FusedRecord& other) {
   for (std::size_t i = 0; i < to.spd.size(); ++i) to.spd[i] += other.spd[i];
   for (std::size_t i = 0; i < to.radar.size(); ++i) to.radar[i] += other.radar[i];
@@ -41,7 +41,7 @@ void add(record::FusedRecord& to, const record::FusedRecord& other) {
   to.label = two_people_label;
 }
 
-// One plate in every other record; in the others two, one behind the other or side by side.
+// One plate in every other record; two in the others, one behind the other or side by side.
 void write_mixed(const std::string& path, std::int64_t count, bool behind) {
   Rng rng = make_rng(9, 9);
   std::uniform_real_distribution<double> off(-0.1, 0.1);
@@ -86,7 +86,7 @@ double area_under_roc(const std::vector<double>& one, const std::vector<double>&
 
 }  // namespace
 
-TEST_CASE("two people one behind the other are told from one, and counted") {
+TEST_CASE("two people behind each other are detected and counted") {
   const Dataset data = mixed(120, true);
   const Rows rows = all_rows(data.size());
   const Prediction made = predict(trained(), data, rows);
@@ -100,7 +100,7 @@ TEST_CASE("two people one behind the other are told from one, and counted") {
   CHECK(e.two_people.flagged == two);
 }
 
-TEST_CASE("side by side they are flagged, and one body's map stays as it is bit by bit") {
+TEST_CASE("two people side by side are flagged, and maps of one body do not change") {
   const Dataset data = mixed(120, false);
   const Rows rows = all_rows(data.size());
   const Prediction made = predict(trained(), data, rows);
@@ -118,7 +118,7 @@ TEST_CASE("side by side they are flagged, and one body's map stays as it is bit 
   CHECK(area_under_roc(one, two) > 0.98);
 }
 
-TEST_CASE("records of two among the training records do not raise the limit, or are all of them") {
+TEST_CASE("training records of two people do not raise the limit unless all are") {
   const std::size_t count = 400;
   Dataset data = testing::load_plates(count);
   const Dataset bare = data;
@@ -148,7 +148,7 @@ TEST_CASE("records of two among the training records do not raise the limit, or 
   for (const auto& s : judged(two, two)) CHECK(std::isnan(s.two_bodies));
 }
 
-TEST_CASE("two people before a wall are flagged, though a record holds the wall once") {
+TEST_CASE("two people in front of a wall are flagged") {
   const std::size_t count = 400;
   const Folder dir;
   write_run(dir / "run", count, 1, {}, testing::radar_axis(), long_axis());
@@ -183,7 +183,7 @@ TEST_CASE("two people before a wall are flagged, though a record holds the wall 
   CHECK(flagged(two) > 200);
 }
 
-TEST_CASE("reconstruct and evaluate say which records show two bodies") {
+TEST_CASE("reconstruct and evaluate report records with two bodies") {
   const Folder dir;
   save_model(trained(), dir / "m");
   write_mixed(dir / "run", 20, false);

@@ -66,7 +66,7 @@ double share_flagged(const std::vector<PredictionUncertainty>& uncertainties,
 
 }  // namespace
 
-TEST_CASE("weights come back from what they made, rows counting as they should") {
+TEST_CASE("linear fit recovers its weights, with row weights") {
   Rng rng = make_rng(1, 1);
   std::normal_distribution<float> normal;
   Matrix inputs;
@@ -86,7 +86,7 @@ TEST_CASE("weights come back from what they made, rows counting as they should")
   for (std::size_t c = 0; c < truth.size(); ++c) CHECK(found[c] == Approx(truth[c]).margin(1e-3));
 }
 
-TEST_CASE("nine of ten bodies are within the stated lateral error, which grows with the noise") {
+TEST_CASE("90 % of bodies are within the lateral interval, which grows with noise") {
   const Dataset clean = fresh_plates(400);
   const UncertaintyCalibration c = calibration_of(trained(), clean);
   CHECK(c.within_90 == Approx(0.9).margin(0.07));
@@ -99,7 +99,7 @@ TEST_CASE("nine of ten bodies are within the stated lateral error, which grows w
   CHECK(n.within_90 > 0.75);
 }
 
-TEST_CASE("records like the training ones are seldom flagged, others are, by their names") {
+TEST_CASE("outliers are flagged with a reason, records like the training rarely") {
   const Dataset clean = fresh_plates(400);
   CHECK(share_flagged(uncertainties_of(clean)) < 0.03);
 
@@ -137,7 +137,7 @@ TEST_CASE("records like the training ones are seldom flagged, others are, by the
   CHECK(share_flagged(uncertainties_of(louder)) < 0.03);
 }
 
-TEST_CASE("the order of the training records says nothing: near ones may come before far ones") {
+TEST_CASE("outlier detection does not depend on the order of training records") {
   const Dataset data = testing::load_plates(600), fresh = fresh_plates(300);
   Rows rows = all_rows(600);
   std::sort(rows.begin(), rows.end(),
@@ -164,7 +164,7 @@ TEST_CASE("the order of the training records says nothing: near ones may come be
   CHECK(flagged / 300 > 0.5);
 }
 
-TEST_CASE("records beside the training rows say nothing of what one body looks like") {
+TEST_CASE("outlier detection learns from the training rows only") {
   Dataset data = testing::load_plates(300);
   std::fill_n(data.label.begin(), 100, two_people_label);
   Rows rows = all_rows(300);
@@ -183,19 +183,19 @@ TEST_CASE("records beside the training rows say nothing of what one body looks l
   CHECK(score(data, rows) == score(alone, all_rows(200)));
 }
 
-TEST_CASE("counts that are not whole lose photons like any others") {
+TEST_CASE("photon loss works for fractional counts") {
   Dataset data = fresh_plates(100);
-  std::fill(data.spd.values.begin(), data.spd.values.end(), 0.75f);  // a calibrated run's
+  std::fill(data.spd.values.begin(), data.spd.values.end(), 0.75f);  // as in a calibrated run
   Rng rng = make_rng(3, 3);
   degrade(data, rng);
   double left = 0;
   for (const float v : data.spd.values) left += double{v};
-  // The mean of 10^u, u even in -2.5..0, of one photon a bin.
+  // Mean of 10^u, u uniform in -2.5..0, for one photon per bin.
   CHECK(left / static_cast<double>(data.spd.values.size()) == Approx(0.173).epsilon(0.3));
 }
 
-TEST_CASE("the factor comes from records that the regression has not seen") {
-  // Noise alone: a regression of ten terms on 60 records explains some of it where it was fitted.
+TEST_CASE("factor comes from records that were not fitted") {
+  // Pure noise: a regression of ten terms on 60 records explains some of it on its own records.
   std::vector<double> held;
   for (std::uint64_t trial = 0; trial < 200; ++trial) {
     Rng rng = make_rng(trial, 8);
@@ -222,7 +222,7 @@ TEST_CASE("the factor comes from records that the regression has not seen") {
 
 namespace {
 
-// Response of the plates' radar, or one so many times as wide.
+// Response of the plates' radar, scaled in width.
 record::RadarResponse bell(double times) {
   record::RadarResponse out{0.5, {}};
   for (int k = 0; k < 24; ++k) out.taps.push_back(std::exp(-std::pow(k * 0.125 / 0.4 / times, 2)));
@@ -231,7 +231,7 @@ record::RadarResponse bell(double times) {
 
 }  // namespace
 
-TEST_CASE("records brought from a wider response are seldom flagged, and their intervals hold") {
+TEST_CASE("records converted from a wider response are rarely flagged and within intervals") {
   Dataset training = testing::load_plates(800);
   training.sources[0].radar_response = bell(1);
   TrainOptions options;
@@ -260,7 +260,7 @@ TEST_CASE("records brought from a wider response are seldom flagged, and their i
   }
 }
 
-TEST_CASE("the interval contains the stated error of the calibration, or says what it assumes") {
+TEST_CASE("interval contains the calibration error, or states its assumption") {
   const Dataset plain = fresh_plates(40);
   const Records records = prepare_records(trained(), plain);
   CHECK_THAT(records.ranges, Catch::Contains("states no calibration of both sensors"));
@@ -284,7 +284,7 @@ TEST_CASE("the interval contains the stated error of the calibration, or says wh
   }
 }
 
-TEST_CASE("a run's range error is that of both calibrated sensors") {
+TEST_CASE("range error of a run combines both calibrated sensors") {
   const Folder dir;
   const record::CalibrationEntry spd{Sensor::spd, "2026-01-01T00:00:00Z", "", 1, 0, 0.003},
       radar{Sensor::radar, "2026-01-01T00:00:00Z", "", 1, 0, 0.004};
@@ -296,7 +296,7 @@ TEST_CASE("a run's range error is that of both calibrated sensors") {
   CHECK(record::radar_baseline_m({{"radar_baseline_m", "half"}}) == 0);
 }
 
-TEST_CASE("models of one sensor flag as well") {
+TEST_CASE("models of one sensor flag outliers") {
   for (const std::string inputs : {"spd", "radar"}) {
     CAPTURE(inputs);
     TrainOptions options;
@@ -313,7 +313,7 @@ TEST_CASE("models of one sensor flag as well") {
   }
 }
 
-TEST_CASE("pixels are as uncertain as they say, and the mean map errs little") {
+TEST_CASE("pixel uncertainty is calibrated, and the mean map is accurate") {
   const Dataset data = fresh_plates(300);
   const Rows rows = all_rows(300);
   for (const std::string name : {"factorised-4", "ridge"}) {
@@ -325,16 +325,16 @@ TEST_CASE("pixels are as uncertain as they say, and the mean map errs little") {
     const auto rmse = [&](const Matrix& maps) {
       return summarise(score_maps(maps, data, rows, model->scene))[metric_rmse_m].mean;
     };
-    // A plate's place is known to less than a pixel: there is little to gain from a mean over it.
+    // A plate's position is known to less than a pixel, so averaging gains little.
     CHECK(rmse(made.mean) < (name == "ridge" ? 1.0 : 1.1) * rmse(made.maps));
   }
 }
 
-TEST_CASE("the mean map of an empty room in front of a wall is the wall") {
+TEST_CASE("mean map of an empty room is the wall") {
   const Folder dir;
   write_run(dir / "walled", 300, 1, [](record::FusedRecord& r) {
     for (auto& mm : r.depth_mm) mm = mm > 0 ? mm : 5000;
-    // Bodies that the detector does not see: a pixel without a mask may show one.
+    // Undetected bodies: a pixel outside the mask may show one.
     for (std::size_t i = 0; i < r.spd.size() && r.index % 10 == 0; ++i) r.spd[i] = 3 + i % 2;
   });
   TrainOptions options;
@@ -347,7 +347,7 @@ TEST_CASE("the mean map of an empty room in front of a wall is the wall") {
   for (const float z : a.mean.values) REQUIRE(z == Approx(5.0f).margin(1e-3));
 }
 
-TEST_CASE("a model file keeps its uncertainty, without one none is stated") {
+TEST_CASE("model file stores its uncertainty, if any") {
   const Folder dir;
   const Dataset data = fresh_plates(20);
   save_model(trained(), dir / "m");
@@ -363,7 +363,7 @@ TEST_CASE("a model file keeps its uncertainty, without one none is stated") {
   }
   TrainOptions options;
   options.model = "ridge", options.fit.quiet = true;
-  save_model(train(testing::load_plates(50), options), dir / "few");  // 45 to train on
+  save_model(train(testing::load_plates(50), options), dir / "few");  // 45 training records
   const TrainedModel loaded = load_model(dir / "few");
   CHECK_FALSE(loaded->uncertainty);
   CHECK(predict(loaded, data, all_rows(20)).uncertainties.empty());
@@ -371,7 +371,7 @@ TEST_CASE("a model file keeps its uncertainty, without one none is stated") {
                     Catch::Contains("does not know how sure it is"));
 }
 
-TEST_CASE("few records state their uncertainty by cross-fitting, too few say that they do not") {
+TEST_CASE("few records use cross-fitting, too few give no uncertainty") {
   const Folder dir;
   write_run(dir / "few", 90);
   write_run(dir / "fewer", 40);
@@ -394,7 +394,7 @@ TEST_CASE("few records state their uncertainty by cross-fitting, too few say tha
              Catch::Contains("not calibrated"));
 }
 
-TEST_CASE("reconstruct and evaluate say how sure the model is") {
+TEST_CASE("reconstruct and evaluate report the uncertainty") {
   const Folder dir;
   save_model(trained(), dir / "m");
   write_run(dir / "run", 40, 3, [](record::FusedRecord& r) {

@@ -1,7 +1,7 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: MIT
-"""when_it_fails.py BIN TABLE: each row of the first table of WHEN_IT_FAILS.md whose cause can be simulated says what
-the programs say then. A row's words are those that it quotes."""
+"""when_it_fails.py BIN TABLE: simulates the causes in the first table of WHEN_IT_FAILS.md where possible, and checks
+that the programs print the words that the row quotes."""
 import collections
 import csv
 import pathlib
@@ -43,7 +43,7 @@ class WhenItFails(unittest.TestCase):
             program("recon", "train", "-q", run, "--model", "mean-shape", "--epochs", 30, "--set", "fallback=false", "--out", cls.models[name])
 
     def see(self, beginning, *settings, model="profile", **how):
-        """The words of the row, what the run's line is, and of each record the reason."""
+        """Returns the words quoted in the row, the program's output, and the reasons of the records."""
         row = next(cell for cause, cell in rows.items() if cause.startswith(beginning))
         run = dataset(self.folder / f"{len(list(self.folder.iterdir()))}.sqlite", 2, *settings, **how)
         maps = run.with_suffix(".maps")

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// A small world for tests: a plate at (x, z), an SPD that sees its range, a radar to the left of
-// it. Few bins and coarse plates, so that models fit in a fraction of a second.
+// A small scene for tests: a plate at (x, z), an SPD, and a radar to its left. Few bins and coarse
+// plates, so that models fit in a fraction of a second.
 #pragma once
 #include <sqlite3.h>
 #include <sys/wait.h>
@@ -72,8 +72,8 @@ inline record::FusedRecord plate_record(std::int64_t index, double x, double z, 
   return r;
 }
 
-// A row of antennas beside the SPD sees a plate's left, middle and right part, each with a random
-// phase in every frame.
+// A row of antennas next to the SPD; left, middle and right part of a plate have a random phase in
+// every frame.
 inline void add_array(record::FusedRecord& r, double x, double z, const record::Antennas& antennas,
                       Rng& rng) {
   const Axis axis = record::array_axis(radar_axis(), antennas.size());
@@ -104,7 +104,7 @@ inline void add_array(record::FusedRecord& r, double x, double z, const record::
 
 using Change = std::function<void(record::FusedRecord&)>;
 
-// A run of `count` plates at random places; `change` may spoil records before they are written.
+// A run of `count` plates at random positions; `change` may modify records before they are written.
 inline void write_run(const std::string& path, std::int64_t count, std::uint64_t seed = 1,
                       const Change& change = {}, const Axis& radar = radar_axis(),
                       const Axis& spd = spd_axis(),
@@ -133,7 +133,7 @@ inline void write_run(const std::string& path, std::int64_t count, std::uint64_t
   run.close("complete");
 }
 
-// The records of such a run.
+// Records of such a run.
 inline recon::Dataset load_plates(std::int64_t count) {
   const Folder dir;
   write_run(dir / "plates", count);
@@ -144,7 +144,7 @@ inline bool all_finite(std::span<const float> values) {
   return std::all_of(values.begin(), values.end(), [](float v) { return std::isfinite(v); });
 }
 
-// Runs a statement on an SQLite file, and returns the first column of its rows, one a line.
+// Runs a statement on an SQLite file and returns the first column, one row per line.
 inline std::string sql(const std::string& path, const std::string& statement) {
   sqlite3* db = nullptr;
   REQUIRE(sqlite3_open(path.c_str(), &db) == SQLITE_OK);
@@ -160,12 +160,12 @@ inline std::string sql(const std::string& path, const std::string& statement) {
   return out;
 }
 
-// Runs echofuse-recon as a user does.
+// Runs echofuse-recon.
 inline Outcome recon_program(const std::string& arguments) {
   return test::shell(test::bin_dir + "/echofuse-recon " + arguments);
 }
 
-// Checks that the program ends with this code and says so, in one line (with usage: three at most).
+// Checks that the program exits with this code and one error line (with usage: at most three).
 inline void refuses(const std::string& arguments, int code, const std::string& saying) {
   const Outcome o = recon_program(arguments);
   CAPTURE(arguments);
@@ -174,7 +174,7 @@ inline void refuses(const std::string& arguments, int code, const std::string& s
   CHECK(std::count(o.text.begin(), o.text.end(), '\n') <= (code == 2 ? 3 : 1));
 }
 
-// Starts echofuse-recon as a user does, and does not wait for it.
+// Starts echofuse-recon without waiting for it.
 inline pid_t start_recon(std::vector<std::string> words) {
   words.insert(words.begin(), "echofuse-recon");
   std::vector<char*> arguments;
@@ -189,7 +189,7 @@ inline pid_t start_recon(std::vector<std::string> words) {
   return child;
 }
 
-// The exit code of a program that is interrupted now.
+// Interrupts a program and returns its exit code.
 inline int interrupted_code(pid_t child) {
   kill(child, SIGINT);
   int status = 0;

@@ -15,7 +15,7 @@ namespace {
 constexpr std::uint32_t bins = 40;
 const Axis spd{"spd", "counts", "ps", bins, 0, 100, 1};
 
-// A peak of 100 counts in bin `first`, and in one more bin for each zone.
+// A peak of 100 counts in bin `first`, one bin further per zone.
 void write_zones(const std::string& path, const Zones& zones, std::uint32_t first,
                  double offset_m = 0) {
   record::RunWriter run(path, {});
@@ -36,7 +36,7 @@ const Zones two{{-0.1, 0, 0.2, 200}, {0.1, 0, 0.2, 300}};
 
 }  // namespace
 
-TEST_CASE("zones of a data set are at true ranges, and the histogram is their sum") {
+TEST_CASE("zones are loaded at true ranges, and the histogram is their sum") {
   const Folder folder;
   write_zones(folder / "a", two, 12, 500 / ps_per_m);
   const Dataset data = load({folder / "a"});
@@ -58,7 +58,7 @@ TEST_CASE("a data set of a single pixel has no zones") {
   CHECK(data.spd.row(0)[12] == 100);
 }
 
-TEST_CASE("zones are brought to a model's axis one by one") {
+TEST_CASE("zones are interpolated to a model's axis one by one") {
   const Folder folder;
   write_zones(folder / "a", Zones(2), 10);
   Dataset data = load({folder / "a"});
@@ -70,7 +70,7 @@ TEST_CASE("zones are brought to a model's axis one by one") {
   CHECK(data.zone_spd.row(0)[bins + 11] == Approx(50));
 }
 
-TEST_CASE("runs of detectors with different zones do not make one data set") {
+TEST_CASE("runs with different zones are refused as one data set") {
   const Folder folder;
   write_zones(folder / "a", two, 12);
   write_zones(folder / "b", Zones(3), 12);

@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""tests/view/live_view.py BIN_DIR [TEST]: echofuse-view beside a daemon that records from the simulated laboratory."""
+"""tests/view/live_view.py BIN_DIR [TEST]: echofuse-view with a daemon that records from the simulated laboratory."""
 import json
 import os
 import pathlib
@@ -28,13 +28,13 @@ def processor_s(process):
 
 
 def viewers_of(folder):
-    """Those that show a run in this folder. Not by their port: another test's viewer takes it at once."""
+    """Returns the viewers of runs in this folder. Not found by port, because another test's viewer may reuse it."""
     out = []
     for process in pathlib.Path("/proc").glob("[0-9]*"):
         try:
             words = (process / "cmdline").read_text(encoding="utf-8", errors="replace").split("\0")
         except OSError:
-            continue  # is gone
+            continue  # has exited
         if pathlib.Path(words[0]).name == "echofuse-view" and words[1].startswith(f"{folder}/"):
             out.append(int(process.name))
     return out
@@ -64,7 +64,7 @@ class LiveView(live.Live):
                                          stdout=subprocess.PIPE).stdout)
 
     def test_every(self):
-        """run --every tells each file, and its view goes with the newest, without maps if the model is none."""
+        """run --every reports each file; its viewer follows the newest, and shows no maps if the model is invalid."""
         daemon = self.record("--every", f"{3 * WINDOW_S}s", "--count", "5", "--json", "--view", "--model",
                              self.dir / "lab/lab.toml", stdout=subprocess.PIPE)
         client = Browser(daemon.stdout.readline().strip())
@@ -78,7 +78,7 @@ class LiveView(live.Live):
         self.assertIn("not a model file, or truncated; expected a safetensors file; no maps are shown", log)
 
     def test_life(self):
-        """Waits for the run, moves with it, marks it, shows lost devices and the daemon's end."""
+        """The viewer waits for the run, follows and marks it, and shows lost devices and the daemon's end."""
         client = Browser(self.view())
         self.assertIn("no run yet", client.until("trouble")["text"])
         daemon = self.record("--set", "run.label=empty")
@@ -102,9 +102,9 @@ class LiveView(live.Live):
         client.until("state", lambda m: m["sensors"]["radar"]["valid"])
         self.close_lab()
         closed = time.monotonic()
-        # On a busy machine the slots' records come late: the lamp is red before it can say why.
+        # On a busy machine records come late: the lamp turns red before the verdict arrives.
         client.until("state", lambda m: all(m["sensors"][s]["stale"] for s in ("spd", "radar", "depth")))
-        # Two slots, the acquisition's grace of half a second, and a second until the next state.
+        # Two slots, the acquisition's grace time of 0.5 s, and one second until the next state.
         self.assertLess(time.monotonic() - closed, 2 * WINDOW_S + 3)
         client.until("state", lambda m: m["sensors"]["radar"]["verdict"] == "no frames")
         daemon.kill()
@@ -113,7 +113,7 @@ class LiveView(live.Live):
         client.close()
 
     def test_align(self):
-        """Slots of 0.1 s in a run that is gone at the end, and its view, which ends by itself when nobody looks."""
+        """Alignment mode has slots of 0.1 s and deletes its run; its viewer exits when no browser is connected."""
         daemon = self.start([bin_dir / "echofuse-acquire", "run", "--align", "--config", self.dir / "lab/lab.toml"],
                             env=os.environ | {"LD_LIBRARY_PATH": str(self.dir / "lab/openni")}, stdout=subprocess.PIPE,
                             stderr=subprocess.PIPE, text=True)
@@ -132,8 +132,8 @@ class LiveView(live.Live):
         wait_for("end of the viewer", lambda: not viewers_of(folder), 15)
 
     def test_fifty(self):
-        """A run beside 50 viewers and one that never reads has the slots and the losses of a run without any, and of
-        both no loss is without an explanation."""
+        """A run with 50 viewers and one that never reads has the same slots and losses as a run without viewers. All
+        losses are explained."""
         log = self.finish(self.record("--count", str(RECORDS)), 60)
         alone = self.account(log)
         self.open_again()
@@ -155,7 +155,7 @@ class LiveView(live.Live):
             threading.Thread(target=look, args=(k,), daemon=True).start()
         log = self.finish(daemon, 60)
         time.sleep(1)
-        print(f"without viewers {alone}, viewer {processor_s(viewer):.1f} s of a core in {RECORDS * WINDOW_S:.0f} s, records a client {min(frames)} to "
+        print(f"without viewers {alone}, viewer {processor_s(viewer):.1f} s of a core in {RECORDS * WINDOW_S:.0f} s, records per client {min(frames)} to "
               f"{max(frames)}", file=sys.stderr)
         for client in clients:
             client.socket.close()
@@ -164,8 +164,7 @@ class LiveView(live.Live):
         self.assertEqual(self.account(log), alone)
 
     def account(self, log):
-        """Records, verdicts, and what was lost or late, of a run whose every difference to what the laboratory sent is
-        explained."""
+        """Checks that each difference from the laboratory's log is explained; returns records, verdicts and losses."""
         self.close_lab()
         self.check_slots(self.rows())
         audit = subprocess.run([sys.executable, SCRIPTS / "audit_run.py", self.run, self.dir / "sent.jsonl"],

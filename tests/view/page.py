@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""tests/view/page.py BIN_DIR: the page in Chromium, beside a live simulated run. Exit code 77 without Chromium."""
+"""tests/view/page.py BIN_DIR: the page in Chromium, with a live simulated run. Exit code 77 without Chromium."""
 import pathlib
 import re
 import signal
@@ -17,10 +17,10 @@ import live_view
 import proxy
 from live import WINDOW_S, bin_dir, wait_for
 
-PATIENCE_S = 60  # a busy machine draws slowly
+PATIENCE_S = 60  # a busy machine renders slowly
 
 
-# By how much numbers and lamps move when status and label get their longest words.
+# Returns how far numbers and lamps move when status and label get their longest texts.
 header_jumps = """
   const at = () => ['numbers', 'lamps', 'transport', 'card-histogram', 'card-maps'].map(id => document.getElementById(id).getBoundingClientRect()).flatMap(r => [r.left, r.top]);
   const say = words => {
@@ -95,7 +95,7 @@ class Page(live_view.LiveView):
         self.assertFalse(self.js("return document.getElementById('box-reconstruction').hidden"))
         self.assertGreater(self.js("return document.querySelectorAll('#histogram canvas').length"), 0)
 
-        # Narrow and wide, light and dark: nothing sticks out.
+        # Narrow and wide, light and dark: no horizontal overflow.
         for width, height, scheme in ((390, 844, "light"), (1280, 800, "dark"), (820, 1180, "light")):
             self.size(width, height)
             self.browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": [
@@ -106,7 +106,7 @@ class Page(live_view.LiveView):
             self.assertEqual(self.contrast_faults(), [], (width, scheme))
         self.size(1280, 800)
 
-        # Keys: another record, live again, a mark.
+        # Keys: another record, back to live, a mark.
         self.key("Home")
         self.wait("record 0", lambda: self.text("shown").startswith("record 0,"))
         self.key("ArrowRight")
@@ -123,7 +123,7 @@ class Page(live_view.LiveView):
         self.wait("label", lambda: self.text("label") == "two")
         self.looks()
 
-        # The laboratory goes away: each lamp is red, in words as well, two slots later.
+        # The laboratory stops: two slots later each lamp is red and shows LOST.
         self.wait("green lamp", lambda: self.lamp("radar") in ("ok", "look"))
         self.wait("lamp of the maps", lambda: self.lamp("maps") in ("ok", "look"))
         self.close_lab()
@@ -132,7 +132,7 @@ class Page(live_view.LiveView):
             self.wait(f"red lamp of {sensor}", lambda: self.lamp(sensor) == "bad")
         self.assertLess(time.monotonic() - closed, 2 * WINDOW_S + 10)
         self.assertIn("LOST", self.js("return document.getElementById('lamp-spd').textContent"))
-        self.wait("word of it at the top", lambda: self.text("status") == "NO DATA from any sensor")
+        self.wait("status of the page", lambda: self.text("status") == "NO DATA from any sensor")
         self.wait("lamp of the maps", lambda: self.lamp("maps") == "bad" and self.verdict("maps") ==
                   "lacks SPD and radar, which the model needs")
         self.assertRegex(self.text("histogram-readout"), r"^no data; last in record \d+$")
@@ -142,16 +142,16 @@ class Page(live_view.LiveView):
         daemon.wait()
         self.wait("crash on the page", lambda: self.text("status") == "crashed")
 
-        # The viewer goes away, and the page says so.
+        # The viewer stops, and the page reports it.
         viewer = self.processes[2]
         self.assertIn("echofuse-view", viewer.args[0])
         viewer.terminate()
         self.assertEqual(viewer.wait(10), 0)
-        self.wait("word of it", lambda: "no connection" in self.text("status"))
+        self.wait("status of the page", lambda: "no connection" in self.text("status"))
         self.view("--listen", address.split("/")[2], "--model", model)
         self.wait("page of the viewer started again", lambda: self.text("status") == "crashed")
 
-        # A new run of this name, with a laser that is five hundred times too weak: the page says so by itself.
+        # A new run with the same name and a laser 500 times too weak: the page follows by itself.
         for file in self.dir.glob("*.sqlite*"):
             file.unlink()
         self.open_again("--set", "signal_photons=100")
@@ -162,16 +162,16 @@ class Page(live_view.LiveView):
         self.assertIn("CHECK", self.text("lamp-spd"))
         self.wait("maps lamp with the verdict", lambda: self.lamp("maps") == "look" and "SPD: weak: " in self.verdict("maps"))
         self.wait("green lamp of the radar", lambda: self.lamp("radar") == "ok")
-        self.wait("event of it", lambda: "SPD: record" in self.text("events") and "weak: " in self.text("events"))
+        self.wait("event of the weak laser", lambda: "SPD: record" in self.text("events") and "weak: " in self.text("events"))
         self.wait("maps of the thumbnails", lambda: self.js(
             "return +document.querySelector('#sheet button:last-child').dataset.index") > 0)
         daemon.send_signal(signal.SIGINT)
         log = self.finish(daemon)
         self.assertEqual(daemon.returncode, 0, log)
-        self.wait("its end", lambda: self.text("status") == "complete")
+        self.wait("end of the run", lambda: self.text("status") == "complete")
         self.assertIn("run is over", self.text("lamp-spd"))
         self.assertEqual(self.lamp("spd"), "look")
-        # A run that is over has a first minute, however short.
+        # A complete run has a reference, however short it is.
         self.wait("difference", lambda: not self.js("return document.getElementById('difference').disabled"))
         before = self.text("histogram-readout")
         self.key("d")
@@ -183,7 +183,7 @@ class Page(live_view.LiveView):
         self.assertEqual(set(asked), {address.split("/")[2]})
 
     def test_proxy(self):
-        """Behind a web server all works below a path; one that passes too little on is named as the reason."""
+        """Behind a proxy everything works below a path; an incomplete proxy configuration is reported."""
         scenes = self.dir / "scenes.sqlite"
         subprocess.run([bin_dir / "echofuse-sim", "dataset", "-q", "--out", scenes, "--records", "8"], check=True)
         process = self.start([bin_dir / "echofuse-view", self.dir, "--listen", "127.0.0.1:0"], stdout=subprocess.PIPE, text=True)
@@ -210,7 +210,7 @@ class Page(live_view.LiveView):
         process.wait(10)
 
     def chooser(self, scenes):
-        """A click on a run of the folder opens it, and a link leads back."""
+        """A click on a run in the folder opens it, and a link leads back."""
         process = self.start([bin_dir / "echofuse-view", self.dir, "--listen", "127.0.0.1:0"], stdout=subprocess.PIPE, text=True)
         self.browser.get(process.stdout.readline().strip())
         cards = "return [...document.querySelectorAll('.run h2')].map(at => at.textContent)"
@@ -223,7 +223,7 @@ class Page(live_view.LiveView):
             self.browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": [{"name": "prefers-color-scheme", "value": scheme}]})
             self.assertLessEqual(self.js("return document.documentElement.scrollWidth"), width)
             self.assertEqual(self.contrast_faults(), [], (width, scheme))
-        self.js("document.querySelector('.run').click()")  # the list may be drawn anew at any moment
+        self.js("document.querySelector('.run').click()")  # the list may be redrawn at any moment
         self.wait("page of the run", lambda: self.js("return document.getElementById('file')?.textContent") == scenes.name)
         self.wait("its record", lambda: self.js("return window.framesSeen") > 0)
         self.browser.find_element("id", "runs").click()
@@ -232,13 +232,13 @@ class Page(live_view.LiveView):
         process.wait(10)
 
     def looks(self):
-        """What the keys do to the histogram, the points and the type."""
+        """Keys change histogram, points and font size."""
         peaks = (("histogram-readout", r"peak \d+\.\d\d m, [\d.]+[kM]? clicks(, FWHM [\d.]+ cm)?"),
                  ("profile-readout", r"peak \d+\.\d\d m, [\d.]+ dB(, FWHM [\d.]+ cm)?"))
 
-        def hold():  # so that nothing but the keys changes what is seen
+        def hold():  # so that only the keys change the page
             self.key(" ")
-            self.wait("record that stays", lambda: "held" in self.text("shown"))
+            self.wait("held record", lambda: "held" in self.text("shown"))
             whole = all(re.fullmatch(words, self.text(at)) for at, words in peaks)
             if not whole:
                 self.key(" ")
@@ -249,7 +249,7 @@ class Page(live_view.LiveView):
                 self.key(key)
                 self.assertEqual(self.js("return document.getElementById(arguments[0]).getAttribute('aria-pressed')", button),
                                  pressed)
-        # A drag shows a part of both charts, two clicks measure, a double click shows all.
+        # Dragging zooms both charts, two clicks measure, a double click resets.
         over = self.browser.find_element("css selector", "#histogram .u-over")
         ends = "return [...document.querySelectorAll('#card-histogram .u-over, #card-profile .u-over')].length"
         self.assertEqual(self.js(ends), 2)
@@ -284,7 +284,7 @@ class Page(live_view.LiveView):
         self.wait("live record", lambda: "held" not in self.text("shown"))
 
     def contrast_faults(self):
-        """Texts with less contrast than WCAG 2.1 AA asks for: 4.5, of large ones 3."""
+        """Returns texts below the contrast of WCAG 2.1 AA: 4.5, or 3 for large type."""
         return self.js(r"""
             const part = v => (v /= 255) <= 0.04045 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4;
             const luminance = ([r, g, b]) => 0.2126 * part(r) + 0.7152 * part(g) + 0.0722 * part(b);

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""A web server before the viewer, as nginx's proxy_pass: /lab/ passes on what the manual says, /plain/ what nginx
-passes by itself. All else is its own 404 in HTML."""
+"""A reverse proxy in front of the viewer, like nginx's proxy_pass: /lab/ forwards the headers that the manual asks for,
+/plain/ only nginx's defaults. Other paths return its own 404 page."""
 import socket
 import threading
 import urllib.parse
@@ -64,7 +64,7 @@ class Proxy:
 
 
 def check_requests(test):
-    """Requests as a proxy passes them on: the page is of the host that the proxy says, the server of its own."""
+    """Requests as a proxy forwards them: the page's origin is the forwarded host, the Host field names the server."""
     here = urllib.parse.urlsplit(test.address).netloc
     for headers, status in ((["X-Forwarded-Host: lab.example.org", "Origin: https://lab.example.org"], 101),
                             (["X-Forwarded-Host: lab.example.org, inner", "Origin: http://lab.example.org"], 101),
@@ -75,7 +75,7 @@ def check_requests(test):
         except Refused as refused:
             got = refused.args[0]
         test.assertEqual(got, status, headers)
-    # The page's scripts are everybody's, so that it can say why no WebSocket comes through.
+    # The page's scripts are public, so that the page can report why the WebSocket fails.
     test.assertEqual(test.get("/view.js", Origin="http://lab.example.org")[0].status, 200)
     test.assertIn(b"X-Forwarded-Host, Upgrade and Connection", test.get("/live")[1])
     for forwarded, named in ((here, here), ("lab.example.org", "lab.example.org"), ("a; script-src *", "a")):

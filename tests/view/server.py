@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""tests/view/server.py BIN_DIR [TEST]: echofuse-view over real sockets, beside a finished run."""
+"""tests/view/server.py BIN_DIR [TEST]: echofuse-view over real sockets, with a finished run."""
 import base64
 import contextlib
 import hashlib
@@ -99,7 +99,7 @@ class Server(unittest.TestCase):
         sheet = client.until("sheet")
         self.assertEqual(sheet["index"], list(range(RECORDS)))
         self.assertEqual(len(sheet["arrays"]["maps"]), RECORDS * 32 * 32)
-        # A column of the waterfall has the highest of neighbouring bins.
+        # A column of the waterfall contains the maximum of neighbouring bins.
         arrays, bins = sheet["arrays"], run["axes"]["spd"]["count"]
         columns, by = len(arrays["spd"]) // RECORDS, -(-bins // 256)
         self.assertEqual(columns, -(-bins // by))
@@ -123,7 +123,7 @@ class Server(unittest.TestCase):
             for index in range(RECORDS):
                 client.ask({"show": index})
                 seen += client.until("record", lambda record: record["index"] == index)["reconstruction"]["seen"]
-            self.assertTrue(0 < RECORDS - seen <= 0.2 * RECORDS, seen)  # those that were held out
+            self.assertTrue(0 < RECORDS - seen <= 0.2 * RECORDS, seen)  # the test records
         finally:
             process.terminate()
             process.wait()
@@ -144,11 +144,11 @@ class Server(unittest.TestCase):
                                      ("/live", "GET", 426), ("/nothing", "GET", 404), ("/index.html/", "GET", 404)):
             self.assertEqual(self.get(path, method=method)[0].status, status, path)
         proxy.check_requests(self)
-        # A target that is no path is refused, and nobody else notices.
+        # A malformed target is refused, and other clients are not affected.
         for target in (b"?", b"?token=1", b"live", b"http://localhost/", b"*"):
             self.assertIn(b" 400 ", self.raw(b"GET " + target + b" HTTP/1.1\r\nHost: localhost\r\n\r\n")[:40], target)
         self.assertEqual(self.get("/")[0].status, 200)
-        # On this machine anybody may look, and nobody may mark without the token.
+        # On this machine reading is open to all users; marking needs the token.
         client = Client(self.address, token=False)
         client.until("run")
         client.ask({"label": "x"})
@@ -156,7 +156,7 @@ class Server(unittest.TestCase):
         self.assertEqual((answer["ok"], "token" in answer["text"]), (False, True))
 
     def test_token(self):
-        """Of an address that others reach, nothing but the page's programs is given without it."""
+        """On a public address only the page's scripts are served without the token."""
         process, address = self.start(self.folder.name, "--listen", "0.0.0.0:0")
         try:
             url = urllib.parse.urlsplit(address)
@@ -177,7 +177,7 @@ class Server(unittest.TestCase):
             process.stdout.close()
 
     def test_ports(self):
-        """With the usual ports taken there is another."""
+        """If the default ports are in use, another one is taken."""
         taken = []
         for port in range(8410, 8420):
             taken.append(socket.socket())
@@ -185,7 +185,7 @@ class Server(unittest.TestCase):
                 taken[-1].bind(("127.0.0.1", port))
                 taken[-1].listen()
             except OSError:
-                pass  # somebody has it
+                pass  # the port is in use
         with subprocess.Popen([bin_dir / "echofuse-view", self.folder.name], stdout=subprocess.PIPE, text=True) as process:
             address = process.stdout.readline().strip()
             for each in taken:
@@ -214,7 +214,7 @@ class Server(unittest.TestCase):
         self.assertEqual(self.get("/")[0].status, 200)
 
     def test_garbage(self):
-        """Bytes of any kind, before and after the handshake: only the connection that sends them ends."""
+        """Random bytes before or after the handshake end only their own connection."""
         random = random_numbers.Random(1)
         healthy = Client(self.address)
         for k in range(120):
@@ -234,7 +234,7 @@ class Server(unittest.TestCase):
         healthy.socket.close()
 
     def test_many(self):
-        """64 connections, and not one more; when one goes there is room again."""
+        """At most 64 connections are open; when one closes, another is accepted."""
         clients = [Client(self.address) for _ in range(64)]
         for _ in range(3):
             with self.assertRaises((EOFError, ConnectionError)):
@@ -250,13 +250,13 @@ class Server(unittest.TestCase):
             except ConnectionError:
                 time.sleep(0.05)
         else:
-            self.fail("no room again")
+            self.fail("no new connection accepted")
         for client in clients:
             client.socket.close()
         time.sleep(0.3)
 
     def test_never_reads(self):
-        """Who answers no ping is dropped, and who reads slowly makes nobody wait."""
+        """A client that answers no ping is disconnected; a slow client does not delay the others."""
         silent = Client(self.address)
         asking = Client(self.address)
         for k in range(200):
@@ -265,20 +265,20 @@ class Server(unittest.TestCase):
         asking.ask({"show": 5})
         asking.until("record", lambda m: m["index"] == 5)
         self.assertLess(time.monotonic() - begun, 5)
-        # The server's end of the connection: data that nobody takes hide its end from the client.
+        # The server's end of the connection, because unread data hide its end from the client.
         def sockets():
             return sum(os.readlink(fd).startswith("socket:") for fd in pathlib.Path(f"/proc/{self.process.pid}/fd").iterdir())
         before = sockets()
         end = time.monotonic() + 40
         while sockets() >= before:
-            self.assertLess(time.monotonic(), end, "a client that never reads is still there")
-            asking.message()  # which answers the pings
+            self.assertLess(time.monotonic(), end, "a client that never reads is still connected")
+            asking.message()  # answers pings
 
-    def test_page_asks_nobody(self):
+    def test_page_contacts_only_its_server(self):
         for path in "/", "/newest/":
-            self.page_asks_nobody(path, hashes=2 if path == "/newest/" else 0)
+            self.page_contacts_only_its_server(path, hashes=2 if path == "/newest/" else 0)
 
-    def page_asks_nobody(self, path, hashes):
+    def page_contacts_only_its_server(self, path, hashes):
         answer, page = self.get(path)
         policy = answer.getheader("Content-Security-Policy")
         self.assertIn("default-src 'none'", policy)
@@ -297,7 +297,7 @@ class Server(unittest.TestCase):
                                 else r"wss?://")
 
     def test_runs(self):
-        """A folder's runs are listed, and each has its page and its socket: never a file of another folder."""
+        """A folder's runs are listed, each with its page and socket; files of other folders are not served."""
         with tempfile.TemporaryDirectory(dir=self.folder.name) as folder:
             for name in "one.sqlite", "zwei & drei.sqlite":
                 shutil.copy(self.run_file, pathlib.Path(folder, name))
@@ -325,7 +325,7 @@ class Server(unittest.TestCase):
                                      ("/run/..%2fscenes/", 404), ("/run/../scenes/", 404), ("/run/one/runs", 404),
                                      (f"/run/{urllib.parse.quote(folder, safe='')}%2fone/", 404)):
                     self.assertEqual(get(path)[0], status, path)
-                # Two runs at a time, and each client hears of its own.
+                # Two runs at a time; each client gets messages of its own run only.
                 clients = {name: Client(here, path=f"/run/{urllib.parse.quote(name)}/live") for name in ("one", "zwei & drei")}
                 for name, client in clients.items():
                     self.assertEqual(client.until("run")["file"], f"{name}.sqlite")
@@ -340,8 +340,8 @@ class Server(unittest.TestCase):
                 process.stdout.close()
 
     def test_newest(self):
-        """Which run began last is the newest, not which was written last; what is no run is none, and in place of a
-        file it is refused."""
+        """The newest run is the one that began last, not the one written last. A folder may contain other files; as RUN
+        they are refused."""
         fifo, earlier, junk = (pathlib.Path(self.folder.name, f"{name}.sqlite") for name in ("newest", "earlier", "junk"))
         os.mkfifo(fifo)
         shutil.copy(self.run_file, earlier)

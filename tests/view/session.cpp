@@ -20,14 +20,14 @@ constexpr std::string_view handshake =
     "GET /live HTTP/1.1\r\nHost: localhost\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
     "Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\r\n";
 
-// A frame of text of the client, with a mask of zeros.
+// Returns a text frame of the client, with a zero mask.
 std::string frame(std::string_view text) {
   REQUIRE(text.size() < 126);
   return std::string("\x81") + static_cast<char>(0x80 | text.size()) + std::string(4, '\0') +
          std::string(text);
 }
 
-// The sessions' owner, with a client of raw bytes for each of them. All of it is one thread.
+// Owner of the sessions, with a raw client for each. All of it is one thread.
 struct Owner final : SessionOwner {
   const Access& access() const override { return access_; }
   bool has_run(const std::string&) override { return true; }
@@ -54,7 +54,7 @@ struct Owner final : SessionOwner {
   static void write(tcp::socket& client, std::string_view bytes) {
     net::write(client, net::buffer(bytes.data(), bytes.size()));
   }
-  // Whether it happens within five seconds: after ten a client that answers no ping is dropped.
+  // Waits up to five seconds; a client that answers no ping is dropped after ten.
   template <class Condition>
   bool waits_for(Condition happened) {
     const auto end = std::chrono::steady_clock::now() + 5s;
@@ -71,7 +71,7 @@ struct Owner final : SessionOwner {
 
 }  // namespace
 
-TEST_CASE("what a handler throws ends its own session only") {
+TEST_CASE("an exception in a handler ends only its own session") {
   Owner owner;
   tcp::socket healthy = owner.connect(handshake);
   REQUIRE(owner.waits_for([&] { return owner.openings == 1; }));
@@ -88,15 +88,15 @@ TEST_CASE("what a handler throws ends its own session only") {
   CHECK(owner.waits_for([&] { return owner.marks == 1; }));
 }
 
-TEST_CASE("of a client that does not read eight marks wait, and one more ends its session") {
+TEST_CASE("session queues eight marks of a client that does not read, a ninth ends it") {
   Owner owner;
-  owner.greeting = std::make_shared<Bytes>(64 << 20);  // more than the socket's buffers hold
+  owner.greeting = std::make_shared<Bytes>(64 << 20);  // exceeds the socket's buffers
   tcp::socket client = owner.connect(handshake);
   REQUIRE(owner.waits_for([&] { return owner.openings == 1; }));
   for (int i = 0; i < 8; ++i) Owner::write(client, frame(R"({"mark": "x"})"));
   owner.io.run_for(200ms);
   CHECK((owner.marks == 0 && owner.closings == 0));
-  SECTION("each of them is answered when the client reads") {
+  SECTION("all eight are answered when the client reads") {
     std::string all(1 << 20, '\0');
     client.non_blocking(true);
     CHECK(owner.waits_for([&] {
@@ -107,7 +107,7 @@ TEST_CASE("of a client that does not read eight marks wait, and one more ends it
     }));
     CHECK(owner.closings == 0);
   }
-  SECTION("the ninth") {
+  SECTION("a ninth mark ends the session") {
     Owner::write(client, frame(R"({"mark": "x"})"));
     CHECK(owner.waits_for([&] { return owner.closings == 1; }));
     CHECK(owner.marks == 0);

@@ -9,7 +9,7 @@
 using namespace echofuse;
 using namespace echofuse::view;
 
-TEST_CASE("of a browser's Host only names that no foreign DNS entry can be") {
+TEST_CASE("only Host names that a foreign DNS entry cannot have are accepted") {
   Access here;
   here.host_name = "lab7";
   for (const char* host : {"localhost", "LocalHost:8410", "127.0.0.1", "127.0.0.1:1", "[::1]:8410"})
@@ -26,7 +26,7 @@ TEST_CASE("of a browser's Host only names that no foreign DNS entry can be") {
     CHECK_FALSE(all.takes_host(host));
 }
 
-TEST_CASE("a page of another origin opens no WebSocket") {
+TEST_CASE("a page of another origin cannot open a WebSocket") {
   const Access access;
   CHECK(access.takes_origin("", "127.0.0.1:8410"));
   CHECK(access.takes_origin("http://127.0.0.1:8410", "127.0.0.1:8410"));
@@ -36,7 +36,7 @@ TEST_CASE("a page of another origin opens no WebSocket") {
     CHECK_FALSE(access.takes_origin(origin, "127.0.0.1:8410"));
 }
 
-TEST_CASE("to look needs the token where others can, to write always") {
+TEST_CASE("reading needs the token on a public address, writing always does") {
   Access access;
   access.token = make_token();
   CHECK(access.token.size() == 32);
@@ -53,14 +53,14 @@ TEST_CASE("to look needs the token where others can, to write always") {
   access.token_asked = true;
   CHECK_FALSE(access.may_look("0"));
   CHECK(access.may_look(access.token));
-  CHECK_FALSE(Access{}.may_write(""));  // no token at all is not an empty one
+  CHECK_FALSE(Access{}.may_write(""));  // a missing token differs from an empty one
   CHECK(target_of("/live?a=1&token=12&b").token == "12");
   CHECK(target_of("/live?xtoken=12").token.empty());
   CHECK(target_of("/live").path == "/live");
   CHECK(target_of("?").path.empty());
 }
 
-TEST_CASE("messages: a header, then arrays at multiples of 8") {
+TEST_CASE("a message has a header, then arrays at multiples of 8") {
   MessageWriter writer;
   writer.add("a", std::vector<std::uint32_t>{1, 2, 3});
   writer.add<float>("b", std::vector<float>{0.5F, 1}, {1, 2});
@@ -88,11 +88,11 @@ TEST_CASE("a sensor is stale two slots after its last valid one") {
   CHECK_FALSE(is_stale(sensor, 3, now));
   sensor.last_valid = now - std::chrono::milliseconds(6600);
   CHECK(is_stale(sensor, 3, now));
-  sensor.last_valid = now + std::chrono::seconds(1);  // a clock that was set back
+  sensor.last_valid = now + std::chrono::seconds(1);  // the clock was set back
   CHECK(age_s(sensor, now) == 0);
 }
 
-TEST_CASE("the verdict over a run names its doubts, the most frequent of a sensor first") {
+TEST_CASE("run summary lists doubtful verdicts by sensor, most frequent first") {
   record::RunSummary sum;
   CHECK(record::doubts_of(sum).empty());
   sum.records = 75, sum.doubtful = 28;

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""A WebSocket client of the standard library (RFC 6455), and the messages of echofuse-view."""
+"""A WebSocket client (RFC 6455) made with the standard library, and the messages of echofuse-view."""
 import base64
 import json
 import os
@@ -13,7 +13,7 @@ TYPES = {"u8": "B", "u16": "H", "u32": "I", "f32": "f", "f64": "d"}
 
 
 class Refused(Exception):
-    """The answer to the handshake was not 101."""
+    """The response to the handshake was not 101."""
 
 
 class Client:
@@ -57,7 +57,7 @@ class Client:
         self.frame(1, json.dumps(what).encode())
 
     def message(self):
-        """The next message of the server; pings are answered. EOFError when it closes."""
+        """Returns the next message of the server and answers pings. Raises EOFError when the server closes."""
         while True:
             first, second = self.take(2)
             size = second & 127
@@ -81,7 +81,7 @@ class Client:
 
 
 class Browser(Client):
-    """Reads all the time, as a browser does: pings are answered while a test waits for something else."""
+    """Reads in a thread, as a browser does, so that pings are answered while a test waits for something else."""
 
     def __init__(self, address):
         super().__init__(address)
@@ -105,7 +105,7 @@ class Browser(Client):
         return message
 
     def close(self):
-        self.socket.shutdown(socket.SHUT_RDWR)  # or else the thread would keep it open
+        self.socket.shutdown(socket.SHUT_RDWR)  # otherwise the thread would keep it open
         self.socket.close()
 
 
