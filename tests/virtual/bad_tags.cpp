@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Faults of a time tagger's stream become events and verdicts of the run. On virtual time.
+// Faults in a time tagger's stream become events and verdicts of the run, on virtual time.
 #include <functional>
 #include <memory>
 #include <random>
@@ -35,7 +35,7 @@ void ordinary(std::vector<Tag>& out, std::int64_t i, std::int64_t at) {
   if (i % 25 == 0) out.push_back(tag(2, at + click_after(i)));
 }
 
-// A tagger with starts at 4 kHz behind the bridge protocol.
+// A tagger with start pulses at 4 kHz, behind the bridge protocol.
 class Tagger final : public port::BytePort {
  public:
   Tagger(port::Loop& loop, Stream stream) : loop_(loop), timer_(loop), stream_(std::move(stream)) {}
@@ -100,17 +100,17 @@ Outcome run_of(const Stream& stream, const std::vector<std::string>& settings = 
 
 }  // namespace
 
-TEST_CASE("a stream of tags without a fault makes no event") {
+TEST_CASE("stream of tags without faults causes no event") {
   const Outcome run = run_of({.pulse = ordinary});
   CHECK(run.events == Strings{});
   for (const auto& r : run.records) CHECK(r.sync[Sensor::spd].verdict == "ok");
 }
 
-TEST_CASE("times that wrap go on, and the wrap is an event") {
+TEST_CASE("wrapped time stamps are continued and reported as an event") {
   const int bits = GENERATE(32, 40);
   const Outcome run = run_of(
       {.pulse = ordinary, .time = [=](std::int64_t t) { return t % (std::int64_t{1} << bits); }});
-  CHECK(run.events.size() == 2);  // when it is found, and the count at the end
+  CHECK(run.events.size() == 2);  // at detection, and the count at the end
   CHECK_THAT(run.events.at(0),
              Catch::Contains("restarts of its times at 2^" + std::to_string(bits) + " ps"));
   for (std::size_t i = 2; i < 10; ++i) {
@@ -120,13 +120,13 @@ TEST_CASE("times that wrap go on, and the wrap is an event") {
   }
 }
 
-TEST_CASE("times that step back at another place are counted") {
+TEST_CASE("backward steps of time stamps are counted") {
   const Outcome run =
       run_of({.pulse = ordinary, .time = [](std::int64_t t) { return t % (3 * s); }});
   CHECK_THAT(run.events.at(0), Catch::Contains("1 steps back of its times, by up to 3 s"));
 }
 
-TEST_CASE("a clock at another rate than the host's is named") {
+TEST_CASE("clock with another rate than the host's is reported") {
   const auto [divisor, text] =
       GENERATE(table<std::int64_t, const char*>({{1000, "1/1000 of the host's"}, {2, "1/2 of"}}));
   const Outcome run =
@@ -140,7 +140,7 @@ TEST_CASE("a clock at another rate than the host's is named") {
   }
 }
 
-TEST_CASE("an overflow without an end is the record's verdict and an event") {
+TEST_CASE("overflow without an end is reported as verdict and event") {
   const Outcome run = run_of({.pulse = [](auto& out, std::int64_t i, std::int64_t at) {
     if (i == 16'000) out.push_back(tag(0, at, TagType::overflow_begin));
     ordinary(out, i, at);
@@ -152,7 +152,7 @@ TEST_CASE("an overflow without an end is the record's verdict and an event") {
   }));
 }
 
-TEST_CASE("an overflow that ends, or goes on with missed events, is no endless one") {
+TEST_CASE("overflow that ends, or reports missed events, is not endless") {
   const Outcome run = run_of({.pulse = [](auto& out, std::int64_t i, std::int64_t at) {
     if (i == 16'000) out.push_back(tag(0, at, TagType::overflow_begin));
     if (i == 18'000) out.push_back(tag(0, at, TagType::overflow_end));
@@ -162,7 +162,7 @@ TEST_CASE("an overflow that ends, or goes on with missed events, is no endless o
   CHECK(run.verdict(9) == "ok");
 }
 
-TEST_CASE("missing, doubled and faster starts are events") {
+TEST_CASE("missing, doubled and faster start pulses cause events") {
   std::mt19937 random(1);
   const Outcome missing = run_of({.pulse = [&](auto& out, std::int64_t i, std::int64_t at) {
     if (random() % 10 >= 3) out.push_back(tag(1, at));
@@ -201,7 +201,7 @@ TEST_CASE("with the laser's rate, records with lost starts are lossy") {
                                    Catch::EndsWith(" % of the 4000 expected start pulses"));
 }
 
-TEST_CASE("a conditional filter, which passes starts with a click, makes no event") {
+TEST_CASE("conditional filter, which passes only starts with a click, causes no event") {
   std::mt19937 random(1);
   const Outcome run = run_of({.pulse = [&](auto& out, std::int64_t i, std::int64_t at) {
     if (random() % 5 > 0) return;
@@ -211,7 +211,8 @@ TEST_CASE("a conditional filter, which passes starts with a click, makes no even
   CHECK(run.events == Strings{});
 }
 
-TEST_CASE("steps of the tags that do not divide the bins are an event with the width that fits") {
+TEST_CASE(
+    "tag resolution that does not divide the bin width causes an event with a suitable width") {
   const auto [step, fits] =
       GENERATE(table<std::int64_t, const char*>({{81, "81 fits"}, {250, "250 fits"}}));
   const Outcome run =
@@ -222,7 +223,7 @@ TEST_CASE("steps of the tags that do not divide the bins are an event with the w
              Catch::Contains("become a comb; --set tdc.bin_width_ps=" + std::string(fits)));
 }
 
-TEST_CASE("afterpulses are an event that names the second peak") {
+TEST_CASE("afterpulses cause an event that names the second peak") {
   const Outcome run = run_of({.pulse = [](auto& out, std::int64_t i, std::int64_t at) {
     ordinary(out, i, at);
     if (i % 25 == 0) out.push_back(tag(2, at + click_after(i) + 15 * ns));

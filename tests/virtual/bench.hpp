@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// A laboratory on virtual time with a folder of its own, and what is asked of its run.
+// A laboratory on virtual time with its own folder, and accessors of its run.
 #pragma once
 #include <spdlog/spdlog.h>
 #include <unistd.h>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// A run's answer when devices come, go and fail, told once and exactly, on virtual time.
+// Events and records of a run when devices come, go and fail, on virtual time.
 #include <fstream>
 #include <map>
 #include <set>
@@ -15,7 +15,8 @@ using test::has;
 using test::Strings;
 using namespace std::chrono_literals;
 
-TEST_CASE("without faults every slot has a whole record, and nothing is lost, late or doubtful") {
+TEST_CASE(
+    "without faults every slot has a complete record, and nothing is lost, late or doubtful") {
   Bench b;
   CHECK(b.lab->record(b.run(40)) == ExitCode::ok);
   const auto all = b.records();
@@ -36,8 +37,7 @@ TEST_CASE("without faults every slot has a whole record, and nothing is lost, la
   CHECK(b.reader().info().status == "complete");
 }
 
-TEST_CASE(
-    "all devices go in mid-run: the records go on and say so, and are whole once they are back") {
+TEST_CASE("run goes on without devices, and its records are complete when they return") {
   Bench b({.faults = {fault("tdc", FaultKind::unplug, 30, 30),
                       fault("radar", FaultKind::unplug, 30, 30),
                       fault("depth", FaultKind::unplug, 30, 30)}});
@@ -47,7 +47,7 @@ TEST_CASE(
   REQUIRE(all.size() == 40);
   const auto silent =
       std::count_if(all.begin(), all.end(), [](auto& r) { return r.valid.empty(); });
-  CHECK(silent >= 8);  // the slots of ten that are taken wholly
+  CHECK(silent >= 8);  // eight of the ten slots are fully without devices
   CHECK(silent <= 9);
   for (const auto& r : all)
     if (r.valid.empty()) {
@@ -59,11 +59,11 @@ TEST_CASE(
   CHECK(all.back().valid.bits() == 7);
   for (const char* sensor : {"spd", "radar", "depth"}) {
     CHECK(has(b.events(sensor), "not connected to"));
-    CHECK(b.events(sensor).size() <= 8);  // however often it was tried again, and its return
+    CHECK(b.events(sensor).size() <= 8);  // independent of the number of retries, and its return
   }
 }
 
-TEST_CASE("a device that is not there, and one that is not configured") {
+TEST_CASE("missing and unconfigured devices have different verdicts") {
   Bench b;
   b.unplug_radar();
   b.lab->set({"depth.address="});
@@ -76,7 +76,7 @@ TEST_CASE("a device that is not there, and one that is not configured") {
   CHECK(has(b.events("radar"), "not there at the start"));
 }
 
-TEST_CASE("without a required device there is no run, and records without it are incomplete") {
+TEST_CASE("run needs its required devices, and records without them are incomplete") {
   SECTION("at the start") {
     Bench b({.radar_required = true});
     b.unplug_radar();
@@ -95,8 +95,9 @@ TEST_CASE("without a required device there is no run, and records without it are
   }
 }
 
-TEST_CASE("kept bytes make the live run anew, byte by byte, through faults and reconnections") {
-  const double window_s = GENERATE(3.0, 12.0);  // longer slots do not wait for a multiple of theirs
+TEST_CASE("raw capture reproduces the live run bitwise, with faults and reconnections") {
+  const double window_s =
+      GENERATE(3.0, 12.0);  // longer slots do not align to a multiple of their length
   Bench b({.window_s = window_s,
            .faults = {fault("tdc", FaultKind::unplug, 30, 5),
                       fault("tdc", FaultKind::corrupt, 40, 10, 0.05),
@@ -131,7 +132,7 @@ TEST_CASE("kept bytes make the live run anew, byte by byte, through faults and r
         std::vector(live[0].spd.begin(), live[0].spd.begin() + 10));
 }
 
-TEST_CASE("a folder of kept bytes that tells of no slot, or of bytes that are not there") {
+TEST_CASE("raw capture without a slot or with missing bytes is refused") {
   Bench b;
   auto run = b.run(2);
   run.keep_raw = b.folder / "raw";
@@ -155,12 +156,12 @@ TEST_CASE("a folder of kept bytes that tells of no slot, or of bytes that are no
   SECTION("no slot") { name = "run.times", why = "run.times: tells of no slot that ended"; }
   std::ofstream(run.keep_raw + "/" + name) << text;
   CHECK_THAT(refusal(), Catch::Contains(why));
-  // Nothing stands at its place or beside it.
+  // Leaves no file.
   for (const auto& file : std::filesystem::directory_iterator(b.folder.path))
     CHECK(file.path().filename().string().find("x.sqlite") == std::string::npos);
 }
 
-TEST_CASE("a countdown: the first slot begins so much later") {
+TEST_CASE("countdown delays the first slot") {
   const auto first = [](std::int64_t countdown_s) {
     Bench b({.window_s = 1});
     auto run = b.run(2);
@@ -172,7 +173,7 @@ TEST_CASE("a countdown: the first slot begins so much later") {
   CHECK(first(5) - first(0) == std::chrono::seconds(5));
 }
 
-TEST_CASE("a laser too weak is told once, and counted in every record") {
+TEST_CASE("weak laser is reported once and counted in every record") {
   Bench b({.signal_photons = 100});
   auto run = b.run(6);
   run.strict = true;
@@ -182,7 +183,7 @@ TEST_CASE("a laser too weak is told once, and counted in every record") {
   CHECK(b.events("spd").size() == 1);
 }
 
-TEST_CASE("a laser that fades, a camera and a radar that freeze: each is told once") {
+TEST_CASE("fading laser, frozen camera and frozen radar are reported once each") {
   Bench b({.faults = {fault("tdc", FaultKind::gain, 60, 15, 0.03),
                       fault("depth", FaultKind::freeze, 90, 15),
                       fault("radar", FaultKind::freeze, 120, 15)},
@@ -193,7 +194,7 @@ TEST_CASE("a laser that fades, a camera and a radar that freeze: each is told on
   for (const auto& [sensor, kind] : kinds) {
     const Strings all = b.verdicts(sensor);
     CAPTURE(name_of(sensor));
-    CHECK(std::count(all.begin(), all.end(), kind) >= 3);  // the slots taken wholly
+    CHECK(std::count(all.begin(), all.end(), kind) >= 3);  // the complete slots
     CHECK(std::count(all.begin(), all.end(), kind) <= 5);
     CHECK(std::count(all.begin(), all.end(), "ok") + std::count(all.begin(), all.end(), kind) ==
           60);
@@ -204,7 +205,7 @@ TEST_CASE("a laser that fades, a camera and a radar that freeze: each is told on
   }
 }
 
-TEST_CASE("records that lost most of their frames are lossy, stay valid, and are told once") {
+TEST_CASE("records that lost most of their frames are lossy, stay valid, and are reported once") {
   Bench b({.faults = {fault("radar", FaultKind::drop, 60, 15, 0.6),
                       fault("depth", FaultKind::drop, 90, 15, 0.6)}});
   CHECK(b.lab->record(b.run(50)) == ExitCode::ok);
@@ -222,7 +223,7 @@ TEST_CASE("records that lost most of their frames are lossy, stay valid, and are
   CHECK_THAT(record::doubts_of(b.reader().summary()), Catch::Contains("radar lossy "));
 }
 
-TEST_CASE("a laboratory's scenes keep to the slots: no record sees two") {
+TEST_CASE("simulated scenes are aligned to the slots") {
   Bench b({.window_s = 1,
            .hold_s = 1,
            .scenes = "[[scene]]\nkind = \"person\"\nx_m = 0.0\nz_m = 3.0\nyaw_deg = 0.0\n"
@@ -235,14 +236,13 @@ TEST_CASE("a laboratory's scenes keep to the slots: no record sees two") {
     near.push_back(sum(r.spd.begin(), r.spd.begin() + static_cast<std::ptrdiff_t>(border)) /
                    sum(r.spd.begin(), r.spd.end()));
   }
-  for (std::size_t i = 5; i + 1 < near.size(); ++i) {  // by then the clock is known
-    CHECK(std::min(near[i], 1 - near[i]) < 0.15);      // the background's
+  for (std::size_t i = 5; i + 1 < near.size(); ++i) {  // the clock is known by then
+    CHECK(std::min(near[i], 1 - near[i]) < 0.15);      // background pixels
     CHECK((near[i] > 0.5) != (near[i + 1] > 0.5));
   }
 }
 
-TEST_CASE(
-    "the machine's clock goes a day forward and two back: slots keep their length, and say when") {
+TEST_CASE("slots keep their length when the machine's clock is set") {
   constexpr auto day = 24h;
   Bench b;
   port::Timer forward(b.lab->loop), back(b.lab->loop);
@@ -261,13 +261,13 @@ TEST_CASE(
   CHECK(steps == std::vector<double>{seconds(day), seconds(-2 * day)});
 }
 
-TEST_CASE("no run begins when UTC no longer fits its type") {
+TEST_CASE("run is refused if UTC exceeds its type") {
   Bench b;
   b.lab->loop.step_utc(24h * 365 * 237);
   CHECK_THROWS_WITH(b.lab->record(b.run(1)), Catch::Contains("the machine's clock is at 226"));
 }
 
-TEST_CASE("a device that is away stays ours: another run does not begin") {
+TEST_CASE("disconnected device stays locked against another run") {
   Bench b({.faults = {fault("radar", FaultKind::unplug, 20, 30)}});
   std::string refused;
   port::Timer other(b.lab->loop);
@@ -285,7 +285,7 @@ TEST_CASE("a device that is away stays ours: another run does not begin") {
   CHECK(refused.find("in use by echofuse-acquire run") != std::string::npos);
 }
 
-TEST_CASE("a camera that comes back with another axis is not used, and others are") {
+TEST_CASE("camera that returns with another axis is not used, other devices are") {
   Bench b({.faults = {fault("depth", FaultKind::unplug, 20, 6)}});
   port::Timer meanwhile(b.lab->loop);
   meanwhile.after(23s, [&] { b.lab->turn_camera(); });
@@ -295,7 +295,7 @@ TEST_CASE("a camera that comes back with another axis is not used, and others ar
   CHECK(has(b.events("depth"), "came back with another axis"));
 }
 
-TEST_CASE("a radar that comes back with another clock is placed by that one") {
+TEST_CASE("radar that returns with another clock is placed by that clock") {
   const double by_s = GENERATE(-10.0, -0.4, 2.0, 10.0);
   CAPTURE(by_s);
   Bench b({.faults = {fault("radar", FaultKind::unplug, 20, 10),

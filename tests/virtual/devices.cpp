@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Acts of the commands on the devices: stop them, tell their firmware, keep what comes late,
-// calibrate and examine them. On virtual time.
+// Commands that use the devices, on virtual time: stop, firmware check, late data, calibrate,
+// doctor.
 #include <fcntl.h>
 #include <unistd.h>
 
@@ -27,8 +27,8 @@ using namespace std::chrono_literals;
 
 namespace {
 
-// Between the tagger and the daemon: for a while it lets nobody in and keeps what comes, and on the
-// next connection sends that first.
+// Sits between tagger and daemon: for a while it refuses connections and buffers the data, which it
+// sends first on the next connection.
 class Keeper {
  public:
   Keeper(port::Loop& loop, port::ByteOpener& place) : loop_(loop), down_(loop), up_(place()) {
@@ -85,7 +85,7 @@ class Keeper {
 
 constexpr double spd_m = 437 * speed_of_light_m_s / 2e12, radar_m = 0.037;
 
-// A reflector at 1 m, and offsets that only the laboratory knows.
+// A reflector at 1 m, and range offsets of the simulated sensors.
 LaboratoryOptions reflector(double more_ps = 0, const std::string& before = "detector") {
   return {.signal_photons = 4e5,
           .scene = "reflector",
@@ -97,7 +97,7 @@ LaboratoryOptions reflector(double more_ps = 0, const std::string& before = "det
           }};
 }
 
-// The reflector's place is exact, so the standard errors are those of the measurement.
+// The reflector's position is exact, so the standard errors are those of the measurement.
 ExitCode calibrate(Laboratory& lab, bool check = false, acquire::CalibrateOptions options = {}) {
   options.check = check;
   options.distance_error_m = options.baseline_error_m = 0;
@@ -109,18 +109,18 @@ ExitCode calibrate(Laboratory& lab, bool check = false, acquire::CalibrateOption
 
 }  // namespace
 
-TEST_CASE("the radar is stopped after a run, also one that did not begin, unless it is to go on") {
+TEST_CASE("radar is stopped after a run, or a failed start, unless it is kept running") {
   Bench b;
   SECTION("after a run") {
     CHECK(b.lab->record(b.run(2)) == ExitCode::ok);
     CHECK_FALSE(b.lab->radar_radiates());
   }
-  SECTION("to go on") {
+  SECTION("keep running") {
     b.lab->set({"radar.keep_running=true"});
     CHECK(b.lab->record(b.run(2)) == ExitCode::ok);
     CHECK(b.lab->radar_radiates());
   }
-  SECTION("did not begin") {
+  SECTION("failed start") {
     b.lab->loop.ports.erase(b.lab->config().tdc.address);
     b.lab->set({"tdc.policy=required"});
     CHECK_THROWS_WITH(b.lab->record(b.run(2)), Catch::Contains("a required device"));
@@ -129,7 +129,7 @@ TEST_CASE("the radar is stopped after a run, also one that did not begin, unless
   }
 }
 
-TEST_CASE("a radar that does not answer sensorStop costs little, and is warned of") {
+TEST_CASE("radar that does not answer sensorStop causes a warning and a short delay") {
   Bench b;
   port::Timer choke(b.lab->loop);
   choke.after(10s, [&] { b.lab->choke_radar(true); });
@@ -137,8 +137,7 @@ TEST_CASE("a radar that does not answer sensorStop costs little, and is warned o
   CHECK(has(b.events("radar"), "did not confirm the stop"));
 }
 
-TEST_CASE(
-    "each SDK's firmware takes its own cfg, and that of another is told with the one to use") {
+TEST_CASE("cfg for another SDK is reported with the one to use") {
   const auto [sdk, cfg, told] = GENERATE(table<unsigned, const char*, const char*>(
       {{4, "xwr68xx_44mm_sdk3.4.cfg", ""},
        {5, "xwr68xx_44mm.cfg", ""},
@@ -156,8 +155,7 @@ TEST_CASE(
                Catch::StartsWith("mmWave SDK 03.0" + std::to_string(sdk)));
 }
 
-TEST_CASE(
-    "tags that a bridge kept go where their times say, or are late of the record they are of") {
+TEST_CASE("buffered tags go to the slot of their time stamps, or count as late there") {
   Bench b({.window_s = 0.5});
   Keeper keeper(b.lab->loop, b.lab->loop.ports.at(b.lab->config().tdc.address));
   port::Timer away(b.lab->loop), back(b.lab->loop);
@@ -172,12 +170,12 @@ TEST_CASE(
   const double usual = static_cast<double>(tags[tags.size() / 2]);
   for (const auto& r : all) CHECK(static_cast<double>(r.spd_counts.tags) < 1.5 * usual);
   const auto late = static_cast<double>(b.reader().late()[Sensor::spd]);
-  CHECK(late > 2 * usual);  // those of 2 s that no open slot takes
+  CHECK(late > 2 * usual);  // the 2 s for which no slot is open
   CHECK(late < 6 * usual);
   CHECK(std::count_if(all.begin(), all.end(), [](auto& r) { return !r.has(Sensor::spd); }) >= 2);
 }
 
-TEST_CASE("offsets are measured, stored, named by a run, and found again") {
+TEST_CASE("offsets are measured, stored, and used by a run") {
   Bench b(reflector());
   const std::string stored = b.folder / "calibration.toml";
   b.lab->set({"run.calibration=" + stored}, false);
@@ -187,7 +185,7 @@ TEST_CASE("offsets are measured, stored, named by a run, and found again") {
   for (const auto& [sensor, true_m] : {std::pair{Sensor::spd, spd_m}, {Sensor::radar, radar_m}}) {
     const record::CalibrationEntry* entry = measured.find(sensor);
     REQUIRE(entry);
-    // The plate's edges are farther than its middle: by less than 0.02 mm on average.
+    // The plate's edges are farther than its centre, by less than 0.02 mm on average.
     CHECK(std::abs(entry->offset_m - true_m) < 5 * entry->standard_error_m + 2e-5);
     CHECK(entry->standard_error_m < 3e-4);
   }
@@ -196,7 +194,7 @@ TEST_CASE("offsets are measured, stored, named by a run, and found again") {
   const auto named = b.reader().calibrations();
   REQUIRE(named.size() == 2);
   CHECK(named[0].offset_m == measured.entries[0].offset_m);
-  // One sensor again: the other one's entry stays as it is.
+  // Calibrating one sensor keeps the entry of the other.
   b.lab->set({"radar.cli=", "radar.data="});
   b.lab->loop.run_for(100s);
   REQUIRE(calibrate(*b.lab) == ExitCode::ok);
@@ -208,7 +206,7 @@ TEST_CASE("offsets are measured, stored, named by a run, and found again") {
   CHECK(calibrate(*slipped.lab, true) == ExitCode::failed);
 }
 
-TEST_CASE("both mountings of the reflector give the same offsets, the wrong one none") {
+TEST_CASE("both reflector mountings give equal offsets, the wrong one an error") {
   const auto stated = GENERATE(acquire::Mounting::detector, acquire::Mounting::each);
   const std::string placed = GENERATE("detector", "each");
   CAPTURE(acquire::name_of(stated), placed);
@@ -234,7 +232,7 @@ TEST_CASE("both mountings of the reflector give the same offsets, the wrong one 
   CHECK(c.baseline_m == 0.5);
 }
 
-TEST_CASE("antennas: both mountings give the channels' gains and phases") {
+TEST_CASE("both reflector mountings give the antennas' gains and phases") {
   const std::string placed = GENERATE("detector", "each");
   LaboratoryOptions options = reflector(0, placed);
   options.radar_cfg = "xwr68xx_azimuth_44mm.cfg";
@@ -253,15 +251,15 @@ TEST_CASE("antennas: both mountings give the channels' gains and phases") {
   const acquire::AntennaGains& gains = acquire::read_calibration(stored).antennas;
   REQUIRE(gains.gain.size() == 8);
   CHECK(gains.sine == Approx(placed == "each" ? 0 : 0.447214));
-  for (std::size_t m = 1; m < gains.gain.size(); ++m) {  // the simulated channels are alike
+  for (std::size_t m = 1; m < gains.gain.size(); ++m) {  // the simulated channels are equal
     CHECK(std::abs(gains.phase_rad[m]) < 5 * gains.standard_error[m] + 4e-3);
     CHECK(std::abs(gains.gain[m] - 1) < 5 * gains.standard_error[m]);
     CHECK(gains.standard_error[m] < 0.003);
   }
 }
 
-TEST_CASE("what cannot be measured is not stored") {
-  SECTION("nothing is there") {
+TEST_CASE("failed calibration is not stored") {
+  SECTION("no reflector") {
     LaboratoryOptions empty = reflector();
     empty.scene = "empty";
     Bench b(empty);
@@ -269,7 +267,7 @@ TEST_CASE("what cannot be measured is not stored") {
     CHECK(calibrate(*b.lab) == ExitCode::device);
     CHECK_FALSE(std::filesystem::exists(b.folder / "c.toml"));
   }
-  SECTION("a detector that clicks at nearly every pulse") {
+  SECTION("a saturated detector") {
     LaboratoryOptions bright = reflector();
     bright.laser_rate_hz = 1e4;
     Bench b(bright);
@@ -278,14 +276,14 @@ TEST_CASE("what cannot be measured is not stored") {
     CHECK(calibrate(*b.lab) == ExitCode::device);
     CHECK_FALSE(std::filesystem::exists(b.folder / "c.toml"));
   }
-  SECTION("against what is not known") {
+  SECTION("verification without a calibration") {
     Bench b(reflector());
     CHECK_THROWS_WITH(calibrate(*b.lab, true),
                       Catch::Contains("run.calibration names no calibration"));
   }
 }
 
-TEST_CASE("doctor: a blocked laser is a warning with the verdict of a run") {
+TEST_CASE("doctor warns of a blocked laser with the verdict of a run") {
   const auto said = [](double photons) {
     Bench b({.signal_photons = photons,
              .change = [](sim::Conditions& c) { c.background_counts = 1000; }});
@@ -309,7 +307,7 @@ TEST_CASE("doctor: a blocked laser is a warning with the verdict of a run") {
              Catch::Contains("\nwarning  spd  ") && Catch::Contains("-> no peak: no bins"));
 }
 
-TEST_CASE("doctor: the exit code is that of the first problem, of a device before the disk's") {
+TEST_CASE("exit code of doctor is that of the first problem, devices before disk") {
   Bench b;
   const auto examine = [&](std::optional<std::int64_t> count) {
     acquire::DoctorOptions options;
@@ -324,7 +322,7 @@ TEST_CASE("doctor: the exit code is that of the first problem, of a device befor
     b.lab->set({"tdc.start_channel=7"});
     CHECK(examine(1'000'000'000'000) == ExitCode::device);
   }
-  SECTION("the radar is not there") {
+  SECTION("missing radar") {
     b.unplug_radar();
     CHECK(examine(1'000'000'000'000) == ExitCode::device);
   }

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// A laboratory and a daemon in one process, on virtual time: the simulated devices meet the drivers
-// on wires in memory. With the same options the same bytes are written.
+// A laboratory and a daemon in one process, on virtual time: simulated devices and drivers are
+// connected in memory. Equal options give bitwise equal runs.
 #pragma once
 #include <cstdint>
 #include <functional>
@@ -16,20 +16,20 @@
 namespace echofuse::test {
 
 struct LaboratoryOptions {
-  std::string folder{};             // holds lab.toml
-  std::string name = "laboratory";  // the devices' own
+  std::string folder{};             // contains lab.toml
+  std::string name = "laboratory";  // part of the device names
   double window_s = 3;
-  double hold_s = 600;           // time that a scene stays
+  double hold_s = 600;           // duration of a scene
   double signal_photons = 1500;  // in 3 s
   std::uint64_t seed = 1;
   std::vector<sim::Fault> faults{};
-  std::string log{};     // path of the devices' log; empty: none
-  std::string scenes{};  // a list of scenes in place of mixed ones
+  std::string log{};     // log of the devices; empty: none
+  std::string scenes{};  // list of scenes instead of mixed ones
   bool radar_required = false;
-  std::string assignments{};  // lines more of lab.toml
+  std::string assignments{};  // additional lines of lab.toml
   std::string scene = "mixed";
-  std::string radar_cfg{};  // one of config/radar; empty: the paper's, at four frames a second
-  unsigned radar_sdk = 5;   // the 5 of SDK 3.5
+  std::string radar_cfg{};  // file of config/radar; empty: the paper's, at four frames per second
+  unsigned radar_sdk = 5;   // minor version: 5 for SDK 3.5
   double laser_rate_hz = 4e6;
   std::function<void(sim::Conditions&)> change{};
 };
@@ -42,17 +42,17 @@ class Laboratory {
   Laboratory& operator=(const Laboratory&) = delete;
 
   port::VirtualLoop loop{std::chrono::seconds(1'700'000'000)};
-  // Other values of the configuration: "tdc.bins=99".
+  // Overrides a setting: "tdc.bins=99".
   void set(std::initializer_list<std::string> assignments, bool with_calibration = true);
   const acquire::Config& config() const;
   bool radar_radiates() const;
-  // Only the first byte of what it answers comes through.
+  // Passes only the first byte of each reply.
   void choke_radar(bool choked);
-  // From now on the camera's pixels look elsewhere.
+  // Turns the camera's field of view from now on.
   void turn_camera();
-  // Records so many slots, or until interrupted. Throws as record_run does.
+  // Records this many slots, or until interrupted. Throws like record_run.
   ExitCode record(acquire::RunOptions run);
-  // The devices end, and what they did is in the log.
+  // Stops the devices and completes their log.
   void close();
 
  private:

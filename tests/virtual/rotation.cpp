@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// run --every: one run after another, without a lost slot.
+// run --every: consecutive runs without a lost slot.
 #include <map>
 #include <set>
 
@@ -46,7 +46,7 @@ std::map<std::string, std::uint64_t> counters_of(const std::string& file) {
 
 }  // namespace
 
-TEST_CASE("a rotation loses no slot, and each file is a run of its own") {
+TEST_CASE("rotation loses no slot, and each file is a complete run") {
   Bench whole, b;
   CHECK(whole.lab->record(whole.run(10)) == ExitCode::ok);
   Rotation rotation(b, 10, 4);
@@ -88,7 +88,7 @@ TEST_CASE("a rotation loses no slot, and each file is a run of its own") {
   CHECK(counters_of(rotation.files[1]).at("radar frames") == 4 * 12);
 }
 
-TEST_CASE("a rotation ends with a full file, and no empty one follows") {
+TEST_CASE("rotation ends with a full file, without an empty one") {
   Bench b;
   Rotation rotation(b, 8, 4);
   CHECK(b.lab->record(rotation.options) == ExitCode::ok);
@@ -96,7 +96,7 @@ TEST_CASE("a rotation ends with a full file, and no empty one follows") {
   for (const auto& file : rotation.files) CHECK(record::RunReader(file).count() == 4);
 }
 
-TEST_CASE("a device that is away when the next run begins is missing there, and comes back") {
+TEST_CASE("device missing at the start of the next file returns in it") {
   Bench b({.faults = {test::fault("radar", FaultKind::unplug, 20, 30)}});
   Rotation rotation(b, 24, 8);
   CHECK(b.lab->record(rotation.options) == ExitCode::ok);

@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""tests/virtual/soak.py VIRTUAL_RUN [--hours H] [--seed N] [--keep DIR]: a run on virtual time whose devices fail at
-random and at the same time. Every slot has a record, every loss is accounted for (scripts/audit_run.py), no slot is
-late, and a second run of the first hour has the same bytes. Exit code 1 if not."""
+"""tests/virtual/soak.py VIRTUAL_RUN [--hours H] [--seed N] [--keep DIR]: records on virtual time while devices fail at
+random, also at the same time. Every slot must have a record, every loss must be accounted for (scripts/audit_run.py), no
+slot may be late, and a second run of the first hour must be bitwise equal. Otherwise exits with 1."""
 import argparse
 import hashlib
 import importlib.machinery
@@ -16,8 +16,8 @@ import tempfile
 
 scripts = pathlib.Path(__file__).resolve().parents[2] / "scripts"
 WINDOW_S = 3
-folder_in_memory = "/dev/shm" if os.path.isdir("/dev/shm") else None  # a disk is no part of this
-PAUSE_S = 40  # mean time from the beginning of a device's fault to that of its next
+folder_in_memory = "/dev/shm" if os.path.isdir("/dev/shm") else None  # keeps the disk out of the measurement
+PAUSE_S = 40  # mean time between the starts of two faults of a device
 
 
 def load(name):
@@ -28,7 +28,7 @@ def load(name):
 
 
 def faults(seconds, seed):
-    """As scripts/soak draws them, but rarer."""
+    """Draws random faults as scripts/soak does, but fewer."""
     soak = load("soak")
     soak.PAUSE_S = PAUSE_S
     soak.TROUBLE["depth"] = [trouble for trouble in soak.TROUBLE["depth"] if trouble[0] != "garbage"]
@@ -36,7 +36,7 @@ def faults(seconds, seed):
 
 
 def record(program, folder, fault_text, slots, seed):
-    """The processor's seconds."""
+    """Records a run and returns the processor time in seconds."""
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "faults.toml").write_text(fault_text)
     done = subprocess.run([program, "--out", folder / "run.sqlite", "--slots", str(slots), "--window", str(WINDOW_S), "--seed",
@@ -66,22 +66,22 @@ def main():
         print(f"{records} records of {slots}, {status}, {events} events, latest slot {1e3 * late_s:.3f} ms late, "
               f"{cpu_s:.1f} s of processor time")
         if (status, records, late_s) != ("complete", slots, 0):
-            wrong.append("the run is not whole")
+            wrong.append("the run is not complete")
         audit = subprocess.run([sys.executable, scripts / "audit_run.py", folder / "whole/run.sqlite",
                                 folder / "whole/log.jsonl"], stdout=subprocess.PIPE, text=True)
         print(audit.stdout, end="")
         if audit.returncode != 0:
-            wrong.append("the audit finds what has no explanation")
+            wrong.append("the audit found unexplained differences")
         hour = min(slots, 3600 // WINDOW_S)
         parts = ("first" if hour < slots else "whole", "second")
         for part in parts:
             if part != "whole":
                 record(args.program, folder / part, fault_text, hour, args.seed)
         first, second = (hashlib.sha256((folder / part / "run.sqlite").read_bytes()).hexdigest() for part in parts)
-        print("two runs of an hour:", first[:16], second[:16])
+        print("SHA-256 of two one-hour runs:", first[:16], second[:16])
         if first != second:
-            wrong.append("two runs of one seed differ")
-    print("\n".join(wrong or ["all is well"]))
+            wrong.append("two runs with the same seed differ")
+    print("\n".join(wrong or ["passed"]))
     return 1 if wrong else 0
 
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
 // virtual_run --out RUN --slots N [--window S] [--faults FILE] [--log FILE] [--seed N] [--name
-// NAME]: a run in a laboratory on virtual time. It prints the processor's seconds.
+// NAME]: records a run in a laboratory on virtual time and prints the processor time in seconds.
 #include <spdlog/spdlog.h>
 
 #include <CLI/CLI.hpp>

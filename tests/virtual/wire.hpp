@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Two wires in memory: one for bytes as they are, one on which a bridge's clients connect.
+// Two wires in memory: a plain byte stream, and a listener for a bridge's clients.
 #pragma once
 #include <functional>
 #include <memory>
@@ -13,7 +13,7 @@
 
 namespace echofuse::test {
 
-// Far end of the ports of one address, connected again and again.
+// Far end of the ports of one address; it can be reconnected.
 class Wire {
  public:
   Wire(port::Loop& loop, std::function<void(ByteView)> to_board)
@@ -22,11 +22,11 @@ class Wire {
   port::ByteOpener opener() {
     return [this] { return std::make_unique<Port>(*this); };
   }
-  // To the host, in one read; lost if it does not listen.
+  // To the host, as one read; lost if the host does not read.
   void send(ByteView bytes) {
     if (!cut) deliver(bytes);
   }
-  // Bytes that come in any case, as from another board on this wire.
+  // Bytes sent unconditionally, e.g. by another board on this wire.
   void noise(const std::string& text) {
     deliver(ByteView{reinterpret_cast<const std::uint8_t*>(text.data()), text.size()});
   }
@@ -44,8 +44,8 @@ class Wire {
     if (std::exchange(plugged_, in) == in) return;
     if (!in) later([](Link& link) { link.fail("read"); });
   }
-  bool cut = false;     // nothing of the board comes through
-  bool choked = false;  // only the first byte of each piece comes through
+  bool cut = false;     // drops everything from the board
+  bool choked = false;  // passes only the first byte of each piece
 
  private:
   struct Link {
@@ -92,12 +92,12 @@ class Wire {
   bool plugged_ = true;
 };
 
-// A bridge's end of a wire, where one client at a time is served; others wait for their turn.
+// The bridge's end of a wire: serves one client at a time, others wait.
 class MemoryListener final : public sim::Listener {
  public:
   explicit MemoryListener(port::Loop& loop) : loop_(loop) {}
 
-  // The opener of the driver. The listener outlives its ports.
+  // Opener for the driver. The listener outlives its ports.
   port::ByteOpener opener() {
     return [this] { return std::make_unique<Port>(*this); };
   }
@@ -151,7 +151,7 @@ class MemoryListener final : public sim::Listener {
         l.serve();
       });
     }
-    void write(ByteView) override {}  // a bridge's client says nothing
+    void write(ByteView) override {}  // a bridge's client sends nothing
     MemoryListener& listener;
     std::shared_ptr<Link> link = std::make_shared<Link>();
   };
