@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Gains and phases of the radar's antennas from frames with known ones.
+// Calibration of the radar's antennas from frames with known gains and phases.
 #include "acquire/calibrate/array_calibration.hpp"
 
 #include <cmath>
@@ -22,9 +22,9 @@ constexpr std::size_t bins = 16, reflector = 4;
 struct World {
   std::vector<double> gain{1, 0.8, 1.25, 1, 0.9, 1.1, 1, 0.7};
   std::vector<double> phase{0, 0.4, -2.9, 3.1, 1.5, -0.3, 0.02, 2.2};
-  double amplitude = 2000, noise = 60;  // standard deviation of the real and of the imaginary part
-  double second_wave = 0;               // a share of the amplitude, from the side
-  double drift_rad = 0.05;              // common to all antennas, each frame
+  double amplitude = 2000, noise = 60;  // standard deviation of real and imaginary part
+  double second_wave = 0;               // fraction of the amplitude, from the side
+  double drift_rad = 0.05;              // per frame, common to all antennas
 };
 
 std::vector<std::int16_t> frame_of(const World& w, std::mt19937& rng, std::size_t number) {
@@ -57,7 +57,7 @@ std::string refusal(const ArrayFrames& frames, std::size_t bin = reflector) {
 
 }  // namespace
 
-TEST_CASE("antennas: gains and phases come out within their errors, and the errors are honest") {
+TEST_CASE("antennas: gains and phases are found within their standard errors") {
   const World w;
   double squares = 0;
   int values = 0;
@@ -80,8 +80,7 @@ TEST_CASE("antennas: gains and phases come out within their errors, and the erro
   CHECK(squares / values == Approx(1).margin(0.15));
 }
 
-TEST_CASE(
-    "antennas: refused in one line where there is no peak, no one wave, or an antenna is dead") {
+TEST_CASE("antennas: missing peak, several waves or a dead antenna are refused") {
   World w;
   CHECK(refusal(frames_of(w, 7, 1)) == "fewer than 8 frames with the antennas' samples came");
   CHECK(
@@ -93,11 +92,11 @@ TEST_CASE(
   CHECK(has(refusal(frames_of(w, 20, 1)), "antenna 5 has -"));
   w.gain[5] = 1, w.noise = 0;
   const AntennaFit fit = fit_antennas(frames_of(w, 20, 1), 8, reflector);
-  CHECK(fit.gains.standard_error[3] > 1e-4);  // the rounding alone, which repeats itself
+  CHECK(fit.gains.standard_error[3] > 1e-4);  // rounding, which is the same in every frame
   CHECK(refusal(ArrayFrames(20, std::vector<std::int16_t>(bins * 16))) != "");
 }
 
-TEST_CASE("antennas: what moves between the repeats widens the errors") {
+TEST_CASE("antennas: differences between repeats increase the errors") {
   const World w;
   AntennaGains all = fit_antennas(frames_of(w, 80, 3), 8, reflector).gains;
   const AntennaGains before = all;
@@ -116,7 +115,7 @@ TEST_CASE("antennas: what moves between the repeats widens the errors") {
   CHECK(largest_residual(slipped, before) == Approx(7 / std::sqrt(2.0)));
 }
 
-TEST_CASE("antennas: a calibration file keeps them, and one without them loads") {
+TEST_CASE("antennas: calibration file stores them, and is valid without them") {
   const Folder folder;
   const std::string path = folder / "c.toml";
   Calibration c;
@@ -145,7 +144,7 @@ TEST_CASE("antennas: a calibration file keeps them, and one without them loads")
   CHECK(refused("gain = \"1 1\"\nphase_rad = \"0 0 0\"\nstandard_error = \"0 0\"\n"));
 }
 
-TEST_CASE("antennas: the configuration has the board's places and the calibration's gains") {
+TEST_CASE("antennas: configuration combines positions of the board and calibrated gains") {
   const Folder folder;
   const std::string path = folder / "lab.toml",
                     radar = echofuse::test::source_dir + "/config/radar/";

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Acts of others beside a run that is being written: on its files, its lock, its readers.
+// Other programs that access a run being written: its files, its lock, its readers.
 #include <fcntl.h>
 #include <sqlite3.h>
 #include <sys/file.h>
@@ -42,7 +42,7 @@ std::unique_ptr<RunWriter> begin(const std::string& path, std::int64_t records) 
   return run;
 }
 
-// As another program may: what was committed goes from the WAL into the database.
+// Does what another program may do: moves committed data from the WAL into the database.
 void checkpoint(const std::string& path) { sql(open(path), "PRAGMA wal_checkpoint(TRUNCATE)"); }
 
 void overwrite(const std::string& path, std::size_t at, std::size_t size) {
@@ -68,7 +68,7 @@ void check_whole(const std::string& path, std::int64_t records, const std::strin
 
 }  // namespace
 
-TEST_CASE("a run whose files are taken away ends at the next record, with all of it in a copy") {
+TEST_CASE("run with removed files ends at the next record and is rescued to a copy") {
   const Folder folder;
   const std::string path = folder / "a.sqlite", copy = folder / "a.rescued.sqlite";
   write_file(folder / "x", "");
@@ -103,7 +103,7 @@ TEST_CASE("a run whose files are taken away ends at the next record, with all of
     }
 }
 
-TEST_CASE("a run is not closed as complete into a file that is not there") {
+TEST_CASE("run whose file is missing is not closed as complete") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
   write_file(folder / "a.rescued.sqlite", "somebody's");
@@ -118,7 +118,7 @@ TEST_CASE("a run is not closed as complete into a file that is not there") {
   CHECK_FALSE(fs::exists(path + "-wal"));
 }
 
-TEST_CASE("a damaged file ends a run, one that is only touched does not") {
+TEST_CASE("damaged file ends a run, a touched one does not") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
   const auto run = begin(path, 20);
@@ -156,7 +156,7 @@ TEST_CASE("a damaged file ends a run, one that is only touched does not") {
   }
 }
 
-TEST_CASE("a run whose WAL is shortened ends at the next record, with all of it in a copy") {
+TEST_CASE("run with a shortened WAL ends at the next record and is rescued to a copy") {
   const Folder folder;
   const std::string path = folder / "a.sqlite", copy = folder / "a.rescued.sqlite";
   const std::int64_t records = GENERATE(3, 70);
@@ -176,7 +176,7 @@ TEST_CASE("a run whose WAL is shortened ends at the next record, with all of it 
   check_whole(copy, records, "complete");
 }
 
-TEST_CASE("a WAL that a reader keeps from being taken over whole is not shortened unseen") {
+TEST_CASE("shortened WAL is detected if a reader blocks the checkpoint") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
   const auto run = begin(path, 5);
@@ -190,7 +190,7 @@ TEST_CASE("a WAL that a reader keeps from being taken over whole is not shortene
   CHECK(text == path + ": its -wal file was shortened during the run");
 }
 
-TEST_CASE("what others take over from the WAL is not missing in it") {
+TEST_CASE("WAL checkpointed by another program is not reported as shortened") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
   const auto run = begin(path, 5);
@@ -201,7 +201,7 @@ TEST_CASE("what others take over from the WAL is not missing in it") {
     if (GENERATE(false, true)) more();
     checkpoint(path);
   }
-  SECTION("of what we took over") {
+  SECTION("after our own checkpoint") {
     while (fs::file_size(path) < 100'000 || fs::file_size(path + "-wal") == 0) more();
     checkpoint(path);
     CHECK(fs::file_size(path + "-wal") == 0);
@@ -211,7 +211,7 @@ TEST_CASE("what others take over from the WAL is not missing in it") {
   check_whole(path, records, "complete");
 }
 
-TEST_CASE("a run does not need more memory the longer it is") {
+TEST_CASE("memory does not grow with the length of a run") {
   const Folder folder;
   const auto before = sqlite3_memory_used();
   const auto run = begin(folder / "a.sqlite", 0);
@@ -226,7 +226,7 @@ TEST_CASE("a run does not need more memory the longer it is") {
   CHECK(fs::file_size(folder / "a.sqlite") > 4'000'000);
 }
 
-TEST_CASE("a run is not closed as complete without all of its records") {
+TEST_CASE("run with missing records is not closed as complete") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
   const auto run = begin(path, 6);
@@ -244,7 +244,7 @@ TEST_CASE("a run is not closed as complete without all of its records") {
   CHECK(has(text, path + ": " + said));
 }
 
-TEST_CASE("a run whose WAL's index is shortened goes on") {
+TEST_CASE("run with a shortened WAL index goes on") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
   const auto run = begin(path, 6);
@@ -261,7 +261,7 @@ TEST_CASE("a run whose WAL's index is shortened goes on") {
   check_whole(path, 7, "complete");
 }
 
-TEST_CASE("closing does not wait for a reader, who comes later folds the WAL back") {
+TEST_CASE("closing does not wait for a reader, and a later program merges the WAL") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
   const auto run = begin(path, 5);
@@ -280,7 +280,7 @@ TEST_CASE("closing does not wait for a reader, who comes later folds the WAL bac
     CHECK(std::chrono::steady_clock::now() - start < std::chrono::seconds(3));
     check_whole(path, 6, "complete");
     CHECK(fs::exists(path + "-wal"));
-    // Killed, so that it does not tidy up: as a reader that may not write.
+    // Killed without cleanup, as for a reader that may not write.
     sqlite3_db_config(reader.get(), SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, 1, nullptr);
   }
   recover(path);
@@ -288,23 +288,23 @@ TEST_CASE("closing does not wait for a reader, who comes later folds the WAL bac
   check_whole(path, 6, "complete");
 }
 
-TEST_CASE("a label that waits while the run is closed is refused") {
+TEST_CASE("label that waits while the run is closed is refused") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
   const auto run = begin(path, 1);
   const Database closer = open(path);
   sql(closer, "BEGIN IMMEDIATE; UPDATE run SET status = 'complete'");
   auto label = std::async(std::launch::async, [&] { put_label(path, "door", "me"); });
-  std::this_thread::sleep_for(std::chrono::milliseconds(300));  // time to see an open run
+  std::this_thread::sleep_for(std::chrono::milliseconds(300));  // enough to find the run open
   sql(closer, "COMMIT");
   CHECK(has(error_of([&] { label.get(); }).second, "nobody is recording this run"));
   CHECK(RunReader(path).events().empty());
 }
 
-TEST_CASE("the lock is a file of ours, or there is no run, it stays") {
+TEST_CASE("run needs a valid lock file, which remains afterwards") {
   const Folder folder;
   const std::string path = folder / "a.sqlite", lock = path + "-lock";
-  SECTION("something else is there") {
+  SECTION("another file has its name") {
     write_file(folder / "victim", "precious");
     const std::string kind = GENERATE("link", "dangling", "file", "hard link", "fifo", "folder");
     if (kind == "link") fs::create_symlink(folder / "victim", lock);
@@ -326,7 +326,7 @@ TEST_CASE("the lock is a file of ours, or there is no run, it stays") {
     if (kind == "file") CHECK(fs::file_size(lock) == 8);
     CHECK_FALSE(WriterLock::someone_writes(path));
   }
-  SECTION("as a crash leaves it") {
+  SECTION("after a crash") {
     write_file(lock, std::string(128 << 10, '\0'));
     const ino_t before = inode(lock);
     auto run = begin(path, 1);
@@ -338,7 +338,7 @@ TEST_CASE("the lock is a file of ours, or there is no run, it stays") {
     CHECK(fs::file_size(lock) == 0);
     CHECK_FALSE(WriterLock::someone_writes(path));
   }
-  SECTION("a reader that asks does not take it") {
+  SECTION("a query does not take the lock") {
     begin(path, 1)->close("complete");
     const int reader = ::open(lock.c_str(), O_RDONLY);
     REQUIRE(flock(reader, LOCK_SH | LOCK_NB) == 0);
@@ -349,7 +349,7 @@ TEST_CASE("the lock is a file of ours, or there is no run, it stays") {
 
 namespace {
 
-// SQLite's own file system, as one without shared memory.
+// SQLite's own file system layer, without shared memory.
 int open_without_memory(sqlite3_vfs* self, const char* name, sqlite3_file* file, int flags,
                         int* out) {
   auto* whole = static_cast<sqlite3_vfs*>(self->pAppData);
@@ -365,7 +365,7 @@ int open_without_memory(sqlite3_vfs* self, const char* name, sqlite3_file* file,
 
 }  // namespace
 
-TEST_CASE("a file system without shared memory is refused") {
+TEST_CASE("file system without shared memory is refused") {
   const Folder folder;
   sqlite3_vfs* const whole = sqlite3_vfs_find(nullptr);
   sqlite3_vfs network = *whole;

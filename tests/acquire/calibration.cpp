@@ -8,7 +8,7 @@ using namespace echofuse;
 using namespace echofuse::acquire;
 using namespace testing;
 
-TEST_CASE("a calibration file reads back as it was written") {
+TEST_CASE("calibration file reads back as written") {
   const Folder folder;
   const std::string path = folder / "c.toml";
   Calibration c;
@@ -34,7 +34,7 @@ TEST_CASE("a calibration file reads back as it was written") {
   CHECK(back.firmware->lines == 7);
 }
 
-TEST_CASE("what was not measured anew is kept") {
+TEST_CASE("calibration keeps values that were not measured again") {
   Calibration stored, fresh;
   stored.entries = {{Sensor::spd, "old", "m", 1, 0.1, 1e-4},
                     {Sensor::radar, "old", "m", 1, 0.2, 1e-4}};
@@ -50,7 +50,7 @@ TEST_CASE("what was not measured anew is kept") {
   CHECK(fresh.over(stored).firmware->lines == 4);
 }
 
-TEST_CASE("calibration files that cannot be are refused with their place") {
+TEST_CASE("invalid calibration files are refused with line and column") {
   const Folder folder;
   const std::string path = folder / "c.toml";
   const auto refusal = [&](const std::string& text) {
@@ -67,7 +67,7 @@ TEST_CASE("calibration files that cannot be are refused with their place") {
   CHECK(error_of([&] { write_calibration(folder / "no/c.toml", {}); }).first == ExitCode::disk);
 }
 
-TEST_CASE("the radar's own calibration line") {
+TEST_CASE("radar calibration line is formatted for the cfg") {
   const auto bias =
       radar::parse_firmware_bias("compRangeBiasAndRxChanPhase 0.0512345 1.0 0.0 -0.5 0.25");
   REQUIRE(bias);

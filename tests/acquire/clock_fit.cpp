@@ -16,7 +16,7 @@ namespace {
 
 constexpr HostTime host_start = 5000s;
 
-// A device whose clock shows `offset_s` at host_start and runs too fast by `drift`.
+// A device clock that shows `offset_s` at host_start and is fast by `drift`.
 struct Device {
   double tick_s, offset_s, drift;
   std::uint64_t mask = ~0ull;
@@ -38,8 +38,8 @@ struct Outcome {
   double worst_s, residual_s, drift_error_ppm, offset_error_s;
 };
 
-// 90 s of samples, read after 0 to 50 ms, one in twenty after up to 550 ms; a sample waits for
-// those before it. The worst error of what was placed after the first 30 s.
+// Feeds 90 s of samples, read after 0 to 50 ms, one in twenty after up to 550 ms; later samples
+// queue behind a late one. Returns the worst error after the first 30 s.
 Outcome watch(ClockFit fit, const Device& device, double rate_hz, std::uint64_t seed) {
   Rng rng = make_rng(seed, 7);
   std::uniform_real_distribution<double> uniform(0, 1);
@@ -59,7 +59,7 @@ Outcome watch(ClockFit fit, const Device& device, double rate_hz, std::uint64_t 
           std::abs(state.offset_s - offset_s)};
 }
 
-// Feeds `count` samples of 10 a second, each read 1 ms late, from time t on.
+// Feeds `count` samples at 10 per second, each read 1 ms late, from time t on.
 double feed(ClockFit& fit, const Device& device, double t, int count) {
   for (int i = 0; i < count; ++i, t += 0.1) fit.add(device.ticks(t), host(t + 0.001));
   return t;
@@ -67,11 +67,11 @@ double feed(ClockFit& fit, const Device& device, double t, int count) {
 
 }  // namespace
 
-TEST_CASE("offsets of +-500 ms and drifts of 200 ppm are found to 5 ms under random delays") {
+TEST_CASE("offsets of +-500 ms and drifts of 200 ppm are found to 5 ms with random delays") {
   std::vector<double> worst, residual, drift;
   for (std::uint64_t seed = 0; seed < 300; ++seed) {
     const double offset_s = -0.5 + static_cast<double>(seed) / 299, sign = seed % 2 ? 1 : -1;
-    // The frames of a radar and a camera, and the blocks of a tagger without much to tell.
+    // Rates of radar and camera frames, and of a tagger's blocks at a low count rate.
     const Device radar{5e-9, offset_s, sign * 200e-6, 0xffff'ffff};
     const Device camera{1e-6, 1000 + offset_s, sign * 200e-6};
     const Device tagger{1e-12, offset_s, sign * 200e-6};
@@ -93,7 +93,7 @@ TEST_CASE("offsets of +-500 ms and drifts of 200 ppm are found to 5 ms under ran
   CHECK(drift.back() < 100);
 }
 
-TEST_CASE("without much delay the fit is as good as the receipts") {
+TEST_CASE("with small delays the fit is as accurate as the times of receipt") {
   const Device device{1e-6, -0.5, 200e-6};
   ClockFit fit(1e-6);
   Rng rng = make_rng(1, 0);
@@ -108,17 +108,17 @@ TEST_CASE("without much delay the fit is as good as the receipts") {
   CHECK(std::abs(state.drift_ppm - 200) < 1);
   CHECK(std::abs(state.offset_s - (seconds(host_start) + 0.5 - 200 * 200e-6)) < 50e-6);
   CHECK(state.residual_s < 20e-6);
-  CHECK((state.samples > 4000 && state.samples < 4400));  // the samples of 128 s
+  CHECK((state.samples > 4000 && state.samples < 4400));  // samples within 128 s
 }
 
-TEST_CASE("a constant delay is part of the offset") {
+TEST_CASE("constant delay is part of the offset") {
   const Device device{1e-6, 0, 0};
   ClockFit fit(1e-6);
   feed(fit, device, 0, 100);  // 1 ms late
   CHECK(abs(fit.taken(device.ticks(5), host(6)) - host(5.001)) <= 1ns);
 }
 
-TEST_CASE("before the fit is sound a sample was taken when it was read") {
+TEST_CASE("samples are placed by their receipt before the fit is valid") {
   const Device device{1e-6, 3, 0};
   ClockFit fit(1e-6);
   CHECK_FALSE(fit.sound());
@@ -129,12 +129,12 @@ TEST_CASE("before the fit is sound a sample was taken when it was read") {
   feed(fit, device, 3.1, 1);
   CHECK(fit.sound());
   CHECK(fit.taken(device.ticks(1), host(9)) == host(1.001));
-  // Never after its receipt.
+  // never later than its receipt
   CHECK(fit.taken(device.ticks(4), host(3.9)) == host(3.9));
 }
 
-TEST_CASE("counters go round") {
-  SECTION("the radar's every 21.47 s, also while a frame is missing") {
+TEST_CASE("wrapped counters are unwrapped") {
+  SECTION("the radar's every 21.47 s, also with a missing frame") {
     const Device device{5e-9, 20, -150e-6, 0xffff'ffff};
     ClockFit fit(5e-9, 32);
     double t = 0;
@@ -143,7 +143,7 @@ TEST_CASE("counters go round") {
     CHECK(std::abs(fit.state(host(t))->drift_ppm + 150) < 2);
   }
   SECTION("the tagger's after 2^63 ps") {
-    const Device device{1e-12, 9'223'371.0, 0};  // 1 s before it
+    const Device device{1e-12, 9'223'371.0, 0};  // 1 s before the wrap
     ClockFit fit(1e-12);
     const double t = feed(fit, device, 0, 100);
     CHECK(static_cast<std::int64_t>(device.ticks(t)) < 0);
@@ -151,7 +151,7 @@ TEST_CASE("counters go round") {
   }
 }
 
-TEST_CASE("damaged times move nothing") {
+TEST_CASE("damaged time stamps do not affect the fit") {
   const Device device{1e-12, 100, 0};
   ClockFit fit(1e-12);
   double t = feed(fit, device, 0, 100);
@@ -159,24 +159,24 @@ TEST_CASE("damaged times move nothing") {
   for (int i = 0; i < 200; ++i) {
     const std::uint64_t wrong = rng();
     fit.add(wrong, host(t));
-    CHECK(fit.taken(wrong, host(t)) == host(t));  // doubtful: by its receipt
+    CHECK(fit.taken(wrong, host(t)) == host(t));  // placed by its receipt
     t = feed(fit, device, t, 2);
     REQUIRE(error_s(fit, device, t - 0.1, host(t)) < 0.0011);
   }
 }
 
-TEST_CASE("a clock that begins anew is followed") {
+TEST_CASE("restarted clock is detected and followed") {
   const Device before{1e-6, 1000, 100e-6};
   ClockFit fit(1e-6);
   double t = feed(fit, before, 0, 600);
   Device after = before;
   SECTION("the device started again") { after.offset_s = -t; }
   SECTION("its clock was set forward") { after.offset_s += 30; }
-  SECTION("its clock fell back by less than one notices at once") {
+  SECTION("its clock stepped back by less than the detection limit") {
     after.offset_s -= 0.7;
     t = feed(fit, after, t, 35);
   }
-  SECTION("nothing came for a while") {
+  SECTION("a gap in the samples") {
     after.offset_s -= 0.4;
     t += 11;
   }
@@ -187,7 +187,7 @@ TEST_CASE("a clock that begins anew is followed") {
   CHECK(error_s(fit, after, t - 1, host(t)) < 0.0011);
 }
 
-TEST_CASE("a program that stood still, or a queue that is emptied, is no new clock") {
+TEST_CASE("stalled program or emptied queue is not mistaken for a new clock") {
   const Device device{1e-6, 1, 0};
   ClockFit fit(1e-6);
   double t = feed(fit, device, 0, 100);
@@ -198,7 +198,7 @@ TEST_CASE("a program that stood still, or a queue that is emptied, is no new clo
   CHECK(error_s(fit, device, t - 1, host(t)) < 0.0011);
 }
 
-TEST_CASE("the last event of a block is the one whose delay counts") {
+TEST_CASE("delay of a block is that of its last event") {
   SensorClocks clocks;
   Tag no_event;
   no_event.type = TagType::overflow_end;

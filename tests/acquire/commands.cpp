@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// echofuse-acquire as a user meets it: exit codes, one line of error, what it prints.
+// echofuse-acquire from the user's side: exit codes, error lines, output.
 #include <signal.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -16,7 +16,7 @@ namespace {
 
 using Json = nlohmann::json;
 
-// An address where nobody listens; another for each process, as devices are one program's at a
+// An address without a listener, different in each process, because devices are locked.
 // time.
 const std::string host = [] {
   const auto pid = static_cast<unsigned>(::getpid());
@@ -42,7 +42,7 @@ Json json_of(const std::string& arguments) {
 
 }  // namespace
 
-TEST_CASE("no run without a required device") {
+TEST_CASE("run is refused without a required device") {
   const Folder folder;
   write_file(folder / "a.toml",
              "[run]\nconnect_timeout_s = 0.2\n" + tdc_nowhere + "policy = \"required\"\n");
@@ -51,7 +51,7 @@ TEST_CASE("no run without a required device") {
   CHECK_FALSE(fs::exists(folder / "run.sqlite"));
 }
 
-TEST_CASE("help, version and durations") {
+TEST_CASE("help, version and durations are accepted") {
   for (const char* command : {"", "run", "devices", "doctor", "config", "config check",
                               "config show", "info", "annotate", "list", "calibrate", "import"}) {
     const Outcome o = acquire(std::string(command) + " --help");
@@ -65,11 +65,11 @@ TEST_CASE("help, version and durations") {
   for (const char* no_time : {"10", "2h30", "30m2h", "2h2h", "h", "''", "2h-30m", "2x", "nans"})
     refuses(std::string("run --out a --duration ") + no_time, 2, "a number with its unit");
   for (const char* time :
-       {"2h30m", "'1h 30m 10s'", "90min", "1.5h"})  // read; then there is no file
+       {"2h30m", "'1h 30m 10s'", "90min", "1.5h"})  // valid durations; then the file is missing
     refuses(std::string("doctor --config no.toml --duration ") + time, 3, "no.toml");
 }
 
-TEST_CASE("bad configurations and targets of a run") {
+TEST_CASE("invalid configurations and output names are refused") {
   const Folder folder;
   const std::string config = " --config " + folder / "lab.toml";
   refuses("run --out " + folder / "a" + config, 3, "lab.toml: cannot read");
@@ -85,7 +85,7 @@ TEST_CASE("bad configurations and targets of a run") {
   CHECK(fs::file_size(folder / "a.sqlite") == 8);
 }
 
-TEST_CASE("config check says ok or all faults, config show prints values with their origin") {
+TEST_CASE("config check prints ok or all faults, config show prints values with their source") {
   const Folder folder;
   const std::string path = folder / "lab.toml", config = " --config " + path;
   write_file(path, "[tdc]\naddress = \"bridge:tcp://127.0.0.1:9\"\nbin_width_ps = 50\n");
@@ -110,7 +110,7 @@ TEST_CASE("config check says ok or all faults, config show prints values with th
   CHECK(acquire("config check --config /dev/stdin < " + path).code == 0);
 }
 
-TEST_CASE("a FIFO in place of a file is refused, and nobody waits for its writer") {
+TEST_CASE("FIFO instead of a file is refused without waiting") {
   const Folder folder;
   write_run(folder / "a.sqlite", 2);
   REQUIRE(::mkfifo((folder / "f.sqlite").c_str(), 0666) == 0);
@@ -126,13 +126,13 @@ TEST_CASE("a FIFO in place of a file is refused, and nobody waits for its writer
   for (const char* beside : {"-wal", "-shm", "-journal"}) {
     const std::string name = folder / "a.sqlite" + beside;
     REQUIRE(::mkfifo(name.c_str(), 0666) == 0);
-    CHECK(acquire("info " + folder / "a.sqlite").code == 0);  // closed: not read
+    CHECK(acquire("info " + folder / "a.sqlite").code == 0);  // closed runs: the FIFO is not read
     fs::remove(name);
   }
   CHECK(acquire("info " + folder / "a.sqlite").code == 0);
 }
 
-TEST_CASE("what cannot be printed is a failure") {
+TEST_CASE("failed output gives an error exit code") {
   const Folder folder;
   write_run(folder / "a.sqlite", 2);
   write_file(folder / "lab.toml", "[tdc]\naddress = \"bridge:tcp://127.0.0.1:9\"\n");
@@ -147,7 +147,7 @@ TEST_CASE("what cannot be printed is a failure") {
   }
 }
 
-TEST_CASE("doctor without a configuration looks at the machine, a bad one ends it") {
+TEST_CASE("doctor checks the machine without a configuration, an invalid one stops it") {
   const Folder folder;
   const std::string here =
       "cd " + folder / "" + " && " + echofuse::test::bin_dir + "/echofuse-acquire doctor";
@@ -169,7 +169,7 @@ TEST_CASE("doctor without a configuration looks at the machine, a bad one ends i
   refuses("doctor --config " + folder / "none.toml", 3, "none.toml: cannot read");
 }
 
-TEST_CASE("metadata without a value, a folder that cannot be written") {
+TEST_CASE("metadata without a value and a read-only folder are refused") {
   const Folder folder;
   write_file(folder / "lab.toml", tdc_nowhere);
   const std::string config = " --config " + folder / "lab.toml";
@@ -179,7 +179,7 @@ TEST_CASE("metadata without a value, a folder that cannot be written") {
           "--meta a: given twice");
   fs::create_directory(folder / "closed");
   fs::permissions(folder / "closed", fs::perms::owner_read | fs::perms::owner_exec);
-  // Permissions do not bind root.
+  // root ignores permissions
   const std::string as_user = geteuid() == 0 ? "setpriv --bounding-set=-all --inh-caps=-all " : "";
   const Outcome o = shell(as_user + echofuse::test::bin_dir + "/echofuse-acquire run --out " +
                           folder / "closed/a" + config);
@@ -188,7 +188,7 @@ TEST_CASE("metadata without a value, a folder that cannot be written") {
   CHECK(has(o.text, "closed/a.sqlite: its folder is read-only: Permission denied"));
 }
 
-TEST_CASE("calibrate needs no calibration, and overwrites none that it cannot read") {
+TEST_CASE("calibrate needs no calibration, and does not overwrite an unreadable one") {
   const Folder folder;
   write_file(folder / "lab.toml",
              "[run]\nconnect_timeout_s = 0.2\ncalibration = \"c.toml\"\n" + tdc_nowhere);
@@ -206,7 +206,7 @@ TEST_CASE("calibrate needs no calibration, and overwrites none that it cannot re
           "no device to calibrate delivers after 0.2 s");
 }
 
-TEST_CASE("no device answers: one clear line each, and no file") {
+TEST_CASE("silent devices give one line each, and no file") {
   const Folder folder;
   write_file(folder / "lab.toml",
              "[run]\nconnect_timeout_s = 0.3\n" + tdc_nowhere + "[radar]\ncli = \"serial:" +
@@ -226,7 +226,7 @@ TEST_CASE("no device answers: one clear line each, and no file") {
   CHECK(list[0]["answers"] == false);
 }
 
-TEST_CASE("devices without a configuration only lists what is attached") {
+TEST_CASE("devices without a configuration lists the attached devices") {
   const Folder folder;
   const Outcome o = shell("cd " + folder / "" + " && " + echofuse::test::bin_dir +
                           "/echofuse-acquire devices --json");
@@ -239,7 +239,7 @@ TEST_CASE("devices without a configuration only lists what is attached") {
   refuses("devices --config " + folder / "none.toml", 3, "none.toml: cannot read");
 }
 
-TEST_CASE("info of a run") {
+TEST_CASE("info describes a run") {
   const Folder folder;
   const std::string run = folder / "a.sqlite";
   write_run(run, 6);
@@ -254,7 +254,7 @@ TEST_CASE("info of a run") {
   CHECK(has(acquire("info " + run).text, "6 records, complete"));
 }
 
-TEST_CASE("a run goes by its file and by the name that --out gave it") {
+TEST_CASE("run can be named by its file or by its --out name") {
   const Folder folder;
   write_run(folder / "m1.sqlite", 2);
   write_run(folder / "plain", 3);
@@ -267,7 +267,7 @@ TEST_CASE("a run goes by its file and by the name that --out gave it") {
   refuses("annotate " + folder / "m2" + " door", 1, "m2.sqlite: ");
 }
 
-TEST_CASE("a name that is not UTF-8 is written out in JSON, and not made") {
+TEST_CASE("name that is not UTF-8 is escaped in JSON and refused for new runs") {
   const Folder folder;
   const std::string name = folder / "m\xff.sqlite";
   write_run(name, 1);

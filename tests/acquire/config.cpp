@@ -17,7 +17,7 @@ std::pair<ExitCode, std::string> refusal(const std::string& path,
 
 }  // namespace
 
-TEST_CASE("the shipped configuration loads, with the radar cfg beside it") {
+TEST_CASE("shipped configuration loads with its radar cfg") {
   const Config config =
       load_config(echofuse::test::source_dir + "/config/lab.toml", {"run.window_s=0.5"});
   CHECK(config.configured() == SensorSet::from_bits(7));
@@ -31,7 +31,7 @@ TEST_CASE("the shipped configuration loads, with the radar cfg beside it") {
   CHECK(has(config.unfinished[1], "config/lab.toml:39:1: radar.data: still has"));
 }
 
-TEST_CASE("what was resolved loads again") {
+TEST_CASE("resolved configuration loads again") {
   const Folder folder;
   write_file(folder / "a.toml",
              "[depth]\naddress = \"openni:\"\nmap_size = 256\nmap_half_tangent = "
@@ -49,7 +49,7 @@ TEST_CASE("what was resolved loads again") {
   CHECK(has(refusal(folder / "a.toml", {"depth.map_size=257"}).second, "depth.map_size"));
 }
 
-TEST_CASE("all faults at once, each with its place") {
+TEST_CASE("all faults are reported together, with line and column") {
   const Folder folder;
   const std::string path = folder / "a.toml";
   write_file(path, "[run]\nwindow = 3\n[tdc]\nbins = \"many\"\n[depth]\naddres = \"openni:\"\n");
@@ -61,7 +61,7 @@ TEST_CASE("all faults at once, each with its place") {
   CHECK(has(text, path + ":6:1: unknown key \"depth.addres\""));
 }
 
-TEST_CASE("what one key alone cannot show") {
+TEST_CASE("inconsistent keys are refused") {
   const Folder folder;
   const std::string path = folder / "a.toml";
   SECTION("no device") {
@@ -70,7 +70,7 @@ TEST_CASE("what one key alone cannot show") {
     write_file(path, "\n[radar]\ncli = \"\"\n");
     CHECK(has(refusal(path).second, path + ":3:1: radar.cli: no device; expected"));
   }
-  SECTION("addresses that cannot be, all of them") {
+  SECTION("invalid addresses, all reported") {
     write_file(path,
                "[tdc]\naddress = \"openni:\"\n[radar]\ncli = \"bridge:tcp://h:1\"\n"
                "data = \"hid:10c4:ea80\"\ncfg = \"r.cfg\"\ndata_baud = 200\n");
@@ -95,7 +95,7 @@ TEST_CASE("what one key alone cannot show") {
     CHECK(has(refusal(path).second, "radar.cli and radar.data belong together"));
     CHECK(has(refusal(path).second, "radar.cfg is empty"));
   }
-  SECTION("a radar behind a bridge needs no cfg, and no ports") {
+  SECTION("a radar behind a bridge needs neither cfg nor ports") {
     write_file(path, "[radar]\naddress = \"bridge:tcp://h:1\"\n");
     CHECK(load_config(path).configured() == SensorSet::from_bits(2));
     CHECK(has(refusal(path, {"radar.cli=serial:/a", "radar.data=serial:/b"}).second,
@@ -103,7 +103,7 @@ TEST_CASE("what one key alone cannot show") {
     CHECK(has(refusal(path, {"radar.address=usb:1234:5678"}).second,
               "expected for a radar: bridge:tcp:"));
   }
-  SECTION("a cfg that is not there, or cannot work") {
+  SECTION("a missing or invalid cfg") {
     write_file(path, "[radar]\ncli = \"serial:/a\"\ndata = \"serial:/b\"\ncfg = \"r.cfg\"\n");
     CHECK(has(refusal(path).second, folder / "r.cfg: cannot read"));
     std::string far =
@@ -124,12 +124,12 @@ TEST_CASE("what one key alone cannot show") {
                              "r.cfg:2: frameCfg ", "r.cfg:6: guiMonitor "})
       CHECK(has(text, path + ":4:1: radar.cfg: " + folder / line));
   }
-  SECTION("an impossible histogram") {
+  SECTION("an invalid histogram") {
     write_file(path, "[tdc]\naddress = \"bridge:tcp://h:1\"\nclick_channel = 1\n");
     CHECK(has(refusal(path).second,
               path + ":3:1: tdc.click_channel: start and click are both channel 1"));
   }
-  SECTION("a sensor that is required, but has no address") {
+  SECTION("a required sensor without an address") {
     write_file(path, "[depth]\naddress = \"openni:\"\npolicy = \"required\"\n");
     CHECK(load_config(path).required() == SensorSet::from_bits(4));
     CHECK(has(
@@ -137,7 +137,7 @@ TEST_CASE("what one key alone cannot show") {
         "--set radar.policy=required: a required sensor needs its address, radar.cli is empty"));
     CHECK(has(refusal(path, {"tdc.policy=must"}).second, "\"optional\" \"required\""));
   }
-  SECTION("a fault is not told again by what it leads to") {
+  SECTION("consequences of a fault are not reported") {
     for (const char* text :
          {"[tdc]\naddress = bridge:tcp://h:1\n", "[tdc]\naddress = 5\n", "[tdc\naddress = \"x\"\n",
           "[tdc]\naddress = \"bridge:tcp://h:1\"\nstart_channel = 07\nclick_channel = 1\n",

@@ -52,7 +52,7 @@ struct Warnings final : SampleSink {
 
 }  // namespace
 
-TEST_CASE("a calibration of another device, or an old one, is a warning") {
+TEST_CASE("old calibration, or one of another device, causes a warning") {
   port::VirtualLoop loop(std::chrono::hours(24 * 365 * 56));
   Config config;
   config.tdc.address = "bridge:tcp://tagger:1";
@@ -79,7 +79,7 @@ TEST_CASE("a calibration of another device, or an old one, is a warning") {
   CHECK(warnings.texts[1].find("is older than 90 days: calibrate again") != std::string::npos);
 }
 
-TEST_CASE("another device after a reconnection is a warning, the same one is not") {
+TEST_CASE("another device after a reconnection causes a warning") {
   port::VirtualLoop loop;
   Config config;
   config.tdc.address = "bridge:tcp://tagger:1";

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Who uses a device, as other programs see it.
+// Device locks as other programs see them.
 #include "acquire/devices/device_locks.hpp"
 
 #include <catch2/catch.hpp>
@@ -17,7 +17,7 @@ namespace fs = std::filesystem;
 
 namespace {
 
-// A folder of locks that is this test's.
+// A separate folder of locks for this test.
 struct Locks : test::Folder {
   Locks() : before(lock_folder()) { ::setenv("ECHOFUSE_LOCKS", path.c_str(), 1); }
   ~Locks() { ::setenv("ECHOFUSE_LOCKS", before.c_str(), 1); }
@@ -32,7 +32,7 @@ Config tagger_at(const std::string& address) {
 
 }  // namespace
 
-TEST_CASE("a device's lock says who holds it, and is free again when he is gone") {
+TEST_CASE("device lock names its holder and is free after its exit") {
   const Locks locks;
   const Config config = tagger_at("bridge:tcp://h:1");
   const std::string path = locks / lock_name(config.tdc.address), run = "/data/a b\n.sqlite";
@@ -56,7 +56,7 @@ TEST_CASE("a device's lock says who holds it, and is free again when he is gone"
   CHECK(DeviceLocks(config, "run").other(Sensor::spd)->run.empty());
 }
 
-TEST_CASE("what is no lock of ours is a fault of the device") {
+TEST_CASE("invalid lock file is a fault of the device") {
   const Locks locks;
   const Config config = tagger_at("bridge:tcp://h:1");
   std::ofstream(locks / lock_name(config.tdc.address)) << "precious";
@@ -70,7 +70,7 @@ TEST_CASE("what is no lock of ours is a fault of the device") {
   }
 }
 
-TEST_CASE("a device is known by its address") {
+TEST_CASE("lock name depends on the device address") {
   const test::Folder folder;
   std::ofstream(folder / "record.oni") << "";
   CHECK_THAT(lock_name("serial:/dev/ttyUSB0"), Catch::StartsWith("echofuse-serial-"));

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Recordings of other programs become runs: bytes as PicoQuant's demos read them, frames as TI's.
+// Import of third-party recordings: files as PicoQuant's demos read them, frames as TI's.
 #include "acquire/import/import.hpp"
 
 #include <bit>
@@ -87,13 +87,13 @@ acquire::Config config_of(const Folder& folder, double window_s = 0.5) {
 
 }  // namespace
 
-TEST_CASE("import: the records of each of PicoQuant's devices") {
+TEST_CASE("import: records of all PicoQuant devices are decoded") {
   using Tags = std::vector<std::pair<std::int32_t, std::int64_t>>;
   // HydraHarp 2: sync, input 1, an overflow of three, a marker, input 3
   CHECK(tags_of({0x01010204, 1e-12, 0}, {special | t2(0, 7), t2(0, 9), special | t2(63, 3),
                                          special | t2(1, 5), t2(2, 1)}) ==
         Tags{{0, 7}, {1, 9}, {3, 3 * 33'554'432 + 1}});
-  // its version 1 counts an overflow once, of another length
+  // version 1 counts an overflow once, with another length
   CHECK(tags_of({0x00010204, 1e-12, 0}, {special | t2(63, 3), t2(0, 1)}) == Tags{{1, 33'552'001}});
   // MultiHarp T3: two clicks of one pulse, then one of a later pulse
   CHECK(
@@ -116,7 +116,7 @@ TEST_CASE("import: the records of each of PicoQuant's devices") {
   CHECK(error_of([] { acquire::PicoquantRecords(0x00010304, 1e-7, 0); }).first == ExitCode::failed);
 }
 
-TEST_CASE("import: T2 and T3 of the same light give the same records") {
+TEST_CASE("import: T2 and T3 of equal data give equal records") {
   const Folder folder;
   // 1 s of a laser at 10 kHz, a click 5 ns after each 50th pulse.
   std::vector<std::uint32_t> as_t2, as_t3;
@@ -160,7 +160,7 @@ TEST_CASE("import: T2 and T3 of the same light give the same records") {
   }
 }
 
-TEST_CASE("import: the header of a .ptu is compared with its records") {
+TEST_CASE("import: header of a .ptu is compared with its records") {
   const Folder folder;
   const acquire::Config config = config_of(folder);
   // T2: 1 s of a laser at 1 kHz with a click 5 ns after each pulse, then the dark.
@@ -215,7 +215,7 @@ TEST_CASE("import: the header of a .ptu is compared with its records") {
        "Measurement_Mode is T3, TTResultFormat_TTTRRecType says records of T2");
   says(header(is_t3, 1e-4, 1e-12).whole("Measurement_Mode", 2).end().data(light), ExitCode::failed,
        "Measurement_Mode is T2");
-  // the dark end is as long as its overflows say
+  // the dark period is as long as its overflows
   const auto dark = words(3'000'000'000'000, special, 0);
   const auto ended =
       import(header(is_t2, 1e-12, 0).whole("TTResult_StopAfter", 3000).end().data(dark));
@@ -271,7 +271,7 @@ TEST_CASE("import: the header of a .ptu is compared with its records") {
   says(header(is_t2, 1e-12, 0).end().data(swapped), ExitCode::ok,
        "spd: 1000 events out of order by up to 1 us, sorted");
 
-  // one of two recordings has nothing: the run is there, and the exit says so
+  // one of two recordings is empty: the run is written, with another exit code
   write_file(folder / "a.dat", "nothing");
   const auto both = import(header(is_t2, 1e-12, 0).end().data(light), folder / "a.dat");
   CAPTURE(both.second);
@@ -279,7 +279,7 @@ TEST_CASE("import: the header of a .ptu is compared with its records") {
          has(both.second, "a.dat: nothing to import")));
 }
 
-TEST_CASE("import: a local time that came twice as summer time ended is named") {
+TEST_CASE("import: ambiguous local time at the end of summer time is reported") {
   const Folder folder;
   const char* const zone = std::getenv("TZ");
   const std::string before = zone ? zone : "";
@@ -302,7 +302,7 @@ TEST_CASE("import: a local time that came twice as summer time ended is named") 
   ::tzset();
 }
 
-TEST_CASE("import: a time is UTC, or says how far east it is") {
+TEST_CASE("import: time is UTC or has an offset") {
   const auto at = [](const char* text) { return acquire::parse_utc(text).count() / 1'000'000; };
   CHECK(at("2024-02-07T13:34:56.5+01:00") == at("2024-02-07T12:34:56.5Z"));
   CHECK(at("2024-02-07 07:04:56.5-0530") == at("2024-02-07T12:34:56.5"));
@@ -312,7 +312,7 @@ TEST_CASE("import: a time is UTC, or says how far east it is") {
     CHECK(error_of([&] { at(text); }).first == ExitCode::usage);
 }
 
-TEST_CASE("import: what is refused, in one line") {
+TEST_CASE("import: invalid recordings are refused in one line") {
   const Folder folder;
   write_file(folder / "a.ptu", "PQTTTR");
   write_file(folder / "b.ptu", std::string("PQTTTR\0\0"

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Recordings of a radar's data port become runs.
+// Import of recordings of a radar's data port.
 #include <algorithm>
 #include <cmath>
 
@@ -19,8 +19,8 @@ acquire::Config config_of(const Folder& folder) {
   return acquire::load_config(folder / "lab.toml");
 }
 
-// A radar's data port: frames of 64 bins, the board's clock of 200 MHz, and a period by which no
-// frame stands on the edge of a slot.
+// Recording of a data port: frames of 64 bins, a clock of 200 MHz, and a period that keeps frames
+// off the slot borders.
 struct RadarFile {
   std::uint32_t header = 40, bins = 64, tlv = 2, length_error = 0;
   double period_s = 0.0499;
@@ -48,7 +48,7 @@ struct RadarFile {
 };
 
 struct RadarImport {
-  std::vector<std::uint64_t> used;  // frames of each record of 1 s
+  std::vector<std::uint64_t> used;  // frames in each record of 1 s
   std::string said;
 };
 
@@ -74,14 +74,15 @@ RadarImport import_radar(const Bytes& bytes, const std::string& cfg = "xwr68xx_p
 
 }  // namespace
 
-TEST_CASE("import: a radar's times are its clock's, as far as the frame numbers let them be") {
+TEST_CASE("import: radar times come from its clock, checked with the frame numbers") {
   using Used = std::vector<std::uint64_t>;
   const auto check = [](const RadarFile& file, const Used& used, const std::string& saying) {
     const RadarImport i = import_radar(file.bytes);
     CAPTURE(i.said);
     CHECK(i.used == used);
     CHECK(has(i.said, saying));
-    if (saying.empty()) CHECK(std::ranges::count(i.said, '\n') == 1);  // when it began
+    if (saying.empty())
+      CHECK(std::ranges::count(i.said, '\n') == 1);  // the line with the start time
   };
   constexpr double wrap_s = 0x1p32 * 5e-9;
   const Used even{21, 20, 19};
@@ -125,7 +126,7 @@ TEST_CASE("import: a radar's times are its clock's, as far as the frame numbers 
         "a frame came every 499.0" + other);
 }
 
-TEST_CASE("import: a radar recording without a profile is refused with its cause") {
+TEST_CASE("import: radar recording without a profile is refused with the cause") {
   const auto refuses = [](const Bytes& bytes, const std::string& saying) {
     const RadarImport i = import_radar(bytes);
     CHECK(i.used.empty());

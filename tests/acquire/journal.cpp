@@ -24,9 +24,9 @@ std::unique_ptr<record::RunWriter> open_run(const std::string& path,
   return run;
 }
 
-port::SystemLoop loop;  // its clock and its workers
+port::SystemLoop loop;  // provides clock and worker threads
 
-// Another program, in a write transaction.
+// Holds a write transaction, as another program.
 class Holder {
  public:
   explicit Holder(const std::string& path) {
@@ -48,7 +48,7 @@ class Holder {
   sqlite3* db_ = nullptr;
 };
 
-// Ends a run of which another program holds a file: after two seconds, not after thirty.
+// Ends a run while another program holds one of its files: after two seconds instead of thirty.
 void ends_in_time(Journal& journal) {
   const auto start = std::chrono::steady_clock::now();
   const auto [code, text] = error_of([&] { journal.finish("complete"); });
@@ -59,7 +59,7 @@ void ends_in_time(Journal& journal) {
 
 }  // namespace
 
-TEST_CASE("jobs are done in order, and all of them before the run is closed") {
+TEST_CASE("jobs are done in order, and before the run is closed") {
   const Folder folder;
   Journal journal(open_run(folder / "a.sqlite"), loop);
   for (std::int64_t i = 0; i < 30; ++i) {
@@ -76,7 +76,7 @@ TEST_CASE("jobs are done in order, and all of them before the run is closed") {
   for (const auto& event : run.events()) CHECK(event.text == "1");
 }
 
-TEST_CASE("a slow disk costs data, never a row, a disk that stands still ends the run") {
+TEST_CASE("slow disk loses data but no rows, a stalled disk ends the run") {
   const Folder folder;
   Journal journal(open_run(folder / "a.sqlite"), loop, 2);
   std::promise<void> begun, disk;
@@ -96,7 +96,7 @@ TEST_CASE("a slow disk costs data, never a row, a disk that stands still ends th
     CHECK(run.read(3).sync[Sensor::depth].verdict == "dropped: the disk does not keep up");
     CHECK(run.read(3).spd_counts.tags == small_record(3).spd_counts.tags);
   }
-  SECTION("stands still") {
+  SECTION("stalled disk") {
     for (std::int64_t i = 4; i < 30; ++i) journal.put(small_record(i));
     CHECK(journal.failed());
     disk.set_value();
@@ -107,7 +107,7 @@ TEST_CASE("a slow disk costs data, never a row, a disk that stands still ends th
   }
 }
 
-TEST_CASE("who holds the file is named, and what waits is written when they let go") {
+TEST_CASE("program that blocks the file is reported, and queued records are written later") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
   Journal journal(open_run(path), loop, 2);
@@ -125,7 +125,7 @@ TEST_CASE("who holds the file is named, and what waits is written when they let 
     REQUIRE(run.count() == 5);
     CHECK(run.read(4).sync[Sensor::spd].verdict == "dropped: another program holds the run file");
   }
-  SECTION("after too many") {
+  SECTION("after too many records") {
     for (std::int64_t i = 5; i < 30; ++i) journal.put(small_record(i));
     CHECK(journal.failed());
     holder.let_go();
@@ -136,7 +136,7 @@ TEST_CASE("who holds the file is named, and what waits is written when they let 
   }
 }
 
-TEST_CASE("the first failed job ends the writing") {
+TEST_CASE("first failed job ends the writing") {
   const Folder folder;
   Journal journal(open_run(folder / "a.sqlite"), loop);
   journal.put(small_record(0));
@@ -159,12 +159,12 @@ TEST_CASE("the first failed job ends the writing") {
   CHECK(run.info().status == "stopped:disk");
 }
 
-// Begins the next run.
+// Starts the next run.
 static void rotate(Journal& journal, const std::string& path) {
   journal.begin_next([path] { return open_run(path); });
 }
 
-TEST_CASE("who holds the next run keeps its end for two seconds only") {
+TEST_CASE("end of a run waits two seconds for a program that blocks the next file") {
   const Folder folder;
   Journal journal(open_run(folder / "a.sqlite"), loop);
   rotate(journal, folder / "b.sqlite");
@@ -176,7 +176,7 @@ TEST_CASE("who holds the next run keeps its end for two seconds only") {
   ends_in_time(journal);
 }
 
-TEST_CASE("who holds the run before by a write transaction keeps the end for two seconds only") {
+TEST_CASE("end of a run waits two seconds for a program that blocks the previous file") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
   Journal journal(open_run(path), loop);
@@ -186,8 +186,8 @@ TEST_CASE("who holds the run before by a write transaction keeps the end for two
   Holder holder(path);
   rotate(journal, folder / "b.sqlite");
   while (!fs::exists(folder / "b.sqlite")) std::this_thread::yield();
-  SECTION("until then") { ends_in_time(journal); }
-  SECTION("a label that comes while the run before is closed is the next one's") {
+  SECTION("without a label") { ends_in_time(journal); }
+  SECTION("a label given while the previous run is closed goes to the next one") {
     while (journal.why_late() != "another program holds the run file") std::this_thread::yield();
     holder.ask("INSERT INTO event (level, utc, text) VALUES ('label', '2026', 'door')");
     journal.put(small_record(1));
@@ -205,13 +205,13 @@ TEST_CASE("who holds the run before by a write transaction keeps the end for two
   }
 }
 
-TEST_CASE("a run whose next one cannot begin ends, with all its records") {
+TEST_CASE("run ends with all its records if the next one cannot begin") {
   const Folder folder;
   const std::string path = folder / "a.sqlite", next = folder / "b.sqlite";
   Journal journal(open_run(path), loop);
   journal.put(small_record(0));
   while (journal.written() == 0) std::this_thread::yield();
-  SECTION("a file has its name") {
+  SECTION("the file exists") {
     write_file(next, "others'");
     rotate(journal, next);
     journal.put(small_record(1));
@@ -224,7 +224,7 @@ TEST_CASE("a run whose next one cannot begin ends, with all its records") {
   }
   SECTION("the disk is full") {
     {
-      const echofuse::test::FullDisk disk(40'000);  // a run without records has 12 pages of 4 KiB
+      const echofuse::test::FullDisk disk(40'000);  // an empty run has 12 pages of 4 KiB
       rotate(journal, next);
       while (!journal.failed()) std::this_thread::yield();
     }
@@ -235,7 +235,7 @@ TEST_CASE("a run whose next one cannot begin ends, with all its records") {
   CHECK(record::RunReader(path).count() == 1);
 }
 
-TEST_CASE("not every failure is the disk's") {
+TEST_CASE("failures other than the disk's are recognised") {
   const Folder folder;
   Journal journal(open_run(folder / "a.sqlite"), loop);
   journal.put([](record::RunWriter&) { throw Error(ExitCode::failed, "not a number"); });
@@ -244,7 +244,7 @@ TEST_CASE("not every failure is the disk's") {
   CHECK(record::RunReader(folder / "a.sqlite").info().status == "stopped:failed");
 }
 
-TEST_CASE("a label begins with the slot that is running when it is given") {
+TEST_CASE("label applies from the running slot on") {
   const Folder folder;
   auto run = open_run(folder / "a.sqlite");
   record::put_label(folder / "a.sqlite", "door", "me");
@@ -266,7 +266,7 @@ TEST_CASE("a label begins with the slot that is running when it is given") {
   CHECK(reader.read(2).label == "door");
 }
 
-TEST_CASE("without finish a run looks crashed, with all that was put") {
+TEST_CASE("run without finish looks crashed and has all records") {
   const Folder folder;
   {
     Journal journal(open_run(folder / "a.sqlite"), loop);
@@ -277,7 +277,7 @@ TEST_CASE("without finish a run looks crashed, with all that was put") {
   CHECK(run.info().status == "crashed");
 }
 
-TEST_CASE("a depth image that cannot be stored costs its sensor, not the run") {
+TEST_CASE("depth image that cannot be stored makes only its sensor invalid") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
   auto file = std::make_unique<record::RunWriter>(path, record::RunInfo{});
@@ -301,7 +301,7 @@ TEST_CASE("a depth image that cannot be stored costs its sensor, not the run") {
   CHECK(run.read(1).radar == small_record(1).radar);
 }
 
-TEST_CASE("a source has 100 lines in 10 s, and the next one says how many there were more") {
+TEST_CASE("log of a source is limited to 100 lines in 10 s, then counts dropped ones") {
   const Folder folder;
   Journal journal(open_run(folder / "a.sqlite"), loop);
   port::VirtualLoop loop;

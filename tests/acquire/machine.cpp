@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// The doctor's checks of the machine, on a tree with the kernel's and udev's layout.
+// The doctor's checks of the machine, on a tree with the layout of kernel and udev.
 #include <unistd.h>
 
 #include "acquire/doctor/doctor.hpp"
@@ -25,7 +25,7 @@ class Machine {
     fs::create_directories(fs::path(folder_ / name).parent_path());
     write_file(folder_ / name, text);
   }
-  // A radar board, plugged in as /dev/ttyACM0 and /dev/ttyACM1.
+  // A radar board at /dev/ttyACM0 and /dev/ttyACM1.
   void plug_in_radar() {
     const std::string place = "sys/bus/usb/devices/1-2/";
     write(place + "idVendor", "0451\n");
@@ -61,7 +61,7 @@ const Finding& of(const std::vector<Finding>& findings, const std::string& check
 
 }  // namespace
 
-TEST_CASE("a machine without devices has nothing to complain of") {
+TEST_CASE("machine without devices passes") {
   const Machine machine;
   const auto findings = check_permissions(std::nullopt, machine.roots());
   CHECK(findings.size() == 2);
@@ -71,7 +71,7 @@ TEST_CASE("a machine without devices has nothing to complain of") {
   CHECK(check_usb_memory(std::nullopt, machine.roots()).grade == Grade::ok);
 }
 
-TEST_CASE("device nodes that can be opened, and udev rules that are missing") {
+TEST_CASE("accessible device nodes pass, missing udev rules are reported") {
   Machine machine;
   machine.plug_in_radar();
   auto findings = check_permissions(std::nullopt, machine.roots());
@@ -84,7 +84,7 @@ TEST_CASE("device nodes that can be opened, and udev rules that are missing") {
   CHECK(of(findings, "udev rules").grade == Grade::ok);
 }
 
-TEST_CASE("a missing node is a problem if the configuration names it, else a warning") {
+TEST_CASE("missing node is a problem if configured, otherwise a warning") {
   Machine machine;
   machine.plug_in_radar();
   fs::remove(machine / "dev/ttyACM0");
@@ -96,18 +96,18 @@ TEST_CASE("a missing node is a problem if the configuration names it, else a war
   CHECK(grade(with_radar("serial:" + machine / "dev/ttyACM0")) == Grade::problem);
 }
 
-TEST_CASE("a configured port of another maker is looked at too") {
+TEST_CASE("configured port of another vendor is checked too") {
   const Machine machine;
   const auto findings =
       check_permissions(with_radar("serial:" + machine / "dev/ttyS7"), machine.roots());
   CHECK(of(findings, "permissions").grade == Grade::problem);
   CHECK(has(of(findings, "permissions").found, "dev/ttyS7: No such file or directory"));
-  // A missing device is no matter of permissions.
+  // A missing device is not a permission problem.
   CHECK(has(of(findings, "permissions").advice, "is it plugged in"));
   CHECK_FALSE(has(of(findings, "permissions").advice, "rules"));
 }
 
-TEST_CASE("a node without permission is explained by the rules, or by groups once they are there") {
+TEST_CASE("inaccessible node is explained by missing rules or groups") {
   if (::geteuid() == 0) return;  // root may open everything
   Machine machine;
   machine.plug_in_radar();
@@ -117,12 +117,12 @@ TEST_CASE("a node without permission is explained by the rules, or by groups onc
   };
   CHECK(has(advice(), "install config/70-echofuse.rules"));
   for (const auto& finding : check_permissions(std::nullopt, machine.roots()))
-    CHECK(finding.check != "udev rules");  // said once
+    CHECK(finding.check != "udev rules");  // reported only once
   machine.write("etc/udev/rules.d/70-echofuse.rules", "");
   CHECK(has(advice(), "is this user in the groups dialout"));
 }
 
-TEST_CASE("ModemManager probes ports that udev does not mark") {
+TEST_CASE("ModemManager warning appears for ports that udev does not mark") {
   Machine machine;
   machine.plug_in_radar();
   CHECK(check_modem_manager(std::nullopt, machine.roots()).grade == Grade::ok);
@@ -138,7 +138,7 @@ TEST_CASE("ModemManager probes ports that udev does not mark") {
   CHECK(check_modem_manager(std::nullopt, machine.roots()).grade == Grade::ok);
 }
 
-TEST_CASE("the kernel's USB memory against the time tagger's ring") {
+TEST_CASE("kernel's USB memory limit is compared with the time tagger's buffer") {
   Machine machine;
   Config config;
   config.tdc.address = "usb:1209:0001";
@@ -156,7 +156,7 @@ TEST_CASE("the kernel's USB memory against the time tagger's ring") {
   CHECK(grade_at("1") == Grade::ok);
 }
 
-TEST_CASE("the clock: synchronised well, badly, not at all, unknown") {
+TEST_CASE("clock synchronisation is graded") {
   CHECK(check_clock({true, true, 0.01}).grade == Grade::ok);
   CHECK(check_clock({true, true, 0.5}).grade == Grade::warning);
   CHECK(check_clock({true, false, 16}).grade == Grade::warning);

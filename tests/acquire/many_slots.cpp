@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
-// 100 000 slots under a virtual clock: devices with clocks of their own, whose samples come late,
-// get lost, and which go away and come back. Every sample is accounted for, and where it was placed
-// is held against when it was really taken.
+// 100 000 slots on a virtual clock. Devices have their own clocks; samples are delayed and lost;
+// devices disconnect and return. Every sample is accounted for, and its slot is compared with its
+// true time.
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <numeric>
@@ -18,8 +18,8 @@ namespace {
 constexpr SlotGrid grid{.first = 1000s, .length = 100ms};
 constexpr std::int64_t slots = 100'000;
 
-// One device: a sample every `period_s`, or a little more; its clock runs wrong and begins anew
-// when the device comes back.
+// One device: a sample every `period_s` or slightly more; its clock drifts and restarts on
+// reconnection.
 class Device {
  public:
   Device(double period_s, double tick_s, std::uint64_t seed)
@@ -36,7 +36,7 @@ class Device {
   bool reconnected() const { return taken_s_ == plugged_s_ && taken_s_ > 0; }
   bool settled() const { return taken_s_ - plugged_s_ > 30; }
 
-  // On to the next sample that arrives; how many were lost on the way.
+  // Advances to the next sample that arrives; returns the number lost before it.
   std::uint32_t next() {
     std::uint32_t lost = 0;
     do {
@@ -78,7 +78,7 @@ struct Laboratory {
     HostTime taken;
     bool settled;
   };
-  std::vector<Shot> shots;  // the camera's, by frame number
+  std::vector<Shot> shots;  // camera frames by number
   PerSensor<std::uint64_t> sent{}, lost{}, reconnections{}, settled{};
   HostTime worst_error{};
   std::uint32_t number = 0;
@@ -124,11 +124,11 @@ struct Laboratory {
       ++settled[sensor];
       worst_error = std::max(worst_error, error);
     }
-    // Frames lost before the run are not its loss.
+    // Frames lost before the run do not count.
     if (device.taken() >= grid.first + 1s) lost[sensor] += lost_before;
   }
 
-  // Four tags of the 20 ms before.
+  // Four tags from the last 20 ms.
   void put_tags(const Device& device, std::uint32_t lost_before) {
     std::vector<Tag> tags(4);
     for (std::size_t i = 0; i < 4; ++i)
@@ -170,7 +170,7 @@ struct Laboratory {
 
 }  // namespace
 
-TEST_CASE("100 000 slots: no drift, no row missing, every sample accounted for and in its place") {
+TEST_CASE("100 000 slots have no drift, no missing row and every sample in its slot") {
   Laboratory lab;
   lab.run();
   REQUIRE(lab.records.size() == slots);
@@ -221,7 +221,7 @@ TEST_CASE("100 000 slots: no drift, no row missing, every sample accounted for a
         lab.sent[Sensor::spd] / 50);  // delayed by more than half a second
 }
 
-TEST_CASE("whatever the times of tags say, and however the program stalls, each is counted once") {
+TEST_CASE("each tag is counted once for any time stamps and stalls") {
   SensorClocks clocks;
   Windows windows(grid, {.first_bin_ps = 0, .bins = 4}, clocks, {Sensor::spd});
   Scheduler scheduler(grid, 2000);

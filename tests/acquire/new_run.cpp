@@ -14,7 +14,7 @@ using namespace echofuse;
 using namespace echofuse::acquire;
 using namespace testing;
 
-TEST_CASE("a name of a run may hold points, and no percent sign but that of a time") {
+TEST_CASE("run name may contain points, and a percent sign only in a time field") {
   const Folder folder;
   for (const char* name : {"gain1.5", "T=4.2K", "2026.11.25", "scan_0.5mm"}) {
     const std::string file = folder / name + ".sqlite";
@@ -31,7 +31,7 @@ TEST_CASE("a name of a run may hold points, and no percent sign but that of a ti
   }
 }
 
-TEST_CASE("the files of a rotation have the next free number, or the time in their name") {
+TEST_CASE("files of a rotation are named by the next free number or the time") {
   const Folder folder;
   write_file(folder / "monday-007.sqlite", "");
   CHECK(record::next_of(folder / "monday") == folder / "monday-008.sqlite");
@@ -41,7 +41,7 @@ TEST_CASE("the files of a rotation have the next free number, or the time in the
   CHECK(record::next_of(folder / "at-%Y") == dated.substr(0, dated.size() - 7) + "-001.sqlite");
 }
 
-TEST_CASE("a run does not begin so late that its times would not fit") {
+TEST_CASE("run is refused if its times would overflow") {
   using std::chrono::years;
   CHECK(error_of([] { refuse_late_clock(UtcTime::max() - years(10)); }).first == ExitCode::ok);
   const auto [code, text] = error_of([] { refuse_late_clock(UtcTime::max() - years(2)); });
@@ -50,7 +50,7 @@ TEST_CASE("a run does not begin so late that its times would not fit") {
   CHECK(has(text, "set the clock"));
 }
 
-TEST_CASE("a run whose making is killed is there whole or not at all, and is made again") {
+TEST_CASE("run killed at creation exists completely or not at all, and can be created again") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
   Config config;
@@ -86,7 +86,7 @@ TEST_CASE("a run whose making is killed is there whole or not at all, and is mad
   CHECK_FALSE(fs::exists(path + "-new"));
 }
 
-TEST_CASE("the counters of a run come all or not at all") {
+TEST_CASE("counters of a run are written completely or not at all") {
   const Folder folder;
   record::RunWriter run(folder / "a.sqlite", {});
   sql(folder / "a.sqlite", "CREATE UNIQUE INDEX once ON counter (name)");
@@ -112,7 +112,7 @@ TEST_CASE("VACUUM INTO copies a run while it is recorded") {
   CHECK(record::RunReader(folder / "a.sqlite").count() == 4);
 }
 
-TEST_CASE("to look into a run costs little more than SQLite needs to open it") {
+TEST_CASE("reading a run header takes little longer than opening it in SQLite") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
   write_run(path, 3);

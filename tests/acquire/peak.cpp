@@ -21,7 +21,7 @@ constexpr double pi = std::numbers::pi;
 constexpr double step_ps = 10;
 constexpr std::size_t bins = 2000;  // 0 to 3 m
 
-// Photons of reflectors {range, mean number} through a Gaussian IRF, over a background.
+// Photons of reflectors {range, mean number} with a Gaussian IRF, over a background.
 std::vector<std::uint32_t> photons(const std::vector<std::pair<double, double>>& reflectors,
                                    double background, Rng& rng, double fwhm_ps = 200) {
   std::vector<std::uint32_t> counts(bins);
@@ -40,7 +40,7 @@ Peak spd(const std::vector<std::uint32_t>& counts, Search search = {}) {
   return fit_photons(counts, 0, step_ps, search);
 }
 
-// The Blackman window's transform by its definition: a sum over the window.
+// Transform of the Blackman window by its definition: a sum over the window.
 std::complex<double> echo(double cells, unsigned samples) {
   std::complex<double> sum = 0;
   double weights = 0;
@@ -57,7 +57,7 @@ constexpr unsigned antennas = 12;
 const EchoAxis fine{
     .step_m = 0.044, .resolution_m = 0.0469, .log2_power_step = log2_power_step(antennas)};
 
-// Frames of the firmware: the sum over antennas of log2 magnitudes, in whole codes.
+// Firmware frames: sum of log2 magnitudes over antennas, in integer codes.
 std::vector<std::vector<std::uint16_t>> frames(
     const std::vector<std::pair<double, std::complex<double>>>& reflectors, double noise_db,
     std::size_t count, Rng& rng) {
@@ -80,8 +80,8 @@ std::vector<std::vector<std::uint16_t>> frames(
 
 int trials() { return std::getenv("ECHOFUSE_LONG") ? 1000 : 200; }
 
-// Pulls of many trials: their mean square is 1 within 4.5 of its own standard errors, and no more
-// lie beyond 3 than the binomial of that tail allows.
+// Pulls of many trials: their mean square is 1 within 4.5 standard errors, and no more exceed 3
+// than the binomial distribution allows.
 struct Pulls {
   std::vector<double> all;
   double worst_m = 0;
@@ -90,7 +90,7 @@ struct Pulls {
     all.push_back((p.range_m - true_m) / p.standard_error_m);
     worst_m = std::max(worst_m, std::abs(p.range_m - true_m));
   }
-  // `degrees`: of freedom of the standard error.
+  // `degrees`: degrees of freedom of the standard error.
   void check(double degrees) const {
     const auto n = static_cast<double>(all.size());
     double sum = 0, squares = 0, beyond = 0;
@@ -110,7 +110,7 @@ struct Pulls {
 
 }  // namespace
 
-TEST_CASE("the SPD's peak: honest errors") {
+TEST_CASE("standard errors of the SPD peak are correct") {
   Rng rng = make_rng(1, 0);
   std::uniform_real_distribution<double> place(0.95, 1.05);
   Pulls pulls;
@@ -122,8 +122,8 @@ TEST_CASE("the SPD's peak: honest errors") {
   CHECK(pulls.worst_m < 2e-3);
 }
 
-TEST_CASE("the radar's peak: honest errors, 4.4 cm bins") {
-  // Weak: what noise does to the means of logarithms is more than the standard error.
+TEST_CASE("standard errors of the radar peak are correct, 4.4 cm bins") {
+  // Weak echo: the bias of averaged logarithms exceeds the standard error.
   const auto [noise_db, count] =
       GENERATE(table<double, std::size_t>({{-40, 20}, {-25, 40}, {-15, 100}}));
   Rng rng = make_rng(2, 0);
@@ -138,9 +138,9 @@ TEST_CASE("the radar's peak: honest errors, 4.4 cm bins") {
   CHECK(pulls.worst_m < 1e-2);
 }
 
-TEST_CASE("frames that are all alike: the codes' steps are the error") {
+TEST_CASE("error of identical frames is the code resolution") {
   Rng rng = make_rng(4, 0);
-  // One of two bins must be higher: alike in every frame, they would be a lobe that is cut off.
+  // One of two bins must be higher; equal in every frame they would be a clipped lobe.
   std::uniform_real_distribution<double> place(22.6 * fine.step_m, 23.4 * fine.step_m);
   constexpr int count = 100;
   double squares = 0;
@@ -156,7 +156,7 @@ TEST_CASE("frames that are all alike: the codes' steps are the error") {
   CHECK(squares / count == Approx(1).margin(0.4));
 }
 
-TEST_CASE("another reflector in the radar's lobe is noticed, or moves the peak by less than 1 cm") {
+TEST_CASE("second reflector in the radar's lobe is detected or moves the peak by less than 1 cm") {
   Rng rng = make_rng(5, 0);
   std::uniform_real_distribution<double> place(0.97, 1.03);
   int noticed = 0;
@@ -174,7 +174,7 @@ TEST_CASE("another reflector in the radar's lobe is noticed, or moves the peak b
   CHECK(noticed > 180);
 }
 
-TEST_CASE("what is no peak of a reflector is refused, with the reason") {
+TEST_CASE("peak not caused by a reflector is refused with the reason") {
   Rng rng = make_rng(3, 0);
   const auto starts = [](const std::string& text) { return Catch::StartsWith(text); };
   CHECK_THAT(spd(photons({}, 20, rng)).refusal, starts("no peak: fewer than 100 photons"));
@@ -185,7 +185,7 @@ TEST_CASE("what is no peak of a reflector is refused, with the reason") {
              "delay of a cable or fibre add -33"));
   CHECK_THAT(spd(photons({{1, 5000}, {1.07, 3000}}, 1000, rng)).refusal,
              starts("two peaks: another one at 1.0"));
-  // Echoes behind the window do not count, however bright.
+  // Echoes beyond the window do not count, however strong.
   const Peak before_a_wall = spd(photons({{1, 5000}, {1.3, 20'000}}, 1000, rng));
   CHECK(before_a_wall.refusal == "");
   CHECK(before_a_wall.range_m == Approx(1).margin(2e-3));

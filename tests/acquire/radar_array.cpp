@@ -67,7 +67,7 @@ FusedRecord write_run(const std::string& path) {
 
 }  // namespace
 
-TEST_CASE("an array's statistics are the means over its frames") {
+TEST_CASE("array statistics are means over the frames") {
   constexpr std::size_t bins = 3, antennas = 12, count = 9;
   const auto frames = some_frames(count, bins * antennas);
   const auto array = array_of(frames, antennas);
@@ -97,7 +97,7 @@ TEST_CASE("an array's statistics are the means over its frames") {
   }
 }
 
-TEST_CASE("frames with a lost one between them are no neighbours, and taking starts afresh") {
+TEST_CASE("frames next to a lost one are not neighbours, and take() resets") {
   const auto frames = some_frames(3, 8);
   ArrayStatistics sums(1, 8);
   CHECK(sums.take().empty());
@@ -113,7 +113,7 @@ TEST_CASE("frames with a lost one between them are no neighbours, and taking sta
   CHECK(std::equal(alone.begin(), alone.end() - 2, joined.begin()));
 }
 
-TEST_CASE("a packed array is as it was, to a part of its bin's power") {
+TEST_CASE("packing an array is accurate to a fraction of the bin's power") {
   const auto array = array_of(some_frames(4, 3 * 8), 8);
   std::vector<float> back;
   const Bytes packed = pack_array(array, 8);
@@ -134,7 +134,7 @@ TEST_CASE("a packed array is as it was, to a part of its bin's power") {
   CHECK(unpack_array(bad, 3, 8, back) == "array bin 0 has no finite power");
 }
 
-TEST_CASE("a run keeps the array of each record, and the antennas") {
+TEST_CASE("run stores antennas and the array of each record") {
   const Folder dir;
   const FusedRecord wrote = write_run(dir / "run");
   const RunReader run(dir / "run");
@@ -149,7 +149,7 @@ TEST_CASE("a run keeps the array of each record, and the antennas") {
   CHECK(antennas[3].phase_rad == 0.5);
 }
 
-TEST_CASE("a file without arrays, or with bad ones, is read or refused in one line") {
+TEST_CASE("file without arrays is read, invalid arrays are refused in one line") {
   const Folder dir;
   const std::string path = dir / "run";
   const FusedRecord wrote = write_run(path);
@@ -177,7 +177,7 @@ TEST_CASE("a file without arrays, or with bad ones, is read or refused in one li
   CHECK(without.read(0).radar == wrote.radar);
 }
 
-TEST_CASE("an array that does not fit its axis is not written") {
+TEST_CASE("array that does not match its axis is not written") {
   const Folder dir;
   RunWriter writer(dir / "run", RunInfo{});
   writer.put_axis(of("radar", "log2_q8", 2, 8));
@@ -191,7 +191,7 @@ TEST_CASE("an array that does not fit its axis is not written") {
   CHECK_THAT(text, Catch::Contains("record 0: array has 5 values, its axis 164"));
 }
 
-TEST_CASE("a beam finds a wave's direction and power, by the channels' errors off") {
+TEST_CASE("beams recover direction and power of a wave with channel errors") {
   Antennas antennas(8);
   std::vector<Samples> frames(3, Samples(8));
   constexpr double u = 0.3125, power = 9;
@@ -206,7 +206,7 @@ TEST_CASE("a beam finds a wave's direction and power, by the channels' errors of
   const auto array = array_of(frames, 8);
   const ArrayBin bin = bin_of(array, 8, 0);
   CHECK(beam_power(bin, antennas, u) == Approx(power).epsilon(1e-4));
-  // Dirichlet's kernel over 8 antennas
+  // Dirichlet kernel of 8 antennas
   const double off = 0.1, half = std::numbers::pi * off / 2;
   CHECK(beam_power(bin, antennas, u + off) ==
         Approx(power * std::pow(std::sin(8 * half) / (8 * std::sin(half)), 2)).epsilon(1e-3));

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Place of the calibration reflector, its errors, and the antennas' phases that follow.
+// Position of the calibration reflector, its errors, and the antenna phases.
 #include "acquire/calibrate/reflector.hpp"
 
 #include <catch2/catch.hpp>
@@ -26,7 +26,7 @@ std::vector<radar::AntennaPair> row() {
 
 }  // namespace
 
-TEST_CASE("reflector: the radar's range follows from the baseline") {
+TEST_CASE("reflector: radar range follows from the baseline") {
   Reflector r;
   CHECK(r.range_m(Sensor::spd) == 1);
   CHECK(r.range_m(Sensor::radar) == Approx(1.118034).epsilon(1e-6));
@@ -37,7 +37,7 @@ TEST_CASE("reflector: the radar's range follows from the baseline") {
   CHECK(r.range_m(Sensor::radar) == 3);
 }
 
-TEST_CASE("reflector: the range's error has distance, tilt, baseline and height") {
+TEST_CASE("reflector: range error combines distance, tilt, baseline and height") {
   Reflector r;
   CHECK(r.error_m(Sensor::spd) == 2e-3);
   const double along = 2e-3 / 1.118034, aside = 0.5 * 2e-3 * std::sqrt(2.0) / 1.118034;
@@ -51,7 +51,7 @@ TEST_CASE("reflector: the range's error has distance, tilt, baseline and height"
   CHECK(r.other().error_m(Sensor::radar) == 0);
 }
 
-TEST_CASE("reflector: a peak that fits the other mounting better is refused") {
+TEST_CASE("reflector: peak that fits the other mounting is refused") {
   const auto refusal = [](Mounting stated, double distance_m, double measured_m) {
     return other_mounting({.mounting = stated, .distance_m = distance_m}, measured_m, 0.2);
   };
@@ -62,7 +62,7 @@ TEST_CASE("reflector: a peak that fits the other mounting better is refused") {
   CHECK(refusal(each, 1, 1.0) == "");
   CHECK(refusal(each, 1, 1.08) == "");
   CHECK_THAT(refusal(detector, 1, 1.0), Contains("fits --reflector each (true range 1.000 m"));
-  CHECK_THAT(refusal(detector, 1, 1.05), Contains("in front of the radar?"));  // inside the window
+  CHECK_THAT(refusal(detector, 1, 1.05), Contains("in front of the radar?"));  // within the window
   CHECK_THAT(refusal(each, 1, 1.168), Contains("fits --reflector detector (true range 1.118 m") &&
                                           Contains("in front of the detector?"));
   CHECK_THAT(refusal(detector, 3, 3.0), Contains("fits --reflector each"));
@@ -72,7 +72,7 @@ TEST_CASE("reflector: a peak that fits the other mounting better is refused") {
   CHECK(other_mounting({.baseline_m = 0.02}, 1.03, 0.2) == "");  // 0.2 mm apart
 }
 
-TEST_CASE("reflector: the wave is plane from afar and spherical near the antennas") {
+TEST_CASE("reflector: wave is plane at a distance and spherical near the antennas") {
   const auto antennas = row();
   const double sine = 0.5 / std::hypot(1, 0.5),
                per_place = 2 * pi / wavelength_m * radar::half_wavelength_m * sine;
@@ -87,22 +87,22 @@ TEST_CASE("reflector: the wave is plane from afar and spherical near the antenna
   CHECK(bent < 0.1);
   const Steering ahead = steering_of({.mounting = Mounting::each}, antennas, wavelength_m);
   CHECK(ahead.sine == 0);
-  CHECK(std::abs(ahead.phase_rad[7]) < 0.01);  // symmetric to the middle
+  CHECK(std::abs(ahead.phase_rad[7]) < 0.01);  // symmetric about the centre
   const Steering aside = steering_of({}, antennas, wavelength_m);
   CHECK(aside.sine == Approx(sine));
   CHECK(aside.error_rad[0] == 0);
-  // 2 mm of the distance and, across, 2.8 mm: each times the slope of the sine.
+  // 2 mm of the distance and 2.8 mm sideways, each times the derivative of the sine.
   const double slope = std::hypot(2.83e-3 / 1.398, 2e-3 * 0.5 / 1.398);
   CHECK(aside.error_rad[7] == Approx(7 * per_place / sine * slope).epsilon(0.05));
 }
 
-TEST_CASE("side: an echo at a known side shows whether the antenna row is swapped") {
+TEST_CASE("side: echo from a known side shows whether the antenna row is swapped") {
   const auto antennas = row();
   const std::vector<double> channels{0, 1.1, -2, 0.4, 3, -0.7, 1.9, -1.2};
   for (const auto mounting : {Mounting::detector, Mounting::each})
     for (const bool swapped : {false, true}) {
       const Reflector reflector{.mounting = mounting};
-      // The phases of a board, which has its right side left if swapped.
+      // Phases of a board, mirrored if swapped.
       const auto measured = [&](double x_m) {
         AntennaGains out;
         out.phase_rad = steering_phases(antennas, {swapped ? -x_m : x_m, 0, 1}, wavelength_m);

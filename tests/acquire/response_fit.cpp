@@ -20,7 +20,7 @@ namespace {
 constexpr double pi = std::numbers::pi, step_ps = 10;
 constexpr std::size_t bins = 2000;
 
-// Photons of a reflector at 1 m; a share of them has an exponential tail.
+// Photons of a reflector at 1 m; some of them have an exponential tail.
 std::vector<std::uint32_t> photons(int count, double fwhm_ps, double tail_ps, double share,
                                    Rng& rng) {
   std::vector<std::uint32_t> counts(bins);
@@ -38,7 +38,7 @@ std::vector<std::uint32_t> photons(int count, double fwhm_ps, double tail_ps, do
 constexpr unsigned antennas = 12;
 using Amplitude = std::complex<double>;
 
-// Cell, and place of the reflector.
+// Cell, and position of the reflector.
 struct Place {
   double step_m, cell_m, range_m;
   EchoAxis axis() const {
@@ -94,7 +94,7 @@ const NamedWindow windows[] = {
      }},
 };
 
-// The response by its definition: a sum over the samples of the sweep.
+// Response by its definition: a sum over the samples of the sweep.
 Amplitude response(const NamedWindow& window, double cells) {
   constexpr unsigned samples = 120;
   Amplitude sum = 0;
@@ -108,10 +108,10 @@ Amplitude response(const NamedWindow& window, double cells) {
 }
 
 struct Echo {
-  double beyond_m = 0;  // the reflector's range
+  double beyond_m = 0;  // relative to the reflector
   Amplitude amplitude = 1;
 };
-// Frames of a reflector, and of what else stands beyond it. Noise interferes, or its power adds.
+// Frames of a reflector and of objects behind it. Noise is coherent, or its power is added.
 std::vector<std::vector<std::uint16_t>> frames(const NamedWindow& window, const Place& place,
                                                double noise_db, Rng& rng, bool adds = false,
                                                const std::vector<Echo>& echoes = {{}}) {
@@ -122,7 +122,7 @@ std::vector<std::vector<std::uint16_t>> frames(const NamedWindow& window, const 
           e.amplitude *
           response(window, (static_cast<double>(i) * place.step_m - place.range_m - e.beyond_m) /
                                place.cell_m);
-  clean[0] += 3;  // the transmitter's own leakage
+  clean[0] += 3;  // transmitter leakage
   const double power = std::pow(10, noise_db / 10);
   std::normal_distribution<double> noise(0, std::sqrt(power / 2));
   std::exponential_distribution<double> more(1 / power);
@@ -140,7 +140,7 @@ std::vector<std::vector<std::uint16_t>> frames(const NamedWindow& window, const 
 
 }  // namespace
 
-TEST_CASE("an impulse response is found with its tail, within its errors") {
+TEST_CASE("impulse response is found with its tail, within the errors") {
   Rng rng = make_rng(1, 1);
   const Search search{1, 0.3};
   for (const double fwhm_ps : {120., 200., 280.}) {
@@ -161,9 +161,9 @@ TEST_CASE("an impulse response is found with its tail, within its errors") {
   CHECK(none == record::Response{});
 }
 
-TEST_CASE("the radar's response is that of the window over its sweep, whichever it is") {
+TEST_CASE("radar response is found for any window") {
   Rng rng = make_rng(2, 1);
-  // Behind bins of 50 cm the leakage stands within the lobe.
+  // With bins of 50 cm the leakage is within the lobe.
   for (const Place& place : {fine, Place{0.25, 0.27, 1.01}, Place{0.25, 0.27, 3}})
     for (const auto& [noise_db, adds] : {std::pair{-35., false}, {-20., false}, {-16., true}})
       for (const NamedWindow& window : windows) {
@@ -185,7 +185,7 @@ TEST_CASE("the radar's response is that of the window over its sweep, whichever 
       }
 }
 
-TEST_CASE("echoes are placed by the window that the radar has") {
+TEST_CASE("echoes are located with the radar's own window") {
   Rng rng = make_rng(4, 1);
   for (const NamedWindow& window : windows)
     for (const double range_m : {1., 1.01, 1.022, 1.03}) {
@@ -200,7 +200,7 @@ TEST_CASE("echoes are placed by the window that the radar has") {
     }
 }
 
-TEST_CASE("a lopsided response is reported, and placed where a symmetric lobe fits best") {
+TEST_CASE("lopsided response is reported, and located at the best symmetric fit") {
   Rng rng = make_rng(6, 1);
   constexpr double step = 0.01;
   constexpr int reach = 400;  // steps
@@ -246,7 +246,7 @@ TEST_CASE("a lopsided response is reported, and placed where a symmetric lobe fi
     }
 }
 
-TEST_CASE("a response that is not one point's is not stated, and why") {
+TEST_CASE("response of more than one point is refused with the reason") {
   Rng rng = make_rng(5, 1);
   const NamedWindow& blackman_window = windows[2];
   const auto refusal = [&](const Place& place, const std::vector<Echo>& echoes) {
@@ -261,14 +261,14 @@ TEST_CASE("a response that is not one point's is not stated, and why") {
   CHECK_THAT(refusal({0.25, 0.27, 0.5}, {{}}), Catch::Contains("with cells of 50 cm at 3 m"));
   record::Response found;
   CHECK(fit_radar_response({}, fine.axis(), 1, found).refusal == "fewer than 8 frames came");
-  // A wall behind the reflector stays out.
+  // A wall behind the reflector is excluded.
   CHECK(fit_radar_response(frames(blackman_window, fine, -35, rng, false, {{}, {0.2, 5}}),
                            fine.axis(), fine.range_m, found)
             .refusal == "");
   CHECK(found.radar.width_m() / found.radar.cell_m == Approx(1.64).margin(0.05));
 }
 
-TEST_CASE("the noise of independent frames falls with the root of their number") {
+TEST_CASE("noise falls with the square root of the number of independent frames") {
   Rng rng = make_rng(3, 1);
   record::Response found;
   fit_noise_exponent(frames(windows[0], fine, -20, rng), fine.axis().log2_power_step, found);
@@ -281,7 +281,7 @@ TEST_CASE("the noise of independent frames falls with the root of their number")
   CHECK(few == record::Response{});
 }
 
-TEST_CASE("what a run states of its response is read back, and what cannot be is not known") {
+TEST_CASE("response of a run is read back, an invalid one is unknown") {
   record::Response r;
   r.irf_fwhm_ps = {203.5, 1.25}, r.irf_tail_ps = {90, 4}, r.irf_tail_share = {0.4, 0.02};
   r.radar = {0.05, {1, 0.75, 0.25, 0.0625}}, r.taps_standard_error = 0.0125;
@@ -292,7 +292,7 @@ TEST_CASE("what a run states of its response is read back, and what cannot be is
        {"", "1", "1 0.5", "0.9 0.5 0.1", "1 x 0.1", "1 0.5 -0.1", "1 0.5 nan", "1 0.5 0.1 +- x"})
     CHECK_FALSE(record::response_of({{"radar_cell_m", "0.5"}, {"radar_taps", taps}}).radar.known());
   CHECK_FALSE(record::response_of({{"radar_taps", "1 0.5 0.1"}}).radar.known());
-  // A cubic through the roots of the taps meets a sinc in between.
+  // A cubic through the square roots of the taps approximates a sinc between them.
   record::RadarResponse sinc{2, {}};
   for (int k = 0; k < 24; ++k)
     sinc.taps.push_back(k == 0 ? 1 : std::pow(std::sin(pi * k / 4) / (pi * k / 4), 2));

@@ -22,7 +22,8 @@ void put_axes(RunWriter& run) {
   for (const auto& axis : small_axes()) run.put_axis(axis);
 }
 
-// Runs body in a child process; returns its pid. The child ends with code 0, or 1 if body throws.
+// Runs `body` in a child process and returns its pid. The child exits with 0, or 1 if `body`
+// throws.
 template <class Body>
 pid_t in_child(Body body) {
   const pid_t child = fork();
@@ -37,7 +38,7 @@ pid_t in_child(Body body) {
 
 }  // namespace
 
-TEST_CASE("what is written is read, while writing and after closing") {
+TEST_CASE("records are read back during writing and after closing") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
   RunInfo info;
@@ -63,7 +64,7 @@ TEST_CASE("what is written is read, while writing and after closing") {
     CHECK(live.info().status == "open");
     CHECK(live.count() == 2);
     check_same(live.read(0), small_record(0));
-    run.append(small_record(2));  // the reader does not hinder the writer, and sees it
+    run.append(small_record(2));  // the reader does not block the writer, and finds the record
     CHECK(live.count() == 3);
   }
   run.close("complete");
@@ -86,7 +87,7 @@ TEST_CASE("what is written is read, while writing and after closing") {
   CHECK(read.check().empty());
 }
 
-TEST_CASE("a run in numbers") {
+TEST_CASE("summary of a run has its counts") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
   write_run(path, 5);
@@ -102,7 +103,7 @@ TEST_CASE("a run in numbers") {
   CHECK(sum.last_utc == small_record(4).slot_utc + std::chrono::nanoseconds(1000));
 }
 
-TEST_CASE("kill -9 while writing: every committed record is there") {
+TEST_CASE("committed records survive kill -9") {
   const Folder folder;
   for (int round = 0; round < 8; ++round) {
     const std::string path = folder / (std::to_string(round) + ".sqlite");
@@ -128,7 +129,7 @@ TEST_CASE("kill -9 while writing: every committed record is there") {
     const RunReader run(path);
     CHECK(run.info().status == "crashed");
     CHECK(run.count() >= last + 1);
-    CHECK(run.count() <= last + 2);  // one more may be committed, but not acknowledged
+    CHECK(run.count() <= last + 2);  // one more may be committed but not acknowledged
     std::int64_t next = 0;
     run.for_each([&](const FusedRecord& r) {
       REQUIRE(r.index == next);
@@ -145,7 +146,7 @@ TEST_CASE("kill -9 while writing: every committed record is there") {
   CHECK_FALSE(fs::exists(path + "-wal"));
 }
 
-TEST_CASE("a full disk: the run keeps what was committed and says what happened") {
+TEST_CASE("full disk ends a run with its committed records and the reason") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
   const pid_t child = in_child([&] {
@@ -168,7 +169,7 @@ TEST_CASE("a full disk: the run keeps what was committed and says what happened"
   CHECK(run.check().empty());
 }
 
-TEST_CASE("files that are not to be read or written") {
+TEST_CASE("invalid files are refused") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
   const auto refusal = [&] { return error_of([&] { RunReader run(path); }); };
@@ -198,7 +199,7 @@ TEST_CASE("files that are not to be read or written") {
     sql(path, "PRAGMA user_version = 2");
     CHECK(has(refusal().second, "run format 2, expected 3; use the echofuse that recorded it"));
   }
-  SECTION("a table less, a column more, another type") {
+  SECTION("a missing table, an extra column, another type") {
     write_run(path, 1);
     for (const char* change :
          {"DROP TABLE late", "ALTER TABLE record ADD COLUMN x REAL",
@@ -216,7 +217,7 @@ TEST_CASE("files that are not to be read or written") {
     CHECK(has(text, "exists already"));
     CHECK(fs::file_size(path) == 8);
   }
-  SECTION("nor one that comes while ours is made") {
+  SECTION("a file created at the same time is not overwritten") {
     write_run(folder / "b.sqlite", 3);
     const auto [code, text] = error_of([&] {
       RunWriter run(path, {}, system_clock,
@@ -234,7 +235,7 @@ TEST_CASE("files that are not to be read or written") {
   }
 }
 
-TEST_CASE("a record that makes no sense is named") {
+TEST_CASE("invalid record is refused with its number") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
   write_run(path, 4);
@@ -251,7 +252,7 @@ TEST_CASE("a record that makes no sense is named") {
     sql(path, "UPDATE record SET depth = x'89504e47' WHERE idx = 2");
     expected = "record 2: depth is not a deflated image of 3 x 2";
   }
-  SECTION("a number that cannot be") {
+  SECTION("an invalid number") {
     sql(path, "UPDATE record SET depth_last = -1 WHERE idx = 2");
     expected = "record 2: depth_last is -1";
   }
@@ -276,7 +277,7 @@ TEST_CASE("a record that makes no sense is named") {
   }
 }
 
-TEST_CASE("a record that does not fit its axes is not written") {
+TEST_CASE("record that does not match its axes is not written") {
   const Folder folder;
   RunWriter run(folder / "a.sqlite", {});
   put_axes(run);
@@ -287,7 +288,7 @@ TEST_CASE("a record that does not fit its axes is not written") {
   CHECK(run.records() == 1);
 }
 
-TEST_CASE("on a network file system only a closed run is read") {
+TEST_CASE("only closed runs are read on a network file system") {
   CHECK(network_of_type(0x6969) == "NFS");
   CHECK(network_of_type(0xff534d42) == "SMB");
   CHECK(network_of_type(0x0bd00bd0) == "Lustre");

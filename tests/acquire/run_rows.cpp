@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Property test: random runs, every optional value there or not, are read as they were written.
+// Property test: random runs, with optional values present or missing, are read as written.
 #include <cstdlib>
 #include <limits>
 #include <random>
@@ -101,7 +101,7 @@ FusedRecord record_of(std::int64_t index, const std::vector<Axis>& axes, Random&
   if (r.has(Sensor::radar)) r.radar = random.values<float>(axes[1].count);
   if (r.has(Sensor::radar) && random.coin()) {
     r.array.assign(axes[2].count * values_of_bin(antennas), 0);
-    for (std::size_t bin = 0; bin < axes[2].count; ++bin)  // packed without a loss
+    for (std::size_t bin = 0; bin < axes[2].count; ++bin)  // lossless packing
       std::fill_n(r.array.begin() +
                       static_cast<std::ptrdiff_t>(bin * values_of_bin(antennas) + 2 * antennas),
                   antennas, static_cast<float>(random.whole<int>(100)));
@@ -111,7 +111,7 @@ FusedRecord record_of(std::int64_t index, const std::vector<Axis>& axes, Random&
   return r;
 }
 
-// Columns by their names and value as SQLite would take it, so that a new field is compared as
+// Columns by name, and their values for SQLite, so that new fields are compared as well.
 // well.
 std::vector<std::string> values_of(const FusedRecord& r) {
   const std::string name = ":memory:";
@@ -172,7 +172,7 @@ void testing::check_same(const FusedRecord& read, const FusedRecord& wrote) {
     CHECK(read.array[i] == Approx(wrote.array[i]).margin(1e-2));
 }
 
-TEST_CASE("a record is read as it was written, whatever of it is there") {
+TEST_CASE("record is read as written, with any of its optional values") {
   const Folder folder;
   for (unsigned seed = 0; seed < 20; ++seed) {
     CAPTURE(seed);
@@ -188,7 +188,7 @@ TEST_CASE("a record is read as it was written, whatever of it is there") {
   }
 }
 
-TEST_CASE("what a run says of itself is read as it was written") {
+TEST_CASE("run metadata are read as written") {
   const Folder folder;
   const std::string path = folder / "a";
   Random random(1);
@@ -238,7 +238,7 @@ TEST_CASE("what a run says of itself is read as it was written") {
   CHECK(run.counters().at(0).value == 9);
 }
 
-// For tests/python/test_format.py: 20 runs, and beside each what RunReader reads of it.
+// For tests/python/test_format.py: 20 runs, and what RunReader reads from each.
 TEST_CASE("random runs for another reader", "[.random_runs]") {
   const char* folder = std::getenv("ECHOFUSE_RANDOM_RUNS");
   REQUIRE(folder);

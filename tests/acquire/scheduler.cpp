@@ -14,7 +14,7 @@ namespace {
 
 constexpr SlotGrid grid{.first = 100s, .length = 200ms};
 
-// Ticks every 50 ms from the last call on, up to `until`; what became due.
+// Ticks every 50 ms from the last call until `until`; returns the slots that became due.
 class Ticking {
  public:
   explicit Ticking(Scheduler& scheduler) : scheduler_(scheduler) {}
@@ -37,19 +37,19 @@ using Indices = std::vector<std::int64_t>;
 
 }  // namespace
 
-TEST_CASE("slots begin at multiples of their length, and a run of long ones at once") {
+TEST_CASE("slots begin at multiples of their length, long ones at once") {
   CHECK(first_slot(100s, 3s) == 102s);
   CHECK(first_slot(102s, 3s) == 102s);
   CHECK(first_slot(102s + 1ns, 3s) == 105s);
   CHECK(first_slot(101s, 10s) == 110s);
   CHECK(first_slot(101s, 11s) == 101s);
-  // Two runs, whenever they begin.
+  // Two runs with different starts.
   const SlotGrid one{first_slot(100'123ms, 200ms), 200ms},
       other{first_slot(987'654ms, 200ms), 200ms};
   CHECK((other.first - one.first) % one.length == 0ns);
 }
 
-TEST_CASE("a time belongs to the slot whose half-open interval holds it") {
+TEST_CASE("time belongs to the half-open interval of its slot") {
   CHECK(grid.slot_of(100s) == 0);
   CHECK(grid.slot_of(100s + 200ms - 1ns) == 0);
   CHECK(grid.slot_of(100s + 200ms) == 1);
@@ -58,7 +58,7 @@ TEST_CASE("a time belongs to the slot whose half-open interval holds it") {
   CHECK(grid.slot_of(100s - 200ms - 1ns) == -2);
 }
 
-TEST_CASE("slots are absolute: a day of them drifts by nothing") {
+TEST_CASE("slots do not drift over a day") {
   HostTime now = grid.first;
   Scheduler scheduler(grid);
   Rng rng = make_rng(1, 0);
@@ -73,7 +73,7 @@ TEST_CASE("slots are absolute: a day of them drifts by nothing") {
   }
 }
 
-TEST_CASE("random pauses: every slot comes once and in order, stalled if it began in a long one") {
+TEST_CASE("with random pauses every slot comes once and in order, stalled if in a long pause") {
   Rng rng = make_rng(2, 0);
   Scheduler scheduler(grid, 5000);
   struct Pause {
@@ -103,7 +103,7 @@ TEST_CASE("random pauses: every slot comes once and in order, stalled if it bega
   }
 }
 
-TEST_CASE("after a pause the next slot is held for another grace, once") {
+TEST_CASE("after a pause the next slot stays open for one more grace time") {
   Scheduler scheduler(grid);
   Ticking ticking(scheduler);
   CHECK(ticking.run(grid.end(0) + 400ms).empty());
@@ -111,21 +111,21 @@ TEST_CASE("after a pause the next slot is held for another grace, once") {
   CHECK(scheduler.tick(woken).empty());
   CHECK(scheduler.tick(woken + 40ms).empty());
   CHECK(scheduler.next_deadline() == woken + grace);
-  // A program that never gets to run in time still closes its slots.
+  // A program that is always late still closes its slots.
   CHECK(scheduler.tick(woken + 400ms).empty());
   CHECK_FALSE(scheduler.tick(woken + grace).empty());
   CHECK(scheduler.lateness(0, woken + grace) == woken - grid.end(0));
 }
 
-TEST_CASE("the end of a run") {
+TEST_CASE("run ends after its count or finish") {
   Scheduler scheduler(grid, 10);
   Ticking ticking(scheduler);
-  SECTION("after its count") {
+  SECTION("after the count") {
     CHECK(ticking.run(200s).size() == 10);
     CHECK(scheduler.done());
     CHECK(scheduler.tick(300s).empty());
   }
-  SECTION("finish lets the running slot end") {
+  SECTION("finish completes the running slot") {
     CHECK(ticking.run(grid.start(3) + 50ms).empty());
     scheduler.finish(grid.start(3) + 80ms);
     CHECK_FALSE(scheduler.done());
@@ -144,7 +144,7 @@ TEST_CASE("the end of a run") {
   }
 }
 
-TEST_CASE("the slots of a pause wait for a busy disk, the slots of now do not") {
+TEST_CASE("slots of a pause wait for a busy disk, current slots do not") {
   Backlog backlog;
   const auto next = [&](bool busy) {
     const auto slot = backlog.next(busy);
@@ -162,7 +162,7 @@ TEST_CASE("the slots of a pause wait for a busy disk, the slots of now do not") 
     backlog.put({{k, false}});
     CHECK(next(true) == -1);
   }
-  backlog.put({{k, false}});  // so many slots later the disk is too slow, whatever came before
+  backlog.put({{k, false}});  // after this many slots the disk is too slow in any case
   for (std::int64_t i = 2; i <= k; ++i) REQUIRE(next(true) == i);
   CHECK(backlog.empty());
 }

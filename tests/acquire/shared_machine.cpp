@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: MIT
-// A measuring PC that several people share: where configurations and runs are, who may read them,
-// what the catalogue says.
+// A PC shared by several users: paths of configurations and runs, access rights, the catalogue.
 #include <sys/stat.h>
 
 #include <nlohmann/json.hpp>
@@ -19,7 +18,7 @@ using Json = nlohmann::json;
 
 const std::string tdc = "[tdc]\naddress = \"bridge:tcp://127.0.0.1:9\"\n";
 
-// A user at home in the folder, who has no configuration elsewhere.
+// A user with this home folder and no other configuration.
 Outcome at_home(const Folder& folder, const std::string& environment,
                 const std::string& arguments) {
   return shell("cd " + folder / "" +
@@ -35,9 +34,9 @@ unsigned mode_of(const std::string& path) {
 
 }  // namespace
 
-TEST_CASE("a configuration is found where it stands, the nearest first") {
+TEST_CASE("nearest configuration file is found first") {
   const Folder folder;
-  if (fs::exists("/etc/echofuse/lab.toml")) return;  // always found, on any folder
+  if (fs::exists("/etc/echofuse/lab.toml")) return;  // would always be found
   const Outcome none = at_home(folder, "", "config check");
   CHECK(none.code == 3);
   CHECK(has(none.text, "there is none of ./lab.toml, ~/.config/echofuse/lab.toml, /etc/echofuse"));
@@ -64,7 +63,7 @@ TEST_CASE("a configuration is found where it stands, the nearest first") {
   CHECK(has(wrong.text, "none.toml: cannot read"));
 }
 
-TEST_CASE("a radar cfg that is not beside the configuration is an installed one") {
+TEST_CASE("radar cfg is looked up next to the configuration, then among the installed ones") {
   const Folder folder;
   const std::string radar = "[radar]\ncli = \"serial:/dev/a\"\ndata = \"serial:/dev/b\"\ncfg = ";
   write_file(folder / "lab.toml", tdc + radar + "\"radar/xwr68xx_paper_50cm.cfg\"\n");
@@ -73,7 +72,7 @@ TEST_CASE("a radar cfg that is not beside the configuration is an installed one"
   CHECK(has(at_home(folder, "", "config check").text, "radar/mine.cfg: cannot read"));
 }
 
-TEST_CASE("a run without a name is the next of its day, in the configured folder") {
+TEST_CASE("unnamed run is the next of its day in the configured folder") {
   const Folder folder;
   const std::string first = record::next_run(folder / "");
   CHECK(first.starts_with(folder / "20"));
@@ -88,7 +87,7 @@ TEST_CASE("a run without a name is the next of its day, in the configured folder
   CHECK(config.run_folder == folder / "runs");
 }
 
-TEST_CASE("who is logged in has made the run, unless the configuration names another") {
+TEST_CASE("operator of a run is the configured one, otherwise the user") {
   const Folder folder;
   echofuse::acquire::Config config;
   const auto operator_of = [&](const std::string& name) {
@@ -102,7 +101,7 @@ TEST_CASE("who is logged in has made the run, unless the configuration names ano
   CHECK(operator_of("b.sqlite") == "Ada");
 }
 
-TEST_CASE("the group reads a run and sees that it is live, whatever the umask") {
+TEST_CASE("group can read a live run, with any umask") {
   const Folder folder;
   const mode_t before = ::umask(0077);
   {
@@ -115,7 +114,7 @@ TEST_CASE("the group reads a run and sees that it is live, whatever the umask") 
   CHECK(mode_of(folder / "a.sqlite") == 0640);
 }
 
-TEST_CASE("the catalogue of a folder, with notes from during a run and after it") {
+TEST_CASE("catalogue of a folder lists notes from during and after a run") {
   const Folder folder;
   write_run(folder / "monday.sqlite", 2);
   write_run(folder / "tuesday.sqlite", 3);
@@ -148,11 +147,11 @@ TEST_CASE("the catalogue of a folder, with notes from during a run and after it"
   CHECK(all[1]["valid"]["spd"] == 3);
   CHECK(has(acquire("info " + folder / "monday").text, "  note      20"));
   CHECK(acquire("list " + folder / "none").code == 1);
-  // A note leaves one file, as the run's end did.
+  // A note leaves one file, as at the end of a run.
   CHECK_FALSE(fs::exists(folder / "monday.sqlite-wal"));
 }
 
-TEST_CASE("list shows which runs of the folder are live, and what they record") {
+TEST_CASE("list shows live runs and their state") {
   const Folder folder, locks;
   record::RunWriter run(folder / "live.sqlite", {});
   for (const auto& axis : small_axes()) run.put_axis(axis);

@@ -17,7 +17,7 @@ using namespace echofuse;
 using namespace echofuse::record;
 using namespace testing;
 
-// Kills a program in a transaction of journal_mode=DELETE, some pages of which are written.
+// Kills a program in a transaction with journal_mode=DELETE after it wrote some pages.
 static void hot_journal(const std::string& path) {
   const pid_t child = fork();
   if (child == 0) {
@@ -32,7 +32,7 @@ static void hot_journal(const std::string& path) {
   REQUIRE(fs::file_size(path + "-journal") > 0);
 }
 
-TEST_CASE("a closed run is immutable: files of SQLite next to it are named, not read") {
+TEST_CASE("SQLite files next to a closed run are reported but not read") {
   const Folder folder;
   const std::string path = folder / "a.sqlite", other = folder / "b.sqlite";
   const std::string kind = GENERATE("-wal", "hot -journal", "-shm", "fifo");
@@ -71,7 +71,7 @@ TEST_CASE("a closed run is immutable: files of SQLite next to it are named, not 
   CHECK(RunReader(path).leftovers().empty());
 }
 
-TEST_CASE("a copy without the -wal of its run says so, and stays as it is") {
+TEST_CASE("copy without the -wal of its run is refused and not changed") {
   const Folder folder;
   const std::string path = folder / "copy.sqlite";
   {
@@ -197,7 +197,7 @@ TEST_CASE("a run whose header alone was not closed is read, also where nothing m
   for (const char* beside : {"-wal", "-shm"}) CHECK_FALSE(fs::exists(path + beside));
 }
 
-TEST_CASE("tables of ANALYZE are accepted, other tables are refused when the run closes") {
+TEST_CASE("tables of ANALYZE are accepted, other tables refused at the end of the run") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
   RunWriter run(path, {});
@@ -209,7 +209,7 @@ TEST_CASE("tables of ANALYZE are accepted, other tables are refused when the run
     CHECK(run.close("complete"));
     CHECK(RunReader(path).count() == 2);
   }
-  SECTION("what a reader refuses") {
+  SECTION("objects that a reader refuses") {
     const auto [make, statement] = GENERATE(
         table<std::string, std::string>({{"CREATE TABLE \"m\"\"y\" (a)", "DROP TABLE \"m\"\"y\""},
                                          {"CREATE INDEX i ON record (label)", "DROP INDEX \"i\""},

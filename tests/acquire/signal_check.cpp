@@ -43,7 +43,7 @@ std::vector<Axis> axes() {
            .step = 0.025}};
 }
 
-// A body at 3.5 m in front of all three, with the noise of counts, amplifiers and pixels.
+// A body at 3.5 m in front of all three sensors, with shot noise, amplifier and pixel noise.
 class Laboratory {
  public:
   double photons = 1e5, background = 0, radar_snr_db = 20, depth_share = 0.05;
@@ -61,7 +61,7 @@ class Laboratory {
     }
     r.spd_counts.in_range = std::accumulate(r.spd.begin(), r.spd.end(), std::uint64_t{0});
     std::normal_distribution<float> noise(0, 3);
-    for (int i = 0; i < 64; ++i) {  // 0.0401 dB a code, from -20 dB on
+    for (int i = 0; i < 64; ++i) {  // 0.0401 dB per code, from -20 dB on
       const double off = (i - 14) / 1.5;
       const double db = 10 * std::log10(1 + std::pow(10, radar_snr_db / 10) * std::exp(-off * off));
       r.radar.push_back(static_cast<float>(5000 + db / 0.0313597) + noise(rng_));
@@ -87,7 +87,7 @@ const Verdicts all_ok{"ok", "ok", "ok"};
 
 }  // namespace
 
-TEST_CASE("a good record is ok, and what was measured stands in it") {
+TEST_CASE("good record is ok and contains the measured values") {
   Laboratory lab;
   SignalCheck check({}, 3);
   for (int i = 0; i < 100; ++i) {
@@ -104,7 +104,7 @@ TEST_CASE("a good record is ok, and what was measured stands in it") {
   }
 }
 
-TEST_CASE("a laser a thousand times weaker is weak from the first record on") {
+TEST_CASE("laser a thousand times too weak is weak from the first record on") {
   Laboratory lab;
   lab.photons = 100;
   SignalCheck check({}, 3);
@@ -117,12 +117,12 @@ TEST_CASE("a laser a thousand times weaker is weak from the first record on") {
   CHECK(verdicts(indulgent, lab.record()) == all_ok);
 }
 
-TEST_CASE("a signal that falls off is weak beside the run's first minute") {
+TEST_CASE("signal that falls below that of the first minute is weak") {
   Laboratory lab;
   SignalCheck check({}, 3);
   for (int i = 0; i < 20; ++i) CHECK(verdicts(check, lab.record()) == all_ok);
   lab.photons = 5e3, lab.radar_snr_db = 9, lab.depth_share = 0.004;
-  for (int i = 0; i < 30; ++i) {  // never becomes the usual
+  for (int i = 0; i < 30; ++i) {  // does not become the reference
     const auto v = verdicts(check, lab.record());
     CHECK_THAT(v[0], StartsWith("weak: the light is 0.0"));
     CHECK_THAT(v[1], StartsWith("weak: the echo is 0.0"));
@@ -132,7 +132,7 @@ TEST_CASE("a signal that falls off is weak beside the run's first minute") {
   CHECK(verdicts(check, lab.record()) == all_ok);
 }
 
-TEST_CASE("background alone has no peak, noise alone no echo") {
+TEST_CASE("background alone has no peak, noise alone has no echo") {
   Laboratory lab;
   lab.photons = 0, lab.radar_snr_db = -40;
   for (const double background : {1.0, 300.0, 1e4, 1e6}) {
@@ -157,23 +157,24 @@ TEST_CASE("background alone has no peak, noise alone no echo") {
   CHECK(verdicts(check, lab.record()) == all_ok);
 }
 
-TEST_CASE("more than one click in 20 pulses is saturated, and so is a lobe without a top") {
+TEST_CASE("more than one click in 20 pulses, or a clipped lobe, is saturated") {
   Laboratory lab;
   SignalCheck check({}, 3);
   auto r = lab.record();
   r.signal.clicks_a_pulse = 0.06;
   for (float& v : r.radar) v = std::min(v, 5500.F);
   auto v = verdicts(check, r);
-  CHECK(v[1] == "ok");  // once may be a radar that begins to stand still
+  CHECK(v[1] == "ok");  // a single repetition may be the start of a freeze
   for (float& p : r.radar) p = p == 5500.F ? p : p + 1;
   ++r.spd[0];
   v = verdicts(check, r);
   CHECK(v[0] == "saturated: 0.06 clicks a laser pulse, 0.05 wanted at most");
   CHECK(v[1] == "saturated: the lobe at 3.25 m is cut off");
-  r.spd_counts = {.starts = 100, .in_range = 100, .out_of_range = 1900};  // 20 laser pulses a click
+  r.spd_counts = {
+      .starts = 100, .in_range = 100, .out_of_range = 1900};  // 20 laser pulses per click
   ++r.spd[0];
   CHECK_THAT(verdicts(check, r)[0], EndsWith("wanted at most: are start and click swapped?"));
-  r.sync[Sensor::radar].used = 1;  // two bins of a single frame may well have one code
+  r.sync[Sensor::radar].used = 1;  // in a single frame two bins may have equal codes
   for (float& p : r.radar) p = p == 5500.F ? p : p - 1;
   CHECK(verdicts(check, r)[1] == "ok");
   SignalLimits off;
@@ -182,15 +183,15 @@ TEST_CASE("more than one click in 20 pulses is saturated, and so is a lobe witho
   CHECK(verdicts(indulgent, r)[0] == "ok");
 }
 
-TEST_CASE("what repeats to the last bit stands still") {
+TEST_CASE("data that repeat bitwise stand still") {
   Laboratory lab;
   SignalCheck check({}, 3);
   auto r = lab.record();
   CHECK(verdicts(check, r) == all_ok);
-  for (float& v : r.radar) v += 0.001F;  // as averaging over another number of frames rounds
+  for (float& v : r.radar) v += 0.001F;  // rounding when averaging over another number of frames
   for (const auto& v : verdicts(check, r)) CHECK_THAT(v, StartsWith("stands still: "));
   CHECK(verdicts(check, lab.record()) == all_ok);
-  // A sensor that is missing in between, or sees nothing, is not one that stands still.
+  // A sensor that is missing in between, or has no signal, does not stand still.
   auto gone = lab.record();
   const auto kept = gone;
   CHECK(verdicts(check, gone) == all_ok);
@@ -207,7 +208,7 @@ TEST_CASE("what repeats to the last bit stands still") {
   }
 }
 
-TEST_CASE("a record with fewer than 80 % of the expected frames or pulses is lossy") {
+TEST_CASE("record with fewer than 80 % of the expected frames or pulses is lossy") {
   Laboratory lab;
   SignalCheck check({}, 3, {1000, 20, 0});
   const auto with = [&](std::uint64_t starts, std::uint64_t radar, std::uint64_t depth) {
@@ -230,7 +231,7 @@ TEST_CASE("a record with fewer than 80 % of the expected frames or pulses is los
   CHECK(with(300, 3, 3) == all_ok);
 }
 
-TEST_CASE("frames that the border of a short slot moves are not lost") {
+TEST_CASE("frames moved across the border of a short slot are not lost") {
   Laboratory lab;
   SignalCheck check({}, 0.1, {0, 20, 30});
   auto r = lab.record();
@@ -240,7 +241,7 @@ TEST_CASE("frames that the border of a short slot moves are not lost") {
   CHECK(verdicts(check, r) == all_ok);
 }
 
-TEST_CASE("starts behind a conditional filter are not judged") {
+TEST_CASE("start pulses behind a conditional filter are not checked") {
   Laboratory lab;
   SignalCheck check({}, 1, {1e6, 0, 0});
   auto r = lab.record();
@@ -248,7 +249,7 @@ TEST_CASE("starts behind a conditional filter are not judged") {
   r.spd_counts = {.tags = 20'000, .starts = 10'000, .in_range = 10'000};
   r.signal.clicks_a_pulse = 0.01;
   CHECK(verdicts(check, r)[0] == "ok");
-  // Every start arrives, and the detector has as many dark counts: one laser pulse in 100 came.
+  // Starts equal clicks, because all are dark counts: one laser pulse in 100 arrived.
   r.spd[0] += 1, r.radar[0] += 1, r.depth_mm[0] += 1;
   r.signal.clicks_a_pulse = 1;
   SignalLimits bright;
@@ -257,7 +258,7 @@ TEST_CASE("starts behind a conditional filter are not judged") {
   CHECK_THAT(verdicts(check, r)[0], StartsWith("lossy: 1 % of the 1000000 expected start pulses"));
 }
 
-TEST_CASE("without a laser rate the tagger's missed events make a record lossy") {
+TEST_CASE("without a laser rate, missed events of the tagger make a record lossy") {
   Laboratory lab;
   SignalCheck check({}, 1);
   auto r = lab.record();
@@ -268,7 +269,7 @@ TEST_CASE("without a laser rate the tagger's missed events make a record lossy")
   CHECK(verdicts(check, r)[0] == "ok");
 }
 
-TEST_CASE("depths beyond the map's range are no return") {
+TEST_CASE("depths beyond the map's range are not returns") {
   Laboratory lab;
   SignalCheck check({}, 3, {}, 6);
   auto r = lab.record();
@@ -277,7 +278,7 @@ TEST_CASE("depths beyond the map's range are no return") {
   CHECK(*r.signal.depth_share == Approx(0.05));
 }
 
-TEST_CASE("a change is told by the verdict's kind, not by its figures") {
+TEST_CASE("verdict changes are reported by kind, not by figures") {
   record::FusedRecord r;
   r.valid = SensorSet::from_bits(5);
   r.sync[Sensor::spd].verdict = "weak: 98 clicks";
@@ -288,7 +289,7 @@ TEST_CASE("a change is told by the verdict's kind, not by its figures") {
   CHECK(kind_of(r, Sensor::depth) == "ok");
 }
 
-TEST_CASE("a radar's own leakage, up to 0.5 m, is no echo") {
+TEST_CASE("radar leakage up to 0.5 m is not an echo") {
   SignalCheck check({}, 3);
   const std::vector<Axis> fine = {{.name = "radar",
                                    .quantity = "power",

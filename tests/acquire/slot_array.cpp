@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// The radar's heat maps on their way from frames to records, and what is told of them.
+// Heat maps of the radar on their way from frames to records, info and doctor.
 #include <cmath>
 
 #include "acquire/commands/commands.hpp"
@@ -46,7 +46,7 @@ Windows make_windows() {
   return windows;
 }
 
-// Samples that the record has to hold, from frames in groups of neighbours.
+// Samples expected in the record, from frames in groups of neighbours.
 std::vector<float> expected(const std::vector<std::vector<std::uint32_t>>& groups) {
   record::ArrayStatistics sums(kept_bins, antennas);
   for (const auto& group : groups) {
@@ -65,7 +65,7 @@ std::vector<float> expected(const std::vector<std::vector<std::uint32_t>>& group
 
 }  // namespace
 
-TEST_CASE("array: the record has that of the frames of its slot, up to 8 m") {
+TEST_CASE("array: record has the mean of the frames of its slot, up to 8 m") {
   Windows windows = make_windows();
   for (const std::uint32_t n : {1u, 2u, 3u}) windows.add(frame_of(n));
   for (const std::uint32_t n : {101u, 102u}) windows.add(frame_of(n));
@@ -82,8 +82,7 @@ TEST_CASE("array: the record has that of the frames of its slot, up to 8 m") {
   CHECK(next.array == expected({{101, 102}}));
 }
 
-TEST_CASE(
-    "array: frames with lost ones between them are no neighbours, nor are frames without one") {
+TEST_CASE("array: frames around a lost frame or one without a heat map are not neighbours") {
   Windows windows = make_windows();
   RadarFrame without = frame_of(6);
   SECTION("lost") {}
@@ -92,13 +91,13 @@ TEST_CASE(
     windows.add(without);
   }
   for (const std::uint32_t n : {4u, 5u, 7u, 8u}) windows.add(frame_of(n));
-  windows.add(frame_of(8));  // came twice
+  windows.add(frame_of(8));  // a duplicate
   const auto r = windows.close({0, false});
   CHECK(r.array_frames == 4);
   CHECK(r.array == expected({{4, 5}, {7, 8}}));
 }
 
-TEST_CASE("array: a frame whose profile is not used gives no array, and a radar without one none") {
+TEST_CASE("array: unused frames, and radars without heat maps, give no array") {
   Windows windows = make_windows();
   RadarFrame bad = frame_of(1);
   bad.range_profile.resize(3);
@@ -123,7 +122,7 @@ TEST_CASE("array: a frame whose profile is not used gives no array, and a radar 
   CHECK(old.close({0, false}).array.empty());
 }
 
-TEST_CASE("array: info shows it") {
+TEST_CASE("array: info describes it") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
   Windows windows = make_windows();
@@ -148,11 +147,11 @@ TEST_CASE("array: info shows it") {
   CHECK(has(describe_run(path, false),
             "array     8 antennas, 32 bins to 7.75 m, in 2 records of 2 frames and 5376 bytes"));
   CHECK(has(describe_run(path, true), "\"phase_rad\": -0.25"));
-  const auto want = record::RunReader(path).read(0).array;  // as it is stored: rounded
+  const auto want = record::RunReader(path).read(0).array;  // as stored: rounded
   CHECK(want[0] == Approx(records[0].array[0]).margin(0.1));
 }
 
-TEST_CASE("array: doctor counts heat maps, and misses them") {
+TEST_CASE("array: doctor counts heat maps and reports missing ones") {
   Config config;
   config.radar.cli = "serial:/a";
   config.radar.cfg_name = "azimuth.cfg";
@@ -169,7 +168,7 @@ TEST_CASE("array: doctor counts heat maps, and misses them") {
     CHECK(has(finding.found, "heat map of 8 antennas in 40 frames"));
     CHECK(estimate_record_bytes(capture, config) == 4 * 64 + kept_bins * (4 + 2 * 82));
   }
-  SECTION("not there") {
+  SECTION("without heat maps") {
     frame.array.clear();
     for (int k = 0; k < 40; ++k) capture.on_radar(frame);
     const Finding finding = judge_radar(capture, config, 2);

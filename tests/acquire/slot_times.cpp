@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Times of slots: UTC while the machine's clock is set, and what cannot be in a file that is read.
+// Times of slots: UTC when the machine's clock is set, and invalid times in a file.
 #include <cmath>
 #include <limits>
 
@@ -24,8 +24,7 @@ std::vector<std::string> events_of(const std::string& path) {
 
 }  // namespace
 
-TEST_CASE(
-    "a clock that is set during a run makes an event, an anchor, and the right UTC after it") {
+TEST_CASE("clock set during a run causes an event, an anchor and correct UTC afterwards") {
   const auto step = GENERATE(24h, -24h);
   const Folder folder;
   const std::string path = folder / "run.sqlite";
@@ -36,7 +35,7 @@ TEST_CASE(
   RunLog log(loop);
   log.attach(journal);
   for (int second = 0; second < 60; ++second, loop.run_for(1s)) journal.refresh_anchor(log);
-  loop.step_utc(10ms);  // is no event; the next anchor has it
+  loop.step_utc(10ms);  // no event; included in the next anchor
   journal.refresh_anchor(log);
   CHECK(journal.utc_of(1050s) == 1050s + before + 10ms);
   loop.run_for(10s + 200ms);
@@ -44,7 +43,7 @@ TEST_CASE(
   journal.refresh_anchor(log);
   journal.refresh_anchor(log);
   CHECK(journal.utc_of(1069s) == 1069s + before + 10ms);
-  CHECK(journal.utc_of(1070s) == 1070s + before + 10ms);  // begun before the clock was set
+  CHECK(journal.utc_of(1070s) == 1070s + before + 10ms);  // began before the clock was set
   CHECK(journal.utc_of(1071s) == 1071s + before + step);
   loop.run_for(69s + 800ms);
   loop.step_utc(20ms);
@@ -66,8 +65,7 @@ TEST_CASE(
                                              (before + step + 20ms).count()});
 }
 
-TEST_CASE(
-    "a slot that is still open a minute after the clock was set bears the time of its start") {
+TEST_CASE("slot open since before the clock was set keeps the time of its start") {
   const Folder folder;
   const std::chrono::nanoseconds before = 1'700'000'000s;
   port::VirtualLoop loop(before);
@@ -79,12 +77,12 @@ TEST_CASE(
   journal.refresh_anchor(log);  // at 10 s
   loop.run_for(60s);
   journal.refresh_anchor(log);
-  CHECK(journal.utc_of(9s) == before + 9s);  // begun before the clock was set
+  CHECK(journal.utc_of(9s) == before + 9s);  // began before the clock was set
   CHECK(journal.utc_of(11s) == before + 24h + 11s);
   journal.finish("complete");
 }
 
-TEST_CASE("times of slots that would overflow are refused in one line, wherever they are read") {
+TEST_CASE("slot times that overflow are refused in one line by every reader") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
   write_run(path, 4);
@@ -109,7 +107,7 @@ TEST_CASE("times of slots that would overflow are refused in one line, wherever 
   CHECK(bad == std::vector<std::int64_t>{3});
 }
 
-TEST_CASE("a run whose clock was set back ends with its last slot") {
+TEST_CASE("run with a clock set back ends with its last slot") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
   write_run(path, 4);
@@ -119,7 +117,7 @@ TEST_CASE("a run whose clock was set back ends with its last slot") {
   CHECK(sum.last_utc == small_record(4).slot_utc - std::chrono::hours(24));
 }
 
-TEST_CASE("a mark into a run whose slots are of no length that can be says what it can") {
+TEST_CASE("mark in a run with an invalid slot length is reported without a time") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
   record::RunInfo info;

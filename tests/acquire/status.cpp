@@ -32,7 +32,7 @@ struct Moment {
 
 }  // namespace
 
-TEST_CASE("the status line tells all that is known, in one order") {
+TEST_CASE("status line shows all values in a fixed order") {
   Moment m;
   CHECK(m.line(std::nullopt) ==
         "record 7/20  s-D  spd weak  0:21, 1:02:41 left  1.20 Mtag/s  peak 3.46 m  radar 20.0 "
@@ -47,7 +47,7 @@ TEST_CASE("the status line tells all that is known, in one order") {
   CHECK(m.line(std::nullopt).find("  0:00  ") != std::string::npos);
 }
 
-TEST_CASE("a narrow status line leaves out what matters least, and is never too long") {
+TEST_CASE("narrow status line drops the least important parts to fit") {
   Moment m;
   CHECK(m.line(79) == "record 7/20  s-D  spd weak  0:21, 1:02:41 left  1.20 Mtag/s  lost S 12 D 3");
   for (std::size_t columns = 16; columns < 200; ++columns) {
@@ -59,7 +59,7 @@ TEST_CASE("a narrow status line leaves out what matters least, and is never too 
   CHECK(m.line(5) == "s-D");
 }
 
-TEST_CASE("a sensor that gets bad is told once, and counted in every record") {
+TEST_CASE("sensor that becomes bad is reported once and counted in every record") {
   RunTotals totals;
   std::string heard;
   const auto take = [&](SensorSet valid, const char* spd,
@@ -89,17 +89,17 @@ TEST_CASE("a sensor that gets bad is told once, and counted in every record") {
   CHECK(totals.not_ok == 3);
 }
 
-TEST_CASE("a bad sensor is red where there are colours, which take no columns") {
+TEST_CASE("bad sensor is red if colours are on, without changing the width") {
   Moment m;
   CHECK(m.line(26, true) == "record 7/20  \033[31ms-D\033[0m  \033[31mspd weak\033[0m");
   m.now.doubtful = {}, m.now.valid = SensorSet::from_bits(7), m.now.trouble.clear();
   CHECK(m.line(79, true) == m.line(79));
 }
 
-TEST_CASE("a label in the status line is short, of one line, and whole characters") {
+TEST_CASE("label in the status line is shortened to one line and complete characters") {
   Moment m;
   m.now.label = "a\033[2J\n";
   CHECK(m.line(std::nullopt).find(R"(  a\x1b[2J\n  )") != std::string::npos);
-  m.now.label = "abcdefghijklmnopqrstuvw\xc3\xa4xyz";  // the 24th byte is half a character
+  m.now.label = "abcdefghijklmnopqrstuvw\xc3\xa4xyz";  // the 24th byte is half of a character
   CHECK(m.line(std::nullopt).find("  abcdefghijklmnopqrstuvw  ") != std::string::npos);
 }

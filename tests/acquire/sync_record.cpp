@@ -53,7 +53,7 @@ struct Database {
 
 }  // namespace
 
-TEST_CASE("a record without a required sensor is marked, and the clocks' fits are kept") {
+TEST_CASE("record without a required sensor is incomplete, and clock fits are stored") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
   write(path);
@@ -71,7 +71,7 @@ TEST_CASE("a record without a required sensor is marked, and the clocks' fits ar
   const Json info = Json::parse(acquire("info --json " + path).text);
   CHECK(info["incomplete"] == 1);
   CHECK(info["policy"] == Json{{"spd", "required"}, {"depth", "optional"}});
-  CHECK(info["clocks"]["spd"]["samples"] == 102);  // the last record that has one
+  CHECK(info["clocks"]["spd"]["samples"] == 102);  // the last record with a fit
   CHECK(info["clocks"]["depth"]["drift_ppm"] == 20);
   CHECK_FALSE(info["clocks"].contains("radar"));
   const std::string text = acquire("info " + path).text;
@@ -79,7 +79,7 @@ TEST_CASE("a record without a required sensor is marked, and the clocks' fits ar
   CHECK(has(text, "clock     spd: offset_s 1.5, drift_ppm -3, residual_s 0.0001, samples 102"));
 }
 
-TEST_CASE("what was measured of the signals is kept, and verdicts are counted by their kind") {
+TEST_CASE("signal values are stored, and verdicts are counted by kind") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
   write(path);

@@ -17,15 +17,15 @@ constexpr SlotGrid grid{.first = 100s, .length = 1s};
 
 HostTime host(double t) { return HostTime(std::llround(t * 1e9)); }
 
-// An arrival: at `read`, by a device, taken at these times (s). `places`: for each of them the
-// record that it belongs to, or early, late, outside, twice.
+// An arrival at time `read` from a device, with data taken at these times (s). `places`: expected
+// record of each, or early, late, outside, twice.
 struct Event {
   double read;
   const char* device;
   std::vector<double> taken;
   const char* places;
-  std::uint32_t number = 0;  // the frame's
-  std::uint64_t lost = 0;    // before it
+  std::uint32_t number = 0;  // frame number
+  std::uint64_t lost = 0;    // lost before it
 };
 
 // clang-format off
@@ -56,11 +56,11 @@ const std::vector<Event> events = {
   {102.100,  "depth", {101.999},                           "1",              5        },
   {102.110,  "depth", {102.000},                           "2",              6        },
   {102.200,  "spd",   {},                                  "",               0,  3    },  // only a loss
-  // The program stands still from 102.2 to 105.7; all of this waits to be read.
+  // The program stalls from 102.2 to 105.7; all following data wait to be read.
   {105.700,  "spd",   {102.200, 102.900, 103.100, 105.690},"2 2 3 5"                  },
   {105.700,  "radar", {102.500},                           "2",              9        },
   {105.700,  "radar", {105.600},                           "5",             10        },
-  // The radar comes back with another clock: by receipt, until that is known.
+  // The radar returns with another clock: placed by receipt until that is known.
   {106.600,  "radar+",{106.100},                           "6",              1        },
   {106.700,  "spd",   {106.100, 106.650},                  "6 6"                      },
   {107.300,  "spd",   {107.001, 107.299},                  "outside outside"          },  // after the last slot
@@ -91,7 +91,7 @@ struct Device {
   }
 };
 
-// The three devices, whose clocks have been heard for 20 s, and the daemon under a virtual clock.
+// The three devices, with clocks fitted for 20 s, and the daemon on a virtual clock.
 class Bench {
  public:
   Bench() {
@@ -151,7 +151,7 @@ class Bench {
       grid, {.first_bin_ps = 0, .bins = 1}, clocks, SensorSet::from_bits(7), {Sensor::radar}};
   Scheduler scheduler{grid};
   std::vector<record::FusedRecord> records;
-  std::map<std::string, std::array<std::uint64_t, 3>> expected;  // by place
+  std::map<std::string, std::array<std::uint64_t, 3>> expected;  // counts by place
 
  private:
   RadarFrame radar(double taken, double read, std::uint32_t number) const {
@@ -181,7 +181,7 @@ class Bench {
 
 }  // namespace
 
-TEST_CASE("every event of the table is in the record that the rules say") {
+TEST_CASE("every event of the table is in the expected record") {
   Bench bench;
   for (const Event& e : events) bench.run(e);
   bench.end();
@@ -206,12 +206,12 @@ TEST_CASE("every event of the table is in the record that the rules say") {
   CHECK(bench.windows.take_late().empty());
   CHECK(unassigned.duplicate == bench.expected["twice"]);
   CHECK(unassigned.out_of_order == std::array<std::uint64_t, 3>{0, 2, 0});  // 6 after 7, 1 after 10
-  // Losses: with the slot of the sample that tells, or the next one if that is closed.
+  // Losses belong to the slot of the sample that reveals them, or the next one if that is closed.
   CHECK(bench.records[1].sync[Sensor::radar].lost == 1 + 2);
   CHECK(bench.records[2].sync[Sensor::spd].lost == 3);
 }
 
-TEST_CASE("a record tells how its devices' clocks ran") {
+TEST_CASE("record contains the clock fits of its devices") {
   Bench bench;
   for (const Event& e : events) bench.run(e);
   bench.end();
@@ -224,5 +224,5 @@ TEST_CASE("a record tells how its devices' clocks ran") {
   CHECK(std::abs(clocks[Sensor::depth]->offset_s + 1000) < 1e-4);
   CHECK(bench.records[0].sync[Sensor::spd].span_s == Approx(0.998).margin(1e-5));
   CHECK(bench.records[0].sync[Sensor::depth].offset_s == Approx(-0.01).margin(1e-5));
-  CHECK_FALSE(bench.records[6].clocks[Sensor::radar]);  // the radar's clock began anew
+  CHECK_FALSE(bench.records[6].clocks[Sensor::radar]);  // the radar's clock restarted
 }

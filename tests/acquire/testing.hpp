@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Shared by the tests of this folder: a folder that goes away, the program, sample records.
+// Shared by the tests of this folder: temporary folder, program calls, sample records.
 #pragma once
 #include <sqlite3.h>
 
@@ -41,7 +41,7 @@ inline Outcome acquire(const std::string& arguments) {
   return shell(echofuse::test::bin_dir + "/echofuse-acquire " + arguments);
 }
 
-// The code of the Error that body throws, and its text; ok if it throws none.
+// Returns code and text of the Error that `body` throws; ok if it throws none.
 template <class Body>
 std::pair<echofuse::ExitCode, std::string> error_of(Body body) {
   try {
@@ -60,7 +60,7 @@ inline std::vector<echofuse::Axis> small_axes() {
           {"depth_y", "tangent", "1", 2, 0.1, -0.2, 1}};
 }
 
-// All three sensors valid; every value depends on the index.
+// A record with three valid sensors; every value depends on the index.
 inline echofuse::record::FusedRecord small_record(std::int64_t index) {
   using echofuse::HostTime;
   const auto i = static_cast<std::uint32_t>(index);
@@ -87,7 +87,7 @@ inline echofuse::record::FusedRecord small_record(std::int64_t index) {
   return r;
 }
 
-// Compares all columns and arrays; by run_rows.cpp.
+// Compares all columns and arrays; defined in run_rows.cpp.
 void check_same(const echofuse::record::FusedRecord& read,
                 const echofuse::record::FusedRecord& wrote);
 

@@ -75,7 +75,7 @@ std::uint64_t parts(const TagCounts& c) {
 
 }  // namespace
 
-TEST_CASE("one slot with all three sensors") {
+TEST_CASE("slot with all three sensors is complete") {
   Windows windows = make_windows();
   feed(windows, 10s, {start_at(0), click_at(150), click_at(250)});
   feed(windows, 10s + 900ms, {start_at(10'000), click_at(10'199), click_at(99'999)});
@@ -98,21 +98,21 @@ TEST_CASE("one slot with all three sensors") {
   CHECK(sync(r, Sensor::spd).used == 3);
   CHECK(sync(r, Sensor::spd).span_s == 0.9);
   CHECK(sync(r, Sensor::spd).offset_s == Approx(-0.05));
-  CHECK(r.radar == std::vector<float>{0, 256, 512, 1000});  // one frame: exactly as it came
+  CHECK(r.radar == std::vector<float>{0, 256, 512, 1000});  // a single frame is copied exactly
   CHECK(sync(r, Sensor::radar).offset_s == Approx(-0.1));
-  CHECK(r.depth_mm == std::vector<std::uint16_t>{3, 4});  // nearest to 10.5 s
+  CHECK(r.depth_mm == std::vector<std::uint16_t>{3, 4});  // nearest to the slot's centre, 10.5 s
   CHECK(sync(r, Sensor::depth).offset_s == Approx(0.05));
   for (const auto& s : r.sync) CHECK(s.verdict == "ok");
 }
 
-TEST_CASE("delays, dead time and bad tags reach the record") {
+TEST_CASE("record includes delays, dead time and bad tags") {
   auto settings = tdc_settings;
   settings.click_delay_ps = 500;
   settings.dead_time_ps = 100;
   Windows windows(grid, settings, no_clocks, {Sensor::spd});
   Tag unknown = start_at(2);
   unknown.type = static_cast<TagType>(9);
-  // Undelayed, the first click would come before its start.
+  // Without the delay the first click would precede its start.
   feed(windows, 10s, {click_at(650), start_at(1'000), click_at(1'020), click_at(1'119), unknown});
   feed(windows, 10s + 900ms, {start_at(5'000), start_at(4'000), click_at(5'100)});
   const auto r = windows.close({0, false});
@@ -120,12 +120,12 @@ TEST_CASE("delays, dead time and bad tags reach the record") {
   CHECK(r.spd.at(5) == 1);           // 1020 + 500 - 1000
   CHECK(r.spd_counts.removed == 1);  // 1119, 99 ps after 1020
   CHECK(r.spd_counts.bad_tags == 1);
-  CHECK(r.spd_counts.backwards == 0);  // put in order
+  CHECK(r.spd_counts.backwards == 0);  // sorted
   CHECK(r.spd_counts.tags == 8);
   CHECK(parts(r.spd_counts) == r.spd_counts.tags);
 }
 
-TEST_CASE("the border of slots is exact, and a start survives it") {
+TEST_CASE("slot border is exact, and a start pulse remains valid across it") {
   Windows windows = make_windows({Sensor::spd});
   feed(windows, 10s, {start_at(0)});
   feed(windows, 11s - 1ns, {start_at(1'000)});
@@ -137,7 +137,7 @@ TEST_CASE("the border of slots is exact, and a start survives it") {
   CHECK(second.spd.at(0) == 1);
 }
 
-TEST_CASE("no click refers to a start before a gap") {
+TEST_CASE("click does not refer to a start before a gap") {
   Windows windows = make_windows({Sensor::spd});
   feed(windows, 10s, {start_at(0)});
   feed(windows, 10s + 600ms, {click_at(50)}, 1);
@@ -146,7 +146,7 @@ TEST_CASE("no click refers to a start before a gap") {
   CHECK(r.spd_counts.in_range == 0);
 }
 
-TEST_CASE("a slot whose tags come in two parts has the counts of both") {
+TEST_CASE("slot with tags in two parts has the counts of both") {
   auto settings = tdc_settings;
   settings.dead_time_ps = 100;
   Windows windows(grid, settings, no_clocks, {Sensor::spd});
@@ -163,7 +163,7 @@ TEST_CASE("a slot whose tags come in two parts has the counts of both") {
   };
   part(10s, 20);
   part(11s, 500);
-  part(10s + 900ms, 3);  // a device sends again what it kept
+  part(10s + 900ms, 3);  // the device sends buffered data again
   const record::FusedRecord r = windows.close({0, false});
   const TagCounts& c = r.spd_counts;
   CHECK(c.tags == 22);
@@ -187,7 +187,7 @@ TEST_CASE("radar frames are averaged in linear power") {
   for (std::uint32_t i = 0; i < 3; ++i) windows.add(radar_frame(10s + i * 100ms, 7 + i, frames[i]));
   const auto r = windows.close({0, false});
   REQUIRE(r.valid == SensorSet::from_bits(2));
-  // power = 2^(2 * code/256 * 16/12): TI's code holds the sum over 12 antennas over 16
+  // power = 2^(2 * code/256 * 16/12): TI's code is the sum over 12 antennas, divided by 16
   constexpr double doubling = 256.0 * 12 / 16 / 2;
   for (std::size_t bin = 0; bin < 4; ++bin) {
     double power = 0;
@@ -199,7 +199,7 @@ TEST_CASE("radar frames are averaged in linear power") {
   CHECK(sync(r, Sensor::radar).span_s == 0.2);
 }
 
-TEST_CASE("a profile is the mean power over frames and their subframes, each counted once") {
+TEST_CASE("profile is the mean power over frames and subframes, each counted once") {
   Windows windows = make_windows({Sensor::radar});
   double sum = 0, count = 0;
   for (std::uint32_t number = 1; number <= 5; ++number)
@@ -219,7 +219,7 @@ TEST_CASE("a profile is the mean power over frames and their subframes, each cou
   CHECK(power_from_code(r.radar[0], 12) == Approx(sum / count).epsilon(1e-4));
 }
 
-TEST_CASE("the last frame's stats and temperature go with the record") {
+TEST_CASE("record has stats and temperature of the last frame") {
   Windows windows = make_windows();
   windows.announce(radar_info());
   RadarFrame frame = radar_frame(10s, 1, {1, 2, 3, 4});
@@ -238,10 +238,10 @@ TEST_CASE("the last frame's stats and temperature go with the record") {
   CHECK_FALSE(windows.close({1, false}).radar_stats);
 }
 
-TEST_CASE("a sensor without usable data is not valid, and the row says why") {
+TEST_CASE("sensor without usable data is invalid, with the reason") {
   Windows windows = make_windows();
   std::string spd = "no tags", radar = "no frames", depth = "no frames";
-  SECTION("nothing came") {}
+  SECTION("no data") {}
   SECTION("no laser") {
     feed(windows, 10s, {click_at(0)});
     spd = "no start tags on channel 1";
@@ -278,10 +278,10 @@ TEST_CASE("a sensor without usable data is not valid, and the row says why") {
   CHECK(sync(r, Sensor::radar).verdict == radar);
   CHECK(sync(r, Sensor::depth).verdict == depth);
   CHECK(windows.close({1, false}).has(Sensor::spd) ==
-        spd.starts_with("tags for"));  // half of it is enough
+        spd.starts_with("tags for"));  // half of the slot suffices
 }
 
-TEST_CASE("no click refers to a start before tags that are of no open slot") {
+TEST_CASE("click does not refer to a start before tags outside of open slots") {
   Windows windows = make_windows({Sensor::spd});
   windows.close({0, false});
   feed(windows, 11s, {start_at(0)});
@@ -290,7 +290,7 @@ TEST_CASE("no click refers to a start before tags that are of no open slot") {
   CHECK(windows.close({1, false}).spd_counts.without_start == 1);
 }
 
-TEST_CASE("after a standstill a slot is whole if its tags span nine tenths of it") {
+TEST_CASE("after a stall a slot is complete if its tags span 90 % of it") {
   SensorClocks clocks;
   std::vector<Tag> tag(1);
   const auto at = [&](HostTime time, const std::function<void(const TagBlock&)>& use) {
@@ -307,13 +307,13 @@ TEST_CASE("after a standstill a slot is whole if its tags span nine tenths of it
   CHECK(sync(windows.close({0, true}), Sensor::spd).verdict == verdict);
 }
 
-TEST_CASE("sensors that take no part and slots in which the program stood still") {
+TEST_CASE("unconfigured sensors and stalled slots have their own verdicts") {
   Windows windows = make_windows({Sensor::spd});
   feed(windows, 10s, {start_at(0)});
   feed(windows, 10s + 900ms, {start_at(1), click_at(2)});
   const auto r = windows.close({0, true});
   CHECK(r.valid == SensorSet::from_bits(0));
-  CHECK(r.spd_counts.tags == 3);  // counted, though not used
+  CHECK(r.spd_counts.tags == 3);  // counted although not used
   CHECK(sync(r, Sensor::spd).verdict == "the program stood still");
   CHECK(sync(r, Sensor::radar).verdict == "not configured");
 }
@@ -327,7 +327,7 @@ DeviceInfo board_info(double width_ps = 92.5) {
   return info;
 }
 
-// Exposed for 200 ms.
+// Exposure of 200 ms.
 HistogramFrame histogram(HostTime received, std::vector<std::uint32_t> counts,
                          std::uint64_t lost = 0) {
   return {.received = received,
@@ -339,7 +339,7 @@ HistogramFrame histogram(HostTime received, std::vector<std::uint32_t> counts,
 
 }  // namespace
 
-TEST_CASE("a slot sums the histograms with the middle of their exposure in it") {
+TEST_CASE("slot sums the histograms whose mid-exposure is in it") {
   Windows windows = make_windows();
   REQUIRE(windows.announce(board_info()));
   CHECK(same_axis(windows.axes().front(), board_info().axes[0]));
@@ -347,7 +347,7 @@ TEST_CASE("a slot sums the histograms with the middle of their exposure in it") 
   windows.add(histogram(10s + 150ms, {1, 2, 3}));
   windows.add(histogram(10s + 700ms, {10, 20, 4'000'000'000}, 2));
   windows.add(histogram(11s + 50ms, {5, 5, 4'000'000'000}));  // to 11.05 s
-  windows.add(histogram(11s + 150ms, {7, 7, 7}));             // the next slot's
+  windows.add(histogram(11s + 150ms, {7, 7, 7}));             // belongs to the next slot
   const auto r = windows.close({0, false});
   CHECK(r.has(Sensor::spd));
   CHECK(r.spd == std::vector<std::uint32_t>{16, 27, UINT32_MAX});
@@ -362,7 +362,7 @@ TEST_CASE("a slot sums the histograms with the middle of their exposure in it") 
   CHECK(sync(windows.close({2, false}), Sensor::spd).verdict == "no histograms");
 }
 
-TEST_CASE("a counting board that came back with other bins is not used") {
+TEST_CASE("counting board that returns with other bins is not used") {
   Windows windows = make_windows();
   REQUIRE(windows.announce(board_info()));
   CHECK_FALSE(windows.announce(board_info(100)));
