@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// People who move before the radar's antennas, and antennas whose phases drift.
+// People who move in front of the radar's antennas, and antennas with drifting phases.
 #include <algorithm>
 #include <catch2/catch.hpp>
 #include <cmath>
@@ -12,7 +12,7 @@
 using namespace echofuse;
 using namespace echofuse::sim;
 
-TEST_CASE("sway is stationary, and forgets as its spectrum says") {
+TEST_CASE("sway is stationary with the correlation of its spectrum") {
   Conditions c;
   c.radar_sway_m = 1;
   Rng rng(2);
@@ -32,8 +32,8 @@ TEST_CASE("sway is stationary, and forgets as its spectrum says") {
   CHECK(std::abs(both - expected) < 4.5 * std::sqrt((1 + expected * expected) / draws));
 }
 
-TEST_CASE("a swaying pendulum, a twist and a breath change the range as geometry says") {
-  // A patch 0.2 m right of an axis 3 m ahead.
+TEST_CASE("sway, twist and breathing change the range as computed") {
+  // A patch 0.2 m to the right of an axis at 3 m.
   const double x = 0.2, z = 3, range = std::hypot(x, z);
   const auto modes = BodyMotion::range_per_mode(x / range, 0, 1.65, 0, z, 1);
   CHECK(modes[0] == Approx(x / range));
@@ -42,10 +42,10 @@ TEST_CASE("a swaying pendulum, a twist and a breath change the range as geometry
   CHECK(modes[2] == Approx((turned - range) / 1e-4).epsilon(1e-3));
   CHECK(modes[3] == 0);
   CHECK(BodyMotion::range_per_mode(0, 0, 1.25, 0, 3, 1)[3] == -1);
-  CHECK(BodyMotion::range_per_mode(0, 0, 0, 0, 3, 1)[1] == 0);  // the feet stand
+  CHECK(BodyMotion::range_per_mode(0, 0, 0, 0, 3, 1)[1] == 0);  // the feet do not move
 }
 
-TEST_CASE("the more somebody sways, the more looks a record has") {
+TEST_CASE("number of independent looks grows with the sway") {
   Conditions c = of_sum("coherent");
   const RadarAxis axis = radar_response(c);
   const Returns person = a_person(c, 2);
@@ -72,7 +72,7 @@ TEST_CASE("the more somebody sways, the more looks a record has") {
   CHECK(natural > 2 * little);
 }
 
-TEST_CASE("who moves while the transmitters send in turn has other phases and less power") {
+TEST_CASE("motion between transmitters changes phases and reduces the power") {
   Conditions c = of_sum("coherent");
   c.radar_sway_m = c.radar_twist_deg = 0;
   c.radar_breath_m = 0.1;  // up to 16 cm/s
@@ -92,7 +92,7 @@ TEST_CASE("who moves while the transmitters send in turn has other phases and le
     moving.frame(later_s, a, x);
     standing.frame(later_s, b, y);
     const double wavelength = speed_of_light_m_s / radar_carrier_hz;
-    const double v = -motion.speeds()[0][3];  // rate of the range
+    const double v = -motion.speeds()[0][3];  // rate of change of the range
     const double f = 2 * v * 2 * radar.chirp_s / wavelength;
     const double loss = std::sin(pi * f * 16) / (16 * std::sin(pi * f));
     const std::size_t peak = 14 * 8;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Shared by the tests of the radar's antennas.
+// Scenes for the tests of the radar's antennas.
 #pragma once
 #include <algorithm>
 #include <catch2/catch.hpp>

@@ -21,8 +21,8 @@ Complex wave(const record::Antenna& a, double x, double y = 0) {
   return std::polar(a.gain, pi * (a.x * x + a.y * y) + a.phase_rad);
 }
 
-// Correlation of a point's echo between two times, expected over amplitudes: sum of w psf^2 turned
-// by the way between, over sum of w psf^2. Parts have range_m, weight, place and person.
+// Expected correlation of a point's echo between two times: sum of w psf^2, rotated by the change
+// of range, over the sum of w psf^2. Parts have range_m, weight, place and person.
 struct Part {
   double share;
   BodyMotion::Modes turns;
@@ -42,7 +42,7 @@ double correlation(const std::vector<Part>& parts, const BodyMotion::Modes& a,
 
 }  // namespace
 
-TEST_CASE("one point's wave has its steering phases, by the channels' errors off") {
+TEST_CASE("wave of a point has its steering phases plus the channel errors") {
   for (const char* sum : {"incoherent", "coherent"})
     for (const std::int64_t antennas : {8, 12}) {
       Conditions c = of_sum(sum);
@@ -72,14 +72,14 @@ TEST_CASE("one point's wave has its steering phases, by the channels' errors off
     }
 }
 
-TEST_CASE("the AOP's antennas stand where its transmitters and receivers are added") {
+TEST_CASE("virtual antennas of the AOP are sums of transmitter and receiver positions") {
   const auto a = antennas_in_layout(12);
   CHECK((a[0].x == 1 && a[0].y == 1));
   CHECK((a[5].x == 3 && a[5].y == 2));
   CHECK((a[11].x == 0 && a[11].y == 2));
 }
 
-TEST_CASE("incoherent covariance is that of the sources, over any successive frames of a record") {
+TEST_CASE("incoherent covariance is that of the sources, in any consecutive frames") {
   const Conditions c = of_sum("incoherent");
   const RadarAxis axis = radar_response(c);
   const auto array = simulated_antennas(c, 3);
@@ -113,7 +113,7 @@ TEST_CASE("incoherent covariance is that of the sources, over any successive fra
   }
 }
 
-TEST_CASE("noise is white, complex and as strong as the detector's") {
+TEST_CASE("noise is white, complex and of the detector's power") {
   Conditions c = of_sum("coherent");
   constexpr double noise = 0.3;
   Rng rng(4);
@@ -132,14 +132,14 @@ TEST_CASE("noise is white, complex and as strong as the detector's") {
       for (std::size_t n = 0; n < m; ++n) across += std::norm(bin.covariance(m, n)) / 28 / bins;
     }
   }
-  // A power is exponential, of variance 1; means of so many have a relative rms of 1/sqrt(count).
+  // Power is exponential with variance 1, so means have a relative rms of 1/sqrt(count).
   CHECK(std::abs(power / noise - 1) < 4.5 / std::sqrt(8 * frames * bins));
   CHECK(std::abs(mean * frames / noise - 1) < 4.5 / std::sqrt(8 * bins));
   CHECK(std::abs(across * frames / (noise * noise) - 1) < 4.5 * 2 / std::sqrt(28 * bins));
   CHECK(std::abs(lag * (frames - 1) / (8 * noise * noise) - 1) < 4.5 * 2 / std::sqrt(bins));
 }
 
-TEST_CASE("fast Gaussian numbers have the normal distribution's moments and tail") {
+TEST_CASE("fast Gaussian numbers have the moments and tail of the normal distribution") {
   Rng rng(9);
   std::vector<float> x(400'001);
   add_gaussian(x, 2, rng);
@@ -161,13 +161,13 @@ TEST_CASE("fast Gaussian numbers have the normal distribution's moments and tail
   CHECK(std::abs(last - far * n) < 4.5 * std::sqrt(far * n));
 }
 
-TEST_CASE("speckle is exponential about the incoherent sum, at each antenna and between them") {
+TEST_CASE("speckle is exponential around the incoherent sum, at and between antennas") {
   Conditions c = of_sum("coherent");
   const RadarAxis axis = radar_response(c);
   const auto array = antennas_in_layout(8);
   const Returns person = a_person(c, 0);
   const std::size_t peak = peak_of(person, c);
-  // Expected over patches, not cells.
+  // Expected value over patches, not cells.
   double power = 0;
   Complex ends;
   for (std::size_t k = 0; k < person.range_m.size(); ++k) {
@@ -195,7 +195,7 @@ TEST_CASE("speckle is exponential about the incoherent sum, at each antenna and 
   check_near(across, ends / power, 4.5 / std::sqrt(draws) + 0.02);
 }
 
-TEST_CASE("cells lose their phases as the patches in them do") {
+TEST_CASE("cells decorrelate as their patches do") {
   Conditions c = of_sum("coherent");
   const RadarAxis axis = radar_response(c);
   const double turns_per_m = 2 * radar_carrier_hz / speed_of_light_m_s;
@@ -232,7 +232,7 @@ TEST_CASE("cells lose their phases as the patches in them do") {
   }
 }
 
-TEST_CASE("the empty room is the same in every record, and shadows are missing from it") {
+TEST_CASE("empty room is equal in every record, minus shadows") {
   Conditions c = of_sum("coherent");
   c.background = "room";
   c.radar_leakage = 3;
@@ -249,8 +249,8 @@ TEST_CASE("the empty room is the same in every record, and shadows are missing f
   const Samples once = frame_of(empty, 7, 1);
   CHECK(once == frame_of(empty, 7, 2));
   CHECK(once != frame_of(empty, 8, 1));
-  check_near(once[3], std::sqrt(3), 0.3);  // the leakage at range 0, and the room's side lobes
-  // A plate that reflects nothing leaves all else as it was.
+  check_near(once[3], std::sqrt(3), 0.3);  // leakage at range 0, and side lobes of the room
+  // A plate without reflectivity changes nothing else.
   Scene shadow = empty;
   shadow.plates.push_back({{0.5, 0, 3}, {1, 0, 0}, {0, 1, 0}, {{-0.2, 0, 0.2, 0, 0.4}}, 0});
   const Samples less = frame_of(shadow, 7, 3);
@@ -263,7 +263,7 @@ TEST_CASE("the empty room is the same in every record, and shadows are missing f
   CHECK(difference < 0.3 * power);
 }
 
-TEST_CASE("a room that is known need not be looked at again") {
+TEST_CASE("cached room is not rendered again") {
   Conditions c = of_sum("coherent");
   c.background = "room";
   c.radar_leakage = 2;
@@ -298,7 +298,7 @@ TEST_CASE("a room that is known need not be looked at again") {
   }
 }
 
-TEST_CASE("patches know to whom they belong, and plain conditions do not ask") {
+TEST_CASE("patches are assigned to persons only if needed") {
   Conditions c = of_sum("coherent");
   c.background = "room";
   const Returns two = radar_returns(make_scene(c, SceneKind::two_people, 3, 0), c);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// echofuse-sim as a user meets it: exit codes, one line of error, what it prints.
+// echofuse-sim from the user's side: exit codes, error lines, output.
 #include <sys/stat.h>
 
 #include <catch2/catch.hpp>
@@ -30,7 +30,7 @@ void refuses(const std::string& arguments, int code, const std::string& saying) 
 
 }  // namespace
 
-TEST_CASE("help and version") {
+TEST_CASE("help and version are printed") {
   CHECK(sim("--help").code == 0);
   CHECK(has(sim("--help").text, "dataset"));
   CHECK(has(sim("dataset --help").text, "--two-people"));
@@ -39,7 +39,7 @@ TEST_CASE("help and version") {
   CHECK(sim("").code == 2);
 }
 
-TEST_CASE("a FIFO in place of a file is refused, and nobody waits for its writer") {
+TEST_CASE("FIFO instead of a file is refused without waiting") {
   const Folder folder;
   const std::string fifo = folder / "f.obj", why = "f.obj: is a FIFO; expected a regular file";
   REQUIRE(::mkfifo(fifo.c_str(), 0666) == 0);
@@ -56,7 +56,7 @@ TEST_CASE("a FIFO in place of a file is refused, and nobody waits for its writer
   }
 }
 
-TEST_CASE("lab ends with the exit code of its command") {
+TEST_CASE("lab returns the exit code of its command") {
   const Folder folder;
   CHECK(sim("lab --dir " + folder / "lab" + " -- sh -c 'exit 7'").code == 7);
   const Outcome o = sim("lab --dir " + folder / "lab" + " -- no-such-program");
@@ -64,7 +64,7 @@ TEST_CASE("lab ends with the exit code of its command") {
   CHECK(has(o.text, "no-such-program: cannot start"));
 }
 
-TEST_CASE("dataset writes a run and says so") {
+TEST_CASE("dataset writes a run and prints a summary") {
   const Folder folder;
   const Outcome o = sim("dataset --out " + folder / "a.sqlite" + " --records 9 --seed 4");
   CAPTURE(o.text);
@@ -72,7 +72,7 @@ TEST_CASE("dataset writes a run and says so") {
   CHECK(has(o.text, "a.sqlite: 9 records in "));
 }
 
-TEST_CASE("devices that were unplugged come back while a command runs in the laboratory") {
+TEST_CASE("unplugged devices return while a command runs in the laboratory") {
   const Folder folder;
   std::ofstream faults(folder / "faults.toml");
   for (const char* device : {"tdc", "radar", "depth"})
@@ -85,7 +85,7 @@ TEST_CASE("devices that were unplugged come back while a command runs in the lab
   CHECK(o.code == 0);
 }
 
-TEST_CASE("lists and objects are asked for by settings") {
+TEST_CASE("lists and objects are given as settings") {
   const Folder folder;
   std::ofstream(folder / "list.toml") << "[[scene]]\nkind = \"object\"\ncount = 2\n";
   std::ofstream(folder / "plate.obj") << "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
@@ -105,7 +105,7 @@ TEST_CASE("lists and objects are asked for by settings") {
   CHECK(has(lab.text, "object = \"FILE.obj\""));
 }
 
-TEST_CASE("configuration file, --set and options, in this order of strength") {
+TEST_CASE("options override --set, which overrides the configuration file") {
   const Folder folder;
   std::ofstream(folder / "sim.toml") << "people = 3\nletters = 0\nseed = 5\nbins = 100\n";
   const Outcome o = sim("dataset --out " + folder / "a.sqlite" + " --config " +
@@ -119,7 +119,7 @@ TEST_CASE("configuration file, --set and options, in this order of strength") {
   CHECK(has(settings, "bins = 100\n"));
 }
 
-TEST_CASE("every setting as JSON, for programs") {
+TEST_CASE("config --json prints every setting") {
   const Outcome o = sim("config --json --set bins=100 --set 'scenes=a\"b\\c'");
   CAPTURE(o.text);
   CHECK(o.code == 0);
@@ -135,7 +135,7 @@ TEST_CASE("every setting as JSON, for programs") {
         sim("config | grep -c '^[a-z_]* = '").text);
 }
 
-TEST_CASE("dataset refuses what it cannot do, in one line") {
+TEST_CASE("dataset refuses invalid options in one line") {
   const Folder folder;
   const std::string out = "--out " + folder / "x.sqlite" + " ";
   std::ofstream(folder / "bad.toml") << "bins = 12\nbinns = 13\npeople = \"many\"\n";

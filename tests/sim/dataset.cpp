@@ -56,7 +56,7 @@ std::vector<record::FusedRecord> read_all(const std::string& path) {
 
 }  // namespace
 
-TEST_CASE("a data set reads back as the records its plan makes, in any order, on any threads") {
+TEST_CASE("data set is independent of order and threads") {
   const Folder folder;
   const Plan plan = small_plan();
   const Generator generator(plan);
@@ -72,7 +72,7 @@ TEST_CASE("a data set reads back as the records its plan makes, in any order, on
   }
 }
 
-TEST_CASE("a data set with antennas reads back as made, on any threads") {
+TEST_CASE("data set with antennas is independent of threads") {
   const Folder folder;
   Plan plan = small_plan();
   plan.people = 9, plan.letters = 3;
@@ -80,7 +80,7 @@ TEST_CASE("a data set with antennas reads back as made, on any threads") {
   plan.conditions.radar_antennas = 8;
   plan.conditions.radar_phase_error_rad = 0.3;
   const Generator generator(plan);
-  check_equal(generator.make(4), plain);  // incoherent: nothing else is another
+  check_equal(generator.make(4), plain);  // incoherent: other data are equal
   for (const int threads : {1, 3}) {
     const std::string path = folder / (std::to_string(threads) + ".sqlite");
     write_dataset(plan, {path, "", threads, true});
@@ -97,7 +97,7 @@ TEST_CASE("a data set with antennas reads back as made, on any threads") {
   }
   plan.conditions.radar_sum = "coherent";
   const auto speckle = Generator(plan).make(4);
-  // The antennas' samples keep the mean of their noise, which a profile is without.
+  // Antenna samples keep the mean of their noise, which is subtracted from a profile.
   const double noise = radar_noise_power(
       plan.conditions, mean_peak_power(radar_response(plan.conditions), plan.conditions));
   for (std::size_t i = 0; i < speckle.radar.size(); ++i)
@@ -106,7 +106,7 @@ TEST_CASE("a data set with antennas reads back as made, on any threads") {
   CHECK(speckle.depth_mm == plain.depth_mm);
 }
 
-TEST_CASE("a data set describes itself") {
+TEST_CASE("data set contains its settings") {
   const Folder folder;
   Plan plan = small_plan();
   plan.conditions.irf_fwhm_ps = 50;
@@ -149,7 +149,7 @@ TEST_CASE("a data set describes itself") {
   CHECK(empty == plan.empty);
 }
 
-TEST_CASE("a data set's maps have the size and field that are asked for") {
+TEST_CASE("data set has maps of the requested size and field") {
   Plan plan;
   plan.people = 1, plan.letters = 0;
   const auto plain = Generator(plan).make(0);
@@ -172,7 +172,7 @@ TEST_CASE("kinds are shuffled by the seed") {
   CHECK(kinds != scenes_of(plan));
 }
 
-TEST_CASE("contradictory conditions and taken names are refused") {
+TEST_CASE("contradictory conditions and existing files are refused") {
   const Folder folder;
   Plan plan = small_plan();
   const std::string path = folder / "run.sqlite";
@@ -206,7 +206,7 @@ std::string error_of(const std::function<void()>& body) {
   return "no error";
 }
 
-// Every column of a table, as a text.
+// Returns every column of a table as text.
 std::string rows_of(const std::string& path, const std::string& table) {
   sqlite3* db = nullptr;
   REQUIRE(sqlite3_open(path.c_str(), &db) == SQLITE_OK);
@@ -229,7 +229,7 @@ std::string rows_of(const std::string& path, const std::string& table) {
 
 namespace {
 
-// Reads a file whose name ends so, from its first moment on, as soon as there is one.
+// Reads a file with this ending as soon as it exists.
 class Reader {
  public:
   Reader(std::filesystem::path folder, std::string end)
@@ -259,7 +259,7 @@ class Reader {
 
 }  // namespace
 
-TEST_CASE("a part whose unfinished file somebody reads is not there, rather than there and empty") {
+TEST_CASE("part is not published while another program reads its unfinished file") {
   const Folder folder;
   ::setenv("TMPDIR", folder.path.c_str(), 1);
   Plan plan = small_plan();
@@ -276,7 +276,7 @@ TEST_CASE("a part whose unfinished file somebody reads is not there, rather than
   CHECK(std::filesystem::is_empty(folder.path));
 }
 
-TEST_CASE("the parts of a data set are the whole one, byte by byte of its records") {
+TEST_CASE("parts of a data set contain the records of the whole, bitwise") {
   const Folder folder;
   Plan plan = small_plan();
   plan.people = 11, plan.letters = 6, plan.two_people = plan.empty = 1;
@@ -293,7 +293,7 @@ TEST_CASE("the parts of a data set are the whole one, byte by byte of its record
     CHECK(rows_of(part(2), table) == rows_of(whole, table));
 }
 
-TEST_CASE("a part that is there is left, and another run in its place refused") {
+TEST_CASE("existing part is kept, another run with its name is refused") {
   const Folder folder;
   Plan plan = small_plan();
   plan.people = 4, plan.letters = plan.two_people = plan.empty = 0;

@@ -10,7 +10,7 @@
 using namespace echofuse;
 using namespace echofuse::sim;
 
-TEST_CASE("range noise is Gaussian, with the square of the distance") {
+TEST_CASE("range noise is Gaussian and grows with the square of the distance") {
   Conditions c;
   c.depth_noise_m = 0.002;
   Rng rng = make_rng(1, 1);
@@ -19,7 +19,7 @@ TEST_CASE("range noise is Gaussian, with the square of the distance") {
     std::vector<std::uint16_t> frame(n, static_cast<std::uint16_t>(mm));
     disturb_depth(frame, 400, c, rng);
     const double z_m = mm / 1000.0;
-    const double variance = std::pow(2 * z_m * z_m, 2) + 1.0 / 12;  // and whole millimetres
+    const double variance = std::pow(2 * z_m * z_m, 2) + 1.0 / 12;  // plus rounding to millimetres
     double sum = 0, squares = 0;
     for (const auto seen : frame) {
       sum += seen - mm;
@@ -30,7 +30,7 @@ TEST_CASE("range noise is Gaussian, with the square of the distance") {
   }
 }
 
-TEST_CASE("dropouts are at edges only, and as many as said") {
+TEST_CASE("dropouts are at edges only, with the set probability") {
   Conditions c;
   c.depth_dropout = 0.3;
   Rng rng = make_rng(2, 2);
@@ -56,7 +56,7 @@ TEST_CASE("dropouts are at edges only, and as many as said") {
   }
 }
 
-TEST_CASE("a record's map is exact, or made of a frame as the product makes it") {
+TEST_CASE("map of a record is exact, or made from a frame as in acquisition") {
   Conditions c;
   const Scene scene = some_scene(c, 4);
   const record::MapGrid grid;

@@ -11,8 +11,8 @@ using namespace echofuse::sim;
 
 namespace {
 
-// Pearson's chi-squared of draws against log-probabilities, over the values expected ten times or
-// more with the rest in one class; as a z-score (chi2 - n) / sqrt(2n).
+// Pearson's chi-squared of draws against log-probabilities, over values expected at least ten
+// times, the others in one class; as a z-score (chi2 - n) / sqrt(2n).
 double fit_score(int draws, const std::function<std::int64_t()>& draw,
                  const std::function<double(double)>& log_probability, double mean, double sigma) {
   std::map<std::int64_t, int> seen;
@@ -34,7 +34,7 @@ double fit_score(int draws, const std::function<std::int64_t()>& draw,
 
 }  // namespace
 
-TEST_CASE("Poisson draws follow their law") {
+TEST_CASE("Poisson draws follow the Poisson distribution") {
   Rng rng = make_rng(1, 1);
   CHECK(poisson(0, rng) == 0);
   for (const double mean : {0.02, 1.0, 9.99, 10.01, 31.7, 500.0, 2e4}) {
@@ -47,7 +47,7 @@ TEST_CASE("Poisson draws follow their law") {
   }
 }
 
-TEST_CASE("binomial draws follow their law") {
+TEST_CASE("binomial draws follow the binomial distribution") {
   Rng rng = make_rng(1, 2);
   CHECK(binomial(0, 0.5, rng) == 0);
   CHECK(binomial(7, 0, rng) == 0);

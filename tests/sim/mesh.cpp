@@ -15,7 +15,7 @@ using namespace echofuse::sim;
 
 namespace {
 
-// A box of 1 x 2 x 0.5 with its middle at the origin.
+// A box of 1 x 2 x 0.5, centred at the origin.
 constexpr const char* box_obj = R"(# a box
 o box
 v -0.5 -1 -0.25
@@ -53,17 +53,17 @@ Triangle moved(const Mesh& mesh, std::size_t i, Vec3 by) {
 
 }  // namespace
 
-TEST_CASE("a box has its corners, its faces and its volume") {
+TEST_CASE("box is read with its corners, faces and volume") {
   const Mesh mesh = read_mesh(box_obj, "box.obj");
   REQUIRE(mesh.points.size() == 8);
   REQUIRE(mesh.triangles.size() == 12);
-  double volume = 0;  // by the divergence theorem: all faces look outwards
+  double volume = 0;  // divergence theorem: all faces point outwards
   for (const auto& [a, b, c] : mesh.triangles)
     volume += dot(mesh.points[a], cross(mesh.points[b], mesh.points[c])) / 6;
   CHECK(std::abs(volume) == Approx(1));
 }
 
-TEST_CASE("a mesh of a box is seen as plates in the places of its faces") {
+TEST_CASE("mesh of a box renders like plates at its faces") {
   const Mesh mesh = read_mesh(box_obj, "box.obj");
   const Vec3 place{0.7, -0.3, 3.5};
   Scene triangles, plates;
@@ -87,8 +87,8 @@ TEST_CASE("a mesh of a box is seen as plates in the places of its faces") {
     CHECK(std::abs(a[i] - b[i]) <= 1e-9 * std::max(a[i], b[i]) + 1e-12 * total(a));
 }
 
-TEST_CASE("no ray slips through between triangles") {
-  // A fan about a point, looked at exactly along its spokes and at its hub.
+TEST_CASE("no ray passes between adjacent triangles") {
+  // A fan around a point, hit exactly along its spokes and at its hub.
   Scene scene;
   const Vec3 hub{0.25, 0.125, 2};
   std::vector<Vec3> rim;
@@ -107,7 +107,7 @@ TEST_CASE("no ray slips through between triangles") {
     }
 }
 
-TEST_CASE("an object stands on the floor at its place, turned and scaled") {
+TEST_CASE("object is placed on the floor, rotated and scaled") {
   const auto path = std::filesystem::temp_directory_path() /
                     ("echofuse-box-" + std::to_string(getpid()) + ".obj");
   std::ofstream(path) << box_obj;
@@ -142,9 +142,9 @@ TEST_CASE("an object stands on the floor at its place, turned and scaled") {
 
 namespace {
 
-// Boxes that make a letter which no mirror leaves as it is, with a bump on its front at the top
-// left: x right, y up, z to who looks at it.
-using Bar = std::array<double, 6>;  // x, y and z, from and to
+// Boxes that form a letter without mirror symmetry, with a bump on its front at the top left: x
+// right, y up, z towards the viewer.
+using Bar = std::array<double, 6>;  // x, y and z, each from and to
 const std::vector<Bar> letter_l{{0, .3, 0, 1.5, -.1, .1}, {.3, 1, 0, .4, -.1, .1}},
     letter_f{{0, .3, 0, 1.5, -.1, .1}, {.3, 1, 1.2, 1.5, -.1, .1}, {.3, .8, .6, .8, -.1, .1}};
 constexpr Bar bump{0, .3, 1.1, 1.5, .1, .4};
@@ -174,7 +174,7 @@ std::string letter_obj(std::vector<Bar> bars, Vec3 (*in_file)(Vec3)) {
 
 }  // namespace
 
-TEST_CASE("an L and an F of a right-handed file are no mirror images, whichever axis is up") {
+TEST_CASE("letters in a right-handed file are not mirrored, for any up axis") {
   const auto path = std::filesystem::temp_directory_path() /
                     ("echofuse-letter-" + std::to_string(getpid()) + ".obj");
   struct File {
@@ -204,16 +204,16 @@ TEST_CASE("an L and an F of a right-handed file are no mirror images, whichever 
             y{"y", "tangent", "1", 1, y_m / z, 1e-3};
         return double{cast(scene, 0, x, y)[0].z_m};
       };
-      // The middle of the plan is at x = 0.5 and 0.15 m behind the front of the bump.
-      CHECK(depth_m(-0.35, 0.5) == Approx(2.95).margin(1e-3));   // the bump, towards the sensors
-      CHECK(depth_m(-0.35, -0.1) == Approx(3.25).margin(1e-3));  // the stem
-      CHECK((depth_m(0.3, -0.6) > 0) == is_l);                   // the foot
-      CHECK((depth_m(0.3, 0.55) > 0) == !is_l);                  // the upper arm
+      // The plan is centred at x = 0.5 and 0.15 m behind the front of the bump.
+      CHECK(depth_m(-0.35, 0.5) == Approx(2.95).margin(1e-3));   // bump, towards the sensors
+      CHECK(depth_m(-0.35, -0.1) == Approx(3.25).margin(1e-3));  // stem
+      CHECK((depth_m(0.3, -0.6) > 0) == is_l);                   // foot
+      CHECK((depth_m(0.3, 0.55) > 0) == !is_l);                  // upper arm
       std::filesystem::remove(file);
     }
 }
 
-TEST_CASE("damaged meshes are refused with their place") {
+TEST_CASE("damaged meshes are refused with the line number") {
   const auto has = [](const std::string& part) { return Catch::Contains(part); };
   CHECK_THAT(refusal("v 0 0 zero\n"), has("a.mesh:1: found \"zero\"; expected a coordinate"));
   CHECK_THAT(refusal("v 0 0 0\nv 1 0\n"), has("a.mesh:2: "));

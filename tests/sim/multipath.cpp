@@ -19,7 +19,7 @@ using namespace echofuse;
 using namespace echofuse::sim;
 constexpr double pi = std::numbers::pi;
 
-// u and v along the plane's sides, whole lengths.
+// u and v are the full sides of the plane.
 Plate wall(Vec3 centre, Vec3 u, Vec3 v, double width_m, double height_m, double albedo) {
   return {centre, u, v, {{-width_m / 2, 0, width_m / 2, 0, height_m}}, albedo};
 }
@@ -42,7 +42,7 @@ Room box() {
   return room_of(std::move(all));
 }
 
-// A wall's middle points, on n x n equal parts, towards `inside`.
+// Centres of n x n equal parts of a wall, facing `inside`.
 std::vector<Patch> tiles(const Plate& plate, int n, Vec3 inside) {
   const Stroke& s = plate.strokes.front();
   const double width = s.u1 - s.u0, height = s.width_m;
@@ -61,7 +61,7 @@ std::vector<Patch> tiles(const Plate& plate, int n, Vec3 inside) {
   return out;
 }
 
-// A small plate across the line of sight, before this room.
+// A small plate across the line of sight, in front of this room.
 Scene plate_before(const Room& room, Vec3 at, double size_m = 0.1) {
   Scene scene;
   scene.plates.push_back(wall(at, {1, 0, 0}, {0, 1, 0}, size_m, size_m, 0.6));
@@ -78,7 +78,7 @@ Conditions with_echoes(std::int64_t order, double reflectivity) {
   return c;
 }
 
-// Returns that multipath adds to the radar's.
+// Returns the part of the radar's echo that multipath adds.
 Returns echoes_by_walls(const Scene& scene, const Conditions& c) {
   Returns all = radar_returns(scene, c);
   Conditions direct = c;
@@ -101,29 +101,29 @@ std::vector<double> profile(const Scene& scene, const Conditions& c) {
 
 }  // namespace
 
-TEST_CASE("an echo by one wall comes from the mirror image") {
+TEST_CASE("echo from one wall comes from the mirror image") {
   const Room room = room_of({side_wall(-1.25, 0)});
   const Vec3 sensor{-0.5, 0, 0}, place{0.3, 0.2, 3};
   const auto images = image_sources(room, sensor, 2);
-  REQUIRE(images.size() == 2);  // the same wall twice is the sensor itself
+  REQUIRE(images.size() == 2);  // the same wall twice gives the sensor itself
   CHECK(length(images[1].at - Vec3{-2, 0, 0}) < 1e-12);
   const auto way = way_to(images[1], sensor, place);
   REQUIRE(way);
   CHECK(way->length_m == Approx(std::sqrt(2.3 * 2.3 + 0.2 * 0.2 + 9)));
-  // Leaves as it arrives, but for the turned x.
+  // The departing direction equals the arriving one with negated x.
   CHECK(length(way->departure - Vec3{-way->arrival.x, way->arrival.y, way->arrival.z}) < 1e-12);
   CHECK_FALSE(way_to(images[1], sensor, {-2, 0, 3}));      // behind the wall
-  CHECK_FALSE(way_to(images[1], sensor, {0.3, 0.2, 40}));  // no wall is met there
+  CHECK_FALSE(way_to(images[1], sensor, {0.3, 0.2, 40}));  // misses the wall
 }
 
-TEST_CASE("one mirror gives the power of |1 + r|^4 over all phases, and none without order") {
+TEST_CASE("one mirror gives the mean power of |1 + r|^4, and nothing without multipath") {
   const Room room = room_of({side_wall(-1.5, 0)});
   const Vec3 at{0.4, 0, 3};
   const Scene scene = plate_before(room, at);
   const double rho = 0.6;
   Conditions direct = with_echoes(0, rho);
   const double d = length(at), mirrored_m = length(at - Vec3{-3, 0, 0});
-  // cos / d^2 of the image, of that of the sensor.
+  // cos / d^2 of the image and of the sensor.
   const double q = std::pow(d / mirrored_m, 3);
   const double whole = total(radar_returns(scene, direct).weight);
   const Returns once = echoes_by_walls(scene, with_echoes(1, rho));
@@ -131,13 +131,13 @@ TEST_CASE("one mirror gives the power of |1 + r|^4 over all phases, and none wit
   CHECK(total(once.weight) == Approx(4 * rho * q * whole).epsilon(0.01));
   CHECK(total(twice.weight) == Approx((4 * rho * q + rho * rho * q * q) * whole).epsilon(0.01));
   for (const double range : once.range_m) CHECK(range == Approx((d + mirrored_m) / 2).margin(0.06));
-  // Bit by bit as without.
+  // Bitwise equal to no multipath.
   Scene open = scene;
   open.room = nullptr;
   CHECK(radar_returns(open, with_echoes(2, rho)).weight == radar_returns(open, direct).weight);
 }
 
-TEST_CASE("a corner mirrors twice, each place over one of its two orders") {
+TEST_CASE("corner reflects twice, each point by one of two orders") {
   const Room room = room_of({side_wall(-1, 0), wall({0, -1.1, 5}, {1, 0, 0}, {0, 0, 1}, 6, 10, 0)});
   const Vec3 sensor{0.2, 0, 0};
   const auto images = image_sources(room, sensor, 2);
@@ -158,7 +158,7 @@ TEST_CASE("a corner mirrors twice, each place over one of its two orders") {
   }
 }
 
-TEST_CASE("in a closed box all that leaves a sensor meets a wall again and again") {
+TEST_CASE("closed box keeps the energy through several reflections") {
   const Room room = box();
   const Vec3 sensor{-0.4, 0.1, 0.3};
   std::vector<double> met(3);
@@ -169,14 +169,14 @@ TEST_CASE("in a closed box all that leaves a sensor meets a wall again and again
           met[static_cast<std::size_t>(image.reflections)] +=
               -dot(p.normal, way->arrival) * p.area_m2() / (4 * pi * way->length_m * way->length_m);
   for (const double share : met) CHECK(share == Approx(1).margin(0.005));
-  // So of the power 1 - rho is absorbed each time, and rho^3 is on its way after two reflections.
+  // Each reflection absorbs 1 - rho of the power; rho^3 remains after the third.
   const double rho = 0.7;
   double power = std::pow(rho, 3);
   for (std::size_t n = 0; n < 3; ++n) power += (1 - rho) * std::pow(rho, n) * met[n];
   CHECK(power == Approx(1).margin(0.005));
 }
 
-TEST_CASE("a Lambertian wall lights a patch by the closed form of the form factor") {
+TEST_CASE("Lambertian wall lights a patch with the analytic form factor") {
   // Howell B-3: a patch parallel to a rectangle, above its corner.
   Patch patch;
   patch.at = {0, 0, 0}, patch.normal = {0, 0, 1};
@@ -195,7 +195,7 @@ TEST_CASE("a Lambertian wall lights a patch by the closed form of the form facto
   CHECK(form_factor(patch, tiles(screen(2, 1), 1, {}).front()) == 0);
 }
 
-TEST_CASE("light in a closed box fades by the albedo at each reflection") {
+TEST_CASE("light in a closed box decays by the albedo at each reflection") {
   std::vector<Patch> all;
   for (const Plate& plate : box().plates)
     for (const Patch& p : tiles(plate, 16, {0.3, 0.2, 1})) all.push_back(p);
@@ -215,7 +215,7 @@ TEST_CASE("light in a closed box fades by the albedo at each reflection") {
   }
 }
 
-TEST_CASE("light by a wall is the integral over that wall, there and back") {
+TEST_CASE("light via a wall is the integral over the wall, both ways") {
   const double albedo = 0.7;
   const Room room = room_of({side_wall(-1.2, albedo)});
   const Vec3 at{0.1, 0.1, 4};
@@ -241,12 +241,12 @@ TEST_CASE("light by a wall is the integral over that wall, there and back") {
   const double expected = 2 * 0.6 * solid_angle * albedo * integral / mean_scene_weight;
   CHECK(total(fine.weight) == Approx(expected).epsilon(0.02));
   CHECK(total(by_wall.weight) == Approx(expected).epsilon(0.05));
-  // Fermat: no way by the wall is shorter than the mirror's.
+  // Fermat: no path via the wall is shorter than the mirror path.
   const double shortest = (length(at - Vec3{-2.4, 0, 0}) + length(at)) / 2;
   CHECK(*std::min_element(fine.range_m.begin(), fine.range_m.end()) > shortest - 0.06);
 }
 
-TEST_CASE("light by two reflections is the sum over all pairs of patches") {
+TEST_CASE("light after two reflections is the sum over all pairs of patches") {
   const Vec3 at{0.1, 0.1, 4};
   const Gaze gaze = spd_gaze({});
   const auto light = [&](const Room& room, std::int64_t order) {
@@ -256,7 +256,7 @@ TEST_CASE("light by two reflections is the sum over all pairs of patches") {
   };
   const double r2 = dot(at, at), area = 0.01, cosine = at.z / std::sqrt(r2);
   const double direct = 0.6 * area * cosine * cosine / (r2 * r2) / mean_scene_weight;
-  // One flat wall does not light itself: there and back by it, w = A E^2, and w1 = 2 A E cos / R^2.
+  // A flat wall does not light itself: via it and back, w = A E^2 and w1 = 2 A E cos / R^2.
   const Room one = room_of({side_wall(-1.2, 0.7)});
   const double first = total(light(one, 1).weight);
   CHECK(total(light(one, 2).weight) - first == Approx(first * first / (4 * direct)).epsilon(0.02));
@@ -287,7 +287,7 @@ TEST_CASE("light by two reflections is the sum over all pairs of patches") {
   CHECK(second == Approx(expected).epsilon(0.03));
 }
 
-TEST_CASE("walls that differ tell left from right, to light as to the radar") {
+TEST_CASE("different walls break the mirror symmetry for light and radar") {
   Conditions c = with_echoes(2, 0.9);
   c.radar_rays = 288, c.radar_resolution_m = 0.1, c.radar_step_m = 0.05, c.radar_bins = 140;
   Conditions direct = c;
@@ -295,7 +295,7 @@ TEST_CASE("walls that differ tell left from right, to light as to the radar") {
   const Room alike = room_of({side_wall(-1.2, 0), side_wall(1.2, 0)});
   const Room differ = room_of({side_wall(-1.2, 0), side_wall(0.9, 0)});
   Scene scene = make_scene(c, {SceneKind::person}, 3, 0);
-  // Walls of albedo 0 echo nothing themselves.
+  // Walls of albedo 0 have no echo.
   const auto sides = [&](const Room& room, const Conditions& how) {
     scene.room = &room;
     const auto seen = profile(scene, how);
@@ -318,7 +318,7 @@ TEST_CASE("walls that differ tell left from right, to light as to the radar") {
         0.1 * *std::max_element(seen.begin(), seen.end()));
 }
 
-TEST_CASE("echoes by walls come on top of the empty room and go with air") {
+TEST_CASE("wall echoes add to the empty room and scale with the scattered share") {
   Conditions c;
   c.background = "closed", c.multipath_order = 2, c.spd_rays = 64;
   const Scene scene = make_scene(c, {SceneKind::person}, 3, 0);
@@ -332,7 +332,7 @@ TEST_CASE("echoes by walls come on top of the empty room and go with air") {
   for (std::size_t i = 0; i < whole.size(); ++i)
     CHECK(whole[i] == Approx(empty[i] + change[i]).epsilon(1e-6).margin(1e-3));
 
-  // Share of the radar's echoes of the walls themselves that is left, with or without a person.
+  // Remaining share of the walls' own echoes, with or without a person.
   c.multipath_order = 0;
   Conditions smooth = c;
   smooth.radar_wall_scatter = 0.25;

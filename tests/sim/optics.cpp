@@ -50,7 +50,7 @@ Scene turned(Scene scene, double angle) {
   return scene;
 }
 
-// Mean of z_i^2 over draws and bins, and the largest |z| of the mean count of a bin.
+// Returns the mean of z_i^2 over draws and bins, and the greatest |z| of a bin's mean count.
 struct Scores {
   double chi2_per_bin = 0, worst = 0;
 };
@@ -79,7 +79,7 @@ Scores scores_of(const std::vector<double>& rate, const std::vector<double>& mea
 
 }  // namespace
 
-TEST_CASE("a return at a bin's edge gives the exact erf difference in every bin") {
+TEST_CASE("return at a bin edge gives the exact erf difference in every bin") {
   Conditions c;
   c.signal_photons = 1000;
   const double t = c.first_bin_ps + 80 * c.bin_width_ps;
@@ -91,13 +91,13 @@ TEST_CASE("a return at a bin's edge gives the exact erf difference in every bin"
   }
 }
 
-TEST_CASE("elsewhere linear sharing is as close as its documented bound") {
+TEST_CASE("between bin edges linear sharing stays within its documented bound") {
   for (const double fwhm : {50.0, 200.0, 700.0}) {
     Conditions c;
     c.irf_fwhm_ps = fwhm;
     c.signal_photons = 1;
-    // |error| <= step^2/8 max |d2/dt2 of the bin's share|, which is max |x phi(x)| / sigma^2 for
-    // each of the bin's two edges; step <= sigma/16.
+    // |error| <= step^2/8 max |d2/dt2 of the bin's share|; for each of the two edges that maximum
+    // is max |x phi(x)| / sigma^2, and step <= sigma/16.
     const double bound = 2 * 0.242 / 8 / 256;
     for (int k = 0; k < 50; ++k) {
       const double t = c.first_bin_ps + 10'000 + 7.3 * k;
@@ -111,7 +111,7 @@ TEST_CASE("elsewhere linear sharing is as close as its documented bound") {
   }
 }
 
-TEST_CASE("bins hold the whole energy, mean and variance are those of the IRF") {
+TEST_CASE("bins contain the whole energy, with mean and variance of the IRF") {
   for (const double tail : {0.0, 40.0, 400.0})
     for (const double fwhm : {2.0, 200.0, 1000.0}) {
       Conditions c;
@@ -125,17 +125,18 @@ TEST_CASE("bins hold the whole energy, mean and variance are those of the IRF") 
       // A kink of f(0) = 1/tail moves the binned mean by at most w^2 f(0) / 12 (Euler-Maclaurin).
       CHECK(m.mean ==
             Approx(t + tail).margin(tail > 0 && fwhm < 200 ? w * w / 12 / tail : 1e-3 * w));
-      // The sharing of a return by points sigma/16 apart widens by at most a quarter of their
-      // square; the kink adds w^2 / 12 times the slope that it takes from (t - mean)^2 f, 2.
+      // Sharing a return between points sigma/16 apart adds at most a quarter of their distance
+      // squared to the variance; the kink adds w^2 / 12 times the change of slope of (t - mean)^2
+      // f, which is 2.
       const double widening = sigma * sigma / 1024 + (fwhm < 200 ? w * w / 6 : 0);
       CHECK(std::abs(m.variance - sigma * sigma - tail * tail - w * w / 12) < widening);
     }
 }
 
-TEST_CASE("light outside the axis reaches only as far as the IRF") {
+TEST_CASE("light outside the axis contributes only within the IRF") {
   Conditions c;
   const double end = c.first_bin_ps + static_cast<double>(c.bins) * c.bin_width_ps;
-  for (const double edge : {c.first_bin_ps, end})  // half in, half out
+  for (const double edge : {c.first_bin_ps, end})  // half inside
     CHECK(total(spd_rate(one_return(edge), c)) == Approx(c.signal_photons / 2).epsilon(1e-6));
   for (const double t : {1000.0, c.first_bin_ps - 2000, end + 2000, 1e6})
     CHECK(total(spd_rate(one_return(t), c)) == 0);
@@ -145,14 +146,14 @@ TEST_CASE("light outside the axis reaches only as far as the IRF") {
       Approx(c.signal_photons * std::exp(-2 + std::pow(sigma_ps(c) / 3000, 2) / 2)).epsilon(1e-3));
 }
 
-TEST_CASE("background is spread evenly") {
+TEST_CASE("background is uniform") {
   Conditions c;
   c.background_counts = 672;
   const auto rate = spd_rate({}, c);
   for (const double r : rate) CHECK(r == Approx(2).epsilon(1e-12));
 }
 
-TEST_CASE("mirror law: a scene and its mirror image have the same histogram") {
+TEST_CASE("mirror law: scene and mirror image have equal histograms") {
   const Conditions c;
   for (std::uint64_t i = 0; i < 20; ++i) {
     const Scene scene = some_scene(c, i);
@@ -164,7 +165,7 @@ TEST_CASE("mirror law: a scene and its mirror image have the same histogram") {
   }
 }
 
-TEST_CASE("the room breaks the mirror law") {
+TEST_CASE("asymmetric room breaks the mirror law") {
   Conditions c;
   c.background = "room";
   for (std::uint64_t i = 0; i < 6; ++i) {
@@ -175,17 +176,17 @@ TEST_CASE("the room breaks the mirror law") {
     double chi2 = 0;
     for (std::size_t k = 0; k < a.size(); ++k)
       if (a[k] + b[k] > 0) chi2 += (a[k] - b[k]) * (a[k] - b[k]) / (a[k] + b[k]);
-    CHECK(chi2 > 20 * 20);  // as many sigma of shot noise, squared
+    CHECK(chi2 > 20 * 20);  // 20 sigma of shot noise
   }
 }
 
-TEST_CASE("turning a scene about the sensor's vertical axis keeps its histogram") {
-  // Rays sample both differently: the difference falls with finer rays, and at the default lies
-  // below the shot noise of 1e5 photons.
+TEST_CASE("rotating a scene about the sensor's vertical axis keeps its histogram") {
+  // Rays sample both scenes differently. The difference decreases with finer rays, and by default
+  // is below the shot noise of 1e5 photons.
   const auto chi2_per_bin = [](std::int64_t rays) {
     Conditions c;
     c.spd_rays = rays;
-    c.target_x_m = 0;  // so that nobody leaves the field of view
+    c.target_x_m = 0;  // so that people stay in the field of view
     double sum = 0;
     int bins = 0;
     for (std::uint64_t i = 0; i < 60; ++i) {
@@ -205,7 +206,7 @@ TEST_CASE("turning a scene about the sensor's vertical axis keeps its histogram"
   CHECK(fine < base / 16);
 }
 
-TEST_CASE("the automatic rays err by less than a tenth of the shot noise") {
+TEST_CASE("automatic number of rays gives errors below a tenth of the shot noise") {
   for (const double photons : {1e3, 1e4, 1e5}) {
     Conditions c, fine;
     c.signal_photons = fine.signal_photons = photons;
@@ -238,7 +239,7 @@ TEST_CASE("low-flux counts are Poisson") {
   CHECK(std::abs(s.chi2_per_bin - 1) < 4.5 * std::sqrt(spread / draws) / bins);
 }
 
-TEST_CASE("pile-up counts are the first photons of the pulses") {
+TEST_CASE("pile-up counts the first photon of each pulse") {
   Conditions c;
   c.pulses_per_window = 20'000;
   c.signal_photons = 2e4;
@@ -259,15 +260,15 @@ TEST_CASE("pile-up counts are the first photons of the pulses") {
   constexpr int draws = 300;
   const Scores s = scores_of(rate, mean, variance, c, draws);
   CHECK(s.worst < 4.5);
-  // As above, of a multinomial: its bins are correlated by -sqrt(odds_i odds_j), which adds at most
-  // 2 odds^2 to the variance of the sum.
+  // As above for a multinomial: bins are correlated by -sqrt(odds_i odds_j), which adds at most 2
+  // odds^2 to the variance of the sum.
   const double bins = static_cast<double>(rate.size());
   CHECK(std::abs(s.chi2_per_bin - 1) < 4.5 * std::sqrt((spread + 2 * odds * odds) / draws) / bins);
 }
 
 // Coates, J. Phys. E 1 (1968) 878: a bin's rate is -ln(1 - counts / pulses that were still
 // waiting).
-TEST_CASE("Coates' correction of drawn counts gives back the rates within its variance") {
+TEST_CASE("Coates' correction of drawn counts recovers the rates within its variance") {
   Conditions c;
   c.pulses_per_window = 20'000;
   c.signal_photons = 2e4;
@@ -285,7 +286,7 @@ TEST_CASE("Coates' correction of drawn counts gives back the rates within its va
       waiting -= counts[i];
     }
   }
-  // Each estimate is that of a binomial over the pulses that wait; the estimates are uncorrelated.
+  // Each estimate is binomial over the remaining pulses; the estimates are uncorrelated.
   double before = 0, worst = 0, chi2 = 0;
   for (std::size_t i = 0; i < rate.size(); ++i) {
     const double variance = std::expm1(rate[i] / pulses) * pulses * std::exp(before);
@@ -297,10 +298,10 @@ TEST_CASE("Coates' correction of drawn counts gives back the rates within its va
   CHECK(worst < 4.5);
   const double bins = static_cast<double>(rate.size());
   CHECK(std::abs(chi2 - bins) < 4.5 * std::sqrt(2 * bins));
-  CHECK(before > 1);  // without the correction the last bins would miss most of their counts
+  CHECK(before > 1);  // without the correction the last bins would lose most of their counts
 }
 
-TEST_CASE("blind until the pulse is over, a free-running detector counts first photons") {
+TEST_CASE("free-running detector with a dead time of a pulse counts first photons") {
   Conditions c;
   c.pulses_per_window = 20'000'000;  // every 150 ns, of which the histogram covers 34
   c.spd_dead_time_ps = 50'000;
@@ -319,7 +320,7 @@ TEST_CASE("blind until the pulse is over, a free-running detector counts first p
   CHECK(scores_of(rate, mean, variance, c, 30).worst < 4.5);
 }
 
-TEST_CASE("a free-running detector of dead time tau counts r / (1 + r tau)") {
+TEST_CASE("free-running detector of dead time tau counts r / (1 + r tau)") {
   Conditions c;
   c.bins = 300;
   c.first_bin_ps = 0;
@@ -335,8 +336,9 @@ TEST_CASE("a free-running detector of dead time tau counts r / (1 + r tau)") {
     double sum = 0;
     for (int d = 0; d < draws; ++d)
       for (const auto n : draw_counts(rate, c, rng)) sum += n;
-    // A renewal process that begins ready: intervals of mean m = tau + 1/r and variance 1/r^2, the
-    // first of 1/r, thus t/m + (1/r^2 + m^2) / 2 m^2 - 1 / (r m) events, of variance t / (r^2 m^3).
+    // A renewal process that starts ready has intervals of mean m = tau + 1/r and variance 1/r^2,
+    // the first of mean 1/r. So t has t/m + (1/r^2 + m^2) / 2 m^2 - 1 / (r m) events, of variance t
+    // / (r^2 m^3).
     const double m = 1 + blind;  // in units of 1/r
     const double mean = draws * (c.background_counts / m + (1 + m * m) / (2 * m * m) - 1 / m);
     CAPTURE(tau_us, sum, mean);
@@ -344,7 +346,7 @@ TEST_CASE("a free-running detector of dead time tau counts r / (1 + r tau)") {
   }
 }
 
-TEST_CASE("no pulse counts twice, however bright the scene") {
+TEST_CASE("no pulse counts twice, even in a bright scene") {
   Conditions c;
   c.pulses_per_window = 1000;
   Rng rng = make_rng(1, 1);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// The renderer against histograms of others: a TMF8820's and those of another group's simulator (Mu
-// et al., CVPR 2024). Skipped where there are none (ECHOFUSE_DATA).
+// Compares the renderer with published histograms: of a TMF8820 and of another group's simulator
+// (Mu et al., CVPR 2024). Skipped without these data (ECHOFUSE_DATA).
 #include <zlib.h>
 
 #include <algorithm>
@@ -60,7 +60,7 @@ Corners read_obj(const std::string& name) {
   return out;
 }
 
-// Binary STL: 80 bytes, a number of triangles, and for each 12 floats (a normal, three corners) and
+// Binary STL: 80 bytes, the number of triangles, and for each 12 floats (normal, three corners) and
 // two bytes.
 Corners read_stl(const std::string& name) {
   const std::string text = read_text(name);
@@ -74,7 +74,7 @@ Corners read_stl(const std::string& name) {
 }
 
 struct Pose {
-  Vec3 x, y, z, place;  // axes of the sensor, which looks along z
+  Vec3 x, y, z, place;  // axes of the sensor, which faces along z
 };
 
 Pose pose_of(const nlohmann::json& p) {
@@ -92,7 +92,7 @@ Scene seen_from(const Pose& pose, const Corners& corners) {
   return scene;
 }
 
-// A round field of view: the returns within this tangent of the axis.
+// Circular field of view: returns within this tangent of the axis.
 Returns look(const Scene& scene, double half_tangent) {
   constexpr std::uint32_t rays = 256;
   const double step = 2 * half_tangent / rays, first = -half_tangent + step / 2;
@@ -121,7 +121,7 @@ struct Fit {
   double gain = 0, background = 0;
 };
 
-// Least squares of counts = gain model + background; variances are those of the last round's rate.
+// Least squares of counts = gain model + background; variances from the rate of the last iteration.
 Fit fit(const std::vector<double>& counts, const std::vector<double>& model,
         const std::vector<double>& seen_share) {
   Fit out;
@@ -141,7 +141,7 @@ Fit fit(const std::vector<double>& counts, const std::vector<double>& model,
   return out;
 }
 
-// Bin where counts, smoothed over `width` bins, first pass a third of their peak.
+// Returns the bin where counts, smoothed over `width` bins, first exceed a third of their peak.
 double first_return(const std::vector<double>& counts, std::size_t from, std::size_t width) {
   std::vector<double> smooth(counts.size());
   for (std::size_t i = width; i + width < counts.size(); ++i)
@@ -155,7 +155,7 @@ double first_return(const std::vector<double>& counts, std::size_t from, std::si
   return NAN;
 }
 
-// The median distance of these shifts from their median.
+// Returns the median absolute deviation of these shifts.
 double scatter(const std::vector<double>& shifts) {
   const double middle = median(shifts);
   std::vector<double> off;
@@ -165,9 +165,9 @@ double scatter(const std::vector<double>& shifts) {
 
 constexpr double tmf_half_tangent = 0.29;
 
-// The bins' width is not stated. The background before and behind the object is the same if 5000
-// pulses have their first photon counted.
-TEST_CASE("a sphere and a soap dish in another group's simulator") {
+// The bin width is not stated. The background in front of and behind the object is equal if the
+// first photon of 5000 pulses is counted.
+TEST_CASE("histograms of another simulator match for a sphere and a soap dish") {
   const std::string name = GENERATE("sphere", "soap");
   const auto records = read_json("spad-simulated/" + name + ".json.gz");
   const Corners corners = read_obj("spad-simulated/" + name + ".obj");
@@ -211,11 +211,11 @@ TEST_CASE("a sphere and a soap dish in another group's simulator") {
             << " mm\n";
 }
 
-// The window before a TMF8820 sends a strong first peak back: the response of the detector itself.
+// The cover window of a TMF8820 causes a strong first peak: the response of the detector itself.
 class Window {
  public:
   static constexpr std::size_t first = 16, last = 20, bins = 128;
-  // A low percentile of each bin over the poses, in units of the peak, has no object in it.
+  // A low percentile of each bin over the poses, in units of the peak, excludes the object.
   Window(const nlohmann::json& records, std::size_t zone) : seen_(bins), until_(bins + 1) {
     for (std::size_t i = 0; i < bins; ++i) {
       std::vector<double> values;
@@ -239,7 +239,7 @@ class Window {
     return std::accumulate(h.begin() + first, h.begin() + last, 0.0);
   }
   const std::vector<double>& seen() const { return seen_; }
-  // The share of the response to light at bin `at` that falls into bin i.
+  // Share of the response to light at bin `at` that falls into bin i.
   double share(std::size_t i, double at) const {
     const double begin = static_cast<double>(i) - at + centre_;
     return up_to(begin + 1) - up_to(begin);
@@ -256,7 +256,7 @@ class Window {
   double centre_ = 0;
 };
 
-// The zones are three by three over 33 by 32 degrees, turned by half a turn.
+// The zones are three by three over 33 by 32 degrees, rotated by 180 degrees.
 Pose of_zone(Pose pose, std::size_t zone) {
   const double x = (1 - static_cast<double>(zone / 3)) * 2 / 3 * tmf_half_tangent,
                y = (1 - static_cast<double>(zone % 3)) * 2 / 3 * tmf_half_tangent;
@@ -268,8 +268,8 @@ Pose of_zone(Pose pose, std::size_t zone) {
   return pose;
 }
 
-// Bins of 13.5 mm and the zero at 12.25 bins are fitted; so is the zones' own time.
-TEST_CASE("a block before a TMF8820") {
+// The fit gives bins of 13.5 mm, a zero at bin 12.25, and the delay of each zone.
+TEST_CASE("histograms of a TMF8820 match for a block") {
   const auto records = read_json("spad-tmf8820/tall_block.json.gz");
   const Corners corners = read_stl("spad-tmf8820/tall_block.stl");
   constexpr double m_a_bin = 0.0135, zero_bin = 12.25, step_m = 0.002;

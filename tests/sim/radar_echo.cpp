@@ -17,7 +17,7 @@ constexpr double pi = std::numbers::pi;
 
 double decibel(double amplitude) { return 20 * std::log10(std::abs(amplitude)); }
 
-// The normalised transform of a continuous Blackman window of unit length, by summation.
+// Normalised transform of a continuous Blackman window of unit length, by summation.
 double blackman_by_sum(double u) {
   constexpr int n = 20'000;
   double sum = 0, norm = 0;
@@ -32,7 +32,7 @@ double blackman_by_sum(double u) {
 
 }  // namespace
 
-TEST_CASE("the sinc's nulls lie at multiples of c / 2B") {
+TEST_CASE("sinc response has nulls at multiples of c / 2B") {
   constexpr double bandwidth_hz = 300e6;
   RadarAxis axis;
   axis.resolution_m = speed_of_light_m_s / (2 * bandwidth_hz);
@@ -45,7 +45,7 @@ TEST_CASE("the sinc's nulls lie at multiples of c / 2B") {
     CHECK(power[null] == Approx(0).margin(1e-20));
 }
 
-TEST_CASE("a lopsided response has its zero where a symmetric lobe fits best") {
+TEST_CASE("lopsided response has its zero at the best symmetric fit") {
   Conditions c;
   c.radar_taps = "1 0.81 0.41 0.09 0";
   const Psf even = radar_response(c).psf;
@@ -76,7 +76,7 @@ TEST_CASE("a lopsided response has its zero where a symmetric lobe fits best") {
   }
 }
 
-TEST_CASE("the Blackman response is the window's transform") {
+TEST_CASE("Blackman response is the transform of the window") {
   for (const double u : {0.0, 0.3, 0.8, 0.99999, 1.0, 1.5, 2.0, 2.0000001, 2.5, 3.0, 3.4, 7.7})
     CHECK(Psf::blackman().at(u) == Approx(blackman_by_sum(u)).margin(1e-7));
   double half = 0;
@@ -90,7 +90,7 @@ TEST_CASE("the Blackman response is the window's transform") {
   CHECK(highest > -59);
 }
 
-TEST_CASE("profiles equal the sum over scatterers, point by point") {
+TEST_CASE("profile equals the sum over scatterers at each point") {
   const Returns returns{{2.9, 3.33, 3.47, 5.0}, {0.5, 1.0, 0.3, 0.2}};
   for (const Psf& psf : {Psf::sinc(), Psf::blackman(), Psf::hann()}) {
     const RadarAxis axis{0.1, 0.25, 29, 0.5, psf};
@@ -115,7 +115,7 @@ TEST_CASE("leakage is an echo at range 0") {
     CHECK(power[i] == Approx(3 * std::pow(Psf::sinc().at(i * 0.5), 2)).margin(1e-20));
 }
 
-TEST_CASE("the radar ranges from its own place") {
+TEST_CASE("radar measures range from its own position") {
   Scene scene;
   scene.capsules = {sphere({0.8, 0, 3.5}, 0.1)};
   const Conditions c;
@@ -131,7 +131,7 @@ TEST_CASE("the radar ranges from its own place") {
   CHECK(nearest(mirrored(scene)) <= std::hypot(0.3, 3.5) - 0.1 + miss);
 }
 
-TEST_CASE("without a baseline the radar cannot tell left from right either") {
+TEST_CASE("without a baseline the radar cannot separate left from right") {
   Conditions c;
   c.baseline_m = 0;
   for (std::uint64_t i = 0; i < 6; ++i) {
@@ -143,7 +143,7 @@ TEST_CASE("without a baseline the radar cannot tell left from right either") {
   }
 }
 
-TEST_CASE("noise is white, of the stated sigma in 60 frames, and falls with their root") {
+TEST_CASE("noise is white, has its sigma in 60 frames, and falls with the root of frames") {
   Conditions c;
   c.radar_snr_db = 13;
   constexpr double mean_peak = 0.7;
@@ -161,12 +161,12 @@ TEST_CASE("noise is white, of the stated sigma in 60 frames, and falls with thei
   }
   const double n = static_cast<double>(power.size());
   CHECK(std::abs(sum) < 4.5 * std::sqrt(n));
-  // The kurtosis of a mean of exponential numbers is 3 + 6 / frames.
+  // The kurtosis of a mean of exponential variables is 3 + 6 / frames.
   CHECK(std::abs(squares - n) < 4.5 * std::sqrt((2 + 6 / static_cast<double>(frames)) * n));
   CHECK(std::abs(neighbours) < 4.5 * std::sqrt(n));
 }
 
-TEST_CASE("the mean peak is that of the base scenes") {
+TEST_CASE("mean peak equals that of the base scenes") {
   const Conditions c;
   const RadarAxis axis = radar_response(c);
   const double reference = mean_peak_power(axis, c);
@@ -184,7 +184,7 @@ TEST_CASE("the mean peak is that of the base scenes") {
   CHECK(std::abs(mean - reference) < 3.5 * std::sqrt(variance * (1.0 / scenes + 1.0 / 64)));
 }
 
-TEST_CASE("the default rays sample the profile better than the default noise") {
+TEST_CASE("default rays give errors below the default noise of the profile") {
   Conditions c, fine;
   fine.radar_rays = 4 * c.radar_rays;
   const RadarAxis axis = radar_response(c);

@@ -33,7 +33,7 @@ double screen_weight(double d, double r, double albedo) {
 
 }  // namespace
 
-TEST_CASE("a sphere is hit where geometry says, by both sensors") {
+TEST_CASE("sphere is hit at the computed points, by both sensors") {
   const Vec3 centre{0.6, 0.2, 3.5};
   Scene scene;
   scene.capsules = {sphere(centre, 0.3)};
@@ -49,8 +49,8 @@ TEST_CASE("a sphere is hit where geometry says, by both sensors") {
   }
 }
 
-TEST_CASE("every hit lies on its capsule, and its cosine is the normal's") {
-  // Tilted both ways, level, upright, beginning outside of the picture, or beside the sensor.
+TEST_CASE("every hit is on its capsule, with the cosine of the normal") {
+  // Tilted both ways, level, upright, starting outside of the image, or next to the sensor.
   const Capsule capsule = GENERATE(Capsule{{-0.3, -0.5, 3.2}, {0.4, 0.6, 3.9}, 0.15, 0.5},
                                    Capsule{{0.7, -0.5, 2.2}, {-0.4, 0.9, 2.9}, 0.07, 0.5},
                                    Capsule{{-0.9, 0.2, 2}, {0.8, 0.2, 3}, 0.1, 0.5},
@@ -67,7 +67,7 @@ TEST_CASE("every hit lies on its capsule, and its cosine is the normal's") {
     for (std::uint32_t ix = 0; ix < side; ++ix) {
       const Hit& hit = hits[iy * side + ix];
       const Vec3 ray{x.at(ix), y.at(iy), 1}, axis = capsule.b - capsule.a;
-      // Distance of the ray from the segment, by a fine search: a reference without algebra.
+      // Distance of the ray from the segment by a fine search, as a reference.
       double least = INFINITY;
       for (int k = 0; k <= 400; ++k) {
         const Vec3 p = capsule.a + (k / 400.0) * axis;
@@ -87,8 +87,8 @@ TEST_CASE("every hit lies on its capsule, and its cosine is the normal's") {
   CHECK(seen > 1000);
 }
 
-TEST_CASE("a letter's strokes are where its plate says, others are open") {
-  // An L of 0.4 x 0.4 m at z = 2, seen by rays through chosen points.
+TEST_CASE("strokes of a letter are at their positions, the rest is open") {
+  // An L of 0.4 x 0.4 m at z = 2, hit by rays through chosen points.
   Scene scene;
   scene.plates = {{{0.1, 0, 2},
                    {1, 0, 0},
@@ -110,7 +110,7 @@ TEST_CASE("a letter's strokes are where its plate says, others are open") {
 }
 
 TEST_CASE("each sensor has its own occlusion") {
-  Scene scene;  // the small sphere stands behind the large one as seen from the origin
+  Scene scene;  // from the origin the small sphere is behind the large one
   scene.capsules = {sphere({0, 0, 3}, 0.1, 0.5), sphere({0, 0, 4}, 0.05, 0.7)};
   const Conditions c;
   const auto farthest = [](const Returns& r) {
@@ -123,7 +123,7 @@ TEST_CASE("each sensor has its own occlusion") {
   CHECK(farthest(radar_returns(scene, together)) < 3.1);
 }
 
-TEST_CASE("depth images hold z in millimetres, as far as 16 bits reach") {
+TEST_CASE("depth images contain z in millimetres, up to 16 bits") {
   Scene scene;
   scene.plates = {screen(65.5346, 0.5)};
   for (const auto mm : render_depth_mm(scene, x_axis(64), y_axis(64))) REQUIRE(mm == 65535);
@@ -131,7 +131,7 @@ TEST_CASE("depth images hold z in millimetres, as far as 16 bits reach") {
   for (const auto mm : render_depth_mm(scene, x_axis(64), y_axis(64))) REQUIRE(mm == 0);
 }
 
-TEST_CASE("a scene twice as large and twice as far returns a quarter") {
+TEST_CASE("scene twice as large and twice as far returns a quarter") {
   const Conditions c;
   const Scene scene = some_scene(c, 1);
   const Returns near = spd_returns(scene, c), far = spd_returns(scaled(scene, 2), c);
@@ -142,7 +142,7 @@ TEST_CASE("a scene twice as large and twice as far returns a quarter") {
   }
 }
 
-TEST_CASE("a screen returns its closed form") {
+TEST_CASE("screen returns the analytic weight") {
   Conditions c;
   c.spd_rays = 1024;
   constexpr double distance = 4, albedo = 0.6;
@@ -155,14 +155,14 @@ TEST_CASE("a screen returns its closed form") {
     double sum = 0;
     for (std::size_t k = 0; k < returns.weight.size(); ++k)
       if (returns.range_m[k] < r) sum += returns.weight[k];
-    // No more than the pixels that the circle cuts, at most 8 tangent / step, can be wrong.
+    // Only the pixels cut by the circle can be wrong, at most 8 tangent / step.
     const double edge = 8 * tangent * step * albedo / (distance * distance * mean_scene_weight);
     CHECK(std::abs(sum - screen_weight(distance, r, albedo)) < edge);
     CHECK(edge < 0.06 * sum);
   }
 }
 
-TEST_CASE("a sphere returns its closed form") {
+TEST_CASE("sphere returns the analytic weight") {
   Conditions c;
   c.spd_rays = 1024;
   constexpr double d = 3, a = 0.8, albedo = 0.6, k = d * d - a * a;
@@ -181,7 +181,7 @@ TEST_CASE("a sphere returns its closed form") {
     double sum = 0;
     for (std::size_t i = 0; i < returns.weight.size(); ++i)
       if (returns.range_m[i] < r) sum += returns.weight[i];
-    // As of the screen, the pixels on the circle of this range.
+    // Pixels on the circle of this range can be wrong, as for the screen.
     const double tangent = std::tan(std::acos((d * d + r * r - a * a) / (2 * d * r)));
     const double cosine = (d * d - r * r - a * a) / (2 * r * a);
     const double edge = 8 * tangent * step * albedo * cosine / (r * r * mean_scene_weight);
@@ -191,7 +191,7 @@ TEST_CASE("a sphere returns its closed form") {
   }
 }
 
-TEST_CASE("mirror images return the same light, on mirrored maps") {
+TEST_CASE("mirror images return equal light, with mirrored maps") {
   const Conditions c;
   for (std::uint64_t i = 0; i < 10; ++i) {
     const Scene scene = some_scene(c, i), image = mirrored(scene);
@@ -204,7 +204,7 @@ TEST_CASE("mirror images return the same light, on mirrored maps") {
   }
 }
 
-TEST_CASE("the mean scene has the documented weight") {
+TEST_CASE("mean scene has the documented weight") {
   const Conditions c;
   constexpr int scenes = 1000;
   double sum = 0, squares = 0;

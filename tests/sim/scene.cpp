@@ -12,7 +12,7 @@
 using namespace echofuse;
 using namespace echofuse::sim;
 
-TEST_CASE("a scene depends on its seed and index only") {
+TEST_CASE("scene depends only on seed and index") {
   const Conditions c;
   const Scene first = make_scene(c, SceneKind::letter, 5, 9);
   make_scene(c, SceneKind::person, 5, 8);
@@ -25,7 +25,7 @@ TEST_CASE("a scene depends on its seed and index only") {
   CHECK(length(first.capsules[0].a - make_scene(c, SceneKind::letter, 6, 9).capsules[0].a) > 0);
 }
 
-TEST_CASE("people are as tall as people, stand on the floor and inside the area") {
+TEST_CASE("people have realistic heights, stand on the floor and inside the area") {
   const Conditions c;
   for (std::uint64_t i = 0; i < 300; ++i) {
     const Scene scene = make_scene(c, SceneKind::person, 1, i);
@@ -42,14 +42,14 @@ TEST_CASE("people are as tall as people, stand on the floor and inside the area"
       trunk_top = std::max(trunk_top, scene.capsules[k].b.y + scene.capsules[k].radius_m);
     CHECK(lowest == Approx(-c.camera_height_m).margin(1e-9));
     const double height = trunk_top - lowest;
-    CHECK(height > 1.45);  // bowed and with knees bent: below 1.55 m
+    CHECK(height > 1.45);  // bent forward and with bent knees: below 1.55 m
     CHECK(height < 1.91);
     CHECK(scene.capsules[0].albedo >= 0.3);
     CHECK(scene.capsules[0].albedo <= 0.7);
   }
 }
 
-TEST_CASE("letters are the ten, face the sensors within 30 degrees and are held in both hands") {
+TEST_CASE("ten letters face the sensors within 30 degrees and are held in both hands") {
   const Conditions c;
   std::set<std::string> seen;
   for (std::uint64_t i = 0; i < 300; ++i) {
@@ -61,7 +61,7 @@ TEST_CASE("letters are the ten, face the sensors within 30 degrees and are held 
     const Plate& plate = scene.plates[0];
     const Capsule& trunk = scene.capsules[6];
     const Vec3 body = 0.5 * (trunk.a + trunk.b), to_sensors{-body.x, 0, -body.z};
-    const Vec3 facing = cross(plate.v, plate.u);  // u is right and v up to whom it faces
+    const Vec3 facing = cross(plate.v, plate.u);  // u is right and v up for a viewer in front
     CHECK(dot(facing, to_sensors) / length(to_sensors) > std::cos(30.5 * 3.14159265 / 180));
     CHECK(length(plate.centre - body) > 0.5);
     for (const std::size_t hand : {13u, 15u})
@@ -72,7 +72,7 @@ TEST_CASE("letters are the ten, face the sensors within 30 degrees and are held 
   CHECK(all == "ACEHLNOTUX");
 }
 
-TEST_CASE("the mirror of the mirror is the scene") {
+TEST_CASE("mirror of the mirror is the scene") {
   const Scene scene = some_scene({}, 1);
   const Scene image = mirrored(scene), back = mirrored(image);
   CHECK(image.capsules[0].a.x == -scene.capsules[0].a.x);
@@ -81,7 +81,7 @@ TEST_CASE("the mirror of the mirror is the scene") {
   CHECK(back.plates[0].centre.x == scene.plates[0].centre.x);
 }
 
-TEST_CASE("the kinds make what they say") {
+TEST_CASE("kinds contain the expected bodies") {
   const Conditions c;
   CHECK(make_scene(c, SceneKind::empty, 1, 0).capsules.empty());
   CHECK(make_scene(c, SceneKind::empty, 1, 0).label == "empty");
@@ -93,7 +93,7 @@ TEST_CASE("the kinds make what they say") {
   }
 }
 
-TEST_CASE("the room fills the view behind the people and inside the histogram") {
+TEST_CASE("room fills the view behind the people, within the histogram") {
   Conditions c;
   c.background = "room";
   const Scene empty = make_scene(c, SceneKind::empty, 1, 0);

@@ -41,7 +41,7 @@ std::string refusal(const std::string& text) {
 
 }  // namespace
 
-TEST_CASE("a list is read in its order") {
+TEST_CASE("list is read in order") {
   const auto all = read_scene_list(list, "list.toml");
   REQUIRE(all.size() == 4);
   CHECK(all[0].kind == SceneKind::person);
@@ -54,7 +54,7 @@ TEST_CASE("a list is read in its order") {
   CHECK(all[3] == SceneSpec(SceneKind::empty));
 }
 
-TEST_CASE("a list's faults are told all at once, with their places") {
+TEST_CASE("all faults of a list are reported with line and column") {
   const std::string said = refusal(
       "[[scene]]\nkind = \"persn\"\n[[scene]]\ncount = 0\nkind = \"empty\"\nx_m = 1\n"
       "[[scene]]\nkind = \"person\"\nx = 2\n");
@@ -68,7 +68,7 @@ TEST_CASE("a list's faults are told all at once, with their places") {
   CHECK_THAT(refusal("kind = \n"), Catch::Contains("not TOML"));
 }
 
-TEST_CASE("a scene's place changes nothing else of it") {
+TEST_CASE("position of a scene does not change the rest of it") {
   const Conditions c;
   for (const auto kind : {SceneKind::person, SceneKind::letter}) {
     SceneSpec spec{kind};
@@ -86,11 +86,11 @@ TEST_CASE("a scene's place changes nothing else of it") {
     CHECK(placed.label == free.label);
     const Vec3 middle = 0.5 * (placed.capsules[6].a + placed.capsules[6].b);  // pelvis
     const double height = placed.capsules[11].radius_m / 0.055;
-    CHECK(std::abs(middle.x - 0.3) < 0.02 * height);  // may tilt
+    CHECK(std::abs(middle.x - 0.3) < 0.02 * height);  // may be tilted
   }
 }
 
-TEST_CASE("record k of a listed set is the same in any order, and in a shorter list") {
+TEST_CASE("record k of a list is independent of order and list length") {
   const auto folder =
       std::filesystem::temp_directory_path() / ("echofuse-list-" + std::to_string(getpid()));
   std::filesystem::create_directories(folder);

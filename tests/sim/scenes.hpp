@@ -21,7 +21,7 @@ inline double total(const std::vector<double>& values) {
   return std::accumulate(values.begin(), values.end(), 0.0);
 }
 
-// x -> -x of people and plates. The room stays where it is.
+// Mirrors people and plates: x -> -x. The room is not mirrored.
 inline Scene mirrored(const Scene& scene) {
   const auto flipped = [](Vec3 p) { return Vec3{-p.x, p.y, p.z}; };
   Scene image = scene;
@@ -38,7 +38,7 @@ inline Scene mirrored(const Scene& scene) {
   return image;
 }
 
-// People and letters in turn.
+// People and letters alternately.
 inline Scene some_scene(const Conditions& conditions, std::uint64_t index) {
   return make_scene(conditions, index % 2 ? SceneKind::letter : SceneKind::person, 42, index);
 }

@@ -22,7 +22,7 @@ double total(const Returns& r) { return std::accumulate(r.weight.begin(), r.weig
 
 }  // namespace
 
-TEST_CASE("the base condition lies inside every range of the default twin") {
+TEST_CASE("base condition is inside every range of the default twin") {
   Conditions conditions;
   Settings settings;
   bind(settings, conditions);
@@ -38,7 +38,7 @@ TEST_CASE("the base condition lies inside every range of the default twin") {
   }
 }
 
-TEST_CASE("a laboratory draws the same whatever else is drawn, inside its ranges") {
+TEST_CASE("parameters of a laboratory do not depend on others and stay in range") {
   const Twin both = twin_named("girth = [0.8, 1.25, \"log\"]\nradar_plate = [0.1, 4]\nseed = 3");
   const Twin one = twin_named("radar_plate = [0.1, 4]\nseed = 3");
   const Twin other = twin_named("radar_plate = [0.1, 4]\nseed = 4");
@@ -60,7 +60,7 @@ TEST_CASE("a laboratory draws the same whatever else is drawn, inside its ranges
   CHECK(to_text(twin_named(to_text(both))) == to_text(both));
 }
 
-TEST_CASE("a twin with faults is refused with all of them") {
+TEST_CASE("all faults of a twin are reported") {
   try {
     read_twin(
         "girht = [0.5, 2]\nbaseline_m = [0, 1]\ngirth = [2, 1]\nradar_rays = [3.0, 5.0]\n"
@@ -76,7 +76,7 @@ TEST_CASE("a twin with faults is refused with all of them") {
   }
 }
 
-TEST_CASE("records of laboratories in turn are those of each laboratory alone") {
+TEST_CASE("records of alternating laboratories equal those of each laboratory alone") {
   Plan plan;
   plan.people = 2;
   plan.letters = 4;
@@ -98,7 +98,7 @@ TEST_CASE("records of laboratories in turn are those of each laboratory alone") 
   CHECK(there.spd != Generator(plan).make(1).spd);
 }
 
-TEST_CASE("what a setting gives is not drawn, and laboratories need a twin") {
+TEST_CASE("given settings are not drawn, and laboratories need a twin") {
   Plan plan;
   Settings settings;
   bind(settings, plan);
@@ -114,7 +114,7 @@ TEST_CASE("what a setting gives is not drawn, and laboratories need a twin") {
   CHECK_THROWS_AS(resolve_twin(few, bare), Error);
 }
 
-TEST_CASE("the radar's reflectivities are apart from the albedo") {
+TEST_CASE("radar reflectivities do not depend on the albedo") {
   Conditions c;
   c.radar_rays = 96;
   const Scene base = make_scene(c, SceneKind::letter, 1, 2);
@@ -139,7 +139,7 @@ TEST_CASE("the radar's reflectivities are apart from the albedo") {
     CHECK(make_scene(c, SceneKind::person, 1, i).capsules[0].radar == 0.5);
 }
 
-TEST_CASE("a lobe leaves a sphere's echo, and turns a tilted plate's down") {
+TEST_CASE("lobe keeps the echo of a sphere and reduces that of a tilted plate") {
   Conditions c;
   c.baseline_m = 0;
   c.radar_rays = 2048;
@@ -158,7 +158,7 @@ TEST_CASE("a lobe leaves a sphere's echo, and turns a tilted plate's down") {
         Approx(2 * std::pow(std::cos(tilt), 3)).epsilon(0.02));
 }
 
-TEST_CASE("light falls off from where the detector points and people's sway widens their echo") {
+TEST_CASE("light decreases off the detector's axis, and sway widens a person's echo") {
   Conditions c;
   c.spd_falloff = 1;
   c.spd_yaw_deg = 5;
@@ -184,7 +184,7 @@ TEST_CASE("light falls off from where the detector points and people's sway wide
   CHECK(std::sqrt(square) == Approx(0.02).epsilon(0.03));
 }
 
-TEST_CASE("bodies and plates take the sizes and angles of their laboratory") {
+TEST_CASE("bodies and plates have the sizes and angles of their laboratory") {
   Conditions c;
   const Scene base = make_scene(c, SceneKind::letter, 1, 2);
   c.girth = 1.5;
@@ -205,7 +205,7 @@ TEST_CASE("bodies and plates take the sizes and angles of their laboratory") {
   CHECK(p.strokes[0].width_m == Approx(1.2 * base.plates[0].strokes[0].width_m));
 }
 
-TEST_CASE("a depth camera reads too far") {
+TEST_CASE("depth camera has a range bias") {
   Conditions c;
   c.depth_offset_m = 0.05;
   Rng rng(1);
