@@ -1,9 +1,9 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: MIT
-"""bench.py BIN_DIR [SECONDS]: how many tags a second scripts/bridges/timetagger.py serves to a client that
-only reads (its stand-in library always has a full buffer), and live runs of the daemon behind it, of so many
-seconds (8): every tag that was sent must be in a record. What a tag costs is processor time, which a busy
-machine changes little; that of making the tags, in the stand-in, is told apart."""
+"""bench.py BIN_DIR [SECONDS=8]: measures the tag rate of scripts/bridges/timetagger.py to a client that only
+reads (the stand-in library always has a full buffer), and live runs of the daemon: every tag sent must be in
+a record. Costs are processor times, because they hardly depend on the load; the cost of generating tags in
+the stand-in is listed separately."""
 import os
 import pathlib
 import re
@@ -62,25 +62,25 @@ def live(offered):
                                       stderr=subprocess.PIPE, text=True)
             time.sleep(SLOTS - 2)
             used = cpu_s(program.process), cpu_s(daemon)
-            program.stop()  # it says what it sent
+            program.stop()  # prints what it sent
             log = daemon.communicate()[1]
             sent, _, dropped = program.sent()
         arrived = int(re.search(r"arrived: (\d+) tags", log).group(1))
         with sqlite3.connect(run) as db:
             rows = db.execute("SELECT tags, spd_lost FROM record WHERE tags > 0").fetchall()
-            missed = db.execute("SELECT sum(spd_missed) FROM record").fetchone()[0]  # by the tagger, in its own marks
+            missed = db.execute("SELECT sum(spd_missed) FROM record").fetchone()[0]  # by the tagger itself
             strays = db.execute("SELECT sum(value) FROM counter WHERE source = 'spd' AND name IN"
                                 " ('early', 'late', 'outside')").fetchone()[0]
         making = float(made.read_text(encoding="utf-8"))
     lost = sum(row[1] for row in rows) - missed
     full = sorted(row[0] for row in rows)[len(rows) // 2]
     recorded = sum(row[0] for row in rows) + strays
-    # The bridge packs what it must drop as well.
+    # The bridge also packs the tags that it drops.
     cost = [1e9 * s / tags for s, tags in ((used[0] - making, sent + dropped), (used[1], sent), (making, sent + dropped))]
     print(f"live run, {offered / 1e6:.0f} Mtags/s offered: {full / 1e6:.1f} Mtags in the median slot of 1 s; {sent} "
-          f"sent, {arrived} arrived, {dropped} dropped by the bridge, {lost} lost by the records' counts; a tag costs "
+          f"sent, {arrived} arrived, {dropped} dropped by the bridge, {lost} lost according to the records; a tag costs "
           f"{cost[0]:.1f} ns in the bridge and {cost[1]:.1f} ns in the daemon, {100e-9 * offered * (cost[0] + cost[1]):.0f} % "
-          f"of a core at this rate; {cost[2]:.1f} ns its making")
+          f"of a core at this rate; {cost[2]:.1f} ns its generation")
     if sent != arrived or arrived != recorded or lost > dropped:
         sys.exit(f"unaccounted: {sent} sent, {arrived} arrived, {recorded} recorded")
 

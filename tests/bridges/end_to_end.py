@@ -1,7 +1,7 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: MIT
-"""end_to_end.py BIN_DIR: the bridges with the stand-in libraries, and the real daemon recording from
-them: every tag and every pixel arrives."""
+"""end_to_end.py BIN_DIR: the daemon records from the bridges with stand-in libraries; every tag and
+every pixel arrives."""
 import csv
 import pathlib
 import re
@@ -29,8 +29,8 @@ class Recording(unittest.TestCase):
         self.dir = pathlib.Path(folder.name)
 
     def record(self, bridge, key, enough):
-        """The rows of a run of 0.2 s slots; the bridge is stopped once `enough` of them are there, so
-        that it can say what it sent. Its log and the daemon's."""
+        """Returns the rows of a run with 0.2 s slots, and the daemon's log. Stops the bridge after
+        `enough` rows, so that it prints what it sent."""
         config = self.dir / "lab.toml"
         address = "bridge:tcp://%s:%d" % bridge.address
         table, name = key.split(".")
@@ -71,7 +71,7 @@ class Recording(unittest.TestCase):
         full = rows[1:4]
         for row in full:
             self.assertEqual(row["valid"], 1, row["spd_verdict"])
-            # A slot ends in mid-pattern: what stands once in a pattern is there once more or less.
+            # A slot may end within a pattern, so counts of events may differ by one.
             patterns = row["starts"] / library.PULSES
             self.assertGreater(patterns, 1)
             self.assertEqual(row["tags"], row["starts"] + row["in_range"] + row["other"])
@@ -97,7 +97,7 @@ class Recording(unittest.TestCase):
         for row in rows[1:4]:
             self.assertEqual((row["valid"], row["depth_lost"]), (4, 0), row["depth_verdict"])
             depth, x, y = self.export(row["idx"])
-            # The first pixel tells which of the camera's frames it was, modulo 5000.
+            # The first pixel contains the frame number, modulo 5000.
             fitting = [n for n in range(5000) if (7 * n) % 5000 + 500 == depth[0]]
             np.testing.assert_array_equal(depth, sdk.values(fitting[0], 64 * 64))
             np.testing.assert_allclose(x[:64], (np.arange(64) - 31.5) / 50, rtol=1e-6)

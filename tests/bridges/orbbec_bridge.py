@@ -77,7 +77,7 @@ class Calls(CameraCase):
         with mock.patch.object(sdk, "presets", []), self.assertRaisesRegex(RuntimeError, "has none$"):
             self.open("--preset", "Default")
 
-    def test_a_mode_that_is_not_there(self):
+    def test_unknown_mode(self):
         with self.assertRaisesRegex(RuntimeError, "^no depth mode 64 x 48 at 30 frames/s: Invalid input"):
             self.open("--height", "48")
 
@@ -87,7 +87,7 @@ class Calls(CameraCase):
             self.assertRaisesRegex(RuntimeError, "128 x 64", self.open)
         self.assertEqual(recorder.calls[-1], ("stop",))
 
-    def test_intrinsics_that_are_none(self):
+    def test_missing_intrinsics(self):
         for fault, words in (("zero", "no intrinsics of the depth mode of 64 x 64 pixels: fx 0, fy 0"),
                              ("nan", "no intrinsics of the depth mode"), ("none", "version 2 is needed")):
             with mock.patch.object(sdk, "intrinsics", fault):
@@ -97,7 +97,7 @@ class Calls(CameraCase):
         with mock.patch.object(sdk.VideoStreamProfile, "get_intrinsic", fails):
             self.assertRaisesRegex(RuntimeError, "depth mode: Can not find matched camera param!$", self.open)
 
-    def test_distortion_is_told(self):
+    def test_distortion_is_reported(self):
         with mock.patch.object(sdk.distortion, "k1", 0.1):
             self.open()
         # Corner: x = y = 0.63, r2 = 0.7938; 0.1 r2 x 50 pixels in both directions
@@ -130,7 +130,7 @@ class Frames(CameraCase):
             z = np.frombuffer(self.outlet.blocks[-1][1][36:], "<u2")
             exact = np.rint(sdk.values(index, 64 * 64) * scale)
             np.testing.assert_array_equal(z, np.where(exact > 65535, 0, exact))
-        self.assertTrue((z == 0).any())  # beyond 16 bits: no measurement
+        self.assertTrue((z == 0).any())  # beyond 16 bits: no return
 
     def test_missing_frames_are_counted(self):
         camera = self.open()
@@ -158,7 +158,7 @@ class Frames(CameraCase):
                 while True:
                     camera.poll(self.outlet)
 
-    def test_a_wrong_frame_costs_itself_alone(self):
+    def test_bad_frame_is_skipped(self):
         camera = self.open()
         good = shared.Frame(1, 0, 64, 64, np.zeros(4096, "<u2"), 1.0)
         wrong = {"size is 64 x 32 pixels": dict(height=32, steps=np.zeros(2048, "<u2")), "size": dict(steps=np.zeros(5, "<u2")),

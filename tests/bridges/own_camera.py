@@ -1,6 +1,6 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: MIT
-"""A simulated depth camera behind the bridge protocol, for the truth of the runs of own sensors."""
+"""A simulated depth camera behind the bridge protocol, as truth for runs with custom sensors."""
 import struct
 import sys
 import time

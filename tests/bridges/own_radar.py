@@ -1,6 +1,6 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: MIT
-"""A simulated radar behind the bridge protocol, written as a user would write one."""
+"""A simulated radar behind the bridge protocol, as a user would write one."""
 import sys
 import time
 

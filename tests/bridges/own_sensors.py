@@ -1,7 +1,7 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: MIT
-"""own_sensors.py BIN_DIR: scripts/bridges/example.py and a radar written like it, each of about 40
-lines, are recorded, trained with and shown by the programs."""
+"""own_sensors.py BIN_DIR: the programs record, train with and show scripts/bridges/example.py and a
+radar written like it, each of about 40 lines."""
 import pathlib
 import sqlite3
 import subprocess
@@ -24,7 +24,7 @@ def own(script):
 
 
 class Example(unittest.TestCase):
-    def test_it_is_short(self):
+    def test_example_is_short(self):
         text = (root / "scripts/bridges/example.py").read_text(encoding="utf-8")
         self.assertLessEqual(text.count("\n"), 60)
 

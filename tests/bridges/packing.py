@@ -1,6 +1,6 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: MIT
-"""packing.py BIN_DIR: scripts/bridges/pack.py against the same in numpy, and without its library."""
+"""packing.py BIN_DIR: compares scripts/bridges/pack.py with NumPy, and runs it without its library."""
 import contextlib
 import io
 import pathlib
@@ -18,7 +18,7 @@ import pack
 
 
 def some_tags(size):
-    """Any bytes, but starts and overflows are not rare."""
+    """Returns random tags with frequent starts and overflows."""
     tags = np.random.default_rng(size).integers(0, 256, 16 * size, "u1").view(pack.RECORD)
     tags["type"] %= 8
     tags["channel"] %= 4
@@ -27,14 +27,14 @@ def some_tags(size):
 
 class Packing(unittest.TestCase):
     def check(self, tags):
-        """Packs the channels 2 (start) and 3, and the markers of all."""
+        """Packs channels 2 (start) and 3, and all markers."""
         blocks = pack.pack(tags, (2, 3))
         tags = tags[np.isin(tags["channel"], (2, 3)) | np.isin(tags["type"], (1, 2, 3))]
         self.assertEqual(sum(b.items for b in blocks), len(tags))
         packed = np.frombuffer(b"".join(b.payload for b in blocks), pack.RECORD)
         for name in packed.dtype.names:
             np.testing.assert_array_equal(packed[name], tags[name])
-        self.assertFalse(packed.view("u1")[1::16].any())  # the reserved byte, whatever it was
+        self.assertFalse(packed.view("u1")[1::16].any())  # the reserved byte is cleared
         self.assertEqual(sum(b.starts for b in blocks), np.count_nonzero(tags["channel"] == 2))
         self.assertEqual(sum(b.overflows for b in blocks), np.count_nonzero(tags["type"] == 2))
 
@@ -42,13 +42,13 @@ class Packing(unittest.TestCase):
         for size in (0, 1, 2, pack.BLOCK_TAGS, pack.BLOCK_TAGS + 1, 150_000):
             self.check(some_tags(size))
 
-    def test_only_ours(self):
+    def test_other_channels_are_dropped(self):
         tags = some_tags(1000)
         tags["type"], tags["channel"] = 0, 2 + tags["channel"] % 2
         self.check(tags)
 
     def test_layouts(self):
-        """Bytes apart, bytes that are read-only, and a layout that is refused."""
+        """Strided and read-only arrays are packed; another layout is refused."""
         self.check(some_tags(10_000)[::3])
         tags = some_tags(1000)
         tags.flags.writeable = False
@@ -90,7 +90,7 @@ class Absent(unittest.TestCase):
                     self.assertRegex(program.said(), why + ".*ECHOFUSE_BRIDGE_LIBRARY")
                     self.assertEqual(program.said().count("\n"), 1)
 
-    def test_without_the_package_either(self):
+    def test_without_crc32c_package(self):
         with mock.patch.object(pack, "MISSING", "no crc32c"), \
                 contextlib.redirect_stderr(io.StringIO()) as said:
             self.assertRaises(SystemExit, bridge.require_packages)

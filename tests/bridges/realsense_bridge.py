@@ -34,7 +34,7 @@ class Process(unittest.TestCase):
         with Program("realsense.py", *SIZE, "--no-projector", "--preset", "high accuracy", STAND_IN_SILENT="5") as program:
             with Client(program.address) as client:
                 client.until(bridge.DEPTH)
-                # A restarted stream has them, too.
+                # A restarted stream gets the settings again.
                 testing.wait_for("restart", lambda: program.calls().count(("set_option", "emitter", 0)) == 2)
             self.assertEqual(program.calls().count(("set_option", "preset", 3)), 2)
             self.assertIn('preset "High Accuracy", projector off\n', program.said())
@@ -44,7 +44,7 @@ class Process(unittest.TestCase):
         head, z = self.frame(STAND_IN_SCALE="0.0001")
         np.testing.assert_array_equal(z, np.rint(sdk.values(head[3], 64 * 48) * 0.1))
 
-    def test_an_odd_frame_costs_itself_alone(self):
+    def test_invalid_frame_is_skipped(self):
         with Program("realsense.py", *SIZE, STAND_IN_TIMES="150:-3,151:nan,153:inf,154:1e20", STAND_IN_FINER="156") as program:
             with Client(program.address) as client:
                 seen, lost = {}, 0
@@ -62,7 +62,7 @@ class Process(unittest.TestCase):
             self.assertEqual(program.stop(), 0)
             self.assertEqual(program.calls().count(("start",)), 1)
 
-    def test_what_is_refused(self):
+    def test_refused_options(self):
         for words, env, why in (([], {"STAND_IN_CAMERAS": "0"}, "no RealSense camera is connected"),
                                 (["--serial", "1"], {}, "no RealSense camera with the serial number 1; there is STAND-IN-3"),
                                 ([], {"STAND_IN_CAMERAS": "2"}, "choose one with --serial: STAND-IN-3, STAND-IN-3"),

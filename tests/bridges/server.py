@@ -1,6 +1,6 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: MIT
-"""The part that all bridges share: framing and the server with its one client."""
+"""The common part of all bridges: framing, and the server for one client."""
 import socket
 import time
 import unittest
@@ -49,7 +49,7 @@ class OneClient(unittest.TestCase):
         with Client(server.address) as client:
             began = time.monotonic()
             hellos = [client.block() for _ in range(3)]
-            self.assertLess(time.monotonic() - began, 2.0)  # one a second, and twice as many
+            self.assertLess(time.monotonic() - began, 2.0)  # one per second, at twice the speed
             self.assertEqual([b.kind for b in hellos], [bridge.HELLO] * 3)
             self.assertEqual({b.payload for b in hellos}, {b'{"model": "m"}'})
             again = 0
@@ -58,7 +58,7 @@ class OneClient(unittest.TestCase):
                 again += client.block().kind == bridge.HELLO
             self.assertLess(time.monotonic() - began, 4.0)
 
-    def test_second_client_is_sent_away(self):
+    def test_second_client_is_refused(self):
         server = make_server(self)
         server.online({})
         with Client(server.address) as first:
@@ -73,7 +73,7 @@ class OneClient(unittest.TestCase):
             self.assertEqual(third.block().kind, bridge.HELLO)
         self.assertEqual(server.clients, 2)
 
-    def test_without_a_device_nobody_is_welcome(self):
+    def test_clients_are_refused_without_a_device(self):
         server = make_server(self)
         with Client(server.address) as client:
             self.assertEqual(client.block().kind, bridge.BYE)
@@ -87,7 +87,7 @@ class OneClient(unittest.TestCase):
             self.assertRaises(EOFError, client.block)
         self.assertEqual(server.sent, 1)
 
-    def test_close_delivers_what_waits(self):
+    def test_close_sends_queued_blocks(self):
         server = make_server(self)
         server.online({})
         with Client(server.address) as client:
@@ -99,9 +99,9 @@ class OneClient(unittest.TestCase):
         self.assertEqual((kinds.count(bridge.TAGS), kinds[-1]), (100, bridge.BYE))
         self.assertEqual((server.sent, server.dropped), (100_000, 0))
 
-    def test_lost_items_are_told_by_the_next_block(self):
+    def test_next_block_reports_lost_items(self):
         server = make_server(self)
-        server.lose(5)  # nobody was listening
+        server.lose(5)  # no client was connected
         server.online({})
         with Client(server.address) as client:
             client.block()
@@ -120,14 +120,14 @@ class SlowClient(unittest.TestCase):
             client.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1 << 16)
             client.block()
             given = 0
-            while server.dropped < 100_000:  # reads nothing
+            while server.dropped < 100_000:  # the client does not read
                 server.send(bridge.TAGS, bytes(16 * 4096), 4096)
                 given += 4096
                 self.assertLessEqual(server._queued_bytes, 1 << 20)
             read = [client.block() for _ in range(5)]
             while server._queue:
                 read.append(client.block())
-            server.send(bridge.TAGS, bytes(16), 1)  # brings the account of what was dropped
+            server.send(bridge.TAGS, bytes(16), 1)  # carries the count of dropped items
             server.offline()
             read += client.until(bridge.BYE)
         arrived = sum(len(b.payload) // 16 for b in read if b.kind == bridge.TAGS)
@@ -135,7 +135,7 @@ class SlowClient(unittest.TestCase):
         self.assertEqual(arrived + dropped, given + 1)
         self.assertEqual((server.sent, server.dropped), (arrived, dropped))
 
-    def test_one_that_goes_in_the_middle(self):
+    def test_client_that_disconnects_within_a_block(self):
         server = make_server(self, queue_bytes=1 << 24)
         server.online({})
         with Client(server.address) as client:

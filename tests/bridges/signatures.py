@@ -1,7 +1,7 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: MIT
-"""The stand-ins have the names and arguments of the vendors' libraries, and the bridges call nothing
-that is not in these tables. They are facts copied from what the vendors publish:
+"""The stand-ins have the names and arguments of the vendors' libraries, and the bridges call only
+functions in these tables, which are copied from the vendors' publications:
 
 Swabian Instruments, documentation of the Time Tagger software 2.22 ("TimeTagger classes", "Time-tag
 streaming", "Helper classes"; CustomMeasurement.process(incoming_tags, begin_time, end_time) is "called
@@ -140,14 +140,14 @@ REALSENSE = {
 
 
 def arguments(module, name):
-    """Of a function or, without self, of a method."""
+    """Returns the argument names of a function, or of a method without self."""
     *owner, last = name.split(".")
     names = list(inspect.signature(getattr(getattr(module, owner[0]) if owner else module, last)).parameters)
     return names[1:] if owner else names
 
 
 def calls(script, owners):
-    """The methods that a bridge calls on objects with these names."""
+    """Returns the methods that a bridge calls on objects with these names."""
     tree = ast.parse((testing.root / "scripts/bridges" / script).read_text(encoding="utf-8"))
     found = set()
     for node in ast.walk(tree):
@@ -163,7 +163,7 @@ class Signatures(unittest.TestCase):
     def test_swabian(self):
         for name, expected in SWABIAN.items():
             self.assertEqual(arguments(TimeTagger, name), expected, name)
-        # A record of the stream, in memory (documentation, "Time tag format").
+        # Memory layout of a tag in the stream (documentation, "Time tag format").
         fields = {name: (str(kind), offset) for name, (kind, offset) in TimeTagger.TAG.fields.items()}
         self.assertEqual(fields, {"type": ("uint8", 0), "missed_events": ("uint16", 2), "channel": ("int32", 4),
                                   "time": ("int64", 8)})

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""For the tests of the bridges: their modules, a reader of blocks that shares no line with them, and
-bridges that run as programs."""
+"""Shared by the tests of the bridges: their modules, an independent reader of blocks, and bridges run
+as programs."""
 import json
 import os
 import pathlib
@@ -24,7 +24,7 @@ except ImportError as error:
     print(f"skipped: {error} (Debian: python3-numpy python3-crc32c)")
     sys.exit(77)
 sys.dont_write_bytecode = True
-# The library of the build that is tested; without it, the tests of the product without it.
+# Packing library of the tested build. Without it, the bridges run without it.
 library = pathlib.Path(sys.argv[1] if len(sys.argv) > 1 else "").resolve().parent / "lib/libechofuse_bridge_pack.so"
 os.environ.setdefault("ECHOFUSE_BRIDGE_LIBRARY", str(library))
 sys.path[:0] = [str(root / "scripts/bridges"), str(here / "stand_in"), str(here.parent)]
@@ -32,7 +32,7 @@ from waiting import wait_for
 
 
 def golden():
-    """The pieces of tests/golden/bridge.hex: hello, tags, depth, bye."""
+    """Returns the pieces of tests/golden/bridge.hex: hello, tags, depth, bye."""
     pieces, begin = [], True
     for line in (root / "tests/golden/bridge.hex").read_text(encoding="utf-8").splitlines():
         if line.startswith("#"):
@@ -81,7 +81,7 @@ class Client:
         return Block(kind=kind, dropped=dropped, payload=payload)
 
     def until(self, kind):
-        """All blocks up to the first of this kind."""
+        """Returns all blocks up to the first of this kind."""
         blocks = [self.block()]
         while blocks[-1].kind != kind:
             blocks.append(self.block())
@@ -89,7 +89,7 @@ class Client:
 
 
 def connect(address):
-    """A client that was greeted, however often it had to knock."""
+    """Returns a client after its hello; connects again until accepted."""
     while True:
         client = Client(address)
         if client.block().kind == 0:
@@ -136,7 +136,7 @@ class Program:
         return self.process.wait(10)
 
     def sent(self):
-        """What it says at its end: items, clients, dropped."""
+        """Returns the totals that it prints at its end: items, clients, dropped."""
         return tuple(map(int, re.search(r"sent (\d+) \w+ to (\d+) clients, dropped (\d+)", self.said()).groups()))
 
 

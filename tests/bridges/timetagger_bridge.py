@@ -28,12 +28,12 @@ def options(*arguments):
     return timetagger.parse_arguments(arguments)
 
 
-# A library of before CustomMeasurement.
+# An old library without CustomMeasurement.
 old_library = types.SimpleNamespace(**{k: v for k, v in vars(library).items() if k != "CustomMeasurement"})
 
 
 def open_tagger(*arguments, which=library):
-    """The tagger, and what was said."""
+    """Returns the tagger, and its messages."""
     recorder.reset()
     with contextlib.redirect_stderr(io.StringIO()) as said:
         tagger = timetagger.Tagger(which, options(*arguments))
@@ -41,7 +41,7 @@ def open_tagger(*arguments, which=library):
 
 
 class Outlet:
-    """In place of the server."""
+    """Replaces the server."""
 
     def __init__(self):
         self.blocks, self.lost, self.dropped = [], 0, 0
@@ -109,7 +109,7 @@ class Calls(unittest.TestCase):
         self.assertEqual(delays, [("setDelayHardware", 1, 48000), ("setDelaySoftware", 1, 100 - 48000),
                                   ("setDelaySoftware", 2, 7)])
         self.assertIn(("setConditionalFilter", [2], [1]), recorder.calls)
-        # With a cable in its place no hardware delay is asked for.
+        # A cable replaces the hardware delay.
         open_tagger("--conditional-filter", "0", "--input-delay", "1=-48000")
         delays = [call for call in recorder.calls if "Delay" in call[0]]
         self.assertEqual(delays, [("setDelaySoftware", 1, -48000)])
@@ -128,7 +128,7 @@ class Calls(unittest.TestCase):
 
 class Tags(unittest.TestCase):
     def poll(self, columns, *arguments, which=library):
-        """What becomes of these tags."""
+        """Returns what the bridge makes of these tags."""
         tagger, _ = open_tagger(*arguments, which=which)
         tagger._stream.stop()
         if which is old_library:
@@ -139,7 +139,7 @@ class Tags(unittest.TestCase):
             for name, column in zip(library.TAG.names, columns):
                 tags[name] = column
             tagger._stream.process(tags, 0, 0)
-            tags.view("u1")[:] = 0xEE  # it is the library's again
+            tags.view("u1")[:] = 0xEE  # the library reuses the array
         outlet = Outlet()
         with contextlib.redirect_stderr(io.StringIO()) as said, mock.patch.object(timetagger, "RATE_S", 0):
             pause = tagger.poll(outlet)
@@ -165,18 +165,18 @@ class Tags(unittest.TestCase):
                 np.testing.assert_array_equal(tags[name], column)
             self.assertEqual((pause, outlet.lost), (0.02, 0))
 
-    def test_nothing_is_no_block(self):
+    def test_no_tags_give_no_block(self):
         for which in (library, old_library):
             self.assertEqual(self.poll(self.pattern(0), which=which)[0].blocks, [])
 
     def test_full_buffer_is_a_loss(self):
-        # The old stream gives what it holds and tells no number; ours knows what it refused.
+        # The old stream returns its buffer without a count; ours counts what it refused.
         for which, size, sent, lost in ((old_library, 5000, 5000, 1), (library, 5001, 0, 5001)):
             outlet, pause, said = self.poll(self.pattern(size), "--max-events", "5000", which=which)
             self.assertEqual((sum(items for _, _, items in outlet.blocks), outlet.lost, pause), (sent, lost, 0))
             self.assertIn("--max-events", said)
 
-    def test_what_does_not_pass_is_told_with_its_rate(self):
+    def test_dropped_tags_are_reported_with_their_rate(self):
         said = self.poll(self.pattern(150_000))[2]  # overflows
         self.assertRegex(said, r"tags are lost: [\d.]+ million tags/s \(\d+ MB/s\) do not pass, the device overflows; "
                                r"67 % of them are laser pulses: --conditional-filter")
@@ -184,7 +184,7 @@ class Tags(unittest.TestCase):
         self.assertEqual(self.poll([column[:700] for column in self.pattern(700)])[2], "")  # before the overflow
 
     def test_rate(self):
-        """20 MHz of laser pulses are 320 MB/s."""
+        """20 MHz of laser pulses (320 MB/s) are served without loss."""
         with mock.patch.object(time, "monotonic", lambda: self.now), contextlib.redirect_stderr(io.StringIO()) as said:
             self.now = 0.0
             losses = timetagger.Losses(options())
@@ -192,7 +192,7 @@ class Tags(unittest.TestCase):
             for _ in range(20):
                 self.now += 0.05
                 losses.look(tags, 0, 0)
-            self.assertEqual(said.getvalue(), "")  # nothing is lost
+            self.assertEqual(said.getvalue(), "")  # no loss
             for _ in range(2000):
                 self.now += 0.05
                 losses.look(tags, 0, dropped=round(20 * self.now))
@@ -218,16 +218,16 @@ class Silence(unittest.TestCase):
         self.assertGreater(len(outlet.blocks), 0)
         return said.getvalue()
 
-    def test_unplugged_though_the_stream_runs(self):
+    def test_unplugged_while_the_stream_runs(self):
         for which in (library, old_library):
             with mock.patch.object(library, "unplugged", 5):
                 self.assertRaisesRegex(RuntimeError, "does not answer", self.poll, which, 10)
 
-    def test_a_dark_laser_is_no_fault(self):
+    def test_dark_laser_is_not_a_fault(self):
         with mock.patch.object(library, "dark", 5):
             said = self.poll(library, 0.6)
         self.assertEqual(said.count("is the laser on"), 1)
-        self.assertGreaterEqual(recorder.calls.count(("sync",)), 3)  # it goes on asking
+        self.assertGreaterEqual(recorder.calls.count(("sync",)), 3)  # repeated checks
 
 
 class Process(unittest.TestCase):
@@ -265,11 +265,11 @@ class Process(unittest.TestCase):
                 self.assertEqual(second.calls()[-1], ("freeTimeTagger",))
 
     def test_device_that_comes_back(self):
-        """It fails in the 20th look and is not there at the next openings."""
+        """The device fails at the 20th call and cannot be opened the next times."""
         with Program("timetagger.py", *SETTINGS[:7],
                      STAND_IN_FAULTS="isRunning:20,createTimeTagger:2,createTimeTagger:3") as program:
             with Client(program.address) as client:
-                blocks = [b for b in client.until(bridge.BYE) if b.kind != bridge.HELLO]  # a sign of life may be last
+                blocks = [b for b in client.until(bridge.BYE) if b.kind != bridge.HELLO]  # a keep-alive may be last
                 self.assertEqual(blocks[-2].kind, bridge.TAGS)
                 self.assertRaises(EOFError, client.block)
             calls = program.calls
@@ -277,12 +277,12 @@ class Process(unittest.TestCase):
             with connect(program.address) as client:
                 client.until(bridge.TAGS)
             opening = [c for c in calls()[: calls().index(("freeTimeTagger",))] if c[0] != "stop"]
-            self.assertEqual(calls()[-len(opening):], opening)  # all settings once more
+            self.assertEqual(calls()[-len(opening):], opening)  # all settings again
             self.assertIn("isRunning failed; trying again", program.said())
             self.assertEqual(program.stop(), 0)
 
     def test_unplugged_device_is_opened_again(self):
-        """isRunning() stays true; the client is told goodbye, as of every device that is gone."""
+        """isRunning() stays true; the client gets a bye, as for every unplugged device."""
         with Program("timetagger.py", STAND_IN_UNPLUGGED="20") as program:
             with Client(program.address) as client:
                 self.assertIn(bridge.TAGS, [b.kind for b in client.until(bridge.BYE)])
@@ -298,10 +298,10 @@ class Process(unittest.TestCase):
             self.assertEqual(program.stop(), 0)
             self.assertIn("TimeTagStream", [c[0] for c in program.calls()])
 
-    def test_slow_client_loses_and_knows(self):
+    def test_slow_client_is_informed_of_losses(self):
         with Program("timetagger.py", STAND_IN_PULSES_PER_S="inf") as program, Client(program.address) as client:
             client.block()
-            time.sleep(1)  # in which more comes than waits for a client
+            time.sleep(1)  # more arrives than is queued for a client
             testing.wait_for("drops", lambda: client.block().dropped > 0, pause_s=0)
             self.assertEqual(program.stop(), 0)
 

@@ -34,7 +34,7 @@ class Shared(unittest.TestCase):
             ("createTimeTaggerNetwork", "lab:41101"), ("setDelayClient", 2, -1500), ("sync",), ("CustomMeasurement",),
             ("register_channel", 1), ("register_channel", 2), ("finalize_init",), ("stop",), ("freeTimeTagger",)])
 
-    def test_what_a_server_refuses_is_told_with_the_cure(self):
+    def test_refused_setting_is_reported_with_a_remedy(self):
         with Program("timetagger.py", "--network", "lab:4444", "--trigger-level", "2=0.5", STAND_IN_LISTEN="1") as program:
             self.assertEqual(program.process.wait(10), 4)
             self.assertIn("start it with AccessMode.Control", program.said())
@@ -43,7 +43,7 @@ class Shared(unittest.TestCase):
                 client.until(bridge.TAGS)
             self.assertEqual(program.stop(), 0)
 
-    def test_a_server_that_goes_is_found_again(self):
+    def test_lost_server_is_reconnected(self):
         with Program("timetagger.py", "--network", "lab", STAND_IN_SERVER="20") as program:
             with Client(program.address) as client:
                 client.until(bridge.BYE)
@@ -85,7 +85,7 @@ class Shared(unittest.TestCase):
         said = scan("2", "--network", "lab", STAND_IN_LISTEN="1")
         self.assertEqual((said.returncode, "AccessMode.Listen" in said.stderr), (4, True))
 
-    def test_what_does_not_go_together(self):
+    def test_conflicting_options(self):
         for bad in (["--file", "a.ttbin", "--network", "lab"], ["--file", "a.ttbin", "--trigger-level", "1=0.5"],
                     ["--network", "lab", "--resolution", "HighResA"], ["--network", "lab", "--serial", "1"]):
             with self.subTest(bad), contextlib.redirect_stderr(io.StringIO()), self.assertRaises(SystemExit) as ended:

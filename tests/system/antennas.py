@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""tests/system/antennas.py BIN_DIR [TEST]: a laboratory whose radar sends its antennas' samples, and a run of it. Every frame
-that was sent arrived whole, and each record holds the statistics of its slot's frames, worked out here from the bytes."""
+"""tests/system/antennas.py BIN_DIR [TEST]: a run of a laboratory with a radar that sends samples of its antennas. Every frame
+arrives complete, and each record has the statistics of its slot's frames, computed here from the raw bytes."""
 import json
 import math
 import pathlib
@@ -40,7 +40,7 @@ def crc32c(data):
 
 
 def frames_of(raw):
-    """{number: (bytes, samples of the kept bins)}"""
+    """Returns {number: (bytes, samples of the kept bins)}."""
     frames, place = {}, raw.find(MAGIC)
     while place >= 0:
         size, number, tlvs = (struct.unpack_from("<I", raw, place + at)[0] for at in (12, 20, 32)) \
@@ -61,7 +61,7 @@ def frames_of(raw):
 
 
 def unpacked(blob):
-    """Of each bin: power, and the values in units of it (means: of its root)."""
+    """Yields for each bin its power, and the values in units of the power (means: of its square root)."""
     size = 4 + 2 * VALUES
     assert len(blob) == KEPT * size
     for start in range(0, len(blob), size):
@@ -69,7 +69,7 @@ def unpacked(blob):
 
 
 def statistics(frames, numbers, b):
-    """The same of a bin, from its frames."""
+    """Returns the same for one bin, computed from its frames."""
     bins = [[frames[n][1][b * ANTENNAS + m] for m in range(ANTENNAS)] for n in numbers]
     power = sum(abs(x) ** 2 for frame in bins for x in frame) / len(bins)
     root = math.sqrt(power) or 1
@@ -81,7 +81,7 @@ def statistics(frames, numbers, b):
     values += [covariance[m][m].real for m in range(ANTENNAS)]
     values += [part for m in range(ANTENNAS) for n in range(m + 1, ANTENNAS)
                for part in (covariance[m][n].real, covariance[m][n].imag)]
-    # Of one pair less than there are frames: of what stands still it may be more than the power, and is stored as that.
+    # From one pair fewer than frames, so for a static scene it may exceed the power; it is stored clipped.
     return power, values + [max(-1, min(1, part)) for part in (lag.real, lag.imag)]
 
 
@@ -108,7 +108,7 @@ class Antennas(unittest.TestCase):
         for name in "bad_headers", "bad_tlvs", "bad_arrays", "junk_bytes":
             self.assertEqual(counted.get(name, 0), 0, name)
         frames = frames_of(b"".join(f.read_bytes() for f in sorted((self.dir / "raw").glob("radar-[0-9]*.dat"))))
-        sent, skipped = {}, set()  # where this machine kept the laboratory waiting, its radar skips a frame
+        sent, skipped = {}, set()  # on a busy machine the simulated radar skips frames
         for line in (self.dir / "sent.jsonl").read_text().splitlines():
             entry = json.loads(line)
             if entry["device"] == "radar" and entry["what"] == "sent":
@@ -122,7 +122,7 @@ class Antennas(unittest.TestCase):
             self.assertEqual(array_frames, used, idx)
             numbers = sorted(n for n in sent if n <= last)[-used:]
             if before is not None:
-                self.assertLessEqual(set(range(before + 1, numbers[0])), skipped, f"a frame before record {idx}")
+                self.assertLessEqual(set(range(before + 1, numbers[0])), skipped, f"missing frame before record {idx}")
             self.assertEqual(numbers, [n for n in range(numbers[0], last + 1) if n not in skipped], idx)
             before = last
             for n in numbers:
@@ -131,7 +131,7 @@ class Antennas(unittest.TestCase):
                 true_power, true_values = statistics(frames, numbers, b)
                 self.assertAlmostEqual(power, true_power, delta=1e-5 * true_power)
                 worst = max(worst, *(abs(v - t) for v, t in zip(values, true_values)))
-        self.assertLess(worst, 3e-5)  # half a step of 1/32767, and the sums' rounding
+        self.assertLess(worst, 3e-5)  # half a step of 1/32767, plus rounding of the sums
 
     def test_twenty_slots(self):
         self.record(20)

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""tests/system/calibrate.py BIN_DIR TEST: what only the simulated laboratory knows is measured with its reflector and goes
-with a run; without that it spoils what a model makes of the run."""
+"""tests/system/calibrate.py BIN_DIR TEST: biases of the simulated laboratory are calibrated with its reflector and stored in
+a run; without calibration they degrade a model's maps."""
 import contextlib
 import json
 import math
@@ -42,11 +42,11 @@ class Calibrate(unittest.TestCase):
         self.assertEqual(done.returncode, 0, done.stderr)
         spd, radar = json.loads(done.stdout.splitlines()[-1])["sensors"]
         for sensor, true_m in (spd, SPD_M), (radar, RADAR_M):
-            # The plate's edges are farther than its middle: by less than 0.02 mm on average.
+            # The plate's edges are farther than its centre, by less than 0.02 mm on average.
             self.assertLess(abs(sensor["offset_m"] - true_m), 5 * sensor["measurement_error_m"] + 2e-5, sensor)
             self.assertLess(sensor["measurement_error_m"], 3e-4)
             self.assertGreater(sensor["snr_db"], 10)
-        # 2 mm of the distance; across 2 mm of the baseline, too.
+        # 2 mm of the distance; sideways also 2 mm of the baseline.
         self.assertAlmostEqual(spd["reflector_error_m"], 2e-3, 6)
         self.assertAlmostEqual(radar["reflector_error_m"], math.sqrt(1 + .5 * .5 * 2) / math.sqrt(1.25) * 2e-3, 5)
         self.assertAlmostEqual(radar["true_range_m"], math.sqrt(1.25), 6)
@@ -56,7 +56,7 @@ class Calibrate(unittest.TestCase):
         info = json.loads(subprocess.run([bin_dir / "echofuse-acquire", "info", "--json", self.dir / "run.sqlite"],
                                          check=True, stdout=subprocess.PIPE).stdout)
         self.assertEqual([c["sensor"] for c in info["calibrations"]], ["spd", "radar"])
-        # The laboratory's response is measured, and goes with the run.
+        # The laboratory's response is measured and stored in the run.
         response = json.loads(done.stdout.splitlines()[-1])["response"]
         width, _, error = response["irf_fwhm_ps"].partition(" +- ")
         self.assertLess(abs(float(width) - 200), 5 * float(error), response)
@@ -72,7 +72,7 @@ class Calibrate(unittest.TestCase):
                                          stdout=subprocess.PIPE).stdout)["meta"]
         self.assertEqual(made["radar_taps"].split()[:16], response["radar_taps"].split()[:16])
         self.assertEqual(made["irf_fwhm_ps"], response["irf_fwhm_ps"].partition(" +- ")[0])
-        # Both runs train together: their axes are the same.
+        # Both runs have equal axes, so that they can be trained together.
         axes = []
         for path in self.dir / "run.sqlite", like:
             with contextlib.closing(sqlite3.connect(path)) as db:
@@ -84,7 +84,7 @@ class Calibrate(unittest.TestCase):
             self.assertAlmostEqual(kept["offset_m"], measured["offset_m"], 12)
 
     def test_mountings(self):
-        """The wrong command is refused with what the peak fits better; two steps fill one file."""
+        """A wrong --reflector is refused with the mounting that fits; two steps fill one file."""
         stored = self.dir / "calibration.toml"
 
         def measure(before, *options, bias_m=.05):
@@ -123,7 +123,7 @@ class Calibrate(unittest.TestCase):
         self.assertIn("baseline_m = 0.4", resolved)
 
     def test_side(self):
-        """One echo at a known side is found there; one at the other side is not taken for it."""
+        """An echo from a known side is found; one from the other side is not mistaken for it."""
         stored = self.dir / "calibration.toml"
 
         def calibrate(before, *options):
@@ -142,8 +142,8 @@ class Calibrate(unittest.TestCase):
         self.assertEqual(calibrate("left", "--side", "right").returncode, 4)
 
     def test_antennas(self):
-        """Eight antennas with errors, calibrated with one reflector in front of the detector, make
-        a usable model."""
+        """Eight antennas with errors give a usable model after calibration with one reflector in front
+        of the detector."""
         stored, cfg = self.dir / "calibration.toml", config / "xwr68xx_azimuth_50cm.cfg"
         sets = "--set", "radar_phase_error_rad=1", "--set", "radar_gain_error_db=1"
         uses = "--config", self.dir / "lab/lab.toml", "--set", f"run.calibration={stored}"
@@ -167,7 +167,7 @@ class Calibrate(unittest.TestCase):
         self.assertGreater(json.loads(done.stdout)["metrics"]["iou"]["mean"], .4, done.stdout)
 
     def test_windows(self):
-        """A radar with cells of 50 cm and another window states its response at 3 m, and nearer than its cells why not."""
+        """A radar with cells of 50 cm and another window gets a response at 3 m, and a reason for none at shorter range."""
         hann = " ".join(str(((1, .25)[int(u)] if u in (0, 1) else (math.sin(math.pi * u) / (math.pi * u * (1 - u * u))) ** 2))
                         for u in (k / 4 for k in range(24)))
         for farther_m in 2, -.4:
@@ -225,7 +225,7 @@ class Calibrate(unittest.TestCase):
                 self.assertLess(abs(float(tap) - float(true)), .05, said)
 
     def test_reconstruction(self):
-        """Ranges that are too long spoil what a model makes of a run; the run's calibration brings all of it back."""
+        """Range biases degrade a model's maps; the run's calibration restores them."""
         def program(name, *words):
             return subprocess.run([bin_dir / name, *words], check=True, text=True, capture_output=True, cwd=self.dir).stdout
 

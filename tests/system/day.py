@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""tests/system/day.py BIN_DIR: a run of 24 h whose radar has eight antennas, read by all programs. Their time and memory are
-compared with those for a tenth of the run: time grows as the run does, memory by much less than the file."""
+"""tests/system/day.py BIN_DIR: all programs read a 24 h run with a radar of eight antennas. Compared with a tenth of the run,
+their time grows in proportion, and their memory by much less than the file."""
 import os
 import pathlib
 import shutil
@@ -16,13 +16,13 @@ from websocket import Client  # noqa: E402
 
 bin_dir = pathlib.Path(sys.argv[1]).resolve()
 MADE, TENTH, DAY = 240, 2_880, 28_800  # records
-MEMORY_A_RECORD = 1024  # bytes that a program may keep of each record, which itself has 8 KiB
-RESERVE = 16 << 20  # bytes of buffers, and that the allocator holds back
-LONGER, START_S = 15, 0.5  # ten times the records, and what is not in proportion
+MEMORY_A_RECORD = 1024  # bytes that a program may keep per record of 8 KiB
+RESERVE = 16 << 20  # bytes of buffers and allocator overhead
+LONGER, START_S = 15, 0.5  # ten times the records plus constant costs
 
 
 def grow(run, out, records):
-    """A copy of the run with its records again and again, each time 12 minutes later."""
+    """Copies the run and repeats its records, each time 12 minutes later."""
     shutil.copy(run, out)
     db = sqlite3.connect(out)
     columns = [row[1] for row in db.execute("PRAGMA table_info(record)")]
@@ -52,7 +52,7 @@ class Day(unittest.TestCase):
         cls.folder.cleanup()
 
     def cost(self, command, use=None):
-        """Processor time (s) and highest memory (bytes) of a program; `use` is given its first line and ends its work."""
+        """Returns processor time (s) and peak memory (bytes) of a program; `use` gets its first line and ends its work."""
         with subprocess.Popen([bin_dir / command[0], *command[1:]], stdout=subprocess.PIPE, text=True) as process:
             if use:
                 use(process.stdout.readline().strip())
@@ -86,7 +86,7 @@ class Day(unittest.TestCase):
                 client.ask({"show": records // 2})
                 self.assertEqual(client.until("record", lambda m: not m["live"])["index"], records // 2)
                 client.ask({"sheet": [0, records]})
-                self.assertLess(len(client.until("sheet")["index"]), TENTH)  # as many as a screen shows
+                self.assertLess(len(client.until("sheet")["index"]), TENTH)  # limited by the size of a screen
                 client.socket.close()
             return use
         self.compare(lambda run, _: ["echofuse-view", run, "--listen", "127.0.0.1:0", "--model", self.dir / "model"], look)

@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""tests/system/hostile_runs.py BIN_DIR [TEST]: run files that somebody made to do harm, given to every command that
-reads one: each ends soon, in little memory, with a documented exit code and one line of error. And texts of runs and
-devices that are to do harm at a terminal or in a table."""
+"""tests/system/hostile_runs.py BIN_DIR [TEST]: malicious run files for every command that reads one: each ends soon, with
+little memory, a documented exit code and one error line. Also malicious texts of runs and devices, for a terminal or a
+spreadsheet."""
 import json
 import os
 import pathlib
@@ -21,7 +21,7 @@ import zlib
 bin_dir = pathlib.Path(sys.argv[1]).resolve()
 RECORDS = 12
 sanitized = b"__asan_init" in (bin_dir / "echofuse-acquire").read_bytes()
-MOST_S = 60  # of a command; they take a fraction of a second
+MOST_S = 60  # per command; usually a fraction of a second
 MOST_MIB = 4000 if sanitized else 700
 DOCUMENTED = {0, 1, 2, 3, 4, 5, 6}
 
@@ -36,7 +36,7 @@ def depth(blob, width=None, height=None):
 
 
 def pages_that_repeat(path, table):
-    """The table's root becomes the top of six pages, each of which has the next 400 times below it: 4e15 rows."""
+    """Turns the table's root into a tree of six pages, each with 400 links to the next: 4e15 rows."""
     db = sqlite3.connect(path)
     root = db.execute("SELECT rootpage FROM sqlite_schema WHERE name = ?", (table,)).fetchone()[0]
     size = db.execute("PRAGMA page_size").fetchone()[0]
@@ -133,7 +133,7 @@ class HostileRuns(unittest.TestCase):
         return run
 
     def attack(self, run, *only):
-        """Codes by command."""
+        """Returns the exit codes by command."""
         d, codes, self.said = self.dir, {}, ""
         commands = {"info": ["acquire", "info", run], "json": ["acquire", "info", run, "--json"],
                     "export": ["export", run, "--to", d / "x.h5"],
@@ -162,7 +162,7 @@ class HostileRuns(unittest.TestCase):
         for name, (change, why) in cases.items():
             with self.subTest(name):
                 codes = self.attack(self.make(change), "info", "export", "reconstruct", *commands)
-                self.assertIn(codes.pop("export"), (0, 1, 5))  # Python leaves alone what it does not read
+                self.assertIn(codes.pop("export"), (0, 1, 5))  # Python reads less, so it may succeed
                 self.assertTrue(all(c == 1 for c in codes.values()), (codes, self.said))
                 self.assertIn(why, self.said)
 
@@ -201,7 +201,7 @@ class HostileRuns(unittest.TestCase):
                 else:
                     pages_that_repeat(run, table)
                 codes = self.attack(run)
-                self.assertEqual(codes["info"], 0 if table == "run" else 1, self.said)  # one row of it is read
+                self.assertEqual(codes["info"], 0 if table == "run" else 1, self.said)  # reads only one row of it
 
     def test_axes(self):
         def axis(what, where="1"):
@@ -320,7 +320,7 @@ class HostileRuns(unittest.TestCase):
                            "run.window_s=0.3"], ["info", self.dir / "evil"]):
                 _, out, said = self.command("acquire", *words)
                 text = out.decode("utf-8") + said
-                if words[0] in ("devices", "info"):  # which name the model
+                if words[0] in ("devices", "info"):  # both print the model
                     self.assertIn("forged", text, words)
                 self.assertNotIn("\nforged", text)
                 self.assertEqual(text, "".join(c for c in text if c == "\n" or c.isprintable()))

@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""tests/system/installed.py BIN_DIR: what `cmake --install` puts into a folder works there: a simulated laboratory,
-a live run, a data set, the bridges, manual pages and completion. Nothing installed knows the build folder or the
-source tree, which are hidden from the programs where this process may do so (root, unshare)."""
+"""tests/system/installed.py BIN_DIR: an installation (`cmake --install`) works: a simulated laboratory, a live run, a data
+set, the bridges, manual pages and completion. Installed files do not refer to the build folder or source tree, which are
+hidden from the programs if permitted (root, unshare)."""
 import os
 import pathlib
 import re
@@ -27,7 +27,7 @@ class Installed(unittest.TestCase):
     def setUpClass(cls):
         cls.folder = tempfile.TemporaryDirectory(prefix="echofuse-installed-")
         cls.dir = pathlib.Path(cls.folder.name)
-        # First elsewhere, as packages are made, then moved there.
+        # Staged and then moved, as for packages.
         run("cmake", "--install", build, "--prefix", cls.dir / "opt", env={k: v for k, v in os.environ.items() if k not in ("ECHOFUSE_LOCKS", "XDG_CONFIG_HOME")} | {"DESTDIR": str(cls.dir / "stage")})
         shutil.move(str(cls.dir / "stage") + str(cls.dir / "opt"), cls.dir)
         cls.prefix = cls.dir / "opt"
@@ -47,7 +47,7 @@ class Installed(unittest.TestCase):
                 self.assertNotIn(name, content, path)
 
     def test_laboratory_run_data_set(self):
-        """With an empty folder mounted over the build, if that is allowed."""
+        """Works with an empty folder mounted over the build folder, if permitted."""
         script = f"""set -e
             {f"mount -t tmpfs none {build}" if hide else ":"}
             cd {self.dir}

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""tests/system/live.py BIN_DIR [TEST]: the real daemon records from the real simulated laboratory,
-through TCP, two ptys and the stock OpenNI2 library."""
+"""tests/system/live.py BIN_DIR [TEST]: the daemon records from the simulated laboratory through TCP, two
+ptys and the stock OpenNI2 library."""
 import fcntl
 import json
 import os
@@ -22,11 +22,11 @@ sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent.parent))
 from waiting import wait_for
 
 bin_dir = pathlib.Path(sys.argv[1]).resolve()
-WINDOW_S = float(os.environ.get("ECHOFUSE_TEST_WINDOW_S", "0.2"))  # longer where sanitizers slow everything down
+WINDOW_S = float(os.environ.get("ECHOFUSE_TEST_WINDOW_S", "0.2"))  # longer with (slow) sanitizers
 
 
 class Live(unittest.TestCase):
-    # A scene for two slots, and few clicks a pulse in the short ones.
+    # A scene lasts two slots; the laser rate keeps the clicks per pulse low in short slots.
     lab_options = ("--hold", str(2 * WINDOW_S), "--laser-rate-hz", "2e7", "--set", "signal_photons=5e4")
 
     def setUp(self):
@@ -42,7 +42,7 @@ class Live(unittest.TestCase):
         self.assertIsNone(self.lab.poll(), (self.dir / "lab.log").read_text())
 
     def tearDown(self):
-        # The daemon before its laboratory, whose ptys another test may get at once: their locks must be free then.
+        # Stops the daemon before the laboratory, because another test may reuse the ptys, and their locks must be free.
         for process in reversed(self.processes):
             if process.poll() is None:
                 process.kill()
@@ -89,7 +89,7 @@ class Live(unittest.TestCase):
             return 0
 
     def check_slots(self, rows):
-        """No row missing, none shifted, no drift, every tag in exactly one place."""
+        """Checks that no row is missing or shifted, and that every tag is counted once."""
         window_ns = round(WINDOW_S * 1e9)
         for k, row in enumerate(rows):
             self.assertEqual(row["idx"], k)
@@ -118,28 +118,28 @@ class Live(unittest.TestCase):
         counts = {axis["name"]: axis["count"] for axis in info["axes"]}
         self.assertEqual((counts["depth_x"], counts["map_x"], counts["map_y"]), (320, 96, 96))
         self.assertEqual(sent["tdc"]["dropped"], 0)
-        # The tagger also sends while the radar is configured and in the last grace period.
+        # The tagger also sends during the radar's configuration and the last grace time.
         self.assertGreater(info["tags"], 0)
         self.assertLessEqual(info["tags"], sent["tdc"]["tags"])
         self.assertEqual(len({row["radar"] for row in rows}), 10)
         self.assertLessEqual(sum(row["radar_used"] for row in rows), sent["radar"]["frames"])
         self.assertIn("record 10/10  SRD", log)
-        # One time base feeds all three devices, and what each is late by is less than 10 ms.
+        # All three devices have one time base, and their delays are below 10 ms.
         offsets = [info["clocks"][s]["offset_s"] for s in info["clocks"]]
         self.assertIn("spd", info["clocks"])
         self.assertLess(max(offsets) - min(offsets), 0.01, info["clocks"])
 
     def test_stop_and_continue(self):
-        """The daemon stands still for many slots: all their rows are there. Those whose tags waited to be read, whole,
-        are valid; the others say why they are not."""
+        """After a stall of the daemon for many slots, all rows exist. Slots with completely buffered tags are valid, the
+        others have a verdict."""
         daemon = self.record()
-        wait_for("records", lambda: self.committed() >= 8)  # by then the clocks are known
+        wait_for("records", lambda: self.committed() >= 8)  # the clock fits are valid by then
         daemon.send_signal(signal.SIGSTOP)
         stopped = time.monotonic_ns()
         time.sleep(20 * WINDOW_S)
         daemon.send_signal(signal.SIGCONT)
         went_on = time.monotonic_ns()
-        wait_for("a whole record after it", lambda: any(
+        wait_for("a complete record after the stall", lambda: any(
             row["slot_start_ns"] > went_on and row["valid"] == 7 for row in self.rows()))
         daemon.send_signal(signal.SIGTERM)
         log = self.finish(daemon)
@@ -155,7 +155,7 @@ class Live(unittest.TestCase):
         self.assertEqual(len(whole) + len(still), len(within), log)
 
     def test_close_in_5_s(self):
-        """A slot that takes longer than SIGTERM allows is given up, and the run says that it was stopped."""
+        """A slot longer than the time limit of SIGTERM is dropped, and the run is marked as stopped."""
         daemon = self.record("--set", "run.window_s=60")
         wait_for("run", self.run.exists)
         wait_for("its tables", lambda: subprocess.run([bin_dir / "echofuse-acquire", "info", self.run],
@@ -169,7 +169,7 @@ class Live(unittest.TestCase):
         self.assertEqual((self.info()["status"], self.info()["records"]), ("stopped:interrupted", 0))
 
     def test_hangup(self):
-        """A terminal that is gone ends each command as SIGTERM does, and stops the radar."""
+        """A hangup of the terminal ends each command like SIGTERM, and stops the radar."""
         env = os.environ | {"LD_LIBRARY_PATH": str(self.dir / "lab/openni")}
         config = ("--config", self.dir / "lab/lab.toml")
         commands = {"run": ("run", *config, "--out", self.run.with_suffix(""), "--count", "1000"),
@@ -187,7 +187,7 @@ class Live(unittest.TestCase):
         self.assertEqual(self.info()["records"], len(self.rows()))
         ignoring = self.start(["nohup", bin_dir / "echofuse-acquire", *commands["run"][:4], self.dir / "kept", "--count", "8"],
                               env=env, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-        wait_for("its file", (self.dir / "kept.sqlite").exists)
+        wait_for("run file", (self.dir / "kept.sqlite").exists)
         ignoring.send_signal(signal.SIGHUP)
         self.assertEqual(ignoring.wait(30), 0)
         self.run = self.dir / "kept.sqlite"
@@ -202,7 +202,7 @@ class Live(unittest.TestCase):
         return (self.dir / "sent.jsonl").read_text().count('"radar"')
 
     def test_output_held(self):
-        """Neither a terminal that is held nor a pipe that nobody reads stops a run, nor a reader that goes away."""
+        """A stopped terminal, an unread pipe or a disconnected reader does not stop a run."""
         for what in "released", "held", "gone":
             master, slave = pty.openpty()
             reader, writer = os.pipe()
@@ -245,11 +245,11 @@ class Live(unittest.TestCase):
         try:
             while data := os.read(end, 4096):
                 said[end] += data.decode()
-        except OSError:  # a terminal without programs
+        except OSError:  # the terminal was closed
             pass
 
     def test_annotate(self):
-        """Another process remarks, labels, reads and exports while the run is written."""
+        """Another process adds notes and labels, reads and exports while the run is written."""
         def tool(*command):
             return subprocess.run([str(c) for c in command], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
 
@@ -273,14 +273,14 @@ class Live(unittest.TestCase):
         labels = [row["label"] for row in rows]
         begin = labels.index("person")
         self.assertEqual(labels, ["empty"] * begin + ["person"] * (len(labels) - begin))
-        self.assertLessEqual(abs(begin - first), 1)  # a slot may end between the mark and its answer
+        self.assertLessEqual(abs(begin - first), 1)  # a slot may end between the request and the response
         self.assertEqual(tool(acquire, "annotate", self.run, "well done").returncode, 0)
         late = tool(acquire, "annotate", self.run, "--label", "too late")
         self.assertEqual((late.returncode, "nobody is recording" in late.stdout), (1, True))
 
     def test_held(self):
-        """A reader and a writer forget that they hold the file: records wait for the writer, SIGTERM for nobody, and the
-        last line counts what the writer keeps out of the file."""
+        """A reader and a writer block the file: records wait for the writer, but SIGTERM does not, and the last line counts
+        the records not written."""
         daemon = self.record()
         wait_for("records", lambda: self.committed() >= 4)
         reader, writer = (sqlite3.connect(self.run, isolation_level=None) for _ in range(2))

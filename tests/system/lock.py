@@ -1,7 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""tests/system/lock.py BIN_DIR TEST: what other programs find while a run has the devices, and that the run does not
-notice them."""
+"""tests/system/lock.py BIN_DIR TEST: other programs report that a run uses the devices, and do not disturb it."""
 import json
 import os
 import re
@@ -22,8 +21,8 @@ class Lock(live.Live):
         return "--config", self.dir / "lab/lab.toml"
 
     def test_beside_a_run(self):
-        """`run`, `calibrate`, `devices` and `doctor` during a run: told who has the devices; the run loses nothing. The camera
-        is not the run's: it is asked."""
+        """`run`, `calibrate`, `devices` and `doctor` report which run uses the devices, and the run has no losses. They check
+        the camera, which the run does not use."""
         daemon = self.record("--count", "30", "--set", "depth.address=")
         live.wait_for("records", lambda: self.committed() >= 3)
         holder = f"in use by echofuse-acquire run, pid {daemon.pid}, run {self.run}"
@@ -35,7 +34,7 @@ class Lock(live.Live):
         check(self.acquire("run", *self.config(), "--out", self.dir / "second"), 4)
         self.assertFalse((self.dir / "second.sqlite").exists())
         check(self.acquire("calibrate", *self.config(), "--set", f"run.calibration={self.dir}/c.toml"), 4)
-        # The ports by other names are the same ports, which are opened exclusively.
+        # The same ports under other names are opened exclusively, too.
         nodes = [(self.dir / "lab" / name).resolve() for name in ("radar-cli", "radar-data")]
         done = self.acquire("run", *self.config(), "--out", self.dir / "second", "--set", f"radar.cli=serial:{nodes[0]}",
                             "--set", f"radar.data=serial:{nodes[1]}", "--set", "tdc.address=", "--set", "depth.address=",
@@ -63,10 +62,10 @@ class Lock(live.Live):
         self.assertNotRegex(log, r"warning (spd|radar): (?!record|did not confirm)")
         info = self.info()
         self.assertEqual(info["lost"]["spd"], 0, log)
-        # And now they are free.
+        # After the run the devices are free.
         done = self.acquire("devices", *self.config(), "--json")
         self.assertEqual([d["state"] for d in json.loads(done.stdout)["configured"]], ["streaming"] * 3)
-        # No frame was lost on the line: only those that the board itself had no time for on a busy machine.
+        # No frame is lost in transport; on a busy machine the simulated board skips frames.
         self.assertLessEqual(info["lost"]["radar"], self.close_lab()["radar"]["frames_skipped"], log)
 
 

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""tests/system/raw.py BIN_DIR: `run --keep-raw` beside a run, and `import` of what it kept: the records are
-the same, through faults and reconnections as well."""
+"""tests/system/raw.py BIN_DIR: `run --keep-raw` and `import` of the raw capture give equal records, also with faults and
+reconnections."""
 import pathlib
 import re
 import sqlite3
@@ -61,7 +61,7 @@ class Raw(unittest.TestCase):
             return db.execute(text).fetchall()
 
     def counters(self, source):
-        """But those of all that came: a live run goes on reading until its file is closed."""
+        """Returns counters except totals, because a live run continues to read until its file is closed."""
         return dict(self.query(f"SELECT name, value FROM counter WHERE source = '{source}' AND name NOT IN "
                                "('bytes', 'blocks', 'frames', 'tags', 'outside')"))
 
@@ -81,7 +81,7 @@ class Raw(unittest.TestCase):
         self.run = self.dir / "again.sqlite"
         subprocess.run([bin_dir / "echofuse-acquire", "import", self.raw, "--out", self.run, "-q"], check=True, timeout=60)
         self.assertEqual((self.query(COLUMNS), self.counters("spd"), self.counters("radar")), live, self.log)
-        # one damaged number: a slot of 400 s, or of no time
+        # one damaged number: a slot of 400 s, or of zero length
         times = (self.raw / "run.times").read_text()
         for length in "400000000000", "4000000000000000000", "-400000000", "1":
             (self.raw / "run.times").write_text(re.sub(r"( slots )\d+", rf"\g<1>{length}", times))

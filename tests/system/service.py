@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""tests/system/service.py BIN_DIR [TEST]: the daemon as config/echofuse-acquire.service starts it: what
-systemd hears on the notify socket, what the journal gets, and what systemd thinks of the unit."""
+"""tests/system/service.py BIN_DIR [TEST]: the daemon as started by config/echofuse-acquire.service: messages
+on the notify socket, lines for the journal, and systemd's own checks of the unit."""
 import configparser
 import os
 import pathlib
@@ -25,7 +25,7 @@ unit_path = pathlib.Path(__file__).resolve().parents[2] / "config/echofuse-acqui
 
 
 class Unit(configparser.ConfigParser):
-    """Sections and keys; of a key given several times the last."""
+    """Parses sections and keys; a repeated key has its last value."""
 
     def __init__(self):
         super().__init__(strict=False, interpolation=None, delimiters=("=",))
@@ -34,7 +34,7 @@ class Unit(configparser.ConfigParser):
 
 
 class NotifySocket:
-    """Stands in for systemd: reads at once, as it does, and keeps the lines."""
+    """Replaces systemd: reads at once and keeps the lines."""
 
     def __init__(self, path):
         self.path = str(path)
@@ -52,7 +52,7 @@ class NotifySocket:
         return self.lines.count(line)
 
     def close(self):
-        """All that was sent before is read then."""
+        """Returns after reading all that was sent before."""
         with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as end:
             end.sendto(b"", self.path)
         self.thread.join()
@@ -71,7 +71,7 @@ class Service(live.Live):
         super().tearDown()
 
     def serve(self, *options, env=None, **how):
-        """The unit's own command line, with its folders and the configuration moved."""
+        """Starts the unit's command line with other folders and configuration."""
         line = Unit()["Service"]["ExecStart"].replace("%%", "%").replace("/etc/echofuse", str(self.dir / "lab"))
         command = line.replace("/var/lib/echofuse", str(self.dir)).replace("/usr/local/bin", str(live.bin_dir)).split()
         base = os.environ | {"LD_LIBRARY_PATH": str(self.dir / "lab/openni"), "NOTIFY_SOCKET": self.notify.path}
@@ -82,8 +82,8 @@ class Service(live.Live):
         return daemon
 
     def test_life(self):
-        """systemd hears of every record, and of nothing while none can be written. Four slots are longer than the watchdog
-        of this service: the daemon asks for more before the first of them."""
+        """systemd gets a heartbeat per record, and none while records cannot be written. Four slots exceed this service's
+        watchdog, so the daemon first requests a longer one."""
         daemon = self.serve(env={"WATCHDOG_USEC": "300000"})
         self.assertRegex(self.run.name, r"^run-20\d{6}-\d{6}\.sqlite$")
         wait_for("heartbeats", lambda: self.notify.count("WATCHDOG=1") >= 4)
@@ -91,7 +91,7 @@ class Service(live.Live):
         blocker = sqlite3.connect(self.run, isolation_level=None)
         blocker.execute("BEGIN IMMEDIATE")
         try:
-            time.sleep(0.5)  # a commit that was done before is told by now
+            time.sleep(0.5)  # earlier commits are reported by now
             before = self.notify.count("WATCHDOG=1")
             time.sleep(min(8 * live.WINDOW_S, 3))  # after 5 s the writer gives up
             self.assertEqual(self.notify.count("WATCHDOG=1"), before)
@@ -108,7 +108,7 @@ class Service(live.Live):
         self.assertEqual(lines.count("READY=1"), 1)
         self.assertEqual(lines.count("STOPPING=1"), 1)
         self.assertNotIn("WATCHDOG=1", lines[lines.index("STOPPING=1"):])
-        # Never more heartbeats than records, and the status counts up to them.
+        # At most one heartbeat per record, and the status counts them.
         rows = len(self.rows())
         told = [int(m[1]) for m in (re.match(r"STATUS=(\d+) records on disk", line) for line in lines) if m]
         self.assertEqual(told, sorted(told))
@@ -117,8 +117,8 @@ class Service(live.Live):
         self.assertLessEqual(lines.count("WATCHDOG=1"), rows)
 
     def test_disk_full(self):
-        """Neither the disk's end nor SIGXFSZ kills: the records are there, the last heartbeat is that of the last one, and
-        the exit code is one that systemd leaves alone."""
+        """A full disk (or SIGXFSZ) does not crash the daemon: the records are stored, the last heartbeat is of the last
+        record, and systemd does not restart after the exit code."""
         def limit_file_size():
             resource.setrlimit(resource.RLIMIT_FSIZE, (256 << 10, 256 << 10))
 
@@ -141,8 +141,8 @@ class Service(live.Live):
         self.assertEqual(lines[-1], "STOPPING=1")
 
     def test_journal(self):
-        """Priorities instead of times, if stderr is the journal's; nothing of it otherwise. A stop before the first slot is
-        none that systemd takes for a failure."""
+        """Log lines have priorities instead of times only if stderr is the journal. A stop before the first slot is not a
+        failure for systemd."""
         command = f'JOURNAL_STREAM="$(stat -Lc %d:%i /proc/self/fd/2)" exec {live.bin_dir}/echofuse-acquire run'
         config = f"--config {self.dir}/lab/lab.toml --set depth.address= --set radar.cli=serial:{self.dir}/none"
         tail = f"--set run.connect_timeout_s=1.5 --count 3 --out {self.dir}/run"
@@ -151,12 +151,12 @@ class Service(live.Live):
         self.assertRegex(done.stderr, r"(?m)^<6>recording into ")
         self.assertRegex(done.stderr, r"(?m)^<4>starting without radar")
         self.assertNotRegex(done.stderr, r"(?m)^<?\d*>?20\d\d-")
-        pid = os.getpid()  # another place than other tests': a device is one program's
+        pid = os.getpid()  # a unique address, because devices are locked
         missing = "--set", "tdc.policy=required", "--set", (
             f"tdc.address=bridge:tcp://127.{pid >> 16}.{pid >> 8 & 255}.{pid & 255}:1")
         daemon = self.start([live.bin_dir / "echofuse-acquire", "run", "--config", self.dir / "lab/lab.toml", "--out",
                              self.dir / "early", *missing], stderr=subprocess.PIPE, text=True)
-        first = daemon.stderr.readline()  # it has looked for the device, so it listens to signals
+        first = daemon.stderr.readline()  # the device was tried, so signals are handled by now
         daemon.send_signal(signal.SIGTERM)
         log = first + self.finish(daemon)
         self.assertIn("interrupted before the first slot", log)
@@ -173,7 +173,7 @@ class Service(live.Live):
 
 class Exposure(unittest.TestCase):
     def test_unit(self):
-        """systemd takes every line of the unit, and finds it shut well enough."""
+        """systemd accepts every line of the unit, and rates its sandbox as sufficient."""
         with tempfile.TemporaryDirectory() as folder:
             copy = pathlib.Path(folder) / unit_path.name
             copy.write_text(unit_path.read_text().replace("/usr/local/bin/echofuse-acquire", "/bin/true"))

@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""tests/system/slips.py BIN_DIR: slips of the finger at the command line: each is answered by its text and exit code."""
+"""tests/system/slips.py BIN_DIR: mistyped command lines give the listed text and exit code."""
 import pathlib
 import sqlite3
 import struct
@@ -9,7 +9,7 @@ import sys
 import tempfile
 
 bin_dir = pathlib.Path(sys.argv[1]).resolve()
-# command | exit code | what it says
+# command | exit code | text in the output
 TABLE = """
 recon trian | 2 | trian: no such command; the nearest is train
 recon help train | 0 | fit a model to runs
@@ -113,8 +113,8 @@ with tempfile.TemporaryDirectory() as folder:
                               env={"HOME": folder, "PATH": "/usr/bin:/bin"})
         said = done.stdout + done.stderr
         if done.returncode != int(code) or says not in said:
-            faults.append(f"{words}: {done.returncode} (wanted {code}): {said[:200]}")
+            faults.append(f"{words}: {done.returncode} (expected {code}): {said[:200]}")
         if code != "0" and max(map(len, said.splitlines())) > 300:
             faults.append(f"{words}: a line of more than 300 characters")
-print("\n".join(faults) or "each slip has its answer")
+print("\n".join(faults) or "passed")
 sys.exit(bool(faults))

@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""tests/system/slurm.py BIN_DIR: data set and study spread by scripts/slurm over an emulated Slurm cluster of two
-nodes on this machine, one of which dies amid the array. The result is that of one process, byte by byte. Needs root
-and Debian's slurmctld, slurmd, slurm-client and munge; else it is skipped."""
+"""tests/system/slurm.py BIN_DIR: scripts/slurm distributes a data set and a study over an emulated Slurm cluster of two
+nodes on this machine, one of which fails during the array. The result is bitwise equal to that of one process. Needs
+root and Debian's slurmctld, slurmd, slurm-client and munge; otherwise skipped."""
 import contextlib
 import functools
 import hashlib
@@ -20,7 +20,7 @@ import unittest
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent.parent))
 import waiting
 
-wait_for = functools.partial(waiting.wait_for, pause_s=0.1)  # each look starts a program
+wait_for = functools.partial(waiting.wait_for, pause_s=0.1)  # each check starts a program
 
 bin_dir = pathlib.Path(sys.argv.pop(1)).resolve()
 scripts = pathlib.Path(__file__).resolve().parents[2] / "scripts/slurm"
@@ -93,7 +93,7 @@ class Slurm(unittest.TestCase):
         return subprocess.run(words, text=True, capture_output=True).stdout.strip()
 
     def processes_of(self, *names):
-        """What this cluster has started, by process id: by the environment that its daemons were given."""
+        """Returns the process ids of this cluster, found by the environment of its daemons."""
         mark = f"SLURM_CONF={self.dir}/slurm.conf".encode()
         for process in pathlib.Path("/proc").glob("[0-9]*"):
             try:
@@ -113,11 +113,11 @@ class Slurm(unittest.TestCase):
 
     def kill(self, processes):
         for process in processes:
-            with contextlib.suppress(ProcessLookupError):  # it ended with another
+            with contextlib.suppress(ProcessLookupError):  # already ended
                 os.kill(process, signal.SIGKILL)
 
     def halted(self, node, program):
-        """Whether a job of this node runs this program, which then goes no further."""
+        """Stops this program in a job of this node; returns whether it was found running."""
         for process in self.processes_of(f"SLURMD_NODENAME={node}"):
             try:
                 if pathlib.Path(f"/proc/{process}/comm").read_text().strip() == program:
@@ -128,12 +128,12 @@ class Slurm(unittest.TestCase):
         return False
 
     def node_dies(self, node):
-        """Its daemon and all of its jobs at once, as when the power fails."""
+        """Kills the node's daemon and all its jobs at once, like a power failure."""
         os.kill(int((self.dir / f"slurmd.{node}.pid").read_text()), signal.SIGKILL)
         jobs = list(self.processes_of(f"SLURMD_NODENAME={node}"))
         parents = {int(pathlib.Path(f"/proc/{job}/stat").read_text().rpartition(")")[2].split()[1]) for job in jobs}
         keepers = [pid for pid in parents if pathlib.Path(f"/proc/{pid}/comm").read_text().startswith("slurmstepd")]
-        self.kill([*keepers, *jobs])  # first who would tell of the others' end
+        self.kill([*keepers, *jobs])  # first those that would report the others' end
         subprocess.run(["scontrol", "update", f"nodename={node}", "state=down", "reason=test"], check=True)
 
     def submit(self, script, *words):
@@ -180,7 +180,7 @@ class Slurm(unittest.TestCase):
         self.finish()
         subprocess.run([*bench, self.dir / "whole.csv"], check=True, stdout=subprocess.DEVNULL)
 
-        def rows(path):  # without the times, which end a row
+        def rows(path):  # without the times at the end of a row
             return sorted(line.rsplit(",", 3)[0] for line in path.read_text().splitlines())
 
         self.assertEqual(rows(self.dir / "work/spread.csv"), rows(self.dir / "whole.csv"))
@@ -191,7 +191,7 @@ IN_ARRAY = {"SLURM_JOB_ID": "9", "SLURM_ARRAY_TASK_ID": "3", "SLURM_ARRAY_TASK_C
 
 
 class Resubmitted(unittest.TestCase):
-    """Tasks of an array that is submitted again in part: by the scripts alone, without Slurm."""
+    """Tasks of a partly resubmitted array: the scripts alone, without Slurm."""
 
     def task(self, folder, script, *words):
         with tempfile.TemporaryDirectory() as spool:

@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""tests/system/status_line.py BIN_DIR [TEST]: the daemon at a terminal: a pty of 80 or fewer columns."""
+"""tests/system/status_line.py BIN_DIR [TEST]: the daemon in a terminal (pty) of at most 80 columns."""
 import fcntl
 import os
 import pty
@@ -20,7 +20,7 @@ SEQUENCES = re.compile(r"\x1b\[[0-9;]*[A-Za-z]|\x07")
 
 
 class Terminal:
-    """The master's side: everything that the program wrote, as it came."""
+    """Master side of the pty: keeps all output of the program."""
 
     def __init__(self, columns):
         self.master, self.slave = pty.openpty()
@@ -46,14 +46,14 @@ class Terminal:
         os.close(self.master)
 
     def status_lines(self):
-        """What was drawn over the line before: between a return and the next one."""
+        """Returns the drawn status lines: texts between carriage returns."""
         parts = re.split(r"[\r\n]+", SEQUENCES.sub("", self.text))
         return [part for part in parts if part.startswith("record ")]
 
 
 class StatusLine(live.Live):
     def setUp(self):
-        pass  # each test opens a laboratory of its own
+        pass  # each test starts its own laboratory
 
     def run_at_terminal(self, columns, *options):
         live.Live.setUp(self)
@@ -68,14 +68,14 @@ class StatusLine(live.Live):
         return daemon.returncode
 
     def test_fits(self):
-        """No line wraps, however narrow the terminal, and one status line is drawn over the other."""
+        """Lines do not wrap in any width, and each status line overwrites the previous one."""
         daemon = self.run_at_terminal(300, "--duration", "8s", "--set", "run.label=" + "person " * 20)
         drawn = {}
         for columns in 300, 80, 40:
             self.terminal.resize(columns)
             before = len(self.terminal.status_lines())
             wait_for("status", lambda: len(self.terminal.status_lines()) >= before + 3, 40)
-            drawn[columns] = self.terminal.status_lines()[before + 1:]  # the first may have been drawn before
+            drawn[columns] = self.terminal.status_lines()[before + 1:]  # the first may be older
         self.assertEqual(self.end(daemon), 0)
         text = self.terminal.text
         for columns, lines in drawn.items():
@@ -86,13 +86,13 @@ class StatusLine(live.Live):
         for field in fields:
             self.assertRegex(whole, field)
         self.assertTrue(all(re.match(fields[0], line) for line in drawn[40]), drawn)
-        # A line feed ends a message of the log or the last status line, which stays; never one in between.
+        # Only log messages and the last status line end with a line feed.
         lines = SEQUENCES.sub("", text).replace("\r\n", "\n").split("\n")
         feeds = [line.rsplit("\r", 1)[-1] for line in lines[:-1]]
         self.assertEqual([f.split("  ")[0] for f in feeds if f.startswith("record ")], ["record 40/40"], text)
 
     def test_interrupted(self):
-        """The first Ctrl-C is answered at once, the second ends the run at once."""
+        """The first Ctrl-C gives a message, the second ends the run at once."""
         daemon = self.run_at_terminal(80, "--set", "run.window_s=3")
         wait_for("a record", lambda: self.committed() >= 1)
         asked = time.monotonic()

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""tests/system/usb.py BIN_DIR: the real daemon and libusb record from a laboratory whose time tagger
-is an emulated USB device."""
+"""tests/system/usb.py BIN_DIR: daemon and libusb record from a laboratory with an emulated USB time
+tagger."""
 import json
 import os
 import pathlib
@@ -14,7 +14,7 @@ import unittest
 bin_dir = pathlib.Path(sys.argv[1]).resolve()
 usb_lab = bin_dir.parent / "tests/usb_lab"
 environment = os.environ | {"PATH": f"{bin_dir}:{os.environ['PATH']}"}
-WINDOW_S = float(os.environ.get("ECHOFUSE_TEST_WINDOW_S", "0.5"))  # longer: fewer tags a second
+WINDOW_S = float(os.environ.get("ECHOFUSE_TEST_WINDOW_S", "0.5"))  # longer: fewer tags per second
 
 # Totals of everything received are left out: a live run counts what arrives until its file is closed.
 COUNTERS = ("SELECT name, value FROM counter WHERE source = 'spd' AND name NOT IN "
@@ -46,10 +46,10 @@ class Usb(unittest.TestCase):
             db.close()
         self.assertEqual(rows, [(7, 0)] * 10, done.stderr)
         self.assertEqual(devices["spd"], "SIM-USB-1")
-        # Over USB the blocks are the same, and so are the files.
+        # Blocks and files are the same as over TCP.
         self.assertEqual(imported, counted)
         self.assertEqual((sent["lost"], sent["starts"]), (0, 1))
-        # What was still in the device when the daemon stopped it: at most what it makes in 0.2 s.
+        # Tags left in the device when the daemon stopped it: at most those of 0.2 s.
         arrived = int(done.stderr.split("arrived: ")[1].split(" tags")[0])
         self.assertLessEqual(arrived, sent["tags"])
         self.assertLess(sent["tags"] - arrived, 0.2 / (10 * WINDOW_S) * sent["tags"], done.stderr)

@@ -1,3 +1,3 @@
 # SPDX-License-Identifier: MIT
-"""Hides an installed vendor package, so that the tests take the stand-in TimeTagger beside this."""
+"""Hides an installed vendor package, so that the tests use the stand-in TimeTagger in this folder."""
 raise ImportError("hidden by the tests")

@@ -1,24 +1,23 @@
 # SPDX-License-Identifier: MIT
-"""The calls of Swabian's Python library that the bridge makes, with a known stream of tags.
+"""The functions of Swabian's Python library that the bridge calls, with a known stream of tags.
 
-A pattern of 1000 laser pulses: each is a start; every second one a click 20000 + 100 * (k % 200) ps
-later; in front of pulse 500 an overflow in which 7 clicks were missed. 1503 tags.
+A pattern has 1000 laser pulses, 1503 tags: each pulse is a start; every second one has a click
+20000 + 100 * (k % 200) ps later; before pulse 500 an overflow with 7 missed clicks.
 
 Names and arguments are those of the vendor's documentation of version 2.22 (TimeTagger classes,
 Time-tag streaming, Helper classes, Raw Time-Tag-Stream access) and of its headers TimeTagger.h and
-Iterators.h; signatures.py compares them. What can go wrong, by environment:
+Iterators.h; signatures.py compares them. Environment variables select faults:
   STAND_IN_OLD=1        a library without CustomMeasurement
-  STAND_IN_UNPLUGGED=n  the n-th batch of tags (20 ms each) and all after it do not come and sync()
-                        times out, while isRunning() stays true; the next opening cures it
-  STAND_IN_DARK=n       the same, but sync() passes: the laser is off
+  STAND_IN_UNPLUGGED=n  from the n-th batch of tags (20 ms each) on no tags come and sync() times
+                        out, while isRunning() stays true; opening it again helps
+  STAND_IN_DARK=n       no tags come, but sync() succeeds: the laser is off
   STAND_IN_VERSION=x    getVersion()
-  STAND_IN_FOREIGN=1    the stream has tags of channels that others asked for
-  STAND_IN_LISTEN=1     a server that lets nothing be set
-  STAND_IN_SERVER=n     the server goes away with the n-th look at the connection
+  STAND_IN_FOREIGN=1    the stream has tags of channels that other clients requested
+  STAND_IN_LISTEN=1     a server that refuses all settings
+  STAND_IN_SERVER=n     the server disconnects at the n-th check of the connection
   STAND_IN_OLD_FILE=1   a virtual tagger with setReplaySpeed() and replay()
-A recording has three patterns. Its channels' rate is 1e5/s between trigger levels of 0.3 and 1.2 V, and
-STAND_IN_PLATEAU=none leaves no pulses there;
-and STAND_IN_CPU=file: there, at the end, the processor time of making the tags, in seconds."""
+A recording has three patterns. The channels' rate is 1e5/s between trigger levels of 0.3 and 1.2 V, or 0
+with STAND_IN_PLATEAU=none. STAND_IN_CPU=file: writes the processor time of generating tags (s) at the end."""
 import os
 import threading
 import time
@@ -29,7 +28,7 @@ from recorder import called
 
 PULSES, CLICKS, MISSED = 1000, 500, 7
 PATTERN_TAGS = PULSES + CLICKS + 3
-RATE = float(os.environ.get("STAND_IN_PULSES_PER_S", "50000"))  # inf: always as many as fit
+RATE = float(os.environ.get("STAND_IN_PULSES_PER_S", "50000"))  # inf: always a full buffer
 DEAD_TIME_STEP_PS = 2000
 BLOCK_S, BLOCK_TAGS = 0.02, 131072  # setStreamBlockSize's defaults
 TAG = np.dtype([("type", "u1"), ("missed_events", "u2"), ("channel", "i4"), ("time", "i8")], align=True)
@@ -74,11 +73,11 @@ def freeTimeTagger(tagger):
 class TimeTagger:
     def __init__(self):
         self.batches, self.levels = 0, {}
-        self.most = float("inf")  # patterns to come
+        self.most = float("inf")  # remaining patterns
 
     @property
     def silent(self):
-        """No tags come any more."""
+        """Stops the tags."""
         return any(n and self.batches >= n for n in (unplugged, dark))
 
     def getModel(self):
@@ -149,7 +148,7 @@ if os.environ.get("STAND_IN_LISTEN"):
 
 
 class TimeTaggerVirtual:
-    """Only what the vendor's has: no model, no serial number, no hardware to set."""
+    """Like the vendor's class: no model, no serial number, no hardware settings."""
 
     def __init__(self):
         self.batches, self.silent, self.most = 0, False, 0
@@ -228,7 +227,7 @@ def pattern(start_channel, click_channel, period_ps):
 
 
 class Source:
-    """The tags that are due: whole patterns, as four columns or as records."""
+    """Generates the tags that are due: whole patterns, as four columns or as records."""
 
     def __init__(self, tagger, channels, most):
         self._tagger = tagger
@@ -236,7 +235,7 @@ class Source:
         longest = -(-min(most, 1 << 20) // PATTERN_TAGS)
         self._columns = [np.tile(column, longest) for column in pattern(*channels, self._period_ps)]
         self._columns[3] += np.repeat(np.arange(longest), PATTERN_TAGS) * PULSES * self._period_ps
-        self._records = np.zeros(len(self._columns[0]), TAG)  # the padding as well
+        self._records = np.zeros(len(self._columns[0]), TAG)  # including the padding
         for name, column in zip(TAG.names, self._columns):
             self._records[name] = column
         self._most = min(most, len(self._columns[0]))
@@ -244,7 +243,7 @@ class Source:
         self._done = 0  # patterns
 
     def _next(self):
-        """How many tags are due, and how much later than the pattern they are."""
+        """Returns the number of tags due, and their time offset from the pattern."""
         self._tagger.batches += 1
         if self._tagger.silent:
             return 0, 0
@@ -268,7 +267,7 @@ class Source:
         return part
 
     def write(self, tags):
-        """Into the front of that array; how many."""
+        """Writes tags to the front of the array; returns their number."""
         count, shift_ps = self._next()
         tags[:count].view("u1")[:] = self._records[:count].view("u1")
         tags[:count]["time"] += shift_ps
@@ -293,8 +292,8 @@ class TimeTagStream:
 
 
 class CustomMeasurement:
-    """Its thread calls process() as the library's own does: under the mutex, with an array that is
-    written over after the call."""
+    """Its thread calls process() like the vendor's: under the mutex, with an array that is overwritten
+    after the call."""
 
     def __init__(self, tagger):
         called("CustomMeasurement")

@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: MIT
-"""The calls of Orbbec's Python SDK (version 2) that the bridge makes. Frame n has the values
+"""The functions of Orbbec's Python SDK (version 2) that the bridge calls. Frame n has the values
 500 + (7 n + 3 i) % 5000 in its pixels i, times `scale`.
 
 Names and numbers of arguments are those of the vendor's stub (orbbec/pyorbbecsdk, stubs/
 pyorbbecsdk.pyi at 9fcf324) and, for what version 2 added, of its bindings (src/pyorbbecsdk/
 stream_profile.cpp); signatures.py compares them. As in releases of version 2,
-get_camera_param() is all zeros while colour does not run (issues 56 and 103 there).
-STAND_IN_INTRINSICS=zero or nan makes those of the depth profile such as well; =none removes them, as
-in version 1."""
+get_camera_param() returns zeros while colour does not run (issues 56 and 103 there).
+STAND_IN_INTRINSICS=zero or nan sets the depth profile's intrinsics; =none removes them, as in
+version 1."""
 import os
 import time
 import types
@@ -24,7 +24,7 @@ silent = False       # no frames
 supported = {"mirror", "laser"}  # properties of the camera
 presets = ["Default", "High Accuracy"]
 depth_modes = ["Unbinned Dense Default", "Binned Sparse Default"]
-skip = 0             # frames to leave out before the next one
+skip = 0             # frames to skip before the next one
 scale = 1.0          # of the frames
 intrinsics = os.environ.get("STAND_IN_INTRINSICS", "")
 camera = types.SimpleNamespace(fx=50.0, fy=50.0, cx=31.5, cy=31.5, width=64, height=64)

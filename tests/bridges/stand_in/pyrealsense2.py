@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: MIT
-"""The calls of RealSense's Python SDK that the bridge makes, with the names and arguments of its bindings
+"""The functions of RealSense's Python SDK that the bridge calls, with the names and arguments of its bindings
 (IntelRealSense/librealsense, wrappers/python/pyrs_pipeline.cpp and pyrs_frame.cpp at 09696f9 and 005e21b,
 pyrs_device.cpp and pyrs_options.cpp);
-signatures.py compares them. Frame n has the values 500 + (7 n + 3 i) % 5000 in its pixels i. What can go wrong:
-STAND_IN_CAMERAS=n cameras (1), STAND_IN_SCALE=m a step, in metres (.001), which is a tenth from frame STAND_IN_FINER
-on, STAND_IN_SILENT=n no frame after the n-th until the stream is started again, STAND_IN_INTRINSICS=zero,
-STAND_IN_TIMES=n:ms,... the times of these frames, STAND_IN_LACKS=option,... options that the camera does not have."""
+signatures.py compares them. Frame n has the values 500 + (7 n + 3 i) % 5000 in pixels i. Variables: STAND_IN_CAMERAS,
+number of cameras (1); STAND_IN_SCALE, depth unit in m (.001), a tenth of it from frame STAND_IN_FINER on;
+STAND_IN_SILENT=n, no frame after the n-th until the stream is restarted; STAND_IN_INTRINSICS=zero;
+STAND_IN_TIMES=n:ms,..., times of these frames; STAND_IN_LACKS=option,..., options that the camera lacks."""
 import os
 import time
 import types

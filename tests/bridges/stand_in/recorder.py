@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""What was called, and faults at given calls: in this process (`calls`, `faults`) or, for a bridge
-that runs as a program, through STAND_IN_LOG=file and STAND_IN_FAULTS=name:n,... (the n-th call)."""
+"""Records calls and causes faults at given calls: in this process (`calls`, `faults`), or for a bridge
+in another process by STAND_IN_LOG=file and STAND_IN_FAULTS=name:n,... (the n-th call)."""
 import json
 import os
 
@@ -24,7 +24,7 @@ def called(name, *values):
 
 
 def happen(name):
-    """A call that comes too often to be recorded."""
+    """Counts a call that is too frequent to be recorded."""
     _counts[name] = _counts.get(name, 0) + 1
     at = (name, _counts[name])
     if at in faults or f"{name}:{at[1]}" in os.environ.get("STAND_IN_FAULTS", "").split(","):
