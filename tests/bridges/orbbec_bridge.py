@@ -1,6 +1,6 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: MIT
-"""scripts/bridges/orbbec.py against the stand-in of the vendor's SDK."""
+"""scripts/bridges/orbbec.py with the stand-in of the vendor's SDK."""
 import contextlib
 import io
 import pathlib
@@ -151,7 +151,7 @@ class Frames(CameraCase):
                 camera.poll(self.outlet)
             self.assertEqual(self.outlet.lost, 1)
             sdk.silent = False
-            camera.poll(self.outlet)  # frame 1 again: no frame is missing before it
+            camera.poll(self.outlet)  # frame 1 again, without a gap before it
             self.assertEqual((self.outlet.lost, len(self.outlet.blocks)), (1, 2))
             sdk.silent = True
             with self.assertRaisesRegex(RuntimeError, "in spite of a restart"):

@@ -1,6 +1,6 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: MIT
-"""scripts/bridges/realsense.py against the stand-in of the vendor's SDK."""
+"""scripts/bridges/realsense.py with the stand-in of the vendor's SDK."""
 import struct
 import unittest
 

@@ -53,7 +53,7 @@ class OneClient(unittest.TestCase):
             self.assertEqual([b.kind for b in hellos], [bridge.HELLO] * 3)
             self.assertEqual({b.payload for b in hellos}, {b'{"model": "m"}'})
             again = 0
-            while again < 2:  # also while data flow
+            while again < 2:  # also between data
                 server.send(bridge.TAGS, bytes(16), 1)
                 again += client.block().kind == bridge.HELLO
             self.assertLess(time.monotonic() - began, 4.0)
@@ -69,7 +69,7 @@ class OneClient(unittest.TestCase):
             server.send(bridge.TAGS, bytes(16), 1)
             self.assertEqual(first.until(bridge.TAGS)[-1].payload, bytes(16))
         testing.wait_for("farewell", lambda: server._client is None)
-        with Client(server.address) as third:  # from 0 again
+        with Client(server.address) as third:  # the sequence restarts at 0
             self.assertEqual(third.block().kind, bridge.HELLO)
         self.assertEqual(server.clients, 2)
 

@@ -1,6 +1,6 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: MIT
-"""scripts/bridges/timetagger.py against the stand-in of the vendor's library."""
+"""scripts/bridges/timetagger.py with the stand-in of the vendor's library."""
 import contextlib
 import io
 import pathlib

@@ -1,7 +1,7 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: MIT
-"""scripts/bridges/timetagger.py where a server or a recording stands for the device, its scan of trigger levels, and
-the interpreter and the versions that a bridge asks for; against the stand-in of the vendor's library."""
+"""scripts/bridges/timetagger.py with a server or a recording instead of a device, its scan of trigger levels, and the
+required interpreter and versions; with the stand-in of the vendor's library."""
 import contextlib
 import io
 import os
@@ -25,7 +25,7 @@ from timetagger_bridge import open_tagger, options
 
 
 class Shared(unittest.TestCase):
-    """A server has the device, or there is a recording only."""
+    """A server or a recording replaces the device."""
 
     def test_a_server_keeps_its_settings(self):
         tagger, _ = open_tagger("--network", "lab", "--input-delay", "2=-1500")
@@ -95,7 +95,7 @@ class Shared(unittest.TestCase):
 
 class Python(unittest.TestCase):
     def test_another_interpreter(self):
-        """That of a virtual environment, where the vendor's package is."""
+        """Uses the interpreter of a virtual environment with the vendor's package."""
         with tempfile.TemporaryDirectory() as folder:
             python = pathlib.Path(folder) / "python3"
             python.write_text(f"#!/bin/sh\necho through >&2\nexec {sys.executable} \"$@\"\n")
@@ -117,7 +117,7 @@ class Python(unittest.TestCase):
                     except SystemExit:
                         self.assertTrue(fails, found)
                         self.assertIn("-m pip install --upgrade Swabian-TimeTagger", said.getvalue())
-        vendor.check_version("Swabian-TimeTagger", "2.9.0", "2.17.4")  # numpy 1 takes it
+        vendor.check_version("Swabian-TimeTagger", "2.9.0", "2.17.4")  # works with numpy 1
 
 
 def scan(*words, **env):

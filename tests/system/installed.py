@@ -39,7 +39,7 @@ class Installed(unittest.TestCase):
     def files(self):
         return [path for path in self.prefix.rglob("*") if path.is_file()]
 
-    def test_knows_no_other_folder(self):
+    def test_build_folder_is_not_referenced(self):
         names = {str(build).encode(), str(source).encode(), b"/stage/"}
         for path in self.files():
             content = path.read_bytes()

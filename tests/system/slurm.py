@@ -199,7 +199,7 @@ class Resubmitted(unittest.TestCase):
             return subprocess.run([copy, *words], cwd=folder, text=True, capture_output=True,
                                   env={**os.environ, "PATH": f"{bin_dir}:{os.environ['PATH']}", **IN_ARRAY})
 
-    def test_in_an_allocation_or_another_array_the_scripts_submit(self):
+    def test_scripts_submit_within_an_allocation_or_another_array(self):
         with tempfile.TemporaryDirectory() as folder:
             fake = pathlib.Path(folder, "sbatch")
             fake.write_text('#!/bin/sh\necho "$@" >> submitted\necho 7\n')
