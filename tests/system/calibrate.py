@@ -83,7 +83,7 @@ class Calibrate(unittest.TestCase):
         for kept, measured in zip(info["calibrations"], (spd, radar)):
             self.assertAlmostEqual(kept["offset_m"], measured["offset_m"], 12)
 
-    def test_mountings(self):
+    def test_reflector_mountings(self):
         """A wrong --reflector is refused with the mounting that fits; two steps fill one file."""
         stored = self.dir / "calibration.toml"
 
@@ -122,7 +122,7 @@ class Calibrate(unittest.TestCase):
             resolved = "\n".join(str(v) for row in db.execute("SELECT * FROM run") for v in row)
         self.assertIn("baseline_m = 0.4", resolved)
 
-    def test_side(self):
+    def test_antenna_row_side(self):
         """An echo from a known side is found; one from the other side is not mistaken for it."""
         stored = self.dir / "calibration.toml"
 
@@ -166,7 +166,7 @@ class Calibrate(unittest.TestCase):
                                "--all", "--json"], capture_output=True, text=True, check=True)
         self.assertGreater(json.loads(done.stdout)["metrics"]["iou"]["mean"], .4, done.stdout)
 
-    def test_windows(self):
+    def test_radar_windows(self):
         """A radar with cells of 50 cm and another window gets a response at 3 m, and a reason for none at shorter range."""
         hann = " ".join(str(((1, .25)[int(u)] if u in (0, 1) else (math.sin(math.pi * u) / (math.pi * u * (1 - u * u))) ** 2))
                         for u in (k / 4 for k in range(24)))

@@ -166,7 +166,7 @@ class HostileRuns(unittest.TestCase):
                 self.assertTrue(all(c == 1 for c in codes.values()), (codes, self.said))
                 self.assertIn(why, self.said)
 
-    def test_seed_is_well(self):
+    def test_valid_run(self):
         codes = self.attack(self.make(""))
         self.assertEqual({n: c for n, c in codes.items() if c}, {"label": 1}, (codes, self.said))
 
@@ -297,7 +297,7 @@ class HostileRuns(unittest.TestCase):
         for line in lines:
             self.assertIsNone(re.search(r"(^|[,;])[=+@]", line), line)
 
-    def test_hello(self):
+    def test_device_texts(self):
         sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "scripts/bridges"))
         import bridge
         import pack

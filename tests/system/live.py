@@ -101,7 +101,7 @@ class Live(unittest.TestCase):
                 counts = struct.unpack(f"<{len(row['spd']) // 4}I", row["spd"])
                 self.assertEqual(sum(counts), row["in_range"])
 
-    def test_count(self):
+    def test_ten_slots(self):
         daemon = self.record("--count", "10", "--set", "run.label=person", "--set", "depth.map_size=96")
         log = self.finish(daemon)
         self.assertEqual(daemon.returncode, 0, log)
@@ -129,7 +129,7 @@ class Live(unittest.TestCase):
         self.assertIn("spd", info["clocks"])
         self.assertLess(max(offsets) - min(offsets), 0.01, info["clocks"])
 
-    def test_stop_and_continue(self):
+    def test_stalled_daemon(self):
         """After a stall of the daemon for many slots, all rows exist. Slots with completely buffered tags are valid, the
         others have a verdict."""
         daemon = self.record()
@@ -201,7 +201,7 @@ class Live(unittest.TestCase):
     def frames(self):
         return (self.dir / "sent.jsonl").read_text().count('"radar"')
 
-    def test_output_held(self):
+    def test_blocked_output(self):
         """A stopped terminal, an unread pipe or a disconnected reader does not stop a run."""
         for what in "released", "held", "gone":
             master, slave = pty.openpty()
@@ -278,7 +278,7 @@ class Live(unittest.TestCase):
         late = tool(acquire, "annotate", self.run, "--label", "too late")
         self.assertEqual((late.returncode, "nobody is recording" in late.stdout), (1, True))
 
-    def test_held(self):
+    def test_blocked_file(self):
         """A reader and a writer block the file: records wait for the writer, but SIGTERM does not, and the last line counts
         the records not written."""
         daemon = self.record()

@@ -65,7 +65,7 @@ class Raw(unittest.TestCase):
         return dict(self.query(f"SELECT name, value FROM counter WHERE source = '{source}' AND name NOT IN "
                                "('bytes', 'blocks', 'frames', 'tags', 'outside')"))
 
-    def test_the_same_run(self):
+    def test_import_equals_run(self):
         (self.dir / "faults.toml").write_text(FAULTS)
         self.assertEqual(self.record("--faults", self.dir / "faults.toml", count=20), 0, self.log)
         kept = sum(f.stat().st_size for f in self.raw.iterdir())

@@ -81,7 +81,7 @@ class Service(live.Live):
         [self.run] = self.dir.glob("*.sqlite")
         return daemon
 
-    def test_life(self):
+    def test_heartbeats(self):
         """systemd gets a heartbeat per record, and none while records cannot be written. Four slots exceed this service's
         watchdog, so the daemon first requests a longer one."""
         daemon = self.serve(env={"WATCHDOG_USEC": "300000"})

@@ -67,7 +67,7 @@ class StatusLine(live.Live):
         self.terminal.close()
         return daemon.returncode
 
-    def test_fits(self):
+    def test_lines_do_not_wrap(self):
         """Lines do not wrap in any width, and each status line overwrites the previous one."""
         daemon = self.run_at_terminal(300, "--duration", "8s", "--set", "run.label=" + "person " * 20)
         drawn = {}

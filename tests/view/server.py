@@ -72,7 +72,7 @@ class Server(unittest.TestCase):
                 pass
         return out
 
-    def test_frames(self):
+    def test_messages(self):
         client = Client(self.address)
         run = client.until("run")
         self.assertEqual((run["file"], run["model"], run["may_write"]), ("scenes.sqlite", None, False))
@@ -196,7 +196,7 @@ class Server(unittest.TestCase):
             finally:
                 process.terminate()
 
-    def test_sizes(self):
+    def test_size_limits(self):
         for request in (b"GET / HTTP/1.1\r\nHost: localhost\r\nX: " + b"a" * 100_000 + b"\r\n\r\n",
                         b"POST / HTTP/1.1\r\nHost: localhost\r\nContent-Length: 1000000000\r\n\r\n" + b"a" * 10_000,
                         b"GET / HTTP/1.1\r\nHost: localhost\r\nHost: localhost\r\n\r\n", b"\x16\x03\x01\x02\x00" * 200,
@@ -213,7 +213,7 @@ class Server(unittest.TestCase):
             self.assertFalse(client.until("answer")["ok"], bad)
         self.assertEqual(self.get("/")[0].status, 200)
 
-    def test_garbage(self):
+    def test_random_bytes(self):
         """Random bytes before or after the handshake end only their own connection."""
         random = random_numbers.Random(1)
         healthy = Client(self.address)
@@ -233,7 +233,7 @@ class Server(unittest.TestCase):
         self.assertEqual(healthy.until("record", lambda m: not m["live"])["index"], 1)
         healthy.socket.close()
 
-    def test_many(self):
+    def test_connection_limit(self):
         """At most 64 connections are open; when one closes, another is accepted."""
         clients = [Client(self.address) for _ in range(64)]
         for _ in range(3):
@@ -255,7 +255,7 @@ class Server(unittest.TestCase):
             client.socket.close()
         time.sleep(0.3)
 
-    def test_never_reads(self):
+    def test_slow_client(self):
         """A client that answers no ping is disconnected; a slow client does not delay the others."""
         silent = Client(self.address)
         asking = Client(self.address)
