@@ -53,7 +53,6 @@ FileStamp stamp_of(const std::string& path) {
 
 // Returns the path of the run that began last; empty if the folder has none. Reads a file again
 // only if it changed, and a live run's file once.
-// changed, and that of a live run once.
 std::string FollowedRun::newest_file() {
   std::error_code none;
   std::map<std::string, Begun> begun;

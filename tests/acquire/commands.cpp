@@ -17,7 +17,6 @@ namespace {
 using Json = nlohmann::json;
 
 // An address without a listener, different in each process, because devices are locked.
-// time.
 const std::string host = [] {
   const auto pid = static_cast<unsigned>(::getpid());
   return "127." + std::to_string(pid >> 16 & 255u) + '.' + std::to_string(pid >> 8 & 255u) + '.' +

@@ -112,7 +112,6 @@ FusedRecord record_of(std::int64_t index, const std::vector<Axis>& axes, Random&
 }
 
 // Columns by name, and their values for SQLite, so that new fields are compared as well.
-// well.
 std::vector<std::string> values_of(const FusedRecord& r) {
   const std::string name = ":memory:";
   const DatabaseHandle db = open_database(name, "cannot open", SQLITE_OPEN_MEMORY);
