@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// The two simplest baselines are maps that ignore their input.
+// The two simplest baselines: maps that do not depend on the input.
 #include <algorithm>
 
 #include "recon/metrics/scene.hpp"

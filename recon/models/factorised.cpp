@@ -14,22 +14,24 @@
 namespace echofuse::recon {
 namespace {
 
-constexpr std::size_t cut_at_once = 4096;  // records at a time; it bounds the memory
-constexpr float nearest_m = 0.1f;          // no body is taken to be nearer
-constexpr double least_deviation = 0.05;   // least scale of an input, share of the median deviation
-// A model keeps the threshold of the mask, in percent, that is best on held-out records. With an
-// uncertain place a mask wider than that of 1/2 overlaps best.
+constexpr std::size_t cut_at_once = 4096;  // records at a time, to bound the memory
+constexpr float nearest_m = 0.1f;          // minimum range of a body
+constexpr double least_deviation =
+    0.05;  // minimum scale of an input, relative to the median deviation
+// The threshold of the mask (percent) is optimised on held-out records. If the position is
+// uncertain, a mask wider than that at 50 % has the best overlap.
 constexpr int least_threshold = 25, most_threshold = 60, threshold_step = 5;
-// Networks, each with two hidden layers. From many_records on they are wider, and learn in fewer
+// Two hidden layers per network. From many_records on the networks are wider and train with fewer
 // and larger steps.
 constexpr std::size_t many_records = 10'000, units = 48, units_of_many = 96;
-constexpr std::size_t place_networks = 3;  // the mean of several places better than one
-constexpr std::size_t shape_networks = 2;  // with many records one is as good
-// Relative to the side: the depth is nearly the range, and a network that cares for both learns
-// less of the side.
+constexpr std::size_t place_networks = 3;  // an average of several is more accurate
+constexpr std::size_t shape_networks = 2;  // with many records one is enough
+// Relative to the lateral error. The depth is nearly the range; with more weight on it a network
+// learns less about the side.
 constexpr float depth_weight = 0.1f;
-constexpr std::size_t many_bodies = 40'000;     // half of them are not turned: turning approximates
-constexpr std::size_t component_bodies = 3000;  // more hardly change the components
+constexpr std::size_t many_bodies =
+    40'000;  // half of them are not rotated, because rotation is an approximation
+constexpr std::size_t component_bodies = 3000;  // more bodies hardly change the components
 
 float intersection_over_union(std::span<const float> map, std::span<const float> truth,
                               std::span<const float> background) {
@@ -41,13 +43,13 @@ float intersection_over_union(std::span<const float> map, std::span<const float>
   return any > 0 ? static_cast<float>(both) / static_cast<float>(any) : 0;
 }
 
-// Targets of the place networks, m: lateral position at the body's range, and mean depth behind
+// Targets of the position networks, m: lateral position at the body's range, and mean depth minus
 // that range.
 std::array<float, 2> position_target(const Place& place, float range_m) {
   return {place.tangent * range_m, place.depth_m - range_m};
 }
 
-// Many records need fewer passes over them, in larger steps, and need less weight decay.
+// Many records need fewer epochs with larger steps, and less weight decay.
 void adapt_to(std::size_t records, Training& training) {
   const bool many = records >= many_records;
   training.hidden.assign(2, many ? units_of_many : units);
@@ -113,8 +115,8 @@ TrainingLog Factorised::fit(const Samples& train, const Samples& validation,
   return log;
 }
 
-// Turns every body of a batch; retarget(place, range_m, target) writes the targets at the new
-// place. Empty if nobody is to be turned. Validation uses the records as they are.
+// Rotates every body of a batch; retarget(place, range_m, target) writes the targets at the new
+// position. Empty without rotation. Validation uses the unmodified records.
 Redraw Factorised::turning(const TurnedBodies& turned, const Retarget& retarget) const {
   if (!turned.changes()) return {};
   return [this, &turned, retarget](std::span<const std::size_t> batch, Matrix& inputs,
@@ -134,7 +136,7 @@ Redraw Factorised::turning_places(const TurnedBodies& turned) const {
   });
 }
 
-// A body that is turned about the camera, which stands at the SPD, looks as before.
+// The shape does not change if a body is rotated about the camera, which is at the SPD.
 Redraw Factorised::turning_shapes(const TurnedBodies& turned) const {
   return turning(turned, [](const Place&, float, std::span<float>) {});
 }
@@ -171,7 +173,7 @@ void Factorised::fit_components(const Bodies& train, const Samples& samples,
   model_.depths = principal_components(std::move(bodies.depths), (basis + 1) / 2, options.seed + 1);
 }
 
-// Returns true if it was interrupted.
+// Returns true if interrupted.
 bool Factorised::fit_shape(const Bodies& train, const Samples& train_samples,
                            const TurnedBodies& turned, const Bodies& validation,
                            const Samples& validation_samples, const FitOptions& options) {
@@ -195,8 +197,8 @@ Shapes Factorised::cut(const Bodies& seen, const Samples& samples, const Rows& w
   return out;
 }
 
-// Returns how much of each component a body has, masks first. Both kinds are in units of their
-// strongest component.
+// Returns the coefficients of a body's components, masks first, in units of the strongest component
+// of each kind.
 Matrix Factorised::amounts(const Bodies& seen, const Samples& samples) const {
   const std::size_t records = seen.rows.size(), masks = model_.masks.basis.rows;
   Matrix out(records, masks + model_.depths.basis.rows);
@@ -238,7 +240,7 @@ void Factorised::choose_threshold(const Bodies& seen, const Samples& samples) {
 
 FitOptions Factorised::sizes() const {
   const std::size_t amounts =
-      model_.masks.basis.rows + model_.depths.basis.rows;  // half as many reliefs
+      model_.masks.basis.rows + model_.depths.basis.rows;  // half as many depth components as masks
   FitOptions out;
   if (amounts > 0) out.basis = 2 * amounts / 3;
   return out;

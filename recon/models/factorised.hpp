@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: MIT
-// Factorised model: takes the scene apart into place and appearance. Place: from the radar
-// profile's shift against the histogram. Appearance: a few masks and depths in a frame that moves
-// with the body, drawn into the map. Small networks give the place and the amounts of the shapes.
-// Needs both sensors, and one thing that stands out from the background. The mean-shape model has
-// no network for the amounts: the mean body, placed.
+// Factorised model: position and appearance of a body are estimated separately. Position: from the
+// shift of the radar profile against the histogram. Appearance: a few components of masks and
+// depths in a frame that moves with the body, drawn into the map. Small networks estimate position
+// and coefficients. Needs both sensors and one body in front of the background. The mean-shape
+// model has no appearance network: it draws the mean body.
 #pragma once
 #include <functional>
 #include <memory>
@@ -37,7 +37,7 @@ class Factorised final : public Model {
   }
 
  private:
-  // Records with a body in both the view and the map.
+  // Records with a body in both view and map.
   struct Bodies {
     Matrix views;  // not yet standardised
     Rows rows;     // rows of the samples
@@ -45,7 +45,7 @@ class Factorised final : public Model {
   };
   Bodies bodies_in(const Samples& samples) const;
   void learn_scale(const Matrix& views);
-  // Called for a turned body with its place, its range (metres) and the targets to write.
+  // Called for a rotated body with its position, its range (m) and the targets to write.
   using Retarget = std::function<void(const Place&, float, std::span<float>)>;
   Redraw turning(const TurnedBodies& turned, const Retarget& retarget) const;
   Redraw turning_places(const TurnedBodies& turned) const;
@@ -57,7 +57,7 @@ class Factorised final : public Model {
   bool fit_shape(const Bodies& train, const Samples& train_samples, const TurnedBodies& turned,
                  const Bodies& validation, const Samples& validation_samples,
                  const FitOptions& options);
-  // Cuts these bodies out of the maps, in their own frame.
+  // Cuts these bodies out of the maps, in the body frame.
   Shapes cut(const Bodies& bodies, const Samples& samples, const Rows& which) const;
   Matrix amounts(const Bodies& bodies, const Samples& samples) const;
   void move_mean_body(const Bodies& bodies, const Samples& samples);

@@ -1,14 +1,13 @@
 // SPDX-License-Identifier: MIT
-// Tuning of the factorised model to another room. Its networks go on from what they know; the mean
-// body moves to that of the people there. The components of bodies, the threshold and the scaling
-// stay.
+// Tuning of the factorised model to another room: its networks are trained further, and the mean
+// body moves to that of the new records. Components, threshold and scaling do not change.
 #include "recon/method/method.hpp"
 #include "recon/models/factorised.hpp"
 
 namespace echofuse::recon {
 namespace {
 
-// Shapes vary in more ways than places.
+// Shapes have more degrees of freedom than positions.
 constexpr double shape_penalty = 10;
 
 void move_mean(Components& components, const Matrix& seen, const Matrix& found) {

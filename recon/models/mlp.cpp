@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// The paper's plain network: concatenated inputs, two hidden layers, a linear output, a squared
-// loss. Predicts the difference to the mean map, in units of the maps' spread.
+// The paper's plain network: concatenated inputs, two hidden layers, linear output, squared loss.
+// Predicts the difference from the mean map, in units of the maps' standard deviation.
 #include "drivers/program/console.hpp"
 #include "recon/models/model.hpp"
 #include "recon/network/regression.hpp"

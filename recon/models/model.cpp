@@ -12,7 +12,7 @@ namespace echofuse::recon {
 
 namespace {
 
-// "512-256" becomes 512, 256; the result is empty if the text is no such list.
+// Parses "512-256" to 512, 256; returns an empty list for other texts.
 std::vector<std::size_t> numbers_of(const std::string& text) {
   std::vector<std::size_t> out;
   std::istringstream in(text);
@@ -39,8 +39,8 @@ const FitOptions masked{.hidden = {{512, 512}},
                         .weight_decay = 0.1,
                         .patience = 30,
                         .batch = 64};
-// From this number of records on the batch is doubled. The maps are as good, and the network is
-// fitted in three quarters of the time. Fewer records need the smaller steps.
+// From this number of records on the batch is doubled: the maps are as good, and training takes
+// three quarters of the time. Fewer records need smaller steps.
 constexpr std::size_t many_records = 3000;
 const FitOptions placed{.basis = 16,
                         .epochs = 100,
@@ -118,7 +118,7 @@ Candidate candidate_of(const std::string& name, const FitOptions& base, std::siz
   const bool hidden = kind.size == ModelKind::Size::hidden;
   const bool basis = kind.size == ModelKind::Size::basis;
   FitOptions own = kind.own;
-  if (hidden) {  // the rate goes with the root of the batch
+  if (hidden) {  // the learning rate scales with the square root of the batch
     if (records >= many_records) *own.batch *= 2;
     const double times =
         static_cast<double>(base.batch.value_or(*own.batch)) / static_cast<double>(*kind.own.batch);
@@ -133,7 +133,7 @@ Candidate candidate_of(const std::string& name, const FitOptions& base, std::siz
       name.back() == '-' ? std::vector<std::size_t>{} : numbers_of(name.substr(digit));
   if (numbers.empty() || !(hidden || (basis && numbers.size() == 1 && numbers[0] <= 1024)))
     throw Error(ExitCode::usage,
-                "model \"" + name + "\": sizes follow as in mlp-512-256 or factorised-16");
+                "model \"" + name + "\": expected sizes as in mlp-512-256 or factorised-16");
   if (hidden)
     out.fit.hidden = numbers;
   else

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Nearest neighbours in the scaled inputs: what a look-up table of the training set can do. The
-// answer is the mean of their maps, the nearer the heavier; with one neighbour its map.
+// Nearest neighbours in the scaled inputs, as a look-up table of the training set. Returns the
+// weighted mean of their maps, or the map of a single neighbour.
 #include <algorithm>
 #include <cmath>
 #include <numeric>
@@ -45,9 +45,9 @@ class Nearest final : public Model {
     for (std::size_t t = 0; t < inputs_.rows; ++t)
       for (const float v : inputs_.row(t)) squares_[t] += v * v;
   }
-  // The weights are exp(-excess / width), where the excess is that of the squared distance over the
-  // nearest one's. The width is a third of the mean excess; at the mean itself 16 neighbours blur
-  // an IoU of .25 to .17.
+  // Weights are exp(-excess / width), where excess is the squared distance minus that of the
+  // nearest one. The width is a third of the mean excess; with the mean itself, 16 neighbours blur
+  // the IoU from .25 to .17.
   void blend(std::span<const float> score, std::span<float> map) const {
     const auto distance = [&](std::size_t t) { return score[t] + squares_[t]; };
     Rows order = all_rows(inputs_.rows);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Answers with the amounts of the strongest principal components of the training maps, instead of
-// every pixel. Its last and largest layer is fixed, not fitted.
+// Predicts coefficients of the strongest principal components of the training maps instead of every
+// pixel. The last and largest layer is fixed.
 #include "recon/models/model.hpp"
 #include "recon/numbers/components.hpp"
 
@@ -24,7 +24,7 @@ class Pca final : public Model {
     return inner_->fit({train.inputs, amounts, train.rows},
                        {validation.inputs, amounts, validation.rows}, options);
   }
-  // The part that a room adds to every map is not among the components.
+  // The components do not contain the background, which a room adds to every map.
   std::unique_ptr<Model> tuned(const Samples& train, const Tuning& tuning) const override {
     auto out = std::make_unique<Pca>(nullptr);
     out->components_ = components_;
