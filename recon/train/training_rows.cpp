@@ -77,9 +77,8 @@ TrainingRows rows_to_train(const Dataset& data, Inputs inputs) {
   const auto lossy =
       std::ranges::count_if(out.rows, [&](std::size_t row) { return data.is_lossy(row, inputs); });
   if (lossy > 0)
-    out.left_out +=
-        formatted("%s%td records are lossy and train; --set lossy=leave leaves them out",
-                  out.left_out.empty() ? "" : "; ", lossy);
+    out.left_out += formatted("%s%td lossy records are used; --set lossy=leave leaves them out",
+                              out.left_out.empty() ? "" : "; ", lossy);
   if (out.rows.empty()) throw Error(ExitCode::failed, path_of(data, 0) + ": " + out.left_out);
   return out;
 }
@@ -102,8 +101,8 @@ bool shows_body(std::span<const float> map, const Scene& scene) {
   return pixels >= least_share * static_cast<double>(map.size());
 }
 
-// Greatest ratio of successive distances from a map to the nearer half of others. Independent maps
-// have ratios below 2; a map that recurs has a gap behind its likes.
+// Sorts the distances to the other maps and returns the greatest ratio of successive ones in the
+// nearer half. It is below 2 for independent maps; a recurring map has a gap after its repetitions.
 double greatest_gap(std::vector<double> distances) {
   std::ranges::sort(distances);
   double gap = 1;
@@ -156,7 +155,7 @@ std::string recurring_scenes(const Dataset& data, const Split& split, const Scen
   if (static_cast<double>(recur) <= most_share * static_cast<double>(judged.size())) return {};
   return formatted(
       "scenes recur: %td of %zu held-out depth maps have a much nearer training map than "
-      "independent scenes have; the scores are flattered; judge by a run of other scenes",
+      "independent scenes; the scores are optimistic; evaluate on a run of other scenes",
       recur, judged.size());
 }
 

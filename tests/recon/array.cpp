@@ -90,7 +90,7 @@ TEST_CASE("lags do not depend on gains and phases of the antennas") {
   }
 }
 
-TEST_CASE("a planar array has horizontal and vertical lags, a single antenna has none") {
+TEST_CASE("planar array has horizontal and vertical lags, a single antenna has none") {
   const SpatialLags planar({{0, 0, 1, 0}, {1, 0, 1, 0}, {0, 1, 1, 0}, {3, 1, 1, 0}});
   REQUIRE(planar.longest() == 4);
   const Axis axis = lags_axis({"array", "covariance", "m", 20, 0, 0.25, 4}, planar);

@@ -59,7 +59,7 @@ TEST_CASE("model name may contain sizes, options supply the rest") {
   }
 }
 
-TEST_CASE("the cheapest model within one standard error of the best is chosen") {
+TEST_CASE("cheapest model within one standard error of the best is chosen") {
   CHECK(chosen({row("cheap", 0.50, 0.01, 10), row("good", 0.58, 0.01, 100),
                 row("best", 0.585, 0.01, 1000)}) == "good");
   CHECK(chosen({row("cheap", 0.50, 0.01, 10), row("good", 0.57, 0.01, 100),

@@ -240,7 +240,7 @@ TEST_CASE("domain test has few false alarms for small and large references") {
   }
 }
 
-TEST_CASE("records that trained the model do not show whether a run is like the training") {
+TEST_CASE("domain test leaves out training records and their copies") {
   const Folder dir;
   write_run(dir / "a", 300, 1), write_run(dir / "more", 360, 1);
   write_run(dir / "copies", 300, 1, [](record::FusedRecord& r) { r.label = "other"; });

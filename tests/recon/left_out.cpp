@@ -69,7 +69,7 @@ TEST_CASE("lossy records are used and counted, unless a setting excludes them") 
   CHECK(data.usable(Inputs::fused).size() == 39);
   const std::string train = "train --model mean " + (dir / "a") + " --out ";
   CHECK_THAT(recon_program(train + (dir / "m")).text,
-             Catch::Contains("2 records are lossy and train; --set lossy=leave leaves them out"));
+             Catch::Contains("2 lossy records are used; --set lossy=leave leaves them out"));
   CHECK_THAT(
       recon_program(train + (dir / "n") + " --set lossy=leave").text,
       Catch::Contains("3 of 40 records left out: SPD weak 1, camera lossy 1, radar lossy 1"));
@@ -198,7 +198,7 @@ TEST_CASE("copied records are neither trained twice nor evaluated") {
       Catch::StartsWith("10 records; ") &&
           Catch::Contains("60 of 70 records are copies of records that the model was trained "
                           "on: left out\n"));
-  // The nearest neighbour of a judged record is no copy of it.
+  // The nearest neighbour of an evaluated record must not be a copy of it.
   write_run(dir / "d", 40, 2, [](record::FusedRecord& r) { r.radar[20] += 0.01f; });
   const auto nearest = [&](const std::string& neighbours) {
     return nlohmann::json::parse(
@@ -247,7 +247,7 @@ TEST_CASE("records with few clicks or bins, or weak or frozen counts, are not co
     }
     if (r.index == 2 || r.index == 3)
       r.sync[Sensor::spd].verdict = r.index == 2 ? "weak: 40 clicks" : "stands still: the same";
-    if (r.index == 4) {  // a peak of three bins, which other records repeat by chance
+    if (r.index == 4) {  // a peak of three bins, which may recur by chance
       std::ranges::fill(r.spd, 0u);
       r.spd[7] = r.spd[9] = 4, r.spd[8] = 300;
     }
@@ -302,9 +302,9 @@ TEST_CASE("train reports a sensor missing in all records, and a sequence with a 
   CHECK_THAT(says("free", ""), !Catch::Contains("alike"));
 }
 
-TEST_CASE("scenes that recur without being neighbours are named, whatever the split") {
+TEST_CASE("scenes that recur without being neighbours are reported for any split") {
   const Folder dir;
-  // Each scene comes back after 30 others, with another noise.
+  // Each scene recurs after 30 others, with different noise.
   const auto recurring = [](std::int64_t scenes) {
     return [scenes](record::FusedRecord& r) {
       Rng rng = make_rng(1, static_cast<std::uint64_t>(r.index % scenes));
@@ -329,7 +329,7 @@ TEST_CASE("scenes that recur without being neighbours are named, whatever the sp
           .text;
     };
     CHECK_THAT(said("recurring"), Catch::Contains("scenes recur: 24 of 24 held-out depth maps") &&
-                                      Catch::Contains("judge by a run of other scenes"));
+                                      Catch::Contains("evaluate on a run of other scenes"));
     CHECK_THAT(said("pairs"), Catch::Contains("scenes recur: "));
     CHECK_THAT(said("free"), !Catch::Contains("scenes recur"));
     CHECK_THAT(said("nobody"), !Catch::Contains("scenes recur"));

@@ -45,7 +45,7 @@ TEST_CASE("train and evaluate report depth maps that are one record late") {
   for (std::size_t row = 0; row + 1 < early.size(); ++row)
     std::ranges::copy(early.depth.row(row + 1), early.depth.row(row).begin());
   CHECK_THAT(late_truth(early), Catch::Contains("one record early"));
-  // Each run of several is compared by itself.
+  // Several runs are compared separately.
   write_run(dir / "more", 400, 3);
   CHECK_THAT(late_truth(load({dir / "more", dir / "late"})), Catch::StartsWith(said));
   const std::string train = "train --model ridge --set fallback=false ";
@@ -98,7 +98,7 @@ TEST_CASE("maps of another run are refused, those of training records left out")
   CHECK(judged(" --all")["records"] == 60);
   CHECK_THAT(recon_program("-q evaluate --maps " + (dir / "maps ") + (dir / "a")).text,
              Catch::Contains("54 of 60 records left out: trained on 54\n"));
-  // Copies under another name.
+  // Copies with another name.
   write_run(dir / "copy", 70, 1);
   REQUIRE(recon_program("-q reconstruct --format npy " + (dir / "m ") + (dir / "copy") + " --out " +
                         (dir / "copied"))

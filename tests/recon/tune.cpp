@@ -57,7 +57,7 @@ double iou(const TrainedModel& model, const Dataset& data) {
 
 }  // namespace
 
-TEST_CASE("a few records adapt a model to another room") {
+TEST_CASE("few records adapt a model to another room") {
   const Dataset fresh = plates(100, 9, true);
   for (const std::string kind : {"factorised", "mean-shape", "mlp", "pca-mlp"}) {
     CAPTURE(kind);

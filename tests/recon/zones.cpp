@@ -49,7 +49,7 @@ TEST_CASE("zones are loaded at true ranges, and the histogram is their sum") {
   CHECK(part_of(data, {0}).zone_spd.values == data.zone_spd.values);
 }
 
-TEST_CASE("a data set of a single pixel has no zones") {
+TEST_CASE("data set of a single pixel has no zones") {
   const Folder folder;
   write_zones(folder / "a", {}, 12);
   const Dataset data = load({folder / "a"});

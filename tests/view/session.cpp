@@ -71,7 +71,7 @@ struct Owner final : SessionOwner {
 
 }  // namespace
 
-TEST_CASE("an exception in a handler ends only its own session") {
+TEST_CASE("exception in a handler ends only its own session") {
   Owner owner;
   tcp::socket healthy = owner.connect(handshake);
   REQUIRE(owner.waits_for([&] { return owner.openings == 1; }));

@@ -26,7 +26,7 @@ TEST_CASE("only Host names that a foreign DNS entry cannot have are accepted") {
     CHECK_FALSE(all.takes_host(host));
 }
 
-TEST_CASE("a page of another origin cannot open a WebSocket") {
+TEST_CASE("page of another origin cannot open a WebSocket") {
   const Access access;
   CHECK(access.takes_origin("", "127.0.0.1:8410"));
   CHECK(access.takes_origin("http://127.0.0.1:8410", "127.0.0.1:8410"));
@@ -60,7 +60,7 @@ TEST_CASE("reading needs the token on a public address, writing always does") {
   CHECK(target_of("?").path.empty());
 }
 
-TEST_CASE("a message has a header, then arrays at multiples of 8") {
+TEST_CASE("message has a header, then arrays at multiples of 8") {
   MessageWriter writer;
   writer.add("a", std::vector<std::uint32_t>{1, 2, 3});
   writer.add<float>("b", std::vector<float>{0.5F, 1}, {1, 2});
@@ -80,7 +80,7 @@ TEST_CASE("a message has a header, then arrays at multiples of 8") {
   CHECK(arrays.get<float>() == 0.5F);
 }
 
-TEST_CASE("a sensor is stale two slots after its last valid one") {
+TEST_CASE("sensor is stale two slots after its last valid one") {
   SensorState sensor;
   const UtcTime now = std::chrono::seconds(100);
   CHECK(is_stale(sensor, 3, now));

@@ -134,7 +134,7 @@ TEST_CASE("clock with another rate than the host's is reported") {
   CHECK(std::ranges::any_of(run.events, [&, t = std::string(text)](const auto& e) {
     return e.find("its clock runs at " + t) != std::string::npos;
   }));
-  for (const auto& r : run.records) {  // dated by their receipt
+  for (const auto& r : run.records) {  // placed by their receipt
     CHECK(r.has(Sensor::spd));
     CHECK_FALSE(r.clocks[Sensor::spd].has_value());
   }
@@ -182,11 +182,11 @@ TEST_CASE("missing, doubled and faster start pulses cause events") {
   }});
   CHECK_THAT(faster.events.at(0),
              Catch::Contains("changes of the start rate, from 4 kHz to 8 kHz"));
-  // The second of the change has both rates, and no start is missing.
+  // The second with the change has both rates, without missing starts.
   CHECK(faster.events.size() == 1);
 }
 
-TEST_CASE("with the laser's rate, records with lost starts are lossy") {
+TEST_CASE("records with lost starts are lossy if the laser rate is known") {
   std::mt19937 random(1);
   const Outcome lossy = run_of({.pulse =
                                     [&](auto& out, std::int64_t i, std::int64_t at) {
@@ -242,8 +242,8 @@ TEST_CASE("events out of order within 1 us are sorted and counted") {
   for (const auto& r : run.records) CHECK(r.spd_counts.out_of_range == 0);
 }
 
-TEST_CASE("events out of order between two blocks are sorted, none is lost") {
-  // The start of each block's last click comes with the next block.
+TEST_CASE("events out of order across two blocks are sorted without loss") {
+  // The start of each block's last click arrives in the next block.
   const Outcome run = run_of({.pulse = [](auto& out, std::int64_t i, std::int64_t at) {
     if (out.empty() && i > 0) out.push_back(tag(1, at - period));
     if ((i + 1) % 200 == 0) {
