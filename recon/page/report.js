@@ -177,7 +177,7 @@ class Pictures {
     const missed = what === 'error' && model.map.reduce((sum, v, i) => sum + (r.truth[i] > 0 && !(v > 0)), 0);
     const invented = what === 'error' && model.map.reduce((sum, v, i) => sum + (v > 0 && !(r.truth[i] > 0)), 0);
     note.textContent = what === 'map' ? model.scores : what === 'deviation' ? `Place of the body: ${model.stated}.`
-      : what === 'error' ? `${missed} of ${r.truth.reduce((sum, v) => sum + (v > 0), 0)} pixels missed, ${invented} false.` : '';
+      : what === 'error' ? `${missed} of ${r.truth.reduce((sum, v) => sum + (v > 0), 0)} pixels missed, ${invented} false returns.` : '';
     const view = new MapView(id, what === 'error' ? 'error' : what === 'deviation' || what === 'share' ? 'sure' : 'near');
     if (what === 'share') view.unit = '';
     Object.assign(view, {what, values, model, note, said: note.textContent, cross: make(box, 'i', {className: 'cross', hidden: true}), box});
@@ -208,7 +208,7 @@ class Pictures {
       const tangents = [(x + 0.5) / side * 2 - 1, 1 - (y + 0.5) / side * 2].map(t => t * half), degrees = t => `${(Math.atan(t) * 180 / Math.PI).toFixed(1)}°`;
       const [there, drawn] = [this.r.truth[y * side + x] > 0, v.model?.map[y * side + x] > 0];
       const words = v.what === 'share' ? value.toFixed(2) : v.what === 'deviation' ? `±${value.toFixed(2)} m`
-        : v.what === 'error' ? there && drawn ? `${value > 0 ? '+' : ''}${(100 * value).toFixed(0)} cm` : there ? 'missed' : drawn ? 'invented' : 'no return in both'
+        : v.what === 'error' ? there && drawn ? `${value > 0 ? '+' : ''}${(100 * value).toFixed(0)} cm` : there ? 'missed' : drawn ? 'false return' : 'no return in both'
           : value > 0 ? `${value.toFixed(2)} m` : 'no return';
       v.note.textContent = `${words} at ${degrees(tangents[0])}, ${degrees(tangents[1])}`;
       v.cross.style.left = `${v.canvas.offsetLeft + v.inner.left + at[0] * v.inner.width}px`;
