@@ -214,7 +214,7 @@ std::string compared(const std::vector<Start>& starts, const std::vector<Choice>
                    gain, error, gain < clear_errors * error ? "; not significant" : "");
 }
 
-// Joins the record lists of the old model and of this one.
+// Joins the record lists of the old and the new model.
 SeenRecords both(const SeenRecords& old, SeenRecords seen) {
   const auto first = static_cast<std::uint32_t>(seen.runs.size());
   seen.runs.insert(seen.runs.end(), old.runs.begin(), old.runs.end());

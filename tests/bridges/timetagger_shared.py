@@ -94,7 +94,7 @@ class Shared(unittest.TestCase):
 
 
 class Python(unittest.TestCase):
-    def test_another_interpreter(self):
+    def test_interpreter_of_a_virtual_environment(self):
         """Uses the interpreter of a virtual environment with the vendor's package."""
         with tempfile.TemporaryDirectory() as folder:
             python = pathlib.Path(folder) / "python3"

@@ -101,9 +101,9 @@ TEST_CASE("degenerate data sets give finite maps or a one-line error") {
       CAPTURE(set.name, name);
       TrainOptions o;
       o.model = name, o.scaling = set.scaling;
-      o.uncertainty = name == "ridge" || name == "factorised";  // does not depend on the model
+      o.uncertainty = name == "ridge" || name == "factorised";  // same code for all models
       o.fit.quiet = true, o.fit.epochs = 3;
-      o.fallback = name == "ridge";  // does not depend on the model
+      o.fallback = name == "ridge";  // same code for all models
       if (name.ends_with("mlp")) o.fit.hidden = {24};
       if (name == "auto") o.candidates = {"empty", "mean", "factorised-4", "ridge", "nearest"};
       try {
@@ -113,7 +113,7 @@ TEST_CASE("degenerate data sets give finite maps or a one-line error") {
           CHECK(all_finite(model.predict(*judged, rows).values));
           const Records records = prepare_records(model, *judged);
           const Evaluation e = evaluate(model, records, rows);
-          if (name == "ridge") {  // does not depend on the model
+          if (name == "ridge") {  // same code for all models
             const Rows seen = model.rows_of(data, Part::train);
             // No neighbour is left where all judged records are copies of training records.
             const auto baselines = score_baselines(*judged, rows, model->scene, data, seen).size();

@@ -133,7 +133,7 @@ class Slurm(unittest.TestCase):
         jobs = list(self.processes_of(f"SLURMD_NODENAME={node}"))
         parents = {int(pathlib.Path(f"/proc/{job}/stat").read_text().rpartition(")")[2].split()[1]) for job in jobs}
         keepers = [pid for pid in parents if pathlib.Path(f"/proc/{pid}/comm").read_text().startswith("slurmstepd")]
-        self.kill([*keepers, *jobs])  # first those that would report the others' end
+        self.kill([*keepers, *jobs])  # parents first, because they would report the end of the jobs
         subprocess.run(["scontrol", "update", f"nodename={node}", "state=down", "reason=test"], check=True)
 
     def submit(self, script, *words):

@@ -96,7 +96,7 @@ TEST_CASE("rotation ends with a full file, without an empty one") {
   for (const auto& file : rotation.files) CHECK(record::RunReader(file).count() == 4);
 }
 
-TEST_CASE("device missing at the start of the next file returns in it") {
+TEST_CASE("device missing at the start of a file is used when it returns") {
   Bench b({.faults = {test::fault("radar", FaultKind::unplug, 20, 30)}});
   Rotation rotation(b, 24, 8);
   CHECK(b.lab->record(rotation.options) == ExitCode::ok);
