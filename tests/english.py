@@ -13,8 +13,8 @@ avoided = re.compile(
     r"\b(nobody|somebody|whoever|anew|whose|beside|told|tells|so many|(?<!times )as many|meanwhile|is none|"
     r"is no|of which|what is|goes by|bears|stands(?! for\b| still\b| in front\b| \d))\b", re.I)
 ALLOWED = {"### What is a twin worth?"}  # lines as they are
-LIMITS = {".github": 0, "README.md": 0, "acquire": 185, "config": 0, "drivers": 105, "recon": 192, "scripts": 22, "sim": 62,
-          "tests": 74}
+LIMITS = {".github": 0, "README.md": 0, "acquire": 185, "config": 0, "drivers": 105, "recon": 195, "scripts": 22, "sim": 62,
+          "tests": 75}
 LONG_SENTENCES = 175
 words_limit = 25
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Files beside a run file by its name: a -wal of its own, of another run, or none.
+// Files next to a run file: a -wal of the run, of another run, or none.
 #include "acquire/record/side_files.hpp"
 
 #include <sys/stat.h>
@@ -100,8 +100,7 @@ TEST_CASE("copy without the -wal of its run is refused and not changed") {
   CHECK(RunReader(path).count() == 3);
 }
 
-// Leaves a run as a kill does, with records enough for SQLite to write its -wal from the start
-// more than once.
+// Leaves a run like a kill, with enough records for SQLite to restart its -wal several times.
 static void killed_run(const std::string& path, int records) {
   RunWriter run(path, {});
   for (const auto& axis : small_axes()) run.put_axis(axis);
@@ -145,7 +144,7 @@ TEST_CASE("an open run is read with its own -wal only") {
   CHECK(RunReader(path).count() == 30);
 }
 
-TEST_CASE("a -journal of another run next to an open one is refused") {
+TEST_CASE("open run with a -journal of another run is refused") {
   const Folder folder;
   const std::string path = folder / "a.sqlite", other = folder / "b.sqlite";
   killed_run(path, 5);
@@ -164,8 +163,8 @@ TEST_CASE("a -journal of another run next to an open one is refused") {
   CHECK(RunReader(path).count() == 5);
 }
 
-// As a kill leaves it between the two steps of SQLite's journal_mode=DELETE.
-TEST_CASE("a run whose header alone was not closed is read, also where nothing may be written") {
+// State after a kill between the two steps of SQLite's journal_mode=DELETE.
+TEST_CASE("run with an open header only is read, also on read-only media") {
   const Folder folder;
   fs::create_directory(folder / "in");
   const std::string path = folder / "in/a.sqlite";
