@@ -67,21 +67,27 @@ void checkpoint(sqlite3* db, const std::string& path) {
     sqlite_fail(db, path, "cannot bind its -wal");
 }
 
-// Key that the database file itself holds; empty: none. No side file is read.
-std::string stored_key(const std::string& path) {
+struct Stored {
+  std::string key;       // empty: none
+  bool records = false;  // has any
+};
+
+// Contents of the database file alone; no side file is read. None: not a run, or damaged.
+std::optional<Stored> stored_in(const std::string& path) {
   std::error_code none;
   Budget budget = Budget::of_file(std::filesystem::file_size(path, none));
   sqlite3* db = nullptr;
   const int code = sqlite3_open_v2(immutable_uri(path).c_str(), &db,
                                    SQLITE_OPEN_READONLY | SQLITE_OPEN_URI, nullptr);
   const DatabaseHandle file(db, sqlite3_close);
-  if (code != SQLITE_OK) return {};
+  if (code != SQLITE_OK) return std::nullopt;
   harden(db);
   limit(db, budget);
   try {
-    return key_in(db, path);
-  } catch (const Error&) {  // not a run, or damaged: its reader says so
-    return {};
+    Statement records(db, path, "SELECT EXISTS(SELECT 1 FROM record)");
+    return Stored{.key = key_in(db, path), .records = records.step() && records.integer() != 0};
+  } catch (const Error&) {  // its reader reports why
+    return std::nullopt;
   }
 }
 
@@ -99,7 +105,13 @@ std::optional<std::uint32_t> wal_key(const std::string& path) {
   return big_endian(header.data() + 16) - big_endian(header.data() + 12);
 }
 
-bool lacks_wal(const std::string& path) { return wal_header(path) == Header{}; }
+bool lacks_wal(const std::string& path) {
+  if (wal_header(path) != Header{}) return false;
+  const auto stored = stored_in(path);
+  const bool unbound =
+      stored && (stored->key == "none" || (stored->key.empty() && !stored->records));
+  return !unbound;
+}
 
 // The first write makes the header; SQLite writes nothing for a value that is there. TRUNCATE
 // begins the count of this connection: at 0 SQLite may take new salts.
@@ -121,7 +133,7 @@ void rebind_wal(sqlite3* db, const std::string& path) {
 void require_own_wal(const std::string& path) {
   const auto found = wal_key(path);
   if (!found) return;
-  const std::string expected = stored_key(path);
+  const std::string expected = stored_in(path).value_or(Stored{}).key;
   if (!is_own(*found, expected))
     refuse(path, path + "-wal", "key " + text_of(found) + ", expected " + expected);
 }

@@ -372,9 +372,9 @@ Dataset load_recorded(const std::vector<std::string>& paths) {
     std::fprintf(stderr, "%s\n", said.c_str());
   const std::size_t damaged = data.damaged.size(), all = data.size() + damaged;
   if (static_cast<double>(damaged) > most_damaged * static_cast<double>(all))
-    throw Error(ExitCode::failed, to_text(data.damaged.front()) + "; so are " +
-                                      std::to_string(damaged) + " of " + std::to_string(all) +
-                                      " records: more than a tenth is no run to go by");
+    throw Error(ExitCode::failed, to_text(data.damaged.front()) + "; " + std::to_string(damaged) +
+                                      " of " + std::to_string(all) +
+                                      " records are dead or damaged (limit 10 %)");
   return data;
 }
 

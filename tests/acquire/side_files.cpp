@@ -100,6 +100,23 @@ TEST_CASE("copy without the -wal of its run is refused and not changed") {
   CHECK(RunReader(path).count() == 3);
 }
 
+TEST_CASE("run killed before its -wal was bound has lost nothing") {
+  const Folder folder;
+  const std::string path = folder / "a.sqlite";
+  for (const char* meta : {R"({"wal_key": "none"})", "{}"}) {
+    CAPTURE(meta);
+    { const RunWriter run(folder / "b.sqlite", {}); }
+    fs::rename(folder / "b.sqlite", path);
+    sql(path, std::string("UPDATE run SET status = 'open', meta = '") + meta + "'");
+    sql(path, "PRAGMA journal_mode=WAL");
+    write_file(path + "-wal", "");
+    CHECK(RunReader(path).info().status == "crashed");
+    recover(path);
+    CHECK(side_files(path).empty());
+    CHECK(RunReader(path).info().status == "crashed");
+  }
+}
+
 // Leaves a run like a kill, with enough records for SQLite to restart its -wal several times.
 static void killed_run(const std::string& path, int records) {
   RunWriter run(path, {});

@@ -252,7 +252,7 @@ TEST_CASE("domain test leaves out training records and their copies") {
   CHECK(shift_of(model, load_recorded({dir / "more"})).records == 60 + 30);
   CHECK(shift_of(model, load_recorded({dir / "copies"})).records == 30);
   CHECK_THAT(recon_program("evaluate -q " + (dir / "m") + " " + (dir / "a")).text,
-             Catch::Contains("\n" + (dir / "a") + ", held-out records: this run is "));
+             Catch::Contains("\n" + (dir / "a") + ", held-out records: this run "));
   CHECK_THAT(recon_program("evaluate -q " + (dir / "m") + " " + (dir / "more")).text,
-             Catch::Contains("\n" + (dir / "more") + ": this run is "));
+             Catch::Contains("\n" + (dir / "more") + ": this run "));
 }

@@ -30,7 +30,8 @@ try:
     import numpy as np
 
     import echofuse
-except ImportError:
+except ImportError as error:
+    print(f"skipped: {error} (./scripts/setup --tests)")
     sys.exit(77)
 warnings.simplefilter("ignore")  # of leftover files
 SENSORS = {"spd": 1, "radar": 2, "depth": 4}

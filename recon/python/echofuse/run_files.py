@@ -182,7 +182,16 @@ def lacks_wal(path: pathlib.Path) -> bool:
         return False
     refuse_foreign_wal(path)
     journal = beside(path, "-journal")
-    return not any(wal_header(path)) and not (journal.is_file() and journal.stat().st_size)
+    if any(wal_header(path)) or (journal.is_file() and journal.stat().st_size):
+        return False
+    with closing(opened(path, "mode=ro&immutable=1")) as db:
+        try:
+            guard(db, path)
+            key = json.loads(db.execute("SELECT meta FROM run").fetchone()[0]).get(WAL_KEY)
+            records = db.execute("SELECT EXISTS(SELECT 1 FROM record)").fetchone()[0]
+        except (sqlite3.Error, ValueError, LookupError, TypeError, AttributeError, RecursionError):
+            return True  # not a run, or damaged
+    return key != "none" and (key is not None or bool(records))
 
 
 def connect(path: pathlib.Path) -> Connection:
