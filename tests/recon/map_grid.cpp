@@ -87,7 +87,7 @@ TEST_CASE("model uses the map grid of its training and refuses others") {
     const Dataset data = load({dir / "run"});
     CHECK(model.predict(data, {0, 1}).cols == 24 * 24);
     const auto json =
-        nlohmann::json::parse(recon_program("evaluate --json " + m + " " + (dir / "run")).text);
+        nlohmann::json::parse(recon_program("evaluate -q --json " + m + " " + (dir / "run")).text);
     CHECK(json["metrics"]["iou"]["mean"].get<double>() > 0.2);
     const Outcome judged = recon_program("evaluate " + m + " " + (dir / "other"));
     CHECK(judged.code == 1);
