@@ -40,7 +40,7 @@ with tempfile.TemporaryDirectory(prefix="octave-") as name:
     subprocess.run([bin_dir / "echofuse-export", run, "--to", folder / "monday.h5"], check=True)
     (folder / "h5read.m").write_text(h5read)
     (folder / "h5read.py").write_text(by_h5py)
-    (folder / "manual.m").write_text(example + "\nprintf('%d ', size(spd), sum(spd(:)), ps(2) - ps(1), size(depth_mm)); printf('\\n');\n"
+    (folder / "manual.m").write_text(example + "\nprintf('%d ', size(spd), sum(spd(:)), ps(2) - ps(1), size(depth_m)); printf('\\n');\n"
                                      "run = load('monday.h5');\nprintf('%d ', size(run.entry.data.spd)); printf('%s\\n', run.entry.status);\n")
     said = subprocess.run([octave, "--no-gui", "-q", "manual.m"], cwd=folder, text=True, capture_output=True, timeout=100)
     db = sqlite3.connect(run)

@@ -7,13 +7,14 @@ import shutil
 import sqlite3
 import struct
 import subprocess
+import time
 from contextlib import closing, contextmanager
 
 import numpy as np
 import pytest
 
 import echofuse
-from echofuse import run_files
+from echofuse import grid, run_files
 from programs import BIN, program
 
 
@@ -41,9 +42,8 @@ def test_the_arrays_are_those_of_the_hdf5_export(folder):
     run = echofuse.open(folder / "monday")
     with h5py.File(folder / "monday.h5") as file:
         assert np.array_equal(file["entry/data/spd"][:], run.spd)
-        assert np.allclose(file["entry/data/radar"][:], run.radar)
-        depth = file["entry/data/depth"][:]
-    assert np.array_equal(np.where(depth > 0, depth / np.float32(1000), np.nan), run.depth, equal_nan=True)
+        assert np.array_equal(file["entry/data/radar"][:], run.radar)
+        assert np.array_equal(file["entry/data/depth"][:], run.depth, equal_nan=True)
 
 
 def test_a_sensor_that_a_record_lacks(folder, tmp_path):
@@ -59,6 +59,48 @@ def test_a_sensor_that_a_record_lacks(folder, tmp_path):
         db.execute("UPDATE record SET radar = x'00' WHERE idx = 8")
     with pytest.raises(ValueError, match="record 8: radar has"):
         echofuse.open(path).radar  # noqa: B018
+
+
+def test_maps_are_the_images_on_the_maps_grid_and_stay_in_memory(folder, tmp_path):
+    run = echofuse.open(folder / "monday")
+    assert np.array_equal(run.maps([5, 2]), run.depth[[5, 2]], equal_nan=True)
+    maps = run.maps()
+    assert np.array_equal(maps, run.depth, equal_nan=True) and not maps.flags.writeable
+    assert np.shares_memory(maps, run.maps())
+    best = lambda work: min(timed(work) for _ in range(5))  # noqa: E731
+    assert best(lambda: run.refresh().maps()) < 3 * best(lambda: run.refresh().depth) + 0.01
+
+
+def timed(work):
+    before = time.process_time()
+    work()
+    return time.process_time() - before
+
+
+def test_a_cell_of_a_map_is_the_upper_median_of_its_pixels():
+    axis = lambda name, count, half: echofuse.Axis(name, "tangent", "1", count, half / count - half, 2 * half / count, 1)  # noqa: E731
+    columns, rows = (grid.cells(axis("camera", n, 0.5), axis("map", 5, 0.6)) for n in (23, 31))
+    image = np.random.default_rng(1).integers(0, 8000, (31, 23)).astype(np.uint16)
+    image[:, ::3] = 0
+    found = grid.to_map(columns, rows, image.shape, 6)(image)
+    for r, (top, bottom) in enumerate(rows):
+        for c, (left, right) in enumerate(columns):
+            cell = image[top:bottom, left:right].ravel()
+            near = sorted(cell[(cell > 0) & (cell <= 6000)])
+            enough = near and 2 * len(near) >= len(cell)
+            assert found[r, c] == np.float32(near[len(near) // 2] / 1000) if enough else np.isnan(found[r, c])
+    assert 0 < np.isnan(found).sum() < 25
+
+
+@pytest.mark.parametrize("rows", [slice(10, 20), [7, 3, 3], np.array([], int), [], np.arange(60) % 7 == 0])
+def test_rows_of_a_run_are_a_run(folder, rows):
+    run = echofuse.open(folder / "monday")
+    part, wanted = run[rows], np.arange(60)[rows if len(np.shape(rows)) == 0 or len(rows) else slice(0)]
+    assert part.index.tolist() == wanted.tolist() and part.labels == [run.labels[row] for row in wanted]
+    for name in "spd", "radar", "depth", "time":
+        assert np.array_equal(getattr(part, name), getattr(run, name)[wanted], equal_nan=name != "time")
+    assert np.array_equal(part.maps(), run.maps(wanted), equal_nan=True)
+    assert [record.index for record in part] == wanted.tolist() and run[np.int64(-1)].index == 59
 
 
 def test_codes_of_the_radar_become_power(folder, tmp_path):
@@ -302,7 +344,7 @@ def test_recording_from_python(tmp_path, monkeypatch):
 def test_xarray(folder):
     pytest.importorskip("xarray")
     data = echofuse.to_xarray(echofuse.open(folder / "monday"))
-    assert data.spd.dims == ("record", "spd_bin") and data.spd_bin.attrs["units"] == "ps"
+    assert data.spd.dims == ("record", "spd_time") and data.spd_time.attrs["units"] == "ps"
     assert data.depth.sizes["depth_y"] == 64
     assert data.spd_range.attrs["units"] == data.depth.attrs["units"] == "m" and data.spd_range[0] == pytest.approx(2, abs=0.01)
     assert set(data.spd_verdict.values) == {"ok"}

@@ -60,21 +60,22 @@ def test_hdf5_is_the_run(runs, tmp_path):
     with h5py.File(tmp_path / "a.h5") as file:
         data, good = file["entry/data"], ~np.isin(np.arange(20), (7, 9))
         assert data["spd"].dtype == np.uint32 and data["radar"].dtype == data["depth"].dtype == np.float32
-        assert data["index"][:].tolist() == list(range(20))
-        assert data["valid"][:].tolist() == [0 if row in (7, 9) else 6 if row == 3 else 7 for row in range(20)]
+        assert data["record"][:].tolist() == list(range(20))
+        assert data["spd_valid"][:].tolist() == [row not in (3, 7, 9) for row in range(20)]
+        assert data["depth_valid"][:].tolist() == data["radar_valid"][:].tolist() == [row not in (7, 9) for row in range(20)]
         assert data["label"].asstr()[:].tolist() == run.labels
-        assert np.array_equal(data["slot_utc"][:].astype("datetime64[ns]"), run.time)
-        fine = run.rows(10, 20)
+        assert np.array_equal(data["time"][:].astype("datetime64[ns]"), run.time)
+        fine = run[10:20]
         assert np.array_equal(data["spd"][10:], fine.spd) and np.array_equal(data["radar"][10:], fine.radar)
-        assert np.array_equal(data["depth"][10:], np.array([fine.depth_mm(row) for row in range(10)]) + np.where(np.isnan(fine.depth), np.nan, 0), equal_nan=True)
+        assert np.array_equal(data["depth"][10:], fine.depth, equal_nan=True)
         assert (data["spd"][:][~good] == 0).all() and (data["spd"][3] == 0).all() and data["spd"][4].any()
         for name in "radar", "depth":
             assert np.isnan(data[name][:][~good]).all() and np.isfinite(data[name][3][1:]).all()
-        assert file["entry/sync/radar/verdict"][9] == b"unreadable: radar bin 1 is not a finite number"
-        assert file["entry/sync/depth/verdict"][7] == b"unreadable: spd has 2 bytes, its axis asks for 32"
+        assert data["radar_verdict"][9] == b"unreadable: radar bin 1 is not a finite number"
+        assert data["depth_verdict"][7] == b"unreadable: spd has 2 bytes, its axis asks for 32"
         assert data["spd_time"][3] == 13343 + 300 and data["radar_range"][2] == 1
-        assert (data["spd_time"].attrs["units"], data["radar_range"].attrs["units"], data["depth"].attrs["units"]) == ("ps", "m", "mm")
-        assert [dim.label for dim in data["depth"].dims] == ["index", "depth_y", "depth_x"]
+        assert (data["spd_time"].attrs["units"], data["radar_range"].attrs["units"], data["depth"].attrs["units"]) == ("ps", "m", "m")
+        assert [dim.label for dim in data["depth"].dims] == ["record", "depth_y", "depth_x"]
         assert file["entry"].attrs["NX_class"] == "NXentry" and file["entry/depth"].attrs["signal"] == "depth"
         assert file["entry/entry_identifier"].asstr()[()] == run.info["uuid"]
         assert file["entry/entry_identifier"].dtype.kind == "S" and data["label"].dtype.kind == "S"  # of fixed length
@@ -116,12 +117,12 @@ def test_xarray_opens_every_group(runs, tmp_path):
         groups = ["/"]
         with h5py.File(tmp_path / f"{name}.h5") as file:
             file.visititems(lambda path, item: groups.append(path) if isinstance(item, h5py.Group) else None)
-        assert len(groups) > 20
+        assert len(groups) > 15
         for group in groups:
             with xarray.open_dataset(tmp_path / f"{name}.h5", group=group, engine="h5netcdf") as found:
                 found.load()
         with xarray.open_dataset(tmp_path / f"{name}.h5", group="entry/data", engine="h5netcdf") as found:
-            assert found.spd.dims == ("index", "spd_time") and found.slot_utc.dtype == "datetime64[ns]"
+            assert found.spd.dims == ("record", "spd_time") and found.time.dtype == "datetime64[ns]"
             assert found.label.values.tolist() == echofuse.open(runs / name).labels
         with h5py.File(tmp_path / f"{name}.h5") as file:  # the engine netcdf4 reads scales when it opens, and texts not at all
             file.visititems(lambda path, item: [path for dim in getattr(item, "dims", []) for scale in dim.values()
@@ -140,6 +141,17 @@ def test_netcdf_is_the_data_set_of_xarray(runs, tmp_path, monkeypatch):
         for name, each in wanted.variables.items():
             np.testing.assert_array_equal(found[name].values, each.values, err_msg=name)
         assert found.attrs["uuid"] == run.info["uuid"] and found.depth.attrs["units"] == "m"
+        assert found.attrs["Conventions"].startswith("CF-")
+    with h5py.File(tmp_path / "a.nc") as stored:
+        assert not [name for name in wanted.coords if "_FillValue" in stored[name].attrs]
+    export(run, tmp_path / "a.h5")
+    with xarray.open_dataset(tmp_path / "a.h5", group="entry/data", engine="h5netcdf") as found:
+        for name in (set(wanted.variables) - {"spd_range"}) & set(found.variables):
+            assert found[name].dims == wanted[name].dims and found[name].attrs.get("units") == wanted[name].attrs.get("units"), name
+            same = np.array_equal if found[name].dtype.kind in "OSU" else np.testing.assert_array_equal
+            assert same(found[name].values, wanted[name].values) is not False, name
+        lacks = {name for name in wanted.variables if not name.startswith(("zone", "event", "antenna"))} - set(found.variables)
+        assert lacks == {"spd_range"}
     with xarray.open_dataset(tmp_path / "own.nc", engine="h5netcdf") as found:
         assert found.spd_valid.values.tolist() == [row not in (3, 7, 9) for row in range(20)]
         assert found.spd_verdict.values[9] == "unreadable: radar bin 1 is not a finite number"
@@ -163,7 +175,7 @@ def test_a_run_without_records(runs, tmp_path):
     change(tmp_path / "none.sqlite", ("DELETE FROM record",), ("DELETE FROM axis",))
     assert tool(tmp_path / "none", "--to", tmp_path / "a.h5").returncode == 0
     with h5py.File(tmp_path / "a.h5") as file:
-        assert file["entry/data/index"].shape == (0,)
+        assert file["entry/data/record"].shape == (0,)
     pytest.importorskip("h5netcdf")
     assert tool(tmp_path / "none", "--to", tmp_path / "a.nc").returncode == 0
 
@@ -172,7 +184,7 @@ def test_one_record_as_csv(runs, tmp_path):
     run = echofuse.open(runs / "own")
     assert tool(runs / "own", "--record", 2, "--to", tmp_path / "a.csv").returncode == 0
     lines = (tmp_path / "a.csv").read_text().splitlines()
-    one, (xs, ys) = run.rows(2, 3), (run.axes[name].values for name in ("depth_x", "depth_y"))
+    one, (xs, ys) = run[2:3], (run.axes[name].values for name in ("depth_x", "depth_y"))
     assert lines[4:7] == ["sensor,x,y,value", f"spd,13343,,{one.spd[0, 0]}", f"spd,13443,,{one.spd[0, 1]}"]
     assert f"radar,1,,{one.radar[0, 2]:.9g}" in lines and f"depth,{xs[4]:.9g},{ys[1]:.9g},{one.depth_mm(0)[1, 4]}" in lines
     assert f"depth,{xs[0]:.9g},{ys[0]:.9g},0" in lines and len(lines) == 5 + 8 + 4 + 36

@@ -135,3 +135,4 @@ def test_a_model_says_what_it_takes_and_takes_arrays(runs, tmp_path):
     pytest.importorskip("xarray")
     data = maps.to_xarray()
     assert data.dims == ("record", "depth_y", "depth_x") and data.attrs["units"] == "m" and float(data.depth_y[0]) > 0
+    assert (data - run.to_xarray().depth).sizes == {"record": 60, "depth_y": 64, "depth_x": 64}

@@ -25,7 +25,7 @@ def test_zones_are_read_as_written(tmp_path):
     run = write(tmp_path / "own", spd=counts(), zones=TWO)
     assert run.spd.shape == (3, 2, 30) and np.array_equal(run.spd, counts())
     assert run.zones == TWO and np.array_equal(run[1].spd, counts()[1])
-    assert run.info["status"] == "complete" and run.rows(1, 3).spd.shape == (2, 2, 30)
+    assert run.info["status"] == "complete" and run[1:3].spd.shape == (2, 2, 30)
     assert np.allclose(zones.directions(run)[:, 0], [-0.17, 0.17])
 
 
@@ -75,13 +75,13 @@ def test_exports_have_an_axis_of_zones(tmp_path):
     h5py, xarray = pytest.importorskip("h5py"), pytest.importorskip("xarray")
     run = write(tmp_path / "own", spd=counts(), zones=TWO)
     data = echofuse.to_xarray(run)
-    assert data["spd"].dims == ("record", "zone", "spd_bin") and data["zone_zero_ps"].values.tolist() == [1100.0, 1000.5]
+    assert data["spd"].dims == ("record", "zone", "spd_time") and data["zone_zero_ps"].values.tolist() == [1100.0, 1000.5]
     for kind in "h5", "nc", "csv":
         words = ["--record", "1"] if kind == "csv" else []
         subprocess.run([BIN / "echofuse-export", run.path, "--to", tmp_path / f"own.{kind}", *words], check=True)
     with h5py.File(tmp_path / "own.h5") as file:
         spd = file["entry/data/spd"]
-        assert np.array_equal(spd, counts()) and [dim.label for dim in spd.dims] == ["index", "zone", "spd_time"]
+        assert np.array_equal(spd, counts()) and [dim.label for dim in spd.dims] == ["record", "zone", "spd_time"]
         assert np.allclose(file["entry/tables/zone/x"], [-0.17, 0.17])
         assert file["entry/tables/zone/zero_ps"].attrs["units"] == "ps"
     with xarray.open_dataset(tmp_path / "own.nc") as read:

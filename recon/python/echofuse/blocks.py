@@ -41,14 +41,14 @@ def blocks(run: Run, told: Told = lambda done: None) -> Iterator[tuple[int, Run,
     step = min(max(MOST_BYTES // (4 * size + 1), 1), MOST_RECORDS)
     for first in range(0, max(len(run), 1), step):
         told(first)
-        part, faults = run.rows(first, first + step), {}
+        part, faults = run[first:first + step], {}
         try:
             load(part)
         except ValueError:
-            part = run.rows(first, first + step)
+            part = run[first:first + step]
             for row in range(len(part)):
                 try:
-                    load(part.rows(row, row + 1))
+                    load(part[row:row + 1])
                 except ValueError as error:
                     faults[row] = "unreadable: " + re.sub(r".*record \d+: ", "", str(error))
                     for mask in part.valid.values():

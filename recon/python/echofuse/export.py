@@ -4,20 +4,20 @@
 HDF5 is NeXus-like, with units on every array and a scale along every dimension; n records in the
 order of the run:
   /entry               title, entry_identifier, start_time, end_time, configuration, radar_cfg
-  /entry/data          spd u32 [n, bins], of a detector with zones [n, zones, bins];
-                       radar f32 [n, bins]; depth f32 [n, rows, columns] mm;
+  /entry/data          names and units as in to_xarray(): spd u32 [n, bins], of a detector with
+                       zones [n, zones, bins]; radar f32 [n, bins] linear power; radar_codes f32
+                       [n, bins] as TI's firmware sends them; depth f32 [n, rows, columns] m;
                        array f32 [n, bins, values] of a radar's antennas, values as
                        acquire/measurement/radar_array.hpp has them, array_frames u64 [n]; their
                        axes spd_time (ps, start of each bin), radar_range, array_range (m),
-                       depth_x, depth_y (tangents); valid u8 [n] (bit 0 SPD, 1 radar, 2 depth);
-                       index, slot_start, slot_end, slot_utc i64 [n] (ns); label
+                       depth_x, depth_y (tangents); record, time i64 [n] (ns); label;
+                       SENSOR_valid u8, SENSOR_used, SENSOR_lost u64, SENSOR_verdict
   /entry/SENSOR        each of these arrays as NXdata
-  /entry/sync/SENSOR   offset, span (s), used, lost, verdict, each [n]
   /entry/instrument/SENSOR   address, model, serial, firmware
   /entry/tables/TABLE  columns of the run file: i64 with `missing_value`, f64 with NaN, text; the
                        first one, or `row` where that is a text, is their scale
 Where a sensor is not valid, spd holds zeros, and radar, array and depth hold NaN. netCDF holds what
-to_xarray() has. """
+to_xarray() has."""
 from __future__ import annotations
 
 import argparse
@@ -46,10 +46,8 @@ UNITS = {"db": "dB", "ps": "ps", "ns": "ns", "us": "us", "ms": "ms", "s": "s", "
          "rad": "rad",
          "ppm": "1e-6", "percent": "%", "c": "degC"}
 LINEAR = "linear power on an arbitrary scale"
-RADAR = {"log2_q8":
-         "256 * log2(magnitude), summed over the axis's `scale` virtual antennas and divided by "
-         "the next power of two",
-         "binned_power": f"{LINEAR}, added up over a step around each point"}
+CODES = ("256 * log2(magnitude), summed over the axis's `scale` virtual antennas and divided by "
+         "the next power of two")
 ARRAY = ("of each range bin, over a record's frames: mean sample of each antenna (real, "
          "imaginary); power of each; mean of x_m "
          "conj(x_n) for m < n, row by row; mean of sum_m x_m(t) conj(x_m(t-1)); antennas as "
@@ -58,12 +56,12 @@ ARRAY = ("of each range bin, over a record's frames: mean sample of each antenna
 SIGNALS: dict[str, tuple[list[str], str, str, Callable[[Run], Any]]] = {
     "spd": (["spd_time"], "counts", "detections per bin of two-way time of flight",
             lambda part: part.spd),
-    "radar": (["radar_range"], "1", LINEAR, lambda part: part.stored_radar()),
-    "radar_power": (["radar_range"], "1", LINEAR, lambda part: part.radar),
+    "radar": (["radar_range"], "1", LINEAR, lambda part: part.radar),
+    "radar_codes": (["radar_range"], "log2_q8", CODES, lambda part: part.stored_radar()),
     "array": (["array_range", "array_value"],
               "the firmware's integers, squared where it is a power", ARRAY, antennas.values),
-    "depth": (["depth_y", "depth_x"], "mm", "z of each pixel, NaN: no return",
-              lambda part: np.rint(part.depth * 1000))}
+    "depth": (["depth_y", "depth_x"], "m", "z of each pixel, NaN: no return",
+              lambda part: part.depth)}
 TEXTS = {"title": "notes", "entry_identifier": "uuid", "start_time": "started_utc",
          "end_time": "ended_utc", "status": "status",
          # by name: column of the run
@@ -144,17 +142,16 @@ def make_signals(entry: Any, run: Run) -> list[str]:
         put(data, "array_value", np.arange(int(axes["array"].scale + 1) ** 2 + 1))
     codes = "radar" in axes and axes["radar"].quantity == "log2_q8"
     made = [name for name, (along, *_) in SIGNALS.items() if all(each in data for each in along)
-            and (codes or name != "radar_power")]
+            and (codes or name != "radar_codes")]
     if run.zones:
         put(data, "zone", np.arange(len(run.zones)))
     along_spd = ["zone"] * bool(run.zones) + ["spd_time"]
     for name in made:
         along, units, meaning, _ = SIGNALS[name]
         along = along_spd if name == "spd" else along
-        if name == "radar":
-            units, meaning = "log2_q8" if codes else units, RADAR.get(
-                axes["radar"].quantity, meaning)
-        scales = [data[each] for each in ("index", *along)]
+        if name == "radar" and axes["radar"].quantity == "binned_power":
+            meaning += ", added up over a step around each point"
+        scales = [data[each] for each in ("record", *along)]
         shape = tuple(len(scale) for scale in scales)
         line = int(np.prod(shape[2:])) * 4
         layout: dict[str, Any] = {"dtype":
@@ -166,11 +163,11 @@ def make_signals(entry: Any, run: Run) -> list[str]:
                             **layout).attrs.update({"units": units, "long_name": meaning})
         attach(data[name], scales)
         group = entry.create_group(name)
-        for each in ("index", *along, name):
+        for each in ("record", *along, name):
             group[each] = data[each]
-        group.attrs.update({"NX_class": "NXdata", "signal": name, "axes": ["index", *along]})
+        group.attrs.update({"NX_class": "NXdata", "signal": name, "axes": ["record", *along]})
     data.attrs.update({"NX_class": "NXdata", "signal": "spd"}
-                      | ({"axes": ["index", *along_spd]} if "spd" in made else {}))
+                      | ({"axes": ["record", *along_spd]} if "spd" in made else {}))
     return made
 
 
@@ -183,34 +180,28 @@ def write_h5(run: Run, path: pathlib.Path, told: Told) -> int:
         record = {name: values[:len(run)] for name, values in tables["record"].items()}
         entry = file.create_group("entry")
         data = entry.create_group("data")
-        index = put(data, "index", run.index, units="1")
+        index = put(data, "record", run.index, units="1")
         write_head(entry, run, tables)
         signals = make_signals(entry, run)
-        unreadable, valid = {}, np.zeros(len(run), np.uint8)
+        unreadable, valid = {}, {sensor: np.zeros(len(run), np.uint8) for sensor in SENSORS}
         for first, part, faults in blocks(run, told):
             last = first + len(part)
             unreadable |= {first + row: fault.encode() for row, fault in faults.items()}
-            valid[first:last] = sum(part.valid[sensor] * np.uint8(bit)
-                                    for sensor, bit in SENSORS.items())
+            for sensor, mask in part.valid.items():
+                valid[sensor][first:last] = mask
             for name in signals:
                 if part.valid[name if name in SENSORS else "radar"].any():
                     data[name][first:last] = SIGNALS[name][-1](part)
-        put(data, "valid", valid, index, units="1")
-        put(data, "slot_start", record["slot_start_ns"], index, **OF_THE_MACHINE)
-        put(data, "slot_end", record["slot_end_ns"], index, **OF_THE_MACHINE)
-        put(data, "slot_utc", record["slot_utc_ns"], index, units=SINCE_1970)
+        put(data, "time", record["slot_utc_ns"], index, units=SINCE_1970)
         put(data, "label", record["label"], index)
         if "array" in signals:
             put(data, "array_frames", antennas.frames(run), index, units="1")
         for sensor in SENSORS:
-            group = entry.create_group(f"sync/{sensor}")
-            group["index"] = index
-            for name in "offset_s", "span_s", "used", "lost":
-                of_time, values = name.endswith("_s"), record[f"{sensor}_{name}"]
-                put(group, name.removesuffix("_s"), values if of_time else values.astype("u8"),
-                    index, units="s" if of_time else "1")
-            put(group, "verdict", np.array(marked(record[f"{sensor}_verdict"], unreadable), "S"),
-                index)
+            put(data, f"{sensor}_valid", valid[sensor], index, units="1")
+            for name in f"{sensor}_used", f"{sensor}_lost":
+                put(data, name, record[name].astype("u8"), index, units="1")
+            verdicts = marked(record[f"{sensor}_verdict"], unreadable)
+            put(data, f"{sensor}_verdict", np.array(verdicts, "S"), index)
         for table, columns in tables.items():
             group, first = entry.require_group(f"tables/{table}"), next(iter(columns.values()))
             along = put(group, "row", np.arange(len(first))) if first.dtype.kind == "S" else None

@@ -4,6 +4,7 @@ and tables that are moved."""
 from __future__ import annotations
 
 import zlib
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -29,20 +30,36 @@ def cells(source: Any, target: Any) -> list[tuple[int, int]]:
     return out
 
 
-def to_map(depth_mm: NDArray[np.uint16], columns: list[tuple[int, int]],
-           rows: list[tuple[int, int]],
-           far_m: float) -> NDArray[np.float32]:
-    """z in metres on the target pixels, NaN: no return. A pixel takes the upper median of the valid
-    source pixels in it, if at least half of them are valid; nearer than far_m."""
-    out = np.full((len(rows), len(columns)), np.nan, np.float32)
-    limit = round(far_m * 1000)
-    for r, (top, bottom) in enumerate(rows):
-        for c, (left, right) in enumerate(columns):
-            cell = depth_mm[top:bottom, left:right]
-            valid = cell[(cell > 0) & (cell <= limit)]
-            if valid.size and 2 * valid.size >= cell.size:
-                out[r, c] = np.partition(valid, valid.size // 2)[valid.size // 2] / np.float32(1000)
-    return out
+def to_map(columns: list[tuple[int, int]], rows: list[tuple[int, int]], size: tuple[int, int],
+           far_m: float) -> Callable[[NDArray[np.uint16]], NDArray[np.float32]]:
+    """Returns a function from an image of this size, millimetres, to z in metres on the target
+    pixels, NaN: no return. A pixel takes the upper median of the valid source pixels in it, if at
+    least half of them are valid; nearer than far_m."""
+    limit, shape = round(far_m * 1000), (len(rows), len(columns))
+
+    def in_m(mm: NDArray[np.uint16], there: NDArray[np.bool_]) -> NDArray[np.float32]:
+        return np.where(there, mm / np.float32(1000), np.float32(np.nan))
+
+    if (columns, rows) == tuple([(i, i + 1) for i in range(n)] for n in reversed(size)):
+        return lambda image: in_m(image, (image > 0) & (image <= limit))
+    pixels = np.arange(size[0] * size[1]).reshape(size)
+    inside = [pixels[top:bottom, left:right].ravel() for top, bottom in rows
+              for left, right in columns]
+    count = np.array([len(cell) for cell in inside])
+    most = int(count.max(initial=1))
+    # Source pixels of each target pixel, filled up with one that has no return.
+    places = np.array([np.pad(cell, (0, most - len(cell)), constant_values=pixels.size)
+                       for cell in inside], int).reshape(-1, most)
+    first, last = np.arange(len(places)), most - 1
+
+    def of_cells(image: NDArray[np.uint16]) -> NDArray[np.float32]:
+        near = np.append(np.where(image <= limit, image, 0), np.uint16(0))
+        cells = np.sort(near[places], axis=1)  # those without a return first
+        valid = np.count_nonzero(cells, axis=1)
+        median = cells[first, np.minimum(last - valid + 1 + valid // 2, last)]
+        return in_m(median, (valid > 0) & (2 * valid >= count)).reshape(shape)
+
+    return of_cells
 
 
 def read_only(table: NDArray[Any]) -> NDArray[Any]:

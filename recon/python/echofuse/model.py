@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import baselines, grid
 from . import run as runs
+from .axis import tangents
 from .crc32c import crc32c
 from .maps import save_maps
 from .method import Method
@@ -143,10 +144,12 @@ class Maps:
         its unit."""
         import xarray
 
-        return xarray.DataArray(self.depth_m, {"record": self.index, "depth_y": self.depth_y,
-                                               "depth_x": self.depth_x,
+        one = {"units": "1"}
+        return xarray.DataArray(self.depth_m, {"record": self.index,
+                                               "depth_y": ("depth_y", self.depth_y, one),
+                                               "depth_x": ("depth_x", self.depth_x, one),
                                                "inputs": ("record", self.inputs)},
-                                ("record", "depth_y", "depth_x"), "depth_m", {"units": "m"})
+                                ("record", "depth_y", "depth_x"), "depth", {"units": "m"})
 
     def save(self, folder: str | pathlib.Path) -> None:
         """Writes FOLDER/maps.npy, records.csv and run.txt, which `echofuse-recon evaluate --maps`
@@ -243,10 +246,13 @@ class Model:
             maps[rows] = estimator.predict(spd_part, *of_radar)
         seen = np.flatnonzero(by >= 0)
         half = first.f["scene/map_half_tangent"]
-        pixel = half * ((2 * np.arange(first.size) + 1) / first.size - 1)
+        axes = [tangents(name, first.size, half) for name in ("depth_x", "depth_y")]
+        # Places that differ from those of the run by rounding only would not align in xarray.
+        x, y = (run.axes[axis.name] if axis.is_same(run.axes.get(axis.name)) else axis
+                for axis in axes)
         depth_m = np.minimum(np.where(maps[seen] > 0, maps[seen], np.float32(np.nan)),
                              np.float32(first.f["scene/map_z_max_m"]))
-        return Maps(depth_m, run.index[seen], pixel, -pixel,
+        return Maps(depth_m, run.index[seen], x.values, y.values,
                     [self.estimators[k].inputs for k in by[seen]], half, self._origin(run))
 
     def _origin(self, run: runs.Run | Arrays) -> str:

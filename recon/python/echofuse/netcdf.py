@@ -13,38 +13,39 @@ from .run import PS_PER_M, SENSORS, Run
 from .zones import Zone
 
 SINCE_1970 = "nanoseconds since 1970-01-01T00:00:00Z"  # as xarray and netCDF read an epoch
+ONE = {"units": "1"}
 
 
 def dataset(run: Run) -> Any:
-    """The run as an xarray.Dataset (python3-xarray) with named axes and units. spd_range and
-    radar_range are metres as measured; attrs has the offsets to take off. The radar's power is
-    linear, whatever it sent."""
+    """The run as an xarray.Dataset (python3-xarray) with the names and units of /entry/data in
+    HDF5 (export.py). spd_range and radar_range are metres as measured; attrs has the offsets to
+    take off."""
     import xarray
 
     columns = ("verdict", "used", "lost")
     rows = run.of_records(", ".join(f"{s}_{c}" for s in SENSORS for c in columns))
     events = run.select("SELECT utc, level, source, text FROM event ORDER BY id")
-    coords: dict[str, Any] = {"record": run.index, "time": ("record", run.time),
+    coords: dict[str, Any] = {"record": ("record", run.index, ONE), "time": ("record", run.time),
                               "label": ("record", run.labels)}
     data: dict[str, Any] = {}
     of_zone = ("zone",) if run.zones else ()
-    told = {"spd": (*of_zone, "spd_bin"), "radar": ("radar_bin",), "depth": ("depth_y", "depth_x")}
-    axes = {"spd_bin": "spd", "radar_bin": "radar", "depth_y": "depth_y", "depth_x": "depth_x"}
+    told = {"spd": (*of_zone, "spd_time"), "radar": ("radar_range",),
+            "depth": ("depth_y", "depth_x")}
+    axes = {"spd_time": "spd", "radar_range": "radar", "depth_y": "depth_y", "depth_x": "depth_x"}
     unit = {"spd": "counts", "radar": "1", "depth": "m"}
     for place, (sensor, dims) in enumerate(told.items()):
         if not all(axes[dim] in run.axes for dim in dims if dim != "zone"):
             continue
         data[sensor] = (("record", *dims), getattr(run, sensor), {"units": unit[sensor]})
-        coords[f"{sensor}_valid"] = ("record", run.valid[sensor])
+        coords[f"{sensor}_valid"] = ("record", run.valid[sensor], ONE)
         for at, column in enumerate(columns):
-            coords[f"{sensor}_{column}"] = ("record", [row[3 * place + at] for row in rows])
+            coords[f"{sensor}_{column}"] = ("record", [row[3 * place + at] for row in rows],
+                                            {} if column == "verdict" else ONE)
         for dim in filter(axes.get, dims):
             axis = run.axes[axes[dim]]
             coords[dim] = (dim, axis.values, {"units": axis.unit})
     if "spd" in data:
-        coords["spd_range"] = ("spd_bin", run.axes["spd"].values / PS_PER_M, {"units": "m"})
-    if "radar" in data:
-        coords["radar_range"] = ("radar_bin", run.axes["radar"].values, {"units": "m"})
+        coords["spd_range"] = ("spd_time", run.axes["spd"].values / PS_PER_M, {"units": "m"})
     for place, column in enumerate(Zone._fields if run.zones else ()):
         coords[f"zone_{column}"] = ("zone", [zone[place] for zone in run.zones])
     if events:
@@ -53,7 +54,8 @@ def dataset(run: Run) -> Any:
     if run.antennas:
         data["antenna"] = (("antenna_row", "antenna_column"), np.array(run.antennas, float))
         coords["antenna_column"] = ["x_half_wavelengths", "y_half_wavelengths", "gain", "phase_rad"]
-    attributes = {key: str(value) for key, value in run.info.items()} | run.meta
+    attributes = {"Conventions": "CF-1.8"}
+    attributes |= {key: str(value) for key, value in run.info.items()} | run.meta
     return xarray.Dataset(data, coords, attributes | {f"{s}_offset_m": m
                                                       for s, m in run.offset_m.items()})
 
@@ -79,9 +81,13 @@ def write(run: Run, path: pathlib.Path, told: Told) -> int:
             data[name] = "record", np.array(marked(data[name].values, faults), object)
         if first == 0:
             layout = {"zlib": True, "complevel": 1, "shuffle": True}
+            encoding: dict[str, dict[str, Any]] = {
+                name: layout | {"chunksizes": (1, *data[name].shape[1:])}
+                for name in SENSORS if name in data}
+            encoding |= {name: {"_FillValue": None} for name, each in data.coords.items()
+                         if each.dtype.kind == "f"}
             data.to_netcdf(path, engine=engine().lower(), unlimited_dims=["record"],
-                           encoding={name: layout | {"chunksizes": (1, *data[name].shape[1:])}
-                                     for name in SENSORS if name in data})
+                           encoding=encoding)
             continue
         of_records = {name: each for name, each in data.variables.items()
                       if each.dims[:1] == ("record",)}

@@ -17,7 +17,7 @@ def write(run: Run, index: int, path: pathlib.Path) -> int:
     ValueError."""
     if index not in run.index:
         raise ValueError(f"{run.path}: no record {index}; it has {len(run)}")
-    part = run.rows(row := int(np.flatnonzero(run.index == index)[0]), row + 1)
+    part = run[np.flatnonzero(run.index == index)[:1]]
     load(part)
 
     def shown(text: str) -> str:

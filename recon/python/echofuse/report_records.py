@@ -33,7 +33,7 @@ def shown(run: str, wanted: Sequence[int], modes: Sequence[Mode] = (),
     scores are given."""
     with runs.open(run) as whole:
         rows = np.flatnonzero(np.isin(whole.index, wanted)).tolist()
-        out = {int(whole.index[row]): measured(whole.rows(row, row + 1)) for row in rows}
+        out = {int(whole.index[row]): measured(whole[row:row + 1]) for row in rows}
     for mode, scored in zip(modes if out else (), scores):
         for index, (status, one) in reconstructed(mode, run, list(out), room).items():
             at = int(np.flatnonzero(scored.index == index)[0])

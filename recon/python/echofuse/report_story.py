@@ -89,9 +89,9 @@ class Story:
         missing."""
         arrays = {"first": self.curve(self.at)}
         for s, valid in self.run.valid.items():
-            arrays |= {f"{name}_{s}": self.curve(np.where(valid, self.told[f"{name}_{s}"], np.nan))
-                       for name in ("used", "residual_s")}
-            arrays[f"lost_{s}"] = self.curve(self.told[f"lost_{s}"], np.sum)
+            arrays |= {f"{name}_{s}": self.curve(np.where(valid, self.told[f"{s}_{key}"], np.nan))
+                       for name, key in (("used", "used"), ("residual_s", "clock_residual_s"))}
+            arrays[f"lost_{s}"] = self.curve(self.told[f"{s}_lost"], np.sum)
         gaps = {s: [[short(begin), short(end)] for begin, end in self.gaps(s)] for s in SENSORS}
         return {"kind": "strips", "unit": self.unit, "end": short(self.end), "arrays": arrays,
                 "gaps": gaps, "window_s": self.info["window_s"]}
@@ -103,7 +103,7 @@ class Story:
         def over_median(values: NDArray[np.float64]) -> NDArray[np.float64]:
             return np.maximum(values - np.sort(values, 1)[:, [values.shape[1] // 2]], 0)
 
-        seen, step = self.run.rows(0, len(self.run)), len(self.run) // MOST_POINTS + 1
+        seen, step = self.run[0:len(self.run)], len(self.run) // MOST_POINTS + 1
         seen.valid["depth"][:] = False  # not shown here
         axes = {sensor: self.run.axes[sensor]
                 for sensor in ("spd", "radar") if sensor in self.run.axes}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import html
+import json
 import pathlib
 import time
 import warnings
@@ -13,9 +14,10 @@ from functools import cached_property
 from typing import Any, Iterator, Sequence, overload
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from . import grid, pile_up, zones
+from .axis import Axis, tangents
 from .damaged import names_its_file
 from .grid import inflated, read_only, shifted
 from .run_files import STATISTICS, connect, leftovers, meta_of, status_of, table
@@ -23,45 +25,7 @@ from .run_files import STATISTICS, connect, leftovers, meta_of, status_of, table
 SENSORS = {"spd": 1, "radar": 2, "depth": 4}  # bits of record.valid
 PS_PER_M = 2e12 / 299_792_458.0  # there and back
 LEAST_BOUND, MOST_PIXELS = 1 << 16, 1 << 23  # points of an axis whatever the size of the file
-
-
-@dataclass(frozen=True)
-class Axis:
-    """Axis of bins or pixels: value i is start + i * step."""
-
-    name: str
-    quantity: str
-    unit: str
-    count: int
-    start: float
-    step: float
-    scale: float
-
-    @property
-    def values(self) -> NDArray[np.float64]:
-        return self.start + self.step * np.arange(self.count)
-
-    def is_near(self, wanted: dict[str, Any]) -> bool:
-        """Whether this axis is within a bin of the wanted one; it may have more bins."""
-        start = self.start - wanted["start"]
-        end = start + (self.step - wanted["step"]) * wanted["count"]
-        return bool(self.quantity == wanted["quantity"] and self.scale == wanted["scale"]
-                    and self.count >= wanted["count"]
-                    and max(abs(start), abs(end)) <= abs(wanted["step"]))
-
-    def resampled(self, table: NDArray[np.float32], wanted: dict[str, Any]) -> NDArray[np.float32]:
-        """Values [n, bins, ...] at the places of the wanted axis, by lines between the bins."""
-        count = wanted["count"]
-        start = self.start - wanted["start"]
-        end = start + (self.step - wanted["step"]) * count
-        if max(abs(start), abs(end)) <= 1e-3 * abs(wanted["step"]):
-            return table[:, :count]
-        place = ((wanted["start"] - self.start + wanted["step"] * np.arange(count))
-                 / self.step).clip(0, self.count - 1)
-        first = place.astype(int)
-        part = (place - first).astype(np.float32).reshape(-1, *[1] * (table.ndim - 2))
-        return np.asarray((1 - part) * table[:, first] + part
-                          * table[:, np.minimum(first + 1, self.count - 1)])
+IMAGES = 64  # depth images in memory at once
 
 
 @dataclass(frozen=True)
@@ -137,16 +101,29 @@ class Run:
         return (Record(self, row) for row in range(len(self)))
 
     @overload
-    def __getitem__(self, row: int) -> Record: ...
+    def __getitem__(self, rows: int | np.integer[Any]) -> Record: ...
 
     @overload
-    def __getitem__(self, row: slice) -> list[Record]: ...
+    def __getitem__(self, rows: slice | Sequence[int] | NDArray[Any]) -> "Run": ...
 
-    def __getitem__(self, row: int | slice) -> Record | list[Record]:
-        """run[3], run[-1]: a record by row, from 0; run[10:20]: a list of them."""
-        found = range(len(self))[row]
-        return Record(self, found) if isinstance(found, int) else [Record(self, one)
-                                                                   for one in found]
+    def __getitem__(self, rows: Any) -> "Record | Run":
+        """run[3], run[-1]: a record by its row, from 0; run[10:20], run[[1, 2]], run[mask]: these
+        records as a run. Its axes, tables and events are those of the whole."""
+        if isinstance(rows, (int, np.integer)):
+            return Record(self, range(len(self))[rows])
+        chosen, part = self._rows_of(rows), copy.copy(self)
+        part._forget()
+        part.index, part.time = self.index[chosen], self.time[chosen]
+        part.labels = [self.labels[row] for row in chosen]
+        part.valid = {name: mask[chosen] for name, mask in self.valid.items()}
+        return part
+
+    def _rows_of(self, rows: Any) -> NDArray[np.int64]:
+        """Rows by a slice, a mask or a list. Raises IndexError."""
+        wanted = rows if isinstance(rows, slice) else np.asarray(rows)
+        if isinstance(wanted, np.ndarray) and not wanted.size:
+            wanted = wanted.astype(int)  # the type of an empty list is float
+        return np.arange(len(self))[wanted]
 
     def refresh(self) -> "Run":
         """Takes the records that came since; of use while the run is recorded."""
@@ -154,18 +131,8 @@ class Run:
         self._read()
         return self
 
-    def rows(self, first: int, last: int) -> "Run":
-        """The records of rows first to last - 1 as a run, to go through a long one in blocks; axes,
-        tables and events stay those of the whole."""
-        part = copy.copy(self)
-        part._forget()
-        part.index, part.labels, part.time = (self.index[first:last], self.labels[first:last],
-                                              self.time[first:last])
-        part.valid = {name: mask[first:last].copy() for name, mask in self.valid.items()}
-        return part
-
     def _forget(self) -> None:
-        for name in ("spd", "radar", "depth", "lags_axis", "_pairs"):
+        for name in ("spd", "radar", "depth", "lags_axis", "_pairs", "_truth", "_cells"):
             self.__dict__.pop(name, None)
 
     def follow(self, *, pause_s: float = 0.2) -> Iterator[int]:
@@ -225,12 +192,20 @@ class Run:
         with closing(connect(self.path)) as db:
             return db.execute(sql, values).fetchall()
 
-    def of_records(self, columns: str) -> list[Any]:
-        """Columns of the table record, of the records at hand."""
-        if not len(self):
-            return []
-        return self.select(f"SELECT {columns} FROM record WHERE idx BETWEEN ? AND ? ORDER BY idx",
-                           int(self.index[0]), int(self.index[-1]))
+    @names_its_file
+    def of_records(self, columns: str, rows: NDArray[np.int64] | None = None) -> list[Any]:
+        """Columns of the table record, of these rows or all."""
+        index = (self.index if rows is None else self.index[rows]).tolist()
+        found = {row[0]: row[1:] for row in self.select(
+            f"SELECT idx, {columns} FROM record WHERE idx IN (SELECT value FROM json_each(?))",
+            json.dumps(index))}
+        return [found[one] for one in index]
+
+    def to_xarray(self) -> Any:
+        """The run as an xarray.Dataset (netcdf.dataset)."""
+        from .netcdf import dataset
+
+        return dataset(self)
 
     @property
     def tables(self) -> list[str]:
@@ -248,14 +223,13 @@ class Run:
 
     @names_its_file
     def told(self) -> dict[str, NDArray[Any]]:
-        """Columns [n] of the records: length_s, and of each sensor used_spd, lost_spd, verdict_spd,
-        residual_s_spd (of its clock)."""
-        columns = {"length_s": "(slot_end_ns - slot_start_ns) * 1e-9"} | {
-            f"{name}_{s}": f"{s}_{name}" for s in SENSORS for name in ("used", "lost", "verdict")}
-        columns |= {f"residual_s_{s}": f"{s}_clock_residual_s" for s in SENSORS}
-        rows = self.of_records(', '.join(columns.values()))
+        """Columns [n] of the records: length_s, and of each sensor spd_used, spd_lost, spd_verdict,
+        spd_clock_residual_s."""
+        names = [f"{s}_{name}" for s in SENSORS
+                 for name in ("used", "lost", "verdict", "clock_residual_s")]
+        rows = self.of_records(", ".join(["(slot_end_ns - slot_start_ns) * 1e-9", *names]))
         return {name: np.array([row[k] for row in rows], object if "verdict" in name else float)
-                for k, name in enumerate(columns)}
+                for k, name in enumerate(["length_s", *names])}
 
     def __len__(self) -> int:
         return len(self.index)
@@ -320,28 +294,42 @@ class Run:
                              f"{MOST_PIXELS}")
         return rows, columns
 
-    @names_its_file
     def depth_mm(self, row: int) -> NDArray[np.uint16]:
         """The camera's image of one record [rows, columns], millimetres, 0: no return."""
-        size = self._image_size()
-        blob = self.select("SELECT CAST(depth AS BLOB) FROM record WHERE idx = ? AND valid & 4",
-                           int(self.index[row]))
-        return inflated(blob[0][0] or b"", size) if blob else np.zeros(size, np.uint16)
+        images = self._images(self._rows_of([row]))
+        return images[0][1] if images else np.zeros(self._image_size(), np.uint16)
 
-    def maps(self, rows: Sequence[int] | None = None) -> NDArray[np.float32]:
-        """The truth [n, N, N] on the grid of the maps as training and judge have it, metres (NaN:
-        no return, no depth), of these rows or all. Images are read one by one."""
-        wanted = np.arange(len(self))[slice(None) if rows is None else rows]
-        out = np.full((len(wanted), len(self._cells[1]), len(self._cells[0])), np.nan, np.float32)
-        for k in np.flatnonzero(self.valid["depth"][wanted]):
-            out[k] = self.map_of(int(wanted[k]))
-        return out
+    def maps(self, rows: ArrayLike | None = None) -> NDArray[np.float32]:
+        """True maps [n, N, N] of these rows, or of all (read-only), on the grid on which models are
+        trained and judged: z in metres, NaN: no return or no depth. Maps stay in memory."""
+        wanted = self._rows_of(slice(None) if rows is None else rows)
+        maps, known = self._truth
+        new = np.unique(wanted[~known[wanted]])
+        to_z = self.axes.get("map_z")
+        convert = grid.to_map(*self._cells, self._image_size(), to_z.step if to_z else 6.0)
+        for block in np.split(new, range(IMAGES, len(new), IMAGES)):
+            maps[block] = np.nan
+            for row, image in self._images(block):
+                maps[row] = convert(image)
+            known[block] = True
+        return read_only(maps.view()) if rows is None else maps[wanted]
 
-    @names_its_file
     def map_of(self, row: int) -> NDArray[np.float32]:
         """The truth of one record [N, N], as in maps()."""
-        to_z = self.axes.get("map_z")
-        return grid.to_map(self.depth_mm(row), *self._cells, to_z.step if to_z else 6.0)
+        return np.asarray(self.maps([row])[0])
+
+    @cached_property
+    def _truth(self) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+        """Maps [n, N, N], and which of them are made."""
+        columns, rows = self._cells
+        return (np.empty((len(self), len(rows), len(columns)), np.float32),
+                np.zeros(len(self), bool))
+
+    @names_its_file
+    def _images(self, rows: NDArray[np.int64]) -> list[tuple[int, NDArray[np.uint16]]]:
+        """Depth images of these rows, millimetres."""
+        size = self._image_size()
+        return [(row, inflated(blob, size)) for row, blob in self._blobs("depth", rows)]
 
     @cached_property
     def _cells(self) -> tuple[list[tuple[int, int]], list[tuple[int, int]]]:
@@ -351,9 +339,8 @@ class Run:
         if x is None or y is None:
             raise ValueError(f"{self.path}: has no depth camera")
         half, size = (0.55, 64) if to_x is None else (to_x.step * to_x.count / 2, to_x.count)
-        to_x = to_x or Axis("map_x", "tangent", "1", size, half / size - half, 2 * half / size, 1)
-        to_y = to_y or Axis("map_y", "tangent", "1", size, half - half / size, -2 * half / size, 1)
-        return grid.cells(x, to_x), grid.cells(y, to_y)
+        return (grid.cells(x, to_x or tangents("map_x", size, half)),
+                grid.cells(y, to_y or tangents("map_y", size, half)))
 
     def stored_radar(self) -> NDArray[np.float32]:
         """Profiles [n, points] as recorded: power or TI's codes (axes["radar"].quantity)."""
@@ -479,12 +466,14 @@ class Run:
         return [(clicks, known or (clicks / starts if clicks < 0.95 * starts
                                    else 0.0)) for clicks, starts, known in rows]
 
-    def _blobs(self, sensor: str) -> list[tuple[int, bytes]]:
-        blobs = dict(
-            self.of_records(
-                f"idx, CAST(CASE WHEN valid & {SENSORS[sensor]} THEN {sensor} END AS BLOB)"))
-        return [(row, blobs[int(self.index[row])]
-                 or b"") for row in np.flatnonzero(self.valid[sensor]).tolist()]
+    def _blobs(self, sensor: str,
+               rows: NDArray[np.int64] | None = None) -> list[tuple[int, bytes]]:
+        """Blobs of the rows whose sensor is valid, among these or all."""
+        valid = self.valid[sensor]
+        rows = np.flatnonzero(valid) if rows is None else rows[valid[rows]]
+        blobs = self.of_records(
+            f"CAST(CASE WHEN valid & {SENSORS[sensor]} THEN {sensor} END AS BLOB)", rows)
+        return [(row, blob or b"") for row, (blob,) in zip(rows.tolist(), blobs)]
 
     def _table(self, sensor: str, kind: str, missing: float) -> NDArray[Any]:
         count = self.axes[sensor].count if sensor in self.axes else 0

@@ -1,0 +1,61 @@
+# SPDX-License-Identifier: MIT
+"""Axes of bins and pixels."""
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True)
+class Axis:
+    """Axis of bins or pixels: value i is start + i * step."""
+
+    name: str
+    quantity: str
+    unit: str
+    count: int
+    start: float
+    step: float
+    scale: float
+
+    @property
+    def values(self) -> NDArray[np.float64]:
+        return self.start + self.step * np.arange(self.count)
+
+    def is_near(self, wanted: dict[str, Any]) -> bool:
+        """Whether this axis is within a bin of the wanted one; it may have more bins."""
+        start = self.start - wanted["start"]
+        end = start + (self.step - wanted["step"]) * wanted["count"]
+        return bool(self.quantity == wanted["quantity"] and self.scale == wanted["scale"]
+                    and self.count >= wanted["count"]
+                    and max(abs(start), abs(end)) <= abs(wanted["step"]))
+
+    def is_same(self, other: Axis | None) -> bool:
+        """Whether the places are the same but for rounding."""
+        return bool(other and self.quantity == other.quantity and self.count == other.count
+                    and np.allclose(self.values, other.values, 0, 1e-3 * abs(self.step)))
+
+    def resampled(self, table: NDArray[np.float32], wanted: dict[str, Any]) -> NDArray[np.float32]:
+        """Values [n, bins, ...] at the places of the wanted axis, by lines between the bins."""
+        count = wanted["count"]
+        start = self.start - wanted["start"]
+        end = start + (self.step - wanted["step"]) * count
+        if max(abs(start), abs(end)) <= 1e-3 * abs(wanted["step"]):
+            return table[:, :count]
+        place = ((wanted["start"] - self.start + wanted["step"] * np.arange(count))
+                 / self.step).clip(0, self.count - 1)
+        first = place.astype(int)
+        part = (place - first).astype(np.float32).reshape(-1, *[1] * (table.ndim - 2))
+        return np.asarray((1 - part) * table[:, first] + part
+                          * table[:, np.minimum(first + 1, self.count - 1)])
+
+
+def tangents(name: str, count: int, half: float) -> Axis:
+    """Pixels over tangents of +-half (acquire/measurement/depth_map.cpp); names that end with y
+    count from the top row down."""
+    sign = -1 if name.endswith("y") else 1
+    step = 2 * half / count
+    return Axis(name, "tangent", "1", count, -sign * (half - step / 2), sign * step, 1)
