@@ -9,6 +9,7 @@ method on one page).
 >>> maps = echofuse.load_model("fused.safetensors").predict(run)
 >>> maps.depth_m.shape  # metres; NaN: nothing returned
 """
+from . import metrics
 from .acquire import record, write_run
 from .model import Estimator, Maps, Model, load_model
 from .maps import load_maps, save_maps
@@ -19,5 +20,5 @@ from .splits import Split, split
 __version__ = "0.2.0"
 
 __all__ = ["Axis", "Estimator", "Maps", "Model", "Record", "Run", "Split", "load_maps",
-           "load_model", "open", "record",
-           "save_maps", "split", "to_xarray", "write_run"]
+           "load_model", "metrics", "open", "record", "save_maps", "split", "to_xarray",
+           "write_run"]

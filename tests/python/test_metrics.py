@@ -1,0 +1,69 @@
+# SPDX-License-Identifier: MIT
+"""echofuse.metrics gives the scores of the judge, record by record."""
+import csv
+
+import numpy as np
+import pytest
+
+import echofuse
+from echofuse import metrics
+from programs import program
+
+COLUMNS = {"iou": metrics.iou, "depth_mae_m": metrics.depth_mae, "lateral_m": metrics.lateral, "ssim_fg": metrics.ssim_fg,
+           "ghost": metrics.mirror_fraction}
+
+
+def wrong(truth, how):
+    """Maps that are wrong by noise, that are expected depths of a regression, or that are empty or mirrored."""
+    z, rng = np.nan_to_num(truth), np.random.default_rng(3)
+    if how == "noise":
+        out = np.roll(z + rng.normal(0, 0.1, z.shape) * (z > 0), 2, 2) * (rng.random(z.shape) < 0.9)
+    elif how == "expected":
+        out = sum(np.roll(z, k, 2) * 0.2 for k in range(-2, 3)) + rng.normal(0, 0.05, z.shape)
+    else:
+        out = z[:, :, ::-1].copy()
+        out[::5] = 0
+        out[1::5] = 9
+    return out.astype(np.float32)
+
+
+@pytest.fixture(scope="module", params=["none", "room"])
+def runs(request, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("metrics")
+    for name, seed in (("train", 1), ("test", 2)):
+        program("echofuse-sim", "dataset", "-q", "--out", folder / f"{name}.sqlite", "--records", 40, "--seed", seed, "--set",
+                f"background={request.param}")
+    return echofuse.open(folder / "train"), echofuse.open(folder / "test")
+
+
+@pytest.mark.parametrize("how", ["noise", "expected", "mirrored"])
+def test_scores_are_those_of_the_judge(runs, tmp_path, how):
+    train, test = runs
+    maps, truth, scene = wrong(test.maps(), how), test.maps(), metrics.Scene.of_maps(train.maps())
+    echofuse.save_maps(tmp_path / "maps", maps, test.index)
+    program("echofuse-recon", "evaluate", "-q", "--maps", tmp_path / "maps", test.path, "--train", train.path, "--all",
+            "--per-record", tmp_path / "scores.csv")
+    with open(tmp_path / "scores.csv", newline="") as file:
+        judged = [row for row in csv.DictReader(file)]
+    name = judged[0]["name"]
+    rows = {int(row["record"]): row for row in judged if row["name"] == name}
+    at = [int(np.flatnonzero(test.index == index)[0]) for index in rows]
+    assert len(at) >= 30
+    for column, function in COLUMNS.items():
+        wanted = [float(row[column] or "nan") for row in rows.values()]
+        found = function(maps, truth, scene)[at]
+        np.testing.assert_allclose(found, wanted, rtol=1e-6, atol=1e-7, err_msg=column)
+        assert np.isfinite(found).any(), column
+
+
+def test_what_has_no_score_is_nan():
+    scene = metrics.Scene(np.zeros((8, 8), np.float32), 3.0)
+    empty, body = np.full((1, 8, 8), np.nan), np.full((1, 8, 8), np.nan)
+    body[0, 2:5, 1:3] = 3
+    assert np.isnan(metrics.iou(empty, empty, scene)) and metrics.iou(empty, body, scene) == 0
+    assert metrics.iou(body, body, scene) == 1 and metrics.lateral(body, body, scene) == 0
+    assert np.isnan(metrics.depth_mae(empty, body, scene)) and np.isnan(metrics.lateral(empty, body, scene))
+    assert np.isnan(metrics.ssim_fg(body, body, scene))  # the window is larger than the map
+    assert metrics.mirror_fraction(body[:, :, ::-1], body, scene) == 1
+    with pytest.raises(ValueError, match=r"\[8, 8\]; expected \[n, N, N\]"):
+        metrics.iou(body[0], body[0], scene)
