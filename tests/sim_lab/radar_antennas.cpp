@@ -34,8 +34,9 @@ Chirp chirp_of(std::vector<unsigned> transmitters) {
 RenderedScene point_at(double x, double y, std::int64_t index = 0) {
   RenderedScene scene;
   scene.index = index;
-  scene.radar = {
-      {3.0}, {1.0}, {{static_cast<float>(x), static_cast<float>(y), 1, Returns::leakage}}};
+  scene.radar = {.range_m = {3.0},
+                 .weight = {1.0},
+                 .place = {{static_cast<float>(x), static_cast<float>(y), 1, Returns::leakage}}};
   return scene;
 }
 

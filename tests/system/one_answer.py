@@ -98,7 +98,7 @@ def of_view(run):
 def of_python(run):
     with echofuse.open(run) as opened:
         told, info = opened.told(), opened.info
-        verdicts = {s: told[f"verdict_{s}"].tolist() for s in SENSORS}
+        verdicts = {s: told[f"{s}_verdict"].tolist() for s in SENSORS}
         counters = opened.table("counter")
         record = opened.table("record")
         notes = [text for _, level, _, text in opened.events() if level == "note"]
@@ -106,7 +106,7 @@ def of_python(run):
                 "ended": info["ended_utc"], "operator": info["operator"], "window_s": info["window_s"],
                 "valid": {s: int(opened.valid[s].sum()) for s in SENSORS}, "labels": dict(Counter(opened.labels)),
                 "all_valid": int(np.all(list(opened.valid.values()), 0).sum()),
-                "lost": {s: int(told[f"lost_{s}"].sum()) for s in SENSORS}, "verdicts": {s: kinds(verdicts[s]) for s in SENSORS},
+                "lost": {s: int(told[f"{s}_lost"].sum()) for s in SENSORS}, "verdicts": {s: kinds(verdicts[s]) for s in SENSORS},
                 "doubtful": doubtful(verdicts), "incomplete": int((record["missing"] > 0).sum()), "events": len(opened.events()),
                 "notes": [info["notes"]] * bool(info["notes"]) + notes, "follow": len(list(opened.follow())),
                 "unwritten": int(counters["value"][counters["name"] == b"unwritten"].sum()),
@@ -121,8 +121,8 @@ def of_hdf5(run, folder):
     assert done.returncode == 0, done.stderr
     with h5py.File(place) as file:
         entry, text = file["entry"], lambda values: [value.decode() for value in values]
-        valid = entry["data/valid"][()]
-        verdicts = {s: text(entry[f"sync/{s}/verdict"][()]) for s in SENSORS}
+        valid = sum(bit * entry[f"data/{s}_valid"][()].astype(int) for s, bit in SENSORS.items())
+        verdicts = {s: text(entry[f"data/{s}_verdict"][()]) for s in SENSORS}
         counter, event, record = (entry[f"tables/{name}"] for name in ("counter", "event", "record"))
         title, one = entry["title"][()].decode(), lambda name: entry[name][()].decode()
         notes = [what for level, what in zip(text(event["level"][()]), text(event["text"][()])) if level == "note"]
@@ -132,7 +132,7 @@ def of_hdf5(run, folder):
                 "operator": one("operator"), "uuid": one("entry_identifier"), "meta": meta,
                 "valid": {s: int((valid & bit > 0).sum()) for s, bit in SENSORS.items()}, "all_valid": int((valid == 7).sum()),
                 "labels": dict(Counter(text(entry["data/label"][()]))), "verdicts": {s: kinds(verdicts[s]) for s in SENSORS},
-                "lost": {s: int(entry[f"sync/{s}/lost"][()].sum()) for s in SENSORS}, "doubtful": doubtful(verdicts),
+                "lost": {s: int(entry[f"data/{s}_lost"][()].sum()) for s in SENSORS}, "doubtful": doubtful(verdicts),
                 "incomplete": int((record["missing"][()] > 0).sum()), "notes": [title] * bool(title) + notes,
                 "unwritten": sum(int(value) for name, value in zip(counter["name"][()], counter["value"][()])
                                  if name == b"unwritten"),
