@@ -9,6 +9,7 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <set>
 #include <span>
 
 #include "drivers/core/crc32c.hpp"
@@ -20,6 +21,7 @@
 #include "recon/data/late_truth.hpp"
 #include "recon/numbers/parallel.hpp"
 #include "recon/numbers/text.hpp"
+#include "recon/train/train.hpp"
 #include "recon/use/evaluate.hpp"
 #include "recon/use/paired.hpp"
 #include "recon/use/written_maps.hpp"
@@ -29,7 +31,7 @@ namespace {
 
 struct Arguments {
   std::vector<std::string> files, maps, train;  // files: models, and last the run
-  std::string empty, per_record;
+  std::string empty, per_record, rows;
   double range_offset_m = 0;
   bool all = false, json = false;
 };
@@ -210,7 +212,29 @@ std::vector<std::string> notes_on_truth(const Dataset& data, const std::vector<S
   return out;
 }
 
-// Folders of maps, and models, on the records that all of them have.
+// Marks the rows that --rows does not ask for: other parts of the program's usual split, or records
+// that no folder's records.csv lists.
+void leave_out_unasked(const std::string& asked, const std::vector<WrittenMaps>& folders,
+                       const Dataset& data, std::vector<std::string>& left_out) {
+  if (asked.empty()) return;
+  std::set<std::int64_t> wanted;
+  if (asked == "test") {
+    const Inputs inputs = data.radar_axis.count == 0 ? Inputs::spd
+                          : data.spd_axis.count == 0 ? Inputs::radar
+                                                     : Inputs::fused;
+    for (const std::size_t row : make_split(rows_to_train(data, inputs).rows, {}).test)
+      wanted.insert(data.index[row]);
+  } else {
+    for (const WrittenMaps& maps : folders) {
+      for (const auto& [index, map] : maps.of_index) wanted.insert(index);
+      wanted.insert(maps.without.begin(), maps.without.end());
+    }
+  }
+  for (std::size_t row = 0; row < left_out.size(); ++row)
+    if (!wanted.contains(data.index[row])) left_out[row] = "not asked for by --rows";
+}
+
+// Folders of maps, and models. Records without a map in a folder count as an empty one there.
 ExitCode evaluate_maps(const Arguments& a, const Common& common) {
   const auto title = [&](const char* text) { return common.quiet || a.json ? "" : text; };
   const std::string& run = a.files.back();
@@ -233,6 +257,7 @@ ExitCode evaluate_maps(const Arguments& a, const Common& common) {
   std::vector<WrittenMaps> written;
   for (const std::string& folder : a.maps) written.push_back(read_written_maps(folder, data.map));
   std::vector<std::string> left_out = left_out_of_maps(written, data, a.all);
+  leave_out_unasked(a.rows, written, data, left_out);
   for (std::size_t k = 0; k < models.size(); ++k) {
     const auto of_model = left_out_of_evaluation(models[k], records[k].data, a.all);
     for (std::size_t row = 0; row < left_out.size(); ++row)
@@ -247,9 +272,17 @@ ExitCode evaluate_maps(const Arguments& a, const Common& common) {
   if (rows.empty()) throw Error(ExitCode::failed, run + ": no record to judge: " + left_out_line);
 
   std::vector<Judged> all;
-  for (const WrittenMaps& maps : written)
+  std::vector<std::size_t> answered;
+  std::string unanswered;
+  for (const WrittenMaps& maps : written) {
+    answered.push_back(answered_by(maps, data, rows));
+    if (answered.back() < rows.size())
+      unanswered += formatted("%s: %zu of %zu records answered; the others count as an empty map\n",
+                              maps.name.c_str(), answered.back(), rows.size());
     all.push_back(
-        {maps.name, rows, score_maps(maps_of(maps, data, rows), data, rows, judge.scene)});
+        {maps.name, rows,
+         score_maps(maps_of(maps, data, rows, judge.scene.background), data, rows, judge.scene)});
+  }
   for (std::size_t k = 0; k < models.size(); ++k)
     all.push_back({std::filesystem::path(a.files[k]).stem().string(), rows,
                    evaluate(models[k], records[k], rows, title("scoring"), judge).scores});
@@ -268,13 +301,16 @@ ExitCode evaluate_maps(const Arguments& a, const Common& common) {
   if (a.json) {
     nlohmann::json out = to_json(scored, baselines, rows.size(), note);
     out["left_out"] = reasons;
+    out["answered"] = answered[0];
+    for (std::size_t k = 0; k < all.size(); ++k)
+      out["rows"][k]["answered"] = k < answered.size() ? answered[k] : rows.size();
     put(out);
   } else {
     std::vector<ScoredRow> table = scored;
     table.insert(table.end(), baselines.begin(), baselines.end());
     print(
         printable_lines(formatted("%zu records; mean +- standard error over maps\n", rows.size()) +
-                        (left_out_line.empty() ? "" : left_out_line + "\n") +
+                        (left_out_line.empty() ? "" : left_out_line + "\n") + unanswered +
                         (note.empty() ? "" : note + "\n") + to_table(table) + paired_text(all)));
   }
   return ExitCode::ok;
@@ -300,13 +336,19 @@ Command add_evaluate(CLI::App& app, const Common& common) {
                  "and have the nearest neighbours")
       ->type_name("RUN")
       ->allow_extra_args(false);
+  app.add_option("--rows", a->rows,
+                 "with --maps: judge only the test part of the usual split (test), or the records "
+                 "that records.csv lists (listed)")
+      ->type_name("ROWS")
+      ->check(CLI::IsMember({"test", "listed"}))
+      ->needs("--maps");
   app.add_option("--per-record", a->per_record,
                  "CSV table to write: scores, true place and stated error of each record")
       ->type_name("FILE");
   add_empty_option(app, a->empty);
   add_range_offset_option(app, a->range_offset_m);
   app.add_flag("--json", a->json, "one JSON object instead of text");
-  more_options(app, {"--train", "--per-record", "--empty", "--range-offset", "--json"});
+  more_options(app, {"--train", "--rows", "--per-record", "--empty", "--range-offset", "--json"});
   add_examples(app, {"echofuse-recon evaluate fused.safetensors scenes.sqlite",
                      "echofuse-recon evaluate small.safetensors fused.safetensors scenes.sqlite",
                      "echofuse-recon evaluate --maps mine fresh.sqlite --train scenes.sqlite"});

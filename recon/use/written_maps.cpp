@@ -181,19 +181,6 @@ WrittenMaps read_written_maps(const std::string& folder, const record::MapGrid& 
   return out;
 }
 
-namespace {
-
-void require_known(const WrittenMaps& maps, const Dataset& data, std::size_t row) {
-  const std::int64_t index = data.index[row];
-  if (maps.of_index.contains(index) || std::ranges::find(maps.without, index) != maps.without.end())
-    return;
-  refuse(maps.name, formatted("has %zu maps and none of record %lld; expected one of every record "
-                              "with depth, or its line in records.csv",
-                              maps.of_index.size(), static_cast<long long>(index)));
-}
-
-}  // namespace
-
 std::vector<std::string> left_out_of_maps(const std::vector<WrittenMaps>& folders,
                                           const Dataset& data, bool all) {
   const Source& run = data.sources.front();
@@ -208,8 +195,6 @@ std::vector<std::string> left_out_of_maps(const std::vector<WrittenMaps>& folder
     out[row] = data.has(row, Sensor::depth) ? data.doubt_of(row, Inputs::fused) : "camera missing";
     if (!out[row].empty()) continue;
     for (const WrittenMaps& maps : folders) {
-      require_known(maps, data, row);
-      if (!maps.of_index.contains(index)) out[row] = "no map";
       if (!all && maps.trained_on.contains(index)) out[row] = trained_on_record;
     }
     if (out[row].empty() && content != 0 && !counts.insert(content).second) out[row] = twice_in_run;
@@ -217,9 +202,22 @@ std::vector<std::string> left_out_of_maps(const std::vector<WrittenMaps>& folder
   return out;
 }
 
-Matrix maps_of(const WrittenMaps& maps, const Dataset& data, const Rows& rows) {
+std::size_t answered_by(const WrittenMaps& maps, const Dataset& data, const Rows& rows) {
+  const auto answered = static_cast<std::size_t>(std::ranges::count_if(
+      rows, [&](std::size_t row) { return maps.of_index.contains(data.index[row]); }));
+  if (answered == 0)
+    refuse(maps.name, formatted("has %zu maps, and none of the %zu judged records",
+                                maps.of_index.size(), rows.size()));
+  return answered;
+}
+
+Matrix maps_of(const WrittenMaps& maps, const Dataset& data, const Rows& rows,
+               const std::vector<float>& empty) {
   Matrix out(0, data.depth.cols);
-  for (const std::size_t row : rows) out.add_row(maps.of_index.at(data.index[row]));
+  for (const std::size_t row : rows) {
+    const auto own = maps.of_index.find(data.index[row]);
+    out.add_row(own == maps.of_index.end() ? empty : own->second);
+  }
   return out;
 }
 

@@ -35,13 +35,16 @@ struct WrittenMaps {
 // Throws Error(failed): neither kind of files, another grid, values that are no depths in metres.
 WrittenMaps read_written_maps(const std::string& folder, const record::MapGrid& grid);
 
-// Returns why each row is not judged; empty if it is. Reasons: no map in a folder, no depth, a
-// doubt, twice in the run, and, unless `all`, in the training of a folder's model. Throws
-// Error(failed) that names the first record with depth that a folder does not know, and for maps of
-// another run.
+// Returns why each row is not judged; empty if it is. Reasons: no depth, a doubt, twice in the run,
+// and, unless `all`, in the training of a folder's model. Throws Error(failed) for maps of another
+// run.
 std::vector<std::string> left_out_of_maps(const std::vector<WrittenMaps>& folders,
                                           const Dataset& data, bool all);
-Matrix maps_of(const WrittenMaps& maps, const Dataset& data, const Rows& rows);
+// Returns how many of the rows have a map. Throws Error(failed) if none has.
+std::size_t answered_by(const WrittenMaps& maps, const Dataset& data, const Rows& rows);
+// Returns the maps of these rows; `empty` stands for a missing one.
+Matrix maps_of(const WrittenMaps& maps, const Dataset& data, const Rows& rows,
+               const std::vector<float>& empty);
 
 // Writes a .npy file row by row; it appears at its place when it is closed. Throws Error(disk).
 class NpyWriter {

@@ -5,20 +5,30 @@ from __future__ import annotations
 
 import csv
 import pathlib
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .staged import replaced
 
+if TYPE_CHECKING:
+    from .run import Run
+
 
 def save_maps(folder: str | pathlib.Path, depth_m: ArrayLike, index: ArrayLike,
-              origin: str = "") -> None:
-    """Writes maps [n, N, N] (metres, NaN: no return) of the records with these indices [n]. origin:
-    the text of run.txt; without it the folder names no run."""
+              origin: str = "", *, run: Run | None = None) -> None:
+    """Writes maps [n, N, N] (metres, NaN: no return) of the records with these indices [n]. run:
+    their run, which run.txt names; origin: the text of run.txt. Without both the folder names no
+    run. Raises FileExistsError for a folder with maps of another run."""
     folder = pathlib.Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
-    (folder / "run.txt").unlink(missing_ok=True)
+    if run is not None:
+        origin = f"{run.info['uuid']}\n{run.path}\n"
+    named = folder / "run.txt"
+    if origin and named.exists() and named.read_text().split("\n")[0] != origin.split("\n")[0]:
+        raise FileExistsError(f"{folder}: has maps of another run; name another folder")
+    named.unlink(missing_ok=True)
     if origin:
         with replaced(folder / "run.txt") as new:
             new.write_text(origin)

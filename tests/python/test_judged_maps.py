@@ -1,0 +1,62 @@
+# SPDX-License-Identifier: MIT
+"""Maps of other programs before the judge: which records count, and which run they belong to."""
+import json
+import subprocess
+
+import numpy as np
+import pytest
+
+import echofuse
+from echofuse import derive
+from programs import BIN, program
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    made = tmp_path_factory.mktemp("judged") / "run.sqlite"
+    program("echofuse-sim", "dataset", "-q", "--out", made, "--records", 60)
+    return echofuse.open(made)
+
+
+def judged(folder, run, *words, ok=True):
+    done = subprocess.run([BIN / "echofuse-recon", "-q", "evaluate", "--maps", folder, run.path, *words], capture_output=True,
+                          text=True, check=False)
+    assert (done.returncode == 0) == ok, done.stderr
+    return json.loads(done.stdout) if "--json" in words and ok else done.stdout + done.stderr
+
+
+def save(folder, of, rows, **more):
+    echofuse.save_maps(folder, of.maps(rows), of.index[rows], **more)
+    return folder
+
+
+def test_a_record_without_a_map_counts_as_an_empty_map(run, tmp_path):
+    few = save(tmp_path / "few", run, np.arange(6))
+    told, whole = judged(few, run, "--json"), judged(save(tmp_path / "all", run, np.arange(60)), run, "--json")
+    assert (told["records"], told["answered"], told["rows"][0]["answered"]) == (60, 6, 6)
+    assert told["metrics"]["iou"]["mean"] == pytest.approx(0.1) and told["trivial"] == whole["trivial"]
+    assert (whole["answered"], whole["metrics"]["iou"]["mean"]) == (60, 1)
+    assert "few: 6 of 60 records answered; the others count as an empty map" in judged(few, run)
+
+
+def test_the_documented_test_rows_are_judged_alone(run, tmp_path):
+    rows = echofuse.split(run).test
+    folder = save(tmp_path / "mine", run, rows, run=run)
+    for asked in ("test", "listed"):
+        told = judged(folder, run, "--json", "--rows", asked)
+        assert (told["records"], told["answered"], told["metrics"]["iou"]["mean"]) == (len(rows), len(rows), 1)
+        assert told["left_out"] == {"not asked for by --rows": 60 - len(rows)}
+
+
+def test_maps_without_a_judged_record_are_refused(run, tmp_path):
+    echofuse.save_maps(tmp_path / "none", run.maps([0]), [1000])
+    assert "has 1 maps, and none of the 60 judged records" in judged(tmp_path / "none", run, ok=False)
+
+
+def test_a_folder_keeps_the_maps_of_its_run(run, tmp_path):
+    folder = save(tmp_path / "mine", run, np.arange(60), run=run)
+    with echofuse.open(derive.copy(run.path, tmp_path / "other.sqlite")) as other:
+        with pytest.raises(FileExistsError, match="has maps of another run"):
+            save(folder, other, np.arange(60), run=other)
+        assert "holds maps of another run" in judged(folder, other, ok=False)
+    assert judged(folder, run, "--json")["metrics"]["iou"]["mean"] == 1
