@@ -101,7 +101,7 @@ def test_a_table_that_cannot_be_written_is_named(tmp_path):
     table = bench.Table(tmp_path / "table.csv")
     table.path = tmp_path / "file/table.csv"
     with pytest.raises(bench.BenchError, match=r"file/table.csv: cannot write \(") as found:
-        table.add({"axis": "model", "value": "1", "model": "mean", "inputs": "-", "seed": 1})
+        table.add({"axis": "model", "value": "1", "model": "mean", "inputs": "-", "seed": 1, "source": "-", "iou": 0.5})
     assert found.value.code == 6
 
 
@@ -135,15 +135,18 @@ def test_a_bench_judges_anybodys_method_and_goes_on_where_it_stopped(run, tmp_pa
     bench.fill(again, cells, quiet=True)
     assert (tmp_path / "b.csv").read_text() == before and again.rows.keys() == table.rows.keys()
     text = bench.markdown(bench.means(again))
-    assert "`constant`" in text and "| IoU | depth error |" in text
+    assert "`constant`" in text and "| IoU | depth error (maps) |" in text
 
 
 class Truth:
+    def __init__(self, path):
+        self.path = path
+
     def fit(self, known, rows):
         pass
 
     def predict(self, fresh):
-        return fresh.maps()
+        return echofuse.open(self.path).maps()
 
 
 def test_the_truth_scores_1_also_with_people_who_stand_nearer_than_in_training(run, tmp_path):
@@ -151,7 +154,7 @@ def test_the_truth_scores_1_also_with_people_who_stand_nearer_than_in_training(r
     program("echofuse-sim", "dataset", "-q", "--out", near, "--people", 12, "--set", "target_z_min_m=1.2", "--set",
             "target_z_max_m=1.4")
     for fresh in (near, run.path):
-        row = bench.measure(bench.python_method("truth", Truth), run.path, fresh)
+        row = bench.measure(bench.python_method("truth", lambda: Truth(fresh)), run.path, fresh)
         assert row["iou"] == 1 and row["depth_mae_m"] == 0
 
 
@@ -163,7 +166,7 @@ def test_what_no_table_may_hold_ends_the_bench(run, tmp_path):
     assert not table.rows and not table.path.exists()
     with pytest.raises(bench.UsageError, match="no.such"):
         bench.method("no.such:Thing")
-    table.add({"axis": "model", "value": "1", "model": "mean", "inputs": "-", "seed": 1})
+    table.add({"axis": "model", "value": "1", "model": "mean", "inputs": "-", "seed": 1, "source": "-", "iou": 0.5})
     assert bench.Table(table.path, "this").rows.keys() == table.rows.keys()
     with pytest.raises(bench.UsageError, match="is of this; expected that"):
         bench.Table(table.path, "that")

@@ -44,6 +44,7 @@ recon train seen.sqlite --out m --set doubtful=log | 3 | expected
 recon train seen.sqlite --out m --set lossy=log | 3 | expected
 recon reconstruct seen.sqlite seen.sqlite --out maps | 1 | seen.sqlite: is a run; expected a model file
 recon reconstruct nomodel seen.sqlite --out maps --format gif | 2 | --format: gif not in {colour,mm,ply,npy,foreground,uncertainty}
+recon evaluate nomodel seen.sqlite --rows test | 2 | --rows requires --maps
 report page | 2 | nothing to report on: give --run with models, or --live
 report page --model x | 2 | models need --run
 recon --threads many train x --out m | 2 | --threads

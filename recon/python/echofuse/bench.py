@@ -16,6 +16,8 @@ from __future__ import annotations
 
 import argparse
 import errno
+import importlib
+import os
 import sqlite3
 import sys
 from collections.abc import Callable
@@ -56,7 +58,7 @@ def main() -> None:
     commands = parser.add_subparsers(required=True, metavar="COMMAND", title="Subcommands")
 
     def command(name: str, text: str,
-                run: Callable[[argparse.Namespace], None]) -> argparse.ArgumentParser:
+                run: Callable[[argparse.Namespace], Table]) -> argparse.ArgumentParser:
         one = commands.add_parser(name, help=text, description=text, formatter_class=wide)
         one.add_argument("--out", required=True, metavar="CSV",
                          help="table to write; rows that are there are not measured again")
@@ -91,8 +93,14 @@ def main() -> None:
     one.add_argument("of", metavar="RUN", help="run with labels as letter:A, and the truth")
     one.set_defaults(run=_letters)
     args = parser.parse_args()
+    sys.path.append(os.getcwd())  # methods in the current folder
     try:
-        args.run(args)
+        if getattr(args, "figure", None):
+            require_matplotlib()
+        table = args.run(args)
+        if table and table.failed:
+            raise BenchError(f"{table.failed} rows of methods that failed; {table.log} has the "
+                             "tracebacks")
     except (RuntimeError, ValueError, OSError, sqlite3.Error) as error:
         print(f"echofuse-bench: {error}", file=sys.stderr)
         full = getattr(error, "errno", 0) in (errno.ENOSPC, errno.EDQUOT,
@@ -102,14 +110,23 @@ def main() -> None:
         sys.exit(130)
 
 
-def _pareto(args: argparse.Namespace) -> None:
+def require_matplotlib() -> None:
+    """Raises UsageError before anything is measured for a figure that cannot be drawn."""
+    try:
+        importlib.import_module("matplotlib")
+    except ImportError as error:
+        raise UsageError(f"--figure: {error}; install python3-matplotlib") from None
+
+
+def _pareto(args: argparse.Namespace) -> Table:
     if runs.open(args.train).info["uuid"] == runs.open(args.test).info["uuid"]:
         raise UsageError(f"{args.test}: the methods are trained on this run; judge them by another")
-    table = Table(args.out, of_runs(args.train, args.test), args.part)
     methods, sweep = ([method(name) for name in names] for names in (args.methods, args.sweep))
+    table = Table(args.out, of_runs(args.train, args.test), args.part)
     fill(table, pareto_cells(args.train, args.test, methods, seeds=args.seeds or 3, sweep=sweep),
          jobs=args.jobs, part=args.part, quiet=args.quiet)
     finish(table, args, lambda plot: plot.pareto(args.out))
+    return table
 
 
 def _letters(args: argparse.Namespace) -> None:

@@ -4,12 +4,16 @@ one judge."""
 from __future__ import annotations
 
 import contextlib
+import hashlib
 import importlib.util
+import inspect
 import json
 import os
 import pathlib
 import shlex
+import shutil
 import subprocess
+import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
@@ -19,6 +23,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from . import derive
 from . import run as runs
 from .maps import save_maps
 from .programs import BenchError, UsageError, call
@@ -28,6 +33,7 @@ METRICS = ("iou", "ssim", "ssim_hard", "ssim_fg", "rmse_m", "rmse_fg_m", "depth_
            "delta_125", "lateral_m",
            "ghost", "left_right")
 COSTS = ("multiply_adds", "infer_us_median", "infer_us_p99", "train_s")
+COUNTS = ("answered", "records", "depth_maps", "threads")
 CONSTANT = ("empty", "mean")  # look at no sensor
 Path = str | pathlib.Path
 Row = dict[str, Any]
@@ -63,24 +69,47 @@ Answer = Callable[[pathlib.Path, pathlib.Path], tuple[list[str], Row]]
 class Method:
     """A name, and how to learn from a run: fit(train, folder, seed, fallback) gives answer(test,
     folder), and this the words that `evaluate` takes, and costs. fallback: a candidate of both
-    sensors answers for records of one, too."""
+    sensors answers for records of one, too. source: hash of the code of a method of one's own."""
 
     model: str
     inputs: str
     fit: Callable[[pathlib.Path, pathlib.Path, int, bool], Answer]
+    source: str = "-"
 
     @property
     def name(self) -> str:
         return self.model if self.inputs in ("fused", "-") else f"{self.model}:{self.inputs}"
 
+    @property
+    def own(self) -> bool:
+        """Whether it is a class or a command of the user."""
+        return self.inputs == "-" and self.model not in CONSTANT
+
+    def shown(self, test: pathlib.Path, folder: pathlib.Path) -> pathlib.Path:
+        """The test run as this method gets it: a method of one's own gets a copy without truth."""
+        if not self.own:
+            return test
+        return derive.copy(test, folder / "test.sqlite", derive.lost("depth"))
+
+
+def source_of(*paths: str | None) -> str:
+    """Hash of these files, without those that are missing."""
+    total = hashlib.sha256()
+    for path in paths:
+        if path and os.path.isfile(path):
+            total.update(pathlib.Path(path).read_bytes())
+    return total.hexdigest()[:12]
+
 
 def method(text: str) -> Method:
     """The method of this name (bench.py). Raises UsageError for a class that is not there."""
     if "/" in text:
+        words = shlex.split(text)
         return Method(text, "-", lambda train, folder, seed,
-                      fallback: _by_command(text, train, seed))
+                      fallback: _by_command(text, train, seed),
+                      source_of(shutil.which(words[0]), *words[1:]))
     module, _, name = text.partition(":")
-    if "." in module or importlib.util.find_spec(module) is not None and name[:1].isupper():
+    if "." in module or name[:1].isupper():
         try:
             made = getattr(importlib.import_module(module), name)
         except (ImportError, AttributeError) as error:
@@ -93,7 +122,9 @@ def method(text: str) -> Method:
 
 def python_method(name: str, make: Callable[..., Fitted]) -> Method:
     """A method of this name: make() or make(seed=...) gives an object with fit and predict."""
-    return Method(name, "-", lambda train, folder, seed, fallback: _by_object(make, train, seed))
+    module = sys.modules.get(getattr(make, "__module__", ""))
+    return Method(name, "-", lambda train, folder, seed, fallback: _by_object(make, train, seed),
+                  source_of(getattr(module, "__file__", None)))
 
 
 def _by_candidate(model: str, inputs: str, train: pathlib.Path, folder: pathlib.Path, seed: int,
@@ -108,9 +139,11 @@ def _by_candidate(model: str, inputs: str, train: pathlib.Path, folder: pathlib.
 
 def _by_object(make: Callable[..., Fitted], train: pathlib.Path, seed: int) -> Answer:
     try:
-        one = make(seed=seed)
-    except TypeError:
+        inspect.signature(make).bind(seed=seed)
+    except (TypeError, ValueError):  # it takes no seed, or states no parameters
         one = make()
+    else:
+        one = make(seed=seed)
     with runs.open(train) as known:
         started = time.perf_counter()
         ranging = [sensor for sensor in ("spd", "radar") if known.valid[sensor].any()]
@@ -140,21 +173,31 @@ def _by_command(text: str, train: pathlib.Path, seed: int) -> Answer:
                               capture_output=True, text=True,
                               env=os.environ | {"ECHOFUSE_SEED": str(seed)}, check=False)
         if done.returncode:
-            raise BenchError(f"{text}: {(done.stderr.strip().splitlines() or ['no message'])[-1]}")
+            error = BenchError(
+                f"{text}: {(done.stderr.strip().splitlines() or ['no message'])[-1]}")
+            error.add_note(done.stderr.strip())
+            raise error
         return ["--maps", str(folder / "maps")], {"train_s": time.perf_counter() - started}
 
     return answer
 
 
-def judge(answer: Answer, train: pathlib.Path, test: pathlib.Path) -> Row:
-    """Metrics (means over the records) and costs. Multiply-adds and times of a map are the
-    program's own for its candidates; of others a record's share of the whole prediction."""
+def judge(answer: Answer, train: pathlib.Path, test: pathlib.Path, shown: pathlib.Path) -> Row:
+    """Metrics (means over the records) and costs. shown: Method.shown(test). Multiply-adds and
+    times of a map are the program's own for its candidates; of others a record's share of the whole
+    prediction."""
     with tempfile.TemporaryDirectory(prefix="echofuse-bench-") as scratch:
-        words, costs = answer(test, pathlib.Path(scratch))
+        words, costs = answer(shown, pathlib.Path(scratch))
         told = json.loads(call("echofuse-recon", "-q", "evaluate", *words, test, "--train", train,
                                "--json").stdout)
     row: Row = {name: nan_if_none(told["metrics"].get(name, {}).get("mean")) for name in METRICS}
-    return row | {name: nan_if_none((told.get("cost") or {}).get(name, costs.get(name)))
+    counts = {"answered": told.get("answered", told["records"]), "records": told["records"],
+              "depth_maps": told["metrics"]["depth_mae_m"]["maps"],
+              "threads": 1 if told.get("cost")  # the program's own times are those of one thread
+              else int(os.environ.get("OMP_NUM_THREADS") or os.cpu_count() or 1)}
+    if "answered" not in told:  # of a model only the records with a map are judged
+        counts["records"] += told["left_out"]
+    return row | counts | {name: nan_if_none((told.get("cost") or {}).get(name, costs.get(name)))
                   for name in COSTS}
 
 
@@ -162,7 +205,8 @@ def measure(how: Method, train: Path, test: Path, seed: int = 1) -> Row:
     """Scores of the method, trained on one run and judged on another."""
     train, test = pathlib.Path(train).resolve(), pathlib.Path(test).resolve()
     with tempfile.TemporaryDirectory(prefix="echofuse-bench-") as scratch:
-        return judge(how.fit(train, pathlib.Path(scratch), seed, True), train, test)
+        folder = pathlib.Path(scratch)
+        return judge(how.fit(train, folder, seed, True), train, test, how.shown(test, folder))
 
 
 def nan_if_none(value: float | None) -> float:

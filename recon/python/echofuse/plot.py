@@ -256,8 +256,9 @@ def timeline(run: runs.Run | Path, *, ax: Panels = None) -> Figure:
 
 
 def table(path: Path) -> list[dict[str, Any]]:
-    """Rows of a CSV of echofuse-bench; numbers as float, NaN where there is none."""
-    words = {"axis", "value", "model", "inputs", "machine", "known"}
+    """Rows of a CSV of echofuse-bench, the last one of each method, condition and seed; numbers as
+    float, NaN where there is none."""
+    words = {"axis", "value", "model", "inputs", "source", "machine", "known"}
 
     def number(text: str) -> float:
         try:
@@ -267,8 +268,10 @@ def table(path: Path) -> list[dict[str, Any]]:
 
     with open(path, encoding="utf-8") as lines:
         rows = csv.DictReader(line for line in lines if not line.startswith("#"))
+        keys = ("axis", "value", "model", "inputs", "seed")
+        last = {tuple(row.get(key) for key in keys): row for row in rows}
         return [{key: text if key in words else number(text)
-                 for key, text in row.items()} for row in rows]
+                 for key, text in row.items()} for row in last.values()]
 
 
 def name_of(row: dict[str, Any]) -> str:
@@ -311,16 +314,18 @@ def pareto(path: Path, *, bound_m: float | None = None, axis: str = "model",
     front: list[tuple[float, float]] = []
     for panel, cost, metric, unit in ((axes[0], "infer_us_median", "iou", 1),
                                       (axes[1], "multiply_adds", "lateral_m", 100)):
-        points = []
+        points, without = [], []
         for name, same in shown.items():
-            x = [row[cost] for row in same if row[cost] > 0]
+            costs = [row[cost] for row in same if row[cost] > 0]
             mean, spread = over_seeds(same, metric)
-            if not x:
+            if not costs:
+                without.append(name)
                 continue
-            panel.errorbar(x[-1], unit * mean, unit * spread or None,
+            x = float(np.mean(costs))
+            panel.errorbar(x, unit * mean, unit * spread or None,
                            fmt="os^v"[list(shown).index(name) // 10 % 4], ms=5, capsize=3,
                            color=colours[name], label=name)
-            points.append((x[-1], unit * mean))
+            points.append((x, unit * mean))
         if metric == "iou":
             for at, y in sorted(points):
                 if not front or y > front[-1][1]:
@@ -338,6 +343,9 @@ def pareto(path: Path, *, bound_m: float | None = None, axis: str = "model",
                            transform=panel.get_yaxis_transform(),
                            va="bottom", fontsize=8)
             panel.set(xlabel="multiply-adds of one map", ylabel="lateral error (cm)")
+            if without:
+                panel.text(0, -0.2, f"not counted: {', '.join(without)}", wrap=True, fontsize=7,
+                           transform=panel.transAxes, va="top")
         plain_log(panel, *("x" if metric == "iou" else "xy"))
         panel.margins(0.12)
     for panel, sweep in zip(axes[2:], sweeps):

@@ -4,7 +4,6 @@ checksums of their records."""
 from __future__ import annotations
 
 import argparse
-import hashlib
 import os
 import pathlib
 import sys
@@ -13,20 +12,8 @@ from typing import Any
 
 from . import photon_track
 from . import table as tables
-from . import run as runs
 from .methods import BenchError, call, method, version
-
-
-def checksum(path: str | pathlib.Path) -> str:
-    """SHA-256 of what the sensors of a run hold, record by record: counts, profiles as stored,
-    depths in millimetres."""
-    total = hashlib.sha256()
-    with runs.open(path) as run:
-        total.update(run.spd.astype("<u4").tobytes())
-        total.update(run.stored_radar().astype("<f4").tobytes())
-        for row in range(len(run)):
-            total.update(run.depth_mm(row).astype("<u2").tobytes())
-    return total.hexdigest()
+from .table import checksum
 
 
 def made(track: dict[str, Any], part: str, folder: pathlib.Path) -> pathlib.Path:
@@ -81,8 +68,9 @@ def add_command(parser: argparse.ArgumentParser) -> None:
                         help="print those of the runs, and measure nothing")
 
 
-def run(args: argparse.Namespace) -> None:
+def run(args: argparse.Namespace) -> tables.Table:
     recipe = tomllib.loads(args.recipe.read_text())
+    own = [method(name) for name in args.methods]
     args.runs.mkdir(parents=True, exist_ok=True)
     data = pathlib.Path(args.data) if args.data else None
     if data and (data / "spad-tmf8820").is_dir():
@@ -105,9 +93,9 @@ def run(args: argparse.Namespace) -> None:
             axis = " ".join(filter(None, (track["name"], part.shape)))
             titles[axis] = ": ".join(filter(None, (track["title"], part.shape)))
             names = track.get(part.zones) or track.get("methods") or recipe["methods"]
-            cells += [tables.Cell(axis, part.zones, method(name), seed, tables.there(part.train),
+            cells += [tables.Cell(axis, part.zones, how, seed, tables.there(part.train),
                                   tables.there(part.test))
-                      for name in (*names, *args.methods)
+                      for how in (*map(method, names), *own)
                       for seed in range(1, (args.seeds or recipe["seeds"]) + 1)]
     tables.fill(table, cells, jobs=args.jobs, part=args.part, quiet=args.quiet)
     if args.markdown:
@@ -120,3 +108,4 @@ def run(args: argparse.Namespace) -> None:
             out = pathlib.Path(args.figure)
             plot.pareto(args.out,
                         axis=name).savefig(out.with_name(f"{out.stem}-{name}{out.suffix}"))
+    return table

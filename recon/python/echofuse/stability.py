@@ -461,7 +461,7 @@ def add_command(parser: argparse.ArgumentParser) -> None:
                         help="recorded runs in place of the simulator")
 
 
-def run(args: argparse.Namespace) -> None:
+def run(args: argparse.Namespace) -> tables.Table:
     source: Simulated | Recorded = Recorded(*args.runs) if args.runs else Simulated(
         args.set, args.records or (1000 if args.quick else 3600),
         args.test_records or (300 if args.quick else 1000))
@@ -470,20 +470,20 @@ def run(args: argparse.Namespace) -> None:
     if unknown:
         raise UsageError(f"axis {unknown[0]}: expected some of {', '.join(known)}")
     axes = [known[name] for name in args.axes or known]
-    names = [*CONSTANT, *(name for name in args.methods if name not in CONSTANT)]
+    names = dict.fromkeys((*CONSTANT, "nearest", *args.methods))  # the baselines always
+    methods = [method(name) for name in names]
     table = tables.Table(args.out, source.of, args.part)
-    tables.fill(table, cells(source, axes, [method(name) for name in names], seeds=args.seeds or 3,
-                             quick=args.quick),
+    tables.fill(table, cells(source, axes, methods, seeds=args.seeds or 3, quick=args.quick),
                jobs=args.jobs, part=args.part, quiet=args.quiet)
     rows = list(table.rows.values())
     if args.markdown:
-        methods = list(falls_below(rows, axes[0]))
-        print("| axis | " + " | ".join(f"`{name}`" for name in methods) + " |\n|---" + "|---"
-              * len(methods) + "|")
+        columns = list(falls_below(rows, axes[0]))
+        print("| axis | " + " | ".join(f"`{name}`" for name in columns) + " |\n|---" + "|---"
+              * len(columns) + "|")
         for axis in axes:
             told = falls_below(rows, axis)
             print(f"| {axis.title} ({axis.kind}) | "
-                  + " | ".join(", ".join(told.get(name, [])) or "-" for name in methods) + " |")
+                  + " | ".join(", ".join(told.get(name, [])) or "-" for name in columns) + " |")
     if args.figure:
         from . import plot
 
@@ -491,3 +491,4 @@ def run(args: argparse.Namespace) -> None:
             stem = pathlib.Path(args.figure)
             out = stem if len(axes) == 1 else stem.with_name(f"{stem.stem}-{axis.id}{stem.suffix}")
             plot.stability(args.out, axis.id, base=axis.base, title=axis.title).savefig(out)
+    return table

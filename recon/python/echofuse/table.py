@@ -5,7 +5,10 @@ from __future__ import annotations
 import argparse
 import collections
 import concurrent.futures
+import contextlib
 import csv
+import hashlib
+import os
 import pathlib
 import shutil
 import sqlite3
@@ -13,7 +16,8 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Callable, Iterable, Sequence
+import traceback
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -21,30 +25,36 @@ import numpy as np
 
 from . import derive
 from . import run as runs
-from .methods import COSTS, METRICS, Method, Path, Row, UsageError, judge, version, writing
-from .staged import sync
+from .methods import (COSTS, COUNTS, METRICS, BenchError, Method, Path, Row, UsageError, judge,
+                      version, writing)
+from .staged import locked, sync
 
-COLUMNS = ("axis", "value", "model", "inputs", "seed", *METRICS, *COSTS)
+COLUMNS = ("axis", "value", "model", "inputs", "seed", "source", *METRICS, *COSTS, *COUNTS)
 
 
 class Table:
-    """Rows of a CSV file, by axis, value, model, inputs and seed. A row that is there is not
-    measured again; each new one is on the disk before the next. `of`: what it is a table of, its
-    first line; another one is refused (BenchError). A part (k, n) is a file beside it,
-    NAME-part-k-of-n.csv; the whole takes the rows of all parts that are there. Files one behind the
-    other (cat) are one, too."""
+    """Rows of a CSV file, by axis, value, model, inputs and seed; the last one of several counts. A
+    row with the method's source is not measured again; each new one is on the disk before the next.
+    failed: rows of one's own methods that failed, with a traceback in the log. `of`: the first
+    line, which names the data; another one is refused (BenchError). A part (k, n) is a file beside
+    it, NAME-part-k-of-n.csv; the whole takes the rows of all parts that are there. Files one behind
+    the other (cat) are one, too."""
 
     def __init__(self, path: Path, of: str = "", part: tuple[int, int] = (1, 1)) -> None:
         whole = pathlib.Path(path)
         self.path = whole if part[1] == 1 else whole.with_name(
             f"{whole.stem}-part-{part[0]}-of-{part[1]}{whole.suffix}")
-        self.of = of
+        self.of, self.log, self.failed = of, self.path.with_suffix(".log"), 0
         self.rows: dict[tuple[str, ...], Row] = {}
         here = self._read(self.path)
         if part[1] == 1:
             for other in sorted(whole.parent.glob(f"{whole.stem}-part-*-of-*{whole.suffix}")):
+                newer = self.path.exists() and (other.stat().st_mtime_ns
+                                                > self.path.stat().st_mtime_ns)
                 for key, row in self._read(other).items():
-                    if key not in here:
+                    known = here.get(key)
+                    if known is None or newer and known["source"] != row["source"]:
+                        here[key] = row
                         self.add(row)
         elif whole.exists():
             self.rows = self._read(whole)
@@ -72,12 +82,43 @@ class Table:
     def key(row: Row) -> tuple[str, ...]:
         return tuple(str(row[name]) for name in COLUMNS[:5])
 
-    def add(self, row: Row, on_disk: bool = True) -> None:
+    def has(self, cell: Cell) -> bool:
+        """Whether the row is there. A failed method of one's own is tried again."""
+        row = self.rows.get(self.key(cell.head))
+        return (row is not None and row["source"] == cell.how.source
+                and not (cell.how.own and np.isnan(float(row["iou"]))))
+
+    def add(self, row: Row) -> None:
+        before = self.rows.get(self.key(row), {"source": ""})
         self.rows[self.key(row)] = row
-        if not on_disk:
-            return
+        if before["source"] == row["source"] and np.isnan(float(row["iou"])):
+            return  # it failed again
         with writing(self.path):
             self._append(row)
+
+    @contextlib.contextmanager
+    def held(self) -> Iterator[None]:
+        """Reads what other processes wrote, and keeps them from measuring the same rows."""
+        lock = self.path.with_name(f".{self.path.name}.lock")
+        with writing(self.path):
+            self.path.parent.mkdir(parents=True, exist_ok=True)
+            try:
+                descriptor = locked(lock)
+            except BlockingIOError:
+                raise BenchError(f"{self.path}: another process writes this table; wait for its "
+                                 "end, or share the work with --part K/N") from None
+        try:
+            self.rows |= self._read(self.path)
+            yield
+        finally:
+            lock.unlink()
+            os.close(descriptor)
+
+    def note(self, row: Row, error: BaseException) -> None:
+        """Appends the traceback of a failed method to the log."""
+        with writing(self.log), open(self.log, "a", encoding="utf-8") as file:
+            file.write(" ".join(self.key(row)) + "\n"
+                       + "".join(traceback.format_exception(error)) + "\n")
 
     def _append(self, row: Row) -> None:
         self.path.parent.mkdir(parents=True, exist_ok=True)
@@ -93,10 +134,31 @@ class Table:
             sync(self.path.parent)
 
 
+def checksum(path: Path) -> str:
+    """SHA-256 of what the sensors of a run hold, record by record: counts, profiles as stored,
+    depths in millimetres."""
+    total = hashlib.sha256()
+    with runs.open(path) as run:
+        total.update(run.spd.astype("<u4").tobytes())
+        total.update(run.stored_radar().astype("<f4").tobytes())
+        for row in range(len(run)):
+            total.update(run.depth_mm(row).astype("<u2").tobytes())
+    return total.hexdigest()
+
+
+def content(path: Path) -> str:
+    """Hash of a run's records with their axes, offsets and verdicts. The same data made again have
+    the same one."""
+    with runs.open(path) as run:
+        facts = (sorted(map(repr, run.axes.values())), sorted(run.offset_m.items()),
+                 run.index.tolist(), {name: column.tolist() for name, column in run.told().items()
+                                      if name.startswith("verdict")})
+    return hashlib.sha256((repr(facts) + checksum(path)).encode()).hexdigest()[:16]
+
+
 def of_runs(train: Path, test: Path) -> str:
-    """Source line of a table of these runs: version and uuids."""
-    return f"{version()}: runs " + " ".join(str(runs.open(path).info["uuid"])
-                                            for path in (train, test))
+    """Source line of a table of these runs: version and content."""
+    return f"{version()}: runs {content(train)} {content(test)}"
 
 
 @dataclass(frozen=True)
@@ -129,12 +191,21 @@ class Cell:
     @property
     def head(self) -> Row:
         return {"axis": self.axis, "value": self.value, "model": self.how.model,
-                "inputs": self.how.inputs, "seed": self.seed}
+                "inputs": self.how.inputs, "seed": self.seed, "source": self.how.source}
 
     @property
     def fitted(self) -> str:
         """Key of what it needs fitted."""
         return f"{self.how.name} {self.seed} {self.fallback} {self.train.key}"
+
+    @property
+    def shown(self) -> str:
+        """Key of the test run as the method gets it."""
+        return f"{self.test.key} without truth"
+
+    @property
+    def needs(self) -> tuple[str, ...]:
+        return self.train.key, self.test.key, self.shown, self.fitted
 
 
 class Shared:
@@ -143,7 +214,7 @@ class Shared:
     def __init__(self, cells: Sequence[Cell], folder: pathlib.Path) -> None:
         self.folder, self.lock = folder, threading.Lock()
         self.left = collections.Counter(key for cell in cells
-                                        for key in (cell.train.key, cell.test.key, cell.fitted))
+                                        for key in cell.needs)
         self.made: dict[str, tuple[pathlib.Path, concurrent.futures.Future[Any]]] = {}
 
     def get(self, key: str, make: Callable[[pathlib.Path], Any]) -> Any:
@@ -165,10 +236,13 @@ class Shared:
             train = self.get(cell.train.key, cell.train.make)
             answer = self.get(cell.fitted,
                               lambda folder: cell.how.fit(train, folder, cell.seed, cell.fallback))
-            return judge(answer, train, self.get(cell.test.key, cell.test.make))
+            test = self.get(cell.test.key, cell.test.make)
+            shown = (self.get(cell.shown, lambda folder: cell.how.shown(test, folder))
+                     if cell.how.own else test)
+            return judge(answer, train, test, shown)
         finally:
             with self.lock:
-                for key in (cell.train.key, cell.test.key, cell.fitted):
+                for key in cell.needs:
                     self.left[key] -= 1
                     if self.left[key] == 0 and key in self.made:
                         shutil.rmtree(self.made.pop(key)[0])
@@ -177,32 +251,38 @@ class Shared:
 def fill(table: Table, cells: Sequence[Cell], *, jobs: int = 1, part: tuple[int, int] = (1, 1),
          quiet: bool = False) -> None:
     """Measures what the table lacks, or this part of it. Cells with the same fitted method are in
-    one part. A candidate that fails at a value has a row of NaN; a method of one's own is tried
-    again next time. Reasons are said once. Raises OSError, sqlite3.Error: a missing file and a full
-    disk say nothing of a method."""
+    one part. A method that fails has a row of NaN; reasons are said once, tracebacks are in the
+    log. Raises OSError, sqlite3.Error: a missing file and a full disk say nothing of a method."""
     pieces = {key: k for k, key in enumerate(dict.fromkeys(cell.fitted for cell in cells))}
-    mine = [cell for cell in cells if pieces[cell.fitted] % part[1] == part[0] - 1
-            and Table.key(cell.head) not in table.rows]
     said: set[str] = set()
 
-    def one(cell: Cell) -> tuple[Row, str]:
+    def one(cell: Cell) -> tuple[Row, Exception | None]:
         try:
-            return cell.head | shared.row(cell), ""
+            return cell.head | shared.row(cell), None
         except (UsageError, OSError, sqlite3.Error):  # no fault of the method
             raise
         except Exception as error:  # noqa: BLE001 (a method of anybody's)
-            return cell.head | dict.fromkeys(METRICS + COSTS,
-                                             float("nan")), str(error) or type(error).__name__
+            return cell.head | dict.fromkeys(METRICS + COSTS + COUNTS, float("nan")), error
 
-    with (tempfile.TemporaryDirectory(prefix="echofuse-bench-") as scratch,
+    with (table.held(), tempfile.TemporaryDirectory(prefix="echofuse-bench-") as scratch,
           concurrent.futures.ThreadPoolExecutor(jobs) as pool):
+        mine = [cell for cell in cells if pieces[cell.fitted] % part[1] == part[0] - 1
+                and not table.has(cell)]
         shared = Shared(mine, pathlib.Path(scratch))
         started = time.monotonic()
-        for done, (row, fault) in enumerate(pool.map(one, mine), 1):
-            table.add(row, on_disk=not (fault and row["inputs"] == "-"))
-            if fault and fault not in said:
-                said.add(fault)
-                print(f"echofuse-bench: {row['model']}: {fault}", file=sys.stderr)
+        for done, (cell, (row, fault)) in enumerate(zip(mine, pool.map(one, mine)), 1):
+            table.add(row)
+            if not fault and row["answered"] < row["records"]:
+                print(f"echofuse-bench: {row['model']}: {row['answered']} of {row['records']} "
+                      "records answered; the others "
+                      + ("count as an empty map" if cell.how.own else "are left out"),
+                      file=sys.stderr)
+            if fault:
+                table.failed += cell.how.own
+                table.note(row, fault)
+                if (reason := str(fault) or type(fault).__name__) not in said:
+                    said.add(reason)
+                    print(f"echofuse-bench: {row['model']}: {reason}", file=sys.stderr)
             if not quiet:
                 left_s = (time.monotonic() - started) / done * (len(mine) - done)
                 print(f"\rbench {done} of {len(mine)}, {left_s:.0f} s left   ",
@@ -250,7 +330,7 @@ def means(table: Table, axis: str = "model") -> list[Row]:
     out = []
     for (value, model, inputs), rows in groups.items():
         one: Row = {"value": value, "model": model, "inputs": inputs, "seeds": len(rows)}
-        for name in METRICS + COSTS:
+        for name in METRICS + COSTS + COUNTS:
             values = np.array([float(row[name]) for row in rows])
             one[name] = float(values.mean())
             one[name + "_spread"] = float(values.std(ddof=1)) if len(values) > 1 else float("nan")
@@ -260,8 +340,9 @@ def means(table: Table, axis: str = "model") -> list[Row]:
 
 def markdown(rows: Sequence[Row]) -> str:
     """A table for a README: rows of equal inputs together."""
-    head = ("inputs", "method", "IoU", "depth error", "SSIM on the foreground", "lateral error",
-            "mirror fraction", "multiply-adds", "time of a map")
+    head = ("inputs", "method", "answered", "IoU", "depth error (maps)",
+            "SSIM on the foreground", "lateral error", "mirror fraction", "multiply-adds",
+            "time of a map")
     lines = ["| " + " | ".join(head) + " |", "|---" * len(head) + "|"]
     order = {"-": 0, "fused": 1, "fused-profile": 2, "spd": 3, "radar": 4}
 
@@ -276,8 +357,12 @@ def markdown(rows: Sequence[Row]) -> str:
         cost = ("" if np.isnan(row["multiply_adds"])
                 else f"{row['multiply_adds']:,.0f}".replace(",", " "))
         inputs = row["inputs"] + (f", {row['value']}" if row["value"] != "1" else "")
-        lines.append("| " + " | ".join((inputs, f"`{row['model']}`", number(row, "iou", 3),
-                                        number(row, "depth_mae_m", 1, 100, " cm"),
+        answered, records, maps = ("" if np.isnan(row[name]) else f"{row[name]:.0f}"
+                                   for name in COUNTS[:3])
+        depth = number(row, "depth_mae_m", 1, 100, " cm")
+        lines.append("| " + " | ".join((inputs, f"`{row['model']}`",
+                                        f"{answered} of {records}" if records else "",
+                                        number(row, "iou", 3), depth and f"{depth} ({maps})",
                                         number(row, "ssim_fg", 3),
                                         number(row, "lateral_m", 1, 100, " cm"),
                                         number(row, "ghost", 3), cost,

@@ -1,0 +1,178 @@
+# SPDX-License-Identifier: MIT
+"""Rows of the bench: when they are measured again, and what a method gets and may do."""
+import os
+import subprocess
+import sys
+
+import pytest
+
+import echofuse
+from echofuse import bench, stability
+from programs import BIN, program
+
+os.environ["ECHOFUSE_BIN"] = str(BIN)
+
+METHOD = """
+import numpy as np
+class Mine:
+    def fit(self, run, rows):
+        self.map = run.maps()[rows[{row}]]
+    def predict(self, run):
+        return np.repeat(self.map[None], len(run), 0)
+class Failing(Mine):
+    def predict(self, run):
+        return self.weights
+class Unmade(Mine):
+    def __init__(self, seed):
+        self.weights = len(seed)
+class Copying(Mine):
+    def predict(self, run):
+        assert not run.valid["depth"].any() and len(run.labels) == len(run)
+        return run.maps()
+"""
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("rows")
+    for name, records, seed in (("train", 40, 1), ("test", 20, 2)):
+        program("echofuse-sim", "dataset", "-q", "--out", folder / f"{name}.sqlite", "--records", records, "--seed", seed)
+    return folder / "train.sqlite", folder / "test.sqlite"
+
+
+def pareto(folder, runs, *methods, out="b.csv", row=0, more=()):
+    """Runs the bench in this folder, which holds mine.py."""
+    (folder / "mine.py").write_text(METHOD.format(row=row))
+    done = subprocess.run([sys.executable, BIN / "echofuse-bench", "pareto", *runs, "--methods", *methods, "--seeds", "1", "-q", "--out", out,
+                           *more], cwd=folder, capture_output=True, text=True, check=False)
+    table = bench.Table(folder / out) if (folder / out).exists() else None
+    return done, {row["model"]: row for row in table.rows.values()} if table else {}
+
+
+def lines(folder):
+    return len((folder / "b.csv").read_text().splitlines())
+
+
+def test_an_edited_class_is_measured_again_and_an_unchanged_one_is_not(runs, tmp_path):
+    done, first = pareto(tmp_path, runs, "mine:Mine")
+    assert done.returncode == 0, done.stderr
+    _, same = pareto(tmp_path, runs, "mine:Mine")
+    assert same == first and lines(tmp_path) == 3
+    _, edited = pareto(tmp_path, runs, "mine:Mine", row=5)
+    assert edited["mine:Mine"]["iou"] != first["mine:Mine"]["iou"] and lines(tmp_path) == 4
+
+
+def test_an_edited_command_is_measured_again(runs, tmp_path):
+    script = tmp_path / "mine"
+    for _ in range(2):
+        script.write_text((script.read_text() if script.exists() else "#!/bin/sh\n") + f"cp -r {tmp_path}/maps $3\n")
+        script.chmod(0o755)
+        with echofuse.open(runs[1]) as run:
+            echofuse.save_maps(tmp_path / "maps", run.maps(), run.index)
+        done, rows = pareto(tmp_path, runs, "./mine")
+        assert done.returncode == 0 and rows["./mine"]["iou"] == "1"
+    assert lines(tmp_path) == 4
+
+
+def test_the_same_data_made_again_are_accepted_and_others_are_not(runs, tmp_path):
+    again = tmp_path / "again.sqlite"
+    program("echofuse-sim", "dataset", "-q", "--out", again, "--records", 20, "--seed", 2)
+    assert echofuse.open(again).info["uuid"] != echofuse.open(runs[1]).info["uuid"]
+    pareto(tmp_path, runs, "mean")
+    done, _ = pareto(tmp_path, (runs[0], again), "mean")
+    assert done.returncode == 0 and lines(tmp_path) == 3
+    done, _ = pareto(tmp_path, (again, runs[0]), "mean")
+    assert done.returncode == 2 and "name another --out" in done.stderr
+
+
+@pytest.mark.parametrize(("name", "said"), [("Failing", "AttributeError: 'Failing' object has no attribute 'weights'"),
+                                            ("Unmade", "TypeError: object of type 'int' has no len()")])
+def test_a_failed_method_has_a_row_a_traceback_and_exit_code_1(runs, tmp_path, name, said):
+    done, rows = pareto(tmp_path, runs, f"mine:{name}", "mean", more=["--markdown"])
+    assert done.returncode == 1 and "b.log has the tracebacks" in done.stderr and "| `mean` |" in done.stdout
+    assert rows[f"mine:{name}"]["iou"] == "nan" and float(rows["mean"]["iou"]) >= 0
+    log = (tmp_path / "b.log").read_text()
+    assert said in log and "mine.py\", line" in log
+    done, _ = pareto(tmp_path, runs, f"mine:{name}", "mean")
+    assert done.returncode == 1 and lines(tmp_path) == 4
+
+
+def test_predict_does_not_see_the_truth(runs, tmp_path):
+    done, rows = pareto(tmp_path, runs, "mine:Copying")
+    assert done.returncode == 0, done.stderr
+    assert float(rows["mine:Copying"]["iou"]) == 0
+
+
+def test_a_missing_package_is_named_before_anything_is_measured(runs, tmp_path):
+    (tmp_path / "lacking.py").write_text("import no_such_package\nclass Mine: pass\n")
+    done, rows = pareto(tmp_path, runs, "mean", "lacking:Mine")
+    assert done.returncode == 2 and "lacking:Mine: No module named 'no_such_package'" in done.stderr and not rows
+
+
+def test_a_figure_without_matplotlib_is_refused_before_anything_is_measured(runs, tmp_path):
+    (tmp_path / "sitecustomize.py").write_text("import sys\nsys.modules['matplotlib'] = None\n")
+    os.environ["PYTHONPATH"] = f"{tmp_path}:{os.environ.get('PYTHONPATH', '')}"
+    try:
+        done, rows = pareto(tmp_path, runs, "mean", more=["--figure", "b.svg"])
+    finally:
+        os.environ["PYTHONPATH"] = os.environ["PYTHONPATH"].partition(":")[2]
+    assert done.returncode == 2 and "install python3-matplotlib" in done.stderr and not rows
+
+
+def test_a_second_process_does_not_write_rows_twice(runs, tmp_path):
+    table = bench.Table(tmp_path / "b.csv")
+    with table.held():
+        done, rows = pareto(tmp_path, runs, "mean")
+        assert done.returncode == 1 and "another process writes this table" in done.stderr and not rows
+    late = bench.Table(tmp_path / "b.csv")
+    cells = bench.pareto_cells(*runs, [bench.method("mean")], seeds=1)
+    bench.fill(table, cells, quiet=True)
+    before = lines(tmp_path)
+    bench.fill(late, cells, quiet=True)
+    assert lines(tmp_path) == before and not list(tmp_path.glob(".*.lock"))
+
+
+def test_stability_always_measures_the_baselines(tmp_path, monkeypatch):
+    cells = []
+    monkeypatch.setattr(stability.tables, "fill", lambda table, some, **_: cells.extend(some))
+    monkeypatch.setattr("sys.argv", ["echofuse-bench", "stability", "--axes", "shifted-snr", "--quick", "--methods", "mlp-4", "--out",
+                                     str(tmp_path / "b.csv")])
+    bench.main()
+    assert list(dict.fromkeys(cell.how.model for cell in cells)) == ["empty", "mean", "nearest", "mlp-4"]
+
+
+def test_numerical_libraries_get_one_thread(runs, tmp_path, monkeypatch):
+    monkeypatch.setenv("OPENBLAS_NUM_THREADS", "2")
+    monkeypatch.setenv("OMP_NUM_THREADS", "2")
+    script = tmp_path / "mine"
+    script.write_text(f"#!/bin/sh\necho $OMP_NUM_THREADS $OPENBLAS_NUM_THREADS $MKL_NUM_THREADS > {tmp_path}/threads\nexit 1\n")
+    script.chmod(0o755)
+    pareto(tmp_path, runs, "./mine")
+    assert (tmp_path / "threads").read_text() == "1 1 1\n"
+
+
+def test_the_chart_has_the_mean_cost_and_names_methods_without_multiply_adds(tmp_path):
+    plot = pytest.importorskip("echofuse.plot")
+    table = bench.Table(tmp_path / "b.csv")
+    for model, seed, cost in (("mlp-4", 1, 10.0), ("mlp-4", 2, 30.0), ("mine:Net", 1, float("nan"))):
+        table.add({"axis": "model", "value": "1", "model": model, "inputs": "-", "seed": seed, "source": "-", "iou": 0.5,
+                   "lateral_m": 0.1, "infer_us_median": 5.0, "multiply_adds": cost})
+    panel = plot.pareto(table.path).axes[1]
+    assert [line.get_xdata()[0] for line in panel.lines if len(line.get_xdata()) == 1][0] == 20
+    assert "not counted: mine:Net" in [text.get_text() for text in panel.texts]
+
+
+def test_a_row_of_the_bench_states_the_answered_records(runs, tmp_path, capsys):
+    command = tmp_path / "mine"
+    with echofuse.open(runs[1]) as run:
+        echofuse.save_maps(tmp_path / "few", run.maps([0, 1]), run.index[:2])
+    command.write_text(f"#!/bin/sh\ncp -r {tmp_path}/few $3\n")
+    command.chmod(0o755)
+    table = bench.Table(tmp_path / "b.csv")
+    bench.fill(table, bench.pareto_cells(*runs, [bench.method(str(command)), bench.method("mean")], seeds=1), quiet=True)
+    mine, mean = table.rows.values()
+    assert (mine["answered"], mine["records"], mine["depth_maps"]) == (2, 20, 2) and mine["iou"] == pytest.approx(0.1)
+    assert (mean["answered"], mean["records"]) == (20, 20)
+    assert "2 of 20 records answered; the others count as an empty map" in capsys.readouterr().err
+    text = bench.markdown(bench.means(bench.Table(table.path)))
+    assert "| 2 of 20 | 0.100 | 0.0 cm (2) |" in text
