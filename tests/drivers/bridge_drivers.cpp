@@ -256,7 +256,7 @@ TEST_CASE("histograms of a counting board arrive through a bridge with their axi
         R"({"sends": "histograms", "zones": [{"x": -0.1, "y": 0, "width": 0.2, "zero_ps": 7.5}]})";
     server.client.reset();
     REQUIRE(server.accept());
-    b.sink.events.clear();  // of the connection that ended
+    b.sink.events.clear();  // without the warning of the lost connection
     server.send(test::make_block(bridge::BlockKind::hello, 0, test::view_of(hello)));
     for (std::uint32_t i = 1; i < 3; ++i)
       server.send(test::make_block(bridge::BlockKind::histogram, i, zones));
