@@ -277,7 +277,7 @@ void ArrayFolder::put_counts(record::FusedRecord& r) {
   if (factor != 1)
     refuse(*spd_, row + " has counts that are not whole; expected photons a bin: " +
                       (factor > 1 ? "multiply by " + std::to_string(factor) +
-                                        ", of a mean of so many exposures"
+                                        ", if each row is a mean of that number of exposures"
                                   : "multiply a normalised histogram by its photons"));
   std::vector<std::uint32_t> counts;
   for (const double v : values) counts.push_back(static_cast<std::uint32_t>(std::llround(v)));

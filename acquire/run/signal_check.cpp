@@ -47,11 +47,13 @@ bool is_even(const std::vector<std::uint32_t>& counts) {
   return true;
 }
 
-// Averaged codes that differ by less are one profile, averaged over another number of frames.
-bool same_profile(const std::vector<float>& a, const std::vector<float>& b) {
-  constexpr float rounding = 0.01F;
+// Returns true if a and b differ by rounding only. Averages of equal log2 codes over different
+// numbers of frames differ by less than 0.01. Linear power has no fixed scale.
+bool same_profile(const std::vector<float>& a, const std::vector<float>& b, bool codes) {
+  const float top = a.empty() ? 0 : std::ranges::max(a);
+  const float rounding = codes ? 0.01F : 1e-5F * std::abs(top);
   return std::equal(a.begin(), a.end(), b.begin(), b.end(),
-                    [](float x, float y) { return std::abs(x - y) <= rounding; });
+                    [&](float x, float y) { return std::abs(x - y) <= rounding; });
 }
 
 // Events of the tagger in the record, and those that are known to be missing.
@@ -142,9 +144,9 @@ std::string SignalCheck::judge_spd(record::FusedRecord& r, const Axis& axis) {
 
 std::string SignalCheck::judge_radar(record::FusedRecord& r, const Axis& axis) {
   std::vector<double> power;
+  const bool codes = axis.quantity == "log2_q8";
   for (const float v : r.radar)
-    power.push_back(axis.quantity == "log2_q8" ? power_from_code(double{v}, axis.scale)
-                                               : double{v});
+    power.push_back(codes ? power_from_code(double{v}, axis.scale) : double{v});
   const auto leakage_bins =
       static_cast<std::ptrdiff_t>(std::max(2.0, std::ceil((leakage_m - axis.start) / axis.step)));
   if (std::ssize(power) <= leakage_bins + 2) return {};
@@ -158,7 +160,7 @@ std::string SignalCheck::judge_radar(record::FusedRecord& r, const Axis& axis) {
   if (std::isfinite(snr_db)) r.signal.radar_snr_db = snr_db;
   r.signal.radar_peak_m = axis.start + static_cast<double>(top) * axis.step;
   const std::string beside = beside_reference(Sensor::radar, strength, "the echo");
-  const bool repeats = same_profile(r.radar, last_radar_);
+  const bool repeats = same_profile(r.radar, last_radar_, codes);
   last_radar_ = r.radar;
   if (repeats) return still + std::string("bit");
   if (snr_db < limits_.radar_snr_db)

@@ -52,7 +52,7 @@ def test_a_row_of_nan_is_a_record_without_the_sensor(tmp_path):
     ("radar.npy: has 4 rows", {"spd": np.ones((3, 5)), "radar": np.ones((4, 4))}),
     ("spd.npy: its shape is [15]; expected 2 dimensions", {"spd": np.ones(15)}),
     ("expected counts from 0 on", {"spd": -np.ones((3, 5))}),
-    ("not whole; expected photons a bin: multiply by 16", {"spd": np.arange(15).reshape(3, 5) / 16}),
+    ("multiply by 16, if each row is a mean of that number", {"spd": np.arange(15).reshape(3, 5) / 16}),
     ("multiply a normalised histogram by its photons", {"spd": np.random.default_rng(1).random((3, 5))}),
     ("spd.npy: has no rows", {"spd": np.ones((0, 5))}),
     ("nothing to import: 3 records, none with a valid sensor", {"spd": np.full((3, 5), np.nan)}),
@@ -120,6 +120,15 @@ def test_records_get_the_verdicts_of_a_live_run(tmp_path):
     dim = {"spd": np.random.default_rng(1).poisson(arrays["spd"] / 10)}
     assert verdicts(write(tmp_path / "dim", **dim), "spd") == ["weak"] * 12
     assert verdicts(write(tmp_path / "limit", **dim, signal={"spd_clicks": 0}), "spd") == ["ok"] * 12
+
+
+@pytest.mark.parametrize("unit", [1e-12, 1e-3, 1e6])
+def test_power_in_any_unit_gets_the_same_verdicts(tmp_path, unit):
+    arrays = scene()
+    arrays["radar"] = arrays["radar"] * unit
+    assert verdicts(write(tmp_path / "good", **arrays), "radar") == ["ok"] * 12
+    frozen = {**arrays, "radar": np.repeat(arrays["radar"][:1], 12, 0)}
+    assert verdicts(write(tmp_path / "frozen", **frozen), "radar") == ["ok"] + ["stands still"] * 11
 
 
 def test_power_in_db_is_named(tmp_path):
