@@ -45,7 +45,7 @@ struct Source {
 // EmptyRoom holds what the sensors see of a room without people, on a Dataset's axes: one row for
 // each of its tables.
 struct EmptyRoom {
-  std::vector<float> spd, radar, array;
+  std::vector<float> spd, radar, array, zone_spd = {};
   std::string left_out = {};  // text that counts the records left out of the mean, or empty
   bool known() const { return !spd.empty() || !radar.empty(); }
 };

@@ -36,12 +36,16 @@ float gain_for(std::span<const double> variances, double wanted) {
 
 }  // namespace
 
-Matrix Features::raw_inputs(const Dataset& data, const Rows& rows) const {
-  if (spd_count() > 0 && zones > 0 && data.zones.size() != zones)
+void require_zones(const Dataset& data, std::size_t zones) {
+  if (zones > 0 && data.zones.size() != zones)
     throw Error(ExitCode::failed, (data.sources.empty() ? "the run" : data.sources.front().path) +
                                       ": its detector has " +
                                       std::to_string(histograms_of(data.zones)) +
                                       " zones; the model takes " + std::to_string(zones));
+}
+
+Matrix Features::raw_inputs(const Dataset& data, const Rows& rows) const {
+  require_zones(data, zones);
   const Matrix& histograms = zones > 0 ? data.zone_spd : data.spd;
   Matrix out(rows.size(), count());
   for (std::size_t i = 0; i < rows.size(); ++i) {
@@ -49,8 +53,6 @@ Matrix Features::raw_inputs(const Dataset& data, const Rows& rows) const {
     if (spd_count() > 0) std::copy_n(histograms.row(rows[i]).begin(), spd_count(), row.begin());
     std::copy_n(data.radar.row(rows[i]).begin(), radar_count(),
                 row.begin() + static_cast<std::ptrdiff_t>(spd_count()));
-    if (array_count() > 0)
-      std::copy_n(data.array.row(rows[i]).begin(), array_count(), row.last(array_count()).begin());
   }
   return out;
 }
@@ -77,7 +79,7 @@ Matrix Features::apply(const Dataset& data, const Rows& rows) const {
 Features fit_features(const Dataset& data, const Rows& rows, Inputs inputs,
                       const std::string& scaling) {
   Features f{inputs, scaling, data.spd_axis, data.radar_axis, {}, 1, 1};
-  if (scaling != raw_scaling && inputs != Inputs::radar) f.zones = data.zones.size();
+  if (inputs != Inputs::radar) f.zones = data.zones.size();
   if (scaling == raw_scaling || rows.empty()) {
     if (scaling == raw_scaling && inputs == Inputs::fused) f.array_axis = data.array_axis;
     f.centre.assign(f.count(), 0);

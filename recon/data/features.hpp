@@ -1,9 +1,8 @@
 // SPDX-License-Identifier: MIT
 // Features make the input of a model from the raw inputs of the sensors: [SPD histogram ++ radar
-// profile]. Of a detector with zones the
-// histograms of all zones stand side by side. Each sensor is scaled by itself, so that hundreds of
-// SPD bins do not drown tens of radar bins. Models that scale by themselves also get the lags of
-// the radar's antennas, behind the profile.
+// profile]. Of a detector with zones the histograms of all zones stand side by side. Each sensor is
+// scaled by itself, so that hundreds of SPD bins do not drown tens of radar bins. Models that look
+// at the body scale by themselves (method/method.hpp).
 #pragma once
 #include <algorithm>
 #include <span>
@@ -33,7 +32,7 @@ void normalise(std::span<float> values);
 struct Features {
   Layout layout() const {
     return {spd_count() > 0 ? spd_axis : Axis{}, radar_count() > 0 ? radar_axis : Axis{},
-            array_axis};
+            array_axis, zones};
   }
   Inputs inputs = Inputs::fused;
   std::string scaling = "record";
@@ -49,14 +48,16 @@ struct Features {
   std::size_t radar_count() const { return inputs == Inputs::spd ? 0 : radar_axis.count; }
   std::size_t array_count() const { return lag_columns(array_axis); }
   std::size_t count() const { return spd_count() + radar_count() + array_count(); }
-  // Returns [SPD ++ radar ++ array] of each of `rows`, as they are. Throws Error(failed) if the
-  // data have another number of zones.
+  // Returns [SPD ++ radar] of each of `rows`, as they are. Throws as require_zones.
   Matrix raw_inputs(const Dataset& data, const Rows& rows) const;
   // Inputs of the rows, brought to a common strength by `scaling` only.
   Matrix normalised_inputs(const Dataset& data, const Rows& rows) const;
   // Returns the model's input: one row of count() values for each of `rows`.
   Matrix apply(const Dataset& data, const Rows& rows) const;
 };
+
+// Throws Error(failed) unless the detector of the data has this number of zones; 0: any number.
+void require_zones(const Dataset& data, std::size_t zones);
 
 // Learns centre and gains from `rows`, if any: the inputs of each sensor get the same total
 // variance.

@@ -65,15 +65,17 @@ Alignment::Alignment(const Layout& layout, const Matrix& observations, const Row
   const std::size_t bins = layout.spd.count, points = layout.radar.count;
   counts_background_ = background_of(low.first(bins), median.first(bins), method::steadiness);
   power_background_ = background_of(low.subspan(bins, points), median.subspan(bins, points), 0);
-  lags_background_.resize(layout.inputs() - bins - points);
+  lags_background_.resize(layout.lag_count());
   if (array_.size() > 0) learn_array_background(observations, rows);
+  zones_background_ = background_of(low.last(layout.zone_count()), median.last(layout.zone_count()),
+                                    method::steadiness);
 }
 
 // In each bin it takes the lags of the records that have the least power there, and scales them to
 // the power that is always there: echoes of what stands still keep their directions, and noise has
 // none.
 void Alignment::learn_array_background(const Matrix& observations, const Rows& rows) {
-  const std::size_t first = observations.cols - lags_background_.size();
+  const std::size_t first = counts_background_.size() + power_background_.size();
   for (std::size_t at = 0; at < lags_background_.size(); at += lag_values_) {
     std::vector<float> power;
     for (const std::size_t row : rows) power.push_back(observations.row(row)[first + at]);
@@ -93,11 +95,13 @@ std::vector<float> Alignment::background() const {
   std::vector<float> out = counts_background_;
   out.insert(out.end(), power_background_.begin(), power_background_.end());
   out.insert(out.end(), lags_background_.begin(), lags_background_.end());
+  out.insert(out.end(), zones_background_.begin(), zones_background_.end());
   return out;
 }
 
 void Alignment::set_background(std::span<const float> observation) {
-  for (std::vector<float>* part : {&counts_background_, &power_background_, &lags_background_}) {
+  for (std::vector<float>* part :
+       {&counts_background_, &power_background_, &lags_background_, &zones_background_}) {
     std::copy_n(observation.begin(), part->size(), part->begin());
     observation = observation.subspan(part->size());
   }
@@ -113,7 +117,7 @@ void Alignment::set_axes(const Layout& layout) {
       static_cast<std::ptrdiff_t>(std::ceil(method::least_profile_step_m / radar_step_m_));
   profile_step_m_ =
       radar_step_m_ * static_cast<double>(steps_a_point_) / static_cast<double>(points_a_step_);
-  array_ = ArrayView(layout.array), lag_values_ = layout.lag_values();
+  array_ = ArrayView(layout.array), lag_values_ = layout.lag_values(), zones_ = layout.zones;
   correlation_ = {};
   if (layout.radar.count > 0)
     correlation_ = ShiftCorrelation({-method::histogram_m + method::histogram_step_m / 2,
@@ -123,12 +127,16 @@ void Alignment::set_axes(const Layout& layout) {
 }
 
 std::size_t Alignment::cost() const {
-  return counts_background_.size() * 4 + profile_points() * 2 * profile_taps + correlation_.cost() +
-         array_.cost();
+  return (counts_background_.size() + zones_background_.size()) * 4 +
+         profile_points() * 2 * profile_taps + correlation_.cost() + array_.cost();
 }
 
 std::size_t Alignment::histogram_bins() const {
   return static_cast<std::size_t>(std::lround(2 * method::histogram_m / method::histogram_step_m));
+}
+
+std::size_t Alignment::zone_bins() const {
+  return static_cast<std::size_t>(std::lround(2 * method::histogram_m / method::zone_step_m));
 }
 
 std::size_t Alignment::profile_points() const {
@@ -150,6 +158,15 @@ void Alignment::subtract_background(std::span<const float> observation, std::vec
   subtract_median(counts);
   for (std::size_t i = 0; i < power.size(); ++i)
     power[i] = observation[bins + i] - power_background_[i];
+}
+
+Matrix Alignment::zone_counts(std::span<const float> observation) const {
+  Matrix out(zones_, zones_ > 0 ? counts_background_.size() : 0);
+  const auto recorded = observation.last(out.values.size());
+  for (std::size_t i = 0; i < recorded.size(); ++i)
+    out.values[i] = recorded[i] - zones_background_[i];
+  for (std::size_t z = 0; z < zones_; ++z) subtract_median(out.row(z));
+  return out;
 }
 
 void Alignment::correlate(std::span<const float> histogram, std::span<const float> profile,
@@ -179,7 +196,11 @@ void Alignment::archive(Archive archive, const Layout& layout) {
   if (archive.reading()) set_axes(layout);
   archive.values("counts", counts_background_, layout.spd.count);
   archive.values("power", power_background_, layout.radar.count);
-  archive.values("lags", lags_background_, layout.inputs() - layout.spd.count - layout.radar.count);
+  archive.values("lags", lags_background_, layout.lag_count());
+  if (layout.zones == 0) return;
+  double step_m = method::zone_step_m;
+  archive.in("config").number("zone_step_m", step_m, step_m, step_m);
+  archive.values("zones", zones_background_, layout.zone_count());
 }
 
 namespace {

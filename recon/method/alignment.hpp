@@ -56,6 +56,7 @@ template <class T>
 struct ViewColumns {
   std::span<T> correlation;  // between both sensors, from the longest shift to the shortest
   std::span<T> histogram;    // shares of the counts about the range
+  std::span<T> zones;        // the same of each zone, in wider bins; shares of the counts of all
   std::span<T> profile;      // shares of the power
   std::span<T> antennas;     // array_view.hpp
   T& range_m;                // 0 means that nobody is there
@@ -79,10 +80,14 @@ class Alignment {
   double resolution_m() const;  // c/2B of the radar
 
   std::size_t histogram_bins() const;
+  std::size_t zone_bins() const;  // wider ones, in each zone
+  std::size_t zone_features() const { return zones_ * zone_bins(); }
   std::size_t profile_points() const;                           // 0 without a radar
   std::size_t array_features() const { return array_.size(); }  // 0 without its antennas
   // Numbers of values of a view, without and with the correlation, which comes first.
-  std::size_t size() const { return histogram_bins() + profile_points() + array_features() + 1; }
+  std::size_t size() const {
+    return histogram_bins() + zone_features() + profile_points() + array_features() + 1;
+  }
   std::size_t inputs() const { return correlation_.shifts() + size(); }
   AlignmentColumns columns(std::span<float> view) const { return columns_of<float>(view); }
   ViewColumns<const float> columns(std::span<const float> view) const {
@@ -92,6 +97,8 @@ class Alignment {
   // Equation (1): it gives the counts less their background, and the power above its background.
   void subtract_background(std::span<const float> observation, std::vector<float>& counts,
                            std::vector<float>& power) const;
+  // Returns the same counts of each zone, one a row.
+  Matrix zone_counts(std::span<const float> observation) const;
   // Equation (4): it takes the power above the background. The shares add up to 1. `points` are all
   // points of the view.
   void profile_about(double range_m, std::span<const float> power, std::span<float> points) const;
@@ -131,9 +138,10 @@ class Alignment {
   ViewColumns<T> columns_of(std::span<T> view) const {
     const auto features = view.last(size());
     const std::size_t bins = histogram_bins(), points = profile_points();
-    return {view.first(view.size() - features.size()), features.first(bins),
-            features.subspan(bins, points), features.subspan(bins + points, array_features()),
-            view.back()};
+    const auto of_radar = features.subspan(bins + zone_features());
+    return {view.first(view.size() - features.size()),  features.first(bins),
+            features.subspan(bins, zone_features()),    of_radar.first(points),
+            of_radar.subspan(points, array_features()), view.back()};
   }
   void set_axes(const Layout& layout);
   std::vector<float> above_background(std::span<const float> recorded_power) const;
@@ -147,8 +155,8 @@ class Alignment {
   std::ptrdiff_t points_a_step_ = 1, steps_a_point_ = 1;
   ShiftCorrelation correlation_;
   ArrayView array_;
-  std::size_t lag_values_ = 1;
-  std::vector<float> counts_background_, power_background_, lags_background_;
+  std::size_t lag_values_ = 1, zones_ = 0;
+  std::vector<float> counts_background_, power_background_, lags_background_, zones_background_;
 };
 
 }  // namespace echofuse::recon

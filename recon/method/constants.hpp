@@ -16,6 +16,7 @@ inline constexpr double significance = 5;  // deviations of all counts: fewer sh
 // View of the body, about its range.
 inline constexpr double histogram_m = 0.7;  // on either side: a body, and an arm stretched out
 inline constexpr double histogram_step_m = 0.04;  // about the width of a response of 200 ps
+inline constexpr double zone_step_m = 0.2;  // coarser in the zones, which have few photons each
 // The radar sees a body at x farther by b x / r, so there is more room behind than in front.
 inline constexpr double profile_from_m = -0.8, profile_to_m = 1.1;
 inline constexpr double least_profile_step_m =

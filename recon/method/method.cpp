@@ -12,7 +12,8 @@
 //
 //   (1) n_i = N_i - B_i - median      counts above what is always there; p likewise
 //   (2) r = sum n_i r_i / sum n_i     range of the body, over |r_i - r| < body_m
-//   (3) h(d) = n(r + d) / sum n       histogram about it; any laser power, any exposure
+//   (3) h(d) = n(r + d) / sum n       histogram about it; any laser power, any exposure. Of zones
+//                                     h_k(d) = n_k(r + d) / sum n
 //   (4) g(d) = p(r + d) / sum p       profile about it; any gain of the radar
 //   (5) R^2 = r^2 + b^2 + 2 b x,      the radar sees the body farther than the detector does
 //       R - r = b x / r + O(b^2)      by this: the shift tells left from right
@@ -20,7 +21,7 @@
 //                                     radar's response to a point
 //   (7) u = argmax sum (A - d) Re(c_d e^-i pi d u)       direction that A antennas see (Bartlett),
 //                                     from their spatial correlation c_d at d half wavelengths
-//   (8) x, z - r = place network      (c, h, g, antennas, r)
+//   (8) x, z - r = place network      (c, h, h_k, g, antennas, r)
 //   (9) mask, depth = mean + amounts x components        in a frame that moves with the body
 //  (10) map = z + depth / mask where mask > threshold, else the background
 #include "recon/method/method.hpp"
@@ -65,10 +66,10 @@ float detected_range_m(std::span<const float> counts, std::span<const float> all
   return detected ? static_cast<float>(first_m + centre * step_m) : 0;
 }
 
-// (3) The counts between two ranges are differences of the running sum, interpolated. `out` has the
-// bins of the view.
-void histogram_about(float range_m, std::span<const float> counts, const Alignment& scene,
-                     std::span<float> out) {
+// (3) Fills bins of this width about the range, and returns the counts in all of them. The counts
+// between two ranges are differences of the running sum, interpolated.
+float counts_about(float range_m, std::span<const float> counts, const Alignment& scene,
+                   double bin_m, std::span<float> out) {
   std::vector<float> running(counts.size() + 1);
   for (std::size_t i = 0; i < counts.size(); ++i) running[i + 1] = running[i] + counts[i];
   const auto up_to = [&, last = static_cast<double>(counts.size())](double bin) {
@@ -79,7 +80,7 @@ void histogram_about(float range_m, std::span<const float> counts, const Alignme
   };
   const auto [first_m, step_m] = scene.spd_ranges();
   const double start = (double{range_m} - method::histogram_m - first_m) / step_m + 0.5;
-  const double step = method::histogram_step_m / step_m;
+  const double step = bin_m / step_m;
   const float first = up_to(start);
   float before = first;
   for (std::size_t j = 0; j < out.size(); ++j) {
@@ -87,14 +88,36 @@ void histogram_about(float range_m, std::span<const float> counts, const Alignme
     out[j] = now - before;
     before = now;
   }
-  if (before - first > 0) values(out) /= before - first;
+  return before - first;
+}
+
+// (3) of the sum and of each zone.
+void histograms_about(float range_m, std::span<const float> counts, const Matrix& of_zones,
+                      const Alignment& scene, const AlignmentColumns& at) {
+  const float sum = counts_about(range_m, counts, scene, method::histogram_step_m, at.histogram);
+  if (sum > 0) values(at.histogram) /= sum;
+  for (std::size_t z = 0; z < of_zones.rows; ++z)
+    counts_about(range_m, of_zones.row(z), scene, method::zone_step_m,
+                 at.zones.subspan(z * scene.zone_bins(), scene.zone_bins()));
+  if (sum > 0) values(at.zones) /= sum;
 }
 
 }  // namespace
 
-// Step 1 gives H_spd and H_radar of the paper, and the lags of several antennas.
+// Step 1 gives H_spd and H_radar of the paper, the lags of several antennas, and the zones' H_spd.
 Matrix observe(const Dataset& data, const Rows& rows, const Features& sensors) {
-  return sensors.raw_inputs(data, rows);
+  require_zones(data, sensors.zones);
+  const Layout layout = sensors.layout();
+  Matrix out(rows.size(), layout.inputs());
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    auto to = out.row(i).begin();
+    for (const auto& [table, count] : {std::pair{&data.spd, std::size_t{layout.spd.count}},
+                                       {&data.radar, std::size_t{layout.radar.count}},
+                                       {&data.array, layout.lag_count()},
+                                       {&data.zone_spd, layout.zone_count()}})
+      if (count > 0) to = std::copy_n(table->row(rows[i]).begin(), count, to);
+  }
+  return out;
 }
 
 // Step 2 for one record.
@@ -105,10 +128,12 @@ void align(std::span<const float> observation, const Alignment& scene, std::span
   scene.subtract_background(observation, counts, power);                                    // (1)
   const float range_m = detected_range_m(counts, observation.first(counts.size()), scene);  // (2)
   if (range_m == 0) return;
-  histogram_about(range_m, counts, scene, at.histogram);      // (3)
+  const Matrix of_zones = scene.zone_counts(observation);
+  histograms_about(range_m, counts, of_zones, scene, at);     // (3)
   scene.profile_about(double{range_m}, power, at.profile);    // (4)
   scene.correlate(at.histogram, at.profile, at.correlation);  // (5), (6)
-  scene.antennas_about(double{range_m}, observation.subspan(counts.size() + power.size()),
+  const auto rest = observation.subspan(counts.size() + power.size());
+  scene.antennas_about(double{range_m}, rest.first(rest.size() - of_zones.values.size()),
                        at.antennas);  // (7)
   at.range_m = range_m;
 }

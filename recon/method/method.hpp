@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 // The method has six steps (method.cpp reads from top to bottom):
 //
-//   Matrix o = observe(data, rows, sensors);  // [n x values]  counts | power | lags
+//   Matrix o = observe(data, rows, sensors);  // [n x values]  counts | power | lags | zones
 //   Matrix v = align(o, scene);               // [n x inputs]  the same, about the range
 //   Seen b = seen(v, model);                  // m <= n        views of bodies, standardised
 //   auto p = place(b.views, model);           // m             where they stand
@@ -26,11 +26,13 @@ namespace echofuse::recon {
 
 // Step 1 gives for each of the n rows: photons a bin (pile-up corrected), linear power a bin at
 // true ranges, and spatial lags a bin of the radar's antennas (data/lags.hpp), as far as `sensors`
-// asks for them. The result is [n x sensors.count()].
+// asks for them. The photons of each zone of the detector follow. The result is
+// [n x sensors.layout().inputs()]. Throws as require_zones.
 Matrix observe(const Dataset& data, const Rows& rows, const Features& sensors);
 
 // Step 2 gives the view of each body, [n x scene.inputs()]: correlation of both sensors over their
-// shift | histogram | profile | antennas | range in metres. A row without a body is all zero.
+// shift | histogram | zones | profile | antennas | range in metres. A row without a body is all
+// zero.
 Matrix align(const Matrix& observations, const Alignment& scene);
 // Aligns one row.
 void align(std::span<const float> observation, const Alignment& scene, std::span<float> view);

@@ -33,6 +33,7 @@ TurnedBodies::TurnedBodies(const Alignment& alignment, const Matrix& inputs, con
       rows_(rows),
       places_(places),
       has_array_(alignment.array_features() > 0) {
+  if (alignment.profile_points() == 0 || alignment.zone_features() > 0) return;
   double deviation_m = 0;
   const double slope = slope_m(deviation_m), per_m = answer();
   // Comparison that is false for a slope of 0/0, which equal records give, so that nobody is

@@ -6,7 +6,8 @@
 // profile's noise is used again. The lags of the radar's antennas turn along: in cosines of
 // direction from (b + r sin) / R' of one azimuth to that of the other. With antennas the ranges of
 // the two sensors also get a random bias against each other, each time anew, so that the place is
-// not learnt from a shift of centimetres which the next run need not have.
+// not learnt from a shift of centimetres which the next run need not have. A detector with zones
+// would see a turned body in other zones: with zones no body is turned.
 #pragma once
 #include <span>
 #include <vector>

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: MIT
 // Factorised model: position and appearance of a body are estimated separately. Position: from the
-// shift of the radar profile against the histogram. Appearance: a few components of masks and
-// depths in a frame that moves with the body, drawn into the map. Small networks estimate position
-// and coefficients. Needs both sensors and one body in front of the background. The mean-shape
-// model has no appearance network: it draws the mean body.
+// shift of the radar profile against the histogram, or from the detector's zones. Appearance: a few
+// components of masks and depths in a frame that moves with the body, drawn into the map. Small
+// networks estimate position and coefficients. Needs the radar or zones, and one body in front of
+// the background. The mean-shape model has no appearance network: it draws the mean body.
 #pragma once
 #include <functional>
 #include <memory>

@@ -42,7 +42,8 @@ void OutOfDistributionDetector::use(const Features& sensors, const Alignment& al
   std::array<std::size_t, groups> sizes{};
   if (sensors.spd_count() > 0) {
     const std::size_t array = alignment.array_features();
-    sizes[histogram] = alignment.histogram_bins(), sizes[radar] = alignment.profile_points();
+    sizes[histogram] = alignment.histogram_bins() + alignment.zone_features();
+    sizes[radar] = alignment.profile_points();
     sizes[direction] = std::min(array, ArrayView::of_direction);
     sizes[spread] = array - sizes[direction], sizes[range] = 1;
   }

@@ -31,8 +31,8 @@ Classifier learn_two_bodies(const Alignment& alignment, const Features& sensors,
   Classifier out;
   // Records with a body of known position, one per row: observation, view without correlation,
   // radar.
-  Matrix observations(0, sensors.count()), views(0, alignment.size()),
-      radar(0, sensors.radar_count());
+  const Layout layout = sensors.layout();
+  Matrix observations(0, layout.inputs()), views(0, alignment.size()), radar(0, layout.radar.count);
   std::vector<Place> places;
   const Matrix all = observe(data, rows, sensors);
   for (std::size_t i = 0; i < rows.size(); ++i) {
@@ -41,7 +41,7 @@ Classifier learn_two_bodies(const Alignment& alignment, const Features& sensors,
     const auto place = place_of(data.depth.row(rows[i]), scene.background, scene.grid);
     if (!shows_body(view) || !place) continue;
     observations.add_row(all.row(i)), views.add_row(view), places.push_back(*place);
-    radar.add_row(all.row(i).subspan(sensors.spd_count(), radar.cols));
+    radar.add_row(all.row(i).subspan(layout.spd.count, radar.cols));
   }
   const Rows bodies = all_rows(views.rows);
   if (bodies.size() < 2) return out;

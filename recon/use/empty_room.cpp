@@ -34,20 +34,23 @@ EmptyRoom take(Estimator& model, const std::string& path, const Dataset& empty) 
   EmptyRoom now = empty_room_of(empty, path);
   if (model.features.radar_count() == 0) now.radar.clear();
   if (model.features.array_count() == 0) now.array.clear();
+  require_zones(empty, model.features.zones);
+  if (model.features.zones == 0) now.zone_spd.clear();
   if (model.features.array_count() > 0 && now.array.empty())
     throw Error(ExitCode::failed, printable(path) +
                                       ": has no samples of the radar's antennas, which the model "
                                       "takes; expected a run with them");
   const std::vector<float> then = model.alignment.background();
-  const auto radar_at = std::ssize(now.spd), array_at = radar_at + std::ssize(now.radar);
+  const auto radar_at = std::ssize(now.spd), array_at = radar_at + std::ssize(now.radar),
+             zones_at = std::ssize(then) - std::ssize(now.zone_spd);
   const EmptyRoom before{{then.begin(), then.begin() + radar_at},
                          {then.begin() + radar_at, then.begin() + array_at},
-                         {then.begin() + array_at, then.end()},
-                         {}};
-  EmptyRoom change{{}, less(before.radar, now.radar), {}, now.left_out};
+                         {then.begin() + array_at, then.begin() + zones_at}};
+  EmptyRoom change{{}, less(before.radar, now.radar), {}, {}, now.left_out};
   if (before.array.size() == now.array.size()) change.array = less(before.array, now.array);
   std::vector<float> background = then;
   std::copy(now.spd.begin(), now.spd.end(), background.begin());
+  std::copy(now.zone_spd.begin(), now.zone_spd.end(), background.begin() + zones_at);
   model.alignment.set_background(background);
   return change;
 }
@@ -89,7 +92,7 @@ EmptyRoom empty_room_of(const Dataset& empty, const std::string& path) {
                                       "room" +
                                       (left_out.empty() ? "" : "; " + left_out));
   EmptyRoom out{mean_of_rows(empty.spd, rows), mean_of_rows(empty.radar, rows),
-                mean_of_rows(empty.array, rows),
+                mean_of_rows(empty.array, rows), mean_of_rows(empty.zone_spd, rows),
                 left_out.empty() ? "" : printable(path) + ": " + left_out};
   const double counts = out.spd.empty() ? 0
                                         : std::accumulate(out.spd.begin(), out.spd.end(), 0.0) /
@@ -109,6 +112,7 @@ std::string state_empty_room(Dataset& data, const std::string& path) {
                                                     : Inputs::fused;
   match_axes(empty, data.spd_axis, data.radar_axis, sensors, "the training runs'");
   match_array(empty, data.array_axis);
+  require_zones(empty, data.zones.size());
   data.empty_room = empty_room_of(empty, path);
   return data.empty_room.left_out;
 }

@@ -32,7 +32,6 @@ void archive_features(Archive archive, Features& f, bool views) {
   archive_axis(archive.in("axes/spd"), f.spd_axis);
   archive_axis(archive.in("axes/radar"), f.radar_axis);
   archive.count("zones", f.zones, 0, static_cast<std::int64_t>(most_zones));
-  archive.require(f.zones == 0 || !views, "zones", "expected 0 of a model that looks at the body");
   if (archive.part("takes_antennas", f.array_axis.count > 0)) {
     archive_axis(archive.in("axes/array"), f.array_axis);
     const double lags = f.array_axis.scale;
@@ -45,6 +44,11 @@ void archive_features(Archive archive, Features& f, bool views) {
   archive.values("features/centre", f.centre, f.count());
   archive.number("features/spd_gain", f.spd_gain, -1e18, 1e18);
   archive.number("features/radar_gain", f.radar_gain, -1e18, 1e18);
+}
+
+// A single pixel alone does not show on which side a body is.
+bool shows_sides(const Layout& layout) {
+  return layout.spd.count > 0 && (layout.radar.count > 0 || layout.zones > 0);
 }
 
 void archive_training(Archive archive, FitOptions& fit, TrainingLog& log) {
@@ -103,8 +107,8 @@ void Estimator::archive(Archive archive) {
   const bool takes_views = wants_alignment(name);
   archive_features(archive, features, takes_views);
   const Layout layout = features.layout();
-  archive.require(!takes_views || (layout.spd.count > 0 && layout.radar.count > 0), "inputs",
-                  "expected fused: this kind of model needs both sensors");
+  archive.require(!takes_views || shows_sides(layout), "inputs",
+                  "expected fused: this kind of model needs both sensors or zones");
   recon::archive(archive.in("scene"), scene);
   archive.count("knows_empty_room", knows_empty_room, 0, 1);
   archive.number("train_s", train_s, 0, 1e12);
@@ -140,6 +144,7 @@ Preprocessing::Preprocessing(const Dataset& data, const Rows& train, Inputs inpu
     std::vector<float> still = room.spd;
     if (sensors.radar_count() > 0) still.insert(still.end(), room.radar.begin(), room.radar.end());
     if (sensors.array_count() > 0) still.insert(still.end(), room.array.begin(), room.array.end());
+    if (sensors.zones > 0) still.insert(still.end(), room.zone_spd.begin(), room.zone_spd.end());
     alignment.set_background(still);
   }
   views = align(observations, alignment);
@@ -158,9 +163,10 @@ Estimator fit_model(const Dataset& data, const Split& split, const Preprocessing
                               takes_views           ? raw_scaling
                               : scaling == "record" ? kind_of(out.name).scaling
                                                     : scaling);
-  if (takes_views && (out.features.spd_count() == 0 || out.features.radar_count() == 0))
+  if (takes_views && !shows_sides(out.features.layout()))
     throw Error(ExitCode::usage,
-                "the mean-shape and factorised models need both sensors: --inputs fused");
+                "the mean-shape and factorised models need both sensors (--inputs fused), or a "
+                "detector with zones");
   out.scene = preprocessing.scene;
   if (takes_views) out.alignment = preprocessing.alignment;
   out.knows_empty_room = takes_views && data.empty_room.known();

@@ -54,7 +54,7 @@ struct Preprocessing {
 };
 
 // Fits scaling and model to the training rows. The scaling "record" stands for the kind's own.
-// Throws Error(usage) if the model needs both sensors.
+// Throws Error(usage) if the model needs both sensors, or zones.
 Estimator fit_model(const Dataset& data, const Split& split, const Preprocessing& preprocessing,
                     const std::string& name, Inputs inputs, const std::string& scaling,
                     const FitOptions& options);

@@ -19,6 +19,7 @@ RUNS = {
     "room": ["background=room"],
     "piled-up": ["pulses_per_window=20000", "spd_dead_time_ps=30000"],
     "calibrated": [],
+    "zones": ["spd_zones=3"],
 }
 # Which kinds of models are tried on it.
 KINDS = {
@@ -29,6 +30,7 @@ KINDS = {
     "room": [["factorised-8"]],
     "piled-up": [["factorised-8"]],
     "calibrated": [["factorised-8"]],
+    "zones": [["factorised-8"], ["factorised-8", "--inputs", "spd"], ["mlp-64"]],
 }
 CODES_SCALE = 12  # log2 of the power in steps of 2 / CODES_SCALE / 16, as TI's profile of one transmitter has it
 

@@ -3,6 +3,10 @@
 
 #include "recon/data/dataset.hpp"
 #include "recon/data/features.hpp"
+#include "recon/method/method.hpp"
+#include "recon/train/train.hpp"
+#include "recon/use/evaluate.hpp"
+#include "recon/use/predict.hpp"
 #include "world.hpp"
 
 using namespace echofuse;
@@ -81,15 +85,49 @@ TEST_CASE("runs with different zones are refused as one data set") {
   CHECK(load({folder / "a", folder / "d"}).size() == 2);
 }
 
-TEST_CASE("a model takes all zones side by side, one that looks at the body takes their sum") {
+TEST_CASE("a model takes all zones side by side, or their sum and then each") {
   const Folder folder;
   write_zones(folder / "a", two, 12);
   write_zones(folder / "b", Zones(3), 12);
   const Dataset data = load({folder / "a"});
   const Features all = fit_features(data, {}, Inputs::spd, "plain"),
-                 sum = fit_features(data, {}, Inputs::spd, raw_scaling);
+                 raw = fit_features(data, {}, Inputs::spd, raw_scaling);
   CHECK(all.raw_inputs(data, {0}).values == data.zone_spd.values);
-  CHECK(sum.raw_inputs(data, {0}).values == data.spd.values);
+  std::vector<float> both = data.spd.values;
+  both.insert(both.end(), data.zone_spd.values.begin(), data.zone_spd.values.end());
+  for (const Features& any : {all, raw}) CHECK(observe(data, {0}, any).values == both);
   CHECK_THROWS_WITH(all.raw_inputs(load({folder / "b"}), {0}),
                     Contains("has 3 zones; the model takes 2"));
+}
+
+namespace {
+
+// Lateral error of a factorised model without the radar. Two zones share the light of a body by its
+// side, or evenly.
+double lateral_error_m(bool by_side) {
+  Dataset data = load_plates(400);
+  const Rows rows = all_rows(data.size());
+  const Scene scene = learn_scene(data.depth, rows, data.map);
+  data.zones = Zones(2), data.zone_spd = Matrix(rows.size(), 2 * data.spd.cols);
+  for (const std::size_t row : rows) {
+    const float tangent =
+        by_side ? place_of(data.depth.row(row), scene.background, scene.grid)->tangent : 0;
+    for (std::size_t c = 0; c < data.spd.cols; ++c) {
+      data.zone_spd.row(row)[c] = (0.5f - tangent) * data.spd.row(row)[c];
+      data.zone_spd.row(row)[data.spd.cols + c] = (0.5f + tangent) * data.spd.row(row)[c];
+    }
+  }
+  TrainOptions options;
+  options.model = "factorised-4", options.inputs = "spd", options.uncertainty = false;
+  options.fit.quiet = true, options.fit.epochs = 30;
+  const TrainedModel model = train(data, options);
+  const Matrix maps = model.predict(data, rows);
+  return summarise(score_maps(maps, data, rows, model->scene))[metric_lateral_m].mean;
+}
+
+}  // namespace
+
+TEST_CASE("the factorised model places a body by the detector's zones, without the radar") {
+  CHECK(lateral_error_m(true) < 0.1);
+  CHECK(lateral_error_m(false) > 0.3);
 }

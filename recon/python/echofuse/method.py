@@ -3,12 +3,12 @@
 
   (1) n_i = N_i - B_i - median      counts above what is always there
   (2) r = sum n_i r_i / sum n_i     range of the body, over |r_i - r| < body_m
-  (3) h(d) = n(r + d) / sum n       histogram about it
+  (3) h(d) = n(r + d) / sum n       histogram about it; of zones h_k(d) = n_k(r + d) / sum n
   (4) g(d) = p(r + d) / sum p       profile about it
   (5) R - r = b x / r + O(b^2)      the radar, b to the left, sees the body farther by this
   (6) c(s) = <h * psf, g(. + s)> / (|h * psf| |g|)     its estimator, over shifts s
   (7) u = argmax sum (A - d) Re(c_d e^-i pi d u)       direction that A antennas see
-  (8) x, z - r = place network      (c, h, g, antennas, r)
+  (8) x, z - r = place network      (c, h, h_k, g, antennas, r)
   (9) mask, depth = mean + amounts x components        in a frame that moves with the body
  (10) map = z + depth / mask where mask > threshold, else the background
 
@@ -39,14 +39,15 @@ class Method:
         return (self.f[f"axes/{name}/count"], self.f[f"axes/{name}/start"],
                 self.f[f"axes/{name}/step"])
 
-    def predict(self, counts: Array, power: Array, lags: Array) -> Array:
-        """counts [n, bins], power [n, points], lags [n, points, 2 D + 1]: maps [n, pixels] in
-        metres."""
-        return self.draw(np.array([self.view(*record) for record in zip(counts, power, lags)]))
+    def predict(self, counts: Array, power: Array, lags: Array, zones: Array) -> Array:
+        """counts [n, bins], power [n, points], lags [n, points, 2 D + 1], zones [n, zones, bins]:
+        maps [n, pixels] in metres."""
+        return self.draw(np.array([self.view(*record)
+                                   for record in zip(counts, power, lags, zones)]))
 
-    def view(self, counts: Array, power: Array, lags: Array) -> Array:
-        """Step 2 of one record, counts [bins], power [points], lags [points, 2 D + 1]: what the
-        networks take of it, [inputs]; all 0 if nobody is there."""
+    def view(self, counts: Array, power: Array, lags: Array, zones: Array) -> Array:
+        """Step 2 of one record, counts [bins], power [points], lags [points, 2 D + 1], zones
+        [zones, bins]: what the networks take of it, [inputs]; all 0 if nobody is there."""
         c, (bins, start, step) = self.c, self.axis("spd")
         nobody = np.zeros(self.t["model/centre"].size, np.float32)
         first_m, step_m = (start + 0.5 * step) / PS_PER_M, step / PS_PER_M
@@ -64,15 +65,28 @@ class Method:
         r = np.float32(first_m + centre * step_m)
         if not body > c["significance"] * np.sqrt(all_counts):
             return nobody
-        columns = round(2 * c["histogram_m"] / c["histogram_step_m"])  # (3)
-        edges = (r - c["histogram_m"] - first_m + c["histogram_step_m"]
-                 * np.arange(columns + 1)) / step_m + 0.5
+        h = self.about(r, n, c["histogram_step_m"])  # (3)
+        of_zones = [np.zeros(0)]
+        if len(zones):
+            above = zones - self.t["alignment/zones"].reshape(zones.shape)
+            of_zones += [self.about(r, n_k - np.sort(n_k)[bins // 2], c["zone_step_m"])
+                         for n_k in above]
+        total = h.sum() if h.sum() > 0 else 1
+        h, of_radar = h / total, [np.zeros(0)]
+        if power.size:
+            g, points = self.profile(r, power)  # (4)
+            of_radar = [self.correlation(h, g, points), g]
+        return np.concatenate([*of_radar[:-1], h, np.concatenate(of_zones) / total, of_radar[-1],
+                               self.antennas(r, lags), [r]]).astype(np.float32)
+
+    def about(self, r: np.floating[Any], n: Array, bin_m: float) -> Array:
+        """Counts n [bins] in bins of this width about r."""
+        c, (bins, start, step) = self.c, self.axis("spd")
+        columns = np.arange(round(2 * c["histogram_m"] / bin_m) + 1)
+        first_m, step_m = (start + 0.5 * step) / PS_PER_M, step / PS_PER_M
+        edges = (r - c["histogram_m"] - first_m + bin_m * columns) / step_m + 0.5
         running = np.concatenate([[0], np.cumsum(n, dtype=np.float32)])
-        h = np.diff(np.interp(edges, np.arange(bins + 1), running))
-        h = h / h.sum() if h.sum() > 0 else h
-        g, points = self.profile(r, power)  # (4)
-        return np.concatenate([self.correlation(h, g, points), h, g, self.antennas(r, lags),
-                               [r]]).astype(np.float32)
+        return np.asarray(np.diff(np.interp(edges, np.arange(bins + 1), running)))
 
     def profile(self, r: np.floating[Any], power: Array) -> tuple[Array, Array]:
         """(4) of power [points]: its shares at points about r, and these points (metres from r)."""

@@ -67,14 +67,15 @@ class Estimator:
         return (table[:, :0] if axis is None
                 or name not in self.axes else axis.resampled(table, self.axes[name]))
 
-    def predict(self, counts: NDArray[Any], power: NDArray[Any],
-                lags: NDArray[Any]) -> NDArray[Any]:
-        """counts [n, bins], power [n, points], lags [n, points, 2 D + 1] or [n, 0, 1]: maps [n, N,
-        N] in metres."""
+    def predict(self, counts: NDArray[Any], power: NDArray[Any], lags: NDArray[Any],
+                zones: NDArray[Any]) -> NDArray[Any]:
+        """counts [n, bins], power [n, points], lags [n, points, 2 D + 1] or [n, 0, 1], zones [n,
+        zones, bins], [n, 0, bins] without: maps [n, N, N] in metres."""
         if self.kind in ("factorised", "mean-shape"):
-            maps = Method(self.t, self.f).predict(counts, power, lags)
+            maps = Method(self.t, self.f).predict(counts, power, lags, zones)
         else:
-            maps = baselines.predict(self.t, self.f, counts, power)
+            spd = zones.reshape(len(zones), -1) if zones.shape[1] else counts
+            maps = baselines.predict(self.t, self.f, spd, power)
         return maps.reshape(-1, self.size, self.size)
 
 
@@ -239,11 +240,10 @@ class Model:
             spd_part, *of_radar = (estimator.matched(name, axes[name], table[rows])
                                    for name, table in
                                    (("spd", counts), ("radar", power), ("array", lags)))
-            if zones := estimator.f.get("zones", 0):
-                spd_part = side_by_side(estimator, run, photons, rows, zones)
+            zones = zones_of(estimator, run, photons, rows)
             if weights is not None:
                 of_radar = [filtered(table, weights) for table in of_radar]
-            maps[rows] = estimator.predict(spd_part, *of_radar)
+            maps[rows] = estimator.predict(spd_part, *of_radar, zones)
         seen = np.flatnonzero(by >= 0)
         half = first.f["scene/map_half_tangent"]
         axes = [tangents(name, first.size, half) for name in ("depth_x", "depth_y")]
@@ -267,15 +267,18 @@ class Model:
         return f"{uuid}\n{printable(str(run.path))}\n{trained}"
 
 
-def side_by_side(estimator: Estimator, run: runs.Run | Arrays, photons: NDArray[Any],
-                 rows: NDArray[np.int64], zones: int) -> NDArray[Any]:
-    """[n, zones * bins] of these records, for an estimator that takes all zones. Raises
+def zones_of(estimator: Estimator, run: runs.Run | Arrays, photons: NDArray[Any],
+             rows: NDArray[np.int64]) -> NDArray[Any]:
+    """[n, zones, bins] of these records, for an estimator that takes zones. Raises
     ValueError."""
+    zones = estimator.f.get("zones", 0)
+    if not zones:
+        return np.zeros((len(rows), 0, 0), np.float32)
     if photons.ndim != 3 or photons.shape[1] != zones:
         found = photons.shape[1] if photons.ndim == 3 else 1
         raise ValueError(f"{run.path}: its detector has {found} zones; the model takes {zones}")
-    return np.concatenate([estimator.matched("spd", run.axes["spd"], photons[rows, k])
-                           for k in range(zones)], 1)
+    return np.stack([estimator.matched("spd", run.axes["spd"], photons[rows, k])
+                     for k in range(zones)], 1)
 
 
 def same(table: NDArray[np.float32]) -> NDArray[np.bool_]:
