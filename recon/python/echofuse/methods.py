@@ -69,12 +69,14 @@ Answer = Callable[[pathlib.Path, pathlib.Path], tuple[list[str], Row]]
 class Method:
     """A name, and how to learn from a run: fit(train, folder, seed, fallback) gives answer(test,
     folder), and this the words that `evaluate` takes, and costs. fallback: a candidate of both
-    sensors answers for records of one, too. source: hash of the code of a method of one's own."""
+    sensors answers for records of one, too. source: hash of the code of a method of one's own.
+    oracle: predict() gets the truth, too (class attribute `oracle`)."""
 
     model: str
     inputs: str
     fit: Callable[[pathlib.Path, pathlib.Path, int, bool], Answer]
     source: str = "-"
+    oracle: bool = False
 
     @property
     def name(self) -> str:
@@ -87,7 +89,7 @@ class Method:
 
     def shown(self, test: pathlib.Path, folder: pathlib.Path) -> pathlib.Path:
         """The test run as this method gets it: a method of one's own gets a copy without truth."""
-        if not self.own:
+        if not self.own or self.oracle:
             return test
         return derive.copy(test, folder / "test.sqlite", derive.lost("depth"))
 
@@ -124,7 +126,8 @@ def python_method(name: str, make: Callable[..., Fitted]) -> Method:
     """A method of this name: make() or make(seed=...) gives an object with fit and predict."""
     module = sys.modules.get(getattr(make, "__module__", ""))
     return Method(name, "-", lambda train, folder, seed, fallback: _by_object(make, train, seed),
-                  source_of(getattr(module, "__file__", None)))
+                  source_of(getattr(module, "__file__", None)),
+                  bool(getattr(make, "oracle", False)))
 
 
 def _by_candidate(model: str, inputs: str, train: pathlib.Path, folder: pathlib.Path, seed: int,

@@ -38,6 +38,8 @@ class MeanMap:
 class OwnMeanMap:
     """Oracle: the mean map of the records that are judged."""
 
+    oracle = True
+
     def fit(self, run: runs.Run, rows: NDArray[np.int64]) -> None:
         pass
 
