@@ -139,7 +139,9 @@ std::vector<std::string> left_out_of_evaluation(const TrainedModel& model, const
   if (held_out)
     for (const Part part : {Part::train, Part::validation, Part::test})
       for (const std::size_t row : model.rows_of(data, part))
-        out[row] = part == Part::test ? "" : trained_on_record;
+        out[row] = part != Part::test             ? trained_on_record
+                   : data.has(row, Sensor::depth) ? model.fault_of(data, row)
+                                                  : "camera missing";
   else if (!all)
     for (const std::size_t row : model.rows_trained_on(data))
       if (out[row].empty()) out[row] = trained_on_record;
@@ -172,7 +174,7 @@ Rows rows_to_evaluate(const TrainedModel& model, const Dataset& data, bool all) 
   throw Error(
       ExitCode::failed,
       path + (!all && model.knows(data)
-                  ? ": the model was trained on this run and held none of its records out" +
+                  ? ": the model was trained on this run and held no sound record of it out" +
                         std::string(use_all)
               : trained_on
                   ? ": the model was trained on all of its records, as those of another run" +

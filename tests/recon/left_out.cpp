@@ -256,6 +256,19 @@ TEST_CASE("records with few clicks or bins, or weak or frozen counts, are not co
   for (std::size_t row = 0; row < 8; ++row) CHECK((data.content[row] == 0) == (row < 5));
 }
 
+TEST_CASE("held-out records with a dead detector are left out on the training's own run") {
+  const Folder dir;
+  write_run(dir / "a", 40);
+  REQUIRE(recon_program("train -q --model mean " + (dir / "a") + " --out " + (dir / "m")).code ==
+          0);
+  REQUIRE(recon_program("evaluate " + (dir / "m") + " " + (dir / "a")).code == 0);
+  sql(dir / "a", "UPDATE record SET spd = zeroblob(length(spd))");
+  const Outcome dead = recon_program("evaluate " + (dir / "m") + " " + (dir / "a"));
+  CAPTURE(dead.text);
+  CHECK(dead.code == 1);
+  CHECK_THAT(dead.text, Catch::Contains("held no sound record of it out"));
+}
+
 TEST_CASE("record that occurs twice in a run is used once") {
   const Folder dir;
   const auto twice = [](record::FusedRecord& r) {
