@@ -43,7 +43,12 @@ void apply_doubts(Dataset& data, const TrainOptions& options) {
 }
 
 TrainingRows rows_to_train(const Dataset& data, Inputs inputs) {
-  if (data.size() > 0) require_sensors(data, inputs);
+  if (data.size() > 0) {
+    require_sensors(data, inputs);
+  } else if (data.damaged.empty()) {
+    const std::string run = data.sources.empty() ? "run" : printable(data.sources.front().path);
+    throw Error(ExitCode::failed, run + ": has no record to train with");
+  }
   std::map<std::string, std::size_t> reasons;
   std::string first_fault = data.damaged.empty() ? "" : to_text(data.damaged.front());
   bool doubtful = false;

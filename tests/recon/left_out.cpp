@@ -267,6 +267,11 @@ TEST_CASE("held-out records with a dead detector are left out on the training's 
   CAPTURE(dead.text);
   CHECK(dead.code == 1);
   CHECK_THAT(dead.text, Catch::Contains("held no sound record of it out"));
+  sql(dir / "a", "DELETE FROM record");
+  const Outcome none =
+      recon_program("train -q --model mean " + (dir / "a") + " --out " + (dir / "n"));
+  CHECK(none.code == 1);
+  CHECK_THAT(none.text, Catch::Contains("has no record to train with"));
 }
 
 TEST_CASE("record that occurs twice in a run is used once") {

@@ -223,7 +223,7 @@ class HostileRuns(unittest.TestCase):
         codes = self.attack(self.make(axis("count = 0")))
         self.assertEqual((codes["info"], codes["export"], codes["csv"]), (0, 5, 1), self.said)
         codes = self.attack(self.make(axis("count = 1000000", "name = 'spd'")), "info", "export", "csv", "reconstruct")
-        self.assertEqual((codes["info"], codes["export"], codes["csv"], codes["reconstruct"]), (0, 5, 1, 5), self.said)
+        self.assertEqual((codes["info"], codes["export"], codes["csv"], codes["reconstruct"]), (0, 1, 1, 5), self.said)
         self.assertIn("its axis asks for 4000000", self.said)
 
     def test_depth_images(self):
@@ -238,7 +238,8 @@ class HostileRuns(unittest.TestCase):
         for name, change in cases.items():
             with self.subTest(name):
                 codes = self.attack(self.make(change), "export", "csv", "evaluate")
-                self.assertEqual((codes["export"], codes["csv"]), (5, 1), (codes, self.said))
+                # More pixels than the file can hold are refused with the run, others with the record.
+                self.assertEqual((codes["export"], codes["csv"]), (1 if name == "2^30" else 5, 1), (codes, self.said))
                 self.assertIn("depth is not a deflated image of", self.said)
         codes = self.attack(self.make(depth(good)), "export", "csv")
         self.assertEqual((codes["export"], codes["csv"]), (0, 0), self.said)

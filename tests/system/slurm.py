@@ -181,7 +181,7 @@ class Slurm(unittest.TestCase):
         subprocess.run([*bench, self.dir / "whole.csv"], check=True, stdout=subprocess.DEVNULL)
 
         def rows(path):  # without the times at the end of a row
-            return sorted(line.rsplit(",", 3)[0] for line in path.read_text().splitlines())
+            return sorted(line.rsplit(",", 4)[0] for line in path.read_text().splitlines())
 
         self.assertEqual(rows(self.dir / "work/spread.csv"), rows(self.dir / "whole.csv"))
         self.assertEqual(len(list((self.dir / "work").glob("spread-part-*-of-4.csv"))), 4)
