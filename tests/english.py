@@ -13,9 +13,9 @@ avoided = re.compile(
     r"\b(nobody|somebody|whoever|anew|whose|beside|told|tells|so many|(?<!times )as many|meanwhile|is none|"
     r"is no|of which|what is|goes by|bears|stands(?! for\b| still\b| in front\b| \d))\b", re.I)
 ALLOWED = {"### What is a twin worth?"}  # lines as they are
-LIMITS = {".github": 0, "README.md": 0, "acquire": 185, "config": 0, "drivers": 105, "recon": 195, "scripts": 22, "sim": 62,
-          "tests": 75}
-LONG_SENTENCES = 175
+LIMITS = {".github": 0, "README.md": 0, "acquire": 165, "config": 0, "drivers": 12, "recon": 193, "scripts": 17, "sim": 39,
+          "tests": 73}
+LONG_SENTENCES = 174
 words_limit = 25
 
 
