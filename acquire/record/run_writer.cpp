@@ -319,6 +319,7 @@ bool RunWriter::close(const std::string& status, std::int64_t unwritten) {
   // Two chances on a full disk: the WAL is emptied, or, where the file cannot grow for that, the
   // reserve is given back.
   sqlite3_busy_timeout(db_, 0);
+  unbind_wal(db_, path_);
   sqlite3_wal_checkpoint_v2(db_, nullptr, SQLITE_CHECKPOINT_TRUNCATE, nullptr, nullptr);
   watch_->note();
   lock_->empty();

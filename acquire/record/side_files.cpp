@@ -123,6 +123,13 @@ void bind_wal(sqlite3* db, const std::string& path) {
   checkpoint(db, path);
 }
 
+void unbind_wal(sqlite3* db, const std::string& path) {
+  try {
+    put_key(db, path, "none");
+  } catch (const Error&) {  // full disk: the key stays until the run is closed
+  }
+}
+
 void rebind_wal(sqlite3* db, const std::string& path) {
   const auto found = wal_key(path);
   if (!found || is_own(*found, key_in(db, path))) return;

@@ -23,7 +23,9 @@ std::optional<std::uint32_t> wal_key(const std::string& path);
 bool lacks_wal(const std::string& path);
 // Makes the -wal of a run that this process begins to write, and stores its key in the run.
 void bind_wal(sqlite3* db, const std::string& path);
-// Stores the key anew if another connection made a new header, as after a TRUNCATE checkpoint.
+// Before the -wal is emptied to close the run: a kill then loses nothing.
+void unbind_wal(sqlite3* db, const std::string& path);
+// Stores the key again if another connection made a new header, as after a TRUNCATE checkpoint.
 void rebind_wal(sqlite3* db, const std::string& path);
 
 // Throws Error(failed) if the key of the -wal is more than 65 536 restarts from that of the run.
