@@ -37,12 +37,12 @@ struct ListedRow {
 };
 
 std::vector<ListedRow> rows_of_training(const Dataset& data, const Arguments& a) {
-  const Inputs inputs = inputs_to_train(a);
-  const std::vector<std::string> left_out = data.left_out(inputs);
-  const Split split = make_split(rows_to_train(data, inputs).rows, a.split);
+  const TrainingRows usable = rows_to_train(data, inputs_to_train(a));
+  const Split split = make_split(usable.rows, a.split);
   std::vector<ListedRow> out;
   for (std::size_t row = 0; row < data.size(); ++row)
-    out.push_back({data.sources[data.source_of(row)].path, data.index[row], "", left_out[row]});
+    out.push_back(
+        {data.sources[data.source_of(row)].path, data.index[row], "", usable.reasons[row]});
   for (const auto& [part, rows] : {std::pair{Part::train, &split.train},
                                    {Part::validation, &split.validation},
                                    {Part::test, &split.test}})

@@ -100,9 +100,8 @@ Estimator train_one(const Wanted& wanted, const Dataset& data, const Split& spli
   return out;
 }
 
-TrainedModel train_split(const Dataset& data, const Split& split, const std::string& name,
-                         const TrainOptions& options) {
-  const Scene scene = learn_scene(data.depth, split.train, data.map);
+TrainedModel train_split(const Dataset& data, const Split& split, const Scene& scene,
+                         const std::string& name, const TrainOptions& options) {
   if (!scene.has_body() && !options.fit.quiet) std::fprintf(stderr, "%s\n", no_body);
   TrainedModel model;
   model.split = options.split;
@@ -120,20 +119,22 @@ TrainedModel train_split(const Dataset& data, const Split& split, const std::str
   return model;
 }
 
-Split split_of(const Dataset& data, const TrainOptions& options) {
+Rows usable_rows(const Dataset& data, const TrainOptions& options) {
   const Inputs inputs = inputs_to_train(options);
   if (inputs == Inputs::fused && data.arrays_differ)
     say(options, "the runs differ in the radar's antennas: only the radar profile is used");
-  const TrainingRows rows = rows_to_train(data, inputs);
-  if (!rows.left_out.empty()) say(options, rows.left_out);
-  if (const std::string text = late_truth(data); !text.empty()) say(options, text);
-  const Split split = make_split(rows.rows, options.split);
-  const bool random = options.split.kind == "random" && !split.test.empty();
-  std::string text = random ? alike_neighbours(data, rows.rows) : "";
-  if (text.empty() && !options.fit.quiet)
-    text = recurring_scenes(data, split, learn_scene(data.depth, split.train, data.map));
-  if (!text.empty()) say(options, text);
-  return split;
+  TrainingRows usable = rows_to_train(data, inputs);
+  if (!usable.left_out.empty()) say(options, usable.left_out);
+  return std::move(usable.rows);
+}
+
+// Reports a split by which the scores would be optimistic.
+void warn_of_split(const Dataset& data, const Rows& rows, const Split& split, const Scene& scene,
+                   const SplitOptions& options) {
+  const bool random = options.kind == "random" && !split.test.empty();
+  std::string text = random ? alike_neighbours(data, rows) : "";
+  if (text.empty()) text = recurring_scenes(data, split, scene);
+  if (!text.empty()) std::fprintf(stderr, "%s\n", text.c_str());
 }
 
 }  // namespace
@@ -146,9 +147,14 @@ Inputs inputs_to_train(const TrainOptions& options) {
 }
 
 TrainedModel train(const Dataset& data, const TrainOptions& options) {
-  const Split split = split_of(data, options);
+  const bool loud = !options.fit.quiet;
+  const Rows rows = usable_rows(data, options);
+  if (const std::string text = loud ? late_truth(data) : ""; !text.empty()) say(options, text);
+  const Split split = make_split(rows, options.split);
+  const Scene scene = learn_scene(data.depth, split.train, data.map);
+  if (loud) warn_of_split(data, rows, split, scene, options.split);
   const std::string name = options.model == "auto" ? choose(data, split, options) : options.model;
-  return train_split(data, split, name, options);
+  return train_split(data, split, scene, name, options);
 }
 
 }  // namespace echofuse::recon

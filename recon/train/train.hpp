@@ -30,6 +30,7 @@ struct TrainOptions {
 struct TrainingRows {
   Rows rows;
   std::string left_out;
+  std::vector<std::string> reasons;  // by row (Dataset::left_out)
 };
 // Throws Error(failed) if no record has a required sensor, if all records are left out, or if more
 // than most_damaged of them are dead or damaged.

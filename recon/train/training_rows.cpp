@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: MIT
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <map>
+#include <numeric>
 
 #include "drivers/program/printable.hpp"
 #include "recon/numbers/parallel.hpp"
@@ -11,8 +13,10 @@
 namespace echofuse::recon {
 namespace {
 
-std::string path_of(const Dataset& data, std::size_t row) {
-  return data.sources.empty() ? "run" : printable(data.sources[data.source_of(row)].path);
+// Name of the row's run, or of the first one if there are no rows.
+std::string path_of(const Dataset& data, std::size_t row = 0) {
+  if (data.sources.empty()) return "run";
+  return printable(data.sources[row < data.size() ? data.source_of(row) : 0].path);
 }
 
 void require_sensors(const Dataset& data, Inputs inputs) {
@@ -31,7 +35,7 @@ void require_sensors(const Dataset& data, Inputs inputs) {
     for (std::size_t row = 0; row < data.size(); ++row) found |= data.has(row, sensor);
     if (!found)
       throw Error(ExitCode::failed,
-                  formatted("%s: no record has %s: %s", path_of(data, 0).c_str(), name, cure));
+                  formatted("%s: no record has %s: %s", path_of(data).c_str(), name, cure));
   }
 }
 
@@ -46,16 +50,15 @@ TrainingRows rows_to_train(const Dataset& data, Inputs inputs) {
   if (data.size() > 0) {
     require_sensors(data, inputs);
   } else if (data.damaged.empty()) {
-    const std::string run = data.sources.empty() ? "run" : printable(data.sources.front().path);
-    throw Error(ExitCode::failed, run + ": has no record to train with");
+    throw Error(ExitCode::failed, path_of(data) + ": has no record to train with");
   }
   std::map<std::string, std::size_t> reasons;
   std::string first_fault = data.damaged.empty() ? "" : to_text(data.damaged.front());
   bool doubtful = false;
   TrainingRows out;
-  const std::vector<std::string> left_out = data.left_out(inputs);
+  out.reasons = data.left_out(inputs);
   for (std::size_t row = 0; row < data.size(); ++row) {
-    const std::string& why = left_out[row];
+    const std::string& why = out.reasons[row];
     if (why.empty()) {
       out.rows.push_back(row);
       continue;
@@ -84,18 +87,32 @@ TrainingRows rows_to_train(const Dataset& data, Inputs inputs) {
   if (lossy > 0)
     out.left_out += formatted("%s%td lossy records are used; --set lossy=leave leaves them out",
                               out.left_out.empty() ? "" : "; ", lossy);
-  if (out.rows.empty()) throw Error(ExitCode::failed, path_of(data, 0) + ": " + out.left_out);
+  if (out.rows.empty()) throw Error(ExitCode::failed, path_of(data) + ": " + out.left_out);
   return out;
 }
 
 namespace {
 
-double distance_of_maps(const Dataset& data, std::size_t row, std::size_t other) {
+// Every seventh pixel of these maps, side by side in memory.
+Matrix sampled(const Dataset& data, const Rows& rows) {
   constexpr std::size_t pixel_step = 7;
-  const auto a = data.depth.row(row), b = data.depth.row(other);
-  double sum = 0;
-  for (std::size_t p = 0; p < a.size(); p += pixel_step) sum += std::abs(double{a[p]} - b[p]);
-  return sum;
+  Matrix out(rows.size(), (data.depth.cols + pixel_step - 1) / pixel_step);
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    const auto map = data.depth.row(rows[i]);
+    for (std::size_t p = 0; p < out.cols; ++p) out.row(i)[p] = map[p * pixel_step];
+  }
+  return out;
+}
+
+// Sum of absolute differences, in lanes that the compiler can vectorise.
+double distance(std::span<const float> a, std::span<const float> b) {
+  constexpr std::size_t lanes = 16;
+  std::array<float, lanes> sums{};
+  std::size_t p = 0;
+  for (; p + lanes <= a.size(); p += lanes)
+    for (std::size_t k = 0; k < lanes; ++k) sums[k] += std::abs(a[p + k] - b[p + k]);
+  for (; p < a.size(); ++p) sums[p % lanes] += std::abs(a[p] - b[p]);
+  return std::accumulate(sums.begin(), sums.end(), 0.0);
 }
 
 bool shows_body(std::span<const float> map, const Scene& scene) {
@@ -122,16 +139,17 @@ std::string alike_neighbours(const Dataset& data, const Rows& rows) {
   constexpr std::size_t sample = 200, others = 50;
   constexpr double most_share = 0.3;  // 2 of 52 independent scenes reach it
   if (rows.size() < others) return {};
-  const auto distance = [&](std::size_t i, std::size_t k) {
-    return distance_of_maps(data, rows[i], rows[k]);
+  const Matrix maps = sampled(data, rows);
+  const auto apart = [&](std::size_t i, std::size_t k) {
+    return distance(maps.row(i), maps.row(k));
   };
   std::size_t judged = 0, alike = 0;
   for (std::size_t i = 1; i + 1 < rows.size(); i += rows.size() / sample + 1, ++judged) {
-    const double near = std::min(distance(i, i - 1), distance(i, i + 1));
+    const double near = std::min(apart(i, i - 1), apart(i, i + 1));
     bool nearest = true;
     for (std::size_t k = 0; k < others && nearest; ++k)  // at least an eighth of the records away
-      nearest = near <
-                distance(i, (i + rows.size() / 8 + k * rows.size() * 3 / 4 / others) % rows.size());
+      nearest =
+          near < apart(i, (i + rows.size() / 8 + k * rows.size() * 3 / 4 / others) % rows.size());
     alike += nearest;
   }
   if (static_cast<double>(alike) <= most_share * static_cast<double>(judged)) return {};
@@ -149,11 +167,12 @@ std::string recurring_scenes(const Dataset& data, const Split& split, const Scen
   for (std::size_t i = 0; i < split.test.size(); i += step)
     if (shows_body(data.depth.row(split.test[i]), scene)) judged.push_back(split.test[i]);
   if (judged.size() < least) return {};
+  const Matrix maps = sampled(data, judged), training = sampled(data, split.train);
   std::vector<double> gaps(judged.size());
   for_each_part(judged.size(), [&](std::size_t i) {
-    std::vector<double> distances;
-    for (const std::size_t row : split.train)
-      distances.push_back(distance_of_maps(data, judged[i], row));
+    std::vector<double> distances(training.rows);
+    for (std::size_t k = 0; k < training.rows; ++k)
+      distances[k] = distance(maps.row(i), training.row(k));
     gaps[i] = greatest_gap(std::move(distances));
   });
   const auto recur = std::ranges::count_if(gaps, [](double gap) { return gap > least_gap; });

@@ -244,7 +244,8 @@ void match_for_tuning(const TrainedModel& from, const std::string& path, Dataset
 
 TunedModel tune(const std::vector<Start>& starts, const TuneOptions& options) {
   const auto started = std::chrono::steady_clock::now();
-  const auto [rows, left_out] = rows_of(starts);
+  const TrainingRows usable = rows_of(starts);
+  const Rows& rows = usable.rows;
   if (rows.size() < TuneOptions::least_records)
     throw Error(ExitCode::failed,
                 std::to_string(rows.size()) + " usable records; tuning needs at least 10");
@@ -268,7 +269,7 @@ TunedModel tune(const std::vector<Start>& starts, const TuneOptions& options) {
     if (const double gain = choices[k].gain_over(choices[0], errors); gain > most)
       best = k, most = gain;
   TunedModel out;
-  out.left_out = left_out;
+  out.left_out = usable.left_out;
   for (std::size_t k = 0; k < choices.size(); ++k)
     if (k != best) out.starts += compared(starts, choices, best, k);
   for (std::size_t k = 0; k < choices.size(); ++k) {
