@@ -84,7 +84,7 @@ void TagCheck::take(const TagBlock& block, const Take& out) {
     highest_ps_ = offset_ps_ = 0;
   }
   if (block.lost_blocks > 0 || block.lost_items > 0) last_start_ps_.reset();
-  const bool orderly = is_plain(block) || in_order(block);
+  const bool plain = is_plain(block), orderly = plain || in_order(block);
   hold_ = hold_ || !orderly;
   if (offset_ps_ > 0 || hold_ || !held_.empty()) {
     const std::size_t waited = held_.size();
@@ -108,19 +108,20 @@ void TagCheck::take(const TagBlock& block, const Take& out) {
         highest_ps_ = std::max(highest_ps_, *last_ps_);
         break;
       }
-    pass(block, out);
+    pass(block, out, plain);
   }
   if (!second_from_) second_from_ = block.received;
   if (block.received - *second_from_ >= 1s) judge_second(block.received);
 }
 
-void TagCheck::pass(const TagBlock& block, const Take& out) {
+void TagCheck::pass(const TagBlock& block, const Take& out, bool plain) {
   auto rest = block.tags;
   for (; !rest.empty() && sample_.events < most_events; rest = rest.subspan(1))
     look_at(rest.front(), block.received);
   if (!rest.empty()) last_start_ps_.reset();
-  for (const Tag& tag : rest)
-    if (!tag.is_time_tag()) take_marker(tag, block.received);
+  if (!plain)
+    for (const Tag& tag : rest)
+      if (!tag.is_time_tag()) take_marker(tag, block.received);
   out(block);
 }
 

@@ -62,7 +62,8 @@ class TagCheck {
   void repair(Tag& tag);
   void sort();
   std::size_t ready() const;
-  void pass(const TagBlock& block, const Take& out);
+  // `plain`: the block has no marker, as is_plain() found.
+  void pass(const TagBlock& block, const Take& out, bool plain = false);
   void look_at(const Tag& tag, HostTime received);
   void take_marker(const Tag& tag, HostTime received);
   void judge_clock(HostTime received);
