@@ -2,8 +2,7 @@
 // The paper's plain network: concatenated inputs, two hidden layers, linear output, squared loss.
 // Predicts the difference from the mean map, in units of the maps' standard deviation.
 #include "drivers/program/console.hpp"
-#include "recon/models/model.hpp"
-#include "recon/network/regression.hpp"
+#include "recon/models/fit_maps.hpp"
 
 namespace echofuse::recon {
 namespace {
@@ -12,17 +11,7 @@ class Mlp final : public Model {
  public:
   TrainingLog fit(const Samples& train, const Samples& validation,
                   const FitOptions& options) override {
-    const Training training = training_of(options);
-    Progress progress("depth map", training.epochs, training.quiet);
-    const TrainingLog log =
-        regression_.fit({train.inputs, train.maps, train.rows},
-                        {validation.inputs, validation.maps, validation.rows}, Spread::common,
-                        training, "training", [&](std::size_t epochs, double loss) {
-                          progress.update(epochs, "validation loss " + std::to_string(loss));
-                        });
-    if (!log.interrupted)
-      progress.update(training.epochs, "best epoch " + std::to_string(log.best_epoch));
-    return log;
+    return fit_maps(regression_, train, validation, training_of(options), "depth map");
   }
   std::unique_ptr<Model> tuned(const Samples& train, const Tuning& tuning) const override {
     auto out = std::make_unique<Mlp>(*this);
@@ -45,6 +34,19 @@ class Mlp final : public Model {
 };
 
 }  // namespace
+
+TrainingLog fit_maps(Regression& regression, const Samples& train, const Samples& validation,
+                     const Training& training, const std::string& title) {
+  Progress progress(title, training.epochs, training.quiet);
+  const TrainingLog log = regression.fit(
+      {train.inputs, train.maps, train.rows}, {validation.inputs, validation.maps, validation.rows},
+      Spread::common, training, "training", [&](std::size_t epochs, double loss) {
+        progress.update(epochs, "validation loss " + std::to_string(loss));
+      });
+  if (!log.interrupted)
+    progress.update(training.epochs, "best epoch " + std::to_string(log.best_epoch));
+  return log;
+}
 
 std::unique_ptr<Model> make_mlp() { return std::make_unique<Mlp>(); }
 

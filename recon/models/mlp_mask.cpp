@@ -5,10 +5,8 @@
 #include <cmath>
 #include <random>
 
-#include "drivers/program/console.hpp"
+#include "recon/models/fit_maps.hpp"
 #include "recon/models/mask_loss.hpp"
-#include "recon/models/model.hpp"
-#include "recon/network/regression.hpp"
 #include "recon/numbers/parallel.hpp"
 
 namespace echofuse::recon {
@@ -29,15 +27,7 @@ class MlpMask final : public Model {
     Training training = training_of(options);
     training.loss = loss_of(train);
     training.redraw = with_noise(train);
-    Progress progress("mask and depth", training.epochs, training.quiet);
-    const TrainingLog log =
-        regression_.fit({train.inputs, train.maps, train.rows},
-                        {validation.inputs, validation.maps, validation.rows}, Spread::common,
-                        training, "training", [&](std::size_t epochs, double loss) {
-                          progress.update(epochs, "validation loss " + std::to_string(loss));
-                        });
-    if (!log.interrupted)
-      progress.update(training.epochs, "best epoch " + std::to_string(log.best_epoch));
+    const TrainingLog log = fit_maps(regression_, train, validation, training, "mask and depth");
     choose_threshold(validation.rows.empty() ? train : validation);
     return log;
   }

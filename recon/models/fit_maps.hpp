@@ -1,0 +1,14 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+#include <string>
+
+#include "recon/models/model.hpp"
+#include "recon/network/regression.hpp"
+
+namespace echofuse::recon {
+
+// Fits a network to the samples' maps (mlp.cpp) and shows a progress line with this title.
+TrainingLog fit_maps(Regression& regression, const Samples& train, const Samples& validation,
+                     const Training& training, const std::string& title);
+
+}  // namespace echofuse::recon
