@@ -132,16 +132,15 @@ std::vector<std::string> left_out_of_evaluation(const TrainedModel& model, const
                                                 bool all) {
   const bool held_out = !all && model.knows(data);
   std::vector<std::string> out(data.size());
+  const auto fault = [&](std::size_t row) {
+    return data.has(row, Sensor::depth) ? model.fault_of(data, row) : "camera missing";
+  };
   for (std::size_t row = 0; row < data.size(); ++row)
-    out[row] = held_out                        ? "in no part of the training"
-               : !data.has(row, Sensor::depth) ? "camera missing"
-                                               : model.fault_of(data, row);
+    out[row] = held_out ? "in no part of the training" : fault(row);
   if (held_out)
     for (const Part part : {Part::train, Part::validation, Part::test})
       for (const std::size_t row : model.rows_of(data, part))
-        out[row] = part != Part::test             ? trained_on_record
-                   : data.has(row, Sensor::depth) ? model.fault_of(data, row)
-                                                  : "camera missing";
+        out[row] = part == Part::test ? fault(row) : trained_on_record;
   else if (!all)
     for (const std::size_t row : model.rows_trained_on(data))
       if (out[row].empty()) out[row] = trained_on_record;
