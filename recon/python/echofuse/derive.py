@@ -110,7 +110,7 @@ def range_offset(metres: float) -> Change:
 
 
 def lost(sensor: str) -> Change:
-    """No record of this sensor: "spd", "radar"."""
+    """No record of this sensor: "spd", "radar", "depth"."""
     def change(records: Records) -> None:
         records.lost[sensor] = np.ones(len(records.keep), bool)
     return change

@@ -10,10 +10,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .run_files import printable
 from .staged import replaced
 
 if TYPE_CHECKING:
     from .run import Run
+
+
+def origin_of(run: Run) -> str:
+    """Text of run.txt for maps of this run (recon/use/written_maps.hpp)."""
+    return f"{run.info['uuid']}\n{printable(str(run.path))}\n"
 
 
 def save_maps(folder: str | pathlib.Path, depth_m: ArrayLike, index: ArrayLike,
@@ -24,7 +30,7 @@ def save_maps(folder: str | pathlib.Path, depth_m: ArrayLike, index: ArrayLike,
     folder = pathlib.Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     if run is not None:
-        origin = f"{run.info['uuid']}\n{run.path}\n"
+        origin = origin_of(run)
     named = folder / "run.txt"
     if origin and named.exists() and named.read_text().split("\n")[0] != origin.split("\n")[0]:
         raise FileExistsError(f"{folder}: has maps of another run; name another folder")

@@ -16,10 +16,9 @@ from . import baselines, grid
 from . import run as runs
 from .axis import tangents
 from .crc32c import crc32c
-from .maps import save_maps
+from .maps import origin_of, save_maps
 from .method import Method
 from .response import MUCH_NARROWER, Response, filter_between, filtered, stated_in
-from .run_files import printable
 from .zones import summed
 
 
@@ -264,7 +263,7 @@ class Model:
                           for k in range(self.facts["split/runs"])], bool)
         index = self.split["index"][known[self.split["run"]] & (self.split["part"] < 2)]
         trained = "trained on records " + ",".join(map(str, index)) + "\n" if len(index) else ""
-        return f"{uuid}\n{printable(str(run.path))}\n{trained}"
+        return origin_of(run) + trained
 
 
 def zones_of(estimator: Estimator, run: runs.Run | Arrays, photons: NDArray[Any],
