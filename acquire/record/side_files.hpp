@@ -19,7 +19,8 @@ inline constexpr const char* without_wal_key = "meta = json_remove(meta, '$.wal_
 // SQLite counts them by connection. None: the file is missing or has no header.
 std::optional<std::uint32_t> wal_key(const std::string& path);
 // The -wal is missing, empty or zeros, and the run was bound to one or has records: some may be
-// lost. A run that was killed before bind_wal() had written its key has lost none.
+// lost. A run that was killed before bind_wal() had written its key, or after its end was stored,
+// has lost none.
 bool lacks_wal(const std::string& path);
 // Makes the -wal of a run that this process begins to write, and stores its key in the run.
 void bind_wal(sqlite3* db, const std::string& path);
@@ -29,8 +30,8 @@ void unbind_wal(sqlite3* db, const std::string& path);
 void rebind_wal(sqlite3* db, const std::string& path);
 
 // Throws Error(failed) if the key of the -wal is more than 65 536 restarts from that of the run.
-// Accepts any -wal of a run without a key. Call while nobody writes the run, before SQLite opens
-// it.
+// Accepts any -wal of a run without a key. Call before SQLite opens the run, while no process
+// writes it.
 void require_own_wal(const std::string& path);
 // Throws Error(failed) if there is a -journal beside a -wal, or one with more than the first page.
 // SQLite writes that page, without a -wal, when it closes a run.

@@ -117,6 +117,19 @@ TEST_CASE("run killed before its -wal was bound has lost nothing") {
   }
 }
 
+TEST_CASE("run killed after its end was stored keeps its status and gets no side file") {
+  const Folder folder;
+  const std::string path = folder / "a.sqlite";
+  write_run(path, 3);
+  sql(path, "PRAGMA journal_mode=WAL");
+  write_file(path + "-wal", "");
+  CHECK(RunReader(path).info().status == "complete");
+  recover(path);
+  CHECK(side_files(path).empty());
+  CHECK(RunReader(path).info().status == "complete");
+  CHECK(RunReader(path).count() == 3);
+}
+
 // Leaves a run like a kill, with enough records for SQLite to restart its -wal several times.
 static void killed_run(const std::string& path, int records) {
   RunWriter run(path, {});

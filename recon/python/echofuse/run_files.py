@@ -147,17 +147,28 @@ def wal_key(path: pathlib.Path) -> int | None:
     return (salt - number) % (1 << 32) if magic & ~1 == 0x377F0682 else None
 
 
-def refuse_foreign_wal(path: pathlib.Path) -> None:
-    """Raises ValueError if the -wal has another key than the open run. Reads the run alone."""
-    if (found := wal_key(path)) is None:
-        return
+def stored_in(path: pathlib.Path) -> tuple[str | None, bool, bool] | None:
+    """Key of the -wal, whether there are records, and whether the run is open, by the run file
+    alone, as in acquire/record/side_files.cpp. None: not a run, or damaged."""
     with closing(opened(path, "mode=ro&immutable=1")) as db:
         try:
             guard(db, path)
-            stored = json.loads(db.execute("SELECT meta FROM run").fetchone()[0])[WAL_KEY]
-            expected = int(stored, 16)
-        except (sqlite3.Error, ValueError, LookupError, TypeError, RecursionError):
-            return  # not a run, or a run without a key
+            key = json.loads(db.execute("SELECT meta FROM run").fetchone()[0]).get(WAL_KEY)
+            records, is_open = db.execute(
+                "SELECT EXISTS(SELECT 1 FROM record), status = 'open' FROM run").fetchone()
+        except (sqlite3.Error, ValueError, LookupError, TypeError, AttributeError, RecursionError):
+            return None
+    return key, bool(records), bool(is_open)
+
+
+def refuse_foreign_wal(path: pathlib.Path) -> None:
+    """Raises ValueError if the -wal has another key than the open run."""
+    if (found := wal_key(path)) is None or (stored := stored_in(path)) is None:
+        return
+    try:
+        expected = int(stored[0] or "", 16)
+    except (ValueError, TypeError):
+        return  # a run without a key
     away = (found - expected) % (1 << 32)
     if min(away, (1 << 32) - away) > MOST_RESTARTS:
         raise ValueError(f"{path}: was not closed, and {beside(path, '-wal')} is of another run "
@@ -184,14 +195,8 @@ def lacks_wal(path: pathlib.Path) -> bool:
     journal = beside(path, "-journal")
     if any(wal_header(path)) or (journal.is_file() and journal.stat().st_size):
         return False
-    with closing(opened(path, "mode=ro&immutable=1")) as db:
-        try:
-            guard(db, path)
-            key = json.loads(db.execute("SELECT meta FROM run").fetchone()[0]).get(WAL_KEY)
-            records = db.execute("SELECT EXISTS(SELECT 1 FROM record)").fetchone()[0]
-        except (sqlite3.Error, ValueError, LookupError, TypeError, AttributeError, RecursionError):
-            return True  # not a run, or damaged
-    return key != "none" and (key is not None or bool(records))
+    key, records, is_open = stored_in(path) or (None, True, True)
+    return is_open and key != "none" and (key is not None or records)
 
 
 def connect(path: pathlib.Path) -> Connection:
