@@ -81,7 +81,7 @@ std::string FollowedRun::find() {
 bool FollowedRun::refresh() {
   const std::string path = find();
   const FileStamp stamp = stamp_of(path);
-  if (path == path_ && stamp == stamp_ && !path.empty()) return false;
+  if (path == path_ && stamp == stamp_ && !path.empty() && trouble_.empty()) return false;
   if (path != path_ || stamp.inode != stamp_.inode) forget();
   const std::string before = std::exchange(trouble_, {});
   path_ = path, stamp_ = stamp;
@@ -93,6 +93,7 @@ bool FollowedRun::refresh() {
   } catch (const std::exception& e) {
     trouble_ = e.what();
   }
+  if (!before.empty() && trouble_.empty()) ++edition_;
   return trouble_.empty() || trouble_ != before;
 }
 

@@ -54,7 +54,7 @@ class FollowedRun {
   const std::string& path() const { return path_; }
   // Why the run cannot be read; may be empty.
   const std::string& trouble() const { return trouble_; }
-  // Changes if the file becomes another run, or its axes or status change.
+  // Changes if the file becomes another run, its axes or status change, or a trouble ends.
   int edition() const { return edition_; }
   const record::RunInfo& info() const { return info_; }
   const std::vector<Axis>& axes() const { return axes_; }

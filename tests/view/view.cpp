@@ -1,7 +1,11 @@
 // SPDX-License-Identifier: MIT
 #include <catch2/catch.hpp>
+#include <filesystem>
+#include <fstream>
 #include <nlohmann/json.hpp>
 
+#include "../folder.hpp"
+#include "acquire/record/run_file.hpp"
 #include "recon/view/access.hpp"
 #include "recon/view/followed_run.hpp"
 #include "recon/view/message.hpp"
@@ -90,6 +94,32 @@ TEST_CASE("sensor is stale two slots after its last valid one") {
   CHECK(is_stale(sensor, 3, now));
   sensor.last_valid = now + std::chrono::seconds(1);  // the clock was set back
   CHECK(age_s(sensor, now) == 0);
+}
+
+TEST_CASE("run that cannot be read for a moment is read again and sent again") {
+  const test::Folder folder;
+  const std::string path = folder / "run.sqlite";
+  record::RunWriter(path, {}).close("complete");
+  const auto time = std::filesystem::last_write_time(path) + std::chrono::seconds(1);
+  // Size and time do not change between the two.
+  const auto write_first_byte = [&](char byte) {
+    std::fstream(path, std::ios::in | std::ios::out | std::ios::binary).put(byte);
+    std::filesystem::last_write_time(path, time);
+  };
+  FollowedRun run(path);
+  CHECK(run.refresh());
+  CHECK(run.trouble().empty());
+  CHECK_FALSE(run.refresh());
+  const int edition = run.edition();
+
+  write_first_byte('X');
+  CHECK(run.refresh());
+  CHECK_FALSE(run.trouble().empty());
+  CHECK_FALSE(run.refresh());  // reported once
+  write_first_byte('S');
+  CHECK(run.refresh());
+  CHECK(run.trouble().empty());
+  CHECK(run.edition() != edition);
 }
 
 TEST_CASE("run summary lists doubtful verdicts by sensor, most frequent first") {
