@@ -7,6 +7,7 @@ import queue
 import socket
 import struct
 import threading
+import time
 import urllib.parse
 
 TYPES = {"u8": "B", "u16": "H", "u32": "I", "f32": "f", "f64": "d"}
@@ -73,11 +74,16 @@ class Client:
             elif opcode == 2:
                 return decode(payload)
 
-    def until(self, kind, condition=lambda message: True):
-        while True:
+    def until(self, kind, condition=lambda message: True, timeout_s=60):
+        """Raises TimeoutError with the last trouble that the server reported."""
+        end, trouble = time.monotonic() + timeout_s, ""
+        while time.monotonic() < end:
             message = self.message()
             if message["kind"] == kind and condition(message):
                 return message
+            if message["kind"] == "trouble":
+                trouble = message
+        raise TimeoutError(f"no {kind} within {timeout_s} s; {trouble}")
 
 
 class Browser(Client):
