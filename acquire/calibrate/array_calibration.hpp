@@ -21,8 +21,8 @@ struct AntennaFit {
 // Samples of some frames, laid out as RadarFrame::array: bins times antennas.
 using ArrayFrames = std::vector<std::vector<std::int16_t>>;
 
-// Fits the antennas to a reflector that fills the bin, or one beside it: the principal eigenvector
-// of their covariance over the frames, at least 8. The phase may differ from frame to frame. The
+// Fits the antennas to a reflector that fills the bin or a neighbouring one. The fit is the
+// principal eigenvector of their covariance over at least 8 frames, whose phases may differ. The
 // standard error contains the residual of this one wave and the samples' rounding, which does not
 // average out: N frames with power P and noise s^2 of an antenna give s / sqrt(2 N P), combined
 // with that of antenna 0.

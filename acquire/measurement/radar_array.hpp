@@ -29,10 +29,10 @@ using Antennas = std::vector<Antenna>;
 
 inline constexpr std::size_t most_antennas = 12;
 
-// Values of one range bin, in this order: mean sample of each antenna; power of each antenna; mean
-// of x_m conj(x_n) for m < n, row by row; mean of sum_m x_m(t) conj(x_m(t-1)) between consecutive
-// frames. Complex numbers are stored as real, imaginary. Units: the firmware's integers, squared
-// for powers.
+// Values of one range bin, in this order: mean sample of each antenna; power of each antenna;
+// covariance, mean of x_m conj(x_n) for m < n, row by row; correlation of consecutive frames, mean
+// of sum_m x_m(t) conj(x_m(t-1)). Complex numbers are stored as real, imaginary. Units: the
+// firmware's integers, squared for powers.
 struct ArrayBin {
   std::span<const float> values;
   std::size_t antennas = 0;

@@ -16,8 +16,8 @@ struct Range {
 constexpr Range widths_ps{0.1, 100'000}, tails_ps{0, 100'000}, shares{0, 1}, cells_m{1e-3, 10},
     exponents{-2, 0}, powers{0, 1.05}, baselines_m{0, 10};
 
-// Reads numbers with an optional "+- ERROR". Returns an empty list for other text, or numbers out
-// of range.
+// Reads numbers with an optional "+- ERROR". Returns an empty list if the text has another form or
+// a number exceeds its limits.
 std::vector<double> numbers_of(const std::string& text, const Range& range, double& error) {
   const auto plus = text.find("+-");
   const auto read = [](const std::string& part) {

@@ -232,7 +232,7 @@ class RunReader {
   std::string path_, file_, shown_;                         // as given; behind links; printable
   sqlite3* db_ = nullptr;
   bool closed_ = false;      // is_closed(): immutable
-  bool lacks_wal_ = false;   // claims a WAL, but there is none or an empty one, and no writer
+  bool lacks_wal_ = false;   // not being written, and its -wal is missing or empty
   std::uint64_t bytes_ = 0;  // when it was opened
   std::unique_ptr<Budget> budget_;
 };

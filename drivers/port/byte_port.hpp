@@ -21,8 +21,8 @@ struct PortHandlers {
   // The port could not be opened, or failed: end of file, unplugged, refused. Called at most once;
   // no handler is called after it.
   std::function<void(const Failure&)> gone;
-  // Warning of a fault while the port continues; may be empty. The text is constant for each kind
-  // of fault. `losses`: lost bytes or events; 0 if none.
+  // Reports a fault after which the port continues; may be empty. Each kind of fault has a constant
+  // text. `losses` counts the lost bytes or events.
   std::function<void(const std::string& text, std::uint64_t losses)> warning{};
 };
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Common part of all ports with a device thread. Include only in .cpp files of this folder, because
-// it includes Asio.
+// Common part of all ports with a device thread. Includes Asio, so only .cpp files of this folder
+// may include this header.
 #pragma once
 #include <atomic>
 #include <boost/asio/io_context.hpp>

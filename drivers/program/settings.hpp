@@ -52,8 +52,8 @@ class Settings {
   // Returns the origin of a key's value: "FILE:line:column", "--set key=value", or empty for the
   // default.
   std::string origin(const std::string& key) const;
-  // refused(): the key's value is invalid. whole(): no line was skipped as not TOML. Cross-checks
-  // of settings require whole(), and !refused() for their keys.
+  // refused(): the key's value is invalid. whole(): no line was skipped as not TOML. A cross-check
+  // requires whole(), and !refused() for each of its keys.
   bool refused(const std::string& key) const;
   bool whole() const { return whole_; }
   // Returns all values as TOML that read_text accepts, optionally with each key's meaning and range

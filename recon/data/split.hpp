@@ -23,8 +23,8 @@ struct Split {
   Rows train, validation, test;
 };
 
-// Rows in a random order that any program can repeat: sorted by mix(mix(seed ^ mix(stream)) ^ row),
-// where mix is one step of SplitMix64 (drivers/core/random.hpp).
+// Returns the rows in a random order that any program can repeat. The sort key is
+// mix(mix(seed ^ mix(stream)) ^ row); mix() is one step of SplitMix64 (drivers/core/random.hpp).
 Rows drawn(Rows rows, std::uint64_t seed, std::uint64_t stream);
 
 // Splits `rows`; a random split draws the last ones of drawn(). Throws Error(failed) if nothing is

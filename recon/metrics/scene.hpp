@@ -2,12 +2,12 @@
 // A scene is learnt from the training maps (background, mean map) and defines the foreground.
 //
 // A pixel of a true map is foreground if d > 0 and b = 0 or |d - b| > 0.1 m, where b is the
-// background map: the median of the training maps, 0 where a fifth of them has no return. A pixel
-// of a prediction v is foreground if v is nearer to m, the mean depth of the training foreground,
-// than to b. Where b = 0, the rule depends on the map: v > 0 if it contains returns; v > m / 2 if
-// it contains expected depths (probability of a return times depth, from a regression). There is no
-// foreground if a quarter of the deviation from the background lies behind it, e.g. when a wall was
-// moved. Then the thresholded map is the raw one.
+// background map: the median of the training maps, 0 where a fifth of them has no return. A
+// predicted pixel v is foreground if it is nearer to m than to b; m is the mean depth of the
+// training foreground. Where b = 0, the rule depends on the map: v > 0 if it contains returns; v >
+// m / 2 if it contains expected depths (probability of a return times depth, from a regression).
+// There is no foreground if a quarter of the deviation from the background lies behind it, e.g.
+// when a wall was moved. Then the thresholded map is the raw one.
 #pragma once
 #include <cstdint>
 #include <span>
