@@ -33,7 +33,7 @@ void recover(const std::string& name) {
   if (::access(path.c_str(), W_OK) != 0 || WriterLock::someone_writes(path) || is_closed(path))
     return;
   try {
-    if (lacks_wal(path)) return;
+    if (RunReader(path).info().status == crashed_without_wal) return;
     fold_back(path);
   } catch (const Error&) {  // another program reads it, or it is no run: reading it will tell
   }

@@ -70,7 +70,6 @@ void checkpoint(sqlite3* db, const std::string& path) {
 struct Stored {
   std::string key;       // empty: none
   bool records = false;  // has any
-  bool open = true;      // not closed yet: the last records may be elsewhere
 };
 
 // Contents of the database file alone; no side file is read. None: not a run, or damaged.
@@ -85,10 +84,8 @@ std::optional<Stored> stored_in(const std::string& path) {
   harden(db);
   limit(db, budget);
   try {
-    Statement run(db, path, "SELECT EXISTS(SELECT 1 FROM record), status = 'open' FROM run");
-    if (!run.step()) return std::nullopt;
-    const bool records = run.integer() != 0;
-    return Stored{.key = key_in(db, path), .records = records, .open = run.integer() != 0};
+    Statement records(db, path, "SELECT EXISTS(SELECT 1 FROM record)");
+    return Stored{.key = key_in(db, path), .records = records.step() && records.integer() != 0};
   } catch (const Error&) {  // its reader reports why
     return std::nullopt;
   }
@@ -111,9 +108,9 @@ std::optional<std::uint32_t> wal_key(const std::string& path) {
 bool lacks_wal(const std::string& path) {
   if (wal_header(path) != Header{}) return false;
   const auto stored = stored_in(path);
-  if (!stored) return true;
-  const bool unbound = stored->key == "none" || (stored->key.empty() && !stored->records);
-  return stored->open && !unbound;
+  const bool unbound =
+      stored && (stored->key == "none" || (stored->key.empty() && !stored->records));
+  return !unbound;
 }
 
 // The first write makes the header; SQLite writes nothing for a value that is there. TRUNCATE

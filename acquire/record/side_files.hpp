@@ -19,8 +19,7 @@ inline constexpr const char* without_wal_key = "meta = json_remove(meta, '$.wal_
 // SQLite counts them by connection. None: the file is missing or has no header.
 std::optional<std::uint32_t> wal_key(const std::string& path);
 // The -wal is missing, empty or zeros, and the run was bound to one or has records: some may be
-// lost. A run that was killed before bind_wal() had written its key, or after its end was stored,
-// has lost none.
+// lost. A run that was killed before bind_wal() had written its key has lost none.
 bool lacks_wal(const std::string& path);
 // Makes the -wal of a run that this process begins to write, and stores its key in the run.
 void bind_wal(sqlite3* db, const std::string& path);

@@ -147,18 +147,17 @@ def wal_key(path: pathlib.Path) -> int | None:
     return (salt - number) % (1 << 32) if magic & ~1 == 0x377F0682 else None
 
 
-def stored_in(path: pathlib.Path) -> tuple[str | None, bool, bool] | None:
-    """Key of the -wal, whether there are records, and whether the run is open, by the run file
-    alone, as in acquire/record/side_files.cpp. None: not a run, or damaged."""
+def stored_in(path: pathlib.Path) -> tuple[str | None, bool] | None:
+    """Key of the -wal and whether there are records, by the run file alone, as in
+    acquire/record/side_files.cpp. None: not a run, or damaged."""
     with closing(opened(path, "mode=ro&immutable=1")) as db:
         try:
             guard(db, path)
             key = json.loads(db.execute("SELECT meta FROM run").fetchone()[0]).get(WAL_KEY)
-            records, is_open = db.execute(
-                "SELECT EXISTS(SELECT 1 FROM record), status = 'open' FROM run").fetchone()
+            records, = db.execute("SELECT EXISTS(SELECT 1 FROM record)").fetchone()
         except (sqlite3.Error, ValueError, LookupError, TypeError, AttributeError, RecursionError):
             return None
-    return key, bool(records), bool(is_open)
+    return key, bool(records)
 
 
 def refuse_foreign_wal(path: pathlib.Path) -> None:
@@ -195,8 +194,8 @@ def lacks_wal(path: pathlib.Path) -> bool:
     journal = beside(path, "-journal")
     if any(wal_header(path)) or (journal.is_file() and journal.stat().st_size):
         return False
-    key, records, is_open = stored_in(path) or (None, True, True)
-    return is_open and key != "none" and (key is not None or records)
+    key, records = stored_in(path) or (None, True)
+    return key != "none" and (key is not None or records)
 
 
 def connect(path: pathlib.Path) -> Connection:
