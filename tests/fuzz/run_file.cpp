@@ -60,7 +60,7 @@ void refused_or_done(Body body) {
   }
 }
 
-void check_record(const FusedRecord& r, const std::vector<Axis>& axes) {
+void check_record(const FusedRecord& r, const std::vector<Axis>& axes, std::size_t zones) {
   std::size_t points[4] = {};  // spd, radar, depth_x, depth_y
   for (const Axis& a : axes) {
     const std::string names[] = {"spd", "radar", "depth_x", "depth_y"};
@@ -68,7 +68,8 @@ void check_record(const FusedRecord& r, const std::vector<Axis>& axes) {
       if (a.name == names[i]) points[i] = a.count;
   }
   require(r.index <= max_index && r.valid.bits() < 8, "index and mask are valid");
-  require(r.spd.size() == (r.has(Sensor::spd) ? points[0] : 0), "spd has the length of its axis");
+  require(r.spd.size() == (r.has(Sensor::spd) ? zones * points[0] : 0),
+          "spd has the length of its axis in each zone");
   require(r.radar.size() == (r.has(Sensor::radar) ? points[1] : 0),
           "radar has the length of its axis");
   require(r.depth_mm.size() == (r.has(Sensor::depth) ? points[2] * points[3] : 0),
@@ -78,12 +79,14 @@ void check_record(const FusedRecord& r, const std::vector<Axis>& axes) {
 
 void read_records(const RunReader& run) {
   const auto axes = run.axes();
+  const Zones zones = run.zones();
+  for (const Zone& zone : zones) require(zone.plausible(), "zones are plausible");
   std::int64_t last = std::numeric_limits<std::int64_t>::min();
   run.for_each(
       [&](const FusedRecord& r) {
         require(last < r.index || last == std::numeric_limits<std::int64_t>::min(), "in order");
         last = r.index;
-        check_record(r, axes);
+        check_record(r, axes, histograms_of(zones));
         return true;
       },
       last, [](std::int64_t, const std::string&) {});

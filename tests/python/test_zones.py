@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: MIT
 """Detectors with zones: runs of arrays, their inputs, and what is refused."""
+import sqlite3
 import subprocess
 
 import numpy as np
@@ -62,6 +63,32 @@ def test_zones_that_do_not_fit_are_refused(tmp_path, said, arrays):
     with pytest.raises(RuntimeError) as refused:
         write(tmp_path / "own", **arrays)
     assert said in str(refused.value)
+
+
+MILLION = "WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n WHERE i < 1000000) "
+TABLE = "table zone: expected at most 64 zones with centre, width and time zero"
+
+
+@pytest.mark.parametrize("sql, said", [
+    ("UPDATE zone SET x = NULL", TABLE),
+    ("UPDATE zone SET y = NULL", TABLE),
+    ("UPDATE zone SET width = 0", TABLE),
+    ("UPDATE zone SET width = 9e999", TABLE),
+    ("UPDATE zone SET zero_ps = -9e999", TABLE),
+    (f"INSERT INTO zone {MILLION} SELECT 0, 0, 1, 0 FROM n", TABLE),
+    ("INSERT INTO zone SELECT * FROM zone LIMIT 1", "record 0: spd has 240 bytes, its axis asks for 360"),
+    ("UPDATE axis SET count = 31 WHERE name = 'spd'", "record 0: spd has 240 bytes, its axis asks for 248"),
+])
+def test_both_readers_refuse_a_hostile_table_of_zones(tmp_path, sql, said):
+    write(tmp_path / "own", spd=counts(), zones=TWO)
+    with sqlite3.connect(tmp_path / "own.sqlite") as db:
+        db.execute(sql)
+    told = subprocess.run([BIN / "echofuse-recon", "rows", "--inputs", "spd", tmp_path / "own.sqlite"], text=True,
+                          capture_output=True)
+    assert told.returncode == 1 and said in told.stderr, told
+    with pytest.raises(ValueError) as refused:
+        echofuse.open(tmp_path / "own").photons()
+    assert said in str(refused.value) and "own.sqlite" in str(refused.value)
 
 
 def test_unknown_directions_are_refused_where_they_are_needed(tmp_path):

@@ -22,6 +22,12 @@ class Zone(NamedTuple):
     width: float
     zero_ps: float = 0.0
 
+    def plausible(self) -> bool:
+        """Zone::plausible (drivers/core/zone.hpp)."""
+        unknown = all(map(math.isnan, self[:3]))
+        return abs(self.zero_ps) <= 1e12 and (unknown or abs(self.x) <= 100 and abs(self.y) <= 100
+                                              and 0 < self.width <= 200)
+
     @property
     def text(self) -> str:
         """As run.toml has it."""
@@ -32,10 +38,13 @@ def stored(db: sqlite3.Connection) -> list[Zone]:
     """Zones of a run; none of a single pixel. Raises ValueError."""
     if not db.execute("SELECT 1 FROM sqlite_schema WHERE name = 'zone'").fetchone():
         return []
-    rows = db.execute("SELECT x, y, width, zero_ps FROM zone ORDER BY rowid").fetchmany(MOST + 1)
-    if len(rows) > MOST:
-        raise ValueError(f"more than {MOST} zones")
-    return [Zone(*(math.nan if value is None else float(value) for value in row)) for row in rows]
+    rows = db.execute("SELECT CAST(x AS REAL), CAST(y AS REAL), CAST(width AS REAL), CAST("
+                      "ifnull(zero_ps, 0) AS REAL) FROM zone ORDER BY rowid").fetchmany(MOST + 1)
+    out = [Zone(*(math.nan if value is None else value for value in row)) for row in rows]
+    if len(out) > MOST or not all(map(Zone.plausible, out)):
+        raise ValueError(f"table zone: expected at most {MOST} zones with centre, width and time "
+                         "zero")
+    return out
 
 
 def summed(counts: NDArray[Number]) -> NDArray[Number]:
