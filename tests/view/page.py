@@ -209,6 +209,32 @@ class Page(live_view.LiveView):
         process.terminate()
         process.wait(10)
 
+    def test_zones(self):
+        """A detector with zones has the histogram of each in its place, and their sum."""
+        for name, side in ("nine", 3), ("one", 1):
+            subprocess.run([bin_dir / "echofuse-sim", "dataset", "-q", "--out", self.dir / f"{name}.sqlite", "--people", "1",
+                            "--set", f"spd_zones={side}", "--set", "target_x_m=0"], check=True)
+        process = self.start([bin_dir / "echofuse-view", self.dir, "--listen", "127.0.0.1:0"], stdout=subprocess.PIPE, text=True)
+        address = process.stdout.readline().strip()
+        for name in "one", "nine":
+            self.browser.get(address.replace("?", f"run/{name}/?"))
+            self.wait("its record", lambda: self.js("return window.framesSeen ?? 0") > 0)
+            self.assertEqual(self.js("return document.getElementById('card-zones').hidden"), name == "one")
+            self.assertRegex(self.text("histogram-readout"), r"peak \d+\.\d\d m, [\d.]+k clicks")
+        # Pixels with the colour of a histogram in each cell of the 3 x 3 grid, from the top left.
+        self.wait("histograms", lambda: self.canvas_is_drawn("zones"))
+        drawn = self.js("""const c = document.getElementById('zones'), p = c.getContext('2d').getImageData(0, 0, c.width, c.height).data;
+            const [r, g, b] = getComputedStyle(document.body).getPropertyValue('--spd').match(/[0-9a-f]{2}/gi).map(t => parseInt(t, 16));
+            const cells = Array(9).fill(0), side = Math.min(c.width, c.height), left = (c.width - side) / 2;
+            for (let y = 0; y < side; ++y)
+              for (let x = 0; x < side; ++x) {
+                const at = 4 * (Math.floor(left + x) + c.width * y);
+                if (Math.hypot(p[at] - r, p[at + 1] - g, p[at + 2] - b) < 60) ++cells[3 * Math.floor(3 * y / side) + Math.floor(3 * x / side)];
+              }
+            return cells;""")
+        self.assertGreater(min(drawn), 0, drawn)
+        self.assertEqual(max(range(9), key=drawn.__getitem__) % 3, 1, drawn)  # the body is in the middle column
+
     def chooser(self, scenes):
         """A click on a run in the folder opens it, and a link leads back."""
         process = self.start([bin_dir / "echofuse-view", self.dir, "--listen", "127.0.0.1:0"], stdout=subprocess.PIPE, text=True)
@@ -304,4 +330,4 @@ class Page(live_view.LiveView):
 
 
 if __name__ == "__main__":
-    unittest.main(argv=[sys.argv[0], "Page.test_page", "Page.test_proxy"])
+    unittest.main(argv=[sys.argv[0], "Page.test_page", "Page.test_proxy", "Page.test_zones"])
