@@ -245,10 +245,14 @@ def test_letters_are_read_off_true_maps_and_none_off_empty_ones(tmp_path):
             "map_size=256", "--out", path)
     with echofuse.open(path) as run:
         truth, half = run.maps(), run.axes["map_x"].step * 128
-        assert letters.read(truth, truth, run.labels, half).mean() > 0.85
-        assert letters.read(np.full_like(truth, np.nan), truth, run.labels, half) == pytest.approx(0.1)
-        assert np.isnan(letters.read(truth[:1], truth[:1], ["person"], half)).all()
-        assert np.nanmean(letters.read(truth[:, :, ::-1], truth, run.labels, half)) < 0.8  # mirrored
+        share, sizes = letters.read(truth, truth, run.labels, half)
+        assert share.mean() > 0.85 and set(sizes) == {0, 1}
+        text = letters.text(share, sizes).splitlines()
+        assert text[0].startswith("24 letters: ") and text[1].startswith(f"{(sizes == 0).sum()} 40 x 30 cm: ")
+        assert letters.read(np.full_like(truth, np.nan), truth, run.labels, half)[0] == pytest.approx(0.1)
+        share, sizes = letters.read(truth[:1], truth[:1], ["person"], half)
+        assert np.isnan(share[0]) and sizes[0] == -1
+        assert np.nanmean(letters.read(truth[:, :, ::-1], truth, run.labels, half)[0]) < 0.8  # mirrored
 
 
 def test_axes_have_one_base(run):

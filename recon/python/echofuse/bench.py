@@ -145,11 +145,9 @@ def _letters(args: argparse.Namespace) -> None:
         axis = run.axes.get("map_x")
         found = letters.read(maps, truth, [run.labels[row] for row in rows],
                              axis.step * axis.count / 2 if axis else 0.55)
-    known = found[np.isfinite(found)]
-    if not len(known):
+    if not np.isfinite(found[0]).any():
         raise BenchError(f"{args.of}: no record with depth is labelled letter:A or the like")
-    error = known.std(ddof=1) / np.sqrt(len(known)) if len(known) > 1 else float("nan")
-    print(f"{len(known)} letters: {known.mean():.3f} +- {error:.3f} are read; chance is 0.1")
+    print(letters.text(*found))
 
 
 if __name__ == "__main__":

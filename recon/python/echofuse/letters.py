@@ -94,11 +94,13 @@ def match(patch: Floats, wanted: Floats) -> tuple[float, float, float]:
 
 
 def read(maps: NDArray[np.float32], truth: NDArray[np.float32], labels: Sequence[str],
-         half_tangent: float) -> Floats:
+         half_tangent: float) -> tuple[Floats, NDArray[np.int64]]:
     """[n]: 1 if the letter of the label "letter:A" is read off the map [n, N, N] (metres, NaN: no
     return), its share in a tie, else 0; NaN of other labels. Chance is 0.1. For people before
-    nothing nearer than 20 cm behind the plate."""
+    nothing nearer than 20 cm behind the plate. [n]: the size in SIZES that is most like the true
+    map; -1 of other labels."""
     step, out = 2 * half_tangent / truth.shape[1], np.full(len(maps), np.nan)
+    sizes = np.full(len(maps), -1)
     known = [{letter: template(letter, size, step) for letter in LETTERS} for size in SIZES]
     for row, label in enumerate(labels):
         letter = label.removeprefix("letter:")
@@ -108,12 +110,26 @@ def read(maps: NDArray[np.float32], truth: NDArray[np.float32], labels: Sequence
         at_m = float(np.nanmin(truth[row])) + 0.1
         side = round(2 * half_tangent * at_m / CELL_M)
         layer = near_layer(truth[row], half_tangent, (0, 0, at_m), (side, side))
-        (_, x, y), drawn = max(((match(layer, one[letter]), one) for one in known),
-                               key=lambda found: found[0][0])
+        (_, x, y), size = max(((match(layer, one[letter]), k) for k, one in enumerate(known)),
+                              key=lambda found: found[0][0])
+        drawn, sizes[row] = known[size], size
         shape = [n + 2 * round(MOST_SHIFT_M / CELL_M) for n in drawn[letter].shape]
         patch = near_layer(maps[row], half_tangent, (x * CELL_M / at_m, -y * CELL_M / at_m, at_m),
                            (shape[0], shape[1]))
         alike = [match(patch, drawn[one])[0] for one in LETTERS]
         own = alike[LETTERS.index(letter)]
         out[row] = 0 if max(alike) > own else 1 / alike.count(own)
-    return out
+    return out, sizes
+
+
+def text(share: Floats, sizes: NDArray[np.int64]) -> str:
+    """A line for all letters, and one for each of both sizes."""
+    lines = []
+    for name, rows in [("letters", sizes >= 0),
+                       *((f"{100 * high:.0f} x {100 * wide:.0f} cm", sizes == k)
+                         for k, (wide, high, _) in enumerate(SIZES))]:
+        part = share[rows & np.isfinite(share)]
+        error = part.std(ddof=1) / np.sqrt(len(part)) if len(part) > 1 else float("nan")
+        if len(part):
+            lines.append(f"{len(part)} {name}: {part.mean():.3f} +- {error:.3f} are read")
+    return "\n".join(lines) + "; chance is 0.1"
