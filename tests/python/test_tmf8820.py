@@ -104,7 +104,7 @@ def test_first_returns_are_those_before_the_table():
     assert found[0] == pytest.approx(0.2, abs=0.003) and np.isnan(found[1:]).all()
 
 
-def test_the_track_goes_from_the_files_to_the_table(data, tmp_path):
+def test_the_track_goes_from_the_files_to_the_table(data, tmp_path, capfd):
     recipe = tmp_path / "recipe.toml"
     recipe.write_text("""
 name = "small"
@@ -114,11 +114,14 @@ name = "photons"
 title = "rendered captures"
 fit = {shape = "block_random", poses = [0, 2, 4, 6, 8, 10, 12, 14, 16, 18]}
 train = {records = 120, seed = 1}
-zones = ["echofuse.photon_baselines:OwnMeanMap", "echofuse.photon_baselines:FirstReturn", "mlp-mask-32:spd"]
+zones = ["echofuse.photon_baselines:FirstReturn", "echofuse.photon_baselines:OwnMeanMap", "mlp-mask-32:spd",
+         "not_installed:Network"]
 sum = ["nearest:spd"]
 """)
     program("echofuse-bench", "run", "-q", "--recipe", recipe, "--data", data, "--runs", tmp_path / "runs", "--out",
             tmp_path / "photons.csv", "--markdown")
+    said = "left out: method not_installed:Network: No module named 'not_installed'"
+    assert capfd.readouterr().err.count(said) == 1
     lines = (tmp_path / "photons.csv").read_text().splitlines()
     rows = {(row["axis"], row["value"], row["model"]): row for row in csv.DictReader(lines[1:])}
     assert len(rows) == 8

@@ -115,7 +115,7 @@ def method(text: str) -> Method:
         try:
             made = getattr(importlib.import_module(module), name)
         except (ImportError, AttributeError) as error:
-            raise UsageError(f"method {text}: {error}") from None
+            raise UsageError(f"method {text}: {error}") from error
         return python_method(text, made)
     inputs = "-" if module in CONSTANT and not name else name or "fused"
     return Method(module, inputs, lambda train, folder, seed,

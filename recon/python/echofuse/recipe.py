@@ -4,6 +4,7 @@ checksums of their records."""
 from __future__ import annotations
 
 import argparse
+import functools
 import os
 import pathlib
 import sys
@@ -12,7 +13,7 @@ from typing import Any
 
 from . import photon_track
 from . import table as tables
-from .methods import BenchError, call, method, version
+from .methods import BenchError, Method, UsageError, call, method, version
 from .table import checksum
 
 
@@ -50,6 +51,23 @@ def parts_of(track: dict[str, Any], folder: pathlib.Path,
         require(part.train, sums.get(f"{part.zones}-train"))
         require(part.test, sums.get(f"{part.zones}-{part.shape}"))
     return parts
+
+
+@functools.cache
+def known(*names: str) -> list[Method]:
+    """Methods of the recipe, without the ones that need a missing library (PyTorch, scikit-learn).
+    Their examples are next to the package, or in it if it is installed."""
+    package = pathlib.Path(__file__).resolve().parent
+    sys.path += [str(package / "examples"), str(package.parent / "examples")]
+    out = []
+    for name in names:
+        try:
+            out.append(method(name))
+        except UsageError as error:
+            if not isinstance(error.__cause__, ModuleNotFoundError):
+                raise
+            print(f"echofuse-bench: left out: {error}", file=sys.stderr)
+    return out
 
 
 def add_command(parser: argparse.ArgumentParser) -> None:
@@ -95,7 +113,7 @@ def run(args: argparse.Namespace) -> tables.Table:
             names = track.get(part.zones) or track.get("methods") or recipe["methods"]
             cells += [tables.Cell(axis, part.zones, how, seed, tables.there(part.train),
                                   tables.there(part.test))
-                      for how in (*map(method, names), *own)
+                      for how in (*known(*names), *own)
                       for seed in range(1, (args.seeds or recipe["seeds"]) + 1)]
     tables.fill(table, cells, jobs=args.jobs, part=args.part, quiet=args.quiet)
     if args.markdown:

@@ -238,7 +238,7 @@ class Shared:
                               lambda folder: cell.how.fit(train, folder, cell.seed, cell.fallback))
             test = self.get(cell.test.key, cell.test.make)
             shown = (self.get(cell.shown, lambda folder: cell.how.shown(test, folder))
-                     if cell.how.own else test)
+                     if cell.how.own and not cell.how.oracle else test)
             return judge(answer, train, test, shown)
         finally:
             with self.lock:
