@@ -70,7 +70,7 @@ class Scenes:
         range_m = np.where(met, self.depth_m, 1) * slant()
         gain = np.where(met, self.cosine * np.where(self.is_object, 1, albedo) / range_m**2, 0)
         place = range_m / BIN_M + zero_bin
-        out = np.empty((len(place), LAST - FIRST, G * G), np.float32)
+        out = np.empty((len(place), LAST - FIRST, G * G))
         for k in range(LAST - FIRST):
             at = np.rint((FIRST + k - place + 20) / FINE).astype(int)
             out[:, k] = fine[np.clip(at, 0, len(fine) - 1)] * gain
@@ -188,5 +188,8 @@ def fit_zones(counts: Array, reference: Array, scenes: Scenes) -> ZoneFit:
             field, share = fitted_field(a, counts[:, k], 200)
             if share > best[k][0]:
                 best[k] = (share, float(own), field)
-    return ZoneFit(np.array([one[2] for one in best]), np.array([one[1] for one in best]), exponent,
-                   albedo, np.array([one[0] for one in best]))
+    fields = np.array([one[2] for one in best])
+    digits = 5 - int(np.floor(np.log10(max(fields.max(), 1e-30))))
+    # rounded, so that every machine renders the same records
+    return ZoneFit(np.round(fields, digits), np.array([one[1] for one in best]), exponent, albedo,
+                   np.array([one[0] for one in best]))
