@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 #include <algorithm>
+#include <cmath>
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
@@ -160,10 +161,28 @@ std::string list(const Json& object) {
   return text;
 }
 
-Json without_zeros(Json object) {
-  for (auto item = object.begin(); item != object.end();)
-    item = item.value() == 0 ? object.erase(item) : std::next(item);
-  return object;
+// 4 digits and the unit behind its prefix: 7.8683e-05, "s" -> "78.68 µs".
+std::string measure(const Json& value, const std::string& unit) {
+  const double number = value.get<double>();
+  double factor = 1;
+  const char* prefix = "";
+  if (number != 0 && std::abs(number) < 0.1 && unit.size() == 1 && unit != "1")
+    for (const auto& [smaller, name] : {std::pair{1e3, "m"}, {1e6, "µ"}, {1e9, "n"}})
+      if (std::abs(number) * factor < 1) factor = smaller, prefix = name;
+  char text[40];
+  std::snprintf(text, sizeof text, "%.*g", std::abs(number) < 1e4 ? 4 : 7, number * factor);
+  return text + (unit == "1" ? "" : std::string(" ") + prefix + unit);
+}
+
+// Counters of bytes in MB, others as they are; without those that are 0.
+Json counts(const Json& object) {
+  Json out = Json::object();
+  for (const auto& [name, value] : object.items())
+    if (name.ends_with("bytes") && value > 1'000'000)
+      out[name] = measure(value.get<double>() / 1e6, "MB");
+    else if (value != 0)
+      out[name] = value;
+  return out;
 }
 
 std::string to_text(const Json& j) {
@@ -190,15 +209,18 @@ std::string to_text(const Json& j) {
   if (!j["policy"].empty())
     line("policy", list(j["policy"]) + "; incomplete " + word(j["incomplete"]));
   for (const auto& [sensor, clock] : j["clocks"].items())
-    line("clock", sensor + ": " + list(clock));
+    line("clock", sensor + ": offset " + measure(clock["offset_s"], "s") + ", drift " +
+                      measure(clock["drift_ppm"], "ppm") + ", residual " +
+                      measure(clock["residual_s"], "s") + ", " + word(clock["samples"]) +
+                      " samples");
   line("lost", list(j["lost"]) + "; tags " + word(j["tags"]));
-  for (const auto& [sensor, counts] : j["counters"].items())
-    line("counted", sensor + ": " + list(without_zeros(counts)));
+  for (const auto& [sensor, found] : j["counters"].items())
+    line("counted", sensor + ": " + list(counts(found)));
   line("labels", list(j["labels"]));
   line("events", list(j["events"]));
   for (const auto& a : j["axes"])
-    line("axis", word(a["name"]) + ": " + word(a["count"]) + " x " + word(a["step"]) + " " +
-                     word(a["unit"]) + " from " + word(a["start"]) + ", " + word(a["quantity"]));
+    line("axis", word(a["name"]) + ": " + word(a["count"]) + " x " + measure(a["step"], a["unit"]) +
+                     " from " + measure(a["start"], a["unit"]) + ", " + word(a["quantity"]));
   std::string clicks;
   for (const auto& zone : j["zones"]) clicks += " " + word(zone["clicks"]);
   if (!clicks.empty())
@@ -206,12 +228,13 @@ std::string to_text(const Json& j) {
                       (j["zones"][0].contains("x") ? "" : "; directions are not known"));
   if (const Json& a = j["array"]; !a.empty())
     line("array", word(a["antennas"]) + " antennas, " + word(a["bins"]) + " bins to " +
-                      word(a["end_m"]) + " m, in " + word(a["records"]) + " records of " +
-                      word(a["frames_a_record"]) + " frames and " + word(a["bytes_a_record"]) +
-                      " bytes, " + (a["calibrated"] ? "calibrated" : "not calibrated"));
+                      measure(a["end_m"], "m") + ", in " + word(a["records"]) + " records of " +
+                      measure(a["frames_a_record"], "1") + " frames and " +
+                      word(a["bytes_a_record"]) + " bytes, " +
+                      (a["calibrated"] ? "calibrated" : "not calibrated"));
   for (const auto& c : j["calibrations"])
-    line("offset", word(c["sensor"]) + ": " + word(c["offset_m"]) + " m +- " +
-                       word(c["standard_error_m"]) + " m, of " + word(c["date_utc"]));
+    line("offset", word(c["sensor"]) + ": " + measure(c["offset_m"], "m") + " ± " +
+                       measure(c["standard_error_m"], "m") + ", of " + word(c["date_utc"]));
   for (const auto& d : j["devices"])
     line("device", word(d["sensor"]) + ": " + word(d["model"]) + " " + word(d["serial"]) + " at " +
                        word(d["address"]));

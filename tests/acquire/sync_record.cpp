@@ -76,7 +76,9 @@ TEST_CASE("record without a required sensor is incomplete, and clock fits are st
   CHECK_FALSE(info["clocks"].contains("radar"));
   const std::string text = acquire("info " + path).text;
   CHECK(has(text, "policy    depth optional, spd required; incomplete 1"));
-  CHECK(has(text, "clock     spd: offset_s 1.5, drift_ppm -3, residual_s 0.0001, samples 102"));
+  CHECK(has(text, "clock     spd: offset 1.5 s, drift -3 ppm, residual 100 µs, 102 samples"));
+  CHECK(has(text, "axis      spd: 8 x 100 ps from 13343 ps, counts"));
+  CHECK(has(text, "axis      depth_x: 3 x 0.2 from -0.2, tangent"));
 }
 
 TEST_CASE("signal values are stored, and verdicts are counted by kind") {
