@@ -12,11 +12,6 @@
 namespace echofuse::acquire {
 namespace {
 
-constexpr const char* footer =
-    "exit codes: 0 ok, 1 failed, 2 usage, 3 config, 4 device,\n"
-    "            5 partial (one of two imports yields nothing; run --strict: a sensor not ok),\n"
-    "            6 disk, 130 interrupted (second Ctrl-C, or before the first slot)";
-
 constexpr const char* out_help =
     "run file to make; .sqlite is appended if it does not end so, and %Y%m%d-%H%M%S is the time "
     "(UTC; %% is a percent sign); default: DATE-NNN in run.folder";
@@ -95,9 +90,13 @@ void add_run(CLI::App& app, Options& o) {
       ->allow_extra_args(false);
   more_options(
       *c, {"--config", "--verbose", "--json", "--countdown", "--keep-raw", "--strict", "--meta"});
-  add_examples(*c, {"echofuse-acquire run --out monday --set run.label=person",
-                    "echofuse-acquire run --out %Y%m%d-%H%M%S --every 1h",
-                    "echofuse-acquire run --out monday --view --model fused.safetensors"});
+  add_examples(
+      *c,
+      {"echofuse-acquire run --out monday --set run.label=person",
+       "echofuse-acquire run --out %Y%m%d-%H%M%S --every 1h",
+       "echofuse-acquire run --out monday --view --model fused.safetensors"},
+      "3 config, 4 device, 5 a sensor is not ok (--strict), 6 disk, 130 interrupted (second "
+      "Ctrl-C, or before the first slot)");
 }
 
 void add_calibrate(CLI::App& app, Options& o) {
@@ -143,10 +142,12 @@ void add_calibrate(CLI::App& app, Options& o) {
   side->excludes(check);
   more_options(*c, {"--config", "--set", "--window", "--time", "--distance-error",
                     "--baseline-error", "--side", "--json"});
-  add_examples(*c, {"echofuse-acquire calibrate --distance 1.0 --repeat 5",
-                    "echofuse-acquire calibrate --reflector each --only radar",
-                    "echofuse-acquire calibrate --side right",
-                    "echofuse-acquire calibrate --distance 1.0 --check"});
+  add_examples(*c,
+               {"echofuse-acquire calibrate --distance 1.0 --repeat 5",
+                "echofuse-acquire calibrate --reflector each --only radar",
+                "echofuse-acquire calibrate --side right",
+                "echofuse-acquire calibrate --distance 1.0 --check"},
+               "3 config, 4 device or reflector, 6 disk, 130 interrupted");
 }
 
 void add_file(CLI::App& command, Options& o) {
@@ -157,20 +158,22 @@ void add_file_commands(CLI::App& app, Options& o) {
   auto* info = app.add_subcommand("info", "what is in a run file");
   add_file(*info, o);
   info->add_flag("--json", o.json, "the same as JSON, with the numbers by name");
-  add_examples(*info, {"echofuse-acquire info monday.sqlite"});
+  add_examples(*info, {"echofuse-acquire info monday.sqlite"}, "6 disk");
 
   auto* annotate =
       app.add_subcommand("annotate", "a note into a run, live or not, or a live one's next label");
   add_file(*annotate, o);
   annotate->add_option("TEXT", o.text, "kept with the time and who wrote it");
   annotate->add_option("--label", o.label, "label of the records from the running slot on");
-  add_examples(*annotate, {"echofuse-acquire annotate monday.sqlite \"the lamp is on\"",
-                           "echofuse-acquire annotate monday.sqlite --label person"});
+  add_examples(*annotate,
+               {"echofuse-acquire annotate monday.sqlite \"the lamp is on\"",
+                "echofuse-acquire annotate monday.sqlite --label person"},
+               "6 disk");
 
   auto* list = app.add_subcommand("list", "the runs of a folder, and which of them are live");
   list->add_option("FOLDER", o.folder, "default: run.folder of the configuration, or this folder");
   list->add_flag("--json", o.json, "all of it; the table shortens long texts");
-  add_examples(*list, {"echofuse-acquire list"});
+  add_examples(*list, {"echofuse-acquire list"}, "3 config");
 }
 
 void add_import(CLI::App& app, Options& o) {
@@ -196,8 +199,10 @@ void add_import(CLI::App& app, Options& o) {
       ->check(CLI::Range(0, 64))
       ->capture_default_str();
   more_options(*c, {"--config", "--set", "--began", "--start", "--click"});
-  add_examples(*c, {"echofuse-acquire import capture.dat photons.ptu --out monday",
-                    "echofuse-acquire import raw --out monday-again"});
+  add_examples(*c,
+               {"echofuse-acquire import capture.dat photons.ptu --out monday",
+                "echofuse-acquire import raw --out monday-again"},
+               "3 config, 5 one of two recordings yields nothing, 6 disk, 130 interrupted");
 }
 
 void add_doctor(CLI::App& app, Options& o) {
@@ -205,10 +210,10 @@ void add_doctor(CLI::App& app, Options& o) {
   add_config_options(*c, o);
   add_time(*c, "--duration", o.duration_s, "of the run to come: 2h, 30m, 10s");
   c->add_flag("--json", o.json, "the same as JSON, with the numbers by name");
-  c->footer(
-      "exit codes: 0 ok or warnings only, 3 configuration, 4 a configured device fails,\n"
-      "            6 the disk is too slow or too full (4 if both), 130 interrupted");
-  add_examples(*c, {"echofuse-acquire doctor --duration 2h"});
+  add_examples(
+      *c, {"echofuse-acquire doctor --duration 2h"},
+      "3 config, 4 a configured device fails, 6 disk too slow or too full (4 if both), 130 "
+      "interrupted; warnings alone end with 0");
 }
 
 void add_config_commands(CLI::App& app, Options& o) {
@@ -216,9 +221,9 @@ void add_config_commands(CLI::App& app, Options& o) {
   config->require_subcommand(1);
   add_config_options(*config, o);
   auto* check = config->add_subcommand("check", "print all faults, or that there are none");
-  add_examples(*check, {"echofuse-acquire config check"});
+  add_examples(*check, {"echofuse-acquire config check"}, "3 config");
   auto* show = config->add_subcommand("show", "check it and print every key with value and origin");
-  add_examples(*show, {"echofuse-acquire config show --set run.window_s=1"});
+  add_examples(*show, {"echofuse-acquire config show --set run.window_s=1"}, "3 config");
 }
 
 void add_devices(CLI::App& app, Options& o) {
@@ -226,14 +231,14 @@ void add_devices(CLI::App& app, Options& o) {
       app.add_subcommand("devices", "what is attached, and which of the configured devices answer");
   add_config_options(*c, o);
   c->add_flag("--json", o.json, "the same as JSON, with the numbers by name");
-  add_examples(*c, {"echofuse-acquire devices"});
+  add_examples(*c, {"echofuse-acquire devices"},
+               "3 config, 4 a configured device does not answer, 130 interrupted");
 }
 
 }  // namespace
 
 void add_commands(CLI::App& app, Options& o) {
   app.require_subcommand(0, 1);
-  app.footer(footer);
   add_run(app, o);
   add_calibrate(app, o);
   add_devices(app, o);

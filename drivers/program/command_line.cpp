@@ -133,6 +133,7 @@ void set_up(CLI::App& app, const std::shared_ptr<CLI::FormatterBase>& formatter,
             const std::string& above = {}, const std::string& path = {}) {
   app.formatter(formatter);
   const auto below = app.get_subcommands({});
+  if (!below.empty()) app.footer("exit codes:  COMMAND --help lists them");
   if (below.empty() && !above.empty())
     app.footer(app.get_footer() + (app.get_footer().ends_with("\n") ? "\n" : "\n\n") + above);
   const std::string name = path + app.get_name();
@@ -171,10 +172,12 @@ void more_options(CLI::App& command, std::initializer_list<const char*> names) {
   for (const char* name : names) command.get_option(name)->group("More options");
 }
 
-void add_examples(CLI::App& command, std::initializer_list<const char*> lines) {
+void add_examples(CLI::App& command, std::initializer_list<const char*> lines,
+                  const std::string& codes) {
   std::string text = "Examples:\n";
   for (const char* line : lines) text.append("  ").append(line).append("\n");
-  command.footer(text + (command.get_footer().empty() ? "" : "\n" + command.get_footer()));
+  command.footer(text + "\nexit codes:  0 ok, 1 failed, 2 usage" + (codes.empty() ? "" : ", ") +
+                 codes);
 }
 
 }  // namespace echofuse

@@ -3,6 +3,7 @@
 #pragma once
 #include <CLI/CLI.hpp>
 #include <initializer_list>
+#include <string>
 
 namespace echofuse {
 
@@ -14,7 +15,9 @@ void parse_command_line(CLI::App& app, int argc, const char* const* argv);
 // Moves these options to the group "More options" at the end of --help.
 void more_options(CLI::App& command, std::initializer_list<const char*> names);
 
-// Adds example command lines to the end of --help and to the manual page.
-void add_examples(CLI::App& command, std::initializer_list<const char*> lines);
+// Adds example command lines and the exit codes to the end of --help and to the manual page.
+// `codes`: those besides 0, 1 and 2, as "3 config, 6 disk".
+void add_examples(CLI::App& command, std::initializer_list<const char*> lines,
+                  const std::string& codes = {});
 
 }  // namespace echofuse

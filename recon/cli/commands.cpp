@@ -148,7 +148,8 @@ Command add_reconstruct(CLI::App& app, const Common& common) {
   more_options(app, {"--rows", "--empty", "--range-offset", "--force"});
   add_examples(app,
                {"echofuse-recon reconstruct fused.safetensors monday.sqlite --out maps",
-                "echofuse-recon reconstruct fused.safetensors monday.sqlite --follow --out maps"});
+                "echofuse-recon reconstruct fused.safetensors monday.sqlite --follow --out maps"},
+               "5 some records have no map, 6 disk, 130 interrupted");
   return [a, &common] {
     a->quiet = common.quiet;
     ReconstructReport talk(a->run, a->follow, common.quiet);

@@ -349,9 +349,11 @@ Command add_evaluate(CLI::App& app, const Common& common) {
   add_range_offset_option(app, a->range_offset_m);
   app.add_flag("--json", a->json, "one JSON object instead of text");
   more_options(app, {"--train", "--rows", "--per-record", "--empty", "--range-offset", "--json"});
-  add_examples(app, {"echofuse-recon evaluate fused.safetensors scenes.sqlite",
-                     "echofuse-recon evaluate small.safetensors fused.safetensors scenes.sqlite",
-                     "echofuse-recon evaluate --maps mine fresh.sqlite --train scenes.sqlite"});
+  add_examples(app,
+               {"echofuse-recon evaluate fused.safetensors scenes.sqlite",
+                "echofuse-recon evaluate small.safetensors fused.safetensors scenes.sqlite",
+                "echofuse-recon evaluate --maps mine fresh.sqlite --train scenes.sqlite"},
+               "6 disk, 130 interrupted");
   return [a, &common] {
     if (!a->maps.empty()) return evaluate_maps(*a, common);
     if (a->files.size() < 2)

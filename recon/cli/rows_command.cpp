@@ -113,8 +113,10 @@ Command add_rows(CLI::App& app, const Common& common) {
   add_split_options(app, *a, a->assignments);
   app.add_flag("--json", a->json, "one JSON object instead of text");
   more_options(app, {"--inputs", "--seed", "--set"});
-  add_examples(app, {"echofuse-recon rows monday.sqlite",
-                     "echofuse-recon rows monday.sqlite --model fused.safetensors --json"});
+  add_examples(app,
+               {"echofuse-recon rows monday.sqlite",
+                "echofuse-recon rows monday.sqlite --model fused.safetensors --json"},
+               "3 config, 130 interrupted");
   return [a, &app, &common] {
     TrainSettings settings(*a);
     take(a->assignments, settings);

@@ -154,7 +154,8 @@ Command add_train(CLI::App& app, const Common& common) {
   add_examples(app,
                {"echofuse-recon train scenes.sqlite --out fused.safetensors",
                 "echofuse-recon train monday.sqlite --split blocked --out fused.safetensors",
-                "echofuse-recon train new.sqlite --from old.safetensors --out new.safetensors"});
+                "echofuse-recon train new.sqlite --from old.safetensors --out new.safetensors"},
+               "3 config, 6 disk, 130 interrupted");
   a->fallback = true;
   return [a, &app, &common] {
     a->split.seed = a->fit.seed;

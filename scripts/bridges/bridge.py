@@ -33,6 +33,14 @@ def say(text):
     print(f"{pathlib.Path(sys.argv[0]).stem}: {text}", file=sys.stderr, flush=True)
 
 
+def parser(text, epilog=""):
+    """Returns a parser of the command line with --version; --help ends with the exit codes."""
+    made = argparse.ArgumentParser(description=text, formatter_class=argparse.RawDescriptionHelpFormatter,
+                                   epilog=f"{epilog}\nexit codes: 0 ok, 1 failed, 2 usage, 4 device".strip())
+    made.add_argument("--version", action="version", version=f"%(prog)s {VERSION}")
+    return made
+
+
 def fail(text, code=NO_DEVICE):
     say(text)
     sys.exit(code)

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: MIT
 """What the bridges of depth cameras share: their arguments, the payload of a frame, the numbers of missing
 frames, and the restart of a stream that has fallen silent."""
-import argparse
 import collections
 import struct
 import time
@@ -21,10 +20,8 @@ Lens = collections.namedtuple("Lens", "width height fx fy cx cy")
 
 
 def parse_arguments(arguments, text, epilog, height, depth_modes=False):
-    parser = argparse.ArgumentParser(description=text, epilog=epilog,
-                                     formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = bridge.parser(text, epilog)
     add, number = parser.add_argument, bridge.number
-    add("--version", action="version", version=f"%(prog)s {bridge.VERSION}")
     add("--listen", metavar="HOST:PORT", type=bridge.listen_address, default=("127.0.0.1", 41111),
         help="where echofuse connects (127.0.0.1:41111); there is no password: keep it in the laboratory")
     add("--serial", default="", help="of the camera, if several are attached")

@@ -3,7 +3,6 @@
 """A bridge to copy for a sensor of your own: a simulated counting board that sends histograms.
 echofuse connects with tdc.address = "bridge:tcp://HOST:PORT". For a radar send RANGE_PROFILE blocks
 (bridge.range_profile) and connect with radar.address."""
-import argparse
 import sys
 import time
 
@@ -46,7 +45,7 @@ class Board:
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = bridge.parser(__doc__)
     parser.add_argument("--listen", type=bridge.listen_address, default=("127.0.0.1", 41112))
     parser.add_argument("--serial", default="", help="serial number of the board")
     options = parser.parse_args()

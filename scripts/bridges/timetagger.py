@@ -53,11 +53,9 @@ def setting(kind, low, high):
 
 
 def parse_arguments(arguments):
-    parser = argparse.ArgumentParser(description=__doc__, epilog=FILTER_HELP,
-                                     formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = bridge.parser(__doc__, FILTER_HELP)
     number = bridge.number
     add = parser.add_argument
-    add("--version", action="version", version=f"%(prog)s {bridge.VERSION}")
     add("--listen", metavar="HOST:PORT", type=bridge.listen_address, default=("127.0.0.1", 41110),
         help="where echofuse connects (127.0.0.1:41110); there is no password: keep it in the laboratory")
     add("--serial", default="", help="of the device, if several are attached")

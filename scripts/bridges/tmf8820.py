@@ -6,7 +6,6 @@ tdc.address = "bridge:tcp://HOST:PORT".
 
 A measurement is 30 lines "#Raw,ADDRESS,K,128 bytes" (K = 10 * byte + channel, low byte first;
 channel 0 is the reference, 1 to 9 are the zones) and a line "#Obj,..."."""
-import argparse
 import gzip
 import json
 import os
@@ -140,7 +139,7 @@ class Chip:
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = bridge.parser(__doc__)
     parser.add_argument("--listen", type=bridge.listen_address, default=("127.0.0.1", 41112))
     parser.add_argument("--port", default="/dev/ttyACM0", help="serial port of the board")
     parser.add_argument("--baud", type=int, default=115200, choices=(115200, 230400, 460800, 921600, 1000000),

@@ -180,7 +180,8 @@ void add_dataset(CLI::App& app, Command& command) {
   more_options(*sub, {"--config", "--like", "--part"});
   add_examples(*sub,
                {"echofuse-sim dataset --out scenes.sqlite --records 1000",
-                "echofuse-sim dataset --out empty.sqlite --empty 20 --set background_counts=200"});
+                "echofuse-sim dataset --out empty.sqlite --empty 20 --set background_counts=200"},
+               "3 config, 6 disk, 130 interrupted");
   sub->callback([&command, a] {
     command = [a](bool quiet) {
       a->options.quiet = quiet;
@@ -243,7 +244,8 @@ void add_lab(CLI::App& app, Command& command) {
   sub->add_option("--hold", o.schedule.hold_s,
                   "seconds per scene, aligned to slot starts; "
                   "0 = one scene")
-      ->check(CLI::Range(0.0, 0.0) | CLI::Range(0.01, 86'400.0));
+      ->check(CLI::Range(0.0, 0.0) | CLI::Range(0.01, 86'400.0))
+      ->capture_default_str();
   sub->add_option("--window", o.window_s, "seconds per record, to which photon numbers refer")
       ->check(CLI::Range(0.05, 3600.0))
       ->capture_default_str();
@@ -265,8 +267,10 @@ void add_lab(CLI::App& app, Command& command) {
       ->option_text("-- COMMAND ...");
   more_options(
       *sub, {"--config", "--laser-rate-hz", "--radar-cfg", "--radar-board", "--faults", "--log"});
-  add_examples(*sub, {"echofuse-sim lab --scene mixed --hold 3",
-                      "echofuse-sim lab --dir . --scene reflector -- bash"});
+  add_examples(*sub,
+               {"echofuse-sim lab --scene mixed --hold 3",
+                "echofuse-sim lab --dir . --scene reflector -- bash"},
+               "3 config; after -- COMMAND its exit code");
   sub->callback([&command, a] { command = [a](bool quiet) { return run_lab(*a, quiet); }; });
 }
 
@@ -281,8 +285,9 @@ void add_config(CLI::App& app, Command& command) {
   sub->add_option("--twin", a->ranges, "print the ranges of this twin FILE, or of the default twin")
       ->type_name("FILE");
   sub->add_flag("--json", a->json, "print JSON: value, range and meaning of every key");
-  add_examples(
-      *sub, {"echofuse-sim config", "echofuse-sim config --set twin=default --set laboratory=3"});
+  add_examples(*sub,
+               {"echofuse-sim config", "echofuse-sim config --set twin=default --set laboratory=3"},
+               "3 config");
   sub->callback([&command, a] {
     command = [a](bool) {
       sim::Plan plan;

@@ -1,7 +1,11 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""tests/system/slips.py BIN_DIR: mistyped command lines give the listed text and exit code."""
+"""tests/system/slips.py BIN_DIR: mistyped command lines give the listed text and exit code, and the help of the command
+lists this code."""
+import functools
+import itertools
 import pathlib
+import re
 import sqlite3
 import struct
 import subprocess
@@ -89,13 +93,35 @@ acquire info swapped.safetensors | 1 | swapped.safetensors: is a model; expected
 recon evaluate seen.sqlite swapped.safetensors | 1 | seen.sqlite: is a run; expected a model file
 view seen.sqlite --model seen.sqlite | 1 | seen.sqlite: is a run; expected a model file
 export --version | 0 | echofuse-export 
+bench --version | 0 | echofuse-bench 
+acquire info --version | 0 | echofuse-acquire 
 report --version | 0 | echofuse-report 
 acquire annotate seen.sqlite | 2 | expected either a text or --label TEXT
 acquire list nofolder | 1 | nofolder
 acquire devices --config closed.toml | 4 | Connection refused; is its bridge started? /
 """
 
+
+
+@functools.cache
+def stated_codes(program, command):
+    """Returns the exit codes that the help of a command lists; all codes for help without a list of its own."""
+    text = subprocess.run([bin_dir / f"echofuse-{program}", *command, "--help"], capture_output=True, text=True).stdout
+    found = re.search(r"^exit codes:(.*(?:\n .*)*)", text, re.M)
+    return set(re.findall(r"(?:^|[ ,])(\d+) [a-z]", found[1])) if found and "COMMAND" not in found[1] else set("0123456")
+
+
 faults = []
+for program, command, wanted in (("acquire", ("run",), "0 1 2 3 4 5 6 130"), ("acquire", ("list",), "0 1 2 3"),
+                                 ("recon", ("evaluate",), "0 1 2 6 130"), ("view", (), "0 1 2"), ("export", (), "0 1 2 5 6 130")):
+    if stated_codes(program, command) != set(wanted.split()):
+        faults.append(f"{program} {command}: --help lists {sorted(stated_codes(program, command))}, expected {wanted}")
+bridges = pathlib.Path(__file__).resolve().parents[2] / "scripts/bridges"
+for bridge in (bridges / f"{name}.py" for name in ("timetagger", "orbbec", "realsense", "tmf8820", "example")):
+    for word, says in (("--version", f"{bridge.name} "), ("--help", "exit codes: 0 ok, 1 failed, 2 usage, 4 device")):
+        done = subprocess.run([sys.executable, bridge, word], capture_output=True, text=True)
+        if done.returncode or says not in done.stdout:
+            faults.append(f"{bridge.name} {word}: {done.stdout[-200:]}{done.stderr}")
 with tempfile.TemporaryDirectory() as folder:
     written = pathlib.Path(folder)
     (written / "three.toml").write_text("[run]\nwindow_s = three\n")
@@ -113,6 +139,9 @@ with tempfile.TemporaryDirectory() as folder:
         done = subprocess.run([bin_dir / f"echofuse-{program}", *rest], cwd=folder, capture_output=True, text=True, timeout=30,
                               env={"HOME": folder, "PATH": "/usr/bin:/bin"})
         said = done.stdout + done.stderr
+        command = tuple(itertools.takewhile(lambda word: not word.startswith("-"), rest))
+        if code not in stated_codes(program, command):
+            faults.append(f"{words}: its --help does not list exit code {code}")
         if done.returncode != int(code) or says not in said:
             faults.append(f"{words}: {done.returncode} (expected {code}): {said[:200]}")
         if code != "0" and max(map(len, said.splitlines())) > 300:

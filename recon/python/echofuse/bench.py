@@ -28,6 +28,7 @@ from . import __version__, letters, recipe, stability
 from . import run as runs
 from .maps import load_maps
 from .methods import BenchError, Method, UsageError, measure, method, python_method
+from .programs import EXIT_CODES
 from .table import (Cell, Source, Table, fill, finish, markdown, means, of_runs, pareto_cells,
                     there)
 
@@ -53,13 +54,15 @@ def main() -> None:
 
     parser = argparse.ArgumentParser(prog="echofuse-bench",
                                      description=(__doc__ or "").partition("\n\n>>>")[0],
+                                     epilog="exit codes:  COMMAND --help lists them",
                                      formatter_class=wide)
     parser.add_argument("--version", action="version", version=f"echofuse-bench {__version__}")
     commands = parser.add_subparsers(required=True, metavar="COMMAND", title="Subcommands")
 
     def command(name: str, text: str,
                 run: Callable[[argparse.Namespace], Table]) -> argparse.ArgumentParser:
-        one = commands.add_parser(name, help=text, description=text, formatter_class=wide)
+        one = commands.add_parser(name, help=text, description=text, formatter_class=wide,
+                                  epilog=f"{EXIT_CODES}3 config, 6 disk, 130 interrupted")
         one.add_argument("--out", required=True, metavar="CSV",
                          help="table to write; rows that are there are not measured again")
         one.add_argument("--seeds", type=int,
@@ -86,7 +89,8 @@ def main() -> None:
     recipe.add_command(command("run", "the bench of a recipe (default: echofuse-bench-2)",
                                recipe.run))
     one = commands.add_parser("letters", help="share of the letters that can be read off maps",
-                              description=letters.__doc__, formatter_class=wide)
+                              description=letters.__doc__, formatter_class=wide,
+                              epilog=f"{EXIT_CODES}130 interrupted")
     one.add_argument("maps", metavar="MAPS",
                      help="folder of maps.npy and records.csv, as `echofuse-recon reconstruct "
                           "--format npy` makes it")

@@ -37,6 +37,7 @@ from . import __version__, antennas, netcdf, record_csv
 from . import run as runs
 from .blocks import Told, blocks, marked
 from .netcdf import SINCE_1970
+from .programs import EXIT_CODES
 from .run import SENSORS, Run
 from .run_files import NULL_INTEGER
 from .staged import staged, stop_by_signal
@@ -235,7 +236,10 @@ def export(run: Run, place: pathlib.Path, record: int | None = None,
 
 def main() -> None:
     parser = argparse.ArgumentParser(prog="echofuse-export",
-                                     description="a run as HDF5 or netCDF, or one record as CSV")
+                                     description="a run as HDF5 or netCDF, or one record as CSV",
+                                     formatter_class=argparse.RawDescriptionHelpFormatter,
+                                     epilog=f"{EXIT_CODES}5 some records are unreadable, 6 disk, "
+                                            "130 interrupted")
     parser.add_argument("--version", action="version",
                         version=f"echofuse-export {__version__}",
                         help="print the version and exit")

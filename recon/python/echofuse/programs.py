@@ -8,6 +8,9 @@ import subprocess
 import sys
 
 
+EXIT_CODES = "exit codes:  0 ok, 1 failed, 2 usage, "  # and those of the program
+
+
 class BenchError(RuntimeError):
     """Last line that a program or a method said when it failed, and the exit code."""
 

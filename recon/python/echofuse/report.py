@@ -30,6 +30,7 @@ from .blocks import blocks as in_blocks
 from .maps import span_of
 from .methods import writing
 from .model import read_safetensors
+from .programs import EXIT_CODES
 from .report_blocks import (Block, details, fails, html_of, listed, paragraph, pictures, printable,
                             three_digits)
 from .report_records import chosen, half_tangent, said_of, shown
@@ -341,7 +342,8 @@ def refuse(text: str) -> NoReturn:
 def main() -> None:
     parser = argparse.ArgumentParser(prog="echofuse-report",
                                      description=__doc__.split("\n\n")[0].partition(": ")[2],
-                                     epilog="Examples:\n" + __doc__.split("\n\n")[1],
+                                     epilog="Examples:\n" + __doc__.split("\n\n")[1]
+                                     + f"\n\n{EXIT_CODES}6 disk, 130 interrupted",
                                      formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.error = refuse  # type: ignore[method-assign]
     parser.add_argument("--version", action="version",
