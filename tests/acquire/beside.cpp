@@ -10,6 +10,7 @@
 #include <cstring>
 #include <functional>
 #include <future>
+#include <map>
 #include <memory>
 #include <thread>
 
@@ -355,8 +356,9 @@ int open_without_memory(sqlite3_vfs* self, const char* name, sqlite3_file* file,
   auto* whole = static_cast<sqlite3_vfs*>(self->pAppData);
   const int code = whole->xOpen(whole, name, file, flags, out);
   if (file->pMethods) {
-    static sqlite3_io_methods plain;
-    plain = *file->pMethods;
+    // A database and its journal have different methods.
+    static std::map<const sqlite3_io_methods*, sqlite3_io_methods> of_kind;
+    sqlite3_io_methods& plain = of_kind[file->pMethods] = *file->pMethods;
     plain.iVersion = 1;
     file->pMethods = &plain;
   }
