@@ -78,8 +78,9 @@ class Reader(unittest.TestCase):
     def test_a_serial_port(self):
         board, port = pty.openpty()
         with Program("tmf8820.py", "--port", os.ttyname(port)) as program, Client(program.address) as client:
+            blocks = client.until(bridge.HELLO)  # earlier measurements have no client
             os.write(board, (measurement(body(1)) + measurement(body(2))[:500] + "\n" + measurement(body(4))).encode())
-            blocks = client.until(bridge.HISTOGRAM)
+            blocks += client.until(bridge.HISTOGRAM)
             hello = json.loads(blocks[0].payload)
             self.assertEqual((hello["sends"], len(hello["zones"])), ("histograms", 9))
             zones, bins = struct.unpack_from("<II", blocks[-1].payload)

@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: MIT
 """tests/system/live.py BIN_DIR [TEST]: the daemon records from the simulated laboratory through TCP, two
 ptys and the stock OpenNI2 library."""
-import faulthandler
 import fcntl
 import json
 import os
@@ -24,8 +23,6 @@ from waiting import wait_for
 
 bin_dir = pathlib.Path(sys.argv[1]).resolve()
 WINDOW_S = float(os.environ.get("ECHOFUSE_TEST_WINDOW_S", "0.2"))  # longer with (slow) sanitizers
-faulthandler.dump_traceback_later(280 if WINDOW_S < 1 else 880, exit=True)  # ctest would end it without a word
-faulthandler.dump_traceback_later(280 if WINDOW_S == 0.2 else 880, exit=True)  # before ctest ends a test that hangs
 
 
 class Live(unittest.TestCase):

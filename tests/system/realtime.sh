@@ -1,20 +1,17 @@
 #!/bin/sh
 # SPDX-License-Identifier: MIT
 # realtime.sh COMMAND...: raises the priority of devices and daemon where permitted. Uses a separate session, because
-# Linux shares the processor between sessions and applies nice only within one. With ECHOFUSE_RETRIED=FILE a failed
-# command is repeated at most twice and listed in FILE.
+# Linux shares the processor between sessions and applies nice only within one. Aborts a command that hangs; Python then
+# prints the line that waits.
 if [ "$1" != --here ]; then
   exec setsid -w "$0" --here "$@"
 fi
 shift
 { echo -10 > /proc/self/autogroup; } 2> /dev/null
-tries=1
+export PYTHONFAULTHANDLER=1
+deadline_s=${ECHOFUSE_TEST_DEADLINE_S:-120}
 # No exec, because a session leader gets the first pty it opens as its terminal.
-until nice -n -10 "$@"; do
-  code=$?
-  if [ -z "$ECHOFUSE_RETRIED" ] || [ $code = 77 ] || [ $tries = 3 ]; then
-    exit $code
-  fi
-  tries=$((tries + 1))
-  echo "$*: try $tries" >> "$ECHOFUSE_RETRIED"
-done
+timeout --signal=ABRT --kill-after=10 "$deadline_s" nice -n -10 "$@"
+code=$?
+[ $code != 124 ] || echo "realtime.sh: no end within $deadline_s s: $*" >&2
+exit $code
