@@ -84,3 +84,16 @@ def test_stability_crosses_what_is_below_the_best_baseline(folder):
     assert [label.get_text() for label in ax.get_xticklabels()] == ["0", "0.1", "0.2"]
     crosses = [line for line in ax.lines if line.get_marker() == "x"]
     assert len(crosses) == 1 and crosses[0].get_xdata().tolist() == [2]
+
+
+def test_stability_over_names_has_bars(folder):
+    head = "# study stability\naxis,value,model,inputs,machine,seed,iou\n"
+    rows = [f"{'base' if room == 'base' else 'matched-rooms'},{room},{model},fused,-,{seed},{iou}\n"
+            for room, level in (("base", 0.6), ("corridor", 0.1)) for model, iou in (("factorised", level), ("nearest", 0.2))
+            for seed in (1, 2)]
+    (folder / "rooms.csv").write_text(head + "".join(rows))
+    ax = plot.stability(folder / "rooms.csv", "matched-rooms").axes[0]
+    assert [bar.get_height() for bar in ax.containers[1]] == [0.6, 0.1]
+    assert not [line for line in ax.lines if line.get_linestyle() == "-" and len(line.get_xdata()) > 1]
+    crosses = [line for line in ax.lines if line.get_marker() == "x"]
+    assert len(crosses) == 1 and crosses[0].get_xdata().tolist() == [1]

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import csv
 import pathlib
+import re
 from collections.abc import Iterable, Sequence
 from typing import Any, Union
 
@@ -367,17 +368,16 @@ def pareto(path: Path, *, bound_m: float | None = None, axis: str = "model",
 
 def stability(path: Path, axis: str, *, base: str | None = None, title: str = "",
               ax: Panels = None) -> Figure:
-    """The table of `echofuse-bench stability`: IoU at each value of the axis. Shaded is what the
-    best baseline that draws a body reaches (empty room, mean map, nearest record); a cross: not
-    above it by more than the spread over seeds. base: the value of the axis at the base condition,
-    which the table does not say."""
+    """The table of `echofuse-bench stability`: IoU at each value of the axis, as lines over numbers
+    and as bars over names. Shaded: IoU of the best baseline (empty room, mean map, nearest record).
+    Cross: not above it by more than the spread over seeds. base: value of the axis at the base
+    condition, which the table does not contain."""
     rows = [row for row in table(path) if row["axis"] in (axis, "base")]
     values = list(dict.fromkeys(row["value"] for row in rows if row["axis"] == axis))
     values = [base or "base", *values]
-    try:
+    ordered = all(re.fullmatch(r"-?[\d.]+(e-?\d+)?", value) for value in values)
+    if ordered:
         values.sort(key=float)
-    except ValueError:
-        pass
     by: dict[str, list[tuple[float, float]]] = {}
     for name in dict.fromkeys(name_of(row) for row in rows):
         found = [[row for row in rows if name_of(row) == name
@@ -387,18 +387,29 @@ def stability(path: Path, axis: str, *, base: str | None = None, title: str = ""
     baselines = {name for name in by if name in ("empty", "mean", "nearest")}
     best = np.nanmax([[0.0] * len(values), *([point[0] for point in by[name]]
                                              for name in baselines)], axis=0)
-    made, (panel, *_) = figure(wide=7.2, high=3.8, ax=ax)
+    shown = [name for name in by if name not in baselines]
+    made, (panel, *_) = figure(wide=7.2 if ordered else 11, high=3.8, ax=ax)
     at = np.arange(len(values))
-    panel.fill_between(at, 0, best, color="#fdf0d2", zorder=0)
-    panel.plot(at, best, "--", color=COLOURS["grey"], label="best baseline")
+    if ordered:
+        panel.fill_between(at, 0, best, color="#fdf0d2", zorder=0)
+        panel.plot(at, best, "--", color=COLOURS["grey"], label="best baseline")
+    else:
+        panel.bar(at, best, 0.96, color="#fdf0d2", zorder=0, label="best baseline")
     taken: list[str] = []
-    for name in (name for name in by if name not in baselines):
+    for k, name in enumerate(shown):
         mean, spread = np.array(by[name]).T
         taken.append(colour_of(name, taken))
         below = ~(mean - spread > best)
-        panel.errorbar(at, mean, spread, fmt="o-", ms=4, capsize=3, color=taken[-1], label=name)
-        panel.plot(at[below], mean[below], "x", ms=10, mew=2.5, color=taken[-1])
-    panel.axvline(values.index(base or "base"), color=COLOURS["grey"], lw=0.8, ls=":")
+        x = at if ordered else at + 0.84 * ((k + 0.5) / len(shown) - 0.5)
+        if ordered:
+            panel.errorbar(x, mean, spread, fmt="o-", ms=4, capsize=3, color=taken[-1], label=name)
+        else:
+            panel.bar(x, mean, 0.84 / len(shown), color=taken[-1], label=name)
+            panel.errorbar(x, mean, spread, fmt="none", lw=1, ecolor=COLOURS["grey"])
+        panel.plot(x[below], mean[below], "x", ms=10 if ordered else 5, mew=2.5 if ordered else 1.5,
+                   color=taken[-1])
+    if ordered:
+        panel.axvline(values.index(base or "base"), color=COLOURS["grey"], lw=0.8, ls=":")
     panel.set_xticks(at, values, rotation=30 if max(len(v) for v in values) > 5 else 0,
                      ha="right" if max(len(v) for v in values) > 5 else "center")
     panel.set(xlabel=title or axis, ylabel="IoU")
