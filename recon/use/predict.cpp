@@ -172,6 +172,54 @@ Prediction predict(const TrainedModel& model, const Dataset& data, const Rows& r
   return out;
 }
 
+std::vector<MappedRecord> map_records(const TrainedModel& model, const Records& records,
+                                      std::span<const std::size_t> rows, PredictionDetail detail) {
+  const Dataset& data = records.data;
+  std::vector<MappedRecord> out;
+  Rows usable, places;
+  for (const std::size_t row : rows) {
+    RecordStatus& status = out.emplace_back().status;
+    status = {data.index[row], model.fault_of(data, row), model.note_of(data, row), {}};
+    if (!status.fault.empty()) continue;
+    const Estimator* by = model.answering(data, row);
+    status.doubt = data.doubt_of(row, (by ? *by : model.for_run(data)).features.inputs, false);
+    usable.push_back(row), places.push_back(out.size() - 1);
+  }
+  const Prediction all = predict(model, data, usable, detail);
+  for (std::size_t i = 0; i < usable.size(); ++i) {
+    MappedRecord& made = out[places[i]];
+    const auto map = all.maps.row(i);
+    made.map_m.assign(map.begin(), map.end());
+    if (const BodyPlace at = body_place(map, model->scene); !std::isnan(at.x_m))
+      made.status.body = at;
+    if (!all.uncertainties.empty() && all.uncertainties[i].stated)
+      made.status.uncertainty = all.uncertainties[i];
+    if (all.deviation.rows == 0) continue;
+    const auto deviation = all.deviation.row(i);
+    made.deviation_m.assign(deviation.begin(), deviation.end());
+  }
+  return out;
+}
+
+MappedRecord map_record(const TrainedModel& model, Dataset recorded, PredictionDetail detail) {
+  // A run that is being recorded may lack the axis of a sensor that the record lacks.
+  if (std::string fault = model.fault_of(recorded, 0); !fault.empty())
+    return {{recorded.index[0], std::move(fault), {}, {}}, {}, {}};
+  const Records records = prepare_records(model, std::move(recorded));
+  return std::move(map_records(model, records, std::vector<std::size_t>{0}, detail).front());
+}
+
+MappedRecord map_record(const TrainedModel& model, const record::RunReader& run, std::int64_t index,
+                        PredictionDetail detail) {
+  std::string fault = "cannot read the record";
+  Dataset data = load_part(run, index, 1, sensors_of(model->features.inputs),
+                           [&](std::int64_t at, const std::string& why) {
+                             if (at == index) fault = why;
+                           });
+  if (data.size() == 0 || data.index[0] != index) return {{index, fault, {}, {}}, {}, {}};
+  return map_record(model, std::move(data), detail);
+}
+
 Matrix TrainedModel::predict(const Dataset& data, const Rows& rows) const {
   return recon::predict(*this, data, rows, PredictionDetail::maps).maps;
 }

@@ -15,9 +15,9 @@
 #include <optional>
 #include <set>
 #include <span>
-#include <thread>
 #include <utility>
 
+#include "acquire/record/follow.hpp"
 #include "acquire/record/run_file.hpp"
 #include "acquire/record/run_names.hpp"
 #include "drivers/program/console.hpp"
@@ -34,7 +34,6 @@ namespace echofuse::recon {
 namespace {
 
 constexpr std::size_t part_records = 64;  // predicted at once; while following, read at once
-constexpr std::chrono::milliseconds pause_between_looks(20);
 
 bool wants_uncertainty(const ReconstructOptions& options) {
   const auto& formats = options.formats;
@@ -257,30 +256,14 @@ void Reconstruction::tell_run(const std::string& text) const {
 }
 
 Reconstruction::Made Reconstruction::make(const Records& records,
-                                          std::span<const std::size_t> all_rows) const {
-  const Dataset& data = records.data;
-  Made out;
-  Rows rows, places;
-  for (const std::size_t row : all_rows) {
-    out.push_back(
-        {{data.index[row], model_.fault_of(data, row), model_.note_of(data, row), {}}, {}});
-    if (!out.back().first.fault.empty()) continue;
-    const Estimator* by = model_.answering(data, row);
-    out.back().first.doubt =
-        data.doubt_of(row, (by ? *by : model_.for_run(data)).features.inputs, false);
-    rows.push_back(row), places.push_back(out.size() - 1);
-  }
+                                          std::span<const std::size_t> rows) const {
   const bool deviations = wants_uncertainty(options_);
-  const Prediction all = predict(
-      model_, data, rows, deviations ? PredictionDetail::pixels : PredictionDetail::uncertainty);
-  for (std::size_t i = 0; i < rows.size(); ++i) {
-    auto& [status, files] = out[places[i]];
-    if (const BodyPlace at = body_place(all.maps.row(i), model_->scene); !std::isnan(at.x_m))
-      status.body = at;
-    if (!all.uncertainties.empty() && all.uncertainties[i].stated)
-      status.uncertainty = all.uncertainties[i];
-    files = files_.prepare(status.index, all.maps.row(i),
-                           deviations ? all.deviation.row(i) : std::span<const float>{});
+  std::vector<MappedRecord> maps = map_records(
+      model_, records, rows, deviations ? PredictionDetail::pixels : PredictionDetail::uncertainty);
+  Made out;
+  for (MappedRecord& made : maps) {
+    auto& [status, files] = out.emplace_back(std::move(made.status), std::nullopt);
+    if (status.fault.empty()) files = files_.prepare(status.index, made.map_m, made.deviation_m);
   }
   return out;
 }
@@ -340,17 +323,10 @@ void reconstruct(const TrainedModel& model, const std::string& path,
   }
   Reconstruction work(model, options);
   if (!options.follow) work.take_all(record::RunReader(file));
-  while (options.follow && !interrupted()) {
-    // Opened anew for each look: a run's writer leaves one single file only if nobody holds it.
-    bool open = false;
-    {
-      const record::RunReader run(file);
-      open = run.info().status == "open";  // asked first: what comes before the end is seen
-      if (work.take_new(run)) continue;
-    }
-    if (!open) break;
-    std::this_thread::sleep_for(pause_between_looks);
-  }
+  if (options.follow)
+    record::follow(
+        file, [&](const record::RunReader& run) { return work.take_new(run); },
+        [] { return !interrupted(); });
   work.close();
 }
 

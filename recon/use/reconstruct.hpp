@@ -2,27 +2,12 @@
 // Depth maps of a whole run, also of one that is being recorded.
 #pragma once
 #include <functional>
-#include <optional>
 #include <string>
 #include <vector>
 
-#include "recon/metrics/metrics.hpp"
-#include "recon/use/trained_model.hpp"
+#include "recon/use/predict.hpp"
 
 namespace echofuse::recon {
-
-struct RecordStatus {
-  std::int64_t index = 0;
-  std::string fault;  // empty: reconstructed
-  std::string note;   // sensors that the model had to do without
-  std::string doubt;  // quality flag of a sensor that the map is made of, as "SPD weak"
-  // Delays of a map while following, s: from the end of its slot, and from its reading.
-  std::optional<double> after_slot_s = {}, after_reading_s = {};
-  // Set for a reconstructed record whose map shows a body.
-  std::optional<BodyPlace> body = {};
-  // Set for a reconstructed record, if the model states any.
-  std::optional<PredictionUncertainty> uncertainty = {};
-};
 
 struct ReconstructOptions {
   std::string out;                                      // folder, made if need be

@@ -16,33 +16,17 @@ using namespace recon;
 Reconstruction made(const TrainedModel& whole, const record::RunReader& run, std::int64_t index) {
   Reconstruction out;
   out.grid = whole->scene.grid;
-  std::string bad;
-  Dataset data = load_part(run, index, 1, sensors_of(whole->features.inputs),
-                           [&](std::int64_t at, const std::string& why) {
-                             if (at == index) bad = why;
-                           });
-  if (data.size() == 0 || data.index[0] != index) {
-    out.fault = bad.empty() ? "cannot read the record" : bad;
-    return out;
-  }
-  out.fault = whole.fault_of(data, 0);
-  if (!out.fault.empty()) return out;
-  const Records records = prepare_records(whole, std::move(data));
-  out.fault = whole.fault_of(records.data, 0);
-  if (!out.fault.empty()) return out;
-  out.note = whole.note_of(records.data, 0);
   const bool states = whole->uncertainty.has_value();
-  const Prediction p =
-      predict(whole, records.data, {0}, states ? PredictionDetail::pixels : PredictionDetail::maps);
-  if (const BodyPlace at = body_place(p.maps.row(0), whole->scene); std::isfinite(at.x_m))
-    out.x_m = at.x_m, out.z_m = at.z_m;
-  out.map_m = thresholded_map(p.maps.row(0), whole->scene);
-  if (p.deviation.rows > 0 && !p.uncertainties.empty()) {
-    const auto deviation = p.deviation.row(0);
-    out.deviation_m.assign(deviation.begin(), deviation.end());
-  }
-  if (p.uncertainties.empty()) return out;
-  const PredictionUncertainty& u = p.uncertainties[0];
+  MappedRecord mapped =
+      map_record(whole, run, index, states ? PredictionDetail::pixels : PredictionDetail::maps);
+  const RecordStatus& status = mapped.status;
+  out.fault = status.fault, out.note = status.note;
+  if (!out.fault.empty()) return out;
+  if (status.body) out.x_m = status.body->x_m, out.z_m = status.body->z_m;
+  out.map_m = thresholded_map(mapped.map_m, whole->scene);
+  if (!status.uncertainty) return out;
+  const PredictionUncertainty& u = *status.uncertainty;
+  out.deviation_m = std::move(mapped.deviation_m);
   if (std::isfinite(u.lateral_interval_90_m)) out.lateral_interval_90_m = u.lateral_interval_90_m;
   if (const std::string more = u.out_of_distribution.text(); !more.empty())
     out.note += (out.note.empty() ? "" : "; ") + more;

@@ -1,0 +1,24 @@
+// SPDX-License-Identifier: MIT
+#include "acquire/record/follow.hpp"
+
+#include <chrono>
+#include <thread>
+
+namespace echofuse::record {
+
+void follow(const std::string& path, const std::function<bool(const RunReader&)>& take,
+            const std::function<bool()>& go_on) {
+  constexpr std::chrono::milliseconds pause_between_looks(20);
+  while (go_on()) {
+    bool open = false;
+    {
+      const RunReader run(path);
+      open = run.info().status == "open";  // asked first: what comes before the end is seen
+      if (take(run)) continue;
+    }
+    if (!open) return;
+    std::this_thread::sleep_for(pause_between_looks);
+  }
+}
+
+}  // namespace echofuse::record
