@@ -1,0 +1,113 @@
+// SPDX-License-Identifier: MIT
+#include "echofuse/predict.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "recon/api/internals.hpp"
+#include "recon/use/predict.hpp"
+
+namespace echofuse {
+namespace {
+
+// Without recon::Model, which is another class.
+using recon::Dataset, recon::Features, recon::MappedRecord, recon::Matrix, recon::PredictionDetail,
+    recon::RecordStatus, recon::Scene, recon::TrainedModel;
+
+PredictionDetail detail_of(const TrainedModel& model) {
+  return model->uncertainty ? PredictionDetail::pixels : PredictionDetail::maps;
+}
+
+DepthMap public_map(MappedRecord made, const Scene& scene) {
+  RecordStatus& status = made.status;
+  DepthMap out;
+  out.fault = std::move(status.fault), out.note = std::move(status.note);
+  out.doubt = std::move(status.doubt);
+  if (!out.fault.empty()) return out;
+  out.depth_m = thresholded_map(made.map_m, scene);
+  if (status.uncertainty) out.deviation_m = std::move(made.deviation_m);
+  if (status.body) out.body = Body{status.body->x_m, status.body->z_m, {}};
+  if (!status.uncertainty) return out;
+  const double interval_m = status.uncertainty->lateral_interval_90_m;
+  if (out.body && std::isfinite(interval_m)) out.body->lateral_interval_90_m = interval_m;
+  out.out_of_distribution = status.uncertainty->out_of_distribution.text();
+  return out;
+}
+
+// Makes a table of one row; no values make a row of zeros.
+void put_row(Matrix& table, std::span<const float> values, std::size_t wanted, const char* name) {
+  if (!values.empty() && values.size() != wanted)
+    throw Error(ExitCode::usage, std::string(name) + ": " + std::to_string(values.size()) +
+                                     " values; the model takes " + std::to_string(wanted));
+  if (!std::ranges::all_of(values, [](float v) { return std::isfinite(v); }))
+    throw Error(ExitCode::usage, std::string(name) + ": holds a value that is not finite");
+  table = Matrix(1, wanted);
+  std::ranges::copy(values, table.row(0).begin());
+}
+
+// One record at true ranges on the axes of the model.
+Dataset dataset_of(const TrainedModel& model, std::span<const float> counts,
+                   std::span<const float> power) {
+  const Features& takes = model->features;
+  const std::size_t bins = takes.spd_axis.count;
+  Dataset data;
+  data.map = model->scene.grid;
+  data.depth = Matrix(1, 0);
+  SensorSet valid;
+  if (takes.spd_count() > 0) {
+    data.spd_axis = takes.spd_axis;
+    Matrix all;
+    put_row(all, counts, takes.spd_count(), "counts");
+    data.zones.resize(takes.zones);
+    if (takes.zones > 0) data.zone_spd = all;
+    data.spd = Matrix(1, bins);
+    for (std::size_t i = 0; i < all.cols; ++i) data.spd.row(0)[i % bins] += all.row(0)[i];
+    if (!counts.empty()) valid.insert(Sensor::spd);
+  }
+  if (takes.radar_count() > 0) {
+    data.radar_axis = takes.radar_axis;
+    put_row(data.radar, power, takes.radar_count(), "power");
+    if (!power.empty()) valid.insert(Sensor::radar);
+  }
+  data.valid = {valid.bits()};
+  data.index = {0}, data.slot_end = {HostTime{}}, data.clicks_a_pulse = {0}, data.label = {""};
+  data.sources.resize(1);
+  data.sources[0].count = 1;
+  return data;
+}
+
+}  // namespace
+
+Model::Model(const std::string& path) {
+  TrainedModel model = recon::load_model(path);
+  std::string inputs = name_of(model->features.inputs);
+  file_ = std::make_shared<File>(std::move(model), std::move(inputs));
+}
+
+const std::string& Model::name() const { return file_->model->name; }
+const std::string& Model::inputs() const { return file_->inputs; }
+bool Model::calibrated() const { return file_->model->uncertainty.has_value(); }
+RunAxis Model::spd_axis() const {
+  const Features& takes = file_->model->features;
+  return takes.spd_count() > 0 ? public_axis(takes.spd_axis) : RunAxis{};
+}
+RunAxis Model::radar_axis() const {
+  const Features& takes = file_->model->features;
+  return takes.radar_count() > 0 ? public_axis(takes.radar_axis) : RunAxis{};
+}
+std::size_t Model::zones() const { return std::max<std::size_t>(file_->model->features.zones, 1); }
+MapGrid Model::grid() const { return public_grid(file_->model->scene.grid); }
+
+DepthMap predict(const Model& model, const Run& run, std::int64_t index) {
+  const TrainedModel& trained = Internals::model(model);
+  return public_map(map_record(trained, Internals::reader(run), index, detail_of(trained)),
+                    trained->scene);
+}
+
+DepthMap predict(const Model& model, std::span<const float> counts, std::span<const float> power) {
+  const TrainedModel& trained = Internals::model(model);
+  return public_map(map_record(trained, dataset_of(trained, counts, power), detail_of(trained)),
+                    trained->scene);
+}
+
+}  // namespace echofuse

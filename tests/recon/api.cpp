@@ -1,0 +1,157 @@
+// SPDX-License-Identifier: MIT
+// The public interface (recon/include/echofuse) against the readers and models below it.
+#include <echofuse/predict.hpp>
+#include <echofuse/version.hpp>
+#include <thread>
+
+#include "drivers/core/log2_codes.hpp"
+#include "recon/use/predict.hpp"
+#include "world.hpp"
+
+using namespace echofuse;
+using namespace echofuse::testing;
+
+namespace {
+
+std::string trained(const Folder& dir, const std::string& model) {
+  write_run(dir / "train", 80);
+  const Outcome o = recon_program("train -q --set fallback=false --model " + model + " " +
+                                  (dir / "train") + " --out " + (dir / "m"));
+  INFO(o.text);
+  REQUIRE(o.code == 0);
+  return dir / "m";
+}
+
+}  // namespace
+
+TEST_CASE("records of the interface have the values of the run file") {
+  const Folder dir;
+  write_run(dir / "run", 3, 1, [](record::FusedRecord& r) {
+    if (r.index != 1) return;
+    r.valid.erase(Sensor::spd), r.spd.clear();
+    r.sync[Sensor::spd].verdict = "missing: no tags";
+  });
+  const Run run(dir / "run");
+  const record::RunReader reader(dir / "run");
+  CHECK(run.facts().uuid == reader.info().uuid);
+  CHECK(run.facts().status == "complete");
+  CHECK(run.count() == 3);
+  CHECK(run.zones() == 1);
+  CHECK(run.axis("radar")->unit == "m");
+  CHECK(run.axis("spd")->at(2) == spd_axis().at(2));
+  CHECK_FALSE(run.axis("nonsense"));
+  const record::FusedRecord stored = reader.read(2);
+  const Record record = run.read(2);
+  CHECK(std::ranges::equal(record.counts(), stored.spd));
+  CHECK(std::ranges::equal(record.power(), stored.radar));
+  CHECK(record.depth_m().size() == run.grid().pixels());
+  CHECK(record.depth_m()[32 * 64] == float(stored.depth_mm[32 * 64]) / 1000);
+  CHECK(record.label() == stored.label);
+  CHECK(record.camera().valid);
+  const Axis x = record::MapGrid{}.x(), y = record::MapGrid{}.y();
+  CHECK(run.grid().x(5) == Approx(x.at(5)));
+  CHECK(run.grid().y(5) == Approx(y.at(5)));
+  std::vector<std::int64_t> seen;
+  run.for_each([&](const Record& r) { return seen.push_back(r.index()), r.index() < 1; });
+  CHECK(seen == std::vector<std::int64_t>{0, 1});
+  const Record missing = run.read(1);
+  CHECK(missing.counts().empty());
+  CHECK_FALSE(missing.spd().valid);
+  CHECK(missing.spd().verdict == "missing: no tags");
+}
+
+TEST_CASE("radar codes of a run become linear power") {
+  const Folder dir;
+  Axis codes = radar_axis();
+  codes.quantity = "log2_q8", codes.scale = 8;
+  write_run(
+      dir / "run", 1, 1, [](record::FusedRecord& r) { r.radar.assign(24, 2560); }, codes);
+  const Run run(dir / "run");
+  CHECK(run.axis("radar")->quantity == "power");
+  CHECK(run.read(0).power()[3] == Approx(power_from_code(2560, 8)));
+}
+
+TEST_CASE("a map of the interface is the model's, from a run and from values alike") {
+  const Folder dir;
+  const Model model(trained(dir, "mean-shape"));
+  const recon::TrainedModel whole = recon::load_model(dir / "m");
+  write_run(dir / "fresh", 4, 2);
+  const Run run(dir / "fresh");
+  const recon::Records records =
+      recon::prepare_records(whole, recon::load_recorded({dir / "fresh"}));
+  CHECK(model.name() == "mean-shape");
+  CHECK(model.inputs() == "fused");
+  CHECK(model.calibrated() == whole->uncertainty.has_value());
+  CHECK(model.spd_axis().count == 30);
+  CHECK(model.grid().pixels() == 64 * 64);
+  for (std::int64_t i = 0; i < run.count(); ++i) {
+    const DepthMap map = predict(model, run, i);
+    const auto row = static_cast<std::size_t>(i);
+    const recon::Matrix maps = whole.predict(records.data, {row});
+    CHECK(map.depth_m == recon::thresholded_map(maps.row(0), whole->scene));
+    REQUIRE(map.body);
+    CHECK(map.body->z_m == Approx(recon::body_place(maps.row(0), whole->scene).z_m));
+    CHECK(map.deviation_m.size() == (model.calibrated() ? 64u * 64 : 0u));
+    const Record record = run.read(i);
+    const std::vector<float> counts(record.counts().begin(), record.counts().end());
+    CHECK(predict(model, counts, record.power()).depth_m == map.depth_m);
+  }
+}
+
+TEST_CASE("a record without a needed sensor has a fault instead of a map") {
+  const Folder dir;
+  const Model model(trained(dir, "mean-shape"));
+  write_run(dir / "fresh", 1, 2,
+            [](record::FusedRecord& r) { r.valid.erase(Sensor::radar), r.radar.clear(); });
+  const DepthMap map = predict(model, Run(dir / "fresh"), 0);
+  CHECK_THAT(map.fault, Catch::Contains("radar"));
+  CHECK(map.depth_m.empty());
+  CHECK(predict(model, std::vector<float>(30, 5), {}).fault == map.fault);
+  CHECK_THAT(predict(model, Run(dir / "fresh"), 7).fault, Catch::Contains("cannot read"));
+}
+
+TEST_CASE("the interface refuses files and values with a named reason") {
+  const Folder dir;
+  CHECK_THAT(error_of([&] { Run(dir / "none"); }), Catch::Contains("none"));
+  CHECK_THAT(error_of([&] { Model(dir / "none"); }), Catch::Contains("expected a model file"));
+  const Model model(trained(dir, "ridge"));
+  const std::vector<float> power(24, 1);
+  CHECK_THAT(error_of([&] { predict(model, std::vector<float>(29), power); }),
+             Catch::Contains("counts: 29 values; the model takes 30"));
+  CHECK_THAT(error_of([&] { predict(model, std::vector<float>(30, NAN), power); }),
+             Catch::Contains("counts: holds a value that is not finite"));
+  CHECK_THAT(error_of([&] { Run(dir / "train").read(80); }), Catch::Contains("no record 80"));
+  CHECK(std::string(version()).find('.') != std::string::npos);
+}
+
+TEST_CASE("follow visits the records of a growing run until it is closed") {
+  const Folder dir;
+  Rng rng = make_rng(1, 1);
+  std::atomic<std::int64_t> seen = 0;
+  record::RunWriter writer(dir / "run", {});
+  for (const Axis& axis : {spd_axis(), radar_axis(), record::MapGrid{}.x(), record::MapGrid{}.y()})
+    writer.put_axis(axis);
+  std::vector<std::int64_t> indices;
+  std::thread reader([&] {
+    follow(dir / "run", [&](const Run& run, const Record& record) {
+      indices.push_back(record.index());
+      return run.count() > record.index() && ++seen > 0;
+    });
+  });
+  for (std::int64_t i = 0; i < 3; ++i) {
+    writer.append(plate_record(i, 0, 3, rng));
+    for (int wait = 0; wait < 2000 && seen <= i; ++wait)
+      std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  }
+  CHECK(seen == 3);
+  writer.close("complete");
+  reader.join();
+  CHECK(indices == std::vector<std::int64_t>{0, 1, 2});
+  int visits = 0;
+  follow(dir / "run", [&](const Run&, const Record&) { return ++visits < 2; });
+  CHECK(visits == 2);
+  follow(
+      dir / "run", [&](const Run&, const Record&) { return ++visits, true; }, 0,
+      [] { return false; });
+  CHECK(visits == 2);
+}

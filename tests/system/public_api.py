@@ -1,0 +1,89 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: MIT
+"""tests/system/public_api.py BIN_DIR: programs outside the tree use the installed library: the examples build in a clean
+folder by CMake and by pkg-config, and their output is that of the programs."""
+import os
+import pathlib
+import shutil
+import subprocess
+import sys
+import tempfile
+import unittest
+
+import numpy as np
+
+bin_dir = pathlib.Path(sys.argv[1]).resolve()
+source = pathlib.Path(__file__).resolve().parents[2]
+examples = source / "recon/examples"
+HEADERS = {"run.hpp", "record.hpp", "model.hpp", "predict.hpp", "version.hpp"}
+
+
+def run(*words, cwd, **environment):
+    done = subprocess.run(list(map(str, words)), cwd=cwd, capture_output=True, text=True, timeout=240,
+                          env=os.environ | {"PATH": f"{bin_dir}:{os.environ['PATH']}"} | environment)
+    assert done.returncode == 0, f"{words}: {done.returncode}\n{done.stdout}{done.stderr}"
+    return done.stdout
+
+
+class PublicApi(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.folder = tempfile.TemporaryDirectory(prefix="echofuse-api-")
+        cls.dir = pathlib.Path(cls.folder.name)
+        cls.prefix = cls.dir / "opt"
+        # Staged and then moved, as for packages.
+        run("cmake", "--install", bin_dir.parent, "--component", "dev", "--prefix", cls.prefix, cwd=cls.dir, DESTDIR=str(cls.dir / "stage"))
+        shutil.move(str(cls.dir / "stage") + str(cls.prefix), cls.dir)
+        run("echofuse-sim", "dataset", "-q", "--people", 80, "--letters", 0, "--out", "scenes.sqlite", cwd=cls.dir)
+        run("echofuse-recon", "train", "-q", "scenes.sqlite", "--model", "mean-shape", "--out", "m.safetensors", cwd=cls.dir)
+
+    @classmethod
+    def tearDownClass(cls):
+        cls.folder.cleanup()
+
+    def flags(self):
+        package, = self.prefix.rglob("echofuse.pc")
+        return run("pkg-config", "--static", "--cflags", "--libs", "echofuse", cwd=self.dir, PKG_CONFIG_PATH=str(package.parent)).split()
+
+    def test_cmake_project_predicts_the_map_of_reconstruct(self):
+        project = self.dir / "predict"
+        shutil.copytree(examples / "predict", project)
+        self.assertLessEqual(len((project / "predict.cpp").read_text().splitlines()), 40)
+        run("cmake", "-B", "build", f"-DCMAKE_PREFIX_PATH={self.prefix}", cwd=project)
+        run("cmake", "--build", "build", cwd=project)
+        *rows, last = run(project / "build/predict", "m.safetensors", "scenes", 7, cwd=self.dir).splitlines()
+        run("echofuse-recon", "reconstruct", "-q", "m.safetensors", "scenes.sqlite", "--rows", 7, "--format", "foreground", "--out", "maps",
+            cwd=self.dir)
+        depth = np.nan_to_num(np.load(self.dir / "maps/thresholded.npy"))[0]
+        self.assertEqual(rows, ["".join(str(int(z) % 10) if z > 0 else "." for z in row) for row in depth])
+        self.assertRegex(last, r"^body: x -?\d\.\d\d m, z \d\.\d\d m, within \d\.\d\d m$")
+
+    def test_pkg_config_programs(self):
+        flags = self.flags()
+        for name in ("read_run", "follow_run"):
+            run("g++", "-std=c++20", "-Wall", "-Wextra", "-Wconversion", "-Werror", examples / f"{name}.cpp", *flags, "-o", self.dir / name,
+                cwd=self.dir)
+        said = run(self.dir / "read_run", "scenes", cwd=self.dir).splitlines()
+        self.assertRegex(said[0], r"^scenes: complete, 80 records of \d+ s$")
+        self.assertEqual(len(said), 81)
+        self.assertRegex(said[1], r"^record 0 person: \d{3,} clicks, highest bin at \d\.\d\d m$")
+        said = run(self.dir / "follow_run", "m.safetensors", "scenes", cwd=self.dir).splitlines()
+        self.assertEqual(len(said), 80)
+        self.assertRegex(said[0], r"^record 0: centre \d\.\d\d m, body at x -?\d\.\d\d m, z \d\.\d\d m")
+
+    def test_headers_stand_alone_and_hide_other_libraries(self):
+        include = self.prefix / "include"
+        self.assertEqual({path.name for path in (include / "echofuse").iterdir()}, HEADERS)
+        for header in HEADERS:
+            unit = self.dir / f"{header}.cpp"
+            unit.write_text(f"#include <echofuse/{header}>\n")
+            words = ("g++", "-std=c++20", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Werror", f"-I{include}", unit)
+            run(*words, "-fsyntax-only", cwd=self.dir)
+            others = [name for name in run(*words, "-M", cwd=self.dir).split()
+                      if not name.startswith((str(include), str(self.dir), "/usr/include/c++", "/usr/lib/gcc")) and any(
+                          word in name.lower() for word in ("boost", "asio", "eigen", "sqlite", "opencv"))]
+            self.assertEqual(others, [], header)
+
+
+if __name__ == "__main__":
+    unittest.main(argv=sys.argv[:1])
