@@ -361,7 +361,7 @@ def main():
                 audit_frames(run, "depth", log["depth"])]
     unexplained = [f"{a.name}: {text}" for a in accounts for text in a.unexplained]
     if args.json:
-        print(json.dumps({a.name: dict(a.rows) for a in accounts} | {"unexplained": unexplained}))
+        print(json.dumps({"schema": 1} | {a.name: dict(a.rows) for a in accounts} | {"unexplained": unexplained}))
     else:
         for account in accounts:
             for what, number in account.rows:

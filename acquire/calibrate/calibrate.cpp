@@ -320,7 +320,8 @@ Config with_chosen(const Config& all, const CalibrateOptions& options) {
   return config;
 }
 
-void print(const nlohmann::ordered_json& json) {
+void print(nlohmann::ordered_json json) {
+  json["schema"] = 1;
   std::printf("%s\n",
               json.dump(-1, ' ', true, nlohmann::ordered_json::error_handler_t::replace).c_str());
 }

@@ -126,7 +126,9 @@ Catalogue list_runs(const std::string& folder, const Clock& clock, bool json) {
       all.push_back(record::to_json(e.run));
       all.back()["live"] = e.live;
     }
-    out.text = all.dump(2, ' ', true, Json::error_handler_t::replace) + "\n";
+    out.text =
+        Json{{"schema", 1}, {"runs", all}}.dump(2, ' ', true, Json::error_handler_t::replace) +
+        "\n";
     return out;
   }
   std::vector<Row> rows{titles};

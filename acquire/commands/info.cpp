@@ -108,7 +108,8 @@ Json to_json(const record::RunReader& run) {
                        {"model", d.model},
                        {"serial", d.serial},
                        {"firmware", d.firmware}});
-  return {{"file", utf8_text(run.path())},
+  return {{"schema", 1},
+          {"file", utf8_text(run.path())},
           {"uuid", info.uuid},
           {"status", info.status},
           {"leftovers", paths(run.leftovers())},

@@ -94,7 +94,8 @@ class Events {
   }
 
  private:
-  static std::string line_of(const nlohmann::ordered_json& event) {
+  static std::string line_of(nlohmann::ordered_json event) {
+    event["schema"] = 1;
     return event.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
   }
   static std::string left_out(std::size_t count) {

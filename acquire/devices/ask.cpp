@@ -164,7 +164,7 @@ std::vector<Answer> ask(const Config& config, port::Loop& loop, const std::strin
 
 ExitCode list_devices(const std::optional<Config>& config, port::Loop& loop, bool json) {
   std::string camera_fault;
-  Json all{{"configured", Json::array()}, {"attached", find_attached(camera_fault)}};
+  Json all{{"schema", 1}, {"configured", Json::array()}, {"attached", find_attached(camera_fault)}};
   if (!json) print(text_of(all["attached"], camera_fault));
   std::fflush(stdout);
   SampleSink nobody;

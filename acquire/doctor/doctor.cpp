@@ -44,7 +44,8 @@ class Report {
 
   ExitCode finish() const {
     if (!json_) return code_;
-    const nlohmann::ordered_json all{{"checks", checks_}, {"exit_code", static_cast<int>(code_)}};
+    const nlohmann::ordered_json all{
+        {"schema", 1}, {"checks", checks_}, {"exit_code", static_cast<int>(code_)}};
     std::printf("%s\n",
                 all.dump(2, ' ', true, nlohmann::ordered_json::error_handler_t::replace).c_str());
     return code_;

@@ -381,7 +381,7 @@ std::string Settings::with_origins() const { return print(true, true); }
 std::string Settings::json() const {
   std::string out;
   for (const Entry& e : entries_) {
-    out += (out.empty() ? "{\n  " : ",\n  ") + in_quotes(e.key) + ": {\"value\": " + value_of(e);
+    out += (out.empty() ? "  " : ",\n  ") + in_quotes(e.key) + ": {\"value\": " + value_of(e);
     const auto bounds = [&](const auto& target, const auto& text) {
       out += ", \"min\": " + text(target.min) + ", \"max\": " + text(target.max);
     };
@@ -395,7 +395,7 @@ std::string Settings::json() const {
     }
     out += ", \"help\": " + in_quotes(e.doc) + "}";
   }
-  return out + "\n}\n";
+  return "{\"schema\": 1, \"settings\": {\n" + out + "\n}}\n";
 }
 
 namespace {

@@ -44,7 +44,8 @@ struct Judged {
   std::vector<PredictionUncertainty> stated = {};
 };
 
-void put(const nlohmann::json& json) {
+void put(nlohmann::json json) {
+  json["schema"] = 1;
   std::puts(json.dump(2, ' ', true, nlohmann::json::error_handler_t::replace).c_str());
 }
 

@@ -97,7 +97,7 @@ void list_json(const std::vector<ListedRow>& rows) {
     row.left_out.empty() ? one["part"] = row.part : one["left_out"] = row.left_out;
     out.push_back(std::move(one));
   }
-  std::puts(nlohmann::json{{"records", out}}
+  std::puts(nlohmann::json{{"schema", 1}, {"records", out}}
                 .dump(-1, ' ', true, nlohmann::json::error_handler_t::replace)
                 .c_str());
 }

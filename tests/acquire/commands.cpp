@@ -273,6 +273,6 @@ TEST_CASE("name that is not UTF-8 is escaped in JSON and refused for new runs") 
   write_file(folder / "lab.toml", tdc_nowhere);
   const std::string shown = folder / "m\\xff.sqlite";
   CHECK(json_of("info --json " + name)["file"] == shown);
-  CHECK(json_of("list --json " + folder / "")[0]["path"] == shown);
+  CHECK(json_of("list --json " + folder / "")["runs"][0]["path"] == shown);
   refuses("run --config " + folder / "lab.toml --out n\xff", 2, "--out n\\xff: expected UTF-8");
 }

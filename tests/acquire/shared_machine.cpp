@@ -137,8 +137,8 @@ TEST_CASE("catalogue of a folder lists notes from during and after a run") {
   CHECK(has(text.text, "left out: " + folder / "other.sqlite: not an echofuse run file"));
   CHECK_FALSE(has(text.text, "text.txt"));
   const std::string program = echofuse::test::bin_dir + "/echofuse-acquire";
-  const Json all =
-      Json::parse(shell("(" + program + " list --json " + folder / "" + " 2>/dev/null)").text);
+  const Json all = Json::parse(
+      shell("(" + program + " list --json " + folder / "" + " 2>/dev/null)").text)["runs"];
   REQUIRE(all.size() == 2);
   CHECK(all[0]["name"] == "monday");
   CHECK(all[0]["records"] == 2);
@@ -158,7 +158,7 @@ TEST_CASE("list shows live runs and their state") {
   run.append(small_record(0));
   const Json told = Json::parse(
       at_home(folder, "ECHOFUSE_LOCKS=" + locks / "", "list --json " + folder / "" + " | cat")
-          .text);
+          .text)["runs"];
   REQUIRE(told.size() == 1);
   CHECK(told[0]["status"] == "open");
   CHECK(told[0]["live"]["last_index"] == 0);

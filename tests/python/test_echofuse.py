@@ -179,7 +179,7 @@ def test_a_killed_run_is_crashed_and_following_it_ends(folder, tmp_path):
         run = echofuse.open(name)
         assert run.info["status"] == "crashed" and list(run.follow()) == list(range(10)) and "wal_key" not in run.meta
     program("echofuse-export", path, "--to", tmp_path / "a.h5")
-    listed = json.loads(outcome("echofuse-acquire", "list", "--json", tmp_path).stdout)
+    listed = json.loads(outcome("echofuse-acquire", "list", "--json", tmp_path).stdout)["runs"]
     assert {(run["status"], run["records"]) for run in listed} == {("crashed", 10)}
 
 

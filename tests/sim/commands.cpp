@@ -123,7 +123,7 @@ TEST_CASE("config --json prints every setting") {
   const Outcome o = sim("config --json --set bins=100 --set 'scenes=a\"b\\c'");
   CAPTURE(o.text);
   CHECK(o.code == 0);
-  CHECK(o.text.starts_with("{\n  \""));
+  CHECK(o.text.starts_with("{\"schema\": 1, \"settings\": {\n  \""));
   CHECK(has(o.text, "\"bins\": {\"value\": 100, \"min\": 1, \"max\": 65536, \"help\": \"bins of"));
   CHECK(has(o.text, "\"radar_step_m\": {\"value\": 0.25, \"min\": 0.001, \"max\": 10, "));
   CHECK(has(o.text, "\"radar_array_calibrated\": {\"value\": true, \"help\": "));

@@ -26,7 +26,7 @@ TEST_CASE("base condition is inside every range of the default twin") {
   Conditions conditions;
   Settings settings;
   bind(settings, conditions);
-  const auto base = nlohmann::json::parse(settings.json());
+  const auto base = nlohmann::json::parse(settings.json())["settings"];
   const Twin twin = twin_named("default");
   CHECK(twin.ranges.size() > 40);
   for (const Range& r : twin.ranges) {

@@ -66,7 +66,7 @@ def of_info(run):
 
 
 def of_list(run):
-    told = json.loads(outcome("echofuse-acquire", "list", "--json", run.parent).stdout)
+    told = json.loads(outcome("echofuse-acquire", "list", "--json", run.parent).stdout)["runs"]
     one, = (entry for entry in told if entry["path"] == str(run))
     return {key: one[key] for key in ("records", "status", "valid", "labels", "doubtful", "notes", "operator", "window_s")} | {
         "doubts": one["verdict"], "started": one["started_utc"], "leftovers": [pathlib.Path(file).name for file in one["leftovers"]],

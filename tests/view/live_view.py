@@ -61,7 +61,7 @@ class LiveView(live.Live):
 
     def status(self):
         return json.loads(subprocess.run([bin_dir / "echofuse-acquire", "list", "--json", self.dir], check=True,
-                                         stdout=subprocess.PIPE).stdout)
+                                         stdout=subprocess.PIPE).stdout)["runs"]
 
     def test_rotation(self):
         """run --every reports each file; its viewer follows the newest, and shows no maps if the model is invalid."""

@@ -315,7 +315,7 @@ class Server(unittest.TestCase):
                 self.assertEqual(set(runs), {"one", "zwei & drei", "none"})
                 self.assertIn("not an echofuse run file", runs["none"]["fault"])
                 listed = json.loads(subprocess.run([bin_dir / "echofuse-acquire", "list", "--json", folder], check=True,
-                                                   stdout=subprocess.PIPE, stderr=subprocess.DEVNULL).stdout)
+                                                   stdout=subprocess.PIPE, stderr=subprocess.DEVNULL).stdout)["runs"]
                 for run in listed:
                     for what in "length_s", "labels", "verdict", "records", "status":
                         self.assertEqual(runs[run["name"]][what], run[what])

@@ -13,6 +13,7 @@ import unittest
 import soak
 
 program = pathlib.Path(sys.argv[1]).resolve()
+SCHEMA = json.loads((pathlib.Path(__file__).parents[2] / "config/schema.json").read_text(encoding="utf-8"))
 SLOTS = 400
 
 
@@ -30,7 +31,9 @@ class Audit(unittest.TestCase):
     def audit(self, run_file):
         done = subprocess.run([sys.executable, soak.scripts / "audit_run.py", run_file, self.dir / "log.jsonl", "--json"],
                               stdout=subprocess.PIPE)
-        return done.returncode, json.loads(done.stdout)
+        account = json.loads(done.stdout)
+        self.assertEqual(set(account), set(SCHEMA["scripts/audit_run.py"]))
+        return done.returncode, account
 
     def test_as_it_is(self):
         code, account = self.audit(self.dir / "run.sqlite")

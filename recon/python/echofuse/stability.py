@@ -264,7 +264,8 @@ class Simulated:
     def __init__(self, settings: Sequence[str], records: int, test_records: int) -> None:
         self.settings = [word for setting in settings for word in ("--set", setting)]
         self.records, self.test_records = records, test_records
-        told = json.loads(call("echofuse-sim", "config", "--json", *self.settings).stdout)
+        told = json.loads(call("echofuse-sim", "config", "--json",
+                               *self.settings).stdout)["settings"]
         self.base = {key: one["value"] for key, one in told.items()}
 
     @property

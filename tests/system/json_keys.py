@@ -1,0 +1,108 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: MIT
+"""tests/system/json_keys.py BIN_DIR TEST: every --json output has the keys that config/schema.json documents, and no others."""
+import json
+import os
+import pathlib
+import re
+import subprocess
+import sys
+import tempfile
+import unittest
+
+bin_dir = pathlib.Path(sys.argv[1]).resolve()
+source = pathlib.Path(__file__).resolve().parents[2]
+schema = json.loads((source / "config/schema.json").read_text(encoding="utf-8"))
+
+
+def differences(documented, found, place):
+    """Yields a line for each key that is missing or not documented, and each value of another kind."""
+    if isinstance(documented, str):
+        if isinstance(found, (dict, list)) and place.split(".")[-1] != "rows?[]":
+            yield f"{place}: expected a text or number"
+    elif isinstance(documented, list):
+        for one in found if isinstance(found, list) else [None]:
+            yield from differences(documented[0], one, place + "[]")
+    elif not isinstance(found, dict):
+        yield f"{place}: expected an object, found {found!r}"
+    else:
+        if "*" not in documented:
+            yield from (f"{place}: {key} is not documented" for key in found if not {key, key + "?"} & set(documented))
+        for key, shape in documented.items():
+            if key == "*":
+                for name, value in found.items():
+                    yield from differences(shape, value, f"{place}.{name}")
+            elif key.rstrip("?") not in found:
+                yield from [f"{place}: {key} is missing"] if key[-1] != "?" else []
+            elif found[key.rstrip("?")] is not None:
+                yield from differences(shape, found[key.rstrip("?")], f"{place}.{key}")
+
+
+class JsonKeys(unittest.TestCase):
+    def setUp(self):
+        folder = tempfile.TemporaryDirectory(prefix="echofuse-json-")
+        self.addCleanup(folder.cleanup)
+        self.dir = pathlib.Path(folder.name)
+
+    def call(self, *words, ok=(0,)):
+        done = subprocess.run(list(map(str, words)), cwd=self.dir, capture_output=True, text=True, timeout=120,
+                              env=os.environ | {"PATH": f"{bin_dir}:{os.environ['PATH']}"})
+        self.assertIn(done.returncode, ok, f"{words}: {done.stdout}{done.stderr}")
+        return done.stdout
+
+    def check(self, output, text):
+        found = json.loads(text)
+        self.assertEqual(found["schema"], 1, output)
+        self.assertEqual(list(differences(schema[output], found, output)), [])
+        return found
+
+    def test_every_option_is_documented(self):
+        documented = {" ".join(output.split()[:2]) for output in schema if output != "how to read"}
+        offered = set()
+        for program in ("echofuse-acquire", "echofuse-recon", "echofuse-sim", "echofuse-report", "echofuse-view", "echofuse-export"):
+            commands = re.findall(r"^  ([a-z]+)  ", self.call(program, "--help").partition("Subcommands:")[2], re.M)
+            offered |= {f"{program} {command}".strip() for command in commands or [""]
+                        if "--json" in self.call(program, *command.split(), "--help")}
+        self.assertEqual(offered | {"scripts/audit_run.py"}, documented)
+
+    def test_live(self):
+        """Outputs about devices, from the laboratory."""
+        lab = ("echofuse-sim", "lab", "--dir", "lab", "--window", "0.3", "--laser-rate-hz", "2e7", "--set", "signal_photons=5e4", "--scene", "reflector", "--",
+               "sh", "-c", """cd lab
+                   for command in devices "doctor --duration 1s" "calibrate --repeat 3 --time 0.2"; do
+                     echofuse-acquire $command --json >${command%% *}.json 2>>log; echo $? $command >>codes
+                   done
+                   echofuse-acquire run --json -q --count 3 --out live >run.json 2>>log; echo $? run >>codes
+                   echofuse-acquire run -q --count 20 --out second 2>>log &
+                   until echofuse-acquire list --json | tee list.json | grep -q '"live": {'; do sleep 0.1; done
+                   kill -INT $!; wait $!""")
+        self.call(*lab, ok=(0, 5, 130))
+        read = lambda name: (self.dir / "lab" / f"{name}.json").read_text()
+        codes = (self.dir / "lab/codes").read_text() + (self.dir / "lab/log").read_text()
+        self.assertTrue(self.check("echofuse-acquire devices", read("devices"))["configured"], codes)
+        self.assertTrue(self.check("echofuse-acquire doctor", read("doctor"))["checks"], codes)
+        self.assertTrue(self.check("echofuse-acquire calibrate", read("calibrate"))["sensors"], codes)
+        events = [self.check("echofuse-acquire run", line)["event"] for line in read("run").splitlines()]
+        self.assertEqual((events[0], events[-1], set(events)), ("run", "end", {"run", "records", "end"}), codes)
+        self.assertTrue(any(run["live"] for run in self.check("echofuse-acquire list", read("list"))["runs"]))
+        self.assertTrue(self.check("echofuse-acquire info", self.call("echofuse-acquire", "info", "--json", "lab/live"))["devices"])
+
+    def test_runs_and_models(self):
+        self.call("echofuse-sim", "dataset", "-q", "--people", 60, "--letters", 0, "--out", "a.sqlite", "--set", "radar_antennas=8")
+        self.call("echofuse-sim", "dataset", "-q", "--people", 30, "--letters", 0, "--seed", 2, "--out", "b.sqlite", "--set", "radar_antennas=8")
+        self.assertTrue(self.check("echofuse-sim config", self.call("echofuse-sim", "config", "--json"))["settings"])
+        info = self.check("echofuse-acquire info", self.call("echofuse-acquire", "info", "--json", "a"))
+        self.assertTrue(info["array"]["places"])
+        self.assertEqual(len(self.check("echofuse-recon rows", self.call("echofuse-recon", "rows", "-q", "a.sqlite", "--json"))["records"]), 60)
+        for model in ("mean-shape", "mean"):
+            self.call("echofuse-recon", "train", "-q", "a.sqlite", "--model", model, "--out", f"{model}.safetensors")
+        found = self.check("echofuse-recon evaluate", self.call("echofuse-recon", "evaluate", "-q", "--json", "mean-shape.safetensors", "mean.safetensors", "b.sqlite"))
+        self.assertTrue(found["paired"] and found["calibration"] and found["domain_shift"])
+        for row in found["rows"]:
+            self.assertEqual(list(differences(schema["echofuse-recon evaluate"], row | {"schema": 1, "data_crc32c": ""}, "rows")), [])
+        self.call("echofuse-recon", "reconstruct", "-q", "mean-shape.safetensors", "b.sqlite", "--format", "npy", "--out", "maps")
+        self.check("echofuse-recon evaluate --maps", self.call("echofuse-recon", "evaluate", "-q", "--json", "--maps", "maps", "b.sqlite", "--train", "a.sqlite"))
+
+
+if __name__ == "__main__":
+    unittest.main(argv=[sys.argv[0], *(f"JsonKeys.{name}" for name in sys.argv[2:])])
