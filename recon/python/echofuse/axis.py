@@ -23,6 +23,7 @@ class Axis:
 
     @property
     def values(self) -> NDArray[np.float64]:
+        """Positions [count], in `unit`."""
         return self.start + self.step * np.arange(self.count)
 
     def is_near(self, wanted: dict[str, Any]) -> bool:

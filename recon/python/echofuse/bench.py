@@ -2,7 +2,8 @@
 """Methods beside one another. Accuracy against cost (pareto), where each fails (stability), and the
 bench of three tracks that anybody can make again (run).
 
-A method is
+A method is one of::
+
     factorised-16, mlp-512-256:spd   a candidate of `echofuse-recon train`, perhaps with its inputs
     package.module:Class             a class with fit(run, rows) and predict(run) -> maps [n, N, N],
                                      metres, NaN: no return

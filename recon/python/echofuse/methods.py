@@ -80,6 +80,7 @@ class Method:
 
     @property
     def name(self) -> str:
+        """Its model, and its inputs if they are not the usual ones."""
         return self.model if self.inputs in ("fused", "-") else f"{self.model}:{self.inputs}"
 
     @property

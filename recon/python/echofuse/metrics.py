@@ -104,7 +104,7 @@ def iou(maps: ArrayLike, truth: ArrayLike, scene: Scene) -> Scores:
 
 
 def depth_mae(maps: ArrayLike, truth: ArrayLike, scene: Scene) -> Scores:
-    """Mean |error| of z over the intersection of the foregrounds, metres."""
+    """Mean absolute error of z over the intersection of the foregrounds, metres."""
     both = scene.true_mask(truth) & (scene.share(maps) > 0.5)
     error = abs(scene.clipped(maps).astype(float) - pixels(truth))
     return ratio((error * both).sum((1, 2)), both.sum((1, 2)))
@@ -132,7 +132,7 @@ def lateral(maps: ArrayLike, truth: ArrayLike, scene: Scene) -> Scores:
 
 def mirror_fraction(maps: ArrayLike, truth: ArrayLike, scene: Scene) -> Scores:
     """Share of the foreground at the mirror image of the truth (`ghost` of the judge): 0 at the
-    truth only, 0.5 as much on either side, 1 at the mirror image only. For |x| > 0.3 m, else
+    truth only, 0.5 as much on either side, 1 at the mirror image only. For `|x|` > 0.3 m, else
     NaN."""
     true, share = scene.true_mask(truth), scene.share(maps).astype(float)
     mirror = true[:, :, ::-1]

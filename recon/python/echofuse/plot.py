@@ -57,6 +57,7 @@ def figure(columns: int = 1, rows: int = 1, wide: float = 4.6, high: float = 3.4
 
 
 def opened(run: runs.Run | Path) -> runs.Run:
+    """The run, or the one of this path."""
     return run if isinstance(run, runs.Run) else runs.open(run)
 
 

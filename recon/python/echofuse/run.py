@@ -37,14 +37,17 @@ class Record:
 
     @property
     def index(self) -> int:
+        """Number of the record in the run file."""
         return int(self.run.index[self.row])
 
     @property
     def label(self) -> str:
+        """The operator's label; may be empty."""
         return self.run.labels[self.row]
 
     @property
     def time(self) -> np.datetime64:
+        """Start of the slot, UTC."""
         return np.datetime64(self.run.time[self.row])
 
     @property

@@ -16,6 +16,8 @@ Rows = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Split:
+    """Rows of a run, by their part in a training."""
+
     train: Rows
     validation: Rows
     test: Rows

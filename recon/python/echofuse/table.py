@@ -80,6 +80,7 @@ class Table:
 
     @staticmethod
     def key(row: Row) -> tuple[str, ...]:
+        """Identity of a row: axis, value, model, inputs, seed."""
         return tuple(str(row[name]) for name in COLUMNS[:5])
 
     def has(self, cell: Cell) -> bool:
@@ -89,6 +90,7 @@ class Table:
                 and not (cell.how.own and np.isnan(float(row["iou"]))))
 
     def add(self, row: Row) -> None:
+        """Writes the row into the file, in place of one with its key."""
         before = self.rows.get(self.key(row), {"source": ""})
         self.rows[self.key(row)] = row
         if before["source"] == row["source"] and np.isnan(float(row["iou"])):
@@ -190,6 +192,7 @@ class Cell:
 
     @property
     def head(self) -> Row:
+        """Columns of its row that are known before it is measured."""
         return {"axis": self.axis, "value": self.value, "model": self.how.model,
                 "inputs": self.how.inputs, "seed": self.seed, "source": self.how.source}
 
@@ -205,6 +208,7 @@ class Cell:
 
     @property
     def needs(self) -> tuple[str, ...]:
+        """Names of the runs and fitted methods that it uses."""
         return self.train.key, self.test.key, self.shown, self.fitted
 
 

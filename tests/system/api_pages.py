@@ -1,0 +1,65 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: MIT
+"""tests/system/api_pages.py: scripts/manual --api documents every public name, and refuses one without a text."""
+import pathlib
+import shutil
+import subprocess
+import sys
+import tempfile
+import unittest
+
+source = pathlib.Path(__file__).resolve().parents[2]
+missing = [name for name in ("doxygen", "sphinx-build") if shutil.which(name) is None]
+if missing:
+    print(f"skipped: {' and '.join(missing)} not installed (./scripts/setup --tests)")
+    sys.exit(77)
+
+
+class ApiPages(unittest.TestCase):
+    def setUp(self):
+        folder = tempfile.TemporaryDirectory(prefix="echofuse-pages-")
+        self.addCleanup(folder.cleanup)
+        self.dir = pathlib.Path(folder.name)
+
+    def manual(self, tree):
+        return subprocess.run([tree / "scripts/manual", "--api", self.dir / "out"], capture_output=True, text=True, timeout=240)
+
+    def copy(self):
+        tree = self.dir / "tree"
+        for name in ("scripts/manual", "recon/include", "recon/python"):
+            (tree / name).parent.mkdir(parents=True, exist_ok=True)
+            (shutil.copytree if (source / name).is_dir() else shutil.copy)(source / name, tree / name)
+        return tree
+
+    def test_every_name_has_a_text(self):
+        done = self.manual(source)
+        self.assertEqual((done.returncode, done.stdout + done.stderr), (0, ""))
+        index = (self.dir / "out/index.html").read_text()
+        for page in ("cpp/files.html", "python/index.html"):
+            self.assertIn(page, index)
+            self.assertTrue((self.dir / "out" / page).exists())
+        pages = "".join(path.read_text(encoding="utf-8") for path in (self.dir / "out/cpp").glob("*.html"))
+        for name in ("lateral_interval_90_m", "for_each", "spd_axis", "MapGrid", "api_version", "follow"):
+            self.assertIn(name, pages)
+        self.assertIn("echofuse.Run.follow", (self.dir / "out/python/index.html").read_text(encoding="utf-8"))
+
+    def test_cpp_name_without_a_text(self):
+        tree = self.copy()
+        header = tree / "recon/include/echofuse/run.hpp"
+        text = header.read_text()
+        header.write_text(text.replace("class Run {\n public:\n", "class Run {\n public:\n  int secret() const;\n"))
+        done = self.manual(tree)
+        self.assertEqual(done.returncode, 1)
+        self.assertIn("Member secret() const (function) of class echofuse::Run is not documented", done.stderr)
+
+    def test_python_name_without_a_text(self):
+        tree = self.copy()
+        module = tree / "recon/python/echofuse/axis.py"
+        module.write_text(module.read_text().replace("    @property\n    def values", "    def secret(self) -> None:\n        pass\n\n    @property\n    def values"))
+        done = self.manual(tree)
+        self.assertEqual(done.returncode, 1)
+        self.assertIn("echofuse.Axis.secret: method without a text", done.stderr)
+
+
+if __name__ == "__main__":
+    unittest.main(argv=sys.argv[:1])

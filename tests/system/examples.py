@@ -1,0 +1,54 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: MIT
+"""tests/system/examples.py BIN_DIR TEST: the Python examples run, and the front page links every example."""
+import importlib.util
+import os
+import pathlib
+import subprocess
+import sys
+import tempfile
+import unittest
+
+bin_dir = pathlib.Path(sys.argv[1]).resolve()
+source = pathlib.Path(__file__).resolve().parents[2]
+examples = source / "recon/examples"
+
+
+class Examples(unittest.TestCase):
+    def setUp(self):
+        folder = tempfile.TemporaryDirectory(prefix="echofuse-examples-")
+        self.addCleanup(folder.cleanup)
+        self.dir = pathlib.Path(folder.name)
+
+    def call(self, *words, ok=(0,)):
+        done = subprocess.run(list(map(str, words)), cwd=self.dir, capture_output=True, text=True, timeout=60, env=os.environ | {
+            "PATH": f"{bin_dir}:{os.environ['PATH']}", "PYTHONPATH": str(source / "recon/python"), "PYTHONDONTWRITEBYTECODE": "1"})
+        self.assertIn(done.returncode, ok, f"{words}: {done.stdout}{done.stderr}")
+        return done.stdout
+
+    def test_linked_and_short(self):
+        front = (source / "README.md").read_text(encoding="utf-8")
+        for path in [*examples.rglob("*.*pp"), *examples.glob("*.py"), *(source / "drivers/examples").glob("*.cpp")]:
+            self.assertIn(f"]({path.relative_to(source)})", front)
+            self.assertTrue(30 <= len(path.read_text(encoding="utf-8").splitlines()) <= 60, path)
+
+    def test_read_and_plot(self):
+        if importlib.util.find_spec("matplotlib") is None:
+            self.skipTest("python3-matplotlib is not installed")
+        self.call("echofuse-sim", "dataset", "-q", "--people", 4, "--letters", 0, "--out", "a.sqlite")
+        self.assertIn("4 records", self.call("/usr/bin/python3", examples / "read_and_plot.py", "a", 3, "a.pdf"))
+        self.assertGreater((self.dir / "a.pdf").stat().st_size, 5000)
+
+    def test_closed_loop(self):
+        self.call("echofuse-sim", "lab", "--dir", "lab", "--window", "0.5", "--scene", "reflector", "--laser-rate-hz", "2e7", "--set", "signal_photons=5e4",
+                  "--", "sh", "-c", f"""echofuse-acquire run -q --config lab/lab.toml --out live --count 8 &
+                      until [ -e live.sqlite ]; do sleep 0.05; done
+                      /usr/bin/python3 {examples}/closed_loop.py live >marked; wait $!""", ok=(0, 5))
+        marked = (self.dir / "marked").read_text().splitlines()
+        self.assertIn("record 0: near", marked)
+        labels = self.call("/usr/bin/python3", "-c", "import echofuse; print(*echofuse.open('live').labels)").split()
+        self.assertEqual((labels[-1], "near" in labels), ("near", True))
+
+
+if __name__ == "__main__":
+    unittest.main(argv=[sys.argv[0], *(f"Examples.{name}" for name in sys.argv[2:])])
