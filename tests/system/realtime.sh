@@ -9,7 +9,7 @@ fi
 shift
 { echo -10 > /proc/self/autogroup; } 2> /dev/null
 export PYTHONFAULTHANDLER=1
-deadline_s=${ECHOFUSE_TEST_DEADLINE_S:-120}
+deadline_s=${ECHOFUSE_TEST_DEADLINE_S:-240}
 # No exec, because a session leader gets the first pty it opens as its terminal.
 timeout --signal=ABRT --kill-after=10 "$deadline_s" nice -n -10 "$@"
 code=$?
