@@ -130,6 +130,7 @@ ExitCode run(Options& o) {
   o.run.next_out = [&config, out = o.run.out, rotates] { return path_of(out, rotates, config); };
   o.run.out = o.run.next_out();
   o.run.quiet = o.quiet;
+  if (!o.align) o.run.on_doubt = config.on_doubt;
   if (!o.run.keep_raw.empty()) o.run.keep_raw = std::filesystem::absolute(o.run.keep_raw).string();
   catch_interrupts();
   // The allocator would keep what a burst of samples took, and more with each larger burst.

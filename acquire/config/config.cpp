@@ -110,6 +110,14 @@ void bind(Settings& s, Config& c, Keys& k) {
   s.add("depth.map_z_max_m", c.map.far_m, record::least_map_far_m, record::most_map_far_m,
         "depths of the map: from 0 to this; what is farther is no return");
   bind_limits(s, c.signal);
+  s.add(
+      "alert.no_data_s", c.alert.no_data_s, 0, 86'400,
+      "alert when a sensor has had no valid record for this time, s; 0: at the first one missing");
+  s.add("alert.disk_free_gb", c.alert.disk_free_gb, 0, 1e6,
+        "alert below this free space on the run's disk, GB; 0: none");
+  s.add("alert.on_doubt", c.on_doubt,
+        "program and its arguments, run by `run` at each change of a sensor or of the disk; a path "
+        "with / is relative to this file's folder; empty: none");
 }
 
 void take_numbers(Config& c, const Keys& k) {
@@ -241,6 +249,8 @@ void judge(Judge judge, Config& c, const Keys& k, const std::filesystem::path& f
   judge.attempt({"tdc.click_channel", "tdc.start_channel", "tdc.bins", "tdc.bin_width_ps"},
                 [&] { const tdc::Histogram check(c.histogram); });
   judge_radar(judge, c, k.cfg, folder);
+  if (!c.on_doubt.empty() && c.on_doubt[0].find('/') != std::string::npos)
+    c.on_doubt[0] = (folder / c.on_doubt[0]).string();
   if (!k.folder.empty()) c.run_folder = (folder / k.folder).string();
   c.calibration_path =
       (folder / (k.calibration.empty() ? "calibration.toml" : k.calibration)).string();
@@ -326,8 +336,10 @@ Config load_config(const std::string& path, const std::vector<std::string>& assi
       unfinished.complain({key},
                           "still has the template's XXXXXXXX; echofuse-acquire devices "
                           "prints the lines of what is attached");
-  config.resolved = settings.resolved(true);
   config.shown = settings.with_origins();
+  const auto on_doubt = std::exchange(config.on_doubt, {});
+  config.resolved = settings.resolved(true);
+  config.on_doubt = on_doubt;
   return config;
 }
 

@@ -10,6 +10,7 @@
 #include "acquire/measurement/depth_map.hpp"
 #include "acquire/measurement/detector.hpp"
 #include "acquire/measurement/radar_array.hpp"
+#include "acquire/record/alerts.hpp"
 #include "drivers/make_driver.hpp"
 #include "drivers/radar/profile.hpp"
 #include "drivers/tdc/histogram.hpp"
@@ -40,9 +41,11 @@ struct Config {
   DepthConfig depth;
   record::MapGrid map;
   SignalLimits signal;
-  Calibration calibration;       // read from run.calibration
-  record::Antennas antennas;     // antennas of the heat map, calibrated; empty: none sent
-  std::string calibration_path;  // that file, or where one would stand
+  record::AlertLimits alert;
+  std::vector<std::string> on_doubt;  // program and arguments; not in `resolved`, which is stored
+  Calibration calibration;            // read from run.calibration
+  record::Antennas antennas;          // antennas of the heat map, calibrated; empty: none sent
+  std::string calibration_path;       // that file, or where one would stand
   PerSensor<std::string> policy{"optional", "optional", "optional"};
 
   std::vector<std::string> unfinished;  // keys with the template's XXXXXXXX left, and their place

@@ -9,6 +9,7 @@
 
 #include "acquire/devices/devices.hpp"
 #include "acquire/run/disk.hpp"
+#include "acquire/run/doubt_hook.hpp"
 #include "acquire/run/journal.hpp"
 #include "acquire/run/new_run.hpp"
 #include "acquire/run/scheduler.hpp"
@@ -125,6 +126,8 @@ class Daemon final : private SampleSink {
   Devices devices_;
   TagCheck tag_check_{config_.histogram, true,
                       [this](const std::string& text) { log(Severity::warning, "spd", text); }};
+  DoubtHook on_doubt_{options_.on_doubt, config_.alert,
+                      [this](const std::string& text) { log(Severity::warning, "run", text); }};
   SensorClocks clocks_;  // observe what comes before the first slot as well
   std::optional<Recording> recording_;
   RunTotals totals_;
@@ -313,6 +316,8 @@ void Daemon::tick() {
   totals_.label = r.journal.label().value_or(label_);
   totals_.free_bytes = r.journal.free_bytes();
   r.status.update(now, totals_);
+  on_doubt_.take_disk(totals_.free_bytes, loop_.utc(), r.journal.path());
+  on_doubt_.update(now);
   done_ = (r.scheduler.done() && r.due.empty()) || r.journal.failed();
   if (!done_) arm();
 }
@@ -352,6 +357,7 @@ void Daemon::close_slot(const DueSlot& due, std::chrono::nanoseconds late) {
     log(severity, name_of(sensor),
         "record " + std::to_string(record.index) + ": " + record.sync[sensor].verdict, true);
   });
+  on_doubt_.take(record, config_.configured(), recording_->journal.path());
   spdlog::debug("record {}: valid {}, {} clicks, {} radar frames, {} depth frames", record.index,
                 record.valid.bits(), record.sync[Sensor::spd].used, record.sync[Sensor::radar].used,
                 record.sync[Sensor::depth].used);

@@ -24,6 +24,7 @@ struct RunOptions {
   std::int64_t countdown_s = 0;  // between the devices' answer and the first slot
   bool quiet = false;
   std::function<void(std::string)> show_status;  // none: to stderr
+  std::vector<std::string> on_doubt;             // program and arguments (DoubtHook); empty: none
   bool strict = false;                  // the code partial if a record has a sensor that is not ok
   std::string keep_raw;                 // folder for the devices' bytes; empty: not kept
   std::optional<HostTime> kept_slot{};  // begin of slot 0 of kept bytes, which are nobody's device

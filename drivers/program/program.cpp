@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "drivers/program/program.hpp"
 
+#include <fcntl.h>
 #include <grp.h>
 #include <pwd.h>
 #include <sched.h>
@@ -12,6 +13,7 @@
 #include <algorithm>
 #include <cerrno>
 #include <cstdlib>
+#include <sstream>
 #include <thread>
 
 namespace echofuse {
@@ -68,20 +70,46 @@ std::string program_beside(const std::string& name) {
   return std::filesystem::exists(beside, none) ? beside.string() : name;
 }
 
+bool is_program(const std::string& name) {
+  const char* path = std::getenv("PATH");
+  std::istringstream folders(name.find('/') == name.npos && path ? path : "");
+  const auto executable = [](const std::filesystem::path& file) {
+    std::error_code none;
+    return std::filesystem::is_regular_file(file, none) && ::access(file.c_str(), X_OK) == 0;
+  };
+  for (std::string folder; std::getline(folders, folder, ':');)
+    if (executable(std::filesystem::path(folder) / name)) return true;
+  return name.find('/') != name.npos && executable(name);
+}
+
 Result<pid_t> start_program(const std::vector<std::string>& words, const ProgramOptions& options) {
-  std::vector<char*> arguments;
-  for (const auto& word : words) arguments.push_back(const_cast<char*>(word.c_str()));
+  const auto pointers = [](const std::vector<std::string>& texts) {
+    std::vector<char*> out;
+    for (const auto& text : texts) out.push_back(const_cast<char*>(text.c_str()));
+    return out;
+  };
+  std::vector<char*> arguments = pointers(words), environment = pointers(options.environment);
   arguments.push_back(nullptr);
+  for (char** variable = environ; *variable; ++variable) environment.push_back(*variable);
+  environment.push_back(nullptr);
   posix_spawn_file_actions_t actions;
   ::posix_spawn_file_actions_init(&actions);
   if (options.output != STDOUT_FILENO)
     ::posix_spawn_file_actions_adddup2(&actions, options.output, STDOUT_FILENO);
+  posix_spawnattr_t attributes;
+  ::posix_spawnattr_init(&attributes);
+  if (options.background) {
+    ::posix_spawn_file_actions_addopen(&actions, STDIN_FILENO, "/dev/null", O_RDONLY, 0);
+    ::posix_spawn_file_actions_adddup2(&actions, STDERR_FILENO, STDOUT_FILENO);
+    ::posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETPGROUP);
+  }
   ::posix_spawn_file_actions_addclosefrom_np(&actions, STDERR_FILENO + 1);
   if (!options.folder.empty())
     ::posix_spawn_file_actions_addchdir_np(&actions, options.folder.c_str());
   pid_t program = 0;
-  const int error =
-      ::posix_spawnp(&program, arguments[0], &actions, nullptr, arguments.data(), environ);
+  const int error = ::posix_spawnp(&program, arguments[0], &actions, &attributes, arguments.data(),
+                                   environment.data());
+  ::posix_spawnattr_destroy(&attributes);
   ::posix_spawn_file_actions_destroy(&actions);
   if (error != 0) return Failure{{error, std::generic_category()}, words[0] + ": cannot start"};
   return program;

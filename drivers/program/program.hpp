@@ -14,6 +14,9 @@ namespace echofuse {
 struct ProgramOptions {
   std::string folder{};  // working directory; empty: inherited
   int output = 1;        // file descriptor used as standard output
+  // True: its own process group, input from /dev/null, output to stderr.
+  bool background = false;
+  std::vector<std::string> environment{};  // NAME=value each, in addition to ours
 };
 
 // Returns the folder of the running executable.
@@ -35,6 +38,9 @@ std::string permission_hint(const std::string& node);
 std::string machine_name();
 // Returns the path of our program in the folder of this one, otherwise NAME for a search in PATH.
 std::string program_beside(const std::string& name);
+
+// True if start_program() finds a file of this name that this user may execute.
+bool is_program(const std::string& name);
 
 // Starts words[0], found in PATH, with the other words as arguments. Passes only the three standard
 // files, because an inherited descriptor would keep an unplugged port open.

@@ -1,0 +1,111 @@
+// SPDX-License-Identifier: MIT
+#include "acquire/run/doubt_hook.hpp"
+
+#include <signal.h>
+#include <sys/wait.h>
+
+#include <filesystem>
+#include <thread>
+#include <utility>
+
+#include "acquire/run/disk.hpp"
+#include "drivers/program/printable.hpp"
+#include "drivers/program/program.hpp"
+
+namespace echofuse::acquire {
+
+DoubtHook::DoubtHook(std::vector<std::string> words, const record::AlertLimits& limits, Warn warn)
+    : words_(std::move(words)), limits_(limits), warn_(std::move(warn)) {
+  if (!words_.empty() && !is_program(words_[0]))
+    throw Error(ExitCode::config, "alert.on_doubt: " + printable(words_[0]) +
+                                      ": not found, or not executable by this user");
+}
+
+DoubtHook::~DoubtHook() {
+  constexpr auto pause = std::chrono::milliseconds(20);
+  for (auto left = std::chrono::milliseconds(1000); left > pause && !ended(); left -= pause)
+    std::this_thread::sleep_for(pause);
+  if (!program_) return;
+  ::kill(-*program_, SIGKILL);
+  wait_for_program(*program_);
+}
+
+void DoubtHook::take(const record::FusedRecord& record, SensorSet configured,
+                     const std::string& run) {
+  for (const Sensor s : all_sensors) {
+    if (!configured.contains(s)) continue;
+    const bool valid = record.has(s);
+    if (valid || !last_valid_[s]) last_valid_[s] = valid ? record.slot_end : record.slot_start;
+    const std::string& verdict = record.sync[s].verdict;
+    put({.source = name_of(s),
+         .kind = record::doubt_kind(valid, verdict, seconds(record.slot_end - *last_valid_[s]),
+                                    limits_),
+         .text = verdict,
+         .run = run,
+         .utc = iso8601(record.slot_utc),
+         .record = record.index});
+  }
+}
+
+void DoubtHook::take_disk(std::optional<std::uint64_t> free_bytes, UtcTime now,
+                          const std::string& run) {
+  if (!free_bytes) return;
+  put({.source = "disk",
+       .kind = record::is_disk_low(*free_bytes, limits_) ? "low" : "ok",
+       .text = size_text(static_cast<double>(*free_bytes)) + " free, limit " +
+               size_text(limits_.disk_free_gb * 1e9),
+       .run = run,
+       .utc = iso8601(now),
+       .record = {}});
+}
+
+void DoubtHook::put(Change change) {
+  if (words_.empty() || change.kind.empty()) return;
+  std::string& before = kinds_.try_emplace(change.source, "ok").first->second;
+  if (std::exchange(before, change.kind) == change.kind) return;
+  if (waiting_.size() < most_waiting) return waiting_.push_back(std::move(change));
+  warn_("alert.on_doubt: " + change.source + " " + change.kind +
+        " not reported, because earlier calls still wait");
+}
+
+void DoubtHook::update(HostTime now) {
+  if (program_ && !killed_ && now - started_ > longest) {
+    killed_ = true;
+    ::kill(-*program_, SIGKILL);
+  }
+  if (!ended() || waiting_.empty()) return;
+  const Change change = std::move(waiting_.front());
+  waiting_.pop_front();
+  start(change, now);
+}
+
+void DoubtHook::start(const Change& change, HostTime now) {
+  std::error_code none;
+  const auto started = start_program(
+      words_, {.background = true,
+               .environment = {
+                   "ECHOFUSE_SOURCE=" + change.source, "ECHOFUSE_DOUBT=" + change.kind,
+                   "ECHOFUSE_TEXT=" + change.text, "ECHOFUSE_UTC=" + change.utc,
+                   "ECHOFUSE_RUN=" + std::filesystem::absolute(change.run, none).string(),
+                   "ECHOFUSE_RECORD=" + (change.record ? std::to_string(*change.record) : "")}});
+  if (!started) return warn_("alert.on_doubt: " + started.failure().text());
+  program_ = *started, started_ = now, killed_ = false;
+}
+
+// Returns true if no program runs.
+bool DoubtHook::ended() {
+  if (!program_) return true;
+  int status = 0;
+  if (::waitpid(*program_, &status, WNOHANG) == 0) return false;
+  program_.reset();
+  const std::string name = "alert.on_doubt: " + printable(words_[0]);
+  if (killed_)
+    warn_(name + " was killed after " + std::to_string(longest.count()) + " s");
+  else if (WIFSIGNALED(status))
+    warn_(name + " was ended by signal " + std::to_string(WTERMSIG(status)));
+  else if (WEXITSTATUS(status) != 0)
+    warn_(name + " ended with exit code " + std::to_string(WEXITSTATUS(status)));
+  return true;
+}
+
+}  // namespace echofuse::acquire

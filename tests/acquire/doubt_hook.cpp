@@ -1,0 +1,110 @@
+// SPDX-License-Identifier: MIT
+#include "acquire/run/doubt_hook.hpp"
+
+#include <catch2/catch.hpp>
+#include <fstream>
+#include <thread>
+
+#include "../folder.hpp"
+#include "drivers/program/exit_code.hpp"
+
+using namespace echofuse;
+using namespace echofuse::acquire;
+using namespace std::chrono_literals;
+
+namespace {
+
+// Slots of 1 s. An empty verdict means that the radar is missing.
+record::FusedRecord record_of(std::int64_t index, const std::string& radar_verdict) {
+  record::FusedRecord r;
+  r.index = index;
+  r.slot_start = index * 1s, r.slot_end = r.slot_start + 1s;
+  r.valid = {Sensor::spd};
+  r.sync[Sensor::spd].verdict = "ok";
+  r.sync[Sensor::radar].verdict = radar_verdict.empty() ? "no frames" : radar_verdict;
+  if (!radar_verdict.empty()) r.valid.insert(Sensor::radar);
+  return r;
+}
+
+constexpr SensorSet both{Sensor::spd, Sensor::radar};
+
+// Calls of a program that appends a line to a file.
+struct Calls {
+  explicit Calls(const record::AlertLimits& limits = {}, const std::string& program = {})
+      : hook({"sh", "-c",
+              program.empty() ? "echo \"$ECHOFUSE_SOURCE $ECHOFUSE_DOUBT $ECHOFUSE_RECORD "
+                                "$ECHOFUSE_TEXT $ECHOFUSE_RUN $1\" >>'" +
+                                    file + "'"
+                              : program,
+              "sh", "two  words; $(id)"},
+             limits, [this](const std::string& text) { warnings.push_back(text); }) {}
+  // Runs all programs that wait, at the virtual time `now`.
+  void finish(HostTime now = 0s) {
+    for (int i = 0; i < 100; ++i) {
+      hook.update(now);
+      std::this_thread::sleep_for(2ms);
+    }
+  }
+  std::vector<std::string> lines() const {
+    std::ifstream in(file);
+    std::vector<std::string> out;
+    for (std::string line; std::getline(in, line);) out.push_back(line);
+    return out;
+  }
+  test::Folder folder;
+  std::string file = folder / "calls";
+  std::vector<std::string> warnings;
+  DoubtHook hook;
+};
+
+}  // namespace
+
+TEST_CASE("doubt hook is called once per change, without a shell between") {
+  Calls calls;
+  const char* verdicts[] = {"ok", "weak: 3 clicks", "weak: 4 clicks", "", "ok"};
+  for (std::int64_t i = 0; i < 5; ++i) {
+    calls.hook.take(record_of(i, verdicts[i]), both, "/runs/a.sqlite");
+    calls.finish();
+  }
+  CHECK(calls.lines() ==
+        std::vector<std::string>{"radar weak 1 weak: 3 clicks /runs/a.sqlite two  words; $(id)",
+                                 "radar no data 3 no frames /runs/a.sqlite two  words; $(id)",
+                                 "radar ok 4 ok /runs/a.sqlite two  words; $(id)"});
+  CHECK(calls.warnings.empty());
+}
+
+TEST_CASE("doubt hook waits for the limits of missing data and of the disk") {
+  Calls calls({.no_data_s = 2.5, .disk_free_gb = 1});
+  for (std::int64_t i = 0; i < 5; ++i) {
+    calls.hook.take(record_of(i, i == 0 ? "ok" : ""), both, "/runs/a");
+    calls.hook.take_disk(i < 4 ? 1'000'000'000 : 999'000'000, {}, "/runs/a");
+  }
+  calls.finish();
+  CHECK(calls.lines() ==
+        std::vector<std::string>{"radar no data 3 no frames /runs/a two  words; $(id)",
+                                 "disk low  999 MB free, limit 1.0 GB /runs/a two  words; $(id)"});
+}
+
+TEST_CASE(
+    "doubt hook is killed after 10 s with the programs that it started, then the next one starts") {
+  Calls calls({}, "sleep 60 & sleep 60");
+  for (const char* verdict : {"weak: 1", "ok"})
+    calls.hook.take(record_of(0, verdict), both, "/runs/a");
+  calls.finish(0s);
+  CHECK(calls.warnings.empty());
+  calls.finish(10s + 1ms);  // the second one starts
+  REQUIRE(calls.warnings.size() == 1);
+  CHECK(calls.warnings[0].find("was killed after 10 s") != std::string::npos);
+  calls.finish(21s);
+  CHECK(calls.warnings.size() == 2);
+}
+
+TEST_CASE("doubt hook reports its failures, and refuses a program that is not there") {
+  Calls calls({}, "exit 7");
+  calls.hook.take(record_of(0, "weak: 1"), both, "/runs/a");
+  calls.finish();
+  REQUIRE(calls.warnings.size() == 1);
+  CHECK(calls.warnings[0].find("exit code 7") != std::string::npos);
+  CHECK_THROWS_AS(DoubtHook({"/none/alert.sh"}, {}, {}), Error);
+  CHECK_THROWS_AS(DoubtHook({"no-such-program-anywhere"}, {}, {}), Error);
+}
