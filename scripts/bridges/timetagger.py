@@ -166,7 +166,9 @@ class Tagger:
         if self._replay:
             return {"model": "Time Tagger recording", "serial": self._options.file.name, "firmware": ""}
         firmware = tagger.getFirmwareVersion() if hasattr(tagger, "getFirmwareVersion") else ""
-        return {"model": tagger.getModel(), "serial": tagger.getSerial(), "firmware": " ".join(firmware.split())}
+        levels = ", ".join(f"{channel}: {tagger.getTriggerLevel(channel):.3g} V" for channel in self._channels)
+        return {"model": tagger.getModel(), "serial": tagger.getSerial(),
+                "firmware": f"{' '.join(firmware.split())}; trigger levels {levels}"}  # the live page shows them
 
     def poll(self, server):
         ended = self._replay and self._replay.step(server.clients > 0)

@@ -122,8 +122,9 @@ class Calls(unittest.TestCase):
             self.assertEqual(recorder.calls[-1], ("freeTimeTagger",))
 
     def test_hello(self):
-        self.assertEqual(open_tagger()[0].hello(), {"model": "Time Tagger Ultra", "serial": "STAND-IN-1",
-                                                   "firmware": "Version: 2 FPGA: 10"})
+        self.assertEqual(open_tagger("--trigger-level", "2=0.125")[0].hello(), {
+            "model": "Time Tagger Ultra", "serial": "STAND-IN-1",
+            "firmware": "Version: 2 FPGA: 10; trigger levels 1: 0.5 V, 2: 0.125 V"})
 
 
 class Tags(unittest.TestCase):
