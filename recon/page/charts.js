@@ -26,7 +26,8 @@ export class Chart {
     new ResizeObserver(() => this.plot?.setSize(this.size())).observe(this.at);
   }
   size() {
-    return {width: Math.max(this.at.clientWidth, 200), height: Math.round(this.height * (0.5 + textSize() / 26))};
+    const far = document.documentElement.classList.contains('far');
+    return {width: Math.max(this.at.clientWidth, 200), height: Math.round(far ? 0.3 * innerHeight : this.height * (0.5 + textSize() / 26))};
   }
   renew() {
     this.plot?.destroy();
@@ -69,12 +70,18 @@ export function save(blob, name) {
   setTimeout(() => URL.revokeObjectURL(link.href), 1000);
 }
 
-// A chart of one record over range. Dragging zooms it and its partner; a double click resets. Two clicks set cursors A
+// Unit of the axis of histogram and profile: metres, or nanoseconds of two-way time.
+export const units = {m: {name: 'range, m', perM: 1, words: m => `${m.toFixed(2)} m`, width: m => `${+(100 * m).toPrecision(3)} cm`},
+                      ns: {name: 'two-way time, ns', perM: 1e-3 / metresPerPs, words: m => `${(m * 1e-3 / metresPerPs).toFixed(2)} ns`,
+                           width: m => `${+(m * 1e-3 / metresPerPs).toPrecision(3)} ns`}};
+
+// A chart of one record or a sum over range. Dragging zooms it and its partner; a double click resets. Two clicks set cursors A
 // and B, and the readout shows their distance and the FWHM of the highest peak between them (or of the visible part).
 class Bench extends Chart {
   constructor(id, height) {
     super(id, height);
-    this.zoom = null, this.marks = [], this.partner = null;
+    this.zoom = null, this.marks = [], this.partner = null;  // positions in `unit`
+    this.unit = units.m, this.fit = null;
     this.readout = document.getElementById(`${id}-readout`);
   }
   set(data) {
@@ -88,7 +95,17 @@ class Bench extends Chart {
     return why && live && this.data;
   }
   get range() {
-    return {time: false, range: () => this.zoom ?? [0, this.farthest ?? 1]};
+    return {time: false, range: () => this.zoom ?? [0, (this.farthest ?? 1) * this.unit.perM]};
+  }
+  // Metres between which a peak is wanted: between the cursors, or the visible part.
+  get part() {
+    const ends = this.marks.length === 2 ? this.marks.map(mark => mark.at).sort((a, b) => a - b) : this.zoom ?? [-1e6, 1e6];
+    return ends.map(at => at / this.unit.perM);
+  }
+  measure(unit) {
+    this.x = this.x?.map(at => at / this.unit.perM * unit.perM);
+    this.unit = unit, this.zoom = null, this.marks = [];
+    if (this.data) this.data[0] = this.x, this.renew();
   }
   get hooks() {
     return {
@@ -103,6 +120,7 @@ class Bench extends Chart {
       chart.plot?.setSelect({width: 0, height: 0}, false);
       if (chart.data) chart.set(chart.data);
     }
+    this.changed?.();
   }
   renew() {
     super.renew();
@@ -114,41 +132,34 @@ class Bench extends Chart {
       const at = this.plot.posToVal(e.clientX - over.getBoundingClientRect().left, 'x');
       this.marks = [...this.marks.length < 2 ? this.marks : [], {at}].map((mark, i) => ({...mark, name: 'AB'[i]}));
       this.set(this.data);
+      this.changed?.();
     });
     over.addEventListener('dblclick', () => {
       this.marks = [];
       this.show_part(null);
     });
   }
-  // Index and full width at half maximum of the highest visible point; the width is null if one side does not fall to
-  // half.
-  peak([from, to] = this.marks.length === 2 ? this.marks.map(mark => mark.at).sort((a, b) => a - b) : this.zoom ?? [-Infinity, Infinity]) {
-    const [x, y] = this.data ?? [[], []];
-    let top = -1;
-    for (let i = 0; i < x.length; ++i) if (x[i] >= from && x[i] <= to && y[i] != null && (top < 0 || y[i] > y[top])) top = i;
-    if (top < 0) return null;
-    const half = this.half(y[top], y);
-    const end = by => {
-      let i = top;
-      while (y[i] != null && y[i] > half) i += by;
-      return y[i] == null ? NaN : x[i] + (half - y[i]) / (y[i - by] - y[i]) * (x[i - by] - x[i]);
-    };
-    const width = end(1) - end(-1);
-    return {top, width: width > 0 ? width : null};
+  // Index of the highest point of this part; null without data.
+  peak([from, to] = this.part) {
+    const [x, y] = this.data ?? [[], []], {perM} = this.unit;
+    let top = null;
+    for (let i = 0; i < x.length; ++i) if (x[i] >= from * perM && x[i] <= to * perM && y[i] != null && (top == null || y[i] > y[top])) top = i;
+    return top;
   }
-  // Shows the value under the cursor, otherwise the peak.
+  // Shows the value under the cursor, otherwise the peak and the fit of the viewer.
   tell(index) {
     if (this.lacks) return void (this.readout.textContent = this.lacks);
-    const [x, y] = this.data ?? [[], []], found = this.peak(), cm = v => `${+(100 * v).toPrecision(3)} cm`;
-    const pair = this.marks.length === 2 ? `A to B ${cm(Math.abs(this.marks[1].at - this.marks[0].at))}; ` : '';
-    const words = pair || index == null ? !found ? 'no data' : `${pair}peak ${this.words(x[found.top], y[found.top])}${found.width ? `, FWHM ${cm(found.width)}` : ''}`
-      : y[index] == null ? 'no data' : this.words(x[index], y[index]);
+    const [x, y] = this.data ?? [[], []], top = this.peak(), {perM, width} = this.unit, words_at = i => this.words(x[i] / perM, y[i]);
+    const pair = this.marks.length === 2 ? `A to B ${width(Math.abs(this.marks[1].at - this.marks[0].at) / perM)}; ` : '';
+    const fit = this.fit ? `; centre ${this.unit.words(this.fit.centre_m)}, FWHM ${width(this.fit.fwhm_m)}` : '';
+    const words = pair || index == null ? top == null ? 'no data' : `${pair}peak ${words_at(top)}${fit}`
+      : y[index] == null ? 'no data' : words_at(index);
     if (this.readout.textContent !== words) this.readout.textContent = words;
   }
   save(kind, name) {
     if (!this.data) return;
     if (kind === 'csv') {
-      const [x, y] = this.data, lines = Array.from(x, (v, i) => `${+v.toFixed(6)},${y[i] ?? ''}`);
+      const [x, y] = this.data, {perM} = this.unit, lines = Array.from(x, (v, i) => `${+(v / perM).toFixed(6)},${y[i] ?? ''}`);
       return save(new Blob([`range_m,${this.column}\n${lines.join('\n')}\n`], {type: 'text/csv'}), `${name}.csv`);
     }
     const {canvas} = this.plot.ctx, whole = Object.assign(document.createElement('canvas'), {width: canvas.width, height: canvas.height}), c = whole.getContext('2d');
@@ -177,7 +188,7 @@ export class Histogram extends Bench {
     this.held = this.reference = this.counts = null;
   }
   axes(a) {
-    this.x = Float64Array.from({length: a.count}, (_, i) => (a.start + (i + 0.5) * a.step) * metresPerPs);
+    this.x = Float64Array.from({length: a.count}, (_, i) => (a.start + (i + 0.5) * a.step) * metresPerPs * this.unit.perM);
     this.binPs = +a.step.toPrecision(3);
     this.held = this.reference = this.counts = this.top = null;
     this.show();
@@ -193,7 +204,7 @@ export class Histogram extends Bench {
           return [-most, most];
         }} : {distr: this.log ? 3 : 1, range: () => [this.log ? floor : 0, this.top ?? 10]},
       },
-      axes: [axis('range, m'), axis(`clicks in ${this.binPs} ps${this.difference ? ', minus first minute' : ''}`, {
+      axes: [axis(this.unit.name), axis(`clicks in ${this.binPs} ps${this.difference ? ', minus first minute' : ''}`, {
         values: short, size: 4 * textSize(),
         grid: {stroke: colour('--grid'), width: 1, filter: (_, at) => this.log && !this.difference ? at.map(ofTen) : at},
       })],
@@ -202,13 +213,7 @@ export class Histogram extends Bench {
     };
   }
   words(range, clicks) {
-    return `${range.toFixed(2)} m, ${siNumber(clicks)} clicks`;
-  }
-  // Half of the height above the median bin (the background). A difference has no width.
-  half(peak, y) {
-    if (this.difference) return NaN;
-    const sorted = y.filter(v => v != null).sort((a, b) => a - b);
-    return (peak + sorted[sorted.length >> 1]) / 2;
+    return `${this.unit.words(range)}, ${siNumber(clicks)} clicks`;
   }
   take(counts, lack, live) {
     if (this.lack(lack, live)) return this.tell(null);
@@ -233,22 +238,19 @@ export class Profile extends Bench {
     this.column = 'db_over_median';
   }
   axes(a) {
-    this.x = Float64Array.from({length: a.count}, (_, i) => a.start + i * a.step);
+    this.x = Float64Array.from({length: a.count}, (_, i) => (a.start + i * a.step) * this.unit.perM);
     this.take(null);
   }
   options() {
     return {
       hooks: this.hooks, cursor: {y: false, drag: {setScale: false}},
       scales: {x: this.range, y: {range: () => [this.low ?? -10, this.top ?? 30]}},
-      axes: [axis('range, m'), axis('dB over the median', {size: 4 * textSize()})],
+      axes: [axis(this.unit.name), axis('dB over the median', {size: 4 * textSize()})],
       series: [{}, {stroke: colour('--radar'), width: 2, points: {show: false}}],
     };
   }
   words(range, db) {
-    return `${range.toFixed(2)} m, ${db.toFixed(1)} dB`;
-  }
-  half(peak) {
-    return peak - 10 * Math.log10(2);
+    return `${this.unit.words(range)}, ${db.toFixed(1)} dB`;
   }
   take(db, lack, live) {
     if (!this.x) return;
@@ -268,7 +270,7 @@ const niceTop = most => {
   return [1, 1.5, 2, 3, 4, 5, 6, 8, 10].map(n => n * ten).find(v => v >= most);
 };
 const fromZero = {range: (_, low, high) => [0, niceTop(Math.max(high, 1))]};
-const endsOnly = {values: short, size: 52, splits: (u, i, low, high) => [0, high]};
+const endsOnly = {values: short, size: 52, splits: (u, i, low, high) => [low, high]};
 
 // Rate of a sensor, with marks at the top where data were lost; the amount is in the text.
 class Strip extends Chart {
@@ -328,6 +330,18 @@ export class Waterfall extends Chart {
     c.textAlign = 'left';
     c.fillText(this.ends[1], bar + 16 * ratio, top + 0.8 * size);
     c.fillText(this.ends[0], bar + 16 * ratio, top + height);
+  }
+}
+// One value over the run, e.g. a temperature.
+export class Curve extends Chart {
+  constructor(id) {
+    super(id, 64);
+  }
+  options() {
+    return {
+      scales: {x: {time: false}, y: {range: (_, low, high) => [Math.floor(low - 0.5), Math.ceil(high + 0.5)]}}, padding: [6, 14, 4, 0],
+      axes: [axis('', {show: false}), axis('', endsOnly)], series: [{}, {stroke: colour('--radar'), width: 2, points: {show: false}}],
+    };
   }
 }
 class Clocks extends Chart {

@@ -111,17 +111,43 @@ export class MapView {
     this.unit = ' m';
     this.ratio = 1;
     new ResizeObserver(() => this.draw()).observe(this.canvas.parentElement);
+    this.value = document.getElementById(`${id}-value`), this.note = '';
+    for (const move of ['pointermove', 'pointerdown', 'pointerleave'])
+      this.canvas.addEventListener(move, e => {
+        this.pointer = move === 'pointerleave' ? null : [e.offsetX, e.offsetY];
+        this.tell();
+      });
   }
-  // tangents: [left, right, bottom, top] of the image edges.
-  set(image, tangents, span) {
-    Object.assign(this, {image, tangents, span, why: ''});
+  // Shows the value under the pointer, otherwise the note.
+  tell() {
+    if (!this.value) return;
+    const {pointer, inner, image, values} = this;
+    let words = this.note;
+    if (pointer && image && values && inner) {
+      const [u, v] = [(pointer[0] - inner.left) / inner.width, (pointer[1] - inner.top) / inner.height];
+      if (u >= 0 && u < 1 && v >= 0 && v < 1) words = this.wordsAt(u, v);
+    }
+    if (this.value.textContent !== words) this.value.textContent = words;
+  }
+  wordsAt(u, v) {
+    const {width, height} = this.image, {values, scale = 1, tangents: [x0, x1, y0, y1]} = this;
+    const column = Math.floor(u * width), z = values[Math.floor(v * height) * width + column] * scale;
+    const tangent = x0 + (column + 0.5) / width * (x1 - x0), degrees = t => `${(Math.atan(t) * 180 / Math.PI).toFixed(1)}°`;
+    const where = `azimuth ${degrees(tangent)}, elevation ${degrees(y1 + v * (y0 - y1))}`;
+    if (!(z > 0)) return `no ${this.kind === 'sure' ? 'value' : 'return'}; ${where}`;
+    return this.kind === 'sure' ? `±${(100 * z).toFixed(1)} cm; ${where}`
+      : `depth ${z.toFixed(3)} m; ${where}; x ${(tangent * z).toFixed(2)} m, z ${z.toFixed(2)} m`;
+  }
+  // tangents: [left, right, bottom, top] of the image edges. values: those of the image, times `scale` in m.
+  set(image, tangents, span, values = null, scale = 1) {
+    Object.assign(this, {image, tangents, span, values, scale, why: ''});
     this.ratio = (tangents[3] - tangents[2]) / (tangents[1] - tangents[0]);
     this.draw();
   }
   // No new image: the last one stays, dimmed, if `keep` is true.
   lack(why, keep) {
     this.why = why;
-    if (!keep) this.image = null;
+    if (!keep) this.image = null, this.note = '';
     this.draw();
   }
   draw() {
@@ -131,6 +157,7 @@ export class MapView {
     const inner = width - left - bar, high = inner * Math.abs(this.ratio), height = high + bottom + top;
     if (inner < 40) return;
     this.inner = {left, top, width: inner, height: high};
+    this.tell();
     this.canvas.width = width * ratio, this.canvas.height = height * ratio;
     this.canvas.style.width = `${width}px`, this.canvas.style.height = `${height}px`;
     const c = this.canvas.getContext('2d');

@@ -1,25 +1,29 @@
 // SPDX-License-Identifier: MIT
 // The page of a run: dispatches messages of the server; keys and buttons send requests.
-import {Histogram, Profile, Strips, Waterfall, clock, metresPerPs, siNumber} from './charts.js';
+import {Curve, Histogram, Profile, Strips, Waterfall, clock, metresPerPs, siNumber, units} from './charts.js';
+import {Alarm} from './alarm.js';
 import {Cloud} from './cloud.js';
 import {Link} from './link.js';
 import {MapView, picture, spanOf, tables} from './maps.js';
+import {Plan} from './plan.js';
 import {Sheet} from './sheet.js';
 import {Zones} from './zones.js';
 
 const $ = id => document.getElementById(id);
 const sensors = ['spd', 'radar', 'depth'];
-const histogram = new Histogram(), profile = new Profile(), strips = new Strips(), cloud = new Cloud();
+const histogram = new Histogram(), profile = new Profile(), strips = new Strips(), curves = {radar_c: new Curve('strip-temperature'), margin_ms: new Curve('strip-margin')}, cloud = new Cloud();
 const waterfalls = {spd: new Waterfall('waterfall-spd'), radar: new Waterfall('waterfall-radar')};
-const antennas = new Waterfall('beams', 230, {splits: () => [-90, -60, -30, 0, 30, 60, 90], values: (_, at) => at.map(v => `${v}°`)}, 'azimuth');
+const plan = new Plan();
 histogram.partner = profile, profile.partner = histogram;
 const views = {map: new MapView('map'), camera: new MapView('camera'), reconstruction: new MapView('reconstruction'),
                deviation: new MapView('deviation', 'sure')};
-const zones = new Zones(), seen = {};  // the newest record that has it
+const alarm = new Alarm('sound'), zones = new Zones(), seen = {};  // the newest record that has it
 const sheet = new Sheet(index => show(index));
-let run = null, state = null, record = null, strip = null, span = [2.5, 5], spanKnown = false;
-let received = 0, connected = false, live = true, wanted = null, cloudOf = 'map', sheetAt = -1;
+let run = null, state = null, record = null, sum = null, strip = null, span = [2.5, 5], spanKnown = false;
+let received = 0, heard = performance.now(), connected = false, live = true, wanted = null, cloudOf = 'map', sheetAt = -1;
 window.framesSeen = 0;
+// The viewer sends a message every second; without one for 3 s it is silent.
+const silence = () => (performance.now() - heard) / 1000, reached = () => connected && silence() < 3;
 
 const age = s => s < 10 ? `${s.toFixed(1)} s ago` : s < 600 ? `${Math.round(s)} s ago` : `${clock(s)} ago`;
 const count = n => n >= 1e6 ? `${(n / 1e6).toPrecision(4)} M` : n >= 1e4 ? `${(n / 1e3).toPrecision(4)} k` : `${n}`;
@@ -36,9 +40,9 @@ const rate = (n, name) => `${n < 10 ? +n.toPrecision(2) : count(Math.round(n))} 
 const doubtsOf = shown => sensors.filter(name => !['ok', 'not configured'].includes(shown.sensors[name].verdict))
   .map(name => `${names[name]}: ${shown.sensors[name].verdict}`);
 // Lamps: a word, with a colour that repeats it.
-function lampOf(sensor, over, old) {
+function lampOf(sensor, over) {
   if (!sensor.configured) return ['off', 'OFF'];
-  if (!over && (sensor.stale || (sensor.age_s ?? Infinity) + old > 2 * run.window_s + 1)) return ['bad', 'LOST'];
+  if (!over && sensor.stale) return ['bad', 'LOST'];
   if (!sensor.valid) return [over ? 'bad' : 'look', over ? 'LOST' : 'CHECK'];
   return sensor.verdict === 'ok' ? ['ok', 'OK'] : ['look', 'CHECK'];
 }
@@ -56,10 +60,10 @@ function drawLamps() {
   const old = (performance.now() - received) / 1000, over = state.status !== 'open', lost = [], look = [];
   for (const name of sensors) {
     const shown = !live && record?.sensors[name], sensor = shown ? {...state.sensors[name], ...shown, arrived: null} : state.sensors[name];
-    const lamp = !connected ? ['off', '?'] : lampOf(sensor, over || shown, old);
+    const lamp = !reached() ? ['off', '?'] : lampOf(sensor, over || shown);
     if (lamp[1] === 'LOST') lost.push(name);
     if (lamp[1] === 'CHECK') look.push(name);
-    light(name, lamp, !connected ? 'no connection' : !sensor.configured ? 'not configured' : sensor.verdict !== 'ok' ? sensor.verdict
+    light(name, lamp, !reached() ? 'no connection' : !sensor.configured ? 'not configured' : sensor.verdict !== 'ok' ? sensor.verdict
             : sensor.arrived > sensor.used ? `${rate(sensor.arrived / run.window_s, name)}, ${sensor.used} used` : rate(sensor.used / run.window_s, name),
           !sensor.configured ? '' : shown ? `in record ${record.index}` : over ? 'run is over' : sensor.age_s == null ? 'no data yet' : `last data ${age(sensor.age_s + old)}`);
   }
@@ -72,10 +76,11 @@ function drawLamps() {
 function drawStatus(lost, look) {
   const of = list => list.map(name => names[name]).join(', '), words = {open: 'recording', complete: 'complete'};
   const all = sensors.filter(name => state.sensors[name].configured);
-  const text = !connected ? 'no connection to the viewer' : lost.length === all.length && lost.length ? 'NO DATA from any sensor'
-    : lost.length ? `recording without ${of(lost)}` : look.length ? `recording; check ${of(look)}` : words[state.status] ?? state.status;
+  const full = state.alerts.some(alert => alert.source === 'disk');
+  const text = !reached() ? `no connection to the viewer for ${Math.round(silence())} s` : lost.length === all.length && lost.length ? 'NO DATA from any sensor'
+    : lost.length ? `recording without ${of(lost)}` : look.length ? `recording; check ${of(look)}` : full ? 'recording; disk nearly full' : words[state.status] ?? state.status;
   say('status', text);
-  $('status').dataset.status = !connected || lost.length ? 'lost' : look.length ? 'look' : state.status.split(':')[0];
+  $('status').dataset.status = !reached() || lost.length ? 'lost' : look.length || full ? 'look' : state.status.split(':')[0];
 }
 // Whether the maps are reliable.
 function drawMapsLamp() {
@@ -98,6 +103,7 @@ function drawNumbers() {
   $('box-remaining').hidden = s.remaining_s == null;
   const lasts = s.disk?.lasts_s;
   say('disk', !s.disk ? '–' : `${bytes(s.disk.free_bytes)}` + (lasts == null || s.status !== 'open' ? '' : lasts > 172800 ? ` (${Math.round(lasts / 86400)} days)` : ` (${clock(lasts)})`));
+  $('box-disk').classList.toggle('bad', s.alerts.some(alert => alert.source === 'disk'));
   say('label', s.label || '–');
   $('label').title = s.label;
   document.title = `${s.status === 'open' ? '● ' : ''}${run?.file ?? ''} ${s.records} – echofuse`;
@@ -133,19 +139,21 @@ function drawRecord() {
     if (has) seen[at] = record.index;
     return has ? '' : live && seen[at] != null ? `no data; last in record ${seen[at]}` : 'no data in this record';
   };
-  histogram.take(a.spd ?? null, here('spd', a.spd), live);
+  const shown = {spd: here('spd', a.spd), radar: here('radar', a.radar)};
+  if (summed() === 1) drawMeasured(record, shown);
   $('card-zones').hidden = !a.zones;
   if (a.zones) zones.show(a.zones, record.zones);
-  profile.take(a.radar ?? null, here('radar', a.radar), live);
   const square = (values, half, kind = 'near', of = span) => values &&
-    [picture(values, ...values.shape, of, tables[kind], 1, kind === 'sure'), [-half, half, -half, half], of];
+    [picture(values, ...values.shape, of, tables[kind], 1, kind === 'sure'), [-half, half, -half, half], of, values];
   const put = (at, all) => all ? (here(at, true), views[at].set(...all)) : views[at].lack(here(at, false), live);
+  const percent = share => share == null ? '' : `${(100 * share).toFixed(share < 0.1 ? 1 : 0)} % without a return`;
+  views.map.note = percent(record.holes?.map), views.camera.note = percent(record.holes?.camera);
   put('map', square(a.map, grid));
   if (a.camera) {
     const {depth_x: x, depth_y: y} = run.axes, [rows, columns] = a.camera.shape;
     const edges = axis => [axis.start - axis.step / 2, axis.start + (axis.count - 0.5) * axis.step];
     const [top, low] = edges(y);
-    put('camera', [picture(a.camera, rows, columns, span, tables.near, 1e-3), [...edges(x), low, top], span]);
+    put('camera', [picture(a.camera, rows, columns, span, tables.near, 1e-3), [...edges(x), low, top], span, a.camera, 1e-3]);
   } else {
     put('camera', null);
   }
@@ -159,14 +167,7 @@ function drawRecord() {
     $('said').className = made.fault || made.note || state?.doubt ? 'look' : '';
     drawMapsLamp();
   }
-  const [bins, beams] = a.beams?.shape ?? [0, 0], most = a.beams ? a.beams.reduce((top, v) => v > top ? v : top, -Infinity) : 0;
-  $('card-beams').hidden = !(most > -Infinity && bins);
-  if (!$('card-beams').hidden) {
-    // Beams are equidistant in the sine of the azimuth, columns in degrees (2 each).
-    const beam = Array.from({length: 90}, (_, k) => Math.floor((Math.sin((2 * k - 89) * Math.PI / 180) + 1) / 2 * beams)), {array} = run.axes;
-    const turned = Float32Array.from({length: 90 * bins}, (_, i) => a.beams[(bins - 1 - Math.floor(i / 90)) * beams + beam[i % 90]]);
-    antennas.show(picture(turned, bins, 90, [most - 30, most], tables.level, 1, true), [-90, 90], array.start + array.count * array.step, tables.level, ['-30 dB', '0 dB']);
-  }
+  drawPlan();
   const points = cloudOf === 'reconstruction' && a.reconstruction ? a.reconstruction : a.map;
   if (points || !live) cloud.set(points, cloudOf === 'reconstruction' && made ? made.half_tangent : grid, span);
   // The lamps show the verdicts of the newest record.
@@ -174,11 +175,43 @@ function drawRecord() {
   sheet.point(record.index);
 }
 
+// Sensors, antennas and body from above. All directions are those of the detector, as in the maps.
+function drawPlan() {
+  const {beams, track} = record.arrays, made = record.reconstruction, heard = beams?.some(v => v > -Infinity);
+  $('card-plan').hidden = !heard && !track?.length;
+  if ($('card-plan').hidden) return;
+  plan.show({beams: heard ? beams : null, axis: run.axes.array, baseline: run.baseline_m, track,
+             halfTangent: made?.half_tangent ?? run.map.half_tangent, label: run.axes.radar ? 'radar' : ''});
+  say('plan-of', [heard && 'power of the antennas (30 dB)', track && 'body in the last minute', !run.baseline_m && run.axes.radar && 'baseline not stated: radar at the detector'].filter(Boolean).join('; '));
+  const interval = made?.lateral_interval_90_m;
+  say('place', !made ? '' : made.x_m == null ? 'no body in the reconstruction'
+    : `body at x ${made.x_m.toFixed(2)} m${interval == null ? '' : ` ± ${interval.toFixed(2)} m (90 %)`}, z ${made.z_m.toFixed(2)} m, azimuth ${(Math.atan2(made.x_m, made.z_m) * 180 / Math.PI).toFixed(1)}°`);
+}
+
+// Histogram, profile and rates, of a record or of a sum of records.
+const summed = () => +$('sum').value;
+function drawMeasured({arrays, rates, fits}, lacks) {
+  histogram.fit = histogram.difference ? null : fits?.spd, profile.fit = fits?.radar;
+  histogram.take(arrays.spd ?? null, lacks.spd, live);
+  profile.take(arrays.radar ?? null, lacks.radar, live);
+  const hertz = v => v == null ? '–' : `${siNumber(v)}/s`, crowded = rates?.clicks_a_pulse > 0.05;
+  say('sync-rate', hertz(rates?.sync_hz)), say('click-rate', hertz(rates?.click_hz)), say('dark-rate', hertz(rates?.dark_hz));
+  say('pulse-rate', rates?.clicks_a_pulse == null ? '–' : `${+rates.clicks_a_pulse.toPrecision(2)}`);
+  $('box-pulse').classList.toggle('bad', crowded), $('pile-up').hidden = !crowded;
+}
+// Asks for a sum again when its records or the part of the fit change.
+function askSum() {
+  sum = null;
+  const part = (histogram.marks.length === 2 || !profile.marks.length ? histogram : profile).part;
+  link.ask({sum: [summed(), ...part]});
+}
+
 const take = {
   run(message) {
     const other = run?.uuid !== message.uuid;
     run = message;
     say('file', run.file);
+    say('trigger', run.trigger), $('box-trigger').hidden = !run.trigger;
     say('model', $('model').title = (run.model ?? '').replace('.safetensors', ''));
     say('about', [`records of ${run.window_s} s`, run.host && `on ${run.host}`, run.operator && `by ${run.operator}`].filter(Boolean).join(' '));
     document.body.classList.toggle('with-model', !!run.model);
@@ -219,6 +252,14 @@ const take = {
     trouble('');
     drawRecord();
   },
+  sum(message) {
+    sum = message;
+    say('rates-of', summed() === 1 || message.why ? message.why ?? '' : `of ${message.records} records from record ${message.from}`);
+    if (summed() === 1) {  // the record itself is drawn
+      histogram.fit = histogram.difference ? null : message.fits.spd, profile.fit = message.fits.radar;
+      for (const chart of [histogram, profile]) chart.tell(null);
+    } else drawMeasured(message, {spd: message.why ?? (message.arrays.spd ? '' : 'no data'), radar: message.why ?? (message.arrays.radar ? '' : 'no data')});
+  },
   reference(message) {
     histogram.reference = message.arrays.spd;
     $('difference').disabled = !message.arrays.spd.length;
@@ -227,6 +268,11 @@ const take = {
   strip(message) {
     strip = message;
     if (run) strips.take({...strip.arrays, first: strip.arrays.time_s}, run.window_s);
+    for (const [name, curve] of Object.entries(curves)) {
+      const values = Array.from(strip.arrays[name], v => Number.isNaN(v) ? null : v);
+      curve.at.parentElement.hidden = values.every(v => v == null);
+      if (!curve.at.parentElement.hidden) curve.set([strip.arrays.time_s, values]);
+    }
   },
   sheet(message) {
     sheet.take(message);
@@ -318,9 +364,16 @@ const actions = {
   },
   m: () => ask('mark', 'text of the mark'),
   l: () => ask('label', 'label for the following records'),
+  s: () => alarm.toggle(),
   f: () => {
     $('far').setAttribute('aria-pressed', document.documentElement.classList.toggle('far'));
     redraw();
+  },
+  n: () => {
+    const ns = histogram.unit === units.m;
+    $('unit').setAttribute('aria-pressed', ns);
+    for (const chart of [histogram, profile]) chart.measure(ns ? units.ns : units.m);
+    askSum();
   },
   t: () => {
     const root = document.documentElement.dataset, dark = root.theme ? root.theme === 'dark' : matchMedia('(prefers-color-scheme: dark)').matches;
@@ -338,7 +391,8 @@ function redraw() {
   histogram.renew();
   profile.renew();
   strips.renew();
-  for (const chart of [antennas, ...Object.values(waterfalls)]) if (chart.data) chart.renew();
+  for (const chart of Object.values(curves)) if (chart.data) chart.renew();
+  for (const chart of Object.values(waterfalls)) if (chart.data) chart.renew();
   drawWaterfalls();
   drawRecord();
   sheet.draw(span);
@@ -360,7 +414,7 @@ $('ask-text').addEventListener('keydown', e => {
   if (e.key === 'Enter') e.preventDefault(), $('ask').close('ok');
 });
 
-for (const [id, key] of [['log', 'g'], ['hold', 'h'], ['difference', 'd'], ['mark', 'm'], ['relabel', 'l'], ['far', 'f'],
+for (const [id, key] of [['log', 'g'], ['hold', 'h'], ['difference', 'd'], ['mark', 'm'], ['relabel', 'l'], ['sound', 's'], ['unit', 'n'], ['far', 'f'],
                          ['theme', 't'], ['help', '?'], ['sheet-again', 'c'], ['live', ' ']])
   $(id).addEventListener('click', () => actions[key]());
 for (const of of ['map', 'reconstruction'])
@@ -372,10 +426,12 @@ for (const of of ['map', 'reconstruction'])
 for (const [id, chart] of [['histogram', histogram], ['profile', profile]])
   for (const kind of ['png', 'csv'])
     $(`${id}-${kind}`).addEventListener('click', () => chart.save(kind, `${run?.file.replace(/\.sqlite$/, '') ?? 'echofuse'}-${record?.index ?? 0}-${id}`));
+for (const chart of [histogram, profile]) chart.changed = askSum;
+$('sum').addEventListener('change', askSum);
 $('scrubber').addEventListener('input', e => show(+e.target.value));
 document.addEventListener('keydown', e => {
   if (e.ctrlKey || e.altKey || e.metaKey || document.querySelector('dialog[open]')) return;
-  if (e.key === ' ' && e.target.tagName === 'BUTTON') return;
+  if (e.key === ' ' && e.target.tagName === 'BUTTON' || e.target.tagName === 'SELECT') return;
   const action = actions[e.key];
   if (!action) return;
   e.preventDefault();
@@ -385,17 +441,22 @@ matchMedia('(prefers-color-scheme: dark)').addEventListener('change', redraw);
 setInterval(() => {
   drawLamps();
   if (!state) return;
-  const running = state.status === 'open' && connected ? (performance.now() - received) / 1000 : 0;
+  alarm.take([...reached() ? [] : ['viewer'], ...state.alerts.map(alert => `${alert.source} ${alert.kind}`)]);
+  const running = state.status === 'open' && reached() ? (performance.now() - received) / 1000 : 0;
   say('elapsed', clock(state.elapsed_s + running));
 }, 200);
 
 const chosen = location.pathname.match(/\/(?:run\/[^/]+|newest)\/[^/]*$/);
 $('runs').hidden = !chosen;
 $('runs').href = `${chosen?.[0].startsWith('/run/') ? '../../' : '../'}${location.search}`;
-const link = new Link(message => take[message.kind]?.(message), (open, why) => {
+const link = new Link(message => {
+  heard = performance.now();
+  take[message.kind]?.(message);
+}, (open, why) => {
   connected = open;
   if (why) trouble(why);
   if (open && !live) link.ask({show: here()});
+  if (open && (sum || summed() !== 1)) askSum();
   if (state) drawNumbers(), drawLamps();
   else say('status', open ? 'connected' : 'no connection to the viewer');
 });

@@ -9,6 +9,32 @@
 
 namespace echofuse::view {
 
+std::string Show::trigger_levels() const {
+  constexpr std::string_view words = "; trigger levels ";
+  std::string out;
+  try {
+    run_.with_reader([&](const record::RunReader& run) {
+      for (const DeviceInfo& d : run.devices())
+        if (const auto at = d.firmware.find(words);
+            d.sensor == Sensor::spd && at != d.firmware.npos)
+          out = printable(d.firmware.substr(at + words.size()), 60);
+    });
+  } catch (const Error&) {  // reported elsewhere
+  }
+  return out;
+}
+
+void for_each_setting(const std::string& resolved,
+                      const std::function<void(const std::string&, const std::string&)>& visit) {
+  std::istringstream lines(resolved);
+  std::string table;
+  for (std::string line; std::getline(lines, line);)
+    if (line.starts_with("[") && line.ends_with("]"))
+      table = line.substr(1, line.size() - 2) + ".";
+    else if (const auto equals = line.find(" = "); equals != std::string::npos && line[0] != '#')
+      visit(table + line.substr(0, equals), line.substr(equals + 3));
+}
+
 // Settings and devices of the run as pairs [name, text].
 nlohmann::json Show::facts() const {
   const record::RunInfo& info = run_.info();
@@ -30,13 +56,7 @@ nlohmann::json Show::facts() const {
     });
   } catch (const Error&) {  // reported elsewhere
   }
-  std::istringstream lines(info.config_resolved);
-  std::string table;
-  for (std::string line; std::getline(lines, line);)
-    if (line.starts_with("[") && line.ends_with("]"))
-      table = line.substr(1, line.size() - 2) + ".";
-    else if (const auto equals = line.find(" = "); equals != std::string::npos && line[0] != '#')
-      add(table + line.substr(0, equals), line.substr(equals + 3));
+  for_each_setting(info.config_resolved, add);
   return out;
 }
 

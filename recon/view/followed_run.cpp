@@ -100,7 +100,7 @@ bool FollowedRun::refresh() {
 void FollowedRun::forget() {
   info_ = {};
   axes_.clear(), events_.clear(), outlines_.clear(), label_.clear();
-  sensors_ = {}, verdicts_ = {}, temperatures_.clear();
+  sensors_ = {}, verdicts_ = {};
   ++edition_;
 }
 
@@ -148,11 +148,9 @@ void FollowedRun::take(const record::FusedRecord& o) {
   }
   sensors_[Sensor::radar].arrived = static_cast<std::int64_t>(o.statistics.radar_frames);
   sensors_[Sensor::depth].arrived = static_cast<std::int64_t>(o.statistics.depth_frames);
-  if (const auto& temperature = o.radar_temperature) {
-    temperatures_.clear();
-    for (std::size_t i = 0; i < std::size(record::temperature_places); ++i)
-      temperatures_.emplace_back(record::temperature_places[i], temperature->celsius[i]);
-  }
+  if (o.radar_temperature) out.radar_c = std::ranges::max(o.radar_temperature->celsius);
+  if (o.radar_stats)
+    out.margin_ms = static_cast<float>(o.radar_stats->inter_frame_margin_us) * 1e-3F;
   ++verdicts_.records;
   record::count_verdicts(verdicts_, verdicts);
 }

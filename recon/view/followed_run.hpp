@@ -4,6 +4,7 @@
 #pragma once
 #include <cstdint>
 #include <functional>
+#include <limits>
 #include <map>
 #include <optional>
 #include <string>
@@ -19,7 +20,9 @@ struct Outline {
   std::int64_t index = 0;
   UtcTime start{}, end{};
   SensorSet valid;
-  PerSensor<float> used{}, lost{}, residual_s{};  // residual_s: NaN if not measured
+  PerSensor<float> used{}, lost{}, residual_s{};              // residual_s: NaN if not measured
+  float radar_c = std::numeric_limits<float>::quiet_NaN();    // warmest place of the chip
+  float margin_ms = std::numeric_limits<float>::quiet_NaN();  // left at the end of a radar frame
 };
 
 // State of one sensor up to the last record.
@@ -60,8 +63,6 @@ class FollowedRun {
   const std::vector<Axis>& axes() const { return axes_; }
   const std::vector<record::Event>& events() const { return events_; }  // the newest ones
   const std::vector<Outline>& outlines() const { return outlines_; }
-  // Radar chip temperatures of the last record: sensor position and degrees C.
-  const std::vector<std::pair<std::string, int>>& temperatures() const { return temperatures_; }
   const std::string& label() const { return label_; }
   const PerSensor<SensorState>& sensors() const { return sensors_; }
   // Totals over all records: count, doubtful ones, verdicts by sensor.
@@ -96,7 +97,6 @@ class FollowedRun {
   std::vector<Outline> outlines_;
   PerSensor<SensorState> sensors_;
   record::RunSummary verdicts_;
-  std::vector<std::pair<std::string, int>> temperatures_;
 };
 
 // Returns the seconds since the sensor's last valid slot ended; nothing if it had none.

@@ -40,6 +40,13 @@ bool is_index(const Json& value) {
   return value.is_number_integer() && value >= 0 && value <= std::int64_t{1} << 53;
 }
 
+Request sum_of(const Json& value) {
+  if (!value.is_array() || value.size() != 3 || !is_index(value[0]) || value[0] > most_summed ||
+      !value[1].is_number() || !value[2].is_number())
+    return BadRequest{"sum: expected [records up to 1000, metres, metres]"};
+  return ShowSum{value[0].get<std::int64_t>(), {value[1].get<double>(), value[2].get<double>()}};
+}
+
 Request mark_of(const Json& text, bool label) {
   if (!text.is_string()) return BadRequest{"mark and label: expected a string"};
   Mark mark{label, text.get<std::string>()};
@@ -103,8 +110,9 @@ Request parse_request(std::string_view text) {
   if (key == "sheet" && value.is_array() && value.size() == 2 && is_index(value[0]) &&
       is_index(value[1]) && value[0] <= value[1])
     return ShowSheet{value[0].get<std::int64_t>(), value[1].get<std::int64_t>()};
+  if (key == "sum") return sum_of(value);
   if (key == "mark" || key == "label") return mark_of(value, key == "label");
-  return BadRequest{"unknown request: expected show, sheet, mark or label"};
+  return BadRequest{"unknown request: expected show, sheet, sum, mark or label"};
 }
 
 }  // namespace echofuse::view

@@ -73,14 +73,15 @@ std::vector<float> clicks_of(const record::FusedRecord& r, const std::vector<Axi
   return {sum.begin(), sum.end()};
 }
 
+double power_of(float value, const Axis& axis) {
+  return axis.quantity == "log2_q8" ? power_from_code(double{value}, axis.scale) : double{value};
+}
+
 std::vector<float> to_db(std::span<const float> profile, const Axis& axis) {
   std::vector<float> out;
   out.reserve(profile.size());
-  for (const float v : profile) {
-    const double power =
-        axis.quantity == "log2_q8" ? power_from_code(double{v}, axis.scale) : double{v};
-    out.push_back(static_cast<float>(10 * std::log10(std::max(power, 1e-12))));
-  }
+  for (const float v : profile)
+    out.push_back(static_cast<float>(10 * std::log10(std::max(power_of(v, axis), 1e-12))));
   return out;
 }
 

@@ -34,7 +34,9 @@ std::vector<float> map_of(const record::FusedRecord& r, const std::vector<Axis>&
 // SPD histogram: the sum over the zones.
 std::vector<float> clicks_of(const record::FusedRecord& r, const std::vector<Axis>& axes);
 
-// A profile in dB: of power, or of the firmware's codes (drivers/core/axis.hpp).
+// Linear power of a profile's value: power, or one of the firmware's codes (drivers/core/axis.hpp).
+double power_of(float value, const Axis& axis);
+// A profile in dB.
 std::vector<float> to_db(std::span<const float> profile, const Axis& axis);
 
 }  // namespace echofuse::view

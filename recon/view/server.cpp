@@ -118,6 +118,7 @@ class Server::Loop final : public SessionOwner {
   void closed(const std::shared_ptr<Session>& session) override;
   Message answer_to(Session& session, const Request& request) override;
   Message mark(const Session& session, const Mark& mark);
+  Message sum(Shown& shown, const Session& session);
 
   void listen();
   void accept();
@@ -126,8 +127,14 @@ class Server::Loop final : public SessionOwner {
   void arm();
   void look(Shown& shown);
   void tell_all(Shown& shown, bool news);
+  // True once in `pause_s`.
+  bool is_due(HostTime& last, double pause_s) const {
+    const HostTime now = clock_.now();
+    return seconds(now - last) >= pause_s && (last = now, true);
+  }
   void greet(Shown& shown, Session& session);
   Message newest(Shown& shown);
+  void send_record(Shown& shown, Session& session, const Message& record);
   Shown& shown_to(const Session& session);
   // Calls look(shown) for each run with connected browsers.
   template <class Look>
@@ -257,7 +264,19 @@ void Server::Loop::greet(Shown& shown, Session& session) {
   session.send(Kind::state, attempt([&] { return shown.show.state(); }));
   session.send(Kind::reference, attempt([&] { return shown.show.reference(); }));
   session.send(Kind::strip, attempt([&] { return shown.show.strip(); }));
-  if (session.live) session.send(Kind::record, newest(shown));
+  if (session.live) send_record(shown, session, newest(shown));
+}
+
+// Sends a record, and the sum that ends with it if the session wants one.
+void Server::Loop::send_record(Shown& shown, Session& session, const Message& record) {
+  session.send(Kind::record, record);
+  if (session.summed) session.send(Kind::sum, sum(shown, session));
+}
+
+Message Server::Loop::sum(Shown& shown, const Session& session) {
+  const auto index = session.live ? shown.run.last() : session.held;
+  if (!session.summed || !index) return nullptr;
+  return attempt([&] { return shown.show.sum(*index, *session.summed); });
 }
 
 void Server::Loop::arm() {
@@ -280,7 +299,7 @@ void Server::Loop::look(Shown& shown) {
   const bool news = shown.run.refresh();
   const std::string& why = shown.run.trouble();
   if (!why.empty()) {
-    if (news)
+    if (is_due(shown.state, state_pause_s) || news)
       for (const auto& s : shown.sessions) s->send(Kind::trouble, trouble(why));
     return;
   }
@@ -293,13 +312,7 @@ void Server::Loop::look(Shown& shown) {
 }
 
 void Server::Loop::tell_all(Shown& shown, bool news) {
-  const HostTime now = clock_.now();
-  const auto due = [&](HostTime& last, double pause_s) {
-    const bool is = seconds(now - last) >= pause_s;
-    if (is) last = now;
-    return is;
-  };
-  if (due(shown.state, state_pause_s) || news) {
+  if (is_due(shown.state, state_pause_s) || news) {
     const Message state = attempt([&] { return shown.show.state(); });
     for (const auto& s : shown.sessions) s->send(Kind::state, state);
   }
@@ -308,8 +321,8 @@ void Server::Loop::tell_all(Shown& shown, bool news) {
       std::any_of(shown.sessions.begin(), shown.sessions.end(), [](auto& s) { return s->live; });
   if (const Message record = wanted ? newest(shown) : nullptr)
     for (const auto& s : shown.sessions)
-      if (s->live) s->send(Kind::record, record);
-  if (!due(shown.strip, strip_pause_s)) return;
+      if (s->live) send_record(shown, *s, record);
+  if (!is_due(shown.strip, strip_pause_s)) return;
   const Message strip = attempt([&] { return shown.show.strip(); });
   for (const auto& s : shown.sessions) s->send(Kind::strip, strip);
   if (shown.has_reference) return;
@@ -325,9 +338,16 @@ Message Server::Loop::answer_to(Session& session, const Request& request) {
   return attempt([&]() -> Message {
     if (const auto* asked = std::get_if<ShowSheet>(&request))
       return shown.show.sheet(asked->first, asked->last);
+    if (const auto* asked = std::get_if<ShowSum>(&request)) {
+      session.summed = *asked;
+      return sum(shown, session);
+    }
     const auto* asked = std::get_if<ShowRecord>(&request);
     session.live = !asked;
-    return asked ? shown.show.record(asked->index, false) : newest(shown);
+    if (asked) session.held = asked->index;
+    const Message record = asked ? shown.show.record(asked->index, false) : newest(shown);
+    if (session.summed) session.send(Kind::sum, sum(shown, session));
+    return record;
   });
 }
 

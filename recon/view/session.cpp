@@ -92,6 +92,8 @@ void Session::on_message() {
   buffer_.consume(buffer_.size());
   if (std::holds_alternative<ShowSheet>(request))
     sheet_ = request;
+  else if (std::holds_alternative<ShowSum>(request))
+    sum_ = request;
   else if (std::holds_alternative<ShowLive>(request) || std::holds_alternative<ShowRecord>(request))
     record_ = request;
   else if (marks_.size() < most_marks)
@@ -104,7 +106,8 @@ void Session::on_message() {
 // Works only if nothing waits to be sent, so a client that does not read causes no work.
 void Session::serve() {
   if (writing_ || over_) return;
-  for (auto [asked, kind] : {std::pair{&record_, Kind::record}, std::pair{&sheet_, Kind::sheet}})
+  for (auto [asked, kind] :
+       {std::pair{&record_, Kind::record}, {&sum_, Kind::sum}, {&sheet_, Kind::sheet}})
     if (*asked && !waiting_[static_cast<std::size_t>(kind)]) {
       const Request request = *std::exchange(*asked, std::nullopt);
       send(kind, owner_.answer_to(*this, request));

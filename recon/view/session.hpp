@@ -16,8 +16,18 @@
 
 namespace echofuse::view {
 
-enum class Kind : std::uint8_t { run, trouble, state, reference, strip, record, sheet, answer };
-inline constexpr std::size_t kinds = 8;
+enum class Kind : std::uint8_t {
+  run,
+  trouble,
+  state,
+  reference,
+  strip,
+  record,
+  sum,
+  sheet,
+  answer
+};
+inline constexpr std::size_t kinds = 9;
 
 class Session;
 
@@ -54,7 +64,9 @@ class Session : public std::enable_shared_from_this<Session> {
   bool may_write() const { return caller_.may_write; }
   const std::string& run() const { return caller_.run; }
 
-  bool live = true;  // follows the newest record
+  bool live = true;       // follows the newest record
+  std::int64_t held = 0;  // otherwise shows this one
+  std::optional<ShowSum> summed;
 
  private:
   void handle(const std::function<void()>& body);
@@ -77,8 +89,8 @@ class Session : public std::enable_shared_from_this<Session> {
   bool over_ = false;
   Message writing_;
   std::array<Message, kinds> waiting_;
-  std::optional<Request> record_, sheet_;  // received, not answered yet; the newest only
-  std::deque<Request> marks_;              // received, not answered yet; all of them
+  std::optional<Request> record_, sum_, sheet_;  // received, not answered yet; the newest only
+  std::deque<Request> marks_;                    // received, not answered yet; all of them
 };
 
 }  // namespace echofuse::view

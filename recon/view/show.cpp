@@ -3,10 +3,13 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdlib>
 #include <filesystem>
 #include <limits>
 #include <nlohmann/json.hpp>
 
+#include "acquire/measurement/response.hpp"
+#include "acquire/record/alerts.hpp"
 #include "drivers/program/exit_code.hpp"
 #include "drivers/program/printable.hpp"
 #include "recon/view/pictures.hpp"
@@ -19,6 +22,8 @@ constexpr double first_minute_s = 60;
 constexpr std::size_t most_reference_records = 200;
 constexpr std::int64_t judged_records = 100;
 constexpr double judge_pause_s = 10;
+constexpr double track_s = 60;
+constexpr std::size_t most_places = 30;  // places in a track
 
 Json number(double value) { return std::isfinite(value) ? Json(value) : Json(); }
 
@@ -68,6 +73,8 @@ Message Show::about_run(bool may_write) const {
            {"version", info.version},
            {"axes", axes},
            {"facts", facts()},
+           {"trigger", trigger_levels()},
+           {"baseline_m", record::radar_baseline_m(info.meta)},
            {"map", {{"size", grid.size}, {"half_tangent", grid.half_tangent}}},
            {"model", model_ ? Json(model_->name()) : Json()},
            {"calibrated", model_ && model_->calibrated()},
@@ -108,6 +115,30 @@ Json Show::disk() const {
   return out;
 }
 
+// Alerts by the limits alert.* of the run's configuration.
+Json Show::alerts() const {
+  Json out = Json::array();
+  if (!run_.live()) return out;
+  record::AlertLimits limits;
+  for_each_setting(run_.info().config_resolved, [&](const std::string& key, const std::string& v) {
+    if (key == "alert.no_data_s") limits.no_data_s = std::strtod(v.c_str(), nullptr);
+    if (key == "alert.disk_free_gb") limits.disk_free_gb = std::strtod(v.c_str(), nullptr);
+  });
+  const UtcTime now = clock_.utc();
+  for (const Sensor s : all_sensors) {
+    const SensorState& sensor = run_.sensors()[s];
+    if (!sensor.configured) continue;
+    const bool stale = is_stale(sensor, run_.info().window_s, now);
+    const std::string kind =
+        record::doubt_kind(sensor.valid && !stale, sensor.verdict,
+                           age_s(sensor, now).value_or(limits.no_data_s), limits);
+    if (!kind.empty() && kind != "ok") out.push_back({{"source", name_of(s)}, {"kind", kind}});
+  }
+  if (const auto free = run_.free_bytes(); free && record::is_disk_low(*free, limits))
+    out.push_back({{"source", "disk"}, {"kind", "low"}});
+  return out;
+}
+
 Message Show::state() {
   Json events = Json::array();
   for (const record::Event& e : run_.events())
@@ -125,6 +156,7 @@ Message Show::state() {
            {"label", run_.label()},
            {"sensors", sensors()},
            {"disk", disk()},
+           {"alerts", alerts()},
            {"events", events},
            {"first_index", nullptr},
            {"last_index", nullptr},
@@ -154,7 +186,7 @@ Message Show::record(std::int64_t index, bool live) {
   return last_;
 }
 
-Message Show::make_record(std::int64_t index, bool live) const {
+Message Show::make_record(std::int64_t index, bool live) {
   MessageWriter out;
   Json head{{"kind", "record"}, {"index", index}, {"live", live}};
   run_.with_reader([&](const record::RunReader& run) {
@@ -167,38 +199,89 @@ Message Show::make_record(std::int64_t index, bool live) const {
                                      {"valid", r.has(s)},
                                      {"used", r.sync[s].used},
                                      {"lost", r.sync[s].lost}};
-    head["clicks_a_pulse"] = r.signal.clicks_a_pulse ? number(*r.signal.clicks_a_pulse) : Json();
+    Tally one;
+    one.add(r, axes);
+    head.update(one.numbers(axes));
     if (r.has(Sensor::spd)) add_clicks(out, head, r, run);
     const Axis* radar = find(axes, "radar");
     if (r.has(Sensor::radar) && radar) out.add("radar", to_db(r.radar, *radar));
     if (const Axis* array = find(axes, "array"))
       out.add<float>("beams", beams_of(r, run.antennas(), array->count),
                      {array->count, record::beams});
-    const Axis *x = find(axes, "depth_x"), *y = find(axes, "depth_y");
-    if (r.has(Sensor::depth) && x && y) {
-      const record::MapGrid grid = record::map_grid_of(axes);
-      const Picture picture = thinned(r.depth_mm, y->count, x->count);
-      out.add<std::uint16_t>("camera", picture.mm, {picture.height, picture.width});
-      out.add<float>("map", map_of(r, axes, grid), {grid.size, grid.size});
-    }
-    if (!model_) return;
-    Reconstruction made = model_->reconstruct(run, index);
-    if (r.has(Sensor::depth) && x && y) model_->compare(made, map_of(r, axes, made.grid));
-    const auto given = [](const std::optional<double>& v) { return v ? number(*v) : Json(); };
-    head["reconstruction"] = {{"fault", made.fault},
-                              {"note", made.note},
-                              {"seen", model_->saw(run.info().uuid, index)},
-                              {"half_tangent", made.grid.half_tangent},
-                              {"x_m", given(made.x_m)},
-                              {"z_m", given(made.z_m)},
-                              {"lateral_interval_90_m", given(made.lateral_interval_90_m)},
-                              {"iou", given(made.iou)},
-                              {"lateral_error_m", given(made.lateral_error_m)}};
-    const std::size_t side = made.grid.size;
-    if (!made.map_m.empty()) out.add<float>("reconstruction", made.map_m, {side, side});
-    if (!made.deviation_m.empty()) out.add<float>("deviation", made.deviation_m, {side, side});
+    add_maps(out, head, r, run);
   });
   return out.finish(std::move(head));
+}
+
+// Camera picture, its map, and the model's map with the track of the body.
+void Show::add_maps(MessageWriter& out, Json& head, const record::FusedRecord& r,
+                    const record::RunReader& run) {
+  const std::vector<Axis> axes = run.axes();
+  const Axis *x = find(axes, "depth_x"), *y = find(axes, "depth_y");
+  const bool camera = r.has(Sensor::depth) && x && y;
+  const auto holes = [](const auto& values) {
+    const auto empty = std::ranges::count_if(values, [](auto v) { return !(v > 0); });
+    return static_cast<double>(empty) /
+           static_cast<double>(std::max<std::size_t>(values.size(), 1));
+  };
+  if (camera) {
+    const record::MapGrid grid = record::map_grid_of(axes);
+    const Picture picture = thinned(r.depth_mm, y->count, x->count);
+    const std::vector<float> map = map_of(r, axes, grid);
+    out.add<std::uint16_t>("camera", picture.mm, {picture.height, picture.width});
+    out.add<float>("map", map, {grid.size, grid.size});
+    head["holes"] = {{"camera", holes(r.depth_mm)}, {"map", holes(map)}};
+  }
+  if (!model_) return;
+  Reconstruction made = model_->reconstruct(run, r.index);
+  if (camera) model_->compare(made, map_of(r, axes, made.grid));
+  const auto given = [](const std::optional<double>& v) { return v ? number(*v) : Json(); };
+  head["reconstruction"] = {{"fault", made.fault},
+                            {"note", made.note},
+                            {"seen", model_->saw(run_.info().uuid, r.index)},
+                            {"half_tangent", made.grid.half_tangent},
+                            {"x_m", given(made.x_m)},
+                            {"z_m", given(made.z_m)},
+                            {"lateral_interval_90_m", given(made.lateral_interval_90_m)},
+                            {"iou", given(made.iou)},
+                            {"lateral_error_m", given(made.lateral_error_m)}};
+  const std::size_t side = made.grid.size;
+  if (!made.map_m.empty()) out.add<float>("reconstruction", made.map_m, {side, side});
+  if (!made.deviation_m.empty()) out.add<float>("deviation", made.deviation_m, {side, side});
+  if (std::exchange(places_edition_, run_.edition()) != run_.edition()) places_.clear();
+  places_[r.index] = place_of(made);
+  const std::vector<float> places = track(run, r.index);
+  out.add<float>("track", places, {places.size() / 4, 4});
+}
+
+Show::Place Show::place_of(const Reconstruction& made) {
+  const auto given = [](const std::optional<double>& v) {
+    return v ? static_cast<float>(*v) : std::nanf("");
+  };
+  return {given(made.x_m), given(made.z_m), given(made.lateral_interval_90_m)};
+}
+
+// Places of the body in the minute before a record: age in s, x, z, 90 % interval of x; m.
+std::vector<float> Show::track(const record::RunReader& run, std::int64_t index) {
+  std::vector<const Outline*> minute;
+  const auto& all = run_.outlines();
+  for (auto o = all.rbegin(); o != all.rend(); ++o) {
+    if (o->index > index) continue;
+    if (!minute.empty() && minute.front()->start - o->start > from_seconds(track_s)) break;
+    minute.push_back(&*o);
+  }
+  const auto step = static_cast<std::int64_t>(minute.size() / most_places + 1);
+  std::vector<float> out;
+  for (const Outline* o : minute) {
+    if (o->index != index && o->index % step != 0) continue;
+    auto known = places_.find(o->index);
+    if (known == places_.end())
+      known = places_.emplace(o->index, place_of(model_->reconstruct(run, o->index))).first;
+    const auto& [x_m, z_m, interval_m] = known->second;
+    const double age_s = seconds(minute.front()->start - o->start);
+    out.insert(out.end(), {static_cast<float>(age_s), x_m, z_m, interval_m});
+  }
+  return out;
 }
 
 // Tested at intervals, because the result changes slowly and the test takes some milliseconds.
@@ -218,11 +301,58 @@ void Show::judge_maps() {
   }
 }
 
+// First record that began after the newest mark before the end of record `index`.
+std::optional<std::int64_t> Show::first_since_mark(std::int64_t index) const {
+  const auto& all = run_.outlines();
+  const auto shown = std::ranges::find(all, index, &Outline::index);
+  if (shown == all.end()) return std::nullopt;
+  std::string mark;
+  for (const record::Event& e : run_.events())
+    if (e.level == "note" && e.utc <= iso8601(shown->end)) mark = e.utc;
+  if (mark.empty()) return std::nullopt;
+  const auto first =
+      std::ranges::find_if(all, [&](const Outline& o) { return iso8601(o.start) >= mark; });
+  return first == all.end() || first->index > index ? index : first->index;
+}
+
+Message Show::sum(std::int64_t index, const ShowSum& asked) {
+  const std::int64_t oldest = run_.outlines().empty() ? index : run_.outlines().front().index;
+  const auto first = asked.records > 0 ? std::optional(std::max(oldest, index - asked.records + 1))
+                                       : first_since_mark(index);
+  if (!first)
+    return MessageWriter().finish({{"kind", "sum"}, {"why", "no mark before this record"}});
+  Summed& known = sums_[asked.records];
+  const bool grows = known.edition == run_.edition() && known.first <= *first &&
+                     known.last <= index && known.last >= *first;
+  if (!grows) known = {.tally = {}, .first = *first, .last = *first - 1, .edition = run_.edition()};
+  const std::vector<Axis>& axes = run_.axes();
+  const auto add = [&](const record::RunReader& run, std::int64_t from, std::int64_t to, int sign) {
+    run.for_each(
+        [&](const record::FusedRecord& r) {
+          if (r.index <= to) known.tally.add(r, axes, sign);
+          return r.index < to;
+        },
+        from, [](std::int64_t, const std::string&) {}, {Sensor::spd, Sensor::radar});
+  };
+  run_.with_reader([&](const record::RunReader& run) {
+    if (known.first < *first) add(run, known.first, *first - 1, -1);
+    if (known.last < index) add(run, known.last + 1, index, 1);
+  });
+  known.first = *first, known.last = index;
+  MessageWriter out;
+  if (!known.tally.clicks().empty()) out.add("spd", known.tally.clicks());
+  if (const auto db = known.tally.profile_db(axes); !db.empty()) out.add("radar", db);
+  Json head = known.tally.numbers(axes, asked.range);
+  head.update({{"kind", "sum"}, {"from", *first}, {"records", index - *first + 1}});
+  return out.finish(std::move(head));
+}
+
 Message Show::strip() const {
   const auto& all = run_.outlines();
   const std::size_t step = all.size() / strip_columns + 1;
   std::vector<double> first, time_s;
   PerSensor<std::vector<float>> used, lost, residual, valid;
+  std::vector<float> radar_c, margin_ms;
   for (std::size_t begin = 0; begin < all.size(); begin += step) {
     const std::size_t end = std::min(begin + step, all.size());
     first.push_back(static_cast<double>(all[begin].index));
@@ -238,9 +368,15 @@ Message Show::strip() const {
       used[s].push_back(sum / n), lost[s].push_back(gone);
       residual[s].push_back(worst), valid[s].push_back(good / n);
     }
+    radar_c.push_back(std::nanf("")), margin_ms.push_back(std::nanf(""));
+    for (std::size_t i = begin; i < end; ++i) {
+      radar_c.back() = std::fmax(radar_c.back(), all[i].radar_c);
+      margin_ms.back() = std::fmin(margin_ms.back(), all[i].margin_ms);
+    }
   }
   MessageWriter out;
   out.add("first", first), out.add("time_s", time_s);
+  out.add("radar_c", radar_c), out.add("margin_ms", margin_ms);
   for (const Sensor s : all_sensors) {
     const std::string name = name_of(s);
     out.add("used_" + name, used[s]);

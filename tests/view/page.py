@@ -259,8 +259,8 @@ class Page(live_view.LiveView):
 
     def looks(self):
         """Keys change histogram, points and font size."""
-        peaks = (("histogram-readout", r"peak \d+\.\d\d m, [\d.]+[kM]? clicks(, FWHM [\d.]+ cm)?"),
-                 ("profile-readout", r"peak \d+\.\d\d m, [\d.]+ dB(, FWHM [\d.]+ cm)?"))
+        peaks = (("histogram-readout", r"peak \d+\.\d\d m, [\d.]+[kM]? clicks(; centre [\d.]+ m, FWHM [\d.]+ cm)?"),
+                 ("profile-readout", r"peak \d+\.\d\d m, [\d.]+ dB(; centre [\d.]+ m, FWHM [\d.]+ cm)?"))
 
         def hold():  # so that only the keys change the page
             self.key(" ")

@@ -89,12 +89,24 @@ class Server(unittest.TestCase):
         self.assertEqual((record["index"], record["live"]), (3, False))
         with sqlite3.connect(self.run_file) as db:
             spd, label = db.execute("SELECT spd, label FROM record WHERE idx = 3").fetchone()
+            rows = db.execute("SELECT spd FROM record ORDER BY idx").fetchall()
         db.close()
         self.assertEqual(record["arrays"]["spd"], struct.unpack(f"<{len(spd) // 4}I", spd))
         self.assertEqual(record["label"], label)
         self.assertEqual(len(record["arrays"]["radar"]), run["axes"]["radar"]["count"])
         self.assertEqual(len(record["arrays"]["map"]), run["map"]["size"] ** 2)
         self.assertTrue(any(1 < z < 6 for z in record["arrays"]["map"]))
+        # A sum ends with the record that is shown, and is cut off at the run's start.
+        spds = [struct.unpack(f"<{len(row[0]) // 4}I", row[0]) for row in rows]
+        for count, shown in ((2, 3), (2, 4), (1000, 5)):
+            client.ask({"show": shown})
+            client.ask({"sum": [count, -1e6, 1e6]})
+            first = max(0, shown - count + 1)
+            summed = client.until("sum", lambda m: (m.get("from"), m.get("records")) == (first, shown - first + 1))
+            self.assertEqual(summed["arrays"]["spd"], tuple(map(float, map(sum, zip(*spds[first:shown + 1])))))
+            self.assertGreater(summed["fits"]["spd"]["fwhm_m"], 0)
+        client.ask({"sum": [0, 0, 9]})
+        self.assertIn("no mark", client.until("sum", lambda m: "why" in m)["why"])
         client.ask({"sheet": [0, RECORDS]})
         sheet = client.until("sheet")
         self.assertEqual(sheet["index"], list(range(RECORDS)))

@@ -1,0 +1,37 @@
+// SPDX-License-Identifier: MIT
+// One record or a sum of records: histogram, mean range profile, and the numbers about them.
+#pragma once
+#include <cstdint>
+#include <limits>
+#include <nlohmann/json_fwd.hpp>
+#include <vector>
+
+#include "acquire/record/run_file.hpp"
+
+namespace echofuse::view {
+
+// Ranges in which peaks are fitted, m.
+struct FitRange {
+  double from_m = -std::numeric_limits<double>::infinity();
+  double to_m = std::numeric_limits<double>::infinity();
+};
+
+class Tally {
+ public:
+  // Adds a record's SPD and radar; a `sign` of -1 takes it out again.
+  void add(const record::FusedRecord& record, const std::vector<Axis>& axes, int sign = 1);
+  const std::vector<double>& clicks() const { return clicks_; }        // by bin; empty without SPD
+  std::vector<float> profile_db(const std::vector<Axis>& axes) const;  // empty without radar
+  // {"rates": {sync_hz, click_hz, dark_hz, clicks_a_pulse}, "fits": {spd, radar: {centre_m,
+  // error_m, fwhm_m}}}; unknown values are null. Dark rate: the clicks before the first return,
+  // per second in which the detector could count them.
+  nlohmann::json numbers(const std::vector<Axis>& axes, const FitRange& range = {}) const;
+
+ private:
+  nlohmann::json rates(const Axis& axis) const;
+  std::vector<double> clicks_, power_;
+  double spd_records_ = 0, radar_records_ = 0;
+  double slots_s_ = 0, all_clicks_ = 0, pulses_ = 0;  // records with SPD
+};
+
+}  // namespace echofuse::view

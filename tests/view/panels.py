@@ -1,0 +1,172 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: MIT
+"""tests/view/panels.py BIN_DIR: alerts, numbers, sums, plan view and values of the page, in Chromium. Exit code 77 without
+Chromium."""
+import re
+import signal
+import subprocess
+import sys
+import time
+import unittest
+
+import page
+from live import bin_dir
+from selenium.webdriver.common.action_chains import ActionChains
+
+# Gives lamps and status their longest texts. Returns the visible elements with cut text, or outside the window: at the bottom too if it does not scroll.
+CUT = """
+  for (const lamp of document.querySelectorAll('.lamp'))
+    for (const [part, text] of [['strong', 'CHECK'], ['.verdict', 'weak: 123 clicks above the background, 1000 wanted'], ['.age', 'last data 12.3 s ago']])
+      lamp.querySelector(part).textContent = text, lamp.classList.remove('long');
+  document.getElementById('status').textContent = 'recording; check SPD, radar, depth camera';
+  const scrolls = getComputedStyle(document.body).overflowY !== 'hidden', out = [];
+  for (const at of document.querySelectorAll('body *')) {
+    if (!at.checkVisibility() || at.closest('dialog, svg, noscript') || !at.getClientRects().length) continue;
+    const box = at.getBoundingClientRect(), style = getComputedStyle(at), name = `${at.tagName} ${at.id} ${at.className}`;
+    if (box.right > innerWidth + 1 || box.left < -1 || !scrolls && box.bottom > innerHeight + 1) out.push(`${name} outside`);
+    const own = [...at.childNodes].some(n => n.nodeType === 3 && n.textContent.trim());
+    if (own && style.display !== 'inline' && style.textOverflow !== 'ellipsis' && at.scrollWidth > at.clientWidth + 1) out.push(`${name} cut`);
+  }
+  return [document.documentElement.scrollWidth - document.documentElement.clientWidth, out];
+"""
+
+
+class Panels(page.Page):
+    def number(self, element):
+        return float(re.search(r"-?[\d.]+", self.text(element))[0])
+
+    def pressed(self, button):
+        return self.js("return document.getElementById(arguments[0]).getAttribute('aria-pressed')", button) == "true"
+
+    def choose(self, records):
+        self.js("const at = document.getElementById('sum'); at.value = arguments[0]; at.dispatchEvent(new Event('change'))",
+                str(records))
+
+    def themes(self):
+        """Nothing is cut or leaves the window, in both themes and both type sizes."""
+        for width, height in ((1400, 900), (400, 800)):
+            self.size(width, height)
+            for key in "", "t", "f", "t", "f":
+                if key:
+                    self.key(key)
+                time.sleep(0.3)
+                wider, cut = self.js(CUT)
+                self.assertLessEqual(wider, 0, (width, key))
+                self.assertEqual(cut, [], (width, key))
+        self.size(1400, 900)
+
+    def test_alerts(self):
+        """Alerts of disk, sensors and a silent viewer are shown and heard; sums and rates follow a live run."""
+        address = self.view()
+        viewer = self.processes[-1]
+        daemon = self.record("--set", "alert.disk_free_gb=1e6", "--set", "run.label=person")
+        self.size(1400, 900)
+        self.browser.get(address)
+        self.wait("records", lambda: self.js("return window.framesSeen") > 2)
+        self.wait("alert of the disk", lambda: self.js("return document.getElementById('box-disk').classList.contains('bad')"))
+        self.assertEqual((self.text("sound"), self.pressed("sound"), self.js("return window.alarms")), ("sound on", False, 0))
+        self.browser.find_element("id", "sound").click()
+        self.wait("sound", lambda: self.pressed("sound"))
+        self.assertEqual(self.text("sound"), "sound is on")
+        self.wait("alarm of the disk", lambda: self.js("return window.alarms") > 0)
+
+        # Rates of the channels: the laboratory's laser has 20 MHz.
+        self.wait("sync rate", lambda: re.fullmatch(r"(19|20)(\.\d)?M/s", self.text("sync-rate")))
+        for number in "click-rate", "dark-rate":
+            self.wait(number, lambda: re.fullmatch(r"[\d.]+[kM]?/s", self.text(number)))
+        self.wait("clicks a pulse", lambda: self.number("pulse-rate") > 0)
+        self.wait("curves of the radar", lambda: self.js(
+            "return ['of-temperature', 'of-margin'].every(id => !document.getElementById(id).hidden)"))
+        self.choose(10)
+        self.wait("sum of ten records", lambda: re.fullmatch(r"of 10 records from record \d+", self.text("rates-of")))
+        self.choose(0)
+        self.wait("no mark", lambda: "no mark" in self.text("rates-of"))
+        self.key("m")
+        self.js("document.getElementById('ask-text').value = 'door opened'; document.getElementById('ask-ok').click()")
+        self.wait("sum since the mark", lambda: re.fullmatch(r"of [2-9] records from record \d+", self.text("rates-of")))
+        self.choose(1)
+
+        # The viewer stands still: the page reports that, not that the sensors have no data.
+        heard = self.js("return window.alarms")
+        self.js("document.getElementById('status').seen = []; new MutationObserver(() => document.getElementById('status').seen.push("
+                "document.getElementById('status').textContent)).observe(document.getElementById('status'), {childList: true})")
+        viewer.send_signal(signal.SIGSTOP)
+        self.wait("silence", lambda: re.fullmatch(r"no connection to the viewer for \d+ s", self.text("status")))
+        self.assertEqual(self.verdict("spd"), "no connection")
+        self.assertGreaterEqual(self.number("status"), 3)
+        self.wait("alarm of the viewer", lambda: self.js("return window.alarms") > heard)
+        time.sleep(2 * page.WINDOW_S + 1)
+        self.assertNotIn("NO DATA", " ".join(self.js("return document.getElementById('status').seen")))
+        viewer.send_signal(signal.SIGCONT)
+        self.wait("viewer again", lambda: self.text("status").startswith("recording"))
+        self.themes()
+
+        heard = self.js("return window.alarms")
+        self.close_lab()
+        self.wait("alarm of the sensors", lambda: self.js("return window.alarms") > heard)
+        self.browser.find_element("id", "sound").click()
+        self.wait("silent page", lambda: not self.pressed("sound"))
+        daemon.send_signal(signal.SIGINT)
+        self.finish(daemon)
+
+    def test_values(self):
+        """Fit of the peak in m and ns, plan view and value under the pointer, of a finished run with a model."""
+        scenes, model = self.dir / "scenes.sqlite", self.dir / "model.h5"
+        subprocess.run([bin_dir / "echofuse-sim", "dataset", "-q", "--out", scenes, "--people", "60", "--letters", "0", "--set",
+                        "radar_antennas=8"], check=True)
+        subprocess.run([bin_dir / "echofuse-recon", "train", scenes, "--model", "nearest", "--out", model, "-q"],
+                       check=True, stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
+        self.run = scenes
+        self.size(1400, 900)
+        self.browser.get(self.view("--model", model))
+        self.wait("record", lambda: self.js("return window.framesSeen") > 0)
+        fit = r"; centre ([\d.]+) (m|ns), FWHM ([\d.]+) (cm|ns)$"
+        self.wait("fit", lambda: re.search(fit, self.text("histogram-readout")) and re.search(fit, self.text("profile-readout")))
+        metres = re.search(fit, self.text("histogram-readout"))
+        peak = float(re.match(r"peak ([\d.]+) m", self.text("histogram-readout"))[1])
+        self.assertAlmostEqual(float(metres[1]), peak, delta=0.1)
+        self.key("n")
+        self.wait("ns", lambda: (re.search(fit, self.text("histogram-readout")) or " " * 5)[2] == "ns")
+        self.assertAlmostEqual(float(re.search(fit, self.text("histogram-readout"))[1]), 6.6713 * float(metres[1]), delta=0.04)
+        self.assertIn("ns", self.js("return document.getElementById('unit').textContent"))
+        self.key("n")
+        # A zoom moves the fit into its part.
+        over = self.browser.find_element("css selector", "#histogram .u-over")
+        ActionChains(self.browser).move_to_element_with_offset(over, 20, 0).click_and_hold().move_by_offset(100, 0).release().perform()
+        self.wait("other fit", lambda: metres[0] not in self.text("histogram-readout"))
+        ActionChains(self.browser).double_click(over).perform()
+        self.wait("first fit", lambda: metres[0] in self.text("histogram-readout") or
+                  ActionChains(self.browser).move_to_element(self.browser.find_element("id", "file")).perform())
+
+        # Values under the pointer; otherwise the share of holes.
+        for view in "map", "camera":
+            self.assertRegex(self.text(f"{view}-value"), r"^[\d.]+ % without a return$")
+        canvas = self.browser.find_element("id", "camera")
+        ActionChains(self.browser).move_to_element_with_offset(canvas, -60, 40).perform()
+        self.wait("value", lambda: re.match(r"(depth|no return)", self.text("camera-value")))
+        words = self.js("""
+            const canvas = document.getElementById('camera'), box = canvas.getBoundingClientRect();
+            for (let y = 0; y < box.height; y += 6)
+              for (let x = 0; x < box.width; x += 6) {
+                canvas.dispatchEvent(new PointerEvent('pointermove', {clientX: box.left + x, clientY: box.top + y}));
+                const words = document.getElementById('camera-value').textContent;
+                if (words.startsWith('depth')) return words;
+              }""")
+        found = re.match(r"depth ([\d.]+) m; azimuth (-?[\d.]+)°, elevation .*; x (-?[\d.]+) m, z ([\d.]+) m", words or "")
+        self.assertTrue(found, words)
+        depth, azimuth, x, z = map(float, found.groups())
+        self.assertAlmostEqual(depth, z, delta=0.01)
+        self.assertAlmostEqual(self.js("return Math.tan(arguments[0] * Math.PI / 180)", azimuth) * z, x, delta=0.02)
+
+        # Plan view: radar and antennas in the frame of the detector.
+        self.wait("plan", lambda: self.canvas_is_drawn("plan"))
+        seen = self.js("return import('./plan.js').then(m => [...m.fromRadar(-0.5, 3, 0.5), ...m.fromRadar(0.5, 1, 0.5)])")
+        self.assertEqual(seen[:2], [3, 0])
+        self.assertAlmostEqual(seen[3], 2 ** -0.5)
+        self.wait("body", lambda: re.match(r"body at x -?[\d.]+ m.*, z [\d.]+ m, azimuth -?[\d.]+°$", self.text("place")))
+        self.themes()
+        self.assertEqual(self.contrast_faults(), [])
+
+
+if __name__ == "__main__":
+    unittest.main(argv=[sys.argv[0], "Panels.test_alerts", "Panels.test_values"])

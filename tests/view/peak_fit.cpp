@@ -1,0 +1,101 @@
+// SPDX-License-Identifier: MIT
+#include "recon/view/peak_fit.hpp"
+
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <nlohmann/json.hpp>
+#include <random>
+
+#include "recon/view/tally.hpp"
+
+using namespace echofuse;
+using namespace echofuse::view;
+
+namespace {
+
+constexpr std::size_t bins = 300;
+const Axis axis{
+    .name = "x", .quantity = "counts", .unit = "m", .count = bins, .start = 2, .step = 0.015};
+
+struct Bump {
+  double centre_m, sigma_m, clicks;
+};
+
+// Poisson counts, or their means, of Gaussian peaks on an even background.
+std::vector<double> counts_of(const std::vector<Bump>& bumps, double background, unsigned seed) {
+  std::mt19937 random(seed);
+  std::vector<double> out;
+  for (std::size_t i = 0; i < bins; ++i) {
+    double mean = background;
+    for (const Bump& b : bumps) {
+      const double u = (axis.start + axis.step * static_cast<double>(i) - b.centre_m) / b.sigma_m;
+      mean += b.clicks * axis.step / b.sigma_m / std::sqrt(2 * M_PI) * std::exp(-u * u / 2);
+    }
+    out.push_back(seed == 0 ? mean : std::poisson_distribution<int>(mean)(random));
+  }
+  return out;
+}
+
+constexpr double whole = 1e6;
+
+}  // namespace
+
+TEST_CASE("peak fit has the centre and width of the peak, within the error that it states") {
+  int outside = 0;
+  for (unsigned seed = 1; seed <= 50; ++seed) {
+    const auto fit =
+        fit_peak(counts_of({{3.217, 0.06, 5000}}, 20, seed), axis, -whole, whole, true);
+    REQUIRE(fit);
+    CHECK(fit->centre_error == Approx(0.06 / std::sqrt(5000)).epsilon(0.4));
+    CHECK(fit->fwhm == Approx(2.3548 * 0.06).epsilon(0.1));
+    outside += std::abs(fit->centre - 3.217) > 2 * fit->centre_error;
+  }
+  CHECK(outside <= 8);  // 5 % of 50 are expected
+}
+
+TEST_CASE("peak fit keeps to its range, and finds none in a background") {
+  const auto two = counts_of({{3, 0.05, 9000}, {5, 0.1, 4000}}, 10, 1);
+  CHECK(fit_peak(two, axis, -whole, whole, true)->centre == Approx(3).margin(0.01));
+  CHECK(fit_peak(two, axis, 4.2, 6, true)->centre == Approx(5).margin(0.02));
+  for (unsigned seed = 1; seed <= 20; ++seed)
+    CHECK_FALSE(fit_peak(counts_of({}, 30, seed), axis, -whole, whole, true));
+  CHECK_FALSE(fit_peak(std::vector<double>(bins, 0.0), axis, -whole, whole, true));
+  CHECK_FALSE(fit_peak({}, axis, -whole, whole, true));
+}
+
+TEST_CASE("peak fit of powers takes its noise from the residuals") {
+  std::vector<double> power = counts_of({{4, 0.08, 1}}, 1e-3, 0);
+  const auto fit = fit_peak(power, axis, -whole, whole, false);
+  REQUIRE(fit);
+  CHECK(fit->centre == Approx(4).margin(1e-4));
+  CHECK(fit->fwhm == Approx(2.3548 * 0.08).epsilon(1e-3));
+}
+
+TEST_CASE("dark rate counts the clicks before the first return per second of observation") {
+  record::FusedRecord r;
+  r.valid = {Sensor::spd};
+  r.slot_end = std::chrono::seconds(2);
+  const std::vector<Axis> axes{
+      {.name = "spd", .quantity = "counts", .unit = "ps", .count = bins, .start = 0, .step = 100}};
+  double all = 0;
+  for (const double n : counts_of({{4, 0.06, 20'000}}, 25, 3)) {
+    r.spd.push_back(static_cast<std::uint32_t>(n));
+    all += n;
+  }
+  r.spd_counts.starts = 1'000'000;
+  r.spd_counts.in_range = static_cast<std::uint64_t>(all);
+  Tally tally;
+  tally.add(r, axes);
+  const auto numbers = tally.numbers(axes);
+  CHECK(numbers["rates"]["sync_hz"] == 500'000);
+  CHECK(numbers["rates"]["click_hz"] == Approx(all / 2));
+  CHECK(numbers["rates"]["clicks_a_pulse"] == Approx(all / 1e6));
+  CHECK(numbers["rates"]["dark_hz"].get<double>() == Approx(25 / (1e6 * 100e-12)).epsilon(0.1));
+
+  // A record that is taken out again leaves the sum of the others.
+  record::FusedRecord other = r;
+  other.spd.assign(bins, 7);
+  tally.add(other, axes);
+  tally.add(r, axes, -1);
+  CHECK(tally.clicks() == std::vector<double>(bins, 7));
+}
