@@ -20,7 +20,7 @@ const views = {map: new MapView('map'), camera: new MapView('camera'), reconstru
 const alarm = new Alarm('sound'), zones = new Zones(), seen = {};  // the newest record that has it
 const sheet = new Sheet(index => show(index));
 let run = null, state = null, record = null, sum = null, strip = null, span = [2.5, 5], spanKnown = false;
-let received = 0, heard = performance.now(), connected = false, live = true, wanted = null, cloudOf = 'map', sheetAt = -1;
+let wasLive = false, received = 0, heard = performance.now(), connected = false, live = true, wanted = null, cloudOf = 'map', sheetAt = -1;
 window.framesSeen = 0;
 // The viewer sends a message every second; without one for 3 s it is silent.
 const silence = () => (performance.now() - heard) / 1000, reached = () => connected && silence() < 3;
@@ -194,10 +194,12 @@ function drawMeasured({arrays, rates, fits}, lacks) {
   histogram.fit = histogram.difference ? null : fits?.spd, profile.fit = fits?.radar;
   histogram.take(arrays.spd ?? null, lacks.spd, live);
   profile.take(arrays.radar ?? null, lacks.radar, live);
-  const hertz = v => v == null ? '–' : `${siNumber(v)}/s`, crowded = rates?.clicks_a_pulse > 0.05;
+  const hertz = v => v == null ? '–' : `${siNumber(v)}/s`, most = run.most_clicks_a_pulse, crowded = most > 0 && rates?.clicks_a_pulse > most;
   say('sync-rate', hertz(rates?.sync_hz)), say('click-rate', hertz(rates?.click_hz)), say('dark-rate', hertz(rates?.dark_hz));
+  say('sync-name', rates?.sync_hz < 0.5 * rates?.pulse_hz ? 'sync, filtered' : 'laser sync');
   say('pulse-rate', rates?.clicks_a_pulse == null ? '–' : `${+rates.clicks_a_pulse.toPrecision(2)}`);
   $('box-pulse').classList.toggle('bad', crowded), $('pile-up').hidden = !crowded;
+  if (crowded) say('pile-up', `Pile-up: the first photon of a pulse hides later ones. Dim the light to ${most} clicks a pulse.`);
 }
 // Asks for a sum again when its records or the part of the fit change.
 function askSum() {
@@ -219,7 +221,7 @@ const take = {
     for (const id of ['mark', 'relabel']) $(id).disabled = !run.may_write;
     $('mark').title = run.may_write ? '' : 'needs a live run and the token in the address';
     if (other) {
-      spanKnown = false, sheetAt = -1, strip = null;
+      wasLive = false, spanKnown = false, sheetAt = -1, strip = null;
       for (const at in seen) delete seen[at];
       for (const at in views) views[at].image = null;
     }
@@ -233,7 +235,7 @@ const take = {
   },
   state(message) {
     const first = !state;
-    state = message, received = performance.now();
+    state = message, received = performance.now(), wasLive ||= state.status === 'open';
     if (first && /^#\d+$/.test(location.hash)) show(+location.hash.slice(1));
     const scrubber = $('scrubber');
     if (state.last_index != null) {
@@ -441,7 +443,7 @@ matchMedia('(prefers-color-scheme: dark)').addEventListener('change', redraw);
 setInterval(() => {
   drawLamps();
   if (!state) return;
-  alarm.take([...reached() ? [] : ['viewer'], ...state.alerts.map(alert => `${alert.source} ${alert.kind}`)]);
+  alarm.take([...reached() ? [] : ['viewer'], ...state.alerts.filter(alert => alert.source !== 'run' || wasLive).map(alert => `${alert.source} ${alert.kind}`)]);
   const running = state.status === 'open' && reached() ? (performance.now() - received) / 1000 : 0;
   say('elapsed', clock(state.elapsed_s + running));
 }, 200);

@@ -15,10 +15,10 @@
 //   state      every second and with each record: status, records, first_index, last_index,
 //              elapsed_s, remaining_s, label, disk, events, and sensors: {NAME: {verdict, valid,
 //              age_s (since the end of its last valid slot), used, arrived (frames in its slot),
-//              lost, late, missing (records without it), residual_s}}; alerts of a live run:
-//              {source: sensor or disk, kind: "weak", "no data", "low"} each; with a model doubt:
-//              why the newest maps are unreliable as a group, or null; doubts: summary of the
-//              verdicts of the whole run
+//              lost, late, missing (records without it), residual_s}}; alerts: {source:
+//              sensor, disk or run, kind: "weak", "no data", "low", "crashed"} each; with a model
+//              doubt: why the newest maps are unreliable as a group, or null; doubts: summary of
+//              the verdicts of the whole run
 //   record     index, utc, label, live, sensors, rates and fits (tally.hpp), and spd (counts),
 //              radar (dB), beams (dB by range and sine of azimuth, for radars with antennas),
 //              camera (mm), map (m, the camera's depth on the grid of the maps); with a model

@@ -47,6 +47,15 @@ void add_clicks(MessageWriter& out, Json& head, const record::FusedRecord& r,
     head["zones"].push_back(z.has_direction() ? Json{z.x, z.y, z.width} : Json());
 }
 
+// Number of a resolved configuration.
+double setting_of(const record::RunInfo& info, const std::string& wanted, double otherwise) {
+  for_each_setting(info.config_resolved, [&](const std::string& key, const std::string& value) {
+    if (key == wanted) otherwise = std::strtod(value.c_str(), nullptr);
+  });
+  return otherwise;
+}
+double laser_hz(const record::RunInfo& info) { return setting_of(info, "tdc.laser_rate_hz", 0); }
+
 }  // namespace
 
 Message answer(bool ok, const std::string& text) {
@@ -74,6 +83,8 @@ Message Show::about_run(bool may_write) const {
            {"axes", axes},
            {"facts", facts()},
            {"trigger", trigger_levels()},
+           {"most_clicks_a_pulse",
+            setting_of(info, "signal.clicks_a_pulse", record::most_clicks_a_pulse)},
            {"baseline_m", record::radar_baseline_m(info.meta)},
            {"map", {{"size", grid.size}, {"half_tangent", grid.half_tangent}}},
            {"model", model_ ? Json(model_->name()) : Json()},
@@ -118,12 +129,12 @@ Json Show::disk() const {
 // Alerts by the limits alert.* of the run's configuration.
 Json Show::alerts() const {
   Json out = Json::array();
+  const std::string& status = run_.info().status;
+  if (!run_.live() && status != "complete") out.push_back({{"source", "run"}, {"kind", status}});
   if (!run_.live()) return out;
   record::AlertLimits limits;
-  for_each_setting(run_.info().config_resolved, [&](const std::string& key, const std::string& v) {
-    if (key == "alert.no_data_s") limits.no_data_s = std::strtod(v.c_str(), nullptr);
-    if (key == "alert.disk_free_gb") limits.disk_free_gb = std::strtod(v.c_str(), nullptr);
-  });
+  limits.no_data_s = setting_of(run_.info(), "alert.no_data_s", limits.no_data_s);
+  limits.disk_free_gb = setting_of(run_.info(), "alert.disk_free_gb", limits.disk_free_gb);
   const UtcTime now = clock_.utc();
   for (const Sensor s : all_sensors) {
     const SensorState& sensor = run_.sensors()[s];
@@ -201,7 +212,7 @@ Message Show::make_record(std::int64_t index, bool live) {
                                      {"lost", r.sync[s].lost}};
     Tally one;
     one.add(r, axes);
-    head.update(one.numbers(axes));
+    head.update(one.numbers(axes, laser_hz(run_.info())));
     if (r.has(Sensor::spd)) add_clicks(out, head, r, run);
     const Axis* radar = find(axes, "radar");
     if (r.has(Sensor::radar) && radar) out.add("radar", to_db(r.radar, *radar));
@@ -342,7 +353,7 @@ Message Show::sum(std::int64_t index, const ShowSum& asked) {
   MessageWriter out;
   if (!known.tally.clicks().empty()) out.add("spd", known.tally.clicks());
   if (const auto db = known.tally.profile_db(axes); !db.empty()) out.add("radar", db);
-  Json head = known.tally.numbers(axes, asked.range);
+  Json head = known.tally.numbers(axes, laser_hz(run_.info()), asked.range);
   head.update({{"kind", "sum"}, {"from", *first}, {"records", index - *first + 1}});
   return out.finish(std::move(head));
 }

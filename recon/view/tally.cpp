@@ -42,7 +42,7 @@ void Tally::add(const record::FusedRecord& r, const std::vector<Axis>& axes, int
     spd_records_ += sign;
     slots_s_ += sign * seconds(r.slot_end - r.slot_start);
     all_clicks_ += sign * (placed + static_cast<double>(c.without_start));
-    // Behind a conditional filter there are more pulses than starts.
+    starts_ += sign * static_cast<double>(c.starts);
     pulses_ += sign * (a_pulse > 0 ? placed / a_pulse : static_cast<double>(c.starts));
   }
   if (!r.has(Sensor::radar) || !radar) return;
@@ -59,23 +59,25 @@ std::vector<float> Tally::profile_db(const std::vector<Axis>& axes) const {
   return out;
 }
 
-Json Tally::rates(const Axis& axis) const {
+Json Tally::rates(const Axis& axis, double laser_hz) const {
   if (spd_records_ < 1 || slots_s_ <= 0) return nullptr;
   const std::size_t bins = bins_before_return(clicks_);
   double dark = 0;
   for (std::size_t i = 0; i < bins; ++i) dark += clicks_[i];
-  const double looked_s = pulses_ * static_cast<double>(bins) * axis.step * 1e-12;
-  return {{"sync_hz", pulses_ > 0 ? known(pulses_ / slots_s_) : Json()},
+  const double pulses = laser_hz > 0 ? laser_hz * slots_s_ : pulses_;
+  const double looked_s = pulses * static_cast<double>(bins) * axis.step * 1e-12;
+  return {{"sync_hz", starts_ > 0 ? known(starts_ / slots_s_) : Json()},
+          {"pulse_hz", pulses > 0 ? known(pulses / slots_s_) : Json()},
           {"click_hz", all_clicks_ / slots_s_},
           {"dark_hz", looked_s > 0 ? known(dark / looked_s) : Json()},
-          {"clicks_a_pulse", pulses_ > 0 ? known(all_clicks_ / pulses_) : Json()}};
+          {"clicks_a_pulse", pulses > 0 ? known(all_clicks_ / pulses) : Json()}};
 }
 
-Json Tally::numbers(const std::vector<Axis>& axes, const FitRange& range) const {
+Json Tally::numbers(const std::vector<Axis>& axes, double laser_hz, const FitRange& range) const {
   const Axis *spd = find(axes, "spd"), *radar = find(axes, "radar");
   Json out{{"rates", nullptr}, {"fits", {{"spd", nullptr}, {"radar", nullptr}}}};
   if (spd && spd_records_ > 0) {
-    out["rates"] = rates(*spd);
+    out["rates"] = rates(*spd, laser_hz);
     out["fits"]["spd"] =
         fit_json(fit_peak(clicks_, centres_m(*spd), range.from_m, range.to_m, true));
   }

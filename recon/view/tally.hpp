@@ -22,16 +22,18 @@ class Tally {
   void add(const record::FusedRecord& record, const std::vector<Axis>& axes, int sign = 1);
   const std::vector<double>& clicks() const { return clicks_; }        // by bin; empty without SPD
   std::vector<float> profile_db(const std::vector<Axis>& axes) const;  // empty without radar
-  // {"rates": {sync_hz, click_hz, dark_hz, clicks_a_pulse}, "fits": {spd, radar: {centre_m,
-  // error_m, fwhm_m}}}; unknown values are null. Dark rate: the clicks before the first return,
-  // per second in which the detector could count them.
-  nlohmann::json numbers(const std::vector<Axis>& axes, const FitRange& range = {}) const;
+  // {"rates": {sync_hz, pulse_hz, click_hz, dark_hz, clicks_a_pulse}, "fits": {spd, radar:
+  // {centre_m, error_m, fwhm_m}}}; unknown values are null. Syncs: those received; behind a
+  // conditional filter there are more pulses, by `laser_hz` or (0) by an estimate. Dark clicks:
+  // those before the first return, per second in which the detector could count them.
+  nlohmann::json numbers(const std::vector<Axis>& axes, double laser_hz = 0,
+                         const FitRange& range = {}) const;
 
  private:
-  nlohmann::json rates(const Axis& axis) const;
+  nlohmann::json rates(const Axis& axis, double laser_hz) const;
   std::vector<double> clicks_, power_;
   double spd_records_ = 0, radar_records_ = 0;
-  double slots_s_ = 0, all_clicks_ = 0, pulses_ = 0;  // records with SPD
+  double slots_s_ = 0, starts_ = 0, all_clicks_ = 0, pulses_ = 0;  // records with SPD
 };
 
 }  // namespace echofuse::view

@@ -88,6 +88,8 @@ TEST_CASE("dark rate counts the clicks before the first return per second of obs
   tally.add(r, axes);
   const auto numbers = tally.numbers(axes);
   CHECK(numbers["rates"]["sync_hz"] == 500'000);
+  CHECK(numbers["rates"]["pulse_hz"] == 500'000);
+  CHECK(tally.numbers(axes, 2e7)["rates"]["pulse_hz"] == 2e7);  // behind a filter
   CHECK(numbers["rates"]["click_hz"] == Approx(all / 2));
   CHECK(numbers["rates"]["clicks_a_pulse"] == Approx(all / 1e6));
   CHECK(numbers["rates"]["dark_hz"].get<double>() == Approx(25 / (1e6 * 100e-12)).epsilon(0.1));
