@@ -140,12 +140,13 @@ class Chip:
 
 def main():
     parser = bridge.parser(__doc__)
-    parser.add_argument("--listen", type=bridge.listen_address, default=("127.0.0.1", 41112))
-    parser.add_argument("--port", default="/dev/ttyACM0", help="serial port of the board")
+    parser.add_argument("--listen", type=bridge.listen_address, default=("127.0.0.1", 41112),
+                        help="where echofuse connects (127.0.0.1:41112)")
+    parser.add_argument("--port", default="/dev/ttyACM0", help="serial port of the board (/dev/ttyACM0)")
     parser.add_argument("--baud", type=int, default=115200, choices=(115200, 230400, 460800, 921600, 1000000),
-                        help="of the serial port")
+                        help="of the serial port (115200)")
     parser.add_argument("--exposure", type=bridge.number(float, 0.001, 60), default=EXPOSURE_S,
-                        help="seconds of a measurement")
+                        help=f"seconds of a measurement ({EXPOSURE_S:g})")
     parser.add_argument("--replay", metavar="FILE", help="send a log or the public captures (.json.gz), again "
                                                          "and again")
     options = parser.parse_args()

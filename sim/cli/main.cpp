@@ -162,7 +162,10 @@ void add_dataset(CLI::App& app, Command& command) {
   sub->add_option("--out", a->options.out, "run file to create (never overwritten)")
       ->type_name("RUN")
       ->required();
-  sub->add_option("--records", a->records, "number of records: a quarter people, the rest letters")
+  const sim::Plan plan;
+  sub->add_option("--records", a->records,
+                  "number of records: a quarter people, the rest letters; default: " +
+                      std::to_string(plan.people + plan.letters))
       ->check(count);
   sub->add_option("--people", a->people, "number of records of one person")->check(count);
   sub->add_option("--letters", a->letters, "number of records of a person with a letter")
@@ -172,7 +175,8 @@ void add_dataset(CLI::App& app, Command& command) {
       ->check(count);
   sub->add_option("--objects", a->objects, "number of records of the object (--set object=FILE)")
       ->check(count);
-  sub->add_option("--seed", a->seed, "random seed")->check(CLI::NonNegativeNumber);
+  sub->add_option("--seed", a->seed, "random seed; default: " + std::to_string(plan.seed))
+      ->check(CLI::NonNegativeNumber);
   add_plan_options(*sub, *a);
   sub->add_option("--like", a->like, "calibration file: simulate its response and axes")
       ->type_name("FILE");

@@ -94,6 +94,9 @@ recon evaluate seen.sqlite swapped.safetensors | 1 | seen.sqlite: is a run; expe
 view seen.sqlite --model seen.sqlite | 1 | seen.sqlite: is a run; expected a model file
 export --version | 0 | echofuse-export 
 bench --version | 0 | echofuse-bench 
+sim dataset --help | 0 | default: 4000
+bench stability --help | 0 | default: nearest mean-shape
+bench run --help | 0 | bench-runs)
 acquire info --version | 0 | echofuse-acquire 
 report --version | 0 | echofuse-report 
 acquire annotate seen.sqlite | 2 | expected either a text or --label TEXT

@@ -81,9 +81,9 @@ def main() -> None:
     one = command("pareto", "accuracy against cost, photons and records", _pareto)
     one.add_argument("train", help="run to train on")
     one.add_argument("test", help="run to judge by")
-    one.add_argument("--methods", nargs="+", metavar="METHOD",
-                     default=["empty", "mean", "nearest", "ridge", "mean-shape", "factorised-16",
-                              "mlp-512-256"])
+    usual = ["empty", "mean", "nearest", "ridge", "mean-shape", "factorised-16", "mlp-512-256"]
+    one.add_argument("--methods", nargs="+", metavar="METHOD", default=usual,
+                     help=f"default: {' '.join(usual)}")
     one.add_argument("--sweep", nargs="*", metavar="METHOD", default=[],
                      help="methods with fewer photons and records")
     stability.add_command(command("stability", "where methods fail", stability.run))

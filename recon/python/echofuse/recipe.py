@@ -75,13 +75,13 @@ def add_command(parser: argparse.ArgumentParser) -> None:
                         default=pathlib.Path(__file__).with_name("echofuse-bench-2.toml"),
                         help="TOML file (default: echofuse-bench-2)")
     parser.add_argument("--runs", type=pathlib.Path, default=pathlib.Path("bench-runs"),
-                        help="folder of the runs, made unless there")
+                        help="folder of the runs, made unless there (default: bench-runs)")
     parser.add_argument("--data", type=pathlib.Path, default=os.environ.get("ECHOFUSE_DATA"),
                         help="folder of the public data of real photons; without it that track is "
-                             "left out")
+                             "left out (default: $ECHOFUSE_DATA)")
     parser.add_argument("--methods", nargs="*", default=[], metavar="METHOD",
                         help="methods of your own, beside the recipe's")
-    parser.add_argument("--tracks", nargs="+", help="some of them")
+    parser.add_argument("--tracks", nargs="+", help="some of them (default: all)")
     parser.add_argument("--checksums", action="store_true",
                         help="print those of the runs, and measure nothing")
 

@@ -448,8 +448,9 @@ def falls_below(rows: Sequence[Row], axis: Axis) -> dict[str, list[str]]:
 
 
 def add_command(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--methods", nargs="+", metavar="METHOD",
-                        default=["nearest", "mean-shape", "factorised-16", "mlp-128-64"])
+    usual = ["nearest", "mean-shape", "factorised-16", "mlp-128-64"]
+    parser.add_argument("--methods", nargs="+", metavar="METHOD", default=usual,
+                        help=f"default: {' '.join(usual)}")
     parser.add_argument("--axes", nargs="+",
                         help="some of them, as shifted-snr; a wrong one lists all; default: all")
     parser.add_argument("--quick", action="store_true",
