@@ -55,10 +55,11 @@ class ApiPages(unittest.TestCase):
     def test_python_name_without_a_text(self):
         tree = self.copy()
         module = tree / "recon/python/echofuse/axis.py"
-        module.write_text(module.read_text().replace("    @property\n    def values", "    def secret(self) -> None:\n        pass\n\n    @property\n    def values"))
+        module.write_text(module.read_text().replace("    @property\n    def values", "    hidden: int = 0\n\n    def secret(self) -> None:\n        pass\n\n    @property\n    def values"))
         done = self.manual(tree)
         self.assertEqual(done.returncode, 1)
-        self.assertIn("echofuse.Axis.secret: method without a text", done.stderr)
+        self.assertIn("echofuse.Axis.secret has no text", done.stderr)
+        self.assertIn("echofuse.Axis.hidden has no text", done.stderr)
 
 
 if __name__ == "__main__":

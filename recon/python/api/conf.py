@@ -7,18 +7,23 @@ from typing import Any
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1]))
 
+from sphinx.pycode import ModuleAnalyzer  # noqa: E402
 from sphinx.util import logging  # noqa: E402
 
 project = "echofuse"
 extensions = ["sphinx.ext.autodoc"]
 autodoc_default_options = {"members": True, "undoc-members": True, "member-order": "bysource"}
-autodoc_typehints = "description"
 html_theme = "alabaster"
 
 
 def require_text(app: Any, what: str, name: str, obj: Any, options: Any, lines: list[str]) -> None:
-    if not any(lines):
-        logging.getLogger(__name__).warning("%s: %s without a text", name, what)
+    without = [] if any(lines) else [name]
+    if what == "class":
+        texts = ModuleAnalyzer.for_module(obj.__module__).find_attr_docs()
+        without += [f"{name}.{field}" for field in vars(obj).get("__annotations__", {})
+                    if not field.startswith("_") and (obj.__qualname__, field) not in texts]
+    for missing in without:
+        logging.getLogger(__name__).warning("%s has no text", missing)
 
 
 def setup(app: Any) -> None:

@@ -13,13 +13,13 @@ from numpy.typing import NDArray
 class Axis:
     """Axis of bins or pixels: value i is start + i * step."""
 
-    name: str
-    quantity: str
-    unit: str
-    count: int
-    start: float
-    step: float
-    scale: float
+    name: str  #: spd, radar, array, depth_x or depth_y
+    quantity: str  #: kind of the values: counts, power, covariance, tangent
+    unit: str  #: unit of the positions: ps, m or 1
+    count: int  #: number of values
+    start: float  #: position of value 0
+    step: float  #: distance of two values
+    scale: float  #: number of antennas, otherwise 1
 
     @property
     def values(self) -> NDArray[np.float64]:

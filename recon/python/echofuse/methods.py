@@ -72,11 +72,11 @@ class Method:
     sensors answers for records of one, too. source: hash of the code of a method of one's own.
     oracle: predict() gets the truth, too (class attribute `oracle`)."""
 
-    model: str
-    inputs: str
-    fit: Callable[[pathlib.Path, pathlib.Path, int, bool], Answer]
-    source: str = "-"
-    oracle: bool = False
+    model: str  #: name of the candidate, class or command
+    inputs: str  #: sensors that it takes; "-": its own choice
+    fit: Callable[[pathlib.Path, pathlib.Path, int, bool], Answer]  #: learns from a run
+    source: str = "-"  #: hash of the code of a method of one's own
+    oracle: bool = False  #: predict() gets the truth, too
 
     @property
     def name(self) -> str:

@@ -32,8 +32,8 @@ IMAGES = 64  # depth images in memory at once
 class Record:
     """One record of a run: run[3]. Its depth image is read when it is asked for."""
 
-    run: Run
-    row: int
+    run: Run  #: the run that it belongs to
+    row: int  #: its row in the run's arrays
 
     @property
     def index(self) -> int:

@@ -18,9 +18,9 @@ Rows = NDArray[np.int64]
 class Split:
     """Rows of a run, by their part in a training."""
 
-    train: Rows
-    validation: Rows
-    test: Rows
+    train: Rows  #: to fit
+    validation: Rows  #: to stop early
+    test: Rows  #: held out
 
 
 def split(run: Run, kind: str = "random", seed: int = 1, *, inputs: str = "fused",

@@ -168,8 +168,8 @@ class Source:
     """A run to come: make(folder) writes it there, and returns its path. Equal keys are the same
     run."""
 
-    key: str
-    make: Callable[[pathlib.Path], pathlib.Path]
+    key: str  #: identity of the run
+    make: Callable[[pathlib.Path], pathlib.Path]  #: writes it into a folder, returns its path
 
 
 def there(path: Path) -> Source:
@@ -182,13 +182,13 @@ def there(path: Path) -> Source:
 class Cell:
     """One row to come."""
 
-    axis: str
-    value: str
-    how: Method
-    seed: int
-    train: Source
-    test: Source
-    fallback: bool = False
+    axis: str  #: condition that changes
+    value: str  #: its value
+    how: Method  #: to be measured
+    seed: int  #: of the training
+    train: Source  #: run to learn from
+    test: Source  #: run to judge by
+    fallback: bool = False  #: records of one sensor are answered, too
 
     @property
     def head(self) -> Row:
