@@ -26,7 +26,7 @@ HELLO_PAUSE_S = 0.5      # the protocol asks for a heartbeat at least every seco
 FAREWELL_S = 2.0         # for the rest of the queue when the bridge ends
 DEAD_CLIENT_MS = 10_000  # a peer that acknowledges nothing for so long is gone
 LONGEST_RETRY_S = 2.0
-VERSION = "0.2.0"  # of the programs
+VERSION = "0.3.0"  # of the programs
 
 
 def say(text):

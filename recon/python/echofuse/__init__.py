@@ -17,7 +17,7 @@ from .netcdf import dataset as to_xarray
 from .run import Axis, Record, Run, open  # noqa: A004 (the name that is wanted)
 from .splits import Split, split
 
-__version__ = "0.2.0"
+__version__ = "0.3.0"
 
 __all__ = ["Axis", "Estimator", "Maps", "Model", "Record", "Run", "Split", "load_maps",
            "load_model", "metrics", "open", "record", "save_maps", "split", "to_xarray",
