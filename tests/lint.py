@@ -2,7 +2,8 @@
 # SPDX-License-Identifier: MIT
 """House rules that a script can check: one SPDX line a file, files of at most 500 lines, layout by
 clang-format 14 where it is installed; what comments begin with; every command, option and file that a text names
-exists, and every case that CTest is told; one type a name; uPlot as its hashes say."""
+exists, and every case that CTest is told; one type a name; no circle of includes or imports; uPlot as its hashes say."""
+import ast
 import base64
 import fnmatch
 import hashlib
@@ -97,6 +98,28 @@ for wing, (identifier, own, limit) in wings.items():
     if len(named) > limit:
         faults.append(f"{wing} is named in {len(named)} files outside its own, at most {limit} may: "
                       f"{', '.join(named)}")
+
+# Rooms include one another without a circle, and none of a later part; so do the modules of the Python package, except
+# for imports within functions.
+parts = ("drivers", "acquire", "recon", "sim")
+uses = {}
+for name, code in product.items():
+    room = name.rpartition("/")[0]
+    uses.setdefault(room, set()).update(set(re.findall(rf'#include "((?:{"|".join(parts)})/?[^"]*)/[^"/]+"', code)) - {room})
+faults += [f"{room} includes {other}, which is above it" for room, others in uses.items() for other in others
+           if parts.index(room.split("/")[0]) < parts.index(other.split("/")[0])]
+for path in (root / "recon/python/echofuse").glob("*.py"):
+    uses[path.stem] = {name for node in ast.parse(path.read_text(encoding="utf-8")).body
+                       if isinstance(node, ast.ImportFrom) and node.level == 1
+                       for name in ([node.module] if node.module else [alias.name for alias in node.names])}
+for start in uses:
+    reached, left = set(), list(uses[start])
+    while left:
+        if (name := left.pop()) not in reached:
+            reached.add(name)
+            left += uses.get(name, ())
+    if start in reached:
+        faults.append(f"{start} is in a circle of includes or imports, among {', '.join(sorted(reached))}")
 
 # The linker merges the functions of both, and one type's are called with the other's memory.
 faults += [f"{name} is defined in {' and '.join(sorted(files))}" for name, files in types.items() if len(files) > 1]
