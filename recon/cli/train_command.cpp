@@ -91,6 +91,11 @@ TrainedModel tune_model(const Arguments& a, bool test_share_given) {
 
 Dataset load_to_train(Arguments& a, double radar_bin_m) {
   Dataset data = load_runs(a);
+  if (a.model.empty()) a.model = usual_model(inputs_of(a.inputs), data.zones.size());
+  if (!a.empty.empty() && a.model != "auto" && !wants_alignment(candidate_of(a.model, {}).model))
+    throw Error(ExitCode::usage, "--empty: " + a.model +
+                                     " takes the records as they are; a factorised model or the "
+                                     "mean-shape knows what stands still");
   if (!a.empty.empty() && radar_bin_m > 0)
     throw Error(ExitCode::usage, "--empty does not go with radar_bin_m: give runs of such bins");
   bring_to_response(data, widest_response(data));
@@ -126,8 +131,8 @@ Command add_train(CLI::App& app, const Common& common) {
   app.add_option("--model", a->model,
                  model_help() +
                      ", or auto: the cheapest within one standard error of the best; default: " +
-                     usual_model(Inputs::fused) + " of both sensors, " + usual_model(Inputs::spd) +
-                     " of one")
+                     usual_model(Inputs::fused) + " of both sensors or zones, " +
+                     usual_model(Inputs::spd) + " of one sensor")
       ->check([](const std::string& text) { return text == "auto" ? "" : is_candidate(text); });
   app.add_option(
          "--from", a->from,
@@ -164,12 +169,6 @@ Command add_train(CLI::App& app, const Common& common) {
     if (tuning) check_from(app, a->assignments);
     TrainSettings settings(*a);
     take(a->assignments, settings);
-    if (a->model.empty()) a->model = usual_model(inputs_of(a->inputs));
-    if (!a->empty.empty() && a->model != "auto" &&
-        !wants_alignment(candidate_of(a->model, {}).model))
-      throw Error(ExitCode::usage, "--empty: " + a->model +
-                                       " takes the records as they are; a factorised model or the "
-                                       "mean-shape knows what stands still");
     check_can_save(a->out);
     const TrainedModel model = tuning ? tune_model(*a, settings.test_share_given)
                                       : train(load_to_train(*a, settings.radar_bin_m), *a);

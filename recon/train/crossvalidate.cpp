@@ -9,6 +9,14 @@
 #include "recon/numbers/text.hpp"
 
 namespace echofuse::recon {
+namespace {
+
+// Whether the inputs show on which side a body is.
+bool shows_sides(Inputs inputs, std::size_t zones) {
+  return both_sensors(inputs) || (inputs == Inputs::spd && zones > 0);
+}
+
+}  // namespace
 
 Summaries summarise(const Folds& folds, bool sequence) {
   std::vector<MapScores> all;
@@ -36,7 +44,8 @@ std::vector<CrossvalidatedRow> crossvalidate(const Dataset& data, const Rows& ro
   constexpr std::size_t folds = 4;
   const Inputs inputs = inputs_of(options.inputs);
   const bool sequence = options.split.kind == "blocked";
-  const auto names = options.candidates.empty() ? candidates(inputs) : options.candidates;
+  const auto names =
+      options.candidates.empty() ? candidates(inputs, data.zones.size()) : options.candidates;
   FitOptions fit = options.fit;
   fit.quiet = true;
   const bool aligned = std::any_of(names.begin(), names.end(), [&](const auto& name) {
@@ -70,9 +79,9 @@ std::vector<CrossvalidatedRow> crossvalidate(const Dataset& data, const Rows& ro
   return out;
 }
 
-std::vector<std::string> candidates(Inputs inputs) {
+std::vector<std::string> candidates(Inputs inputs, std::size_t zones) {
   std::vector<std::string> out = {"empty", "mean"};
-  if (both_sensors(inputs))
+  if (shows_sides(inputs, zones))
     for (const char* name :
          {"mean-shape", "factorised-4", "factorised-10", "factorised-16", "factorised-32"})
       out.emplace_back(name);
@@ -81,8 +90,8 @@ std::vector<std::string> candidates(Inputs inputs) {
   return out;
 }
 
-std::string usual_model(Inputs inputs) {
-  return both_sensors(inputs) ? "factorised" : "pca-mlp-256-256";
+std::string usual_model(Inputs inputs, std::size_t zones) {
+  return shows_sides(inputs, zones) ? "factorised" : "pca-mlp-256-256";
 }
 
 std::size_t cheapest_within_one_se(const std::vector<CrossvalidatedRow>& rows) {

@@ -27,10 +27,10 @@ Summaries summarise(const Folds& folds, bool sequence);
 std::vector<CrossvalidatedRow> crossvalidate(const Dataset& data, const Rows& rows,
                                              const TrainOptions& options);
 
-// Returns the candidates that suit these inputs, with sizes.
-std::vector<std::string> candidates(Inputs inputs);
+// Returns the candidates that suit these inputs of a detector with so many zones, with sizes.
+std::vector<std::string> candidates(Inputs inputs, std::size_t zones);
 // Default model: the one that "auto" chooses with a few thousand records.
-std::string usual_model(Inputs inputs);
+std::string usual_model(Inputs inputs, std::size_t zones = 0);
 
 // Returns the cheapest model (multiply-adds) within one standard error of the best IoU (Breiman et
 // al., Classification and Regression Trees, 1984, 3.4.3). Uses RMSE if there is no foreground and

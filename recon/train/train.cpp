@@ -14,8 +14,6 @@
 namespace echofuse::recon {
 namespace {
 
-// In a furnished room the SPD alone is nearly as good, but only with a network.
-constexpr const char* fallback_candidate = "pca-mlp-256-256";
 constexpr std::uint64_t fold_stream = 0x666f6c64;  // "fold"
 
 // The choice uses the training records only, never the test records.
@@ -65,7 +63,8 @@ std::vector<Wanted> wanted_of(const Dataset& data, const std::string& name,
   FitOptions of_spd;
   of_spd.seed = options.fit.seed, of_spd.quiet = options.fit.quiet;
   of_spd.epochs = options.fit.epochs;
-  out.push_back({fallback_candidate, Inputs::spd, "record", of_spd, enough_of_spd});
+  out.push_back(
+      {usual_model(Inputs::spd, data.zones.size()), Inputs::spd, "record", of_spd, enough_of_spd});
   return out;
 }
 

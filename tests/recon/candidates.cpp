@@ -36,6 +36,9 @@ TEST_CASE("model name may contain sizes, options supply the rest") {
   CHECK(candidate_of("mlp", {}).fit.hidden.value() == std::vector<std::size_t>{512, 256});
   CHECK(candidate_of("factorised-8", {}).fit.basis.value() == 8);
   CHECK(candidate_of(usual_model(Inputs::fused), {}).fit.basis.value() == 16);
+  CHECK(usual_model(Inputs::spd) == "pca-mlp-256-256");
+  CHECK(usual_model(Inputs::spd, 9) == "factorised");
+  CHECK(usual_model(Inputs::radar, 9) == "pca-mlp-256-256");
   CHECK(candidate_of("paper", {}).name == "mlp-512-256");
   CHECK(candidate_of("factorised-64", {}).fit.basis.value() == 64);
   CHECK(candidate_of("pca-mlp-32-16", {}).fit.basis.value() == 128);

@@ -102,10 +102,9 @@ TEST_CASE("a model takes all zones side by side, or their sum and then each") {
 
 namespace {
 
-// Lateral error of a factorised model without the radar. Two zones share the light of a body by its
-// side, or evenly.
-double lateral_error_m(bool by_side) {
-  Dataset data = load_plates(400);
+// Two zones share the light of a body by its side, or evenly.
+Dataset plates_in_zones(std::size_t records, bool by_side) {
+  Dataset data = load_plates(records);
   const Rows rows = all_rows(data.size());
   const Scene scene = learn_scene(data.depth, rows, data.map);
   data.zones = Zones(2), data.zone_spd = Matrix(rows.size(), 2 * data.spd.cols);
@@ -117,6 +116,13 @@ double lateral_error_m(bool by_side) {
       data.zone_spd.row(row)[data.spd.cols + c] = (0.5f + tangent) * data.spd.row(row)[c];
     }
   }
+  return data;
+}
+
+// Lateral error of a factorised model without the radar.
+double lateral_error_m(bool by_side) {
+  const Dataset data = plates_in_zones(400, by_side);
+  const Rows rows = all_rows(data.size());
   TrainOptions options;
   options.model = "factorised-4", options.inputs = "spd", options.uncertainty = false;
   options.fit.quiet = true, options.fit.epochs = 30;
@@ -130,4 +136,13 @@ double lateral_error_m(bool by_side) {
 TEST_CASE("the factorised model places a body by the detector's zones, without the radar") {
   CHECK(lateral_error_m(true) < 0.1);
   CHECK(lateral_error_m(false) > 0.3);
+}
+
+TEST_CASE("a detector's zones place a body if the radar is lost") {
+  TrainOptions options;
+  options.model = "ridge", options.uncertainty = false, options.fallback = true;
+  options.fit.quiet = true, options.fit.epochs = 2;
+  const TrainedModel model = train(plates_in_zones(60, true), options);
+  REQUIRE(model.estimators.size() == 2);
+  CHECK(model.estimators[1].name == "factorised");
 }
