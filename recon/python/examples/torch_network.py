@@ -19,10 +19,10 @@ class Network:
     def inputs(self, run) -> torch.Tensor:
         """[n, bins + points], each sensor scaled by itself, record by record."""
         counts = run.photons().reshape(len(run), -1)
-        parts = [np.sqrt(counts)] + ([np.sqrt(np.maximum(run.power(), 0))]
-                                     if "radar" in run.axes else [])
+        parts = [counts] + ([run.power()] if "radar" in run.axes else [])
+        roots = [np.sqrt(np.maximum(part, 0)) for part in parts]  # shifted counts ring below 0
         return torch.tensor(np.hstack([part / (np.linalg.norm(part, axis=1, keepdims=True) + 1e-9)
-                                       for part in parts]))
+                                       for part in roots]))
 
     def fit(self, run, rows: np.ndarray) -> None:
         x, maps = self.inputs(run)[rows], run.maps()[rows]
