@@ -5,6 +5,7 @@ import gzip
 import json
 import os
 import struct
+import subprocess
 
 import numpy as np
 import pytest
@@ -129,6 +130,11 @@ sum = ["nearest:spd"]
         for row in (value for key, value in rows.items() if key[0] == axis):
             assert 0.1 < float(row["iou"]) < 1 and float(row["depth_mae_m"]) < 0.1, row
     assert photon_track.shapes_in(data) == ["block", "block_random"]
+    recipe.write_text(recipe.read_text() + '[track.sha256]\nzones-train = "0"\n')
+    with pytest.raises(subprocess.CalledProcessError):
+        program("echofuse-bench", "run", "-q", "--recipe", recipe, "--data", data, "--runs", tmp_path / "runs", "--out",
+                tmp_path / "other.csv")
+    assert "its records are not those of the recipe" in capfd.readouterr().err
     test = tmp_path / "runs/photons-zones-block.sqlite"
     program("echofuse-recon", "-q", "train", tmp_path / "runs/photons-zones-train.sqlite", "--model", "mlp-mask-16", "--inputs",
             "spd", "--epochs", 3, "--out", tmp_path / "model")
