@@ -66,7 +66,8 @@ class Recording(unittest.TestCase):
             sent, clients, dropped = bridge.sent()
         self.assertEqual((clients, dropped), (1, 0))
         self.assertIn(f"arrived: {sent} tags", log)
-        self.assertEqual(self.device(), [("spd", "Time Tagger Ultra", "STAND-IN-1", "Version: 2 FPGA: 10")])
+        self.assertEqual(self.device(), [("spd", "Time Tagger Ultra", "STAND-IN-1",
+                                          "Version: 2 FPGA: 10; trigger levels 1: 0.5 V, 2: 0.5 V")])
         self.assertEqual([row["idx"] for row in rows], list(range(SLOTS)))
         full = rows[1:4]
         for row in full:
