@@ -9,9 +9,10 @@
 //              little-endian, row-major
 // header["kind"] is one of
 //   run        constants of the run: file, uuid, window_s, axes, grid of the maps, creator,
-//              model name, trigger (levels of the tagger), baseline_m (radar to the left of the
-//              detector, 0 if unknown), whether the model estimates its uncertainty (calibrated),
-//              facts (settings, devices: [name, text] each), may_write
+//              model name, trigger (levels of the tagger), most_clicks_a_pulse (limit of pile-up),
+//              baseline_m (radar to the left of the detector, 0 if unknown), whether the model
+//              estimates its uncertainty (calibrated), facts (settings, devices: [name, text]
+//              each), may_write
 //   state      every second and with each record: status, records, first_index, last_index,
 //              elapsed_s, remaining_s, label, disk, events, and sensors: {NAME: {verdict, valid,
 //              age_s (since the end of its last valid slot), used, arrived (frames in its slot),

@@ -23,7 +23,9 @@ constexpr std::size_t most_reference_records = 200;
 constexpr std::int64_t judged_records = 100;
 constexpr double judge_pause_s = 10;
 constexpr double track_s = 60;
-constexpr std::size_t most_places = 30;  // places in a track
+constexpr std::size_t most_events_searched = 1000;  // for a mark
+constexpr std::size_t most_places = 30;             // places in a track
+constexpr std::size_t most_places_kept = 1000;
 
 Json number(double value) { return std::isfinite(value) ? Json(value) : Json(); }
 
@@ -281,6 +283,8 @@ std::vector<float> Show::track(const record::RunReader& run, std::int64_t index)
     if (!minute.empty() && minute.front()->start - o->start > from_seconds(track_s)) break;
     minute.push_back(&*o);
   }
+  if (places_.size() > most_places_kept && !minute.empty())
+    places_.erase(places_.begin(), places_.lower_bound(minute.back()->index));
   const auto step = static_cast<std::int64_t>(minute.size() / most_places + 1);
   std::vector<float> out;
   for (const Outline* o : minute) {
@@ -318,11 +322,13 @@ std::optional<std::int64_t> Show::first_since_mark(std::int64_t index) const {
   const auto shown = std::ranges::find(all, index, &Outline::index);
   if (shown == all.end()) return std::nullopt;
   std::string mark;
-  for (const record::Event& e : run_.events())
-    if (e.level == "note" && e.utc <= iso8601(shown->end)) mark = e.utc;
+  run_.with_reader([&](const record::RunReader& run) {
+    for (const record::Event& e : run.last_events(most_events_searched))
+      if (e.level == "note" && e.utc <= iso8601(shown->end)) mark = e.utc;
+  });
   if (mark.empty()) return std::nullopt;
   const auto first =
-      std::ranges::find_if(all, [&](const Outline& o) { return iso8601(o.start) >= mark; });
+      std::ranges::partition_point(all, [&](const Outline& o) { return iso8601(o.start) < mark; });
   return first == all.end() || first->index > index ? index : first->index;
 }
 
