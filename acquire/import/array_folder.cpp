@@ -123,7 +123,7 @@ ArrayFolder::ArrayFolder(const std::string& folder, const ArraySettings& setting
                  " records");
   if (settings_.map_size > 0 && settings_.map_size < record::least_map_size)
     config_error("depth.map_size = " + std::to_string(settings_.map_size) +
-                 "; expected 0 or 16 to 256");
+                 "; expected 0 or 3 to 256");
   if (array_ && (!radar_ || antennas_.empty() || array_->shape()[1] != axes().back().count ||
                  array_->shape()[2] != record::values_of_bin(antennas_.size())))
     refuse(*array_, "its shape is " + array_->shape_text() +

@@ -33,7 +33,7 @@ struct MapGrid {
   // Tolerance: a thousandth of a pixel, and of the range.
   bool operator==(const MapGrid& other) const;
 };
-inline constexpr std::uint32_t least_map_size = 16, most_map_size = 256;
+inline constexpr std::uint32_t least_map_size = 3, most_map_size = 256;
 inline constexpr double least_map_half_tangent = 0.02, most_map_half_tangent = 3;
 inline constexpr double least_map_far_m = 0.1, most_map_far_m = 65;  // depth images end at 65.5 m
 

@@ -75,6 +75,7 @@ double ssim_near(const std::vector<double>& map, const Mask& mask, std::size_t s
 void score_similarity(MapScores& out, std::span<const float> raw, std::span<const float> truth,
                       const Scene& scene, const Mask& mask) {
   const std::size_t size = scene.grid.size;
+  if (size <= 2 * ssim_border) return;
   const auto map = ssim_map(raw, truth, size, scene.grid.far_m);
   out[metric_ssim] = out[metric_ssim_hard] = mean_of(map);
   out[metric_ssim_fg] = ssim_near(map, mask, size);

@@ -17,7 +17,7 @@ namespace echofuse::recon {
 inline constexpr std::size_t ssim_border = 5;  // half the window: pixels cropped on each side
 
 // Returns SSIM at each pixel of two size x size maps with a complete window: (size-10)^2 values,
-// row-major. `data_range` is the span of possible values (6 m), not of the actual ones.
+// row-major; size > 10. `data_range` is the span of possible values (6 m), not of the actual ones.
 std::vector<double> ssim_map(std::span<const float> a, std::span<const float> b, std::size_t size,
                              double data_range);
 

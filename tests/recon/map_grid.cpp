@@ -60,7 +60,7 @@ TEST_CASE("different maps and invalid map axes are refused") {
                                std::filesystem::copy_options::overwrite_existing);
     sql(dir / "bad", statement);
     CHECK_THAT(error_of([&] { load({dir / "bad"}); }),
-               Catch::Contains("bad: axes map_x, map_y and map_z: expected 16 to 256 pixels"));
+               Catch::Contains("bad: axes map_x, map_y and map_z: expected 3 to 256 pixels"));
   };
   refused("UPDATE axis SET count = 8 WHERE name LIKE 'map__'");
   refused("UPDATE axis SET step = 70 WHERE name = 'map_z'");
