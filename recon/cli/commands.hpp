@@ -24,6 +24,7 @@ using Command = std::function<ExitCode()>;
 Command add_train(CLI::App& app, const Common& common);
 Command add_evaluate(CLI::App& app, const Common& common);
 Command add_rows(CLI::App& app, const Common& common);
+Command add_compare(CLI::App& app, const Common& common);
 Command add_reconstruct(CLI::App& app, const Common& common);
 
 // Options that several commands have.

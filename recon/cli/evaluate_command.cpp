@@ -107,14 +107,8 @@ std::string paired_text(const std::vector<Judged>& all) {
 
 nlohmann::json paired_json(const std::vector<Judged>& all) {
   auto out = nlohmann::json::array();
-  for (std::size_t k = 1; k < all.size(); ++k) {
-    auto metrics = nlohmann::json::object();
-    for (const PairedDifference& d : differences_of(all, k))
-      metrics[metric_names[d.metric]] = {{"records", d.records}, {"first", d.first},
-                                         {"second", d.second},   {"mean", d.mean},
-                                         {"low", d.low},         {"high", d.high}};
-    out.push_back({{"model", all[k].name}, {"metrics", metrics}});
-  }
+  for (std::size_t k = 1; k < all.size(); ++k)
+    out.push_back({{"model", all[k].name}, {"metrics", to_json(differences_of(all, k))}});
   return out;
 }
 
@@ -303,6 +297,8 @@ ExitCode evaluate_maps(const Arguments& a, const Common& common) {
     nlohmann::json out = to_json(scored, baselines, rows.size(), note);
     out["left_out"] = reasons;
     out["answered"] = answered[0];
+    out["foreground_depth_m"] = judge.scene.foreground_depth_m;
+    out["paired"] = paired_json(all);
     for (std::size_t k = 0; k < all.size(); ++k)
       out["rows"][k]["answered"] = k < answered.size() ? answered[k] : rows.size();
     put(out);

@@ -31,6 +31,7 @@ int run(int argc, char** argv) {
   add("train", "fit a model to runs", add_train);
   add("rows", "which records train, validate and test, and why others are left out", add_rows);
   add("evaluate", "score a model on a run", add_evaluate);
+  add("compare", "intervals and paired differences of scores by record", add_compare);
   add("reconstruct", "depth maps of a run as pictures", add_reconstruct);
   try {
     parse_command_line(app, argc, argv);

@@ -28,4 +28,18 @@ void make_folder(const std::string& path) {
   if (code) throw Error(ExitCode::disk, path + ": cannot make this folder: " + code.message());
 }
 
+std::vector<std::string> csv_fields(const std::string& line) {
+  std::vector<std::string> out(1);
+  bool quoted = false;
+  for (const char c : line) {
+    if (c == '"')
+      quoted = !quoted;
+    else if (c == ',' && !quoted)
+      out.emplace_back();
+    else if (c != '\r')
+      out.back() += c;
+  }
+  return out;
+}
+
 }  // namespace echofuse::recon

@@ -2,6 +2,7 @@
 // Reading and writing of whole files, with errors that name them.
 #pragma once
 #include <string>
+#include <vector>
 
 #include "drivers/core/bytes.hpp"
 
@@ -11,5 +12,8 @@ Bytes read_file(const std::string& path);                     // throws Error(fa
 std::string read_text(const std::string& path);               // throws Error(failed)
 void write_file(const std::string& path, ByteView contents);  // as write_atomically()
 void make_folder(const std::string& path);                    // throws Error(disk)
+
+// Fields of a CSV line; quotes may hold commas.
+std::vector<std::string> csv_fields(const std::string& line);
 
 }  // namespace echofuse::recon

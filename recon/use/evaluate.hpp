@@ -21,6 +21,7 @@ struct ScoredRow {
 struct RunningCost {
   Cost cost;
   double infer_us_median = 0, infer_us_p99 = 0;  // scaling and prediction of one map, one thread
+  double infer_us_batch = 0;                     // per map, up to 1000 records at once
   double train_s = 0;
   std::size_t model_bytes = 0;
 };

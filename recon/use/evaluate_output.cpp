@@ -56,6 +56,7 @@ json to_json(const Evaluation& e) {
                 {"parameters", e.cost.cost.parameters},
                 {"infer_us_median", e.cost.infer_us_median},
                 {"infer_us_p99", e.cost.infer_us_p99},
+                {"infer_us_batch", e.cost.infer_us_batch},
                 {"train_s", e.cost.train_s},
                 {"model_bytes", e.cost.model_bytes}}}};
   if (!e.doubtful.empty())

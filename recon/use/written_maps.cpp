@@ -53,21 +53,6 @@ std::vector<float> depths(const std::string& path, std::int64_t index, std::vect
   return out;
 }
 
-// Fields of a CSV line; quotes may hold commas.
-std::vector<std::string> fields_of(const std::string& line) {
-  std::vector<std::string> out(1);
-  bool quoted = false;
-  for (const char c : line) {
-    if (c == '"')
-      quoted = !quoted;
-    else if (c == ',' && !quoted)
-      out.emplace_back();
-    else if (c != '\r')
-      out.back() += c;
-  }
-  return out;
-}
-
 bool has_map(const std::string& status) {
   return std::ranges::any_of(std::array{"ok", "radar lost", "antennas lost"},
                              [&](const char* begin) { return status.starts_with(begin); });
@@ -79,7 +64,7 @@ void read_table(const std::string& path, const Visit& visit) {
   std::istringstream text(read_text(path));
   std::string line;
   std::getline(text, line);
-  const auto head = fields_of(line);
+  const auto head = csv_fields(line);
   const auto column = [&](const char* name) {
     const auto at = std::ranges::find(head, name);
     if (at == head.end()) refuse(path, formatted("has no column \"%s\"", name));
@@ -87,7 +72,7 @@ void read_table(const std::string& path, const Visit& visit) {
   };
   const std::size_t index = column("record"), status = column("status");
   while (std::getline(text, line)) {
-    const auto fields = fields_of(line);
+    const auto fields = csv_fields(line);
     if (fields.size() <= std::max(index, status)) continue;
     std::int64_t number = 0;
     const std::string& word = fields[index];

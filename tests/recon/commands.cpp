@@ -174,6 +174,16 @@ TEST_CASE("models with different axes or sensors are compared on their common re
   CHECK(all["paired"][0]["metrics"]["iou"]["records"] == 45);
   const std::string table = contents(dir / "table.csv");
   CHECK(std::count(table.begin(), table.end(), '\n') == 1 + 3 * 45);
+  // The table gives the same differences, and intervals of each.
+  const nlohmann::json methods =
+      nlohmann::json::parse(recon_program("compare --json " + (dir / "table.csv")).text)["methods"];
+  REQUIRE(methods.size() == 3);
+  for (const char* key : {"mean", "low", "high"})
+    CHECK(methods[2]["difference"]["iou"][key].get<double>() ==
+          Approx(all["paired"][1]["metrics"]["iou"][key].get<double>()).margin(1e-6));
+  const nlohmann::json iou = methods[0]["metrics"]["iou"], mean = all["metrics"]["iou"]["mean"];
+  CHECK(iou["mean"].get<double>() == Approx(mean.get<double>()));
+  CHECK((iou["low"] < mean && mean < iou["high"]));
   // The SPD alone can use all records; a model compared with itself has equal scores.
   CHECK(judged(dir / "spd ")["records"] == 60);
   const nlohmann::json twice = judged((dir / "fused ") + (dir / "fused "));

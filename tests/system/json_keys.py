@@ -96,8 +96,10 @@ class JsonKeys(unittest.TestCase):
         self.assertEqual(len(self.check("echofuse-recon rows", self.call("echofuse-recon", "rows", "-q", "a.sqlite", "--json"))["records"]), 60)
         for model in ("mean-shape", "mean"):
             self.call("echofuse-recon", "train", "-q", "a.sqlite", "--model", model, "--out", f"{model}.safetensors")
-        found = self.check("echofuse-recon evaluate", self.call("echofuse-recon", "evaluate", "-q", "--json", "mean-shape.safetensors", "mean.safetensors", "b.sqlite"))
+        found = self.check("echofuse-recon evaluate", self.call("echofuse-recon", "evaluate", "-q", "--json", "--per-record", "t.csv", "mean-shape.safetensors", "mean.safetensors",
+                                                                   "b.sqlite"))
         self.assertTrue(found["paired"] and found["calibration"] and found["domain_shift"])
+        self.assertTrue(self.check("echofuse-recon compare", self.call("echofuse-recon", "compare", "t.csv", "--json"))["methods"][1]["difference"])
         for row in found["rows"]:
             self.assertEqual(list(differences(schema["echofuse-recon evaluate"], row | {"schema": 1, "data_crc32c": ""}, "rows")), [])
         self.call("echofuse-recon", "reconstruct", "-q", "mean-shape.safetensors", "b.sqlite", "--format", "npy", "--out", "maps")
