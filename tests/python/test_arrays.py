@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: MIT
 """Arrays of other programs become a run (echofuse.write_run, `echofuse-acquire import FOLDER`)."""
+import json
 import resource
 import subprocess
 
@@ -8,7 +9,7 @@ import pytest
 
 import echofuse
 from echofuse import antennas, derive
-from programs import BIN
+from programs import BIN, program
 
 ACQUIRE = str(BIN / "echofuse-acquire")
 
@@ -49,12 +50,12 @@ def test_a_row_of_nan_is_a_record_without_the_sensor(tmp_path):
 
 @pytest.mark.parametrize("said, arrays", [
     ("has neither spd.npy", {}),
-    ("radar.npy: has 4 rows", {"spd": np.ones((3, 5)), "radar": np.ones((4, 4))}),
-    ("spd.npy: its shape is [15]; expected 2 dimensions", {"spd": np.ones(15)}),
+    ("radar: has 4 rows", {"spd": np.ones((3, 5)), "radar": np.ones((4, 4))}),
+    ("spd: its shape is [15]; expected 2 dimensions", {"spd": np.ones(15)}),
     ("expected counts from 0 on", {"spd": -np.ones((3, 5))}),
     ("multiply by 16, if each row is a mean of that number", {"spd": np.arange(15).reshape(3, 5) / 16}),
     ("multiply a normalised histogram by its photons", {"spd": np.random.default_rng(1).random((3, 5))}),
-    ("spd.npy: has no rows", {"spd": np.ones((0, 5))}),
+    ("spd: has no rows", {"spd": np.ones((0, 5))}),
     ("nothing to import: 3 records, none with a valid sensor", {"spd": np.full((3, 5), np.nan)}),
     ("expected that of radar.npy and of radar.antennas",
      {"radar": np.ones((3, 5)), "array": np.ones((3, 5, 7)), "antennas": [(0, 0)]}),
@@ -193,3 +194,68 @@ def test_arrays_replace_those_of_a_run(tmp_path):
         assert np.array_equal(few.depth, run.depth[3:]) and np.array_equal(few.time, run.time[3:])
         assert few.meta == run.meta and few.info["notes"] == "mine" and few.info["started_utc"] == run.info["started_utc"]
         assert few.info["uuid"] != run.info["uuid"] and few.offset_m == {"radar": pytest.approx(-0.1)}
+
+
+@pytest.mark.parametrize("size", [3, 8])
+def test_small_maps_keep_their_size_through_training_and_judging(tmp_path, size):
+    rng = np.random.default_rng(1)
+    depth = np.where(rng.random((40, size, size)) < 0.5, 0, rng.uniform(1, 4, (40, size, size)))
+    run = write(tmp_path / "own", spd=rng.poisson(50, (40, 60)), depth_m=depth)
+    assert run.maps().shape == (40, size, size) and np.allclose(np.nan_to_num(run.maps()), depth, atol=5.1e-4)
+    model, maps = tmp_path / "m.safetensors", tmp_path / "maps"
+    program("echofuse-recon", "-q", "train", run.path, "--inputs", "spd", "--model", "ridge", "--out", model)
+    program("echofuse-recon", "-q", "reconstruct", model, run.path, "--out", maps, "--format", "npy,colour,ply")
+    assert echofuse.load_maps(maps)[0].shape == (40, size, size)
+    told = json.loads(subprocess.run([BIN / "echofuse-recon", "-q", "evaluate", model, run.path, "--json"], capture_output=True,
+                                     check=True).stdout)
+    assert told["metrics"]["iou"]["mean"] >= 0 and told["metrics"]["ssim"]["mean"] is None
+
+
+def test_a_sensor_that_was_not_given_is_not_configured_and_no_doubt(tmp_path):
+    run = write(tmp_path / "own", spd=scene()["spd"], began="2024-02-07")
+    told = json.loads(subprocess.run([ACQUIRE, "info", run.path, "--json"], capture_output=True, check=True).stdout)
+    assert told["verdicts"]["radar"] == told["verdicts"]["depth"] == {"not configured": 12}
+    assert told["doubtful"] == 0 and not told["doubts"]
+
+
+@pytest.mark.parametrize("said, arrays", [
+    ("spd: its shape is [15]; expected 2 dimensions", {"spd": np.ones(15)}),
+    ("radar: has 4 rows; spd has 3", {"spd": np.ones((3, 5)), "radar": np.ones((4, 4))}),
+    ("depth_m: row 0: a depth of 2900", {"spd": np.ones((3, 5)), "depth_m": np.full((3, 16, 16), 2900.0)}),
+    ("spd: row 1 has nan", {"spd": np.array([[1.0, 1], [np.nan, 1]])}),
+    ("2 labels for 3 records", {"spd": np.ones((3, 5)), "labels": ["a", "b"]}),
+])
+def test_a_refusal_names_the_argument_and_no_temporary_file(tmp_path, said, arrays):
+    with pytest.raises(RuntimeError) as refused:
+        write(tmp_path / "own", **arrays)
+    assert said in str(refused.value) and str(tmp_path) not in str(refused.value) and ".npy" not in str(refused.value)
+
+
+def test_a_split_takes_the_sensors_of_the_run_and_says_why_none_is_left(tmp_path):
+    depth = np.where(np.arange(16) < 8, 2.0, 3.0) * np.ones((12, 16, 1))
+    run = write(tmp_path / "own", depth_m=depth + np.random.default_rng(1).normal(0, 0.01, (12, 16, 16)), spd=scene()["spd"])
+    assert len(np.concatenate(list(vars(echofuse.split(run, test_share=0.25)).values()))) == 12
+    with pytest.raises(RuntimeError, match="no record has radar"):
+        echofuse.split(run, inputs="fused")
+    blind = write(tmp_path / "blind", **scene())
+    with pytest.raises(RuntimeError, match="no record has a depth map"):
+        echofuse.split(blind)
+
+
+@pytest.mark.parametrize("said, maps, index", [
+    ("index: record 3 has 2 maps", np.ones((2, 4, 4)), [3, 3]),
+    ("index: int64 [3]; expected 2 whole numbers", np.ones((2, 4, 4)), [1, 2, 3]),
+    ("index: float64 [2]; expected 2 whole numbers", np.ones((2, 4, 4)), [1, np.nan]),
+    ("has no record 12", np.ones((2, 4, 4)), [3, 12]),
+    ("depth_m: an array [4, 4]; expected [n, N, N]", np.ones((4, 4)), [3]),
+])
+def test_maps_with_wrong_indices_are_refused_with_a_sentence(tmp_path, said, maps, index):
+    run = write(tmp_path / "own", **scene())
+    with pytest.raises(ValueError) as refused:
+        echofuse.save_maps(tmp_path / "maps", maps, index, run=run)
+    assert said in str(refused.value) and not (tmp_path / "maps").exists()
+
+
+def test_a_folder_in_place_of_a_run_is_named(tmp_path):
+    with pytest.raises(IsADirectoryError, match="is a folder; expected the file of a run in it"):
+        echofuse.open(tmp_path)

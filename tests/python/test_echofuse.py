@@ -349,3 +349,11 @@ def test_xarray(folder):
     assert data.spd_range.attrs["units"] == data.depth.attrs["units"] == "m" and data.spd_range[0] == pytest.approx(2, abs=0.01)
     assert set(data.spd_verdict.values) == {"ok"}
     assert int((data.label == "person").sum()) == 15
+
+
+def test_a_run_as_a_table_of_pandas(folder):
+    pytest.importorskip("pandas")
+    run = echofuse.open(folder / "monday")
+    table = run[[3, 7]].to_pandas()
+    assert table.index.name == "record" and table.index.tolist() == [3, 7] and table.label.tolist() == [run.labels[3], run.labels[7]]
+    assert table.spd_valid.all() and table.time.iloc[0] == run.time[3] and (table.length_s > 0).all()

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: MIT
 """The method in Python (recon/python/echofuse/method.py) makes the maps of the program: the same pixels show a body, and
 their depths agree to 0.1 mm."""
+import dataclasses
 import json
 import sqlite3
 import subprocess
@@ -124,6 +125,14 @@ def test_a_model_says_what_it_takes_and_takes_arrays(runs, tmp_path):
         model.predict(spd=run.photons()[:, :3], radar=run.power())
     with pytest.raises(ValueError, match="as many records"):
         model.predict(spd=run.photons()[:7], radar=run.power())
+    spd = run.photons()
+    spd[7, 3] = np.nan
+    with pytest.raises(ValueError, match="spd: row 7 has a value that is not finite"):
+        model.predict(spd=spd, radar=run.power())
+    with pytest.raises(ValueError, match=r"its spd axis has \d+ points of counts from -?[\d.e+]+ ps by 120; .* takes \d+ points of counts from"):
+        model.predict(spd=run.photons(), radar=run.power(), axes={"spd": dataclasses.replace(run.axes["spd"], step=120.0)})
+    assert np.array_equal(maps[3], maps.depth_m[3], equal_nan=True) and maps[[1, 2]].index.tolist() == [1, 2]
+    assert len(maps[maps.index > 50]) == 9 and maps[-2:].inputs == maps.inputs[-2:]
     for table in (run.spd, run.radar, run.depth):
         with pytest.raises(ValueError, match="read-only"):
             table[0] = 0

@@ -97,3 +97,7 @@ def test_stability_over_names_has_bars(folder):
     assert not [line for line in ax.lines if line.get_linestyle() == "-" and len(line.get_xdata()) > 1]
     crosses = [line for line in ax.lines if line.get_marker() == "x"]
     assert len(crosses) == 1 and crosses[0].get_xdata().tolist() == [1]
+
+
+def test_a_notebook_shows_what_a_plot_returns(folder):
+    assert plot.record(folder / "test.sqlite", 0)._repr_png_().startswith(b"\x89PNG")

@@ -11,10 +11,11 @@ method on one page).
 """
 from . import metrics
 from .acquire import record, write_run
+from .axis import Axis
 from .model import Estimator, Maps, Model, load_model
 from .maps import load_maps, save_maps
 from .netcdf import dataset as to_xarray
-from .run import Axis, Record, Run, open  # noqa: A004 (the name that is wanted)
+from .run import Record, Run, open  # noqa: A004 (the name that is wanted)
 from .splits import Split, split
 
 __version__ = "0.3.0"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import pathlib
+import re
 import signal
 import subprocess
 import tempfile
@@ -117,6 +118,10 @@ def import_arrays(out: str | pathlib.Path, sections: dict[str, dict[str, Any]],
                 np.save(pathlib.Path(folder, f"{name}.npy"), np.ascontiguousarray(array, kind))
         words = [acquire_program(program), "import", folder, "--out", os.fspath(out)]
         done = subprocess.run([*words, *options], capture_output=True, text=True, check=False)
+        said = done.stderr.strip().replace("echofuse-acquire: ", "")
+        said = said.replace(f"{folder}/depth.npy", "depth_m")
+        said = re.sub(rf"{re.escape(folder)}/(\w+)\.npy", r"\1", said)
+        said = re.sub(rf"{re.escape(folder)}(/run\.toml)?: ", "", said)
     if done.returncode:
-        raise RuntimeError((done.stderr.strip().splitlines()
+        raise RuntimeError((said.splitlines()
                             or [f"echofuse-acquire ended with exit code {done.returncode}"])[-1])

@@ -36,4 +36,4 @@ def beams(run: Run, sines: NDArray[np.float64]) -> NDArray[np.float64]:
     of_two = array[..., 3 * count:-2]
     out = array[..., 2 * count:3 * count] @ abs(h) ** 2
     out += 2 * ((of_two[..., 0::2] + 1j * of_two[..., 1::2]) @ (h[first] * h[last].conj())).real
-    return out / count ** 2
+    return np.asarray(out / count ** 2)

@@ -21,6 +21,10 @@ class Axis:
     step: float  #: distance of two values
     scale: float  #: number of antennas, otherwise 1
 
+    def __str__(self) -> str:
+        return (f"{self.count} points of {self.quantity} from {self.start:g} {self.unit} by "
+                f"{self.step:g}")
+
     @property
     def values(self) -> NDArray[np.float64]:
         """Positions [count], in `unit`."""

@@ -3,6 +3,7 @@
 of d values; t and f are the tensors and facts of one estimator."""
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -33,9 +34,10 @@ def predict(t: dict[str, Array], f: dict[str, Any], counts: Array, power: Array)
 def scaled(t: dict[str, Array], f: dict[str, Any], counts: Array, power: Array) -> Array:
     """[n, bins + points]: each sensor brought to a common strength, so that neither drowns the
     other."""
-    strength = {"plain": lambda x: x, "sqrt": lambda x: np.sqrt(np.maximum(x, 0)),
-                "record": normalised,
-                "root": lambda x: np.sqrt(np.maximum(normalised(x), 0))}[f["scaling"]]
+    strengths: dict[str, Callable[[Array], Any]] = {
+        "plain": lambda x: x, "sqrt": lambda x: np.sqrt(np.maximum(x, 0)), "record": normalised,
+        "root": lambda x: np.sqrt(np.maximum(normalised(x), 0))}
+    strength = strengths[f["scaling"]]
     taken = [(counts, f["features/spd_gain"])] * (f["inputs"] != "radar") + [
         (power, f["features/radar_gain"])] * (f["inputs"] != "spd")
     gains = np.repeat([gain for _, gain in taken], [x.shape[1] for x, _ in taken])

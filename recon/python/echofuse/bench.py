@@ -28,8 +28,8 @@ import numpy as np
 from . import __version__, letters, recipe, stability
 from . import run as runs
 from .maps import load_maps
-from .methods import BenchError, Method, UsageError, measure, method, python_method
-from .programs import EXIT_CODES
+from .methods import Method, measure, method, python_method
+from .programs import EXIT_CODES, BenchError, UsageError
 from .table import (Cell, Source, Table, fill, finish, markdown, means, of_runs, pareto_cells,
                     there)
 

@@ -53,7 +53,8 @@ def copy(path: str | pathlib.Path, out: str | pathlib.Path, *changes: Change) ->
         for change in changes:
             change(records)
         bits = sum(np.where(records.lost[name], 0, bit) for name, bit in runs.SENSORS.items())
-        tables = {"index": run.index, "valid": np.asarray(bits, np.uint8), "spd": records.spd,
+        tables: dict[str, NDArray[Any]] = {
+                  "index": run.index, "valid": np.asarray(bits, np.uint8), "spd": records.spd,
                   "radar": records.radar}
         sections: dict[str, dict[str, Any]] = {
             "": {"run": str(run.path.resolve())},

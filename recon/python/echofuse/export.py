@@ -184,7 +184,8 @@ def write_h5(run: Run, path: pathlib.Path, told: Told) -> int:
         index = put(data, "record", run.index, units="1")
         write_head(entry, run, tables)
         signals = make_signals(entry, run)
-        unreadable, valid = {}, {sensor: np.zeros(len(run), np.uint8) for sensor in SENSORS}
+        unreadable: dict[int, bytes] = {}
+        valid = {sensor: np.zeros(len(run), np.uint8) for sensor in SENSORS}
         for first, part, faults in blocks(run, told):
             last = first + len(part)
             unreadable |= {first + row: fault.encode() for row, fault in faults.items()}
@@ -204,10 +205,12 @@ def write_h5(run: Run, path: pathlib.Path, told: Told) -> int:
             verdicts = marked(record[f"{sensor}_verdict"], unreadable)
             put(data, f"{sensor}_verdict", np.array(verdicts, "S"), index)
         for table, columns in tables.items():
-            group, first = entry.require_group(f"tables/{table}"), next(iter(columns.values()))
-            along = put(group, "row", np.arange(len(first))) if first.dtype.kind == "S" else None
+            group, key = entry.require_group(f"tables/{table}"), next(iter(columns.values()))
+            along = put(group, "row", np.arange(len(key))) if key.dtype.kind == "S" else None
             for name, values in columns.items():
-                more = {} if values.dtype.kind == "S" else {"units": units_of(table, name)}
+                more: dict[str, Any] = {}
+                if values.dtype.kind != "S":
+                    more = {"units": units_of(table, name)}
                 if name == "mono_ns" or (table == "record" and more.get("units") == "ns"):
                     more = OF_THE_MACHINE
                 if values.dtype.kind == "i" and (values == NULL_INTEGER).any():
@@ -265,7 +268,8 @@ def main() -> None:
             print(f"\rexport {done}/{len(run)} ", end="" if done < len(run) else "\n",
                   file=sys.stderr)
 
-    sys.excepthook = sys.unraisablehook = lambda *_: None  # said by objects of HDF5 at their end
+    sys.excepthook = lambda *_: None  # objects of HDF5 print at their end
+    sys.unraisablehook = lambda _: None
     try:
         try:
             run = runs.open(args.run)

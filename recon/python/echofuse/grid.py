@@ -62,6 +62,14 @@ def to_map(columns: list[tuple[int, int]], rows: list[tuple[int, int]], size: tu
     return of_cells
 
 
+def rows_of(count: int, rows: Any) -> NDArray[np.int64]:
+    """Rows of `count` by a slice, a mask or a list. Raises IndexError."""
+    wanted: slice | NDArray[Any] = rows if isinstance(rows, slice) else np.asarray(rows)
+    if isinstance(wanted, np.ndarray) and not wanted.size:
+        wanted = wanted.astype(int)  # the type of an empty list is float
+    return np.asarray(np.arange(count)[wanted])
+
+
 def read_only(table: NDArray[Any]) -> NDArray[Any]:
     """The array itself, which nobody changes by mistake now; its copy() can be changed."""
     table.flags.writeable = False

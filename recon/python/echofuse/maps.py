@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import csv
 import pathlib
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -22,12 +22,28 @@ def origin_of(run: Run) -> str:
     return f"{run.info['uuid']}\n{printable(str(run.path))}\n"
 
 
+def require_indices(maps: NDArray[Any], index: NDArray[Any], run: Run | None) -> None:
+    """Raises ValueError unless there is one record of the run for each map."""
+    if maps.ndim != 3 or maps.shape[1] != maps.shape[2]:
+        raise ValueError(f"depth_m: an array {list(maps.shape)}; expected [n, N, N]")
+    if index.shape != maps.shape[:1] or (index.size and index.dtype.kind not in "iu"):
+        raise ValueError(f"index: {index.dtype} {list(index.shape)}; expected {len(maps)} whole "
+                         "numbers, the index of each map's record")
+    known, count = np.unique(index, return_counts=True)
+    if (count > 1).any():
+        raise ValueError(f"index: record {known[count > 1][0]} has {count[count > 1][0]} maps")
+    if run is not None and (missing := np.setdiff1d(index, run.index)).size:
+        raise ValueError(f"index: {run.path} has no record {missing[0]}; expected run.index of "
+                         "these rows")
+
+
 def save_maps(folder: str | pathlib.Path, depth_m: ArrayLike, index: ArrayLike,
               origin: str = "", *, run: Run | None = None) -> None:
     """Writes maps [n, N, N] (metres, NaN: no return) of the records with these indices [n]. run:
     their run, which run.txt names; origin: the text of run.txt. Without both the folder names no
-    run. Raises FileExistsError for a folder with maps of another run."""
-    folder = pathlib.Path(folder)
+    run. Raises FileExistsError for a folder with maps of another run, ValueError."""
+    folder, maps, indices = pathlib.Path(folder), np.asarray(depth_m), np.asarray(index)
+    require_indices(maps, indices, run)
     folder.mkdir(parents=True, exist_ok=True)
     if run is not None:
         origin = origin_of(run)
@@ -39,8 +55,8 @@ def save_maps(folder: str | pathlib.Path, depth_m: ArrayLike, index: ArrayLike,
         with replaced(folder / "run.txt") as new:
             new.write_text(origin)
     with replaced(folder / "maps.npy") as new, open(new, "wb") as binary:
-        np.save(binary, np.ascontiguousarray(depth_m, "<f4"))
-    lines = ["record,status", *(f"{int(i)},ok" for i in np.asarray(index).tolist())]
+        np.save(binary, np.ascontiguousarray(maps, "<f4"))
+    lines = ["record,status", *(f"{int(i)},ok" for i in indices.tolist())]
     with replaced(folder / "records.csv") as new:
         new.write_text("\n".join(lines) + "\n")
 

@@ -76,8 +76,9 @@ class Method:
         if power.size:
             g, points = self.profile(r, power)  # (4)
             of_radar = [self.correlation(h, g, points), g]
-        return np.concatenate([*of_radar[:-1], h, np.concatenate(of_zones) / total, of_radar[-1],
-                               self.antennas(r, lags), [r]]).astype(np.float32)
+        features = [*of_radar[:-1], h, np.concatenate(of_zones) / total, of_radar[-1],
+                    self.antennas(r, lags), [r]]
+        return np.asarray(np.concatenate(features), np.float32)
 
     def about(self, r: np.floating[Any], n: Array, bin_m: float) -> Array:
         """Counts n [bins] in bins of this width about r."""

@@ -6,16 +6,18 @@ from __future__ import annotations
 import json
 import pathlib
 import struct
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import baselines, grid
 from . import run as runs
-from .axis import tangents
+from .axis import Axis, tangents
 from .crc32c import crc32c
+from .grid import rows_of
 from .maps import origin_of, save_maps
 from .method import Method
 from .response import MUCH_NARROWER, Response, filter_between, filtered, stated_in
@@ -61,7 +63,7 @@ class Estimator:
                      for name, taken in takes.items() if taken
                      and self.f.get(f"axes/{name}/count", 0)}
 
-    def matched(self, name: str, axis: runs.Axis | None, table: NDArray[Any]) -> NDArray[Any]:
+    def matched(self, name: str, axis: Axis | None, table: NDArray[Any]) -> NDArray[Any]:
         """Values on the axis that the estimator takes of the sensor; none if it does without."""
         return (table[:, :0] if axis is None
                 or name not in self.axes else axis.resampled(table, self.axes[name]))
@@ -82,7 +84,7 @@ class Arrays:
     """Arrays in place of a run, at true ranges, of records that have all that is given: counts [n,
     bins], linear power [n, points], lags [n, points, 2 D + 1] (Run.lags)."""
 
-    def __init__(self, axes: dict[str, runs.Axis], spd: ArrayLike | None, radar: ArrayLike | None,
+    def __init__(self, axes: dict[str, Axis], spd: ArrayLike | None, radar: ArrayLike | None,
                  lags: ArrayLike | None) -> None:
         given = {name: np.asarray(table, np.float32)
                  for name, table in (("spd", spd), ("radar", radar), ("array", lags))
@@ -93,6 +95,9 @@ class Arrays:
                 wanted = (f"[n, {axes[name].count}]" if name in axes
                           else "none, as there is no axis of it")
                 raise ValueError(f"{name}: an array {list(table.shape)}; expected {wanted}")
+            if bad := np.flatnonzero(~np.isfinite(table).reshape(len(table), -1).all(1)).tolist():
+                raise ValueError(f"{name}: row {bad[0]} has a value that is not finite; leave out "
+                                 f"{len(bad)} of {len(table)} rows")
         if len({len(table) for table in given.values()}) != 1:
             raise ValueError(
                 "spd and radar: expected arrays of as many records each, at least of one sensor")
@@ -133,6 +138,21 @@ class Maps:
 
     def __len__(self) -> int:
         return len(self.index)
+
+    @overload
+    def __getitem__(self, rows: int | np.integer[Any]) -> NDArray[np.float32]: ...
+
+    @overload
+    def __getitem__(self, rows: slice | Sequence[int] | NDArray[Any]) -> Maps: ...
+
+    def __getitem__(self, rows: Any) -> NDArray[np.float32] | Maps:
+        """maps[3], maps[-1]: a map [N, N], metres; maps[10:20], maps[[1, 2]], maps[mask]: these as
+        Maps. Raises IndexError."""
+        if isinstance(rows, (int, np.integer)):
+            return np.asarray(self.depth_m[rows])
+        chosen = rows_of(len(self), rows)
+        return replace(self, depth_m=self.depth_m[chosen], index=self.index[chosen],
+                       inputs=[self.inputs[row] for row in chosen])
 
     def __repr__(self) -> str:
         size = self.depth_m.shape[1]
@@ -182,15 +202,15 @@ class Model:
                 + f"; maps of {first.size} x {first.size}>")
 
     @property
-    def takes(self) -> dict[str, runs.Axis]:
+    def takes(self) -> dict[str, Axis]:
         """The axes of "spd" (counts), "radar" (linear power) and "array" (lags of antennas) that it
         was trained on."""
-        return {name: runs.Axis(name, **axis) for name, axis in self.estimators[0].axes.items()}
+        return {name: Axis(name, **axis) for name, axis in self.estimators[0].axes.items()}
 
     def predict(self, run: runs.Run | str | pathlib.Path | None = None, *,
                 spd: ArrayLike | None = None,
                 radar: ArrayLike | None = None, lags: ArrayLike | None = None,
-                axes: dict[str, runs.Axis] | None = None,
+                axes: dict[str, Axis] | None = None,
                 range_offset_m: float = 0) -> Maps:
         """Maps of all records that an estimator can answer for: of a run (or its path), or of
         arrays: counts spd [n, bins] and linear power radar [n, points] at true ranges, on these
@@ -229,20 +249,19 @@ class Model:
             rows = np.flatnonzero(able & (by < 0))
             if len(rows) == 0:
                 continue
-            axes = {"spd": run.axes.get("spd"), "radar": run.power_axis, "array": run.lags_axis}
-            for name, axis in axes.items():
+            given = {"spd": run.axes.get("spd"), "radar": run.power_axis, "array": run.lags_axis}
+            for name, axis in given.items():
                 if name in estimator.axes and not (axis and axis.is_near(estimator.axes[name])):
                     raise ValueError(
-                        f"{run.path}: its {name} axis is {axis}; {self.path} takes "
-                        f"{estimator.axes[name]}")
+                        f"{run.path}: its {name} axis has {axis or 'no points'}; {self.path} takes "
+                        f"{Axis(name, **estimator.axes[name])}")
             by[rows] = k
-            spd_part, *of_radar = (estimator.matched(name, axes[name], table[rows])
-                                   for name, table in
-                                   (("spd", counts), ("radar", power), ("array", lags)))
-            zones = zones_of(estimator, run, photons, rows)
+            taken = {name: estimator.matched(name, given[name], table[rows])
+                     for name, table in (("spd", counts), ("radar", power), ("array", lags))}
             if weights is not None:
-                of_radar = [filtered(table, weights) for table in of_radar]
-            maps[rows] = estimator.predict(spd_part, *of_radar, zones)
+                taken |= {name: filtered(taken[name], weights) for name in ("radar", "array")}
+            maps[rows] = estimator.predict(taken["spd"], taken["radar"], taken["array"],
+                                           zones_of(estimator, run, photons, rows))
         seen = np.flatnonzero(by >= 0)
         half = first.f["scene/map_half_tangent"]
         axes = [tangents(name, first.size, half) for name in ("depth_x", "depth_y")]

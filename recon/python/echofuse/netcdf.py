@@ -70,7 +70,9 @@ def engine() -> str:
 def write(run: Run, path: pathlib.Path, told: Told) -> int:
     """The first block by xarray, the others behind it, in the same encoding."""
     import h5py
-    from xarray.conventions import cf_encoder
+    from xarray import conventions
+
+    encoded: Any = conventions.cf_encoder  # xarray states no types
 
     unreadable = 0
     for first, part, faults in blocks(run, told):
@@ -92,7 +94,7 @@ def write(run: Run, path: pathlib.Path, told: Told) -> int:
         of_records = {name: each for name, each in data.variables.items()
                       if each.dims[:1] == ("record",)}
         with h5py.File(path, "a") as file:
-            for name, each in cf_encoder(of_records, {})[0].items():
+            for name, each in encoded(of_records, {})[0].items():
                 file[name].resize(first + len(part), 0)
                 file[name][first:] = each.values
     return unreadable

@@ -10,6 +10,7 @@ figure of one's own to draw into, one or as many as the plot has.
 from __future__ import annotations
 
 import csv
+import io
 import pathlib
 import re
 from collections.abc import Iterable, Sequence
@@ -40,6 +41,15 @@ Panels = Union[Axes, Sequence[Axes], None]
 # Panels
 
 
+class Picture(Figure):  # type: ignore[misc]
+    """A Figure that a notebook shows as the value of a cell, also without pyplot."""
+
+    def _repr_png_(self) -> bytes:
+        out = io.BytesIO()
+        self.savefig(out, format="png")
+        return out.getvalue()
+
+
 def figure(columns: int = 1, rows: int = 1, wide: float = 4.6, high: float = 3.4,
            ax: Panels = None) -> tuple[Figure, NDArray[Any]]:
     """A new figure and its panels, or those that are given. Raises ValueError for too few."""
@@ -48,7 +58,7 @@ def figure(columns: int = 1, rows: int = 1, wide: float = 4.6, high: float = 3.4
         if len(axes) < columns * rows:
             raise ValueError(f"ax: {len(axes)} panels; expected {columns * rows}")
         return axes[0].figure, axes[:columns * rows]
-    made = Figure(figsize=(wide * columns, high * rows), layout="constrained")
+    made = Picture(figsize=(wide * columns, high * rows), layout="constrained")
     FigureCanvasAgg(made)
     axes = made.subplots(rows, columns, squeeze=False).ravel()
     for panel in axes:
@@ -337,7 +347,9 @@ def pareto(path: Path, *, bound_m: float | None = None, axis: str = "model",
                        label="Pareto front")
             panel.legend(fontsize=7, frameon=False, ncols=1 + len(shown) // 6, loc="upper left",
                          bbox_to_anchor=(0, -0.15))
-            panel.set(xlabel="time of one map on one thread (µs, median)", ylabel="IoU")
+            panel.set(xlabel="time of a map, one record at a time (µs, median)", ylabel="IoU")
+            if without:
+                panel.set_title(f"no time: {', '.join(without)}", loc="left", fontsize=7, wrap=True)
         else:
             if bound_m:
                 panel.axhline(100 * bound_m, color=COLOURS["grey"], ls="--", lw=1)

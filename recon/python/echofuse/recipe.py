@@ -13,7 +13,8 @@ from typing import Any
 
 from . import photon_track
 from . import table as tables
-from .methods import BenchError, Method, UsageError, call, method, version
+from .methods import Method, method, version
+from .programs import BenchError, UsageError, call
 from .table import checksum
 
 

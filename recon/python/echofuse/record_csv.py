@@ -29,9 +29,10 @@ def write(run: Run, index: int, path: pathlib.Path) -> int:
              "# spd: x = two-way time in ps, value = counts" + ", y = zone" * bool(part.zones),
              "# radar: x = range in m, value = as in the run's radar axis",
              "# depth: x, y = tangents, value = mm, 0 = no return"]
-    beams = antennas.beams(part, sines := (2 * np.arange(32) + 1) / 32
-                           - 1) if "array" in part.axes and part.antennas else None
-    if has_array := beams is not None and not np.isnan(beams).any():
+    sines = (2 * np.arange(32) + 1) / 32 - 1
+    beams = (antennas.beams(part, sines) if "array" in part.axes and part.antennas
+             else np.full((1, 1, 1), np.nan))
+    if has_array := not np.isnan(beams).any():
         lines.append(
             "# array: x = range in m, y = sine of the azimuth (right: above 0), value = power that "
             "comes from there, "

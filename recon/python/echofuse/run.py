@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from . import grid, pile_up, zones
 from .axis import Axis, tangents
 from .damaged import names_its_file
-from .grid import inflated, read_only, shifted
+from .grid import inflated, read_only, rows_of, shifted
 from .run_files import STATISTICS, connect, leftovers, meta_of, status_of, table
 
 SENSORS = {"spd": 1, "radar": 2, "depth": 4}  # bits of record.valid
@@ -74,11 +74,13 @@ class Record:
 
 def open(path: str | pathlib.Path) -> "Run":  # noqa: A001 (the name that is wanted)
     """The run of this file, or of the name that `echofuse-acquire run --out` got. Raises
-    FileNotFoundError, or ValueError for a file that is no run."""
+    FileNotFoundError, IsADirectoryError, or ValueError for a file that is no run."""
     found = pathlib.Path(path)
     if not found.is_file() and found.suffix != ".sqlite":
         found = pathlib.Path(f"{found}.sqlite")
     if not found.is_file():
+        if pathlib.Path(path).is_dir():
+            raise IsADirectoryError(f"{path}: is a folder; expected the file of a run in it")
         raise FileNotFoundError(f"{path}: no such run")
     for file in leftovers(found):
         warnings.warn(f"{file}: not read, because the run is closed; move it away", stacklevel=2)
@@ -114,19 +116,12 @@ class Run:
         records as a run. Its axes, tables and events are those of the whole."""
         if isinstance(rows, (int, np.integer)):
             return Record(self, range(len(self))[rows])
-        chosen, part = self._rows_of(rows), copy.copy(self)
+        chosen, part = rows_of(len(self), rows), copy.copy(self)
         part._forget()
         part.index, part.time = self.index[chosen], self.time[chosen]
         part.labels = [self.labels[row] for row in chosen]
         part.valid = {name: mask[chosen] for name, mask in self.valid.items()}
         return part
-
-    def _rows_of(self, rows: Any) -> NDArray[np.int64]:
-        """Rows by a slice, a mask or a list. Raises IndexError."""
-        wanted = rows if isinstance(rows, slice) else np.asarray(rows)
-        if isinstance(wanted, np.ndarray) and not wanted.size:
-            wanted = wanted.astype(int)  # the type of an empty list is float
-        return np.arange(len(self))[wanted]
 
     def refresh(self) -> "Run":
         """Takes the records that came since; of use while the run is recorded."""
@@ -209,6 +204,15 @@ class Run:
         from .netcdf import dataset
 
         return dataset(self)
+
+    def to_pandas(self) -> Any:
+        """The records as a pandas.DataFrame (python3-pandas), a row a record by its index: time
+        (UTC), label, of each sensor NAME_valid and its columns as spd_verdict."""
+        import pandas
+
+        valid = {f"{name}_valid": mask for name, mask in self.valid.items()}
+        return pandas.DataFrame({"time": self.time, "label": self.labels} | valid | self.told(),
+                                pandas.Index(self.index, name="record"))
 
     @property
     def tables(self) -> list[str]:
@@ -299,13 +303,13 @@ class Run:
 
     def depth_mm(self, row: int) -> NDArray[np.uint16]:
         """The camera's image of one record [rows, columns], millimetres, 0: no return."""
-        images = self._images(self._rows_of([row]))
+        images = self._images(rows_of(len(self), [row]))
         return images[0][1] if images else np.zeros(self._image_size(), np.uint16)
 
     def maps(self, rows: ArrayLike | None = None) -> NDArray[np.float32]:
         """True maps [n, N, N] of these rows, or of all (read-only), on the grid on which models are
         trained and judged: z in metres, NaN: no return or no depth. Maps stay in memory."""
-        wanted = self._rows_of(slice(None) if rows is None else rows)
+        wanted = rows_of(len(self), slice(None) if rows is None else rows)
         maps, known = self._truth
         new = np.unique(wanted[~known[wanted]])
         to_z = self.axes.get("map_z")

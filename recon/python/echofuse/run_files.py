@@ -177,7 +177,7 @@ def refuse_foreign_wal(path: pathlib.Path) -> None:
 def opened(path: pathlib.Path, how: str) -> Connection:
     inode = hold(path)
     try:
-        db = sqlite3.connect(f"{path.resolve().as_uri()}?{how}", uri=True, factory=Connection)
+        db = Connection(f"{path.resolve().as_uri()}?{how}", uri=True)
     except BaseException:
         release(inode)
         raise

@@ -17,7 +17,8 @@ import numpy as np
 
 from . import derive, fog
 from . import table as tables
-from .methods import BenchError, CONSTANT, Method, Row, UsageError, call, method, version
+from .methods import CONSTANT, Method, Row, method, version
+from .programs import BenchError, UsageError, call
 
 TEST_SEEDS = 1000  # the test records' seed, after that of the training records
 

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+Array = NDArray[np.floating[Any]]
 G, FIELD_TANGENT = 30, 0.46  # grid of a field: 14 % of the weight lies outside +-0.3
 KNOTS = 8  # a field is a sum of KNOTS x KNOTS hats, because few poses do not determine every ray
 BIN_M = 0.0138
@@ -84,7 +84,7 @@ def non_negative(a: Array, y: Array, steps: int) -> Array:
     v = np.ones(len(to), squares.dtype)
     for _ in range(30):
         v = squares @ v
-        v /= max(np.linalg.norm(v), 1e-30)
+        v /= max(float(np.linalg.norm(v)), 1e-30)
     step = 1 / max(1.02 * float(v @ squares @ v), 1e-30)
     x = z = np.zeros(len(to), squares.dtype)
     t = 1.0
@@ -179,7 +179,7 @@ def fit_zones(counts: Array, reference: Array, scenes: Scenes) -> ZoneFit:
 
     zero = max(np.arange(11, 13.6, 0.5), key=lambda zero: left_out(1.7, 1.2, zero))
     exponent, albedo = max(((e, a) for e in EXPONENTS for a in ALBEDOS),
-                           key=lambda one: left_out(*one, zero))
+                           key=lambda one: left_out(one[0], one[1], zero))
     response = response_of(reference, exponent)
     best: list[tuple[float, float, Array]] = [(-np.inf, 0.0, np.zeros(0))] * zones
     for own in zero + np.arange(-1.2, 1.3, 0.1):

@@ -1,0 +1,102 @@
+# SPDX-License-Identifier: MIT
+"""A reader of run files, written from acquire/README.md alone, agrees with the package."""
+import math
+import sqlite3
+import subprocess
+import zlib
+
+import numpy as np
+import pytest
+
+import echofuse
+from programs import BIN, program
+
+C_M_PER_PS = 299_792_458e-12
+
+
+def read(path):
+    """By record: label, start (UTC ns), offset-free SPD ranges and counts, radar ranges and power, depth in metres."""
+    db = sqlite3.connect(f"file:{path}?mode=ro&immutable=1", uri=True)
+    axes = {name: one for name, *one in db.execute("SELECT name, quantity, count, start, step, scale FROM axis")}
+    offset_m = dict(db.execute("SELECT sensor, offset_m FROM calibration"))
+    zones = db.execute("SELECT count(*) FROM sqlite_schema WHERE name = 'zone'").fetchone()[0]
+    zones = db.execute("SELECT count(*) FROM zone").fetchone()[0] if zones else 0
+
+    def at(name, within=0.0):
+        _, count, start, step, _ = axes[name]
+        return start + step * (np.arange(count) + within)
+
+    records = []
+    for index, valid, label, utc, spd, radar, depth in db.execute(
+            "SELECT idx, valid, label, slot_utc_ns, spd, radar, depth FROM record ORDER BY idx"):
+        one = {"index": index, "label": label, "utc": utc}
+        if valid & 1:
+            one["spd"] = np.frombuffer(spd, "<u4").reshape(max(zones, 1), -1)
+            one["spd_m"] = C_M_PER_PS * at("spd", 0.5) / 2 - offset_m.get("spd", 0)
+        if valid & 2:
+            one["radar"] = np.frombuffer(radar, "<f4").astype(float)
+            if axes["radar"][0] == "log2_q8":
+                n = axes["radar"][4]
+                one["radar"] = 2.0 ** (one["radar"] * 2 ** (1 + math.ceil(math.log2(n))) / (256 * n))
+            one["radar_m"] = at("radar") - offset_m.get("radar", 0)
+        if valid & 4:
+            mm = np.frombuffer(zlib.decompress(depth), "<u2").reshape(axes["depth_y"][1], axes["depth_x"][1])
+            one["depth_m"] = np.where(mm > 0, mm / 1000, np.nan)
+        records.append(one)
+    return records
+
+
+@pytest.mark.parametrize("kind", ["plain", "zones", "codes"])
+def test_a_reader_by_the_manual_reads_what_the_package_reads(tmp_path, kind):
+    path = tmp_path / "run.sqlite"
+    program("echofuse-sim", "dataset", "-q", "--out", path, "--records", 6, *(["--set", "spd_zones=3"] if kind == "zones" else []))
+    if kind == "codes":
+        with sqlite3.connect(path) as db:
+            db.execute("UPDATE axis SET quantity = 'log2_q8', scale = 12 WHERE name = 'radar'")
+            count, = db.execute("SELECT count FROM axis WHERE name = 'radar'").fetchone()
+            db.execute("UPDATE record SET radar = ?", (np.linspace(0, 3000, count, dtype="<f4").tobytes(),))
+            columns = [row[1] for row in db.execute("PRAGMA table_info(calibration)")]
+            db.execute(f"INSERT INTO calibration VALUES ({', '.join('?' * len(columns))})",
+                       [{"sensor": "radar", "offset_m": 0.5}.get(column, 0) for column in columns])
+        db.close()
+    run, found = echofuse.open(path), read(path)
+    assert [one["index"] for one in found] == run.index.tolist() and [one["label"] for one in found] == run.labels
+    assert [one["utc"] for one in found] == run.time.astype(np.int64).tolist()
+    assert np.array_equal(np.array([one["spd"] for one in found]).reshape(run.spd.shape), run.spd)
+    assert np.allclose([one["radar"] for one in found], run.radar, rtol=1e-6)
+    assert np.allclose([one["depth_m"] for one in found], run.depth, atol=1e-6, equal_nan=True)
+    # A body 3 m away is 3 m away by both sensors, after the offsets.
+    assert np.allclose(found[0]["radar_m"], run.axes["radar"].values - run.offset_m.get("radar", 0))
+    bin_of = int(np.argmin(np.abs(found[0]["spd_m"] - 3)))
+    assert run.axes["spd"].values[bin_of] <= 6 / C_M_PER_PS + run.offset_m.get("spd", 0) <= run.axes["spd"].values[bin_of] + run.axes["spd"].step
+
+
+def test_all_keys_of_run_toml_in_the_manual_are_taken(tmp_path):
+    np.save(tmp_path / "spd.npy", np.ones((2, 9), np.uint32))
+    np.save(tmp_path / "radar.npy", np.ones((2, 7)))
+    np.save(tmp_path / "depth.npy", np.full((2, 8, 8), 3000, np.uint16))
+    (tmp_path / "run.toml").write_text("""
+window_s = 0.5
+labels = ["a", "b"]
+notes = "mine"
+[spd]
+first_bin_ps = 100.0
+bin_width_ps = 50.0
+irf_fwhm_ps = 180.0
+offset_m = 0.1
+[radar]
+first_m = 0.5
+step_m = 0.25
+cell_m = 0.5
+taps = "1 0.9 0.5 0.2"
+offset_m = 0.2
+[depth]
+unit = "mm"
+half_tangent = 0.4
+map_z_max_m = 5.0
+map_size = 4
+""")
+    subprocess.run([BIN / "echofuse-acquire", "import", tmp_path, "--out", tmp_path / "own", "--began", "2024-02-07"], check=True)
+    run = echofuse.open(tmp_path / "own")
+    assert run.labels == ["a", "b"] and run.offset_m == {"spd": 0.1, "radar": 0.2} and run.maps().shape == (2, 4, 4)
+    assert (run.axes["spd"].start, run.axes["radar"].step, run.axes["map_z"].step) == (100, 0.25, 5)
