@@ -1,9 +1,11 @@
 # SPDX-License-Identifier: MIT
 """Rows of the bench: when they are measured again, and what a method gets and may do."""
+import csv
 import os
 import subprocess
 import sys
 
+import numpy as np
 import pytest
 
 import echofuse
@@ -157,9 +159,11 @@ def test_the_chart_has_the_mean_cost_and_names_methods_without_multiply_adds(tmp
     for model, seed, cost in (("mlp-4", 1, 10.0), ("mlp-4", 2, 30.0), ("mine:Net", 1, float("nan"))):
         table.add({"axis": "model", "value": "1", "model": model, "inputs": "-", "seed": seed, "source": "-", "iou": 0.5,
                    "lateral_m": 0.1, "infer_us_median": 5.0, "multiply_adds": cost})
-    panel = plot.pareto(table.path).axes[1]
+    table.add({"axis": "model", "value": "1", "model": "./other", "inputs": "-", "seed": 1, "source": "-", "iou": 0.5, "lateral_m": 0.1})
+    times, panel = plot.pareto(table.path).axes[:2]
+    assert times.get_title(loc="left") == "no time: ./other"
     assert [line.get_xdata()[0] for line in panel.lines if len(line.get_xdata()) == 1][0] == 20
-    assert "not counted: mine:Net" in [text.get_text() for text in panel.texts]
+    assert "not counted: mine:Net, ./other" in [text.get_text() for text in panel.texts]
 
 
 def test_a_row_of_the_bench_states_the_answered_records(runs, tmp_path, capsys):
@@ -174,5 +178,56 @@ def test_a_row_of_the_bench_states_the_answered_records(runs, tmp_path, capsys):
     assert (mine["answered"], mine["records"], mine["depth_maps"]) == (2, 20, 2) and mine["iou"] == pytest.approx(0.1)
     assert (mean["answered"], mean["records"]) == (20, 20)
     assert "2 of 20 records answered; the others count as an empty map" in capsys.readouterr().err
-    text = bench.markdown(bench.means(bench.Table(table.path)))
-    assert "| 2 of 20 | 0.100 | 0.0 cm (2) |" in text
+    row, = (line.split(" | ") for line in bench.markdown(bench.means(bench.Table(table.path))).splitlines() if str(command) in line)
+    assert row[2:4] == ["2 of 20", "0.100"] and "0.0 cm (2)" in row
+
+
+def test_the_table_has_intervals_and_differences_over_its_records(runs, tmp_path):
+    done, _ = pareto(tmp_path, runs, "nearest", "mine:Mine", "empty", more=["--markdown"])
+    assert done.returncode == 0, done.stderr
+    head, _, *rows = ([cell.strip() for cell in line.split("|")] for line in done.stdout.splitlines() if line.startswith("|"))
+    shown = {row[2].strip("`"): dict(zip(head, row)) for row in rows}
+    with open(tmp_path / "b.records.csv", newline="") as file:
+        lines = list(csv.DictReader(line for line in file if line[0] != "#"))
+    iou = {name: np.array([float(line["iou"]) for line in lines if line["model"] == name]) for name in shown}
+    best, other = sorted(("nearest", "mine:Mine"), key=lambda name: -iou[name].mean())
+    for name in shown:
+        low, high = map(float, shown[name]["95 % over records"].split(" to "))
+        assert len(iou[name]) == 20 and low <= iou[name].mean() <= high
+    assert shown[best]["IoU against the best"] == ""
+    assert float(shown[other]["IoU against the best"].split()[0]) == pytest.approx((iou[other] - iou[best]).mean(), abs=1e-3)
+
+
+def test_scores_of_an_edited_method_and_a_half_line_do_not_count(runs, tmp_path):
+    pareto(tmp_path, runs, "mine:Mine")
+    with open(tmp_path / "b.records.csv", "a") as file:
+        file.write("model,1,mine:Mine,-")
+    done, rows = pareto(tmp_path, runs, "mine:Mine", row=5)
+    table = bench.Table(tmp_path / "b.csv")
+    row, = bench.means(table)
+    assert row["compared"]["records"] == 20
+    assert row["compared"]["metrics"]["iou"]["mean"] == pytest.approx(float(rows["mine:Mine"]["iou"]))
+
+
+def test_times_are_those_of_one_record_and_of_a_batch(runs, tmp_path):
+    method = """
+import numpy as np, time
+class Slow:
+    def fit(self, run, rows):
+        self.size = run.maps([0]).shape[1]
+    def predict(self, run):
+        assert len(run) > 1 or self.alone
+        time.sleep(0.02)
+        return np.full((len(run), self.size, self.size), 2.0)
+    alone = True
+class Several(Slow):
+    alone = False
+"""
+    (tmp_path / "slow.py").write_text(method)
+    done, rows = pareto(tmp_path, runs, "slow:Slow", "slow:Several", "ridge", more=["--markdown"])
+    slow, several, ridge = (rows[name] for name in ("slow:Slow", "slow:Several", "ridge"))
+    assert float(slow["infer_us_median"]) > 20_000 > 10 * float(slow["infer_us_batch"]) / 2 > 5_000
+    assert several["infer_us_median"] == "nan" and float(several["iou"]) >= 0
+    assert 0 < float(ridge["infer_us_batch"]) and float(ridge["infer_us_median"]) > 0
+    assert {row["threads"] for row in rows.values()} == {"1"}
+    assert "| time of a map, one at a time | in a batch | threads |" in done.stdout

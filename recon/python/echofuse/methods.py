@@ -4,6 +4,7 @@ one judge."""
 from __future__ import annotations
 
 import contextlib
+import csv
 import hashlib
 import importlib.util
 import inspect
@@ -27,12 +28,13 @@ from . import derive
 from . import run as runs
 from .maps import save_maps
 from .programs import BenchError, UsageError, call
-from .splits import split
+from .splits import split, usual_inputs
 
 METRICS = ("iou", "ssim", "ssim_hard", "ssim_fg", "rmse_m", "rmse_fg_m", "depth_mae_m", "abs_rel",
            "delta_125", "lateral_m",
            "ghost", "left_right")
-COSTS = ("multiply_adds", "infer_us_median", "infer_us_p99", "train_s")
+COSTS = ("multiply_adds", "infer_us_median", "infer_us_p99", "infer_us_batch", "train_s")
+RECORDED = ("iou", "lateral_m", "depth_mae_m", "ssim_fg")  # scores kept of each record
 COUNTS = ("answered", "records", "depth_maps", "threads")
 CONSTANT = ("empty", "mean")  # look at no sensor
 Path = str | pathlib.Path
@@ -150,24 +152,43 @@ def _by_object(make: Callable[..., Fitted], train: pathlib.Path, seed: int) -> A
         one = make(seed=seed)
     with runs.open(train) as known:
         started = time.perf_counter()
-        ranging = [sensor for sensor in ("spd", "radar") if known.valid[sensor].any()]
-        inputs = ranging[0] if len(ranging) == 1 else "fused-profile"
+        inputs = usual_inputs(known).replace("fused", "fused-profile")  # also without antennas
         one.fit(known, split(known, inputs=inputs, test_share=0, validation_share=0).train)
         train_s = time.perf_counter() - started
 
     def answer(test: pathlib.Path, folder: pathlib.Path) -> tuple[list[str], Row]:
         with runs.open(test) as fresh:
-            started = time.perf_counter()
-            maps = np.asarray(one.predict(fresh), np.float32)
-            us = 1e6 * (time.perf_counter() - started) / max(len(fresh), 1)
+            maps, us = timed(one, fresh)
             if maps.ndim != 3 or len(maps) != len(fresh) or maps.shape[1] != maps.shape[2]:
                 raise BenchError(
                     f"{type(one).__name__}.predict gave {maps.shape}; expected [{len(fresh)}, N, "
                     "N]")
             save_maps(folder / "maps", maps, fresh.index)
-        return ["--maps", str(folder / "maps")], {"train_s": train_s, "infer_us_median": us}
+            costs = {"train_s": train_s, "infer_us_batch": us / max(len(fresh), 1)}
+            return ["--maps", str(folder / "maps")], costs | alone(one, fresh)
 
     return answer
+
+
+def timed(one: Fitted, run: runs.Run) -> tuple[NDArray[np.float32], float]:
+    """Maps [n, N, N] of a run in memory, and the time of the prediction, microseconds."""
+    for sensor, valid in run.valid.items():
+        if valid.any():
+            getattr(run, sensor)  # stays in memory
+    started = time.perf_counter()
+    maps = np.asarray(one.predict(run), np.float32)
+    return maps, 1e6 * (time.perf_counter() - started)
+
+
+def alone(one: Fitted, run: runs.Run, most: int = 30) -> Row:
+    """Times of a map if the records come one at a time; none of a method that takes several
+    only."""
+    rows = np.unique(np.linspace(0, len(run) - 1, min(len(run), most)).astype(int)).tolist()
+    try:
+        us = [timed(one, run[row:row + 1])[1] for row in rows]
+    except Exception:  # noqa: BLE001 (a method of anybody's)
+        us = []
+    return {"infer_us_median": np.median(us), "infer_us_p99": np.quantile(us, 0.99)} if us else {}
 
 
 def _by_command(text: str, train: pathlib.Path, seed: int) -> Answer:
@@ -181,19 +202,27 @@ def _by_command(text: str, train: pathlib.Path, seed: int) -> Answer:
                 f"{text}: {(done.stderr.strip().splitlines() or ['no message'])[-1]}")
             error.add_note(done.stderr.strip())
             raise error
+        named = folder / "maps/run.txt"  # names the copy without truth that the method got
+        if named.exists() and named.read_text().startswith(runs.open(test).info["uuid"]):
+            named.unlink()
         return ["--maps", str(folder / "maps")], {"train_s": time.perf_counter() - started}
 
     return answer
 
 
-def judge(answer: Answer, train: pathlib.Path, test: pathlib.Path, shown: pathlib.Path) -> Row:
-    """Metrics (means over the records) and costs. shown: Method.shown(test). Multiply-adds and
-    times of a map are the program's own for its candidates; of others a record's share of the whole
-    prediction."""
+def judge(answer: Answer, train: pathlib.Path, test: pathlib.Path,
+          shown: pathlib.Path) -> tuple[Row, list[Row]]:
+    """Metrics (means over the records) and costs; and the scores of each record. shown:
+    Method.shown(test). Multiply-adds and times of a map are the program's own for its candidates.
+    Time of a class is that of predict() with the run in memory."""
     with tempfile.TemporaryDirectory(prefix="echofuse-bench-") as scratch:
         words, costs = answer(shown, pathlib.Path(scratch))
+        listed = pathlib.Path(scratch, "records.csv")
         told = json.loads(call("echofuse-recon", "-q", "evaluate", *words, test, "--train", train,
-                               "--json").stdout)
+                               "--json", "--per-record", listed).stdout)
+        with open(listed, newline="", encoding="utf-8") as lines:
+            records = [{name: line[name] for name in ("record", *RECORDED)}
+                       for line in csv.DictReader(lines)]
     row: Row = {name: nan_if_none(told["metrics"].get(name, {}).get("mean")) for name in METRICS}
     counts = {"answered": told.get("answered", told["records"]), "records": told["records"],
               "depth_maps": told["metrics"]["depth_mae_m"]["maps"],
@@ -201,8 +230,8 @@ def judge(answer: Answer, train: pathlib.Path, test: pathlib.Path, shown: pathli
               else int(os.environ.get("OMP_NUM_THREADS") or os.cpu_count() or 1)}
     if "answered" not in told:  # of a model only the records with a map are judged
         counts["records"] += told["left_out"]
-    return row | counts | {name: nan_if_none((told.get("cost") or {}).get(name, costs.get(name)))
-                  for name in COSTS}
+    cost = costs | (told.get("cost") or {})
+    return row | counts | {name: nan_if_none(cost.get(name)) for name in COSTS}, records
 
 
 def measure(how: Method, train: Path, test: Path, seed: int = 1) -> Row:
@@ -210,7 +239,7 @@ def measure(how: Method, train: Path, test: Path, seed: int = 1) -> Row:
     train, test = pathlib.Path(train).resolve(), pathlib.Path(test).resolve()
     with tempfile.TemporaryDirectory(prefix="echofuse-bench-") as scratch:
         folder = pathlib.Path(scratch)
-        return judge(how.fit(train, folder, seed, True), train, test, how.shown(test, folder))
+        return judge(how.fit(train, folder, seed, True), train, test, how.shown(test, folder))[0]
 
 
 def nan_if_none(value: float | None) -> float:

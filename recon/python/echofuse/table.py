@@ -8,6 +8,7 @@ import concurrent.futures
 import contextlib
 import csv
 import hashlib
+import json
 import os
 import pathlib
 import shutil
@@ -25,11 +26,13 @@ import numpy as np
 
 from . import derive
 from . import run as runs
-from .methods import (COSTS, COUNTS, METRICS, BenchError, Method, Path, Row, UsageError, judge,
-                      version, writing)
+from .methods import COSTS, COUNTS, METRICS, RECORDED, Method, Path, Row, judge, version, writing
+from .programs import BenchError, UsageError, call
 from .staged import locked, sync
 
-COLUMNS = ("axis", "value", "model", "inputs", "seed", "source", *METRICS, *COSTS, *COUNTS)
+HEAD = ("axis", "value", "model", "inputs", "seed", "source")
+COLUMNS = (*HEAD, *METRICS, *COSTS, *COUNTS)
+COLUMNS_OF_RECORDS = (*HEAD, "record", *RECORDED)
 
 
 class Table:
@@ -38,24 +41,28 @@ class Table:
     failed: rows of one's own methods that failed, with a traceback in the log. `of`: the first
     line, which names the data; another one is refused (BenchError). A part (k, n) is a file beside
     it, NAME-part-k-of-n.csv; the whole takes the rows of all parts that are there. Files one behind
-    the other (cat) are one, too."""
+    the other (cat) are one, too. NAME.records.csv has the scores of each record."""
 
     def __init__(self, path: Path, of: str = "", part: tuple[int, int] = (1, 1)) -> None:
         whole = pathlib.Path(path)
         self.path = whole if part[1] == 1 else whole.with_name(
             f"{whole.stem}-part-{part[0]}-of-{part[1]}{whole.suffix}")
         self.of, self.log, self.failed = of, self.path.with_suffix(".log"), 0
+        self.records = self.path.with_suffix(".records.csv")
         self.rows: dict[tuple[str, ...], Row] = {}
         here = self._read(self.path)
         if part[1] == 1:
             for other in sorted(whole.parent.glob(f"{whole.stem}-part-*-of-*{whole.suffix}")):
+                if other.name.endswith(".records.csv"):
+                    continue
+                scores = scores_in(other.with_suffix(".records.csv"))
                 newer = self.path.exists() and (other.stat().st_mtime_ns
                                                 > self.path.stat().st_mtime_ns)
                 for key, row in self._read(other).items():
                     known = here.get(key)
                     if known is None or newer and known["source"] != row["source"]:
                         here[key] = row
-                        self.add(row)
+                        self.add(row, scores.get((*key, row["source"]), ()))
         elif whole.exists():
             self.rows = self._read(whole)
         self.rows |= here
@@ -89,14 +96,17 @@ class Table:
         return (row is not None and row["source"] == cell.how.source
                 and not (cell.how.own and np.isnan(float(row["iou"]))))
 
-    def add(self, row: Row) -> None:
-        """Writes the row into the file, in place of one with its key."""
+    def add(self, row: Row, records: Sequence[Row] = ()) -> None:
+        """Writes the row into the file, in place of one with its key, and its records' scores."""
         before = self.rows.get(self.key(row), {"source": ""})
         self.rows[self.key(row)] = row
         if before["source"] == row["source"] and np.isnan(float(row["iou"])):
             return  # it failed again
-        with writing(self.path):
-            self._append(row)
+        head = {name: row[name] for name in HEAD}
+        with writing(self.path):  # the records first: a row that is there has them
+            if records:
+                self._append(self.records, COLUMNS_OF_RECORDS, [head | one for one in records])
+            self._append(self.path, COLUMNS, [row])
 
     @contextlib.contextmanager
     def held(self) -> Iterator[None]:
@@ -122,18 +132,56 @@ class Table:
             file.write(" ".join(self.key(row)) + "\n"
                        + "".join(traceback.format_exception(error)) + "\n")
 
-    def _append(self, row: Row) -> None:
-        self.path.parent.mkdir(parents=True, exist_ok=True)
-        with open(self.path, "a", newline="") as file:
-            out = csv.DictWriter(file, COLUMNS, restval="nan", lineterminator="\n")
+    def _append(self, path: pathlib.Path, columns: Sequence[str], rows: Iterable[Row]) -> None:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        half = path.exists() and path.read_bytes()[-1:] not in (b"", b"\n")  # by a kill
+        with open(path, "a", newline="") as file:
+            file.write("\n" * half)
+            out = csv.DictWriter(file, columns, restval="nan", lineterminator="\n")
             if new := file.tell() == 0:
                 file.write(f"# {self.of}\n" if self.of else "")
                 out.writeheader()
-            out.writerow({name: f"{value:.9g}" if isinstance(value, float) else value
-                          for name, value in row.items()})
-        sync(self.path)
+            out.writerows({name: f"{value:.9g}" if isinstance(value, float) else value
+                           for name, value in row.items()} for row in rows)
+        sync(path)
         if new:
-            sync(self.path.parent)
+            sync(path.parent)
+
+
+Key = tuple[str, ...]
+
+
+def scores_in(path: pathlib.Path) -> dict[Key, list[Row]]:
+    """Scores of each record, by the columns HEAD of their row; the last line of a record counts.
+    Half a line, of a killed process, does not."""
+    found: dict[Key, dict[str, Row]] = {}
+    if path.exists():
+        with open(path, newline="", encoding="utf-8") as file:
+            for line in csv.DictReader(one for one in file if not one.startswith("#")):
+                if line["record"] != "record" and None not in line.values():
+                    found.setdefault(tuple(line[name] for name in HEAD), {})[line["record"]] = {
+                        name: line[name] for name in ("record", *RECORDED)}
+    return {key: list(lines.values()) for key, lines in found.items()}
+
+
+def compared(table: Table, axis: str, best_first: Sequence[Key]) -> dict[Key, Row]:
+    """Intervals of 95 % over the records, and differences to the first, of these methods (value,
+    model, inputs) by `echofuse-recon compare`; the scores of a record are the mean of the
+    seeds."""
+    scores = scores_in(table.records)
+    rows = [row for key, row in table.rows.items() if key[0] == axis]
+    lines = [(one["record"], k, *(one[name] for name in RECORDED))
+             for k, wanted in enumerate(best_first) for row in rows
+             if Table.key(row)[1:4] == wanted
+             for one in scores.get((*Table.key(row), str(row["source"])), ())]
+    if not lines:
+        return {}
+    with tempfile.TemporaryDirectory(prefix="echofuse-bench-") as scratch:
+        listed = pathlib.Path(scratch, "records.csv")
+        with open(listed, "w", newline="") as file:
+            csv.writer(file).writerows([("record", "name", *RECORDED), *lines])
+        methods = json.loads(call("echofuse-recon", "compare", listed, "--json").stdout)["methods"]
+    return {best_first[int(one["name"])]: one for one in methods}
 
 
 def checksum(path: Path) -> str:
@@ -235,7 +283,7 @@ class Shared:
                 made.set_exception(error)
         return made.result()
 
-    def row(self, cell: Cell) -> Row:
+    def row(self, cell: Cell) -> tuple[Row, list[Row]]:
         try:
             train = self.get(cell.train.key, cell.train.make)
             answer = self.get(cell.fitted,
@@ -260,13 +308,14 @@ def fill(table: Table, cells: Sequence[Cell], *, jobs: int = 1, part: tuple[int,
     pieces = {key: k for k, key in enumerate(dict.fromkeys(cell.fitted for cell in cells))}
     said: set[str] = set()
 
-    def one(cell: Cell) -> tuple[Row, Exception | None]:
+    def one(cell: Cell) -> tuple[Row, list[Row], Exception | None]:
         try:
-            return cell.head | shared.row(cell), None
+            row, records = shared.row(cell)
+            return cell.head | row, records, None
         except (UsageError, OSError, sqlite3.Error):  # no fault of the method
             raise
         except Exception as error:  # noqa: BLE001 (a method of anybody's)
-            return cell.head | dict.fromkeys(METRICS + COSTS + COUNTS, float("nan")), error
+            return cell.head | dict.fromkeys(METRICS + COSTS + COUNTS, float("nan")), [], error
 
     with (table.held(), tempfile.TemporaryDirectory(prefix="echofuse-bench-") as scratch,
           concurrent.futures.ThreadPoolExecutor(jobs) as pool):
@@ -274,8 +323,8 @@ def fill(table: Table, cells: Sequence[Cell], *, jobs: int = 1, part: tuple[int,
                 and not table.has(cell)]
         shared = Shared(mine, pathlib.Path(scratch))
         started = time.monotonic()
-        for done, (cell, (row, fault)) in enumerate(zip(mine, pool.map(one, mine)), 1):
-            table.add(row)
+        for done, (cell, (row, records, fault)) in enumerate(zip(mine, pool.map(one, mine)), 1):
+            table.add(row, records)
             if not fault and row["answered"] < row["records"]:
                 print(f"echofuse-bench: {row['model']}: {row['answered']} of {row['records']} "
                       "records answered; the others "
@@ -326,7 +375,8 @@ def pareto_cells(train: Path, test: Path, methods: Iterable[Method], *, seeds: i
 
 def means(table: Table, axis: str = "model") -> list[Row]:
     """Mean and spread (standard deviation over the seeds) of each metric and cost, a row a method
-    and value."""
+    and value; and as "compared" what `echofuse-recon compare` states of its records, against the
+    method of the highest IoU."""
     groups: dict[tuple[str, ...], list[Row]] = {}
     for key, row in table.rows.items():
         if row["axis"] == axis:
@@ -339,14 +389,18 @@ def means(table: Table, axis: str = "model") -> list[Row]:
             one[name] = float(values.mean())
             one[name + "_spread"] = float(values.std(ddof=1)) if len(values) > 1 else float("nan")
         out.append(one)
+    by_iou = sorted(out, key=lambda one: -float(np.nan_to_num(one["iou"], nan=-1)))
+    found = compared(table, axis, [(one["value"], one["model"], one["inputs"]) for one in by_iou])
+    for one in out:
+        one["compared"] = found.get((one["value"], one["model"], one["inputs"]), {})
     return out
 
 
 def markdown(rows: Sequence[Row]) -> str:
     """A table for a README: rows of equal inputs together."""
-    head = ("inputs", "method", "answered", "IoU", "depth error (maps)",
-            "SSIM on the foreground", "lateral error", "mirror fraction", "multiply-adds",
-            "time of a map")
+    head = ("inputs", "method", "answered", "IoU", "95 % over records", "IoU against the best",
+            "depth error (maps)", "SSIM on the foreground", "lateral error", "mirror fraction",
+            "multiply-adds", "time of a map, one at a time", "in a batch", "threads")
     lines = ["| " + " | ".join(head) + " |", "|---" * len(head) + "|"]
     order = {"-": 0, "fused": 1, "fused-profile": 2, "spd": 3, "radar": 4}
 
@@ -357,22 +411,33 @@ def markdown(rows: Sequence[Row]) -> str:
         return f"{mean:.{digits}f}" + ("" if np.isnan(spread)
                                        else f" ± {spread:.{digits}f}") + behind
 
+    def time_of(us: float) -> str:
+        return "" if np.isnan(us) else f"{us:.0f} µs"
+
+    def interval(of: Row, form: str) -> str:
+        return "" if of.get("low") is None else f"{of['low']:{form}} to {of['high']:{form}}"
+
+    def gain(of: Row) -> str:
+        return f"{of['mean']:+.3f} ({interval(of, '+.3f')})" if interval(of, "") else ""
+
     for row in sorted(rows, key=lambda row: order.get(row["inputs"], 9)):
         cost = ("" if np.isnan(row["multiply_adds"])
                 else f"{row['multiply_adds']:,.0f}".replace(",", " "))
         inputs = row["inputs"] + (f", {row['value']}" if row["value"] != "1" else "")
-        answered, records, maps = ("" if np.isnan(row[name]) else f"{row[name]:.0f}"
-                                   for name in COUNTS[:3])
+        answered, records, maps, threads = ("" if np.isnan(row[name]) else f"{row[name]:.0f}"
+                                            for name in COUNTS)
+        of_records = row["compared"].get("metrics", {}).get("iou", {})
+        against = row["compared"].get("difference", {}).get("iou", {})
         depth = number(row, "depth_mae_m", 1, 100, " cm")
         lines.append("| " + " | ".join((inputs, f"`{row['model']}`",
                                         f"{answered} of {records}" if records else "",
-                                        number(row, "iou", 3), depth and f"{depth} ({maps})",
+                                        number(row, "iou", 3), interval(of_records, ".3f"),
+                                        gain(against), depth and f"{depth} ({maps})",
                                         number(row, "ssim_fg", 3),
                                         number(row, "lateral_m", 1, 100, " cm"),
                                         number(row, "ghost", 3), cost,
-                                        number(row | {"infer_us_median_spread": float("nan")},
-                                               "infer_us_median", 0, 1, " µs")))
-                     + " |")
+                                        time_of(row["infer_us_median"]),
+                                        time_of(row["infer_us_batch"]), threads)) + " |")
     return "\n".join(lines)
 
 
