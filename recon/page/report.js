@@ -16,6 +16,15 @@ function make(parent, kind, more = {}) {
   parent.append(at);
   return at;
 }
+const pictured = new Set(said.records.map(r => r.index));
+// Appends the numbers of records, as links to those with pictures.
+function links(parent, {records, more}) {
+  records.forEach((index, i) => {
+    parent.append(i ? ', ' : '');
+    pictured.has(index) ? make(parent, 'a', {href: `#record-${index}`, textContent: index}) : parent.append(index);
+  });
+  parent.append(more ? ', ...' : '');
+}
 const add = (parent, blocks) => blocks.forEach(block => kinds[block.kind](parent, block));
 
 // A chart of series with separate x values, merged into one row as uPlot requires. A series may have "bars" ([low,
@@ -271,6 +280,7 @@ const kinds = {
       const at = make(row, scope === 'col' || i === 0 ? 'th' : 'td', {className: head0.words ? 'words' : ''});
       if (at.tagName === 'TH') at.scope = scope;
       make(at, mark ? 'b' : 'span', {textContent: text, className: mark ?? ''});
+      if (cell.records) links(at, cell);
       if (small) make(at, 'small', {textContent: small});
     });
     fill(make(make(table, 'thead'), 'tr'), head, 'col');
@@ -288,7 +298,8 @@ const kinds = {
     redraws.push(() => plot.renew());
   },
   pictures(parent, block) {
-    const box = make(parent, 'figure', {className: 'card'});
+    const box = make(parent, 'figure', {className: 'card'}), {index} = record(block.record), id = `record-${index}`;
+    if (index !== null && !document.getElementById(id)) box.id = id;
     if (block.title) make(box, 'h3', {textContent: block.title});
     const pictures = make(box, 'div', {className: block.compare ? 'maps compare' : 'maps'});
     new Pictures(pictures, block);
@@ -379,21 +390,27 @@ if (said.fails.length) {
 make(header, 'p', {className: 'quiet', textContent: said.origin});
 const contents = make(make(document.body, 'nav', {ariaLabel: 'contents'}), 'ol'), main = make(document.body, 'main');
 add(main, said.first);
-said.sections.forEach(({id, heading, blocks}, i) => {
-  make(make(contents, 'li'), 'a', {href: `#${id}`, textContent: heading});
-  const section = make(main, 'section', {ariaLabel: heading});
-  make(section, 'h2', {id, textContent: `${i + 1}. ${heading}`});
+const chapters = said.sections.map(({id, heading, blocks}) => {
+  const entry = make(contents, 'li'), section = make(main, 'section', {ariaLabel: heading});
+  make(section, 'h2', {id, textContent: heading});
+  make(entry, 'a', {href: `#${id}`, textContent: heading});
   add(section, blocks);
+  return [entry, section];
 });
+// A chapter of folded parts, or of a view that turns, is empty on paper.
+const isEmpty = section => [...section.children].every(part => part.matches('h2, details:not([open])')) || section.querySelector('#cloud') !== null;
 if (location.hash) document.getElementById(location.hash.slice(1))?.scrollIntoView();
 matchMedia('(prefers-color-scheme: dark)').addEventListener('change', redraw);
 // On paper the theme is light and the width fixed.
 let theme;
 addEventListener('beforeprint', () => {
   theme = root.dataset.theme, root.dataset.theme = 'light', root.classList.add('paper');
+  for (const [entry, section] of chapters)
+    for (const part of [entry, section]) part.classList.toggle('unprinted', isEmpty(section));
   redraw();
 });
 addEventListener('afterprint', () => {
+  document.querySelectorAll('.unprinted').forEach(part => part.classList.remove('unprinted'));
   root.classList.remove('paper');
   if (theme) root.dataset.theme = theme;
   else delete root.dataset.theme;

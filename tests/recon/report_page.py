@@ -63,6 +63,12 @@ LEGENDS = """return [...document.querySelectorAll('.u-live .u-value')].filter(v 
 FLOOR = """const c = document.getElementById('cloud'), gl = c.getContext('webgl'), wide = gl.drawingBufferWidth, high = gl.drawingBufferHeight;
 const row = (x, y, w, h) => { const p = new Uint8Array(4 * w * h); gl.readPixels(x, y, w, h, gl.RGBA, gl.UNSIGNED_BYTE, p); return p.some((v, i) => i % 4 === 3 && v > 0); };
 return row(0, 0, wide, 1) || row(0, 0, 1, high) || row(wide - 1, 0, 1, high)"""
+# Chapters on paper that show nothing but their heading.
+EMPTY_CHAPTERS = """return [...document.querySelectorAll('section')].filter(s => s.checkVisibility() && ![...s.children].some(c =>
+  c.tagName !== 'H2' && c.checkVisibility() && !(c.tagName === 'DETAILS' && !c.open))).map(s => s.ariaLabel)"""
+# By how much the first table is wider than its box.
+BEYOND = "const s = document.querySelector('main .scroll'); return s ? s.scrollWidth - s.clientWidth : 0"
+DEAD_LINKS = """return [...document.querySelectorAll('a[href^="#"]')].filter(a => !document.getElementById(a.hash.slice(1))).map(a => a.hash)"""
 UNNAMED = """return [...document.querySelectorAll('.chart, .strip, main canvas[id]')].filter(at => !at.closest('[aria-label]')).map(at => at.id)"""
 
 
@@ -78,6 +84,9 @@ def look(browser, page):
             fits(browser, name)
             check(f"{name}: wider than the window",
                   browser.execute_script("return document.documentElement.scrollWidth") <= width)
+            if page == "report":
+                beyond = browser.execute_script(BEYOND)
+                check(f"{name}: the first table is {beyond} px wider than its box", beyond <= 1)
             asked = browser.execute_script("return performance.getEntriesByType('resource').map(e => e.name)"
                                            ".filter(n => !n.startsWith('data:'))")
             check(f"{name}: requests {asked}", not asked)
@@ -87,6 +96,8 @@ def look(browser, page):
     browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "print", "features": []})
     browser.execute_script("dispatchEvent(new Event('beforeprint'))")
     fits(browser, f"{page}, on paper")
+    empty = browser.execute_script(EMPTY_CHAPTERS)
+    check(f"{page}, on paper: empty chapters {empty}", not empty)
     browser.execute_script("dispatchEvent(new Event('afterprint'))")
     browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "", "features": []})
 
@@ -124,6 +135,8 @@ with tempfile.TemporaryDirectory() as folder:
         headings = browser.execute_script("return [...document.querySelectorAll('h2')].map(h => h.id)")
         check(f"sections: {headings}", headings == ["failures", "gallery", "errors", "labels", "metrics", "cost", "records",
                                                     "space", "live", "made", "terms"])
+        check(f"links to nothing: {browser.execute_script(DEAD_LINKS)}", not browser.execute_script(DEAD_LINKS))
+        check("no record's number is a link", browser.execute_script("return document.querySelectorAll('td a[href^=\"#record-\"]').length > 0"))
         labels = browser.execute_script("return document.getElementById('labels').parentElement.textContent")
         check(f"untrusted label is shown as {labels}", "<!--<script>" in labels)
         # The pointer on one map shows the values of all, dragging zooms, a double click resets.

@@ -28,13 +28,14 @@ from . import report_tables as tables
 from . import run as runs
 from .blocks import blocks as in_blocks
 from .maps import span_of
-from .methods import writing
+from .methods import version, writing
 from .model import read_safetensors
 from .programs import EXIT_CODES
 from .report_blocks import (Block, details, fails, html_of, listed, paragraph, pictures, printable,
                             three_digits)
+from .report_maps import OtherMaps, named
 from .report_records import chosen, half_tangent, said_of, shown
-from .report_scores import Judged, Mode, ReportError, Scores, evaluated, modes_of
+from .report_scores import Judged, Mode, ReportError, Scores, evaluated, means_of, modes_of
 from .report_story import Story, info_of
 from .staged import replaced, stop_by_signal
 from .zones import summed
@@ -59,6 +60,9 @@ TERMS = (
     ("SSIM, RMSE", "similarity of structure; root of the mean squared depth error, over the map."))
 
 
+MOST_FAILING = 6  # records with pictures
+
+
 class Report:
     """Content of the page: scores of models by `evaluate`, the story of a live run, and records
     with maps."""
@@ -77,11 +81,19 @@ class Report:
         self.modes: list[Mode] = []  # the subject first; those of equal inputs together
         self.main: list[Block] = []
         self.gallery: list[Block] = []
+        self.failing: list[Block] = []
+        self.others: OtherMaps | None = None
+        self.other_record: Block | None = None
         self.live: Judged | None = None
         self.story: Story | None = None
         self.span: Sequence[float] = (2.5, 5)
-        if args.run:
+        if args.model or args.compare:
             self.add_models()
+        if args.maps:
+            self.others = OtherMaps(named(args.maps), self.run, self.modes, self.room)
+            self.other_record = self.others.record()
+            if not self.modes:
+                self.span = self.others.span
         if args.live:
             self.add_live()
         self.made = self.how_made()
@@ -102,7 +114,9 @@ class Report:
         first = self.modes[0]
         self.span = self.judged.span(float(first.tensors["0/scene/background_m"].max()),
                                      float(first.facts[0]["0/scene/map_z_max_m"]))
-        self.main, self.gallery = chosen(self.run, self.modes, self.room)
+        worst = [index for _, _, which in tables.failing(first.first) for index in which[:2]]
+        self.main, self.gallery, self.failing = chosen(self.run, self.modes, self.room,
+                                                       list(dict.fromkeys(worst))[:MOST_FAILING])
         order = [colour for colour in ("both", "papers", "depth", "grey", "spd", "radar")
                  if colour not in {mode.inputs for mode in self.modes}]
         #: of each mode's series: modes of both sensors, and further ones of equal inputs, take
@@ -117,18 +131,19 @@ class Report:
     def add_live(self) -> None:
         """The record of median quality or, without a model, one with the most sensors."""
         self.story = Story(self.args.live)
-        if self.modes:
+        if self.modes and self.args.live != self.run:
             self.live = evaluated(self.modes[0].files[:1], self.args.live, self.room)
             order = self.live.scores[0].order
-            wanted, more = [order[len(order) // 2]], (self.modes[:1], self.live.scores, self.room)
+            found = shown(self.args.live, [order[len(order) // 2]], self.modes[:1],
+                          self.live.scores, self.room)
             caption = ("Of the records that the daemon recorded, the one whose map has the median "
                        "IoU.")
         else:
-            wanted, more, caption = (self.story.typical(), (),
-                                     "The record in the middle of those with the most sensors.")
-        self.main += [one | {"caption": caption}
-                      for one in shown(self.args.live, wanted, *more).values()]
-        self.span = self.span if self.modes or not self.main else span_of(
+            found = shown(self.args.live, self.story.typical())
+            caption = "The record in the middle of those with the most sensors."
+        index = {} if self.args.live == self.run else {"index": None}  # that of another run
+        self.main += [one | {"caption": caption} | index for one in found.values()]
+        self.span = self.span if self.modes or self.others or not self.main else span_of(
             np.frombuffer(base64.b64decode(self.main[0]["truth"]), "<u2") / 1000)
 
     @property
@@ -139,7 +154,9 @@ class Report:
     def verdict(self) -> str:
         """Headline of the page."""
         simulated = "simulated" if self.simulated else "recorded"
-        if not self.modes:
+        if not self.modes and self.others:
+            return self.others.verdict
+        if not self.modes and self.story:
             return ("The simulated run is " if self.simulated
                     else "The run is ") + self.story.verdict
         if self.args.compare:
@@ -162,7 +179,7 @@ class Report:
     @property
     def problems(self) -> list[str]:
         """Problems as sentences, the gravest first."""
-        return self.live_problems + (tables.problems_of(self.first) if self.modes else [])
+        return self.live_problems + (tables.problems_of_run(self.first) if self.modes else [])
 
     def how_made(self) -> dict[str, str]:
         """Program, host, run and models."""
@@ -170,8 +187,10 @@ class Report:
         recorded = f"{started[:10]} {started[11:16]} UTC" if started[10:11] == "T" else started
         recorded += (f", echofuse {info['version']}" if info["version"]
                      else "") + (f", on {info['host']}" if info["host"] else "")
-        out = {"date": f"{datetime.datetime.now(datetime.timezone.utc):%Y-%m-%d %H:%M} UTC",
-               "program": f"echofuse {__version__}",
+        now = datetime.datetime.now(datetime.timezone.utc)
+        out: dict[str, str] = {
+               "date": f"{now:%Y-%m-%d %H:%M} UTC",
+               "program": f"echofuse {__version__}, {version()}",
                "host": f"{host.nodename} ({host.sysname} {host.release}, {host.machine})",
                "command": " ".join(["echofuse-report", *sys.argv[1:]]),
                "run": f"{self.run}, {info['records']} records", "run's uuid": info["uuid"],
@@ -206,7 +225,7 @@ class Report:
     @property
     def origin(self) -> str:
         """When, where and by what, in one line."""
-        made, name = self.made, lambda path: path.rpartition("/")[2]
+        made, name = self.made, os.path.basename
         live = (f" Recorded run {name(self.story.path)}." if self.story
                 and self.story.path != self.run else "")
         command = " ".join(map(name, made["command"].split()))
@@ -247,20 +266,26 @@ class Report:
         return out
 
     def failures(self) -> list[Block]:
+        first = len(self.main) + len(self.gallery)
         live = self.live.scores if self.live else []
         rows = [(mode.title, mode.first)
                 for mode in self.modes] + [(f"recorded run: {self.modes[0].title}", scores)
                                            for scores in live]
         return [*fails(self.problems), tables.failures_table(self.modes[0]),
+                *([details("Maps of failing records", {"kind": "columns", "blocks": [
+                    pictures(first + i, ["truth", "map 0", "error 0"],
+                             said_of(record["maps"][0], False), title=record["title"])
+                    for i, record in enumerate(self.failing)]})] if self.failing else []),
                 tables.stated_table(rows),
+                *([paragraph(f"{self.first.outside}.")] if self.first.outside else []),
                 *(paragraph(f"Scored run: {text}.") for text in self.first.remarks),
                 *(paragraph(f"Recorded run: {text}.") for scores in live
                   for text in scores.remarks)]
 
-    def live_blocks(self) -> list[Block]:
+    def live_blocks(self, story: Story) -> list[Block]:
         between, last = [], len(self.main) - 1
         if self.live:
-            rows = [tables.Row(self.modes[0].title, tables.means_of(self.live.told["metrics"]),
+            rows = [tables.Row(self.modes[0].title, means_of(self.live.told["metrics"]),
                                self.live.scores[0]), *tables.rows_of([], self.live.told)]
             caption = (f"{self.live.told['records']} records of the recorded run against its depth "
                        "camera")
@@ -268,22 +293,26 @@ class Report:
         of = [pictures(last, [*measured(one), *(["map 0", "error 0"] if one["maps"] else [])],
                        one["caption"], title=one["title"])
               for one in self.main[last:]]
-        return self.story.blocks(between, of)
+        return story.blocks(between, of)
 
     def to_json(self) -> Block:
         """The page (report_blocks.py)."""
         problems, most, modes, compared = self.problems, 4, self.modes, bool(self.args.compare)
+        records = [*self.main, *self.gallery, *self.failing,
+                   *([self.other_record] if self.other_record else [])]
         page: Block = {"title": "Two models on the same records" if compared
-                       else "Depth maps from one pixel and one radar" if modes else
+                       else "Depth maps from one pixel and one radar" if modes or self.others else
                        "A recorded run", "verdict": self.verdict, "fails": problems[:most],
                        "more": "", "origin": self.origin,
-                       "span": list(self.span), "records": self.main + self.gallery, "first": [],
+                       "span": list(self.span), "records": records, "first": [],
                        "sections": []}
         if modes:
             page["more"] = ((f"{len(problems) - most} more, and" if len(problems) > most
                              else "Numbers, and") + " which records") * bool(problems)
             page["first"] = [self.first_pictures()] * bool(self.main) + [
                 tables.first_table(modes, self.judged.told)]
+        elif self.others:
+            page["first"] = self.others.table()[:1]
         columns = [pictures(len(self.main) + i, ["truth", "map 0", "error 0"],
                             said_of(record["maps"][0], False), title=record["title"])
                    for i, record in enumerate(self.gallery)]
@@ -296,16 +325,20 @@ class Report:
                      lambda: [tables.errors(modes, self.colours)]),
                     ("labels", "By label", lambda: tables.labels_table(modes[0])),
                     ("metrics", "All metrics", lambda: tables.all_table(modes, self.judged.told)),
+                    ("maps", "Maps of other programs",
+                     lambda: self.others.blocks(len(records) - 1, self.other_record)
+                     if self.others else []),
                     ("cost", "Cost", lambda: [tables.cost_table(modes)]),
                     ("records", "Records and their maps", self.record_blocks),
                     ("space", "In space", lambda: [{"kind": "cloud", "record": 0}] if self.main
                      else []),
-                    ("live", "The recorded run", lambda: self.live_blocks() if self.story else []),
+                    ("live", "The recorded run",
+                     lambda: self.live_blocks(self.story) if self.story else []),
                     ("training", "Training", lambda: tables.losses(modes)),
                     ("made", "How this was made", lambda: listed(self.made.items())),
                     ("terms", "Terms", lambda: listed(TERMS)))
         for name, heading, blocks in sections:
-            if (modes or name in ("live", "made")) and (found := blocks()):
+            if (modes or name in ("maps", "live", "made")) and (found := blocks()):
                 page["sections"].append({"id": name, "heading": heading, "blocks": found})
         return page
 
@@ -319,9 +352,12 @@ def require(args: argparse.Namespace) -> None:
     for wrong, text in ((args.empty and not args.run, "--empty is for the models of --run"),
                         (args.model and args.compare,
                          "--compare takes the place of the other models"),
-                        (not args.run and (args.model or args.compare), "models need --run"),
-                        (args.run and not args.model and not args.compare,
-                         "--run needs --model or --compare"),
+                        (not args.run and args.compare, "--compare needs --run"),
+                        (not args.run and args.maps, "--maps needs --run"),
+                        (not args.run and args.model and not args.live,
+                         "models need --run, or --live"),
+                        (args.run and not args.model and not args.compare and not args.maps,
+                         "--run needs --model, --compare or --maps"),
                         (not args.run and not args.live,
                          "nothing to report on: give --run with models, or --live")):
         if wrong:
@@ -335,17 +371,16 @@ def write_page(page: pathlib.Path, text: str) -> None:
             new.write_text(text, encoding="utf-8")
 
 
-def refuse(text: str) -> NoReturn:
-    raise ReportError(f"{text}; see --help", 2)
+class Parser(argparse.ArgumentParser):
+    def error(self, message: str) -> NoReturn:
+        raise ReportError(f"{message}; see --help", 2)
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(prog="echofuse-report",
-                                     description=__doc__.split("\n\n")[0].partition(": ")[2],
-                                     epilog="Examples:\n" + __doc__.split("\n\n")[1]
-                                     + f"\n\n{EXIT_CODES}6 disk, 130 interrupted",
-                                     formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.error = refuse  # type: ignore[method-assign]
+    head, examples, *_ = (__doc__ or "").split("\n\n")
+    parser = Parser(prog="echofuse-report", description=head.partition(": ")[2],
+                    epilog=f"Examples:\n{examples}\n\n{EXIT_CODES}6 disk, 130 interrupted",
+                    formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--version", action="version",
                         version=f"echofuse-report {__version__}",
                         help="print the version and exit")
@@ -356,6 +391,8 @@ def main() -> None:
                         "one that the report is about, several of a name are seeds of one")
     parser.add_argument("--compare", metavar="MODEL", nargs=2,
                         help="two model files: their differences record by record")
+    parser.add_argument("--maps", metavar="FOLDER", nargs="+", action="extend", default=[],
+                        help="maps of other programs, as evaluate --maps: FOLDER or NAME=FOLDER")
     parser.add_argument("--live", metavar="RUN",
                         help="a recorded run: its story, also without any model; with --model also "
                              "its maps")

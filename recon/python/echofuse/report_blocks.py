@@ -102,7 +102,9 @@ def printable(value: Any) -> Any:
 
 def html_of(page: Block) -> str:
     """The page: recon/page/report.html with its styles, scripts and what it says."""
-    read = lambda name: (PAGE / name).read_text(encoding="utf-8")  # noqa: E731
+    def read(name: str) -> str:
+        return (PAGE / name).read_text(encoding="utf-8")
+
     # all are one script there
     scripts = "".join(re.sub(r"(?m)^export ", "", re.sub(r"import [^\n]*\n", "", read(name)))
                       for name in ("charts.js", "maps.js", "cloud.js", "report.js"))

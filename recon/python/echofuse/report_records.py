@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from . import run as runs
 from .blocks import blocks
 from .maps import load_maps
-from .methods import call
+from .programs import call
 from .report_blocks import Block, packed, short
 from .report_scores import Mode, Scores
 from .zones import summed
@@ -47,8 +47,8 @@ def measured(one: runs.Run) -> Block:
     and "maps" are to come. One that cannot be read has none of them, and says so."""
     (_, run, faults), = blocks(one)
     truth = run.maps()[0] if "depth_x" in run.axes else np.zeros((64, 64))
-    out: Block = {"title": ", ".join([run.labels[0] or "no label", f"record {run.index[0]}",
-                                      *faults.values()]), "half_tangent": half_tangent(run),
+    title = ", ".join([run.labels[0] or "no label", f"record {run.index[0]}", *faults.values()])
+    out: Block = {"index": int(run.index[0]), "title": title, "half_tangent": half_tangent(run),
                   "truth": packed(truth, 1e-3, "<u2"), "body_m": None, "maps": []}
     for sensor, axis in (("spd", run.axes.get("spd")), ("radar", run.power_axis)):
         out[sensor] = {"start": axis.start, "step": axis.step,
@@ -64,7 +64,8 @@ def decibels(power: NDArray[np.float32]) -> NDArray[np.float64]:
     """[..., points], at least 60 dB below the highest: what is less is noise that was taken off, or
     none."""
     power = power.astype(float)
-    return 10 * np.log10(np.maximum(power, np.maximum(1e-6 * power.max(-1, keepdims=True), 1e-30)))
+    floor = np.maximum(1e-6 * power.max(-1, keepdims=True), 1e-30)
+    return np.asarray(10 * np.log10(np.maximum(power, floor)))
 
 
 def half_tangent(run: runs.Run) -> float:
@@ -93,21 +94,26 @@ def reconstructed(mode: Mode, run: str, wanted: Sequence[int],
 def map_of(mode: Mode, scored: Scores, at: int, status: str, made: Map) -> Block:
     """Block of a record's thresholded map, with the statements of the model and of `reconstruct`
     about it."""
-    words = [f"IoU {scored['iou'][at]:.2f}"] + [f"{name} {100 * scored[metric][at]:.1f} cm"
-                                                for name, metric in
-             (("lateral error", "lateral_m"), ("depth error", "depth_mae_m"))
-                                                if not np.isnan(scored[metric][at])]
     within = scored["lateral_interval_90_m"][at]
     stated = (UNCALIBRATED if "deviation" not in made else "the place is not known"
               if np.isnan(within) else f"within {100 * within:.0f} cm sideways (90 %)")
     out = {"name": mode.title, "map": packed(made["thresholded"], 1e-3, "<u2"),
            "share": packed(made["share"], 0.005, "u1"),
-           "scores": ", ".join(words) + ".", "stated": stated}
+           "scores": words_of(scored, at), "stated": stated}
     warnings = [*([f"unlike the training: {scored.warnings[at]}"] if scored.warnings[at] else []),
                 *([status] if status != "ok" else [])]
     out |= {"warning": "; ".join(warnings)} if warnings else {}
     return out | ({"deviation": packed(made["deviation"], 0.01, "u1")} if "deviation" in made
                   else {})
+
+
+def words_of(scored: Scores, at: int) -> str:
+    """Scores of a record's map."""
+    words = [f"IoU {scored['iou'][at]:.2f}"]
+    words += [f"{name} {100 * scored[metric][at]:.1f} cm"
+              for name, metric in (("lateral error", "lateral_m"), ("depth error", "depth_mae_m"))
+              if not np.isnan(scored[metric][at])]
+    return ", ".join(words) + "."
 
 
 def said_of(made: Block, named: bool) -> str:
@@ -126,12 +132,13 @@ def middle_record(modes: Sequence[Mode], wanted: set[int]) -> int | None:
                  if index in wanted] if mode.takes == modes[0].takes else []
         for place, index in enumerate(order):
             off[index] = max(off.get(index, 0), abs(place - len(order) // 2))
-    return min(sorted(off), key=off.__getitem__, default=None)
+    return min(sorted(off), key=lambda index: off[index]) if off else None
 
 
-def chosen(run: str, modes: Sequence[Mode], room: Sequence[str]) -> tuple[list[Block], list[Block]]:
-    """Record of median quality of person and letters, by all modes; then the worst, median and best
-    of the first one."""
+def chosen(run: str, modes: Sequence[Mode], room: Sequence[str],
+           failing: Sequence[int]) -> tuple[list[Block], list[Block], list[Block]]:
+    """Record of median quality of person and letters, by all modes; then of the first one the
+    worst, median and best; and those that fail."""
     first, main, captions = modes[0].first, [], []
     common = set.intersection(*(set(mode.first.index.tolist()) for mode in modes))
     for person in (True, False):
@@ -146,7 +153,8 @@ def chosen(run: str, modes: Sequence[Mode], room: Sequence[str]) -> tuple[list[B
     ends = {what: order[int(share * (len(order) - 1))]
             for what, share in (("Worst", 0), ("Median", 0.5), ("Best", 1))}
     by_all = shown(run, main, modes, [mode.first for mode in modes], room)
-    by_first = shown(run, list(ends.values()), modes[:1], [first], room)
+    by_first = shown(run, [*ends.values(), *failing], modes[:1], [first], room)
     return ([by_all[index] | {"caption": caption} for index, caption in zip(main, captions)],
             [by_first[index] | {"title": f"{what}: {by_first[index]['title']}"}
-             for what, index in ends.items()])
+             for what, index in ends.items()],
+            [by_first[index] for index in failing if index not in [*main, *ends.values()]])

@@ -13,8 +13,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .methods import BenchError, call
+from .methods import nan_if_none
 from .model import read_safetensors
+from .programs import BenchError, call
 
 Values = NDArray[np.float64]
 
@@ -43,11 +44,12 @@ class Means(dict[str, Mean]):
 
 
 def means_of(told: dict[str, Any]) -> Means:
-    return Means({name: Mean(*(np.nan if m[key] is None else m[key] for key in ("mean", "se")),
-                             m["maps"]) for name, m in told.items()})
+    return Means({name: Mean(nan_if_none(m["mean"]), nan_if_none(m["se"]), m["maps"])
+                  for name, m in told.items()})
 
 
-class Count(NamedTuple):
+@dataclass(frozen=True)
+class Count:
     count: int
     of: int
 
@@ -111,9 +113,21 @@ class Scores:
         return Count.where(off <= stated, off, stated)
 
     @property
+    def outside(self) -> str:
+        """Bodies outside the stated interval, against 10 % expected; empty if none is stated."""
+        kept, off, stated = self.kept, self["lateral_m"], self["lateral_interval_90_m"]
+        if not kept.of:
+            return ""
+        worst = int(np.nanargmax(off / stated))
+        return (f"{kept.of - kept.count} of {kept.of} bodies are outside the stated 90 % interval, "
+                f"{0.1 * kept.of:.0f} expected; worst: record {self.index[worst]}, "
+                f"{100 * off[worst]:.0f} cm off to the side, stated within "
+                f"{100 * stated[worst]:.0f} cm")
+
+    @property
     def order(self) -> list[int]:
         """Indices of the records, the worst IoU first."""
-        return self.index[np.argsort(np.nan_to_num(self["iou"]), kind="stable")].tolist()
+        return list(self.index[np.argsort(np.nan_to_num(self["iou"]), kind="stable")].tolist())
 
 
 class Judged(NamedTuple):
@@ -132,25 +146,27 @@ class Judged(NamedTuple):
                                    max(near + 1, far_m)))
 
 
-def evaluated(models: Sequence[str], run: str, room: Sequence[str]) -> Judged:
-    """Models judged together, on the records with every sensor that one of them asks for; room: []
-    or ["--empty", RUN]."""
+def evaluated(models: Sequence[str], run: str, room: Sequence[str],
+              folders: Sequence[str] = ()) -> Judged:
+    """Models judged together, on the records with every sensor that one of them asks for; with
+    folders of maps these first. room: [] or ["--empty", RUN]."""
+    words = [*models, run, *room, *(word for folder in folders for word in ("--maps", folder))]
     with tempfile.TemporaryDirectory(prefix="echofuse-report-") as folder:
         out = pathlib.Path(folder) / "records.csv"
-        done = call("echofuse-recon", "-q", "evaluate", *models, run, *room, "--json",
-                    "--per-record", out, ok=(0, 5))
+        done = call("echofuse-recon", "-q", "evaluate", *words, "--json", "--per-record", out,
+                    ok=(0, 5))
         told = json.loads(done.stdout)
         with open(out, newline="", encoding="utf-8") as file:
             lines = list(csv.DictReader(file))
-    scores, first, words = [], 0, ("record", "label", "name", "out_of_distribution")
+    scores, first, texts = [], 0, ("record", "label", "name", "out_of_distribution")
     for row in told.get("rows", [told]):
-        some = lines[first:first + row["records"]]
+        some = lines[first:first + row.get("records", told["records"])]
         first += len(some)
         scores.append(Scores(row, np.array([line["record"] for line in some], np.int64),
                              [line["label"] for line in some],
                              [line["out_of_distribution"] for line in some],
                              {name: np.array([line[name] or "nan" for line in some], float)
-                              for name in lines[0] if name not in words}))
+                              for name in lines[0] if name not in texts}))
     return Judged(scores, told, " ".join(done.stderr.split("\n")).strip())
 
 
@@ -228,5 +244,6 @@ def modes_of(models: Sequence[str], compared: bool) -> list[Mode]:
                 f"{path}: takes {takes}, and {known.files[0]} of the same name {known.takes}; "
                 f"expected --model NAME={path}")
         else:
-            known.files.append(path), known.facts.append(facts)
+            known.files.append(path)
+            known.facts.append(facts)
     return modes

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from . import run as runs
 from .blocks import blocks as in_blocks
-from .methods import call
+from .programs import call
 from .report_blocks import NONE, Block, details, packed, paragraph, short, table
 from .report_records import decibels
 from .report_scores import Values
@@ -64,7 +64,8 @@ class Story:
     def gone(self) -> list[str]:
         """Sensors that are missing for good, or in many records: a sentence each. One that never
         was is not of this run."""
-        out, by_time, n = [], {}, self.info["records"]
+        by_time: dict[str, list[str]] = {}
+        out, n = [], self.info["records"]
         for sensor, name in SENSORS.items():
             if (lacking := n - self.info["valid"][sensor]) in (0, n):
                 continue
@@ -140,7 +141,7 @@ class Story:
     def typical(self) -> list[int]:
         """The index of the record in the middle of those with the most sensors."""
         count = np.sum(list(self.run.valid.values()), 0)
-        best = self.run.index[count == count.max(initial=0)].tolist()
+        best: list[int] = self.run.index[count == count.max(initial=0)].tolist()
         return best[len(best) // 2:len(best) // 2 + 1]
 
     def blocks(self, between: Sequence[Block], pictures: Sequence[Block]) -> list[Block]:
@@ -153,10 +154,10 @@ class Story:
             there, lost = self.info["valid"][s], self.info["lost"][s]
             rows.append([name, str(there), str(self.info["records"] - there),
                          f"{lost} {'tags' if s == 'spd' else 'frames'}", why or NONE])
-        why = {"text": "why a record is without", "words": True}
+        reason = {"text": "why a record is without", "words": True}
         out = [paragraph(f"{self.path}: {self.verdict}"), *between,
-               table("", ["sensor", "records with it", "records without", "lost in records", why],
-                     rows)]
+               table("", ["sensor", "records with it", "records without", "lost in records",
+                          reason], rows)]
         if self.info["zones"]:
             out.append(table("clicks of the zones", ["zone", "clicks", "x", "y"], [
                 [str(k), f"{zone['clicks']:.0f}", *(f"{zone[at]:+.3f}" if at in zone else NONE
