@@ -99,6 +99,10 @@ std::string to_table(const std::vector<ScoredRow>& rows) {
     out += formatted("%-12s", metric_names[m]);
     for (const auto& row : rows)
       out += formatted(" %15s", formatted(row.metrics[m], " +-").c_str());
+    if (m == metric_depth_mae_m) {
+      out += formatted("\n%-12s", "  over maps");
+      for (const auto& row : rows) out += formatted(" %15zu", row.metrics[m].maps);
+    }
     out += '\n';
   }
   return out;

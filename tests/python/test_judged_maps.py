@@ -36,7 +36,9 @@ def test_a_record_without_a_map_counts_as_an_empty_map(run, tmp_path):
     assert (told["records"], told["answered"], told["rows"][0]["answered"]) == (60, 6, 6)
     assert told["metrics"]["iou"]["mean"] == pytest.approx(0.1) and told["trivial"] == whole["trivial"]
     assert (whole["answered"], whole["metrics"]["iou"]["mean"]) == (60, 1)
-    assert "few: 6 of 60 records answered; the others count as an empty map" in judged(few, run)
+    text = judged(few, run)
+    assert "few: 6 of 60 records answered; the others count as an empty map" in text
+    assert text[text.index("depth_mae_m"):].splitlines()[1].split()[:3] == ["over", "maps", "6"]
 
 
 def test_the_documented_test_rows_are_judged_alone(run, tmp_path):
