@@ -25,6 +25,14 @@ function links(parent, {records, more}) {
   });
   parent.append(more ? ', ...' : '');
 }
+// Appends a sentence, in which a record of the scored run with pictures is a link.
+function sentence(parent, text) {
+  for (const part of text.split(/(record \d+)/)) {
+    const index = /^record (\d+)$/.exec(part)?.[1];
+    if (index && pictured.has(+index) && !text.startsWith('Recorded run')) make(parent, 'a', {href: `#record-${index}`, textContent: part});
+    else parent.append(part);
+  }
+}
 const add = (parent, blocks) => blocks.forEach(block => kinds[block.kind](parent, block));
 
 // A chart of series with separate x values, merged into one row as uPlot requires. A series may have "bars" ([low,
@@ -257,11 +265,11 @@ class Pictures {
 }
 
 const kinds = {
-  text: (parent, {text}) => make(parent, 'p', {textContent: text}),
+  text: (parent, {text}) => sentence(make(parent, 'p'), text),
   note: (parent, {text}) => make(parent, 'p', {className: 'note', textContent: text}),
   fails(parent, {items}) {
     const list = make(make(parent, 'div', {className: 'fail'}), 'ul');
-    for (const text of items) make(list, 'li', {textContent: text});
+    for (const text of items) sentence(make(list, 'li'), text);
   },
   list(parent, {rows}) {
     const list = make(parent, 'dl');
