@@ -208,7 +208,7 @@ class Pictures {
     for (const v of this.views) {
       const span = v.what === 'error' ? errorSpan : v.what === 'deviation' ? [0, 2] : v.what === 'share' ? [0, 1] : said.span;
       v.set(v.what === 'error' ? errorPicture(cut(v.model.map), cut(this.r.truth), size, size, span)
-              : picture(cut(v.values), size, size, span, tables[v.kind], 1, v.kind === 'sure'), edges, span);
+              : picture(cut(v.values), size, size, span, tables[v.kind], 1, v.kind === 'sure'), edges, span, v.values);
     }
   }
   // Pointer position as fractions of the image from its left and top.
