@@ -14,8 +14,6 @@
 namespace echofuse::radar {
 namespace {
 
-constexpr double firmware_speed_of_light_m_s = 3.0e8;
-
 struct Antennas {
   std::uint32_t receivers = 0;              // mask of enabled receivers
   std::vector<std::uint32_t> transmitters;  // from 0, in the order of the frame's chirps
@@ -83,7 +81,7 @@ Antennas read_antennas(const Cfg& cfg, const Frame& of) {
 // Parameters that define the range axis.
 struct Sampling {
   std::uint32_t samples = 0;
-  double slope_hz_per_s = 0, rate_hz = 0;
+  double slope_mhz_us = 0, rate_ksps = 0;  // slope in the chip's steps
   bool operator==(const Sampling&) const = default;
 };
 
@@ -104,8 +102,13 @@ const Command& profile_of(const Cfg& cfg, const Frame& frame) {
 Sampling sampling_of(const Cfg& cfg, const Command& chirp) {
   Sampling out;
   cfg.attempt([&] { out.samples = cfg.integer(chirp, 10, 2, 2048); });
-  cfg.attempt([&] { out.slope_hz_per_s = cfg.positive(chirp, 8, "the frequency slope") * 1e12; });
-  cfg.attempt([&] { out.rate_hz = cfg.positive(chirp, 11, "the sample rate") * 1e3; });
+  cfg.attempt([&] {
+    const double slope_mhz_us = cfg.positive(chirp, 8, "the frequency slope");
+    out.slope_mhz_us = Ramp{.slope_mhz_us = slope_mhz_us}.in_steps().slope_mhz_us;
+    if (out.slope_mhz_us == 0)
+      cfg.fail(chirp, "has a frequency slope below the chip's step of 0.036 MHz/us");
+  });
+  cfg.attempt([&] { out.rate_ksps = cfg.positive(chirp, 11, "the sample rate"); });
   return out;
 }
 
@@ -357,10 +360,11 @@ RadarProfile parse_profile(std::string_view cfg_text, const std::string& name,
   profile.adc_samples = sampling.samples;
   const std::uint32_t fft = std::bit_ceil(sampling.samples);
   profile.bins = fft == 1024 && profile.antennas == 12 ? 1022 : fft;
-  profile.range_step_m =
-      firmware_speed_of_light_m_s * sampling.rate_hz / (2 * sampling.slope_hz_per_s * fft);
+  const Ramp ramp = ramp_of(cfg, profile_of(cfg, frames.front()));
+  profile.range_step_m = ramp.range_step_m(fft);
+  profile.resolution_m = ramp.range_step_m(sampling.samples);
   profile.active_s = active_s(cfg, frames.front());
-  profile.carrier_hz = ramp_of(cfg, profile_of(cfg, frames.front())).in_steps().carrier_hz();
+  profile.carrier_hz = ramp.in_steps().carrier_hz();
   profile.frame_bytes = frame_bytes(cfg, profile, frames.front().loops(cfg));
   cfg.attempt([&] { read_warnings(cfg, profile, data_baud); });
   cfg.stop_if_faulty();

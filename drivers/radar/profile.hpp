@@ -23,8 +23,8 @@ struct RadarProfile {
   std::uint32_t adc_samples = 0;
   // Next power of two of adc_samples; 1022 for 1024 with 12 antennas (SDK, mss_main.c).
   std::uint32_t bins = 0;
-  // 3.0e8 * sample rate / (2 * slope * FFT size); the firmware's own c is exactly 3.0e8.
-  double range_step_m = 0;
+  double range_step_m = 0;     // between bins (ramp.hpp)
+  double resolution_m = 0;     // c / 2B of the sampled sweep
   std::uint32_t antennas = 0;  // virtual: Rx enabled * Tx used by the frame's chirps
   // Number of subframes, 1 to 4 (advFrameCfg), each sent as a separate packet. They differ only in
   // their start frequency.

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <sstream>
 
+#include "drivers/core/axis.hpp"
+
 namespace echofuse::radar {
 namespace {
 
@@ -42,12 +44,19 @@ double Ramp::carrier_hz() const {
   return 1e9 * start_ghz + 1e6 * slope_mhz_us * (adc_start_us + sampled_until_us()) / 2;
 }
 
+double Ramp::range_step_m(double points) const {
+  const double slope_hz_s = 1e12 * in_steps().slope_mhz_us;
+  return speed_of_light_m_s * 1e3 * rate_ksps / (2 * slope_hz_s * points);
+}
+
 std::vector<std::string> refusals_of(const Ramp& ramp) {
   std::vector<std::string> out;
   const Ramp r = ramp.in_steps();
   const double end_ghz = r.start_ghz + 1e-3 * r.slope_mhz_us * r.end_us;
+  // TI's tool rounds the end of a full sweep to the time step, e.g. 60 MHz/us over 66.67 us.
+  const double rounding_ghz = 1e-3 * r.slope_mhz_us * time_step_us / 2;
   constexpr double unit_ghz = 1e-4;
-  if (r.start_ghz < band_start_ghz - 2 * start_step_ghz || end_ghz > band_end_ghz)
+  if (r.start_ghz < band_start_ghz - 2 * start_step_ghz || end_ghz > band_end_ghz + rounding_ghz)
     out.push_back("sweeps " + digits(r.start_ghz, unit_ghz) + " to " + digits(end_ghz, unit_ghz) +
                   " GHz; the chip has 60 to 64 GHz" +
                   (r.start_ghz > 75 ? ": a cfg for xWR14xx, 16xx or 18xx?" : ""));

@@ -22,6 +22,11 @@ struct Ramp {
   Ramp in_steps() const;            // with values in the chip's steps
   double sampled_until_us() const;  // end of the last sample
   double carrier_hz() const;        // centre of the sampled sweep
+  // Returns the distance between the points of a transform of this many samples,
+  //   c * sample rate / (2 * slope * points)
+  // with the slope in the chip's steps; the demo and its documents take 3.0e8 and the slope as
+  // given. With points = samples it is the range resolution c / 2B.
+  double range_step_m(double points) const;
 };
 
 // Returns the limits that the ramp, in the chip's steps, exceeds, with values.

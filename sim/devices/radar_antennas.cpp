@@ -82,7 +82,7 @@ void RadarAntennas::start(const Chirp& chirp, double mean_peak) {
   used_pairs_ = about_their_middle(used_pairs_);
   wavelength_m_ = speed_of_light_m_s /
                   (1e9 * chirp.start_ghz +
-                   1e6 * chirp.slope_mhz_us *
+                   1e6 * chirp.played_slope_mhz_us() *
                        (chirp.adc_start_us + 500.0 * chirp.samples / chirp.sample_rate_ksps));
   // The firmware takes the first antennas, however many stand in the row.
   if (of_row == 0) of_row = tx.size();

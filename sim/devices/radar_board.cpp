@@ -209,8 +209,9 @@ class RadarBoard final : public Device {
   void report_bias(const std::vector<double>& power) {
     const RadarOutputs& wanted = firmware_.outputs();
     std::array<char, 32> bias{};
-    std::snprintf(bias.data(), bias.size(), " %.7f",
-                  measured_range_bias_m(power, axis_, wanted.target_m, wanted.search_m));
+    std::snprintf(
+        bias.data(), bias.size(), " %.7f",
+        measured_range_bias_m(power, chirp().firmware_step_m(), wanted.target_m, wanted.search_m));
     firmware_.say(std::string("compRangeBiasAndRxChanPhase") + bias.data() +
                   antennas_.coefficients() + "\n");
   }

@@ -30,10 +30,13 @@ struct Chirp {
   bool possible() const;
   bool ramp_possible() const;  // the same, of the ramp alone
   double active_us() const;    // active time of a frame
+  double played_slope_mhz_us() const;
   // bins = samples rounded up to a power of two (1022 for 1024 bins and 12 antennas),
-  // step = 3e8 fs / (2 slope bins), resolution = c / 2B with B = slope samples / fs
-  // The response is that of the conditions, over these cells.
+  // step = c fs / (2 slope bins), resolution = c / 2B with B = slope samples / fs, by the slope
+  // that is played. The response is that of the conditions, over these cells.
   RadarAxis axis(const Conditions& conditions) const;
+  // The firmware's own step: 3e8 fs / (2 slope bins), by the slope of the profileCfg.
+  double firmware_step_m() const;
 };
 
 // One frame's TLV 2 has code = log2_q8(sum_a log2 |x_a|), |x_a| >= 1, over the virtual antennas a.
@@ -48,10 +51,10 @@ std::vector<std::uint16_t> range_profile_codes(const std::vector<double>& power,
 inline constexpr double radar_gain = 1 << 20;
 double log2_level(double magnitude);  // log2 |x_a| of a magnitude, in the chip's integers
 
-// measureRangeBiasAndRxChanPhase gives the distance of the profile's peak from the target's true
-// distance (m). The peak lies within +-window/2 of the target's bin; a parabola over three
-// magnitudes places it.
-double measured_range_bias_m(const std::vector<double>& power, const RadarAxis& axis,
-                             double target_m, double window_m);
+// measureRangeBiasAndRxChanPhase gives the distance of the profile's peak, by the firmware's step,
+// from the target's true distance (m). The peak lies within +-window/2 of the target's bin; a
+// parabola over three magnitudes places it.
+double measured_range_bias_m(const std::vector<double>& power, double step_m, double target_m,
+                             double window_m);
 
 }  // namespace echofuse::sim

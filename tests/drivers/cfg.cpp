@@ -6,6 +6,7 @@
 #include <array>
 #include <bit>
 #include <catch2/catch.hpp>
+#include <cstdio>
 
 #include "stock_cfg.hpp"
 
@@ -75,6 +76,11 @@ TEST_CASE("a sweep is computed in the chip's steps: 45 MHz/us over 88.89 us ends
       parse_profile(with(profile, "0 60 84 7 88.89 0 0 45 1 176 2175 0 0 158"), "x.cfg");
   CHECK(p.refusals.empty());
   CHECK(p.carrier_hz == Approx(60e9 + 44.9724e12 * (7 + 0.5 * 176 / 2.175) * 1e-6).epsilon(1e-6));
+  for (int slope = 20; slope <= 250; ++slope) {  // full sweeps, rounded as TI's tool does
+    char text[80];
+    std::snprintf(text, sizeof text, "0 60 7 3 %.2f 0 0 %d 1 16 12500 0 0 30", 4e3 / slope, slope);
+    CHECK(parse_profile(with(profile, text), "x.cfg").refusals.empty());
+  }
   CHECK(parse_profile(with(profile, "0 60 84 7 88.89 0 0 45.04 1 176 2175 0 0 158"), "x.cfg")
             .refusals.at(0) ==
         "x.cfg:5: profileCfg sweeps 60 to 64.0008 GHz; the chip has 60 to 64 GHz");

@@ -13,12 +13,21 @@ using namespace echofuse;
 using namespace echofuse::radar;
 using namespace echofuse::test;
 
+namespace {
+
+// 166 MHz/us are 4584 steps of 2.7 GHz * 900 / 2^26 a microsecond.
+constexpr double played_step_m =
+    299'792'458.0 * 12.5e6 / (2 * (4584 * 2.7e15 * 900 / (1 << 26)) * 256);
+
+}  // namespace
+
 TEST_CASE("TI's stock profile has 256 bins of 4.4 cm and 12 antennas") {
   const RadarProfile p = parse_profile(stock, "x.cfg");
   CHECK(p.adc_samples == 256);
   CHECK(p.bins == 256);
   CHECK(p.antennas == 12);
-  CHECK(p.range_step_m == Approx(3.0e8 * 12.5e6 / (2 * 166e12 * 256)).epsilon(1e-14));
+  CHECK(p.range_step_m == Approx(played_step_m).epsilon(1e-12));
+  CHECK(p.resolution_m == p.range_step_m);
   CHECK(p.frame_period_s == 0.1);
   CHECK(p.range_profile_on);
   CHECK(p.warnings.empty());
@@ -31,9 +40,21 @@ TEST_CASE("antennas follow the frame's chirps, bins are the next power of two, 1
   const RadarProfile odd = parse_profile(with("1 256 12500", "1 240 12500"), "");
   CHECK(odd.bins == 256);
   CHECK(odd.range_step_m == parse_profile(stock, "").range_step_m);
+  CHECK(odd.resolution_m == Approx(256 * odd.range_step_m / 240));
   const RadarProfile big = parse_profile(with("1 256 12500", "1 1024 12500"), "");
   CHECK(big.bins == 1022);
-  CHECK(big.range_step_m == Approx(3.0e8 * 12.5e6 / (2 * 166e12 * 1024)).epsilon(1e-14));
+  CHECK(big.range_step_m == Approx(played_step_m / 4).epsilon(1e-12));
+}
+
+TEST_CASE("range axis follows the slope that the chip plays") {
+  const auto step = [](const char* slope) {
+    return parse_profile(with("166 1 256", std::string(slope) + " 1 256"), "").range_step_m;
+  };
+  CHECK(step("166") == step("165.99"));                          // both are 4584 steps
+  CHECK(step("165.98") == Approx(played_step_m * 4584 / 4583));  // 4583 steps
+  CHECK_THROWS_WITH(step("0.03"), Catch::Contains("below the chip's step"));
+  const double nominal_m = 3.0e8 * 12.5e6 / (2 * 166e12 * 256);
+  CHECK(7 * (played_step_m / nominal_m - 1) == Approx(-4.2e-3).epsilon(0.05));  // at 7 m
 }
 
 TEST_CASE("lines are sent unchanged without CR, blank lines and comments") {

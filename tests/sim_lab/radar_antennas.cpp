@@ -18,7 +18,9 @@ namespace {
 constexpr double pi = std::numbers::pi;
 using Complex = std::complex<double>;
 
-// Chirp with 64 bins of 0.25 m.
+constexpr double bin_m = 0.25022102542;  // 18.75 MHz/us are played as 517 steps
+
+// Chirp with 64 bins.
 Chirp chirp_of(std::vector<unsigned> transmitters) {
   Chirp chirp;
   chirp.samples = 60;
@@ -30,11 +32,11 @@ Chirp chirp_of(std::vector<unsigned> transmitters) {
   return chirp;
 }
 
-// Point of power 1 at 3 m with a plane wave.
+// Point of power 1 in bin 12 with a plane wave.
 RenderedScene point_at(double x, double y, std::int64_t index = 0) {
   RenderedScene scene;
   scene.index = index;
-  scene.radar = {.range_m = {3.0},
+  scene.radar = {.range_m = {12 * bin_m},
                  .weight = {1.0},
                  .place = {{static_cast<float>(x), static_cast<float>(y), 1, Returns::leakage}}};
   return scene;

@@ -115,7 +115,7 @@ TEST_CASE("subframes start one after the other, each with its own profile") {
     CHECK(subframes[k].start_ghz == Approx(60 + 1.08 * static_cast<double>(k)));
     CHECK(subframes[k].antennas == 12);
     CHECK(subframes[k].frame_period_ms == 12.5);
-    CHECK(subframes[k].axis({}).step_m == 0.25);
+    CHECK(subframes[k].axis({}).step_m == Approx(0.2502210254));
   }
   Console other;
   configure(other, "subFrameCfg 3", "../../tests/drivers/four_subframes.cfg");
@@ -129,8 +129,10 @@ TEST_CASE("a complete configuration starts, and defines the axis") {
     CHECK(console.send("sensorStart\n") == "sensorStart\nDone\n\rmmwDemo:/>");
     const RadarAxis axis = console.firmware().running().value().axis({});
     CHECK(axis.count == 64);
-    CHECK(axis.step_m == 0.25);
-    CHECK(axis.resolution_m == Approx(299'792'458.0 / (2 * 562.5e6)).epsilon(1e-12));
+    // 18.75 MHz/us are played as 517 steps of 36.21 kHz/us.
+    CHECK(axis.step_m == Approx(0.2502210254).epsilon(1e-9));
+    CHECK(axis.resolution_m == Approx(64 * axis.step_m / 60).epsilon(1e-12));
+    CHECK(console.firmware().running()->firmware_step_m() == 0.25);
     CHECK(console.firmware().running()->antennas == 12);
     CHECK(console.firmware().outputs().range_profile);
     CHECK(console.firmware().outputs().stats);
@@ -141,7 +143,7 @@ TEST_CASE("a complete configuration starts, and defines the axis") {
     CHECK(console.send("sensorStart\n") == "sensorStart\nDone\n\rmmwDemo:/>");
     const RadarAxis axis = console.firmware().running().value().axis({});
     CHECK(axis.count == 256);
-    CHECK(axis.step_m == Approx(3e8 * 12.5e6 / (2 * 166e12 * 256)).epsilon(1e-12));
+    CHECK(axis.step_m == Approx(0.0440950).epsilon(1e-6));  // 4584 steps
   }
 }
 
@@ -212,7 +214,8 @@ TEST_CASE(
   configure(console, "calibData");
   CHECK(console.send("chirpCfg 0 0 4 0 0 0 0 1\n") ==
         "chirpCfg 0 0 4 0 0 0 0 1\nError -1\n\rmmwDemo:/>");
-  console.send("profileCfg 0 60 84 7 88.89 0 0 45 1 176 2175 0 0 158\n");
+  console.send(GENERATE("profileCfg 0 60 84 7 88.89 0 0 45 1 176 2175 0 0 158\n",
+                        "profileCfg 0 60 84 7 66.67 0 0 60 1 256 4363 0 0 158\n"));
   console.send("calibData 0 0 0\n");
   CHECK(console.send("sensorStart\n") == "sensorStart\nDone\n\rmmwDemo:/>");
 }
@@ -294,13 +297,11 @@ TEST_CASE("codes of a strong echo and of the noise floor match") {
 }
 
 TEST_CASE("the range bias follows from a parabola through the peak") {
-  RadarAxis axis;
-  axis.step_m = 0.1;
   std::vector<double> power(40, 1e-6);
   // Magnitudes of a parabola with its peak at bin 10.3.
   for (const int i : {9, 10, 11})
     power[static_cast<std::size_t>(i)] = std::pow(5 - std::pow(i - 10.3, 2), 2);
-  CHECK(measured_range_bias_m(power, axis, 1.0, 0.2) == Approx(0.03).margin(1e-9));
+  CHECK(measured_range_bias_m(power, 0.1, 1.0, 0.2) == Approx(0.03).margin(1e-9));
 }
 
 namespace {

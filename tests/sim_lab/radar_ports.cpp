@@ -198,7 +198,8 @@ TEST_CASE("frames are sent only while started, at their period, with the scene's
   }
 
   // Far above the noise the mean code is that of the noise-free power.
-  sim::RadarAxis axis{0, 0.25, 64, 299'792'458.0 / (2 * 562.5e6), sim::Psf::blackman()};
+  const double step_m = 0.25022102542;  // 517 steps of the slope
+  sim::RadarAxis axis{0, step_m, 64, 64 * step_m / 60, sim::Psf::blackman()};
   const auto scene = sim::make_scene(options.conditions, sim::SceneKind::person, 11, 0);
   const auto power = sim::radar_power(sim::radar_returns(scene, options.conditions), axis);
   const auto peak = std::max_element(power.begin(), power.end()) - power.begin();
