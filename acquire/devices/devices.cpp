@@ -97,8 +97,14 @@ std::vector<Sensor> Devices::halt() {
 
 void Devices::wait(double timeout_s) {
   const auto settled = [](const Status& device) { return device.holder || device.delivers(); };
-  loop_.run_until([&] { return all(settled) || interrupted(); },
-                  loop_.now() + from_seconds(timeout_s));
+  const auto wrong = [](const Status& device) {
+    return device.state == DeviceState::misconfigured;
+  };
+  loop_.run_until(
+      [&] { return all(settled) || interrupted() || std::ranges::any_of(status_, wrong); },
+      loop_.now() + from_seconds(timeout_s));
+  for (const Sensor s : all_sensors)
+    if (wrong(status(s))) throw Error(ExitCode::config, describe(s));
 }
 
 std::vector<Counter> Devices::counters(Sensor s) const {

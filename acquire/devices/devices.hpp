@@ -48,7 +48,7 @@ class Devices final : private SampleSink {
   // Stops all drivers without events; for use after an exception.
   void abandon();
   // Runs the loop until all our devices deliver data, until the timeout, or until the user
-  // interrupts.
+  // interrupts. Throws Error(config) for a misconfigured device.
   void wait(double timeout_s);
   const Status& operator[](Sensor s) const { return status_[s]; }
   // Returns the counters of the sensor's driver, also after its end; empty if the sensor is not

@@ -34,8 +34,8 @@ constexpr auto close_limit = std::chrono::seconds(4);
 std::string event_text(DeviceState state, const std::string& address) {
   if (state == DeviceState::connecting) return "connecting to " + address;
   if (state == DeviceState::streaming) return "connected to " + address;
-  if (state == DeviceState::faulted) return "not connected to " + address + ", trying again";
-  return address + " has ended";
+  if (state == DeviceState::ended) return address + " has ended";
+  return "not connected to " + address + ", trying again";
 }
 
 // Threading: everything runs on the loop's thread, which calls run(); drivers and the writer may
@@ -283,8 +283,9 @@ void Daemon::on_depth(DepthFrame frame) {
 }
 
 void Daemon::on_state(Sensor sensor, DeviceState state, const DeviceInfo& info) {
-  log(state == DeviceState::faulted ? Severity::warning : Severity::info, name_of(sensor),
-      event_text(state, info.address), recording_ && state == DeviceState::streaming);
+  const bool fault = state == DeviceState::faulted || state == DeviceState::misconfigured;
+  log(fault ? Severity::warning : Severity::info, name_of(sensor), event_text(state, info.address),
+      recording_ && state == DeviceState::streaming);
   // The clock's fit stays: what a sender kept and sends now stands where the clock that it had
   // places it, and a clock that began anew shows by itself.
   if (recording_ && state == DeviceState::streaming) announce(sensor);

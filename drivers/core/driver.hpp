@@ -10,9 +10,11 @@
 
 namespace echofuse {
 
-enum class DeviceState : std::uint8_t { connecting, streaming, faulted, ended };
+// faulted and misconfigured: not connected, the driver tries again. misconfigured: the fault is one
+// of the configuration, so a command ends before its first record.
+enum class DeviceState : std::uint8_t { connecting, streaming, faulted, ended, misconfigured };
 inline const char* name_of(DeviceState s) {
-  constexpr const char* names[] = {"connecting", "streaming", "faulted", "ended"};
+  constexpr const char* names[] = {"connecting", "streaming", "faulted", "ended", "misconfigured"};
   return names[static_cast<std::size_t>(s)];
 }
 

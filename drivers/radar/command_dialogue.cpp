@@ -86,6 +86,8 @@ void CommandDialogue::tick(HostTime now) {
     state_ = State::commanding;
     tries_ = 0;
     send_command(now);
+  } else if (stopped_ && starts()) {
+    send_command(now);
   } else if (state_ == State::draining && tries_ < max_tries) {
     send_bare_line(now);
   } else if (state_ == State::draining) {
@@ -109,9 +111,10 @@ void CommandDialogue::on_line() {
   // Sent once per frame while measureRangeBiasAndRxChanPhase is on; may interrupt an echo.
   const std::size_t calibration = line.find("compRangeBiasAndRxChanPhase ");
   if (line.find("Exception:") != line.npos) {
-    const bool starts = commanding && commands_[next_].text.find("sensorStart") != line.npos;
     fail(shown(line) + " (the firmware has stopped: reset the board" +
-         (starts ? "; channelCfg, adcCfg and lowPower can change only after a reset)" : ")"));
+         (commanding && starts()
+              ? "; channelCfg, adcCfg and lowPower can change only after a reset)"
+              : ")"));
   } else if (is_banner(line) && state_ != State::draining) {
     fail("the board was reset");
   } else if (commanding && line == trimmed(commands_[next_].text)) {
@@ -153,6 +156,8 @@ void CommandDialogue::judge_answer(HostTime now) {
         report(stop ? Severity::info : Severity::warning, command + ": " + line);
       else if (line.starts_with("Debug"))
         remark_ = shown(line);
+    if (stop) stopped_ = now;
+    if (starts()) stopped_.reset();
     next_command(now);
   } else if (refused && is_probe() && tries_ < 2) {
     send_command(now);
@@ -171,8 +176,7 @@ void CommandDialogue::judge_answer(HostTime now) {
 std::string CommandDialogue::advice(bool unknown, bool without_reason) const {
   const std::string& command = commands_[next_].text;
   if (unknown) return advice_for_unknown(command, firmware_, cfg_name_);
-  const bool starts = command.find("sensorStart") != command.npos;
-  return starts ? advice_for_start(cfg_, firmware_, cfg_name_, without_reason) : "";
+  return starts() ? advice_for_start(cfg_, firmware_, cfg_name_, without_reason) : "";
 }
 
 void CommandDialogue::send_bare_line(HostTime now) {
@@ -182,11 +186,15 @@ void CommandDialogue::send_bare_line(HostTime now) {
 }
 
 void CommandDialogue::send_command(HostTime now) {
+  if (starts() && stopped_ && now < *stopped_ + timeouts_.pause) {
+    deadline_ = *stopped_ + timeouts_.pause;
+    return;
+  }
+  if (starts()) stopped_.reset();
   ++tries_;
   answer_.clear();
   output_ += commands_[next_].text + '\n';
-  const bool starts = commands_[next_].text.find("sensorStart") != std::string::npos;
-  deadline_ = now + (starts ? timeouts_.start : timeouts_.answer);
+  deadline_ = now + (starts() ? timeouts_.start : timeouts_.answer);
 }
 
 void CommandDialogue::next_command(HostTime now) {
@@ -221,6 +229,7 @@ void CommandDialogue::fail(const std::string& what) {
       command.number ? cfg_name_ + ":" + std::to_string(command.number) + ": " : "";
   failure_ = (sent ? where + shown(command.text) + ": " : "") + what;
   state_ = State::failed;
+  stopped_.reset();
   deadline_.reset();
   drain_end_.reset();
 }

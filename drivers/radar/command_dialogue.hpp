@@ -41,6 +41,7 @@ struct DialogueTimeouts {
   std::chrono::milliseconds prompt{1000};  // for the answer to an empty line; 3 attempts
   std::chrono::milliseconds answer{2000};  // for a command; sensorStop waits for the end of a frame
   std::chrono::milliseconds start{8000};   // for sensorStart, which calibrates for several seconds
+  std::chrono::milliseconds pause{0};  // shortest time from the answer to sensorStop to the start
 };
 
 class CommandDialogue {
@@ -63,6 +64,8 @@ class CommandDialogue {
   std::optional<HostTime> deadline() const { return deadline_; }
 
   State state() const { return state_; }
+  // Time of the answer to sensorStop; no value once sensorStart is sent.
+  std::optional<HostTime> stopped() const { return stopped_; }
   // Returns the method used: Send::cfg also after a refused restart.
   Send sent() const { return send_; }
   bool answered() const { return answered_; }              // at least one prompt was received
@@ -87,6 +90,7 @@ class CommandDialogue {
   void next_command(HostTime now);
   void send_whole_cfg();
   bool is_probe() const { return next_ == 0; }
+  bool starts() const { return commands_[next_].text.find("sensorStart") != std::string::npos; }
   void read_version(const std::string& line);
   void report(Severity severity, const std::string& text);
   void fail(const std::string& what);
@@ -100,8 +104,9 @@ class CommandDialogue {
   State state_ = State::draining;
   bool heard_ = false, answered_ = false;
   std::optional<HostTime> deadline_, drain_end_;  // drain_end_: set by the first prompt
-  std::string line_;                              // received since the last line end or prompt
-  std::vector<std::string> answer_;               // lines received since the command was sent
+  std::optional<HostTime> stopped_;
+  std::string line_;                 // received since the last line end or prompt
+  std::vector<std::string> answer_;  // lines received since the command was sent
   std::string failure_, remark_, output_, platform_, firmware_;
   std::vector<Event> events_;
   std::vector<FirmwareBias> biases_;

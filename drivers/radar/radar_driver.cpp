@@ -2,6 +2,7 @@
 #include "drivers/radar/radar_driver.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <utility>
 
 namespace echofuse::radar {
@@ -10,6 +11,15 @@ namespace {
 constexpr std::chrono::seconds cfg_keeps{10};
 // Longest gap within a frame, because USB bridges hold bytes for up to 16 ms.
 constexpr std::chrono::milliseconds quiet{20};
+// A stopped board sends the rest of one frame, and bridges hold it back. The second frame, or any
+// frame after the longest transmission, is another board's.
+constexpr std::chrono::milliseconds held_back{50}, longest_transmission{250}, least_pause{300};
+
+// Time in which a board with this frame period sends two frames.
+std::chrono::milliseconds pause_for(double frame_period_s) {
+  return std::max(least_pause,
+                  held_back + std::chrono::milliseconds(std::lround(2100 * frame_period_s)));
+}
 }  // namespace
 
 RadarDriver::RadarDriver(port::Loop& loop, RadarSetup setup)
@@ -20,6 +30,7 @@ RadarDriver::RadarDriver(port::Loop& loop, RadarSetup setup)
       watch_timer_(loop),
       quiet_timer_(loop),
       backoff_(setup_.backoff) {
+  setup_.timeouts.pause = pause_for(profile_.frame_period_s);
   info_.sensor = Sensor::radar;
   info_.address = setup_.address;
   info_.axes = {radar_axis(profile_)};
@@ -68,6 +79,7 @@ void RadarDriver::connect() {
   open_ports_ = 0;
   dialogue_.reset();
   silence_.reset();
+  frame_after_stop_.reset();
   cli_ = setup_.cli();
   data_ = setup_.data();
   const auto opened = [this] { on_opened(); };
@@ -151,17 +163,30 @@ void RadarDriver::on_data(ByteView bytes) {
   const auto take = [this](RadarFrame frame) { on_frame(std::move(frame)); };
   parser_.feed(bytes, loop_.now(), take);
   quiet_timer_.cancel();
+  judge_frames();
   if (data_ && parser_.in_doubt())
-    quiet_timer_.after(quiet, [this, take] { parser_.settle(take); });
+    quiet_timer_.after(quiet, [this, take] {
+      parser_.settle(take);
+      judge_frames();
+    });
+}
+
+// A fault that a frame shows ends the connection after the parser has returned.
+void RadarDriver::judge_frames() {
+  if (const auto fault = std::exchange(fault_, {})) fail(fault->reason, fault->state);
 }
 
 void RadarDriver::on_frame(RadarFrame frame) {
   const bool configured = dialogue_ && dialogue_->state() == CommandDialogue::State::done;
   if (!running_) return;
-  if (!configured || !data_) return discard(frame);
+  if (!configured || !data_ || fault_) {
+    discard(frame);
+    return look_for_another_board(frame);
+  }
   if (board_was_reset()) {
     discard(frame);
-    return fail("the board was reset: frame numbers restarted");
+    fault_ = {"the board was reset: frame numbers restarted"};
+    return;
   }
   alive_ = loop_.now();
   said_.clear();
@@ -202,6 +227,18 @@ void RadarDriver::check_array(RadarFrame& frame) {
 void RadarDriver::discard(const RadarFrame& frame) {
   ++early_frames_;
   if (configured_ > 0) discarded_ += 1 + frame.lost_before;
+}
+
+void RadarDriver::look_for_another_board(const RadarFrame& frame) {
+  const auto stopped = dialogue_ && data_ ? dialogue_->stopped() : std::nullopt;
+  if (!stopped || frame.received < *stopped + held_back) return;
+  const std::uint32_t first = frame_after_stop_.value_or(frame.frame_number);
+  frame_after_stop_ = first;
+  if (frame.frame_number == first && frame.received < *stopped + longest_transmission) return;
+  fault_ = {"radar.cli and radar.data are ports of two boards: frame " +
+                std::to_string(frame.frame_number) +
+                " arrived although the board of radar.cli is stopped",
+            DeviceState::misconfigured};
 }
 
 // Ignores a restart within the first two frames of a start, which may follow a known reset.
@@ -258,13 +295,14 @@ void RadarDriver::drop_data() {
   parser_.finish([this](const RadarFrame& frame) { discard(frame); });
 }
 
-void RadarDriver::fail(const std::string& reason) {
+void RadarDriver::fail(const std::string& reason, DeviceState state) {
   if (!running_) return;
   disconnect();
   const std::string why = said_.empty() || said_ == reason ? reason : said_ + "; then: " + reason;
   if (backoff_.is_news(why)) sink_->on_event(Sensor::radar, Severity::warning, why);
   if (!running_) return;
-  if (!std::exchange(faulted_, true)) sink_->on_state(Sensor::radar, DeviceState::faulted, info_);
+  if (!std::exchange(faulted_, true) || state != DeviceState::faulted)
+    sink_->on_state(Sensor::radar, state, info_);
   if (!running_) return;
   watch_timer_.after(backoff_.next(), [this] { connect(); });
 }

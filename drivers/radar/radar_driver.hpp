@@ -63,6 +63,7 @@ struct RadarSetup {
 // `streaming` after the first frame. Without frames, Silence determines the reason.
 // The state becomes `faulted`, and the driver reconnects, if the data port is silent, a port
 // closes, a command is refused, or the board was reset (banner, or frame numbers that restart).
+// The state becomes `misconfigured` if frames arrive while the sensor is stopped.
 // stop() sends `sensorStop`; finished() is true when the firmware confirms it. A frame with a heat
 // map that contradicts cfg and board is delivered without the heat map, and counted.
 class RadarDriver final : public Driver {
@@ -89,7 +90,9 @@ class RadarDriver final : public Driver {
   bool board_was_reset();
   void advance_last_words();
   void on_gone(const Failure& failure);
-  void fail(const std::string& reason);
+  void look_for_another_board(const RadarFrame& frame);
+  void judge_frames();
+  void fail(const std::string& reason, DeviceState state = DeviceState::faulted);
   void stop_timers();
   void disconnect();
   void drop_data();
@@ -110,6 +113,12 @@ class RadarDriver final : public Driver {
   std::set<std::string> reported_;     // warnings of the ports, each reported once
   std::optional<HostTime> unplugged_;  // time of an unplug with our cfg in the firmware
   std::uint64_t restarts_seen_ = 0, frames_before_ = 0, bytes_before_ = 0;
+  struct Fault {
+    std::string reason;
+    DeviceState state = DeviceState::faulted;
+  };
+  std::optional<Fault> fault_;
+  std::optional<std::uint32_t> frame_after_stop_;  // number of the first frame after sensorStop
   int open_ports_ = 0;
   bool running_ = false, faulted_ = false, streaming_ = false, array_told_ = false;
   HostTime alive_{};             // time of the last frame, or of the start

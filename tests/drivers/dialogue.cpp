@@ -337,3 +337,26 @@ TEST_CASE("a refused sensorStop does not finish the stop dialogue") {
   d.receive(test::view_of(answer("sensorStop", "Error -1\n")));
   CHECK_FALSE(d.done());
 }
+
+TEST_CASE("sensorStart waits until the sensor has been stopped for the pause") {
+  CommandDialogue d("sensorStop\nsensorStart\n", "x.cfg", {.pause = 300ms});
+  const auto say = [&](const std::string& wire, HostTime now) {
+    d.receive(test::view_of(wire), now);
+  };
+  d.start(HostTime{0});
+  say(prompt, HostTime{0});
+  d.tick(100ms);
+  say(answer("version", "Done\n"), 100ms);
+  CHECK_FALSE(d.stopped());
+  say(answer("sensorStop", "Done\n"), 120ms);
+  CHECK(d.take_output() == "\nversion\nsensorStop\n");
+  CHECK(d.stopped() == HostTime(120ms));
+  CHECK(d.deadline() == HostTime(420ms));
+  d.tick(419ms);
+  CHECK(d.take_output().empty());
+  d.tick(420ms);
+  CHECK(d.take_output() == "sensorStart\n");
+  CHECK_FALSE(d.stopped());
+  say(answer("sensorStart", "Done\n"), 430ms);
+  CHECK(d.state() == State::done);
+}

@@ -351,3 +351,63 @@ TEST_CASE("the time of a frame is that of its first chirp") {
   CHECK(seconds(sent - b.sink.radar.back().received) ==
         Approx(96 * 47e-6 + 2560 / 921600.).margin(1e-4));
 }
+
+namespace {
+
+// Radar driver with the command port of one board and the data port of another, which sends frames.
+struct TwoBoards : RadarBench {
+  TwoBoards() : other(loop) {
+    setup.data = other.data.opener();
+    driver.emplace(loop, setup);
+  }
+  bool reach(DeviceState wanted, std::chrono::milliseconds period) {
+    const HostTime end = loop.now() + 10s;
+    while (state() != wanted && loop.now() < end) {
+      other.data.send(other.frame());
+      run_until(
+          loop, [&] { return state() == wanted; }, period);
+    }
+    return state() == wanted;
+  }
+  RadarBoard other;
+};
+
+}  // namespace
+
+TEST_CASE("a data port that sends while the sensor is stopped is of another board") {
+  TwoBoards b;
+  b.driver->start(b.sink);
+  REQUIRE(b.reach(DeviceState::misconfigured, GENERATE(10ms, 50ms, 120ms)));
+  CHECK_THAT(b.sink.events.back(),
+             Catch::StartsWith("radar.cli and radar.data are ports of two boards: frame "));
+  CHECK(b.sink.radar.empty());
+  CHECK_FALSE(b.board.running());
+  CHECK(b.board.heard() == Strings(b.whole_cfg.begin(), b.whole_cfg.end() - 1));  // not sensorStart
+}
+
+TEST_CASE("a board that streams when the driver connects is accepted") {
+  radar::RadarSetup setup;
+  setup.keep_running = true;
+  Bench b(setup);
+  b.start();
+  b.driver.emplace(b.loop, b.setup);
+  REQUIRE(b.board.running());
+  const std::size_t before = b.frames();
+  b.driver->start(b.sink);
+  REQUIRE(b.until([&] { return b.frames() >= before + 20; }));
+  CHECK(b.count("connections") == 1);
+  CHECK(b.count("early_frames") > 0);
+  CHECK_FALSE(b.reported("radar.cli and radar.data"));
+}
+
+TEST_CASE("the rest of the last frame may follow the answer to sensorStop") {
+  Bench b;
+  const auto late = GENERATE(10ms, 100ms, 200ms);
+  b.driver->start(b.sink);
+  REQUIRE(run_until(b.loop, [&] { return b.board.lines_heard() >= 2; }));
+  run_until(
+      b.loop, [] { return false; }, late);
+  b.board.data.send(b.board.frame());
+  REQUIRE(b.until([&] { return b.frames() >= 3; }));
+  CHECK(b.count("connections") == 1);
+}

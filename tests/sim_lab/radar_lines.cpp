@@ -16,10 +16,12 @@ using namespace std::chrono_literals;
 namespace {
 
 struct Lines {
-  explicit Lines(const sim::LabOptions& options) {
+  explicit Lines(const sim::LabOptions& options, const std::string& data_dir = {}) {
     radar::RadarSetup setup;
+    const std::string& data = data_dir.empty() ? options.dir : data_dir;
     setup.cli = loop.opener("serial:" + options.dir + "/radar-cli", 115200);
-    setup.data = loop.opener("serial:" + options.dir + "/radar-data", 921600);
+    setup.data = loop.opener("serial:" + data + "/radar-data", 921600);
+    setup.keep_running = true;
     setup.cfg_text = read_text(options.dir + "/radar.cfg");
     driver.emplace(loop, setup);
     driver->start(sink);
@@ -53,4 +55,25 @@ TEST_CASE("a blocked consumer loses frames of a real line, and they are counted"
   WARN("3 s blocked: " << counter(*lines.driver, "lost_frames") << " frames lost");
   CHECK(lines.sink.radar.size() + counter(*lines.driver, "lost_frames") == last - first + 1);
   CHECK(counter(*lines.driver, "connections") == 1);
+}
+
+TEST_CASE("data port of another board that still sends is detected on pseudo-terminals") {
+  const TemporaryDirectory dir;
+  sim::LabOptions a, b;
+  a.dir = dir / "a", b.dir = dir / "b";
+  LabThread first(a), second(b);
+  {
+    Lines lines(b);
+    REQUIRE(lines.frames(3));
+    lines.driver->stop();  // keeps the sensor running
+  }
+  Lines mixed(a, b.dir);
+  REQUIRE(run_until(mixed.loop, [&] { return mixed.sink.state() == DeviceState::misconfigured; }));
+  CHECK(mixed.sink.radar.empty());
+  CHECK_THAT(mixed.sink.events.back(),
+             Catch::StartsWith("radar.cli and radar.data are ports of two boards: frame "));
+  mixed.driver.reset();
+  Lines again(b);  // streams when it is connected
+  REQUIRE(again.frames(3));
+  CHECK(counter(*again.driver, "connections") == 1);
 }
