@@ -198,6 +198,8 @@ void RadarDriver::on_frame(RadarFrame frame) {
   }
   check_array(frame);
   if (!running_) return;
+  check_period(frame);
+  if (!running_) return;
   frame.subframes = profile_.subframes;
   // Sets the time of the first chirp. Chirps, the firmware's processing and the transmission (25 to
   // 96 ms with a heat map) follow it.
@@ -220,6 +222,23 @@ void RadarDriver::check_array(RadarFrame& frame) {
   frame.array.clear();
   if (std::exchange(array_told_, true)) return;
   sink_->on_event(Sensor::radar, Severity::warning, text);
+}
+
+// Warns if three successive frames are not a frame period apart by the board's clock.
+void RadarDriver::check_period(const RadarFrame& frame) {
+  constexpr double clock_hz = 200e6;
+  constexpr int enough = 3;
+  const Reading now{frame.frame_number, frame.time_cpu_cycles},
+      last = std::exchange(last_frame_, now);
+  if (profile_.subframes > 1 || now.number != last.number + 1 || odd_periods_ == enough) return;
+  const double period_s = (now.cycles - last.cycles) / clock_hz,
+               expected_s = profile_.frame_period_s;
+  odd_periods_ = std::abs(period_s - expected_s) > expected_s / 2 ? odd_periods_ + 1 : 0;
+  if (odd_periods_ < enough) return;
+  const auto ms = [](double s) { return std::to_string(std::lround(1e3 * s)) + " ms"; };
+  sink_->on_event(Sensor::radar, Severity::warning,
+                  "a frame comes every " + ms(period_s) + ", the cfg gives " + ms(expected_s) +
+                      ": is radar.data a port of another board?");
 }
 
 // Drops a frame of an earlier connection, before the cfg was accepted, or after a fault: it may

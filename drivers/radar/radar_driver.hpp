@@ -84,6 +84,7 @@ class RadarDriver final : public Driver {
   void on_frame(RadarFrame frame);
   void discard(const RadarFrame& frame);
   void check_array(RadarFrame& frame);
+  void check_period(const RadarFrame& frame);
   void watch();
   void ask_why();
   void advance_silence();
@@ -113,6 +114,11 @@ class RadarDriver final : public Driver {
   std::set<std::string> reported_;     // warnings of the ports, each reported once
   std::optional<HostTime> unplugged_;  // time of an unplug with our cfg in the firmware
   std::uint64_t restarts_seen_ = 0, frames_before_ = 0, bytes_before_ = 0;
+  struct Reading {
+    std::uint32_t number = 0, cycles = 0;
+  };
+  Reading last_frame_;
+  int odd_periods_ = 0;  // successive ones; stays at the number that was reported
   struct Fault {
     std::string reason;
     DeviceState state = DeviceState::faulted;

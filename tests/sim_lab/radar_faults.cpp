@@ -411,3 +411,23 @@ TEST_CASE("the rest of the last frame may follow the answer to sensorStop") {
   REQUIRE(b.until([&] { return b.frames() >= 3; }));
   CHECK(b.count("connections") == 1);
 }
+
+TEST_CASE("frames with another period than the cfg's cause one warning") {
+  Bench b;
+  b.driver->start(b.sink);
+  const bool odd = GENERATE(false, true);
+  REQUIRE(b.until([&] { return b.board.running(); }));
+  for (int i = 0; i < 10; ++i) {
+    Bytes frame = b.board.frame();  // 10^7 cycles apart: 50 ms
+    const auto cycles =
+        static_cast<std::uint32_t>(b.board.number * (odd ? 100'000'000 : 10'000'000));
+    for (std::size_t k = 0; k < 4; ++k) frame[24 + k] = static_cast<std::uint8_t>(cycles >> 8 * k);
+    b.board.data.send(frame);
+    run_until(
+        b.loop, [] { return false; }, 50ms);
+  }
+  const std::string text = "a frame comes every 500 ms, the cfg gives 50 ms: is radar.data a port";
+  CHECK(std::ranges::count_if(b.sink.events,
+                              [&](const std::string& e) { return e.starts_with(text); }) == odd);
+  CHECK(b.frames() >= 8);
+}
