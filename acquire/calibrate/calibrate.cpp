@@ -4,7 +4,6 @@
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
-#include <bit>
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
@@ -42,21 +41,24 @@ tdc::HistogramSettings fine_axis(const Config& config, double distance_m) {
 // Collects the samples of a repeat.
 class Gatherer final : public SampleSink {
  public:
-  Gatherer(const Config& config, double distance_m)
-      : bins_(config.configured().contains(Sensor::radar) ? parse_profile(config.radar).bins : 0),
-        histogram_(fine_axis(config, distance_m)) {}
+  Gatherer(const Config& config, double distance_m) : histogram_(fine_axis(config, distance_m)) {}
 
   void on_tags(const TagBlock& block) override {
     if (block.lost_blocks + block.lost_items > 0) histogram_.forget_start();
     histogram_.add(block.tags);
   }
+  void on_histogram(HistogramFrame) override { counting_board = true; }
   void on_radar(RadarFrame frame) override {
     if (!running) return;
-    if (frame.range_profile.size() == bins_) frames.push_back(std::move(frame.range_profile));
+    if (!frame.power.empty()) frame.range_profile = power_codes(frame.power);
+    if (frame.range_profile.size() == radar_axis.count)
+      frames.push_back(std::move(frame.range_profile));
     if (!frame.array.empty()) arrays.push_back(std::move(frame.array));
   }
-  void on_state(Sensor sensor, DeviceState, const DeviceInfo&) override {
+  void on_state(Sensor sensor, DeviceState state, const DeviceInfo& info) override {
     if (sensor == Sensor::spd) histogram_.forget_start();
+    if (sensor == Sensor::radar && state == DeviceState::streaming && radar_axis.count == 0)
+      radar_axis = info.axes.at(0);
   }
   void on_firmware_bias(const FirmwareBias& bias) override { firmware.push_back(bias); }
   // Warns at once while the user waits for the devices.
@@ -71,14 +73,14 @@ class Gatherer final : public SampleSink {
   }
   const tdc::Histogram& histogram() const { return histogram_; }
 
-  bool running = false;
+  bool running = false, counting_board = false;
+  Axis radar_axis;
   TagCounts counts;
   std::vector<std::vector<std::uint16_t>> frames;
   ArrayFrames arrays;  // cleared with each repeat
   std::vector<FirmwareBias> firmware;
 
  private:
-  std::size_t bins_;  // bins of a whole profile
   tdc::Histogram histogram_;
 };
 
@@ -115,6 +117,7 @@ class Measurement {
   }
   const WindowFit& window() const { return window_; }
   const DeviceInfo& device(Sensor s) const { return devices_[s].info; }
+  const Axis& radar_axis() const { return gatherer_.radar_axis; }
   std::vector<CalibrationResult> results() const {
     std::vector<CalibrationResult> out;
     if (config_.configured().contains(Sensor::spd)) out.push_back(spd());
@@ -219,23 +222,27 @@ class Measurement {
   }
   using Frames = std::vector<std::vector<std::uint16_t>>;
   EchoAxis echo_axis() const {
+    const Axis& axis = gatherer_.radar_axis;
+    if (is_bridged())
+      return {.step_m = axis.step, .log2_power_step = power_code_step, .start_m = axis.start};
     const radar::RadarProfile profile = parse_profile(config_.radar);
-    // step = 3e8 fs / (2 slope FFT size): the sampled sweep is adc_samples of the FFT's points.
-    const double resolution_m = profile.range_step_m * std::bit_ceil(profile.adc_samples) /
-                                profile.adc_samples * speed_of_light_m_s / 3.0e8;
     return {.step_m = profile.range_step_m,
-            .resolution_m = resolution_m,
+            .resolution_m = profile.resolution_m,
             .log2_power_step = log2_power_step(profile.antennas)};
   }
-  Peak echo(const Frames& frames) const {
-    return fit_echo(frames, echo_axis(), search_of(Sensor::radar), window_.window);
+  bool is_bridged() const { return !config_.radar.address.empty(); }
+  Peak echo(const Frames& frames, std::size_t least = least_echo_frames) const {
+    return fit_echo(frames, echo_axis(), search_of(Sensor::radar), window_.window, least);
   }
   // Places every echo by the window that the reflector shows; by Blackman's if it shows none.
   void fit_window() {
     for (const Frames& some : repeats_) frames_.insert(frames_.end(), some.begin(), some.end());
-    window_ = fit_radar_response(frames_, echo_axis(), echo(frames_).range_m, radar_);
+    if (is_bridged())
+      window_.refusal = "the radar behind a bridge does not state its bandwidth";
+    else
+      window_ = fit_radar_response(frames_, echo_axis(), echo(frames_).range_m, radar_);
     for (const Frames& some : repeats_)
-      if (const Peak one = echo(some); one.refusal.empty()) radar_ranges_.push_back(one.range_m);
+      if (const Peak one = echo(some, 2); one.refusal.empty()) radar_ranges_.push_back(one.range_m);
   }
   void end_repeat() {
     arrays_.push_back(std::exchange(gatherer_.arrays, {}));
@@ -248,6 +255,14 @@ class Measurement {
     if (spd.refusal.empty()) spd_ranges_.push_back(spd.range_m);
     repeats_.push_back(std::exchange(gatherer_.frames, {}));
   }
+  // The spread is that of the repeats, so half of them and at least three must show the peak.
+  void refuse_few(Peak& peak, std::size_t measured) const {
+    const auto wanted = static_cast<std::size_t>(std::max<std::int64_t>(3, options_.repeats / 2));
+    if (!peak.refusal.empty() || measured >= wanted) return;
+    peak.refusal = "only " + std::to_string(measured) + " of " + std::to_string(options_.repeats) +
+                   " repeats show the peak (at least " + std::to_string(wanted) +
+                   " needed): a longer --time gives each more data";
+  }
   CalibrationResult spd() const {
     CalibrationResult r = result_of(Sensor::spd, photons(all_counts_), spread_of(spd_ranges_),
                                     "Gaussian by maximum likelihood");
@@ -255,17 +270,22 @@ class Measurement {
         gatherer_.histogram().gaps().clicks_a_pulse(clicks_, starts_).value_or(0);
     if (r.peak.refusal.empty() && a_pulse > record::most_clicks_a_pulse)
       r.peak.refusal = "saturated: more than one click in 20 laser pulses; attenuate the light";
+    if (gatherer_.counting_board)
+      r.peak.refusal = "sends histograms: calibrate measures time taggers only";
+    refuse_few(r.peak, spd_ranges_.size());
     if (!devices_[Sensor::spd].delivers()) r.peak.refusal = devices_.describe(Sensor::spd);
     r.peak.standard_error_m = honest_error(r.peak.standard_error_m, spd_ranges_);
     return r;
   }
   CalibrationResult radar() const {
-    CalibrationResult r = result_of(Sensor::radar, echo(frames_), spread_of(radar_ranges_),
-                                    "least squares of the lobe");
+    CalibrationResult r =
+        result_of(Sensor::radar, echo(frames_), spread_of(radar_ranges_),
+                  is_bridged() ? "parabola of the log power" : "least squares of the lobe");
     if (r.peak.refusal.empty() || r.peak.outside)
       if (const auto why = other_mounting(reflector_, r.peak.range_m, options_.search.window_m);
           !why.empty())
         r.peak.refusal = why;
+    refuse_few(r.peak, radar_ranges_.size());
     if (!devices_[Sensor::radar].delivers()) r.peak.refusal = devices_.describe(Sensor::radar);
     r.peak.standard_error_m =
         std::hypot(honest_error(r.peak.standard_error_m, radar_ranges_), window_.zero_error_m);
@@ -356,7 +376,7 @@ ExitCode finish(const Measurement& measurement, const Config& config,
   if (!options.json && response.radar.known()) say(measurement.window());
   Calibration fresh =
       to_calibration(results, antennas, response, reflector, measurement.firmware(), clock);
-  fresh.axes = axes_of(config, fresh);
+  fresh.axes = axes_of(config, fresh, measurement.radar_axis());
   for (auto& entry : fresh.entries) {
     entry.model = measurement.device(entry.sensor).model;
     entry.serial = measurement.device(entry.sensor).serial;
@@ -419,13 +439,9 @@ void announce(const Config& config, const Reflector& reflector, double window_m)
 ExitCode calibrate(const Config& all, const CalibrateOptions& options, port::Loop& loop) {
   const Config config = with_chosen(all, options);
   if ((config.configured() - SensorSet{Sensor::depth}).empty())
-    throw Error(ExitCode::config, std::string("neither tdc.address nor radar.cli is given") +
+    throw Error(ExitCode::config, std::string("neither tdc.address nor a radar is given") +
                                       (options.only ? " for --only" : "") +
                                       ": nothing to calibrate");
-  if (!config.radar.address.empty())
-    throw Error(ExitCode::config,
-                "radar.address: the radar of a bridge cannot be calibrated; --only spd calibrates "
-                "the detector alone");
   if (options.check && config.calibration.entries.empty())
     throw Error(ExitCode::config, "--check: run.calibration names no calibration to compare with");
   const Reflector reflector{.mounting = options.mounting,

@@ -17,7 +17,9 @@ namespace {
 constexpr double pi = std::numbers::pi;
 constexpr double least_photon_snr = 10;  // amplitude over its standard error
 constexpr double least_echo_db = 10;
-constexpr std::size_t least_frames = 8;
+constexpr std::size_t least_bins = 8;
+// Error of a parabola through log powers, in bins: Hann window or narrower lobe, one bin per cell.
+constexpr double parabola_error = 0.02;
 
 std::string at(const char* text, double range_m) {
   char line[160];
@@ -179,12 +181,17 @@ struct EchoPlace {
   Near share;         // part of each bin's value in `top`
 };
 
+// Vertex of the parabola through the middle bin and its neighbours.
+double vertex(const Near& mean) {
+  return (mean[1] - mean[3]) / 2 / (mean[1] - 2 * mean[2] + mean[3] - 1e-9);
+}
+
 // Gauss-Newton of amplitude and place, each bin weighted with its power.
 EchoPlace fit_lobe(const Near& mean, double log2_noise, double cells_per_bin,
                    const Window& window) {
   const Lobe lobe(window);
   EchoPlace fit;
-  fit.top = (mean[1] - mean[3]) / 2 / (mean[1] - 2 * mean[2] + mean[3] - 1e-9);  // a parabola's
+  fit.top = vertex(mean);
   double peak = mean.maxCoeff();
   for (int step = 0; step < 50; ++step) {
     Eigen::Matrix<double, near, 2> slope;
@@ -205,6 +212,18 @@ EchoPlace fit_lobe(const Near& mean, double log2_noise, double cells_per_bin,
     fit.top = std::clamp(fit.top + std::clamp(move[0], -0.3, 0.3), -1.5, 1.5);
     peak += move[1];
     if (move.norm() < 1e-9) break;
+  }
+  return fit;
+}
+
+EchoPlace fit_parabola(const Near& mean) {
+  EchoPlace fit;
+  fit.top = vertex(mean);
+  for (Eigen::Index i = 0; i < fit.share.size(); ++i) {
+    constexpr double d = 1e-4;
+    Near more = mean, less = mean;
+    more[i] += d, less[i] -= d;
+    fit.share[i] = (vertex(more) - vertex(less)) / (2 * d);
   }
   return fit;
 }
@@ -279,6 +298,18 @@ Profile profile_of(const std::vector<std::vector<std::uint16_t>>& frames, double
   return p;
 }
 
+std::vector<std::uint16_t> power_codes(std::span<const float> power) {
+  constexpr double offset = 128, least_share = 1e-6;
+  const float most = power.empty() ? 0 : *std::max_element(power.begin(), power.end());
+  std::vector<std::uint16_t> codes;
+  for (const float p : power) {
+    const double shown = std::max({double{p}, least_share * double{most}, std::exp2(1 - offset)});
+    const double code = std::round((std::log2(shown) + offset) / power_code_step);
+    codes.push_back(static_cast<std::uint16_t>(std::min(code, 65535.0)));
+  }
+  return codes;
+}
+
 Peak fit_photons(std::span<const std::uint32_t> counts, double start_ps, double step_ps,
                  const Search& search) {
   Peak peak;
@@ -320,18 +351,22 @@ Peak fit_photons(std::span<const std::uint32_t> counts, double start_ps, double 
 }
 
 Peak fit_echo(const std::vector<std::vector<std::uint16_t>>& frames, const EchoAxis& axis,
-              const Search& search, const Window& window) {
+              const Search& search, const Window& window, std::size_t least) {
   Peak peak;
-  if (frames.size() < least_frames) {
-    peak.refusal = "no peak: fewer than 8 frames came";
+  if (frames.size() < least) {
+    peak.refusal = "no peak: fewer than " + std::to_string(least) + " frames came";
+    return peak;
+  }
+  if (frames[0].size() < least_bins) {
+    peak.refusal = "no peak: the profile has fewer than 8 bins";
     return peak;
   }
   const Profile profile = profile_of(frames, axis.log2_power_step);
   const auto& mean = profile.mean;
   const std::size_t last = mean.size() - 3;
   const auto bin = [&](double range_m) {
-    return static_cast<std::size_t>(
-        std::clamp(std::round(range_m / axis.step_m), 2.0, static_cast<double>(last)));
+    return static_cast<std::size_t>(std::clamp(std::round((range_m - axis.start_m) / axis.step_m),
+                                               2.0, static_cast<double>(last)));
   };
   const auto highest = [&](std::size_t from, std::size_t to) {
     const auto begin = mean.begin();
@@ -348,7 +383,7 @@ Peak fit_echo(const std::vector<std::vector<std::uint16_t>>& frames, const EchoA
   while (top > 2 && mean[top - 1] > mean[top]) --top;  // the window cuts its lobe
   while (top < last && mean[top + 1] > mean[top]) ++top;
   peak.snr_db = db_over_floor(top);
-  peak.range_m = static_cast<double>(top) * axis.step_m;
+  peak.range_m = axis.range_m(static_cast<double>(top));
   // A lobe whose top is cut off: two bins of one code, the same in every frame.
   const bool flat = std::all_of(frames.begin(), frames.end(), [&](const auto& f) {
     return f[top] == frames[0][top] && (f[top] == f[top - 1] || f[top] == f[top + 1]);
@@ -362,19 +397,23 @@ Peak fit_echo(const std::vector<std::vector<std::uint16_t>>& frames, const EchoA
     if (db_over_floor(strongest) < least_echo_db)
       peak.refusal = at("SNR too low: %.1f dB over the median, 10 needed", peak.snr_db);
     else
-      refuse_outside(peak, static_cast<double>(strongest) * axis.step_m, place_advice);
+      refuse_outside(peak, axis.range_m(static_cast<double>(strongest)), place_advice);
     return peak;
   }
-  const double cells_per_bin = axis.step_m / axis.resolution_m;
+  const bool known = axis.resolution_m > 0;
+  const double cells_per_bin = known ? axis.step_m / axis.resolution_m : 1;
   Near values;
   for (std::size_t i = 0; i < near; ++i) values[static_cast<Eigen::Index>(i)] = mean[top - 2 + i];
-  const EchoPlace fit = fit_lobe(values, log2_noise_of(profile.floor), cells_per_bin, window);
-  peak.range_m = (static_cast<double>(top) + fit.top) * axis.step_m;
+  const EchoPlace fit = known
+                            ? fit_lobe(values, log2_noise_of(profile.floor), cells_per_bin, window)
+                            : fit_parabola(values);
+  peak.range_m = axis.range_m(static_cast<double>(top) + fit.top);
   peak.standard_error_m =
-      axis.step_m * place_error(frames, profile, fit, top - 2, axis.log2_power_step);
-  peak.refusal = unlike_one_echo(profile, fit, top, frames.size());
+      axis.step_m * std::hypot(place_error(frames, profile, fit, top - 2, axis.log2_power_step),
+                               known ? 0 : parabola_error);
+  if (known) peak.refusal = unlike_one_echo(profile, fit, top, frames.size());
   if (const std::size_t other = other_top(mean, low, high, top, cells_per_bin))
-    peak.refusal = at("two peaks: another one at %.3f m", static_cast<double>(other) * axis.step_m);
+    peak.refusal = at("two peaks: another one at %.3f m", axis.range_m(static_cast<double>(other)));
   if (!inside(search, peak.range_m)) refuse_outside(peak, peak.range_m, place_advice);
   return peak;
 }

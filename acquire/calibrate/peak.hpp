@@ -33,9 +33,17 @@ Peak fit_photons(std::span<const std::uint32_t> counts, double start_ps, double 
                  const Search& search);
 
 struct EchoAxis {
-  double step_m = 0, resolution_m = 0;  // between bins; c / 2B
+  double step_m = 0, resolution_m = 0;  // between bins; c / 2B, 0: not known
   double log2_power_step = 0;           // per code (drivers/core/log2_codes.hpp)
+  double start_m = 0;                   // range of bin 0
+
+  double range_m(double bin) const { return start_m + bin * step_m; }
 };
+
+// Codes of linear power, for radars that send power: 256 * (log2(power) + 128), at most 60 dB below
+// the frame's maximum.
+std::vector<std::uint16_t> power_codes(std::span<const float> power);
+inline constexpr double power_code_step = 1.0 / 256;
 // Mean and standard deviation of each bin over the frames.
 struct Profile {
   std::vector<double> mean, deviation;  // log2 of the power
@@ -44,15 +52,19 @@ struct Profile {
 
 Profile profile_of(const std::vector<std::vector<std::uint16_t>>& frames, double log2_power_step);
 
-// Radar: range profiles in log2_q8 codes, one a frame, at least 8. Least squares fit of the
+// Radar: range profiles in log2_q8 codes, one a frame, `least` or more (at
+// least 2). Least squares fit of the
 // window's transform to the frames' means of the strongest bin and its two neighbours on either
 // side. The amplitude is free, and the bins are weighted with the power. Window: the firmware's
 // Blackman if no other is given (SDK 3.x, mmwDemo_genWindow; Harris, Proc. IEEE 66, 1978). The mean
 // of a logarithm is that of a signal P in noise N: ln P + E1(P / N), N from the profile's median.
+// If the resolution is not known, a parabola through the logarithms of three bins places the echo.
 // The standard error is that of the frames' scatter, and of the codes' steps where the noise does
 // not even them out.
+inline constexpr std::size_t least_echo_frames = 8;
 Peak fit_echo(const std::vector<std::vector<std::uint16_t>>& frames, const EchoAxis& axis,
-              const Search& search, const Window& window = {});
+              const Search& search, const Window& window = {},
+              std::size_t least = least_echo_frames);
 
 // Standard deviation.
 inline double spread_of(const std::vector<double>& values) {

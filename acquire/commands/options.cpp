@@ -123,7 +123,7 @@ void add_calibrate(CLI::App& app, Options& o) {
       ->check(CLI::Range(0.01, 30.0))
       ->capture_default_str();
   c->add_option("--repeat", k.repeats, "how often to measure")
-      ->check(CLI::Range(std::int64_t{1}, std::int64_t{100'000}))
+      ->check(CLI::Range(std::int64_t{3}, std::int64_t{100'000}))
       ->capture_default_str();
   c->add_option("--time", k.time_s, "s of each measurement")
       ->check(CLI::Range(0.1, 3600.0))

@@ -125,7 +125,7 @@ Calibration Calibration::over(const Calibration& older) const {
   return out;
 }
 
-CalibratedAxes axes_of(const Config& config, const Calibration& calibration) {
+CalibratedAxes axes_of(const Config& config, const Calibration& calibration, const Axis& radar) {
   CalibratedAxes out;
   if (calibration.find(Sensor::spd)) {
     out.bin_width_ps = static_cast<double>(config.histogram.bin_width_ps);
@@ -133,8 +133,7 @@ CalibratedAxes axes_of(const Config& config, const Calibration& calibration) {
     out.bins = config.histogram.bins;
   }
   if (!calibration.find(Sensor::radar)) return out;
-  const radar::RadarProfile profile = parse_profile(config.radar);
-  out.radar_step_m = profile.range_step_m, out.radar_bins = profile.bins;
+  out.radar_step_m = radar.step, out.radar_bins = radar.count;
   return out;
 }
 

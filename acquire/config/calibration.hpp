@@ -11,6 +11,7 @@
 
 #include "acquire/measurement/response.hpp"
 #include "acquire/record/record.hpp"
+#include "drivers/core/axis.hpp"
 
 namespace echofuse::acquire {
 
@@ -49,8 +50,8 @@ struct Calibration {
 };
 
 struct Config;
-// Those of a run with these instruments, of the sensors that are calibrated.
-CalibratedAxes axes_of(const Config& config, const Calibration& calibration);
+// Those of a run with these instruments, of the sensors that are calibrated. `radar`: the device's.
+CalibratedAxes axes_of(const Config& config, const Calibration& calibration, const Axis& radar);
 
 // Throws Error(config) with all faults, file:line each.
 Calibration read_calibration(const std::string& path);

@@ -191,7 +191,7 @@ TEST_CASE("calibrate needs no calibration, and does not overwrite an unreadable 
   const Folder folder;
   write_file(folder / "lab.toml",
              "[run]\nconnect_timeout_s = 0.2\ncalibration = \"c.toml\"\n" + tdc_nowhere);
-  const std::string config = "calibrate --repeat 1 --time 0.1 --config " + folder / "lab.toml";
+  const std::string config = "calibrate --repeat 3 --time 0.1 --config " + folder / "lab.toml";
   refuses(config, 4, "warning spd: " + nowhere.substr(nowhere.rfind('/') + 1) + ": ");
   refuses(config + " --check", 3,
           "lab.toml:3:1: run.calibration: " + folder / "c.toml: cannot read");

@@ -4,11 +4,13 @@
 #include <fcntl.h>
 #include <unistd.h>
 
+#include <cmath>
 #include <cstdio>
 #include <deque>
 #include <filesystem>
 #include <fstream>
 #include <iterator>
+#include <random>
 #include <utility>
 
 #include "acquire/calibrate/calibrate.hpp"
@@ -83,6 +85,56 @@ class Keeper {
   bool connected_ = false;
 };
 
+// Radar behind a bridge: an echo at range_m in 100 bins of 0.08 m from 0.3 m, every 50 ms.
+class BridgedRadar {
+ public:
+  BridgedRadar(port::Loop& loop, double range_m) : range_m_(range_m), timer_(loop), listener(loop) {
+    listener.start({.connected = [this] { begin(); },
+                    .left =
+                        [this] {
+                          timer_.cancel();
+                          listener.accept();
+                        }});
+    listener.accept();
+  }
+
+ private:
+  void begin() {
+    number_ = 0;
+    const std::string hello = R"({"model":"R","serial":"R1","firmware":"1"})";
+    send(0, {hello.begin(), hello.end()});
+    next();
+  }
+  void next() {
+    Bytes payload;
+    put(payload, std::uint32_t{bins});
+    put(payload, number_);
+    put(payload, std::uint64_t{50'000} * number_);
+    put(payload, 0.3F), put(payload, 0.08F);
+    std::exponential_distribution<float> noise(1);
+    for (std::uint32_t i = 0; i < bins; ++i) {
+      const double off = (0.3 + 0.08 * i - range_m_) / 0.1;
+      put(payload, noise(rng_) + static_cast<float>(1e3 * std::exp(-off * off)));
+    }
+    send(5, payload);
+    timer_.after(50ms, [this] { next(); });
+  }
+  void send(int kind, const Bytes& payload) {
+    sent_.push_back(sim::bridge_block(static_cast<sim::BlockKind>(kind), number_++, 0, payload));
+    listener.write(sent_.back(), [](bool) {});
+  }
+
+  static constexpr std::uint32_t bins = 100;
+  double range_m_;
+  port::Timer timer_;
+  Rng rng_ = make_rng(3, 1);
+  std::deque<Bytes> sent_;
+  std::uint32_t number_ = 0;
+
+ public:
+  test::MemoryListener listener;
+};
+
 constexpr double spd_m = 437 * speed_of_light_m_s / 2e12, radar_m = 0.037;
 
 // A reflector at 1 m, and range offsets of the simulated sensors.
@@ -98,10 +150,11 @@ LaboratoryOptions reflector(double more_ps = 0, const std::string& before = "det
 }
 
 // The reflector's position is exact, so the standard errors are those of the measurement.
-ExitCode calibrate(Laboratory& lab, bool check = false, acquire::CalibrateOptions options = {}) {
+ExitCode calibrate(Laboratory& lab, bool check = false, acquire::CalibrateOptions options = {},
+                   double time_s = 0.5, std::int64_t repeats = 6) {
   options.check = check;
   options.distance_error_m = options.baseline_error_m = 0;
-  options.repeats = 6, options.time_s = 0.4;
+  options.repeats = repeats, options.time_s = time_s;
   options.search.window_m = 0.3;
   options.json = true;
   return acquire::calibrate(lab.config(), options, lab.loop);
@@ -258,7 +311,43 @@ TEST_CASE("both reflector mountings give the antennas' gains and phases") {
   }
 }
 
+TEST_CASE("radar behind a bridge is calibrated by its range profile") {
+  Bench b(reflector());
+  const std::string stored = b.folder / "c.toml";
+  BridgedRadar device(b.lab->loop, std::hypot(1, 0.5) + 0.021);
+  b.lab->loop.ports["bridge:tcp://radar:1"] = device.listener.opener();
+  b.lab->set({"radar.cli=", "radar.data=", "radar.address=bridge:tcp://radar:1",
+              "run.calibration=" + stored},
+             false);
+  acquire::CalibrateOptions options;
+  options.only = Sensor::radar;
+  REQUIRE(calibrate(*b.lab, false, options) == ExitCode::ok);
+  const acquire::Calibration c = acquire::read_calibration(stored);
+  const record::CalibrationEntry* entry = c.find(Sensor::radar);
+  REQUIRE(entry);
+  CHECK(entry->serial == "R1");
+  CHECK(std::abs(entry->offset_m - 0.021) < 3 * entry->standard_error_m);
+  CHECK(entry->standard_error_m < 3e-3);
+  CHECK(c.axes.radar_step_m == Approx(0.08));
+  CHECK(c.axes.radar_bins == 100);
+  CHECK_FALSE(c.response.radar.known());
+  b.lab->set({"run.calibration=" + stored});
+  CHECK(calibrate(*b.lab, true, options) == ExitCode::ok);
+  options.mounting = acquire::Mounting::each;
+  CHECK(calibrate(*b.lab, false, options) == ExitCode::device);
+}
+
 TEST_CASE("failed calibration is not stored") {
+  SECTION("one frame in each repeat, which gives no spread") {
+    LaboratoryOptions slow = reflector();
+    slow.radar_cfg = "xwr68xx_azimuth_44mm.cfg";
+    Bench b(slow);
+    b.lab->set({"run.calibration=" + b.folder / "c.toml"}, false);
+    acquire::CalibrateOptions options;
+    options.only = Sensor::radar;
+    CHECK(calibrate(*b.lab, false, options, 0.12, 12) == ExitCode::device);
+    CHECK_FALSE(std::filesystem::exists(b.folder / "c.toml"));
+  }
   SECTION("no reflector") {
     LaboratoryOptions empty = reflector();
     empty.scene = "empty";
