@@ -25,20 +25,6 @@
 
 namespace echofuse::recon {
 
-std::string describe(const Axis& a) {
-  if (a.count == 0) return "none";
-  return std::to_string(a.count) + " x " + std::to_string(a.step) + " " + printable(a.unit, 20) +
-         " from " + std::to_string(a.start) + " " + printable(a.unit, 20) + " (" +
-         printable(a.quantity, 20) + ")";
-}
-
-Error axis_error(const std::string& path, const Axis& found, const Axis& wanted,
-                 const std::string& whose) {
-  return {ExitCode::failed, printable(path) + ": " + wanted.name + " axis is " + describe(found) +
-                                ", " + whose + " is " + describe(wanted) +
-                                ": they lie further apart than a bin"};
-}
-
 std::string to_text(const DamagedRecord& damaged) {
   return printable(damaged.path) + ": record " + std::to_string(damaged.index) + ": " +
          printable(damaged.why);

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 
 #include "drivers/program/printable.hpp"
 #include "recon/data/dataset.hpp"
@@ -8,6 +9,33 @@
 
 namespace echofuse::recon {
 namespace {
+
+std::string number(double value) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.4g", value);
+  return text;
+}
+
+// Names what is_near() refuses.
+std::string difference(const Axis& found, const Axis& wanted) {
+  if (found.count == 0 || wanted.count == 0) return "only one has this axis";
+  if (found.quantity != wanted.quantity || found.unit != wanted.unit)
+    return "quantity or unit differ";
+  if (found.scale != wanted.scale)
+    return "scale is " + number(found.scale) + ", expected " + number(wanted.scale);
+  std::string out;
+  const auto add = [&](const std::string& text) { out += (out.empty() ? "" : "; ") + text; };
+  const auto off = [&](std::uint32_t i) { return std::abs(found.at(i) - wanted.at(i)); };
+  const double limit = std::abs(wanted.step);
+  if (off(0) > limit) add("start differs by " + number(off(0) / limit) + " bins (limit 1)");
+  if (const double drift = wanted.count * std::abs(found.step - wanted.step); drift > limit)
+    add("step differs, by " + number(drift / limit) + " bins at the end (limit 1)");
+  if (found.count < wanted.count)
+    add("too short: " + std::to_string(found.count) + " bins, expected " +
+        std::to_string(wanted.count));
+  return out.empty() ? "end differs by " + number(off(wanted.count) / limit) + " bins (limit 1)"
+                     : out;
+}
 
 void resample(Matrix& table, const Axis& found, const Axis& wanted, std::size_t values_a_bin) {
   Matrix out(0, wanted.count * values_a_bin);
@@ -29,6 +57,20 @@ void resample_zones(Dataset& data, const Axis& wanted) {
 }
 
 }  // namespace
+
+std::string describe(const Axis& a) {
+  if (a.count == 0) return "none";
+  return std::to_string(a.count) + " x " + std::to_string(a.step) + " " + printable(a.unit, 20) +
+         " from " + std::to_string(a.start) + " " + printable(a.unit, 20) + " (" +
+         printable(a.quantity, 20) + ")";
+}
+
+Error axis_error(const std::string& path, const Axis& found, const Axis& wanted,
+                 const std::string& whose) {
+  return {ExitCode::failed, printable(path) + ": " + wanted.name + " axis is " + describe(found) +
+                                ", " + whose + " is " + describe(wanted) + ": " +
+                                difference(found, wanted)};
+}
 
 std::vector<float> resampled(std::span<const float> row, const Axis& found, const Axis& wanted,
                              std::size_t values_a_bin) {
