@@ -92,7 +92,7 @@ Beginning beginning_of(const std::optional<UtcTime>& given, const record::RunRea
   if (given) return {*given, {}};
   const std::string file = fs::path(arrays.newest()).filename().string();
   return {modified(arrays.newest()),
-          "when it began is not known: the time of " + file + " is taken; --began UTC says it"};
+          "start time unknown: the time of " + file + " is used; --began UTC sets it"};
 }
 
 }  // namespace

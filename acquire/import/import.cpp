@@ -83,9 +83,9 @@ void take_cfg(Config& config, const std::string& recording, const std::string& c
     config.radar.cfg_text = RegularFile(path, ExitCode::config).rest<std::string>(1 << 20);
   }
   if (config.radar.cfg_text.empty())
-    throw Error(ExitCode::config, printable(recording) + ": without the .cfg that the board had; " +
-                                      "put it beside as " + printable(beside) +
-                                      ", or name it by --cfg");
+    throw Error(ExitCode::config, printable(recording) +
+                                      ": the board's .cfg is missing: copy it to " +
+                                      printable(beside) + ", or name it with --cfg");
   record::Antennas antennas;
   for (const auto& place : parse_profile(config.radar).array)
     antennas.push_back({.x = static_cast<double>(place.x), .y = static_cast<double>(place.y)});
@@ -115,10 +115,11 @@ std::string import_streams(const Config& config, const ImportOptions& options,
     slots.windows().announce(r->device());
   }
   import.put_axes(slots.windows().axes());
+  SignalCheck::Ends ends;
   const auto take = [&](record::FusedRecord record) {
     record.slot_utc = import.utc_of(record.slot_start);
     record.label = config.label;
-    import.put(std::move(record));
+    import.put(std::move(record), ends);
   };
   std::vector<Recording*> running;
   for (const auto& r : recordings) running.push_back(r.get());
@@ -132,12 +133,13 @@ std::string import_streams(const Config& config, const ImportOptions& options,
       throw Error(ExitCode::failed,
                   printable((*behind)->device().address) + ": its times reach " +
                       std::to_string(std::llround(seconds((*behind)->at()))) +
-                      " s, more slots than it has bytes: is one damaged? A longer slot (--set "
-                      "run.window_s) makes fewer");
+                      " s, more slots than the file has bytes: is a time damaged? A longer slot "
+                      "(--set run.window_s) gives fewer");
     if (more) {
       slots.close(now, false, take);
     } else {
       slots.flush();
+      ends[(*behind)->device().sensor] = (*behind)->at();
       running.erase(behind);
     }
   }
@@ -165,8 +167,7 @@ std::string import_streams(const Config& config, const ImportOptions& options,
                printable(causes + (causes.empty() || verdict.empty() ? "" : "; ") + verdict);
   }
   if (empty == recordings.size()) throw Error(ExitCode::failed, nothing);
-  if (recordings.size() > 1)
-    import.doubt("that the recordings begin at the same time is taken for granted");
+  if (recordings.size() > 1) import.doubt("assumed: the recordings begin at the same time");
   if (import.tags().out_of_range > 0 && import.tags().in_range == 0)
     import.doubt("spd: no click lies within tdc.first_bin_ps and tdc.bins");
   const std::string made = import.finish();
@@ -219,7 +220,8 @@ std::string import_recordings(Config config, const ImportOptions& options) {
   if (folder && !options.cfg.empty())
     throw Error(ExitCode::usage, "--cfg does not go with a folder");
   if (kept && !options.began.empty())
-    throw Error(ExitCode::usage, "--began does not go with kept bytes, which tell their times");
+    throw Error(ExitCode::usage,
+                "--began does not go with raw captures, which contain their times");
   if (kept) return import_kept(std::move(config), options.files[0], options.out);
   if (folder)
     return import_arrays(
@@ -235,12 +237,10 @@ std::string import_recordings(Config config, const ImportOptions& options) {
     if (options.began.empty() && began.doubt.empty() && utc) began = {*utc, doubt};
   };
   constexpr const char* local_time =
-      "when it began is PicoQuant's local time, taken in this machine's time zone; --began UTC "
-      "says "
-      "it exactly";
+      "start time: PicoQuant's local time, read in this machine's time zone; --began UTC sets it";
   constexpr const char* local_time_twice =
-      "when it began is PicoQuant's local time, which came twice on that day because summer time "
-      "ended: it may have been an hour later; --began UTC says it exactly";
+      "start time: PicoQuant's local time, which occurred twice at the end of summer time: it may "
+      "be an hour later; --began UTC sets it";
   for (const std::string& path : options.files) {
     const std::string kind = kind_of(path);
     if (kind == ".dat") {
@@ -271,14 +271,14 @@ std::string import_recordings(Config config, const ImportOptions& options) {
     }
   }
   begins(config.radar.data.empty() ? std::optional(modified(config.tdc.address)) : std::nullopt,
-         "when it began is not known: the file's time is taken; --began UTC says it");
+         "start time unknown: the file's time is used; --began UTC sets it");
   if (options.began.empty() && began.doubt.empty()) {  // a file is written until its end
     RadarRecording whole(config.radar.data, parse_profile(config.radar));
     SampleSink nobody;
     while (whole.next(nobody)) {
     }
     begins(modified(config.radar.data) - whole.at(),
-           "when it began is not known: the file's time is taken for its end; --began UTC says it");
+           "start time unknown: the file's time is used as its end; --began UTC sets it");
   }
   return import_streams(config, options, began, recordings);
 }

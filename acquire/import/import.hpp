@@ -30,7 +30,7 @@ struct ImportOptions {
 // Error(usage), also for a day that the month does not have.
 UtcTime parse_utc(const std::string& text);
 
-// Makes the run and returns what is in it, and what is missing or taken for granted, a line each;
+// Makes the run and returns what is in it, and what is missing or assumed, a line each;
 // the run has these lines as events. `config` says how a record is made: slots, histogram, board,
 // calibration. Its addresses are not used. Throws Error: a file cannot be read, is none of these or
 // gives no record anything (failed), the run exists (failed) or cannot be written (disk); the run

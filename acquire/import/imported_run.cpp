@@ -34,8 +34,8 @@ void ImportedRun::put_axes(const std::vector<Axis>& axes) {
   for (const Axis& axis : axes_) run_->put_axis(axis);
 }
 
-void ImportedRun::put(record::FusedRecord record) {
-  check_.judge(record, axes_);
+void ImportedRun::put(record::FusedRecord record, const SignalCheck::Ends& ends) {
+  check_.judge(record, axes_, ends);
   clock_.at = std::max(clock_.at, record.slot_end);
   clock_.utc_at = std::max(clock_.utc_at, record.slot_utc + (record.slot_end - record.slot_start));
   for (const Sensor s : all_sensors) {

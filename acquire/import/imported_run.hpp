@@ -34,7 +34,7 @@ class ImportedRun {
 
   record::RunWriter& writer() { return *run_; }
   void put_axes(const std::vector<Axis>& axes);
-  void put(record::FusedRecord record);
+  void put(record::FusedRecord record, const SignalCheck::Ends& ends = {});
   // A warning of the run and a line of finish().
   void doubt(const std::string& text);
   void put_counters(Sensor sensor, const std::vector<Counter>& counters);

@@ -82,8 +82,8 @@ class Stream {
     }
     Bytes out(count > 0 && count <= most_bytes ? static_cast<std::size_t>(count) : 0);
     if (out.empty() || file_->read(out) != out.size())
-      throw Error(ExitCode::failed, printable(times_.path()) + ": tells of more bytes than " +
-                                        std::to_string(files_) + " files hold");
+      throw Error(ExitCode::failed, printable(times_.path()) + ": lists more bytes than " +
+                                        std::to_string(files_) + " files contain");
     return out;
   }
   port::Loop& loop;
@@ -155,16 +155,16 @@ LiveRun read_live_run(const std::string& folder) {
     if (line->what == "closed") ++run.slots, ended = std::max(ended, line->at);
   }
   if (!run.started || !run.first_slot || run.slots == 0)
-    throw Error(ExitCode::failed, printable(times.path()) + ": tells of no slot that ended");
+    throw Error(ExitCode::failed,
+                printable(times.path()) + ": the raw capture has no complete slot");
   // One damaged number must not make slots without an end.
   const double slot_s = seconds(HostTime(run.slot_ns)), lasted_s = seconds(ended - *run.first_slot);
   constexpr double shortest_s = 0.05, longest_s = 3600;  // run.window_s
   if (!(slot_s >= shortest_s && slot_s <= longest_s) ||
       static_cast<double>(run.slots) * slot_s > lasted_s + slot_s)
-    throw Error(ExitCode::failed, printable(times.path()) + ": tells of " +
-                                      std::to_string(run.slots) + " slots of " +
-                                      std::to_string(slot_s) + " s in " + std::to_string(lasted_s) +
-                                      " s: is a number damaged?");
+    throw Error(ExitCode::failed, printable(times.path()) + ": lists " + std::to_string(run.slots) +
+                                      " slots of " + std::to_string(slot_s) + " s in " +
+                                      std::to_string(lasted_s) + " s: is a number damaged?");
   return run;
 }
 
@@ -220,7 +220,7 @@ std::string import_kept(Config config, const std::string& folder, const std::str
     throw Error(ExitCode::failed, printable(folder) + ": nothing to import: none of " +
                                       std::to_string(made.records) + " records has a valid sensor");
   file.publish();
-  return printable(out) + ": the run that these bytes are of, anew";
+  return printable(out) + ": the run of these bytes";
 }
 
 }  // namespace echofuse::acquire

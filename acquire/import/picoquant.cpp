@@ -269,11 +269,9 @@ std::vector<std::string> PicoquantTags::doubts() const {
   const double told_s = stopped_s_ > 0 ? stopped_s_ : header_s_;
   if (behind || (stopped_s_ > 0 && (later(end_s, stopped_s_) ||
                                     later(stopped_s_, end_s + records_.wrap_ps() / ps_per_s))))
-    out.push_back(number_text(told_s) + " s by its header, " + number_text(end_s) +
-                  " s by its records" +
-                  (behind ? ": what lies behind its end by the header is left out; is a record "
-                            "damaged?"
-                          : ""));
+    out.push_back(
+        number_text(told_s) + " s by its header, " + number_text(end_s) + " s by its records" +
+        (behind ? ": records after the header's end are left out; is a record damaged?" : ""));
   for (auto& text : rate_doubts()) out.push_back(std::move(text));
   if (records_.offset_ps() > 0)
     out.push_back("MeasDesc_Offset: " + number_text(records_.offset_ps() / 1000) +
@@ -286,14 +284,14 @@ std::vector<std::string> PicoquantTags::doubts() const {
     out.push_back(text);
   const double told = file_->number("TTResult_NumberOfRecords").value_or(0);
   if (told > 0 && told != static_cast<double>(count_))
-    out.push_back("its header tells of " + std::to_string(std::llround(told)) +
-                  " records, it has " + std::to_string(count_));
+    out.push_back("its header states " + std::to_string(std::llround(told)) + " records, it has " +
+                  std::to_string(count_));
   if (bytes_cut_ > 0) out.push_back("its last record is cut");
-  if (beyond_) out.push_back("a time beyond 106 days: what follows is left out");
+  if (beyond_) out.push_back("a time beyond 106 days: the rest is left out");
   const double divider = file_->number("HWSync_Divider").value_or(1);
   if (divider > 1 && !records_.is_t3())
     out.push_back("its sync was divided by " + std::to_string(std::llround(divider)) +
-                  ": only so many of the laser's pulses are in it");
+                  ": it contains only this share of the laser's pulses");
   std::string inputs;
   for (std::size_t c = 0; c < by_channel_.size(); ++c)
     if (by_channel_[c] > 0)

@@ -46,8 +46,8 @@ RadarRecording::Reading RadarRecording::read(const RadarFrame& frame) const {
           frame.time_cpu_cycles};
 }
 
-// A frame after a restart of the board comes a period later: how long the board was away its
-// counter does not tell. A number that the next one does not follow is damaged.
+// Places a frame after a restart of the board one period later, because its counter does not
+// contain the gap. A number that the next one does not follow is damaged.
 void RadarRecording::step(Reading now, const Reading* next) {
   const std::uint32_t usual = 101 * profile_.subframes, most = profile_.subframes << 20;
   const std::uint32_t to_now = now.position - last_->position;
@@ -78,7 +78,7 @@ void RadarRecording::step(Reading now, const Reading* next) {
   stood_ += now.cycles == last_->cycles;
   if (next && !damaged && to_now >= most && to_next <= usual) {
     step_s = period_s * profile_.subframes;
-    began_anew_.add("between " + between + " at " + at);
+    restarts_.add("between " + between + " at " + at);
   } else if (goes_on && !goes_on_without && !confirmed_) {  // the first frame's time is damaged
     impossible_.add("frame " + std::to_string(last_->frame_number) + " at the start");
     step_s = n * period_s;
@@ -90,7 +90,7 @@ void RadarRecording::step(Reading now, const Reading* next) {
   } else {
     believed = false;
     step_s = goes_on_without ? both_s * n / std::max(1.0, n + more) : n * period_s;
-    if (next) impossible_.add("frame " + frame + " behind " + at);
+    if (next) impossible_.add("frame " + frame + " after " + at);
   }
   confirmed_ = confirmed_ || believed;
   at_ = std::max(at_, last_at_ + from_seconds(step_s));
@@ -138,42 +138,42 @@ std::vector<Counter> RadarRecording::counters() const {
 std::vector<std::string> RadarRecording::doubts() const {
   std::vector<std::string> out;
   const radar::FrameCounts& c = parser_.counts();
-  const auto tell = [&](const Oddity& oddity, const std::string& what, const std::string& then) {
+  const auto add = [&](const Oddity& oddity, const std::string& what, const std::string& then) {
     if (oddity.count > 0)
       out.push_back(std::to_string(oddity.count) + what + " (" + oddity.places + ")" + then);
   };
   if (c.frames == 0)
-    out.push_back("holds no frame of TI's demo: " + radar::why_no_frames(beginning_));
+    out.push_back("contains no frame of TI's demo: " + radar::why_no_frames(beginning_));
   else if (c.range_profiles == 0)
     out.emplace_back("no frame has a range profile: guiMonitor's third number was 0 on the board");
   else if (c.range_profiles < c.frames)
     out.push_back(std::to_string(c.frames - c.range_profiles) + " of " + std::to_string(c.frames) +
                   " frames have no range profile");
   if (others_ > 0)
-    out.push_back(std::to_string(others_) + " frames are of " + std::to_string(other_bins_) +
-                  " bins, the cfg says " + std::to_string(profile_.bins) +
+    out.push_back(std::to_string(others_) + " frames have " + std::to_string(other_bins_) +
+                  " bins, the cfg gives " + std::to_string(profile_.bins) +
                   (other_bins_ == profile_.bins + 4
                        ? ": the lengths of its TLVs include their headers, as in SDK 1"
                        : ": is it the recording's cfg?"));
-  tell(began_anew_, " times the board began anew",
-       "; how long it was away is not known and left out");
-  tell(paused_, " times the board's clock ran on alone", "; the times behind are not known");
+  add(restarts_, " restarts of the board", ": gaps of unknown length, left out");
+  add(paused_, " gaps in which the board's clock may have wrapped",
+      ": their lengths are ambiguous, the shortest are used");
   if (2 * stood_ > c.frames)
     out.push_back("the board's clock stands still in " + std::to_string(stood_ + 1) +
-                  " frames; their numbers tell the time");
+                  " frames: their numbers and the cfg give the times");
   else
-    tell(impossible_, " frames bear a time that cannot be", "; their numbers tell it");
+    add(impossible_, " frames have impossible times", ": their numbers and the cfg give the times");
   if (c.lost_frames > 0) out.push_back(std::to_string(c.lost_frames) + " frames are missing");
   const std::uint64_t broken = c.truncated_frames + c.bad_headers + c.bad_tlvs;
   if (broken > 0 || c.junk_bytes > 0)
-    out.push_back(std::to_string(broken) + " frames are broken, " + std::to_string(c.junk_bytes) +
-                  " bytes are of none");
+    out.push_back(std::to_string(broken) + " frames are damaged, " + std::to_string(c.junk_bytes) +
+                  " bytes belong to no frame");
   const double expected_s = profile_.frame_period_s * profile_.subframes;
   const double period_s = steps_ > 0 ? profile_.subframes * stepped_s_ / steps_ : expected_s;
   if (std::abs(period_s - expected_s) > 0.05 * expected_s) {
     char text[120];
     std::snprintf(text, sizeof text,
-                  "a frame came every %.1f ms, the cfg says %.1f ms: is it the recording's cfg?",
+                  "frame period %.1f ms, expected %.1f ms by the cfg: is it the recording's cfg?",
                   1e3 * period_s, 1e3 * expected_s);
     out.emplace_back(text);
   }

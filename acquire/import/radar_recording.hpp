@@ -42,12 +42,12 @@ class RadarRecording final : public Recording {
   radar::FrameParser parser_;
   bool ended_ = false;
   Bytes beginning_;                 // start of the file
-  std::optional<RadarFrame> held_;  // until the next one tells whether its time can be
-  std::optional<Reading> last_;     // that was believed
+  std::optional<RadarFrame> held_;  // until the next one shows whether its time is possible
+  std::optional<Reading> last_;     // with an accepted time
   HostTime last_at_{}, at_{};
-  Oddity began_anew_, paused_, impossible_;
-  bool confirmed_ = false;                // a step was believed
-  std::uint64_t stood_ = 0;               // frames with the time of the one believed before
+  Oddity restarts_, paused_, impossible_;
+  bool confirmed_ = false;                // a step was accepted
+  std::uint64_t stood_ = 0;               // frames with the time of the last accepted one
   std::uint64_t others_ = 0;              // frames of another number of bins
   std::size_t other_bins_ = 0;            // the last of these numbers
   std::uint32_t number_ = 0, epoch_ = 0;  // last frame number; restarts so far

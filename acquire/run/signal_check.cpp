@@ -193,18 +193,21 @@ std::string SignalCheck::judge_depth(record::FusedRecord& r) {
 
 // Expected frames, without a nominal rate: the median of the first minute's slots, lost ones
 // included; before it is known those that arrived or were lost in this slot.
-std::string SignalCheck::judge_losses(const record::FusedRecord& r, Sensor sensor) {
+std::string SignalCheck::judge_losses(const record::FusedRecord& r, Sensor sensor,
+                                      std::optional<HostTime> end) {
   const bool spd = sensor == Sensor::spd;
   const auto arrived = static_cast<double>(spd                       ? r.spd_counts.starts
                                            : sensor == Sensor::radar ? r.sync[sensor].used
                                                                      : r.statistics.depth_frames);
   if (arrived == 0) return {};
-  double expected = nominal_hz_[sensor] * seconds(r.slot_end - r.slot_start);
+  const double slot_s = seconds(r.slot_end - r.slot_start);
+  double expected = nominal_hz_[sensor] * slot_s;
   if (!spd && expected == 0) {
     const double sent = arrived + static_cast<double>(r.sync[sensor].lost);
     expected = frames_[sensor].add(sent, reference_records_).value_or(sent);
   }
   if (spd && expected == 0) return judge_missed(r.spd_counts, limits_.lossy_share);
+  if (end && *end < r.slot_end) expected *= std::max(0.0, seconds(*end - r.slot_start)) / slot_s;
   // A slot border moves one frame at most.
   if (arrived >= limits_.lossy_share * expected || expected - arrived < 2) return {};
   if (spd && may_be_filtered(r)) return {};
@@ -212,7 +215,7 @@ std::string SignalCheck::judge_losses(const record::FusedRecord& r, Sensor senso
                 spd ? "start pulses" : "frames");
 }
 
-void SignalCheck::judge(record::FusedRecord& record, std::span<const Axis> axes) {
+void SignalCheck::judge(record::FusedRecord& record, std::span<const Axis> axes, const Ends& ends) {
   const auto axis = [&](const char* name) {
     return std::find_if(axes.begin(), axes.end(), [&](const Axis& a) { return a.name == name; });
   };
@@ -223,7 +226,7 @@ void SignalCheck::judge(record::FusedRecord& record, std::span<const Axis> axes)
     found[Sensor::radar] = judge_radar(record, *a);
   if (record.has(Sensor::depth)) found[Sensor::depth] = judge_depth(record);
   for (const Sensor s : all_sensors) {
-    const std::string lossy = record.has(s) ? judge_losses(record, s) : "";
+    const std::string lossy = record.has(s) ? judge_losses(record, s, ends[s]) : "";
     if (!found[s].empty() || !lossy.empty())
       record.sync[s].verdict = found[s].empty() ? lossy : found[s];
   }

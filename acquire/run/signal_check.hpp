@@ -27,8 +27,10 @@ class SignalCheck {
   SignalCheck(const SignalLimits& limits, double window_s, PerSensor<double> nominal_hz = {},
               double far_m = record::most_map_far_m);
   // Fills record.signal, but for the clicks a pulse, and judges the sensors that are valid. Records
-  // come in order; `axes` are the run's.
-  void judge(record::FusedRecord& record, std::span<const Axis> axes);
+  // come in order; `axes` are the run's. `ends`: ends of the sensors' recordings. A slot that such
+  // an end cuts is expected to contain the samples before it.
+  using Ends = PerSensor<std::optional<HostTime>>;
+  void judge(record::FusedRecord& record, std::span<const Axis> axes, const Ends& ends = {});
 
  private:
   // A sensor's signal in the first minute; none until there are five records.
@@ -44,7 +46,8 @@ class SignalCheck {
   std::string judge_radar(record::FusedRecord& record, const Axis& axis);
   std::string judge_depth(record::FusedRecord& record);
   std::string beside_reference(Sensor sensor, double strength, const char* what);
-  std::string judge_losses(const record::FusedRecord& record, Sensor sensor);
+  std::string judge_losses(const record::FusedRecord& record, Sensor sensor,
+                           std::optional<HostTime> end);
 
   SignalLimits limits_;
   PerSensor<double> nominal_hz_;

@@ -140,8 +140,8 @@ TEST_CASE("import: T2 and T3 of equal data give equal records") {
       {.files = {folder / "a.ptu"}, .began = "2024-02-07T12:34:56.5Z", .out = folder / "a.sqlite"});
   const std::string said =
       acquire::import_recordings(config, {.files = {folder / "b.ptu"}, .out = folder / "b.sqlite"});
-  CHECK(has(said, "its header tells of 218 records, it has 209"));
-  CHECK(has(said, "when it began is not known"));
+  CHECK(has(said, "its header states 218 records, it has 209"));
+  CHECK(has(said, "start time unknown"));
   const record::RunReader a(folder / "a.sqlite"), b(folder / "b.sqlite");
   CHECK(a.info().started_utc == "2024-02-07T12:34:56.500Z");
   CHECK(a.devices().at(0).model == "HydraHarp 400");
@@ -228,10 +228,10 @@ TEST_CASE("import: header of a .ptu is compared with its records") {
   says(header(is_t2, 1e-12, 0).whole("MeasDesc_AcquisitionTime", 1000).end().data(jumps),
        ExitCode::ok, "2 records, spd in 1\n");
   says(header(is_t2, 1e-12, 0).whole("MeasDesc_AcquisitionTime", 1000).end().data(jumps),
-       ExitCode::ok, "spd: 1 s by its header, 1126.9 s by its records: what lies behind");
+       ExitCode::ok, "spd: 1 s by its header, 1126.9 s by its records: records after");
   jumps.assign({special, 5000, special | t2(63, 0x1ffffff), special, 5000});
   says(header(is_t2, 1e-12, 0).end().data(jumps), ExitCode::failed,
-       "its times reach 1126 s, more slots than it has bytes");
+       "its times reach 1126 s, more slots than the file has bytes");
 
   says(header(is_t2, 1e-12, 0).end().data(words(0, t2(0, 0), t2(1, 0))), ExitCode::failed,
        "no event on --start 0; there are inputs 1, 2: --start 1 --click 2?");
@@ -296,7 +296,7 @@ TEST_CASE("import: ambiguous local time at the end of summer time is reported") 
     const std::string out = folder / std::to_string(utc_s);
     const std::string said = acquire::import_recordings(
         config_of(folder), {.files = {folder / "a.ptu"}, .out = out + ".sqlite"});
-    CHECK(has(said, "which came twice on that day") == (utc_s == 1698546600.0));
+    CHECK(has(said, "which occurred twice at the end of summer time") == (utc_s == 1698546600.0));
   }
   zone ? ::setenv("TZ", before.c_str(), 1) : ::unsetenv("TZ");
   ::tzset();
@@ -332,7 +332,7 @@ TEST_CASE("import: invalid recordings are refused in one line") {
   };
   refuses("a.ptu", 1, "does not begin with PQTTTR");
   refuses("b.ptu", 1, "its header has no end");
-  refuses("a.dat", 3, "without the .cfg that the board had");
+  refuses("a.dat", 3, "the board's .cfg is missing");
   write_file(folder / "a.phu", "");
   refuses("a.phu", 2, "histograms become a run by echofuse.write_run");
   refuses("a.ttbin", 2, "only the Time Tagger's library reads .ttbin");
@@ -341,5 +341,5 @@ TEST_CASE("import: invalid recordings are refused in one line") {
   testing::fs::create_directory(folder / "kept");
   refuses("kept --cfg " + folder / "radar.cfg", 2, "--cfg does not go with a folder");
   write_file(folder / "kept/run.times", "");
-  refuses("kept --began 2026-11-26", 2, "--began does not go with kept bytes");
+  refuses("kept --began 2026-11-26", 2, "--began does not go with raw captures");
 }

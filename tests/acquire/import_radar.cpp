@@ -96,16 +96,16 @@ TEST_CASE("import: radar times come from its clock, checked with the frame numbe
   for (const double off_s :
        {std::ldexp(5e-9, 31), std::ldexp(5e-9, 27), std::ldexp(5e-9, 25), -0.2})
     check(RadarFile().frames(1, 19).frame(20, 20 * 0.0499 + off_s).frames(21, 60), even,
-          "1 frames bear a time that cannot be (frame 20 behind 0.90 s); their numbers tell it");
+          "1 frames have impossible times (frame 20 after 0.90 s): their numbers");
   check(RadarFile().frames(1, 19).frame(20, 9).frame(21, 3).frames(22, 60), even,
-        "2 frames bear a time");
+        "2 frames have impossible times");
   check(RadarFile().frames(1, 59).frame(60, 9), even, "");
   check(RadarFile().frame(1, 10.8).frames(2, 60), even,
-        "1 frames bear a time that cannot be (frame 1 at the start); their numbers tell it");
+        "1 frames have impossible times (frame 1 at the start): their numbers");
   RadarFile still, twos;
   for (std::uint32_t n = 1; n <= 60; ++n) still.frame(n, 0), twos.frames(1 + n % 2, 1 + n % 2);
-  check(still, {20, 20, 20}, "the board's clock stands still in 60 frames; their numbers tell");
-  check(twos, even, "times the board began anew");
+  check(still, {20, 20, 20}, "the board's clock stands still in 60 frames: their numbers");
+  check(twos, even, "restarts of the board");
   RadarFile points;
   points.tlv = 1;
   points.frames(1, 59);
@@ -115,15 +115,16 @@ TEST_CASE("import: radar times come from its clock, checked with the frame numbe
     check(RadarFile().frames(1, 19).frame(number, 20 * 0.0499).frames(21, 60), even,
           number == 36 ? "16 frames are missing" : "");
   check(RadarFile().frames(1, 20).frames(1, 20).frames(1, 20, 7), even,
-        "2 times the board began anew (between frames 20 and 1 at 0.95 s, between frames 20 and 1 "
-        "at 1.95 s); how long it was away is not known");
+        "2 restarts of the board (between frames 20 and 1 at 0.95 s, between frames 20 and 1 "
+        "at 1.95 s): gaps of unknown length");
   check(RadarFile().frames(1, 40).frames(41, 60, wrap_s + 1), {21, 19, 1, 19},
-        "1 times the board's clock ran on alone (between frames 40 and 41 at 1.95 s by 1.05 s + n "
-        "x 21.47 s); the times behind are not known");
-  const std::string other = " ms, the cfg says 50.0 ms: is it the recording's cfg?";
-  check(RadarFile{.period_s = 0.0998}.frames(1, 20), {11, 9}, "a frame came every 99.8" + other);
+        "1 gaps in which the board's clock may have wrapped (between frames 40 and 41 at 1.95 s by "
+        "1.05 s + n "
+        "x 21.47 s): their lengths are ambiguous");
+  const std::string other = " ms, expected 50.0 ms by the cfg: is it the recording's cfg?";
+  check(RadarFile{.period_s = 0.0998}.frames(1, 20), {11, 9}, "frame period 99.8" + other);
   check(RadarFile{.period_s = 0.499}.frames(1, 20), {3, 2, 2, 2, 2, 2, 2, 2, 2, 1},
-        "a frame came every 499.0" + other);
+        "frame period 499.0" + other);
 }
 
 TEST_CASE("import: radar recording without a profile is refused with the cause") {
@@ -153,7 +154,7 @@ TEST_CASE("import: radar recording without a profile is refused with the cause")
   refuses(RadarFile{.tlv = 1}.frames(1, 20).bytes,
           "no frame has a range profile: guiMonitor's third");
   refuses(RadarFile{.bins = 256}.frames(1, 20).bytes,
-          "20 frames are of 256 bins, the cfg says 64: is it");
+          "20 frames have 256 bins, the cfg gives 64: is it");
   Bytes part = RadarFile().frames(1, 1).bytes;
   part.resize(100);
   refuses(part, "it contains only a part of a frame");

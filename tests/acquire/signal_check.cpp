@@ -231,6 +231,21 @@ TEST_CASE("record with fewer than 80 % of the expected frames or pulses is lossy
   CHECK(with(300, 3, 3) == all_ok);
 }
 
+TEST_CASE("slot that the end of a recording cuts is judged by its part before the end") {
+  Laboratory lab;
+  SignalCheck check({}, 3, {0, 20, 0});
+  const auto verdict = [&](std::uint64_t frames, double end_s) {
+    auto r = lab.record();
+    r.slot_end = std::chrono::seconds(3);
+    r.sync[Sensor::radar].used = frames;
+    check.judge(r, axes(), {std::nullopt, from_seconds(end_s), std::nullopt});
+    return r.sync[Sensor::radar].verdict;
+  };
+  CHECK(verdict(8, 0.4) == "ok");
+  CHECK_THAT(verdict(8, 1), StartsWith("lossy: 40 % of the 20 expected frames"));
+  CHECK_THAT(verdict(8, 9), StartsWith("lossy: 13 % of the 60 expected frames"));
+}
+
 TEST_CASE("frames moved across the border of a short slot are not lost") {
   Laboratory lab;
   SignalCheck check({}, 0.1, {0, 20, 30});

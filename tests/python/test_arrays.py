@@ -146,7 +146,7 @@ def test_the_run_begins_when_it_is_said_to(tmp_path):
     listed = subprocess.run([ACQUIRE, "list", tmp_path, "--json"], capture_output=True, text=True, check=True).stdout
     assert "2024-02-07T12:00:00" in listed
     assert events(write(tmp_path / "today", **scene())) == [
-        "when it began is not known: the time of radar.npy is taken; --began UTC says it"]
+        "start time unknown: the time of radar.npy is used; --began UTC sets it"]
     for text in ("2024-02-30", "2024-02-07T13:00:00+25:00", "2024-02-07T13:00:00+1", "noon"):
         with pytest.raises(RuntimeError, match="expected a time like"):
             write(tmp_path / "other", began=text, **scene())

@@ -148,12 +148,14 @@ TEST_CASE("raw capture without a slot or with missing bytes is refused") {
     return std::string("none");
   };
   std::string name = "tags.times", text = "1000000000 open 0\n1000000000 bytes 99999999999\n", why;
-  SECTION("more bytes") { why = "tags.times: tells of more bytes than 1 files hold"; }
+  SECTION("more bytes") { why = "tags.times: lists more bytes than 1 files contain"; }
   SECTION("no line") {
     text = "1000000000 open\n";
     why = "tags.times: expected TIME WHAT VALUE, it has \"1000000000 open\"";
   }
-  SECTION("no slot") { name = "run.times", why = "run.times: tells of no slot that ended"; }
+  SECTION("no slot") {
+    name = "run.times", why = "run.times: the raw capture has no complete slot";
+  }
   std::ofstream(run.keep_raw + "/" + name) << text;
   CHECK_THAT(refusal(), Catch::Contains(why));
   // Leaves no file.
