@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// A disk that is full: while it lives, no file of this process grows beyond so many bytes.
+// A full disk: while this object lives, files of this process cannot exceed this size.
 #pragma once
 #include <sys/resource.h>
 

@@ -152,10 +152,10 @@ for path in texts:
         if not (path.parent / target).exists():
             faults.append(f"{path.relative_to(root)}: links to {target}, which is not there")
 
-# What a text tells to type: fenced blocks and `code`, a program's commands with the options that are there.
+# Commands in texts (fenced blocks and `code`): programs, subcommands and options must exist.
 if len(sys.argv) > 1:  # the folder of the built programs
-    typed = []  # (where, a line that somebody might type)
-    options = {}  # of "program", "program command", ...: what its help lists, and that of the words before
+    typed = []  # (place, command line)
+    options = {}  # by "program", "program command", ...: options in its help, including inherited ones
 
     def read_help(words, inherited=frozenset()):
         help_text = subprocess.run([pathlib.Path(sys.argv[1]) / words[0], *words[1:], "--help"], capture_output=True,
@@ -163,6 +163,10 @@ if len(sys.argv) > 1:  # the folder of the built programs
         head, *commands = help_text.split("Subcommands:")
         for option in re.findall(r"^ {2,4}(?:-\w,)?(--[\w-]+)(?:\([^)]*\)|[^a-z\n(])*\n(?! {20})", head, re.M):
             faults.append(f"{' '.join(words)}: {option} has no text")
+        for option, said in re.findall(r"^ {2,4}(?:-\w,)?(--[\w-]+)[^\n]*?(?: {2,}|\n {20,})(\S[^\n]*)", head, re.M):
+            if re.match(r"(?:of|as|the same)\b|[A-Z][a-z]", said):
+                faults.append(f"{' '.join(words)}: help of {option} begins with {said.split()[0]!r}; expected a verb or "
+                              "the name of the value, in lower case")
         options[tuple(words)] = inherited | set(re.findall(r"^ {2,4}(?:-\w,)?(--[\w-]+)", head, re.M))
         examples = head.partition("Examples:\n")[2].partition("\n\n")[0].splitlines()
         typed.extend((" ".join(words) + " --help", line.strip()) for line in examples)

@@ -10,8 +10,8 @@
 namespace echofuse::acquire {
 namespace {
 
-// The record of the slot that runs now, counted on from the last one on disk; none if there is
-// none.
+// Returns the record of the current slot, extrapolated from the last one on disk; nothing if
+// unknown.
 std::optional<std::int64_t> running_record(const record::RunReader& run, UtcTime now) {
   const record::RunSummary sum = run.summary();
   const double window_s = run.info().window_s;
@@ -30,7 +30,7 @@ std::string annotate_run(const std::string& path, const std::optional<std::strin
     record::put_note(path, *note, login_name());
   const record::RunReader run(path);
   const auto record = running_record(run, system_clock.utc());
-  const std::string number = record ? "record " + std::to_string(*record) : "the running record";
+  const std::string number = record ? "record " + std::to_string(*record) : "the current record";
   const std::string where = run.info().status == "open" ? " in " + number : "";
   const std::string what =
       label ? "label \"" + *label + "\" from " + number + " on" : "\"" + *note + "\" noted" + where;

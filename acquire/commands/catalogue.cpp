@@ -21,7 +21,7 @@ using Json = nlohmann::ordered_json;
 
 struct Entry {
   record::RunEntry run;
-  Json live;  // null: it is not
+  Json live;  // null: not a run
 };
 
 Json live_state(const record::RunReader& run, const record::RunSummary& sum, const Clock& clock) {
@@ -51,7 +51,7 @@ const Row titles{"run",   "started (UTC)", "length",   "records", "valid %",
                  "state", "labels",        "operator", "notes",   "verdict"};
 
 Row row_of(const Entry& e) {
-  constexpr std::size_t longest = 40;  // bytes of a text; --json holds all
+  constexpr std::size_t longest = 40;  // bytes of a text; --json prints all
   const auto short_text = [](const std::string& text) { return printable(text, longest); };
   std::string labels, notes;
   for (const auto& [label, count] : e.run.sum.labels)

@@ -19,7 +19,7 @@ Json by_sensor(const PerSensor<std::int64_t>& values) {
           {"depth", values[Sensor::depth]}};
 }
 
-// Empty for a run without it.
+// Empty if the run has none.
 Json array_of(const record::RunReader& run, const record::RunSummary& sum) {
   const auto axis = run.axis("array");
   if (!axis) return Json::object();
@@ -40,7 +40,7 @@ Json array_of(const record::RunReader& run, const record::RunSummary& sum) {
           {"places", antennas}};
 }
 
-// Clicks of each zone over all records, with its direction; empty for a single pixel.
+// Returns the clicks of each zone over all records, with its direction; empty for a single pixel.
 Json zones_of(const record::RunReader& run) {
   const Zones zones = run.zones();
   std::vector<double> clicks(zones.size());
@@ -187,7 +187,7 @@ Json counts(const Json& object) {
 }
 
 std::string to_text(const Json& j) {
-  constexpr std::size_t longest = 2000;  // bytes of a line; --json holds all
+  constexpr std::size_t longest = 2000;  // bytes of a line; --json prints all
   std::string out = printable(word(j["file"])) + ": " + word(j["records"]) + " records, " +
                     printable(word(j["status"]), 40) + "\n";
   const auto line = [&](const char* name, const std::string& value) {
@@ -196,8 +196,9 @@ std::string to_text(const Json& j) {
              printable(value, longest) + "\n";
   };
   if (j["status"] == record::crashed_without_wal)
-    line("missing", "its last records are in " + word(j["file"]) +
-                        "-wal, which is not here, if this is a copy of a run that was not closed");
+    line("missing",
+         "its last records are in " + word(j["file"]) +
+             "-wal, which is missing here; this may be a copy of a run that was not closed");
   for (const auto& file : j["leftovers"])
     line("leftover", word(file) + ": not read, because the run is closed; move it away");
   if (j["records"] > 0)
@@ -226,7 +227,7 @@ std::string to_text(const Json& j) {
   for (const auto& zone : j["zones"]) clicks += " " + word(zone["clicks"]);
   if (!clicks.empty())
     line("zones", word(j["zones"].size()) + ", clicks" + clicks +
-                      (j["zones"][0].contains("x") ? "" : "; directions are not known"));
+                      (j["zones"][0].contains("x") ? "" : "; directions unknown"));
   if (const Json& a = j["array"]; !a.empty())
     line("array", word(a["antennas"]) + " antennas, " + word(a["bins"]) + " bins to " +
                       measure(a["end_m"], "m") + ", in " + word(a["records"]) + " records of " +

@@ -11,7 +11,7 @@
 namespace echofuse::acquire {
 namespace {
 
-// %N: the level as the journal takes it, "<4>" for a warning.
+// %N: level for the journal, e.g. "<4>" for a warning.
 class Priority final : public spdlog::custom_flag_formatter {
   void format(const spdlog::details::log_msg& message, const std::tm&,
               spdlog::memory_buf_t& out) override {

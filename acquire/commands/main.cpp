@@ -36,7 +36,7 @@ namespace {
 
 constexpr const char* program = "echofuse-acquire";
 
-// `messages` outlives what is logged.
+// `messages` must outlive the log.
 void set_up_log(const Options& o, const OutputQueue& messages) {
   using Sink = spdlog::sinks::ansicolor_sink<spdlog::details::console_mutex>;
   const bool colours = isatty(STDERR_FILENO) && spdlog::details::os::is_color_terminal();
@@ -50,7 +50,7 @@ void set_up_log(const Options& o, const OutputQueue& messages) {
   spdlog::set_default_logger(log);
 }
 
-// --config, or where it is found.
+// Returns the path from --config, or the path found.
 ConfigPlace place_of(const Options& o) {
   return o.config.empty() ? require_config() : ConfigPlace{o.config, "--config"};
 }
@@ -70,7 +70,7 @@ void plan_count(Options& o, const Config& config) {
   if (o.every_s > 0) o.run.slots_a_file = slots(o.every_s);
 }
 
-// Path of a new run; `numbered`: of one of many (run --every).
+// Returns the path of a new run; `numbered`: of one of several (run --every).
 std::string path_of(const std::string& out, bool numbered, const Config& config) {
   if (utf8_text(out) != out)
     throw Error(ExitCode::usage, "--out " + printable(out) + ": expected UTF-8");
@@ -78,15 +78,15 @@ std::string path_of(const std::string& out, bool numbered, const Config& config)
   return numbered ? record::next_of(out) : record::new_run(out);
 }
 
-// Lines of `run --json`: one object each, for a program that reads while the run goes on.
+// Lines of `run --json`: one object each, for a program that reads during the run.
 class Events {
  public:
   void begin() { out_.emplace(STDOUT_FILENO, left_out); }
   void put(const nlohmann::ordered_json& event) {
     if (!out_ || out_->put(line_of(event)) || std::exchange(told_, true)) return;
-    spdlog::warn("--json: nobody reads it; what is oldest is left out");
+    spdlog::warn("--json: output is not read; the oldest events are dropped");
   }
-  // A reader that is gone wanted no more.
+  // A closed reader is not an error.
   void end() {
     if (const int error = out_ ? out_->close() : 0; error != 0 && error != EPIPE)
       throw Error(ExitCode::failed,
@@ -114,7 +114,7 @@ ExitCode run(Options& o) {
   }
   if (!o.model.empty() && !o.view) throw Error(ExitCode::usage, "--model is for --view");
   if (!o.model.empty() && !std::filesystem::exists(o.model))
-    throw Error(ExitCode::usage, "--model " + o.model + ": there is no such file");
+    throw Error(ExitCode::usage, "--model " + o.model + ": no such file");
   const Config config = load(o);
   for (const auto& pair : o.meta) {
     const auto equals = pair.find('=');
@@ -133,7 +133,7 @@ ExitCode run(Options& o) {
   if (!o.align) o.run.on_doubt = config.on_doubt;
   if (!o.run.keep_raw.empty()) o.run.keep_raw = std::filesystem::absolute(o.run.keep_raw).string();
   catch_interrupts();
-  // The allocator would keep what a burst of samples took, and more with each larger burst.
+  // The allocator would keep the memory of the largest burst of samples.
   mallopt(M_TRIM_THRESHOLD, 256 << 10);
   std::optional<Viewer> viewer;
   if (o.view)
@@ -157,7 +157,8 @@ ExitCode run(Options& o) {
   return code;
 }
 
-// Configuration of commands that can do without: none if there is no file and none was asked for.
+// Returns the configuration of commands that work without one: nothing if there is no file and none
+// was requested.
 std::optional<Config> load_if_any(const Options& o) {
   if (o.config.empty() && o.assignments.empty() && !find_config()) return std::nullopt;
   return load(o);
@@ -218,14 +219,14 @@ ExitCode calibrate_sensors(Options& o) {
 
 ExitCode annotate(const Options& o) {
   if (o.text.has_value() == o.label.has_value())
-    throw Error(ExitCode::usage, "expected either a text or --label TEXT");
+    throw Error(ExitCode::usage, "expected either TEXT or --label TEXT");
   const std::string file = record::old_run(o.file);
   record::recover(file);
   std::printf("%s\n", printable_lines(annotate_run(file, o.text, o.label)).c_str());
   return ExitCode::ok;
 }
 
-// Without a folder: that of the configuration, or this one.
+// Default folder: that of the configuration, otherwise the working directory.
 ExitCode list(const Options& o) {
   std::string folder = o.folder;
   if (folder.empty()) {
@@ -238,8 +239,8 @@ ExitCode list(const Options& o) {
   return ExitCode::ok;
 }
 
-// Arrays need none but for the folder of a run without a name. Without one: that of the kept bytes,
-// or the one that is installed.
+// Arrays need no configuration, except for the folder of a run without a name. Default: the
+// configuration stored with raw bytes, or the installed one.
 Config config_of_import(const Options& o) {
   const std::string& first = o.import.files[0];
   if (o.config.empty() && is_kept(first)) return kept_config(first, o.assignments);
@@ -262,7 +263,7 @@ ExitCode import_files(Options& o) {
 ExitCode dispatch(const std::string& command, Options& o) {
   OutputQueue messages(STDERR_FILENO, [](std::size_t count) {
     return (isatty(STDERR_FILENO) ? "\r\033[K" : "") + std::to_string(count) +
-           " lines were left out, nobody took them\n";
+           " log lines dropped (terminal blocked)\n";
   });
   set_up_log(o, messages);
   o.run.show_status = [&messages](std::string line) { messages.put(std::move(line), true); };
@@ -280,7 +281,7 @@ ExitCode dispatch(const std::string& command, Options& o) {
 
 int main(int argc, char** argv) {
   Options options;
-  CLI::App app("Records a single-photon detector, a radar and a depth camera into one run file.",
+  CLI::App app("record a single-photon detector, a radar and a depth camera to one run file",
                program);
   app.set_version_flag("--version", version_line(program));
   add_commands(app, options);

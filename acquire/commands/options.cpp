@@ -13,21 +13,21 @@ namespace echofuse::acquire {
 namespace {
 
 constexpr const char* out_help =
-    "run file to make; .sqlite is appended if it does not end so, and %Y%m%d-%H%M%S is the time "
-    "(UTC; %% is a percent sign); default: DATE-NNN in run.folder";
+    "run file to create; .sqlite is appended if missing; %Y%m%d-%H%M%S is the time (UTC; %% is a "
+    "percent sign); default: DATE-NNN in run.folder";
 
 void add_config_options(CLI::App& command, Options& o) {
   command
       .add_option("--config", o.config,
-                  "configuration (TOML); default: $ECHOFUSE_CONFIG, ./lab.toml, "
-                  "~/.config/echofuse/lab.toml or /etc/echofuse/lab.toml, whichever is first")
+                  "configuration file (TOML); default: the first of $ECHOFUSE_CONFIG, ./lab.toml, "
+                  "~/.config/echofuse/lab.toml and /etc/echofuse/lab.toml")
       ->type_name("FILE");
-  command.add_option("--set", o.assignments, "overrides the file; may be repeated")
+  command.add_option("--set", o.assignments, "override a setting of the file; may be repeated")
       ->type_name("KEY=VALUE")
       ->allow_extra_args(false);
 }
 
-// Makes "2h30m" 9000: numbers, each with its unit, the longer unit first. Returns what is wrong.
+// Converts "2h30m" to 9000: numbers with units in descending order. Returns the error, or nothing.
 std::string to_seconds(std::string& text) {
   const std::map<std::string, double> units{{"h", 3600}, {"m", 60}, {"min", 60}, {"s", 1}};
   std::istringstream in(text);
@@ -39,7 +39,7 @@ std::string to_seconds(std::string& text) {
     while (std::isalpha(in.peek()) != 0) name += static_cast<char>(in.get());
     const auto unit = units.find(name);
     if (unit == units.end() || unit->second >= unit_before_s || (number < 0 && sum_s > 0))
-      return "expected a number with its unit, as 2h, 30m, 10s or 2h30m";
+      return "expected numbers with units, e.g. 2h, 30m, 10s or 2h30m";
     unit_before_s = unit->second;
     sum_s += number * unit_before_s;
   } while (!(in >> std::ws).eof());
@@ -61,31 +61,32 @@ CLI::Option* add_time(CLI::App& command, const char* name, double& into_s, const
 }
 
 void add_run(CLI::App& app, Options& o) {
-  auto* c = app.add_subcommand("run", "record fused records, one a slot, until Ctrl-C");
-  c->add_flag("-v,--verbose", o.verbose, "one line for every record on stderr");
-  c->add_flag("--json", o.json, "what happens, on stdout: one object a line (README)");
+  auto* c = app.add_subcommand("run", "record one fused record per slot, until Ctrl-C");
+  c->add_flag("-v,--verbose", o.verbose, "print one line per record on stderr");
+  c->add_flag("--json", o.json, "print events on stdout, one JSON object per line (README)");
   auto* out = c->add_option("--out", o.run.out, out_help)->type_name("RUN");
   c->add_flag("--align", o.align,
-              "slots of 0.1 s in a run that is thrown away, and its view: to point laser and "
-              "sensors")
+              "alignment mode: 0.1 s slots with live view; nothing is "
+              "saved")
       ->excludes(out);
   auto* count = c->add_option("--count", o.run.count, "stop after this many slots")
                     ->check(CLI::PositiveNumber);
   add_time(*c, "--duration", o.duration_s, "stop after this time: 2h, 30m, 10s, 2h30m")
       ->excludes(count);
   add_time(*c, "--every", o.every_s,
-           "begin a new run after this time, named by the time in --out or NAME-001, NAME-002 ...");
+           "start a new run after this time, named by the time in --out or NAME-001, NAME-002 ...");
   c->add_option("--countdown", o.run.countdown_s,
-                "s between the devices' answer and the first slot, told one by one")
+                "wait N seconds before the first slot, with a countdown")
       ->check(CLI::Range(std::int64_t{1}, std::int64_t{3600}));
   c->add_option("--keep-raw", o.run.keep_raw,
-                "new folder for the devices' bytes as they came, for `import`")
+                "new folder for the raw bytes of the devices, for `import`")
       ->type_name("FOLDER");
-  c->add_flag("--view", o.view, "start echofuse-view beside, which prints its address");
-  c->add_option("--model", o.model, "of the maps that --view shows")->type_name("MODEL");
+  c->add_flag("--view", o.view, "start echofuse-view, which prints the address of its page");
+  c->add_option("--model", o.model, "model for the maps of --view")->type_name("MODEL");
   add_config_options(*c, o);
-  c->add_flag("--strict", o.run.strict, "exit code 5 if any record has a sensor that is not ok");
-  c->add_option("--meta", o.meta, "kept in the run; may be repeated")
+  c->add_flag("--strict", o.run.strict,
+              "return exit code 5 if any record has a sensor that is not ok");
+  c->add_option("--meta", o.meta, "text to store in the run; may be repeated")
       ->type_name("KEY=VALUE")
       ->allow_extra_args(false);
   more_options(
@@ -100,8 +101,8 @@ void add_run(CLI::App& app, Options& o) {
 }
 
 void add_calibrate(CLI::App& app, Options& o) {
-  auto* c = app.add_subcommand(
-      "calibrate", "measure a reflector at a known distance: by how much each range is too long");
+  auto* c = app.add_subcommand("calibrate",
+                               "measure the range offsets with a reflector at a known distance");
   add_config_options(*c, o);
   auto& k = o.calibrate;
   c->add_option("--reflector", o.reflector,
@@ -112,8 +113,8 @@ void add_calibrate(CLI::App& app, Options& o) {
   c->add_option("--only", o.only, "measure this sensor, keep the other's calibration")
       ->check(CLI::IsMember({"spd", "radar"}));
   auto* side = c->add_option("--side", o.side,
-                             "with the reflector moved by the baseline to this side: check that "
-                             "the antenna row is not swapped")
+                             "check the order of the antennas: with the reflector moved by the "
+                             "baseline to this side")
                    ->check(CLI::IsMember({"left", "right"}));
   c->add_option("--distance", k.search.distance_m, "reflector distance in front of the sensor, m")
       ->check(CLI::Range(0.1, 100.0))
@@ -122,15 +123,15 @@ void add_calibrate(CLI::App& app, Options& o) {
                 "search window, m, centred on the reflector's range; offsets up to half of it")
       ->check(CLI::Range(0.01, 30.0))
       ->capture_default_str();
-  c->add_option("--repeat", k.repeats, "how often to measure")
+  c->add_option("--repeat", k.repeats, "number of measurements")
       ->check(CLI::Range(std::int64_t{3}, std::int64_t{100'000}))
       ->capture_default_str();
-  c->add_option("--time", k.time_s, "s of each measurement")
+  c->add_option("--time", k.time_s, "duration of each measurement, s")
       ->check(CLI::Range(0.1, 3600.0))
       ->capture_default_str();
   const CLI::Range error(0.0, 1.0);
   c->add_option("--distance-error", k.distance_error_m,
-                "standard error of the reflector's place, each way, m")
+                "standard error of the reflector's place in each direction, m")
       ->check(error)
       ->capture_default_str();
   c->add_option("--baseline-error", k.baseline_error_m, "standard error of radar.baseline_m, m")
@@ -138,7 +139,7 @@ void add_calibrate(CLI::App& app, Options& o) {
       ->capture_default_str();
   auto* check =
       c->add_flag("--check", k.check, "measure and compare with run.calibration; write nothing");
-  c->add_flag("--json", o.json, "the same as JSON, with the numbers by name");
+  c->add_flag("--json", o.json, "print JSON instead of text");
   side->excludes(check);
   more_options(*c, {"--config", "--set", "--window", "--time", "--distance-error",
                     "--baseline-error", "--side", "--json"});
@@ -151,51 +152,51 @@ void add_calibrate(CLI::App& app, Options& o) {
 }
 
 void add_file(CLI::App& command, Options& o) {
-  command.add_option("RUN", o.file, "a run file")->type_name("RUN")->required();
+  command.add_option("RUN", o.file, "run file")->type_name("RUN")->required();
 }
 
 void add_file_commands(CLI::App& app, Options& o) {
-  auto* info = app.add_subcommand("info", "what is in a run file");
+  auto* info = app.add_subcommand("info", "print the contents of a run file");
   add_file(*info, o);
-  info->add_flag("--json", o.json, "the same as JSON, with the numbers by name");
+  info->add_flag("--json", o.json, "print JSON instead of text");
   add_examples(*info, {"echofuse-acquire info monday.sqlite"}, "6 disk");
 
-  auto* annotate =
-      app.add_subcommand("annotate", "a note into a run, live or not, or a live one's next label");
+  auto* annotate = app.add_subcommand("annotate", "add a note to a run, or relabel a running one");
   add_file(*annotate, o);
-  annotate->add_option("TEXT", o.text, "kept with the time and who wrote it");
-  annotate->add_option("--label", o.label, "label of the records from the running slot on");
+  annotate->add_option("TEXT", o.text, "note to store, with time and author");
+  annotate->add_option("--label", o.label, "label of the records from the current slot on");
   add_examples(*annotate,
                {"echofuse-acquire annotate monday.sqlite \"the lamp is on\"",
                 "echofuse-acquire annotate monday.sqlite --label person"},
                "6 disk");
 
-  auto* list = app.add_subcommand("list", "the runs of a folder, and which of them are live");
-  list->add_option("FOLDER", o.folder, "default: run.folder of the configuration, or this folder");
-  list->add_flag("--json", o.json, "all of it; the table shortens long texts");
+  auto* list = app.add_subcommand("list", "list the runs of a folder, with the state of live ones");
+  list->add_option("FOLDER", o.folder,
+                   "folder; default: run.folder of the configuration, or the working directory");
+  list->add_flag("--json", o.json, "print JSON, with texts that the table shortens");
   add_examples(*list, {"echofuse-acquire list"}, "3 config");
 }
 
 void add_import(CLI::App& app, Options& o) {
   auto* c =
-      app.add_subcommand("import", "recordings of other programs, or kept bytes, become a run");
+      app.add_subcommand("import", "convert third-party recordings or raw captures into a run");
   add_config_options(*c, o);
   auto& i = o.import;
   c->add_option(
        "FILE", i.files,
-       "NAME.dat of a radar's data port, NAME.ptu of PicoQuant, one a sensor; or "
+       "one file per sensor: NAME.dat of a radar's data port, NAME.ptu of PicoQuant; or "
        "a folder of NumPy arrays (spd.npy, radar.npy, depth.npy, run.toml) or of run --keep-raw")
       ->required();
-  c->add_option("--cfg", i.cfg,
-                "what the radar was configured by; default: NAME.cfg beside NAME.dat")
+  c->add_option("--cfg", i.cfg, "configuration of the radar; default: NAME.cfg next to NAME.dat")
       ->type_name("FILE");
   c->add_option("--out", o.run.out, out_help)->type_name("RUN");
-  c->add_option("--began", i.began, "UTC, 2024-02-07T12:34:56Z; default: as the files have it")
+  c->add_option("--began", i.began,
+                "start in UTC, e.g. 2024-02-07T12:34:56Z; default: from the files")
       ->type_name("TIME");
-  c->add_option("--start", i.start, "input of the laser's pulses in a .ptu; 0 is the sync")
+  c->add_option("--start", i.start, "channel of the laser pulses in a .ptu; 0 is the sync")
       ->check(CLI::Range(0, 64))
       ->capture_default_str();
-  c->add_option("--click", i.click, "input of the detector in a .ptu")
+  c->add_option("--click", i.click, "channel of the detector in a .ptu")
       ->check(CLI::Range(0, 64))
       ->capture_default_str();
   more_options(*c, {"--config", "--set", "--began", "--start", "--click"});
@@ -206,10 +207,10 @@ void add_import(CLI::App& app, Options& o) {
 }
 
 void add_doctor(CLI::App& app, Options& o) {
-  auto* c = app.add_subcommand("doctor", "would a run go well? Checks machine, disk and devices");
+  auto* c = app.add_subcommand("doctor", "check machine, disk and devices before a run");
   add_config_options(*c, o);
-  add_time(*c, "--duration", o.duration_s, "of the run to come: 2h, 30m, 10s");
-  c->add_flag("--json", o.json, "the same as JSON, with the numbers by name");
+  add_time(*c, "--duration", o.duration_s, "duration of the planned run: 2h, 30m, 10s");
+  c->add_flag("--json", o.json, "print JSON instead of text");
   add_examples(
       *c, {"echofuse-acquire doctor --duration 2h"},
       "3 config, 4 a configured device fails, 6 disk too slow or too full (4 if both), 130 "
@@ -217,20 +218,19 @@ void add_doctor(CLI::App& app, Options& o) {
 }
 
 void add_config_commands(CLI::App& app, Options& o) {
-  auto* config = app.add_subcommand("config", "look at the configuration");
+  auto* config = app.add_subcommand("config", "check or print the configuration");
   config->require_subcommand(1);
   add_config_options(*config, o);
-  auto* check = config->add_subcommand("check", "print all faults, or that there are none");
+  auto* check = config->add_subcommand("check", "report all faults of the configuration");
   add_examples(*check, {"echofuse-acquire config check"}, "3 config");
   auto* show = config->add_subcommand("show", "check it and print every key with value and origin");
   add_examples(*show, {"echofuse-acquire config show --set run.window_s=1"}, "3 config");
 }
 
 void add_devices(CLI::App& app, Options& o) {
-  auto* c =
-      app.add_subcommand("devices", "what is attached, and which of the configured devices answer");
+  auto* c = app.add_subcommand("devices", "list attached devices and check the configured ones");
   add_config_options(*c, o);
-  c->add_flag("--json", o.json, "the same as JSON, with the numbers by name");
+  c->add_flag("--json", o.json, "print JSON instead of text");
   add_examples(*c, {"echofuse-acquire devices"},
                "3 config, 4 a configured device does not answer, 130 interrupted");
 }
@@ -246,7 +246,7 @@ void add_commands(CLI::App& app, Options& o) {
   add_config_commands(app, o);
   add_file_commands(app, o);
   add_import(app, o);
-  app.add_flag("-q,--quiet", o.quiet, "of every command: no messages but errors");
+  app.add_flag("-q,--quiet", o.quiet, "print errors only");
 }
 
 std::string command_of(const CLI::App& app) {

@@ -14,7 +14,7 @@
 namespace echofuse::acquire {
 
 struct Options {
-  std::string config;  // empty: the first that is found
+  std::string config;  // empty: the first file found
   std::vector<std::string> assignments;
   RunOptions run;
   CalibrateOptions calibrate;
@@ -28,10 +28,10 @@ struct Options {
   bool json = false, quiet = false, verbose = false, view = false, align = false;
 };
 
-// Describes all commands; what is parsed goes into the options, which must outlive the app.
+// Defines all commands; parsed values are stored in the options, which must outlive the app.
 void add_commands(CLI::App& app, Options& options);
 
-// Words of the chosen command: "run", "config show".
+// Returns the words of the chosen command: "run", "config show".
 std::string command_of(const CLI::App& app);
 
 }  // namespace echofuse::acquire

@@ -17,53 +17,56 @@ namespace echofuse::acquire {
 namespace {
 
 constexpr char baseline_key[] = "radar.baseline_m";
-constexpr char baseline_text[] = "of the laboratory when the radar was measured";
+constexpr char baseline_text[] = "radar.baseline_m during the measurement";
 
 constexpr Sensor ranging[] = {Sensor::spd, Sensor::radar};
 
 void bind(Settings& s, const std::string& section, record::CalibrationEntry& e) {
   constexpr double most_m = 1000;
-  s.add(section + ".date_utc", e.date_utc, "when it was measured");
+  s.add(section + ".date_utc", e.date_utc, "time of the measurement");
   s.add(section + ".method", e.method, "estimator");
   s.add(section + ".distance_m", e.distance_m, 0, most_m, "true distance of the reflector");
   s.add(section + ".offset_m", e.offset_m, -most_m, most_m, "measured minus true range");
-  s.add(section + ".standard_error_m", e.standard_error_m, 0, most_m, "of the offset");
-  s.add(section + ".model", e.model, "of the device");
-  s.add(section + ".serial", e.serial, "of the device");
+  s.add(section + ".standard_error_m", e.standard_error_m, 0, most_m,
+        "standard error of the offset");
+  s.add(section + ".model", e.model, "model of the device");
+  s.add(section + ".serial", e.serial, "serial number of the device");
 }
 
-// Lists are texts of numbers: settings are single values.
+// Lists are stored as texts, because settings are single values.
 struct AntennaTexts {
   std::string gain, phase_rad, standard_error;
 };
 
 void bind(Settings& s, AntennaGains& a, AntennaTexts& t) {
-  s.add("antennas.date_utc", a.date_utc, "when they were measured");
+  s.add("antennas.date_utc", a.date_utc, "time of the measurement");
   s.add("antennas.distance_m", a.distance_m, 0, 1000, "true distance of the reflector");
-  s.add("antennas.sine", a.sine, -1, 1, "of the reflector's direction, to the right");
-  s.add("antennas.gain", t.gain, "of each antenna of the heat map, antenna 0 is 1");
-  s.add("antennas.phase_rad", t.phase_rad, "by which its samples are ahead of antenna 0's");
-  s.add("antennas.standard_error", t.standard_error, "of the phase, and of the gain as a share");
+  s.add("antennas.sine", a.sine, -1, 1, "sine of the reflector's direction, positive to the right");
+  s.add("antennas.gain", t.gain, "gain of each antenna of the heat map, relative to antenna 0");
+  s.add("antennas.phase_rad", t.phase_rad,
+        "phase of each antenna's samples, relative to antenna 0");
+  s.add("antennas.standard_error", t.standard_error,
+        "standard error of phase (rad) and relative gain");
 }
 
-// The response has the texts that a run's table meta has.
+// The response has the texts of a run's table meta.
 using Texts = std::vector<std::pair<std::string, std::string>>;
 
 void bind(Settings& s, Texts& response) {
   for (auto& [key, text] : response)
-    s.add("response." + key, text, "number +- standard error; see a run's meta");
+    s.add("response." + key, text, "number +- standard error; see the run's meta");
 }
 
-// Only those of a sensor that has bins.
+// Only axes of sensors with bins.
 void bind(Settings& s, CalibratedAxes& a, bool spd, bool radar) {
   if (spd) {
-    s.add("axes.bin_width_ps", a.bin_width_ps, 0, 1e9, "of the histogram");
-    s.add("axes.first_bin_ps", a.first_bin_ps, -1e12, 1e12, "of the histogram");
-    s.add("axes.bins", a.bins, 0, 1 << 24, "of the histogram");
+    s.add("axes.bin_width_ps", a.bin_width_ps, 0, 1e9, "bin width of the histogram");
+    s.add("axes.first_bin_ps", a.first_bin_ps, -1e12, 1e12, "start of the histogram");
+    s.add("axes.bins", a.bins, 0, 1 << 24, "bins of the histogram");
   }
   if (radar) {
-    s.add("axes.radar_step_m", a.radar_step_m, 0, 1000, "between points of the profile");
-    s.add("axes.radar_bins", a.radar_bins, 0, 1 << 24, "points of the profile");
+    s.add("axes.radar_step_m", a.radar_step_m, 0, 1000, "distance between points of the profile");
+    s.add("axes.radar_bins", a.radar_bins, 0, 1 << 24, "number of points of the profile");
   }
 }
 
@@ -77,7 +80,7 @@ std::string text_of(const std::vector<double>& values) {
   return out;
 }
 
-// Nothing unless all of it is 1 to 12 numbers from `least` to `most`.
+// Returns nothing unless the text is 1 to 12 numbers from `least` to `most`.
 std::vector<double> values_of(const std::string& text, double least, double most) {
   std::vector<double> out;
   std::istringstream words(text);
@@ -95,8 +98,8 @@ void take_antennas(const std::string& path, const AntennaTexts& texts, AntennaGa
       out.gain.size() != out.standard_error.size())
     throw Error(ExitCode::config,
                 path +
-                    ": antennas.gain, antennas.phase_rad and antennas.standard_error are not "
-                    "lists of as many numbers, one for each of 1 to 12 antennas");
+                    ": antennas.gain, antennas.phase_rad and antennas.standard_error: expected "
+                    "lists of equal length, one number for each of 1 to 12 antennas");
 }
 
 }  // namespace
@@ -147,7 +150,7 @@ Calibration read_calibration(const std::string& path) {
     bind(settings, name_of(ranging[i]), entries[i]);
   }
   settings.add("firmware.line", line, "mean of the radar's own compRangeBiasAndRxChanPhase lines");
-  settings.add("firmware.lines", firmware.lines, 0, 1'000'000'000, "how many came");
+  settings.add("firmware.lines", firmware.lines, 0, 1'000'000'000, "number of lines received");
   Calibration out;
   settings.add(baseline_key, out.baseline_m, 0, most_baseline_m, baseline_text);
   AntennaTexts texts;
@@ -164,9 +167,10 @@ Calibration read_calibration(const std::string& path) {
     return std::ranges::any_of(kept, [&](const auto& k) { return k.first == pair.first; });
   };
   if (!std::ranges::all_of(stated, is_kept))
-    throw Error(ExitCode::config, path +
-                                      ": section response: expected numbers, as calibrate "
-                                      "writes them (radar_taps: 3 to 64, the first one 1)");
+    throw Error(ExitCode::config,
+                path +
+                    ": section response: expected numbers as written by calibrate "
+                    "(radar_taps: 3 to 64, the first equal to 1)");
   if (settings.given("antennas.gain") || settings.given("antennas.phase_rad"))
     take_antennas(path, texts, out.antennas);
   for (std::size_t i = 0; i < entries.size(); ++i)
@@ -196,7 +200,7 @@ void write_calibration(const std::string& path, const Calibration& calibration) 
     lines = f->lines;
     settings.add("firmware.line", line,
                  "mean of the radar's own compRangeBiasAndRxChanPhase lines");
-    settings.add("firmware.lines", lines, 0, 1'000'000'000, "how many came");
+    settings.add("firmware.lines", lines, 0, 1'000'000'000, "number of lines received");
   }
   AntennaGains antennas = calibration.antennas;
   AntennaTexts texts{text_of(antennas.gain), text_of(antennas.phase_rad),

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: MIT
-// Calibration file (TOML), written by `calibrate` and named by run.calibration. Has a section a
-// ranging sensor: by how much its ranges are too long. Section antennas: gain and phase that each
-// of the radar's antennas adds. Section response: how the sensors respond to a point
-// (acquire/measurement/response.hpp). Section axes: the axes on which they record; keys are those
-// of echofuse-sim. Older files are without the last three.
+// Calibration file (TOML), written by `calibrate` and named in run.calibration. One section per
+// ranging sensor with its range offset (measured minus true). Section antennas: gain and phase
+// errors of the radar's antennas. Section response: response of the sensors to a point
+// (acquire/measurement/response.hpp). Section axes: axes of the recordings, with the keys of
+// echofuse-sim. Older files lack the last three.
 #pragma once
 #include <optional>
 #include <string>
@@ -16,7 +16,7 @@
 namespace echofuse::acquire {
 
 // Gains in the order of the heat map, relative to antenna 0; empty: not measured. The standard
-// error is in radians for the phase and a share for the gain, because noise is alike in both.
+// error applies to the phase (radians) and the relative gain, because their noise is equal.
 struct AntennaGains {
   std::string date_utc;
   double distance_m = 0;
@@ -26,7 +26,7 @@ struct AntennaGains {
   bool empty() const { return gain.empty(); }
 };
 
-// Axes of the calibrated sensors; 0 for a sensor that is not calibrated.
+// Axes of the calibrated sensors; 0: not calibrated.
 struct CalibratedAxes {
   double bin_width_ps = 0, first_bin_ps = 0, radar_step_m = 0;
   std::int64_t bins = 0, radar_bins = 0;
@@ -42,20 +42,21 @@ struct Calibration {
   AntennaGains antennas;
   record::Response response;
   CalibratedAxes axes = {};
-  double baseline_m = 0;  // radar.baseline_m when the radar was measured; 0: not stated
+  double baseline_m = 0;  // radar.baseline_m during the measurement; 0: not stated
 
-  const record::CalibrationEntry* find(Sensor sensor) const;  // null: none
-  // Returns this calibration, completed from `older`.
+  const record::CalibrationEntry* find(Sensor sensor) const;  // null: unknown
+  // Returns this calibration, with missing parts from `older`.
   Calibration over(const Calibration& older) const;
 };
 
 struct Config;
-// Those of a run with these instruments, of the sensors that are calibrated. `radar`: the device's.
+// Meta entries of a run with these instruments, for the calibrated sensors. `radar`: axis of the
+// device.
 CalibratedAxes axes_of(const Config& config, const Calibration& calibration, const Axis& radar);
 
-// Throws Error(config) with all faults, file:line each.
+// Throws Error(config) with all faults, one file:line each.
 Calibration read_calibration(const std::string& path);
-// Replaces the file as a whole. Throws Error(disk).
+// Replaces the file atomically. Throws Error(disk).
 void write_calibration(const std::string& path, const Calibration& calibration);
 
 }  // namespace echofuse::acquire

@@ -16,7 +16,7 @@
 namespace echofuse::acquire {
 namespace {
 
-// Values as the file spells them; whole numbers are 64 bits wide there.
+// Values as in the file; whole numbers have 64 bits there.
 struct Keys {
   std::int64_t start_channel, click_channel, bins;
   std::int64_t data_baud, width, height, fps, map_size;
@@ -41,7 +41,7 @@ Keys defaults_of(const Config& c) {
 
 void bind_policy(Settings& s, Config& c, const std::string& section, Sensor sensor) {
   s.add(section + ".policy", c.policy[sensor],
-        "required: no start without it, and records without it are marked incomplete",
+        "required: a run needs it to start, and records without it are marked incomplete",
         {"optional", "required"});
 }
 
@@ -49,66 +49,66 @@ void bind(Settings& s, Config& c, Keys& k) {
   constexpr std::int64_t channel_max = std::numeric_limits<std::int32_t>::max();
   s.add("run.window_s", c.window_s, 0.05, 3600, "length of a slot; every slot gives one record");
   s.add("run.connect_timeout_s", c.connect_timeout_s, 0.1, 3600,
-        "how long to wait for all devices before starting with those that are there");
-  s.add("run.label", c.label, "label of every record, e.g. what is in front of the sensors");
-  s.add("run.operator", c.operator_name, "who records; empty: who is logged in");
+        "time to wait for all devices, then start with those that answered");
+  s.add("run.label", c.label, "label of every record, e.g. the scene in front of the sensors");
+  s.add("run.operator", c.operator_name, "name of the operator; empty: the login name");
   s.add("run.folder", k.folder,
-        "where runs without --out go, as DATE-NNN; relative to this file's folder; empty: the "
+        "folder of runs without --out, named DATE-NNN; relative to this file's folder; empty: the "
         "working directory");
   s.add("run.calibration", k.calibration,
-        "file that `calibrate` wrote, applied on reading; relative to this file's folder");
+        "calibration file written by `calibrate`, applied by readers; relative to this file's "
+        "folder");
   s.add("tdc.address", c.tdc.address,
         "bridge:tcp://HOST:PORT or usb:VVVV:PPPP[:serial]; empty: none");
   bind_policy(s, c, "tdc", Sensor::spd);
   s.add("tdc.start_channel", k.start_channel, -channel_max, channel_max,
-        "laser sync; negative for falling edges");
+        "channel of the laser sync; negative for falling edges");
   s.add("tdc.click_channel", k.click_channel, -channel_max, channel_max, "detector");
   s.add("tdc.laser_rate_hz", c.laser_rate_hz, 0, 1e10,
-        "pulses a second; a record with too few starts is lossy; 0: not known");
-  s.add("tdc.bin_width_ps", c.histogram.bin_width_ps, 1, 1'000'000'000, "two-way time");
+        "laser pulses per second; a record with too few starts is lossy; 0: unknown");
+  s.add("tdc.bin_width_ps", c.histogram.bin_width_ps, 1, 1'000'000'000, "bin width, two-way time");
   s.add("tdc.first_bin_ps", c.histogram.first_bin_ps, -1'000'000'000'000, 1'000'000'000'000,
         "start of bin 0 after the laser sync, two-way time");
   s.add("tdc.bins", k.bins, 1, 1 << 24, "number of bins");
   constexpr std::int64_t delay_max = 1'000'000'000;
   s.add("tdc.click_delay_ps", c.histogram.click_delay_ps, -delay_max, delay_max,
-        "added to the click channel's times, for a tagger that cannot delay by itself");
+        "delay added to the click channel's times, for taggers without this function");
   s.add("tdc.dead_time_ps", c.histogram.dead_time_ps, 0, delay_max,
-        "a tag so soon after the last one of its channel is removed; 0: none");
-  s.add(
-      "tdc.detector_dead_time_ps", c.detector.dead_time_ps, 0, 1e9,
-      "of the detector after a click, as its data sheet says; 0: not known, and its pile-up is not "
-      "corrected on reading");
+        "dead time per channel: later tags within it are removed; 0: none");
+  s.add("tdc.detector_dead_time_ps", c.detector.dead_time_ps, 0, 1e9,
+        "dead time of the detector after a click, from its data sheet; 0: unknown, no pile-up "
+        "correction by readers");
   s.add("tdc.first_photon_only", k.first_photon_only,
-        "the detector is armed once a laser pulse, and sees its first photon only");
-  s.add(
-      "radar.address", c.radar.address,
-      "bridge:tcp://HOST:PORT of any other radar, instead of radar.cli, radar.data and radar.cfg");
+        "the detector is armed once per laser pulse, and detects only the first photon");
+  s.add("radar.address", c.radar.address,
+        "bridge:tcp://HOST:PORT of another radar, instead of radar.cli, radar.data and radar.cfg");
   s.add("radar.cli", c.radar.cli,
         "command port: serial:/dev/... or hid:VVVV:PPPP[:serial]; empty: none");
   bind_policy(s, c, "radar", Sensor::radar);
   s.add("radar.data", c.radar.data, "data port: serial:/dev/... or hid:VVVV:PPPP[:serial]");
   s.add("radar.cfg", k.cfg,
-        "TI mmWave .cfg file, sent verbatim; relative to this file's folder, or one of those that "
-        "are installed");
-  s.add("radar.board", c.radar.board, "whose antennas a heat map in the cfg is of",
+        "TI mmWave .cfg file, sent verbatim; relative to this file's folder, or an installed one");
+  s.add("radar.board", c.radar.board, "board with the antennas of the cfg's heat map",
         radar::board_names());
   s.add("radar.baseline_m", c.baseline_m, 0, most_baseline_m,
-        "from the detector's axis to the left, to the middle of the radar's antennas");
-  s.add("radar.data_baud", k.data_baud, 1200, 4'000'000, "of the data port");
+        "distance from the detector's axis to the centre of the radar's antennas, to the left");
+  s.add("radar.data_baud", k.data_baud, 1200, 4'000'000, "baud rate of the data port");
   s.add("radar.keep_running", c.radar.keep_running,
-        "leave the sensor radiating at the end; else it is sent sensorStop");
+        "do not send sensorStop at the end, so that the sensor keeps transmitting");
   s.add("depth.address", c.depth.address,
         "openni:[URI or file.oni] or bridge:tcp://HOST:PORT; empty: none");
   bind_policy(s, c, "depth", Sensor::depth);
-  s.add("depth.width", k.width, 0, 1 << 14, "pixels of an OpenNI2 camera; 0: its own choice");
-  s.add("depth.height", k.height, 0, 1 << 14, "pixels of an OpenNI2 camera; 0: its own choice");
-  s.add("depth.fps", k.fps, 0, 1000, "frames a second of an OpenNI2 camera; 0: its own choice");
+  s.add("depth.width", k.width, 0, 1 << 14,
+        "image width of an OpenNI2 camera; 0: camera's default");
+  s.add("depth.height", k.height, 0, 1 << 14,
+        "image height of an OpenNI2 camera; 0: camera's default");
+  s.add("depth.fps", k.fps, 0, 1000, "frames per second of an OpenNI2 camera; 0: camera's default");
   s.add("depth.map_size", k.map_size, record::least_map_size, record::most_map_size,
-        "pixels of the depth map, both ways, that the camera's images are brought to on reading");
+        "pixels per side of the depth map, to which readers resample the camera's images");
   s.add("depth.map_half_tangent", c.map.half_tangent, record::least_map_half_tangent,
-        record::most_map_half_tangent, "the map's field of view: x/z and y/z at its edges");
+        record::most_map_half_tangent, "field of view of the map: x/z and y/z at its edges");
   s.add("depth.map_z_max_m", c.map.far_m, record::least_map_far_m, record::most_map_far_m,
-        "depths of the map: from 0 to this; what is farther is no return");
+        "largest depth of the map; farther points are no return");
   bind_limits(s, c.signal);
   s.add(
       "alert.no_data_s", c.alert.no_data_s, 0, 86'400,
@@ -132,16 +132,16 @@ void take_numbers(Config& c, const Keys& k) {
   if (k.first_photon_only) c.detector.dead_time_ps = std::numeric_limits<double>::infinity();
 }
 
-// Checks that the type and range of a single key cannot express.
+// Checks beyond the type and range of a single key.
 class Judge {
  public:
   Judge(const Settings& settings, std::string name, std::vector<std::string>& faults)
       : settings_(settings), name_(std::move(name)), faults_(faults) {}
 
-  // At the first of `keys` that is given.
+  // Reports a fault at the first given of `keys`.
   void complain(std::initializer_list<const char*> keys, const std::string& what) {
     for (const char* key : keys)
-      if (settings_.refused(key)) return;  // its own fault is told
+      if (settings_.refused(key)) return;  // its own fault is reported
     for (const char* key : keys) {
       const std::string origin = settings_.origin(key);
       if (origin.empty()) continue;
@@ -154,7 +154,7 @@ class Judge {
   void attempt(std::initializer_list<const char*> keys, Body body) {
     try {
       body();
-    } catch (const Error& e) {  // one fault a line
+    } catch (const Error& e) {  // one fault per line
       std::istringstream lines(e.what());
       for (std::string line; std::getline(lines, line);) complain(keys, line);
     }
@@ -173,15 +173,15 @@ void judge_radar(Judge& judge, Config& c, const std::string& cfg,
     if (!radar.cli.empty() || !radar.data.empty())
       judge.complain(
           {"radar.address"},
-          "a radar has radar.address or the two ports radar.cli and radar.data, not both");
+          "a radar has either radar.address or the two ports radar.cli and radar.data; remove one");
     return judge.attempt({"radar.address"}, [&] { check_radar(radar.address); });
   }
   if (radar.cli.empty() != radar.data.empty())
     judge.complain({"radar.cli", "radar.data"},
-                   "radar.cli and radar.data belong together; one of them is empty");
+                   "radar.cli and radar.data are both required; one of them is empty");
   if (!radar.cli.empty() && radar.cli == radar.data)
     judge.complain({"radar.data", "radar.cli"},
-                   "radar.cli and radar.data are the same port; the radar has two");
+                   "radar.cli and radar.data are the same port; expected the radar's two ports");
   if (!radar.cli.empty())
     judge.attempt({"radar.cli"}, [&] { check_radar_port(radar.cli, RadarConfig::cli_baud); });
   if (!radar.data.empty())
@@ -206,17 +206,17 @@ void calibrate_antennas(Config& c) {
   const AntennaGains& gains = c.calibration.antennas;
   if (gains.empty() || c.antennas.empty()) return;
   if (gains.gain.size() != c.antennas.size())
-    throw Error(ExitCode::config, c.calibration_path + ": has gains of " +
-                                      std::to_string(gains.gain.size()) +
-                                      " antennas, the heat map of radar.cfg and radar.board has " +
-                                      std::to_string(c.antennas.size()) + ": calibrate again");
+    throw Error(ExitCode::config,
+                c.calibration_path + ": has gains of " + std::to_string(gains.gain.size()) +
+                    " antennas, but the heat map of radar.cfg and radar.board has " +
+                    std::to_string(c.antennas.size()) + "; calibrate again");
   for (std::size_t m = 0; m < c.antennas.size(); ++m) {
     c.antennas[m].gain = gains.gain[m];
     c.antennas[m].phase_rad = gains.phase_rad[m];
   }
 }
 
-// The offset of the radar depends on the baseline with which it was measured.
+// The radar's offset depends on the baseline during its calibration.
 void refuse_other_baseline(const Config& c) {
   constexpr double allowed_m = 5e-3;
   const double measured_m = c.calibration.baseline_m;
@@ -224,8 +224,8 @@ void refuse_other_baseline(const Config& c) {
       std::abs(measured_m - c.baseline_m) <= allowed_m)
     return;
   std::ostringstream text;
-  text << c.calibration_path << ": the radar was measured with radar.baseline_m = " << measured_m
-       << ", which is " << c.baseline_m << " here: calibrate again";
+  text << c.calibration_path << ": the radar was calibrated with radar.baseline_m = " << measured_m
+       << ", but here it is " << c.baseline_m << "; calibrate again";
   throw Error(ExitCode::config, text.str());
 }
 
@@ -243,7 +243,7 @@ void judge(Judge judge, Config& c, const Keys& k, const std::filesystem::path& f
                                        {"depth.policy", "depth.address"}};
   for (const Sensor s : all_sensors)
     if ((c.required() - c.configured()).contains(s))
-      judge.complain({keys[s].policy}, std::string("a required sensor needs its address, ") +
+      judge.complain({keys[s].policy}, std::string("required sensor without an address: ") +
                                            keys[s].address + " is empty");
   if (!c.tdc.address.empty()) judge.attempt({"tdc.address"}, [&] { check_tdc(c.tdc.address); });
   judge.attempt({"tdc.click_channel", "tdc.start_channel", "tdc.bins", "tdc.bin_width_ps"},
@@ -274,20 +274,20 @@ bool named_by_environment() { return !variable("ECHOFUSE_CONFIG").empty(); }
 }  // namespace
 
 void bind_limits(Settings& s, SignalLimits& l) {
-  s.add(
-      "signal.weak_share", l.weak_share, 0, 1,
-      "a sensor whose signal is below this share of the median of the run's first minute is weak; "
-      "0: none");
+  s.add("signal.weak_share", l.weak_share, 0, 1,
+        "flag \"weak\" if the signal is below this share of the median of the run's first minute; "
+        "0 disables");
   s.add("signal.spd_clicks", l.spd_clicks, 0, 1e12,
-        "fewer clicks of a record above the background are weak; 0: none");
+        "flag \"weak\" if a record has fewer clicks above the background; 0 disables");
   s.add("signal.clicks_a_pulse", l.clicks_a_pulse, 0, 1e3,
-        "more clicks a laser pulse are saturated; 0: none");
+        "flag \"saturated\" if there are more clicks per laser pulse; 0 disables");
   s.add("signal.radar_snr_db", l.radar_snr_db, 0, 200,
-        "a highest bin less above the median bin is no peak; 0: none");
+        "flag \"no peak\" if peak/median is below this, dB; 0 disables");
   s.add("signal.depth_share", l.depth_share, 0, 1,
-        "fewer of the pixels with a return are weak; 0: none");
+        "flag \"weak\" if a smaller share of pixels has a return; 0 disables");
   s.add("signal.lossy_share", l.lossy_share, 0, 1,
-        "fewer of the expected radar frames, camera frames or starts are lossy; 0: none");
+        "flag \"lossy\" if a smaller share of the expected radar frames, camera frames or starts "
+        "arrives; 0 disables");
 }
 
 radar::RadarProfile parse_profile(const RadarConfig& radar) {
@@ -335,7 +335,7 @@ Config load_config(const std::string& path, const std::vector<std::string>& assi
     if (port.find("XXXXXXXX") != port.npos)
       unfinished.complain({key},
                           "still has the template's XXXXXXXX; echofuse-acquire devices "
-                          "prints the lines of what is attached");
+                          "prints the lines for the attached devices");
   config.shown = settings.with_origins();
   const auto on_doubt = std::exchange(config.on_doubt, {});
   config.resolved = settings.resolved(true);
@@ -347,7 +347,7 @@ std::vector<ConfigPlace> config_places() {
   if (named_by_environment()) return {{variable("ECHOFUSE_CONFIG"), "$ECHOFUSE_CONFIG"}};
   std::vector<ConfigPlace> places{{"lab.toml", "./lab.toml"}};
   const std::string own = variable("XDG_CONFIG_HOME"), home = variable("HOME");
-  if (own.starts_with('/'))  // the standard: a relative one counts as none
+  if (own.starts_with('/'))  // the XDG standard ignores relative paths
     places.push_back({own + "/echofuse/lab.toml", "$XDG_CONFIG_HOME/echofuse/lab.toml"});
   else if (!home.empty())
     places.push_back({home + "/.config/echofuse/lab.toml", "~/.config/echofuse/lab.toml"});
@@ -367,9 +367,9 @@ ConfigPlace require_config() {
   std::string names;
   for (const ConfigPlace& place : config_places())
     names.append(names.empty() ? "" : ", ") += place.name;
-  throw Error(ExitCode::config, "no configuration: there is none of " + names + "; copy " +
+  throw Error(ExitCode::config, "no configuration file; searched " + names + "; copy " +
                                     (data_folder() / "lab.toml").string() +
-                                    ", or name one by --config or $ECHOFUSE_CONFIG");
+                                    " there, or use --config or $ECHOFUSE_CONFIG");
 }
 
 }  // namespace echofuse::acquire

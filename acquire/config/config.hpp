@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// The daemon's configuration: a TOML file, read strictly.
+// The daemon's configuration: a TOML file, parsed strictly.
 #pragma once
 #include <cstdint>
 #include <optional>
@@ -21,7 +21,7 @@ class Settings;
 
 namespace echofuse::acquire {
 
-// Limits of SignalCheck; 0 switches one off.
+// Limits of SignalCheck; 0 disables a check.
 struct SignalLimits {
   double weak_share = 0.1, spd_clicks = 1000, clicks_a_pulse = record::most_clicks_a_pulse;
   double radar_snr_db = 6, depth_share = 0.005, lossy_share = 0.8;
@@ -34,55 +34,56 @@ struct Config {
   std::string label, operator_name, run_folder;
   TdcConfig tdc;
   tdc::HistogramSettings histogram;
-  double laser_rate_hz = 0;  // 0: not known
+  double laser_rate_hz = 0;  // 0: unknown
   record::Detector detector;
   RadarConfig radar;
-  double baseline_m = 0.5;  // from the detector to the left, to the middle of the radar's antennas
+  double baseline_m = 0.5;  // from the detector to the left, to the centre of the radar's antennas
   DepthConfig depth;
   record::MapGrid map;
   SignalLimits signal;
   record::AlertLimits alert;
   std::vector<std::string> on_doubt;  // program and arguments; not in `resolved`, which is stored
   Calibration calibration;            // read from run.calibration
-  record::Antennas antennas;          // antennas of the heat map, calibrated; empty: none sent
-  std::string calibration_path;       // that file, or where one would stand
+  record::Antennas antennas;     // antennas of the heat map, with calibration; empty: no heat map
+  std::string calibration_path;  // that file, or its future path
   PerSensor<std::string> policy{"optional", "optional", "optional"};
 
-  std::vector<std::string> unfinished;  // keys with the template's XXXXXXXX left, and their place
+  std::vector<std::string> unfinished;  // keys that still contain the template's XXXXXXXX, with
+                                        // their origin
   std::string text;                     // contents of the file, verbatim
   std::string resolved;                 // every key with its value and meaning, as TOML
-  std::string shown;                    // the same, with the origin of each value
+  std::string shown;                    // same, with the origin of each value
 
-  SensorSet configured() const;  // the sensors that have an address
-  SensorSet required() const;    // those that the run does not start without
-  // Starts, radar frames and camera frames a second as configured; 0: not known.
+  SensorSet configured() const;  // sensors with an address
+  SensorSet required() const;    // sensors required to start the run
+  // Configured rates of starts, radar frames and camera frames per second; 0: unknown.
   PerSensor<double> nominal_hz() const;
 };
 
-// Reads the file, then applies `assignments` ("key=value"). A radar cfg named in it is read
-// relative to the file's folder. Throws Error(config) listing all faults, each with the place of
-// its key. Nothing is opened: that an address can be does not mean that a device is there. Without
-// `with_calibration` the file of run.calibration is not read: it is about to be written.
+// Reads the file, then applies `assignments` ("key=value"). The path of the radar cfg is relative
+// to the file's folder. Throws Error(config) listing all faults, each with the origin of its key.
+// Does not open devices, so a valid address may have no device. Without `with_calibration` the file
+// of run.calibration is not read, because it will be overwritten.
 Config load_config(const std::string& path, const std::vector<std::string>& assignments = {},
                    bool with_calibration = true);
 
-// Parses the radar's cfg. Throws as radar::parse_profile.
+// Parses the radar's cfg. Throws like radar::parse_profile.
 radar::RadarProfile parse_profile(const RadarConfig& radar);
 
 struct ConfigPlace {
   std::string path;
-  std::string name;  // as a text calls it: "$ECHOFUSE_CONFIG", "./lab.toml"
+  std::string name;  // for messages: "$ECHOFUSE_CONFIG", "./lab.toml"
 };
 
-// Places in the order of the search: $ECHOFUSE_CONFIG if it is set (then no other), ./lab.toml,
-// $XDG_CONFIG_HOME/echofuse/lab.toml (by default in ~/.config), /etc/echofuse/lab.toml.
+// Places in search order: only $ECHOFUSE_CONFIG if it is set; otherwise ./lab.toml,
+// $XDG_CONFIG_HOME/echofuse/lab.toml (default ~/.config), /etc/echofuse/lab.toml.
 std::vector<ConfigPlace> config_places();
 
-// Returns the first place with a file. The file named by $ECHOFUSE_CONFIG counts even if missing:
-// it was asked for.
+// Returns the first place with a file. Returns the file of $ECHOFUSE_CONFIG even if it is missing,
+// because it was requested.
 std::optional<ConfigPlace> find_config();
 
-// Calls find_config(); without a file throws Error(config) that names all places.
+// Calls find_config(); throws Error(config) with all places if there is no file.
 ConfigPlace require_config();
 
 }  // namespace echofuse::acquire

@@ -66,7 +66,7 @@ void Devices::start() {
     if (status(entry.sensor).configured && entry.date_utc < oldest)  // text order is time order
       next_->on_event(entry.sensor, Severity::warning,
                       "calibration of " + printable(entry.date_utc, 40) +
-                          " is older than 90 days: calibrate again");
+                          " is older than 90 days; calibrate again");
   for (const Sensor s : all_sensors)
     if (auto& driver = drivers_[s]; driver && !status(s).holder) driver->start(*this);
 }

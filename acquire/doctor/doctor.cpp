@@ -21,7 +21,7 @@ constexpr const char* grades[] = {"ok", "warning", "problem"};
 
 const char* name_of(Grade grade) { return grades[static_cast<std::size_t>(grade)]; }
 
-// Text comes line by line, as a check is done; JSON at the end.
+// Prints text after each check, or JSON at the end.
 class Report {
  public:
   explicit Report(bool json) : json_(json) {}
@@ -69,7 +69,7 @@ class Report {
 
 constexpr double capture_s = 2;
 
-// Passes samples to a capture, and from begin() on into one slot, as in a run.
+// Forwards samples to a capture and, after begin(), to a single slot, as in a run.
 class Trial final : public SampleSink {
  public:
   Trial(Capture& capture, const Config& config) : capture_(capture), config_(config) {}
@@ -79,7 +79,7 @@ class Trial final : public SampleSink {
     for (const Sensor s : all_sensors)
       if (devices_[s]) windows_->announce(*devices_[s]);
   }
-  // The slot's record with the verdicts of a run.
+  // Returns the slot's record with the verdicts of a run.
   record::FusedRecord judged() {
     record::FusedRecord record = windows_->close({0, false});
     SignalLimits limits = config_.signal;
@@ -132,11 +132,11 @@ std::vector<Finding> judge(const Answer& answer, const Capture& capture, const C
   const char* check = name_of(answer.sensor);
   if (answer.status.holder)
     return {{check, answer.delivers ? Grade::warning : Grade::problem, answer.text,
-             "not touched; another run needs that one to end"}};
-  if (!answer.delivers) {  // the text holds the last complaint
-    const bool answered = !answer.status.info.firmware.empty();  // says itself what is wrong
+             "in use by another run; end that run first"}};
+  if (!answer.delivers) {  // the text contains the last complaint
+    const bool answered = !answer.status.info.firmware.empty();  // its own text states the fault
     return {{check, Grade::problem, answer.text,
-             answered ? "" : "is it on, plugged in, and its address right? See `devices`"}};
+             answered ? "" : "check its power, its cable and its address; see `devices`"}};
   }
   constexpr PerSensor<decltype(&judge_spd)> judges{judge_spd, judge_radar, judge_depth};
   std::vector<Finding> out{judges[answer.sensor](capture, config, time_s)};
@@ -150,7 +150,7 @@ std::vector<Finding> judge(const Answer& answer, const Capture& capture, const C
   return out;
 }
 
-// Listens for 2 s to the devices that answer. Returns the size of a record of them.
+// Receives data of the answering devices for 2 s. Returns the size of a record.
 double judge_devices(const Config& config, port::Loop& loop, Report& report) {
   Capture capture(config.histogram);
   Trial trial(capture, config);
@@ -165,7 +165,7 @@ double judge_devices(const Config& config, port::Loop& loop, Report& report) {
     capture.end();
     record = trial.judged();
   });
-  if (interrupted()) throw Error(ExitCode::interrupted, "interrupted; nothing was judged");
+  if (interrupted()) throw Error(ExitCode::interrupted, "interrupted; no result");
   for (const Answer& answer : answers) report.add(judge(answer, capture, config, time_s, record));
   return estimate_record_bytes(capture, config);
 }

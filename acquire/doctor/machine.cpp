@@ -20,12 +20,11 @@ namespace fs = std::filesystem;
 
 constexpr const char* rules = "70-echofuse.rules";
 constexpr const char* install_rules =
-    "install config/70-echofuse.rules as its first lines say, and join the groups dialout, plugdev "
-    "and video";
+    "install config/70-echofuse.rules as described in its header, and join the groups dialout, "
+    "plugdev and video";
 constexpr const char* check_groups =
-    "plug it in again; is this user in the groups dialout, plugdev and video?";
-constexpr const char* check_plug =
-    "is it plugged in, and is this its name? `devices` lists what is attached";
+    "replug it; check that this user is in the groups dialout, plugdev and video";
+constexpr const char* check_plug = "check its cable and name; `devices` lists attached devices";
 
 std::string text_of(const fs::path& file) {
   std::ifstream in(file);
@@ -40,7 +39,7 @@ std::vector<fs::path> entries(const fs::path& folder) {
   return out;
 }
 
-// The device node behind an address; empty if it has none of its own.
+// Returns the device node of an address; empty if it has none of its own.
 std::string serial_path(const std::string& address) {
   constexpr std::string_view kind = "serial:";
   if (!address.starts_with(kind)) return {};
@@ -66,7 +65,7 @@ bool is_denied(const std::string& path) {
   return ::access(path.c_str(), R_OK | W_OK) != 0 && (errno == EACCES || errno == EPERM);
 }
 
-// All device nodes that matter: those of attached devices, and configured serial ports of others.
+// Returns all relevant device nodes: those of attached devices, and other configured serial ports.
 std::vector<Port> ports(const std::optional<Config>& config, const MachineRoots& roots) {
   std::vector<std::string> wanted;  // addresses and nodes
   std::vector<Port> out;
@@ -132,13 +131,13 @@ std::vector<Finding> check_permissions(const std::optional<Config>& config,
   if (out.empty())
     out.push_back({check,
                    Grade::ok,
-                   all.empty() ? "no device node to look at"
+                   all.empty() ? "no device node to check"
                                : std::to_string(all.size()) + " device nodes can be opened",
                    "",
                    {{"nodes", count}}});
   const bool installed = rules_installed(roots);
   for (const Finding& finding : out)
-    if (finding.advice == install_rules) return out;  // says all of it
+    if (finding.advice == install_rules) return out;  // the text contains everything
   const bool fine = installed || inventory::list_attached(roots.devices).empty();
   out.push_back({"udev rules", fine ? Grade::ok : Grade::warning,
                  std::string(rules) + (installed ? " is installed"
@@ -150,15 +149,15 @@ std::vector<Finding> check_permissions(const std::optional<Config>& config,
 
 Finding check_modem_manager(const std::optional<Config>& config, const MachineRoots& roots) {
   constexpr const char* check = "ModemManager";
-  if (!modem_manager_runs(roots)) return {check, Grade::ok, "does not run"};
+  if (!modem_manager_runs(roots)) return {check, Grade::ok, "not running"};
   std::string grabbed;
   for (const Port& port : ports(config, roots)) {
     const std::string name = fs::path(port.path).filename().string();
     if (name.starts_with("ttyACM") || name.starts_with("ttyUSB"))
       if (!ignored_by_modem_manager(name, roots)) grabbed += " " + port.path;
   }
-  if (grabbed.empty()) return {check, Grade::ok, "runs, and leaves our serial ports alone"};
-  return {check, Grade::warning, "runs, and probes" + grabbed + " when the device is plugged in",
+  if (grabbed.empty()) return {check, Grade::ok, "running; ignores our serial ports"};
+  return {check, Grade::warning, "running; probes " + grabbed + " when the device is plugged in",
           install_rules};
 }
 
@@ -171,11 +170,10 @@ Finding check_usb_memory(const std::optional<Config>& config, const MachineRoots
   double limit = 0;
   if (std::sscanf(text.c_str(), "%lf", &limit) != 1) {
     if (!ring) return {check, Grade::ok, "no USB time tagger is configured"};
-    return {check, Grade::warning, "the kernel does not tell its limit",
-            "is the module usbcore loaded?"};
+    return {check, Grade::warning, "limit unknown", "check that the module usbcore is loaded"};
   }
   char found[160];
-  std::snprintf(found, sizeof found, "usbfs_memory_mb is %g%s; the time tagger's ring takes %g MiB",
+  std::snprintf(found, sizeof found, "usbfs_memory_mb is %g%s; the time tagger's ring needs %g MiB",
                 limit, limit == 0 ? " (no limit)" : "", needed);
   const bool enough = limit == 0 || limit >= needed;
   return {check,
@@ -187,7 +185,7 @@ Finding check_usb_memory(const std::optional<Config>& config, const MachineRoots
 
 KernelClock read_clock() {
   timex state{};
-  const int answer = ::adjtimex(&state);  // modes 0: reads only
+  const int answer = ::adjtimex(&state);  // modes 0: read only
   return {answer >= 0, answer >= 0 && answer != TIME_ERROR && !(state.status & STA_UNSYNC),
           static_cast<double>(state.maxerror) * 1e-6};
 }
@@ -195,20 +193,20 @@ KernelClock read_clock() {
 Finding check_clock(const KernelClock& clock) {
   constexpr const char* check = "clock";
   constexpr double enough_s = 0.1;
-  if (!clock.readable)
-    return {check, Grade::warning, "the kernel does not tell whether it is synchronised", ""};
+  if (!clock.readable) return {check, Grade::warning, "synchronisation unknown", ""};
   char found[160];
   std::snprintf(found, sizeof found, "%s, maximal error %.4g s",
                 clock.synchronised ? "synchronised" : "not synchronised", clock.maximal_error_s);
   const bool good = clock.synchronised && clock.maximal_error_s <= enough_s;
-  return {check,
-          good ? Grade::ok : Grade::warning,
-          found,
-          good ? ""
-               : "run chrony or systemd-timesyncd; slots keep their length without it, but the UTC "
-                 "times of the records are this far off",
-          {{"synchronised", clock.synchronised ? 1.0 : 0.0},
-           {"maximal_error_s", clock.maximal_error_s}}};
+  return {
+      check,
+      good ? Grade::ok : Grade::warning,
+      found,
+      good ? ""
+           : "start chrony or systemd-timesyncd; slots keep their length without it, but the UTC "
+             "times of the records have this error",
+      {{"synchronised", clock.synchronised ? 1.0 : 0.0},
+       {"maximal_error_s", clock.maximal_error_s}}};
 }
 
 }  // namespace echofuse::acquire

@@ -35,19 +35,20 @@ double share(std::uint64_t part, std::uint64_t whole) {
   return whole ? static_cast<double>(part) / static_cast<double>(whole) : 0;
 }
 
-// The first fault is the one told; a later one says only how bad it is.
+// The first fault is reported; a later one only raises the grade.
 void mark(Finding& finding, Grade grade, const std::string& advice) {
   if (finding.advice.empty()) finding.advice = advice;
   finding.grade = std::max(finding.grade, grade);
 }
 
-// Judges a frame rate. The first and the last second are cut anywhere: one frame more or less.
+// Judges a frame rate, with a tolerance of one frame, because the period is cut at both ends.
 void judge_rate(Finding& finding, std::uint64_t frames, double nominal_hz, double time_s) {
   const double expected = nominal_hz * time_s, got = static_cast<double>(frames);
   if (got + 1 < slow * expected)
-    mark(finding, Grade::problem, "it sends less than it is set to: look at its cable and port");
+    mark(finding, Grade::problem, "sends less than configured; check its cable and port");
   else if (got - 1 > expected / slow)
-    mark(finding, Grade::warning, "it sends more than it is set to: was its setting refused?");
+    mark(finding, Grade::warning,
+         "sends more than configured; check whether its setting was refused");
 }
 
 std::string channel_list(const Capture& capture, double time_s) {
@@ -55,10 +56,10 @@ std::string channel_list(const Capture& capture, double time_s) {
   for (const auto& [channel, count] : capture.channels)
     text +=
         format("%s%d (%s)", text.empty() ? "" : ", ", channel, hertz(rate(count, time_s)).c_str());
-  return text.empty() ? "no channel has any tags" : "the channels with tags are " + text;
+  return text.empty() ? "no channel has tags" : "channels with tags: " + text;
 }
 
-// Rate of each zone; a zone without counts is marked.
+// Adds the rate of each zone; marks zones without counts.
 void add_zones(Finding& finding, const std::vector<std::uint64_t>& clicks, double time_s) {
   if (clicks.size() < 2) return;
   finding.found += "; zones";
@@ -67,7 +68,7 @@ void add_zones(Finding& finding, const std::vector<std::uint64_t>& clicks, doubl
     finding.facts.push_back(
         {"zone_" + std::to_string(z) + "_clicks_per_s", rate(clicks[z], time_s)});
     if (clicks[z] == 0)
-      mark(finding, Grade::warning, "zone " + std::to_string(z) + " counts nothing");
+      mark(finding, Grade::warning, "zone " + std::to_string(z) + " has no counts");
   }
 }
 
@@ -146,21 +147,21 @@ Finding judge_spd(const Capture& capture, const Config& config, double time_s) {
   if (n.starts == 0 && capture.histograms == 0)
     mark(out, Grade::problem,
          "no starts on tdc.start_channel = " + std::to_string(config.histogram.start_channel) +
-             ": is the laser on? " + channel_list(capture, time_s));
+             "; check the laser; " + channel_list(capture, time_s));
   if (clicks == 0 && capture.histograms > 0)
-    mark(out, Grade::problem, "no counts, not even dark counts: is the detector on?");
+    mark(out, Grade::problem, "no counts, not even dark counts; check the detector");
   else if (clicks == 0)
     mark(out, Grade::problem,
          "no clicks on tdc.click_channel = " + std::to_string(config.histogram.click_channel) +
-             ", not even dark counts: is the detector on? " + channel_list(capture, time_s));
+             ", not even dark counts; check the detector; " + channel_list(capture, time_s));
   if (const std::string question = swap_question(n); !question.empty())
     mark(out, Grade::warning,
-         "clicks outside the histogram, or several a start" + question +
+         "clicks outside the histogram, or several per start" + question +
              " If not, set tdc.click_delay_ps (cables, fibres), tdc.first_bin_ps and tdc.bins");
   if (lost + capture.lost_blocks + n.overflows > 0)
-    mark(out, Grade::warning, "the tagger or the way to here is too slow for these rates");
+    mark(out, Grade::warning, "the tagger or its connection is too slow for these rates");
   if (n.errors + n.bad_tags + n.backwards > 0)
-    mark(out, Grade::warning, "the tagger reports errors or sends tags that cannot be");
+    mark(out, Grade::warning, "the tagger reports errors or sends invalid tags");
   return out;
 }
 
@@ -185,16 +186,16 @@ Finding judge_radar(const Capture& capture, const Config& config, double time_s)
                         {"bins", static_cast<double>(capture.profile.size())}}};
   judge_rate(out, capture.radar_frames, nominal_hz, time_s);
   if (capture.radar_lost > 0)
-    mark(out, Grade::warning, "look at radar.data_baud against the .cfg, and at the cable");
+    mark(out, Grade::warning, "check radar.data_baud against the .cfg, and the cable");
   if (capture.profiles == 0) {
-    mark(out, Grade::problem, "no frame has a range profile: guiMonitor's third number must be 1");
+    mark(out, Grade::problem, "no frame has a range profile; set guiMonitor's third number to 1");
     return out;
   }
   if (capture.profile.size() != cfg.bins) {
-    mark(
-        out, Grade::problem,
-        format("the profiles have %zu bins, those of the .cfg %" PRIu32 ": is another one running?",
-               capture.profile.size(), cfg.bins));
+    mark(out, Grade::problem,
+         format("the profiles have %zu bins, but the .cfg gives %" PRIu32
+                "; check for another running .cfg",
+                capture.profile.size(), cfg.bins));
     return out;
   }
   auto sorted = capture.profile;
@@ -203,8 +204,8 @@ Finding judge_radar(const Capture& capture, const Config& config, double time_s)
   const double over_median_db = 10 * std::log10(2.0) * log2_power_step(cfg.antennas) *
                                 (sorted.back() - sorted[sorted.size() / 2]);
   const double peak_m = static_cast<double>(peak - capture.profile.begin()) * cfg.range_step_m;
-  out.found += format("; %" PRIu32 " bins, the strongest at %.2f m, %.0f dB over the median",
-                      cfg.bins, peak_m, over_median_db);
+  out.found += format("; %" PRIu32 " bins, peak at %.2f m, %.0f dB over the median", cfg.bins,
+                      peak_m, over_median_db);
   out.facts.emplace_back("peak_m", peak_m);
   out.facts.emplace_back("peak_over_median_db", over_median_db);
   if (!cfg.array.empty()) {
@@ -213,11 +214,10 @@ Finding judge_radar(const Capture& capture, const Config& config, double time_s)
     out.facts.emplace_back("antennas", static_cast<double>(cfg.array.size()));
     out.facts.emplace_back("heat_maps", static_cast<double>(capture.arrays));
     if (capture.arrays == 0)
-      mark(out, Grade::problem,
-           "no frame has the heat map of the .cfg: is radar.board the right one?");
+      mark(out, Grade::problem, "no frame has the heat map of the .cfg; check radar.board");
   }
   if (sorted.front() == sorted.back())
-    mark(out, Grade::problem, "all bins are alike: the board sends no measurement");
+    mark(out, Grade::problem, "all bins are equal: the board does not measure");
   return out;
 }
 
@@ -236,15 +236,15 @@ Finding judge_depth(const Capture& capture, const Config& config, double time_s)
   }
   out.found += format(", %" PRIu64 " lost", capture.depth_lost);
   if (!capture.depth) {
-    mark(out, Grade::problem, "no frame came");
+    mark(out, Grade::problem, "no frame received");
     return out;
   }
   out.found += format("; %" PRIu32 " x %" PRIu32 " pixels, %.0f %% of them valid",
                       capture.depth->width, capture.depth->height, 100 * valid);
   if (capture.depth_lost > 0)
-    mark(out, Grade::warning, "the USB port or this machine is too slow for it");
+    mark(out, Grade::warning, "the USB port or this machine is too slow for the camera");
   if (valid < config.signal.depth_share)
-    mark(out, Grade::warning, "it sees next to nothing: is it covered?");
+    mark(out, Grade::warning, "hardly any pixel is valid; check whether the camera is covered");
   return out;
 }
 

@@ -86,7 +86,7 @@ MapGrid map_grid_of(std::span<const Axis> axes) {
       (!z || same_axis(*z, wanted[2])))
     return grid;
   throw Error(ExitCode::failed,
-              "axes map_x, map_y and map_z: expected 3 to 256 pixels both ways over tangents of "
+              "axes map_x, map_y and map_z: expected 3 to 256 pixels per side over tangents of "
               "+-0.02 to +-3, and one bin from 0 to a depth of 0.1 to 65 m");
 }
 

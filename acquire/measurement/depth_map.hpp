@@ -20,8 +20,8 @@ inline constexpr std::uint64_t max_depth_pixels = std::uint64_t{1} << 23;
 // from 0); without them these defaults apply.
 struct MapGrid {
   std::uint32_t size = 64;
-  double half_tangent = 0.55;  // [S] field of view
-  double far_m = 6;            // [S] farther points are no return
+  double half_tangent = 0.55;  // field of view
+  double far_m = 6;            // farther points are no return
 
   std::size_t pixels() const { return std::size_t{size} * size; }
   double step() const { return 2 * half_tangent / size; }  // tangent

@@ -8,7 +8,7 @@
 
 namespace echofuse::record {
 
-inline constexpr std::string_view letters = "ACEHLNOTUX";    // [S]
+inline constexpr std::string_view letters = "ACEHLNOTUX";
 inline constexpr std::string_view letter_label = "letter:";  // followed by the letter
 
 struct LetterSize {
@@ -16,7 +16,7 @@ struct LetterSize {
   LetterSize scaled(double by) const { return {by * width_m, by * height_m, by * stroke_m}; }
 };
 inline constexpr std::array<LetterSize, 2> letter_sizes{
-    {{0.30, 0.40, 0.07}, {0.20, 0.30, 0.05}}};  // [S] large, small
+    {{0.30, 0.40, 0.07}, {0.20, 0.30, 0.05}}};  // large, small
 
 // Band of the given width around the segment (u0, v0)-(u1, v1) with square ends; u to the right, v
 // up, metres.

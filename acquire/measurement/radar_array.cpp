@@ -191,7 +191,7 @@ std::string unpack_array(ByteView bytes, std::size_t bins, std::size_t antennas,
   const std::size_t size = values_of_bin(antennas);
   const std::size_t wanted = bins * (sizeof(float) + 2 * size);
   if (bytes.size() != wanted)
-    return "array has " + std::to_string(bytes.size()) + " bytes, its axis asks for " +
+    return "array has " + std::to_string(bytes.size()) + " bytes, but its axis requires " +
            std::to_string(wanted);
   array.resize(bins * size);
   ByteReader in(bytes);

@@ -45,12 +45,13 @@ struct RadarResponse {
   bool operator==(const RadarResponse&) const = default;
 };
 
-// A response need not be symmetric. Its range zero is then where a symmetric lobe fits best,
-// because a lobe's peak moves the ranges more. Least squares of the powers: the zero z maximises
-// the integral of power(z + u) power(z - u), and the even part about z is the lobe.
+// Zero of an asymmetric response: where a symmetric lobe fits best, because the peak would displace
+// the ranges more. Least squares of the powers: the zero z maximises the integral of power(z + u)
+// power(z - u), and the even part about z is the lobe.
 struct Symmetry {
   double zero = 0, peak = 0;  // cells
-  double lopsided = 0;        // greatest power(z + u) - power(z - u), over that at z; signed
+  double lopsided = 0;        // largest power(z + u) - power(z - u), relative to the power at z;
+                              // signed
 };
 // Searches zero and peak from `first` to `last`.
 Symmetry symmetry_of(const std::function<double(double)>& power, double first, double last);

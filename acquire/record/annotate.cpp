@@ -20,62 +20,62 @@ namespace echofuse::record {
 
 namespace {
 
-constexpr int timeout_ms = 30'000;  // the recording process commits in milliseconds
+constexpr int timeout_ms = 30'000;  // the recording process commits within milliseconds
 constexpr auto retry_pause = std::chrono::milliseconds(20);
 
 [[noreturn]] void refuse_closed(const std::string& path) {
   throw Error(ExitCode::failed,
-              path + ": nobody is recording this run; only a live one gets another label");
+              path + ": run is not being recorded; only a live run can be relabelled");
 }
 
 [[noreturn]] void cannot_annotate(const std::string& path, ExitCode code, const std::string& why) {
   throw Error(code, printable(path) + ": cannot be annotated: " + why);
 }
 
-// False if the run was closed before: then nothing is written.
+// Returns false, without writing, if the run has been closed.
 bool put_into_open(const std::string& path, const Event& event) {
   const DatabaseHandle file = open_database(path, "cannot open for writing");
   sqlite3* const db = file.get();
   harden(db);
   sqlite3_busy_timeout(db, timeout_ms);
-  sqlite3_wal_autocheckpoint(db, 0);  // that is for the recording process
+  sqlite3_wal_autocheckpoint(db, 0);  // event for the recording process
   sqlite3_db_config(db, SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, 1, nullptr);
   execute(db, path, "BEGIN IMMEDIATE", "cannot write");
-  if (journal_version(db) == 1) return false;  // asked in the transaction: it cannot change now
+  if (journal_version(db) == 1) return false;  // tested inside the transaction, so it cannot change
   const bool open = Statement(db, path, "SELECT 1 FROM run WHERE status = 'open'").step();
   // Labels are read when the run closes.
   if (event.level == "label" && !open) refuse_closed(path);
   if (open && !WriterLock::someone_writes(path))
-    cannot_annotate(path, ExitCode::failed, "its recording was killed, and it cannot be closed");
+    cannot_annotate(path, ExitCode::failed, "its recording was killed, so it cannot be closed");
   insert(db, path, event);
   execute(db, path, "COMMIT", "cannot write");
   rebind_wal(db, path);
   return true;
 }
 
-// Copies the file into `copy`, with mode and owner.
+// Copies the file to `copy`, with mode and owner.
 void copy_into(NewFile& copy, const std::string& path) {
   const RegularFile file(path, ExitCode::failed);
   struct stat like {};
   if (::stat(path.c_str(), &like) != 0 || ::access(path.c_str(), W_OK) != 0)
     cannot_annotate(path, ExitCode::disk, std::strerror(errno));
   const auto folder = std::filesystem::path(path).parent_path();
-  constexpr std::uintmax_t note = 1 << 20;  // more than a note adds
+  constexpr std::uintmax_t note = 1 << 20;  // exceeds the size of a note
   if (const auto room = std::filesystem::space(folder).available; room < file.size() + note)
     cannot_annotate(path, ExitCode::disk,
-                    std::to_string(room >> 20) + " MiB of its disk are free, a copy takes " +
+                    std::to_string(room >> 20) + " MiB free on its disk; a copy needs " +
                         std::to_string((file.size() + note) >> 20));
   copy.create();
   const bool same_owner = ::chown(copy.path().c_str(), like.st_uid, like.st_gid) == 0;
   if (!same_owner || ::chmod(copy.path().c_str(), like.st_mode & 07777) != 0)
-    cannot_annotate(path, ExitCode::disk, "a copy cannot get its owner and mode");
+    cannot_annotate(path, ExitCode::disk, "cannot set owner and mode of the copy");
   std::string block(1 << 20, '\0');
   while (const std::size_t bytes =
              file.read({reinterpret_cast<std::uint8_t*>(block.data()), block.size()}))
     copy.append({block.data(), bytes});
 }
 
-// False if another process holds the run's lock, or the run is open.
+// Returns false if another process holds the run's lock, or the run is open.
 bool put_into_closed(const std::string& path, const Event& event) {
   const bool had_lock = ::access((path + "-lock").c_str(), F_OK) == 0;
   const WriterLock lock(path);
@@ -86,7 +86,7 @@ bool put_into_closed(const std::string& path, const Event& event) {
     {
       const DatabaseHandle file = open_database(copy.path(), "cannot open for writing");
       harden(file.get());
-      // Without a -journal: a copy that a kill leaves is removed by the next writer.
+      // Without a -journal, because the next writer removes the copy that a killed process leaves.
       execute(file.get(), copy.path(), "PRAGMA journal_mode=MEMORY", "cannot write");
       insert(file.get(), copy.path(), event);
     }
@@ -109,7 +109,7 @@ void put(const std::string& name, const std::string& level, const std::string& t
     if (level == "label") refuse_closed(name);
     if (put_into_closed(path, event)) return;
     if (std::chrono::steady_clock::now() >= end)
-      cannot_annotate(name, ExitCode::failed, "another process writes it");
+      cannot_annotate(name, ExitCode::failed, "another process is writing it");
     std::this_thread::sleep_for(retry_pause);
   }
 }
@@ -119,7 +119,7 @@ void put(const std::string& name, const std::string& level, const std::string& t
 void put_note(const std::string& path, const std::string& text, const std::string& who) {
   if (RunReader(path).info().status == crashed_without_wal)  // throws unless PATH is a run file
     cannot_annotate(path, ExitCode::failed,
-                    "it is a copy without its -wal, whose records would be lost then");
+                    "it is a copy without its -wal; closing it would lose the records in the -wal");
   put(path, "note", text, who);
 }
 

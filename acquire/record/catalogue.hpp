@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Facts of each run of a folder, for `list` and for the viewer.
+// Summary of each run of a folder, for `list` and the viewer.
 #pragma once
 #include <nlohmann/json_fwd.hpp>
 #include <string>
@@ -17,17 +17,17 @@ struct RunEntry {
   std::vector<std::string> leftovers;  // RunReader::leftovers()
 
   std::string name() const;  // file name without extension
-  double length_s() const;   // from the first slot's start to the last one's end
+  double length_s() const;   // from the start of the first slot to the end of the last one
 };
 
 RunEntry entry_of(const RunReader& run);
 
-// An object with name, path, started_utc, length_s, records, status, valid, doubtful, verdict,
-// labels, operator, notes, window_s, leftovers.
+// Returns an object with name, path, started_utc, length_s, records, status, valid, doubtful,
+// verdict, labels, operator, notes, window_s, leftovers.
 nlohmann::ordered_json to_json(const RunEntry& entry);
 
-// Paths of the run files (*.sqlite) of a folder, sorted. Throws Error(failed) if the folder cannot
-// be read.
+// Returns the paths of the run files (*.sqlite) of a folder, sorted. Throws Error(failed) if the
+// folder cannot be read.
 std::vector<std::string> run_files(const std::string& folder);
 
 }  // namespace echofuse::record

@@ -5,16 +5,17 @@
 
 namespace echofuse::record {
 
-// Level 1 to 12: smaller and slower. Empty if it fails.
+// Compresses at level 1 to 12 (smaller and slower). Returns an empty result on failure.
 Bytes deflated(ByteView data, int level);
-// Level of a depth image in a run: a tenth smaller than with 1. Filters cost time and save nothing.
+// Level of depth images in a run: a tenth smaller than with level 1. PNG-like filters would cost
+// time without gain.
 inline constexpr int depth_level = 6;
 // Returns false unless the data fill `out` exactly.
 bool inflate(ByteView data, std::span<std::uint8_t> out);
-// Returns this number of values; empty if the data hold another number.
+// Returns this number of values; empty if the data have another number.
 template <class T = std::uint8_t>
 std::vector<T> inflated(ByteView data, std::size_t count) {
-  // Deflate makes at most 1032 bytes of one (zlib, "maximum compression factor").
+  // Deflate produces at most 1032 bytes from one (zlib, "maximum compression factor").
   if (count > 1032 * std::uint64_t{data.size()} / sizeof(T)) return {};
   std::vector<T> out(count);
   if (!inflate(data, {reinterpret_cast<std::uint8_t*>(out.data()), count * sizeof(T)})) out.clear();

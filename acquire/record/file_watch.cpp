@@ -27,12 +27,12 @@ std::string FileWatch::lost() const {
     const int fault = fault_of(file);
     if (fault == ENOENT || fault == ENOTDIR) return what + "was removed or renamed during the run";
     if (fault == ESTALE) return what + "was replaced by another file during the run";
-    if (fault != 0) return what + "is out of reach: " + std::strerror(fault);
+    if (fault != 0) return what + "cannot be accessed: " + std::strerror(fault);
   }
   return {};
 }
 
-// 0 if the name means the same file, ESTALE if another one, or why there is none.
+// Returns 0 if the path still is our inode, ESTALE if another, otherwise errno of stat().
 int FileWatch::fault_of(const File& file) const {
   struct stat now {};
   if (::stat((path_ + file.suffix).c_str(), &now) != 0) return errno;

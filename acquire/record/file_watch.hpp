@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Detects that SQLite's open files were removed, replaced or shortened, and writes of others.
-// SQLite goes on writing into such files without an error, and the data are gone at the end.
+// Detects that SQLite's open files were removed, replaced or truncated, and writes by others.
+// SQLite continues to write to such files without an error, and the data are lost at the end.
 #pragma once
 #include <sys/types.h>
 
@@ -10,28 +10,29 @@ namespace echofuse::record {
 
 class FileWatch {
  public:
-  // Needs the database open, with a WAL.
+  // Requires the open database, with a WAL.
   explicit FileWatch(std::string path);
 
-  // Fault of the database, its WAL or the WAL's index; empty if they are still the same files.
+  // Returns the fault of the database, its WAL or the WAL's index; empty if they are still the same
+  // files.
   std::string lost() const;
-  // The database was written to since note(), which we say after each of our checkpoints. After one
-  // that took over the whole WAL nothing is lost with it.
+  // Returns true if the database was written since note(), which is called after each of our
+  // checkpoints. After a checkpoint of the whole WAL no data are lost with it.
   bool touched() const;
   void note();
-  // Notes a commit of ours: from now on WAL and index must not get shorter.
+  // Notes our commit: WAL and index must not become shorter afterwards.
   void note_commit();
-  // The WAL is shorter than at note_commit(). Another program's checkpoint shortens it, too, but
-  // touches the database before.
+  // Returns true if the WAL is shorter than at note_commit(). Another program's checkpoint also
+  // truncates it, but writes to the database first.
   bool wal_shortened() const;
-  // Gives the index its length again, before SQLite reads it in memory and is killed by SIGBUS.
-  // SQLite finds zeros there and makes the index anew, from the WAL.
+  // Restores the length of the index before SQLite accesses its mapped memory, which would raise
+  // SIGBUS. SQLite then reads zeros and rebuilds the index from the WAL.
   void restore_index() const;
 
-  // The database's name means the file that it meant.
+  // Returns true if the database's path still is the same file.
   bool same_database() const { return fault_of(files_[0]) == 0; }
-  // Removes WAL and index if they are still ours: beside another database they would be taken for
-  // its own.
+  // Removes WAL and index if they are still ours. Next to another database they would be applied to
+  // it.
   void remove_wal() const;
 
  private:
@@ -39,7 +40,7 @@ class FileWatch {
     const char* suffix;
     dev_t device = 0;
     ino_t inode = 0;
-    off_t size = 0;  // size of WAL and index at note_commit()
+    off_t size = 0;  // sizes of WAL and index at note_commit()
   };
   int fault_of(const File& file) const;
   off_t size_of(const File& file) const;

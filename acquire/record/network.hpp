@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// File systems on a network: SQLite's WAL needs memory that all who have the file open share, and
-// locks of another machine may not be seen here.
+// Network file systems. SQLite's WAL needs shared memory between all processes that open the file,
+// and locks of another machine may not be visible.
 #pragma once
 #include <cstdint>
 #include <istream>
@@ -8,16 +8,16 @@
 
 namespace echofuse::record {
 
-// "NFS" and the like, by the type that statfs(2) gives; empty for any other.
+// Returns "NFS" etc. for a type from statfs(2); empty for other types.
 std::string network_of_type(std::uint64_t type);
-// Name of the network file system that is mounted as a device ("0:52") by the lines of
-// /proc/self/mountinfo: FUSE and virtiofs have one type in statfs(2), local or not.
+// Returns the network file system mounted as this device ("0:52"), according to
+// /proc/self/mountinfo. FUSE and virtiofs have the same type in statfs(2) whether local or remote.
 std::string network_of_mount(std::istream& mountinfo, const std::string& device);
-// Name of the file's network file system, or its future folder's; empty if local or unknown.
+// Returns the network file system of the file, or of its future folder; empty if local or unknown.
 std::string network_of(const std::string& path);
 
-// Throws Error(failed) if a run on such a network is being written, or was not closed. One
-// machine's writes are not seen whole on another.
+// Throws Error(failed) if a run on such a file system is being written, or was not closed: another
+// machine's writes are not visible completely.
 void require_closed(const std::string& path, const std::string& network);
 
 }  // namespace echofuse::record

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// One row of a run: what the three sensors saw in one slot.
+// One row of a run: the data of the three sensors in one slot.
 #pragma once
 #include <cstdint>
 #include <map>
@@ -14,44 +14,45 @@
 
 namespace echofuse::record {
 
-// Coverage of the slot by one sensor. Times are those at which samples were taken: the device's, by
-// the fit of its clock to the host's. Without a fit they are times of receipt.
+// Coverage of the slot by one sensor. Times are times of measurement: device times converted by the
+// clock fit; without a fit, times of receipt.
 struct SensorSync {
-  double offset_s = 0;              // mean time of what was used, minus the slot's centre
-  double span_s = 0;                // last minus first time of what was used
+  double offset_s = 0;              // mean time of the samples used, minus the slot's centre
+  double span_s = 0;                // last minus first time of the samples used
   std::uint64_t used = 0;           // SPD: clicks in the histogram; radar, depth: frames
-  std::uint64_t lost = 0;           // tags, radar frames, depth frames known to be missing
+  std::uint64_t lost = 0;           // tags, radar frames, depth frames known to be lost
   std::string verdict = "missing";  // "ok", or why the sensor is not valid
 };
 
-// Fit of a device's clock to the host's, by the receipts of its samples.
+// Fit of a device's clock to the host's clock, from the receive times of its samples.
 struct ClockState {
   double offset_s = 0;        // host time minus device time, at the slot's centre
-  double drift_ppm = 0;       // above 0: the device's clock is fast
+  double drift_ppm = 0;       // positive: the device's clock is fast
   double residual_s = 0;      // mean distance of the least delayed samples from the fit
-  std::uint64_t samples = 0;  // that the fit stands for
+  std::uint64_t samples = 0;  // number of samples in the fit
 };
 
-// Strength of each sensor's signal; none where unknown. Ranges are raw.
+// Signal strength of each sensor; no value: unknown. Ranges are uncorrected.
 struct Signal {
-  std::optional<double> clicks_a_pulse;          // per laser pulse, also if only some starts arrive
+  std::optional<double> clicks_a_pulse;          // per laser pulse, even if only some starts are
+                                                 // sent
   std::optional<double> spd_clicks, spd_peak_m;  // clicks above the background; highest bin
-  std::optional<double> radar_snr_db, radar_peak_m;  // highest bin over the median bin; where
+  std::optional<double> radar_snr_db, radar_peak_m;  // highest bin over the median bin; its range
   std::optional<double> depth_share;                 // pixels with a return / all pixels
 
   bool operator==(const Signal&) const = default;
 };
-// Limit of pile-up: above it the first photon of a pulse hides later ones.
+// Limit of pile-up: above it the first photon of a pulse hides too many later ones.
 inline constexpr double most_clicks_a_pulse = 0.05;
 
-// Kept of every record, for audits.
+// Stored with every record, for audits.
 struct SlotStatistics {
-  std::uint64_t radar_frames = 0, depth_frames = 0;     // all that arrived in it
-  std::optional<std::uint32_t> radar_last, depth_last;  // the number of the last of them
-  double closed_late_s = 0;                             // after its end and grace
+  std::uint64_t radar_frames = 0, depth_frames = 0;     // all frames of the slot
+  std::optional<std::uint32_t> radar_last, depth_last;  // number of the last frame
+  double closed_late_s = 0;                             // delay after the slot's end and grace
 };
 
-// Places of RadarTemperature on the chip.
+// positions of RadarTemperature on the chip
 inline constexpr const char* temperature_places[] = {"rx0", "rx1", "rx2", "rx3",  "tx0",
                                                      "tx1", "tx2", "pm",  "dig0", "dig1"};
 
@@ -71,38 +72,39 @@ struct FusedRecord {
   TagCounts spd_counts;                 // all tags of the slot
   PerSensor<SensorSync> sync;
   Signal signal;
-  SensorSet missing;  // sensors that the run requires and this record has not
-  PerSensor<std::optional<ClockState>> clocks;  // none where samples were placed by their receipt
+  SensorSet missing;  // sensors required by the run and missing in this record
+  PerSensor<std::optional<ClockState>> clocks;  // no value: samples were assigned by time of
+                                                // receipt
   SlotStatistics statistics;
-  // Values of the slot's last radar frame that had them. A temperature that the chip calls invalid
-  // is left out.
+  // Values of the slot's last radar frame that has them, without temperatures that the chip marks
+  // as invalid.
   std::optional<RadarStats> radar_stats;
   std::optional<RadarTemperature> radar_temperature;
 
   bool has(Sensor s) const { return valid.contains(s); }
 };
 
-// Tags, radar frames and depth frames that came after the slots with these numbers were closed.
+// Tags, radar frames and depth frames that arrived after their slot was closed, by slot number.
 using LateCounts = std::map<std::int64_t, PerSensor<std::uint64_t>>;
 
 struct CalibrationEntry {
   Sensor sensor{};
   std::string date_utc, method;
   double distance_m = 0, offset_m = 0, standard_error_m = 0;
-  std::string model = {}, serial = {};  // identity of the device; not kept in a run
+  std::string model = {}, serial = {};  // identity of the device; not stored in a run
 
   bool operator==(const CalibrationEntry&) const = default;
 };
 
 // The row of the table run.
 struct RunInfo {
-  std::string uuid;                    // made by the writer
+  std::string uuid;                    // set by the writer
   std::string started_utc, ended_utc;  // ISO 8601
   std::string status = "open";  // open, complete, stopped:WHY (disk, failed, interrupted), crashed
   std::string config_text, config_resolved, radar_cfg;
   std::string version, host, operator_name, notes;
   double window_s = 0;
-  std::vector<std::pair<std::string, std::string>> meta;  // --meta, in the order given
+  std::vector<std::pair<std::string, std::string>> meta;  // --meta, in the given order
 };
 
 }  // namespace echofuse::record

@@ -35,7 +35,8 @@ void recover(const std::string& name) {
   try {
     if (RunReader(path).info().status == crashed_without_wal) return;
     fold_back(path);
-  } catch (const Error&) {  // another program reads it, or it is no run: reading it will tell
+  } catch (const Error&) {  // in use by another program, or not a run; reading it will report the
+                            // cause
   }
 }
 

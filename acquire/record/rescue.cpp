@@ -18,7 +18,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// The name of a new empty file, made by this call. Throws Error.
+// Creates an empty file with a new name and returns the name. Throws Error.
 std::string make_beside(const fs::path& path) {
   std::error_code none;
   const bool there = fs::is_directory(path.parent_path(), none);
@@ -62,7 +62,7 @@ void put_end(sqlite3* db, const std::string& path, const std::string& status, Ut
 
 std::string damage(sqlite3* db, const std::string& path) {
   try {
-    sqlite3_db_release_memory(db);  // the pages that it remembers are sound
+    sqlite3_db_release_memory(db);  // pages in SQLite's cache are intact
     Statement check(db, path, "PRAGMA quick_check(1)");
     const std::string verdict = check.step() ? check.text() : "no answer";
     return verdict == "ok" ? "" : verdict.substr(verdict.rfind('\n') + 1);
@@ -85,7 +85,7 @@ Rescue rescue(sqlite3* db, const std::string& path, const std::string& status, U
     const DatabaseHandle copy = open_copy(db, name);
     sqlite3* const raw = copy.get();
     if (const std::string fault = damage(raw, name); !fault.empty())
-      return {false, "what can still be read is in " + name + ", which is damaged: " + fault};
+      return {false, "the readable part is in " + name + ", which is damaged: " + fault};
     execute(raw, name, "PRAGMA journal_mode=DELETE", "cannot close");
     put_end(raw, name, status, ended);
     const std::int64_t found = count_records(raw, name);
@@ -93,7 +93,7 @@ Rescue rescue(sqlite3* db, const std::string& path, const std::string& status, U
     return {found == records, of + std::to_string(records) + " records are in " + name};
   } catch (const std::exception& e) {
     remove_copy(name);
-    return {false, std::string("nothing could be kept: ") + e.what()};
+    return {false, std::string("nothing could be rescued: ") + e.what()};
   }
 }
 

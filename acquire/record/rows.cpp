@@ -11,7 +11,7 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-// meta: an object of texts.
+// meta: JSON object of texts.
 std::string meta_text(const RunInfo& info) {
   Json meta = Json::object();
   for (const auto& [key, value] : info.meta) meta[key] = value;

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
-// The tables of a run file, format 3. One function describes a row: columns(Row&, T&); CREATE
-// TABLE, INSERT and SELECT are made from it. Times: *_ns are host monotonic nanoseconds, *_utc_ns
-// those of UTC, utc is ISO 8601. NULL: not known, or the sensor is missing.
+// Tables of a run file, format 3. One function describes a row: columns(Row&, T&). CREATE TABLE,
+// INSERT and SELECT are generated from it. Times: *_ns are host monotonic nanoseconds, *_utc_ns
+// those of UTC, utc is ISO 8601. NULL: unknown, or the sensor is missing.
 #pragma once
 #include <concepts>
 #include <limits>
@@ -16,8 +16,8 @@
 
 namespace echofuse::record {
 
-// Visits the columns of a row in order, to list them, to bind them to an INSERT or to take them
-// from a SELECT. Values change only when it reads.
+// Visits the columns of a row in order, to list them, to bind them to an INSERT, or to read them
+// from a SELECT. Changes values only when reading.
 class Row {
  public:
   enum class Does : std::uint8_t { list, write, read };
@@ -30,8 +30,8 @@ class Row {
   void operator()(std::string_view name, double& value) { visit(name, "REAL", value); }
   void operator()(std::string_view name, std::string& value) { visit(name, "TEXT", value); }
   void operator()(std::string_view name, ByteView& value) { visit(name, "BLOB", value); }
-  void operator()(std::string_view name, Sensor& value);     // its name
-  void operator()(std::string_view name, SensorSet& value);  // its bits
+  void operator()(std::string_view name, Sensor& value);     // name of the sensor
+  void operator()(std::string_view name, SensorSet& value);  // as bits
   void operator()(std::string_view name, std::chrono::nanoseconds& value);
   template <std::integral T>
   void operator()(std::string_view name, T& value) {
@@ -45,7 +45,7 @@ class Row {
   void operator()(std::string_view name, std::optional<T>& value) {
     group(value, [&](T& inner) { (*this)(name, inner); });
   }
-  // Columns that are all NULL without a value.
+  // Columns that are all NULL if there is no value.
   template <class T, class Columns>
   void group(std::optional<T>& value, const Columns& columns) {
     T inner = value.value_or(T{});
@@ -64,7 +64,7 @@ class Row {
   void fail(const std::string& fault) {
     if (fault_.empty()) fault_ = fault;
   }
-  // The first value of a row that was read which cannot be; empty if all can.
+  // First invalid value of a row read; empty if all are valid.
   const std::string& fault() const { return fault_; }
   const std::string& name() const { return table_; }
   std::string create() const { return "CREATE TABLE " + table_ + " (" + declared_ + ")"; }
@@ -88,23 +88,23 @@ class Row {
   Statement* statement_ = nullptr;
   Does does_ = Does::list;
   const char* key_ = "";
-  bool absent_ = false, seen_ = false;  // group: has no value; has a column that is not NULL
+  bool absent_ = false, seen_ = false;  // group: has no value; has a non-NULL column
   std::string fault_, table_, names_, declared_, values_;
 };
 
-// Rows that are not a type of the measurement by themselves.
+// Rows without a type of their own in the measurement.
 struct DeviceRow {
   Sensor sensor{};
   std::optional<std::string> policy;  // required or optional
-  std::optional<DeviceInfo> info;     // none: it has not answered yet
+  std::optional<DeviceInfo> info;     // no value: the device has not answered yet
 };
-struct LateRow {  // samples that came after this record's slot was closed: in no record
+struct LateRow {  // samples received after this record's slot was closed; they are in no record
   std::int64_t index = 0;
   PerSensor<std::uint64_t> samples{};
 };
-// A record's row: its data stand last, so that the other columns are read without them.
+// Row of a record. The data come last, so that other columns are read without them.
 struct Blobs {
-  ByteView spd, radar;    // u32 LE counts, zone after zone; f32 LE
+  ByteView spd, radar;    // u32 LE counts, zone by zone; f32 LE
   ByteView array, depth;  // pack_array(); deflated u16 LE, millimetres
 };
 struct StoredRecord {
@@ -122,11 +122,11 @@ void columns(Row& row, Anchor& anchor);
 void columns(Row& row, Counted& counted);
 void columns(Row& row, Event& event);
 void columns(Row& row, LateRow& late);
-void columns(Row& row, FusedRecord& record);  // all but its data
+void columns(Row& row, FusedRecord& record);  // all columns except the data
 void columns(Row& row, Blobs& blobs);
 void columns(Row& row, StoredRecord& stored);
 
-// The table of a type, with all its columns.
+// Returns the table of a type, with all its columns.
 template <class T>
 const Row& table_of() {
   static const Row table = [] {
@@ -138,25 +138,24 @@ const Row& table_of() {
   return table;
 }
 
-// Tables of every run. A run of a detector with zones has the table zone as well.
+// Tables of every run. Runs of a detector with zones also have the table zone.
 const std::vector<const Row*>& tables();
 
-// Runs an INSERT of a row whose columns these are in turn.
+// Binds the columns of a row to an INSERT, in order, and runs it.
 template <class... T>
 void insert(Statement& statement, const T&... parts) {
   Row row(statement, Row::Does::write);
-  (columns(row, const_cast<T&>(parts)), ...);  // which leaves them alone
+  (columns(row, const_cast<T&>(parts)), ...);  // leaves them unchanged
   statement.run();
 }
-// Adds one row; `conflict`: what SQLite does if its key is there already.
+// Inserts a row; `conflict`: SQLite's action if its key exists.
 template <class T>
 void insert(sqlite3* db, const std::string& path, const T& row, const std::string& conflict = {}) {
   Statement statement(db, path, (table_of<T>().insert() + conflict).c_str());
   insert(statement, row);
 }
 
-// Takes the row that a SELECT of table_of<T>() stands at; returns what is wrong with it, or
-// nothing.
+// Reads the row at which a SELECT of table_of<T>() is positioned; returns its fault, or nothing.
 template <class T>
 std::string take(Statement& statement, T& value) {
   Row row(statement, Row::Does::read);

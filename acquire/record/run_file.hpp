@@ -30,11 +30,11 @@ struct Budget;
 
 inline constexpr int application_id = 0x4543464d;  // "ECFM"
 inline constexpr int format_version = 3;
-// Largest index of a record, so that the one after it is a number too.
+// Largest index of a record, so that index + 1 cannot overflow.
 inline constexpr std::int64_t max_index = std::int64_t{1} << 53;
 
 struct Counted {
-  std::string source, name;  // sensor, what was counted
+  std::string source, name;  // sensor, name of the counter
   std::uint64_t value = 0;
 };
 
@@ -42,30 +42,29 @@ struct Counted {
 // Threading: any thread.
 struct Patience {
   std::atomic<std::int64_t> give_up_ns = std::numeric_limits<std::int64_t>::max();
-  std::atomic<std::int64_t> waited_ns = 0;  // the last time that one had to
-  bool tried() const;                       // one waits just now
+  std::atomic<std::int64_t> waited_ns = 0;  // last wait of a writer
+  bool tried() const;                       // true while a writer is waiting
 };
 
 // Threading: one thread at a time. Every member throws Error (disk for a full disk or a failed
-// write, failed for anything else); after a failed append the file is as it was before it. Every
-// member first looks whether the file is still there, the same and sound; close() reads all of it
-// for that. If it is not, they throw Error(disk), and close() keeps what was committed in a copy
-// that its Error names.
+// write, failed for anything else). A failed append leaves the file unchanged. Every member first
+// checks that the file still exists, unchanged and sound; close() reads all of it. Otherwise they
+// throw Error(disk), and close() rescues the committed records into a copy named in its Error.
 class RunWriter {
  public:
-  // Refuses a path that exists. A run that has no uuid gets one. `clock`, which outlives this,
-  // tells when the run began and ended. The file appears when it is whole, with what
-  // `begin` puts: kill -9 before leaves PATH-new, which the next writer removes.
+  // Refuses a path that exists. Sets a missing uuid. `clock` must outlive the writer; it gives the
+  // times of begin and end. The file is published when it contains the rows put by `begin`; kill -9
+  // before that leaves PATH-new, which the next writer removes.
   using Begin = std::function<void(RunWriter&)>;
   RunWriter(const std::string& path, const RunInfo& info, const Clock& clock = system_clock,
             const Begin& begin = {});
-  ~RunWriter();  // without close(): status stays "open", which readers show as crashed
+  ~RunWriter();  // without close(): status remains "open", shown by readers as crashed
   RunWriter(const RunWriter&) = delete;
   RunWriter& operator=(const RunWriter&) = delete;
 
   // Call once per axis name, before the first record that needs it.
   void put_axis(const Axis& axis);
-  void put_device(const DeviceInfo& device);    // a row more if one of this sensor answered before
+  void put_device(const DeviceInfo& device);    // adds a row if the sensor had answered before
   void put_antennas(const Antennas& antennas);  // replaces those of the array axis
   void put_zones(const Zones& zones);           // once, before the first record
   void put_calibration(const CalibrationEntry& entry);
@@ -73,28 +72,30 @@ class RunWriter {
   void put_anchor(HostTime mono, UtcTime utc);
   // Call at the end with all counters: one transaction.
   void put_counters(std::span<const Counted> counters);
-  // Adds what came late to what is known of these records. All in one transaction.
+  // Adds late samples to the counts of these records, in one transaction.
   void put_late(const LateCounts& late);
   void put_event(UtcTime utc, Severity severity, const std::string& source,
                  const std::string& text);
   void append(const FusedRecord& record);
-  // The last label that put_label() left in this file since the last call and before this time;
-  // none if there is none. After close(): the last one that came until then.
+  // Returns the last label written by put_label() since the last call and before this time, or
+  // nothing. After close(): the last one written until then.
   std::optional<std::string> new_label(UtcTime before);
-  void append(std::span<const FusedRecord> batch);  // one transaction: for the generator
-  // Folds the WAL back, so that one single file is left. Throws Error(failed) at the end if another
-  // program added tables, so that readers refuse the file. False if another program reads the run
-  // just now: close() waits half a second for it, and then the last records stay in the WAL until
-  // recover() or a writer folds them back. `unwritten`: records that could not be written; an event
-  // and the counter run/unwritten state them.
+  void append(std::span<const FusedRecord> batch);  // one transaction; for simulated data sets
+  // Folds the WAL back, which leaves a single file. Throws Error(failed) at the end if another
+  // program added tables, because readers would refuse the file. Returns false if another program
+  // is still reading the run after half a second; the last records then remain in the WAL until
+  // recover() or a writer folds them back. `unwritten`: number of records that could not be
+  // written, stated by an event and the counter run/unwritten.
   bool close(const std::string& status, std::int64_t unwritten = 0);
-  void close_as_one_file(const std::string& status);  // throws Error(failed) instead
-  bool lost() const { return !harm_.empty(); }        // as the last call found
-  // Reserves room on the disk again, so that the status can be written when it is full.
+  void close_as_one_file(const std::string& status);  // like close(), but throws Error(failed)
+                                                      // instead of returning false
+  bool lost() const { return !harm_.empty(); }        // result of the last call
+  // Reserves disk space again, so that the status can be written on a full disk.
   void reserve() const;
 
-  // Another program may hold the file by a write transaction. A call waits for its end, for 30 s,
-  // or, with this, which outlives the writer, until it says. Then it throws Error(disk).
+  // Sets the time limit for waiting while another program holds a write transaction: until
+  // `patience` ends it, by default 30 s. Then the call throws Error(disk). `patience` must outlive
+  // the writer.
   void wait_with(Patience& patience) { patience_ = &patience; }
   const std::string& path() const { return path_; }
   std::int64_t records() const { return records_; }
@@ -122,81 +123,85 @@ class RunWriter {
   std::unique_ptr<sqlite3, int (*)(sqlite3*)> handle_;
   sqlite3* db_ = nullptr;
   std::unique_ptr<FileWatch> watch_;
-  bool touched_ = false;  // by somebody else, before a checkpoint of ours
-  std::string harm_;      // harm done to the file
+  bool touched_ = false;  // written by another program before our checkpoint
+  std::string harm_;      // fault of the file
   Patience* patience_ = nullptr;
   std::int64_t waits_since_ns_ = 0;
-  std::optional<std::string> left_label_;  // at the end
+  std::optional<std::string> left_label_;  // last label at the end
   std::vector<Axis> axes_;
-  std::size_t histograms_ = 1;  // number in a record
+  std::size_t histograms_ = 1;  // number per record
   std::int64_t records_ = 0, last_event_ = 0;
 };
 
 struct Event {
   std::string utc, level, source, text;
-  std::optional<std::int64_t> id = {};  // made by SQLite, in the order of the events
+  std::optional<std::int64_t> id = {};  // set by SQLite, in the order of the events
 };
 
-struct Anchor {  // one moment on both clocks
+struct Anchor {  // same moment on both clocks
   HostTime mono{};
   UtcTime utc{};
 };
 
-// A run in numbers, without reading the sensors' data.
+// Statistics of a run that do not need the sensors' data.
 struct RunSummary {
-  std::int64_t records = 0, all_valid = 0;  // all_valid: of records with all three sensors
-  std::int64_t incomplete = 0;              // records that lack a required sensor
+  std::int64_t records = 0, all_valid = 0;  // all_valid: records with all three sensors
+  std::int64_t incomplete = 0;              // records without a required sensor
   std::int64_t doubtful = 0;                // records with a verdict other than ok
   PerSensor<std::int64_t> valid{};          // records with a valid SPD, radar, depth
   PerSensor<std::int64_t> lost{};           // tags, radar frames, depth frames
   std::int64_t tags = 0;
-  std::int64_t arrays = 0, array_frames = 0;  // records with the radar's array, their frames
-  std::int64_t last_index = -1;               // the largest of a record
-  UtcTime first_utc{}, last_utc{};            // start of the first slot, end of the last
+  std::int64_t arrays = 0, array_frames = 0;           // records with antenna data; their frames
+  std::int64_t last_index = -1;                        // largest index
+  UtcTime first_utc{}, last_utc{};                     // start of the first slot, end of the last
   std::map<std::string, std::int64_t> labels, events;  // records by label, events by level
   std::map<std::string, std::string> policies;         // by sensor
-  // Records by sensor and verdict, without the figures behind a verdict's colon.
+  // Records by sensor and verdict, without the figures after a verdict's colon.
   PerSensor<std::map<std::string, std::int64_t>> verdicts;
-  PerSensor<std::optional<ClockState>> clocks;  // last record's that has them
+  PerSensor<std::optional<ClockState>> clocks;  // from the last record that has them
 };
 
-// "28 of 75 doubtful: radar missing 11, weak 10; camera frozen 7"; empty if none is.
+// Returns e.g. "28 of 75 doubtful: radar missing 11, weak 10; camera frozen 7"; empty if all are
+// ok.
 std::string doubts_of(const RunSummary& sum);
-// A verdict without the figures behind its colon.
+// Returns a verdict without the figures after its colon.
 std::string verdict_kind(const std::string& verdict);
 // Counts one record's verdicts in `verdicts` and `doubtful`.
 void count_verdicts(RunSummary& sum, const PerSensor<std::string>& verdicts);
 
-// The status of a copy of a run that was not closed, without the RUN-wal that has its last records.
-// A run that was killed as it began looks the same.
+// Status of a copy of an unclosed run without its -wal, which contains the last records. A run that
+// was killed at its start looks the same.
 inline constexpr const char* crashed_without_wal = "crashed, no -wal";
-// The status of a copy that SQLite made of an open run (VACUUM INTO): a closed file with the
-// records of that moment.
+// Status of a copy made by SQLite of an open run (VACUUM INTO): a closed file with the records of
+// that moment.
 inline constexpr const char* copy_of_open = "copy of an open run";
 
-// Reads closed, live and crashed runs alike. Threading: one thread at a time.
+// Reads closed, live and crashed runs. Threading: one thread at a time.
 class RunReader {
  public:
-  // Throws Error(failed): not there, not a run file, of another format, damaged, or with anything
-  // but a run's tables. Size bounds the cost of reading a file. A closed run is immutable: files of
-  // SQLite next to it are not read. On a network file system only a closed run is read.
+  // Throws Error(failed) if the file is missing, not a run file, of another format, damaged, or
+  // contains anything else than a run's tables. The file's size bounds the cost of reading it. A
+  // closed run is immutable: side files of SQLite are not read. On a network file system only
+  // closed runs are read.
   explicit RunReader(const std::string& path);
-  RunReader(const std::string& path, const std::string& network);  // as network_of(path) says
+  RunReader(const std::string& path, const std::string& network);  // `network`: result of
+                                                                   // network_of(path)
   ~RunReader();
   RunReader(const RunReader&) = delete;
   RunReader& operator=(const RunReader&) = delete;
 
   const std::string& path() const { return path_; }
-  // Files of SQLite next to a closed run. They are not part of it.
+  // SQLite's side files next to a closed run, which are ignored.
   std::vector<std::string> leftovers() const;
-  // status "crashed", crashed_without_wal or copy_of_open, if it is "open" and no writer holds it
+  // Changes status "open" to "crashed", crashed_without_wal or copy_of_open if no writer holds the
+  // run.
   RunInfo info() const;
   std::vector<DeviceInfo> devices() const;
   std::map<std::string, std::string> policies() const;  // by sensor
   std::vector<Anchor> anchors() const;
   std::vector<CalibrationEntry> calibrations() const;
-  Antennas antennas() const;  // empty if the radar sent no samples of them
-  Zones zones() const;        // empty of a single pixel
+  Antennas antennas() const;  // empty if the radar sent no antenna samples
+  Zones zones() const;        // empty for a single pixel
   std::vector<Event> events() const;
   std::vector<Event> last_events(std::size_t most) const;  // oldest first
   std::vector<Counted> counters() const;
@@ -204,28 +209,28 @@ class RunReader {
   std::optional<Axis> axis(const std::string& name) const;
   std::int64_t count() const;
   RunSummary summary() const;
-  // The records from index `first` on, in order, without the sensors' data.
+  // Returns the records from index `first` on, in order, without the sensors' data.
   std::vector<FusedRecord> outlines(std::int64_t first) const;
-  PerSensor<std::int64_t> late() const;  // tags, radar frames, depth frames after their slot
-  // Gives records in index order from `first` on; the callback returns false to stop. A record
-  // whose blobs do not fit the axes or hold non-finite values throws Error naming the record. With
-  // `on_bad` it is handed there instead and skipped. Sensors not in `sensors` are not decoded, and
-  // not valid. in_parallel(n, work) calls work(0) ... work(n - 1), in any order. With it, depth
-  // pictures of some records at a time are decoded on its threads. Callbacks still come in order,
-  // on this one.
+  PerSensor<std::int64_t> late() const;  // tags, radar frames, depth frames received after their
+                                         // slot
+  // Calls visit for records in index order from `first` on until it returns false. For a record
+  // with blobs of a wrong size or non-finite values it throws Error with the record's number, or,
+  // with `on_bad`, calls that and skips the record. Sensors not in `sensors` are not decoded and
+  // not valid. in_parallel(n, work) must call work(0) ... work(n - 1) in any order; it decodes the
+  // depth images of several records at a time. Callbacks are still called in order on this thread.
   using InParallel = std::function<void(std::size_t, const std::function<void(std::size_t)>&)>;
   void for_each(const std::function<bool(const FusedRecord&)>& visit, std::int64_t first = 0,
                 const std::function<void(std::int64_t, const std::string&)>& on_bad = {},
                 SensorSet sensors = {Sensor::spd, Sensor::radar, Sensor::depth},
                 const InParallel& in_parallel = {}) const;
   FusedRecord read(std::int64_t index) const;
-  // SQLite's own integrity check; empty if sound.
+  // Returns the result of SQLite's integrity check; empty if sound.
   std::string check() const;
 
  private:
   void open(const std::string& network);
   void check_axis(const Axis& axis) const;
-  Statement ask(const std::string& sql) const;  // grants the whole budget
+  Statement ask(const std::string& sql) const;  // with the whole budget
   std::vector<FusedRecord> records(const std::string& which) const;
   template <class T>
   std::vector<T> rows(const std::string& tail = {}) const;  // rows of T's table
@@ -233,21 +238,21 @@ class RunReader {
   sqlite3* db_ = nullptr;
   bool closed_ = false;      // is_closed(): immutable
   bool lacks_wal_ = false;   // not being written, and its -wal is missing or empty
-  std::uint64_t bytes_ = 0;  // when it was opened
+  std::uint64_t bytes_ = 0;  // size when opened
   std::unique_ptr<Budget> budget_;
 };
 
-// An event of level "note" into a run; `who` is its source. A transaction of a run that is being
-// recorded. A closed run is replaced by a copy with the note, of the same mode and owner, under the
-// run's lock: no other file is made next to it. Throws Error(disk) without room for the copy, and
+// Adds an event of level "note" to a run; `who`: its source. For a run in progress it is a
+// transaction. A closed run is replaced by a copy with the note, of the same mode and owner, under
+// the run's lock and without side files. Throws Error(disk) if there is no space for the copy, and
 // Error(failed) for a run that lacks its -wal.
 void put_note(const std::string& path, const std::string& text, const std::string& who);
-// Writes an event of level "label". The recording process labels its records so, from the running
-// slot on. Throws Error(failed) if nobody is recording this run.
+// Adds an event of level "label": the recording process labels its records with it, from the
+// current slot on. Throws Error(failed) if the run is not being recorded.
 void put_label(const std::string& path, const std::string& label, const std::string& who);
 
-// Marks a run that a crash left "open" as "crashed", and folds back a WAL that was left beside it.
-// Leaves alone what is no run, damaged, open in another program, or not ours to write.
+// Marks a run left "open" by a crash as "crashed", and folds back its WAL. Does nothing for files
+// that are not a run, damaged, open in another program, or not writable.
 void recover(const std::string& path);
 
 }  // namespace echofuse::record

@@ -27,7 +27,7 @@ Budget Budget::of_file(std::uint64_t bytes) {
   const auto size = static_cast<std::int64_t>(bytes);
   Budget out;
   out.all = out.left = steps_at_least + size / instructions_a_step * instructions_a_byte;
-  out.bytes = 2 * size + 64 * mib;  // a live run grows
+  out.bytes = 2 * size + 64 * mib;  // room for growth of a live run
   // 128 MiB: an SPD histogram of 2^24 bins and a depth image of 2^23 pixels.
   out.longest_value = static_cast<int>(std::clamp(size, 16 * mib, 128 * mib));
   return out;
@@ -51,7 +51,7 @@ int look(sqlite3* db) {
   return sqlite3_exec(db, "SELECT 1 FROM sqlite_schema", nullptr, nullptr, nullptr);
 }
 
-// Returns whether the file begins as a safetensors file does: its header's length in 8 bytes, then
+// Returns true if the file begins like a safetensors file: the header's length in 8 bytes, then
 // "{".
 bool is_model(const std::string& path) {
   const auto start = RegularFile(path, ExitCode::failed).rest<std::string>(9);
@@ -62,13 +62,13 @@ void check_identity(sqlite3* db, const std::string& path) {
   const std::string shown = printable(path);
   const int code = look(db);
   if (code == SQLITE_BUSY || code == SQLITE_LOCKED)
-    throw Error(ExitCode::failed, shown + ": is busy: another program holds it; try again");
+    throw Error(ExitCode::failed, shown + ": is in use by another program; try again");
   if (code == SQLITE_IOERR || code == SQLITE_CANTOPEN || code == SQLITE_NOMEM)
     throw Error(ExitCode::failed, shown + ": cannot be read: " + sqlite3_errmsg(db));
   if (code == SQLITE_OK && pragma(db, path, "SELECT count(*) FROM sqlite_schema") == 0)
     throw Error(ExitCode::failed,
                 shown + ": is empty: its run was killed before it began, or its records were in " +
-                    shown + "-wal, which is not there; look for a copy named *.rescued.sqlite");
+                    shown + "-wal, which is missing; look for a copy named *.rescued.sqlite");
   if (code != SQLITE_OK || pragma(db, path, "PRAGMA application_id") != application_id)
     throw Error(ExitCode::failed, shown + (is_model(path) ? ": is a model; expected a run file"
                                                           : ": not an echofuse run file"));
@@ -81,7 +81,7 @@ void check_identity(sqlite3* db, const std::string& path) {
                                             : "use the echofuse that recorded it"));
 }
 
-// Tables of ANALYZE and PRAGMA optimize, which another program may run on any database.
+// Tables created by ANALYZE and PRAGMA optimize, which another program may run.
 bool is_statistics(const std::string& sql) {
   for (const char* columns : {"1(tbl,idx,stat)", "2(tbl,idx,sampleno,sample)",
                               "3(tbl,idx,neq,nlt,ndlt,sample)", "4(tbl,idx,neq,nlt,ndlt,sample)"})
@@ -89,16 +89,17 @@ bool is_statistics(const std::string& sql) {
   return false;
 }
 
-// The statement that removes an entry of the schema from the file.
+// SQL statement that removes this entry from the schema.
 std::string removal(const std::string& type, const std::string& name) {
   std::string quoted;
   for (const char c : name) quoted += c == '"' ? "\"\"" : std::string(1, c);
   std::string kind = type;
   for (char& c : kind) c = static_cast<char>(std::toupper(static_cast<unsigned char>(c)));
-  return "; remove it by: DROP " + printable(kind, 20) + " \"" + printable(quoted, 80) + "\"";
+  return "; remove it with: DROP " + printable(kind, 20) + " \"" + printable(quoted, 80) + "\"";
 }
 
-// Compares the tables' definitions word by word, so that nothing else in a file is ever asked.
+// Compares the tables' definitions word by word, so that queries never access anything else in a
+// file.
 void check_tables(sqlite3* db, const std::string& path) {
   static const auto known = [] {
     std::map<std::string, std::string> out;
@@ -119,7 +120,7 @@ void check_tables(sqlite3* db, const std::string& path) {
     if (type != "table" || !stored || !known.contains(name))
       refuse("holds the " + printable(type, 20) + " \"" + printable(name, 40) +
              "\"; expected the tables of a run only" + removal(type, name));
-    if (sql != known.at(name)) refuse("its table " + name + " is not made as that of a run");
+    if (sql != known.at(name)) refuse("its table " + name + " is not defined as in a run");
     found.insert(name);
   }
   for (const Row* table : tables())

@@ -20,12 +20,13 @@ constexpr const char* extension = ".sqlite";
 // Fields of strftime; %% is a percent sign.
 constexpr std::string_view fields = "YmdHMSyjFT%";
 
-// Empty, or what is wrong: a percent sign that begins no field is not one of the name's letters.
+// Returns the fault of the name, or nothing: a percent sign must begin a field.
 std::string bad_field(const std::string& pattern) {
   for (std::size_t at = 0; (at = pattern.find('%', at)) != pattern.npos; at += 2)
     if (at + 1 == pattern.size() || fields.find(pattern[at + 1]) == fields.npos)
       return printable(pattern.substr(at, 2)) +
-             " is no field of the time; expected %Y, %m, %d, %H, %M, %S, %y, %j, %F or %T, or %% "
+             " is not a field of the time; expected %Y, %m, %d, %H, %M, %S, %y, %j, %F or %T, or "
+             "%% "
              "for a percent sign";
   return {};
 }
@@ -39,7 +40,7 @@ std::string with_date(const std::string& pattern) {
   return name;
 }
 
-// FOLDER/STEM-NNN.sqlite, with a number above all that are there.
+// Returns FOLDER/STEM-NNN.sqlite with a number above all existing ones.
 std::string numbered(const fs::path& folder, const std::string& stem) {
   const std::string begin = stem + "-";
   int last = 0;
@@ -69,7 +70,7 @@ std::string new_run(const std::string& out) {
   if (const std::string fault = bad_field(out); !fault.empty())
     throw Error(ExitCode::usage, "--out " + printable(out) + ": " + fault);
   const std::string name = with_date(out);
-  if (name.empty()) throw Error(ExitCode::usage, "--out " + out + ": not a name");
+  if (name.empty()) throw Error(ExitCode::usage, "--out " + out + ": not a valid name");
   return fs::absolute(with_run_extension(name)).string();
 }
 

@@ -1,22 +1,23 @@
 // SPDX-License-Identifier: MIT
-// Names of runs in commands.
+// Names of runs on the command line.
 #pragma once
 #include <string>
 
 namespace echofuse::record {
 
-// NAME, or NAME.sqlite where it does not end so: "gain1.5" has no extension of a run.
+// Returns NAME, with .sqlite added if missing: "gain1.5" has no extension of a run.
 std::string with_run_extension(const std::string& name);
-// A run that is there, by its file or by the name that --out gave it.
+// Returns an existing run, by file name or by the name given to --out.
 std::string old_run(const std::string& name);
-// Name of a run file by --out, with its fields of the time filled in: now, UTC, so that a service
-// names each run anew. Fields: strftime's %Y %m %d %H %M %S %y %j %F %T, and %%. Throws
-// Error(usage), also for any other %.
+// Returns the name of a run file from --out, with its time fields replaced by the current UTC, so
+// that a service uses a new name for each run. Fields: strftime's %Y %m %d %H %M %S %y %j %F %T,
+// and %%. Throws Error(usage) for any other %, among others.
 std::string new_run(const std::string& out);
-// FOLDER/DATE-NNN.sqlite, DATE of now (UTC), NNN one above the highest there.
+// Returns FOLDER/DATE-NNN.sqlite with the current date (UTC) and NNN one above the highest existing
+// number.
 std::string next_run(const std::string& folder);
-// Name of the next run of `run --every`: new_run(out) if it has fields of the time and is free,
-// else NAME-NNN.sqlite, NNN one above the highest there.
+// Returns the name of the next run of `run --every`: new_run(out) if it has time fields and does
+// not exist, otherwise NAME-NNN.sqlite with NNN one above the highest existing number.
 std::string next_of(const std::string& out);
 
 }  // namespace echofuse::record

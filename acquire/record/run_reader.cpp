@@ -35,11 +35,11 @@ std::uint64_t bytes_of(const std::string& path) {
   return ::stat(path.c_str(), &file) == 0 ? static_cast<std::uint64_t>(file.st_size) : 0;
 }
 
-// A slot ends a year at least before the last time that UtcTime holds, in 2262: what is within a
+// A slot must end at least a year before the end of UtcTime's range (2262), so that times within a
 // year of it can be computed.
 constexpr UtcTime last_slot_end = UtcTime::max() - std::chrono::years(1);
 
-// Fault of the record's slot, empty if it is sound: then sums and differences of its times do not
+// Returns the fault of the record's slot; empty if sums and differences of its times cannot
 // overflow.
 std::string fault_of_slot(const FusedRecord& r) {
   constexpr std::chrono::nanoseconds zero{0};
@@ -64,7 +64,7 @@ struct Shapes {
     }
   }
   std::uint64_t pixels() const { return std::uint64_t{width} * height; }
-  // Number of records that is worth a thread's start, of at most 16 M pixels in all.
+  // Number of records worth a thread's start, at most 16 M pixels in total.
   std::size_t records_at_once() const {
     constexpr std::uint64_t most = 64, most_pixels = std::uint64_t{1} << 24;
     return static_cast<std::size_t>(
@@ -76,8 +76,8 @@ struct Shapes {
   std::size_t array = 0, antennas = 0;
 };
 
-// A record in two steps: all but the depth image, and that, which takes most of the time and may be
-// done on another thread.
+// Reads a record in two steps: everything except the depth image, then the image, which takes most
+// of the time and may be decoded on another thread.
 struct HalfRead {
   FusedRecord record;
   std::string fault;  // empty: none
@@ -92,7 +92,7 @@ struct HalfRead {
     if (fault.empty()) fault = decode(stored.blobs, shapes);
   }
   std::string decode(const Blobs& blobs, const Shapes& shapes);
-  void decode_depth(const Shapes& shapes) {  // needs a record without a fault
+  void decode_depth(const Shapes& shapes) {  // for a record without a fault
     if (!fault.empty() || !record.has(Sensor::depth)) return;
     if (shapes.pixels() <= max_depth_pixels)
       record.depth_mm = inflated<std::uint16_t>(depth, shapes.pixels());
@@ -105,7 +105,7 @@ struct HalfRead {
 std::string HalfRead::decode(const Blobs& blobs, const Shapes& shapes) {
   FusedRecord& r = record;
   const auto sizes = [](const char* what, std::size_t got, std::size_t wanted) {
-    return std::string(what) + " has " + std::to_string(got) + " bytes, its axis asks for " +
+    return std::string(what) + " has " + std::to_string(got) + " bytes, but its axis requires " +
            std::to_string(wanted);
   };
   if (r.has(Sensor::spd) && blobs.spd.size() != shapes.spd * 4)
@@ -119,7 +119,8 @@ std::string HalfRead::decode(const Blobs& blobs, const Shapes& shapes) {
     return "radar bin " + std::to_string(bad - r.radar.begin()) + " is not a finite number";
   if (r.has(Sensor::depth)) depth.assign(blobs.depth.begin(), blobs.depth.end());
   const std::optional<double>& clicks = r.signal.clicks_a_pulse;
-  if (clicks && !(*clicks >= 0 && *clicks < 1e9)) return "its clicks a pulse are not from 0 to 1e9";
+  if (clicks && !(*clicks >= 0 && *clicks < 1e9))
+    return "its clicks per pulse are not from 0 to 1e9";
   if (blobs.array.empty() || shapes.array == 0 || !r.has(Sensor::radar)) return {};
   return unpack_array(blobs.array, shapes.array, shapes.antennas, r.array);
 }
@@ -173,20 +174,20 @@ void RunReader::open(const std::string& network) {
     require_own_wal(file_);
     lacks_wal_ = lacks_wal(file_) && bytes_of(file_ + "-journal") == 0;
   }
-  // Read-only, but a WAL left by a live or crashed writer needs its shared-memory file beside it.
+  // Read-only, but a WAL left by a live or crashed writer needs its shared-memory file next to it.
   // Without a WAL or on a read-only medium there is no writer, and `immutable` reads without one.
   int code = try_to_open(file_, SQLITE_OPEN_READONLY);
-  // Killed as it began or closed, with one page half written: a writer has to undo that.
+  // Killed while starting or closing, with one page half written: only a writer can roll it back.
   if (code == SQLITE_READONLY) code = try_to_open(file_, SQLITE_OPEN_READWRITE);
-  closed_ = journal_version(db_) == 1;  // its writer may have closed it since
+  closed_ = journal_version(db_) == 1;  // the writer may have closed it in the meantime
   if (closed_) return unchanging();
   if (code == SQLITE_CANTOPEN || code == SQLITE_READONLY) {
-    // There it would hide the records in a WAL, and what undoes a half written page.
+    // `immutable` would hide the records in a WAL, and a journal to roll back.
     for (const char* beside : {"-wal", "-journal"})
       if (bytes_of(file_ + beside) > 0 && !lacks_wal_)
         throw Error(ExitCode::failed, shown_ + ": was not closed, and its last records are in " +
                                           printable(file_) + beside +
-                                          "; copy both to a folder that can be written");
+                                          "; copy both to a writable folder");
     unchanging();
   }
   sqlite3_busy_timeout(db_, 5000);
@@ -258,18 +259,20 @@ Antennas RunReader::antennas() const {
     const bool sound = std::abs(a.x) < 1e3 && std::abs(a.y) < 1e3 && a.gain >= 1e-3 &&
                        a.gain <= 1e3 && std::abs(a.phase_rad) < 1e3;
     if (!sound || i == most_antennas)
-      throw Error(ExitCode::failed, shown_ + ": damaged: antenna " + std::to_string(i) +
-                                        " is none; expected at most 12 with place, gain and phase");
+      throw Error(ExitCode::failed,
+                  shown_ + ": damaged: antenna " + std::to_string(i) +
+                      " is not valid; expected at most 12 with place, gain and phase");
   }
   const auto array = axis("array");
   if (array && !out.empty() && out.size() != antennas_of(*array))
     throw Error(ExitCode::failed, shown_ + ": damaged: " + std::to_string(out.size()) +
-                                      " antennas, its array axis is of " +
+                                      " antennas, but its array axis has " +
                                       std::to_string(antennas_of(*array)));
   return out;
 }
 
-// Looks for the table of exactly this definition: a live run may have got it since it was opened.
+// Looks for a table with exactly this definition, because a live run may create it after it was
+// opened.
 Zones RunReader::zones() const {
   const Row& table = table_of<Zone>();
   Statement stored = ask("SELECT sql FROM sqlite_schema WHERE name = '" + table.name() + "'");
@@ -301,7 +304,7 @@ std::vector<Axis> RunReader::axes() const {
   return out;
 }
 
-// Refuses axes that ask for more memory over all records than the file's size explains.
+// Refuses axes that would require more memory over all records than the file's size allows.
 void RunReader::check_axis(const Axis& axis) const {
   const std::int64_t points = axis.count;
   const auto refuse = [&](const std::string& what) {
@@ -315,21 +318,22 @@ void RunReader::check_axis(const Axis& axis) const {
       !is_length(axis.scale) || !(axis.scale > 0))
     refuse("its start, step and scale are " + short_text(axis.start) + ", " +
            short_text(axis.step) + " and " + short_text(axis.scale) +
-           "; expected numbers of a measurement");
+           "; expected finite numbers, |step| of at least 1e-15, scale above 0");
   const double most = std::max(1e9, 256 * static_cast<double>(bytes_));
-  // A map is as high as it is wide.
+  // A map has the same height and width.
   double values = std::pow(static_cast<double>(points), axis.name == "map_x" ? 2 : 1);
   if (axis.name == "spd") values *= static_cast<double>(histograms_of(zones()));
   const std::size_t antennas = axis.name == "array" ? antennas_of(axis) : 1;
-  if (antennas == 0) refuse("is of " + short_text(axis.scale) + " antennas; expected 1 to 12");
+  if (antennas == 0) refuse("has " + short_text(axis.scale) + " antennas; expected 1 to 12");
   if (axis.name == "array") values *= static_cast<double>(values_of_bin(antennas)) / 2;
   const auto too_many = [&](double records) { return 4 * values * records > most; };
-  // Counting takes a while: only where the indices, which are quick to look up, make it doubtful.
+  // Counting takes time, so it is done only if the indices, which are fast to look up, exceed the
+  // limit.
   Statement s = ask("SELECT (SELECT min(idx) FROM record), (SELECT max(idx) FROM record)");
   s.step();
   const auto first = static_cast<double>(s.integer()), last = static_cast<double>(s.integer());
   if (too_many(last - first + 1) && too_many(static_cast<double>(count())))
-    refuse(std::to_string(points) + " points in each of its records do not fit into " +
+    refuse(std::to_string(points) + " points in each of its records do not fit in " +
            std::to_string(bytes_) + " bytes of file");
 }
 
@@ -339,7 +343,7 @@ std::optional<Axis> RunReader::axis(const std::string& name) const {
   return std::nullopt;
 }
 
-// count(idx), not count(*): that walks through the pages without asking for the budget.
+// count(idx), not count(*), which reads pages without asking the budget.
 std::int64_t RunReader::count() const {
   Statement s = ask("SELECT count(idx) FROM record");
   return s.step() ? s.integer() : 0;
@@ -353,7 +357,7 @@ void RunReader::for_each(const std::function<bool(const FusedRecord&)>& visit, s
   std::optional<Shapes> known;
   std::optional<std::int64_t> before;
   std::vector<HalfRead> some;
-  // Returns whether more are wanted.
+  // Returns true if more records are wanted.
   const auto hand_over = [&] {
     const auto decode_one = [&](std::size_t i) { some[i].decode_depth(*known); };
     if (in_parallel && some.size() > 1)
@@ -370,7 +374,7 @@ void RunReader::for_each(const std::function<bool(const FusedRecord&)>& visit, s
     }
     return true;
   };
-  // Hands over the records before a fault of the file.
+  // Delivers the records before a fault of the file.
   const auto step = [&] {
     try {
       return row.step();
@@ -380,7 +384,7 @@ void RunReader::for_each(const std::function<bool(const FusedRecord&)>& visit, s
     }
   };
   while (step()) {
-    // Read while the records are, so that a live run's new axis is not missed by its first record.
+    // Read during the records, so that the first record finds a live run's new axis.
     if (!known) known.emplace(axes(), histograms_of(zones()));
     HalfRead one;
     one.read(row, *known, sensors);
@@ -429,14 +433,14 @@ RunSummary RunReader::summary() const {
     for (auto* n : {&sum.tags, &sum.incomplete, &sum.arrays, &sum.array_frames, &sum.last_index})
       *n = totals.integer();
   }
-  // Not the earliest and the latest: the clock may have been set back between them.
+  // First and last by index, not by time, because the clock may have been set back between them.
   const std::vector<FusedRecord> ends =
       records("idx IN ((SELECT min(idx) FROM record), (SELECT max(idx) FROM record))");
   if (!ends.empty()) {
     sum.first_utc = ends.front().slot_utc;
     sum.last_utc = ends.back().slot_utc + (ends.back().slot_end - ends.back().slot_start);
   }
-  // Not by GROUP BY, which sorts a copy of them all.
+  // Not by GROUP BY, which would sort a copy of all rows.
   const auto count_by = [&](const char* sql, std::map<std::string, std::int64_t>& into) {
     Statement rows = ask(sql);
     while (rows.step()) ++into[rows.text()];
@@ -463,7 +467,7 @@ std::vector<FusedRecord> RunReader::records(const std::string& which) const {
   Statement row = ask(table_of<FusedRecord>().select() + " WHERE " + which + " ORDER BY idx");
   while (row.step()) {
     FusedRecord& r = out.emplace_back();
-    static_cast<void>(take(row, r));  // a number that cannot be counts as none
+    static_cast<void>(take(row, r));  // an invalid number counts as none
     if (const std::string fault = fault_of_slot(r); !fault.empty())
       throw Error(ExitCode::failed, shown_ + ": record " + std::to_string(r.index) + ": " + fault);
   }

@@ -6,7 +6,7 @@
 namespace echofuse::record {
 namespace {
 
-// True for a kind of verdict that speaks against the record.
+// Returns true for a verdict that makes a record doubtful.
 bool is_doubt(const std::string& kind) {
   return kind != "ok" && kind != "not configured" && !kind.empty();
 }

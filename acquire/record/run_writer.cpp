@@ -38,11 +38,11 @@ void refuse_existing(const std::string& path) {
               path + ": exists already; runs are never overwritten, choose another name");
 }
 
-// Other processes may write marks.
+// Other processes may add labels and notes.
 constexpr std::int64_t longest_wait_ns = 30'000'000'000;
 constexpr auto retry_pause = std::chrono::milliseconds(10);
-// SQLite's memory for pages, which a run fills in its first minutes. Holds all pages of the WAL, so
-// that there is a second copy of data not in the database yet.
+// Cache of SQLite, which a run fills in its first minutes. It holds all pages of the WAL, so that
+// data not yet in the database exist twice.
 constexpr const char* page_cache = "PRAGMA cache_size=-2000";  // KiB
 constexpr int checkpoint_pages = 400;                          // pages of 4 KiB
 
@@ -51,7 +51,8 @@ std::string damage_during_the_run(sqlite3* db, const std::string& path) {
   return fault.empty() ? "" : "was damaged during the run: " + fault;
 }
 
-// Error that readers of the run throw, because another program changed its tables; empty: none.
+// Returns the error that readers of the run would throw because another program changed its tables;
+// empty if none.
 std::string refusal_of_readers(sqlite3* db, const std::string& path) {
   try {
     check_identity(db, path);
@@ -66,7 +67,7 @@ std::int64_t now_ns() {
   return std::chrono::nanoseconds(std::chrono::steady_clock::now().time_since_epoch()).count();
 }
 
-// Throws Error(failed) for a valid sensor whose data do not fit its axis.
+// Throws Error(failed) for a valid sensor with data that do not match its axis.
 void append_row(Statement& row, const std::string& path, const std::vector<Axis>& axes,
                 std::size_t histograms, const FusedRecord& r) {
   const std::string place = path + ": record " + std::to_string(r.index) + ": ";
@@ -77,7 +78,7 @@ void append_row(Statement& row, const std::string& path, const std::vector<Axis>
   const auto expect = [&](const char* what, std::size_t got, std::size_t wanted) {
     if (got != wanted)
       throw Error(ExitCode::failed, place + what + " has " + std::to_string(got) +
-                                        " values, its axis " + std::to_string(wanted));
+                                        " values, but its axis " + std::to_string(wanted));
   };
   Blobs blobs;
   Bytes array, depth;
@@ -100,7 +101,7 @@ void append_row(Statement& row, const std::string& path, const std::vector<Axis>
     expect("depth", r.depth_mm.size(), count_of("depth_x") * count_of("depth_y"));
     if (!r.depth_mm.empty() && r.depth_mm.size() <= max_depth_pixels)
       depth = deflated(as_bytes(r.depth_mm), depth_level);
-    if (depth.empty()) {  // a camera's data never end a run
+    if (depth.empty()) {  // data of a camera never end a run
       FusedRecord without = r;
       without.valid.erase(Sensor::depth);
       without.sync[Sensor::depth].verdict = "cannot be stored";
@@ -151,10 +152,10 @@ void RunWriter::make(const RunInfo& info, const Begin& begin) {
   insert(db_, path_, own);
   if (begin) begin(*this);
   execute(db_, path_, "COMMIT", "cannot create the run file");
-  use_wal();  // before anybody can read it
+  use_wal();  // before other processes can read it
 }
 
-// The WAL is bound to the run, and watched from then on.
+// From here on the WAL is bound to the run and watched.
 void RunWriter::begin_writing() {
   open(path_);
   reserve();
@@ -206,13 +207,13 @@ void RunWriter::use_wal() {
   const std::string answer = mode.step() ? mode.text() : "";
   if (answer != "wal")
     throw Error(ExitCode::disk, path_ +
-                                    ": this file system cannot hold a run while it is written "
+                                    ": this file system does not support a live run "
                                     "(no shared memory for SQLite's WAL, as on a network); "
                                     "record to a local disk");
   execute(db_, path_, "PRAGMA synchronous=FULL", "cannot set up");
 }
 
-// After the first write, which makes the WAL.
+// After the first write, which creates the WAL.
 void RunWriter::ready() {
   watch_ = std::make_unique<FileWatch>(path_);
   const auto hook = [](void* self, sqlite3*, const char*, int pages) {
@@ -220,7 +221,7 @@ void RunWriter::ready() {
     if (pages >= checkpoint_pages) static_cast<RunWriter*>(self)->checkpoint();
     return SQLITE_OK;
   };
-  sqlite3_wal_hook(db_, hook, this);  // instead of SQLite's own, so that we know which was ours
+  sqlite3_wal_hook(db_, hook, this);  // replaces SQLite's own checkpoints, so that ours are known
 }
 
 void RunWriter::checkpoint() {
@@ -231,7 +232,7 @@ void RunWriter::checkpoint() {
   if (taken_over != in_wal) watch_->note_commit();
 }
 
-// Leaves the run as a kill does: with its -wal, by which an unclosed run is known.
+// Ends like a killed process: keeps the -wal, which marks an unclosed run.
 RunWriter::~RunWriter() {
   if (db_) sqlite3_db_config(db_, SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, 1, nullptr);
 }
@@ -247,7 +248,7 @@ void RunWriter::in_transaction(const std::function<void()>& body) {
     const int code = sqlite3_errcode(db_);
     if (code == SQLITE_CORRUPT || code == SQLITE_NOTADB)
       harm_ = std::string("was damaged during the run: ") + sqlite3_errstr(code);
-    // A full disk may have rolled back already.
+    // A full disk may already have caused a rollback.
     if (!sqlite3_get_autocommit(db_)) sqlite3_exec(db_, "ROLLBACK", nullptr, nullptr, nullptr);
     throw;
   }
@@ -268,7 +269,7 @@ std::optional<std::string> RunWriter::new_label(UtcTime before) {
   require_sound();
   Statement s(db_, path_, "SELECT id, level, utc, text FROM event WHERE id > ? ORDER BY id");
   s.bind(last_event_);
-  const std::string end = iso8601(before);  // times of one form are in the order of their texts
+  const std::string end = iso8601(before);  // texts of one format sort like their times
   std::optional<std::string> label;
   while (s.step()) {
     const std::int64_t id = s.integer();
@@ -280,10 +281,10 @@ std::optional<std::string> RunWriter::new_label(UtcTime before) {
   return label;
 }
 
-// Throws if the file is no sound database any more. Writes of other programs, such as their own
-// checkpoints, are allowed.
+// Throws if the file is not a sound database any more. Allows writes of other programs, such as
+// their checkpoints.
 void RunWriter::require_sound() {
-  if (!watch_) return;  // the file is being made, nobody knows it
+  if (!watch_) return;  // during creation, unknown to other processes
   watch_->restore_index();
   if (harm_.empty()) harm_ = watch_->lost();
   const bool touched = std::exchange(touched_, false) || watch_->touched();
@@ -296,7 +297,7 @@ void RunWriter::require_sound() {
   throw_harm();
 }
 
-// Before the WAL is emptied, as that makes a damage final.
+// Before the WAL is emptied, because that would make damage permanent.
 void RunWriter::require_whole() {
   harm_ = damage_during_the_run(db_, path_);
   if (harm_.empty())
@@ -316,8 +317,8 @@ bool RunWriter::close(const std::string& status, std::int64_t unwritten) {
   } catch (const Error&) {
     leave(status);
   }
-  // Two chances on a full disk: the WAL is emptied, or, where the file cannot grow for that, the
-  // reserve is given back.
+  // Two ways on a full disk: empty the WAL, or, if the file cannot grow for that, free the reserve
+  // first.
   sqlite3_busy_timeout(db_, 0);
   unbind_wal(db_, path_);
   sqlite3_wal_checkpoint_v2(db_, nullptr, SQLITE_CHECKPOINT_TRUNCATE, nullptr, nullptr);
@@ -348,7 +349,7 @@ void RunWriter::put_unwritten(std::int64_t records) {
     put_counters({&counted, 1});
     put_event(clock_.utc(), Severity::error, "run",
               "its last " + std::to_string(records) + " records are not written");
-  } catch (const Error&) {  // no room for that either
+  } catch (const Error&) {  // no space for the event either
   }
 }
 
@@ -358,7 +359,7 @@ void RunWriter::close_as_one_file(const std::string& status) {
                                       "are not in this file but in " + path_ + "-wal");
 }
 
-// A reader that only follows the run sees its end and goes.
+// Gives a reader that follows the run time to see its end and close.
 bool RunWriter::fold() {
   sqlite3_busy_timeout(db_, 0);
   constexpr auto pause = std::chrono::milliseconds(20);
@@ -370,7 +371,7 @@ bool RunWriter::fold() {
   return false;
 }
 
-// Leaves the file of this name alone: it may belong to another program by now.
+// Does not touch the file at this path, which may belong to another program now.
 void RunWriter::leave(const std::string& status) {
   lock_->empty();
   const Rescue kept = rescue(db_, path_, status, clock_.utc(), records_);
@@ -382,7 +383,7 @@ void RunWriter::leave(const std::string& status) {
   throw Error(ExitCode::disk, path_ + ": " + harm_ + "; " + kept.text);
 }
 
-// Room for the row of the run, configuration included, and the index file of a reader.
+// Space for the row of the run, including the configuration, and for a reader's index file.
 void RunWriter::reserve() const { lock_->reserve(128 << 10); }
 
 void RunWriter::put_axis(const Axis& axis) {
@@ -390,7 +391,7 @@ void RunWriter::put_axis(const Axis& axis) {
   axes_.push_back(axis);
 }
 
-// Replaces the row without an answer that put_policy() made.
+// Replaces the row without an answer written by put_policy().
 void RunWriter::put_device(const DeviceInfo& device) {
   in_transaction([&] {
     const std::string name = name_of(device.sensor);

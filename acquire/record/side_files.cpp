@@ -19,7 +19,7 @@ namespace {
 using Header = std::array<std::uint8_t, 32>;
 constexpr std::size_t most_of_journal = 1 << 18;  // more than a sector and a page
 
-// The first bytes of a file; zeros follow its end.
+// Reads the first bytes of a file, padded with zeros.
 Header header_of(const RegularFile& file) {
   Header out{};
   static_cast<void>(file.read(out));
@@ -43,7 +43,7 @@ std::string text_of(std::optional<std::uint32_t> key) {
   return text;
 }
 
-// Without a stored key any -wal is taken for the run's own.
+// Without a stored key any -wal is accepted.
 bool is_own(std::uint32_t found, const std::string& stored) {
   constexpr std::int64_t most_restarts = 1 << 16;
   std::uint32_t expected = 0;
@@ -60,7 +60,7 @@ std::string key_in(sqlite3* db, const std::string& path) {
   return key.step() ? key.text() : "";
 }
 
-// Readers without SQLite's WAL see the key then.
+// Readers without WAL access can then see the key.
 void checkpoint(sqlite3* db, const std::string& path) {
   if (sqlite3_wal_checkpoint_v2(db, nullptr, SQLITE_CHECKPOINT_PASSIVE, nullptr, nullptr) !=
       SQLITE_OK)
@@ -68,11 +68,12 @@ void checkpoint(sqlite3* db, const std::string& path) {
 }
 
 struct Stored {
-  std::string key;       // empty: none
-  bool records = false;  // has any
+  std::string key;       // empty: missing
+  bool records = false;  // true if it has content
 };
 
-// Contents of the database file alone; no side file is read. None: not a run, or damaged.
+// Reads the database file alone, without side files. Returns nothing if it is not a run, or
+// damaged.
 std::optional<Stored> stored_in(const std::string& path) {
   std::error_code none;
   Budget budget = Budget::of_file(std::filesystem::file_size(path, none));
@@ -86,7 +87,7 @@ std::optional<Stored> stored_in(const std::string& path) {
   try {
     Statement records(db, path, "SELECT EXISTS(SELECT 1 FROM record)");
     return Stored{.key = key_in(db, path), .records = records.step() && records.integer() != 0};
-  } catch (const Error&) {  // its reader reports why
+  } catch (const Error&) {  // a reader reports why
     return std::nullopt;
   }
 }
@@ -113,8 +114,8 @@ bool lacks_wal(const std::string& path) {
   return !unbound;
 }
 
-// The first write makes the header; SQLite writes nothing for a value that is there. TRUNCATE
-// begins the count of this connection: at 0 SQLite may take new salts.
+// The first write creates the header; SQLite writes nothing for an unchanged value. TRUNCATE
+// restarts the count of this connection: at 0 SQLite may choose new salts.
 void bind_wal(sqlite3* db, const std::string& path) {
   put_key(db, path, "none");
   const std::string key = text_of(wal_key(path));
@@ -153,9 +154,9 @@ void require_own_journal(const std::string& path) {
   if (bytes.size() < sizeof(Header) ||
       std::string_view(reinterpret_cast<const char*>(bytes.data()), magic.size()) != magic)
     return;
-  // A header of one sector, then the number of a page, the page and a checksum.
+  // Layout: a header of one sector, then page number, page and checksum.
   const std::size_t sector = big_endian(bytes.data() + 20), page = big_endian(bytes.data() + 24);
-  if (!lacks_wal(path)) refuse(path, name, "a run with a -wal has none");
+  if (!lacks_wal(path)) refuse(path, name, "a run with a -wal must not have one");
   if (bytes.size() > sector + page + 8) refuse(path, name, "it has more than one page");
   if (bytes.size() >= sector + 4 && big_endian(bytes.data() + sector) != 1)
     refuse(path, name, "it has page " + std::to_string(big_endian(bytes.data() + sector)));

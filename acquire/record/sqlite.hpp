@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// The few calls of SQLite that we need, with errors as exceptions.
+// The SQLite calls in use, with exceptions for errors.
 #pragma once
 #include <sqlite3.h>
 #include <unistd.h>
@@ -18,25 +18,25 @@
 
 namespace echofuse::record {
 
-// Error of a database from which SQLite gives rows without an end.
+// Error for a database that returns rows without end.
 inline Error damaged(const std::string& path) {
-  return {ExitCode::failed, printable(path) + ": damaged: it holds more than its size explains"};
+  return {ExitCode::failed, printable(path) + ": damaged: it contains more than its size allows"};
 }
 
-// Throws with the file's name; a full disk or failed write carries ExitCode::disk.
+// Throws with the file's name; ExitCode::disk for a full disk or a failed write.
 [[noreturn]] inline void sqlite_fail(sqlite3* db, const std::string& path, const char* doing) {
   const int code = sqlite3_errcode(db);
   if (code == SQLITE_INTERRUPT) throw damaged(path);
   const bool held = code == SQLITE_BUSY;
   const bool disk = held || code == SQLITE_FULL || code == SQLITE_IOERR ||
                     code == SQLITE_READONLY || code == SQLITE_CANTOPEN;
-  throw Error(disk ? ExitCode::disk : ExitCode::failed,
-              printable(path) + ": " + doing + ": " +
-                  (held ? "another program holds it by a write transaction"
-                        : printable(sqlite3_errmsg(db))));
+  throw Error(
+      disk ? ExitCode::disk : ExitCode::failed,
+      printable(path) + ": " + doing + ": " +
+          (held ? "another program holds a write transaction" : printable(sqlite3_errmsg(db))));
 }
 
-// Files of SQLite next to a database of this name.
+// Returns SQLite's side files of this database name.
 inline std::vector<std::string> side_files(const std::string& path) {
   std::vector<std::string> out;
   for (const char* suffix : {"-wal", "-shm", "-journal"})
@@ -44,7 +44,7 @@ inline std::vector<std::string> side_files(const std::string& path) {
   return out;
 }
 
-// Checks every file that SQLite opens for a database of this name that is not closed.
+// Checks every file that SQLite would open for an unclosed database of this name.
 inline void require_regular_files(const std::string& path) {
   if (::access(path.c_str(), F_OK) == 0) require_regular(path, ExitCode::failed);
   for (const std::string& file : side_files(path)) require_regular(file, ExitCode::failed);
@@ -52,8 +52,8 @@ inline void require_regular_files(const std::string& path) {
 
 using DatabaseHandle = std::unique_ptr<sqlite3, int (*)(sqlite3*)>;
 
-// Byte 18 of the header, where 19 is the same: 1 of a closed run, 2 of one with a WAL; else 0. Read
-// by SQLite's own descriptor: to close another one ends its locks.
+// Returns byte 18 of the header if byte 19 is equal: 1 for a closed run, 2 for one with a WAL;
+// otherwise 0. Uses SQLite's own descriptor, because closing another one would release its locks.
 inline int journal_version(sqlite3* db) {
   sqlite3_file* file = nullptr;
   std::uint8_t versions[2] = {};
@@ -62,7 +62,7 @@ inline int journal_version(sqlite3* db) {
   return versions[0] == versions[1] ? versions[0] : 0;
 }
 
-// A closed run is immutable: no file next to it is applied. False if it cannot be opened.
+// A closed run is immutable: side files are not applied. Returns false if it cannot be opened.
 inline bool is_closed(const std::string& path) {
   sqlite3* db = nullptr;
   const int code = sqlite3_open_v2(path.c_str(), &db, SQLITE_OPEN_READONLY, nullptr);
@@ -70,7 +70,7 @@ inline bool is_closed(const std::string& path) {
   return code == SQLITE_OK && journal_version(db) == 1;
 }
 
-// URI of a file of which SQLite reads the database alone.
+// Returns a URI by which SQLite reads the database file alone.
 inline std::string immutable_uri(const std::string& path) {
   std::string uri = "file:";
   for (const char c : path)
@@ -78,7 +78,7 @@ inline std::string immutable_uri(const std::string& path) {
   return uri + "?immutable=1";
 }
 
-// Opens an existing file for reading and writing; `flags`: more of SQLITE_OPEN_*. Throws as
+// Opens an existing file for reading and writing; `flags`: further SQLITE_OPEN_* flags. Throws like
 // sqlite_fail().
 inline DatabaseHandle open_database(const std::string& path, const char* doing, int flags = 0) {
   require_regular_files(path);
@@ -89,10 +89,10 @@ inline DatabaseHandle open_database(const std::string& path, const char* doing, 
   return out;
 }
 
-// A prepared statement; bind and column in order, from the first.
+// Prepared statement; bind and column work in order, from the first.
 class Statement {
  public:
-  // Throws where its texts and blobs are more than most_bytes together.
+  // Throws if a row's texts and blobs together exceed most_bytes.
   Statement(sqlite3* db, const std::string& path, const char* sql,
             std::int64_t most_bytes = std::numeric_limits<std::int64_t>::max())
       : db_(db), path_(path), bytes_left_(most_bytes) {
@@ -103,7 +103,7 @@ class Statement {
   Statement(const Statement&) = delete;
   Statement& operator=(const Statement&) = delete;
 
-  void skip() { ++bound_; }  // the next parameter stays NULL
+  void skip() { ++bound_; }  // leaves the next parameter NULL
   Statement& bind(std::int64_t v) { return check(sqlite3_bind_int64(handle_, ++bound_, v)); }
   template <std::integral T>
   Statement& bind(T v) {
@@ -114,13 +114,13 @@ class Statement {
     return check(sqlite3_bind_text(handle_, ++bound_, v.data(), static_cast<int>(v.size()),
                                    SQLITE_TRANSIENT));
   }
-  // An empty view is stored as NULL: the sensor is missing. The bytes must live until run().
+  // Stores an empty view as NULL (missing sensor). The bytes must live until run().
   Statement& bind(ByteView v) {
     return check(v.empty() ? sqlite3_bind_null(handle_, ++bound_)
                            : sqlite3_bind_blob(handle_, ++bound_, v.data(),
                                                static_cast<int>(v.size()), SQLITE_STATIC));
   }
-  // Steps to the next row; false at the end.
+  // Steps to the next row; returns false at the end.
   bool step() {
     column_ = 0;
     const int code = sqlite3_step(handle_);
@@ -128,7 +128,7 @@ class Statement {
     if (code == SQLITE_DONE) return false;
     sqlite_fail(db_, path_, "cannot read or write");
   }
-  // Runs to the end; then all its values are NULL again.
+  // Runs to the end, then resets all parameters to NULL.
   void run() {
     while (step()) {
     }

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
-// Lock of a run's writer, who holds RUN-lock for as long as it lives. Readers so tell a live run
-// from one that a crash left behind. A separate file, because closing any
-// descriptor of the database itself would drop SQLite's own locks.
+// Lock of a run's writer, which holds RUN-lock while it lives. Readers use it to distinguish a live
+// run from a crashed one. A separate file, because closing any descriptor of the database itself
+// would release SQLite's locks.
 #pragma once
 #include <string>
 

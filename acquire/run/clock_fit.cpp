@@ -23,7 +23,7 @@ constexpr double late_limit_s = 0.1;
 constexpr double other_rate = 0.05;
 constexpr auto late_long = 3s;
 constexpr unsigned late_samples = 10;
-// A damaged time may be anything; as nanoseconds it still has to fit into 64 bits.
+// A damaged time may have any value; as nanoseconds it must still fit in 64 bits.
 constexpr double farthest_s = 1e9;
 
 }  // namespace
@@ -118,7 +118,7 @@ void ClockFit::take(const Sample& sample) {
 }
 
 void ClockFit::fit() {
-  std::vector<Sample> hull;  // lower, by Andrew's monotone chain
+  std::vector<Sample> hull;  // lower hull, by Andrew's monotone chain
   double middle_s = 0;
   for (const Least& least : history_) {
     const Sample& p = least.sample;
@@ -164,7 +164,7 @@ HostTime ClockFit::taken(std::uint64_t ticks, HostTime received) const {
 
 std::optional<record::ClockState> ClockFit::state(HostTime at) const {
   if (!sound()) return std::nullopt;
-  // The device's time at that moment: d + line(d) = host.
+  // Device time at that moment: solves d + line(d) = host.
   const double host_s = seconds(at - began_);
   const double device_s = (host_s - intercept_s_) / (1 + slope_);
   return record::ClockState{.offset_s = seconds(at) - (first_s_ + device_s),
@@ -173,7 +173,7 @@ std::optional<record::ClockState> ClockFit::state(HostTime at) const {
                             .samples = samples_};
 }
 
-// The last event of a block is the one that waited least for the block to be sent.
+// The last event of a block is used, because it waited least before the block was sent.
 void SensorClocks::observe(const TagBlock& block) {
   const auto last =
       std::find_if(block.tags.rbegin(), block.tags.rend(), std::mem_fn(&Tag::is_time_tag));

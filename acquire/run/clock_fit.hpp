@@ -1,25 +1,27 @@
 // SPDX-License-Identifier: MIT
-// A device's clock -> the host's clock.
+// Converts a device's clock to the host's clock.
 //
-// A sample bears the device's time d at which it was taken and the host's time h at which it was
-// read: h = taken + delay, delay >= 0 with a long tail (buffers, scheduling). So taken = a + b d
-// lies on or below every h, and the earliest samples touch it. Kept is the least delayed sample of
-// every half second of the last 128 s; of the edges of their lower convex hull the one below the
-// middle of the history is the line that leaves the least delay in all (a linear programme, Zhang
-// et al., INFOCOM 2002). It is no steeper than 500 ppm, and in the first 32 s no steeper than the
-// share of them that has passed: so early a few late samples look like a drift. A late sample,
-// however late, moves nothing.
+// A sample has the device time d of its measurement and the host time h of its receipt: h = taken +
+// delay, with delay >= 0 and a long tail (buffers, scheduling). So the line taken = a + b d is on
+// or below every h, and the least delayed samples touch it. The fit keeps the least delayed sample
+// of each half second of the last 128 s. Among the edges of their lower convex hull, the one below
+// the middle of the history minimises the total delay (a linear programme, Zhang et al., INFOCOM
+// 2002). The slope is limited to 500 ppm. In the first 32 s the limit is proportional to the
+// elapsed time, because a few late samples then look like a drift. A late sample does not affect
+// the fit.
 //
-// What cannot be known: a delay that every sample has (the way through a cable, a radar's
-// processing, a camera's exposure) is the same as an offset of the clocks. It stays in `offset_s`,
-// and "taken" is late by it, unless another reference tells.
+// Limit: a constant transport delay (cable, processing in the radar, exposure of a camera) cannot
+// be separated from a clock offset. It remains in `offset_s`, and "taken" is late by that delay,
+// unless there is another reference.
 //
-// The history begins anew where the device's clock does:
-//   gap    nothing for 10 s, which is also what keeps a counter of 21 s unambiguous
-//   jump   two samples in a row that agree with each other, but were read 0.25 s before they were
-//          taken, or go back by more than 1 s. A single one is a damaged time: not used, counted.
+// The history restarts if the device's clock does:
+//   gap    no samples for 10 s, which also keeps a counter of 21 s unambiguous
+//   jump   two consecutive samples that agree with each other, but were received 0.25 s before
+//   their measurement, or go back by more than 1 s. A single one is a damaged time: not used,
+//   counted.
 //   step   all samples of 3 s, at least 10, are late by more than 0.1 s
-//   reset  the caller knows (reconnection of a radar, whose counter wraps too soon to tell)
+//   reset  called after the reconnection of a radar, because its counter wraps too often to detect
+//   it
 #pragma once
 #include <cstdint>
 #include <deque>
@@ -30,26 +32,26 @@
 
 namespace echofuse::acquire {
 
-// Ticks from one reading of a device's counter to the other; of all that 64 less `spare_bits` bits
-// allow, those nearest to the expected.
+// Returns the ticks between two readings of a device's counter: among all values compatible with a
+// counter of 64 - `spare_bits` bits, the one nearest to `expected`.
 std::int64_t ticks_passed(std::uint64_t from, std::uint64_t to, double expected,
                           unsigned spare_bits);
 
 class ClockFit {
  public:
-  // The device counts ticks of this length in a counter of this many bits.
+  // `tick_s`: length of a tick; `bits`: width of the device's counter.
   explicit ClockFit(double tick_s, unsigned bits = 64) : tick_s_(tick_s), spare_bits_(64 - bits) {}
 
-  // Call in the order of receipt.
+  // Call in order of receipt.
   void add(std::uint64_t ticks, HostTime received);
 
-  // Enough samples (32, over at least 0.5 s), the latest is not a doubtful one, and the device's
-  // clock runs at the host's rate within 5 %.
+  // Returns true if there are enough samples (32, over at least 0.5 s), the latest one is not
+  // suspect, and the device's clock runs at the host's rate within 5 %.
   bool sound() const;
-  // Host time at which the sample was taken, never after its receipt. Equals the receipt without a
-  // sound fit.
+  // Returns the host time of the measurement, at most the time of receipt. Returns the time of
+  // receipt without a sound fit.
   HostTime taken(std::uint64_t ticks, HostTime received) const;
-  // State of the fit; none without a sound fit.
+  // Returns the state of the fit; nothing without a sound fit.
   std::optional<record::ClockState> state(HostTime at) const;
 
  private:
@@ -58,10 +60,10 @@ class ClockFit {
     HostTime received{};
   };
   struct Sample {
-    double device_s;  // since the history began
-    double excess_s;  // the same on the host's clock, minus device_s
+    double device_s;  // since the start of the history
+    double excess_s;  // host time since the start, minus device_s
   };
-  struct Least {  // delayed sample of a stretch of the history
+  struct Least {  // least delayed sample of a stretch of the history
     Sample sample;
     std::int64_t stretch;
     std::uint64_t samples;
@@ -84,14 +86,14 @@ class ClockFit {
   double tick_s_;
   unsigned spare_bits_;
   HostTime began_{};
-  double first_s_ = 0;           // on the device's counter when the history began
-  Receipt last_;                 // that was used
-  std::int64_t last_ticks_ = 0;  // its device time since the history began
+  double first_s_ = 0;           // device counter at the start of the history
+  Receipt last_;                 // last sample used
+  std::int64_t last_ticks_ = 0;  // its device time since the start of the history
   double newest_s_ = 0;
-  std::deque<Least> history_;  // empty: nothing was observed yet
-  std::uint64_t samples_ = 0;  // that the history stands for
+  std::deque<Least> history_;  // empty: no samples yet
+  std::uint64_t samples_ = 0;  // number of samples in the history
   double intercept_s_ = 0, slope_ = 0, residual_s_ = 0;
-  double edge_slope_ = 0;  // before it is limited
+  double edge_slope_ = 0;  // slope before limiting
   std::optional<Receipt> suspect_;
   std::optional<Late> late_;
 };
@@ -101,7 +103,7 @@ inline std::uint64_t device_clock_of(const HistogramFrame& frame) {
   return 1'000'000 * frame.device_time_us;
 }
 
-// The clocks of the three sensors.
+// Clocks of the three sensors.
 class SensorClocks {
  public:
   void observe(const TagBlock& block);

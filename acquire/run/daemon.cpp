@@ -24,13 +24,14 @@ namespace echofuse::acquire {
 namespace {
 
 constexpr auto tick_pause = std::chrono::milliseconds(50);
-// Delay from making the run file to slot 0, so that bytes queued meanwhile are drained first.
+// Delay between the creation of the run file and slot 0, so that bytes queued in between are read
+// first.
 constexpr auto settle_time = std::chrono::milliseconds(100);
 
-// Leaves a second for the devices and the disk: SIGTERM closes a run within 5 s.
+// Leaves one second for the devices and the disk: SIGTERM closes a run within 5 s.
 constexpr auto close_limit = std::chrono::seconds(4);
 
-// scripts/audit_run.py looks for the third.
+// scripts/audit_run.py searches for the third text.
 std::string event_text(DeviceState state, const std::string& address) {
   if (state == DeviceState::connecting) return "connecting to " + address;
   if (state == DeviceState::streaming) return "connected to " + address;
@@ -38,8 +39,8 @@ std::string event_text(DeviceState state, const std::string& address) {
   return "not connected to " + address + ", trying again";
 }
 
-// Threading: everything runs on the loop's thread, which calls run(); drivers and the writer may
-// have threads of their own behind their interfaces.
+// Threading: everything runs on the loop's thread, which calls run(). Drivers and the writer may
+// have their own threads.
 class Daemon final : private SampleSink {
  public:
   Daemon(const Config& config, const RunOptions& options, port::Loop& loop)
@@ -50,7 +51,7 @@ class Daemon final : private SampleSink {
         log_(loop),
         devices_(loop, config, *this, keep_raw(options)) {}
 
-  // After an exception the devices still end in the loop, where no slot is to be closed any more.
+  // After an exception the devices are stopped in the loop, without closing further slots.
   ~Daemon() override {
     timer_.cancel();
     devices_.abandon();
@@ -59,7 +60,7 @@ class Daemon final : private SampleSink {
   ExitCode run();
 
  private:
-  struct Recording {  // exists from the first slot on
+  struct Recording {  // exists after the first slot has begun
     Recording(const SlotGrid& grid, const Config& config, const RunOptions& options,
               const SensorClocks& clocks, port::Loop& loop, std::unique_ptr<record::RunWriter> file)
         : scheduler(grid, options.count),
@@ -119,7 +120,7 @@ class Daemon final : private SampleSink {
   const RunOptions& options_;
   port::Loop& loop_;
   port::Timer timer_{loop_};
-  std::string file_;  // being written
+  std::string file_;  // file being written
   std::string label_;
   RunLog log_;
   std::optional<port::RawKeeper> raw_;
@@ -128,14 +129,14 @@ class Daemon final : private SampleSink {
                       [this](const std::string& text) { log(Severity::warning, "spd", text); }};
   DoubtHook on_doubt_{options_.on_doubt, config_.alert,
                       [this](const std::string& text) { log(Severity::warning, "run", text); }};
-  SensorClocks clocks_;  // observe what comes before the first slot as well
+  SensorClocks clocks_;  // also observe samples before the first slot
   std::optional<Recording> recording_;
   RunTotals totals_;
-  PerSensor<std::uint64_t> early_{};  // samples from before there were slots
-  std::int64_t first_slot_ = 0;       // the run's: its record 0
+  PerSensor<std::uint64_t> early_{};  // samples before the first slot
+  std::int64_t first_slot_ = 0;       // slot of the run's record 0
   std::int64_t files_ = 0;
-  bool ending_ = false;  // interrupted
-  bool done_ = false;    // there is no slot to be closed any more
+  bool ending_ = false;  // interrupted by a signal
+  bool done_ = false;    // no further slots to close
   std::string status_ = "complete";
 };
 
@@ -155,7 +156,8 @@ ExitCode Daemon::run() {
   return options_.strict && totals_.not_ok > 0 ? ExitCode::partial : ExitCode::ok;
 }
 
-// Throws Error(device) without any device, or without a required one; says what is missing.
+// Throws Error(device) with the missing devices if no device, or not every required one, delivers
+// data.
 void Daemon::require_devices() const {
   if (interrupted())
     throw Error(ExitCode::interrupted, "interrupted before the first slot; nothing was recorded");
@@ -168,15 +170,15 @@ void Daemon::require_devices() const {
     list += (list.empty() ? "" : "\n") + devices_.describe(s);
   }
   if (!required.empty())
-    throw Error(ExitCode::device, "a required device does not deliver after " +
+    throw Error(ExitCode::device, "a required device delivered no data within " +
                                       human_duration(config_.connect_timeout_s) + "\n" + required);
   if (!any)
-    throw Error(ExitCode::device, "no device delivers after " +
+    throw Error(ExitCode::device, "no device delivered data within " +
                                       human_duration(config_.connect_timeout_s) + "\n" + missing);
   if (!missing.empty()) spdlog::warn("starting without {}", missing);
 }
 
-// Gives people time to take their places. The devices run meanwhile.
+// Gives people time to take their positions. Devices keep running.
 void Daemon::count_down() {
   for (std::int64_t left_s = options_.countdown_s; left_s > 0 && !interrupted(); --left_s) {
     spdlog::info("the first slot begins in {} s", left_s);
@@ -214,7 +216,7 @@ void Daemon::begin() {
   notify_ready(config_.window_s);
 }
 
-// Puts configuration, devices and axes into a new run.
+// Writes configuration, devices and axes to a new run.
 void Daemon::describe_run() {
   recording_->journal.put_config(config_);
   recording_->journal.put_axes(recording_->windows.axes(), recording_->windows.zones());
@@ -222,7 +224,7 @@ void Daemon::describe_run() {
     if (devices_[s].state == DeviceState::streaming)
       announce(s);
     else if (devices_[s].configured)
-      log(Severity::warning, name_of(s), "not there at the start: " + devices_.describe(s));
+      log(Severity::warning, name_of(s), "no data at the start: " + devices_.describe(s));
 }
 
 void Daemon::begin_next(std::int64_t slot) {
@@ -236,7 +238,7 @@ void Daemon::report_file() {
   const std::string file = recording_->journal.path();
   if (std::exchange(file_, file) == file) return;
   if (++files_ > 1 && !options_.kept_slot) devices_.name_run("run", file);
-  spdlog::info("recording into {}, slots of {} s", file, config_.window_s);
+  spdlog::info("recording to {}, slots of {} s", file, config_.window_s);
   if (options_.opened) options_.opened(file);
 }
 
@@ -252,13 +254,13 @@ void Daemon::warn_of_full_disk() {
   if (space.grade != Grade::ok) log(Severity::warning, "disk", space.found);
 }
 
-// A device answers: its identity and axes go into the run.
+// Called when a device answers: writes its identity and axes to the run.
 void Daemon::announce(Sensor sensor) {
   const DeviceInfo& info = devices_[sensor].info;
   recording_->journal.put_device(info);
   if (!recording_->windows.announce(info))
     log(Severity::error, name_of(sensor),
-        "came back with another axis or zones; its samples are not used");
+        "reconnected with another axis or other zones; its samples are not used");
   recording_->journal.put_axes(recording_->windows.axes(), recording_->windows.zones());
 }
 
@@ -286,8 +288,8 @@ void Daemon::on_state(Sensor sensor, DeviceState state, const DeviceInfo& info) 
   const bool fault = state == DeviceState::faulted || state == DeviceState::misconfigured;
   log(fault ? Severity::warning : Severity::info, name_of(sensor), event_text(state, info.address),
       recording_ && state == DeviceState::streaming);
-  // The clock's fit stays: what a sender kept and sends now stands where the clock that it had
-  // places it, and a clock that began anew shows by itself.
+  // Keep the clock fit: buffered samples still carry the old clock, and ClockFit detects a
+  // restarted clock.
   if (recording_ && state == DeviceState::streaming) announce(sensor);
 }
 
@@ -330,17 +332,17 @@ void Daemon::close_due(HostTime now) {
     close_slot(*due, r.scheduler.lateness(due->index, now));
 }
 
-// The run ends with the slot that is running, or with the one before if that takes too long; before
-// the first slot it ends at once.
+// Ends the run with the current slot, or with the previous one if that takes too long. Ends at once
+// before the first slot.
 void Daemon::interrupt(HostTime now) {
   Scheduler& scheduler = recording_->scheduler;
   const SlotGrid& grid = scheduler.grid();
   const bool too_long = now < grid.first || grid.end(grid.slot_of(now)) - now > close_limit;
   const double left_s = seconds(std::max(grid.first, grid.end(grid.slot_of(now)) + grace) - now);
   if (too_long)
-    spdlog::info("giving up the slot, which would take {:.0f} s", left_s);
+    spdlog::info("slot abandoned: it would take {:.0f} s", left_s);
   else
-    spdlog::info("finishing the slot, {:.1f} s; a second Ctrl-C ends at once", left_s);
+    spdlog::info("finishing the slot, {:.1f} s left; press Ctrl-C again to end at once", left_s);
   if (too_long) status_ = "stopped:interrupted";
   scheduler.finish(too_long ? now - grid.length : now);
 }
@@ -364,14 +366,13 @@ void Daemon::close_slot(const DueSlot& due, std::chrono::nanoseconds late) {
                 record.sync[Sensor::depth].used);
   if (!recording_->journal.put(std::move(record)))
     log(Severity::error, "run file",
-        "record " + std::to_string(index) + ": its data are given up, " +
-            recording_->journal.why_late());
+        "record " + std::to_string(index) + ": data dropped, " + recording_->journal.why_late());
   put_late();
   if (index + 1 == options_.slots_a_file && !recording_->scheduler.done())
     begin_next(due.index + 1);
 }
 
-// Late samples of the run before are in the counters only.
+// Late samples of the previous run are only in the counters.
 void Daemon::put_late() {
   record::LateCounts late;
   for (const auto& [slot, counts] : recording_->windows.take_late())
@@ -379,7 +380,7 @@ void Daemon::put_late() {
   recording_->journal.put_late(std::move(late));
 }
 
-// Puts the counts of this run.
+// Writes the counters of this run.
 void Daemon::put_counters() {
   PerSensor<std::vector<Counter>> counters;
   for (const Sensor s : all_sensors) counters[s] = devices_.counters(s);
@@ -409,7 +410,7 @@ void Daemon::end() {
   put_counters();
   if (!r.journal.finish(status_))
     spdlog::warn(
-        "{}: another program reads it; its last records stay in {}-wal until "
+        "{}: in use by another program; the last records stay in {}-wal until "
         "`echofuse-acquire info`",
         r.journal.path(), r.journal.path());
   report_file();
@@ -417,7 +418,7 @@ void Daemon::end() {
   if (options_.progress) options_.progress(totals_.written);
   r.status.finish(loop_.now(), totals_);
   const std::string files = files_ > 1 ? " in " + std::to_string(files_) + " runs" : "";
-  spdlog::info("{}: {}{}, {}{}; arrived: {} tags, {} radar frames, {} depth frames",
+  spdlog::info("{}: {}{}, {}{}; received: {} tags, {} radar frames, {} depth frames",
                r.journal.path(), count_text(totals_.written, options_.count), files, status_,
                totals_.doubts(), devices_[Sensor::spd].samples, devices_[Sensor::radar].samples,
                devices_[Sensor::depth].samples);

@@ -20,9 +20,9 @@
 namespace echofuse::acquire {
 namespace {
 
-constexpr double row_bytes = 2048;        // a record beside its sensors' data, with events
-constexpr double fixed_bytes = 16 << 20;  // the WAL, and the tables of a run without records
-constexpr double journal_factor = 2;      // every byte goes into the WAL and then into the database
+constexpr double row_bytes = 2048;        // row of a record without the sensors' data, with events
+constexpr double fixed_bytes = 16 << 20;  // WAL, and tables of a run without records
+constexpr double journal_factor = 2;      // every byte is written to the WAL, then to the database
 
 [[noreturn]] void fail(const std::string& folder, const char* doing) {
   throw Error(ExitCode::disk, folder + ": " + doing + ": " + std::strerror(errno));
@@ -163,7 +163,7 @@ Finding judge_space(double free_bytes, const PlannedRun& plan, double short_s) {
   if (plan.count) {
     out.facts.emplace_back("needed_bytes", estimate.needed_bytes);
     out.found += "; " + std::to_string(*plan.count) + " records" + of_size +
-                 ", with the journal beside them, take " + size_text(estimate.needed_bytes);
+                 ", including the journal, need " + size_text(estimate.needed_bytes);
     if (estimate.needed_bytes > free_bytes) out.grade = Grade::problem;
   } else {
     out.found += ": enough for " + human_duration(estimate.lasts_s) + " of records" + of_size;
@@ -179,14 +179,14 @@ std::vector<Finding> check_disk(const PlannedRun& plan) {
   std::vector<Finding> out;
   try {
     const auto free = free_bytes(plan.folder);
-    if (!free) fail(plan.folder, "cannot be a run's folder");
+    if (!free) fail(plan.folder, "cannot be used for a run");
     out.push_back(judge_speed(measure_disk(plan.folder, static_cast<std::size_t>(size)), plan));
     out.push_back(judge_space(static_cast<double>(*free), plan));
   } catch (const Error& e) {
     out.push_back({"disk",
                    Grade::problem,
                    e.what(),
-                   "give --out in a folder of a local disk that this user may write to",
+                   "choose --out in a writable folder on a local disk",
                    {},
                    ExitCode::disk});
   }

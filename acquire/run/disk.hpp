@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// The disk under a run file: large enough, as `doctor` and a run's start ask, and fast enough?
+// Space and speed of the disk of a run file, for `doctor` and the start of a run.
 #pragma once
 #include <cstdint>
 #include <optional>
@@ -20,13 +20,13 @@ struct Finding {
   std::string check;  // "radar", "disk rate"
   Grade grade = Grade::ok;
   std::string found;
-  std::string advice{};  // text to act on; empty: none
+  std::string advice{};  // recommended action; may be empty
   std::vector<std::pair<std::string, double>>
-      facts{};                          // the numbers of `found`, units in the names
+      facts{};                          // numbers in `found`, with units in their names
   ExitCode failure = ExitCode::device;  // exit code of a problem
 };
 
-// The run to come.
+// Planned run.
 struct PlannedRun {
   std::string folder{};
   double record_bytes = 0;  // bytes of the sensors' data; 0: unknown
@@ -35,18 +35,18 @@ struct PlannedRun {
 };
 
 struct DiskEstimate {
-  double record_bytes = 0;  // bytes of one record with its row and its share of the events
-  double needed_bytes = 0;  // bytes of the planned records; 0: no count planned
-  double lasts_s = 0;       // how long the run can record until the disk is full
+  double record_bytes = 0;  // bytes per record, including its row and its share of the events
+  double needed_bytes = 0;  // bytes of the planned records; 0: no number planned
+  double lasts_s = 0;       // recording time until the disk is full
 };
-// `plan.record_bytes` is known.
+// Requires a known plan.record_bytes.
 DiskEstimate estimate_disk(const PlannedRun& plan, double free_bytes);
 
-// Bytes of one record's data with these axes, depth maps as if PNG did not shrink them: rather too
-// many.
+// Returns the bytes of one record's data with these axes. Assumes uncompressed depth maps, so it
+// overestimates.
 double record_bytes(const std::vector<Axis>& axes, const Zones& zones);
 
-// Free bytes of the file system that holds this folder; none if it does not tell.
+// Returns the free bytes of the file system of this folder; nothing if unknown.
 std::optional<std::uint64_t> free_bytes(const std::string& folder);
 
 // "12 kB"
@@ -58,16 +58,16 @@ struct DiskSpeed {
   std::size_t commit_bytes = 0;
 };
 
-// Writes blocks of this size to a nameless file in the folder, for about a second. Each is followed
-// by fdatasync, as the run file's commits are. Throws Error(disk).
+// Writes blocks of this size to an unnamed file in the folder for about one second. Each is
+// followed by fdatasync, like the commits of a run file. Throws Error(disk).
 DiskSpeed measure_disk(const std::string& folder, std::size_t commit_bytes);
 
 Finding judge_speed(const DiskSpeed& speed, const PlannedRun& plan);
-// A problem if the planned records need more; without a count a warning if the space does not last
-// `short_s`.
+// Returns a problem if the planned records need more space; without a number of records a warning
+// if the space lasts less than `short_s`.
 Finding judge_space(double free_bytes, const PlannedRun& plan, double short_s = 3600);
 
-// Measures and judges both; without a size of its records only the disk itself is reported.
+// Measures and judges both. If the record size is unknown, only describes the disk.
 std::vector<Finding> check_disk(const PlannedRun& plan);
 
 }  // namespace echofuse::acquire

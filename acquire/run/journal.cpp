@@ -15,11 +15,12 @@ namespace echofuse::acquire {
 namespace {
 
 constexpr auto anchor_pause = std::chrono::minutes(1);
-// Least change that counts as a clock set by a program. This process may be paused for less between
-// reading both clocks.
+// Smallest jump that counts as a change of the clock. The process may be paused for less than this
+// between reading both clocks.
 constexpr auto least_step = std::chrono::milliseconds(500);
-constexpr std::size_t hard_limit = 10;        // times the capacity
-constexpr std::chrono::seconds last_wait{2};  // at the end, while another program holds the file
+constexpr std::size_t hard_limit = 10;        // multiple of the capacity
+constexpr std::chrono::seconds last_wait{2};  // wait at the end, while another program holds the
+                                              // file
 
 void give_up_data(record::FusedRecord& record, const std::string& why) {
   for (const Sensor s : all_sensors)
@@ -69,7 +70,7 @@ void Journal::write(record::RunWriter& run, record::FusedRecord& record) {
   take_label(run.new_label(slot_end));
   if (const auto label = this->label()) record.label = *label;
   run.append(record);
-  // scripts/kill_test relies on this line.
+  // scripts/kill_test searches for this line.
   spdlog::debug("{}: record {}: committed", run.path(), record.index);
   const auto free = acquire::free_bytes(std::filesystem::path(run.path()).parent_path().string());
   const std::lock_guard lock(mutex_);
@@ -96,11 +97,11 @@ void Journal::put(Job job) {
 }
 
 std::string Journal::why_late() const {
-  return patience_.tried() ? "another program holds the run file" : "the disk does not keep up";
+  return patience_.tried() ? "another program is writing to the run file" : "disk too slow";
 }
 
-// The next run is there before this one is closed, so that no record waits while this one is
-// checked.
+// The next run is opened before this one is closed, so that records need not wait for the final
+// check.
 void Journal::begin_next(Make make) {
   axes_.clear(), identities_ = {};
   put([this, make = std::move(make)](record::RunWriter&) {
@@ -112,8 +113,8 @@ void Journal::begin_next(Make make) {
       run_.swap(next);
       before = std::move(next);
     }
-    // A label of the run before is of the next record; one that comes while it is closed is older
-    // than any that the new run had meanwhile.
+    // A label of the previous run applies to the next record. One that arrives while that run is
+    // closed is older than any label of the new run.
     take_label(before->new_label(UtcTime::max()));
     const std::uint64_t labels = labels_;
     constexpr int most_closing = 4;
@@ -131,13 +132,13 @@ void Journal::begin_next(Make make) {
   renew_anchor();
 }
 
-// A label that the run got until its end is of the next one.
+// A label written to the run until its end applies to the next run.
 void Journal::close_before(record::RunWriter& before, std::uint64_t labels) {
   if (!before.close("complete"))
-    spdlog::warn("{}: another program reads it; its last records stay in its -wal", before.path());
+    spdlog::warn("{}: in use by another program; the last records stay in its -wal", before.path());
   if (auto left = before.new_label(UtcTime::max()); labels_ == labels) take_label(std::move(left));
   const std::lock_guard lock(mutex_);
-  run_->reserve();  // takes over the room that the run before gave back
+  run_->reserve();  // uses the space freed by the previous run
 }
 
 void Journal::take_label(std::optional<std::string> label) {
@@ -212,8 +213,8 @@ void Journal::refresh_anchor(RunLog& log) {
   const UtcTime before = now + last.utc_offset, utc = clock_.utc();
   if (std::chrono::abs(utc - before) >= least_step) {
     log.put(Severity::warning, "clock",
-            "the machine's clock was set, or the machine slept: from " + iso8601(before) + " to " +
-                iso8601(utc) + "; slots that begin from now on bear the new time");
+            "the system clock was set, or the machine was suspended: from " + iso8601(before) +
+                " to " + iso8601(utc) + "; slots from now on use the new time");
     anchors_.push_back(put_anchor());
   } else if (now - last.mono >= anchor_pause) {
     renew_anchor();
@@ -273,7 +274,7 @@ bool Journal::finish(const std::string& status) {
   if (missing > 0) why += "; its last " + std::to_string(missing) + " records are not written";
   try {
     run_->close(code == ExitCode::disk ? "stopped:disk" : "stopped:failed", missing);
-  } catch (const Error&) {  // the first reason is the one to tell, unless this says what is left
+  } catch (const Error&) {  // keeps the first reason, unless this one states the remaining data
     if (run_->lost()) throw;
   }
   throw Error(code, why);
@@ -286,9 +287,9 @@ void report_unassigned(RunLog& log, const UnassignedSamples& unassigned) {
               std::to_string(n[Sensor::spd]) + " tags, " + std::to_string(n[Sensor::radar]) +
                   " radar frames, " + std::to_string(n[Sensor::depth]) + " depth frames " + what);
   };
-  count("came after their slot was closed", unassigned.late);
-  count("came twice", unassigned.duplicate);
-  count("came out of order", unassigned.out_of_order);
+  count("arrived after their slot was closed", unassigned.late);
+  count("arrived twice", unassigned.duplicate);
+  count("arrived out of order", unassigned.out_of_order);
 }
 
 void RunLog::put(Severity severity, const std::string& source, const std::string& text,
@@ -298,7 +299,8 @@ void RunLog::put(Severity severity, const std::string& source, const std::string
     const unsigned left_out = of.left_out;
     of = {.since = now};
     if (left_out > 0)
-      write(Severity::warning, source, std::to_string(left_out) + " lines were left out", true);
+      write(Severity::warning, source,
+            std::to_string(left_out) + " lines dropped (limit 100 in 10 s)", true);
   }
   if (++of.lines <= most_lines)
     write(severity, source, text, recovery || severity != Severity::info);

@@ -22,16 +22,16 @@ void refuse_bad_target(const std::filesystem::path& out) {
   if (::access(out.parent_path().c_str(), W_OK) != 0)
     throw Error(ExitCode::disk,
                 out.string() + (errno == EROFS ? ": its folder is on a read-only file system"
-                                               : std::string(": its folder is read-only: ") +
+                                               : std::string(": its folder is not writable: ") +
                                                      std::strerror(errno)));
 }
 
 void refuse_late_clock(UtcTime now) {
   constexpr UtcTime last = UtcTime::max() - std::chrono::years(3);
   if (now > last)
-    throw Error(ExitCode::failed, "the machine's clock is at " + iso8601(now) +
-                                      " or later; a run begins before " + iso8601(last) +
-                                      ": set the clock");
+    throw Error(ExitCode::failed, "the system clock is at " + iso8601(now) +
+                                      " or later; expected a time before " + iso8601(last) +
+                                      "; set the clock");
 }
 
 std::unique_ptr<record::RunWriter> make_run(

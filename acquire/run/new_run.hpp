@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// The file of a new run.
+// Creates the file of a new run.
 #pragma once
 #include <filesystem>
 #include <memory>
@@ -13,13 +13,13 @@
 
 namespace echofuse::acquire {
 
-// Throws Error: `out` exists (failed), its folder does not or cannot be written (disk).
+// Throws Error(failed) if `out` exists, Error(disk) if its folder is missing or not writable.
 void refuse_bad_target(const std::filesystem::path& out);
-// Throws Error(failed): a run that begins at this time comes too near to 2262, where UtcTime ends.
+// Throws Error(failed) if this time is too close to 2262, the end of UtcTime's range.
 void refuse_late_clock(UtcTime now);
 
-// Makes a run file with the calibration and antennas of the configuration. `clock` outlives the
-// writer. An empty uuid: a new one.
+// Creates a run file with the calibration and antennas of the configuration. `clock` must outlive
+// the writer. Empty uuid: random.
 std::unique_ptr<record::RunWriter> make_run(
     const Config& config, const std::string& out,
     const std::vector<std::pair<std::string, std::string>>& meta, const std::string& uuid,

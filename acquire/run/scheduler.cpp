@@ -20,7 +20,7 @@ std::vector<DueSlot> Scheduler::tick(HostTime now) {
   return due;
 }
 
-// A slot is held once only: a program that never gets to run in time still closes its slots.
+// A slot is delayed only once, so that a program that is always late still closes its slots.
 void Scheduler::note_pause(HostTime now) {
   const auto pause = now - last_tick_;
   if (pause > longest_pause && held_ != next_) {

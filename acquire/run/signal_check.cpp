@@ -15,7 +15,7 @@ namespace {
 
 constexpr double reference_s = 60;
 constexpr std::size_t least_records = 5;
-constexpr double leakage_m = 0.5;  // the radar's transmitter into its receivers
+constexpr double leakage_m = 0.5;  // direct path from the radar's transmitter to its receivers
 
 template <class... Values>
 std::string format(const char* pattern, Values... values) {
@@ -31,7 +31,8 @@ T median(std::vector<T> values) {
   return *middle;
 }
 
-// No 5 bins hold more than chance puts there: five deviations, and five clicks for their tail.
+// Returns true if no 5 adjacent bins exceed the mean by five standard deviations plus five clicks
+// for their tail.
 bool is_even(const std::vector<std::uint32_t>& counts) {
   constexpr std::size_t bins = 5;
   if (counts.size() <= bins) return false;
@@ -56,7 +57,7 @@ bool same_profile(const std::vector<float>& a, const std::vector<float>& b, bool
                     [&](float x, float y) { return std::abs(x - y) <= rounding; });
 }
 
-// Events of the tagger in the record, and those that are known to be missing.
+// Events of the tagger in the record, including those known to be missing.
 std::string judge_missed(const TagCounts& counts, double limit) {
   const auto arrived = static_cast<double>(counts.tags);
   const double sent = arrived + static_cast<double>(counts.missed);
@@ -65,13 +66,14 @@ std::string judge_missed(const TagCounts& counts, double limit) {
                 sent - arrived);
 }
 
-// True if starts without a click may be left out: a conditional filter at the tagger, or T3.
+// Returns true if starts without a click may be missing: a conditional filter in the tagger, or T3
+// mode.
 bool may_be_filtered(const record::FusedRecord& r) {
   const TagCounts& c = r.spd_counts;
   const auto clicks = static_cast<double>(c.in_range + c.out_of_range);
   const auto starts = static_cast<double>(c.starts);
   if (starts >= 2 * clicks) return false;
-  constexpr double most_share = 0.5;  // share of pulses that a filter passes
+  constexpr double most_share = 0.5;  // share of pulses that a filter transfers
   const auto& a_pulse = r.signal.clicks_a_pulse;
   return !a_pulse || *a_pulse * starts < most_share * clicks;
 }
@@ -104,7 +106,7 @@ std::string SignalCheck::beside_reference(Sensor sensor, double strength, const 
 
 std::string SignalCheck::judge_spd(record::FusedRecord& r, const Axis& axis) {
   bool even = true;                      // in every zone
-  double clicks = 0, all = 0, most = 0;  // above the background; in all; in the brightest zone
+  double clicks = 0, all = 0, most = 0;  // above the background; in total; in the brightest zone
   for (auto from = r.spd.begin(); from < r.spd.end(); from += axis.count) {
     const std::vector<std::uint32_t> zone(from, from + axis.count);
     const double sum = std::accumulate(zone.begin(), zone.end(), 0.0);
@@ -153,7 +155,7 @@ std::string SignalCheck::judge_radar(record::FusedRecord& r, const Axis& axis) {
   const double floor = median(power);
   const auto first = power.begin() + leakage_bins;
   const auto top = static_cast<std::size_t>(std::max_element(first, power.end()) - power.begin());
-  // Noise that was subtracted leaves a floor of 0 or less, of which no ratio is known.
+  // After noise subtraction the floor is 0 or less, so a ratio is undefined.
   const double snr_db = power[top] <= 0 ? 0 : 10 * std::log10(power[top] / std::max(floor, 0.0));
   double strength = 0;
   for (auto p = first; p != power.end(); ++p) strength += std::max(0.0, *p - floor);
@@ -166,8 +168,8 @@ std::string SignalCheck::judge_radar(record::FusedRecord& r, const Axis& axis) {
   if (snr_db < limits_.radar_snr_db)
     return format("no peak: %.1f dB over the median bin, %.1f wanted", snr_db,
                   limits_.radar_snr_db);
-  // Two bins of a mean over frames are alike only where every frame is cut off. A radar that begins
-  // to repeat one frame may have two by chance; the next record tells which.
+  // Equal top bins of a mean mean that every frame is clipped. A frozen frame may have two equal
+  // bins by chance; the next record then shows the freeze.
   const bool averaged = r.sync[Sensor::radar].used > 1;
   const bool flat = averaged && (r.radar[top] == r.radar[top - 1] ||
                                  (top + 1 < r.radar.size() && r.radar[top] == r.radar[top + 1]));
@@ -191,8 +193,8 @@ std::string SignalCheck::judge_depth(record::FusedRecord& r) {
   return beside;
 }
 
-// Expected frames, without a nominal rate: the median of the first minute's slots, lost ones
-// included; before it is known those that arrived or were lost in this slot.
+// Expected frames without a nominal rate: the median over the slots of the first minute, including
+// lost ones; before that, the frames received or lost in this slot.
 std::string SignalCheck::judge_losses(const record::FusedRecord& r, Sensor sensor,
                                       std::optional<HostTime> end) {
   const bool spd = sensor == Sensor::spd;
@@ -208,7 +210,7 @@ std::string SignalCheck::judge_losses(const record::FusedRecord& r, Sensor senso
   }
   if (spd && expected == 0) return judge_missed(r.spd_counts, limits_.lossy_share);
   if (end && *end < r.slot_end) expected *= std::max(0.0, seconds(*end - r.slot_start)) / slot_s;
-  // A slot border moves one frame at most.
+  // A slot border can move one frame at most.
   if (arrived >= limits_.lossy_share * expected || expected - arrived < 2) return {};
   if (spd && may_be_filtered(r)) return {};
   return format("lossy: %.0f %% of the %.0f expected %s", 100 * arrived / expected, expected,

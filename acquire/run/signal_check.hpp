@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: MIT
-// Judges the quality of each sensor's data. Pure. A valid sensor's verdict "ok" becomes
-//   stands still  the same histogram, profile or frame as in the record before
-//   saturated     SPD: more clicks a laser pulse than wanted, the first one hides others
-//                 radar: the lobe's top is cut off
-//   no peak       SPD: no 5 bins stand out of the mean; radar: no bin of the median
-//   weak          SPD: few clicks, or few beside the run's first minute; radar: little power beside
-//                 it; depth: few pixels with a return, or few beside it
-//   lossy         fewer samples arrived than wanted: radar frames, camera frames, start pulses
-// each followed by ": " and the figures. The sensor stays valid: its data are what they are.
+// Judges the quality of each sensor's data. Pure. Replaces a valid sensor's verdict "ok" by
+//   stands still  same histogram, profile or frame as in the previous record
+//   saturated     SPD: too many clicks per laser pulse (pile-up)
+//                 radar: the top of the lobe is clipped
+//   no peak       SPD: no 5 bins exceed the mean; radar: no bin exceeds the median
+//   weak          SPD: few clicks, or few relative to the run's first minute; radar: little power
+//                 relative to it; depth: few pixels with a return, or few relative to it
+//   lossy         too few samples received: radar frames, camera frames, start pulses
+// followed by ": " and figures. The sensor stays valid; its data are not changed.
 #pragma once
 #include <optional>
 #include <span>
@@ -22,18 +22,18 @@ namespace echofuse::acquire {
 
 class SignalCheck {
  public:
-  // `nominal_hz`: rates of starts, radar frames and camera frames; 0: not known. Depths beyond
-  // `far_m` are no return.
+  // `nominal_hz`: rates of starts, radar frames and camera frames; 0: unknown. Depths beyond
+  // `far_m` are treated as no return.
   SignalCheck(const SignalLimits& limits, double window_s, PerSensor<double> nominal_hz = {},
               double far_m = record::most_map_far_m);
-  // Fills record.signal, but for the clicks a pulse, and judges the sensors that are valid. Records
-  // come in order; `axes` are the run's. `ends`: ends of the sensors' recordings. A slot that such
-  // an end cuts is expected to contain the samples before it.
+  // Fills record.signal, except clicks_a_pulse, and sets the verdicts of valid sensors. Call in
+  // record order; `axes`: those of the run. `ends`: ends of the sensors' recordings. A slot that
+  // such an end cuts is expected to contain the samples before it.
   using Ends = PerSensor<std::optional<HostTime>>;
   void judge(record::FusedRecord& record, std::span<const Axis> axes, const Ends& ends = {});
 
  private:
-  // A sensor's signal in the first minute; none until there are five records.
+  // A sensor's signal in the first minute; unknown before five records.
   class Reference {
    public:
     std::optional<double> add(double strength, std::size_t at_most);
@@ -56,15 +56,15 @@ class SignalCheck {
   PerSensor<Reference> references_, frames_;
   std::vector<std::uint32_t> last_spd_;
   std::vector<float> last_radar_;
-  bool radar_was_flat_ = false;  // the last record's lobe had no top
+  bool radar_was_flat_ = false;  // the previous record's lobe was clipped
   std::vector<std::uint16_t> last_depth_;
 };
 
-// Asks whether the tagger's inputs are swapped if 98 % of the clicks lie outside the histogram, or
-// more than four clicks follow each start. Empty otherwise.
+// Returns a hint that the tagger's inputs may be swapped if at least 98 % of the clicks are outside
+// the histogram, or more than four clicks follow each start; otherwise empty.
 std::string swap_question(const TagCounts& counts);
 
-// "ok", "weak", ... of a valid sensor's verdict, "missing" of any other: what a change is told by.
+// Returns "ok", "weak", ... for a valid sensor, "missing" otherwise; used to detect changes.
 std::string kind_of(const record::FusedRecord& record, Sensor sensor);
 
 }  // namespace echofuse::acquire

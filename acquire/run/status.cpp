@@ -63,7 +63,7 @@ std::string sensor_letters(const RunTotals& now) {
   return letters;
 }
 
-// Rates of samples that arrived in slots of this total length.
+// Sets the rates of samples received in slots of this total length.
 PerSensor<double> rates(std::uint64_t tags, std::uint64_t radar, std::uint64_t depth,
                         double slots_s) {
   if (slots_s <= 0) return {};
@@ -71,7 +71,7 @@ PerSensor<double> rates(std::uint64_t tags, std::uint64_t radar, std::uint64_t d
           static_cast<double>(depth) / slots_s};
 }
 
-// At most this many bytes, no character cut in two.
+// Cuts a text to this number of bytes, at a character.
 std::string shortened(std::string text, std::size_t bytes) {
   if (text.size() <= bytes) return text;
   while (bytes > 0 && (static_cast<unsigned char>(text[bytes]) & 0xc0U) == 0x80U) --bytes;
@@ -222,7 +222,7 @@ void StatusLine::show(HostTime now, const RunTotals& totals, const char* before,
     if (total_)
       times.remaining_s = std::max(0.0, static_cast<double>(*total_) * window_s_ - times.elapsed_s);
     const auto fields = status_fields(totals, times);
-    // One column stays free: what ends in the last one wraps on some terminals.
+    // One column stays free, because some terminals wrap text in the last column.
     const std::string line =
         terminal_ ? "\r\033[K" + status_line(fields, columns_of_terminal() - 1, colours_)
                   : status_line(fields, std::nullopt, false) + "\n";

@@ -13,7 +13,7 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr std::uint64_t sorted_within_ps = 1'000'000;
-constexpr std::size_t most_moves = 1000;  // listed in one event
+constexpr std::size_t most_moves = 1000;  // entries per event
 constexpr std::size_t most_events = 20'000;
 constexpr auto clock_time = 2s, overflow_time = 3s;
 constexpr double clock_share = 0.1, like_before = 0.05;
@@ -48,7 +48,7 @@ double median(std::vector<std::uint64_t>& values) {
   return static_cast<double>(*middle);
 }
 
-// The shortest of the sorted gaps that occurs often: a damaged time does not repeat.
+// Returns the shortest frequent gap, because a damaged time does not repeat. The gaps are sorted.
 double shortest_often(const std::vector<std::uint64_t>& gaps_ps) {
   for (std::size_t i = 0; i + enough <= gaps_ps.size(); ++i) {
     const auto from = static_cast<double>(gaps_ps[i]);
@@ -65,13 +65,13 @@ std::uint64_t count_near(const std::vector<std::uint64_t>& values, double wanted
 }  // namespace
 
 std::string comb_text(long double step_ps, std::int64_t bin_width_ps) {
-  // Bins of few steps are uneven: some have one step more than their neighbours.
+  // Bins of few steps are uneven: some contain one step more than their neighbours.
   constexpr long double few = 20;
   const long double steps = static_cast<long double>(bin_width_ps) / step_ps;
   if (steps >= few || std::abs(steps - std::round(steps)) <= 1e-6L * steps) return {};
   return format(
-      "its tags are in steps of %.5Lg ps: bins of %lld ps become a comb; --set "
-      "tdc.bin_width_ps=%.5Lg fits",
+      "tags have steps of %.5Lg ps, so bins of %lld ps have uneven widths; use --set "
+      "tdc.bin_width_ps=%.5Lg",
       step_ps, static_cast<long long>(bin_width_ps), std::max(1.0L, std::round(steps)) * step_ps);
 }
 
@@ -79,7 +79,7 @@ TagCheck::TagCheck(const tdc::HistogramSettings& use, bool live, Report report)
     : use_(use), live_(live), report_(std::move(report)) {}
 
 void TagCheck::take(const TagBlock& block, const Take& out) {
-  if (block.lost_blocks > 0) {  // another connection
+  if (block.lost_blocks > 0) {  // previous connection
     last_ps_.reset(), clock_from_.reset(), clock_ratio_.reset(), overflow_from_.reset();
     highest_ps_ = offset_ps_ = 0;
   }
@@ -125,7 +125,7 @@ void TagCheck::pass(const TagBlock& block, const Take& out, bool plain) {
   out(block);
 }
 
-// Only time tags, in order. Without branches, because each tag of a run passes here.
+// Returns true for time tags in order only. Without branches, because each tag of a run is tested.
 bool TagCheck::is_plain(const TagBlock& block) const {
   if (block.tags.empty()) return true;
   auto last = last_ps_.value_or(static_cast<std::uint64_t>(block.tags.front().time_ps));
@@ -138,7 +138,7 @@ bool TagCheck::is_plain(const TagBlock& block) const {
   return !odd;
 }
 
-// Number of events that none of the next block may precede.
+// Returns the number of events that no event of the next block can precede.
 std::size_t TagCheck::ready() const {
   std::size_t count = repaired_.size();
   const auto may_be_preceded = [&](const Tag& tag) {
@@ -168,7 +168,7 @@ bool TagCheck::in_order(const TagBlock& block) const {
   return true;
 }
 
-// Puts an event behind the wraps before it.
+// Moves an event after the wraps before it.
 void TagCheck::repair(Tag& tag) {
   const auto time = static_cast<std::uint64_t>(tag.time_ps);
   const auto step = static_cast<std::int64_t>(time - last_ps_.value_or(time));
@@ -244,15 +244,16 @@ void TagCheck::judge_second(HostTime received) {
   judge_overflow(received);
   if (wrapped_ > 0)
     found(wrap, std::exchange(wrapped_, 0),
-          format("restarts of its times at 2^%u ps: they go on in the run", wrap_bits_));
+          format("restarts of the tagger's time at 2^%u ps, continued in the run", wrap_bits_));
   if (sorted_ > 0)
     found(order, std::exchange(sorted_, 0), "events out of order by up to 1 us, sorted");
   judge_starts();
   judge_clicks();
   if (stepped_back_ > 0)
     found(back, std::exchange(stepped_back_, 0),
-          "steps back of its times, by up to " + time_text(static_cast<double>(farthest_back_ps_)) +
-              ": does its time wrap, or did it restart?");
+          "steps back of the tagger's time by up to " +
+              time_text(static_cast<double>(farthest_back_ps_)) +
+              "; check for a wrap or a restart");
   sample_ = {};
   last_start_ps_.reset();
   second_from_ = received;
@@ -277,15 +278,14 @@ void TagCheck::judge_clock(HostTime received) {
   const std::string at = ratio < 1 && near(1 / ratio, slower, 0.03) ? format("1/%.0f of", slower)
                                                                     : format("%.4g times", ratio);
   found(clock, 1,
-        "intervals of 2 s in which its clock runs at " + at +
-            " the host's: are its times in ps? The samples are dated by their receipt");
+        "intervals of 2 s in which the tagger's clock runs at " + at +
+            " the host's; expected times in ps. Samples use the time of receipt");
 }
 
 void TagCheck::judge_overflow(HostTime received) {
   if (!overflow_from_ || overflow_told_ || received - *overflow_from_ < overflow_time) return;
   overflow_told_ = true;
-  found(overflow, 1,
-        "overflows that began and did not end within 3 s: no click counts until the end");
+  found(overflow, 1, "overflows without an end within 3 s; clicks are not counted until the end");
 }
 
 void TagCheck::judge_starts() {
@@ -307,12 +307,13 @@ void TagCheck::judge_starts() {
         static_cast<double>(count_near(shorts, usual_ps, 0.2)) >
             0.8 * static_cast<double>(shorts.size())) {
       found(doubled, shorts.size(),
-            "starts with a second one " + time_text(usual_ps) +
-                " behind them: a reflection on the start line, or its trigger level?");
+            "starts followed by a second one after " + time_text(usual_ps) +
+                "; check for a reflection on the start line, and the trigger level");
       period_ps = static_cast<double>(gaps.back());
     }
   }
-  // Whole numbers of periods, apart from a few: else the starts have none, or too few to tell it.
+  // Nearly all gaps must be whole numbers of periods; otherwise the starts are not periodic, or too
+  // few.
   std::uint64_t lost = 0;
   double whole = 0, next = 0;
   for (const std::uint64_t gap : gaps) {
@@ -331,17 +332,17 @@ void TagCheck::judge_starts() {
               rate_text(1e12 / period_ps));
   period_ps_ = period_ps;
   const double share = static_cast<double>(lost) / (static_cast<double>(lost) + count);
-  // Lost starts lie between others, unlike a change of the rate. Steps back displace starts.
+  // Lost starts are isolated, unlike a change of the rate. Steps back displace starts.
   std::uint64_t changes = 0;
   for (std::size_t i = 1; i < in_time.size(); ++i)
     changes += near(static_cast<double>(in_time[i - 1]), period_ps, 0.1) !=
                near(static_cast<double>(in_time[i]), period_ps, 0.1);
   if (!filtered && share > 0.02 && whole > 0.9 * count && changes >= enough &&
       2 * stepped_back_ < lost)
-    found(missing, lost,
-          format("start pulses are missing, %.0f %% of them (intervals of several periods of ",
-                 100 * share) +
-              time_text(period_ps) + "): is the trigger level right?");
+    found(
+        missing, lost,
+        format("start pulses are missing, %.0f %% (intervals of several periods of ", 100 * share) +
+            time_text(period_ps) + "); check the trigger level");
 }
 
 void TagCheck::judge_clicks() {
@@ -362,7 +363,7 @@ void TagCheck::judge_clicks() {
   if (delay_ps < static_cast<double>(use_.dead_time_ps)) return;
   found(second, sample_.seconds,
         "clicks are followed by a second one after " + time_text(delay_ps) +
-            format(", a second peak %.2f m behind the first: afterpulses or a reflection? "
+            format(", a second peak %.2f m behind the first: afterpulses or a reflection; "
                    "tdc.dead_time_ps removes it",
                    delay_ps / ps_per_m));
 }

@@ -1,18 +1,17 @@
 // SPDX-License-Identifier: MIT
-// Checks a time tagger's stream, and repairs two faults of it. Pure.
-//   wrap         times restart at 2^32 or 2^40 ps: they go on
-//   order        an event is up to 1 us earlier than the one before it: sorted. For this, events of
-//                the last 1 us of a block wait for the next one: in the stream's first second, and
-//                after any disorder
+// Checks a time tagger's stream, and repairs two faults. Pure.
+//   wrap         times restart at 2^32 or 2^40 ps: continued
+//   order        an event is up to 1 us earlier than its predecessor: sorted. Therefore events of
+//   the last 1 us of a block wait for the next block, in the first second and after any disorder
 //   back         other steps back
 //   clock        the device's clock runs at another rate than the host's
 //   overflow     an overflow does not end
-//   missing      intervals between starts of several laser periods, without a conditional filter
+//   missing      gaps of several laser periods between starts, without a conditional filter
 //   doubled      a start is followed by a second one within its period
 //   period       the laser's period changes
-//   steps        a step of the tags that does not divide the bins
+//   steps        the step of the tags does not divide the bin width
 //   second       a click is followed by a second one after a fixed time
-// The last five faults are judged from the first 20,000 events of each second.
+// The last five faults are tested on the first 20,000 events of each second.
 #pragma once
 #include <array>
 #include <cstdint>
@@ -26,22 +25,23 @@
 
 namespace echofuse::acquire {
 
-// Says that tags in steps of `step_ps` make a comb of these bins, and which bins fit; empty if not.
+// Returns a warning that bins are uneven for tags in steps of `step_ps`, with a suitable bin width;
+// empty if they are even.
 std::string comb_text(long double step_ps, std::int64_t bin_width_ps);
 
 class TagCheck {
  public:
   using Report = std::function<void(const std::string&)>;
-  // `live`: reports each fault when it is found, and judges the device's clock. A recording is
-  // dated by its tags.
+  // `live`: reports each fault immediately, and tests the device's clock. For a recording, time is
+  // that of its tags.
   TagCheck(const tdc::HistogramSettings& use, bool live, Report report);
 
   using Take = std::function<void(const TagBlock&)>;
-  // Calls `out` with the events that waited, then with those of the block; times are repaired.
+  // Calls `out` with the waiting events, then with those of the block; times are repaired.
   void take(const TagBlock& block, const Take& out);
-  // Calls `out` with the events that still wait: the stream has ended.
+  // Calls `out` with the remaining events at the end of the stream.
   void flush(const Take& out);
-  // Reports faults that are not reported yet, and the counts of those that went on.
+  // Reports faults not reported yet, and the counts of repeated ones.
   void finish();
 
  private:
@@ -50,10 +50,10 @@ class TagCheck {
     std::uint64_t count = 0, reported = 0;
     std::string cause;
   };
-  struct Sample {  // the current second
+  struct Sample {  // counts of the current second
     std::size_t events = 0;
     std::uint64_t starts = 0, firsts = 0, seconds = 0;
-    std::vector<std::uint64_t> gaps_ps, delays_ps;  // between starts, from first to second click
+    std::vector<std::uint64_t> gaps_ps, delays_ps;  // between starts; from first to second click
     std::uint64_t step_ps = 0;
   };
 
@@ -62,7 +62,7 @@ class TagCheck {
   void repair(Tag& tag);
   void sort();
   std::size_t ready() const;
-  // `plain`: the block has no marker, as is_plain() found.
+  // `plain`: the result of is_plain().
   void pass(const TagBlock& block, const Take& out, bool plain = false);
   void look_at(const Tag& tag, HostTime received);
   void take_marker(const Tag& tag, HostTime received);
@@ -81,7 +81,7 @@ class TagCheck {
   std::vector<Tag> repaired_, held_;
   HostTime held_received_{};
   bool hold_ = true;
-  std::optional<std::uint64_t> last_ps_;  // as the device sent it
+  std::optional<std::uint64_t> last_ps_;  // as sent by the device
   std::uint64_t highest_ps_ = 0, offset_ps_ = 0;
   // Counts of the current second.
   std::uint64_t wrapped_ = 0, stepped_back_ = 0, sorted_ = 0, farthest_back_ps_ = 0;
@@ -98,7 +98,7 @@ class TagCheck {
   unsigned clicks_ = 0;  // since the last start
   Sample sample_;
   double period_ps_ = 0;   // start period; 0: unknown
-  double next_share_ = 0;  // share of starts that the next pulse's follows
+  double next_share_ = 0;  // share of starts followed by the start of the next pulse
 };
 
 }  // namespace echofuse::acquire

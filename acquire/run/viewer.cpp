@@ -26,7 +26,7 @@ Viewer::Viewer(const std::string& run, std::optional<std::int64_t> planned,
   if (started)
     program_ = *started;
   else
-    spdlog::warn("no view: {}", started.failure().text());
+    spdlog::warn("live view not started: {}", started.failure().text());
 }
 
 Viewer::~Viewer() {
@@ -39,7 +39,7 @@ TemporaryFolder::TemporaryFolder() {
   std::error_code none;
   path_ = (fs::temp_directory_path(none) / "echofuse-align-XXXXXX").string();
   if (!::mkdtemp(path_.data()))
-    throw Error(ExitCode::disk, path_ + ": cannot be made: " + std::strerror(errno));
+    throw Error(ExitCode::disk, path_ + ": cannot be created: " + std::strerror(errno));
 }
 
 TemporaryFolder::~TemporaryFolder() {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// echofuse-view beside a run.
+// Starts echofuse-view for a run.
 #pragma once
 #include <sys/types.h>
 
@@ -9,24 +9,23 @@
 
 namespace echofuse::acquire {
 
-// Prints its address by itself. One that cannot be started is a warning: the run counts more.
+// The viewer prints its address. A failed start is only a warning, so that the run continues.
 class Viewer {
  public:
-  // The run file need not be there yet; `planned`: the records that it shall have; `model`: of the
-  // maps to be shown, or empty.
+  // The run file may not exist yet; `planned`: number of records; `model`: for live maps, or empty.
   Viewer(const std::string& run, std::optional<std::int64_t> planned, const std::string& model);
-  ~Viewer();  // ends it, unless it is left
+  ~Viewer();  // ends the viewer unless it was detached
   Viewer(const Viewer&) = delete;
   Viewer& operator=(const Viewer&) = delete;
 
-  // Leaves the page running; the viewer ends by itself when nobody looks at the run any more.
+  // Keeps the page running; the viewer ends when the run is not viewed any more.
   void leave() { program_.reset(); }
 
  private:
   std::optional<pid_t> program_;
 };
 
-// Folder that is removed with everything in it. Throws Error(disk) if it cannot be made.
+// Temporary folder, removed with its contents. Throws Error(disk) if it cannot be created.
 class TemporaryFolder {
  public:
   TemporaryFolder();

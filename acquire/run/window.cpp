@@ -20,7 +20,7 @@ std::string size_of(std::uint32_t width, std::uint32_t height) {
   return std::to_string(width) + " x " + std::to_string(height);
 }
 
-// Returns the part of a device's axis that records keep.
+// Returns the part of a device's axis that is stored in records.
 Axis kept_axis(const Axis& axis) {
   return axis.name == "array" ? record::array_axis(axis, record::antennas_of(axis)) : axis;
 }
@@ -79,7 +79,8 @@ std::vector<Axis> Windows::axes() const {
   return all;
 }
 
-// The open slot of a sample, or nothing if the sample is a stray of this many tags or frames.
+// Returns the open slot of a sample; counts a stray sample of this many tags or frames and returns
+// nullptr.
 Windows::Slot* Windows::find(Sensor sensor, HostTime taken, std::uint64_t amount) {
   const std::int64_t k = grid_.slot_of(taken);
   if (k >= next_) return &open_[k];
@@ -100,7 +101,7 @@ bool Windows::repeated(Sensor sensor, Numbers::Order order) {
 }
 
 void Windows::add(const TagBlock& block) {
-  // Tags are missing: no click refers to a start before them.
+  // Tags are missing, so clicks must not refer to an earlier start.
   if (block.lost_blocks > 0 || block.lost_items > 0) histogram_->forget_start();
   const ClockFit& clock = clocks_[Sensor::spd];
   const Tag* const end = block.tags.data() + block.tags.size();
@@ -122,7 +123,7 @@ void Windows::add(const TagBlock& block) {
   }
 }
 
-// Tags of one slot, the first and the last of which were taken at these times.
+// Tags of one slot; the first and last were taken at these times.
 void Windows::add_part(std::span<const Tag> tags, HostTime from, HostTime to) {
   Slot* slot = find(Sensor::spd, from, tags.size());
   if (!slot) return histogram_->forget_start();
@@ -320,7 +321,7 @@ record::FusedRecord Windows::close(const DueSlot& due) {
                                       depth_fault(slot)};
   for (const Sensor s : all_sensors) {
     std::string& verdict = record.sync[s].verdict;
-    // A short span counts as cut, because the loss is reported by a later sample.
+    // A short span counts as truncated, because the loss is reported by a later sample.
     const bool cut = s == Sensor::spd && span < grid_.length * 9 / 10;
     if (!configured_.contains(s)) {
       verdict = "not configured";

@@ -1,33 +1,34 @@
 // SPDX-License-Identifier: MIT
-// Samples -> one fused record a slot. Pure: no clock, no device, no file.
+// Combines samples into one fused record per slot. Pure: no clock, device or file.
 //
-// Time of a sample: its device's clock, as ClockFit maps it to the host's; its receipt without a
-// sound fit. Never after its receipt.
-// Slot of a sample: the open one whose [start, end) holds that time, whenever it arrives.
-//   early         before slot 0: counted as `early`, used nowhere
-//   outside       after the run's last slot: counted as `outside`, used nowhere
-//   late          its slot was closed already: counted as `late`, and of that slot's record; used
-//                 nowhere, moves nothing
-//   duplicate     a frame with the number and the device time of one of the eight before it:
-//                 counted as `duplicate`, used nowhere
-//   out of order  a frame with a lower number than the one before it: used as any other, counted as
-//                 `out_of_order`; tags: `backwards` of the record
-// A block of tags is cut where its times cross a border, found by bisection: a tag out of order may
-// stay with its neighbours. A marker goes with the event that follows it in its block.
+// Time of a sample: its device time, converted to host time by ClockFit; the time of receipt
+// without a sound fit. Never after its receipt.
+// Slot of a sample: the open slot with [start, end) containing that time, independent of its
+// arrival.
+//   early         before slot 0: counted as `early`, not used
+//   outside       after the run's last slot: counted as `outside`, not used
+//   late          its slot is closed already: counted as `late`, also for that slot's record; not
+//   used
+//   duplicate     a frame with the number and device time of one of the eight previous frames:
+//   counted as `duplicate`, not used
+//   out of order  a frame with a lower number than its predecessor: used normally, counted as
+//   `out_of_order`; tags: counted in `backwards` of the record
+// A block of tags is split where its times cross a border, found by bisection, so an out-of-order
+// tag may stay with its neighbours. A marker stays with the next event of its block.
 // Losses belong to the slot of the sample that reports them or, if that is closed, to the next one.
-// Every tag that arrives is in the counts of exactly one record, or early, late or outside.
+// Every received tag is counted in exactly one record, or as early, late or outside.
 //
-// What a record holds
-//   spd    every click of the slot's tags against the last start before it; a start survives the
-//          border between slots, but no gap in the tags. Valid if there was a start and the tags
-//          span half of the slot (counts are not rates: a short stream cannot be compared). Of a
-//          detector that sends histograms, the sum of those with the middle of their exposure in
-//          the slot, under the same rule.
-//   radar  mean over the frames of linear power, in log2_q8 codes again; a single frame is kept as
-//          it came. Valid with one usable frame.
-//   array  of the same frames, as far as they have a heat map (measurement/radar_array.hpp).
-//          Frames are neighbours if their numbers are.
-//   depth  the frame nearest the slot's centre. Valid with one usable frame.
+// Contents of a record
+//   spd    every click of the slot's tags relative to the last start before it. A start remains
+//   valid across slot borders, but not across gaps in the tags. Valid if there was a start and the
+//   tags span half of the slot (counts are not rates, so a short stream is not comparable). For a
+//   detector that sends histograms: the sum of those with mid-exposure in the slot, under the same
+//   rule.
+//   radar  mean over the frames of linear power, stored as log2_q8 codes; a single frame is stored
+//   unchanged. Valid with one usable frame.
+//   array  statistics of the same frames, if they have a heat map (measurement/radar_array.hpp).
+//   Frames with consecutive numbers are consecutive.
+//   depth  the frame nearest to the slot's centre. Valid with one usable frame.
 #pragma once
 #include <array>
 #include <cstdint>
@@ -54,14 +55,15 @@ struct UnassignedSamples {
 
 class Windows {
  public:
-  // `clocks` outlives this and observes every sample before it is added here.
+  // `clocks` must outlive this, and must observe every sample before it is added here.
   Windows(const SlotGrid& grid, const tdc::HistogramSettings& tdc, const SensorClocks& clocks,
           SensorSet configured, SensorSet required = {});
 
-  // Takes the meaning of a device's samples. The first announcement of an axis holds for the run.
-  // False for a device with another axis or zones: its samples are not used until it fits again.
+  // Sets axes and zones of a device. The first announcement of an axis is valid for the run.
+  // Returns false for a device with another axis or other zones: its samples are not used until
+  // they match again.
   bool announce(const DeviceInfo& info);
-  // The axes known so far.
+  // Returns the axes known so far.
   std::vector<Axis> axes() const;
   const Zones& zones() const { return zones_; }
   void add(const TagBlock& block);
@@ -69,17 +71,20 @@ class Windows {
   void add(const RadarFrame& frame);
   void add(DepthFrame frame);
 
-  // Closes slots in order, each once. Label and UTC are left to the caller.
+  // Closes slots in order, each once. The caller sets label and UTC.
   record::FusedRecord close(const DueSlot& slot);
-  // The run is over: what was gathered for later slots becomes `outside`.
+  // Ends the run: samples of later slots are counted as `outside`.
   void finish();
   const UnassignedSamples& unassigned() const { return unassigned_; }
-  UnassignedSamples take_unassigned() { return std::exchange(unassigned_, {}); }  // since last call
-  // Returns late samples since the last call, of the first 256 slots; unassigned() has all.
+  UnassignedSamples take_unassigned() {
+    return std::exchange(unassigned_, {});
+  }  // since the last
+     // call
+  // Returns late samples since the last call, for the first 256 slots; unassigned() has all.
   record::LateCounts take_late() { return std::exchange(late_, {}); }
 
  private:
-  struct Times {  // when what was used was taken
+  struct Times {  // times at which the samples in use were taken
     HostTime first{}, last{};
     double from_centre_s = 0, weight = 0;
     std::int64_t count = 0;
@@ -87,7 +92,7 @@ class Windows {
     void describe(record::SensorSync& sync) const;
   };
   struct Slot {
-    std::shared_ptr<tdc::Histogram> histogram;  // from its first tags on
+    std::shared_ptr<tdc::Histogram> histogram;  // created with the first tags
     std::vector<std::uint32_t> summed;          // counts of a detector that sends histograms
     TagCounts summed_tags;
     std::uint64_t spd_lost = 0;
@@ -111,7 +116,7 @@ class Windows {
     std::string depth_fault;
   };
 
-  // Numbers of the last frames, which tell a repeated one.
+  // Numbers of the last frames, to detect repeated ones.
   class Numbers {
    public:
     enum class Order { next, repeated, back };
@@ -139,13 +144,13 @@ class Windows {
   const SensorClocks& clocks_;
   SensorSet configured_, required_;
   std::shared_ptr<tdc::Histogram> histogram_;  // slot of the last tags
-  std::optional<HostTime> overflow_from_;      // begin of the current overflow
+  std::optional<HostTime> overflow_from_;      // start of the current overflow
   std::map<std::string, Axis> axes_;           // array, depth_x, depth_y, radar, spd
   Zones zones_;                                // announced with the axis spd
   bool sends_histograms_ = false;
   PerSensor<bool> refused_{};
   std::map<std::int64_t, Slot> open_;
-  std::int64_t next_ = 0;  // first slot that is not closed
+  std::int64_t next_ = 0;  // first open slot
   Numbers radar_numbers_, depth_numbers_;
   UnassignedSamples unassigned_;
   record::LateCounts late_;

@@ -6,8 +6,8 @@
 
 namespace echofuse::bridge {
 namespace {
-// A sender is silent for at most a second; a busy machine may stretch that. A length that lies is
-// noticed by the same time (4 MB/s bring 16 MiB within it).
+// A sender is silent for at most 1 s, plus delays of a busy machine. The limit also bounds the wait
+// for a block with a false length: 16 MiB arrive within it at 4 MB/s.
 constexpr std::chrono::seconds check_pause{1};
 constexpr int timeout_checks = 4;
 
@@ -56,7 +56,7 @@ void BridgeClient::connect() {
                    [this](const Failure& failure) {
                      const bool refused = failure.code == std::errc::connection_refused;
                      fail(failure.text() +
-                          (refused ? "; is its bridge started? " + programs_ : ""));
+                          (refused ? "; is its bridge running? Start " + programs_ : ""));
                    }});
   watch();
 }
@@ -65,7 +65,7 @@ void BridgeClient::watch() {
   timer_.after(check_pause, [this] { check_liveness(); });
 }
 
-// Blocks before a hello are no heartbeat.
+// Blocks before a hello do not count as heartbeat.
 void BridgeClient::check_liveness() {
   const bool alive =
       std::exchange(blocks_seen_, parser_.counts().blocks) != parser_.counts().blocks && greeted_;
@@ -74,26 +74,26 @@ void BridgeClient::check_liveness() {
   const std::uint64_t bytes = parser_.counts().bytes;
   if (bytes - std::exchange(bytes_seen_, bytes) < heartbeats_bytes) parser_.give_back();
   if (quiet_checks_ == timeout_checks)
-    return fail(greeted_      ? "no block came for 4 s"
+    return fail(greeted_      ? "no block received for 4 s"
                 : !connected_ ? "no connection within 4 s"
-                              : "no hello within 4 s: is this an echofuse bridge?");
+                              : "no hello within 4 s; expected an echofuse bridge");
   watch();
 }
 
-// After stop() or a failure the parser may still have blocks in hand: they belong to no one.
+// Ignores blocks that the parser still delivers after stop() or a failure.
 void BridgeClient::on_block(Block block, HostTime received) {
   if (!running_ || !port_) return;
-  // Items that a hello or an early block reports missing count with the next delivered block.
+  // Items reported missing by a hello or an early block are added to the next delivered block.
   lost_blocks_ += block.lost_blocks;
   dropped_items_ += block.dropped_items;
   if (block.kind == BlockKind::bye)
-    return fail("the bridge said goodbye: its device is gone, or it serves another client");
+    return fail("bridge closed the connection: device unplugged, or another client connected");
   if (block.kind == BlockKind::hello) return on_hello(block);
   if (!greeted_) {
     ++lost_blocks_;
     return;
   }
-  // Only now is it well: a bridge that greets and closes at once is retried ever more rarely.
+  // Not earlier: a bridge that closes after its hello is retried at growing intervals.
   backoff_.alive(received);
   block.lost_blocks = std::exchange(lost_blocks_, 0);
   block.dropped_items = std::exchange(dropped_items_, 0);
@@ -106,11 +106,11 @@ void BridgeClient::reject(const Block& block, const char* expected) {
   const auto kind = static_cast<std::size_t>(block.kind);
   if (kind < std::size(kinds) && std::string(kinds[kind]) != expected &&
       !std::exchange(told_kind_, true))
-    handlers_.event(Severity::warning,
-                    std::string("this bridge sends ") + kinds[kind] + ", not " + expected +
-                        (block.kind == BlockKind::histogram
-                             ? ": is \"sends\": \"histograms\" missing in its hello?"
-                             : ": is it the port of the other device?"));
+    handlers_.event(
+        Severity::warning,
+        std::string("this bridge sends ") + kinds[kind] + ", not " + expected +
+            (block.kind == BlockKind::histogram ? "; add \"sends\": \"histograms\" to its hello"
+                                                : "; check the port in its address"));
   ++bad_payloads_;
   lost_blocks_ += block.lost_blocks + 1;
   dropped_items_ += block.dropped_items;
@@ -118,7 +118,8 @@ void BridgeClient::reject(const Block& block, const char* expected) {
 
 void BridgeClient::on_hello(const Block& block) {
   const auto hello = read_hello(block.payload);
-  if (!hello) return fail("its hello is not the JSON it should be");
+  if (!hello)
+    return fail("hello is not valid; expected a JSON object with model, serial and firmware");
   if (std::exchange(greeted_, true)) return;
   hello_ = *hello;
   lost_blocks_ += connections_ > 1;
@@ -126,7 +127,7 @@ void BridgeClient::on_hello(const Block& block) {
   handlers_.state(DeviceState::streaming, hello_);
 }
 
-// Also called from inside the parser and the port: what it destroys is safe to destroy there.
+// May be called from inside the parser and the port; destroying the port there is safe.
 void BridgeClient::fail(const std::string& why) {
   if (!running_) return;
   port_.reset();

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// The connection that both bridge drivers share: connect, hello, blocks; silence, goodbye and
-// errors, a damaged block among them, lead to a new connection after a pause.
+// Connection of all bridge drivers: connects, reads hello and blocks. Reconnects after a pause if
+// the bridge is silent, closes, or sends a damaged block.
 #pragma once
 #include <functional>
 #include <memory>
@@ -19,21 +19,20 @@ namespace echofuse::bridge {
 class BridgeClient {
  public:
   struct Handlers {
-    // connecting, streaming (its hello is known), faulted; each when it changes
+    // called on each change: connecting, streaming (hello received), faulted
     std::function<void(DeviceState, const Hello&)> state;
-    // Every block but hello and bye. Each connection but the first adds one lost block: how many
-    // there were is not known.
+    // Called for every block except hello and bye. Each reconnection adds one lost block, because
+    // the actual number is unknown.
     std::function<void(const Block&, HostTime)> block;
     std::function<void(Severity, const std::string&)> event;
   };
 
-  // `programs`: what a message about a refused connection says to start; may be empty.
+  // `programs`: suggestion for the message about a refused connection; may be empty.
   BridgeClient(port::Loop& loop, port::ByteOpener opener, std::string programs);
   void start(Handlers handlers);
   void stop();
-  // Counts a delivered block of a wrong kind or payload; it is lost for the block after it.
-  // `expected`: the blocks that the driver takes, "tags", "histograms", "depth frames" or "range
-  // profiles".
+  // Reports a delivered block of a wrong kind or payload, and adds it to the losses of the next
+  // block. `expected`: the driver's kind: "tags", "histograms", "depth frames" or "range profiles".
   void reject(const Block& block, const char* expected);
   std::vector<Counter> counters() const;
 
@@ -56,9 +55,9 @@ class BridgeClient {
   std::uint64_t blocks_seen_ = 0, bytes_seen_ = 0;  // at the last check
   int quiet_checks_ = 0;
   bool running_ = false, faulted_ = false, greeted_ = false;
-  bool connected_ = false, told_kind_ = false;  // on this connection
+  bool connected_ = false, told_kind_ = false;  // per connection
   std::uint64_t connections_ = 0, bad_payloads_ = 0;
-  std::uint64_t lost_blocks_ = 0, dropped_items_ = 0;  // not yet handed on
+  std::uint64_t lost_blocks_ = 0, dropped_items_ = 0;  // not yet delivered
   std::unique_ptr<port::BytePort> port_;
 };
 

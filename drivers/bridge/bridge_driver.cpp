@@ -14,7 +14,7 @@ constexpr std::uint32_t longest_gap = 1u << 20;
 
 namespace fs = std::filesystem;
 
-// Returns the path of one of our bridges, installed or in the tree of a build; its name if there is
+// Returns the path of one of our bridges, installed or in the source tree; NAME if it is in
 // neither.
 std::string path_of(const std::string& bridge) {
   std::error_code none;
@@ -31,7 +31,7 @@ std::string path_of(const std::string& bridge) {
 std::string programs_for(Sensor sensor) {
   if (sensor == Sensor::spd) return path_of("timetagger");
   if (sensor == Sensor::depth) return path_of("orbbec") + " or " + path_of("realsense");
-  return "your own, as " + path_of("example");
+  return "your own, like " + path_of("example");
 }
 
 }  // namespace
@@ -60,7 +60,7 @@ void BridgeDriver::on_state(DeviceState state, const Hello& hello) {
     info_.model = hello.model;
     info_.serial = hello.serial;
     info_.firmware = hello.firmware;
-    info_.axes.clear();  // the first frame brings them
+    info_.axes.clear();  // set by the first frame
     if (info_.sensor != Sensor::spd || histograms_) return;
   }
   sink_->on_state(info_.sensor, state, info_);

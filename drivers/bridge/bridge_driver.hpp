@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
-// Base of the drivers behind the bridge protocol. The axes come with the frames: a device is
-// `streaming` from its first frame on, and again when its axes change. A tagger, which has none,
-// is `streaming` from its hello on.
+// Base of the drivers behind the bridge protocol. Axes arrive with the frames: a device is
+// `streaming` from its first frame, and again after a change of its axes. A tagger has no axes and
+// is `streaming` after its hello.
 #pragma once
 #include <optional>
 #include <string>
@@ -21,14 +21,15 @@ class BridgeDriver : public Driver {
   BridgeDriver(Sensor sensor, port::Loop& loop, std::string address, port::ByteOpener opener);
   virtual void on_block(const Block& block, HostTime received) = 0;
   void announce(std::vector<Axis> axes, const Zones& zones = {});
-  // Returns the frames missing before this one by the device's own numbers, which also count what
-  // it lost before the bridge and without one; by the bridge's where they make no sense.
+  // Returns the frames missing before this one according to the device's numbers, which include
+  // losses before the bridge and between connections; implausible numbers are replaced by the
+  // bridge's.
   std::uint32_t lost_before(std::uint32_t number, const Block& block);
 
   BridgeClient client_;
   SampleSink* sink_ = nullptr;
-  bool histograms_ = false;  // the hello of a detector announces them
-  Zones stated_zones_;       // in the hello
+  bool histograms_ = false;  // announced in a detector's hello
+  Zones stated_zones_;       // stated in the hello
   std::uint64_t items_ = 0, lost_ = 0;
 
  private:

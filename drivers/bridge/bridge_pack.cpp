@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// C functions of a shared library, which scripts/bridges/pack.py loads to pack tags as fast as a
-// time tagger makes them. Without state and errors: any bytes are tags.
+// C functions of a shared library. scripts/bridges/pack.py loads it, because a time tagger delivers
+// tags faster than Python packs them. Stateless, without errors: any bytes are valid tags.
 #include <cstddef>
 #include <cstdint>
 
@@ -11,7 +11,7 @@ using namespace echofuse;
 
 namespace {
 
-// Moves the tags of these channels, and the markers of all, to the front; returns their number.
+// Moves the tags of these channels and all markers to the front; returns their number.
 std::size_t keep(std::uint8_t* tags, std::size_t count, std::int32_t start, std::int32_t click) {
   std::size_t kept = 0;
   for (std::size_t i = 0; i < count; ++i) {
@@ -29,22 +29,22 @@ std::size_t keep(std::uint8_t* tags, std::size_t count, std::int32_t start, std:
 #pragma GCC visibility push(default)
 extern "C" {
 
-// Version of these functions; callers refuse another.
+// Version of these functions; callers check for equality.
 std::uint32_t echofuse_bridge_pack_version() { return 3; }
 
 struct EchofusePacked {
-  std::uint32_t kept, starts, overflows;  // tags packed, of the start channel, overflow begins
+  std::uint32_t kept, starts, overflows;  // counts: packed tags, start tags, overflow begins
 };
 
-// Copies the tags (drivers/core/sample.hpp) of two channels, and errors and overflows of any, with
-// a reserved byte of 0. `to` has room for all of them, and does not overlap `from`.
+// Copies the tags (drivers/core/sample.hpp) of two channels, and errors and overflows of any
+// channel, with reserved byte 0. `to` must have room for all tags and not overlap `from`.
 void echofuse_pack_tags(const std::uint8_t* from, std::uint8_t* to, std::uint32_t count,
                         std::int32_t start_channel, std::int32_t click_channel,
                         EchofusePacked* packed) {
   using Words [[gnu::vector_size(sizeof(Tag))]] = std::int32_t;
   const Words click{0, click_channel, 0, 0};
   const Words sought{static_cast<std::int32_t>(TagType::overflow_begin), start_channel};
-  // Masks of a tag's four words: the first has type and reserved byte, the second is the channel.
+  // Masks of a tag's four words: the first has type and reserved byte, the second the channel.
   Words found{}, clicks{};
   for (std::size_t i = 0; i < count; ++i) {
     Words tag;
@@ -62,7 +62,7 @@ void echofuse_pack_tags(const std::uint8_t* from, std::uint8_t* to, std::uint32_
   packed->overflows = static_cast<std::uint32_t>(found[0]);
 }
 
-// CRC-32C of bytes that follow those with this CRC (0: of none).
+// Continues the CRC-32C of earlier bytes (0: none).
 std::uint32_t echofuse_crc32c(const std::uint8_t* bytes, std::size_t count, std::uint32_t crc) {
   return crc32c({bytes, count}, crc);
 }

@@ -75,23 +75,24 @@ Step BlockParser::next(ByteView bytes, const OnBlock& on_block) {
   const auto [end, differs] = std::mismatch(magic.begin(), magic.end(), bytes.begin(), bytes.end());
   if (end != magic.end() && differs != bytes.end()) {
     ++counts_.bad_headers;
-    return refuse("it sent bytes that begin no block: is it an echofuse bridge?",
+    return refuse("bytes are not a block; expected an echofuse bridge",
                   static_cast<std::size_t>(differs - bytes.begin()) + 1);
   }
-  // Byte by byte until the magic is whole: a wrong one is told wherever the stream is cut.
+  // Checked byte by byte until the magic is complete, so that a wrong one is reported at any split
+  // of the stream.
   if (bytes.size() < magic.size()) return {0, bytes.size() + 1};
   if (bytes.size() < header_bytes) return {0, header_bytes};
   const Header header = read_header(bytes);
   if (!header.plausible()) {
     ++counts_.bad_headers;
-    return refuse("it sent a block whose header is damaged or of another version", header_bytes);
+    return refuse("block header is damaged or of another version", header_bytes);
   }
   const std::size_t size = header_bytes + header.payload_bytes;
   if (bytes.size() < size) return {0, size};
   const ByteView payload = bytes.subspan(header_bytes, header.payload_bytes);
   if (crc32c(payload, crc32c(bytes.first(header_bytes - 4))) != header.crc) {
     ++counts_.bad_crcs;
-    return refuse("it sent a block whose checksum is wrong", size);
+    return refuse("block has a wrong checksum", size);
   }
   counts_.bytes += size;
   ++counts_.blocks;
@@ -114,7 +115,7 @@ void BlockParser::discard(std::size_t bytes) {
   counts_.junk_bytes += bytes;
 }
 
-// Number of blocks lost before this one; unknown if the number goes back.
+// Number of blocks lost before this one; unknown if the sequence number decreases.
 std::uint64_t BlockParser::missing_before(std::uint32_t sequence) {
   const std::uint32_t ahead = sequence - expected_;
   expected_ = sequence + 1;
@@ -184,7 +185,7 @@ std::optional<ProfilePayload> read_profile(ByteView payload) {
   RadarFrame& frame = out.frame;
   const auto bins = in.get<std::uint32_t>();
   frame.frame_number = in.get<std::uint32_t>();
-  // In the cycles of TI's counter, which wraps.
+  // In cycles of TI's counter, which wraps.
   frame.time_cpu_cycles = static_cast<std::uint32_t>(200 * in.get<std::uint64_t>());
   const auto start_m = in.get<float>(), step_m = in.get<float>();
   constexpr float farthest_m = 1e4F, least_step_m = 1e-6F;

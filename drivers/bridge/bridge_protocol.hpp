@@ -59,37 +59,37 @@ enum class BlockKind : std::uint16_t { hello, tags, depth, bye, histogram, range
 struct Block {
   BlockKind kind{};
   std::uint32_t sequence = 0;
-  std::uint64_t dropped_items = 0;  // by the sender, before this block
-  std::uint64_t lost_blocks = 0;    // missing in the sequence before this block
+  std::uint64_t dropped_items = 0;  // dropped by the sender before this block
+  std::uint64_t lost_blocks = 0;    // missing sequence numbers before this block
   ByteView payload;                 // valid only during the call
 };
 
-// bytes == those of the blocks + junk_bytes. What waits for the rest of its block, and what comes
-// behind the damage that broke a connection, is not in them.
+// bytes == bytes of blocks + junk_bytes. Excludes an incomplete block, and bytes after the damage
+// that ended a connection.
 struct BlockCounts {
   std::uint64_t bytes = 0, blocks = 0;
-  std::uint64_t junk_bytes = 0;   // bytes of damaged or unfinished blocks
-  std::uint64_t bad_headers = 0;  // no magic, another version, or what cannot be
+  std::uint64_t junk_bytes = 0;   // bytes of damaged or incomplete blocks
+  std::uint64_t bad_headers = 0;  // wrong magic, another version, or implausible
   std::uint64_t bad_crcs = 0;
-  std::uint64_t gaps = 0;         // places where blocks are missing
-  std::uint64_t lost_blocks = 0;  // how many are
+  std::uint64_t gaps = 0;         // gaps in the sequence numbers
+  std::uint64_t lost_blocks = 0;  // total of missing blocks
 };
 
 std::vector<Counter> counters_of(const BlockCounts& counts);
 
-// Bytes -> sound blocks, up to the first that is not sound. The connection neither loses nor
-// reorders bytes: a damaged block says that its sender is broken, and where the next block
-// begins is not known.
+// Parses bytes into blocks, up to the first invalid one. A connection neither loses nor reorders
+// bytes. So a damaged block indicates a faulty sender, and the start of the next block is unknown.
 class BlockParser {
  public:
   using OnBlock = std::function<void(const Block&)>;
 
   void feed(ByteView bytes, const OnBlock& on_block);
-  // Fault of the stream, or null while it is sound. Bytes fed after a fault are not read.
+  // Returns the fault of the stream, or null. Ignores bytes after a fault.
   const char* broken() const { return broken_; }
-  // A new connection: what waits is junk, and the sequence starts at 0. Not from inside on_block.
+  // Starts a connection: an incomplete block becomes junk, and the sequence starts at 0. Do not
+  // call from on_block.
   void reset();
-  // Gives back the memory of the largest block so far, after a pause; it is kept for the next one.
+  // Frees the memory of the largest block so far, which is otherwise kept for the next one.
   void give_back() { buffer_.give_back(); }
   std::size_t kept_bytes() const { return buffer_.kept_bytes(); }
   const BlockCounts& counts() const { return counts_; }
@@ -100,7 +100,7 @@ class BlockParser {
   void discard(std::size_t bytes);
   std::uint64_t missing_before(std::uint32_t sequence);
 
-  FrameBuffer buffer_{2 * (header_bytes + max_payload_bytes)};  // a vector doubles
+  FrameBuffer buffer_{2 * (header_bytes + max_payload_bytes)};  // a vector's capacity doubles
   const char* broken_ = nullptr;
   BlockCounts counts_;
   std::uint32_t expected_ = 0;
@@ -108,39 +108,39 @@ class BlockParser {
 
 struct Hello {
   std::string model, serial, firmware;
-  std::string sends;  // "histograms" of a detector, otherwise it sends tags
+  std::string sends;  // "histograms"; empty: tags
   Zones zones;        // empty: not stated
 };
-// No value: not JSON, not an object, a known key of another type, a zone that is not plausible,
+// Returns nothing for: not JSON, not an object, a known key of another type, an implausible zone,
 // more than 64 KiB, 64 zones, 1024 values or 8 levels.
 std::optional<Hello> read_hello(ByteView payload);
 
-// The tags in place where the payload is aligned for them, else copied into `scratch`. No value:
-// not a whole number of tags.
+// Returns the tags in place if the payload is aligned, otherwise a copy in `scratch`. Returns
+// nothing if a tag is incomplete.
 std::optional<std::span<const Tag>> read_tags(ByteView payload, std::vector<Tag>& scratch);
 
 struct DepthPayload {
   DepthFrame frame;  // without receive time and lost_before
   Axis x, y;
 };
-// No value: the size does not fit, a side is not 1 to 8192 pixels, or a tangent is above 100, a
-// step below 1e-6 or not finite.
+// Returns nothing if the size does not match, a side is not 1 to 8192 pixels, a tangent exceeds
+// 100, or a step is below 1e-6 or not finite.
 std::optional<DepthPayload> read_depth(ByteView payload);
 
 struct HistogramPayload {
   HistogramFrame frame;  // without receive time and losses
   Axis axis;             // name "spd", quantity "counts", unit "ps"
 };
-// No value: the size does not fit, not 1 to 64 zones, no exposure, a start beyond 1e12 ps, or bins
-// that are not .001 to 1e9 ps wide.
+// Returns nothing for: a wrong size, not 1 to 64 zones, no exposure, a start beyond 1e12 ps, or
+// bins not .001 to 1e9 ps wide.
 std::optional<HistogramPayload> read_histogram(ByteView payload);
 
 struct ProfilePayload {
-  RadarFrame frame;  // with its power, without receive time and lost_before
+  RadarFrame frame;  // includes `power`; without receive time and lost_before
   Axis axis;         // name "radar", quantity "power", unit "m"
 };
-// No value: the size does not fit, fewer than 4 bins, a power below 0 or not finite, a range beyond
-// 10 km, or a step below 1 um.
+// Returns nothing for: a wrong size, fewer than 4 bins, a power below 0 or not finite, a range
+// beyond 10 km, or a step below 1 um.
 std::optional<ProfilePayload> read_profile(ByteView payload);
 
 }  // namespace echofuse::bridge

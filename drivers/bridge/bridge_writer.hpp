@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// The other direction of bridge_protocol.hpp, for what a run keeps of a camera that sends no bytes.
+// Writes blocks of bridge_protocol.hpp, for raw capture of a camera without a byte stream.
 #pragma once
 #include <cstdint>
 
@@ -8,11 +8,11 @@
 
 namespace echofuse::bridge {
 
-// Header and payload.
+// Returns header and payload.
 Bytes make_block(BlockKind kind, std::uint32_t sequence, std::uint64_t dropped_items,
                  ByteView payload);
 Bytes hello_payload(const DeviceInfo& info);
-// With axes of the frame's width and height.
+// Axes must have the frame's width and height.
 Bytes depth_payload(const DepthFrame& frame, const Axis& x, const Axis& y);
 
 }  // namespace echofuse::bridge

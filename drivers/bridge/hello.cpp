@@ -12,7 +12,8 @@ namespace {
 constexpr int deepest = 8;
 constexpr int most_values = 1024;
 
-// Keeps four texts, the zones and no tree: what else a hello holds costs nothing but its own bytes.
+// SAX handler that keeps only the known texts and zones, so that memory does not grow with other
+// content.
 class HelloReader final : public nlohmann::json_sax<nlohmann::json> {
  public:
   Hello hello;
@@ -34,7 +35,7 @@ class HelloReader final : public nlohmann::json_sax<nlohmann::json> {
     text_ = nullptr;
     return true;
   }
-  // The outermost value is an object.
+  // The top-level value must be an object.
   bool start_object(std::size_t) override {
     const bool zone = is_in_list() && hello.zones.size() < most_zones && count();
     if (zone) hello.zones.emplace_back();
@@ -77,7 +78,7 @@ class HelloReader final : public nlohmann::json_sax<nlohmann::json> {
     *std::exchange(number_, nullptr) = value;
     return count();
   }
-  // Neither text, nor number, nor zone: false where one is expected.
+  // Handles a value that is neither text, number nor zone: returns false if one is expected.
   bool other() { return !text_ && !number_ && !wants_zones_ && !is_in_list() && count(); }
   bool leave() {
     --depth_;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Reproducible random streams: the same (seed, stream) gives the same numbers on any thread,
-// whatever was drawn before.
+// Reproducible random streams: equal (seed, stream) give equal numbers on any thread, independent
+// of earlier draws.
 #pragma once
 #include <cstdint>
 #include <random>

@@ -8,7 +8,7 @@
 namespace echofuse::depth {
 namespace {
 
-constexpr std::uint16_t invalid_mm = 65535;  // some cameras mark pixels without a return so
+constexpr std::uint16_t invalid_mm = 65535;  // marks pixels without a return in some cameras
 
 }  // namespace
 

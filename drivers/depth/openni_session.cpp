@@ -67,7 +67,7 @@ std::string several_cameras() {
     if (std::filesystem::is_regular_file(uri, none)) continue;  // a recording that was opened
     list += (count++ > 0 ? ", openni:" : "openni:") + uri;
   }
-  return count > 1 ? "the address matches several cameras; use one of " + list : "";
+  return count > 1 ? "the address matches several cameras; expected one of " + list : "";
 }
 
 // Pixel i of `count` is at tangent (i - (count - 1) / 2) * step.

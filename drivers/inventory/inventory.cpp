@@ -18,7 +18,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// USB devices of the kernel under /sys/bus/usb/devices, read without a library.
+// Reads the kernel's USB devices under /sys/bus/usb/devices, without a library.
 struct UsbInterface {
   unsigned number = 0, device_class = 0, subclass = 0, protocol = 0;
   std::vector<std::string> nodes;  // names below /dev: "ttyACM0", "hidraw3"
@@ -32,7 +32,7 @@ struct UsbDevice {
   std::vector<UsbInterface> interfaces;  // by number
 };
 
-constexpr int deepest_node = 5;  // 1-2:1.0/0003:10C4:EA80.0001/hidraw/hidraw0, and some reserve
+constexpr int deepest_node = 5;  // 1-2:1.0/0003:10C4:EA80.0001/hidraw/hidraw0, with a margin
 
 // Returns the first line of an attribute; empty if it cannot be read.
 std::string text_of(const fs::path& file) {
@@ -209,8 +209,7 @@ Node node_of(const std::string& path, const std::string& key = {},
 }
 
 Node no_node(const std::string& key, const std::string& address, const char* driver) {
-  return {"", key, address,
-          std::string("no device node: is its kernel driver ") + driver + " loaded?"};
+  return {"", key, address, std::string("no device node; load the kernel driver ") + driver};
 }
 
 std::string by_serial(const char* scheme, const UsbDevice& d) {

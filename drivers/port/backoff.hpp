@@ -9,8 +9,8 @@
 namespace echofuse::port {
 
 // Retry policy of all drivers: the pause before the next attempt, and whether to report a failure.
-// Pauses grow from 100 ms to 2 s by doubling and are reset only after 5 s without failure. A device
-// that answers once and fails is therefore retried ever more rarely.
+// Pauses grow from 100 ms to 2 s by doubling and are reset only after 5 s without failure. So a
+// device that answers once and fails is retried at growing intervals.
 class Backoff {
  public:
   using Time = std::chrono::nanoseconds;

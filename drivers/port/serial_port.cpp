@@ -74,7 +74,7 @@ class SerialPort final : public StreamPort<serial_port> {
   void open(PortHandlers handlers) override {
     link_->handlers = std::move(handlers);
     const error_code error = set_up(link_->stream, path_, baud_);
-    // Only the baud rate, of all our settings, can be unsupported.
+    // Only the baud rate may be unsupported; other settings always succeed.
     const bool unknown_rate = error == boost::asio::error::invalid_argument;
     const bool taken = error == boost::system::errc::device_or_resource_busy;
     const bool denied = error == boost::system::errc::permission_denied;

@@ -81,7 +81,7 @@ std::string readable(std::string text) {
     return text.substr(0, at) + ": expected a positive number";
   if (at != text.npos)
     text = std::regex_replace(text, std::regex(R"((\.\d*[1-9])0+\b|\.0+\b)"), "$1");
-  // A value that is no number is reported as out of range, too.
+  // CLI11 reports a value that is not a number as out of range, too.
   text = std::regex_replace(
       text, std::regex(R"(Value (-?[\d.]+)([A-Za-z]+) not in range (\S+) to (\S+)$)"),
       "$1$2: expected a number from $3 to $4, without a unit");
@@ -116,7 +116,7 @@ class Readable final : public CLI::Formatter {
     for (const auto& [was, now] : plain) text = std::regex_replace(text, std::regex(was), now);
     text = text.substr(0, std::min(text.find(" Needs:"), text.find(" Excludes:")));
     if (option->get_positional() && std::isupper(option->get_name(true).front()) != 0)
-      text.erase(0, text.find(' ', 1));  // drop CLI11's type text
+      text.erase(0, text.find(' ', 1));  // drop CLI11's type name
     return text;
   }
   std::string make_option_desc(const CLI::Option* option) const override {
@@ -132,6 +132,8 @@ class Readable final : public CLI::Formatter {
 void set_up(CLI::App& app, const std::shared_ptr<CLI::FormatterBase>& formatter,
             const std::string& above = {}, const std::string& path = {}) {
   app.formatter(formatter);
+  if (app.get_help_ptr()) app.get_help_ptr()->description("print this help");
+  if (app.get_version_ptr()) app.get_version_ptr()->description("print version and commit");
   const auto below = app.get_subcommands({});
   if (!below.empty()) app.footer("exit codes:  COMMAND --help lists them");
   if (below.empty() && !above.empty())

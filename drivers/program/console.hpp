@@ -24,7 +24,7 @@ bool stderr_is_journal();
 void catch_interrupts();
 bool interrupted();
 
-// Breaks lines at spaces to at most `columns`. Continuation lines are indented to the text behind
+// Breaks lines at spaces to at most `columns`. Continuation lines are indented to the text after
 // the first gap of two spaces.
 std::string wrapped(const std::string& lines, std::size_t columns);
 // Returns the width of the terminal at stdout, or $COLUMNS; 0 if neither is known.
@@ -34,8 +34,8 @@ void print(const std::string& lines);
 
 // Returns the width of the terminal at stderr; 80 if unknown.
 std::size_t columns_of_terminal();
-// Returns a line of at most `columns` with a bar of `share` and `text` behind it. A narrow terminal
-// gets only `counts`, or no bar.
+// Returns a line of at most `columns` with a bar of `share`, then `text`. A narrow terminal gets
+// only `counts`, or no bar.
 std::string progress_line(const std::string& title, double share, const std::string& counts,
                           const std::string& text, std::size_t columns);
 
@@ -46,7 +46,7 @@ class Progress {
   ~Progress();
   Progress(const Progress&) = delete;
   Progress& operator=(const Progress&) = delete;
-  // `note` is shown behind the bar ("loss 0.123").
+  // `note` is shown after the bar ("loss 0.123").
   void update(std::size_t done, const std::string& note = {});
 
  private:

@@ -32,9 +32,9 @@ std::filesystem::path here_or_installed(const std::filesystem::path& name,
 std::string login_name();
 // Returns the number of cores available to this program (taskset, cpusets); at least 1.
 unsigned usable_cores();
-// How this user gets access to a device node: by the node's group, or else by our udev rules.
+// Returns how this user can get access to a device node: by the node's group, or by our udev rules.
 std::string permission_hint(const std::string& node);
-// Host name.
+// Returns the host name.
 std::string machine_name();
 // Returns the path of our program in the folder of this one, otherwise NAME for a search in PATH.
 std::string program_beside(const std::string& name);

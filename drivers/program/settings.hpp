@@ -59,7 +59,7 @@ class Settings {
   // Returns all values as TOML that read_text accepts, optionally with each key's meaning and range
   // as a comment.
   std::string resolved(bool with_docs = false) const;
-  // Like resolved() with docs, and with the origin behind each value.
+  // Like resolved() with docs, and with the origin after each value.
   std::string with_origins() const;
   // Returns a JSON object: {KEY: {"value", "help", "min" and "max" of a number, "allowed" of an
   // enumeration}, ...}.

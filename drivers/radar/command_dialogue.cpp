@@ -91,10 +91,12 @@ void CommandDialogue::tick(HostTime now) {
   } else if (state_ == State::draining && tries_ < max_tries) {
     send_bare_line(now);
   } else if (state_ == State::draining) {
-    fail(heard_ ? "no prompt, but other bytes: is this the command port, is the board's jumper set "
-                  "for flashing?"
-                : "no prompt: is this the radar's command port, is it powered, has its "
-                  "firmware stopped (reset the board)?");
+    fail(heard_ ? "no prompt, but other bytes received; check that this is the command port and "
+                  "that the "
+                  "board's jumper is not set for flashing"
+                : "no prompt; check that this is the radar's command port and that the board is "
+                  "powered, or "
+                  "reset the board");
   } else {
     if (!trimmed(line_).empty()) answer_.push_back(trimmed(line_));
     std::string said;

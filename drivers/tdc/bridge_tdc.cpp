@@ -28,8 +28,8 @@ void BridgeTdc::on_histogram(const bridge::Block& block, HostTime received) {
   if (!stated_zones_.empty() && stated_zones_.size() != frame.zones) {
     if (!std::exchange(told_zones_, true))
       sink_->on_event(Sensor::spd, Severity::error,
-                      "its histograms have " + std::to_string(frame.zones) +
-                          " zones, its hello states " + std::to_string(stated_zones_.size()));
+                      "histograms have " + std::to_string(frame.zones) +
+                          " zones; the hello states " + std::to_string(stated_zones_.size()));
     return client_.reject(block, "histograms");
   }
   const bool unknown = stated_zones_.empty() && frame.zones > 1;

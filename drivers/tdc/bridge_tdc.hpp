@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// A detector behind the bridge protocol, over TCP or USB: its hello says whether it sends tags or
+// Detector behind the bridge protocol, over TCP or USB. Its hello states whether it sends tags or
 // histograms.
 #pragma once
 #include <string>

@@ -13,26 +13,26 @@
 namespace echofuse::tdc {
 namespace {
 
-// Cells behind the axis. out_of_range is the first: the bin of a distance of exactly `bins` bins.
+// Extra cells after the axis. out_of_range comes first, because its index equals the bin at a
+// distance of exactly `bins` bins.
 enum Cell : std::uint32_t { out_of_range, without_start, start, other, cells };
 
 constexpr std::uint32_t max_bins = 1u << 24;
 
-// Up to here (distance + 0.5) / width in double never rounds across a bin border.
+// Largest range for which (distance + 0.5) / width in double never rounds across a bin border.
 constexpr std::uint64_t max_range_ps = 1ull << 50;
 
 void check(const HistogramSettings& s) {
   const auto refuse = [](const std::string& text) { throw Error(ExitCode::config, text); };
-  if (s.bins == 0 || s.bins > max_bins) refuse("the histogram must have 1 to 2^24 bins");
-  if (s.bin_width_ps < 1) refuse("the histogram's bin width must be at least 1 ps");
+  if (s.bins == 0 || s.bins > max_bins) refuse("histogram bins: expected 1 to 2^24");
+  if (s.bin_width_ps < 1) refuse("bin width: expected at least 1 ps");
   if (s.start_channel == s.click_channel)
-    refuse("start and click are both channel " + std::to_string(s.start_channel));
+    refuse("start and click have the same channel " + std::to_string(s.start_channel));
   if (static_cast<std::uint64_t>(s.bin_width_ps) > max_range_ps / s.bins)
-    refuse("the histogram is longer than 2^50 ps");
+    refuse("histogram range: expected at most 2^50 ps");
   constexpr std::int64_t max_delay_ps = 1'000'000'000;
-  if (std::abs(s.click_delay_ps) > max_delay_ps) refuse("the delay is longer than 1 ms");
-  if (s.dead_time_ps < 0 || s.dead_time_ps > max_delay_ps)
-    refuse("the dead time must be from 0 to 1 ms");
+  if (std::abs(s.click_delay_ps) > max_delay_ps) refuse("delay: expected at most 1 ms");
+  if (s.dead_time_ps < 0 || s.dead_time_ps > max_delay_ps) refuse("dead time: expected 0 to 1 ms");
 }
 
 }  // namespace
@@ -78,7 +78,8 @@ void Histogram::count(std::span<const Tag> tags) {
   while (!tags.empty()) {
     const std::size_t taken =
         has_start_ ? count_groups(tags.data(), tags.size(), click_bins_, run_, bins_.data()) : 0;
-    // A marker costs its group. Where groups are never taken, not even that they are asked for.
+    // A marker costs the fast path its group. The doubled step avoids calling it where it never
+    // succeeds.
     step = taken > 0 ? max_group : 2 * step;
     const auto few = tags.subspan(taken, std::min(step, tags.size() - taken));
     count_singly(few);
@@ -87,8 +88,8 @@ void Histogram::count(std::span<const Tag> tags) {
   settle(all);
 }
 
-// Every time tag increments exactly one cell, chosen by selects instead of branches: whether a tag
-// is a start or a click is what the branch predictor cannot learn.
+// Every time tag increments exactly one cell, selected without branches, because the sequence of
+// starts and clicks is unpredictable for the processor.
 void Histogram::count_singly(std::span<const Tag> tags) {
   const std::uint32_t bins = settings_.bins;
   const ClickBins click_bins = click_bins_;
@@ -96,7 +97,7 @@ void Histogram::count_singly(std::span<const Tag> tags) {
   TagRun run = run_;
   bool has_start = has_start_, serves = !in_overflow_;
   for (const Tag& tag : tags) {
-    // Type and reserved byte in one compare: validity costs a well-formed stream nothing.
+    // Tests type and reserved byte in one comparison, so that valid streams lose no time.
     std::uint16_t head;
     std::memcpy(&head, &tag, sizeof head);
     if (head != 0) [[unlikely]] {
@@ -114,7 +115,7 @@ void Histogram::count_singly(std::span<const Tag> tags) {
     index = has_start ? index : bins + without_start;
     index = tag.channel == click_bins.click_channel ? index : bins + other;
     index = is_start ? bins + start : index;
-    // In arithmetic: GCC 12 makes a branch of a ?: here.
+    // Arithmetic instead of ?:, which GCC 12 compiles to a branch.
     run.last_start_ps ^= (run.last_start_ps ^ time) & -std::uint64_t{is_start};
     has_start |= is_start & serves;
     ++cell[index];
@@ -139,7 +140,7 @@ void Histogram::add_marker(const Tag& tag) {
   has_start_ = false;
 }
 
-// The sums and the 32-bit cells behind the axis go into the totals after each block.
+// Moves the sums and the 32-bit extra cells to the totals after each block.
 void Histogram::settle(std::size_t tags) {
   const auto take_cell = [this](Cell c) {
     return std::exchange(bins_[std::size_t{settings_.bins} + c], 0u);
@@ -202,7 +203,8 @@ void StartGaps::add(std::span<const Tag> tags) {
     if (gaps_ps_.size() == enough) return;
     if (!tag.is_time_tag()) has_last_ = false;
     if (!tag.is_time_tag() || tag.channel != channel_) continue;
-    const auto time = static_cast<std::uint64_t>(tag.time_ps);  // its differences may wrap
+    const auto time = static_cast<std::uint64_t>(tag.time_ps);  // unsigned, because differences may
+                                                                // wrap
     const auto gap = static_cast<std::int64_t>(time - last_ps_);
     if (has_last_ && gap > 0) gaps_ps_.push_back(gap);
     last_ps_ = time;
@@ -214,7 +216,7 @@ std::optional<double> StartGaps::share() const {
   constexpr std::int64_t enough = 20;
   if (gaps_ps_.empty()) return std::nullopt;
   auto gaps = gaps_ps_;
-  // The laser's period, whatever a few damaged times say.
+  // The laser's period; a low percentile tolerates a few damaged times.
   const auto shortest = gaps.begin() + static_cast<std::ptrdiff_t>(gaps.size() / 200);
   std::nth_element(gaps.begin(), shortest, gaps.end());
   const std::int64_t period_ps = *shortest;

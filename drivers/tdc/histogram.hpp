@@ -26,22 +26,24 @@
 
 namespace echofuse::tdc {
 
-// How many of the laser's pulses a time tagger passes on. A conditional filter keeps the starts
-// that have no click in the device, so clicks a start say nothing of how bright the light is; the
-// gaps between starts do. Pure.
+// Estimates the share of laser pulses that a time tagger transfers. A conditional filter drops
+// starts without a click in the device. Clicks per start then do not indicate the light level, but
+// the gaps between starts do. Pure.
 class StartGaps {
  public:
   explicit StartGaps(std::int32_t start_channel) : channel_(start_channel) {}
 
-  // The first 100,000 gaps are looked at.
+  // Uses the first 100,000 gaps.
   void add(std::span<const Tag> tags);
-  // Tags are missing in between.
+  // Call when tags are missing.
   void forget_start() { has_last_ = false; }
-  // Share of the pulses whose start arrives: of the starts, those that the laser's next pulse
-  // follows. 1 without a filter; with one, the chance of a click, as no pulse knows of another.
-  // Below 0.5 % it is too high, but stays near 1 %. None if fewer than 20 starts are followed so.
+  // Returns the share of pulses with a transferred start: of all starts, those followed by the
+  // start of the next pulse. Without a filter it is 1. With a filter it is the probability of a
+  // click, because pulses are independent. Below 0.5 % the estimate is too high, near 1 %. Returns
+  // nothing if fewer than 20 starts are followed in this way.
   std::optional<double> share() const;
-  // Clicks a laser pulse, of so many clicks and starts that came; none if the share is not known.
+  // Returns clicks per laser pulse from the counts of clicks and transferred starts; nothing if the
+  // share is unknown.
   std::optional<double> clicks_a_pulse(std::uint64_t clicks, std::uint64_t starts) const;
 
  private:
@@ -58,37 +60,37 @@ struct HistogramSettings {
   std::int64_t bin_width_ps = 100;
   std::int64_t first_bin_ps = 13343;  // start of bin 0; may be negative (cable delays)
   std::uint32_t bins = 336;
-  // For taggers that do neither by themselves (tag_filter.hpp).
+  // for taggers without these functions (tag_filter.hpp)
   std::int64_t click_delay_ps = 0, dead_time_ps = 0;
 };
 
 class Histogram {
  public:
-  // Throws Error(config): no bins (or above 2^24), a bin width below 1 ps, start and click channel
-  // alike, or an axis longer than 2^50 ps.
-  // A dead time below 0, or a delay of more than 1 ms.
+  // Throws Error(config): no bins or more than 2^24, a bin width below 1 ps, equal start and click
+  // channels, an axis longer than 2^50 ps, a dead time outside 0 to 1 ms, or a delay of more than 1
+  // ms.
   explicit Histogram(const HistogramSettings& settings);
 
   void add(std::span<const Tag> tags);
-  // Counts what waits for its order among delayed tags.
+  // Counts delayed tags that wait for their order.
   void flush();
-  // Tags were lost in between (a gap in the transport, a new connection). Whether an overflow lasts
-  // is unknown then; the next marker tells.
+  // Call when tags were lost (transport gap, new connection). The overflow state is then unknown
+  // until the next marker.
   void forget_start();
-  // Both are since the last clear(). counts() has `bins` entries.
+  // Both since the last clear(). counts() has `bins` entries.
   std::vector<std::uint32_t> counts() const;
   TagCounts tag_counts() const { return totals_; }
-  // The last start survives.
+  // Keeps the last start.
   void clear();
-  // counts() and then clear().
+  // Returns counts() and clears.
   std::vector<std::uint32_t> take();
-  // Goes on behind the tags of `before`, which is flushed: the last start survives the border of
-  // slots.
+  // Continues after the tags of `before`, which is flushed: the last start stays valid across the
+  // border of slots.
   void follow(Histogram& before);
-  // Gaps between the starts as they came, from the beginning on.
+  // Gaps between starts since the beginning.
   const StartGaps& gaps() const { return gaps_; }
 
-  bool in_overflow() const { return in_overflow_; }  // clicks do not count
+  bool in_overflow() const { return in_overflow_; }  // clicks are not counted
 
   const HistogramSettings& settings() const { return settings_; }
   // name "spd", quantity "counts", unit "ps"
@@ -105,11 +107,11 @@ class Histogram {
   StartGaps gaps_;
   TagFilter filter_;
   ClickBins click_bins_;
-  TagRun run_;         // accumulators of one add(); settle() zeroes them
-  bool fresh_ = true;  // run_.last_time_ps says nothing
+  TagRun run_;         // accumulators of one add(); reset by settle()
+  bool fresh_ = true;  // run_.last_time_ps is not valid yet
   bool has_start_ = false;
   bool in_overflow_ = false;
-  std::vector<std::uint32_t> bins_;  // the axis, then one cell for each way not to be on it
+  std::vector<std::uint32_t> bins_;  // the axis, then one cell per other category
   TagCounts totals_;
 };
 

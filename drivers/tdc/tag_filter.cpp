@@ -6,7 +6,8 @@
 namespace echofuse::tdc {
 namespace {
 
-// More than a millisecond of tags: this waits only if the times stand still or run backwards.
+// Bound of the reorder buffer (1 ms at 1 Gtag/s); reached only if time stamps stop or run
+// backwards.
 constexpr std::size_t max_waiting = 1u << 20;
 
 std::uint64_t time_of(const Tag& tag) { return static_cast<std::uint64_t>(tag.time_ps); }
@@ -29,7 +30,7 @@ std::span<const Tag> TagFilter::feed(std::span<const Tag> tags) {
     release(waiting_.size());
     return ready_;
   }
-  // No tag to come has a delayed time before this. Signed differences: right across the wrap.
+  // Later tags cannot have an earlier delayed time. Signed differences handle the wrap.
   const std::uint64_t settled =
       newest_ + static_cast<std::uint64_t>(std::min(click_delay_ps_, std::int64_t{0}));
   const auto end = std::find_if(waiting_.begin(), waiting_.end(), [&](const Tag& tag) {
@@ -76,7 +77,7 @@ void TagFilter::take(Tag tag) {
   waiting_.push_back(tag);
 }
 
-// By the distance from one of them, which orders times on both sides of the wrap.
+// Sorts by the distance from one tag, which is correct across the wrap.
 void TagFilter::sort_waiting() {
   if (waiting_.empty()) return;
   const std::uint64_t base = time_of(waiting_.front());

@@ -1,13 +1,14 @@
 // SPDX-License-Identifier: MIT
-// A delay of the clicks and a dead time before the histogram, for taggers that have neither.
+// Delays the clicks and applies a dead time before the histogram, for taggers without these
+// functions.
 //
-// Dead time: a tag that comes less than dead_time_ps after the last KEPT tag of its channel is
-// removed (non-extending). Start and click channel, each by itself.
-// Delay: added to the times of the click channel. Tags are then in a new order, so those that a
-// later one may still overtake wait. A marker says that time information is missing: what waits
-// goes out before it.
+// Dead time: removes a tag less than dead_time_ps after the last KEPT tag of its channel
+// (non-extending). Applies to start and click channel separately.
+// Delay: added to the times of the click channel. This changes the order, so tags wait until no
+// earlier one can follow. A marker reports missing time information: all waiting tags are released
+// before it.
 //
-// With both zero, feed() returns what it is given: no copy.
+// With both zero, feed() returns its input without a copy.
 #pragma once
 #include <cstdint>
 #include <span>
@@ -24,7 +25,7 @@ struct FilterSettings {
   std::int64_t dead_time_ps = 0;
 };
 
-// tags fed == tags returned + removed + tags that wait
+// tags fed == tags returned + removed + waiting
 class TagFilter {
  public:
   explicit TagFilter(const FilterSettings& settings);
@@ -32,10 +33,10 @@ class TagFilter {
   // Adds tags; returns those that are ready, in the order of delayed times. Valid until the next
   // call.
   std::span<const Tag> feed(std::span<const Tag> tags);
-  // Returns the tags that still wait, because tags are missing after them or their slot ends.
+  // Returns the waiting tags. Call if tags are missing next, or at the end of a slot.
   std::span<const Tag> flush();
   bool passes_all() const { return pass_through_; }
-  // Tags removed by the dead time since the last call.
+  // Returns the number of tags removed by the dead time since the last call.
   std::uint64_t take_removed() { return std::exchange(removed_, 0); }
 
  private:
@@ -53,7 +54,7 @@ class TagFilter {
   std::int64_t click_delay_ps_;
   std::uint64_t dead_time_ps_;
   bool pass_through_;
-  std::uint64_t newest_ = 0;  // time of the last tag, before its delay
+  std::uint64_t newest_ = 0;  // time of the last tag, without delay
   std::vector<Tag> waiting_, ready_;
   std::uint64_t removed_ = 0;
 };

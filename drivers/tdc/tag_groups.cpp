@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "drivers/tdc/tag_groups.hpp"
 
-// The kernel once for each instruction set, then once more for that of the whole build.
+// Compiles the kernel for each instruction set, then for that of the whole build.
 #define HWY_TARGET_INCLUDE "drivers/tdc/tag_groups_kernel.hpp"
 #include <hwy/foreach_target.h>
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// count_groups() for one instruction set: tag_groups.cpp includes this once for each, hence no
-// guard. Nothing of std may be called here: the linker would merge one instruction set's copy into
+// count_groups() for one instruction set. tag_groups.cpp includes this file once per set, hence no
+// include guard. Do not call functions of std here: the linker would merge one set's copy into the
 // others.
 #include <hwy/highway.h>
 
@@ -17,10 +17,10 @@ namespace hn = hwy::HWY_NAMESPACE;
 using Times = hn::CappedTag<std::uint64_t, max_group>;
 using Bins = hn::Rebind<std::int32_t, Times>;
 constexpr std::size_t group = hn::MaxLanes(Times());
-constexpr unsigned sets = 1u << group;  // number of sets of lanes, as bits
+constexpr unsigned sets = 1u << group;  // number of subsets of lanes, as bit masks
 
-// For each set, from where each lane takes its content, in pieces of `bytes` bytes: 4 is what AVX2
-// can permute across a vector, 1 within 16 bytes.
+// For each subset, the source of each lane's content, in pieces of `bytes` bytes: 4 for AVX2
+// permutations across a vector, 1 within 16 bytes.
 template <std::size_t bytes, std::size_t lane_bytes, unsigned rows>
 struct Permutations {
   static constexpr unsigned pieces = lane_bytes / bytes;
@@ -34,12 +34,12 @@ struct Permutations {
   }
 };
 
-// The last lane of the set that is not behind this one; before the first of the set, any.
+// Last lane of the subset at or before this lane; arbitrary before the first.
 alignas(64) constexpr Permutations<4, 8, sets> last_of([](unsigned set, unsigned lane) {
   const unsigned upto = set & ((2u << lane) - 1);
   return upto == 0 ? 0u : static_cast<unsigned>(std::bit_width(upto)) - 1;
 });
-// The lane before; for the first, the last.
+// Previous lane; the last lane for the first one.
 alignas(64) constexpr Permutations<4, 8, 1> before([](unsigned, unsigned lane) {
   return (lane + group - 1) % group;
 });
@@ -53,7 +53,7 @@ HWY_INLINE hn::Vec<Times> permute(hn::Vec<Times> lanes, const std::uint8_t* from
 }
 
 HWY_INLINE unsigned set_of(hn::Mask<Times> lanes) {
-  std::uint8_t bits[8] = {};  // as many as Highway asks for
+  std::uint8_t bits[8] = {};  // size required by Highway
   hn::StoreMaskBits(Times(), lanes, bits);
   return bits[0];
 }
@@ -63,12 +63,12 @@ HWY_INLINE hn::Mask<Times> mask_of(unsigned set) {
   return hn::LoadMaskBits(Times(), bits);
 }
 
-// The bins of the set side by side, then anything.
+// Packs the bins of the subset to the front; the rest is arbitrary.
 HWY_INLINE hn::Vec<Bins> pack(hn::Vec<Bins> bins, unsigned set) {
 #if HWY_TARGET <= HWY_AVX3
   const std::uint8_t bits[8] = {static_cast<std::uint8_t>(set)};
   return hn::CompressBits(bins, bits);
-#else  // as CompressBits does, but GCC 12 copies the table of that to the stack, for each call
+#else  // equals CompressBits, but GCC 12 copies its table to the stack on each call
   alignas(64) static constexpr Permutations<1, 4, sets> packed([](unsigned lanes, unsigned lane) {
     for (; lane > 0; --lane) lanes &= lanes - 1;
     return lanes == 0 ? 0u : static_cast<unsigned>(std::countr_zero(lanes));
@@ -86,9 +86,9 @@ std::size_t take_groups(const Tag* tags, std::size_t count, const ClickBins& bin
     return hn::Set(d, std::uint64_t{static_cast<std::uint32_t>(channel)} << 32);
   };
   const auto start_word = word_of(bins.start_channel), click_word = word_of(bins.click_channel);
-  const auto channel_bits = word_of(-1), head_bits = hn::Set(d, 0xffff);  // type, reserved byte
+  const auto channel_bits = word_of(-1), head_bits = hn::Set(d, 0xffff);  // type and reserved byte
   const auto first_bin = hn::Set(d, bins.first_bin_ps), range = hn::Set(d, bins.range_ps);
-  // The last bits of the double 2^52 are those of a whole number that is added to it.
+  // Adding an integer to the double 2^52 puts its bits into the lowest bits.
   const auto two_52 = hn::Set(d, 0x4330000000000000);
   const auto two_52_less_half = hn::Set(df, 0x1p52 - 0.5);
   const auto bins_per_ps = hn::Set(df, bins.bins_per_ps);
@@ -105,7 +105,7 @@ std::size_t take_groups(const Tag* tags, std::size_t count, const ClickBins& bin
     std::size_t clicks = 0;
     const std::size_t end = taken + HWY_MIN(chunk, (count - taken) / group * group);
     for (; taken < end; taken += group) {
-      // Tags come from memory, where the processor's own prefetching stops at each page's end.
+      // Prefetches explicitly, because the processor's prefetcher stops at each page border.
       const auto ahead = reinterpret_cast<std::uintptr_t>(tags + taken) + 4096;
       for (std::size_t i = 0; i < group * sizeof(Tag); i += 64)
         __builtin_prefetch(reinterpret_cast<const void*>(ahead + i));

@@ -18,23 +18,23 @@
 namespace echofuse::recon {
 
 void add_range_offset_option(CLI::App& app, double& offset_m) {
-  app.add_option("--range-offset", offset_m,
-                 "how many metres too long the radar's ranges of this run (and of --empty) are, "
-                 "beside what its calibration says")
+  app.add_option(
+         "--range-offset", offset_m,
+         "radar range bias to subtract from this run and from --empty, m, in addition to the "
+         "calibration")
       ->check(CLI::Range(-10.0, 10.0))
       ->capture_default_str();
 }
 
 void add_empty_option(CLI::App& app, std::string& path) {
-  app.add_option("--empty", path,
-                 "a run of nobody in the room of this run, if it is another one than in training")
+  app.add_option("--empty", path, "run of the empty room, if it differs from the training room")
       ->type_name("RUN");
 }
 
 TrainedModel model_for_room(const std::string& path, const std::string& empty,
                             double range_offset_m) {
   TrainedModel model = load_model(path);
-  const std::string text = empty.empty() ? "" : take_to_room(model, empty, range_offset_m);
+  const std::string text = empty.empty() ? "" : adapt_to_room(model, empty, range_offset_m);
   if (!text.empty()) std::fprintf(stderr, "%s\n", text.c_str());
   return model;
 }
@@ -46,8 +46,7 @@ void add_model_and_run(CLI::App& app, std::string& model, std::string& run) {
   app.add_option("run", run, "run file")->type_name("RUN")->required();
 }
 
-// Prints notes of reconstruct on records to stderr: at once while following, else at the end, below
-// the progress bar.
+// Prints notes on records to stderr: immediately while following, otherwise after the progress bar.
 class ReconstructReport {
  public:
   ReconstructReport(std::string run, bool follow, bool quiet)
@@ -69,7 +68,7 @@ class ReconstructReport {
                    r.uncertainty->out_of_distribution.text().c_str());
     if (follow_ && r.after_slot_s && !quiet_)
       std::fprintf(stderr,
-                   "record %lld: map %.3f s after its slot's end, %.1f ms after its reading\n",
+                   "record %lld: map %.3f s after the end of its slot, %.1f ms after its reading\n",
                    static_cast<long long>(r.index), *r.after_slot_s, *r.after_reading_s * 1e3);
   }
 
@@ -89,10 +88,10 @@ class ReconstructReport {
     for (const auto& [note, count] : notes_)
       std::fprintf(stderr, "; %zu with %s", count, note.c_str());
     for (const auto& [doubt, count] : doubts_)
-      std::fprintf(stderr, "; %zu of doubtful data: %s", count, doubt.c_str());
+      std::fprintf(stderr, "; %zu with doubtful data: %s", count, doubt.c_str());
     std::sort(after_slot_s_.begin(), after_slot_s_.end());
     if (!after_slot_s_.empty())
-      std::fprintf(stderr, "; maps %.3f s after their slot's end (median; longest %.3f s)",
+      std::fprintf(stderr, "; maps %.3f s after the end of their slots (median; maximum %.3f s)",
                    after_slot_s_[after_slot_s_.size() / 2], after_slot_s_.back());
     std::fputc('\n', stderr);
     if (!reasons_.empty()) list_reasons();
@@ -114,13 +113,13 @@ class ReconstructReport {
                  static_cast<long long>(r.index),
                  printable(r.fault.empty() ? r.note : r.fault).c_str());
   }
-  static constexpr std::size_t many_alike = 10;  // then a count stands for the lines
+  static constexpr std::size_t many_alike = 10;  // later lines are only counted
   std::string run_;
   bool follow_, quiet_;
   std::size_t good_ = 0, left_out_ = 0;
   std::vector<RecordStatus> faults_;
   std::vector<double> after_slot_s_;
-  std::map<std::string, std::size_t> notes_, doubts_, reasons_;  // records for each text
+  std::map<std::string, std::size_t> notes_, doubts_, reasons_;  // records per text
 };
 
 }  // namespace
@@ -132,7 +131,7 @@ Command add_reconstruct(CLI::App& app, const Common& common) {
   const auto a = std::make_shared<Arguments>();
   add_model_and_run(app, a->model, a->run);
   app.add_option("--out", a->out, "folder for the maps")->type_name("FOLDER")->required();
-  app.add_option("--format", a->formats, "any of " + map_format_help())
+  app.add_option("--format", a->formats, "one or more of " + map_format_help())
       ->delimiter(',')
       ->allow_extra_args(false)
       ->check(CLI::IsMember(map_format_names()))
@@ -140,11 +139,12 @@ Command add_reconstruct(CLI::App& app, const Common& common) {
   add_empty_option(app, a->empty);
   add_range_offset_option(app, a->range_offset_m);
   CLI::Option* const rows = app.add_option(
-      "--rows", a->rows, "indices of the records to map, as 3,7; test: those that MODEL held out");
+      "--rows", a->rows,
+      "record indices to reconstruct, e.g. 3,7; test: the records held out by MODEL");
   app.add_flag("--follow", a->follow,
-               "of a run that is being recorded: new records as they come, until it is closed")
+               "follow a run in progress: reconstruct new records until it is closed")
       ->excludes(rows);
-  app.add_flag("--force", a->force, "write into a folder that holds maps of another run");
+  app.add_flag("--force", a->force, "write into a folder that contains maps of another run");
   more_options(app, {"--rows", "--empty", "--range-offset", "--force"});
   add_examples(app,
                {"echofuse-recon reconstruct fused.safetensors monday.sqlite --out maps",

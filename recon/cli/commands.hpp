@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Sub-commands of echofuse-recon. Each adds its options to a parser and returns the function to
-// call once they are read.
+// Subcommands of echofuse-recon. Each add_ function adds the options to a parser and returns the
+// function to call after parsing.
 #pragma once
 #include <functional>
 #include <string>
@@ -27,10 +27,10 @@ Command add_rows(CLI::App& app, const Common& common);
 Command add_compare(CLI::App& app, const Common& common);
 Command add_reconstruct(CLI::App& app, const Common& common);
 
-// Options that several commands have.
+// Options of several commands.
 void add_range_offset_option(CLI::App& app, double& offset_m);
 void add_empty_option(CLI::App& app, std::string& path);
-// Reads a model and takes it to the room of the run of nobody, if there is one; says so on stderr.
+// Reads a model and, if `empty` is not empty, adapts it to that room; prints notes on stderr.
 TrainedModel model_for_room(const std::string& path, const std::string& empty,
                             double range_offset_m);
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// `evaluate`: the one judge of models and of maps that any program has written.
+// `evaluate`: scores models, and maps written by any program.
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cmath>
@@ -30,14 +30,14 @@ namespace echofuse::recon {
 namespace {
 
 struct Arguments {
-  std::vector<std::string> files, maps, train;  // files: models, and last the run
+  std::vector<std::string> files, maps, train;  // model files and, last, the run
   std::string empty, per_record, rows;
   double range_offset_m = 0;
   bool all = false, json = false;
 };
 
-// Scores of one way to make maps, on these rows of the data; `stated` is of a model that does.
-struct Judged {
+// Scores of one method on these rows of the data; `stated` is for models with an uncertainty.
+struct HeldOut {
   std::string name;
   Rows rows;
   std::vector<MapScores> scores;
@@ -49,7 +49,7 @@ void put(nlohmann::json json) {
   std::puts(json.dump(2, ' ', true, nlohmann::json::error_handler_t::replace).c_str());
 }
 
-// Gives range and x (metres) of what stands out from the background in a true map.
+// Returns range and x (m) of the foreground in a true map.
 std::string place_of(std::span<const float> truth, const Scene& scene) {
   const Axis x = scene.grid.x();
   double range_m = 0, side_m = 0, pixels = 0;
@@ -61,13 +61,13 @@ std::string place_of(std::span<const float> truth, const Scene& scene) {
   return pixels > 0 ? formatted("%.9g,%.9g", range_m / pixels, side_m / pixels) : ",";
 }
 
-// Writes a line for each way and record.
+// Writes one line per method and record.
 void write_records(const std::string& path, const Dataset& data, const Scene& scene,
-                   const std::vector<Judged>& all) {
+                   const std::vector<HeldOut>& all) {
   std::string out = "record,label,name";
   for (const char* metric : metric_names) out += std::string(",") + metric;
   out += ",range_m,side_m,lateral_interval_90_m,out_of_distribution\n";
-  for (const Judged& one : all)
+  for (const HeldOut& one : all)
     for (std::size_t i = 0; i < one.rows.size(); ++i) {
       const std::size_t row = one.rows[i];
       out += formatted("%lld,", static_cast<long long>(data.index[row])) +
@@ -85,34 +85,34 @@ void write_records(const std::string& path, const Dataset& data, const Scene& sc
   write_file(path, Bytes(out.begin(), out.end()));
 }
 
-// Compares the k-th with the first; gives none if their records differ.
-std::vector<PairedDifference> differences_of(const std::vector<Judged>& all, std::size_t k) {
+// Compares method k with the first one; returns nothing if their records differ.
+std::vector<PairedDifference> differences_of(const std::vector<HeldOut>& all, std::size_t k) {
   if (all[k].rows != all[0].rows) return {};
   return paired_differences(all[0].scores, all[k].scores);
 }
 
-// Differences of the second and later rows to the first, with intervals of 95 %.
-std::string paired_text(const std::vector<Judged>& all) {
+// Prints differences of the other rows to the first, with intervals of 95 %.
+std::string paired_text(const std::vector<HeldOut>& all) {
   std::string out;
   for (std::size_t k = 1; k < all.size(); ++k)
     for (const PairedDifference& d : differences_of(all, k))
       if (d.metric == metric_iou || d.metric == metric_lateral_m)
         out +=
-            formatted("%s against %s: %s better by %.4f (%s)\n", all[k].name.c_str(),
+            formatted("%s vs %s: %s better by %.4f (%s)\n", all[k].name.c_str(),
                       all[0].name.c_str(), metric_names[d.metric], d.mean,
                       std::isnan(d.low) ? "too few records for an interval"
                                         : formatted("95 %%: %.4f to %.4f", d.low, d.high).c_str());
   return out;
 }
 
-nlohmann::json paired_json(const std::vector<Judged>& all) {
+nlohmann::json paired_json(const std::vector<HeldOut>& all) {
   auto out = nlohmann::json::array();
   for (std::size_t k = 1; k < all.size(); ++k)
     out.push_back({{"model", all[k].name}, {"metrics", to_json(differences_of(all, k))}});
   return out;
 }
 
-// The sensors that these models ask together; none of constant maps.
+// Sensors needed by any of these models; none for constant maps.
 std::optional<Inputs> asked_by(const std::vector<TrainedModel>& models) {
   std::optional<Inputs> out;
   for (const TrainedModel& model : models)
@@ -121,7 +121,7 @@ std::optional<Inputs> asked_by(const std::vector<TrainedModel>& models) {
   return out;
 }
 
-// CRC-32C of the tables, as of a training's (Dataset::hash).
+// CRC-32C of the tables, as for a training (Dataset::hash).
 std::uint32_t crc32c_of(const Dataset& data) {
   std::uint32_t out = 0;
   for (const Matrix* table : {&data.spd, &data.radar, &data.depth, &data.array, &data.zone_spd})
@@ -131,7 +131,7 @@ std::uint32_t crc32c_of(const Dataset& data) {
   return out;
 }
 
-// Models beside one another, on the records with every sensor that one of them asks for.
+// Evaluates several models on the records that have all sensors of all models.
 ExitCode evaluate_models(const Arguments& a, const Common& common) {
   const std::string& run = a.files.back();
   const std::size_t count = a.files.size() - 1;
@@ -149,12 +149,12 @@ ExitCode evaluate_models(const Arguments& a, const Common& common) {
   }
   const Dataset& trained_on = a.train.empty() ? data : other;
   const std::optional<Inputs> asked = count > 1 ? asked_by(models) : std::nullopt;
-  std::optional<Judge> judge;
-  if (!a.train.empty()) judge = judge_of(other);
+  std::optional<ScoringScene> judge;
+  if (!a.train.empty()) judge = scoring_scene(other);
   for (const TrainedModel& model : models)
-    if (!judge && model.knows(data)) judge = judge_of(model, data);
+    if (!judge && model.knows(data)) judge = scoring_scene(model, data);
   std::vector<Evaluation> all;
-  std::vector<Judged> judged;
+  std::vector<HeldOut> judged;
   for (std::size_t k = 0; k < count; ++k) {
     const TrainedModel& model = models[k];
     const Records records =
@@ -166,7 +166,7 @@ ExitCode evaluate_models(const Arguments& a, const Common& common) {
     if (rows.empty())
       throw Error(ExitCode::failed, run + ": no record with depth has all sensors of these models");
     const std::string name = std::filesystem::path(a.files[k]).stem().string();
-    if (!judge) judge = judge_of(model, records.data);
+    if (!judge) judge = scoring_scene(model, records.data);
     Evaluation e = evaluate(model, records, rows, title("scoring " + name), judge);
     if (const std::size_t lacking = whole.size() - rows.size(); lacking > 0)
       e.left_out += lacking, e.faults["a sensor of another model missing"] += lacking;
@@ -197,7 +197,7 @@ ExitCode evaluate_models(const Arguments& a, const Common& common) {
   return ExitCode::ok;
 }
 
-// Lines about a truth that does not fit the sensors.
+// Returns warnings about depth maps that contradict the sensors.
 std::vector<std::string> notes_on_truth(const Dataset& data, const std::vector<ScoredRow>& scored) {
   std::vector<std::string> out{late_truth(data)};
   for (const ScoredRow& row : scored)
@@ -207,8 +207,8 @@ std::vector<std::string> notes_on_truth(const Dataset& data, const std::vector<S
   return out;
 }
 
-// Marks the rows that --rows does not ask for: other parts of the program's usual split, or records
-// that no folder's records.csv lists.
+// Marks the rows excluded by --rows: rows outside the test part of the default split, or records
+// that no records.csv lists.
 void leave_out_unasked(const std::string& asked, const std::vector<WrittenMaps>& folders,
                        const Dataset& data, std::vector<std::string>& left_out) {
   if (asked.empty()) return;
@@ -229,7 +229,8 @@ void leave_out_unasked(const std::string& asked, const std::vector<WrittenMaps>&
     if (!wanted.contains(data.index[row])) left_out[row] = "not asked for by --rows";
 }
 
-// Folders of maps, and models. Records without a map in a folder count as an empty one there.
+// Evaluates folders of maps, and models. A record without a map in a folder counts as an empty map
+// there.
 ExitCode evaluate_maps(const Arguments& a, const Common& common) {
   const auto title = [&](const char* text) { return common.quiet || a.json ? "" : text; };
   const std::string& run = a.files.back();
@@ -246,9 +247,9 @@ ExitCode evaluate_maps(const Arguments& a, const Common& common) {
     other = load(a.train);
     require_map(other, data.map, run);
   }
-  const Judge judge = !a.train.empty()  ? judge_of(other)
-                      : !models.empty() ? judge_of(models[0], records[0].data)
-                                        : judge_of(data);
+  const ScoringScene judge = !a.train.empty()  ? scoring_scene(other)
+                             : !models.empty() ? scoring_scene(models[0], records[0].data)
+                                               : scoring_scene(data);
   std::vector<WrittenMaps> written;
   for (const std::string& folder : a.maps) written.push_back(read_written_maps(folder, data.map));
   std::vector<std::string> left_out = left_out_of_maps(written, data, a.all);
@@ -264,16 +265,17 @@ ExitCode evaluate_maps(const Arguments& a, const Common& common) {
     left_out[row].empty() ? rows.push_back(row) : void(++reasons[left_out[row]]);
   std::erase_if(reasons, [](const auto& reason) { return reason.second == 0; });
   const std::string left_out_line = left_out_text(reasons, data.size() + data.damaged.size());
-  if (rows.empty()) throw Error(ExitCode::failed, run + ": no record to judge: " + left_out_line);
+  if (rows.empty()) throw Error(ExitCode::failed, run + ": no record to score: " + left_out_line);
 
-  std::vector<Judged> all;
+  std::vector<HeldOut> all;
   std::vector<std::size_t> answered;
   std::string unanswered;
   for (const WrittenMaps& maps : written) {
-    answered.push_back(answered_by(maps, data, rows));
+    answered.push_back(count_maps(maps, data, rows));
     if (answered.back() < rows.size())
-      unanswered += formatted("%s: %zu of %zu records answered; the others count as an empty map\n",
-                              maps.name.c_str(), answered.back(), rows.size());
+      unanswered +=
+          formatted("%s: %zu of %zu records have a map; the others count as an empty map\n",
+                    maps.name.c_str(), answered.back(), rows.size());
     all.push_back(
         {maps.name, rows,
          score_maps(maps_of(maps, data, rows, judge.scene.background), data, rows, judge.scene)});
@@ -286,10 +288,10 @@ ExitCode evaluate_maps(const Arguments& a, const Common& common) {
       a.train.empty() ? Rows{} : other.usable(Inputs::fused), title("scoring baselines"));
   if (!a.per_record.empty()) write_records(a.per_record, data, judge.scene, all);
   std::vector<ScoredRow> scored;
-  for (const Judged& one : all) scored.push_back({one.name, summarise(one.scores)});
+  for (const HeldOut& one : all) scored.push_back({one.name, summarise(one.scores)});
   std::string note = a.train.empty() && models.empty()
-                         ? "foreground and background are those of this run's own maps; "
-                           "--train RUN names others"
+                         ? "foreground and background come from this run's maps; "
+                           "--train RUN overrides them"
                          : judge.note;
   for (const std::string& line : notes_on_truth(data, scored))
     note += (note.empty() ? "" : "\n") + line;
@@ -318,33 +320,33 @@ ExitCode evaluate_maps(const Arguments& a, const Common& common) {
 Command add_evaluate(CLI::App& app, const Common& common) {
   const auto a = std::make_shared<Arguments>();
   app.add_option("files", a->files,
-                 "model files, the first one against the others, and last the run file")
+                 "model files (the others are compared with the first), then the run file")
       ->type_name("MODEL ... RUN")
       ->required();
   app.add_option(
          "--maps", a->maps,
-         "folders of maps of any program: maps.npy [n, N, N] in metres with records.csv, or "
-         "16-bit PNGs with camera.json; each --maps one folder")
+         "folder of maps from any program: maps.npy [n, N, N] in metres with records.csv, or "
+         "16-bit PNGs with camera.json; may be repeated")
       ->type_name("FOLDER")
       ->allow_extra_args(false);
   app.add_flag("--all", a->all, "also score records that the model was trained on");
   app.add_option("--train", a->train,
-                 "the training runs of a fresh run: they say what is foreground and background, "
-                 "and have the nearest neighbours")
+                 "training runs: define foreground and background, and feed the nearest-neighbour "
+                 "baseline")
       ->type_name("RUN")
       ->allow_extra_args(false);
   app.add_option("--rows", a->rows,
-                 "with --maps: judge only the test part of the usual split (test), or the records "
-                 "that records.csv lists (listed)")
+                 "score only the test part of the default split (test), or the records listed in "
+                 "records.csv (listed)")
       ->type_name("ROWS")
       ->check(CLI::IsMember({"test", "listed"}))
       ->needs("--maps");
   app.add_option("--per-record", a->per_record,
-                 "CSV table to write: scores, true place and stated error of each record")
+                 "write a CSV table with scores, true place and stated error of each record")
       ->type_name("FILE");
   add_empty_option(app, a->empty);
   add_range_offset_option(app, a->range_offset_m);
-  app.add_flag("--json", a->json, "one JSON object instead of text");
+  app.add_flag("--json", a->json, "print JSON instead of text");
   more_options(app, {"--train", "--rows", "--per-record", "--empty", "--range-offset", "--json"});
   add_examples(app,
                {"echofuse-recon evaluate fused.safetensors scenes.sqlite",

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// echofuse-recon goes from records to a model, to depth maps, to scores.
+// echofuse-recon: trains models on runs, reconstructs depth maps and evaluates them.
 #include <CLI/CLI.hpp>
 
 #include "drivers/program/command_line.hpp"
@@ -13,26 +13,26 @@ using namespace echofuse;
 using namespace echofuse::recon;
 
 int run(int argc, char** argv) {
-  CLI::App app("records to model to depth maps", "echofuse-recon");
+  CLI::App app("train models, reconstruct depth maps and evaluate them", "echofuse-recon");
   app.set_version_flag("--version", version_line("echofuse-recon") + ", matrix kernels " +
                                         blas_kernels() + " (" + blas_instructions() + ")");
   app.require_subcommand(1);
   Common common;
   Command chosen;
-  app.add_option("--threads", common.threads, "of every command; 0: one per core")
+  app.add_option("--threads", common.threads, "number of threads; 0 = one per core")
       ->check(CLI::Range(0, 1024))
       ->capture_default_str();
-  app.add_flag("-q,--quiet", common.quiet, "of every command: no progress, no talk");
+  app.add_flag("-q,--quiet", common.quiet, "print errors and warnings only");
   const auto add = [&](const char* name, const char* help, auto make) {
     CLI::App* sub = app.add_subcommand(name, help);
     const Command command = make(*sub, common);
     sub->callback([&chosen, command] { chosen = command; });
   };
   add("train", "fit a model to runs", add_train);
-  add("rows", "which records train, validate and test, and why others are left out", add_rows);
+  add("rows", "list which records train, validate and test, and why others are left out", add_rows);
   add("evaluate", "score a model on a run", add_evaluate);
-  add("compare", "intervals and paired differences of scores by record", add_compare);
-  add("reconstruct", "depth maps of a run as pictures", add_reconstruct);
+  add("compare", "print intervals and paired differences of scores by record", add_compare);
+  add("reconstruct", "reconstruct the depth maps of a run", add_reconstruct);
   try {
     parse_command_line(app, argc, argv);
   } catch (const CLI::ParseError& e) {
@@ -40,7 +40,7 @@ int run(int argc, char** argv) {
                     [&] { return app.exit(e) == 0 ? ExitCode::ok : ExitCode::usage; });
   }
   return run_main("echofuse-recon", [&] {
-    // `evaluate` only reads, and writes one file at the end: the first Ctrl-C ends it at once.
+    // `evaluate` only reads and writes one file at the end, so the first Ctrl-C ends it at once.
     if (!app.got_subcommand("evaluate")) catch_interrupts();
     set_threads(common.threads);
     return chosen();

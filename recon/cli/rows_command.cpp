@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
-// `rows`: which records train, validate and test a model, and why others are left out.
+// `rows`: lists the records for training, validation and test of a model, and why others are left
+// out.
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <array>
@@ -21,7 +22,7 @@
 namespace echofuse::recon {
 namespace {
 
-constexpr std::array parts{"train", "validation", "test"};  // as Part
+constexpr std::array parts{"train", "validation", "test"};  // indices of Part
 
 struct Arguments : TrainOptions {
   std::vector<std::string> runs, assignments;
@@ -106,12 +107,12 @@ void list_json(const std::vector<ListedRow>& rows) {
 
 Command add_rows(CLI::App& app, const Common& common) {
   const auto a = std::make_shared<Arguments>();
-  app.add_option("run", a->runs, "run files, as given to train")->type_name("RUN")->required();
+  app.add_option("run", a->runs, "run files of a training")->type_name("RUN")->required();
   app.add_option("--model", a->model_file,
-                 "the rows on which this model was trained, and those by which evaluate judges it")
+                 "list the training rows of this model, and the rows on which evaluate scores it")
       ->type_name("MODEL");
   add_split_options(app, *a, a->assignments);
-  app.add_flag("--json", a->json, "one JSON object instead of text");
+  app.add_flag("--json", a->json, "print JSON instead of text");
   more_options(app, {"--inputs", "--seed", "--set"});
   add_examples(app,
                {"echofuse-recon rows monday.sqlite",
@@ -126,7 +127,8 @@ Command add_rows(CLI::App& app, const Common& common) {
       for (const char* option : {"--inputs", "--seed", "--split", "--set"})
         if (app.get_option(option)->count() > 0)
           throw Error(ExitCode::usage,
-                      std::string(option) + " does not go with --model: the model has its split");
+                      std::string(option) +
+                          " cannot be combined with --model, because the model defines the split");
     Dataset data = load_recorded(a->runs);
     apply_doubts(data, *a);
     std::vector<ListedRow> rows =

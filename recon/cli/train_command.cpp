@@ -27,7 +27,7 @@ struct Arguments : TrainOptions {
   std::string out, empty;
 };
 
-// For CLI11 the answer is empty if the text names a model, else it says what is wrong.
+// CLI11 validator: returns an empty text for a valid model name, otherwise the error.
 std::string is_candidate(const std::string& text) {
   try {
     candidate_of(text, {});
@@ -37,11 +37,11 @@ std::string is_candidate(const std::string& text) {
   }
 }
 
-// Refuses settings that the model of --from has fixed.
+// Refuses options that the start model of --from already fixes.
 void check_from(const CLI::App& app, const std::vector<std::string>& assignments) {
   const auto refuse = [](const std::string& what) {
     throw Error(ExitCode::usage,
-                what + " does not go with --from: the model that is tuned has settled it");
+                what + " cannot be combined with --from: the start model fixes it");
   };
   for (const char* option : {"--model", "--inputs", "--empty", "--epochs"})
     if (app.get_option(option)->count() > 0) refuse(option);
@@ -60,7 +60,7 @@ Dataset load_runs(const Arguments& a) {
 TrainedModel tune_model(const Arguments& a, bool test_share_given) {
   std::deque<TrainedModel> models;
   for (const std::string& path : a.from) models.push_back(load_model(path));
-  // Each model has the records as it wants them.
+  // Prepares the records for each start model.
   const Dataset loaded = load_runs(a);
   Dataset own = loaded;
   bring_to_response(own, widest_response(own));
@@ -74,7 +74,7 @@ TrainedModel tune_model(const Arguments& a, bool test_share_given) {
   }
   TuneOptions options;
   options.split = a.split;
-  // With so few records all are needed, and the table that chooses is a test already.
+  // With so few records all are used for tuning, because the cross-validation is a test already.
   options.split.validation_share = 0;
   if (!test_share_given) options.split.test_share = 0;
   options.tuning.seed = a.fit.seed, options.quiet = a.fit.quiet;
@@ -85,7 +85,7 @@ TrainedModel tune_model(const Arguments& a, bool test_share_given) {
         printable_lines(to_text(tuned)).c_str(),
         tuned.model->uncertainty
             ? ""
-            : "not calibrated: fewer than 50 records do not say how far off the maps are\n");
+            : "not calibrated: expected at least 50 records to estimate the errors of maps\n");
   return std::move(tuned.model);
 }
 
@@ -94,10 +94,11 @@ Dataset load_to_train(Arguments& a, double radar_bin_m) {
   if (a.model.empty()) a.model = usual_model(inputs_of(a.inputs), data.zones.size());
   if (!a.empty.empty() && a.model != "auto" && !wants_alignment(candidate_of(a.model, {}).model))
     throw Error(ExitCode::usage, "--empty: " + a.model +
-                                     " takes the records as they are; a factorised model or the "
-                                     "mean-shape knows what stands still");
+                                     " does not use a background; use a factorised or mean-shape "
+                                     "model");
   if (!a.empty.empty() && radar_bin_m > 0)
-    throw Error(ExitCode::usage, "--empty does not go with radar_bin_m: give runs of such bins");
+    throw Error(ExitCode::usage,
+                "--empty cannot be combined with radar_bin_m; use runs with wide bins");
   bring_to_response(data, widest_response(data));
   const std::string left_out = a.empty.empty() ? "" : state_empty_room(data, a.empty);
   if (!left_out.empty() && !a.fit.quiet) std::fprintf(stderr, "%s\n", left_out.c_str());
@@ -105,7 +106,7 @@ Dataset load_to_train(Arguments& a, double radar_bin_m) {
   return data;
 }
 
-// Makes a map of one record that the model was trained on, as reconstruct does.
+// Predicts one training record, like reconstruct.
 void predict_one(const TrainedModel& model, const std::vector<std::string>& runs) {
   for (const std::string& run : runs) {
     const record::RunReader file(record::old_run(run));
@@ -126,26 +127,27 @@ constexpr std::ptrdiff_t least_records = 100;
 Command add_train(CLI::App& app, const Common& common) {
   const auto a = std::make_shared<Arguments>();
   a->model.clear();
-  app.add_option("run", a->runs, "run files whose axes agree")->type_name("RUN")->required();
+  app.add_option("run", a->runs, "run files with equal axes")->type_name("RUN")->required();
   app.add_option("--out", a->out, "model file to write")->type_name("MODEL")->required();
   app.add_option("--model", a->model,
                  model_help() +
                      ", or auto: the cheapest within one standard error of the best; default: " +
-                     usual_model(Inputs::fused) + " of both sensors or zones, " +
-                     usual_model(Inputs::spd) + " of one sensor")
+                     usual_model(Inputs::fused) + " for both sensors or zones, " +
+                     usual_model(Inputs::spd) + " for one sensor")
       ->check([](const std::string& text) { return text == "auto" ? "" : is_candidate(text); });
-  app.add_option(
-         "--from", a->from,
-         "a model file, of another room: tune it to these records (10 and more), as far "
-         "as a cross-validation among them says; of several the one from which it comes out "
-         "best")
+  app.add_option("--from", a->from,
+                 "fine-tune this model on 10 or more records of another room; strength chosen by "
+                 "cross-validation; of several starts the best is "
+                 "kept")
       ->type_name("MODEL")
       ->allow_extra_args(false);
-  app.add_option("--empty", a->empty,
-                 "a run of nobody in the same room: models that look at the body take its mean as "
-                 "what stands still, and can be taken to other rooms (reconstruct --empty)")
+  app.add_option(
+         "--empty", a->empty,
+         "run of the same room without people: its mean is the background of models that place a "
+         "body, which can then be used in other rooms (reconstruct --empty)")
       ->type_name("RUN");
-  app.add_option("--epochs", a->fit.epochs, "default: 60 (mlp), 100 (factorised)")
+  app.add_option("--epochs", a->fit.epochs,
+                 "maximum number of epochs; default: 60 (mlp), 100 (factorised)")
       ->check(CLI::Range(1, 100000));
   add_split_options(app, *a, a->assignments);
   app.add_flag_callback(
@@ -176,7 +178,7 @@ Command add_train(CLI::App& app, const Common& common) {
     const auto trained =
         std::ranges::count(model.seen.part, static_cast<std::uint8_t>(Part::train));
     if (!tuning && trained < least_records)
-      std::fprintf(stderr, "%s: trained on %td records only; a model needs about a thousand\n",
+      std::fprintf(stderr, "%s: trained on only %td records; expected about a thousand\n",
                    a->out.c_str(), trained);
     if (!common.quiet)
       std::fprintf(stderr, "%s: %s on %s, trained in %.1f s%s%s\n", a->out.c_str(),
@@ -184,7 +186,7 @@ Command add_train(CLI::App& app, const Common& common) {
                    model->log.best_epoch > 0 || model->log.loss.empty()
                        ? ""
                        : "; never better than the mean map",
-                   model->log.interrupted ? "; the best so far" : "");
+                   model->log.interrupted ? "; interrupted, the best epoch so far" : "");
     return model->log.interrupted ? ExitCode::interrupted : ExitCode::ok;
   };
 }

@@ -11,43 +11,47 @@ namespace echofuse::recon {
 void add_split_options(CLI::App& app, TrainOptions& options,
                        std::vector<std::string>& assignments) {
   app.add_option("--inputs", options.inputs,
-                 "fused, spd, radar, or fused-profile: without the radar's antennas")
+                 "sensors to use; fused-profile: fused without the radar's antennas")
       ->check(CLI::IsMember(inputs_names))
       ->capture_default_str();
-  app.add_option("--seed", options.fit.seed, "of weights, order and random split")
+  app.add_option("--seed", options.fit.seed, "random seed of weights, order and random split")
       ->capture_default_str();
-  app.add_option("--split", options.split.kind, "random, or blocked for sequences")
+  app.add_option("--split", options.split.kind,
+                 "split of the records: random, or blocked for sequences")
       ->check(CLI::IsMember({"random", "blocked"}))
       ->capture_default_str();
   app.add_option("--set", assignments,
-                 "KEY=VALUE, or a TOML file of such settings; `train --settings` lists all")
+                 "KEY=VALUE, or a TOML file of settings; `train --settings` lists all")
       ->allow_extra_args(false);
 }
 
 void bind(Settings& settings, TrainSettings& s) {
   TrainOptions& o = s.options;
-  settings.add("test_share", o.split.test_share, 0, 0.95, "of the records, held out for evaluate");
+  settings.add("test_share", o.split.test_share, 0, 0.95,
+               "share of the records held out for evaluate");
   settings.add("validation_share", o.split.validation_share, 0, 0.95,
-               "of the rest, to stop early and to choose");
-  settings.add("gap", s.gap, 0, 1'000'000, "split blocked: records dropped between two parts");
+               "share of the remaining records for early stopping and model selection");
+  settings.add("gap", s.gap, 0, 1'000'000, "records dropped between the parts of a blocked split");
   settings.add("radar_bin_m", s.radar_bin_m, 0, 3.5,
-               "m, bins from 0 to 7 m that the radar's power is added up in, without its antennas "
-               "(the paper: 0.5); 0: as it is");
-  settings.add("fallback", o.fallback,
-               "beside a model of both sensors train those for records without antennas or radar");
-  settings.add("any_response", o.any_response,
-               "the runs that state no response of the radar have various ones, as a twin's have: "
-               "much narrower runs are taken as they are");
+               "width of radar bins from 0 to 7 m, m, without antennas (paper: 0.5); 0: as "
+               "recorded");
   settings.add(
-      "doubtful", o.doubtful,
-      "records with a sensor that the run says is weak, saturated or stands still, or with a "
-      "doubtful camera: leave them out, or take them",
-      {"leave", "take"});
-  settings.add("lossy", o.lossy,
-               "records for which fewer frames or pulses arrived than signal.lossy_share",
-               {"take", "leave"});
+      "fallback", o.fallback,
+      "also train models for records without antennas or radar, in addition to the fused one");
+  settings.add(
+      "any_response", o.any_response,
+      "true: runs that state no radar response may have different ones, like those of a twin; "
+      "much narrower runs are then used without conversion");
+  settings.add("doubtful", o.doubtful,
+               "records with a weak, saturated or frozen sensor or a doubtful camera: leave out or "
+               "take",
+               {"leave", "take"});
+  settings.add(
+      "lossy", o.lossy,
+      "records that lost more than signal.lossy_share of frames or pulses: take or leave out",
+      {"take", "leave"});
   settings.add("candidates", s.candidates,
-               "of the model auto, as mean,ridge; \"\": the usual ones");
+               "models tried by auto, e.g. mean,ridge; \"\": the default list");
 }
 
 std::string train_settings_help() {

@@ -16,7 +16,7 @@
 #include "drivers/core/crc32c.hpp"
 #include "drivers/core/log2_codes.hpp"
 #include "drivers/program/printable.hpp"
-#include "recon/data/depths_seen.hpp"
+#include "recon/data/depth_check.hpp"
 #include "recon/data/lags.hpp"
 #include "recon/data/pile_up.hpp"
 #include "recon/data/shift.hpp"
@@ -37,23 +37,24 @@ bool agree(const Axis& a, const Axis& b) {
 namespace {
 
 Error map_error(const std::string& path, const record::MapGrid& found,
-                const record::MapGrid& wanted, const std::string& whose) {
+                const record::MapGrid& wanted, const std::string& owner) {
   return {ExitCode::failed, printable(path) + ": its depth map is " + found.text() + ", " +
-                                printable(whose) + " has " + wanted.text()};
+                                printable(owner) + " has " + wanted.text()};
 }
 
-// A page fault every 4 KiB of a new table is a sixth of the time of loading.
+// Requests large pages, because page faults of 4 KiB take a sixth of the loading time.
 void advise_large_pages(void* begin, std::size_t size) {
   constexpr std::size_t page = 4096;
   auto* const first = static_cast<std::byte*>(begin);
   const std::size_t before = -reinterpret_cast<std::uintptr_t>(begin) % page;
   if (size > before + page)
-    ::madvise(first + before, (size - before) / page * page, MADV_HUGEPAGE);  // may be refused
+    ::madvise(first + before, (size - before) / page * page, MADV_HUGEPAGE);  // the kernel may
+                                                                              // refuse
 }
 
 class Appender {  // appends one run to a Dataset
  public:
-  Appender(Dataset& data, const record::RunReader& run, SensorSet sensors, DepthsSeen* depths)
+  Appender(Dataset& data, const record::RunReader& run, SensorSet sensors, DepthCheck* depths)
       : data_(data), path_(run.path()), sensors_(sensors), depths_(depths) {
     for (const Axis& axis : run.axes()) {
       if (axis.name == "spd" && sensors_.contains(Sensor::spd)) spd_ = axis;
@@ -88,9 +89,9 @@ class Appender {  // appends one run to a Dataset
     const record::RunInfo info = run.info();
     for (const Source& other : data.sources)
       if (other.uuid == info.uuid)
-        throw Error(ExitCode::failed,
-                    printable(path_) + ": is the same run as " + printable(other.path) +
-                        "; give each run once, or its records leak into the test");
+        throw Error(ExitCode::failed, printable(path_) + ": is the same run as " +
+                                          printable(other.path) +
+                                          "; remove the copy, or its records leak into the test");
     const auto response = record::response_of(info.meta).radar;
     Source& source = data.sources.emplace_back(
         Source{path_, info.uuid, data.size(), 0, radar_offset_m, response});
@@ -99,8 +100,8 @@ class Appender {  // appends one run to a Dataset
     source.baseline_m = record::radar_baseline_m(info.meta);
   }
 
-  // Reserves memory, because a growing table would be there twice. Many runs do not each allocate
-  // anew.
+  // Reserves memory in advance, because growing would copy the table. Grows by doubling, so that
+  // many runs do not each reallocate.
   void make_room(std::size_t records) {
     const auto reserve = [&](Matrix& table, std::size_t cols) {
       const std::size_t wanted = table.values.size() + records * cols;
@@ -113,7 +114,7 @@ class Appender {  // appends one run to a Dataset
     reserve(data_.depth, depth_columns());
   }
 
-  // Returns what is wrong with the record, or nothing.
+  // Returns why the record is invalid, or nothing.
   std::string add(const record::FusedRecord& r) {
     if (const std::string fault = absurd_counts(r); !fault.empty()) return fault;
     double a_pulse = clicks_a_pulse(r);
@@ -150,13 +151,13 @@ class Appender {  // appends one run to a Dataset
     return sensors_.contains(Sensor::depth) ? data_.map.pixels() : 0;
   }
   std::size_t zone_columns() const { return zones_.size() * data_.spd_axis.count; }
-  // Returns the photons of each zone at true ranges, on the common axis. Where pile-up is
-  // corrected, `a_pulse` becomes 0.
+  // Returns the photons of each zone at true ranges, on the common axis. Sets `a_pulse` to 0 if
+  // pile-up is corrected.
   std::vector<float> photons(const record::FusedRecord& r, double& a_pulse) const {
     if (!r.has(Sensor::spd)) return {};
     const auto clicks = static_cast<double>(r.spd_counts.in_range + r.spd_counts.out_of_range);
     const double pulses = pile_up_.known() && a_pulse > 0 ? clicks / a_pulse : 0;
-    double ready = 1;  // least share of the pulses that found a zone ready
+    double ready = 1;  // smallest share of pulses with a ready zone
     std::vector<float> out;
     for (std::size_t z = 0; z < shifts_.size(); ++z) {
       const auto first = r.spd.begin() + static_cast<std::ptrdiff_t>(z * spd_.count);
@@ -166,18 +167,18 @@ class Appender {  // appends one run to a Dataset
       to_common(zone, spd_, data_.spd_axis, 1);
       out.insert(out.end(), zone.begin(), zone.end());
     }
-    constexpr double hardly_any = 0.03;  // below it only scatter is left
+    constexpr double hardly_any = 0.03;  // below this, the correction amplifies noise only
     if (pulses > 0 && ready > hardly_any) a_pulse = 0;
     return out;
   }
   static std::string absurd_counts(const record::FusedRecord& r) {
-    constexpr double most_a_second = 1e8;  // detections, of any detector and tagger
+    constexpr double most_a_second = 1e8;  // detections per second; beyond any detector and tagger
     const double slot_s = seconds(r.slot_end - r.slot_start);
     for (std::size_t i = 0; i < r.spd.size(); ++i)
       if (r.spd[i] == std::numeric_limits<std::uint32_t>::max() ||
           (slot_s > 0 && r.spd[i] > most_a_second * slot_s))
         return "spd bin " + std::to_string(i) + " holds " + std::to_string(r.spd[i]) +
-               " clicks, more than a time tagger gives";
+               " clicks, more than a time tagger can send";
     return {};
   }
   static PerSensor<std::string> doubts_of(const record::FusedRecord& r) {
@@ -190,8 +191,8 @@ class Appender {  // appends one run to a Dataset
     }
     return out;
   }
-  // Returns 0 for a histogram that another record could repeat by chance. Two draws of the same
-  // light agree in a bin of n counts with a probability of 1 / (2 sqrt(pi n)).
+  // Returns 0 for a histogram that another record could repeat by chance. Two records of the same
+  // light have equal counts in a bin of n counts with probability 1 / (2 sqrt(pi n)).
   static std::int64_t hash_of(const record::FusedRecord& r) {
     constexpr double least_clicks = 100;  // above the background
     constexpr double most_log_chance = -30;
@@ -221,10 +222,10 @@ class Appender {  // appends one run to a Dataset
     }
     return static_cast<std::int64_t>(hash);
   }
-  // The limit leaves room for what an interpolation adds.
+  // The limit leaves a margin for interpolation.
   static bool is_power(float v) { return std::abs(v) < 1e38f; }
-  // Imported runs have only counts. With as many clicks as starts only starts with a click were
-  // sent, of an unknown number.
+  // For imported runs, which have only counts. If nearly all starts have a click, a filter dropped
+  // the others; their number is unknown.
   static double clicks_a_pulse(const record::FusedRecord& r) {
     constexpr double filtered = 0.95;
     if (r.signal.clicks_a_pulse) return *r.signal.clicks_a_pulse;
@@ -232,7 +233,7 @@ class Appender {  // appends one run to a Dataset
     const auto starts = static_cast<double>(r.spd_counts.starts);
     return clicks < filtered * starts ? clicks / starts : 0;
   }
-  // The first run sets the axes; the others are brought to them.
+  // Interpolates a row to the axis of the first run.
   static void to_common(std::vector<float>& row, const Axis& found, const Axis& common,
                         std::size_t values_a_bin) {
     if (!row.empty() && !agree(found, common)) row = resampled(row, found, common, values_a_bin);
@@ -245,7 +246,7 @@ class Appender {  // appends one run to a Dataset
       throw axis_error(path_, found, common, data_.sources.front().path);
     }
   }
-  // Directions may differ by a hundredth, as between two boards of one kind.
+  // Directions may differ by 0.01, as between two boards of the same type.
   void adopt_zones() {
     if (data_.sources.empty()) data_.zones = zones_;
     const auto near = [](const Zone& a, const Zone& b) {
@@ -255,10 +256,10 @@ class Appender {  // appends one run to a Dataset
     };
     if (!std::ranges::equal(zones_, data_.zones, near))
       throw Error(ExitCode::failed,
-                  printable(path_) + ": its detector has " + std::to_string(histograms_of(zones_)) +
+                  printable(path_) + ": the detector has " + std::to_string(histograms_of(zones_)) +
                       " zones, " + printable(data_.sources.front().path) + " has " +
                       std::to_string(histograms_of(data_.zones)) +
-                      ", or they look elsewhere; use runs of one kind of detector");
+                      ", or their directions differ; use runs of one type of detector");
   }
   void adopt_array(const Axis& found) {
     if (data_.sources.empty()) data_.array_axis = found;
@@ -276,13 +277,14 @@ class Appender {  // appends one run to a Dataset
     if (data_.sources.empty()) data_.map = found;
     if (!(found == data_.map)) throw map_error(path_, found, data_.map, data_.sources.front().path);
   }
-  // The row gets zeros if the sensor is not there.
+  // Fills the row with zeros if the sensor is missing.
   static void add_row(Matrix& table, std::span<const float> row, std::size_t cols) {
     table.cols = cols;
     table.add_row(row.first(std::min(row.size(), cols)));
     table.values.resize(table.rows * cols);
   }
-  // Codes give the power with the receiver's noise, which most points show and which is taken off.
+  // Subtracts the median of powers from codes, because codes include the receiver's noise, which
+  // dominates most points.
   std::vector<float> linear(const record::FusedRecord& r) const {
     std::vector<float> out = r.radar;
     if (raw_radar_.quantity != "log2_q8") return out;
@@ -290,7 +292,7 @@ class Appender {  // appends one run to a Dataset
     return subtract_median(out), out;
   }
 
-  // The lags are empty for a record without samples of the antennas.
+  // Returns no lags for a record without antenna samples.
   std::vector<float> lags_of(const record::FusedRecord& r) const {
     const Axis& axis = data_.array_axis;
     std::vector<float> out;
@@ -304,19 +306,19 @@ class Appender {  // appends one run to a Dataset
   Dataset& data_;
   std::string path_;
   SensorSet sensors_;
-  DepthsSeen* depths_;  // may be null
+  DepthCheck* depths_;  // may be null
   Axis spd_, raw_radar_, radar_, x_, y_, array_, own_lags_;
   SpatialLags lags_;
   PileUp pile_up_;
   Zones zones_;
   double spd_offset_ps_ = 0;
-  std::vector<std::optional<Shift>> shifts_;  // one a histogram; none if at true ranges
+  std::vector<std::optional<Shift>> shifts_;  // one per histogram; none if already at true ranges
 };
 
 void append(Dataset& data, const record::RunReader& run, std::int64_t first, std::size_t at_most,
             SensorSet sensors, const OnBadRecord& on_bad,
-            const record::RunReader::InParallel& in_parallel = {}, DepthsSeen* depths = nullptr) {
-  // Made while reading: a run that is being recorded may get an axis with its next record.
+            const record::RunReader::InParallel& in_parallel = {}, DepthCheck* depths = nullptr) {
+  // Created during reading, because a run in progress may get an axis with its next record.
   std::optional<Appender> appender;
   const auto to = [&]() -> Appender& {
     if (appender) return *appender;
@@ -345,7 +347,7 @@ Dataset load_recorded(const std::vector<std::string>& paths) {
   for (const auto& path : paths) files.push_back(record::old_run(path));
   require_memory(files);
   Dataset data;
-  const auto depths = std::make_unique<DepthsSeen>();
+  const auto depths = std::make_unique<DepthCheck>();
   for (const auto& path : files) {
     const record::RunReader run(path);
     const auto note = [&](std::int64_t index, const std::string& fault) {
@@ -416,8 +418,8 @@ void rebin_radar(Dataset& data, const Axis& bins) {
       from.at(from.count - 0.5) < bins.at(bins.count - 0.5))
     throw Error(ExitCode::failed, (data.sources.empty() ? "run" : data.sources.front().path) +
                                       ": radar axis is " + describe(from) +
-                                      ", which cannot be added up in " + describe(bins));
-  // The edge is in units of a bin; bin j is [j, j + 1].
+                                      ", which cannot be summed into " + describe(bins));
+  // Bin edges: bin j is [j, j + 1].
   const auto edge = [&](double i) { return (from.at(i) - bins.at(-0.5)) / bins.step; };
   const double width = from.step / bins.step;
   Matrix table(data.size(), bins.count);
@@ -443,12 +445,12 @@ void rebin_radar(Dataset& data, const Axis& bins) {
   drop_array(data);
 }
 
-void require_map(const Dataset& data, const record::MapGrid& grid, const std::string& whose) {
+void require_map(const Dataset& data, const record::MapGrid& grid, const std::string& owner) {
   if (data.map == grid || data.depth.cols == 0) return;
   for (std::size_t row = 0; row < data.size(); ++row)
     if (data.has(row, Sensor::depth))
       throw map_error(data.sources.empty() ? "run" : data.sources.front().path, data.map, grid,
-                      whose);
+                      owner);
 }
 
 }  // namespace echofuse::recon

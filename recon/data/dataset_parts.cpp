@@ -168,7 +168,7 @@ void require_memory(const std::vector<std::string>& paths) {
                                     std::to_string(std::lround(records)) + " records take about " +
                                     gigabytes(records * bytes_a_record) +
                                     " GB, and this machine's memory is " + gigabytes(memory) +
-                                    " GB; give fewer records");
+                                    " GB; use fewer records");
 }
 
 }  // namespace echofuse::recon

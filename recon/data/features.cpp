@@ -15,7 +15,7 @@ void normalise(std::span<float> values) {
   const float background = quantile(sorted, 0.5);
   for (float& v : values) v -= background;
   const double sum = std::accumulate(values.begin(), values.end(), 0.0);
-  // If nothing is above the background, an empty scene stays an empty profile.
+  // An empty scene, without values above the background, stays an empty profile.
   const double factor = sum > 0 ? 1 / sum : 0;
   for (float& v : values) v = static_cast<float>(v * factor);
 }
@@ -28,7 +28,7 @@ void bring_to_strength(std::span<float> values, const std::string& scaling) {
     for (float& v : values) v = std::sqrt(std::max(v, 0.f));
 }
 
-// Returns the factor that brings columns of these variances to a total of `wanted`.
+// Returns the factor that scales columns of these variances to a total of `wanted`.
 float gain_for(std::span<const double> variances, double wanted) {
   const double sum = std::accumulate(variances.begin(), variances.end(), 0.0);
   return sum > 0 ? static_cast<float>(std::sqrt(wanted / sum)) : 1;
@@ -39,9 +39,9 @@ float gain_for(std::span<const double> variances, double wanted) {
 void require_zones(const Dataset& data, std::size_t zones) {
   if (zones > 0 && data.zones.size() != zones)
     throw Error(ExitCode::failed, (data.sources.empty() ? "the run" : data.sources.front().path) +
-                                      ": its detector has " +
+                                      ": the detector has " +
                                       std::to_string(histograms_of(data.zones)) +
-                                      " zones; the model takes " + std::to_string(zones));
+                                      " zones; the model expects " + std::to_string(zones));
 }
 
 Matrix Features::raw_inputs(const Dataset& data, const Rows& rows) const {

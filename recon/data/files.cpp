@@ -25,7 +25,7 @@ void write_file(const std::string& path, ByteView contents) {
 void make_folder(const std::string& path) {
   std::error_code code;
   std::filesystem::create_directories(path, code);
-  if (code) throw Error(ExitCode::disk, path + ": cannot make this folder: " + code.message());
+  if (code) throw Error(ExitCode::disk, path + ": cannot create the folder: " + code.message());
 }
 
 std::vector<std::string> csv_fields(const std::string& line) {

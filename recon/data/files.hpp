@@ -10,7 +10,7 @@ namespace echofuse::recon {
 
 Bytes read_file(const std::string& path);                     // throws Error(failed)
 std::string read_text(const std::string& path);               // throws Error(failed)
-void write_file(const std::string& path, ByteView contents);  // as write_atomically()
+void write_file(const std::string& path, ByteView contents);  // like write_atomically()
 void make_folder(const std::string& path);                    // throws Error(disk)
 
 // Fields of a CSV line; quotes may hold commas.

@@ -15,7 +15,7 @@ std::complex<float> response(const record::Antenna& a) {
   return std::polar(static_cast<float>(a.gain), static_cast<float>(a.phase_rad));
 }
 
-// Returns how far a is from b along one line, in whole half wavelengths; it is 0 if they are not on
+// Returns the distance of a from b along one line, in whole half wavelengths; 0 if they are not on
 // one line.
 std::size_t spacing_of(double along, double aside) {
   const double spacing = std::round(along);

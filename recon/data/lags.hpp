@@ -1,14 +1,13 @@
 // SPDX-License-Identifier: MIT
-// The estimator takes the radar's antennas as lags. A record keeps the covariance of the antennas
-// (acquire/measurement/radar_array.hpp); an azimuth shows only in the spatial correlation
+// Spatial lags of the radar's antennas. A record contains the covariance of the antennas
+// (acquire/measurement/radar_array.hpp). The azimuth follows from the spatial correlation
 //
-//   c_d = mean of R_mn / (g_m g_n exp(i (p_m - p_n))) over m, n side by side with x_m - x_n = d
-//
-// with gains g and phases p of the antennas' calibration. An elevation shows in the same of
-// antennas one above the other. One scatterer of power P at direction cosine u makes c_d = P exp(i
-// pi d u). The lags are linear in power, as the range profile is; noise adds to c_0 alone.
-// Averaging equal spacings is what a uniform line allows (Van Trees, Optimum Array Processing,
-// 2002, 6.3). Antennas that are neither side by side nor one above the other make no lag.
+//   c_d = mean of R_mn / (g_m g_n exp(i (p_m - p_n))) over horizontal pairs m, n with x_m - x_n = d
+// with gains g and phases p of the antennas' calibration. The elevation follows from the same mean
+// over vertical pairs. A scatterer of power P at direction cosine u gives c_d = P exp(i pi d u).
+// The lags are linear in power, like the range profile; noise affects only c_0. A uniform line
+// allows averaging over equal spacings (Van Trees, Optimum Array Processing, 2002, 6.3). Pairs that
+// are neither horizontal nor vertical are not used.
 #pragma once
 #include <complex>
 #include <cstddef>
@@ -23,23 +22,22 @@
 
 namespace echofuse::recon {
 
-// Boards have 7 at most; antennas farther apart make no pair.
+// Largest lag in use; boards have at most 7.
 inline constexpr std::size_t most_lags = 16;
 
 class SpatialLags {
  public:
   SpatialLags() = default;
   explicit SpatialLags(const record::Antennas& antennas);
-  // D counts the lags of antennas side by side, c_1..c_across, and behind them those of antennas
-  // one above the other. It is 0 if no two antennas are side by side.
+  // D: number of lags, c_1..c_across of horizontal pairs, then those of vertical pairs. 0 without a
+  // horizontal pair.
   std::size_t longest() const { return across_ + up_; }
-  // Quantity of such an axis: "lags", "lags, 3 up" (lags_up), or "lags 1 3" if no antennas are 2
-  // apart.
+  // Quantity of the axis: "lags", "lags, 3 up" (with lags_up), or "lags 1 3" if lag 2 is missing.
   std::string quantity() const;
-  // Writes c_0, then the real and imaginary parts of c_1..c_D; c_d is 0 where no two antennas are
-  // that far apart.
+  // Writes c_0, then the real and imaginary parts of c_1..c_D; c_d is 0 without a pair at distance
+  // d.
   void operator()(const record::ArrayBin& bin, std::span<float> out) const;
-  // Same for each bin of a record's array, as many bins as `out` has room for.
+  // Same for each bin of a record's array, for all bins that fit in `out`.
   void operator()(std::span<const float> array, std::size_t antennas, std::span<float> out) const;
 
  private:
@@ -52,18 +50,18 @@ class SpatialLags {
   std::vector<Pair> pairs_;
 };
 
-// The axis has such a quantity, and its scale is D.
+// Axis with this quantity; its scale is D.
 inline std::size_t longest_lag(const Axis& lags) { return static_cast<std::size_t>(lags.scale); }
 inline std::size_t lag_values(std::size_t longest) { return 2 * longest + 1; }
-// Returns the number of values of a record.
+// Returns the number of values per record.
 inline std::size_t lag_columns(const Axis& lags) {
   return lags.count > 0 ? lags.count * lag_values(longest_lag(lags)) : 0;
 }
 
-// Returns a run's array axis in lags; its count is 0 if the array tells no azimuth.
+// Returns the lag axis for a run's array; count 0 if the array cannot measure the azimuth.
 Axis lags_axis(const Axis& array, const SpatialLags& lags);
 
-// Moves a record's lags along the range.
+// Shifts a record's lags in range.
 void move_lags(std::span<float> lags, const Axis& axis, const Shift& shift);
 
 }  // namespace echofuse::recon

@@ -48,10 +48,11 @@ double correlation(const std::vector<double>& a, const std::vector<double>& b) {
 
 double fisher_z(double correlation) { return std::atanh(std::clamp(correlation, -0.999, 0.999)); }
 
-// Returns the line of one run, or nothing. `range` and `depth` have a value for each row.
+// Returns the warning for one run, or nothing. `range` and `depth` have a value per row.
 std::string late_truth_of(const Dataset& data, const Source& run, const std::vector<double>& range,
                           const std::vector<double>& depth) {
-  // The rows of which all three maps are known, so that the lags are compared on the same rows.
+  // Uses only rows for which all three maps are known, so that all lags are compared on the same
+  // rows.
   std::vector<double> ranges;
   std::vector<std::vector<double>> depths(3);
   for (std::size_t row = run.first + 1; row + 1 < run.first + run.count; ++row) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Depth maps that belong to the record before or after theirs, as of arrays shifted by one.
+// Detects depth maps assigned to the previous or next record, e.g. of arrays shifted by one.
 #pragma once
 #include <string>
 
@@ -7,9 +7,9 @@
 
 namespace echofuse::recon {
 
-// Compares the mean range of the histogram with the mean depth of the map of the record itself, of
-// the record before and of the one after. Returns a line with a remedy for each run of which one of
-// these two fits clearly better. Doubtful rows are ignored.
+// Compares the histogram's mean range with the mean depth of the maps of the same, the previous and
+// the next record. Returns a line with a remedy for each run in which a neighbouring map clearly
+// fits better. Ignores doubtful rows.
 std::string late_truth(const Dataset& data);
 
 }  // namespace echofuse::recon

@@ -102,10 +102,10 @@ bool covers(const Axis& found, const Axis& wanted) {
 }
 
 void match_axes(Dataset& data, const Axis& spd, const Axis& radar, Inputs inputs,
-                const std::string& whose) {
+                const std::string& owner) {
   const std::string path = data.sources.empty() ? "run" : data.sources.front().path;
   if (inputs != Inputs::radar && !agree(data.spd_axis, spd)) {
-    if (!is_near(data.spd_axis, spd)) throw axis_error(path, data.spd_axis, spd, whose);
+    if (!is_near(data.spd_axis, spd)) throw axis_error(path, data.spd_axis, spd, owner);
     resample(data.spd, data.spd_axis, spd, 1);
     if (!data.zones.empty()) resample_zones(data, spd);
     data.spd_axis = spd;
@@ -114,7 +114,7 @@ void match_axes(Dataset& data, const Axis& spd, const Axis& radar, Inputs inputs
   if (radar.quantity == "binned_power" && data.radar_axis.quantity == "power")
     rebin_radar(data, radar);
   if (!covers(data.radar_axis, radar)) {
-    if (!is_near(data.radar_axis, radar)) throw axis_error(path, data.radar_axis, radar, whose);
+    if (!is_near(data.radar_axis, radar)) throw axis_error(path, data.radar_axis, radar, owner);
     resample(data.radar, data.radar_axis, radar, 1);
     data.radar_axis = radar;
   }
@@ -129,8 +129,8 @@ void match_array(Dataset& data, const Axis& array) {
   if (data.array_axis.count == 0)
     throw Error(ExitCode::failed,
                 printable(path) +
-                    ": has no samples of the radar's antennas, which the model needs; for such "
-                    "runs train one with --inputs fused-profile");
+                    ": no antenna samples of the radar, which the model needs; for such "
+                    "runs train with --inputs fused-profile");
   if (!covers(data.array_axis, array)) {
     if (!is_near(data.array_axis, array))
       throw axis_error(path, data.array_axis, array, "the model's");

@@ -18,7 +18,7 @@ PileUp::PileUp(const record::RunReader& run, const Axis& spd) {
 
 double PileUp::correct(std::span<float> counts, double pulses) const {
   if (!known() || !(pulses > 0)) return 1;
-  // before[i] counts the clicks before the left edge of bin i.
+  // before[i]: clicks before the left edge of bin i.
   std::vector<double> before(counts.size() + 1);
   for (std::size_t i = 0; i < counts.size(); ++i) before[i + 1] = before[i] + double{counts[i]};
   const double all = before.back(), bins = static_cast<double>(counts.size());
@@ -33,8 +33,8 @@ double PileUp::correct(std::span<float> counts, double pulses) const {
   double least = 1;
   for (std::size_t i = 0; i < counts.size(); ++i) {
     const double middle = static_cast<double>(i) + 0.5, since = middle - rest;
-    // Detections that leave the detector dead in bin i: earlier ones of the same pulse, those of
-    // the pulse before within the dead time, and those of all whole periods within it.
+    // Detections that make the detector dead in bin i: earlier ones of the same pulse, those of the
+    // previous pulse within the dead time, and those of all whole periods within it.
     double blocked = before[i] - std::min(up_to(since), before[i]) + whole * all;
     if (!std::isinf(dead)) blocked += all - up_to(since + period);
     const auto found = double{counts[i]};

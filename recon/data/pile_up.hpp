@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: MIT
-// PileUp turns the counts of a histogram into those that a detector without dead time would have. L
-// pulses are sent. At bin i the detector is not ready after the B_i pulses whose click was less
-// than the dead time before. L - B_i pulses find it ready, and N_i of these click in bin i, so a
-// pulse brings
+// Pile-up correction: converts the counts of a histogram to those of a detector without dead time.
+// L pulses are sent. At bin i the detector is dead after the B_i pulses with a click within the
+// previous dead time. Of the other L - B_i pulses, N_i give a click in bin i, so the expected
+// photons per pulse are
 //   q_i = -log(1 - N_i / (L - B_i))
-// photons there. If only the first photon of a pulse counts, B_i is all earlier bins (Coates, J.
-// Phys. E 1, 878, 1968). If the detector runs freely, B_i is the bins within the dead time, also of
-// the pulses before (Isbaner et al., Opt. Express 24, 9429, 2016). Clicks outside the histogram are
-// not known, and not corrected for.
+// If only the first photon of a pulse counts, B_i is the sum of all earlier bins (Coates, J. Phys.
+// E 1, 878, 1968). For a free-running detector B_i is the sum of the bins within the dead time,
+// including those of previous pulses (Isbaner et al., Opt. Express 24, 9429, 2016). Clicks outside
+// the histogram are unknown and not corrected for.
 #pragma once
 #include <span>
 
@@ -17,20 +17,20 @@ namespace echofuse::recon {
 
 class PileUp {
  public:
-  PileUp() = default;  // for an unknown detector, whose counts stay as they are
-  // The detector is what the run says (record::detector_of). It is unknown if the run says nothing,
-  // or if the axis `spd` is not in ps.
+  PileUp() = default;  // unknown detector: no correction
+  // Detector as stated in the run (record::detector_of). Unknown if the run states none, or if the
+  // axis `spd` is not in ps.
   PileUp(const record::RunReader& run, const Axis& spd);
 
-  // With an infinite dead time the detector is ready again at the next pulse. `window_s` is the
-  // length of the slot.
+  // With an infinite dead time the detector is ready at the next pulse. `window_s`: length of the
+  // slot.
   PileUp(double dead_time_ps, double window_s, double bin_width_ps)
       : dead_time_ps_(dead_time_ps), window_ps_(1e12 * window_s), bin_width_ps_(bin_width_ps) {}
 
   bool known() const { return dead_time_ps_ > 0; }
-  // In place, counts a bin become photons a bin, for `pulses` laser pulses in the slot (0: not
-  // known, nothing is done). Returns the least share of the pulses that found the detector ready:
-  // if it is nearly zero, the photons are a guess.
+  // Converts counts per bin to photons per bin in place, for `pulses` laser pulses in the slot (0:
+  // unknown, no correction). Returns the smallest share of pulses that found the detector ready;
+  // near zero the result is unreliable.
   double correct(std::span<float> counts, double pulses) const;
 
  private:

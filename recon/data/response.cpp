@@ -17,11 +17,12 @@ namespace {
 
 constexpr double reach_cells = 3;
 constexpr std::ptrdiff_t most_reach = 48;  // points
-// A twin of any window has .49 IoU at .67 of Blackman's width as it is and .45 brought, at .8 .44
-// and .45.
+// A twin of any window has an IoU of .49 at .67 of Blackman's width as recorded and .45 converted;
+// at .8 it has .44 and .45.
 constexpr double much_narrower = 0.75;
-constexpr int parts = 8;                  // parts of a step, at which the responses are compared
-constexpr double noise_to_signal = 1e-3;  // energy of the noise in eight points, of the peak's
+constexpr int parts = 8;                  // subdivisions of a step for the comparison of responses
+constexpr double noise_to_signal = 1e-3;  // energy of the noise in eight points, relative to the
+                                          // peak's
 
 // Filters every `stride`-th value.
 void filter(std::span<float> row, std::size_t stride, const std::vector<double>& weights) {
@@ -62,8 +63,8 @@ record::RadarResponse response_of_cosine(int order, double cell_m) {
   return out;
 }
 
-// Standard deviation of the values in the quietest quarter of every `stride`-th column from `first`
-// on. The lower half of a column's values gives it, because echoes are in the upper one.
+// Returns the standard deviation in the quietest quarter of the columns first, first + stride, ...
+// Uses the lower half of each column's values, because the upper half contains echoes.
 float quiet_deviation(const Matrix& table, const Rows& rows, std::size_t first,
                       std::size_t stride) {
   constexpr double one_deviation_below = 0.1587;
@@ -77,7 +78,7 @@ float quiet_deviation(const Matrix& table, const Rows& rows, std::size_t first,
   return deviations.empty() ? 0 : quantile(deviations, 0.25);
 }
 
-// Number of values a bin in the table of lags; 0 without them.
+// Number of values per bin in the table of lags; 0 without lags.
 std::size_t lags_of(const Dataset& data) {
   return data.array_axis.count > 0 ? lag_values(longest_lag(data.array_axis)) : 0;
 }

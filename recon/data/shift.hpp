@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// A Shift moves sampled values along their axis by parts of a step.
+// Shifts sampled values along their axis by fractions of a step.
 #pragma once
 #include <array>
 #include <cstddef>
@@ -7,15 +7,14 @@
 
 namespace echofuse::recon {
 
-// Lanczos interpolation over eight values with weights that add up to 1. A peak as narrow as the
-// steps allow keeps its width (a linear interpolation blurs it, and costs as much as the offset it
-// removes).
+// Lanczos interpolation over eight values with weights that add up to 1. It keeps the width of the
+// narrowest possible peak; linear interpolation would blur it by as much as the offset.
 class Shift {
  public:
-  // Moves the values by this many steps towards the start of the axis.
+  // Shifts the values by this many steps towards the start of the axis.
   explicit Shift(double steps = 0);
-  // Beyond both ends the values are 0. A row of one value throughout, from a dead sensor, stays as
-  // it is, or the zeros at the ends would make it look alive (Dataset::fault_of).
+  // Values beyond both ends are 0. A constant row, from a dead sensor, is not changed; otherwise
+  // zeros at its ends would hide the fault (Dataset::fault_of).
   std::vector<float> apply(const std::vector<float>& values) const;
 
  private:

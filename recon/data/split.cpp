@@ -50,7 +50,7 @@ Split make_split(const Rows& rows, const SplitOptions& options) {
   if (split.train.size() < 2)
     throw Error(ExitCode::failed, std::to_string(rows.size()) + " usable records leave " +
                                       std::to_string(split.train.size()) +
-                                      " to train on after the split; at least 2 are needed");
+                                      " for training after the split; expected at least 2");
   return split;
 }
 
@@ -65,7 +65,7 @@ Split make_fold(const Rows& rows, std::size_t fold, std::size_t folds, std::size
     throw Error(ExitCode::failed, std::to_string(rows.size()) + " usable records cannot make " +
                                       std::to_string(folds) + " folds with a gap of " +
                                       std::to_string(gap) +
-                                      ": more records do, fewer folds, or a smaller gap");
+                                      "; use more records, fewer folds or a smaller gap");
   return split;
 }
 

@@ -12,9 +12,10 @@
 namespace echofuse::recon {
 namespace {
 
-// Background: what every record holds. In each column the level that few records are below, less
-// its distance to the median: zero where bodies come and go. A count that scatters as photons alone
-// do is all background: its median. `steadiness` is 0 for values that are not counts.
+// Returns the background: the part common to all records. For each column: the low quantile minus
+// its distance to the median; zero where bodies are present in many records. A count that varies
+// only by photon noise is all background: its median. `steadiness` is 0 for values that are not
+// counts.
 std::vector<float> background_of(std::span<const float> low, std::span<const float> median,
                                  double steadiness) {
   std::vector<float> out(low.size());
@@ -57,7 +58,8 @@ void archive_constants(Archive archive) {
 
 Alignment::Alignment(const Layout& layout, const Matrix& observations, const Rows& rows) {
   if (layout.spd.count == 0)
-    throw Error(ExitCode::usage, "aligning records needs the detector's histogram");
+    throw Error(ExitCode::usage,
+                "aligning records needs the detector's histogram; add spd to the inputs");
   set_axes(layout);
   const auto lows = column_quantile(observations, rows, method::background_quantile);
   const auto medians = column_quantile(observations, rows, 0.5);
@@ -71,9 +73,8 @@ Alignment::Alignment(const Layout& layout, const Matrix& observations, const Row
                                     method::steadiness);
 }
 
-// In each bin it takes the lags of the records that have the least power there, and scales them to
-// the power that is always there: echoes of what stands still keep their directions, and noise has
-// none.
+// Per bin: averages the lags of the records with the least power, and scales them to the background
+// power. Static echoes keep their directions; noise averages out.
 void Alignment::learn_array_background(const Matrix& observations, const Rows& rows) {
   const std::size_t first = counts_background_.size() + power_background_.size();
   for (std::size_t at = 0; at < lags_background_.size(); at += lag_values_) {
@@ -205,7 +206,7 @@ void Alignment::archive(Archive archive, const Layout& layout) {
 
 namespace {
 
-constexpr int parts = 4;  // parts of a histogram's bin, whose clicks lie anywhere in it
+constexpr int parts = 4;  // parts of a histogram bin, because clicks may lie anywhere in it
 
 double power_of(double in_resolutions) {
   const double x = M_PI * in_resolutions;

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: MIT
-// An ArrayView holds what the radar's antennas see of a body, from the spatial lags c_d
-// (data/lags.hpp) about the range at which the SPD sees it. It gives the direction where most power
-// comes from (the maximum of Bartlett's beam, sum of (A - d) Re(c_d exp(-i pi d u))), and the lags
-// turned into that direction. The lags say how the body spreads about the direction, wherever it
-// stands, as the aligned profile does along the range. Lags of antennas one above the other say how
-// it spreads in height; they stay as they are.
+// Features of a body from the radar's antennas: spatial lags c_d (data/lags.hpp) about the range
+// measured by the SPD. The first is the direction of maximum power (Bartlett beam, sum of (A - d)
+// Re(c_d exp(-i pi d u))). The others are the lags, rotated into that direction. They describe the
+// lateral spread of the body about its direction, independent of its position, like the aligned
+// profile along the range. Lags of vertical antenna pairs describe the spread in height and are not
+// rotated.
 #pragma once
 #include <complex>
 #include <span>
@@ -18,17 +18,18 @@ namespace echofuse::recon {
 class ArrayView {
  public:
   ArrayView() = default;
-  explicit ArrayView(const Axis& lags);  // a count of 0 means no antennas
+  explicit ArrayView(const Axis& lags);  // count 0: no antennas
 
-  std::size_t size() const;                       // features of a body; 0 without antennas
-  static constexpr std::size_t of_direction = 2;  // the number of features before the lags
+  std::size_t size() const;                       // number of features of a body; 0 without
+                                                  // antennas
+  static constexpr std::size_t of_direction = 2;  // number of features before the lags
   std::size_t cost() const;                       // multiply-adds
-  // Fills size() features from a record's lags above the background. First come the direction
-  // cosine u, and u times the range (metres). Then come the lags of the window about the body and
-  // of parts of it, over the power of the window; those across are turned by exp(-i pi d u). All
-  // are zero if the window has no power.
+  // Computes size() features from a record's lags above the background: the direction cosine u; u
+  // times the range (m); the lags of the window about the body and of its parts, divided by the
+  // power of the window. Horizontal lags are rotated by exp(-i pi d u). All are zero if the window
+  // has no power.
   void operator()(std::span<const float> lags, double range_m, std::span<float> out) const;
-  // Turns the features as if the same body stood in another direction.
+  // Converts the features to those of the same body in another direction.
   static void turn(double by, double range_m, std::span<float> features);
 
  private:
@@ -36,7 +37,7 @@ class ArrayView {
   void add(std::span<const float> bin, double weight, Lags& to) const;
   double direction_of(const Lags& sum) const;
 
-  // Number of lags in use, at most `most` of each kind.
+  // Returns the number of lags in use, at most `most` of each kind.
   std::size_t lags_of(std::size_t most) const;
 
   std::size_t across_ = 0, up_ = 0, bins_ = 0, parts_ = 0;

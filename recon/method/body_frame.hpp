@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
-// A body frame is a patch of space that moves along with a body: columns in metres to its right,
-// rows in metres above the camera, both at the body's depth. Cut from a map it holds what people
-// look like wherever they stand; drawn into a map it puts them back.
+// Body frame: a grid that moves with a body. Columns are metres to its right, rows are metres above
+// the camera, both at the body's depth. A body cut out of a map looks the same at any position;
+// draw() puts it back into a map.
 #pragma once
 #include <optional>
 #include <span>
@@ -18,7 +18,7 @@ struct Place {
   float depth_m = 0;  // its mean z
 };
 
-// Returns the place of a true map's foreground (metrics/scene.hpp), or nothing if there is no
+// Returns the place of a true map's foreground (metrics/scene.hpp), or nothing without a
 // foreground.
 std::optional<Place> place_of(std::span<const float> map, std::span<const float> background,
                               const record::MapGrid& grid);
@@ -26,21 +26,21 @@ std::optional<Place> place_of(std::span<const float> map, std::span<const float>
 class BodyFrame {
  public:
   BodyFrame() = default;
-  // The frame is as large as the bodies in these maps, and its cells are as large as their pixels.
-  // `rows` and `places` belong together.
+  // Sets the size of the frame to that of the bodies in these maps, and the size of its cells to
+  // that of their pixels. places[i] belongs to rows[i].
   BodyFrame(const Matrix& maps, std::span<const float> background, const Rows& rows,
             const std::vector<Place>& places, const record::MapGrid& grid);
 
   std::size_t size() const { return columns_ * rows_; }
-  // `mask` gets the share of each cell that is foreground; `relief` gets that share times (z -
-  // place.depth_m).
+  // Writes the foreground share of each cell to `mask`, and that share times (z - place.depth_m) to
+  // `relief`.
   void cut(std::span<const float> map, std::span<const float> background, const Place& place,
            std::span<float> mask, std::span<float> relief) const;
-  // Draws onto a map of the background. Foreground is where the mask exceeds the threshold, at
-  // depth_m + relief / mask.
+  // Draws onto a background map. Pixels with a mask above the threshold are foreground, at depth_m
+  // + relief / mask.
   void draw(std::span<const float> mask, std::span<const float> relief, const Place& place,
             float threshold, std::span<float> map) const;
-  // Same without a threshold: each pixel gets the mask's share in 0..1 and the depth there.
+  // Same without a threshold: writes the mask (0 to 1) and the depth of each pixel.
   void draw_soft(std::span<const float> mask, std::span<const float> relief, const Place& place,
                  std::span<float> share, std::span<float> depth) const;
   // Returns the multiply-adds of one draw().
@@ -49,14 +49,14 @@ class BodyFrame {
   void archive(Archive archive, const record::MapGrid& grid);
 
  private:
-  // Draws the body where its mask exceeds `least`. A `share` with room gets the mask wherever the
-  // cells reach.
+  // Draws pixels with a mask above `least`. Writes the mask of all pixels to `share` unless it is
+  // empty.
   void draw_onto(std::span<const float> mask, std::span<const float> relief, const Place& place,
                  float least, std::span<float> map, std::span<float> share) const;
 
   record::MapGrid grid_;  // grid of the maps
   std::size_t columns_ = 0, rows_ = 0;
-  double left_m_ = 0, top_m_ = 0, pitch_m_ = 1;  // centre of cell (0, 0), distance of the cells
+  double left_m_ = 0, top_m_ = 0, pitch_m_ = 1;  // centre of cell (0, 0); size of a cell
 };
 
 }  // namespace echofuse::recon

@@ -23,12 +23,13 @@ void BodyModel::archive(Archive archive, std::size_t inputs, const record::MapGr
   archive.values("centre", centre, inputs);
   archive.values("deviation", deviation, inputs);
   archive.require(std::all_of(deviation.begin(), deviation.end(), [](float d) { return d > 0; }),
-                  "deviation", "expected all above 0");
+                  "deviation", "expected positive values only");
   place.archive(archive.in("place"), inputs, 2);
   recon::archive(archive.in("masks"), masks, frame.size());
   recon::archive(archive.in("depths"), depths, frame.size());
   const std::size_t amounts = masks.basis.rows + depths.basis.rows;
-  archive.require(has_shapes == (amounts > 0), "masks", "expected components if it has shapes");
+  archive.require(has_shapes == (amounts > 0), "masks",
+                  "expected components, because the model has shapes");
   if (has_shapes) shape.archive(archive.in("shape"), inputs, amounts);
 }
 

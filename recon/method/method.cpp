@@ -1,28 +1,27 @@
 // SPDX-License-Identifier: MIT
-// The method goes from a record to a depth map. Lai et al. (Chin. Opt. Lett. 22, 022701, 2024)
-// measure a scene I by the detector's histogram and the radar's profile, put both into one vector
-// and learn its inverse:
+// From a record to a depth map. Lai et al. (Chin. Opt. Lett. 22, 022701, 2024) concatenate the
+// detector's histogram and the radar's profile of a scene I, and learn the inverse:
 //
 //   H = [H_spd, H_radar] = F(I)      I = F^-1(H), a network
 //
-// We take F^-1 apart into what geometry says and what has to be learnt, with numbers of our own.
-// The detector counts N_i photons in the bin at range r_i, of which B_i are always there; the radar
-// measures the power p(R) at range R. The body stands x to the right of the detector and z before
-// it, at ranges r from the detector and R from the radar, which stands b to the left.
+// We split F^-1 into a part given by geometry and a part that is learnt (equation numbers are
+// ours). The detector counts N_i photons in the bin at range r_i, B_i of them background; the
+// radar measures the power p(R) at range R. The body is at x (right of the detector) and z (in
+// front of it), at range r from the detector and R from the radar, which is b to the left.
 //
-//   (1) n_i = N_i - B_i - median      counts above what is always there; p likewise
+//   (1) n_i = N_i - B_i - median      counts above the background; p likewise
 //   (2) r = sum n_i r_i / sum n_i     range of the body, over |r_i - r| < body_m
-//   (3) h(d) = n(r + d) / sum n       histogram about it; any laser power, any exposure. Of zones
-//                                     h_k(d) = n_k(r + d) / sum n
-//   (4) g(d) = p(r + d) / sum p       profile about it; any gain of the radar
-//   (5) R^2 = r^2 + b^2 + 2 b x,      the radar sees the body farther than the detector does
-//       R - r = b x / r + O(b^2)      by this: the shift tells left from right
-//   (6) c(s) = <h * psf, g(. + s)> / (|h * psf| |g|)     its estimator, over shifts s; psf: the
-//                                     radar's response to a point
-//   (7) u = argmax sum (A - d) Re(c_d e^-i pi d u)       direction that A antennas see (Bartlett),
-//                                     from their spatial correlation c_d at d half wavelengths
+//   (3) h(d) = n(r + d) / sum n       histogram about r, independent of laser power and exposure;
+//                                     of zones: h_k(d) = n_k(r + d) / sum n
+//   (4) g(d) = p(r + d) / sum p       profile about r, independent of the radar's gain
+//   (5) R^2 = r^2 + b^2 + 2 b x,      the difference between the ranges of radar and detector
+//       R - r = b x / r + O(b^2)      distinguishes left and right
+//   (6) c(s) = <h * psf, g(. + s)> / (|h * psf| |g|)     estimator of R - r, over shifts s; psf:
+//                                     the radar's response to a point
+//   (7) u = argmax sum (A - d) Re(c_d e^-i pi d u)       direction for A antennas (Bartlett), from
+//                                     their spatial correlation c_d at d half wavelengths
 //   (8) x, z - r = place network      (c, h, h_k, g, antennas, r)
-//   (9) mask, depth = mean + amounts x components        in a frame that moves with the body
+//   (9) mask, depth = mean + coefficients x components   in a frame that moves with the body
 //  (10) map = z + depth / mask where mask > threshold, else the background
 #include "recon/method/method.hpp"
 
@@ -43,9 +42,9 @@ using ConstValues = Eigen::Map<const Eigen::ArrayXf>;
 Values values(std::span<float> v) { return {v.data(), std::ssize(v)}; }
 ConstValues values(std::span<const float> v) { return {v.data(), std::ssize(v)}; }
 
-// (2) `counts` are above the background, in bins at scene.spd_ranges(); `all` includes it. The
-// range is in metres. It is 0 if the counts of a body are fewer than `significance` standard
-// deviations of all counts.
+// (2) Returns the range in metres. `counts`: above the background, in bins at scene.spd_ranges();
+// `all`: including it. Returns 0 if the body's counts are below `significance` standard deviations
+// of all counts.
 float detected_range_m(std::span<const float> counts, std::span<const float> all,
                        const Alignment& scene) {
   const auto [first_m, step_m] = scene.spd_ranges();
@@ -53,8 +52,8 @@ float detected_range_m(std::span<const float> counts, std::span<const float> all
   double from = 0, to = bins, centre = 0;
   BinSums in;
   for (int pass = 0; pass <= method::centroid_passes; ++pass) {
-    // The first pass goes over all bins, where noise of both signs would pull the centroid
-    // anywhere.
+    // The first pass includes all bins, and ignores negative counts, because noise of both signs
+    // would displace the centroid.
     in = bin_sums(counts, all, static_cast<std::size_t>(from), static_cast<std::size_t>(to),
                   pass == 0 ? Negative::left_out : Negative::counted);
     if (in.counts <= 0) return 0;
@@ -66,8 +65,8 @@ float detected_range_m(std::span<const float> counts, std::span<const float> all
   return detected ? static_cast<float>(first_m + centre * step_m) : 0;
 }
 
-// (3) Fills bins of this width about the range, and returns the counts in all of them. The counts
-// between two ranges are differences of the running sum, interpolated.
+// (3) Fills bins of this width about the range; returns the sum of their counts. Counts between two
+// ranges are differences of the cumulative sum, interpolated.
 float counts_about(float range_m, std::span<const float> counts, const Alignment& scene,
                    double bin_m, std::span<float> out) {
   std::vector<float> running(counts.size() + 1);
@@ -91,7 +90,7 @@ float counts_about(float range_m, std::span<const float> counts, const Alignment
   return before - first;
 }
 
-// (3) of the sum and of each zone.
+// (3) for the sum and each zone.
 void histograms_about(float range_m, std::span<const float> counts, const Matrix& of_zones,
                       const Alignment& scene, const AlignmentColumns& at) {
   const float sum = counts_about(range_m, counts, scene, method::histogram_step_m, at.histogram);
@@ -104,7 +103,7 @@ void histograms_about(float range_m, std::span<const float> counts, const Matrix
 
 }  // namespace
 
-// Step 1 gives H_spd and H_radar of the paper, the lags of several antennas, and the zones' H_spd.
+// Step 1: H_spd and H_radar of the paper, the lags of the antennas, and H_spd of the zones.
 Matrix observe(const Dataset& data, const Rows& rows, const Features& sensors) {
   require_zones(data, sensors.zones);
   const Layout layout = sensors.layout();
@@ -149,8 +148,8 @@ void standardise(std::span<float> view, const BodyModel& model) {
                  values(std::span<const float>(model.deviation));
 }
 
-Seen seen(const Matrix& views, const BodyModel& model) {
-  Seen out;
+BodyViews body_views(const Matrix& views, const BodyModel& model) {
+  BodyViews out;
   for (std::size_t i = 0; i < views.rows; ++i)
     if (shows_body(views.row(i))) out.rows.push_back(i);
   out.views = take_rows(views, out.rows);
@@ -162,11 +161,10 @@ float range_of(std::span<const float> standard_view, const BodyModel& model) {
   return standard_view.back() * model.deviation.back() + model.centre.back();
 }
 
-// Step 3, equation (8). The first answer is how far the body stands to the right at its range, in
-// metres. The second is how far its mean depth lies behind that range, in metres, mostly below 0.
-// Place holds x / z and z.
+// Step 3, equation (8). Network outputs: lateral position of the body at its range, m; its mean
+// depth minus that range, m, usually negative. Place contains x / z and z.
 std::vector<Place> place(const Matrix& standard_views, const BodyModel& model) {
-  const Matrix found = model.place.predict(standard_views);  // [m x 2] right, behind (metres)
+  const Matrix found = model.place.predict(standard_views);  // [m x 2] right, behind (m)
   const float nearest_m = model.nearest_m;
   std::vector<Place> out;
   for (std::size_t i = 0; i < found.rows; ++i) {
@@ -177,7 +175,7 @@ std::vector<Place> place(const Matrix& standard_views, const BodyModel& model) {
   return out;
 }
 
-// Step 4, equation (9). The amounts of each kind are in units of its strongest component.
+// Step 4, equation (9). Coefficients are in units of the strongest component of their kind.
 Shapes shape(const Matrix& standard_views, const BodyModel& model) {
   const Matrix found =
       model.has_shapes ? model.shape.predict(standard_views) : Matrix(standard_views.rows, 0);
@@ -206,7 +204,7 @@ void draw(const std::vector<Place>& places, const Shapes& shapes, const BodyMode
 Matrix reconstruct(const Matrix& views, const BodyModel& model, SoftMaps* soft) {
   Matrix maps = repeated_row(model.background, views.rows);
   if (soft) *soft = {Matrix(maps.rows, maps.cols), maps};
-  const Seen bodies = seen(views, model);
+  const BodyViews bodies = body_views(views, model);
   if (!bodies.rows.empty())
     draw(place(bodies.views, model), shape(bodies.views, model), model, bodies.rows, maps, soft);
   return maps;

@@ -1,16 +1,16 @@
 // SPDX-License-Identifier: MIT
 // The method has six steps (method.cpp reads from top to bottom):
 //
-//   Matrix o = observe(data, rows, sensors);  // [n x values]  counts | power | lags | zones
-//   Matrix v = align(o, scene);               // [n x inputs]  the same, about the range
-//   Seen b = seen(v, model);                  // m <= n        views of bodies, standardised
-//   auto p = place(b.views, model);           // m             where they stand
-//   Shapes s = shape(b.views, model);         // [m x cells]   their masks and depths
-//   draw(p, s, model, b.rows, maps);          // [n x pixels]  metres, before the background
+//   Matrix o = observe(data, rows, sensors);     // [n x values]  counts | power | lags | zones
+//   Matrix v = align(o, scene);                  // [n x inputs]  relative to the body's range
+//   BodyViews b = body_views(v, model);          // m <= n        views with a body, standardised
+//   auto p = place(b.views, model);              // m             positions of the bodies
+//   Shapes s = shape(b.views, model);            // [m x cells]   masks and depths
+//   draw(p, s, model, b.rows, maps);             // [n x pixels]  metres, over the background
 //
-// The sixth, trust, says how far off each map may be, and whether its record is like the training:
-// UncertaintyModel::trust() in trust/uncertainty.hpp, which serves every kind of model.
-// A record is a row throughout. The networks are learnt elsewhere (models/factorised.hpp).
+// Step six, trust, estimates the error of each map and tests whether its record is like the
+// training data: UncertaintyModel::trust() in trust/uncertainty.hpp, for every kind of model.
+// Rows are records. The networks are trained elsewhere (models/factorised.hpp).
 #pragma once
 #include <span>
 #include <vector>
@@ -24,61 +24,60 @@
 
 namespace echofuse::recon {
 
-// Step 1 gives for each of the n rows: photons a bin (pile-up corrected), linear power a bin at
-// true ranges, and spatial lags a bin of the radar's antennas (data/lags.hpp), as far as `sensors`
-// asks for them. The photons of each zone of the detector follow. The result is
-// [n x sensors.layout().inputs()]. Throws as require_zones.
+// Step 1: returns [n x sensors.layout().inputs()], for each of the n rows the values requested by
+// `sensors`: photons per bin (corrected for pile-up), linear power per bin at true ranges, spatial
+// lags per bin of the radar's antennas (data/lags.hpp), photons of each zone. Throws like
+// require_zones().
 Matrix observe(const Dataset& data, const Rows& rows, const Features& sensors);
 
-// Step 2 gives the view of each body, [n x scene.inputs()]: correlation of both sensors over their
-// shift | histogram | zones | profile | antennas | range in metres. A row without a body is all
-// zero.
+// Step 2: returns the views, [n x scene.inputs()]: correlation of both sensors over their shift |
+// histogram | zones | profile | antennas | range in metres. All values are zero without a body.
 Matrix align(const Matrix& observations, const Alignment& scene);
 // Aligns one row.
 void align(std::span<const float> observation, const Alignment& scene, std::span<float> view);
 
-// Training learns these values for steps 3 to 5.
+// Learnt values of steps 3 to 5.
 struct BodyModel {
-  std::vector<float> background;         // [pixels] the room without anybody, metres
-  std::vector<float> centre, deviation;  // [inputs] of the views of the training records
-  Ensemble place;                        // inputs -> metres to the right, metres behind the range
-  Ensemble shape;                        // inputs -> amounts of masks, then of depths
+  std::vector<float> background;         // [pixels] map of the empty room, m
+  std::vector<float> centre, deviation;  // [inputs] mean and scale of the training records' views
+  Ensemble place;                        // inputs -> lateral position (m), depth minus range (m)
+  Ensemble shape;                        // inputs -> coefficients of masks, then of depths
   Components masks, depths;  // [components x cells] principal components of bodies in their frame
-  BodyFrame frame;           // places of the cells about a body
-  float nearest_m = 0.1f;    // no body is taken to be nearer
-  float threshold = 0.5f;    // threshold of the mask: above it a pixel shows the body
-  bool has_shapes = true;    // if false, each body looks like the mean one
+  BodyFrame frame;           // positions of the cells relative to a body
+  float nearest_m = 0.1f;    // minimum distance of a body
+  float threshold = 0.5f;    // pixels with a larger mask show the body
+  bool has_shapes = true;    // false: always the mean body
 
   void archive(Archive archive, std::size_t inputs, const record::MapGrid& grid);
 };
 
-// Computes (view - centre) / deviation in place; the networks take the result.
+// Replaces a view by (view - centre) / deviation, the input of the networks.
 void standardise(std::span<float> view, const BodyModel& model);
 
-// Views that show a body, standardised, and their rows.
-struct Seen {
+// Standardised views that show a body.
+struct BodyViews {
   Matrix views;  // [m x inputs], m <= n
-  Rows rows;     // their rows among the n
+  Rows rows;     // their indices among the n
 };
-Seen seen(const Matrix& views, const BodyModel& model);
+BodyViews body_views(const Matrix& views, const BodyModel& model);
 
-// Returns the range of a standardised view, in metres.
+// Returns the range of a standardised view, m.
 float range_of(std::span<const float> standard_view, const BodyModel& model);
-// Returns the multiply-adds of one map from its view, and the number of parameters.
+// Returns the multiply-adds per map from its view, and the number of parameters.
 Cost cost(const BodyModel& model);
 
-// Step 3 places m views that show a body.
+// Step 3: returns the positions of bodies from m standardised views.
 std::vector<Place> place(const Matrix& standard_views, const BodyModel& model);
 
-// Step 4 gives two tables, [m x cells] each: the share of a cell that is body, and that share times
-// how far the body lies behind its place there (metres).
+// Step 4: returns two tables [m x cells]: the body's share of each cell, and that share times the
+// depth relative to the body's position (m).
 struct Shapes {
   Matrix masks, depths;
 };
 Shapes shape(const Matrix& standard_views, const BodyModel& model);
 
-// Step 5 draws into the maps of the given rows, which show the background: [n x pixels], metres. If
-// `soft` is not null, it gets each pixel's share of body and its depth.
+// Step 5: draws into the maps of these rows, [n x pixels] in metres, which must contain the
+// background. If `soft` is not null, it receives each pixel's share of body and its depth.
 void draw(const std::vector<Place>& places, const Shapes& shapes, const BodyModel& model,
           const Rows& rows, Matrix& maps, SoftMaps* soft = nullptr);
 

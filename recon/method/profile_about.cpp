@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Radar profile about a body's range.
+// Radar profile relative to a body's range.
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -10,11 +10,11 @@
 namespace echofuse::recon {
 namespace {
 
-constexpr double farthest_steps = 1e9;  // distance from a radar's first point
+constexpr double farthest_steps = 1e9;  // largest distance from the radar's first point
 
-// Returns the weights of the points from profile_taps - 1 before to profile_taps behind a place
-// that lies `part` of a step behind a point. The points differ by whole steps: three sines do for
-// all.
+// Returns the weights of points profile_taps - 1 before to profile_taps after a position, which is
+// a fraction `part` of a step after a point. Three sines suffice, because the points differ by
+// whole steps.
 std::array<float, 2 * profile_taps> lanczos(double part) {
   struct Turn {
     double sine, cosine;
@@ -45,11 +45,10 @@ std::array<float, 2 * profile_taps> lanczos(double part) {
 
 }  // namespace
 
-// Interpolates profiles as recorded, not added up in wider bins. A power profile has twice the
-// bandwidth of its amplitude, which is c/2B wide. Sampled at half of that (as in the base
-// condition) it is whole, and the sinc series gives it between its points. Lanczos's window ends
-// the series. All points that lie the same part of a step behind a recorded one have the same
-// weights.
+// Interpolates the recorded profile, without summing it in wider bins. A power profile has twice
+// the bandwidth of its amplitude, which has resolution c/2B. Sampled at half of that (as in the
+// base condition) it is complete, and the sinc series interpolates it. Lanczos's window truncates
+// the series. All points at the same fraction of a step have the same weights.
 void Alignment::profile_about(double range_m, std::span<const float> power,
                               std::span<float> points) const {
   std::fill(points.begin(), points.end(), 0.f);
@@ -59,7 +58,7 @@ void Alignment::profile_about(double range_m, std::span<const float> power,
 
 void Alignment::add_profile(double range_m, std::span<const float> power,
                             std::span<float> out) const {
-  std::vector<float> sums;  // sums of the points of one kind
+  std::vector<float> sums;  // sums of the points of one fraction
   for (std::ptrdiff_t kind = 0; kind < points_a_step_; ++kind) {
     const double metres =
         range_m + method::profile_from_m + static_cast<double>(kind) * profile_step_m_;
@@ -71,7 +70,7 @@ void Alignment::add_profile(double range_m, std::span<const float> power,
     sums.assign(static_cast<std::size_t>(count), 0.f);
     for (std::ptrdiff_t k = 0; k < 2 * profile_taps; ++k) {
       const float weight = weights[static_cast<std::size_t>(k)];
-      // Visits the points first + k + j * step that were recorded.
+      // Limits j to recorded points first + k + j * step.
       const std::ptrdiff_t at = first + k, step = steps_a_point_;
       const auto from = at < 0 ? (step - 1 - at) / step : 0;
       const auto to = std::min(count, (std::ssize(power) - at + step - 1) / step);

@@ -6,7 +6,7 @@
 // predicted pixel v is foreground if it is nearer to m than to b; m is the mean depth of the
 // training foreground. Where b = 0, the rule depends on the map: v > 0 if it contains returns; v >
 // m / 2 if it contains expected depths (probability of a return times depth, from a regression).
-// There is no foreground if a quarter of the deviation from the background lies behind it, e.g.
+// No pixel is foreground if a quarter of the deviation from the background lies behind it, e.g.
 // when a wall was moved. Then the thresholded map is the raw one.
 #pragma once
 #include <cstdint>

@@ -101,13 +101,13 @@ TrainingLog Factorised::fit(const Samples& train, const Samples& validation,
   learn_scale(seen.views);
   for (Bodies* s : {&seen, &judged})
     for (std::size_t i = 0; i < s->views.rows; ++i) standardise(s->views.row(i), model_);
-  TurnedBodies turned(*train.alignment, train.inputs, *train.radar, *train.array, seen.rows,
-                      seen.places);
-  if (seen.rows.size() >= many_bodies) turned.turn_share(0.5);
-  TrainingLog log = fit_position(seen, turned, judged, options);
+  RotatedBodies rotated(*train.alignment, train.inputs, *train.radar, *train.array, seen.rows,
+                        seen.places);
+  if (seen.rows.size() >= many_bodies) rotated.rotate_share(0.5);
+  TrainingLog log = fit_position(seen, rotated, judged, options);
   fit_components(seen, train, options);
   if (model_.has_shapes)
-    log.interrupted |= fit_shape(seen, train, turned, judged, validation, options);
+    log.interrupted |= fit_shape(seen, train, rotated, judged, validation, options);
   if (judged.rows.empty())
     choose_threshold(seen, train);
   else
@@ -117,28 +117,28 @@ TrainingLog Factorised::fit(const Samples& train, const Samples& validation,
 
 // Rotates every body of a batch; retarget(place, range_m, target) writes the targets at the new
 // position. Empty without rotation. Validation uses the unmodified records.
-Redraw Factorised::turning(const TurnedBodies& turned, const Retarget& retarget) const {
-  if (!turned.changes()) return {};
-  return [this, &turned, retarget](std::span<const std::size_t> batch, Matrix& inputs,
-                                   Matrix& targets, Rng& rng) {
+Redraw Factorised::augment(const RotatedBodies& rotated, const Retarget& retarget) const {
+  if (!rotated.changes()) return {};
+  return [this, &rotated, retarget](std::span<const std::size_t> batch, Matrix& inputs,
+                                    Matrix& targets, Rng& rng) {
     for (std::size_t i = 0; i < batch.size(); ++i) {
-      const Place place = turned.turn(batch[i], rng, inputs.row(i));
+      const Place place = rotated.rotate(batch[i], rng, inputs.row(i));
       retarget(place, inputs.row(i).back(), targets.row(i));
       standardise(inputs.row(i), model_);
     }
   };
 }
 
-Redraw Factorised::turning_places(const TurnedBodies& turned) const {
-  return turning(turned, [](const Place& place, float range_m, std::span<float> out) {
+Redraw Factorised::augment_positions(const RotatedBodies& rotated) const {
+  return augment(rotated, [](const Place& place, float range_m, std::span<float> out) {
     const auto target = position_target(place, range_m);
     std::copy(target.begin(), target.end(), out.begin());
   });
 }
 
 // The shape does not change if a body is rotated about the camera, which is at the SPD.
-Redraw Factorised::turning_shapes(const TurnedBodies& turned) const {
-  return turning(turned, [](const Place&, float, std::span<float>) {});
+Redraw Factorised::augment_shapes(const RotatedBodies& rotated) const {
+  return augment(rotated, [](const Place&, float, std::span<float>) {});
 }
 
 Matrix Factorised::position_targets(const Bodies& seen) const {
@@ -148,14 +148,14 @@ Matrix Factorised::position_targets(const Bodies& seen) const {
   return out;
 }
 
-TrainingLog Factorised::fit_position(const Bodies& train, const TurnedBodies& turned,
+TrainingLog Factorised::fit_position(const Bodies& train, const RotatedBodies& rotated,
                                      const Bodies& validation, const FitOptions& options) {
   const Matrix wanted = position_targets(train), judged = position_targets(validation);
   const Rows rows = all_rows(train.rows.size()), judged_rows = all_rows(validation.rows.size());
   Training training = training_of(options);
   adapt_to(rows.size(), training);
   training.weights = {1, depth_weight};
-  training.redraw = turning_places(turned);
+  training.redraw = augment_positions(rotated);
   return model_.place.fit({train.views, wanted, rows}, {validation.views, judged, judged_rows},
                           Spread::each, training, place_networks, "position");
 }
@@ -175,14 +175,14 @@ void Factorised::fit_components(const Bodies& train, const Samples& samples,
 
 // Returns true if interrupted.
 bool Factorised::fit_shape(const Bodies& train, const Samples& train_samples,
-                           const TurnedBodies& turned, const Bodies& validation,
+                           const RotatedBodies& rotated, const Bodies& validation,
                            const Samples& validation_samples, const FitOptions& options) {
   const Matrix wanted = amounts(train, train_samples);
   const Matrix judged = amounts(validation, validation_samples);
   const Rows rows = all_rows(train.rows.size()), judged_rows = all_rows(validation.rows.size());
   Training training = training_of(options);
   adapt_to(rows.size(), training);
-  training.redraw = turning_shapes(turned);
+  training.redraw = augment_shapes(rotated);
   return model_.shape
       .fit({train.views, wanted, rows}, {validation.views, judged, judged_rows}, Spread::common,
            training, rows.size() >= many_records ? 1 : shape_networks, "shape")
@@ -240,7 +240,8 @@ void Factorised::choose_threshold(const Bodies& seen, const Samples& samples) {
 
 FitOptions Factorised::sizes() const {
   const std::size_t amounts =
-      model_.masks.basis.rows + model_.depths.basis.rows;  // half as many depth components as masks
+      model_.masks.basis.rows +
+      model_.depths.basis.rows;  // depths have half the number of components
   FitOptions out;
   if (amounts > 0) out.basis = 2 * amounts / 3;
   return out;

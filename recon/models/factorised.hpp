@@ -12,7 +12,7 @@
 #include <vector>
 
 #include "recon/method/method.hpp"
-#include "recon/method/turned.hpp"
+#include "recon/method/rotation.hpp"
 #include "recon/models/model.hpp"
 
 namespace echofuse::recon {
@@ -47,14 +47,14 @@ class Factorised final : public Model {
   void learn_scale(const Matrix& views);
   // Called for a rotated body with its position, its range (m) and the targets to write.
   using Retarget = std::function<void(const Place&, float, std::span<float>)>;
-  Redraw turning(const TurnedBodies& turned, const Retarget& retarget) const;
-  Redraw turning_places(const TurnedBodies& turned) const;
-  Redraw turning_shapes(const TurnedBodies& turned) const;
+  Redraw augment(const RotatedBodies& rotated, const Retarget& retarget) const;
+  Redraw augment_positions(const RotatedBodies& rotated) const;
+  Redraw augment_shapes(const RotatedBodies& rotated) const;
   Matrix position_targets(const Bodies& bodies) const;
-  TrainingLog fit_position(const Bodies& train, const TurnedBodies& turned,
+  TrainingLog fit_position(const Bodies& train, const RotatedBodies& rotated,
                            const Bodies& validation, const FitOptions& options);
   void fit_components(const Bodies& train, const Samples& samples, const FitOptions& options);
-  bool fit_shape(const Bodies& train, const Samples& train_samples, const TurnedBodies& turned,
+  bool fit_shape(const Bodies& train, const Samples& train_samples, const RotatedBodies& rotated,
                  const Bodies& validation, const Samples& validation_samples,
                  const FitOptions& options);
   // Cuts these bodies out of the maps, in the body frame.

@@ -11,7 +11,8 @@ namespace {
 constexpr double shape_penalty = 10;
 
 void move_mean(Components& components, const Matrix& seen, const Matrix& found) {
-  const auto share = static_cast<float>(Tuning::belief(seen.rows)) / static_cast<float>(seen.rows);
+  const auto share =
+      static_cast<float>(Tuning::shrinkage(seen.rows)) / static_cast<float>(seen.rows);
   for (std::size_t i = 0; i < seen.rows; ++i)
     for (std::size_t c = 0; c < seen.cols; ++c)
       components.mean[c] += share * (seen.row(i)[c] - found.row(i)[c]);

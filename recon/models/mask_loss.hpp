@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT
-// Loss of a map from two outputs a pixel: the log-odds of a return that stands out, and its depth.
+// Loss of a map with two outputs per pixel: the log-odds of foreground, and its depth.
 //   mask   cross-entropy
 //   depth  s log cosh(e / s), in units of the depths' spread, on the true foreground only; s is an
-//          eighth of the spread, so that an outlier counts by its distance, not by its square
+//          eighth of the spread, so that outliers count linearly, not quadratically
 #pragma once
 #include <cmath>
 #include <span>

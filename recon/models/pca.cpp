@@ -54,7 +54,7 @@ class Pca final : public Model {
  private:
   void move_mean(const Matrix& found, const Samples& train) {
     const auto n = static_cast<float>(train.rows.size());
-    const auto share = static_cast<float>(Tuning::belief(train.rows.size())) / n;
+    const auto share = static_cast<float>(Tuning::shrinkage(train.rows.size())) / n;
     for (const std::size_t row : train.rows)
       for (std::size_t c = 0; c < found.cols; ++c)
         components_.mean[c] += share * (train.maps.row(row)[c] - found.row(row)[c]);

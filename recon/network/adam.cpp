@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Compiled with -fno-math-errno and -fno-trapping-math: otherwise the square root and the
-// comparisons keep the loop from being vectorised.
+// Compiled with -fno-math-errno and -fno-trapping-math, which allow the compiler to vectorise the
+// square root and the comparisons.
 #include "recon/network/adam.hpp"
 
 #include <algorithm>
@@ -12,11 +12,11 @@ namespace echofuse::recon {
 namespace {
 
 constexpr float b1 = 0.9f, b2 = 0.999f, epsilon = 1e-8f;
-// Smaller gradients and moments count as 0: far below epsilon, no weight moves by them. Their
-// products would be subnormal, which processors compute slowly. NaN stays.
+// Flushes gradients and moments below this to 0: they are far below epsilon and change no weight,
+// but subnormal products are slow. Keeps NaN.
 constexpr float least_gradient = 1e-16f, least_moment = 1e-30f;
 
-// Function of its own, because the compiler vectorises over plain arguments only.
+// Separate function, because the compiler vectorises only over plain arguments.
 inline __attribute__((always_inline)) void step_each(std::size_t n, float* p, float* m, float* v,
                                                      float* g, float keep, float rate) {
   for (std::size_t i = 0; i < n; ++i) {
@@ -31,7 +31,7 @@ inline __attribute__((always_inline)) void step_each(std::size_t n, float* p, fl
 }
 
 #if defined(__x86_64__)
-// Same numbers, bit by bit: built without FMA, whose products are not rounded.
+// Gives equal bits on all processors, because it is compiled without FMA.
 __attribute__((target("avx2"))) void step_avx2(std::size_t n, float* p, float* m, float* v,
                                                float* g, float keep, float rate) {
   step_each(n, p, m, v, g, keep, rate);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// The optimiser is Adam (Kingma and Ba, arXiv 1412.6980) with decoupled weight decay (Loshchilov
-// and Hutter, arXiv 1711.05101).
+// Optimiser Adam (Kingma and Ba, arXiv 1412.6980) with decoupled weight decay (Loshchilov and
+// Hutter, arXiv 1711.05101).
 #pragma once
 #include <cstddef>
 #include <vector>
@@ -10,7 +10,7 @@ namespace echofuse::recon {
 struct Adam {
   Adam(std::size_t parameters, double weight_decay)
       : decay(static_cast<float>(weight_decay)), first(parameters), second(parameters) {}
-  // Updates the parameters, and zeroes the gradient, to which backward() adds the next one.
+  // Updates the parameters and resets the gradient to zero for the next backward().
   void step(std::vector<float>& parameters, std::vector<float>& gradient, double learning_rate);
 
   float decay;

@@ -14,7 +14,7 @@ namespace echofuse::recon {
 namespace {
 
 constexpr std::uint64_t weight_stream = 1, draw_stream = 2;
-constexpr float least_spread = 0.05f;  // share of the median spread, for nearly constant inputs
+constexpr float least_spread = 0.05f;  // minimum spread of an input, relative to the median spread
 
 float share_of(float log_odds) { return 1 / (1 + std::exp(-log_odds)); }
 
@@ -54,7 +54,7 @@ void Classifier::fit(const Matrix& usual, const Matrix& other, const Options& op
   Activations<float> activations;
   std::vector<float> gradient;
   Matrix batch(options.batch, usual.cols);
-  // Standardises once, because each is drawn many times.
+  // Standardises all examples once, because each is drawn many times.
   const auto standardised = [&](Matrix rows) {
     for (std::size_t i = 0; i < rows.rows; ++i) standardise(rows.row(i), rows.row(i));
     return rows;
@@ -88,7 +88,7 @@ void Classifier::archive(Archive archive, std::size_t inputs) {
   archive.values("centre", centre_, inputs);
   archive.values("spread", spread_, inputs);
   archive.require(std::all_of(spread_.begin(), spread_.end(), [](float s) { return s > 0; }),
-                  "spread", "expected all above 0");
+                  "spread", "expected positive values only");
   recon::archive(archive, network_, parameters_, inputs, 1);
 }
 

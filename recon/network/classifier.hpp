@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// A small network tells two kinds of examples apart; it is fitted by logistic loss.
+// Small network that separates two classes of examples, fitted by logistic loss.
 #pragma once
 #include <cstdint>
 #include <span>
@@ -15,15 +15,14 @@ class Classifier {
  public:
   struct Options {
     std::vector<std::size_t> hidden;  // width of each hidden layer
-    std::size_t steps, batch;         // half of each batch is of each kind
-    double learning_rate;             // the first rate; it falls to zero
+    std::size_t steps, batch;         // half of each batch from each class
+    double learning_rate;             // initial rate; decreases to zero
     std::uint64_t seed;
   };
-  // There is one example a row. The fit ends early at an interrupt.
+  // One example per row. An interrupt ends the fit early.
   void fit(const Matrix& usual, const Matrix& other, const Options& options);
   bool known() const { return !parameters_.empty(); }
-  // Returns the logarithm of the odds that the example is of the other kind, if both kinds are
-  // equally frequent.
+  // Returns the log odds of the class `other`, for equally frequent classes.
   double operator()(std::span<const float> inputs) const;
 
   void archive(Archive archive, std::size_t inputs);

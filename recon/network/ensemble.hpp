@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
-// An ensemble answers with the mean of a few small networks, trained apart. Their errors differ
-// where the records say little, so the mean errs less than each. Source: Breiman, Machine Learning
-// 24, 123, 1996.
+// Ensemble: mean of a few small, independently trained networks. Their errors differ where the
+// records contain little information, so the mean has a smaller error. Source: Breiman, Machine
+// Learning 24, 123, 1996.
 #pragma once
 #include <string>
 #include <vector>
@@ -12,17 +12,17 @@ namespace echofuse::recon {
 
 class Ensemble {
  public:
-  // Runs Regression::fit for `networks` networks, each with random numbers of its own. The log is
-  // that of the last one.
+  // Runs Regression::fit for `networks` networks with separate random streams. Returns the log of
+  // the last one.
   TrainingLog fit(const Examples& train, const Examples& validation, Spread spread,
                   Training training, std::size_t networks, const std::string& title);
   // Run Regression::correct and Regression::tune for each network.
   void correct(const Examples& train);
   void tune(const Examples& train, Training training, const std::string& title);
-  // Row i of `inputs` gives row i of the answer, which has as many columns as the targets had.
+  // Returns one row of outputs per row of `inputs`.
   Matrix predict(const Matrix& inputs) const;
   Cost cost() const;
-  void archive(Archive archive, std::size_t inputs, std::size_t outputs);  // "0", "1", ...
+  void archive(Archive archive, std::size_t inputs, std::size_t outputs);  // groups "0", "1", ...
 
  private:
   std::vector<Regression> networks_;

@@ -21,8 +21,8 @@ ECHOFUSE_CLONES void add_row(const float* row, std::size_t count, float* sums) {
 }
 void add_row(const double* row, std::size_t count, double* sums) { add_each(row, count, sums); }
 
-// The rectifier passes no slope where its output is 0. The slope is written in each case: a branch
-// on such signs costs more than it saves.
+// The derivative of the rectifier is 0 where its output is 0. Writes all slopes, because branches
+// on such signs are slower.
 template <class T>
 [[gnu::always_inline]] inline void pass_slopes_each(const T* x, std::size_t count,
                                                     T* __restrict__ slopes) {
@@ -110,7 +110,7 @@ template void backward(const Network&, const std::vector<double>&, const double*
 
 namespace {
 
-// Reads or writes layer l. The place of the layer in the parameters is known when it is written.
+// Reads or writes layer l. Its position in the parameters is known when it is written.
 void archive_layer(Archive archive, const Layer& layer, std::vector<float>& parameters) {
   Matrix weights(layer.inputs, layer.outputs);
   std::vector<float> biases(layer.outputs);
@@ -142,7 +142,7 @@ void archive(Archive archive, Network& network, std::vector<float>& parameters, 
                         [](auto w) { return w > 0 && w <= 1 << 20; }) &&
             std::cmp_equal(widths.front(), inputs) && std::cmp_equal(widths.back(), outputs),
         "widths", "expected from " + std::to_string(inputs) + " to " + std::to_string(outputs));
-    // Checks the file's own tensors before there is memory for the sizes that a header asks for.
+    // Checks the tensors of the file before allocating memory for the sizes in its header.
     for (std::size_t l = 0; l + 1 < widths.size(); ++l)
       archive.in("layer" + std::to_string(l))
           .require_shape("weights", {static_cast<std::size_t>(widths[l]),

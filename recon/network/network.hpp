@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Fully connected network: a list of (W, b) in one flat parameter array. A forward and a backward
-// pass take a batch. Rectifiers are between the layers; the last layer is linear.
+// Fully connected network: layers (W, b) in one flat parameter array, rectifiers between them,
+// linear output. Forward and backward passes process a batch.
 #pragma once
 #include <cstddef>
 #include <vector>
@@ -10,7 +10,7 @@
 
 namespace echofuse::recon {
 
-// y = x W + b. W (inputs x outputs, row-major) and b start at these offsets of the parameters.
+// y = x W + b. W (inputs x outputs, row-major) and b start at these offsets in the parameters.
 struct Layer {
   std::size_t inputs, outputs, weights, biases;
 };
@@ -21,11 +21,11 @@ struct Network {
   std::size_t weights = 0;  // multiply-adds of one forward pass
 };
 
-// `widths` are those of the inputs, the hidden layers and the outputs.
+// `widths`: number of inputs, of units in each hidden layer, and of outputs.
 Network make_network(const std::vector<std::size_t>& widths);
 
-// He et al. (ICCV 2015): the weights are normal with a variance of 2 / inputs. The biases and the
-// last layer's weights are zero, so that training starts from the mean map.
+// Returns initial parameters (He et al., ICCV 2015): normal weights of variance 2 / inputs. Biases
+// and the last layer's weights are zero, so that training starts from the mean map.
 std::vector<float> initial_parameters(const Network& network, Rng& rng);
 
 // Outputs of each layer for a batch, row-major [batch x outputs].
@@ -38,12 +38,12 @@ void forward(const Network& network, const std::vector<T>& parameters, const T* 
              std::size_t batch, Activations<T>& activations);
 
 // Adds dL/d(parameters) to the gradient; an empty gradient counts as zeros. On entry
-// activations.back() holds dL/d(output). The activations are used up.
+// activations.back() must contain dL/d(output). Overwrites the activations.
 template <class T>
 void backward(const Network& network, const std::vector<T>& parameters, const T* inputs,
               std::size_t batch, Activations<T>& activations, std::vector<T>& gradient);
 
-// The file holds the weights and biases of each layer as "layer0", "layer1", ...
+// Reads or writes the weights and biases of each layer as "layer0", "layer1", ...
 void archive(Archive archive, Network& network, std::vector<float>& parameters, std::size_t inputs,
              std::size_t outputs);
 

@@ -16,35 +16,34 @@ namespace {
 
 constexpr std::uint64_t weight_stream = 1, order_stream = 2, redraw_stream = 0x7475726e;  // "turn"
 
-// The rate falls from its full value to zero along half a cosine (Loshchilov and Hutter, ICLR
-// 2017).
+// Cosine annealing from the full rate to zero (Loshchilov and Hutter, ICLR 2017).
 double annealed(double rate, double progress) {
   return rate * 0.5 * (1 + std::cos(M_PI * progress));
 }
 
 double square(double v) { return v * v; }
 
-// Targets of a row of outputs, and the factors from errors to slopes. per_spread is 1 / spread.
-struct Wanted {
+// Targets of one row, and the factors from errors to slopes. per_spread is 1 / spread.
+struct RowTargets {
   const float *truth, *centre, *per_spread;
   float times;
 };
 
-// Puts the slopes in place of a row of outputs, and returns the sum of the squared errors.
-double to_slopes(const Wanted& wanted, std::size_t columns, float* outputs) {
+// Replaces a row of outputs by the loss's slopes; returns the sum of the squared errors.
+double to_slopes(const RowTargets& row_targets, std::size_t columns, float* outputs) {
   const auto count = static_cast<Eigen::Index>(columns);
   const auto row = [&](const float* values) {
     return Eigen::Map<const Eigen::ArrayXf>(values, count);
   };
   Eigen::Map<Eigen::ArrayXf> errors(outputs, count);
-  errors -= (row(wanted.truth) - row(wanted.centre)) * row(wanted.per_spread);
+  errors -= (row(row_targets.truth) - row(row_targets.centre)) * row(row_targets.per_spread);
   const double sum = double{errors.square().sum()};
-  errors *= wanted.times;
+  errors *= row_targets.times;
   return sum;
 }
 
-constexpr std::size_t values_at_once = 1 << 16;  // values of a batch, in one part
-constexpr double most = 1e18;                    // the largest value that a model file takes
+constexpr std::size_t values_at_once = 1 << 16;  // values of a batch per part
+constexpr double most = 1e18;                    // largest value allowed in a model file
 
 bool sound(const std::vector<float>& values) {
   return std::all_of(values.begin(), values.end(),
@@ -66,7 +65,7 @@ Training training_of(const FitOptions& o) {
           {}};
 }
 
-// The steps are of equal size, as a small last one would be noisy.
+// Uses steps of equal size, because a small last step would be noisy.
 Training training_of(const Tuning& t, std::size_t records) {
   const std::size_t a_pass = std::max<std::size_t>(1, (records + t.batch - 1) / t.batch);
   Training out{};
@@ -96,7 +95,8 @@ void Regression::standardise(const Examples& train, Spread spread,
 }
 
 TrainingLog Regression::fit(const Examples& train, const Examples& validation, Spread spread,
-                            const Training& training, const std::string& title, const Told& told) {
+                            const Training& training, const std::string& title,
+                            const OnEpoch& on_epoch) {
   if (training.loss.to_slopes)
     centre_ = training.loss.centre, spread_ = training.loss.spread, unit_ = 1;
   else
@@ -115,14 +115,14 @@ TrainingLog Regression::fit(const Examples& train, const Examples& validation, S
                   .log = {},
                   .least = most};
   s.best = s.parameters;
-  // Weights that never do better than the mean of the targets are not kept.
+  // Keeps the mean of the targets unless some weights are better.
   if (!validation.rows.empty()) s.least = rms_error(validation, training.loss, s.parameters);
   while (s.epoch < training.epochs && s.epoch - s.log.best_epoch < training.patience) {
     train_epoch(train, training, s);
     const bool broken = interrupted();
     if (s.row == 0) break;
-    judge(validation, training.loss, s, title);
-    if (told) told(s.epoch, s.log.validation_loss.back());
+    end_epoch(validation, training.loss, s, title);
+    if (on_epoch) on_epoch(s.epoch, s.log.validation_loss.back());
     if (broken) break;
   }
   s.log.interrupted = interrupted();
@@ -143,18 +143,17 @@ void Regression::tune(const Examples& train, const Training& training, const std
   for (; s.epoch < training.epochs && !interrupted(); ++s.epoch, s.row = 0)
     train_epoch(train, training, s);
   if (!sound(s.parameters))
-    throw Error(ExitCode::failed,
-                title + " diverged: its weights are not finite numbers after the adaptation");
+    throw Error(ExitCode::failed, title + " diverged: weights are not finite after fine-tuning");
   if (!interrupted()) parameters_ = std::move(s.parameters);
 }
 
-// Slope: the median of those between any two records (Theil, Indagationes Math. 12, 85, 1950).
-// Medians do not follow the few bodies that stand where the other side would be as likely.
+// Slope: median over all pairs of records (Theil, Indagationes Math. 12, 85, 1950). Medians are
+// robust against the few bodies placed on the wrong side.
 void Regression::correct(const Examples& train) {
   constexpr double least_scale = 0.5, most_scale = 2;
   const Matrix found = predict(take_rows(train.inputs, train.rows));
-  const double share = Tuning::belief(found.rows);
-  constexpr std::size_t most_paired = 500;  // more records do not change a median
+  const double share = Tuning::shrinkage(found.rows);
+  constexpr std::size_t most_paired = 500;  // more records hardly change a median
   const std::size_t step = found.rows / most_paired + 1;
   for (std::size_t c = 0; c < centre_.size() && found.rows > 2; ++c) {
     const auto answer = [&](std::size_t i) { return found.row(i)[c]; };
@@ -181,17 +180,17 @@ void Regression::move_centre(const Examples& train) {
   for (std::size_t i = 0; i < found.rows; ++i)
     for (std::size_t c = 0; c < sum.size(); ++c)
       sum[c] += double{train.targets.row(train.rows[i])[c]} - double{found.row(i)[c]};
-  const double share = Tuning::belief(found.rows) / static_cast<double>(found.rows);
+  const double share = Tuning::shrinkage(found.rows) / static_cast<double>(found.rows);
   for (std::size_t c = 0; c < sum.size(); ++c) centre_[c] += static_cast<float>(share * sum[c]);
 }
 
-// Pulls towards the weights at the start of the training (L2 penalty).
+// L2 penalty: adds the slope towards the weights at the start of the training.
 void Regression::shrink_to_start(const std::vector<float>& parameters, float l2_penalty) {
   for (std::size_t i = 0; i < parameters.size(); ++i)
     gradient_[i] += l2_penalty * (parameters[i] - parameters_[i]);
 }
 
-// Trains to the end of the epoch, or until an interrupt.
+// Trains to the end of the epoch or an interrupt.
 void Regression::train_epoch(const Examples& train, const Training& training, TrainingState& s) {
   std::shuffle(s.order.begin(), s.order.end(), s.order_rng);
   const std::span<const std::size_t> rows(s.order);
@@ -206,26 +205,27 @@ void Regression::train_epoch(const Examples& train, const Training& training, Tr
   }
 }
 
-// Ends the epoch: logs the losses, and keeps the weights if they are the best so far.
-void Regression::judge(const Examples& validation, const Loss& loss, TrainingState& s,
-                       const std::string& title) {
+// Ends the epoch: logs the losses, and keeps the weights if their validation loss is the best so
+// far.
+void Regression::end_epoch(const Examples& validation, const Loss& loss, TrainingState& s,
+                           const std::string& title) {
   const double values = static_cast<double>(std::max<std::size_t>(s.row, 1) * centre_.size());
   s.log.loss.push_back(std::sqrt(s.squares / values) * unit_);
-  // Without validation records the last epoch is the best.
+  // Without validation records the last epoch counts as the best.
   const bool unvalidated = validation.rows.empty();
-  const double judged =
+  const double score =
       unvalidated ? -static_cast<double>(s.epoch) : rms_error(validation, loss, s.parameters);
-  // The loss does not yet show the damage of the last step.
-  if (!(s.log.loss.back() <= most && judged <= most) || !sound(s.parameters))
+  // The loss does not include the effect of the last step yet.
+  if (!(s.log.loss.back() <= most && score <= most) || !sound(s.parameters))
     throw Error(ExitCode::failed, title + " diverged in epoch " + std::to_string(s.epoch + 1) +
-                                      ": its weights are not finite numbers; use a smaller "
+                                      ": weights are not finite; use a smaller "
                                       "learning_rate");
-  s.log.validation_loss.push_back(unvalidated ? s.log.loss.back() : judged);
+  s.log.validation_loss.push_back(unvalidated ? s.log.loss.back() : score);
   ++s.epoch, s.row = 0, s.squares = 0;
-  if (judged < s.least) s.least = judged, s.best = s.parameters, s.log.best_epoch = s.epoch;
+  if (score < s.least) s.least = score, s.best = s.parameters, s.log.best_epoch = s.epoch;
 }
 
-// Takes one step, and returns the sum of squared errors, in units of the spread.
+// Takes one step; returns the sum of squared errors in units of the spread.
 double Regression::train_batch(const Examples& train, std::span<const std::size_t> rows,
                                const Training& training, TrainingState& s, double learning_rate) {
   batch_inputs_ = take_rows(train.inputs, {rows.begin(), rows.end()});
@@ -275,7 +275,7 @@ Matrix Regression::outputs_of(const Matrix& inputs, const std::vector<float>& pa
   return out;
 }
 
-// Returns the loss of a row of the network's outputs, and puts its slopes in their place.
+// Replaces a row of the network's outputs by the loss's slopes and returns the loss.
 double Regression::to_slopes(const Loss& loss, std::span<const float> target,
                              std::span<float> outputs, float times) const {
   for (std::size_t c = 0; c < outputs.size(); ++c)

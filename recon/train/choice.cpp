@@ -59,8 +59,8 @@ std::vector<CrossvalidatedRow> Choice::table() const {
   return out;
 }
 
-std::vector<Judged> Choice::judged() const {
-  std::vector<Judged> out;
+std::vector<HeldOut> Choice::judged() const {
+  std::vector<HeldOut> out;
   for (std::size_t k = 0; k < folds; ++k)
     out.push_back({entries_[chosen_].models[k], folds_[k].test});
   return out;

@@ -27,14 +27,15 @@ Summaries summarise(const Folds& folds, bool sequence);
 std::vector<CrossvalidatedRow> crossvalidate(const Dataset& data, const Rows& rows,
                                              const TrainOptions& options);
 
-// Returns the candidates that suit these inputs of a detector with so many zones, with sizes.
+// Returns the candidates that suit these inputs of a detector with this number of zones, with
+// sizes.
 std::vector<std::string> candidates(Inputs inputs, std::size_t zones);
 // Default model: the one that "auto" chooses with a few thousand records.
 std::string usual_model(Inputs inputs, std::size_t zones = 0);
 
 // Returns the cheapest model (multiply-adds) within one standard error of the best IoU (Breiman et
-// al., Classification and Regression Trees, 1984, 3.4.3). Uses RMSE if there is no foreground and
-// so no IoU. Throws Error(failed) if no model has either.
+// al., Classification and Regression Trees, 1984, 3.4.3). Uses RMSE if the IoU is undefined
+// without a foreground. Throws Error(failed) if no model has either.
 std::size_t cheapest_within_one_se(const std::vector<CrossvalidatedRow>& rows);
 
 // Table with one line per model: accuracy, cost, and which is chosen.

@@ -31,7 +31,7 @@ std::vector<double> lateral_errors(const Matrix& maps, const Matrix& truth, cons
 // Learns how much the errors grow if the radar was converted from a wider response
 // (imitate_brought).
 void learn_brought(LateralError& lateral, const Estimator& model, const Dataset& data,
-                   const Rows& usual, const std::vector<Judged>& judged, Rng& rng) {
+                   const Rows& usual, const std::vector<HeldOut>& judged, Rng& rng) {
   constexpr std::size_t most_records = 500;  // per model: standard error .013 of the share
   const Inputs inputs = model.features.inputs;
   if (inputs == Inputs::spd) return;
@@ -40,7 +40,7 @@ void learn_brought(LateralError& lateral, const Estimator& model, const Dataset&
   for (const record::RadarResponse& wider : wider_responses(own)) {
     Matrix predictors;
     std::vector<double> errors;
-    for (const Judged& part : judged) {
+    for (const HeldOut& part : judged) {
       Rows some = part.rows;
       some.resize(std::min(some.size(), most_records));
       Dataset records = part_of(data, some);
@@ -79,7 +79,7 @@ bool has_enough_records(const Split& split) {
 }
 
 UncertaintyModel fit_uncertainty(const Estimator& model, const Dataset& data, const Matrix& views,
-                                 const Rows& usual, const std::vector<Judged>& judged,
+                                 const Rows& usual, const std::vector<HeldOut>& judged,
                                  std::uint64_t seed) {
   UncertaintyModel out;
   const Inputs inputs = model.features.inputs;
@@ -91,7 +91,7 @@ UncertaintyModel fit_uncertainty(const Estimator& model, const Dataset& data, co
   std::vector<double> errors;
   // The rows cover all records; the unmodified records come first.
   for (std::size_t copy = 0; copy <= worse_copies; ++copy)
-    for (const Judged& part : judged) {
+    for (const HeldOut& part : judged) {
       Dataset records = part_of(data, part.rows);
       const Rows all = all_rows(part.rows.size());
       const bool plain = copy == 0;
@@ -132,7 +132,7 @@ std::optional<UncertaintyModel> fit_uncertainty(const Estimator& model, const Da
   std::vector<Split> folds = make_folds(rows, few ? 4 : 2, options, fold_stream);
   if (!few) folds.resize(1);  // the errors of one half are enough
   std::vector<Estimator> models;
-  std::vector<Judged> judged;
+  std::vector<HeldOut> judged;
   models.reserve(folds.size());
   for (const Split& fold : folds) {
     Split part;

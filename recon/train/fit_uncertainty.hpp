@@ -17,7 +17,7 @@ inline constexpr std::size_t least_cross_fitted = 50;
 bool has_enough_records(
     const Split& split);  // true if there are enough to learn an UncertaintyModel
 // Validation records and the model that they test; it was not trained on them.
-struct Judged {
+struct HeldOut {
   const Estimator& model;
   Rows rows;
 };
@@ -25,7 +25,7 @@ struct Judged {
 // records (cross-fitting: Chernozhukov et al., Econometrics Journal 21, C1, 2018). Row i of the
 // views belongs to record i of the data. `usual`: rows that are in distribution.
 UncertaintyModel fit_uncertainty(const Estimator& model, const Dataset& data, const Matrix& views,
-                                 const Rows& usual, const std::vector<Judged>& judged,
+                                 const Rows& usual, const std::vector<HeldOut>& judged,
                                  std::uint64_t seed);
 // Returns the uncertainty, or nothing if interrupted. The parts are blocks if the split is in
 // blocks. The maps it is fitted to:

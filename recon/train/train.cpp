@@ -104,7 +104,7 @@ TrainedModel train_split(const Dataset& data, const Split& split, const Scene& s
   if (!scene.has_body() && !options.fit.quiet) std::fprintf(stderr, "%s\n", no_body);
   TrainedModel model;
   model.split = options.split;
-  model.seen = seen_records(data, split);
+  model.seen = training_records(data, split);
   model.data_hash = data.hash;
   model.radar_response = widest_response(data);
   model.any_response = options.any_response;

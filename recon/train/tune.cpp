@@ -158,7 +158,7 @@ TrainingRows rows_of(const std::vector<Start>& starts) {
 
 // Adds the other parts of the chosen model; no uncertainty if there are too few records.
 void finish(Estimator& model, const Dataset& data, const Split& split,
-            const std::vector<Judged>& judged, std::uint64_t seed) {
+            const std::vector<HeldOut>& judged, std::uint64_t seed) {
   const Rows all = all_rows(data.size());
   const Inputs inputs = model.features.inputs;
   const bool has_spd = inputs != Inputs::radar;
@@ -215,7 +215,7 @@ std::string compared(const std::vector<Start>& starts, const std::vector<Choice>
 }
 
 // Joins the record lists of the old and the new model.
-SeenRecords both(const SeenRecords& old, SeenRecords seen) {
+TrainingRecords both(const TrainingRecords& old, TrainingRecords seen) {
   const auto first = static_cast<std::uint32_t>(seen.runs.size());
   seen.runs.insert(seen.runs.end(), old.runs.begin(), old.runs.end());
   for (const std::uint32_t run : old.run) seen.run.push_back(first + run);
@@ -287,7 +287,7 @@ TunedModel tune(const std::vector<Start>& starts, const TuneOptions& options) {
   model.estimators.push_back(choice.fit());
   model.split = options.split;
   model->fit.seed = options.tuning.seed;
-  model.seen = both(from.seen, seen_records(data, split));
+  model.seen = both(from.seen, training_records(data, split));
   model.data_hash = data.hash;
   model.radar_response = by_alone ? widest_response(data) : from.radar_response;
   model.any_response = !by_alone && from.any_response;

@@ -60,7 +60,7 @@ class Standard {
   std::array<double, record_number_count> centre_{}, deviation_{};
 };
 
-// Returns means of ten rows each; drops the remaining rows.
+// Returns means of blocks of ten rows; drops the remaining rows.
 MatrixXd block_means(const MatrixXd& rows) {
   const auto size = Index(block), blocks = rows.rows() / size;
   MatrixXd out(blocks, rows.cols());
@@ -125,8 +125,8 @@ std::string describe(const RecordNumber& number, double difference, double error
 
 std::string range_advice(double difference_m, double error_m) {
   return formatted(
-      "radar ranges appear %.1f +- %.1f cm too %s, or people are further %s, or reflect "
-      "differently; if the radar is the cause: --range-offset %.3f, and calibrate",
+      "radar ranges are %.1f +- %.1f cm too %s, or people are further %s or reflect "
+      "differently; if the radar is the cause, use --range-offset %.3f and calibrate",
       100 * std::abs(difference_m), 100 * error_m, difference_m > 0 ? "long" : "short",
       difference_m > 0 ? "right" : "left", difference_m);
 }
@@ -144,8 +144,9 @@ std::string DomainShift::text() const {
     return std::string("this run matches the training data") +
            (p < most_p ? " (significant differences are too small to matter): " : ": ") + p_text;
   if (p >= most_p || differences.empty())
-    return formatted("this run differs from the training data: %zu of %zu records do (most: %s)",
-                     flagged, judged, reason.c_str());
+    return formatted(
+        "this run differs from the training data: %zu of %zu records are unusual (most: %s)",
+        flagged, judged, reason.c_str());
   std::string all;
   for (const Difference& d : differences) all += (all.empty() ? ": " : ", ") + d.text;
   return "this run differs from the training data: " + p_text + all +

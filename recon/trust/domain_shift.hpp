@@ -26,7 +26,8 @@ struct DomainShift {
     double standard_errors = 0;  // significance of the difference
   };
   std::size_t records = 0;              // records that show a body; 0 if too few for a test
-  double p = 1;                         // probability that a run like the training differs as much
+  double p = 1;                         // p-value: probability that a run like the training differs
+                                        // by at least this much
   std::vector<Difference> differences;  // significant differences, greatest first
   std::string advice;                   // the possible cause and what to do; may be empty
   // Records tested one by one, and those flagged as out of distribution; `reason` is the most
@@ -36,7 +37,8 @@ struct DomainShift {
   bool tested() const { return records > 0 || mostly_flagged(); }
   // A significant difference must also exceed a tenth of the standard deviation between records.
   bool found() const { return mostly_flagged() || (p < most_p && !differences.empty()); }
-  // True if most records are flagged; of records like the training, one in 140 is.
+  // Returns true if most records are flagged; among records like the training, one in 140 is
+  // flagged.
   bool mostly_flagged() const;
   std::string text() const;  // for the user; empty if not tested
 };

@@ -23,7 +23,7 @@ constexpr std::size_t folds_of_few = 4, folds_of_many = 10;  // the limits come 
 constexpr std::size_t few_records = 400, many_records = 3000;
 // False alarm rate of each limit: T^2, two bodies, and all Q together.
 constexpr double above_limit = 0.002;
-constexpr double nobody = -30;               // log odds of two bodies if there is no body
+constexpr double nobody = -30;               // log odds of two bodies without a body
 constexpr double range_reserve = 0.05;       // share of the span of the training ranges
 constexpr double clicks_reserve = 1.25;      // factor of the maximum of the training records
 constexpr double nearly_all_records = 0.99;  // share of training records that show a body

@@ -34,9 +34,9 @@ inline constexpr std::string_view two_people_label = "two_people";
 // et al., ICLR 2019). The network separates views of such sums from views of single records. A view
 // is centred on the centroid of all bodies. The bodies of a sum must be apart sideways, because two
 // bodies cannot occupy one place. With both sensors and a baseline, all bodies are rotated about
-// the SPD (method/turned.hpp) to augment the data. The rows have at most one body each; their maps
-// give its position. The classifier takes a view without its correlation. Fewer than two bodies
-// cannot be learnt from.
+// the SPD (method/rotation.hpp) to augment the data. The rows have at most one body each; their
+// maps give its position. The classifier takes a view without its correlation. Fewer than two
+// bodies cannot be learnt from.
 Classifier learn_two_bodies(const Alignment& alignment, const Features& sensors,
                             const Dataset& data, const Rows& rows, const Scene& scene,
                             std::uint64_t seed);

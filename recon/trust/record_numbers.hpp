@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Numbers that describe a record, independent of gains. Runs are compared by them
+// Numbers that describe a record, independent of gains, for the comparison of runs
 // (domain_shift.hpp).
 #pragma once
 #include <array>
@@ -21,7 +21,7 @@ inline constexpr std::size_t record_number_count = 9, radar_range_number = 8;
 extern const std::array<RecordNumber, record_number_count> record_numbers;
 
 // Returns [m x record_number_count], one row for each of `rows` that shows a body. NaN: unknown,
-// e.g. of a sensor that is not an input. Row i of the views belongs to record i of the data;
+// e.g. for a sensor that is not an input. Row i of the views belongs to record i of the data;
 // without a detector the views have no columns.
 Matrix record_numbers_of(const Alignment& alignment, const Dataset& data, const Matrix& views,
                          const Rows& rows, Inputs inputs);

@@ -6,7 +6,7 @@
 
 #include "drivers/core/random.hpp"
 #include "recon/method/method.hpp"
-#include "recon/method/turned.hpp"
+#include "recon/method/rotation.hpp"
 #include "recon/numbers/parallel.hpp"
 #include "recon/trust/out_of_distribution.hpp"
 
@@ -16,9 +16,9 @@ namespace {
 // Depth range of each body, including outstretched arms.
 constexpr double least_apart_m = 0.4;  // sideways
 constexpr int most_tries = 20;         // attempts to draw two bodies far enough apart
-constexpr std::uint64_t pair_stream = 0x70616972, turn_stream = 0x7475726e;  // "pair", "turn"
+constexpr std::uint64_t pair_stream = 0x70616972, rotation_stream = 0x7475726e;  // "pair", "turn"
 constexpr std::size_t most_pairs = 96'000, pairs_a_record = 32;
-constexpr std::size_t most_turned = 48'000, turned_a_record = 16;
+constexpr std::size_t most_rotated = 48'000, rotated_per_record = 16;
 const std::vector<std::size_t> hidden = {128, 64};
 constexpr std::size_t batch = 256, draws_a_record = 350, most_draws = 2'000'000;
 constexpr double learning_rate = 4e-3;
@@ -46,10 +46,10 @@ Classifier learn_two_bodies(const Alignment& alignment, const Features& sensors,
   const Rows bodies = all_rows(views.rows);
   if (bodies.size() < 2) return out;
   const Matrix no_lags;
-  std::optional<TurnedBodies> turned;
+  std::optional<RotatedBodies> rotated;
   if (alignment.profile_points() > 0 && alignment.array_features() == 0) {
-    turned.emplace(alignment, views, radar, no_lags, bodies, places);
-    if (!turned->turns()) turned.reset();
+    rotated.emplace(alignment, views, radar, no_lags, bodies, places);
+    if (!rotated->rotates()) rotated.reset();
   }
 
   struct Body {
@@ -71,9 +71,9 @@ Classifier learn_two_bodies(const Alignment& alignment, const Features& sensors,
       for (std::size_t c = 0; c < sum.size(); ++c)
         sum[c] = sum[c] + observations.row(body.k)[c] - background[c];
     align(sum, alignment, view);
-    if (!turned || !shows_body(view)) return;
+    if (!rotated || !shows_body(view)) return;
     std::vector<Alignment::MovedProfile> moved;
-    for (const auto& [k, as] : some) moved.push_back({radar.row(k), turned->farther_m(k, as)});
+    for (const auto& [k, as] : some) moved.push_back({radar.row(k), rotated->farther_m(k, as)});
     alignment.add_profiles(moved, view);
   };
   const auto views_of = [&](const std::vector<std::vector<Body>>& records) {
@@ -82,20 +82,20 @@ Classifier learn_two_bodies(const Alignment& alignment, const Features& sensors,
     return made;
   };
 
-  Rng pair_rng = make_rng(seed, pair_stream), turn_rng = make_rng(seed, turn_stream);
+  Rng pair_rng = make_rng(seed, pair_stream), rotation_rng = make_rng(seed, rotation_stream);
   std::vector<std::vector<Body>> pairs(std::min(most_pairs, pairs_a_record * views.rows)), singles;
   for (auto& pair : pairs) {
     int tries = 0;
     do {
       const std::size_t a = any(pair_rng), b = any(pair_rng);
-      const std::size_t as_a = turned ? any(pair_rng) : a, as_b = turned ? any(pair_rng) : b;
+      const std::size_t as_a = rotated ? any(pair_rng) : a, as_b = rotated ? any(pair_rng) : b;
       pair = {{a, as_a}, {b, as_b}};
     } while (std::abs(side_m(pair[0]) - side_m(pair[1])) < least_apart_m && ++tries < most_tries);
   }
-  if (turned) singles.resize(std::min(most_turned, turned_a_record * views.rows));
+  if (rotated) singles.resize(std::min(most_rotated, rotated_per_record * views.rows));
   for (auto& single : singles) {
-    const std::size_t k = any(turn_rng);
-    single = {{k, any(turn_rng)}};
+    const std::size_t k = any(rotation_rng);
+    single = {{k, any(rotation_rng)}};
   }
   Matrix ones = views;
   append_rows(ones, views_of(singles));

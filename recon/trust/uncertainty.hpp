@@ -29,7 +29,7 @@ std::vector<float> quadratic_terms(std::span<const float> values);
 bool side_by_ranges(const Dataset& data, Inputs inputs);
 
 // Predictors of a map's error that are known when it is made. Row i, for map i and record rows[i]:
-// |x/z| of the map's foreground (NaN if there is none); of the SPD log(1 + clicks above the
+// |x/z| of the map's foreground (NaN without one); of the SPD log(1 + clicks above the
 // background, in standard deviations of all clicks); of the radar log(peak over the standard
 // deviation of the weaker half of the profile), corrected for a filter that smooths the noise.
 Matrix predictors_of(const Matrix& maps, const Scene& scene, const Dataset& data, const Rows& rows,

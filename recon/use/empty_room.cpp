@@ -15,7 +15,7 @@ namespace echofuse::recon {
 namespace {
 
 constexpr std::size_t least_records = 5;
-// Variance over that of photons alone, which is 1: a constant excess, and one for each count.
+// Variance relative to photon noise, which is 1: a constant excess, and one per count.
 constexpr double most_scatter = 4, most_scatter_a_count = 0.002;
 
 std::vector<float> mean_of_rows(const Matrix& table, const Rows& rows) {
@@ -29,7 +29,8 @@ std::vector<float> less(const std::vector<float>& a, const std::vector<float>& b
   return out;
 }
 
-// Returns what is added to the radar of records from there. `empty` is on the model's axes.
+// Returns the correction of the radar's values for records of that room. `empty` is on the model's
+// axes.
 EmptyRoom take(Estimator& model, const std::string& path, const Dataset& empty) {
   EmptyRoom now = empty_room_of(empty, path);
   if (model.features.radar_count() == 0) now.radar.clear();
@@ -38,8 +39,8 @@ EmptyRoom take(Estimator& model, const std::string& path, const Dataset& empty) 
   if (model.features.zones == 0) now.zone_spd.clear();
   if (model.features.array_count() > 0 && now.array.empty())
     throw Error(ExitCode::failed, printable(path) +
-                                      ": has no samples of the radar's antennas, which the model "
-                                      "takes; expected a run with them");
+                                      ": no antenna samples of the radar, which the model "
+                                      "needs; use a run with them");
   const std::vector<float> then = model.alignment.background();
   const auto radar_at = std::ssize(now.spd), array_at = radar_at + std::ssize(now.radar),
              zones_at = std::ssize(then) - std::ssize(now.zone_spd);
@@ -55,7 +56,7 @@ EmptyRoom take(Estimator& model, const std::string& path, const Dataset& empty) 
   return change;
 }
 
-// Variance of the counts over that of photons alone. The laser's power may drift.
+// Variance of the counts relative to photon noise; the laser's power may drift.
 double scatter(const Matrix& counts, const Rows& rows, const std::vector<float>& mean) {
   const double usual = std::accumulate(mean.begin(), mean.end(), 0.0);
   double sum = 0, terms = 0;
@@ -99,8 +100,8 @@ EmptyRoom empty_room_of(const Dataset& empty, const std::string& path) {
                                               static_cast<double>(out.spd.size());
   if (scatter(empty.spd, rows, out.spd) > most_scatter + most_scatter_a_count * counts)
     throw Error(ExitCode::failed, printable(path) +
-                                      ": its histograms differ by more than photons do: people "
-                                      "are in it? expected a run of the empty room");
+                                      ": histograms vary by more than photon noise, so people may "
+                                      "be in it; expected a run of the empty room");
   return out;
 }
 
@@ -117,7 +118,7 @@ std::string state_empty_room(Dataset& data, const std::string& path) {
   return data.empty_room.left_out;
 }
 
-std::string take_to_room(TrainedModel& model, const std::string& path, double range_offset_m) {
+std::string adapt_to_room(TrainedModel& model, const std::string& path, double range_offset_m) {
   const std::size_t before = model.estimators.size();
   Dataset empty = load_recorded({path});
   subtract_range_offset(empty, range_offset_m);
@@ -126,29 +127,29 @@ std::string take_to_room(TrainedModel& model, const std::string& path, double ra
     if (empty.has(row, Sensor::depth)) seen.push_back(row);
   if (!seen.empty()) require_map(empty, model->scene.grid, "the model");
   std::string text =
-      seen.empty() ? printable(path) + ": no depth maps: the maps show the walls of the training"
+      seen.empty() ? printable(path) + ": no depth maps, so maps keep the walls of the training"
                    : "";
   const std::vector<float> walls =
       seen.empty() ? model->scene.background : column_quantile(empty.depth, seen, 0.5);
   if (!model->alignment.known() || !model->model->show_background(walls))
     throw Error(ExitCode::failed, model->name +
-                                      " does not place a body: it cannot be taken to another "
-                                      "room; expected a factorised or a mean-shape model");
+                                      " does not place a body and cannot be used in another "
+                                      "room; expected a factorised or mean-shape model");
   const std::vector<float>& home = model->scene.background;
   if (!model->knows_empty_room &&
       std::any_of(home.begin(), home.end(), [](float depth_m) { return depth_m > 0; }))
-    text += std::string(text.empty() ? "" : "; ") +
-            "the model was trained without --empty: what it learnt of its own walls may mislead it";
+    text +=
+        std::string(text.empty() ? "" : "; ") +
+        "the model was trained without --empty, so its own walls may affect the maps in this room";
   model.match(empty);
-  // Removes the last estimators of the list if what they learnt belongs to the room of the
-  // training.
+  // Removes the last estimators of the list if they depend on the training room.
   std::erase_if(model.estimators, [&](Estimator& e) {
     return !e.alignment.known() || !e.model->show_background(walls);
   });
   if (model.estimators.size() < before)
     text += std::string(text.empty() ? "" : "; ") +
-            "records without a radar get no map: what was " +
-            "learnt for them belongs to the training's room";
+            "records without a radar get no map, because their " +
+            "model depends on the training room";
   for (Estimator& e : model.estimators) {
     e.scene.background = walls;
     EmptyRoom change = take(e, path, empty);

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
-// Takes a model from the room of its training to another room, by a run without people made there.
-// Exchanges the static echoes and light of both rooms in histogram, profile and antennas' lags. The
-// maps show the new walls.
+// Adapts a model to another room, with a run of that room without people. Replaces static echoes
+// and light of the training room in histogram, profile and antenna lags. Maps then show the new
+// walls.
 #pragma once
 #include <string>
 
@@ -9,24 +9,24 @@
 
 namespace echofuse::recon {
 
-// Returns the mean of the records of `empty`, a run without people on its own axes. Dead and
-// doubtful records are left out and counted. Throws Error(failed) if fewer than five have all
-// sensors of these data, or if people are in the run.
+// Returns the mean of the records of `empty`, a run without people, on its own axes. Leaves out and
+// counts dead and doubtful records. Throws Error(failed) if fewer than five have all sensors of
+// these data, or if people are in the run.
 EmptyRoom empty_room_of(const Dataset& empty, const std::string& path);
 
-// Changes the model's estimators by the run without people at `path`. Returns a text for the user,
-// or nothing. Without depth maps in the run, the maps keep the walls of the training. Subtracts
-// `range_offset_m` from the radar's ranges of that run, as prepare_records does. Throws
-// Error(failed) if the axes are not the model's or no record has its sensors. Throws it also if
-// people are in the run, or the model does not place a body.
-std::string take_to_room(TrainedModel& model, const std::string& path, double range_offset_m = 0);
+// Adapts the model's estimators to the empty room recorded at `path`. Returns a note for the user,
+// or nothing. If the run has no depth maps, maps keep the walls of the training. Subtracts
+// `range_offset_m` from the run's radar ranges, like prepare_records(). Throws Error(failed) if the
+// axes differ from the model's, no record has its sensors, people are in the run, or the model does
+// not place a body.
+std::string adapt_to_room(TrainedModel& model, const std::string& path, double range_offset_m = 0);
 
-// States the room of the records, before a training. Returns a text that counts the records left
-// out, or nothing. Throws Error(failed) if the axes differ, or as empty_room_of().
+// Sets the empty room of the records before a training. Returns a text that counts the records left
+// out, or nothing. Throws Error(failed) if the axes differ, or like empty_room_of().
 std::string state_empty_room(Dataset& data, const std::string& path);
 
-// Turns the radar's values into those that it would have seen in the room of the training. `data`
-// is on the model's axes. The histogram stays, because its scatter belongs to its counts.
+// Converts the radar's values to those in the training room. `data` must be on the model's axes.
+// Does not change the histogram, because its noise depends on its counts.
 void exchange_room(const EmptyRoom& change, Dataset& data);
 
 }  // namespace echofuse::recon

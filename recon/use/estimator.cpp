@@ -36,17 +36,17 @@ void archive_features(Archive archive, Features& f, bool views) {
     archive_axis(archive.in("axes/array"), f.array_axis);
     const double lags = f.array_axis.scale;
     archive.require(f.inputs == Inputs::fused && views && f.array_axis.count > 0, "axes/array",
-                    "expected none but of a fused model that looks at the body");
+                    "expected none, except for a fused model with aligned inputs");
     archive.require(lags >= 1 && lags <= double{2 * most_lags} && lags == std::floor(lags) &&
                         static_cast<double>(lags_up(f.array_axis)) < lags,
-                    "axes/array/scale", "expected 1 to 32 lags, not all of them up");
+                    "axes/array/scale", "expected 1 to 32 lags, not all of them vertical");
   }
   archive.values("features/centre", f.centre, f.count());
   archive.number("features/spd_gain", f.spd_gain, -1e18, 1e18);
   archive.number("features/radar_gain", f.radar_gain, -1e18, 1e18);
 }
 
-// A single pixel alone does not show on which side a body is.
+// A single pixel alone cannot distinguish left and right.
 bool shows_sides(const Layout& layout) {
   return layout.spd.count > 0 && (layout.radar.count > 0 || layout.zones > 0);
 }
@@ -56,7 +56,7 @@ void archive_training(Archive archive, FitOptions& fit, TrainingLog& log) {
   archive.values("loss_m", log.loss, Archive::any);
   archive.values("validation_loss_m", log.validation_loss, log.loss.size());
   archive.count("best_epoch", log.best_epoch, 0, most);
-  if (archive.reading()) return;  // the rest is for people
+  if (archive.reading()) return;  // share for bodies
   std::vector<std::int64_t> hidden;
   for (const std::size_t width : fit.hidden.value_or(std::vector<std::size_t>{}))
     hidden.push_back(static_cast<std::int64_t>(width));
@@ -108,13 +108,13 @@ void Estimator::archive(Archive archive) {
   archive_features(archive, features, takes_views);
   const Layout layout = features.layout();
   archive.require(!takes_views || shows_sides(layout), "inputs",
-                  "expected fused: this kind of model needs both sensors or zones");
+                  "expected fused, because this kind of model needs both sensors or zones");
   recon::archive(archive.in("scene"), scene);
   archive.count("knows_empty_room", knows_empty_room, 0, 1);
   archive.number("train_s", train_s, 0, 1e12);
   archive_training(archive.in("training"), fit, log);
   const bool aligned = archive.part("aligned", alignment.known());
-  archive.require(!takes_views || aligned, "aligned", "expected 1 of this kind of model");
+  archive.require(!takes_views || aligned, "aligned", "expected 1 for this kind of model");
   if (aligned) {
     archive.require(layout.spd.count > 0, "aligned", "expected 0 without the detector");
     alignment.archive(archive.in("alignment"), layout);

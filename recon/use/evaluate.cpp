@@ -18,9 +18,9 @@
 namespace echofuse::recon {
 namespace {
 
-constexpr std::size_t least_of_room = 20;  // records that show what stands still in a room
+constexpr std::size_t least_of_room = 20;  // minimum number of records to learn the room
 
-// Returns the inputs that both hold on the same axes; there may be none.
+// Returns the inputs that both data sets have on equal axes; may be none.
 std::optional<Inputs> common_inputs(const Dataset& data, const Dataset& other) {
   const bool spd = other.spd_axis.count > 0 && is_near(data.spd_axis, other.spd_axis) &&
                    data.zones.size() == other.zones.size();
@@ -48,7 +48,7 @@ Rows with_depth(const Dataset& data) {
   return rows;
 }
 
-// Rows that show what stands still.
+// Returns rows with a depth map without an excluding verdict.
 Rows with_sound_depth(const Dataset& data) {
   Rows rows = all_rows(data.size());
   std::erase_if(rows, [&](std::size_t row) { return !data.sound_depth(row); });
@@ -62,18 +62,18 @@ Rows with_map_and_depth(const TrainedModel& model, const Dataset& data) {
 }
 
 std::string doubt_of(const TrainedModel& model, const Dataset& data, std::size_t row) {
-  const Estimator* by = model.answering(data, row);
+  const Estimator* by = model.estimator_for(data, row);
   return by ? data.doubt_of(row, by->features.inputs) : "";
 }
 
-// Both lists are in order.
+// Both lists are sorted.
 Rows without(const Rows& rows, const Rows& unwanted) {
   Rows out;
   std::ranges::set_difference(rows, unwanted, std::back_inserter(out));
   return out;
 }
 
-// Accumulator of the sums of an UncertaintyCalibration.
+// Accumulator for an UncertaintyCalibration.
 struct StatedUncertainty {
   double within = 0, stated = 0, known = 0, flagged = 0, squares = 0, variance = 0, pixels = 0,
          records = 0;
@@ -99,7 +99,7 @@ struct StatedUncertainty {
   }
 };
 
-// Computes metrics and calibration in parts, which bounds the memory.
+// Computes metrics and calibration in chunks, which bounds the memory.
 void score_predictions(const TrainedModel& model, const Records& records, const Rows& rows,
                        const std::string& title, Evaluation& out) {
   const Scene& judge = out.judge.scene;
@@ -169,28 +169,28 @@ Rows rows_to_evaluate(const TrainedModel& model, const Dataset& data, bool all) 
     for (const std::string& why : left_out) ++reasons[why];
     throw Error(ExitCode::failed, path + ": " + left_out_text(reasons, data.size()));
   }
-  const char* const use_all = "; use --all to score it on what it has seen";
+  const char* const use_all = "; use --all to score the training records";
   throw Error(
       ExitCode::failed,
       path + (!all && model.knows(data)
-                  ? ": the model was trained on this run and held no sound record of it out" +
+                  ? ": the model was trained on this run, and no sound held-out record is left" +
                         std::string(use_all)
               : trained_on
-                  ? ": the model was trained on all of its records, as those of another run" +
+                  ? ": the model was trained on all of its records, as part of another run" +
                         std::string(use_all)
                   : ": no record has depth and the live sensors of a \"" +
                         name_of(model->features.inputs) + "\" model"));
 }
 
-Judge judge_of(const Dataset& training) {
+ScoringScene scoring_scene(const Dataset& training) {
   const Rows seen = with_sound_depth(training);
   if (seen.empty())
     throw Error(ExitCode::failed,
-                training.sources.front().path + ": no record has a depth map without a doubt");
+                training.sources.front().path + ": no record has a depth map without doubts");
   return {learn_scene(training.depth, seen, training.map), {}};
 }
 
-Judge judge_of(const TrainedModel& model, const Dataset& data) {
+ScoringScene scoring_scene(const TrainedModel& model, const Dataset& data) {
   const Rows seen = with_sound_depth(data);
   if (model.knows(data) || seen.size() < least_of_room) return {model->scene, {}};
   Scene own = learn_scene(data.depth, seen, data.map);
@@ -199,8 +199,8 @@ Judge judge_of(const TrainedModel& model, const Dataset& data) {
     moved += std::abs(own.background[p] - model->scene.background[p]) > 0.1f;
   if (2 * moved < own.background.size()) return {model->scene, {}};
   return {std::move(own),
-          "another room than in training: foreground and background are those of this run's own "
-          "maps; --train RUN names others"};
+          "the room differs from the training's: foreground and background come from this run's "
+          "maps; --train RUN overrides them"};
 }
 
 std::vector<MapScores> score_maps(const Matrix& maps, const Dataset& data, const Rows& rows,
@@ -231,8 +231,8 @@ void add_doubtful(const TrainedModel& model, const Records& records, Evaluation&
   out.with_doubtful = summarise(all);
 }
 
-TwoPeopleSeen count_two_people(const Evaluation& e, const Dataset& data) {
-  TwoPeopleSeen out;
+TwoPeopleCounts count_two_people(const Evaluation& e, const Dataset& data) {
+  TwoPeopleCounts out;
   for (std::size_t i = 0; i < e.uncertainties.size(); ++i) {
     if (data.label[e.rows[i]] != two_people_label) continue;
     ++out.records, out.flagged += !e.uncertainties[i].out_of_distribution.reason.empty();
@@ -243,10 +243,10 @@ TwoPeopleSeen count_two_people(const Evaluation& e, const Dataset& data) {
 }  // namespace
 
 Evaluation evaluate(const TrainedModel& model, const Records& records, const Rows& rows,
-                    const std::string& title, const std::optional<Judge>& judge) {
+                    const std::string& title, const std::optional<ScoringScene>& judge) {
   const Dataset& data = records.data;
   Evaluation out;
-  out.judge = judge ? *judge : judge_of(model, data);
+  out.judge = judge ? *judge : scoring_scene(model, data);
   out.model = model->name;
   out.inputs = model.for_run(data).features.inputs;
   out.records = rows.size(), out.rows = rows;

@@ -13,7 +13,7 @@ namespace {
 
 using nlohmann::json;
 
-std::string to_text(const TwoPeopleSeen& two) {
+std::string to_text(const TwoPeopleCounts& two) {
   if (two.records == 0) return "";
   return formatted("%zu of %zu records of two people are flagged", two.flagged, two.records);
 }
@@ -61,7 +61,7 @@ json to_json(const Evaluation& e) {
                 {"model_bytes", e.cost.model_bytes}}}};
   if (!e.doubtful.empty())
     out["doubtful"] = {{"records", e.doubtful}, {"metrics", metrics_json(e.with_doubtful)}};
-  if (const TwoPeopleSeen& two = e.two_people; two.records > 0)
+  if (const TwoPeopleCounts& two = e.two_people; two.records > 0)
     out["two_people"] = {
         {"records", two.records}, {"flagged", two.flagged}, {"text", to_text(two)}};
   if (e.domain_shift.tested())
@@ -114,23 +114,23 @@ std::string to_text(const std::optional<UncertaintyCalibration>& c) {
       std::isnan(c->within_90)
           ? ""
           : formatted(
-                "%.1f %% of the records within their stated lateral error, %.1f cm on average "
-                "(meant for 90 %%); ",
+                "%.1f %% of the records are within their stated lateral error, %.1f cm on average "
+                "(expected 90 %%); ",
                 100 * c->within_90, 100 * c->lateral_interval_90_m);
   return lateral + formatted(
-                       "%.2f %% out of distribution; pixels of the mean map are off by %.2f m "
-                       "rms, stated %.2f m\n",
+                       "%.2f %% out of distribution; rms error of the mean map's pixels %.2f m, "
+                       "stated %.2f m\n",
                        100 * c->flagged, c->error_m, c->deviation_m);
 }
 
 std::string mirrored_truth(const Summaries& metrics) {
   constexpr std::size_t least_maps = 10;
-  constexpr double most_share = 0.1;  // a model that knows no side has 0.5
+  constexpr double most_share = 0.1;  // a model that cannot distinguish the sides has 0.5
   const Summary& right = metrics[metric_left_right];
   if (right.maps < least_maps || !(right.mean < most_share)) return {};
   return formatted(
-      "%.0f of %zu bodies are on the other side than in the depth maps: the image of "
-      "the camera is mirrored here or in training; flip these depth maps left to right",
+      "%.0f of %zu bodies are on the other side than in the depth maps: the camera's image is "
+      "mirrored here or was in training; flip these depth maps left to right",
       (1 - right.mean) * static_cast<double>(right.maps), right.maps);
 }
 
@@ -152,9 +152,8 @@ std::string notes(const Evaluation& e) {
   }
   if (e.twice > 0) out += formatted("records left out: %s %zu\n", twice_in_run, e.twice);
   if (e.trained_on > 0)
-    out += formatted("%zu of %zu records are copies of records that the model was trained on%s\n",
-                     e.trained_on, e.of,
-                     e.records + e.trained_on <= e.of ? ": left out" : ", and are judged");
+    out += formatted("%zu of %zu records are copies of training records%s\n", e.trained_on, e.of,
+                     e.records + e.trained_on <= e.of ? ": left out" : ", and are scored");
   if (e.doubtful.empty()) return out;
   std::string reasons;
   for (const auto& [reason, records] : e.doubtful)
@@ -164,7 +163,7 @@ std::string notes(const Evaluation& e) {
     if (const std::string with = formatted(e.with_doubtful[m], " +-"),
         own = formatted(e.metrics[m], " +-");
         with != own)
-      differ += formatted("%s %s %s instead of %s", differ.empty() ? "; with them" : ",", name,
+      differ += formatted("%s %s %s instead of %s", differ.empty() ? "; including them" : ",", name,
                           with.c_str(), own.c_str());
   out += "doubtful records left out: " + reasons + differ + '\n';
   return out;
@@ -176,7 +175,7 @@ std::string to_text(const Evaluation& e) {
   return formatted("%zu records; mean +- standard error over maps\n", e.records) + notes(e) +
          to_table(rows) +
          formatted(
-             "%zu multiply-adds a map, %zu parameters, %.0f us a map (median; p99 %.0f) on one "
+             "%zu multiply-adds per map, %zu parameters, %.0f us per map (median; p99 %.0f) on one "
              "thread\n",
              e.cost.cost.multiply_adds, e.cost.cost.parameters, e.cost.infer_us_median,
              e.cost.infer_us_p99) +

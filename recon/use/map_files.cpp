@@ -27,7 +27,7 @@ DepthSpan span_of(const Scene& scene) {
   return {near, std::clamp(far, near + 1, std::max(near + 1, scene.grid.far_m))};
 }
 
-// Near is bright.
+// Near depths are bright.
 cv::Mat coloured(const cv::Mat1f& depths, const DepthSpan& span) {
   cv::Mat share, colours;
   depths.convertTo(share, CV_8U, -255 / (span.far - span.near),
@@ -45,8 +45,8 @@ Bytes depth_colours(std::span<const float> map, const DepthSpan& span) {
   return {colours.data, colours.data + 3 * colours.total()};
 }
 
-// Returns a PNG of a square map, row-major, metres; light grey is no return. Each pixel is `zoom` x
-// `zoom`; from 3 on a line surrounds what is there. Throws Error(failed) if it cannot be encoded.
+// Returns a PNG of a square map, row-major, metres; light grey: no return. Each pixel is `zoom` x
+// `zoom`; from zoom 3 on the foreground has an outline. Throws Error(failed) if encoding fails.
 Bytes depth_picture(std::span<const float> map, const DepthSpan& span, int zoom) {
   const cv::Scalar no_return(232, 234, 237), line(60, 65, 72);
   const int side = static_cast<int>(std::lround(std::sqrt(static_cast<double>(map.size()))));
@@ -99,8 +99,7 @@ Bytes point_cloud(std::span<const float> map, const record::MapGrid& grid, const
   return out;
 }
 
-// Pinhole camera whose images the maps are, as Open3D (intrinsic_matrix, by columns) and ROS read
-// it.
+// Pinhole camera of the maps, in the format of Open3D (intrinsic_matrix, column-major) and ROS.
 std::string camera_json(const record::MapGrid& grid) {
   const double f = 1 / grid.step(), c = (grid.size - 1) / 2.0;
   const auto n = static_cast<unsigned>(grid.size);
@@ -114,12 +113,12 @@ struct MapFormat {
   const char *name, *what;
 };
 constexpr std::array<MapFormat, 6> map_formats = {
-    {{"colour", "PNG"},
+    {{"colour", "PNG picture"},
      {"mm", "PNG of 16-bit millimetres"},
-     {"ply", "points"},
+     {"ply", "point clouds"},
      {"npy", "all maps in one array"},
-     {"foreground", "arrays of thresholded maps and of the foreground's share"},
-     {"uncertainty", "standard deviations, as mm and npy"}}};
+     {"foreground", "arrays of thresholded maps and of the foreground share"},
+     {"uncertainty", "standard deviations, like mm and npy"}}};
 
 }  // namespace
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Depth maps as files, in the formats that are asked for.
+// Depth maps as files of the requested formats.
 #pragma once
 #include <cstdint>
 #include <map>
@@ -13,34 +13,33 @@
 
 namespace echofuse::recon {
 
-// One scale of colours for all maps of a model.
+// Colour scale of all maps of a model.
 struct DepthSpan {
   double near = 2.5, far = 5;  // m
 };
 
-// Maps of N x N pixels, as the model's. To add one: a row in map_files.cpp, and its branch in
-// MapFiles::prepare.
-//   colour  NNNNNN.png: for the eye, where the map says that something is there
+// Formats of N x N maps. To add one: a row in map_files.cpp, and its branch in MapFiles::prepare.
+//   colour  NNNNNN.png: picture of the foreground
 //   mm      NNNNNN_mm.png: 16-bit grey, z in millimetres, 0 = no return
 //   ply     NNNNNN.ply: points x (right), y (down), z (away) in metres, the right-handed frame of
-//           camera.json, with the picture's colours, of the thresholded map (scene.hpp), as the
-//           ripple of a least-squares map would be a fog of points
-//   npy     maps.npy for all: float32 [n, N, N], metres, NaN where nothing returned; records.csv
-//           names their records. `evaluate --maps` reads both.
-//   foreground  thresholded.npy, as maps.npy, and share.npy: foreground_share (scene.hpp)
-//   uncertainty  NNNNNN_sd.png: 16-bit grey, the standard deviation of z in millimetres, 0 if the
-//           estimator that answered states none; beside npy also deviation.npy, NaN there
-// Beside all of them camera.json: the pinhole camera whose images they are, in pixels, and the
-// steps of a metre in NNNNNN_mm.png.
+//           camera.json, in the picture's colours; from the thresholded map (scene.hpp), because
+//           the ripple of a least-squares map would give scattered points
+//   npy     maps.npy with all maps: float32 [n, N, N], metres, NaN: no return; records.csv lists
+//           their records. `evaluate --maps` reads both.
+//   foreground  thresholded.npy, like maps.npy, and share.npy: foreground_share (scene.hpp)
+//   uncertainty  NNNNNN_sd.png: 16-bit grey, standard deviation of z in millimetres, 0 if the
+//           estimator states none; together with npy also deviation.npy with NaN for 0
+// In addition camera.json: pinhole camera of the images, in pixels, and the number of steps per
+// metre in NNNNNN_mm.png.
 std::vector<std::string> map_format_names();
-std::string map_format_help();  // a line for each format
+std::string map_format_help();  // one line per format
 
 // Writes into an existing folder; every member throws Error(disk).
 class MapFiles {
  public:
   MapFiles(std::string folder, const std::vector<std::string>& formats, const Scene& scene);
-  // Files of one map, ready to be written. `deviation`: standard deviation of each pixel, m; may be
-  // empty unless uncertainty is wanted. Threading: any thread may call prepare().
+  // Files of one map, in memory. `deviation`: standard deviation of each pixel, m; may be empty
+  // unless the format uncertainty is requested. Threading: any thread may call prepare().
   struct File {
     std::string path;
     Bytes contents;
@@ -48,12 +47,12 @@ class MapFiles {
   struct Ready {
     std::int64_t index;
     std::vector<File> pictures;
-    std::map<std::string, std::vector<float>> rows;  // appended to NAME.npy
+    std::map<std::string, std::vector<float>> rows;  // rows appended to NAME.npy
   };
   Ready prepare(std::int64_t index, std::span<const float> prediction,
                 std::span<const float> deviation) const;
   void write(const Ready& ready);
-  void close();  // finishes what holds all maps
+  void close();  // completes the files of all maps
 
  private:
   bool wants(const char* format) const;

@@ -18,7 +18,7 @@ namespace {
 constexpr std::int64_t format_version = 17;
 constexpr std::size_t most_estimators = 3;
 
-void archive_seen(Archive archive, SeenRecords& seen) {
+void archive_seen(Archive archive, TrainingRecords& seen) {
   std::size_t runs = seen.runs.size();
   archive.count("runs", runs, 0, 1 << 20);
   seen.runs.resize(runs);
@@ -28,7 +28,7 @@ void archive_seen(Archive archive, SeenRecords& seen) {
   archive.values("part", seen.part, seen.run.size());
   archive.values("hash", seen.hash, seen.run.size());
   for (const std::uint32_t run : seen.run)
-    archive.require(run < runs, "run", "expected numbers of its runs");
+    archive.require(run < runs, "run", "expected indices of its runs");
   for (const std::uint8_t part : seen.part)
     archive.require(part <= static_cast<std::uint8_t>(Part::test), "part", "expected 0, 1 or 2");
 }
@@ -44,8 +44,7 @@ void archive_split(Archive archive, SplitOptions& split) {
   archive.number("validation_share", split.validation_share, 0, 1);
 }
 
-// All estimators answer for records on the axes of the first one; each takes less than the one
-// before.
+// All estimators work on the axes of the first one; each uses fewer sensors than the previous one.
 void check_list(const Archive& archive, const TrainedModel& model) {
   const Features& first = model->features;
   for (std::size_t k = 1; k < model.estimators.size(); ++k) {
@@ -54,12 +53,12 @@ void check_list(const Archive& archive, const TrainedModel& model) {
     const std::string name = std::to_string(k);
     const bool of_profile = own.inputs == Inputs::fused_profile && before.array_axis.count > 0;
     archive.require(both_sensors(before.inputs) && (own.inputs == Inputs::spd || of_profile),
-                    name + "/inputs", "expected fewer sensors than of the estimator before");
+                    name + "/inputs", "expected fewer sensors than in the previous estimator");
     archive.require(same_axis(own.spd_axis, first.spd_axis) &&
                         (!of_profile || same_axis(own.radar_axis, first.radar_axis)),
-                    name + "/axes", "expected those of the first estimator");
+                    name + "/axes", "expected the axes of the first estimator");
     archive.require(model.estimators[k].scene.grid == model->scene.grid, name + "/scene/map_size",
-                    "expected that of the first estimator");
+                    "expected the map grid of the first estimator");
   }
 }
 
@@ -82,7 +81,7 @@ void archive_response(Archive archive, record::RadarResponse& response, bool& an
                       response.taps.size() <= record::RadarResponse::most_taps &&
                       std::abs(response.taps[0] - 1) < 1e-3 &&
                       std::ranges::all_of(response.taps, [](double v) { return v >= 0 && v <= 2; }),
-                  "taps", "expected 3 to 64 powers over the peak's, the first one 1");
+                  "taps", "expected 3 to 64 powers relative to the peak, the first equal to 1");
 }
 
 void archive(Archive archive, TrainedModel& model) {
@@ -105,14 +104,14 @@ void archive(Archive archive, TrainedModel& model) {
 
 void check_can_save(const std::string& path) {
   if (std::filesystem::exists(path))
-    throw Error(ExitCode::usage, path + ": exists already; give another --out, or remove it");
+    throw Error(ExitCode::usage, path + ": exists already; choose another --out, or remove it");
   static_cast<void>(NewFile(path));
 }
 
 void save_model(const TrainedModel& model, const std::string& path,
                 const std::function<void(const TrainedModel&)>& check) {
   TensorFile file;
-  // Writing changes nothing in the model.
+  // const_cast is safe, because writing does not change the model.
   archive({file, Archive::Direction::write}, const_cast<TrainedModel&>(model));
   NewFile out(path, path + ".part");
   const Bytes bytes = file.to_bytes();
@@ -122,9 +121,8 @@ void save_model(const TrainedModel& model, const std::string& path,
   const TrainedModel written = load_model(out.path());
   if (check) check(written);
   if (out.publish_new()) return;
-  throw Error(
-      ExitCode::failed,
-      path + ": was made by somebody else meanwhile; what was to be there is in " + out.path());
+  throw Error(ExitCode::failed,
+              path + ": another process created this file; the model was saved as " + out.path());
 }
 
 TrainedModel load_model(const std::string& name, ByteView contents) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Scores of ways to make maps, record by record: intervals, and differences of two ways.
+// Scores of maps by record: intervals, and differences of two methods.
 #pragma once
 #include <cmath>
 #include <map>
@@ -18,13 +18,14 @@ struct MeanInterval {
 };
 MeanInterval mean_interval(const std::vector<MapScores>& scores, Metric metric);
 
-// Gain of the second over the first: plus is better, also of an error.
+// Gain of the second over the first; positive is better, also for errors.
 struct PairedDifference : MeanInterval {
   Metric metric{};
-  double first = 0, second = 0;  // means of both, of the records that define the metric in both
+  double first = 0, second = 0;  // means of both over the records that define the metric in both
 };
 double gain(Metric metric, double first, double second);
-// Gains in what both define, with intervals by resampled blocks of neighbours.
+// Gains for records where both are defined, with intervals by a bootstrap over blocks of
+// neighbours.
 std::vector<PairedDifference> paired_differences(const std::vector<MapScores>& first,
                                                  const std::vector<MapScores>& second);
 nlohmann::json to_json(const std::vector<PairedDifference>& differences);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// PNG: 16-bit grey, as files of maps have it, and pictures in colour.
+// PNG: 16-bit grey depth maps, and colour pictures.
 #pragma once
 #include <cstdint>
 #include <span>
@@ -9,14 +9,13 @@
 
 namespace echofuse::recon {
 
-// Empty if it has more pixels than a depth image may have (record::max_depth_pixels).
+// Empty if there are more pixels than allowed in a depth image (record::max_depth_pixels).
 Bytes encode_png16(std::span<const std::uint16_t> pixels, std::uint32_t width,
                    std::uint32_t height);
-// Three bytes a pixel: red, green, blue. Empty if it cannot be done.
+// Three bytes per pixel: red, green, blue. Empty on failure.
 Bytes encode_png_rgb(std::span<const std::uint8_t> pixels, std::uint32_t width,
                      std::uint32_t height);
-// Empty if the bytes are not a 16-bit grey PNG of this size as encode_png16 makes it, or larger
-// than any.
+// Empty unless the bytes are a 16-bit grey PNG of this size in the layout of encode_png16.
 std::vector<std::uint16_t> decode_png16(ByteView png, std::uint32_t width, std::uint32_t height);
 
 }  // namespace echofuse::recon

@@ -16,9 +16,9 @@
 namespace echofuse::recon {
 namespace {
 
-constexpr std::size_t at_once = 512;  // bounds the memory that a prediction needs
+constexpr std::size_t at_once = 512;  // bounds the memory of a prediction
 
-// The loop runs to the last value without an early end, so the compiler makes vectors of it.
+// No early exit, so that the compiler vectorises the loop.
 ECHOFUSE_CLONES bool all_finite(const float* values, std::size_t count) {
   constexpr std::uint32_t exponent = 0x7f800000;
   std::uint32_t beyond = 0;
@@ -27,7 +27,7 @@ ECHOFUSE_CLONES bool all_finite(const float* values, std::size_t count) {
   return beyond == 0;
 }
 
-// Predicts by one estimator.
+// Predicts with one estimator.
 Prediction predict_by(const Estimator& by, const Dataset& data, const Rows& rows,
                       PredictionDetail detail) {
   Prediction out;
@@ -52,7 +52,7 @@ Prediction predict_by(const Estimator& by, const Dataset& data, const Rows& rows
   return out;
 }
 
-// Moves row i of a part to row places[i] of the whole.
+// Copies row i of a part to row places[i] of the whole.
 void put(Prediction& whole, Prediction part, std::span<const std::size_t> places,
          std::size_t records) {
   if (places.size() == records) return void(whole = std::move(part));
@@ -68,16 +68,16 @@ void put(Prediction& whole, Prediction part, std::span<const std::size_t> places
     whole.uncertainties[places[i]] = std::move(part.uncertainties[i]);
 }
 
-// Returns what the intervals assume of the ranges, or nothing if the run states a calibration.
+// Returns the assumptions of the intervals about ranges, or nothing if the run has a calibration.
 std::string assumption_of(const Estimator& by, const Dataset& data) {
   if (!by.uncertainty || data.radar_axis.count == 0 || !side_by_ranges(data, by.features.inputs))
     return {};
   const auto all = [&](auto stated) { return std::ranges::all_of(data.sources, stated); };
   if (!all([](const Source& run) { return run.range_error_m.has_value(); }))
-    return "intervals assume exact ranges, because the run states no calibration of both sensors: "
+    return "intervals assume exact ranges, because the run has no calibration of both sensors: "
            "a range offset of 2 cm moves a body sideways by 2 cm x range / baseline";
   if (!all([](const Source& run) { return run.baseline_m > 0; }))
-    return "intervals leave out the error of the calibration, because the run states no "
+    return "intervals do not include the calibration error, because the run has no "
            "radar_baseline_m";
   return {};
 }
@@ -86,10 +86,9 @@ std::string assumption_of(const Estimator& by, const Dataset& data) {
 
 void require_finite(const Matrix& maps) {
   if (all_finite(maps.values.data(), maps.values.size())) return;
-  throw Error(
-      ExitCode::failed,
-      "the model's maps are not finite numbers: its weights are none that a training makes; "
-      "train it again");
+  throw Error(ExitCode::failed,
+              "the model's maps are not finite: its weights are invalid; "
+              "train it again");
 }
 
 Records prepare_records(const TrainedModel& model, Dataset recorded, double range_offset_m) {
@@ -97,13 +96,14 @@ Records prepare_records(const TrainedModel& model, Dataset recorded, double rang
   Records out{std::move(recorded), {}, {}, {}};
   Dataset& data = out.data;
   if (&by != &model.first())
-    out.antennas = std::string(data.array_axis.count == 0 ? "no samples of the radar's antennas"
-                                                          : "other antennas than in training") +
-                   ": of the radar, the range profile alone";
+    out.antennas =
+        std::string(data.array_axis.count == 0 ? "no antenna samples of the radar"
+                                               : "antennas differ from those in training") +
+        ": only the radar's range profile is used";
   const bool stated = std::ranges::all_of(
       data.sources, [](const Source& run) { return run.radar_response.known(); });
   if (model.radar_response.known() && data.radar_axis.count > 0 && !stated)
-    out.response = "the run does not state its radar's response: it is taken as the training's";
+    out.response = "the run does not state its radar's response: the training's is assumed";
   subtract_range_offset(data, range_offset_m);
   model.match(data);
   out.ranges = assumption_of(by, data);
@@ -154,14 +154,14 @@ Prediction predict(const TrainedModel& model, const Dataset& data, const Rows& r
                    PredictionDetail detail) {
   if (detail == PredictionDetail::pixels) require_uncertainty(model);
   const Estimator& usual = model.for_run(data);
-  std::vector<const Estimator*> answering;
-  for (const std::size_t row : rows) answering.push_back(model.answering(data, row));
+  std::vector<const Estimator*> estimator_for;
+  for (const std::size_t row : rows) estimator_for.push_back(model.estimator_for(data, row));
   Prediction out;
   out.maps.cols = model->scene.background.size();
   for (const Estimator& by : model.estimators) {
-    Rows places;  // among the rows
+    Rows places;  // among these rows
     for (std::size_t i = 0; i < rows.size(); ++i)
-      if ((answering[i] ? answering[i] : &usual) == &by) places.push_back(i);
+      if ((estimator_for[i] ? estimator_for[i] : &usual) == &by) places.push_back(i);
     for (std::size_t first = 0; first < places.size(); first += at_once) {
       const auto some = std::span(places).subspan(first, std::min(at_once, places.size() - first));
       Rows own;
@@ -181,7 +181,7 @@ std::vector<MappedRecord> map_records(const TrainedModel& model, const Records& 
     RecordStatus& status = out.emplace_back().status;
     status = {data.index[row], model.fault_of(data, row), model.note_of(data, row), {}};
     if (!status.fault.empty()) continue;
-    const Estimator* by = model.answering(data, row);
+    const Estimator* by = model.estimator_for(data, row);
     status.doubt = data.doubt_of(row, (by ? *by : model.for_run(data)).features.inputs, false);
     usable.push_back(row), places.push_back(out.size() - 1);
   }
@@ -226,8 +226,8 @@ Matrix TrainedModel::predict(const Dataset& data, const Rows& rows) const {
 
 void require_uncertainty(const TrainedModel& model) {
   if (!model->uncertainty)
-    throw Error(ExitCode::usage, std::string("the model does not know how sure it is: ") +
-                                     why_not_calibrated + "; train it anew");
+    throw Error(ExitCode::usage, std::string("the model states no uncertainty: ") +
+                                     why_not_calibrated + "; train it again");
 }
 
 }  // namespace echofuse::recon

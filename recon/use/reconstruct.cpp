@@ -33,7 +33,7 @@
 namespace echofuse::recon {
 namespace {
 
-constexpr std::size_t part_records = 64;  // predicted at once; while following, read at once
+constexpr std::size_t part_records = 64;  // records per prediction; while following, per read
 
 bool wants_uncertainty(const ReconstructOptions& options) {
   const auto& formats = options.formats;
@@ -48,13 +48,13 @@ std::set<std::int64_t> indices_of(const std::string& text) {
     const auto [end, error] = std::from_chars(word.data(), word.data() + word.size(), index);
     if (error != std::errc{} || end != word.data() + word.size() || index < 0)
       throw Error(ExitCode::usage,
-                  "--rows: \"" + word + "\": expected indices of records, as 3,7, or test");
+                  "--rows: \"" + word + "\": expected record indices, e.g. 3,7, or test");
     out.insert(index);
   }
   return out;
 }
 
-// Indices of the run's records that trained the model, as far as their numbers tell.
+// Indices of the run's records that trained the model, if known from their numbers.
 std::set<std::int64_t> trained_on(const TrainedModel& model, const std::string& uuid) {
   std::set<std::int64_t> out;
   for (std::size_t i = 0; i < model.seen.index.size(); ++i)
@@ -64,7 +64,7 @@ std::set<std::int64_t> trained_on(const TrainedModel& model, const std::string& 
   return out;
 }
 
-// Writes OUT/run.txt, which names the run of the maps and its records that trained the model.
+// Writes OUT/run.txt: the run of the maps, and its records that trained the model.
 void mark(const ReconstructOptions& options, const TrainedModel& model,
           const record::RunReader& run, const std::set<std::int64_t>& trained) {
   std::string numbers;
@@ -129,10 +129,10 @@ class Reconstruction {
         table_(options.out + "/records.csv"),
         started_(clock_.now()) {}
 
-  // Reconstructs a run as it is now. Reads all its records before the first map, because the notes
-  // about the run are about all of them.
+  // Reconstructs a complete run. Reads all records before the first map, because notes about the
+  // run depend on all of them.
   void take_all(const record::RunReader& run);
-  // Reconstructs what has come since the last call; true if there was any record.
+  // Reconstructs the records added since the last call; returns true if there were any.
   bool take_new(const record::RunReader& run);
   void close() { files_.close(), table_.close(); }
 
@@ -140,7 +140,7 @@ class Reconstruction {
   Dataset read(const record::RunReader& run, std::size_t at_most);
   Rows take_rows_asked(const Dataset& data);
   Records prepare_new(Dataset data);
-  // Files and statuses of consecutive records; files only of those that have maps.
+  // Files and statuses of consecutive records; files only for records with maps.
   using Made = std::vector<std::pair<RecordStatus, std::optional<MapFiles::Ready>>>;
   Made make(const Records& records, std::span<const std::size_t> rows) const;
   void write(const Records& records, std::span<const std::size_t> rows, Made made);
@@ -156,11 +156,11 @@ class Reconstruction {
   SystemClock clock_;
   HostTime started_, read_{};
   std::int64_t next_ = 0;
-  std::deque<RecordStatus> bad_;   // read, not yet reported
-  std::string antennas_, ranges_;  // the last notes about them
+  std::deque<RecordStatus> bad_;   // read, but not yet reported
+  std::string antennas_, ranges_;  // last notes on these
 };
 
-// Reads records without the depth camera's pictures, which no map needs.
+// Reads records without depth images, which maps do not need.
 Dataset Reconstruction::read(const record::RunReader& run, std::size_t at_most) {
   Dataset out = load_part(run, next_, at_most, sensors_of(model_->features.inputs),
                           [&](std::int64_t index, const std::string& fault) {
@@ -170,15 +170,15 @@ Dataset Reconstruction::read(const record::RunReader& run, std::size_t at_most) 
   return out;
 }
 
-// Returns the rows of a whole run that options.rows asks for, and forgets other unusable records.
+// Returns the rows of a complete run requested by options.rows, and drops other unusable records.
 Rows Reconstruction::take_rows_asked(const Dataset& data) {
   if (options_.rows.empty()) return all_rows(data.size());
   if (options_.rows == "test") {
     Rows rows = model_.rows_of(data, Part::test);
     if (rows.empty())
       throw Error(ExitCode::failed,
-                  "--rows test: the model was not trained on this run, or held "
-                  "none of its records out");
+                  "--rows test: the model was not trained on this run, or without "
+                  "held-out records");
     std::ranges::sort(rows);
     return bad_.clear(), rows;
   }
@@ -199,12 +199,13 @@ void Reconstruction::take_all(const record::RunReader& run) {
   Progress progress("reconstructing", count, options_.quiet);
   const Records records = prepare_records(model_, read(run, count), options_.range_offset_m);
   const Rows rows = take_rows_asked(records.data);
-  // Copies of training records under another name have the counts of those.
+  // Finds copies of training records under another name by their counts.
   std::set<std::int64_t> trained = trained_on(model_, run.info().uuid);
   for (const std::size_t row : model_.rows_trained_on(records.data))
     trained.insert(records.data.index[row]);
   mark(options_, model_, run, trained);
-  // Threads: this one judges the run, then writes a part; others make the next maps and pictures.
+  // Threading: this thread tests the run, then writes one part while others predict and encode the
+  // next.
   const std::size_t ahead = std::max(2u, usable_cores());
   std::deque<std::future<Made>> next;
   auto start = [&, left = std::span(rows)]() mutable {
@@ -241,7 +242,7 @@ bool Reconstruction::take_new(const record::RunReader& run) {
 
 Records Reconstruction::prepare_new(Dataset data) {
   const Rows all = all_rows(data.size());
-  // A sensor's axis may come after the first records of a run that is being recorded.
+  // A sensor's axis may appear after the first records of a run in progress.
   if (std::none_of(all.begin(), all.end(),
                    [&](std::size_t row) { return model_.fault_of(data, row).empty(); }))
     return {std::move(data), {}, {}, {}};
@@ -291,7 +292,7 @@ void Reconstruction::time(RecordStatus& status, HostTime slot_end) const {
   status.after_reading_s = seconds(clock_.now() - read_);
 }
 
-// Refuses a folder with maps of another run, which would stay among the new ones unnoticed.
+// Refuses a folder with maps of another run, which would remain among the new ones.
 void require_folder(const ReconstructOptions& options, const std::string& uuid) {
   const std::string marker = options.out + "/run.txt";
   const bool known = std::filesystem::exists(marker);
@@ -300,11 +301,11 @@ void require_folder(const ReconstructOptions& options, const std::string& uuid) 
       (!known && !std::filesystem::exists(options.out + "/records.csv")))
     return;
   const auto line = before.find('\n');
-  const std::string whose = line < 64
+  const std::string owner = line < 64
                                 ? before.substr(line + 1, before.find('\n', line + 1) - line - 1)
-                                : "an unknown one";
-  throw Error(ExitCode::usage, options.out + ": holds maps of another run, " + printable(whose) +
-                                   "; give another --out, or --force to write among them");
+                                : "an unknown run";
+  throw Error(ExitCode::usage, options.out + ": contains maps of another run, " + printable(owner) +
+                                   "; choose another --out, or use --force");
 }
 
 }  // namespace
@@ -312,12 +313,12 @@ void require_folder(const ReconstructOptions& options, const std::string& uuid) 
 void reconstruct(const TrainedModel& model, const std::string& path,
                  const ReconstructOptions& options) {
   if (wants_uncertainty(options)) require_uncertainty(model);
-  if (options.rows != "test") indices_of(options.rows);  // refused before anything is made
+  if (options.rows != "test") indices_of(options.rows);  // refuses before any output
   const std::string file = record::old_run(path);
   {
     const record::RunReader run(file);
     const std::string uuid = run.info().uuid;
-    require_folder(options, uuid);  // refused before it changes
+    require_folder(options, uuid);  // refuses before any change
     make_folder(options.out);
     mark(options, model, run, trained_on(model, uuid));
   }

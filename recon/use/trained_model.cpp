@@ -11,7 +11,7 @@ namespace echofuse::recon {
 namespace {
 
 // Returns the run number in seen.runs for each source of the data set, or -1.
-std::vector<std::int64_t> known_runs(const SeenRecords& seen, const Dataset& data) {
+std::vector<std::int64_t> known_runs(const TrainingRecords& seen, const Dataset& data) {
   std::vector<std::int64_t> out;
   for (const auto& source : data.sources) {
     const auto found = std::find(seen.runs.begin(), seen.runs.end(), source.uuid);
@@ -22,8 +22,8 @@ std::vector<std::int64_t> known_runs(const SeenRecords& seen, const Dataset& dat
 
 }  // namespace
 
-SeenRecords seen_records(const Dataset& data, const Split& split) {
-  SeenRecords seen;
+TrainingRecords training_records(const Dataset& data, const Split& split) {
+  TrainingRecords seen;
   for (const auto& source : data.sources) seen.runs.push_back(source.uuid);
   const auto add = [&](const Rows& rows, Part part) {
     for (const std::size_t row : rows) {
@@ -49,7 +49,7 @@ namespace {
 
 bool has_radar(const Dataset& data) { return data.radar_axis.count > 0; }
 
-// Returns true if the antennas of the run, if it has a radar at all, are those of the estimator.
+// Returns true if the run has no radar, or its antennas are those of the estimator.
 bool has_antennas(const Dataset& data, const Estimator& e) {
   return !has_radar(data) || e.features.array_axis.count == 0 ||
          is_near(data.array_axis, e.features.array_axis);
@@ -76,21 +76,21 @@ void TrainedModel::match(Dataset& data) const {
   data.radar = Matrix(data.size(), data.radar_axis.count);
 }
 
-const Estimator* TrainedModel::answering(const Dataset& data, std::size_t row) const {
+const Estimator* TrainedModel::estimator_for(const Dataset& data, std::size_t row) const {
   for (const Estimator* e = &for_run(data); e <= &estimators.back(); ++e)
     if (data.fault_of(row, e->features.inputs).empty()) return e;
   return nullptr;
 }
 
 std::string TrainedModel::note_of(const Dataset& data, std::size_t row) const {
-  const Estimator* by = answering(data, row);
+  const Estimator* by = estimator_for(data, row);
   if (!by || by == &for_run(data)) return {};
   return by->features.inputs == Inputs::spd ? "radar lost: SPD alone"
                                             : "antennas lost: range profile alone";
 }
 
 std::string TrainedModel::fault_of(const Dataset& data, std::size_t row) const {
-  return answering(data, row) ? "" : data.fault_of(row, for_run(data).features.inputs);
+  return estimator_for(data, row) ? "" : data.fault_of(row, for_run(data).features.inputs);
 }
 
 bool TrainedModel::knows(const Dataset& data) const {

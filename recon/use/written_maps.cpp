@@ -32,7 +32,7 @@ void require_grid(const std::string& path, std::size_t width, std::size_t height
                            grid.size));
 }
 
-// Makes NaN 0, and refuses what is no depth in metres.
+// Converts NaN to 0; refuses values that are not depths in metres.
 std::vector<float> depths(const std::string& path, std::int64_t index, std::vector<double> values) {
   std::vector<float> out(values.begin(), values.end());
   std::vector<float> there;
@@ -47,7 +47,7 @@ std::vector<float> depths(const std::string& path, std::int64_t index, std::vect
   const auto middle = there.begin() + static_cast<std::ptrdiff_t>(there.size() / 2);
   std::nth_element(there.begin(), middle, there.end());
   if (*middle > 200)
-    refuse(path, formatted("the median depth of record %lld is %g m: metres are expected, not "
+    refuse(path, formatted("the median depth of record %lld is %g m; expected metres, not "
                            "millimetres",
                            static_cast<long long>(index), double{*middle}));
   return out;
@@ -58,7 +58,7 @@ bool has_map(const std::string& status) {
                              [&](const char* begin) { return status.starts_with(begin); });
 }
 
-// Calls visit(index, whether it has a map) for each line.
+// Calls visit(index, has_map) for each line.
 template <class Visit>
 void read_table(const std::string& path, const Visit& visit) {
   std::istringstream text(read_text(path));
@@ -78,7 +78,7 @@ void read_table(const std::string& path, const Visit& visit) {
     const std::string& word = fields[index];
     const auto read = std::from_chars(word.data(), word.data() + word.size(), number);
     if (read.ec != std::errc{} || read.ptr != word.data() + word.size())
-      refuse(path, formatted("\"%s\" is no record's index", printable(word).c_str()));
+      refuse(path, formatted("\"%s\" is not a record index", printable(word).c_str()));
     visit(number, has_map(fields[status]));
   }
 }
@@ -95,7 +95,8 @@ void read_array(const std::string& folder, const record::MapGrid& grid, WrittenM
     if (row++ < file.rows()) out.of_index[index] = depths(path, index, file.next_row());
   });
   if (row != file.rows())
-    refuse(path, formatted("has %zu maps; records.csv has %zu records with one", file.rows(), row));
+    refuse(path,
+           formatted("has %zu maps, but records.csv lists %zu records with one", file.rows(), row));
 }
 
 void read_pictures(const std::string& folder, const record::MapGrid& grid, WrittenMaps& out) {
@@ -112,8 +113,9 @@ void read_pictures(const std::string& folder, const record::MapGrid& grid, Writt
     refuse(camera_path, "expected width, fx and depth_scale");
   require_grid(camera_path, static_cast<std::size_t>(width), grid.size, grid);
   if (std::abs(fx * grid.step() - 1) > 1.0 / grid.size)
-    refuse(camera_path, formatted("fx is %g; that of the run's field is %g", fx, 1 / grid.step()));
-  // Path by index; the picture in millimetres if there is one.
+    refuse(camera_path,
+           formatted("fx is %g; expected %g, the value for the run's field", fx, 1 / grid.step()));
+  // Returns paths by index; prefers pictures in millimetres.
   std::map<std::int64_t, std::string> pictures;
   for (const auto& entry : fs::directory_iterator(folder)) {
     const std::string name = entry.path().filename().string();
@@ -171,7 +173,7 @@ std::vector<std::string> left_out_of_maps(const std::vector<WrittenMaps>& folder
   const Source& run = data.sources.front();
   for (const WrittenMaps& maps : folders)
     if (!maps.uuid.empty() && maps.uuid != run.uuid)
-      refuse(maps.name, "holds maps of another run, " + printable(maps.path) +
+      refuse(maps.name, "contains maps of another run, " + printable(maps.path) +
                             "; expected maps of " + printable(run.path));
   std::set<std::int64_t> counts;
   std::vector<std::string> out(data.size());
@@ -187,11 +189,11 @@ std::vector<std::string> left_out_of_maps(const std::vector<WrittenMaps>& folder
   return out;
 }
 
-std::size_t answered_by(const WrittenMaps& maps, const Dataset& data, const Rows& rows) {
+std::size_t count_maps(const WrittenMaps& maps, const Dataset& data, const Rows& rows) {
   const auto answered = static_cast<std::size_t>(std::ranges::count_if(
       rows, [&](std::size_t row) { return maps.of_index.contains(data.index[row]); }));
   if (answered == 0)
-    refuse(maps.name, formatted("has %zu maps, and none of the %zu judged records",
+    refuse(maps.name, formatted("has %zu maps, none of them for the %zu scored records",
                                 maps.of_index.size(), rows.size()));
   return answered;
 }

@@ -70,7 +70,7 @@ std::string FollowedRun::newest_file() {
   return newest.second;
 }
 
-// Returns the path of the run file; empty if there is none.
+// Returns the path of the run file; empty without a run.
 std::string FollowedRun::find() {
   std::error_code none;
   if (fs::is_directory(target_, none)) return newest_file();

@@ -51,7 +51,7 @@ class FollowedRun {
   // `target` is a run file or a folder (then its newest run); it need not exist yet.
   explicit FollowedRun(std::string target) : target_(std::move(target)) {}
 
-  // Reads what is new; cheap if nothing is. Returns whether something was.
+  // Reads new records; cheap without any. Returns true if it read some.
   bool refresh();
 
   const std::string& path() const { return path_; }

@@ -40,6 +40,6 @@ HttpResponse respond(const HttpRequest& request, const Caller& caller,
 struct PageFile {
   std::string_view name, type, contents;
 };
-const PageFile* page_file(std::string_view name);  // null if there is none
+const PageFile* page_file(std::string_view name);  // null if not found
 
 }  // namespace echofuse::view

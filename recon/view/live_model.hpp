@@ -16,7 +16,7 @@ struct Reconstruction {
   std::vector<float> map_m,
       deviation_m;  // on `grid`, m; no deviation if the model does not estimate it
   record::MapGrid grid;
-  std::string fault;               // why there is no map; may be empty
+  std::string fault;               // reason for a missing map; may be empty
   std::string note;                // missing sensors, or irregularities of the record
   std::optional<double> x_m, z_m;  // body position, if the map shows one
   std::optional<double> lateral_interval_90_m;

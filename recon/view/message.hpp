@@ -23,8 +23,8 @@
 //   record     index, utc, label, live, sensors, rates and fits (tally.hpp), and spd (counts),
 //              radar (dB), beams (dB by range and sine of azimuth, for radars with antennas),
 //              camera (mm), map (m, the camera's depth on the grid of the maps); with a model
-//              reconstruction (m) and deviation (m), or why there is none; body position (x_m,
-//              z_m), reliability, whether this record was in the training data (seen), errors
+//              reconstruction (m) and deviation (m), or the reason for its lack; body position
+//              (x_m, z_m), reliability, whether this record was in the training data (seen), errors
 //              against the camera (iou, lateral_error_m);
 //              track: places of the body in the minute before, newest first: [n, 4] of age (s), x,
 //              z, 90 % interval of x (m), NaN if unknown; holes: share of pixels without a return

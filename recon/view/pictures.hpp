@@ -10,7 +10,7 @@
 
 namespace echofuse::view {
 
-const Axis* find(const std::vector<Axis>& axes, const char* name);  // null: there is none
+const Axis* find(const std::vector<Axis>& axes, const char* name);  // null: not found
 
 // Every k-th row and column of a picture, so that no side is longer than 320 pixels.
 struct Picture {

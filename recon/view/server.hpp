@@ -33,8 +33,8 @@ class Server {
   Server(const ServerOptions& options, const LiveModel* model, const Clock& clock);
   ~Server();
   std::string address() const;  // URL for a browser, with the token
-  // Returns why there is no run to see yet, or empty. Throws Error(failed) if something else is
-  // there.
+  // Returns the reason if no run can be shown yet, or empty. Throws Error(failed) if something else
+  // is there.
   std::string missing();
   void run();  // until interrupted()
 

@@ -25,8 +25,8 @@ namespace {
 using namespace echofuse;
 using Command = std::function<ExitCode(bool quiet)>;
 
-// Returns settings for the response (acquire/measurement/response.hpp), axes and baseline that this
-// calibration file states. Throws Error(config) if it states no response.
+// Returns settings for the response (acquire/measurement/response.hpp), the axes and the baseline
+// of this calibration file. Throws Error(config) if the file has no response.
 std::vector<std::string> settings_like(const std::string& path) try {
   std::vector<std::pair<std::string, std::string>> stated;
   const toml::table file = toml::parse(read_config_text(path), path);
@@ -43,7 +43,7 @@ std::vector<std::string> settings_like(const std::string& path) try {
   }
   if (out.empty())
     throw Error(ExitCode::config,
-                path + ": contains no response; expected a file of echofuse-acquire calibrate");
+                path + ": contains no response; expected a file of `echofuse-acquire calibrate`");
   const auto add = [&](std::string_view key, double value) {
     char number[40];
     std::snprintf(number, sizeof number, "=%.17g", value);
@@ -87,7 +87,8 @@ void read_plan(const PlanArguments& a, sim::Plan& plan, Settings& settings) {
   validate(plan.conditions);
   if (plan.twin.empty()) return;
   if (plan.laboratories > 0)
-    throw Error(ExitCode::config, "laboratories is for data sets; choose one: laboratory");
+    throw Error(ExitCode::config,
+                "laboratories is only for data sets; set laboratory to choose one");
   plan.conditions = sim::laboratories_of(plan).front();
   plan.twin.clear();
   plan.laboratory = 0;
@@ -104,7 +105,7 @@ void apply_counts(const DatasetArguments& a, sim::Plan& plan) {
   const bool by_kind = a.people || a.letters || a.two_people || a.empty || a.objects;
   if (!plan.scenes.empty() && (by_kind || a.records))
     throw Error(ExitCode::usage,
-                "the records are listed in " + plan.scenes + "; remove the record counts");
+                "the scenes list sets the records: " + plan.scenes + "; remove the record counts");
   if (by_kind) {
     plan.people = a.people.value_or(0);
     plan.letters = a.letters.value_or(0);
@@ -213,7 +214,7 @@ ExitCode run_lab(LabArguments& a, bool quiet) {
   sim::Plan plan;
   Settings settings;
   read_plan(a, plan, settings);
-  // Frames of a real camera always differ.
+  // Images of a real camera always differ from frame to frame.
   if (!settings.given("depth_noise_m") && plan.conditions.depth_noise_m == 0)
     plan.conditions.depth_noise_m = 0.0005;
   if (!settings.given("radar_psf")) plan.conditions.radar_psf = a.options.conditions.radar_psf;
@@ -222,7 +223,9 @@ ExitCode run_lab(LabArguments& a, bool quiet) {
     a.options.schedule.list = scenes_of(plan);
     a.options.schedule.kind = plan.scenes;
   }
-  if (a.options.schedule.kind == "object") plan.objects = 1, scenes_of(plan);  // checks for a mesh
+  if (a.options.schedule.kind == "object")
+    plan.objects = 1, scenes_of(plan);  // reports a missing
+                                        // mesh
   a.options.schedule.seed = plan.seed;
   port::SystemLoop loop;
   sim::Lab lab(loop, a.options);

@@ -59,14 +59,14 @@ void count_clicks(record::FusedRecord& r, std::int64_t pulses) {
   std::uint64_t clicks = 0;
   for (const auto n : r.spd) clicks += n;
   r.spd_counts.in_range = clicks;
-  r.spd_counts.starts = static_cast<std::uint64_t>(pulses);  // 0: low flux, pulses are not counted
+  r.spd_counts.starts = static_cast<std::uint64_t>(pulses);  // 0: low flux; pulses are not counted
   r.spd_counts.tags = clicks + r.spd_counts.starts;
   if (pulses > 0)
     r.signal.clicks_a_pulse = static_cast<double>(clicks) / static_cast<double>(pulses);
   r.sync[Sensor::spd].used = clicks;
 }
 
-// Makes the records first..last-1. The thread that makes a record does not change its content.
+// Makes records first to last - 1. A record does not depend on the thread that makes it.
 std::vector<record::FusedRecord> make_batch(const Generator& generator, std::int64_t first,
                                             std::int64_t last, int threads) {
   std::vector<record::FusedRecord> batch(static_cast<std::size_t>(last - first));
@@ -92,7 +92,7 @@ std::string one_line(std::string lines) {
   return out.substr(0, out.size() - std::min<std::size_t>(2, out.size()));
 }
 
-// Laboratories that differ in their radars' windows have no response in common.
+// Laboratories with different radar windows have no common response.
 std::optional<record::Response> stated_response(const Plan& plan) {
   const auto all = laboratories_of(plan);
   record::Response out = stated_response(all.front());
@@ -135,8 +135,8 @@ std::string files_of(const Plan& plan) {
   return out;
 }
 
-// Uuid (RFC 9562 version 8) of a part of a data set: it follows from version, settings, the part
-// and the files that the settings name. FNV-1a of 64 bits, CRC-32C, and the length of the text.
+// UUID (RFC 9562 version 8) of a part of a data set, derived from version, settings, part and the
+// content of the named files: FNV-1a (64 bits), CRC-32C and length of that text.
 std::string part_uuid(const record::RunInfo& info, const JobPart& part, const std::string& files) {
   const std::string text =
       info.version + "\n" + info.config_resolved + "\n" + part.name() + "\n" + files;
@@ -149,7 +149,7 @@ std::string part_uuid(const record::RunInfo& info, const JobPart& part, const st
       8);
 }
 
-// True if a run has these records already, as when a job was queued again.
+// Returns true if a run already contains these records, for example because a job was queued twice.
 bool is_there(const std::string& path, const record::RunInfo& info, JobPart::Range records) {
   if (!std::filesystem::exists(path)) return false;
   const record::RunReader run(path);
@@ -258,14 +258,14 @@ std::vector<double> Generator::radar_profile(std::int64_t index, const Scene& sc
   const Conditions& c = conditions(index);
   const bool coherent = c.radar_sum == "coherent";
   AntennaRadar radar = radar_of(c);
-  // A root of the covariance needs all patches.
+  // The root of the covariance needs all patches.
   const RoomAlone* room = coherent || !keeps_array_ ? room_behind(scene) : nullptr;
   thread_local Returns returns;
   radar_returns(scene, c, returns, room ? RoomIs::subtracted : RoomIs::seen);
   if (room) radar.room = room->echo;
   if (coherent || keeps_array_) {
     auto seen = profile_of_antennas(index, returns, radar, r);
-    // As of codes, which are read less their median, the noise's mean is not part of a profile.
+    // Subtract the mean noise, because readers of the radar's codes subtract the median.
     for (double& p : seen) p -= radar_noise_power(c, mean_peak_);
     if (coherent) return seen;
   }
@@ -275,8 +275,8 @@ std::vector<double> Generator::radar_profile(std::int64_t index, const Scene& sc
   return power;
 }
 
-// Draws from a stream of its own, so that the rest of the record is the same with and without
-// antennas (with coherent echoes: all but the profile). Returns the mean power in each point.
+// Draws from a separate stream, so that the rest of the record does not depend on the antennas
+// (with coherent echoes: all except the profile). Returns the mean power at each point.
 std::vector<double> Generator::profile_of_antennas(std::int64_t index, const Returns& returns,
                                                    const AntennaRadar& radar,
                                                    record::FusedRecord& r) const {
@@ -294,7 +294,7 @@ std::vector<double> Generator::profile_of_antennas(std::int64_t index, const Ret
 
 namespace {
 
-// Returns the number of records that were written.
+// Returns the number of records written.
 std::int64_t write_records(const Generator& generator, JobPart::Range range,
                            record::RunWriter& writer, const DatasetOptions& options) {
   Progress progress("records", static_cast<std::size_t>(range.size()), options.quiet);
@@ -302,7 +302,7 @@ std::int64_t write_records(const Generator& generator, JobPart::Range range,
     return std::async(std::launch::async, make_batch, std::cref(generator), first,
                       std::min(first + batch_records, range.end), options.threads);
   };
-  // One batch is written while the next is made.
+  // Writes one batch while the next is computed.
   auto pending = start_batch(range.begin);
   while (writer.records() < range.size() && !interrupted()) {
     const auto batch = pending.get();
@@ -326,7 +326,7 @@ std::int64_t write_dataset(const Plan& plan, const DatasetOptions& options) {
     info.uuid = part_uuid(info, *options.part, files_of(plan));
     if (is_there(options.out, info, range)) return range.size();
     if (std::filesystem::exists(options.out))
-      throw Error(ExitCode::failed, options.out + ": exists already, and is not this part");
+      throw Error(ExitCode::failed, options.out + ": exists already and is not this part");
     staged.emplace(options.out, NewFile::Staged{});
   }
   record::RunWriter writer(staged ? staged->path() : options.out, info);

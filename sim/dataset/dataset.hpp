@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Writes a whole run file of simulated records. The bytes are the same for the same plan whatever
-// the number of threads (but for uuid and times of day).
+// Writes a run file of simulated records. Equal plans give equal bytes on any number of threads,
+// except for UUID and time of day.
 #pragma once
 #include <cstdint>
 #include <optional>
@@ -15,14 +15,13 @@
 
 namespace echofuse::sim {
 
-// A data set is made from this plan; the run stores it as config_resolved.
+// Plan of a data set; the run stores it as config_resolved.
 struct Plan {
   std::int64_t seed = 1;
   std::int64_t people = 1000, letters = 3000, two_people = 0, empty = 0;  // as in the paper
   std::int64_t objects = 0;
-  std::string
-      scenes;  // file of a list (sim/scene/scene_list.hpp), which replaces the numbers above
-  Conditions conditions;  // the conditions that a laboratory would write down
+  std::string scenes;     // scene list (sim/scene/scene_list.hpp); replaces the record counts
+  Conditions conditions;  // nominal conditions
   // `twin` holds the ranges of what laboratories differ in (twin_named), or is empty. Either all
   // records come from one laboratory, or record i comes from laboratory i mod `laboratories`.
   std::string twin;

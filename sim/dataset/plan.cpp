@@ -8,18 +8,18 @@
 namespace echofuse::sim {
 
 void bind(Settings& settings, Plan& plan) {
-  settings.add("seed", plan.seed, 0, INT64_MAX, "the same seed makes the same records");
+  settings.add("seed", plan.seed, 0, INT64_MAX, "random seed; equal seeds give equal records");
   settings.add("people", plan.people, 0, 10'000'000, "records of one person");
   settings.add("letters", plan.letters, 0, 10'000'000, "records of a person holding a letter");
   settings.add("two_people", plan.two_people, 0, 10'000'000, "records of two people");
-  settings.add("empty", plan.empty, 0, 10'000'000, "records of nobody");
+  settings.add("empty", plan.empty, 0, 10'000'000, "empty records");
   settings.add("objects", plan.objects, 0, 10'000'000, "records of the object");
-  settings.add("scenes", plan.scenes, "TOML file of [[scene]] tables, instead of these numbers");
+  settings.add("scenes", plan.scenes, "TOML file of [[scene]] tables; replaces these counts");
   settings.add("twin", plan.twin,
-               "ranges of what laboratories differ in: default, a file, or their text");
-  settings.add("laboratory", plan.laboratory, 0, INT64_MAX, "which of the twin's laboratories");
+               "ranges of the virtual laboratories: default, a file, or TOML text");
+  settings.add("laboratory", plan.laboratory, 0, INT64_MAX, "number of the virtual laboratory");
   settings.add("laboratories", plan.laboratories, 0, 1'000'000,
-               "record i is of laboratory i modulo this; 0: all are of one");
+               "record i is from laboratory i modulo this; 0: one laboratory");
   bind(settings, plan.conditions);
 }
 
@@ -27,11 +27,12 @@ void resolve_twin(const Settings& settings, Plan& plan) {
   if (plan.twin.empty()) {
     for (const char* key : {"laboratory", "laboratories"})
       if (settings.given(key) && (plan.laboratory > 0 || plan.laboratories > 0))
-        throw Error(ExitCode::config, std::string(key) + " needs a twin, from which it draws");
+        throw Error(ExitCode::config,
+                    std::string(key) + " needs a twin: it draws from the twin's ranges");
     return;
   }
   if (plan.laboratories > 0 && plan.laboratory > 0)
-    throw Error(ExitCode::config, "laboratory and laboratories: give one of them");
+    throw Error(ExitCode::config, "laboratory and laboratories exclude each other; remove one");
   Twin twin = twin_named(plan.twin);
   twin.ranges.erase(std::remove_if(twin.ranges.begin(), twin.ranges.end(),
                                    [&](const Range& range) { return settings.given(range.key); }),

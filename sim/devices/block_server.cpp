@@ -67,7 +67,7 @@ void BlockServer::next_client() {
   if (!stopping_) listener_.accept();
 }
 
-// When it is unplugged, nobody listens at the port.
+// A client cannot connect to an unplugged device.
 void BlockServer::poll() {
   if (stopping_) return;
   if (const bool in = !injector_.active(FaultKind::unplug); in != listener_.plugged()) {
@@ -105,7 +105,7 @@ void BlockServer::log(const Block& block, const char* what) {
   handlers_.log(block.begun == HostTime{} ? injector_.now() : block.begun, what, &block);
 }
 
-// Writes unless the line stands still or the block's time is to come; poll() tries again.
+// Writes the next block unless the line is stalled or the block is not yet due; poll() retries.
 void BlockServer::write() {
   Block& next = queue_.front();
   if (injector_.active(FaultKind::stall) || injector_.now() < next.due) return;
@@ -118,7 +118,7 @@ void BlockServer::write() {
 }
 
 void BlockServer::written(bool whole) {
-  if (whole) {  // the block is whole, also when the connection was closed since
+  if (whole) {  // complete, even if the connection has been closed since
     const Block& block = queue_.front();
     log(block, block.what);
     ++blocks_;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Bridge's end of the block protocol: serves one client at a time, greets it, and sends a device's
+// Server end of the block protocol: serves one client at a time, greets it, and sends a device's
 // blocks in order, with that device's faults.
 #pragma once
 #include <cstdint>
@@ -13,18 +13,18 @@
 
 namespace echofuse::sim {
 
-// Threading: the loop's thread. Device, injector and listener outlive it; the device passes the
-// injector's polls on to poll().
+// Threading: the loop's thread. Device, injector and listener outlive the server; the device
+// forwards the injector's polls to poll().
 class BlockServer {
  public:
   struct Block {
     BlockKind kind{};
-    Bytes bytes;               // the payload; on the wire with its header
-    std::uint64_t items = 0;   // tags, or the number of a frame
-    HostTime first{}, last{};  // host times of its tags
+    Bytes bytes;               // payload; write() adds the header
+    std::uint64_t items = 0;   // number of tags, or frame number
+    HostTime first{}, last{};  // host times of the first and last tag
     // Numbers that the server sets.
     std::uint32_t sequence = 0;
-    const char* what = "sent";  // fate of the block, if all goes well from here on
+    const char* what = "sent";  // result of sending, unless a fault changes it
     HostTime due{}, begun{};
     std::int64_t damage = -1;  // index of the damaged byte; -1: none
   };
@@ -38,14 +38,14 @@ class BlockServer {
               std::size_t queue_bytes, Handlers handlers);
 
   bool connected() const { return connected_; }
-  // Greets the client again where the last block of this kind is 0.9 s old.
+  // Greets the client again if the last block of this kind is 0.9 s old.
   void greet_again();
-  // False if no more may wait: the block is lost.
+  // Returns false if the queue is full and the block is lost.
   bool put(Block block);
-  // Items that are lost before the next block.
+  // Counts items lost before the next block.
   void lose(std::uint64_t items) { lost_ += items; }
   void poll();
-  // Says goodbye to the client, and takes no other.
+  // Sends a goodbye to the client and accepts no other.
   void stop();
 
   std::uint64_t clients() const { return clients_; }

@@ -46,11 +46,11 @@ class DepthFeed final : public Device {
   }
 
  private:
-  // Each process that uses OpenNI2 has a module of its own, thus several may connect.
+  // Each process that uses OpenNI2 loads its own module, so several may connect.
   struct Viewer {
     explicit Viewer(Local::socket s) : socket(std::move(s)) {}
     Local::socket socket;
-    Bytes out;  // being written; if empty, ready for the next frame
+    Bytes out;  // bytes being written; empty: ready for the next frame
     std::array<std::uint8_t, 16> unread{};
     bool gone = false;
   };
@@ -58,7 +58,7 @@ class DepthFeed final : public Device {
   struct Frame {
     DepthHeader header;
     std::vector<std::uint16_t> pixels;
-    const char* what;  // fate of the frame
+    const char* what;  // result of sending
     HostTime due;
   };
 
@@ -101,7 +101,7 @@ class DepthFeed final : public Device {
     injector_.log(begun, what, {{"frame", index}});
   }
 
-  // When it is unplugged, there is no socket to find, and connected viewers see it end.
+  // While unplugged, the socket is removed and connected viewers get end of file.
   void poll() {
     if (stopping_) return;
     send_due();
@@ -198,12 +198,12 @@ class DepthFeed final : public Device {
   port::Timer timer_;
   HostTime next_;
   std::list<Viewer> viewers_;
-  std::vector<std::uint16_t> pixels_, last_;  // as the scene is, and as it was sent
+  std::vector<std::uint16_t> pixels_, last_;  // exact frame; last frame sent
   std::int64_t pictured_ = -1;
   bool stopping_ = false;
   std::uint32_t frame_index_ = 0;
   std::uint64_t all_viewers_ = 0, frames_ = 0, skipped_ = 0;
-  std::deque<Frame> held_;                // delayed
+  std::deque<Frame> held_;                // frames waiting for their due time
   Rng rng_ = make_rng(options_.seed, 1);  // for range noise and dropouts
   ErrorCode ignored_;
   FaultInjector injector_;

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: MIT
-// OpenNI2 driver with one depth camera whose frames come from a laboratory's socket. This file's
-// own place tells where the socket is: LAB/openni/OpenNI2/Drivers/MODULE -> LAB/depth.sock. The
-// camera is plugged in while the laboratory answers. The stock library loads the module, which
-// knows nothing of the product. Threading: OpenNI calls from its user's threads; one thread of the
-// module reads the socket.
+// OpenNI2 driver with one depth camera, which reads frames from a laboratory's socket. The path of
+// the module gives the path of the socket: LAB/openni/OpenNI2/Drivers/MODULE -> LAB/depth.sock. The
+// camera is present while the laboratory accepts connections. The unmodified OpenNI2 library loads
+// the module. Threading: OpenNI calls from its user's threads; one thread of the module reads the
+// socket.
 #include <Driver/OniDriverAPI.h>
 #include <dlfcn.h>
 #include <poll.h>
@@ -23,7 +23,7 @@
 
 #include "sim/devices/depth_wire.hpp"
 
-// ONI_EXPORT_DRIVER wants these two of XnLib, which OpenNI2 does not install.
+// ONI_EXPORT_DRIVER needs these two macros of XnLib, which OpenNI2 does not install.
 #define XN_NEW(type, argument) new (std::nothrow) type(argument)
 #define XN_DELETE(pointer) delete (pointer)
 
@@ -42,7 +42,7 @@ std::string find_socket() {
   Dl_info info{};
   if (dladdr(&serial, &info) == 0 || !info.dli_fname) return {};
   std::string path = info.dli_fname;
-  if (path[0] != '/') {  // OpenNI loads its drivers from within their folder
+  if (path[0] != '/') {  // OpenNI loads drivers with their folder as working directory
     char here[4096];
     if (!getcwd(here, sizeof here)) return {};
     path = std::string(here) + "/" + path;
@@ -50,9 +50,9 @@ std::string find_socket() {
   for (int up = 0; up < 4; ++up) path.resize(std::min(path.size(), path.rfind('/')));
   return path + "/depth.sock";
 }
-// The path is found while the module is being loaded: later the working directory is another.
+// Found while the module is loaded, because the working directory changes later.
 const std::string socket_path = find_socket();
-// Every laboratory's camera is another one.
+// A URI per laboratory keeps their cameras apart.
 const std::string uri = "echofuse-sim://" + socket_path;
 
 class Stream final : public oni::driver::StreamBase {
@@ -87,7 +87,7 @@ class Stream final : public oni::driver::StreamBase {
     });
     return known ? status : ONI_STATUS_NOT_SUPPORTED;
   }
-  // Nothing can be changed, but a request for the present value is fine.
+  // Accepts only the current value, because all properties are fixed.
   OniStatus setProperty(int property, const void* data, int size) override {
     bool same = false;
     with_property(property, [&](const auto& value) {
@@ -95,7 +95,8 @@ class Stream final : public oni::driver::StreamBase {
     });
     return same ? ONI_STATUS_OK : ONI_STATUS_NOT_SUPPORTED;
   }
-  // A recorder learns the properties from here; without STRIDE and CROPPING its file plays nothing.
+  // A recorder reads the properties from here; a recording without STRIDE and CROPPING cannot be
+  // played.
   void notifyAllProperties() override {
     for (const int property : {ONI_STREAM_PROPERTY_VIDEO_MODE, ONI_STREAM_PROPERTY_HORIZONTAL_FOV,
                                ONI_STREAM_PROPERTY_VERTICAL_FOV, ONI_STREAM_PROPERTY_MIN_VALUE,
@@ -133,7 +134,7 @@ class Stream final : public oni::driver::StreamBase {
     return {ONI_PIXEL_FORMAT_DEPTH_1_MM, static_cast<int>(camera_.width),
             static_cast<int>(camera_.height), static_cast<int>(camera_.fps)};
   }
-  // Calls `use` with the property's value, in OpenNI's type; false if there is none.
+  // Calls `use` with the property's value, in OpenNI's type; returns false if it is missing.
   template <class Use>
   bool with_property(int property, Use use) const {
     switch (property) {
@@ -171,7 +172,7 @@ class Stream final : public oni::driver::StreamBase {
   bool running_ = false;
 };
 
-// Open streams, for the reader thread.
+// Open streams, shared with the reader thread.
 class Streams {
  public:
   void add(Stream* stream) {
@@ -243,7 +244,7 @@ class Driver final : public oni::driver::DriverBase {
                        oni::driver::DeviceDisconnectedCallback disconnected,
                        oni::driver::DeviceStateChangedCallback changed, void* cookie) override {
     DriverBase::initialize(connected, disconnected, changed, cookie);
-    connect();  // connects at once, so that the camera is there for a user who opens it at once
+    connect();  // connects now, so that the camera is present right after initialisation
     reader_ = std::thread([this] { run(); });
     return ONI_STATUS_OK;
   }
@@ -314,7 +315,7 @@ class Driver final : public oni::driver::DriverBase {
     return true;
   }
 
-  // Returns false at the end of the stream, on shutdown, or after so many polls without a byte.
+  // Returns false at end of file, on shutdown, or after `patience` polls without data.
   bool read_exactly(void* into, std::size_t size, int patience) {
     auto* place = static_cast<char*>(into);
     for (int waited = 0; size > 0 && !quit_ && waited != patience;) {

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
-// The laboratory sends these to the OpenNI2 driver module over its unix socket: first one header
-// with pixel_bytes 0 (the camera's fixed properties), then headers followed by width * height u16
-// of z in millimetres, row-major from the top left. Both ends are one build on one machine.
+// Protocol of the laboratory's unix socket to the OpenNI2 driver module: first a header with
+// pixel_bytes 0 (the camera's fixed properties), then headers followed by width * height u16 of z
+// in millimetres, row-major from the top left. Both ends come from one build on one machine.
 #pragma once
 #include <cstdint>
 
@@ -17,7 +17,7 @@ struct DepthHeader {
   std::uint32_t frame_index = 0;
   std::uint32_t pixel_bytes = 0;
   std::uint64_t time_us = 0;    // the camera's clock
-  std::uint32_t truncated = 0;  // the module hands on only half of the frame
+  std::uint32_t truncated = 0;  // nonzero: the module delivers only half of the frame
   std::uint32_t reserved = 0;
 };
 static_assert(sizeof(DepthHeader) == 48);

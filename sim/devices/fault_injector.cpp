@@ -26,12 +26,12 @@ FaultInjector::FaultInjector(port::Loop& loop, ScenePlayer& player, const char* 
 
 void FaultInjector::wait() {
   const double now_s = player_.now_s(), next_s = faults_.next_change_s(now_s);
-  constexpr double settling_s = 1;  // s in which late data go out
+  constexpr double settling_s = 1;  // time in which delayed data are sent
   if (faults_.any_at(now_s))
     settled_s_ = std::max(settled_s_, now_s + settling_s + amount(FaultKind::late).value_or(0));
   if (std::isinf(next_s) && now_s > settled_s_) return;
   HostTime at = now() + poll_pause;
-  if (now_s > settled_s_)  // by a microsecond after the change, as times are rounded
+  if (now_s > settled_s_)  // one microsecond after the change, because times are rounded
     at = std::max(at, player_.start() + from_seconds(next_s) + std::chrono::microseconds(1));
   timer_.at(at, [this] {
     log_changes();

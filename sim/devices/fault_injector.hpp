@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Injects faults into one device, and logs them and all that the device sends. Threading: the
-// loop's thread uses it.
+// Injects faults into one device, and logs the faults and the sent data. Threading: the loop's
+// thread.
 #pragma once
 #include <functional>
 #include <string>
@@ -15,8 +15,8 @@ namespace echofuse::sim {
 
 class FaultInjector {
  public:
-  // `device` is a literal. `on_poll` is called every 5 ms while a fault acts and for a second after
-  // that, so that one that begins or ends takes effect.
+  // `device` is a string literal. `on_poll` is called every 5 ms during a fault and for one second
+  // after it, so that the device applies its start and end.
   FaultInjector(port::Loop& loop, ScenePlayer& player, const char* device, const FaultPlan& plan,
                 std::uint64_t seed, std::function<void()> on_poll);
 
@@ -25,15 +25,15 @@ class FaultInjector {
   std::optional<double> amount(FaultKind kind) const { return faults_.at(kind, player_.now_s()); }
   double gain() const { return amount(FaultKind::gain).value_or(1); }
   double clock_error_s(double time_s) const { return faults_.clock_error_s(time_s); }
-  // True if the fault acts this time; amount() is the share of times.
+  // Returns true with probability amount() while the fault is active.
   bool triggers(FaultKind kind);
-  // Changes one byte, and returns its index.
+  // Changes one byte and returns its index.
   std::size_t corrupt(Bytes& bytes);
-  // Returns the bytes that a line picks up now; mostly there are none.
+  // Returns the garbage bytes to send now; empty without such a fault.
   Bytes garbage();
   std::uint64_t noise() { return rng_(); }
   HostTime now() const { return player_.now(); }
-  // Returns the time at which what is ready now goes out.
+  // Returns the time to send data that are ready now.
   HostTime due() const { return now() + from_seconds(amount(FaultKind::late).value_or(0)); }
 
   void log(HostTime time, const char* what, SentLog::Numbers numbers) {

@@ -13,7 +13,7 @@ namespace {
 
 struct Kind {
   const char* name;
-  double usual, min, max;  // values of the amount
+  double usual, min, max;  // range and default of the amount
 };
 constexpr std::array<Kind, 10> kinds = {{{"drop", 1, 0, 1},
                                          {"corrupt", 1, 0, 1},
@@ -76,16 +76,17 @@ class Reader : TableReader {
     if (fault.every_s > 0 && fault.every_s < fault.for_s)
       say(table, "every_s is shorter than for_s: the fault would overlap itself");
     const bool camera = fault.device == "depth";
-    if (camera && fault.kind == FaultKind::gain) say(table, "a depth camera has no gain");
+    if (camera && fault.kind == FaultKind::gain)
+      say(table, "a depth camera has no gain; expected another kind or device");
     if (fault.device == "tdc" && fault.kind == FaultKind::freeze)
-      say(table, "a time tagger has no frame to stand still");
+      say(table, "a time tagger has no frame to freeze; expected radar or depth");
     const Kind& limits = camera && fault.kind == FaultKind::garbage
                              ? noisy_frames
                              : kinds[static_cast<std::size_t>(fault.kind)];
     if (limits.max > limits.min)
       fault.amount = number(table, "amount", limits.usual, limits.min, limits.max);
     else if (const auto* given = table.get("amount"))
-      say(*given, kind + " has no amount");
+      say(*given, kind + " takes no amount; remove it");
     return fault;
   }
 
@@ -113,8 +114,8 @@ class Reader : TableReader {
   }
 };
 
-// Part, 0 to 1, of the repetition at time_s that is over, and the number of repetitions before;
-// nothing before the first.
+// Returns the elapsed share (0 to 1) of the repetition at time_s, and the number of earlier
+// repetitions; nothing before the first.
 std::optional<std::pair<double, double>> progress(const Fault& f, double time_s) {
   if (time_s < f.at_s) return {};
   const double since = time_s - f.at_s;

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: MIT
-// The timetable says what goes wrong in a laboratory, and when; every run of the laboratory repeats
-// it.
+// Timetable of a laboratory's faults. Time zero is the start of each laboratory.
 #pragma once
 #include <array>
 #include <cstdint>
@@ -25,34 +24,32 @@ enum class FaultKind : std::uint8_t {
 inline constexpr std::size_t fault_kinds = 10;
 const char* name_of(FaultKind kind);
 
-// A fault acts from at_s for for_s seconds of the laboratory's time, and again every every_s if
-// that is not 0. `amount` means, for drop and corrupt, a share of the blocks or frames; for late,
-// s; for garbage, bytes with each block or frame (for a camera a share of the frames); for
-// clock_drift, ppm; for clock_offset, s; for gain, a factor.
+// Active from at_s for for_s seconds of laboratory time, and again every every_s unless that is 0.
+// Unit of `amount`: drop and corrupt: share of blocks or frames; late: s; garbage: bytes per block
+// or frame (camera: share of frames); clock_drift: ppm; clock_offset: s; gain: factor.
 struct Fault {
   std::string device;  // tdc, radar, depth
   FaultKind kind{};
   double at_s = 0, for_s = 0, every_s = 0, amount = 0;
 };
 
-// The text holds [[fault]] tables. Throws Error(config) that lists every mistake as
-// name:line:column.
+// Parses [[fault]] tables. Throws Error(config) that lists each mistake as name:line:column.
 std::vector<Fault> read_faults(const std::string& text, const std::string& name);
 
-// Faults of one device, as functions of the laboratory's time. Threading: one thread may use it, as
-// even the const members keep a value.
+// Faults of one device as functions of laboratory time. Threading: one thread, because const
+// members update a cache.
 class Faults {
  public:
   Faults() = default;
   Faults(const std::vector<Fault>& all, const std::string& device);
 
   bool empty() const { return faults_.empty(); }
-  // Returns the amount of the fault of this kind that acts at this time.
+  // Returns the amount of the active fault of this kind, or nothing.
   std::optional<double> at(FaultKind kind, double time_s) const;
   bool any_at(double time_s) const;
-  // Returns the time of the next change after time_s; infinity if there is none.
+  // Returns the time of the next change after time_s; infinity after the last one.
   double next_change_s(double time_s) const;
-  // Seconds that the device's clock is ahead. Drift gained stays after the fault ends.
+  // Returns how far the device's clock is ahead, s. The drift gained stays after the fault.
   double clock_error_s(double time_s) const;
 
   struct Change {
@@ -64,10 +61,10 @@ class Faults {
   std::vector<Change> changes(double from_s, double to_s) const;
 
  private:
-  // State of the faults between two changes; asked for every tag.
+  // State between two changes, cached because each tag needs it.
   struct Segment {
-    double from_s = 0, to_s = 0;    // none yet: empty
-    double error_s = 0, slope = 0;  // error of the clock at from_s (s), and its slope
+    double from_s = 0, to_s = 0;    // empty: no segment yet
+    double error_s = 0, slope = 0;  // clock error at from_s (s), and its slope
     std::array<std::optional<double>, fault_kinds> amounts{};
   };
   const Segment& segment(double time_s) const;

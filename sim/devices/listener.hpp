@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Listening end to which a device's clients connect, one at a time.
+// Listening socket that a device's clients connect to, one at a time.
 #pragma once
 #include <cstdint>
 #include <functional>
@@ -16,16 +16,16 @@ class Listener {
  public:
   struct Handlers {
     port::Action connected;
-    port::Action left;  // the client went by itself
+    port::Action left;  // the client closed the connection
   };
   virtual ~Listener() = default;
   virtual void start(Handlers handlers) = 0;
-  // The next client may come; accept() is called again for the one after it.
+  // Ends this client's connection; accept() must be called again for the next.
   virtual void accept() = 0;
-  // While it is not plugged in, nobody can connect. Pulling it out leaves the client connected.
+  // While unplugged, clients cannot connect. A connected client stays connected.
   virtual void plug(bool in) = 0;
   virtual bool plugged() const = 0;
-  // One write at a time. `bytes` live until `done`, which says whether all of them went out.
+  // Only one write at a time. `bytes` must live until `done(whole)`; whole: all were written.
   virtual void write(ByteView bytes, std::function<void(bool whole)> done) = 0;
   virtual void hang_up() = 0;
   virtual std::string address() const = 0;

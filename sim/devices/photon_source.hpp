@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Laser and single-photon detector as a time tagger sees them, by the same law as the simulated
-// histogram (sim/sensors/optics.hpp), drawn photon by photon.
+// Detections of a pulsed laser and a single-photon detector, drawn photon by photon from the
+// distribution of the simulated histogram (sim/sensors/optics.hpp).
 #pragma once
 #include <cstdint>
 #include <vector>
@@ -15,32 +15,31 @@ namespace echofuse::sim {
 struct Tagging {
   std::int32_t sync_channel = 1, click_channel = 2;
   double laser_rate_hz = 1e6;
-  // The device's conditional filter sends only syncs that a detection follows.
+  // sends only syncs that a detection follows
   bool conditional_filter = true;
 };
 
-// The number of detections in a window is Poisson, and each falls in a pulse of its own choice. A
-// signal photon takes a return picked by weight, its two-way time 2R/c and the IRF's jitter.
-// Background is uniform over the histogram's bins, as for a gated detector. With pulses_per_window
-// > 0 the laser fires that often in a window, whatever laser_rate_hz is. Then only the first
-// detection of a pulse is kept, or, with spd_dead_time_ps, those that are not closer than that to
-// the last one kept.
+// The number of detections in a window is Poisson; each falls in a random pulse. A signal photon
+// belongs to a return drawn by weight; its delay is 2R/c plus the IRF's jitter. Background is
+// uniform over the histogram's bins, as with a gated detector. With pulses_per_window > 0 the laser
+// fires that often per window, independent of laser_rate_hz. Then only the first detection of a
+// pulse is kept; with spd_dead_time_ps, those outside the dead time of the last one kept.
 class PhotonSource {
  public:
-  // Signal and background counts are per window_s seconds. Throws Error(config) if the laser is
-  // faster than the echoes return, or the tags are more than the simulator can make.
+  // Signal and background counts are per window_s seconds. Throws Error(config) if a period is
+  // shorter than the histogram, or the tag rate exceeds the simulator's limit.
   PhotonSource(const Conditions& conditions, const Tagging& tagging, double window_s,
                std::uint64_t seed);
 
   double laser_rate_hz() const { return tagging_.laser_rate_hz; }
-  // Sets the scene from the next draw on.
+  // Sets the scene of the next draw.
   void set_returns(const Returns& returns);
-  // Scales laser light and background from the next draw on.
+  // Scales signal and background from the next draw on.
   void set_gain(double gain) { gain_ = gain; }
   // Appends all tags of the pulses [first, last) to `out`, sorted by time; returns their number.
   // Pulse n fires at n / laser_rate_hz seconds.
   std::size_t draw(std::int64_t first, std::int64_t last, Bytes& out);
-  // Returns the mean number of tags.
+  // Returns the expected number of tags.
   double mean_tags(std::int64_t pulses) const;
 
  private:
@@ -59,7 +58,7 @@ class PhotonSource {
   double window_s_, period_ps_, gain_ = 1;
   Rng rng_;
   std::normal_distribution<double> jitter_;
-  double ready_ps_ = 0;                        // when the detector is ready, after a detection
+  double ready_ps_ = 0;                        // end of the dead time
   std::vector<double> delay_ps_, cumulative_;  // delays and summed weights of the scene's returns
   std::vector<std::uint64_t> detections_;      // pulse << 32 | delay in ps, scratch
 };

@@ -14,7 +14,7 @@
 namespace echofuse::sim {
 namespace {
 
-// A USB bridge hands over the bytes that came in within its latency timer, 1 to 16 ms.
+// A USB serial adapter delivers bytes after its latency timer, 1 to 16 ms.
 constexpr auto chunk_time = std::chrono::milliseconds(4);
 
 [[noreturn]] void fail(const std::string& what) {
@@ -39,10 +39,10 @@ void publish(const std::string& target, const std::string& link) {
   const std::string fresh = link + ".new";
   ::unlink(fresh.c_str());
   if (::symlink(target.c_str(), fresh.c_str()) != 0 || ::rename(fresh.c_str(), link.c_str()) != 0)
-    fail("cannot make the link " + link);
+    fail("cannot create the link " + link);
 }
 
-// Returns the termios constant of a rate, or B0 for a rate that a pty cannot be set to.
+// Returns the termios constant of a rate, or B0 if a pty does not support it.
 speed_t speed_of(unsigned baud) {
   switch (baud) {
     case 115200:
@@ -121,7 +121,7 @@ std::size_t PtyUart::deliver(Bytes chunk) {
 
 std::unique_ptr<Device> make_radar_ptys(port::SystemLoop& loop, ScenePlayer& player,
                                         const RadarOptions& options) {
-  auto ports = std::make_shared<std::vector<PtyUart*>>();  // the board owns them
+  auto ports = std::make_shared<std::vector<PtyUart*>>();  // the radar board owns the UARTs
   const auto pty = [&](const std::string& link) {
     return [&loop, ports, link](unsigned baud, Uart::Receive receive) {
       auto uart = std::make_unique<PtyUart>(loop, link, baud, std::move(receive));

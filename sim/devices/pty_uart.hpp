@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// UART of a board behind a pseudo-terminal. A pty knows no speed and loses nothing; a UART sends at
-// its rate, and loses what the host does not fetch. It is internal to the simulated radar.
+// UART of a board behind a pseudo-terminal. A pty has no rate and loses nothing; a UART sends at
+// its rate and loses bytes that the host does not read. Internal to the simulated radar.
 #pragma once
 #include <array>
 #include <boost/asio/posix/stream_descriptor.hpp>
@@ -13,12 +13,12 @@ namespace echofuse::sim {
 
 class PtyUart final : public Uart {
  public:
-  // Opens a pty and points the symbolic link at it (replacing a former one). Throws Error(failed).
+  // Opens a pty and creates or replaces the symbolic link to it. Throws Error(failed).
   PtyUart(port::SystemLoop& loop, std::string link, unsigned baud, Receive receive);
   ~PtyUart() override;
 
   void close() override;
-  // Takes the port away, or makes a new one behind the same link. What is sent meanwhile is lost.
+  // Removes the port, or creates a new one behind the same link. Bytes sent in between are lost.
   void plug(bool in);
 
  private:
@@ -30,7 +30,7 @@ class PtyUart final : public Uart {
   std::string link_;
   Receive receive_;
   boost::asio::posix::stream_descriptor master_;
-  int slave_ = -1;  // kept open: with no slave the master reports EIO
+  int slave_ = -1;  // kept open, because the master reports EIO without an open slave
   std::array<std::uint8_t, 512> in_{};
   Rng noise_;
 };

@@ -11,12 +11,12 @@
 namespace echofuse::sim {
 namespace {
 
-// The gain takes amplitudes to the integers of the heat map: the 16 bits hold a reflector of the
-// mean scene's brightness 30 times over.
+// Converts amplitudes to the integers of the heat map: 16 bits hold a reflector 30 times as bright
+// as the mean scene.
 constexpr float sample_gain = 1 << 10;
-constexpr unsigned above = 1;  // the ISK's transmitter that stands in another row
+constexpr unsigned above = 1;  // the ISK's transmitter in another row
 
-constexpr double layout_hz = 62e9;  // antennas stand in half wavelengths of it
+constexpr double layout_hz = 62e9;  // unit of antenna places: half a wavelength of this
 
 std::vector<AntennaRadar::Pair> about_their_middle(std::vector<AntennaRadar::Pair> pairs) {
   AntennaRadar::Pair middle;
@@ -84,7 +84,7 @@ void RadarAntennas::start(const Chirp& chirp, double mean_peak) {
                   (1e9 * chirp.start_ghz +
                    1e6 * chirp.played_slope_mhz_us() *
                        (chirp.adc_start_us + 500.0 * chirp.samples / chirp.sample_rate_ksps));
-  // The firmware takes the first antennas, however many stand in the row.
+  // The firmware takes the first antennas, independent of the number in the row.
   if (of_row == 0) of_row = tx.size();
   sent_ = tx.empty() ? 0 : used_.size() / tx.size() * of_row;
   echo_.reset();

@@ -90,7 +90,7 @@ class RadarBoard final : public Device {
     framing_ = firmware_.running().has_value();
     if (!framing_) return;
     if (subframe_ > 0 || chirp().frames == 0 || frames_of_start_ < chirp().frames) {
-      frame_number_ += subframe_ == 0;  // subframes have the number of their frame
+      frame_number_ += subframe_ == 0;  // subframes carry the number of their frame
       frames_of_start_ += subframe_ == 0;
       seen_s_ = player_.now_s();
       seen_subframe_ = subframe_;
@@ -105,7 +105,7 @@ class RadarBoard final : public Device {
   double period_us() const { return 1e3 * chirp().frame_period_ms; }
 
   void output() {
-    if (!data_->idle()) {  // slower than the frames: the demo has no time for this one
+    if (!data_->idle()) {  // longer than a frame: the demo firmware skips such a frame
       ++skipped_;
       log(injector_.now(), "skipped", {frame_number_});
       return;
@@ -138,7 +138,7 @@ class RadarBoard final : public Device {
     return power;
   }
 
-  // With interfering echoes the antennas are sampled in any case, as people move before them.
+  // With coherent echoes antennas are sampled for every frame, because people move.
   void look() {
     const Conditions& c = player_.conditions();
     const bool heat_map = firmware_.outputs().heat_map, coherent = c.radar_sum == "coherent";
@@ -186,7 +186,7 @@ class RadarBoard final : public Device {
                   {{"frame", what.number}, {"damage", what.damage}, {"crc", what.crc}});
   }
 
-  // Sending time and margin are the former frame's: this one is not sent yet.
+  // Sending time and margin are those of the previous frame, because this one is not sent yet.
   RadarStats stats() const {
     const double margin_us = period_us() - chirp().active_us() - processing_us - transmit_us_;
     RadarStats s{};
@@ -220,7 +220,7 @@ class RadarBoard final : public Device {
     Bytes wire;
     Sent what;
     HostTime due;
-    Bytes junk{};  // bytes behind it
+    Bytes junk{};  // garbage after the frame
   };
 
   ScenePlayer& player_;
@@ -230,15 +230,15 @@ class RadarBoard final : public Device {
   Rng rng_;
   RadarAntennas antennas_;
   RadarAxis axis_;
-  std::vector<std::uint16_t> last_profile_;  // as it was sent
+  std::vector<std::uint16_t> last_profile_;  // result of sending
   RadarTlv last_heat_map_;
   HostTime next_frame_{};
   double mean_peak_ = 0, seen_s_ = 0, transmit_us_ = 0;
   bool framing_ = false;
   std::uint32_t frame_number_ = 0;
-  std::size_t subframe_ = 0, seen_subframe_ = 0;  // next to begin; next to be sent
+  std::size_t subframe_ = 0, seen_subframe_ = 0;  // next frame to begin; next frame to send
   std::uint64_t frames_of_start_ = 0, frames_ = 0, skipped_ = 0;
-  std::deque<Frame> line_;  // delayed frames
+  std::deque<Frame> line_;  // frames waiting for their due time
   std::function<void(bool in)> plug_;
   FaultInjector injector_;
 };

@@ -47,7 +47,7 @@ double Chirp::firmware_step_m() const {
 RadarAxis Chirp::axis(const Conditions& c) const {
   const double rate_hz = sample_rate_ksps * 1e3, slope_hz_s = played_slope_mhz_us() * 1e12;
   const unsigned bins = std::bit_ceil(samples);
-  RadarAxis axis = radar_response(c);  // its window
+  RadarAxis axis = radar_response(c);  // window of the demo firmware
   axis.count = antennas == 12 && bins == 1024 ? 1022 : bins;
   axis.step_m = speed_of_light_m_s * rate_hz / (2 * slope_hz_s * bins);
   axis.resolution_m = speed_of_light_m_s / (2 * slope_hz_s * samples / rate_hz);

@@ -18,9 +18,9 @@ constexpr char banner_line[] = "******************************************\n";
 constexpr char prompt_text[] = "mmwDemo:/>";
 
 struct Command {
-  bool needed;        // needed before a start
-  bool when_started;  // may come while the sensor runs
-  bool by_direction;  // its third word makes two settings of it: 0 range, 1 Doppler
+  bool needed;        // required before a start
+  bool when_started;  // allowed while the sensor runs
+  bool by_direction;  // its third word selects one of two settings: 0 range, 1 Doppler
 };
 const std::map<std::string, Command> configuring = {
     {"flushCfg", {false, true, false}},
@@ -64,14 +64,14 @@ unsigned whole(const std::vector<std::string>& words, std::size_t i) {
   return static_cast<unsigned>(std::clamp(number(words, i), 0.0, 1e9));
 }
 
-// Adds the transmitters of the mask that are not there yet.
+// Appends the transmitters of the mask that are not in the list yet.
 void add_transmitters(unsigned mask, std::vector<unsigned>& transmitters) {
   for (unsigned t = 0; t < 3; ++t)
     if (mask >> t & 1 && std::count(transmitters.begin(), transmitters.end(), t) == 0)
       transmitters.push_back(t);
 }
 
-// Takes the ramp from a profileCfg, and what a chirpCfg adds to it.
+// Computes the ramp from a profileCfg and the offsets of a chirpCfg.
 void set_ramp(const std::vector<std::string>& profile, const std::vector<std::string>& added,
               Chirp& chirp) {
   chirp.start_ghz = number(profile, 2) + 1e-9 * number(added, 4);
@@ -83,7 +83,7 @@ void set_ramp(const std::vector<std::string>& profile, const std::vector<std::st
   chirp.sample_rate_ksps = number(profile, 11);
 }
 
-// Splits at spaces and line ends only: a tab is a part of a word.
+// Splits at spaces and line ends only; the firmware keeps a tab inside a word.
 std::vector<std::string> split(const std::string& line) {
   std::vector<std::string> words;
   std::istringstream in(line.substr(0, line.find_last_not_of('\n') + 1));
@@ -112,7 +112,7 @@ void RadarFirmware::boot() {
   prompt();
 }
 
-// The UART driver's text mode puts the carriage return behind the line feed.
+// The UART driver's text mode sends the carriage return after the line feed.
 void RadarFirmware::say(const std::string& text) {
   std::string wire;
   for (const char c : text) {
@@ -127,7 +127,7 @@ void RadarFirmware::prompt() { cli_(prompt_text); }
 void RadarFirmware::receive(ByteView bytes) {
   for (const std::uint8_t byte : bytes) {
     if (stopping_ || dead_) return;
-    // A carriage return is echoed as one and read as a line feed, which is echoed as well.
+    // A carriage return is echoed and read as a line feed, which is echoed as well.
     if (byte == '\r') cli_("\r");
     const char c = byte == '\r' ? '\n' : static_cast<char>(byte);
     cli_(std::string(1, c));
@@ -250,7 +250,7 @@ bool RadarFirmware::all_pending() const {
   });
 }
 
-// The configuration and the command contradict each other in three ways.
+// Three contradictions between configuration and command.
 bool RadarFirmware::refuse_start(bool reconfigure) {
   const bool first = state_ == State::init || state_ == State::opened;
   if (reconfigure && all_pending()) return false;
@@ -268,8 +268,8 @@ bool RadarFirmware::refuse_start(bool reconfigure) {
   return true;
 }
 
-// Antennas, ADC and power mode reach the front end at the first start only. The demo then asserts
-// that they stay, and its command line is dead.
+// Antennas, ADC and power mode reach the front end at the first start only. If they change later,
+// the demo fails an assertion and its command line hangs.
 bool RadarFirmware::changed_latched() {
   for (const char* name : latched_commands) {
     if (state_ == State::init) latched_[name] = config_[name];
@@ -325,9 +325,9 @@ void RadarFirmware::between_frames() {
   answer(0);
 }
 
-// Returns the frame as one chirp, or its subframes. It returns nothing if a part is missing or the
-// front end would refuse it. It also returns nothing for subframes whose chirps differ in more than
-// their start: those are not simulated.
+// Returns the frame as one chirp, or its subframes. Returns nothing if a command is missing, the
+// front end would refuse the frame, or subframes differ in more than their start frequency (not
+// simulated).
 std::vector<Chirp> RadarFirmware::subframes_configured() {
   constexpr unsigned advanced = 3, most = 4;
   if (whole(config_["dfeDataOutputMode"], 1) != advanced) {
@@ -355,7 +355,7 @@ std::vector<Chirp> RadarFirmware::subframes_configured() {
   return out;
 }
 
-// The front end takes every profile, and every chirp with its own part.
+// The front end checks every profile, and every chirp with its offsets.
 bool RadarFirmware::ramps_possible() {
   Chirp ramp;
   const auto refused = [&](const Arguments& profile, const Arguments& added) {
@@ -369,7 +369,7 @@ bool RadarFirmware::ramps_possible() {
          });
 }
 
-// Profile of this chirp, or of the last one.
+// Returns the profile of this chirp, or of the last chirp.
 std::optional<Chirp> RadarFirmware::chirp(const FramePart& frame,
                                           std::optional<unsigned> of_chirp) {
   const Arguments channel = config_["channelCfg"];

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT
-// Command line of TI's out-of-box demos, SDK 3.4 to 3.6, as their sources have it (utils/cli,
+// Command line of TI's out-of-box demos, SDK 3.4 to 3.6, after their sources (utils/cli,
 // demo/xwr68xx/mmw/mss/mmw_cli.c, demo/xwr64xx/mmw/mmw_cli.c, uartsci.c): echo, prompt, "Done",
-// "Error -1", "Ignored: ...", what has to be configured before a start, and what may not change
-// after the first one. It knows no ports and no time.
+// "Error -1", "Ignored: ...", the commands required before a start, and those fixed after the first
+// one. It has no ports and no clock.
 #pragma once
 #include <cstdint>
 #include <functional>
@@ -17,50 +17,56 @@
 
 namespace echofuse::sim {
 
-// guiMonitor and measureRangeBiasAndRxChanPhase set these outputs.
+// outputs set by guiMonitor and measureRangeBiasAndRxChanPhase
 struct RadarOutputs {
   bool objects = false, range_profile = false, heat_map = false, stats = false;
   bool measure_bias = false;
   double target_m = 0, search_m = 0;
 };
 
-// The ISK runs the demo of the signal processor (xWR68xx). AOP and ODS run that of the hardware
-// accelerator (xWR64xx), which knows no bpmCfg.
+// The ISK runs the signal processor's demo (xWR68xx). AOP and ODS run the hardware accelerator's
+// (xWR64xx), which lacks bpmCfg.
 enum class RadarDemo : bool { dsp, accelerator };
 
 class RadarFirmware {
  public:
   using Write = std::function<void(const std::string&)>;
-  // `cli` gets the firmware's text on its command port, `data` raw bytes for the data port. `sdk`
-  // is the 5 of SDK 3.5; before it there is no calibData.
+  // `cli` receives the text of the command port, `data` the bytes of the data port. `sdk` is the
+  // minor version: 5 for SDK 3.5; SDK 3.4 lacks calibData.
   RadarFirmware(Write cli, Write data, unsigned sdk = 5, RadarDemo demo = RadarDemo::dsp);
 
-  // At power-up it sends banner and prompt.
+  // Sends banner and prompt.
   void boot();
-  // Takes bytes from the host. While a command runs (a stop waits for the frame) they are lost: the
-  // UART has no buffer beyond one byte.
+  // Receives bytes from the host. Bytes are lost while a command runs (a stop waits for the frame),
+  // because the UART buffers only one byte.
   void receive(ByteView bytes);
-  // Sends a line of the firmware's own on the command port.
+  // Sends a line that the firmware prints on its own.
   void say(const std::string& text);
 
-  // Chirp in use, from sensorStart to the end of the frame in which sensorStop came; else empty.
+  // Chirp in use, from sensorStart to the end of the frame during which sensorStop arrived;
+  // otherwise empty.
   const std::optional<Chirp>& running() const { return running_; }
-  // Returns the chirp of each subframe; the subframes follow one another. There is one, unless
-  // advFrameCfg says otherwise.
+  // Returns the chirp of each subframe, in order; one unless advFrameCfg sets more.
   const std::vector<Chirp>& subframes() const { return subframes_; }
   const RadarOutputs& outputs() const { return outputs_; }
   unsigned data_baud() const { return data_baud_; }
-  // Tells that no frame is under way, so that a pending sensorStop completes.
+  // Reports that no frame is in progress, so that a pending sensorStop completes.
   void between_frames();
 
  private:
   using Arguments = std::vector<std::string>;
-  enum class State { init = 0, opened = 1, started = 2, stopped = 3 };  // as queryDemoStatus has it
+  enum class State {
+    init = 0,
+    opened = 1,
+    started = 2,
+    stopped = 3
+  };  // state in
+      // queryDemoStatus's numbers
 
   void run_line();
   void prompt();
   void answer(int status);
-  std::optional<int> execute(const Arguments& words);  // empty if the answer comes later
+  std::optional<int> execute(const Arguments& words);  // empty: the answer follows later
   int configure(const Arguments& words, const std::string& key);
   std::optional<int> sensor_start(const Arguments& words);
   std::optional<int> sensor_stop();
@@ -88,12 +94,12 @@ class RadarFirmware {
   State state_ = State::init;
   bool stopping_ = false, dead_ = false;
   unsigned data_baud_ = 921600;
-  std::map<std::string, Arguments> config_;   // last good words of each command
+  std::map<std::string, Arguments> config_;   // last accepted words of each command
   std::map<std::string, Arguments> latched_;  // words at the first start
   std::vector<Arguments> chirps_;
-  std::map<unsigned, Arguments> profiles_, subframe_cfgs_;  // by their numbers
+  std::map<unsigned, Arguments> profiles_, subframe_cfgs_;  // by profile or chirp number
   Arguments last_profile_;
-  std::set<std::string> pending_;  // configured since the last start
+  std::set<std::string> pending_;  // commands since the last start
   std::optional<Chirp> running_;
   std::vector<Chirp> subframes_;
   RadarOutputs outputs_;

@@ -12,8 +12,8 @@ namespace echofuse::sim {
 
 namespace {
 
-// A corner reflector echoes from its apex, whichever way it points: all patches of the plate come
-// from its centre.
+// A corner reflector returns echoes from its apex at any orientation, so all patches of the plate
+// get its centre.
 void gather_reflector(Vec3 centre, const Conditions& c, Returns& returns) {
   const double x = centre.x - radar_x_m(c), range = std::hypot(x, centre.y, centre.z);
   for (std::size_t k = 0; k < returns.place.size(); ++k) {

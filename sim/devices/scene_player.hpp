@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// All simulated devices look at this player: it shows one scene after the other on one time base.
-// Threading: one thread uses it.
+// Scene source of all simulated devices: shows one scene after the other on a common time base.
+// Threading: one thread.
 #pragma once
 #include <cstdint>
 #include <limits>
@@ -18,16 +18,16 @@ namespace echofuse::sim {
 struct RenderedScene {
   std::int64_t index = -1;
   Scene scene;
-  Returns spd, radar;  // the radar's know where each patch is
+  Returns spd, radar;  // the radar's include the place of each patch
 };
 
 struct SceneSchedule {
   std::string kind = "person";  // a name of SceneKind, or mixed
   std::int64_t seed = 1;
-  // Each scene stands for this time, and changes at a multiple of it on the host's clock, as the
-  // daemon's slots do. With 0 the first scene stays for ever.
+  // Time per scene. Scenes change at multiples of it on the host's clock, like the daemon's slots.
+  // 0: only the first scene.
   double hold_s = 0;
-  std::vector<SceneSpec> list{};  // replaces the kind; after the last comes the first
+  std::vector<SceneSpec> list{};  // replaces the kind; repeats after the last
 };
 
 class ScenePlayer {
@@ -39,12 +39,11 @@ class ScenePlayer {
   HostTime start() const { return start_; }
   HostTime now() const { return clock_.now(); }
   double now_s() const { return seconds(clock_.now() - start_); }
-  // at() returns the scene that stands at this time; it is rendered when it is first asked for.
-  // scene_end_s() says when it goes.
+  // at() returns the scene at this time, rendered at its first use. scene_end_s() returns its end.
   const RenderedScene& at(double time_s);
   double scene_end_s(double time_s) const;
 
-  // Scene number `index` of a schedule; "mixed" is one person to three letters, as in Lai et al.
+  // Returns scene `index` of a schedule; "mixed" is one person to three letters, as in Lai et al.
   static SceneSpec spec_of(const SceneSchedule& schedule, std::int64_t index);
 
  private:

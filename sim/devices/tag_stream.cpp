@@ -7,8 +7,7 @@
 namespace echofuse::sim {
 namespace {
 
-// On a busy machine the tags of a tick come later; tags that lag more than the device's memory are
-// lost.
+// On a busy machine tags are sent late; tags later than the device's memory are lost.
 constexpr double longest_tick_s = 0.1, device_memory_s = 1;
 
 }  // namespace

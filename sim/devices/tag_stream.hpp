@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Tags of a scene in real time, in blocks, for the device that sends them.
+// Tags of a scene in real time, in blocks for the device that sends them.
 #pragma once
 #include <functional>
 
@@ -13,12 +13,12 @@ class TagStream {
   using Lose = std::function<void(std::uint64_t tags)>;
 
   TagStream(ScenePlayer& player, const TdcOptions& options);
-  // Scales the photons from now on.
+  // Scales the photons of later pulses.
   void set_gain(double gain) { source_.set_gain(gain); }
-  // Starts the tags from now on.
+  // Starts the tags at this time.
   void start();
-  // Emits the pulses up to now, in blocks of one scene and at most the longest block's time. Pulses
-  // that lag by more than the device's memory of a second are lost.
+  // Emits the pulses up to now, in blocks of one scene and at most the longest block's time span.
+  // Pulses later than the device's memory of one second are lost.
   void advance(const Emit& emit, const Lose& lose);
 
  private:

@@ -70,7 +70,7 @@ class TcpListener final : public Listener {
   }
 
  private:
-  // A client sends nothing, so this read ends only when the client is gone.
+  // A client sends nothing, so this read ends only when it disconnects.
   void watch() {
     socket_.async_read_some(boost::asio::buffer(unread_), [this](const ErrorCode& error, auto) {
       if (error == boost::asio::error::operation_aborted) return;
@@ -86,7 +86,7 @@ class TcpListener final : public Listener {
   tcp::socket socket_;
   Handlers handlers_;
   std::array<std::uint8_t, 256> unread_{};
-  bool wanted_ = false, accepting_ = false;  // the next client; the acceptor has been asked
+  bool wanted_ = false, accepting_ = false;  // next client; its accept is pending
 };
 
 }  // namespace

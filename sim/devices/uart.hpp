@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// UART of a board: sends at its rate, whatever is at the other end of the wires.
+// UART of a board: sends at its rate, independent of the receiver.
 #pragma once
 #include <chrono>
 #include <cstdint>
@@ -17,7 +17,7 @@ class Uart {
  public:
   using Receive = std::function<void(ByteView)>;
 
-  // Sends in chunks of `chunk_time`; the other end sees a chunk at once.
+  // Sends in chunks of `chunk_time`; the receiver gets a chunk at once.
   Uart(port::Loop& loop, unsigned baud, std::chrono::milliseconds chunk_time)
       : baud_(baud), chunk_time_(chunk_time), loop_(loop), timer_(loop) {}
   virtual ~Uart() = default;
@@ -26,10 +26,9 @@ class Uart {
 
   using Sent = std::function<void(bool arrived)>;
 
-  // The bytes are queued behind what is still being sent; `sent` is called once the last byte is
-  // out.
+  // Queues the bytes; `sent` is called after the last byte.
   void send(ByteView bytes, Sent sent = {});
-  // A line that stands still keeps what is queued.
+  // Stops or restarts the line; queued bytes are kept.
   void hold(bool still);
   bool idle() const { return queue_.empty(); }
   unsigned baud() const { return baud_; }
@@ -37,11 +36,11 @@ class Uart {
   virtual void close() { timer_.cancel(); }
 
   std::uint64_t sent() const { return sent_; }
-  // Number of bytes lost because nobody read them for longer than the host buffers.
+  // Number of bytes lost because they were not read before the host's buffers overflowed.
   std::uint64_t lost() const { return lost_; }
 
  private:
-  // The bytes leave the wire; it returns how many of them arrived.
+  // Delivers bytes to the receiver; returns the number accepted.
   virtual std::size_t deliver(Bytes chunk) = 0;
   void begin();
   void pace();
@@ -54,7 +53,7 @@ class Uart {
   HostTime due_{};
   bool pacing_ = false, still_ = false;
   struct Waiting {
-    std::uint64_t begin, end;  // in bytes since the start
+    std::uint64_t begin, end;  // byte positions since the start
     Sent sent;
     bool whole = true;
   };
@@ -62,14 +61,14 @@ class Uart {
   std::uint64_t sent_ = 0, lost_ = 0;
 };
 
-// Maker of a UART at this rate, which calls `receive`. A radar board takes one for each port.
+// Creates a UART at this rate, which calls `receive`. A radar board needs one per port.
 using MakeUart = std::function<std::unique_ptr<Uart>(unsigned baud, Uart::Receive receive)>;
 struct RadarBoardOptions {
   std::uint64_t seed = 1;
   FaultPlan plan{};
-  unsigned sdk = 5;                     // the 5 of SDK 3.5
+  unsigned sdk = 5;                     // minor version: 5 is SDK 3.5
   std::string board = "isk";            // isk, aop, ods
-  std::function<void(bool in)> plug{};  // pulls both ports out, or puts them in; asked often
+  std::function<void(bool in)> plug{};  // unplugs both ports or plugs them in; called repeatedly
 };
 std::unique_ptr<Device> make_radar_board(port::Loop& loop, ScenePlayer& player,
                                          const RadarBoardOptions& options, const MakeUart& make_cli,

@@ -32,14 +32,13 @@ using Json = nlohmann::ordered_json;
 
 constexpr char first_line[] = "# echofuse-sim lab";
 constexpr char module_name[] = "libechofuse_sim_depth.so";
-// A laboratory puts these files into its directory; a closed one leaves only the lasting ones
-// behind.
+// Files of a laboratory in its directory; after it closes, only the lasting ones remain.
 const char* const transient[] = {"radar-cli",      "radar-data", "radar-cli.new",
                                  "radar-data.new", "depth.sock", "openni"};
 const char* const lasting[] = {"lab.toml", "radar.cfg", "sent.json"};
-constexpr char lock_name[] = "lab.lock";  // there while one runs
+constexpr char lock_name[] = "lab.lock";  // present while a laboratory runs
 
-// True for a file that a killed laboratory was still writing.
+// Returns true for a file that a killed laboratory left incomplete.
 bool is_unfinished(const std::string& name) {
   return name.ends_with(".part") &&
          std::any_of(std::begin(lasting), std::end(lasting),
@@ -63,18 +62,19 @@ fs::path make_directory(const std::string& wanted) {
   std::error_code error;
   fs::create_directories(wanted, error);
   if (!fs::is_directory(wanted))
-    throw Error(ExitCode::usage, wanted + ": cannot make the directory: " + error.message());
+    throw Error(ExitCode::usage, wanted + ": cannot create the directory: " + error.message());
   const fs::path dir = fs::canonical(wanted);
   const std::string socket = (dir / "depth.sock").string();
   if (socket.size() >= sizeof(sockaddr_un::sun_path))
-    throw Error(ExitCode::usage, dir.string() + ": the path is too long for a socket in it (" +
+    throw Error(ExitCode::usage, dir.string() + ": the path is too long for a socket (" +
                                      std::to_string(socket.size()) + " bytes, at most " +
                                      std::to_string(sizeof(sockaddr_un::sun_path) - 1) +
                                      "); use a shorter --dir");
   if (!is_ours(dir))
-    throw Error(ExitCode::usage, dir.string() +
-                                     ": holds files that no laboratory wrote; expected an empty "
-                                     "or a former laboratory's directory");
+    throw Error(ExitCode::usage,
+                dir.string() +
+                    ": contains files that are not a laboratory's; expected an empty "
+                    "or a former laboratory's directory");
   return dir;
 }
 
@@ -86,11 +86,11 @@ fs::path find_radar_cfg(const LabOptions& options) {
   return data_folder() / ("radar/" + name + ".cfg");
 }
 
-// OpenNI2 is installed here, as the build found it.
+// OpenNI2 as found by the build.
 const fs::path openni_folder = ECHOFUSE_OPENNI2_DIR;
 
-// OpenNI2 has no other way to add a driver without root: it looks beside its own library, as the
-// loader found it. The module is copied, so that a rebuild does not change it under a user.
+// OpenNI2 searches drivers next to its own library only, so a private copy of both is the only way
+// to add one without root. The module is copied, so that a rebuild does not change it during use.
 void make_openni(const fs::path& dir) {
   const fs::path drivers = dir / "openni/OpenNI2/Drivers";
   const fs::path library = openni_folder / "libOpenNI2.so.0";
@@ -135,7 +135,7 @@ std::string detector_lines(const Conditions& conditions) {
              : "\ndetector_dead_time_ps = " + Json(detector.dead_time_ps).dump();
 }
 
-// `label` is the label of the scene before the sensors, if that never changes.
+// `label` is the label of the scene, if it never changes.
 std::string lab_toml(const LabOptions& o, const fs::path& dir, const std::string& tdc_address,
                      const std::string& label) {
   const record::MapGrid map = map_grid(o.conditions);
@@ -175,7 +175,8 @@ struct Lab::Parts {
         lock(dir / lock_name, 0600),
         loop(l),
         player(loop, o.conditions, o.schedule) {
-    if (!lock.held()) throw Error(ExitCode::usage, dir.string() + ": another laboratory runs here");
+    if (!lock.held())
+      throw Error(ExitCode::usage, dir.string() + ": another laboratory is running here");
     if (!o.faults.empty()) plan.faults = read_faults(read_config_text(o.faults), o.faults);
     if (!o.log.empty()) plan.sent_log = &sent_log.emplace(o.log);
   }
@@ -281,18 +282,18 @@ ExitCode serve_command(Lab& lab, const std::vector<std::string>& command, bool q
   if (!started) throw Error(ExitCode::failed, started.failure().text());
   const pid_t child = *started;
   if (talks)
-    std::fprintf(stderr,
-                 "the laboratory is open: lab.toml names its devices, and `%s` runs in it; leaving "
-                 "that (exit) closes it\n",
-                 command.front().c_str());
+    std::fprintf(
+        stderr,
+        "laboratory open: lab.toml names its devices; running `%s` in it. Leave it (exit) to close "
+        "the laboratory\n",
+        command.front().c_str());
   int status = 0;
   bool told = false;
   lab.serve([&] {
     if (interrupted() && !std::exchange(told, true)) ::kill(child, SIGTERM);
     return ::waitpid(child, &status, WNOHANG) != 0;
   });
-  if (talks)
-    std::fputs("the laboratory is closed; nothing of its lab.toml answers any more\n", stderr);
+  if (talks) std::fputs("laboratory closed; its devices are gone\n", stderr);
   return static_cast<ExitCode>(WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status));
 }
 

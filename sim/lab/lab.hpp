@@ -25,12 +25,12 @@ namespace echofuse::sim {
 
 struct LabTagger {
   std::unique_ptr<Device> device;
-  std::string address;  // the name in lab.toml
-  // A program needs these variables in its environment to see the tagger.
+  std::string address;  // device key in lab.toml
+  // environment variables that a program needs to find the tagger
   std::vector<std::pair<std::string, std::string>> environment{};
 };
 
-// The window of TI's demos; any other is to be asked for.
+// default window of TI's demos
 inline Conditions with_firmware_window(Conditions c = {}) {
   c.radar_psf = "blackman";
   return c;
@@ -40,21 +40,21 @@ struct LabOptions {
   std::string dir = "lab";
   SceneSchedule schedule;
   Conditions conditions = with_firmware_window();
-  Tagging tagging{.laser_rate_hz = 4e6};  // the brightest scenes click less than once in 20 pulses
+  Tagging tagging{.laser_rate_hz = 4e6};  // in the brightest scenes fewer than 1 of 20 pulses give
+                                          // a detection
   double window_s = 3;    // window of the daemon; signal and background counts are per window
-  std::string radar_cfg;  // if empty, the paper's 50 cm profile
+  std::string radar_cfg;  // empty: the paper's 50 cm profile
   std::string radar_board = "isk";
-  std::string faults;  // a file of faults; if empty, there are none
-  std::string log;     // a file for everything sent; if empty, there is none
-  // Makes a time tagger that replaces the one behind the bridge; the maker sets its faults.
+  std::string faults;  // fault file; empty: no faults
+  std::string log;     // log of sent data; empty: no log
+  // Creates a time tagger that replaces the one behind the bridge; it receives the faults.
   std::function<LabTagger(port::SystemLoop&, ScenePlayer&, const TdcOptions&)> make_tagger;
 };
 
 class Lab {
  public:
-  // Starts all devices. The loop does not run any more once this is gone. Throws Error: usage for a
-  // directory that is not empty and not a former laboratory, or is in use; failed or config for
-  // anything else that keeps it from starting.
+  // Starts all devices. Stops the loop when destroyed. Throws Error: usage for a directory that is
+  // in use, or neither empty nor a former laboratory; failed or config for other errors.
   Lab(port::SystemLoop& loop, const LabOptions& options);
   ~Lab();
   Lab(const Lab&) = delete;
@@ -64,11 +64,11 @@ class Lab {
   std::string daemon_command() const;
   // Returns the environment variables that a program needs to use the devices.
   std::vector<std::pair<std::string, std::string>> environment() const;
-  // Serves until `done`, which is asked at least 50 times a second. Then it stops all devices,
+  // Serves until `done` returns true (called at least 50 times per second). Then stops all devices,
   // removes links and sockets and writes sent.json.
   void serve(const std::function<bool()>& done);
-  // Returns the counts of what was sent, as a JSON object: device -> {name: count}, and "play" with
-  // the time zero.
+  // Returns the counts of sent items as a JSON object: device -> {name: count}, and "play" with the
+  // time zero.
   std::string sent() const;
 
  private:
@@ -76,9 +76,9 @@ class Lab {
   std::unique_ptr<Parts> parts_;
 };
 
-// Serves while the command runs. The command sees the laboratory's devices and has the programs
-// beside this one on its path; it gets SIGTERM and the first SIGINT. Returns its exit code, or 128
-// + N if signal N ended it. Throws Error(failed) if the command cannot be started.
+// Serves while the command runs. The command has the laboratory's devices in its environment and
+// this program's folder on its path; it receives SIGTERM and the first SIGINT. Returns its exit
+// code, or 128 + N if signal N ended it. Throws Error(failed) if the command cannot be started.
 ExitCode serve_command(Lab& lab, const std::vector<std::string>& command, bool quiet = false);
 
 }  // namespace echofuse::sim

@@ -238,7 +238,7 @@ void validate(const Conditions& c) {
     throw Error(ExitCode::config,
                 "spd_zones > 1 with multipath_order > 0: light by walls has no direction");
   if (c.spd_dead_time_ps > 0 && c.pulses_per_window == 0)
-    throw Error(ExitCode::config, "spd_dead_time_ps needs pulses_per_window, the laser's pulses");
+    throw Error(ExitCode::config, "spd_dead_time_ps needs pulses_per_window > 0");
   if (c.map_half_tangent > 0 && c.map_half_tangent < record::least_map_half_tangent)
     throw Error(ExitCode::config, "map_half_tangent: expected 0, or 0.02 to 3");
   if (c.radar_antennas > 8 && c.radar_antennas != 12)
@@ -246,7 +246,7 @@ void validate(const Conditions& c) {
                                       "; expected 0 to 8, or 12");
   if (c.radar_antennas > 0 && c.radar_frames <= c.radar_antennas)
     throw Error(ExitCode::config, "radar_frames is " + std::to_string(c.radar_frames) +
-                                      "; expected more than there are antennas");
+                                      "; expected more than radar_antennas");
   if (c.target_z_min_m > c.target_z_max_m)
     throw Error(ExitCode::config, "target_z_min_m is greater than target_z_max_m");
   if (c.height_min_m > c.height_max_m)
@@ -255,10 +255,10 @@ void validate(const Conditions& c) {
     throw Error(ExitCode::config, "albedo_min is greater than albedo_max");
   if (!c.radar_flanks.empty() && range_response(c).taps.empty())
     throw Error(ExitCode::config,
-                "radar_flanks: expected 5 to 128 numbers from 0 to 1, the greatest one 1");
+                "radar_flanks: expected 5 to 128 numbers from 0 to 1 with maximum 1");
   if (!c.radar_taps.empty() && c.radar_flanks.empty() && range_response(c).taps.empty())
     throw Error(ExitCode::config,
-                "radar_taps: expected 3 to 64 numbers from 0 to 1.05, the first one 1");
+                "radar_taps: expected 3 to 64 numbers from 0 to 1.05, the first equal to 1");
   if (!c.object.empty()) mesh_of(c.object);
 }
 

@@ -38,7 +38,7 @@ struct Conditions {
 
   // Reflectivity. A lobe of n = 2 alpha is the directive model of diffuse scattering (Degli-Esposti
   // et al., IEEE TAP 55, 143, 2007): its ((1 + cos psi)/2)^alpha equals cos^(2 alpha) in the
-  // backward direction. Normalised to keep the echo of a sphere.
+  // backward direction. Normalised so that a sphere's echo stays the same.
   double radar_cloth = 1, radar_skin = 1, radar_plate = 1, radar_follows_albedo = 1;
   double radar_lobe = 1, radar_plate_lobe = 1, optical_lobe = 1;
 
@@ -90,9 +90,9 @@ void bind(Settings& settings, Conditions& conditions);
 void validate(const Conditions& conditions);
 
 // Returns the number of detector rays across the field of view. The automatic number keeps the
-// variance of the sampling error below a tenth of the shot noise's. With 256 rays and 1e5 photons
-// the error per bin is 0.29 of the shot noise (recon/python/examples/detail.py). It falls as
-// rays^-3.65 and grows with the photons. With a margin of 25 % the number is
+// variance of the sampling error below a tenth of the shot-noise variance. With 256 rays and 1e5
+// photons the error per bin is 0.29 of the shot noise (recon/python/examples/detail.py). It falls
+// as rays^-3.65 and grows with the photons. With a margin of 25 % the number is
 //   rays = 256 (3.6 signal_photons / 1e5)^(1/3.65), from 64 to 2048, even.
 std::int64_t rays_of(const Conditions& conditions);
 

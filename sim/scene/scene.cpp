@@ -26,7 +26,7 @@ double random_turn(double most_deg, Rng& rng) {
   return uniform(rng, -most_deg, most_deg) * std::numbers::pi / 180;
 }
 
-// Random numbers are drawn in any case, so that other random values do not depend on the place.
+// Random numbers are drawn even for a fixed place, so that later random values do not change.
 Stand chosen(const SceneSpec& spec, Stand random) {
   const double degree = std::numbers::pi / 180;
   return {spec.x_m.value_or(random.x_m), spec.z_m.value_or(random.z_m),

@@ -39,7 +39,7 @@ struct Triangle {
   double albedo = 0;
 };
 
-struct Room;  // room.hpp
+struct Room;  // declared in room.hpp
 
 struct Scene {
   std::vector<Capsule> capsules;

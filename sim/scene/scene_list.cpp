@@ -19,7 +19,7 @@ class Reader : TableReader {
   std::vector<SceneSpec> read(const std::string& text) {
     std::vector<SceneSpec> all;
     read_tables(text, "scene", [&](const toml::table& table) { read_one(table, all); });
-    if (all.empty() && faults_.empty()) faults_.push_back(name_ + ": no [[scene]]");
+    if (all.empty() && faults_.empty()) faults_.push_back(name_ + ": contains no [[scene]] table");
     refuse_faults();
     return all;
   }
@@ -55,7 +55,7 @@ class Reader : TableReader {
     if (!placed && (spec.x_m || spec.z_m || spec.yaw_deg))
       say(table, "x_m, z_m and yaw_deg are for a person, letter or object only");
     if (static_cast<std::int64_t>(all.size()) + count > most_scenes)
-      return say(table, "more than 10 million scenes");
+      return say(table, "more than 10 million scenes; reduce count");
     all.insert(all.end(), static_cast<std::size_t>(count), spec);
   }
 

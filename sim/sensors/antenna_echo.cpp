@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Echoes as the antennas receive them: what stands still, and what moves.
+// Echoes at the antennas: those of static and of moving scatterers.
 #include <Eigen/Dense>
 #include <algorithm>
 #include <bit>
@@ -23,7 +23,7 @@ using Eigen::ArrayXXf;
 using Eigen::Index;
 using Eigen::MatrixXcf;
 using Eigen::MatrixXf;
-using Samples = Eigen::Map<MatrixXcf>;  // a column a point, a row an antenna
+using Samples = Eigen::Map<MatrixXcf>;  // column: point; row: antenna
 
 constexpr double pi = std::numbers::pi;
 constexpr double slots_per_cell = 8;
@@ -31,7 +31,7 @@ double slot_of(double range_m, const RadarAxis& axis) {
   return std::floor(range_m / axis.resolution_m * slots_per_cell);
 }
 
-// Responses of the points of an axis (columns) to the middles of slots (rows).
+// Responses at the points of an axis (columns) to echoes at slot centres (rows).
 MatrixXf responses(const RadarAxis& axis, const std::vector<double>& slots) {
   const RangeResponse response(axis);
   std::vector<double> psf;
@@ -44,7 +44,7 @@ MatrixXf responses(const RadarAxis& axis, const std::vector<double>& slots) {
   return out;
 }
 
-// Adds echoes from slots, a column each, as the points receive them.
+// Adds the echoes of slots (columns) with the response of each point.
 void add_echoes(const MatrixXcf& slots, const MatrixXf& response, Samples& samples) {
   const Eigen::Map<const MatrixXf> from(reinterpret_cast<const float*>(slots.data()),
                                         2 * slots.rows(), slots.cols());
@@ -52,7 +52,7 @@ void add_echoes(const MatrixXcf& slots, const MatrixXf& response, Samples& sampl
       .noalias() += from * response;
 }
 
-// Waves from directions u, v (columns) at the antennas (rows), as their channels record them.
+// Plane waves from directions u, v (columns) at the antennas (rows), with the channels' errors.
 MatrixXcf waves(const Antennas& antennas, const ArrayXf& u, const ArrayXf& v,
                 const ArrayXf& amplitude, const ArrayXf& ahead_turns) {
   const auto n = static_cast<Index>(antennas.size());
@@ -78,7 +78,7 @@ MatrixXcf waves(const Antennas& antennas, const ArrayXf& u, const ArrayXf& v,
   return out;
 }
 
-// The result is the same for the same patch, whatever stands before others.
+// The same patch gives the same result, whatever objects are in front of other patches.
 float turns_of_patch(const Returns& returns, std::size_t k, std::uint64_t seed) {
   const auto range = std::bit_cast<std::uint64_t>(returns.range_m[k]);
   const auto x = std::bit_cast<std::uint32_t>(returns.place[k].x);
@@ -86,7 +86,7 @@ float turns_of_patch(const Returns& returns, std::size_t k, std::uint64_t seed) 
   return static_cast<float>(mix(seed ^ mix(range ^ mix(x ^ mix(y)))) >> 40) * 0x1p-24f;
 }
 
-// Wave of a point near the antennas.
+// Wave of a near point at the antennas.
 MatrixXcf near_wave(const AntennaRadar& radar, const EchoCell& point) {
   const double z = point.range_m * std::sqrt(1 - point.x * point.x - point.y * point.y);
   const auto way_m = [&](double x, double y) {
@@ -103,7 +103,7 @@ MatrixXcf near_wave(const AntennaRadar& radar, const EchoCell& point) {
   return out;
 }
 
-// The reflector and the leakage are points.
+// Reflector and leakage are points.
 void add_points(const Returns& returns, const AntennaRadar& radar, Samples& samples) {
   const RangeResponse response(radar.axis);
   std::vector<double> psf;
@@ -120,7 +120,7 @@ void add_points(const Returns& returns, const AntennaRadar& radar, Samples& samp
   }
 }
 
-// The room and objects are coherent. Their hidden parts have a negative weight and are taken away.
+// Room and objects are coherent. Their hidden parts have negative weights, which subtracts them.
 void add_still(const Returns& returns, const AntennaRadar& radar, Samples& samples) {
   std::vector<std::size_t> patches;
   double first = INFINITY, last = 0;
@@ -159,7 +159,7 @@ class AntennaEcho::Moving {
   virtual void add(double later_s, Rng& rng, Samples& samples) = 0;
 };
 
-// People's echoes are coherent.
+// Coherent echoes of people.
 class AntennaEcho::Speckle : public Moving {
  public:
   Speckle(const Returns& returns, const AntennaRadar& radar, const Conditions& c, Rng& rng)
@@ -178,7 +178,7 @@ class AntennaEcho::Speckle : public Moving {
     for (Index k = count; k-- > 0;) {
       const EchoCell& cell = cells_.cells[static_cast<std::size_t>(k)];
       u[k] = static_cast<float>(cell.x), v[k] = static_cast<float>(cell.y);
-      // A complex Gaussian number has an exponential power and any phase.
+      // Complex Gaussian number: exponential power, uniform phase.
       amplitude[k] = static_cast<float>(std::sqrt(-cell.weight * std::log(1 - uniform(rng, 0, 1))));
       ahead[k] = static_cast<float>(uniform(rng, 0, 1));
       const auto person = static_cast<std::size_t>(cell.person);
@@ -226,8 +226,8 @@ class AntennaEcho::Speckle : public Moving {
   }
 
  private:
-  // Keeps Doppler bin 0 only, with this number of turns from one chirp of a transmitter to its
-  // next.
+  // Keeps Doppler bin 0 only; the argument is the phase advance between chirps of a transmitter, in
+  // turns.
   void lose_doppler(const ArrayXf& turns, Eigen::VectorXcf& turned) const {
     for (Index k = 0; k < turns.size(); ++k) {
       const float half = std::numbers::pi_v<float> * turns[k], one = std::sin(half);
@@ -235,7 +235,7 @@ class AntennaEcho::Speckle : public Moving {
     }
   }
 
-  // Each person's upright axis stands at the centre of what the radar sees of the person.
+  // Each person turns about an upright axis through the centre of the person's visible patches.
   std::vector<std::array<double, 2>> upright_axes() const {
     std::vector<double> weight(cells_.people);
     std::vector<std::array<double, 2>> axes(cells_.people);
@@ -256,9 +256,9 @@ class AntennaEcho::Speckle : public Moving {
   float chirps_;
   EchoCells cells_;
   BodyMotion motion_;
-  MatrixXf response_;        // by slots and points
-  MatrixXcf waves_;          // by antennas and cells, in the first frame's phases
-  MatrixXf turns_per_mode_;  // by cells and modes, one person's after the other's
+  MatrixXf response_;        // slots x points
+  MatrixXcf waves_;          // antennas x cells, with the phases of the first frame
+  MatrixXf turns_per_mode_;  // cells x modes, one person after the other
 };
 
 // People and the room are incoherent: x = L q, where L L^H is the covariance and q is orthonormal
@@ -301,8 +301,8 @@ class AntennaEcho::Expectation : public Moving {
   }
 
   void add(double, Rng&, Samples& samples) override {
-    // The phases are quadratic: successive frames, and their mean, behave as independent looks
-    // (Chu, IEEE Trans. Inf. Theory 18, 531, 1972).
+    // Quadratic phases make successive frames, and their mean, behave as independent looks (Chu,
+    // IEEE Trans. Inf. Theory 18, 531, 1972).
     const std::int64_t f = frame_ % frames_, apart = frames_ / roots_.cols();
     Eigen::VectorXcf q(roots_.cols());
     for (Index a = 0; a < q.size(); ++a) {
@@ -316,8 +316,8 @@ class AntennaEcho::Expectation : public Moving {
   }
 
  private:
-  // Replaces a covariance by its Cholesky root. One of fewer sources than antennas has pivots that
-  // are nothing but rounding: their columns are 0.
+  // Replaces a covariance by its Cholesky root. With fewer sources than antennas some pivots
+  // contain only rounding errors; their columns are set to 0.
   static void take_root(Eigen::Map<Eigen::MatrixXcd>& c) {
     const double trace = c.diagonal().real().sum();
     for (Index b = 0; b < c.cols(); ++b) {
@@ -330,7 +330,7 @@ class AntennaEcho::Expectation : public Moving {
   }
 
   std::int64_t frames_, frame_ = 0;
-  MatrixXcf roots_;  // one point's below the other's
+  MatrixXcf roots_;  // the points' matrices one below the other
 };
 
 AntennaEcho::AntennaEcho(const Returns& returns, const AntennaRadar& radar, const Conditions& c,

@@ -50,7 +50,7 @@ namespace {
 constexpr double pi = std::numbers::pi;
 constexpr double sway_rate = 2;       // 1/s, for sway and twist
 constexpr double breath_rate = 0.25;  // Hz
-// Heights for a person of middle height.
+// Heights for a person of average height.
 constexpr double head_m = 1.65, chest_m = 1.25, chest_half_m = 0.3;
 
 }  // namespace
@@ -71,8 +71,8 @@ BodyMotion::BodyMotion(const Conditions& c, std::size_t people, Rng& rng)
   set_modes();
 }
 
-// Advances exactly, for any step. Place and speed have the mean exp(-wt) [[1 + wt, wt], [-wt, 1 -
-// wt]]; the added covariance is what is missing to the stationary one, which is the identity.
+// Exact for any time step. Mean of position and speed: exp(-wt) [[1 + wt, wt], [-wt, 1 - wt]]; the
+// added covariance restores the stationary covariance, the identity.
 void BodyMotion::advance(double time_s, Rng& rng) {
   const double t = sway_rate * time_s, decay = std::exp(-t);
   const double a = decay * (1 + t), b = decay * t, d = decay * (1 - t);
@@ -154,8 +154,8 @@ EchoCells echo_cells(const Returns& returns, double slot_m, bool with_room) {
       patches.push_back(k);
   }
   if (patches.empty()) return out;
-  // The keys are range, person, height and direction. Their number within the box of all puts the
-  // cells of a slot beside one another.
+  // Sorts by range, person, height and direction. Numbering within the common bounding box puts the
+  // cells of a slot next to one another.
   Eigen::Array4Xi keys(4, static_cast<Index>(patches.size()));
   for (Index i = 0; i < keys.cols(); ++i) {
     const std::size_t k = patches[static_cast<std::size_t>(i)];
@@ -212,7 +212,7 @@ AntennaRecord antenna_record(const Returns& returns, const AntennaRadar& radar,
   const double later_s = c.window_s / static_cast<double>(frames);
   const auto rms = static_cast<float>(std::sqrt(noise_power / 2));
   AntennaEcho echo(returns, radar, c, rng);
-  // Fresh memory would take the kernel as long as half of this computation.
+  // Allocating new memory would take half as long as this computation.
   thread_local std::vector<std::complex<float>> samples;
   samples.resize(frames * echo.samples());
   for (std::size_t f = 0; f < frames; ++f)
@@ -221,9 +221,9 @@ AntennaRecord antenna_record(const Returns& returns, const AntennaRadar& radar,
   AntennaRecord out;
   out.array.reserve(kept_bins * record::values_of_bin(antennas));
   const auto n = static_cast<Index>(antennas);
-  Eigen::Array<float, lanes, Eigen::Dynamic> planes(lanes, 2 * n);  // as add_planes takes them
+  Eigen::Array<float, lanes, Eigen::Dynamic> planes(lanes, 2 * n);  // in the order of add_planes
   const std::span re(planes.data(), lanes * antennas), im(re.data() + re.size(), re.size());
-  // A block's statistics stay in the cache over all frames.
+  // The statistics of a block stay in the cache over all frames.
   for (std::size_t first = 0; first < points; first += lanes) {
     const std::size_t bins = std::min(lanes, points - first);
     const auto rows = static_cast<Index>(bins);

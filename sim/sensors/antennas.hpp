@@ -32,37 +32,35 @@
 
 namespace echofuse::sim {
 
-// Places are up to 8 in a row. With 12, transmitters (0,0) (2,2) (0,2) have receivers (1,1) (1,0)
-// (0,1) (0,0) each, as on TI's IWR6843AOP.
+// Places of up to 8 antennas in a row. With 12, transmitters (0,0) (2,2) (0,2) have receivers (1,1)
+// (1,0) (0,1) (0,0) each, as on TI's IWR6843AOP.
 record::Antennas antennas_in_layout(std::size_t count);
-// Antennas with errors of phase and gain (radar_phase_error_rad, radar_gain_error_db), drawn from
-// the seed.
+// Returns antennas with random errors of phase and gain (radar_phase_error_rad,
+// radar_gain_error_db), drawn from the seed.
 record::Antennas simulated_antennas(const Conditions& conditions, std::uint64_t seed);
-// Antennas written to the run file; with the simulated phase and gain errors if
-// radar_array_calibrated.
+// Returns the antennas for the run file; with the simulated errors if radar_array_calibrated.
 record::Antennas stated_antennas(const record::Antennas& antennas, const Conditions& conditions);
 
-// Moves people who stand still. They sway about their ankles as an inverted pendulum (Morasso et
-// al., PLoS ONE 14, e0213870, 2019), by some millimetres at the centre of pressure (Prieto et al.,
-// IEEE Trans. Biomed. Eng. 43, 956, 1996), twist about an upright axis and breathe. At 60 GHz 2.5
-// mm are a whole turn of the echo's phase.
+// Motion of standing people. They sway about their ankles as an inverted pendulum (Morasso et al.,
+// PLoS ONE 14, e0213870, 2019), by some millimetres at the centre of pressure (Prieto et al., IEEE
+// Trans. Biomed. Eng. 43, 956, 1996), twist about an upright axis and breathe. At 60 GHz 2.5 mm
+// turn the echo's phase by 360 degrees.
 class BodyMotion {
  public:
-  // The modes are sway to the right and away from the radar (m, at head height), twist (rad),
-  // breath (m).
+  // Modes: sway to the right and away from the radar (m, at head height), twist (rad), breath (m).
   static constexpr std::size_t modes = 4;
   using Modes = std::array<float, modes>;
 
-  // Each person's motion is random and stationary from the start. Sway and twist are oscillators
-  // with critical damping, driven by white noise, covariance (1 + wt) exp(-wt), w = 2 per second,
-  // so that the head goes at 1 cm/s. Breath is a sine of 0.25 Hz.
+  // Each person's motion is random and stationary from the start. Sway and twist are critically
+  // damped oscillators driven by white noise, with covariance (1 + wt) exp(-wt) and w = 2 per
+  // second: the head moves at about 1 cm/s. Breath is a sine of 0.25 Hz.
   BodyMotion(const Conditions& conditions, std::size_t people, Rng& rng);
   void advance(double time_s, Rng& rng);
-  // Displacement in each mode, one entry a person.
+  // Displacement in each mode, one entry per person.
   const std::vector<Modes>& places() const { return places_; }
   const std::vector<Modes>& speeds() const { return speeds_; }  // per second
 
-  // Growth of a patch's range (m) per unit of each mode. x, y: direction cosines x/R and y/R;
+  // Change of a patch's range (m) per unit of each mode. x, y: direction cosines x/R and y/R;
   // height above the floor; place of the person's axis (m, from the radar).
   static Modes range_per_mode(double x, double y, double height_m, double axis_x_m, double axis_z_m,
                               double body_scale);
@@ -81,38 +79,36 @@ class BodyMotion {
   std::vector<Modes> places_, speeds_;
 };
 
-// A cell adds up patches that the antennas cannot tell apart: weights are added, everything else is
-// their centre's. Across a cell the phase of eight antennas turns by 0.7 rad from end to end (0.03
-// of direction cosine). The phase of a head that sways 5 mm, against the feet, turns by 0.7 rad as
-// well (0.1 m of height).
+// Sum of patches that the antennas cannot resolve: summed weight, centre of all other values. The
+// phase of eight antennas changes by 0.7 rad across a cell (0.03 in direction cosine). The phase of
+// a head that sways 5 mm also changes by 0.7 rad across a cell (0.1 m in height).
 struct EchoCell {
   double weight = 0, range_m = 0, x = 0, y = 0, height_m = 0;
   std::int32_t person = Returns::still;
 };
 struct EchoCells {
-  std::vector<EchoCell> cells;       // those of one slot of range stand together
+  std::vector<EchoCell> cells;       // sorted by slot of range
   std::vector<std::size_t> begin;    // first cell of each slot, and the end
-  std::vector<double> slot_range_m;  // centre of the patches in each slot
+  std::vector<double> slot_range_m;  // mean range of the patches in each slot
   std::size_t people = 0;
 };
 EchoCells echo_cells(const Returns& returns, double slot_m, bool with_room);
-// Adds up all patches of one kind (Returns::reflector, leakage); a weight of 0 means that there are
-// none.
+// Adds up all patches of one kind (Returns::reflector, leakage); weight 0: no such patch.
 EchoCell cell_of_kind(const Returns& returns, std::int32_t kind);
 
-// All records of a run have these in common. The still seed is the room's.
+// Common to all records of a run. The still seed is that of the room.
 struct AntennaRadar {
   RadarAxis axis;
   record::Antennas antennas;
   std::uint64_t still_seed = 0;
-  // Antennas of one transmitter follow one another. It sends `chirps` times in a frame, chirp_s
-  // after the one before it; with 0 all send at once.
+  // Antennas of one transmitter are adjacent. Transmitters send in turn, chirp_s apart, `chirps`
+  // times per frame; chirp_s = 0: all at once.
   std::size_t receivers = 4;
   double chirp_s = 0;
   std::int64_t chirps = 1;
-  // Result of room_echo() if the room is subtracted from the returns (render.hpp); else empty.
+  // Result of room_echo() if the room is subtracted from the returns (render.hpp); otherwise empty.
   std::span<const std::complex<float>> room{};
-  // Transmitter and receiver of each antenna, m from the middle of either's places, and the
+  // Transmitter and receiver of each antenna, m from the centre of either group, and the
   // wavelength; empty: the reflector's wave is plane.
   struct Pair {
     double tx_x = 0, tx_y = 0, rx_x = 0, rx_y = 0;
@@ -130,7 +126,7 @@ class AntennaEcho {
   AntennaEcho& operator=(AntennaEcho&&) noexcept;
 
   std::size_t samples() const { return points_ * antennas_; }
-  // Writes [points of the axis x antennas] without noise, `later_s` after the former frame.
+  // Writes [points of the axis x antennas] without noise, `later_s` after the previous frame.
   void frame(double later_s, Rng& rng, std::span<std::complex<float>> samples);
 
  private:
@@ -139,17 +135,18 @@ class AntennaEcho {
   class Expectation;
 
   std::size_t points_, antennas_;
-  std::vector<std::complex<float>> still_;  // samples of what stands still
+  std::vector<std::complex<float>> still_;  // samples of static scatterers
   std::unique_ptr<Moving> moving_;
 };
 
 // Samples of the room alone, coherent.
 std::vector<std::complex<float>> room_echo(const AntennaRadar& radar, const Conditions& conditions);
 
-// A record has radar_frames frames over window_s, with noise of this power in each sample.
+// Antenna data of a record: radar_frames frames over window_s, with noise of this power in each
+// sample.
 struct AntennaRecord {
   std::vector<float> array;   // statistics of the first `kept_bins` points (ArrayStatistics)
-  std::vector<double> power;  // power of each point, mean over frames and antennas
+  std::vector<double> power;  // power at each point, mean over frames and antennas
 };
 AntennaRecord antenna_record(const Returns& returns, const AntennaRadar& radar,
                              std::size_t kept_bins, const Conditions& conditions,

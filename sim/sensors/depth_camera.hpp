@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Turns exact depths into those of a depth camera.
+// Adds the errors of a depth camera to exact depths.
 #pragma once
 #include <cstdint>
 #include <vector>
@@ -13,14 +13,14 @@ namespace echofuse::sim {
 
 // Adds a triangulating camera's errors to a frame of exact z (mm, row-major, 0: no return): noise
 // of sigma = depth_noise_m z^2 (z in metres), holes, a constant offset, and steps of depth_step_m
-// z^2. Drops the share depth_dropout of the pixels at edges: those with a neighbour above, below or
-// beside that has no return or is more than 0.1 m away.
+// z^2. Drops the share depth_dropout of edge pixels: those with a neighbour above, below, left or
+// right that has no return or differs by more than 0.1 m.
 void disturb_depth(std::vector<std::uint16_t>& mm, std::uint32_t width,
                    const Conditions& conditions, Rng& rng);
 
-// Depth image of a record, on this grid. It is exact, or, if anything disturbs, it is
-// made by the product from a disturbed frame of 320 x 240 pixels, the simulated camera's. What is
-// beyond the grid's range stays: readers leave it out.
+// Returns the depth image of a record on this grid: exact, or, with any camera error set, resampled
+// by the product's code from a frame of 320 x 240 pixels with errors. Depths beyond the grid's
+// range are kept; readers drop them.
 std::vector<std::uint16_t> depth_map_mm(const Scene& scene, record::MapGrid grid,
                                         const Conditions& conditions, Rng& rng);
 

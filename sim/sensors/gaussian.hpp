@@ -10,13 +10,13 @@
 
 namespace echofuse::sim {
 
-// Makes Gaussian numbers, many times as fast as std::normal_distribution, and the same on every
-// machine. The method is Box and Muller (Ann. Math. Stat. 29, 610, 1958) on eight streams of
-// xoshiro128++ (Blackman and Vigna, ACM Trans. Math. Softw. 47, 36, 2021). None is beyond 6.6 rms.
+// Gaussian random numbers, many times faster than std::normal_distribution and equal on every
+// machine. Box and Muller (Ann. Math. Stat. 29, 610, 1958) on eight streams of xoshiro128++
+// (Blackman and Vigna, ACM Trans. Math. Softw. 47, 36, 2021). All are within 6.6 rms.
 class GaussianNoise {
  public:
   explicit GaussianNoise(Rng& seed);
-  // Adds a number of this rms to each value.
+  // Adds a Gaussian number of this rms to each value.
   void add(std::span<float> values, float rms);
 
  private:

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// A gaze says where a sensor is and where it points, and how it weights its view beside the inverse
-// squares.
+// Position, direction and field of view of a sensor, and the weights of its patches in addition to
+// the inverse-square law.
 #pragma once
 #include <cstddef>
 #include <cstdint>
@@ -11,25 +11,25 @@ namespace echofuse::sim {
 struct Conditions;
 
 struct Gaze {
-  // Each ray has (x, y, 1), the cosine of the incidence, and the number of the shape: capsules come
-  // first, and a number below 0 is the room.
+  // Each ray has direction (x, y, 1), the cosine of incidence, and the number of the shape:
+  // capsules first; negative: the room.
   struct Rays {
     const double *x, *y, *cosine;
     const std::int32_t* shape;
   };
 
-  double sensor_x_m = 0, extra_m = 0;  // extra is added to every range that it shows
+  double sensor_x_m = 0, extra_m = 0;  // extra_m is added to every reported range
   double falloff = 0, middle_x = 0, half_tangent = 1;
-  double lobe = 1, plate_lobe = 1;  // powers of the cosine; 1: Lambert
+  double lobe = 1, plate_lobe = 1;  // exponents of the cosine; 1: Lambert
   double sway_m = 0;
   double room = 1;                   // factor of the room's light or echo
-  std::optional<double> height_m{};  // sensor above the floor; if set, places are kept
+  std::optional<double> height_m{};  // sensor height above the floor; if set, places are kept
   bool zones = false;                // true: directions are kept
 
-  // Weights of Lambert's law become those of the lobes, and fall off from the middle:
-  //   cos -> (n + 2)/3 cos^n, with which a sphere's image integrates to the same.
+  // Converts weights of Lambert's law to those of the lobes, and applies the falloff:
+  //   cos -> (n + 2)/3 cos^n, which keeps the integral over a sphere's image.
   void dim(const Rays& rays, std::int32_t capsules, double* weight, std::size_t count) const;
-  // Extra range of patch k, in metres: deviates of rms sway_m that spread evenly for any run of k.
+  // Returns the extra range of patch k, m: values of rms sway_m, evenly spread over any run of k.
   double sway(std::size_t k) const;
 };
 

@@ -24,7 +24,7 @@ struct Grid {
   }
 };
 
-// Falloff one way; the gaze's falloff is that of both ways.
+// One-way falloff; that of the gaze is two-way.
 double dimming(const Gaze& gaze, const Patch& p) {
   if (gaze.falloff <= 0) return 1;
   const double dx = p.at.x / p.at.z - gaze.middle_x, dy = p.at.y / p.at.z;
@@ -42,7 +42,7 @@ Patches lit_walls(const Scene& scene, const Gaze& gaze, const Grid& grid) {
   return walls;
 }
 
-// Steps and range of light by the length of its way, up to a length beyond any window.
+// Histogram of light by path length: step and upper limit, which is beyond any window.
 constexpr double step_m = 0.05, longest_m = 30;
 class ByLength {
  public:
@@ -54,7 +54,7 @@ class ByLength {
   void add(double way_m, double light) {
     if (way_m < longest_m) at(static_cast<std::size_t>(way_m / step_m)) += light;
   }
-  // Adds all of `from`, after another way.
+  // Adds all light of `from`, delayed by a path and scaled by `share`.
   void add(const ByLength& from, double way_m, double share) {
     const auto later = static_cast<std::size_t>(way_m / step_m + 0.5);
     if (from.first_ >= from.last_ || from.last_ + later > from.light_.size()) return;
@@ -62,7 +62,7 @@ class ByLength {
     for (std::size_t i = from.first_; i < from.last_; ++i)
       light_[i + later] += share * from.light_[i];
   }
-  // Calls use(way, light).
+  // Calls use(path length, light).
   template <class Use>
   void for_each(Use use) const {
     for (std::size_t i = first_; i < last_; ++i)
@@ -88,8 +88,8 @@ class Walls {
       });
   }
 
-  // Adds the light that patches send back. `ways` is 2 if they are not walls: then light goes both
-  // ways round.
+  // Adds the light returned by patches. `ways` is 2 for bodies (light travels in both directions)
+  // and 1 for walls.
   void light(const Patches& seen, int ways, Returns& out) const {
     for (std::size_t k = 0; k < seen.size(); ++k) {
       const Patch& patch = seen[k];
@@ -109,7 +109,7 @@ class Walls {
       twice.for_each(
           [&](double way_m, double light) { put(way_m + patch.range_m, ways * back * light); });
       if (ways < 2) continue;
-      ByLength both;  // there by one wall, back by another
+      ByLength both;  // out by one wall, back by another
       once.for_each([&](double there_m, double light) { both.add(once, there_m, light); });
       both.for_each(
           [&](double way_m, double light) { put(way_m, patch.albedo * patch.area_m2() * light); });
@@ -117,7 +117,7 @@ class Walls {
   }
 
  private:
-  // Calls use(wall patch, way to `to`, light that `to` gets from it).
+  // Calls use(wall patch, path length to `to`, light that `to` receives from it).
   template <class Use>
   void send(const Patch& to, Use use) const {
     for (std::size_t p = 0; p < patches_.size(); ++p)
@@ -128,8 +128,8 @@ class Walls {
   const Gaze& gaze_;
   Patches patches_;
   std::int64_t order_;
-  std::vector<double> light_;    // the part of the laser's light that each sends (exitance)
-  std::vector<ByLength> again_;  // the same of the other walls' light
+  std::vector<double> light_;    // share of the laser's light that each patch sends (exitance)
+  std::vector<ByLength> again_;  // same, for light from other walls
 };
 
 }  // namespace

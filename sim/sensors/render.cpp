@@ -17,7 +17,7 @@
 namespace echofuse::sim {
 namespace {
 
-// Place of ray i of the row, which met something at this range.
+// Returns the place where ray i of the row meets a surface at this range.
 Returns::Place place_of(const Scene& scene, const Row& row, std::size_t i, double range_m,
                         double sensor_height_m) {
   const double z = row.z[i];
@@ -25,7 +25,7 @@ Returns::Place place_of(const Scene& scene, const Row& row, std::size_t i, doubl
           static_cast<float>(row.y[i] * z + sensor_height_m), person_of(scene, row.shape[i])};
 }
 
-// Patches that rays of a row meet, in the order of the rays.
+// Patches hit by the rays of a row, in ray order.
 class Patches {
  public:
   Patches(const Scene& scene, const Gaze& gaze, const Axis& x, const Axis& y, Returns& returns)
@@ -37,7 +37,7 @@ class Patches {
     returns.place.clear(), returns.tangent_x.clear(), returns.tangent_y.clear();
   }
 
-  // Adds the rays first..last-1 of the row, with weights times `sign`.
+  // Adds rays first to last - 1 of the row, with weights times `sign`.
   void add(const Row& row, double sign, std::size_t first, std::size_t last) {
     const std::size_t count = last - first, most = seen_ + count + spare_rays;
     if (returns_.range_m.size() < most) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Casts rays exactly at capsules, plates and triangles.
+// Casts rays at capsules, plates and triangles, without tessellation.
 #pragma once
 #include <cstdint>
 #include <vector>
@@ -9,7 +9,7 @@
 
 namespace echofuse::sim {
 
-// First surface that a ray meets; range 0: none.
+// First surface that a ray hits; range 0: none.
 struct Hit {
   float range_m = 0;  // slant range from the sensor
   float z_m = 0;
@@ -17,20 +17,20 @@ struct Hit {
   float albedo = 0;
 };
 
-// The sampling says where a ray goes through its pixel. Staggered rays are off their pixel's centre
-// by a different step in every row and column, so that edges along the grid (letters held upright)
-// are counted right on average and not one whole row too many or too few.
+// Position of a ray in its pixel. Staggered rays are off the pixel centre by a different step in
+// each row and column. So edges along the grid (letters held upright) are counted correctly on
+// average, instead of one row too many or too few.
 enum class Sampling : std::uint8_t { centres, staggered };
 
-// There is one ray per point of the axes, whose values are the ray's x/z and y/z; row-major, y
+// Casts one ray per point of the axes (values: x/z and y/z of the ray); row-major, y
 // outermost. The sensor at (x, 0, 0) looks along +z.
 std::vector<Hit> cast(const Scene& scene, double sensor_x_m, const Axis& x, const Axis& y,
                       Sampling sampling = Sampling::centres);
 
-// Returns z in millimetres as seen from the origin, row-major; 0 means nothing within 65.535 m.
+// Returns z in millimetres as seen from the origin, row-major; 0: nothing within 65.535 m.
 std::vector<std::uint16_t> render_depth_mm(const Scene& scene, const Axis& x, const Axis& y);
 
-// Surface patches that one sensor sees. weight = albedo cos(theta) dOmega / R^2 (source and
+// Surface patches visible to one sensor. weight = albedo cos(theta) dOmega / R^2 (source and
 // receiver in one place, Lambertian), in units of the mean scene's: the weights of an average scene
 // of the base condition sum to 1.
 struct Returns {
@@ -49,26 +49,24 @@ struct Returns {
   std::vector<Place> place{};
 };
 
-// Index of the person to whom shape `number` of a scene (scanner.hpp) belongs. People are the
-// capsules, in their order, and hold the plates.
+// Returns the index of the person that shape `number` of a scene (scanner.hpp) belongs to. Person i
+// is the i-th group of capsules; plates belong to the people who hold them.
 std::int32_t person_of(const Scene& scene, std::int32_t number);
 
 // Sum of albedo cos(theta) dOmega / R^2 over the mean scene (1000 people to 3000 letters of the
-// base condition). It equals that of a calibration target, a white plate of 0.24 m^2 at 3.5 m, A /
-// R^4. It is a constant, so that nearer, larger or darker targets keep their own brightness.
+// base condition). Equals that of a calibration target, a white plate of 0.24 m^2 at 3.5 m: A /
+// R^4. A constant, so that nearer, larger or darker targets keep their own brightness.
 inline constexpr double mean_scene_weight = 0.24 / (3.5 * 3.5 * 3.5 * 3.5);
 
-// Returns as seen from the origin and from the radar's place, each with its own occlusion. Ranges
-// are as the sensor shows them, with spd_delay_ps and radar_bias_m. Behind them come the returns by
-// walls (multipath_order, range: half of the way), and behind the radar's its own leakage. With
-// RoomIs::subtracted the room is left out, but for those of its patches that something hides: they
-// have the negative of their weights. Everything that is linear in weights is then the change when
-// the room is not empty.
+// Returns the patches visible from the origin and from the radar's place, each with its own
+// occlusion. Ranges include spd_delay_ps and radar_bias_m. Returns by walls follow
+// (multipath_order; range: half of the path), then the radar's leakage. RoomIs::subtracted leaves
+// out the room, except patches hidden by others, which get negative weights. Any quantity linear in
+// the weights is then the change relative to the empty room.
 enum class RoomIs : std::uint8_t { seen, subtracted };
 Returns spd_returns(const Scene& scene, const Conditions& conditions);
 Returns radar_returns(const Scene& scene, const Conditions& conditions);
-// Same, into the memory of an earlier scene, because fresh memory costs as much time as the
-// rendering.
+// Same, reusing the memory of an earlier scene, because allocation takes as long as rendering.
 void spd_returns(const Scene& scene, const Conditions& conditions, Returns& out,
                  RoomIs room = RoomIs::seen);
 void radar_returns(const Scene& scene, const Conditions& conditions, Returns& out,

@@ -18,13 +18,13 @@ namespace echofuse::sim {
 
 using Points = std::pair<std::uint32_t, std::uint32_t>;  // [first, last) of an axis
 
-// The interval is in points, widened by the half step that a ray may be off.
+// Interval in points, widened by half a step for staggered rays.
 inline Interval in_points(const Axis& axis, Interval t) {
   const double a = (t.low - axis.start) / axis.step, b = (t.high - axis.start) / axis.step;
   return {std::min(a, b) - 0.5, std::max(a, b) + 0.5};
 }
 
-// Points of the axis inside the interval, or just outside by rounding.
+// Returns the points of the axis inside the interval; rounding may add a neighbour.
 inline Points points_within(const Axis& axis, Interval t) {
   const auto [low, high] = in_points(axis, t);
   const double n = axis.count;
@@ -32,14 +32,15 @@ inline Points points_within(const Axis& axis, Interval t) {
           static_cast<std::uint32_t>(std::clamp(std::ceil(high) + 1, 0.0, n))};
 }
 
-// Offset in (-0.5, 0.5) that spreads evenly for any run of k: a multiple of the golden ratio.
+// Returns an offset in (-0.5, 0.5), evenly spread over any run of k (multiples of the golden
+// ratio).
 inline double golden_offset(std::uint32_t k) {
   const double turns = (k + 0.5) * std::numbers::phi;
   return turns - std::floor(turns) - 0.5;
 }
 
-// Offsets of each ray from its point. Columns count from the middle and both halves are mirror
-// images, so that mirrored scenes meet mirrored rays.
+// Offsets of each ray from its point. Columns are counted from the middle with mirrored offsets, so
+// that mirrored scenes give mirrored results.
 struct Offsets {
   std::vector<double> dx_of_row, x_of_column, dy_of_column;
   std::vector<double> side_of_column;  // -1 left of the middle, 1 right of it
@@ -61,7 +62,7 @@ struct Offsets {
   }
 };
 
-// Shape, with the points of the axes between which rays can meet it.
+// Shape, with the range of rays that can hit it.
 template <class Shape>
 struct Placed {
   Shape shape;
@@ -71,12 +72,12 @@ struct Placed {
     std::tie(x0, x1) = points_within(x, shape.tangents_x());
     std::tie(y0, y1) = points_within(y, shape.tangents_y());
   }
-  // Returns the columns of a row from y0 to y1.
+  // Returns the columns of row iy that can hit the shape.
   Points columns(std::uint32_t) const { return {x0, x1}; }
 };
 
-// A tilted limb fills little of its box. Between its ends it is (1 - t) times the one and t times
-// the other, and a row cuts some range of t.
+// A tilted limb fills little of its box. Its bounds are interpolated between both ends, (1 - t) a +
+// t b; a row selects a range of t.
 template <>
 struct Placed<CapsuleShape> {
   CapsuleShape shape;
@@ -86,7 +87,7 @@ struct Placed<CapsuleShape> {
     const auto [a, b] = s.ends();
     std::tie(x0, x1) = points_within(x, hull(a.x, b.x));
     std::tie(y0, y1) = points_within(y, hull(a.y, b.y));
-    constexpr double more = 1e-6;  // larger than rounding
+    constexpr double more = 1e-6;  // exceeds rounding errors
     const Interval ax = in_points(x, a.x), bx = in_points(x, b.x);
     const Interval ay = in_points(y, a.y), by = in_points(y, b.y);
     left_ = {ax.low - more, bx.low - more}, right_ = {ax.high + more, bx.high + more};
@@ -99,7 +100,7 @@ struct Placed<CapsuleShape> {
     const auto y = static_cast<double>(iy);
     top_.keep_below(y, from, to), bottom_.keep_below(-y, from, to);
     if (from > to) return {0, 0};
-    // The value is cut, not rounded: what is left of the axis is at its start anyway.
+    // Truncates instead of rounding; clamping keeps values left of the axis at its start.
     const auto cut = [&](double point) {
       return static_cast<std::uint32_t>(std::clamp<double>(point, x0, x1));
     };
@@ -112,7 +113,7 @@ struct Placed<CapsuleShape> {
   struct Ends {
     Ends(double of_a, double of_b) : a(of_a), by(of_b - of_a), per(by == 0 ? 0 : 1 / by) {}
     double at(double t) const { return a + t * by; }
-    // Keeps those t in [from, to] where the bound is not above y.
+    // Restricts [from, to] to those t with a bound of at most y.
     void keep_below(double y, double& from, double& to) const {
       const double t = (y - a) * per;
       if (by > 0) to = std::min(to, t);
@@ -121,27 +122,27 @@ struct Placed<CapsuleShape> {
     }
     double a, by, per;
   };
-  Ends left_{0, 0}, right_{0, 0}, top_{0, 0}, bottom_{0, 0};  // bottom_ is negative
+  Ends left_{0, 0}, right_{0, 0}, top_{0, 0}, bottom_{0, 0};  // bottom_ is negated
   static constexpr std::uint32_t worth_it = 16;               // points
   bool bounded_ = true;
 };
 
 inline constexpr std::int32_t nothing = -1;
-// z is infinite where there is nothing. The arrays have rays to spare at the end.
+// z is infinite where nothing is hit. Arrays are padded to a SIMD width.
 struct Image {
   std::vector<double> z, cosine, albedo;
 };
 
-// Rays from..to-1 of a row: (x, y, 1) met something at z, which is infinite where it did not. All
-// arrays have rays to spare.
+// Depth buffer of rays [from, to) of a row with directions (x, y, 1); z is infinite where nothing
+// is hit. Arrays are padded to a SIMD width.
 struct Row {
   std::uint32_t iy, from, to;
   const double *x, *y, *z;
-  const double *cosine, *albedo;   // for Shading::on
+  const double *cosine, *albedo;   // only for Shading::on
   const std::int32_t* shape;       // nothing: the room
-  const std::vector<Points>& met;  // neighbours that met something; for Shading::on
+  const std::vector<Points>& met;  // groups of neighbours with a hit; only for Shading::on
 };
-// Calls use(first, last) for each run of neighbours in [from, to) that all have keep(i).
+// Calls use(first, last) for each run of neighbours in [from, to) that all satisfy keep(i).
 template <class Keep, class Use>
 void for_each_run(std::size_t from, std::size_t to, Keep keep, Use use) {
   for (std::size_t first = from, last = from; first < to; first = last) {
@@ -152,8 +153,8 @@ void for_each_run(std::size_t from, std::size_t to, Keep keep, Use use) {
 }
 enum class Shading : std::uint8_t { off, on };
 
-// Renders the image row by row, and holds one row only. Shapes are numbered: capsules, then plates,
-// then triangles.
+// Renders an image row by row; holds one row. Shapes are numbered: capsules, then plates, then
+// triangles.
 class Scanner {
  public:
   Scanner(const Scene& scene, double sensor_x_m, const Axis& x, const Axis& y, Sampling sampling,
@@ -178,7 +179,7 @@ class Scanner {
       background_ = room_image(*scene.room, sensor_x_m, x, y, sampling);
   }
 
-  // Calls visit(row) for every row in which something can be met.
+  // Calls visit(row) for every row that may contain a hit.
   template <class Visit>
   void scan(Shading shading, Visit visit) {
     const auto [first, last] = rows();
@@ -187,7 +188,7 @@ class Scanner {
       if (from_ >= to_) continue;
       aim_row(iy);
       draw_row();
-      to_ = std::min(to_, x_.count);  // without the rays to spare
+      to_ = std::min(to_, x_.count);  // without padding
       if (shading == Shading::on) shade_row();
       if (background_) add_background(iy);
       visit(Row{iy, from_, to_, ray_x_.data(), ray_y_.data(), z_.data(), cosine_.data(),
@@ -195,14 +196,14 @@ class Scanner {
     }
   }
 
-  // Normal of what a ray met there, relative to the sensor: of unit length, towards the sensor.
+  // Returns the unit normal at the hit, pointing to the sensor.
   Vec3 normal(std::int32_t shape, Vec3 at) const;
 
   static std::shared_ptr<const Image> room_image(const Room& room, double sensor_x_m, const Axis& x,
                                                  const Axis& y, Sampling sampling);
 
  private:
-  // Rows in which something can be met.
+  // Returns the rows that may contain a hit.
   Points rows() const {
     if (background_) return {0, y_.count};
     Points out{y_.count, 0};
@@ -213,7 +214,7 @@ class Scanner {
     return out;
   }
 
-  // Finds the shapes that reach into the row, and how far the row can meet them.
+  // Collects the shapes that may be hit in the row, and their range of columns.
   void find_shapes(std::uint32_t iy) {
     from_ = background_ ? 0 : x_.count;
     to_ = background_ ? x_.count : 0;
@@ -236,7 +237,7 @@ class Scanner {
     }
   }
 
-  // Calls use(the shape of this number).
+  // Calls use(shape) with the shape of this number.
   template <class Use>
   void with_shape(std::int32_t shape, Use use) const {
     auto number = static_cast<std::size_t>(shape);
@@ -300,12 +301,12 @@ class Scanner {
   const Axis& x_;
   const Axis& y_;
   Offsets offsets_;
-  // Values of one row, with rays to spare.
+  // values of one row, padded
   std::vector<double> ray_x_, ray_y_, met_, z_, cosine_, albedo_;
   std::vector<std::int32_t> shape_;
   std::vector<InRow> in_row_;
   std::vector<Points> runs_;
-  std::uint32_t from_ = 0, to_ = 0;  // range of the row that may hold something
+  std::uint32_t from_ = 0, to_ = 0;  // range of the row that may contain a hit
   std::vector<Placed<CapsuleShape>> capsules_;
   std::vector<Placed<PlateShape>> plates_;
   std::vector<Placed<TriangleShape>> triangles_;

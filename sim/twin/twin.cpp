@@ -16,7 +16,7 @@
 namespace echofuse::sim {
 namespace {
 
-// The run file states these values itself.
+// Values that the run file states.
 constexpr std::array stated{"bin_width_ps",     "first_bin_ps", "radar_step_m",
                             "half_tangent",     "baseline_m",   "radar_resolution_m",
                             "map_half_tangent", "map_z_max_m"};
@@ -28,7 +28,7 @@ std::string number_text(double value) {
   return text.find_first_of(".en") == std::string::npos ? text + ".0" : text;
 }
 
-// Returns the fault that the settings find in this value.
+// Returns the message for a value outside the setting's limits.
 std::optional<std::string> fault_of(const std::string& key, double value) {
   Conditions conditions;
   Settings settings;
@@ -68,16 +68,17 @@ class Reader : TableReader {
       return list->get(i)->is_number() ? list->get(i)->value<double>().value_or(NAN) : NAN;
     };
     if (list == nullptr || list->size() < 2 || list->size() > 3)
-      return say(key + (key == "seed" ? ": expected a whole number, at least 0"
+      return say(key + (key == "seed" ? ": expected a whole number of at least 0"
                                       : ": expected [low, high] or [low, high, \"log\"]"));
     Range range{key, number(0), number(1), list->size() == 3};
     if (range.logarithmic && list->get(2)->value<std::string>() != "log")
-      return say(key + ": expected \"log\" behind low and high, or nothing");
-    if (!(range.low <= range.high)) return say(key + ": expected low and high, low first");
-    if (range.logarithmic && range.low <= 0) return say(key + ": \"log\" needs a low above 0");
+      return say(key + ": expected nothing or \"log\" after low and high");
+    if (!(range.low <= range.high)) return say(key + ": expected low and high in ascending order");
+    if (range.logarithmic && range.low <= 0)
+      return say(key + ": \"log\" needs a low limit above 0");
     if (std::find(stated.begin(), stated.end(), key) != stated.end())
       return say(key +
-                 ": a run states it; draw an error (baseline_error_m, radar_psf_width, "
+                 ": stated by the run file; draw an error (baseline_error_m, radar_psf_width, "
                  "spd_field) instead");
     for (const double end : {range.low, range.high})
       if (const auto fault = fault_of(key, end)) return say(*fault);
@@ -85,7 +86,7 @@ class Reader : TableReader {
   }
 };
 
-// The hash is FNV-1a.
+// FNV-1a hash.
 std::uint64_t hash(std::string_view text) {
   std::uint64_t h = 0xcbf29ce484222325ULL;
   for (const char c : text) h = (h ^ static_cast<unsigned char>(c)) * 0x100000001b3ULL;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Encodes the bytes of the simulated devices. Written from the formats' descriptions, apart from
-// the parsers in drivers/, so that one mistake cannot hide in both.
+// Encodes the bytes of the simulated devices. Written from the format descriptions, independent of
+// the parsers in drivers/, so that both cannot share a mistake.
 #pragma once
 #include <complex>
 #include <cstdint>
@@ -32,8 +32,8 @@ inline constexpr std::size_t tag_bytes = 16;
 void put_tag(Bytes& out, std::int32_t channel, std::int64_t time_ps);
 
 // A frame of TI's out-of-box demo (SDK 3.x, mmw_output.h) has a 40-byte header, TLVs {u32 type, u32
-// payload length, payload}, then padding to a multiple of 32 bytes. The firmware pads with whatever
-// its stack held; here that is drawn from `junk`, now and then with a stale magic word.
+// payload length, payload}, then padding to a multiple of 32 bytes. The firmware pads with leftover
+// memory; here the padding is drawn from `junk`, sometimes with a stale magic word.
 struct RadarHeader {
   std::uint32_t frame_number = 0;
   std::uint32_t time_cpu_cycles = 0;
@@ -44,7 +44,7 @@ struct RadarTlv {
   std::uint32_t type = 0;
   Bytes payload;
 };
-// SDK "3.5.0.4" and the xWR68xx demo.
+// "3.5.0.4" and the xWR68xx demo
 inline constexpr std::uint32_t radar_sdk_version = 0x03050004, radar_platform = 0xA6843;
 Bytes radar_frame(const RadarHeader& header, const std::vector<RadarTlv>& tlvs, Rng& junk);
 
@@ -55,8 +55,9 @@ RadarTlv heat_map_tlv(bool planar, std::span<const std::complex<float>> samples)
 RadarTlv stats_tlv(const RadarStats& stats);                    // type 6
 RadarTlv temperature_tlv(const RadarTemperature& temperature);  // type 9
 
-// A bin of the range profile is the sum over the virtual antennas of log2(magnitude) in Q8, divided
-// by their number's next power of two (objectdetection's DPIF_DETMATRIX_DATA_QFORMAT).
+// Returns codes of a range profile. A bin is the sum over the virtual antennas of log2(magnitude)
+// in Q8, divided by their number's next power of two (objectdetection's
+// DPIF_DETMATRIX_DATA_QFORMAT).
 std::uint16_t log2_q8(double sum_log2_magnitude, unsigned antennas);
 
 }  // namespace echofuse::sim

@@ -76,7 +76,7 @@ TEST_CASE("a note waits for the lock of a closed run") {
   CHECK(RunReader(path).events().size() == 1);
 }
 
-TEST_CASE("a note that does not fit on the disk leaves the run as it was") {
+TEST_CASE("a note that does not fit on the disk leaves the run unchanged") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
   write_run(path, 3);

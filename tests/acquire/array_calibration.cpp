@@ -135,7 +135,7 @@ TEST_CASE("antennas: calibration file stores them, and is valid without them") {
   CHECK(fresh.over(c).antennas.gain == c.antennas.gain);
   const auto refused = [&](const std::string& section) {
     write_file(path, "[radar]\noffset_m = 0.1\n[antennas]\n" + section);
-    return has(error_of([&] { read_calibration(path); }).second, "lists of as many numbers");
+    return has(error_of([&] { read_calibration(path); }).second, "lists of equal length");
   };
   CHECK(refused("gain = \"1 1\"\n"));
   CHECK(refused("gain = \"1 x\"\nphase_rad = \"0 0\"\nstandard_error = \"0 0\"\n"));
@@ -169,6 +169,7 @@ TEST_CASE("antennas: configuration combines positions of the board and calibrate
   CHECK(has(error_of([&] { load_config(path, {"radar.board=boost"}); }).second, "radar.board"));
   c.antennas.gain.resize(4), c.antennas.phase_rad.resize(4), c.antennas.standard_error.resize(4);
   write_calibration(folder / "c.toml", c);
-  CHECK(has(error_of([&] { load_config(path); }).second,
-            "c.toml: has gains of 4 antennas, the heat map of radar.cfg and radar.board has 8"));
+  CHECK(
+      has(error_of([&] { load_config(path); }).second,
+          "c.toml: has gains of 4 antennas, but the heat map of radar.cfg and radar.board has 8"));
 }

@@ -46,7 +46,7 @@ TEST_CASE("run is refused without a required device") {
   write_file(folder / "a.toml",
              "[run]\nconnect_timeout_s = 0.2\n" + tdc_nowhere + "policy = \"required\"\n");
   refuses("run --config " + folder / "a.toml" + " --out " + folder / "run", 4,
-          "a required device does not deliver after 0.2 s\nspd " + nowhere + ": ");
+          "a required device delivered no data within 0.2 s\nspd " + nowhere + ": ");
   CHECK_FALSE(fs::exists(folder / "run.sqlite"));
 }
 
@@ -62,7 +62,7 @@ TEST_CASE("help, version and durations are accepted") {
   }
   CHECK(has(acquire("--version").text, "echofuse-acquire "));
   for (const char* no_time : {"10", "2h30", "30m2h", "2h2h", "h", "''", "2h-30m", "2x", "nans"})
-    refuses(std::string("run --out a --duration ") + no_time, 2, "a number with its unit");
+    refuses(std::string("run --out a --duration ") + no_time, 2, "numbers with units");
   for (const char* time :
        {"2h30m", "'1h 30m 10s'", "90min", "1.5h"})  // valid durations; then the file is missing
     refuses(std::string("doctor --config no.toml --duration ") + time, 3, "no.toml");
@@ -164,7 +164,7 @@ TEST_CASE("doctor checks the machine without a configuration, an invalid one sto
              tdc_nowhere + "[run]\nfolder = \"no\"\nconnect_timeout_s = 0.2\n");
   const Outcome nowhere = shell(here);
   CHECK(nowhere.code == 4);
-  CHECK(has(nowhere.text, "cannot be a run's folder"));
+  CHECK(has(nowhere.text, "cannot be used for a run"));
   refuses("doctor --config " + folder / "none.toml", 3, "none.toml: cannot read");
 }
 
@@ -184,7 +184,7 @@ TEST_CASE("metadata without a value and a read-only folder are refused") {
                           folder / "closed/a" + config);
   CAPTURE(o.text);
   CHECK(o.code == 6);
-  CHECK(has(o.text, "closed/a.sqlite: its folder is read-only: Permission denied"));
+  CHECK(has(o.text, "closed/a.sqlite: its folder is not writable: Permission denied"));
 }
 
 TEST_CASE("calibrate needs no calibration, and does not overwrite an unreadable one") {
@@ -261,8 +261,8 @@ TEST_CASE("run can be named by its file or by its --out name") {
   CHECK(json_of("info --json " + folder / "m1")["records"] == 2);
   CHECK(json_of("info --json " + folder / "plain")["records"] == 3);
   CHECK(has(acquire("annotate " + folder / "m1" + " door").text, "m1.sqlite: \"door\" noted\n"));
-  refuses("annotate " + folder / "m1" + " --label door", 1, "m1.sqlite: nobody is recording");
-  refuses("annotate " + folder / "m1", 2, "expected either a text or --label");
+  refuses("annotate " + folder / "m1" + " --label door", 1, "m1.sqlite: run is not being recorded");
+  refuses("annotate " + folder / "m1", 2, "expected either TEXT or --label");
   refuses("annotate " + folder / "m2" + " door", 1, "m2.sqlite: ");
 }
 

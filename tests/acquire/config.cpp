@@ -92,14 +92,14 @@ TEST_CASE("inconsistent keys are refused") {
   }
   SECTION("a radar with one port and no cfg") {
     write_file(path, "[radar]\ncli = \"serial:/dev/ttyACM0\"\n");
-    CHECK(has(refusal(path).second, "radar.cli and radar.data belong together"));
+    CHECK(has(refusal(path).second, "radar.cli and radar.data are both required"));
     CHECK(has(refusal(path).second, "radar.cfg is empty"));
   }
   SECTION("a radar behind a bridge needs neither cfg nor ports") {
     write_file(path, "[radar]\naddress = \"bridge:tcp://h:1\"\n");
     CHECK(load_config(path).configured() == SensorSet::from_bits(2));
     CHECK(has(refusal(path, {"radar.cli=serial:/a", "radar.data=serial:/b"}).second,
-              path + ":2:1: radar.address: a radar has radar.address or the two ports"));
+              path + ":2:1: radar.address: a radar has either radar.address or the two ports"));
     CHECK(has(refusal(path, {"radar.address=usb:1234:5678"}).second,
               "expected for a radar: bridge:tcp:"));
   }
@@ -127,14 +127,14 @@ TEST_CASE("inconsistent keys are refused") {
   SECTION("an invalid histogram") {
     write_file(path, "[tdc]\naddress = \"bridge:tcp://h:1\"\nclick_channel = 1\n");
     CHECK(has(refusal(path).second,
-              path + ":3:1: tdc.click_channel: start and click are both channel 1"));
+              path + ":3:1: tdc.click_channel: start and click have the same channel 1"));
   }
   SECTION("a required sensor without an address") {
     write_file(path, "[depth]\naddress = \"openni:\"\npolicy = \"required\"\n");
     CHECK(load_config(path).required() == SensorSet::from_bits(4));
-    CHECK(has(
-        refusal(path, {"radar.policy=required"}).second,
-        "--set radar.policy=required: a required sensor needs its address, radar.cli is empty"));
+    CHECK(
+        has(refusal(path, {"radar.policy=required"}).second,
+            "--set radar.policy=required: required sensor without an address: radar.cli is empty"));
     CHECK(has(refusal(path, {"tdc.policy=must"}).second, "\"optional\" \"required\""));
   }
   SECTION("consequences of a fault are not reported") {

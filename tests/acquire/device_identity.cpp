@@ -76,7 +76,7 @@ TEST_CASE("old calibration, or one of another device, causes a warning") {
   config.calibration.entries[0].serial = "T2";
   run();
   REQUIRE(warnings.texts.size() == 2);
-  CHECK(warnings.texts[1].find("is older than 90 days: calibrate again") != std::string::npos);
+  CHECK(warnings.texts[1].find("is older than 90 days; calibrate again") != std::string::npos);
 }
 
 TEST_CASE("another device after a reconnection causes a warning") {

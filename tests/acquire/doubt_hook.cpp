@@ -99,7 +99,7 @@ TEST_CASE(
   CHECK(calls.warnings.size() == 2);
 }
 
-TEST_CASE("doubt hook reports its failures, and refuses a program that is not there") {
+TEST_CASE("doubt hook reports its failures, and refuses a missing program") {
   Calls calls({}, "exit 7");
   calls.hook.take(record_of(0, "weak: 1"), both, "/runs/a");
   calls.finish();

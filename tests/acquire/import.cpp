@@ -245,9 +245,10 @@ TEST_CASE("import: header of a .ptu is compared with its records") {
        "no event on --start 0; events by input: none");
   says(header(is_t2, 1e-12, 0).end().data(light).data(std::vector<std::uint8_t>{1, 2, 3}),
        ExitCode::ok, "its last record is cut");
-  for (const char* why : {"its tags are in steps of 250 ps: bins of 100 ps become a comb; --set "
-                          "tdc.bin_width_ps=250 fits",
-                          "no click lies within tdc.first_bin_ps and tdc.bins"})
+  for (const char* why :
+       {"tags have steps of 250 ps, so bins of 100 ps have uneven widths; use --set "
+        "tdc.bin_width_ps=250",
+        "no click lies within tdc.first_bin_ps and tdc.bins"})
     says(header(is_t2, 250e-12, 0).end().data(light), ExitCode::ok, why);
   std::vector<std::uint32_t> pulses;
   for (std::uint32_t k = 0; k < 1000; ++k) pulses.push_back(t3(0, 200, k));

@@ -53,7 +53,7 @@ void ends_in_time(Journal& journal) {
   const auto start = std::chrono::steady_clock::now();
   const auto [code, text] = error_of([&] { journal.finish("complete"); });
   CHECK(code == ExitCode::disk);
-  CHECK(has(text, "another program holds it by a write transaction"));
+  CHECK(has(text, "another program holds a write transaction"));
   CHECK(std::chrono::steady_clock::now() - start < std::chrono::seconds(10));
 }
 
@@ -93,7 +93,7 @@ TEST_CASE("slow disk loses data but no rows, a stalled disk ends the run") {
     REQUIRE(run.count() == 4);
     CHECK(run.read(0).valid == SensorSet::from_bits(7));
     CHECK(run.read(3).valid == SensorSet::from_bits(0));
-    CHECK(run.read(3).sync[Sensor::depth].verdict == "dropped: the disk does not keep up");
+    CHECK(run.read(3).sync[Sensor::depth].verdict == "dropped: disk too slow");
     CHECK(run.read(3).spd_counts.tags == small_record(3).spd_counts.tags);
   }
   SECTION("stalled disk") {
@@ -102,7 +102,7 @@ TEST_CASE("slow disk loses data but no rows, a stalled disk ends the run") {
     disk.set_value();
     const auto [code, text] = error_of([&] { journal.finish("complete"); });
     CHECK(code == ExitCode::disk);
-    CHECK(has(text, "the disk does not keep up; its last "));
+    CHECK(has(text, "disk too slow; its last "));
     CHECK(record::RunReader(folder / "a.sqlite").info().status == "stopped:disk");
   }
 }
@@ -116,14 +116,16 @@ TEST_CASE("program that blocks the file is reported, and queued records are writ
   written.get_future().wait();
   Holder holder(path);
   CHECK(journal.put(small_record(0)));
-  while (journal.why_late() != "another program holds the run file") std::this_thread::yield();
+  while (journal.why_late() != "another program is writing to the run file")
+    std::this_thread::yield();
   for (std::int64_t i = 1; i < 5; ++i) CHECK(journal.put(small_record(i)) == (i < 3));
   SECTION("in time") {
     holder.let_go();
     journal.finish("complete");
     const record::RunReader run(path);
     REQUIRE(run.count() == 5);
-    CHECK(run.read(4).sync[Sensor::spd].verdict == "dropped: another program holds the run file");
+    CHECK(run.read(4).sync[Sensor::spd].verdict ==
+          "dropped: another program is writing to the run file");
   }
   SECTION("after too many records") {
     for (std::int64_t i = 5; i < 30; ++i) journal.put(small_record(i));
@@ -131,7 +133,7 @@ TEST_CASE("program that blocks the file is reported, and queued records are writ
     holder.let_go();
     const auto [code, text] = error_of([&] { journal.finish("complete"); });
     CHECK(code == ExitCode::disk);
-    CHECK(text == "another program holds the run file; its last 9 records are not written");
+    CHECK(text == "another program is writing to the run file; its last 9 records are not written");
     CHECK(record::RunReader(path).count() == 21);
   }
 }
@@ -188,7 +190,8 @@ TEST_CASE("end of a run waits two seconds for a program that blocks the previous
   while (!fs::exists(folder / "b.sqlite")) std::this_thread::yield();
   SECTION("without a label") { ends_in_time(journal); }
   SECTION("a label given while the previous run is closed goes to the next one") {
-    while (journal.why_late() != "another program holds the run file") std::this_thread::yield();
+    while (journal.why_late() != "another program is writing to the run file")
+      std::this_thread::yield();
     holder.ask("INSERT INTO event (level, utc, text) VALUES ('label', '2026', 'door')");
     journal.put(small_record(1));
     while (journal.written() == 0) std::this_thread::yield();  // does not wait for the old run
@@ -201,7 +204,7 @@ TEST_CASE("end of a run waits two seconds for a program that blocks the previous
     CHECK(next.read(1).label != "door");
     CHECK(next.read(2).label == "door");
     CHECK_THROWS_WITH(record::put_label(path, "late", "me"),
-                      Catch::Contains("nobody is recording"));
+                      Catch::Contains("run is not being recorded"));
   }
 }
 
@@ -244,7 +247,7 @@ TEST_CASE("failures other than the disk's are recognised") {
   CHECK(record::RunReader(folder / "a.sqlite").info().status == "stopped:failed");
 }
 
-TEST_CASE("label applies from the running slot on") {
+TEST_CASE("label applies from the current slot on") {
   const Folder folder;
   auto run = open_run(folder / "a.sqlite");
   record::put_label(folder / "a.sqlite", "door", "me");
@@ -319,6 +322,6 @@ TEST_CASE("log of a source is limited to 100 lines in 10 s, then counts dropped 
     if (event.source == "radar") radar.push_back(event.text);
   REQUIRE(radar.size() == 102);
   CHECK(radar[99] == "again");
-  CHECK(radar[100] == "150 lines were left out");
+  CHECK(radar[100] == "150 lines dropped (limit 100 in 10 s)");
   CHECK(radar[101] == "later");
 }

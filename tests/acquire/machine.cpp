@@ -67,7 +67,7 @@ TEST_CASE("machine without devices passes") {
   CHECK(findings.size() == 2);
   CHECK(of(findings, "permissions").grade == Grade::ok);
   CHECK(of(findings, "udev rules").grade == Grade::ok);
-  CHECK(check_modem_manager(std::nullopt, machine.roots()).found == "does not run");
+  CHECK(check_modem_manager(std::nullopt, machine.roots()).found == "not running");
   CHECK(check_usb_memory(std::nullopt, machine.roots()).grade == Grade::ok);
 }
 
@@ -103,7 +103,7 @@ TEST_CASE("configured port of another vendor is checked too") {
   CHECK(of(findings, "permissions").grade == Grade::problem);
   CHECK(has(of(findings, "permissions").found, "dev/ttyS7: No such file or directory"));
   // A missing device is not a permission problem.
-  CHECK(has(of(findings, "permissions").advice, "is it plugged in"));
+  CHECK(has(of(findings, "permissions").advice, "check its cable and name"));
   CHECK_FALSE(has(of(findings, "permissions").advice, "rules"));
 }
 
@@ -119,7 +119,7 @@ TEST_CASE("inaccessible node is explained by missing rules or groups") {
   for (const auto& finding : check_permissions(std::nullopt, machine.roots()))
     CHECK(finding.check != "udev rules");  // reported only once
   machine.write("etc/udev/rules.d/70-echofuse.rules", "");
-  CHECK(has(advice(), "is this user in the groups dialout"));
+  CHECK(has(advice(), "check that this user is in the groups dialout"));
 }
 
 TEST_CASE("ModemManager warning appears for ports that udev does not mark") {

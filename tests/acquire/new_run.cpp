@@ -27,7 +27,7 @@ TEST_CASE("run name may contain points, and a percent sign only in a time field"
   for (const char* name : {"laser_50%_gain", "50%", "50%gain", "100% on"}) {
     const auto [code, text] = error_of([&] { record::new_run(name); });
     CHECK(code == ExitCode::usage);
-    CHECK(has(text, "is no field of the time; expected %Y,"));
+    CHECK(has(text, "is not a field of the time; expected %Y,"));
   }
 }
 
@@ -46,7 +46,7 @@ TEST_CASE("run is refused if its times would overflow") {
   CHECK(error_of([] { refuse_late_clock(UtcTime::max() - years(10)); }).first == ExitCode::ok);
   const auto [code, text] = error_of([] { refuse_late_clock(UtcTime::max() - years(2)); });
   CHECK(code == ExitCode::failed);
-  CHECK(has(text, "the machine's clock is at 2260-"));
+  CHECK(has(text, "the system clock is at 2260-"));
   CHECK(has(text, "set the clock"));
 }
 

@@ -128,7 +128,7 @@ TEST_CASE("packing an array is accurate to a fraction of the bin's power") {
         CHECK(std::abs(is.covariance(m, n) - was.covariance(m, n)) < 4e-5 * was.power());
     }
   }
-  CHECK(unpack_array(packed, 2, 8, back) == "array has 504 bytes, its axis asks for 336");
+  CHECK(unpack_array(packed, 2, 8, back) == "array has 504 bytes, but its axis requires 336");
   Bytes bad = packed;
   bad[3] = 0xff, bad[2] = 0xc0;
   CHECK(unpack_array(bad, 3, 8, back) == "array bin 0 has no finite power");
@@ -167,9 +167,9 @@ TEST_CASE("file without arrays is read, invalid arrays are refused in one line")
   refused("UPDATE record SET array = x'00' WHERE idx = 0", "record 0: array has 1 bytes");
   refused("UPDATE axis SET scale = 13 WHERE name = 'array'", "expected 1 to 12");
   refused("UPDATE axis SET scale = 2.5 WHERE name = 'array'", "expected 1 to 12");
-  refused("UPDATE antenna SET gain = -1", "antenna 0 is none");
-  refused("UPDATE antenna SET gain = 1e-30", "antenna 0 is none");
-  refused("DELETE FROM antenna WHERE rowid = 8", "7 antennas, its array axis is of 8");
+  refused("UPDATE antenna SET gain = -1", "antenna 0 is not valid");
+  refused("UPDATE antenna SET gain = 1e-30", "antenna 0 is not valid");
+  refused("DELETE FROM antenna WHERE rowid = 8", "7 antennas, but its array axis has 8");
   refused("UPDATE record SET array_frames = -5", "record 0: array_frames is -5");
   sql(path, "UPDATE record SET array = NULL; DELETE FROM antenna");
   const RunReader without(path);
@@ -188,7 +188,7 @@ TEST_CASE("array that does not match its axis is not written") {
   r.array.resize(5);
   const auto [code, text] = error_of([&] { writer.append(r); });
   CHECK(code == ExitCode::failed);
-  CHECK_THAT(text, Catch::Contains("record 0: array has 5 values, its axis 164"));
+  CHECK_THAT(text, Catch::Contains("record 0: array has 5 values, but its axis 164"));
 }
 
 TEST_CASE("beams recover direction and power of a wave with channel errors") {

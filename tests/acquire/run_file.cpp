@@ -207,7 +207,7 @@ TEST_CASE("invalid files are refused") {
       fs::copy_file(path, folder / "b.sqlite", fs::copy_options::overwrite_existing);
       sql(folder / "b.sqlite", change);
       const std::string text = error_of([&] { RunReader run(folder / "b.sqlite"); }).second;
-      CHECK((has(text, "has no table late") || has(text, "is not made as that of a run")));
+      CHECK((has(text, "has no table late") || has(text, "is not defined as in a run")));
     }
   }
   SECTION("an existing file is never overwritten") {
@@ -246,7 +246,7 @@ TEST_CASE("invalid record is refused with its number") {
   }
   SECTION("short") {
     sql(path, "UPDATE record SET spd = x'0000' WHERE idx = 2");
-    expected = "record 2: spd has 2 bytes, its axis asks for 32";
+    expected = "record 2: spd has 2 bytes, but its axis requires 32";
   }
   SECTION("damaged image") {
     sql(path, "UPDATE record SET depth = x'89504e47' WHERE idx = 2");
@@ -283,7 +283,7 @@ TEST_CASE("record that does not match its axes is not written") {
   put_axes(run);
   auto record = small_record(0);
   record.spd.pop_back();
-  CHECK(has(error_of([&] { run.append(record); }).second, "spd has 7 values, its axis 8"));
+  CHECK(has(error_of([&] { run.append(record); }).second, "spd has 7 values, but its axis 8"));
   run.append(small_record(0));
   CHECK(run.records() == 1);
 }

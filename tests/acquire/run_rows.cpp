@@ -238,7 +238,7 @@ TEST_CASE("run metadata are read as written") {
 }
 
 // For tests/python/test_format.py: 20 runs, and what RunReader reads from each.
-TEST_CASE("random runs for another reader", "[.random_runs]") {
+TEST_CASE("random runs are written for the test of the Python reader", "[.random_runs]") {
   const char* folder = std::getenv("ECHOFUSE_RANDOM_RUNS");
   REQUIRE(folder);
   for (unsigned seed = 100; seed < 120; ++seed) {

@@ -80,7 +80,7 @@ Finding depth_verdict(int frames, const DepthFrame& frame) {
 
 }  // namespace
 
-TEST_CASE("a detector: rates, share in the histogram, and what is wrong with it") {
+TEST_CASE("doctor reports a detector's rates, share in the histogram and faults") {
   const Finding good = spd_verdict(pairs(1, 2, 20'000));
   CAPTURE(good.found, good.advice);
   CHECK(good.grade == Grade::ok);
@@ -96,7 +96,7 @@ TEST_CASE("a detector: rates, share in the histogram, and what is wrong with it"
       for (int k = 1; k <= 9; ++k)
         swapped.push_back({.channel = 2, .time_ps = swapped[i].time_ps + 50'000 * k});
   std::ranges::sort(swapped, {}, &Tag::time_ps);
-  CHECK(has(spd_verdict(swapped).advice, "several a start: are start and click swapped?"));
+  CHECK(has(spd_verdict(swapped).advice, "several per start: are start and click swapped?"));
   const Finding lossy = spd_verdict(pairs(1, 2, 20'000), 5);
   CHECK(lossy.grade == Grade::warning);
   CHECK(fact(lossy, "lost_tags") == 5);
@@ -107,10 +107,10 @@ TEST_CASE("a detector: rates, share in the histogram, and what is wrong with it"
   const Finding dark = spd_verdict(pairs(1, 4, 20'000));
   CHECK(dark.grade == Grade::problem);
   CHECK(has(dark.advice, "no clicks on tdc.click_channel = 2"));
-  CHECK(has(spd_verdict({}).advice, "no channel has any tags"));
+  CHECK(has(spd_verdict({}).advice, "no channel has tags"));
 }
 
-TEST_CASE("a radar: its rate against frameCfg, losses, and profiles that mean something") {
+TEST_CASE("doctor compares a radar's rate with frameCfg, and checks losses and profiles") {
   const Config config = lab();
   const Finding sample = radar_verdict(1, radar_frame());
   const double nominal = fact(sample, "nominal_frames_per_s");
@@ -128,14 +128,14 @@ TEST_CASE("a radar: its rate against frameCfg, losses, and profiles that mean so
   after_loss.lost_before = 1;
   CHECK(radar_verdict(due, after_loss).grade == Grade::warning);
   CHECK(has(radar_verdict(due, radar_frame(0)).advice, "guiMonitor"));
-  CHECK(has(radar_verdict(due, radar_frame(32)).advice, "32 bins, those of the .cfg 64"));
+  CHECK(has(radar_verdict(due, radar_frame(32)).advice, "32 bins, but the .cfg gives 64"));
   RadarFrame flat = radar_frame();
   flat.range_profile[7] = 2000;
-  CHECK(has(radar_verdict(due, flat).advice, "all bins are alike"));
+  CHECK(has(radar_verdict(due, flat).advice, "all bins are equal"));
   CHECK(has(radar_verdict(0, flat).advice, "sends less"));
 }
 
-TEST_CASE("a camera: its rate, and how much it sees") {
+TEST_CASE("doctor reports a camera's rate and share of valid pixels") {
   const Finding good = depth_verdict(20, depth_frame(3000));
   CHECK(good.grade == Grade::ok);
   CHECK(fact(good, "valid_share") == Approx(0.995));
@@ -147,7 +147,7 @@ TEST_CASE("a camera: its rate, and how much it sees") {
   CHECK(has(covered.advice, "covered"));
 }
 
-TEST_CASE("a detector with zones: the rate of each, and one that counts nothing") {
+TEST_CASE("doctor reports the rate of each zone, and marks zones without counts") {
   const Config config = lab();
   Capture capture(config.histogram);
   capture.begin();
@@ -156,11 +156,11 @@ TEST_CASE("a detector with zones: the rate of each, and one that counts nothing"
   const Finding found = judge_spd(capture, config, 2);
   CHECK(has(found.found, "; zones 2 Hz 0 Hz 1 Hz"));
   CHECK(found.grade == Grade::warning);
-  CHECK(has(found.advice, "zone 1 counts nothing"));
+  CHECK(has(found.advice, "zone 1 has no counts"));
   CHECK(estimate_record_bytes(capture, config) == 4.0 * 6 + 4.0 * 64 + 2.0 * 640 * 480);
 }
 
-TEST_CASE("a complaint is kept once, at any time, information is none") {
+TEST_CASE("doctor keeps each warning of a device once, and ignores information") {
   const Config config = lab();
   Capture capture(config.histogram);
   capture.on_event(Sensor::radar, Severity::warning, "swapped?");
@@ -170,7 +170,7 @@ TEST_CASE("a complaint is kept once, at any time, information is none") {
   CHECK(capture.complaints[Sensor::spd].empty());
 }
 
-TEST_CASE("a record's size comes from the frames, or from the configuration without any") {
+TEST_CASE("size of a record is estimated from frames, otherwise from the configuration") {
   const Config config = lab();
   Capture capture(config.histogram);
   const double unseen = estimate_record_bytes(capture, config);
@@ -182,7 +182,7 @@ TEST_CASE("a record's size comes from the frames, or from the configuration with
   CHECK(seen < 4.0 * 336 + 4.0 * 64 + 2.0 * 200);
 }
 
-TEST_CASE("a disk is fast enough, barely, or not") {
+TEST_CASE("disk rate is ok, a warning or a problem") {
   const PlannedRun plan{.folder = "/d", .record_bytes = 1e6, .window_s = 2};  // needs 1 MB/s
   const auto grade = [&](double rate, double median_s, double longest_s) {
     return judge_speed({rate, median_s, longest_s, 1'000'000}, plan).grade;
@@ -195,13 +195,13 @@ TEST_CASE("a disk is fast enough, barely, or not") {
   CHECK(judge_speed({1, 10, 10, 1000}, {.folder = "/d"}).grade == Grade::ok);  // for no run
 }
 
-TEST_CASE("a disk has space for the planned run, or for hours, or not") {
+TEST_CASE("disk space is ok, a warning or a problem") {
   PlannedRun plan{.folder = "/d", .record_bytes = 1e6, .window_s = 3, .count = 4000};
   CHECK(judge_space(5e9, plan).grade == Grade::ok);
   const Finding full = judge_space(3.9e9, plan);
   CHECK(full.grade == Grade::problem);
   CHECK(full.failure == ExitCode::disk);
-  CHECK(has(full.found, "4000 records of 1.0 MB each, with the journal beside them, take 4.0 GB"));
+  CHECK(has(full.found, "4000 records of 1.0 MB each, including the journal, need 4.0 GB"));
   plan.count.reset();
   CHECK(judge_space(3.9e9, plan).grade == Grade::ok);
   CHECK(has(judge_space(3.9e9, plan).found, "enough for 3 h"));
@@ -215,7 +215,7 @@ TEST_CASE("a disk has space for the planned run, or for hours, or not") {
   CHECK(judge_space(116e6, plan).grade == Grade::problem);
 }
 
-TEST_CASE("a real folder is measured and left as it was, one that is not there is a problem") {
+TEST_CASE("folder is measured without leaving files, a missing one is a problem") {
   const Folder folder;
   const DiskSpeed speed = measure_disk(folder / "", 100'000);
   CHECK(speed.bytes_per_s > 0);
@@ -226,5 +226,5 @@ TEST_CASE("a real folder is measured and left as it was, one that is not there i
   REQUIRE(findings.size() == 1);
   CHECK(findings[0].grade == Grade::problem);
   CHECK(findings[0].failure == ExitCode::disk);
-  CHECK(has(findings[0].found, "none: cannot be a run's folder: No such file"));
+  CHECK(has(findings[0].found, "none: cannot be used for a run: No such file"));
 }

@@ -39,7 +39,7 @@ TEST_CASE("nearest configuration file is found first") {
   if (fs::exists("/etc/echofuse/lab.toml")) return;  // would always be found
   const Outcome none = at_home(folder, "", "config check");
   CHECK(none.code == 3);
-  CHECK(has(none.text, "there is none of ./lab.toml, ~/.config/echofuse/lab.toml, /etc/echofuse"));
+  CHECK(has(none.text, "searched ./lab.toml, ~/.config/echofuse/lab.toml, /etc/echofuse"));
   CHECK(at_home(folder, "", "run --count 1").code == 3);
   const auto first_line = [&](const std::string& environment, const std::string& more = "") {
     const Outcome o = at_home(folder, environment, "config show" + more);
@@ -114,7 +114,7 @@ TEST_CASE("group can read a live run, with any umask") {
   CHECK(mode_of(folder / "a.sqlite") == 0640);
 }
 
-TEST_CASE("catalogue of a folder lists notes from during and after a run") {
+TEST_CASE("catalogue of a folder lists notes added during and after a run") {
   const Folder folder;
   write_run(folder / "monday.sqlite", 2);
   write_run(folder / "tuesday.sqlite", 3);

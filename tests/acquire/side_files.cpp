@@ -94,7 +94,7 @@ TEST_CASE("copy without the -wal of its run is refused and not changed") {
   CHECK(RunReader(path).info().status == crashed_without_wal);
   fs::remove(path + "-wal");
   CHECK(has(acquire::describe_run(path, false),
-            "its last records are in " + path + "-wal, which is not here"));
+            "its last records are in " + path + "-wal, which is missing here"));
   fs::copy_file(folder / "kept", path + "-wal");
   CHECK(RunReader(path).info().status == "crashed");
   CHECK(RunReader(path).count() == 3);
@@ -184,7 +184,7 @@ TEST_CASE("open run with a -journal of another run is refused") {
   const std::string before = contents(path);
   recover(path);
   const auto refusal = [&] { return error_of([&] { RunReader run(path); }).second; };
-  CHECK(has(refusal(), path + "-journal is of another run (a run with a -wal has none)"));
+  CHECK(has(refusal(), path + "-journal is of another run (a run with a -wal must not have one)"));
   fs::rename(path + "-wal", folder / "wal");
   CHECK(has(refusal(), path + "-journal is of another run (it has more than one page)"));
   CHECK(contents(path) == before);
@@ -247,7 +247,7 @@ TEST_CASE("tables of ANALYZE are accepted, other tables refused at the end of th
     run.append(small_record(1));
     const auto [code, text] = error_of([&] { run.close("complete"); });
     CHECK(code == ExitCode::failed);
-    CHECK(has(text, "remove it by: " + statement + " (2 records are kept)"));
+    CHECK(has(text, "remove it with: " + statement + " (2 records are kept)"));
     CHECK(has(error_of([&] { RunReader reader(path); }).second, statement));
     CHECK_FALSE(fs::exists(path + "-wal"));
     sql(path, statement);

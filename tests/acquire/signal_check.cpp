@@ -321,7 +321,7 @@ TEST_CASE("radar leakage up to 0.5 m is not an echo") {
   CHECK_THAT(r.sync[Sensor::radar].verdict, StartsWith("no peak"));
 }
 
-TEST_CASE("zones are judged one by one") {
+TEST_CASE("zones are tested one by one") {
   SignalCheck check({.clicks_a_pulse = 0.05}, 3);
   const std::vector<Axis> spd{{"spd", "counts", "ps", 40, 0, 100, 1}};
   record::FusedRecord r;

@@ -54,9 +54,9 @@ TEST_CASE("clock set during a run causes an event, an anchor and correct UTC aft
   const std::string day = step > 0h ? "2023-11-15" : "2023-11-13";
   CHECK(events_of(path) ==
         std::vector{day +
-                    "T22:31:10.200Z warning clock: the machine's clock was set, or the "
-                    "machine slept: from 2023-11-14T22:31:10.210Z to " +
-                    day + "T22:31:10.200Z; slots that begin from now on bear the new time"});
+                    "T22:31:10.200Z warning clock: the system clock was set, or the "
+                    "machine was suspended: from 2023-11-14T22:31:10.210Z to " +
+                    day + "T22:31:10.200Z; slots from now on use the new time"});
   std::vector<std::int64_t> offsets;
   for (const record::Anchor& anchor : record::RunReader(path).anchors())
     offsets.push_back((anchor.utc - anchor.mono).count());
@@ -125,6 +125,6 @@ TEST_CASE("mark in a run with an invalid slot length is reported without a time"
   record::RunWriter run(path, info);
   for (const Axis& axis : small_axes()) run.put_axis(axis);
   run.append(small_record(0));
-  const std::string number = info.window_s > 0 ? "record 1" : "the running record";
+  const std::string number = info.window_s > 0 ? "record 1" : "the current record";
   CHECK(has(annotate_run(path, "hello", {}), "noted in " + number));
 }

@@ -59,7 +59,7 @@ TEST_CASE("narrow status line drops the least important parts to fit") {
   CHECK(m.line(5) == "s-D");
 }
 
-TEST_CASE("sensor that becomes bad is reported once and counted in every record") {
+TEST_CASE("sensor that becomes doubtful is reported once and counted in every record") {
   RunTotals totals;
   std::string heard;
   const auto take = [&](SensorSet valid, const char* spd,
@@ -89,7 +89,7 @@ TEST_CASE("sensor that becomes bad is reported once and counted in every record"
   CHECK(totals.not_ok == 3);
 }
 
-TEST_CASE("bad sensor is red if colours are on, without changing the width") {
+TEST_CASE("doubtful sensor is red if colours are on, without changing the width") {
   Moment m;
   CHECK(m.line(26, true) == "record 7/20  \033[31ms-D\033[0m  \033[31mspd weak\033[0m");
   m.now.doubtful = {}, m.now.valid = SensorSet::from_bits(7), m.now.trouble.clear();

@@ -339,7 +339,7 @@ HistogramFrame histogram(HostTime received, std::vector<std::uint32_t> counts,
 
 }  // namespace
 
-TEST_CASE("slot sums the histograms whose mid-exposure is in it") {
+TEST_CASE("slot sums the histograms with mid-exposure in it") {
   Windows windows = make_windows();
   REQUIRE(windows.announce(board_info()));
   CHECK(same_axis(windows.axes().front(), board_info().axes[0]));

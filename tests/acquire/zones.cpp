@@ -52,7 +52,7 @@ TEST_CASE("run of a single pixel has no table of zones") {
 
 TEST_CASE("histogram that does not match the zones is refused") {
   const Folder folder;
-  CHECK_THROWS_WITH(write(folder / "a", three, 6), Contains("spd has 6 values, its axis 9"));
+  CHECK_THROWS_WITH(write(folder / "a", three, 6), Contains("spd has 6 values, but its axis 9"));
 }
 
 TEST_CASE("zone without width, or with a time zero beyond a second, is refused") {

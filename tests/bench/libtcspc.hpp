@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// The histogram of libtcspc, as a peer: every click with every start within the axis before it,
-// which is the same where there is one.
+// Histogram by libtcspc, as a peer. It counts every click with every earlier start within the axis,
+// which is equal if there is only one.
 #pragma once
 #include <cstdint>
 #include <span>

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Limits of this machine, on one thread, and rows of the table that scripts/bench prints
-// (table.py). Times are the processor's, best of some rounds: others may be busy.
+// Limits of this machine on one thread, and rows of the table of scripts/bench (table.py).
+// Processor time, best of several rounds, because other processes may be running.
 #pragma once
 #include <algorithm>
 #include <cstddef>
@@ -26,12 +26,13 @@ double best_s(int rounds, const Work& work) {
   return best;
 }
 
-const char* instructions();               // that the limits are measured with
+const char* instructions();               // block size for the measurement of the limits
 double multiply_adds_per_s();             // single precision, in registers
-double bytes_read_per_s(std::size_t of);  // again and again from a block of so many bytes
+double bytes_read_per_s(std::size_t of);  // repeatedly from a block of this many bytes
 double bytes_copied_per_s(std::size_t of);
 
-// One path: ours and the limit in this unit, a rate if it ends with "/s", else a time. 0: none.
+// One path: our value and the limit in this unit; a rate if it ends with "/s", otherwise a time. 0:
+// none.
 void print_row(const char* path, const char* unit, double ours, double limit, const char* of_what);
 void print_peer(const char* path, const char* peer, double value);  // in the same unit
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
-// How fast the radar's parser is, beside memcpy of the same bytes. The stream is that of TI's stock
-// demo: 256 bins, stats and temperature, 640 bytes a frame; fed as a serial port does, in pieces of
-// 4 KiB. Best of 5 runs, one core.
+// Speed of the radar's parser, compared with memcpy of the same bytes. The stream is that of TI's
+// stock demo: 256 bins, stats and temperature, 640 bytes per frame; fed in pieces of 4 KiB, like a
+// serial port. Best of 5 runs, one core.
 #include <chrono>
 #include <cstdio>
 #include <cstring>
@@ -18,7 +18,7 @@ constexpr std::size_t bins = 256, frames = 100'000, piece = 4096;
 void put_tlv(Bytes& out, std::uint32_t type, std::size_t bytes, Rng& rng) {
   put(out, type);
   put(out, static_cast<std::uint32_t>(bytes));
-  // Range profile codes lie around 3000: their bytes are not evenly spread.
+  // Range profile codes are around 3000, so their bytes are not uniformly distributed.
   for (std::size_t i = 0; i < bytes / 2; ++i)
     put(out, static_cast<std::uint16_t>(type == 2 ? 2000 + rng() % 2500 : rng() % 100));
 }

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
-// bench_recon RUN: reconstruction's speed on a run of the base condition, one thread, each beside
-// what limits it: training beside the processor's multiply-adds, a map beside the reading of its
-// weights, loading beside the reading of the file.
+// bench_recon RUN: speed of the reconstruction on a run of the base condition, one thread, each
+// part compared with its limit: training with the processor's multiply-adds, a map with reading its
+// weights, loading with reading the file.
 #include <algorithm>
 #include <cstdio>
 #include <filesystem>
@@ -27,14 +27,15 @@ Estimator fitted(const Dataset& data, const std::string& model, std::size_t epoc
   return fit_model(data, split, preprocessing, model, Inputs::fused, "record", fit);
 }
 
-// An epoch, with validation, is an eighth of the difference between a training of one and of nine.
+// Time of one epoch with validation: an eighth of the difference between trainings of nine epochs
+// and one.
 void training(const Dataset& data, double most_per_s) {
   const Split split = make_split(data.usable(Inputs::fused), {});
   std::size_t a_record = 0, a_judgement = 0;
   const auto run = [&](std::size_t epochs) {
     return best_s(4, [&] {
       const Estimator m = fitted(data, "mlp-512-256", epochs);
-      // Forward, and backward to the weights and to the layer below, but for the inputs.
+      // Forward and backward pass, without the gradient of the inputs.
       a_judgement = m.model->cost().multiply_adds;
       a_record = 3 * a_judgement - m.features.count() * m.fit.hidden.value().front();
     });
@@ -42,16 +43,17 @@ void training(const Dataset& data, double most_per_s) {
   const double once = run(1), epoch = (run(9) - once) / 8;
   const auto done =
       static_cast<double>(a_record * split.train.size() + a_judgement * split.validation.size());
-  // A shared machine is not as fast at all times: the faster of before and after.
+  // Uses the faster of two measurements, before and after, because the speed of a shared machine
+  // varies.
   print_row("training of the plain network", "GFLOP/s", 2e-9 * done / epoch,
             2e-9 * std::max(most_per_s, multiply_adds_per_s()), "multiply-adds");
 }
 
-// As `evaluate` times it: alignment or scaling, and prediction.
+// As timed by `evaluate`: alignment or scaling, and prediction.
 void one_map(const Dataset& data, const std::string& name) {
   const Estimator m = fitted(data, name, 1);
   std::size_t row = 0;
-  constexpr int at_once = 100;  // reading the processor's clock takes a system call
+  constexpr int at_once = 100;  // reading the processor's clock is a system call
   const double us = 1e6 / at_once * best_s(40, [&] {
                       for (int i = 0; i < at_once; ++i) m.maps(data, {row++ % data.size()});
                     });

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Whole simulated records, and their parts, on one core. Best of 5 rounds. With --people: some
-// scenes in numbers.
+// Speed of complete simulated records and their parts, on one core. Best of 5 rounds. --people
+// prints scenes as numbers.
 #include <cstdio>
 #include <functional>
 #include <string>
@@ -90,7 +90,7 @@ void measure(const char* background) {
   if (sum == 0) std::printf("nothing was seen\n");
 }
 
-// For a renderer of somebody else's: people and their depth maps.
+// Prints people and their depth maps, for comparison with another renderer.
 void print_people() {
   const Conditions c;
   std::printf("rays %d\n", static_cast<int>(rays_of(c)));

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: MIT
-// The tagger's path from memory, in processor time, best of 7 rounds; every round runs everything,
-// so that a busy machine hurts all alike. The histogram with every instruction set that takes
-// groups of tags, and tag by tag, beside a plain loop and the mere reading of the tags, which is
-// the limit. Lines that begin with "row" or "peer" are for scripts/bench: path, unit, ours, limit,
-// of what.
+// Path of the tagger's data from memory, in processor time, best of 7 rounds. Every round runs
+// everything, so that a busy machine affects all parts equally. Compares the histogram with every
+// instruction set, and without groups of tags, with a plain loop and with reading the tags, which
+// is the limit. Lines that begin with "row" or "peer" are for scripts/bench: path, unit, ours,
+// limit, kind of limit.
 #include <hwy/highway.h>
 
 #include <algorithm>
@@ -28,7 +28,7 @@ namespace {
 
 constexpr std::size_t count = 1u << 22, tags_a_block = 1u << 12;
 
-// Starts, each with its clicks: one, or 0 to 2 at random.
+// Starts, each followed by one click, or by 0 to 2 at random.
 std::vector<Tag> make_tags(bool random) {
   Rng rng = make_rng(1, 1);
   std::vector<Tag> tags;
@@ -115,7 +115,7 @@ bool takes_groups(std::int64_t target, const std::vector<Tag>& tags) {
   return tdc::count_groups(tags.data(), tdc::max_group, {}, run, cells) > 0;
 }
 
-// False if two ways to count differ.
+// Returns false if two counting methods differ.
 bool histograms(const char* stream, bool random) {
   const auto tags = make_tags(random);
   std::vector<Row> rows;
@@ -164,7 +164,7 @@ bool transport() {
       {"bridge block parser",
        [&] {
          bridge::BlockParser parser;
-         for (ByteView rest = blocks; !rest.empty();) {  // in pieces, as TCP brings them
+         for (ByteView rest = blocks; !rest.empty();) {  // in pieces, as received by TCP
            const ByteView piece = rest.first(std::min<std::size_t>(rest.size(), 1u << 18));
            parser.feed(piece, [&](const bridge::Block& b) { seen += b.payload.size(); });
            rest = rest.subspan(piece.size());
@@ -188,7 +188,8 @@ bool checked() {
     const auto add = [&](const TagBlock& block) { histogram.add(block.tags); };
     acquire::TagCheck checks({}, true, [](const std::string&) {});
     for (std::size_t i = 0; i < count; i += tags_a_block) {
-      // The stream's first second, in which events wait at each block's end, has one block.
+      // The first second of the stream, in which events wait at the end of each block, has one
+      // block.
       const HostTime received{i == 0 ? 0 : 1'000'000'000 + tags[i].time_ps / 1000};
       const TagBlock block{.received = received, .tags = std::span(tags).subspan(i, tags_a_block)};
       check ? checks.take(block, add) : add(block);

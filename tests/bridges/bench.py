@@ -65,7 +65,7 @@ def live(offered):
             program.stop()  # prints what it sent
             log = daemon.communicate()[1]
             sent, _, dropped = program.sent()
-        arrived = int(re.search(r"arrived: (\d+) tags", log).group(1))
+        arrived = int(re.search(r"received: (\d+) tags", log).group(1))
         with sqlite3.connect(run) as db:
             rows = db.execute("SELECT tags, spd_lost FROM record WHERE tags > 0").fetchall()
             missed = db.execute("SELECT sum(spd_missed) FROM record").fetchone()[0]  # by the tagger itself

@@ -65,7 +65,7 @@ class Recording(unittest.TestCase):
             rows, log = self.record(bridge, "tdc.address", enough=5)
             sent, clients, dropped = bridge.sent()
         self.assertEqual((clients, dropped), (1, 0))
-        self.assertIn(f"arrived: {sent} tags", log)
+        self.assertIn(f"received: {sent} tags", log)
         self.assertEqual(self.device(), [("spd", "Time Tagger Ultra", "STAND-IN-1",
                                           "Version: 2 FPGA: 10; trigger levels 1: 0.5 V, 2: 0.5 V")])
         self.assertEqual([row["idx"] for row in rows], list(range(SLOTS)))
@@ -85,7 +85,7 @@ class Recording(unittest.TestCase):
             np.add.at(expected, (clicks - 13343) // 100, patterns)
             np.testing.assert_allclose(counts, expected, atol=2)
             np.testing.assert_array_equal(counts[expected == 0], 0)
-        self.assertNotIn("came after their slot", log)
+        self.assertNotIn("arrived after their slot", log)
 
     def test_depth(self):
         with Program("orbbec.py", "--width", "64", "--height", "64") as bridge:

@@ -208,13 +208,15 @@ TEST_CASE("without a prompt it fails after three attempts with advice") {
     s.wait(1s);
   }
   CHECK(s.d.state() == State::failed);
-  CHECK_THAT(s.d.failure(), Catch::StartsWith("no prompt: is this the radar's command port"));
+  CHECK_THAT(s.d.failure(),
+             Catch::StartsWith("no prompt; check that this is the radar's command port"));
   CHECK_FALSE(s.d.answered());
   Session deaf;
   deaf.say("\n");
   for (int i = 0; i < 3; ++i) deaf.wait(1s);
   CHECK_THAT(deaf.d.failure(),
-             Catch::StartsWith("no prompt, but other bytes: is this the command port"));
+             Catch::StartsWith(
+                 "no prompt, but other bytes received; check that this is the command port"));
 }
 
 TEST_CASE("endless output before the first command does not block the dialogue") {
@@ -253,7 +255,7 @@ TEST_CASE(
   CHECK(s.d.state() == State::failed);
 }
 
-TEST_CASE("a calibration line inside an echo is reported and does no harm") {
+TEST_CASE("a calibration line inside an echo is reported and otherwise ignored") {
   Session s("sensorStop\nsensorStart\n");
   const std::string line = "compRangeBiasAndRxChanPhase 0.0123456 1.00000 -0.50000";
   s.d.take_output();
@@ -301,7 +303,7 @@ TEST_CASE("a restart sends two lines, or the whole cfg after a refusal or a bann
   }
 }
 
-TEST_CASE("a flood without line ends stays bounded and harmless") {
+TEST_CASE("a flood without line ends uses bounded memory and is ignored") {
   Session s;
   s.begin();
   s.d.take_output();

@@ -135,7 +135,7 @@ TEST_CASE("two cameras without a URI: none is opened, and both are listed") {
   b.start();
   REQUIRE(b.reaches(DeviceState::faulted));
   CHECK(b.sink.events ==
-        std::vector<std::string>{"the address matches several cameras; use one of "
+        std::vector<std::string>{"the address matches several cameras; expected one of "
                                  "openni:test/camera@1/4, openni:test/camera@1/5"});
   CHECK(b.sink.depth.empty());
   camera("unplug second");
@@ -281,7 +281,7 @@ TEST_CASE("a camera is found again after each of 100 disconnections") {
   CHECK(counter(b.driver, "connections") == 101);
 }
 
-TEST_CASE("a camera that fails after one frame is retried ever more rarely") {
+TEST_CASE("a camera that fails after one frame is retried at growing intervals") {
   Bench b;
   b.start();
   for (int i = 0; i < 5; ++i) {

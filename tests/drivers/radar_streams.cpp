@@ -230,7 +230,7 @@ TEST_CASE("a partial frame before a reset is not completed by later bytes") {
   }
 }
 
-TEST_CASE("TLVs of other labs with the demo's header") {
+TEST_CASE("TLVs of other TI labs are counted and skipped") {
   SECTION("vital signs: type 6 is not stats, type 2 is another profile") {
     const Parsed s = parse(stream(30, vital_signs));
     CHECK(s.numbers == from_to(1, 30));

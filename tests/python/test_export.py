@@ -72,7 +72,7 @@ def test_hdf5_is_the_run(runs, tmp_path):
         for name in "radar", "depth":
             assert np.isnan(data[name][:][~good]).all() and np.isfinite(data[name][3][1:]).all()
         assert data["radar_verdict"][9] == b"unreadable: radar bin 1 is not a finite number"
-        assert data["depth_verdict"][7] == b"unreadable: spd has 2 bytes, its axis asks for 32"
+        assert data["depth_verdict"][7] == b"unreadable: spd has 2 bytes, but its axis requires 32"
         assert data["spd_time"][3] == 13343 + 300 and data["radar_range"][2] == 1
         assert (data["spd_time"].attrs["units"], data["radar_range"].attrs["units"], data["depth"].attrs["units"]) == ("ps", "m", "m")
         assert [dim.label for dim in data["depth"].dims] == ["record", "depth_y", "depth_x"]

@@ -37,7 +37,7 @@ def test_a_record_without_a_map_counts_as_an_empty_map(run, tmp_path):
     assert told["metrics"]["iou"]["mean"] == pytest.approx(0.1) and told["trivial"] == whole["trivial"]
     assert (whole["answered"], whole["metrics"]["iou"]["mean"]) == (60, 1)
     text = judged(few, run)
-    assert "few: 6 of 60 records answered; the others count as an empty map" in text
+    assert "few: 6 of 60 records have a map; the others count as an empty map" in text
     assert text[text.index("depth_mae_m"):].splitlines()[1].split()[:3] == ["over", "maps", "6"]
 
 
@@ -52,7 +52,7 @@ def test_the_documented_test_rows_are_judged_alone(run, tmp_path):
 
 def test_maps_without_a_judged_record_are_refused(run, tmp_path):
     echofuse.save_maps(tmp_path / "none", run.maps([0]), [1000])
-    assert "has 1 maps, and none of the 60 judged records" in judged(tmp_path / "none", run, ok=False)
+    assert "has 1 maps, none of them for the 60 scored records" in judged(tmp_path / "none", run, ok=False)
 
 
 def test_a_folder_keeps_the_maps_of_its_run(run, tmp_path):
@@ -60,5 +60,5 @@ def test_a_folder_keeps_the_maps_of_its_run(run, tmp_path):
     with echofuse.open(derive.copy(run.path, tmp_path / "other.sqlite")) as other:
         with pytest.raises(FileExistsError, match="has maps of another run"):
             save(folder, other, np.arange(60), run=other)
-        assert "holds maps of another run" in judged(folder, other, ok=False)
+        assert "contains maps of another run" in judged(folder, other, ok=False)
     assert judged(folder, run, "--json")["metrics"]["iou"]["mean"] == 1

@@ -194,7 +194,7 @@ def test_the_report_repeats_every_sentence_of_evaluate(here, tmp_path):
         db.execute("UPDATE record SET spd = (SELECT spd FROM record WHERE idx = 51) WHERE idx = 50")
     db.close()
     said_by_evaluate = evaluated(here / "body", tmp_path / "odd.sqlite")["notes"].splitlines()
-    for part in ("camera frozen 25; with them IoU", "twice in the run 1", "1 records with depth left out: a sensor missing 1"):
+    for part in ("camera frozen 25; including them IoU", "twice in the run 1", "1 records with depth left out: a sensor missing 1"):
         assert any(part in line for line in said_by_evaluate), said_by_evaluate
     code, said = report(tmp_path, "--run", tmp_path / "odd.sqlite", "--model", here / "body")
     assert code == 0, said

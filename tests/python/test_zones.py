@@ -76,8 +76,8 @@ TABLE = "table zone: expected at most 64 zones with centre, width and time zero"
     ("UPDATE zone SET width = 9e999", TABLE),
     ("UPDATE zone SET zero_ps = -9e999", TABLE),
     (f"INSERT INTO zone {MILLION} SELECT 0, 0, 1, 0 FROM n", TABLE),
-    ("INSERT INTO zone SELECT * FROM zone LIMIT 1", "record 0: spd has 240 bytes, its axis asks for 360"),
-    ("UPDATE axis SET count = 31 WHERE name = 'spd'", "record 0: spd has 240 bytes, its axis asks for 248"),
+    ("INSERT INTO zone SELECT * FROM zone LIMIT 1", "record 0: spd has 240 bytes, but its axis requires 360"),
+    ("UPDATE axis SET count = 31 WHERE name = 'spd'", "record 0: spd has 240 bytes, but its axis requires 248"),
 ])
 def test_both_readers_refuse_a_hostile_table_of_zones(tmp_path, sql, said):
     write(tmp_path / "own", spd=counts(), zones=TWO)

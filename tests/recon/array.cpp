@@ -2,7 +2,7 @@
 // Tests of the radar's antennas: lags, the body's direction, the model.
 #include "recon/data/lags.hpp"
 #include "recon/method/array_view.hpp"
-#include "recon/method/turned.hpp"
+#include "recon/method/rotation.hpp"
 #include "recon/train/train.hpp"
 #include "recon/use/evaluate.hpp"
 #include "recon/use/predict.hpp"
@@ -133,7 +133,7 @@ TEST_CASE("loading converts antennas to lags and reports records without them") 
   match_array(other, {});
   CHECK(other.array_axis.count == 0);
   CHECK_THAT(testing::error_of([&] { match_array(other, shorter); }),
-             Catch::Contains("no samples of the radar's antennas") &&
+             Catch::Contains("no antenna samples of the radar") &&
                  Catch::Contains("--inputs fused-profile"));
 }
 
@@ -176,7 +176,7 @@ TEST_CASE("model with antennas requires them, tolerates a range bias and stores 
   CHECK(iou_of(one_antenna, dir / "biased") < 0.5 * iou);
   const auto refused = recon_program("evaluate " + dir / "model.h5" + " " + dir / "profile");
   CHECK(refused.code == 1);
-  CHECK_THAT(refused.text, Catch::Contains("has no samples of the radar's antennas"));
+  CHECK_THAT(refused.text, Catch::Contains("no antenna samples of the radar"));
 }
 
 TEST_CASE("wrong antenna metadata makes records out of distribution") {
@@ -259,8 +259,8 @@ TEST_CASE("train, evaluate and reconstruct handle runs with, without and with ot
   train("-q " + (dir / "new") + " --out " + (dir / "a.h5"));
   CHECK(testing::recon_program("evaluate --json " + (dir / "a.h5") + " " + (dir / "fresh")).code ==
         0);
-  for (const auto& [run, why] : {std::pair{"old", "no samples of the radar's antennas"},
-                                 std::pair{"four", "other antennas than in training"}}) {
+  for (const auto& [run, why] : {std::pair{"old", "no antenna samples of the radar"},
+                                 std::pair{"four", "antennas differ from those in training"}}) {
     const std::string files = (dir / "a.h5") + " " + (dir / run);
     const testing::Outcome o = testing::recon_program("evaluate " + files);
     CHECK(o.code == 0);
@@ -268,7 +268,7 @@ TEST_CASE("train, evaluate and reconstruct handle runs with, without and with ot
     const testing::Outcome maps =
         testing::recon_program("reconstruct -q " + files + " --out " + (dir / run) + "-maps");
     CHECK(maps.code == 0);
-    CHECK_THAT(maps.text, Catch::Contains(std::string(why) + ": of the radar, the range profile"));
+    CHECK_THAT(maps.text, Catch::Contains(std::string(why) + ": only the radar's range profile"));
   }
   CHECK_THAT(train((dir / "new") + " " + (dir / "old") + " --out " + (dir / "b.h5")),
              Catch::Contains("the runs differ in the radar's antennas"));

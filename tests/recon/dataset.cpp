@@ -45,7 +45,7 @@ TEST_CASE("two runs are loaded into one table") {
   CHECK(load({dir / "a"}).hash != load({dir / "b"}).hash);
   std::filesystem::copy_file(dir / "a", dir / "copy");
   CHECK_THROWS_WITH(load({dir / "a", dir / "copy"}), Catch::Contains("copy: is the same run as") &&
-                                                         Catch::Contains("each run once"));
+                                                         Catch::Contains("remove the copy"));
 }
 
 TEST_CASE("calibrated run is loaded at true ranges") {
@@ -133,21 +133,22 @@ TEST_CASE("depths beyond the map or in another unit give a one-line error") {
   CHECK_THAT(said("good", {}).text, !Catch::Contains("median"));
   const Outcome far = said("far", scaled(3, 2));
   CHECK(far.code == 0);
-  CHECK_THAT(far.text, Catch::Contains("far: 20 of 40 records have depths beyond 6 m, taken as no "
-                                       "return (") &&
-                           Catch::Contains("map_z_max_m"));
+  CHECK_THAT(far.text,
+             Catch::Contains("far: 20 of 40 records have depths beyond 6 m, treated as no "
+                             "return (") &&
+                 Catch::Contains("map_z_max_m"));
   sql(dir / "far", "INSERT INTO axis VALUES ('map_z', 'depth', 'm', 1, 0, 14, 1)");
   CHECK(load({dir / "far"}).map.far_m == 14);
   CHECK(load({dir / "far"}).depth.row(0)[32 * 64 + 32] < 14);
   const Outcome millimetres = said("mm", scaled(1e-3, 1));
   CHECK(millimetres.code == 1);
   CHECK_THAT(millimetres.text,
-             Catch::Contains("mm: the median depth is 3 mm: metres are expected") ||
-                 Catch::Contains("mm: the median depth is 4 mm: metres are"));
+             Catch::Contains("mm: the median depth is 3 mm; expected metres") ||
+                 Catch::Contains("mm: the median depth is 4 mm; expected metres"));
   CHECK_THAT(
       said("cm", scaled(0.1, 1)).text,
       Catch::Contains("cm: the median depth is 0.3") &&
-          Catch::Contains(" m, where the histogram spans 2.4 to 4.2 m: metres are expected"));
+          Catch::Contains(" m, but the histogram covers 2.4 to 4.2 m; expected depths in metres"));
 }
 
 TEST_CASE("TI codes become linear power above the noise") {
@@ -260,10 +261,9 @@ TEST_CASE("radar power is summed into wider bins without loss") {
   }
   SECTION("a coarser or shorter profile is refused") {
     Dataset coarse = profile({"radar", "power", "m", 24, 0, 0.6, 1}, std::vector<float>(24));
-    CHECK_THAT(error_of([&] { rebin_radar(coarse, paper); }),
-               Catch::Contains("cannot be added up"));
+    CHECK_THAT(error_of([&] { rebin_radar(coarse, paper); }), Catch::Contains("cannot be summed"));
     Dataset near = profile({"radar", "power", "m", 24, 0, 0.25, 1}, std::vector<float>(24));
-    CHECK_THAT(error_of([&] { rebin_radar(near, paper); }), Catch::Contains("cannot be added up"));
+    CHECK_THAT(error_of([&] { rebin_radar(near, paper); }), Catch::Contains("cannot be summed"));
   }
 }
 

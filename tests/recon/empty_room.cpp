@@ -80,12 +80,13 @@ TEST_CASE("model trained with an empty room keeps its accuracy in another room")
   CHECK(at_home > 0.5);
   CHECK(lost < 0.5 * at_home);
   save_model(model, dir / "model");
-  CHECK(take_to_room(model, dir / "there empty").empty());
+  CHECK(adapt_to_room(model, dir / "there empty").empty());
   CHECK(iou_of(model, dir / "there") > 0.95 * at_home);
-  const std::string error = error_of([&] { take_to_room(model, dir / "there"); });
-  CHECK(error == (dir / "there") +
-                     ": its histograms differ by more than photons do: people are in it? expected "
-                     "a run of the empty room");
+  const std::string error = error_of([&] { adapt_to_room(model, dir / "there"); });
+  CHECK(error ==
+        (dir / "there") +
+            ": histograms vary by more than photon noise, so people may be in it; expected "
+            "a run of the empty room");
   const std::string there = (dir / "model") + " " + (dir / "there");
   CHECK(evaluated_iou(there) < 0.5 * at_home);
   CHECK(evaluated_iou(there + " --empty '" + (dir / "there empty") + "'") > 0.9 * at_home);
@@ -100,7 +101,7 @@ TEST_CASE("range offset also applies to the empty room") {
   save_model(trained(dir / "here", dir / "here empty", "mean-shape"), dir / "model");
   const auto iou_with = [&](double of_empty_m) {
     TrainedModel model = load_model(dir / "model");
-    take_to_room(model, dir / "there empty", of_empty_m);
+    adapt_to_room(model, dir / "there empty", of_empty_m);
     const Records records = prepare_records(model, load_recorded({dir / "there"}), longer_m);
     return evaluate(model, records, all_rows(60)).metrics[metric_iou].mean;
   };
@@ -150,16 +151,16 @@ TEST_CASE("plain network is refused for another room") {
   const Folder dir;
   write_room(dir / "here", here, 60, 1), write_room(dir / "empty", here, 20, 2, false);
   TrainedModel other = trained(dir / "here", "", "mean-shape");
-  CHECK(take_to_room(other, dir / "empty") ==
-        "the model was trained without --empty: what it learnt of its own walls may mislead it");
+  CHECK(adapt_to_room(other, dir / "empty") ==
+        "the model was trained without --empty, so its own walls may affect the maps in this room");
   const Outcome refused = recon_program("train -q --model mlp --empty " + (dir / "empty") +
                                         " --out " + (dir / "mlp.h5") + " " + (dir / "here"));
   CHECK(refused.code == 2);
-  CHECK_THAT(refused.text, Catch::Contains("--empty: mlp takes the records as they are"));
+  CHECK_THAT(refused.text, Catch::Contains("--empty: mlp does not use a background"));
   TrainedModel model = trained(dir / "here", "", "mlp-16");
-  CHECK(error_of([&] { take_to_room(model, dir / "empty"); }) ==
-        "mlp does not place a body: it cannot be taken to another room; expected a factorised "
-        "or a mean-shape model");
+  CHECK(error_of([&] { adapt_to_room(model, dir / "empty"); }) ==
+        "mlp does not place a body and cannot be used in another room; expected a factorised "
+        "or mean-shape model");
 }
 
 TEST_CASE("empty room with other axes is refused before training") {

@@ -45,9 +45,9 @@ TEST_CASE("fused model falls back to the SPD without radar, and recovers") {
   for (float& v : lost.radar.row(3)) v = 0.5f;  // dead
   for (float& v : lost.radar.row(1)) v = 0;
   REQUIRE(model.estimators.size() == 2);
-  CHECK(model.answering(lost, 1) == &model.estimators[1]);
-  CHECK(model.answering(lost, 2) == &model.first());
-  CHECK(model.answering(lost, 3) == &model.estimators[1]);
+  CHECK(model.estimator_for(lost, 1) == &model.estimators[1]);
+  CHECK(model.estimator_for(lost, 2) == &model.first());
+  CHECK(model.estimator_for(lost, 3) == &model.estimators[1]);
   CHECK(model.fault_of(lost, 1).empty());
   const Matrix maps = model.predict(lost, rows), whole = model.predict(plates(), rows);
   const Matrix alone = model.estimators[1].maps(plates(), rows);
@@ -57,7 +57,7 @@ TEST_CASE("fused model falls back to the SPD without radar, and recovers") {
       REQUIRE(maps.row(i)[p] == Approx(expected[p]).margin(1e-4));
   }
   lost.valid[2] &= ~1u;  // the SPD: no estimator left
-  CHECK(model.answering(lost, 2) == nullptr);
+  CHECK(model.estimator_for(lost, 2) == nullptr);
   CHECK_THAT(model.fault_of(lost, 2), Catch::Contains("lacks "));
 }
 

@@ -164,9 +164,10 @@ TEST_CASE("train and evaluate print which records they leave out and why") {
     if (r.index < 8) doubtful(r);
   });
   const Outcome judged = recon_program("evaluate -q " + (dir / "m") + " " + (dir / "fresh"));
-  CHECK_THAT(judged.text, Catch::StartsWith("22 records; ") &&
-                              Catch::Contains("doubtful records left out: camera frozen 8; with "
-                                              "them IoU 0."));
+  CHECK_THAT(judged.text,
+             Catch::StartsWith("22 records; ") &&
+                 Catch::Contains("doubtful records left out: camera frozen 8; including "
+                                 "them IoU 0."));
   write_run(dir / "frozen", 4, 2, doubtful);
   refuses("evaluate -q " + (dir / "m") + " " + (dir / "frozen"), 1,
           (dir / "frozen") + ": 4 of 4 records left out: camera frozen 4");
@@ -192,12 +193,10 @@ TEST_CASE("copied records are neither trained twice nor evaluated") {
   REQUIRE(recon_program(train + (dir / "a") + " --out " + (dir / "m")).code == 0);
   const std::string evaluate = "evaluate -q " + (dir / "m") + " ";
   refuses(evaluate + (dir / "b"), 1,
-          "the model was trained on all of its records, as those of another");
-  CHECK_THAT(
-      recon_program(evaluate + (dir / "more")).text,
-      Catch::StartsWith("10 records; ") &&
-          Catch::Contains("60 of 70 records are copies of records that the model was trained "
-                          "on: left out\n"));
+          "the model was trained on all of its records, as part of another");
+  CHECK_THAT(recon_program(evaluate + (dir / "more")).text,
+             Catch::StartsWith("10 records; ") &&
+                 Catch::Contains("60 of 70 records are copies of training records: left out\n"));
   // The nearest neighbour of an evaluated record must not be a copy of it.
   write_run(dir / "d", 40, 2, [](record::FusedRecord& r) { r.radar[20] += 0.01f; });
   const auto nearest = [&](const std::string& neighbours) {
@@ -208,7 +207,8 @@ TEST_CASE("copied records are neither trained twice nor evaluated") {
   };
   CHECK(nearest("d") < 0.9);
   CHECK_THAT(recon_program(evaluate + (dir / "more") + " --all").text,
-             Catch::StartsWith("70 records; ") && Catch::Contains("trained on, and are judged\n"));
+             Catch::StartsWith("70 records; ") &&
+                 Catch::Contains("copies of training records, and are scored\n"));
 }
 
 TEST_CASE("copy is recognised by its counts") {
@@ -266,7 +266,7 @@ TEST_CASE("held-out records with a dead detector are left out on the training's 
   const Outcome dead = recon_program("evaluate " + (dir / "m") + " " + (dir / "a"));
   CAPTURE(dead.text);
   CHECK(dead.code == 1);
-  CHECK_THAT(dead.text, Catch::Contains("held no sound record of it out"));
+  CHECK_THAT(dead.text, Catch::Contains("no sound held-out record is left"));
   sql(dir / "a", "DELETE FROM record");
   const Outcome none =
       recon_program("train -q --model mean " + (dir / "a") + " --out " + (dir / "n"));

@@ -34,7 +34,7 @@ TEST_CASE("train never overwrites a file") {
   for (const std::string name : {"m", "run"}) {
     const std::string before = contents(dir / name);
     refuses(trained(dir, name, " --seed 2"),
-            name + ": exists already; give another --out, or remove it");
+            name + ": exists already; choose another --out, or remove it");
     CHECK(contents(dir / name) == before);
   }
 }
@@ -48,7 +48,7 @@ TEST_CASE("model file created during training is kept, the new model gets anothe
   const TrainedModel model = load_model(dir / "a");
   CHECK_THROWS_WITH(
       save_model(model, dir / "m"),
-      Catch::Contains("made by somebody else meanwhile") && Catch::Contains(dir / "m.part"));
+      Catch::Contains("another process created this file") && Catch::Contains(dir / "m.part"));
   CHECK(contents(dir / "m") == before);
   CHECK(load_model(dir / "m.part")->name == "ridge");
 }
@@ -65,13 +65,13 @@ TEST_CASE("maps of two runs share a folder only with --force") {
   REQUIRE(recon_program(maps("run")).code == 0);
   const std::string first = contents(dir / "maps/000000_mm.png");
   CHECK_THAT(contents(dir / "maps/run.txt"), Catch::Contains(dir / "run"));
-  refuses(maps("other"), "maps: holds maps of another run, " + (dir / "run"));
+  refuses(maps("other"), "maps: contains maps of another run, " + (dir / "run"));
   CHECK(contents(dir / "maps/000000_mm.png") == first);
   CHECK(recon_program(maps("run")).code == 0);  // maps of the same run
   CHECK(recon_program(maps("other", " --force")).code == 0);
   CHECK(contents(dir / "maps/000000_mm.png") != first);
   std::filesystem::remove(dir / "maps/run.txt");
-  refuses(maps("run"), "maps: holds maps of another run, an unknown one");
+  refuses(maps("run"), "maps: contains maps of another run, an unknown run");
 }
 
 TEST_CASE("FIFO as run or model is refused without waiting") {

@@ -79,8 +79,8 @@ TEST_CASE("status of a map names doubtful sensors, but not the camera") {
   const Outcome o = recon_program("reconstruct --format npy " + (dir / "m") + " " +
                                   (dir / "fresh") + " --out " + (dir / "o"));
   CHECK(o.code == 0);
-  CHECK_THAT(o.text,
-             Catch::Contains("4 records reconstructed, 0 left out; 1 of doubtful data: SPD weak"));
+  CHECK_THAT(o.text, Catch::Contains(
+                         "4 records reconstructed, 0 left out; 1 with doubtful data: SPD weak"));
   const std::string csv = contents(dir / "o/records.csv");
   for (const char* line : {"\n0,\"ok\",", "\n1,\"ok; SPD weak\",", "\n2,\"ok\",", "\n3,\"ok\","})
     CHECK_THAT(csv, Catch::Contains(line));
@@ -117,17 +117,18 @@ TEST_CASE("written maps have the scores of their model") {
     CHECK(o.code == 1);
     CHECK_THAT(o.text, Catch::Contains(said) && Catch::EndsWith("\n"));
   };
-  refused("n.save(d + '/maps.npy', m * 1000)", "metres are expected, not millimetres");
+  refused("n.save(d + '/maps.npy', m * 1000)", "expected metres, not millimetres");
   refused("n.save(d + '/maps.npy', m[:, ::2, ::2].copy())",
           "maps of 32 x 32; the run's are 64 x 64");
-  refused("n.save(d + '/maps.npy', m[1:])", "has 19 maps; records.csv has 20 records with one");
+  refused("n.save(d + '/maps.npy', m[1:])",
+          "has 19 maps, but records.csv lists 20 records with one");
   refused("n.save(d + '/maps.npy', n.asfortranarray(m))", "expected C order");
   refused("os.remove(d + '/maps.npy'); os.remove(d + '/camera.json')", "has neither maps.npy");
   std::filesystem::copy(dir / "o", dir / "few");
   std::filesystem::remove(dir / "few/maps.npy");
   std::filesystem::remove(dir / "few/000007_mm.png");
   CHECK_THAT(recon_program("evaluate --maps " + (dir / "few") + " " + (dir / "fresh")).text,
-             Catch::Contains("few: 19 of 20 records answered; the others count as an empty map"));
+             Catch::Contains("few: 19 of 20 records have a map; the others count as an empty map"));
 }
 
 TEST_CASE("option --rows reconstructs only the given or held-out records") {
@@ -164,7 +165,7 @@ TEST_CASE("option --rows reconstructs only the given or held-out records") {
     CHECK(o.code == code);
     CHECK_THAT(o.text, Catch::Contains(text));
   };
-  refused("run", "3,x", 2, "--rows: \"x\": expected indices of records, as 3,7, or test");
+  refused("run", "3,x", 2, "--rows: \"x\": expected record indices, e.g. 3,7, or test");
   refused("run", "3,900", 1, "--rows: the run has no record 900");
   refused("fresh", "test", 1, "the model was not trained on this run");
   refused("run", "3 --follow", 2, "--rows does not go with --follow");

@@ -85,7 +85,7 @@ TEST_CASE("maps of another run are refused, those of training records left out")
                         (dir / "maps"))
               .code == 0);
   refuses("-q evaluate --maps " + (dir / "maps ") + (dir / "b"), 1,
-          "maps: holds maps of another run, " + (dir / "a"));
+          "maps: contains maps of another run, " + (dir / "a"));
   const auto judged = [&](const std::string& words) {
     const auto o =
         recon_program("-q evaluate --json --maps " + (dir / "maps ") + (dir / "a") + words);

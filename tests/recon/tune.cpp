@@ -261,7 +261,7 @@ TEST_CASE("model that cannot be tuned gives a one-line error") {
   };
   says(old + run("few"), 1, "9 usable records; tuning needs at least 10");
   says(old + " --from " + old + run("few"), 1, "9 usable records; tuning needs at least 10");
-  says(old + " --model mlp" + run("run"), 2, "--model does not go with --from");
+  says(old + " --model mlp" + run("run"), 2, "--model cannot be combined with --from");
   says(old + run("blind"), 1, "");
   says((dir / "run") + run("run"), 1, "");
   REQUIRE(recon_program("train -q --set fallback=false --model mean" + run("run") + " --out " +

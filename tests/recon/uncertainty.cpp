@@ -263,13 +263,13 @@ TEST_CASE("records converted from a wider response are rarely flagged and within
 TEST_CASE("interval contains the calibration error, or states its assumption") {
   const Dataset plain = fresh_plates(40);
   const Records records = prepare_records(trained(), plain);
-  CHECK_THAT(records.ranges, Catch::Contains("states no calibration of both sensors"));
+  CHECK_THAT(records.ranges, Catch::Contains("has no calibration of both sensors"));
   const auto assumed = uncertainties_of(records.data);
 
   Dataset calibrated = plain;
   calibrated.sources[0].range_error_m = 0.01;
   CHECK_THAT(prepare_records(trained(), calibrated).ranges,
-             Catch::Contains("states no radar_baseline_m"));
+             Catch::Contains("has no radar_baseline_m"));
   calibrated.sources[0].baseline_m = 0.5;
   const Records stated = prepare_records(trained(), calibrated);
   CHECK(stated.ranges.empty());
@@ -368,7 +368,7 @@ TEST_CASE("model file stores its uncertainty, if any") {
   CHECK_FALSE(loaded->uncertainty);
   CHECK(predict(loaded, data, all_rows(20)).uncertainties.empty());
   CHECK_THROWS_WITH(predict(loaded, data, all_rows(20), PredictionDetail::pixels),
-                    Catch::Contains("does not know how sure it is"));
+                    Catch::Contains("states no uncertainty"));
 }
 
 TEST_CASE("few records use cross-fitting, too few give no uncertainty") {
@@ -387,7 +387,7 @@ TEST_CASE("few records use cross-fitting, too few give no uncertainty") {
   CHECK_FALSE(load_model(dir / "fewer.h5")->uncertainty);
   const auto o = recon_program("reconstruct " + (dir / "fewer.h5") + " " + (dir / "fresh") +
                                " --out " + (dir / "o") + " --format npy");
-  CHECK_THAT(o.text, Catch::Contains("not calibrated: only a model of a sensor"));
+  CHECK_THAT(o.text, Catch::Contains("not calibrated: needs a model with sensor inputs"));
   CHECK_THAT(contents(dir / "o/records.csv"), Catch::Contains(",,,,,not calibrated\n"));
   CHECK_THAT(contents(dir / "o/run.txt"), Catch::EndsWith("not calibrated\n"));
   CHECK_THAT(recon_program("evaluate " + (dir / "fewer.h5") + " " + (dir / "fresh")).text,

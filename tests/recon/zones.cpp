@@ -81,7 +81,7 @@ TEST_CASE("runs with different zones are refused as one data set") {
   write_zones(folder / "c", {{-0.1, 0, 0.2, 0}, {0.1, 0.05, 0.2, 0}}, 12);
   write_zones(folder / "d", {{-0.1, 0, 0.2, 0}, {0.1, 0.005, 0.2, 0}}, 12);
   CHECK_THROWS_WITH(load({folder / "a", folder / "b"}), Contains("has 3 zones"));
-  CHECK_THROWS_WITH(load({folder / "a", folder / "c"}), Contains("or they look elsewhere"));
+  CHECK_THROWS_WITH(load({folder / "a", folder / "c"}), Contains("or their directions differ"));
   CHECK(load({folder / "a", folder / "d"}).size() == 2);
 }
 
@@ -97,7 +97,7 @@ TEST_CASE("a model takes all zones side by side, or their sum and then each") {
   both.insert(both.end(), data.zone_spd.values.begin(), data.zone_spd.values.end());
   for (const Features& any : {all, raw}) CHECK(observe(data, {0}, any).values == both);
   CHECK_THROWS_WITH(all.raw_inputs(load({folder / "b"}), {0}),
-                    Contains("has 3 zones; the model takes 2"));
+                    Contains("has 3 zones; the model expects 2"));
 }
 
 namespace {

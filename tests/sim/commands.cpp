@@ -34,6 +34,7 @@ TEST_CASE("help and version are printed") {
   CHECK(sim("--help").code == 0);
   CHECK(has(sim("--help").text, "dataset"));
   CHECK(has(sim("dataset --help").text, "--two-people"));
+  CHECK(has(sim("dataset --help").text, "print this help\n"));
   CHECK(sim("--version").code == 0);
   CHECK(has(sim("--version").text, "echofuse-sim "));
   CHECK(sim("").code == 2);

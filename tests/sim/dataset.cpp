@@ -306,5 +306,5 @@ TEST_CASE("existing part is kept, another run with its name is refused") {
     CHECK_THAT(error_of([&] {
                  write_dataset(plan, {path, "", 1, true, JobPart::of(other)});
                }),
-               Catch::Contains("exists already, and is not this part"));
+               Catch::Contains("exists already and is not this part"));
 }

@@ -303,7 +303,7 @@ TEST_CASE("Coates' correction of drawn counts recovers the rates within its vari
 
 TEST_CASE("free-running detector with a dead time of a pulse counts first photons") {
   Conditions c;
-  c.pulses_per_window = 20'000'000;  // every 150 ns, of which the histogram covers 34
+  c.pulses_per_window = 20'000'000;  // every 150 ns; the histogram covers 34 ns
   c.spd_dead_time_ps = 50'000;
   c.signal_photons = 1e5;
   c.background_counts = 2e4;

@@ -69,9 +69,10 @@ TEST_CASE("all faults of a twin are reported") {
     FAIL("not refused");
   } catch (const Error& e) {
     const std::string what = e.what();
-    for (const char* part : {"w.toml:1:9: unknown key \"girht\"", "baseline_m: a run states it",
-                             "girth: expected low and high", "radar_rays", "\"log\" needs a low",
-                             "from 0 to 1.5", "seed: expected"})
+    for (const char* part :
+         {"w.toml:1:9: unknown key \"girht\"", "baseline_m: stated by the run file",
+          "girth: expected low and high", "radar_rays", "\"log\" needs a low", "from 0 to 1.5",
+          "seed: expected"})
       CHECK(what.find(part) != std::string::npos);
   }
 }

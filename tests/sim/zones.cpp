@@ -46,7 +46,7 @@ TEST_CASE("zones together count what a single pixel counts, bin by bin") {
   }
 }
 
-TEST_CASE("a body lights the zones that look at it") {
+TEST_CASE("a body is detected by the zones that face it") {
   const Conditions c = with_zones(3);
   const Zones zones = zones_of(c);
   REQUIRE(zones.size() == 9);
@@ -59,7 +59,7 @@ TEST_CASE("a body lights the zones that look at it") {
   }
 }
 
-TEST_CASE("stated zones have the pitch and width of their fields") {
+TEST_CASE("zones in the run have the pitch and width of the simulated fields") {
   const Zones zones = zones_of(with_zones(4));
   REQUIRE(zones.size() == 16);
   CHECK(zones[0].x == Approx(-0.4125));
@@ -69,7 +69,7 @@ TEST_CASE("stated zones have the pitch and width of their fields") {
   CHECK(zones_of(with_zones(1)).empty());
 }
 
-TEST_CASE("a field is Gaussian inside: e^-1/2 beside its neighbours at 0.75 of the pitch") {
+TEST_CASE("the field of a zone falls to e^-1/2 at 0.75 of the pitch") {
   const Conditions c = with_zones(8);
   const Zones zones = zones_of(c);
   const auto at = [&](double x) {
@@ -81,7 +81,7 @@ TEST_CASE("a field is Gaussian inside: e^-1/2 beside its neighbours at 0.75 of t
   CHECK(at(zones[27].x + 0.75 * pitch) / at(zones[27].x) == Approx(std::exp(-0.5)).epsilon(0.05));
 }
 
-TEST_CASE("a data set with zones has the other sensors' data of a single pixel's") {
+TEST_CASE("zones leave the data of the other sensors unchanged") {
   const test::Folder folder;
   Plan plan;
   plan.people = 3, plan.letters = 3;

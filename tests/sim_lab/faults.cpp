@@ -64,7 +64,7 @@ amount = 3
   CHECK(has(all, "f.toml:2:10: device: expected one of tdc, radar, depth"));
   CHECK(has(all, "f.toml:4:8: at_s: expected a number from 0 to 1e+07"));
   CHECK(has(all, "f.toml:5:9: for_s: expected a number"));
-  CHECK(has(all, "f.toml:6:10: stall has no amount"));
+  CHECK(has(all, "f.toml:6:10: stall takes no amount"));
   CHECK(has(complaint("[[fault]]\ndevice = \"tdc\"\nkind = \"loud\"\n"),
             "f.toml:3:8: kind: expected one of drop,"));
   CHECK(has(complaint(good + "every_s = 0.4\n"), "overlap"));
@@ -72,7 +72,7 @@ amount = 3
   CHECK(has(complaint("[[fault]]\ndevice = \"depth\"\nkind = \"gain\"\nat_s = 1\nfor_s = 1\n"),
             "a depth camera has no gain"));
   CHECK(has(complaint("[[fault]]\ndevice = \"tdc\"\nkind = \"freeze\"\nat_s = 1\nfor_s = 1\n"),
-            "a time tagger has no frame to stand still"));
+            "a time tagger has no frame to freeze"));
 }
 
 TEST_CASE("faults act at their times, repeatedly, on their device") {
@@ -104,7 +104,7 @@ TEST_CASE("a clock offset ends, a clock drift persists") {
   CHECK(faults.clock_error_s(24) == Approx(1000e-6));
 }
 
-TEST_CASE("a laboratory refuses a bad faults file and an impossible log") {
+TEST_CASE("a laboratory refuses a bad faults file and an unwritable log") {
   test::TemporaryDirectory place;
   std::ofstream(place / "f.toml") << "[[fault]]\n";
   port::SystemLoop loop;

@@ -71,13 +71,15 @@ TEST_CASE("a folder that is in use, foreign, or has too long a path is refused")
   sim::LabOptions options = options_in(dir);
   SECTION("in use") {
     LabThread lab(options);
-    CHECK_THAT(refusal(options, ExitCode::usage), Catch::Contains("another laboratory runs here"));
+    CHECK_THAT(refusal(options, ExitCode::usage),
+               Catch::Contains("another laboratory is running here"));
     CHECK(fs::exists(options.dir + "/radar-cli"));
   }
   SECTION("foreign") {
     fs::create_directories(options.dir);
     std::ofstream(options.dir + "/thesis.tex") << "\\documentclass";
-    CHECK_THAT(refusal(options, ExitCode::usage), Catch::Contains("no laboratory wrote"));
+    CHECK_THAT(refusal(options, ExitCode::usage),
+               Catch::Contains("files that are not a laboratory's"));
     CHECK(names_in(options.dir) == std::set<std::string>{"thesis.tex"});
   }
   SECTION("too long") {
@@ -110,7 +112,7 @@ TEST_CASE("start-up faults name their cause, and leave nothing open") {
   }
   SECTION("a laser with too high a rate") {
     options.tagging.laser_rate_hz = 80e6;
-    CHECK_THAT(refusal(options, ExitCode::config), Catch::Contains("before the last bin"));
+    CHECK_THAT(refusal(options, ExitCode::config), Catch::Contains("precedes the last bin"));
   }
   CHECK_FALSE(fs::exists(options.dir + "/radar-cli"));
   CHECK_FALSE(fs::exists(options.dir + "/depth.sock"));

@@ -156,7 +156,7 @@ TEST_CASE("an empty scene has no photons") {
   CHECK(draw(c, {}, Returns{}).tags.empty());
 }
 
-TEST_CASE("impossible lasers and rates are refused") {
+TEST_CASE("laser and tag rates beyond the limits are refused") {
   Conditions c;
   const auto refusal = [&](double laser_hz, double window) -> std::string {
     Tagging tagging;
@@ -170,7 +170,7 @@ TEST_CASE("impossible lasers and rates are refused") {
     return "";
   };
   CHECK(refusal(1e6, 3).empty());
-  CHECK_THAT(refusal(80e6, 3), Catch::Contains("before the last bin"));
+  CHECK_THAT(refusal(80e6, 3), Catch::Contains("precedes the last bin"));
   CHECK_THAT(refusal(10, 3), Catch::Contains("at least 250 Hz"));
   c.signal_photons = 1e9;
   CHECK_THAT(refusal(1e6, 3), Catch::Contains("at most 5 million"));

@@ -120,7 +120,7 @@ TEST_CASE("after a reset during the cfg the dialogue restarts") {
   CHECK(b.count("configured") == 1);
 }
 
-TEST_CASE("garbage before the first prompt and calibration lines do no harm") {
+TEST_CASE("garbage before the first prompt and calibration lines are ignored") {
   Bench b;
   const std::string garbage = "\xff~\x80?`\r\nsens'?\xff' is not recognized as a CLI command\n\r";
   b.board.cli.send(garbage);
@@ -274,7 +274,7 @@ TEST_CASE("a command port with sporadic bytes fails with a message") {
   CHECK(b.seconds_to_frame() < 10);
 }
 
-TEST_CASE("one of the two ports is missing after an unplug") {
+TEST_CASE("the driver waits for both ports after an unplug") {
   Bench b(hasty());
   b.start();
   b.plug(false);
@@ -285,7 +285,7 @@ TEST_CASE("one of the two ports is missing after an unplug") {
   CHECK(b.seconds_to_frame() < 10);
 }
 
-TEST_CASE("unplugged a hundred times, at every step of the dialogue") {
+TEST_CASE("the driver recovers from an unplug at every step of the dialogue") {
   Bench b(hasty());
   b.start();
   Rng rng = make_rng(3, 3);
@@ -304,7 +304,7 @@ TEST_CASE("unplugged a hundred times, at every step of the dialogue") {
   CHECK(b.count("bad_headers") == 0);
 }
 
-TEST_CASE("a board that fails after one frame is retried ever more rarely") {
+TEST_CASE("a board that fails after one frame is retried at growing intervals") {
   Bench b;
   b.start();
   std::vector<double> pauses;

@@ -179,12 +179,12 @@ class HostileRuns(unittest.TestCase):
             "index": ("CREATE INDEX i ON record(hex(label))", only),
             "strange name": ("CREATE TABLE \"a\x1b[31m\nb\" (x)", "a\\x1b[31m\\nb"),
             "virtual table": ("CREATE VIRTUAL TABLE v USING rtree(id, a, b)", only),
-            "generated column": ("ALTER TABLE event ADD COLUMN x AS (hex(zeroblob(100000000)))", "its table event is not made"),
-            "default": ("ALTER TABLE event ADD COLUMN x TEXT DEFAULT (hex(zeroblob(100000000)))", "its table event is not made"),
+            "generated column": ("ALTER TABLE event ADD COLUMN x AS (hex(zeroblob(100000000)))", "its table event is not defined as in a run"),
+            "default": ("ALTER TABLE event ADD COLUMN x TEXT DEFAULT (hex(zeroblob(100000000)))", "its table event is not defined as in a run"),
             "check": ("DROP TABLE late; CREATE TABLE late (idx INTEGER PRIMARY KEY, spd INTEGER, radar INTEGER, depth INTEGER,"
-                      " CHECK (length(hex(zeroblob(100000000))) = 0))", "its table late is not made"),
+                      " CHECK (length(hex(zeroblob(100000000))) = 0))", "its table late is not defined as in a run"),
             "no rowid": ("DROP TABLE late; CREATE TABLE late (idx INTEGER PRIMARY KEY, spd INTEGER, radar INTEGER, depth INTEGER)"
-                         " WITHOUT ROWID", "its table late is not made"),
+                         " WITHOUT ROWID", "its table late is not defined as in a run"),
             "no records": ("DROP TABLE record", "has no table record"),
         }, "note")
 
@@ -210,13 +210,13 @@ class HostileRuns(unittest.TestCase):
             "negative": (axis("count = -1"), "table axis: count is -1"),
             "4e9": (axis("count = 4294967295"), "has 4294967295 points"),
             "wrapped": (axis("count = count + 4294967296"), "table axis: count is 4294967"),
-            "words": (axis("step = 'many'"), "expected numbers of a measurement"),
+            "words": (axis("step = 'many'"), "expected finite numbers"),
             "1e7": (axis("count = 16000000", "name = 'spd'") + ";" + """
                 WITH RECURSIVE c(x) AS (SELECT 1000 UNION ALL SELECT x + 1 FROM c LIMIT 5000)
-                INSERT INTO record (idx, valid) SELECT x, 0 FROM c""", "do not fit into"),
-            "infinite": (axis("start = 9e999, step = -9e999"), "expected numbers of a measurement"),
-            "no step": (axis("step = 0"), "expected numbers of a measurement"), "tiny": (axis("step = 1e-300"), "expected numbers of a measurement"),
-            "huge": (axis("start = 1e300, step = 1e300"), "expected numbers of a measurement"),
+                INSERT INTO record (idx, valid) SELECT x, 0 FROM c""", "do not fit in"),
+            "infinite": (axis("start = 9e999, step = -9e999"), "expected finite numbers"),
+            "no step": (axis("step = 0"), "expected finite numbers"), "tiny": (axis("step = 1e-300"), "expected finite numbers"),
+            "huge": (axis("start = 1e300, step = 1e300"), "expected finite numbers"),
             "many": ("WITH RECURSIVE c(x) AS (SELECT 1 UNION ALL SELECT x + 1 FROM c LIMIT 1000) INSERT INTO axis "
                      "SELECT x, x, x, 9, 0, 1, 1 FROM c", "more than 16 axes"),
         })
@@ -224,7 +224,7 @@ class HostileRuns(unittest.TestCase):
         self.assertEqual((codes["info"], codes["export"], codes["csv"]), (0, 5, 1), self.said)
         codes = self.attack(self.make(axis("count = 1000000", "name = 'spd'")), "info", "export", "csv", "reconstruct")
         self.assertEqual((codes["info"], codes["export"], codes["csv"], codes["reconstruct"]), (0, 1, 1, 5), self.said)
-        self.assertIn("its axis asks for 4000000", self.said)
+        self.assertIn("but its axis requires 4000000", self.said)
 
     def test_depth_images(self):
         n = self.shapes["depth_x"]

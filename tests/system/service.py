@@ -148,7 +148,7 @@ class Service(live.Live):
         tail = f"--set run.connect_timeout_s=1.5 --count 3 --out {self.dir}/run"
         done = subprocess.run(["sh", "-c", f"{command} {config} {tail}"], stderr=subprocess.PIPE, text=True, timeout=30)
         self.assertEqual(done.returncode, 0, done.stderr)
-        self.assertRegex(done.stderr, r"(?m)^<6>recording into ")
+        self.assertRegex(done.stderr, r"(?m)^<6>recording to ")
         self.assertRegex(done.stderr, r"(?m)^<4>starting without radar")
         self.assertNotRegex(done.stderr, r"(?m)^<?\d*>?20\d\d-")
         pid = os.getpid()  # a unique address, because devices are locked

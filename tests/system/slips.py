@@ -56,11 +56,11 @@ recon --threads many train x --out m | 2 | --threads
 sim dataset --out seen.sqlite --records 4 | 1 | seen.sqlite: exists
 sim dataset --out x --records 4 --people 1 | 2 | --records 4 differs from the 1 records requested by kind
 sim lab --scene preson | 2 | --scene: preson not in {person,letter,mixed,
-sim lab --dir . | 2 | holds files that no laboratory wrote
+sim lab --dir . | 2 | contains files that are not a laboratory's
 sim lab --dir new --hold 3s | 2 | --hold
 acquire run --model nomodel | 2 | --model is for --view
-acquire run --view --model nomodel | 2 | --model nomodel: there is no such file
-acquire run --duration 5 | 2 | --duration: expected a number with its unit, as 2h
+acquire run --view --model nomodel | 2 | --model nomodel: no such file
+acquire run --duration 5 | 2 | --duration: expected numbers with units, e.g. 2h
 acquire run --count 3 --duration 5s | 2 | --count does not go with --duration
 acquire run --duration 99999999999h | 2 | --duration: expected at most 87660h, ten years
 acquire calibrate --distance -1 | 2 | --distance: Value -1 not in range 0.1 to 100
@@ -100,9 +100,9 @@ bench stability --help | 0 | default: nearest mean-shape
 bench run --help | 0 | bench-runs)
 acquire info --version | 0 | echofuse-acquire 
 report --version | 0 | echofuse-report 
-acquire annotate seen.sqlite | 2 | expected either a text or --label TEXT
+acquire annotate seen.sqlite | 2 | expected either TEXT or --label TEXT
 acquire list nofolder | 1 | nofolder
-acquire devices --config closed.toml | 4 | Connection refused; is its bridge started? /
+acquire devices --config closed.toml | 4 | Connection refused; is its bridge running? Start /
 """
 
 

@@ -50,7 +50,7 @@ class Usb(unittest.TestCase):
         self.assertEqual(imported, counted)
         self.assertEqual((sent["lost"], sent["starts"]), (0, 1))
         # Tags left in the device when the daemon stopped it: at most those of 0.2 s.
-        arrived = int(done.stderr.split("arrived: ")[1].split(" tags")[0])
+        arrived = int(done.stderr.split("received: ")[1].split(" tags")[0])
         self.assertLessEqual(arrived, sent["tags"])
         self.assertLess(sent["tags"] - arrived, 0.2 / (10 * WINDOW_S) * sent["tags"], done.stderr)
 

@@ -186,7 +186,7 @@ TEST_CASE(
     Bytes run = b.tags(5);
     run.erase(run.begin() + 40);
     b.device.send(join({run, b.tags(5)}));
-    expected = "it sent a block whose checksum is wrong";
+    expected = "block has a wrong checksum";
   }
   SECTION("a halted endpoint") {
     b.device.halt();

@@ -125,7 +125,7 @@ class LiveView(live.Live):
         daemon.send_signal(signal.SIGINT)
         log = self.finish(daemon)
         self.assertEqual(daemon.returncode, 0, log)
-        folder = pathlib.Path(re.search(r"recording into (\S+)/align.sqlite", log)[1])
+        folder = pathlib.Path(re.search(r"recording to (\S+)/align.sqlite", log)[1])
         self.assertFalse(folder.exists())
         self.assertEqual(len(viewers_of(folder)), 1)
         client.close()

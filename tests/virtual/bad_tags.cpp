@@ -112,7 +112,7 @@ TEST_CASE("wrapped time stamps are continued and reported as an event") {
       {.pulse = ordinary, .time = [=](std::int64_t t) { return t % (std::int64_t{1} << bits); }});
   CHECK(run.events.size() == 2);  // at detection, and the count at the end
   CHECK_THAT(run.events.at(0),
-             Catch::Contains("restarts of its times at 2^" + std::to_string(bits) + " ps"));
+             Catch::Contains("restarts of the tagger's time at 2^" + std::to_string(bits) + " ps"));
   for (std::size_t i = 2; i < 10; ++i) {
     CHECK(run.verdict(i) == "ok");
     CHECK(run.records[i].spd_counts.out_of_range == 0);
@@ -123,7 +123,7 @@ TEST_CASE("wrapped time stamps are continued and reported as an event") {
 TEST_CASE("backward steps of time stamps are counted") {
   const Outcome run =
       run_of({.pulse = ordinary, .time = [](std::int64_t t) { return t % (3 * s); }});
-  CHECK_THAT(run.events.at(0), Catch::Contains("1 steps back of its times, by up to 3 s"));
+  CHECK_THAT(run.events.at(0), Catch::Contains("1 steps back of the tagger's time by up to 3 s"));
 }
 
 TEST_CASE("clock with another rate than the host's is reported") {
@@ -132,7 +132,7 @@ TEST_CASE("clock with another rate than the host's is reported") {
   const Outcome run =
       run_of({.pulse = ordinary, .time = [d = divisor](std::int64_t t) { return t / d; }});
   CHECK(std::ranges::any_of(run.events, [&, t = std::string(text)](const auto& e) {
-    return e.find("its clock runs at " + t) != std::string::npos;
+    return e.find("the tagger's clock runs at " + t) != std::string::npos;
   }));
   for (const auto& r : run.records) {  // placed by their receipt
     CHECK(r.has(Sensor::spd));
@@ -148,7 +148,7 @@ TEST_CASE("overflow without an end is reported as verdict and event") {
   CHECK_THAT(run.verdict(9), Catch::StartsWith("in overflow since "));
   CHECK_FALSE(run.records[9].has(Sensor::spd));
   CHECK(std::ranges::any_of(run.events, [](const auto& e) {
-    return e.find("1 overflows that began and did not end within 3 s") != std::string::npos;
+    return e.find("1 overflows without an end within 3 s") != std::string::npos;
   }));
 }
 
@@ -175,7 +175,7 @@ TEST_CASE("missing, doubled and faster start pulses cause events") {
     if (i > 20'000) out.push_back(tag(1, at + 12 * ns));
     if (i % 25 == 0) out.push_back(tag(2, at + click_after(i)));
   }});
-  CHECK_THAT(doubled.events.at(0), Catch::Contains("starts with a second one 12 ns behind them"));
+  CHECK_THAT(doubled.events.at(0), Catch::Contains("starts followed by a second one after 12 ns"));
   const Outcome faster = run_of({.pulse = [](auto& out, std::int64_t i, std::int64_t at) {
     ordinary(out, i, at);
     if (i > 20'000) out.push_back(tag(1, at + period / 2));
@@ -213,14 +213,13 @@ TEST_CASE("conditional filter, which passes only starts with a click, causes no 
 
 TEST_CASE(
     "tag resolution that does not divide the bin width causes an event with a suitable width") {
-  const auto [step, fits] =
-      GENERATE(table<std::int64_t, const char*>({{81, "81 fits"}, {250, "250 fits"}}));
+  const auto [step, fits] = GENERATE(table<std::int64_t, const char*>({{81, "81"}, {250, "250"}}));
   const Outcome run =
       run_of({.pulse = ordinary, .time = [d = step](std::int64_t t) { return t / d * d; }});
   CAPTURE(run.events);
   REQUIRE(run.events.size() == 1);
-  CHECK_THAT(run.events[0],
-             Catch::Contains("become a comb; --set tdc.bin_width_ps=" + std::string(fits)));
+  CHECK_THAT(run.events[0], Catch::Contains("have uneven widths; use --set tdc.bin_width_ps=" +
+                                            std::string(fits)));
 }
 
 TEST_CASE("afterpulses cause an event that names the second peak") {

@@ -73,7 +73,7 @@ TEST_CASE("missing and unconfigured devices have different verdicts") {
     CHECK(r.sync[Sensor::radar].verdict == "no frames");
     CHECK(r.sync[Sensor::depth].verdict == "not configured");
   }
-  CHECK(has(b.events("radar"), "not there at the start"));
+  CHECK(has(b.events("radar"), "no data at the start"));
 }
 
 TEST_CASE("run needs its required devices, and records without them are incomplete") {
@@ -81,7 +81,7 @@ TEST_CASE("run needs its required devices, and records without them are incomple
     Bench b({.radar_required = true});
     b.unplug_radar();
     CHECK_THROWS_WITH(b.lab->record(b.run(4)),
-                      Catch::Contains("a required device does not deliver"));
+                      Catch::Contains("a required device delivered no data"));
   }
   SECTION("in mid-run") {
     Bench b({.faults = {fault("radar", FaultKind::unplug, 30, 15)}, .radar_required = true});
@@ -244,7 +244,7 @@ TEST_CASE("simulated scenes are aligned to the slots") {
   }
 }
 
-TEST_CASE("slots keep their length when the machine's clock is set") {
+TEST_CASE("slots keep their length when the system clock is set") {
   constexpr auto day = 24h;
   Bench b;
   port::Timer forward(b.lab->loop), back(b.lab->loop);
@@ -254,7 +254,7 @@ TEST_CASE("slots keep their length when the machine's clock is set") {
   b.check_slots(3s);
   const Strings told = b.events("clock");
   REQUIRE(told.size() == 2);
-  for (const auto& text : told) CHECK(text.starts_with("the machine's clock was set"));
+  for (const auto& text : told) CHECK(text.starts_with("the system clock was set"));
   std::vector<double> steps;
   const auto all = b.records();
   for (std::size_t k = 0; k + 1 < all.size(); ++k)
@@ -266,7 +266,7 @@ TEST_CASE("slots keep their length when the machine's clock is set") {
 TEST_CASE("run is refused if UTC exceeds its type") {
   Bench b;
   b.lab->loop.step_utc(24h * 365 * 237);
-  CHECK_THROWS_WITH(b.lab->record(b.run(1)), Catch::Contains("the machine's clock is at 226"));
+  CHECK_THROWS_WITH(b.lab->record(b.run(1)), Catch::Contains("the system clock is at 226"));
 }
 
 TEST_CASE("disconnected device stays locked against another run") {
@@ -294,7 +294,7 @@ TEST_CASE("camera that returns with another axis is not used, other devices are"
   CHECK(b.lab->record(b.run(20)) == ExitCode::ok);
   CHECK(b.records().front().valid.bits() == 7);
   CHECK(b.records().back().valid.bits() == 3);
-  CHECK(has(b.events("depth"), "came back with another axis"));
+  CHECK(has(b.events("depth"), "reconnected with another axis"));
 }
 
 TEST_CASE("radar that returns with another clock is placed by that clock") {

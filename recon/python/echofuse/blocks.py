@@ -17,7 +17,7 @@ Told = Callable[[int], None]
 
 
 def load(part: Run) -> None:
-    """Reads the records' arrays. Raises ValueError that names what is wrong with one."""
+    """Reads the records' arrays. Raises ValueError with the fault of an array."""
     for name in (name for name, mask in part.valid.items() if mask.any()):
         getattr(part, name)  # stays in memory
     if not part.valid["radar"].any():

@@ -10,7 +10,7 @@ Words = NDArray[np.uint32]
 
 
 def _stepped(states: Words, bits: int) -> Words:
-    """States after so many zero bits."""
+    """States after this number of zero bits."""
     for _ in range(bits):
         states = (states >> 1) ^ np.where(states & 1, np.uint32(POLYNOMIAL), np.uint32(0))
     return states

@@ -75,7 +75,7 @@ def thinned(share: float, seed: int) -> Change:
 
 
 def background(counts: float, seed: int) -> Change:
-    """Room light: so many counts more a record, spread over all bins (Poisson)."""
+    """Room light: adds this number of counts per record, spread over all bins (Poisson)."""
     def change(records: Records) -> None:
         rate = counts / max(int(np.prod(records.spd.shape[1:])), 1)
         more = np.random.default_rng(seed).poisson(rate, records.spd.shape)
@@ -104,7 +104,7 @@ def noise(snr_db: float, seed: int) -> Change:
 
 
 def range_offset(metres: float) -> Change:
-    """A radar that says so many metres too much (after its calibration)."""
+    """A radar with distances too large by this number of metres (after its calibration)."""
     def change(records: Records) -> None:
         records.range_offset_m += metres
     return change

@@ -71,7 +71,7 @@ def rows_of(count: int, rows: Any) -> NDArray[np.int64]:
 
 
 def read_only(table: NDArray[Any]) -> NDArray[Any]:
-    """The array itself, which nobody changes by mistake now; its copy() can be changed."""
+    """The array itself, made read-only; its copy() can be changed."""
     table.flags.writeable = False
     return table
 

@@ -20,8 +20,8 @@ from .report_scores import Mode, Scores
 from .zones import summed
 
 UNCALIBRATED = (
-    "no uncertainty: only a model of a sensor, trained to its end on 50 records or more, states "
-    "its errors")
+    "no uncertainty: needs a model with sensor inputs and an uninterrupted training on at least 50 "
+    "records")
 # [N, N] each: thresholded (metres, 0: no return), share, and deviation if stated
 Map = dict[str, NDArray[np.float32]]
 

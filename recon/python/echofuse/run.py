@@ -447,7 +447,7 @@ class Run:
                 continue
             place = f"{self.path}: record {self.index[row]}: array"
             if len(blob) != (size := axis.count * stored.itemsize):
-                raise ValueError(f"{place} has {len(blob)} bytes, its axis asks for {size}")
+                raise ValueError(f"{place} has {len(blob)} bytes, but its axis requires {size}")
             found = np.frombuffer(blob, stored)
             if bad := np.flatnonzero(~(np.isfinite(found["power"])
                                        & (found["power"] >= 0))).tolist():
@@ -489,7 +489,7 @@ class Run:
         for row, blob in blobs:
             if len(blob) != size:
                 raise ValueError(f"{self.path}: record {self.index[row]}: {sensor} has {len(blob)} "
-                                 f"bytes, its axis asks for {size}")
+                                 f"bytes, but its axis requires {size}")
         out = np.full((len(self), count), missing, kind)
         for row, blob in blobs:
             out[row] = np.frombuffer(blob, kind)

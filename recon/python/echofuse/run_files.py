@@ -49,7 +49,7 @@ class Connection(sqlite3.Connection):
     connection to that file."""
 
     inode: tuple[int, int] | None = None
-    lacks_wal = False  # of an open run that nobody records
+    lacks_wal = False  # of an open run without a recorder
 
     def close(self) -> None:
         super().close()
@@ -226,9 +226,9 @@ def connected(path: pathlib.Path, closed: bool) -> Connection:
                 if rest.is_file() and rest.stat().st_size:
                     raise ValueError(
                         f"{path}: was not closed, and its last records are in {rest}; copy both to "
-                        "a folder that can be written") from None
+                        "a writable folder") from None
             continue
-        if db.is_closed() and not closed:  # its writer closed it meanwhile
+        if db.is_closed() and not closed:  # its writer has just closed it
             db.close()
             return connect(path)
         if identity == APPLICATION_ID and version == FORMAT_VERSION:
@@ -274,7 +274,7 @@ def guard(db: sqlite3.Connection, path: pathlib.Path) -> None:
             shown, quoted = printable(name), printable(name.replace('"', '""'))
             raise ValueError(
                 f'{path}: holds the {kind} "{shown}"; expected the tables of a run only; '
-                f'remove it by: DROP {kind.upper()} "{quoted}"')
+                f'remove it with: DROP {kind.upper()} "{quoted}"')
 
 
 def meta_of(path: pathlib.Path, text: Any) -> dict[str, str]:

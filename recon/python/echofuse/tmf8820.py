@@ -124,7 +124,7 @@ def box(x: float, y: float, z: float) -> Array:
 
 
 def wedge(x: float, y: float, z: float) -> Array:
-    """A box whose top is drawn together to a ridge."""
+    """A box with a ridge as its top."""
     out = box(x, y, z)
     out[..., 0] *= np.where(out[..., 2] > 0, 0.05, 1)
     return out

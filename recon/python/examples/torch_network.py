@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""A network of one's own beside those of echofuse (Debian's python3-torch):
+"""A network of your own next to those of echofuse (Debian's python3-torch):
 
     PYTHONPATH=. python3 -m echofuse.bench pareto train.sqlite test.sqlite --out mine.csv --markdown
     --methods nearest torch_network:Network

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "recon/method/turned.hpp"
+#include "recon/method/rotation.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -7,11 +7,12 @@
 namespace echofuse::recon {
 namespace {
 
-constexpr double significance = 10;  // least size of the baseline, in standard deviations
-constexpr double probe_m = 0.05;     // about as far as bodies of a set are apart
+constexpr double significance = 10;  // minimum baseline, in standard deviations
+constexpr double probe_m = 0.05;     // typical distance between bodies of a data set
 constexpr std::size_t most_probed = 200;
-constexpr double least_deviation_m = 0.03;  // accuracy of a baseline that antennas do not need
-constexpr double most_range_bias_m = 0.15;  // largest random range bias that is added
+constexpr double least_deviation_m = 0.03;  // required accuracy of a baseline, if antennas give the
+                                            // position without it
+constexpr double most_range_bias_m = 0.15;  // largest random range bias added
 
 double sine_of(const Place& place) {
   const auto tangent = double{place.tangent};
@@ -24,8 +25,9 @@ double radar_range_m(double range_m, double baseline_m, double sine) {
 
 }  // namespace
 
-TurnedBodies::TurnedBodies(const Alignment& alignment, const Matrix& inputs, const Matrix& radar,
-                           const Matrix& array, const Rows& rows, const std::vector<Place>& places)
+RotatedBodies::RotatedBodies(const Alignment& alignment, const Matrix& inputs, const Matrix& radar,
+                             const Matrix& array, const Rows& rows,
+                             const std::vector<Place>& places)
     : alignment_(alignment),
       inputs_(inputs),
       radar_(radar),
@@ -35,16 +37,16 @@ TurnedBodies::TurnedBodies(const Alignment& alignment, const Matrix& inputs, con
       has_array_(alignment.array_features() > 0) {
   if (alignment.profile_points() == 0 || alignment.zone_features() > 0) return;
   double deviation_m = 0;
-  const double slope = slope_m(deviation_m), per_m = answer();
-  // Comparison that is false for a slope of 0/0, which equal records give, so that nobody is
-  // turned.
-  turns_ = std::abs(slope) > significance * deviation_m ||
-           (has_array_ && deviation_m < least_deviation_m * per_m);
-  if (turns_) baseline_m_ = slope / per_m;
+  const double slope = slope_m(deviation_m), gain = displacement_gain();
+  // False for a slope of 0/0 (equal records), which disables the rotation.
+  rotates_ = std::abs(slope) > significance * deviation_m ||
+             (has_array_ && deviation_m < least_deviation_m * gain);
+  if (rotates_) baseline_m_ = slope / gain;
 }
 
-// Least-squares slope of the displacement over the sine of the azimuth: b, to first order of b / r.
-double TurnedBodies::slope_m(double& deviation_m) const {
+// Returns the least-squares slope of the displacement over the sine of the azimuth: b, to first
+// order in b / r.
+double RotatedBodies::slope_m(double& deviation_m) const {
   const auto n = static_cast<double>(rows_.size());
   double s = 0, d = 0, ss = 0, sd = 0, dd = 0;
   for (std::size_t k = 0; k < rows_.size(); ++k) {
@@ -60,9 +62,9 @@ double TurnedBodies::slope_m(double& deviation_m) const {
   return slope;
 }
 
-// Growth of a profile's displacement when the profile moves by a metre; less than 1 where noise
-// holds it at the middle.
-double TurnedBodies::answer() const {
+// Returns the change of displacement_m() per metre of profile shift; below 1 where noise pulls it
+// to the middle.
+double RotatedBodies::displacement_gain() const {
   const std::size_t every = 1 + rows_.size() / most_probed;
   double sum_m = 0, count = 0;
   std::vector<float> moved(inputs_.cols);
@@ -78,16 +80,16 @@ double TurnedBodies::answer() const {
   return sum_m / (2 * probe_m * count);
 }
 
-double TurnedBodies::farther_m(std::size_t k, std::size_t as) const {
+double RotatedBodies::farther_m(std::size_t k, std::size_t as) const {
   const auto range_m = double{inputs_.row(rows_[k]).back()};
   return radar_range_m(range_m, baseline_m_, sine_of(places_[as])) -
          radar_range_m(range_m, baseline_m_, sine_of(places_[k]));
 }
 
-Place TurnedBodies::turn(std::size_t k, Rng& rng, std::span<float> inputs) const {
+Place RotatedBodies::rotate(std::size_t k, Rng& rng, std::span<float> inputs) const {
   std::uniform_int_distribution<std::size_t> any(0, places_.size() - 1);
-  const bool turned = turns_ && (share_ == 1 || std::bernoulli_distribution(share_)(rng));
-  const double from = sine_of(places_[k]), to = turned ? sine_of(places_[any(rng)]) : from;
+  const bool rotated = rotates_ && (share_ == 1 || std::bernoulli_distribution(share_)(rng));
+  const double from = sine_of(places_[k]), to = rotated ? sine_of(places_[any(rng)]) : from;
   const auto record = inputs_.row(rows_[k]);
   std::copy(record.begin(), record.end(), inputs.begin());
   const auto range_m = double{record.back()};

@@ -104,7 +104,7 @@ TEST_CASE("run with removed files ends at the next record and is rescued to a co
     }
 }
 
-TEST_CASE("run whose file is missing is not closed as complete") {
+TEST_CASE("run with a missing file is not closed as complete") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
   write_file(folder / "a.rescued.sqlite", "somebody's");
@@ -134,17 +134,17 @@ TEST_CASE("damaged file ends a run, a touched one does not") {
   SECTION("overwritten") {
     checkpoint(path);
     overwrite(path, 4096, fs::file_size(path) - 4096);
-    ends("what can still be read is in " + folder / "a.rescued.sqlite");
+    ends("the readable part is in " + folder / "a.rescued.sqlite");
   }
   SECTION("truncated") {
     checkpoint(path);
     fs::resize_file(path, 0);
-    ends("nothing could be kept: ");
+    ends("nothing could be rescued: ");
     CHECK_FALSE(fs::exists(folder / "a.rescued.sqlite"));
   }
   SECTION("emptied while its records are in the WAL") {
     fs::resize_file(path, 0);
-    ends("what can still be read is in " + folder / "a.rescued.sqlite");
+    ends("the readable part is in " + folder / "a.rescued.sqlite");
   }
   SECTION("touched, marked and checkpointed") {
     fs::last_write_time(path, fs::file_time_type::clock::now() + std::chrono::hours(1));
@@ -245,7 +245,7 @@ TEST_CASE("run with missing records is not closed as complete") {
   CHECK(has(text, path + ": " + said));
 }
 
-TEST_CASE("run with a shortened WAL index goes on") {
+TEST_CASE("run with a shortened WAL index continues") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
   const auto run = begin(path, 6);
@@ -298,7 +298,7 @@ TEST_CASE("label that waits while the run is closed is refused") {
   auto label = std::async(std::launch::async, [&] { put_label(path, "door", "me"); });
   std::this_thread::sleep_for(std::chrono::milliseconds(300));  // enough to find the run open
   sql(closer, "COMMIT");
-  CHECK(has(error_of([&] { label.get(); }).second, "nobody is recording this run"));
+  CHECK(has(error_of([&] { label.get(); }).second, "run is not being recorded"));
   CHECK(RunReader(path).events().empty());
 }
 
@@ -379,6 +379,6 @@ TEST_CASE("file system without shared memory is refused") {
   sqlite3_vfs_register(whole, 1);
   sqlite3_vfs_unregister(&network);
   CHECK(code == ExitCode::disk);
-  CHECK(has(text, "a.sqlite: this file system cannot hold a run while it is written"));
+  CHECK(has(text, "a.sqlite: this file system does not support a live run"));
   CHECK_FALSE(fs::exists(folder / "a.sqlite"));
 }

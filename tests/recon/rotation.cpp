@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
 // Position learning: profiles on their own grid, correlations and rotated bodies.
-#include "recon/method/turned.hpp"
+#include "recon/method/rotation.hpp"
 
 #include "recon/method/method.hpp"
 #include "world.hpp"
@@ -102,11 +102,11 @@ TEST_CASE("correlation peaks where the profile is the blurred and shifted histog
   CHECK(std::all_of(found.begin(), found.end(), [](float v) { return v == 0; }));
 }
 
-TEST_CASE("radar position is found from records if body positions matter") {
+TEST_CASE("baseline is estimated from records with different body positions") {
   const Bodies bodies;
   const auto found = [&](const std::vector<Place>& places) {
-    return TurnedBodies(bodies.alignment, bodies.inputs, bodies.radar, bodies.array, bodies.rows,
-                        places)
+    return RotatedBodies(bodies.alignment, bodies.inputs, bodies.radar, bodies.array, bodies.rows,
+                         places)
         .baseline_m();
   };
   CHECK(found(bodies.places) == Approx(baseline_m).margin(0.01));
@@ -122,12 +122,13 @@ TEST_CASE("radar position is found from records if body positions matter") {
 
 TEST_CASE("rotated body equals a body measured at that position") {
   const Bodies bodies;
-  const TurnedBodies turned(bodies.alignment, bodies.inputs, bodies.radar, bodies.array,
-                            bodies.rows, bodies.places);
+  const RotatedBodies rotated(bodies.alignment, bodies.inputs, bodies.radar, bodies.array,
+                              bodies.rows, bodies.places);
   Rng rng = make_rng(2, 0);
   std::vector<float> inputs(bodies.alignment.inputs());
   for (int i = 0; i < 100; ++i) {
-    const Place place = turned.turn(static_cast<std::size_t>(i) % bodies.rows.size(), rng, inputs);
+    const Place place =
+        rotated.rotate(static_cast<std::size_t>(i) % bodies.rows.size(), rng, inputs);
     CHECK(double{place.depth_m} * std::hypot(1.0, double{place.tangent}) ==
           Approx(Bodies::range_m).margin(1e-3));
     Matrix raw(0, testing::spd_axis().count + testing::radar_axis().count);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "recon/data/depths_seen.hpp"
+#include "recon/data/depth_check.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -12,7 +12,7 @@
 namespace echofuse::recon {
 namespace {
 
-constexpr double nearest_m = 0.05;  // no depth camera sees nearer
+constexpr double nearest_m = 0.05;  // below the minimum range of any depth camera
 
 std::string length_text(double m) {
   return m < 0.1 ? formatted("%.3g mm", 1000 * m) : formatted("%.3g m", m);
@@ -20,9 +20,10 @@ std::string length_text(double m) {
 
 }  // namespace
 
-void DepthsSeen::add(std::span<const std::uint16_t> mm, double far_m) {
+void DepthCheck::add(std::span<const std::uint16_t> mm, double far_m) {
   std::size_t p = 0;
-  // An increment of a counter waits for the one before: neighbours, often equal, have their own.
+  // Neighbouring pixels use different counters, because they often have equal depth and
+  // incrementing the same counter twice in a row is slow.
   for (; p + 4 <= mm.size(); p += 4)
     if ((mm[p] | mm[p + 1] | mm[p + 2] | mm[p + 3]) != 0)
       for (std::size_t k = 0; k < 4; ++k) ++counts_[k][mm[p + k]];
@@ -32,13 +33,13 @@ void DepthsSeen::add(std::span<const std::uint16_t> mm, double far_m) {
   far_m_ = far_m;
 }
 
-std::uint64_t DepthsSeen::farther_than(std::int64_t mm) const {
+std::uint64_t DepthCheck::farther_than(std::int64_t mm) const {
   std::uint64_t out = 0;
   for (const auto& count : counts_) out = std::accumulate(count.begin() + mm + 1, count.end(), out);
   return out;
 }
 
-double DepthsSeen::median_m() const {
+double DepthCheck::median_m() const {
   std::size_t mm = 0;
   const std::uint64_t returns = farther_than(0);
   for (std::uint64_t below = 0; 2 * below < returns;) {
@@ -48,19 +49,19 @@ double DepthsSeen::median_m() const {
   return static_cast<double>(mm) / 1000;
 }
 
-std::string DepthsSeen::text(const std::string& path, const Axis& spd) const {
+std::string DepthCheck::text(const std::string& path, const Axis& spd) const {
   const std::uint64_t returns = farther_than(0);
   if (returns == 0) return {};
   const double median = median_m();
   const std::string run = printable(path) + ": ";
   if (median < nearest_m)
     throw Error(ExitCode::failed, run + "the median depth is " + length_text(median) +
-                                      ": metres are expected, as millimetres in the images");
+                                      "; expected metres (millimetres in the images)");
   std::string out;
   if (records_beyond_ > 0)
     out = formatted(
-        "%zu of %zu records have depths beyond %.4g m, taken as no return (%.3g %% of "
-        "all depths, whose median is %s); map_z_max_m is the map's range",
+        "%zu of %zu records have depths beyond %.4g m, treated as no return (%.3g %% of "
+        "all depths; median %s); map_z_max_m is the map's range",
         records_beyond_, records_, far_m_,
         100 * static_cast<double>(farther_than(std::lround(1000 * far_m_))) /
             static_cast<double>(returns),
@@ -68,8 +69,8 @@ std::string DepthsSeen::text(const std::string& path, const Axis& spd) const {
   const double from_m = spd.start / ps_per_m, to_m = spd.at(spd.count) / ps_per_m;
   if (spd.unit == "ps" && (2 * median < from_m || median > to_m))
     out += formatted(
-        "%sthe median depth is %s, where the histogram spans %.3g to %.3g m: metres "
-        "are expected",
+        "%sthe median depth is %s, but the histogram covers %.3g to %.3g m; expected depths in "
+        "metres",
         out.empty() ? "" : "; ", length_text(median).c_str(), from_m, to_m);
   return out.empty() ? out : run + out;
 }

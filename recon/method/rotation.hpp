@@ -1,0 +1,56 @@
+// SPDX-License-Identifier: MIT
+// Rotation augmentation: creates training records at more positions than recorded. If a body
+// rotates about the SPD's vertical axis, the histogram is unchanged. The radar, b to the left of
+// the SPD, measures R'^2 = r^2 + b^2 + 2 b r sin(azimuth). Approximation: the body's profile shifts
+// by this amount and keeps its form, although the body also turns slightly relative to the radar.
+// The profile's noise is reused. The lags of the radar's antennas are rotated, in direction cosines
+// from (b + r sin) / R' of one azimuth to that of the other. With antennas a random bias is added
+// between the ranges of both sensors, so that the position is not learnt from a shift of
+// centimetres, which differs between runs. With zones no body is rotated, because it would appear
+// in other zones.
+#pragma once
+#include <span>
+#include <vector>
+
+#include "drivers/core/random.hpp"
+#include "recon/method/alignment.hpp"
+#include "recon/method/body_frame.hpp"
+
+namespace echofuse::recon {
+
+// Keeps references to its arguments.
+class RotatedBodies {
+ public:
+  // `inputs` (Alignment::with_correlations), `radar` (recorded power) and `array` (recorded lags,
+  // unused if the alignment has none) have one record per row. `rows`: records with a body;
+  // `places`: their positions, in the same order.
+  RotatedBodies(const Alignment& alignment, const Matrix& inputs, const Matrix& radar,
+                const Matrix& array, const Rows& rows, const std::vector<Place>& places);
+  // Share of the bodies that rotate() rotates; default: all.
+  void rotate_share(double share) { share_ = share; }
+
+  // Distance of the radar to the left of the SPD, m (negative: right), fitted to the profiles'
+  // displacement by position. 0 if its error exceeds a tenth or, with antennas, 3 cm.
+  double baseline_m() const { return baseline_m_; }
+  bool rotates() const { return rotates_; }  // false: no body is rotated
+  // Returns true if rotate() changes anything.
+  bool changes() const { return rotates_ || has_array_; }
+  // Returns the change of the radar's range (m) if the body of rows[k] had the azimuth of rows[as].
+  double farther_m(std::size_t k, std::size_t as) const;
+  // Writes the inputs of record rows[k], rotated to the azimuth of a random record, so that the
+  // distribution of azimuths is unchanged. Returns the new position.
+  Place rotate(std::size_t k, Rng& rng, std::span<float> inputs) const;
+
+ private:
+  double slope_m(double& deviation_m) const;
+  double displacement_gain() const;
+
+  const Alignment& alignment_;
+  const Matrix &inputs_, &radar_, &array_;
+  const Rows& rows_;
+  const std::vector<Place>& places_;
+  double baseline_m_ = 0, share_ = 1;
+  bool rotates_ = false, has_array_ = false;
+};
+
+}  // namespace echofuse::recon
