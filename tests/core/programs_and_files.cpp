@@ -152,3 +152,7 @@ TEST_CASE("a program starts in its folder without our other descriptors") {
   CHECK(start_program({"echofuse-no-such-program"}).failure().text() ==
         "echofuse-no-such-program: cannot start: No such file or directory");
 }
+
+TEST_CASE("case that hangs", "[.]") {  // ends by the deadline of tests/catch.cpp
+  for (;;) ::pause();
+}
