@@ -3,7 +3,6 @@
 """tests/system/slips.py BIN_DIR: mistyped command lines give the listed text and exit code, and the help of the command
 lists this code."""
 import functools
-import itertools
 import pathlib
 import re
 import sqlite3
@@ -108,7 +107,7 @@ acquire devices --config closed.toml | 4 | Connection refused; is its bridge run
 
 
 @functools.cache
-def stated_codes(program, command):
+def stated_codes(program, *command):
     """Returns the exit codes that the help of a command lists; all codes for help without a list of its own."""
     text = subprocess.run([bin_dir / f"echofuse-{program}", *command, "--help"], capture_output=True, text=True).stdout
     found = re.search(r"^exit codes:(.*(?:\n .*)*)", text, re.M)
@@ -118,8 +117,8 @@ def stated_codes(program, command):
 faults = []
 for program, command, wanted in (("acquire", ("run",), "0 1 2 3 4 5 6 130"), ("acquire", ("list",), "0 1 2 3"),
                                  ("recon", ("evaluate",), "0 1 2 6 130"), ("view", (), "0 1 2"), ("export", (), "0 1 2 5 6 130")):
-    if stated_codes(program, command) != set(wanted.split()):
-        faults.append(f"{program} {command}: --help lists {sorted(stated_codes(program, command))}, expected {wanted}")
+    if stated_codes(program, *command) != set(wanted.split()):
+        faults.append(f"{program} {command}: --help lists {sorted(stated_codes(program, *command))}, expected {wanted}")
 bridges = pathlib.Path(__file__).resolve().parents[2] / "scripts/bridges"
 for bridge in (bridges / f"{name}.py" for name in ("timetagger", "orbbec", "realsense", "tmf8820", "example")):
     for word, says in (("--version", f"{bridge.name} "), ("--help", "exit codes: 0 ok, 1 failed, 2 usage, 4 device")):
@@ -140,11 +139,11 @@ with tempfile.TemporaryDirectory() as folder:
         words, code, says = (part.strip() for part in line.split(" | "))
         template = bin_dir.parent / "share/echofuse/lab.toml"
         program, *rest = words.replace("TEMPLATE", str(template)).split()
-        done = subprocess.run([bin_dir / f"echofuse-{program}", *rest], cwd=folder, capture_output=True, text=True, timeout=30,
+        done = subprocess.run([bin_dir / f"echofuse-{program}", *rest], cwd=folder, capture_output=True, text=True, timeout=120,
                               env={"HOME": folder, "PATH": "/usr/bin:/bin"})
         said = done.stdout + done.stderr
-        command = tuple(itertools.takewhile(lambda word: not word.startswith("-"), rest))
-        if code not in stated_codes(program, command):
+        command = re.match(r"(?:config (?:check|show)|[a-z]+|)", " ".join(rest))[0] if program in ("acquire", "recon", "sim", "bench") else ""
+        if code not in stated_codes(program, *command.split()):
             faults.append(f"{words}: its --help does not list exit code {code}")
         if done.returncode != int(code) or says not in said:
             faults.append(f"{words}: {done.returncode} (expected {code}): {said[:200]}")
