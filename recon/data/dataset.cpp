@@ -126,10 +126,12 @@ class Appender {  // appends one run to a Dataset
       return "a radar code is too large for a power";
     to_common(radar, radar_, data_.radar_axis, 1);
     if (depths_ && r.has(Sensor::depth)) depths_->add(r.depth_mm, data_.map.far_m);
-    const bool has_zones = !zones_.empty();
-    add_row(data_.spd, has_zones ? sum_of_zones(spd, data_.spd_axis.count) : spd,
-            data_.spd_axis.count);
-    if (has_zones) add_row(data_.zone_spd, spd, zone_columns());
+    if (zones_.empty()) {
+      add_row(data_.spd, spd, data_.spd_axis.count);
+    } else {
+      add_row(data_.spd, sum_of_zones(spd, data_.spd_axis.count), data_.spd_axis.count);
+      add_row(data_.zone_spd, spd, zone_columns());
+    }
     add_row(data_.radar, radar, data_.radar_axis.count);
     add_row(data_.array, lags, lag_columns(data_.array_axis));
     add_row(data_.depth, {}, depth_columns());
@@ -165,7 +167,10 @@ class Appender {  // appends one run to a Dataset
       if (pulses > 0) ready = std::min(ready, pile_up_.correct(zone, pulses));
       if (shifts_[z]) zone = shifts_[z]->apply(zone);
       to_common(zone, spd_, data_.spd_axis, 1);
-      out.insert(out.end(), zone.begin(), zone.end());
+      if (z == 0)
+        out = std::move(zone);
+      else
+        out.insert(out.end(), zone.begin(), zone.end());
     }
     constexpr double hardly_any = 0.03;  // below this, the correction amplifies noise only
     if (pulses > 0 && ready > hardly_any) a_pulse = 0;
@@ -206,9 +211,9 @@ class Appender {  // appends one run to a Dataset
     std::vector<float> values(counts.begin(), counts.end());
     const double clicks = std::accumulate(values.begin(), values.end(), 0.0);
     const double background = double{quantile(values, 0.5)} * static_cast<double>(values.size());
-    double log_chance = 0;
-    for (const float n : values)
-      if (n > 0) log_chance -= std::log(4 * M_PI * double{n}) / 2;
+    double log_chance = 0;  // each bin lowers it
+    for (auto n = values.begin(); n < values.end() && log_chance > most_log_chance; ++n)
+      if (*n > 0) log_chance -= std::log(4 * M_PI * double{*n}) / 2;
     const bool known = clicks - background >= least_clicks && log_chance <= most_log_chance;
     return known ? hash_of_words(counts) : 0;
   }

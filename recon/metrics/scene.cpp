@@ -93,17 +93,21 @@ void archive(Archive archive, Scene& scene) {
   }
 }
 
-bool holds_returns(std::span<const float> map, const Scene& scene) {
-  const float nearest_m = nearest_share * scene.foreground_depth_m;
-  std::size_t values = 0, nearer = 0;
-  for (std::size_t p = 0; p < map.size(); ++p) {
-    if (scene.background[p] > 0 || !(map[p] > 0)) continue;
-    ++values, nearer += map[p] < nearest_m;
-  }
-  return static_cast<double>(nearer) <= most_nearer * static_cast<double>(values);
-}
-
 namespace {
+
+struct Returns {
+  std::uint32_t count = 0, nearer = 0;
+};
+
+ECHOFUSE_CLONES Returns returns_of(const float* map, const float* background, float nearest_m,
+                                   std::size_t count) {
+  Returns out;
+  for (std::size_t p = 0; p < count; ++p) {
+    const std::uint32_t here = (background[p] <= 0) & (map[p] > 0);
+    out.count += here, out.nearer += here & static_cast<std::uint32_t>(map[p] < nearest_m);
+  }
+  return out;
+}
 
 ECHOFUSE_CLONES void share_of(const float* prediction, const float* background, float depth_m,
                               std::size_t count, float* __restrict__ out) {
@@ -115,16 +119,28 @@ ECHOFUSE_CLONES void share_of(const float* prediction, const float* background, 
   }
 }
 
+ECHOFUSE_CLONES void mark_returns(const float* prediction, const float* background,
+                                  std::size_t count, float* __restrict__ share) {
+  for (std::size_t p = 0; p < count; ++p) {
+    const float found = prediction[p] > 0 ? 1.f : 0.f;
+    share[p] = background[p] <= 0 ? found : share[p];
+  }
+}
+
 }  // namespace
+
+bool holds_returns(std::span<const float> map, const Scene& scene) {
+  const Returns found = returns_of(map.data(), scene.background.data(),
+                                   nearest_share * scene.foreground_depth_m, map.size());
+  return double(found.nearer) <= most_nearer * double(found.count);
+}
 
 std::vector<float> foreground_share(std::span<const float> prediction, const Scene& scene) {
   std::vector<float> out(prediction.size());
   if (!scene.has_body()) return out;
-  share_of(prediction.data(), scene.background.data(), scene.foreground_depth_m, out.size(),
-           out.data());
-  if (!holds_returns(prediction, scene)) return out;
-  for (std::size_t p = 0; p < out.size(); ++p)
-    if (scene.background[p] <= 0) out[p] = prediction[p] > 0 ? 1 : 0;
+  const float *map = prediction.data(), *background = scene.background.data();
+  share_of(map, background, scene.foreground_depth_m, out.size(), out.data());
+  if (holds_returns(prediction, scene)) mark_returns(map, background, out.size(), out.data());
   return out;
 }
 
