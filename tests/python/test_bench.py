@@ -135,7 +135,7 @@ def test_a_bench_judges_anybodys_method_and_goes_on_where_it_stopped(run, tmp_pa
     bench.fill(again, cells, quiet=True)
     assert (tmp_path / "b.csv").read_text() == before and again.rows.keys() == table.rows.keys()
     text = bench.markdown(bench.means(again))
-    assert "`constant`" in text and "| IoU | 95 % over records | IoU against the best | depth error (maps) |" in text
+    assert "`constant`" in text and "| IoU | 95 % over records | IoU against the best | depth error on the overlap (maps) |" in text
 
 
 class Truth:

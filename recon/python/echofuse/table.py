@@ -399,7 +399,8 @@ def means(table: Table, axis: str = "model") -> list[Row]:
 def markdown(rows: Sequence[Row]) -> str:
     """A table for a README: rows of equal inputs together."""
     head = ("inputs", "method", "answered", "IoU", "95 % over records", "IoU against the best",
-            "depth error (maps)", "SSIM on the foreground", "lateral error", "mirror fraction",
+            "depth error on the overlap (maps)", "SSIM on the foreground", "lateral error",
+            "mirror fraction",
             "multiply-adds", "time of a map, one at a time", "in a batch", "threads")
     lines = ["| " + " | ".join(head) + " |", "|---" * len(head) + "|"]
     order = {"-": 0, "fused": 1, "fused-profile": 2, "spd": 3, "radar": 4}
