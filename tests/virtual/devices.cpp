@@ -9,6 +9,7 @@
 #include <deque>
 #include <filesystem>
 #include <fstream>
+#include <functional>
 #include <iterator>
 #include <random>
 #include <utility>
@@ -85,10 +86,16 @@ class Keeper {
   bool connected_ = false;
 };
 
-// Radar behind a bridge: an echo at range_m in 100 bins of 0.08 m from 0.3 m, every 50 ms.
-class BridgedRadar {
+// Device behind a bridge: sends a block of this kind every 50 ms.
+class BridgedDevice {
  public:
-  BridgedRadar(port::Loop& loop, double range_m) : range_m_(range_m), timer_(loop), listener(loop) {
+  using Payload = std::function<Bytes(std::uint32_t number)>;
+  BridgedDevice(port::Loop& loop, int kind, std::string hello, Payload payload)
+      : kind_(kind),
+        hello_(std::move(hello)),
+        payload_(std::move(payload)),
+        timer_(loop),
+        listener(loop) {
     listener.start({.connected = [this] { begin(); },
                     .left =
                         [this] {
@@ -101,22 +108,11 @@ class BridgedRadar {
  private:
   void begin() {
     number_ = 0;
-    const std::string hello = R"({"model":"R","serial":"R1","firmware":"1"})";
-    send(0, {hello.begin(), hello.end()});
+    send(0, {hello_.begin(), hello_.end()});
     next();
   }
   void next() {
-    Bytes payload;
-    put(payload, std::uint32_t{bins});
-    put(payload, number_);
-    put(payload, std::uint64_t{50'000} * number_);
-    put(payload, 0.3F), put(payload, 0.08F);
-    std::exponential_distribution<float> noise(1);
-    for (std::uint32_t i = 0; i < bins; ++i) {
-      const double off = (0.3 + 0.08 * i - range_m_) / 0.1;
-      put(payload, noise(rng_) + static_cast<float>(1e3 * std::exp(-off * off)));
-    }
-    send(5, payload);
+    send(kind_, payload_(number_));
     timer_.after(50ms, [this] { next(); });
   }
   void send(int kind, const Bytes& payload) {
@@ -124,16 +120,34 @@ class BridgedRadar {
     listener.write(sent_.back(), [](bool) {});
   }
 
-  static constexpr std::uint32_t bins = 100;
-  double range_m_;
+  int kind_;
+  std::string hello_;
+  Payload payload_;
   port::Timer timer_;
-  Rng rng_ = make_rng(3, 1);
   std::deque<Bytes> sent_;
   std::uint32_t number_ = 0;
 
  public:
   test::MemoryListener listener;
 };
+
+// Range profile with an echo at range_m in 100 bins of 0.08 m from 0.3 m.
+BridgedDevice::Payload echo_at(double range_m) {
+  return [range_m, rng = make_rng(3, 1)](std::uint32_t number) mutable {
+    constexpr std::uint32_t bins = 100;
+    Bytes payload;
+    put(payload, bins);
+    put(payload, number);
+    put(payload, std::uint64_t{50'000} * number);
+    put(payload, 0.3F), put(payload, 0.08F);
+    std::exponential_distribution<float> noise(1);
+    for (std::uint32_t i = 0; i < bins; ++i) {
+      const double off = (0.3 + 0.08 * i - range_m) / 0.1;
+      put(payload, noise(rng) + static_cast<float>(1e3 * std::exp(-off * off)));
+    }
+    return payload;
+  };
+}
 
 constexpr double spd_m = 437 * speed_of_light_m_s / 2e12, radar_m = 0.037;
 
@@ -147,6 +161,20 @@ LaboratoryOptions reflector(double more_ps = 0, const std::string& before = "det
             c.spd_delay_ps = 437 + more_ps, c.radar_bias_m = radar_m;
             c.reflector_before = before;
           }};
+}
+
+// Returns what the action prints to stdout; `path` is a file to make.
+std::string printed_by(const std::string& path, const std::function<void()>& action) {
+  std::fflush(stdout);
+  const int before = ::dup(STDOUT_FILENO);
+  const int file = ::open(path.c_str(), O_CREAT | O_WRONLY, 0600);
+  ::dup2(file, STDOUT_FILENO);
+  action();
+  std::fflush(stdout);
+  ::dup2(before, STDOUT_FILENO);
+  ::close(before), ::close(file);
+  std::ifstream in(path);
+  return std::string(std::istreambuf_iterator<char>(in), {});
 }
 
 // The reflector's position is exact, so the standard errors are those of the measurement.
@@ -314,7 +342,8 @@ TEST_CASE("both reflector mountings give the antennas' gains and phases") {
 TEST_CASE("radar behind a bridge is calibrated by its range profile") {
   Bench b(reflector());
   const std::string stored = b.folder / "c.toml";
-  BridgedRadar device(b.lab->loop, std::hypot(1, 0.5) + 0.021);
+  BridgedDevice device(b.lab->loop, 5, R"({"model":"R","serial":"R1","firmware":"1"})",
+                       echo_at(std::hypot(1, 0.5) + 0.021));
   b.lab->loop.ports["bridge:tcp://radar:1"] = device.listener.opener();
   b.lab->set({"radar.cli=", "radar.data=", "radar.address=bridge:tcp://radar:1",
               "run.calibration=" + stored},
@@ -356,6 +385,24 @@ TEST_CASE("failed calibration is not stored") {
     CHECK(calibrate(*b.lab) == ExitCode::device);
     CHECK_FALSE(std::filesystem::exists(b.folder / "c.toml"));
   }
+  SECTION("a counting board, which sends histograms") {
+    Bench b(reflector());
+    BridgedDevice device(
+        b.lab->loop, 4, R"({"model":"B","serial":"B1","firmware":"1","sends":"histograms"})",
+        [](std::uint32_t number) {
+          const std::vector<std::uint32_t> counts(64, 9);
+          return sim::histogram_payload(counts, 64, 50'000 * number, 5000, 0, 100, 50'000);
+        });
+    b.lab->loop.ports["bridge:tcp://board:1"] = device.listener.opener();
+    b.lab->set({"radar.cli=", "radar.data=", "tdc.address=bridge:tcp://board:1",
+                "run.calibration=" + b.folder / "c.toml"},
+               false);
+    ExitCode code{};
+    const std::string said = printed_by(b.folder / "said", [&] { code = calibrate(*b.lab); });
+    CHECK(code == ExitCode::device);
+    CHECK_THAT(said, Catch::Contains("sends histograms: calibrate measures time taggers only"));
+    CHECK_FALSE(std::filesystem::exists(b.folder / "c.toml"));
+  }
   SECTION("a saturated detector") {
     LaboratoryOptions bright = reflector();
     bright.laser_rate_hz = 1e4;
@@ -377,18 +424,11 @@ TEST_CASE("doctor warns of a blocked laser with the verdict of a run") {
     Bench b({.signal_photons = photons,
              .change = [](sim::Conditions& c) { c.background_counts = 1000; }});
     b.lab->set({"run.folder=" + b.folder / "", "radar.cli=", "radar.data="});
-    const std::string path = b.folder / "said";
-    std::fflush(stdout);
-    const int before = ::dup(STDOUT_FILENO);
-    const int file = ::open(path.c_str(), O_CREAT | O_WRONLY, 0600);
-    ::dup2(file, STDOUT_FILENO);
-    const ExitCode code = acquire::examine(b.lab->config(), {}, b.lab->loop);
-    std::fflush(stdout);
-    ::dup2(before, STDOUT_FILENO);
-    ::close(before), ::close(file);
+    ExitCode code{};
+    const std::string text = printed_by(
+        b.folder / "said", [&] { code = acquire::examine(b.lab->config(), {}, b.lab->loop); });
     CHECK(code == ExitCode::ok);
-    std::ifstream in(path);
-    return std::string(std::istreambuf_iterator<char>(in), {});
+    return text;
   };
   CHECK_THAT(said(3000), Catch::Contains("\nok       spd  "));
   const std::string blocked = said(0.1);
