@@ -186,6 +186,7 @@ export class Histogram extends Bench {
     this.column = 'clicks';
     this.log = this.difference = false;
     this.held = this.reference = this.counts = null;
+    this.records = 1;  // in the sum that is shown
   }
   axes(a) {
     this.x = Float64Array.from({length: a.count}, (_, i) => (a.start + (i + 0.5) * a.step) * metresPerPs * this.unit.perM);
@@ -225,7 +226,7 @@ export class Histogram extends Bench {
     const n = this.x.length, counts = this.counts?.length === n ? this.counts : null;
     const minus = this.difference && this.reference?.length === n ? this.reference : null;
     const least = v => this.log && !this.difference ? Math.max(v, floor) : v;
-    const values = Array.from(this.x, (_, i) => counts ? least(counts[i] - (minus ? minus[i] : 0)) : null);
+    const values = Array.from(this.x, (_, i) => counts ? least(counts[i] - (minus ? minus[i] * this.records : 0)) : null);
     const held = Array.from(this.x, (_, i) => this.held && !minus ? least(this.held[i]) : null);
     if (!minus) this.top = calmTop(this.top, values, 5);
     this.set([this.x, values, held]);

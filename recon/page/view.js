@@ -190,7 +190,8 @@ function drawPlan() {
 
 // Histogram, profile and rates, of a record or of a sum of records.
 const summed = () => +$('sum').value;
-function drawMeasured({arrays, rates, fits}, lacks) {
+function drawMeasured({arrays, rates, fits, spd_records: records}, lacks) {
+  histogram.records = records;
   histogram.fit = histogram.difference ? null : fits?.spd, profile.fit = fits?.radar;
   histogram.take(arrays.spd ?? null, lacks.spd, live);
   profile.take(arrays.radar ?? null, lacks.radar, live);

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "recon/view/message.hpp"
 
+#include <cmath>
 #include <nlohmann/json.hpp>
 
 #include "drivers/program/printable.hpp"
@@ -57,6 +58,8 @@ Request mark_of(const Json& text, bool label) {
 }
 
 }  // namespace
+
+Json number(double value) { return std::isfinite(value) ? Json(value) : Json(); }
 
 template <class T>
 void MessageWriter::add(const std::string& name, std::span<const T> values,

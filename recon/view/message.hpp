@@ -65,6 +65,9 @@ inline constexpr std::size_t strip_columns = 360, sheet_maps = 48, sheet_side = 
 
 using Message = std::shared_ptr<const Bytes>;
 
+// Null if the value is not finite.
+nlohmann::json number(double value);
+
 class MessageWriter {
  public:
   template <class T>

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
+#include "recon/view/message.hpp"
 #include "recon/view/peak_fit.hpp"
 #include "recon/view/pictures.hpp"
 
@@ -13,13 +14,11 @@ namespace {
 
 using Json = nlohmann::json;
 
-Json known(double value) { return std::isfinite(value) ? Json(value) : Json(); }
-
 Json fit_json(const std::optional<PeakFit>& fit) {
   if (!fit) return nullptr;
-  return {{"centre_m", known(fit->centre)},
-          {"error_m", known(fit->centre_error)},
-          {"fwhm_m", known(fit->fwhm)}};
+  return {{"centre_m", number(fit->centre)},
+          {"error_m", number(fit->centre_error)},
+          {"fwhm_m", number(fit->fwhm)}};
 }
 
 // Axis in metres of the centres of the bins.
@@ -66,16 +65,18 @@ Json Tally::rates(const Axis& axis, double laser_hz) const {
   for (std::size_t i = 0; i < bins; ++i) dark += clicks_[i];
   const double pulses = laser_hz > 0 ? laser_hz * slots_s_ : pulses_;
   const double looked_s = pulses * static_cast<double>(bins) * axis.step * 1e-12;
-  return {{"sync_hz", starts_ > 0 ? known(starts_ / slots_s_) : Json()},
-          {"pulse_hz", pulses > 0 ? known(pulses / slots_s_) : Json()},
+  return {{"sync_hz", starts_ > 0 ? number(starts_ / slots_s_) : Json()},
+          {"pulse_hz", pulses > 0 ? number(pulses / slots_s_) : Json()},
           {"click_hz", all_clicks_ / slots_s_},
-          {"dark_hz", looked_s > 0 ? known(dark / looked_s) : Json()},
-          {"clicks_a_pulse", pulses > 0 ? known(all_clicks_ / pulses) : Json()}};
+          {"dark_hz", looked_s > 0 ? number(dark / looked_s) : Json()},
+          {"clicks_a_pulse", pulses > 0 ? number(all_clicks_ / pulses) : Json()}};
 }
 
 Json Tally::numbers(const std::vector<Axis>& axes, double laser_hz, const FitRange& range) const {
   const Axis *spd = find(axes, "spd"), *radar = find(axes, "radar");
-  Json out{{"rates", nullptr}, {"fits", {{"spd", nullptr}, {"radar", nullptr}}}};
+  Json out{{"rates", nullptr},
+           {"spd_records", spd_records_},
+           {"fits", {{"spd", nullptr}, {"radar", nullptr}}}};
   if (spd && spd_records_ > 0) {
     out["rates"] = rates(*spd, laser_hz);
     out["fits"]["spd"] =

@@ -22,10 +22,11 @@ class Tally {
   void add(const record::FusedRecord& record, const std::vector<Axis>& axes, int sign = 1);
   const std::vector<double>& clicks() const { return clicks_; }        // by bin; empty without SPD
   std::vector<float> profile_db(const std::vector<Axis>& axes) const;  // empty without radar
-  // {"rates": {sync_hz, pulse_hz, click_hz, dark_hz, clicks_a_pulse}, "fits": {spd, radar:
-  // {centre_m, error_m, fwhm_m}}}; unknown values are null. Syncs: those received; behind a
-  // conditional filter there are more pulses, by `laser_hz` or (0) by an estimate. Dark clicks:
-  // those before the first return, per second in which the detector could count them.
+  // {"rates": {sync_hz, pulse_hz, click_hz, dark_hz, clicks_a_pulse}, "spd_records": number of
+  // records with SPD, "fits": {spd, radar: {centre_m, error_m, fwhm_m}}}; unknown values are null.
+  // Syncs: those received; behind a conditional filter there are more pulses, by `laser_hz` or (0)
+  // by an estimate. Dark clicks: those before the first return, per second in which the detector
+  // could count them.
   nlohmann::json numbers(const std::vector<Axis>& axes, double laser_hz = 0,
                          const FitRange& range = {}) const;
 

@@ -18,6 +18,8 @@ void take_text(std::string_view text) {
             "a mark is a short line");
   if (const auto* record = std::get_if<ShowRecord>(&request))
     require(record->index >= 0, "a record has an index");
+  if (const auto* sum = std::get_if<ShowSum>(&request))
+    require(sum->records >= 0 && sum->records <= std::int64_t{most_summed}, "a sum is bounded");
   if (const auto* sheet = std::get_if<ShowSheet>(&request))
     require(sheet->first >= 0 && sheet->first <= sheet->last, "a page of records is in order");
 }

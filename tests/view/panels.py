@@ -2,8 +2,11 @@
 # SPDX-License-Identifier: MIT
 """tests/view/panels.py BIN_DIR: alerts, numbers, sums, plan view and values of the page, in Chromium. Exit code 77 without
 Chromium."""
+import contextlib
 import re
 import signal
+import sqlite3
+import struct
 import subprocess
 import sys
 import time
@@ -133,6 +136,17 @@ class Panels(page.Page):
         self.assertAlmostEqual(float(re.search(fit, self.text("histogram-readout"))[1]), 6.6713 * float(metres[1]), delta=0.04)
         self.assertIn("ns", self.js("return document.getElementById('unit').textContent"))
         self.key("n")
+        # The difference of a sum subtracts the mean of the first minute (20 records) from each record.
+        with contextlib.closing(sqlite3.connect(f"file:{scenes}?mode=ro", uri=True)) as db:
+            rows = [struct.unpack(f"<{len(spd) // 4}I", spd) for spd, in db.execute("SELECT spd FROM record ORDER BY idx")]
+        expected = max(sum(bins[-10:]) - sum(bins[:20]) / 2 for bins in zip(*rows))
+        self.choose(10)
+        self.key("d")
+        self.wait("difference of the sum", lambda: (found := re.search(r", ([\d.]+)(k?) clicks", self.text("histogram-readout"))) and abs(
+            float(found[1]) * (1000 if found[2] else 1) / expected - 1) < 0.01)
+        self.key("d")
+        self.choose(1)
+        self.wait("first fit", lambda: metres[0] in self.text("histogram-readout"))
         # A zoom moves the fit into its part.
         over = self.browser.find_element("css selector", "#histogram .u-over")
         ActionChains(self.browser).move_to_element_with_offset(over, 20, 0).click_and_hold().move_by_offset(100, 0).release().perform()
