@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""tests/view/panels.py BIN_DIR: alerts, numbers, sums, plan view and values of the page, in Chromium. Exit code 77 without
+"""tests/view/panels.py BIN_DIR TEST: alerts, numbers, sums, plan view and values of the page, in Chromium. Exit code 77 without
 Chromium."""
 import contextlib
 import re
@@ -186,4 +186,4 @@ class Panels(page.Page):
 
 
 if __name__ == "__main__":
-    unittest.main(argv=[sys.argv[0], "Panels.test_alerts", "Panels.test_values"])
+    unittest.main(argv=[sys.argv[0], *(f"Panels.{name}" for name in sys.argv[2:])])
