@@ -315,7 +315,8 @@ RunningCost measure_cost(const TrainedModel& model, const Dataset& data, const R
   for (std::size_t i = 0; i < warm_up + repeats; ++i)
     if (const double taken = us_of({rows[i % rows.size()]}); i >= warm_up) us.push_back(taken);
   std::sort(us.begin(), us.end());
-  const Rows batch(rows.begin(), rows.begin() + std::min(rows.size(), most_at_once));
+  const auto some = std::span(rows).first(std::min(rows.size(), most_at_once));
+  const Rows batch(some.begin(), some.end());
   return {by.cost(),
           us[repeats / 2],
           us[repeats * 99 / 100],

@@ -96,7 +96,7 @@ class WhenItFails(unittest.TestCase):
         self.assertGreater(self.line("radar moved", "baseline_m=0.2"), .8)
 
     def test_other_walls(self):
-        self.reason("other walls or furniture", "background=room", least=.9)
+        self.reason("walls or furniture", "background=room", least=.9)
 
     def test_walls_that_echo(self):
         self.reason("wall echoes", "background=closed", "multipath_order=1", least=.4, model="closed")
