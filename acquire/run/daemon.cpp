@@ -408,6 +408,7 @@ void Daemon::end() {
   r.windows.finish();
   put_late();
   put_counters();
+  on_doubt_.finish(loop_.now());
   if (!r.journal.finish(status_))
     spdlog::warn(
         "{}: in use by another program; the last records stay in {}-wal until "

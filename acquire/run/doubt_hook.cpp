@@ -22,12 +22,27 @@ DoubtHook::DoubtHook(std::vector<std::string> words, const record::AlertLimits& 
 }
 
 DoubtHook::~DoubtHook() {
-  constexpr auto pause = std::chrono::milliseconds(20);
-  for (auto left = std::chrono::milliseconds(1000); left > pause && !ended(); left -= pause)
-    std::this_thread::sleep_for(pause);
   if (!program_) return;
   ::kill(-*program_, SIGKILL);
   wait_for_program(*program_);
+}
+
+void DoubtHook::finish(HostTime now) {
+  constexpr auto pause = std::chrono::milliseconds(20);
+  for (auto left = std::chrono::milliseconds(1000); left > pause; left -= pause) {
+    update(now);
+    if (!program_ && waiting_.empty()) return;
+    std::this_thread::sleep_for(pause);
+  }
+  if (!waiting_.empty())
+    warn_("alert.on_doubt: " + std::to_string(waiting_.size()) +
+          " changes not reported, because the run ended");
+  waiting_.clear();
+  if (ended()) return;
+  ::kill(-*program_, SIGKILL);
+  wait_for_program(*program_);
+  program_.reset();
+  warn_("alert.on_doubt: " + printable(words_[0]) + " was killed, because the run ended");
 }
 
 void DoubtHook::take(const record::FusedRecord& record, SensorSet configured,

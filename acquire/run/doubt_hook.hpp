@@ -18,7 +18,7 @@
 
 namespace echofuse::acquire {
 
-// Threading: one thread, which is never blocked. The program gets the change in its environment
+// Threading: one thread, which only finish() blocks. The program gets the change in its environment
 // (ECHOFUSE_SOURCE and others, acquire/README.md). One program runs at a time; it is killed, with
 // the programs that it started, after `longest`.
 class DoubtHook {
@@ -29,7 +29,7 @@ class DoubtHook {
 
   // Does nothing if `words` is empty. Throws Error(config) if words[0] cannot be executed.
   DoubtHook(std::vector<std::string> words, const record::AlertLimits& limits, Warn warn);
-  ~DoubtHook();  // waits a second for a running program, then kills it
+  ~DoubtHook();  // kills a running program
   DoubtHook(const DoubtHook&) = delete;
   DoubtHook& operator=(const DoubtHook&) = delete;
 
@@ -38,6 +38,8 @@ class DoubtHook {
   void take_disk(std::optional<std::uint64_t> free_bytes, UtcTime now, const std::string& run);
   // Starts the next program, and ends one that runs too long. To be called every 50 ms.
   void update(HostTime now);
+  // Runs the waiting changes for a second at most, then kills the program. Warns of what was lost.
+  void finish(HostTime now);
 
  private:
   struct Change {

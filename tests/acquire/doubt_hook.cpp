@@ -108,3 +108,24 @@ TEST_CASE("doubt hook reports its failures, and refuses a missing program") {
   CHECK_THROWS_AS(DoubtHook({"/none/alert.sh"}, {}, {}), Error);
   CHECK_THROWS_AS(DoubtHook({"no-such-program-anywhere"}, {}, {}), Error);
 }
+
+TEST_CASE(
+    "doubt hook reports waiting changes at the end of the run, and names those that it drops") {
+  SECTION("short programs") {
+    Calls calls;
+    calls.hook.take(record_of(0, "weak: 1"), both, "/runs/a");
+    calls.hook.take_disk(1, {}, "/runs/a");
+    calls.hook.finish(0s);
+    CHECK(calls.lines().size() == 2);
+    CHECK(calls.warnings.empty());
+  }
+  SECTION("a program that does not end") {
+    Calls calls({}, "sleep 30");
+    calls.hook.take(record_of(0, "weak: 1"), both, "/runs/a");
+    calls.hook.take_disk(1, {}, "/runs/a");
+    calls.hook.finish(0s);
+    REQUIRE(calls.warnings.size() == 2);
+    CHECK(calls.warnings[0].find("1 changes not reported") != std::string::npos);
+    CHECK(calls.warnings[1].find("was killed, because the run ended") != std::string::npos);
+  }
+}
