@@ -99,6 +99,7 @@ class Measurement {
     devices_.take("calibrate");
     devices_.start();
     devices_.wait(config_.connect_timeout_s);
+    devices_.refuse_misconfigured();
     refuse_interrupted();
     if (!devices_[Sensor::spd].delivers() && !devices_[Sensor::radar].delivers())
       throw Error(ExitCode::device, "no device to calibrate delivers after " +

@@ -103,8 +103,11 @@ void Devices::wait(double timeout_s) {
   loop_.run_until(
       [&] { return all(settled) || interrupted() || std::ranges::any_of(status_, wrong); },
       loop_.now() + from_seconds(timeout_s));
+}
+
+void Devices::refuse_misconfigured() const {
   for (const Sensor s : all_sensors)
-    if (wrong(status(s))) throw Error(ExitCode::config, describe(s));
+    if (status_[s].state == DeviceState::misconfigured) throw Error(ExitCode::config, describe(s));
 }
 
 std::vector<Counter> Devices::counters(Sensor s) const {

@@ -48,8 +48,9 @@ class Devices final : private SampleSink {
   // Stops all drivers without events; for use after an exception.
   void abandon();
   // Runs the loop until all our devices deliver data, until the timeout, or until the user
-  // interrupts. Throws Error(config) for a misconfigured device.
+  // interrupts. Returns early if a device is misconfigured.
   void wait(double timeout_s);
+  void refuse_misconfigured() const;  // throws Error(config)
   const Status& operator[](Sensor s) const { return status_[s]; }
   // Returns the counters of the sensor's driver, also after its end; empty if the sensor is not
   // configured.

@@ -147,6 +147,7 @@ ExitCode Daemon::run() {
   if (raw_) raw_->note("run", loop_.now(), "start", loop_.utc().count());
   devices_.start();
   devices_.wait(config_.connect_timeout_s);
+  devices_.refuse_misconfigured();
   require_devices();
   if (options_.countdown_s > 0) count_down();
   begin();
