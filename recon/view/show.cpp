@@ -22,6 +22,7 @@ constexpr double first_minute_s = 60;
 constexpr std::size_t most_reference_records = 200;
 constexpr std::int64_t judged_records = 100;
 constexpr double judge_pause_s = 10;
+constexpr std::int64_t most_since_mark = 20'000;    // records of a sum: 0.3 s of reading
 constexpr std::size_t most_sums = 4;                // kept, to be continued by the next record
 constexpr std::size_t most_events_searched = 1000;  // for a mark
 
@@ -134,13 +135,14 @@ Json Show::alerts() const {
   limits.no_data_s = setting_of(run_.info(), "alert.no_data_s", limits.no_data_s);
   limits.disk_free_gb = setting_of(run_.info(), "alert.disk_free_gb", limits.disk_free_gb);
   const UtcTime now = clock_.utc();
+  const auto& outlines = run_.outlines();
+  const double since_start_s = outlines.empty() ? 0 : seconds(now - outlines.front().start);
   for (const Sensor s : all_sensors) {
     const SensorState& sensor = run_.sensors()[s];
     if (!sensor.configured) continue;
     const bool stale = is_stale(sensor, run_.info().window_s, now);
-    const std::string kind =
-        record::doubt_kind(sensor.valid && !stale, sensor.verdict,
-                           age_s(sensor, now).value_or(limits.no_data_s), limits);
+    const std::string kind = record::doubt_kind(sensor.valid && !stale, sensor.verdict,
+                                                age_s(sensor, now).value_or(since_start_s), limits);
     if (!kind.empty() && kind != "ok") out.push_back({{"source", name_of(s)}, {"kind", kind}});
   }
   if (const auto free = run_.free_bytes(); free && record::is_disk_low(*free, limits))
@@ -262,7 +264,11 @@ Message Show::sum(std::int64_t index, const ShowSum& asked) {
   if (!first)
     return MessageWriter().finish({{"kind", "sum"}, {"why", "no mark before this record"}});
   if (sums_.size() >= most_sums && !sums_.contains(asked.records)) sums_.clear();
-  Summed& known = sums_[asked.records];
+  if (index - *first >= most_since_mark)
+    return MessageWriter().finish(
+        {{"kind", "sum"},
+         {"why", "the mark is more than " + std::to_string(most_since_mark) + " records ago"}});
+  Summed known = sums_[asked.records];
   const bool grows = known.edition == run_.edition() && known.first <= *first &&
                      known.last <= index && known.last >= *first;
   if (!grows) known = {.tally = {}, .first = *first, .last = *first - 1, .edition = run_.edition()};
@@ -280,6 +286,7 @@ Message Show::sum(std::int64_t index, const ShowSum& asked) {
     if (known.last < index) add(run, known.last + 1, index, 1);
   });
   known.first = *first, known.last = index;
+  sums_[asked.records] = known;
   MessageWriter out;
   if (!known.tally.clicks().empty()) out.add("spd", known.tally.clicks());
   if (const auto db = known.tally.profile_db(axes); !db.empty()) out.add("radar", db);
