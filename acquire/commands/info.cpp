@@ -175,6 +175,12 @@ std::string measure(const Json& value, const std::string& unit) {
   return text + (unit == "1" ? "" : std::string(" ") + prefix + unit);
 }
 
+std::string millimetres(const Json& metres) {
+  char text[40];
+  std::snprintf(text, sizeof text, "%.2f", 1e3 * metres.get<double>());
+  return text;
+}
+
 // Counters of bytes in MB, others as they are; without those that are 0.
 Json counts(const Json& object) {
   Json out = Json::object();
@@ -235,8 +241,8 @@ std::string to_text(const Json& j) {
                       word(a["bytes_a_record"]) + " bytes, " +
                       (a["calibrated"] ? "calibrated" : "not calibrated"));
   for (const auto& c : j["calibrations"])
-    line("offset", word(c["sensor"]) + ": " + measure(c["offset_m"], "m") + " ± " +
-                       measure(c["standard_error_m"], "m") + ", of " + word(c["date_utc"]));
+    line("offset", word(c["sensor"]) + ": " + millimetres(c["offset_m"]) + " ± " +
+                       millimetres(c["standard_error_m"]) + " mm, of " + word(c["date_utc"]));
   for (const auto& d : j["devices"])
     line("device", word(d["sensor"]) + ": " + word(d["model"]) + " " + word(d["serial"]) + " at " +
                        word(d["address"]));
