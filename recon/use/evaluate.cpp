@@ -9,6 +9,7 @@
 #include <limits>
 #include <optional>
 #include <set>
+#include <span>
 
 #include "drivers/program/console.hpp"
 #include "drivers/program/exit_code.hpp"
