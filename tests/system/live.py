@@ -308,6 +308,30 @@ class Live(unittest.TestCase):
         self.assertEqual(self.info()["status"], "crashed")
         self.check_slots(self.rows())
 
+    def test_two_boards(self):
+        """The data port of another board that still sends: `devices` lists it with the other devices, a run is refused."""
+        other = self.dir / "other"
+        self.start([bin_dir / "echofuse-sim", "lab", "--dir", other, "--scene", "reflector", "--window", str(WINDOW_S)],
+                   stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        wait_for("the other lab.toml", (other / "lab.toml").exists)
+
+        def acquire(command, config, *options):
+            return subprocess.run([bin_dir / "echofuse-acquire", command, "--config", config, *options], timeout=60,
+                                  env=os.environ | {"LD_LIBRARY_PATH": str(self.dir / "lab/openni")}, capture_output=True, text=True)
+
+        alone = "--set", "tdc.address=", "--set", "depth.address="
+        started = acquire("run", other / "lab.toml", *alone, "--set", "radar.keep_running=true", "--out", self.dir / "b", "--count", "2")
+        self.assertEqual(started.returncode, 0, started.stderr)
+        mixed = self.dir / "lab/mixed.toml"
+        mixed.write_text(re.sub(r"(?m)^data = .*", f'data = "serial:{other}/radar-data"', (self.dir / "lab/lab.toml").read_text()))
+        listed = json.loads(acquire("devices", mixed, "--json").stdout)["configured"]
+        self.assertEqual({device["sensor"]: device["state"] for device in listed},
+                         {"spd": "streaming", "radar": "misconfigured", "depth": "streaming"}, listed)
+        refused = acquire("run", mixed, "--out", self.run, "--count", "2")
+        self.assertEqual(refused.returncode, 3, refused.stderr)
+        self.assertIn("radar.cli and radar.data are ports of two boards", refused.stderr)
+        self.assertFalse(self.run.exists())
+
 
 if __name__ == "__main__":
     unittest.main(argv=[sys.argv[0], *(f"Live.{name}" for name in sys.argv[2:])])
