@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: MIT
 """Detectors with zones: runs of arrays, their inputs, and what is refused."""
+import pathlib
 import sqlite3
 import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -10,6 +12,7 @@ import echofuse
 from echofuse import derive, zones
 from programs import BIN
 
+ROOT = pathlib.Path(__file__).parents[2]
 ACQUIRE = str(BIN / "echofuse-acquire")
 TWO = [zones.Zone(-0.17, 0.02, 0.3, 1100.0), zones.Zone(0.17, 0.02, 0.3, 1000.5)]
 
@@ -116,3 +119,14 @@ def test_exports_have_an_axis_of_zones(tmp_path):
     lines = (tmp_path / "own.csv").read_text().splitlines()
     assert "# spd: x = two-way time in ps, value = counts, y = zone" in lines
     assert f"spd,2900,1,{counts()[1, 1, 29]}" in lines
+
+
+def test_example_compares_detectors_with_and_without_zones():
+    done = subprocess.run([sys.executable, ROOT / "recon/python/examples/zones.py", "--zones", "1",
+                           "3", "--train", "60", "--test", "20", "--data-sets", "1", "--methods",
+                           "mean", "nearest:spd"], capture_output=True, text=True, check=True)
+    rows = [line.split(",") for line in done.stdout.splitlines()]
+    assert [(row[0], row[4]) for row in rows[1:]] == [
+        (count, method) for count in ("1", "9") for method in ("truth", "mean", "nearest:spd")]
+    iou = {(row[0], row[4]): float(row[5] or 1) for row in rows[1:]}
+    assert iou["9", "nearest:spd"] > iou["1", "nearest:spd"] > iou["1", "mean"] == 0

@@ -38,7 +38,7 @@ def shares(maps: np.ndarray, run: echofuse.Run) -> list[float]:
 def measured(text: str, train: pathlib.Path, test: pathlib.Path) -> list[float]:
     with tempfile.TemporaryDirectory() as name, echofuse.open(test) as run:
         folder = pathlib.Path(name)
-        row = judge(method(text).fit(train, folder, 1, False), train, test, test)
+        row, _ = judge(method(text).fit(train, folder, 1, False), train, test, test)
         call("echofuse-recon", "-q", "reconstruct", folder / "model.safetensors", test, "--format",
              "npy", "--out", folder / "maps")
         return [row[column] for column in COLUMNS] + shares(load_maps(folder / "maps")[0], run)
