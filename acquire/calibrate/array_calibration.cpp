@@ -9,6 +9,7 @@
 #include <numbers>
 
 #include "acquire/calibrate/peak.hpp"
+#include "drivers/core/median.hpp"
 
 namespace echofuse::acquire {
 namespace {
@@ -39,12 +40,6 @@ std::vector<double> powers_of(const ArrayFrames& frames, std::size_t antennas) {
     for (std::size_t i = 0; i < powers.size() * antennas; ++i)
       powers[i / antennas] += std::norm(sample(frame, i)) / static_cast<double>(frames.size());
   return powers;
-}
-
-double median_of(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
 }
 
 double turn(double phase) { return std::remainder(phase, 2 * std::numbers::pi); }
@@ -93,7 +88,7 @@ AntennaFit fit_antennas(const ArrayFrames& frames, std::size_t antennas, std::si
   std::size_t top = std::min(bin, powers.size() - 1);
   for (const std::size_t near : {top - std::min<std::size_t>(top, 1), top + 1})
     if (near < powers.size() && powers[near] > powers[top]) top = near;
-  const double snr_db = 10 * std::log10(powers[top] / std::max(median_of(powers), 1e-9));
+  const double snr_db = 10 * std::log10(powers[top] / std::max(median(powers), 1e-9));
   if (!(snr_db >= least_snr_db)) {
     fit.refusal = format(
         "no peak in the antennas' samples at the reflector: %.1f dB over the median,"

@@ -10,6 +10,7 @@
 
 #include "acquire/calibrate/echo_model.hpp"
 #include "drivers/core/axis.hpp"
+#include "drivers/core/median.hpp"
 
 namespace echofuse::acquire {
 namespace {
@@ -82,12 +83,10 @@ Gaussian first_guess(std::span<const std::uint32_t> counts, std::size_t wide, Sp
                     to = std::min(best + 2 * wide, counts.size());
   const std::size_t around_from = best - std::min(best, 8 * wide),
                     around_to = std::min(best + 9 * wide, counts.size());
-  std::vector<std::uint32_t> sorted(counts.begin() + static_cast<std::ptrdiff_t>(around_from),
-                                    counts.begin() + static_cast<std::ptrdiff_t>(around_to));
-  std::nth_element(sorted.begin(), sorted.begin() + static_cast<std::ptrdiff_t>(sorted.size() / 2),
-                   sorted.end());
+  const std::vector<std::uint32_t> around(counts.begin() + static_cast<std::ptrdiff_t>(around_from),
+                                          counts.begin() + static_cast<std::ptrdiff_t>(around_to));
   Gaussian g;
-  g.floor = std::max<double>(sorted[sorted.size() / 2], 1e-3);
+  g.floor = std::max<double>(median(around), 1e-3);
   double sum = 0, first = 0, second = 0;
   for (std::size_t i = from; i < to; ++i) {
     const double w = std::max(0.0, counts[i] - g.floor), x = static_cast<double>(i) + 0.5;
@@ -291,10 +290,7 @@ Profile profile_of(const std::vector<std::vector<std::uint16_t>>& frames, double
     for (std::size_t i = 0; i < bins; ++i)
       p.deviation[i] += std::pow(frame[i] * log2_power_step - p.mean[i], 2) / (n - 1);
   for (double& d : p.deviation) d = std::sqrt(d);
-  auto sorted = p.mean;
-  const auto middle = sorted.begin() + static_cast<std::ptrdiff_t>(bins / 2);
-  std::nth_element(sorted.begin(), middle, sorted.end());
-  p.floor = *middle;
+  p.floor = median(p.mean);
   return p;
 }
 

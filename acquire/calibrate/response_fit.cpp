@@ -17,8 +17,8 @@ namespace echofuse::acquire {
 namespace {
 
 using Eigen::Index, Eigen::MatrixXd, Eigen::VectorXd;
+using record::fwhm_of_sigma;
 constexpr double pi = std::numbers::pi;
-const double fwhm_of_sigma = std::sqrt(8 * std::numbers::ln2);
 
 struct Fitted {
   VectorXd parameters;

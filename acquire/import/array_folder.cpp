@@ -8,6 +8,7 @@
 #include <limits>
 
 #include "acquire/measurement/radar_array.hpp"
+#include "drivers/core/median.hpp"
 #include "drivers/program/printable.hpp"
 
 namespace echofuse::acquire {
@@ -338,10 +339,9 @@ std::string ArrayFolder::take_depth(record::FusedRecord& r,
     if (r.depth_mm.back() > 0) returns.push_back(mm);
   }
   if (returns.empty()) return {};
-  const auto middle = returns.begin() + static_cast<std::ptrdiff_t>(returns.size() / 2);
-  std::nth_element(returns.begin(), middle, returns.end());
-  if (*middle >= least_median_mm) return {};
-  return "its median is " + std::to_string(std::lround(*middle)) + " mm; expected " +
+  const double median_mm = median(std::move(returns));
+  if (median_mm >= least_median_mm) return {};
+  return "its median is " + std::to_string(std::lround(median_mm)) + " mm; expected " +
          (millimetres_ ? "millimetres (of metres: depth.unit = \"m\")" : "metres");
 }
 

@@ -10,7 +10,9 @@
 // Values may include a standard error, "203 +- 2"; behind the taps it applies to each tap.
 #pragma once
 #include <array>
+#include <cmath>
 #include <functional>
+#include <numbers>
 #include <string>
 #include <utility>
 #include <vector>
@@ -55,6 +57,9 @@ struct Symmetry {
 };
 // Searches zero and peak from `first` to `last`.
 Symmetry symmetry_of(const std::function<double(double)>& power, double first, double last);
+
+// Full width at half maximum of a Gaussian with sigma 1.
+inline const double fwhm_of_sigma = std::sqrt(8 * std::numbers::ln2);
 
 struct Response {
   Measured irf_fwhm_ps, irf_tail_ps, irf_tail_share;  // unknown if the width is 0

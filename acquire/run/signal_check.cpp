@@ -9,6 +9,7 @@
 
 #include "acquire/record/run_file.hpp"
 #include "drivers/core/log2_codes.hpp"
+#include "drivers/core/median.hpp"
 
 namespace echofuse::acquire {
 namespace {
@@ -22,13 +23,6 @@ std::string format(const char* pattern, Values... values) {
   char text[160];
   std::snprintf(text, sizeof text, pattern, values...);
   return text;
-}
-
-template <class T>
-T median(std::vector<T> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
 }
 
 // Returns true if no 5 adjacent bins exceed the mean by five standard deviations plus five clicks

@@ -7,6 +7,8 @@
 #include <numeric>
 #include <utility>
 
+#include "drivers/core/median.hpp"
+
 namespace echofuse::acquire {
 namespace {
 
@@ -40,12 +42,6 @@ std::string rate_text(double hz) {
 
 bool near(double value, double wanted, double share) {
   return std::abs(value - wanted) <= share * wanted;
-}
-
-double median(std::vector<std::uint64_t>& values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return static_cast<double>(*middle);
 }
 
 // Returns the shortest frequent gap, because a damaged time does not repeat. The gaps are sorted.
@@ -301,7 +297,8 @@ void TagCheck::judge_starts() {
   const auto border = std::ranges::lower_bound(gaps, static_cast<std::uint64_t>(long_ps));
   std::vector<std::uint64_t> shorts(gaps.begin(), border), longs(border, gaps.end());
   if (static_cast<double>(shorts.size()) > 0.02 * count && shorts.size() >= enough) {
-    const double usual_ps = median(shorts), rest_ps = median(longs);
+    const auto usual_ps = static_cast<double>(median(shorts)),
+               rest_ps = static_cast<double>(median(longs));
     if (static_cast<double>(count_near(longs, rest_ps, 0.05)) >
             0.8 * static_cast<double>(longs.size()) &&
         static_cast<double>(count_near(shorts, usual_ps, 0.2)) >
@@ -355,7 +352,7 @@ void TagCheck::judge_clicks() {
   const bool filtered = sample_.starts < 2 * sample_.firsts;
   const double chance = filtered ? next_share_ : firsts / static_cast<double>(sample_.starts);
   if (sample_.seconds < enough || share < 0.1 || share < 2 * chance) return;
-  const double delay_ps = median(sample_.delays_ps);
+  const auto delay_ps = static_cast<double>(median(sample_.delays_ps));
   const auto around = std::ranges::count_if(sample_.delays_ps, [&](std::uint64_t d) {
     return std::abs(static_cast<double>(d) - delay_ps) < 1000;
   });

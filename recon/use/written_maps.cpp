@@ -10,6 +10,7 @@
 #include <nlohmann/json.hpp>
 #include <sstream>
 
+#include "drivers/core/median.hpp"
 #include "drivers/program/npy.hpp"
 #include "drivers/program/printable.hpp"
 #include "recon/data/files.hpp"
@@ -44,12 +45,11 @@ std::vector<float> depths(const std::string& path, std::int64_t index, std::vect
     if (z > 0) there.push_back(z);
   }
   if (there.empty()) return out;
-  const auto middle = there.begin() + static_cast<std::ptrdiff_t>(there.size() / 2);
-  std::nth_element(there.begin(), middle, there.end());
-  if (*middle > 200)
+  const float median_m = median(std::move(there));
+  if (median_m > 200)
     refuse(path, formatted("the median depth of record %lld is %g m; expected metres, not "
                            "millimetres",
-                           static_cast<long long>(index), double{*middle}));
+                           static_cast<long long>(index), double{median_m}));
   return out;
 }
 

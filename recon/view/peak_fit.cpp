@@ -7,16 +7,13 @@
 #include <numeric>
 #include <vector>
 
+#include "acquire/measurement/response.hpp"
+#include "drivers/core/median.hpp"
+
 namespace echofuse::view {
 namespace {
 
-constexpr double fwhm_of_sigma = 2.354820045;  // sqrt(8 ln 2)
-
-double median(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
+using record::fwhm_of_sigma;
 
 // Model height * exp(-(i - centre)^2 / 2 sigma^2) + background at the points i; lengths in bins.
 struct Gaussian {
@@ -58,7 +55,8 @@ std::optional<PeakFit> fit_peak(std::span<const double> values, const Axis& axis
   const auto at = [&](std::ptrdiff_t i) { return values[static_cast<std::size_t>(i)]; };
   const std::ptrdiff_t top =
       std::max_element(values.begin() + begin, values.begin() + end + 1) - values.begin();
-  const double floor = median({values.begin(), values.end()}), half = (at(top) + floor) / 2;
+  const double floor = median(std::vector(values.begin(), values.end())),
+               half = (at(top) + floor) / 2;
   std::ptrdiff_t left = top, right = top;
   while (left > begin && at(left) > half) --left;
   while (right < end && at(right) > half) ++right;
