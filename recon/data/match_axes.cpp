@@ -1,20 +1,14 @@
 // SPDX-License-Identifier: MIT
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 
 #include "drivers/program/printable.hpp"
 #include "recon/data/dataset.hpp"
 #include "recon/data/lags.hpp"
+#include "recon/numbers/text.hpp"
 
 namespace echofuse::recon {
 namespace {
-
-std::string number(double value) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%.4g", value);
-  return text;
-}
 
 // Names what is_near() refuses.
 std::string difference(const Axis& found, const Axis& wanted) {
@@ -22,18 +16,17 @@ std::string difference(const Axis& found, const Axis& wanted) {
   if (found.quantity != wanted.quantity || found.unit != wanted.unit)
     return "quantity or unit differ";
   if (found.scale != wanted.scale)
-    return "scale is " + number(found.scale) + ", expected " + number(wanted.scale);
+    return formatted("scale is %.4g, expected %.4g", found.scale, wanted.scale);
   std::string out;
   const auto add = [&](const std::string& text) { out += (out.empty() ? "" : "; ") + text; };
   const auto off = [&](std::uint32_t i) { return std::abs(found.at(i) - wanted.at(i)); };
   const double limit = std::abs(wanted.step);
-  if (off(0) > limit) add("start differs by " + number(off(0) / limit) + " bins (limit 1)");
+  if (off(0) > limit) add(formatted("start differs by %.4g bins (limit 1)", off(0) / limit));
   if (const double drift = wanted.count * std::abs(found.step - wanted.step); drift > limit)
-    add("step differs, by " + number(drift / limit) + " bins at the end (limit 1)");
+    add(formatted("step differs, by %.4g bins at the end (limit 1)", drift / limit));
   if (found.count < wanted.count)
-    add("too short: " + std::to_string(found.count) + " bins, expected " +
-        std::to_string(wanted.count));
-  return out.empty() ? "end differs by " + number(off(wanted.count) / limit) + " bins (limit 1)"
+    add(formatted("too short: %u bins, expected %u", found.count, wanted.count));
+  return out.empty() ? formatted("end differs by %.4g bins (limit 1)", off(wanted.count) / limit)
                      : out;
 }
 
