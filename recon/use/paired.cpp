@@ -35,15 +35,9 @@ MeanInterval interval_of(std::span<const double> values, Metric metric) {
   return out;
 }
 
-// Mean of the defined values, per metric.
 MapScores mean_scores(const std::vector<MapScores>& all) {
   MapScores out;
-  for (std::size_t m = 0; m < metric_count; ++m) {
-    double sum = 0, count = 0;
-    for (const MapScores& one : all)
-      if (!std::isnan(one[m])) sum += one[m], ++count;
-    out[m] = count > 0 ? sum / count : NAN;
-  }
+  std::ranges::transform(summarise(all), out.begin(), &Summary::mean);
   return out;
 }
 
@@ -118,6 +112,8 @@ std::vector<NamedScores> read_scores(const std::string& path) {
     for (std::size_t m = 0; m < metric_count; ++m)
       scores[m] = number(fields[of_metric[m]], double{NAN});
     if (!lines.contains(fields[name])) names.push_back(fields[name]);
+    if (fields[record].empty())
+      throw Error(ExitCode::failed, path + ": a line has no record number");
     lines[fields[name]][number(fields[record], std::int64_t{})].push_back(scores);
   }
   std::vector<NamedScores> out;

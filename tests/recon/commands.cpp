@@ -192,6 +192,21 @@ TEST_CASE("models with different axes or sensors are compared on their common re
   CHECK(twice["paired"][0]["metrics"]["iou"]["high"] == 0);
 }
 
+TEST_CASE("compare averages the lines of a record, and refuses a line without its number") {
+  const Folder dir;
+  const std::string path = dir / "table.csv";
+  std::ofstream(path) << "record,name,iou,lateral_m\n7,a,0.2,\n7,a,0.4,0.1\n8,a,0.5,\n";
+  const nlohmann::json a =
+      nlohmann::json::parse(recon_program("compare --json " + path).text)["methods"][0];
+  CHECK(a["records"] == 2);
+  CHECK(a["metrics"]["iou"]["mean"].get<double>() == Approx(0.4));
+  CHECK(a["metrics"]["lateral_m"]["records"] == 1);
+  std::ofstream(path) << "record,name,iou\n7,a,0.2\n,a,0.4\n";
+  const auto o = recon_program("compare " + path);
+  CHECK(o.code == 1);
+  CHECK(o.text.find("a line has no record number") != std::string::npos);
+}
+
 TEST_CASE("nearest-neighbour baseline does not depend on the evaluated model") {
   const Folder dir;
   write_run(dir / "run", 100);
