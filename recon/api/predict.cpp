@@ -11,12 +11,8 @@ namespace echofuse {
 namespace {
 
 // Without recon::Model, which is another class.
-using recon::Dataset, recon::Features, recon::MappedRecord, recon::Matrix, recon::PredictionDetail,
-    recon::RecordStatus, recon::Scene, recon::TrainedModel;
-
-PredictionDetail detail_of(const TrainedModel& model) {
-  return model->uncertainty ? PredictionDetail::pixels : PredictionDetail::maps;
-}
+using recon::Dataset, recon::Features, recon::MappedRecord, recon::Matrix, recon::RecordStatus,
+    recon::Scene, recon::TrainedModel;
 
 DepthMap public_map(MappedRecord made, const Scene& scene) {
   RecordStatus& status = made.status;
@@ -100,14 +96,15 @@ MapGrid Model::grid() const { return public_grid(file_->model->scene.grid); }
 
 DepthMap predict(const Model& model, const Run& run, std::int64_t index) {
   const TrainedModel& trained = Internals::model(model);
-  return public_map(map_record(trained, Internals::reader(run), index, detail_of(trained)),
+  return public_map(map_record(trained, Internals::reader(run), index, fullest_detail(trained)),
                     trained->scene);
 }
 
 DepthMap predict(const Model& model, std::span<const float> counts, std::span<const float> power) {
   const TrainedModel& trained = Internals::model(model);
-  return public_map(map_record(trained, dataset_of(trained, counts, power), detail_of(trained)),
-                    trained->scene);
+  return public_map(
+      map_record(trained, dataset_of(trained, counts, power), fullest_detail(trained)),
+      trained->scene);
 }
 
 }  // namespace echofuse

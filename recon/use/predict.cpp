@@ -172,6 +172,10 @@ Prediction predict(const TrainedModel& model, const Dataset& data, const Rows& r
   return out;
 }
 
+PredictionDetail fullest_detail(const TrainedModel& model) {
+  return model->uncertainty ? PredictionDetail::pixels : PredictionDetail::maps;
+}
+
 std::vector<MappedRecord> map_records(const TrainedModel& model, const Records& records,
                                       std::span<const std::size_t> rows, PredictionDetail detail) {
   const Dataset& data = records.data;

@@ -70,6 +70,9 @@ struct MappedRecord {
   std::vector<float> map_m, deviation_m;  // deviation_m: empty unless detail is `pixels`
 };
 
+// The most that the model can state.
+PredictionDetail fullest_detail(const TrainedModel& model);
+
 // Predicts the maps of these rows.
 std::vector<MappedRecord> map_records(const TrainedModel& model, const Records& records,
                                       std::span<const std::size_t> rows, PredictionDetail detail);

@@ -16,9 +16,7 @@ using namespace recon;
 Reconstruction made(const TrainedModel& whole, const record::RunReader& run, std::int64_t index) {
   Reconstruction out;
   out.grid = whole->scene.grid;
-  const bool states = whole->uncertainty.has_value();
-  MappedRecord mapped =
-      map_record(whole, run, index, states ? PredictionDetail::pixels : PredictionDetail::maps);
+  MappedRecord mapped = map_record(whole, run, index, fullest_detail(whole));
   const RecordStatus& status = mapped.status;
   out.fault = status.fault, out.note = status.note;
   if (!out.fault.empty()) return out;
