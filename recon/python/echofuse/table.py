@@ -134,7 +134,7 @@ class Table:
 
     def _append(self, path: pathlib.Path, columns: Sequence[str], rows: Iterable[Row]) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
-        half = path.exists() and path.read_bytes()[-1:] not in (b"", b"\n")  # by a kill
+        half = ends_within_a_line(path)  # by a kill
         with open(path, "a", newline="") as file:
             file.write("\n" * half)
             out = csv.DictWriter(file, columns, restval="nan", lineterminator="\n")
@@ -149,6 +149,15 @@ class Table:
 
 
 Key = tuple[str, ...]
+
+
+def ends_within_a_line(path: pathlib.Path) -> bool:
+    """Whether a file lacks its last line feed; False for an empty or missing file."""
+    if not path.exists() or not path.stat().st_size:
+        return False
+    with open(path, "rb") as file:
+        file.seek(-1, os.SEEK_END)
+        return file.read() != b"\n"
 
 
 def scores_in(path: pathlib.Path) -> dict[Key, list[Row]]:
