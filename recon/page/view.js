@@ -188,11 +188,15 @@ function drawPlan() {
     : `body at x ${made.x_m.toFixed(2)} m${interval == null ? '' : ` ± ${interval.toFixed(2)} m (90 %)`}, z ${made.z_m.toFixed(2)} m, azimuth ${(Math.atan2(made.x_m, made.z_m) * 180 / Math.PI).toFixed(1)}°`);
 }
 
+// Fits of the viewer; a difference has none.
+function takeFits(fits) {
+  histogram.fit = histogram.difference ? null : fits?.spd, profile.fit = fits?.radar;
+}
 // Histogram, profile and rates, of a record or of a sum of records.
 const summed = () => +$('sum').value;
 function drawMeasured({arrays, rates, fits, spd_records: records}, lacks) {
   histogram.records = records;
-  histogram.fit = histogram.difference ? null : fits?.spd, profile.fit = fits?.radar;
+  takeFits(fits);
   histogram.take(arrays.spd ?? null, lacks.spd, live);
   profile.take(arrays.radar ?? null, lacks.radar, live);
   const hertz = v => v == null ? '–' : `${siNumber(v)}/s`, most = run.most_clicks_a_pulse, crowded = most > 0 && rates?.clicks_a_pulse > most;
@@ -259,7 +263,7 @@ const take = {
     sum = message;
     say('rates-of', summed() === 1 || message.why ? message.why ?? '' : `of ${message.records} records from record ${message.from}`);
     if (summed() === 1) {  // the record itself is drawn
-      histogram.fit = histogram.difference ? null : message.fits.spd, profile.fit = message.fits.radar;
+      takeFits(message.fits);
       for (const chart of [histogram, profile]) chart.tell(null);
     } else drawMeasured(message, {spd: message.why ?? (message.arrays.spd ? '' : 'no data'), radar: message.why ?? (message.arrays.radar ? '' : 'no data')});
   },
