@@ -62,8 +62,8 @@ struct Config {
 
 // Reads the file, then applies `assignments` ("key=value"). The path of the radar cfg is relative
 // to the file's folder. Throws Error(config) listing all faults, each with the origin of its key.
-// Does not open devices, so a valid address may have no device. Without `with_calibration` the file
-// of run.calibration is not read, because it will be overwritten.
+// Does not open devices, so a valid address may have no device. `with_calibration`: also reads the
+// file of run.calibration; false for a command that overwrites it.
 Config load_config(const std::string& path, const std::vector<std::string>& assignments = {},
                    bool with_calibration = true);
 

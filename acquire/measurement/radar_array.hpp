@@ -31,8 +31,8 @@ inline constexpr std::size_t most_antennas = 12;
 
 // Values of one range bin, in this order: mean sample of each antenna; power of each antenna;
 // covariance, mean of x_m conj(x_n) for m < n, row by row; correlation of consecutive frames, mean
-// of sum_m x_m(t) conj(x_m(t-1)). Complex numbers are stored as real, imaginary. Units: the
-// firmware's integers, squared for powers.
+// of sum_m x_m(t) conj(x_m(t-1)). A complex number is a pair: real part, imaginary part. Samples
+// are in the firmware's integer units, and all other values in their squares.
 struct ArrayBin {
   std::span<const float> values;
   std::size_t antennas = 0;

@@ -13,7 +13,7 @@ namespace echofuse::record {
 
 struct Rescue {
   bool whole = false;  // the copy has all committed records
-  std::string text;    // message: path and state of the copy, or why there is none
+  std::string text;    // message: path and state of the copy, or the reason for its absence
 };
 
 // Creates NAME.rescued.sqlite (-2, -3 ... if it exists) next to `path`, or in the current folder if

@@ -76,8 +76,8 @@ struct Shapes {
   std::size_t array = 0, antennas = 0;
 };
 
-// Reads a record in two steps: everything except the depth image, then the image, which takes most
-// of the time and may be decoded on another thread.
+// Reads a record in two steps: all columns, then the decoding of the depth image. Decoding takes
+// most of the time and may run on another thread.
 struct HalfRead {
   FusedRecord record;
   std::string fault;  // empty: none

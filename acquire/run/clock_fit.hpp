@@ -3,12 +3,12 @@
 //
 // A sample has the device time d of its measurement and the host time h of its receipt: h = taken +
 // delay, with delay >= 0 and a long tail (buffers, scheduling). So the line taken = a + b d is on
-// or below every h, and the least delayed samples touch it. The fit keeps the least delayed sample
-// of each half second of the last 128 s. Among the edges of their lower convex hull, the one below
-// the middle of the history minimises the total delay (a linear programme, Zhang et al., INFOCOM
-// 2002). The slope is limited to 500 ppm. In the first 32 s the limit is proportional to the
-// elapsed time, because a few late samples then look like a drift. A late sample does not affect
-// the fit.
+// or below every h, and the least delayed samples touch it. The history holds the least
+// delayed sample of each half second, for 128 s. The line extends an edge of the lower convex hull
+// of these samples. The edge at the middle of the history minimises the total delay (a linear
+// programme, Zhang et al., INFOCOM 2002). The slope is limited to 500 ppm. In the first 32 s the
+// limit is proportional to the elapsed time, because a few late samples then look like a drift. A
+// late sample does not affect the fit.
 //
 // Limit: a constant transport delay (cable, processing in the radar, exposure of a camera) cannot
 // be separated from a clock offset. It remains in `offset_s`, and "taken" is late by that delay,

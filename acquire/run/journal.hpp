@@ -26,10 +26,10 @@ namespace echofuse::acquire {
 
 class RunLog;
 
-// Threading: one thread calls all members. Only the worker writes with the RunWriter, and replaces
-// it at the start of the next run; a second worker closes the previous run. After a failed job no
-// further job is run, and finish() reports the reason. Jobs wait while another program holds a
-// write transaction on the run file.
+// Threading: one thread calls all members. One worker thread executes the jobs and owns the
+// RunWriter. At the start of the next run the worker switches to a new RunWriter, and a second
+// worker closes the old one. If a job fails, the later jobs are skipped and finish() reports the
+// reason. Jobs wait while another program holds a write transaction on the run file.
 class Journal {
  public:
   using Job = std::function<void(record::RunWriter&)>;

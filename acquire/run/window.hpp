@@ -60,8 +60,8 @@ class Windows {
           SensorSet configured, SensorSet required = {});
 
   // Sets axes and zones of a device. The first announcement of an axis is valid for the run.
-  // Returns false for a device with another axis or other zones: its samples are not used until
-  // they match again.
+  // Returns false for a device with another axis or other zones: its samples are ignored until a
+  // device with the first axis and zones is announced.
   bool announce(const DeviceInfo& info);
   // Returns the axes known so far.
   std::vector<Axis> axes() const;

@@ -78,8 +78,7 @@ Step BlockParser::next(ByteView bytes, const OnBlock& on_block) {
     return refuse("bytes are not a block; expected an echofuse bridge",
                   static_cast<std::size_t>(differs - bytes.begin()) + 1);
   }
-  // Checked byte by byte until the magic is complete, so that a wrong one is reported at any split
-  // of the stream.
+  // An incomplete magic is compared, too, so that foreign bytes are reported at once.
   if (bytes.size() < magic.size()) return {0, bytes.size() + 1};
   if (bytes.size() < header_bytes) return {0, header_bytes};
   const Header header = read_header(bytes);

@@ -10,8 +10,8 @@
 
 namespace echofuse {
 
-// faulted and misconfigured: not connected, the driver tries again. misconfigured: the fault is one
-// of the configuration, so a command ends before its first record.
+// In the states `faulted` and `misconfigured` the driver is not connected and tries again.
+// `misconfigured`: the configuration is wrong, so `run` and `calibrate` stop at the start.
 enum class DeviceState : std::uint8_t { connecting, streaming, faulted, ended, misconfigured };
 inline const char* name_of(DeviceState s) {
   constexpr const char* names[] = {"connecting", "streaming", "faulted", "ended", "misconfigured"};

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Reproducible random streams: equal (seed, stream) give equal numbers on any thread, independent
-// of earlier draws.
+// Reproducible random streams: a pair (seed, stream) always gives the same numbers, on any thread
+// and in any order of the streams.
 #pragma once
 #include <cstdint>
 #include <random>

@@ -34,8 +34,8 @@ struct TagRun {
   std::uint64_t starts = 0, others = 0, backwards = 0;
 };
 
-// Counts whole groups before the first group with a marker or an invalid tag; returns their number
-// of tags. A start before them must be known. `cells` has one more cell than bins.
+// Counts whole groups up to the first group with a marker or an invalid tag. Returns the number of
+// counted tags. Requires a known `last_start_ps`. `cells` has size bins + 1.
 std::size_t count_groups(const Tag* tags, std::size_t count, const ClickBins& bins, TagRun& run,
                          std::uint32_t* cells);
 

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT
 // Features: the input of a model, computed from the raw inputs [SPD histogram ++ radar profile].
-// The histograms of all zones are concatenated. Each sensor is scaled separately, so that hundreds
-// of SPD bins do not dominate tens of radar bins. Models with aligned inputs do their own scaling
-// (method/method.hpp).
+// The histograms of all zones are concatenated. Each sensor has its own scale, because otherwise
+// hundreds of SPD bins outweigh tens of radar bins. Models with aligned inputs scale them in
+// method/method.hpp.
 #pragma once
 #include <algorithm>
 #include <span>
