@@ -131,12 +131,12 @@ for path in (root / "tests").rglob("CMakeLists.txt"):
                    if not fnmatch.filter(cases, name)]
 
 # The browsers check the files of others that the live page names, but not those within a report.
-page = root / "recon/page"
+page = root / "recon/web"
 hashes = re.findall(r'"(uPlot[\w.]+)" integrity="sha384-([^"]+)"', (page / "index.html").read_text(encoding="utf-8"))
-faults += [f"recon/page/{name}: is not the file of that hash (index.html)" for name, stated in hashes
+faults += [f"recon/web/{name}: is not the file of that hash (index.html)" for name, stated in hashes
            if base64.b64encode(hashlib.sha384((page / name).read_bytes()).digest()).decode() != stated]
 if len(hashes) != 2:
-    faults.append("recon/page/index.html: expected the hashes of two files of uPlot")
+    faults.append("recon/web/index.html: expected the hashes of two files of uPlot")
 
 formatter = shutil.which("clang-format-14")
 if formatter:

@@ -55,7 +55,7 @@ class Names(unittest.TestCase):
                 self.assertEqual(unknown, [], "older than the names it shows: scripts/make_pictures")
 
     def test_pages(self):
-        page = "".join(path.read_text() for pattern in ("*.html", "*.js") for path in (root / "recon/page").glob(pattern))
+        page = "".join(path.read_text() for pattern in ("*.html", "*.js") for path in (root / "recon/web").glob(pattern))
         for name in ("page.png", "page.webp"):
             shown = re.search(rb"names: ([^<\x00]*);", (pictures / name).read_bytes())
             if not shown:

@@ -9,7 +9,7 @@
 #include "acquire/record/run_file.hpp"
 #include "echofuse/model.hpp"
 #include "echofuse/run.hpp"
-#include "recon/use/trained_model.hpp"
+#include "recon/predict/trained_model.hpp"
 
 namespace echofuse {
 

@@ -5,7 +5,7 @@
 #include <cmath>
 
 #include "recon/api/internals.hpp"
-#include "recon/use/predict.hpp"
+#include "recon/predict/predict.hpp"
 
 namespace echofuse {
 namespace {

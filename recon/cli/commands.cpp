@@ -9,11 +9,11 @@
 #include "drivers/program/command_line.hpp"
 #include "drivers/program/console.hpp"
 #include "drivers/program/printable.hpp"
+#include "recon/maps/map_files.hpp"
+#include "recon/maps/reconstruct.hpp"
 #include "recon/numbers/parallel.hpp"
 #include "recon/numbers/text.hpp"
-#include "recon/use/empty_room.hpp"
-#include "recon/use/map_files.hpp"
-#include "recon/use/reconstruct.hpp"
+#include "recon/predict/empty_room.hpp"
 
 namespace echofuse::recon {
 

@@ -6,7 +6,7 @@
 #include <string>
 
 #include "drivers/program/exit_code.hpp"
-#include "recon/use/trained_model.hpp"
+#include "recon/predict/trained_model.hpp"
 
 namespace CLI {
 class App;

@@ -11,7 +11,7 @@
 #include "drivers/program/printable.hpp"
 #include "recon/cli/commands.hpp"
 #include "recon/numbers/text.hpp"
-#include "recon/use/paired.hpp"
+#include "recon/score/paired.hpp"
 
 namespace echofuse::recon {
 namespace {

@@ -19,12 +19,12 @@
 #include "recon/cli/commands.hpp"
 #include "recon/data/files.hpp"
 #include "recon/data/late_truth.hpp"
+#include "recon/maps/written_maps.hpp"
 #include "recon/numbers/parallel.hpp"
 #include "recon/numbers/text.hpp"
+#include "recon/score/evaluate.hpp"
+#include "recon/score/paired.hpp"
 #include "recon/train/train.hpp"
-#include "recon/use/evaluate.hpp"
-#include "recon/use/paired.hpp"
-#include "recon/use/written_maps.hpp"
 
 namespace echofuse::recon {
 namespace {

@@ -15,9 +15,9 @@
 #include "recon/cli/commands.hpp"
 #include "recon/cli/train_settings.hpp"
 #include "recon/numbers/text.hpp"
+#include "recon/score/evaluate.hpp"
 #include "recon/train/crossvalidate.hpp"
 #include "recon/train/train.hpp"
-#include "recon/use/evaluate.hpp"
 
 namespace echofuse::recon {
 namespace {

@@ -13,11 +13,11 @@
 #include "recon/cli/commands.hpp"
 #include "recon/cli/train_settings.hpp"
 #include "recon/data/response.hpp"
+#include "recon/predict/empty_room.hpp"
+#include "recon/predict/predict.hpp"
 #include "recon/train/crossvalidate.hpp"
 #include "recon/train/train.hpp"
 #include "recon/train/tune.hpp"
-#include "recon/use/empty_room.hpp"
-#include "recon/use/predict.hpp"
 
 namespace echofuse::recon {
 namespace {

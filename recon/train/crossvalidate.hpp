@@ -6,8 +6,8 @@
 #include <string>
 #include <vector>
 
+#include "recon/score/evaluate.hpp"
 #include "recon/train/train.hpp"
-#include "recon/use/evaluate.hpp"
 
 namespace echofuse::recon {
 

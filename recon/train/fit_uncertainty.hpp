@@ -8,7 +8,7 @@
 
 #include "drivers/core/random.hpp"
 #include "recon/data/split.hpp"
-#include "recon/use/estimator.hpp"
+#include "recon/predict/estimator.hpp"
 
 namespace echofuse::recon {
 

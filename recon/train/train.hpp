@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "recon/use/trained_model.hpp"
+#include "recon/predict/trained_model.hpp"
 
 namespace echofuse::recon {
 

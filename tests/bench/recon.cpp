@@ -9,7 +9,7 @@
 #include "limits.hpp"
 #include "recon/numbers/blas.hpp"
 #include "recon/numbers/parallel.hpp"
-#include "recon/use/estimator.hpp"
+#include "recon/predict/estimator.hpp"
 
 using namespace echofuse;
 using namespace echofuse::bench;

@@ -11,8 +11,8 @@
 #include "fuzz.hpp"
 #include "recon/data/files.hpp"
 #include "recon/numbers/parallel.hpp"
+#include "recon/predict/predict.hpp"
 #include "recon/train/train.hpp"
-#include "recon/use/predict.hpp"
 
 using namespace echofuse;
 using namespace echofuse::recon;

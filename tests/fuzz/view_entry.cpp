@@ -2,8 +2,8 @@
 // Input: data of a client of echofuse-view: a byte that selects the kind, then an HTTP request or a
 // WebSocket text.
 #include "fuzz.hpp"
-#include "recon/view/http.hpp"
-#include "recon/view/message.hpp"
+#include "recon/live/http.hpp"
+#include "recon/live/message.hpp"
 
 using namespace echofuse;
 using namespace echofuse::view;

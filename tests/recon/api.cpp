@@ -5,7 +5,7 @@
 #include <thread>
 
 #include "drivers/core/log2_codes.hpp"
-#include "recon/use/predict.hpp"
+#include "recon/predict/predict.hpp"
 #include "world.hpp"
 
 using namespace echofuse;

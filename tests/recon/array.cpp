@@ -3,9 +3,9 @@
 #include "recon/data/lags.hpp"
 #include "recon/method/array_view.hpp"
 #include "recon/method/rotation.hpp"
+#include "recon/predict/predict.hpp"
+#include "recon/score/evaluate.hpp"
 #include "recon/train/train.hpp"
-#include "recon/use/evaluate.hpp"
-#include "recon/use/predict.hpp"
 #include "world.hpp"
 
 using namespace echofuse;

@@ -9,8 +9,8 @@
 #include <nlohmann/json.hpp>
 
 #include "recon/data/shift.hpp"
-#include "recon/use/png.hpp"
-#include "recon/use/trained_model.hpp"
+#include "recon/maps/png.hpp"
+#include "recon/predict/trained_model.hpp"
 #include "world.hpp"
 
 using namespace echofuse;

@@ -4,8 +4,8 @@
 #include <map>
 
 #include "recon/numbers/statistics.hpp"
+#include "recon/predict/predict.hpp"
 #include "recon/train/train.hpp"
-#include "recon/use/predict.hpp"
 #include "world.hpp"
 
 using namespace echofuse;

@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: MIT
 // Moving a model from one room with a wall to another.
-#include "recon/use/empty_room.hpp"
+#include "recon/predict/empty_room.hpp"
 
 #include <nlohmann/json.hpp>
 
 #include "recon/data/shift.hpp"
+#include "recon/predict/predict.hpp"
+#include "recon/score/evaluate.hpp"
 #include "recon/train/train.hpp"
-#include "recon/use/evaluate.hpp"
-#include "recon/use/predict.hpp"
 #include "world.hpp"
 
 using namespace echofuse;

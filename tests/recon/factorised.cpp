@@ -3,8 +3,8 @@
 #include "recon/data/files.hpp"
 #include "recon/method/body_frame.hpp"
 #include "recon/method/method.hpp"
+#include "recon/score/evaluate.hpp"
 #include "recon/train/train.hpp"
-#include "recon/use/evaluate.hpp"
 #include "world.hpp"
 
 using namespace echofuse;

@@ -2,7 +2,7 @@
 // Reference of a run's scores: its own foreground and background, or RMSE without foreground.
 #include <nlohmann/json.hpp>
 
-#include "recon/use/paired.hpp"
+#include "recon/score/paired.hpp"
 #include "world.hpp"
 
 using namespace echofuse;

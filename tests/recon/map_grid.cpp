@@ -2,8 +2,8 @@
 // Depth maps of any grid: from the run's axes through training and model file to the maps.
 #include <nlohmann/json.hpp>
 
-#include "recon/use/png.hpp"
-#include "recon/use/trained_model.hpp"
+#include "recon/maps/png.hpp"
+#include "recon/predict/trained_model.hpp"
 #include "world.hpp"
 
 using namespace echofuse;

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT
 #include "recon/models/mask_loss.hpp"
 
+#include "recon/score/evaluate.hpp"
 #include "recon/train/train.hpp"
-#include "recon/use/evaluate.hpp"
 #include "world.hpp"
 
 using namespace echofuse;

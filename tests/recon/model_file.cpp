@@ -7,8 +7,8 @@
 
 #include "crafted.hpp"
 #include "recon/data/files.hpp"
+#include "recon/predict/predict.hpp"
 #include "recon/train/train.hpp"
-#include "recon/use/predict.hpp"
 #include "world.hpp"
 
 using namespace echofuse;

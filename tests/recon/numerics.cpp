@@ -8,8 +8,8 @@
 #include "recon/method/method.hpp"
 #include "recon/network/regression.hpp"
 #include "recon/numbers/components.hpp"
+#include "recon/score/evaluate.hpp"
 #include "recon/train/train.hpp"
-#include "recon/use/evaluate.hpp"
 #include "world.hpp"
 
 using namespace echofuse;

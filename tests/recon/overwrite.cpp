@@ -3,7 +3,7 @@
 #include <sys/stat.h>
 
 #include "../full_disk.hpp"
-#include "recon/use/trained_model.hpp"
+#include "recon/predict/trained_model.hpp"
 #include "world.hpp"
 
 using namespace echofuse;

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 // Degenerate data sets: every model predicts finite maps or refuses them.
+#include "recon/score/evaluate.hpp"
 #include "recon/train/train.hpp"
-#include "recon/use/evaluate.hpp"
 #include "world.hpp"
 
 using namespace echofuse;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
 // PNG files of other programs, and damaged ones.
-#include "recon/use/png.hpp"
+#include "recon/maps/png.hpp"
 
 #include <zlib.h>
 

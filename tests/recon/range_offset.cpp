@@ -3,9 +3,9 @@
 #include <nlohmann/json.hpp>
 
 #include "recon/data/shift.hpp"
+#include "recon/maps/png.hpp"
+#include "recon/score/evaluate.hpp"
 #include "recon/train/train.hpp"
-#include "recon/use/evaluate.hpp"
-#include "recon/use/png.hpp"
 #include "world.hpp"
 
 using namespace echofuse;

@@ -8,9 +8,9 @@
 
 #include "../paths.hpp"
 #include "drivers/core/clock.hpp"
-#include "recon/use/map_files.hpp"
-#include "recon/use/png.hpp"
-#include "recon/use/written_maps.hpp"
+#include "recon/maps/map_files.hpp"
+#include "recon/maps/png.hpp"
+#include "recon/maps/written_maps.hpp"
 #include "world.hpp"
 
 using namespace echofuse;

@@ -5,7 +5,7 @@
 #include <map>
 
 #include "recon/numbers/statistics.hpp"
-#include "recon/use/predict.hpp"
+#include "recon/predict/predict.hpp"
 #include "world.hpp"
 
 using namespace echofuse;

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT
+#include "recon/predict/predict.hpp"
+#include "recon/score/evaluate.hpp"
 #include "recon/train/train.hpp"
 #include "recon/trust/out_of_distribution.hpp"
-#include "recon/use/evaluate.hpp"
-#include "recon/use/predict.hpp"
 #include "world.hpp"
 
 using namespace echofuse;

@@ -6,11 +6,11 @@
 #include <numeric>
 
 #include "recon/data/response.hpp"
+#include "recon/maps/png.hpp"
+#include "recon/predict/predict.hpp"
+#include "recon/score/evaluate.hpp"
 #include "recon/train/fit_uncertainty.hpp"
 #include "recon/train/train.hpp"
-#include "recon/use/evaluate.hpp"
-#include "recon/use/png.hpp"
-#include "recon/use/predict.hpp"
 #include "world.hpp"
 
 using namespace echofuse;

@@ -4,9 +4,9 @@
 #include "recon/data/dataset.hpp"
 #include "recon/data/features.hpp"
 #include "recon/method/method.hpp"
+#include "recon/predict/predict.hpp"
+#include "recon/score/evaluate.hpp"
 #include "recon/train/train.hpp"
-#include "recon/use/evaluate.hpp"
-#include "recon/use/predict.hpp"
 #include "world.hpp"
 
 using namespace echofuse;

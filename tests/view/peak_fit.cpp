@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: MIT
-#include "recon/view/peak_fit.hpp"
+#include "recon/live/peak_fit.hpp"
 
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <nlohmann/json.hpp>
 #include <random>
 
-#include "recon/view/tally.hpp"
+#include "recon/live/tally.hpp"
 
 using namespace echofuse;
 using namespace echofuse::view;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "recon/view/session.hpp"
+#include "recon/live/session.hpp"
 
 #include <boost/asio/executor_work_guard.hpp>
 #include <boost/asio/io_context.hpp>

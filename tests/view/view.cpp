@@ -6,9 +6,9 @@
 
 #include "../folder.hpp"
 #include "acquire/record/run_file.hpp"
-#include "recon/view/access.hpp"
-#include "recon/view/followed_run.hpp"
-#include "recon/view/message.hpp"
+#include "recon/live/access.hpp"
+#include "recon/live/followed_run.hpp"
+#include "recon/live/message.hpp"
 
 using namespace echofuse;
 using namespace echofuse::view;

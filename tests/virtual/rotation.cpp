@@ -5,7 +5,7 @@
 
 #include "../acquire/testing.hpp"
 #include "bench.hpp"
-#include "recon/view/followed_run.hpp"
+#include "recon/live/followed_run.hpp"
 
 using namespace echofuse;
 using sim::FaultKind;

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 def origin_of(run: Run) -> str:
-    """Text of run.txt for maps of this run (recon/use/written_maps.hpp)."""
+    """Text of run.txt for maps of this run (recon/maps/written_maps.hpp)."""
     return f"{run.info['uuid']}\n{printable(str(run.path))}\n"
 
 

@@ -134,7 +134,7 @@ class Maps:
     depth_y: NDArray[np.float64]  #: y / z [N], upwards: from the top row down
     inputs: list[str]  #: of the estimator that answered [n]: fused, fused-profile, spd, radar
     half_tangent: float  #: of the edges of the field
-    origin: str = ""  #: text of run.txt (recon/use/written_maps.hpp)
+    origin: str = ""  #: text of run.txt (recon/maps/written_maps.hpp)
 
     def __len__(self) -> int:
         return len(self.index)

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: MIT
-"""The page of a report as JSON, which the scripts of the live page (recon/page) draw:
+"""The page of a report as JSON, which the scripts of the live page (recon/web) draw:
     {"title", "verdict", "fails": [text], "more": text, "origin": text, "span": [near_m, far_m],
     "records": [record],
      "first": [block], "sections": [{"id", "heading", "blocks": [block]}]}
-A block has a "kind"; recon/page/report.js has a function for each. Depths of records are whole
+A block has a "kind"; recon/web/report.js has a function for each. Depths of records are whole
 millimetres (16 bits, base64), deviations centimetres and shares 1/200 (8 bits)."""
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from . import run_files
 
 Block = dict[str, Any]
-# scripts and styles; in the sources a link to recon/page
+# scripts and styles; in the sources a link to recon/web
 PAGE = pathlib.Path(__file__).resolve().with_name("page")
 NONE = "\N{EN DASH}"
 
@@ -101,7 +101,7 @@ def printable(value: Any) -> Any:
 
 
 def html_of(page: Block) -> str:
-    """The page: recon/page/report.html with its styles, scripts and what it says."""
+    """The page: recon/web/report.html with its styles, scripts and what it says."""
     def read(name: str) -> str:
         return (PAGE / name).read_text(encoding="utf-8")
 

@@ -86,7 +86,7 @@ class Story:
         return [short(gather(part)) if len(part) or gather is np.sum else None for part in parts]
 
     def strips(self) -> Block:
-        """Arrays for the strips of the live page (recon/page/charts.js), and where a sensor is
+        """Arrays for the strips of the live page (recon/web/charts.js), and where a sensor is
         missing."""
         arrays = {"first": self.curve(self.at)}
         for s, valid in self.run.valid.items():

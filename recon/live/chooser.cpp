@@ -1,0 +1,96 @@
+// SPDX-License-Identifier: MIT
+#include "recon/live/chooser.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+
+#include "acquire/record/catalogue.hpp"
+#include "drivers/program/printable.hpp"
+#include "recon/live/pictures.hpp"
+
+namespace echofuse::view {
+namespace {
+
+namespace fs = std::filesystem;
+using Json = nlohmann::ordered_json;
+constexpr double longest_look_s = 0.5;
+constexpr double live_pause_s = 5;  // because a live run changes with each record
+
+std::string name_of_run(const std::string& path) { return fs::path(path).stem().string(); }
+
+// Writes whole numbers without ".0".
+Json whole(const std::vector<float>& values, double scale) {
+  Json out = Json::array();
+  for (const float v : values) out.push_back(std::lround(scale * double{v}));
+  return out;
+}
+
+void add_picture(Json& told, const record::RunReader& run, std::int64_t first) {
+  const std::vector<Axis> axes = run.axes();
+  record::MapGrid grid = record::map_grid_of(axes);
+  grid.size = chooser_side;
+  run.for_each(
+      [&](const record::FusedRecord& r) {
+        const std::vector<float> map = map_of(r, axes, grid);
+        if (!map.empty())
+          told["map"] = whole(map, 100);
+        else if (r.has(Sensor::spd))
+          told["histogram"] = whole(column_of(clicks_of(r, axes)), 1);
+        return false;
+      },
+      first, [](std::int64_t, const std::string&) {}, {Sensor::spd, Sensor::depth});
+}
+
+}  // namespace
+
+// Describes a run; with `more` also its picture, or why it cannot be read.
+struct Chooser::Told {
+  std::optional<record::RunEntry> entry;
+  Json more = Json::object();
+
+  explicit Told(const std::string& path) {
+    try {
+      const record::RunReader run(path);
+      entry = record::entry_of(run);
+      const std::int64_t records = entry->sum.records;
+      add_picture(more, run, entry->sum.last_index - records + 1 + records / 2);
+    } catch (const std::exception& e) {
+      more["fault"] = printable(e.what(), 300);
+    }
+  }
+};
+
+std::string Chooser::path_of(const std::string& name) const {
+  for (const std::string& path : record::run_files(folder_))
+    if (name_of_run(path) == name) return path;
+  return {};
+}
+
+std::string Chooser::runs() {
+  const HostTime begun = clock_.now();
+  std::map<std::string, Known> known;
+  std::vector<Json> all;
+  for (const std::string& path : record::run_files(folder_)) {
+    const FileStamp stamp = stamp_of(path);
+    const HostTime now = clock_.now();
+    Known& run = known[path] = known_[path];
+    const bool fresh = run.stamp == stamp || (stamp.written && run.stamp.written &&
+                                              seconds(now - run.read) < live_pause_s);
+    if ((!run.told || !fresh) && seconds(now - begun) < longest_look_s)
+      run = {stamp, now, std::make_shared<Told>(path)};
+    const bool entered = run.told && run.told->entry;
+    Json& shown = all.emplace_back(entered ? record::to_json(*run.told->entry)
+                                           : Json{{"name", name_of_run(path)}});
+    shown.erase("path");
+    shown.update(run.told ? run.told->more : Json{{"waits", true}});
+  }
+  known_ = std::move(known);
+  std::stable_sort(all.begin(), all.end(), [](const Json& a, const Json& b) {
+    return a.value("started_utc", "") > b.value("started_utc", "");
+  });
+  return Json(all).dump(-1, ' ', false, Json::error_handler_t::replace);
+}
+
+}  // namespace echofuse::view

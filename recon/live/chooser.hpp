@@ -1,0 +1,43 @@
+// SPDX-License-Identifier: MIT
+// Lists the runs of a folder for the start page.
+#pragma once
+#include <map>
+#include <memory>
+#include <nlohmann/json_fwd.hpp>
+#include <string>
+
+#include "drivers/core/clock.hpp"
+#include "recon/live/followed_run.hpp"
+
+namespace echofuse::view {
+
+// Threading: one thread.
+class Chooser {
+ public:
+  Chooser(std::string folder, const Clock& clock) : folder_(std::move(folder)), clock_(clock) {}
+
+  // Returns the path of the folder's run with this name (without extension); empty if there is
+  // none.
+  std::string path_of(const std::string& name) const;
+  // Returns a JSON array of the runs, newest first. Each entry has one of:
+  //   run     the fields of `echofuse-acquire list --json` except its path; of the middle record
+  //           `map` (cm, chooser_side^2, 0 = no return) or, without a camera, `histogram` (clicks)
+  //   fault   name, and why the file cannot be read
+  //   waits   name; ask again, because one call takes at most half a second
+  std::string runs();
+
+ private:
+  struct Told;
+  struct Known {
+    FileStamp stamp;
+    HostTime read{};
+    std::shared_ptr<Told> told;
+  };
+  std::string folder_;
+  const Clock& clock_;
+  std::map<std::string, Known> known_;  // by path
+};
+
+inline constexpr std::size_t chooser_side = 32;
+
+}  // namespace echofuse::view

@@ -1,0 +1,88 @@
+// SPDX-License-Identifier: MIT
+// echofuse-view: shows a run in a browser.
+#include <fcntl.h>
+#include <unistd.h>
+
+#include <CLI/CLI.hpp>
+#include <csignal>
+#include <cstdio>
+
+#include "drivers/program/command_line.hpp"
+#include "drivers/program/console.hpp"
+#include "drivers/program/printable.hpp"
+#include "recon/live/server.hpp"
+#include "recon/numbers/parallel.hpp"
+
+namespace {
+using namespace echofuse;
+using namespace echofuse::view;
+
+struct Options {
+  std::string model;
+  ServerOptions server;
+  bool quiet = false;
+};
+
+// Moves the streams to /dev/null, because the parent process may wait until they are closed.
+void leave_terminal() {
+  const int none = ::open("/dev/null", O_RDWR | O_CLOEXEC);
+  for (const int stream : {STDIN_FILENO, STDOUT_FILENO, STDERR_FILENO})
+    if (none >= 0) ::dup2(none, stream);
+  std::signal(SIGINT, SIG_IGN);  // Ctrl-C goes to the acquisition
+}
+
+ExitCode show(const Options& o) {
+  catch_interrupts();
+  recon::set_threads(1);
+  const SystemClock clock;
+  std::optional<LiveModel> model;
+  try {
+    if (!o.model.empty()) model.emplace(o.model);
+  } catch (const Error& e) {
+    if (!o.server.until_closed) throw;
+    // Without its model the page is still useful.
+    std::fprintf(stderr, "echofuse-view: %s; no maps are shown\n", printable(e.what()).c_str());
+  }
+  Server server(o.server, model ? &*model : nullptr, clock);
+  if (!o.server.until_closed)
+    if (const std::string why = server.missing(); !why.empty())
+      std::fprintf(stderr, "echofuse-view: %s\n", printable(why).c_str());
+  std::printf("%s\n", server.address().c_str());
+  std::fflush(stdout);
+  if (o.server.until_closed) leave_terminal();
+  server.run();
+  return ExitCode::ok;
+}
+
+int run(int argc, char** argv) {
+  Options o;
+  CLI::App app(
+      "show a run in a browser, live or finished; for a folder, the page lists its "
+      "runs",
+      "echofuse-view");
+  app.set_version_flag("--version", version_line("echofuse-view"));
+  app.add_option("RUN", o.server.run, "run file, or folder of runs")->type_name("RUN")->required();
+  app.add_option("--model", o.model, "model for live reconstructions")->type_name("MODEL");
+  app.add_option("--listen", o.server.listen,
+                 "ADDRESS:PORT to listen on (default 127.0.0.1:8410, or another free port); on "
+                 "an address that other machines can reach, viewing needs the token");
+  app.add_option("--planned", o.server.planned,
+                 "planned number of records, to show how many remain")
+      ->check(CLI::PositiveNumber);
+  app.add_flag("--until-closed", o.server.until_closed,
+               "exit when the run is over and no browser is connected");
+  app.add_flag("-q,--quiet", o.quiet, "print errors only");
+  more_options(app, {"--planned", "--until-closed", "--quiet"});
+  add_examples(app, {"echofuse-view monday.sqlite", "echofuse-view . --model fused.safetensors"});
+  try {
+    parse_command_line(app, argc, argv);
+  } catch (const CLI::ParseError& e) {
+    return run_main("echofuse-view",
+                    [&] { return app.exit(e) == 0 ? ExitCode::ok : ExitCode::usage; });
+  }
+  return run_main("echofuse-view", [&] { return show(o); });
+}
+
+}  // namespace
+
+int main(int argc, char** argv) { return run(argc, argv); }

@@ -1,0 +1,96 @@
+// SPDX-License-Identifier: MIT
+// One connection, from its request to its end.
+#pragma once
+#include <utility>  // before Asio (http.hpp)
+// clang-format off: the header above comes first
+#include <boost/beast/core.hpp>
+#include <boost/beast/websocket.hpp>
+// clang-format on
+#include <array>
+#include <deque>
+#include <memory>
+#include <optional>
+
+#include "recon/live/http.hpp"
+#include "recon/live/message.hpp"
+
+namespace echofuse::view {
+
+enum class Kind : std::uint8_t {
+  run,
+  trouble,
+  state,
+  reference,
+  strip,
+  record,
+  sum,
+  sheet,
+  answer
+};
+inline constexpr std::size_t kinds = 9;
+
+class Session;
+
+// Owns the sessions and answers their requests.
+class SessionOwner {
+ public:
+  virtual ~SessionOwner() = default;
+  virtual const Access& access() const = 0;
+  virtual bool has_run(const std::string& name) = 0;
+  virtual std::string runs() = 0;                                    // JSON
+  virtual void opened(const std::shared_ptr<Session>& session) = 0;  // called for a WebSocket
+  virtual void closed(const std::shared_ptr<Session>& session) = 0;
+  virtual Message answer_to(Session& session, const Request& request) = 0;  // null: no answer
+};
+
+// Runs the body of a handler; returns false if it threw. Writes the exception to stderr, because it
+// would otherwise end the program.
+bool guarded(const std::function<void()>& body);
+
+// Threading: the owner's thread. The owner outlives the session.
+class Session : public std::enable_shared_from_this<Session> {
+ public:
+  Session(boost::asio::ip::tcp::socket socket, SessionOwner& owner, int& open)
+      : stream_(std::move(socket)), owner_(owner), open_(open) {
+    ++open_;
+  }
+  ~Session() { --open_; }
+  Session(const Session&) = delete;
+  Session& operator=(const Session&) = delete;
+
+  void start();
+  // Sends a message. It replaces a queued one of the same kind.
+  void send(Kind kind, Message message);
+  bool may_write() const { return caller_.may_write; }
+  const std::string& run() const { return caller_.run; }
+
+  bool live = true;       // follows the newest record
+  std::int64_t held = 0;  // otherwise shows this one
+  std::optional<ShowSum> summed;
+
+ private:
+  void handle(const std::function<void()>& body);
+  void on_request();
+  void upgrade();
+  void read();
+  void on_message();
+  void serve();
+  void write_next();
+  void close();
+
+  boost::beast::websocket::stream<boost::beast::tcp_stream> stream_;
+  boost::beast::flat_buffer buffer_;
+  std::optional<http::request_parser<http::empty_body>> parser_;
+  HttpRequest request_;
+  HttpResponse response_;
+  SessionOwner& owner_;
+  int& open_;
+  Caller caller_;
+  bool over_ = false;
+  Message writing_;
+  std::array<Message, kinds> waiting_;
+  std::optional<Request> record_, sum_, sheet_;  // received, not answered yet; the newest only
+  std::deque<Request> marks_;                    // received, not answered yet; all of them
+};
+
+}  // namespace echofuse::view

@@ -1,0 +1,420 @@
+// SPDX-License-Identifier: MIT
+#include "recon/live/show.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+#include <filesystem>
+#include <limits>
+#include <nlohmann/json.hpp>
+
+#include "acquire/measurement/response.hpp"
+#include "acquire/record/alerts.hpp"
+#include "drivers/program/exit_code.hpp"
+#include "drivers/program/printable.hpp"
+#include "recon/live/pictures.hpp"
+
+namespace echofuse::view {
+namespace {
+
+using Json = nlohmann::json;
+constexpr double first_minute_s = 60;
+constexpr std::size_t most_reference_records = 200;
+constexpr std::int64_t judged_records = 100;
+constexpr double judge_pause_s = 10;
+constexpr std::int64_t most_since_mark = 20'000;    // records of a sum: 0.3 s of reading
+constexpr std::size_t most_sums = 4;                // kept, to be continued by the next record
+constexpr std::size_t most_events_searched = 1000;  // for a mark
+
+Json axis_json(const Axis& a) {
+  return {{"quantity", a.quantity},
+          {"unit", a.unit},
+          {"count", a.count},
+          {"start", a.start},
+          {"step", a.step}};
+}
+
+// The histogram, and of a detector with zones the histogram and direction of each.
+void add_clicks(MessageWriter& out, Json& head, const record::FusedRecord& r,
+                const record::RunReader& run) {
+  const Zones zones = run.zones();
+  const std::size_t bins = r.spd.size() / histograms_of(zones);
+  out.add("spd", sum_of_zones(r.spd, bins));
+  if (zones.size() < 2) return;
+  out.add<std::uint32_t>("zones", r.spd, {zones.size(), bins});
+  for (const Zone& z : zones)
+    head["zones"].push_back(z.has_direction() ? Json{z.x, z.y, z.width} : Json());
+}
+
+// Number of a resolved configuration.
+double setting_of(const record::RunInfo& info, const std::string& wanted, double otherwise) {
+  for_each_setting(info.config_resolved, [&](const std::string& key, const std::string& value) {
+    if (key == wanted) otherwise = std::strtod(value.c_str(), nullptr);
+  });
+  return otherwise;
+}
+double laser_hz(const record::RunInfo& info) { return setting_of(info, "tdc.laser_rate_hz", 0); }
+
+}  // namespace
+
+Message answer(bool ok, const std::string& text) {
+  return MessageWriter().finish({{"kind", "answer"}, {"ok", ok}, {"text", text}});
+}
+Message trouble(const std::string& text) {
+  return MessageWriter().finish({{"kind", "trouble"}, {"text", text}});
+}
+
+Message Show::about_run(bool may_write) const {
+  const record::RunInfo& info = run_.info();
+  Json axes = Json::object();
+  for (const Axis& a : run_.axes()) axes[a.name] = axis_json(a);
+  const record::MapGrid grid = record::map_grid_of(run_.axes());
+  Json out{{"kind", "run"},
+           {"file", std::filesystem::path(run_.path()).filename().string()},
+           {"uuid", info.uuid},
+           {"edition", run_.edition()},
+           {"window_s", info.window_s},
+           {"started_utc", info.started_utc},
+           {"host", info.host},
+           {"operator", info.operator_name},
+           {"notes", info.notes},
+           {"version", info.version},
+           {"axes", axes},
+           {"facts", facts()},
+           {"trigger", trigger_levels()},
+           {"most_clicks_a_pulse",
+            setting_of(info, "signal.clicks_a_pulse", record::most_clicks_a_pulse)},
+           {"baseline_m", record::radar_baseline_m(info.meta)},
+           {"map", {{"size", grid.size}, {"half_tangent", grid.half_tangent}}},
+           {"model", model_ ? Json(model_->name()) : Json()},
+           {"calibrated", model_ && model_->calibrated()},
+           {"may_write", may_write && run_.live()}};
+  return MessageWriter().finish(std::move(out));
+}
+
+Json Show::sensors() const {
+  const UtcTime now = clock_.utc();
+  Json out = Json::object();
+  for (const Sensor s : all_sensors) {
+    const SensorState& sensor = run_.sensors()[s];
+    const auto age = age_s(sensor, now);
+    out[name_of(s)] = {{"verdict", sensor.verdict},
+                       {"configured", sensor.configured},
+                       {"valid", sensor.valid},
+                       {"age_s", age ? number(*age) : Json()},
+                       {"stale", run_.live() && is_stale(sensor, run_.info().window_s, now)},
+                       {"used", sensor.used},
+                       {"arrived", sensor.arrived ? Json(*sensor.arrived) : Json()},
+                       {"lost", sensor.lost},
+                       {"late", sensor.late},
+                       {"missing", sensor.missing},
+                       {"residual_s", sensor.residual_s ? number(*sensor.residual_s) : Json()}};
+  }
+  return out;
+}
+
+// Free disk space, and how long it lasts at the run's mean rate.
+Json Show::disk() const {
+  const auto free = run_.free_bytes();
+  if (!free) return nullptr;
+  const auto records = static_cast<double>(run_.outlines().size());
+  Json out{{"free_bytes", *free}, {"lasts_s", nullptr}};
+  if (records > 0 && run_.bytes() > 0 && run_.info().window_s > 0)
+    out["lasts_s"] = number(static_cast<double>(*free) * records * run_.info().window_s /
+                            static_cast<double>(run_.bytes()));
+  return out;
+}
+
+// Alerts by the limits alert.* of the run's configuration.
+Json Show::alerts() const {
+  Json out = Json::array();
+  const std::string& status = run_.info().status;
+  if (!run_.live() && status != "complete") out.push_back({{"source", "run"}, {"kind", status}});
+  if (!run_.live()) return out;
+  record::AlertLimits limits;
+  limits.no_data_s = setting_of(run_.info(), "alert.no_data_s", limits.no_data_s);
+  limits.disk_free_gb = setting_of(run_.info(), "alert.disk_free_gb", limits.disk_free_gb);
+  const UtcTime now = clock_.utc();
+  const auto& outlines = run_.outlines();
+  const double since_start_s = outlines.empty() ? 0 : seconds(now - outlines.front().start);
+  for (const Sensor s : all_sensors) {
+    const SensorState& sensor = run_.sensors()[s];
+    if (!sensor.configured) continue;
+    const bool stale = is_stale(sensor, run_.info().window_s, now);
+    const std::string kind = record::doubt_kind(sensor.valid && !stale, sensor.verdict,
+                                                age_s(sensor, now).value_or(since_start_s), limits);
+    if (!kind.empty() && kind != "ok") out.push_back({{"source", name_of(s)}, {"kind", kind}});
+  }
+  if (const auto free = run_.free_bytes(); free && record::is_disk_low(*free, limits))
+    out.push_back({{"source", "disk"}, {"kind", "low"}});
+  return out;
+}
+
+Message Show::state() {
+  Json events = Json::array();
+  for (const record::Event& e : run_.events())
+    events.push_back({{"utc", e.utc},
+                      {"level", e.level},
+                      {"source", e.source},
+                      {"text", printable(e.text, 300)}});
+  const auto& outlines = run_.outlines();
+  const auto records = static_cast<std::int64_t>(outlines.size());
+  Json out{{"kind", "state"},
+           {"status", run_.info().status},
+           {"utc", iso8601(clock_.utc())},
+           {"records", records},
+           {"planned", planned_ ? Json(*planned_) : Json()},
+           {"label", run_.label()},
+           {"sensors", sensors()},
+           {"disk", disk()},
+           {"alerts", alerts()},
+           {"events", events},
+           {"first_index", nullptr},
+           {"last_index", nullptr},
+           {"elapsed_s", 0},
+           {"doubt", nullptr},
+           {"doubts", record::doubts_of(run_.verdicts())},
+           {"remaining_s", nullptr}};
+  judge_maps();
+  if (!doubt_.empty()) out["doubt"] = doubt_;
+  if (records > 0) {
+    out["first_index"] = outlines.front().index;
+    out["last_index"] = outlines.back().index;
+    const UtcTime end = run_.live() ? clock_.utc() : outlines.back().end;
+    out["elapsed_s"] = std::max(0.0, seconds(end - outlines.front().start));
+  }
+  if (planned_ && run_.live())
+    out["remaining_s"] =
+        static_cast<double>(std::max<std::int64_t>(*planned_ - records, 0)) * run_.info().window_s;
+  return MessageWriter().finish(std::move(out));
+}
+
+Message Show::record(std::int64_t index, bool live) {
+  if (last_ && index == last_index_ && live == last_live_ && last_edition_ == run_.edition())
+    return last_;
+  last_ = make_record(index, live);
+  last_index_ = index, last_live_ = live, last_edition_ = run_.edition();
+  return last_;
+}
+
+Message Show::make_record(std::int64_t index, bool live) {
+  MessageWriter out;
+  Json head{{"kind", "record"}, {"index", index}, {"live", live}};
+  run_.with_reader([&](const record::RunReader& run) {
+    const record::FusedRecord r = run.read(index);
+    const std::vector<Axis> axes = run.axes();
+    head["utc"] = iso8601(r.slot_utc);
+    head["label"] = r.label;
+    for (const Sensor s : all_sensors)
+      head["sensors"][name_of(s)] = {{"verdict", r.sync[s].verdict},
+                                     {"valid", r.has(s)},
+                                     {"used", r.sync[s].used},
+                                     {"lost", r.sync[s].lost}};
+    Tally one;
+    one.add(r, axes);
+    head.update(one.numbers(axes, laser_hz(run_.info())));
+    if (r.has(Sensor::spd)) add_clicks(out, head, r, run);
+    const Axis* radar = find(axes, "radar");
+    if (r.has(Sensor::radar) && radar) out.add("radar", to_db(r.radar, *radar));
+    if (const Axis* array = find(axes, "array"))
+      out.add<float>("beams", beams_of(r, run.antennas(), array->count),
+                     {array->count, record::beams});
+    add_maps(out, head, r, run);
+  });
+  return out.finish(std::move(head));
+}
+
+// Tested at intervals, because the result changes slowly and the test takes some milliseconds.
+void Show::judge_maps() {
+  const auto last = run_.last();
+  if (!model_ || !last || *last == judged_last_) return;
+  const HostTime now = clock_.now();
+  if (*last > judged_last_ && judged_last_ >= 0 && seconds(now - judged_) < judge_pause_s) return;
+  judged_last_ = *last, judged_ = now;
+  const std::int64_t first = std::max(run_.outlines().front().index, *last - judged_records + 1);
+  try {
+    run_.with_reader([&](const record::RunReader& run) {
+      doubt_ = model_->doubt(run, first, *last - first + 1);
+    });
+  } catch (const Error&) {
+    doubt_.clear();  // the run cannot be read, which is reported elsewhere
+  }
+}
+
+// First record that began after the newest mark before the end of record `index`.
+std::optional<std::int64_t> Show::first_since_mark(std::int64_t index) const {
+  const auto& all = run_.outlines();
+  const auto shown = std::ranges::find(all, index, &Outline::index);
+  if (shown == all.end()) return std::nullopt;
+  std::string mark;
+  run_.with_reader([&](const record::RunReader& run) {
+    for (const record::Event& e : run.last_events(most_events_searched))
+      if (e.level == "note" && e.utc <= iso8601(shown->end)) mark = e.utc;
+  });
+  if (mark.empty()) return std::nullopt;
+  const auto first =
+      std::ranges::partition_point(all, [&](const Outline& o) { return iso8601(o.start) < mark; });
+  return first == all.end() || first->index > index ? index : first->index;
+}
+
+Message Show::sum(std::int64_t index, const ShowSum& asked) {
+  const std::int64_t oldest = run_.outlines().empty() ? index : run_.outlines().front().index;
+  const auto first = asked.records > 0 ? std::optional(std::max(oldest, index - asked.records + 1))
+                                       : first_since_mark(index);
+  if (!first)
+    return MessageWriter().finish({{"kind", "sum"}, {"why", "no mark before this record"}});
+  if (sums_.size() >= most_sums && !sums_.contains(asked.records)) sums_.clear();
+  if (index - *first >= most_since_mark)
+    return MessageWriter().finish(
+        {{"kind", "sum"},
+         {"why", "the mark is more than " + std::to_string(most_since_mark) + " records ago"}});
+  Summed known = sums_[asked.records];
+  const bool grows = known.edition == run_.edition() && known.first <= *first &&
+                     known.last <= index && known.last >= *first;
+  if (!grows) known = {.tally = {}, .first = *first, .last = *first - 1, .edition = run_.edition()};
+  const std::vector<Axis>& axes = run_.axes();
+  const auto add = [&](const record::RunReader& run, std::int64_t from, std::int64_t to, int sign) {
+    run.for_each(
+        [&](const record::FusedRecord& r) {
+          if (r.index <= to) known.tally.add(r, axes, sign);
+          return r.index < to;
+        },
+        from, [](std::int64_t, const std::string&) {}, {Sensor::spd, Sensor::radar});
+  };
+  run_.with_reader([&](const record::RunReader& run) {
+    if (known.first < *first) add(run, known.first, *first - 1, -1);
+    if (known.last < index) add(run, known.last + 1, index, 1);
+  });
+  known.first = *first, known.last = index;
+  sums_[asked.records] = known;
+  MessageWriter out;
+  if (!known.tally.clicks().empty()) out.add("spd", known.tally.clicks());
+  if (const auto db = known.tally.profile_db(axes); !db.empty()) out.add("radar", db);
+  Json head = known.tally.numbers(axes, laser_hz(run_.info()), asked.range);
+  head.update({{"kind", "sum"}, {"from", *first}, {"records", index - *first + 1}});
+  return out.finish(std::move(head));
+}
+
+Message Show::strip() const {
+  const auto& all = run_.outlines();
+  const std::size_t step = all.size() / strip_columns + 1;
+  std::vector<double> first, time_s;
+  PerSensor<std::vector<float>> used, lost, residual, valid;
+  std::vector<float> radar_c, margin_ms;
+  for (std::size_t begin = 0; begin < all.size(); begin += step) {
+    const std::size_t end = std::min(begin + step, all.size());
+    first.push_back(static_cast<double>(all[begin].index));
+    time_s.push_back(seconds(all[begin].start - all.front().start));
+    for (const Sensor s : all_sensors) {
+      float sum = 0, gone = 0, worst = std::numeric_limits<float>::quiet_NaN(), good = 0;
+      for (std::size_t i = begin; i < end; ++i) {
+        sum += all[i].used[s], gone += all[i].lost[s];
+        worst = std::fmax(worst, all[i].residual_s[s]);
+        good += all[i].valid.contains(s) ? 1.0F : 0.0F;
+      }
+      const auto n = static_cast<float>(end - begin);
+      used[s].push_back(sum / n), lost[s].push_back(gone);
+      residual[s].push_back(worst), valid[s].push_back(good / n);
+    }
+    radar_c.push_back(std::nanf("")), margin_ms.push_back(std::nanf(""));
+    for (std::size_t i = begin; i < end; ++i) {
+      radar_c.back() = std::fmax(radar_c.back(), all[i].radar_c);
+      margin_ms.back() = std::fmin(margin_ms.back(), all[i].margin_ms);
+    }
+  }
+  MessageWriter out;
+  out.add("first", first), out.add("time_s", time_s);
+  out.add("radar_c", radar_c), out.add("margin_ms", margin_ms);
+  for (const Sensor s : all_sensors) {
+    const std::string name = name_of(s);
+    out.add("used_" + name, used[s]);
+    out.add("lost_" + name, lost[s]);
+    out.add("residual_s_" + name, residual[s]);
+    out.add("valid_" + name, valid[s]);
+  }
+  return out.finish({{"kind", "strip"}, {"records_a_column", step}});
+}
+
+Message Show::sheet(std::int64_t first, std::int64_t last) const {
+  std::vector<std::int64_t> within;
+  for (const Outline& o : run_.outlines())
+    if (o.index >= first && o.index <= last) within.push_back(o.index);
+  const std::size_t count = std::min(sheet_maps, within.size());
+  MessageWriter out;
+  Json indices = Json::array(), labels = Json::array(), lacks = Json::array();
+  std::vector<float> maps, spd, radar;
+  std::vector<double> time_s;
+  const auto bins = [&](const char* sensor) {
+    const Axis* axis = find(run_.axes(), sensor);
+    return axis ? column_bins(axis->count) : 0;
+  };
+  const std::vector<Axis>& axes = run_.axes();
+  record::MapGrid small = record::map_grid_of(axes);
+  small.size = sheet_side;
+  for (std::size_t k = 0; k < count; ++k) {
+    const std::int64_t index = within[count > 1 ? k * (within.size() - 1) / (count - 1) : 0];
+    run_.with_reader([&](const record::RunReader& run) {
+      std::vector<float> map;
+      std::string label;
+      bool has_map = false;
+      std::vector<float> clicks, power;
+      double at_s = 0;
+      run.for_each(
+          [&](const record::FusedRecord& r) {
+            if (r.index != index) return false;
+            map = map_of(r, axes, small), label = r.label;
+            at_s = seconds(r.slot_utc - run_.outlines().front().start);
+            if (r.has(Sensor::spd)) clicks = column_of(clicks_of(r, axes));
+            const Axis* radar_axis = find(axes, "radar");
+            if (r.has(Sensor::radar) && radar_axis) power = column_of(to_db(r.radar, *radar_axis));
+            has_map = !map.empty();
+            return false;
+          },
+          index, [](std::int64_t, const std::string&) {},
+          {Sensor::spd, Sensor::radar, Sensor::depth});
+      clicks.resize(bins("spd"), std::nanf("")), power.resize(bins("radar"), std::nanf(""));
+      spd.insert(spd.end(), clicks.begin(), clicks.end());
+      radar.insert(radar.end(), power.begin(), power.end());
+      time_s.push_back(at_s);
+      map.resize(small.pixels());
+      maps.insert(maps.end(), map.begin(), map.end());
+      indices.push_back(index), labels.push_back(label), lacks.push_back(!has_map);
+    });
+  }
+  out.add<float>("maps", maps, {indices.size(), sheet_side, sheet_side});
+  out.add<float>("spd", spd, {indices.size(), bins("spd")});
+  out.add<float>("radar", radar, {indices.size(), bins("radar")});
+  out.add("time_s", time_s);
+  return out.finish({{"kind", "sheet"}, {"index", indices}, {"label", labels}, {"lacks", lacks}});
+}
+
+Message Show::reference() {
+  if (reference_edition_ == run_.edition() && reference_) return reference_;
+  const auto& all = run_.outlines();
+  if (all.empty()) return nullptr;
+  const UtcTime end = all.front().start + from_seconds(first_minute_s);
+  if (run_.live() && all.back().end < end) return nullptr;
+  std::vector<double> sum;
+  double records = 0;
+  run_.with_reader([&](const record::RunReader& run) {
+    run.for_each(
+        [&](const record::FusedRecord& r) {
+          if (r.slot_utc >= end || records >= most_reference_records) return false;
+          if (!r.has(Sensor::spd)) return true;
+          const std::vector<float> clicks = clicks_of(r, run_.axes());
+          sum.resize(clicks.size());
+          for (std::size_t i = 0; i < sum.size(); ++i) sum[i] += double{clicks[i]};
+          ++records;
+          return true;
+        },
+        0, [](std::int64_t, const std::string&) {}, {Sensor::spd});
+  });
+  std::vector<float> mean;
+  for (const double v : sum) mean.push_back(static_cast<float>(v / std::max(records, 1.0)));
+  MessageWriter out;
+  out.add("spd", mean);
+  reference_edition_ = run_.edition();
+  return reference_ = out.finish({{"kind", "reference"}, {"records", records}});
+}
+
+}  // namespace echofuse::view

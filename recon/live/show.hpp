@@ -1,0 +1,81 @@
+// SPDX-License-Identifier: MIT
+// Builds the messages that describe a run (message.hpp), on demand.
+#pragma once
+#include <cstdint>
+#include <functional>
+#include <map>
+#include <nlohmann/json_fwd.hpp>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "drivers/core/clock.hpp"
+#include "recon/live/followed_run.hpp"
+#include "recon/live/live_model.hpp"
+#include "recon/live/message.hpp"
+
+namespace echofuse::view {
+
+// Threading: one thread. Messages about a record throw Error if it cannot be read.
+class Show {
+ public:
+  // `model` may be null; `run` and `model` outlive this. `planned`: planned number of records.
+  Show(FollowedRun& run, const LiveModel* model, std::optional<std::int64_t> planned,
+       const Clock& clock)
+      : run_(run), model_(model), planned_(planned), clock_(clock) {}
+
+  FollowedRun& run() { return run_; }
+  Message about_run(bool may_write) const;
+  Message state();
+  Message record(std::int64_t index, bool live);          // the last one is cached
+  Message sum(std::int64_t index, const ShowSum& asked);  // ends with this record
+  Message strip() const;
+  Message sheet(std::int64_t first, std::int64_t last) const;
+  // Null until the first minute or the run is over.
+  Message reference();
+
+ private:
+  nlohmann::json sensors() const;
+  nlohmann::json disk() const;
+  nlohmann::json alerts() const;
+  nlohmann::json facts() const;
+  std::string trigger_levels() const;  // as the time tagger's bridge reports them in the firmware
+  Message make_record(std::int64_t index, bool live);
+  void add_maps(MessageWriter& out, nlohmann::json& head, const record::FusedRecord& record,
+                const record::RunReader& run);
+  std::optional<std::int64_t> first_since_mark(std::int64_t index) const;
+  void judge_maps();
+  std::vector<float> track(const record::RunReader& run, std::int64_t index);
+  FollowedRun& run_;
+  const LiveModel* model_;
+  std::optional<std::int64_t> planned_;
+  const Clock& clock_;
+  Message last_, reference_;
+  std::int64_t last_index_ = -1;
+  struct Summed {
+    Tally tally;
+    std::int64_t first = 0, last = -1;
+    int edition = -1;
+  };
+  std::map<std::int64_t, Summed> sums_;  // by the number asked for
+  struct Place {                         // body; NaN if unknown
+    float x_m, z_m, interval_90_m;
+  };
+  static Place place_of(const Reconstruction& made);
+  std::map<std::int64_t, Place> places_;  // by record
+  int last_edition_ = -1, places_edition_ = -1, reference_edition_ = -1;
+  bool last_live_ = false;
+  // Why the newest records' maps are unreliable as a group.
+  std::string doubt_;
+  HostTime judged_{};
+  std::int64_t judged_last_ = -1;
+};
+
+// Calls visit(key, value) for each line of a resolved configuration ("tdc.bins", "336").
+void for_each_setting(const std::string& resolved,
+                      const std::function<void(const std::string&, const std::string&)>& visit);
+
+Message answer(bool ok, const std::string& text);
+Message trouble(const std::string& text);
+
+}  // namespace echofuse::view

@@ -1,0 +1,93 @@
+// SPDX-License-Identifier: MIT
+#include <algorithm>
+#include <cmath>
+#include <nlohmann/json.hpp>
+#include <utility>
+
+#include "recon/live/pictures.hpp"
+#include "recon/live/show.hpp"
+
+namespace echofuse::view {
+namespace {
+
+using Json = nlohmann::json;
+constexpr double track_s = 60;
+constexpr std::size_t most_places = 30;  // in a track
+constexpr std::size_t most_places_kept = 1000;
+
+}  // namespace
+
+// Camera picture, its map, and the model's map with the track of the body.
+void Show::add_maps(MessageWriter& out, Json& head, const record::FusedRecord& r,
+                    const record::RunReader& run) {
+  const std::vector<Axis> axes = run.axes();
+  const Axis *x = find(axes, "depth_x"), *y = find(axes, "depth_y");
+  const bool camera = r.has(Sensor::depth) && x && y;
+  const auto holes = [](const auto& values) {
+    const auto empty = std::ranges::count_if(values, [](auto v) { return !(v > 0); });
+    return static_cast<double>(empty) /
+           static_cast<double>(std::max<std::size_t>(values.size(), 1));
+  };
+  if (camera) {
+    const record::MapGrid grid = record::map_grid_of(axes);
+    const Picture picture = thinned(r.depth_mm, y->count, x->count);
+    const std::vector<float> map = map_of(r, axes, grid);
+    out.add<std::uint16_t>("camera", picture.mm, {picture.height, picture.width});
+    out.add<float>("map", map, {grid.size, grid.size});
+    head["holes"] = {{"camera", holes(r.depth_mm)}, {"map", holes(map)}};
+  }
+  if (!model_) return;
+  Reconstruction made = model_->reconstruct(run, r.index);
+  if (camera) model_->compare(made, map_of(r, axes, made.grid));
+  const auto given = [](const std::optional<double>& v) { return v ? number(*v) : Json(); };
+  head["reconstruction"] = {{"fault", made.fault},
+                            {"note", made.note},
+                            {"seen", model_->saw(run_.info().uuid, r.index)},
+                            {"half_tangent", made.grid.half_tangent},
+                            {"x_m", given(made.x_m)},
+                            {"z_m", given(made.z_m)},
+                            {"lateral_interval_90_m", given(made.lateral_interval_90_m)},
+                            {"iou", given(made.iou)},
+                            {"lateral_error_m", given(made.lateral_error_m)}};
+  const std::size_t side = made.grid.size;
+  if (!made.map_m.empty()) out.add<float>("reconstruction", made.map_m, {side, side});
+  if (!made.deviation_m.empty()) out.add<float>("deviation", made.deviation_m, {side, side});
+  if (std::exchange(places_edition_, run_.edition()) != run_.edition()) places_.clear();
+  places_[r.index] = place_of(made);
+  const std::vector<float> places = track(run, r.index);
+  out.add<float>("track", places, {places.size() / 4, 4});
+}
+
+Show::Place Show::place_of(const Reconstruction& made) {
+  const auto given = [](const std::optional<double>& v) {
+    return v ? static_cast<float>(*v) : std::nanf("");
+  };
+  return {given(made.x_m), given(made.z_m), given(made.lateral_interval_90_m)};
+}
+
+// Places of the body in the minute before a record: age in s, x, z, 90 % interval of x; m.
+std::vector<float> Show::track(const record::RunReader& run, std::int64_t index) {
+  std::vector<const Outline*> minute;
+  const auto& all = run_.outlines();
+  for (auto o = all.rbegin(); o != all.rend(); ++o) {
+    if (o->index > index) continue;
+    if (!minute.empty() && minute.front()->start - o->start > from_seconds(track_s)) break;
+    minute.push_back(&*o);
+  }
+  if (places_.size() > most_places_kept && !minute.empty())
+    places_.erase(places_.begin(), places_.lower_bound(minute.back()->index));
+  const auto step = static_cast<std::int64_t>(minute.size() / most_places + 1);
+  std::vector<float> out;
+  for (const Outline* o : minute) {
+    if (o->index != index && o->index % step != 0) continue;
+    auto known = places_.find(o->index);
+    if (known == places_.end())
+      known = places_.emplace(o->index, place_of(model_->reconstruct(run, o->index))).first;
+    const auto& [x_m, z_m, interval_m] = known->second;
+    const double age_s = seconds(minute.front()->start - o->start);
+    out.insert(out.end(), {static_cast<float>(age_s), x_m, z_m, interval_m});
+  }
+  return out;
+}
+
+}  // namespace echofuse::view

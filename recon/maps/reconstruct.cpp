@@ -1,0 +1,334 @@
+// SPDX-License-Identifier: MIT
+#include "recon/maps/reconstruct.hpp"
+
+#include <algorithm>
+#include <cerrno>
+#include <charconv>
+#include <cmath>
+#include <cstdio>
+#include <cstring>
+#include <deque>
+#include <filesystem>
+#include <fstream>
+#include <future>
+#include <limits>
+#include <optional>
+#include <set>
+#include <span>
+#include <utility>
+
+#include "acquire/record/follow.hpp"
+#include "acquire/record/run_file.hpp"
+#include "acquire/record/run_names.hpp"
+#include "drivers/program/console.hpp"
+#include "drivers/program/new_file.hpp"
+#include "drivers/program/printable.hpp"
+#include "drivers/program/program.hpp"
+#include "recon/data/files.hpp"
+#include "recon/maps/map_files.hpp"
+#include "recon/maps/written_maps.hpp"
+#include "recon/numbers/text.hpp"
+#include "recon/predict/predict.hpp"
+
+namespace echofuse::recon {
+namespace {
+
+constexpr std::size_t part_records = 64;  // records per prediction; while following, per read
+
+bool wants_uncertainty(const ReconstructOptions& options) {
+  const auto& formats = options.formats;
+  return std::find(formats.begin(), formats.end(), "uncertainty") != formats.end();
+}
+
+// Throws Error(usage).
+std::set<std::int64_t> indices_of(const std::string& text) {
+  std::set<std::int64_t> out;
+  for (const std::string& word : split_at_commas(text)) {
+    std::int64_t index = -1;
+    const auto [end, error] = std::from_chars(word.data(), word.data() + word.size(), index);
+    if (error != std::errc{} || end != word.data() + word.size() || index < 0)
+      throw Error(ExitCode::usage,
+                  "--rows: \"" + word + "\": expected record indices, e.g. 3,7, or test");
+    out.insert(index);
+  }
+  return out;
+}
+
+// Indices of the run's records that trained the model, if known from their numbers.
+std::set<std::int64_t> trained_on(const TrainedModel& model, const std::string& uuid) {
+  std::set<std::int64_t> out;
+  for (std::size_t i = 0; i < model.seen.index.size(); ++i)
+    if (model.seen.runs[model.seen.run[i]] == uuid &&
+        model.seen.part[i] != static_cast<std::uint8_t>(Part::test))
+      out.insert(model.seen.index[i]);
+  return out;
+}
+
+// Writes OUT/run.txt: the run of the maps, and its records that trained the model.
+void mark(const ReconstructOptions& options, const TrainedModel& model,
+          const record::RunReader& run, const std::set<std::int64_t>& trained) {
+  std::string numbers;
+  for (const std::int64_t index : trained)
+    numbers += (numbers.empty() ? trained_on_records : ",") + std::to_string(index);
+  write_atomically(options.out + "/run.txt",
+                   run.info().uuid + "\n" + printable(run.path()) + "\n" + numbers +
+                       (numbers.empty() ? "" : "\n") + calibration_of(model) + "\n" +
+                       (options.range_offset_m == 0
+                            ? ""
+                            : formatted("range offset %.9g m\n", options.range_offset_m)));
+}
+
+class StatusTable {
+ public:
+  explicit StatusTable(const std::string& path) : path_(path) {
+    write_atomically(path,
+                     "record,status,after_slot_s,x_m,z_m,lateral_interval_90_m,distance,two_bodies,"
+                     "out_of_distribution,uncertainty\n");
+    out_.open(path, std::ios::binary | std::ios::app);
+  }
+  void add(const RecordStatus& r) {
+    const std::string made =
+        (r.note.empty() ? "ok" : r.note) + (r.doubt.empty() ? "" : "; " + r.doubt);
+    const std::string status = r.fault.empty() ? made : r.fault;
+    out_ << r.index << "," << csv_text(status) << ","
+         << (r.after_slot_s ? formatted("%.4f", *r.after_slot_s) : "")
+         << (r.body ? formatted(",%.3f,%.3f,", r.body->x_m, r.body->z_m) : ",,,");
+    if (r.uncertainty) add(*r.uncertainty);
+    out_ << (r.uncertainty ? "," : ",,,,")
+         << (r.fault.empty() ? calibration_name(r.uncertainty.has_value()) : "") << "\n";
+  }
+  void flush() {
+    out_.flush();
+    if (!out_) throw Error(ExitCode::disk, path_ + ": cannot write: " + std::strerror(errno));
+  }
+  void close() {
+    flush();
+    sync_file(path_);
+  }
+
+ private:
+  void add(const PredictionUncertainty& c) {
+    out_ << (std::isnan(c.lateral_interval_90_m) ? "" : formatted("%.3f", c.lateral_interval_90_m))
+         << formatted(",%.3f,", c.out_of_distribution.distance)
+         << (std::isnan(c.out_of_distribution.two_bodies)
+                 ? ""
+                 : formatted("%.3f", c.out_of_distribution.two_bodies))
+         << ",\"" << c.out_of_distribution.text() << "\"";
+  }
+  std::string path_;
+  std::ofstream out_;
+};
+
+// Reconstruction of one run: reads records, predicts maps, writes files and records.csv.
+class Reconstruction {
+ public:
+  Reconstruction(const TrainedModel& model, const ReconstructOptions& options)
+      : model_(model),
+        options_(options),
+        files_(options.out, options.formats, model->scene),
+        table_(options.out + "/records.csv"),
+        started_(clock_.now()) {}
+
+  // Reconstructs a complete run. Reads all records before the first map, because notes about the
+  // run depend on all of them.
+  void take_all(const record::RunReader& run);
+  // Reconstructs the records added since the last call; returns true if there were any.
+  bool take_new(const record::RunReader& run);
+  void close() { files_.close(), table_.close(); }
+
+ private:
+  Dataset read(const record::RunReader& run, std::size_t at_most);
+  Rows take_rows_asked(const Dataset& data);
+  Records prepare_new(Dataset data);
+  // Files and statuses of consecutive records; files only for records with maps.
+  using Made = std::vector<std::pair<RecordStatus, std::optional<MapFiles::Ready>>>;
+  Made make(const Records& records, std::span<const std::size_t> rows) const;
+  void write(const Records& records, std::span<const std::size_t> rows, Made made);
+  void tell_run(const std::string& text) const;
+  void tell(const RecordStatus& status);
+  void tell_bad(std::int64_t before);
+  void time(RecordStatus& status, HostTime slot_end) const;
+
+  const TrainedModel& model_;
+  const ReconstructOptions& options_;
+  MapFiles files_;
+  StatusTable table_;
+  SystemClock clock_;
+  HostTime started_, read_{};
+  std::int64_t next_ = 0;
+  std::deque<RecordStatus> bad_;   // read, but not yet reported
+  std::string antennas_, ranges_;  // last notes on these
+};
+
+// Reads records without depth images, which maps do not need.
+Dataset Reconstruction::read(const record::RunReader& run, std::size_t at_most) {
+  Dataset out = load_part(run, next_, at_most, sensors_of(model_->features.inputs),
+                          [&](std::int64_t index, const std::string& fault) {
+                            bad_.push_back({index, fault, {}, {}});
+                          });
+  read_ = clock_.now();
+  return out;
+}
+
+// Returns the rows of a complete run requested by options.rows, and drops other unusable records.
+Rows Reconstruction::take_rows_asked(const Dataset& data) {
+  if (options_.rows.empty()) return all_rows(data.size());
+  if (options_.rows == "test") {
+    Rows rows = model_.rows_of(data, Part::test);
+    if (rows.empty())
+      throw Error(ExitCode::failed,
+                  "--rows test: the model was not trained on this run, or without "
+                  "held-out records");
+    std::ranges::sort(rows);
+    return bad_.clear(), rows;
+  }
+  std::set<std::int64_t> wanted = indices_of(options_.rows);
+  std::erase_if(bad_, [&](const RecordStatus& r) { return !wanted.contains(r.index); });
+  for (const RecordStatus& r : bad_) wanted.erase(r.index);
+  Rows rows;
+  for (std::size_t row = 0; row < data.size(); ++row)
+    if (wanted.erase(data.index[row]) > 0) rows.push_back(row);
+  if (!wanted.empty())
+    throw Error(ExitCode::failed,
+                "--rows: the run has no record " + std::to_string(*wanted.begin()));
+  return rows;
+}
+
+void Reconstruction::take_all(const record::RunReader& run) {
+  const auto count = static_cast<std::size_t>(run.count());
+  Progress progress("reconstructing", count, options_.quiet);
+  const Records records = prepare_records(model_, read(run, count), options_.range_offset_m);
+  const Rows rows = take_rows_asked(records.data);
+  // Finds copies of training records under another name by their counts.
+  std::set<std::int64_t> trained = trained_on(model_, run.info().uuid);
+  for (const std::size_t row : model_.rows_trained_on(records.data))
+    trained.insert(records.data.index[row]);
+  mark(options_, model_, run, trained);
+  // Threading: this thread tests the run, then writes one part while others predict and encode the
+  // next.
+  const std::size_t ahead = std::max(2u, usable_cores());
+  std::deque<std::future<Made>> next;
+  auto start = [&, left = std::span(rows)]() mutable {
+    if (left.empty()) return;
+    const auto some = left.first(std::min(part_records, left.size()));
+    next.push_back(std::async(std::launch::async, [&, some] { return make(records, some); }));
+    left = left.subspan(some.size());
+  };
+  for (std::size_t i = 0; i < ahead; ++i) start();
+  tell_run(records.antennas);
+  if (!options_.quiet) tell_run(records.response), tell_run(records.ranges);
+  const DomainShift shift = domain_shift_of(model_, records.data);
+  if (shift.tested() && (shift.found() || !options_.quiet)) tell_run(shift.text());
+  for (std::size_t done = 0; !next.empty() && !interrupted(); next.pop_front()) {
+    Made made = next.front().get();
+    start();
+    const std::size_t more = made.size();
+    write(records, std::span(rows).subspan(done, more), std::move(made));
+    progress.update(done += more);
+  }
+  if (!interrupted()) tell_bad(std::numeric_limits<std::int64_t>::max());
+  table_.flush();
+}
+
+bool Reconstruction::take_new(const record::RunReader& run) {
+  const std::int64_t before = next_;
+  const Records records = prepare_new(read(run, part_records));
+  const Rows rows = all_rows(records.data.size());
+  write(records, rows, make(records, rows));
+  tell_bad(std::numeric_limits<std::int64_t>::max());
+  table_.flush();
+  return next_ != before;
+}
+
+Records Reconstruction::prepare_new(Dataset data) {
+  const Rows all = all_rows(data.size());
+  // A sensor's axis may appear after the first records of a run in progress.
+  if (std::none_of(all.begin(), all.end(),
+                   [&](std::size_t row) { return model_.fault_of(data, row).empty(); }))
+    return {std::move(data), {}, {}, {}};
+  Records out = prepare_records(model_, std::move(data), options_.range_offset_m);
+  if (out.antennas != antennas_) tell_run(antennas_ = out.antennas);
+  if (!options_.quiet && out.ranges != ranges_) tell_run(ranges_ = out.ranges);
+  return out;
+}
+
+void Reconstruction::tell_run(const std::string& text) const {
+  if (!text.empty() && options_.on_run) options_.on_run(text);
+}
+
+Reconstruction::Made Reconstruction::make(const Records& records,
+                                          std::span<const std::size_t> rows) const {
+  const bool deviations = wants_uncertainty(options_);
+  std::vector<MappedRecord> maps = map_records(
+      model_, records, rows, deviations ? PredictionDetail::pixels : PredictionDetail::uncertainty);
+  Made out;
+  for (MappedRecord& made : maps) {
+    auto& [status, files] = out.emplace_back(std::move(made.status), std::nullopt);
+    if (status.fault.empty()) files = files_.prepare(status.index, made.map_m, made.deviation_m);
+  }
+  return out;
+}
+
+void Reconstruction::write(const Records& records, std::span<const std::size_t> rows, Made made) {
+  for (std::size_t i = 0; i < made.size(); ++i)
+    if (auto& [status, files] = made[i]; files)
+      files_.write(*files), time(status, records.data.slot_end[rows[i]]);
+  for (const auto& [status, files] : made) tell_bad(status.index), tell(status);
+}
+
+void Reconstruction::tell(const RecordStatus& status) {
+  table_.add(status);
+  if (options_.on_record) options_.on_record(status);
+  next_ = status.index + 1;
+}
+
+void Reconstruction::tell_bad(std::int64_t before) {
+  for (; !bad_.empty() && bad_.front().index < before; bad_.pop_front()) tell(bad_.front());
+}
+
+void Reconstruction::time(RecordStatus& status, HostTime slot_end) const {
+  if (!options_.follow || slot_end < started_) return;
+  status.after_slot_s = seconds(clock_.now() - slot_end);
+  status.after_reading_s = seconds(clock_.now() - read_);
+}
+
+// Refuses a folder with maps of another run, which would remain among the new ones.
+void require_folder(const ReconstructOptions& options, const std::string& uuid) {
+  const std::string marker = options.out + "/run.txt";
+  const bool known = std::filesystem::exists(marker);
+  const std::string before = known ? read_text(marker) : "";
+  if (options.force || before.starts_with(uuid + "\n") ||
+      (!known && !std::filesystem::exists(options.out + "/records.csv")))
+    return;
+  const auto line = before.find('\n');
+  const std::string owner = line < 64
+                                ? before.substr(line + 1, before.find('\n', line + 1) - line - 1)
+                                : "an unknown run";
+  throw Error(ExitCode::usage, options.out + ": contains maps of another run, " + printable(owner) +
+                                   "; choose another --out, or use --force");
+}
+
+}  // namespace
+
+void reconstruct(const TrainedModel& model, const std::string& path,
+                 const ReconstructOptions& options) {
+  if (wants_uncertainty(options)) require_uncertainty(model);
+  if (options.rows != "test") indices_of(options.rows);  // refuses before any output
+  const std::string file = record::old_run(path);
+  {
+    const record::RunReader run(file);
+    const std::string uuid = run.info().uuid;
+    require_folder(options, uuid);  // refuses before any change
+    make_folder(options.out);
+    mark(options, model, run, trained_on(model, uuid));
+  }
+  Reconstruction work(model, options);
+  if (!options.follow) work.take_all(record::RunReader(file));
+  if (options.follow)
+    record::follow(
+        file, [&](const record::RunReader& run) { return work.take_new(run); },
+        [] { return !interrupted(); });
+  work.close();
+}
+
+}  // namespace echofuse::recon

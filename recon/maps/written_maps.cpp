@@ -1,0 +1,242 @@
+// SPDX-License-Identifier: MIT
+#include "recon/maps/written_maps.hpp"
+
+#include <algorithm>
+#include <cerrno>
+#include <charconv>
+#include <cmath>
+#include <cstring>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <sstream>
+
+#include "drivers/core/median.hpp"
+#include "drivers/program/npy.hpp"
+#include "drivers/program/printable.hpp"
+#include "recon/data/files.hpp"
+#include "recon/maps/png.hpp"
+#include "recon/numbers/text.hpp"
+
+namespace echofuse::recon {
+namespace {
+
+namespace fs = std::filesystem;
+
+[[noreturn]] void refuse(const std::string& path, const std::string& what) {
+  throw Error(ExitCode::failed, printable(path) + ": " + what);
+}
+
+void require_grid(const std::string& path, std::size_t width, std::size_t height,
+                  const record::MapGrid& grid) {
+  if (width != grid.size || height != grid.size)
+    refuse(path, formatted("maps of %zu x %zu; the run's are %u x %u", width, height, grid.size,
+                           grid.size));
+}
+
+// Converts NaN to 0; refuses values that are not depths in metres.
+std::vector<float> depths(const std::string& path, std::int64_t index, std::vector<double> values) {
+  std::vector<float> out(values.begin(), values.end());
+  std::vector<float> there;
+  for (float& z : out) {
+    if (std::isnan(z)) z = 0;
+    if (!(z >= -100 && z < 1e6))
+      refuse(path, formatted("record %lld has a depth of %g m", static_cast<long long>(index),
+                             double{z}));
+    if (z > 0) there.push_back(z);
+  }
+  if (there.empty()) return out;
+  const float median_m = median(std::move(there));
+  if (median_m > 200)
+    refuse(path, formatted("the median depth of record %lld is %g m; expected metres, not "
+                           "millimetres",
+                           static_cast<long long>(index), double{median_m}));
+  return out;
+}
+
+bool has_map(const std::string& status) {
+  return std::ranges::any_of(std::array{"ok", "radar lost", "antennas lost"},
+                             [&](const char* begin) { return status.starts_with(begin); });
+}
+
+// Calls visit(index, has_map) for each line.
+template <class Visit>
+void read_table(const std::string& path, const Visit& visit) {
+  std::istringstream text(read_text(path));
+  std::string line;
+  std::getline(text, line);
+  const auto head = csv_fields(line);
+  const auto column = [&](const char* name) {
+    const auto at = std::ranges::find(head, name);
+    if (at == head.end()) refuse(path, formatted("has no column \"%s\"", name));
+    return static_cast<std::size_t>(at - head.begin());
+  };
+  const std::size_t index = column("record"), status = column("status");
+  while (std::getline(text, line)) {
+    const auto fields = csv_fields(line);
+    if (fields.size() <= std::max(index, status)) continue;
+    std::int64_t number = 0;
+    const std::string& word = fields[index];
+    const auto read = std::from_chars(word.data(), word.data() + word.size(), number);
+    if (read.ec != std::errc{} || read.ptr != word.data() + word.size())
+      refuse(path, formatted("\"%s\" is not a record index", printable(word).c_str()));
+    visit(number, has_map(fields[status]));
+  }
+}
+
+void read_array(const std::string& folder, const record::MapGrid& grid, WrittenMaps& out) {
+  const std::string path = folder + "/maps.npy";
+  NpyFile file(path);
+  if (file.shape().size() != 3)
+    refuse(path, "its shape is " + file.shape_text() + "; expected [n, N, N]");
+  require_grid(path, file.shape()[2], file.shape()[1], grid);
+  std::size_t row = 0;
+  read_table(folder + "/records.csv", [&](std::int64_t index, bool has) {
+    if (!has) return out.without.push_back(index);
+    if (row++ < file.rows()) out.of_index[index] = depths(path, index, file.next_row());
+  });
+  if (row != file.rows())
+    refuse(path,
+           formatted("has %zu maps, but records.csv lists %zu records with one", file.rows(), row));
+}
+
+void read_pictures(const std::string& folder, const record::MapGrid& grid, WrittenMaps& out) {
+  const std::string camera_path = folder + "/camera.json";
+  const auto camera = nlohmann::json::parse(read_text(camera_path), nullptr, false);
+  const auto number = [&](const char* key, double otherwise) {
+    const auto at = camera.is_object() ? camera.find(key) : camera.end();
+    return camera.is_object() && at != camera.end() && at->is_number() ? at->get<double>()
+                                                                       : otherwise;
+  };
+  const double width = number("width", 0), fx = number("fx", 0),
+               scale = number("depth_scale", 1000);
+  if (!(width > 0 && fx > 0 && scale > 0))
+    refuse(camera_path, "expected width, fx and depth_scale");
+  require_grid(camera_path, static_cast<std::size_t>(width), grid.size, grid);
+  if (std::abs(fx * grid.step() - 1) > 1.0 / grid.size)
+    refuse(camera_path,
+           formatted("fx is %g; expected %g, the value for the run's field", fx, 1 / grid.step()));
+  // Returns paths by index; prefers pictures in millimetres.
+  std::map<std::int64_t, std::string> pictures;
+  for (const auto& entry : fs::directory_iterator(folder)) {
+    const std::string name = entry.path().filename().string();
+    std::int64_t index = 0;
+    const auto read = std::from_chars(name.data(), name.data() + name.size(), index);
+    const std::string rest = name.substr(static_cast<std::size_t>(read.ptr - name.data()));
+    if (read.ec != std::errc{} || (rest != ".png" && rest != "_mm.png")) continue;
+    if (rest == "_mm.png" || !pictures.contains(index)) pictures[index] = entry.path().string();
+  }
+  for (const auto& [index, path] : pictures) {
+    const auto steps = decode_png16(read_file(path), grid.size, grid.size);
+    if (steps.empty())
+      refuse(path, formatted("expected a 16-bit grey PNG of %u x %u", grid.size, grid.size));
+    std::vector<double> metres(steps.begin(), steps.end());
+    for (double& z : metres) z /= scale;
+    out.of_index[index] = depths(path, index, std::move(metres));
+  }
+}
+
+void read_run(const std::string& path, WrittenMaps& out) {
+  std::istringstream text(read_text(path));
+  std::getline(text, out.uuid);
+  std::getline(text, out.path);
+  std::string line;
+  while (std::getline(text, line)) {
+    if (!line.starts_with(trained_on_records)) continue;
+    std::istringstream numbers(line.substr(std::string(trained_on_records).size()));
+    for (std::string word; std::getline(numbers, word, ',');) {
+      std::int64_t index = 0;
+      const auto read = std::from_chars(word.data(), word.data() + word.size(), index);
+      if (read.ec == std::errc{}) out.trained_on.insert(index);
+    }
+  }
+}
+
+}  // namespace
+
+WrittenMaps read_written_maps(const std::string& folder, const record::MapGrid& grid) {
+  WrittenMaps out;
+  out.name = fs::path(folder).lexically_normal().filename().string();
+  if (out.name.empty()) out.name = fs::path(folder).parent_path().filename().string();
+  if (fs::exists(folder + "/maps.npy"))
+    read_array(folder, grid, out);
+  else if (fs::exists(folder + "/camera.json"))
+    read_pictures(folder, grid, out);
+  else
+    refuse(folder, "has neither maps.npy with records.csv nor PNGs with camera.json");
+  if (out.of_index.empty()) refuse(folder, "has no map");
+  if (fs::exists(folder + "/run.txt")) read_run(folder + "/run.txt", out);
+  return out;
+}
+
+std::vector<std::string> left_out_of_maps(const std::vector<WrittenMaps>& folders,
+                                          const Dataset& data, bool all) {
+  const Source& run = data.sources.front();
+  for (const WrittenMaps& maps : folders)
+    if (!maps.uuid.empty() && maps.uuid != run.uuid)
+      refuse(maps.name, "contains maps of another run, " + printable(maps.path) +
+                            "; expected maps of " + printable(run.path));
+  std::set<std::int64_t> counts;
+  std::vector<std::string> out(data.size());
+  for (std::size_t row = 0; row < data.size(); ++row) {
+    const std::int64_t index = data.index[row], content = data.content[row];
+    out[row] = data.has(row, Sensor::depth) ? data.doubt_of(row, Inputs::fused) : "camera missing";
+    if (!out[row].empty()) continue;
+    for (const WrittenMaps& maps : folders) {
+      if (!all && maps.trained_on.contains(index)) out[row] = trained_on_record;
+    }
+    if (out[row].empty() && content != 0 && !counts.insert(content).second) out[row] = twice_in_run;
+  }
+  return out;
+}
+
+std::size_t count_maps(const WrittenMaps& maps, const Dataset& data, const Rows& rows) {
+  const auto answered = static_cast<std::size_t>(std::ranges::count_if(
+      rows, [&](std::size_t row) { return maps.of_index.contains(data.index[row]); }));
+  if (answered == 0)
+    refuse(maps.name, formatted("has %zu maps, none of them for the %zu scored records",
+                                maps.of_index.size(), rows.size()));
+  return answered;
+}
+
+Matrix maps_of(const WrittenMaps& maps, const Dataset& data, const Rows& rows,
+               const std::vector<float>& empty) {
+  Matrix out(0, data.depth.cols);
+  for (const std::size_t row : rows) {
+    const auto own = maps.of_index.find(data.index[row]);
+    out.add_row(own == maps.of_index.end() ? empty : own->second);
+  }
+  return out;
+}
+
+NpyWriter::NpyWriter(const std::string& path, std::vector<std::size_t> row_shape)
+    : path_(path),
+      file_(path),
+      out_(file_.path(), std::ios::binary | std::ios::in | std::ios::out),
+      row_shape_(std::move(row_shape)) {
+  out_ << npy_header("<f4", 0, row_shape_);
+  flush();
+}
+
+void NpyWriter::append(std::span<const float> row) {
+  waiting_.insert(waiting_.end(), row.begin(), row.end());
+  ++rows_;
+  if (waiting_.size() >= std::size_t{1} << 16) flush();
+}
+
+void NpyWriter::flush() {
+  out_.write(reinterpret_cast<const char*>(waiting_.data()),
+             static_cast<std::streamsize>(waiting_.size() * sizeof(float)));
+  waiting_.clear();
+  if (!out_) throw Error(ExitCode::disk, path_ + ": cannot write: " + std::strerror(errno));
+}
+
+void NpyWriter::close() {
+  flush();
+  out_.seekp(0);
+  out_ << npy_header("<f4", rows_, row_shape_);
+  out_.close();
+  if (!out_) throw Error(ExitCode::disk, path_ + ": cannot write: " + std::strerror(errno));
+  file_.publish();
+}
+
+}  // namespace echofuse::recon

@@ -1,0 +1,141 @@
+// SPDX-License-Identifier: MIT
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cmath>
+#include <cstring>
+#include <filesystem>
+
+#include "drivers/program/console.hpp"
+#include "drivers/program/new_file.hpp"
+#include "recon/data/files.hpp"
+#include "recon/predict/trained_model.hpp"
+
+namespace echofuse::recon {
+namespace {
+
+constexpr std::int64_t format_version = 17;
+constexpr std::size_t most_estimators = 3;
+
+void archive_seen(Archive archive, TrainingRecords& seen) {
+  std::size_t runs = seen.runs.size();
+  archive.count("runs", runs, 0, 1 << 20);
+  seen.runs.resize(runs);
+  for (std::size_t r = 0; r < runs; ++r) archive.text("run/" + std::to_string(r), seen.runs[r], {});
+  archive.values("run", seen.run, Archive::any);
+  archive.values("index", seen.index, seen.run.size());
+  archive.values("part", seen.part, seen.run.size());
+  archive.values("hash", seen.hash, seen.run.size());
+  for (const std::uint32_t run : seen.run)
+    archive.require(run < runs, "run", "expected indices of its runs");
+  for (const std::uint8_t part : seen.part)
+    archive.require(part <= static_cast<std::uint8_t>(Part::test), "part", "expected 0, 1 or 2");
+}
+
+void archive_split(Archive archive, SplitOptions& split) {
+  archive.text("kind", split.kind, {"random", "blocked"});
+  archive.count("gap", split.gap, 0, 1 << 30);
+  auto seed = static_cast<std::int64_t>(split.seed);
+  archive.count("seed", seed, std::numeric_limits<std::int64_t>::min(),
+                std::numeric_limits<std::int64_t>::max());
+  split.seed = static_cast<std::uint64_t>(seed);
+  archive.number("test_share", split.test_share, 0, 1);
+  archive.number("validation_share", split.validation_share, 0, 1);
+}
+
+// All estimators work on the axes of the first one; each uses fewer sensors than the previous one.
+void check_list(const Archive& archive, const TrainedModel& model) {
+  const Features& first = model->features;
+  for (std::size_t k = 1; k < model.estimators.size(); ++k) {
+    const Features& own = model.estimators[k].features;
+    const Features& before = model.estimators[k - 1].features;
+    const std::string name = std::to_string(k);
+    const bool of_profile = own.inputs == Inputs::fused_profile && before.array_axis.count > 0;
+    archive.require(both_sensors(before.inputs) && (own.inputs == Inputs::spd || of_profile),
+                    name + "/inputs", "expected fewer sensors than in the previous estimator");
+    archive.require(same_axis(own.spd_axis, first.spd_axis) &&
+                        (!of_profile || same_axis(own.radar_axis, first.radar_axis)),
+                    name + "/axes", "expected the axes of the first estimator");
+    archive.require(model.estimators[k].scene.grid == model->scene.grid, name + "/scene/map_size",
+                    "expected the map grid of the first estimator");
+  }
+}
+
+void check_format(Archive archive) {
+  std::string format = "echofuse model";
+  archive.text("format", format, {format});
+  std::int64_t found = format_version;
+  archive.count("format_version", found, 0, 1 << 20);
+  archive.require(found == format_version, "format_version",
+                  "is " + std::to_string(found) + "; expected " + std::to_string(format_version) +
+                      (found > format_version ? ": use a newer echofuse" : ": train it again"));
+}
+
+void archive_response(Archive archive, record::RadarResponse& response, bool& any) {
+  archive.count("any", any, 0, 1);
+  if (!archive.part("known", response.known())) return;
+  archive.number("cell_m", response.cell_m, 1e-3, 10);
+  archive.values("taps", response.taps, Archive::any);
+  archive.require(response.taps.size() >= 3 &&
+                      response.taps.size() <= record::RadarResponse::most_taps &&
+                      std::abs(response.taps[0] - 1) < 1e-3 &&
+                      std::ranges::all_of(response.taps, [](double v) { return v >= 0 && v <= 2; }),
+                  "taps", "expected 3 to 64 powers relative to the peak, the first equal to 1");
+}
+
+void archive(Archive archive, TrainedModel& model) {
+  check_format(archive);
+  std::string by = version();
+  archive.text("version", by, {});
+  std::size_t estimators = model.estimators.size();
+  archive.count("estimators", estimators, 1, most_estimators);
+  model.estimators.resize(estimators);
+  archive.count("data_crc32c", model.data_hash, 0, std::numeric_limits<std::uint32_t>::max());
+  archive_response(archive.in("response"), model.radar_response, model.any_response);
+  archive_split(archive.in("split"), model.split);
+  archive_seen(archive.in("split"), model.seen);
+  for (std::size_t k = 0; k < estimators; ++k)
+    model.estimators[k].archive(archive.in(std::to_string(k)));
+  check_list(archive, model);
+}
+
+}  // namespace
+
+void check_can_save(const std::string& path) {
+  if (std::filesystem::exists(path))
+    throw Error(ExitCode::usage, path + ": exists already; choose another --out, or remove it");
+  static_cast<void>(NewFile(path));
+}
+
+void save_model(const TrainedModel& model, const std::string& path,
+                const std::function<void(const TrainedModel&)>& check) {
+  TensorFile file;
+  // const_cast is safe, because writing does not change the model.
+  archive({file, Archive::Direction::write}, const_cast<TrainedModel&>(model));
+  NewFile out(path, path + ".part");
+  const Bytes bytes = file.to_bytes();
+  out.create();
+  out.append({reinterpret_cast<const char*>(bytes.data()), bytes.size()});
+  out.keep();
+  const TrainedModel written = load_model(out.path());
+  if (check) check(written);
+  if (out.publish_new()) return;
+  throw Error(ExitCode::failed,
+              path + ": another process created this file; the model was saved as " + out.path());
+}
+
+TrainedModel load_model(const std::string& name, ByteView contents) {
+  TensorFile file(name, contents);
+  TrainedModel out;
+  archive({file, Archive::Direction::read}, out);
+  return out;
+}
+
+TrainedModel load_model(const std::string& path) {
+  if (::access(path.c_str(), R_OK) != 0)
+    throw Error(ExitCode::failed, path + ": " + std::strerror(errno) + "; expected a model file");
+  return load_model(path, read_file(path));
+}
+
+}  // namespace echofuse::recon

@@ -1,0 +1,131 @@
+// SPDX-License-Identifier: MIT
+#include "recon/predict/trained_model.hpp"
+
+#include <algorithm>
+#include <map>
+#include <set>
+
+#include "recon/data/response.hpp"
+
+namespace echofuse::recon {
+namespace {
+
+// Returns the run number in seen.runs for each source of the data set, or -1.
+std::vector<std::int64_t> known_runs(const TrainingRecords& seen, const Dataset& data) {
+  std::vector<std::int64_t> out;
+  for (const auto& source : data.sources) {
+    const auto found = std::find(seen.runs.begin(), seen.runs.end(), source.uuid);
+    out.push_back(found == seen.runs.end() ? -1 : found - seen.runs.begin());
+  }
+  return out;
+}
+
+}  // namespace
+
+TrainingRecords training_records(const Dataset& data, const Split& split) {
+  TrainingRecords seen;
+  for (const auto& source : data.sources) seen.runs.push_back(source.uuid);
+  const auto add = [&](const Rows& rows, Part part) {
+    for (const std::size_t row : rows) {
+      seen.run.push_back(static_cast<std::uint32_t>(data.source_of(row)));
+      seen.index.push_back(data.index[row]);
+      seen.part.push_back(static_cast<std::uint8_t>(part));
+      seen.hash.push_back(data.content.empty() ? 0 : data.content[row]);
+    }
+  };
+  add(split.train, Part::train);
+  add(split.validation, Part::validation);
+  add(split.test, Part::test);
+  return seen;
+}
+
+double TrainedModel::train_s() const {
+  double out = 0;
+  for (const Estimator& e : estimators) out += e.train_s;
+  return out;
+}
+
+namespace {
+
+bool has_radar(const Dataset& data) { return data.radar_axis.count > 0; }
+
+// Returns true if the run has no radar, or its antennas are those of the estimator.
+bool has_antennas(const Dataset& data, const Estimator& e) {
+  return !has_radar(data) || e.features.array_axis.count == 0 ||
+         is_near(data.array_axis, e.features.array_axis);
+}
+
+}  // namespace
+
+const Estimator& TrainedModel::for_run(const Dataset& data) const {
+  for (const Estimator& e : estimators)
+    if (has_antennas(data, e) && (&e == &first() || both_sensors(e.features.inputs))) return e;
+  return first();
+}
+
+void TrainedModel::match(Dataset& data) const {
+  const Features& features = for_run(data).features;
+  require_map(data, first().scene.grid, "the model");
+  const bool lost = !has_radar(data) && estimators.back().features.inputs == Inputs::spd;
+  match_axes(data, features.spd_axis, features.radar_axis, lost ? Inputs::spd : features.inputs);
+  bring_to_response(data, radar_response, any_response);
+  if (!lost || features.inputs == Inputs::spd) return match_array(data, features.array_axis);
+  data.array_axis = features.array_axis;
+  data.array = Matrix(data.size(), features.array_count());
+  data.radar_axis = features.radar_axis;
+  data.radar = Matrix(data.size(), data.radar_axis.count);
+}
+
+const Estimator* TrainedModel::estimator_for(const Dataset& data, std::size_t row) const {
+  for (const Estimator* e = &for_run(data); e <= &estimators.back(); ++e)
+    if (data.fault_of(row, e->features.inputs).empty()) return e;
+  return nullptr;
+}
+
+std::string TrainedModel::note_of(const Dataset& data, std::size_t row) const {
+  const Estimator* by = estimator_for(data, row);
+  if (!by || by == &for_run(data)) return {};
+  return by->features.inputs == Inputs::spd ? "radar lost: SPD alone"
+                                            : "antennas lost: range profile alone";
+}
+
+std::string TrainedModel::fault_of(const Dataset& data, std::size_t row) const {
+  return estimator_for(data, row) ? "" : data.fault_of(row, for_run(data).features.inputs);
+}
+
+bool TrainedModel::knows(const Dataset& data) const {
+  const auto runs = known_runs(seen, data);
+  return std::any_of(runs.begin(), runs.end(), [](std::int64_t run) { return run >= 0; });
+}
+
+Rows TrainedModel::rows_trained_on(const Dataset& data) const {
+  std::set<std::int64_t> known;
+  for (std::size_t i = 0; i < seen.hash.size(); ++i)
+    if (seen.part[i] != static_cast<std::uint8_t>(Part::test)) known.insert(seen.hash[i]);
+  known.erase(0);
+  std::set<std::size_t> rows;
+  for (std::size_t row = 0; row < data.content.size(); ++row)
+    if (known.contains(data.content[row])) rows.insert(row);
+  for (const Part part : {Part::train, Part::validation})
+    for (const std::size_t row : rows_of(data, part)) rows.insert(row);
+  return {rows.begin(), rows.end()};
+}
+
+Rows TrainedModel::rows_of(const Dataset& data, Part part) const {
+  const auto runs = known_runs(seen, data);
+  std::map<std::pair<std::int64_t, std::int64_t>, std::size_t> row_of;
+  for (std::size_t s = 0; s < runs.size(); ++s)
+    for (std::size_t i = 0; i < data.sources[s].count; ++i) {
+      const std::size_t row = data.sources[s].first + i;
+      row_of[{runs[s], data.index[row]}] = row;
+    }
+  Rows rows;
+  for (std::size_t i = 0; i < seen.index.size(); ++i) {
+    if (seen.part[i] != static_cast<std::uint8_t>(part)) continue;
+    const auto found = row_of.find({seen.run[i], seen.index[i]});
+    if (found != row_of.end()) rows.push_back(found->second);
+  }
+  return rows;
+}
+
+}  // namespace echofuse::recon

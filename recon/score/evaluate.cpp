@@ -1,0 +1,329 @@
+// SPDX-License-Identifier: MIT
+#include "recon/score/evaluate.hpp"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <filesystem>
+#include <iterator>
+#include <limits>
+#include <optional>
+#include <set>
+#include <span>
+
+#include "drivers/program/console.hpp"
+#include "drivers/program/exit_code.hpp"
+#include "recon/data/late_truth.hpp"
+#include "recon/numbers/parallel.hpp"
+
+namespace echofuse::recon {
+namespace {
+
+constexpr std::size_t least_of_room = 20;  // minimum number of records to learn the room
+
+// Returns the inputs that both data sets have on equal axes; may be none.
+std::optional<Inputs> common_inputs(const Dataset& data, const Dataset& other) {
+  const bool spd = other.spd_axis.count > 0 && is_near(data.spd_axis, other.spd_axis) &&
+                   data.zones.size() == other.zones.size();
+  const bool radar = other.radar_axis.count > 0 && is_near(data.radar_axis, other.radar_axis);
+  if (spd && radar) return Inputs::fused;
+  if (!spd && !radar) return std::nullopt;
+  return spd ? Inputs::spd : Inputs::radar;
+}
+
+Matrix nearest_maps(const Dataset& data, const Rows& rows, const Dataset& neighbours_data,
+                    const Rows& neighbours, Inputs inputs) {
+  const Features features = fit_features(neighbours_data, neighbours, inputs, "record");
+  const Matrix known = features.apply(neighbours_data, neighbours);
+  const Matrix maps = take_rows(neighbours_data.depth, neighbours);
+  const auto model = make_nearest();
+  model->fit({known, maps, all_rows(neighbours.size())}, {known, maps, {}}, {});
+  Dataset judged = part_of(data, rows);
+  match_axes(judged, neighbours_data.spd_axis, neighbours_data.radar_axis, inputs);
+  return model->predict(features.apply(judged, all_rows(rows.size())));
+}
+
+Rows with_depth(const Dataset& data) {
+  Rows rows = all_rows(data.size());
+  std::erase_if(rows, [&](std::size_t row) { return !data.has(row, Sensor::depth); });
+  return rows;
+}
+
+// Returns rows with a depth map without an excluding verdict.
+Rows with_sound_depth(const Dataset& data) {
+  Rows rows = all_rows(data.size());
+  std::erase_if(rows, [&](std::size_t row) { return !data.sound_depth(row); });
+  return rows;
+}
+
+Rows with_map_and_depth(const TrainedModel& model, const Dataset& data) {
+  Rows rows = with_depth(data);
+  std::erase_if(rows, [&](std::size_t row) { return !model.fault_of(data, row).empty(); });
+  return rows;
+}
+
+std::string doubt_of(const TrainedModel& model, const Dataset& data, std::size_t row) {
+  const Estimator* by = model.estimator_for(data, row);
+  return by ? data.doubt_of(row, by->features.inputs) : "";
+}
+
+// Both lists are sorted.
+Rows without(const Rows& rows, const Rows& unwanted) {
+  Rows out;
+  std::ranges::set_difference(rows, unwanted, std::back_inserter(out));
+  return out;
+}
+
+// Accumulator for an UncertaintyCalibration.
+struct StatedUncertainty {
+  double within = 0, stated = 0, known = 0, flagged = 0, squares = 0, variance = 0, pixels = 0,
+         records = 0;
+
+  void add(const Prediction& own, const Dataset& data, const Rows& rows, const Scene& scene) {
+    for (std::size_t i = 0; i < rows.size(); ++i) {
+      const auto truth = data.depth.row(rows[i]);
+      if (!own.uncertainties[i].stated) continue;
+      flagged += !own.uncertainties[i].out_of_distribution.reason.empty(), ++records;
+      for (std::size_t p = 0; p < truth.size(); ++p, ++pixels) {
+        squares += std::pow(double{own.mean.row(i)[p]} - double{truth[p]}, 2);
+        variance += std::pow(double{own.deviation.row(i)[p]}, 2);
+      }
+      const double error = lateral_error(own.maps.row(i), truth, scene);
+      const double interval_m = own.uncertainties[i].lateral_interval_90_m;
+      if (std::isnan(error) || std::isnan(interval_m)) continue;
+      within += error <= interval_m, stated += interval_m, ++known;
+    }
+  }
+  UncertaintyCalibration mean() const {
+    return {within / known, stated / known, flagged / records, std::sqrt(squares / pixels),
+            std::sqrt(variance / pixels)};
+  }
+};
+
+// Computes metrics and calibration in chunks, which bounds the memory.
+void score_predictions(const TrainedModel& model, const Records& records, const Rows& rows,
+                       const std::string& title, Evaluation& out) {
+  const Scene& judge = out.judge.scene;
+  Progress progress(title, rows.size(), title.empty());
+  constexpr std::size_t at_once = 512;
+  const PredictionDetail detail =
+      model->uncertainty ? PredictionDetail::pixels : PredictionDetail::maps;
+  std::vector<MapScores>& scores = out.scores;
+  StatedUncertainty uncertainty;
+  for (std::size_t first = 0; first < rows.size(); first += at_once) {
+    const auto begin = rows.begin() + static_cast<std::ptrdiff_t>(first);
+    const Rows part(begin, begin + std::min<std::ptrdiff_t>(at_once, rows.end() - begin));
+    Prediction one = predict(model, records.data, part, detail);
+    if (!one.uncertainties.empty() && model->uncertainty)
+      uncertainty.add(one, records.data, part, judge);
+    if (one.uncertainties.empty() && model->uncertainty) one.uncertainties.resize(part.size());
+    out.uncertainties.insert(out.uncertainties.end(), one.uncertainties.begin(),
+                             one.uncertainties.end());
+    const auto some = score_maps(one.maps, records.data, part, judge);
+    scores.insert(scores.end(), some.begin(), some.end());
+    progress.update(scores.size());
+  }
+  out.metrics = summarise(scores);
+  if (model->uncertainty) out.calibration = uncertainty.mean();
+}
+
+}  // namespace
+
+std::vector<std::string> left_out_of_evaluation(const TrainedModel& model, const Dataset& data,
+                                                bool all) {
+  const bool held_out = !all && model.knows(data);
+  std::vector<std::string> out(data.size());
+  const auto fault = [&](std::size_t row) {
+    return data.has(row, Sensor::depth) ? model.fault_of(data, row) : "camera missing";
+  };
+  for (std::size_t row = 0; row < data.size(); ++row)
+    out[row] = held_out ? "in no part of the training" : fault(row);
+  if (held_out)
+    for (const Part part : {Part::train, Part::validation, Part::test})
+      for (const std::size_t row : model.rows_of(data, part))
+        out[row] = part == Part::test ? fault(row) : trained_on_record;
+  else if (!all)
+    for (const std::size_t row : model.rows_trained_on(data))
+      if (out[row].empty()) out[row] = trained_on_record;
+  std::set<std::int64_t> counts;
+  for (std::size_t row = 0; row < data.size(); ++row) {
+    if (out[row].empty()) out[row] = doubt_of(model, data, row);
+    if (!out[row].empty() || data.content.empty() || data.content[row] == 0) continue;
+    if (!counts.insert(data.content[row]).second) out[row] = twice_in_run;
+  }
+  return out;
+}
+
+Rows rows_to_evaluate(const TrainedModel& model, const Dataset& data, bool all) {
+  const std::vector<std::string> left_out = left_out_of_evaluation(model, data, all);
+  Rows sound;
+  bool trained_on = false, doubtful = false;
+  for (std::size_t row = 0; row < data.size(); ++row) {
+    trained_on |= left_out[row] == trained_on_record;
+    if (left_out[row].empty()) sound.push_back(row);
+    doubtful |= left_out[row] == doubt_of(model, data, row);
+  }
+  if (!sound.empty()) return sound;
+  const std::string path = data.sources.empty() ? "run" : data.sources.front().path;
+  if (doubtful) {
+    std::map<std::string, std::size_t> reasons;
+    for (const std::string& why : left_out) ++reasons[why];
+    throw Error(ExitCode::failed, path + ": " + left_out_text(reasons, data.size()));
+  }
+  const char* const use_all = "; use --all to score the training records";
+  throw Error(
+      ExitCode::failed,
+      path + (!all && model.knows(data)
+                  ? ": the model was trained on this run, and no sound held-out record is left" +
+                        std::string(use_all)
+              : trained_on
+                  ? ": the model was trained on all of its records, as part of another run" +
+                        std::string(use_all)
+                  : ": no record has depth and the live sensors of a \"" +
+                        name_of(model->features.inputs) + "\" model"));
+}
+
+ScoringScene scoring_scene(const Dataset& training) {
+  const Rows seen = with_sound_depth(training);
+  if (seen.empty())
+    throw Error(ExitCode::failed,
+                training.sources.front().path + ": no record has a depth map without doubts");
+  return {learn_scene(training.depth, seen, training.map), {}};
+}
+
+ScoringScene scoring_scene(const TrainedModel& model, const Dataset& data) {
+  const Rows seen = with_sound_depth(data);
+  if (model.knows(data) || seen.size() < least_of_room) return {model->scene, {}};
+  Scene own = learn_scene(data.depth, seen, data.map);
+  std::size_t moved = 0;
+  for (std::size_t p = 0; p < own.background.size(); ++p)
+    moved += std::abs(own.background[p] - model->scene.background[p]) > 0.1f;
+  if (2 * moved < own.background.size()) return {model->scene, {}};
+  return {std::move(own),
+          "the room differs from the training's: foreground and background come from this run's "
+          "maps; --train RUN overrides them"};
+}
+
+std::vector<MapScores> score_maps(const Matrix& maps, const Dataset& data, const Rows& rows,
+                                  const Scene& scene) {
+  std::vector<MapScores> out(rows.size());
+  for_each_part(rows.size(), [&](std::size_t i) {
+    out[i] = score(maps.row(i), data.depth.row(rows[i]), scene);
+  });
+  return out;
+}
+
+namespace {
+
+// Scores the doubtful records, which were left out, together with the others.
+void add_doubtful(const TrainedModel& model, const Records& records, Evaluation& out) {
+  const Dataset& data = records.data;
+  Rows rest = without(with_map_and_depth(model, data), model.rows_trained_on(data)), doubtful;
+  Rows judged = out.rows;
+  std::sort(judged.begin(), judged.end());
+  for (const std::size_t row : without(rest, judged))
+    if (const std::string doubt = doubt_of(model, data, row); !doubt.empty())
+      doubtful.push_back(row), ++out.doubtful[doubt];
+  if (doubtful.empty()) return;
+  const Matrix maps = predict(model, data, doubtful, PredictionDetail::maps).maps;
+  const Scene& scene = out.judge.scene;
+  std::vector<MapScores> all = score_maps(maps, data, doubtful, scene);
+  all.insert(all.end(), out.scores.begin(), out.scores.end());
+  out.with_doubtful = summarise(all);
+}
+
+TwoPeopleCounts count_two_people(const Evaluation& e, const Dataset& data) {
+  TwoPeopleCounts out;
+  for (std::size_t i = 0; i < e.uncertainties.size(); ++i) {
+    if (data.label[e.rows[i]] != two_people_label) continue;
+    ++out.records, out.flagged += !e.uncertainties[i].out_of_distribution.reason.empty();
+  }
+  return out;
+}
+
+}  // namespace
+
+Evaluation evaluate(const TrainedModel& model, const Records& records, const Rows& rows,
+                    const std::string& title, const std::optional<ScoringScene>& judge) {
+  const Dataset& data = records.data;
+  Evaluation out;
+  out.judge = judge ? *judge : scoring_scene(model, data);
+  out.model = model->name;
+  out.inputs = model.for_run(data).features.inputs;
+  out.records = rows.size(), out.rows = rows;
+  out.antennas = records.antennas, out.response = records.response;
+  out.ranges = records.ranges;
+  out.late_truth = late_truth(data);
+  out.domain_shift = domain_shift_of(model, data);
+  if (!data.sources.empty())
+    out.tested = data.sources.front().path + (model.knows(data) ? ", held-out records: " : ": ");
+  for (const std::size_t row : rows)
+    if (const std::string note = model.note_of(data, row); !note.empty()) ++out.fallbacks[note];
+  if (!data.damaged.empty()) out.faults["damaged"] = data.damaged.size();
+  if (!model.knows(data)) {
+    for (const std::size_t row : with_depth(data))
+      if (!model.fault_of(data, row).empty())
+        ++out.faults[data.has_inputs(row, out.inputs) ? dead_record : "a sensor missing"];
+    out.trained_on = model.rows_trained_on(data).size();
+    out.of = data.size();
+  }
+  out.twice = static_cast<std::size_t>(
+      std::ranges::count(left_out_of_evaluation(model, data, false), twice_in_run));
+  for (const auto& [why, count] : out.faults) out.left_out += count;
+  score_predictions(model, records, rows, title, out);
+  add_doubtful(model, records, out);
+  out.two_people = count_two_people(out, data);
+  return out;
+}
+
+std::vector<ScoredRow> score_baselines(const Dataset& data, const Rows& rows, const Scene& scene,
+                                       const Dataset& neighbours_data, Rows neighbours,
+                                       const std::string& title) {
+  const auto inputs = common_inputs(data, neighbours_data);
+  std::set<std::int64_t> judged;
+  for (const std::size_t row : rows)
+    if (!data.content.empty() && data.content[row] != 0) judged.insert(data.content[row]);
+  std::erase_if(neighbours, [&](std::size_t row) {
+    return !neighbours_data.content.empty() && judged.contains(neighbours_data.content[row]);
+  });
+  const bool with_nearest = !neighbours.empty() && inputs;
+  Progress progress(title, with_nearest ? 3 : 2, title.empty());
+  const auto scored = [&](const Matrix& maps) {
+    return summarise(score_maps(maps, data, rows, scene));
+  };
+  std::vector<ScoredRow> out;
+  const auto add = [&](const char* name, const Matrix& maps) {
+    out.push_back({name, scored(maps)});
+    progress.update(out.size());
+  };
+  add("empty", repeated_row(scene.background, rows.size()));
+  add("mean", repeated_row(scene.mean_map, rows.size()));
+  if (with_nearest) add("nearest", nearest_maps(data, rows, neighbours_data, neighbours, *inputs));
+  return out;
+}
+
+RunningCost measure_cost(const TrainedModel& model, const Dataset& data, const Rows& rows,
+                         const std::string& model_path) {
+  const Estimator& by = model.for_run(data);
+  using Clock = std::chrono::steady_clock;
+  constexpr std::size_t warm_up = 20, repeats = 400, most_at_once = 1000;
+  const auto us_of = [&](const Rows& some) {
+    const auto started = Clock::now();
+    by.maps(data, some);
+    return std::chrono::duration<double, std::micro>(Clock::now() - started).count();
+  };
+  std::vector<double> us;
+  for (std::size_t i = 0; i < warm_up + repeats; ++i)
+    if (const double taken = us_of({rows[i % rows.size()]}); i >= warm_up) us.push_back(taken);
+  std::sort(us.begin(), us.end());
+  const auto some = std::span(rows).first(std::min(rows.size(), most_at_once));
+  const Rows batch(some.begin(), some.end());
+  return {by.cost(),
+          us[repeats / 2],
+          us[repeats * 99 / 100],
+          us_of(batch) / static_cast<double>(batch.size()),
+          by.train_s,
+          static_cast<std::size_t>(std::filesystem::file_size(model_path))};
+}
+
+}  // namespace echofuse::recon

@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: MIT
+// WebSocket to the server; messages as defined in recon/live/message.hpp.
+const types = {u8: Uint8Array, u16: Uint16Array, u32: Uint32Array, f32: Float32Array, f64: Float64Array};
+
+export function decode(buffer) {
+  const length = new DataView(buffer).getUint32(0, true);
+  const message = JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 4, length)));
+  const begin = Math.ceil((4 + length) / 8) * 8;
+  for (const [name, a] of Object.entries(message.arrays)) {
+    const count = a.shape.reduce((n, side) => n * side, 1);
+    const values = new types[a.type](buffer, begin + a.offset, count);
+    values.shape = a.shape;
+    message.arrays[name] = values;
+  }
+  return message;
+}
+
+// Returns why a request was refused: the viewer's own text, or the status line of a web server in between.
+export const refusal = async answer => answer.headers.get('content-type')?.startsWith('text/plain')
+  ? (await answer.text()).trim() : `${answer.status} ${answer.statusText}, from a web server in front of the viewer`;
+
+// Calls take(message) for each message, and changed(open, why) when the connection opens or closes. Reconnects for
+// ever, at least every 5 s.
+export class Link {
+  constructor(take, changed) {
+    this.take = take;
+    this.changed = changed;
+    this.pause = 250;
+    this.open();
+  }
+  open() {
+    const at = new URL(`live${location.search}`, location), asked = at.href;
+    at.protocol = at.protocol.replace('http', 'ws');
+    let opened = false;
+    this.socket = new WebSocket(at);
+    this.socket.binaryType = 'arraybuffer';
+    this.socket.onopen = () => {
+      this.pause = 250, opened = true;
+      this.changed(true);
+    };
+    this.socket.onmessage = event => this.take(decode(event.data));
+    this.socket.onclose = async () => {
+      this.changed(false, opened ? '' : await fetch(asked, {cache: 'no-store'}).then(refusal, () => ''));
+      setTimeout(() => this.open(), this.pause);
+      this.pause = Math.min(this.pause * 2, 5000);
+    };
+  }
+  ask(what) {
+    if (this.socket.readyState === WebSocket.OPEN) this.socket.send(JSON.stringify(what));
+  }
+}
