@@ -7,10 +7,10 @@
 #include "drivers/port/loop.hpp"
 #include "drivers/port/open_port.hpp"
 #include "drivers/port/raw_tap.hpp"
-#include "drivers/program/exit_code.hpp"
 #include "drivers/radar/bridge_radar.hpp"
 #include "drivers/radar/radar_driver.hpp"
 #include "drivers/tdc/bridge_tdc.hpp"
+#include "drivers/util/exit_code.hpp"
 
 namespace echofuse {
 namespace {

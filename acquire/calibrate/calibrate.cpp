@@ -20,8 +20,8 @@
 #include "acquire/config/calibration.hpp"
 #include "acquire/devices/devices.hpp"
 #include "drivers/core/log2_codes.hpp"
-#include "drivers/program/console.hpp"
-#include "drivers/program/printable.hpp"
+#include "drivers/util/console.hpp"
+#include "drivers/util/printable.hpp"
 
 namespace echofuse::acquire {
 namespace {

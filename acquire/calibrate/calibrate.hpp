@@ -10,7 +10,7 @@
 #include "acquire/calibrate/side.hpp"
 #include "acquire/config/config.hpp"
 #include "drivers/port/loop.hpp"
-#include "drivers/program/exit_code.hpp"
+#include "drivers/util/exit_code.hpp"
 
 namespace echofuse::acquire {
 

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <cstdio>
 
-#include "drivers/program/printable.hpp"
+#include "drivers/util/printable.hpp"
 
 namespace echofuse::acquire {
 

@@ -6,8 +6,8 @@
 #include <filesystem>
 
 #include "acquire/calibrate/array_calibration.hpp"
-#include "drivers/program/exit_code.hpp"
-#include "drivers/program/printable.hpp"
+#include "drivers/util/exit_code.hpp"
+#include "drivers/util/printable.hpp"
 
 namespace echofuse::acquire {
 namespace {

@@ -4,8 +4,8 @@
 #include "acquire/commands/commands.hpp"
 #include "acquire/record/run_file.hpp"
 #include "drivers/core/clock.hpp"
-#include "drivers/program/printable.hpp"
-#include "drivers/program/program.hpp"
+#include "drivers/util/printable.hpp"
+#include "drivers/util/program.hpp"
 
 namespace echofuse::acquire {
 namespace {

@@ -11,8 +11,8 @@
 #include "acquire/commands/commands.hpp"
 #include "acquire/record/catalogue.hpp"
 #include "drivers/core/clock.hpp"
-#include "drivers/program/console.hpp"
-#include "drivers/program/printable.hpp"
+#include "drivers/util/console.hpp"
+#include "drivers/util/printable.hpp"
 
 namespace echofuse::acquire {
 namespace {

@@ -6,7 +6,7 @@
 
 #include "acquire/commands/commands.hpp"
 #include "acquire/record/run_file.hpp"
-#include "drivers/program/printable.hpp"
+#include "drivers/util/printable.hpp"
 
 namespace echofuse::acquire {
 namespace {

@@ -24,12 +24,12 @@
 #include "acquire/record/run_file.hpp"
 #include "acquire/record/run_names.hpp"
 #include "acquire/run/viewer.hpp"
-#include "drivers/program/command_line.hpp"
-#include "drivers/program/console.hpp"
-#include "drivers/program/output_queue.hpp"
-#include "drivers/program/printable.hpp"
-#include "drivers/program/program.hpp"
-#include "drivers/program/settings.hpp"
+#include "drivers/util/command_line.hpp"
+#include "drivers/util/console.hpp"
+#include "drivers/util/output_queue.hpp"
+#include "drivers/util/printable.hpp"
+#include "drivers/util/program.hpp"
+#include "drivers/util/settings.hpp"
 
 namespace echofuse::acquire {
 namespace {

@@ -7,7 +7,7 @@
 #include <map>
 #include <sstream>
 
-#include "drivers/program/command_line.hpp"
+#include "drivers/util/command_line.hpp"
 
 namespace echofuse::acquire {
 namespace {

@@ -8,10 +8,10 @@
 
 #include "acquire/config/config.hpp"
 #include "acquire/measurement/radar_array.hpp"
-#include "drivers/program/exit_code.hpp"
-#include "drivers/program/new_file.hpp"
-#include "drivers/program/settings.hpp"
 #include "drivers/radar/sdk.hpp"
+#include "drivers/util/exit_code.hpp"
+#include "drivers/util/new_file.hpp"
+#include "drivers/util/settings.hpp"
 
 namespace echofuse::acquire {
 namespace {

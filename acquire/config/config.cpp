@@ -9,9 +9,9 @@
 #include <sstream>
 #include <utility>
 
-#include "drivers/program/exit_code.hpp"
-#include "drivers/program/program.hpp"
-#include "drivers/program/settings.hpp"
+#include "drivers/util/exit_code.hpp"
+#include "drivers/util/program.hpp"
+#include "drivers/util/settings.hpp"
 
 namespace echofuse::acquire {
 namespace {

@@ -9,8 +9,8 @@
 #include "acquire/record/run_file.hpp"
 #include "drivers/depth/openni_camera.hpp"
 #include "drivers/inventory/inventory.hpp"
-#include "drivers/program/console.hpp"
-#include "drivers/program/printable.hpp"
+#include "drivers/util/console.hpp"
+#include "drivers/util/printable.hpp"
 
 namespace echofuse::acquire {
 namespace {

@@ -15,8 +15,8 @@
 #include "drivers/core/crc32c.hpp"
 #include "drivers/depth/openni_camera.hpp"
 #include "drivers/port/address.hpp"
-#include "drivers/program/exit_code.hpp"
-#include "drivers/program/printable.hpp"
+#include "drivers/util/exit_code.hpp"
+#include "drivers/util/printable.hpp"
 
 namespace echofuse::acquire {
 namespace {

@@ -8,7 +8,7 @@
 
 #include "acquire/config/config.hpp"
 #include "drivers/core/sample.hpp"
-#include "drivers/program/lock.hpp"
+#include "drivers/util/lock.hpp"
 
 namespace echofuse::acquire {
 

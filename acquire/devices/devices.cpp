@@ -4,8 +4,8 @@
 #include <algorithm>
 #include <utility>
 
-#include "drivers/program/console.hpp"
-#include "drivers/program/printable.hpp"
+#include "drivers/util/console.hpp"
+#include "drivers/util/printable.hpp"
 
 namespace echofuse::acquire {
 namespace {

@@ -12,7 +12,7 @@
 #include "acquire/devices/device_locks.hpp"
 #include "drivers/core/driver.hpp"
 #include "drivers/port/loop.hpp"
-#include "drivers/program/exit_code.hpp"
+#include "drivers/util/exit_code.hpp"
 
 namespace echofuse::acquire {
 

@@ -11,8 +11,8 @@
 #include "acquire/run/disk.hpp"
 #include "acquire/run/signal_check.hpp"
 #include "acquire/run/window.hpp"
-#include "drivers/program/console.hpp"
-#include "drivers/program/printable.hpp"
+#include "drivers/util/console.hpp"
+#include "drivers/util/printable.hpp"
 
 namespace echofuse::acquire {
 namespace {

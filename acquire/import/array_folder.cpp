@@ -9,7 +9,7 @@
 
 #include "acquire/measurement/radar_array.hpp"
 #include "drivers/core/median.hpp"
-#include "drivers/program/printable.hpp"
+#include "drivers/util/printable.hpp"
 
 namespace echofuse::acquire {
 namespace {

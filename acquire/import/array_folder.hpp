@@ -19,8 +19,8 @@
 #include "acquire/measurement/depth_map.hpp"
 #include "acquire/record/record.hpp"
 #include "drivers/core/zone.hpp"
-#include "drivers/program/npy.hpp"
-#include "drivers/program/settings.hpp"
+#include "drivers/util/npy.hpp"
+#include "drivers/util/settings.hpp"
 
 namespace echofuse::acquire {
 

@@ -10,9 +10,9 @@
 #include "acquire/import/imported_run.hpp"
 #include "acquire/measurement/response.hpp"
 #include "acquire/record/run_file.hpp"
-#include "drivers/program/console.hpp"
-#include "drivers/program/printable.hpp"
-#include "drivers/program/program.hpp"
+#include "drivers/util/console.hpp"
+#include "drivers/util/printable.hpp"
+#include "drivers/util/program.hpp"
 
 namespace echofuse::acquire {
 namespace {

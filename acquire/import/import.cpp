@@ -20,10 +20,10 @@
 #include "acquire/run/new_run.hpp"
 #include "acquire/run/tag_check.hpp"
 #include "acquire/run/window.hpp"
-#include "drivers/program/console.hpp"
-#include "drivers/program/printable.hpp"
-#include "drivers/program/program.hpp"
-#include "drivers/program/regular_file.hpp"
+#include "drivers/util/console.hpp"
+#include "drivers/util/printable.hpp"
+#include "drivers/util/program.hpp"
+#include "drivers/util/regular_file.hpp"
 
 namespace echofuse::acquire {
 namespace {

@@ -7,8 +7,8 @@
 #include <utility>
 
 #include "acquire/run/new_run.hpp"
-#include "drivers/program/exit_code.hpp"
-#include "drivers/program/printable.hpp"
+#include "drivers/util/exit_code.hpp"
+#include "drivers/util/printable.hpp"
 
 namespace echofuse::acquire {
 

@@ -10,7 +10,7 @@
 #include "acquire/record/run_file.hpp"
 #include "acquire/run/signal_check.hpp"
 #include "drivers/core/clock.hpp"
-#include "drivers/program/new_file.hpp"
+#include "drivers/util/new_file.hpp"
 
 namespace echofuse::acquire {
 

@@ -13,10 +13,10 @@
 #include "acquire/run/daemon.hpp"
 #include "acquire/run/new_run.hpp"
 #include "drivers/port/virtual_loop.hpp"
-#include "drivers/program/console.hpp"
-#include "drivers/program/new_file.hpp"
-#include "drivers/program/printable.hpp"
-#include "drivers/program/regular_file.hpp"
+#include "drivers/util/console.hpp"
+#include "drivers/util/new_file.hpp"
+#include "drivers/util/printable.hpp"
+#include "drivers/util/regular_file.hpp"
 
 namespace echofuse::acquire {
 namespace {

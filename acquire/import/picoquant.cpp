@@ -10,7 +10,7 @@
 #include "acquire/import/tagged_file.hpp"
 #include "acquire/run/tag_check.hpp"
 #include "drivers/core/bytes.hpp"
-#include "drivers/program/printable.hpp"
+#include "drivers/util/printable.hpp"
 
 namespace echofuse::acquire {
 namespace {

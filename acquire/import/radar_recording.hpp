@@ -9,9 +9,9 @@
 #include <vector>
 
 #include "acquire/import/recording.hpp"
-#include "drivers/program/regular_file.hpp"
 #include "drivers/radar/frame_parser.hpp"
 #include "drivers/radar/profile.hpp"
+#include "drivers/util/regular_file.hpp"
 
 namespace echofuse::acquire {
 

@@ -8,7 +8,7 @@
 #include <ctime>
 #include <vector>
 
-#include "drivers/program/printable.hpp"
+#include "drivers/util/printable.hpp"
 
 namespace echofuse::acquire {
 namespace {

@@ -11,7 +11,7 @@
 #include <string>
 
 #include "drivers/core/clock.hpp"
-#include "drivers/program/regular_file.hpp"
+#include "drivers/util/regular_file.hpp"
 
 namespace echofuse::acquire {
 

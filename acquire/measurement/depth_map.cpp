@@ -5,7 +5,7 @@
 #include <cmath>
 #include <cstdio>
 
-#include "drivers/program/exit_code.hpp"
+#include "drivers/util/exit_code.hpp"
 
 namespace echofuse::record {
 namespace {

@@ -13,8 +13,8 @@
 #include "acquire/record/run_guard.hpp"
 #include "acquire/record/side_files.hpp"
 #include "acquire/record/writer_lock.hpp"
-#include "drivers/program/new_file.hpp"
-#include "drivers/program/regular_file.hpp"
+#include "drivers/util/new_file.hpp"
+#include "drivers/util/regular_file.hpp"
 
 namespace echofuse::record {
 

@@ -13,8 +13,8 @@
 #include <fstream>
 #include <sstream>
 
-#include "drivers/program/exit_code.hpp"
-#include "drivers/program/printable.hpp"
+#include "drivers/util/exit_code.hpp"
+#include "drivers/util/printable.hpp"
 
 namespace echofuse::record {
 

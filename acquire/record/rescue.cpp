@@ -11,7 +11,7 @@
 
 #include "acquire/record/side_files.hpp"
 #include "acquire/record/sqlite.hpp"
-#include "drivers/program/new_file.hpp"
+#include "drivers/util/new_file.hpp"
 
 namespace echofuse::record {
 namespace {

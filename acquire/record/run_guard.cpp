@@ -7,8 +7,8 @@
 #include <set>
 
 #include "acquire/record/rows.hpp"
-#include "drivers/program/printable.hpp"
-#include "drivers/program/regular_file.hpp"
+#include "drivers/util/printable.hpp"
+#include "drivers/util/regular_file.hpp"
 
 namespace echofuse::record {
 namespace {

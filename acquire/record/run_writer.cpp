@@ -19,8 +19,8 @@
 #include "acquire/record/sqlite.hpp"
 #include "acquire/record/uuid.hpp"
 #include "acquire/record/writer_lock.hpp"
-#include "drivers/program/new_file.hpp"
-#include "drivers/program/program.hpp"
+#include "drivers/util/new_file.hpp"
+#include "drivers/util/program.hpp"
 
 namespace echofuse::record {
 namespace {

@@ -11,7 +11,7 @@
 
 #include "acquire/record/run_guard.hpp"
 #include "acquire/record/sqlite.hpp"
-#include "drivers/program/regular_file.hpp"
+#include "drivers/util/regular_file.hpp"
 
 namespace echofuse::record {
 namespace {

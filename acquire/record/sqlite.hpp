@@ -12,9 +12,9 @@
 #include <vector>
 
 #include "drivers/core/bytes.hpp"
-#include "drivers/program/exit_code.hpp"
-#include "drivers/program/printable.hpp"
-#include "drivers/program/regular_file.hpp"
+#include "drivers/util/exit_code.hpp"
+#include "drivers/util/printable.hpp"
+#include "drivers/util/regular_file.hpp"
 
 namespace echofuse::record {
 

@@ -5,8 +5,8 @@
 #pragma once
 #include <string>
 
-#include "drivers/program/lock.hpp"
-#include "drivers/program/regular_file.hpp"
+#include "drivers/util/lock.hpp"
+#include "drivers/util/regular_file.hpp"
 
 namespace echofuse::record {
 

@@ -18,7 +18,7 @@
 #include "acquire/run/tag_check.hpp"
 #include "acquire/run/window.hpp"
 #include "drivers/port/raw_tap.hpp"
-#include "drivers/program/console.hpp"
+#include "drivers/util/console.hpp"
 
 namespace echofuse::acquire {
 namespace {

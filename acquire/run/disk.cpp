@@ -15,7 +15,7 @@
 
 #include "acquire/measurement/radar_array.hpp"
 #include "drivers/core/random.hpp"
-#include "drivers/program/console.hpp"
+#include "drivers/util/console.hpp"
 
 namespace echofuse::acquire {
 namespace {

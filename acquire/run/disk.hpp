@@ -9,7 +9,7 @@
 
 #include "drivers/core/axis.hpp"
 #include "drivers/core/zone.hpp"
-#include "drivers/program/exit_code.hpp"
+#include "drivers/util/exit_code.hpp"
 
 namespace echofuse::acquire {
 

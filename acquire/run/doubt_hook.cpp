@@ -9,8 +9,8 @@
 #include <utility>
 
 #include "acquire/run/disk.hpp"
-#include "drivers/program/printable.hpp"
-#include "drivers/program/program.hpp"
+#include "drivers/util/printable.hpp"
+#include "drivers/util/program.hpp"
 
 namespace echofuse::acquire {
 

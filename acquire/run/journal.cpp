@@ -8,8 +8,8 @@
 #include <utility>
 
 #include "acquire/run/disk.hpp"
-#include "drivers/program/exit_code.hpp"
-#include "drivers/program/printable.hpp"
+#include "drivers/util/exit_code.hpp"
+#include "drivers/util/printable.hpp"
 
 namespace echofuse::acquire {
 namespace {

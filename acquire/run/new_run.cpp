@@ -7,9 +7,9 @@
 #include <cerrno>
 #include <cstring>
 
-#include "drivers/program/console.hpp"
-#include "drivers/program/exit_code.hpp"
-#include "drivers/program/program.hpp"
+#include "drivers/util/console.hpp"
+#include "drivers/util/exit_code.hpp"
+#include "drivers/util/program.hpp"
 
 namespace echofuse::acquire {
 void refuse_bad_target(const std::filesystem::path& out) {

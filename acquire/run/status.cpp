@@ -13,8 +13,8 @@
 #include <utility>
 
 #include "acquire/run/signal_check.hpp"
-#include "drivers/program/console.hpp"
-#include "drivers/program/printable.hpp"
+#include "drivers/util/console.hpp"
+#include "drivers/util/printable.hpp"
 
 namespace echofuse::acquire {
 namespace {

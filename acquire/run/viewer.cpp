@@ -10,8 +10,8 @@
 #include <filesystem>
 #include <vector>
 
-#include "drivers/program/exit_code.hpp"
-#include "drivers/program/program.hpp"
+#include "drivers/util/exit_code.hpp"
+#include "drivers/util/program.hpp"
 
 namespace echofuse::acquire {
 

@@ -5,7 +5,7 @@
 #include <filesystem>
 #include <utility>
 
-#include "drivers/program/program.hpp"
+#include "drivers/util/program.hpp"
 
 namespace echofuse::bridge {
 namespace {

@@ -8,7 +8,7 @@
 #include <thread>
 
 #include "drivers/core/bytes.hpp"
-#include "drivers/program/exit_code.hpp"
+#include "drivers/util/exit_code.hpp"
 
 namespace echofuse::depth {
 namespace {

@@ -11,7 +11,7 @@
 #include <filesystem>
 #include <fstream>
 
-#include "drivers/program/program.hpp"
+#include "drivers/util/program.hpp"
 
 namespace echofuse::inventory {
 namespace {

@@ -3,7 +3,7 @@
 
 #include <charconv>
 
-#include "drivers/program/exit_code.hpp"
+#include "drivers/util/exit_code.hpp"
 
 namespace echofuse::port {
 namespace {

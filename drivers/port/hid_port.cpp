@@ -13,8 +13,8 @@
 #include "drivers/port/cp2110.hpp"
 #include "drivers/port/open_port.hpp"
 #include "drivers/port/thread_port.hpp"
-#include "drivers/program/exit_code.hpp"
-#include "drivers/program/program.hpp"
+#include "drivers/util/exit_code.hpp"
+#include "drivers/util/program.hpp"
 
 namespace echofuse::port {
 namespace {

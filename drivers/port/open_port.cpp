@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "drivers/port/open_port.hpp"
 
-#include "drivers/program/exit_code.hpp"
+#include "drivers/util/exit_code.hpp"
 
 namespace echofuse::port {
 

@@ -16,7 +16,7 @@
 #include <thread>
 #include <utility>
 
-#include "drivers/program/exit_code.hpp"
+#include "drivers/util/exit_code.hpp"
 
 namespace echofuse::port {
 namespace {

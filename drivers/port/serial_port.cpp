@@ -12,7 +12,7 @@
 
 #include "drivers/port/open_port.hpp"
 #include "drivers/port/stream_port.hpp"
-#include "drivers/program/program.hpp"
+#include "drivers/util/program.hpp"
 
 namespace echofuse::port {
 namespace {

@@ -8,9 +8,9 @@
 #include <optional>
 #include <utility>
 
-#include "drivers/program/printable.hpp"
-#include "drivers/program/settings.hpp"
 #include "drivers/radar/sdk.hpp"
+#include "drivers/util/printable.hpp"
+#include "drivers/util/settings.hpp"
 
 namespace echofuse::radar {
 namespace {

@@ -6,8 +6,8 @@
 #include <string_view>
 #include <vector>
 
-#include "drivers/program/exit_code.hpp"
 #include "drivers/radar/profile.hpp"
+#include "drivers/util/exit_code.hpp"
 
 namespace echofuse::radar {
 

@@ -3,8 +3,8 @@
 
 #include <algorithm>
 
-#include "drivers/program/printable.hpp"
 #include "drivers/radar/sdk.hpp"
+#include "drivers/util/printable.hpp"
 
 namespace echofuse::radar {
 namespace {

@@ -7,9 +7,9 @@
 #include <sstream>
 #include <tuple>
 
-#include "drivers/program/exit_code.hpp"
 #include "drivers/radar/cfg.hpp"
 #include "drivers/radar/ramp.hpp"
+#include "drivers/util/exit_code.hpp"
 
 namespace echofuse::radar {
 namespace {

@@ -8,7 +8,7 @@
 #include <string>
 #include <utility>
 
-#include "drivers/program/exit_code.hpp"
+#include "drivers/util/exit_code.hpp"
 
 namespace echofuse::tdc {
 namespace {

@@ -6,9 +6,9 @@
 #include <cstdio>
 #include <map>
 
-#include "drivers/program/command_line.hpp"
-#include "drivers/program/console.hpp"
-#include "drivers/program/printable.hpp"
+#include "drivers/util/command_line.hpp"
+#include "drivers/util/console.hpp"
+#include "drivers/util/printable.hpp"
 #include "recon/maps/map_files.hpp"
 #include "recon/maps/reconstruct.hpp"
 #include "recon/numbers/parallel.hpp"

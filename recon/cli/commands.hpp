@@ -5,7 +5,7 @@
 #include <functional>
 #include <string>
 
-#include "drivers/program/exit_code.hpp"
+#include "drivers/util/exit_code.hpp"
 #include "recon/predict/trained_model.hpp"
 
 namespace CLI {

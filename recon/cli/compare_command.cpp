@@ -6,9 +6,9 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
-#include "drivers/program/command_line.hpp"
-#include "drivers/program/console.hpp"
-#include "drivers/program/printable.hpp"
+#include "drivers/util/command_line.hpp"
+#include "drivers/util/console.hpp"
+#include "drivers/util/printable.hpp"
 #include "recon/cli/commands.hpp"
 #include "recon/numbers/text.hpp"
 #include "recon/score/paired.hpp"

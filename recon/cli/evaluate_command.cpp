@@ -13,9 +13,9 @@
 #include <span>
 
 #include "drivers/core/crc32c.hpp"
-#include "drivers/program/command_line.hpp"
-#include "drivers/program/console.hpp"
-#include "drivers/program/printable.hpp"
+#include "drivers/util/command_line.hpp"
+#include "drivers/util/console.hpp"
+#include "drivers/util/printable.hpp"
 #include "recon/cli/commands.hpp"
 #include "recon/data/files.hpp"
 #include "recon/data/late_truth.hpp"

@@ -2,8 +2,8 @@
 // echofuse-recon: trains models on runs, reconstructs depth maps and evaluates them.
 #include <CLI/CLI.hpp>
 
-#include "drivers/program/command_line.hpp"
-#include "drivers/program/console.hpp"
+#include "drivers/util/command_line.hpp"
+#include "drivers/util/console.hpp"
 #include "recon/cli/commands.hpp"
 #include "recon/numbers/blas.hpp"
 #include "recon/numbers/parallel.hpp"

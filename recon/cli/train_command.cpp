@@ -6,10 +6,10 @@
 #include <filesystem>
 
 #include "acquire/record/run_names.hpp"
-#include "drivers/program/command_line.hpp"
-#include "drivers/program/console.hpp"
-#include "drivers/program/printable.hpp"
-#include "drivers/program/settings.hpp"
+#include "drivers/util/command_line.hpp"
+#include "drivers/util/console.hpp"
+#include "drivers/util/printable.hpp"
+#include "drivers/util/settings.hpp"
 #include "recon/cli/commands.hpp"
 #include "recon/cli/train_settings.hpp"
 #include "recon/data/response.hpp"

@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "drivers/program/settings.hpp"
+#include "drivers/util/settings.hpp"
 #include "recon/train/train.hpp"
 
 namespace CLI {

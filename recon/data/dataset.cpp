@@ -15,7 +15,7 @@
 #include "acquire/record/run_names.hpp"
 #include "drivers/core/crc32c.hpp"
 #include "drivers/core/log2_codes.hpp"
-#include "drivers/program/printable.hpp"
+#include "drivers/util/printable.hpp"
 #include "recon/data/depth_check.hpp"
 #include "recon/data/lags.hpp"
 #include "recon/data/pile_up.hpp"

@@ -14,7 +14,7 @@
 #include "acquire/record/run_file.hpp"
 #include "drivers/core/axis.hpp"
 #include "drivers/core/zone.hpp"
-#include "drivers/program/exit_code.hpp"
+#include "drivers/util/exit_code.hpp"
 #include "recon/numbers/matrix.hpp"
 
 namespace echofuse::recon {

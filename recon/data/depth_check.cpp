@@ -5,8 +5,8 @@
 #include <cmath>
 #include <numeric>
 
-#include "drivers/program/exit_code.hpp"
-#include "drivers/program/printable.hpp"
+#include "drivers/util/exit_code.hpp"
+#include "drivers/util/printable.hpp"
 #include "recon/numbers/text.hpp"
 
 namespace echofuse::recon {

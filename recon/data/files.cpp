@@ -4,9 +4,9 @@
 #include <cstdio>
 #include <filesystem>
 
-#include "drivers/program/exit_code.hpp"
-#include "drivers/program/new_file.hpp"
-#include "drivers/program/regular_file.hpp"
+#include "drivers/util/exit_code.hpp"
+#include "drivers/util/new_file.hpp"
+#include "drivers/util/regular_file.hpp"
 
 namespace echofuse::recon {
 

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <vector>
 
-#include "drivers/program/printable.hpp"
+#include "drivers/util/printable.hpp"
 #include "recon/numbers/statistics.hpp"
 #include "recon/numbers/text.hpp"
 

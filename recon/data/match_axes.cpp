@@ -2,7 +2,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "drivers/program/printable.hpp"
+#include "drivers/util/printable.hpp"
 #include "recon/data/dataset.hpp"
 #include "recon/data/lags.hpp"
 #include "recon/numbers/text.hpp"

@@ -6,7 +6,7 @@
 #include <utility>
 
 #include "drivers/core/random.hpp"
-#include "drivers/program/exit_code.hpp"
+#include "drivers/util/exit_code.hpp"
 
 namespace echofuse::recon {
 namespace {

@@ -9,7 +9,7 @@
 #include <cctype>
 #include <charconv>
 
-#include "drivers/program/exit_code.hpp"
+#include "drivers/util/exit_code.hpp"
 
 namespace echofuse::view {
 namespace {

@@ -7,7 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "acquire/record/catalogue.hpp"
-#include "drivers/program/printable.hpp"
+#include "drivers/util/printable.hpp"
 #include "recon/live/pictures.hpp"
 
 namespace echofuse::view {

@@ -11,10 +11,10 @@
 
 #include "acquire/record/run_names.hpp"
 #include "acquire/record/writer_lock.hpp"
-#include "drivers/program/console.hpp"
-#include "drivers/program/exit_code.hpp"
-#include "drivers/program/printable.hpp"
-#include "drivers/program/regular_file.hpp"
+#include "drivers/util/console.hpp"
+#include "drivers/util/exit_code.hpp"
+#include "drivers/util/printable.hpp"
+#include "drivers/util/regular_file.hpp"
 
 namespace echofuse::view {
 namespace {

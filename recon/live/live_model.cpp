@@ -4,7 +4,7 @@
 #include <cmath>
 #include <filesystem>
 
-#include "drivers/program/printable.hpp"
+#include "drivers/util/printable.hpp"
 #include "recon/metrics/metrics.hpp"
 #include "recon/predict/predict.hpp"
 

@@ -7,9 +7,9 @@
 #include <csignal>
 #include <cstdio>
 
-#include "drivers/program/command_line.hpp"
-#include "drivers/program/console.hpp"
-#include "drivers/program/printable.hpp"
+#include "drivers/util/command_line.hpp"
+#include "drivers/util/console.hpp"
+#include "drivers/util/printable.hpp"
 #include "recon/live/server.hpp"
 #include "recon/numbers/parallel.hpp"
 

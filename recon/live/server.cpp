@@ -13,9 +13,9 @@
 #include <map>
 #include <set>
 
-#include "drivers/program/console.hpp"
-#include "drivers/program/printable.hpp"
-#include "drivers/program/program.hpp"
+#include "drivers/util/console.hpp"
+#include "drivers/util/printable.hpp"
+#include "drivers/util/program.hpp"
 #include "recon/live/chooser.hpp"
 #include "recon/live/session.hpp"
 

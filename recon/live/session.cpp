@@ -4,7 +4,7 @@
 #include <cstdio>
 #include <exception>
 
-#include "drivers/program/printable.hpp"
+#include "drivers/util/printable.hpp"
 
 namespace echofuse::view {
 namespace {

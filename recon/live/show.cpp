@@ -10,8 +10,8 @@
 
 #include "acquire/measurement/response.hpp"
 #include "acquire/record/alerts.hpp"
-#include "drivers/program/exit_code.hpp"
-#include "drivers/program/printable.hpp"
+#include "drivers/util/exit_code.hpp"
+#include "drivers/util/printable.hpp"
 #include "recon/live/pictures.hpp"
 
 namespace echofuse::view {

@@ -8,7 +8,7 @@
 #include <opencv2/imgproc.hpp>
 #include <utility>
 
-#include "drivers/program/exit_code.hpp"
+#include "drivers/util/exit_code.hpp"
 #include "recon/data/files.hpp"
 #include "recon/maps/png.hpp"
 #include "recon/numbers/text.hpp"

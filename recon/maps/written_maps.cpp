@@ -11,8 +11,8 @@
 #include <sstream>
 
 #include "drivers/core/median.hpp"
-#include "drivers/program/npy.hpp"
-#include "drivers/program/printable.hpp"
+#include "drivers/util/npy.hpp"
+#include "drivers/util/printable.hpp"
 #include "recon/data/files.hpp"
 #include "recon/maps/png.hpp"
 #include "recon/numbers/text.hpp"

@@ -17,7 +17,7 @@
 #include <vector>
 
 #include "acquire/measurement/depth_map.hpp"
-#include "drivers/program/new_file.hpp"
+#include "drivers/util/new_file.hpp"
 #include "recon/data/dataset.hpp"
 
 namespace echofuse::recon {

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <vector>
 
-#include "drivers/program/exit_code.hpp"
+#include "drivers/util/exit_code.hpp"
 #include "recon/numbers/blas.hpp"
 #include "recon/numbers/statistics.hpp"
 

@@ -5,7 +5,7 @@
 #include <array>
 #include <cmath>
 
-#include "drivers/program/exit_code.hpp"
+#include "drivers/util/exit_code.hpp"
 #include "recon/method/alignment.hpp"
 #include "recon/metrics/scene.hpp"
 #include "recon/numbers/parallel.hpp"

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 // The paper's plain network: concatenated inputs, two hidden layers, linear output, squared loss.
 // Predicts the difference from the mean map, in units of the maps' standard deviation.
-#include "drivers/program/console.hpp"
+#include "drivers/util/console.hpp"
 #include "recon/models/fit_maps.hpp"
 
 namespace echofuse::recon {

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <sstream>
 
-#include "drivers/program/exit_code.hpp"
+#include "drivers/util/exit_code.hpp"
 
 namespace echofuse::recon {
 

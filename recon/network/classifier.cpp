@@ -6,7 +6,7 @@
 #include <random>
 
 #include "drivers/core/random.hpp"
-#include "drivers/program/console.hpp"
+#include "drivers/util/console.hpp"
 #include "recon/network/adam.hpp"
 #include "recon/numbers/statistics.hpp"
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "recon/network/ensemble.hpp"
 
-#include "drivers/program/console.hpp"
+#include "drivers/util/console.hpp"
 
 namespace echofuse::recon {
 

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <numeric>
 
-#include "drivers/program/console.hpp"
+#include "drivers/util/console.hpp"
 #include "recon/numbers/blas.hpp"
 #include "recon/numbers/parallel.hpp"
 #include "recon/numbers/statistics.hpp"

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "drivers/core/clones.hpp"
-#include "drivers/program/exit_code.hpp"
+#include "drivers/util/exit_code.hpp"
 #include "recon/numbers/parallel.hpp"
 
 // Only OpenBLAS exports these; with another BLAS they are not called.

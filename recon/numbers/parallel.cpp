@@ -7,7 +7,7 @@
 #include <boost/asio/thread_pool.hpp>
 #include <memory>
 
-#include "drivers/program/program.hpp"
+#include "drivers/util/program.hpp"
 
 namespace echofuse::recon {
 namespace {

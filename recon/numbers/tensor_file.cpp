@@ -10,9 +10,9 @@
 #include <tuple>
 
 #include "drivers/core/crc32c.hpp"
-#include "drivers/program/console.hpp"
-#include "drivers/program/exit_code.hpp"
-#include "drivers/program/printable.hpp"
+#include "drivers/util/console.hpp"
+#include "drivers/util/exit_code.hpp"
+#include "drivers/util/printable.hpp"
 #include "recon/numbers/blas.hpp"
 
 namespace echofuse::recon {

@@ -7,7 +7,7 @@
 #include <map>
 #include <numeric>
 
-#include "drivers/program/printable.hpp"
+#include "drivers/util/printable.hpp"
 #include "recon/data/response.hpp"
 #include "recon/numbers/statistics.hpp"
 

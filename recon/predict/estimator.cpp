@@ -4,7 +4,7 @@
 #include <chrono>
 #include <cmath>
 
-#include "drivers/program/exit_code.hpp"
+#include "drivers/util/exit_code.hpp"
 
 namespace echofuse::recon {
 namespace {

@@ -7,8 +7,8 @@
 #include <cstring>
 #include <filesystem>
 
-#include "drivers/program/console.hpp"
-#include "drivers/program/new_file.hpp"
+#include "drivers/util/console.hpp"
+#include "drivers/util/new_file.hpp"
 #include "recon/data/files.hpp"
 #include "recon/predict/trained_model.hpp"
 

@@ -11,8 +11,8 @@
 #include <set>
 #include <span>
 
-#include "drivers/program/console.hpp"
-#include "drivers/program/exit_code.hpp"
+#include "drivers/util/console.hpp"
+#include "drivers/util/exit_code.hpp"
 #include "recon/data/late_truth.hpp"
 #include "recon/numbers/parallel.hpp"
 

@@ -9,8 +9,8 @@
 #include <sstream>
 
 #include "drivers/core/random.hpp"
-#include "drivers/program/exit_code.hpp"
-#include "drivers/program/printable.hpp"
+#include "drivers/util/exit_code.hpp"
+#include "drivers/util/printable.hpp"
 #include "recon/data/files.hpp"
 #include "recon/numbers/statistics.hpp"
 

@@ -4,7 +4,7 @@
 #include <chrono>
 #include <cmath>
 
-#include "drivers/program/console.hpp"
+#include "drivers/util/console.hpp"
 #include "recon/numbers/statistics.hpp"
 
 namespace echofuse::recon {

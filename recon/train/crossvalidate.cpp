@@ -4,8 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "drivers/program/console.hpp"
-#include "drivers/program/exit_code.hpp"
+#include "drivers/util/console.hpp"
+#include "drivers/util/exit_code.hpp"
 #include "recon/numbers/text.hpp"
 
 namespace echofuse::recon {

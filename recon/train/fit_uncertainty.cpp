@@ -5,7 +5,7 @@
 #include <cmath>
 #include <random>
 
-#include "drivers/program/console.hpp"
+#include "drivers/util/console.hpp"
 #include "recon/data/response.hpp"
 #include "recon/metrics/metrics.hpp"
 

@@ -5,7 +5,7 @@
 #include <cstdio>
 #include <utility>
 
-#include "drivers/program/console.hpp"
+#include "drivers/util/console.hpp"
 #include "recon/data/late_truth.hpp"
 #include "recon/data/response.hpp"
 #include "recon/train/crossvalidate.hpp"

@@ -5,7 +5,7 @@
 #include <map>
 #include <numeric>
 
-#include "drivers/program/printable.hpp"
+#include "drivers/util/printable.hpp"
 #include "recon/numbers/parallel.hpp"
 #include "recon/numbers/text.hpp"
 #include "recon/train/train.hpp"

@@ -8,8 +8,8 @@
 #include <iterator>
 #include <tuple>
 
-#include "drivers/program/console.hpp"
-#include "drivers/program/printable.hpp"
+#include "drivers/util/console.hpp"
+#include "drivers/util/printable.hpp"
 #include "recon/data/response.hpp"
 #include "recon/numbers/text.hpp"
 #include "recon/train/choice.hpp"

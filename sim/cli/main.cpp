@@ -12,10 +12,10 @@
 #include <optional>
 
 #include "acquire/measurement/response.hpp"
-#include "drivers/program/command_line.hpp"
-#include "drivers/program/console.hpp"
-#include "drivers/program/printable.hpp"
-#include "drivers/program/program.hpp"
+#include "drivers/util/command_line.hpp"
+#include "drivers/util/console.hpp"
+#include "drivers/util/printable.hpp"
+#include "drivers/util/program.hpp"
 #include "sim/dataset/dataset.hpp"
 #include "sim/lab/lab.hpp"
 #include "sim/twin/twin.hpp"

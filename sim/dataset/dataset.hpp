@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "acquire/record/record.hpp"
-#include "drivers/program/job_part.hpp"
+#include "drivers/util/job_part.hpp"
 #include "sim/scene/conditions.hpp"
 #include "sim/scene/scene.hpp"
 #include "sim/sensors/antennas.hpp"

@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "drivers/core/clock.hpp"
-#include "drivers/program/exit_code.hpp"
+#include "drivers/util/exit_code.hpp"
 #include "sim/devices/faults.hpp"
 #include "sim/devices/photon_source.hpp"
 #include "sim/devices/scene_player.hpp"

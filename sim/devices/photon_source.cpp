@@ -7,7 +7,7 @@
 #include <string>
 
 #include "drivers/core/axis.hpp"
-#include "drivers/program/exit_code.hpp"
+#include "drivers/util/exit_code.hpp"
 #include "sim/wire/encode.hpp"
 
 namespace echofuse::sim {

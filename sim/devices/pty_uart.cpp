@@ -9,7 +9,7 @@
 #include <cerrno>
 #include <cstring>
 
-#include "drivers/program/exit_code.hpp"
+#include "drivers/util/exit_code.hpp"
 
 namespace echofuse::sim {
 namespace {

@@ -5,7 +5,7 @@
 #include <cmath>
 
 #include "drivers/core/random.hpp"
-#include "drivers/program/exit_code.hpp"
+#include "drivers/util/exit_code.hpp"
 #include "sim/sensors/radar_echo.hpp"
 
 namespace echofuse::sim {

@@ -16,11 +16,11 @@
 #include <optional>
 #include <sstream>
 
-#include "drivers/program/console.hpp"
-#include "drivers/program/lock.hpp"
-#include "drivers/program/new_file.hpp"
-#include "drivers/program/program.hpp"
-#include "drivers/program/settings.hpp"
+#include "drivers/util/console.hpp"
+#include "drivers/util/lock.hpp"
+#include "drivers/util/new_file.hpp"
+#include "drivers/util/program.hpp"
+#include "drivers/util/settings.hpp"
 #include "sim/devices/listener.hpp"
 #include "sim/sensors/optics.hpp"
 

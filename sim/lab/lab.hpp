@@ -17,7 +17,7 @@
 #include <vector>
 
 #include "drivers/port/loop.hpp"
-#include "drivers/program/exit_code.hpp"
+#include "drivers/util/exit_code.hpp"
 #include "sim/devices/device.hpp"
 #include "sim/scene/conditions.hpp"
 

@@ -9,7 +9,7 @@
 #include "acquire/measurement/depth_map.hpp"
 #include "acquire/measurement/response.hpp"
 #include "drivers/core/axis.hpp"
-#include "drivers/program/settings.hpp"
+#include "drivers/util/settings.hpp"
 #include "sim/scene/radar_axis.hpp"
 
 namespace echofuse::sim {

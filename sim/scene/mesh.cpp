@@ -9,9 +9,9 @@
 #include <mutex>
 #include <string_view>
 
-#include "drivers/program/exit_code.hpp"
-#include "drivers/program/printable.hpp"
-#include "drivers/program/settings.hpp"
+#include "drivers/util/exit_code.hpp"
+#include "drivers/util/printable.hpp"
+#include "drivers/util/settings.hpp"
 
 namespace echofuse::sim {
 namespace {

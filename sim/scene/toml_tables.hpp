@@ -8,8 +8,8 @@
 #include <utility>
 #include <vector>
 
-#include "drivers/program/exit_code.hpp"
-#include "drivers/program/settings.hpp"
+#include "drivers/util/exit_code.hpp"
+#include "drivers/util/settings.hpp"
 
 namespace echofuse::sim {
 

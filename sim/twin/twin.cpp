@@ -9,7 +9,7 @@
 #include <string_view>
 
 #include "drivers/core/random.hpp"
-#include "drivers/program/program.hpp"
+#include "drivers/util/program.hpp"
 #include "sim/scene/draw.hpp"
 #include "sim/scene/toml_tables.hpp"
 

@@ -8,7 +8,7 @@
 #include <fstream>
 
 #include "../folder.hpp"
-#include "drivers/program/exit_code.hpp"
+#include "drivers/util/exit_code.hpp"
 
 using namespace echofuse;
 using namespace echofuse::acquire;

@@ -6,7 +6,7 @@
 #include <thread>
 
 #include "../folder.hpp"
-#include "drivers/program/exit_code.hpp"
+#include "drivers/util/exit_code.hpp"
 
 using namespace echofuse;
 using namespace echofuse::acquire;

@@ -6,7 +6,7 @@
 
 #include "acquire/record/run_names.hpp"
 #include "acquire/run/new_run.hpp"
-#include "drivers/program/program.hpp"
+#include "drivers/util/program.hpp"
 #include "testing.hpp"
 
 using namespace testing;

@@ -6,7 +6,7 @@
 #include "acquire/doctor/doctor.hpp"
 #include "acquire/run/disk.hpp"
 #include "acquire/run/window.hpp"
-#include "drivers/program/settings.hpp"
+#include "drivers/util/settings.hpp"
 #include "testing.hpp"
 
 using namespace echofuse;

@@ -14,7 +14,7 @@
 #include "../folder.hpp"
 #include "../shell.hpp"
 #include "acquire/record/run_file.hpp"
-#include "drivers/program/exit_code.hpp"
+#include "drivers/util/exit_code.hpp"
 
 namespace testing {
 

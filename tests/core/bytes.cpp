@@ -6,7 +6,7 @@
 #include "drivers/core/axis.hpp"
 #include "drivers/core/clock.hpp"
 #include "drivers/core/random.hpp"
-#include "drivers/program/console.hpp"
+#include "drivers/util/console.hpp"
 
 using namespace echofuse;
 

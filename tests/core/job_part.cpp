@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
 // Parts of a job array, and files that are published atomically.
-#include "drivers/program/job_part.hpp"
+#include "drivers/util/job_part.hpp"
 
 #include <catch2/catch.hpp>
 #include <cstdlib>
@@ -9,8 +9,8 @@
 
 #include "../folder.hpp"
 #include "../full_disk.hpp"
-#include "drivers/program/exit_code.hpp"
-#include "drivers/program/new_file.hpp"
+#include "drivers/util/exit_code.hpp"
+#include "drivers/util/new_file.hpp"
 
 using namespace echofuse;
 using Catch::Contains;

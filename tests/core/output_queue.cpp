@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
 // A blocked or closed output never blocks its writer.
-#include "drivers/program/output_queue.hpp"
+#include "drivers/util/output_queue.hpp"
 
 #include <fcntl.h>
 #include <unistd.h>

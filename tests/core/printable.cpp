@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: MIT
-#include "drivers/program/printable.hpp"
+#include "drivers/util/printable.hpp"
 
 #include <catch2/catch.hpp>
 
-#include "drivers/program/console.hpp"
+#include "drivers/util/console.hpp"
 
 using namespace echofuse;
 

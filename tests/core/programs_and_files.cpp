@@ -15,11 +15,11 @@
 #include "../folder.hpp"
 #include "../full_disk.hpp"
 #include "drivers/core/bytes.hpp"
-#include "drivers/program/console.hpp"
-#include "drivers/program/exit_code.hpp"
-#include "drivers/program/new_file.hpp"
-#include "drivers/program/program.hpp"
-#include "drivers/program/regular_file.hpp"
+#include "drivers/util/console.hpp"
+#include "drivers/util/exit_code.hpp"
+#include "drivers/util/new_file.hpp"
+#include "drivers/util/program.hpp"
+#include "drivers/util/regular_file.hpp"
 
 using namespace echofuse;
 using test::contents;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "drivers/program/settings.hpp"
+#include "drivers/util/settings.hpp"
 
 #include <algorithm>
 #include <catch2/catch.hpp>

@@ -5,7 +5,7 @@
 #include <catch2/catch.hpp>
 
 #include "drivers/port/open_port.hpp"
-#include "drivers/program/exit_code.hpp"
+#include "drivers/util/exit_code.hpp"
 
 using namespace echofuse;
 using namespace echofuse::port;

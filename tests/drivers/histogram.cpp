@@ -7,8 +7,8 @@
 #include <optional>
 
 #include "drivers/core/random.hpp"
-#include "drivers/program/exit_code.hpp"
 #include "drivers/tdc/tag_filter.hpp"
+#include "drivers/util/exit_code.hpp"
 
 using namespace echofuse;
 using namespace echofuse::tdc;

@@ -4,7 +4,7 @@
 #include <catch2/catch.hpp>
 
 #include "drivers/port/loop.hpp"
-#include "drivers/program/exit_code.hpp"
+#include "drivers/util/exit_code.hpp"
 
 using namespace echofuse;
 

@@ -11,7 +11,7 @@
 
 #include "drivers/bridge/bridge_writer.hpp"
 #include "drivers/port/virtual_loop.hpp"
-#include "drivers/program/exit_code.hpp"
+#include "drivers/util/exit_code.hpp"
 #include "hex.hpp"
 
 using namespace echofuse;

@@ -3,8 +3,8 @@
 #include <catch2/catch.hpp>
 #include <string>
 
-#include "drivers/program/exit_code.hpp"
 #include "drivers/radar/profile.hpp"
+#include "drivers/util/exit_code.hpp"
 
 namespace echofuse::test {
 

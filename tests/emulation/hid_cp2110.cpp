@@ -19,7 +19,7 @@
 #include <thread>
 #include <vector>
 
-#include "drivers/program/exit_code.hpp"
+#include "drivers/util/exit_code.hpp"
 #include "tests/emulation/cp2110_chip.hpp"
 #include "tests/emulation/usb_bed.hpp"
 

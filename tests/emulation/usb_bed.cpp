@@ -11,7 +11,7 @@
 #include <filesystem>
 #include <mutex>
 
-#include "drivers/program/exit_code.hpp"
+#include "drivers/util/exit_code.hpp"
 
 namespace echofuse::sim {
 namespace {

@@ -4,7 +4,7 @@
 #include <CLI/CLI.hpp>
 
 #include "drivers/port/loop.hpp"
-#include "drivers/program/console.hpp"
+#include "drivers/util/console.hpp"
 #include "sim/lab/lab.hpp"
 #include "tests/emulation/tdc_usb.hpp"
 #include "tests/emulation/usb_bed.hpp"

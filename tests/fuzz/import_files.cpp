@@ -5,7 +5,7 @@
 
 #include "acquire/import/picoquant.hpp"
 #include "acquire/import/radar_recording.hpp"
-#include "drivers/program/exit_code.hpp"
+#include "drivers/util/exit_code.hpp"
 #include "fuzz.hpp"
 
 using namespace echofuse;

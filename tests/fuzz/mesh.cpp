@@ -4,7 +4,7 @@
 
 #include <cmath>
 
-#include "drivers/program/exit_code.hpp"
+#include "drivers/util/exit_code.hpp"
 #include "fuzz.hpp"
 
 using namespace echofuse;

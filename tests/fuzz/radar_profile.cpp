@@ -4,8 +4,8 @@
 #include <cmath>
 #include <optional>
 
-#include "drivers/program/exit_code.hpp"
 #include "drivers/radar/profile.hpp"
+#include "drivers/util/exit_code.hpp"
 #include "fuzz.hpp"
 
 using namespace echofuse;

@@ -11,7 +11,7 @@
 #include <fstream>
 #include <limits>
 
-#include "drivers/program/exit_code.hpp"
+#include "drivers/util/exit_code.hpp"
 #include "fuzz.hpp"
 #include "recon/data/dataset.hpp"
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
 // Input: '=' for a key=value of the command line, or another byte for a file; then the text.
-#include "drivers/program/settings.hpp"
+#include "drivers/util/settings.hpp"
 
 #include "fuzz.hpp"
 

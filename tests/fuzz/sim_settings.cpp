@@ -3,8 +3,8 @@
 // settings; then the text of the file.
 #include <cmath>
 
-#include "drivers/program/exit_code.hpp"
-#include "drivers/program/settings.hpp"
+#include "drivers/util/exit_code.hpp"
+#include "drivers/util/settings.hpp"
 #include "fuzz.hpp"
 #include "sim/dataset/dataset.hpp"
 #include "sim/devices/faults.hpp"

@@ -4,8 +4,8 @@
 // arithmetic tag by tag, and checks the filter's counts.
 #include <hwy/highway.h>
 
-#include "drivers/program/exit_code.hpp"
 #include "drivers/tdc/histogram.hpp"
+#include "drivers/util/exit_code.hpp"
 #include "fuzz.hpp"
 
 using namespace echofuse;

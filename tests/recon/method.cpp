@@ -4,7 +4,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "drivers/program/console.hpp"
+#include "drivers/util/console.hpp"
 #include "recon/method/bin_sums.hpp"
 #include "recon/numbers/blas.hpp"
 #include "recon/train/train.hpp"

@@ -2,7 +2,7 @@
 // Training with several threads gives bitwise the same model.
 #include <sched.h>
 
-#include "drivers/program/program.hpp"
+#include "drivers/util/program.hpp"
 #include "recon/numbers/parallel.hpp"
 #include "recon/train/train.hpp"
 #include "world.hpp"

@@ -6,7 +6,7 @@
 #include <fstream>
 
 #include "acquire/measurement/depth_map.hpp"
-#include "drivers/program/exit_code.hpp"
+#include "drivers/util/exit_code.hpp"
 #include "scenes.hpp"
 #include "sim/sensors/optics.hpp"
 

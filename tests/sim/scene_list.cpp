@@ -6,7 +6,7 @@
 #include <fstream>
 
 #include "acquire/record/run_file.hpp"
-#include "drivers/program/exit_code.hpp"
+#include "drivers/util/exit_code.hpp"
 #include "sim/dataset/dataset.hpp"
 
 using namespace echofuse;

@@ -7,7 +7,7 @@
 #include <set>
 
 #include "../paths.hpp"
-#include "drivers/program/exit_code.hpp"
+#include "drivers/util/exit_code.hpp"
 #include "lab_thread.hpp"
 
 using namespace echofuse;

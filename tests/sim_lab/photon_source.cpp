@@ -7,8 +7,8 @@
 #include <functional>
 
 #include "drivers/core/sample.hpp"
-#include "drivers/program/exit_code.hpp"
 #include "drivers/tdc/histogram.hpp"
+#include "drivers/util/exit_code.hpp"
 #include "sim/scene/scene.hpp"
 #include "sim/sensors/optics.hpp"
 

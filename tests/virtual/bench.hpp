@@ -13,7 +13,7 @@
 
 #include "../folder.hpp"
 #include "acquire/record/run_file.hpp"
-#include "drivers/program/exit_code.hpp"
+#include "drivers/util/exit_code.hpp"
 #include "laboratory.hpp"
 
 namespace echofuse::test {

@@ -10,7 +10,7 @@
 
 #include "../paths.hpp"
 #include "acquire/config/config.hpp"
-#include "drivers/program/settings.hpp"
+#include "drivers/util/settings.hpp"
 #include "sim/devices/block_server.hpp"
 #include "sim/devices/uart.hpp"
 #include "sim/scene/scene_list.hpp"

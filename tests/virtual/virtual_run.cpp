@@ -8,8 +8,8 @@
 #include <ctime>
 #include <filesystem>
 
-#include "drivers/program/console.hpp"
-#include "drivers/program/settings.hpp"
+#include "drivers/util/console.hpp"
+#include "drivers/util/settings.hpp"
 #include "laboratory.hpp"
 
 namespace {

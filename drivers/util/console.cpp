@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "drivers/program/console.hpp"
+#include "drivers/util/console.hpp"
 
 #include <signal.h>
 #include <sys/ioctl.h>
@@ -16,7 +16,7 @@
 #include <sstream>
 #include <utility>
 
-#include "drivers/program/printable.hpp"
+#include "drivers/util/printable.hpp"
 
 namespace echofuse {
 namespace {

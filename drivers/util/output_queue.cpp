@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "drivers/program/output_queue.hpp"
+#include "drivers/util/output_queue.hpp"
 
 #include <poll.h>
 #include <unistd.h>

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "drivers/program/regular_file.hpp"
+#include "drivers/util/regular_file.hpp"
 
 namespace echofuse {
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "drivers/program/program.hpp"
+#include "drivers/util/program.hpp"
 
 #include <fcntl.h>
 #include <grp.h>

@@ -8,7 +8,7 @@
 #include <variant>
 #include <vector>
 
-#include "drivers/program/exit_code.hpp"
+#include "drivers/util/exit_code.hpp"
 
 namespace echofuse {
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "drivers/program/printable.hpp"
+#include "drivers/util/printable.hpp"
 
 #include <algorithm>
 #include <cstdint>

@@ -7,7 +7,7 @@
 #include <span>
 #include <string>
 
-#include "drivers/program/exit_code.hpp"
+#include "drivers/util/exit_code.hpp"
 
 namespace echofuse {
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "drivers/program/settings.hpp"
+#include "drivers/util/settings.hpp"
 
 #include <toml++/toml.h>
 
@@ -8,8 +8,8 @@
 #include <cmath>
 #include <sstream>
 
-#include "drivers/program/printable.hpp"
-#include "drivers/program/regular_file.hpp"
+#include "drivers/util/printable.hpp"
+#include "drivers/util/regular_file.hpp"
 
 namespace echofuse {
 namespace {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "drivers/program/lock.hpp"
+#include "drivers/util/lock.hpp"
 
 #include <fcntl.h>
 #include <sys/stat.h>
@@ -11,9 +11,9 @@
 #include <string_view>
 #include <utility>
 
-#include "drivers/program/exit_code.hpp"
-#include "drivers/program/new_file.hpp"
-#include "drivers/program/printable.hpp"
+#include "drivers/util/exit_code.hpp"
+#include "drivers/util/new_file.hpp"
+#include "drivers/util/printable.hpp"
 
 namespace echofuse {
 namespace {

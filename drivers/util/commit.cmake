@@ -2,7 +2,7 @@
 # cmake -DSOURCE=ROOT -DOUT=commit.cpp -P commit.cmake: the commit of the sources as a function. Of an archive that
 # git made it is in commit.txt; "+" behind it: the sources were changed since.
 cmake_policy(VERSION 3.20)
-file(READ ${SOURCE}/drivers/program/commit.txt commit)
+file(READ ${SOURCE}/drivers/util/commit.txt commit)
 string(STRIP "${commit}" commit)
 if(commit MATCHES "Format")
   set(ENV{GIT_OPTIONAL_LOCKS} 0)
@@ -12,7 +12,7 @@ if(commit MATCHES "Format")
     set(commit "commit unknown")
   endif()
 endif()
-file(CONFIGURE OUTPUT ${OUT} CONTENT "#include \"drivers/program/console.hpp\"
+file(CONFIGURE OUTPUT ${OUT} CONTENT "#include \"drivers/util/console.hpp\"
 
 const char* echofuse::commit() { return \"@commit@\"; }
 " @ONLY)

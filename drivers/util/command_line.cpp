@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "drivers/program/command_line.hpp"
+#include "drivers/util/command_line.hpp"
 
 #include <algorithm>
 #include <cctype>
@@ -11,8 +11,8 @@
 #include <utility>
 #include <vector>
 
-#include "drivers/program/console.hpp"
-#include "drivers/program/settings.hpp"
+#include "drivers/util/console.hpp"
+#include "drivers/util/settings.hpp"
 
 namespace echofuse {
 namespace {

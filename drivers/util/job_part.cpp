@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: MIT
-#include "drivers/program/job_part.hpp"
+#include "drivers/util/job_part.hpp"
 
 #include <charconv>
 #include <optional>
 
-#include "drivers/program/exit_code.hpp"
-#include "drivers/program/printable.hpp"
+#include "drivers/util/exit_code.hpp"
+#include "drivers/util/printable.hpp"
 
 namespace echofuse {
 namespace {

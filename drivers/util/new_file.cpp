@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "drivers/program/new_file.hpp"
+#include "drivers/util/new_file.hpp"
 
 #include <fcntl.h>
 #include <sys/stat.h>
@@ -15,10 +15,10 @@
 #include <utility>
 
 #include "drivers/core/crc32c.hpp"
-#include "drivers/program/exit_code.hpp"
-#include "drivers/program/lock.hpp"
-#include "drivers/program/printable.hpp"
-#include "drivers/program/program.hpp"
+#include "drivers/util/exit_code.hpp"
+#include "drivers/util/lock.hpp"
+#include "drivers/util/printable.hpp"
+#include "drivers/util/program.hpp"
 
 namespace echofuse {
 namespace {
