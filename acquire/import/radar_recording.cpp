@@ -7,7 +7,7 @@
 #include <cstdio>
 #include <utility>
 
-#include "acquire/run/clock_fit.hpp"
+#include "acquire/stream/clock_fit.hpp"
 
 namespace echofuse::acquire {
 namespace {

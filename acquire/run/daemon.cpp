@@ -15,8 +15,8 @@
 #include "acquire/run/scheduler.hpp"
 #include "acquire/run/signal_check.hpp"
 #include "acquire/run/status.hpp"
-#include "acquire/run/tag_check.hpp"
 #include "acquire/run/window.hpp"
+#include "acquire/stream/tag_check.hpp"
 #include "drivers/port/raw_tap.hpp"
 #include "drivers/util/console.hpp"
 

@@ -42,8 +42,8 @@
 
 #include "acquire/measurement/radar_array.hpp"
 #include "acquire/record/record.hpp"
-#include "acquire/run/clock_fit.hpp"
 #include "acquire/run/scheduler.hpp"
+#include "acquire/stream/clock_fit.hpp"
 #include "drivers/tdc/histogram.hpp"
 
 namespace echofuse::acquire {

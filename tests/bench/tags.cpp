@@ -12,7 +12,7 @@
 #include <limits>
 #include <string>
 
-#include "acquire/run/tag_check.hpp"
+#include "acquire/stream/tag_check.hpp"
 #include "drivers/bridge/bridge_protocol.hpp"
 #include "drivers/core/crc32c.hpp"
 #include "drivers/core/random.hpp"
@@ -179,7 +179,7 @@ bool transport() {
   return seen == 7 * count * sizeof(Tag) && sum > 0;
 }
 
-// Blocks to the histogram, with and without the checks of a run (acquire/run/tag_check.hpp).
+// Blocks to the histogram, with and without the checks of a run (acquire/stream/tag_check.hpp).
 bool checked() {
   const auto tags = make_tags(true);
   std::uint64_t starts[2] = {};

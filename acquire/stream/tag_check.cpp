@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "acquire/run/tag_check.hpp"
+#include "acquire/stream/tag_check.hpp"
 
 #include <algorithm>
 #include <cmath>
