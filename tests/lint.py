@@ -99,6 +99,15 @@ for wing, (identifier, own, limit) in wings.items():
         faults.append(f"{wing} is named in {len(named)} files outside its own, at most {limit} may: "
                       f"{', '.join(named)}")
 
+# A function of the product has at most 60 lines.
+for name, code in product.items():
+    start, lines = 0, code.splitlines()
+    for number, line in enumerate(lines):
+        if re.match(r"\w", line):
+            start = number
+        elif line == "}" and number - start >= 60 and not re.match(r"struct|class|enum|namespace", lines[start]):
+            faults.append(f"{name}:{start + 1}: a function of {number - start + 1} lines; at most 60")
+
 # Rooms include one another without a circle, and none of a later part; so do the modules of the Python package, except
 # for imports within functions.
 parts = ("drivers", "acquire", "recon", "sim")

@@ -346,6 +346,26 @@ Peak fit_photons(std::span<const std::uint32_t> counts, double start_ps, double 
   return peak;
 }
 
+namespace {
+
+// The bin of the highest value from `first` to `last`.
+std::size_t highest(const std::vector<double>& values, std::size_t first, std::size_t last) {
+  const auto begin = values.begin() + static_cast<std::ptrdiff_t>(first);
+  return first +
+         static_cast<std::size_t>(
+             std::max_element(begin, values.begin() + static_cast<std::ptrdiff_t>(last) + 1) -
+             begin);
+}
+
+// The top is cut off: two bins of one code, the same in every frame.
+bool saturated(const std::vector<std::vector<std::uint16_t>>& frames, std::size_t top) {
+  return std::all_of(frames.begin(), frames.end(), [&](const auto& f) {
+    return f[top] == frames[0][top] && (f[top] == f[top - 1] || f[top] == f[top + 1]);
+  });
+}
+
+}  // namespace
+
 Peak fit_echo(const std::vector<std::vector<std::uint16_t>>& frames, const EchoAxis& axis,
               const Search& search, const Window& window, std::size_t least) {
   Peak peak;
@@ -364,32 +384,22 @@ Peak fit_echo(const std::vector<std::vector<std::uint16_t>>& frames, const EchoA
     return static_cast<std::size_t>(std::clamp(std::round((range_m - axis.start_m) / axis.step_m),
                                                2.0, static_cast<double>(last)));
   };
-  const auto highest = [&](std::size_t from, std::size_t to) {
-    const auto begin = mean.begin();
-    return static_cast<std::size_t>(std::max_element(begin + static_cast<std::ptrdiff_t>(from),
-                                                     begin + static_cast<std::ptrdiff_t>(to) + 1) -
-                                    begin);
-  };
   const auto db_over_floor = [&](std::size_t i) {
     return 10 * std::log10(2.0) * (mean[i] - profile.floor);
   };
   const std::size_t low = bin(search.distance_m - search.window_m / 2),
                     high = bin(search.distance_m + search.window_m / 2);
-  std::size_t top = highest(low, high);
+  std::size_t top = highest(mean, low, high);
   while (top > 2 && mean[top - 1] > mean[top]) --top;  // the window cuts its lobe
   while (top < last && mean[top + 1] > mean[top]) ++top;
   peak.snr_db = db_over_floor(top);
   peak.range_m = axis.range_m(static_cast<double>(top));
-  // A lobe whose top is cut off: two bins of one code, the same in every frame.
-  const bool flat = std::all_of(frames.begin(), frames.end(), [&](const auto& f) {
-    return f[top] == frames[0][top] && (f[top] == f[top - 1] || f[top] == f[top + 1]);
-  });
-  if (flat) {
+  if (saturated(frames, top)) {
     peak.refusal = "saturated: lower the receiver's gain in profileCfg, or move the reflector away";
     return peak;
   }
   if (peak.snr_db < least_echo_db) {
-    const std::size_t strongest = highest(2, last);
+    const std::size_t strongest = highest(mean, 2, last);
     if (db_over_floor(strongest) < least_echo_db)
       peak.refusal = at("SNR too low: %.1f dB over the median, 10 needed", peak.snr_db);
     else

@@ -66,48 +66,68 @@ Json paths(const std::vector<std::string>& files) {
   return out;
 }
 
+Json marks_of(const record::RunReader& run) {
+  Json out = Json::array();
+  for (const record::Event& e : run.events())
+    if (e.level == "mark" || e.level == "label" || e.level == "note")
+      out.push_back({{"utc", e.utc}, {"kind", e.level}, {"source", e.source}, {"text", e.text}});
+  return out;
+}
+
+Json axes_of(const record::RunReader& run) {
+  Json out = Json::array();
+  for (const Axis& a : run.axes())
+    out.push_back({{"name", a.name},
+                   {"quantity", a.quantity},
+                   {"unit", a.unit},
+                   {"count", a.count},
+                   {"start", a.start},
+                   {"step", a.step},
+                   {"scale", a.scale}});
+  return out;
+}
+
+Json clocks_of(const record::RunSummary& sum) {
+  Json out = Json::object();
+  for (const Sensor s : all_sensors)
+    if (const auto& c = sum.clocks[s])
+      out[name_of(s)] = {{"offset_s", c->offset_s},
+                         {"drift_ppm", c->drift_ppm},
+                         {"residual_s", c->residual_s},
+                         {"samples", c->samples}};
+  return out;
+}
+
+Json calibrations_of(const record::RunReader& run) {
+  Json out = Json::array();
+  for (const auto& c : run.calibrations())
+    out.push_back({{"sensor", name_of(c.sensor)},
+                   {"offset_m", c.offset_m},
+                   {"standard_error_m", c.standard_error_m},
+                   {"distance_m", c.distance_m},
+                   {"date_utc", c.date_utc},
+                   {"method", c.method}});
+  return out;
+}
+
+Json devices_of(const record::RunReader& run) {
+  Json out = Json::array();
+  for (const DeviceInfo& d : run.devices())
+    out.push_back({{"sensor", name_of(d.sensor)},
+                   {"address", d.address},
+                   {"model", d.model},
+                   {"serial", d.serial},
+                   {"firmware", d.firmware}});
+  return out;
+}
+
 Json to_json(const record::RunReader& run) {
   const record::RunInfo info = run.info();
   const record::RunSummary sum = run.summary();
-  Json marks = Json::array(), counters = Json::object();
+  Json counters = Json::object(), verdicts = Json::object(), meta = Json::object();
   for (const record::Counted& c : run.counters()) counters[c.source][c.name] = c.value;
-  for (const record::Event& e : run.events())
-    if (e.level == "mark" || e.level == "label" || e.level == "note")
-      marks.push_back({{"utc", e.utc}, {"kind", e.level}, {"source", e.source}, {"text", e.text}});
-  Json axes = Json::array(), devices = Json::array();
-  for (const Axis& a : run.axes())
-    axes.push_back({{"name", a.name},
-                    {"quantity", a.quantity},
-                    {"unit", a.unit},
-                    {"count", a.count},
-                    {"start", a.start},
-                    {"step", a.step},
-                    {"scale", a.scale}});
-  Json clocks = Json::object();
-  for (const Sensor s : all_sensors)
-    if (const auto& c = sum.clocks[s])
-      clocks[name_of(s)] = {{"offset_s", c->offset_s},
-                            {"drift_ppm", c->drift_ppm},
-                            {"residual_s", c->residual_s},
-                            {"samples", c->samples}};
-  Json verdicts = Json::object();
   for (const Sensor s : all_sensors) verdicts[name_of(s)] = sum.verdicts[s];
-  Json meta = Json::object();
   for (const auto& [key, value] : info.meta) meta[key] = value;
-  Json calibrations = Json::array();
-  for (const auto& c : run.calibrations())
-    calibrations.push_back({{"sensor", name_of(c.sensor)},
-                            {"offset_m", c.offset_m},
-                            {"standard_error_m", c.standard_error_m},
-                            {"distance_m", c.distance_m},
-                            {"date_utc", c.date_utc},
-                            {"method", c.method}});
-  for (const DeviceInfo& d : run.devices())
-    devices.push_back({{"sensor", name_of(d.sensor)},
-                       {"address", d.address},
-                       {"model", d.model},
-                       {"serial", d.serial},
-                       {"firmware", d.firmware}});
   return {{"schema", 1},
           {"file", utf8_text(run.path())},
           {"uuid", info.uuid},
@@ -119,7 +139,7 @@ Json to_json(const record::RunReader& run) {
           {"doubtful", sum.doubtful},
           {"doubts", record::doubts_of(sum)},
           {"policy", sum.policies},
-          {"clocks", clocks},
+          {"clocks", clocks_of(sum)},
           {"valid", by_sensor(sum.valid)},
           {"verdicts", verdicts},
           {"lost", by_sensor(sum.lost)},
@@ -136,13 +156,13 @@ Json to_json(const record::RunReader& run) {
           {"operator", info.operator_name},
           {"notes", info.notes},
           {"meta", meta},
-          {"marks", marks},
+          {"marks", marks_of(run)},
           {"counters", counters},
-          {"axes", axes},
+          {"axes", axes_of(run)},
           {"array", array_of(run, sum)},
           {"zones", zones_of(run)},
-          {"calibrations", calibrations},
-          {"devices", devices}};
+          {"calibrations", calibrations_of(run)},
+          {"devices", devices_of(run)}};
 }
 
 std::string word(const Json& value) {
@@ -192,6 +212,14 @@ Json counts(const Json& object) {
   return out;
 }
 
+std::string array_text(const Json& a) {
+  if (a.empty()) return "";
+  return word(a["antennas"]) + " antennas, " + word(a["bins"]) + " bins to " +
+         measure(a["end_m"], "m") + ", in " + word(a["records"]) + " records of " +
+         measure(a["frames_a_record"], "1") + " frames and " + word(a["bytes_a_record"]) +
+         " bytes, " + (a["calibrated"] ? "calibrated" : "not calibrated");
+}
+
 std::string to_text(const Json& j) {
   constexpr std::size_t longest = 2000;  // bytes of a line; --json prints all
   std::string out = printable(word(j["file"])) + ": " + word(j["records"]) + " records, " +
@@ -234,12 +262,7 @@ std::string to_text(const Json& j) {
   if (!clicks.empty())
     line("zones", word(j["zones"].size()) + ", clicks" + clicks +
                       (j["zones"][0].contains("x") ? "" : "; directions unknown"));
-  if (const Json& a = j["array"]; !a.empty())
-    line("array", word(a["antennas"]) + " antennas, " + word(a["bins"]) + " bins to " +
-                      measure(a["end_m"], "m") + ", in " + word(a["records"]) + " records of " +
-                      measure(a["frames_a_record"], "1") + " frames and " +
-                      word(a["bytes_a_record"]) + " bytes, " +
-                      (a["calibrated"] ? "calibrated" : "not calibrated"));
+  line("array", array_text(j["array"]));
   for (const auto& c : j["calibrations"])
     line("offset", word(c["sensor"]) + ": " + millimetres(c["offset_m"]) + " ± " +
                        millimetres(c["standard_error_m"]) + " mm, of " + word(c["date_utc"]));

@@ -45,8 +45,7 @@ void bind_policy(Settings& s, Config& c, const std::string& section, Sensor sens
         {"optional", "required"});
 }
 
-void bind(Settings& s, Config& c, Keys& k) {
-  constexpr std::int64_t channel_max = std::numeric_limits<std::int32_t>::max();
+void bind_run(Settings& s, Config& c, Keys& k) {
   s.add("run.window_s", c.window_s, 0.05, 3600, "length of a slot; every slot gives one record");
   s.add("run.connect_timeout_s", c.connect_timeout_s, 0.1, 3600,
         "time to wait for all devices, then start with those that answered");
@@ -58,6 +57,10 @@ void bind(Settings& s, Config& c, Keys& k) {
   s.add("run.calibration", k.calibration,
         "calibration file written by `calibrate`, applied by readers; relative to this file's "
         "folder");
+}
+
+void bind_tdc(Settings& s, Config& c, Keys& k) {
+  constexpr std::int64_t channel_max = std::numeric_limits<std::int32_t>::max();
   s.add("tdc.address", c.tdc.address,
         "bridge:tcp://HOST:PORT or usb:VVVV:PPPP[:serial]; empty: none");
   bind_policy(s, c, "tdc", Sensor::spd);
@@ -80,6 +83,9 @@ void bind(Settings& s, Config& c, Keys& k) {
         "correction by readers");
   s.add("tdc.first_photon_only", k.first_photon_only,
         "the detector is armed once per laser pulse, and detects only the first photon");
+}
+
+void bind_radar(Settings& s, Config& c, Keys& k) {
   s.add("radar.address", c.radar.address,
         "bridge:tcp://HOST:PORT of another radar, instead of radar.cli, radar.data and radar.cfg");
   s.add("radar.cli", c.radar.cli,
@@ -95,6 +101,9 @@ void bind(Settings& s, Config& c, Keys& k) {
   s.add("radar.data_baud", k.data_baud, 1200, 4'000'000, "baud rate of the data port");
   s.add("radar.keep_running", c.radar.keep_running,
         "do not send sensorStop at the end, so that the sensor keeps transmitting");
+}
+
+void bind_depth(Settings& s, Config& c, Keys& k) {
   s.add("depth.address", c.depth.address,
         "openni:[URI or file.oni] or bridge:tcp://HOST:PORT; empty: none");
   bind_policy(s, c, "depth", Sensor::depth);
@@ -109,6 +118,13 @@ void bind(Settings& s, Config& c, Keys& k) {
         record::most_map_half_tangent, "field of view of the map: x/z and y/z at its edges");
   s.add("depth.map_z_max_m", c.map.far_m, record::least_map_far_m, record::most_map_far_m,
         "largest depth of the map; farther points are no return");
+}
+
+void bind(Settings& s, Config& c, Keys& k) {
+  bind_run(s, c, k);
+  bind_tdc(s, c, k);
+  bind_radar(s, c, k);
+  bind_depth(s, c, k);
   bind_limits(s, c.signal);
   s.add(
       "alert.no_data_s", c.alert.no_data_s, 0, 86'400,

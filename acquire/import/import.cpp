@@ -92,6 +92,38 @@ void take_cfg(Config& config, const std::string& recording, const std::string& c
   if (antennas.size() != config.antennas.size()) config.antennas = antennas;
 }
 
+// Stores counters and doubts of each recording, and ends the run. Returns its path.
+std::string conclude(ImportedRun& import, const std::vector<std::unique_ptr<Recording>>& recordings,
+                     const std::vector<std::string>& faults) {
+  for (const auto& text : faults) import.doubt("spd: " + text);
+  std::string nothing;  // texts of recordings of which no record is valid
+  std::size_t empty = 0;
+  for (const auto& r : recordings) {
+    const DeviceInfo device = r->device();
+    import.put_counters(device.sensor, r->counters());
+    std::string causes;
+    for (const auto& text : r->doubts()) {
+      if (std::ranges::find(faults, text) == faults.end())
+        import.doubt(std::string(name_of(device.sensor)) + ": " + text);
+      causes += (causes.empty() ? "" : "; ") + text;
+    }
+    const bool events = import.tags().in_range + import.tags().out_of_range > 0;
+    if (import.valid(device.sensor) > 0 && (device.sensor != Sensor::spd || events)) continue;
+    ++empty;
+    const std::string& verdict = import.verdict(device.sensor);
+    if (!nothing.empty()) nothing += '\n';
+    nothing += printable(device.address) + ": nothing to import: " +
+               printable(causes + (causes.empty() || verdict.empty() ? "" : "; ") + verdict);
+  }
+  if (empty == recordings.size()) throw Error(ExitCode::failed, nothing);
+  if (recordings.size() > 1) import.doubt("assumed: the recordings begin at the same time");
+  if (import.tags().out_of_range > 0 && import.tags().in_range == 0)
+    import.doubt("spd: no click lies within tdc.first_bin_ps and tdc.bins");
+  const std::string made = import.finish();
+  if (empty > 0) throw Error(ExitCode::partial, made + "\n" + nothing);
+  return made;
+}
+
 // The recording that ends first is closed by the other; what is missing is marked by its absence.
 std::string import_streams(const Config& config, const ImportOptions& options,
                            const Beginning& began,
@@ -146,33 +178,7 @@ std::string import_streams(const Config& config, const ImportOptions& options,
   HostTime end{};
   for (const auto& r : recordings) end = std::max(end, r->at());
   slots.close(end, true, take);
-  const std::vector<std::string>& faults = slots.finish();
-  for (const auto& text : faults) import.doubt("spd: " + text);
-  std::string nothing;  // texts of recordings of which no record is valid
-  std::size_t empty = 0;
-  for (const auto& r : recordings) {
-    const DeviceInfo device = r->device();
-    import.put_counters(device.sensor, r->counters());
-    std::string causes;
-    for (const auto& text : r->doubts()) {
-      if (std::ranges::find(faults, text) == faults.end())
-        import.doubt(std::string(name_of(device.sensor)) + ": " + text);
-      causes += (causes.empty() ? "" : "; ") + text;
-    }
-    const bool events = import.tags().in_range + import.tags().out_of_range > 0;
-    if (import.valid(device.sensor) > 0 && (device.sensor != Sensor::spd || events)) continue;
-    ++empty;
-    const std::string& verdict = import.verdict(device.sensor);
-    nothing += (nothing.empty() ? "" : "\n") + printable(device.address) + ": nothing to import: " +
-               printable(causes + (causes.empty() || verdict.empty() ? "" : "; ") + verdict);
-  }
-  if (empty == recordings.size()) throw Error(ExitCode::failed, nothing);
-  if (recordings.size() > 1) import.doubt("assumed: the recordings begin at the same time");
-  if (import.tags().out_of_range > 0 && import.tags().in_range == 0)
-    import.doubt("spd: no click lies within tdc.first_bin_ps and tdc.bins");
-  const std::string made = import.finish();
-  if (empty > 0) throw Error(ExitCode::partial, made + "\n" + nothing);
-  return made;
+  return conclude(import, recordings, slots.finish());
 }
 
 }  // namespace
@@ -208,25 +214,45 @@ UtcTime parse_utc(const std::string& text) {
   return std::chrono::seconds(local_s) - east + from_seconds(fraction);
 }
 
-std::string import_recordings(Config config, const ImportOptions& options) {
-  const auto kind_of = [](const std::string& path) {
-    std::string kind = fs::path(path).extension().string();
-    std::transform(kind.begin(), kind.end(), kind.begin(),
-                   [](unsigned char c) { return std::tolower(c); });
-    return kind;
-  };
-  const bool folder = options.files.size() == 1 && fs::is_directory(options.files[0]);
-  const bool kept = folder && is_kept(options.files[0]);
-  if (folder && !options.cfg.empty())
-    throw Error(ExitCode::usage, "--cfg does not go with a folder");
+namespace {
+
+std::string lower_case_extension(const std::string& path) {
+  std::string out = fs::path(path).extension().string();
+  std::transform(out.begin(), out.end(), out.begin(),
+                 [](unsigned char c) { return std::tolower(c); });
+  return out;
+}
+
+[[noreturn]] void refuse_kind(const std::string& path, const std::string& kind) {
+  throw Error(
+      ExitCode::usage,
+      printable(path) + (kind == ".ttbin" ? ": only the Time Tagger's library reads .ttbin: start "
+                                            "`echofuse-bridge-timetagger --file` with it and record"
+                         : kind == ".phu" ? ": histograms become a run by echofuse.write_run "
+                                            "(Python), or as a folder of arrays"
+                         : fs::exists(path) ? ": expected NAME.dat (radar), NAME.ptu or one folder"
+                                            : ": no such file or folder"));
+}
+
+// A folder of `run --keep-raw`, or of arrays.
+std::string import_folder(Config config, const ImportOptions& options) {
+  const std::string& folder = options.files[0];
+  const bool kept = is_kept(folder);
+  if (!options.cfg.empty()) throw Error(ExitCode::usage, "--cfg does not go with a folder");
   if (kept && !options.began.empty())
     throw Error(ExitCode::usage,
                 "--began does not go with raw captures, which contain their times");
-  if (kept) return import_kept(std::move(config), options.files[0], options.out);
-  if (folder)
-    return import_arrays(
-        options.files[0], options.out,
-        options.began.empty() ? std::nullopt : std::optional(parse_utc(options.began)));
+  if (kept) return import_kept(std::move(config), folder, options.out);
+  return import_arrays(
+      folder, options.out,
+      options.began.empty() ? std::nullopt : std::optional(parse_utc(options.began)));
+}
+
+}  // namespace
+
+std::string import_recordings(Config config, const ImportOptions& options) {
+  if (options.files.size() == 1 && fs::is_directory(options.files[0]))
+    return import_folder(std::move(config), options);
   config.tdc.address = config.radar.cli = config.radar.data = config.depth.address = "";
   config.radar.address = "";
   config.policy = {"optional", "optional", "optional"};
@@ -242,7 +268,7 @@ std::string import_recordings(Config config, const ImportOptions& options) {
       "start time: PicoQuant's local time, which occurred twice at the end of summer time: it may "
       "be an hour later; --began UTC sets it";
   for (const std::string& path : options.files) {
-    const std::string kind = kind_of(path);
+    const std::string kind = lower_case_extension(path);
     if (kind == ".dat") {
       if (!config.radar.data.empty())
         throw Error(ExitCode::usage, "two recordings of a radar; expected one of each sensor");
@@ -260,14 +286,7 @@ std::string import_recordings(Config config, const ImportOptions& options) {
       begins(tags->began(), tags->began_twice() ? local_time_twice : local_time);
       recordings.push_back(std::move(tags));
     } else {
-      throw Error(ExitCode::usage,
-                  printable(path) +
-                      (kind == ".ttbin"   ? ": only the Time Tagger's library reads .ttbin: start "
-                                            "`echofuse-bridge-timetagger --file` with it and record"
-                       : kind == ".phu"   ? ": histograms become a run by echofuse.write_run "
-                                            "(Python), or as a folder of arrays"
-                       : fs::exists(path) ? ": expected NAME.dat (radar), NAME.ptu or one folder"
-                                          : ": no such file or folder"));
+      refuse_kind(path, kind);
     }
   }
   begins(config.radar.data.empty() ? std::optional(modified(config.tdc.address)) : std::nullopt,

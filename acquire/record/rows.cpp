@@ -156,16 +156,9 @@ void columns(Row& row, LateRow& late) {
   for (const Sensor s : all_sensors) row(name_of(s), late.samples[s]);
 }
 
-void columns(Row& row, FusedRecord& r) {
-  row.table("record");
-  row.key("idx", r.index);
-  row("slot_start_ns", r.slot_start);
-  row("slot_end_ns", r.slot_end);
-  row("slot_utc_ns", r.slot_utc);
-  row("valid", r.valid);
-  row("missing", r.missing);
-  row("label", r.label);
-  TagCounts& tags = r.spd_counts;
+namespace {
+
+void columns(Row& row, TagCounts& tags) {
   row("tags", tags.tags);
   row("starts", tags.starts);
   row("in_range", tags.in_range);
@@ -178,6 +171,20 @@ void columns(Row& row, FusedRecord& r) {
   row("spd_bad_tags", tags.bad_tags);
   row("spd_backwards", tags.backwards);
   row("spd_removed", tags.removed);
+}
+
+}  // namespace
+
+void columns(Row& row, FusedRecord& r) {
+  row.table("record");
+  row.key("idx", r.index);
+  row("slot_start_ns", r.slot_start);
+  row("slot_end_ns", r.slot_end);
+  row("slot_utc_ns", r.slot_utc);
+  row("valid", r.valid);
+  row("missing", r.missing);
+  row("label", r.label);
+  columns(row, r.spd_counts);
   for (const Sensor s : all_sensors) {
     const std::string name = name_of(s);
     SensorSync& sync = r.sync[s];

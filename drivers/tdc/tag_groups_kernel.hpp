@@ -78,6 +78,15 @@ HWY_INLINE hn::Vec<Bins> pack(hn::Vec<Bins> bins, unsigned set) {
 #endif
 }
 
+constexpr std::size_t chunk = 2048;
+
+// Needed because the processor's prefetcher stops at each page border.
+HWY_INLINE void prefetch_next_page(const Tag* tags) {
+  const auto ahead = reinterpret_cast<std::uintptr_t>(tags) + 4096;
+  for (std::size_t i = 0; i < group * sizeof(Tag); i += 64)
+    __builtin_prefetch(reinterpret_cast<const void*>(ahead + i));
+}
+
 std::size_t take_groups(const Tag* tags, std::size_t count, const ClickBins& bins, TagRun& run,
                         std::uint32_t* cells) {
   const Times d;
@@ -100,15 +109,11 @@ std::size_t take_groups(const Tag* tags, std::size_t count, const ClickBins& bin
   std::size_t taken = 0, starts = 0, all_clicks = 0;
   bool sound = true;
   while (sound && count - taken >= group) {
-    constexpr std::size_t chunk = 2048;
     HWY_ALIGN std::int32_t clicked[chunk + group];  // bins
     std::size_t clicks = 0;
     const std::size_t end = taken + HWY_MIN(chunk, (count - taken) / group * group);
     for (; taken < end; taken += group) {
-      // Prefetches explicitly, because the processor's prefetcher stops at each page border.
-      const auto ahead = reinterpret_cast<std::uintptr_t>(tags + taken) + 4096;
-      for (std::size_t i = 0; i < group * sizeof(Tag); i += 64)
-        __builtin_prefetch(reinterpret_cast<const void*>(ahead + i));
+      prefetch_next_page(tags + taken);
       hn::Vec<Times> word, time;
       hn::LoadInterleaved2(d, reinterpret_cast<const std::uint64_t*>(tags + taken), word, time);
       sound = hn::AllTrue(d, hn::Eq(hn::And(word, head_bits), hn::Zero(d)));

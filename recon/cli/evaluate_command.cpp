@@ -131,6 +131,30 @@ std::uint32_t crc32c_of(const Dataset& data) {
   return out;
 }
 
+// The models among the arguments; the last one is the run.
+std::vector<TrainedModel> models_for_room(const Arguments& a) {
+  std::vector<TrainedModel> out;
+  for (std::size_t k = 0; k + 1 < a.files.size(); ++k)
+    out.push_back(model_for_room(a.files[k], a.empty, a.range_offset_m));
+  return out;
+}
+
+void print_evaluations(const std::vector<Evaluation>& all, const std::vector<HeldOut>& judged,
+                       const Dataset& data, bool json) {
+  if (json) {
+    nlohmann::json out = to_json(all[0]), rows = nlohmann::json::array();
+    for (const Evaluation& e : all) rows.push_back(to_json(e));
+    out["data_crc32c"] = crc32c_of(data);
+    if (all.size() > 1) out["rows"] = rows, out["paired"] = paired_json(judged);
+    put(out);
+    return;
+  }
+  std::string text;
+  for (std::size_t k = 0; k < all.size(); ++k)
+    text += (k > 0 ? "\n" : "") + (all.size() > 1 ? judged[k].name + ": " : "") + to_text(all[k]);
+  print(printable_lines(text + paired_text(judged)));
+}
+
 // Evaluates several models on the records that have all sensors of all models.
 ExitCode evaluate_models(const Arguments& a, const Common& common) {
   const std::string& run = a.files.back();
@@ -138,9 +162,7 @@ ExitCode evaluate_models(const Arguments& a, const Common& common) {
   const auto title = [&](const std::string& text) {
     return common.quiet || a.json ? std::string() : text;
   };
-  std::vector<TrainedModel> models;
-  for (std::size_t k = 0; k < count; ++k)
-    models.push_back(model_for_room(a.files[k], a.empty, a.range_offset_m));
+  const std::vector<TrainedModel> models = models_for_room(a);
   Dataset recorded = load_recorded({run}), data = recorded, other;
   subtract_range_offset(data, a.range_offset_m);
   if (!a.train.empty()) {
@@ -182,18 +204,7 @@ ExitCode evaluate_models(const Arguments& a, const Common& common) {
     all.push_back(std::move(e));
   }
   if (!a.per_record.empty()) write_records(a.per_record, data, judge->scene, judged);
-  if (a.json) {
-    nlohmann::json out = to_json(all[0]), rows = nlohmann::json::array();
-    for (const Evaluation& e : all) rows.push_back(to_json(e));
-    out["data_crc32c"] = crc32c_of(data);
-    if (count > 1) out["rows"] = rows, out["paired"] = paired_json(judged);
-    put(out);
-    return ExitCode::ok;
-  }
-  std::string text;
-  for (std::size_t k = 0; k < count; ++k)
-    text += (k > 0 ? "\n" : "") + (count > 1 ? judged[k].name + ": " : "") + to_text(all[k]);
-  print(printable_lines(text + paired_text(judged)));
+  print_evaluations(all, judged, data, a.json);
   return ExitCode::ok;
 }
 
@@ -229,15 +240,58 @@ void leave_out_unasked(const std::string& asked, const std::vector<WrittenMaps>&
     if (!wanted.contains(data.index[row])) left_out[row] = "not asked for by --rows";
 }
 
+// Why each row is not scored; empty if it is.
+std::vector<std::string> reasons_left_out(const Arguments& a,
+                                          const std::vector<WrittenMaps>& written,
+                                          const Dataset& data,
+                                          const std::vector<TrainedModel>& models,
+                                          const std::vector<Records>& records) {
+  std::vector<std::string> out = left_out_of_maps(written, data, a.all);
+  leave_out_unasked(a.rows, written, data, out);
+  for (std::size_t k = 0; k < models.size(); ++k) {
+    const auto of_model = left_out_of_evaluation(models[k], records[k].data, a.all);
+    for (std::size_t row = 0; row < out.size(); ++row)
+      if (out[row].empty()) out[row] = of_model[row];
+  }
+  return out;
+}
+
+// The maps of folders and models on the same rows, folders first.
+struct ScoredMaps {
+  std::vector<HeldOut> all;
+  std::vector<std::size_t> answered;  // records with a map, by folder
+  std::string unanswered;             // lines about folders without all maps
+};
+
+void add_folder(ScoredMaps& out, const WrittenMaps& maps, const Dataset& data, const Rows& rows,
+                const Scene& scene) {
+  out.answered.push_back(count_maps(maps, data, rows));
+  if (out.answered.back() < rows.size())
+    out.unanswered +=
+        formatted("%s: %zu of %zu records have a map; the others count as an empty map\n",
+                  maps.name.c_str(), out.answered.back(), rows.size());
+  out.all.push_back({maps.name, rows,
+                     score_maps(maps_of(maps, data, rows, scene.background), data, rows, scene)});
+}
+
+nlohmann::json maps_json(const ScoredMaps& maps, const std::vector<ScoredRow>& scored,
+                         const std::vector<ScoredRow>& baselines, std::size_t rows,
+                         const std::string& note) {
+  nlohmann::json out = to_json(scored, baselines, rows, note);
+  out["answered"] = maps.answered[0];
+  out["paired"] = paired_json(maps.all);
+  for (std::size_t k = 0; k < maps.all.size(); ++k)
+    out["rows"][k]["answered"] = k < maps.answered.size() ? maps.answered[k] : rows;
+  return out;
+}
+
 // Evaluates folders of maps, and models. A record without a map in a folder counts as an empty map
 // there.
 ExitCode evaluate_maps(const Arguments& a, const Common& common) {
   const auto title = [&](const char* text) { return common.quiet || a.json ? "" : text; };
   const std::string& run = a.files.back();
   Dataset data = load_recorded({run});
-  std::vector<TrainedModel> models;
-  for (std::size_t k = 0; k + 1 < a.files.size(); ++k)
-    models.push_back(model_for_room(a.files[k], a.empty, a.range_offset_m));
+  const std::vector<TrainedModel> models = models_for_room(a);
   std::vector<Records> records;
   for (const TrainedModel& model : models)
     records.push_back(prepare_records(model, data, a.range_offset_m));
@@ -252,13 +306,7 @@ ExitCode evaluate_maps(const Arguments& a, const Common& common) {
                                                : scoring_scene(data);
   std::vector<WrittenMaps> written;
   for (const std::string& folder : a.maps) written.push_back(read_written_maps(folder, data.map));
-  std::vector<std::string> left_out = left_out_of_maps(written, data, a.all);
-  leave_out_unasked(a.rows, written, data, left_out);
-  for (std::size_t k = 0; k < models.size(); ++k) {
-    const auto of_model = left_out_of_evaluation(models[k], records[k].data, a.all);
-    for (std::size_t row = 0; row < left_out.size(); ++row)
-      if (left_out[row].empty()) left_out[row] = of_model[row];
-  }
+  const std::vector<std::string> left_out = reasons_left_out(a, written, data, models, records);
   Rows rows;
   std::map<std::string, std::size_t> reasons{{"damaged", data.damaged.size()}};
   for (std::size_t row = 0; row < left_out.size(); ++row)
@@ -267,28 +315,17 @@ ExitCode evaluate_maps(const Arguments& a, const Common& common) {
   const std::string left_out_line = left_out_text(reasons, data.size() + data.damaged.size());
   if (rows.empty()) throw Error(ExitCode::failed, run + ": no record to score: " + left_out_line);
 
-  std::vector<HeldOut> all;
-  std::vector<std::size_t> answered;
-  std::string unanswered;
-  for (const WrittenMaps& maps : written) {
-    answered.push_back(count_maps(maps, data, rows));
-    if (answered.back() < rows.size())
-      unanswered +=
-          formatted("%s: %zu of %zu records have a map; the others count as an empty map\n",
-                    maps.name.c_str(), answered.back(), rows.size());
-    all.push_back(
-        {maps.name, rows,
-         score_maps(maps_of(maps, data, rows, judge.scene.background), data, rows, judge.scene)});
-  }
+  ScoredMaps maps;
+  for (const WrittenMaps& folder : written) add_folder(maps, folder, data, rows, judge.scene);
   for (std::size_t k = 0; k < models.size(); ++k)
-    all.push_back({std::filesystem::path(a.files[k]).stem().string(), rows,
-                   evaluate(models[k], records[k], rows, title("scoring"), judge).scores});
+    maps.all.push_back({std::filesystem::path(a.files[k]).stem().string(), rows,
+                        evaluate(models[k], records[k], rows, title("scoring"), judge).scores});
   const std::vector<ScoredRow> baselines = score_baselines(
       data, rows, judge.scene, a.train.empty() ? data : other,
       a.train.empty() ? Rows{} : other.usable(Inputs::fused), title("scoring baselines"));
-  if (!a.per_record.empty()) write_records(a.per_record, data, judge.scene, all);
+  if (!a.per_record.empty()) write_records(a.per_record, data, judge.scene, maps.all);
   std::vector<ScoredRow> scored;
-  for (const HeldOut& one : all) scored.push_back({one.name, summarise(one.scores)});
+  for (const HeldOut& one : maps.all) scored.push_back({one.name, summarise(one.scores)});
   std::string note = a.train.empty() && models.empty()
                          ? "foreground and background come from this run's maps; "
                            "--train RUN overrides them"
@@ -296,21 +333,17 @@ ExitCode evaluate_maps(const Arguments& a, const Common& common) {
   for (const std::string& line : notes_on_truth(data, scored))
     note += (note.empty() ? "" : "\n") + line;
   if (a.json) {
-    nlohmann::json out = to_json(scored, baselines, rows.size(), note);
+    nlohmann::json out = maps_json(maps, scored, baselines, rows.size(), note);
     out["left_out"] = reasons;
-    out["answered"] = answered[0];
     out["foreground_depth_m"] = judge.scene.foreground_depth_m;
-    out["paired"] = paired_json(all);
-    for (std::size_t k = 0; k < all.size(); ++k)
-      out["rows"][k]["answered"] = k < answered.size() ? answered[k] : rows.size();
     put(out);
   } else {
     std::vector<ScoredRow> table = scored;
     table.insert(table.end(), baselines.begin(), baselines.end());
-    print(
-        printable_lines(formatted("%zu records; mean +- standard error over maps\n", rows.size()) +
-                        (left_out_line.empty() ? "" : left_out_line + "\n") + unanswered +
-                        (note.empty() ? "" : note + "\n") + to_table(table) + paired_text(all)));
+    print(printable_lines(
+        formatted("%zu records; mean +- standard error over maps\n", rows.size()) +
+        (left_out_line.empty() ? "" : left_out_line + "\n") + maps.unanswered +
+        (note.empty() ? "" : note + "\n") + to_table(table) + paired_text(maps.all)));
   }
   return ExitCode::ok;
 }

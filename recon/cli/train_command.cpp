@@ -122,6 +122,31 @@ void predict_one(const TrainedModel& model, const std::vector<std::string>& runs
 
 constexpr std::ptrdiff_t least_records = 100;
 
+ExitCode train_and_save(Arguments& a, const CLI::App& app, const Common& common) {
+  a.split.seed = a.fit.seed;
+  a.fit.quiet = common.quiet;
+  const bool tuning = !a.from.empty();
+  if (tuning) check_from(app, a.assignments);
+  TrainSettings settings(a);
+  take(a.assignments, settings);
+  check_can_save(a.out);
+  const TrainedModel model = tuning ? tune_model(a, settings.test_share_given)
+                                    : train(load_to_train(a, settings.radar_bin_m), a);
+  save_model(model, a.out, [&](const TrainedModel& written) { predict_one(written, a.runs); });
+  const auto trained = std::ranges::count(model.seen.part, static_cast<std::uint8_t>(Part::train));
+  if (!tuning && trained < least_records)
+    std::fprintf(stderr, "%s: trained on only %td records; expected about a thousand\n",
+                 a.out.c_str(), trained);
+  if (!common.quiet)
+    std::fprintf(stderr, "%s: %s on %s, trained in %.1f s%s%s\n", a.out.c_str(),
+                 model->name.c_str(), name_of(model->features.inputs).c_str(), model.train_s(),
+                 model->log.best_epoch > 0 || model->log.loss.empty()
+                     ? ""
+                     : "; never better than the mean map",
+                 model->log.interrupted ? "; interrupted, the best epoch so far" : "");
+  return model->log.interrupted ? ExitCode::interrupted : ExitCode::ok;
+}
+
 }  // namespace
 
 Command add_train(CLI::App& app, const Common& common) {
@@ -164,31 +189,7 @@ Command add_train(CLI::App& app, const Common& common) {
                 "echofuse-recon train new.sqlite --from old.safetensors --out new.safetensors"},
                "3 config, 6 disk, 130 interrupted");
   a->fallback = true;
-  return [a, &app, &common] {
-    a->split.seed = a->fit.seed;
-    a->fit.quiet = common.quiet;
-    const bool tuning = !a->from.empty();
-    if (tuning) check_from(app, a->assignments);
-    TrainSettings settings(*a);
-    take(a->assignments, settings);
-    check_can_save(a->out);
-    const TrainedModel model = tuning ? tune_model(*a, settings.test_share_given)
-                                      : train(load_to_train(*a, settings.radar_bin_m), *a);
-    save_model(model, a->out, [&](const TrainedModel& written) { predict_one(written, a->runs); });
-    const auto trained =
-        std::ranges::count(model.seen.part, static_cast<std::uint8_t>(Part::train));
-    if (!tuning && trained < least_records)
-      std::fprintf(stderr, "%s: trained on only %td records; expected about a thousand\n",
-                   a->out.c_str(), trained);
-    if (!common.quiet)
-      std::fprintf(stderr, "%s: %s on %s, trained in %.1f s%s%s\n", a->out.c_str(),
-                   model->name.c_str(), name_of(model->features.inputs).c_str(), model.train_s(),
-                   model->log.best_epoch > 0 || model->log.loss.empty()
-                       ? ""
-                       : "; never better than the mean map",
-                   model->log.interrupted ? "; interrupted, the best epoch so far" : "");
-    return model->log.interrupted ? ExitCode::interrupted : ExitCode::ok;
-  };
+  return [a, &app, &common] { return train_and_save(*a, app, common); };
 }
 
 }  // namespace echofuse::recon

@@ -225,6 +225,17 @@ TrainingRecords both(const TrainingRecords& old, TrainingRecords seen) {
   return seen;
 }
 
+// Another start must win by `errors` standard errors (one if records are few): of 21 draws of seven
+// worlds none got worse (2 did without a limit).
+std::size_t best_start(const std::vector<Choice>& choices, double errors) {
+  std::size_t best = 0;
+  double most = 0;
+  for (std::size_t k = 1; k < choices.size(); ++k)
+    if (const double gain = choices[k].gain_over(choices[0], errors); gain > most)
+      best = k, most = gain;
+  return best;
+}
+
 }  // namespace
 
 void match_for_tuning(const TrainedModel& from, const std::string& path, Dataset& data) {
@@ -260,14 +271,8 @@ TunedModel tune(const std::vector<Start>& starts, const TuneOptions& options) {
   }
   if (choices.front().table().empty())
     throw Error(ExitCode::usage, options.only + ": no candidate of this name");
-  std::size_t best = 0;
-  double most = 0;
-  // With few records another start must win by one standard error: of 21 draws of seven worlds none
-  // got worse (2 did without a limit).
-  const double errors = plainly(are_few(starts.front().model.first(), split)) / 2;
-  for (std::size_t k = 1; k < choices.size(); ++k)
-    if (const double gain = choices[k].gain_over(choices[0], errors); gain > most)
-      best = k, most = gain;
+  const std::size_t best =
+      best_start(choices, plainly(are_few(starts.front().model.first(), split)) / 2);
   TunedModel out;
   out.left_out = usable.left_out;
   for (std::size_t k = 0; k < choices.size(); ++k)

@@ -36,6 +36,21 @@ constexpr std::array unusual{"unusual histogram",
                              "unusual range",
                              "unusual radar profile"};
 
+// Runs and kinds of records are contiguous.
+Rows shuffled(std::size_t rows, Rng& rng) {
+  Rows out = all_rows(rows);
+  std::shuffle(out.begin(), out.end(), rng);
+  return out;
+}
+
+// The rows of the part that show a body, or all if they are few.
+Rows usual_rows(Rows part, const Rows& with_body) {
+  std::sort(part.begin(), part.end());
+  Rows out;
+  std::ranges::set_intersection(part, with_body, std::back_inserter(out));
+  return out.size() < OutOfDistributionDetector::least_records / 2 ? part : out;
+}
+
 }  // namespace
 
 void OutOfDistributionDetector::use(const Features& sensors, const Alignment& alignment) {
@@ -55,47 +70,58 @@ bool OutOfDistributionDetector::shows_body(std::span<const float> description) c
   return first_[range + 1] == 0 || description[first_[range]] != 0;
 }
 
+Rows OutOfDistributionDetector::learn_ranges(const Matrix& descriptions) {
+  Rows out;
+  for (std::size_t i = 0; i < descriptions.rows; ++i) {
+    if (!shows_body(descriptions.row(i))) continue;
+    // Without a detector the range is undefined.
+    const auto range_m = double{descriptions.row(i)[first_[range]]};
+    nearest_m_ = out.empty() ? range_m : std::min(nearest_m_, range_m);
+    farthest_m_ = out.empty() ? range_m : std::max(farthest_m_, range_m);
+    out.push_back(i);
+  }
+  const double reserve_m = range_reserve * (farthest_m_ - nearest_m_);
+  nearest_m_ -= reserve_m, farthest_m_ += reserve_m;
+  return out;
+}
+
+Matrix OutOfDistributionDetector::describe_all(const Dataset& data, const Features& sensors,
+                                               const Alignment& alignment) const {
+  const Rows rows = all_rows(data.size());
+  const Matrix views = sensors.spd_count() > 0 ? align(observe(data, rows, sensors), alignment)
+                                               : Matrix(rows.size(), 0);
+  Matrix out(0, first_[groups]);
+  for (const std::size_t i : rows) out.add_row(describe(views.row(i), data, i));
+  return out;
+}
+
 OutOfDistributionDetector::OutOfDistributionDetector(const Alignment& alignment,
                                                      const Dataset& data, const Matrix& views,
                                                      const Rows& rows, Inputs inputs,
                                                      const Scene& scene, std::uint64_t seed) {
-  const bool by_array = alignment.array_features() > 0;
-  const Features sensors =
-      fit_features(data, rows, by_array ? inputs : without_antennas(inputs), raw_scaling);
+  const Features sensors = fit_features(
+      data, rows, alignment.array_features() > 0 ? inputs : without_antennas(inputs), raw_scaling);
   use(sensors, alignment);
-  Rows with_body;
   Matrix all(0, first_[groups]);
   for (std::size_t i = 0; i < rows.size(); ++i) {
     all.add_row(describe(views.row(rows[i]), data, rows[i]));
     most_clicks_per_start_ = std::max(most_clicks_per_start_, data.clicks_a_pulse[rows[i]]);
-    if (!shows_body(all.row(i))) continue;
-    const auto range_m =
-        double{all.row(i)[first_[range]]};  // without a detector the range is undefined
-    nearest_m_ = with_body.empty() ? range_m : std::min(nearest_m_, range_m);
-    farthest_m_ = with_body.empty() ? range_m : std::max(farthest_m_, range_m);
-    with_body.push_back(i);
   }
-  const double reserve_m = range_reserve * (farthest_m_ - nearest_m_);
-  nearest_m_ -= reserve_m, farthest_m_ += reserve_m;
+  const Rows with_body = learn_ranges(all);
   share_with_body_ = static_cast<double>(with_body.size()) / static_cast<double>(rows.size());
   // Records labelled as two people do not define what one person looks like.
   const auto shows_two = [&](std::size_t i) { return data.label[rows[i]] == two_people_label; };
-  const auto learn = [&](Rows part) {
-    std::sort(part.begin(), part.end());
-    Rows usual;
-    std::ranges::set_intersection(part, with_body, std::back_inserter(usual));
-    if (usual.size() < least_records / 2) usual = part;
+  const auto learn = [&](const Rows& part) {
+    Rows usual = usual_rows(part, with_body);
     learn_components(take_rows(all, usual), seed);
     std::erase_if(usual, shows_two);
     for (std::size_t& i : usual) i = rows[i];
     if (sensors.spd_count() > 0)
       two_bodies_ = learn_two_bodies(alignment, sensors, data, usual, scene, seed);
   };
-  // Shuffles the rows, because runs and kinds of records are contiguous. With few records none are
-  // reserved for the limits: each is tested by a fit to the others.
-  Rows order = all_rows(rows.size());
   Rng rng = make_rng(seed, held_stream);
-  std::shuffle(order.begin(), order.end(), rng);
+  const Rows order = shuffled(rows.size(), rng);
+  // With few records none are reserved for the limits: each is tested by a fit to the others.
   const bool few = rows.size() < few_records;
   const std::size_t parts = rows.size() < many_records ? folds_of_few : folds_of_many;
   std::vector<Found> held;
@@ -111,12 +137,7 @@ OutOfDistributionDetector::OutOfDistributionDetector(const Alignment& alignment,
     for (const std::size_t i : some) taken.push_back(rows[i]);
     Dataset brought = part_of(data, taken);
     imitate_brought(brought, own, from, noise, rng);
-    const Rows every = all_rows(taken.size());
-    const Matrix seen = sensors.spd_count() > 0 ? align(observe(brought, every, sensors), alignment)
-                                                : Matrix(taken.size(), 0);
-    Matrix out(0, first_[groups]);
-    for (const std::size_t i : every) out.add_row(describe(seen.row(i), brought, i));
-    return out;
+    return describe_all(brought, sensors, alignment);
   };
   for (std::size_t part = few ? 0 : parts - 1; part < parts; ++part) {
     const Split fold = make_fold(order, part, parts, 0);

@@ -92,6 +92,11 @@ class OutOfDistributionDetector {
   std::vector<float> describe(std::span<const float> view, const Dataset& data,
                               std::size_t row) const;
   bool shows_body(std::span<const float> description) const;  // true without a detector
+  // Rows that show a body; sets the limits of their ranges.
+  Rows learn_ranges(const Matrix& descriptions);
+  // Descriptions of all records.
+  Matrix describe_all(const Dataset& data, const Features& sensors,
+                      const Alignment& alignment) const;
   Found find(std::span<const float> description) const;
 
   std::array<std::size_t, groups + 1> first_{};  // start of each group, and the end

@@ -23,26 +23,50 @@ const std::vector<std::size_t> hidden = {128, 64};
 constexpr std::size_t batch = 256, draws_a_record = 350, most_draws = 2'000'000;
 constexpr double learning_rate = 4e-3;
 
-}  // namespace
-
-Classifier learn_two_bodies(const Alignment& alignment, const Features& sensors,
-                            const Dataset& data, const Rows& rows, const Scene& scene,
-                            std::uint64_t seed) {
-  Classifier out;
-  // Records with a body of known position, one per row: observation, view without correlation,
-  // radar.
-  const Layout layout = sensors.layout();
-  Matrix observations(0, layout.inputs()), views(0, alignment.size()), radar(0, layout.radar.count);
+// Records with a body of known position, one per row.
+struct KnownBodies {
+  Matrix observations, views, radar;  // views without correlation
   std::vector<Place> places;
+};
+
+KnownBodies known_bodies(const Alignment& alignment, const Features& sensors, const Dataset& data,
+                         const Rows& rows, const Scene& scene) {
+  const Layout layout = sensors.layout();
+  KnownBodies out{
+      Matrix(0, layout.inputs()), Matrix(0, alignment.size()), Matrix(0, layout.radar.count), {}};
   const Matrix all = observe(data, rows, sensors);
   for (std::size_t i = 0; i < rows.size(); ++i) {
     std::vector<float> view(alignment.size());
     align(all.row(i), alignment, view);
     const auto place = place_of(data.depth.row(rows[i]), scene.background, scene.grid);
     if (!shows_body(view) || !place) continue;
-    observations.add_row(all.row(i)), views.add_row(view), places.push_back(*place);
-    radar.add_row(all.row(i).subspan(layout.spd.count, radar.cols));
+    out.observations.add_row(all.row(i)), out.views.add_row(view), out.places.push_back(*place);
+    out.radar.add_row(all.row(i).subspan(layout.spd.count, out.radar.cols));
   }
+  return out;
+}
+
+struct Body {
+  std::size_t k, as;  // which record, and the record of its azimuth
+};
+
+double side_m(const KnownBodies& known, const Body& body) {
+  const auto tangent = double{known.places[body.as].tangent};
+  return double{known.views.row(body.k).back()} * tangent / std::hypot(1.0, tangent);
+}
+
+std::size_t any_row(std::size_t rows, Rng& rng) {
+  return std::uniform_int_distribution<std::size_t>(0, rows - 1)(rng);
+}
+
+}  // namespace
+
+Classifier learn_two_bodies(const Alignment& alignment, const Features& sensors,
+                            const Dataset& data, const Rows& rows, const Scene& scene,
+                            std::uint64_t seed) {
+  Classifier out;
+  const KnownBodies known = known_bodies(alignment, sensors, data, rows, scene);
+  const auto& [observations, views, radar, places] = known;
   const Rows bodies = all_rows(views.rows);
   if (bodies.size() < 2) return out;
   const Matrix no_lags;
@@ -52,16 +76,7 @@ Classifier learn_two_bodies(const Alignment& alignment, const Features& sensors,
     if (!rotated->rotates()) rotated.reset();
   }
 
-  struct Body {
-    std::size_t k, as;  // which record, and the record of its azimuth
-  };
-  const auto any = [&](Rng& rng) {
-    return std::uniform_int_distribution<std::size_t>(0, bodies.size() - 1)(rng);
-  };
-  const auto side_m = [&](const Body& body) {
-    const auto tangent = double{places[body.as].tangent};
-    return double{views.row(body.k).back()} * tangent / std::hypot(1.0, tangent);
-  };
+  const auto any = [&](Rng& rng) { return any_row(bodies.size(), rng); };
   // Subtracts one background, because a record contains it only once.
   const std::vector<float> background = alignment.background();
   const auto add_up = [&](std::span<const Body> some, std::span<float> view) {
@@ -90,7 +105,8 @@ Classifier learn_two_bodies(const Alignment& alignment, const Features& sensors,
       const std::size_t a = any(pair_rng), b = any(pair_rng);
       const std::size_t as_a = rotated ? any(pair_rng) : a, as_b = rotated ? any(pair_rng) : b;
       pair = {{a, as_a}, {b, as_b}};
-    } while (std::abs(side_m(pair[0]) - side_m(pair[1])) < least_apart_m && ++tries < most_tries);
+    } while (std::abs(side_m(known, pair[0]) - side_m(known, pair[1])) < least_apart_m &&
+             ++tries < most_tries);
   }
   if (rotated) singles.resize(std::min(most_rotated, rotated_per_record * views.rows));
   for (auto& single : singles) {
