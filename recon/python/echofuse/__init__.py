@@ -15,11 +15,11 @@ from .axis import Axis
 from .model import Estimator, Maps, Model, load_model
 from .maps import load_maps, save_maps
 from .netcdf import dataset as to_xarray
-from .run import Record, Run, open  # noqa: A004 (the name that is wanted)
+from .run import Record, Run
+from .run import open as open  # noqa: A004 (not in __all__: it would replace the built-in)
 from .splits import Split, split
 
 __version__ = "0.3.0"
 
 __all__ = ["Axis", "Estimator", "Maps", "Model", "Record", "Run", "Split", "load_maps",
-           "load_model", "metrics", "open", "record", "save_maps", "split", "to_xarray",
-           "write_run"]
+           "load_model", "metrics", "record", "save_maps", "split", "to_xarray", "write_run"]

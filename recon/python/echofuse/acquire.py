@@ -6,6 +6,7 @@ import json
 import os
 import pathlib
 import re
+import shutil
 import signal
 import subprocess
 import tempfile
@@ -16,12 +17,16 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from . import run as runs
-from .programs import path_of
+from .programs import not_started, path_of
 
 
 def acquire_program(program: str | None) -> str:
-    """Its path: as given, of $ECHOFUSE_ACQUIRE, or where the other programs are."""
-    return str(program or os.environ.get("ECHOFUSE_ACQUIRE") or path_of("echofuse-acquire"))
+    """Its path: as given, of $ECHOFUSE_ACQUIRE, or where the other programs are. Raises
+    UsageError if the program is missing."""
+    path = str(program or os.environ.get("ECHOFUSE_ACQUIRE") or path_of("echofuse-acquire"))
+    if not shutil.which(path):
+        raise not_started(path, "program not found")
+    return path
 
 
 def record(config: str | pathlib.Path | None = None, count: int = 1, *, label: str | None = None,

@@ -34,6 +34,11 @@ def path_of(program: str) -> str:
     return os.path.join(folder, program) if folder else str(own) if own.exists() else program
 
 
+def not_started(path: str, reason: str) -> UsageError:
+    """Returns the error that names a missing program and the ways to provide it."""
+    return UsageError(f"{path}: {reason}; put the programs into PATH, or set ECHOFUSE_BIN")
+
+
 def call(program: str, *words: object,
          ok: tuple[int, ...] = (0,)) -> subprocess.CompletedProcess[str]:
     """Runs one of the programs. Raises BenchError with its last line and exit code; UsageError
@@ -43,8 +48,7 @@ def call(program: str, *words: object,
         done = subprocess.run([path, *map(str, words)], capture_output=True, text=True, check=False,
                               errors="replace")
     except OSError as error:
-        raise UsageError(
-            f"{path}: {error.strerror}; put the programs into PATH, or set ECHOFUSE_BIN") from None
+        raise not_started(path, error.strerror) from None
     if done.returncode not in ok:
         kind = BenchError if done.returncode == 1 else UsageError
         said = [line for line in done.stderr.splitlines() if line.strip()

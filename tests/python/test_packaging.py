@@ -1,0 +1,111 @@
+# SPDX-License-Identifier: MIT
+"""Wheel and sdist of the Python package, and its public names."""
+import os
+import pathlib
+import pkgutil
+import shutil
+import subprocess
+import sys
+import types
+import zipfile
+
+import pytest
+
+import echofuse
+from programs import BIN, program
+
+SOURCE = pathlib.Path(__file__).resolve().parents[2] / "recon/python"
+AWAY = {key: value for key, value in os.environ.items() if key not in ("PYTHONPATH", "ECHOFUSE_BIN", "ECHOFUSE_ACQUIRE")}
+
+
+def python(*words, at, env=AWAY, python=sys.executable):
+    return subprocess.run([python, *map(str, words)], cwd=at, env=env, capture_output=True, text=True, check=False)
+
+
+def copy_of_the_sources(to, symlinks=False):
+    return shutil.copytree(SOURCE, to, symlinks=symlinks, ignore=shutil.ignore_patterns("__pycache__", "*.egg-info", "build"))
+
+
+def built(source, kind, to):
+    done = python("-c", f"import setuptools.build_meta as b, sys; b.build_{kind}(sys.argv[1])", to, at=source)
+    assert done.returncode == 0, done.stderr
+    return next(to.glob("*.tar.gz" if kind == "sdist" else "*.whl"))
+
+
+@pytest.fixture(scope="session")
+def made(tmp_path_factory):
+    """Folder with an environment that has the wheel of the sdist, and with a run."""
+    for module in ("setuptools", "wheel", "venv", "pip"):
+        pytest.importorskip(module)
+    folder = tmp_path_factory.mktemp("package")
+    sdist = built(copy_of_the_sources(folder / "copy"), "sdist", folder)
+    shutil.unpack_archive(sdist, folder / "unpacked")
+    wheel = built(next((folder / "unpacked").iterdir()), "wheel", folder)
+    done = python("-m", "venv", "--without-pip", "--system-site-packages", folder / "venv", at=folder)
+    assert done.returncode == 0, done.stderr
+    done = python("-m", "pip", "install", "--no-index", "--no-deps", "-q", wheel, at=folder, python=folder / "venv/bin/python")
+    assert done.returncode == 0, done.stderr
+    program("echofuse-sim", "dataset", "-q", "--out", folder / "monday.sqlite", "--records", 6)
+    return folder
+
+
+def test_the_wheels_of_copy_and_sdist_have_the_same_files(made, tmp_path):
+    direct = built(copy_of_the_sources(tmp_path / "copy"), "wheel", tmp_path)
+    names = [set(zipfile.ZipFile(wheel).namelist()) for wheel in (direct, next(made.glob("*.whl")))]
+    assert names[0] == names[1]
+    assert {"echofuse/py.typed", "echofuse/page/report.html", "echofuse/echofuse-bench-2.toml"} <= names[0]
+    assert any(name.endswith("dist-info/LICENSE") for name in names[0])
+
+
+def test_a_build_without_the_page_fails_with_one_sentence(tmp_path):
+    source = copy_of_the_sources(tmp_path / "deep/er/copy", symlinks=True)
+    done = python("setup.py", "--version", at=source)
+    assert done.returncode == 1 and "report.html is missing; build in a checkout" in done.stderr
+    assert len(done.stderr.splitlines()) == 1
+
+
+def test_an_installed_wheel_reads_a_run_without_programs(made):
+    code = ("import echofuse; run = echofuse.open('monday.sqlite'); "
+            "print(echofuse.__file__, len(run), run.spd.shape[0])")
+    done = python("-c", code, at=made, env=AWAY | {"PATH": ""}, python=made / "venv/bin/python")
+    assert done.returncode == 0, done.stderr
+    file, *counts = done.stdout.split()
+    assert pathlib.Path(file).is_relative_to(made / "venv") and counts == ["6", "6"]
+
+
+@pytest.mark.parametrize(("call", "name"), [
+    ("echofuse.split(echofuse.open('monday.sqlite'))", "echofuse-recon"),
+    ("echofuse.record('lab.toml')", "echofuse-acquire"),
+    ("echofuse.write_run('own.sqlite', spd=[[1, 2]])", "echofuse-acquire")])
+def test_a_missing_program_is_named_in_one_sentence(made, call, name):
+    code = f"import echofuse\ntry:\n    {call}\nexcept RuntimeError as error:\n    print(error)"
+    done = python("-c", code, at=made, env=AWAY | {"PATH": ""}, python=made / "venv/bin/python")
+    assert done.returncode == 0, done.stderr
+    assert name in done.stdout and done.stdout.endswith("; put the programs into PATH, or set ECHOFUSE_BIN\n")
+    assert len(done.stdout.splitlines()) == 1
+
+
+def test_an_installed_wheel_writes_a_report_page(made):
+    done = subprocess.run([made / "venv/bin/echofuse-report", "out", "--live", "monday.sqlite"], cwd=made,
+                          env=AWAY | {"ECHOFUSE_BIN": str(BIN)}, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    page = (made / "out/report.html").read_text(encoding="utf-8")
+    assert "monday" in page and "uPlot" in page
+
+
+def test_a_star_import_keeps_the_built_in_open():
+    names = {}
+    exec("from echofuse import *", names)  # noqa: S102
+    assert "open" not in names and callable(echofuse.open)
+
+
+def test_no_public_name_is_a_module_and_something_else():
+    modules = {module.name for module in pkgutil.iter_modules(echofuse.__path__)}
+    assert [name for name in modules & set(dir(echofuse)) if not isinstance(getattr(echofuse, name), types.ModuleType)] == []
+
+
+def test_the_import_takes_a_tenth_of_a_second_more_than_numpys():
+    code = "import time, numpy; at = time.perf_counter(); import echofuse; print(time.perf_counter() - at)"
+    env = AWAY | {"PYTHONPATH": str(SOURCE)}
+    took = [float(python("-c", code, at=SOURCE, env=env).stdout) for _ in range(10)]
+    assert min(took) <= 0.1, took
