@@ -49,10 +49,27 @@ def part_of(text: str) -> tuple[int, int]:
     raise argparse.ArgumentTypeError(f"{text}: expected K/N with K from 1 to N, as 3/8")
 
 
-def main() -> None:
-    def wide(prog: str) -> argparse.HelpFormatter:
-        return argparse.RawDescriptionHelpFormatter(prog, max_help_position=32)
+def wide(prog: str) -> argparse.HelpFormatter:
+    return argparse.RawDescriptionHelpFormatter(prog, max_help_position=32)
 
+
+def add_table_options(one: argparse.ArgumentParser) -> None:
+    """Adds the options of the commands that write a table."""
+    one.add_argument("--out", required=True, metavar="CSV",
+                     help="table to write; rows that are there are not measured again")
+    one.add_argument("--seeds", type=int,
+                     help="trainings of each method (default: 3, or the recipe's)")
+    one.add_argument("--jobs", type=int, default=1, help="cells at a time (default 1)")
+    one.add_argument("--part", type=part_of, default=(1, 1), metavar="K/N",
+                     help="only the K-th of N parts, as of a Slurm array")
+    one.add_argument("--markdown", action="store_true", help="print the table for a README")
+    one.add_argument("--figure", metavar="FILE",
+                     help="draw it (python3-matplotlib): NAME.svg, NAME.pdf or NAME.png")
+    one.add_argument("-q", "--quiet", action="store_true", help="no progress")
+
+
+def parser_of() -> argparse.ArgumentParser:
+    """Returns the parser of the command line."""
     parser = argparse.ArgumentParser(prog="echofuse-bench",
                                      description=(__doc__ or "").partition("\n\n>>>")[0],
                                      epilog="exit codes:  COMMAND --help lists them",
@@ -64,17 +81,7 @@ def main() -> None:
                 run: Callable[[argparse.Namespace], Table]) -> argparse.ArgumentParser:
         one = commands.add_parser(name, help=text, description=text, formatter_class=wide,
                                   epilog=f"{EXIT_CODES}3 config, 6 disk, 130 interrupted")
-        one.add_argument("--out", required=True, metavar="CSV",
-                         help="table to write; rows that are there are not measured again")
-        one.add_argument("--seeds", type=int,
-                         help="trainings of each method (default: 3, or the recipe's)")
-        one.add_argument("--jobs", type=int, default=1, help="cells at a time (default 1)")
-        one.add_argument("--part", type=part_of, default=(1, 1), metavar="K/N",
-                         help="only the K-th of N parts, as of a Slurm array")
-        one.add_argument("--markdown", action="store_true", help="print the table for a README")
-        one.add_argument("--figure", metavar="FILE",
-                         help="draw it (python3-matplotlib): NAME.svg, NAME.pdf or NAME.png")
-        one.add_argument("-q", "--quiet", action="store_true", help="no progress")
+        add_table_options(one)
         one.set_defaults(run=run)
         return one
 
@@ -97,7 +104,11 @@ def main() -> None:
                           "--format npy` makes it")
     one.add_argument("of", metavar="RUN", help="run with labels as letter:A, and the truth")
     one.set_defaults(run=_letters)
-    args = parser.parse_args()
+    return parser
+
+
+def main() -> None:
+    args = parser_of().parse_args()
     sys.path.append(os.getcwd())  # methods in the current folder
     try:
         if getattr(args, "figure", None):

@@ -307,6 +307,55 @@ def over_seeds(rows: Sequence[dict[str, Any]], metric: str) -> tuple[float, floa
     return float(values.mean()), float(values.std(ddof=1)) if len(values) > 1 else 0.0
 
 
+def _costs(panel: Axes, shown: dict[str, list[dict[str, Any]]], cost: str, metric: str,
+           unit: float) -> tuple[list[tuple[float, float]], str]:
+    """Draws a metric against a cost. Returns the points, and the names of methods without it."""
+    points, without = [], []
+    for k, (name, same) in enumerate(shown.items()):
+        costs = [row[cost] for row in same if row[cost] > 0]
+        mean, spread = over_seeds(same, metric)
+        if not costs:
+            without.append(name)
+            continue
+        x = float(np.mean(costs))
+        panel.errorbar(x, unit * mean, unit * spread or None, fmt="os^v"[k // 10 % 4], ms=5,
+                       capsize=3, color=f"C{k % 10}", label=name)
+        points.append((x, unit * mean))
+    return points, ", ".join(without)
+
+
+def _iou_by_time(panel: Axes, shown: dict[str, list[dict[str, Any]]]) -> None:
+    points, without = _costs(panel, shown, "infer_us_median", "iou", 1)
+    front: list[tuple[float, float]] = []
+    for at, y in sorted(points):
+        if not front or y > front[-1][1]:
+            front.append((at, y))
+    panel.step([x for x, _ in front], [y for _, y in front], where="post",
+               color=COLOURS["grey"], lw=1, zorder=0, label="Pareto front")
+    panel.legend(fontsize=7, frameon=False, ncols=1 + len(shown) // 6, loc="upper left",
+                 bbox_to_anchor=(0, -0.15))
+    panel.set(xlabel="time of a map, one record at a time (µs, median)", ylabel="IoU")
+    if without:
+        panel.set_title(f"no time: {without}", loc="left", fontsize=7, wrap=True)
+    plain_log(panel, "x")
+    panel.margins(0.12)
+
+
+def _error_by_cost(panel: Axes, shown: dict[str, list[dict[str, Any]]],
+                   bound_m: float | None) -> None:
+    _, without = _costs(panel, shown, "multiply_adds", "lateral_m", 100)
+    if bound_m:
+        panel.axhline(100 * bound_m, color=COLOURS["grey"], ls="--", lw=1)
+        panel.text(0.01, 100 * bound_m, f"least possible: {100 * bound_m:g} cm",
+                   transform=panel.get_yaxis_transform(), va="bottom", fontsize=8)
+    panel.set(xlabel="multiply-adds of one map", ylabel="lateral error (cm)")
+    if without:
+        panel.text(0, -0.2, f"not counted: {without}", wrap=True, fontsize=7,
+                   transform=panel.transAxes, va="top")
+    plain_log(panel, *"xy")
+    panel.margins(0.12)
+
+
 def pareto(path: Path, *, bound_m: float | None = None, axis: str = "model",
            ax: Panels = None) -> Figure:
     """The table of `echofuse-bench pareto`: IoU against time with the front, lateral error against
@@ -322,46 +371,8 @@ def pareto(path: Path, *, bound_m: float | None = None, axis: str = "model",
     made, axes = figure(*shape, wide=5.4, high=4.0, ax=ax)
     shown = {name: same for (kind, _, name), same in by_model.items() if kind == axis
              and over_seeds(same, "iou")[0] >= 0.01}
-    colours = {name: f"C{k % 10}" for k, name in enumerate(shown)}
-    front: list[tuple[float, float]] = []
-    for panel, cost, metric, unit in ((axes[0], "infer_us_median", "iou", 1),
-                                      (axes[1], "multiply_adds", "lateral_m", 100)):
-        points, without = [], []
-        for name, same in shown.items():
-            costs = [row[cost] for row in same if row[cost] > 0]
-            mean, spread = over_seeds(same, metric)
-            if not costs:
-                without.append(name)
-                continue
-            x = float(np.mean(costs))
-            panel.errorbar(x, unit * mean, unit * spread or None,
-                           fmt="os^v"[list(shown).index(name) // 10 % 4], ms=5, capsize=3,
-                           color=colours[name], label=name)
-            points.append((x, unit * mean))
-        if metric == "iou":
-            for at, y in sorted(points):
-                if not front or y > front[-1][1]:
-                    front.append((at, y))
-            panel.step([x for x, _ in front], [y for _, y in front], where="post",
-                       color=COLOURS["grey"], lw=1, zorder=0,
-                       label="Pareto front")
-            panel.legend(fontsize=7, frameon=False, ncols=1 + len(shown) // 6, loc="upper left",
-                         bbox_to_anchor=(0, -0.15))
-            panel.set(xlabel="time of a map, one record at a time (µs, median)", ylabel="IoU")
-            if without:
-                panel.set_title(f"no time: {', '.join(without)}", loc="left", fontsize=7, wrap=True)
-        else:
-            if bound_m:
-                panel.axhline(100 * bound_m, color=COLOURS["grey"], ls="--", lw=1)
-                panel.text(0.01, 100 * bound_m, f"least possible: {100 * bound_m:g} cm",
-                           transform=panel.get_yaxis_transform(),
-                           va="bottom", fontsize=8)
-            panel.set(xlabel="multiply-adds of one map", ylabel="lateral error (cm)")
-            if without:
-                panel.text(0, -0.2, f"not counted: {', '.join(without)}", wrap=True, fontsize=7,
-                           transform=panel.transAxes, va="top")
-        plain_log(panel, *("x" if metric == "iou" else "xy"))
-        panel.margins(0.12)
+    _iou_by_time(axes[0], shown)
+    _error_by_cost(axes[1], shown, bound_m)
     for panel, sweep in zip(axes[2:], sweeps):
         taken: list[str] = []
         for name in dict.fromkeys(key[2] for key in by_model if key[0] == sweep):
