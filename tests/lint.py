@@ -118,7 +118,10 @@ for name, code in product.items():
 faults += [f"{room} includes {other}, which is above it" for room, others in uses.items() for other in others
            if parts.index(room.split("/")[0]) < parts.index(other.split("/")[0])]
 for path in (root / "recon/python/echofuse").glob("*.py"):
-    uses[path.stem] = {name for node in ast.parse(path.read_text(encoding="utf-8")).body
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    faults += [f"{path.relative_to(root)}:{node.lineno}: a function of {lines} lines; at most 60" for node in ast.walk(tree)
+               if isinstance(node, ast.FunctionDef) and (lines := (node.end_lineno or 0) - node.lineno + 1) > 60]
+    uses[path.stem] = {name for node in tree.body
                        if isinstance(node, ast.ImportFrom) and node.level == 1
                        for name in ([node.module] if node.module else [alias.name for alias in node.names])}
 for start in uses:
