@@ -18,7 +18,7 @@ using Samples = Eigen::MatrixXcd;  // antennas x frames
 
 constexpr std::size_t least_frames = 8;
 constexpr double least_snr_db = 10;
-constexpr double least_share = 0.9;  // least share of the bin's power in one wave
+constexpr double least_share = 0.9;  // minimum share of the power in one wave
 constexpr double weakest_gain = 0.03;
 constexpr double rounding_power = 1.0 / 12;  // power of the rounding of a real or an imaginary part
 
@@ -33,7 +33,7 @@ std::complex<double> sample(const std::vector<std::int16_t>& frame, std::size_t 
   return {static_cast<double>(frame[2 * i + 1]), static_cast<double>(frame[2 * i])};
 }
 
-// Mean over the frames of the power of all antennas, by bin.
+// Returns the total power of all antennas in each bin, averaged over the frames.
 std::vector<double> powers_of(const ArrayFrames& frames, std::size_t antennas) {
   std::vector<double> powers(frames[0].size() / (2 * antennas));
   for (const auto& frame : frames)
@@ -44,7 +44,7 @@ std::vector<double> powers_of(const ArrayFrames& frames, std::size_t antennas) {
 
 double turn(double phase) { return std::remainder(phase, 2 * std::numbers::pi); }
 
-// Fits the one wave a that explains most of the antennas' samples x, and its errors.
+// Fits one wave to the samples x (antennas x frames), with errors.
 AntennaFit fit_wave(const Samples& x) {
   AntennaFit fit;
   const auto frames = static_cast<double>(x.cols()), antennas = static_cast<double>(x.rows());
@@ -53,8 +53,8 @@ AntennaFit fit_wave(const Samples& x) {
   const double all = covariance.trace().real(), wave = solver.eigenvalues().maxCoeff();
   if (!(wave >= least_share * all)) {
     fit.refusal = format(
-        "the antennas do not see one echo: %.0f %% of the power is one wave's, 90 %%"
-        " needed",
+        "more than one echo: the strongest wave has %.0f %% of the power (at least 90 %%"
+        " needed)",
         100 * wave / all);
     return fit;
   }
@@ -63,7 +63,7 @@ AntennaFit fit_wave(const Samples& x) {
   for (Eigen::Index m = 0; m < a.size(); ++m) {
     const std::complex<double> z = a[m] / a[0];
     if (!(std::abs(z) > weakest_gain && std::abs(z) < 1 / weakest_gain)) {
-      fit.refusal = format("antenna %d has %.0f dB of antenna 0: one of them delivers nothing",
+      fit.refusal = format("antenna %d is at %.0f dB of antenna 0: one of them has no signal",
                            static_cast<int>(m), 20 * std::log10(std::abs(z)));
       return fit;
     }
@@ -81,7 +81,7 @@ AntennaFit fit_wave(const Samples& x) {
 AntennaFit fit_antennas(const ArrayFrames& frames, std::size_t antennas, std::size_t bin) {
   AntennaFit fit;
   if (frames.size() < least_frames) {
-    fit.refusal = "fewer than 8 frames with the antennas' samples came";
+    fit.refusal = "fewer than 8 frames with antenna samples received";
     return fit;
   }
   const std::vector<double> powers = powers_of(frames, antennas);
@@ -91,8 +91,8 @@ AntennaFit fit_antennas(const ArrayFrames& frames, std::size_t antennas, std::si
   const double snr_db = 10 * std::log10(powers[top] / std::max(median(powers), 1e-9));
   if (!(snr_db >= least_snr_db)) {
     fit.refusal = format(
-        "no peak in the antennas' samples at the reflector: %.1f dB over the median,"
-        " 10 needed",
+        "no peak in the antenna samples at the reflector: peak/median %.1f dB"
+        " (at least 10 dB needed)",
         snr_db);
     return fit;
   }

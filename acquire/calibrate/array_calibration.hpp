@@ -14,29 +14,29 @@ namespace echofuse::acquire {
 
 struct AntennaFit {
   AntennaGains gains;
-  double snr_db = 0;    // power of all antennas over the median bin's
-  std::string refusal;  // why there is none; empty: there is one
+  double snr_db = 0;    // total power / median over the bins
+  std::string refusal;  // reason for a rejected fit; empty if accepted
 };
 
-// Samples of some frames, laid out as RadarFrame::array: bins times antennas.
+// Samples of several frames, in the layout of RadarFrame::array: bins x antennas.
 using ArrayFrames = std::vector<std::vector<std::int16_t>>;
 
-// Fits the antennas to a reflector that fills the bin or a neighbouring one. The fit is the
-// principal eigenvector of their covariance over at least 8 frames, whose phases may differ. The
-// standard error contains the residual of this one wave and the samples' rounding, which does not
-// average out: N frames with power P and noise s^2 of an antenna give s / sqrt(2 N P), combined
-// with that of antenna 0.
+// Fits the antenna gains to a reflector in this bin or a neighbouring one: the principal
+// eigenvector of the covariance over at least 8 frames. Phases may differ between frames. The
+// standard error is s / sqrt(2 N P) for N frames of power P and noise s^2 per antenna, combined
+// with that of antenna 0. It includes the residual and the rounding of the samples, which does not
+// average out.
 AntennaFit fit_antennas(const ArrayFrames& frames, std::size_t antennas, std::size_t bin);
-// Subtracts the phases of the reflector's wave; the rest is what the channels add. The errors of
-// its place join the standard errors.
+// Subtracts the phases of the reflector's wave, which leaves those of the channels. Adds the errors
+// of the reflector's position to the standard errors.
 void remove_steering(AntennaGains& gains, const Steering& steering);
-// The errors become what the repeats' scatter says where that is significantly more.
+// Replaces the errors by the scatter of the repeats where that is significantly larger.
 void widen(AntennaGains& all, const std::vector<AntennaGains>& repeats);
 
-// Largest difference of an antenna, in its standard errors; 0 if a or b is empty.
+// Returns the largest difference between a and b in standard errors; 0 if a or b is empty.
 double largest_residual(const AntennaGains& a, const AntennaGains& b);
 
-// Text of the fit, a line each.
+// Formats the fit, one line per item.
 std::string to_text(const AntennaFit& fit);
 
 }  // namespace echofuse::acquire

@@ -26,10 +26,10 @@
 namespace echofuse::acquire {
 namespace {
 
-constexpr double spd_reach_m = 15;  // beyond the reflector: cables delay by metres
+constexpr double spd_reach_m = 15;  // beyond the reflector, for delays of cables
 constexpr std::int64_t spd_bin_ps = 10;
 
-// Axis that starts at the laser's sync: a click counts from the last sync before it.
+// Axis that starts at the laser's sync pulse: click times are relative to the preceding sync.
 tdc::HistogramSettings fine_axis(const Config& config, double distance_m) {
   tdc::HistogramSettings s = config.histogram;
   s.bin_width_ps = spd_bin_ps;
@@ -61,12 +61,12 @@ class Gatherer final : public SampleSink {
       radar_axis = info.axes.at(0);
   }
   void on_firmware_bias(const FirmwareBias& bias) override { firmware.push_back(bias); }
-  // Warns at once while the user waits for the devices.
+  // Prints warnings immediately while the devices start.
   void on_event(Sensor sensor, Severity severity, const std::string& text) override {
     if (severity != Severity::info && !running) spdlog::warn("{}: {}", name_of(sensor), text);
   }
 
-  // Counts since the last call.
+  // Returns the counts since the last call.
   std::vector<std::uint32_t> take() {
     counts = histogram_.tag_counts();
     return histogram_.take();
@@ -102,7 +102,7 @@ class Measurement {
     devices_.refuse_misconfigured();
     refuse_interrupted();
     if (!devices_[Sensor::spd].delivers() && !devices_[Sensor::radar].delivers())
-      throw Error(ExitCode::device, "no device to calibrate delivers after " +
+      throw Error(ExitCode::device, "no data from the devices to calibrate after " +
                                         human_duration(config_.connect_timeout_s));
     Progress progress("calibrate", static_cast<std::size_t>(options_.repeats));
     gatherer_.running = true;
@@ -125,7 +125,8 @@ class Measurement {
     if (config_.configured().contains(Sensor::radar)) out.push_back(radar());
     return out;
   }
-  // None if the cfg asks for no heat map. Without the phases of the reflector's direction.
+  // Returns the fit without the phases of the reflector's direction; empty if the cfg has no
+  // heat map.
   std::optional<AntennaFit> antennas() const {
     if (config_.antennas.empty()) return std::nullopt;
     AntennaFit fit = wave();
@@ -134,10 +135,10 @@ class Measurement {
         fit.gains, steering_of(reflector_, profile.pairs, speed_of_light_m_s / profile.carrier_hz));
     return fit;
   }
-  // The reflector's wave at the antennas, in the bin of the profile's peak.
+  // Fits the reflector's wave at the antennas in the bin of the profile's peak.
   AntennaFit wave() const {
     const Peak peak = options_.side ? echo(frames_) : radar().peak;
-    AntennaFit all{.gains = {}, .snr_db = 0, .refusal = "the range profile has no such peak"};
+    AntennaFit all{.gains = {}, .snr_db = 0, .refusal = "no peak in the range profile"};
     if (!peak.refusal.empty()) return all;
     const auto fit = [&](const ArrayFrames& frames) {
       return fit_antennas(frames, config_.antennas.size(),
@@ -153,7 +154,8 @@ class Measurement {
     widen(all.gains, repeats);
     return all;
   }
-  // Response of the instruments to the reflector; `unstated` gets why a value is missing.
+  // Fits the sensors' responses to the reflector; adds the reason for each missing value to
+  // `unstated`.
   record::Response response(const std::vector<CalibrationResult>& results,
                             Unstated& unstated) const {
     record::Response out;
@@ -197,7 +199,7 @@ class Measurement {
   }
   void listen() { loop_.run_until(interrupted, loop_.now() + from_seconds(options_.time_s)); }
   Search search_of(Sensor sensor) const {
-    constexpr double side_window_m = 0.4;  // the reflector moves by hand
+    constexpr double side_window_m = 0.4;  // the reflector is moved by hand
     if (options_.side)
       return {place_at(*options_.side, reflector_, config_.calibration.antennas.sine).range_m +
                   stored_offset_m(),
@@ -235,7 +237,7 @@ class Measurement {
   Peak echo(const Frames& frames, std::size_t least = least_echo_frames) const {
     return fit_echo(frames, echo_axis(), search_of(Sensor::radar), window_.window, least);
   }
-  // Places every echo by the window that the reflector shows; by Blackman's if it shows none.
+  // Fits all echoes with the window measured from the reflector, or Blackman's if that fit failed.
   void fit_window() {
     for (const Frames& some : repeats_) frames_.insert(frames_.end(), some.begin(), some.end());
     if (is_bridged())
@@ -256,13 +258,13 @@ class Measurement {
     if (spd.refusal.empty()) spd_ranges_.push_back(spd.range_m);
     repeats_.push_back(std::exchange(gatherer_.frames, {}));
   }
-  // The spread is that of the repeats, so half of them and at least three must show the peak.
+  // The spread between repeats needs the peak in at least half of them, and in three.
   void refuse_few(Peak& peak, std::size_t measured) const {
     const auto wanted = static_cast<std::size_t>(std::max<std::int64_t>(3, options_.repeats / 2));
     if (!peak.refusal.empty() || measured >= wanted) return;
     peak.refusal = "only " + std::to_string(measured) + " of " + std::to_string(options_.repeats) +
                    " repeats show the peak (at least " + std::to_string(wanted) +
-                   " needed): a longer --time gives each more data";
+                   " needed); try a longer --time";
   }
   CalibrationResult spd() const {
     CalibrationResult r = result_of(Sensor::spd, photons(all_counts_), spread_of(spd_ranges_),
@@ -272,7 +274,7 @@ class Measurement {
     if (r.peak.refusal.empty() && a_pulse > record::most_clicks_a_pulse)
       r.peak.refusal = "saturated: more than one click in 20 laser pulses; attenuate the light";
     if (gatherer_.counting_board)
-      r.peak.refusal = "sends histograms: calibrate measures time taggers only";
+      r.peak.refusal = "the sensor sends histograms; calibrate supports time taggers only";
     refuse_few(r.peak, spd_ranges_.size());
     if (!devices_[Sensor::spd].delivers()) r.peak.refusal = devices_.describe(Sensor::spd);
     r.peak.standard_error_m = honest_error(r.peak.standard_error_m, spd_ranges_);
@@ -332,7 +334,7 @@ Calibration to_calibration(const std::vector<CalibrationResult>& results,
   return out;
 }
 
-// The configuration with the ranging sensors that are measured.
+// Returns the configuration with only the ranging sensors to measure.
 Config with_chosen(const Config& all, const CalibrateOptions& options) {
   Config config = all;
   const auto only = options.side ? std::optional(Sensor::radar) : options.only;
@@ -347,7 +349,7 @@ void print(nlohmann::ordered_json json) {
               json.dump(-1, ' ', true, nlohmann::ordered_json::error_handler_t::replace).c_str());
 }
 
-// Prints the results, and stores them or compares them with the stored ones.
+// Prints the results, then writes them or compares them with the file's.
 ExitCode finish(const Measurement& measurement, const Config& config,
                 const CalibrateOptions& options, const Reflector& reflector,
                 const Calibration& stored, const Clock& clock) {
@@ -397,12 +399,12 @@ ExitCode check_side(const Config& config, const CalibrateOptions& options,
   const AntennaGains& calibrated = config.calibration.antennas;
   if (calibrated.empty() || config.antennas.empty())
     throw Error(ExitCode::config,
-                "--side: expected a radar.cfg that sends the antennas' samples, and a "
-                "run.calibration with their gains and phases");
+                "--side needs a radar.cfg that sends antenna samples and a "
+                "run.calibration with antenna gains and phases");
   const SidePlace place = place_at(*options.side, reflector, calibrated.sine);
   if (!options.json)
-    std::printf("expects the reflector at x = %+.2f m, z = %.2f m: %.3f m from the radar\n",
-                place.x_m, reflector.distance_m, place.range_m);
+    std::printf("expected reflector: x = %+.2f m, z = %.2f m: %.3f m from the radar\n", place.x_m,
+                reflector.distance_m, place.range_m);
   std::fflush(stdout);
   Measurement measurement(config, options, reflector, loop);
   measurement.run();
@@ -429,7 +431,7 @@ void announce(const Config& config, const Reflector& reflector, double window_m)
               reflector.mounting == Mounting::detector ? "the detector" : "each sensor");
   for (const Sensor sensor : {Sensor::spd, Sensor::radar})
     if (config.configured().contains(sensor))
-      std::printf("%-6s expects it at %.3f m, searches from %.3f to %.3f m\n", name_of(sensor),
+      std::printf("%-6s expected at %.3f m, search window %.3f to %.3f m\n", name_of(sensor),
                   reflector.range_m(sensor), reflector.range_m(sensor) - window_m / 2,
                   reflector.range_m(sensor) + window_m / 2);
   std::fflush(stdout);
@@ -440,11 +442,10 @@ void announce(const Config& config, const Reflector& reflector, double window_m)
 ExitCode calibrate(const Config& all, const CalibrateOptions& options, port::Loop& loop) {
   const Config config = with_chosen(all, options);
   if ((config.configured() - SensorSet{Sensor::depth}).empty())
-    throw Error(ExitCode::config, std::string("neither tdc.address nor a radar is given") +
-                                      (options.only ? " for --only" : "") +
-                                      ": nothing to calibrate");
+    throw Error(ExitCode::config, std::string("nothing to calibrate: set tdc.address or a radar") +
+                                      (options.only ? " for --only" : ""));
   if (options.check && config.calibration.entries.empty())
-    throw Error(ExitCode::config, "--check: run.calibration names no calibration to compare with");
+    throw Error(ExitCode::config, "--check needs run.calibration: no calibration to compare with");
   const Reflector reflector{.mounting = options.mounting,
                             .distance_m = options.search.distance_m,
                             .baseline_m = config.baseline_m,

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// The `calibrate` command: a reflector at a known distance, seen through the same drivers as a run.
+// The `calibrate` command: measures a reflector at a known distance with the drivers of a run.
 #pragma once
 #include <cstdint>
 #include <optional>
@@ -15,22 +15,22 @@
 namespace echofuse::acquire {
 
 struct CalibrateOptions {
-  Search search;  // distance from the sensor in front of which the reflector is
+  Search search;  // distance of the reflector from the sensor behind it
   Mounting mounting = Mounting::detector;
   double distance_error_m = Reflector().distance_error_m;
   double baseline_error_m = Reflector().baseline_error_m;
   std::optional<Sensor> only;  // measure this sensor alone
-  std::optional<Side> side;    // measure nothing but on which side the radar sees the reflector
+  std::optional<Side> side;    // check only for a swapped antenna row
   std::int64_t repeats = 20;
-  double time_s = 1;   // one repeat's length
-  bool check = false;  // measure, and compare with what run.calibration says
+  double time_s = 1;   // per repeat
+  bool check = false;  // compare with run.calibration; do not write it
   bool json = false;
 };
 
-// Writes the sensors that could be measured into config.calibration_path, and keeps what the file
-// says of the others; device code if one could not. With `check`: failed if a sensor is off by more
-// than three standard errors of the difference. Throws Error(config) before it measures: the file
-// is there and cannot be read. With `side`: failed if the antenna row is swapped.
+// Writes the measured sensors to config.calibration_path and keeps the file's entries of the
+// others. Returns the device code if a sensor could not be measured. With `check`: failed if a
+// sensor differs by more than three standard errors. With `side`: failed if the antenna row is
+// swapped. Throws Error(config) before the measurement if the file exists but is unreadable.
 ExitCode calibrate(const Config& config, const CalibrateOptions& options, port::Loop& loop);
 
 }  // namespace echofuse::acquire

@@ -58,29 +58,30 @@ void say(const WindowFit& fit) {
   const auto& [difference, error] = fit.lopsided;
   if (std::abs(difference) < std::max(least, least_errors * error)) return;
   std::printf(
-      "radar  response is lopsided: the %s flank is up to %.1f +- %.1f %% of the power higher; "
-      "ranges refer to the symmetric part, %.1f mm %s the peak. If another place of the reflector "
-      "gives another value, a second echo is near\n",
+      "radar  asymmetric response: the %s flank is higher by up to %.1f +- %.1f %% of the peak; "
+      "ranges refer to the symmetric part, %.1f mm %s the peak. If this value changes when you "
+      "move "
+      "the reflector, there is a second echo close to it\n",
       difference > 0 ? "far" : "near", 100 * std::abs(difference), 100 * error,
       1e3 * std::abs(fit.peak_m), fit.peak_m < 0 ? "beyond" : "before");
 }
 
 void say(const record::Response& r, const Unstated& unstated) {
   if (r.irf_fwhm_ps.value > 0)
-    std::printf("spd    impulse response %.1f +- %.1f ps wide at half", r.irf_fwhm_ps.value,
+    std::printf("spd    impulse response %.1f +- %.1f ps FWHM", r.irf_fwhm_ps.value,
                 r.irf_fwhm_ps.standard_error);
   if (r.irf_fwhm_ps.value > 0 && r.irf_tail_share.value > 0)
     std::printf(", %.0f %% of the photons with a tail of %.0f +- %.0f ps",
                 100 * r.irf_tail_share.value, r.irf_tail_ps.value, r.irf_tail_ps.standard_error);
   if (r.irf_fwhm_ps.value > 0) std::printf("\n");
   if (r.radar.known())
-    std::printf("radar  response %.2f cells of %.3f m wide at half, each tap +- %.3f\n",
+    std::printf("radar  response %.2f cells of %.3f m FWHM, each tap +- %.3f\n",
                 r.radar.width_m() / r.radar.cell_m, r.radar.cell_m, r.taps_standard_error);
   if (const auto& e = r.radar_noise_exponent; e.value < 0)
-    std::printf("radar  noise of the mean of n frames falls as n^%.2f +- %.2f\n", e.value,
+    std::printf("radar  noise of the mean of n frames decreases as n^%.2f +- %.2f\n", e.value,
                 e.standard_error);
   for (const auto& [key, why] : unstated)
-    std::printf("%s is not stated: %s\n", key.c_str(), why.c_str());
+    std::printf("%s not measured: %s\n", key.c_str(), why.c_str());
 }
 
 }  // namespace echofuse::acquire

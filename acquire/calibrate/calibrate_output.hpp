@@ -16,7 +16,7 @@ namespace echofuse::acquire {
 
 struct CalibrationResult {
   Sensor sensor{};
-  Peak peak;            // fitted to all repeats together
+  Peak peak;            // fit to all repeats together
   double spread_m = 0;  // standard deviation of the repeats
   std::string method;
   double true_range_m = 0;
@@ -26,14 +26,14 @@ struct CalibrationResult {
   double standard_error_m() const { return std::hypot(peak.standard_error_m, reflector_error_m); }
 };
 
-// Response as a run would state it, or the reason why it cannot.
+// Prints the measured response, and the reason for each missing value.
 using Unstated = std::map<std::string, std::string>;
 
 nlohmann::ordered_json json_of(const CalibrationResult& result);
 nlohmann::ordered_json json_of(const AntennaFit& fit);
 void say(const CalibrationResult& result);
 nlohmann::ordered_json json_of(const WindowFit& fit);
-// Prints a lopsided response; nothing for one that may be symmetric.
+// Prints the asymmetry of the response if it is significant.
 void say(const WindowFit& fit);
 void say(const record::Response& response, const Unstated& unstated);
 

@@ -10,18 +10,18 @@
 
 namespace echofuse::acquire {
 
-// The terms of the firmware's Blackman window (SDK 3.x, mmwDemo_genWindow).
+// Terms of the firmware's Blackman window (SDK 3.x, mmwDemo_genWindow).
 inline constexpr std::array blackman{0.5 / 0.42, 0.08 / 0.42};
 
-// Window by which echoes are placed: 1 + a cos x + b cos 2x + ... with x = 2 pi t over the sweep,
-// -1/2 < t < 1/2 (Harris, Proc. IEEE 66, 1978); terms: a, b, ... An error of the ramp turns the
-// phase by skew_rad (y^3 - y/4), y = 2t, the cubic that moves the lobe of a Hann window least. It
-// makes the lobe lopsided.
+// Window of the range transform: 1 + a cos x + b cos 2x + ... with x = 2 pi t over the sweep,
+// -1/2 < t < 1/2 (Harris, Proc. IEEE 66, 1978); terms: a, b, ... A ramp error adds the phase
+// skew_rad (y^3 - y/4), y = 2t, the cubic that shifts the lobe of a Hann window least. It makes
+// the lobe asymmetric.
 struct Window {
   std::vector<double> terms{blackman.begin(), blackman.end()};
-  double adding = 0;  // from 0 to 1: noise interferes with the echo, or its power adds
+  double adding = 0;  // 0: noise interferes with the echo; 1: noise power adds
   double skew_rad = 0;
-  double zero_cells = 0;  // from the transform's own zero to the one that ranges refer to
+  double zero_cells = 0;  // offset of the range zero from that of the transform
 };
 
 // Transform of a window: the response to an echo, over cells of c / 2B.
@@ -54,20 +54,20 @@ class Lobe {
   std::array<double, samples> weights_, phases_;
 };
 
-// The power of a signal over the noise; the arguments are log2 of powers.
+// Returns signal / noise; the arguments are log2 of powers.
 inline double power_over_noise(double log2_signal, double log2_noise) {
   return std::max(std::exp2(log2_signal - log2_noise), 1e-9);
 }
 
-// Mean of log2 of the power of a signal in noise: log2 of the signal's power plus E1(x) / ln 2, x =
-// power over noise, if the noise interferes. If the noise's power adds: exp(x) E1(x).
+// Returns the mean of log2 of the power of a signal in noise: log2(signal) + E1(x) / ln 2 with
+// x = signal / noise if the noise interferes; exp(x) E1(x) replaces E1(x) if the powers add.
 inline double mean_log2_power(double over_noise, double log2_noise, double adding = 0) {
   const double x = over_noise, e1 = x < 50 ? -std::expint(-x) : 0,
                more = x < 50 ? std::exp(x) * e1 : 1 / x;
   return std::log2(x) + log2_noise + ((1 - adding) * e1 + adding * more) / std::numbers::ln2;
 }
 
-// Noise alone: the mean of the logarithm is Euler's constant below the logarithm of the mean.
+// For noise alone the mean of ln P is lower than ln of the mean by Euler's constant.
 inline double log2_noise_of(double mean_log2) {
   return mean_log2 + std::numbers::egamma / std::numbers::ln2;
 }

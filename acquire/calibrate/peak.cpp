@@ -19,7 +19,8 @@ constexpr double pi = std::numbers::pi;
 constexpr double least_photon_snr = 10;  // amplitude over its standard error
 constexpr double least_echo_db = 10;
 constexpr std::size_t least_bins = 8;
-// Error of a parabola through log powers, in bins: Hann window or narrower lobe, one bin per cell.
+// Error in bins of a parabola through log powers, for a Hann window or narrower lobe and one bin
+// per cell.
 constexpr double parabola_error = 0.02;
 
 std::string at(const char* text, double range_m) {
@@ -32,7 +33,7 @@ bool inside(const Search& search, double range_m) {
   return std::abs(range_m - search.distance_m) <= search.window_m / 2;
 }
 
-// The peak is at range_m, outside the window; `advice` is for a sensor that reads so far off.
+// Rejects a peak at range_m, outside the window; `advice` names the likely cause.
 void refuse_outside(Peak& peak, double range_m, const std::string& advice) {
   peak.range_m = range_m;
   peak.outside = true;
@@ -57,7 +58,7 @@ struct Gaussian {
 double normal(double u) { return 0.5 * std::erfc(-u / std::numbers::sqrt2); }
 double density(double u) { return std::exp(-u * u / 2) / std::sqrt(2 * pi); }
 
-// Expected counts of bin i, and their derivatives by centre, ln sigma, photons, floor.
+// Returns the expected counts of bin i and their derivatives by centre, ln sigma, photons, floor.
 double expected(const Gaussian& g, double i, Eigen::Vector4d& slope) {
   const double a = (i - g.centre) / g.sigma, b = (i + 1 - g.centre) / g.sigma;
   const double share = normal(b) - normal(a);
@@ -71,7 +72,7 @@ struct Span {
   std::size_t from = 0, to = 0;
 };
 
-// Moments of what stands out around the highest of the counts within `where`, smoothed over `wide`
+// Returns the moments of the excess around the maximum in `where`, after smoothing over `wide`
 // bins.
 Gaussian first_guess(std::span<const std::uint32_t> counts, std::size_t wide, Span where) {
   std::vector<double> sums(counts.size() + 1);
@@ -100,7 +101,7 @@ Gaussian first_guess(std::span<const std::uint32_t> counts, std::size_t wide, Sp
   return g;
 }
 
-// One step of Fisher scoring over the bins [from, to); returns the information.
+// Makes one step of Fisher scoring over the bins [from, to); returns the information.
 Eigen::Matrix4d score(std::span<const std::uint32_t> counts, std::size_t from, std::size_t to,
                       const Gaussian& g, Eigen::Vector4d& gradient) {
   Eigen::Matrix4d information = Eigen::Matrix4d::Zero();
@@ -152,7 +153,7 @@ struct Bump {
   double photons = 0, bin = 0;
 };
 
-// The strongest other bump of the fitted width within `where`.
+// Finds the strongest second peak of the fitted width within `where`.
 Bump other_bump(std::span<const std::uint32_t> counts, const Gaussian& g, Span where) {
   const auto wide = static_cast<std::size_t>(std::max(1.0, 2 * g.sigma));
   Bump best;
@@ -171,21 +172,21 @@ Bump other_bump(std::span<const std::uint32_t> counts, const Gaussian& g, Span w
 
 // ---- radar
 
-constexpr std::size_t near = 5;  // bins of a lobe that are fitted
+constexpr std::size_t near = 5;  // fitted bins of a lobe
 using Near = Eigen::Matrix<double, near, 1>;
 
 struct EchoPlace {
   double top = 0;     // bins from the middle one
-  Near model, power;  // expected log2 of the power; the power over the noise
+  Near model, power;  // expected log2 of the power; power / noise
   Near share;         // part of each bin's value in `top`
 };
 
-// Vertex of the parabola through the middle bin and its neighbours.
+// Returns the vertex of the parabola through the middle bin and its neighbours.
 double vertex(const Near& mean) {
   return (mean[1] - mean[3]) / 2 / (mean[1] - 2 * mean[2] + mean[3] - 1e-9);
 }
 
-// Gauss-Newton of amplitude and place, each bin weighted with its power.
+// Fits amplitude and position by Gauss-Newton; each bin is weighted with its power.
 EchoPlace fit_lobe(const Near& mean, double log2_noise, double cells_per_bin,
                    const Window& window) {
   const Lobe lobe(window);
@@ -227,8 +228,8 @@ EchoPlace fit_parabola(const Near& mean) {
   return fit;
 }
 
-// The standard error of the place, in bins, from the frames' own scatter; and from the codes'
-// steps, as far as the noise does not make them even out.
+// Returns the standard error of the position in bins: scatter of the frames, plus the code steps
+// if noise does not average them out.
 double place_error(const std::vector<std::vector<std::uint16_t>>& frames, const Profile& profile,
                    const EchoPlace& fit, std::size_t first, double log2_power_step) {
   const auto n = static_cast<double>(frames.size());
@@ -248,12 +249,12 @@ double place_error(const std::vector<std::vector<std::uint16_t>>& frames, const 
   return std::sqrt(squares / (n - 1) / n + steps);
 }
 
-// Two reflectors within each other's lobes show in its shape.
+// Detects two reflectors in one lobe from its shape.
 std::string unlike_one_echo(const Profile& profile, const EchoPlace& fit, std::size_t top,
                             std::size_t frames) {
   constexpr double allowed = 0.66;        // 2 dB in log2 of the power
-  constexpr double weakest = 1 / 316.0;   // 25 dB below the top, where skirts begin
-  constexpr double least_over_noise = 4;  // below, the mean depends on how the noise adds
+  constexpr double weakest = 1 / 316.0;   // 25 dB below the peak, where side lobes begin
+  constexpr double least_over_noise = 4;  // below this, the mean depends on how noise adds
   for (std::size_t i = 0; i < near; ++i) {
     const auto k = static_cast<Eigen::Index>(i);
     const double off = profile.mean[top - 2 + i] - fit.model[k];
@@ -266,8 +267,8 @@ std::string unlike_one_echo(const Profile& profile, const EchoPlace& fit, std::s
   return {};
 }
 
-// Another top among the bins [low, high], outside this one's lobe (3 cells to its first null) and
-// within 6 dB of it; 0: none.
+// Returns the bin of a second peak in [low, high] that is outside the main lobe (first null at 3
+// cells) and within 6 dB of it; 0 if there is none.
 std::size_t other_top(const std::vector<double>& mean, std::size_t low, std::size_t high,
                       std::size_t top, double cells_per_bin) {
   const auto width = static_cast<std::size_t>(std::ceil(3 / cells_per_bin));
@@ -315,12 +316,12 @@ Peak fit_photons(std::span<const std::uint32_t> counts, double start_ps, double 
                                                static_cast<double>(counts.size())));
   };
   if (std::accumulate(counts.begin(), counts.end(), 0ull) < 100) {
-    peak.refusal = "no peak: fewer than 100 photons came";
+    peak.refusal = "no peak: fewer than 100 photons received";
     return peak;
   }
   const auto wide = static_cast<std::size_t>(std::max(1.0, 200 / step_ps));
   const Span all{0, counts.size()};
-  // Half a pulse more on both sides: what stands at the window's border is fitted as a whole.
+  // Extends the window by half a pulse on each side so that a pulse at its border is fitted whole.
   Span window{bin_of(search.distance_m - search.window_m / 2),
               bin_of(search.distance_m + search.window_m / 2)};
   window = {window.from - std::min(window.from, wide / 2),
@@ -334,7 +335,7 @@ Peak fit_photons(std::span<const std::uint32_t> counts, double start_ps, double 
     const Fit strongest = fit_around(counts, wide, all);
     const double range_m = range_of(strongest.peak.centre);
     if (strongest.snr < least_photon_snr)
-      peak.refusal = at("SNR too low: the strongest peak stands at %.3f m", range_m);
+      peak.refusal = at("SNR too low: the strongest peak is at %.3f m", range_m);
     else
       refuse_outside(peak, range_m, delay_advice(search, range_m));
   } else if (!inside(search, peak.range_m)) {
@@ -370,7 +371,7 @@ Peak fit_echo(const std::vector<std::vector<std::uint16_t>>& frames, const EchoA
               const Search& search, const Window& window, std::size_t least) {
   Peak peak;
   if (frames.size() < least) {
-    peak.refusal = "no peak: fewer than " + std::to_string(least) + " frames came";
+    peak.refusal = "no peak: fewer than " + std::to_string(least) + " frames received";
     return peak;
   }
   if (frames[0].size() < least_bins) {
@@ -390,7 +391,7 @@ Peak fit_echo(const std::vector<std::vector<std::uint16_t>>& frames, const EchoA
   const std::size_t low = bin(search.distance_m - search.window_m / 2),
                     high = bin(search.distance_m + search.window_m / 2);
   std::size_t top = highest(mean, low, high);
-  while (top > 2 && mean[top - 1] > mean[top]) --top;  // the window cuts its lobe
+  while (top > 2 && mean[top - 1] > mean[top]) --top;  // the window truncates the lobe
   while (top < last && mean[top + 1] > mean[top]) ++top;
   peak.snr_db = db_over_floor(top);
   peak.range_m = axis.range_m(static_cast<double>(top));
@@ -401,7 +402,7 @@ Peak fit_echo(const std::vector<std::vector<std::uint16_t>>& frames, const EchoA
   if (peak.snr_db < least_echo_db) {
     const std::size_t strongest = highest(mean, 2, last);
     if (db_over_floor(strongest) < least_echo_db)
-      peak.refusal = at("SNR too low: %.1f dB over the median, 10 needed", peak.snr_db);
+      peak.refusal = at("SNR too low: peak/median %.1f dB (at least 10 dB needed)", peak.snr_db);
     else
       refuse_outside(peak, axis.range_m(static_cast<double>(strongest)), place_advice);
     return peak;

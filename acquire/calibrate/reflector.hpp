@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: MIT
-// Place of the calibration reflector before each sensor, and what its error does. Pure.
+// Range and direction of the calibration reflector from each sensor, with errors. Pure.
 //
 // Seen from behind, x is to the right, y up, z away. The detector is at the origin, the middle of
 // the radar's antennas at (-b, 0, 0). A reflector at (0, 0, d) in front of the detector is at
 //   r = sqrt(d^2 + b^2),  sin(direction) = b / r
-// from the radar (theorem of Pythagoras): 1.118 m and 26.6 degrees at d = 1 m and b = 0.5 m.
+// from the radar: 1.118 m and 26.6 degrees at d = 1 m and b = 0.5 m.
 //
 // The errors of the distance (s_d) and the baseline (s_b) are propagated to first order (JCGM
-// 100:2008, GUM, 5.1.2). A reflector that is placed with s_d along z is as uncertain across (if
-// the sensors' mount is tilted by s_d / d) and in height:
+// 100:2008, GUM, 5.1.2). The lateral error (mount tilted by s_d / d) and the height error are also
+// s_d:
 //   detector  s^2 = s_d^2
 //   radar     s^2 = (d / r)^2 s_d^2 + (b / r)^2 (s_b^2 + s_d^2) + (s_d^2 / 2r)^2
 // In front of the radar d = r and b = 0.
@@ -33,19 +33,19 @@ struct Reflector {
 
   double range_m(Sensor sensor) const;  // true range from the sensor
   double error_m(Sensor sensor) const;  // standard error of this range
-  Reflector other() const;              // the same with the other mounting
+  Reflector other() const;              // same distance, other mounting
 };
 
-// Reason why the radar's peak belongs to the other mounting; empty: it does not. Of the mountings
-// that explain the peak within the window (full width) the one with the smaller offset is likelier.
-// A negative offset counts three times, because cables and electronics make ranges longer. No
-// reason if the mountings differ by less than three standard errors.
+// Returns why the radar's peak fits the other mounting better, or an empty text. Of the mountings
+// with the peak in the window (full width), the one with the smaller offset is likelier. A negative
+// offset is weighted by three, because cables and electronics make ranges longer. Empty if the
+// mountings differ by less than three standard errors.
 std::string other_mounting(const Reflector& reflector, double measured_m, double window_m);
 
-// Phase of the reflector's wave at each antenna, ahead of antenna 0's, rad. The wave is spherical:
+// Phase of the reflector's spherical wave at each antenna relative to antenna 0, rad:
 //   phase = -2 pi / wavelength (|P - tx| + |P - rx|)
 // with the reflector at P from the middle of the antennas (Balanis, Antenna Theory, 4th ed., 4.4).
-// The transmitters' and the receivers' middles are taken to coincide.
+// The centres of transmitters and receivers are assumed to coincide.
 std::vector<double> steering_phases(std::span<const radar::AntennaPair> antennas,
                                     const std::array<double, 3>& place, double wavelength_m);
 
@@ -53,7 +53,7 @@ struct Steering {
   double sine = 0;  // sine of the direction, positive to the right
   std::vector<double> phase_rad, error_rad;
 };
-// That of the reflector, with the errors of its place.
+// Direction of the reflector, with the errors of its position.
 Steering steering_of(const Reflector& reflector, std::span<const radar::AntennaPair> antennas,
                      double wavelength_m);
 

@@ -28,8 +28,8 @@ struct Fitted {
   double error(Index k) const { return std::sqrt(std::max(covariance(k, k), 0.)); }
 };
 
-// Minimises sum w (y - f)^2 by Levenberg and Marquardt's steps with derivatives by differences. The
-// weights may depend on the model. The parameters stay within their bounds.
+// Minimises sum w (y - f)^2 by Levenberg-Marquardt with numerical derivatives and bounded
+// parameters. The weights may depend on the model.
 struct Problem {
   std::function<VectorXd(const VectorXd&)> model;
   std::function<VectorXd(const VectorXd&)> weights;  // takes a model's values
@@ -78,7 +78,7 @@ Fitted minimise(const Problem& problem, VectorXd at) {
     if (done) break;
   }
   out.parameters = at;
-  // A value that nothing depends on, as an even background of no counts, has no error.
+  // Pseudo-inverse: a parameter that the data do not constrain gets error 0.
   out.covariance = information.completeOrthogonalDecomposition().pseudoInverse();
   return out;
 }
@@ -87,8 +87,8 @@ Fitted minimise(const Problem& problem, VectorXd at) {
 
 double normal(double u) { return 0.5 * std::erfc(-u / std::numbers::sqrt2); }
 
-// The share of the photons before time t, in units of the Gaussian's deviation, of a Gaussian with
-// an exponential tail of this time constant.
+// Cumulative distribution at time t of a Gaussian with an exponential tail; times in units of its
+// standard deviation.
 double before(double t, double tail) {
   if (tail < 0.05) return normal(t - tail);
   return normal(t) - std::exp(0.5 / (tail * tail) - t / tail) * normal(t - 1 / tail);
@@ -155,7 +155,7 @@ std::string fit_impulse_response(std::span<const std::uint32_t> counts, double s
   const double floor = std::max(sorted[sorted.size() / 4], 1e-3);
   const VectorXd above = (window.array() - floor).cwiseMax(0);
   const double photons = above.sum();
-  if (photons < least_photons) return "fewer than 1000 photons came";
+  if (photons < least_photons) return "fewer than 1000 photons received";
   Index top = 0;
   const double highest = above.maxCoeff(&top);
   VectorXd start(4);
@@ -170,7 +170,7 @@ std::string fit_impulse_response(std::span<const std::uint32_t> counts, double s
       best = std::move(f);
   }
   const double sigma_ps = std::exp(best.parameters[log_sigma]) * step_ps;
-  if (!best.covariance.allFinite()) return "no pulse fits the photons";
+  if (!best.covariance.allFinite()) return "the fit of the pulse did not converge";
   out.irf_fwhm_ps = {fwhm_of_sigma * sigma_ps, fwhm_of_sigma * sigma_ps * best.error(log_sigma)};
   out.irf_tail_ps = {}, out.irf_tail_share = {};
   if (best.parameters.size() == 4) return {};
@@ -182,8 +182,7 @@ std::string fit_impulse_response(std::span<const std::uint32_t> counts, double s
 
 namespace {
 
-// Largest value by which the window falls below 0, or rises 12 % above its middle; in units of the
-// middle.
+// Returns how far the window is below 0 or above 112 % of its centre value, as a fraction of it.
 double fault_of(std::span<const double> terms) {
   const auto window = [&](double x) {
     double value = 1, k = 0;
@@ -196,8 +195,8 @@ double fault_of(std::span<const double> terms) {
   return fault;
 }
 
-// Number of bins of a flank that no other echo reaches: the response is symmetric and falls.
-// `side`: down (-1) or up (1) from `top`. Powers are over the peak's.
+// Counts the bins of a flank without another echo: the response is symmetric and decreasing there.
+// `side`: below (-1) or above (1) `top`. Powers are relative to the peak.
 Index free_bins(const VectorXd& power, Index top, Index side, Index reach, double noise) {
   const auto at = [&](Index i) { return i >= 0 && i < power.size() ? power[i] : -1; };
   for (Index k = 1; k <= reach; ++k) {
@@ -213,11 +212,11 @@ Index free_bins(const VectorXd& power, Index top, Index side, Index reach, doubl
 
 namespace {
 
-// Least squares fit of a window to the bins of an echo.
+// Least-squares fit of a window to the bins of an echo.
 class EchoFit {
  public:
   enum : Index { place, log2_peak, adding, skew, terms };  // parameters; place in bins
-  static constexpr double most_misfit = 2;                 // chi2 over the degrees of freedom
+  static constexpr double most_misfit = 2;                 // chi2 / degrees of freedom
 
   EchoFit(const Profile& profile, const EchoAxis& axis, std::size_t frames, double range_m)
       : cells_per_bin_(axis.step_m / axis.resolution_m), log2_noise_(log2_noise_of(profile.floor)) {
@@ -227,7 +226,7 @@ class EchoFit {
     Index nearest = 0;
     highest_ = mean.segment(top_ - 1, 3).maxCoeff(&nearest);
     top_ += nearest - 1;
-    // Powers are over the peak's.
+    // Powers are relative to the peak.
     const VectorXd power =
         (mean.array() - highest_).unaryExpr([](double v) { return std::exp2(v); });
     const double noise = std::exp2(log2_noise_ - highest_);
@@ -236,8 +235,8 @@ class EchoFit {
                        least_error + noise);
     };
     first_ = top_ - free_of(-1), count_ = top_ + free_of(1) + 1 - first_;
-    // Prior knowledge stands behind the bins: noise interferes (0) or adds (1), and a window has
-    // no faults.
+    // The elements after the bins are priors: noise interferes (0) or adds (1); the window is
+    // within its bounds.
     problem_.measured = VectorXd(count_ + 3);
     problem_.measured << power.segment(first_, count_), 0.5, 0, 0;
     errors_ = VectorXd(count_ + 3);
@@ -259,13 +258,13 @@ class EchoFit {
   EchoFit(const EchoFit&) = delete;
   EchoFit& operator=(const EchoFit&) = delete;
 
-  // False if another echo leaves too few bins of a flank.
+  // Returns false if another echo leaves too few bins of a flank.
   bool enough() const {
     constexpr Index least_bins = 2;
     return std::min(top_ - first_, first_ + count_ - 1 - top_) >= least_bins;
   }
-  // Fits even windows, and windows with a phase error; each parameter must be worth least_gain. A
-  // second echo is seldom fitted well by one.
+  // Fits windows with and without a phase error; each parameter must reduce chi2 by least_gain.
+  // Two echoes rarely fit a single window well.
   void fit() {
     constexpr std::pair<double, double> shapes[] = {
         {0, 0}, {1, 0}, {blackman[0], blackman[1]}, {0.6, -0.3}, {1.9, 1.3}};
@@ -351,7 +350,7 @@ class EchoFit {
 
 constexpr Index most_taps = 16;
 
-// The taps, and behind them zero, peak and lopsidedness.
+// Returns the taps, followed by zero, peak and asymmetry.
 VectorXd shape_of(const Window& window) {
   const Lobe lobe(window);
   const record::Symmetry found =
@@ -366,7 +365,7 @@ VectorXd shape_of(const Window& window) {
   return out;
 }
 
-// Standard errors of the shape, without those of the misfit.
+// Returns the standard errors of the shape, without the part for a bad fit.
 VectorXd shape_errors(const Fitted& fit, const VectorXd& shape) {
   constexpr double d = 1e-3;
   MatrixXd slope = MatrixXd::Zero(shape.size(), fit.parameters.size());
@@ -384,13 +383,14 @@ VectorXd shape_errors(const Fitted& fit, const VectorXd& shape) {
 WindowFit fit_radar_response(const std::vector<std::vector<std::uint16_t>>& frames,
                              const EchoAxis& axis, double range_m, record::Response& out) {
   constexpr std::size_t least_frames = 8;
-  constexpr const char* advice = "put it alone, away from the radar (with cells of 50 cm at 3 m)";
-  if (frames.size() < least_frames) return {{}, "fewer than 8 frames came"};
+  constexpr const char* advice =
+      "remove other objects and place it farther away (with cells of 50 cm at 3 m)";
+  if (frames.size() < least_frames) return {{}, "fewer than 8 frames received"};
   EchoFit echo(profile_of(frames, axis.log2_power_step), axis, frames.size(), range_m);
-  if (!echo.enough()) return {{}, std::string("another echo reaches the reflector's; ") + advice};
+  if (!echo.enough()) return {{}, std::string("another echo overlaps the reflector's; ") + advice};
   echo.fit();
   if (!echo.of_one_point())
-    return {{}, std::string("the echo is not that of one point; ") + advice};
+    return {{}, std::string("the echo does not fit a single point; ") + advice};
   WindowFit found{EchoFit::window_of(echo.best.parameters), {}};
   const VectorXd shape = shape_of(found.window),
                  errors = std::sqrt(echo.misfit()) * shape_errors(echo.best, shape);
@@ -407,7 +407,7 @@ WindowFit fit_radar_response(const std::vector<std::vector<std::uint16_t>>& fram
 std::string fit_noise_exponent(const std::vector<std::vector<std::uint16_t>>& frames,
                                double log2_power_step, record::Response& out) {
   constexpr std::size_t least_frames = 40, least_means = 8;
-  if (frames.size() < least_frames) return "fewer than 40 frames came";
+  if (frames.size() < least_frames) return "fewer than 40 frames received";
   const std::size_t bins = frames[0].size();
   std::vector<double> level(bins);
   for (const auto& frame : frames)
@@ -437,7 +437,7 @@ std::string fit_noise_exponent(const std::vector<std::vector<std::uint16_t>>& fr
       xy += (x[i] - mx) * (y[i] - my), xx += (x[i] - mx) * (x[i] - mx);
     exponents.push_back(xy / xx);
   }
-  if (exponents.size() < 3) return "the frames are all alike";
+  if (exponents.size() < 3) return "all frames are identical";
   const auto n = static_cast<double>(exponents.size());
   const double mean = std::accumulate(exponents.begin(), exponents.end(), 0.0) / n;
   out.radar_noise_exponent = {std::min(mean, -1e-3), spread_of(exponents) / std::sqrt(n)};

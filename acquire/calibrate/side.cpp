@@ -11,7 +11,7 @@ namespace {
 
 double degrees(double sine) { return std::asin(sine) * 180 / std::numbers::pi; }
 
-// Directions repeat where the phases of neighbours, half a wavelength apart, turn by 2 pi.
+// Directions are ambiguous by a phase of 2 pi between neighbours half a wavelength apart.
 double apart(double sine, double other) { return std::abs(std::remainder(sine - other, 2)); }
 
 }  // namespace
@@ -47,8 +47,8 @@ SideFinding find_side(Side side, const Reflector& reflector, const AntennaGains&
     char text[160];
     std::snprintf(
         text, sizeof text,
-        "the echo is at %+.0f degrees, neither at %+.0f nor, if swapped, at %+.0f: is the "
-        "reflector at its place?",
+        "echo at %+.0f degrees (expected %+.0f, or %+.0f if swapped): check the reflector's "
+        "position",
         degrees(out.sine), degrees(out.expected), degrees(out.if_swapped));
     out.refusal = text;
   }
@@ -58,11 +58,10 @@ SideFinding find_side(Side side, const Reflector& reflector, const AntennaGains&
 std::string to_text(Side side, const SideFinding& f) {
   if (!f.refusal.empty()) return "array  refused: " + f.refusal + "\n";
   char text[240];
-  std::snprintf(text, sizeof text,
-                "array  the echo at the %s is at %+.0f degrees (expected %+.0f): ",
+  std::snprintf(text, sizeof text, "array  echo on the %s at %+.0f degrees (expected %+.0f): ",
                 side == Side::right ? "right" : "left", degrees(f.sine), degrees(f.expected));
-  return text + std::string(f.swapped ? "the antenna row is swapped; turn the board the other way "
-                                        "up or correct radar.board, then calibrate again\n"
+  return text + std::string(f.swapped ? "the antenna row is swapped; turn the board upside down "
+                                        "or correct radar.board, then calibrate again\n"
                                       : "the antenna row is not swapped\n");
 }
 

@@ -12,7 +12,7 @@
 namespace echofuse::acquire {
 namespace {
 
-// One of many antennas is four standard errors off more seldom than one range is three.
+// The limit is four standard errors, because the largest of many antennas is tested.
 bool compare_antennas(const AntennaGains& now, const AntennaGains& then,
                       nlohmann::ordered_json& json, bool quiet) {
   if (now.empty()) return true;
@@ -21,10 +21,10 @@ bool compare_antennas(const AntennaGains& now, const AntennaGains& then,
   const bool holds = same && worst <= 4;
   json["array_residual"] = {{"standard_errors", worst}, {"holds", holds}};
   if (!quiet && !same)
-    std::printf("array  the calibration has %zu antennas; calibrate anew\n", then.gain.size());
+    std::printf("array  the calibration has %zu antennas; calibrate again\n", then.gain.size());
   else if (!quiet)
-    std::printf("array  differs by at most %.1f standard errors: the calibration of %s %s\n", worst,
-                then.date_utc.c_str(), holds ? "holds" : "has slipped; calibrate anew");
+    std::printf("array  largest difference %.1f standard errors: the calibration of %s %s\n", worst,
+                then.date_utc.c_str(), holds ? "is valid" : "is outdated; calibrate again");
   return holds;
 }
 
@@ -47,7 +47,7 @@ bool compare(const Calibration& fresh, const Calibration& stored, nlohmann::orde
     if (!quiet)
       std::printf("%-6s residual %+.2f mm +- %.2f mm: the calibration of %s %s\n",
                   name_of(now.sensor), 1e3 * residual, 1e3 * error, then->date_utc.c_str(),
-                  holds ? "holds" : "has slipped; calibrate anew");
+                  holds ? "is valid" : "is outdated; calibrate again");
   }
   return compare_antennas(fresh.antennas, stored.antennas, json, quiet) && well;
 }
@@ -58,10 +58,8 @@ Calibration stored_in(const std::string& path) {
   try {
     return read_calibration(path);
   } catch (const Error& e) {
-    throw Error(
-        e.code(),
-        std::string(e.what()) + "\n" + path +
-            " is not overwritten; to begin anew, remove it or name another run.calibration");
+    throw Error(e.code(), std::string(e.what()) + "\n" + path +
+                              " is not overwritten; remove it or set another run.calibration");
   }
 }
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// A fresh calibration against the one that run.calibration holds.
+// Compares a new calibration with the one in run.calibration, and writes it.
 #pragma once
 #include <nlohmann/json.hpp>
 #include <string>
@@ -8,16 +8,16 @@
 
 namespace echofuse::acquire {
 
-// Prints the residuals unless `quiet`, and adds them to the JSON. False: one is more than three of
-// its standard errors.
+// Prints the residuals unless `quiet`, and adds them to the JSON. Returns false if one exceeds
+// three standard errors.
 bool compare(const Calibration& fresh, const Calibration& stored, nlohmann::ordered_json& json,
              bool quiet);
 
-// Calibration that the file holds already; empty without the file. Throws Error(config) for one
-// that cannot be read, because it is never overwritten unread.
+// Reads the calibration file; empty if there is no file. Throws Error(config) if the file is
+// unreadable, because such a file is not overwritten.
 Calibration stored_in(const std::string& path);
 
-// Writes the fresh calibration over the stored one, and reports which sensors keep theirs.
+// Writes the new calibration over the stored one and prints the sensors that keep the old one.
 void store(const Calibration& fresh, const Calibration& stored, const std::string& path,
            nlohmann::ordered_json& json, bool quiet);
 

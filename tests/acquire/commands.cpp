@@ -197,12 +197,11 @@ TEST_CASE("calibrate needs no calibration, and does not overwrite an unreadable 
           "lab.toml:3:1: run.calibration: " + folder / "c.toml: cannot read");
   for (const std::string text : {"[spd]\noffset_cm = 6\n", ""}) {
     write_file(folder / "c.toml", text);
-    refuses(config, 3,
-            "c.toml is not overwritten; to begin anew, remove it or name another run.calibration");
+    refuses(config, 3, "c.toml is not overwritten; remove it or set another run.calibration");
     CHECK(fs::file_size(folder / "c.toml") == text.size());
   }
   refuses(config + " --set run.calibration=new.toml", 4,
-          "no device to calibrate delivers after 0.2 s");
+          "no data from the devices to calibrate after 0.2 s");
 }
 
 TEST_CASE("silent devices give one line each, and no file") {

@@ -131,6 +131,6 @@ TEST_CASE("side: echo from a known side shows whether the antenna row is swapped
         CHECK_THAT(find_side(Side::right, reflector, measured(place_m - 1.2), calibrated, antennas,
                              wavelength_m)
                        .refusal,
-                   Contains("is the reflector at its place?"));
+                   Contains("check the reflector's position"));
     }
 }

@@ -157,7 +157,7 @@ TEST_CASE("impulse response is found with its tail, within the errors") {
   }
   record::Response none;
   CHECK(fit_impulse_response(photons(500, 200, 0, 0, rng), 0, step_ps, search, none) ==
-        "fewer than 1000 photons came");
+        "fewer than 1000 photons received");
   CHECK(none == record::Response{});
 }
 
@@ -257,10 +257,10 @@ TEST_CASE("response of more than one point is refused with the reason") {
     return fit.refusal;
   };
   const Amplitude turned = std::polar(0.5, 1.);
-  CHECK_THAT(refusal(fine, {{}, {0.08, turned}}), Catch::Contains("not that of one point"));
+  CHECK_THAT(refusal(fine, {{}, {0.08, turned}}), Catch::Contains("does not fit a single point"));
   CHECK_THAT(refusal({0.25, 0.27, 0.5}, {{}}), Catch::Contains("with cells of 50 cm at 3 m"));
   record::Response found;
-  CHECK(fit_radar_response({}, fine.axis(), 1, found).refusal == "fewer than 8 frames came");
+  CHECK(fit_radar_response({}, fine.axis(), 1, found).refusal == "fewer than 8 frames received");
   // A wall behind the reflector is excluded.
   CHECK(fit_radar_response(frames(blackman_window, fine, -35, rng, false, {{}, {0.2, 5}}),
                            fine.axis(), fine.range_m, found)
@@ -277,7 +277,7 @@ TEST_CASE("noise falls with the square root of the number of independent frames"
   CHECK(found.radar_noise_exponent.standard_error < 0.05);
   record::Response few;
   CHECK(fit_noise_exponent(std::vector(20, std::vector<std::uint16_t>(64, 7)), 1, few) ==
-        "fewer than 40 frames came");
+        "fewer than 40 frames received");
   CHECK(few == record::Response{});
 }
 

@@ -137,7 +137,7 @@ class Calibrate(unittest.TestCase):
         for side in "left", "right":
             done = calibrate(side, "--side", side)
             self.assertEqual(done.returncode, 0, done.stdout + done.stderr)
-            self.assertIn(f"the echo at the {side} is at", done.stdout)
+            self.assertIn(f"echo on the {side} at", done.stdout)
             self.assertIn("the antenna row is not swapped", done.stdout)
         self.assertEqual(calibrate("left", "--side", "right").returncode, 4)
 
