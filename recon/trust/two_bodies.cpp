@@ -66,7 +66,8 @@ Classifier learn_two_bodies(const Alignment& alignment, const Features& sensors,
                             std::uint64_t seed) {
   Classifier out;
   const KnownBodies known = known_bodies(alignment, sensors, data, rows, scene);
-  const auto& [observations, views, radar, places] = known;
+  const Matrix &observations = known.observations, &views = known.views, &radar = known.radar;
+  const std::vector<Place>& places = known.places;
   const Rows bodies = all_rows(views.rows);
   if (bodies.size() < 2) return out;
   const Matrix no_lags;
