@@ -109,6 +109,15 @@ TEST_CASE("doubt hook reports its failures, and refuses a missing program") {
   CHECK_THROWS_AS(DoubtHook({"no-such-program-anywhere"}, {}, {}), Error);
 }
 
+TEST_CASE("doubt hook keeps at most 16 waiting changes and reports the others") {
+  Calls calls;
+  for (std::int64_t i = 0; i < 20; ++i)
+    calls.hook.take(record_of(i, i % 2 ? "ok" : "weak: 1"), both, "/runs/a");
+  REQUIRE(calls.warnings.size() == 4);
+  CHECK(calls.warnings[0] ==
+        "alert.on_doubt: radar weak not reported, because earlier calls still wait");
+}
+
 TEST_CASE(
     "doubt hook reports waiting changes at the end of the run, and names those that it drops") {
   SECTION("short programs") {

@@ -101,6 +101,7 @@ TEST_CASE("run with removed files ends at the next record and is rescued to a co
       check_whole(copy, 8, "stopped:disk");
       CHECK_FALSE(fs::exists(copy + "-wal"));
       if (!fs::exists(path) || fs::file_size(path) == 0) CHECK_FALSE(fs::exists(path + "-wal"));
+      if (attack.said.find("-shm") != std::string::npos) CHECK(fs::exists(path + "-wal"));
     }
 }
 
@@ -236,6 +237,12 @@ TEST_CASE("run with missing records is not closed as complete") {
     sql(open(path), "DELETE FROM record WHERE idx = 4");
     said = "holds 5 records of 6; 5 of its 6 records are in " + folder / "a.rescued.sqlite";
   }
+  SECTION("some are removed, then the file: its -wal stays") {
+    sql(open(path), "DELETE FROM record WHERE idx = 4");
+    fs::remove(path);
+    said = "was removed or renamed during the run; 5 of its 6 records are in " +
+           folder / "a.rescued.sqlite";
+  }
   SECTION("the WAL is overwritten") {
     overwrite(path + "-wal", 0, fs::file_size(path + "-wal"));
     said = "was damaged during the run: ";
@@ -243,6 +250,7 @@ TEST_CASE("run with missing records is not closed as complete") {
   const auto [code, text] = error_of([&] { run->close("complete"); });
   CHECK(code == ExitCode::disk);
   CHECK(has(text, path + ": " + said));
+  CHECK(fs::exists(path + "-wal"));
 }
 
 TEST_CASE("run with a shortened WAL index continues") {

@@ -228,6 +228,15 @@ TEST_CASE("invalid files are refused") {
     CHECK(contents(path) == contents(folder / "b.sqlite"));
     CHECK_FALSE(fs::exists(path + "-new"));
   }
+  SECTION("a run that fails at its start leaves no file") {
+    const auto [code, text] = error_of([&] {
+      RunWriter run(path, {}, system_clock,
+                    [&](RunWriter&) { fs::create_directory(path + "-shm"); });
+    });
+    CHECK(code == ExitCode::failed);
+    CHECK(has(text, path));
+    CHECK_FALSE(fs::exists(path));
+  }
   SECTION("no such folder") {
     const auto [code, text] = error_of([&] { RunWriter run(folder / "no/a.sqlite", {}); });
     CHECK(code == ExitCode::disk);

@@ -82,6 +82,21 @@ TEST_CASE("if the reader stops, the newest texts are kept") {
   CHECK(queue.close() == 0);
 }
 
+TEST_CASE("a text longer than the queue's limit is written whole") {
+  Pipe pipe;
+  OutputQueue queue(pipe.ends[1], left_out);
+  const std::string huge(OutputQueue::most_bytes + 1, 'a');
+  CHECK_FALSE(queue.put(huge));
+  std::string text;
+  std::thread reader([&] {
+    for (std::string part; !(part = pipe.read()).empty();) text += part;
+  });
+  CHECK(queue.close() == 0);
+  ::close(std::exchange(pipe.ends[1], -1));
+  reader.join();
+  CHECK((text == huge));
+}
+
 TEST_CASE("close waits one second for a stopped reader, and not for a closed one") {
   std::signal(SIGPIPE, SIG_IGN);
   const auto begin = std::chrono::steady_clock::now();

@@ -91,6 +91,18 @@ TEST_CASE("bytes that the disk does not write in time are dropped and counted") 
   CHECK(counts.kept == 10);
 }
 
+TEST_CASE("bytes that still wait when the disk does not answer are dropped and counted") {
+  struct Stalled final : Worker {
+    void put(Action /*job*/) override {}
+  };
+  const Folder folder;
+  RawKeeper keeper(folder.path, std::make_unique<Stalled>(), {.reserve_bytes = 0});
+  keeper.put("a", Bytes(11));
+  const auto counts = keeper.finish();
+  CHECK(counts.dropped == 11);
+  CHECK(counts.kept == 0);
+}
+
 TEST_CASE("the first failure ends the capture and is reported once") {
   const Folder folder;
   RawLimits limits{.reserve_bytes = 0};

@@ -210,6 +210,13 @@ TEST_CASE("domain test reports a radar range bias and its correction") {
                                  "reflect differently; if the radar is the cause, use "
                                  "--range-offset 0.2") &&
                  Catch::Contains("radar range +"));
+  double cm = 0, cm_error = 0, advised_cm = 0, advised_error = 0;  // in the list, in the advice
+  const auto at = [&](const char* name) { return shift.text().substr(shift.text().find(name)); };
+  CHECK(std::sscanf(at("radar range +").c_str(), "radar range %lf +- %lf", &cm, &cm_error) == 2);
+  CHECK(std::sscanf(at("radar ranges are").c_str(), "radar ranges are %lf +- %lf", &advised_cm,
+                    &advised_error) == 2);
+  CHECK(cm == advised_cm);
+  CHECK(cm_error == advised_error);
   // The advice remains if another number differs too, as with shorter slots.
   const DomainShift more =
       shift_of(model, plates(200, 30, [&](record::FusedRecord& r) { farther(r), blur(r.radar); }));

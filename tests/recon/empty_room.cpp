@@ -147,6 +147,20 @@ TEST_CASE("empty room leaves out and counts dead and doubtful records") {
              Catch::Contains("17 of 20 records left out: SPD weak 17"));
 }
 
+TEST_CASE("bright empty room may drift by a few percent") {
+  const Folder dir;
+  write_room(dir / "empty", here, 20, 2, false);
+  Dataset empty = load({dir / "empty"});
+  const auto scaled = [&](float drift) {
+    for (std::size_t row = 0; row < empty.size(); ++row)
+      for (std::size_t bin = 0; bin < empty.spd.cols; ++bin)
+        empty.spd.row(row)[bin] = 1e5f * (1 + ((row + bin) % 2 ? drift : -drift));
+    return error_of([&] { empty_room_of(empty, "empty"); });
+  };
+  CHECK(scaled(0.03f) == "no error");
+  CHECK_THAT(scaled(0.1f), Catch::Contains("vary by more than photon noise"));
+}
+
 TEST_CASE("plain network is refused for another room") {
   const Folder dir;
   write_room(dir / "here", here, 60, 1), write_room(dir / "empty", here, 20, 2, false);

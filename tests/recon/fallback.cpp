@@ -85,6 +85,17 @@ TEST_CASE("fallback is stored in the model file and is optional") {
   }
 }
 
+TEST_CASE("domain test counts only records whose uncertainty is known") {
+  TrainedModel model = trained_with("ridge");
+  REQUIRE(model.estimators.size() == 2);
+  model.estimators[1].uncertainty.reset();
+  const Folder dir;
+  write_run(dir / "run", 30, 2, [](record::FusedRecord& r) {
+    if (r.index % 3 == 0) lose_radar(r);
+  });
+  CHECK(domain_shift_of(model, load({dir / "run"})).judged == 20);
+}
+
 TEST_CASE("reconstruct and evaluate report maps made from the SPD alone") {
   const Folder dir;
   write_run(dir / "run", 100);

@@ -154,6 +154,18 @@ TEST_CASE("scene is learnt from its maps") {
   CHECK(scene.background == Map(size * size, 5.0f));
   CHECK(scene.foreground_depth_m == Approx(3.2f));
   CHECK(scene.mean_map[30 * size + 2] == Approx((3.2 + 5 + 5) / 3));
+  // A pixel without a return in a fifth of the maps has no background, one in fewer has.
+  Matrix holes(0, size * size);
+  Rows rows;
+  for (std::size_t i = 0; i < 100; ++i) {
+    Map map(size * size, 5.0f);
+    if (i < 19) map[0] = 0;
+    if (i < 20) map[1] = 0;
+    holes.add_row(map), rows.push_back(i);
+  }
+  const Map background = learn_scene(holes, rows, {}).background;
+  CHECK(background[0] == 5);
+  CHECK(background[1] == 0);
 }
 
 TEST_CASE("moving surface has no foreground, so that only raw maps are scored") {

@@ -114,6 +114,7 @@ TEST_CASE("runs without a response, and binned power, are not converted") {
   }
   CHECK_FALSE(widest_response(unstated).known());
   binned.sources.push_back({"other", "", 2, 0, 0, hann});
+  binned.sources.push_back({"third", "", 4, 0, 0, sinc});
   CHECK(widest_response(binned) == hann);
 }
 

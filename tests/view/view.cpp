@@ -9,6 +9,7 @@
 #include "recon/live/access.hpp"
 #include "recon/live/followed_run.hpp"
 #include "recon/live/message.hpp"
+#include "recon/live/show.hpp"
 
 using namespace echofuse;
 using namespace echofuse::view;
@@ -120,6 +121,28 @@ TEST_CASE("run that cannot be read for a moment is read again and sent again") {
   CHECK(run.refresh());
   CHECK(run.trouble().empty());
   CHECK(run.edition() != edition);
+}
+
+TEST_CASE("state tells how long the free disk space lasts at the run's rate") {
+  const test::Folder folder;
+  record::RunInfo info;
+  info.window_s = 3;
+  record::RunWriter writer(folder / "run.sqlite", info);
+  for (std::int64_t i = 0; i < 4; ++i) {
+    record::FusedRecord r;
+    r.index = i;
+    writer.append(r);
+  }
+  writer.close("complete");
+  FollowedRun run(folder / "run.sqlite");
+  run.refresh();
+  const Message message = Show(run, nullptr, {}, system_clock).state();
+  ByteReader reader(*message);
+  const auto size = reader.get<std::uint32_t>();
+  const ByteView text = reader.take(size);
+  const auto disk = nlohmann::json::parse(text.begin(), text.end())["disk"];
+  const double free_bytes = disk["free_bytes"], bytes = static_cast<double>(run.bytes());
+  CHECK(disk["lasts_s"].get<double>() == Approx(free_bytes / (bytes / 4) * 3));
 }
 
 TEST_CASE("run summary lists doubtful verdicts by sensor, most frequent first") {

@@ -1,11 +1,15 @@
 // SPDX-License-Identifier: MIT
 // Events and records of a run when devices come, go and fail, on virtual time.
+#include <sys/wait.h>
+
+#include <csignal>
 #include <fstream>
 #include <map>
 #include <set>
 
 #include "acquire/import/import.hpp"
 #include "bench.hpp"
+#include "drivers/util/console.hpp"
 
 using namespace echofuse;
 using sim::FaultKind;
@@ -104,11 +108,14 @@ TEST_CASE("raw capture reproduces the live run bitwise, with faults and reconnec
                       fault("radar", FaultKind::unplug, 50, 5),
                       fault("radar", FaultKind::garbage, 60, 5, 40),
                       fault("depth", FaultKind::unplug, 70, 5)}});
+  b.lab->set({"run.folder=runs"});
   auto run = b.run(12);
   run.keep_raw = b.folder / "raw";
   run.countdown_s = 2;
   CHECK(b.lab->record(run) == ExitCode::ok);
   REQUIRE(acquire::is_kept(run.keep_raw));
+  // The copy may be imported on another machine.
+  CHECK(acquire::kept_config(run.keep_raw, {}).run_folder.empty());
   acquire::import_kept(acquire::kept_config(run.keep_raw, {}), run.keep_raw,
                        b.folder / "again.sqlite");
   const record::RunReader again(b.folder / "again.sqlite");
@@ -173,6 +180,23 @@ TEST_CASE("countdown delays the first slot") {
     return b.records().at(0).slot_start;
   };
   CHECK(first(5) - first(0) == std::chrono::seconds(5));
+}
+
+TEST_CASE("run interrupted before its first slot ends without a record") {
+  Bench b;
+  const pid_t child = fork();  // a process counts its signals for ever
+  REQUIRE(child >= 0);
+  if (child == 0) {
+    catch_interrupts();
+    auto run = b.run(4);
+    run.opened = [](const std::string&) { std::raise(SIGTERM); };
+    ::_exit(static_cast<int>(b.lab->record(run)));
+  }
+  int status = 0;
+  REQUIRE(waitpid(child, &status, 0) == child);
+  CHECK(status == 0);
+  CHECK(b.reader().info().status == "stopped:interrupted");
+  CHECK(b.reader().count() == 0);
 }
 
 TEST_CASE("weak laser is reported once and counted in every record") {
