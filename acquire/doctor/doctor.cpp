@@ -133,6 +133,12 @@ std::vector<Finding> judge(const Answer& answer, const Capture& capture, const C
   if (answer.status.holder)
     return {{check, answer.delivers ? Grade::warning : Grade::problem, answer.text,
              "in use by another run; end that run first"}};
+  if (answer.status.state == DeviceState::misconfigured)
+    return {{.check = check,
+             .grade = Grade::problem,
+             .found = answer.text,
+             .advice = "correct the configuration; `devices` lists the ports of each board",
+             .failure = ExitCode::config}};
   if (!answer.delivers) {  // the text contains the last complaint
     const bool answered = !answer.status.info.firmware.empty();  // its own text states the fault
     return {{check, Grade::problem, answer.text,

@@ -327,6 +327,11 @@ class Live(unittest.TestCase):
         listed = json.loads(acquire("devices", mixed, "--json").stdout)["configured"]
         self.assertEqual({device["sensor"]: device["state"] for device in listed},
                          {"spd": "streaming", "radar": "misconfigured", "depth": "streaming"}, listed)
+        checked = acquire("doctor", mixed, "--json")
+        self.assertEqual(checked.returncode, 3, checked.stderr)
+        radar = [check for check in json.loads(checked.stdout)["checks"] if check["check"] == "radar"]
+        self.assertIn("ports of two boards", radar[0]["found"])
+        self.assertRegex(radar[0]["advice"], "^correct the configuration")
         refused = acquire("run", mixed, "--out", self.run, "--count", "2")
         self.assertEqual(refused.returncode, 3, refused.stderr)
         self.assertIn("radar.cli and radar.data are ports of two boards", refused.stderr)
