@@ -352,6 +352,9 @@ Config load_config(const std::string& path, const std::vector<std::string>& assi
       unfinished.complain({key},
                           "still has the template's XXXXXXXX; echofuse-acquire devices "
                           "prints the lines for the attached devices");
+  if (!config.on_doubt.empty())
+    if (const std::string fault = fault_of_program(config.on_doubt[0]); !fault.empty())
+      unfinished.complain({"alert.on_doubt"}, fault);
   config.shown = settings.with_origins();
   const auto on_doubt = std::exchange(config.on_doubt, {});
   config.resolved = settings.resolved(true);

@@ -48,8 +48,8 @@ struct Config {
   std::string calibration_path;  // that file, or its future path
   PerSensor<std::string> policy{"optional", "optional", "optional"};
 
-  std::vector<std::string> unfinished;  // keys that still contain the template's XXXXXXXX, with
-                                        // their origin
+  std::vector<std::string> unfinished;  // faults for `config check` and `doctor` only, with their
+                                        // origin: the template's XXXXXXXX, no program of on_doubt
   std::string text;                     // contents of the file, verbatim
   std::string resolved;                 // every key with its value and meaning, as TOML
   std::string shown;                    // same, with the origin of each value

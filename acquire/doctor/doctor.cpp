@@ -189,6 +189,11 @@ ExitCode examine(const std::optional<Config>& config, const DoctorOptions& optio
   PlannedRun plan{.folder = std::filesystem::absolute(named ? config->run_folder : ".").string(),
                   .count = options.count};
   if (config) {
+    for (const std::string& fault : config->unfinished)
+      report.add({.check = "configuration",
+                  .grade = Grade::problem,
+                  .found = fault,
+                  .failure = ExitCode::config});
     plan.record_bytes = judge_devices(*config, loop, report);
     plan.window_s = config->window_s;
   }

@@ -16,9 +16,8 @@ namespace echofuse::acquire {
 
 DoubtHook::DoubtHook(std::vector<std::string> words, const record::AlertLimits& limits, Warn warn)
     : words_(std::move(words)), limits_(limits), warn_(std::move(warn)) {
-  if (!words_.empty() && !is_program(words_[0]))
-    throw Error(ExitCode::config, "alert.on_doubt: " + printable(words_[0]) +
-                                      ": not found, or not executable by this user");
+  const std::string fault = words_.empty() ? "" : fault_of_program(words_[0]);
+  if (!fault.empty()) throw Error(ExitCode::config, "alert.on_doubt: " + fault);
 }
 
 DoubtHook::~DoubtHook() {

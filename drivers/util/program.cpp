@@ -16,6 +16,8 @@
 #include <sstream>
 #include <thread>
 
+#include "drivers/util/printable.hpp"
+
 namespace echofuse {
 
 std::filesystem::path program_folder() {
@@ -70,7 +72,7 @@ std::string program_beside(const std::string& name) {
   return std::filesystem::exists(beside, none) ? beside.string() : name;
 }
 
-bool is_program(const std::string& name) {
+std::string fault_of_program(const std::string& name) {
   const char* path = std::getenv("PATH");
   std::istringstream folders(name.find('/') == name.npos && path ? path : "");
   const auto executable = [](const std::filesystem::path& file) {
@@ -78,8 +80,9 @@ bool is_program(const std::string& name) {
     return std::filesystem::is_regular_file(file, none) && ::access(file.c_str(), X_OK) == 0;
   };
   for (std::string folder; std::getline(folders, folder, ':');)
-    if (executable(std::filesystem::path(folder) / name)) return true;
-  return name.find('/') != name.npos && executable(name);
+    if (executable(std::filesystem::path(folder) / name)) return {};
+  if (name.find('/') != name.npos && executable(name)) return {};
+  return printable(name) + ": not found, or not executable by this user";
 }
 
 Result<pid_t> start_program(const std::vector<std::string>& words, const ProgramOptions& options) {

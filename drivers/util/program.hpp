@@ -39,8 +39,8 @@ std::string machine_name();
 // Returns the path of our program in the folder of this one, otherwise NAME for a search in PATH.
 std::string program_beside(const std::string& name);
 
-// True if start_program() finds a file of this name that this user may execute.
-bool is_program(const std::string& name);
+// Returns why start_program() cannot start a program of this name; empty if it can.
+std::string fault_of_program(const std::string& name);
 
 // Starts words[0], found in PATH, with the other words as arguments. Passes only the three standard
 // files, because an inherited descriptor would keep an unplugged port open.

@@ -165,6 +165,13 @@ TEST_CASE("doctor checks the machine without a configuration, an invalid one sto
   const Outcome nowhere = shell(here);
   CHECK(nowhere.code == 4);
   CHECK(has(nowhere.text, "cannot be used for a run"));
+  const std::string hook = " --set 'alert.on_doubt=[\"nowhere.sh\"]'";
+  const Outcome missing = shell(here + hook);
+  CHECK(missing.code == 3);
+  CHECK(has(missing.text, "problem  configuration --set alert.on_doubt"));
+  CHECK(has(missing.text, "nowhere.sh: not found, or not executable by this user"));
+  for (const char* command : {"config check", "run --count 1"})
+    refuses(command + (" --config " + folder / "lab.toml") + hook, 3, "nowhere.sh: not found");
   refuses("doctor --config " + folder / "none.toml", 3, "none.toml: cannot read");
 }
 

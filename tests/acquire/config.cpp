@@ -31,6 +31,21 @@ TEST_CASE("shipped configuration loads with its radar cfg") {
   CHECK(has(config.unfinished[1], "config/lab.toml:39:1: radar.data: still has"));
 }
 
+TEST_CASE("a missing program of alert.on_doubt is a fault with its place, but no obstacle") {
+  const Folder folder;
+  const std::string path = folder / "a.toml";
+  write_file(path, "[depth]\naddress = \"openni:\"\n[alert]\non_doubt = [\"./alert\", \"lab\"]\n");
+  const Config missing = load_config(path);
+  REQUIRE(missing.unfinished.size() == 1);
+  CHECK(missing.unfinished[0] == path + ":4:1: alert.on_doubt: " + (folder / "./alert") +
+                                     ": not found, or not executable by this user");
+  write_file(folder / "alert", "#!/bin/sh\n");
+  CHECK(load_config(path).unfinished.size() == 1);  // not executable
+  fs::permissions(folder / "alert", fs::perms::owner_all);
+  CHECK(load_config(path).unfinished.empty());
+  CHECK(load_config(path, {"alert.on_doubt=[\"sh\"]"}).unfinished.empty());
+}
+
 TEST_CASE("resolved configuration loads again") {
   const Folder folder;
   write_file(folder / "a.toml",
