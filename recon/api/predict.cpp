@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "recon/api/internals.hpp"
+#include "recon/numbers/text.hpp"
 #include "recon/predict/predict.hpp"
 
 namespace echofuse {
@@ -12,7 +13,7 @@ namespace {
 
 // Without recon::Model, which is another class.
 using recon::Dataset, recon::Features, recon::MappedRecord, recon::Matrix, recon::RecordStatus,
-    recon::Scene, recon::TrainedModel;
+    recon::Scene, recon::TrainedModel, recon::formatted;
 
 DepthMap public_map(MappedRecord made, const Scene& scene) {
   RecordStatus& status = made.status;
@@ -30,13 +31,18 @@ DepthMap public_map(MappedRecord made, const Scene& scene) {
   return out;
 }
 
-// Makes a table of one row; no values make a row of zeros.
-void put_row(Matrix& table, std::span<const float> values, std::size_t wanted, const char* name) {
-  if (!values.empty() && values.size() != wanted)
-    throw Error(ExitCode::usage, std::string(name) + ": " + std::to_string(values.size()) +
-                                     " values; the model takes " + std::to_string(wanted));
-  if (!std::ranges::all_of(values, [](float v) { return std::isfinite(v); }))
-    throw Error(ExitCode::usage, std::string(name) + ": holds a value that is not finite");
+// Makes a table of one row; no values make a row of zeros. `limit`: least value, if there is one.
+void put_row(Matrix& table, std::span<const float> values, std::size_t wanted, const char* name,
+             std::optional<float> limit = {}) {
+  const auto refuse = [&](const std::string& fault) {
+    throw Error(ExitCode::usage, std::string(name) + ": " + fault + "; the model takes " +
+                                     std::to_string(wanted) + " finite values" +
+                                     (limit ? formatted(" of at least %g", double{*limit}) : ""));
+  };
+  if (!values.empty() && values.size() != wanted) refuse(std::to_string(values.size()) + " values");
+  for (std::size_t i = 0; i < values.size(); ++i)
+    if (!std::isfinite(values[i]) || (limit && values[i] < *limit))
+      refuse("value " + std::to_string(i) + " is " + formatted("%g", double{values[i]}));
   table = Matrix(1, wanted);
   std::ranges::copy(values, table.row(0).begin());
 }
@@ -53,7 +59,7 @@ Dataset dataset_of(const TrainedModel& model, std::span<const float> counts,
   if (takes.spd_count() > 0) {
     data.spd_axis = takes.spd_axis;
     Matrix all;
-    put_row(all, counts, takes.spd_count(), "counts");
+    put_row(all, counts, takes.spd_count(), "counts", 0.0F);
     data.zones.resize(takes.zones);
     if (takes.zones > 0) data.zone_spd = all;
     data.spd = Matrix(1, bins);

@@ -45,8 +45,8 @@ DepthMap predict(const Model& model, const Run& run, std::int64_t index);
 /// Predicts a map from values of another source, at true ranges: `counts` as
 /// [Model::zones()][Model::spd_axis().count] detections, `power` as Model::radar_axis().count
 /// linear powers. Either may be empty: then a model of the other sensor answers, or the map has a
-/// `fault`. Throws std::runtime_error for another size, or a value that is not finite. Threading:
-/// any thread.
+/// `fault`. Throws std::runtime_error for another size, a value that is not finite, or a negative
+/// count; power is negative where noise was subtracted. Threading: any thread.
 DepthMap predict(const Model& model, std::span<const float> counts, std::span<const float> power);
 
 }  // namespace echofuse
