@@ -91,19 +91,24 @@ Record Run::read(std::int64_t index) const {
   return Converter(*file_->reader)(record);
 }
 
-void Run::for_each(const std::function<bool(const Record&)>& visit, std::int64_t first) const {
+void Run::for_each(const std::function<bool(const Record&)>& visit, std::int64_t first,
+                   const OnDamaged& on_damaged) const {
   std::optional<Converter> convert;
   file_->reader->for_each(
       [&](const record::FusedRecord& record) {
         if (!convert) convert.emplace(*file_->reader);
         return visit((*convert)(record));
       },
-      first);
+      first, on_damaged);
 }
 
 void follow(const std::string& path, const std::function<bool(const Run&, const Record&)>& visit,
-            std::int64_t first, const std::function<bool()>& go_on) {
+            std::int64_t first, const std::function<bool()>& go_on, const OnDamaged& on_damaged) {
   bool wanted = true;
+  const auto skip = [&](std::int64_t index, const std::string& fault) {
+    first = index + 1;
+    on_damaged(index, fault);
+  };
   const auto take = [&](const record::RunReader& reader) {
     const std::int64_t before = first;
     const Run run = Internals::run(std::make_shared<Internals::RunFile>(
@@ -114,7 +119,7 @@ void follow(const std::string& path, const std::function<bool(const Run&, const 
           wanted = visit(run, record) && (!go_on || go_on());
           return wanted;
         },
-        first);
+        first, on_damaged ? OnDamaged(skip) : OnDamaged());
     return first != before;
   };
   record::follow(record::old_run(path), take, [&] { return wanted && (!go_on || go_on()); });

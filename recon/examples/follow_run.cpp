@@ -37,7 +37,10 @@ int main(int count, char** words) try {
         print(record, echofuse::predict(model, run, record.index()), model.grid().size);
         return true;
       },
-      0, [] { return stopped == 0; });
+      0, [] { return stopped == 0; },
+      [](std::int64_t index, const std::string& fault) {
+        std::printf("record %lld: no map: %s\n", static_cast<long long>(index), fault.c_str());
+      });
   return 0;
 } catch (const std::exception& error) {
   std::fprintf(stderr, "%s\n", error.what());

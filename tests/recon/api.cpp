@@ -164,3 +164,22 @@ TEST_CASE("follow visits the records of a growing run until it is closed") {
       [] { return false; });
   CHECK(visits == 2);
 }
+
+TEST_CASE("a damaged record is reported and skipped if the caller asks for it") {
+  const Folder dir;
+  write_run(dir / "run", 4);
+  sql(dir / "run", "UPDATE record SET spd = x'00' WHERE idx IN (1, 3)");
+  std::vector<std::int64_t> seen, damaged;
+  const auto on_damaged = [&](std::int64_t index, const std::string& fault) {
+    CHECK_FALSE(fault.empty());
+    damaged.push_back(index);
+  };
+  const auto visit = [&](const Record& record) { return seen.push_back(record.index()), true; };
+  const auto visit_live = [&](const Run&, const Record& record) { return visit(record); };
+  SECTION("reading") { Run(dir / "run").for_each(visit, 0, on_damaged); }
+  SECTION("following") { follow(dir / "run", visit_live, 0, {}, on_damaged); }
+  CHECK(seen == std::vector<std::int64_t>{0, 2});
+  CHECK(damaged == std::vector<std::int64_t>{1, 3});
+  CHECK_THAT(error_of([&] { Run(dir / "run").for_each(visit); }), Catch::Contains("record 1: "));
+  CHECK_THAT(error_of([&] { follow(dir / "run", visit_live); }), Catch::Contains("record 1: "));
+}

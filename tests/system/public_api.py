@@ -5,6 +5,7 @@ folder by CMake and by pkg-config, and their output is that of the programs."""
 import os
 import pathlib
 import shutil
+import sqlite3
 import subprocess
 import sys
 import tempfile
@@ -70,6 +71,12 @@ class PublicApi(unittest.TestCase):
         said = run(self.dir / "follow_run", "m.safetensors", "scenes", cwd=self.dir).splitlines()
         self.assertEqual(len(said), 80)
         self.assertRegex(said[0], r"^record 0: centre \d\.\d\d m, body at x -?\d\.\d\d m, z \d\.\d\d m")
+        shutil.copy(self.dir / "scenes.sqlite", self.dir / "damaged.sqlite")
+        with sqlite3.connect(self.dir / "damaged.sqlite") as damaged:
+            damaged.execute("UPDATE record SET spd = x'00' WHERE idx = 3")
+        skipped = run(self.dir / "follow_run", "m.safetensors", "damaged", cwd=self.dir).splitlines()
+        self.assertRegex(skipped[3], "^record 3: no map: .*spd")
+        self.assertEqual([*skipped[:3], *skipped[4:]], [*said[:3], *said[4:]])
 
     def test_headers_stand_alone_and_hide_other_libraries(self):
         include = self.prefix / "include"

@@ -26,6 +26,9 @@ struct RunFacts {
   std::vector<std::pair<std::string, std::string>> meta;  ///< names and values of `run --meta`
 };
 
+/// Called with the number of a damaged record and its fault.
+using OnDamaged = std::function<void(std::int64_t, const std::string&)>;
+
 /// A run file, read only. Every member throws std::runtime_error with one line that names the file
 /// and the fault. Threading: one thread at a time; each thread may open the file for itself.
 class Run {
@@ -50,8 +53,10 @@ class Run {
 
   /// Returns the record with this number. Throws if it does not exist or is damaged.
   Record read(std::int64_t index) const;
-  /// Calls `visit` with each record from number `first` on, in order, until it returns false.
-  void for_each(const std::function<bool(const Record&)>& visit, std::int64_t first = 0) const;
+  /// Calls `visit` with each record from number `first` on, in order, until it returns false. Calls
+  /// `on_damaged` instead for a damaged record and goes on; without it, throws.
+  void for_each(const std::function<bool(const Record&)>& visit, std::int64_t first = 0,
+                const OnDamaged& on_damaged = {}) const;
 
  private:
   friend struct Internals;
@@ -63,8 +68,10 @@ class Run {
 /// Calls `visit` with each record of a run that is being recorded, from number `first` on, as they
 /// come. Returns when the run is closed, `visit` returns false, or `go_on`, called at least every
 /// 20 ms between records, returns false. The run is opened again for each look, so that the
-/// recorder can close it; a Run must not be kept after `visit`. Throws as Run does.
+/// recorder can close it; a Run must not be kept after `visit`. `on_damaged`: as in Run::for_each.
+/// Throws as Run does.
 void follow(const std::string& path, const std::function<bool(const Run&, const Record&)>& visit,
-            std::int64_t first = 0, const std::function<bool()>& go_on = {});
+            std::int64_t first = 0, const std::function<bool()>& go_on = {},
+            const OnDamaged& on_damaged = {});
 
 }  // namespace echofuse
