@@ -13,10 +13,11 @@ namespace {
 
 using namespace recon;
 
-Reconstruction made(const TrainedModel& whole, const record::RunReader& run, std::int64_t index) {
+Reconstruction made(const TrainedModel& whole, const record::RunReader& run, std::int64_t index,
+                    PredictionDetail detail) {
   Reconstruction out;
   out.grid = whole->scene.grid;
-  MappedRecord mapped = map_record(whole, run, index, fullest_detail(whole));
+  MappedRecord mapped = map_record(whole, run, index, detail);
   const RecordStatus& status = mapped.status;
   out.fault = status.fault, out.note = status.note;
   if (!out.fault.empty()) return out;
@@ -38,9 +39,11 @@ LiveModel::LiveModel(const std::string& path)
       name_(printable(std::filesystem::path(path).filename().string()) + " (" + model_->name +
             ")") {}
 
-Reconstruction LiveModel::reconstruct(const record::RunReader& run, std::int64_t index) const {
+Reconstruction LiveModel::reconstruct(const record::RunReader& run, std::int64_t index,
+                                      bool with_deviation) const {
   try {
-    return made(model_, run, index);
+    return made(model_, run, index,
+                with_deviation ? fullest_detail(model_) : PredictionDetail::uncertainty);
   } catch (const Error& e) {
     Reconstruction out;
     out.fault = e.what();

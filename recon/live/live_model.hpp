@@ -30,8 +30,10 @@ class LiveModel {
   bool calibrated() const { return model_->uncertainty.has_value(); }
   // True if this record was in the training data.
   bool saw(const std::string& run_uuid, std::int64_t index) const;
-  // Does not throw if the record or the run is unusable; sets `fault` instead.
-  Reconstruction reconstruct(const record::RunReader& run, std::int64_t index) const;
+  // Does not throw if the record or the run is unusable; sets `fault` instead. Takes longer with
+  // the deviations of the pixels.
+  Reconstruction reconstruct(const record::RunReader& run, std::int64_t index,
+                             bool with_deviation) const;
   // Compares with the camera's map if both have the same grid.
   void compare(Reconstruction& made, std::span<const float> camera_map_m) const;
   // Returns why maps of these records are unreliable as a group (recon::DomainShift); empty if the

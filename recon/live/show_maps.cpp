@@ -37,7 +37,7 @@ void Show::add_maps(MessageWriter& out, Json& head, const record::FusedRecord& r
     head["holes"] = {{"camera", holes(r.depth_mm)}, {"map", holes(map)}};
   }
   if (!model_) return;
-  Reconstruction made = model_->reconstruct(run, r.index);
+  Reconstruction made = model_->reconstruct(run, r.index, true);
   if (camera) model_->compare(made, map_of(r, axes, made.grid));
   const auto given = [](const std::optional<double>& v) { return v ? number(*v) : Json(); };
   head["reconstruction"] = {{"fault", made.fault},
@@ -82,7 +82,7 @@ std::vector<float> Show::track(const record::RunReader& run, std::int64_t index)
     if (o->index != index && o->index % step != 0) continue;
     auto known = places_.find(o->index);
     if (known == places_.end())
-      known = places_.emplace(o->index, place_of(model_->reconstruct(run, o->index))).first;
+      known = places_.emplace(o->index, place_of(model_->reconstruct(run, o->index, false))).first;
     const auto& [x_m, z_m, interval_m] = known->second;
     const double age_s = seconds(minute.front()->start - o->start);
     out.insert(out.end(), {static_cast<float>(age_s), x_m, z_m, interval_m});

@@ -6,6 +6,7 @@ import contextlib
 import hashlib
 import http.client
 import json
+import math
 import os
 import pathlib
 import random as random_numbers
@@ -136,6 +137,37 @@ class Server(unittest.TestCase):
                 client.ask({"show": index})
                 seen += client.until("record", lambda record: record["index"] == index)["reconstruction"]["seen"]
             self.assertTrue(0 < RECORDS - seen <= 0.2 * RECORDS, seen)  # the test records
+        finally:
+            process.terminate()
+            process.wait()
+            process.stdout.close()
+
+    def test_track(self):
+        """The track up to a record has the places that each of its records states."""
+        run, model = (pathlib.Path(self.folder.name) / "track" / name for name in ("run.sqlite", "model.safetensors"))
+        run.parent.mkdir()
+        subprocess.run([bin_dir / "echofuse-sim", "dataset", "-q", "--people", "80", "--letters", "0", "--out", run], check=True,
+                       stderr=subprocess.DEVNULL)
+        subprocess.run([bin_dir / "echofuse-recon", "train", "-q", run, "--model", "mean-shape", "--out", model], check=True,
+                       stderr=subprocess.DEVNULL)
+        process, address = self.start(run, "--model", model)
+        try:
+            client = Client(address)
+            self.assertTrue(client.until("run")["calibrated"])
+
+            def shown(index):
+                client.ask({"show": index})
+                return client.until("record", lambda m: (m["index"], m["live"]) == (index, False))
+            values = shown(60)["arrays"]["track"]
+            track = [values[i:i + 4] for i in range(0, len(values), 4)]
+            self.assertGreater(len(track), 10)
+            slot_s = track[1][0] - track[0][0]
+            for age_s, *place in track:
+                record = shown(60 - round(age_s / slot_s))
+                self.assertIn("deviation", record["arrays"])
+                told = [record["reconstruction"][key] for key in ("x_m", "z_m", "lateral_interval_90_m")]
+                for a, b in zip(place, told):
+                    self.assertTrue(math.isnan(a) if b is None else abs(a - b) < 1e-5, (age_s, place, told))
         finally:
             process.terminate()
             process.wait()
