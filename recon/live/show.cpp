@@ -8,8 +8,6 @@
 #include <limits>
 #include <nlohmann/json.hpp>
 
-#include "acquire/measurement/response.hpp"
-#include "acquire/record/alerts.hpp"
 #include "drivers/util/exit_code.hpp"
 #include "drivers/util/printable.hpp"
 #include "recon/live/pictures.hpp"
@@ -46,15 +44,6 @@ void add_clicks(MessageWriter& out, Json& head, const record::FusedRecord& r,
     head["zones"].push_back(z.has_direction() ? Json{z.x, z.y, z.width} : Json());
 }
 
-// Number of a resolved configuration.
-double setting_of(const record::RunInfo& info, const std::string& wanted, double otherwise) {
-  for_each_setting(info.config_resolved, [&](const std::string& key, const std::string& value) {
-    if (key == wanted) otherwise = std::strtod(value.c_str(), nullptr);
-  });
-  return otherwise;
-}
-double laser_hz(const record::RunInfo& info) { return setting_of(info, "tdc.laser_rate_hz", 0); }
-
 }  // namespace
 
 Message answer(bool ok, const std::string& text) {
@@ -64,7 +53,24 @@ Message trouble(const std::string& text) {
   return MessageWriter().finish({{"kind", "trouble"}, {"text", text}});
 }
 
-Message Show::about_run(bool may_write) const {
+// Parsed once a run.
+const Show::Settings& Show::settings() {
+  if (std::exchange(settings_edition_, run_.edition()) == run_.edition()) return settings_;
+  settings_ = {};
+  const std::map<std::string, double*> wanted{
+      {"tdc.laser_rate_hz", &settings_.laser_hz},
+      {"signal.clicks_a_pulse", &settings_.most_clicks_a_pulse},
+      {"alert.no_data_s", &settings_.alert.no_data_s},
+      {"alert.disk_free_gb", &settings_.alert.disk_free_gb}};
+  for_each_setting(run_.info().config_resolved,
+                   [&](const std::string& key, const std::string& value) {
+                     if (const auto at = wanted.find(key); at != wanted.end())
+                       *at->second = std::strtod(value.c_str(), nullptr);
+                   });
+  return settings_;
+}
+
+Message Show::about_run(bool may_write) {
   const record::RunInfo& info = run_.info();
   Json axes = Json::object();
   for (const Axis& a : run_.axes()) axes[a.name] = axis_json(a);
@@ -82,8 +88,7 @@ Message Show::about_run(bool may_write) const {
            {"axes", axes},
            {"facts", facts()},
            {"trigger", trigger_levels()},
-           {"most_clicks_a_pulse",
-            setting_of(info, "signal.clicks_a_pulse", record::most_clicks_a_pulse)},
+           {"most_clicks_a_pulse", settings().most_clicks_a_pulse},
            {"baseline_m", record::radar_baseline_m(info.meta)},
            {"map", {{"size", grid.size}, {"half_tangent", grid.half_tangent}}},
            {"model", model_ ? Json(model_->name()) : Json()},
@@ -126,14 +131,12 @@ Json Show::disk() const {
 }
 
 // Alerts by the limits alert.* of the run's configuration.
-Json Show::alerts() const {
+Json Show::alerts() {
   Json out = Json::array();
   const std::string& status = run_.info().status;
   if (!run_.live() && status != "complete") out.push_back({{"source", "run"}, {"kind", status}});
   if (!run_.live()) return out;
-  record::AlertLimits limits;
-  limits.no_data_s = setting_of(run_.info(), "alert.no_data_s", limits.no_data_s);
-  limits.disk_free_gb = setting_of(run_.info(), "alert.disk_free_gb", limits.disk_free_gb);
+  const record::AlertLimits& limits = settings().alert;
   const UtcTime now = clock_.utc();
   const auto& outlines = run_.outlines();
   const double since_start_s = outlines.empty() ? 0 : seconds(now - outlines.front().start);
@@ -212,7 +215,7 @@ Message Show::make_record(std::int64_t index, bool live) {
                                      {"lost", r.sync[s].lost}};
     Tally one;
     one.add(r, axes);
-    head.update(one.numbers(axes, laser_hz(run_.info())));
+    head.update(one.numbers(axes, settings().laser_hz));
     if (r.has(Sensor::spd)) add_clicks(out, head, r, run);
     const Axis* radar = find(axes, "radar");
     if (r.has(Sensor::radar) && radar) out.add("radar", to_db(r.radar, *radar));
@@ -290,7 +293,7 @@ Message Show::sum(std::int64_t index, const ShowSum& asked) {
   MessageWriter out;
   if (!known.tally.clicks().empty()) out.add("spd", known.tally.clicks());
   if (const auto db = known.tally.profile_db(axes); !db.empty()) out.add("radar", db);
-  Json head = known.tally.numbers(axes, laser_hz(run_.info()), asked.range);
+  Json head = known.tally.numbers(axes, settings().laser_hz, asked.range);
   head.update({{"kind", "sum"}, {"from", *first}, {"records", index - *first + 1}});
   return out.finish(std::move(head));
 }

@@ -9,6 +9,8 @@
 #include <string>
 #include <vector>
 
+#include "acquire/measurement/response.hpp"
+#include "acquire/record/alerts.hpp"
 #include "drivers/core/clock.hpp"
 #include "recon/live/followed_run.hpp"
 #include "recon/live/live_model.hpp"
@@ -25,7 +27,7 @@ class Show {
       : run_(run), model_(model), planned_(planned), clock_(clock) {}
 
   FollowedRun& run() { return run_; }
-  Message about_run(bool may_write) const;
+  Message about_run(bool may_write);
   Message state();
   Message record(std::int64_t index, bool live);          // the last one is cached
   Message sum(std::int64_t index, const ShowSum& asked);  // ends with this record
@@ -35,9 +37,14 @@ class Show {
   Message reference();
 
  private:
+  struct Settings {  // stored configuration of the run
+    double laser_hz = 0, most_clicks_a_pulse = record::most_clicks_a_pulse;
+    record::AlertLimits alert;
+  };
+  const Settings& settings();
   nlohmann::json sensors() const;
   nlohmann::json disk() const;
-  nlohmann::json alerts() const;
+  nlohmann::json alerts();
   nlohmann::json facts() const;
   std::string trigger_levels() const;  // as the time tagger's bridge reports them in the firmware
   Message make_record(std::int64_t index, bool live);
@@ -63,7 +70,8 @@ class Show {
   };
   static Place place_of(const Reconstruction& made);
   std::map<std::int64_t, Place> places_;  // by record
-  int last_edition_ = -1, places_edition_ = -1, reference_edition_ = -1;
+  Settings settings_;
+  int last_edition_ = -1, places_edition_ = -1, reference_edition_ = -1, settings_edition_ = -1;
   bool last_live_ = false;
   // Why the newest records' maps are unreliable as a group.
   std::string doubt_;
