@@ -29,8 +29,9 @@
 //              track: places of the body in the minute before, newest first: [n, 4] of age (s), x,
 //              z, 90 % interval of x (m), NaN if unknown; holes: share of pixels without a return
 //              in camera and map
-//   sum        after each record, if asked for: spd (clicks) and radar (dB of the mean power) of
-//              `records` records up to it, `from` the first; or `why` it is missing
+//   sum        after each record, if asked for: rates and fits (tally.hpp) of `records` records up
+//              to it, `from` the first, and if more than one was asked for spd (clicks) and radar
+//              (dB of the mean power); or `why` it is missing
 //   reference  spd: mean histogram of the first minute
 //   strip      the whole run in at most strip_columns columns: first (index), time_s; for each
 //              sensor used, lost, residual_s and the share of valid records; radar_c (warmest place

@@ -291,8 +291,10 @@ Message Show::sum(std::int64_t index, const ShowSum& asked) {
   known.first = *first, known.last = index;
   sums_[asked.records] = known;
   MessageWriter out;
-  if (!known.tally.clicks().empty()) out.add("spd", known.tally.clicks());
-  if (const auto db = known.tally.profile_db(axes); !db.empty()) out.add("radar", db);
+  if (asked.records != 1) {  // the message of the record has its data
+    if (!known.tally.clicks().empty()) out.add("spd", known.tally.clicks());
+    if (const auto db = known.tally.profile_db(axes); !db.empty()) out.add("radar", db);
+  }
   Json head = known.tally.numbers(axes, settings().laser_hz, asked.range);
   head.update({{"kind", "sum"}, {"from", *first}, {"records", index - *first + 1}});
   return out.finish(std::move(head));

@@ -106,6 +106,11 @@ class Server(unittest.TestCase):
             summed = client.until("sum", lambda m: (m.get("from"), m.get("records")) == (first, shown - first + 1))
             self.assertEqual(summed["arrays"]["spd"], tuple(map(float, map(sum, zip(*spds[first:shown + 1])))))
             self.assertGreater(summed["fits"]["spd"]["fwhm_m"], 0)
+        # The fit of one record within a range comes without its data, which its record has.
+        client.ask({"sum": [1, -1e6, 1e6]})
+        fitted = client.until("sum", lambda m: m.get("records") == 1)
+        self.assertEqual((fitted["from"], fitted["arrays"]), (5, {}))
+        self.assertGreater(fitted["fits"]["spd"]["fwhm_m"], 0)
         client.ask({"sum": [0, 0, 9]})
         self.assertIn("no mark", client.until("sum", lambda m: "why" in m)["why"])
         client.ask({"sheet": [0, RECORDS]})
