@@ -124,6 +124,11 @@ def test_what_is_no_run_or_model_is_refused(folder, tmp_path):
         (tmp_path / "m").write_text(text)
         with pytest.raises(ValueError, match="not a model of echofuse"):
             echofuse.load_model(tmp_path / "m")
+    with pytest.raises(ValueError, match="monday.sqlite: is a run; expected a model file"):
+        echofuse.load_model(folder / "monday.sqlite")
+    (tmp_path / "model.safetensors").write_bytes(struct.pack("<Q", 2) + b"{}")
+    with pytest.raises(ValueError, match="model.safetensors: is a model; expected a run file"):
+        echofuse.open(tmp_path / "model.safetensors")
 
 
 @contextmanager

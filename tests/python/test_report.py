@@ -272,7 +272,7 @@ def test_a_page_that_cannot_be_written_leaves_nothing(here, tmp_path):
     (["--lvie", "fresh.sqlite"], 2, "--lvie"),
     (["--live", "nofile"], 1, "nofile.sqlite: No such file or directory; expected a run file"),
     (["--run", "fresh.sqlite", "--model", "nomodel"], 1, "nomodel: No such file or directory; expected a model file"),
-    (["--run", "fresh.sqlite", "--model", "run.sqlite"], 1, "run.sqlite: not a model of echofuse, or damaged"),
+    (["--run", "fresh.sqlite", "--model", "run.sqlite"], 1, "run.sqlite: is a run; expected a model file"),
     (["--run", "fresh.sqlite", "--model", "mean", "--empty", "run.sqlite"], 1, "does not place a body"),
 ])
 def test_what_does_not_fit_is_refused_in_a_line(here, tmp_path, monkeypatch, words, code, text):

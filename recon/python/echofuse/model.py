@@ -29,6 +29,8 @@ def read_safetensors(path: str | pathlib.Path) -> tuple[dict[str, NDArray[Any]],
     other file, and for another checksum."""
     kinds = {"F32": "<f4", "F64": "<f8", "I64": "<i8", "U32": "<u4", "U8": "u1"}
     contents = pathlib.Path(path).read_bytes()
+    if contents.startswith(b"SQLite format 3"):
+        raise ValueError(f"{path}: is a run; expected a model file")
     try:
         length, = struct.unpack_from("<Q", contents)
         at = contents.index(b'"crc32c":"', 8, 8 + length) + 10

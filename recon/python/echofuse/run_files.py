@@ -198,6 +198,12 @@ def lacks_wal(path: pathlib.Path) -> bool:
     return key != "none" and (key is not None or records)
 
 
+def is_model(path: pathlib.Path) -> bool:
+    """Returns true for a safetensors file: its header begins at byte 8."""
+    with open(path, "rb") as file:
+        return file.read(9)[8:] == b"{"
+
+
 def connect(path: pathlib.Path) -> Connection:
     """Opens a run file for reading. Nothing next to a closed run is read or written. Raises
     ValueError for a file that is no run."""
@@ -220,7 +226,8 @@ def connected(path: pathlib.Path, closed: bool) -> Connection:
             db.close()
             if error.sqlite_errorcode & 255 not in (sqlite3.SQLITE_READONLY,
                                                     sqlite3.SQLITE_CANTOPEN):
-                raise ValueError(f"{path}: not a run of echofuse: {error}") from None
+                raise ValueError(f"{path}: is a model; expected a run file" if is_model(path)
+                                 else f"{path}: not a run of echofuse: {error}") from None
             for suffix in ("-wal", "-journal"):
                 rest = beside(path, suffix)
                 if rest.is_file() and rest.stat().st_size:
