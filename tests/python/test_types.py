@@ -5,6 +5,7 @@ import subprocess
 import sys
 
 import pytest
+from programs import BIN
 
 PACKAGE = pathlib.Path(__file__).parents[2] / "recon/python"
 SCRIPT = """
@@ -24,15 +25,16 @@ print(truth.shape, some, one.depth.shape, first.shape, iou.mean())
 """
 
 
-def mypy(tmp_path, *words):
+def mypy(*words):
+    """Keeps its cache in the build folder, because the analysis of NumPy takes most of the time."""
     pytest.importorskip("mypy")
-    return subprocess.run([sys.executable, "-m", "mypy", "--config-file", PACKAGE / "pyproject.toml", "--cache-dir", tmp_path, *words],
+    return subprocess.run([sys.executable, "-m", "mypy", "--config-file", PACKAGE / "pyproject.toml", "--cache-dir", BIN.parent / "mypy", *words],
                           cwd=PACKAGE, capture_output=True, text=True, check=False).stdout.splitlines()
 
 
 def test_the_package_and_a_user_s_script_have_no_type_errors(tmp_path):
     script = tmp_path / "script.py"
     script.write_text(SCRIPT)
-    assert mypy(tmp_path, "echofuse", script)[-1].startswith("Success")
+    assert mypy("echofuse", script)[-1].startswith("Success")
     script.write_text(SCRIPT + "maps[0].index\n")
-    assert mypy(tmp_path, script)[-1].startswith("Found 1 error in 1 file")
+    assert mypy(script)[-1].startswith("Found 1 error in 1 file")
