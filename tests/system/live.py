@@ -19,7 +19,7 @@ import time
 import unittest
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent.parent))
-from waiting import wait_for
+from waiting import starved, wait_for
 
 bin_dir = pathlib.Path(sys.argv[1]).resolve()
 WINDOW_S = float(os.environ.get("ECHOFUSE_TEST_WINDOW_S", "0.2"))  # longer with (slow) sanitizers
@@ -88,6 +88,9 @@ class Live(unittest.TestCase):
                 raise AssertionError(f"exit {daemon.returncode}: {daemon.stderr.read() if daemon.stderr else ''}")
             return 0
 
+    def complete(self):
+        return [row for row in self.rows() if row["valid"] == 7 and not any(row[f"{s}_lost"] for s in ("spd", "radar", "depth"))]
+
     def check_slots(self, rows):
         """Checks that no row is missing or shifted, and that every tag is counted once."""
         window_ns = round(WINDOW_S * 1e9)
@@ -102,45 +105,52 @@ class Live(unittest.TestCase):
                 self.assertEqual(sum(counts), row["in_range"])
 
     def test_ten_slots(self):
-        daemon = self.record("--count", "10", "--set", "run.label=person", "--set", "depth.map_size=96")
+        """Ten slots are complete. If laboratory and daemon got a processor in time, all are."""
+        daemon = self.record("--count", "1000", "--set", "run.label=person", "--set", "depth.map_size=96")
+        wait_for("ten complete records", lambda: self.committed() and len(self.complete()) >= 10, timeout_s=200, pause_s=0.1)
+        late = starved(self.lab, daemon)
+        daemon.send_signal(signal.SIGTERM)
         log = self.finish(daemon)
         self.assertEqual(daemon.returncode, 0, log)
         sent = self.close_lab()
         rows = self.rows()
         info = self.info()
         self.check_slots(rows)
-        self.assertEqual(info["records"], 10)
+        self.assertEqual(info["records"], len(rows))
         self.assertEqual(info["status"], "complete")
-        self.assertEqual(info["labels"], {"person": 10})
-        self.assertEqual(info["valid"], {"spd": 10, "radar": 10, "depth": 10}, log)
-        self.assertEqual(info["lost"], {"spd": 0, "radar": 0, "depth": 0}, log)
-        self.assertEqual(info["events"], {}, log)
+        self.assertEqual(info["labels"], {"person": len(rows)})
+        if not late:
+            self.assertEqual(len(self.complete()), len(rows), log)
+            self.assertEqual(info["events"], {}, log)
+            self.assertEqual(sent["tdc"]["dropped"], 0)
         counts = {axis["name"]: axis["count"] for axis in info["axes"]}
         self.assertEqual((counts["depth_x"], counts["map_x"], counts["map_y"]), (320, 96, 96))
-        self.assertEqual(sent["tdc"]["dropped"], 0)
         # The tagger also sends during the radar's configuration and the last grace time.
         self.assertGreater(info["tags"], 0)
         self.assertLessEqual(info["tags"], sent["tdc"]["tags"])
-        self.assertEqual(len({row["radar"] for row in rows}), 10)
+        profiles = [row["radar"] for row in rows if row["valid"] & 2]
+        self.assertEqual(len(set(profiles)), len(profiles))
         self.assertLessEqual(sum(row["radar_used"] for row in rows), sent["radar"]["frames"])
-        self.assertIn("record 10/10  SRD", log)
-        # All three devices have one time base, and their delays are below 10 ms.
+        self.assertRegex(log, r"record \d+/1000  " + ("..." if late else "SRD"))
         offsets = [info["clocks"][s]["offset_s"] for s in info["clocks"]]
         self.assertIn("spd", info["clocks"])
-        self.assertLess(max(offsets) - min(offsets), 0.01, info["clocks"])
+        if not late:  # All three devices have one time base, and their delays are below 10 ms.
+            self.assertLess(max(offsets) - min(offsets), 0.01, info["clocks"])
 
     def test_stalled_daemon(self):
         """After a stall of the daemon for many slots, all rows exist. Slots with completely buffered tags are valid, the
         others have a verdict."""
         daemon = self.record()
-        wait_for("records", lambda: self.committed() >= 8)  # the clock fits are valid by then
+        # The clock fits are valid by then.
+        wait_for("complete records", lambda: self.committed() >= 8 and len(self.complete()) >= 3, timeout_s=100)
         daemon.send_signal(signal.SIGSTOP)
         stopped = time.monotonic_ns()
         time.sleep(20 * WINDOW_S)
         daemon.send_signal(signal.SIGCONT)
         went_on = time.monotonic_ns()
         wait_for("a complete record after the stall", lambda: any(
-            row["slot_start_ns"] > went_on and row["valid"] == 7 for row in self.rows()))
+            row["slot_start_ns"] > went_on and row["valid"] == 7 for row in self.rows()), timeout_s=100)
+        late = starved(self.lab, daemon)
         daemon.send_signal(signal.SIGTERM)
         log = self.finish(daemon)
         self.assertEqual(daemon.returncode, 0, log)
@@ -148,7 +158,8 @@ class Live(unittest.TestCase):
         self.check_slots(rows)
         within = [row for row in rows if stopped < row["slot_start_ns"] < went_on]
         whole = [row for row in within if row["valid"] & 1]
-        self.assertGreaterEqual(len(whole), 1, log)
+        if not late:
+            self.assertGreaterEqual(len(whole), 1, log)
         for row in whole:
             self.assertGreaterEqual(row["spd_span_s"], 0.9 * WINDOW_S, (row["idx"], log))
         still = [row["idx"] for row in within if row["spd_verdict"] == "the program stood still"]
