@@ -92,6 +92,7 @@ sim dataset --out no/such/x --records 1 | 6 | no/such/x
 acquire info swapped.safetensors | 1 | swapped.safetensors: is a model; expected a run file
 recon evaluate seen.sqlite swapped.safetensors | 1 | seen.sqlite: is a run; expected a model file
 export swapped.safetensors --to x.h5 | 1 | swapped.safetensors: is a model; expected a run file
+bench run --version | 0 | echofuse-bench 0
 view seen.sqlite --model seen.sqlite | 1 | seen.sqlite: is a run; expected a model file
 export --version | 0 | echofuse-export 
 bench --version | 0 | echofuse-bench 

@@ -74,7 +74,6 @@ def parser_of() -> argparse.ArgumentParser:
                                      description=(__doc__ or "").partition("\n\n>>>")[0],
                                      epilog="exit codes:  COMMAND --help lists them",
                                      formatter_class=wide)
-    parser.add_argument("--version", action="version", version=f"echofuse-bench {__version__}")
     commands = parser.add_subparsers(required=True, metavar="COMMAND", title="Subcommands")
 
     def command(name: str, text: str,
@@ -104,6 +103,9 @@ def parser_of() -> argparse.ArgumentParser:
                           "--format npy` makes it")
     one.add_argument("of", metavar="RUN", help="run with labels as letter:A, and the truth")
     one.set_defaults(run=_letters)
+    for one in (parser, *commands.choices.values()):
+        one.add_argument("--version", action="version", version=f"echofuse-bench {__version__}",
+                         help="print the version and exit")
     return parser
 
 
