@@ -223,12 +223,15 @@ def test_parts_are_the_whole_and_nothing_is_made_twice(run, tmp_path):
 
     maps = tmp_path / "maps"
     echofuse.save_maps(maps, run.maps(), run.index)
+    (tmp_path / "whole.csv").touch()
     whole = bench.Table(tmp_path / "whole.csv")
     bench.fill(whole, cells(), quiet=True)
     assert sorted(made) == ["fit 1", "fit 2", "test 1", "test 2", "train"]
     out = tmp_path / "parts.csv"
+    made.clear()
     for k in (2, 1):
         bench.fill(bench.Table(out, part=(k, 2)), cells(), part=(k, 2), quiet=True)
+    assert [name for name in made if name.startswith("fit")] == ["fit 2", "fit 1"]
     assert not out.exists() and len(list(tmp_path.glob("parts-part-*-of-2.csv"))) == 2
     made.clear()
     joined = bench.Table(out)

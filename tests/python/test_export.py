@@ -312,6 +312,19 @@ def test_a_file_grows_under_the_lock_that_is_at_its_path(tmp_path, monkeypatch):
     assert (tmp_path / "b.h5").read_text() == "theirs" and not place.exists()
 
 
+@pytest.mark.parametrize("create", [staging.staged, staging.replaced])
+def test_a_file_is_on_the_disk_before_it_has_its_name(tmp_path, monkeypatch, create):
+    place, synced = tmp_path / "a.h5", []
+
+    def fsync(descriptor):
+        synced.append((os.path.isdir(f"/proc/self/fd/{descriptor}"), place.exists()))
+
+    monkeypatch.setattr(os, "fsync", fsync)
+    with create(place) as path:
+        path.write_text("ours")
+    assert synced == [(False, False), (True, True)]
+
+
 def test_a_disk_without_links_gets_the_file_too(tmp_path, monkeypatch):
     def no_links(*_):
         raise PermissionError

@@ -50,6 +50,13 @@ def test_the_documented_test_rows_are_judged_alone(run, tmp_path):
         assert told["left_out"] == {"not asked for by --rows": 60 - len(rows)}
 
 
+def test_maps_made_without_a_sensor_are_loaded(tmp_path):
+    echofuse.save_maps(tmp_path, np.zeros((3, 4, 4)), [1, 2, 4])
+    (tmp_path / "records.csv").write_text('record,status\n1,"radar lost: SPD alone"\n2,"antennas lost: range profile alone"\n'
+                                          "3,a sensor missing\n4,ok\n")
+    assert echofuse.load_maps(tmp_path)[1].tolist() == [1, 2, 4]
+
+
 def test_maps_without_a_judged_record_are_refused(run, tmp_path):
     echofuse.save_maps(tmp_path / "none", run.maps([0]), [1000])
     assert "has 1 maps, none of them for the 60 scored records" in judged(tmp_path / "none", run, ok=False)

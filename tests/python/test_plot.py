@@ -67,6 +67,8 @@ def test_pareto_names_each_model_in_its_own_colour(folder):
     (folder / "pareto.csv").write_text(head + "".join(rows))
     figure = plot.pareto(folder / "pareto.csv", bound_m=0.014)
     assert len(figure.axes) == 3
+    front = next(line for line in figure.axes[0].lines if line.get_label() == "Pareto front")
+    assert len(front.get_xdata()) == 8 and (np.diff(front.get_ydata()) > 0).all()
     _, names = figure.axes[0].get_legend_handles_labels()
     assert {f"factorised-{k}" for k in range(8)} <= set(names)
     assert len({container.lines[0].get_color() for container in figure.axes[0].containers}) == 8

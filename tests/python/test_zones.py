@@ -33,6 +33,12 @@ def test_zones_are_read_as_written(tmp_path):
     assert np.allclose(zones.directions(run)[:, 0], [-0.17, 0.17])
 
 
+def test_a_zone_is_at_most_200_wide_in_tangents(tmp_path):
+    wide = [TWO[0], TWO[1]._replace(width=200.0)]
+    assert write(tmp_path / "own", spd=counts(), zones=wide).zones == wide
+    assert not wide[1]._replace(width=200.1).plausible() and not wide[1]._replace(width=0.0).plausible()
+
+
 def test_one_zone_is_a_single_pixel(tmp_path):
     run = write(tmp_path / "own", spd=counts(histograms=1))
     assert run.zones == [] and run.spd.shape == (3, 30) and "zone" not in run.tables
