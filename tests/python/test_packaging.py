@@ -105,7 +105,7 @@ def test_no_public_name_is_a_module_and_something_else():
 
 
 def test_the_import_takes_a_tenth_of_a_second_more_than_numpys():
-    code = "import time, numpy; at = time.perf_counter(); import echofuse; print(time.perf_counter() - at)"
+    code = "import time, numpy; at = time.process_time(); import echofuse; print(time.process_time() - at)"
     env = AWAY | {"PYTHONPATH": str(SOURCE)}
     took = [float(python("-c", code, at=SOURCE, env=env).stdout) for _ in range(10)]
     assert min(took) <= 0.1, took
