@@ -109,7 +109,7 @@ for name, code in product.items():
             faults.append(f"{name}:{start + 1}: a function of {number - start + 1} lines; at most 60")
 
 # Rooms include one another without a circle, and none of a later part; so do the modules of the Python package, except
-# for imports within functions.
+# for imports within functions, and its subpackages, without that exception.
 parts = ("drivers", "acquire", "recon", "sim")
 uses = {}
 for name, code in product.items():
@@ -117,13 +117,25 @@ for name, code in product.items():
     uses.setdefault(room, set()).update(set(re.findall(rf'#include "((?:{"|".join(parts)})/?[^"]*)/[^"/]+"', code)) - {room})
 faults += [f"{room} includes {other}, which is above it" for room, others in uses.items() for other in others
            if parts.index(room.split("/")[0]) < parts.index(other.split("/")[0])]
-for path in (root / "recon/python/echofuse").glob("*.py"):
+package = root / "recon/python"
+modules = {".".join(path.relative_to(package).with_suffix("").parts).removesuffix(".__init__"): path
+           for path in (package / "echofuse").rglob("*.py")}
+for module, path in modules.items():
     tree = ast.parse(path.read_text(encoding="utf-8"))
     faults += [f"{path.relative_to(root)}:{node.lineno}: a function of {lines} lines; at most 60" for node in ast.walk(tree)
                if isinstance(node, ast.FunctionDef) and (lines := (node.end_lineno or 0) - node.lineno + 1) > 60]
-    uses[path.stem] = {name for node in tree.body
-                       if isinstance(node, ast.ImportFrom) and node.level == 1
-                       for name in ([node.module] if node.module else [alias.name for alias in node.names])}
+    own = module if path.stem == "__init__" else module.rpartition(".")[0]
+    room = ".".join(module.split(".")[:2])
+    uses[module] = set()
+    for node in ast.walk(tree):
+        if not isinstance(node, ast.ImportFrom) or not node.level:
+            continue
+        base = ".".join(own.split(".")[:len(own.split(".")) - node.level + 1] + ([node.module] if node.module else []))
+        used = {name if (name := f"{base}.{alias.name}") in modules else base for alias in node.names}
+        if node in tree.body:
+            uses[module] |= used
+        uses.setdefault(f"package {room}", set()).update(
+            f"package {other}" for name in used if (other := ".".join(name.split(".")[:2])) not in (room, "echofuse"))
 for start in uses:
     reached, left = set(), list(uses[start])
     while left:
@@ -191,8 +203,7 @@ if len(sys.argv) > 1:  # the folder of the built programs
         read_help([program])
     scripts = {path.name: path.read_text(encoding="utf-8")
                for path in (root / "scripts").rglob("*") if path.is_file() and path.suffix != ".pyc"}
-    modules = [path.read_text(encoding="utf-8") for path in (root / "recon/python/echofuse").glob("*.py")]
-    anywhere = set().union(*options.values(), *(re.findall(r"--[\w-]+", text) for text in [*scripts.values(), *modules]))
+    anywhere = set().union(*options.values(), *(re.findall(r"--[\w-]+", text) for text in [*scripts.values(), *(path.read_text(encoding="utf-8") for path in modules.values())]))
 
     def check_command(name, code):
         words = code.split()

@@ -39,7 +39,7 @@ def models():
 
 class Names(unittest.TestCase):
     def test_charts(self):
-        sources = [root / "scripts/make_pictures", *(root / "recon/python/echofuse").glob("*.py")]
+        sources = [root / "scripts/make_pictures", *(root / "recon/python/echofuse").rglob("*.py")]
         known = set().union(models(), *(patterns_of(path.read_text()) for path in sources))
         known |= set(map(re.escape, re.findall(r"^\| [`*]+([^`*]+)", (root / "README.md").read_text(), re.M)))
         known |= {r"[-−]?[\d.,  ]+°?", r"\$\\mathdefault\{.*\}\$", r"(letter|object):\w+"}

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Draws the report from the blocks that recon/python/echofuse/report_blocks.py wrote: one function per kind of block.
+// Draws the report from the blocks that recon/python/echofuse/report/blocks.py wrote: one function per kind of block.
 /* global uPlot */
 import {Chart, Histogram, Profile, Strips, Waterfall, axis, colour, metresPerPs, short, siNumber, text, textSize} from './charts.js';
 import {Cloud} from './cloud.js';

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 import echofuse
-from echofuse import antennas, derive
+from echofuse.bench import derive
+from echofuse.runs import antennas
 from programs import BIN, program
 
 ACQUIRE = str(BIN / "echofuse-acquire")

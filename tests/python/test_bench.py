@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 
 import echofuse
-from echofuse import bench, derive, letters, stability
-from echofuse.methods import call
-from echofuse.model import read_safetensors
+from echofuse import bench
+from echofuse.bench import derive, letters, stability
+from echofuse.bench.methods import call
+from echofuse.models.model import read_safetensors
 from programs import BIN, program
 
 os.environ["ECHOFUSE_BIN"] = str(BIN)

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 import echofuse
-from echofuse import bench, stability
+from echofuse import bench
+from echofuse.bench import stability
 from programs import BIN, program
 
 os.environ["ECHOFUSE_BIN"] = str(BIN)

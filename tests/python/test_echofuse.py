@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 import echofuse
-from echofuse import grid, run_files
+from echofuse.runs import grid, run_files
 from programs import BIN, program
 
 

@@ -11,11 +11,11 @@ from contextlib import closing
 import numpy as np
 import pytest
 
-import echofuse.run
-from echofuse import antennas, blocks
-from echofuse import staged as staging
-from echofuse.export import export
-from echofuse.run_files import NULL_INTEGER
+import echofuse
+from echofuse.runs import antennas, batches as blocks
+from echofuse.runs import staged as staging
+from echofuse.export.command import export
+from echofuse.runs.run_files import NULL_INTEGER
 from programs import BIN, program
 
 h5py = pytest.importorskip("h5py")
@@ -277,7 +277,7 @@ def test_metadata_that_are_none_are_refused(runs, tmp_path, meta):
 
 def test_a_number_in_place_of_a_blob_is_an_unreadable_record(runs, tmp_path):
     shutil.copy(runs / "far.sqlite", tmp_path / "bad.sqlite")
-    change(tmp_path / "bad.sqlite", *((f"UPDATE record SET {sensor} = 7 WHERE idx = {row}",) for row, sensor in enumerate(echofuse.run.SENSORS)))
+    change(tmp_path / "bad.sqlite", *((f"UPDATE record SET {sensor} = 7 WHERE idx = {row}",) for row, sensor in enumerate(echofuse.runs.SENSORS)))
     done = tool(tmp_path / "bad", "--to", tmp_path / "a.h5")
     assert (done.returncode, done.stderr) == (5, f"echofuse-export: 3 records could not be read; they are marked in {tmp_path / 'a.h5'}\n")
 

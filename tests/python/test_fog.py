@@ -5,8 +5,8 @@ import os
 import numpy as np
 import pytest
 
-from echofuse import derive, fog, stability
-from echofuse.run import PS_PER_M
+from echofuse.bench import derive, fog, stability
+from echofuse.runs.run import PS_PER_M
 from programs import BIN
 
 os.environ["ECHOFUSE_BIN"] = str(BIN)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import echofuse
-from echofuse import derive
+from echofuse.bench import derive
 from programs import BIN, program
 
 

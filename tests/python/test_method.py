@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The method in Python (recon/python/echofuse/method.py) makes the maps of the program: the same pixels show a body, and
+"""The method in Python (recon/python/echofuse/models/method.py) makes the maps of the program: the same pixels show a body, and
 their depths agree to 0.1 mm."""
 import dataclasses
 import json

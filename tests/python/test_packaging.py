@@ -53,7 +53,7 @@ def test_the_wheels_of_copy_and_sdist_have_the_same_files(made, tmp_path):
     direct = built(copy_of_the_sources(tmp_path / "copy"), "wheel", tmp_path)
     names = [set(zipfile.ZipFile(wheel).namelist()) for wheel in (direct, next(made.glob("*.whl")))]
     assert names[0] == names[1]
-    assert {"echofuse/py.typed", "echofuse/page/report.html", "echofuse/echofuse-bench-2.toml"} <= names[0]
+    assert {"echofuse/py.typed", "echofuse/report/page/report.html", "echofuse/bench/echofuse-bench-2.toml"} <= names[0]
     assert any(name.endswith("dist-info/LICENSE") for name in names[0])
 
 

@@ -14,11 +14,12 @@ import numpy as np
 import pytest
 
 import echofuse
-from echofuse import blocks as run_blocks
-from echofuse import derive, report_story
-from echofuse import report_blocks as blocks
-from echofuse import report_tables as tables
-from echofuse.report_scores import Count, Means, Mean, Mode, Scores, takes_of
+from echofuse.runs import batches as run_blocks
+from echofuse.bench import derive
+from echofuse.report import story as report_story
+from echofuse.report import blocks
+from echofuse.report import tables
+from echofuse.report.scores import Count, Means, Mean, Mode, Scores, takes_of
 from programs import BIN, program
 
 BIN = BIN.resolve()
@@ -307,7 +308,7 @@ def mode_of(name, kind, iou, rmse_m, **columns):
 
 
 def judged_of(**baselines):
-    from echofuse.report_scores import Judged
+    from echofuse.report.scores import Judged
 
     trivial = {name: {"iou": {"mean": iou, "se": 0.0, "maps": 20}} for name, iou in baselines.items()}
     return Judged([], {"trivial": trivial, "foreground_depth_m": 3.0}, "")
@@ -374,8 +375,8 @@ def test_a_model_is_named_by_what_it_takes():
 
 def test_the_package_holds_what_the_page_is_made_of(tmp_path):
     """Copied elsewhere, as it is installed."""
-    shutil.copytree(blocks.PAGE.parent, tmp_path / "echofuse", ignore=shutil.ignore_patterns("__pycache__"))
-    code = "from echofuse.report_blocks import html_of; print(len(html_of({})))"
+    shutil.copytree(blocks.PAGE.parents[1], tmp_path / "echofuse", ignore=shutil.ignore_patterns("__pycache__"))
+    code = "from echofuse.report.blocks import html_of; print(len(html_of({})))"
     said = subprocess.run(["/usr/bin/python3", "-c", code], env={"PYTHONPATH": str(tmp_path)}, capture_output=True, text=True, check=True)
     assert int(said.stdout) > 100_000
 

@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 import echofuse
-from echofuse import photon_baselines, photon_track, tmf8820, zone_fit
+from echofuse.bench import photon_track, tmf8820, zone_fit
+from echofuse.models import photon_baselines
 from programs import BIN, program
 
 os.environ["ECHOFUSE_BIN"] = str(BIN)
@@ -115,7 +116,7 @@ name = "photons"
 title = "rendered captures"
 fit = {shape = "block_random", poses = [0, 2, 4, 6, 8, 10, 12, 14, 16, 18]}
 train = {records = 120, seed = 1}
-zones = ["echofuse.photon_baselines:FirstReturn", "echofuse.photon_baselines:OwnMeanMap", "mlp-mask-32:spd",
+zones = ["echofuse.models.photon_baselines:FirstReturn", "echofuse.models.photon_baselines:OwnMeanMap", "mlp-mask-32:spd",
          "not_installed:Network"]
 sum = ["nearest:spd"]
 """)

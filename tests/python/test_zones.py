@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 import echofuse
-from echofuse import derive, zones
+from echofuse.bench import derive
+from echofuse.runs import zones
 from programs import BIN
 
 ROOT = pathlib.Path(__file__).parents[2]

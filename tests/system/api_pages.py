@@ -54,7 +54,7 @@ class ApiPages(unittest.TestCase):
 
     def test_python_name_without_a_text(self):
         tree = self.copy()
-        module = tree / "recon/python/echofuse/axis.py"
+        module = tree / "recon/python/echofuse/runs/axis.py"
         module.write_text(module.read_text().replace("    @property\n    def values", "    hidden: int = 0\n\n    def secret(self) -> None:\n        pass\n\n    @property\n    def values"))
         (tree / "recon/python/api/index.rst").write_text("echofuse\n========\n\n.. autoclass:: echofuse.Axis\n")  # builds faster
         done = self.manual(tree)

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""Runs of echofuse as NumPy arrays, and maps of its models, made in NumPy as well (method.py: the
-method on one page).
+"""Runs of echofuse as NumPy arrays, and maps of its models, made in NumPy as well
+(models/method.py: the method on one page).
 
 >>> import echofuse
 >>> run = echofuse.open("monday")
@@ -10,14 +10,9 @@ method on one page).
 >>> maps.depth_m.shape  # metres; NaN: nothing returned
 """
 from . import metrics
-from .acquire import record, write_run
-from .axis import Axis
-from .model import Estimator, Maps, Model, load_model
-from .maps import load_maps, save_maps
-from .netcdf import dataset as to_xarray
-from .run import Record, Run
-from .run import open as open  # noqa: A004 (not in __all__: it would replace the built-in)
-from .splits import Split, split
+from .models import Estimator, Maps, Model, load_maps, load_model, save_maps
+from .runs import Axis, Record, Run, Split, record, split, to_xarray, write_run
+from .runs import open as open  # noqa: A004 (not in __all__: it would replace the built-in)
 
 __version__ = "0.3.0"
 

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import ArrayLike, NDArray
 
-from .axis import tangents
+from .runs.axis import tangents
 
 Scores = NDArray[np.float64]
 STEP_M = 0.1  # smallest distance of a foreground from the background

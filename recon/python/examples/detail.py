@@ -13,7 +13,7 @@ import tempfile
 import numpy as np
 
 import echofuse
-from echofuse.methods import call
+from echofuse.bench import call
 
 MANY = 1e9  # photons a record: almost without noise
 QUIET = [f"signal_photons={MANY:g}", "radar_snr_db=200"]

@@ -13,9 +13,7 @@ import tempfile
 
 import echofuse
 import numpy as np
-from echofuse import letters
-from echofuse.maps import load_maps
-from echofuse.methods import call, judge, method
+from echofuse.bench import call, judge, letters, method
 
 COLUMNS = ("iou", "lateral_m", "depth_mae_m", "multiply_adds", "train_s")
 LETTERS = ("letters_40x30", "letters_30x20")
@@ -41,7 +39,8 @@ def measured(text: str, train: pathlib.Path, test: pathlib.Path) -> list[float]:
         row, _ = judge(method(text).fit(train, folder, 1, False), train, test, test)
         call("echofuse-recon", "-q", "reconstruct", folder / "model.safetensors", test, "--format",
              "npy", "--out", folder / "maps")
-        return [row[column] for column in COLUMNS] + shares(load_maps(folder / "maps")[0], run)
+        maps, _ = echofuse.load_maps(folder / "maps")
+        return [row[column] for column in COLUMNS] + shares(maps, run)
 
 
 def main() -> None:

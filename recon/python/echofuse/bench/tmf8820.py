@@ -25,8 +25,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..runs.acquire import write_run
 from . import zone_fit
-from .acquire import write_run
 
 Array = NDArray[np.float64]
 # metres of range a bin; bin of range 0: fitted once to a block at known poses

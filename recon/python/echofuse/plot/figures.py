@@ -1,12 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Figures for papers, by matplotlib (python3-matplotlib), in the colours of the live page. Each
-function returns a Figure; its savefig("NAME.pdf") or ("NAME.svg") writes vectors. ax: panels of a
-figure of one's own to draw into, one or as many as the plot has.
-
->>> from echofuse import plot
->>> plot.record("monday", 7).savefig("record.pdf")
->>> plot.pareto("pareto.csv").savefig("pareto.pdf")
-"""
+"""Records, maps and tables of the bench as figures."""
 from __future__ import annotations
 
 import csv
@@ -23,13 +16,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from numpy.typing import ArrayLike, NDArray
 
-from . import model as models
-from . import run as runs
-from .maps import span_of
-
-__all__ = ["COLOURS", "figure", "learning_curve", "map", "maps", "opened", "pareto", "record",
-           "shares", "stability", "table",
-           "timeline"]
+from .. import models, runs
+from ..models.maps import span_of
 
 COLOURS = {"spd": "#0b5cad", "radar": "#a64200", "depth": "#00695c", "both": "#16191d",
            "papers": "#5b0f75",

@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from . import run as runs
-from .blocks import blocks as in_blocks
-from .programs import call
-from .report_blocks import NONE, Block, details, packed, paragraph, short, table
-from .report_records import decibels
-from .report_scores import Values
-from .zones import summed
+from .. import runs
+from ..runs.batches import blocks as in_blocks
+from ..runs.programs import call
+from ..runs.zones import summed
+from .blocks import NONE, Block, details, packed, paragraph, short, table
+from .records import decibels
+from .scores import Values
 
 SENSORS = {"spd": "SPD", "radar": "radar", "depth": "depth camera"}
 MOST_POINTS = 400  # points of a curve: more cannot be seen

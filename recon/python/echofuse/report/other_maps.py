@@ -9,13 +9,12 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from . import metrics
-from . import report_tables as tables
-from . import run as runs
-from .maps import load_maps
-from .report_blocks import Block, packed, paragraph, pictures
-from .report_records import measured, shown, words_of
-from .report_scores import Judged, Mode, ReportError, evaluated, means_of
+from .. import metrics, runs
+from ..models.maps import load_maps
+from . import tables
+from .blocks import Block, packed, paragraph, pictures
+from .records import measured, shown, words_of
+from .scores import Judged, Mode, ReportError, evaluated, means_of
 
 
 def named(given: Sequence[str]) -> dict[str, str]:

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from ..runs.programs import UsageError
 from . import derive
-from .programs import UsageError
 
 
 @dataclass(frozen=True)

@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .run_files import printable
-from .staged import replaced
+from ..runs.run_files import printable
+from ..runs.staged import replaced
 
 if TYPE_CHECKING:
-    from .run import Run
+    from ..runs.run import Run
 
 
 def origin_of(run: Run) -> str:

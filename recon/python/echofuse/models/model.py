@@ -13,15 +13,16 @@ from typing import Any, overload
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from . import baselines, grid
-from . import run as runs
-from .axis import Axis, tangents
+from .. import runs
+from ..runs import grid
+from ..runs.axis import Axis, tangents
+from ..runs.grid import rows_of
+from ..runs.zones import summed
+from . import baselines
 from .crc32c import crc32c
-from .grid import rows_of
 from .maps import origin_of, save_maps
 from .method import Method
 from .response import MUCH_NARROWER, Response, filter_between, filtered, stated_in
-from .zones import summed
 
 
 def read_safetensors(path: str | pathlib.Path) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:

@@ -33,14 +33,15 @@ from typing import Any, NoReturn
 
 import numpy as np
 
-from . import __version__, antennas, netcdf, record_csv
-from . import run as runs
-from .blocks import Told, blocks, marked
-from .netcdf import SINCE_1970
-from .programs import EXIT_CODES
-from .run import SENSORS, Run
-from .run_files import NULL_INTEGER
-from .staged import staged, stop_by_signal
+from .. import __version__, runs
+from ..runs import antennas, netcdf
+from ..runs.batches import Told, blocks, marked
+from ..runs.netcdf import SINCE_1970
+from ..runs.programs import EXIT_CODES
+from ..runs.run import SENSORS, Run
+from ..runs.run_files import NULL_INTEGER
+from ..runs.staged import staged, stop_by_signal
+from . import record_csv
 
 OF_THE_MACHINE = {"units": "ns", "long_name": "since the start of the machine (CLOCK_MONOTONIC)"}
 UNITS = {"db": "dB", "ps": "ps", "ns": "ns", "us": "us", "ms": "ms", "s": "s", "m": "m",
@@ -238,6 +239,7 @@ def export(run: Run, place: pathlib.Path, record: int | None = None,
 
 
 def main() -> None:
+    """Runs the program echofuse-export."""
     parser = argparse.ArgumentParser(prog="echofuse-export",
                                      description="a run as HDF5 or netCDF, or one record as CSV",
                                      formatter_class=argparse.RawDescriptionHelpFormatter,
@@ -289,7 +291,3 @@ def main() -> None:
             if isinstance(error, (sqlite3.Error, TypeError, OverflowError)) else str(error))
     if bad:
         end(5, f"{bad} records could not be read; they are marked in {args.to}")
-
-
-if __name__ == "__main__":
-    main()

@@ -11,13 +11,13 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from . import run as runs
-from .blocks import blocks
-from .maps import load_maps
-from .programs import call
-from .report_blocks import Block, packed, short
-from .report_scores import Mode, Scores
-from .zones import summed
+from .. import runs
+from ..models.maps import load_maps
+from ..runs.batches import blocks
+from ..runs.programs import call
+from ..runs.zones import summed
+from .blocks import Block, packed, short
+from .scores import Mode, Scores
 
 UNCALIBRATED = (
     "no uncertainty: needs a model with sensor inputs and an uninterrupted training on at least 50 "

@@ -23,22 +23,21 @@ from typing import NoReturn
 
 import numpy as np
 
-from . import __version__
-from . import report_tables as tables
-from . import run as runs
-from .blocks import blocks as in_blocks
-from .maps import span_of
-from .methods import version, writing
-from .model import read_safetensors
-from .programs import EXIT_CODES
-from .report_blocks import (Block, details, fails, html_of, listed, paragraph, pictures, printable,
-                            three_digits)
-from .report_maps import OtherMaps, named
-from .report_records import chosen, half_tangent, said_of, shown
-from .report_scores import Judged, Mode, ReportError, Scores, evaluated, means_of, modes_of
-from .report_story import Story, info_of
-from .staged import replaced, stop_by_signal
-from .zones import summed
+from .. import __version__, runs
+from ..bench.methods import version, writing
+from ..models.maps import span_of
+from ..models.model import read_safetensors
+from ..runs.batches import blocks as in_blocks
+from ..runs.programs import EXIT_CODES
+from ..runs.staged import replaced, stop_by_signal
+from ..runs.zones import summed
+from . import tables
+from .blocks import (Block, details, fails, html_of, listed, paragraph, pictures, printable,
+                     three_digits)
+from .other_maps import OtherMaps, named
+from .records import chosen, half_tangent, said_of, shown
+from .scores import Judged, Mode, ReportError, Scores, evaluated, means_of, modes_of
+from .story import Story, info_of
 
 TERMS = (
     ("SPD", "single-photon detector of one pixel; its clicks are counted by time of flight."),
@@ -296,7 +295,7 @@ class Report:
         return story.blocks(between, of)
 
     def to_json(self) -> Block:
-        """The page (report_blocks.py)."""
+        """The page (blocks.py)."""
         problems, most, modes, compared = self.problems, 4, self.modes, bool(self.args.compare)
         records = [*self.main, *self.gallery, *self.failing,
                    *([self.other_record] if self.other_record else [])]
@@ -377,6 +376,7 @@ class Parser(argparse.ArgumentParser):
 
 
 def main() -> None:
+    """Runs the program echofuse-report."""
     head, examples, *_ = (__doc__ or "").split("\n\n")
     parser = Parser(prog="echofuse-report", description=head.partition(": ")[2],
                     epilog=f"Examples:\n{examples}\n\n{EXIT_CODES}6 disk, 130 interrupted",
@@ -413,7 +413,3 @@ def main() -> None:
         sys.exit(getattr(error, "code", 1))
     remarks = report.first.remarks if report.modes else []
     print("\n".join(map(printable, (report.verdict, *report.problems, *remarks, str(report.page)))))
-
-
-if __name__ == "__main__":
-    main()

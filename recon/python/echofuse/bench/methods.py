@@ -24,11 +24,11 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from .. import runs
+from ..models.maps import save_maps
+from ..runs.programs import BenchError, UsageError, call
+from ..runs.splits import split, usual_inputs
 from . import derive
-from . import run as runs
-from .maps import save_maps
-from .programs import BenchError, UsageError, call
-from .splits import split, usual_inputs
 
 METRICS = ("iou", "ssim", "ssim_hard", "ssim_fg", "rmse_m", "rmse_fg_m", "depth_mae_m", "abs_rel",
            "delta_125", "lateral_m",
@@ -107,7 +107,8 @@ def source_of(*paths: str | None) -> str:
 
 
 def method(text: str) -> Method:
-    """The method of this name (bench.py). Raises UsageError for a class that is not there."""
+    """Returns the method of this name (kinds: echofuse-bench --help). Raises UsageError for a
+    class that is missing."""
     if "/" in text:
         words = shlex.split(text)
         return Method(text, "-", lambda train, folder, seed,

@@ -7,8 +7,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .report_blocks import NONE, Block, add_series, cell, chart, paragraph, table, three_digits
-from .report_scores import Count, Judged, Mean, Means, Mode, Scores, Values, means_of
+from .blocks import NONE, Block, add_series, cell, chart, paragraph, table, three_digits
+from .scores import Count, Judged, Mean, Means, Mode, Scores, Values, means_of
 
 
 class Words(NamedTuple):

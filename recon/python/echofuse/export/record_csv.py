@@ -6,10 +6,10 @@ import pathlib
 
 import numpy as np
 
-from . import antennas
-from .blocks import load
-from .run import Run
-from .run_files import printable
+from ..runs import antennas
+from ..runs.batches import load
+from ..runs.run import Run
+from ..runs.run_files import printable
 
 
 def write(run: Run, index: int, path: pathlib.Path) -> int:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from .blocks import Told, blocks, marked
+from .batches import Told, blocks, marked
 from .run import PS_PER_M, SENSORS, Run
 from .zones import Zone
 
@@ -17,9 +17,9 @@ ONE = {"units": "1"}
 
 
 def dataset(run: Run) -> Any:
-    """The run as an xarray.Dataset (python3-xarray) with the names and units of /entry/data in
-    HDF5 (export.py). spd_range and radar_range are metres as measured; attrs has the offsets to
-    take off."""
+    """Returns the run as an xarray.Dataset (python3-xarray) with the names and units of
+    /entry/data in HDF5 (echofuse-export). spd_range and radar_range are metres as measured; attrs
+    has the offsets to subtract."""
     import xarray
 
     columns = ("verdict", "used", "lost")

@@ -11,10 +11,9 @@ import sys
 import tomllib
 from typing import Any
 
-from . import photon_track
-from . import table as tables
+from ..runs.programs import BenchError, UsageError, call
+from . import photon_track, table as tables
 from .methods import Method, method, version
-from .programs import BenchError, UsageError, call
 from .table import checksum
 
 
@@ -58,7 +57,7 @@ def parts_of(track: dict[str, Any], folder: pathlib.Path,
 def known(*names: str) -> list[Method]:
     """Methods of the recipe, without the ones that need a missing library (PyTorch, scikit-learn).
     Their examples are next to the package, or in it if it is installed."""
-    package = pathlib.Path(__file__).resolve().parent
+    package = pathlib.Path(__file__).resolve().parents[1]
     sys.path += [str(package / "examples"), str(package.parent / "examples")]
     out = []
     for name in names:
@@ -121,7 +120,7 @@ def run(args: argparse.Namespace) -> tables.Table:
         for name, title in titles.items():
             print(f"\n**{title}**\n\n{tables.markdown(tables.means(table, name))}")
     if args.figure:
-        from . import plot
+        from .. import plot
 
         for name in titles:
             out = pathlib.Path(args.figure)

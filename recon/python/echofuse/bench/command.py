@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Methods beside one another. Accuracy against cost (pareto), where each fails (stability), and the
+"""Methods side by side: accuracy against cost (pareto), where each fails (stability), and the
 bench of three tracks that anybody can make again (run).
 
 A method is one of::
@@ -8,11 +8,7 @@ A method is one of::
     package.module:Class             a class with fit(run, rows) and predict(run) -> maps [n, N, N],
                                      metres, NaN: no return
     ./mine                           a command, called as ./mine TRAIN TEST OUT; it writes
-                                     OUT/maps.npy and OUT/records.csv
-
->>> from echofuse import bench
->>> bench.measure(bench.method("nearest"), "train.sqlite", "test.sqlite")["iou"]
-"""
+                                     OUT/maps.npy and OUT/records.csv"""
 from __future__ import annotations
 
 import argparse
@@ -25,18 +21,12 @@ from collections.abc import Callable
 
 import numpy as np
 
-from . import __version__, letters, recipe, stability
-from . import run as runs
-from .maps import load_maps
-from .methods import Method, measure, method, python_method
-from .programs import EXIT_CODES, BenchError, UsageError
-from .table import (Cell, Source, Table, fill, finish, markdown, means, of_runs, pareto_cells,
-                    there)
-
-__all__ = ["BenchError", "Cell", "Method", "Source", "Table", "UsageError", "fill", "markdown",
-           "means", "measure", "method",
-           "pareto_cells", "python_method", "there"]
-
+from .. import __version__, runs
+from ..models.maps import load_maps
+from ..runs.programs import EXIT_CODES, BenchError, UsageError
+from . import letters, recipe, stability
+from .methods import method
+from .table import Table, fill, finish, of_runs, pareto_cells
 
 def part_of(text: str) -> tuple[int, int]:
     """"3/8" as (3, 8). Raises argparse.ArgumentTypeError."""
@@ -71,7 +61,7 @@ def add_table_options(one: argparse.ArgumentParser) -> None:
 def parser_of() -> argparse.ArgumentParser:
     """Returns the parser of the command line."""
     parser = argparse.ArgumentParser(prog="echofuse-bench",
-                                     description=(__doc__ or "").partition("\n\n>>>")[0],
+                                     description=__doc__,
                                      epilog="exit codes:  COMMAND --help lists them",
                                      formatter_class=wide)
     commands = parser.add_subparsers(required=True, metavar="COMMAND", title="Subcommands")
@@ -110,6 +100,7 @@ def parser_of() -> argparse.ArgumentParser:
 
 
 def main() -> None:
+    """Runs the program echofuse-bench."""
     args = parser_of().parse_args()
     sys.path.append(os.getcwd())  # methods in the current folder
     try:
@@ -166,7 +157,3 @@ def _letters(args: argparse.Namespace) -> None:
     if not np.isfinite(found[0]).any():
         raise BenchError(f"{args.of}: no record with depth is labelled letter:A or the like")
     print(letters.text(*found))
-
-
-if __name__ == "__main__":
-    main()

@@ -8,8 +8,8 @@ import warnings
 import numpy as np
 from numpy.typing import NDArray
 
-from . import run as runs
-from . import zones
+from .. import runs
+from ..runs import zones
 
 Maps = NDArray[np.float32]
 PS_PER_M = 2e12 / 299_792_458.0

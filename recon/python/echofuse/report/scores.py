@@ -13,9 +13,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .methods import nan_if_none
-from .model import read_safetensors
-from .programs import BenchError, call
+from ..bench.methods import nan_if_none
+from ..models.model import read_safetensors
+from ..runs.programs import BenchError, call
 
 Values = NDArray[np.float64]
 

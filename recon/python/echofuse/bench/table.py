@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The table of a bench, and the cells that fill it (bench.py)."""
+"""The table of a bench, and the cells that fill it."""
 from __future__ import annotations
 
 import argparse
@@ -24,11 +24,11 @@ from typing import Any
 
 import numpy as np
 
+from .. import runs
+from ..runs.programs import BenchError, UsageError, call
+from ..runs.staged import locked, sync
 from . import derive
-from . import run as runs
 from .methods import COSTS, COUNTS, METRICS, RECORDED, Method, Path, Row, judge, version, writing
-from .programs import BenchError, UsageError, call
-from .staged import locked, sync
 
 HEAD = ("axis", "value", "model", "inputs", "seed", "source")
 COLUMNS = (*HEAD, *METRICS, *COSTS, *COUNTS)
@@ -457,7 +457,7 @@ def finish(table: Table, args: argparse.Namespace, draw: Callable[[Any], Any],
     if args.markdown:
         print(markdown(means(table, axis)))
     if args.figure:
-        from . import plot
+        from .. import plot
 
         figure = draw(plot)
         with writing(args.figure):

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from . import run_files
+from ..runs import run_files
 
 Block = dict[str, Any]
 # scripts and styles; in the sources a link to recon/web

@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from . import run as runs
-from .acquire import import_arrays
+from .. import runs
+from ..runs.acquire import import_arrays
 
 
 @dataclass

@@ -11,11 +11,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from . import derive, fog
-from . import table as tables
+from ..runs.programs import BenchError, UsageError, call
+from . import derive, fog, table as tables
 from .conditions import BASE, Axis, World, recorded_axes, simulated_axes
 from .methods import CONSTANT, Method, Row, method, version
-from .programs import BenchError, UsageError, call
 
 TEST_SEEDS = 1000  # the test records' seed, after that of the training records
 
@@ -249,7 +248,7 @@ def run(args: argparse.Namespace) -> tables.Table:
             print(f"| {axis.title} ({axis.kind}) | "
                   + " | ".join(", ".join(told.get(name, [])) or "-" for name in columns) + " |")
     if args.figure:
-        from . import plot
+        from .. import plot
 
         for axis in axes:
             stem = pathlib.Path(args.figure)

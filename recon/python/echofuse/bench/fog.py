@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .run import PS_PER_M
+from ..runs.run import PS_PER_M
 
 LASER_UM, VISIBLE_UM = 1.55, 0.55
 REFRACTIVE_INDEX = {LASER_UM: 1.318, VISIBLE_UM: 1.333}
