@@ -375,7 +375,7 @@ def test_a_model_is_named_by_what_it_takes():
 
 def test_the_package_holds_what_the_page_is_made_of(tmp_path):
     """Copied elsewhere, as it is installed."""
-    shutil.copytree(blocks.PAGE.parents[1], tmp_path / "echofuse", ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copytree(blocks.PAGE.parent, tmp_path / "echofuse", ignore=shutil.ignore_patterns("__pycache__"))
     code = "from echofuse.report.blocks import html_of; print(len(html_of({})))"
     said = subprocess.run(["/usr/bin/python3", "-c", code], env={"PYTHONPATH": str(tmp_path)}, capture_output=True, text=True, check=True)
     assert int(said.stdout) > 100_000

@@ -21,8 +21,7 @@ from numpy.typing import NDArray
 from ..runs import run_files
 
 Block = dict[str, Any]
-# scripts and styles; in the sources a link to recon/web
-PAGE = pathlib.Path(__file__).resolve().with_name("page")
+PAGE = pathlib.Path(__file__).resolve().parents[1] / "web"  # scripts and styles
 NONE = "\N{EN DASH}"
 
 
