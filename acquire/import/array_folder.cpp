@@ -16,11 +16,11 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// Values of a record's histogram or profile, and of its depth image.
+// Limits of the values per record of a histogram or profile, and of a depth image.
 constexpr std::size_t most_points = 1u << 24, most_pixels = 1u << 23;
 
-// Smallest factor that makes these counts whole; 0: none up to 1000. A mean of f exposures has
-// factor f.
+// Returns the smallest factor up to 1000 that makes these counts whole, or 0. It is f for a mean of
+// f exposures.
 std::uint32_t factor_of(const std::vector<double>& counts) {
   constexpr std::uint32_t most = 1000;
   constexpr double rounding = 1e-6;  // relative error of a float
@@ -33,7 +33,8 @@ std::uint32_t factor_of(const std::vector<double>& counts) {
   return 0;
 }
 
-// Linear power of a scene spans more, and is negative only where noise was subtracted.
+// Returns true if the values may be in dB. Linear power spans more, and is negative only if noise
+// was subtracted.
 bool looks_like_db(const std::vector<float>& power) {
   constexpr float least_ratio = 6;
   const auto [low, high] = std::ranges::minmax(power);
@@ -69,34 +70,36 @@ Zone zone_of(const std::string& text, const std::string& path) {
 
 void bind(Settings& settings, ArraySettings& s) {
   settings.add("run", s.run,
-               "the run whose records the rows are: what is not an array here is as there");
-  settings.add("window_s", s.window_s, 1e-6, 1e6, "length of a slot");
-  settings.add("label", s.label, "of every record");
-  settings.add("labels", s.labels, "one a record; instead of label");
-  settings.add("notes", s.notes, "where the arrays come from");
+               "source run of the records: values without an array are copied from it");
+  settings.add("window_s", s.window_s, 1e-6, 1e6, "slot length");
+  settings.add("label", s.label, "label of all records");
+  settings.add("labels", s.labels, "labels, one per record; replaces label");
+  settings.add("notes", s.notes, "origin of the arrays");
   settings.add("spd.first_bin_ps", s.first_bin_ps, -1e9, 1e9, "start of bin 0, two-way time");
   settings.add("spd.bin_width_ps", s.bin_width_ps, 1e-3, 1e9, "width of a bin, two-way time");
   settings.add("spd.irf_fwhm_ps", s.irf_fwhm_ps, 0, 1e6, "impulse response; 0: not stated");
   settings.add("spd.zones", s.zones,
-               "of spd.npy [n, zones, bins]: tangents of the centre and of the width, and perhaps "
-               "the time zero in ps; nan nan nan: direction not known");
+               "zones of spd.npy [n, zones, bins]: tangents of centre and width, optionally "
+               "the time zero in ps; nan nan nan: unknown direction");
   settings.add("radar.first_m", s.first_m, -1e4, 1e4, "range of point 0");
-  settings.add("radar.step_m", s.step_m, 1e-6, 1e4, "from point to point");
+  settings.add("radar.step_m", s.step_m, 1e-6, 1e4, "distance between points");
   settings.add("radar.cell_m", s.radar_cell_m, 0, 1e3, "c / 2B; 0: response not stated");
-  settings.add("radar.taps", s.radar_taps, "power at 0, 1/4, 2/4 ... of a cell, over its peak");
-  settings.add("radar.antennas", s.antennas,
-               "of array.npy: x and y in half wavelengths, and perhaps gain and phase in rad");
+  settings.add("radar.taps", s.radar_taps,
+               "power at 0, 1/4, 2/4 ... of a cell, relative to the peak");
+  settings.add(
+      "radar.antennas", s.antennas,
+      "antennas of array.npy: x and y in half wavelengths, optionally gain and phase in rad");
   for (const Sensor sensor : {Sensor::spd, Sensor::radar})
     settings.add(std::string(name_of(sensor)) + ".offset_m", s.offset_m[sensor], -1e3, 1e3,
-                 "how much too long its ranges are; beside what the run says");
-  settings.add("depth.unit", s.depth_unit, "default: mm of whole numbers, m of others",
+                 "range bias to subtract, in addition to that of the run");
+  settings.add("depth.unit", s.depth_unit, "default: mm for integers, m for floats",
                {"", "mm", "m"});
   settings.add("depth.half_tangent", s.half_tangent, record::least_map_half_tangent,
-               record::most_map_half_tangent, "x/z at the left and right edge");
+               record::most_map_half_tangent, "|x/z| at the left and right edges");
   settings.add("depth.map_z_max_m", s.far_m, record::least_map_far_m, record::most_map_far_m,
-               "what lies beyond is no return");
+               "largest depth; farther pixels have no return");
   settings.add("depth.map_size", s.map_size, 0, record::most_map_size,
-               "pixels of the maps both ways; 0: as the images, or 64");
+               "width and height of the maps, pixels; 0: size of the images, or 64");
   bind_limits(settings, s.limits);
 }
 
@@ -117,8 +120,8 @@ ArrayFolder::ArrayFolder(const std::string& folder, const ArraySettings& setting
     throw Error(ExitCode::failed,
                 printable(first_ ? *first_ : folder) + ": has no rows; nothing to import");
   if (of_run ? static_cast<bool>(depth_ || array_) : static_cast<bool>(index_ || valid_))
-    config_error(of_run ? "depth.npy and array.npy do not go with run, which has them"
-                        : "index.npy and valid.npy are of records of a run; name it by run");
+    config_error(of_run ? "depth.npy and array.npy cannot be combined with `run`"
+                        : "index.npy and valid.npy need `run`");
   if (!settings_.labels.empty() && settings_.labels.size() != rows_)
     config_error(std::to_string(settings_.labels.size()) + " labels for " + std::to_string(rows_) +
                  " records");
@@ -130,8 +133,8 @@ ArrayFolder::ArrayFolder(const std::string& folder, const ArraySettings& setting
     refuse(*array_, "its shape is " + array_->shape_text() +
                         "; expected that of radar.npy and of radar.antennas, with " +
                         std::to_string(record::values_of_bin(antennas_.size())) +
-                        " values a bin up to " + std::to_string(std::lround(record::array_end_m)) +
-                        " m");
+                        " values per bin up to " +
+                        std::to_string(std::lround(record::array_end_m)) + " m");
   zones_ = stated_zones();
   if (depth_)
     millimetres_ =
@@ -146,12 +149,12 @@ std::unique_ptr<NpyFile> ArrayFolder::open(const char* name, std::size_t dimensi
   const std::size_t found = file->shape().size();
   if ((found != dimensions && !(zones && found == 3)) || file->row_size() == 0)
     refuse(*file, "its shape is " + file->shape_text() + "; expected " +
-                      std::to_string(dimensions) + " dimensions, a row for each record" +
+                      std::to_string(dimensions) + " dimensions, one row per record" +
                       (zones ? ", or 3: [records, zones, bins]" : ""));
   const std::size_t most = std::string(name) == "depth.npy" ? most_pixels : most_points;
   if (file->row_size() > most)
     refuse(*file, "has " + std::to_string(file->row_size()) +
-                      " values a record; expected at most " + std::to_string(most));
+                      " values per record; expected at most " + std::to_string(most));
   if (!first_) first_ = newest_ = path, rows_ = file->rows();
   if (fs::last_write_time(path) > fs::last_write_time(newest_)) newest_ = path;
   if (file->rows() != rows_)
@@ -220,7 +223,7 @@ void ArrayFolder::require_shapes(const std::vector<Axis>& axes, const Zones& zon
     const std::size_t wanted = axis == axes.end() ? 0 : axis->count;
     const std::size_t values = wanted * (file == spd_.get() ? histograms_of(zones) : 1);
     if (file && file->row_size() != values)
-      refuse(*file, "has " + std::to_string(file->row_size()) + " values a record; the run's " +
+      refuse(*file, "has " + std::to_string(file->row_size()) + " values per record; the run's " +
                         name + " has " + std::to_string(values));
   }
 }
@@ -250,7 +253,8 @@ void ArrayFolder::take_row(record::FusedRecord& r) {
   ++row_;
 }
 
-// The next row of numbers from `least` on, or nothing of a row of NaN. Noise makes power negative.
+// Returns the next row of numbers of at least `least`; empty for a row of NaN. Noise can make power
+// negative.
 std::vector<double> ArrayFolder::read(NpyFile& file, double least, const char* what) const {
   std::vector<double> values = file.next_row();
   if (std::ranges::all_of(values, [](double v) { return std::isnan(v); })) return {};
@@ -258,10 +262,10 @@ std::vector<double> ArrayFolder::read(NpyFile& file, double least, const char* w
       std::ranges::find_if(values, [&](double v) { return !(v >= least && v < 1e30); });
   if (bad == values.end()) return values;
   refuse(file, "row " + std::to_string(row_) + " has " + std::to_string(*bad) + "; expected " +
-                   what + ", or a whole row of NaN for a missing sensor");
+                   what + ", or NaN in the whole row for a missing sensor");
 }
 
-// A record of a run keeps its verdict and times if its values are the same.
+// A record of a run with unchanged values keeps its verdict and times.
 void ArrayFolder::mark(record::FusedRecord& r, Sensor sensor, std::uint64_t used) const {
   if (!settings_.run.empty()) return;
   r.valid.insert(sensor);
@@ -269,17 +273,17 @@ void ArrayFolder::mark(record::FusedRecord& r, Sensor sensor, std::uint64_t used
 }
 
 void ArrayFolder::put_counts(record::FusedRecord& r) {
-  const std::vector<double> values = read(*spd_, 0, "counts from 0 on");
+  const std::vector<double> values = read(*spd_, 0, "counts of 0 or more");
   if (values.empty()) return;
   const std::string row = "row " + std::to_string(row_);
   if (std::ranges::max(values) > std::numeric_limits<std::uint32_t>::max())
     refuse(*spd_, row + " has a count of more than 32 bits");
   const std::uint32_t factor = spd_->is_integer() ? 1 : factor_of(values);
   if (factor != 1)
-    refuse(*spd_, row + " has counts that are not whole; expected photons a bin: " +
+    refuse(*spd_, row + " has counts that are not whole; expected photons per bin: " +
                       (factor > 1 ? "multiply by " + std::to_string(factor) +
-                                        ", if each row is a mean of that number of exposures"
-                                  : "multiply a normalised histogram by its photons"));
+                                        " if each row is a mean of that number of exposures"
+                                  : "multiply a normalised histogram by its photon number"));
   std::vector<std::uint32_t> counts;
   for (const double v : values) counts.push_back(static_cast<std::uint32_t>(std::llround(v)));
   if (counts == r.spd) return;
@@ -324,7 +328,7 @@ void ArrayFolder::put_depth(record::FusedRecord& r) {
     first_odd_ = printable(depth_->path()) + ": row " + std::to_string(row_) + ": " + odd;
 }
 
-// Returns what cannot be, or nothing.
+// Returns why the depth map is implausible, or an empty text.
 std::string ArrayFolder::take_depth(record::FusedRecord& r,
                                     const std::vector<double>& values) const {
   constexpr double most_mm = std::numeric_limits<std::uint16_t>::max(), least_median_mm = 20;
@@ -334,7 +338,7 @@ std::string ArrayFolder::take_depth(record::FusedRecord& r,
     if (!(mm >= 0 && mm <= most_mm))
       return "a depth of " + std::to_string(mm / 1000) + " m; expected 0 to 65.5 m" +
              (millimetres_ ? "" : ", or depth.unit = \"mm\"");
-    if (millimetres_ && mm == most_mm) mm = 0;  // cameras' value of a pixel without a return
+    if (millimetres_ && mm == most_mm) mm = 0;  // cameras' value for no return
     r.depth_mm.push_back(static_cast<std::uint16_t>(std::lround(mm)));
     if (r.depth_mm.back() > 0) returns.push_back(mm);
   }
@@ -350,11 +354,11 @@ std::vector<std::string> ArrayFolder::doubts() const {
   std::vector<std::string> out;
   if (2 * like_db_ > powers_)
     out.push_back("radar: " + std::to_string(like_db_) + " of " + std::to_string(powers_) +
-                  " profiles are negative somewhere or span less than a ratio of 6: are they in "
+                  " profiles have negative values or a max/min ratio below 6: are they in "
                   "dB? Expected linear power, 10^(dB/10)");
   if (odd_maps_ > 0)
     out.push_back("depth: " + std::to_string(odd_maps_) + " of " + std::to_string(maps_) +
-                  " maps are odd and left out; the first: " + first_odd_);
+                  " maps are implausible and omitted; the first: " + first_odd_);
   return out;
 }
 

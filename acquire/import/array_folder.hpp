@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: MIT
-// A folder of NumPy arrays, a row for each record, and what its run.toml says of them.
+// A folder of NumPy arrays with one row per record, described by its run.toml.
 //   spd.npy     [n, bins] or [n, zones, bins] whole counts; a row of NaN: no SPD in that record
 //   radar.npy   [n, points] linear power; a row of NaN: no radar
 //   array.npy   [n, bins, values] of the antennas, as ArrayBin (measurement/radar_array.hpp)
 //   depth.npy   [n, rows, columns] z, whole millimetres or float metres; 0, NaN, 65535: no return
-//   index.npy   [n], with `run`: the records of that run that these rows are; without it all
-//   valid.npy   [n], with `run`: bits of the sensors that stay
+//   index.npy   [n], with `run`: record number of each row; default: all records
+//   valid.npy   [n], with `run`: bits of the sensors that remain valid
 //   run.toml    axes with units, slot length, labels: bind() in array_folder.cpp
-// One of the first two is enough.
+// One of spd.npy and radar.npy is required.
 #pragma once
 #include <cstdint>
 #include <memory>
@@ -38,23 +38,23 @@ void bind(Settings& settings, ArraySettings& s);
 // Threading: one thread at a time.
 class ArrayFolder {
  public:
-  // Throws Error(failed): an array is missing, damaged, too large or has other rows than the first
-  // one; Error(config): run.toml does not fit the arrays.
+  // Throws Error(failed) if an array is missing, damaged, too large or differs from the first one
+  // in the number of rows; Error(config) if run.toml does not match the arrays.
   ArrayFolder(const std::string& folder, const ArraySettings& settings);
 
   std::size_t rows() const { return rows_; }
-  const std::string& newest() const { return newest_; }  // the array that was changed last
+  const std::string& newest() const { return newest_; }  // most recently changed array
   const record::Antennas& antennas() const { return antennas_; }
   const Zones& zones() const { return zones_; }
   std::vector<Axis> axes() const;
-  // Throws Error(failed) if values of a record are not those of these axes and zones.
+  // Throws Error(failed) if the arrays do not match these axes and zones.
   void require_shapes(const std::vector<Axis>& axes, const Zones& zones) const;
-  // The record that the next row is, by index.npy.
+  // Record number of the next row, from index.npy.
   std::int64_t next_index();
-  // Puts the next row's values into the record. Throws Error(failed): counts that are not whole, or
-  // numbers that are no measurement.
+  // Copies the next row's values into the record. Throws Error(failed) for counts that are not
+  // whole and for impossible values.
   void take_row(record::FusedRecord& r);
-  // After the last row: what is doubtful. Throws Error(failed) if most depth maps are odd.
+  // Returns warnings, after the last row. Throws Error(failed) if most depth maps are implausible.
   std::vector<std::string> doubts() const;
 
  private:

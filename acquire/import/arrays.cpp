@@ -19,7 +19,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// Reads back as the same number.
+// Formats a number so that reading restores the same value.
 std::string shortest_text(double value) {
   char text[32];
   return {text, std::to_chars(text, text + sizeof text, value).ptr};
@@ -53,7 +53,7 @@ record::RunInfo info_of(const ArraySettings& s, const Settings& settings, const 
   return info;
 }
 
-// The run of `run.toml`, whose records the rows are.
+// Description of the source run, the key `run` of run.toml.
 record::RunInfo info_of(const record::RunReader& base) {
   record::RunInfo info = base.info();
   info.uuid.clear(), info.ended_utc.clear();
@@ -86,8 +86,7 @@ record::FusedRecord fresh(std::size_t row, double window_s, UtcTime began) {
 Beginning beginning_of(const std::optional<UtcTime>& given, const record::RunReader* base,
                        const ArrayFolder& arrays) {
   if (base && given)
-    throw Error(ExitCode::usage,
-                "--began does not go with records of a run, which has their times");
+    throw Error(ExitCode::usage, "--began cannot be combined with `run`, which has the times");
   if (base) return {parse_utc(base->info().started_utc), {}};
   if (given) return {*given, {}};
   const std::string file = fs::path(arrays.newest()).filename().string();

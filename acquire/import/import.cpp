@@ -30,7 +30,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// Samples of recordings into slots.
+// Sorts the samples of recordings into slots.
 class Slots final : public SampleSink {
  public:
   Slots(const Config& config, const SlotGrid& grid)
@@ -41,7 +41,9 @@ class Slots final : public SampleSink {
   void on_tags(const TagBlock& block) override {
     tag_check_.take(block, [this](const TagBlock& repaired) { take_tags(repaired); });
   }
-  void on_radar(RadarFrame frame) override { windows_.add(frame); }  // dated by its clock already
+  void on_radar(RadarFrame frame) override {
+    windows_.add(frame);
+  }  // already has the time of the board
   Windows& windows() { return windows_; }
   void flush() {
     tag_check_.flush([this](const TagBlock& rest) { take_tags(rest); });
@@ -51,7 +53,7 @@ class Slots final : public SampleSink {
     tag_check_.finish();
     return tag_faults_;
   }
-  // All that ended by then, and with `last` the slot that runs.
+  // Closes the slots that end by `now`; with `last` also the current one.
   void close(HostTime now, bool last, const std::function<void(record::FusedRecord)>& take) {
     for (; grid_.end(next_) <= now || (last && grid_.start(next_) <= now); ++next_) {
       if (interrupted()) throw Error(ExitCode::interrupted, "interrupted; nothing was written");
@@ -96,7 +98,7 @@ void take_cfg(Config& config, const std::string& recording, const std::string& c
 std::string conclude(ImportedRun& import, const std::vector<std::unique_ptr<Recording>>& recordings,
                      const std::vector<std::string>& faults) {
   for (const auto& text : faults) import.doubt("spd: " + text);
-  std::string nothing;  // texts of recordings of which no record is valid
+  std::string nothing;  // errors of recordings without a valid record
   std::size_t empty = 0;
   for (const auto& r : recordings) {
     const DeviceInfo device = r->device();
@@ -118,13 +120,13 @@ std::string conclude(ImportedRun& import, const std::vector<std::unique_ptr<Reco
   if (empty == recordings.size()) throw Error(ExitCode::failed, nothing);
   if (recordings.size() > 1) import.doubt("assumed: the recordings begin at the same time");
   if (import.tags().out_of_range > 0 && import.tags().in_range == 0)
-    import.doubt("spd: no click lies within tdc.first_bin_ps and tdc.bins");
+    import.doubt("spd: no click is within the histogram (tdc.first_bin_ps, tdc.bins)");
   const std::string made = import.finish();
   if (empty > 0) throw Error(ExitCode::partial, made + "\n" + nothing);
   return made;
 }
 
-// The recording that ends first is closed by the other; what is missing is marked by its absence.
+// Imports recordings that may differ in length; records after the end of one lack its sensor.
 std::string import_streams(const Config& config, const ImportOptions& options,
                            const Beginning& began,
                            const std::vector<std::unique_ptr<Recording>>& recordings) {
@@ -139,7 +141,7 @@ std::string import_streams(const Config& config, const ImportOptions& options,
   for (const Sensor s : all_sensors)
     if (config.configured().contains(s)) import.writer().put_policy(s, "optional");
   Slots slots(config, {HostTime{}, from_seconds(config.window_s)});
-  double longest_s = 1000 * config.window_s;  // and a slot a byte, of which no recorder writes less
+  double longest_s = 1000 * config.window_s;  // and one slot per byte, the minimum of all recorders
   for (const auto& file : options.files)
     longest_s += static_cast<double>(fs::file_size(file)) * config.window_s;
   for (const auto& r : recordings) {
@@ -165,8 +167,8 @@ std::string import_streams(const Config& config, const ImportOptions& options,
       throw Error(ExitCode::failed,
                   printable((*behind)->device().address) + ": its times reach " +
                       std::to_string(std::llround(seconds((*behind)->at()))) +
-                      " s, more slots than the file has bytes: is a time damaged? A longer slot "
-                      "(--set run.window_s) gives fewer");
+                      " s, with more slots than the file has bytes: is a time damaged? Otherwise "
+                      "use a longer slot (--set run.window_s)");
     if (more) {
       slots.close(now, false, take);
     } else {
@@ -228,7 +230,7 @@ std::string lower_case_extension(const std::string& path) {
       ExitCode::usage,
       printable(path) + (kind == ".ttbin" ? ": only the Time Tagger's library reads .ttbin: start "
                                             "`echofuse-bridge-timetagger --file` with it and record"
-                         : kind == ".phu" ? ": histograms become a run by echofuse.write_run "
+                         : kind == ".phu" ? ": convert histograms with echofuse.write_run "
                                             "(Python), or as a folder of arrays"
                          : fs::exists(path) ? ": expected NAME.dat (radar), NAME.ptu or one folder"
                                             : ": no such file or folder"));
@@ -238,10 +240,10 @@ std::string lower_case_extension(const std::string& path) {
 std::string import_folder(Config config, const ImportOptions& options) {
   const std::string& folder = options.files[0];
   const bool kept = is_kept(folder);
-  if (!options.cfg.empty()) throw Error(ExitCode::usage, "--cfg does not go with a folder");
+  if (!options.cfg.empty()) throw Error(ExitCode::usage, "--cfg cannot be used with a folder");
   if (kept && !options.began.empty())
     throw Error(ExitCode::usage,
-                "--began does not go with raw captures, which contain their times");
+                "--began cannot be used with raw captures, which contain their times");
   if (kept) return import_kept(std::move(config), folder, options.out);
   return import_arrays(
       folder, options.out,
@@ -271,14 +273,13 @@ std::string import_recordings(Config config, const ImportOptions& options) {
     const std::string kind = lower_case_extension(path);
     if (kind == ".dat") {
       if (!config.radar.data.empty())
-        throw Error(ExitCode::usage, "two recordings of a radar; expected one of each sensor");
+        throw Error(ExitCode::usage, "two radar recordings; expected one per sensor");
       config.radar.cli = config.radar.data = path;
       take_cfg(config, path, options.cfg);
       recordings.push_back(std::make_unique<RadarRecording>(path, parse_profile(config.radar)));
     } else if (kind == ".ptu") {
       if (!config.tdc.address.empty())
-        throw Error(ExitCode::usage,
-                    "two recordings of a time tagger; expected one of each sensor");
+        throw Error(ExitCode::usage, "two time tagger recordings; expected one per sensor");
       config.tdc.address = path;
       config.histogram.start_channel = options.start;
       config.histogram.click_channel = options.click;
@@ -291,7 +292,7 @@ std::string import_recordings(Config config, const ImportOptions& options) {
   }
   begins(config.radar.data.empty() ? std::optional(modified(config.tdc.address)) : std::nullopt,
          "start time unknown: the file's time is used; --began UTC sets it");
-  if (options.began.empty() && began.doubt.empty()) {  // a file is written until its end
+  if (options.began.empty() && began.doubt.empty()) {  // the file time is that of the last write
     RadarRecording whole(config.radar.data, parse_profile(config.radar));
     SampleSink nobody;
     while (whole.next(nobody)) {

@@ -1,11 +1,10 @@
 // SPDX-License-Identifier: MIT
-// The `import` command: recordings of other programs become a run.
-//   .dat        the radar's data port, with the .cfg that the board had
-//   .ptu        PicoQuant's time tags
-//   a folder    NumPy arrays or what `run --keep-raw` kept
-// A record is made of the samples of its slot as in a live run, by the times of the recording; slot
-// 0 begins with it. Two recordings, one of each sensor, are taken to
-// begin at the same time.
+// The `import` command: converts third-party recordings into a run.
+//   .dat        bytes of the radar's data port, with the board's .cfg
+//   .ptu        PicoQuant time tags
+//   a folder    NumPy arrays or a raw capture of `run --keep-raw`
+// A record contains the samples of its slot, as in a live run. Times are those of the recording;
+// slot 0 begins with it. Two recordings, one per sensor, are assumed to begin at the same time.
 #pragma once
 #include <cstdint>
 #include <optional>
@@ -19,8 +18,8 @@ namespace echofuse::acquire {
 
 struct ImportOptions {
   std::vector<std::string> files{};
-  std::string cfg{};       // the radar's; empty: beside its recording
-  std::string began{};     // UTC, ISO 8601; empty: as the files have it
+  std::string cfg{};       // radar cfg; empty: next to its recording
+  std::string began{};     // UTC, ISO 8601; empty: start time of the files
   std::int32_t start = 0;  // input of the laser's pulses; 0 is the sync
   std::int32_t click = 1;  // input of the detector
   std::string out{};       // the run to make
@@ -30,32 +29,32 @@ struct ImportOptions {
 // Error(usage), also for a day that the month does not have.
 UtcTime parse_utc(const std::string& text);
 
-// Makes the run and returns what is in it, and what is missing or assumed, a line each;
-// the run has these lines as events. `config` says how a record is made: slots, histogram, board,
-// calibration. Its addresses are not used. Throws Error: a file cannot be read, is none of these or
-// gives no record anything (failed), the run exists (failed) or cannot be written (disk); the run
-// is made, but one of its files gives it nothing (partial).
+// Makes the run. Returns its contents and what is missing or assumed, one per line; these lines are
+// also events of the run. `config` gives slots, histogram, board and calibration; its addresses are
+// ignored. Throws Error(failed) if a file is unreadable, of an unknown type or gives no valid
+// record, or if the run exists; Error(disk) if the run cannot be written; Error(partial) if the run
+// is made but one file gives no valid record.
 std::string import_recordings(Config config, const ImportOptions& options);
 
-// A folder of NumPy arrays as a run (array_folder.hpp): the way in for histograms and maps of other
-// programs, and the only writer of runs from arrays. Slot i begins i slot lengths after `began`, or
-// after the time of the newest array. With run.toml's key `run` the arrays replace those of that
-// run; its axes, calibration, antennas, labels, times and metadata stay.
-// Makes the run file `out` and returns what is in it, then what is doubtful, a line each. Throws
-// Error: run.toml does not fit (config), arrays cannot be read, do not fit each other or give no
-// valid record (failed), disk.
+// Converts a folder of NumPy arrays (array_folder.hpp) into the run file `out`. Only this function
+// writes runs from arrays. Slot i begins i slot lengths after `began`, or after the time of the
+// newest array. With the key `run` in run.toml the arrays replace those of that run; its axes,
+// calibration, antennas, labels, times and metadata are copied.
+// Returns the contents of the run, then warnings, one per line. Throws Error(config) if run.toml
+// does not match the arrays; Error(failed) if arrays are unreadable, do not match each other or
+// give no valid record; Error(disk).
 std::string import_arrays(const std::string& folder, const std::string& out,
                           std::optional<UtcTime> began);
 
-// Recording of a folder of `run --keep-raw` as a run: the daemon's ports hand out the kept bytes at
-// the times at which they came (raw_tap.hpp). The loop's time jumps.
-bool is_kept(const std::string& folder);  // whether `run --keep-raw` made it
+// Raw captures of `run --keep-raw` (raw_tap.hpp) are replayed: ports deliver the bytes at their
+// receive times. The loop's time jumps.
+bool is_kept(const std::string& folder);  // true for a raw capture
 
-// The configuration that the live run had, changed by `assignments`.
+// Returns the configuration of the live run, changed by `assignments`.
 Config kept_config(const std::string& folder, const std::vector<std::string>& assignments);
 
-// Makes the run `out` with the slots of the live one and says so in a line. Throws Error: files of
-// the folder are missing or damaged (failed), or as record_run does.
+// Makes the run `out` with the slots of the live run; returns one line about it. Throws
+// Error(failed) if files of the folder are missing or damaged, and the errors of record_run.
 std::string import_kept(Config config, const std::string& folder, const std::string& out);
 
 }  // namespace echofuse::acquire

@@ -51,7 +51,7 @@ void ImportedRun::put(record::FusedRecord record, const SignalCheck::Ends& ends)
     flush();
 }
 
-void ImportedRun::flush() {  // in one transaction: each waits for the disk
+void ImportedRun::flush() {  // one transaction, because each waits for the disk
   run_->append(batch_);
   batch_.clear(), batch_bytes_ = 0;
 }

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// The run that an import makes. Every import writes its records here, so that each record gets the
-// verdicts of a live run (signal_check.hpp).
+// Writer of imported runs. All imports use it, so that records get the verdicts of a live run
+// (signal_check.hpp).
 #pragma once
 #include <functional>
 #include <memory>
@@ -17,10 +17,10 @@ namespace echofuse::acquire {
 // Time at which the first slot begins.
 struct Beginning {
   UtcTime utc{};
-  std::string doubt;  // empty: it was given
+  std::string doubt;  // reason for a doubtful time; empty if --began is given
 };
 
-// Time of the last change of a file.
+// Returns the modification time of a file.
 UtcTime modified(const std::string& path);
 
 // Threading: one thread at a time.
@@ -35,19 +35,19 @@ class ImportedRun {
   record::RunWriter& writer() { return *run_; }
   void put_axes(const std::vector<Axis>& axes);
   void put(record::FusedRecord record, const SignalCheck::Ends& ends = {});
-  // A warning of the run and a line of finish().
+  // Adds a warning to the run and to the lines of finish().
   void doubt(const std::string& text);
   void put_counters(Sensor sensor, const std::vector<Counter>& counters);
   const TagCounts& tags() const { return tags_; }
   std::int64_t valid(Sensor s) const { return valid_[s]; }
-  const std::string& verdict(Sensor s) const { return verdict_[s]; }  // last one without data
+  const std::string& verdict(Sensor s) const { return verdict_[s]; }  // last verdict without data
   UtcTime utc_of(HostTime t) const { return clock_.began + t; }
-  // Publishes the run and returns what is in it, then the doubts, a line each. Throws Error(failed)
-  // if no record has a valid sensor; then nothing is written.
+  // Publishes the run. Returns its contents, then the doubts, one per line. If no record has a
+  // valid sensor, writes nothing and throws Error(failed).
   std::string finish();
 
  private:
-  // The time of the recording, for the file that is made of it.
+  // Clock with the time of the recording, for the metadata of the file.
   struct RecordingClock final : Clock {
     HostTime now() const override { return at; }
     UtcTime utc() const override { return utc_at; }

@@ -23,9 +23,9 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::int64_t most_bytes = 64 << 20;  // that a port hands out at once
+constexpr std::int64_t most_bytes = 64 << 20;  // largest delivery of a port
 
-// NAME.times of the folder, line by line. A last line that was cut off does not count.
+// Reads NAME.times of the folder line by line; ignores a truncated last line.
 class Times {
  public:
   struct Line {
@@ -46,7 +46,7 @@ class Times {
     char what[16];
     if (std::sscanf(text.c_str(), "%" SCNd64 " %15s %" SCNd64, &at_ns, what, &value) == 3)
       return Line{HostTime(at_ns), what, value};
-    throw Error(ExitCode::failed, printable(path_) + ": expected TIME WHAT VALUE, it has \"" +
+    throw Error(ExitCode::failed, printable(path_) + ": expected TIME WHAT VALUE, found \"" +
                                       printable(text, 80) + "\"");
   }
 
@@ -55,7 +55,7 @@ class Times {
   std::ifstream in_;
 };
 
-// All connections of one port.
+// Bytes of all connections of one port.
 class Stream {
  public:
   Stream(port::Loop& l, std::string folder, const std::string& name, std::string ending)
@@ -63,13 +63,13 @@ class Stream {
         times_(folder, name),
         stem_(std::move(folder) + "/" + name),
         ending_(std::move(ending)) {}
-  // Goes to the beginning of the next connection.
+  // Advances to the next connection.
   void connect() {
     while (line_ && line_->what != "open") line_ = times_.next();
     if (line_) line_ = times_.next();
     file_.reset();
   }
-  // Nothing at the end of a connection.
+  // Empty at the end of a connection.
   std::optional<Times::Line> next() {
     if (!line_ || line_->what == "open") return std::nullopt;
     return std::exchange(line_, times_.next());
@@ -92,7 +92,7 @@ class Stream {
   Times times_;
   std::string stem_, ending_;
   std::optional<Times::Line> line_ = times_.next();
-  std::optional<RegularFile> file_;  // file of the connection, from its first bytes on
+  std::optional<RegularFile> file_;  // file of the connection, once it has bytes
   int files_ = 0;
 };
 
@@ -137,7 +137,7 @@ class KeptPort final : public port::BytePort {
   std::shared_ptr<Link> link_;
 };
 
-// Times of the live run: its start, its first slot, the offset of its clock.
+// Times of the live run: start, first slot, clock offset.
 struct LiveRun {
   std::optional<HostTime> started, first_slot;
   UtcTime utc_offset{};
@@ -157,7 +157,7 @@ LiveRun read_live_run(const std::string& folder) {
   if (!run.started || !run.first_slot || run.slots == 0)
     throw Error(ExitCode::failed,
                 printable(times.path()) + ": the raw capture has no complete slot");
-  // One damaged number must not make slots without an end.
+  // A damaged number must not cause an unbounded number of slots.
   const double slot_s = seconds(HostTime(run.slot_ns)), lasted_s = seconds(ended - *run.first_slot);
   constexpr double shortest_s = 0.05, longest_s = 3600;  // run.window_s
   if (!(slot_s >= shortest_s && slot_s <= longest_s) ||
@@ -192,7 +192,7 @@ std::string import_kept(Config config, const std::string& folder, const std::str
         streams.emplace_back(std::make_unique<Stream>(loop, folder, name, ending)).get();
     loop.ports[address] = [stream] { return std::make_unique<KeptPort>(*stream); };
   };
-  // The frames of an OpenNI2 camera are kept as a bridge sends them.
+  // Frames of an OpenNI2 camera are stored in the format of a bridge.
   if (config.depth.address.starts_with("openni:")) config.depth.address = "bridge:tcp://kept:1";
   attach(config.tdc.address, "tags", ".blocks");
   attach(config.radar.address, "radar", ".blocks");
@@ -200,8 +200,7 @@ std::string import_kept(Config config, const std::string& folder, const std::str
   attach(config.radar.data, "radar", ".dat");
   attach(config.depth.address, "depth", ".blocks");
   if (streams.empty())
-    throw Error(ExitCode::failed,
-                printable(folder) + ": has no bytes of a device of the configuration");
+    throw Error(ExitCode::failed, printable(folder) + ": has no data of a configured device");
   config.policy = {"optional", "optional", "optional"};
   refuse_bad_target(out);
   NewFile file(out, NewFile::Staged{});
@@ -220,7 +219,7 @@ std::string import_kept(Config config, const std::string& folder, const std::str
     throw Error(ExitCode::failed, printable(folder) + ": nothing to import: none of " +
                                       std::to_string(made.records) + " records has a valid sensor");
   file.publish();
-  return printable(out) + ": the run of these bytes";
+  return printable(out) + ": converted from the raw capture";
 }
 
 }  // namespace echofuse::acquire

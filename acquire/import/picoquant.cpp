@@ -20,9 +20,9 @@ constexpr std::int64_t block_ps = 10'000'000'000;  // divides every slot's lengt
 constexpr std::int64_t all = std::numeric_limits<std::uint32_t>::max();
 constexpr long double longest_ps = 9.1e18L;  // below 2^63
 constexpr long double ps_per_s = 1e12L;
-constexpr double rate_share = 0.05;  // relative difference that pulse rates may have
+constexpr double rate_share = 0.05;  // tolerated relative difference of pulse rates
 
-// True if a is later by more than two clocks differ.
+// Returns true if a is later than b by more than the difference of two clocks.
 bool later(long double a_s, long double b_s) { return a_s > 1.01L * b_s + 0.1L; }
 
 DeviceInfo device_of(const TaggedFile& file) {
@@ -50,12 +50,12 @@ PicoquantRecords::PicoquantRecords(std::uint32_t type, double global_resolution_
   const bool known = (type >> 24 == 0 || (type >> 24 == 1 && device == 4)) && kind >> 16 == 1 &&
                      (mode == 2 || mode == 3) && device >= 3 && device <= 7;
   if (!known)
-    throw Error(ExitCode::failed, "records of the type " + std::to_string(type) +
-                                      ", which is none of T2 and T3 of PicoHarp, HydraHarp, "
-                                      "TimeHarp 260 and MultiHarp");
+    throw Error(ExitCode::failed, "unknown record type " + std::to_string(type) +
+                                      " (expected T2 or T3 of PicoHarp, HydraHarp, "
+                                      "TimeHarp 260 or MultiHarp)");
   pico_harp_ = device == 3;
   t3_ = mode == 3;
-  // In ns, also by the PicoHarp (whose library takes ps): as in the headers of .pt3 and .ht3.
+  // In ns as in .pt3 and .ht3, also for the PicoHarp, although its library uses ps.
   if (t3_ && offset > 0 && offset < 1e9) offset_ps_ = offset * 1000;
   once_ = pico_harp_ || (device == 4 && type >> 24 == 0);
   wrap_ = pico_harp_ ? (t3_ ? 65536u : 210'698'240u)
@@ -64,8 +64,8 @@ PicoquantRecords::PicoquantRecords(std::uint32_t type, double global_resolution_
                      : 33'554'432u;
   const auto possible = [](long double ps) { return ps > 0 && ps <= ps_per_s; };
   if (!possible(unit_ps_) || (t3_ && !possible(dtime_ps_)))
-    throw Error(ExitCode::failed, "no resolution between 0 and 1 s");
-  // Written as 1e-12 or 4e-12, a double is not quite whole picoseconds.
+    throw Error(ExitCode::failed, "resolution is not between 0 and 1 s");
+  // As doubles, 1e-12 and 4e-12 are not exactly whole picoseconds.
   for (long double* v : {&unit_ps_, &dtime_ps_})
     if (std::abs(*v - std::round(*v)) < 1e-9L * *v) *v = std::round(*v);
 }
@@ -140,10 +140,10 @@ PicoquantTags::PicoquantTags(const std::string& path, const tdc::HistogramSettin
   constexpr double t2 = 2, t3 = 3;
   const double mode = file_->number("Measurement_Mode").value_or(0);
   if (mode == (records_.is_t3() ? t2 : t3))
-    throw Error(ExitCode::failed,
-                printable(path) + ": its header contradicts itself: Measurement_Mode is T" +
-                    number_text(mode) + ", TTResultFormat_TTTRRecType says records of T" +
-                    number_text(records_.is_t3() ? t3 : t2));
+    throw Error(ExitCode::failed, printable(path) +
+                                      ": contradictory header: Measurement_Mode is T" +
+                                      number_text(mode) + ", TTResultFormat_TTTRRecType is T" +
+                                      number_text(records_.is_t3() ? t3 : t2));
   const auto length_s = [&](const char* name) {
     return std::clamp(file_->number(name).value_or(0) / 1e3, 0.0, 1e9);
   };
@@ -159,7 +159,7 @@ std::optional<UtcTime> PicoquantTags::began() const { return file_->time("File_C
 
 bool PicoquantTags::began_twice() const { return file_->came_twice("File_CreatingTime"); }
 
-// Appends a record's tags behind the last ones; false at the end.
+// Appends the tags of the next record; returns false at the end.
 bool PicoquantTags::read_record() {
   if (in_chunk_ == chunk_.size()) {
     chunk_.resize(chunk_records);
@@ -187,7 +187,7 @@ bool PicoquantTags::read_record() {
 }
 
 bool PicoquantTags::next(SampleSink& sink) {
-  std::size_t known = tags_.size();  // 0, or what the last block left
+  std::size_t known = tags_.size();  // tags left from the previous block
   const auto block_of = [](const Tag& tag) { return tag.time_ps / block_ps; };
   bool more = true;
   constexpr std::size_t most_tags = std::size_t{1} << 20;  // in a block
@@ -199,7 +199,7 @@ bool PicoquantTags::next(SampleSink& sink) {
   if (!more) known = tags_.size();
   if (known == 0) {
     if (beyond_) return false;
-    // The dark end: overflows alone.
+    // End without light: only overflows.
     const auto end_s = static_cast<double>(end_ps() / ps_per_s);
     at_ = std::max(at_, from_seconds(header_s_ > 0 ? std::min(end_s, header_s_) : end_s) -
                             std::chrono::nanoseconds(1));
@@ -207,7 +207,7 @@ bool PicoquantTags::next(SampleSink& sink) {
   }
   std::int64_t last_ps = 0;
   for (std::size_t i = 0; i < known; ++i) last_ps = std::max(last_ps, tags_[i].time_ps);
-  // Never back: a tag out of order stays with its neighbours.
+  // The block's time never decreases: a tag out of order stays with its neighbours.
   at_ = std::max(at_, HostTime(last_ps / 1000));
   TagBlock block;
   block.received = at_;
@@ -221,7 +221,7 @@ std::vector<Counter> PicoquantTags::counters() const {
   return {{"records", count_}, {"markers", records_.markers()}};
 }
 
-// An input that is used and has no event, with those that have.
+// Returns a warning if a selected input has no events; lists the inputs with events.
 std::string PicoquantTags::missing_input() const {
   const auto has = [&](std::int32_t c) {
     return c >= 0 && c < std::ssize(by_channel_) && by_channel_[static_cast<std::size_t>(c)] > 0;
@@ -233,11 +233,11 @@ std::string PicoquantTags::missing_input() const {
   std::string text =
       "no event on " + (has(use_.start_channel) ? "--click " + std::to_string(use_.click_channel)
                                                 : "--start " + std::to_string(use_.start_channel));
-  for (const auto& c : there) text += (&c == there.data() ? "; there are inputs " : ", ") + c;
+  for (const auto& c : there) text += (&c == there.data() ? "; inputs with events: " : ", ") + c;
   return there.size() < 2 ? text : text + ": --start " + there[0] + " --click " + there[1] + "?";
 }
 
-// The pulse rate by the header against the records.
+// Compares the pulse rate in the header with that of the records.
 std::vector<std::string> PicoquantTags::rate_doubts() const {
   const double rate_hz = file_->number("TTResult_SyncRate").value_or(0);
   if (rate_hz <= 0) return {};
@@ -249,16 +249,15 @@ std::vector<std::string> PicoquantTags::rate_doubts() const {
   };
   if (records_.is_t3() ? !alike(share, 1) && !alike(share, divider) && !alike(share, 1 / divider)
                        : share > rate_share)
-    return {"pulses of " + number_text(rate_hz) +
-            " Hz by TTResult_SyncRate, but its times are in steps of " + number_text(unit_s) +
-            " s by MeasDesc_GlobalResolution"};
+    return {"TTResult_SyncRate is " + number_text(rate_hz) +
+            " Hz, but MeasDesc_GlobalResolution is " + number_text(unit_s) + " s"};
   const std::uint64_t pulses = by_channel_[sync_channel];
   if (records_.is_t3() || pulses < 100 || last_sync_ps_ <= first_sync_ps_) return {};
   const auto between_s = static_cast<double>((last_sync_ps_ - first_sync_ps_) / ps_per_s);
   const double counted_hz = static_cast<double>(pulses - 1) / between_s;
   if (alike(counted_hz, rate_hz) || alike(counted_hz, rate_hz / divider)) return {};
-  return {"pulses of " + number_text(rate_hz) + " Hz by TTResult_SyncRate, " +
-          number_text(counted_hz) + " Hz by its records"};
+  return {"pulse rate: TTResult_SyncRate is " + number_text(rate_hz) + " Hz, the records have " +
+          number_text(counted_hz) + " Hz"};
 }
 
 std::vector<std::string> PicoquantTags::doubts() const {
@@ -270,28 +269,28 @@ std::vector<std::string> PicoquantTags::doubts() const {
   if (behind || (stopped_s_ > 0 && (later(end_s, stopped_s_) ||
                                     later(stopped_s_, end_s + records_.wrap_ps() / ps_per_s))))
     out.push_back(
-        number_text(told_s) + " s by its header, " + number_text(end_s) + " s by its records" +
-        (behind ? ": records after the header's end are left out; is a record damaged?" : ""));
+        "duration: header " + number_text(told_s) + " s, records " + number_text(end_s) + " s" +
+        (behind ? ": records after the header's end are omitted; is a record damaged?" : ""));
   for (auto& text : rate_doubts()) out.push_back(std::move(text));
   if (records_.offset_ps() > 0)
     out.push_back("MeasDesc_Offset: " + number_text(records_.offset_ps() / 1000) +
-                  " ns were subtracted from the times of its clicks, and are added");
+                  " ns, subtracted from the click times by the device, are added");
   if (records_.behind_period() > 0)
     out.push_back(std::to_string(records_.behind_period()) +
-                  " clicks lie behind the sync's period of " +
+                  " clicks are later than the sync period of " +
                   number_text(records_.unit_ps() / ps_per_s) + " s: is MeasDesc_Resolution right?");
   if (const std::string text = comb_text(records_.step_ps(), use_.bin_width_ps); !text.empty())
     out.push_back(text);
   const double told = file_->number("TTResult_NumberOfRecords").value_or(0);
   if (told > 0 && told != static_cast<double>(count_))
-    out.push_back("its header states " + std::to_string(std::llround(told)) + " records, it has " +
-                  std::to_string(count_));
-  if (bytes_cut_ > 0) out.push_back("its last record is cut");
-  if (beyond_) out.push_back("a time beyond 106 days: the rest is left out");
+    out.push_back("the header states " + std::to_string(std::llround(told)) +
+                  " records, the file has " + std::to_string(count_));
+  if (bytes_cut_ > 0) out.push_back("the last record is truncated");
+  if (beyond_) out.push_back("time exceeds 106 days: the remaining records are omitted");
   const double divider = file_->number("HWSync_Divider").value_or(1);
   if (divider > 1 && !records_.is_t3())
-    out.push_back("its sync was divided by " + std::to_string(std::llround(divider)) +
-                  ": it contains only this share of the laser's pulses");
+    out.push_back("sync divider " + std::to_string(std::llround(divider)) +
+                  ": the file contains only this fraction of the laser pulses");
   std::string inputs;
   for (std::size_t c = 0; c < by_channel_.size(); ++c)
     if (by_channel_[c] > 0)

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// PicoQuant's time tags (.ptu) as the tags of a tagger.
+// Reads PicoQuant time tags (.ptu) as the tags of a tagger.
 // Source: Read_PTU.py of PicoQuant's demos. A record is a u32:
 //   HydraHarp, TimeHarp 260, MultiHarp, generic
 //     T2  31 special, 30:25 channel, 24:0 time    special 63: overflow of 33,554,432, as often as
@@ -29,27 +29,27 @@
 
 namespace echofuse::acquire {
 
-// The sync has this channel, input n the channel n.
+// Channel of the sync; input n has channel n.
 inline constexpr std::int32_t sync_channel = 0;
 
 // Pure.
 class PicoquantRecords {
  public:
-  // Throws Error(failed): no known type, no resolution above 0.
+  // Throws Error(failed) for an unknown type or a resolution that is not positive.
   // `offset`: MeasDesc_Offset, ns, which the device subtracted from the times of T3 clicks.
   PicoquantRecords(std::uint32_t type, double global_resolution_s, double resolution_s,
                    double offset = 0);
   bool is_t3() const { return t3_; }
-  // Appends the record's tags: none, one, or in T3 the pulse's start and its click. T3 files leave
-  // out pulses without a click, as behind a conditional filter. False: its time is beyond 2^63 ps.
+  // Appends the record's tags: none, one, or in T3 start and click of a pulse. T3 files omit pulses
+  // without a click, like a conditional filter. Returns false if the time exceeds 2^63 ps.
   bool add(std::uint32_t record, std::vector<Tag>& out);
   std::uint64_t markers() const { return markers_; }
   std::uint64_t behind_period() const { return behind_period_; }  // T3 clicks
   long double offset_ps() const { return offset_ps_; }
-  // Time of the last overflow, and the time between two, ps.
+  // Time of the last overflow, and the overflow period, ps.
   long double overflowed_ps() const { return static_cast<long double>(base_) * unit_ps_; }
   long double wrap_ps() const { return static_cast<long double>(wrap_) * unit_ps_; }
-  // Unit of the times, and the step of a click's distance from its start, ps.
+  // Unit of the times, and of the time from start to click, ps.
   long double unit_ps() const { return unit_ps_; }
   long double step_ps() const { return t3_ ? dtime_ps_ : unit_ps_; }
 
@@ -62,9 +62,10 @@ class PicoquantRecords {
   long double unit_ps_, dtime_ps_;
 };
 
-// Reads blocks of at most 10 ms. `use` tells the inputs and the bins that the tags are for. Tags
-// behind the end that the header states are left out: one damaged overflow may move it by days.
-// Throws Error(failed): no .ptu of known records, or a header of the other mode.
+// Reads blocks of at most 10 ms. `use` contains the inputs and the bins of the histogram. Tags
+// after the end time in the header are omitted, because one damaged overflow can shift times by
+// days. Throws Error(failed) if the file is not a .ptu, has unknown records or a header of the
+// other mode.
 class PicoquantTags final : public Recording {
  public:
   PicoquantTags(const std::string& path, const tdc::HistogramSettings& use);
@@ -74,7 +75,7 @@ class PicoquantTags final : public Recording {
   HostTime at() const override { return at_; }
   std::vector<Counter> counters() const override;
   std::vector<std::string> doubts() const override;
-  std::optional<UtcTime> began() const;  // as the file has it, in local time
+  std::optional<UtcTime> began() const;  // local time in the file
   bool began_twice() const;              // summer time ended in that hour
 
  private:
@@ -86,10 +87,10 @@ class PicoquantTags final : public Recording {
   std::unique_ptr<File> file_;
   PicoquantRecords records_;
   tdc::HistogramSettings use_;
-  double stopped_s_ = 0, header_s_ = 0;  // length by the header, s: measured, longest; 0: not known
+  double stopped_s_ = 0, header_s_ = 0;  // duration in the header, s: measured, limit; 0: unknown
   long double last_ps_ = 0;              // time of the last tag
   std::int64_t first_sync_ps_ = -1, last_sync_ps_ = 0;
-  std::vector<Tag> tags_;  // the block, then the tags of a record that goes on behind its end
+  std::vector<Tag> tags_;  // the block, then tags of its last record that belong to the next block
   std::vector<std::uint32_t> chunk_;
   std::size_t in_chunk_ = 0;
   HostTime at_{};

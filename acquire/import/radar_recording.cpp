@@ -46,8 +46,8 @@ RadarRecording::Reading RadarRecording::read(const RadarFrame& frame) const {
           frame.time_cpu_cycles};
 }
 
-// Places a frame after a restart of the board one period later, because its counter does not
-// contain the gap. A number that the next one does not follow is damaged.
+// Dates a frame after a restart of the board one period later, because the counter does not measure
+// the gap. A frame number is damaged if the next one does not follow it.
 void RadarRecording::step(Reading now, const Reading* next) {
   const std::uint32_t usual = 101 * profile_.subframes, most = profile_.subframes << 20;
   const std::uint32_t to_now = now.position - last_->position;
@@ -108,7 +108,7 @@ void RadarRecording::take(std::optional<RadarFrame> next, SampleSink& sink) {
   const std::size_t bins = frame->range_profile.size();
   if (bins > 0 && bins != profile_.bins) ++others_, other_bins_ = bins;
   frame->received = at_;
-  // A frame after a restart is no repetition of one before it.
+  // Equal numbers before and after a restart are different frames.
   epoch_ += frame->frame_number < std::exchange(number_, frame->frame_number);
   frame->time_cpu_cycles += epoch_;
   frame->subframes = profile_.subframes;
@@ -151,15 +151,15 @@ std::vector<std::string> RadarRecording::doubts() const {
                   " frames have no range profile");
   if (others_ > 0)
     out.push_back(std::to_string(others_) + " frames have " + std::to_string(other_bins_) +
-                  " bins, the cfg gives " + std::to_string(profile_.bins) +
+                  " bins; the cfg gives " + std::to_string(profile_.bins) +
                   (other_bins_ == profile_.bins + 4
                        ? ": the lengths of its TLVs include their headers, as in SDK 1"
                        : ": is it the recording's cfg?"));
-  add(restarts_, " restarts of the board", ": gaps of unknown length, left out");
+  add(restarts_, " restarts of the board", ": the gaps have unknown length and are omitted");
   add(paused_, " gaps in which the board's clock may have wrapped",
       ": their lengths are ambiguous, the shortest are used");
   if (2 * stood_ > c.frames)
-    out.push_back("the board's clock stands still in " + std::to_string(stood_ + 1) +
+    out.push_back("the board's clock stopped for " + std::to_string(stood_ + 1) +
                   " frames: their numbers and the cfg give the times");
   else
     add(impossible_, " frames have impossible times", ": their numbers and the cfg give the times");
@@ -173,7 +173,7 @@ std::vector<std::string> RadarRecording::doubts() const {
   if (std::abs(period_s - expected_s) > 0.05 * expected_s) {
     char text[120];
     std::snprintf(text, sizeof text,
-                  "frame period %.1f ms, expected %.1f ms by the cfg: is it the recording's cfg?",
+                  "frame period %.1f ms; expected %.1f ms from the cfg: is it the recording's cfg?",
                   1e3 * period_s, 1e3 * expected_s);
     out.emplace_back(text);
   }

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: MIT
-// Bytes of a radar's data port, as TI's Visualizer (.dat) and `run --keep-raw` record them.
-// The times are those of the board, whose cycle counter wraps every 21.47 s: a step of it is one
-// that frame number and cfg, or the next frame's, confirm. Else frame number and cfg make the step.
+// Reads the bytes of a radar's data port, recorded by TI's Visualizer (.dat) or `run --keep-raw`.
+// Times are from the board's cycle counter, which wraps every 21.47 s. A step of the counter is
+// used if frame number and cfg, or the next frame's counter, confirm it; otherwise frame number and
+// cfg give the step.
 #pragma once
 #include <cstdint>
 #include <optional>
@@ -35,20 +36,20 @@ class RadarRecording final : public Recording {
   };
   Reading read(const RadarFrame& frame) const;
   void step(Reading now, const Reading* next);
-  void take(std::optional<RadarFrame> next, SampleSink& sink);  // hands on the one before
+  void take(std::optional<RadarFrame> next, SampleSink& sink);  // passes on the previous frame
   std::string path_;
   RegularFile file_;
   radar::RadarProfile profile_;
   radar::FrameParser parser_;
   bool ended_ = false;
   Bytes beginning_;                 // start of the file
-  std::optional<RadarFrame> held_;  // until the next one shows whether its time is possible
-  std::optional<Reading> last_;     // with an accepted time
+  std::optional<RadarFrame> held_;  // until the next frame confirms its time
+  std::optional<Reading> last_;     // last frame with an accepted time
   HostTime last_at_{}, at_{};
   Oddity restarts_, paused_, impossible_;
   bool confirmed_ = false;                // a step was accepted
   std::uint64_t stood_ = 0;               // frames with the time of the last accepted one
-  std::uint64_t others_ = 0;              // frames of another number of bins
+  std::uint64_t others_ = 0;              // frames with another number of bins
   std::size_t other_bins_ = 0;            // the last of these numbers
   std::uint32_t number_ = 0, epoch_ = 0;  // last frame number; restarts so far
   double steps_ = 0, stepped_s_ = 0;  // periods by the frame numbers, and their time by the clock

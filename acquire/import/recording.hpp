@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// A recording of one device, as its samples in the order of the device's clock.
+// A recording of one device: samples in the order of the device's clock.
 #pragma once
 #include <string>
 #include <vector>
@@ -12,14 +12,14 @@ class Recording {
  public:
   virtual ~Recording() = default;
   virtual DeviceInfo device() const = 0;
-  // Hands the next samples to the sink, which has none of the other events. All are "received" at
-  // the time of the last one, counted from the recording's begin. False at the end. Throws
-  // Error(failed) if the file cannot be read on.
+  // Passes the next samples, and no other events, to the sink. Their receive time is that of the
+  // last sample, relative to the start of the recording. Returns false at the end. Throws
+  // Error(failed) on a read error.
   virtual bool next(SampleSink& sink) = 0;
   // Host time of the last samples.
   virtual HostTime at() const = 0;
   virtual std::vector<Counter> counters() const = 0;
-  // Sentences about missing or doubtful data, at the end of the recording.
+  // Texts about missing or doubtful data, after the end of the recording.
   virtual std::vector<std::string> doubts() const = 0;
 };
 

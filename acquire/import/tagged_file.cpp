@@ -37,8 +37,8 @@ TaggedFile::TaggedFile(const std::string& path) : path_(path), file_(path, ExitC
   char head[16] = {};
   const std::size_t there = file_.read({reinterpret_cast<std::uint8_t*>(head), sizeof head});
   if (there < sizeof head || until_nul(head, 8) != magic)
-    throw Error(ExitCode::failed, printable(path) + ": does not begin with " + magic +
-                                      ", as PicoQuant's files of this kind do");
+    throw Error(ExitCode::failed,
+                printable(path) + ": is not a PicoQuant file: does not begin with " + magic);
   tag_bytes_ = sizeof head;
   read_tags();
 }
@@ -70,7 +70,7 @@ void TaggedFile::read_tags() {
     if (used && tag.type == type_text)
       texts_[name] = until_nul(text.data(), std::min(text.size(), longest_text));
   }
-  throw Error(ExitCode::failed, printable(path_) + ": damaged: its header has no end");
+  throw Error(ExitCode::failed, printable(path_) + ": damaged: the header has no end");
 }
 
 std::optional<double> TaggedFile::number(const std::string& name) const {
@@ -89,7 +89,8 @@ std::int64_t TaggedFile::whole(const std::string& name, std::int64_t least,
   const double value = require(name);
   if (value >= static_cast<double>(least) && value <= static_cast<double>(most))
     return static_cast<std::int64_t>(value);
-  throw Error(ExitCode::failed, printable(path_) + ": its " + name + " cannot be");
+  throw Error(ExitCode::failed,
+              printable(path_) + ": invalid " + name + ": " + std::to_string(value));
 }
 
 std::string TaggedFile::text(const std::string& name) const {
@@ -115,7 +116,7 @@ std::optional<UtcTime> TaggedFile::time(const std::string& name) const {
   constexpr double day_of_1970 = 25569, day_of_2250 = 127'839, day_s = 86400;
   const auto days = number(name);
   if (!days || *days < day_of_1970 || *days > day_of_2250) return std::nullopt;
-  // A day as a double is known to less than 10 us.
+  // Days as a double have a resolution better than 10 us.
   const double since_s = std::round((*days - day_of_1970) * day_s * 1e3) / 1e3;
   const auto whole_s = static_cast<std::time_t>(since_s);
   std::tm local{};

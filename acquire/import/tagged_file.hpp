@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: MIT
-// PicoQuant's tagged files, .ptu. Source: PicoQuant's demos for these files
+// Header of PicoQuant's tagged files (.ptu). Source: PicoQuant's demos
 // (PicoQuant-Time-Tagged-File-Format-Demos, Read_PTU.py). Little-endian:
 //   u8[8] "PQTTTR", u8[8] version, then tags up to the one named Header_End:
-//   char[32] name, i32 index (-1: none), u32 type, 8 bytes of value; of the types with ffff at
-//   their end the value is the number of bytes that follow. After the tags: records.
+//   char[32] name, i32 index (-1: none), u32 type, 8 bytes of value; for types that end with ffff
+//   the value is the number of bytes that follow. Records follow the tags.
 #pragma once
 #include <cstdint>
 #include <map>
@@ -17,23 +17,23 @@ namespace echofuse::acquire {
 
 class TaggedFile {
  public:
-  // Reads the tags. Throws Error(failed): it is no such file, or its tags are damaged.
+  // Reads the tags. Throws Error(failed) for another file type or damaged tags.
   explicit TaggedFile(const std::string& path);
 
-  // Number of a tag without an index; none if there is no such tag, or it has no number.
+  // Returns the number of a tag without an index; empty if the tag or its number is missing.
   std::optional<double> number(const std::string& name) const;
-  // Number of a tag; throws Error(failed) that names the tag.
+  // Returns the number of a tag. Throws Error(failed) with the tag's name if it is missing.
   double require(const std::string& name) const;
-  // A whole number from `least` to `most`; else throws as well.
+  // Like require(), for integers from `least` to `most`.
   std::int64_t whole(const std::string& name, std::int64_t least, std::int64_t most) const;
-  std::string text(const std::string& name) const;  // empty if there is none
-  // Time of a tag. The files store local days since 1899-12-30, read in this machine's time zone.
-  // None if the tag is missing or its time is not between 1970 and 2250.
+  std::string text(const std::string& name) const;  // empty if missing
+  // Returns the time of a tag, stored as local days since 1899-12-30 and read in this machine's
+  // time zone. Empty if the tag is missing or its time is not between 1970 and 2250.
   std::optional<UtcTime> time(const std::string& name) const;
-  // Whether that local time came twice, as summer time ended.
+  // Returns true if that local time occurred twice because summer time ended.
   bool came_twice(const std::string& name) const;
   const std::string& path() const { return path_; }
-  const RegularFile& file() const { return file_; }  // positioned where the tags end
+  const RegularFile& file() const { return file_; }  // positioned at the end of the tags
 
  private:
   void read_tags();

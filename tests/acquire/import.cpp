@@ -140,7 +140,7 @@ TEST_CASE("import: T2 and T3 of equal data give equal records") {
       {.files = {folder / "a.ptu"}, .began = "2024-02-07T12:34:56.5Z", .out = folder / "a.sqlite"});
   const std::string said =
       acquire::import_recordings(config, {.files = {folder / "b.ptu"}, .out = folder / "b.sqlite"});
-  CHECK(has(said, "its header states 218 records, it has 209"));
+  CHECK(has(said, "the header states 218 records, the file has 209"));
   CHECK(has(said, "start time unknown"));
   const record::RunReader a(folder / "a.sqlite"), b(folder / "b.sqlite");
   CHECK(a.info().started_utc == "2024-02-07T12:34:56.500Z");
@@ -212,31 +212,31 @@ TEST_CASE("import: header of a .ptu is compared with its records") {
   CHECK((said.first == ExitCode::ok && has(said.second, "2 records, spd in 2\n")));
 
   says(header(is_t2, 1e-12, 0).whole("Measurement_Mode", 3).end().data(light), ExitCode::failed,
-       "Measurement_Mode is T3, TTResultFormat_TTTRRecType says records of T2");
+       "Measurement_Mode is T3, TTResultFormat_TTTRRecType is T2");
   says(header(is_t3, 1e-4, 1e-12).whole("Measurement_Mode", 2).end().data(light), ExitCode::failed,
        "Measurement_Mode is T2");
   // the dark period is as long as its overflows
   const auto dark = words(3'000'000'000'000, special, 0);
   const auto ended =
       import(header(is_t2, 1e-12, 0).whole("TTResult_StopAfter", 3000).end().data(dark));
-  CHECK((has(ended.second, "6 records, spd in 2\n") && !has(ended.second, "by its header")));
+  CHECK((has(ended.second, "6 records, spd in 2\n") && !has(ended.second, "duration")));
   says(header(is_t2, 1e-12, 0).whole("TTResult_StopAfter", 5000).end().data(dark), ExitCode::ok,
-       "spd: 5 s by its header, 3 s by its records\n");
+       "spd: duration: header 5 s, records 3 s\n");
   // an overflow of 1126 s
   auto jumps = light;
   jumps.insert(jumps.begin() + std::ssize(jumps) * 3 / 4, special | t2(63, 0x1ffffff));
   says(header(is_t2, 1e-12, 0).whole("MeasDesc_AcquisitionTime", 1000).end().data(jumps),
        ExitCode::ok, "2 records, spd in 1\n");
   says(header(is_t2, 1e-12, 0).whole("MeasDesc_AcquisitionTime", 1000).end().data(jumps),
-       ExitCode::ok, "spd: 1 s by its header, 1126.9 s by its records: records after");
+       ExitCode::ok, "spd: duration: header 1 s, records 1126.9 s: records after");
   jumps.assign({special, 5000, special | t2(63, 0x1ffffff), special, 5000});
   says(header(is_t2, 1e-12, 0).end().data(jumps), ExitCode::failed,
-       "its times reach 1126 s, more slots than the file has bytes");
+       "its times reach 1126 s, with more slots than the file has bytes");
 
   says(header(is_t2, 1e-12, 0).end().data(words(0, t2(0, 0), t2(1, 0))), ExitCode::failed,
-       "no event on --start 0; there are inputs 1, 2: --start 1 --click 2?");
+       "no event on --start 0; inputs with events: 1, 2: --start 1 --click 2?");
   says(header(is_t2, 1e-12, 0).end().data(words(0, special, t2(2, 0))), ExitCode::failed,
-       "no event on --click 1; there are inputs 0, 3: --start 0 --click 3?");
+       "no event on --click 1; inputs with events: 0, 3: --start 0 --click 3?");
   // a tenth of a slot
   std::vector<std::uint32_t> begun(light.begin(), light.begin() + std::ssize(light) / 20);
   begun.push_back(special | t2(63, 100'000));
@@ -244,11 +244,11 @@ TEST_CASE("import: header of a .ptu is compared with its records") {
   says(header(is_t2, 1e-12, 0).end(), ExitCode::failed,
        "no event on --start 0; events by input: none");
   says(header(is_t2, 1e-12, 0).end().data(light).data(std::vector<std::uint8_t>{1, 2, 3}),
-       ExitCode::ok, "its last record is cut");
+       ExitCode::ok, "the last record is truncated");
   for (const char* why :
        {"tags have steps of 250 ps, so bins of 100 ps have uneven widths; use --set "
         "tdc.bin_width_ps=250",
-        "no click lies within tdc.first_bin_ps and tdc.bins"})
+        "no click is within the histogram (tdc.first_bin_ps, tdc.bins)"})
     says(header(is_t2, 250e-12, 0).end().data(light), ExitCode::ok, why);
   std::vector<std::uint32_t> pulses;
   for (std::uint32_t k = 0; k < 1000; ++k) pulses.push_back(t3(0, 200, k));
@@ -256,15 +256,15 @@ TEST_CASE("import: header of a .ptu is compared with its records") {
     CHECK(has(import(
                   header(is_t3, 1e-3, 25e-12).real("TTResult_SyncRate", rate_hz).end().data(pulses))
                   .second,
-              "by TTResult_SyncRate") == (rate_hz == 1e6));
+              "TTResult_SyncRate") == (rate_hz == 1e6));
 
   says(header(is_t2, 1e-12, 0).real("TTResult_SyncRate", 80e6).end().data(light), ExitCode::ok,
-       "pulses of 8e+07 Hz by TTResult_SyncRate, 1000 Hz by its records");
+       "pulse rate: TTResult_SyncRate is 8e+07 Hz, the records have 1000 Hz");
   CHECK_FALSE(
       has(import(header(is_t2, 1e-12, 0).real("TTResult_SyncRate", 1e3).end().data(light)).second,
           "TTResult_SyncRate"));
   says(header(is_t3, 1e-6, 25e-9).end().data(pulses), ExitCode::failed,
-       "1000 clicks lie behind the sync's period of 1e-06 s: is MeasDesc_Resolution right?");
+       "1000 clicks are later than the sync period of 1e-06 s: is MeasDesc_Resolution right?");
   auto swapped = light;
   for (std::size_t i = 1; i < swapped.size(); ++i)
     if (swapped[i] >> 25 == 0 && swapped[i - 1] >> 25 == special >> 25)
@@ -332,15 +332,15 @@ TEST_CASE("import: invalid recordings are refused in one line") {
     CHECK_FALSE(testing::fs::exists(folder / "run.sqlite"));
   };
   refuses("a.ptu", 1, "does not begin with PQTTTR");
-  refuses("b.ptu", 1, "its header has no end");
+  refuses("b.ptu", 1, "the header has no end");
   refuses("a.dat", 3, "the board's .cfg is missing");
   write_file(folder / "a.phu", "");
-  refuses("a.phu", 2, "histograms become a run by echofuse.write_run");
+  refuses("a.phu", 2, "convert histograms with echofuse.write_run");
   refuses("a.ttbin", 2, "only the Time Tagger's library reads .ttbin");
   refuses("lab.toml", 2, "expected NAME.dat (radar), NAME.ptu or one folder");
   refuses("nowhere", 2, "nowhere: no such file or folder");
   testing::fs::create_directory(folder / "kept");
-  refuses("kept --cfg " + folder / "radar.cfg", 2, "--cfg does not go with a folder");
+  refuses("kept --cfg " + folder / "radar.cfg", 2, "--cfg cannot be used with a folder");
   write_file(folder / "kept/run.times", "");
-  refuses("kept --began 2026-11-26", 2, "--began does not go with raw captures");
+  refuses("kept --began 2026-11-26", 2, "--began cannot be used with raw captures");
 }

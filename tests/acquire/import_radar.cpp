@@ -104,7 +104,7 @@ TEST_CASE("import: radar times come from its clock, checked with the frame numbe
         "1 frames have impossible times (frame 1 at the start): their numbers");
   RadarFile still, twos;
   for (std::uint32_t n = 1; n <= 60; ++n) still.frame(n, 0), twos.frames(1 + n % 2, 1 + n % 2);
-  check(still, {20, 20, 20}, "the board's clock stands still in 60 frames: their numbers");
+  check(still, {20, 20, 20}, "the board's clock stopped for 60 frames: their numbers");
   check(twos, even, "restarts of the board");
   RadarFile points;
   points.tlv = 1;
@@ -116,12 +116,12 @@ TEST_CASE("import: radar times come from its clock, checked with the frame numbe
           number == 36 ? "16 frames are missing" : "");
   check(RadarFile().frames(1, 20).frames(1, 20).frames(1, 20, 7), even,
         "2 restarts of the board (between frames 20 and 1 at 0.95 s, between frames 20 and 1 "
-        "at 1.95 s): gaps of unknown length");
+        "at 1.95 s): the gaps have unknown length");
   check(RadarFile().frames(1, 40).frames(41, 60, wrap_s + 1), {21, 19, 1, 19},
         "1 gaps in which the board's clock may have wrapped (between frames 40 and 41 at 1.95 s by "
         "1.05 s + n "
         "x 21.47 s): their lengths are ambiguous");
-  const std::string other = " ms, expected 50.0 ms by the cfg: is it the recording's cfg?";
+  const std::string other = " ms; expected 50.0 ms from the cfg: is it the recording's cfg?";
   check(RadarFile{.period_s = 0.0998}.frames(1, 20), {11, 9}, "frame period 99.8" + other);
   check(RadarFile{.period_s = 0.499}.frames(1, 20), {3, 2, 2, 2, 2, 2, 2, 2, 2, 1},
         "frame period 499.0" + other);
@@ -154,7 +154,7 @@ TEST_CASE("import: radar recording without a profile is refused with the cause")
   refuses(RadarFile{.tlv = 1}.frames(1, 20).bytes,
           "no frame has a range profile: guiMonitor's third");
   refuses(RadarFile{.bins = 256}.frames(1, 20).bytes,
-          "20 frames have 256 bins, the cfg gives 64: is it");
+          "20 frames have 256 bins; the cfg gives 64: is it");
   Bytes part = RadarFile().frames(1, 1).bytes;
   part.resize(100);
   refuses(part, "it contains only a part of a frame");

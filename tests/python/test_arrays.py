@@ -53,9 +53,9 @@ def test_a_row_of_nan_is_a_record_without_the_sensor(tmp_path):
     ("has neither spd.npy", {}),
     ("radar: has 4 rows", {"spd": np.ones((3, 5)), "radar": np.ones((4, 4))}),
     ("spd: its shape is [15]; expected 2 dimensions", {"spd": np.ones(15)}),
-    ("expected counts from 0 on", {"spd": -np.ones((3, 5))}),
-    ("multiply by 16, if each row is a mean of that number", {"spd": np.arange(15).reshape(3, 5) / 16}),
-    ("multiply a normalised histogram by its photons", {"spd": np.random.default_rng(1).random((3, 5))}),
+    ("expected counts of 0 or more", {"spd": -np.ones((3, 5))}),
+    ("multiply by 16 if each row is a mean of that number", {"spd": np.arange(15).reshape(3, 5) / 16}),
+    ("multiply a normalised histogram by its photon number", {"spd": np.random.default_rng(1).random((3, 5))}),
     ("spd: has no rows", {"spd": np.ones((0, 5))}),
     ("nothing to import: 3 records, none with a valid sensor", {"spd": np.full((3, 5), np.nan)}),
     ("expected that of radar.npy and of radar.antennas",
@@ -160,7 +160,7 @@ def test_an_odd_map_is_left_out(tmp_path):
     run = write(tmp_path / "own", depth_m=depth, began="2024-02-07", **scene())
     assert np.flatnonzero(~run.valid["depth"]).tolist() == [3]
     assert run.told()["depth_verdict"][3].startswith("odd: its median is 7 mm")
-    assert "1 of 12 maps are odd and left out" in events(run)[0]
+    assert "1 of 12 maps are implausible and omitted" in events(run)[0]
     assert np.isnan(run.depth[5, :2]).all() and not np.isnan(run.depth[5, 2:]).any()
 
 
@@ -172,7 +172,7 @@ def test_a_shape_is_compared_before_memory_is_taken(tmp_path):
     (tmp_path / "run.toml").write_text("")
     done = subprocess.run([ACQUIRE, "import", tmp_path, "--out", tmp_path / "own"], capture_output=True, text=True, check=False,
                           preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (1 << 30, 1 << 30)))
-    assert done.returncode == 1 and "has 4294967301 values a record; expected at most" in done.stderr
+    assert done.returncode == 1 and "has 4294967301 values per record; expected at most" in done.stderr
 
 
 def test_the_radar_s_response_and_antennas_are_stated(tmp_path):

@@ -67,7 +67,7 @@ def test_a_copy_keeps_the_zones(tmp_path):
     ("spd.zones has 2 zones; expected spd.npy [n, zones, bins]", {"radar": np.ones((3, 5)), "zones": TWO}),
     ("has 65 zones; expected at most 64", {"spd": counts(histograms=65)}),
     ("expected \"X Y WIDTH\" or \"X Y WIDTH ZERO_PS\"", {"spd": counts(), "zones": [(0, 0, 0.1), (0, 0, 0)]}),
-    ("expected 2 dimensions, a row for each record, or 3: [records, zones, bins]", {"spd": np.ones((3, 2, 2, 2))}),
+    ("expected 2 dimensions, one row per record, or 3: [records, zones, bins]", {"spd": np.ones((3, 2, 2, 2))}),
 ])
 def test_zones_that_do_not_fit_are_refused(tmp_path, said, arrays):
     with pytest.raises(RuntimeError) as refused:

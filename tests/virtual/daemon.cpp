@@ -158,7 +158,7 @@ TEST_CASE("raw capture without a slot or with missing bytes is refused") {
   SECTION("more bytes") { why = "tags.times: lists more bytes than 1 files contain"; }
   SECTION("no line") {
     text = "1000000000 open\n";
-    why = "tags.times: expected TIME WHAT VALUE, it has \"1000000000 open\"";
+    why = "tags.times: expected TIME WHAT VALUE, found \"1000000000 open\"";
   }
   SECTION("no slot") {
     name = "run.times", why = "run.times: the raw capture has no complete slot";
