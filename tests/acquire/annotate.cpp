@@ -34,7 +34,7 @@ std::set<std::string> names_in(const std::string& folder) {
 
 }  // namespace
 
-TEST_CASE("a note replaces a closed run by a copy of the same owner and mode, behind links") {
+TEST_CASE("annotate replaces a closed run's file, keeps its owner and mode, and follows links") {
   const Folder folder;
   fs::create_directory(folder / "real");
   const std::string path = folder / "real/a.sqlite", link = folder / "link.sqlite";
@@ -60,7 +60,7 @@ TEST_CASE("a note replaces a closed run by a copy of the same owner and mode, be
   CHECK(is_closed(path));
 }
 
-TEST_CASE("a note waits for the lock of a closed run") {
+TEST_CASE("annotate waits for the lock of a closed run") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
   write_run(path, 3);
@@ -76,7 +76,7 @@ TEST_CASE("a note waits for the lock of a closed run") {
   CHECK(RunReader(path).events().size() == 1);
 }
 
-TEST_CASE("a note that does not fit on the disk leaves the run unchanged") {
+TEST_CASE("annotate leaves the run unchanged if the disk is full") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
   write_run(path, 3);
@@ -90,7 +90,7 @@ TEST_CASE("a note that does not fit on the disk leaves the run unchanged") {
   CHECK(names_in(folder.path) == names);
 }
 
-TEST_CASE("kill -9 of annotate leaves the old or the new file, and no file of SQLite next to it") {
+TEST_CASE("kill -9 of annotate leaves the old or the new file and no SQLite side files") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
   write_run(path, 200);

@@ -57,7 +57,7 @@ std::string refusal(const ArrayFrames& frames, std::size_t bin = reflector) {
 
 }  // namespace
 
-TEST_CASE("antennas: gains and phases are found within their standard errors") {
+TEST_CASE("antenna calibration finds gains and phases within their standard errors") {
   const World w;
   double squares = 0;
   int values = 0;
@@ -80,7 +80,7 @@ TEST_CASE("antennas: gains and phases are found within their standard errors") {
   CHECK(squares / values == Approx(1).margin(0.15));
 }
 
-TEST_CASE("antennas: missing peak, several waves or a dead antenna are refused") {
+TEST_CASE("antenna calibration refuses a missing peak, several waves and a dead antenna") {
   World w;
   CHECK(refusal(frames_of(w, 7, 1)) == "fewer than 8 frames with antenna samples received");
   CHECK(has(refusal(frames_of(w, 20, 1), 9), "no peak in the antenna samples at the reflector: "));
@@ -95,7 +95,7 @@ TEST_CASE("antennas: missing peak, several waves or a dead antenna are refused")
   CHECK(refusal(ArrayFrames(20, std::vector<std::int16_t>(bins * 16))) != "");
 }
 
-TEST_CASE("antennas: differences between repeats increase the errors") {
+TEST_CASE("differences between repeats increase the standard errors of the antenna calibration") {
   const World w;
   AntennaGains all = fit_antennas(frames_of(w, 80, 3), 8, reflector).gains;
   const AntennaGains before = all;
@@ -114,7 +114,7 @@ TEST_CASE("antennas: differences between repeats increase the errors") {
   CHECK(largest_residual(slipped, before) == Approx(7 / std::sqrt(2.0)));
 }
 
-TEST_CASE("antennas: calibration file stores them, and is valid without them") {
+TEST_CASE("antenna gains and phases are optional in a calibration file") {
   const Folder folder;
   const std::string path = folder / "c.toml";
   Calibration c;
@@ -143,7 +143,7 @@ TEST_CASE("antennas: calibration file stores them, and is valid without them") {
   CHECK(refused("gain = \"1 1\"\nphase_rad = \"0 0 0\"\nstandard_error = \"0 0\"\n"));
 }
 
-TEST_CASE("antennas: configuration combines positions of the board and calibrated gains") {
+TEST_CASE("antennas combine the board's positions with the calibrated gains") {
   const Folder folder;
   const std::string path = folder / "lab.toml",
                     radar = echofuse::test::source_dir + "/config/radar/";

@@ -34,7 +34,7 @@ TEST_CASE("calibration file reads back as written") {
   CHECK(back.firmware->lines == 7);
 }
 
-TEST_CASE("calibration keeps values that were not measured again") {
+TEST_CASE("a new calibration keeps stored values of sensors that it did not measure") {
   Calibration stored, fresh;
   stored.entries = {{Sensor::spd, "old", "m", 1, 0.1, 1e-4},
                     {Sensor::radar, "old", "m", 1, 0.2, 1e-4}};

@@ -109,7 +109,7 @@ TEST_CASE("config check prints ok or all faults, config show prints values with 
   CHECK(acquire("config check --config /dev/stdin < " + path).code == 0);
 }
 
-TEST_CASE("FIFO instead of a file is refused without waiting") {
+TEST_CASE("a FIFO given as a file is refused without blocking") {
   const Folder folder;
   write_run(folder / "a.sqlite", 2);
   REQUIRE(::mkfifo((folder / "f.sqlite").c_str(), 0666) == 0);
@@ -131,7 +131,7 @@ TEST_CASE("FIFO instead of a file is refused without waiting") {
   CHECK(acquire("info " + folder / "a.sqlite").code == 0);
 }
 
-TEST_CASE("failed output gives an error exit code") {
+TEST_CASE("commands exit with an error if standard output fails") {
   const Folder folder;
   write_run(folder / "a.sqlite", 2);
   write_file(folder / "lab.toml", "[tdc]\naddress = \"bridge:tcp://127.0.0.1:9\"\n");
@@ -146,7 +146,7 @@ TEST_CASE("failed output gives an error exit code") {
   }
 }
 
-TEST_CASE("doctor checks the machine without a configuration, an invalid one stops it") {
+TEST_CASE("doctor runs without a configuration and stops at an invalid one") {
   const Folder folder;
   const std::string here =
       "cd " + folder / "" + " && " + echofuse::test::bin_dir + "/echofuse-acquire doctor";
@@ -194,7 +194,7 @@ TEST_CASE("metadata without a value and a read-only folder are refused") {
   CHECK(has(o.text, "closed/a.sqlite: its folder is not writable: Permission denied"));
 }
 
-TEST_CASE("calibrate needs no calibration, and does not overwrite an unreadable one") {
+TEST_CASE("calibrate works without a calibration file and never overwrites an unreadable one") {
   const Folder folder;
   write_file(folder / "lab.toml",
              "[run]\nconnect_timeout_s = 0.2\ncalibration = \"c.toml\"\n" + tdc_nowhere);
@@ -211,7 +211,7 @@ TEST_CASE("calibrate needs no calibration, and does not overwrite an unreadable 
           "no data from the devices to calibrate after 0.2 s");
 }
 
-TEST_CASE("silent devices give one line each, and no file") {
+TEST_CASE("run reports each silent device in one line and creates no file") {
   const Folder folder;
   write_file(folder / "lab.toml",
              "[run]\nconnect_timeout_s = 0.3\n" + tdc_nowhere + "[radar]\ncli = \"serial:" +
@@ -231,7 +231,7 @@ TEST_CASE("silent devices give one line each, and no file") {
   CHECK(list[0]["answers"] == false);
 }
 
-TEST_CASE("devices without a configuration lists the attached devices") {
+TEST_CASE("devices lists attached devices if no configuration exists") {
   const Folder folder;
   const Outcome o = shell("cd " + folder / "" + " && " + echofuse::test::bin_dir +
                           "/echofuse-acquire devices --json");
@@ -259,7 +259,7 @@ TEST_CASE("info describes a run") {
   CHECK(has(acquire("info " + run).text, "6 records, complete"));
 }
 
-TEST_CASE("run can be named by its file or by its --out name") {
+TEST_CASE("a run can be named by its file or by its --out name") {
   const Folder folder;
   write_run(folder / "m1.sqlite", 2);
   write_run(folder / "plain", 3);
@@ -272,7 +272,7 @@ TEST_CASE("run can be named by its file or by its --out name") {
   refuses("annotate " + folder / "m2" + " door", 1, "m2.sqlite: ");
 }
 
-TEST_CASE("name that is not UTF-8 is escaped in JSON and refused for new runs") {
+TEST_CASE("a name that is not UTF-8 is escaped in JSON and refused for new runs") {
   const Folder folder;
   const std::string name = folder / "m\xff.sqlite";
   write_run(name, 1);

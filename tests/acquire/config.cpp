@@ -31,7 +31,9 @@ TEST_CASE("shipped configuration loads with its radar cfg") {
   CHECK(has(config.unfinished[1], "config/lab.toml:39:1: radar.data: still has"));
 }
 
-TEST_CASE("a missing program of alert.on_doubt is a fault with its place, but no obstacle") {
+TEST_CASE(
+    "a missing alert.on_doubt program is reported with its position and does not stop the "
+    "loading") {
   const Folder folder;
   const std::string path = folder / "a.toml";
   write_file(path, "[depth]\naddress = \"openni:\"\n[alert]\non_doubt = [\"./alert\", \"lab\"]\n");
@@ -46,7 +48,7 @@ TEST_CASE("a missing program of alert.on_doubt is a fault with its place, but no
   CHECK(load_config(path, {"alert.on_doubt=[\"sh\"]"}).unfinished.empty());
 }
 
-TEST_CASE("resolved configuration loads again") {
+TEST_CASE("the printed resolved configuration can be loaded") {
   const Folder folder;
   write_file(folder / "a.toml",
              "[depth]\naddress = \"openni:\"\nmap_size = 256\nmap_half_tangent = "
@@ -64,7 +66,7 @@ TEST_CASE("resolved configuration loads again") {
   CHECK(has(refusal(folder / "a.toml", {"depth.map_size=257"}).second, "depth.map_size"));
 }
 
-TEST_CASE("all faults are reported together, with line and column") {
+TEST_CASE("all configuration errors are reported together, with line and column") {
   const Folder folder;
   const std::string path = folder / "a.toml";
   write_file(path, "[run]\nwindow = 3\n[tdc]\nbins = \"many\"\n[depth]\naddres = \"openni:\"\n");
@@ -76,7 +78,7 @@ TEST_CASE("all faults are reported together, with line and column") {
   CHECK(has(text, path + ":6:1: unknown key \"depth.addres\""));
 }
 
-TEST_CASE("inconsistent keys are refused") {
+TEST_CASE("inconsistent configuration keys are refused") {
   const Folder folder;
   const std::string path = folder / "a.toml";
   SECTION("no device") {
@@ -152,7 +154,7 @@ TEST_CASE("inconsistent keys are refused") {
             "--set radar.policy=required: required sensor without an address: radar.cli is empty"));
     CHECK(has(refusal(path, {"tdc.policy=must"}).second, "\"optional\" \"required\""));
   }
-  SECTION("consequences of a fault are not reported") {
+  SECTION("follow-on errors are not reported") {
     for (const char* text :
          {"[tdc]\naddress = bridge:tcp://h:1\n", "[tdc]\naddress = 5\n", "[tdc\naddress = \"x\"\n",
           "[tdc]\naddress = \"bridge:tcp://h:1\"\nstart_channel = 07\nclick_channel = 1\n",

@@ -32,7 +32,7 @@ Config tagger_at(const std::string& address) {
 
 }  // namespace
 
-TEST_CASE("device lock names its holder and is free after its exit") {
+TEST_CASE("a device lock names its holder and is released when the holder exits") {
   const Locks locks;
   const Config config = tagger_at("bridge:tcp://h:1");
   const std::string path = locks / lock_name(config.tdc.address), run = "/data/a b\n.sqlite";
@@ -56,7 +56,7 @@ TEST_CASE("device lock names its holder and is free after its exit") {
   CHECK(DeviceLocks(config, "run").other(Sensor::spd)->run.empty());
 }
 
-TEST_CASE("invalid lock file is a fault of the device") {
+TEST_CASE("an invalid lock file is reported as a device fault") {
   const Locks locks;
   const Config config = tagger_at("bridge:tcp://h:1");
   std::ofstream(locks / lock_name(config.tdc.address)) << "precious";
@@ -70,7 +70,7 @@ TEST_CASE("invalid lock file is a fault of the device") {
   }
 }
 
-TEST_CASE("lock name depends on the device address") {
+TEST_CASE("the name of a device lock depends on the address") {
   const test::Folder folder;
   std::ofstream(folder / "record.oni") << "";
   CHECK_THAT(lock_name("serial:/dev/ttyUSB0"), Catch::StartsWith("echofuse-serial-"));

@@ -59,7 +59,7 @@ struct Calls {
 
 }  // namespace
 
-TEST_CASE("doubt hook is called once per change, without a shell between") {
+TEST_CASE("the doubt hook is called once per change, without a shell") {
   Calls calls;
   const char* verdicts[] = {"ok", "weak: 3 clicks", "weak: 4 clicks", "", "ok"};
   for (std::int64_t i = 0; i < 5; ++i) {
@@ -73,7 +73,7 @@ TEST_CASE("doubt hook is called once per change, without a shell between") {
   CHECK(calls.warnings.empty());
 }
 
-TEST_CASE("doubt hook waits for the limits of missing data and of the disk") {
+TEST_CASE("the doubt hook is called only beyond the limits for missing data and disk space") {
   Calls calls({.no_data_s = 2.5, .disk_free_gb = 1});
   for (std::int64_t i = 0; i < 5; ++i) {
     calls.hook.take(record_of(i, i == 0 ? "ok" : ""), both, "/runs/a");
@@ -86,7 +86,7 @@ TEST_CASE("doubt hook waits for the limits of missing data and of the disk") {
 }
 
 TEST_CASE(
-    "doubt hook is killed after 10 s with the programs that it started, then the next one starts") {
+    "the doubt hook and its child processes are killed after 10 s, then the next call starts") {
   Calls calls({}, "sleep 60 & sleep 60");
   for (const char* verdict : {"weak: 1", "ok"})
     calls.hook.take(record_of(0, verdict), both, "/runs/a");
@@ -99,7 +99,7 @@ TEST_CASE(
   CHECK(calls.warnings.size() == 2);
 }
 
-TEST_CASE("doubt hook reports its failures, and refuses a missing program") {
+TEST_CASE("the doubt hook reports failures and refuses a missing program") {
   Calls calls({}, "exit 7");
   calls.hook.take(record_of(0, "weak: 1"), both, "/runs/a");
   calls.finish();
@@ -109,7 +109,7 @@ TEST_CASE("doubt hook reports its failures, and refuses a missing program") {
   CHECK_THROWS_AS(DoubtHook({"no-such-program-anywhere"}, {}, {}), Error);
 }
 
-TEST_CASE("doubt hook keeps at most 16 waiting changes and reports the others") {
+TEST_CASE("the doubt hook queues at most 16 changes and reports dropped ones") {
   Calls calls;
   for (std::int64_t i = 0; i < 20; ++i)
     calls.hook.take(record_of(i, i % 2 ? "ok" : "weak: 1"), both, "/runs/a");
@@ -118,8 +118,7 @@ TEST_CASE("doubt hook keeps at most 16 waiting changes and reports the others") 
         "alert.on_doubt: radar weak not reported, because earlier calls still wait");
 }
 
-TEST_CASE(
-    "doubt hook reports waiting changes at the end of the run, and names those that it drops") {
+TEST_CASE("at the end of a run the doubt hook reports queued changes and names dropped ones") {
   SECTION("short programs") {
     Calls calls;
     calls.hook.take(record_of(0, "weak: 1"), both, "/runs/a");
@@ -128,7 +127,7 @@ TEST_CASE(
     CHECK(calls.lines().size() == 2);
     CHECK(calls.warnings.empty());
   }
-  SECTION("a program that does not end") {
+  SECTION("program that never exits") {
     Calls calls({}, "sleep 30");
     calls.hook.take(record_of(0, "weak: 1"), both, "/runs/a");
     calls.hook.take_disk(1, {}, "/runs/a");

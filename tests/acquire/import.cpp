@@ -116,7 +116,7 @@ TEST_CASE("import: records of all PicoQuant devices are decoded") {
   CHECK(error_of([] { acquire::PicoquantRecords(0x00010304, 1e-7, 0); }).first == ExitCode::failed);
 }
 
-TEST_CASE("import: T2 and T3 of equal data give equal records") {
+TEST_CASE("import: T2 and T3 recordings of the same photons give equal records") {
   const Folder folder;
   // 1 s of a laser at 10 kHz, a click 5 ns after each 50th pulse.
   std::vector<std::uint32_t> as_t2, as_t3;
@@ -160,7 +160,7 @@ TEST_CASE("import: T2 and T3 of equal data give equal records") {
   }
 }
 
-TEST_CASE("import: header of a .ptu is compared with its records") {
+TEST_CASE("import: the header of a .ptu file is checked against its records") {
   const Folder folder;
   const acquire::Config config = config_of(folder);
   // T2: 1 s of a laser at 1 kHz with a click 5 ns after each pulse, then the dark.
@@ -303,7 +303,7 @@ TEST_CASE("import: ambiguous local time at the end of summer time is reported") 
   ::tzset();
 }
 
-TEST_CASE("import: time is UTC or has an offset") {
+TEST_CASE("import: the start time must be UTC or have an offset") {
   const auto at = [](const char* text) { return acquire::parse_utc(text).count() / 1'000'000; };
   CHECK(at("2024-02-07T13:34:56.5+01:00") == at("2024-02-07T12:34:56.5Z"));
   CHECK(at("2024-02-07 07:04:56.5-0530") == at("2024-02-07T12:34:56.5"));

@@ -74,7 +74,7 @@ RadarImport import_radar(const Bytes& bytes, const std::string& cfg = "xwr68xx_p
 
 }  // namespace
 
-TEST_CASE("import: radar times come from its clock, checked with the frame numbers") {
+TEST_CASE("import: radar times come from the device clock and are checked against frame numbers") {
   using Used = std::vector<std::uint64_t>;
   const auto check = [](const RadarFile& file, const Used& used, const std::string& saying) {
     const RadarImport i = import_radar(file.bytes);
@@ -127,7 +127,7 @@ TEST_CASE("import: radar times come from its clock, checked with the frame numbe
         "frame period 499.0" + other);
 }
 
-TEST_CASE("import: radar recording without a profile is refused with the cause") {
+TEST_CASE("import: a radar recording without a range profile is refused with the reason") {
   const auto refuses = [](const Bytes& bytes, const std::string& saying) {
     const RadarImport i = import_radar(bytes);
     CHECK(i.used.empty());

@@ -59,7 +59,7 @@ void ends_in_time(Journal& journal) {
 
 }  // namespace
 
-TEST_CASE("jobs are done in order, and before the run is closed") {
+TEST_CASE("the journal writes jobs in order and before it closes the run") {
   const Folder folder;
   Journal journal(open_run(folder / "a.sqlite"), loop);
   for (std::int64_t i = 0; i < 30; ++i) {
@@ -76,7 +76,7 @@ TEST_CASE("jobs are done in order, and before the run is closed") {
   for (const auto& event : run.events()) CHECK(event.text == "1");
 }
 
-TEST_CASE("slow disk loses data but no rows, a stalled disk ends the run") {
+TEST_CASE("on a slow disk rows lose their data, a stalled disk ends the run") {
   const Folder folder;
   Journal journal(open_run(folder / "a.sqlite"), loop, 2);
   std::promise<void> begun, disk;
@@ -107,7 +107,7 @@ TEST_CASE("slow disk loses data but no rows, a stalled disk ends the run") {
   }
 }
 
-TEST_CASE("program that blocks the file is reported, and queued records are written later") {
+TEST_CASE("a program that locks the run file is reported, and queued records are written later") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
   Journal journal(open_run(path), loop, 2);
@@ -119,7 +119,7 @@ TEST_CASE("program that blocks the file is reported, and queued records are writ
   while (journal.why_late() != "another program is writing to the run file")
     std::this_thread::yield();
   for (std::int64_t i = 1; i < 5; ++i) CHECK(journal.put(small_record(i)) == (i < 3));
-  SECTION("in time") {
+  SECTION("lock released in time") {
     holder.let_go();
     journal.finish("complete");
     const record::RunReader run(path);
@@ -127,7 +127,7 @@ TEST_CASE("program that blocks the file is reported, and queued records are writ
     CHECK(run.read(4).sync[Sensor::spd].verdict ==
           "dropped: another program is writing to the run file");
   }
-  SECTION("after too many records") {
+  SECTION("queue full") {
     for (std::int64_t i = 5; i < 30; ++i) journal.put(small_record(i));
     CHECK(journal.failed());
     holder.let_go();
@@ -138,7 +138,7 @@ TEST_CASE("program that blocks the file is reported, and queued records are writ
   }
 }
 
-TEST_CASE("first failed job ends the writing") {
+TEST_CASE("the journal stops writing at the first failed job") {
   const Folder folder;
   Journal journal(open_run(folder / "a.sqlite"), loop);
   journal.put(small_record(0));
@@ -166,7 +166,7 @@ static void rotate(Journal& journal, const std::string& path) {
   journal.begin_next([path] { return open_run(path); });
 }
 
-TEST_CASE("end of a run waits two seconds for a program that blocks the next file") {
+TEST_CASE("a run end waits two seconds if another program locks the next file") {
   const Folder folder;
   Journal journal(open_run(folder / "a.sqlite"), loop);
   rotate(journal, folder / "b.sqlite");
@@ -178,7 +178,7 @@ TEST_CASE("end of a run waits two seconds for a program that blocks the next fil
   ends_in_time(journal);
 }
 
-TEST_CASE("end of a run waits two seconds for a program that blocks the previous file") {
+TEST_CASE("a run end waits two seconds if another program locks the previous file") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
   Journal journal(open_run(path), loop);
@@ -189,7 +189,7 @@ TEST_CASE("end of a run waits two seconds for a program that blocks the previous
   rotate(journal, folder / "b.sqlite");
   while (!fs::exists(folder / "b.sqlite")) std::this_thread::yield();
   SECTION("without a label") { ends_in_time(journal); }
-  SECTION("a label given while the previous run is closed goes to the next one") {
+  SECTION("label set while the previous run is being closed") {
     while (journal.why_late() != "another program is writing to the run file")
       std::this_thread::yield();
     holder.ask("INSERT INTO event (level, utc, text) VALUES ('label', '2026', 'door')");
@@ -208,7 +208,7 @@ TEST_CASE("end of a run waits two seconds for a program that blocks the previous
   }
 }
 
-TEST_CASE("run ends with all its records if the next one cannot begin") {
+TEST_CASE("a run keeps all its records if the next file cannot be created") {
   const Folder folder;
   const std::string path = folder / "a.sqlite", next = folder / "b.sqlite";
   Journal journal(open_run(path), loop);
@@ -238,7 +238,7 @@ TEST_CASE("run ends with all its records if the next one cannot begin") {
   CHECK(record::RunReader(path).count() == 1);
 }
 
-TEST_CASE("failures other than the disk's are recognised") {
+TEST_CASE("an error other than a disk error keeps its exit code and status") {
   const Folder folder;
   Journal journal(open_run(folder / "a.sqlite"), loop);
   journal.put([](record::RunWriter&) { throw Error(ExitCode::failed, "not a number"); });
@@ -247,7 +247,7 @@ TEST_CASE("failures other than the disk's are recognised") {
   CHECK(record::RunReader(folder / "a.sqlite").info().status == "stopped:failed");
 }
 
-TEST_CASE("label applies from the current slot on") {
+TEST_CASE("a new label applies from the current slot on") {
   const Folder folder;
   auto run = open_run(folder / "a.sqlite");
   record::put_label(folder / "a.sqlite", "door", "me");
@@ -269,7 +269,7 @@ TEST_CASE("label applies from the current slot on") {
   CHECK(reader.read(2).label == "door");
 }
 
-TEST_CASE("run without finish looks crashed and has all records") {
+TEST_CASE("a run that was not finished has status crashed and all records") {
   const Folder folder;
   {
     Journal journal(open_run(folder / "a.sqlite"), loop);
@@ -280,7 +280,7 @@ TEST_CASE("run without finish looks crashed and has all records") {
   CHECK(run.info().status == "crashed");
 }
 
-TEST_CASE("depth image that cannot be stored makes only its sensor invalid") {
+TEST_CASE("a depth image that cannot be stored invalidates only the depth camera") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
   auto file = std::make_unique<record::RunWriter>(path, record::RunInfo{});
@@ -304,7 +304,7 @@ TEST_CASE("depth image that cannot be stored makes only its sensor invalid") {
   CHECK(run.read(1).radar == small_record(1).radar);
 }
 
-TEST_CASE("log of a source is limited to 100 lines in 10 s, then counts dropped ones") {
+TEST_CASE("each log source is limited to 100 lines in 10 s, further lines are counted") {
   const Folder folder;
   Journal journal(open_run(folder / "a.sqlite"), loop);
   port::VirtualLoop loop;

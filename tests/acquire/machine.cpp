@@ -61,7 +61,7 @@ const Finding& of(const std::vector<Finding>& findings, const std::string& check
 
 }  // namespace
 
-TEST_CASE("machine without devices passes") {
+TEST_CASE("doctor passes a machine without devices") {
   const Machine machine;
   const auto findings = check_permissions(std::nullopt, machine.roots());
   CHECK(findings.size() == 2);
@@ -71,7 +71,7 @@ TEST_CASE("machine without devices passes") {
   CHECK(check_usb_memory(std::nullopt, machine.roots()).grade == Grade::ok);
 }
 
-TEST_CASE("accessible device nodes pass, missing udev rules are reported") {
+TEST_CASE("doctor accepts accessible device nodes and reports missing udev rules") {
   Machine machine;
   machine.plug_in_radar();
   auto findings = check_permissions(std::nullopt, machine.roots());
@@ -84,7 +84,7 @@ TEST_CASE("accessible device nodes pass, missing udev rules are reported") {
   CHECK(of(findings, "udev rules").grade == Grade::ok);
 }
 
-TEST_CASE("missing node is a problem if configured, otherwise a warning") {
+TEST_CASE("a missing device node is a problem if configured, otherwise a warning") {
   Machine machine;
   machine.plug_in_radar();
   fs::remove(machine / "dev/ttyACM0");
@@ -96,7 +96,7 @@ TEST_CASE("missing node is a problem if configured, otherwise a warning") {
   CHECK(grade(with_radar("serial:" + machine / "dev/ttyACM0")) == Grade::problem);
 }
 
-TEST_CASE("configured port of another vendor is checked too") {
+TEST_CASE("a configured port of another vendor is checked") {
   const Machine machine;
   const auto findings =
       check_permissions(with_radar("serial:" + machine / "dev/ttyS7"), machine.roots());
@@ -107,7 +107,7 @@ TEST_CASE("configured port of another vendor is checked too") {
   CHECK_FALSE(has(of(findings, "permissions").advice, "rules"));
 }
 
-TEST_CASE("inaccessible node is explained by missing rules or groups") {
+TEST_CASE("an inaccessible node is reported with the missing udev rule or group") {
   if (::geteuid() == 0) return;  // root may open everything
   Machine machine;
   machine.plug_in_radar();
@@ -122,7 +122,7 @@ TEST_CASE("inaccessible node is explained by missing rules or groups") {
   CHECK(has(advice(), "check that this user is in the groups dialout"));
 }
 
-TEST_CASE("ModemManager warning appears for ports that udev does not mark") {
+TEST_CASE("doctor warns of ModemManager if udev does not exclude the port") {
   Machine machine;
   machine.plug_in_radar();
   CHECK(check_modem_manager(std::nullopt, machine.roots()).grade == Grade::ok);
@@ -138,7 +138,7 @@ TEST_CASE("ModemManager warning appears for ports that udev does not mark") {
   CHECK(check_modem_manager(std::nullopt, machine.roots()).grade == Grade::ok);
 }
 
-TEST_CASE("kernel's USB memory limit is compared with the time tagger's buffer") {
+TEST_CASE("the kernel's USB memory limit is compared with the time tagger's buffer") {
   Machine machine;
   Config config;
   config.tdc.address = "usb:1209:0001";
@@ -156,7 +156,7 @@ TEST_CASE("kernel's USB memory limit is compared with the time tagger's buffer")
   CHECK(grade_at("1") == Grade::ok);
 }
 
-TEST_CASE("clock synchronisation is graded") {
+TEST_CASE("doctor reports the state of clock synchronisation") {
   CHECK(check_clock({true, true, 0.01}).grade == Grade::ok);
   CHECK(check_clock({true, true, 0.5}).grade == Grade::warning);
   CHECK(check_clock({true, false, 16}).grade == Grade::warning);

@@ -170,7 +170,7 @@ struct Laboratory {
 
 }  // namespace
 
-TEST_CASE("100 000 slots have no drift, no missing row and every sample in its slot") {
+TEST_CASE("100 000 slots have no drift, no missing row and each sample in its slot") {
   Laboratory lab;
   lab.run();
   REQUIRE(lab.records.size() == slots);
@@ -221,7 +221,7 @@ TEST_CASE("100 000 slots have no drift, no missing row and every sample in its s
         lab.sent[Sensor::spd] / 50);  // delayed by more than half a second
 }
 
-TEST_CASE("each tag is counted once for any time stamps and stalls") {
+TEST_CASE("each tag is counted exactly once, also with damaged time stamps and stalls") {
   SensorClocks clocks;
   Windows windows(grid, {.first_bin_ps = 0, .bins = 4}, clocks, {Sensor::spd});
   Scheduler scheduler(grid, 2000);

@@ -14,7 +14,7 @@ using namespace echofuse;
 using namespace echofuse::acquire;
 using namespace testing;
 
-TEST_CASE("run name may contain points, and a percent sign only in a time field") {
+TEST_CASE("a run name may contain dots, and percent signs only in time fields") {
   const Folder folder;
   for (const char* name : {"gain1.5", "T=4.2K", "2026.11.25", "scan_0.5mm"}) {
     const std::string file = folder / name + ".sqlite";
@@ -31,7 +31,7 @@ TEST_CASE("run name may contain points, and a percent sign only in a time field"
   }
 }
 
-TEST_CASE("files of a rotation are named by the next free number or the time") {
+TEST_CASE("rotated files are named by the next free number or the time") {
   const Folder folder;
   write_file(folder / "monday-007.sqlite", "");
   CHECK(record::next_of(folder / "monday") == folder / "monday-008.sqlite");
@@ -41,7 +41,7 @@ TEST_CASE("files of a rotation are named by the next free number or the time") {
   CHECK(record::next_of(folder / "at-%Y") == dated.substr(0, dated.size() - 7) + "-001.sqlite");
 }
 
-TEST_CASE("run is refused if its times would overflow") {
+TEST_CASE("a run is refused if its times would overflow") {
   using std::chrono::years;
   CHECK(error_of([] { refuse_late_clock(UtcTime::max() - years(10)); }).first == ExitCode::ok);
   const auto [code, text] = error_of([] { refuse_late_clock(UtcTime::max() - years(2)); });
@@ -50,7 +50,7 @@ TEST_CASE("run is refused if its times would overflow") {
   CHECK(has(text, "set the clock"));
 }
 
-TEST_CASE("run killed at creation exists completely or not at all, and can be created again") {
+TEST_CASE("a run killed during creation leaves a complete file or none, and can be created again") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
   Config config;
@@ -96,7 +96,7 @@ TEST_CASE("counters of a run are written completely or not at all") {
   CHECK(record::RunReader(folder / "a.sqlite").counters().empty());
 }
 
-TEST_CASE("VACUUM INTO copies a run while it is recorded") {
+TEST_CASE("VACUUM INTO copies a run during recording") {
   const Folder folder;
   record::RunWriter run(folder / "a.sqlite", {});
   for (const auto& axis : small_axes()) run.put_axis(axis);

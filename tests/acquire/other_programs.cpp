@@ -69,7 +69,7 @@ void check_whole(const std::string& path, std::int64_t records, const std::strin
 
 }  // namespace
 
-TEST_CASE("run with removed files ends at the next record and is rescued to a copy") {
+TEST_CASE("a run whose file is deleted ends at the next record and is saved as a copy") {
   const Folder folder;
   const std::string path = folder / "a.sqlite", copy = folder / "a.rescued.sqlite";
   write_file(folder / "x", "");
@@ -105,7 +105,7 @@ TEST_CASE("run with removed files ends at the next record and is rescued to a co
     }
 }
 
-TEST_CASE("run with a missing file is not closed as complete") {
+TEST_CASE("a run with a missing file does not get status complete") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
   write_file(folder / "a.rescued.sqlite", "somebody's");
@@ -120,7 +120,7 @@ TEST_CASE("run with a missing file is not closed as complete") {
   CHECK_FALSE(fs::exists(path + "-wal"));
 }
 
-TEST_CASE("damaged file ends a run, a touched one does not") {
+TEST_CASE("a damaged file ends the run, a touched file does not") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
   const auto run = begin(path, 20);
@@ -158,7 +158,7 @@ TEST_CASE("damaged file ends a run, a touched one does not") {
   }
 }
 
-TEST_CASE("run with a shortened WAL ends at the next record and is rescued to a copy") {
+TEST_CASE("a truncated WAL ends the run at the next record, and the run is saved as a copy") {
   const Folder folder;
   const std::string path = folder / "a.sqlite", copy = folder / "a.rescued.sqlite";
   const std::int64_t records = GENERATE(3, 70);
@@ -178,7 +178,7 @@ TEST_CASE("run with a shortened WAL ends at the next record and is rescued to a 
   check_whole(copy, records, "complete");
 }
 
-TEST_CASE("shortened WAL is detected if a reader blocks the checkpoint") {
+TEST_CASE("a truncated WAL is detected while a reader blocks the checkpoint") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
   const auto run = begin(path, 5);
@@ -192,7 +192,7 @@ TEST_CASE("shortened WAL is detected if a reader blocks the checkpoint") {
   CHECK(text == path + ": its -wal file was shortened during the run");
 }
 
-TEST_CASE("WAL checkpointed by another program is not reported as shortened") {
+TEST_CASE("a WAL checkpointed by another program is not reported as truncated") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
   const auto run = begin(path, 5);
@@ -213,7 +213,7 @@ TEST_CASE("WAL checkpointed by another program is not reported as shortened") {
   check_whole(path, records, "complete");
 }
 
-TEST_CASE("memory does not grow with the length of a run") {
+TEST_CASE("memory use does not grow with the length of a run") {
   const Folder folder;
   const auto before = sqlite3_memory_used();
   const auto run = begin(folder / "a.sqlite", 0);
@@ -228,16 +228,16 @@ TEST_CASE("memory does not grow with the length of a run") {
   CHECK(fs::file_size(folder / "a.sqlite") > 4'000'000);
 }
 
-TEST_CASE("run with missing records is not closed as complete") {
+TEST_CASE("a run with missing records does not get status complete") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
   const auto run = begin(path, 6);
   std::string said;
-  SECTION("some are removed") {
+  SECTION("rows deleted") {
     sql(open(path), "DELETE FROM record WHERE idx = 4");
     said = "holds 5 records of 6; 5 of its 6 records are in " + folder / "a.rescued.sqlite";
   }
-  SECTION("some are removed, then the file: its -wal stays") {
+  SECTION("rows deleted, then the file without its -wal") {
     sql(open(path), "DELETE FROM record WHERE idx = 4");
     fs::remove(path);
     said = "was removed or renamed during the run; 5 of its 6 records are in " +
@@ -253,7 +253,7 @@ TEST_CASE("run with missing records is not closed as complete") {
   CHECK(fs::exists(path + "-wal"));
 }
 
-TEST_CASE("run with a shortened WAL index continues") {
+TEST_CASE("a run continues after its WAL index is truncated") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
   const auto run = begin(path, 6);
@@ -270,7 +270,7 @@ TEST_CASE("run with a shortened WAL index continues") {
   check_whole(path, 7, "complete");
 }
 
-TEST_CASE("closing does not wait for a reader, and a later program merges the WAL") {
+TEST_CASE("closing a run does not wait for readers, and the next program merges the WAL") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
   const auto run = begin(path, 5);
@@ -297,7 +297,7 @@ TEST_CASE("closing does not wait for a reader, and a later program merges the WA
   check_whole(path, 6, "complete");
 }
 
-TEST_CASE("label that waits while the run is closed is refused") {
+TEST_CASE("a waiting label is refused once the run is closed") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
   const auto run = begin(path, 1);
@@ -310,10 +310,10 @@ TEST_CASE("label that waits while the run is closed is refused") {
   CHECK(RunReader(path).events().empty());
 }
 
-TEST_CASE("run needs a valid lock file, which remains afterwards") {
+TEST_CASE("a run needs a valid lock file and does not delete it") {
   const Folder folder;
   const std::string path = folder / "a.sqlite", lock = path + "-lock";
-  SECTION("another file has its name") {
+  SECTION("path taken by another file") {
     write_file(folder / "victim", "precious");
     const std::string kind = GENERATE("link", "dangling", "file", "hard link", "fifo", "folder");
     if (kind == "link") fs::create_symlink(folder / "victim", lock);
@@ -347,7 +347,7 @@ TEST_CASE("run needs a valid lock file, which remains afterwards") {
     CHECK(fs::file_size(lock) == 0);
     CHECK_FALSE(WriterLock::someone_writes(path));
   }
-  SECTION("a query does not take the lock") {
+  SECTION("reading does not take the lock") {
     begin(path, 1)->close("complete");
     const int reader = ::open(lock.c_str(), O_RDONLY);
     REQUIRE(flock(reader, LOCK_SH | LOCK_NB) == 0);

@@ -110,7 +110,7 @@ struct Pulls {
 
 }  // namespace
 
-TEST_CASE("standard errors of the SPD peak are correct") {
+TEST_CASE("fitted SPD peaks scatter by their standard errors") {
   Rng rng = make_rng(1, 0);
   std::uniform_real_distribution<double> place(0.95, 1.05);
   Pulls pulls;
@@ -122,7 +122,7 @@ TEST_CASE("standard errors of the SPD peak are correct") {
   CHECK(pulls.worst_m < 2e-3);
 }
 
-TEST_CASE("standard errors of the radar peak are correct, 4.4 cm bins") {
+TEST_CASE("fitted radar peaks in 4.4 cm bins scatter by their standard errors") {
   // Weak echo: the bias of averaged logarithms exceeds the standard error.
   const auto [noise_db, count] =
       GENERATE(table<double, std::size_t>({{-40, 20}, {-25, 40}, {-15, 100}}));
@@ -138,7 +138,7 @@ TEST_CASE("standard errors of the radar peak are correct, 4.4 cm bins") {
   CHECK(pulls.worst_m < 1e-2);
 }
 
-TEST_CASE("error of identical frames is the code resolution") {
+TEST_CASE("the standard error of identical frames is the code resolution") {
   Rng rng = make_rng(4, 0);
   // One of two bins must be higher; equal in every frame they would be a clipped lobe.
   std::uniform_real_distribution<double> place(22.6 * fine.step_m, 23.4 * fine.step_m);
@@ -156,7 +156,7 @@ TEST_CASE("error of identical frames is the code resolution") {
   CHECK(squares / count == Approx(1).margin(0.4));
 }
 
-TEST_CASE("second reflector in the radar's lobe is detected or moves the peak by less than 1 cm") {
+TEST_CASE("a second reflector in the radar lobe is detected or shifts the peak by less than 1 cm") {
   Rng rng = make_rng(5, 0);
   std::uniform_real_distribution<double> place(0.97, 1.03);
   int noticed = 0;
@@ -174,7 +174,7 @@ TEST_CASE("second reflector in the radar's lobe is detected or moves the peak by
   CHECK(noticed > 180);
 }
 
-TEST_CASE("peak not caused by a reflector is refused with the reason") {
+TEST_CASE("a peak that is not from a reflector is refused with the reason") {
   Rng rng = make_rng(3, 0);
   const auto starts = [](const std::string& text) { return Catch::StartsWith(text); };
   CHECK_THAT(spd(photons({}, 20, rng)).refusal, starts("no peak: fewer than 100 photons"));

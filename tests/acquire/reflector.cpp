@@ -26,7 +26,7 @@ std::vector<radar::AntennaPair> row() {
 
 }  // namespace
 
-TEST_CASE("reflector: radar range follows from the baseline") {
+TEST_CASE("the radar range of the reflector follows from the baseline") {
   Reflector r;
   CHECK(r.range_m(Sensor::spd) == 1);
   CHECK(r.range_m(Sensor::radar) == Approx(1.118034).epsilon(1e-6));
@@ -37,7 +37,7 @@ TEST_CASE("reflector: radar range follows from the baseline") {
   CHECK(r.range_m(Sensor::radar) == 3);
 }
 
-TEST_CASE("reflector: range error combines distance, tilt, baseline and height") {
+TEST_CASE("the reflector's range error combines errors of distance, tilt, baseline and height") {
   Reflector r;
   CHECK(r.error_m(Sensor::spd) == 2e-3);
   const double along = 2e-3 / 1.118034, aside = 0.5 * 2e-3 * std::sqrt(2.0) / 1.118034;
@@ -51,7 +51,7 @@ TEST_CASE("reflector: range error combines distance, tilt, baseline and height")
   CHECK(r.other().error_m(Sensor::radar) == 0);
 }
 
-TEST_CASE("reflector: peak that fits the other mounting is refused") {
+TEST_CASE("a peak that matches the other reflector mounting is refused") {
   const auto refusal = [](Mounting stated, double distance_m, double measured_m) {
     return other_mounting({.mounting = stated, .distance_m = distance_m}, measured_m, 0.2);
   };
@@ -72,7 +72,7 @@ TEST_CASE("reflector: peak that fits the other mounting is refused") {
   CHECK(other_mounting({.baseline_m = 0.02}, 1.03, 0.2) == "");  // 0.2 mm apart
 }
 
-TEST_CASE("reflector: wave is plane at a distance and spherical near the antennas") {
+TEST_CASE("wave fronts of the reflector are plane in the far field and curved near the antennas") {
   const auto antennas = row();
   const double sine = 0.5 / std::hypot(1, 0.5),
                per_place = 2 * pi / wavelength_m * radar::half_wavelength_m * sine;
@@ -96,7 +96,7 @@ TEST_CASE("reflector: wave is plane at a distance and spherical near the antenna
   CHECK(aside.error_rad[7] == Approx(7 * per_place / sine * slope).epsilon(0.05));
 }
 
-TEST_CASE("side: echo from a known side shows whether the antenna row is swapped") {
+TEST_CASE("an echo from a known side reveals a swapped antenna row") {
   const auto antennas = row();
   const std::vector<double> channels{0, 1.1, -2, 0.4, 3, -0.7, 1.9, -1.2};
   for (const auto mounting : {Mounting::detector, Mounting::each})

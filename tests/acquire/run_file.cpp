@@ -38,7 +38,7 @@ pid_t in_child(Body body) {
 
 }  // namespace
 
-TEST_CASE("records are read back during writing and after closing") {
+TEST_CASE("records can be read during writing and after closing") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
   RunInfo info;
@@ -87,7 +87,7 @@ TEST_CASE("records are read back during writing and after closing") {
   CHECK(read.check().empty());
 }
 
-TEST_CASE("summary of a run has its counts") {
+TEST_CASE("the summary of a run has its counts") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
   write_run(path, 5);
@@ -146,7 +146,7 @@ TEST_CASE("committed records survive kill -9") {
   CHECK_FALSE(fs::exists(path + "-wal"));
 }
 
-TEST_CASE("full disk ends a run with its committed records and the reason") {
+TEST_CASE("a full disk ends a run, which keeps committed records and the reason") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
   const pid_t child = in_child([&] {
@@ -199,7 +199,7 @@ TEST_CASE("invalid files are refused") {
     sql(path, "PRAGMA user_version = 2");
     CHECK(has(refusal().second, "run format 2, expected 3; use the echofuse that recorded it"));
   }
-  SECTION("a missing table, an extra column, another type") {
+  SECTION("missing table, extra column or other type") {
     write_run(path, 1);
     for (const char* change :
          {"DROP TABLE late", "ALTER TABLE record ADD COLUMN x REAL",
@@ -210,14 +210,14 @@ TEST_CASE("invalid files are refused") {
       CHECK((has(text, "has no table late") || has(text, "is not defined as in a run")));
     }
   }
-  SECTION("an existing file is never overwritten") {
+  SECTION("existing file, which is not overwritten") {
     write_file(path, "precious");
     const auto [code, text] = error_of([&] { RunWriter run(path, {}); });
     CHECK(code == ExitCode::failed);
     CHECK(has(text, "exists already"));
     CHECK(fs::file_size(path) == 8);
   }
-  SECTION("a file created at the same time is not overwritten") {
+  SECTION("file created at the same time, which is not overwritten") {
     write_run(folder / "b.sqlite", 3);
     const auto [code, text] = error_of([&] {
       RunWriter run(path, {}, system_clock,
@@ -228,7 +228,7 @@ TEST_CASE("invalid files are refused") {
     CHECK(contents(path) == contents(folder / "b.sqlite"));
     CHECK_FALSE(fs::exists(path + "-new"));
   }
-  SECTION("a run that fails at its start leaves no file") {
+  SECTION("failed start, which leaves no file") {
     const auto [code, text] = error_of([&] {
       RunWriter run(path, {}, system_clock,
                     [&](RunWriter&) { fs::create_directory(path + "-shm"); });
@@ -237,14 +237,14 @@ TEST_CASE("invalid files are refused") {
     CHECK(has(text, path));
     CHECK_FALSE(fs::exists(path));
   }
-  SECTION("no such folder") {
+  SECTION("missing folder") {
     const auto [code, text] = error_of([&] { RunWriter run(folder / "no/a.sqlite", {}); });
     CHECK(code == ExitCode::disk);
     CHECK(has(text, "no/a.sqlite"));
   }
 }
 
-TEST_CASE("invalid record is refused with its number") {
+TEST_CASE("an invalid record is refused with its number") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
   write_run(path, 4);
@@ -253,7 +253,7 @@ TEST_CASE("invalid record is refused with its number") {
     sql(path, "UPDATE record SET radar = x'00000000000000000000c07f00000000' WHERE idx = 2");
     expected = "record 2: radar bin 2 is not a finite number";
   }
-  SECTION("short") {
+  SECTION("short blob") {
     sql(path, "UPDATE record SET spd = x'0000' WHERE idx = 2");
     expected = "record 2: spd has 2 bytes, but its axis requires 32";
   }
@@ -286,7 +286,7 @@ TEST_CASE("invalid record is refused with its number") {
   }
 }
 
-TEST_CASE("record that does not match its axes is not written") {
+TEST_CASE("a record that does not match its axes is not written") {
   const Folder folder;
   RunWriter run(folder / "a.sqlite", {});
   put_axes(run);

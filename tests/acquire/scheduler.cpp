@@ -37,7 +37,7 @@ using Indices = std::vector<std::int64_t>;
 
 }  // namespace
 
-TEST_CASE("slots begin at multiples of their length, long ones at once") {
+TEST_CASE("slots begin at multiples of their length, slots over 10 s immediately") {
   CHECK(first_slot(100s, 3s) == 102s);
   CHECK(first_slot(102s, 3s) == 102s);
   CHECK(first_slot(102s + 1ns, 3s) == 105s);
@@ -49,7 +49,7 @@ TEST_CASE("slots begin at multiples of their length, long ones at once") {
   CHECK((other.first - one.first) % one.length == 0ns);
 }
 
-TEST_CASE("time belongs to the half-open interval of its slot") {
+TEST_CASE("a slot is a half-open time interval") {
   CHECK(grid.slot_of(100s) == 0);
   CHECK(grid.slot_of(100s + 200ms - 1ns) == 0);
   CHECK(grid.slot_of(100s + 200ms) == 1);
@@ -58,7 +58,7 @@ TEST_CASE("time belongs to the half-open interval of its slot") {
   CHECK(grid.slot_of(100s - 200ms - 1ns) == -2);
 }
 
-TEST_CASE("slots do not drift over a day") {
+TEST_CASE("slot times do not drift over a day") {
   HostTime now = grid.first;
   Scheduler scheduler(grid);
   Rng rng = make_rng(1, 0);
@@ -73,7 +73,7 @@ TEST_CASE("slots do not drift over a day") {
   }
 }
 
-TEST_CASE("with random pauses every slot comes once and in order, stalled if in a long pause") {
+TEST_CASE("under random pauses each slot comes once and in order, marked stalled in long pauses") {
   Rng rng = make_rng(2, 0);
   Scheduler scheduler(grid, 5000);
   struct Pause {
@@ -103,7 +103,7 @@ TEST_CASE("with random pauses every slot comes once and in order, stalled if in 
   }
 }
 
-TEST_CASE("after a pause the next slot stays open for one more grace time") {
+TEST_CASE("after a pause the next slot stays open for another grace time") {
   Scheduler scheduler(grid);
   Ticking ticking(scheduler);
   CHECK(ticking.run(grid.end(0) + 400ms).empty());
@@ -117,15 +117,15 @@ TEST_CASE("after a pause the next slot stays open for one more grace time") {
   CHECK(scheduler.lateness(0, woken + grace) == woken - grid.end(0));
 }
 
-TEST_CASE("run ends after its count or finish") {
+TEST_CASE("a run ends after its slot count or after finish()") {
   Scheduler scheduler(grid, 10);
   Ticking ticking(scheduler);
-  SECTION("after the count") {
+  SECTION("slot count reached") {
     CHECK(ticking.run(200s).size() == 10);
     CHECK(scheduler.done());
     CHECK(scheduler.tick(300s).empty());
   }
-  SECTION("finish completes the running slot") {
+  SECTION("finish() completes the current slot") {
     CHECK(ticking.run(grid.start(3) + 50ms).empty());
     scheduler.finish(grid.start(3) + 80ms);
     CHECK_FALSE(scheduler.done());
@@ -133,18 +133,18 @@ TEST_CASE("run ends after its count or finish") {
     CHECK(ticking.run(grid.end(3) + grace) == Indices{3});
     CHECK(scheduler.done());
   }
-  SECTION("finish before the first slot") {
+  SECTION("finish() before the first slot") {
     scheduler.finish(99s);
     CHECK(scheduler.done());
   }
-  SECTION("a second finish does not extend the run") {
+  SECTION("a second finish() does not extend the run") {
     scheduler.finish(grid.start(1));
     scheduler.finish(grid.start(5));
     CHECK(ticking.run(200s) == Indices{0, 1});
   }
 }
 
-TEST_CASE("slots of a pause wait for a busy disk, current slots do not") {
+TEST_CASE("slots missed in a pause wait for a busy disk, current slots do not") {
   Backlog backlog;
   const auto next = [&](bool busy) {
     const auto slot = backlog.next(busy);

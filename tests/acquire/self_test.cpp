@@ -80,7 +80,8 @@ Finding depth_verdict(int frames, const DepthFrame& frame) {
 
 }  // namespace
 
-TEST_CASE("doctor reports a detector's rates, share in the histogram and faults") {
+TEST_CASE(
+    "doctor reports count rates, share of counts in the histogram and faults of the detector") {
   const Finding good = spd_verdict(pairs(1, 2, 20'000));
   CAPTURE(good.found, good.advice);
   CHECK(good.grade == Grade::ok);
@@ -110,7 +111,7 @@ TEST_CASE("doctor reports a detector's rates, share in the histogram and faults"
   CHECK(has(spd_verdict({}).advice, "no channel has tags"));
 }
 
-TEST_CASE("doctor compares a radar's rate with frameCfg, and checks losses and profiles") {
+TEST_CASE("doctor compares the radar's frame rate with frameCfg and checks losses and profiles") {
   const Config config = lab();
   const Finding sample = radar_verdict(1, radar_frame());
   const double nominal = fact(sample, "nominal_frames_per_s");
@@ -160,7 +161,7 @@ TEST_CASE("doctor reports the rate of each zone, and marks zones without counts"
   CHECK(estimate_record_bytes(capture, config) == 4.0 * 6 + 4.0 * 64 + 2.0 * 640 * 480);
 }
 
-TEST_CASE("doctor keeps each warning of a device once, and ignores information") {
+TEST_CASE("doctor reports each device warning once and ignores information messages") {
   const Config config = lab();
   Capture capture(config.histogram);
   capture.on_event(Sensor::radar, Severity::warning, "swapped?");
@@ -170,7 +171,7 @@ TEST_CASE("doctor keeps each warning of a device once, and ignores information")
   CHECK(capture.complaints[Sensor::spd].empty());
 }
 
-TEST_CASE("size of a record is estimated from frames, otherwise from the configuration") {
+TEST_CASE("record size is estimated from received frames, or else from the configuration") {
   const Config config = lab();
   Capture capture(config.histogram);
   const double unseen = estimate_record_bytes(capture, config);
@@ -182,7 +183,7 @@ TEST_CASE("size of a record is estimated from frames, otherwise from the configu
   CHECK(seen < 4.0 * 336 + 4.0 * 64 + 2.0 * 200);
 }
 
-TEST_CASE("disk rate is ok, a warning or a problem") {
+TEST_CASE("doctor grades the disk rate") {
   const PlannedRun plan{.folder = "/d", .record_bytes = 1e6, .window_s = 2};  // needs 1 MB/s
   const auto grade = [&](double rate, double median_s, double longest_s) {
     return judge_speed({rate, median_s, longest_s, 1'000'000}, plan).grade;
@@ -195,7 +196,7 @@ TEST_CASE("disk rate is ok, a warning or a problem") {
   CHECK(judge_speed({1, 10, 10, 1000}, {.folder = "/d"}).grade == Grade::ok);  // for no run
 }
 
-TEST_CASE("disk space is ok, a warning or a problem") {
+TEST_CASE("doctor grades the disk space") {
   PlannedRun plan{.folder = "/d", .record_bytes = 1e6, .window_s = 3, .count = 4000};
   CHECK(judge_space(5e9, plan).grade == Grade::ok);
   const Finding full = judge_space(3.9e9, plan);
@@ -215,7 +216,7 @@ TEST_CASE("disk space is ok, a warning or a problem") {
   CHECK(judge_space(116e6, plan).grade == Grade::problem);
 }
 
-TEST_CASE("folder is measured without leaving files, a missing one is a problem") {
+TEST_CASE("the disk test leaves no files, and a missing folder is a problem") {
   const Folder folder;
   const DiskSpeed speed = measure_disk(folder / "", 100'000);
   CHECK(speed.bytes_per_s > 0);

@@ -34,7 +34,7 @@ unsigned mode_of(const std::string& path) {
 
 }  // namespace
 
-TEST_CASE("nearest configuration file is found first") {
+TEST_CASE("the nearest configuration file is used") {
   const Folder folder;
   if (fs::exists("/etc/echofuse/lab.toml")) return;  // would always be found
   const Outcome none = at_home(folder, "", "config check");
@@ -63,7 +63,7 @@ TEST_CASE("nearest configuration file is found first") {
   CHECK(has(wrong.text, "none.toml: cannot read"));
 }
 
-TEST_CASE("radar cfg is looked up next to the configuration, then among the installed ones") {
+TEST_CASE("a radar cfg is searched next to the configuration, then in the installed ones") {
   const Folder folder;
   const std::string radar = "[radar]\ncli = \"serial:/dev/a\"\ndata = \"serial:/dev/b\"\ncfg = ";
   write_file(folder / "lab.toml", tdc + radar + "\"radar/xwr68xx_paper_50cm.cfg\"\n");
@@ -72,7 +72,7 @@ TEST_CASE("radar cfg is looked up next to the configuration, then among the inst
   CHECK(has(at_home(folder, "", "config check").text, "radar/mine.cfg: cannot read"));
 }
 
-TEST_CASE("unnamed run is the next of its day in the configured folder") {
+TEST_CASE("a run without a name gets the next number of the day in the configured folder") {
   const Folder folder;
   const std::string first = record::next_run(folder / "");
   CHECK(first.starts_with(folder / "20"));
@@ -87,7 +87,7 @@ TEST_CASE("unnamed run is the next of its day in the configured folder") {
   CHECK(config.run_folder == folder / "runs");
 }
 
-TEST_CASE("operator of a run is the configured one, otherwise the user") {
+TEST_CASE("a run's operator is the configured name, otherwise the user") {
   const Folder folder;
   echofuse::acquire::Config config;
   const auto operator_of = [&](const std::string& name) {
@@ -101,7 +101,7 @@ TEST_CASE("operator of a run is the configured one, otherwise the user") {
   CHECK(operator_of("b.sqlite") == "Ada");
 }
 
-TEST_CASE("group can read a live run, with any umask") {
+TEST_CASE("the group can read a live run, whatever the umask") {
   const Folder folder;
   const mode_t before = ::umask(0077);
   {
@@ -114,7 +114,7 @@ TEST_CASE("group can read a live run, with any umask") {
   CHECK(mode_of(folder / "a.sqlite") == 0640);
 }
 
-TEST_CASE("catalogue of a folder lists notes added during and after a run") {
+TEST_CASE("list shows notes added during and after a run") {
   const Folder folder;
   write_run(folder / "monday.sqlite", 2);
   write_run(folder / "tuesday.sqlite", 3);

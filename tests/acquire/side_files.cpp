@@ -32,7 +32,7 @@ static void hot_journal(const std::string& path) {
   REQUIRE(fs::file_size(path + "-journal") > 0);
 }
 
-TEST_CASE("SQLite files next to a closed run are reported but not read") {
+TEST_CASE("SQLite side files of a closed run are reported but not read") {
   const Folder folder;
   const std::string path = folder / "a.sqlite", other = folder / "b.sqlite";
   const std::string kind = GENERATE("-wal", "hot -journal", "-shm", "fifo");
@@ -71,7 +71,7 @@ TEST_CASE("SQLite files next to a closed run are reported but not read") {
   CHECK(RunReader(path).leftovers().empty());
 }
 
-TEST_CASE("copy without the -wal of its run is refused and not changed") {
+TEST_CASE("a copy without its -wal is refused and not changed") {
   const Folder folder;
   const std::string path = folder / "copy.sqlite";
   {
@@ -100,7 +100,7 @@ TEST_CASE("copy without the -wal of its run is refused and not changed") {
   CHECK(RunReader(path).count() == 3);
 }
 
-TEST_CASE("run killed before its -wal was bound has lost nothing") {
+TEST_CASE("a run killed before its wal_key was stored opens as crashed") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
   for (const char* meta : {R"({"wal_key": "none"})", "{}"}) {
@@ -117,7 +117,7 @@ TEST_CASE("run killed before its -wal was bound has lost nothing") {
   }
 }
 
-TEST_CASE("run killed after its end was stored keeps its status and gets no side file") {
+TEST_CASE("a run killed after its end was stored keeps its status and has no side files") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
   write_run(path, 3);
@@ -141,7 +141,7 @@ static void killed_run(const std::string& path, int records) {
   }
 }
 
-TEST_CASE("an open run is read with its own -wal only") {
+TEST_CASE("an open run is read only with its own -wal") {
   const Folder folder;
   const std::string path = folder / "a.sqlite", other = folder / "b.sqlite";
   killed_run(path, 35);
@@ -194,7 +194,7 @@ TEST_CASE("open run with a -journal of another run is refused") {
 }
 
 // State after a kill between the two steps of SQLite's journal_mode=DELETE.
-TEST_CASE("run with an open header only is read, also on read-only media") {
+TEST_CASE("a run in WAL mode without a -wal is read, also on read-only media") {
   const Folder folder;
   fs::create_directory(folder / "in");
   const std::string path = folder / "in/a.sqlite";
@@ -226,7 +226,7 @@ TEST_CASE("run with an open header only is read, also on read-only media") {
   for (const char* beside : {"-wal", "-shm"}) CHECK_FALSE(fs::exists(path + beside));
 }
 
-TEST_CASE("tables of ANALYZE are accepted, other tables refused at the end of the run") {
+TEST_CASE("tables of ANALYZE are accepted, other tables are refused at the end of a run") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
   RunWriter run(path, {});
@@ -238,7 +238,7 @@ TEST_CASE("tables of ANALYZE are accepted, other tables refused at the end of th
     CHECK(run.close("complete"));
     CHECK(RunReader(path).count() == 2);
   }
-  SECTION("objects that a reader refuses") {
+  SECTION("objects that readers refuse") {
     const auto [make, statement] = GENERATE(
         table<std::string, std::string>({{"CREATE TABLE \"m\"\"y\" (a)", "DROP TABLE \"m\"\"y\""},
                                          {"CREATE INDEX i ON record (label)", "DROP INDEX \"i\""},

@@ -87,7 +87,7 @@ const Verdicts all_ok{"ok", "ok", "ok"};
 
 }  // namespace
 
-TEST_CASE("good record is ok and contains the measured values") {
+TEST_CASE("a good record has the verdict ok and the measured values") {
   Laboratory lab;
   SignalCheck check({}, 3);
   for (int i = 0; i < 100; ++i) {
@@ -104,7 +104,7 @@ TEST_CASE("good record is ok and contains the measured values") {
   }
 }
 
-TEST_CASE("laser a thousand times too weak is weak from the first record on") {
+TEST_CASE("a laser a thousand times too weak is reported in the first record") {
   Laboratory lab;
   lab.photons = 100;
   SignalCheck check({}, 3);
@@ -117,7 +117,7 @@ TEST_CASE("laser a thousand times too weak is weak from the first record on") {
   CHECK(verdicts(indulgent, lab.record()) == all_ok);
 }
 
-TEST_CASE("signal that falls below that of the first minute is weak") {
+TEST_CASE("a signal below that of the first minute has the verdict weak") {
   Laboratory lab;
   SignalCheck check({}, 3);
   for (int i = 0; i < 20; ++i) CHECK(verdicts(check, lab.record()) == all_ok);
@@ -132,7 +132,7 @@ TEST_CASE("signal that falls below that of the first minute is weak") {
   CHECK(verdicts(check, lab.record()) == all_ok);
 }
 
-TEST_CASE("background alone has no peak, noise alone has no echo") {
+TEST_CASE("background alone is no peak, noise alone is no echo") {
   Laboratory lab;
   lab.photons = 0, lab.radar_snr_db = -40;
   for (const double background : {1.0, 300.0, 1e4, 1e6}) {
@@ -157,7 +157,7 @@ TEST_CASE("background alone has no peak, noise alone has no echo") {
   CHECK(verdicts(check, lab.record()) == all_ok);
 }
 
-TEST_CASE("more than one click in 20 pulses, or a clipped lobe, is saturated") {
+TEST_CASE("over one click in 20 pulses, or a clipped lobe, has the verdict saturated") {
   Laboratory lab;
   SignalCheck check({}, 3);
   auto r = lab.record();
@@ -183,7 +183,7 @@ TEST_CASE("more than one click in 20 pulses, or a clipped lobe, is saturated") {
   CHECK(verdicts(indulgent, r)[0] == "ok");
 }
 
-TEST_CASE("data that repeat bitwise stand still") {
+TEST_CASE("bitwise repeated data have the verdict stands still") {
   Laboratory lab;
   SignalCheck check({}, 3);
   auto r = lab.record();
@@ -208,7 +208,7 @@ TEST_CASE("data that repeat bitwise stand still") {
   }
 }
 
-TEST_CASE("record with fewer than 80 % of the expected frames or pulses is lossy") {
+TEST_CASE("a record with fewer than 80 % of expected frames or pulses has the verdict lossy") {
   Laboratory lab;
   SignalCheck check({}, 3, {1000, 20, 0});
   const auto with = [&](std::uint64_t starts, std::uint64_t radar, std::uint64_t depth) {
@@ -231,7 +231,7 @@ TEST_CASE("record with fewer than 80 % of the expected frames or pulses is lossy
   CHECK(with(300, 3, 3) == all_ok);
 }
 
-TEST_CASE("slot that the end of a recording cuts is judged by its part before the end") {
+TEST_CASE("a slot cut by the end of a recording is checked up to that end") {
   Laboratory lab;
   SignalCheck check({}, 3, {0, 20, 0});
   const auto verdict = [&](std::uint64_t frames, double end_s) {
@@ -246,7 +246,7 @@ TEST_CASE("slot that the end of a recording cuts is judged by its part before th
   CHECK_THAT(verdict(8, 9), StartsWith("lossy: 13 % of the 60 expected frames"));
 }
 
-TEST_CASE("frames moved across the border of a short slot are not lost") {
+TEST_CASE("frames that arrive in the neighbouring short slot are not counted as lost") {
   Laboratory lab;
   SignalCheck check({}, 0.1, {0, 20, 30});
   auto r = lab.record();
@@ -256,7 +256,7 @@ TEST_CASE("frames moved across the border of a short slot are not lost") {
   CHECK(verdicts(check, r) == all_ok);
 }
 
-TEST_CASE("start pulses behind a conditional filter are not checked") {
+TEST_CASE("start pulses are not checked with a conditional filter") {
   Laboratory lab;
   SignalCheck check({}, 1, {1e6, 0, 0});
   auto r = lab.record();
@@ -273,7 +273,7 @@ TEST_CASE("start pulses behind a conditional filter are not checked") {
   CHECK_THAT(verdicts(check, r)[0], StartsWith("lossy: 1 % of the 1000000 expected start pulses"));
 }
 
-TEST_CASE("without a laser rate, missed events of the tagger make a record lossy") {
+TEST_CASE("without a laser rate, events missed by the tagger make a record lossy") {
   Laboratory lab;
   SignalCheck check({}, 1);
   auto r = lab.record();
@@ -293,7 +293,7 @@ TEST_CASE("depths beyond the map's range are not returns") {
   CHECK(*r.signal.depth_share == Approx(0.05));
 }
 
-TEST_CASE("verdict changes are reported by kind, not by figures") {
+TEST_CASE("a verdict is reported when its kind changes, not its figures") {
   record::FusedRecord r;
   r.valid = SensorSet::from_bits(5);
   r.sync[Sensor::spd].verdict = "weak: 98 clicks";
@@ -321,7 +321,7 @@ TEST_CASE("radar leakage up to 0.5 m is not an echo") {
   CHECK_THAT(r.sync[Sensor::radar].verdict, StartsWith("no peak"));
 }
 
-TEST_CASE("zones are tested one by one") {
+TEST_CASE("each zone is checked separately") {
   SignalCheck check({.clicks_a_pulse = 0.05}, 3);
   const std::vector<Axis> spd{{"spd", "counts", "ps", 40, 0, 100, 1}};
   record::FusedRecord r;

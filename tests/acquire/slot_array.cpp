@@ -65,7 +65,7 @@ std::vector<float> expected(const std::vector<std::vector<std::uint32_t>>& group
 
 }  // namespace
 
-TEST_CASE("array: record has the mean of the frames of its slot, up to 8 m") {
+TEST_CASE("a record has the mean array of its slot's frames, up to 8 m") {
   Windows windows = make_windows();
   for (const std::uint32_t n : {1u, 2u, 3u}) windows.add(frame_of(n));
   for (const std::uint32_t n : {101u, 102u}) windows.add(frame_of(n));
@@ -82,7 +82,7 @@ TEST_CASE("array: record has the mean of the frames of its slot, up to 8 m") {
   CHECK(next.array == expected({{101, 102}}));
 }
 
-TEST_CASE("array: frames around a lost frame or one without a heat map are not neighbours") {
+TEST_CASE("array statistics do not pair frames across a lost frame or heat map") {
   Windows windows = make_windows();
   RadarFrame without = frame_of(6);
   SECTION("lost") {}
@@ -97,7 +97,7 @@ TEST_CASE("array: frames around a lost frame or one without a heat map are not n
   CHECK(r.array == expected({{4, 5}, {7, 8}}));
 }
 
-TEST_CASE("array: unused frames, and radars without heat maps, give no array") {
+TEST_CASE("a record has no array without used frames or heat maps") {
   Windows windows = make_windows();
   RadarFrame bad = frame_of(1);
   bad.range_profile.resize(3);
@@ -122,7 +122,7 @@ TEST_CASE("array: unused frames, and radars without heat maps, give no array") {
   CHECK(old.close({0, false}).array.empty());
 }
 
-TEST_CASE("array: info describes it") {
+TEST_CASE("info describes the antenna array") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
   Windows windows = make_windows();
@@ -151,7 +151,7 @@ TEST_CASE("array: info describes it") {
   CHECK(want[0] == Approx(records[0].array[0]).margin(0.1));
 }
 
-TEST_CASE("array: doctor counts heat maps and reports missing ones") {
+TEST_CASE("doctor counts heat maps and reports missing ones") {
   Config config;
   config.radar.cli = "serial:/a";
   config.radar.cfg_name = "azimuth.cfg";
@@ -161,7 +161,7 @@ TEST_CASE("array: doctor counts heat maps and reports missing ones") {
   capture.begin();
   RadarFrame frame = frame_of(1);
   frame.range_profile.resize(64, 900);
-  SECTION("there") {
+  SECTION("with heat maps") {
     for (int k = 0; k < 40; ++k) capture.on_radar(frame);
     const Finding finding = judge_radar(capture, config, 2);
     CHECK(finding.grade == Grade::ok);

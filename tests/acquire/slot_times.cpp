@@ -24,7 +24,8 @@ std::vector<std::string> events_of(const std::string& path) {
 
 }  // namespace
 
-TEST_CASE("clock set during a run causes an event, an anchor and correct UTC afterwards") {
+TEST_CASE(
+    "setting the clock during a run stores an event and an anchor, and later UTC is correct") {
   const auto step = GENERATE(24h, -24h);
   const Folder folder;
   const std::string path = folder / "run.sqlite";
@@ -65,7 +66,7 @@ TEST_CASE("clock set during a run causes an event, an anchor and correct UTC aft
                                              (before + step + 20ms).count()});
 }
 
-TEST_CASE("slot open since before the clock was set keeps the time of its start") {
+TEST_CASE("a slot that is open when the clock is set keeps its start time") {
   const Folder folder;
   const std::chrono::nanoseconds before = 1'700'000'000s;
   port::VirtualLoop loop(before);
@@ -82,7 +83,7 @@ TEST_CASE("slot open since before the clock was set keeps the time of its start"
   journal.finish("complete");
 }
 
-TEST_CASE("slot times that overflow are refused in one line by every reader") {
+TEST_CASE("all readers refuse slot times that overflow, with a one-line error") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
   write_run(path, 4);
@@ -107,7 +108,7 @@ TEST_CASE("slot times that overflow are refused in one line by every reader") {
   CHECK(bad == std::vector<std::int64_t>{3});
 }
 
-TEST_CASE("run with a clock set back ends with its last slot") {
+TEST_CASE("after the clock is set back, a run still ends with its last slot") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
   write_run(path, 4);
@@ -117,7 +118,7 @@ TEST_CASE("run with a clock set back ends with its last slot") {
   CHECK(sum.last_utc == small_record(4).slot_utc - std::chrono::hours(24));
 }
 
-TEST_CASE("mark in a run with an invalid slot length is reported without a time") {
+TEST_CASE("a mark in a run with an invalid slot length is reported without its time") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
   record::RunInfo info;

@@ -181,7 +181,7 @@ class Bench {
 
 }  // namespace
 
-TEST_CASE("every event of the table is in the expected record") {
+TEST_CASE("each event of the table is in the expected record") {
   Bench bench;
   for (const Event& e : events) bench.run(e);
   bench.end();

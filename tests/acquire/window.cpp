@@ -75,7 +75,7 @@ std::uint64_t parts(const TagCounts& c) {
 
 }  // namespace
 
-TEST_CASE("slot with all three sensors is complete") {
+TEST_CASE("a slot with data of all three sensors is complete") {
   Windows windows = make_windows();
   feed(windows, 10s, {start_at(0), click_at(150), click_at(250)});
   feed(windows, 10s + 900ms, {start_at(10'000), click_at(10'199), click_at(99'999)});
@@ -105,7 +105,7 @@ TEST_CASE("slot with all three sensors is complete") {
   for (const auto& s : r.sync) CHECK(s.verdict == "ok");
 }
 
-TEST_CASE("record includes delays, dead time and bad tags") {
+TEST_CASE("a record accounts for delays, dead time and bad tags") {
   auto settings = tdc_settings;
   settings.click_delay_ps = 500;
   settings.dead_time_ps = 100;
@@ -125,7 +125,7 @@ TEST_CASE("record includes delays, dead time and bad tags") {
   CHECK(parts(r.spd_counts) == r.spd_counts.tags);
 }
 
-TEST_CASE("slot border is exact, and a start pulse remains valid across it") {
+TEST_CASE("slot boundaries are exact, and a start pulse stays valid across them") {
   Windows windows = make_windows({Sensor::spd});
   feed(windows, 10s, {start_at(0)});
   feed(windows, 11s - 1ns, {start_at(1'000)});
@@ -137,7 +137,7 @@ TEST_CASE("slot border is exact, and a start pulse remains valid across it") {
   CHECK(second.spd.at(0) == 1);
 }
 
-TEST_CASE("click does not refer to a start before a gap") {
+TEST_CASE("a click after a gap is not paired with a start before it") {
   Windows windows = make_windows({Sensor::spd});
   feed(windows, 10s, {start_at(0)});
   feed(windows, 10s + 600ms, {click_at(50)}, 1);
@@ -146,7 +146,7 @@ TEST_CASE("click does not refer to a start before a gap") {
   CHECK(r.spd_counts.in_range == 0);
 }
 
-TEST_CASE("slot with tags in two parts has the counts of both") {
+TEST_CASE("a slot sums the counts of two tag blocks") {
   auto settings = tdc_settings;
   settings.dead_time_ps = 100;
   Windows windows(grid, settings, no_clocks, {Sensor::spd});
@@ -199,7 +199,7 @@ TEST_CASE("radar frames are averaged in linear power") {
   CHECK(sync(r, Sensor::radar).span_s == 0.2);
 }
 
-TEST_CASE("profile is the mean power over frames and subframes, each counted once") {
+TEST_CASE("a profile is the mean power over frames and subframes") {
   Windows windows = make_windows({Sensor::radar});
   double sum = 0, count = 0;
   for (std::uint32_t number = 1; number <= 5; ++number)
@@ -219,7 +219,7 @@ TEST_CASE("profile is the mean power over frames and subframes, each counted onc
   CHECK(power_from_code(r.radar[0], 12) == Approx(sum / count).epsilon(1e-4));
 }
 
-TEST_CASE("record has stats and temperature of the last frame") {
+TEST_CASE("a record has the stats and temperature of the last frame") {
   Windows windows = make_windows();
   windows.announce(radar_info());
   RadarFrame frame = radar_frame(10s, 1, {1, 2, 3, 4});
@@ -238,7 +238,7 @@ TEST_CASE("record has stats and temperature of the last frame") {
   CHECK_FALSE(windows.close({1, false}).radar_stats);
 }
 
-TEST_CASE("sensor without usable data is invalid, with the reason") {
+TEST_CASE("a sensor without usable data is invalid, with the reason") {
   Windows windows = make_windows();
   std::string spd = "no tags", radar = "no frames", depth = "no frames";
   SECTION("no data") {}
@@ -246,7 +246,7 @@ TEST_CASE("sensor without usable data is invalid, with the reason") {
     feed(windows, 10s, {click_at(0)});
     spd = "no start tags on channel 1";
   }
-  SECTION("the stream covers too little of the slot") {
+  SECTION("stream covers too little of the slot") {
     feed(windows, 10s, {start_at(0)});
     feed(windows, 10s + 499ms, {start_at(1)});
     spd = "tags for only 49 % of the slot";
@@ -263,7 +263,7 @@ TEST_CASE("sensor without usable data is invalid, with the reason") {
     windows.add(radar_frame(10s, 1, {}));
     radar = "frames without a range profile";
   }
-  SECTION("the device came back with another axis") {
+  SECTION("device reconnected with another axis") {
     CHECK_FALSE(windows.announce(radar_info(4, 8)));
     windows.add(radar_frame(10s, 1, {1, 2, 3, 4}));
     radar = "axis differs from the one at the start of the run";
@@ -281,7 +281,7 @@ TEST_CASE("sensor without usable data is invalid, with the reason") {
         spd.starts_with("tags for"));  // half of the slot suffices
 }
 
-TEST_CASE("click does not refer to a start before tags outside of open slots") {
+TEST_CASE("a click is not paired with a start before tags outside open slots") {
   Windows windows = make_windows({Sensor::spd});
   windows.close({0, false});
   feed(windows, 11s, {start_at(0)});
@@ -290,7 +290,7 @@ TEST_CASE("click does not refer to a start before tags outside of open slots") {
   CHECK(windows.close({1, false}).spd_counts.without_start == 1);
 }
 
-TEST_CASE("after a stall a slot is complete if its tags span 90 % of it") {
+TEST_CASE("after a stall a slot is complete if its tags span 90 % of its length") {
   SensorClocks clocks;
   std::vector<Tag> tag(1);
   const auto at = [&](HostTime time, const std::function<void(const TagBlock&)>& use) {
@@ -339,7 +339,7 @@ HistogramFrame histogram(HostTime received, std::vector<std::uint32_t> counts,
 
 }  // namespace
 
-TEST_CASE("slot sums the histograms with mid-exposure in it") {
+TEST_CASE("a slot sums the histograms that have their mid-exposure in it") {
   Windows windows = make_windows();
   REQUIRE(windows.announce(board_info()));
   CHECK(same_axis(windows.axes().front(), board_info().axes[0]));
@@ -362,7 +362,7 @@ TEST_CASE("slot sums the histograms with mid-exposure in it") {
   CHECK(sync(windows.close({2, false}), Sensor::spd).verdict == "no histograms");
 }
 
-TEST_CASE("counting board that returns with other bins is not used") {
+TEST_CASE("a counting board that reconnects with other bins is not used") {
   Windows windows = make_windows();
   REQUIRE(windows.announce(board_info()));
   CHECK_FALSE(windows.announce(board_info(100)));
@@ -371,7 +371,7 @@ TEST_CASE("counting board that returns with other bins is not used") {
         "axis differs from the one at the start of the run");
 }
 
-TEST_CASE("a detector that came back with other zones is not used") {
+TEST_CASE("a detector that reconnects with other zones is not used") {
   Windows windows = make_windows();
   DeviceInfo info = board_info();
   info.zones = {{0, 0, 0.2, 0}, {0.2, 0, 0.2, 0}};
@@ -383,7 +383,7 @@ TEST_CASE("a detector that came back with other zones is not used") {
   CHECK(windows.announce(info));
 }
 
-TEST_CASE("linear power of a radar behind a bridge is averaged") {
+TEST_CASE("linear power of a bridged radar is averaged") {
   Windows windows(grid, tdc_settings, no_clocks, {Sensor::radar});
   DeviceInfo info;
   info.sensor = Sensor::radar;

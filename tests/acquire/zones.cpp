@@ -32,7 +32,7 @@ void write(const std::string& path, const Zones& zones, std::size_t counts) {
 
 }  // namespace
 
-TEST_CASE("zones of a run are read as written, an unknown direction as unknown") {
+TEST_CASE("zones are read as written, and an unknown direction stays unknown") {
   const Folder folder;
   write(folder / "a", three, 9);
   const RunReader run(folder / "a");
@@ -41,7 +41,7 @@ TEST_CASE("zones of a run are read as written, an unknown direction as unknown")
   CHECK(run.read(0).spd == record_of(9).spd);
 }
 
-TEST_CASE("run of a single pixel has no table of zones") {
+TEST_CASE("a run of a single-pixel detector has no zone table") {
   const Folder folder;
   write(folder / "a", {}, 3);
   const RunReader run(folder / "a");
@@ -50,12 +50,12 @@ TEST_CASE("run of a single pixel has no table of zones") {
   CHECK(histograms_of(run.zones()) == 1);
 }
 
-TEST_CASE("histogram that does not match the zones is refused") {
+TEST_CASE("a histogram that does not match the zones is refused") {
   const Folder folder;
   CHECK_THROWS_WITH(write(folder / "a", three, 6), Contains("spd has 6 values, but its axis 9"));
 }
 
-TEST_CASE("zone without width, or with a time zero beyond a second, is refused") {
+TEST_CASE("a zone with zero width, or a time zero beyond one second, is refused") {
   CHECK(Zone{}.plausible());
   CHECK(Zone{0, 0, 0.1, -50}.plausible());
   CHECK_FALSE(Zone{0, 0, 0, 0}.plausible());
