@@ -41,14 +41,14 @@ int files_in(const fs::path& folder) {
 
 }  // namespace
 
-TEST_CASE("a part is K/N, other texts are refused") {
+TEST_CASE("a job part is parsed from K/N, other texts are refused") {
   CHECK(JobPart::of("2/4").name() == "part-2-of-4");
   for (const char* text : {"", "2", "0/4", "5/4", "1/0", "-1/4", "1/4x", "x/4", "1/", "/4",
                            "1/100001", "1/99999999999999999999", "auto"})
     CHECK_THROWS_WITH(JobPart::of(text), Contains("expected K/N with 1 <= K <= N"));
 }
 
-TEST_CASE("each piece belongs to exactly one part") {
+TEST_CASE("each work item belongs to exactly one job part") {
   for (const std::int64_t parts : {1, 3, 7, 50}) {
     std::int64_t next = 0;
     for (std::int64_t k = 1; k <= parts; ++k) {
@@ -60,7 +60,8 @@ TEST_CASE("each piece belongs to exactly one part") {
   }
 }
 
-TEST_CASE("a staged file appears when complete, and leftovers of a killed process are replaced") {
+TEST_CASE(
+    "a staged file appears only when complete, and leftovers of a killed process are replaced") {
   const Folder dir, scratch;
   const std::string place = dir / "a.sqlite";
   for (const bool elsewhere : {false, true}) {

@@ -43,7 +43,7 @@ TEST_CASE("a lock excludes others and names its holder") {
   CHECK(Lock(path, 0644).held());
 }
 
-TEST_CASE("one of many concurrent callers gets the lock, also if holders remove the file") {
+TEST_CASE("one of many concurrent callers gets the lock, even if holders remove the file") {
   const Folder folder;
   const std::string path = folder / "x.lock";
   const bool removes = GENERATE(false, true);
@@ -88,20 +88,20 @@ TEST_CASE("a lock file has the requested mode, whatever the umask") {
         static_cast<fs::perms>(mode));
 }
 
-TEST_CASE("a link or foreign file at the lock's path is refused and unchanged") {
+TEST_CASE("a link or another file at the lock's path is refused and not changed") {
   const Folder folder;
   const std::string precious = folder / "precious", lock = folder / "x.lock";
   std::ofstream(precious) << "precious";
   std::string stays = "precious";
   SECTION("symbolic link") { fs::create_symlink(precious, lock); }
-  SECTION("symbolic link to nothing") { fs::create_symlink(folder / "new", lock); }
+  SECTION("dangling symbolic link") { fs::create_symlink(folder / "new", lock); }
   SECTION("hard link") { fs::create_hard_link(precious, lock); }
-  SECTION("hard link to what begins like a lock") {
+  SECTION("hard link to a file that begins like a lock") {
     std::ofstream(precious).flush();
     fs::create_hard_link(precious, lock);
     stays = "";
   }
-  SECTION("a file of other content") { fs::copy_file(precious, lock); }
+  SECTION("file with other content") { fs::copy_file(precious, lock); }
   SECTION("fifo") { REQUIRE(::mkfifo(lock.c_str(), 0666) == 0); }
   SECTION("folder") { fs::create_directory(lock); }
   const auto is = fs::symlink_status(lock).type();

@@ -37,7 +37,7 @@ std::string left_out(std::size_t count) { return "<" + std::to_string(count) + "
 
 }  // namespace
 
-TEST_CASE("texts are written in order, and completely before close") {
+TEST_CASE("output queue writes texts in order, and all of them before it closes") {
   const Pipe pipe;
   OutputQueue queue(pipe.ends[1], left_out);
   for (int i = 0; i < 1000; ++i) CHECK(queue.put(std::to_string(i) + ' '));
@@ -47,7 +47,7 @@ TEST_CASE("texts are written in order, and completely before close") {
   CHECK(text.ends_with(" 998 999 "));
 }
 
-TEST_CASE("close waits as long as texts are read") {
+TEST_CASE("closing the output queue waits while the reader reads") {
   const Pipe pipe;
   OutputQueue queue(pipe.ends[1], left_out);
   for (int i = 0; i < 8; ++i) queue.put(std::string(1 << 16, '.'));  // a pipe holds one of these
@@ -60,7 +60,7 @@ TEST_CASE("close waits as long as texts are read") {
   CHECK(taken == 8 << 16);
 }
 
-TEST_CASE("if the reader stops, the newest texts are kept") {
+TEST_CASE("output queue keeps the newest texts if the reader stops") {
   const Pipe pipe;
   OutputQueue queue(pipe.ends[1], left_out);
   const std::string filling(1 << 18, '.');  // more than two pipes hold
@@ -82,7 +82,7 @@ TEST_CASE("if the reader stops, the newest texts are kept") {
   CHECK(queue.close() == 0);
 }
 
-TEST_CASE("a text longer than the queue's limit is written whole") {
+TEST_CASE("output queue writes a text longer than its limit completely") {
   Pipe pipe;
   OutputQueue queue(pipe.ends[1], left_out);
   const std::string huge(OutputQueue::most_bytes + 1, 'a');
@@ -97,7 +97,7 @@ TEST_CASE("a text longer than the queue's limit is written whole") {
   CHECK((text == huge));
 }
 
-TEST_CASE("close waits one second for a stopped reader, and not for a closed one") {
+TEST_CASE("closing the output queue waits one second for a stopped reader, not for a closed one") {
   std::signal(SIGPIPE, SIG_IGN);
   const auto begin = std::chrono::steady_clock::now();
   const auto waited = [&] { return std::chrono::steady_clock::now() - begin; };
@@ -118,7 +118,7 @@ TEST_CASE("close waits one second for a stopped reader, and not for a closed one
     for (int i = 0; i < 100; ++i) CHECK(queue.put("line\n"));
     CHECK(queue.close() == EPIPE);
   }
-  SECTION("a full disk") {
+  SECTION("full disk") {
     const int full = ::open("/dev/full", O_WRONLY | O_CLOEXEC);
     OutputQueue queue(full, left_out);
     queue.put("line\n");

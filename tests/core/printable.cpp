@@ -24,7 +24,7 @@ TEST_CASE("a printable text is valid UTF-8 in one line without control character
   CHECK(utf8_text("a\n\x1b\xff \xc3\xa9") == "a\n\x1b\\xff \xc3\xa9");
 }
 
-TEST_CASE("a text in a table does not start another cell or a formula") {
+TEST_CASE("a text in a CSV table cannot start a new cell or a formula") {
   CHECK(csv_text("ok") == "\"ok\"");
   CHECK(csv_text("") == "\"\"");
   CHECK(csv_text("a \"b\", c\nd") == "\"a \"\"b\"\", c\nd\"");
@@ -33,7 +33,7 @@ TEST_CASE("a text in a table does not start another cell or a formula") {
   CHECK(csv_text("-1 m") == "\"'-1 m\"");
 }
 
-TEST_CASE("a long line continues below its text") {
+TEST_CASE("a wrapped line is indented below its text") {
   CHECK(wrapped("ok       disk rate     64 MB/s in commits of 262 kB\n", 40) ==
         "ok       disk rate     64 MB/s in\n         commits of 262 kB\n");
   CHECK(wrapped("  a name of more than twenty  letters and a text\nshort", 40) ==
@@ -49,7 +49,7 @@ TEST_CASE("a long line continues below its text") {
   }
 }
 
-TEST_CASE("a progress line fits its terminal") {
+TEST_CASE("a progress line fits the terminal width") {
   const std::string title = "training", counts = "7/60  ETA 3 s",
                     text = counts + "  validation 0.065 of the spread";
   const auto line = [&](std::size_t columns) {

@@ -26,7 +26,7 @@ using test::contents;
 using test::Folder;
 namespace fs = std::filesystem;
 
-TEST_CASE("a file is replaced completely or remains unchanged") {
+TEST_CASE("a file is replaced completely or not at all") {
   const Folder folder;
   const std::string path = folder.path / "a.txt";
   write_atomically(path, "old");
@@ -136,7 +136,7 @@ TEST_CASE("a FIFO that replaces a file during the open is detected") {
   CHECK(read <= 20'000);
 }
 
-TEST_CASE("a program starts in its folder without our other descriptors") {
+TEST_CASE("a child process starts in its folder without inherited descriptors") {
   const Folder folder;
   const int mine = ::open("/dev/null", O_RDONLY);
   const auto program = start_program({"sh", "-c", "pwd > out; ls /proc/self/fd > fds; exit 7"},

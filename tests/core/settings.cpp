@@ -38,7 +38,7 @@ std::string faults_of(const std::string& toml) {
 
 }  // namespace
 
-TEST_CASE("values are stored in their fields, and integers are accepted as numbers") {
+TEST_CASE("settings are stored in their fields, and integers are accepted as numbers") {
   Sample sample;
   Settings s = sample.bound();
   s.read_text("window_s = 2\n[tdc]\nbins = 8\nfilter = false\naddress = \"a\\\"b\"\n", "x");
@@ -51,7 +51,7 @@ TEST_CASE("values are stored in their fields, and integers are accepted as numbe
   CHECK_FALSE(s.given("radar.psf"));
 }
 
-TEST_CASE("all faults are reported at once, with position and expected value") {
+TEST_CASE("all settings errors are reported at once, with position and expected value") {
   const std::string faults = faults_of(
       "windw_s = 3\nwindow_s = \"long\"\n[tdc]\nbins = 0\nfilter = 1\n[radar]\npsf = \"gauss\"\n");
   CHECK(
@@ -67,7 +67,7 @@ TEST_CASE("all faults are reported at once, with position and expected value") {
   CHECK(std::count(faults.begin(), faults.end(), '\n') == 4);
 }
 
-TEST_CASE("of thousands of faults the first 20 are listed") {
+TEST_CASE("only the first 20 settings errors are listed") {
   std::string text;
   for (int i = 0; i < 5000; ++i) text += "key_" + std::to_string(i) + " = 1\n";
   const std::string faults = faults_of(text);
@@ -109,12 +109,12 @@ TEST_CASE("an assignment (--set) accepts TOML values and bare words only") {
   CHECK_THROWS_WITH(s.set("tdc.address=\xff"), Catch::EndsWith("expected UTF-8"));
 }
 
-TEST_CASE("a fault is one line for any file content") {
+TEST_CASE("a settings error is one line for any file content") {
   CHECK(faults_of("\"a\\nb\\u001b\" = 1\n") ==
         "lab.toml:1:1: unknown key \"a\\nb\\x1b\"; no similar name");
 }
 
-TEST_CASE("resolved settings read back to the same values") {
+TEST_CASE("printed settings are read back with the same values") {
   Sample sample;
   sample.window_s = 0.1 + 0.2;
   sample.address = "\n\tC:\\x \"y\" '''\x7f";
@@ -126,7 +126,7 @@ TEST_CASE("resolved settings read back to the same values") {
   CHECK(other.bound().resolved() == sample.bound().resolved());
 }
 
-TEST_CASE("lines that are not TOML and repeated keys do not hide later faults") {
+TEST_CASE("lines that are not TOML and repeated keys do not hide later errors") {
   CHECK(faults_of("window_s = 3\nwindow_s = 4\n").find("lab.toml:2:12: not TOML: ") == 0);
   const std::string faults = faults_of(
       "window_s = = 3\n[tdc]\naddress = \"open\nbins = 8\nbins = 9\nfilter = 1\n"
@@ -153,9 +153,7 @@ TEST_CASE("lines that are not TOML and repeated keys do not hide later faults") 
   CHECK(std::count(many.begin(), many.end(), '\n') == 19);
 }
 
-TEST_CASE(
-    "text and assignments are read together, the assignment has priority, faults of both are "
-    "reported") {
+TEST_CASE("an assignment overrides the file, and errors of both are reported") {
   Sample sample;
   Settings s = sample.bound();
   const auto faults =
@@ -167,7 +165,7 @@ TEST_CASE(
   CHECK(sample.window_s == 2);
 }
 
-TEST_CASE("every value has an origin, which is printed in TOML that can be loaded") {
+TEST_CASE("each setting has an origin, printed as a comment in valid TOML") {
   Sample sample;
   Settings s = sample.bound();
   REQUIRE(s.read("window_s = 1\n[tdc]\nbins = 7\n", "lab.toml", {"radar.psf=blackman"}).empty());
@@ -187,7 +185,7 @@ TEST_CASE("every value has an origin, which is printed in TOML that can be loade
   CHECK(other.bound().resolved() == s.resolved());
 }
 
-TEST_CASE("a file name cannot break the line with an origin") {
+TEST_CASE("a file name with a line break cannot inject settings") {
   Sample sample;
   Settings s = sample.bound();
   REQUIRE(s.read("window_s = 1\n", "a\nwindow_s = 5\n", {}).empty());
@@ -196,7 +194,7 @@ TEST_CASE("a file name cannot break the line with an origin") {
   CHECK(other.window_s == 1);
 }
 
-TEST_CASE("a section is printed once, in any binding order") {
+TEST_CASE("a section is printed once, whatever the binding order") {
   std::int64_t n[] = {1, 2, 3, 4, 5};
   const auto bound = [&] {
     Settings s;

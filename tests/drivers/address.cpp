@@ -52,7 +52,7 @@ TEST_CASE("a bad address is refused with its text and the expected form") {
   }
 }
 
-TEST_CASE("the pause before a new attempt doubles up to 2 s") {
+TEST_CASE("the retry delay doubles up to 2 s") {
   Backoff backoff;
   std::vector<long> pauses;
   for (int i = 0; i < 7; ++i) pauses.push_back(backoff.next().count());
@@ -69,7 +69,7 @@ TEST_CASE("the pause before a new attempt doubles up to 2 s") {
   CHECK(backoff.next().count() == 100);
 }
 
-TEST_CASE("a failure is reported once until the reason changes") {
+TEST_CASE("a connection failure is reported again only if its reason changes") {
   Backoff backoff;
   CHECK(backoff.is_news("gone"));
   CHECK_FALSE(backoff.is_news("gone"));

@@ -44,7 +44,7 @@ struct Bench {
 
 }  // namespace
 
-TEST_CASE("tags arrive through a bridge, and every connection is reported") {
+TEST_CASE("the tagger driver receives tags from a bridge and reports each connection") {
   Bench b;
   Server server(b.loop);
   const auto driver = make_tdc(b.loop, {server.address()});
@@ -63,14 +63,14 @@ TEST_CASE("tags arrive through a bridge, and every connection is reported") {
   CHECK(b.sink.blocks[0].received <= b.loop.now());
   CHECK(b.sink.tags[1].time_ps == 1'013'443);
 
-  SECTION("a depth block is rejected") {
+  SECTION("depth block is rejected") {
     server.send(b.golden[2]);
     REQUIRE(run_until(b.loop, [&] { return test::counter(*driver, "bad_payloads") == 1; }));
     server.send(test::tags_block(3));
     REQUIRE(run_until(b.loop, [&] { return b.sink.blocks.size() == 2; }));
     CHECK(b.sink.blocks[1].lost_blocks == 1);  // the rejected block
   }
-  SECTION("a lost connection is restored and counts one lost block") {
+  SECTION("lost connection is restored, with one lost block") {
     server.client.reset();
     REQUIRE(run_until(b.loop, [&] { return b.sink.state() == DeviceState::faulted; }));
     CHECK(b.sink.events.size() == 1);
@@ -89,7 +89,7 @@ TEST_CASE("tags arrive through a bridge, and every connection is reported") {
           std::vector<std::string>{
               "bridge closed the connection: device unplugged, or another client connected"});
   }
-  SECTION("after stop() there are no events") {
+  SECTION("no events after stop()") {
     server.send(b.golden[1]);
     driver->stop();
     const std::size_t calls = b.sink.calls();
@@ -167,7 +167,7 @@ TEST_CASE("a driver may be destroyed at any time") {
   }
 }
 
-TEST_CASE("depth frames arrive through a bridge with their axes") {
+TEST_CASE("the camera driver receives depth frames and axes from a bridge") {
   Bench b;
   Server server(b.loop);
   const auto driver = make_depth(b.loop, {server.address()});
@@ -193,7 +193,7 @@ TEST_CASE("depth frames arrive through a bridge with their axes") {
   CHECK(run_until(b.loop, [&] { return test::counter(*driver, "bad_payloads") == 1; }));
 }
 
-TEST_CASE("lost frames of a camera are counted by its frame index, also across a reconnection") {
+TEST_CASE("lost camera frames are counted by the frame index, also across a reconnection") {
   Bench b;
   Server server(b.loop);
   const auto driver = make_depth(b.loop, {server.address()});
@@ -219,7 +219,7 @@ TEST_CASE("lost frames of a camera are counted by its frame index, also across a
   CHECK(test::counter(*driver, "lost_frames") == 34);
 }
 
-TEST_CASE("histograms of a counting board arrive through a bridge with their axis") {
+TEST_CASE("the counting-board driver receives histograms and their axis from a bridge") {
   Bench b;
   Server server(b.loop);
   const auto pieces = test::read_golden("bridge_sensors.hex");
@@ -245,14 +245,14 @@ TEST_CASE("histograms of a counting board arrive through a bridge with their axi
   }
   Bytes zones(counts.begin(), counts.end());
   zones[0] = 5, zones[4] = 1;  // 5 zones of 1 bin
-  SECTION("zones that the hello does not state have no directions") {
+  SECTION("zones missing in the hello have no directions") {
     server.send(test::make_block(bridge::BlockKind::histogram, 1, zones));
     REQUIRE(run_until(b.loop, [&] { return b.sink.histograms.size() == 1; }));
     CHECK(b.sink.info.zones == Zones(5));
     CHECK(b.sink.info.axes[0].count == 1);
     CHECK(b.sink.histograms[0].counts.size() == 5);
   }
-  SECTION("zones are those of the hello, another number is refused with one line") {
+  SECTION("zones come from the hello, another number of histograms is refused") {
     const std::string hello =
         R"({"sends": "histograms", "zones": [{"x": -0.1, "y": 0, "width": 0.2, "zero_ps": 7.5}]})";
     server.client.reset();
@@ -270,7 +270,7 @@ TEST_CASE("histograms of a counting board arrive through a bridge with their axi
   }
 }
 
-TEST_CASE("histograms without their keys in the hello are refused with the missing key") {
+TEST_CASE("a hello without a histogram key is refused with the key's name") {
   Bench b;
   Server server(b.loop);
   const auto driver = make_tdc(b.loop, {server.address()});
@@ -281,7 +281,7 @@ TEST_CASE("histograms without their keys in the hello are refused with the missi
   CHECK_THAT(b.sink.events[0], Catch::Contains("add \"sends\": \"histograms\""));
 }
 
-TEST_CASE("range profiles of any radar arrive through a bridge") {
+TEST_CASE("the radar driver receives range profiles from a bridge") {
   Bench b;
   Server server(b.loop);
   const auto pieces = test::read_golden("bridge_sensors.hex");

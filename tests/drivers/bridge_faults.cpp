@@ -61,7 +61,7 @@ void check_broken(const std::vector<Bytes>& stream) {
 
 }  // namespace
 
-TEST_CASE("every flipped bit is detected, and no later block is accepted") {
+TEST_CASE("each flipped bit in a bridge block is detected, and no later block is accepted") {
   const std::size_t bits = 8 * tags_block(hit).size();
   for (std::size_t bit = 0; bit < bits; ++bit) {
     CAPTURE(bit);
@@ -79,7 +79,7 @@ TEST_CASE("every flipped bit is detected, and no later block is accepted") {
   }
 }
 
-TEST_CASE("a block truncated at any byte is detected") {
+TEST_CASE("a bridge block truncated at any byte is detected") {
   for (std::size_t size = 1; size < tags_block(hit).size(); ++size) {
     CAPTURE(size);
     auto stream = sound_stream();
@@ -89,7 +89,7 @@ TEST_CASE("a block truncated at any byte is detected") {
   }
 }
 
-TEST_CASE("garbage between blocks is detected at its first byte") {
+TEST_CASE("garbage between bridge blocks is detected at its first byte") {
   for (std::uint64_t seed = 0; seed < 200; ++seed) {
     Rng rng = make_rng(seed, 1);
     Bytes garbage(1 + rng() % 5000);
@@ -105,7 +105,7 @@ TEST_CASE("garbage between blocks is detected at its first byte") {
 }
 
 TEST_CASE(
-    "oversized blocks, other versions and unknown kinds are refused despite a valid checksum") {
+    "oversized blocks, other versions and unknown kinds are refused despite valid checksums") {
   for (const auto& [at, value] : {std::pair{15, 1}, {15, 255}, {4, 2}, {5, 1}, {6, 6}, {24, 1}}) {
     Bytes bad = tags_block(hit);
     bad[static_cast<std::size_t>(at)] = static_cast<std::uint8_t>(value);
@@ -121,7 +121,7 @@ TEST_CASE(
   }
 }
 
-TEST_CASE("a gap in the sender's numbers is counted and reading continues") {
+TEST_CASE("a gap in the block numbers is counted, and reading continues") {
   auto stream = sound_stream();
   stream.erase(stream.begin() + hit, stream.begin() + hit + 2);
   const Outcome out = receive(stream);

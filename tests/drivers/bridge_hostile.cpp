@@ -43,7 +43,7 @@ TEST_CASE("a hello header with more than 64 KiB is refused before its payload") 
   CHECK(parser.counts().bad_headers == 1);
 }
 
-TEST_CASE("a depth frame with impossible sides or axes is refused") {
+TEST_CASE("a depth frame with an impossible size or axis is refused") {
   const auto frame = [](std::uint32_t width, std::uint32_t height, std::array<float, 4> axes) {
     Bytes payload;
     put(payload, width);

@@ -52,7 +52,7 @@ Bytes tag_block(std::uint32_t sequence, std::size_t tags) {
 
 }  // namespace
 
-TEST_CASE("CRC-32C gives the test vectors of RFC 3720 B.4") {
+TEST_CASE("CRC-32C matches the test vectors of RFC 3720 B.4") {
   CHECK(crc32c(Bytes(32, 0x00)) == 0x8a9136aa);
   CHECK(crc32c(Bytes(32, 0xff)) == 0x62a8ab43);
   Bytes up(32), down(32);
@@ -73,7 +73,7 @@ TEST_CASE("CRC-32C gives the test vectors of RFC 3720 B.4") {
   CHECK(crc32c(many) == crc);
 }
 
-TEST_CASE("the golden blocks are parsed whole with any split") {
+TEST_CASE("golden bridge blocks are parsed whatever the split") {
   const auto pieces = read_golden("bridge.hex");
   REQUIRE(pieces.size() == 4);
   const Bytes all = join(pieces);
@@ -95,7 +95,7 @@ TEST_CASE("the golden blocks are parsed whole with any split") {
   CHECK(bytewise.counts().junk_bytes + bytewise.counts().gaps == 0);
 }
 
-TEST_CASE("payloads of the golden blocks are decoded") {
+TEST_CASE("payloads of golden bridge blocks are decoded") {
   BlockParser parser;
   const auto parsed = feed(parser, join(read_golden("bridge.hex")));
   REQUIRE(parsed.size() == 4);
@@ -137,7 +137,7 @@ TEST_CASE("tags at an odd address are decoded") {
   CHECK_FALSE(read_tags(shifted, scratch));
 }
 
-TEST_CASE("payloads with inconsistent sizes are refused") {
+TEST_CASE("bridge payloads with inconsistent sizes are refused") {
   CHECK_FALSE(read_hello(test::view_of("{\"model\":")));
   CHECK_FALSE(read_hello(test::view_of("[1]")));
   CHECK_FALSE(read_hello(test::view_of("{\"model\": 5}")));
@@ -158,7 +158,7 @@ TEST_CASE("payloads with inconsistent sizes are refused") {
   CHECK_FALSE(read_depth(nan));
 }
 
-TEST_CASE("a hello states zones, and impossible ones are refused") {
+TEST_CASE("zones in a hello are decoded, impossible zones are refused") {
   const auto zones_of = [](const std::string& list) -> std::optional<Zones> {
     const auto hello = read_hello(test::view_of("{\"zones\": " + list + ", \"model\": \"m\"}"));
     if (!hello) return std::nullopt;
@@ -182,7 +182,7 @@ TEST_CASE("a hello states zones, and impossible ones are refused") {
   CHECK_FALSE(zones_of(many + ", {}]"));
 }
 
-TEST_CASE("histograms and range profiles are decoded, impossible ones are refused") {
+TEST_CASE("histogram and range profile payloads are decoded, impossible ones are refused") {
   const auto pieces = read_golden("bridge_sensors.hex");
   const ByteView counts = ByteView(pieces[1]).subspan(header_bytes);
   const ByteView power = ByteView(pieces[2]).subspan(header_bytes);
@@ -224,7 +224,7 @@ TEST_CASE("histograms and range profiles are decoded, impossible ones are refuse
   CHECK_FALSE(read_profile(with(power, 28, std::nanf(""))));
 }
 
-TEST_CASE("missing blocks are counted at their position") {
+TEST_CASE("missing bridge blocks are counted at their position") {
   const auto pieces = read_golden("bridge.hex");
   BlockParser parser;
   const auto parsed = feed(parser, join({pieces[0], pieces[3]}));
@@ -234,7 +234,7 @@ TEST_CASE("missing blocks are counted at their position") {
   CHECK(parser.counts().lost_blocks == 2);
 }
 
-TEST_CASE("the sequence may wrap, and a restarted one counts as one loss") {
+TEST_CASE("the block number may wrap, and a restarted number counts as one loss") {
   BlockParser parser;
   const auto parsed =
       feed(parser,
@@ -246,7 +246,7 @@ TEST_CASE("the sequence may wrap, and a restarted one counts as one loss") {
   CHECK(parsed[3].lost == 1);
 }
 
-TEST_CASE("a new connection starts at 0, and buffered bytes become junk") {
+TEST_CASE("after a reconnection block numbers start at 0, and buffered bytes count as junk") {
   const auto pieces = read_golden("bridge.hex");
   BlockParser parser;
   feed(parser, ByteView(pieces[0]).first(50));
@@ -257,7 +257,7 @@ TEST_CASE("a new connection starts at 0, and buffered bytes become junk") {
   CHECK(parser.counts().gaps == 0);
 }
 
-TEST_CASE("damage is classified") {
+TEST_CASE("bridge parser names the kind of damage") {
   const auto pieces = read_golden("bridge.hex");
   const auto damaged = [&](std::size_t at, std::uint8_t flip) {
     Bytes bytes = join(pieces);
@@ -280,7 +280,7 @@ TEST_CASE("damage is classified") {
   CHECK(damaged(2, 1).junk_bytes == 3);
 }
 
-TEST_CASE("a stream that ends in a wrong magic is broken for any split") {
+TEST_CASE("a wrong magic is detected whatever the split") {
   for (const std::string end : {"X", "EX", "EFX", "EFBX", "EFB", "EFBR", "EFBRXX"}) {
     Bytes bytes = tag_block(0, 1);
     bytes.insert(bytes.end(), end.begin(), end.end());
@@ -295,7 +295,7 @@ TEST_CASE("a stream that ends in a wrong magic is broken for any split") {
   }
 }
 
-TEST_CASE("memory of a large block is reused until it is given back") {
+TEST_CASE("the buffer of a large bridge block is reused") {
   const Bytes large = tag_block(0, 1 << 17);  // 2 MiB
   BlockParser parser;
   std::vector<const std::uint8_t*> places;
@@ -318,7 +318,7 @@ TEST_CASE("memory of a large block is reused until it is given back") {
   CHECK(parser.kept_bytes() == 0);
 }
 
-TEST_CASE("a magic inside a payload does not start a block") {
+TEST_CASE("magic bytes inside a payload do not start a bridge block") {
   Bytes evil = tag_block(0, 2);
   const Bytes inner = tag_block(9, 0);
   std::copy(inner.begin(), inner.end(), evil.begin() + header_bytes);
@@ -331,7 +331,7 @@ TEST_CASE("a magic inside a payload does not start a block") {
   CHECK(parsed[0].payload.size() == 32);
 }
 
-TEST_CASE("random damage: every byte before it is counted, for any split") {
+TEST_CASE("under random damage the bridge parser accounts for each earlier byte") {
   for (std::uint64_t seed = 0; seed < 300; ++seed) {
     Rng rng = make_rng(seed, 1);
     Bytes bytes;

@@ -78,7 +78,7 @@ using Numbers = std::vector<std::uint64_t>;
 
 }  // namespace
 
-TEST_CASE("silence, single bytes, a wrong length and a missing hello end a connection") {
+TEST_CASE("silence, single bytes, a wrong length or a missing hello ends a bridge connection") {
   port::VirtualLoop loop;
   Pair pair(loop, GENERATE(Sensor::spd, Sensor::depth));
   const std::string what = GENERATE("silent", "slow", "wrong length", "no hello");
@@ -107,7 +107,7 @@ TEST_CASE("silence, single bytes, a wrong length and a missing hello end a conne
   CHECK(pair.sink.events.size() == 1);
 }
 
-TEST_CASE("a bridge that closes inside a block loses that block") {
+TEST_CASE("a bridge that closes within a block loses only that block") {
   port::VirtualLoop loop;
   Pair pair(loop, GENERATE(Sensor::spd, Sensor::depth));
   REQUIRE(run_until(loop, [&] { return pair.connected; }));
@@ -148,7 +148,7 @@ TEST_CASE(
   CHECK(counter(*pair.driver, "connections") == 2);
 }
 
-TEST_CASE("a bridge reconnects after each of 100 disconnections") {
+TEST_CASE("the bridge driver reconnects after each of 100 disconnections") {
   port::VirtualLoop loop;
   Pair pair(loop, GENERATE(Sensor::spd, Sensor::depth));
   REQUIRE(run_until(loop, [&] { return pair.connected; }));

@@ -57,7 +57,7 @@ struct Session {
 
 }  // namespace
 
-TEST_CASE("the cfg is sent line by line, each after the previous prompt") {
+TEST_CASE("cfg lines are sent one by one, each after the prompt") {
   Session s;
   s.begin();
   CHECK(s.d.take_output() == "sensorStop\n");
@@ -77,7 +77,7 @@ TEST_CASE("the cfg is sent line by line, each after the previous prompt") {
   CHECK(s.reported().empty());
 }
 
-TEST_CASE("the dialogue works with any split of the bytes") {
+TEST_CASE("the cfg dialogue works whatever the split of received bytes") {
   const std::string wire = answer("sensorStop", "Done\n") + answer("flushCfg", "Done\n");
   for (std::size_t cut = 0; cut <= wire.size(); ++cut) {
     Session s;
@@ -102,7 +102,7 @@ TEST_CASE("garbage and extra prompts before the first prompt are discarded") {
   CHECK(s.d.take_output() == "version\n");
 }
 
-TEST_CASE("the first command is repeated if garbage precedes it") {
+TEST_CASE("the first cfg command is repeated if garbage precedes it") {
   Session s;
   s.d.take_output();
   s.say(prompt);
@@ -110,11 +110,11 @@ TEST_CASE("the first command is repeated if garbage precedes it") {
   CHECK(s.d.take_output() == "version\n");
   s.say(answer("\x7f?version", "'?version' is not recognized as a CLI command\n"));
   CHECK(s.d.take_output() == "version\n");
-  SECTION("and is then accepted") {
+  SECTION("then accepted") {
     s.say(answer("version", "Done\n"));
     CHECK(s.d.take_output() == "sensorStop\n");
   }
-  SECTION("or is unknown to this firmware, without harm") {
+  SECTION("unknown to this firmware") {
     s.say(answer("version", "'version' is not recognized as a CLI command\n"));
     CHECK(s.d.take_output() == "sensorStop\n");
   }
@@ -134,7 +134,7 @@ std::string refusal(const std::string& text, const std::string& sdk, const std::
 }
 }  // namespace
 
-TEST_CASE("a cfg of another SDK is reported with both SDKs and the file to use") {
+TEST_CASE("a cfg of another SDK is reported with both SDK versions and the file to use") {
   const std::string unknown = "'calibData' is not recognized as a CLI command\n";
   CHECK(refusal("flushCfg\ncalibData 0 0 0\n", "03.04.00.03", unknown) ==
         "x.cfg:2: calibData 0 0 0: 'calibData' is not recognized as a CLI command; SDK 3.5 and 3.6 "
@@ -156,7 +156,7 @@ TEST_CASE("a cfg of another SDK is reported with both SDKs and the file to use")
              Catch::EndsWith("Error -1"));
 }
 
-TEST_CASE("a refused line fails with its line number and the firmware's message") {
+TEST_CASE("a refused cfg line is reported with its number and the firmware's message") {
   Session s;
   s.begin();
   s.say(answer("sensorStop", "Done\n"));
@@ -171,7 +171,7 @@ TEST_CASE("a refused line fails with its line number and the firmware's message"
           "x.cfg:4:   flushCfg: 'flushCfg' is not recognized as a CLI command; this radar has "
           "mmWave SDK 03.05.00.04: is the cfg for another demo?");
   }
-  SECTION("the firmware crashes") {
+  SECTION("firmware crash") {
     s.say("flushCfg\r\nException: ../mss_main.c, line 1234.\n\r");
     CHECK_THAT(s.d.failure(),
                Catch::Contains("Exception: ../mss_main.c, line 1234. (the firmware"));
@@ -184,7 +184,7 @@ TEST_CASE("a refused line fails with its line number and the firmware's message"
     CHECK(s.d.failure() ==
           "x.cfg:4:   flushCfg: no answer: the firmware has stopped, reset the board");
   }
-  SECTION("silence after half an answer") {
+  SECTION("silence within an answer") {
     s.say("flushCfg\r\nDebug: Init Calibration Status = 0xffe\n\rErro");
     s.wait(2s);
     CHECK(
@@ -192,7 +192,7 @@ TEST_CASE("a refused line fails with its line number and the firmware's message"
         "x.cfg:4:   flushCfg: no answer after 'Debug: Init Calibration Status = 0xffe; Erro': the "
         "firmware has stopped, reset the board");
   }
-  SECTION("an exception of another demo") {
+  SECTION("exception text of another demo") {
     s.say("flushCfg\r\nMSS Exception: ../mss/mss_main.c, line 635.\n\r");
     CHECK_THAT(s.d.failure(), Catch::Contains("flushCfg: MSS Exception: ../mss/mss_main.c, line"));
   }
@@ -201,7 +201,7 @@ TEST_CASE("a refused line fails with its line number and the firmware's message"
   CHECK_FALSE(s.d.deadline());
 }
 
-TEST_CASE("without a prompt it fails after three attempts with advice") {
+TEST_CASE("the cfg dialogue fails after three attempts without a prompt and advises the user") {
   Session s;
   for (int i = 0; i < 3; ++i) {
     CHECK(s.d.take_output() == "\n");
@@ -219,7 +219,7 @@ TEST_CASE("without a prompt it fails after three attempts with advice") {
                  "no prompt, but other bytes received; check that this is the command port"));
 }
 
-TEST_CASE("endless output before the first command does not block the dialogue") {
+TEST_CASE("endless output before the first command does not block the cfg dialogue") {
   Session s;
   s.d.take_output();
   s.say(prompt);
@@ -231,7 +231,7 @@ TEST_CASE("endless output before the first command does not block the dialogue")
 }
 
 TEST_CASE(
-    "Skipped is success, a prompt without a verdict is ignored, unsolicited lines are reported") {
+    "Skipped means success, a prompt without an answer is ignored, other lines are reported") {
   Session s("sensorStop\nsensorStart\n");
   s.begin();
   s.d.take_output();
@@ -255,7 +255,7 @@ TEST_CASE(
   CHECK(s.d.state() == State::failed);
 }
 
-TEST_CASE("a calibration line inside an echo is reported and otherwise ignored") {
+TEST_CASE("a calibration line within an echo is reported and otherwise ignored") {
   Session s("sensorStop\nsensorStart\n");
   const std::string line = "compRangeBiasAndRxChanPhase 0.0123456 1.00000 -0.50000";
   s.d.take_output();
@@ -270,7 +270,7 @@ TEST_CASE("a calibration line inside an echo is reported and otherwise ignored")
   CHECK(s.d.take_output() == "sensorStart\n");
 }
 
-TEST_CASE("a restart sends two lines, or the whole cfg after a refusal or a banner") {
+TEST_CASE("a restart sends two cfg lines, or the whole cfg after a refusal or a boot banner") {
   CommandDialogue d(cfg, "x.cfg", {}, CommandDialogue::Send::restart);
   const auto say = [&](const std::string& wire) { d.receive(test::view_of(wire), HostTime{0}); };
   d.start(HostTime{0});
@@ -303,7 +303,7 @@ TEST_CASE("a restart sends two lines, or the whole cfg after a refusal or a bann
   }
 }
 
-TEST_CASE("a flood without line ends uses bounded memory and is ignored") {
+TEST_CASE("endless output without line ends is ignored in bounded memory") {
   Session s;
   s.begin();
   s.d.take_output();
@@ -312,7 +312,7 @@ TEST_CASE("a flood without line ends uses bounded memory and is ignored") {
   CHECK(s.d.take_output() == "  flushCfg\n");
 }
 
-TEST_CASE("the stop dialogue waits for the prompt of a running command and for its own answer") {
+TEST_CASE("sensorStop is sent after the running command's prompt and waits for its answer") {
   const bool busy = GENERATE(false, true);
   StopDialogue d(busy);
   if (busy) {
@@ -334,13 +334,13 @@ TEST_CASE("the stop dialogue waits for the prompt of a running command and for i
   CHECK(d.take_output().empty());
 }
 
-TEST_CASE("a refused sensorStop does not finish the stop dialogue") {
+TEST_CASE("a refused sensorStop is not taken as a stopped sensor") {
   StopDialogue d(false);
   d.receive(test::view_of(answer("sensorStop", "Error -1\n")));
   CHECK_FALSE(d.done());
 }
 
-TEST_CASE("sensorStart waits until the sensor has been stopped for the pause") {
+TEST_CASE("sensorStart waits for the pause after sensorStop") {
   CommandDialogue d("sensorStop\nsensorStart\n", "x.cfg", {.pause = 300ms});
   const auto say = [&](const std::string& wire, HostTime now) {
     d.receive(test::view_of(wire), now);

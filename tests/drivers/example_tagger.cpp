@@ -7,7 +7,7 @@
 
 using namespace echofuse;
 
-TEST_CASE("driver to copy delivers tags, counts losses and reconnects") {
+TEST_CASE("the example tagger driver delivers tags, counts losses and reconnects") {
   int opened = 0, reads = 0;
   const examples::Board board{
       .open = [&] { return ++opened > 1; },  // attached at the second attempt

@@ -59,7 +59,7 @@ void check_sum(const FrameCounts& c) {
 
 }  // namespace
 
-TEST_CASE("the golden frames are parsed") {
+TEST_CASE("golden radar frames are parsed") {
   const Parsed p = parse(join(golden()));
   REQUIRE(p.numbers() == Numbers{209, 210, 213});
   const std::vector<std::uint16_t> profile{5000, 6000, 65535, 0, 1, 258, 772, 4097};
@@ -89,7 +89,7 @@ TEST_CASE("the golden frames are parsed") {
   check_sum(p.counts);
 }
 
-TEST_CASE("the golden heat maps are parsed") {
+TEST_CASE("golden heat maps are parsed") {
   const auto pieces = read_golden("radar_array.hex");
   const Parsed p = parse(join(pieces));
   REQUIRE(p.numbers() == Numbers{301, 302, 303, 304});
@@ -148,7 +148,7 @@ TEST_CASE("heat maps with damaged types and lengths are counted, and parsing con
   }
 }
 
-TEST_CASE("any split gives the same frames, with the time of the last byte") {
+TEST_CASE("radar frames do not depend on the split, and have the time of their last byte") {
   const Bytes all = join(golden());
   for (std::size_t cut = 1; cut < all.size(); ++cut) {
     std::size_t next = cut;
@@ -162,7 +162,7 @@ TEST_CASE("any split gives the same frames, with the time of the last byte") {
   CHECK(bytewise.frames[0].received == std::chrono::seconds(golden()[0].size() - 1));
 }
 
-TEST_CASE("junk before, between and after frames is skipped and counted") {
+TEST_CASE("junk before, between and after radar frames is skipped and counted") {
   const Bytes junk(16, 0xff);  // sent by the firmware: configDataPort with ackPing
   const auto& g = golden();
   const Parsed p = parse(join({junk, g[0], junk, g[1], junk}));
@@ -172,7 +172,7 @@ TEST_CASE("junk before, between and after frames is skipped and counted") {
   check_sum(p.counts);
 }
 
-TEST_CASE("a frame with missing bytes is truncated, the next one is complete") {
+TEST_CASE("a radar frame with missing bytes is counted as truncated, the next one is complete") {
   const auto& g = golden();
   for (std::size_t lost = 1; lost < g[0].size() - 40; ++lost)
     for (const std::size_t at : {std::size_t{40}, g[0].size() - lost}) {
@@ -188,7 +188,7 @@ TEST_CASE("a frame with missing bytes is truncated, the next one is complete") {
     }
 }
 
-TEST_CASE("implausible headers are refused at once") {
+TEST_CASE("implausible frame headers are refused immediately") {
   const auto& g = golden();
   const auto [at, value] = GENERATE(table<std::size_t, std::uint32_t>(
       {{12, 39u}, {12, 63u}, {12, 65'537u}, {12, 0u}, {12, 0xffffffffu}, {32, 17u}}));
@@ -200,7 +200,7 @@ TEST_CASE("implausible headers are refused at once") {
   check_sum(p.counts);
 }
 
-TEST_CASE("a far too large length costs one frame only") {
+TEST_CASE("an excessive length field loses only one frame") {
   const auto& g = golden();
   Bytes bad = g[0];
   set_u32(bad, 12, 60'000);
@@ -220,7 +220,7 @@ TEST_CASE("a TLV that exceeds its packet invalidates the frame") {
   check_sum(p.counts);
 }
 
-TEST_CASE("a frame with one TLV too many in its count keeps the others") {
+TEST_CASE("a frame with a TLV count one too high keeps its TLVs") {
   Bytes bad = golden()[1];  // 20 bytes of padding
   set_u32(bad, 32, 4);
   const Parsed p = parse(bad);
@@ -229,7 +229,7 @@ TEST_CASE("a frame with one TLV too many in its count keeps the others") {
   CHECK(p.frames[0].temperature);
 }
 
-TEST_CASE("a frame with padding that ends like a magic waits for the next bytes or for silence") {
+TEST_CASE("padding that ends like a magic is resolved by the next bytes or by silence") {
   Bytes doubtful = golden()[2];
   doubtful.back() = 2;  // first byte of the magic
   FrameParser parser;
@@ -246,7 +246,7 @@ TEST_CASE("a frame with padding that ends like a magic waits for the next bytes 
     parser.settle(keep);
     parser.feed(golden()[2], later, keep);
   }
-  SECTION("the next frame") { parser.feed(golden()[2], later, keep); }
+  SECTION("next frame") { parser.feed(golden()[2], later, keep); }
   REQUIRE(frames.size() == 2);
   CHECK(frames[0].received == whole);
   CHECK(frames[1].received == later);
@@ -254,7 +254,7 @@ TEST_CASE("a frame with padding that ends like a magic waits for the next bytes 
   check_sum(parser.counts());
 }
 
-TEST_CASE("after finish() the parser starts again") {
+TEST_CASE("the frame parser restarts after finish()") {
   FrameParser parser;
   Numbers numbers;
   const auto keep = [&](const RadarFrame& f) { numbers.push_back(f.frame_number); };
@@ -266,7 +266,7 @@ TEST_CASE("after finish() the parser starts again") {
   CHECK(parser.counts().truncated_frames == 1);
 }
 
-TEST_CASE("random damage: byte counts add up, for any split, and complete frames survive") {
+TEST_CASE("under random damage byte counts add up and complete frames survive") {
   for (std::uint64_t seed = 0; seed < 400; ++seed) {
     Rng rng = make_rng(seed, 4);
     Bytes bytes;

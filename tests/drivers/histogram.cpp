@@ -95,7 +95,7 @@ std::vector<Tag> random_tags(Rng& rng, const HistogramSettings& s, std::size_t c
 
 }  // namespace
 
-TEST_CASE("each click counts once, in the bin of its distance from the last start") {
+TEST_CASE("each click is counted once, in the bin of its delay from the last start") {
   Histogram h({.bin_width_ps = 100, .first_bin_ps = 1000, .bins = 4});
   h.add(std::vector{tag(1, 0), tag(2, 1000), tag(2, 1099), tag(2, 1100), tag(2, 1399), tag(2, 1400),
                     tag(2, 999), tag(1, 500), tag(2, 1500)});
@@ -120,7 +120,7 @@ TEST_CASE("clicks without a start, other channels and markers are counted separa
                                     .errors = 1});
 }
 
-TEST_CASE("the last start is kept across slots, but not across a gap") {
+TEST_CASE("the last start is kept across slots but not across a gap") {
   Histogram h({.bin_width_ps = 100, .first_bin_ps = 0, .bins = 10});
   h.add(std::vector{tag(1, 0), tag(2, 50)});
   CHECK(h.take()[0] == 1);
@@ -133,7 +133,7 @@ TEST_CASE("the last start is kept across slots, but not across a gap") {
   CHECK(h.counts() == std::vector<std::uint32_t>(10));
 }
 
-TEST_CASE("random tags match the reference, across the wrap of the clock") {
+TEST_CASE("histograms of random tags match the reference, across a clock wrap") {
   for (std::uint64_t seed = 0; seed < 120; ++seed) {
     Rng rng = make_rng(seed, 2);
     const std::int64_t widths[] = {1, 3, 7, 100, 1000, 4096, 999'983};
@@ -157,7 +157,7 @@ TEST_CASE("random tags match the reference, across the wrap of the clock") {
   }
 }
 
-TEST_CASE("bin edges are exact over the longest axis") {
+TEST_CASE("bin edges are exact over the longest time axis") {
   const std::int64_t width = 67'108'863;  // 2^26 - 1: not a power of two
   const std::uint32_t bins = 1u << 24;
   Histogram h({.bin_width_ps = width, .first_bin_ps = 0, .bins = bins});
@@ -183,7 +183,7 @@ TEST_CASE("starts inside an overflow interval are ignored") {
             .tags = 7, .starts = 2, .in_range = 1, .without_start = 2, .other = 2, .overflows = 1});
 }
 
-TEST_CASE("bad tags and backward times are counted") {
+TEST_CASE("bad tags and backward time stamps are counted") {
   Histogram h({.bin_width_ps = 100, .first_bin_ps = 0, .bins = 10});
   Tag reserved = tag(2, 20);
   reserved.reserved = 1;
@@ -194,7 +194,7 @@ TEST_CASE("bad tags and backward times are counted") {
       TagCounts{.tags = 5, .starts = 1, .in_range = 2, .other = 2, .bad_tags = 2, .backwards = 1});
 }
 
-TEST_CASE("the filter passes tags, delays and re-sorts them, and removes tags in the dead time") {
+TEST_CASE("the tag filter delays and re-sorts tags, and removes tags in the dead time") {
   const std::vector<Tag> tags{tag(1, 100), tag(2, 110), tag(2, 115), tag(1, 200)};
   TagFilter plain(FilterSettings{});
   CHECK(plain.feed(tags).data() == tags.data());
@@ -211,7 +211,7 @@ TEST_CASE("the filter passes tags, delays and re-sorts them, and removes tags in
   CHECK(filter.take_removed() == 1);
 }
 
-TEST_CASE("a delay of a cable beyond the pulse period is compensated") {
+TEST_CASE("a cable delay beyond the pulse period is compensated") {
   constexpr std::int64_t period_ps = 50'000, flight_ps = 26'350, cable_ps = 50'000;
   constexpr std::uint32_t pulses = 1000;
   std::vector<Tag> tags;
@@ -225,11 +225,11 @@ TEST_CASE("a delay of a cable beyond the pulse period is compensated") {
   CHECK(histogram.counts()[(flight_ps - 13343) / 100] == pulses - 1);
 }
 
-TEST_CASE("the axis matches the bin settings") {
+TEST_CASE("the histogram axis matches the bin settings") {
   CHECK(same_axis(Histogram({}).axis(), Axis{"spd", "counts", "ps", 336, 13343, 100}));
 }
 
-TEST_CASE("invalid settings are refused") {
+TEST_CASE("invalid histogram settings are refused") {
   CHECK_THROWS_AS(Histogram({.bins = 0}), Error);
   CHECK_THROWS_AS(Histogram({.bin_width_ps = 0}), Error);
   CHECK_THROWS_AS(Histogram({.start_channel = 2}), Error);

@@ -70,7 +70,7 @@ class Tree {
 
 }  // namespace
 
-TEST_CASE("an XDS110 has two ports with roles and stable names") {
+TEST_CASE("an XDS110 is listed with two ports, their roles and stable names") {
   Tree tree;
   tree.device("1-2", "0451", "bef3", "R0081038");
   tree.interface("1-2", "00", "tty/ttyACM1");
@@ -93,7 +93,7 @@ TEST_CASE("an XDS110 has two ports with roles and stable names") {
   CHECK(list[0].nodes[0].missing.empty());
 }
 
-TEST_CASE("a CP2105 has nodes one level deeper, and may lack its driver") {
+TEST_CASE("a CP2105 is found one sysfs level deeper, and a missing kernel driver is reported") {
   Tree tree;
   tree.device("1-2", "10c4", "ea70", "00E2");
   tree.interface("1-2", "00", "ttyUSB0/tty/ttyUSB0");
@@ -107,7 +107,7 @@ TEST_CASE("a CP2105 has nodes one level deeper, and may lack its driver") {
   CHECK_THAT(list[0].nodes[1].missing, Catch::Contains("cdc_acm or cp210x"));
 }
 
-TEST_CASE("CP2110, Orbbec and Time Tagger have an address by serial number and advice") {
+TEST_CASE("CP2110, Orbbec and Time Tagger are listed with an address by serial number") {
   Tree tree;
   tree.device("1-1", "10c4", "ea80", "00A1");
   tree.interface("1-1", "00", "0003:10C4:EA80.0001/hidraw/hidraw3");
@@ -128,7 +128,7 @@ TEST_CASE("CP2110, Orbbec and Time Tagger have an address by serial number and a
   CHECK_THAT(list[3].advice, Catch::Contains("bridge:tcp"));
 }
 
-TEST_CASE("RealSense cameras are identified by name, other devices of the vendor are not listed") {
+TEST_CASE("RealSense cameras are listed by name, other Intel devices are not") {
   Tree tree;
   tree.device("1-1", "8086", "0b07", "R1", "Intel(R) RealSense(TM) Depth Camera 435");
   tree.device("1-2", "8086", "0b63", "", "USB Bridge");
@@ -138,7 +138,7 @@ TEST_CASE("RealSense cameras are identified by name, other devices of the vendor
   CHECK_THAT(list[0].advice, Catch::Contains("echofuse-bridge-realsense: depth.address = "));
 }
 
-TEST_CASE("a node without permission is reported with its group, or with the udev rules") {
+TEST_CASE("an inaccessible node is reported with its group or the udev rules") {
   Tree tree;
   tree.device("1-2", "0451", "bef3", "R1");
   tree.interface("1-2", "00", "tty/ttyACM0");
@@ -158,12 +158,12 @@ TEST_CASE("a node without permission is reported with its group, or with the ude
         "no read/write permission on " + tree.dir("dev/ttyACM0") + ": " + help);
 }
 
-TEST_CASE("a missing tree gives no devices") {
+TEST_CASE("no devices are listed if sysfs is missing") {
   CHECK(list_attached({"/nowhere/sys", "/nowhere/dev"}).empty());
   CHECK_FALSE(radar_port("/dev/ttyACM0", {"/nowhere/sys", "/nowhere/dev"}));
 }
 
-TEST_CASE("the radar port of a path is determined") {
+TEST_CASE("the role of a radar port is derived from its path") {
   Tree tree;
   tree.device("1-2", "0451", "bef3", "R1");
   tree.interface("1-2", "00", "tty/ttyACM1");
@@ -186,8 +186,7 @@ TEST_CASE("the radar port of a path is determined") {
   CHECK_FALSE(role("/dev/ttyS0"));
 }
 
-TEST_CASE(
-    "two boards: ports of both are named, and a repeated serial number gives names by socket") {
+TEST_CASE("two boards with equal serial numbers are listed by USB socket") {
   Tree tree;
   const std::string serial = GENERATE("R0081038", "R0099999");
   for (const auto& [place, number, node] :

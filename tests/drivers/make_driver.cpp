@@ -23,7 +23,7 @@ std::string refusal(Make make) {
 
 }  // namespace
 
-TEST_CASE("addresses of the wrong device kind are refused at start-up") {
+TEST_CASE("an address of another device kind is refused at start") {
   port::SystemLoop loop;
   const auto tdc = [&](const char* a) { return refusal([&] { make_tdc(loop, {a}); }); };
   const auto depth = [&](const char* a) { return refusal([&] { make_depth(loop, {a}); }); };

@@ -102,7 +102,7 @@ struct Recording {
 
 }  // namespace
 
-TEST_CASE("a live camera delivers frames, axes and names") {
+TEST_CASE("an OpenNI camera delivers frames, axes and its name") {
   Bench b;
   const HostTime begin = b.loop.now();
   b.start();
@@ -128,7 +128,7 @@ TEST_CASE("a live camera delivers frames, axes and names") {
   CHECK(y.at(5.5) == Approx(-std::tan(0.4)));
 }
 
-TEST_CASE("two cameras without a URI: none is opened, and both are listed") {
+TEST_CASE("with two cameras and no URI both are listed and neither is opened") {
   initialize_openni();
   camera("plug second");
   Bench b;
@@ -142,7 +142,7 @@ TEST_CASE("two cameras without a URI: none is opened, and both are listed") {
   CHECK(b.frames(3));
 }
 
-TEST_CASE("images of a camera with fixed mirroring are mirrored back") {
+TEST_CASE("images of a camera that always mirrors are mirrored back") {
   Bench b;
   camera("mirror");
   b.start();
@@ -150,7 +150,7 @@ TEST_CASE("images of a camera with fixed mirroring are mirrored back") {
   b.check_pixels();
 }
 
-TEST_CASE("tenths of a millimetre are rounded to millimetres") {
+TEST_CASE("depths in tenths of a millimetre are rounded to millimetres") {
   Bench b;
   camera("tenths");
   b.start();
@@ -158,7 +158,7 @@ TEST_CASE("tenths of a millimetre are rounded to millimetres") {
   b.check_pixels(10);
 }
 
-TEST_CASE("an unplugged camera is reported, and found again") {
+TEST_CASE("an unplugged camera is reported and reopened") {
   Bench b;
   b.start();
   REQUIRE(b.frames(3));
@@ -184,8 +184,8 @@ TEST_CASE("a silent camera is reopened") {
   CHECK(b.reaches(DeviceState::streaming));
 }
 
-TEST_CASE("a mode can be selected, and an unsupported one is refused with a list") {
-  SECTION("by its size") {
+TEST_CASE("a camera mode can be selected, an unsupported mode is refused with a list") {
+  SECTION("by size") {
     Bench b("", {.width = 16, .height = 12});
     b.start();
     REQUIRE(b.frames(5));
@@ -197,13 +197,13 @@ TEST_CASE("a mode can be selected, and an unsupported one is refused with a list
     REQUIRE(f.depth_mm.size() == 192);
     CHECK(f.depth_mm[191] == 1000 + 1100 + 150 + f.frame_index % 10);
   }
-  SECTION("by its rate") {
+  SECTION("by frame rate") {
     Bench b("", {.fps = 50});
     b.start();
     REQUIRE(b.frames(2));
     CHECK(b.sink.info.axes[0].count == 16);
   }
-  SECTION("a camera with raw shifts is switched to millimetres") {
+  SECTION("camera with raw shifts, switched to millimetres") {
     Bench b;
     camera("shifts");
     b.start();
@@ -220,7 +220,7 @@ TEST_CASE("a mode can be selected, and an unsupported one is refused with a list
   }
 }
 
-TEST_CASE("a camera that returns at another bus address is found") {
+TEST_CASE("a camera that reconnects at another bus address is found") {
   Bench b("test/camera@1/4");
   b.start();
   REQUIRE(b.frames(3));
@@ -232,7 +232,7 @@ TEST_CASE("a camera that returns at another bus address is found") {
   CHECK(b.sink.info.address == "openni:test/camera@1/4");
 }
 
-TEST_CASE("damaged frames are not delivered, others are not lost, and all are counted") {
+TEST_CASE("damaged depth frames are dropped, and lost frames are counted") {
   const auto [name, bad] = GENERATE(table<const char*, bool>(
       {{"cut", true}, {"wide", true}, {"skipped", false}, {"twice", false}}));
   Bench b;
@@ -262,7 +262,7 @@ TEST_CASE("damaged frames are not delivered, others are not lost, and all are co
   camera("well");
 }
 
-TEST_CASE("a camera is found again after each of 100 disconnections") {
+TEST_CASE("a camera is reopened after each of 100 disconnections") {
   Bench b("", {.backoff = port::Backoff(1ms, 4ms)});
   b.start();
   double longest_s = 0;
@@ -281,7 +281,7 @@ TEST_CASE("a camera is found again after each of 100 disconnections") {
   CHECK(counter(b.driver, "connections") == 101);
 }
 
-TEST_CASE("a camera that fails after one frame is retried at growing intervals") {
+TEST_CASE("a camera that fails after each first frame is retried at growing intervals") {
   Bench b;
   b.start();
   for (int i = 0; i < 5; ++i) {
@@ -296,7 +296,7 @@ TEST_CASE("a camera that fails after one frame is retried at growing intervals")
   }
 }
 
-TEST_CASE("a busy loop drops frames, and all are counted") {
+TEST_CASE("depth frames dropped by a busy event loop are counted") {
   Bench b;
   b.start();
   REQUIRE(b.frames(3));
@@ -309,7 +309,7 @@ TEST_CASE("a busy loop drops frames, and all are counted") {
           b.sink.depth[i - 1].frame_index + 1 + b.sink.depth[i].lost_before);
 }
 
-TEST_CASE("stop() ends the thread soon, delivers all counted frames, and no event follows") {
+TEST_CASE("stop() ends the camera thread within a second, and no event follows") {
   Bench b;
   b.start();
   REQUIRE(b.frames(3));
@@ -323,7 +323,7 @@ TEST_CASE("stop() ends the thread soon, delivers all counted frames, and no even
   CHECK(b.sink.calls() == calls);
 }
 
-TEST_CASE("a recording delivers each frame once, then ends") {
+TEST_CASE("an OpenNI recording delivers each frame once, then ends") {
   initialize_openni();
   const Recording recording(30);
   for (const bool paced : {false, true}) {
@@ -340,7 +340,7 @@ TEST_CASE("a recording delivers each frame once, then ends") {
   }
 }
 
-TEST_CASE("a truncated recording is refused, as by OpenNI, without harm") {
+TEST_CASE("a truncated OpenNI recording is refused without a crash") {
   initialize_openni();
   const Recording recording(30);
   // The frames are in its first half; the rest is space that OpenNI's recorder reserves.
@@ -352,7 +352,7 @@ TEST_CASE("a truncated recording is refused, as by OpenNI, without harm") {
   CHECK(b.sink.depth.empty());
 }
 
-TEST_CASE("a missing recording is reported once and retried") {
+TEST_CASE("a missing OpenNI recording is reported once and retried") {
   Bench b("/nowhere/at-all.oni");
   b.start();
   REQUIRE(b.reaches(DeviceState::faulted));

@@ -34,7 +34,7 @@ TEST_CASE("TI's stock profile has 256 bins of 4.4 cm and 12 antennas") {
   CHECK(same_axis(radar_axis(p), Axis{"radar", "log2_q8", "m", 256, 0, p.range_step_m, 12}));
 }
 
-TEST_CASE("antennas follow the frame's chirps, bins are the next power of two, 12 x 1024 is 1022") {
+TEST_CASE("antennas follow the frame's chirps, and bins are the next power of two") {
   CHECK(parse_profile(with("frameCfg 0 2", "frameCfg 0 1"), "").antennas == 8);
   CHECK(parse_profile(with("channelCfg 15 7", "channelCfg 5 5"), "").antennas == 4);
   const RadarProfile odd = parse_profile(with("1 256 12500", "1 240 12500"), "");
@@ -46,7 +46,7 @@ TEST_CASE("antennas follow the frame's chirps, bins are the next power of two, 1
   CHECK(big.range_step_m == Approx(played_step_m / 4).epsilon(1e-12));
 }
 
-TEST_CASE("range axis follows the slope that the chip plays") {
+TEST_CASE("the range axis follows the chip's rounded slope") {
   const auto step = [](const char* slope) {
     return parse_profile(with("166 1 256", std::string(slope) + " 1 256"), "").range_step_m;
   };
@@ -57,7 +57,7 @@ TEST_CASE("range axis follows the slope that the chip plays") {
   CHECK(7 * (played_step_m / nominal_m - 1) == Approx(-4.2e-3).epsilon(0.05));  // at 7 m
 }
 
-TEST_CASE("lines are sent unchanged without CR, blank lines and comments") {
+TEST_CASE("cfg lines are sent unchanged, without CR, blank lines and comments") {
   const auto lines = command_lines("a  b \r\n\r\n% c\n  % d\n  e\n\nf");
   REQUIRE(lines.size() == 3);
   CHECK(lines[0].text == "a  b ");
@@ -67,7 +67,7 @@ TEST_CASE("lines are sent unchanged without CR, blank lines and comments") {
   CHECK(lines[2].number == 7);
 }
 
-TEST_CASE("errors name the line of the cfg") {
+TEST_CASE("cfg errors name the line") {
   CHECK(refusal("") ==
         "x.cfg: has no profileCfg\nx.cfg: has no frameCfg\nx.cfg: has no channelCfg\n"
         "x.cfg: has no chirpCfg\nx.cfg: has no guiMonitor\nx.cfg: has no sensorStart");
@@ -101,7 +101,7 @@ TEST_CASE("all faults of a cfg are reported at once") {
         "x.cfg:4: frameCfg the frame period must be from 1e-6 to 1e9");
 }
 
-TEST_CASE("settings with unwanted effects give warnings") {
+TEST_CASE("cfg settings with unwanted effects cause warnings") {
   const auto warnings = [](const std::string& text) {
     return parse_profile(text, "x.cfg").warnings;
   };
@@ -123,7 +123,7 @@ TEST_CASE("settings with unwanted effects give warnings") {
                  Catch::EndsWith("memory for 1022"));
 }
 
-TEST_CASE("data rates of the cfg, the configuration and the frame period must agree") {
+TEST_CASE("the data rate must match the cfg, the configuration and the frame period") {
   const auto warnings = [](const std::string& text, std::uint32_t baud) {
     return parse_profile(text, "x.cfg", baud).warnings;
   };
@@ -142,7 +142,7 @@ TEST_CASE("data rates of the cfg, the configuration and the frame period must ag
   CHECK(warnings(with("0 100 1 0", "0 7 1 0"), 921600).empty());
 }
 
-TEST_CASE("the frame size matches the firmware's tables") {
+TEST_CASE("the computed frame size matches the firmware's tables") {
   const auto bytes = [](const std::string& from, const std::string& to) {
     std::string text = with(from, to);
     const std::string fast = "0 100 1 0";  // too fast for a heat map
@@ -166,7 +166,7 @@ std::vector<int> columns(const RadarProfile& p) {
 
 }  // namespace
 
-TEST_CASE("the heat map's antennas follow the board and the order of the chirps") {
+TEST_CASE("heat map antennas follow the board and the order of the chirps") {
   const std::string gui = "guiMonitor -1 1 1 0 0 0 1", on = "guiMonitor -1 0 1 0 1 0 1";
   const auto profile = [&](const std::string& text, Board board = Board::isk) {
     std::string with_map = text;
@@ -196,7 +196,7 @@ TEST_CASE("the heat map's antennas follow the board and the order of the chirps"
   CHECK(ods.array == of_ods);
 }
 
-TEST_CASE("an unusable or late heat map is reported") {
+TEST_CASE("a cfg with an unusable or late heat map is reported") {
   const std::string gui = "guiMonitor -1 1 1 0 0 0 1", on = "guiMonitor -1 0 1 0 1 0 1";
   std::string text = with(gui, on);
   const auto warnings = [&](const std::string& from, const std::string& to, Board board) {
@@ -232,7 +232,7 @@ TEST_CASE("an unusable or late heat map is reported") {
   CHECK_THAT(refusal("0 100 1 0", Board::ods), Catch::Contains("takes"));  // 12.9 kB take longer
 }
 
-TEST_CASE("the installed cfgs can be sent in time") {
+TEST_CASE("installed cfgs give the expected antennas and frame sizes without warnings") {
   for (const char* name :
        {"xwr68xx_azimuth_50cm", "xwr68xx_azimuth_44mm", "xwr68xx_44mm", "xwr68xx_paper_50cm",
         "xwr64xx_aop_50cm", "xwr64xx_aop_44mm", "xwr64xx_aop_azimuth_88mm", "xwr64xx_ods_50cm",
@@ -271,7 +271,7 @@ std::string changed(const std::string& from, const std::string& to) {
 
 }  // namespace
 
-TEST_CASE("subframes with other frequencies share one axis and send one packet each") {
+TEST_CASE("subframes that differ in start frequency share one axis and send one packet each") {
   std::ifstream file(test::source_dir + "/config/radar/xwr68xx_paper_50cm.cfg");
   const std::string paper{std::istreambuf_iterator<char>(file), {}};
   const RadarProfile p = parse_profile(four_subframes(), "x.cfg"),
@@ -300,7 +300,7 @@ TEST_CASE("subframes that differ in more than the start frequency are refused wi
   CHECK(refusal(changed("advFrameCfg 4", "% advFrameCfg 4")) == "x.cfg: has no advFrameCfg");
 }
 
-TEST_CASE("codes and powers are inverse, and doubling the magnitude is 6.02 dB") {
+TEST_CASE("profile codes and powers convert both ways, and doubled magnitude is 6.02 dB") {
   for (const double antennas : {1.0, 4.0, 8.0, 12.0})
     for (double code = 1; code < 12'000; code += 37)
       CHECK(code_from_power(power_from_code(code, antennas), antennas) ==

@@ -116,7 +116,7 @@ struct Bench {
 
 }  // namespace
 
-TEST_CASE("the cfg is sent to the board unchanged, then frames arrive") {
+TEST_CASE("the radar driver sends the cfg unchanged, then receives frames") {
   Bench b;
   Board board(b.loop, b.dir);
   board.answers["version"] = "mmWave SDK Version      : 03.05.00.04\n\rDone\n\r";
@@ -155,7 +155,7 @@ TEST_CASE("the cfg is sent to the board unchanged, then frames arrive") {
   CHECK(b.sink.calls() == calls);
 }
 
-TEST_CASE("a heat map that does not match the configured board is dropped, its profile is kept") {
+TEST_CASE("a heat map of another board is dropped, its range profile is kept") {
   Bench b;
   Board board(b.loop, b.dir);
   std::string text = cfg;
@@ -186,7 +186,7 @@ TEST_CASE("a heat map that does not match the configured board is dropped, its p
   driver->stop();
 }
 
-TEST_CASE("a missing port is reported with its name") {
+TEST_CASE("a missing radar port is reported with its name") {
   Bench b;
   const auto driver = b.make();
   driver->start(b.sink);
@@ -194,7 +194,7 @@ TEST_CASE("a missing port is reported with its name") {
   CHECK_THAT(b.sink.events.at(0), Catch::Contains(b.dir + "/cli: open: No such file or directory"));
 }
 
-TEST_CASE("swapped ports are reported at the start if their names reveal it") {
+TEST_CASE("swapped radar ports are reported at the start if their names reveal it") {
   Bench b;
   const std::string by_id = "serial:/dev/serial/by-id/usb-Texas_Instruments_XDS110_R1-if0";
   const auto swapped = make_radar(b.loop, {by_id + "3", by_id + "0", cfg, "x.cfg"});

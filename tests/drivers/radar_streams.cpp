@@ -154,7 +154,7 @@ Bytes part(const Bytes& whole, std::size_t from, std::size_t to) {
 
 }  // namespace
 
-TEST_CASE("every TLV type is counted") {
+TEST_CASE("each TLV type is counted") {
   const Parsed s = parse(stream(50, demo));
   CHECK(s.numbers == from_to(1, 50));
   CHECK(s.counts.tlvs ==
@@ -163,7 +163,7 @@ TEST_CASE("every TLV type is counted") {
   CHECK(s.bins == std::map<std::size_t, int>{{256, 50}});
 }
 
-TEST_CASE("frames with heat maps: a start, an end or a gap at any byte costs one frame") {
+TEST_CASE("with heat maps, a start, an end or a gap at any byte loses one frame") {
   const Bytes all = stream(3, azimuth);
   const std::size_t size = all.size() / 3;
   CHECK(size == 8832);
@@ -184,7 +184,7 @@ TEST_CASE("frames with heat maps: a start, an end or a gap at any byte costs one
   }
 }
 
-TEST_CASE("a start at any byte of a frame loses only that frame") {
+TEST_CASE("a stream that starts within a radar frame loses only that frame") {
   const Bytes all = stream(4, demo);
   const std::size_t size = all.size() / 4;
   for (std::size_t from = 1; from < size; from += 7) {
@@ -195,7 +195,7 @@ TEST_CASE("a start at any byte of a frame loses only that frame") {
   }
 }
 
-TEST_CASE("an end at any byte of a frame delivers all earlier frames") {
+TEST_CASE("a stream that ends within a radar frame delivers all earlier frames") {
   const Bytes all = stream(3, exact);
   const std::size_t size = all.size() / 3;
   for (std::size_t cut = 1; cut < size; ++cut) {
@@ -205,7 +205,7 @@ TEST_CASE("an end at any byte of a frame delivers all earlier frames") {
   }
 }
 
-TEST_CASE("frames that are all shorter than their header states are not delivered") {
+TEST_CASE("frames shorter than their header's length are not delivered") {
   const std::size_t missing = GENERATE(1u, 7u, 31u, 32u, 100u, 500u);
   const Bytes one = frame_of(demo, 1);
   const Bytes all =
@@ -244,7 +244,7 @@ TEST_CASE("TLVs of other TI labs are counted and skipped") {
     CHECK(s.counts.tlvs == std::map<std::uint32_t, std::uint64_t>{{2, 30}, {1010, 30}});
     CHECK(s.counts.junk_bytes == 0);
   }
-  SECTION("new types do not use unlimited memory") {
+  SECTION("unknown types use bounded memory") {
     const Parsed s = parse(stream(300, [](std::uint32_t i) {
       return frame_of(Lab{.tlvs = {{1000 + i, 12}}}, i);
     }));
@@ -278,7 +278,7 @@ TEST_CASE("other headers with the same magic are refused, frame by frame") {
   }
 }
 
-TEST_CASE("a TLV count that does not fill the packet is a damaged header") {
+TEST_CASE("a TLV count that does not fill the packet counts as a damaged header") {
   const Parsed s = parse(stream(3, [](std::uint32_t i) {
     Bytes one = frame_of(demo, i);
     if (i == 2) one[32] = 1;
@@ -289,7 +289,7 @@ TEST_CASE("a TLV count that does not fill the packet is a damaged header") {
   CHECK(s.counts.lost_frames == 1);
 }
 
-TEST_CASE("frame numbers that jump are accepted once the next one follows") {
+TEST_CASE("a jump of frame numbers is accepted once the next number follows") {
   const auto lost = [](const Numbers& numbers) {
     FrameParser parser;
     std::uint64_t sum = 0;
@@ -315,7 +315,7 @@ TEST_CASE("frame numbers that jump are accepted once the next one follows") {
   CHECK(lost({0xfffffffe, 0xffffffff, 0, 1}) == Result{0, 0});    // the counter wraps
 }
 
-TEST_CASE("a jump at the end of a connection is a loss before the next connection's first frame") {
+TEST_CASE("a jump at the end of a connection counts as loss before the next frame") {
   FrameParser parser;
   std::vector<std::uint32_t> lost;
   const auto add = [&](const RadarFrame& f) { lost.push_back(f.lost_before); };
@@ -326,7 +326,7 @@ TEST_CASE("a jump at the end of a connection is a loss before the next connectio
   CHECK(parser.counts().lost_frames == 491 + 2);
 }
 
-TEST_CASE("random mixtures of all faults end, and deliver exactly the complete frames") {
+TEST_CASE("under random faults the frame parser delivers exactly the complete frames") {
   for (std::uint32_t seed = 1; seed <= 150; ++seed) {
     Rng rng = make_rng(seed, 6);
     Bytes bytes;

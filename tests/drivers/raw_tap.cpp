@@ -47,7 +47,7 @@ struct Speaker final : BytePort {
 
 }  // namespace
 
-TEST_CASE("every connection has its own file, created with its first bytes") {
+TEST_CASE("raw capture writes one file per connection, created at the first byte") {
   const Folder folder;
   RawKeeper keeper(folder.path, thread());
   std::string heard;
@@ -73,7 +73,7 @@ TEST_CASE("every connection has its own file, created with its first bytes") {
   CHECK(keeper.finish().dropped == 4);
 }
 
-TEST_CASE("without a keeper the opener is unchanged") {
+TEST_CASE("without raw capture the port opener is unchanged") {
   VirtualLoop loop;
   const auto port = tap(
       loop, [] { return std::make_unique<Speaker>(); }, nullptr, "x", ".y")();
@@ -81,7 +81,7 @@ TEST_CASE("without a keeper the opener is unchanged") {
   CHECK(dynamic_cast<Speaker&>(*port).written == Bytes{'w'});
 }
 
-TEST_CASE("bytes that the disk does not write in time are dropped and counted") {
+TEST_CASE("raw capture drops and counts bytes beyond its queue limit") {
   const Folder folder;
   RawKeeper keeper(folder.path, thread(), {.queue_bytes = 10, .reserve_bytes = 0});
   keeper.put("a", Bytes(11));
@@ -91,7 +91,7 @@ TEST_CASE("bytes that the disk does not write in time are dropped and counted") 
   CHECK(counts.kept == 10);
 }
 
-TEST_CASE("bytes that still wait when the disk does not answer are dropped and counted") {
+TEST_CASE("raw capture drops and counts queued bytes if the disk hangs") {
   struct Stalled final : Worker {
     void put(Action /*job*/) override {}
   };
@@ -103,7 +103,7 @@ TEST_CASE("bytes that still wait when the disk does not answer are dropped and c
   CHECK(counts.kept == 0);
 }
 
-TEST_CASE("the first failure ends the capture and is reported once") {
+TEST_CASE("raw capture ends at its first failure and reports it once") {
   const Folder folder;
   RawLimits limits{.reserve_bytes = 0};
   const char* why = "";
@@ -127,7 +127,7 @@ TEST_CASE("the first failure ends the capture and is reported once") {
   CHECK(keeper.finish().dropped == 11);
 }
 
-TEST_CASE("a folder that is not empty is refused") {
+TEST_CASE("raw capture refuses a folder that is not empty") {
   const Folder folder;
   fs::create_directories(folder.path);
   std::ofstream(fs::path(folder.path) / "x") << "y";
@@ -135,7 +135,7 @@ TEST_CASE("a folder that is not empty is refused") {
   CHECK_THROWS_AS(RawKeeper((fs::path(folder.path) / "x").string(), thread()), Error);
 }
 
-TEST_CASE("stored blocks of a run's camera match the bridge protocol") {
+TEST_CASE("camera blocks stored by raw capture match the bridge protocol") {
   using namespace echofuse::bridge;
   const auto golden = test::read_golden("bridge.hex");
   for (std::size_t i = 0; i < golden.size(); ++i) {

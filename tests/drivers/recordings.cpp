@@ -36,7 +36,7 @@ const char* const automated_doors = "ti-radar/xwr68xx_oob_automated_doors.dat";
 
 }  // namespace
 
-TEST_CASE("a recording of another demo has 101 frames without loss, for any split") {
+TEST_CASE("a recording of another demo has 101 frames without loss, whatever the split") {
   const Bytes bytes = read(data_folder() / automated_doors);
   REQUIRE(bytes.size() == 79'360);
   for (const std::size_t piece :
@@ -70,7 +70,7 @@ TEST_CASE("a recording of another demo has 101 frames without loss, for any spli
   }
 }
 
-TEST_CASE("after the import of a recording each frame is in the record of its time") {
+TEST_CASE("an imported radar recording has each frame in the record of its time") {
   const test::Folder folder;
   const std::string config = folder / "lab.toml";
   std::ofstream(config) << "[tdc]\naddress = \"bridge:tcp://127.0.0.1:9\"\n[run]\nwindow_s = 1.0\n";

@@ -34,7 +34,7 @@ double share_of(const std::vector<Tag>& tags) {
 
 }  // namespace
 
-TEST_CASE("with a conditional filter the gaps between starts give the click probability") {
+TEST_CASE("click probability follows from gaps between starts with a conditional filter") {
   Rng rng = make_rng(7, 0);
   for (const double chance : {0.03, 0.1, 0.5, 0.95}) {
     const double n = 1e6 * chance, gaps = std::min(n, 1e5);
@@ -45,13 +45,13 @@ TEST_CASE("with a conditional filter the gaps between starts give the click prob
     CHECK(share_of(pulses(chance, true, 10'000'000, rng)) < 0.02);
 }
 
-TEST_CASE("without a filter all pulses arrive, at any brightness") {
+TEST_CASE("without a conditional filter the pulse count does not depend on brightness") {
   Rng rng = make_rng(7, 1);
   for (const double chance : {0.001, 0.5, 1.0})
     CHECK(share_of(pulses(chance, false, 20'000, rng)) == 1);
 }
 
-TEST_CASE("gaps in the stream and damaged times do not count as pulses") {
+TEST_CASE("gaps in the stream and damaged time stamps do not count as pulses") {
   Rng rng = make_rng(7, 2);
   auto tags = pulses(0.1, true, 1'000'000, rng);
   const double whole = share_of(tags);

@@ -98,7 +98,7 @@ Bytes pattern(std::size_t n) {
 
 }  // namespace
 
-TEST_CASE("the bridge with the requested serial number is opened and configured") {
+TEST_CASE("the CP2110 with the requested serial number is opened and configured") {
   Bridge a("A", 0), b("B", 1);
   Host host;
   host.opens("B", 921600);
@@ -110,7 +110,7 @@ TEST_CASE("the bridge with the requested serial number is opened and configured"
   CHECK(a.device.baud() == 115200);
 }
 
-TEST_CASE("an address that matches two bridges is refused") {
+TEST_CASE("an address that matches two CP2110 is refused") {
   Bridge a("A", 0), b("B", 1);
   Host host;
   host.open();
@@ -119,7 +119,7 @@ TEST_CASE("an address that matches two bridges is refused") {
                            "hid:10c4:ea80: open; the address matches several devices (attached: "));
 }
 
-TEST_CASE("bytes are transferred both ways, long writes are split") {
+TEST_CASE("a HID port transfers bytes both ways and splits long writes") {
   Bridge bridge;
   Host host;
   host.opens();
@@ -134,7 +134,7 @@ TEST_CASE("bytes are transferred both ways, long writes are split") {
   CHECK(host.warnings.empty());
 }
 
-TEST_CASE("bytes received before the port was opened are discarded") {
+TEST_CASE("bytes received before a HID port was opened are discarded") {
   Bridge bridge;
   Host host;
   host.opens();
@@ -147,7 +147,7 @@ TEST_CASE("bytes received before the port was opened are discarded") {
   CHECK(host.received == fresh);
 }
 
-TEST_CASE("reports with a wrong count are limited to their bytes") {
+TEST_CASE("HID reports with a wrong count are limited to their bytes") {
   Bridge bridge;
   Host host;
   host.opens();
@@ -159,7 +159,7 @@ TEST_CASE("reports with a wrong count are limited to their bytes") {
   CHECK(host.received == Bytes{1, 2, 3, 9});
 }
 
-TEST_CASE("an overrun in the bridge is reported and counted once") {
+TEST_CASE("an overrun in the CP2110 is reported and counted once") {
   Bridge bridge;
   Host host;
   host.opens();
@@ -172,7 +172,7 @@ TEST_CASE("an overrun in the bridge is reported and counted once") {
   CHECK(host.losses == 1);
 }
 
-TEST_CASE("a baud rate beyond the USB pipe gives a warning") {
+TEST_CASE("a baud rate above the USB throughput causes a warning") {
   Bridge bridge;
   Host host;
   host.opens("A", 921600);
@@ -186,7 +186,7 @@ TEST_CASE("a baud rate beyond the USB pipe gives a warning") {
   CHECK(host.warnings.empty());
 }
 
-TEST_CASE("after an unplug the port fails once, and the address is not found") {
+TEST_CASE("an unplugged HID port fails once, and its address is not found") {
   Bridge bridge;
   Host host;
   host.opens("A");
@@ -204,7 +204,7 @@ TEST_CASE("after an unplug the port fails once, and the address is not found") {
   CHECK(bridge.sent().empty());
 }
 
-TEST_CASE("a bridge is reopened after each of 100 disconnections") {
+TEST_CASE("a CP2110 is reopened after each of 100 disconnections") {
   Bridge bridge;
   Host host;
   const auto start = std::chrono::steady_clock::now();
@@ -223,7 +223,7 @@ TEST_CASE("a bridge is reopened after each of 100 disconnections") {
        << std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count() << " s");
 }
 
-TEST_CASE("a wrong serial number is refused with the attached ones") {
+TEST_CASE("a wrong serial number is refused with a list of attached CP2110") {
   Bridge bridge("A");
   Host host;
   host.open("Z");
@@ -231,7 +231,7 @@ TEST_CASE("a wrong serial number is refused with the attached ones") {
   CHECK(host.why == "hid:10c4:ea80:Z: open (attached: A): No such device");
 }
 
-TEST_CASE("a bridge in use by another program is left alone, and can be opened later") {
+TEST_CASE("a CP2110 in use by another program is not opened, and can be opened later") {
   Bridge bridge;
   Host first, second;
   first.opens("A");
@@ -248,7 +248,7 @@ TEST_CASE("a bridge in use by another program is left alone, and can be opened l
   second.opens();
 }
 
-TEST_CASE("a missing permission is reported with its remedy, also in the listing") {
+TEST_CASE("a missing permission is reported with its remedy at open and in the listing") {
   Bridge bridge;
   const std::string root = test::bed().root(), node = root + "/dev/hidraw0";
   // The emulation's files are readable for everyone; only the node is not.
@@ -274,7 +274,7 @@ TEST_CASE("a missing permission is reported with its remedy, also in the listing
         "no read/write permission on /dev/hidraw0: install config/70-echofuse.rules");
 }
 
-TEST_CASE("a slow consumer loses bytes, and all are counted") {
+TEST_CASE("bytes lost by a slow reader of a HID port are counted") {
   Bridge bridge;
   Host host;
   host.opens();
@@ -292,7 +292,7 @@ TEST_CASE("a slow consumer loses bytes, and all are counted") {
   CHECK_THAT(host.warnings.at(0), Catch::Contains("did not read them in time"));
 }
 
-TEST_CASE("the devices command of the program finds the bridge") {
+TEST_CASE("the devices command lists the CP2110") {
   Bridge bridge("00A1");
   const auto folder =
       std::filesystem::temp_directory_path() / ("echofuse-" + std::to_string(::getpid()));
@@ -306,7 +306,7 @@ TEST_CASE("the devices command of the program finds the bridge") {
                        Catch::Contains("radar.cli or radar.data = \"hid:10c4:ea80:00A1\""));
 }
 
-TEST_CASE("a port may be destroyed at any time without later events") {
+TEST_CASE("a HID port can be destroyed at any time without later events") {
   Bridge bridge;
   Host host;
   for (int i = 0; i < 20; ++i) {

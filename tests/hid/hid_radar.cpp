@@ -49,7 +49,7 @@ struct Bench {
 
 }  // namespace
 
-TEST_CASE("dialogue and frames over two HID ports, also after a reconnection") {
+TEST_CASE("cfg dialogue and frames work over two HID ports, also after a reconnection") {
   Bench b;
   b.driver->start(b.sink);
   REQUIRE(run_until(
@@ -79,7 +79,7 @@ TEST_CASE("dialogue and frames over two HID ports, also after a reconnection") {
   b.board->stop();
 }
 
-TEST_CASE("an overrun is reported and counted") {
+TEST_CASE("a radar stream over HID reports and counts an overrun") {
   Bench b;
   b.driver->start(b.sink);
   REQUIRE(run_until(
