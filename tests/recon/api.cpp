@@ -24,7 +24,7 @@ std::string trained(const Folder& dir, const std::string& model) {
 
 }  // namespace
 
-TEST_CASE("records of the interface have the values of the run file") {
+TEST_CASE("API records contain the values of the run file") {
   const Folder dir;
   write_run(dir / "run", 3, 1, [](record::FusedRecord& r) {
     if (r.index != 1) return;
@@ -60,7 +60,7 @@ TEST_CASE("records of the interface have the values of the run file") {
   CHECK(missing.spd().verdict == "missing: no tags");
 }
 
-TEST_CASE("radar codes of a run become linear power") {
+TEST_CASE("the API converts radar codes to linear power") {
   const Folder dir;
   Axis codes = radar_axis();
   codes.quantity = "log2_q8", codes.scale = 8;
@@ -71,7 +71,7 @@ TEST_CASE("radar codes of a run become linear power") {
   CHECK(run.read(0).power()[3] == Approx(power_from_code(2560, 8)));
 }
 
-TEST_CASE("a map of the interface is the model's, from a run and from values alike") {
+TEST_CASE("the API predicts the model's map from a record or from arrays") {
   const Folder dir;
   const Model model(trained(dir, "mean-shape"));
   const recon::TrainedModel whole = recon::load_model(dir / "m");
@@ -98,7 +98,7 @@ TEST_CASE("a map of the interface is the model's, from a run and from values ali
   }
 }
 
-TEST_CASE("a record without a needed sensor has a fault instead of a map") {
+TEST_CASE("the API reports a missing sensor instead of a map") {
   const Folder dir;
   const Model model(trained(dir, "mean-shape"));
   write_run(dir / "fresh", 1, 2,
@@ -110,7 +110,7 @@ TEST_CASE("a record without a needed sensor has a fault instead of a map") {
   CHECK_THAT(predict(model, Run(dir / "fresh"), 7).fault, Catch::Contains("cannot read"));
 }
 
-TEST_CASE("the interface refuses files and values with a named reason") {
+TEST_CASE("the API refuses invalid files and values with a reason") {
   const Folder dir;
   CHECK_THAT(error_of([&] { Run(dir / "none"); }), Catch::Contains("none"));
   CHECK_THAT(error_of([&] { Model(dir / "none"); }), Catch::Contains("expected a model file"));
@@ -133,7 +133,7 @@ TEST_CASE("the interface refuses files and values with a named reason") {
   CHECK(std::string(version()).find('.') != std::string::npos);
 }
 
-TEST_CASE("follow visits the records of a growing run until it is closed") {
+TEST_CASE("follow() visits the records of a growing run until it is closed") {
   const Folder dir;
   Rng rng = make_rng(1, 1);
   std::atomic<std::int64_t> seen = 0;
@@ -165,7 +165,7 @@ TEST_CASE("follow visits the records of a growing run until it is closed") {
   CHECK(visits == 2);
 }
 
-TEST_CASE("a damaged record is reported and skipped if the caller asks for it") {
+TEST_CASE("the API reports a damaged record and skips it on request") {
   const Folder dir;
   write_run(dir / "run", 4);
   sql(dir / "run", "UPDATE record SET spd = x'00' WHERE idx IN (1, 3)");

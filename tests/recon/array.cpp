@@ -78,7 +78,7 @@ static std::complex<float> lag_of(const std::vector<float>& bin, std::size_t d) 
   return d == 0 ? bin[0] : std::complex<float>(bin[2 * d - 1], bin[2 * d]);
 }
 
-TEST_CASE("lags do not depend on gains and phases of the antennas") {
+TEST_CASE("array lags do not depend on antenna gains and phases") {
   const SpatialLags lags(line);
   REQUIRE(lags.longest() == 7);
   std::vector<float> out(lag_values(7));
@@ -90,7 +90,7 @@ TEST_CASE("lags do not depend on gains and phases of the antennas") {
   }
 }
 
-TEST_CASE("planar array has horizontal and vertical lags, a single antenna has none") {
+TEST_CASE("a planar array has horizontal and vertical lags, a single antenna has none") {
   const SpatialLags planar({{0, 0, 1, 0}, {1, 0, 1, 0}, {0, 1, 1, 0}, {3, 1, 1, 0}});
   REQUIRE(planar.longest() == 4);
   const Axis axis = lags_axis({"array", "covariance", "m", 20, 0, 0.25, 4}, planar);
@@ -137,7 +137,7 @@ TEST_CASE("loading converts antennas to lags and reports records without them") 
                  Catch::Contains("--inputs fused-profile"));
 }
 
-TEST_CASE("array view of a body is the same in every direction, except for the direction itself") {
+TEST_CASE("array features of a body depend on its direction only in the direction feature") {
   const ArrayView view(lags_of_plates());
   std::vector<float> middle(view.size()), right(view.size());
   view(body_lags(3.6, 0), 3.5, middle);
@@ -152,7 +152,7 @@ TEST_CASE("array view of a body is the same in every direction, except for the d
   CHECK(ArrayView(Axis{}).size() == 0);
 }
 
-TEST_CASE("model with antennas requires them, tolerates a range bias and stores its inputs") {
+TEST_CASE("a model trained with antennas requires them and tolerates a range bias") {
   const Folder dir;
   write_plates(dir / "train", 500, 1);
   write_plates(dir / "fresh", 60, 2);
@@ -179,7 +179,7 @@ TEST_CASE("model with antennas requires them, tolerates a range bias and stores 
   CHECK_THAT(refused.text, Catch::Contains("no antenna samples of the radar"));
 }
 
-TEST_CASE("wrong antenna metadata makes records out of distribution") {
+TEST_CASE("records with wrong antenna metadata are flagged as out of distribution") {
   const Folder dir;
   write_plates(dir / "train", 500, 1);
   write_plates(dir / "fresh", 200, 2);
@@ -202,7 +202,7 @@ TEST_CASE("wrong antenna metadata makes records out of distribution") {
         0.9);
 }
 
-TEST_CASE("fallback is the range profile without antennas, and the SPD without radar") {
+TEST_CASE("without antennas the model falls back to the range profile, without radar to the SPD") {
   const Folder dir;
   write_plates(dir / "train", 200, 1);
   write_plates(dir / "fresh", 6, 2, [](record::FusedRecord& r) {
@@ -242,7 +242,7 @@ TEST_CASE("fallback is the range profile without antennas, and the SPD without r
              Catch::Contains("1/inputs") && Catch::Contains("fewer sensors"));
 }
 
-TEST_CASE("train, evaluate and reconstruct handle runs with, without and with other antennas") {
+TEST_CASE("models handle runs without antennas and with other antennas") {
   const Folder dir;
   write_plates(dir / "new", 60, 1, [](record::FusedRecord&) {});
   write_plates(dir / "fresh", 8, 2, [](record::FusedRecord&) {});

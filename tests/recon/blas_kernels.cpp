@@ -45,7 +45,7 @@ std::string version_with(const std::string& environment) {
 
 }  // namespace
 
-TEST_CASE("kernels are selected by features on a processor unknown to OpenBLAS") {
+TEST_CASE("BLAS kernels for an unknown processor are selected by its CPU features") {
   const bool dispatched = forget_processor();
   const std::string kernels = blas_kernels();
   CAPTURE(kernels);
@@ -60,7 +60,7 @@ TEST_CASE("kernels are selected by features on a processor unknown to OpenBLAS")
   CHECK(std::vector<float>(c, c + 4) == std::vector<float>{19, 22, 43, 50});
 }
 
-TEST_CASE("version prints the matrix kernels, which the environment can override") {
+TEST_CASE("option --version prints the BLAS kernels, which the environment can override") {
   const std::string own = version_with("-u OPENBLAS_CORETYPE");
   CHECK_THAT(own, Catch::Contains("matrix kernels "));
   if (avx2()) CHECK_THAT(own, !Catch::Contains("SSE"));

@@ -25,7 +25,7 @@ std::string chosen(const std::vector<CrossvalidatedRow>& rows) {
 
 }  // namespace
 
-TEST_CASE("model name may contain sizes, options supply the rest") {
+TEST_CASE("layer sizes come from the model name, other settings from options") {
   FitOptions given;
   given.epochs = 7;
   const Candidate wide = candidate_of("mlp-1024-512-256", given);
@@ -62,7 +62,7 @@ TEST_CASE("model name may contain sizes, options supply the rest") {
   }
 }
 
-TEST_CASE("cheapest model within one standard error of the best is chosen") {
+TEST_CASE("the cheapest model within one standard error of the best is chosen") {
   CHECK(chosen({row("cheap", 0.50, 0.01, 10), row("good", 0.58, 0.01, 100),
                 row("best", 0.585, 0.01, 1000)}) == "good");
   CHECK(chosen({row("cheap", 0.50, 0.01, 10), row("good", 0.57, 0.01, 100),
@@ -74,7 +74,7 @@ TEST_CASE("cheapest model within one standard error of the best is chosen") {
   CHECK_THROWS_AS(chosen({row("unfit", none, none, 0)}), Error);
 }
 
-TEST_CASE("train --model auto chooses by accuracy and cost, and prints the reason") {
+TEST_CASE("train --model auto selects by accuracy and cost, and prints the reason") {
   const Folder dir;
   write_run(dir / "run", 160);
   const Outcome o =
@@ -90,7 +90,7 @@ TEST_CASE("train --model auto chooses by accuracy and cost, and prints the reaso
   CHECK_THAT(bad.text, Catch::Contains("oracle"));
 }
 
-TEST_CASE("model selection uses RMSE without foreground") {
+TEST_CASE("model selection uses RMSE if no map has foreground") {
   const auto of_rmse = [](const std::string& name, double rmse_m, std::size_t multiply_adds) {
     CrossvalidatedRow out = row(name, std::nan(""), std::nan(""), multiply_adds);
     out.metrics[metric_rmse_m] = {rmse_m, 0.001, 100};
@@ -102,7 +102,7 @@ TEST_CASE("model selection uses RMSE without foreground") {
   CHECK_THAT(to_choice_table(rows, 2), !Catch::Contains("nan"));
 }
 
-TEST_CASE("standard error of a sequence is computed between folds") {
+TEST_CASE("the standard error of a sequence is computed between folds") {
   const auto fold = [](std::initializer_list<double> ious) {
     std::vector<MapScores> out;
     for (const double iou : ious) {
@@ -132,7 +132,7 @@ TEST_CASE("standard error of a sequence is computed between folds") {
   CHECK(std::isnan(summarise({held(0.4), held(0.5)}, true)[metric_lateral_m].mean));
 }
 
-TEST_CASE("cross-validation does not count records of one pose as independent") {
+TEST_CASE("cross-validation does not treat records of one pose as independent") {
   const Folder dir;
   write_run(dir / "run", 120);
   Dataset data = load({dir / "run"});
@@ -149,7 +149,7 @@ TEST_CASE("cross-validation does not count records of one pose as independent") 
   CHECK(folds > 1.5 * maps);
 }
 
-TEST_CASE("train warns if a network never beat the mean map") {
+TEST_CASE("train warns if a network is never better than the mean map") {
   const Folder dir;
   write_run(dir / "moving", 160);
   // Equal maps: the mean map has no error.

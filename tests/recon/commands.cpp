@@ -44,7 +44,7 @@ TEST_CASE("help and version are printed") {
     CHECK_THAT(help.text, Catch::Contains(command));
 }
 
-TEST_CASE("records exceeding the memory are refused before reading") {
+TEST_CASE("a data set that exceeds the memory is refused before reading") {
   const Folder dir;
   write_run(dir / "run", 3);
   const auto pages = static_cast<double>(sysconf(_SC_PHYS_PAGES));
@@ -62,7 +62,7 @@ TEST_CASE("records exceeding the memory are refused before reading") {
         0);
 }
 
-TEST_CASE("too few records, a damaged record or other axes are reported") {
+TEST_CASE("too few records, a damaged record and other axes are reported") {
   const Folder dir;
   write_run(dir / "one", 1);
   refuses("train " + (dir / "one") + " --out " + (dir / "m"), 1, "1 usable records");
@@ -144,7 +144,7 @@ TEST_CASE("reconstruct continues after a damaged record") {
   CHECK_FALSE(std::filesystem::exists(dir / "good/000000.png"));
 }
 
-TEST_CASE("models with different axes or sensors are compared on their common records") {
+TEST_CASE("compare uses the common records of models with different axes or sensors") {
   const Folder dir;
   write_run(dir / "run", 120, 1, {}, radar_axis(32));
   const auto train = [&](const std::string& name, const std::string& rest) {
@@ -192,7 +192,7 @@ TEST_CASE("models with different axes or sensors are compared on their common re
   CHECK(twice["paired"][0]["metrics"]["iou"]["high"] == 0);
 }
 
-TEST_CASE("compare averages the lines of a record, and refuses a line without its number") {
+TEST_CASE("compare averages lines of one record and refuses a line without record number") {
   const Folder dir;
   const std::string path = dir / "table.csv";
   std::ofstream(path) << "record,name,iou,lateral_m\n7,a,0.2,\n7,a,0.4,0.1\n8,a,0.5,\n";
@@ -207,7 +207,7 @@ TEST_CASE("compare averages the lines of a record, and refuses a line without it
   CHECK(o.text.find("a line has no record number") != std::string::npos);
 }
 
-TEST_CASE("nearest-neighbour baseline does not depend on the evaluated model") {
+TEST_CASE("the nearest-neighbour baseline does not depend on the evaluated model") {
   const Folder dir;
   write_run(dir / "run", 100);
   const auto nearest = [&](const std::string& how) {
@@ -236,7 +236,7 @@ TEST_CASE("train does not overwrite its input") {
   CHECK(recon::load({dir / "run"}).size() == 60);
 }
 
-TEST_CASE("interrupted training keeps the best model so far") {
+TEST_CASE("interrupted training saves the best model so far") {
   const Folder dir;
   write_run(dir / "run", 200);
   const std::string run = dir / "run", model = dir / "m";
@@ -247,7 +247,7 @@ TEST_CASE("interrupted training keeps the best model so far") {
   CHECK(recon_program("evaluate " + model + " " + run).code == 0);
 }
 
-TEST_CASE("training interrupted before the fallback saves a model without it, exit code 130") {
+TEST_CASE("training interrupted before the fallback saves a model without it and exits with 130") {
   const Folder dir;
   write_run(dir / "run", 1000);
   const std::string model = dir / "m";

@@ -22,7 +22,7 @@ void without(record::FusedRecord& r, Sensor s) {
 
 }  // namespace
 
-TEST_CASE("two runs are loaded into one table") {
+TEST_CASE("two runs are loaded into one data set") {
   const Folder dir;
   write_run(dir / "a", 3, 1);
   write_run(dir / "b", 2, 2);
@@ -48,7 +48,7 @@ TEST_CASE("two runs are loaded into one table") {
                                                          Catch::Contains("remove the copy"));
 }
 
-TEST_CASE("calibrated run is loaded at true ranges") {
+TEST_CASE("a calibrated run is loaded with corrected ranges") {
   const Folder dir;
   write_run(dir / "a", 2, 1);
   const Dataset raw = load({dir / "a"});
@@ -93,7 +93,7 @@ TEST_CASE("runs with different axes are refused") {
                        Catch::Contains(dir / "a"));
 }
 
-TEST_CASE("records with a missing sensor keep their row and are left out of training") {
+TEST_CASE("records with a missing sensor keep their row and are excluded from training") {
   const Folder dir;
   write_run(dir / "a", 8, 1, [](record::FusedRecord& r) {
     if (r.index == 2) without(r, Sensor::spd);
@@ -107,7 +107,7 @@ TEST_CASE("records with a missing sensor keep their row and are left out of trai
   CHECK(data.usable(Inputs::radar) == Rows{0, 1, 2, 4, 6, 7});
 }
 
-TEST_CASE("run is interpolated to axes less than a bin apart") {
+TEST_CASE("a run is interpolated to axes that differ by less than a bin") {
   const Folder dir;
   Axis near = radar_axis();
   near.start += 0.1;
@@ -118,7 +118,7 @@ TEST_CASE("run is interpolated to axes less than a bin apart") {
   CHECK(moved[10] == Approx(0.4 * first[9] + 0.6 * first[10]));
 }
 
-TEST_CASE("depths beyond the map or in another unit give a one-line error") {
+TEST_CASE("depths beyond the map or in another unit are refused with a one-line error") {
   const Folder dir;
   const auto scaled = [](double by, std::int64_t every) {
     return [by, every](record::FusedRecord& r) {
@@ -151,7 +151,7 @@ TEST_CASE("depths beyond the map or in another unit give a one-line error") {
           Catch::Contains(" m, but the histogram covers 2.4 to 4.2 m; expected depths in metres"));
 }
 
-TEST_CASE("TI codes become linear power above the noise") {
+TEST_CASE("TI radar codes are converted to linear power above the noise") {
   const Folder dir;
   write_run(dir / "a", 2, 1,
             [](record::FusedRecord& r) {
@@ -167,7 +167,7 @@ TEST_CASE("TI codes become linear power above the noise") {
   CHECK(data.radar.row(0)[8] == 0);
 }
 
-TEST_CASE("longer radar axis is cropped, other axes are refused") {
+TEST_CASE("a longer radar axis is cropped, other axes are refused") {
   const Folder dir;
   write_run(dir / "long", 2, 1, {}, radar_axis(40));
   Dataset data = load({dir / "long"});
@@ -190,7 +190,7 @@ TEST_CASE("longer radar axis is cropped, other axes are refused") {
   CHECK(refused(spd, radar_axis(50), Inputs::spd) == "no error");  // the radar is not checked
 }
 
-TEST_CASE("values within a bin of the model's axis are interpolated") {
+TEST_CASE("records are interpolated to a model axis less than a bin away") {
   Dataset data;
   data.spd_axis = {"spd", "counts", "ps", 5, 100, 10, 1};
   data.radar_axis = {"radar", "power", "m", 4, 0, 0.5, 1};
@@ -267,7 +267,7 @@ TEST_CASE("radar power is summed into wider bins without loss") {
   }
 }
 
-TEST_CASE("model of binned power accepts unbinned runs") {
+TEST_CASE("a model of binned radar power accepts unbinned runs") {
   const Folder dir;
   write_run(dir / "run", 60, 1, {}, radar_axis(40));
   Dataset data = load({dir / "run"});
@@ -304,7 +304,7 @@ TEST_CASE("per-record scaling is invariant to gains and flat background") {
   CHECK(plain.apply(changed, rows).values[10] != Approx(plain.apply(data, rows).values[10]));
 }
 
-TEST_CASE("scaled inputs have zero mean and equal variance per sensor") {
+TEST_CASE("scaled inputs have zero mean and the same variance per sensor") {
   const Folder dir;
   write_run(dir / "a", 60);
   const Dataset data = load({dir / "a"});
@@ -347,7 +347,7 @@ TEST_CASE("splits are disjoint, complete and of the requested size") {
   CHECK(make_split(rows, other).test != s.test);
 }
 
-TEST_CASE("sensors that are not requested are not loaded") {
+TEST_CASE("only requested sensors are loaded") {
   const Folder dir;
   write_run(dir / "run", 3);
   const record::RunReader run(dir / "run");
@@ -362,7 +362,7 @@ TEST_CASE("sensors that are not requested are not loaded") {
   CHECK(data.spd.values.size() == 2 * testing::spd_axis().count);
 }
 
-TEST_CASE("blocked splits and folds have gaps") {
+TEST_CASE("blocked splits and folds leave gaps between training and test records") {
   Rows rows(100);
   for (std::size_t i = 0; i < rows.size(); ++i) rows[i] = i;
   SplitOptions options;

@@ -70,7 +70,7 @@ TEST_CASE("domain test separates changed runs from unchanged ones") {
   }
 }
 
-TEST_CASE("domain test ignores gains and does not test few records") {
+TEST_CASE("domain test ignores sensor gains and skips runs with few records") {
   const TrainedModel& model = trained("mean-shape", "fused");
   CHECK_FALSE(shift_of(model, plates(100, 10,
                                      [](record::FusedRecord& r) {
@@ -82,7 +82,7 @@ TEST_CASE("domain test ignores gains and does not test few records") {
   CHECK(shift_of(model, plates(15, 11)).text().empty());
 }
 
-TEST_CASE("run with mostly flagged records differs from the training data") {
+TEST_CASE("a run with mostly flagged records is reported as different from the training") {
   const TrainedModel& model = trained("mean-shape", "fused");
   const DomainShift all = shift_of(model, plates(30, 10, nobody));
   CAPTURE(all.text(), all.flagged, all.judged);
@@ -97,7 +97,7 @@ TEST_CASE("run with mostly flagged records differs from the training data") {
   CHECK_FALSE(shift_of(model, plates(19, 10, nobody)).found());
 }
 
-TEST_CASE("saturated and empty are relative to the training records") {
+TEST_CASE("saturated and empty records are detected relative to the training") {
   const auto reasons = [](const Dataset& training, const Dataset& fresh) {
     TrainOptions options;
     options.model = "ridge", options.fit.quiet = true;
@@ -123,7 +123,7 @@ TEST_CASE("saturated and empty are relative to the training records") {
   CHECK(reasons(plates(200, 1, often), none)[0] != "empty");
 }
 
-TEST_CASE("domain test needs a difference above the least effect size") {
+TEST_CASE("domain test reports a difference above the least effect size") {
   const DomainShift slight =
       shift_of(trained("mean-shape", "fused"), plates(400, 77, [](record::FusedRecord& r) {
                  for (std::size_t i = r.radar.size() - 1; i > 0; --i)
@@ -148,7 +148,7 @@ TEST_CASE("radar power before the body is the power below half of its range") {
   CHECK_THAT(said(9, 11), !Catch::Contains(name));
 }
 
-TEST_CASE("domain reference is saved in the model file") {
+TEST_CASE("the reference of the domain test is saved in the model file") {
   const Folder dir;
   const TrainedModel& model = trained("mean-shape", "fused");
   save_model(model, dir / "m");
@@ -163,7 +163,7 @@ TEST_CASE("domain reference is saved in the model file") {
     CHECK_THAT(recon_program(command).text, Catch::Contains(a.text()));
 }
 
-TEST_CASE("standard error of a difference comes from the variance between blocks") {
+TEST_CASE("the standard error of a difference comes from the variance between blocks") {
   const std::size_t known = 60, count = 20;  // six blocks, and two
   const Dataset all = plates(known + count, 50, [&](record::FusedRecord& r) {
     if (r.index >= std::int64_t(known))  // 48 cm nearer
@@ -248,7 +248,7 @@ TEST_CASE("domain test has few false alarms for small and large references") {
   }
 }
 
-TEST_CASE("domain test leaves out training records and their copies") {
+TEST_CASE("domain test excludes training records and their copies") {
   const Folder dir;
   write_run(dir / "a", 300, 1), write_run(dir / "more", 360, 1);
   write_run(dir / "copies", 300, 1, [](record::FusedRecord& r) { r.label = "other"; });

@@ -70,7 +70,7 @@ double evaluated_iou(const std::string& words) {
 
 }  // namespace
 
-TEST_CASE("model trained with an empty room keeps its accuracy in another room") {
+TEST_CASE("a model trained with an empty room keeps its accuracy in another room") {
   const Folder dir;
   write_room(dir / "here", here, 200, 1), write_room(dir / "here empty", here, 20, 2, false);
   write_room(dir / "there", elsewhere, 60, 3), write_room(dir / "again", here, 60, 3);
@@ -92,7 +92,7 @@ TEST_CASE("model trained with an empty room keeps its accuracy in another room")
   CHECK(evaluated_iou(there + " --empty '" + (dir / "there empty") + "'") > 0.9 * at_home);
 }
 
-TEST_CASE("range offset also applies to the empty room") {
+TEST_CASE("option --range-offset also applies to the empty room") {
   const Folder dir;
   const double longer_m = radar_axis().step;
   write_room(dir / "here", here, 200, 1), write_room(dir / "here empty", here, 20, 2, false);
@@ -109,7 +109,7 @@ TEST_CASE("range offset also applies to the empty room") {
   CHECK(iou_with(0) < 0.6 * iou_with(longer_m));
 }
 
-TEST_CASE("dead radar stays dead in another room, and an empty room needs five records") {
+TEST_CASE("a dead radar is detected in another room, and an empty room needs five records") {
   const Folder dir;
   write_room(dir / "here", here, 60, 1);
   Dataset data = load({dir / "here"});
@@ -123,7 +123,7 @@ TEST_CASE("dead radar stays dead in another room, and an empty room needs five r
         (dir / "four") + ": 4 records have all sensors; expected at least 5 of the empty room");
 }
 
-TEST_CASE("empty room leaves out and counts dead and doubtful records") {
+TEST_CASE("dead and doubtful records of an empty room are excluded and counted") {
   const Folder dir;
   write_room(dir / "here", here, 20, 1), write_room(dir / "empty", here, 20, 2, false);
   const auto spoil = [&](const std::string& values, const std::string& rows) {
@@ -147,7 +147,7 @@ TEST_CASE("empty room leaves out and counts dead and doubtful records") {
              Catch::Contains("17 of 20 records left out: SPD weak 17"));
 }
 
-TEST_CASE("bright empty room may drift by a few percent") {
+TEST_CASE("a bright empty room may drift by a few percent") {
   const Folder dir;
   write_room(dir / "empty", here, 20, 2, false);
   Dataset empty = load({dir / "empty"});
@@ -161,7 +161,7 @@ TEST_CASE("bright empty room may drift by a few percent") {
   CHECK_THAT(scaled(0.1f), Catch::Contains("vary by more than photon noise"));
 }
 
-TEST_CASE("plain network is refused for another room") {
+TEST_CASE("a plain network is refused for another room") {
   const Folder dir;
   write_room(dir / "here", here, 60, 1), write_room(dir / "empty", here, 20, 2, false);
   TrainedModel other = trained(dir / "here", "", "mean-shape");
@@ -177,7 +177,7 @@ TEST_CASE("plain network is refused for another room") {
         "or mean-shape model");
 }
 
-TEST_CASE("empty room with other axes is refused before training") {
+TEST_CASE("an empty room with other axes is refused before training") {
   const Folder dir;
   write_room(dir / "here", here, 20, 1);
   write_run(dir / "other", 5);

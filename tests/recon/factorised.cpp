@@ -78,7 +78,7 @@ TEST_CASE("aligned inputs are invariant to gain, exposure and flat background") 
       REQUIRE(other[i] == Approx(plain[i]).epsilon(1e-3).margin(1e-5));
 }
 
-TEST_CASE("shift of the radar against the histogram moves the aligned profile") {
+TEST_CASE("an offset between radar and histogram shifts the aligned profile") {
   const auto a = aligned(raw_inputs(3.3, 0.05)), b = aligned(raw_inputs(3.7, 0.25));
   const double near_m = double{a.back()}, far_m = double{b.back()};
   // Bins of 6 cm, half of them near the body, so the median overestimates the background.
@@ -94,7 +94,7 @@ TEST_CASE("shift of the radar against the histogram moves the aligned profile") 
         Approx(centroid(std::span(a).first(bins))).margin(0.2));
 }
 
-TEST_CASE("empty room has no body") {
+TEST_CASE("no body is detected in an empty room") {
   Rng rng = make_rng(3, 0);
   std::poisson_distribution<int> counts(50);
   int seen = 0;
@@ -112,7 +112,7 @@ TEST_CASE("empty room has no body") {
   CHECK_FALSE(shows_body(features));
 }
 
-TEST_CASE("body cut out of a map is drawn back at its position") {
+TEST_CASE("a body extracted from a map is drawn at the same position") {
   const Matrix& maps = plates().depth;
   const std::vector<float> background(maps.cols, 0);
   const Rows rows = all_rows(50);
@@ -134,7 +134,7 @@ TEST_CASE("body cut out of a map is drawn back at its position") {
   }
 }
 
-TEST_CASE("factorised model places bodies on the correct side for any gain") {
+TEST_CASE("the factorised model places bodies on the correct side for any gain") {
   const Rows rows = trained().rows_of(plates(), Part::test);
   const auto scores = [&](const Dataset& data) {
     std::vector<MapScores> out;
@@ -152,7 +152,7 @@ TEST_CASE("factorised model places bodies on the correct side for any gain") {
   CHECK(scores(louder)[metric_iou].mean > 0.98 * plain[metric_iou].mean);
 }
 
-TEST_CASE("clicks in a bin that only one training record used do not move a body") {
+TEST_CASE("clicks in a bin used by only one training record do not shift the body") {
   Dataset data = testing::load_plates(200);
   const auto around = [&](std::size_t row) {
     const auto clicks = data.spd.row(row);
@@ -179,7 +179,7 @@ TEST_CASE("clicks in a bin that only one training record used do not move a body
   }
 }
 
-TEST_CASE("reconstruction of a record does not depend on others, an empty room stays empty") {
+TEST_CASE("a record's map does not depend on other records, and an empty room stays empty") {
   const Matrix many = trained().predict(plates(), {3, 7, 11});
   const Matrix one = trained().predict(plates(), {7});
   for (std::size_t p = 0; p < one.cols; ++p)
@@ -189,7 +189,7 @@ TEST_CASE("reconstruction of a record does not depend on others, an empty room s
   CHECK(std::ranges::equal(trained().predict(dark, {5}).values, trained()->scene.background));
 }
 
-TEST_CASE("invalid body frame in a model file is refused") {
+TEST_CASE("an invalid body frame in a model file is refused") {
   const Folder dir;
   save_model(trained(), dir / "m");
   const Bytes contents = read_file(dir / "m");
@@ -206,7 +206,7 @@ TEST_CASE("invalid body frame in a model file is refused") {
   refused("pitch_m", 0.0, "0/model/frame/pitch_m: expected a number from");
 }
 
-TEST_CASE("factorised model needs both sensors and records with bodies") {
+TEST_CASE("the factorised model requires both sensors and records with bodies") {
   TrainOptions options;
   options.uncertainty = false;
   options.model = "factorised";

@@ -37,7 +37,7 @@ void lose_radar(record::FusedRecord& r) {
 
 }  // namespace
 
-TEST_CASE("fused model falls back to the SPD without radar, and recovers") {
+TEST_CASE("the fused model uses the SPD alone while the radar is missing") {
   const TrainedModel model = trained_with("factorised-4");
   Dataset lost = plates();
   const Rows rows = {1, 2, 3, 4};
@@ -61,7 +61,7 @@ TEST_CASE("fused model falls back to the SPD without radar, and recovers") {
   CHECK_THAT(model.fault_of(lost, 2), Catch::Contains("lacks "));
 }
 
-TEST_CASE("fallback is stored in the model file and is optional") {
+TEST_CASE("the fallback is optional and stored in the model file") {
   const Folder dir;
   TrainedModel model = trained_with("ridge");
   save_model(model, dir / "with");
@@ -85,7 +85,7 @@ TEST_CASE("fallback is stored in the model file and is optional") {
   }
 }
 
-TEST_CASE("domain test counts only records whose uncertainty is known") {
+TEST_CASE("domain test counts only records that have an uncertainty") {
   TrainedModel model = trained_with("ridge");
   REQUIRE(model.estimators.size() == 2);
   model.estimators[1].uncertainty.reset();
@@ -122,7 +122,7 @@ TEST_CASE("reconstruct and evaluate report maps made from the SPD alone") {
   CHECK(nlohmann::json::parse(dark.text.substr(dark.text.find('{')))["fallback_records"] == 3);
 }
 
-TEST_CASE("records without a map are not scored but counted") {
+TEST_CASE("records without a map are counted but not scored") {
   const Folder dir;
   const TrainedModel model = trained_with("ridge");
   REQUIRE(model.estimators.size() == 2);

@@ -9,7 +9,7 @@ using namespace echofuse;
 using namespace echofuse::recon;
 using namespace echofuse::testing;
 
-TEST_CASE("scores use foreground and background of the run, not of the model") {
+TEST_CASE("scores use the run's foreground and background, not the model's") {
   const Folder dir;
   const Change wall = [](record::FusedRecord& r) {
     for (auto& mm : r.depth_mm) mm = mm > 0 ? mm : 5000;
@@ -46,7 +46,7 @@ TEST_CASE("scores use foreground and background of the run, not of the model") {
              Catch::Contains("the room differs"));
 }
 
-TEST_CASE("moving wall is reported and scored by RMSE, with its uncertainty") {
+TEST_CASE("a moving wall is reported and scored by RMSE, with its uncertainty") {
   const Folder dir;
   write_run(dir / "run", 200, 1, [](record::FusedRecord& r) {
     Rng rng = make_rng(9, static_cast<std::uint64_t>(r.index));
@@ -71,7 +71,7 @@ TEST_CASE("moving wall is reported and scored by RMSE, with its uncertainty") {
   CHECK(stated_m < 2 * error_m);
 }
 
-TEST_CASE("few records widen the interval, fewer than five have none") {
+TEST_CASE("few records widen the confidence interval, fewer than five have no interval") {
   const auto differences = [](std::size_t records) {
     MapScores none;
     none.fill(NAN);

@@ -10,7 +10,7 @@ using namespace echofuse;
 using namespace echofuse::recon;
 using namespace echofuse::testing;
 
-TEST_CASE("damaged records are counted, and refused above a tenth") {
+TEST_CASE("damaged records are counted, and a run is refused above a tenth") {
   const Folder dir;
   const auto spoil = [&](const std::string& name, std::int64_t from) {
     write_run(dir / name, 20, 1, [&](record::FusedRecord& r) {
@@ -41,7 +41,7 @@ TEST_CASE("damaged records are counted, and refused above a tenth") {
   CHECK(load({dir / "c"}).damaged.size() == 1);
 }
 
-TEST_CASE("doubtful records are left out of training") {
+TEST_CASE("doubtful records are excluded from training") {
   const Folder dir;
   write_run(dir / "a", 8, 1, [](record::FusedRecord& r) {
     if (r.index == 1) r.sync[Sensor::depth].verdict = "stands still: the same as before";
@@ -58,7 +58,7 @@ TEST_CASE("doubtful records are left out of training") {
   CHECK(data.usable(Inputs::fused) == Rows{0, 3, 5, 6, 7});
 }
 
-TEST_CASE("lossy records are used and counted, unless a setting excludes them") {
+TEST_CASE("lossy records are counted, and used unless a setting excludes them") {
   const Folder dir;
   write_run(dir / "a", 40, 1, [](record::FusedRecord& r) {
     if (r.index == 1) r.sync[Sensor::depth].verdict = "lossy: 50 % of the 90 expected frames";
@@ -77,7 +77,7 @@ TEST_CASE("lossy records are used and counted, unless a setting excludes them") 
   CHECK(data.usable(Inputs::spd).size() == 38);
 }
 
-TEST_CASE("copy of a record has the same hash in any run") {
+TEST_CASE("a copied record has the same hash in any run") {
   const Folder dir;
   write_run(dir / "a", 6, 1), write_run(dir / "b", 3, 1), write_run(dir / "c", 3, 2);
   const Dataset a = load({dir / "a"});
@@ -86,7 +86,7 @@ TEST_CASE("copy of a record has the same hash in any run") {
   CHECK(c.content != b.content);
 }
 
-TEST_CASE("rows prints the part of each record, or why it is left out") {
+TEST_CASE("rows prints the split part of each record, or the reason of its exclusion") {
   const Folder dir;
   const auto change = [](record::FusedRecord& r) {
     if (r.index == 2) r.sync[Sensor::depth].verdict = "stands still: the same as before";
@@ -140,7 +140,7 @@ TEST_CASE("rows prints the part of each record, or why it is left out") {
   CHECK(recon_program("rows --seed 2 " + (dir / "a") + " --model " + (dir / "m")).code == 2);
 }
 
-TEST_CASE("train and evaluate print which records they leave out and why") {
+TEST_CASE("train and evaluate print excluded records and the reasons") {
   const Folder dir;
   const auto doubtful = [](record::FusedRecord& r) {
     if (r.index < 8)
@@ -181,7 +181,7 @@ TEST_CASE("train and evaluate print which records they leave out and why") {
           "8 of 60 records");
 }
 
-TEST_CASE("copied records are neither trained twice nor evaluated") {
+TEST_CASE("copied records are used once in training and not in evaluation") {
   const Folder dir;
   write_run(dir / "a", 60, 1), write_run(dir / "b", 20, 1), write_run(dir / "c", 20, 2);
   write_run(dir / "more", 70, 1);
@@ -211,7 +211,7 @@ TEST_CASE("copied records are neither trained twice nor evaluated") {
                  Catch::Contains("copies of training records, and are scored\n"));
 }
 
-TEST_CASE("copy is recognised by its counts") {
+TEST_CASE("a copied record is recognised by its counts") {
   const Folder dir;
   write_run(dir / "a", 60, 1);
   const std::string model = dir / "m";
@@ -238,7 +238,7 @@ TEST_CASE("copy is recognised by its counts") {
   CHECK(load({dir / "padded"}).content == load({dir / "a"}).content);
 }
 
-TEST_CASE("records with few clicks or bins, or weak or frozen counts, are not copies") {
+TEST_CASE("records with few clicks or bins, or weak or frozen counts, are not taken for copies") {
   const Folder dir;
   write_run(dir / "run", 9, 1, [](record::FusedRecord& r) {
     if (r.index < 2) {
@@ -260,7 +260,7 @@ TEST_CASE("records with few clicks or bins, or weak or frozen counts, are not co
   for (std::size_t row = 0; row < 9; ++row) CHECK((data.content[row] == 0) == (row < 6));
 }
 
-TEST_CASE("held-out records with a dead detector are left out on the training's own run") {
+TEST_CASE("held-out records with a dead detector are excluded on the training run") {
   const Folder dir;
   write_run(dir / "a", 40);
   REQUIRE(recon_program("train -q --model mean " + (dir / "a") + " --out " + (dir / "m")).code ==
@@ -278,7 +278,7 @@ TEST_CASE("held-out records with a dead detector are left out on the training's 
   CHECK_THAT(none.text, Catch::Contains("has no record to train with"));
 }
 
-TEST_CASE("record that occurs twice in a run is used once") {
+TEST_CASE("a record that occurs twice in a run is used once") {
   const Folder dir;
   const auto twice = [](record::FusedRecord& r) {
     Rng rng = make_rng(3, static_cast<std::uint64_t>(r.index % 30));
@@ -295,7 +295,8 @@ TEST_CASE("record that occurs twice in a run is used once") {
              Catch::StartsWith("30 records; ") && Catch::Contains("twice in the run 30"));
 }
 
-TEST_CASE("train reports a sensor missing in all records, and a sequence with a random split") {
+TEST_CASE(
+    "train refuses a sensor missing in all records, and warns of a random split of a sequence") {
   const Folder dir;
   const auto run = [&](const std::string& name, Sensor lost) {
     write_run(dir / name, 12, 1, [&](record::FusedRecord& r) { r.valid.erase(lost); });
@@ -324,7 +325,7 @@ TEST_CASE("train reports a sensor missing in all records, and a sequence with a 
   CHECK_THAT(says("free", ""), !Catch::Contains("alike"));
 }
 
-TEST_CASE("scenes that recur without being neighbours are reported for any split") {
+TEST_CASE("repeated scenes are reported for each kind of split") {
   const Folder dir;
   // Each scene recurs after 30 others, with different noise.
   const auto recurring = [](std::int64_t scenes) {

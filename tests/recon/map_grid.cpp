@@ -70,7 +70,7 @@ TEST_CASE("different maps and invalid map axes are refused") {
   refused("UPDATE axis SET start = 0 WHERE name = 'map_x'");
 }
 
-TEST_CASE("model uses the map grid of its training and refuses others") {
+TEST_CASE("a model uses its training's map grid and refuses others") {
   const Folder dir;
   const record::MapGrid grid{24, 0.55};
   write_mapped(dir / "run", 200, grid);

@@ -8,7 +8,7 @@
 using namespace echofuse;
 using namespace echofuse::recon;
 
-TEST_CASE("the slopes of mask and depth equal central differences of the loss") {
+TEST_CASE("gradients of the mask loss equal central differences") {
   const std::vector<float> truth = {0, 1.2f, 3, 0, 5, 2.5f}, background = {0, 0, 0, 5, 5, 5};
   const std::vector<double> outputs = {-2, 0.5, 30, -40, 1e-3, -1, 3, 1.1, 3.2, 2, 4.9, 0.5};
   constexpr double spread_m = 0.8, step = 1e-6;
@@ -27,7 +27,7 @@ TEST_CASE("the slopes of mask and depth equal central differences of the loss") 
   for (const std::size_t i : {6u, 9u, 10u}) CHECK(slopes[i] == 0);
 }
 
-TEST_CASE("the loss of single precision follows that of double precision") {
+TEST_CASE("the mask loss in single precision matches double precision") {
   const std::vector<float> truth = {0, 3, 2}, background(3);
   std::vector<float> a = {80, -80, 0.1f, 9, 3.5f, 2};
   std::vector<double> b(a.begin(), a.end());
@@ -36,7 +36,7 @@ TEST_CASE("the loss of single precision follows that of double precision") {
   for (std::size_t i = 0; i < a.size(); ++i) CHECK(double{a[i]} == Approx(b[i]).margin(1e-5));
 }
 
-TEST_CASE("the mask of a network with two outputs does not depend on the distance") {
+TEST_CASE("the mask of a two-output network does not depend on the distance") {
   const Dataset data = testing::load_plates(600);
   const auto scores = [&](const char* model) {
     TrainOptions options;

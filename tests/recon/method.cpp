@@ -13,7 +13,7 @@
 using namespace echofuse;
 using namespace echofuse::recon;
 
-TEST_CASE("sums in four accumulators equal those of a plain loop") {
+TEST_CASE("sums with four accumulators equal those of a plain loop") {
   Rng rng = make_rng(1, 0);
   std::poisson_distribution<int> photons(40);
   std::normal_distribution<float> background(40, 3);
@@ -46,7 +46,7 @@ TEST_CASE("sums in four accumulators equal those of a plain loop") {
   }
 }
 
-TEST_CASE("negative bins count as zero where they are excluded") {
+TEST_CASE("negative bins are clipped to zero if excluded") {
   const std::vector<float> counts = {2, -3, 4, -5, 6, -1, 1}, all = {9, 9, 9, 9, 9, 9, 9};
   const BinSums without = bin_sums(counts, all, 0, 7, Negative::left_out);
   CHECK(without.counts == 13);
@@ -58,7 +58,7 @@ TEST_CASE("negative bins count as zero where they are excluded") {
   CHECK(with.all == 45);
 }
 
-TEST_CASE("model file stores the view constants, and refuses others") {
+TEST_CASE("a model file stores the view constants and is refused with others") {
   const Layout layout{testing::spd_axis(), testing::radar_axis()};
   Alignment alignment(layout, Matrix(1, layout.inputs()), {0});
   TensorFile file;
@@ -81,7 +81,7 @@ TEST_CASE("model file stores the view constants, and refuses others") {
   CHECK_THAT(fault_of(file), Catch::Contains("directions"));
 }
 
-TEST_CASE("tensors are aligned to their type's size, and the file names its program version") {
+TEST_CASE("tensors are aligned to their type's size, and a model file names its program version") {
   TensorFile file;
   const auto write = [&](const std::string& name, auto value) {
     const std::vector<decltype(value)> three(3, value);

@@ -45,7 +45,7 @@ Scene room(float background_m = 0, float foreground_m = 3.5f) {
 
 }  // namespace
 
-TEST_CASE("perfect prediction has perfect scores") {
+TEST_CASE("a perfect prediction has perfect scores") {
   const Map truth = plate(6, 3.4f);
   const MapScores s = score(truth, truth, room());
   for (const Metric one : {metric_iou, metric_ssim, metric_ssim_hard, metric_ssim_fg,
@@ -57,7 +57,7 @@ TEST_CASE("perfect prediction has perfect scores") {
   CHECK(s[metric_lateral_m] == Approx(0).margin(1e-12));
 }
 
-TEST_CASE("ghost is 1 for the mirror image and 0.5 for both") {
+TEST_CASE("the ghost score is 1 for the mirror image and 0.5 for body and mirror image") {
   const Map truth = plate(6, 3.5f), ghost = mirrored(truth);
   const MapScores wrong = score(ghost, truth, room());
   CHECK(wrong[metric_ghost] == 1);
@@ -88,14 +88,14 @@ TEST_CASE("body position is the centroid of the written map's foreground") {
   CHECK(score(plate(6, 30), truth, room())[metric_depth_mae_m] == Approx(2.5));
 }
 
-TEST_CASE("ghost and left/right are undefined near the axis") {
+TEST_CASE("ghost and left/right scores are undefined near the axis") {
   const Map truth = plate(28, 3.5f);  // centre at column 32.5, x = 3 cm
   const MapScores s = score(mirrored(truth), truth, room());
   CHECK(std::isnan(s[metric_ghost]));
   CHECK(std::isnan(s[metric_left_right]));
 }
 
-TEST_CASE("shifted and nearer plate has the expected IoU, RMSE and depth errors") {
+TEST_CASE("a shifted, nearer plate has the expected IoU, RMSE and depth errors") {
   const Map truth = plate(10, 3.5f), prediction = plate(15, 3.0f);
   const MapScores s = score(prediction, truth, room());
   CHECK(s[metric_iou] == Approx(5.0 / 15));
@@ -108,13 +108,13 @@ TEST_CASE("shifted and nearer plate has the expected IoU, RMSE and depth errors"
   CHECK(s[metric_delta_125] == Approx(0.5));  // 3.5 / 3.0 < 1.25, and half of the pixels are missed
 }
 
-TEST_CASE("in the open room expected depths are foreground beyond half the mean depth") {
+TEST_CASE("in an open room predicted depths above half the mean depth are foreground") {
   const Map truth = plate(10, 3.5f);
   CHECK(score(with_ripple(plate(10, 1.76f)), truth, room())[metric_iou] == 1);
   CHECK(std::isnan(score(with_ripple(plate(10, 1.74f)), truth, room())[metric_lateral_m]));
 }
 
-TEST_CASE("in the open room every return is foreground, also of a near body") {
+TEST_CASE("in an open room every true return is foreground, also of a near body") {
   for (const float depth_m : {0.6f, 1.2f, 1.4f, 1.74f, 5.5f}) {
     const Map near = plate(10, depth_m);
     CHECK(score(near, near, room())[metric_iou] == 1);
@@ -128,7 +128,7 @@ TEST_CASE("in the open room every return is foreground, also of a near body") {
   CHECK(score(all, all, room())[metric_iou] == 1);
 }
 
-TEST_CASE("fixed background is not foreground") {
+TEST_CASE("a fixed background is not foreground") {
   const Scene scene = room(5.5f, 3.5f);
   const Map truth = plate(10, 3.5f, 5.5f), empty(size * size, 5.5f);
   CHECK(score(truth, truth, scene)[metric_iou] == 1);
@@ -141,13 +141,13 @@ TEST_CASE("fixed background is not foreground") {
   CHECK_FALSE(true_foreground(0, 5.5f));  // no return: unknown
 }
 
-TEST_CASE("empty prediction has no position") {
+TEST_CASE("an empty prediction has no position") {
   const MapScores s = score(Map(size * size), plate(6, 3.5f), room());
   for (const Metric m : {metric_lateral_m, metric_ghost, metric_left_right})
     CHECK(std::isnan(s[m]));
 }
 
-TEST_CASE("scene is learnt from its maps") {
+TEST_CASE("foreground and background are learnt from the maps") {
   Matrix maps(0, size * size);
   for (const std::size_t left : {2u, 20u, 50u}) maps.add_row(plate(left, 3.2f, 5.0f));
   const Scene scene = learn_scene(maps, {0, 1, 2}, {});
@@ -168,7 +168,7 @@ TEST_CASE("scene is learnt from its maps") {
   CHECK(background[1] == 0);
 }
 
-TEST_CASE("moving surface has no foreground, so that only raw maps are scored") {
+TEST_CASE("with a moving surface only raw maps are scored") {
   Rng rng = make_rng(3, 3);
   for (const float nearest : {0.5f, 1.8f}) {  // also if most are far away
     Matrix walls(0, size * size);
@@ -196,7 +196,7 @@ TEST_CASE("moving surface has no foreground, so that only raw maps are scored") 
   CHECK_FALSE(learn_scene(leaf, all_rows(60), {}).has_body());
 }
 
-TEST_CASE("mean and standard error leave undefined maps out") {
+TEST_CASE("mean and standard error exclude undefined scores") {
   MapScores a{}, b{}, c{};
   a[metric_iou] = 1, b[metric_iou] = 3, c[metric_iou] = std::nan("");
   const Summaries s = summarise({a, b, c});

@@ -244,7 +244,7 @@ std::vector<std::string> kinds_tried() {
 
 }  // namespace
 
-TEST_CASE("saved models load, predict bitwise the same, and save to the same file") {
+TEST_CASE("a loaded model predicts bitwise the same and is saved to the same file") {
   const Folder dir;
   Dataset data = load({models() / "few"});
   const Rows rows = all_rows(data.size());
@@ -272,7 +272,7 @@ TEST_CASE("saved models load, predict bitwise the same, and save to the same fil
   }
 }
 
-TEST_CASE("loaded model predicts as the saved one") {
+TEST_CASE("a loaded model predicts as the saved one") {
   const Folder dir;
   const Dataset data = load({models() / "run"}), few = load({models() / "few"});
   for (const char* kind : {"factorised-4", "mlp-12-10"}) {
@@ -288,7 +288,7 @@ TEST_CASE("loaded model predicts as the saved one") {
   }
 }
 
-TEST_CASE("crafted model file gives a one-line error") {
+TEST_CASE("a malicious model file is refused with a one-line error") {
   for (const Hostile& h : hostile_files) {
     CAPTURE(h.what);
     crafted::Model model(whole_file(h.from));
@@ -300,7 +300,7 @@ TEST_CASE("crafted model file gives a one-line error") {
   }
 }
 
-TEST_CASE("truncated, changed or old model file gives a one-line error") {
+TEST_CASE("a truncated, changed or old model file is refused with a one-line error") {
   const Folder dir;
   const Bytes whole = whole_file("ridge");
   for (const Spoilt& s : spoilt_files) {
@@ -317,7 +317,7 @@ TEST_CASE("truncated, changed or old model file gives a one-line error") {
   CHECK(recon_program("evaluate /dev/zero " + run).code == 1);
 }
 
-TEST_CASE("flipped byte in a model file is detected") {
+TEST_CASE("a flipped byte in a model file is detected") {
   const Bytes whole = whole_file("ridge");
   std::uint64_t length = 0;
   std::memcpy(&length, whole.data(), sizeof length);
@@ -332,7 +332,7 @@ TEST_CASE("flipped byte in a model file is detected") {
   }
 }
 
-TEST_CASE("array of another type or shape is refused") {
+TEST_CASE("a model file with an array of another type or shape is refused") {
   for (const std::string& from : kinds_tried()) {
     const Bytes whole = whole_file(from);
     for (const std::string& name : crafted::Model(whole).tensors()) {
@@ -370,7 +370,7 @@ TEST_CASE("array of another type or shape is refused") {
   }
 }
 
-TEST_CASE("fact of another type is refused, and no value crashes the program") {
+TEST_CASE("a model file with metadata of another type is refused without a crash") {
   for (const std::string& from : kinds_tried()) {
     const crafted::Model whole(whole_file(from));
     CHECK(whole.names_of_facts().size() > 20);

@@ -46,7 +46,7 @@ Summaries scores_of(const TrainedModel& model) {
 
 }  // namespace
 
-TEST_CASE("ridge equals a dense solve with its chosen penalty") {
+TEST_CASE("ridge equals a dense solve with the chosen penalty") {
   const Matrix x = random_matrix(50, 8, 1), noise = random_matrix(50, 4096, 2);
   Matrix y(50, 4096);
   for (std::size_t i = 0; i < 50; ++i)
@@ -77,7 +77,7 @@ TEST_CASE("ridge equals a dense solve with its chosen penalty") {
   CHECK(worst < 1e-5);  // maps of up to 8, single precision
 }
 
-TEST_CASE("ridge handles repeated, constant and surplus inputs") {
+TEST_CASE("ridge handles repeated, constant and superfluous inputs") {
   Matrix x = random_matrix(30, 60, 3);
   for (std::size_t i = 0; i < 30; ++i) {
     x.row(i)[1] = x.row(i)[0];
@@ -92,7 +92,7 @@ TEST_CASE("ridge handles repeated, constant and surplus inputs") {
   for (const float v : ridge->predict(same).values) REQUIRE(std::isfinite(v));
 }
 
-TEST_CASE("nearest neighbour of a training record is itself") {
+TEST_CASE("the nearest neighbour of a training record is the record itself") {
   const Matrix x = random_matrix(20, 10, 5), y = random_matrix(20, 4096, 6);
   const auto nearest = make_nearest();
   nearest->fit({x, y, all_rows(20)}, {x, y, {}}, {});
@@ -105,7 +105,7 @@ TEST_CASE("nearest neighbour of a training record is itself") {
   CHECK(nearest->cost().multiply_adds == looked_up + 5 * y.cols);
 }
 
-TEST_CASE("model is reproducible by its seed") {
+TEST_CASE("a model is reproducible with its seed") {
   const auto predict = [](std::uint64_t seed) {
     TrainOptions options = quick("mlp");
     options.fit.epochs = 3;
@@ -117,7 +117,7 @@ TEST_CASE("model is reproducible by its seed") {
   CHECK(predict(5).values != a.values);
 }
 
-TEST_CASE("every model predicts the same after saving and loading") {
+TEST_CASE("every kind of model predicts the same after saving and loading") {
   const Folder dir;
   for (const auto& name : model_names()) {
     CAPTURE(name);
@@ -141,7 +141,8 @@ TEST_CASE("every model predicts the same after saving and loading") {
   }
 }
 
-TEST_CASE("fused beats either sensor, and the SPD alone cannot separate left from right") {
+TEST_CASE(
+    "fused inputs beat each single sensor, and the SPD alone cannot separate left from right") {
   const auto scores = [](const char* inputs) {
     TrainOptions options = quick("mlp");
     options.inputs = inputs;
@@ -172,13 +173,13 @@ TEST_CASE("training stops early, keeps the best epoch and prints its progress") 
         log.validation_loss[log.best_epoch - 1]);
 }
 
-TEST_CASE("diverging learning rate is reported and not saved") {
+TEST_CASE("diverged training is reported and not saved") {
   TrainOptions options = quick("mlp");
   options.fit.learning_rate = 1e9;
   CHECK_THROWS_WITH(train(plates(), options), Catch::Contains("learning_rate"));
 }
 
-TEST_CASE("identical records give a finite model") {
+TEST_CASE("training on identical records gives finite maps") {
   const Folder dir;
   write_run(dir / "same", 12, 1, [](record::FusedRecord& r) {
     Rng rng = make_rng(1, 1);

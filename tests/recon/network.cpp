@@ -41,7 +41,7 @@ struct Problem {
 
 }  // namespace
 
-TEST_CASE("gradient equals central differences for every parameter") {
+TEST_CASE("the network gradient equals central differences for every parameter") {
   const Problem q(3);
   Activations<double> a;
   forward(q.network, q.parameters, q.inputs.data(), q.batch, a);
@@ -63,7 +63,7 @@ TEST_CASE("gradient equals central differences for every parameter") {
 }
 
 // Products of several rows and of one row use different code.
-TEST_CASE("matrix product equals plain sums, transposed or not, for one or many rows") {
+TEST_CASE("matrix products equal plain sums, transposed or not") {
   const std::size_t m = GENERATE(1, 5), n = GENERATE(1, 7), k = 4;
   const auto ta = GENERATE(Transpose::no, Transpose::yes);
   const auto tb = GENERATE(Transpose::no, Transpose::yes);
@@ -82,7 +82,7 @@ TEST_CASE("matrix product equals plain sums, transposed or not, for one or many 
 }
 
 // Sizes as for parts of one map.
-TEST_CASE("row times matrix is accumulated for any number of rows") {
+TEST_CASE("row-matrix products are accumulated for any number of rows") {
   const std::size_t n = GENERATE(1, 2, 7, 48), k = GENERATE(1, 3, 4, 7, 61);
   const float beta = GENERATE(0.f, 1.f, -2.f);
   Rng rng = make_rng(9, 0);
@@ -97,7 +97,7 @@ TEST_CASE("row times matrix is accumulated for any number of rows") {
   }
 }
 
-TEST_CASE("training in single precision follows double precision") {
+TEST_CASE("training in single precision matches double precision") {
   const Problem q(5);
   Activations<double> a;
   forward(q.network, q.parameters, q.inputs.data(), q.batch, a);
@@ -115,7 +115,7 @@ TEST_CASE("the paper's network has 1.37 million weights") {
   CHECK(n.parameters == n.weights + 512 + 256 + 4096);
 }
 
-TEST_CASE("first step of Adam has the size of the learning rate for any gradient") {
+TEST_CASE("Adam's first step has the size of the learning rate for any gradient") {
   std::vector<float> p = {1, 1, 1};
   Adam adam(3, 0);
   std::vector<float> gradient = {1e-3f, -50, 0};
@@ -131,7 +131,7 @@ TEST_CASE("first step of Adam has the size of the learning rate for any gradient
   CHECK(weight[0] == Approx(2 * (1 - 0.1 * 0.5)));
 }
 
-TEST_CASE("Adam's moments are never subnormal (slow), and NaN is kept") {
+TEST_CASE("Adam's moments are never subnormal, and NaN is kept") {
   for (const float first : {1e-3f, 1e-16f, 1e-18f, 3e-20f, 1e-22f, 1e-38f}) {
     std::vector<float> p = {1}, gradient;
     Adam adam(1, 0);

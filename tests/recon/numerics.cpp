@@ -153,7 +153,7 @@ TEST_CASE("a hundred seeds and learning rates over two decades give no NaN") {
     }
 }
 
-TEST_CASE("diverging learning rate is reported or its epochs are discarded") {
+TEST_CASE("a diverging learning rate is reported, or its epochs are discarded") {
   int refused_at_most = 0;
   for (const std::string name : {"mlp", "pca-mlp", "factorised"})
     for (const double factor : {1e2, 1e3, 1e4, 1e6, 1e12})
@@ -173,7 +173,7 @@ TEST_CASE("diverging learning rate is reported or its epochs are discarded") {
   CHECK(refused_at_most > 0);
 }
 
-TEST_CASE("training that never beats the mean keeps the mean") {
+TEST_CASE("a network that is never better than the mean map returns the mean map") {
   Rng rng = make_rng(4, 0);
   std::normal_distribution<float> normal;
   Matrix x(80, 5), y(80, 3), opposite(80, 3);
@@ -243,7 +243,7 @@ TEST_CASE("body position and shape agree in single and double precision") {
   CHECK(off("0/model/shape/0") < 1e-4);
 }
 
-TEST_CASE("principal components are the singular vectors") {
+TEST_CASE("principal components equal the singular vectors") {
   Rng rng = make_rng(5, 0);
   std::normal_distribution<float> normal;
   Matrix table(60, 40);
@@ -274,7 +274,7 @@ TEST_CASE("principal components are the singular vectors") {
   CHECK(coordinates(found, table).cols == 3);
 }
 
-TEST_CASE("ridge equals the singular value solution for collinear inputs") {
+TEST_CASE("ridge equals the SVD solution for collinear inputs") {
   constexpr Eigen::Index n = 60, d = 12, pixels = 40;
   Rng rng = make_rng(9, 0);
   std::normal_distribution<double> normal;

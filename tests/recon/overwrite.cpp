@@ -39,7 +39,7 @@ TEST_CASE("train never overwrites a file") {
   }
 }
 
-TEST_CASE("model file created during training is kept, the new model gets another name") {
+TEST_CASE("a model file created by another process during training is kept") {
   const Folder dir;
   write_run(dir / "run", 40);
   REQUIRE(recon_program(trained(dir, "a")).code == 0);
@@ -53,7 +53,7 @@ TEST_CASE("model file created during training is kept, the new model gets anothe
   CHECK(load_model(dir / "m.part")->name == "ridge");
 }
 
-TEST_CASE("maps of two runs share a folder only with --force") {
+TEST_CASE("maps of two runs may share a folder only with --force") {
   const Folder dir;
   write_run(dir / "run", 40);
   write_run(dir / "other", 3, 2);
@@ -74,7 +74,7 @@ TEST_CASE("maps of two runs share a folder only with --force") {
   refuses(maps("run"), "maps: contains maps of another run, an unknown run");
 }
 
-TEST_CASE("FIFO as run or model is refused without waiting") {
+TEST_CASE("a FIFO given as run or model is refused without blocking") {
   const Folder dir;
   write_run(dir / "run", 60);
   REQUIRE(recon_program("train -q --set fallback=false --model ridge " + (dir / "run") + " --out " +
@@ -90,7 +90,7 @@ TEST_CASE("FIFO as run or model is refused without waiting") {
     refuses(command, "f: is a FIFO; expected a regular file", 1);
 }
 
-TEST_CASE("full disk leaves no partial picture, and symbolic links are not followed") {
+TEST_CASE("a full disk leaves no partial picture, and symbolic links are not followed") {
   const Folder dir;
   write_run(dir / "run", 60);
   REQUIRE(recon_program("train -q --set fallback=false --model ridge " + (dir / "run") + " --out " +

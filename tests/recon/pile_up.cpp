@@ -51,7 +51,7 @@ std::vector<float> detected(const std::vector<double>& q, double dead_ps, Rng& r
 
 }  // namespace
 
-TEST_CASE("pile-up correction recovers the photons of every bin within their error") {
+TEST_CASE("pile-up correction recovers the photons of each bin within their error") {
   const double dead_ps = GENERATE(std::numeric_limits<double>::infinity(), 1000., 7000., 45'000.);
   const double all = GENERATE(0.1, 2.);
   const auto q = photons_a_pulse(all);
@@ -88,7 +88,7 @@ TEST_CASE("bins with a dead detector are reported") {
   CHECK(pile_up.correct(nearly_all, 1000) == Approx(0.01));
 }
 
-TEST_CASE("counts are kept if detector or pulses are unknown") {
+TEST_CASE("counts are not corrected if detector or pulse number is unknown") {
   std::vector<float> counts{5, 700, 3};
   const auto before = counts;
   PileUp().correct(counts, 1000);
@@ -97,7 +97,7 @@ TEST_CASE("counts are kept if detector or pulses are unknown") {
   CHECK(counts == before);
 }
 
-TEST_CASE("more clicks than pulses give finite photons") {
+TEST_CASE("more clicks than pulses give finite photon numbers") {
   std::vector<float> counts{500, 700, 3};
   PileUp(std::numeric_limits<double>::infinity(), 1, 100).correct(counts, 600);
   for (const float n : counts) CHECK((std::isfinite(n) && n >= 0));

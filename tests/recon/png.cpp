@@ -90,7 +90,7 @@ Bytes png_of(const Bytes& rows, std::size_t parts) {
 
 }  // namespace
 
-TEST_CASE("PNG with every filter is read, in one or several chunks") {
+TEST_CASE("a PNG with any filter is read, in one or several chunks") {
   const auto pixels = some_pixels();
   for (int first = 0; first < filters; ++first)
     for (const std::size_t parts : {1, 3})
@@ -99,14 +99,14 @@ TEST_CASE("PNG with every filter is read, in one or several chunks") {
 }
 
 // Ties of the Paeth predictor occur only if neighbours differ by few levels.
-TEST_CASE("PNG with every filter and few grey levels is read") {
+TEST_CASE("a PNG with any filter and few grey levels is read") {
   std::vector<std::uint16_t> pixels = some_pixels();
   for (auto& v : pixels) v = static_cast<std::uint16_t>(0x101 * (v % 5));
   for (int first = 0; first < filters; ++first)
     CHECK(recon::decode_png16(png_of(filtered(pixels, first), 1), width, height) == pixels);
 }
 
-TEST_CASE("PNG with an extra or a missing byte is refused") {
+TEST_CASE("a PNG with an extra or a missing byte is refused") {
   Bytes png = recon::encode_png16(some_pixels(), width, height);
   png.push_back(0);
   CHECK(recon::decode_png16(png, width, height).empty());
@@ -114,13 +114,13 @@ TEST_CASE("PNG with an extra or a missing byte is refused") {
   CHECK(recon::decode_png16(png, width, height).empty());
 }
 
-TEST_CASE("PNG decoder allocates only what the bytes can fill") {
+TEST_CASE("the PNG decoder does not allocate more than the data can fill") {
   CHECK(record::inflated(Bytes(100), std::numeric_limits<std::size_t>::max()).empty());
   const Bytes flat(1 << 20);
   CHECK(record::inflated(packed(flat), flat.size()) == flat);  // compressed a thousandfold
 }
 
-TEST_CASE("PNG with too few or too many rows is refused") {
+TEST_CASE("a PNG with too few or too many rows is refused") {
   Bytes rows = filtered(some_pixels(), 0);
   rows.push_back(0);
   CHECK(recon::decode_png16(png_of(rows, 1), width, height).empty());
@@ -128,7 +128,7 @@ TEST_CASE("PNG with too few or too many rows is refused") {
   CHECK(recon::decode_png16(png_of(rows, 1), width, height).empty());
 }
 
-TEST_CASE("PNG with a flipped bit gives the same map or none") {
+TEST_CASE("a PNG with a flipped bit gives the same map or an error") {
   const auto pixels = some_pixels();
   const Bytes png = recon::encode_png16(pixels, width, height);
   REQUIRE(recon::decode_png16(png, width, height) == pixels);

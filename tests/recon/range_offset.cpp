@@ -28,7 +28,7 @@ testing::Change longer_by(double metres) {
 
 }  // namespace
 
-TEST_CASE("calibration offset and --range-offset are subtracted in one interpolation") {
+TEST_CASE("calibration offset and --range-offset are applied in one interpolation") {
   const Folder dir;
   write_run(dir / "run", 3, 1, {}, testing::radar_axis(), testing::spd_axis(),
             {{Sensor::radar, "2026-01-01T00:00:00Z", "", 1, 0.06, 0.001}});
@@ -50,7 +50,7 @@ TEST_CASE("calibration offset and --range-offset are subtracted in one interpola
   CHECK(std::ranges::equal(recorded.radar.row(1), moved(0.06 + 0.05, 1)));
 }
 
-TEST_CASE("dead radar is detected in a calibrated run, after a correction and in wide bins") {
+TEST_CASE("a dead radar is detected in calibrated, corrected and binned runs") {
   const Folder dir;
   write_run(dir / "run", 3, 1,
             [](record::FusedRecord& r) {

@@ -49,7 +49,7 @@ void wait_for(const std::string& what, const Condition& condition) {
 
 }  // namespace
 
-TEST_CASE("NumPy reads an array written row by row") {
+TEST_CASE("NumPy can read an array that was written row by row") {
   const Folder dir;
   recon::NpyWriter out(dir / "a.npy", {2, 3});
   for (int i = 0; i < 3; ++i) {
@@ -65,7 +65,7 @@ TEST_CASE("NumPy reads an array written row by row") {
   CHECK_THROWS_WITH(recon::NpyWriter(dir / "no/such.npy", {2}), Catch::Contains("no/such.npy"));
 }
 
-TEST_CASE("status of a map names doubtful sensors, but not the camera") {
+TEST_CASE("the status of a map names doubtful sensors except the camera") {
   const Folder dir;
   write_run(dir / "run", 60);
   REQUIRE(recon_program("train -q --set fallback=false --model ridge " + (dir / "run") + " --out " +
@@ -89,7 +89,7 @@ TEST_CASE("status of a map names doubtful sensors, but not the camera") {
             .code == 0);
 }
 
-TEST_CASE("written maps have the scores of their model") {
+TEST_CASE("written maps have the same scores as their model") {
   const Folder dir;
   write_run(dir / "run", 120);
   write_run(dir / "fresh", 20, 2);
@@ -171,7 +171,7 @@ TEST_CASE("option --rows reconstructs only the given or held-out records") {
   refused("run", "3 --follow", 2, "--rows does not go with --follow");
 }
 
-TEST_CASE("model compared with maps is scored on records that it was not trained on") {
+TEST_CASE("a model compared with maps is scored only on records outside its training") {
   const Folder dir;
   write_run(dir / "run", 120);
   REQUIRE(recon_program("train -q --model ridge " + (dir / "run") + " --out " + (dir / "m")).code ==
@@ -193,7 +193,7 @@ TEST_CASE("model compared with maps is scored on records that it was not trained
   CHECK(judged("--all --maps " + (dir / "o"))["records"] == 120);
 }
 
-TEST_CASE("points, arrays and pictures contain the same map") {
+TEST_CASE("point clouds, arrays and pictures contain the same map") {
   const Folder dir;
   write_run(dir / "run", 240);
   REQUIRE(recon_program("train -q --model mlp-48-24 --epochs 90 " + (dir / "run") + " --out " +
@@ -235,7 +235,7 @@ TEST_CASE("points, arrays and pictures contain the same map") {
         "(3, 64, 64) " + peak + "\n");
 }
 
-TEST_CASE("records with a dead sensor are left out and listed") {
+TEST_CASE("reconstruct excludes and lists records with a dead sensor") {
   const Folder dir;
   write_run(dir / "run", 60);
   REQUIRE(recon_program("train -q --set fallback=false --model ridge " + (dir / "run") + " --out " +
@@ -252,7 +252,7 @@ TEST_CASE("records with a dead sensor are left out and listed") {
                          Catch::Contains("record 4: radar is the same in every bin"));
 }
 
-TEST_CASE("records.csv has the body position, and ten equal lines are summarised") {
+TEST_CASE("records.csv has the body position, and repeated messages are summarised") {
   const Folder dir;
   write_run(dir / "run", 120);
   REQUIRE(recon_program("train -q --set fallback=false --model mean-shape " + (dir / "run") +

@@ -52,7 +52,7 @@ double greatest_difference(std::span<const float> a, std::span<const float> b) {
 
 }  // namespace
 
-TEST_CASE("profile is converted from a narrow response to a wide one") {
+TEST_CASE("a range profile is converted from a narrow to a wide response") {
   for (const auto& [own, wanted] : {std::pair{sinc, hann}, {sinc, blackman}, {hann, blackman}}) {
     Dataset data = run_of(own, profile(own));
     bring_to_response(data, wanted);
@@ -65,7 +65,7 @@ TEST_CASE("profile is converted from a narrow response to a wide one") {
   }
 }
 
-TEST_CASE("antenna lags are converted like the profile") {
+TEST_CASE("antenna lags are converted like the range profile") {
   const std::vector<float> factors{1, 0.5f, -0.3f, 0.2f, 0.7f};  // two lags
   const auto lags = [&](const record::RadarResponse& response) {
     std::vector<float> out;
@@ -81,7 +81,7 @@ TEST_CASE("antenna lags are converted like the profile") {
   CHECK(greatest_difference(data.array.row(0), lags(blackman)) < 0.02);
 }
 
-TEST_CASE("conversion to a narrower response limits the noise") {
+TEST_CASE("conversion to a narrower response limits noise gain") {
   const auto widening = response_filter(sinc, blackman, 0.25),
              narrowing = response_filter(blackman, sinc, 0.25);
   const auto noise = [](const std::vector<double>& weights) {
@@ -96,7 +96,7 @@ TEST_CASE("conversion to a narrower response limits the noise") {
     CHECK(widening[i] == Approx(widening[widening.size() - 1 - i]).margin(1e-9));
 }
 
-TEST_CASE("model trained on any response takes a narrower run unchanged") {
+TEST_CASE("a model trained on any response takes a much narrower run unchanged") {
   for (const auto& [own, stays] : {std::pair{sinc, true}, {hann, false}, {blackman, true}}) {
     Dataset data = run_of(own, profile(own));
     bring_to_response(data, blackman, true);
@@ -105,7 +105,7 @@ TEST_CASE("model trained on any response takes a narrower run unchanged") {
   }
 }
 
-TEST_CASE("runs without a response, and binned power, are not converted") {
+TEST_CASE("runs without a response, or with binned power, are not converted") {
   Dataset unstated = run_of({}, profile(sinc)), binned = run_of(sinc, profile(sinc));
   binned.radar_axis.quantity = "binned_power";
   for (Dataset* data : {&unstated, &binned}) {
@@ -118,7 +118,7 @@ TEST_CASE("runs without a response, and binned power, are not converted") {
   CHECK(widest_response(binned) == hann);
 }
 
-TEST_CASE("converted run reports the change of its response") {
+TEST_CASE("conversion to another response is reported") {
   Dataset same = run_of(sinc, profile(sinc)), wider = run_of(hann, profile(hann)),
           narrower = run_of(sinc, profile(sinc));
   bring_to_response(same, sinc), bring_to_response(wider, sinc), bring_to_response(narrower, hann);
@@ -160,7 +160,7 @@ TEST_CASE("imitated records have the noise of records converted from a wider res
   }
 }
 
-TEST_CASE("wider responses exceed the training's, in ascending order") {
+TEST_CASE("responses imitated in training are wider than the measured one, in ascending order") {
   for (const auto& own : {sinc, hann, blackman}) {
     double last_m = own.width_m();
     const auto wider = wider_responses(own);

@@ -63,7 +63,7 @@ struct Bodies {
 
 }  // namespace
 
-TEST_CASE("fine radar profile is sampled at its own step, a coarse one at half a step") {
+TEST_CASE("a fine radar profile is sampled at its own step, a coarse one at half a step") {
   const auto check = [](const Axis& radar, double width_m, double step_m) {
     const Alignment alignment = blank_alignment(radar);
     CHECK(alignment.profile_points() == 1 + static_cast<std::size_t>(1.9 / step_m));
@@ -86,7 +86,7 @@ TEST_CASE("fine radar profile is sampled at its own step, a coarse one at half a
   check({"radar", "power", "m", 1400, 0, 0.005, 1}, 0.04, 0.02);
 }
 
-TEST_CASE("correlation peaks where the profile is the blurred and shifted histogram") {
+TEST_CASE("the correlation peaks at the shift between profile and blurred histogram") {
   const ShiftCorrelation correlation({-0.68, 0.04, 35}, {-1, 0.02, 116}, 0.05, -0.3, 0.6);
   std::vector<float> histogram, profile, found(correlation.shifts());
   for (int i = 0; i < 35; ++i)
@@ -102,7 +102,7 @@ TEST_CASE("correlation peaks where the profile is the blurred and shifted histog
   CHECK(std::all_of(found.begin(), found.end(), [](float v) { return v == 0; }));
 }
 
-TEST_CASE("baseline is estimated from records with different body positions") {
+TEST_CASE("the baseline is estimated from records with different body positions") {
   const Bodies bodies;
   const auto found = [&](const std::vector<Place>& places) {
     return RotatedBodies(bodies.alignment, bodies.inputs, bodies.radar, bodies.array, bodies.rows,
@@ -120,7 +120,7 @@ TEST_CASE("baseline is estimated from records with different body positions") {
   CHECK(found(others) == 0);
 }
 
-TEST_CASE("rotated body equals a body measured at that position") {
+TEST_CASE("a rotated body equals a body measured at that position") {
   const Bodies bodies;
   const RotatedBodies rotated(bodies.alignment, bodies.inputs, bodies.radar, bodies.array,
                               bodies.rows, bodies.places);

@@ -25,7 +25,7 @@ std::vector<float> echo(double place) {
 
 }  // namespace
 
-TEST_CASE("shifted narrow echo keeps its shape") {
+TEST_CASE("a narrow echo keeps its shape when shifted") {
   for (const double steps : {0.2, 0.5, -0.7, 3.3, -5.0}) {
     CAPTURE(steps);
     const auto moved = Shift(steps).apply(echo(20.4)), wanted = echo(20.4 - steps);
@@ -36,7 +36,7 @@ TEST_CASE("shifted narrow echo keeps its shape") {
   }
 }
 
-TEST_CASE("integer shifts copy the values and fill with zeros") {
+TEST_CASE("integer shifts copy values and pad with zeros") {
   const std::vector<float> values = {1, 2, 3, 4, 5};
   CHECK(Shift(2.3).apply({7, 7, 7, 7, 7}) ==
         std::vector<float>(5, 7));  // dead: must stay recognisable

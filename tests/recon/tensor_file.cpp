@@ -28,7 +28,7 @@ TEST_CASE("overlapping tensors are refused before copying") {
   CHECK(peak_kib() - before < 256 << 10);  // copies would take 3 GB
 }
 
-TEST_CASE("shape with an overflowing size is refused") {
+TEST_CASE("a tensor shape that overflows is refused") {
   nlohmann::json head;
   head["__metadata__"] = {{"crc32c", "00000000"}, {"facts", "{}"}};
   const std::uint64_t values = (std::uint64_t{1} << 62) + 2;  // in bytes: 8, modulo 2^64

@@ -46,7 +46,7 @@ TEST_CASE("one, two and three threads train the same model") {
   set_threads(0);
 }
 
-TEST_CASE("each record counts once, independent of the order of runs") {
+TEST_CASE("training weights the records of all runs equally") {
   const Folder dir;
   write_run(dir / "a", 60);
   write_run(dir / "b", 20, 2, [](record::FusedRecord& r) {
@@ -74,7 +74,7 @@ TEST_CASE("each record counts once, independent of the order of runs") {
   }
 }
 
-TEST_CASE("model without inputs has no uncertainty and no outlier detection") {
+TEST_CASE("the mean map has no uncertainty and no outlier detection") {
   const Dataset data = testing::load_plates(120);
   for (const std::string name : {"mean", "empty", "ridge"}) {
     CAPTURE(name);
@@ -88,7 +88,7 @@ TEST_CASE("model without inputs has no uncertainty and no outlier detection") {
   }
 }
 
-TEST_CASE("there is one thread per available core") {
+TEST_CASE("training uses one thread per available core") {
   cpu_set_t before, one;
   REQUIRE(::sched_getaffinity(0, sizeof before, &before) == 0);
   CHECK(usable_cores() == static_cast<unsigned>(CPU_COUNT(&before)));
@@ -100,7 +100,7 @@ TEST_CASE("there is one thread per available core") {
   ::sched_setaffinity(0, sizeof before, &before);
 }
 
-TEST_CASE("every part is computed once for any number of threads") {
+TEST_CASE("each work item is computed once for any number of threads") {
   for (const int threads : {1, 2, 5}) {
     set_threads(threads);
     for (const std::size_t parts : {0u, 1u, 2u, 7u, 1000u}) {
@@ -112,7 +112,7 @@ TEST_CASE("every part is computed once for any number of threads") {
   set_threads(0);
 }
 
-TEST_CASE("dead sensor is refused with the record number") {
+TEST_CASE("training refuses a dead sensor with the record number") {
   const Folder dir;
   write_run(dir / "good", 20);
   write_run(dir / "dead", 20, 2, [](record::FusedRecord& r) {

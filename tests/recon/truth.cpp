@@ -31,7 +31,7 @@ void mirror(record::FusedRecord& r) {
 
 }  // namespace
 
-TEST_CASE("train and evaluate report depth maps that are one record late") {
+TEST_CASE("train and evaluate report depth maps delayed by one record") {
   const Folder dir;
   write_run(dir / "good", 120, 1), write_run(dir / "late", 120, 1, late_by(1));
   write_run(dir / "two", 120, 1, late_by(2));
@@ -75,7 +75,7 @@ TEST_CASE("mirrored depth maps are reported with a remedy") {
                  Catch::Contains("flip these depth maps"));
 }
 
-TEST_CASE("maps of another run are refused, those of training records left out") {
+TEST_CASE("maps of another run are refused, maps of training records are not scored") {
   const Folder dir;
   write_run(dir / "a", 60, 1), write_run(dir / "b", 60, 2);
   REQUIRE(recon_program("train -q --model ridge --set fallback=false " + (dir / "a") + " --out " +

@@ -57,7 +57,7 @@ double iou(const TrainedModel& model, const Dataset& data) {
 
 }  // namespace
 
-TEST_CASE("few records adapt a model to another room") {
+TEST_CASE("tuning with few records adapts a model to another room") {
   const Dataset fresh = plates(100, 9, true);
   for (const std::string kind : {"factorised", "mean-shape", "mlp", "pca-mlp"}) {
     CAPTURE(kind);
@@ -80,7 +80,7 @@ TEST_CASE("few records adapt a model to another room") {
   }
 }
 
-TEST_CASE("ten records change a model only if the gain is significant") {
+TEST_CASE("tuning with ten records changes a model only if the gain is significant") {
   const Dataset few = plates(10, 5, true), fresh = plates(150, 6, true);
   const TunedModel tuned = tune(old_model("factorised"), few, all_records());
   CHECK(tuned.table[tuned.chosen].name != "unchanged");
@@ -91,7 +91,7 @@ TEST_CASE("ten records change a model only if the gain is significant") {
   CHECK(at_home.table[at_home.chosen].metrics[metric_iou].mean >= before);
 }
 
-TEST_CASE("model tuned in its own room is not worse, and has an uncertainty") {
+TEST_CASE("a model tuned in its own room is not worse and has an uncertainty") {
   const TrainedModel& old = old_model("factorised");
   const Dataset fresh = plates(100, 9, false);
   const TunedModel tuned = tune(old, plates(60, 6, false), all_records());
@@ -102,7 +102,7 @@ TEST_CASE("model tuned in its own room is not worse, and has an uncertainty") {
   CHECK(tuned.model.knows(fresh) == false);
 }
 
-TEST_CASE("better of two start models is chosen in either order") {
+TEST_CASE("tuning chooses the better of two start models in either order") {
   const TrainedModel& old = old_model("factorised");
   TrainOptions options;
   options.model = "factorised", options.inputs = "fused", options.uncertainty = false;
@@ -144,7 +144,7 @@ TEST_CASE("tuning is bitwise reproducible") {
   CHECK(maps() == maps());
 }
 
-TEST_CASE("axis may differ from the model's by less than a bin") {
+TEST_CASE("tuning accepts axes that differ from the model's by less than a bin") {
   const TrainedModel& old = old_model("factorised");
   Dataset near = plates(20, 5, false), far = near;
   near.radar_axis.start += 0.1, far.radar_axis.start += 0.3;
@@ -160,7 +160,7 @@ TEST_CASE("axis may differ from the model's by less than a bin") {
              Catch::EndsWith(": step differs, by 1.5 bins at the end (limit 1)"));
 }
 
-TEST_CASE("every result of tuning can be saved, loaded and evaluated") {
+TEST_CASE("every tuned model can be saved, loaded and evaluated") {
   const record::Antennas line = {{0, 0, 1, 0}, {1, 0, 1, 0}, {2, 0, 1, 0}, {3, 0, 1, 0}};
   const auto plates_of = [&](const std::string& inputs, std::int64_t count, std::uint64_t seed) {
     const Folder dir;
@@ -210,7 +210,7 @@ TEST_CASE("every result of tuning can be saved, loaded and evaluated") {
   }
 }
 
-TEST_CASE("model of the new records alone has their axes and response") {
+TEST_CASE("a model trained on the new records alone has their axes and response") {
   const record::RadarResponse narrow{0.5, {1, 0.8, 0.4, 0.1, 0}},
       wide{0.5, {1, 0.94, 0.77, 0.54, 0.3, 0.1, 0}};
   TrainOptions options;
@@ -242,7 +242,7 @@ TEST_CASE("model of the new records alone has their axes and response") {
   }
 }
 
-TEST_CASE("model that cannot be tuned gives a one-line error") {
+TEST_CASE("a model that cannot be tuned is refused with a one-line error") {
   const Folder dir;
   save_model(old_model("factorised"), dir / "old");
   write_run(dir / "few", 9);

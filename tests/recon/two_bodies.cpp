@@ -100,7 +100,7 @@ TEST_CASE("two people behind each other are detected and counted") {
   CHECK(e.two_people.flagged == two);
 }
 
-TEST_CASE("two people side by side are flagged, and maps of one body do not change") {
+TEST_CASE("two people side by side are flagged, maps of one person do not change") {
   const Dataset data = mixed(120, false);
   const Rows rows = all_rows(data.size());
   const Prediction made = predict(trained(), data, rows);
@@ -118,7 +118,7 @@ TEST_CASE("two people side by side are flagged, and maps of one body do not chan
   CHECK(area_under_roc(one, two) > 0.98);
 }
 
-TEST_CASE("training records of two people do not raise the limit unless all are") {
+TEST_CASE("training records of two people raise the limit only if all show two people") {
   const std::size_t count = 400;
   Dataset data = testing::load_plates(count);
   const Dataset bare = data;

@@ -66,7 +66,7 @@ double share_flagged(const std::vector<PredictionUncertainty>& uncertainties,
 
 }  // namespace
 
-TEST_CASE("linear fit recovers its weights, with row weights") {
+TEST_CASE("a weighted linear fit recovers its coefficients") {
   Rng rng = make_rng(1, 1);
   std::normal_distribution<float> normal;
   Matrix inputs;
@@ -86,7 +86,7 @@ TEST_CASE("linear fit recovers its weights, with row weights") {
   for (std::size_t c = 0; c < truth.size(); ++c) CHECK(found[c] == Approx(truth[c]).margin(1e-3));
 }
 
-TEST_CASE("90 % of bodies are within the lateral interval, which grows with noise") {
+TEST_CASE("the lateral interval contains 90 % of bodies and grows with noise") {
   const Dataset clean = fresh_plates(400);
   const UncertaintyCalibration c = calibration_of(trained(), clean);
   CHECK(c.within_90 == Approx(0.9).margin(0.07));
@@ -99,7 +99,7 @@ TEST_CASE("90 % of bodies are within the lateral interval, which grows with nois
   CHECK(n.within_90 > 0.75);
 }
 
-TEST_CASE("outliers are flagged with a reason, records like the training rarely") {
+TEST_CASE("outliers are flagged with a reason, records similar to the training rarely") {
   const Dataset clean = fresh_plates(400);
   CHECK(share_flagged(uncertainties_of(clean)) < 0.03);
 
@@ -183,7 +183,7 @@ TEST_CASE("outlier detection learns from the training rows only") {
   CHECK(score(data, rows) == score(alone, all_rows(200)));
 }
 
-TEST_CASE("photon loss works for fractional counts") {
+TEST_CASE("photon thinning works for fractional counts") {
   Dataset data = fresh_plates(100);
   std::fill(data.spd.values.begin(), data.spd.values.end(), 0.75f);  // as in a calibrated run
   Rng rng = make_rng(3, 3);
@@ -194,7 +194,7 @@ TEST_CASE("photon loss works for fractional counts") {
   CHECK(left / static_cast<double>(data.spd.values.size()) == Approx(0.173).epsilon(0.3));
 }
 
-TEST_CASE("factor comes from records that were not fitted") {
+TEST_CASE("the calibration factor comes from records outside the fit") {
   // Pure noise: a regression of ten terms on 60 records explains some of it on its own records.
   std::vector<double> held;
   for (std::uint64_t trial = 0; trial < 200; ++trial) {
@@ -231,7 +231,7 @@ record::RadarResponse bell(double times) {
 
 }  // namespace
 
-TEST_CASE("records converted from a wider response are rarely flagged and within intervals") {
+TEST_CASE("records converted from a wider response are rarely flagged and within the intervals") {
   Dataset training = testing::load_plates(800);
   training.sources[0].radar_response = bell(1);
   TrainOptions options;
@@ -260,7 +260,7 @@ TEST_CASE("records converted from a wider response are rarely flagged and within
   }
 }
 
-TEST_CASE("interval contains the calibration error, or states its assumption") {
+TEST_CASE("the interval includes the calibration error, or states its assumption") {
   const Dataset plain = fresh_plates(40);
   const Records records = prepare_records(trained(), plain);
   CHECK_THAT(records.ranges, Catch::Contains("has no calibration of both sensors"));
@@ -284,7 +284,7 @@ TEST_CASE("interval contains the calibration error, or states its assumption") {
   }
 }
 
-TEST_CASE("range error of a run combines both calibrated sensors") {
+TEST_CASE("a run's range error combines both calibrated sensors") {
   const Folder dir;
   const record::CalibrationEntry spd{Sensor::spd, "2026-01-01T00:00:00Z", "", 1, 0, 0.003},
       radar{Sensor::radar, "2026-01-01T00:00:00Z", "", 1, 0, 0.004};
@@ -296,7 +296,7 @@ TEST_CASE("range error of a run combines both calibrated sensors") {
   CHECK(record::radar_baseline_m({{"radar_baseline_m", "half"}}) == 0);
 }
 
-TEST_CASE("models of one sensor flag outliers") {
+TEST_CASE("single-sensor models flag outliers") {
   for (const std::string inputs : {"spd", "radar"}) {
     CAPTURE(inputs);
     TrainOptions options;
@@ -313,7 +313,7 @@ TEST_CASE("models of one sensor flag outliers") {
   }
 }
 
-TEST_CASE("pixel uncertainty is calibrated, and the mean map is accurate") {
+TEST_CASE("pixel uncertainty and expected depth match the errors") {
   const Dataset data = fresh_plates(300);
   const Rows rows = all_rows(300);
   for (const std::string name : {"factorised-4", "ridge"}) {
@@ -330,7 +330,7 @@ TEST_CASE("pixel uncertainty is calibrated, and the mean map is accurate") {
   }
 }
 
-TEST_CASE("mean map of an empty room is the wall") {
+TEST_CASE("the expected depth in an empty room is the wall") {
   const Folder dir;
   write_run(dir / "walled", 300, 1, [](record::FusedRecord& r) {
     for (auto& mm : r.depth_mm) mm = mm > 0 ? mm : 5000;
@@ -347,7 +347,7 @@ TEST_CASE("mean map of an empty room is the wall") {
   for (const float z : a.mean.values) REQUIRE(z == Approx(5.0f).margin(1e-3));
 }
 
-TEST_CASE("model file stores its uncertainty, if any") {
+TEST_CASE("a model file stores the uncertainty, if any") {
   const Folder dir;
   const Dataset data = fresh_plates(20);
   save_model(trained(), dir / "m");
@@ -371,7 +371,7 @@ TEST_CASE("model file stores its uncertainty, if any") {
                     Catch::Contains("states no uncertainty"));
 }
 
-TEST_CASE("few records use cross-fitting, too few give no uncertainty") {
+TEST_CASE("few records are cross-fitted, too few give no uncertainty") {
   const Folder dir;
   write_run(dir / "few", 90);
   write_run(dir / "fewer", 40);

@@ -40,7 +40,7 @@ const Zones two{{-0.1, 0, 0.2, 200}, {0.1, 0, 0.2, 300}};
 
 }  // namespace
 
-TEST_CASE("zones are loaded at true ranges, and the histogram is their sum") {
+TEST_CASE("zones are loaded with corrected ranges, and the histogram is their sum") {
   const Folder folder;
   write_zones(folder / "a", two, 12, 500 / ps_per_m);
   const Dataset data = load({folder / "a"});
@@ -53,7 +53,7 @@ TEST_CASE("zones are loaded at true ranges, and the histogram is their sum") {
   CHECK(part_of(data, {0}).zone_spd.values == data.zone_spd.values);
 }
 
-TEST_CASE("data set of a single pixel has no zones") {
+TEST_CASE("a single-pixel data set has no zones") {
   const Folder folder;
   write_zones(folder / "a", {}, 12);
   const Dataset data = load({folder / "a"});
@@ -62,7 +62,7 @@ TEST_CASE("data set of a single pixel has no zones") {
   CHECK(data.spd.row(0)[12] == 100);
 }
 
-TEST_CASE("zones are interpolated to a model's axis one by one") {
+TEST_CASE("each zone is interpolated to the model's axis") {
   const Folder folder;
   write_zones(folder / "a", Zones(2), 10);
   Dataset data = load({folder / "a"});
@@ -74,7 +74,7 @@ TEST_CASE("zones are interpolated to a model's axis one by one") {
   CHECK(data.zone_spd.row(0)[bins + 11] == Approx(50));
 }
 
-TEST_CASE("runs with different zones are refused as one data set") {
+TEST_CASE("runs with different zones cannot be one data set") {
   const Folder folder;
   write_zones(folder / "a", two, 12);
   write_zones(folder / "b", Zones(3), 12);
@@ -85,7 +85,7 @@ TEST_CASE("runs with different zones are refused as one data set") {
   CHECK(load({folder / "a", folder / "d"}).size() == 2);
 }
 
-TEST_CASE("a model takes all zones side by side, or their sum and then each") {
+TEST_CASE("model inputs are all zones, or their sum followed by each zone") {
   const Folder folder;
   write_zones(folder / "a", two, 12);
   write_zones(folder / "b", Zones(3), 12);
@@ -133,12 +133,12 @@ double lateral_error_m(bool by_side) {
 
 }  // namespace
 
-TEST_CASE("the factorised model places a body by the detector's zones, without the radar") {
+TEST_CASE("the factorised model places a body by zones alone") {
   CHECK(lateral_error_m(true) < 0.1);
   CHECK(lateral_error_m(false) > 0.3);
 }
 
-TEST_CASE("a detector's zones place a body if the radar is lost") {
+TEST_CASE("the zones place a body while the radar is missing") {
   TrainOptions options;
   options.model = "ridge", options.uncertainty = false, options.fallback = true;
   options.fit.quiet = true, options.fit.epochs = 2;
