@@ -12,7 +12,7 @@
 using namespace echofuse;
 using namespace echofuse::sim;
 
-TEST_CASE("sway is stationary with the correlation of its spectrum") {
+TEST_CASE("body sway is stationary, and its correlation matches its spectrum") {
   Conditions c;
   c.radar_sway_m = 1;
   Rng rng(2);
@@ -45,7 +45,7 @@ TEST_CASE("sway, twist and breathing change the range as computed") {
   CHECK(BodyMotion::range_per_mode(0, 0, 0, 0, 3, 1)[1] == 0);  // the feet do not move
 }
 
-TEST_CASE("number of independent looks grows with the sway") {
+TEST_CASE("the number of independent looks grows with the sway") {
   Conditions c = of_sum("coherent");
   const RadarAxis axis = radar_response(c);
   const Returns person = a_person(c, 2);

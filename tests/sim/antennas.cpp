@@ -42,7 +42,7 @@ double correlation(const std::vector<Part>& parts, const BodyMotion::Modes& a,
 
 }  // namespace
 
-TEST_CASE("wave of a point has its steering phases plus the channel errors") {
+TEST_CASE("the wave of a point target has its steering phases plus the channel errors") {
   for (const char* sum : {"incoherent", "coherent"})
     for (const std::int64_t antennas : {8, 12}) {
       Conditions c = of_sum(sum);
@@ -79,7 +79,7 @@ TEST_CASE("virtual antennas of the AOP are sums of transmitter and receiver posi
   CHECK((a[11].x == 0 && a[11].y == 2));
 }
 
-TEST_CASE("incoherent covariance is that of the sources, in any consecutive frames") {
+TEST_CASE("the incoherent covariance equals that of the sources, in any consecutive frames") {
   const Conditions c = of_sum("incoherent");
   const RadarAxis axis = radar_response(c);
   const auto array = simulated_antennas(c, 3);
@@ -113,7 +113,7 @@ TEST_CASE("incoherent covariance is that of the sources, in any consecutive fram
   }
 }
 
-TEST_CASE("noise is white, complex and of the detector's power") {
+TEST_CASE("antenna noise is white and complex, with the detector's power") {
   Conditions c = of_sum("coherent");
   constexpr double noise = 0.3;
   Rng rng(4);
@@ -139,7 +139,7 @@ TEST_CASE("noise is white, complex and of the detector's power") {
   CHECK(std::abs(lag * (frames - 1) / (8 * noise * noise) - 1) < 4.5 * 2 / std::sqrt(bins));
 }
 
-TEST_CASE("fast Gaussian numbers have the moments and tail of the normal distribution") {
+TEST_CASE("fast Gaussian numbers have the moments and tails of a normal distribution") {
   Rng rng(9);
   std::vector<float> x(400'001);
   add_gaussian(x, 2, rng);
@@ -161,7 +161,7 @@ TEST_CASE("fast Gaussian numbers have the moments and tail of the normal distrib
   CHECK(std::abs(last - far * n) < 4.5 * std::sqrt(far * n));
 }
 
-TEST_CASE("speckle is exponential around the incoherent sum, at and between antennas") {
+TEST_CASE("speckle power is exponentially distributed around the incoherent sum") {
   Conditions c = of_sum("coherent");
   const RadarAxis axis = radar_response(c);
   const auto array = antennas_in_layout(8);
@@ -195,7 +195,7 @@ TEST_CASE("speckle is exponential around the incoherent sum, at and between ante
   check_near(across, ends / power, 4.5 / std::sqrt(draws) + 0.02);
 }
 
-TEST_CASE("cells decorrelate as their patches do") {
+TEST_CASE("a cell decorrelates like its patches") {
   Conditions c = of_sum("coherent");
   const RadarAxis axis = radar_response(c);
   const double turns_per_m = 2 * radar_carrier_hz / speed_of_light_m_s;
@@ -232,7 +232,7 @@ TEST_CASE("cells decorrelate as their patches do") {
   }
 }
 
-TEST_CASE("empty room is equal in every record, minus shadows") {
+TEST_CASE("the empty room is equal in each record except for shadows") {
   Conditions c = of_sum("coherent");
   c.background = "room";
   c.radar_leakage = 3;
@@ -263,7 +263,7 @@ TEST_CASE("empty room is equal in every record, minus shadows") {
   CHECK(difference < 0.3 * power);
 }
 
-TEST_CASE("cached room is not rendered again") {
+TEST_CASE("a cached room is not rendered again") {
   Conditions c = of_sum("coherent");
   c.background = "room";
   c.radar_leakage = 2;

@@ -40,7 +40,7 @@ TEST_CASE("help and version are printed") {
   CHECK(sim("").code == 2);
 }
 
-TEST_CASE("FIFO instead of a file is refused without waiting") {
+TEST_CASE("a FIFO given as a file is refused without blocking") {
   const Folder folder;
   const std::string fifo = folder / "f.obj", why = "f.obj: is a FIFO; expected a regular file";
   REQUIRE(::mkfifo(fifo.c_str(), 0666) == 0);
@@ -73,7 +73,7 @@ TEST_CASE("dataset writes a run and prints a summary") {
   CHECK(has(o.text, "a.sqlite: 9 records in "));
 }
 
-TEST_CASE("unplugged devices return while a command runs in the laboratory") {
+TEST_CASE("unplugged devices reappear while a command runs in the laboratory") {
   const Folder folder;
   std::ofstream faults(folder / "faults.toml");
   for (const char* device : {"tdc", "radar", "depth"})
@@ -86,7 +86,7 @@ TEST_CASE("unplugged devices return while a command runs in the laboratory") {
   CHECK(o.code == 0);
 }
 
-TEST_CASE("lists and objects are given as settings") {
+TEST_CASE("option --set accepts lists and objects") {
   const Folder folder;
   std::ofstream(folder / "list.toml") << "[[scene]]\nkind = \"object\"\ncount = 2\n";
   std::ofstream(folder / "plate.obj") << "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";

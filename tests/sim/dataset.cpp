@@ -56,7 +56,7 @@ std::vector<record::FusedRecord> read_all(const std::string& path) {
 
 }  // namespace
 
-TEST_CASE("data set is independent of order and threads") {
+TEST_CASE("a data set does not depend on order or threads") {
   const Folder folder;
   const Plan plan = small_plan();
   const Generator generator(plan);
@@ -72,7 +72,7 @@ TEST_CASE("data set is independent of order and threads") {
   }
 }
 
-TEST_CASE("data set with antennas is independent of threads") {
+TEST_CASE("a data set with antennas does not depend on threads") {
   const Folder folder;
   Plan plan = small_plan();
   plan.people = 9, plan.letters = 3;
@@ -106,7 +106,7 @@ TEST_CASE("data set with antennas is independent of threads") {
   CHECK(speckle.depth_mm == plain.depth_mm);
 }
 
-TEST_CASE("data set contains its settings") {
+TEST_CASE("a data set contains its settings") {
   const Folder folder;
   Plan plan = small_plan();
   plan.conditions.irf_fwhm_ps = 50;
@@ -149,7 +149,7 @@ TEST_CASE("data set contains its settings") {
   CHECK(empty == plan.empty);
 }
 
-TEST_CASE("data set has maps of the requested size and field") {
+TEST_CASE("a data set has maps of the requested size and field of view") {
   Plan plan;
   plan.people = 1, plan.letters = 0;
   const auto plain = Generator(plan).make(0);
@@ -162,7 +162,7 @@ TEST_CASE("data set has maps of the requested size and field") {
   CHECK_THROWS_AS(validate(plan.conditions), Error);
 }
 
-TEST_CASE("kinds are shuffled by the seed") {
+TEST_CASE("scene kinds are shuffled by the seed") {
   Plan plan = small_plan();
   const auto kinds = scenes_of(plan);
   CHECK(kinds == scenes_of(plan));
@@ -259,7 +259,7 @@ class Reader {
 
 }  // namespace
 
-TEST_CASE("part is not published while another program reads its unfinished file") {
+TEST_CASE("a part is not published while another program reads its unfinished file") {
   const Folder folder;
   ::setenv("TMPDIR", folder.path.c_str(), 1);
   Plan plan = small_plan();
@@ -276,7 +276,7 @@ TEST_CASE("part is not published while another program reads its unfinished file
   CHECK(std::filesystem::is_empty(folder.path));
 }
 
-TEST_CASE("parts of a data set contain the records of the whole, bitwise") {
+TEST_CASE("the parts of a data set contain the records of the whole, bitwise") {
   const Folder folder;
   Plan plan = small_plan();
   plan.people = 11, plan.letters = 6, plan.two_people = plan.empty = 1;
@@ -293,7 +293,7 @@ TEST_CASE("parts of a data set contain the records of the whole, bitwise") {
     CHECK(rows_of(part(2), table) == rows_of(whole, table));
 }
 
-TEST_CASE("existing part is kept, another run with its name is refused") {
+TEST_CASE("an existing part is kept, another run with its name is refused") {
   const Folder folder;
   Plan plan = small_plan();
   plan.people = 4, plan.letters = plan.two_people = plan.empty = 0;

@@ -10,7 +10,7 @@
 using namespace echofuse;
 using namespace echofuse::sim;
 
-TEST_CASE("range noise is Gaussian and grows with the square of the distance") {
+TEST_CASE("depth camera noise is Gaussian and grows with the square of the distance") {
   Conditions c;
   c.depth_noise_m = 0.002;
   Rng rng = make_rng(1, 1);
@@ -30,7 +30,7 @@ TEST_CASE("range noise is Gaussian and grows with the square of the distance") {
   }
 }
 
-TEST_CASE("dropouts are at edges only, with the set probability") {
+TEST_CASE("depth camera dropouts occur only at edges, with the set probability") {
   Conditions c;
   c.depth_dropout = 0.3;
   Rng rng = make_rng(2, 2);
@@ -56,7 +56,7 @@ TEST_CASE("dropouts are at edges only, with the set probability") {
   }
 }
 
-TEST_CASE("map of a record is exact, or made from a frame as in acquisition") {
+TEST_CASE("a record's map is exact, or made from a frame as in acquisition") {
   Conditions c;
   const Scene scene = some_scene(c, 4);
   const record::MapGrid grid;

@@ -34,7 +34,7 @@ double fit_score(int draws, const std::function<std::int64_t()>& draw,
 
 }  // namespace
 
-TEST_CASE("Poisson draws follow the Poisson distribution") {
+TEST_CASE("Poisson samples follow the Poisson distribution") {
   Rng rng = make_rng(1, 1);
   CHECK(poisson(0, rng) == 0);
   for (const double mean : {0.02, 1.0, 9.99, 10.01, 31.7, 500.0, 2e4}) {
@@ -47,7 +47,7 @@ TEST_CASE("Poisson draws follow the Poisson distribution") {
   }
 }
 
-TEST_CASE("binomial draws follow the binomial distribution") {
+TEST_CASE("binomial samples follow the binomial distribution") {
   Rng rng = make_rng(1, 2);
   CHECK(binomial(0, 0.5, rng) == 0);
   CHECK(binomial(7, 0, rng) == 0);

@@ -53,7 +53,7 @@ Triangle moved(const Mesh& mesh, std::size_t i, Vec3 by) {
 
 }  // namespace
 
-TEST_CASE("box is read with its corners, faces and volume") {
+TEST_CASE("a box mesh is read with its corners, faces and volume") {
   const Mesh mesh = read_mesh(box_obj, "box.obj");
   REQUIRE(mesh.points.size() == 8);
   REQUIRE(mesh.triangles.size() == 12);
@@ -63,7 +63,7 @@ TEST_CASE("box is read with its corners, faces and volume") {
   CHECK(std::abs(volume) == Approx(1));
 }
 
-TEST_CASE("mesh of a box renders like plates at its faces") {
+TEST_CASE("a box mesh renders like plates at its faces") {
   const Mesh mesh = read_mesh(box_obj, "box.obj");
   const Vec3 place{0.7, -0.3, 3.5};
   Scene triangles, plates;
@@ -107,7 +107,7 @@ TEST_CASE("no ray passes between adjacent triangles") {
     }
 }
 
-TEST_CASE("object is placed on the floor, rotated and scaled") {
+TEST_CASE("a mesh is placed on the floor, rotated and scaled") {
   const auto path = std::filesystem::temp_directory_path() /
                     ("echofuse-box-" + std::to_string(getpid()) + ".obj");
   std::ofstream(path) << box_obj;
@@ -174,7 +174,7 @@ std::string letter_obj(std::vector<Bar> bars, Vec3 (*in_file)(Vec3)) {
 
 }  // namespace
 
-TEST_CASE("letters in a right-handed file are not mirrored, for any up axis") {
+TEST_CASE("meshes of right-handed files are not mirrored, whatever the up axis") {
   const auto path = std::filesystem::temp_directory_path() /
                     ("echofuse-letter-" + std::to_string(getpid()) + ".obj");
   struct File {

@@ -101,7 +101,7 @@ std::vector<double> profile(const Scene& scene, const Conditions& c) {
 
 }  // namespace
 
-TEST_CASE("echo from one wall comes from the mirror image") {
+TEST_CASE("an echo via one wall comes from the mirror image") {
   const Room room = room_of({side_wall(-1.25, 0)});
   const Vec3 sensor{-0.5, 0, 0}, place{0.3, 0.2, 3};
   const auto images = image_sources(room, sensor, 2);
@@ -116,7 +116,7 @@ TEST_CASE("echo from one wall comes from the mirror image") {
   CHECK_FALSE(way_to(images[1], sensor, {0.3, 0.2, 40}));  // misses the wall
 }
 
-TEST_CASE("one mirror gives the mean power of |1 + r|^4, and nothing without multipath") {
+TEST_CASE("echo power via one mirror has the analytic mean, and is unchanged without multipath") {
   const Room room = room_of({side_wall(-1.5, 0)});
   const Vec3 at{0.4, 0, 3};
   const Scene scene = plate_before(room, at);
@@ -137,7 +137,7 @@ TEST_CASE("one mirror gives the mean power of |1 + r|^4, and nothing without mul
   CHECK(radar_returns(open, with_echoes(2, rho)).weight == radar_returns(open, direct).weight);
 }
 
-TEST_CASE("corner reflects twice, each point by one of two orders") {
+TEST_CASE("a corner reflects twice, each point in one of two orders") {
   const Room room = room_of({side_wall(-1, 0), wall({0, -1.1, 5}, {1, 0, 0}, {0, 0, 1}, 6, 10, 0)});
   const Vec3 sensor{0.2, 0, 0};
   const auto images = image_sources(room, sensor, 2);
@@ -158,7 +158,7 @@ TEST_CASE("corner reflects twice, each point by one of two orders") {
   }
 }
 
-TEST_CASE("closed box keeps the energy through several reflections") {
+TEST_CASE("a closed box conserves energy over several reflections") {
   const Room room = box();
   const Vec3 sensor{-0.4, 0.1, 0.3};
   std::vector<double> met(3);
@@ -176,7 +176,7 @@ TEST_CASE("closed box keeps the energy through several reflections") {
   CHECK(power == Approx(1).margin(0.005));
 }
 
-TEST_CASE("Lambertian wall lights a patch with the analytic form factor") {
+TEST_CASE("a Lambertian wall lights a patch with the analytic form factor") {
   // Howell B-3: a patch parallel to a rectangle, above its corner.
   Patch patch;
   patch.at = {0, 0, 0}, patch.normal = {0, 0, 1};
@@ -215,7 +215,7 @@ TEST_CASE("light in a closed box decays by the albedo at each reflection") {
   }
 }
 
-TEST_CASE("light via a wall is the integral over the wall, both ways") {
+TEST_CASE("light via a wall equals the integral over the wall, in both directions") {
   const double albedo = 0.7;
   const Room room = room_of({side_wall(-1.2, albedo)});
   const Vec3 at{0.1, 0.1, 4};
@@ -246,7 +246,7 @@ TEST_CASE("light via a wall is the integral over the wall, both ways") {
   CHECK(*std::min_element(fine.range_m.begin(), fine.range_m.end()) > shortest - 0.06);
 }
 
-TEST_CASE("light after two reflections is the sum over all pairs of patches") {
+TEST_CASE("light after two reflections equals the sum over all pairs of patches") {
   const Vec3 at{0.1, 0.1, 4};
   const Gaze gaze = spd_gaze({});
   const auto light = [&](const Room& room, std::int64_t order) {

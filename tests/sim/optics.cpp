@@ -79,7 +79,7 @@ Scores scores_of(const std::vector<double>& rate, const std::vector<double>& mea
 
 }  // namespace
 
-TEST_CASE("return at a bin edge gives the exact erf difference in every bin") {
+TEST_CASE("a return at a bin edge gives the exact erf difference in each bin") {
   Conditions c;
   c.signal_photons = 1000;
   const double t = c.first_bin_ps + 80 * c.bin_width_ps;
@@ -91,7 +91,7 @@ TEST_CASE("return at a bin edge gives the exact erf difference in every bin") {
   }
 }
 
-TEST_CASE("between bin edges linear sharing stays within its documented bound") {
+TEST_CASE("linear sharing between bins stays within its documented error bound") {
   for (const double fwhm : {50.0, 200.0, 700.0}) {
     Conditions c;
     c.irf_fwhm_ps = fwhm;
@@ -133,7 +133,7 @@ TEST_CASE("bins contain the whole energy, with mean and variance of the IRF") {
     }
 }
 
-TEST_CASE("light outside the axis contributes only within the IRF") {
+TEST_CASE("light outside the time axis contributes only within the IRF") {
   Conditions c;
   const double end = c.first_bin_ps + static_cast<double>(c.bins) * c.bin_width_ps;
   for (const double edge : {c.first_bin_ps, end})  // half inside
@@ -146,14 +146,14 @@ TEST_CASE("light outside the axis contributes only within the IRF") {
       Approx(c.signal_photons * std::exp(-2 + std::pow(sigma_ps(c) / 3000, 2) / 2)).epsilon(1e-3));
 }
 
-TEST_CASE("background is uniform") {
+TEST_CASE("background counts are uniform over bins") {
   Conditions c;
   c.background_counts = 672;
   const auto rate = spd_rate({}, c);
   for (const double r : rate) CHECK(r == Approx(2).epsilon(1e-12));
 }
 
-TEST_CASE("mirror law: scene and mirror image have equal histograms") {
+TEST_CASE("mirror law: a scene and its mirror image have equal histograms") {
   const Conditions c;
   for (std::uint64_t i = 0; i < 20; ++i) {
     const Scene scene = some_scene(c, i);
@@ -165,7 +165,7 @@ TEST_CASE("mirror law: scene and mirror image have equal histograms") {
   }
 }
 
-TEST_CASE("asymmetric room breaks the mirror law") {
+TEST_CASE("an asymmetric room breaks the mirror law") {
   Conditions c;
   c.background = "room";
   for (std::uint64_t i = 0; i < 6; ++i) {
@@ -206,7 +206,7 @@ TEST_CASE("rotating a scene about the sensor's vertical axis keeps its histogram
   CHECK(fine < base / 16);
 }
 
-TEST_CASE("automatic number of rays gives errors below a tenth of the shot noise") {
+TEST_CASE("the automatic number of rays keeps errors below a tenth of the shot noise") {
   for (const double photons : {1e3, 1e4, 1e5}) {
     Conditions c, fine;
     c.signal_photons = fine.signal_photons = photons;
@@ -268,7 +268,7 @@ TEST_CASE("pile-up counts the first photon of each pulse") {
 
 // Coates, J. Phys. E 1 (1968) 878: a bin's rate is -ln(1 - counts / pulses that were still
 // waiting).
-TEST_CASE("Coates' correction of drawn counts recovers the rates within its variance") {
+TEST_CASE("Coates' correction of sampled counts recovers the rates within its variance") {
   Conditions c;
   c.pulses_per_window = 20'000;
   c.signal_photons = 2e4;
@@ -301,7 +301,7 @@ TEST_CASE("Coates' correction of drawn counts recovers the rates within its vari
   CHECK(before > 1);  // without the correction the last bins would lose most of their counts
 }
 
-TEST_CASE("free-running detector with a dead time of a pulse counts first photons") {
+TEST_CASE("a free-running detector with a dead time of one pulse period counts first photons") {
   Conditions c;
   c.pulses_per_window = 20'000'000;  // every 150 ns; the histogram covers 34 ns
   c.spd_dead_time_ps = 50'000;
@@ -320,7 +320,7 @@ TEST_CASE("free-running detector with a dead time of a pulse counts first photon
   CHECK(scores_of(rate, mean, variance, c, 30).worst < 4.5);
 }
 
-TEST_CASE("free-running detector of dead time tau counts r / (1 + r tau)") {
+TEST_CASE("a free-running detector with dead time tau counts r / (1 + r tau)") {
   Conditions c;
   c.bins = 300;
   c.first_bin_ps = 0;
@@ -346,7 +346,7 @@ TEST_CASE("free-running detector of dead time tau counts r / (1 + r tau)") {
   }
 }
 
-TEST_CASE("no pulse counts twice, even in a bright scene") {
+TEST_CASE("no pulse is counted twice, even in a bright scene") {
   Conditions c;
   c.pulses_per_window = 1000;
   Rng rng = make_rng(1, 1);

@@ -167,7 +167,7 @@ constexpr double tmf_half_tangent = 0.29;
 
 // The bin width is not stated. The background in front of and behind the object is equal if the
 // first photon of 5000 pulses is counted.
-TEST_CASE("histograms of another simulator match for a sphere and a soap dish") {
+TEST_CASE("histograms match another simulator's for a sphere and a soap dish") {
   const std::string name = GENERATE("sphere", "soap");
   const auto records = read_json("spad-simulated/" + name + ".json.gz");
   const Corners corners = read_obj("spad-simulated/" + name + ".obj");
@@ -269,7 +269,7 @@ Pose of_zone(Pose pose, std::size_t zone) {
 }
 
 // The fit gives bins of 13.5 mm, a zero at bin 12.25, and the delay of each zone.
-TEST_CASE("histograms of a TMF8820 match for a block") {
+TEST_CASE("histograms match those of a TMF8820 for a block") {
   const auto records = read_json("spad-tmf8820/tall_block.json.gz");
   const Corners corners = read_stl("spad-tmf8820/tall_block.stl");
   constexpr double m_a_bin = 0.0135, zero_bin = 12.25, step_m = 0.002;

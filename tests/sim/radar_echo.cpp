@@ -32,7 +32,7 @@ double blackman_by_sum(double u) {
 
 }  // namespace
 
-TEST_CASE("sinc response has nulls at multiples of c / 2B") {
+TEST_CASE("the sinc response has nulls at multiples of c / 2B") {
   constexpr double bandwidth_hz = 300e6;
   RadarAxis axis;
   axis.resolution_m = speed_of_light_m_s / (2 * bandwidth_hz);
@@ -45,7 +45,7 @@ TEST_CASE("sinc response has nulls at multiples of c / 2B") {
     CHECK(power[null] == Approx(0).margin(1e-20));
 }
 
-TEST_CASE("lopsided response has its zero at the best symmetric fit") {
+TEST_CASE("an asymmetric response has its origin at the best symmetric fit") {
   Conditions c;
   c.radar_taps = "1 0.81 0.41 0.09 0";
   const Psf even = radar_response(c).psf;
@@ -76,7 +76,7 @@ TEST_CASE("lopsided response has its zero at the best symmetric fit") {
   }
 }
 
-TEST_CASE("Blackman response is the transform of the window") {
+TEST_CASE("the Blackman response is the Fourier transform of the window") {
   for (const double u : {0.0, 0.3, 0.8, 0.99999, 1.0, 1.5, 2.0, 2.0000001, 2.5, 3.0, 3.4, 7.7})
     CHECK(Psf::blackman().at(u) == Approx(blackman_by_sum(u)).margin(1e-7));
   double half = 0;
@@ -90,7 +90,7 @@ TEST_CASE("Blackman response is the transform of the window") {
   CHECK(highest > -59);
 }
 
-TEST_CASE("profile equals the sum over scatterers at each point") {
+TEST_CASE("a range profile equals the sum over scatterers at each bin") {
   const Returns returns{{2.9, 3.33, 3.47, 5.0}, {0.5, 1.0, 0.3, 0.2}};
   for (const Psf& psf : {Psf::sinc(), Psf::blackman(), Psf::hann()}) {
     const RadarAxis axis{0.1, 0.25, 29, 0.5, psf};
@@ -106,7 +106,7 @@ TEST_CASE("profile equals the sum over scatterers at each point") {
   }
 }
 
-TEST_CASE("leakage is an echo at range 0") {
+TEST_CASE("antenna leakage is an echo at range 0") {
   Conditions c;
   c.radar_leakage = 3;
   const RadarAxis axis = radar_response(c);
@@ -115,7 +115,7 @@ TEST_CASE("leakage is an echo at range 0") {
     CHECK(power[i] == Approx(3 * std::pow(Psf::sinc().at(i * 0.5), 2)).margin(1e-20));
 }
 
-TEST_CASE("radar measures range from its own position") {
+TEST_CASE("the radar measures range from its own position") {
   Scene scene;
   scene.capsules = {sphere({0.8, 0, 3.5}, 0.1)};
   const Conditions c;
@@ -143,7 +143,7 @@ TEST_CASE("without a baseline the radar cannot separate left from right") {
   }
 }
 
-TEST_CASE("noise is white, has its sigma in 60 frames, and falls with the root of frames") {
+TEST_CASE("radar noise is white and falls with the square root of the number of frames") {
   Conditions c;
   c.radar_snr_db = 13;
   constexpr double mean_peak = 0.7;
@@ -166,7 +166,7 @@ TEST_CASE("noise is white, has its sigma in 60 frames, and falls with the root o
   CHECK(std::abs(neighbours) < 4.5 * std::sqrt(n));
 }
 
-TEST_CASE("mean peak equals that of the base scenes") {
+TEST_CASE("the mean peak equals that of the base scenes") {
   const Conditions c;
   const RadarAxis axis = radar_response(c);
   const double reference = mean_peak_power(axis, c);
@@ -184,7 +184,7 @@ TEST_CASE("mean peak equals that of the base scenes") {
   CHECK(std::abs(mean - reference) < 3.5 * std::sqrt(variance * (1.0 / scenes + 1.0 / 64)));
 }
 
-TEST_CASE("default rays give errors below the default noise of the profile") {
+TEST_CASE("the default rays keep errors below the default noise of the profile") {
   Conditions c, fine;
   fine.radar_rays = 4 * c.radar_rays;
   const RadarAxis axis = radar_response(c);

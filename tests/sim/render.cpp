@@ -33,7 +33,7 @@ double screen_weight(double d, double r, double albedo) {
 
 }  // namespace
 
-TEST_CASE("sphere is hit at the computed points, by both sensors") {
+TEST_CASE("rays of both sensors hit a sphere at the computed points") {
   const Vec3 centre{0.6, 0.2, 3.5};
   Scene scene;
   scene.capsules = {sphere(centre, 0.3)};
@@ -49,7 +49,7 @@ TEST_CASE("sphere is hit at the computed points, by both sensors") {
   }
 }
 
-TEST_CASE("every hit is on its capsule, with the cosine of the normal") {
+TEST_CASE("each ray hit is on its capsule, with the cosine of the normal") {
   // Tilted both ways, level, upright, starting outside of the image, or next to the sensor.
   const Capsule capsule = GENERATE(Capsule{{-0.3, -0.5, 3.2}, {0.4, 0.6, 3.9}, 0.15, 0.5},
                                    Capsule{{0.7, -0.5, 2.2}, {-0.4, 0.9, 2.9}, 0.07, 0.5},
@@ -87,7 +87,7 @@ TEST_CASE("every hit is on its capsule, with the cosine of the normal") {
   CHECK(seen > 1000);
 }
 
-TEST_CASE("strokes of a letter are at their positions, the rest is open") {
+TEST_CASE("a letter's strokes are at their positions, with gaps between") {
   // An L of 0.4 x 0.4 m at z = 2, hit by rays through chosen points.
   Scene scene;
   scene.plates = {{{0.1, 0, 2},
@@ -123,7 +123,7 @@ TEST_CASE("each sensor has its own occlusion") {
   CHECK(farthest(radar_returns(scene, together)) < 3.1);
 }
 
-TEST_CASE("depth images contain z in millimetres, up to 16 bits") {
+TEST_CASE("depth images contain z in millimetres, limited to 16 bits") {
   Scene scene;
   scene.plates = {screen(65.5346, 0.5)};
   for (const auto mm : render_depth_mm(scene, x_axis(64), y_axis(64))) REQUIRE(mm == 65535);
@@ -131,7 +131,7 @@ TEST_CASE("depth images contain z in millimetres, up to 16 bits") {
   for (const auto mm : render_depth_mm(scene, x_axis(64), y_axis(64))) REQUIRE(mm == 0);
 }
 
-TEST_CASE("scene twice as large and twice as far returns a quarter") {
+TEST_CASE("a scene twice as large at twice the distance returns a quarter of the light") {
   const Conditions c;
   const Scene scene = some_scene(c, 1);
   const Returns near = spd_returns(scene, c), far = spd_returns(scaled(scene, 2), c);
@@ -142,7 +142,7 @@ TEST_CASE("scene twice as large and twice as far returns a quarter") {
   }
 }
 
-TEST_CASE("screen returns the analytic weight") {
+TEST_CASE("a screen returns the analytic amount of light") {
   Conditions c;
   c.spd_rays = 1024;
   constexpr double distance = 4, albedo = 0.6;
@@ -162,7 +162,7 @@ TEST_CASE("screen returns the analytic weight") {
   }
 }
 
-TEST_CASE("sphere returns the analytic weight") {
+TEST_CASE("a sphere returns the analytic amount of light") {
   Conditions c;
   c.spd_rays = 1024;
   constexpr double d = 3, a = 0.8, albedo = 0.6, k = d * d - a * a;
@@ -191,7 +191,7 @@ TEST_CASE("sphere returns the analytic weight") {
   }
 }
 
-TEST_CASE("mirror images return equal light, with mirrored maps") {
+TEST_CASE("mirrored scenes return equal light and mirrored maps") {
   const Conditions c;
   for (std::uint64_t i = 0; i < 10; ++i) {
     const Scene scene = some_scene(c, i), image = mirrored(scene);
@@ -204,7 +204,7 @@ TEST_CASE("mirror images return equal light, with mirrored maps") {
   }
 }
 
-TEST_CASE("mean scene has the documented weight") {
+TEST_CASE("the mean scene returns the documented amount of light") {
   const Conditions c;
   constexpr int scenes = 1000;
   double sum = 0, squares = 0;

@@ -12,7 +12,7 @@
 using namespace echofuse;
 using namespace echofuse::sim;
 
-TEST_CASE("scene depends only on seed and index") {
+TEST_CASE("a scene depends only on seed and index") {
   const Conditions c;
   const Scene first = make_scene(c, SceneKind::letter, 5, 9);
   make_scene(c, SceneKind::person, 5, 8);
@@ -49,7 +49,7 @@ TEST_CASE("people have realistic heights, stand on the floor and inside the area
   }
 }
 
-TEST_CASE("ten letters face the sensors within 30 degrees and are held in both hands") {
+TEST_CASE("the ten letters face the sensors within 30 degrees and are held in both hands") {
   const Conditions c;
   std::set<std::string> seen;
   for (std::uint64_t i = 0; i < 300; ++i) {
@@ -72,7 +72,7 @@ TEST_CASE("ten letters face the sensors within 30 degrees and are held in both h
   CHECK(all == "ACEHLNOTUX");
 }
 
-TEST_CASE("mirror of the mirror is the scene") {
+TEST_CASE("mirroring a scene twice gives the scene") {
   const Scene scene = some_scene({}, 1);
   const Scene image = mirrored(scene), back = mirrored(image);
   CHECK(image.capsules[0].a.x == -scene.capsules[0].a.x);
@@ -81,7 +81,7 @@ TEST_CASE("mirror of the mirror is the scene") {
   CHECK(back.plates[0].centre.x == scene.plates[0].centre.x);
 }
 
-TEST_CASE("kinds contain the expected bodies") {
+TEST_CASE("each scene kind contains the expected bodies") {
   const Conditions c;
   CHECK(make_scene(c, SceneKind::empty, 1, 0).capsules.empty());
   CHECK(make_scene(c, SceneKind::empty, 1, 0).label == "empty");
@@ -93,7 +93,7 @@ TEST_CASE("kinds contain the expected bodies") {
   }
 }
 
-TEST_CASE("room fills the view behind the people, within the histogram") {
+TEST_CASE("the room fills the field of view behind the people, within the histogram's range") {
   Conditions c;
   c.background = "room";
   const Scene empty = make_scene(c, SceneKind::empty, 1, 0);

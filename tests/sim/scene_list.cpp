@@ -41,7 +41,7 @@ std::string refusal(const std::string& text) {
 
 }  // namespace
 
-TEST_CASE("list is read in order") {
+TEST_CASE("a scene list is read in order") {
   const auto all = read_scene_list(list, "list.toml");
   REQUIRE(all.size() == 4);
   CHECK(all[0].kind == SceneKind::person);
@@ -54,7 +54,7 @@ TEST_CASE("list is read in order") {
   CHECK(all[3] == SceneSpec(SceneKind::empty));
 }
 
-TEST_CASE("all faults of a list are reported with line and column") {
+TEST_CASE("all errors of a scene list are reported with line and column") {
   const std::string said = refusal(
       "[[scene]]\nkind = \"persn\"\n[[scene]]\ncount = 0\nkind = \"empty\"\nx_m = 1\n"
       "[[scene]]\nkind = \"person\"\nx = 2\n");
@@ -68,7 +68,7 @@ TEST_CASE("all faults of a list are reported with line and column") {
   CHECK_THAT(refusal("kind = \n"), Catch::Contains("not TOML"));
 }
 
-TEST_CASE("position of a scene does not change the rest of it") {
+TEST_CASE("the position of a scene does not change its other parameters") {
   const Conditions c;
   for (const auto kind : {SceneKind::person, SceneKind::letter}) {
     SceneSpec spec{kind};
@@ -90,7 +90,7 @@ TEST_CASE("position of a scene does not change the rest of it") {
   }
 }
 
-TEST_CASE("record k of a list is independent of order and list length") {
+TEST_CASE("record k of a scene list does not depend on order or list length") {
   const auto folder =
       std::filesystem::temp_directory_path() / ("echofuse-list-" + std::to_string(getpid()));
   std::filesystem::create_directories(folder);

@@ -22,7 +22,7 @@ double total(const Returns& r) { return std::accumulate(r.weight.begin(), r.weig
 
 }  // namespace
 
-TEST_CASE("base condition is inside every range of the default twin") {
+TEST_CASE("the base condition is inside each range of the default twin") {
   Conditions conditions;
   Settings settings;
   bind(settings, conditions);
@@ -38,7 +38,7 @@ TEST_CASE("base condition is inside every range of the default twin") {
   }
 }
 
-TEST_CASE("parameters of a laboratory do not depend on others and stay in range") {
+TEST_CASE("parameters of a simulated laboratory are independent and stay in range") {
   const Twin both = twin_named("girth = [0.8, 1.25, \"log\"]\nradar_plate = [0.1, 4]\nseed = 3");
   const Twin one = twin_named("radar_plate = [0.1, 4]\nseed = 3");
   const Twin other = twin_named("radar_plate = [0.1, 4]\nseed = 4");
@@ -60,7 +60,7 @@ TEST_CASE("parameters of a laboratory do not depend on others and stay in range"
   CHECK(to_text(twin_named(to_text(both))) == to_text(both));
 }
 
-TEST_CASE("all faults of a twin are reported") {
+TEST_CASE("all errors of a twin file are reported") {
   try {
     read_twin(
         "girht = [0.5, 2]\nbaseline_m = [0, 1]\ngirth = [2, 1]\nradar_rays = [3.0, 5.0]\n"
@@ -99,7 +99,7 @@ TEST_CASE("records of alternating laboratories equal those of each laboratory al
   CHECK(there.spd != Generator(plan).make(1).spd);
 }
 
-TEST_CASE("given settings are not drawn, and laboratories need a twin") {
+TEST_CASE("given settings are not sampled, and laboratories need a twin") {
   Plan plan;
   Settings settings;
   bind(settings, plan);
@@ -140,7 +140,7 @@ TEST_CASE("radar reflectivities do not depend on the albedo") {
     CHECK(make_scene(c, SceneKind::person, 1, i).capsules[0].radar == 0.5);
 }
 
-TEST_CASE("lobe keeps the echo of a sphere and reduces that of a tilted plate") {
+TEST_CASE("the scattering lobe keeps a sphere's echo and reduces a tilted plate's") {
   Conditions c;
   c.baseline_m = 0;
   c.radar_rays = 2048;
@@ -206,7 +206,7 @@ TEST_CASE("bodies and plates have the sizes and angles of their laboratory") {
   CHECK(p.strokes[0].width_m == Approx(1.2 * base.plates[0].strokes[0].width_m));
 }
 
-TEST_CASE("depth camera has a range bias") {
+TEST_CASE("the twin's depth camera has a range bias") {
   Conditions c;
   c.depth_offset_m = 0.05;
   Rng rng(1);

@@ -32,7 +32,7 @@ std::vector<double> light(const Scene& scene, const Conditions& c) {
 
 }  // namespace
 
-TEST_CASE("zones together count what a single pixel counts, bin by bin") {
+TEST_CASE("zone counts add up to those of a single pixel, bin by bin") {
   const Conditions one = with_zones(1);
   for (const std::int64_t side : {3, 4, 8}) {
     const Conditions c = with_zones(side);
@@ -59,7 +59,7 @@ TEST_CASE("a body is detected by the zones that face it") {
   }
 }
 
-TEST_CASE("zones in the run have the pitch and width of the simulated fields") {
+TEST_CASE("zones of a run have the pitch and width of the simulated fields") {
   const Zones zones = zones_of(with_zones(4));
   REQUIRE(zones.size() == 16);
   CHECK(zones[0].x == Approx(-0.4125));
@@ -81,7 +81,7 @@ TEST_CASE("the field of a zone falls to e^-1/2 at 0.75 of the pitch") {
   CHECK(at(zones[27].x + 0.75 * pitch) / at(zones[27].x) == Approx(std::exp(-0.5)).epsilon(0.05));
 }
 
-TEST_CASE("zones leave the data of the other sensors unchanged") {
+TEST_CASE("zones do not change the data of the other sensors") {
   const test::Folder folder;
   Plan plan;
   plan.people = 3, plan.letters = 3;

@@ -82,7 +82,7 @@ sim::LabOptions options_in(const TemporaryDirectory& dir) {
 
 }  // namespace
 
-TEST_CASE("the camera delivers frames of the scene at 30 per second") {
+TEST_CASE("the simulated camera delivers 30 frames of the scene per second") {
   const TemporaryDirectory dir;
   const sim::LabOptions options = options_in(dir);
   LabThread lab(options);
@@ -107,7 +107,7 @@ TEST_CASE("the camera delivers frames of the scene at 30 per second") {
   CHECK(read_picture(dir / "picture") == expected);
 }
 
-TEST_CASE("the camera disappears and returns with the laboratory") {
+TEST_CASE("the simulated camera disappears and returns with the laboratory") {
   const TemporaryDirectory dir;
   sim::LabOptions options = options_in(dir);
   auto lab = std::make_unique<LabThread>(options);

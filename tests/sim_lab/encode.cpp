@@ -24,7 +24,7 @@ const Bytes magic = bytes({0x02, 0x01, 0x04, 0x03, 0x06, 0x05, 0x08, 0x07});
 
 }  // namespace
 
-TEST_CASE("a bridge block with one tag has the documented bytes") {
+TEST_CASE("an encoded bridge block with one tag has the documented bytes") {
   Bytes tag;
   put_tag(tag, 2, 1234567890123);
   CHECK(tag == bytes({0, 0, 0, 0, 2, 0, 0, 0, 0xcb, 0x04, 0xfb, 0x71, 0x1f, 0x01, 0, 0}));
@@ -41,7 +41,7 @@ TEST_CASE("a falling edge has a negative channel") {
                       0xff}));
 }
 
-TEST_CASE("a radar frame without padding has the documented bytes") {
+TEST_CASE("an encoded radar frame has the documented bytes") {
   Rng junk(1);
   const Bytes frame =
       radar_frame({0x01020304, 0xa0b0c0d0, 0}, {range_profile_tlv({0x1234, 7})}, junk);
@@ -59,7 +59,7 @@ TEST_CASE("a radar frame without padding has the documented bytes") {
   CHECK(std::equal(expected.begin(), expected.end(), frame.begin()));
 }
 
-TEST_CASE("a heat map has the imaginary part first, and saturates") {
+TEST_CASE("an encoded heat map has the imaginary part first and saturates") {
   const std::vector<std::complex<float>> samples{{1, -2}, {40000, -40000}};
   const auto tlv = heat_map_tlv(false, samples);
   CHECK(tlv.type == 4);
@@ -67,7 +67,7 @@ TEST_CASE("a heat map has the imaginary part first, and saturates") {
   CHECK(heat_map_tlv(true, samples).type == 8);
 }
 
-TEST_CASE("statistics and temperature have the documented bytes") {
+TEST_CASE("encoded statistics and temperature have the documented bytes") {
   CHECK(stats_tlv({1, 2, 3, 4, 5, 6}).payload ==
         bytes({1, 0, 0, 0, 2, 0, 0, 0, 3, 0, 0, 0, 4, 0, 0, 0, 5, 0, 0, 0, 6, 0, 0, 0}));
   const RadarTlv t = temperature_tlv({0, 258, {45, -1, 0, 0, 0, 0, 0, 0, 0, 3}});
@@ -76,7 +76,7 @@ TEST_CASE("statistics and temperature have the documented bytes") {
                             0, 0, 0, 0, 0, 0, 0, 0, 0,  0, 0,    0,    3, 0}));
 }
 
-TEST_CASE("the padding is junk, sometimes with a stale magic word") {
+TEST_CASE("frame padding is junk, sometimes with a stale magic word") {
   Rng junk(2);
   int stale = 0, zero = 0;
   constexpr int frames = 400;
@@ -91,7 +91,7 @@ TEST_CASE("the padding is junk, sometimes with a stale magic word") {
   CHECK(std::abs(stale - frames / 4) < 5 * std::sqrt(frames * 0.25 * 0.75));
 }
 
-TEST_CASE("range profile codes follow from the magnitude") {
+TEST_CASE("range profile codes are computed from the magnitude") {
   CHECK(log2_q8(8 * 10, 8) == 2560);    // 8 antennas of magnitude 1024: 256 * 10
   CHECK(log2_q8(12 * 10, 12) == 1920);  // 12 antennas, divided by 16
   CHECK(log2_q8(0, 12) == 0);

@@ -49,7 +49,7 @@ amount = 0.25
   CHECK(read_faults("", "empty").empty());
 }
 
-TEST_CASE("mistakes in a faults file are reported with their positions, all at once") {
+TEST_CASE("all errors of a faults file are reported with their positions") {
   CHECK(has(complaint("[[fault"), "f.toml:1:"));
   CHECK(complaint("x = 1\n") == "f.toml:1:5: x: expected [[fault]] tables only");
   CHECK(complaint(good + "colour = 3\n") ==
@@ -75,7 +75,7 @@ amount = 3
             "a time tagger has no frame to freeze"));
 }
 
-TEST_CASE("faults act at their times, repeatedly, on their device") {
+TEST_CASE("faults act on their device at their times, repeatedly") {
   const Faults faults(
       {{"tdc", FaultKind::drop, 1, 0.5, 4, 0.3}, {"radar", FaultKind::stall, 0, 9, 0, 0}}, "tdc");
   for (const double t : {1.0, 1.4, 5.0, 9.4}) CHECK(faults.at(FaultKind::drop, t) == 0.3);

@@ -41,7 +41,7 @@ sim::LabOptions options_in(const TemporaryDirectory& dir) {
 
 }  // namespace
 
-TEST_CASE("a running laboratory creates its files, and a stopped one removes its devices") {
+TEST_CASE("a laboratory creates its files at start and removes its devices at stop") {
   const TemporaryDirectory dir;
   sim::LabOptions options = options_in(dir);
   options.window_s = 0.2;
@@ -66,7 +66,7 @@ TEST_CASE("a running laboratory creates its files, and a stopped one removes its
   CHECK_THAT(read_text(options.dir + "/sent.json"), Catch::StartsWith("{\"play\":{\"scene\":"));
 }
 
-TEST_CASE("a folder that is in use, foreign, or has too long a path is refused") {
+TEST_CASE("a laboratory folder that is in use, foreign or too long a path is refused") {
   const TemporaryDirectory dir;
   sim::LabOptions options = options_in(dir);
   SECTION("in use") {
@@ -88,7 +88,7 @@ TEST_CASE("a folder that is in use, foreign, or has too long a path is refused")
   }
 }
 
-TEST_CASE("the folder of a previous laboratory is reused with its other files") {
+TEST_CASE("the folder of a previous laboratory is reused, other files stay") {
   const TemporaryDirectory dir;
   const sim::LabOptions options = options_in(dir);
   LabThread(options).stop();
@@ -99,18 +99,18 @@ TEST_CASE("the folder of a previous laboratory is reused with its other files") 
   CHECK(read_text(options.dir + "/run.sqlite") == "a run");
 }
 
-TEST_CASE("start-up faults name their cause, and leave nothing open") {
+TEST_CASE("start-up errors of a laboratory name their cause and leave no open files") {
   const TemporaryDirectory dir;
   sim::LabOptions options = options_in(dir);
-  SECTION("no such radar configuration") {
+  SECTION("missing radar cfg") {
     options.radar_cfg = dir / "missing.cfg";
     CHECK_THAT(refusal(options, ExitCode::config), Catch::Contains("missing.cfg: cannot read"));
   }
-  SECTION("bins that the daemon does not support") {
+  SECTION("unsupported bins") {
     options.conditions.bin_width_ps = 12.5;
     CHECK_THAT(refusal(options, ExitCode::config), Catch::Contains("whole picoseconds"));
   }
-  SECTION("a laser with too high a rate") {
+  SECTION("laser rate too high") {
     options.tagging.laser_rate_hz = 80e6;
     CHECK_THAT(refusal(options, ExitCode::config), Catch::Contains("precedes the last bin"));
   }
@@ -119,7 +119,7 @@ TEST_CASE("start-up faults name their cause, and leave nothing open") {
   CHECK_FALSE(fs::exists(options.dir + "/lab.toml"));
 }
 
-TEST_CASE("scenes follow one another, and mixed ones keep the paper's proportion") {
+TEST_CASE("scenes follow in order, and mixed scenes keep the paper's proportions") {
   ManualClock clock;
   const sim::Conditions conditions;
   sim::ScenePlayer player(clock, conditions, {"mixed", 3, 0.5});

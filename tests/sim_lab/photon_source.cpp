@@ -60,11 +60,11 @@ Returns person(const Conditions& c) {
 
 }  // namespace
 
-TEST_CASE("photons follow the histogram's rate") {
+TEST_CASE("simulated photons follow the histogram's rate") {
   Conditions c;
   c.background_counts = 2e4;
   SECTION("Gaussian response") {}
-  SECTION("with a tail") { c.irf_tail_ps = 300; }
+  SECTION("response with a tail") { c.irf_tail_ps = 300; }
   const Returns returns = person(c);
   const Stream stream = draw(c, {}, returns);
   const auto rate = spd_rate(returns, c);
@@ -95,7 +95,7 @@ TEST_CASE("with pile-up only the first photon of a pulse is kept") {
     REQUIRE(stream.tags[i].channel != stream.tags[i - 1].channel);
 }
 
-TEST_CASE("a dead time loses the same photons as the histogram's model") {
+TEST_CASE("a dead time removes the same photons as the histogram model") {
   Conditions c;
   c.signal_photons = 3e4;
   c.background_counts = 1e4;
@@ -123,7 +123,7 @@ TEST_CASE("a dead time loses the same photons as the histogram's model") {
   }
 }
 
-TEST_CASE("the stream is sorted, and with a filter a sync precedes photons only") {
+TEST_CASE("tags are sorted, and with a filter each sync precedes a photon") {
   Conditions c;
   Tagging tagging;
   const Returns returns = person(c);
@@ -140,7 +140,7 @@ TEST_CASE("the stream is sorted, and with a filter a sync precedes photons only"
     for (std::size_t i = 1; i < tags.size(); ++i)
       REQUIRE((tags[i].channel == 2 || tags[i - 1].channel == 2));
   }
-  SECTION("every sync") {
+  SECTION("unfiltered") {
     tagging.conditional_filter = false;
     const auto tags = draw(c, tagging, returns).tags;
     CHECK(sorted(tags));

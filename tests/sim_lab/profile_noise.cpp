@@ -37,7 +37,7 @@ double peak_over_scatter(std::vector<double> power) {
 
 }  // namespace
 
-TEST_CASE("a slot of the laboratory's radar has the noise of a data set's record") {
+TEST_CASE("a simulated radar slot has the noise of a data set's record") {
   const auto [frames, window_s] =
       GENERATE(std::pair<std::int64_t, double>{4, 0.2}, std::pair<std::int64_t, double>{20, 1.0},
                std::pair<std::int64_t, double>{60, 3.0});

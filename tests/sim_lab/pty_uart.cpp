@@ -36,7 +36,7 @@ Bytes pattern(std::size_t size) {
 
 }  // namespace
 
-TEST_CASE("a UART sends at its rate, and loses unread bytes") {
+TEST_CASE("a simulated UART sends at its rate and loses unread bytes") {
   const TemporaryDirectory dir;
   port::SystemLoop loop;
   const std::string link = dir / "port";
@@ -68,7 +68,7 @@ TEST_CASE("a UART sends at its rate, and loses unread bytes") {
   ::close(host);
 }
 
-TEST_CASE("closing removes the link") {
+TEST_CASE("closing a simulated UART removes its link") {
   const TemporaryDirectory dir;
   port::SystemLoop loop;
   sim::PtyUart uart(loop, dir / "port", baud, [](ByteView) {});

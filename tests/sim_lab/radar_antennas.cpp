@@ -71,7 +71,8 @@ struct CoherentBoard {
 
 }  // namespace
 
-TEST_CASE("a linear array sends the samples of its eight antennas, with any other transmitters") {
+TEST_CASE(
+    "a linear array sends its eight antennas' samples, whatever other transmitters are used") {
   const Conditions c = quiet();
   for (const auto& transmitters : {std::vector<unsigned>{0, 2}, std::vector<unsigned>{0, 2, 1}}) {
     RadarAntennas board(c, 3);
@@ -88,7 +89,7 @@ TEST_CASE("a linear array sends the samples of its eight antennas, with any othe
   }
 }
 
-TEST_CASE("a planar board sends all antennas, with their errors") {
+TEST_CASE("a planar array sends all antennas with their channel errors") {
   Conditions c = quiet();
   c.radar_antennas = 12;
   c.radar_phase_error_rad = 0.4;
@@ -128,7 +129,7 @@ TEST_CASE("a profile of coherent echoes matches the array samples") {
   CHECK(std::abs(codes[13] - 256 * (10 + std::log2(std::abs(samples[13 * 8])))) < 2);
 }
 
-TEST_CASE("a new scene has new speckle, the same scene continues") {
+TEST_CASE("a new scene has new speckle, the same scene keeps it") {
   CoherentBoard board;
   RenderedScene person = point_at(0, 0);
   person.radar.place[0].person = 0;

@@ -32,7 +32,7 @@ radar::RadarSetup hasty() {
 
 }  // namespace
 
-TEST_CASE("after a short unplug the sensor is restarted with its stored cfg") {
+TEST_CASE("after a short unplug the sensor is restarted with the cfg stored on the board") {
   Bench b;
   b.start();
   b.plug(false);
@@ -70,7 +70,7 @@ TEST_CASE("after a power cycle the restart is refused, and the whole cfg is sent
   CHECK(b.count("connections") == 2);  // frame numbers that restart are expected here
 }
 
-TEST_CASE("a reset during a run is detected at once by the banner") {
+TEST_CASE("a reset during a run is detected immediately by the boot banner") {
   Bench b;
   b.start();
   b.board.power_up();
@@ -87,7 +87,7 @@ TEST_CASE("a reset without a banner is detected by the frame numbers") {
   Bench b;
   b.start();
   REQUIRE(b.until([&] { return b.board.number >= 20; }));
-  SECTION("and the board is configured again") {
+  SECTION("board is configured again") {
     b.board.number = 0;
     REQUIRE(b.faulted());
     CHECK(b.sink.events.back() == "the board was reset: frame numbers restarted");
@@ -95,7 +95,7 @@ TEST_CASE("a reset without a banner is detected by the frame numbers") {
     CHECK(b.board.heard() == b.whole_cfg);
     CHECK(b.count("configured") == 2);
   }
-  SECTION("but not by a number with flipped bits") {
+  SECTION("number with flipped bits is not a reset") {
     for (const unsigned bit : {0u, 2u, 4u, 9u, 20u, 31u}) {
       Bytes frame = b.board.frame();
       frame[20 + bit / 8] ^= static_cast<std::uint8_t>(1u << bit % 8);
@@ -108,7 +108,7 @@ TEST_CASE("a reset without a banner is detected by the frame numbers") {
   }
 }
 
-TEST_CASE("after a reset during the cfg the dialogue restarts") {
+TEST_CASE("a reset during the cfg restarts the cfg dialogue") {
   Bench b;
   b.driver->start(b.sink);
   REQUIRE(b.until([&] { return b.board.lines_heard() == 12; }));
@@ -120,7 +120,7 @@ TEST_CASE("after a reset during the cfg the dialogue restarts") {
   CHECK(b.count("configured") == 1);
 }
 
-TEST_CASE("garbage before the first prompt and calibration lines are ignored") {
+TEST_CASE("garbage before the first prompt and calibration lines are ignored by the cfg dialogue") {
   Bench b;
   const std::string garbage = "\xff~\x80?`\r\nsens'?\xff' is not recognized as a CLI command\n\r";
   b.board.cli.send(garbage);
@@ -141,7 +141,7 @@ TEST_CASE("garbage before the first prompt and calibration lines are ignored") {
   CHECK(reported == said);
 }
 
-TEST_CASE("an exception of the firmware is a failure with its text, at any time") {
+TEST_CASE("a firmware exception at any time is reported with its text") {
   Bench b(hasty());
   b.start();
   b.board.say("Exception: ../mss_main.c, line 1234.\n");
@@ -151,7 +151,7 @@ TEST_CASE("an exception of the firmware is a failure with its text, at any time"
   CHECK(b.seconds_to_frame() < 10);
 }
 
-TEST_CASE("the last error of the board is reported until a frame arrives") {
+TEST_CASE("the board's last error is reported until a frame arrives") {
   Bench b(hasty());
   b.start();
   b.board.say("Exception: mmw_cli.c, line 263.\n");
@@ -169,7 +169,7 @@ TEST_CASE("the last error of the board is reported until a frame arrives") {
   CHECK(b.sink.events.back().find("Exception") == std::string::npos);
 }
 
-TEST_CASE("damaged data lose at most one further frame, and all are counted") {
+TEST_CASE("damaged data lose at most one further frame, and lost frames are counted") {
   using Damage = std::function<void(Bytes&, Rng&)>;
   const auto at = [](Rng& rng, std::size_t end) {
     return static_cast<std::ptrdiff_t>(rng() % end);
@@ -246,7 +246,7 @@ TEST_CASE("damaged data lose at most one further frame, and all are counted") {
   }
 }
 
-TEST_CASE("after silence or single bytes on the data port the board is configured again") {
+TEST_CASE("the board is configured again after silence or single bytes on the data port") {
   Bench b;
   b.start();
   const HostTime from = b.loop.now();
@@ -263,7 +263,7 @@ TEST_CASE("after silence or single bytes on the data port the board is configure
   CHECK(b.count("configured") == 2);
 }
 
-TEST_CASE("a command port with sporadic bytes fails with a message") {
+TEST_CASE("sporadic bytes on the command port are reported as a failure") {
   Bench b(hasty());
   b.board.cli.choked = true;
   b.driver->start(b.sink);
@@ -274,7 +274,7 @@ TEST_CASE("a command port with sporadic bytes fails with a message") {
   CHECK(b.seconds_to_frame() < 10);
 }
 
-TEST_CASE("the driver waits for both ports after an unplug") {
+TEST_CASE("after an unplug the driver waits for both ports") {
   Bench b(hasty());
   b.start();
   b.plug(false);
@@ -304,7 +304,7 @@ TEST_CASE("the driver recovers from an unplug at every step of the dialogue") {
   CHECK(b.count("bad_headers") == 0);
 }
 
-TEST_CASE("a board that fails after one frame is retried at growing intervals") {
+TEST_CASE("a board that fails after each first frame is retried at growing intervals") {
   Bench b;
   b.start();
   std::vector<double> pauses;
@@ -341,7 +341,7 @@ TEST_CASE("a missing first frame is reported with cause and remedy") {
              Catch::Contains("500 bytes received, but no frame"));
 }
 
-TEST_CASE("the time of a frame is that of its first chirp") {
+TEST_CASE("a frame has the time of its first chirp") {
   Bench b;
   b.start();
   const HostTime sent = b.loop.now();
@@ -374,7 +374,7 @@ struct TwoBoards : RadarBench {
 
 }  // namespace
 
-TEST_CASE("a data port that sends while the sensor is stopped is of another board") {
+TEST_CASE("data from a stopped sensor reveal a port of another board") {
   TwoBoards b;
   b.driver->start(b.sink);
   REQUIRE(b.reach(DeviceState::misconfigured, GENERATE(10ms, 50ms, 120ms)));
@@ -400,7 +400,7 @@ TEST_CASE("a board that streams when the driver connects is accepted") {
   CHECK_FALSE(b.reported("radar.cli and radar.data"));
 }
 
-TEST_CASE("the rest of the last frame may follow the answer to sensorStop") {
+TEST_CASE("the rest of the last frame may arrive after the answer to sensorStop") {
   Bench b;
   const auto late = GENERATE(10ms, 100ms, 200ms);
   b.driver->start(b.sink);
@@ -412,7 +412,7 @@ TEST_CASE("the rest of the last frame may follow the answer to sensorStop") {
   CHECK(b.count("connections") == 1);
 }
 
-TEST_CASE("frames with another period than the cfg's cause one warning") {
+TEST_CASE("a frame period that differs from the cfg causes one warning") {
   Bench b;
   b.driver->start(b.sink);
   const bool odd = GENERATE(false, true);

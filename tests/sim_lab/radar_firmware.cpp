@@ -63,7 +63,7 @@ void configure(Console& console, const std::string& without = "none",
 
 }  // namespace
 
-TEST_CASE("the firmware sends banner and prompt at power-up") {
+TEST_CASE("simulated firmware sends banner and prompt at power-up") {
   Console console;
   console.firmware().boot();
   CHECK(console.said() ==
@@ -73,7 +73,7 @@ TEST_CASE("the firmware sends banner and prompt at power-up") {
         "mmwDemo:/>");
 }
 
-TEST_CASE("the firmware sends echo, answer and prompt") {
+TEST_CASE("simulated firmware sends echo, answer and prompt") {
   Console console;
   CHECK(console.send("\n") == "\nmmwDemo:/>");
   CHECK(console.send("flushCfg\n") == "flushCfg\nDone\n\rmmwDemo:/>");
@@ -90,13 +90,13 @@ TEST_CASE("the firmware sends echo, answer and prompt") {
         "queryDemoStatus\nSensor State: 0\n\rData port baud rate: 921600\n\rDone\n\rmmwDemo:/>");
 }
 
-TEST_CASE("a tab does not separate words") {
+TEST_CASE("simulated firmware does not separate words at tabs") {
   Console console;
   CHECK_THAT(console.send("\tsensorStop\n"), Catch::Contains("'\tsensorStop' is not recognized"));
   CHECK_THAT(console.send("frameCfg\t0 2 32 0 50 1 0\n"), Catch::Contains("is not recognized"));
 }
 
-TEST_CASE("a line is truncated after 255 characters") {
+TEST_CASE("simulated firmware truncates lines after 255 characters") {
   Console console;
   const std::string long_line = "% " + std::string(300, 'x') + "\n";
   const std::string reply = console.send(long_line);
@@ -105,7 +105,7 @@ TEST_CASE("a line is truncated after 255 characters") {
   CHECK_THAT(reply, Catch::EndsWith("is not recognized as a CLI command\n\rmmwDemo:/>"));
 }
 
-TEST_CASE("subframes start one after the other, each with its own profile") {
+TEST_CASE("subframes start one after another, each with its own profile") {
   Console console;
   configure(console, "none", "../../tests/drivers/four_subframes.cfg");
   CHECK(console.send("sensorStart\n") == "sensorStart\nDone\n\rmmwDemo:/>");
@@ -122,7 +122,7 @@ TEST_CASE("subframes start one after the other, each with its own profile") {
   CHECK_THAT(other.send("sensorStart\n"), Catch::Contains("Error -1"));
 }
 
-TEST_CASE("a complete configuration starts, and defines the axis") {
+TEST_CASE("a complete cfg starts the simulated sensor and defines the axis") {
   Console console;
   SECTION("50 cm") {
     configure(console);
@@ -147,7 +147,7 @@ TEST_CASE("a complete configuration starts, and defines the axis") {
   }
 }
 
-TEST_CASE("SDK 3.4 has no calibData, and starts without it") {
+TEST_CASE("SDK 3.4 starts without calibData") {
   Console console(4);
   CHECK_THAT(console.send("version\n"), Catch::Contains("mmWave SDK Version      : 03.04.00.03"));
   CHECK_THAT(console.send("calibData 0 0 0\n"),
@@ -156,7 +156,7 @@ TEST_CASE("SDK 3.4 has no calibData, and starts without it") {
   CHECK(console.send("sensorStart\n") == "sensorStart\nDone\n\rmmwDemo:/>");
 }
 
-TEST_CASE("an incomplete configuration does not start") {
+TEST_CASE("an incomplete cfg does not start the simulated sensor") {
   const std::string part =
       GENERATE("cfarCfg -1 0", "cfarCfg -1 1", "cfarFovCfg -1 0", "cfarFovCfg -1 1", "aoaFovCfg",
                "multiObjBeamForming", "guiMonitor", "clutterRemoval", "extendedMaxVelocity",
@@ -171,10 +171,10 @@ TEST_CASE("an incomplete configuration does not start") {
   CHECK_FALSE(console.firmware().running());
 }
 
-TEST_CASE("a missing chirp, or one beyond the front end's limits, is refused") {
+TEST_CASE("a missing chirp, or a chirp beyond the front end's limits, is refused") {
   Console console;
-  SECTION("no chirp") { configure(console, "chirpCfg"); }
-  SECTION("no frame") { configure(console, "frameCfg"); }
+  SECTION("missing chirp") { configure(console, "chirpCfg"); }
+  SECTION("missing frame") { configure(console, "frameCfg"); }
   SECTION("ramp ends before the samples") {
     configure(console);
     console.send("profileCfg 0 60 7 6 30 0 0 18.75 1 60 2000 0 0 30\n");
@@ -208,7 +208,7 @@ TEST_CASE("a missing chirp, or one beyond the front end's limits, is refused") {
 }
 
 TEST_CASE(
-    "a chirp with a missing profile is refused, a sweep that ends below 64 GHz after rounding is "
+    "a chirp with a missing profile is refused, a chirp that ends below 64 GHz after rounding is "
     "not") {
   Console console;
   configure(console, "calibData");
@@ -243,7 +243,7 @@ TEST_CASE("the sensor starts, stops and restarts") {
   CHECK(console.firmware().running());
 }
 
-TEST_CASE("a partial configuration between stop and start is refused") {
+TEST_CASE("a partial cfg between stop and start is refused") {
   Console console;
   configure(console);
   console.send("sensorStart\n");
@@ -257,7 +257,7 @@ TEST_CASE("a partial configuration between stop and start is refused") {
   CHECK(console.send("sensorStart\n") == "sensorStart\nDone\n\rmmwDemo:/>");
 }
 
-TEST_CASE("changed antennas after the first start crash the command line") {
+TEST_CASE("changing antennas after the first start crashes the simulated command line") {
   Console console;
   configure(console);
   console.send("sensorStart\n");
@@ -269,7 +269,7 @@ TEST_CASE("changed antennas after the first start crash the command line") {
   CHECK(console.send("version\n").empty());
 }
 
-TEST_CASE("the data port changes its rate and sends a ping") {
+TEST_CASE("the simulated data port changes its rate and sends a ping") {
   Console console;
   CHECK(console.send("configDataPort 460800 1\n") ==
         "configDataPort 460800 1\nData port baud rate changed to 460800\n\rDone\n\rmmwDemo:/>");
@@ -278,7 +278,7 @@ TEST_CASE("the data port changes its rate and sends a ping") {
   CHECK_THAT(console.send("configDataPort 4000000 0\n"), Catch::Contains("Ignored: Invalid baud"));
 }
 
-TEST_CASE("codes of a strong echo and of the noise floor match") {
+TEST_CASE("profile codes of a strong echo and of the noise floor match") {
   Conditions c;
   c.radar_snr_db = 60;
   Rng rng(5);
@@ -296,7 +296,7 @@ TEST_CASE("codes of a strong echo and of the noise floor match") {
         own / 2 + 5 * rms / std::sqrt(3999.0));
 }
 
-TEST_CASE("the range bias follows from a parabola through the peak") {
+TEST_CASE("the firmware's range bias follows from a parabola through the peak") {
   std::vector<double> power(40, 1e-6);
   // Magnitudes of a parabola with its peak at bin 10.3.
   for (const int i : {9, 10, 11})
@@ -331,7 +331,7 @@ std::string failure_of(const std::string& name, unsigned sdk, RadarDemo demo) {
 
 }  // namespace
 
-TEST_CASE("each board accepts its own cfgs, and names the right file for others") {
+TEST_CASE("each simulated board accepts only its own cfgs, and the error names the right file") {
   std::size_t files = 0;
   for (const auto& entry :
        std::filesystem::directory_iterator(echofuse::test::source_dir + "/config/radar")) {

@@ -36,7 +36,7 @@ struct Lines {
 
 }  // namespace
 
-TEST_CASE("a blocked consumer loses frames of a real line, and they are counted") {
+TEST_CASE("radar frames lost by a blocked reader of a pseudo-terminal are counted") {
   const TemporaryDirectory dir;
   sim::LabOptions options;
   options.dir = dir / "lab";
@@ -57,7 +57,7 @@ TEST_CASE("a blocked consumer loses frames of a real line, and they are counted"
   CHECK(counter(*lines.driver, "connections") == 1);
 }
 
-TEST_CASE("data port of another board that still sends is detected on pseudo-terminals") {
+TEST_CASE("a data port of another board that still sends is detected on pseudo-terminals") {
   const TemporaryDirectory dir;
   sim::LabOptions a, b;
   a.dir = dir / "a", b.dir = dir / "b";

@@ -165,7 +165,7 @@ sim::LabOptions options_in(const TemporaryDirectory& dir) {
 
 }  // namespace
 
-TEST_CASE("frames are sent only while started, at their period, with the scene's profile") {
+TEST_CASE("the simulated radar sends the scene's frames at their period while started") {
   const TemporaryDirectory dir;
   sim::LabOptions options = options_in(dir);
   options.conditions.radar_snr_db = 40;
@@ -229,7 +229,7 @@ TEST_CASE("frames are sent only while started, at their period, with the scene's
   CHECK(take_frame(wire).number == last + 1);  // counted since power-up
 }
 
-TEST_CASE("a heat map follows the profile if the cfg requests it") {
+TEST_CASE("the simulated radar sends a heat map if the cfg requests it") {
   BoardInMemory board;
   board.start("guiMonitor", "guiMonitor -1 0 1 0 1 0 1");
   constexpr std::size_t frame_bytes = 2304;  // 40 + 8 + 128 + 8 + 64 8 4 + 8 + 24 + 8 + 28, padded
@@ -244,7 +244,7 @@ TEST_CASE("a heat map follows the profile if the cfg requests it") {
   }
 }
 
-TEST_CASE("calibration lines are sent once per frame if requested") {
+TEST_CASE("the simulated radar sends calibration lines once per frame if requested") {
   BoardInMemory board;
   board.start("measureRangeBias", "measureRangeBiasAndRxChanPhase 1 3.5 1.0");
   board.loop.run_for(500ms);
@@ -255,7 +255,7 @@ TEST_CASE("calibration lines are sent once per frame if requested") {
   CHECK(std::count(first.begin(), first.end(), ' ') == 25);
 }
 
-TEST_CASE("at a wrong rate the host reads noise") {
+TEST_CASE("at a wrong baud rate the host reads noise") {
   const TemporaryDirectory dir;
   const sim::LabOptions options = options_in(dir);
   LabThread lab(options);

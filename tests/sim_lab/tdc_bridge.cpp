@@ -92,7 +92,7 @@ sim::LabOptions options_in(const TemporaryDirectory& dir) {
 
 }  // namespace
 
-TEST_CASE("a hello is sent, then tags at the rate of the scene") {
+TEST_CASE("the simulated tagger sends a hello, then tags at the scene's rate") {
   const TemporaryDirectory dir;
   const sim::LabOptions options = options_in(dir);
   LabThread lab(options);
@@ -141,7 +141,7 @@ TEST_CASE("a hello is sent, then tags at the rate of the scene") {
   CHECK(std::abs(photons - expected) < 5 * std::sqrt(expected));
 }
 
-TEST_CASE("a detector with zones sends their histograms at the rate of the scene") {
+TEST_CASE("a simulated zone detector sends histograms at the scene's rate") {
   const TemporaryDirectory dir;
   sim::LabOptions options = options_in(dir);
   options.conditions.spd_zones = 3;
@@ -177,7 +177,7 @@ TEST_CASE("a detector with zones sends their histograms at the rate of the scene
   CHECK(std::abs(counts - expected) < 5 * std::sqrt(expected));
 }
 
-TEST_CASE("a new client starts a new stream, and the end is announced") {
+TEST_CASE("a new client gets a new stream, and a goodbye at its end") {
   const TemporaryDirectory dir;
   const sim::LabOptions options = options_in(dir);
   LabThread lab(options);
@@ -200,7 +200,7 @@ TEST_CASE("a new client starts a new stream, and the end is announced") {
   CHECK(last->crc_good);
 }
 
-TEST_CASE("items lost by a slow client are counted in the next header") {
+TEST_CASE("the simulated bridge counts items lost by a slow client in the next header") {
   const TemporaryDirectory dir;
   sim::LabOptions options = options_in(dir);
   options.window_s = 0.05;  // 4e6 tags or 64 MB per second: more than queue and socket hold

@@ -137,7 +137,7 @@ TEST_CASE("the listing finds a USB tagger by its interface") {
   CHECK(list[0].nodes.at(0).address == address);
 }
 
-TEST_CASE("all tags of the simulated device arrive") {
+TEST_CASE("all tags of a simulated USB tagger arrive") {
   Simulated s;
   REQUIRE(run_until(s.loop, [&] { return s.sent(0) > 500'000; }));
   s.tagger->stop();
@@ -148,14 +148,14 @@ TEST_CASE("all tags of the simulated device arrive") {
                        [](const Tag& a, const Tag& b) { return a.time_ps < b.time_ps; }));
 }
 
-TEST_CASE("a device with a full FIFO reports its lost tags") {
+TEST_CASE("a USB tagger with a full FIFO reports its lost tags") {
   Simulated s(22'000);  // about the data between two transfers
   CHECK(run_until(s.loop, [&] { return s.sent(1) > 0 && counter(*s.driver, "lost_items") > 0; }));
   CHECK(counter(*s.driver, "lost_items") <= s.sent(1));
   CHECK(s.sink.state() == DeviceState::streaming);
 }
 
-TEST_CASE("blocks may be split anywhere between transfers, short and empty packets lose nothing") {
+TEST_CASE("USB transfers may split blocks anywhere, and short or empty packets lose no tags") {
   Bench b;
   b.connect();
   const Bytes all = join({b.tags(50'000), b.tags(0), b.tags(50'000)});
@@ -175,8 +175,7 @@ TEST_CASE("blocks may be split anywhere between transfers, short and empty packe
   CHECK(b.count("junk_bytes") == 0);
 }
 
-TEST_CASE(
-    "a lost byte or a halted endpoint ends the connection with one message, and it is restored") {
+TEST_CASE("a lost byte or a halted endpoint is reported once, and the connection is restored") {
   Bench b;
   b.connect();
   b.device.send(b.tags(5));
@@ -224,7 +223,7 @@ TEST_CASE("a tagger is reopened after an unplug during a transfer") {
   CHECK(b.count("connections") == cycles + 1);
 }
 
-TEST_CASE("data that a slow consumer does not read wait in the device") {
+TEST_CASE("data that a slow consumer does not read stay in the USB tagger") {
   Bench b;
   b.connect();
   constexpr std::size_t runs = 90, per_run = 65'536;  // 90 MiB: above the limit of queued bytes
@@ -241,7 +240,7 @@ TEST_CASE("data that a slow consumer does not read wait in the device") {
   CHECK(b.lost_blocks() == 0);
 }
 
-TEST_CASE("a tagger that cannot be used is reported in one line") {
+TEST_CASE("a USB tagger that cannot be opened is reported in one line") {
   const auto refusal = [](Bench& b, const char* at) {
     b.driver = make_tdc(b.loop, {at});
     b.driver->start(b.sink);
@@ -281,7 +280,7 @@ TEST_CASE("a tagger that cannot be used is reported in one line") {
     b.connect();
     b.driver.reset();
   }
-  SECTION("another kind of device") {
+  SECTION("other device type") {
     Bench::subclass = 0;
     Bench b;
     Bench::subclass = 0x45;

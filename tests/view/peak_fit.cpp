@@ -40,7 +40,7 @@ constexpr double whole = 1e6;
 
 }  // namespace
 
-TEST_CASE("peak fit has the centre and width of the peak, within the error that it states") {
+TEST_CASE("the peak fit finds centre and width within its stated error") {
   int outside = 0;
   for (unsigned seed = 1; seed <= 50; ++seed) {
     const auto fit =
@@ -53,7 +53,7 @@ TEST_CASE("peak fit has the centre and width of the peak, within the error that 
   CHECK(outside <= 8);  // 5 % of 50 are expected
 }
 
-TEST_CASE("peak fit keeps to its range, and finds none in a background") {
+TEST_CASE("the peak fit uses only its range and finds no peak in background") {
   const auto two = counts_of({{3, 0.05, 9000}, {5, 0.1, 4000}}, 10, 1);
   CHECK(fit_peak(two, axis, -whole, whole, true)->centre == Approx(3).margin(0.01));
   CHECK(fit_peak(two, axis, 4.2, 6, true)->centre == Approx(5).margin(0.02));
@@ -63,7 +63,7 @@ TEST_CASE("peak fit keeps to its range, and finds none in a background") {
   CHECK_FALSE(fit_peak({}, axis, -whole, whole, true));
 }
 
-TEST_CASE("peak fit of powers takes its noise from the residuals") {
+TEST_CASE("the peak fit of radar power estimates noise from the residuals") {
   std::vector<double> power = counts_of({{4, 0.08, 1}}, 1e-3, 0);
   const auto fit = fit_peak(power, axis, -whole, whole, false);
   REQUIRE(fit);
@@ -71,7 +71,7 @@ TEST_CASE("peak fit of powers takes its noise from the residuals") {
   CHECK(fit->fwhm == Approx(2.3548 * 0.08).epsilon(1e-3));
 }
 
-TEST_CASE("dark rate counts the clicks before the first return per second of observation") {
+TEST_CASE("the dark rate is the click rate before the first return") {
   record::FusedRecord r;
   r.valid = {Sensor::spd};
   r.slot_end = std::chrono::seconds(2);

@@ -71,7 +71,7 @@ struct Owner final : SessionOwner {
 
 }  // namespace
 
-TEST_CASE("exception in a handler ends only its own session") {
+TEST_CASE("an exception in a handler ends only its own session") {
   Owner owner;
   tcp::socket healthy = owner.connect(handshake);
   REQUIRE(owner.waits_for([&] { return owner.openings == 1; }));
@@ -88,7 +88,7 @@ TEST_CASE("exception in a handler ends only its own session") {
   CHECK(owner.waits_for([&] { return owner.marks == 1; }));
 }
 
-TEST_CASE("session queues eight marks of a client that does not read, a ninth ends it") {
+TEST_CASE("a session queues eight unread marks and ends at the ninth") {
   Owner owner;
   owner.greeting = std::make_shared<Bytes>(64 << 20);  // exceeds the socket's buffers
   tcp::socket client = owner.connect(handshake);
@@ -96,7 +96,7 @@ TEST_CASE("session queues eight marks of a client that does not read, a ninth en
   for (int i = 0; i < 8; ++i) Owner::write(client, frame(R"({"mark": "x"})"));
   owner.io.run_for(200ms);
   CHECK((owner.marks == 0 && owner.closings == 0));
-  SECTION("all eight are answered when the client reads") {
+  SECTION("eight marks are answered when the client reads") {
     std::string all(1 << 20, '\0');
     client.non_blocking(true);
     CHECK(owner.waits_for([&] {
@@ -107,7 +107,7 @@ TEST_CASE("session queues eight marks of a client that does not read, a ninth en
     }));
     CHECK(owner.closings == 0);
   }
-  SECTION("a ninth mark ends the session") {
+  SECTION("ninth mark ends the session") {
     Owner::write(client, frame(R"({"mark": "x"})"));
     CHECK(owner.waits_for([&] { return owner.closings == 1; }));
     CHECK(owner.marks == 0);

@@ -14,7 +14,7 @@
 using namespace echofuse;
 using namespace echofuse::view;
 
-TEST_CASE("only Host names that a foreign DNS entry cannot have are accepted") {
+TEST_CASE("the server accepts only Host names that DNS rebinding cannot use") {
   Access here;
   here.host_name = "lab7";
   for (const char* host : {"localhost", "LocalHost:8410", "127.0.0.1", "127.0.0.1:1", "[::1]:8410"})
@@ -31,7 +31,7 @@ TEST_CASE("only Host names that a foreign DNS entry cannot have are accepted") {
     CHECK_FALSE(all.takes_host(host));
 }
 
-TEST_CASE("page of another origin cannot open a WebSocket") {
+TEST_CASE("a page of another origin cannot open a WebSocket") {
   const Access access;
   CHECK(access.takes_origin("", "127.0.0.1:8410"));
   CHECK(access.takes_origin("http://127.0.0.1:8410", "127.0.0.1:8410"));
@@ -41,7 +41,7 @@ TEST_CASE("page of another origin cannot open a WebSocket") {
     CHECK_FALSE(access.takes_origin(origin, "127.0.0.1:8410"));
 }
 
-TEST_CASE("reading needs the token on a public address, writing always does") {
+TEST_CASE("the token is required for reading on a public address, and always for writing") {
   Access access;
   access.token = make_token();
   CHECK(access.token.size() == 32);
@@ -65,7 +65,7 @@ TEST_CASE("reading needs the token on a public address, writing always does") {
   CHECK(target_of("?").path.empty());
 }
 
-TEST_CASE("message has a header, then arrays at multiples of 8") {
+TEST_CASE("a live message has a header, then arrays at multiples of 8 bytes") {
   MessageWriter writer;
   writer.add("a", std::vector<std::uint32_t>{1, 2, 3});
   writer.add<float>("b", std::vector<float>{0.5F, 1}, {1, 2});
@@ -85,7 +85,7 @@ TEST_CASE("message has a header, then arrays at multiples of 8") {
   CHECK(arrays.get<float>() == 0.5F);
 }
 
-TEST_CASE("sensor is stale two slots after its last valid one") {
+TEST_CASE("a sensor is stale two slots after its last valid slot") {
   SensorState sensor;
   const UtcTime now = std::chrono::seconds(100);
   CHECK(is_stale(sensor, 3, now));
@@ -97,7 +97,7 @@ TEST_CASE("sensor is stale two slots after its last valid one") {
   CHECK(age_s(sensor, now) == 0);
 }
 
-TEST_CASE("run that cannot be read for a moment is read again and sent again") {
+TEST_CASE("a run that is briefly unreadable is read again and sent again") {
   const test::Folder folder;
   const std::string path = folder / "run.sqlite";
   record::RunWriter(path, {}).close("complete");
@@ -123,7 +123,7 @@ TEST_CASE("run that cannot be read for a moment is read again and sent again") {
   CHECK(run.edition() != edition);
 }
 
-TEST_CASE("state tells how long the free disk space lasts at the run's rate") {
+TEST_CASE("the state contains the time until the disk is full") {
   const test::Folder folder;
   record::RunInfo info;
   info.window_s = 3;
@@ -145,7 +145,7 @@ TEST_CASE("state tells how long the free disk space lasts at the run's rate") {
   CHECK(disk["lasts_s"].get<double>() == Approx(free_bytes / (bytes / 4) * 3));
 }
 
-TEST_CASE("run summary lists doubtful verdicts by sensor, most frequent first") {
+TEST_CASE("the run summary lists doubtful verdicts by sensor, most frequent first") {
   record::RunSummary sum;
   CHECK(record::doubts_of(sum).empty());
   sum.records = 75, sum.doubtful = 28;

@@ -100,13 +100,13 @@ Outcome run_of(const Stream& stream, const std::vector<std::string>& settings = 
 
 }  // namespace
 
-TEST_CASE("stream of tags without faults causes no event") {
+TEST_CASE("a tag stream without faults causes no event") {
   const Outcome run = run_of({.pulse = ordinary});
   CHECK(run.events == Strings{});
   for (const auto& r : run.records) CHECK(r.sync[Sensor::spd].verdict == "ok");
 }
 
-TEST_CASE("wrapped time stamps are continued and reported as an event") {
+TEST_CASE("wrapped tag times are continued and cause an event") {
   const int bits = GENERATE(32, 40);
   const Outcome run = run_of(
       {.pulse = ordinary, .time = [=](std::int64_t t) { return t % (std::int64_t{1} << bits); }});
@@ -120,13 +120,13 @@ TEST_CASE("wrapped time stamps are continued and reported as an event") {
   }
 }
 
-TEST_CASE("backward steps of time stamps are counted") {
+TEST_CASE("backward steps of tag times are counted") {
   const Outcome run =
       run_of({.pulse = ordinary, .time = [](std::int64_t t) { return t % (3 * s); }});
   CHECK_THAT(run.events.at(0), Catch::Contains("1 steps back of the tagger's time by up to 3 s"));
 }
 
-TEST_CASE("clock with another rate than the host's is reported") {
+TEST_CASE("a tagger clock that drifts from the host's is reported") {
   const auto [divisor, text] =
       GENERATE(table<std::int64_t, const char*>({{1000, "1/1000 of the host's"}, {2, "1/2 of"}}));
   const Outcome run =
@@ -140,7 +140,7 @@ TEST_CASE("clock with another rate than the host's is reported") {
   }
 }
 
-TEST_CASE("overflow without an end is reported as verdict and event") {
+TEST_CASE("a tagger overflow without an end causes a verdict and an event") {
   const Outcome run = run_of({.pulse = [](auto& out, std::int64_t i, std::int64_t at) {
     if (i == 16'000) out.push_back(tag(0, at, TagType::overflow_begin));
     ordinary(out, i, at);
@@ -152,7 +152,7 @@ TEST_CASE("overflow without an end is reported as verdict and event") {
   }));
 }
 
-TEST_CASE("overflow that ends, or reports missed events, is not endless") {
+TEST_CASE("an overflow that ends, or reports missed events, is not taken as endless") {
   const Outcome run = run_of({.pulse = [](auto& out, std::int64_t i, std::int64_t at) {
     if (i == 16'000) out.push_back(tag(0, at, TagType::overflow_begin));
     if (i == 18'000) out.push_back(tag(0, at, TagType::overflow_end));
@@ -186,7 +186,7 @@ TEST_CASE("missing, doubled and faster start pulses cause events") {
   CHECK(faster.events.size() == 1);
 }
 
-TEST_CASE("records with lost starts are lossy if the laser rate is known") {
+TEST_CASE("records with lost start pulses are lossy if the laser rate is known") {
   std::mt19937 random(1);
   const Outcome lossy = run_of({.pulse =
                                     [&](auto& out, std::int64_t i, std::int64_t at) {
@@ -201,7 +201,7 @@ TEST_CASE("records with lost starts are lossy if the laser rate is known") {
                                    Catch::EndsWith(" % of the 4000 expected start pulses"));
 }
 
-TEST_CASE("conditional filter, which passes only starts with a click, causes no event") {
+TEST_CASE("a conditional filter, which passes only starts with a click, causes no event") {
   std::mt19937 random(1);
   const Outcome run = run_of({.pulse = [&](auto& out, std::int64_t i, std::int64_t at) {
     if (random() % 5 > 0) return;
@@ -212,7 +212,7 @@ TEST_CASE("conditional filter, which passes only starts with a click, causes no 
 }
 
 TEST_CASE(
-    "tag resolution that does not divide the bin width causes an event with a suitable width") {
+    "a tag resolution that does not divide the bin width causes an event with a suitable width") {
   const auto [step, fits] = GENERATE(table<std::int64_t, const char*>({{81, "81"}, {250, "250"}}));
   const Outcome run =
       run_of({.pulse = ordinary, .time = [d = step](std::int64_t t) { return t / d * d; }});
@@ -231,7 +231,7 @@ TEST_CASE("afterpulses cause an event that names the second peak") {
                                                "a second peak 2.25 m behind the first"));
 }
 
-TEST_CASE("events out of order within 1 us are sorted and counted") {
+TEST_CASE("tags out of order by up to 1 us are sorted and counted") {
   const Outcome run = run_of({.pulse = [](auto& out, std::int64_t i, std::int64_t at) {
     if (i % 25 == 0 && i % 50 == 0) out.push_back(tag(2, at + click_after(i)));
     out.push_back(tag(1, at));
@@ -241,7 +241,7 @@ TEST_CASE("events out of order within 1 us are sorted and counted") {
   for (const auto& r : run.records) CHECK(r.spd_counts.out_of_range == 0);
 }
 
-TEST_CASE("events out of order across two blocks are sorted without loss") {
+TEST_CASE("tags out of order across two blocks are sorted without loss") {
   // The start of each block's last click arrives in the next block.
   const Outcome run = run_of({.pulse = [](auto& out, std::int64_t i, std::int64_t at) {
     if (out.empty() && i > 0) out.push_back(tag(1, at - period));

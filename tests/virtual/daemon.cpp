@@ -20,7 +20,7 @@ using test::Strings;
 using namespace std::chrono_literals;
 
 TEST_CASE(
-    "without faults every slot has a complete record, and nothing is lost, late or doubtful") {
+    "without faults each slot has a complete record, and no data are lost, late or doubtful") {
   Bench b;
   CHECK(b.lab->record(b.run(40)) == ExitCode::ok);
   const auto all = b.records();
@@ -41,7 +41,7 @@ TEST_CASE(
   CHECK(b.reader().info().status == "complete");
 }
 
-TEST_CASE("run goes on without devices, and its records are complete when they return") {
+TEST_CASE("a run continues without devices, and records are complete when they return") {
   Bench b({.faults = {fault("tdc", FaultKind::unplug, 30, 30),
                       fault("radar", FaultKind::unplug, 30, 30),
                       fault("depth", FaultKind::unplug, 30, 30)}});
@@ -80,14 +80,14 @@ TEST_CASE("missing and unconfigured devices have different verdicts") {
   CHECK(has(b.events("radar"), "no data at the start"));
 }
 
-TEST_CASE("run needs its required devices, and records without them are incomplete") {
+TEST_CASE("a run needs its required devices, and records without them are incomplete") {
   SECTION("at the start") {
     Bench b({.radar_required = true});
     b.unplug_radar();
     CHECK_THROWS_WITH(b.lab->record(b.run(4)),
                       Catch::Contains("a required device delivered no data"));
   }
-  SECTION("in mid-run") {
+  SECTION("during the run") {
     Bench b({.faults = {fault("radar", FaultKind::unplug, 30, 15)}, .radar_required = true});
     CHECK(b.lab->record(b.run(20)) == ExitCode::ok);
     const auto all = b.records();
@@ -99,7 +99,7 @@ TEST_CASE("run needs its required devices, and records without them are incomple
   }
 }
 
-TEST_CASE("raw capture reproduces the live run bitwise, with faults and reconnections") {
+TEST_CASE("a raw capture with faults and reconnections reproduces the live run bitwise") {
   const double window_s =
       GENERATE(3.0, 12.0);  // longer slots do not align to a multiple of their length
   Bench b({.window_s = window_s,
@@ -139,7 +139,7 @@ TEST_CASE("raw capture reproduces the live run bitwise, with faults and reconnec
         std::vector(live[0].spd.begin(), live[0].spd.begin() + 10));
 }
 
-TEST_CASE("raw capture without a slot or with missing bytes is refused") {
+TEST_CASE("a raw capture without a slot or with missing bytes is refused") {
   Bench b;
   auto run = b.run(2);
   run.keep_raw = b.folder / "raw";
@@ -155,12 +155,12 @@ TEST_CASE("raw capture without a slot or with missing bytes is refused") {
     return std::string("none");
   };
   std::string name = "tags.times", text = "1000000000 open 0\n1000000000 bytes 99999999999\n", why;
-  SECTION("more bytes") { why = "tags.times: lists more bytes than 1 files contain"; }
-  SECTION("no line") {
+  SECTION("extra bytes") { why = "tags.times: lists more bytes than 1 files contain"; }
+  SECTION("missing line") {
     text = "1000000000 open\n";
     why = "tags.times: expected TIME WHAT VALUE, found \"1000000000 open\"";
   }
-  SECTION("no slot") {
+  SECTION("missing slot") {
     name = "run.times", why = "run.times: the raw capture has no complete slot";
   }
   std::ofstream(run.keep_raw + "/" + name) << text;
@@ -170,7 +170,7 @@ TEST_CASE("raw capture without a slot or with missing bytes is refused") {
     CHECK(file.path().filename().string().find("x.sqlite") == std::string::npos);
 }
 
-TEST_CASE("countdown delays the first slot") {
+TEST_CASE("option --countdown delays the first slot") {
   const auto first = [](std::int64_t countdown_s) {
     Bench b({.window_s = 1});
     auto run = b.run(2);
@@ -182,7 +182,7 @@ TEST_CASE("countdown delays the first slot") {
   CHECK(first(5) - first(0) == std::chrono::seconds(5));
 }
 
-TEST_CASE("run interrupted before its first slot ends without a record") {
+TEST_CASE("a run interrupted before its first slot ends without a record") {
   Bench b;
   const pid_t child = fork();  // a process counts its signals for ever
   REQUIRE(child >= 0);
@@ -199,7 +199,7 @@ TEST_CASE("run interrupted before its first slot ends without a record") {
   CHECK(b.reader().count() == 0);
 }
 
-TEST_CASE("weak laser is reported once and counted in every record") {
+TEST_CASE("a weak laser is reported once and counted in each record") {
   Bench b({.signal_photons = 100});
   auto run = b.run(6);
   run.strict = true;
@@ -209,7 +209,7 @@ TEST_CASE("weak laser is reported once and counted in every record") {
   CHECK(b.events("spd").size() == 1);
 }
 
-TEST_CASE("fading laser, frozen camera and frozen radar are reported once each") {
+TEST_CASE("a fading laser, a frozen camera and a frozen radar are reported once each") {
   Bench b({.faults = {fault("tdc", FaultKind::gain, 60, 15, 0.03),
                       fault("depth", FaultKind::freeze, 90, 15),
                       fault("radar", FaultKind::freeze, 120, 15)},
@@ -231,7 +231,7 @@ TEST_CASE("fading laser, frozen camera and frozen radar are reported once each")
   }
 }
 
-TEST_CASE("records that lost most of their frames are lossy, stay valid, and are reported once") {
+TEST_CASE("records that lost most of their frames are lossy but valid, and reported once") {
   Bench b({.faults = {fault("radar", FaultKind::drop, 60, 15, 0.6),
                       fault("depth", FaultKind::drop, 90, 15, 0.6)}});
   CHECK(b.lab->record(b.run(50)) == ExitCode::ok);
@@ -249,7 +249,7 @@ TEST_CASE("records that lost most of their frames are lossy, stay valid, and are
   CHECK_THAT(record::doubts_of(b.reader().summary()), Catch::Contains("radar lossy "));
 }
 
-TEST_CASE("simulated scenes are aligned to the slots") {
+TEST_CASE("simulated scenes are aligned to slots") {
   Bench b({.window_s = 1,
            .hold_s = 1,
            .scenes = "[[scene]]\nkind = \"person\"\nx_m = 0.0\nz_m = 3.0\nyaw_deg = 0.0\n"
@@ -287,13 +287,13 @@ TEST_CASE("slots keep their length when the system clock is set") {
   CHECK(steps == std::vector<double>{seconds(day), seconds(-2 * day)});
 }
 
-TEST_CASE("run is refused if UTC exceeds its type") {
+TEST_CASE("a run is refused if UTC overflows its type") {
   Bench b;
   b.lab->loop.step_utc(24h * 365 * 237);
   CHECK_THROWS_WITH(b.lab->record(b.run(1)), Catch::Contains("the system clock is at 226"));
 }
 
-TEST_CASE("disconnected device stays locked against another run") {
+TEST_CASE("a disconnected device stays locked against another run") {
   Bench b({.faults = {fault("radar", FaultKind::unplug, 20, 30)}});
   std::string refused;
   port::Timer other(b.lab->loop);
@@ -311,7 +311,7 @@ TEST_CASE("disconnected device stays locked against another run") {
   CHECK(refused.find("in use by echofuse-acquire run") != std::string::npos);
 }
 
-TEST_CASE("camera that returns with another axis is not used, other devices are") {
+TEST_CASE("a camera that reconnects with another axis is not used, other devices are") {
   Bench b({.faults = {fault("depth", FaultKind::unplug, 20, 6)}});
   port::Timer meanwhile(b.lab->loop);
   meanwhile.after(23s, [&] { b.lab->turn_camera(); });
@@ -321,7 +321,7 @@ TEST_CASE("camera that returns with another axis is not used, other devices are"
   CHECK(has(b.events("depth"), "reconnected with another axis"));
 }
 
-TEST_CASE("radar that returns with another clock is placed by that clock") {
+TEST_CASE("a radar that reconnects with another clock is placed by that clock") {
   const double by_s = GENERATE(-10.0, -0.4, 2.0, 10.0);
   CAPTURE(by_s);
   Bench b({.faults = {fault("radar", FaultKind::unplug, 20, 10),

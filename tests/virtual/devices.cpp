@@ -190,7 +190,7 @@ ExitCode calibrate(Laboratory& lab, bool check = false, acquire::CalibrateOption
 
 }  // namespace
 
-TEST_CASE("radar is stopped after a run, or a failed start, unless it is kept running") {
+TEST_CASE("the radar is stopped after a run or a failed start, unless it is kept running") {
   Bench b;
   SECTION("after a run") {
     CHECK(b.lab->record(b.run(2)) == ExitCode::ok);
@@ -210,7 +210,7 @@ TEST_CASE("radar is stopped after a run, or a failed start, unless it is kept ru
   }
 }
 
-TEST_CASE("radar that does not answer sensorStop causes a warning and a short delay") {
+TEST_CASE("a radar that does not answer sensorStop causes a warning and a short delay") {
   Bench b;
   port::Timer choke(b.lab->loop);
   choke.after(10s, [&] { b.lab->choke_radar(true); });
@@ -218,7 +218,7 @@ TEST_CASE("radar that does not answer sensorStop causes a warning and a short de
   CHECK(has(b.events("radar"), "device did not confirm the stop and may still be sending"));
 }
 
-TEST_CASE("cfg for another SDK is reported with the one to use") {
+TEST_CASE("a cfg for another SDK is reported with the cfg to use") {
   const auto [sdk, cfg, told] = GENERATE(table<unsigned, const char*, const char*>(
       {{4, "xwr68xx_44mm_sdk3.4.cfg", ""},
        {5, "xwr68xx_44mm.cfg", ""},
@@ -236,7 +236,7 @@ TEST_CASE("cfg for another SDK is reported with the one to use") {
                Catch::StartsWith("mmWave SDK 03.0" + std::to_string(sdk)));
 }
 
-TEST_CASE("buffered tags go to the slot of their time stamps, or count as late there") {
+TEST_CASE("buffered tags go to the slot of their time stamps, or are counted as late there") {
   Bench b({.window_s = 0.5});
   Keeper keeper(b.lab->loop, b.lab->loop.ports.at(b.lab->config().tdc.address));
   port::Timer away(b.lab->loop), back(b.lab->loop);
@@ -256,7 +256,7 @@ TEST_CASE("buffered tags go to the slot of their time stamps, or count as late t
   CHECK(std::count_if(all.begin(), all.end(), [](auto& r) { return !r.has(Sensor::spd); }) >= 2);
 }
 
-TEST_CASE("offsets are measured, stored, and used by a run") {
+TEST_CASE("calibrate measures and stores offsets, and a run uses them") {
   Bench b(reflector());
   const std::string stored = b.folder / "calibration.toml";
   b.lab->set({"run.calibration=" + stored}, false);
@@ -287,7 +287,7 @@ TEST_CASE("offsets are measured, stored, and used by a run") {
   CHECK(calibrate(*slipped.lab, true) == ExitCode::failed);
 }
 
-TEST_CASE("both reflector mountings give equal offsets, the wrong one an error") {
+TEST_CASE("both reflector mountings give equal offsets, the wrong mounting an error") {
   const auto stated = GENERATE(acquire::Mounting::detector, acquire::Mounting::each);
   const std::string placed = GENERATE("detector", "each");
   CAPTURE(acquire::name_of(stated), placed);
@@ -339,7 +339,7 @@ TEST_CASE("both reflector mountings give the antennas' gains and phases") {
   }
 }
 
-TEST_CASE("radar behind a bridge is calibrated by its range profile") {
+TEST_CASE("a bridged radar is calibrated with its range profile") {
   Bench b(reflector());
   const std::string stored = b.folder / "c.toml";
   BridgedDevice device(b.lab->loop, 5, R"({"model":"R","serial":"R1","firmware":"1"})",
@@ -366,8 +366,8 @@ TEST_CASE("radar behind a bridge is calibrated by its range profile") {
   CHECK(calibrate(*b.lab, false, options) == ExitCode::device);
 }
 
-TEST_CASE("failed calibration is not stored") {
-  SECTION("one frame in each repeat, which gives no spread") {
+TEST_CASE("a failed calibration is not stored") {
+  SECTION("one frame per repeat, no spread") {
     LaboratoryOptions slow = reflector();
     slow.radar_cfg = "xwr68xx_azimuth_44mm.cfg";
     Bench b(slow);
@@ -385,7 +385,7 @@ TEST_CASE("failed calibration is not stored") {
     CHECK(calibrate(*b.lab) == ExitCode::device);
     CHECK_FALSE(std::filesystem::exists(b.folder / "c.toml"));
   }
-  SECTION("a counting board, which sends histograms") {
+  SECTION("counting board, which sends histograms") {
     Bench b(reflector());
     BridgedDevice device(
         b.lab->loop, 4, R"({"model":"B","serial":"B1","firmware":"1","sends":"histograms"})",
@@ -413,13 +413,13 @@ TEST_CASE("failed calibration is not stored") {
     CHECK(calibrate(*b.lab) == ExitCode::device);
     CHECK_FALSE(std::filesystem::exists(b.folder / "c.toml"));
   }
-  SECTION("verification without a calibration") {
+  SECTION("verification without calibration") {
     Bench b(reflector());
     CHECK_THROWS_WITH(calibrate(*b.lab, true), Catch::Contains("no calibration to compare with"));
   }
 }
 
-TEST_CASE("doctor warns of a blocked laser with the verdict of a run") {
+TEST_CASE("doctor warns of a blocked laser with a run's verdict") {
   const auto said = [](double photons) {
     Bench b({.signal_photons = photons,
              .change = [](sim::Conditions& c) { c.background_counts = 1000; }});
@@ -436,7 +436,7 @@ TEST_CASE("doctor warns of a blocked laser with the verdict of a run") {
              Catch::Contains("\nwarning  spd  ") && Catch::Contains("-> no peak: no bins"));
 }
 
-TEST_CASE("exit code of doctor is that of the first problem, devices before disk") {
+TEST_CASE("doctor exits with the code of its first problem, devices before disk") {
   Bench b;
   const auto examine = [&](std::optional<std::int64_t> count) {
     acquire::DoctorOptions options;
@@ -444,7 +444,7 @@ TEST_CASE("exit code of doctor is that of the first problem, devices before disk
     return acquire::examine(b.lab->config(), options, b.lab->loop);
   };
   b.lab->set({"run.folder=" + b.folder / ""});
-  SECTION("well") {
+  SECTION("no problem") {
     b.lab->set({"radar.cli=", "radar.data="});
     CHECK(examine(40) == ExitCode::ok);
     CHECK(examine(1'000'000'000'000) == ExitCode::disk);

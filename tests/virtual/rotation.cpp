@@ -46,7 +46,7 @@ std::map<std::string, std::uint64_t> counters_of(const std::string& file) {
 
 }  // namespace
 
-TEST_CASE("rotation loses no slot, and each file is a complete run") {
+TEST_CASE("file rotation loses no slot, and each file is a complete run") {
   Bench whole, b;
   CHECK(whole.lab->record(whole.run(10)) == ExitCode::ok);
   Rotation rotation(b, 10, 4);
@@ -88,7 +88,7 @@ TEST_CASE("rotation loses no slot, and each file is a complete run") {
   CHECK(counters_of(rotation.files[1]).at("radar frames") == 4 * 12);
 }
 
-TEST_CASE("rotation ends with a full file, without an empty one") {
+TEST_CASE("a run that ends at a rotation creates no empty file") {
   Bench b;
   Rotation rotation(b, 8, 4);
   CHECK(b.lab->record(rotation.options) == ExitCode::ok);
@@ -96,7 +96,7 @@ TEST_CASE("rotation ends with a full file, without an empty one") {
   for (const auto& file : rotation.files) CHECK(record::RunReader(file).count() == 4);
 }
 
-TEST_CASE("device missing at the start of a file is used when it returns") {
+TEST_CASE("a device missing at the start of a rotated file is used when it returns") {
   Bench b({.faults = {test::fault("radar", FaultKind::unplug, 20, 30)}});
   Rotation rotation(b, 24, 8);
   CHECK(b.lab->record(rotation.options) == ExitCode::ok);
