@@ -3,7 +3,7 @@
 
 namespace echofuse::test {
 
-// The cases that the arguments of Catch choose; the number of failures, as the program's exit code.
+// Runs the cases selected by the arguments; returns the number of failures as exit code.
 int run_catch(int argc, char** argv);
 
 }  // namespace echofuse::test

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Chromium for tests of pages. Where it is not installed, importing this ends the test with exit code 77."""
+"""Chromium for tests of pages. Without it, the import ends the test with exit code 77."""
 import shutil
 import sys
 
@@ -31,5 +31,5 @@ def resize(browser, width, height):
 
 
 def drawn(browser):
-    """Two frames later what follows a size is drawn."""
+    """Waits two frames, after which a resized page is drawn."""
     browser.execute_async_script("const done = arguments[0]; requestAnimationFrame(() => requestAnimationFrame(done))")

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""Words that plain technical English avoids (.github/CONTRIBUTING.md), in strings, comments and manuals, counted by
-folder; and sentences of more than 25 words in manuals. A limit may only fall. `english.py --list` prints each place."""
+"""Counts words that plain technical English avoids (.github/CONTRIBUTING.md) in strings, comments and manuals of each folder,
+and sentences of more than 25 words in manuals. A limit may only fall. `english.py --list` prints each place."""
 import io
 import pathlib
 import re
@@ -20,7 +20,7 @@ words_limit = 25
 
 
 def of_cpp(text):
-    """(line, words) of each comment and string literal."""
+    """Yields (line, text) of each comment and string literal."""
     token = re.compile(r'//[^\n]*|/\*.*?\*/|R"\((.*?)\)"|"(?:\\.|[^"\\\n])*"', re.S)
     for match in token.finditer(text):
         yield text.count("\n", 0, match.start()) + 1, match[0]
@@ -33,7 +33,7 @@ def of_python(text):
 
 
 def of_manual(text):
-    """(line, words) of each paragraph outside blocks and `code`."""
+    """Yields (line, text) outside code blocks, with `code` replaced."""
     text = re.sub(r"^```.*?^```$", lambda block: "\n" * block[0].count("\n"), text, flags=re.M | re.S)
     for number, line in enumerate(text.splitlines(), 1):
         yield number, re.sub(r"`[^`]*`", "`x`", line)

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// A fresh folder that goes with the test.
+// Temporary folder, removed at the end of the test.
 #pragma once
 #include <catch2/catch.hpp>
 #include <cstdlib>
@@ -23,7 +23,7 @@ struct Folder {
   std::string operator/(const std::string& name) const { return (path / name).string(); }
 };
 
-// Bytes of the file; none if it is not there.
+// Returns the bytes of the file; empty if it does not exist.
 inline std::string contents(const std::filesystem::path& file) {
   std::ifstream in(file, std::ios::binary);
   return {std::istreambuf_iterator<char>(in), {}};

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// A full disk: while this object lives, files of this process cannot exceed this size.
+// Simulates a full disk: during its lifetime files of this process cannot exceed this size.
 #pragma once
 #include <sys/resource.h>
 

@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""House rules that a script can check: one SPDX line a file, files of at most 500 lines, layout by
-clang-format 14 where it is installed; what comments begin with; every command, option and file that a text names
-exists, and every case that CTest is told; one type a name; no circle of includes or imports; uPlot as its hashes say."""
+"""Checks house rules: one SPDX line per file, at most 500 lines per file, layout of clang-format 14 if installed, first words
+of comments; commands, options and files in manuals exist, and so do tests named in CMake; unique type names; no circular
+includes or imports; hashes of uPlot."""
 import ast
 import base64
 import fnmatch

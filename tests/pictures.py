@@ -1,8 +1,8 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: MIT
-"""tests/pictures.py names BIN_DIR: charts in .readme/ contain only texts that today's scripts draw, and models that
-today's programs know; page.png and page.webp only headings and buttons of today's page.
-tests/pictures.py lines: no text of a sketch lies across a line."""
+"""tests/pictures.py names BIN_DIR: charts in .readme/ contain only texts of the current scripts and models of the current
+programs; page.png and page.webp only headings and buttons of the current page.
+tests/pictures.py lines: no text of a sketch overlaps a line."""
 import ast
 import pathlib
 import re
@@ -38,7 +38,7 @@ def models():
 
 
 class Names(unittest.TestCase):
-    def test_charts(self):
+    def test_charts_contain_only_current_texts(self):
         sources = [root / "scripts/make_pictures", *(root / "recon/python/echofuse").rglob("*.py")]
         known = set().union(models(), *(patterns_of(path.read_text()) for path in sources))
         known |= set(map(re.escape, re.findall(r"^\| [`*]+([^`*]+)", (root / "README.md").read_text(), re.M)))
@@ -54,7 +54,7 @@ class Names(unittest.TestCase):
                 self.assertGreater(len(texts), 3)
                 self.assertEqual(unknown, [], "older than the names it shows: scripts/make_pictures")
 
-    def test_pages(self):
+    def test_page_pictures_contain_only_current_texts(self):
         page = "".join(path.read_text() for pattern in ("*.html", "*.js") for path in (root / "recon/web").glob(pattern))
         for name in ("page.png", "page.webp"):
             shown = re.search(rb"names: ([^<\x00]*);", (pictures / name).read_bytes())
@@ -63,7 +63,7 @@ class Names(unittest.TestCase):
             self.assertGreater(len(names), 5, name)
             self.assertEqual([one for one in names if one not in page], [], f"{name}: older than the names it shows")
 
-    def test_every_picture_is_shown(self):
+    def test_every_picture_is_used(self):
         texts = "".join(path.read_text() for path in root.glob("**/*.md") if "build" not in path.parts)
         self.assertEqual([p.name for p in pictures.iterdir() if f".readme/{p.name}" not in texts], [])
 
@@ -83,7 +83,7 @@ return out;"""
 
 
 class Lines(unittest.TestCase):
-    def test_no_text_lies_across_a_line(self):
+    def test_no_text_overlaps_a_line(self):
         import chromium
         browser = chromium.start()
         self.addCleanup(browser.quit)

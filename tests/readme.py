@@ -1,9 +1,8 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""Runs the commands of a text: readme.py BIN FILE.md [--slow] types its ```sh blocks, line by line and in order, into
-one shell in an empty folder that has the programs in PATH and scripts/ and config/ beside it. A block after
-`<!-- not run: reason -->` is left out; one after `<!-- slow -->`, which repeats what a quicker test checks, without
---slow. The first command that fails ends the test."""
+"""readme.py BIN FILE.md [--slow]: runs the ```sh blocks of a manual in order in one shell, in a folder that contains only
+scripts/ and config/, with the programs in PATH. Blocks after `<!-- not run: reason -->` are skipped, blocks after
+`<!-- slow -->` unless --slow is given. The first command that fails ends the test."""
 import os
 import pathlib
 import re
@@ -21,9 +20,9 @@ assert blocks, f"{sys.argv[2]}: no commands"
 with tempfile.TemporaryDirectory(prefix="readme-") as folder:
     for name in ("scripts", "config"):
         (pathlib.Path(folder) / name).symlink_to(root / name)
-    # A shell that a command opens (`echofuse-sim lab -- bash`) reads the lines that follow, as it would from a
-    # terminal: a pipe, because bash reads ahead in a file. BASH_ENV makes it stop at a failure, too. Exit code 5
-    # (some records are bad) is none: a busy machine may keep a laboratory of real time from a slot.
+    # A shell started by a command (`echofuse-sim lab -- bash`) reads the lines that follow, as from a terminal. The input is
+    # a pipe, because bash reads ahead in a file. BASH_ENV makes this shell stop at failures, too. Exit code 5 (some records
+    # are bad) is accepted, because the laboratory may miss a slot on a busy machine.
     stop = pathlib.Path(folder) / ".stop"
     stop.write_text("set -o pipefail; trap 'status=$?; [ $status = 5 ] || exit $status' ERR\n", encoding="utf-8")
     environment = {**os.environ, "BASH_ENV": str(stop), "PATH": sys.argv[1] + os.pathsep + os.environ["PATH"]}

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Commands as a user types them.
+// Shell commands.
 #pragma once
 #include <sys/wait.h>
 

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: MIT
-"""Waiting for what other processes do."""
+"""Waiting for other processes."""
 import pathlib
 import time
 
 
 def wait_for(what, condition, timeout_s=20, pause_s=0.02):
-    """`what`: words, or what makes them when it is too late."""
+    """`what` is a text for the error, or a function that returns it."""
     end = time.monotonic() + timeout_s
     while not condition():
         if time.monotonic() > end:
@@ -14,6 +14,6 @@ def wait_for(what, condition, timeout_s=20, pause_s=0.02):
 
 
 def starved(*processes):
-    """True if these processes, which still run, have waited for a processor for more than a second in total."""
+    """Returns whether these running processes have waited more than a second in total for a processor."""
     threads = [file for process in processes for file in pathlib.Path(f"/proc/{process.pid}/task").glob("*/schedstat")]
     return sum(int(file.read_text().split()[1]) for file in threads) > 1e9

@@ -40,17 +40,17 @@ class CameraCase(unittest.TestCase):
 
 
 class Calls(CameraCase):
-    def test_opening_and_closing(self):
+    def test_camera_is_opened_and_closed(self):
         self.open("--serial", "STAND-IN-2").close()
         self.assertEqual(recorder.calls, [
             ("query_devices",), ("get_device_by_serial_number", "STAND-IN-2"), ("set_bool_property", "mirror", False),
             ("get_stream_profile_list", "depth"), ("enable_stream", 64, 64, "y16", 30), ("start",), ("stop",)])
 
-    def test_first_camera(self):
+    def test_first_camera_is_used_by_default(self):
         self.assertEqual(self.open().hello(), {"model": "Orbbec Gemini 2", "serial": "STAND-IN-2", "firmware": "1.4.98"})
         self.assertIn(("get_device_by_serial_number", "STAND-IN-2"), recorder.calls)
 
-    def test_projector_preset_and_depth_mode(self):
+    def test_projector_preset_and_depth_mode_are_set(self):
         self.open().close()
         self.assertFalse({"load_preset", "set_depth_work_mode", "set_int_property"} & {call[0] for call in recorder.calls})
         self.assertNotIn("projector", self.said)
@@ -62,7 +62,7 @@ class Calls(CameraCase):
             self.assertLess(recorder.calls.index(call), start)
         self.assertIn('depth mode "Binned Sparse Default", preset "High Accuracy", projector off\n', self.said)
 
-    def test_a_projector_with_another_switch_or_none(self):
+    def test_other_projector_switches_are_supported(self):
         with mock.patch.object(sdk, "supported", {"laser", "laser control"}):
             self.open("--no-projector")
         self.assertIn(("set_int_property", "laser control", 0), recorder.calls)
@@ -77,17 +77,17 @@ class Calls(CameraCase):
         with mock.patch.object(sdk, "presets", []), self.assertRaisesRegex(RuntimeError, "has none$"):
             self.open("--preset", "Default")
 
-    def test_unknown_mode(self):
+    def test_unknown_mode_is_refused(self):
         with self.assertRaisesRegex(RuntimeError, "^no depth mode 64 x 48 at 30 frames/s: Invalid input"):
             self.open("--height", "48")
 
-    def test_intrinsics_of_another_mode(self):
+    def test_intrinsics_of_another_mode_are_refused(self):
         lens = types.SimpleNamespace(**vars(sdk.camera) | {"width": 128})
         with mock.patch.object(sdk.VideoStreamProfile, "get_intrinsic", lambda self: lens):
             self.assertRaisesRegex(RuntimeError, "128 x 64", self.open)
         self.assertEqual(recorder.calls[-1], ("stop",))
 
-    def test_missing_intrinsics(self):
+    def test_missing_intrinsics_are_refused(self):
         for fault, words in (("zero", "no intrinsics of the depth mode of 64 x 64 pixels: fx 0, fy 0"),
                              ("nan", "no intrinsics of the depth mode"), ("none", "version 2 is needed")):
             with mock.patch.object(sdk, "intrinsics", fault):
@@ -103,7 +103,7 @@ class Calls(CameraCase):
         # Corner: x = y = 0.63, r2 = 0.7938; 0.1 r2 x 50 pixels in both directions
         self.assertIn("up to 3.54 pixel", self.said)
 
-    def test_bad_arguments(self):
+    def test_bad_arguments_are_refused(self):
         for bad in (["--width", "0"], ["--fps", "x"], ["--listen", "nowhere"]):
             with self.subTest(bad), contextlib.redirect_stderr(io.StringIO()), self.assertRaises(SystemExit) as ended:
                 orbbec.parse_arguments(bad)
@@ -111,7 +111,7 @@ class Calls(CameraCase):
 
 
 class Frames(CameraCase):
-    def test_golden_payload(self):
+    def test_depth_frame_has_the_golden_payload(self):
         camera = self.open()
         camera._options.width, camera._options.height = 3, 2
         lens = types.SimpleNamespace(width=3, height=2, fx=2, fy=2, cx=1, cy=0.5)
@@ -121,7 +121,7 @@ class Frames(CameraCase):
         frame = shared.Frame(42, 123_456_789_012, 3, 2, np.array([0, 1000, 2000, 3000, 4000, 65535], "<u2"), 1.0)
         self.assertEqual(camera._payload(frame), golden()[2][32:])
 
-    def test_scale(self):
+    def test_depth_scale_is_converted_to_millimetres(self):
         camera = self.open()
         for scale in (0.5, 20.0):
             with mock.patch.object(sdk, "scale", scale):
@@ -174,7 +174,7 @@ class Frames(CameraCase):
 
 
 class Process(unittest.TestCase):
-    def test_frames_arrive_and_it_stops(self):
+    def test_bridge_serves_frames_and_stops(self):
         with Program("orbbec.py", *SIZE) as program, Client(program.address) as client:
             client.block()
             frames = [client.until(bridge.DEPTH)[-1].payload for _ in range(3)]
@@ -186,12 +186,12 @@ class Process(unittest.TestCase):
             client.until(bridge.BYE)
             self.assertEqual(program.calls()[-1], ("stop",))
 
-    def test_no_camera(self):
+    def test_missing_camera_is_reported(self):
         with Program("orbbec.py", STAND_IN_CAMERAS="0") as program:
             self.assertEqual(program.process.wait(10), 4)
             self.assertEqual(program.said(), "orbbec: no Orbbec camera is connected\n")
 
-    def test_two_cameras(self):
+    def test_two_cameras_need_a_serial_number(self):
         with Program("orbbec.py", STAND_IN_CAMERAS="2") as program:
             self.assertEqual(program.process.wait(10), 4)
             self.assertIn("choose one with --serial: STAND-IN-2, STAND-IN-4", program.said())
@@ -201,14 +201,14 @@ class Process(unittest.TestCase):
             self.assertEqual(program.process.wait(10), 4)
             self.assertRegex(program.said(), r"\Aorbbec: the SDK tells no intrinsics of [^\n]*\n\Z")
 
-    def test_library_is_absent(self):
+    def test_missing_library_is_reported(self):
         with tempfile.TemporaryDirectory() as folder:
             (pathlib.Path(folder) / "pyorbbecsdk.py").write_text("raise ImportError('no vendor library')\n")
             with Program("orbbec.py", path=folder) as program:
                 self.assertEqual(program.process.wait(10), 4)
                 self.assertRegex(program.said(), r"\Aorbbec: no vendor library; install [^\n]*\n\Z")
 
-    def test_unplugged_and_back(self):
+    def test_unplugged_camera_is_reopened(self):
         with Program("orbbec.py", *SIZE, STAND_IN_FAULTS="wait_for_frames:10,query_devices:2") as program:
             with Client(program.address) as client:
                 client.until(bridge.BYE)

@@ -38,7 +38,7 @@ class Example(unittest.TestCase):
             self.assertEqual(len(blocks[-1].payload), 44 + 4 * 336)
             self.assertEqual(program.stop(), 0)
 
-    def test_the_device_is_opened_again(self):
+    def test_device_is_reopened(self):
         code = ("import sys; sys.argv = ['example.py', '--listen', '127.0.0.1:0']; import example\n"
                 "def unplugged(board, server, once=[]):\n"
                 "    if once: return 0.01\n"
@@ -59,7 +59,7 @@ class Recording(unittest.TestCase):
         self.assertEqual(done.returncode, 0, done.stderr)
         return done.stdout
 
-    def test_record_train_and_show(self):
+    def test_own_sensors_are_recorded_trained_with_and_shown(self):
         folder = tempfile.TemporaryDirectory(prefix="echofuse-")
         self.addCleanup(folder.cleanup)
         place = pathlib.Path(folder.name)

@@ -18,7 +18,7 @@ def make_server(test, **options):
 
 
 class Framing(unittest.TestCase):
-    def test_golden(self):
+    def test_blocks_equal_the_golden_file(self):
         for number, (kind, dropped) in enumerate([(0, 0), (1, 0), (2, 5), (3, 0)]):
             whole = golden()[number]
             self.assertEqual(bridge.block(kind, number, whole[32:], dropped), whole[:32])
@@ -26,13 +26,13 @@ class Framing(unittest.TestCase):
     def test_sequence_wraps(self):
         self.assertEqual(bridge.block(1, 1 << 32, b"x"), bridge.block(1, 0, b"x"))
 
-    def test_addresses(self):
+    def test_listen_addresses_are_parsed(self):
         self.assertEqual(bridge.listen_address("[::1]:41110"), ("::1", 41110))
         self.assertEqual(bridge.listen_address("tagger.lab:0"), ("tagger.lab", 0))
 
 
 class Devices(unittest.TestCase):
-    def test_choice(self):
+    def test_device_is_chosen_by_serial_number(self):
         self.assertEqual(bridge.choose(["A"], "", "board"), "A")
         self.assertEqual(bridge.choose(["A", "B"], "B", "board"), "B")
         for attached, serial, why in (([], "", "no board is connected"),
@@ -43,7 +43,7 @@ class Devices(unittest.TestCase):
 
 
 class OneClient(unittest.TestCase):
-    def test_hello_comes_first_and_again(self):
+    def test_each_connection_begins_with_a_hello(self):
         server = make_server(self)
         server.online({"model": "m"})
         with Client(server.address) as client:
@@ -113,7 +113,7 @@ class OneClient(unittest.TestCase):
 
 
 class SlowClient(unittest.TestCase):
-    def test_memory_is_bounded_and_every_tag_accounted_for(self):
+    def test_slow_client_uses_bounded_memory_and_lost_tags_are_counted(self):
         server = make_server(self, queue_bytes=1 << 20)
         server.online({})
         with Client(server.address) as client:
@@ -135,7 +135,7 @@ class SlowClient(unittest.TestCase):
         self.assertEqual(arrived + dropped, given + 1)
         self.assertEqual((server.sent, server.dropped), (arrived, dropped))
 
-    def test_client_that_disconnects_within_a_block(self):
+    def test_client_may_disconnect_within_a_block(self):
         server = make_server(self, queue_bytes=1 << 24)
         server.online({})
         with Client(server.address) as client:

@@ -55,16 +55,16 @@ class Outlet:
 
 
 class Arguments(unittest.TestCase):
-    def test_defaults(self):
+    def test_default_options(self):
         o = options()
         self.assertEqual((o.listen, o.serial, o.start_channel, o.click_channel), (("127.0.0.1", 41110), "", 1, 2))
         self.assertEqual((o.conditional_filter, o.test_signal, o.max_events, o.block_ms), (None, False, 1 << 24, 20.0))
 
-    def test_inputs_from_0(self):
+    def test_input_numbers_may_start_at_0(self):
         o = options("--start-channel", "0", "--click-channel", "1", "--trigger-level", "0=0.5")
         self.assertEqual((o.start_channel, o.click_channel, o.trigger_level), (0, 1, [(0, 0.5)]))
 
-    def test_refused(self):
+    def test_invalid_options_are_refused(self):
         for bad in (["--listen", "41110"], ["--listen", "h:99999"], ["--click-channel", "1"],
                     ["--trigger-level", "2"], ["--trigger-level", "2=x"], ["--trigger-level", "2=nan"],
                     ["--trigger-level", "3=0.1"], ["--input-delay", "1=0.5"], ["--dead-time", "2=-1"],
@@ -78,7 +78,7 @@ class Arguments(unittest.TestCase):
 
 
 class Calls(unittest.TestCase):
-    def test_every_setting_in_order(self):
+    def test_settings_are_applied_in_order(self):
         tagger, said = open_tagger("--serial", "STAND-IN-1", *SETTINGS)
         tagger.close()
         self.assertEqual(recorder.calls, [
@@ -94,12 +94,12 @@ class Calls(unittest.TestCase):
             ("stop",), ("freeTimeTagger",)])
         self.assertIn("dead time of channel 2: 26000 ps (asked for 25001)", said)
 
-    def test_library_without_custom_measurements(self):
+    def test_library_without_custom_measurements_is_supported(self):
         tagger, _ = open_tagger(*SETTINGS, which=old_library)
         tagger.close()
         self.assertEqual(recorder.calls[-3:], [("TimeTagStream", 5000, [-1, 2]), ("stop",), ("freeTimeTagger",)])
 
-    def test_first_device(self):
+    def test_first_device_is_used_by_default(self):
         open_tagger("--test-signal")
         self.assertEqual(recorder.calls[0], ("createTimeTagger", "STAND-IN-1"))
         self.assertIn(("setTestSignal", 1, True), recorder.calls)
@@ -122,7 +122,7 @@ class Calls(unittest.TestCase):
             self.assertRaisesRegex(RuntimeError, "^no$", timetagger.Tagger, library, options("--trigger-level", "1=1"))
             self.assertEqual(recorder.calls[-1], ("freeTimeTagger",))
 
-    def test_hello(self):
+    def test_hello_describes_the_tagger(self):
         self.assertEqual(open_tagger("--trigger-level", "2=0.125")[0].hello(), {
             "model": "Time Tagger Ultra", "serial": "STAND-IN-1",
             "firmware": "Version: 2 FPGA: 10; trigger levels 1: 0.5 V, 2: 0.125 V"})
@@ -150,7 +150,7 @@ class Tags(unittest.TestCase):
     def pattern(self, size):
         return [np.resize(column, size) for column in library.pattern(1, 2, 5_000_000)]
 
-    def test_golden_payload(self):
+    def test_tags_have_the_golden_payload(self):
         columns = ([0, 0, 4, 2], [0, 0, 7, 0], [1, 2, 2, 0], [1_000_000, 1_013_443, 0, 1_100_000])
         columns = [np.array(column, kind) for column, kind in zip(columns, ("u1", "u2", "i4", "i8"))]
         for which in (library, old_library):
@@ -167,11 +167,11 @@ class Tags(unittest.TestCase):
                 np.testing.assert_array_equal(tags[name], column)
             self.assertEqual((pause, outlet.lost), (0.02, 0))
 
-    def test_no_tags_give_no_block(self):
+    def test_no_block_is_sent_without_tags(self):
         for which in (library, old_library):
             self.assertEqual(self.poll(self.pattern(0), which=which)[0].blocks, [])
 
-    def test_full_buffer_is_a_loss(self):
+    def test_full_buffer_counts_as_loss(self):
         # The old stream returns its buffer without a count; ours counts what it refused.
         for which, size, sent, lost in ((old_library, 5000, 5000, 1), (library, 5001, 0, 5001)):
             outlet, pause, said = self.poll(self.pattern(size), "--max-events", "5000", which=which)
@@ -185,7 +185,7 @@ class Tags(unittest.TestCase):
         self.assertNotIn("--conditional-filter", self.poll(self.pattern(150_000), "--conditional-filter", "48000")[2])
         self.assertEqual(self.poll([column[:700] for column in self.pattern(700)])[2], "")  # before the overflow
 
-    def test_rate(self):
+    def test_20_mhz_of_pulses_are_served_without_loss(self):
         """20 MHz of laser pulses (320 MB/s) are served without loss."""
         with mock.patch.object(time, "monotonic", lambda: self.now), contextlib.redirect_stderr(io.StringIO()) as said:
             self.now = 0.0
@@ -226,19 +226,19 @@ class Silence(unittest.TestCase):
                     said.truncate()
         return said.getvalue()
 
-    def test_unplugged_while_the_stream_runs(self):
+    def test_unplug_is_detected_while_the_stream_runs(self):
         for which in (library, old_library):
             with mock.patch.object(library, "unplugged", 5):
                 self.assertRaisesRegex(RuntimeError, "does not answer", self.poll, which)
 
-    def test_dark_laser_is_not_a_fault(self):
+    def test_missing_laser_pulses_are_not_a_device_fault(self):
         with mock.patch.object(library, "dark", 5):
             said = self.poll(library)
         self.assertEqual(said.count("is the laser on"), 1)
 
 
 class Process(unittest.TestCase):
-    def test_clean_stop(self):
+    def test_bridge_stops_cleanly(self):
         for how in (signal.SIGTERM, signal.SIGINT):
             with Program("timetagger.py") as program, Client(program.address) as client:
                 self.assertEqual(client.block().kind, bridge.HELLO)
@@ -250,7 +250,7 @@ class Process(unittest.TestCase):
                 tags = sum(len(b.payload) // 16 for b in blocks if b.kind == bridge.TAGS)
                 self.assertEqual(program.sent(), (tags, 1, 0))
 
-    def test_library_is_absent(self):
+    def test_missing_library_is_reported(self):
         with tempfile.TemporaryDirectory() as folder:
             for name in ("Swabian", "TimeTagger"):
                 (pathlib.Path(folder) / f"{name}.py").write_text("raise ImportError('no vendor library')\n")
@@ -259,19 +259,19 @@ class Process(unittest.TestCase):
                 self.assertRegex(program.said(), r"\Atimetagger: no vendor library; install [^\n]*python3 -m venv --system-site-packages "
                                                r"[^\n]*pip install Swabian-TimeTagger && export ECHOFUSE_BRIDGE_PYTHON[^\n]*\n\Z")
 
-    def test_no_device(self):
+    def test_missing_device_is_reported(self):
         with Program("timetagger.py", STAND_IN_FAULTS="createTimeTagger:1") as program:
             self.assertEqual(program.process.wait(10), 4)
             self.assertEqual(program.said(), "timetagger: createTimeTagger failed\n")
 
-    def test_address_in_use(self):
+    def test_address_in_use_is_reported(self):
         with Program("timetagger.py") as first:
             with Program("timetagger.py", "--listen", "127.0.0.1:%d" % first.address[1]) as second:
                 self.assertEqual(second.process.wait(10), 1)
                 self.assertIn("cannot listen on 127.0.0.1", second.said())
                 self.assertEqual(second.calls()[-1], ("freeTimeTagger",))
 
-    def test_device_that_comes_back(self):
+    def test_device_that_returns_is_reopened(self):
         """The device fails at the 20th call and cannot be opened the next times."""
         with Program("timetagger.py", *SETTINGS[:7],
                      STAND_IN_FAULTS="isRunning:20,createTimeTagger:2,createTimeTagger:3") as program:
@@ -299,7 +299,7 @@ class Process(unittest.TestCase):
             self.assertEqual([c[0] for c in program.calls()].count("createTimeTagger"), 2)
             self.assertEqual(program.stop(), 0)
 
-    def test_old_library(self):
+    def test_old_library_is_supported(self):
         with Program("timetagger.py", STAND_IN_OLD="1") as program, Client(program.address) as client:
             client.until(bridge.TAGS)
             self.assertEqual(program.stop(), 0)

@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""tests/python/octave.py BIN_DIR: the example for MATLAB in recon/README.md, run by Octave on an exported run. Octave of
-Debian 12 has no h5read. So a function h5read by h5py stands in for MATLAB's: it checks that the lines run, and the
-names and the order of dimensions that they rely on, not MATLAB. Octave's own load takes the whole file."""
+"""tests/python/octave.py BIN_DIR: runs the MATLAB example of recon/README.md in Octave, on an exported run. Octave in Debian 12
+has no h5read, so a function based on h5py replaces it. The test checks names and order of dimensions, not MATLAB itself.
+Octave's own load() reads the whole file."""
 import pathlib
 import re
 import shutil
@@ -17,7 +17,7 @@ if not octave:
     sys.exit(77)
 bin_dir = pathlib.Path(sys.argv[1])
 text = (pathlib.Path(__file__).resolve().parents[2] / "recon/README.md").read_text(encoding="utf-8")
-example = re.sub(r"^(plot|imagesc).*", "", re.search(r"```matlab\n(.*?)```", text, re.S)[1], flags=re.M)  # no screen
+example = re.sub(r"^(plot|imagesc).*", "", re.search(r"```matlab\n(.*?)```", text, re.S)[1], flags=re.M)  # needs a display
 h5read = """function out = h5read(file, path)
   [status, text] = system(sprintf('/usr/bin/python3 h5read.py %s %s', file, path));
   head = strsplit(strtrim(text));

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The programs below test, in the folder ECHOFUSE_BIN."""
+"""Programs under test, in the folder ECHOFUSE_BIN."""
 import os
 import pathlib
 import subprocess

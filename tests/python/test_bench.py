@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Splits, the truth on the grid, derived runs, and the table of the bench."""
+"""Splits, true maps, derived runs, and the table of the bench."""
 import errno
 import os
 import shutil
@@ -27,7 +27,7 @@ def run(tmp_path_factory):
 
 
 @pytest.mark.parametrize(("kind", "seed", "gap"), [("random", 1, 0), ("random", 7, 0), ("blocked", 1, 3)])
-def test_the_split_is_the_programs(run, tmp_path, kind, seed, gap):
+def test_python_split_equals_the_split_of_train(run, tmp_path, kind, seed, gap):
     model = tmp_path / "model"
     program("echofuse-recon", "-q", "train", run.path, "--model", "mean", "--split", kind, "--seed", seed, "--set", f"gap={gap}",
             "--out", model)
@@ -38,7 +38,7 @@ def test_the_split_is_the_programs(run, tmp_path, kind, seed, gap):
         assert sorted(index[part == number].tolist()) == run.index[rows].tolist()
 
 
-def test_the_split_and_methods_of_ones_own_leave_out_what_training_does(run, tmp_path):
+def test_split_and_own_methods_exclude_the_same_records_as_training(run, tmp_path):
     path = tmp_path / "frozen.sqlite"
     shutil.copy(run.path, path)
     with sqlite3.connect(path) as db:
@@ -54,8 +54,8 @@ def test_the_split_and_methods_of_ones_own_leave_out_what_training_does(run, tmp
     assert seen == sound
 
 
-def test_the_truth_on_the_grid_is_the_programs(run, tmp_path):
-    """A nearest record's map of a record that it knows is that record's truth; also on a coarser grid."""
+def test_true_maps_equal_those_of_the_program(run, tmp_path):
+    """The nearest neighbour of a training record is that record, so its map is the true map; also on a coarser grid."""
     for name, pixels in (("same", []), ("coarse", [(24, 0.5), (17, 0.6)])):
         for size, half in pixels or [(64, 0.55)]:
             path = tmp_path / f"{name}{size}.sqlite"
@@ -75,7 +75,7 @@ def test_the_truth_on_the_grid_is_the_programs(run, tmp_path):
                 assert np.array_equal(found, one.maps(), equal_nan=True)
 
 
-def test_a_derived_run_is_another_one_with_these_changes(run, tmp_path):
+def test_derived_run_has_the_requested_changes(run, tmp_path):
     with echofuse.open(derive.copy(run.path, tmp_path / "dim.sqlite", derive.thinned(0.1, 1), derive.fewer(0.5, 2))) as dim:
         assert len(dim) == 31 and dim.info["uuid"] != run.info["uuid"]
         assert dim.spd.sum() == pytest.approx(0.1 * run.spd[np.isin(run.index, dim.index)].sum(), rel=0.01)
@@ -86,7 +86,7 @@ def test_a_derived_run_is_another_one_with_these_changes(run, tmp_path):
 
 
 @pytest.mark.parametrize(("ends", "code", "kind"), [("exit 1", 1, bench.BenchError), ("exit 6", 6, bench.UsageError), ("kill -9 $$", 1, bench.UsageError)])
-def test_a_program_that_fails_gives_its_exit_code(tmp_path, monkeypatch, ends, code, kind):
+def test_bench_exits_with_the_code_of_a_failed_program(tmp_path, monkeypatch, ends, code, kind):
     (tmp_path / "echofuse-x").write_text(f"#!/bin/sh\necho echofuse-x: what was wrong >&2\n{ends}\n")
     (tmp_path / "echofuse-x").chmod(0o755)
     monkeypatch.setenv("ECHOFUSE_BIN", str(tmp_path))
@@ -97,7 +97,7 @@ def test_a_program_that_fails_gives_its_exit_code(tmp_path, monkeypatch, ends, c
         call("echofuse-y")
 
 
-def test_a_table_that_cannot_be_written_is_named(tmp_path):
+def test_bench_names_a_table_that_cannot_be_written(tmp_path):
     (tmp_path / "file").write_text("")
     table = bench.Table(tmp_path / "table.csv")
     table.path = tmp_path / "file/table.csv"
@@ -107,7 +107,7 @@ def test_a_table_that_cannot_be_written_is_named(tmp_path):
 
 
 class Constant:
-    """Shows the first map that it was given."""
+    """Method that always predicts the first training map."""
 
     def fit(self, known, rows):
         self.map = known.maps()[rows[0]]
@@ -121,7 +121,7 @@ class Broken(Constant):
         raise KeyError("no idea")
 
 
-def test_a_bench_judges_anybodys_method_and_goes_on_where_it_stopped(run, tmp_path, capsys):
+def test_bench_scores_user_methods_and_resumes(run, tmp_path, capsys):
     table = bench.Table(tmp_path / "b.csv")
     methods = [bench.method("nearest"), bench.python_method("constant", Constant), bench.python_method("broken", Broken)]
     fresh = tmp_path / "fresh.sqlite"
@@ -150,7 +150,7 @@ class Truth:
         return echofuse.open(self.path).maps()
 
 
-def test_the_truth_scores_1_also_with_people_who_stand_nearer_than_in_training(run, tmp_path):
+def test_true_maps_score_1_even_nearer_than_in_training(run, tmp_path):
     near = tmp_path / "near.sqlite"
     program("echofuse-sim", "dataset", "-q", "--out", near, "--people", 12, "--set", "target_z_min_m=1.2", "--set",
             "target_z_max_m=1.4")
@@ -159,8 +159,8 @@ def test_the_truth_scores_1_also_with_people_who_stand_nearer_than_in_training(r
         assert row["iou"] == 1 and row["depth_mae_m"] == 0
 
 
-def test_what_no_table_may_hold_ends_the_bench(run, tmp_path):
-    """A wrong word is no property of a method: no row says NaN of it."""
+def test_bench_refuses_invalid_values_in_the_table(run, tmp_path):
+    """A typing error ends the bench; it is not stored as a NaN row of the method."""
     table = bench.Table(tmp_path / "b.csv", "this")
     with pytest.raises(bench.UsageError, match="nearst"):
         bench.fill(table, bench.pareto_cells(run.path, run.path, [bench.method("nearst")], seeds=1), quiet=True)
@@ -188,7 +188,7 @@ class Lost(Constant):
 
 @pytest.mark.parametrize(("name", "code", "said"), [("Full", 6, "No space left on device: '/tmp/mine'"),
                                                     ("Lost", 1, "No such file or directory: '/nowhere/weights'")])
-def test_a_full_disk_or_a_missing_file_ends_the_bench_without_a_row(run, tmp_path, monkeypatch, capsys, name, code, said):
+def test_full_disk_or_missing_file_ends_the_bench_without_a_row(run, tmp_path, monkeypatch, capsys, name, code, said):
     test = derive.copy(run.path, tmp_path / "test.sqlite")
     monkeypatch.setattr("sys.argv", ["echofuse-bench", "pareto", str(run.path), str(test), "--methods", f"test_bench:{name}", "mean",
                                      "--seeds", "1", "-q", "--out", str(tmp_path / "b.csv")])
@@ -200,15 +200,15 @@ def test_a_full_disk_or_a_missing_file_ends_the_bench_without_a_row(run, tmp_pat
 
 
 @pytest.mark.parametrize("text", ["a note without an end", "# a note\nof two lines", "axis,value\nmine", "# this\n", "\xff\n"])
-def test_a_file_that_is_no_table_stays_as_it_is(tmp_path, text):
+def test_bench_does_not_overwrite_a_file_that_is_not_a_table(tmp_path, text):
     (tmp_path / "notes.txt").write_text(text, encoding="latin-1")
     with pytest.raises(bench.UsageError, match="no table of a bench|is of a note"):
         bench.Table(tmp_path / "notes.txt", "this")
     assert (tmp_path / "notes.txt").read_text(encoding="latin-1") == text
 
 
-def test_parts_are_the_whole_and_nothing_is_made_twice(run, tmp_path):
-    """Two parts beside one table; runs and fits are shared by the cells that need them, and removed after the last one."""
+def test_parts_of_a_study_equal_the_whole_without_repeated_work(run, tmp_path):
+    """Two parts write next to one table. Cells share runs and fits, which are removed after the last use."""
     made = []
 
     def cells():
@@ -243,7 +243,7 @@ def test_parts_are_the_whole_and_nothing_is_made_twice(run, tmp_path):
     assert bench.Table(cat).rows.keys() == whole.rows.keys() and cat.read_text().endswith("\n")
 
 
-def test_letters_are_read_off_true_maps_and_none_off_empty_ones(tmp_path):
+def test_letters_are_recognised_in_true_maps_only(tmp_path):
     path = tmp_path / "letters.sqlite"
     program("echofuse-sim", "dataset", "-q", "--letters", 24, "--seed", 3, "--set", "spd_rays=16", "--set", "radar_rays=16", "--set",
             "map_size=256", "--out", path)
@@ -259,6 +259,6 @@ def test_letters_are_read_off_true_maps_and_none_off_empty_ones(tmp_path):
         assert np.nanmean(letters.read(truth[:, :, ::-1], truth, run.labels, half)[0]) < 0.8  # mirrored
 
 
-def test_axes_have_one_base(run):
+def test_study_axes_share_one_base_condition(run):
     for axis in stability.Simulated([], 10, 10).axes() + stability.recorded_axes():
         assert sum(world == stability.BASE for world in axis.values.values()) == 1, axis.id

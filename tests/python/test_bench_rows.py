@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Rows of the bench: when they are measured again, and what a method gets and may do."""
+"""Rows of the bench: when a row is measured again, and the interface of a method."""
 import csv
 import os
 import subprocess
@@ -44,7 +44,7 @@ def runs(tmp_path_factory):
 
 
 def pareto(folder, runs, *methods, out="b.csv", row=0, more=()):
-    """Runs the bench in this folder, which holds mine.py."""
+    """Runs the bench in this folder, which contains mine.py."""
     (folder / "mine.py").write_text(METHOD.format(row=row))
     done = subprocess.run([sys.executable, BIN / "echofuse-bench", "pareto", *runs, "--methods", *methods, "--seeds", "1", "-q", "--out", out,
                            *more], cwd=folder, capture_output=True, text=True, check=False)
@@ -56,7 +56,7 @@ def lines(folder):
     return len((folder / "b.csv").read_text().splitlines())
 
 
-def test_an_edited_class_is_measured_again_and_an_unchanged_one_is_not(runs, tmp_path):
+def test_only_an_edited_class_is_measured_again(runs, tmp_path):
     done, first = pareto(tmp_path, runs, "mine:Mine")
     assert done.returncode == 0, done.stderr
     _, same = pareto(tmp_path, runs, "mine:Mine")
@@ -65,7 +65,7 @@ def test_an_edited_class_is_measured_again_and_an_unchanged_one_is_not(runs, tmp
     assert edited["mine:Mine"]["iou"] != first["mine:Mine"]["iou"] and lines(tmp_path) == 4
 
 
-def test_an_edited_command_is_measured_again(runs, tmp_path):
+def test_edited_command_is_measured_again(runs, tmp_path):
     script = tmp_path / "mine"
     for _ in range(2):
         script.write_text((script.read_text() if script.exists() else "#!/bin/sh\n") + f"cp -r {tmp_path}/maps $3\n")
@@ -77,7 +77,7 @@ def test_an_edited_command_is_measured_again(runs, tmp_path):
     assert lines(tmp_path) == 4
 
 
-def test_the_same_data_made_again_are_accepted_and_others_are_not(runs, tmp_path):
+def test_bench_accepts_regenerated_data_and_refuses_other_data(runs, tmp_path):
     again = tmp_path / "again.sqlite"
     program("echofuse-sim", "dataset", "-q", "--out", again, "--records", 20, "--seed", 2)
     assert echofuse.open(again).info["uuid"] != echofuse.open(runs[1]).info["uuid"]
@@ -90,7 +90,7 @@ def test_the_same_data_made_again_are_accepted_and_others_are_not(runs, tmp_path
 
 @pytest.mark.parametrize(("name", "said"), [("Failing", "AttributeError: 'Failing' object has no attribute 'weights'"),
                                             ("Unmade", "TypeError: object of type 'int' has no len()")])
-def test_a_failed_method_has_a_row_a_traceback_and_exit_code_1(runs, tmp_path, name, said):
+def test_failed_method_has_a_row_and_a_traceback_and_exits_with_1(runs, tmp_path, name, said):
     done, rows = pareto(tmp_path, runs, f"mine:{name}", "mean", more=["--markdown"])
     assert done.returncode == 1 and "b.log has the tracebacks" in done.stderr and "| `mean` |" in done.stdout
     assert rows[f"mine:{name}"]["iou"] == "nan" and float(rows["mean"]["iou"]) >= 0
@@ -100,19 +100,19 @@ def test_a_failed_method_has_a_row_a_traceback_and_exit_code_1(runs, tmp_path, n
     assert done.returncode == 1 and lines(tmp_path) == 4
 
 
-def test_predict_does_not_see_the_truth(runs, tmp_path):
+def test_predict_has_no_access_to_true_maps(runs, tmp_path):
     done, rows = pareto(tmp_path, runs, "mine:Copying")
     assert done.returncode == 0, done.stderr
     assert float(rows["mine:Copying"]["iou"]) == 0
 
 
-def test_a_missing_package_is_named_before_anything_is_measured(runs, tmp_path):
+def test_missing_package_is_reported_before_the_first_measurement(runs, tmp_path):
     (tmp_path / "lacking.py").write_text("import no_such_package\nclass Mine: pass\n")
     done, rows = pareto(tmp_path, runs, "mean", "lacking:Mine")
     assert done.returncode == 2 and "lacking:Mine: No module named 'no_such_package'" in done.stderr and not rows
 
 
-def test_a_figure_without_matplotlib_is_refused_before_anything_is_measured(runs, tmp_path):
+def test_missing_matplotlib_is_reported_before_the_first_measurement(runs, tmp_path):
     (tmp_path / "sitecustomize.py").write_text("import sys\nsys.modules['matplotlib'] = None\n")
     os.environ["PYTHONPATH"] = f"{tmp_path}:{os.environ.get('PYTHONPATH', '')}"
     try:
@@ -122,7 +122,7 @@ def test_a_figure_without_matplotlib_is_refused_before_anything_is_measured(runs
     assert done.returncode == 2 and "install python3-matplotlib" in done.stderr and not rows
 
 
-def test_a_second_process_does_not_write_rows_twice(runs, tmp_path):
+def test_second_process_does_not_duplicate_rows(runs, tmp_path):
     table = bench.Table(tmp_path / "b.csv")
     with table.held():
         done, rows = pareto(tmp_path, runs, "mean")
@@ -154,7 +154,7 @@ def test_numerical_libraries_get_one_thread(runs, tmp_path, monkeypatch):
     assert (tmp_path / "threads").read_text() == "1 1 1\n"
 
 
-def test_the_chart_has_the_mean_cost_and_names_methods_without_multiply_adds(tmp_path):
+def test_chart_shows_mean_cost_and_lists_methods_without_cost(tmp_path):
     plot = pytest.importorskip("echofuse.plot")
     table = bench.Table(tmp_path / "b.csv")
     for model, seed, cost in (("mlp-4", 1, 10.0), ("mlp-4", 2, 30.0), ("mine:Net", 1, float("nan"))):
@@ -167,7 +167,7 @@ def test_the_chart_has_the_mean_cost_and_names_methods_without_multiply_adds(tmp
     assert "not counted: mine:Net, ./other" in [text.get_text() for text in panel.texts]
 
 
-def test_a_row_of_the_bench_states_the_answered_records(runs, tmp_path, capsys):
+def test_bench_row_contains_the_number_of_answered_records(runs, tmp_path, capsys):
     command = tmp_path / "mine"
     with echofuse.open(runs[1]) as run:
         echofuse.save_maps(tmp_path / "few", run.maps([0, 1]), run.index[:2])
@@ -183,7 +183,7 @@ def test_a_row_of_the_bench_states_the_answered_records(runs, tmp_path, capsys):
     assert row[2:4] == ["2 of 20", "0.100"] and "0.0 cm (2)" in row
 
 
-def test_the_table_has_intervals_and_differences_over_its_records(runs, tmp_path):
+def test_bench_table_has_intervals_and_differences_over_records(runs, tmp_path):
     done, _ = pareto(tmp_path, runs, "nearest", "mine:Mine", "empty", more=["--markdown"])
     assert done.returncode == 0, done.stderr
     head, _, *rows = ([cell.strip() for cell in line.split("|")] for line in done.stdout.splitlines() if line.startswith("|"))
@@ -199,7 +199,7 @@ def test_the_table_has_intervals_and_differences_over_its_records(runs, tmp_path
     assert float(shown[other]["IoU against the best"].split()[0]) == pytest.approx((iou[other] - iou[best]).mean(), abs=1e-3)
 
 
-def test_scores_of_an_edited_method_and_a_half_line_do_not_count(runs, tmp_path):
+def test_bench_ignores_stale_scores_and_incomplete_lines(runs, tmp_path):
     pareto(tmp_path, runs, "mine:Mine")
     with open(tmp_path / "b.records.csv", "a") as file:
         file.write("model,1,mine:Mine,-")
@@ -210,7 +210,7 @@ def test_scores_of_an_edited_method_and_a_half_line_do_not_count(runs, tmp_path)
     assert row["compared"]["metrics"]["iou"]["mean"] == pytest.approx(float(rows["mine:Mine"]["iou"]))
 
 
-def test_times_are_those_of_one_record_and_of_a_batch(runs, tmp_path):
+def test_bench_times_single_records_and_batches(runs, tmp_path):
     method = """
 import numpy as np, time
 class Slow:

@@ -21,7 +21,7 @@ def folder(tmp_path_factory):
 
 
 def mutated(data, rng):
-    """Bytes flipped, a stretch overwritten, cut off, or doubled."""
+    """Flips bits, or overwrites, truncates or repeats a part."""
     data = bytearray(data)
     first, length = rng.integers(len(data)), int(rng.integers(1, 200))
     kind = rng.integers(4)
@@ -46,7 +46,7 @@ def read_all(path):
 
 
 def survives(use, path):
-    """Whether it was read; any other error than the two ends the test."""
+    """Returns whether the file was read. Errors other than ValueError and OSError fail the test."""
     try:
         use(path)
         return True
@@ -55,7 +55,7 @@ def survives(use, path):
         return False
 
 
-def test_mutated_runs_raise_value_errors_with_their_name(folder, tmp_path):
+def test_mutated_runs_raise_an_error_with_the_file_name(folder, tmp_path):
     data, rng = (folder / "run.sqlite").read_bytes(), np.random.default_rng(1)
     path = tmp_path / "run.sqlite"
     for _ in range(MUTANTS):
@@ -63,7 +63,7 @@ def test_mutated_runs_raise_value_errors_with_their_name(folder, tmp_path):
         survives(read_all, path)
 
 
-def test_odd_values_in_a_run_raise_value_errors_with_its_name(folder, tmp_path):
+def test_invalid_values_in_a_run_raise_an_error_with_the_file_name(folder, tmp_path):
     rng, path = np.random.default_rng(2), tmp_path / "run.sqlite"
     values = [None, -1, 0, 2 ** 40, 2 ** 63 - 1, 1e300, "text", b"\xff\xfe", ""]
     with sqlite3.connect(folder / "run.sqlite") as db:
@@ -83,7 +83,7 @@ def test_odd_values_in_a_run_raise_value_errors_with_its_name(folder, tmp_path):
         survives(read_all, path)
 
 
-def test_no_mutated_model_is_loaded(folder, tmp_path):
+def test_mutated_models_are_refused(folder, tmp_path):
     data, rng = (folder / "m.safetensors").read_bytes(), np.random.default_rng(3)
     path = tmp_path / "m.safetensors"
     for _ in range(MUTANTS):
@@ -92,7 +92,7 @@ def test_no_mutated_model_is_loaded(folder, tmp_path):
         assert survives(echofuse.load_model, path) == (changed == data)
 
 
-def test_an_axis_is_bounded_by_the_size_of_the_file(folder, tmp_path):
+def test_axis_longer_than_the_file_is_refused(folder, tmp_path):
     path = tmp_path / "run.sqlite"
     path.write_bytes((folder / "run.sqlite").read_bytes())
     with sqlite3.connect(path) as db:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""echofuse-export: HDF5, netCDF and CSV hold the run."""
+"""echofuse-export to HDF5, netCDF and CSV."""
 import os
 import shutil
 import signal
@@ -36,7 +36,7 @@ def change(path, *statements):
 
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory):
-    """own: 20 records; 3 without SPD, 7 and 9 cannot be read. far: antennas, with a note, a label and metadata."""
+    """own: 20 records; 3 lacks the SPD, 7 and 9 are unreadable. far: antennas, a note, a label and metadata."""
     folder, rng = tmp_path_factory.mktemp("export"), np.random.default_rng(1)
     spd = rng.poisson(50, (20, 8)).astype(float)
     spd[3] = np.nan
@@ -53,7 +53,7 @@ def runs(tmp_path_factory):
     return folder
 
 
-def test_hdf5_is_the_run(runs, tmp_path):
+def test_hdf5_export_contains_the_run(runs, tmp_path):
     run, done = echofuse.open(runs / "own"), tool(runs / "own", "--to", tmp_path / "a.h5")
     assert (done.returncode, done.stderr) == (
         5, f"echofuse-export: 2 records could not be read; they are marked in {tmp_path / 'a.h5'}\n")
@@ -82,7 +82,7 @@ def test_hdf5_is_the_run(runs, tmp_path):
 
 
 @pytest.mark.parametrize("name", ["own", "far"])
-def test_every_table_is_in_it_with_units(runs, tmp_path, name):
+def test_hdf5_export_has_every_table_with_units(runs, tmp_path, name):
     assert export(echofuse.open(runs / name), tmp_path / "a.h5") == (2 if name == "own" else 0)
     columns = 0
     with h5py.File(tmp_path / "a.h5") as file, closing(sqlite3.connect(runs / f"{name}.sqlite")) as db:
@@ -109,7 +109,7 @@ def test_every_table_is_in_it_with_units(runs, tmp_path, name):
             assert file["entry/data/array_frames"][:].tolist() == [20] * 8
 
 
-def test_xarray_opens_every_group(runs, tmp_path):
+def test_xarray_opens_every_group_of_the_export(runs, tmp_path):
     xarray = pytest.importorskip("xarray")
     pytest.importorskip("h5netcdf")
     for name in "own", "far":
@@ -124,12 +124,12 @@ def test_xarray_opens_every_group(runs, tmp_path):
         with xarray.open_dataset(tmp_path / f"{name}.h5", group="entry/data", engine="h5netcdf") as found:
             assert found.spd.dims == ("record", "spd_time") and found.time.dtype == "datetime64[ns]"
             assert found.label.values.tolist() == echofuse.open(runs / name).labels
-        with h5py.File(tmp_path / f"{name}.h5") as file:  # the engine netcdf4 reads scales when it opens, and texts not at all
+        with h5py.File(tmp_path / f"{name}.h5") as file:  # the netcdf4 engine reads dimension scales at open, and cannot read texts
             file.visititems(lambda path, item: [path for dim in getattr(item, "dims", []) for scale in dim.values()
                                                 if scale.dtype.kind == "S" and pytest.fail(path)] and None)
 
 
-def test_netcdf_is_the_data_set_of_xarray(runs, tmp_path, monkeypatch):
+def test_netcdf_export_equals_to_xarray(runs, tmp_path, monkeypatch):
     xarray = pytest.importorskip("xarray")
     pytest.importorskip("h5netcdf")
     monkeypatch.setattr(blocks, "MOST_RECORDS", 3)
@@ -157,7 +157,7 @@ def test_netcdf_is_the_data_set_of_xarray(runs, tmp_path, monkeypatch):
         assert found.spd_verdict.values[9] == "unreadable: radar bin 1 is not a finite number"
 
 
-def test_blocks_make_the_same_file(runs, tmp_path, monkeypatch):
+def test_export_does_not_depend_on_the_block_size(runs, tmp_path, monkeypatch):
     run = echofuse.open(runs / "own")
     export(run, tmp_path / "whole.h5")
     monkeypatch.setattr(blocks, "MOST_BYTES", 400)  # one record at a time
@@ -170,7 +170,7 @@ def test_blocks_make_the_same_file(runs, tmp_path, monkeypatch):
         whole.visititems(same)
 
 
-def test_a_run_without_records(runs, tmp_path):
+def test_run_without_records_is_exported(runs, tmp_path):
     shutil.copy(runs / "far.sqlite", tmp_path / "none.sqlite")
     change(tmp_path / "none.sqlite", ("DELETE FROM record",), ("DELETE FROM axis",))
     assert tool(tmp_path / "none", "--to", tmp_path / "a.h5").returncode == 0
@@ -180,7 +180,7 @@ def test_a_run_without_records(runs, tmp_path):
     assert tool(tmp_path / "none", "--to", tmp_path / "a.nc").returncode == 0
 
 
-def test_one_record_as_csv(runs, tmp_path):
+def test_one_record_is_exported_as_csv(runs, tmp_path):
     run = echofuse.open(runs / "own")
     assert tool(runs / "own", "--record", 2, "--to", tmp_path / "a.csv").returncode == 0
     lines = (tmp_path / "a.csv").read_text().splitlines()
@@ -197,8 +197,8 @@ def test_one_record_as_csv(runs, tmp_path):
     assert (tmp_path / "d.csv").read_text().splitlines()[0].endswith(r"label a\n=1+1\x2c\x3b\x22\x1b")
 
 
-def test_csv_has_the_power_over_range_and_azimuth(runs, tmp_path):
-    """Bartlett's beam, term by term."""
+def test_csv_export_has_power_over_range_and_azimuth(runs, tmp_path):
+    """The expected value is the Bartlett beamformer, term by term."""
     run = echofuse.open(runs / "far")
     assert tool(runs / "far", "--record", 1, "--to", tmp_path / "a.csv").returncode == 0
     text = (tmp_path / "a.csv").read_text()
@@ -216,7 +216,7 @@ def test_csv_has_the_power_over_range_and_azimuth(runs, tmp_path):
     assert float(line.rpartition(",")[2]) == pytest.approx(total / 64, rel=1e-6)
 
 
-def test_a_wave_is_seen_in_its_direction_with_its_power():
+def test_beamforming_recovers_direction_and_power():
     sine, power, count = 0.3125, 9.0, 8
     gain, phase = 1 + 0.1 * np.arange(count), 0.4 * np.arange(count) ** 2
     x = 3 * gain * np.exp(1j * (np.pi * np.arange(count) * sine + phase))
@@ -239,7 +239,7 @@ def test_a_wave_is_seen_in_its_direction_with_its_power():
     assert seen == pytest.approx([power, power * (np.sin(8 * half) / (8 * np.sin(half))) ** 2], rel=1e-2)
 
 
-def test_refusals(runs, tmp_path):
+def test_export_refuses_invalid_arguments_and_files(runs, tmp_path):
     (tmp_path / "a.h5").write_text("precious")
     (tmp_path / "text.sqlite").write_text("no database, but long enough to be read as one " * 20)
     os.mkfifo(tmp_path / "f.sqlite")
@@ -258,7 +258,7 @@ def test_refusals(runs, tmp_path):
 
 
 @pytest.mark.parametrize("module, name", [("h5py", "a.h5"), ("xarray", "a.nc"), ("h5netcdf", "a.nc")])
-def test_a_missing_package_is_named(runs, tmp_path, module, name):
+def test_export_names_a_missing_package(runs, tmp_path, module, name):
     for needed in {"a.h5": [], "a.nc": ["xarray", "h5netcdf"]}[name]:
         pytest.importorskip(needed)
     (tmp_path / f"{module}.py").write_text("raise ImportError")
@@ -268,26 +268,26 @@ def test_a_missing_package_is_named(runs, tmp_path, module, name):
 
 
 @pytest.mark.parametrize("meta", ["[" * 100000, "null", "", 7])
-def test_metadata_that_are_none_are_refused(runs, tmp_path, meta):
+def test_export_refuses_invalid_metadata(runs, tmp_path, meta):
     shutil.copy(runs / "far.sqlite", tmp_path / "bad.sqlite")
     change(tmp_path / "bad.sqlite", ("UPDATE run SET meta = ?", meta))
     done = tool(tmp_path / "bad", "--to", tmp_path / "a.h5")
     assert (done.returncode, done.stderr) == (1, f"echofuse-export: {tmp_path / 'bad.sqlite'}: meta is not a JSON object of texts\n")
 
 
-def test_a_number_in_place_of_a_blob_is_an_unreadable_record(runs, tmp_path):
+def test_number_stored_as_a_blob_is_an_unreadable_record(runs, tmp_path):
     shutil.copy(runs / "far.sqlite", tmp_path / "bad.sqlite")
     change(tmp_path / "bad.sqlite", *((f"UPDATE record SET {sensor} = 7 WHERE idx = {row}",) for row, sensor in enumerate(echofuse.runs.SENSORS)))
     done = tool(tmp_path / "bad", "--to", tmp_path / "a.h5")
     assert (done.returncode, done.stderr) == (5, f"echofuse-export: 3 records could not be read; they are marked in {tmp_path / 'a.h5'}\n")
 
 
-def test_a_file_grows_under_the_lock_that_is_at_its_path(tmp_path, monkeypatch):
+def test_staged_file_is_locked_even_if_the_lock_file_is_replaced(tmp_path, monkeypatch):
     monkeypatch.setenv("TMPDIR", str(tmp_path))
     place, flock, late = tmp_path / "a.h5", staging.fcntl.flock, []
 
     def gone(held, how):
-        """The process that held the lock removes it, and another makes its own, before this one has it."""
+        """Before this process gets the lock, its holder deletes the lock file and another process creates a new one."""
         if not late:
             late.extend(tmp_path.glob(".*.lock"))
             late[0].unlink()
@@ -313,7 +313,7 @@ def test_a_file_grows_under_the_lock_that_is_at_its_path(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("create", [staging.staged, staging.replaced])
-def test_a_file_is_on_the_disk_before_it_has_its_name(tmp_path, monkeypatch, create):
+def test_file_is_synced_before_it_gets_its_name(tmp_path, monkeypatch, create):
     place, synced = tmp_path / "a.h5", []
 
     def fsync(descriptor):
@@ -325,7 +325,7 @@ def test_a_file_is_on_the_disk_before_it_has_its_name(tmp_path, monkeypatch, cre
     assert synced == [(False, False), (True, True)]
 
 
-def test_a_disk_without_links_gets_the_file_too(tmp_path, monkeypatch):
+def test_file_is_created_on_a_disk_without_hard_links(tmp_path, monkeypatch):
     def no_links(*_):
         raise PermissionError
 
@@ -337,8 +337,8 @@ def test_a_disk_without_links_gets_the_file_too(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("kib", [0, 20])
 @pytest.mark.parametrize("name", ["a.h5", "a.nc", "a.csv"])
-def test_a_disk_that_is_full(runs, tmp_path, name, kib):
-    """Says so in one line, and leaves nothing."""
+def test_full_disk_leaves_no_export(runs, tmp_path, name, kib):
+    """The error is one line."""
     if kib and name == "a.csv":
         return
     if name == "a.nc":
@@ -350,7 +350,7 @@ def test_a_disk_that_is_full(runs, tmp_path, name, kib):
 
 
 @pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
-def test_who_is_stopped_leaves_no_export_and_the_next_one_makes_it(runs, tmp_path, how):
+def test_interrupted_export_leaves_no_file_and_can_be_repeated(runs, tmp_path, how):
     echofuse.write_run(tmp_path / "long", program=ACQUIRE, spd=np.ones((5000, 64)), radar=np.ones((5000, 16)))
     files = lambda: {name for name in os.listdir(tmp_path) if not name.startswith("long")}  # noqa: E731
     process = subprocess.Popen([BIN / "echofuse-export", tmp_path / "long", "--to", tmp_path / "a.h5"], stderr=subprocess.DEVNULL,

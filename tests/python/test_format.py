@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Python reads every array of a run as the programs do: 20 runs of random sizes, sensors and values, written by C++."""
+"""Python and C++ read the same arrays from 20 random runs written by C++, and refuse other formats."""
 import os
 import sqlite3
 import subprocess
@@ -11,7 +11,7 @@ import echofuse
 from programs import BIN
 
 
-def test_arrays_of_twenty_runs(tmp_path):
+def test_python_reads_arrays_of_random_runs_written_by_cpp(tmp_path):
     writer = BIN.parent / "tests/test_acquire"
     if not writer.exists():
         pytest.skip("the tests in C++ are not built")
@@ -32,7 +32,7 @@ def test_arrays_of_twenty_runs(tmp_path):
         assert len(run) == 12
 
 
-def test_another_format_is_refused_with_what_to_do(tmp_path):
+def test_other_run_format_is_refused_with_advice(tmp_path):
     path = tmp_path / "run.sqlite"
     subprocess.run([BIN / "echofuse-sim", "dataset", "-q", "--records", "2", "--out", path], check=True)
     for version, advice in ((2, "expected 3; use the echofuse that recorded it"), (4, "expected 3; use a newer echofuse")):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Maps of other programs before the judge: which records count, and which run they belong to."""
+"""Evaluation of maps of other programs: scored records, and the run that the maps belong to."""
 import json
 import subprocess
 
@@ -30,7 +30,7 @@ def save(folder, of, rows, **more):
     return folder
 
 
-def test_a_record_without_a_map_counts_as_an_empty_map(run, tmp_path):
+def test_record_without_a_map_is_scored_as_an_empty_map(run, tmp_path):
     few = save(tmp_path / "few", run, np.arange(6))
     told, whole = judged(few, run, "--json"), judged(save(tmp_path / "all", run, np.arange(60)), run, "--json")
     assert (told["records"], told["answered"], told["rows"][0]["answered"]) == (60, 6, 6)
@@ -41,7 +41,7 @@ def test_a_record_without_a_map_counts_as_an_empty_map(run, tmp_path):
     assert text[text.index("depth_mae_m"):].splitlines()[1].split()[:3] == ["over", "maps", "6"]
 
 
-def test_the_documented_test_rows_are_judged_alone(run, tmp_path):
+def test_evaluate_scores_only_the_requested_rows(run, tmp_path):
     rows = echofuse.split(run).test
     folder = save(tmp_path / "mine", run, rows, run=run)
     for asked in ("test", "listed"):
@@ -57,12 +57,12 @@ def test_maps_made_without_a_sensor_are_loaded(tmp_path):
     assert echofuse.load_maps(tmp_path)[1].tolist() == [1, 2, 4]
 
 
-def test_maps_without_a_judged_record_are_refused(run, tmp_path):
+def test_maps_without_a_scored_record_are_refused(run, tmp_path):
     echofuse.save_maps(tmp_path / "none", run.maps([0]), [1000])
     assert "has 1 maps, none of them for the 60 scored records" in judged(tmp_path / "none", run, ok=False)
 
 
-def test_a_folder_keeps_the_maps_of_its_run(run, tmp_path):
+def test_map_folder_refuses_maps_of_another_run(run, tmp_path):
     folder = save(tmp_path / "mine", run, np.arange(60), run=run)
     with echofuse.open(derive.copy(run.path, tmp_path / "other.sqlite")) as other:
         with pytest.raises(FileExistsError, match="has maps of another run"):

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""The method in Python (recon/python/echofuse/models/method.py) makes the maps of the program: the same pixels show a body, and
-their depths agree to 0.1 mm."""
+"""The method in Python (recon/python/echofuse/models/method.py) predicts the program's maps: the same foreground, and depths
+within 0.1 mm."""
 import dataclasses
 import json
 import sqlite3
@@ -12,7 +12,7 @@ import pytest
 import echofuse
 from programs import BIN, program
 
-# Name of the run: what makes it.
+# Settings of each run.
 RUNS = {
     "50cm": [],
     "4cm": ["radar_resolution_m=0.088"],
@@ -22,7 +22,7 @@ RUNS = {
     "calibrated": [],
     "zones": ["spd_zones=3"],
 }
-# Which kinds of models are tried on it.
+# Models tested on each run.
 KINDS = {
     "50cm": [["factorised-8"], ["mean-shape"], ["mlp-64-32"], ["mlp-mask-32"], ["pca-mlp-64"], ["ridge"], ["mean"],
              ["pca-mlp-64", "--inputs", "spd"]],
@@ -33,7 +33,7 @@ KINDS = {
     "calibrated": [["factorised-8"]],
     "zones": [["factorised-8"], ["factorised-8", "--inputs", "spd"], ["mlp-64"]],
 }
-CODES_SCALE = 12  # log2 of the power in steps of 2 / CODES_SCALE / 16, as TI's profile of one transmitter has it
+CODES_SCALE = 12  # log2 of power in steps of 2 / CODES_SCALE / 16, as in TI's profile of one transmitter
 
 
 def stated(path, taps, cell_m=0.3):
@@ -43,7 +43,7 @@ def stated(path, taps, cell_m=0.3):
 
 
 def as_the_daemon_writes(path):
-    """Codes of the logarithm in place of powers, and points that the model does not take."""
+    """Replaces power by logarithmic codes, and appends points beyond the model's axis."""
     run = echofuse.open(path)
     codes = np.round(np.log2(np.maximum(run.radar, 1e-3) * 1e6) * 256 * CODES_SCALE / 32)
     codes = np.pad(codes, ((0, 0), (0, 5)), mode="edge").astype("<f4")
@@ -70,8 +70,8 @@ def runs(tmp_path_factory):
 
 @pytest.mark.parametrize("name", ["50cm", "antennas"])
 @pytest.mark.parametrize("change", ["codes", "response", "axes"])
-def test_a_run_unlike_the_training(runs, tmp_path, name, change):
-    """Of other units, another response of the radar, or axes within a bin: Python and program bring it to the model's."""
+def test_run_with_other_units_or_axes_is_converted_as_by_the_program(runs, tmp_path, name, change):
+    """Other units, another radar response, or axes that differ by less than a bin."""
     trained, run, model = tmp_path / "trained.sqlite", tmp_path / "run.sqlite", tmp_path / "model"
     for copy in (trained, run):
         copy.write_bytes((runs / f"{name}.sqlite").read_bytes())
@@ -90,7 +90,7 @@ def test_a_run_unlike_the_training(runs, tmp_path, name, change):
 
 
 @pytest.mark.parametrize(("name", "kind"), [(name, kind) for name, kinds in KINDS.items() for kind in kinds])
-def test_maps_are_those_of_the_program(runs, tmp_path, name, kind):
+def test_predicted_maps_equal_those_of_the_program(runs, tmp_path, name, kind):
     model, run = tmp_path / "model", runs / f"{name}.sqlite"
     epochs = ["--epochs", 1] if kind[0].rstrip("-0123456789") in ("factorised", "mean-shape", "mlp", "mlp-mask", "pca-mlp") else []
     program("echofuse-recon", "train", "-q", run, "--model", *kind, *epochs, "--set", "fallback=false", "--out", model)
@@ -112,7 +112,7 @@ def compare(model, run, maps):
     assert np.abs(depth_m - by_program_m)[~other].max() < 1e-4
 
 
-def test_a_model_says_what_it_takes_and_takes_arrays(runs, tmp_path):
+def test_model_describes_its_inputs_and_accepts_arrays(runs, tmp_path):
     run = echofuse.open(runs / "50cm.sqlite")
     program("echofuse-recon", "-q", "train", run.path, "--model", "factorised-8", "--out", tmp_path / "m")
     model = echofuse.load_model(tmp_path / "m")
@@ -139,7 +139,7 @@ def test_a_model_says_what_it_takes_and_takes_arrays(runs, tmp_path):
     maps.save(tmp_path / "maps")
     again, index = echofuse.load_maps(tmp_path / "maps")
     assert np.array_equal(again, maps.depth_m, equal_nan=True) and index.tolist() == maps.index.tolist()
-    # The judge of maps leaves out the records of this training.
+    # evaluate --maps excludes the records of this training.
     told = json.loads(subprocess.run([BIN / "echofuse-recon", "-q", "evaluate", "--json", "--maps", tmp_path / "maps", run.path],
                                      capture_output=True, check=True).stdout)
     assert (told["records"], told["left_out"]) == (6, {"trained on": 54})

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""echofuse.metrics gives the scores of the judge, record by record."""
+"""echofuse.metrics returns the scores of evaluate, record by record."""
 import csv
 
 import numpy as np
@@ -14,7 +14,7 @@ COLUMNS = {"iou": metrics.iou, "depth_mae_m": metrics.depth_mae, "lateral_m": me
 
 
 def wrong(truth, how):
-    """Maps that are wrong by noise, that are expected depths of a regression, or that are empty or mirrored."""
+    """Returns noisy, empty or mirrored maps, or expected depths of a regression."""
     z, rng = np.nan_to_num(truth), np.random.default_rng(3)
     if how == "noise":
         out = np.roll(z + rng.normal(0, 0.1, z.shape) * (z > 0), 2, 2) * (rng.random(z.shape) < 0.9)
@@ -37,7 +37,7 @@ def runs(request, tmp_path_factory):
 
 
 @pytest.mark.parametrize("how", ["noise", "expected", "mirrored"])
-def test_scores_are_those_of_the_judge(runs, tmp_path, how):
+def test_python_metrics_equal_those_of_evaluate(runs, tmp_path, how):
     train, test = runs
     maps, truth, scene = wrong(test.maps(), how), test.maps(), metrics.Scene.of_maps(train.maps())
     echofuse.save_maps(tmp_path / "maps", maps, test.index)
@@ -56,7 +56,7 @@ def test_scores_are_those_of_the_judge(runs, tmp_path, how):
         assert np.isfinite(found).any(), column
 
 
-def test_what_has_no_score_is_nan():
+def test_undefined_scores_are_nan():
     scene = metrics.Scene(np.zeros((8, 8), np.float32), 3.0)
     empty, body = np.full((1, 8, 8), np.nan), np.full((1, 8, 8), np.nan)
     body[0, 2:5, 1:3] = 3

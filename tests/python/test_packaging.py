@@ -34,7 +34,7 @@ def built(source, kind, to):
 
 @pytest.fixture(scope="session")
 def made(tmp_path_factory):
-    """Folder with an environment that has the wheel of the sdist, and with a run."""
+    """Folder with a run and an environment that has the wheel built from the sdist."""
     for module in ("setuptools", "wheel", "venv", "pip"):
         pytest.importorskip(module)
     folder = tmp_path_factory.mktemp("package")
@@ -49,7 +49,7 @@ def made(tmp_path_factory):
     return folder
 
 
-def test_the_wheels_of_copy_and_sdist_have_the_same_files(made, tmp_path):
+def test_wheel_and_sdist_have_the_same_files(made, tmp_path):
     direct = built(copy_of_the_sources(tmp_path / "copy"), "wheel", tmp_path)
     names = [set(zipfile.ZipFile(wheel).namelist()) for wheel in (direct, next(made.glob("*.whl")))]
     assert names[0] == names[1]
@@ -58,7 +58,7 @@ def test_the_wheels_of_copy_and_sdist_have_the_same_files(made, tmp_path):
     assert (SOURCE / "LICENSE").read_bytes() == (SOURCE.parents[1] / "LICENSE").read_bytes()
 
 
-def test_an_installed_wheel_reads_a_run_without_programs(made):
+def test_installed_wheel_reads_a_run_without_programs(made):
     code = ("import echofuse; run = echofuse.open('monday.sqlite'); "
             "print(echofuse.__file__, len(run), run.spd.shape[0])")
     done = python("-c", code, at=made, env=AWAY | {"PATH": ""}, python=made / "venv/bin/python")
@@ -71,7 +71,7 @@ def test_an_installed_wheel_reads_a_run_without_programs(made):
     ("echofuse.split(echofuse.open('monday.sqlite'))", "echofuse-recon"),
     ("echofuse.record('lab.toml')", "echofuse-acquire"),
     ("echofuse.write_run('own.sqlite', spd=[[1, 2]])", "echofuse-acquire")])
-def test_a_missing_program_is_named_in_one_sentence(made, call, name):
+def test_missing_program_is_named(made, call, name):
     code = f"import echofuse\ntry:\n    {call}\nexcept RuntimeError as error:\n    print(error)"
     done = python("-c", code, at=made, env=AWAY | {"PATH": ""}, python=made / "venv/bin/python")
     assert done.returncode == 0, done.stderr
@@ -79,7 +79,7 @@ def test_a_missing_program_is_named_in_one_sentence(made, call, name):
     assert len(done.stdout.splitlines()) == 1
 
 
-def test_an_installed_wheel_writes_a_report_page(made):
+def test_installed_wheel_writes_a_report_page(made):
     done = subprocess.run([made / "venv/bin/echofuse-report", "out", "--live", "monday.sqlite"], cwd=made,
                           env=AWAY | {"ECHOFUSE_BIN": str(BIN)}, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
@@ -87,18 +87,18 @@ def test_an_installed_wheel_writes_a_report_page(made):
     assert "monday" in page and "uPlot" in page
 
 
-def test_a_star_import_keeps_the_built_in_open():
+def test_star_import_keeps_the_built_in_open():
     names = {}
     exec("from echofuse import *", names)  # noqa: S102
     assert "open" not in names and callable(echofuse.open)
 
 
-def test_no_public_name_is_a_module_and_something_else():
+def test_public_names_do_not_clash_with_modules():
     modules = {module.name for module in pkgutil.iter_modules(echofuse.__path__)}
     assert [name for name in modules & set(dir(echofuse)) if not isinstance(getattr(echofuse, name), types.ModuleType)] == []
 
 
-def test_the_import_takes_a_tenth_of_a_second_more_than_numpys():
+def test_import_takes_at_most_a_tenth_of_a_second_more_than_numpy():
     code = "import time, numpy; at = time.process_time(); import echofuse; print(time.process_time() - at)"
     env = AWAY | {"PYTHONPATH": str(SOURCE)}
     took = [float(python("-c", code, at=SOURCE, env=env).stdout) for _ in range(10)]

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""The page of echofuse-report: its numbers are those of `evaluate --json`; it tells failures first, and only what was
-measured."""
+"""The page of echofuse-report: its numbers equal those of `evaluate --json`, failures come first, and only measured values are
+shown."""
 import base64
 import json
 import os
@@ -27,7 +27,7 @@ os.environ["ECHOFUSE_BIN"] = str(BIN)
 
 
 def report(*words):
-    """Exit code, text."""
+    """Returns exit code and output."""
     done = subprocess.run([BIN / "echofuse-report", *map(str, words)], capture_output=True, text=True, check=False)
     return done.returncode, done.stdout + done.stderr
 
@@ -49,7 +49,7 @@ def of_kind(found, kind):
 
 @pytest.fixture(scope="module")
 def here(tmp_path_factory):
-    """A run and a fresh one; models of every input, two trainings of one, one that asks no sensor."""
+    """A training run and a fresh run; models of all inputs, one of them trained twice, one without sensors."""
     made = tmp_path_factory.mktemp("report")
     for name, records, seed in (("run", 160, 1), ("fresh", 60, 8)):
         program("echofuse-sim", "dataset", "-q", "--out", made / f"{name}.sqlite", "--records", records, "--seed", seed)
@@ -59,7 +59,7 @@ def here(tmp_path_factory):
     return made
 
 
-def test_the_numbers_are_those_of_evaluate(here, tmp_path):
+def test_report_numbers_equal_those_of_evaluate(here, tmp_path):
     words = ["--model", f"ours={here / 'body'}", "--model", here / "spd"]
     code, said = report(tmp_path, "--run", here / "fresh.sqlite", *words, "--live", here / "fresh.sqlite")
     assert code == 0, said
@@ -87,7 +87,7 @@ def test_the_numbers_are_those_of_evaluate(here, tmp_path):
     assert cost[3] == blocks.three_digits(told["rows"][1]["cost"]["multiply_adds"])
 
 
-def test_the_maps_are_the_thresholded_maps_of_the_model(here, tmp_path):
+def test_report_maps_are_the_thresholded_maps_of_the_model(here, tmp_path):
     assert report(tmp_path, "--run", here / "fresh.sqlite", "--model", here / "body")[0] == 0
     page, maps = page_of(tmp_path), echofuse.load_model(here / "body").predict(here / "fresh.sqlite")
     for record in page["records"]:
@@ -101,7 +101,7 @@ def test_the_maps_are_the_thresholded_maps_of_the_model(here, tmp_path):
             assert record["spd"]["clicks"] == [blocks.short(v) for v in run.photons()[run.index == index][0]]
 
 
-def test_one_page_holds_all(here, tmp_path):
+def test_report_is_one_page_without_external_resources(here, tmp_path):
     code, said = report(tmp_path, "--run", here / "run.sqlite", *(word for name in ("fused", "spd", "radar") for word in ("--model", here / name)),
                         "--live", here / "fresh.sqlite")
     assert code == 0 and said.endswith("report.html\n"), said
@@ -110,17 +110,17 @@ def test_one_page_holds_all(here, tmp_path):
     page = page_of(tmp_path)
     assert [section["id"] for section in page["sections"]] == [
         "failures", "gallery", "errors", "labels", "metrics", "cost", "records", "space", "live", "made", "terms"]
-    # Person and letter by three models; of the live run one by the first; worst, median and best.
+    # Person and letter with three models; one live record, and the worst, median and best record with the first model.
     assert [len(record["maps"]) for record in page["records"]][:6] == [3, 3, 1, 1, 1, 1]
     assert of_kind(page["of"]["metrics"], "note")["text"].startswith("Do not read the SSIM row alone")
     assert ["command", f"echofuse-report {tmp_path}"] == [page["of"]["made"][0]["rows"][3][0], page["of"]["made"][0]["rows"][3][1][:16 + len(str(tmp_path))]]
-    # The paper's values stand beside its networks only.
+    # The paper's values are shown only next to its networks.
     assert not [value for value in ("0.6576", "0.6389", "0.5266") if value in json.dumps(page)]
     assert len(of_kind(page["of"]["live"], "waterfalls")["tables"]) == 2
     assert of_kind(page["of"]["live"], "pictures")["show"] == ["truth", "spd", "radar", "map 0", "error 0"]
 
 
-def test_rows_of_equal_inputs_stand_together_each_by_its_name(here, tmp_path):
+def test_report_groups_models_with_equal_inputs(here, tmp_path):
     code, said = report(tmp_path, "--run", here / "fresh.sqlite", "--model", f"ours={here / 'fused'}", here / "spd", f"small={here / 'body'}",
                         here / "mean", f"ours={here / 'again'}", here / "paper")
     assert code == 0, said
@@ -128,12 +128,12 @@ def test_rows_of_equal_inputs_stand_together_each_by_its_name(here, tmp_path):
     assert [row[0] for row in page["first"][1]["rows"]][:5] == [
         "ours (ridge, SPD + radar profile; 2 trainings)", "small (mean-shape, SPD + radar profile)", "spd (ridge, SPD alone)",
         "paper (the paper's network, SPD alone)", "mean (no sensor)"]
-    assert page["of"]["metrics"][3]["rows"][0][2] == "0.6389"  # beside the paper
+    assert page["of"]["metrics"][3]["rows"][0][2] == "0.6389"  # next to the value of the paper
     code, said = report(tmp_path / "no", "--run", here / "run.sqlite", "--model", f"a={here / 'spd'}", f"a={here / 'radar'}")
     assert code == 1 and f"takes radar alone, and {here / 'spd'} of the same name SPD alone; expected --model NAME=" in said
 
 
-def test_all_are_scored_on_records_that_have_every_sensor_one_of_them_asks_for(here, tmp_path):
+def test_models_are_scored_on_records_with_all_their_sensors(here, tmp_path):
     def some(records):
         records.lost["radar"][::4] = True
 
@@ -149,7 +149,7 @@ def test_all_are_scored_on_records_that_have_every_sensor_one_of_them_asks_for(h
     assert code == 0 and "spd (ridge, SPD alone), on 5 " in said
 
 
-def test_a_run_alone_and_two_models_record_by_record(here, tmp_path):
+def test_report_of_a_run_alone_and_paired_comparison(here, tmp_path):
     code, said = report(tmp_path / "alone", "--live", here / "fresh.sqlite")
     assert code == 0 and "60 records, all with all three sensors" in said
     page = page_of(tmp_path / "alone")
@@ -167,13 +167,13 @@ def test_a_run_alone_and_two_models_record_by_record(here, tmp_path):
     rows = {row[0]: row for row in page["of"]["difference"][1]["rows"]}
     assert rows["IoU"][1:6] == ["60", *(f"{paired['iou'][key]:.3f}" for key in ("first", "second")),
                                 f"{paired['iou']['mean']:+.3f}", f"{paired['iou']['low']:+.3f} to {paired['iou']['high']:+.3f}"]
-    assert rows["IoU"][6]["text"] == "second" and rows["RMSE (m)"][4][0] == "+"  # plus is better, of an error too
+    assert rows["IoU"][6]["text"] == "second" and rows["RMSE (m)"][4][0] == "+"  # plus means better, also for errors
     assert page["first"][0]["show"] == ["truth", "map 0", "map 1", "error 0", "error 1"]
     code, said = compare("body", "body")
     assert code == 0 and "cannot be told apart" in said and "difference +0.000 (95 %: +0.000 to +0.000)" in said
 
 
-def test_a_run_that_lost_a_sensor_says_when(here, tmp_path):
+def test_report_shows_when_a_sensor_was_lost(here, tmp_path):
     def lose(records):
         records.lost["radar"][40:] = True
 
@@ -187,23 +187,23 @@ def test_a_run_that_lost_a_sensor_says_when(here, tmp_path):
     assert of_kind(page_of(tmp_path)["of"]["live"], "strips")["gaps"]["radar"] == [[120.0, 180.0]]
 
 
-def test_the_report_repeats_every_sentence_of_evaluate(here, tmp_path):
+def test_report_contains_every_note_of_evaluate(here, tmp_path):
     shutil.copy(here / "fresh.sqlite", tmp_path / "odd.sqlite")
     with sqlite3.connect(tmp_path / "odd.sqlite") as db:
         db.execute("UPDATE record SET depth_verdict = 'stands still: the same', depth = (SELECT depth FROM record WHERE idx = 0) WHERE idx < 25")
         db.execute("UPDATE record SET valid = valid - 2 WHERE idx = 40")
         db.execute("UPDATE record SET spd = (SELECT spd FROM record WHERE idx = 51) WHERE idx = 50")
     db.close()
-    said_by_evaluate = evaluated(here / "body", tmp_path / "odd.sqlite")["notes"].splitlines()
+    notes_of_evaluate = evaluated(here / "body", tmp_path / "odd.sqlite")["notes"].splitlines()
     for part in ("camera frozen 25; including them IoU", "twice in the run 1", "1 records with depth left out: a sensor missing 1"):
-        assert any(part in line for line in said_by_evaluate), said_by_evaluate
+        assert any(part in line for line in notes_of_evaluate), notes_of_evaluate
     code, said = report(tmp_path, "--run", tmp_path / "odd.sqlite", "--model", here / "body")
     assert code == 0, said
     page = json.dumps(page_of(tmp_path), ensure_ascii=False)
-    assert [line for line in said_by_evaluate if line not in said or line not in page] == []
+    assert [line for line in notes_of_evaluate if line not in said or line not in page] == []
 
 
-def test_a_run_of_doubtful_records_only_is_refused(here, tmp_path):
+def test_report_refuses_a_run_of_doubtful_records_only(here, tmp_path):
     shutil.copy(here / "fresh.sqlite", tmp_path / "frozen.sqlite")
     with sqlite3.connect(tmp_path / "frozen.sqlite") as db:
         db.execute("UPDATE record SET depth_verdict = 'stands still: the same'")
@@ -212,8 +212,8 @@ def test_a_run_of_doubtful_records_only_is_refused(here, tmp_path):
     assert code == 1 and "60 of 60 records left out: camera frozen 60" in said and not (tmp_path / "page/report.html").exists()
 
 
-def test_a_record_that_cannot_be_read_is_named_on_the_page(here, tmp_path):
-    """Record 30 is the one in the middle, which the page shows."""
+def test_report_names_an_unreadable_record(here, tmp_path):
+    """Record 30 is the middle one, which the page shows."""
     shutil.copy(here / "fresh.sqlite", tmp_path / "bad.sqlite")
     with sqlite3.connect(tmp_path / "bad.sqlite") as db:
         db.execute("UPDATE record SET spd = x'00' WHERE idx = 30")
@@ -229,7 +229,7 @@ def test_a_record_that_cannot_be_read_is_named_on_the_page(here, tmp_path):
             assert "record 30, unreadable: spd has 1 bytes" in page_of(tmp_path / "page")["records"][0]["title"]
 
 
-def test_the_waterfalls_are_means_over_neighbours_whatever_the_blocks(here, monkeypatch):
+def test_waterfall_averages_neighbours_independently_of_block_size(here, monkeypatch):
     run, pages = echofuse.open(here / "fresh.sqlite"), []
     monkeypatch.setattr(report_story, "MOST_POINTS", 30)
     for records in (256, 7):
@@ -241,8 +241,8 @@ def test_the_waterfalls_are_means_over_neighbours_whatever_the_blocks(here, monk
     assert np.abs(image - 254 * means / means.max()).max() <= 0.5 + 1e-9
 
 
-def test_a_page_that_cannot_be_written_leaves_nothing(here, tmp_path):
-    """A full disk, and SIGTERM: no part, no scratch folder. A link at the old name of the part is not followed."""
+def test_failed_report_leaves_no_files(here, tmp_path):
+    """Full disk and SIGTERM: no partial file, no scratch folder. A link at the path of the partial file is not followed."""
     (tmp_path / "scratch").mkdir()
     words, env = [BIN / "echofuse-report", tmp_path / "page", "--live", here / "fresh.sqlite"], os.environ | {"TMPDIR": str(tmp_path / "scratch")}
     full = subprocess.run(["sh", "-c", "ulimit -f 40; exec \"$@\"", "sh", *words], capture_output=True, text=True, env=env)
@@ -276,14 +276,14 @@ def test_a_page_that_cannot_be_written_leaves_nothing(here, tmp_path):
     (["--run", "fresh.sqlite", "--model", "run.sqlite"], 1, "run.sqlite: is a run; expected a model file"),
     (["--run", "fresh.sqlite", "--model", "mean", "--empty", "run.sqlite"], 1, "does not place a body"),
 ])
-def test_what_does_not_fit_is_refused_in_a_line(here, tmp_path, monkeypatch, words, code, text):
+def test_report_refuses_invalid_arguments_in_one_line(here, tmp_path, monkeypatch, words, code, text):
     monkeypatch.chdir(here)
     found, said = report(tmp_path / "page", *words)
     assert found == code and text in said and said.count("\n") == 1, said
     assert not (tmp_path / "page").exists()
 
 
-def test_a_page_of_another_run_stays_unless_told(here, tmp_path):
+def test_report_of_another_run_is_kept_without_force(here, tmp_path):
     assert report(tmp_path, "--live", here / "fresh.sqlite")[0] == 0
     assert report(tmp_path, "--live", here / "fresh.sqlite")[0] == 0
     code, said = report(tmp_path, "--live", here / "run.sqlite")
@@ -292,11 +292,11 @@ def test_a_page_of_another_run_stays_unless_told(here, tmp_path):
     assert page_of(tmp_path)["of"]["live"][0]["text"].endswith("160 records, all with all three sensors.")
 
 
-# What it says of numbers by hand
+# Texts for given numbers
 
 
 def mode_of(name, kind, iou, rmse_m, **columns):
-    """20 records that vary a little about these, each of a letter."""
+    """Returns 20 letter records with scores that vary slightly around these."""
     wobble = 0.001 * (np.arange(20) % 3)
     values = {"iou": iou + wobble, "rmse_m": rmse_m + wobble, "lateral_m": 0.03 + wobble, "depth_mae_m": 0.1 + wobble,
               "lateral_interval_90_m": np.full(20, 0.1)} | columns
@@ -314,7 +314,7 @@ def judged_of(**baselines):
     return Judged([], {"trivial": trivial, "foreground_depth_m": 3.0}, "")
 
 
-def test_the_verdict_names_an_opponent_that_draws_a_body_and_what_is_worse():
+def test_report_verdict_names_the_competing_model_and_worse_metrics():
     ours, theirs = mode_of("ours", "factorised", 0.6, 0.46), mode_of("theirs", "pca", 0.5, 0.42)
     theirs.differences = {"rmse_m": {"records": 20, "first": 0.46, "second": 0.42, "mean": 0.04, "low": 0.03, "high": 0.05},
                           "iou": {"records": 20, "first": 0.6, "second": 0.5, "mean": -0.1, "low": -0.1, "high": -0.1}}
@@ -327,7 +327,7 @@ def test_the_verdict_names_an_opponent_that_draws_a_body_and_what_is_worse():
     assert "same inputs" not in said and "nearest training record: 0.30" in said and "20 recorded records that training held out" in said
 
 
-def test_what_fails_stands_first():
+def test_report_lists_failures_first():
     fused = mode_of("fused", "factorised", 0.6, 0.46).first
     assert tables.problems_of_run(fused) == []
     fused = mode_of("fused", "factorised", 0.6, 0.46, lateral_interval_90_m=np.full(20, 0.01)).first
@@ -343,7 +343,7 @@ def test_what_fails_stands_first():
                                                                         "worst: record 7")
 
 
-def test_among_equals_all_are_best_a_ghost_is_best_near_0_and_counts_are_counts():
+def test_best_scores_are_marked_in_tables():
     side = (np.arange(20) > 0) * 1.0
     modes = [mode_of("a", "factorised", 0.6, 0.46, ghost=np.zeros(20), left_right=side), mode_of("b", "pca", 0.5, 0.42, ghost=np.full(20, -0.1), left_right=side)]
     rows = tables.rows_of(modes, {"trivial": {}})
@@ -352,11 +352,11 @@ def test_among_equals_all_are_best_a_ghost_is_best_near_0_and_counts_are_counts(
     assert ghost[0] == {"text": "0", "mark": "best"} and ghost[1]["text"] == "-0.10"
     assert [tables.value(row, "left_right", best) for row, best in zip(rows, tables.best_of(rows, "left_right"))] == 2 * [{"text": "19 of 20", "mark": "best"}]
     assert tables.best_of(rows, "iou") == [True, False]
-    assert Count(0, 10).interval[0] == 0 and Count(5, 10).interval[0] == pytest.approx(0.2366, rel=1e-3)  # Wilson, by hand
+    assert Count(0, 10).interval[0] == 0 and Count(5, 10).interval[0] == pytest.approx(0.2366, rel=1e-3)  # Wilson interval
     assert np.isnan(Means()["iou"].mean)
 
 
-def test_maps_are_packed_in_whole_numbers_and_a_text_cannot_end_its_script():
+def test_report_data_are_packed_and_escaped():
     values = np.array([0, 1.2345, -1, 99, np.nan])
     assert blocks.packed(values, 1e-3, "<u2") == "AADTBAAA//8AAA=="  # 0, 1235 (0x04d3), 0, 65535, 0
     assert blocks.packed(values, 0.01, "u1") == "AHsA/wA="  # 0, 123, 0, 255, 0
@@ -366,22 +366,22 @@ def test_maps_are_packed_in_whole_numbers_and_a_text_cannot_end_its_script():
     assert '"title":"\\u003c!--\\u003cscript>"' in html and '"verdict":"\\u003c/script>\\\\u202e\\\\n"' in html
 
 
-def test_a_model_is_named_by_what_it_takes():
+def test_report_names_a_model_by_its_inputs():
     facts = {"0/model": "factorised", "0/inputs": "fused", "0/takes_antennas": 1, "0/axes/array/scale": 7.0, "0/axes/array/quantity": "lags"}
     assert takes_of(facts) == "SPD + 8 antennas" and takes_of(facts | {"0/takes_antennas": 0}) == "SPD + radar profile"
     assert takes_of(facts | {"0/axes/array/quantity": "lags 1 2 5"}) == "SPD + antennas"
     assert takes_of(facts | {"0/inputs": "radar"}) == "radar alone" and takes_of({"0/model": "mean"}) == "no sensor"
 
 
-def test_the_package_holds_what_the_page_is_made_of(tmp_path):
-    """Copied elsewhere, as it is installed."""
+def test_package_contains_the_files_of_the_page(tmp_path):
+    """The package is copied to another folder, as by an installation."""
     shutil.copytree(blocks.PAGE.parent, tmp_path / "echofuse", ignore=shutil.ignore_patterns("__pycache__"))
     code = "from echofuse.report.blocks import html_of; print(len(html_of({})))"
     said = subprocess.run(["/usr/bin/python3", "-c", code], env={"PYTHONPATH": str(tmp_path)}, capture_output=True, text=True, check=True)
     assert int(said.stdout) > 100_000
 
 
-def test_maps_of_other_programs_stand_with_the_first_model(here, tmp_path):
+def test_report_compares_maps_of_other_programs_with_the_first_model(here, tmp_path):
     run = echofuse.open(here / "fresh.sqlite")
     echofuse.save_maps(tmp_path / "truth", run.maps(), run.index, run=run)
     echofuse.save_maps(tmp_path / "few", run.maps([0, 1, 2]), run.index[:3], run=run)
@@ -392,7 +392,7 @@ def test_maps_of_other_programs_stand_with_the_first_model(here, tmp_path):
     scores, gains = (block for block in page["of"]["maps"] if block["kind"] == "table")
     assert [row[0] for row in scores["rows"]][:3] == ["theirs", "few (57 not answered)", "body (mean-shape, SPD + radar profile)"]
     assert [row[1]["text"] for row in scores["rows"]][:3] == [f"{row['metrics']['iou']['mean']:.2f}" for row in told["rows"]]
-    assert [row[3]["small"].split("(")[-1] for row in scores["rows"]][:2] == ["60)", "3)"]  # maps of the depth error
+    assert [row[3]["small"].split("(")[-1] for row in scores["rows"]][:2] == ["60)", "3)"]  # number of maps with a depth error
     assert [row[1]["text"] for row in gains["rows"]] == [f"{one['metrics']['iou']['mean']:+.3f}" for one in told["paired"]]
     shown = page["records"][of_kind(page["of"]["maps"], "pictures")["record"]]
     assert [one["name"] for one in shown["maps"]] == ["theirs", "few", "body (mean-shape, SPD + radar profile)"]
@@ -404,7 +404,7 @@ def test_maps_of_other_programs_stand_with_the_first_model(here, tmp_path):
     assert [section["id"] for section in page_of(tmp_path / "alone")["sections"]] == ["maps", "made"]
 
 
-def test_a_recorded_run_with_a_model_needs_no_other_run(here, tmp_path):
+def test_report_of_a_recorded_run_and_a_model(here, tmp_path):
     code, said = report(tmp_path, "--live", here / "fresh.sqlite", "--model", here / "body")
     assert code == 0, said
     page = page_of(tmp_path)
@@ -412,7 +412,7 @@ def test_a_recorded_run_with_a_model_needs_no_other_run(here, tmp_path):
     assert "echofuse-recon" in page["origin"] and "(" in dict(page["of"]["made"][0]["rows"])["program"]  # with the commit
 
 
-def test_failing_records_are_named_worst_first_and_shown(here, tmp_path):
+def test_report_lists_failing_records_worst_first(here, tmp_path):
     assert report(tmp_path, "--run", here / "fresh.sqlite", "--model", here / "body")[0] == 0
     page = page_of(tmp_path)
     rows = [row for row in of_kind(page["of"]["failures"], "table")["rows"] if isinstance(row[3], dict)]
@@ -423,7 +423,7 @@ def test_failing_records_are_named_worst_first_and_shown(here, tmp_path):
         assert len(row[3]["records"]) == min(count, 8) and row[3]["more"] == (count > 8)
 
 
-def test_the_verdict_of_many_models_is_a_table(here, tmp_path):
+def test_report_compares_many_models_in_a_table(here, tmp_path):
     words = [word for name in ("body", "fused", "spd", "radar", "mean") for word in ("--model", here / name)]
     code, said = report(tmp_path, "--run", here / "fresh.sqlite", *words)
     assert code == 0, said

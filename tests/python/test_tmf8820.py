@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Zones of a TMF8820: the fit on one known object, rendered solids, and the bench's track from files to the table."""
+"""Zones of a TMF8820: the fit to a known object, rendered solids, and the photon track of the bench."""
 import csv
 import gzip
 import json
@@ -22,7 +22,7 @@ TABLE = np.array([[(-1, -1, 0), (1, -1, 0), (1, 1, 0)], [(-1, -1, 0), (1, 1, 0),
 
 
 def chip():
-    """Four zones: round fields about +-0.12, time zeros of their own."""
+    """Returns four zones with round fields at +-0.12 and different time zeros."""
     x, y = (part.ravel() for part in zone_fit.tangents(zone_fit.G, zone_fit.FIELD_TANGENT))
     fields = [np.exp(-((x - cx) ** 2 + (y - cy) ** 2) / (2 * 0.1**2)) for cx, cy in
               ((-0.12, 0.12), (0.12, 0.12), (-0.12, -0.12), (0.12, -0.12))]
@@ -30,7 +30,7 @@ def chip():
 
 
 def captures(count, seed):
-    """Counts [n, zones, 128] and poses [n, 4, 4] before the block."""
+    """Returns counts [n, zones, 128] and poses [n, 4, 4] in front of the block."""
     rng, zones, counts, poses = np.random.default_rng(seed), chip(), [], []
     for _ in range(count):
         pose = tmf8820.any_pose(rng, 0.1)
@@ -44,7 +44,7 @@ def captures(count, seed):
 
 @pytest.fixture(scope="module")
 def data(tmp_path_factory):
-    """A folder as the public one: block.json.gz, block_random.json.gz and block.stl."""
+    """Folder with the files of the public data: block.json.gz, block_random.json.gz and block.stl."""
     folder = tmp_path_factory.mktemp("data")
     mesh = np.concatenate([TABLE, BLOCK])
     body = b"".join(struct.pack("<12fH", 0, 0, 0, *corners.ravel(), 0) for corners in mesh)
@@ -57,7 +57,7 @@ def data(tmp_path_factory):
     return folder
 
 
-def test_rays_through_a_block_meet_its_top(data):
+def test_rays_onto_a_block_hit_its_top(data):
     pose = np.zeros((4, 4))
     pose[:3, 0], pose[:3, 1], pose[:3, 2], pose[:3, 3] = (1, 0, 0), (0, -1, 0), (0, 0, -1), (0, 0, 0.3)
     triangles = tmf8820.read_mesh(data / "block.stl")
@@ -65,7 +65,7 @@ def test_rays_through_a_block_meet_its_top(data):
     assert np.nanmin(truth) == pytest.approx(0.2) and 30 < np.isfinite(truth).sum() < 400
 
 
-def test_the_fit_finds_fields_time_zeros_and_response_of_a_known_chip(data, tmp_path):
+def test_zone_fit_recovers_fields_time_zeros_and_response(data, tmp_path):
     zones = chip()
     found = tmf8820.fitted(data / "block_random.json.gz", data / "block.stl", range(16))
     assert (found.fields >= 0).all() and (found.explained > 0.97).all()
@@ -86,7 +86,7 @@ def test_the_fit_finds_fields_time_zeros_and_response_of_a_known_chip(data, tmp_
         tmf8820.fitted(data / "block.json.gz", data / "block.stl", [24])
 
 
-def test_rendered_photons_lie_at_the_range_of_the_object_in_the_zone_that_looks_at_it():
+def test_rendered_photons_are_in_the_zone_and_bin_of_the_object():
     zones = chip()
     depth = np.full(zone_fit.G**2, np.inf)
     x, y = (part.ravel() for part in zone_fit.tangents(zone_fit.G, zone_fit.FIELD_TANGENT))
@@ -98,7 +98,7 @@ def test_rendered_photons_lie_at_the_range_of_the_object_in_the_zone_that_looks_
     assert np.array_equal(tmf8820.rendered(zones, REFERENCE, 3, 1)[0], counts)
 
 
-def test_first_returns_are_those_before_the_table():
+def test_first_return_is_in_front_of_the_table():
     range_m = np.arange(60) * 0.01
     bump = lambda at: np.exp(-(((np.arange(60) - at) / 1.5) ** 2))  # noqa: E731
     both, table, nothing = 1000 * bump(20) + 200 * bump(40), 500 * bump(40), np.zeros(60)
@@ -106,7 +106,7 @@ def test_first_returns_are_those_before_the_table():
     assert found[0] == pytest.approx(0.2, abs=0.003) and np.isnan(found[1:]).all()
 
 
-def test_the_track_goes_from_the_files_to_the_table(data, tmp_path, capfd):
+def test_photon_track_runs_from_files_to_the_table(data, tmp_path, capfd):
     recipe = tmp_path / "recipe.toml"
     recipe.write_text("""
 name = "small"

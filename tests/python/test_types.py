@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Types of the package, by mypy --strict."""
+"""Type check of the package with mypy --strict."""
 import pathlib
 import subprocess
 import sys
@@ -32,7 +32,7 @@ def mypy(*words):
                           cwd=PACKAGE, capture_output=True, text=True, check=False).stdout.splitlines()
 
 
-def test_the_package_and_a_user_s_script_have_no_type_errors(tmp_path):
+def test_package_and_user_script_have_no_type_errors(tmp_path):
     script = tmp_path / "script.py"
     script.write_text(SCRIPT)
     assert mypy("echofuse", script)[-1].startswith("Success")

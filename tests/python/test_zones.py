@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Detectors with zones: runs of arrays, their inputs, and what is refused."""
+"""Detectors with zones: imported runs, model inputs, and invalid zones."""
 import pathlib
 import sqlite3
 import subprocess
@@ -34,18 +34,18 @@ def test_zones_are_read_as_written(tmp_path):
     assert np.allclose(zones.directions(run)[:, 0], [-0.17, 0.17])
 
 
-def test_a_zone_is_at_most_200_wide_in_tangents(tmp_path):
+def test_zone_width_is_limited(tmp_path):
     wide = [TWO[0], TWO[1]._replace(width=200.0)]
     assert write(tmp_path / "own", spd=counts(), zones=wide).zones == wide
     assert not wide[1]._replace(width=200.1).plausible() and not wide[1]._replace(width=0.0).plausible()
 
 
-def test_one_zone_is_a_single_pixel(tmp_path):
+def test_single_zone_is_read_as_a_single_pixel(tmp_path):
     run = write(tmp_path / "own", spd=counts(histograms=1))
     assert run.zones == [] and run.spd.shape == (3, 30) and "zone" not in run.tables
 
 
-def test_photons_are_at_true_ranges_zone_by_zone(tmp_path):
+def test_photons_of_each_zone_are_at_corrected_ranges(tmp_path):
     spd = np.zeros((1, 2, 60), np.uint32)
     spd[0, 0, 31], spd[0, 1, 30] = 100, 100
     run = write(tmp_path / "own", spd=spd, bin_width_ps=100, zones=[(-0.1, 0, 0.2, 1100), (0.1, 0, 0.2, 1000)])
@@ -54,7 +54,7 @@ def test_photons_are_at_true_ranges_zone_by_zone(tmp_path):
     assert zones.summed(run.photons())[0, 20] == pytest.approx(200)
 
 
-def test_a_copy_keeps_the_zones(tmp_path):
+def test_derived_run_keeps_the_zones(tmp_path):
     write(tmp_path / "own", spd=counts(), zones=TWO)
     derive.copy(tmp_path / "own.sqlite", tmp_path / "dim.sqlite", derive.thinned(0.5, seed=1))
     run = echofuse.open(tmp_path / "dim")
@@ -69,7 +69,7 @@ def test_a_copy_keeps_the_zones(tmp_path):
     ("expected \"X Y WIDTH\" or \"X Y WIDTH ZERO_PS\"", {"spd": counts(), "zones": [(0, 0, 0.1), (0, 0, 0)]}),
     ("expected 2 dimensions, one row per record, or 3: [records, zones, bins]", {"spd": np.ones((3, 2, 2, 2))}),
 ])
-def test_zones_that_do_not_fit_are_refused(tmp_path, said, arrays):
+def test_zones_that_do_not_match_the_array_are_refused(tmp_path, said, arrays):
     with pytest.raises(RuntimeError) as refused:
         write(tmp_path / "own", **arrays)
     assert said in str(refused.value)
@@ -89,7 +89,7 @@ TABLE = "table zone: expected at most 64 zones with centre, width and time zero"
     ("INSERT INTO zone SELECT * FROM zone LIMIT 1", "record 0: spd has 240 bytes, but its axis requires 360"),
     ("UPDATE axis SET count = 31 WHERE name = 'spd'", "record 0: spd has 240 bytes, but its axis requires 248"),
 ])
-def test_both_readers_refuse_a_hostile_table_of_zones(tmp_path, sql, said):
+def test_both_readers_refuse_a_malicious_zone_table(tmp_path, sql, said):
     write(tmp_path / "own", spd=counts(), zones=TWO)
     with sqlite3.connect(tmp_path / "own.sqlite") as db:
         db.execute(sql)
@@ -101,14 +101,14 @@ def test_both_readers_refuse_a_hostile_table_of_zones(tmp_path, sql, said):
     assert said in str(refused.value) and "own.sqlite" in str(refused.value)
 
 
-def test_unknown_directions_are_refused_where_they_are_needed(tmp_path):
+def test_unknown_zone_directions_are_refused_when_needed(tmp_path):
     run = write(tmp_path / "own", spd=counts())
     assert len(run.zones) == 2 and np.isnan(run.zones[0].x)
     with pytest.raises(ValueError, match="zones have no directions; state them by spd.zones"):
         zones.directions(run)
 
 
-def test_exports_have_an_axis_of_zones(tmp_path):
+def test_exports_have_a_zone_axis(tmp_path):
     h5py, xarray = pytest.importorskip("h5py"), pytest.importorskip("xarray")
     run = write(tmp_path / "own", spd=counts(), zones=TWO)
     data = echofuse.to_xarray(run)

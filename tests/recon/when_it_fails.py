@@ -64,41 +64,41 @@ class WhenItFails(unittest.TestCase):
         self.assertTrue(any(word in said for word in words), f"{beginning}: {words}: {said}")
         return reasons[""] / sum(reasons.values())
 
-    def test_a_range_bias(self):
+    def test_range_bias_is_reported(self):
         self.assertGreater(self.line("radar range bias", "radar_bias_m=0.08"), .9)
 
-    def test_phases(self):
+    def test_wrong_antenna_phases_are_reported(self):
         self.reason("antenna phases", *antennas, "radar_phase_error_rad=0.8", "radar_array_calibrated=false",
                     least=.4, model="antennas")
 
-    def test_a_noisier_radar(self):
+    def test_noisier_radar_is_reported(self):
         self.line("more radar noise", "radar_snr_db=10")
 
-    def test_too_many_photons(self):
+    def test_pile_up_is_reported(self):
         self.reason("pile-up", "pulses_per_window=200000", "spd_detector_stated=false", least=.8)
 
-    def test_two_people(self):
+    def test_two_people_are_reported(self):
         self.reason("two people", kind="--two-people", least=.4)
 
-    def test_another_distance(self):
+    def test_other_body_distance_is_reported(self):
         self.reason("person nearer or farther", "target_z_min_m=4.4", "target_z_max_m=5", least=.8)
 
-    def test_to_the_side(self):
+    def test_body_beside_the_training_area_is_reported(self):
         self.assertGreater(self.line("person farther to the side", "target_x_m=1.6"), .8)
 
-    def test_nobody(self):
+    def test_empty_room_is_reported(self):
         self.reason("empty scene", "background_counts=10000", kind="--empty", count=50, least=.9)
 
-    def test_echoes_that_interfere(self):
+    def test_coherent_echoes_are_reported(self):
         self.line("coherent echoes", "radar_sum=coherent", count=40)
 
-    def test_another_baseline(self):
+    def test_other_baseline_is_reported(self):
         self.assertGreater(self.line("radar moved", "baseline_m=0.2"), .8)
 
-    def test_other_walls(self):
+    def test_other_walls_are_reported(self):
         self.reason("walls or furniture", "background=room", least=.9)
 
-    def test_walls_that_echo(self):
+    def test_wall_echoes_are_reported(self):
         self.reason("wall echoes", "background=closed", "multipath_order=1", least=.4, model="closed")
 
 

@@ -69,7 +69,7 @@ class Installed(unittest.TestCase):
         self.assertTrue((self.dir / "mean.h5").stat().st_size > 0)
         self.assertIn("<title>echofuse</title>", (self.dir / "page/report.html").read_text())
 
-    def test_a_cfg_by_its_name(self):
+    def test_radar_cfg_is_found_by_its_name(self):
         run(f"{self.prefix}/bin/echofuse-sim", "lab", "--radar-cfg", "xwr68xx_44mm.cfg", "--", "true", cwd=self.dir)
         self.assertEqual((self.dir / "lab/radar.cfg").read_bytes(), (source / "config/radar/xwr68xx_44mm.cfg").read_bytes())
 

@@ -35,14 +35,14 @@ class Audit(unittest.TestCase):
         self.assertEqual(set(account), set(SCHEMA["scripts/audit_run.py"]))
         return done.returncode, account
 
-    def test_as_it_is(self):
+    def test_valid_run_passes_the_audit(self):
         code, account = self.audit(self.dir / "run.sqlite")
         self.assertEqual((code, account["unexplained"]), (0, []))
         self.assertEqual(account["run"]["records"], SLOTS)
         for device, loss in (("tdc", "not delivered: dropped"), ("radar", "counted as lost"), ("depth", "counted as lost")):
             self.assertGreater(account[device].get(loss, 0), 0, (device, loss))
 
-    def test_falsified(self):
+    def test_manipulated_counts_are_detected(self):
         last = "idx = (SELECT max(idx) FROM record WHERE {}_frames > 0)"
         first = "idx = (SELECT min(idx) FROM record WHERE {}_frames > 0)"
         for statement, sensor in (
