@@ -133,11 +133,11 @@ class Antennas(unittest.TestCase):
                 worst = max(worst, *(abs(v - t) for v, t in zip(values, true_values)))
         self.assertLess(worst, 3e-5)  # half a step of 1/32767, plus rounding of the sums
 
-    def test_twenty_slots(self):
+    def test_twenty_slots_match_the_raw_frames(self):
         self.record(20)
         self.check(20)
 
-    def test_two_hundred_slots(self):
+    def test_two_hundred_slots_match_the_raw_frames(self):
         self.record(200)
         self.check(200)
 

@@ -31,7 +31,7 @@ class ApiPages(unittest.TestCase):
             (shutil.copytree if (source / name).is_dir() else shutil.copy)(source / name, tree / name)
         return tree
 
-    def test_every_name_has_a_text(self):
+    def test_every_public_name_is_documented(self):
         done = self.manual(source)
         self.assertEqual((done.returncode, done.stdout + done.stderr), (0, ""))
         index = (self.dir / "out/index.html").read_text()
@@ -43,7 +43,7 @@ class ApiPages(unittest.TestCase):
             self.assertIn(name, pages)
         self.assertIn("echofuse.Run.follow", (self.dir / "out/python/index.html").read_text(encoding="utf-8"))
 
-    def test_cpp_name_without_a_text(self):
+    def test_undocumented_cpp_name_is_refused(self):
         tree = self.copy()
         header = tree / "recon/include/echofuse/run.hpp"
         text = header.read_text()
@@ -52,7 +52,7 @@ class ApiPages(unittest.TestCase):
         self.assertEqual(done.returncode, 1)
         self.assertIn("Member secret() const (function) of class echofuse::Run is not documented", done.stderr)
 
-    def test_python_name_without_a_text(self):
+    def test_undocumented_python_name_is_refused(self):
         tree = self.copy()
         module = tree / "recon/python/echofuse/runs/axis.py"
         module.write_text(module.read_text().replace("    @property\n    def values", "    hidden: int = 0\n\n    def secret(self) -> None:\n        pass\n\n    @property\n    def values"))

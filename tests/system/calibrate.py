@@ -35,7 +35,7 @@ class Calibrate(unittest.TestCase):
         return self.lab("calibrate", "--config", self.dir / "lab/lab.toml", "--json", "--repeat", "6", "--time",
                         "0.4", "--window", "0.3", *options)
 
-    def test_measured_and_used(self):
+    def test_offsets_are_measured_and_used(self):
         stored = self.dir / "calibration.toml"
         uses = ("--set", f"run.calibration={stored}")
         done = self.calibrate(*uses)
@@ -83,7 +83,7 @@ class Calibrate(unittest.TestCase):
         for kept, measured in zip(info["calibrations"], (spd, radar)):
             self.assertAlmostEqual(kept["offset_m"], measured["offset_m"], 12)
 
-    def test_reflector_mountings(self):
+    def test_wrong_reflector_mounting_is_refused(self):
         """A wrong --reflector is refused with the mounting that fits; two steps fill one file."""
         stored = self.dir / "calibration.toml"
 
@@ -122,7 +122,7 @@ class Calibrate(unittest.TestCase):
             resolved = "\n".join(str(v) for row in db.execute("SELECT * FROM run") for v in row)
         self.assertIn("baseline_m = 0.4", resolved)
 
-    def test_antenna_row_side(self):
+    def test_swapped_antenna_row_is_detected(self):
         """An echo from a known side is found; one from the other side is not mistaken for it."""
         stored = self.dir / "calibration.toml"
 
@@ -141,7 +141,7 @@ class Calibrate(unittest.TestCase):
             self.assertIn("the antenna row is not swapped", done.stdout)
         self.assertEqual(calibrate("left", "--side", "right").returncode, 4)
 
-    def test_antennas(self):
+    def test_calibrated_antennas_give_a_usable_model(self):
         """Eight antennas with errors give a usable model after calibration with one reflector in front
         of the detector."""
         stored, cfg = self.dir / "calibration.toml", config / "xwr68xx_azimuth_50cm.cfg"
@@ -166,7 +166,7 @@ class Calibrate(unittest.TestCase):
                                "--all", "--json"], capture_output=True, text=True, check=True)
         self.assertGreater(json.loads(done.stdout)["metrics"]["iou"]["mean"], .4, done.stdout)
 
-    def test_radar_windows(self):
+    def test_radar_response_is_measured(self):
         """A radar with cells of 50 cm and another window gets a response at 3 m, and a reason for none at shorter range."""
         hann = " ".join(str(((1, .25)[int(u)] if u in (0, 1) else (math.sin(math.pi * u) / (math.pi * u * (1 - u * u))) ** 2))
                         for u in (k / 4 for k in range(24)))
@@ -186,16 +186,16 @@ class Calibrate(unittest.TestCase):
                 self.assertLess(abs(float(tap) - float(true)), 4 * float(error), said)
             self.assertLess(float(error), .04)
 
-    def lopsided(self):
+    def asymmetric(self):
         """Powers of Hann's window with a cubic phase error of 6 rad, a quarter of a cell apart."""
         sweep = [(k + .5) / 400 - .5 for k in range(400)]
         powers = [sum((1 + math.cos(2 * math.pi * t)) * math.cos(2 * math.pi * t * u + 48 * t ** 3)
                       for t in sweep) ** 2 for u in (k / 4 for k in range(-20, 17))]
         return [f"{power / max(powers):.5f}" for power in powers]
 
-    def test_lopsided(self):
-        """A lopsided response is reported with its size; the range zero is the simulator's."""
-        powers = self.lopsided()
+    def test_asymmetric_response_is_reported(self):
+        """An asymmetric response is reported with its size; the range zero is the simulator's."""
+        powers = self.asymmetric()
         for flanks, higher in (powers, "far"), (powers[::-1], "near"):
             flanks = f"radar_flanks={' '.join(flanks)}"
             delay_ps = 2 * 2e12 / 299792458
@@ -224,7 +224,7 @@ class Calibrate(unittest.TestCase):
             for tap, true in zip(measured, stated):
                 self.assertLess(abs(float(tap) - float(true)), .05, said)
 
-    def test_reconstruction(self):
+    def test_calibration_restores_the_maps(self):
         """Range biases degrade a model's maps; the run's calibration restores them."""
         def program(name, *words):
             return subprocess.run([bin_dir / name, *words], check=True, text=True, capture_output=True, cwd=self.dir).stdout

@@ -70,14 +70,14 @@ class Day(unittest.TestCase):
         self.assertLess(long_s, LONGER * short_s + START_S)
         self.assertLess(large - small, MEMORY_A_RECORD * (DAY - TENTH) + RESERVE)
 
-    def test_info(self):
+    def test_info_scales_with_the_run(self):
         self.compare(lambda run, _: ["echofuse-acquire", "info", run, "--json"])
 
-    def test_reconstruct(self):
+    def test_reconstruct_scales_with_the_run(self):
         self.compare(lambda run, records: ["echofuse-recon", "-q", "reconstruct", self.dir / "model", run, "--follow",
                                            "--format", "npy", "--out", self.dir / f"maps{records}"])
 
-    def test_view(self):
+    def test_view_scales_with_the_run(self):
         def look(records):
             def use(address):
                 client = Client(address, timeout_s=300)

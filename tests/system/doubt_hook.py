@@ -32,7 +32,7 @@ echo "$ECHOFUSE_TEXT" >>{calls}
         rows = [line.split("\t") for line in file.read_text().splitlines()] if file.exists() else []
         return [dict(zip(names, row)) for row in rows if len(row) == len(names)]
 
-    def test_live(self):
+    def test_lost_sensor_is_reported_within_one_slot(self):
         """A sensor that stops is reported within one slot of its first missing record, and once; kept bytes report
         nothing."""
         file = self.hook()

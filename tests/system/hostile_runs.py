@@ -166,11 +166,11 @@ class HostileRuns(unittest.TestCase):
                 self.assertTrue(all(c == 1 for c in codes.values()), (codes, self.said))
                 self.assertIn(why, self.said)
 
-    def test_valid_run(self):
+    def test_valid_run_is_read(self):
         codes = self.attack(self.make(""))
         self.assertEqual({n: c for n, c in codes.items() if c}, {"label": 1}, (codes, self.said))
 
-    def test_tables(self):
+    def test_foreign_tables_are_refused(self):
         only = "expected the tables of a run only"
         self.refused({
             "endless view": (f"{RECORD_VIEW}{ENDLESS}r0.* FROM r0, c", only),
@@ -188,7 +188,7 @@ class HostileRuns(unittest.TestCase):
             "no records": ("DROP TABLE record", "has no table record"),
         }, "note")
 
-    def test_pages(self):
+    def test_corrupt_pages_are_refused(self):
         for table in ("record", "event", "run", "axis", "sqlite_schema"):
             with self.subTest(table):
                 run = self.make("INSERT INTO event (utc, text) VALUES (1, 'a')")
@@ -203,7 +203,7 @@ class HostileRuns(unittest.TestCase):
                 codes = self.attack(run)
                 self.assertEqual(codes["info"], 0 if table == "run" else 1, self.said)  # reads only one row of it
 
-    def test_axes(self):
+    def test_invalid_axes_are_refused(self):
         def axis(what, where="1"):
             return f"UPDATE axis SET {what} WHERE {where}"
         self.refused({
@@ -227,7 +227,7 @@ class HostileRuns(unittest.TestCase):
         self.assertEqual((codes["info"], codes["export"], codes["csv"], codes["reconstruct"]), (0, 1, 1, 5), self.said)
         self.assertIn("but its axis requires 4000000", self.said)
 
-    def test_depth_images(self):
+    def test_invalid_depth_images_are_refused(self):
         n = self.shapes["depth_x"]
         size = 2 * n * n
         good = zlib.compress(b"\1\1" * n * n)
@@ -245,12 +245,12 @@ class HostileRuns(unittest.TestCase):
         codes = self.attack(self.make(depth(good)), "export", "csv")
         self.assertEqual((codes["export"], codes["csv"]), (0, 0), self.said)
 
-    def test_metadata(self):
+    def test_invalid_metadata_are_refused(self):
         for text in ("", "[", "[]", "{\"a\": 1}", "[" * 100000, "null"):
             with self.subTest(text[:9]):
                 self.refused({"meta": (f"UPDATE run SET meta = '{text}'", "meta is not a JSON object of texts")})
 
-    def test_indices(self):
+    def test_invalid_indices_are_refused(self):
         last = f"idx = {RECORDS - 1}"
         for name, (change, why) in {
                 "one at the end": (f"UPDATE record SET idx = 9223372036854775807 WHERE {last}", "9223372036854775807"),
@@ -263,7 +263,7 @@ class HostileRuns(unittest.TestCase):
         codes = self.attack(self.make("UPDATE record SET idx = idx - 9223372036854775807"))
         self.assertEqual((codes["info"], codes["export"]), (0, 0), self.said)
 
-    def test_texts(self):
+    def test_control_characters_are_escaped(self):
         esc = "char(27) || '[2J' || char(10) || 'forged line' || char(7) || char(0) || 'x'"
         bad = "CAST(x'fffe80c09b' AS TEXT)"
         for name, change in {
@@ -286,7 +286,7 @@ class HostileRuns(unittest.TestCase):
                     self.assertNotIn("\nforged", out)
                     self.assertEqual(out, "".join(c for c in out if c == "\n" or c.isprintable()))
 
-    def test_tables_for_a_spreadsheet(self):
+    def test_csv_cells_cannot_become_formulas(self):
         run = self.make("UPDATE record SET label = 'x' || char(10) || '=cmd|''/c calc''!A1' || char(10) || 'spd,1,1,1;=1,=\"2'")
         table = self.dir / "x.csv"
         self.assertEqual(self.command("export", run, "--record", 3, "--to", table)[0], 0)
@@ -299,7 +299,7 @@ class HostileRuns(unittest.TestCase):
         for line in lines:
             self.assertIsNone(re.search(r"(^|[,;])[=+@]", line), line)
 
-    def test_device_texts(self):
+    def test_device_texts_are_escaped(self):
         sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "scripts/bridges"))
         import bridge
         import pack
@@ -331,7 +331,7 @@ class HostileRuns(unittest.TestCase):
             sender.join()
             server.close()
 
-    def test_values(self):
+    def test_odd_values_give_documented_exit_codes(self):
         blob = f"x'{'ff' * 4 * self.shapes['spd']}'"
         for name, change in {
                 "null": "UPDATE record SET slot_start_ns = NULL, slot_utc_ns = NULL, valid = 7, label = NULL, spd = NULL",

@@ -46,7 +46,7 @@ class Installed(unittest.TestCase):
             for name in names:
                 self.assertNotIn(name, content, path)
 
-    def test_laboratory_run_data_set(self):
+    def test_installed_programs_simulate_and_record(self):
         """Works with an empty folder mounted over the build folder, if permitted."""
         script = f"""set -e
             {f"mount -t tmpfs none {build}" if hide else ":"}
@@ -73,20 +73,20 @@ class Installed(unittest.TestCase):
         run(f"{self.prefix}/bin/echofuse-sim", "lab", "--radar-cfg", "xwr68xx_44mm.cfg", "--", "true", cwd=self.dir)
         self.assertEqual((self.dir / "lab/radar.cfg").read_bytes(), (source / "config/radar/xwr68xx_44mm.cfg").read_bytes())
 
-    def test_python(self):
+    def test_installed_python_package_is_imported(self):
         module, = self.prefix.glob("lib/python3*/dist-packages/echofuse")
         said = run("/usr/bin/python3", "-c", "import echofuse; print(echofuse.__file__)", cwd=self.dir,
                    env={k: v for k, v in os.environ.items() if k not in ("ECHOFUSE_LOCKS", "XDG_CONFIG_HOME")} | {"PYTHONPATH": module.parent, "PYTHONDONTWRITEBYTECODE": "1"})
         self.assertEqual(said.strip(), str(module / "__init__.py"))
 
-    def test_manual_has_no_dead_link(self):
+    def test_manuals_have_no_dead_links(self):
         texts = list((self.prefix / "share/doc/echofuse").rglob("*.md"))
         self.assertGreater(len(texts), 7)
         for text in texts:
             for link in re.findall(r"\]\(([^)#\s]+)[^)]*\)", text.read_text()):
                 self.assertTrue("://" in link or (text.parent / link).exists(), f"{text}: {link}")
 
-    def test_unit_names_the_program(self):
+    def test_systemd_units_start_the_installed_programs(self):
         unit = (self.prefix / "lib/systemd/system/echofuse-acquire.service").read_text()
         self.assertIn(f"\nExecStart={self.prefix}/bin/echofuse-acquire run ", unit)
         unit = (self.prefix / "lib/systemd/user/echofuse-bridge@.service").read_text()
@@ -94,7 +94,7 @@ class Installed(unittest.TestCase):
         for line in ("NoNewPrivileges=yes", "PrivateTmp=yes", "ProtectSystem=strict", "WorkingDirectory=%C/echofuse"):
             self.assertIn(f"\n{line}\n", unit)
 
-    def test_manual_pages(self):
+    def test_manual_pages_are_installed(self):
         pages = {path.name for path in (self.prefix / "share/man/man1").iterdir()}
         for name in ("acquire", "acquire-run", "acquire-config-show", "recon-train", "bench-stability", "report", "view", "sim-lab", "export",
                      "bridge-timetagger"):
@@ -105,7 +105,7 @@ class Installed(unittest.TestCase):
         self.assertIn(".SH EXAMPLES\n.nf\nechofuse\\-acquire run \\-\\-out monday", run_page)
         self.assertIn(".SH EXIT STATUS\n0 ok, 1 failed, 2 usage", run_page)
 
-    def test_completion(self):
+    def test_shell_completion_is_installed(self):
         def offered(*words):
             script = f""". {self.prefix}/share/bash-completion/completions/{words[0]}
                 COMP_WORDS=("$@") COMP_CWORD=$(($# - 1)); _echofuse; echo "${{COMPREPLY[@]}}" """

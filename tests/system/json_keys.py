@@ -56,7 +56,7 @@ class JsonKeys(unittest.TestCase):
         self.assertEqual(list(differences(schema[output], found, output)), [])
         return found
 
-    def test_every_option_is_documented(self):
+    def test_every_json_option_is_documented(self):
         documented = {" ".join(output.split()[:2]) for output in schema if output != "how to read"}
         offered = set()
         for program in ("echofuse-acquire", "echofuse-recon", "echofuse-sim", "echofuse-report", "echofuse-view", "echofuse-export"):
@@ -65,7 +65,7 @@ class JsonKeys(unittest.TestCase):
                         if "--json" in self.call(program, *command.split(), "--help")}
         self.assertEqual(offered | {"scripts/audit_run.py"}, documented)
 
-    def test_live(self):
+    def test_device_outputs_match_the_schema(self):
         """Outputs about devices, from the laboratory."""
         lab = ("echofuse-sim", "lab", "--dir", "lab", "--window", "0.3", "--laser-rate-hz", "2e7", "--set", "signal_photons=5e4", "--scene", "reflector", "--",
                "sh", "-c", """cd lab
@@ -87,7 +87,7 @@ class JsonKeys(unittest.TestCase):
         self.assertTrue(any(run["live"] for run in self.check("echofuse-acquire list", read("list"))["runs"]))
         self.assertTrue(self.check("echofuse-acquire info", self.call("echofuse-acquire", "info", "--json", "lab/live"))["devices"])
 
-    def test_runs_and_models(self):
+    def test_outputs_of_runs_and_models_match_the_schema(self):
         self.call("echofuse-sim", "dataset", "-q", "--people", 60, "--letters", 0, "--out", "a.sqlite", "--set", "radar_antennas=8")
         self.call("echofuse-sim", "dataset", "-q", "--people", 30, "--letters", 0, "--seed", 2, "--out", "b.sqlite", "--set", "radar_antennas=8")
         self.assertTrue(self.check("echofuse-sim config", self.call("echofuse-sim", "config", "--json"))["settings"])

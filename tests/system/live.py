@@ -104,7 +104,7 @@ class Live(unittest.TestCase):
                 counts = struct.unpack(f"<{len(row['spd']) // 4}I", row["spd"])
                 self.assertEqual(sum(counts), row["in_range"])
 
-    def test_ten_slots(self):
+    def test_ten_slots_are_complete(self):
         """Ten slots are complete. If laboratory and daemon got a processor in time, all are."""
         daemon = self.record("--count", "1000", "--set", "run.label=person", "--set", "depth.map_size=96")
         wait_for("ten complete records", lambda: self.committed() and len(self.complete()) >= 10, timeout_s=200, pause_s=0.1)
@@ -137,7 +137,7 @@ class Live(unittest.TestCase):
         if not late:  # All three devices have one time base, and their delays are below 10 ms.
             self.assertLess(max(offsets) - min(offsets), 0.01, info["clocks"])
 
-    def test_stalled_daemon(self):
+    def test_stalled_daemon_keeps_all_rows(self):
         """After a stall of the daemon for many slots, all rows exist. Slots with completely buffered tags are valid, the
         others have a verdict."""
         daemon = self.record()
@@ -165,7 +165,7 @@ class Live(unittest.TestCase):
         still = [row["idx"] for row in within if row["spd_verdict"] == "the program stood still"]
         self.assertEqual(len(whole) + len(still), len(within), log)
 
-    def test_close_in_5_s(self):
+    def test_sigterm_ends_a_run_within_5_s(self):
         """A slot longer than the time limit of SIGTERM is dropped, and the run is marked as stopped."""
         daemon = self.record("--set", "run.window_s=60")
         wait_for("run", self.run.exists)
@@ -179,7 +179,7 @@ class Live(unittest.TestCase):
         self.assertEqual(daemon.returncode, 0, log)
         self.assertEqual((self.info()["status"], self.info()["records"]), ("stopped:interrupted", 0))
 
-    def test_hangup(self):
+    def test_hangup_ends_each_command(self):
         """A hangup of the terminal ends each command like SIGTERM, and stops the radar."""
         env = os.environ | {"LD_LIBRARY_PATH": str(self.dir / "lab/openni")}
         config = ("--config", self.dir / "lab/lab.toml")
@@ -212,7 +212,7 @@ class Live(unittest.TestCase):
     def frames(self):
         return (self.dir / "sent.jsonl").read_text().count('"radar"')
 
-    def test_blocked_output(self):
+    def test_blocked_output_does_not_stop_a_run(self):
         """A stopped terminal, an unread pipe or a disconnected reader does not stop a run."""
         for what in "released", "held", "gone":
             master, slave = pty.openpty()
@@ -259,7 +259,7 @@ class Live(unittest.TestCase):
         except OSError:  # the terminal was closed
             pass
 
-    def test_annotate(self):
+    def test_notes_are_added_to_a_live_run(self):
         """Another process adds notes and labels, reads and exports while the run is written."""
         def tool(*command):
             return subprocess.run([str(c) for c in command], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
@@ -289,7 +289,7 @@ class Live(unittest.TestCase):
         late = tool(acquire, "annotate", self.run, "--label", "too late")
         self.assertEqual((late.returncode, "run is not being recorded" in late.stdout), (1, True))
 
-    def test_blocked_file(self):
+    def test_records_wait_for_a_locked_file(self):
         """A reader and a writer block the file: records wait for the writer, but SIGTERM does not, and the last line counts
         the records not written."""
         daemon = self.record()
@@ -319,7 +319,7 @@ class Live(unittest.TestCase):
         self.assertEqual(self.info()["status"], "crashed")
         self.check_slots(self.rows())
 
-    def test_two_boards(self):
+    def test_ports_of_two_boards_are_refused(self):
         """The data port of another board that still sends: `devices` lists it with the other devices, a run is refused."""
         other = self.dir / "other"
         self.start([bin_dir / "echofuse-sim", "lab", "--dir", other, "--scene", "reflector", "--window", str(WINDOW_S)],

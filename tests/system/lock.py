@@ -20,7 +20,7 @@ class Lock(live.Live):
     def config(self):
         return "--config", self.dir / "lab/lab.toml"
 
-    def test_devices_in_use(self):
+    def test_devices_in_use_are_reported(self):
         """`run`, `calibrate`, `devices` and `doctor` report which run uses the devices, and the run has no losses. They check
         the camera, which the run does not use."""
         daemon = self.record("--count", "30", "--set", "depth.address=")

@@ -210,7 +210,7 @@ class OneAnswer(live.Live):
         self.assertEqual(scored["records"] + sum(left_out.values()), info["valid"]["depth"])
         self.assertEqual(scored["fallback_records"], info["records"] - info["valid"]["radar"])
 
-    def test_odd_runs(self):
+    def test_programs_agree_on_damaged_runs(self):
         required = "--set", "depth.policy=required"
         self.assertEqual(self.recorded("odd", *required, "--set", "run.label=first", "--meta", "lens=50mm", "--count", str(round(6 / WINDOW_S))), 0)
         for words in (["the lens was dirty"], ["<b>a second note</b>"]):

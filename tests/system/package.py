@@ -16,7 +16,7 @@ NEVER_COMPRESSED = {".png", ".jpg", ".svg"}
 
 
 class Package(unittest.TestCase):
-    def test_relations(self):
+    def test_package_relations_are_complete(self):
         control = (debian / "control").read_text()
         package = control.partition("\nPackage: echofuse\n")[2].partition("\n\n")[0]
         self.assertIn("\nRecommends: python3-numpy\n", package)
@@ -27,7 +27,7 @@ class Package(unittest.TestCase):
         self.assertEqual([path.name for path in (root / ".readme").iterdir() if path.suffix not in left], [])
         self.assertIn(".md", left)
 
-    def test_removal(self):
+    def test_removal_stops_the_service(self):
         """Stops the service on removal only, and deletes the bytecode of the bridges."""
         for action, stops in (("remove", True), ("upgrade", False), ("deconfigure", False)):
             with self.subTest(action), tempfile.TemporaryDirectory() as name:

@@ -59,7 +59,7 @@ class PublicApi(unittest.TestCase):
         self.assertEqual(rows, ["".join(str(int(z) % 10) if z > 0 else "." for z in row) for row in depth])
         self.assertRegex(last, r"^body: x -?\d\.\d\d m, z \d\.\d\d m, within \d\.\d\d m$")
 
-    def test_pkg_config_programs(self):
+    def test_pkg_config_programs_read_and_follow_runs(self):
         flags = self.flags()
         for name in ("read_run", "follow_run"):
             run("g++", "-std=c++20", "-Wall", "-Wextra", "-Wconversion", "-Werror", examples / f"{name}.cpp", *flags, "-o", self.dir / name,
@@ -78,7 +78,7 @@ class PublicApi(unittest.TestCase):
         self.assertRegex(skipped[3], "^record 3: no map: .*spd")
         self.assertEqual([*skipped[:3], *skipped[4:]], [*said[:3], *said[4:]])
 
-    def test_headers_stand_alone_and_hide_other_libraries(self):
+    def test_headers_compile_alone_without_other_libraries(self):
         include = self.prefix / "include"
         self.assertEqual({path.name for path in (include / "echofuse").iterdir()}, HEADERS)
         for header in HEADERS:

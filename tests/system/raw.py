@@ -65,7 +65,7 @@ class Raw(unittest.TestCase):
         return dict(self.query(f"SELECT name, value FROM counter WHERE source = '{source}' AND name NOT IN "
                                "('bytes', 'blocks', 'frames', 'frame_bytes', 'range_profiles', 'arrays', 'tags', 'outside')"))
 
-    def test_import_equals_run(self):
+    def test_imported_capture_equals_the_run(self):
         (self.dir / "faults.toml").write_text(FAULTS)
         self.assertEqual(self.record("--faults", self.dir / "faults.toml", count=20), 0, self.log)
         kept = sum(f.stat().st_size for f in self.raw.iterdir())

@@ -81,7 +81,7 @@ class Service(live.Live):
         [self.run] = self.dir.glob("*.sqlite")
         return daemon
 
-    def test_heartbeats(self):
+    def test_systemd_gets_a_heartbeat_per_record(self):
         """systemd gets a heartbeat per record, and none while records cannot be written. Four slots exceed this service's
         watchdog, so the daemon first requests a longer one."""
         daemon = self.serve(env={"WATCHDOG_USEC": "300000"})
@@ -116,7 +116,7 @@ class Service(live.Live):
         self.assertLessEqual(told[-1], rows)
         self.assertLessEqual(lines.count("WATCHDOG=1"), rows)
 
-    def test_disk_full(self):
+    def test_full_disk_does_not_crash_the_daemon(self):
         """A full disk (or SIGXFSZ) does not crash the daemon: the records are stored, the last heartbeat is of the last
         record, and systemd does not restart after the exit code."""
         def limit_file_size():
@@ -140,7 +140,7 @@ class Service(live.Live):
         self.assertGreater(lines.count("WATCHDOG=1"), 0)
         self.assertEqual(lines[-1], "STOPPING=1")
 
-    def test_journal(self):
+    def test_journal_lines_have_priorities(self):
         """Log lines have priorities instead of times only if stderr is the journal. A stop before the first slot is not a
         failure for systemd."""
         command = f'JOURNAL_STREAM="$(stat -Lc %d:%i /proc/self/fd/2)" exec {live.bin_dir}/echofuse-acquire run'
@@ -172,7 +172,7 @@ class Service(live.Live):
 
 
 class Exposure(unittest.TestCase):
-    def test_unit(self):
+    def test_systemd_accepts_the_unit(self):
         """systemd accepts every line of the unit, and rates its sandbox as sufficient."""
         with tempfile.TemporaryDirectory() as folder:
             copy = pathlib.Path(folder) / unit_path.name

@@ -159,7 +159,7 @@ class Slurm(unittest.TestCase):
                 db.close()
         return len(rows), hashlib.sha256(repr(rows).encode()).hexdigest()
 
-    def test_dataset_with_a_node_that_dies(self):
+    def test_data_set_survives_a_failed_node(self):
         settings = ["--records", "2400", "--set", "spd_rays=512"]
         self.submit("dataset.sbatch", 6, "base", *settings)
         wait_for("a part being made on the node", lambda: self.halted("n2", "echofuse-sim"), 120)
@@ -173,7 +173,7 @@ class Slurm(unittest.TestCase):
         self.assertEqual(self.records(*(self.dir / f"work/base/part-{k}.sqlite" for k in range(1, 7))),
                          self.records(self.dir / "whole.sqlite"))
 
-    def test_study(self):
+    def test_distributed_study_equals_a_local_one(self):
         bench = ["echofuse-bench", "stability", "-q", "--quick", "--seeds", "1", "--records", "120",
                  "--test-records", "20", "--axes", "matched-side", "shifted-radar_offset", "--methods", "mean-shape", "nearest",
                  "--out"]
@@ -216,7 +216,7 @@ class Resubmitted(unittest.TestCase):
             submitted = pathlib.Path(folder, "submitted").read_text().splitlines()
             self.assertEqual(sum("--array=1-4" in line for line in submitted), 4, submitted)
 
-    def test_a_task_makes_its_own_part(self):
+    def test_task_writes_only_its_part(self):
         with tempfile.TemporaryDirectory() as folder:
             done = self.task(folder, "dataset.sbatch", "8", ".", "--records", "16")
             self.assertEqual(done.returncode, 0, done.stderr)
@@ -225,7 +225,7 @@ class Resubmitted(unittest.TestCase):
             said = self.task(folder, "study.sbatch", "8", "echo", "a study").stdout
             self.assertEqual(said, "a study --part 3/8\n")
 
-    def test_a_refused_part_leaves_no_file(self):
+    def test_refused_part_leaves_no_file(self):
         with tempfile.TemporaryDirectory() as folder:
             for words in (["2", "."], ["none", "."]):
                 done = self.task(folder, "dataset.sbatch", *words)

@@ -91,7 +91,7 @@ class StatusLine(live.Live):
         feeds = [line.rsplit("\r", 1)[-1] for line in lines[:-1]]
         self.assertEqual([f.split("  ")[0] for f in feeds if f.startswith("record ")], ["record 40/40"], text)
 
-    def test_interrupted(self):
+    def test_second_ctrl_c_ends_the_run(self):
         """The first Ctrl-C gives a message, the second ends the run at once."""
         daemon = self.run_at_terminal(80, "--set", "run.window_s=3")
         wait_for("a record", lambda: self.committed() >= 1)

@@ -32,13 +32,13 @@ def run(status, output="100% tests passed, 0 tests failed out of 1", ci=""):
 
 
 class SuiteScript(unittest.TestCase):
-    def test_exit_status_of_ctest(self):
+    def test_exit_status_is_that_of_ctest(self):
         for status in 0, 8:
             with self.subTest(status=status):
                 done = run(status)
                 self.assertEqual((done.returncode, done.stderr), (status, ""))
 
-    def test_skipped_without_reason(self):
+    def test_skip_without_a_reason_fails_in_ci(self):
         skipped = "1/1 Test #1: a.test ....***Skipped\n100% tests passed, 0 tests failed out of 1"
         for ci, status in ("", 0), ("1", 1):
             with self.subTest(ci=ci):

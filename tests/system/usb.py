@@ -22,7 +22,7 @@ COUNTERS = ("SELECT name, value FROM counter WHERE source = 'spd' AND name NOT I
 
 
 class Usb(unittest.TestCase):
-    def test_usb(self):
+    def test_usb_tagger_is_recorded(self):
         with tempfile.TemporaryDirectory(prefix="echofuse-") as folder:
             lab, run = pathlib.Path(folder) / "lab", pathlib.Path(folder) / "run.sqlite"
             raw = pathlib.Path(folder) / "raw"

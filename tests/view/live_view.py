@@ -63,7 +63,7 @@ class LiveView(live.Live):
         return json.loads(subprocess.run([bin_dir / "echofuse-acquire", "list", "--json", self.dir], check=True,
                                          stdout=subprocess.PIPE).stdout)["runs"]
 
-    def test_rotation(self):
+    def test_viewer_follows_rotated_files(self):
         """run --every reports each file; its viewer follows the newest, and shows no maps if the model is invalid."""
         daemon = self.record("--every", f"{3 * WINDOW_S}s", "--count", "5", "--json", "--view", "--model",
                              self.dir / "lab/lab.toml", stdout=subprocess.PIPE)
@@ -77,7 +77,7 @@ class LiveView(live.Live):
         self.assertIn(f"{files[1]}: 5 of 5 records in 2 runs, complete", log)
         self.assertIn("not a model file, or truncated; expected a safetensors file; no maps are shown", log)
 
-    def test_live_run(self):
+    def test_viewer_follows_a_live_run(self):
         """The viewer waits for the run, follows and marks it, and shows lost devices and the daemon's end."""
         client = Browser(self.view())
         self.assertIn("no run yet", client.until("trouble")["text"])
@@ -112,7 +112,7 @@ class LiveView(live.Live):
         self.assertEqual(client.until("state", lambda m: m["status"] != "open")["status"], "crashed")
         client.close()
 
-    def test_align(self):
+    def test_alignment_mode_deletes_its_run(self):
         """Alignment mode has slots of 0.1 s and deletes its run; its viewer exits when no browser is connected."""
         daemon = self.start([bin_dir / "echofuse-acquire", "run", "--align", "--config", self.dir / "lab/lab.toml"],
                             env=os.environ | {"LD_LIBRARY_PATH": str(self.dir / "lab/openni")}, stdout=subprocess.PIPE,
@@ -131,7 +131,7 @@ class LiveView(live.Live):
         client.close()
         wait_for("end of the viewer", lambda: not viewers_of(folder), 15)
 
-    def test_fifty_viewers(self):
+    def test_fifty_viewers_do_not_disturb_a_run(self):
         """A run with 50 viewers and one that never reads has the same slots and losses as a run without viewers. All
         losses are explained."""
         log = self.finish(self.record("--count", str(RECORDS)), 60)

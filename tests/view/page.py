@@ -70,7 +70,7 @@ class Page(live_view.LiveView):
             c.height).data; const seen = new Set(); for (let i = 0; i < p.length; i += 4) seen.add(p[i] << 16 | p[i + 1] << 8 |
             p[i + 2]); return seen.size;""", canvas) > 20
 
-    def test_page(self):
+    def test_page_follows_a_live_run(self):
         model = self.dir / "model.h5"
         scenes = self.dir / "scenes.sqlite"
         subprocess.run([bin_dir / "echofuse-sim", "dataset", "--out", scenes, "--records", "80"], check=True,
@@ -182,7 +182,7 @@ class Page(live_view.LiveView):
         asked = self.js("return performance.getEntriesByType('resource').map(e => new URL(e.name).host)")
         self.assertEqual(set(asked), {address.split("/")[2]})
 
-    def test_proxy(self):
+    def test_page_works_behind_a_proxy(self):
         """Behind a proxy everything works below a path; an incomplete proxy configuration is reported."""
         scenes = self.dir / "scenes.sqlite"
         subprocess.run([bin_dir / "echofuse-sim", "dataset", "-q", "--out", scenes, "--records", "8"], check=True)
@@ -209,7 +209,7 @@ class Page(live_view.LiveView):
         process.terminate()
         process.wait(10)
 
-    def test_zones(self):
+    def test_page_shows_the_histogram_of_each_zone(self):
         """A detector with zones has the histogram of each in its place, and their sum."""
         for name, side in ("nine", 3), ("one", 1):
             subprocess.run([bin_dir / "echofuse-sim", "dataset", "-q", "--out", self.dir / f"{name}.sqlite", "--people", "1",

@@ -58,7 +58,7 @@ class Panels(page.Page):
                 self.assertEqual(cut, [], (width, key))
         self.size(1400, 900)
 
-    def test_alerts(self):
+    def test_alerts_are_shown_and_heard(self):
         """Alerts of disk, sensors and a silent viewer are shown and heard; sums and rates follow a live run."""
         address = self.view()
         viewer = self.processes[-1]
@@ -115,7 +115,7 @@ class Panels(page.Page):
         self.browser.find_element("id", "sound").click()
         self.wait("silent page", lambda: not self.pressed("sound"))
 
-    def test_values(self):
+    def test_panels_show_fit_and_values(self):
         """Fit of the peak in m and ns, plan view and value under the pointer, of a finished run with a model."""
         scenes, model = self.dir / "scenes.sqlite", self.dir / "model.h5"
         subprocess.run([bin_dir / "echofuse-sim", "dataset", "-q", "--out", scenes, "--people", "60", "--letters", "0", "--set",

@@ -73,7 +73,7 @@ class Server(unittest.TestCase):
                 pass
         return out
 
-    def test_messages(self):
+    def test_messages_contain_the_records(self):
         client = Client(self.address)
         run = client.until("run")
         self.assertEqual((run["file"], run["model"], run["may_write"]), ("scenes.sqlite", None, False))
@@ -129,7 +129,7 @@ class Server(unittest.TestCase):
         client.ask({"show": 10 ** 6})
         self.assertIn("no record 1000000", client.until("trouble")["text"])
 
-    def test_trained_on_this_record(self):
+    def test_training_records_are_marked(self):
         model = pathlib.Path(self.folder.name) / "model.safetensors"
         subprocess.run([bin_dir / "echofuse-recon", "train", self.run_file, "--model", "mean", "--out", model, "-q"], check=True,
                        stderr=subprocess.DEVNULL)
@@ -147,7 +147,7 @@ class Server(unittest.TestCase):
             process.wait()
             process.stdout.close()
 
-    def test_track(self):
+    def test_track_has_the_positions_of_its_records(self):
         """The track up to a record has the places that each of its records states."""
         run, model = (pathlib.Path(self.folder.name) / "track" / name for name in ("run.sqlite", "model.safetensors"))
         run.parent.mkdir()
@@ -178,7 +178,7 @@ class Server(unittest.TestCase):
             process.wait()
             process.stdout.close()
 
-    def test_refused(self):
+    def test_invalid_requests_are_refused(self):
         url = urllib.parse.urlsplit(self.address)
         for headers, status in (([], 101), ([f"Origin: http://{url.netloc}"], 101), (["Origin: http://evil.example"], 403),
                                 (["Origin: null"], 403), ([f"Origin: https://{url.netloc}"], 101),
@@ -204,7 +204,7 @@ class Server(unittest.TestCase):
         answer = client.until("answer")
         self.assertEqual((answer["ok"], "token" in answer["text"]), (False, True))
 
-    def test_token(self):
+    def test_public_address_needs_the_token(self):
         """On a public address only the page's scripts are served without the token."""
         process, address = self.start(self.folder.name, "--listen", "0.0.0.0:0")
         try:
@@ -225,7 +225,7 @@ class Server(unittest.TestCase):
             process.wait(10)
             process.stdout.close()
 
-    def test_ports(self):
+    def test_next_free_port_is_used(self):
         """If the default ports are in use, another one is taken."""
         taken = []
         for port in range(8410, 8420):
@@ -245,7 +245,7 @@ class Server(unittest.TestCase):
             finally:
                 process.terminate()
 
-    def test_size_limits(self):
+    def test_oversized_requests_are_refused(self):
         for request in (b"GET / HTTP/1.1\r\nHost: localhost\r\nX: " + b"a" * 100_000 + b"\r\n\r\n",
                         b"POST / HTTP/1.1\r\nHost: localhost\r\nContent-Length: 1000000000\r\n\r\n" + b"a" * 10_000,
                         b"GET / HTTP/1.1\r\nHost: localhost\r\nHost: localhost\r\n\r\n", b"\x16\x03\x01\x02\x00" * 200,
@@ -262,7 +262,7 @@ class Server(unittest.TestCase):
             self.assertFalse(client.until("answer")["ok"], bad)
         self.assertEqual(self.get("/")[0].status, 200)
 
-    def test_random_bytes(self):
+    def test_random_bytes_end_only_their_connection(self):
         """Random bytes before or after the handshake end only their own connection."""
         random = random_numbers.Random(1)
         healthy = Client(self.address)
@@ -282,7 +282,7 @@ class Server(unittest.TestCase):
         self.assertEqual(healthy.until("record", lambda m: not m["live"])["index"], 1)
         healthy.socket.close()
 
-    def test_connection_limit(self):
+    def test_at_most_64_connections_are_open(self):
         """At most 64 connections are open; when one closes, another is accepted."""
         clients = [Client(self.address) for _ in range(64)]
         for _ in range(3):
@@ -304,7 +304,7 @@ class Server(unittest.TestCase):
             client.socket.close()
         time.sleep(0.3)
 
-    def test_slow_client(self):
+    def test_slow_client_does_not_delay_others(self):
         """A client that answers no ping is disconnected; a slow client does not delay the others."""
         silent = Client(self.address)
         asking = Client(self.address)
@@ -345,7 +345,7 @@ class Server(unittest.TestCase):
             self.assertNotRegex(body.decode().replace("http://www.w3.org", ""), r"\b(https?|wss?):(?!//\$\{location)" if not hashed
                                 else r"wss?://")
 
-    def test_runs(self):
+    def test_runs_of_a_folder_are_listed(self):
         """A folder's runs are listed, each with its page and socket; files of other folders are not served."""
         with tempfile.TemporaryDirectory(dir=self.folder.name) as folder:
             for name in "one.sqlite", "zwei & drei.sqlite":
@@ -388,7 +388,7 @@ class Server(unittest.TestCase):
                 process.wait(10)
                 process.stdout.close()
 
-    def test_newest(self):
+    def test_newest_run_is_the_one_started_last(self):
         """The newest run is the one that began last, not the one written last. A folder may contain other files; as RUN
         they are refused."""
         fifo, earlier, junk = (pathlib.Path(self.folder.name, f"{name}.sqlite") for name in ("newest", "earlier", "junk"))
