@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""What the bridges share: the blocks of the bridge protocol (drivers/README.md), the server
-with its one client, and the loop around a device that comes and goes."""
+"""Common parts of the bridges: blocks of the bridge protocol (drivers/README.md), the server
+for one client, and the loop that reopens a device after an unplug."""
 import argparse
 import collections
 import json
@@ -18,15 +18,15 @@ from pack import np
 
 HELLO, TAGS, DEPTH, BYE, HISTOGRAM, RANGE_PROFILE = range(6)
 HEADER_BYTES, MAX_PAYLOAD_BYTES = 32, 16 << 20
-USAGE, NO_DEVICE = 2, 4  # exit codes, as of the echofuse programs
+USAGE, NO_DEVICE = 2, 4  # exit codes of the echofuse programs
 
-QUEUE_BYTES = 256 << 20  # what waits for a slow client; more is dropped and counted
-BLOCKS_A_TURN = 16       # to a fast client, before a look at whatever else happens
+QUEUE_BYTES = 256 << 20  # limit of the queue for a slow client; blocks beyond it are dropped and counted
+BLOCKS_A_TURN = 16       # sent to a fast client before other events are handled
 HELLO_PAUSE_S = 0.5      # the protocol asks for a heartbeat at least every second
-FAREWELL_S = 2.0         # for the rest of the queue when the bridge ends
-DEAD_CLIENT_MS = 10_000  # a peer that acknowledges nothing for so long is gone
+FAREWELL_S = 2.0         # time to send the rest of the queue at the end
+DEAD_CLIENT_MS = 10_000  # after this time without an acknowledgement the peer is gone
 LONGEST_RETRY_S = 2.0
-VERSION = "0.3.0"  # of the programs
+VERSION = "0.3.0"  # version of the echofuse programs
 
 
 def say(text):
@@ -47,29 +47,29 @@ def fail(text, code=NO_DEVICE):
 
 
 def require_packages():
-    if pack.MISSING:  # --help needs none of them
+    if pack.MISSING:  # --help works without them
         fail(f"{pack.MISSING}; the bridges need numpy and, without {pack.NAME}, crc32c "
              "(Debian: python3-numpy python3-crc32c)" + (f"; {pack.why_not}" if pack.why_not else ""))
 
 
 def block(kind, sequence, payload, dropped=0):
-    """The header of a block; the payload is any object that contains bytes."""
+    """Returns the header of a block. The payload supports the buffer protocol."""
     header = struct.pack("<4sHHIIQI", b"EFBR", 1, kind, sequence & 0xFFFFFFFF, len(payload),
                          dropped, 0)
     return header + struct.pack("<I", pack.crc32c(payload, pack.crc32c(header)))
 
 
 def histogram(counts, first_bin_ps, bin_width_ps, exposure_s, pulses=0, time_us=None):
-    """The payload of a histogram block: counts [bins], or [zones, bins]; pulses of the laser (0:
-    unknown); time_us of the device at the end of the exposure (None: this machine's clock)."""
+    """Returns the payload of a histogram block: counts [bins] or [zones, bins]; number of laser
+    pulses (0: unknown); device time at the end of the exposure, us (None: this machine's clock)."""
     counts = np.atleast_2d(np.asarray(counts, "<u4"))
     return struct.pack("<IIQQddI", *counts.shape, microseconds(time_us), pulses, first_bin_ps,
                        bin_width_ps, round(1e6 * exposure_s)) + counts.tobytes()
 
 
 def range_profile(power, first_m, step_m, number, time_us=None):
-    """The payload of a range profile block: linear power of each bin, in any scale; the number of
-    the frame; time_us of the device (None: this machine's clock)."""
+    """Returns the payload of a range profile block: linear power per bin, in any scale; frame
+    number; device time, us (None: this machine's clock)."""
     power = np.asarray(power, "<f4")
     return struct.pack("<IIQff", len(power), number & 0xFFFFFFFF, microseconds(time_us), first_m,
                        step_m) + power.tobytes()
@@ -79,12 +79,12 @@ def microseconds(time_us):
     return round(time.monotonic() * 1e6 if time_us is None else time_us)
 
 
-# A block that waits to be sent.
+# A queued block.
 Waiting = collections.namedtuple("Waiting", "kind sequence payload dropped items")
 
 
 def listen_address(text):
-    """HOST:PORT or [IPV6]:PORT, for argparse."""
+    """Returns the address in HOST:PORT or [IPV6]:PORT, for argparse."""
     host, colon, port = text.rpartition(":")
     if not colon or not host or not port.isdigit() or int(port) > 65535:
         raise argparse.ArgumentTypeError(f"{text!r} is not HOST:PORT")
@@ -92,7 +92,7 @@ def listen_address(text):
 
 
 def number(kind, low, high):
-    """For argparse: a number of this kind from low to high."""
+    """Returns a type for argparse: numbers of this kind from low to high."""
     def parse(text):
         try:
             value = kind(text)
@@ -105,11 +105,10 @@ def number(kind, low, high):
 
 
 class Server:
-    """One client at a time; a second one is sent away with a goodbye.
+    """Serves one client at a time; a second one gets a BYE block.
 
-    Threading: the device's thread calls send(), lose(), online(), offline() and close(); a thread of
-    its own owns the sockets and `_rest`. `_lock` guards the queue and the counts; nothing is summed up
-    under it."""
+    Threads: the device's thread calls send(), lose(), online(), offline() and close(); the server's
+    own thread owns the sockets and `_rest`. `_lock` guards the queue and the counts."""
 
     def __init__(self, address, queue_bytes=QUEUE_BYTES):
         family = socket.AF_INET6 if ":" in address[0] else socket.AF_INET
@@ -124,12 +123,12 @@ class Server:
             self._selector.register(source, selectors.EVENT_READ)
         self._lock = threading.Lock()
         self._limit = queue_bytes
-        self._queue = collections.deque()  # of Waiting; the first stays until its last byte is sent
-        self._rest = []  # of the first: header and payload, as far as they are not sent
+        self._queue = collections.deque()  # elements: Waiting; the first one stays until its last byte is sent
+        self._rest = []  # unsent parts of header and payload of the first block
         self._queued_bytes = 0
         self._client = None
-        self._events = 0  # of the client's that the selector waits for
-        self._hello = None  # known while the device is there
+        self._events = 0  # events of the client that the selector waits for
+        self._hello = None  # set while the device is open
         self._sequence = self._lost = 0
         self._leaving = False
         self._closed_by = None
@@ -138,22 +137,22 @@ class Server:
         self._thread = threading.Thread(target=self._run, daemon=True)
         self._thread.start()
 
-    # the device's side
+    # called by the device's thread
 
     def online(self, hello):
-        """The device is there: from now on a client is welcome."""
+        """Accepts clients from now on: the device is open."""
         with self._lock:
             self._hello = json.dumps(hello).encode()
 
     def offline(self):
-        """The device is gone, and so is the client."""
+        """Disconnects the client: the device is gone."""
         with self._lock:
             self._hello = None
             self._part()
         self._wake()
 
     def send(self, kind, payload, items):
-        """To the client, if there is one. The payload must not change any more."""
+        """Queues a block for the client, if connected. The payload must not change afterwards."""
         with self._lock:
             if self._client is None or self._leaving:
                 return
@@ -166,13 +165,13 @@ class Server:
             self._wake()
 
     def lose(self, items):
-        """So many items will never be sent; the next block says so."""
+        """Counts lost items; the next block reports them."""
         with self._lock:
             if self._client is not None:
                 self._count_lost(items)
 
     def check(self):
-        """Ends the program if the server's thread has died of a fault of its own."""
+        """Raises RuntimeError if the server's thread has failed."""
         if not self._thread.is_alive():
             fail("the server has failed", 1)
 
@@ -184,7 +183,7 @@ class Server:
         self._wake()
         self._thread.join()
 
-    # both, under the lock
+    # both guarded by the lock
 
     def _count_lost(self, items):
         self._lost += items
@@ -201,13 +200,13 @@ class Server:
             self._put(BYE, b"")
             self._leaving = True
 
-    # the server's side
+    # the server's thread
 
     def _wake(self):
         try:
             self._wake_in.send(b"w")
         except OSError:
-            pass  # it is awake already, or has ended
+            pass  # already woken, or ended
 
     def _run(self):
         while self._step():
@@ -236,7 +235,7 @@ class Server:
         return True
 
     def _stay_alive(self):
-        """Also while data flow."""
+        """Sends a heartbeat, also between data blocks."""
         due = time.monotonic() > self._last_hello + HELLO_PAUSE_S
         if due and self._hello and self._queued_bytes + HEADER_BYTES + len(self._hello) <= self._limit:
             self._greet()
@@ -254,7 +253,7 @@ class Server:
         client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         client.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, DEAD_CLIENT_MS)
         if not self._welcome(client):
-            say(f"{peer[0]}:{peer[1]} was sent away: " + ("another client is there" if self._client else "no device"))
+            say(f"{peer[0]}:{peer[1]} was refused: " + ("another client is connected" if self._client else "no device"))
             return send_away(client)
         self._selector.register(client, selectors.EVENT_READ)
         self._events = selectors.EVENT_READ
@@ -274,7 +273,7 @@ class Server:
     def _serve(self, events):
         try:
             if events & selectors.EVENT_READ and not self._client.recv(4096):
-                return self._disconnect("has closed the connection")
+                return self._disconnect("closed the connection")
             for _ in range(BLOCKS_A_TURN if events & selectors.EVENT_WRITE else 0):
                 self._write()
                 if not self._queue:
@@ -285,7 +284,7 @@ class Server:
             self._disconnect(error.strerror or str(error))
 
     def _write(self):
-        """What the socket takes of the first block."""
+        """Sends as much of the first block as the socket accepts."""
         if not self._rest:
             first = self._queue[0]
             header = block(first.kind, first.sequence, first.payload, first.dropped)
@@ -302,7 +301,7 @@ class Server:
             self.sent += self._queue.popleft().items
             finished = self._leaving and not self._queue
         if finished:
-            self._disconnect("was told goodbye")
+            self._disconnect("was disconnected")
 
     def _disconnect(self, why):
         self._selector.unregister(self._client)
@@ -319,30 +318,30 @@ class Server:
 def send_away(client):
     with client:
         try:
-            client.send(block(BYE, 0, b""))  # an empty socket takes 32 bytes
+            client.send(block(BYE, 0, b""))  # 32 bytes fit into an empty socket buffer
         except OSError:
             pass
 
 
 def choose(attached, serial, what):
-    """Returns the serial number of the device to open, of those that are attached."""
+    """Returns the serial number of the attached device to open."""
     listed = ", ".join(attached)
     if not attached:
         raise RuntimeError(f"no {what} is connected")
     if serial and serial not in attached:
-        raise RuntimeError(f"no {what} with the serial number {serial}; there is {listed}")
+        raise RuntimeError(f"no {what} with the serial number {serial}; attached: {listed}")
     if not serial and len(attached) > 1:
-        raise RuntimeError(f"several of {what} are connected, choose one with --serial: {listed}")
+        raise RuntimeError(f"several devices of the kind {what} are connected; choose one with --serial: {listed}")
     return serial or attached[0]
 
 
 class Finished(Exception):
-    """A recording is at its end."""
+    """Raised at the end of a recording."""
 
 
 class Stop:
-    """True after the first SIGINT or SIGTERM; a second one ends the program at once. Not an Event:
-    its lock may be held by the very thread that the signal interrupts."""
+    """True after the first SIGINT or SIGTERM; a second one ends the program at once. Not an Event,
+    because the interrupted thread may hold its lock."""
 
     def __init__(self):
         self._asked = False
@@ -359,20 +358,20 @@ class Stop:
     def wait(self, seconds):
         end = time.monotonic() + seconds
         while not self._asked and (left := end - time.monotonic()) > 0:
-            time.sleep(min(left, 0.05))  # a signal does not end a sleep
+            time.sleep(min(left, 0.05))  # a signal does not interrupt a sleep
         return self._asked
 
 
 def run(address, open_device, items):
-    """Serves a device until a signal; the exit code.
+    """Serves a device until a signal; returns the exit code.
 
-    open_device() gives an object with hello() -> dict, poll(server) -> seconds to wait before the
-    next call, close(). Whatever it raises means that the device is gone: at the start that is the
-    end, later it is opened again."""
+    open_device() returns an object with hello() -> dict, poll(server) -> seconds until the next
+    call, and close(). Any exception means that the device is gone: at the start the bridge ends,
+    later it reopens the device."""
     stop = Stop()
     try:
         device = open_device()
-    except Exception as error:  # the vendor's libraries raise what they like
+    except Exception as error:  # vendors' libraries raise arbitrary exceptions
         fail(text_of(error))
     try:
         server = Server(address)
@@ -383,7 +382,7 @@ def run(address, open_device, items):
     while device:
         try:
             server.online(device.hello())
-            if not told:  # only now: who comes earlier is sent away
+            if not told:  # only now: earlier clients are refused
                 say(f"listening on {server.address[0]}:{server.address[1]}")
                 told = True
             while not stop.wait(device.poll(server)):
@@ -403,7 +402,7 @@ def run(address, open_device, items):
 
 
 def reopen(open_device, stop):
-    """The device again, or None if a signal came first."""
+    """Returns the reopened device, or None after a signal."""
     pause_s, told = 0.1, None
     while not stop.wait(pause_s):
         try:
@@ -419,8 +418,8 @@ def reopen(open_device, stop):
 def close_quietly(device):
     try:
         device.close()
-    except Exception as error:  # it may be gone already
-        say(f"while closing: {text_of(error)}")
+    except Exception as error:  # it may already be gone
+        say(f"error while closing the device: {text_of(error)}")
 
 
 def text_of(error):

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""What the bridges of depth cameras share: their arguments, the payload of a frame, the numbers of missing
-frames, and the restart of a stream that has fallen silent."""
+"""Common parts of the bridges of depth cameras: arguments, payload of a frame, counts of missing frames, and the
+restart of a silent stream."""
 import collections
 import struct
 import time
@@ -8,12 +8,12 @@ import time
 import bridge
 from pack import np
 
-WAIT_MS = 100    # also how long a signal waits
-SILENCE_S = 3.0  # then the stream is restarted, and at the second time the device opened again
+WAIT_MS = 100    # also the delay of a signal
+SILENCE_S = 3.0  # then the stream is restarted; the second time the device is reopened
 
-MOST_LOST = 1 << 20  # frames; of a number that jumps further nobody knows how many are lost
+MOST_LOST = 1 << 20  # frames; after a larger jump of the frame number the loss is unknown
 
-# Of the SDK: frame number, device time (us), size, unsigned 16-bit steps of so many millimetres.
+# A frame of the SDK: number, device time (us), size, unsigned 16-bit depths in units of mm_per_step.
 Frame = collections.namedtuple("Frame", "index time_us width height steps mm_per_step")
 # Focal lengths and optical axis of an image of this size, in pixels.
 Lens = collections.namedtuple("Lens", "width height fx fy cx cy")
@@ -23,22 +23,22 @@ def parse_arguments(arguments, text, epilog, height, depth_modes=False):
     parser = bridge.parser(text, epilog)
     add, number = parser.add_argument, bridge.number
     add("--listen", metavar="HOST:PORT", type=bridge.listen_address, default=("127.0.0.1", 41111),
-        help="where echofuse connects (127.0.0.1:41111); there is no password: keep it in the laboratory")
-    add("--serial", default="", help="of the camera, if several are attached")
-    add("--width", type=number(int, 1, 4096), default=640, help="of the depth image (640)")
-    add("--height", type=number(int, 1, 2048), default=height, help=f"({height})")
-    add("--fps", type=number(int, 1, 120), default=15, help="frames a second (15)")
+        help="address for echofuse (127.0.0.1:41111); has no password: use it only in the laboratory")
+    add("--serial", default="", help="serial number of the camera, if several are attached")
+    add("--width", type=number(int, 1, 4096), default=640, help="width of the depth image, pixels (640)")
+    add("--height", type=number(int, 1, 2048), default=height, help=f"height of the depth image, pixels ({height})")
+    add("--fps", type=number(int, 1, 120), default=15, help="frames per second (15)")
     add("--no-projector", action="store_true",
-        help="switch the infrared projector (850 nm) off; silicon detectors see it")
-    add("--preset", metavar="NAME", help="preset of the SDK, as \"High Accuracy\"; a wrong name lists them")
+        help="switch off the infrared projector (850 nm), which silicon detectors see")
+    add("--preset", metavar="NAME", help="preset of the SDK, e.g. \"High Accuracy\"; a wrong name lists all")
     if depth_modes:
         add("--depth-mode", metavar="NAME",
-            help="as \"Unbinned Dense Default\"; a wrong name lists them")
+            help="depth mode, e.g. \"Unbinned Dense Default\"; a wrong name lists all")
     return parser.parse_args(arguments)
 
 
 def known_name(kind, wanted, names):
-    """Returns the one of the camera's names that is equal but for upper and lower case."""
+    """Returns the camera's name that matches without regard to case."""
     for name in names:
         if name.casefold() == wanted.casefold():
             return name
@@ -47,29 +47,29 @@ def known_name(kind, wanted, names):
 
 
 class Camera:
-    """An open camera. Of a vendor's: start() begins the stream, wait() gives its next Frame or None,
-    stop() ends it; at its beginning it calls began(lens). set_preset(name), set_depth_mode(name) return
-    the camera's name; projector_off() returns False if the camera cannot."""
+    """An open camera. A vendor's class implements start(), which starts the stream and calls began(lens);
+    wait(), which returns the next Frame or None; stop(); set_preset(name) and set_depth_mode(name), which
+    return the camera's name; projector_off(), which returns False if the camera cannot switch it."""
 
     def __init__(self, options):
         self._options = options
         self._restarted, self._last_index, self._last_frame_s = False, None, time.monotonic()
-        self._told, self._odd = set(), 0  # frames that are left out: what is said of them, since the last good one
+        self._told, self._odd = set(), 0  # faults of the frames omitted since the last good one
 
     def began(self, lens):
-        """Tangents: columns to the right, rows upwards, of the pixel centres."""
+        """Sets the tangents of the pixel centres: columns to the right, rows upwards."""
         size, asked = (lens.width, lens.height), (self._options.width, self._options.height)
         mode = f"{asked[0]} x {asked[1]} pixels"
         if not (lens.fx > 0 and lens.fy > 0 and np.isfinite([lens.fx, lens.fy, lens.cx, lens.cy]).all()):
-            raise RuntimeError(f"the SDK tells no intrinsics of the depth mode of {mode}: fx {lens.fx:g}, fy {lens.fy:g}; "
-                               "without them no pixel has a direction; choose another --width and --height, or update "
+            raise RuntimeError(f"the SDK has no intrinsics for the depth mode of {mode}: fx {lens.fx:g}, fy {lens.fy:g}; "
+                               "without them the directions of the pixels are unknown; choose another --width and --height, or update "
                                "the SDK and the camera's firmware")
         if size != asked:
-            raise RuntimeError(f"the intrinsics are those of {size[0]} x {size[1]} pixels, not {mode}")
+            raise RuntimeError(f"the intrinsics are for {size[0]} x {size[1]} pixels; expected {mode}")
         self._axes = -lens.cx / lens.fx, 1 / lens.fx, lens.cy / lens.fy, -1 / lens.fy
 
     def configure(self):
-        """Sets what the options ask for, and prints it. All else stays as the camera has it."""
+        """Applies the options and prints the settings. Other settings of the camera stay."""
         options, done = self._options, []
         for kind in ("depth mode", "preset"):
             key = kind.replace(" ", "_")
@@ -77,7 +77,7 @@ class Camera:
                 done.append(f'{kind} "{getattr(self, "set_" + key)(wanted)}"')
         if options.no_projector:
             if not self.projector_off():
-                raise RuntimeError("the projector of this camera cannot be switched off")
+                raise RuntimeError("this camera cannot switch off its projector")
             done.append("projector off")
         if done:
             bridge.say(", ".join(done))
@@ -85,12 +85,12 @@ class Camera:
     def poll(self, server):
         frame = self.wait(WAIT_MS)
         fault = frame and self._fault(frame)
-        if fault:  # as if it had not come
+        if fault:  # as if it had not been received
             server.lose(1)
             self._odd += 1
             if fault[0] not in self._told:
                 self._told.add(fault[0])
-                bridge.say(f"a frame whose {fault[0]} is {fault[1]} is left out, as are more of the kind")
+                bridge.say(f"omitting frames with {fault[0]} {fault[1]}")
         if fault or frame is None:
             self._watch(server)
             return 0
@@ -104,7 +104,7 @@ class Camera:
         return 0
 
     def _fault(self, frame):
-        """Returns what of a frame cannot be, and its value. NaN compares false."""
+        """Returns name and value of an impossible property of the frame, or None. NaN compares false."""
         size, asked = (frame.width, frame.height), (self._options.width, self._options.height)
         if size != asked or frame.steps.nbytes != 2 * size[0] * size[1]:
             return "size", f"{size[0]} x {size[1]} pixels and {frame.steps.nbytes} bytes"
@@ -117,11 +117,11 @@ class Camera:
         if time.monotonic() - self._last_frame_s < SILENCE_S:
             return
         if self._restarted:
-            raise RuntimeError("no frames in spite of a restart")
+            raise RuntimeError("no frames after a restart")
         bridge.say(f"no frame for {SILENCE_S:g} s: restarting the stream")
         self.stop()
         self.start()
-        server.lose(1)  # at least; its frame numbers start again
+        server.lose(1)  # at least one; the frame numbers start again
         self._restarted, self._last_index, self._last_frame_s, self._odd = True, None, time.monotonic(), 0
 
     def _payload(self, frame):

@@ -1,6 +1,6 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: MIT
-"""A bridge to copy for a sensor of your own: a simulated counting board that sends histograms.
+"""Template of a bridge for your own sensor: a simulated counting board that sends histograms.
 echofuse connects with tdc.address = "bridge:tcp://HOST:PORT". For a radar send RANGE_PROFILE blocks
 (bridge.range_profile) and connect with radar.address."""
 import sys
@@ -18,8 +18,8 @@ def list_boards():
 
 
 class Board:
-    """Calls of your library. Whatever it raises means that the device is gone: bridge.run() then
-    closes it and opens it again until it is back."""
+    """Calls your library. Any exception means that the device is gone: bridge.run() then closes it
+    and tries to reopen it."""
 
     def __init__(self, serial):
         self._serial = bridge.choose(list_boards(), serial, "board")
@@ -27,11 +27,11 @@ class Board:
 
     def hello(self):
         return {"model": "Simulated board", "serial": self._serial, "firmware": "1.0",
-                "sends": "histograms"}  # leave this key out for a radar
+                "sends": "histograms"}  # omit this key for a radar
 
     def poll(self, server):
-        """Sends what the device has; returns the seconds until the next call."""
-        time.sleep(EXPOSURE_S)  # a real board counts here
+        """Sends new data of the device; returns the seconds until the next call."""
+        time.sleep(EXPOSURE_S)  # a real board counts during this time
         body = 150 + 40 * np.sin(time.monotonic())
         expected = 2 + 60 * np.exp(-0.5 * ((np.arange(BINS) - body) / 3) ** 2)
         counts = self._random.poisson(expected)
@@ -41,7 +41,7 @@ class Board:
         return 0
 
     def close(self):
-        pass  # free the device
+        pass  # release the device
 
 
 def main():

@@ -11,9 +11,9 @@ import vendor
 from pack import np
 
 EPILOG = """\
-The SDK is known to stop delivering after about a day of streaming until its pipeline is restarted;
-this happens here after 3 s without a frame. Pixel positions are those of a pinhole camera with the
-SDK's intrinsics; lens distortion is not corrected, its size in the corners is printed at the start."""
+The SDK can stop delivering frames after about a day until its pipeline is restarted; the bridge does
+this after 3 s without a frame. Pixel positions are those of a pinhole camera with the
+SDK's intrinsics; lens distortion is not corrected; its size in the corners is printed at the start."""
 
 
 def parse_arguments(arguments):
@@ -26,7 +26,7 @@ class Camera(camera.Camera):
     def __init__(self, sdk, options):
         super().__init__(options)
         self._sdk = sdk
-        self._context = sdk.Context()  # the devices live in it
+        self._context = sdk.Context()  # owns the devices
         device = self._find()
         info = device.get_device_info()
         self._hello = {"model": info.get_name(), "serial": info.get_serial_number(),
@@ -97,15 +97,15 @@ class Camera(camera.Camera):
             raise RuntimeError(f"no depth mode {o.width} x {o.height} at {o.fps} frames/s: {error}") from None
 
     def _read_lens(self, profile):
-        """From the profile: Pipeline.get_camera_param() is all zeros in releases of version 2 unless colour
-        runs as well (orbbec/pyorbbecsdk, issues 56 and 103)."""
+        """Reads the intrinsics from the profile, because Pipeline.get_camera_param() returns zeros in version 2
+        without a colour stream (orbbec/pyorbbecsdk, issues 56 and 103)."""
         if not hasattr(profile, "get_intrinsic"):
-            raise RuntimeError("this pyorbbecsdk does not tell the intrinsics of a stream: version 2 is needed, whose "
-                               "package is pyorbbecsdk2")
+            raise RuntimeError("this version of pyorbbecsdk has no intrinsics of a stream; install version 2: "
+                               "package pyorbbecsdk2")
         try:
             lens, distortion = profile.get_intrinsic(), profile.get_distortion()
         except Exception as error:
-            raise RuntimeError(f"the camera does not tell the intrinsics of its depth mode: {error}") from None
+            raise RuntimeError(f"cannot read the intrinsics of the depth mode: {error}") from None
         self.began(lens)
         bridge.say(f"lens distortion, not corrected: up to {distortion_px(lens, distortion):.2f} pixel")
 
@@ -120,7 +120,7 @@ class Camera(camera.Camera):
 
 
 def distortion_px(lens, d):
-    """How far Brown's model moves the corner that it moves farthest, in pixels."""
+    """Returns the largest displacement of a corner by Brown's model, in pixels."""
     u, v = np.meshgrid([0, lens.width - 1], [0, lens.height - 1])
     x, y = (u - lens.cx) / lens.fx, (v - lens.cy) / lens.fy
     r2 = x * x + y * y

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""CRC-32C and the packing of tags, in our C library (drivers/bridge/bridge_pack.cpp), which works
-without Python's lock. Where it is absent, the Python package crc32c makes the checksums."""
+"""CRC-32C and packing of tags, by our C library (drivers/bridge/bridge_pack.cpp), which releases
+Python's lock. Without the library, the Python package crc32c computes the checksums."""
 import collections
 import ctypes
 import os
@@ -16,15 +16,15 @@ else:
 NAME, VERSION = "libechofuse_bridge_pack.so", 3
 RECORD = {"names": ["type", "missed_events", "channel", "time"],
           "formats": ["u1", "<u2", "<i4", "<i8"], "offsets": [0, 2, 4, 8], "itemsize": 16}
-BLOCK_TAGS = 32768  # 512 KiB, which stay in a processor's second cache
+BLOCK_TAGS = 32768  # 512 KiB, which fit into the L2 cache
 
-# The tags of a block: its payload, and the counts that Losses needs.
+# The tags of a block: payload, and counts for Losses.
 Packed = collections.namedtuple("Packed", "payload items starts overflows")
 
 
 def open_library():
-    """Opens ECHOFUSE_BRIDGE_LIBRARY, or the file beside this one or in the build. Returns it, or
-    None and why not."""
+    """Opens ECHOFUSE_BRIDGE_LIBRARY, or the file in this folder or in the build. Returns the library,
+    or None and the reason."""
     here = pathlib.Path(__file__).resolve().parent
     named = os.environ.get("ECHOFUSE_BRIDGE_LIBRARY")
     places = [here / NAME, *(top / "build/release/lib" / NAME for top in here.parents[1:2])]
@@ -60,7 +60,7 @@ else:
 
 
 def keep_freed_memory():
-    """Makes glibc keep freed blocks: to get the next one page by page costs as much as packing."""
+    """Makes glibc keep freed blocks, because new pages cost as much time as packing."""
     trim_threshold, mmap_threshold = -1, -3
     try:
         libc = ctypes.CDLL(None)
@@ -71,9 +71,8 @@ def keep_freed_memory():
 
 
 def pack(tags, channels):
-    """Returns the blocks of a structured array of tags, which may change afterwards: those of the
-    start and the click channel, and markers of all channels. A measurement gets the tags that
-    others asked the device for, too."""
+    """Returns blocks with the tags of the start and click channels, and the markers of all channels,
+    because a measurement also receives the tags of other measurements. Copies the structured array."""
     ours, fields = np.dtype(RECORD), tags.dtype.fields
     if tags.itemsize != 16 or any(
             (fields or {}).get(name, ())[:2] != ours.fields[name][:2] for name in ours.names):

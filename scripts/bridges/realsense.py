@@ -10,7 +10,7 @@ import vendor
 from pack import np
 
 EPILOG = """\
-After 3 s without a frame the stream is restarted. Pixel positions are those of a pinhole camera with the
+The stream is restarted after 3 s without a frame. Pixel positions are those of a pinhole camera with the
 SDK's intrinsics; the depth image of a D400 camera is rectified, so no distortion is left in it. On USB 2
 a camera has fewer modes: try --fps 6."""
 
@@ -79,7 +79,7 @@ class Camera(camera.Camera):
         frame = frames.get_depth_frame() if came else None
         return camera.Frame(frame.get_frame_number(), 1000 * frame.get_timestamp(), frame.get_width(),
                             frame.get_height(), np.asarray(frame.get_data(), "<u2"),
-                            round(1000 * frame.get_units(), 6)) if frame else None  # the SDK has a float
+                            round(1000 * frame.get_units(), 6)) if frame else None  # a float in the SDK
 
 
 def main():

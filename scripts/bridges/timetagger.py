@@ -14,33 +14,33 @@ import vendor
 from pack import np
 
 MOST_EVENTS = (1 << 28) - 1  # the library's limit
-SILENCE_S = 3.0              # then the device is asked whether it is there
-ANSWER_MS = 1000             # within which it must answer
-RATE_S = 1.0                 # over which the rate is measured
-TELL_S = 60.0                # how often, at most, the same trouble is told
+SILENCE_S = 3.0              # then the device is tested
+ANSWER_MS = 1000             # time limit of its answer
+RATE_S = 1.0                 # averaging time of the rate
+TELL_S = 60.0                # shortest interval of the same warning
 
 FILTER_HELP = """\
-conditional filter: every photon lets one laser pulse through, the first that reaches the filter after
-it; the others stay in the device, so that the photon rate and not the laser rate loads the USB. But
-that pulse comes AFTER the photon, while the histogram counts from the last pulse BEFORE it. With
+conditional filter: the filter passes only the first laser pulse after each photon, so that the USB
+load depends on the photon rate and not on the laser rate. But the histogram needs the last pulse
+BEFORE the photon. With
   --conditional-filter PS
-the sync is therefore delayed by PS in hardware, in front of the filter, and by -PS in software, behind
-it: the pulse that made the photon passes, and the tags keep their true times. PS must be longer than
-the longest time of flight of interest and shorter than the laser's period; 7 m and 20 MHz: 48000.
-A device without hardware delays (Time Tagger 20) needs a cable of that delay in the sync line
-instead: --conditional-filter 0 --input-delay START=-PS. While the filter is on, every --input-delay is
-made in software, behind it. Never use --event-divider on the sync together with it.
+the sync is therefore delayed by PS in hardware, before the filter, and by -PS in software, after it:
+the pulse that caused the photon passes, and the tags keep their true times. PS must be longer than
+the longest time of flight of interest and shorter than the laser period; 7 m and 20 MHz: 48000.
+A device without hardware delays (Time Tagger 20) needs a cable with that delay in the sync line
+instead: --conditional-filter 0 --input-delay START=-PS. With the filter, each --input-delay is
+applied in software, after the filter. Do not combine it with --event-divider on the sync.
 
-A Time Tagger is often held by a server of the laboratory (startServer in Python, or Time Tagger Lab):
---network HOST shares its tags. What you do not set stays as the server has it, and --input-delay is made
-on this side. Anything else can be set only if the server gives AccessMode.Control.
---scan CH prints the rate over the trigger level and the plateau, whose middle is a good level."""
+If a server of the laboratory has opened the Time Tagger (startServer in Python, or Time Tagger Lab),
+--network HOST receives its tags. Settings without an option stay as on the server; --input-delay is
+applied by the bridge. Other settings require a server with AccessMode.Control.
+--scan CH prints the rate by trigger level and the plateau; its middle is a good level."""
 RESOLUTIONS = ("Standard", "HighResA", "HighResB", "HighResC")
-HARDWARE = ("trigger_level", "dead_time", "event_divider", "conditional_filter", "test_signal")  # what is set there
+HARDWARE = ("trigger_level", "dead_time", "event_divider", "conditional_filter", "test_signal")  # settings of the device
 
 
 def setting(kind, low, high):
-    """CH=VALUE, for argparse."""
+    """Returns a type for argparse: CH=VALUE."""
     parse_value = bridge.number(kind, low, high)
 
     def parse(text):
@@ -57,46 +57,47 @@ def parse_arguments(arguments):
     number = bridge.number
     add = parser.add_argument
     add("--listen", metavar="HOST:PORT", type=bridge.listen_address, default=("127.0.0.1", 41110),
-        help="where echofuse connects (127.0.0.1:41110); there is no password: keep it in the laboratory")
-    add("--serial", default="", help="of the device, if several are attached")
-    add("--network", metavar="HOST[:PORT]", help="a Time Tagger server in place of a device here (port 41101)")
-    add("--file", metavar="X.ttbin", type=pathlib.Path, help="a recording, in real time from the first client on")
-    add("--resolution", choices=RESOLUTIONS, help="of the device; a finer one has fewer channels")
-    add("--scan", metavar="CH", type=number(int, -99, 99), help="measure the rate over the trigger level, and end")
+        help="address for echofuse (127.0.0.1:41110); has no password: use it only in the laboratory")
+    add("--serial", default="", help="serial number of the device, if several are attached")
+    add("--network", metavar="HOST[:PORT]", help="use a Time Tagger server instead of a local device (port 41101)")
+    add("--file", metavar="X.ttbin", type=pathlib.Path, help="replay a recording in real time, from the connection of the first client")
+    add("--resolution", choices=RESOLUTIONS, help="resolution of the device; a finer one has fewer channels")
+    add("--scan", metavar="CH", type=number(int, -99, 99), help="measure the rate by trigger level, and exit")
     add("--start-channel", metavar="CH", type=number(int, -99, 99), default=1,
-        help="laser sync (1); negative for the falling edge. Of an old device with inputs 0 to 7: 8 more")
-    add("--click-channel", metavar="CH", type=number(int, -99, 99), default=2, help="detector (2)")
+        help="channel of the laser sync (1); negative: falling edge. For an old device with inputs 0 to 7 add 8")
+    add("--click-channel", metavar="CH", type=number(int, -99, 99), default=2, help="channel of the detector (2)")
     per_channel = dict(action="append", default=[])
     add("--trigger-level", metavar="CH=V", type=setting(float, -5, 5), **per_channel,
-        help="repeatable, as are the next three; a negative channel needs the form --trigger-level=-2=0.5")
-    add("--input-delay", metavar="CH=PS", type=setting(int, -10**12, 10**12), **per_channel)
+        help="trigger level; repeatable like the next three; a negative channel needs --trigger-level=-2=0.5")
+    add("--input-delay", metavar="CH=PS", type=setting(int, -10**12, 10**12), **per_channel,
+        help="delay of a channel")
     add("--dead-time", metavar="CH=PS", type=setting(int, 0, 10**12), **per_channel,
-        help="the device rounds it; what it really uses is printed")
+        help="dead time of a channel; the device rounds it, and the value in use is printed")
     add("--event-divider", metavar="CH=N", type=setting(int, 1, 65535), **per_channel,
         help="keep every N-th event")
-    add("--conditional-filter", metavar="PS", type=number(int, 0, 2_000_000), help="see below")
-    add("--test-signal", action="store_true", help="the built-in test signal on both channels")
+    add("--conditional-filter", metavar="PS", type=number(int, 0, 2_000_000), help="filter of the laser pulses, see below")
+    add("--test-signal", action="store_true", help="switch on the built-in test signal on both channels")
     add("--max-events", metavar="N", type=number(int, 1000, MOST_EVENTS), default=1 << 24,
-        help="buffer of the library (16777216); more within --block-ms are lost, and counted as one")
-    add("--block-ms", metavar="MS", type=number(float, 1, 500), default=20.0, help="how often tags are sent (20)")
+        help="buffer of the library, tags (16777216); tags beyond it in one --block-ms are lost, and counted as one")
+    add("--block-ms", metavar="MS", type=number(float, 1, 500), default=20.0, help="time between blocks of tags (20)")
     options = parser.parse_args(arguments)
     given = ["--" + name.replace("_", "-") for name in ("serial", "network", "file", "resolution", "scan", *HARDWARE)
              if getattr(options, name) not in (None, "", [], False)]
     for place, others in (("--file", given), ("--network", [name for name in given if name in ("--serial", "--resolution")])):
         if place in given and set(others) - {place}:
-            parser.error(f"{place} does not go with {', '.join(sorted(set(others) - {place}))}")
+            parser.error(f"{place} cannot be combined with {', '.join(sorted(set(others) - {place}))}")
     if options.network and ":" not in options.network:
         options.network += ":41101"
     used = {abs(options.start_channel), abs(options.click_channel)}
     if options.start_channel == options.click_channel:
-        parser.error("--start-channel and --click-channel must be two channels")
+        parser.error("--start-channel and --click-channel must differ")
     for name in ("trigger_level", "input_delay", "dead_time", "event_divider"):
         for channel, _ in getattr(options, name):
             if abs(channel) not in used:
                 parser.error(f"--{name.replace('_', '-')}: channel {channel} is neither start nor click")
     if options.conditional_filter is not None and any(abs(c) == abs(options.start_channel)
                                                       for c, _ in options.event_divider):
-        parser.error("--event-divider on the start channel does not go with --conditional-filter: it would drop the "
+        parser.error("--event-divider on the start channel cannot be combined with --conditional-filter: it would drop the "
                      "pulses that the filter lets through")
     return options
 
@@ -123,7 +124,7 @@ class Tagger:
 
     def _configure(self):
         tagger, options = self._tagger, self._options
-        shared = options.network or options.file  # what was not asked for is as others want it
+        shared = options.network or options.file  # settings without an option belong to other users
         try:
             for channel in () if shared and not options.test_signal else self._channels:
                 tagger.setTestSignal(channel, options.test_signal)
@@ -142,10 +143,10 @@ class Tagger:
         except Exception as error:
             if not options.network:
                 raise
-            raise RuntimeError(f"{bridge.text_of(error)}; a server that gives AccessMode.Listen lets nothing be set: "
-                               "start it with AccessMode.Control, or leave the settings to it") from None
+            raise RuntimeError(f"{bridge.text_of(error)}; a server with AccessMode.Listen refuses settings: "
+                               "start it with AccessMode.Control, or omit the options") from None
         if not options.file:
-            tagger.sync()  # what comes from here on was taken with these settings
+            tagger.sync()  # later tags were taken with these settings
 
     def _set_delays(self):
         tagger, start = self._tagger, self._options.start_channel
@@ -187,8 +188,8 @@ class Tagger:
         return 0 if lost else self._options.block_ms * 1e-3
 
     def _watch(self, tags_came):
-        """isRunning() may stay true after an unplug. A device that is there lets a sync() pass, also
-        in the dark: it is not gone because the laser is off."""
+        """Raises an error if the device is gone. isRunning() may stay true after an unplug, but sync()
+        returns only with a device, also without light."""
         now = time.monotonic()
         if tags_came:
             self._last_tags_s, self._told_dark = now, False
@@ -197,7 +198,7 @@ class Tagger:
         if now - self._last_tags_s < SILENCE_S:
             return
         if not self._tagger.sync(ANSWER_MS):
-            raise RuntimeError(f"no tags for {SILENCE_S:g} s, and the device does not answer: it is gone")
+            raise RuntimeError(f"no tags for {SILENCE_S:g} s, and the device does not answer: it is disconnected")
         if not self._told_dark:
             bridge.say(f"no tags for {SILENCE_S:g} s, but the device answers: is the laser on, are the trigger levels "
                        "right?")
@@ -226,13 +227,13 @@ def open_tagger(library, options):
 
 
 class Replay:
-    """Of a virtual tagger: run() of newer libraries, setReplaySpeed() and replay() of older ones."""
+    """Replay by a virtual tagger: run() in newer libraries, setReplaySpeed() and replay() in older ones."""
 
     def __init__(self, library, tagger, path):
         self._tagger, self._path, self._began = tagger, path, False
 
     def step(self, wanted):
-        """Begins when it is wanted; whether it has ended."""
+        """Starts the replay once `wanted`; returns true at the end."""
         tagger = self._tagger
         if self._began:
             return tagger.waitForCompletion(timeout=0)
@@ -247,7 +248,7 @@ class Replay:
 
 
 class BufferStream:
-    """The library's TimeTagStream, which hands over four columns: for libraries without CustomMeasurement."""
+    """The library's TimeTagStream, which returns four columns: for libraries without CustomMeasurement."""
 
     def __init__(self, library, tagger, channels, most):
         self._stream, self._most = library.TimeTagStream(tagger, most, channels), most
@@ -255,18 +256,18 @@ class BufferStream:
         self.isRunning, self.stop = self._stream.isRunning, self._stream.stop
 
     def take(self):
-        """The tags since the last call, as blocks, and how many (at least) were lost."""
+        """Returns the new tags as blocks, and the least number of lost tags."""
         data = self._stream.getData()
         tags = np.zeros(data.size, pack.RECORD)
         for name, column in (("type", data.getEventTypes()), ("missed_events", data.getMissedEvents()),
                              ("channel", data.getChannels()), ("time", data.getTimestamps())):
             tags[name] = column
-        return pack.pack(tags, self._channels), int(data.size >= self._most)  # how many more it does not say
+        return pack.pack(tags, self._channels), int(data.size >= self._most)  # at least one; the library has no count
 
 
 def custom_stream(library, tagger, channels, most):
-    """A measurement of our own, to whose process() the library hands its 16-byte records as they are.
-    It takes what BufferStream takes and is used like it."""
+    """A custom measurement: the library passes 16-byte records to its process(). Same interface as
+    BufferStream."""
     class Stream(library.CustomMeasurement):
         def __init__(self):
             super().__init__(tagger)
@@ -276,7 +277,7 @@ def custom_stream(library, tagger, channels, most):
             self.finalize_init()
 
         def process(self, incoming_tags, begin_time, end_time):
-            # On the library's thread, under its mutex; the array is gone when this returns.
+            # Called on the library's thread, under its mutex; the array is valid only during the call.
             if len(incoming_tags) == 0:
                 return
             if self._held + len(incoming_tags) > most:
@@ -295,16 +296,16 @@ def custom_stream(library, tagger, channels, most):
 
 
 class Losses:
-    """Says, once a minute at most, how many tags a second do not pass and what would help."""
+    """Warns at most once a minute of lost tags per second, with advice."""
 
     def __init__(self, options):
         self._options = options
         self._begin_s, self._next_told_s = time.monotonic(), 0.0
         self._tags = self._starts = self._dropped = 0
-        self._places = {}  # where tags were lost: an ordered set
+        self._places = {}  # places of losses, an ordered set
 
     def look(self, blocks, lost, dropped):
-        """The new blocks of tags, those that the stream lost, and those dropped by the server so far."""
+        """Adds new blocks, the tags lost by the stream, and the total dropped by the server."""
         for packed in blocks:
             self._tags += packed.items
             self._starts += packed.starts
@@ -313,7 +314,7 @@ class Losses:
         if lost:
             self._places["the buffer is full (raise --max-events or lower --block-ms)"] = True
         if dropped != self._dropped:
-            self._places["echofuse does not fetch them in time"] = True
+            self._places["echofuse reads too slowly"] = True
         self._dropped = dropped
         now = time.monotonic()
         if now - self._begin_s >= RATE_S:
@@ -324,16 +325,16 @@ class Losses:
 
     def _tell(self, seconds):
         rate = self._tags / max(seconds, 1e-9)
-        text = f"tags are lost: {rate * 1e-6:.2f} million tags/s ({16e-6 * rate:.0f} MB/s) do not pass, " \
+        text = f"tags are lost at {rate * 1e-6:.2f} million tags/s ({16e-6 * rate:.0f} MB/s): " \
             f"{' and '.join(self._places)}"
         if self._options.conditional_filter is None and 2 * self._starts > self._tags:
             text += f"; {100 * self._starts / self._tags:.0f} % of them are laser pulses: --conditional-filter sends " \
-                "only those that belong to a photon"
+                "only those of photons"
         bridge.say(text)
 
 
 def scan(library, options):
-    """Prints the rate of a channel over its trigger level, and the plateau; the level is set back."""
+    """Prints the rate of a channel by trigger level, and the plateau; restores the level."""
     tagger, channel, steps, step_ps = open_tagger(library, options), options.scan, 51, 10**11
     before = tagger.getTriggerLevel(channel)
     try:
@@ -354,7 +355,7 @@ def scan(library, options):
         print(f"{volts:7.3f} V {rate:12.0f} /s  {'#' * round(40 * rate / most)}")
     best = plateau(found)
     if len(best) < 3:
-        bridge.say(f"channel {channel} has no plateau: are there pulses, is its sign that of their edge?")
+        bridge.say(f"channel {channel} has no plateau: check the pulses and the edge (sign of the channel)")
         return 5
     middle = round((best[0][0] + best[-1][0]) / 2, 3)
     print(f"plateau from {best[0][0]} to {best[-1][0]} V, {statistics.median(rate for _, rate in best):.0f} /s: "
@@ -363,7 +364,7 @@ def scan(library, options):
 
 
 def plateau(found):
-    """The longest row of levels whose rates are above 0 and within a tenth of the row's first."""
+    """Returns the longest series of levels with rates above 0 and within 10 % of its first rate."""
     best = row = []
     for each in found:
         same = row and abs(each[1] - row[0][1]) <= 0.1 * row[0][1]
@@ -377,7 +378,7 @@ def main():
     options = parse_arguments(sys.argv[1:])
     bridge.require_packages()
     if pack.why_not:
-        bridge.fail(f"{pack.why_not}; the build makes it: copy it beside the bridge, or name it in "
+        bridge.fail(f"{pack.why_not}; it is part of the build: copy it next to the bridge, or name it in "
                     "ECHOFUSE_BRIDGE_LIBRARY; it needs Debian's libisal2")
     pack.keep_freed_memory()
     library = vendor.library(["Swabian.TimeTagger", "TimeTagger"], "Swabian-TimeTagger")  # newer, older

@@ -1,7 +1,7 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: MIT
-"""Bridge of a TMF8820 (ams OSRAM): nine zones of 128 bins, read from the log that the maker's
-Arduino program prints with its histograms on. echofuse connects with
+"""Bridge for a TMF8820 (ams OSRAM): nine zones of 128 bins, read from the log of the maker's
+Arduino program with histograms switched on. echofuse connects with
 tdc.address = "bridge:tcp://HOST:PORT".
 
 A measurement is 30 lines "#Raw,ADDRESS,K,128 bytes" (K = 10 * byte + channel, low byte first;
@@ -21,13 +21,13 @@ from pack import np
 
 CHANNELS, BINS, BYTES = 10, 128, 3
 BIN_WIDTH_PS, ZERO_BIN = 92.06, 12.0  # two-way time; bin of range 0
-# Fields of the 3 x 3 mode, in the order of the channels: columns from right to left, from the top.
+# Fields of view of the 3 x 3 mode by channel: columns from right to left, rows from the top.
 ZONES = [{"x": x, "y": y, "width": 0.3, "zero_ps": 0} for x in (.17, 0, -.17) for y in (.17, 0, -.17)]
-EXPOSURE_S = 0.132  # of the maker's default configuration
+EXPOSURE_S = 0.132  # in the maker's default configuration
 
 
 class Log:
-    """Puts measurements together. A measurement with a missing or damaged line is lost."""
+    """Assembles measurements from lines. A measurement with a missing or damaged line is lost."""
 
     def __init__(self):
         self._rows, self.lost = {}, 0
@@ -65,7 +65,7 @@ class Log:
 
 
 class Port:
-    """Lines of a serial port."""
+    """Reads lines from a serial port."""
 
     def __init__(self, path, baud):
         self._fd = os.open(path, os.O_RDWR | os.O_NOCTTY)
@@ -79,7 +79,7 @@ class Port:
         if not select.select([self._fd], [], [], 0.1)[0]:
             return []
         if not (read := os.read(self._fd, 1 << 16)):
-            raise RuntimeError("the serial port is gone")
+            raise RuntimeError("the serial port was disconnected")
         *lines, self._rest = (self._rest + read).split(b"\n")
         return [line.decode("ascii", "replace") for line in lines]
 
@@ -88,8 +88,8 @@ class Port:
 
 
 def captured(path):
-    """Counts [zones, bins] of each measurement of a log, or of records with "hists" (JSON).
-    Raises ValueError."""
+    """Returns the counts [zones, bins] of each measurement of a log, or of records with "hists"
+    (JSON). Raises ValueError for other files."""
     path = pathlib.Path(path)
     with (gzip.open if path.suffix == ".gz" else open)(path, "rt", encoding="utf-8") as file:
         text = file.read()
@@ -99,8 +99,8 @@ def captured(path):
         log = Log()
         found = [counts for line in text.splitlines() if (counts := log.take(line)) is not None]
     if not found or any(counts.shape != (CHANNELS - 1, BINS) for counts in found):
-        raise ValueError(f"{path}: expected measurements of {CHANNELS - 1} zones and {BINS} bins, by "
-                         "lines #Raw or as JSON")
+        raise ValueError(f"{path}: expected measurements of {CHANNELS - 1} zones and {BINS} bins, as "
+                         "#Raw lines or JSON")
     return found
 
 
@@ -141,14 +141,13 @@ class Chip:
 def main():
     parser = bridge.parser(__doc__)
     parser.add_argument("--listen", type=bridge.listen_address, default=("127.0.0.1", 41112),
-                        help="where echofuse connects (127.0.0.1:41112)")
+                        help="address for echofuse (127.0.0.1:41112)")
     parser.add_argument("--port", default="/dev/ttyACM0", help="serial port of the board (/dev/ttyACM0)")
     parser.add_argument("--baud", type=int, default=115200, choices=(115200, 230400, 460800, 921600, 1000000),
-                        help="of the serial port (115200)")
+                        help="baud rate of the serial port (115200)")
     parser.add_argument("--exposure", type=bridge.number(float, 0.001, 60), default=EXPOSURE_S,
-                        help=f"seconds of a measurement ({EXPOSURE_S:g})")
-    parser.add_argument("--replay", metavar="FILE", help="send a log or the public captures (.json.gz), again "
-                                                         "and again")
+                        help=f"duration of a measurement, seconds ({EXPOSURE_S:g})")
+    parser.add_argument("--replay", metavar="FILE", help="send a log or the public captures (.json.gz) in a loop")
     options = parser.parse_args()
     bridge.require_packages()
     return bridge.run(options.listen, lambda: Chip(options), "histograms")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The vendors' Python packages: in which interpreter, how to install them, and which version numpy 2 needs."""
+"""The vendors' Python packages: interpreter, installation, and versions for numpy 2."""
 import importlib
 import importlib.metadata
 import os
@@ -11,7 +11,7 @@ from pack import np
 
 
 def use_python():
-    """Goes on in the interpreter ECHOFUSE_BRIDGE_PYTHON, if it is set: that of a virtual environment."""
+    """Restarts in the interpreter ECHOFUSE_BRIDGE_PYTHON, if set, e.g. of a virtual environment."""
     python = os.environ.pop("ECHOFUSE_BRIDGE_PYTHON", "")
     if not python:
         return
@@ -22,7 +22,7 @@ def use_python():
 
 
 def library(modules, package):
-    """The first of these modules that is there; the package has it."""
+    """Imports the first available module; `package` contains it."""
     faults = []
     for name in modules:
         try:
@@ -35,7 +35,7 @@ def library(modules, package):
 
 
 def version_of_package(name):
-    """As pip installed it; empty where it did not."""
+    """Returns the version that pip installed; empty without pip."""
     try:
         return importlib.metadata.version(name)
     except importlib.metadata.PackageNotFoundError:
@@ -43,8 +43,8 @@ def version_of_package(name):
 
 
 def check_version(package, found, least):
-    """Ends the program if numpy is of version 2 and the package is older than the first one for it."""
+    """Exits if numpy has version 2 and the package is too old for it."""
     numbers = [[int(n) for n in re.findall(r"\d+", text)[:3]] for text in (found, least, np.__version__)]
     if found and numbers[0] < numbers[1] and numbers[2][0] >= 2:
-        bridge.fail(f"{package} {found} does not work with numpy {np.__version__}, versions from {least} on do: "
+        bridge.fail(f"{package} {found} does not work with numpy {np.__version__}; expected {least} or later: "
              f"{sys.executable} -m pip install --upgrade {package}")

@@ -31,7 +31,7 @@ class Example(unittest.TestCase):
     def test_serial_number_and_histograms(self):
         with Program("example.py", "--serial", "SIM-2") as program:
             self.assertEqual(program.process.wait(10), 4)
-            self.assertIn("no board with the serial number SIM-2; there is SIM-1", program.said())
+            self.assertIn("no board with the serial number SIM-2; attached: SIM-1", program.said())
         with Program("example.py") as program, Client(program.address) as client:
             blocks = client.until(bridge.HISTOGRAM)
             self.assertIn(b'"sends": "histograms"', blocks[0].payload)

@@ -58,19 +58,19 @@ class Process(unittest.TestCase):
             for index, z in seen.items():
                 z_mm = sdk.values(index, 64 * 48) * (0.1 if index >= 156 else 1)
                 np.testing.assert_array_equal(z, np.rint(z_mm))
-            self.assertEqual(program.said().count("left out"), 1)
+            self.assertEqual(program.said().count("omitting"), 1)
             self.assertEqual(program.stop(), 0)
             self.assertEqual(program.calls().count(("start",)), 1)
 
     def test_refused_options_are_reported(self):
         for words, env, why in (([], {"STAND_IN_CAMERAS": "0"}, "no RealSense camera is connected"),
-                                (["--serial", "1"], {}, "no RealSense camera with the serial number 1; there is STAND-IN-3"),
+                                (["--serial", "1"], {}, "no RealSense camera with the serial number 1; attached: STAND-IN-3"),
                                 ([], {"STAND_IN_CAMERAS": "2"}, "choose one with --serial: STAND-IN-3, STAND-IN-3"),
                                 (["--width", "65"], {}, "no depth of 65 x 48 pixels at 30 frames/s: Couldn't resolve"),
                                 (["--preset", "x"], {}, 'no preset "x"; this camera has "Custom", "Default"'),
                                 (["--preset", "x"], {"STAND_IN_LACKS": "preset"}, "this camera has none"),
-                                (["--no-projector"], {"STAND_IN_LACKS": "emitter"}, "cannot be switched off"),
-                                ([], {"STAND_IN_INTRINSICS": "zero"}, "the SDK tells no intrinsics")):
+                                (["--no-projector"], {"STAND_IN_LACKS": "emitter"}, "cannot switch off its projector"),
+                                ([], {"STAND_IN_INTRINSICS": "zero"}, "the SDK has no intrinsics")):
             with self.subTest(why), Program("realsense.py", *SIZE, *words, **env) as program:
                 self.assertEqual(program.process.wait(10), 4)
                 self.assertIn(why, program.said())

@@ -180,7 +180,7 @@ class Tags(unittest.TestCase):
 
     def test_dropped_tags_are_reported_with_their_rate(self):
         said = self.poll(self.pattern(150_000))[2]  # overflows
-        self.assertRegex(said, r"tags are lost: [\d.]+ million tags/s \(\d+ MB/s\) do not pass, the device overflows; "
+        self.assertRegex(said, r"tags are lost at [\d.]+ million tags/s \(\d+ MB/s\): the device overflows; "
                                r"67 % of them are laser pulses: --conditional-filter")
         self.assertNotIn("--conditional-filter", self.poll(self.pattern(150_000), "--conditional-filter", "48000")[2])
         self.assertEqual(self.poll([column[:700] for column in self.pattern(700)])[2], "")  # before the overflow
@@ -199,7 +199,7 @@ class Tags(unittest.TestCase):
                 self.now += 0.05
                 losses.look(tags, 0, dropped=round(20 * self.now))
         self.assertEqual(said.getvalue().count("\n"), 2)  # in 100 s
-        self.assertIn("20.00 million tags/s (320 MB/s) do not pass, echofuse does not fetch them in time; 100 % of them "
+        self.assertIn("20.00 million tags/s (320 MB/s): echofuse reads too slowly; 100 % of them "
                       "are laser pulses", said.getvalue())
 
 
@@ -295,7 +295,7 @@ class Process(unittest.TestCase):
                 self.assertIn(bridge.TAGS, [b.kind for b in client.until(bridge.BYE)])
             with connect(program.address) as client:
                 client.until(bridge.TAGS)
-            self.assertIn("the device does not answer: it is gone; trying again", program.said())
+            self.assertIn("the device does not answer: it is disconnected; trying again", program.said())
             self.assertEqual([c[0] for c in program.calls()].count("createTimeTagger"), 2)
             self.assertEqual(program.stop(), 0)
 
