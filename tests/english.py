@@ -14,7 +14,7 @@ avoided = re.compile(
     r"is no|of which|what is|goes by|bears|stands(?! for\b| still\b| in front\b| \d))\b", re.I)
 ALLOWED = {"### What is a twin worth?"}  # lines as they are
 LIMITS = {".github": 0, "README.md": 0, "acquire": 8, "config": 0, "drivers": 0, "recon": 87, "scripts": 0, "sim": 0,
-          "tests": 44}
+          "tests": 9}
 LONG_SENTENCES = 126
 words_limit = 25
 

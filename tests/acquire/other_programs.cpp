@@ -69,7 +69,7 @@ void check_whole(const std::string& path, std::int64_t records, const std::strin
 
 }  // namespace
 
-TEST_CASE("a run whose file is deleted ends at the next record and is saved as a copy") {
+TEST_CASE("a run with a deleted file ends at the next record and is saved as a copy") {
   const Folder folder;
   const std::string path = folder / "a.sqlite", copy = folder / "a.rescued.sqlite";
   write_file(folder / "x", "");
@@ -108,7 +108,7 @@ TEST_CASE("a run whose file is deleted ends at the next record and is saved as a
 TEST_CASE("a run with a missing file does not get status complete") {
   const Folder folder;
   const std::string path = folder / "a.sqlite";
-  write_file(folder / "a.rescued.sqlite", "somebody's");
+  write_file(folder / "a.rescued.sqlite", "other content");
   const auto run = begin(path, 3);
   write_file(folder / "x", "precious");
   fs::rename(folder / "x", path);

@@ -132,7 +132,7 @@ TEST_CASE("a signal below that of the first minute has the verdict weak") {
   CHECK(verdicts(check, lab.record()) == all_ok);
 }
 
-TEST_CASE("background alone is no peak, noise alone is no echo") {
+TEST_CASE("background alone has no peak, noise alone has no echo") {
   Laboratory lab;
   lab.photons = 0, lab.radar_snr_db = -40;
   for (const double background : {1.0, 300.0, 1e4, 1e6}) {

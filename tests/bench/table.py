@@ -1,8 +1,8 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: MIT
 """table.py BUILD_DIR SCRATCH: runs the benchmarks of BUILD_DIR and prints one table: path,
-ours, limit of this machine, share of it, peer, ratio to it. What programs say beside their rows (limits.hpp)
-passes through. Peers that are not installed are left out."""
+ours, limit of this machine, share of it, peer, ratio to it. Other output of the programs (limits.hpp) passes
+through. Peers that are not installed are omitted."""
 import argparse
 import pathlib
 import sqlite3
@@ -26,7 +26,7 @@ def best_s(rounds, work, clock=time.process_time):
 
 
 def run(*command):
-    """The program's own rows join the table."""
+    """Adds the rows that the program printed."""
     done = subprocess.run([str(word) for word in command], stdout=subprocess.PIPE, text=True, check=True)
     for line in done.stdout.splitlines():
         kind, *words = line.split("\t")
@@ -44,14 +44,14 @@ def decode(depth):
 
 
 def load(path):
-    """The run as NumPy reads it."""
+    """Reads the run with NumPy."""
     with sqlite3.connect(f"file:{path}?mode=ro", uri=True) as run_file:
         found = run_file.execute("SELECT spd, radar, depth FROM record").fetchall()
     return [(numpy.frombuffer(spd, "<u4"), numpy.frombuffer(radar, "<f4"), decode(depth)) for spd, radar, depth in found]
 
 
 def to_maps(recon, model, recorded, scratch):
-    """The whole command, by the clock on the wall, as several threads work."""
+    """Returns the wall-clock time of the whole command, because it uses several threads."""
     folders = iter(range(100))
     records = len(load(recorded))
     work = lambda: subprocess.run([recon, "reconstruct", model, recorded, "--format", "npy", "-q", "--out",

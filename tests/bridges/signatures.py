@@ -1,20 +1,20 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: MIT
-"""The stand-ins have the names and arguments of the vendors' libraries, and the bridges call only
-functions in these tables, which are copied from the vendors' publications:
+"""The stand-ins have the names and arguments of the vendors' libraries, and the bridges call only functions in these tables.
+Sources of the tables:
 
-Swabian Instruments, documentation of the Time Tagger software 2.22 ("TimeTagger classes", "Time-tag
-streaming", "Helper classes"; CustomMeasurement.process(incoming_tags, begin_time, end_time) is "called
-whenever a new chunk of time tags is available") and its headers TimeTagger.h and Iterators.h, whose
-classes the Python module wraps (IteratorBase: isRunning, stop; CustomMeasurementBase: register_channel,
-finalize_init; TimeTagStream(tagger, n_max_events, channels)).
+Swabian Instruments: documentation of the Time Tagger software 2.22 ("TimeTagger classes", "Time-tag streaming", "Helper
+classes"; CustomMeasurement.process(incoming_tags, begin_time, end_time) is "called whenever a new chunk of time tags is
+available"). Its headers TimeTagger.h and Iterators.h declare the classes that the Python module wraps (IteratorBase: isRunning,
+stop; CustomMeasurementBase: register_channel, finalize_init; TimeTagStream(tagger, n_max_events, channels)). The network and
+virtual taggers are those of TimeTagger.h 2.16.2; run() exists in later versions only.
 
-Orbbec, orbbec/pyorbbecsdk: stubs/pyorbbecsdk.pyi at commit 9fcf324, whose arguments have no names
-(arg0, arg1, ...), hence their number; VideoStreamProfile.get_intrinsic() and get_distortion() came with
-version 2 and are in its bindings (src/pyorbbecsdk/stream_profile.cpp).
+Orbbec, orbbec/pyorbbecsdk: stubs/pyorbbecsdk.pyi at commit 9fcf324. Its arguments have no names (arg0, arg1, ...), so only their
+number is compared. VideoStreamProfile.get_intrinsic() and get_distortion() are in the bindings of version 2
+(src/pyorbbecsdk/stream_profile.cpp).
 
-RealSense, IntelRealSense/librealsense: wrappers/python/pyrs_pipeline.cpp at commit 09696f9 and pyrs_frame.cpp at
-005e21b, pyrs_device.cpp, pyrs_options.cpp. The network and virtual taggers are those of TimeTagger.h 2.16.2; run() came later."""
+RealSense, IntelRealSense/librealsense: wrappers/python/pyrs_pipeline.cpp at commit 09696f9 and pyrs_frame.cpp at 005e21b,
+pyrs_device.cpp, pyrs_options.cpp."""
 import ast
 import inspect
 import unittest

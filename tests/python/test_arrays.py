@@ -88,7 +88,7 @@ def test_damaged_npy_file_is_refused(tmp_path, cut):
 def test_import_keeps_the_stated_response_and_ignores_lab_toml(tmp_path):
     np.save(tmp_path / "radar.npy", np.ones((3, 5)))
     (tmp_path / "run.toml").write_text('[radar]\ncell_m = 0.04996540967\ntaps = "1 0.9 0.5 0.2"\n[spd]\nirf_fwhm_ps = 1234.56789\n')
-    (tmp_path / "lab.toml").write_text("this is no TOML")
+    (tmp_path / "lab.toml").write_text("not TOML")
     subprocess.run([ACQUIRE, "import", ".", "--out", "own"], check=True, cwd=tmp_path)
     meta = echofuse.open(tmp_path / "own.sqlite").meta
     assert (meta["radar_cell_m"], meta["radar_taps"]) == ("0.04996540967", "1 0.9 0.5 0.2")

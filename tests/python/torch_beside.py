@@ -19,7 +19,7 @@ echofuse-sim dataset -q --out train.sqlite --records 1000
 echofuse-sim dataset -q --out test.sqlite --records 100 --seed 1001
 echofuse-bench pareto train.sqlite test.sqlite --out mine.csv --markdown --seeds 1 --methods mean factorised-4 torch_network:Network
 """
-with tempfile.TemporaryDirectory(prefix="torch-beside-") as folder:
+with tempfile.TemporaryDirectory(prefix="torch-") as folder:
     said = subprocess.run(["sh", "-ec", commands], cwd=folder, text=True, stdout=subprocess.PIPE, check=True, env=os.environ | {
         "PATH": f"{pathlib.Path(sys.argv[1]).resolve()}:{os.environ['PATH']}", "PYTHONPATH": str(examples)}).stdout
     lines = pathlib.Path(folder, "mine.csv").read_text().splitlines()

@@ -77,7 +77,7 @@ TEST_CASE("clicks per laser pulse are read, or derived from the counts") {
     return load({dir / name}).clicks_a_pulse.at(0);
   };
   CHECK(clicks("a", 1020, 1000, 0.02) == 0.02);
-  // Older runs: if there are as many clicks as starts, the laser rate is unknown.
+  // Older runs: if clicks and starts are equal in number, the laser rate is unknown.
   CHECK(clicks("b", 1020, 1000, std::nullopt) == 0);
   CHECK(clicks("c", 999, 1000, std::nullopt) == 0);
   CHECK(clicks("d", 400, 1000, std::nullopt) == 0.4);

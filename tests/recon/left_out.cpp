@@ -304,7 +304,7 @@ TEST_CASE(
   };
   refuses(run("blind", Sensor::radar), 1, "no record has radar: --inputs spd");
   refuses(run("dark", Sensor::spd), 1, "no record has spd: --inputs radar");
-  refuses(run("untold", Sensor::depth), 1, "no record has a depth map");
+  refuses(run("without_maps", Sensor::depth), 1, "no record has a depth map");
   const auto held = [](record::FusedRecord& r) {
     Rng rng = make_rng(1, static_cast<std::uint64_t>(r.index) / 12);
     std::uniform_real_distribution<double> x(-1, 1), z(3, 4);
@@ -340,7 +340,7 @@ TEST_CASE("repeated scenes are reported for each kind of split") {
   };
   write_run(dir / "recurring", 240, 1, recurring(30));
   write_run(dir / "pairs", 240, 1, recurring(120)), write_run(dir / "free", 240, 1);
-  write_run(dir / "nobody", 240, 1, [](record::FusedRecord& r) {
+  write_run(dir / "empty", 240, 1, [](record::FusedRecord& r) {
     if (r.index % 3) std::ranges::fill(r.depth_mm, std::uint16_t{0});
   });
   for (const std::string split : {"random", "blocked"}) {
@@ -355,6 +355,6 @@ TEST_CASE("repeated scenes are reported for each kind of split") {
                                       Catch::Contains("evaluate on a run of other scenes"));
     CHECK_THAT(said("pairs"), Catch::Contains("scenes recur: "));
     CHECK_THAT(said("free"), !Catch::Contains("scenes recur"));
-    CHECK_THAT(said("nobody"), !Catch::Contains("scenes recur"));
+    CHECK_THAT(said("empty"), !Catch::Contains("scenes recur"));
   }
 }

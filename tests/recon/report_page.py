@@ -50,7 +50,7 @@ EMPTY = """return [...document.querySelectorAll('main canvas:not(#cloud)')].filt
   for (let i = 0; i < p.length; i += 4) seen.add(p[i] << 16 | p[i + 1] << 8 | p[i + 2]);
   return seen.size < 8; }).map(c => c.id || c.parentElement.className)"""
 # Readouts of the maps in the first figure, and positions of their axis labels.
-TOLD = "return [...document.querySelector('.maps').querySelectorAll('.told')].map(p => p.textContent)"
+READOUTS = "return [...document.querySelector('.maps').querySelectorAll('.told')].map(p => p.textContent)"
 DRAWN = """const gl = document.getElementById('cloud').getContext('webgl'); if (!gl) return -1;
 const p = new Uint8Array(4 * gl.drawingBufferWidth * gl.drawingBufferHeight);
 gl.readPixels(0, 0, gl.drawingBufferWidth, gl.drawingBufferHeight, gl.RGBA, gl.UNSIGNED_BYTE, p);
@@ -142,10 +142,10 @@ with tempfile.TemporaryDirectory() as folder:
         # The pointer on one map shows the values of all, dragging zooms, a double click resets.
         maps = browser.find_elements("css selector", ".maps")[0].find_elements("css selector", "canvas")
         browser.execute_script("arguments[0].scrollIntoView({block: 'center'})", maps[0])
-        quiet = browser.execute_script(TOLD)
+        quiet = browser.execute_script(READOUTS)
         ActionChains(browser).move_to_element_with_offset(maps[0], -20, 10).perform()
-        told = browser.execute_script(TOLD)
-        check(f"readouts of the maps: {told}", len(told) == 3 and all("\N{DEGREE SIGN}" in t for t in told) and told != quiet)
+        readouts = browser.execute_script(READOUTS)
+        check(f"readouts of the maps: {readouts}", len(readouts) == 3 and all("\N{DEGREE SIGN}" in t for t in readouts) and readouts != quiet)
         before = browser.execute_script("return arguments[0].toDataURL()", maps[1])
         ActionChains(browser).move_to_element_with_offset(maps[0], -60, -60).click_and_hold().move_by_offset(60, 60).release().perform()
         part = browser.execute_script("return arguments[0].toDataURL()", maps[1])

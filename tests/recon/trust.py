@@ -155,9 +155,9 @@ def windows():
     kaiser = taps_of(lambda t: np.i0(12 * np.sqrt(np.maximum(1 - 4 * t * t, 0))))
     model = train(dataset(2000 if arguments.quick else 4000))
     for name, setting in (("Hann", "radar_psf=hann"), ("Blackman", "radar_psf=blackman"), ("Nuttall", nuttall), ("Kaiser, beta 12", kaiser)):
-        told = evaluate(model, dataset(1000, setting))
-        stated = told["calibration"]
-        print(f"| {name} | {stated['flagged']:.4f} | {stated['within_lateral_interval_90']:.3f} | {told['metrics']['iou']['mean']:.3f} |")
+        result = evaluate(model, dataset(1000, setting))
+        stated = result["calibration"]
+        print(f"| {name} | {stated['flagged']:.4f} | {stated['within_lateral_interval_90']:.3f} | {result['metrics']['iou']['mean']:.3f} |")
         expect(f"share flagged, {name}", stated["flagged"], 0, .05)
         expect(f"share within the interval, {name}", stated["within_lateral_interval_90"], .84, 1)
 

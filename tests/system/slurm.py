@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
 """tests/system/slurm.py BIN_DIR: scripts/slurm distributes a data set and a study over an emulated Slurm cluster of two
-nodes on this machine, one of which fails during the array. The result is bitwise equal to that of one process. Needs
+nodes on this machine. One node fails during the array. The result is bitwise equal to that of one process. Needs
 root and Debian's slurmctld, slurmd, slurm-client and munge; otherwise skipped."""
 import contextlib
 import csv

@@ -137,7 +137,7 @@ class LiveView(live.Live):
         log = self.finish(self.record("--count", str(RECORDS)), 60)
         alone = self.account(log)
         self.open_again()
-        self.run = self.dir / "beside.sqlite"
+        self.run = self.dir / "watched.sqlite"
         daemon = self.record("--count", str(RECORDS))
         address = self.view()
         viewer = self.processes[-1]

@@ -211,7 +211,7 @@ struct Laboratory::Parts {
     const std::string path = options.folder + "/lab.toml";
     std::ofstream(path) << lab_toml(options, player.conditions());
     config = acquire::load_config(path);
-    config.operator_name = "nobody";
+    config.operator_name = "operator";
   }
 
   LaboratoryOptions options;
