@@ -52,7 +52,7 @@ std::string delay_advice(const Search& search, double range_m) {
 // ---- SPD
 
 struct Gaussian {
-  double centre = 0, sigma = 1, photons = 0, floor = 0;  // bins, photons, counts a bin
+  double centre = 0, sigma = 1, photons = 0, floor = 0;  // bins, photons, counts per bin
 };
 
 double normal(double u) { return 0.5 * std::erfc(-u / std::numbers::sqrt2); }

@@ -19,8 +19,8 @@ export function decode(buffer) {
 export const refusal = async answer => answer.headers.get('content-type')?.startsWith('text/plain')
   ? (await answer.text()).trim() : `${answer.status} ${answer.statusText}, from a web server in front of the viewer`;
 
-// Calls take(message) for each message, and changed(open, why) when the connection opens or closes. Reconnects for
-// ever, at least every 5 s.
+// Calls take(message) for each message, and changed(open, why) when the connection opens or closes. Reconnects
+// within 5 s, without a limit of attempts.
 export class Link {
   constructor(take, changed) {
     this.take = take;

@@ -204,7 +204,7 @@ function drawMeasured({arrays, rates, fits, spd_records: records}, lacks) {
   say('sync-name', rates?.sync_hz < 0.5 * rates?.pulse_hz ? 'sync, filtered' : 'laser sync');
   say('pulse-rate', rates?.clicks_a_pulse == null ? '–' : `${+rates.clicks_a_pulse.toPrecision(2)}`);
   $('box-pulse').classList.toggle('bad', crowded), $('pile-up').hidden = !crowded;
-  if (crowded) say('pile-up', `Pile-up: the first photon of a pulse hides later ones. Dim the light to ${most} clicks a pulse.`);
+  if (crowded) say('pile-up', `Pile-up: the first photon of a pulse hides later ones. Dim the light to ${most} clicks per pulse.`);
 }
 // Asks for a sum again when its records or the part of the fit change.
 function askSum() {
