@@ -22,9 +22,13 @@ with tempfile.TemporaryDirectory(prefix="readme-") as folder:
         (pathlib.Path(folder) / name).symlink_to(root / name)
     # A shell started by a command (`echofuse-sim lab -- bash`) reads the lines that follow, as from a terminal. The input is
     # a pipe, because bash reads ahead in a file. BASH_ENV makes this shell stop at failures, too. Exit code 5 (some records
-    # are bad) is accepted, because the laboratory may miss a slot on a busy machine.
+    # are bad) is accepted, because the laboratory may miss a slot on a busy machine. Exit code 4 (a device does not answer)
+    # is accepted if the laboratory, the shell's parent, has waited for a processor for more than a second.
     stop = pathlib.Path(folder) / ".stop"
-    stop.write_text("set -o pipefail; trap 'status=$?; [ $status = 5 ] || exit $status' ERR\n", encoding="utf-8")
+    stop.write_text("""set -o pipefail
+starved() { cat /proc/$PPID/task/*/schedstat | awk '{ns += $2} END {exit ns < 1e9}'; }
+trap 'status=$?; [ $status = 5 ] || { [ $status = 4 ] && starved; } || exit $status' ERR
+""", encoding="utf-8")
     environment = {**os.environ, "BASH_ENV": str(stop), "PATH": sys.argv[1] + os.pathsep + os.environ["PATH"]}
     run = subprocess.run(["bash", "-v"], input="".join(blocks) + f"echo '{LAST}'\n", cwd=folder, env=environment,
                          stdout=subprocess.PIPE, text=True)
