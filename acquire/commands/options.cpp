@@ -18,11 +18,14 @@ constexpr const char* out_help =
 
 void add_config_options(CLI::App& command, Options& o) {
   command
-      .add_option("--config", o.config,
-                  "configuration file (TOML); default: the first of $ECHOFUSE_CONFIG, ./lab.toml, "
-                  "~/.config/echofuse/lab.toml and /etc/echofuse/lab.toml")
+      .add_option(
+          "--config", o.config,
+          "configuration file (TOML); default: the first existing file of $ECHOFUSE_CONFIG, "
+          "./lab.toml, ~/.config/echofuse/lab.toml and /etc/echofuse/lab.toml")
       ->type_name("FILE");
-  command.add_option("--set", o.assignments, "override a setting of the file; may be repeated")
+  command
+      .add_option("--set", o.assignments,
+                  "override a key of the configuration file; may be repeated")
       ->type_name("KEY=VALUE")
       ->allow_extra_args(false);
 }
@@ -63,7 +66,7 @@ CLI::Option* add_time(CLI::App& command, const char* name, double& into_s, const
 void add_run(CLI::App& app, Options& o) {
   auto* c = app.add_subcommand("run", "record one fused record per slot, until Ctrl-C");
   c->add_flag("-v,--verbose", o.verbose, "print one line per record on stderr");
-  c->add_flag("--json", o.json, "print events on stdout, one JSON object per line (README)");
+  c->add_flag("--json", o.json, "print events on stdout as one JSON object per line");
   auto* out = c->add_option("--out", o.run.out, out_help)->type_name("RUN");
   c->add_flag("--align", o.align,
               "alignment mode: 0.1 s slots with live view; nothing is "
@@ -74,19 +77,20 @@ void add_run(CLI::App& app, Options& o) {
   add_time(*c, "--duration", o.duration_s, "stop after this time: 2h, 30m, 10s, 2h30m")
       ->excludes(count);
   add_time(*c, "--every", o.every_s,
-           "start a new run after this time, named by the time in --out or NAME-001, NAME-002 ...");
+           "start a new run file at this interval, named by the time in --out, or NAME-001, "
+           "NAME-002 ...");
   c->add_option("--countdown", o.run.countdown_s,
                 "wait N seconds before the first slot, with a countdown")
       ->check(CLI::Range(std::int64_t{1}, std::int64_t{3600}));
   c->add_option("--keep-raw", o.run.keep_raw,
-                "new folder for the raw bytes of the devices, for `import`")
+                "store the devices' raw bytes in this new folder, for `import`")
       ->type_name("FOLDER");
-  c->add_flag("--view", o.view, "start echofuse-view, which prints the address of its page");
-  c->add_option("--model", o.model, "model for the maps of --view")->type_name("MODEL");
+  c->add_flag("--view", o.view, "start the live page (echofuse-view) and print its address");
+  c->add_option("--model", o.model, "model for the depth maps of --view")->type_name("MODEL");
   add_config_options(*c, o);
   c->add_flag("--strict", o.run.strict,
               "return exit code 5 if any record has a sensor that is not ok");
-  c->add_option("--meta", o.meta, "text to store in the run; may be repeated")
+  c->add_option("--meta", o.meta, "store this text in the run's metadata; may be repeated")
       ->type_name("KEY=VALUE")
       ->allow_extra_args(false);
   more_options(
@@ -106,21 +110,22 @@ void add_calibrate(CLI::App& app, Options& o) {
   add_config_options(*c, o);
   auto& k = o.calibrate;
   c->add_option("--reflector", o.reflector,
-                "place: in front of the detector (the radar's distance follows from "
-                "radar.baseline_m), or of each sensor in turn (--only)")
+                "reflector position: in front of the detector (radar distance computed from "
+                "radar.baseline_m), or of each sensor in turn (with --only)")
       ->check(CLI::IsMember({"detector", "each"}))
       ->capture_default_str();
-  c->add_option("--only", o.only, "measure this sensor, keep the other's calibration")
+  c->add_option("--only", o.only, "calibrate only this sensor, and keep the other's values")
       ->check(CLI::IsMember({"spd", "radar"}));
-  auto* side = c->add_option("--side", o.side,
-                             "check the order of the antennas: with the reflector moved by the "
-                             "baseline to this side")
-                   ->check(CLI::IsMember({"left", "right"}));
+  auto* side =
+      c->add_option("--side", o.side,
+                    "check the antenna order with the reflector moved to this side by the baseline")
+          ->check(CLI::IsMember({"left", "right"}));
   c->add_option("--distance", k.search.distance_m, "reflector distance in front of the sensor, m")
       ->check(CLI::Range(0.1, 100.0))
       ->capture_default_str();
   c->add_option("--window", k.search.window_m,
-                "search window, m, centred on the reflector's range; offsets up to half of it")
+                "width of the search window around the reflector's range, m; the largest offset is "
+                "half of it")
       ->check(CLI::Range(0.01, 30.0))
       ->capture_default_str();
   c->add_option("--repeat", k.repeats, "number of measurements")
@@ -131,7 +136,7 @@ void add_calibrate(CLI::App& app, Options& o) {
       ->capture_default_str();
   const CLI::Range error(0.0, 1.0);
   c->add_option("--distance-error", k.distance_error_m,
-                "standard error of the reflector's place in each direction, m")
+                "standard error of the reflector's position in each direction, m")
       ->check(error)
       ->capture_default_str();
   c->add_option("--baseline-error", k.baseline_error_m, "standard error of radar.baseline_m, m")
@@ -170,10 +175,10 @@ void add_file_commands(CLI::App& app, Options& o) {
                 "echofuse-acquire annotate monday.sqlite --label person"},
                "6 disk");
 
-  auto* list = app.add_subcommand("list", "list the runs of a folder, with the state of live ones");
+  auto* list = app.add_subcommand("list", "list the runs of a folder and the state of live runs");
   list->add_option("FOLDER", o.folder,
                    "folder; default: run.folder of the configuration, or the working directory");
-  list->add_flag("--json", o.json, "print JSON, with texts that the table shortens");
+  list->add_flag("--json", o.json, "print JSON with texts in full length");
   add_examples(*list, {"echofuse-acquire list"}, "3 config");
 }
 
@@ -184,14 +189,14 @@ void add_import(CLI::App& app, Options& o) {
   auto& i = o.import;
   c->add_option(
        "FILE", i.files,
-       "one file per sensor: NAME.dat of a radar's data port, NAME.ptu of PicoQuant; or "
-       "a folder of NumPy arrays (spd.npy, radar.npy, depth.npy, run.toml) or of run --keep-raw")
+       "one file per sensor (NAME.dat: radar data port, NAME.ptu: PicoQuant), a folder of NumPy "
+       "arrays (spd.npy, radar.npy, depth.npy, run.toml), or a folder of run --keep-raw")
       ->required();
-  c->add_option("--cfg", i.cfg, "configuration of the radar; default: NAME.cfg next to NAME.dat")
+  c->add_option("--cfg", i.cfg, "radar .cfg file; default: NAME.cfg next to NAME.dat")
       ->type_name("FILE");
   c->add_option("--out", o.run.out, out_help)->type_name("RUN");
   c->add_option("--began", i.began,
-                "start in UTC, e.g. 2024-02-07T12:34:56Z; default: from the files")
+                "start time in UTC, e.g. 2024-02-07T12:34:56Z; default: from the files")
       ->type_name("TIME");
   c->add_option("--start", i.start, "channel of the laser pulses in a .ptu; 0 is the sync")
       ->check(CLI::Range(0, 64))
@@ -203,7 +208,7 @@ void add_import(CLI::App& app, Options& o) {
   add_examples(*c,
                {"echofuse-acquire import capture.dat photons.ptu --out monday",
                 "echofuse-acquire import raw --out monday-again"},
-               "3 config, 5 one of two recordings yields nothing, 6 disk, 130 interrupted");
+               "3 config, 5 one of two recordings has no valid record, 6 disk, 130 interrupted");
 }
 
 void add_doctor(CLI::App& app, Options& o) {
@@ -211,19 +216,19 @@ void add_doctor(CLI::App& app, Options& o) {
   add_config_options(*c, o);
   add_time(*c, "--duration", o.duration_s, "duration of the planned run: 2h, 30m, 10s");
   c->add_flag("--json", o.json, "print JSON instead of text");
-  add_examples(
-      *c, {"echofuse-acquire doctor --duration 2h"},
-      "3 config, 4 a configured device fails, 6 disk too slow or too full (4 if both), 130 "
-      "interrupted; warnings alone end with 0");
+  add_examples(*c, {"echofuse-acquire doctor --duration 2h"},
+               "3 config, 4 a configured device fails, 6 disk too slow or too full (4 if both "
+               "fail), 130 interrupted; 0 with warnings only");
 }
 
 void add_config_commands(CLI::App& app, Options& o) {
   auto* config = app.add_subcommand("config", "check or print the configuration");
   config->require_subcommand(1);
   add_config_options(*config, o);
-  auto* check = config->add_subcommand("check", "report all faults of the configuration");
+  auto* check = config->add_subcommand("check", "report all errors of the configuration");
   add_examples(*check, {"echofuse-acquire config check"}, "3 config");
-  auto* show = config->add_subcommand("show", "check it and print every key with value and origin");
+  auto* show = config->add_subcommand(
+      "show", "check the configuration and print every key with value and origin");
   add_examples(*show, {"echofuse-acquire config show --set run.window_s=1"}, "3 config");
 }
 

@@ -66,7 +66,8 @@ void bind_tdc(Settings& s, Config& c, Keys& k) {
   bind_policy(s, c, "tdc", Sensor::spd);
   s.add("tdc.start_channel", k.start_channel, -channel_max, channel_max,
         "channel of the laser sync; negative for falling edges");
-  s.add("tdc.click_channel", k.click_channel, -channel_max, channel_max, "detector");
+  s.add("tdc.click_channel", k.click_channel, -channel_max, channel_max,
+        "channel of the detector; negative for falling edges");
   s.add("tdc.laser_rate_hz", c.laser_rate_hz, 0, 1e10,
         "laser pulses per second; a record with too few starts is lossy; 0: unknown");
   s.add("tdc.bin_width_ps", c.histogram.bin_width_ps, 1, 1'000'000'000, "bin width, two-way time");
@@ -126,9 +127,8 @@ void bind(Settings& s, Config& c, Keys& k) {
   bind_radar(s, c, k);
   bind_depth(s, c, k);
   bind_limits(s, c.signal);
-  s.add(
-      "alert.no_data_s", c.alert.no_data_s, 0, 86'400,
-      "alert when a sensor has had no valid record for this time, s; 0: at the first one missing");
+  s.add("alert.no_data_s", c.alert.no_data_s, 0, 86'400,
+        "alert if a sensor has no valid record for this time, s; 0: at its first missing record");
   s.add("alert.disk_free_gb", c.alert.disk_free_gb, 0, 1e6,
         "alert below this free space on the run's disk, GB; 0: none");
   s.add("alert.on_doubt", c.on_doubt,

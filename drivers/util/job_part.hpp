@@ -27,6 +27,6 @@ class JobPart {
 };
 
 inline constexpr const char* part_help =
-    "K/N: process part K of N only; in a Slurm array use $SLURM_ARRAY_TASK_ID/N";
+    "process only part K of N, given as K/N; in a Slurm array: $SLURM_ARRAY_TASK_ID/N";
 
 }  // namespace echofuse

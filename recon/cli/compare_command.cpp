@@ -83,7 +83,7 @@ Command add_compare(CLI::App& app, const Common&) {
   };
   const auto a = std::make_shared<Arguments>();
   app.add_option("table", a->table,
-                 "CSV table of evaluate --per-record; the first name in it is compared with each")
+                 "CSV table of evaluate --per-record; each name is compared with the first one")
       ->type_name("TABLE")
       ->required();
   app.add_flag("--json", a->json, "print JSON instead of text");

@@ -356,10 +356,9 @@ Command add_evaluate(CLI::App& app, const Common& common) {
                  "model files (the others are compared with the first), then the run file")
       ->type_name("MODEL ... RUN")
       ->required();
-  app.add_option(
-         "--maps", a->maps,
-         "folder of maps from any program: maps.npy [n, N, N] in metres with records.csv, or "
-         "16-bit PNGs with camera.json; may be repeated")
+  app.add_option("--maps", a->maps,
+                 "score maps of any program: folder with maps.npy [n, N, N] in metres and "
+                 "records.csv, or with 16-bit PNGs and camera.json; may be repeated")
       ->type_name("FOLDER")
       ->allow_extra_args(false);
   app.add_flag("--all", a->all, "also score records that the model was trained on");
@@ -375,7 +374,7 @@ Command add_evaluate(CLI::App& app, const Common& common) {
       ->check(CLI::IsMember({"test", "listed"}))
       ->needs("--maps");
   app.add_option("--per-record", a->per_record,
-                 "write a CSV table with scores, true place and stated error of each record")
+                 "write a CSV table with scores, true position and stated error of each record")
       ->type_name("FILE");
   add_empty_option(app, a->empty);
   add_range_offset_option(app, a->range_offset_m);

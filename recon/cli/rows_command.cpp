@@ -107,7 +107,7 @@ void list_json(const std::vector<ListedRow>& rows) {
 
 Command add_rows(CLI::App& app, const Common& common) {
   const auto a = std::make_shared<Arguments>();
-  app.add_option("run", a->runs, "run files of a training")->type_name("RUN")->required();
+  app.add_option("run", a->runs, "run files, as for train")->type_name("RUN")->required();
   app.add_option("--model", a->model_file,
                  "list the training rows of this model, and the rows on which evaluate scores it")
       ->type_name("MODEL");

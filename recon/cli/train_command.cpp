@@ -156,7 +156,7 @@ Command add_train(CLI::App& app, const Common& common) {
   app.add_option("--out", a->out, "model file to write")->type_name("MODEL")->required();
   app.add_option("--model", a->model,
                  model_help() +
-                     ", or auto: the cheapest within one standard error of the best; default: " +
+                     ", or auto (cheapest model within one standard error of the best); default: " +
                      usual_model(Inputs::fused) + " for both sensors or zones, " +
                      usual_model(Inputs::spd) + " for one sensor")
       ->check([](const std::string& text) { return text == "auto" ? "" : is_candidate(text); });
@@ -166,10 +166,9 @@ Command add_train(CLI::App& app, const Common& common) {
                  "kept")
       ->type_name("MODEL")
       ->allow_extra_args(false);
-  app.add_option(
-         "--empty", a->empty,
-         "run of the same room without people: its mean is the background of models that place a "
-         "body, which can then be used in other rooms (reconstruct --empty)")
+  app.add_option("--empty", a->empty,
+                 "run of the empty training room; the model can then be used in other rooms "
+                 "(reconstruct --empty)")
       ->type_name("RUN");
   app.add_option("--epochs", a->fit.epochs,
                  "maximum number of epochs; default: 60 (mlp), 100 (factorised)")

@@ -20,8 +20,9 @@ void add_split_options(CLI::App& app, TrainOptions& options,
                  "split of the records: random, or blocked for sequences")
       ->check(CLI::IsMember({"random", "blocked"}))
       ->capture_default_str();
-  app.add_option("--set", assignments,
-                 "KEY=VALUE, or a TOML file of settings; `train --settings` lists all")
+  app.add_option(
+         "--set", assignments,
+         "override a setting (KEY=VALUE), or several in a TOML file; `train --settings` lists them")
       ->allow_extra_args(false);
 }
 
@@ -38,18 +39,17 @@ void bind(Settings& settings, TrainSettings& s) {
   settings.add(
       "fallback", o.fallback,
       "also train models for records without antennas or radar, in addition to the fused one");
-  settings.add(
-      "any_response", o.any_response,
-      "true: runs that state no radar response may have different ones, like those of a twin; "
-      "much narrower runs are then used without conversion");
+  settings.add("any_response", o.any_response,
+               "accept different radar responses in runs that state none, as in a twin; much "
+               "narrower runs are then not converted");
   settings.add("doubtful", o.doubtful,
-               "records with a weak, saturated or frozen sensor or a doubtful camera: leave out or "
-               "take",
+               "records with a weak, saturated or frozen sensor or a doubtful camera: leave "
+               "(exclude) or take",
                {"leave", "take"});
-  settings.add(
-      "lossy", o.lossy,
-      "records that lost more than signal.lossy_share of frames or pulses: take or leave out",
-      {"take", "leave"});
+  settings.add("lossy", o.lossy,
+               "records that lost more than signal.lossy_share of frames or pulses: take, or leave "
+               "(exclude)",
+               {"take", "leave"});
   settings.add("candidates", s.candidates,
                "models tried by auto, e.g. mean,ridge; \"\": the default list");
 }

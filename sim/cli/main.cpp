@@ -72,7 +72,7 @@ struct PlanArguments {
 
 void add_plan_options(CLI::App& app, PlanArguments& a) {
   app.add_option("--config", a.config, "TOML file of settings")->type_name("FILE");
-  app.add_option("--set", a.settings, "override a setting of the file")
+  app.add_option("--set", a.settings, "override a setting; may be repeated")
       ->type_name("KEY=VALUE")
       ->allow_extra_args(false);
 }
@@ -172,14 +172,15 @@ void add_dataset(CLI::App& app, Command& command) {
   sub->add_option("--letters", a->letters, "number of records of a person with a letter")
       ->check(count);
   sub->add_option("--two-people", a->two_people, "number of records of two people")->check(count);
-  sub->add_option("--empty", a->empty, "number of empty records (to train, set background_counts)")
+  sub->add_option("--empty", a->empty,
+                  "number of records of the empty room (for training, also set background_counts)")
       ->check(count);
   sub->add_option("--objects", a->objects, "number of records of the object (--set object=FILE)")
       ->check(count);
   sub->add_option("--seed", a->seed, "random seed; default: " + std::to_string(plan.seed))
       ->check(CLI::NonNegativeNumber);
   add_plan_options(*sub, *a);
-  sub->add_option("--like", a->like, "calibration file: simulate its response and axes")
+  sub->add_option("--like", a->like, "simulate the response and axes of this calibration file")
       ->type_name("FILE");
   sub->add_option("--part", a->part, part_help);
   more_options(*sub, {"--config", "--like", "--part"});
@@ -253,7 +254,7 @@ void add_lab(CLI::App& app, Command& command) {
                   "0 = one scene")
       ->check(CLI::Range(0.0, 0.0) | CLI::Range(0.01, 86'400.0))
       ->capture_default_str();
-  sub->add_option("--window", o.window_s, "seconds per record, to which photon numbers refer")
+  sub->add_option("--window", o.window_s, "seconds per record; photon numbers are per record")
       ->check(CLI::Range(0.05, 3600.0))
       ->capture_default_str();
   sub->add_option("--laser-rate-hz", o.tagging.laser_rate_hz, "laser pulses per second")
@@ -277,7 +278,7 @@ void add_lab(CLI::App& app, Command& command) {
   add_examples(*sub,
                {"echofuse-sim lab --scene mixed --hold 3",
                 "echofuse-sim lab --dir . --scene reflector -- bash"},
-               "3 config; after -- COMMAND its exit code");
+               "3 config; with COMMAND: its exit code");
   sub->callback([&command, a] { command = [a](bool quiet) { return run_lab(*a, quiet); }; });
 }
 
@@ -289,7 +290,7 @@ void add_config(CLI::App& app, Command& command) {
   };
   auto a = std::make_shared<Arguments>();
   add_plan_options(*sub, *a);
-  sub->add_option("--twin", a->ranges, "print the ranges of this twin FILE, or of the default twin")
+  sub->add_option("--twin", a->ranges, "print the ranges of this twin: FILE, or default")
       ->type_name("FILE");
   sub->add_flag("--json", a->json, "print JSON: value, range and meaning of every key");
   add_examples(*sub,
@@ -312,7 +313,7 @@ void add_config(CLI::App& app, Command& command) {
 }
 
 ExitCode run(int argc, char** argv) {
-  CLI::App app("Simulated data sets, and a laboratory of simulated devices.", "echofuse-sim");
+  CLI::App app("simulate data sets, and laboratories of devices", "echofuse-sim");
   app.set_version_flag("--version", version_line("echofuse-sim"));
   app.require_subcommand(1);
   bool quiet = false;

@@ -16,10 +16,11 @@ void bind(Settings& settings, Plan& plan) {
   settings.add("objects", plan.objects, 0, 10'000'000, "records of the object");
   settings.add("scenes", plan.scenes, "TOML file of [[scene]] tables; replaces these counts");
   settings.add("twin", plan.twin,
-               "ranges of the virtual laboratories: default, a file, or TOML text");
-  settings.add("laboratory", plan.laboratory, 0, INT64_MAX, "number of the virtual laboratory");
-  settings.add("laboratories", plan.laboratories, 0, 1'000'000,
-               "record i is from laboratory i modulo this; 0: one laboratory");
+               "ranges of the simulated laboratories: default, a file, or TOML text");
+  settings.add("laboratory", plan.laboratory, 0, INT64_MAX, "number of the simulated laboratory");
+  settings.add(
+      "laboratories", plan.laboratories, 0, 1'000'000,
+      "number of laboratories; record i is from laboratory i modulo this; 0: only one laboratory");
   bind(settings, plan.conditions);
 }
 

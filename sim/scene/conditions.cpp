@@ -23,7 +23,7 @@ void bind_scene(Settings& s, Conditions& c) {
   s.add("half_tangent", c.half_tangent, 0.05, 1,
         "tangent of half the field of view of SPD and depth camera");
   s.add("camera_height_m", c.camera_height_m, 0, 3, "height of the sensors above the floor");
-  s.add("target_x_m", c.target_x_m, 0, 5, "people are at -x..x");
+  s.add("target_x_m", c.target_x_m, 0, 5, "largest |x| of people");
   s.add("target_z_min_m", c.target_z_min_m, 1.2, 20, "smallest distance of people");
   s.add("target_z_max_m", c.target_z_max_m, 1.2, 20, "largest distance of people");
   s.add("target_scale", c.target_scale, 0.1, 3, "scale factor of people and letters");
@@ -111,9 +111,10 @@ void bind_radar(Settings& s, Conditions& c) {
   s.add("radar_resolution_m", c.radar_resolution_m, 0.001, 10, "range resolution, c / 2B");
   s.add("radar_step_m", c.radar_step_m, 0.001, 10, "distance between range points");
   s.add("radar_bins", c.radar_bins, 1, 65'536, "range points");
-  s.add("radar_snr_db", c.radar_snr_db, -40, 200, "SNR at the mean scene's peak");
+  s.add("radar_snr_db", c.radar_snr_db, -40, 200, "SNR at the peak of the mean scene");
   s.add("radar_bias_m", c.radar_bias_m, -10, 10, "bias added to ranges; not in the run file");
-  s.add("radar_psf", c.radar_psf, "range response by its window over the sweep; sinc: no window",
+  s.add("radar_psf", c.radar_psf,
+        "window over the sweep, which gives the range response; sinc: no window",
         {"sinc", "hann", "hamming", "blackman"});
   s.add("radar_taper", c.radar_taper, 0, 1,
         "window between none (near 0) and Blackman (1); 0: use radar_psf");
@@ -145,7 +146,8 @@ void bind_array(Settings& s, Conditions& c) {
         "radar frames per record; must exceed radar_antennas");
   s.add("radar_phase_error_rad", c.radar_phase_error_rad, 0, 10, "rms phase error of the antennas");
   s.add("radar_gain_error_db", c.radar_gain_error_db, 0, 20, "rms gain error of the antennas");
-  s.add("radar_array_calibrated", c.radar_array_calibrated, "state these errors in the run file");
+  s.add("radar_array_calibrated", c.radar_array_calibrated,
+        "store the antenna errors in the run file");
   s.add("radar_sway_m", c.radar_sway_m, 0, 1, "rms sway of a standing person's head, per axis");
   s.add("radar_twist_deg", c.radar_twist_deg, 0, 90,
         "rms rotation of a person about the vertical axis");
