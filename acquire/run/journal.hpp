@@ -149,7 +149,7 @@ class RunLog {
   std::vector<Journal::Job> waiting_;  // events before the file existed
 };
 
-// Logs a warning for each significant kind of unassigned samples.
+// Logs a warning for each kind of unassigned samples that occurred.
 void report_unassigned(RunLog& log, const UnassignedSamples& unassigned);
 
 }  // namespace echofuse::acquire

@@ -325,3 +325,30 @@ TEST_CASE("each log source is limited to 100 lines in 10 s, further lines are co
   CHECK(radar[100] == "150 lines dropped (limit 100 in 10 s)");
   CHECK(radar[101] == "later");
 }
+
+TEST_CASE("unassigned samples are reported by kind and sensor") {
+  const Folder folder;
+  Journal journal(open_run(folder / "a.sqlite"), loop);
+  RunLog log(loop);
+  log.attach(journal);
+  spdlog::set_level(spdlog::level::off);
+  UnassignedSamples unassigned;
+  unassigned.late = {1, 2, 3};
+  report_unassigned(log, unassigned);
+  unassigned.late = {};
+  unassigned.out_of_order[Sensor::radar] = 4;
+  report_unassigned(log, unassigned);
+  unassigned.out_of_order = {};
+  unassigned.duplicate[Sensor::depth] = 5;
+  report_unassigned(log, unassigned);
+  spdlog::set_level(spdlog::level::info);
+  journal.finish("complete");
+  std::vector<std::string> texts;
+  for (const auto& event : record::RunReader(folder / "a.sqlite").events())
+    texts.push_back(event.level + " " + event.text);
+  CHECK(texts == std::vector<std::string>{
+                     "warning 1 tags, 2 radar frames, 3 depth frames arrived after their slot was "
+                     "closed",
+                     "warning 0 tags, 4 radar frames, 0 depth frames arrived out of order",
+                     "warning 0 tags, 0 radar frames, 5 depth frames arrived twice"});
+}
