@@ -184,7 +184,13 @@ TEST_CASE("a longer radar axis is cropped, other axes are refused") {
       refused(spd, radar_axis(50), Inputs::fused),
       Catch::Contains("radar axis is 40") && Catch::EndsWith(": too short: 40 bins, expected 50"));
   CHECK_THAT(refused(spd, {"radar", "power", "m", 24, 0.3, 0.25, 1}, Inputs::radar),
-             Catch::Contains("radar axis"));
+             Catch::EndsWith(": start differs by 1.2 bins (limit 1)"));
+  CHECK_THAT(refused(spd, {"radar", "power", "m", 24, 0, 0.2, 1}, Inputs::radar),
+             Catch::EndsWith(": step differs, by 6 bins at the end (limit 1)"));
+  CHECK_THAT(refused(spd, {"radar", "power", "cm", 24, 0, 0.25, 1}, Inputs::radar),
+             Catch::EndsWith(": quantity or unit differ"));
+  CHECK_THAT(refused(spd, {"radar", "power", "m", 24, 0, 0.25, 2}, Inputs::radar),
+             Catch::EndsWith(": scale is 1, expected 2"));
   CHECK_THAT(refused({"spd", "counts", "ps", 30, 16000, 500, 1}, radar_axis(40), Inputs::spd),
              Catch::Contains("spd axis"));
   CHECK(refused(spd, radar_axis(50), Inputs::spd) == "no error");  // the radar is not checked

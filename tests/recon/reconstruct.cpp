@@ -124,6 +124,18 @@ TEST_CASE("written maps have the same scores as their model") {
           "has 19 maps, but records.csv lists 20 records with one");
   refused("n.save(d + '/maps.npy', n.asfortranarray(m))", "expected C order");
   refused("os.remove(d + '/maps.npy'); os.remove(d + '/camera.json')", "has neither maps.npy");
+  const auto camera_refused = [&](const std::string& change, const std::string& said) {
+    refused("import json; os.remove(d + '/maps.npy'); c = json.load(open(d + '/camera.json')); " +
+                change + "; json.dump(c, open(d + '/camera.json', 'w'))",
+            said);
+  };
+  camera_refused("del c['fx']", "camera.json: expected width, fx and depth_scale");
+  camera_refused("c['depth_scale'] = 0", "camera.json: expected width, fx and depth_scale");
+  camera_refused("c = [1]", "camera.json: expected width, fx and depth_scale");
+  camera_refused("c['fx'] *= 1.05", "the value for the run's field");
+  camera_refused("c['width'] = 32", "maps of 32 x 64; the run's are 64 x 64");
+  camera_refused("open(d + '/000007_mm.png', 'wb').write(b'no picture')",
+                 "000007_mm.png: expected a 16-bit grey PNG of 64 x 64");
   std::filesystem::copy(dir / "o", dir / "few");
   std::filesystem::remove(dir / "few/maps.npy");
   std::filesystem::remove(dir / "few/000007_mm.png");

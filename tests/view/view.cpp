@@ -85,6 +85,43 @@ TEST_CASE("a live message has a header, then arrays at multiples of 8 bytes") {
   CHECK(arrays.get<float>() == 0.5F);
 }
 
+TEST_CASE("each kind of request is parsed within its limits") {
+  const auto refusal = [](const std::string& text) {
+    const Request request = parse_request(text);
+    const auto* bad = std::get_if<BadRequest>(&request);
+    return bad ? bad->why : "";
+  };
+  CHECK(std::holds_alternative<ShowLive>(parse_request(R"({"show": "live"})")));
+  CHECK(std::get<ShowRecord>(parse_request(R"({"show": 17})")).index == 17);
+  const auto sheet = std::get<ShowSheet>(parse_request(R"({"sheet": [3, 3]})"));
+  CHECK(sheet.first == 3);
+  CHECK(sheet.last == 3);
+  const auto sum = std::get<ShowSum>(parse_request(R"({"sum": [1000, 2.5, 4]})"));
+  CHECK(sum.records == 1000);
+  CHECK(sum.range.from_m == 2.5);
+  CHECK(sum.range.to_m == 4);
+  const auto mark = std::get<Mark>(parse_request(R"({"mark": "door opened"})"));
+  CHECK_FALSE(mark.label);
+  CHECK(mark.text == "door opened");
+  const std::string longest(200, 'x');
+  CHECK(std::get<Mark>(parse_request(R"({"label": ")" + longest + "\"}")).label);
+  CHECK(refusal(R"({"label": ""})").empty());
+  CHECK(refusal(R"({"mark": ""})").starts_with("text too long or empty"));
+  CHECK(refusal(R"({"mark": "x)" + longest + "\"}").starts_with("text too long or empty"));
+  CHECK(refusal(R"({"mark": "two\nlines"})") == "expected one line of printable text");
+  CHECK(refusal(R"({"label": 3})") == "mark and label: expected a string");
+  for (const char* text : {R"({"sum": [1001, 2, 4]})", R"({"sum": [1, 2]})",
+                           R"({"sum": [1, "2", 4]})", R"({"sum": [-1, 2, 4]})"})
+    CHECK(refusal(text) == "sum: expected [records up to 1000, metres, metres]");
+  for (const char* text : {R"({"show": -1})", R"({"show": 1.5})", R"({"show": "old"})",
+                           R"({"sheet": [4, 3]})", R"({"sheet": [1, 2, 3]})", R"({"hide": 1})"})
+    CHECK(refusal(text) == "unknown request: expected show, sheet, sum, mark or label");
+  for (const char* text : {"", "[]", "17", R"({"show": 1, "mark": "x"})", R"({"show": )",
+                           R"({"show": [[[[[[[[[[]]]]]]]]]]})"})
+    CHECK(refusal(text) == "expected one JSON object");
+  CHECK(refusal(std::string(1025, ' ')) == "request too long");
+}
+
 TEST_CASE("a sensor is stale two slots after its last valid slot") {
   SensorState sensor;
   const UtcTime now = std::chrono::seconds(100);
