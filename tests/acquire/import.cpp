@@ -278,6 +278,10 @@ TEST_CASE("import: the header of a .ptu file is checked against its records") {
   CAPTURE(both.second);
   CHECK((both.first == ExitCode::partial && has(both.second, "spd in 2") &&
          has(both.second, "a.dat: nothing to import")));
+  header(is_t2, 1e-12, 0).end().data(light).write(folder / "second.ptu");
+  const auto two = import(header(is_t2, 1e-12, 0).end().data(light), folder / "second.ptu");
+  CHECK(two == std::pair{ExitCode::usage,
+                         std::string("two time tagger recordings; expected one per sensor")});
 }
 
 TEST_CASE("import: ambiguous local time at the end of summer time is reported") {
